@@ -1,0 +1,104 @@
+!> Errors as values: a message for the user and the exit code that it leads to.
+!>
+!> A procedure that can fail has `type(error_t), allocatable, intent(out) :: error` as its last argument; it is allocated
+!> exactly when the procedure failed. Context is added on the way up; only `main` stops the program.
+module dotyk_base_error
+  use dotyk_base_text, only: to_text
+  implicit none
+  private
+
+  !> Exit codes (DESIGN.md, section 4).
+  integer, parameter, public :: exit_converged = 0      !< solved to the tolerance
+  integer, parameter, public :: exit_not_converged = 1  !< stopped before the tolerance; results written and marked
+  integer, parameter, public :: exit_bad_input = 2      !< something the user wrote cannot be read or used
+  integer, parameter, public :: exit_not_solvable = 3   !< the problem cannot be solved as posed
+  integer, parameter, public :: exit_not_written = 4    !< a file could not be written
+
+  !> What went wrong.
+  type, public :: error_t
+    !> For the user: names file, line, body, surface or element, and says what to do. May have several lines.
+    character(:), allocatable :: message
+    !> One of the exit codes above, never `exit_converged`.
+    integer :: code = exit_bad_input
+  end type error_t
+
+  !> All the problems of one stage, reported together.
+  type, public :: problem_list_t
+    !> How many problems were added.
+    integer :: count = 0
+    !> Their messages, one a line.
+    character(:), allocatable :: messages
+    !> Exit code of the first problem.
+    integer :: code = exit_bad_input
+  contains
+    procedure :: add => problem_list_add
+    procedure :: add_error => problem_list_add_error
+    procedure :: raise => problem_list_raise
+  end type problem_list_t
+
+  public :: set_error, add_context
+
+  !> More problems than this are counted, not listed.
+  integer, parameter :: most_listed = 50
+
+contains
+
+  !> Make an error.
+  subroutine set_error(error, message, code)
+    !> Allocated on return.
+    type(error_t), allocatable, intent(out) :: error
+    !> Message for the user.
+    character(*), intent(in) :: message
+    !> Exit code; `exit_bad_input` if absent.
+    integer, intent(in), optional :: code
+    allocate (error)
+    error%message = message
+    if (present(code)) error%code = code
+  end subroutine set_error
+
+  !> Put context in front of the message of an error, as in "body 'upper': ".
+  subroutine add_context(error, context)
+    !> The error; nothing happens where it is not allocated.
+    type(error_t), allocatable, intent(inout) :: error
+    !> Text to put in front.
+    character(*), intent(in) :: context
+    if (allocated(error)) error%message = context//error%message
+  end subroutine add_context
+
+  !> Add a problem to the list.
+  subroutine problem_list_add(self, message, code)
+    class(problem_list_t), intent(inout) :: self
+    !> Message for the user.
+    character(*), intent(in) :: message
+    !> Exit code; `exit_bad_input` if absent. The first problem's code is that of the list.
+    integer, intent(in), optional :: code
+    self%count = self%count + 1
+    if (self%count == 1) then
+      self%messages = message
+      if (present(code)) self%code = code
+    else if (self%count <= most_listed) then
+      self%messages = self%messages//new_line('a')//message
+    end if
+  end subroutine problem_list_add
+
+  !> Add an error to the list, where there is one; it is deallocated.
+  subroutine problem_list_add_error(self, error)
+    class(problem_list_t), intent(inout) :: self
+    !> The error, not allocated on return.
+    type(error_t), allocatable, intent(inout) :: error
+    if (.not. allocated(error)) return
+    call self%add(error%message, error%code)
+    deallocate (error)
+  end subroutine problem_list_add_error
+
+  !> Turn the list into one error, if it has any problem.
+  subroutine problem_list_raise(self, error)
+    class(problem_list_t), intent(in) :: self
+    !> Allocated where the list is not empty.
+    type(error_t), allocatable, intent(out) :: error
+    if (self%count == 0) return
+    call set_error(error, self%messages, self%code)
+    if (self%count > most_listed) error%message = error%message//new_line('a')// &
+      'and '//to_text(self%count - most_listed)//' more problems'
+  end subroutine problem_list_raise
+end module dotyk_base_error

@@ -1,0 +1,10 @@
+!> The number kinds of the whole program.
+module dotyk_base_kinds
+  use, intrinsic :: iso_fortran_env, only: int32, int64, real64
+  implicit none
+  private
+
+  !> Double precision: every real number of dotyk.
+  integer, parameter, public :: dp = real64
+  public :: int32, int64
+end module dotyk_base_kinds

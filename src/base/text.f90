@@ -1,0 +1,162 @@
+!> Small text tools: numbers to text, comparison of names, joining.
+module dotyk_base_text
+  use dotyk_base_kinds, only: dp, int64
+  implicit none
+  private
+
+  !> A text of its own length, for arrays of texts.
+  type, public :: text_t
+    character(:), allocatable :: s
+  end type text_t
+
+  !> A number as text without blanks around it.
+  interface to_text
+    module procedure text_of_integer, text_of_long, text_of_real
+  end interface to_text
+
+  public :: to_text, lower, nearest_name, edit_distance, join, quoted
+
+contains
+
+  !> An integer as text.
+  pure function text_of_integer(value) result(text)
+    integer, intent(in) :: value
+    character(:), allocatable :: text
+    text = text_of_long(int(value, int64))
+  end function text_of_integer
+
+  !> A 64-bit integer as text.
+  pure function text_of_long(value) result(text)
+    integer(int64), intent(in) :: value
+    character(:), allocatable :: text
+    character(24) :: buffer
+    write (buffer, '(i0)') value
+    text = trim(buffer)
+  end function text_of_long
+
+  !> A real as text: plain for moderate sizes, with an exponent otherwise; no trailing zeros.
+  pure function text_of_real(value, digits) result(text)
+    real(dp), intent(in) :: value
+    !> Significant digits, 1 to 17; 6 if absent.
+    integer, intent(in), optional :: digits
+    character(:), allocatable :: text
+    character(40) :: buffer
+    character(16) :: form
+    integer :: n, magnitude, mark
+    n = 6
+    if (present(digits)) n = max(1, min(17, digits))
+    if (value /= value) then
+      text = 'NaN'
+      return
+    else if (abs(value) > huge(value)) then
+      text = merge('-infinity', 'infinity ', value < 0)
+      text = trim(text)
+      return
+    else if (.not. abs(value) > 0) then
+      text = '0'
+      return
+    end if
+    write (form, '(a,i0,a)') '(es40.', n - 1, 'e3)'
+    write (buffer, form) value
+    buffer = adjustl(buffer)
+    mark = index(buffer, 'E')
+    read (buffer(mark + 1:), *) magnitude
+    if (magnitude >= -4 .and. magnitude < max(n, 6)) then
+      write (form, '(a,i0,a)') '(f40.', max(0, n - 1 - magnitude), ')'
+      write (buffer, form) value
+      text = without_trailing_zeros(trim(adjustl(buffer)))
+      if (text(1:1) == '.') text = '0'//text
+      if (len(text) > 1) then
+        if (text(1:2) == '-.') text = '-0'//text(2:)
+      end if
+    else
+      text = without_trailing_zeros(buffer(:mark - 1))//'e'//text_of_long(int(magnitude, int64))
+    end if
+  end function text_of_real
+
+  !> "1.500" to "1.5", "2." to "2".
+  pure function without_trailing_zeros(digits) result(text)
+    character(*), intent(in) :: digits
+    character(:), allocatable :: text
+    integer :: last
+    last = len(digits)
+    if (index(digits, '.') > 0) then
+      do while (digits(last:last) == '0')
+        last = last - 1
+      end do
+      if (digits(last:last) == '.') last = last - 1
+    end if
+    text = digits(:last)
+  end function without_trailing_zeros
+
+  !> ASCII lower case.
+  pure function lower(text) result(lowered)
+    character(*), intent(in) :: text
+    character(len(text)) :: lowered
+    integer :: i, code
+    do i = 1, len(text)
+      code = iachar(text(i:i))
+      if (code >= iachar('A') .and. code <= iachar('Z')) code = code + 32
+      lowered(i:i) = achar(code)
+    end do
+  end function lower
+
+  !> The name of a list that is nearest to a misspelled one; empty where none is near.
+  pure function nearest_name(name, names) result(nearest)
+    !> What was written.
+    character(*), intent(in) :: name
+    !> What could have been meant.
+    type(text_t), intent(in) :: names(:)
+    character(:), allocatable :: nearest
+    integer :: i, distance, least
+    nearest = ''
+    ! One change in three letters is still likely to be a misspelling.
+    least = max(1, (len_trim(name) + 1)/3) + 1
+    do i = 1, size(names)
+      distance = edit_distance(lower(trim(name)), lower(names(i)%s))
+      if (distance < least) then
+        least = distance
+        nearest = names(i)%s
+      end if
+    end do
+  end function nearest_name
+
+  !> Optimal string alignment distance: insertions, deletions, changes and swaps of neighbours, each counted as 1.
+  pure integer function edit_distance(a, b) result(distance)
+    character(*), intent(in) :: a, b
+    integer :: d(0:len(a), 0:len(b))
+    integer :: i, j, cost
+    d(:, 0) = [(i, i=0, len(a))]
+    d(0, :) = [(j, j=0, len(b))]
+    do j = 1, len(b)
+      do i = 1, len(a)
+        cost = merge(0, 1, a(i:i) == b(j:j))
+        d(i, j) = min(d(i - 1, j) + 1, d(i, j - 1) + 1, d(i - 1, j - 1) + cost)
+        if (i > 1 .and. j > 1) then
+          if (a(i:i) == b(j - 1:j - 1) .and. a(i - 1:i - 1) == b(j:j)) d(i, j) = min(d(i, j), d(i - 2, j - 2) + 1)
+        end if
+      end do
+    end do
+    distance = d(len(a), len(b))
+  end function edit_distance
+
+  !> Texts joined with a separator.
+  pure function join(texts, separator) result(joined)
+    type(text_t), intent(in) :: texts(:)
+    character(*), intent(in) :: separator
+    character(:), allocatable :: joined
+    integer :: i
+    joined = ''
+    do i = 1, size(texts)
+      if (i > 1) joined = joined//separator
+      joined = joined//texts(i)%s
+    end do
+  end function join
+
+  !> A name between single quotes, for messages.
+  pure function quoted(name) result(text)
+    character(*), intent(in) :: name
+    character(:), allocatable :: text
+    text = "'"//trim(name)//"'"
+  end function quoted
+end module dotyk_base_text

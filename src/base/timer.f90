@@ -1,0 +1,16 @@
+!> Wall-clock time.
+module dotyk_base_timer
+  use dotyk_base_kinds, only: dp, int64
+  implicit none
+  private
+  public :: wall_time
+
+contains
+
+  !> Seconds since some fixed moment; only differences mean anything.
+  real(dp) function wall_time() result(seconds)
+    integer(int64) :: count, rate
+    call system_clock(count, rate)
+    seconds = real(count, dp)/real(rate, dp)
+  end function wall_time
+end module dotyk_base_timer

@@ -1,0 +1,11 @@
+# OpenBLAS::OpenBLAS (Debian ships no CMake configuration that we can rely on).
+find_path(OpenBLAS_pthread_INCLUDE_DIR cblas.h)
+find_library(OpenBLAS_pthread_LIBRARY openblas PATH_SUFFIXES openblas-pthread)
+include(FindPackageHandleStandardArgs)
+find_package_handle_standard_args(OpenBLAS_pthread REQUIRED_VARS OpenBLAS_pthread_LIBRARY OpenBLAS_pthread_INCLUDE_DIR)
+if(OpenBLAS_pthread_FOUND AND NOT TARGET OpenBLAS::OpenBLAS)
+  add_library(OpenBLAS::OpenBLAS INTERFACE IMPORTED)
+  target_include_directories(OpenBLAS::OpenBLAS INTERFACE ${OpenBLAS_pthread_INCLUDE_DIR})
+  target_link_libraries(OpenBLAS::OpenBLAS INTERFACE ${OpenBLAS_pthread_LIBRARY})
+endif()
+mark_as_advanced(OpenBLAS_pthread_INCLUDE_DIR OpenBLAS_pthread_LIBRARY)

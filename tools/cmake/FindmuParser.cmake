@@ -1,0 +1,11 @@
+# muParser::muParser (Debian ships no CMake configuration that we can rely on).
+find_path(muParser_INCLUDE_DIR muParserDLL.h)
+find_library(muParser_LIBRARY muparser)
+include(FindPackageHandleStandardArgs)
+find_package_handle_standard_args(muParser REQUIRED_VARS muParser_LIBRARY muParser_INCLUDE_DIR)
+if(muParser_FOUND AND NOT TARGET muParser::muParser)
+  add_library(muParser::muParser INTERFACE IMPORTED)
+  target_include_directories(muParser::muParser INTERFACE ${muParser_INCLUDE_DIR})
+  target_link_libraries(muParser::muParser INTERFACE ${muParser_LIBRARY})
+endif()
+mark_as_advanced(muParser_INCLUDE_DIR muParser_LIBRARY)
