@@ -112,7 +112,7 @@ contains
         result%energy = problem%energy(m, y)
         result%max_penetration = max(0.0_dp, maxval(y))
         call result%history%add(wall_time() - start, relative(increment, norm), result%error_bound, result%energy, &
-                                result%max_penetration, count(m > 0 .and. y > 0))
+                                result%max_penetration, count(y > 0))
 
         select case (settings%stop_rule)
         case (stop_paper)
