@@ -13,37 +13,41 @@ module dotyk_driver_timing
     real(dp) :: search = 0, iterate = 0, recover = 0, write = 0
     !> All of it.
     real(dp) :: total = 0
-    !> When the run, and the stage, began.
+  end type timing_t
+
+  !> A watch that is read at the end of each stage.
+  type, public :: stopwatch_t
+    !> When the run, and the stage, began [s].
     real(dp), private :: started = 0, lap_started = 0
   contains
-    procedure :: start => timing_start
-    procedure :: lap => timing_lap
-    procedure :: finish => timing_finish
-  end type timing_t
+    procedure :: start => stopwatch_start
+    procedure :: lap => stopwatch_lap
+    procedure :: since_start => stopwatch_since_start
+  end type stopwatch_t
 
 contains
 
   !> Begin.
-  subroutine timing_start(self)
-    class(timing_t), intent(inout) :: self
+  subroutine stopwatch_start(self)
+    class(stopwatch_t), intent(inout) :: self
     self%started = wall_time()
     self%lap_started = self%started
-  end subroutine timing_start
+  end subroutine stopwatch_start
 
   !> End a stage: the time since the last lap is added to its seconds.
-  subroutine timing_lap(self, seconds)
-    class(timing_t), intent(inout) :: self
-    !> One of the components [s].
+  subroutine stopwatch_lap(self, seconds)
+    class(stopwatch_t), intent(inout) :: self
+    !> Seconds of the stage [s].
     real(dp), intent(inout) :: seconds
     real(dp) :: now
     now = wall_time()
     seconds = seconds + (now - self%lap_started)
     self%lap_started = now
-  end subroutine timing_lap
+  end subroutine stopwatch_lap
 
-  !> The total.
-  subroutine timing_finish(self)
-    class(timing_t), intent(inout) :: self
-    self%total = wall_time() - self%started
-  end subroutine timing_finish
+  !> Seconds since the beginning.
+  real(dp) function stopwatch_since_start(self) result(seconds)
+    class(stopwatch_t), intent(in) :: self
+    seconds = wall_time() - self%started
+  end function stopwatch_since_start
 end module dotyk_driver_timing
