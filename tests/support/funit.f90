@@ -200,7 +200,7 @@ contains
     v%shape = shape(x)
     select rank (x)
     rank (0); v%integers = [x]
-    rank (1); v%integers = x
+    rank (1); v%integers = reshape(x, [size(x)])
     rank (2); v%integers = reshape(x, [size(x)])
     end select
   end function value_of_int64
@@ -211,7 +211,7 @@ contains
     v%shape = shape(x)
     select rank (x)
     rank (0); v%reals = [x]
-    rank (1); v%reals = x
+    rank (1); v%reals = reshape(x, [size(x)])
     rank (2); v%reals = reshape(x, [size(x)])
     end select
   end function value_of_real
