@@ -87,7 +87,7 @@ contains
   !> Pseudo-random vector of length 1 by a linear congruential generator (Lehmer's, 48271 modulo 2^31-1).
   subroutine fixed_start(v)
     !> The vector (n).
-    real(dp), intent(out) :: v(:)
+    real(dp), intent(out), contiguous :: v(:)
     integer(int64), parameter :: modulus = 2147483647_int64, factor = 48271_int64
     integer(int64) :: state
     integer :: i
@@ -109,7 +109,7 @@ contains
     !> Number of vectors in them.
     integer, intent(in) :: n_vectors
     !> The vector (n).
-    real(dp), intent(inout) :: w(:)
+    real(dp), intent(inout), contiguous :: w(:)
     integer :: pass, group, n
     do pass = 1, 2
       do group = 1, (n_vectors - 1)/group_size + 1
