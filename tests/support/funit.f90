@@ -167,7 +167,7 @@ contains
     v%shape = shape(x)
     select rank (x)
     rank (0); v%integers = [x]
-    rank (1); v%integers = x
+    rank (1); v%integers = reshape(x, [size(x)])
     rank (2); v%integers = reshape(x, [size(x)])
     rank default; error stop 'no comparison of arrays of rank 3'
     end select
@@ -179,7 +179,7 @@ contains
     v%shape = shape(x)
     select rank (x)
     rank (0); v%reals = [x]
-    rank (1); v%reals = x
+    rank (1); v%reals = reshape(x, [size(x)])
     rank (2); v%reals = reshape(x, [size(x)])
     rank default; error stop 'no comparison of arrays of rank 3'
     end select
