@@ -14,6 +14,8 @@ module dotyk_driver_factorization
   type, public :: factor_size_t
     !> Entries that are stored, and their memory [bytes].
     integer(int64) :: entries = 0, bytes = 0
+    !> Memory of the stiffness [bytes].
+    integer(int64) :: stiffness_bytes = 0
     !> Floating-point operations of the factorization.
     real(dp) :: flops = 0
   end type factor_size_t
@@ -62,6 +64,7 @@ contains
     size_of%entries = full%factor%factor_entries
     size_of%bytes = full%factor%factor_bytes
     size_of%flops = full%factor%flops
+    size_of%stiffness_bytes = 16*size(body%stiffness%row, kind=int64)
     call move_alloc(full, slot%form)
   end subroutine analyze_body
 
