@@ -1,15 +1,16 @@
 !> From the input to bodies: meshes, materials, supports, loads, and the surfaces of the contact pairs.
 module dotyk_driver_bodies
-  use dotyk_base_error, only: error_t, problem_list_t, add_context
+  use dotyk_base_error, only: error_t, problem_list_t, add_context, set_error, exit_not_solvable
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
   use dotyk_driver_materials, only: build_material
   use dotyk_driver_parallel, only: largest_first
-  use dotyk_elasticity_body, only: body_t
-  use dotyk_elasticity_load, only: load_t
-  use dotyk_elasticity_support, only: support_t
-  use dotyk_input_case, only: case_t
-  use dotyk_input_names, only: load_force_density
+  use dotyk_elasticity_analysis, only: analysis_3d, analysis_plane_strain, analysis_plane_stress, analysis_axisymmetric
+  use dotyk_elasticity_body, only: body_t, free_rigid_motions
+  use dotyk_elasticity_load, only: load_t, load_traction, load_pressure, load_local_traction, load_force_density, &
+    add_surface_load, add_volume_load
+  use dotyk_elasticity_support, only: support_t, collect_supports
+  use dotyk_input_case, only: case_t, load_input_t
   use dotyk_mesh_body_mesh, only: extract_body
   use dotyk_mesh_gmsh, only: read_gmsh
   use dotyk_mesh_gmsh_run, only: mesh_geometry
@@ -18,6 +19,15 @@ module dotyk_driver_bodies
   implicit none
   private
   public :: build_bodies, assemble_bodies
+
+  !> What the names of the input are called in elasticity, in the order of the input's lists.
+  integer, parameter :: analysis_of(4) = [analysis_3d, analysis_plane_strain, analysis_plane_stress, analysis_axisymmetric]
+  integer, parameter :: load_kind_of(4) = [load_traction, load_pressure, load_local_traction, load_force_density]
+
+  !> A place for one body's error.
+  type :: error_slot_t
+    type(error_t), allocatable :: error
+  end type error_slot_t
 
 contains
 
@@ -79,7 +89,7 @@ contains
     integer :: k, before
     before = problems%count
     body%name = case%body(b)%name
-    body%analysis = case%scene%analysis
+    body%analysis = analysis_of(case%scene%analysis)
     body%dimension = case%scene%dimension
     call build_material(case%material(case%body(b)%material), body%material, failed)
     call note(case%material(case%body(b)%material)%line, failed)
@@ -97,10 +107,15 @@ contains
     end do
     call build_supports(support)
     if (problems%count == before) then
-      call body%hold(support, failed)
+      call collect_supports(body%mesh, body%analysis, support, body%constraint, failed)
       if (allocated(failed)) call problems%add(case%file//": body '"//body%name//"': "//failed%message, failed%code)
     end if
-    call build_loads()
+    allocate (body%load(body%dimension, body%mesh%n_nodes()), source=0.0_dp)
+    do k = 1, size(case%load)
+      if (case%load(k)%body /= b) cycle
+      call build_load(case%load(k), failed)
+      call note(case%load(k)%line, failed)
+    end do
 
   contains
 
@@ -123,23 +138,23 @@ contains
       end do
     end subroutine build_supports
 
-    !> The loads of this body.
-    subroutine build_loads()
+    !> Nodal forces of one load.
+    subroutine build_load(given, failed)
+      type(load_input_t), intent(in) :: given
+      type(error_t), allocatable, intent(out) :: failed
+      type(load_t) :: load
       type(surface_t) :: surface
-      integer :: i
-      do i = 1, size(case%load)
-        associate (given => case%load(i))
-          if (given%body /= b) cycle
-          if (given%kind /= load_force_density) then
-            call extract_surface(mesh, body%mesh, given%surface, surface, failed)
-            if (allocated(failed)) then
-              call note(given%line, failed)
-              cycle
-            end if
-          end if
-        end associate
-      end do
-    end subroutine build_loads
+      load%kind = load_kind_of(given%kind)
+      load%value = given%value
+      load%formula = given%formula
+      if (load%kind == load_force_density) then
+        call add_volume_load(body%mesh, body%analysis, load, body%load, failed)
+      else
+        call extract_surface(mesh, body%mesh, given%surface, surface, failed)
+        if (allocated(failed)) return
+        call add_surface_load(body%mesh, body%analysis, surface, load, body%load, failed)
+      end if
+    end subroutine build_load
 
     !> A problem of a line of the input.
     subroutine note(line, failed)
@@ -149,4 +164,43 @@ contains
       call problems%add_error(failed)
     end subroutine note
   end subroutine build_body
+
+  !> Check that all bodies are held, and assemble them side by side; all problems are reported together.
+  subroutine assemble_bodies(case, body, error)
+    type(case_t), intent(in) :: case
+    !> (n_bodies).
+    type(body_t), intent(inout) :: body(:)
+    type(error_t), allocatable, intent(out) :: error
+    type(problem_list_t) :: problems
+    type(error_slot_t), allocatable :: failed(:)
+    integer :: i, b, order(size(body))
+    allocate (failed(size(body)))
+    order = largest_first(real(body%constraint%n_equations, dp))
+    !$omp parallel do default(none) shared(body, failed, order) private(b) schedule(dynamic, 1)
+    do i = 1, size(body)
+      b = order(i)
+      call assemble_body(body(b), failed(b)%error)
+    end do
+    !$omp end parallel do
+    do b = 1, size(body)
+      call add_context(failed(b)%error, case%file//':'//to_text(case%body(b)%line)//": body '"//body(b)%name//"': ")
+      call problems%add_error(failed(b)%error)
+    end do
+    call problems%raise(error)
+  end subroutine assemble_bodies
+
+  !> Check and assemble one body.
+  subroutine assemble_body(body, error)
+    type(body_t), intent(inout) :: body
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: motions
+    integer :: n_free
+    call free_rigid_motions(body, n_free, motions)
+    if (n_free > 0) then
+      call set_error(error, 'the scheme needs held bodies, and the supports leave this one free: '//motions// &
+                     '; add a &support that stops it', exit_not_solvable)
+      return
+    end if
+    call body%assemble(error)
+  end subroutine assemble_body
 end module dotyk_driver_bodies

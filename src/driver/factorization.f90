@@ -31,8 +31,8 @@ contains
 
   !> Order and analyse all bodies, side by side.
   subroutine analyze_bodies(body, response, size_of, error)
-    !> Assembled (n_bodies).
-    type(body_t), intent(in) :: body(:)
+    !> Assembled (n_bodies); without the graph of their nodes on return.
+    type(body_t), intent(inout) :: body(:)
     !> Analysed on return (n_bodies).
     type(response_slot_t), allocatable, intent(out) :: response(:)
     !> Sizes of the factors to come (n_bodies).
@@ -54,7 +54,7 @@ contains
 
   !> Order and analyse one body.
   subroutine analyze_body(body, slot, size_of, error)
-    type(body_t), intent(in) :: body
+    type(body_t), intent(inout) :: body
     type(response_slot_t), intent(inout) :: slot
     type(factor_size_t), intent(out) :: size_of
     type(error_t), allocatable, intent(out) :: error
@@ -66,6 +66,7 @@ contains
     size_of%flops = full%factor%flops
     size_of%stiffness_bytes = 16*size(body%stiffness%row, kind=int64)
     call move_alloc(full, slot%form)
+    deallocate (body%graph_start, body%graph_neighbour)
   end subroutine analyze_body
 
   !> Factorize all bodies: the ones that are much larger than the rest alone, then the others side by side. Their stiffnesses are

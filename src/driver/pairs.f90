@@ -6,7 +6,6 @@ module dotyk_driver_pairs
   use dotyk_base_text, only: to_text
   use dotyk_contact_pair, only: contact_pair_t, pair_settings_t, find_pair, contact_gap_geometry => gap_geometry, &
     contact_gap_constant => gap_constant, contact_gap_formula => gap_formula
-  use dotyk_driver_materials, only: mean_young
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t, contact_input_t
   use dotyk_input_names, only: analysis_axisymmetric, gap_constant, gap_formula, theta_absolute
@@ -20,7 +19,7 @@ contains
   !> Search the contact points of all pairs; all problems are reported together.
   subroutine find_pairs(case, body, surface_a, surface_b, pair, error)
     type(case_t), intent(in) :: case
-    !> (n_bodies).
+    !> Assembled (n_bodies).
     type(body_t), intent(in) :: body(:)
     !> The two surfaces of each pair (n_pairs).
     type(surface_t), intent(in) :: surface_a(:), surface_b(:)
@@ -51,7 +50,6 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(pair_settings_t) :: settings
     type(formula_t) :: formula
-    real(dp) :: of_a, of_b
     settings%name = given%name
     settings%body_a = given%body_a
     settings%body_b = given%body_b
@@ -67,23 +65,14 @@ contains
     end if
     if (given%has_search_radius) settings%search_radius = given%search_radius
     settings%theta = given%theta
-    if (given%theta_kind /= theta_absolute) then
-      call compliance(body_a, of_a, error)
-      if (.not. allocated(error)) call compliance(body_b, of_b, error)
-      if (allocated(error)) return
-      settings%theta = given%theta*(of_a + of_b)
-    end if
+    if (given%theta_kind /= theta_absolute) settings%theta = given%theta*(compliance(body_a) + compliance(body_b))
     call find_pair(body_a%mesh, surface_a, body_b%mesh, surface_b, settings, formula, pair, error)
     call formula%destroy()
   end subroutine search_pair
 
   !> Size over Young's modulus of a body, the measure of `theta_relative` [length/pressure].
-  subroutine compliance(body, ratio, error)
+  real(dp) function compliance(body)
     type(body_t), intent(in) :: body
-    real(dp), intent(out) :: ratio
-    type(error_t), allocatable, intent(out) :: error
-    real(dp) :: young
-    call mean_young(body, young, error)
-    ratio = minval(maxval(body%mesh%x, dim=2) - minval(body%mesh%x, dim=2))/young
-  end subroutine compliance
+    compliance = minval(maxval(body%mesh%x, dim=2) - minval(body%mesh%x, dim=2))/body%young()
+  end function compliance
 end module dotyk_driver_pairs

@@ -105,12 +105,12 @@ contains
     call build_bodies(run%case, run%body, run%surface_a, run%surface_b, error)
     if (allocated(error)) return
     call run%watch%lap(run%timing%read)
+    call assemble_bodies(run%case, run%body, error)
+    if (allocated(error)) return
+    call run%watch%lap(run%timing%assemble)
     call find_pairs(run%case, run%body, run%surface_a, run%surface_b, run%pair, error)
     if (allocated(error)) return
     call run%watch%lap(run%timing%search)
-    call assemble_bodies(run%body, error)
-    if (allocated(error)) return
-    call run%watch%lap(run%timing%assemble)
     call analyze_bodies(run%body, run%problem%response, run%size_of, error)
     if (allocated(error)) return
     call run%watch%lap(run%timing%order)

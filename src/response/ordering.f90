@@ -4,7 +4,7 @@
 !> together.
 module dotyk_response_ordering
   use dotyk_base_error, only: error_t
-  use dotyk_elasticity_body, only: body_t, node_graph
+  use dotyk_elasticity_body, only: body_t
   use dotyk_linalg_ordering, only: nested_dissection
   implicit none
   private
@@ -14,15 +14,14 @@ contains
 
   !> Order the free equations of a body.
   subroutine order_equations(body, permutation, error)
-    !> The body, with its supports.
+    !> The body, assembled.
     type(body_t), intent(in) :: body
     !> The k-th equation of the new order (n_equations).
     integer, allocatable, intent(out) :: permutation(:)
     type(error_t), allocatable, intent(out) :: error
-    integer, allocatable :: start(:), neighbour(:), node_order(:)
+    integer, allocatable :: node_order(:)
     integer :: i, k, component, equation
-    call node_graph(body%mesh, start, neighbour)
-    call nested_dissection(start, neighbour, node_order, error)
+    call nested_dissection(body%graph_start, body%graph_neighbour, node_order, error)
     if (allocated(error)) return
     allocate (permutation(body%constraint%n_equations))
     k = 0
