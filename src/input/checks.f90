@@ -5,8 +5,8 @@ module dotyk_input_checks
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: join, nearest_name, text_t, to_text
   use dotyk_input_conversion, only: number_good, number_malformed, number_out_of_range, read_integer, read_logical, read_real
-  use dotyk_input_keywords, only: at_least_one, at_most_one, bound_none, bound_not_negative, bound_positive, exactly_one, &
-    group_keyword_t, keys_of_group, keyword_t, kind_formula, kind_integer, kind_logical, kind_name, kind_names, kind_real, &
+  use dotyk_input_keywords, only: at_least_one, at_most_one, exactly_one, group_keyword_t, &
+    keys_of_group, keyword_t, kind_formula, kind_integer, kind_logical, kind_name, kind_names, kind_real, &
     kind_text, place_of_keyword
   use dotyk_input_names, only: place_of_name, split_words
   use dotyk_input_problems, only: no_line, problems_t, shown
@@ -182,12 +182,12 @@ contains
     end do
   end subroutine check_entry
 
-  !> "1 to 3 numbers", "a text in quotes".
+  !> "1 or 3 values".
   pure function needed_count(row) result(text)
     type(keyword_t), intent(in) :: row
     character(:), allocatable :: text
     text = to_text(row%least)
-    if (row%most > row%least) text = text//merge(' to ', ' or ', row%most > row%least + 1)//to_text(row%most)
+    if (row%most > row%least) text = text//' or '//to_text(row%most)
     text = text//' value'
     if (row%most > 1) text = text//'s'
   end function needed_count
@@ -219,9 +219,8 @@ contains
     if (value%quoted) status = number_malformed
     if (status == number_malformed) message = ' needs '//needed//', got '//shown(value%text)
     if (status == number_out_of_range) message = ': '//shown(value%text)//' is beyond the range of numbers'
-    if (status /= number_good .or. row%bound == bound_none) return
-    if (row%bound == bound_positive .and. .not. number > 0) message = ' must be above 0, got '//shown(value%text)
-    if (row%bound == bound_not_negative .and. number < 0) message = ' must not be below 0, got '//shown(value%text)
+    if (status == number_good .and. row%positive .and. .not. number > 0) &
+      message = ' must be above 0, got '//shown(value%text)
   end function number_message
 
   !> Say what is wrong with a text; an empty message where nothing is.

@@ -17,9 +17,6 @@ module dotyk_input_keywords
   integer, parameter, public :: kind_names = 6    !< names of a list, separated by blanks, in one pair of quotes
   integer, parameter, public :: kind_formula = 7  !< formulas in x, y, z, each in quotes
 
-  !> What numbers must be.
-  integer, parameter, public :: bound_none = 1, bound_positive = 2, bound_not_negative = 3
-
   !> A group.
   type, public :: group_keyword_t
     character(:), allocatable :: name
@@ -33,10 +30,10 @@ module dotyk_input_keywords
     character(:), allocatable :: group, key
     !> One of `kind_*`.
     integer :: kind = kind_text
-    !> Least and greatest number of values.
+    !> Least and greatest number of values; no other one between them is meant.
     integer :: least = 1, most = 1
-    !> One of `bound_*`.
-    integer :: bound = bound_none
+    !> Must its numbers be above 0?
+    logical :: positive = .false.
     !> Must it be given?
     logical :: required = .false.
     !> May its text be empty?
@@ -96,11 +93,11 @@ contains
 
     call t%add('material', 'name', kind_text, required=.true., &
                meaning='name of the material')
-    call t%add('material', 'young', kind_real, most=3, unit='pressure', bound=bound_positive, &
-               meaning='Young''s modulus; orthotropic: along the axes 1, 2, 3')
+    call t%add('material', 'young', kind_real, most=3, unit='pressure', positive=.true., &
+               meaning='Young''s modulus; orthotropic: three, along the axes 1, 2, 3')
     call t%add('material', 'poisson', kind_real, most=3, &
-               meaning='Poisson''s ratio, above -1 and below 0.5; orthotropic: 12, 13, 23')
-    call t%add('material', 'shear', kind_real, least=3, most=3, unit='pressure', bound=bound_positive, &
+               meaning='Poisson''s ratio, above -1 and below 0.5; orthotropic: three, 12, 13, 23')
+    call t%add('material', 'shear', kind_real, least=3, most=3, unit='pressure', positive=.true., &
                meaning='shear moduli 12, 13, 23 of an orthotropic material')
     call t%add('material', 'axis_1', kind_real, least=3, most=3, default='1 0 0', &
                meaning='axis 1 of an orthotropic material')
@@ -165,32 +162,32 @@ contains
                meaning='initial distance; if absent, that of the geometry')
     call t%add('contact', 'gap_formula', kind_formula, unit='length', &
                meaning='initial distance as a formula')
-    call t%add('contact', 'theta', kind_real, unit='length/pressure', bound=bound_not_negative, &
+    call t%add('contact', 'theta', kind_real, unit='length/pressure', positive=.true., &
                meaning='penalty parameter of this pair; if absent, that of &solver')
-    call t%add('contact', 'theta_relative', kind_real, bound=bound_not_negative, &
+    call t%add('contact', 'theta_relative', kind_real, positive=.true., &
                meaning='the same, times size_a/E_a + size_b/E_b; size is the smallest edge of the body''s '// &
                'bounding box')
-    call t%add('contact', 'search_radius', kind_real, unit='length', bound=bound_positive, &
+    call t%add('contact', 'search_radius', kind_real, unit='length', positive=.true., &
                meaning='greatest distance of partners; if absent, the smaller body''s size')
     call t%add('contact', 'points', kind_name, names=points_names, default='quadrature', &
                meaning='contact points: the quadrature points of surface_a''s facets')
 
     call t%add('solver', 'scheme', kind_name, names=scheme_names, default='auto', &
                meaning='auto: the best one for the scene; neumann: the parallel Neumann scheme')
-    call t%add('solver', 'theta', kind_real, unit='length/pressure', bound=bound_not_negative, &
-               meaning='penalty parameter; above 0 for the schemes of today')
-    call t%add('solver', 'theta_relative', kind_real, default='1e-2', bound=bound_not_negative, &
+    call t%add('solver', 'theta', kind_real, unit='length/pressure', positive=.true., &
+               meaning='penalty parameter, the compliance of a layer between the bodies')
+    call t%add('solver', 'theta_relative', kind_real, default='1e-2', positive=.true., &
                meaning='the same, times size_a/E_a + size_b/E_b of each pair; not together with theta')
     call t%add('solver', 'gamma_rule', kind_name, names=gamma_rule_names, default='spectral', &
                meaning='relaxation parameter: spectral is 2/(2+L), theory is 1/(1+L)^2, fixed is gamma')
-    call t%add('solver', 'gamma', kind_real, bound=bound_positive, &
+    call t%add('solver', 'gamma', kind_real, positive=.true., &
                meaning='relaxation parameter where gamma_rule is ''fixed''')
     call t%add('solver', 'stop_rule', kind_name, names=stop_rule_names, default='residual', &
                meaning='what is compared with tolerance: the guaranteed error bound, the bound (41) of the '// &
                'paper, or the increment')
-    call t%add('solver', 'tolerance', kind_real, default='1e-6', bound=bound_positive, &
+    call t%add('solver', 'tolerance', kind_real, default='1e-6', positive=.true., &
                meaning='relative error in the energy norm at which the iteration stops')
-    call t%add('solver', 'max_iterations', kind_integer, default='100000', bound=bound_positive, &
+    call t%add('solver', 'max_iterations', kind_integer, default='100000', positive=.true., &
                meaning='most iterations')
     call t%add('solver', 'reproducible', kind_logical, default='.false.', &
                meaning='the same digits on any number of threads')
@@ -204,15 +201,14 @@ contains
   end subroutine list_keywords
 
   !> Add a row; what is absent is as in `keyword_t`.
-  pure subroutine add(self, group, key, kind, meaning, least, most, unit, names, default, bound, required, may_be_empty)
+  pure subroutine add(self, group, key, kind, meaning, least, most, unit, names, default, positive, required, may_be_empty)
     class(rows_t), intent(inout) :: self
     character(*), intent(in) :: group, key
     integer, intent(in) :: kind
     character(*), intent(in) :: meaning
     integer, intent(in), optional :: least, most
     character(*), intent(in), optional :: unit, names, default
-    integer, intent(in), optional :: bound
-    logical, intent(in), optional :: required, may_be_empty
+    logical, intent(in), optional :: positive, required, may_be_empty
     self%n = self%n + 1
     associate (row => self%row(self%n))
       row%group = group
@@ -227,7 +223,7 @@ contains
       if (present(unit)) row%unit = unit
       if (present(names)) row%names = names
       if (present(default)) row%default = default
-      if (present(bound)) row%bound = bound
+      if (present(positive)) row%positive = positive
       if (present(required)) row%required = required
       if (present(may_be_empty)) row%may_be_empty = may_be_empty
     end associate

@@ -44,7 +44,7 @@ contains
       call report(problems, group, 'gap', 'gap and gap_formula are both given: only one can be meant')
     contact%theta_kind = solver%theta_kind
     contact%theta = solver%theta
-    call read_theta(group, solver%scheme, problems, own_theta, theta_kind, theta)
+    call read_theta(group, problems, own_theta, theta_kind, theta)
     if (own_theta) then
       contact%theta_kind = theta_kind
       contact%theta = theta

@@ -3,7 +3,7 @@ module dotyk_input_settings
   use dotyk_base_kinds, only: dp
   use dotyk_input_case, only: output_input_t, scene_input_t, solver_input_t
   use dotyk_input_files, only: directory_of, extension_of, is_directory, resolve_path, why_not_readable, without_extension
-  use dotyk_input_names, only: analysis_3d, field_contact, field_displacement, field_stress, gamma_fixed, name_at, scheme_names, &
+  use dotyk_input_names, only: analysis_3d, field_contact, field_displacement, field_stress, gamma_fixed, &
     theta_absolute, theta_relative
   use dotyk_input_problems, only: problems_t, shown
   use dotyk_input_reader, only: group_t
@@ -67,7 +67,7 @@ contains
     logical :: given
     solver%line = group%line
     solver%scheme = nint(number_of(group, 'scheme'))
-    call read_theta(group, solver%scheme, problems, given, solver%theta_kind, solver%theta)
+    call read_theta(group, problems, given, solver%theta_kind, solver%theta)
     solver%gamma_rule = nint(number_of(group, 'gamma_rule'))
     solver%gamma = number_of(group, 'gamma')
     if (is_usable(group, 'gamma_rule')) then
@@ -83,11 +83,9 @@ contains
   end subroutine read_solver
 
   !> The penalty parameter of a group.
-  subroutine read_theta(group, scheme, problems, given, kind, theta)
+  subroutine read_theta(group, problems, given, kind, theta)
     !> `&solver` or `&contact`.
     type(group_t), intent(in) :: group
-    !> The scheme that will use it; 0 where it is not known.
-    integer, intent(in) :: scheme
     type(problems_t), intent(inout) :: problems
     !> Does the group have one, given or by default?
     logical, intent(out) :: given
@@ -106,9 +104,6 @@ contains
     end if
     given = is_usable(group, key)
     theta = number_of(group, key)
-    ! Every scheme of today divides by theta.
-    if (given .and. scheme > 0 .and. .not. theta > 0) &
-      call report(problems, group, key, key//' must be above 0 for scheme '''//name_at(scheme_names, scheme)//'''')
   end subroutine read_theta
 
   !> `&output`.
