@@ -1,0 +1,185 @@
+!> A scene as plain data: what a namelist file says, checked as far as that goes without a mesh.
+!>
+!> Conventions. Paths are resolved: they lead from the working directory to the file. References are resolved to indices.
+!> Vectors have three components: x, y, z in global axes, xi, eta, n in the axes of a surface; in two dimensions the third
+!> (global) or second (local, eta) is zero. A formula that is not given is an array of size 0 or an empty text; one that is
+!> given was parsed once without an error. `line` is the line of the namelist file where the group begins.
+module dotyk_input_case
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_text, only: text_t
+  use dotyk_input_names, only: analysis_3d, gamma_spectral, gap_geometry, load_traction, material_isotropic, &
+    points_quadrature, scheme_auto, stop_residual, theta_relative
+  implicit none
+  private
+
+  !> `&scene`.
+  type, public :: scene_input_t
+    !> Line of the group.
+    integer :: line = 0
+    !> For people; may be empty.
+    character(:), allocatable :: title
+    !> Mesh of the bodies that name none of their own; empty where there is none.
+    character(:), allocatable :: mesh
+    !> Results file.
+    character(:), allocatable :: output
+    !> One of `analysis_*`.
+    integer :: analysis = analysis_3d
+    !> 2 or 3.
+    integer :: dimension = 3
+  end type scene_input_t
+
+  !> `&material`.
+  type, public :: material_input_t
+    !> Line of the group.
+    integer :: line = 0
+    character(:), allocatable :: name
+    !> One of `material_*`: which of the components below mean something.
+    integer :: kind = material_isotropic
+    !> Young's modulus [pressure]; isotropic: the first; orthotropic: along the axes 1, 2, 3.
+    real(dp) :: young(3) = 0
+    !> Poisson's ratio [1]; isotropic: the first; orthotropic: 12, 13, 23.
+    real(dp) :: poisson(3) = 0
+    !> Shear moduli 12, 13, 23 of an orthotropic material [pressure].
+    real(dp) :: shear(3) = 0
+    !> Axis 1 of an orthotropic material, as written (not of unit length).
+    real(dp) :: axis_1(3) = [1.0_dp, 0.0_dp, 0.0_dp]
+    !> A direction in the plane of its axes 1 and 2, as written; not parallel to axis 1.
+    real(dp) :: axis_2(3) = [0.0_dp, 1.0_dp, 0.0_dp]
+    !> Upper triangle of the stiffness by rows, order xx yy zz yz xz xy [pressure].
+    real(dp) :: stiffness(21) = 0
+    !> Factor on the stiffness; empty where there is none.
+    character(:), allocatable :: young_formula
+  end type material_input_t
+
+  !> `&body`.
+  type, public :: body_input_t
+    !> Line of the group.
+    integer :: line = 0
+    character(:), allocatable :: name
+    !> Physical name of its elements in the mesh.
+    character(:), allocatable :: volume
+    !> Index of its material.
+    integer :: material = 0
+    !> Its mesh: its own, or that of the scene.
+    character(:), allocatable :: mesh
+  end type body_input_t
+
+  !> `&support`.
+  type, public :: support_input_t
+    !> Line of the group.
+    integer :: line = 0
+    !> Index of the body.
+    integer :: body = 0
+    !> Physical name of the surface.
+    character(:), allocatable :: surface
+    !> What is held: letters of 'xyz', or words of 'xi eta n', in this order ('t' is resolved).
+    character(:), allocatable :: fix
+    !> Is it held in the axes of the surface, not in global axes?
+    logical :: local = .false.
+    !> Directions that are held: x, y, z, or xi, eta, n where `local`.
+    logical :: fixed(3) = .false.
+    !> Given displacement in these axes [length]; zero in directions that are not held.
+    real(dp) :: value(3) = 0
+    !> Formulas of the given displacement (3), or none.
+    type(text_t), allocatable :: value_formula(:)
+  end type support_input_t
+
+  !> `&load`.
+  type, public :: load_input_t
+    !> Line of the group.
+    integer :: line = 0
+    !> Index of the body.
+    integer :: body = 0
+    !> Physical name of the surface; empty for a force density.
+    character(:), allocatable :: surface
+    !> One of `load_*`.
+    integer :: kind = load_traction
+    !> Its constant value [pressure, or force per volume]: a pressure in the first component, else a vector.
+    real(dp) :: value(3) = 0
+    !> Its formulas: 1 for a pressure, 3 else; or none.
+    type(text_t), allocatable :: formula(:)
+  end type load_input_t
+
+  !> `&contact`.
+  type, public :: contact_input_t
+    !> Line of the group.
+    integer :: line = 0
+    character(:), allocatable :: name
+    !> Indices of the two bodies; never equal.
+    integer :: body_a = 0, body_b = 0
+    !> Physical names of the two surfaces.
+    character(:), allocatable :: surface_a, surface_b
+    !> One of `gap_*`.
+    integer :: gap_kind = gap_geometry
+    !> The gap where it is constant [length].
+    real(dp) :: gap = 0
+    !> The gap where it is a formula; else empty.
+    character(:), allocatable :: gap_formula
+    !> One of `theta_*`; that of `&solver` where the pair has none of its own.
+    integer :: theta_kind = theta_relative
+    !> Penalty parameter [length/pressure], or the factor of the relative one [1].
+    real(dp) :: theta = 0
+    !> Is there a search radius?
+    logical :: has_search_radius = .false.
+    !> Greatest distance of partners [length].
+    real(dp) :: search_radius = 0
+    !> One of `points_*`.
+    integer :: points = points_quadrature
+  end type contact_input_t
+
+  !> `&solver`.
+  type, public :: solver_input_t
+    !> Line of the group; 0 where it is not in the file.
+    integer :: line = 0
+    !> One of `scheme_*`.
+    integer :: scheme = scheme_auto
+    !> One of `theta_*`.
+    integer :: theta_kind = theta_relative
+    !> Penalty parameter [length/pressure], or the factor of the relative one [1].
+    real(dp) :: theta = 0
+    !> One of `gamma_*`.
+    integer :: gamma_rule = gamma_spectral
+    !> Relaxation parameter [1]; 0 where the rule is not `gamma_fixed`.
+    real(dp) :: gamma = 0
+    !> One of `stop_*`.
+    integer :: stop_rule = stop_residual
+    !> Where to stop [1].
+    real(dp) :: tolerance = 0
+    !> Most iterations.
+    integer :: max_iterations = 0
+    !> The same digits on any number of threads?
+    logical :: reproducible = .false.
+  end type solver_input_t
+
+  !> `&output`.
+  type, public :: output_input_t
+    !> Line of the group; 0 where it is not in the file.
+    integer :: line = 0
+    !> Is the displacement wanted?
+    logical :: displacement = .false.
+    !> Is the stress wanted?
+    logical :: stress = .false.
+    !> Is the contact pressure wanted?
+    logical :: contact = .false.
+  end type output_input_t
+
+  !> The whole scene.
+  type, public :: case_t
+    !> The namelist file, as named by the user.
+    character(:), allocatable :: file
+    !> Its directory with a slash at the end; empty for the working directory.
+    character(:), allocatable :: directory
+    !> The whole text of the file.
+    character(:), allocatable :: text
+    type(scene_input_t) :: scene
+    !> At least one each of materials and bodies.
+    type(material_input_t), allocatable :: material(:)
+    type(body_input_t), allocatable :: body(:)
+    !> Any number of the others, in the order of the file.
+    type(support_input_t), allocatable :: support(:)
+    type(load_input_t), allocatable :: load(:)
+    type(contact_input_t), allocatable :: contact(:)
+    type(solver_input_t) :: solver
+    type(output_input_t) :: output
+  end type case_t
+end module dotyk_input_case

@@ -1,0 +1,129 @@
+!> Names that keywords may take: each enumeration is a list of names and the named integers that are their places in it.
+module dotyk_input_names
+  use dotyk_base_text, only: lower, text_t
+  implicit none
+  private
+
+  !> What kind of problem `&scene analysis` asks for.
+  character(*), parameter, public :: analysis_names = '3d plane_strain plane_stress axisymmetric'
+  integer, parameter, public :: analysis_3d = 1            !< three-dimensional
+  integer, parameter, public :: analysis_plane_strain = 2  !< no strain across the plane
+  integer, parameter, public :: analysis_plane_stress = 3  !< no stress across the plane
+  integer, parameter, public :: analysis_axisymmetric = 4  !< about y, x is the radius
+
+  !> How a material was described; not a keyword, it follows from the keys that are given.
+  character(*), parameter, public :: material_kind_names = 'isotropic orthotropic anisotropic'
+  integer, parameter, public :: material_isotropic = 1    !< one young, one poisson
+  integer, parameter, public :: material_orthotropic = 2  !< three each of young, poisson and shear, and two axes
+  integer, parameter, public :: material_anisotropic = 3  !< 21 stiffnesses
+
+  !> What a `&load` gives; these are the keys of the group, each with its `_formula`.
+  character(*), parameter, public :: load_kind_names = 'traction pressure local_traction force_density'
+  integer, parameter, public :: load_traction = 1        !< force per area, global axes
+  integer, parameter, public :: load_pressure = 2        !< force per area along the inward normal
+  integer, parameter, public :: load_local_traction = 3  !< force per area in the axes of the surface
+  integer, parameter, public :: load_force_density = 4   !< force per volume, global axes
+
+  !> Where the gap of a `&contact` comes from; not a keyword, it follows from the keys that are given.
+  character(*), parameter, public :: gap_kind_names = 'geometry constant formula'
+  integer, parameter, public :: gap_geometry = 1  !< the signed distance along the normal
+  integer, parameter, public :: gap_constant = 2  !< `gap`
+  integer, parameter, public :: gap_formula = 3   !< `gap_formula`
+
+  !> How theta was given; these are the keys of `&solver` and `&contact`.
+  character(*), parameter, public :: theta_kind_names = 'theta theta_relative'
+  integer, parameter, public :: theta_absolute = 1  !< length over pressure
+  integer, parameter, public :: theta_relative = 2  !< times size_a/E_a + size_b/E_b
+
+  !> The rows of the contact operator, `&contact points`.
+  character(*), parameter, public :: points_names = 'quadrature'
+  integer, parameter, public :: points_quadrature = 1  !< the quadrature points of surface_a's facets
+
+  !> `&solver scheme`.
+  character(*), parameter, public :: scheme_names = 'auto neumann'
+  integer, parameter, public :: scheme_auto = 1     !< the best one for the scene
+  integer, parameter, public :: scheme_neumann = 2  !< the parallel Neumann scheme, equations (43) to (46)
+
+  !> `&solver gamma_rule`.
+  character(*), parameter, public :: gamma_rule_names = 'spectral theory fixed'
+  integer, parameter, public :: gamma_spectral = 1  !< 2/(2+L)
+  integer, parameter, public :: gamma_theory = 2    !< 1/(1+L)^2, the paper's
+  integer, parameter, public :: gamma_fixed = 3     !< `gamma`
+
+  !> `&solver stop_rule`.
+  character(*), parameter, public :: stop_rule_names = 'residual paper increment'
+  integer, parameter, public :: stop_residual = 1   !< the guaranteed error bound
+  integer, parameter, public :: stop_paper = 2      !< the bound (41)
+  integer, parameter, public :: stop_increment = 3  !< the relative change of the displacements
+
+  !> `&output fields`.
+  character(*), parameter, public :: field_names = 'displacement stress contact'
+  integer, parameter, public :: field_displacement = 1  !< displacement of the nodes
+  integer, parameter, public :: field_stress = 2        !< stress of the elements
+  integer, parameter, public :: field_contact = 3       !< contact pressure
+
+  public :: name_at, place_of_name, split_words
+
+contains
+
+  !> The name at a place of a list; empty where the list has no such place.
+  pure function name_at(names, place) result(name)
+    !> One of the lists of names above.
+    character(*), intent(in) :: names
+    !> Place in it, from 1.
+    integer, intent(in) :: place
+    character(:), allocatable :: name
+    type(text_t), allocatable :: words(:)
+    call split_words(names, words)
+    name = ''
+    if (place >= 1 .and. place <= size(words)) name = words(place)%s
+  end function name_at
+
+  !> The place of a name in a list, whatever its case; 0 where it is not there.
+  pure integer function place_of_name(names, name) result(place)
+    !> One of the lists of names above.
+    character(*), intent(in) :: names
+    !> The name to look for.
+    character(*), intent(in) :: name
+    type(text_t), allocatable :: words(:)
+    integer :: i
+    call split_words(names, words)
+    place = 0
+    do i = 1, size(words)
+      if (words(i)%s == lower(name) .and. len(words(i)%s) == len(name)) place = i
+    end do
+  end function place_of_name
+
+  !> The words of a text that blanks separate.
+  pure subroutine split_words(text, words)
+    !> Words separated by blanks.
+    character(*), intent(in) :: text
+    !> Its words, none where the text is blank.
+    type(text_t), allocatable, intent(out) :: words(:)
+    integer :: i, n, first
+    n = 0
+    do i = 1, len(text)
+      if (starts_word(text, i)) n = n + 1
+    end do
+    allocate (words(n))
+    n = 0
+    first = 1
+    do i = 1, len(text)
+      if (starts_word(text, i)) first = i
+      if (text(i:i) == ' ') cycle
+      if (i < len(text)) then
+        if (text(i + 1:i + 1) /= ' ') cycle
+      end if
+      n = n + 1
+      words(n)%s = text(first:i)
+    end do
+  end subroutine split_words
+
+  !> Does a word start at this place?
+  pure logical function starts_word(text, i) result(starts)
+    character(*), intent(in) :: text
+    integer, intent(in) :: i
+    starts = text(i:i) /= ' '
+    if (starts .and. i > 1) starts = text(i - 1:i - 1) == ' '
+  end function starts_word
+end module dotyk_input_names
