@@ -1,5 +1,5 @@
-!> The small test runner's half of pFUnit's interface: the assertions that our tests use, under pFUnit's names. `pf.py` writes
-!> the calls, with each value wrapped in `funit_value` and the line number added. Arrays are compared element by element.
+!> The small test runner's half of pFUnit's interface: assertions under pFUnit's names. `pf.py` writes the calls, with each
+!> value wrapped in `funit_value` and the line number added. Arrays are compared element by element.
 module funit
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite, ieee_is_nan
   use, intrinsic :: iso_fortran_env, only: real64, int32, int64
@@ -18,8 +18,7 @@ module funit
     module procedure value_of_int32, value_of_int64, value_of_real, value_of_text
   end interface funit_value
 
-  public :: assertEqual, assertTrue, assertFalse, assertGreaterThan, assertLessThan
-  public :: funit_value, anyExceptions, funit_begin, funit_end, funit_close
+  public :: assertEqual, assertLessThan, funit_value, anyExceptions, funit_begin, funit_end, funit_close
 
   logical :: failed
   integer :: n_passed = 0, n_failed = 0
@@ -27,7 +26,7 @@ module funit
 
 contains
 
-  !> Begin a test, unless the command line is "-f part" and its name has no such part. (As pFUnit's.)
+  !> Begin a test, unless the command line is "-f part" (as pFUnit's) and its name has no such part.
   logical function funit_begin(file, name) result(chosen)
     character(*), intent(in) :: file, name
     character(256) :: part
@@ -56,45 +55,20 @@ contains
     anyExceptions = failed
   end function anyExceptions
 
-  subroutine require(condition, what, message, line)
-    logical, intent(in) :: condition
+  subroutine fail(what, message, line)
     character(*), intent(in) :: what
     character(*), intent(in), optional :: message
     integer, intent(in) :: line
-    if (condition) return
     failed = .true.
     print '(a,":",i0,": ",a,": ",a)', test_file, line, test_name, what
     if (present(message)) print '(2x,a)', message
-  end subroutine require
+  end subroutine fail
 
-  subroutine assertTrue(condition, message, line)
-    logical, intent(in) :: condition
-    character(*), intent(in), optional :: message
-    integer, intent(in) :: line
-    call require(condition, 'expected true, found false', message, line)
-  end subroutine assertTrue
-
-  subroutine assertFalse(condition, message, line)
-    logical, intent(in) :: condition
-    character(*), intent(in), optional :: message
-    integer, intent(in) :: line
-    call require(.not. condition, 'expected false, found true', message, line)
-  end subroutine assertFalse
-
-  !> a > b
-  subroutine assertGreaterThan(a, b, message, line)
-    type(value_t), intent(in) :: a, b
-    character(*), intent(in), optional :: message
-    integer, intent(in) :: line
-    call require(as_real(a, 1) > as_real(b, 1), as_text(a, 1)//' is not greater than '//as_text(b, 1), message, line)
-  end subroutine assertGreaterThan
-
-  !> a < b
   subroutine assertLessThan(a, b, message, line)
     type(value_t), intent(in) :: a, b
     character(*), intent(in), optional :: message
     integer, intent(in) :: line
-    call require(as_real(a, 1) < as_real(b, 1), as_text(a, 1)//' is not less than '//as_text(b, 1), message, line)
+    if (.not. as_real(a, 1) < as_real(b, 1)) call fail(as_text(a, 1)//' is not less than '//as_text(b, 1), message, line)
   end subroutine assertLessThan
 
   !> Texts and integers are equal exactly, reals within the absolute tolerance (0 if absent). A scalar stands for a whole array.
@@ -104,12 +78,13 @@ contains
     character(*), intent(in), optional :: message
     integer, intent(in) :: line
     real(real64) :: allowed
+    character(:), allocatable :: what
     logical :: same
     integer :: i, j
-    same = size(expected%shape) == 0 .or. size(expected%shape) == size(found%shape)
-    if (same .and. size(expected%shape) > 0) same = all(expected%shape == found%shape)
-    call require(same, 'expected shape'//shape_text(expected%shape)//', found'//shape_text(found%shape), message, line)
-    if (failed) return
+    if (size(expected%shape) > 0 .and. as_list(expected%shape) /= as_list(found%shape)) then
+      call fail('expected shape'//as_list(expected%shape)//', found'//as_list(found%shape), message, line)
+      return
+    end if
     allowed = 0
     if (present(tolerance)) allowed = tolerance
     do i = 1, product(found%shape)
@@ -122,8 +97,10 @@ contains
         same = near(as_real(expected, j), as_real(found, i), allowed)
       end if
       if (same) cycle
-      call require(.false., 'expected '//as_text(expected, j)//', found '//as_text(found, i)// &
-        ' at'//shape_text(place(i, found%shape))//', tolerance '//trim(real_text(allowed)), message, line)
+      what = 'expected '//as_text(expected, j)//', found '//as_text(found, i)
+      if (size(found%shape) > 0) what = what//' at'//as_list(place(i, found%shape))
+      if (present(tolerance)) what = what//', tolerance '//as_text(value_of_real(allowed), 1)
+      call fail(what, message, line)
       return
     end do
   end subroutine assertEqual
@@ -141,11 +118,8 @@ contains
     type(value_t), intent(in) :: v
     integer, intent(in) :: i
     if (allocated(v%text)) error stop 'a text is compared with a number'
-    if (allocated(v%reals)) then
-      as_real = v%reals(i)
-    else
-      as_real = real(v%integers(i), real64)
-    end if
+    if (allocated(v%reals)) as_real = v%reals(i)
+    if (allocated(v%integers)) as_real = real(v%integers(i), real64)
   end function as_real
 
   function as_text(v, i) result(text)
@@ -153,27 +127,19 @@ contains
     integer, intent(in) :: i
     character(:), allocatable :: text
     character(32) :: buffer
-    if (allocated(v%text)) then
-      text = '"'//v%text//'"'
-      return
-    else if (allocated(v%reals)) then
-      buffer = real_text(v%reals(i))
-    else
-      write (buffer, '(i0)') v%integers(i)
-    end if
+    if (allocated(v%reals)) write (buffer, '(g0)') v%reals(i)
+    if (allocated(v%integers)) write (buffer, '(i0)') v%integers(i)
     text = trim(buffer)
+    if (allocated(v%text)) text = '"'//trim(v%text)//'"'
   end function as_text
 
-  character(32) function real_text(x)
-    real(real64), intent(in) :: x
-    write (real_text, '(g0)') x
-  end function real_text
-
-  character(64) function shape_text(shape)
-    integer, intent(in) :: shape(:)
-    write (shape_text, '(" (",*(i0,:,","))') shape
-    shape_text = trim(shape_text)//')'
-  end function shape_text
+  function as_list(values) result(text)
+    integer, intent(in) :: values(:)
+    character(:), allocatable :: text
+    character(64) :: buffer
+    write (buffer, '(" (",*(i0,:,","))') values
+    text = trim(buffer)//')'
+  end function as_list
 
   !> Subscripts of the i-th element of an array.
   function place(i, shape) result(subscript)
@@ -191,6 +157,7 @@ contains
     rank (0); v = value_of_int64(int(x, int64))
     rank (1); v = value_of_int64(int(x, int64))
     rank (2); v = value_of_int64(int(x, int64))
+    rank default; error stop 'no comparison of arrays of rank 3'
     end select
   end function value_of_int32
 
@@ -200,8 +167,9 @@ contains
     v%shape = shape(x)
     select rank (x)
     rank (0); v%integers = [x]
-    rank (1); v%integers = x
+    rank (1); v%integers = reshape(x, [size(x)])
     rank (2); v%integers = reshape(x, [size(x)])
+    rank default; error stop 'no comparison of arrays of rank 3'
     end select
   end function value_of_int64
 
@@ -211,8 +179,9 @@ contains
     v%shape = shape(x)
     select rank (x)
     rank (0); v%reals = [x]
-    rank (1); v%reals = x
+    rank (1); v%reals = reshape(x, [size(x)])
     rank (2); v%reals = reshape(x, [size(x)])
+    rank default; error stop 'no comparison of arrays of rank 3'
     end select
   end function value_of_real
 

@@ -1,128 +1,104 @@
 #!/usr/bin/env python3
-"""The small test runner: turns pFUnit's .pf files into Fortran for the module `funit` of this folder.
+"""The small test runner: turns the .pf files of pFUnit into Fortran for the module `funit` of this folder.
 
-usage: pf.py --driver NAME OUT.f90 A.pf B.pf ...   the main program that runs every test of the files
-       pf.py A.pf OUT.f90                          one file; line numbers stay as they are
+usage: pf.py A.pf OUT.f90                          one file; line numbers stay as they are
+       pf.py --driver NAME OUT.f90 A.pf B.pf ...   the main program that runs every test of the files
 """
 import pathlib
 import re
 import sys
 
-COMPARISONS = ("assertEqual", "assertGreaterThan", "assertLessThan")
-ASSERTIONS = {name.lower(): name for name in COMPARISONS + ("assertTrue", "assertFalse")}
-
 
 def arguments(text):
-    """The arguments of a call, split at commas outside of brackets and strings; None where brackets or quotes do not match."""
+    """The arguments of a call, split at commas outside of brackets and strings; none where brackets or quotes do not match."""
     parts, depth, quote = [""], 0, ""
     for c in text:
-        if quote:
-            quote = "" if c == quote else quote
-        elif c in "'\"":
-            quote = c
-        elif c in "([":
-            depth += 1
-        elif c in ")]":
-            depth -= 1
-        if depth < 0:
-            return None
+        if c in "'\"" and quote in ("", c):
+            quote = "" if quote else c
+        elif not quote:
+            depth += (c in "([") - (c in ")]")
         if c == "," and depth == 0 and not quote:
             parts.append("")
         else:
             parts[-1] += c
-    return None if depth or quote else [part.strip() for part in parts]
+        if depth < 0:
+            return []
+    return [] if depth or quote else [part.strip() for part in parts]
 
 
-def assertion(name, text, number, refuse):
-    """The Fortran line of `@name(text)`."""
+def assertion(name, text, refuse):
+    """The Fortran call of `@name(text)`, left open for the line number."""
     parts = arguments(text)
-    if parts is None or "" in parts:
-        refuse(number, "the arguments of @%s do not parse" % name)
-    n_values = 2 if name in COMPARISONS else 1
-    if len(parts) < n_values:
-        refuse(number, "@%s takes %d values" % (name, n_values))
+    n_values = 1 if name in ("asserttrue", "assertfalse") else 2
+    if len(parts) < n_values or "" in parts:
+        refuse("the arguments of @%s do not parse" % name)
     for part in parts[n_values:]:
         if not re.match(r"(tolerance|message)\s*=[^=]", part, re.I):
-            refuse(number, "@%s understands tolerance= and message= after the values, not '%s'" % (name, part))
-    if name in COMPARISONS:
-        parts[:2] = ["funit_value(%s)" % part for part in parts[:2]]
-    return "call %s(%s, line=%d); if (anyExceptions()) return" % (name, ", ".join(parts), number)
+            refuse("after the values, @%s takes tolerance= and message=, not '%s'" % (name, part))
+    values = ["funit_value(%s)" % part for part in parts[:n_values]]
+    if n_values == 1:
+        values = ["funit_value('%s')" % name[6:], "funit_value(merge('true ', 'false', %s))" % parts[0]]
+    if name == "assertgreaterthan":
+        values.reverse()
+    procedure = "assertEqual" if n_values == 1 or name == "assertequal" else "assertLessThan"
+    return "call %s(%s" % (procedure, ", ".join(values + parts[n_values:]))
 
 
 def translate(path):
-    """The lines in Fortran, and the names of the tests, of the set-up and of the tear-down."""
-    def refuse(number, message):
+    """The lines in Fortran, the names of the tests, and those of the set-up and the tear-down."""
+    def refuse(message):
         sys.exit("%s:%d: %s" % (path, number, message))
 
-    lines, tests, around, pending, disabled, module = [], [], {}, None, False, None
+    lines, tests, around, pending, disabled, module, number = [], [], {}, None, False, None, 1
     for number, line in enumerate(path.read_text().splitlines(), 1):
         directive = re.match(r"(\s*)@(\w*)\s*(.*?)\s*$", line)
         procedure = re.match(r"\s*subroutine\s+(\w+)\s*(\(\s*\))?\s*(!.*)?$", line, re.I)
-        begins = re.match(r"\s*module\s+(\w+)\s*$", line, re.I)
-        if begins and not module:
-            module = begins[1]
-            if module != path.stem:
-                refuse(number, "the module must be named '%s' as the file is" % path.stem)
-        if directive:
-            indent, name, rest = directive.groups()
-            name = name.lower()
-            if name == "disable" and pending == "test" and not rest:
-                disabled = True
-            elif pending:
-                refuse(number, "a subroutine without arguments must follow @%s" % pending)
-            elif name in ("test", "before", "after") and not rest:
-                pending = name
-                if name in around:
-                    refuse(number, "a second @%s" % name)
-            elif name in ASSERTIONS and rest.startswith("(") and rest.endswith(")"):
-                line = indent + assertion(ASSERTIONS[name], rest[1:-1], number, refuse)
+        module = module or re.match(r"\s*module\s+(\w+)\s*$", line, re.I)
+        if pending and not procedure and not re.match(r"\s*(@disable\s*|!.*)?$", line, re.I):
+            refuse("a subroutine without arguments must follow @%s" % pending)
+        elif directive:
+            name, rest = directive[2].lower(), directive[3]
+            if name == "disable" and pending == "test":
+                disabled, line = True, ""
+            elif name in ("test", "before", "after") and not rest and name not in around:
+                pending, line = name, ""
+            elif re.match(r"assert(equal|true|false|greaterthan|lessthan)$", name) and re.match(r"\(.*\)$", rest):
+                call = assertion(name, rest[1:-1], refuse)
+                line = "%s%s, line=%d); if (anyExceptions()) return" % (directive[1], call, number)
             else:
-                refuse(number, "this runner does not understand '%s'" % line.strip())
-            if pending:
-                line = ""
+                refuse("the small runner does not understand '%s'" % line.strip())
         elif pending and procedure:
-            if procedure[1].lower() == path.stem.lower():
-                refuse(number, "a test must not bear the name of its module")
             if pending != "test":
                 around[pending] = procedure[1]
             elif not disabled:
                 tests.append(procedure[1])
             pending, disabled = None, False
-        elif pending and line.strip() and not line.lstrip().startswith("!"):
-            refuse(number, "a subroutine without arguments must follow @%s" % pending)
         lines.append(line)
-    if not module or not tests or pending:
-        refuse(max(1, len(lines)), "no module" if not module else "no test")
+    if not module or module[1] != path.stem or path.stem in tests or not tests or pending:
+        refuse("there must be a module named as the file is, and at least one test, named otherwise")
     return lines, tests, around
 
 
 def driver(name, paths):
-    """The main program."""
-    uses, calls, n = [], [], 0
-    for path in paths:
+    """The main program. As in pFUnit: no test after a failed set-up; the tear-down comes in any case."""
+    uses, calls = ["  use funit, only: funit_begin, funit_end, funit_close, anyExceptions"], []
+    for n, path in enumerate(paths):
         _, tests, around = translate(path)
+        alias = {p: "p%d_%d" % (n, k) for k, p in enumerate([*around.values(), *tests])}
+        uses += ["  use %s, only: %s => %s" % (path.stem, alias[p], p) for p in alias]
+        before, after = (["    call %s()" % alias[around[k]]] if k in around else [] for k in ("before", "after"))
         for test in tests:
-            n += 1
-            steps = [around[step] if step != "test" else test for step in ("before", "test", "after") if step in ("test", *around)]
-            uses += ["  use %s, only: t%d_%d => %s" % (path.stem, n, k, step) for k, step in enumerate(steps)]
-            calls.append("  if (funit_begin('%s', '%s')) then" % (path, test))
-            for k, step in enumerate(steps):
-                # As in pFUnit: no test after a failed set-up; the tear-down comes in any case.
-                guard = "if (.not. anyExceptions()) " if step == test and k else ""
-                calls.append("    %scall t%d_%d()" % (guard, n, k))
+            calls += ["  if (funit_begin('%s', '%s')) then" % (path, test), *before]
+            calls += ["    if (.not. anyExceptions()) call %s()" % alias[test], *after]
             calls += ["    call funit_end()", "  end if"]
-    uses.append("  use funit, only: funit_begin, funit_end, funit_close, anyExceptions")
-    return ["program driver"] + uses + ["  implicit none"] + calls + ["  call funit_close('%s')" % name, "end program driver"]
+    return ["program driver", *uses, "  implicit none", *calls, "  call funit_close('%s')" % name, "end program driver"]
 
 
-def main(words):
-    if len(words) >= 3 and words[0] == "--driver":
-        out, lines = words[2], driver(words[1], [pathlib.Path(word) for word in words[3:]])
-    elif len(words) == 2:
-        out, lines = words[1], ['# 1 "%s"' % words[0]] + translate(pathlib.Path(words[0]))[0]
-    else:
-        sys.exit(__doc__)
-    pathlib.Path(out).write_text("\n".join(lines) + "\n")
-
-
-main(sys.argv[1:])
+words = sys.argv[1:]
+if len(words) > 3 and words[0] == "--driver":
+    out, result = words[2], driver(words[1], [pathlib.Path(word) for word in words[3:]])
+elif len(words) == 2:
+    out, result = words[1], ['# 1 "%s"' % words[0]] + translate(pathlib.Path(words[0]))[0]
+else:
+    sys.exit(__doc__)
+pathlib.Path(out).write_text("\n".join(result) + "\n")

@@ -1,0 +1,63 @@
+!> OpenBLAS's own threads: how many, and which library it is.
+module dotyk_linalg_blas
+  use, intrinsic :: iso_c_binding, only: c_int, c_char, c_ptr, c_null_char, c_f_pointer, c_associated
+  implicit none
+  private
+  public :: set_blas_threads, blas_threads, blas_name
+
+  interface
+    subroutine openblas_set_num_threads(n) bind(c, name='openblas_set_num_threads')
+      import :: c_int
+      integer(c_int), value :: n
+    end subroutine openblas_set_num_threads
+
+    integer(c_int) function openblas_get_num_threads() bind(c, name='openblas_get_num_threads')
+      import :: c_int
+    end function openblas_get_num_threads
+
+    type(c_ptr) function openblas_get_config() bind(c, name='openblas_get_config')
+      import :: c_ptr
+    end function openblas_get_config
+
+    type(c_ptr) function openblas_get_corename() bind(c, name='openblas_get_corename')
+      import :: c_ptr
+    end function openblas_get_corename
+  end interface
+
+contains
+
+  !> Let every BLAS call of the process use n threads. To be called outside parallel regions.
+  subroutine set_blas_threads(n)
+    !> Number of threads, at least 1.
+    integer, intent(in) :: n
+    call openblas_set_num_threads(int(max(1, n), c_int))
+  end subroutine set_blas_threads
+
+  !> Threads that a BLAS call uses.
+  integer function blas_threads()
+    blas_threads = int(openblas_get_num_threads())
+  end function blas_threads
+
+  !> Name, version and options of the BLAS library, and the processor that it chose its kernels for.
+  function blas_name() result(name)
+    character(:), allocatable :: name
+    name = text_of_c(openblas_get_config())//' ['//text_of_c(openblas_get_corename())//']'
+  end function blas_name
+
+  !> A C string as text.
+  function text_of_c(string) result(text)
+    type(c_ptr), intent(in) :: string
+    character(:), allocatable :: text
+    integer, parameter :: most = 256
+    character(kind=c_char), pointer :: letter(:)
+    integer :: i
+    text = ''
+    if (.not. c_associated(string)) return
+    call c_f_pointer(string, letter, [most])
+    do i = 1, most
+      if (letter(i) == c_null_char) exit
+      text = text//letter(i)
+    end do
+    text = trim(text)
+  end function text_of_c
+end module dotyk_linalg_blas

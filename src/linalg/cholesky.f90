@@ -1,0 +1,322 @@
+!> Sparse Cholesky factorization by CHOLMOD's supernodal code, with 64-bit indices. The only module that names CHOLMOD.
+module dotyk_linalg_cholesky
+  use, intrinsic :: iso_c_binding, only: c_ptr, c_null_ptr, c_associated, c_int, c_int64_t, c_double
+  use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_error, only: error_t, set_error, exit_not_solvable
+  use dotyk_base_text, only: to_text
+  use dotyk_linalg_sparse, only: sparse_symmetric_t
+  implicit none
+  private
+
+  !> Factor P K P^T = L L^T of a symmetric positive definite matrix K. It owns memory of CHOLMOD's: never assign one to
+  !> another, and call `destroy` at the end. A factor is analyzed and factorized by one thread; after that any number of
+  !> threads may solve with it at the same time.
+  type, public :: cholesky_t
+    !> Order of the matrix.
+    integer :: n = 0
+    !> Entries of L that are stored, the zeros inside supernodes counted in. Known from `analyze` on, as are the next four.
+    integer(int64) :: factor_entries = 0
+    !> Number of supernodes.
+    integer(int64) :: n_supernodes = 0
+    !> Memory of the factor [bytes].
+    integer(int64) :: factor_bytes = 0
+    !> Memory that a factorization needs beside the factor and K: a permuted copy of K and the largest update [bytes].
+    integer(int64) :: workspace_bytes = 0
+    !> Floating-point operations of a factorization.
+    real(dp) :: flops = 0
+    !> Least part of a diagonal entry of K that elimination left as its pivot, 0 < weakest_pivot <= 1. A body that is not
+    !> held may pass the factorization by round-off: this is then about 1e-16 to 1e-13. Independent of units.
+    real(dp) :: weakest_pivot = 0
+    !> Equation of that pivot.
+    integer :: weakest_equation = 0
+    type(c_ptr), private :: handle = c_null_ptr
+    logical, private :: factorized = .false.
+  contains
+    procedure :: analyze => cholesky_analyze
+    procedure :: factorize => cholesky_factorize
+    procedure :: is_factorized => cholesky_is_factorized
+    procedure :: solve => cholesky_solve
+    procedure :: solve_block => cholesky_solve_block
+    procedure :: solve_forward => cholesky_solve_forward
+    procedure :: solve_backward => cholesky_solve_backward
+    procedure :: condition_estimate => cholesky_condition_estimate
+    procedure :: destroy => cholesky_destroy
+  end type cholesky_t
+
+  !> The shim's struct of the same name.
+  type, bind(c) :: statistics_t
+    integer(c_int64_t) :: entries
+    integer(c_int64_t) :: supernodes
+    integer(c_int64_t) :: factor_bytes
+    integer(c_int64_t) :: workspace_bytes
+    real(c_double) :: flops
+  end type statistics_t
+
+  ! What the shim returns, and the parts of a solve that it knows.
+  integer(c_int), parameter :: code_ok = 0, code_out_of_memory = 1, code_not_positive = 2, code_too_large = 3
+  integer(c_int), parameter :: part_whole = 0, part_forward = 1, part_backward = 2
+  !> Right-hand sides that are solved for at a time.
+  integer, parameter :: block_size = 64
+
+  interface
+    type(c_ptr) function dotyk_cholmod_new() bind(c)
+      import :: c_ptr
+    end function dotyk_cholmod_new
+
+    subroutine dotyk_cholmod_free(handle) bind(c)
+      import :: c_ptr
+      type(c_ptr), value :: handle
+    end subroutine dotyk_cholmod_free
+
+    integer(c_int) function dotyk_cholmod_analyze(handle, n, start, row, permutation, statistics) bind(c)
+      import :: c_ptr, c_int, c_int64_t, statistics_t
+      type(c_ptr), value :: handle
+      integer(c_int64_t), value :: n
+      integer(c_int64_t), intent(in) :: start(*), row(*), permutation(*)
+      type(statistics_t), intent(out) :: statistics
+    end function dotyk_cholmod_analyze
+
+    integer(c_int) function dotyk_cholmod_permute(handle, start, row, value) bind(c)
+      import :: c_ptr, c_int, c_int64_t, c_double
+      type(c_ptr), value :: handle
+      integer(c_int64_t), intent(in) :: start(*), row(*)
+      real(c_double), intent(in) :: value(*)
+    end function dotyk_cholmod_permute
+
+    integer(c_int) function dotyk_cholmod_factorize(handle, failed, weakest, ratio) bind(c)
+      import :: c_ptr, c_int, c_int64_t, c_double
+      type(c_ptr), value :: handle
+      integer(c_int64_t), intent(out) :: failed, weakest
+      real(c_double), intent(out) :: ratio
+    end function dotyk_cholmod_factorize
+
+    integer(c_int) function dotyk_cholmod_solve(handle, part, n, m, x) bind(c)
+      import :: c_ptr, c_int, c_int64_t, c_double
+      type(c_ptr), value :: handle
+      integer(c_int), value :: part
+      integer(c_int64_t), value :: n, m
+      real(c_double), intent(inout) :: x(*)
+    end function dotyk_cholmod_solve
+
+    real(c_double) function dotyk_cholmod_rcond(handle) bind(c)
+      import :: c_ptr, c_double
+      type(c_ptr), value :: handle
+    end function dotyk_cholmod_rcond
+  end interface
+
+contains
+
+  !> Symbolic analysis: the structure, size and cost of the factor. Values are not looked at and may be missing.
+  subroutine cholesky_analyze(self, matrix, permutation, error)
+    class(cholesky_t), intent(inout) :: self
+    !> Pattern of the matrix.
+    type(sparse_symmetric_t), intent(in) :: matrix
+    !> The equation that comes k-th (n), from nested dissection; CHOLMOD may postorder it, which costs no fill.
+    integer, intent(in) :: permutation(:)
+    !> Out of memory, or a factor beyond what the machine can address.
+    type(error_t), allocatable, intent(out) :: error
+    type(statistics_t) :: statistics
+    call self%destroy()
+    self%n = matrix%n
+    if (.not. is_permutation(matrix%n, permutation)) then
+      call set_error(error, 'the ordering of '//to_text(matrix%n)//' equations is not a permutation', exit_not_solvable)
+      return
+    end if
+    if (self%n == 0) return
+    self%handle = dotyk_cholmod_new()
+    if (.not. c_associated(self%handle)) then
+      call raise(code_out_of_memory, 'analysis', self, error)
+      return
+    end if
+    call raise(dotyk_cholmod_analyze(self%handle, int(self%n, c_int64_t), matrix%column_start, matrix%row, &
+      int(permutation, c_int64_t) - 1_c_int64_t, statistics), 'analysis', self, error)
+    if (allocated(error)) return
+    self%factor_entries = statistics%entries
+    self%n_supernodes = statistics%supernodes
+    self%factor_bytes = statistics%factor_bytes
+    self%workspace_bytes = statistics%workspace_bytes
+    self%flops = statistics%flops
+  end subroutine cholesky_analyze
+
+  !> Numeric factorization, of the matrix that was analyzed or one of the same pattern.
+  subroutine cholesky_factorize(self, matrix, failed_column, error, discard)
+    class(cholesky_t), intent(inout) :: self
+    !> The matrix, destroyed where `discard` is true.
+    type(sparse_symmetric_t), intent(inout) :: matrix
+    !> Equation whose pivot was not positive, so that there is no factor; 0 if all is well. It is not an error here.
+    integer, intent(out) :: failed_column
+    !> Out of memory.
+    type(error_t), allocatable, intent(out) :: error
+    !> Whether to give the memory of the matrix back before the factor's is taken; false if absent.
+    logical, intent(in), optional :: discard
+    integer(c_int64_t) :: failed, weakest
+    integer(c_int) :: code
+    real(c_double) :: ratio
+    failed_column = 0
+    self%factorized = .false.
+    self%weakest_pivot = 1
+    self%weakest_equation = 0
+    if (self%n == 0 .and. matrix%n == 0) then
+      self%factorized = .true.
+      return
+    end if
+    if (.not. c_associated(self%handle) .or. self%n /= matrix%n .or. .not. allocated(matrix%value)) then
+      call set_error(error, 'the matrix to factorize is not the one that was analyzed', exit_not_solvable)
+      return
+    end if
+    call raise(dotyk_cholmod_permute(self%handle, matrix%column_start, matrix%row, matrix%value), 'factorization', self, &
+      error)
+    if (allocated(error)) return
+    if (present(discard)) then
+      if (discard) call matrix%destroy()
+    end if
+    code = dotyk_cholmod_factorize(self%handle, failed, weakest, ratio)
+    if (code == code_not_positive) then
+      failed_column = int(failed)
+      self%weakest_pivot = 0
+      self%weakest_equation = failed_column
+      return
+    end if
+    call raise(code, 'factorization', self, error)
+    if (allocated(error)) return
+    self%weakest_pivot = ratio
+    self%weakest_equation = int(weakest)
+    self%factorized = .true.
+  end subroutine cholesky_factorize
+
+  !> Whether there is a factor to solve with.
+  pure logical function cholesky_is_factorized(self) result(is_factorized)
+    class(cholesky_t), intent(in) :: self
+    is_factorized = self%factorized
+  end function cholesky_is_factorized
+
+  !> x <- K^-1 x. NaN where there is no factor, or no memory for a copy of x.
+  subroutine cholesky_solve(self, x)
+    class(cholesky_t), intent(in) :: self
+    !> Right-hand side, then solution (n).
+    real(dp), intent(inout), contiguous :: x(:)
+    call solve_columns(self, part_whole, 1, x)
+  end subroutine cholesky_solve
+
+  !> X <- K^-1 X, four to six times cheaper per column than one by one. NaN as in `solve`.
+  subroutine cholesky_solve_block(self, x)
+    class(cholesky_t), intent(in) :: self
+    !> Right-hand sides, then solutions (n,m).
+    real(dp), intent(inout), contiguous :: x(:, :)
+    call solve_columns(self, part_whole, size(x, 2), x)
+  end subroutine cholesky_solve_block
+
+  !> X <- L^-1 P X: half a solve, so that B K^-1 B^T = Y^T Y with Y = L^-1 P B^T. NaN as in `solve`.
+  subroutine cholesky_solve_forward(self, x)
+    class(cholesky_t), intent(in) :: self
+    !> Right-hand sides in the order of the equations, then results in the order of elimination (n,m).
+    real(dp), intent(inout), contiguous :: x(:, :)
+    call solve_columns(self, part_forward, size(x, 2), x)
+  end subroutine cholesky_solve_forward
+
+  !> X <- P^T L^-T X, the other half. NaN as in `solve`.
+  subroutine cholesky_solve_backward(self, x)
+    class(cholesky_t), intent(in) :: self
+    !> Right-hand sides in the order of elimination, then results in the order of the equations (n,m).
+    real(dp), intent(inout), contiguous :: x(:, :)
+    call solve_columns(self, part_backward, size(x, 2), x)
+  end subroutine cholesky_solve_backward
+
+  !> Solves in blocks of columns.
+  subroutine solve_columns(self, part, m, x)
+    class(cholesky_t), intent(in) :: self
+    !> Which part of the solve.
+    integer(c_int), intent(in) :: part
+    !> Number of columns.
+    integer, intent(in) :: m
+    !> Right-hand sides, then results (n,m).
+    real(dp), intent(inout) :: x(self%n, m)
+    integer :: first, last
+    integer(c_int) :: code
+    if (self%n == 0) return
+    do first = 1, m, block_size
+      last = min(m, first + block_size - 1)
+      code = code_out_of_memory
+      if (self%factorized) code = dotyk_cholmod_solve(self%handle, part, int(self%n, c_int64_t), &
+        int(last - first + 1, c_int64_t), x(:, first:last))
+      if (code /= code_ok) x(:, first:last) = not_a_number()
+    end do
+  end subroutine solve_columns
+
+  !> A quiet NaN.
+  pure real(dp) function not_a_number()
+    not_a_number = transfer(int(z'7FF8000000000000', int64), 1.0_dp)
+  end function not_a_number
+
+  !> Estimate of the reciprocal condition number, (least/largest diagonal entry of L)^2; 0 where there is no factor.
+  real(dp) function cholesky_condition_estimate(self) result(rcond)
+    class(cholesky_t), intent(in) :: self
+    rcond = 0
+    if (.not. self%factorized) return
+    rcond = 1
+    if (self%n > 0) rcond = dotyk_cholmod_rcond(self%handle)
+  end function cholesky_condition_estimate
+
+  !> Give all memory back.
+  subroutine cholesky_destroy(self)
+    class(cholesky_t), intent(inout) :: self
+    if (c_associated(self%handle)) call dotyk_cholmod_free(self%handle)
+    self%handle = c_null_ptr
+    self%n = 0
+    self%factor_entries = 0
+    self%n_supernodes = 0
+    self%factor_bytes = 0
+    self%workspace_bytes = 0
+    self%flops = 0
+    self%weakest_pivot = 0
+    self%weakest_equation = 0
+    self%factorized = .false.
+  end subroutine cholesky_destroy
+
+  !> Turn a code of the shim into an error.
+  subroutine raise(code, what, factor, error)
+    !> One of the codes above.
+    integer(c_int), intent(in) :: code
+    !> What was being done.
+    character(*), intent(in) :: what
+    !> For its size.
+    class(cholesky_t), intent(in) :: factor
+    !> Allocated unless the code is `code_ok`.
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: size_text
+    if (code == code_ok) return
+    size_text = to_text(factor%n)//' unknowns'
+    if (factor%factor_bytes > 0) size_text = size_text//': the factor takes '// &
+      to_text(real(factor%factor_bytes, dp)*1.0e-9_dp)//' GB, the work on it '// &
+      to_text(real(factor%workspace_bytes, dp)*1.0e-9_dp)//' GB more'
+    select case (code)
+    case (code_out_of_memory)
+      call set_error(error, 'out of memory in the '//what//' of '//size_text, exit_not_solvable)
+    case (code_too_large)
+      call set_error(error, 'the matrix is too large for the '//what//' of '//size_text, exit_not_solvable)
+    case default
+      call set_error(error, 'CHOLMOD refuses the '//what//' of '//size_text, exit_not_solvable)
+    end select
+  end subroutine raise
+
+  !> Whether each of 1..n stands in the list once.
+  pure logical function is_permutation(n, list)
+    integer, intent(in) :: n
+    !> The list.
+    integer, intent(in) :: list(:)
+    logical, allocatable :: seen(:)
+    integer :: k
+    is_permutation = size(list) == n
+    if (.not. is_permutation) return
+    allocate (seen(n), source=.false.)
+    do k = 1, n
+      if (list(k) < 1 .or. list(k) > n) then
+        is_permutation = .false.
+      else if (seen(list(k))) then
+        is_permutation = .false.
+      else
+        seen(list(k)) = .true.
+      end if
+    end do
+  end function is_permutation
+end module dotyk_linalg_cholesky

@@ -1,0 +1,257 @@
+/* CHOLMOD behind an opaque handle: one cholmod_common and one supernodal factor each, 64-bit indices.
+ *
+ * The struct layouts of cholmod.h are known here and nowhere else. Every function returns one of the codes below. A handle
+ * is changed by analyze, permute and factorize, one thread at a time; solves only read it, so that several threads may
+ * solve with one factor at the same time. */
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cholmod.h>
+#include <omp.h>
+
+enum { OK = 0, OUT_OF_MEMORY = 1, NOT_POSITIVE = 2, TOO_LARGE = 3, INVALID = 4 };
+
+typedef struct {
+  cholmod_common common;
+  cholmod_factor *L;
+  cholmod_sparse *permuted; /* lower triangle of P K P^T, from permute to factorize */
+  int64_t n;
+} handle_t;
+
+/* What Fortran mirrors as statistics_t of dotyk_linalg_cholesky. */
+typedef struct {
+  int64_t entries;         /* entries of the factor that are stored, zeros inside supernodes included */
+  int64_t supernodes;      /* number of supernodes */
+  int64_t factor_bytes;    /* memory of the factor */
+  int64_t workspace_bytes; /* memory that a factorization needs beside the factor and the matrix */
+  double flops;            /* floating-point operations of a factorization */
+} statistics_t;
+
+_Static_assert(sizeof(SuiteSparse_long) == sizeof(int64_t), "CHOLMOD's long integers must have 64 bits");
+
+static int code_of_status(const cholmod_common *common) {
+  switch (common->status) {
+  case CHOLMOD_OK:
+  case CHOLMOD_DSMALL: return OK;
+  case CHOLMOD_OUT_OF_MEMORY: return OUT_OF_MEMORY;
+  case CHOLMOD_NOT_POSDEF: return NOT_POSITIVE;
+  case CHOLMOD_TOO_LARGE: return TOO_LARGE;
+  default: return INVALID;
+  }
+}
+
+/* CHOLMOD has parallel loops with num_threads(4) fixed at compile time; started outside a parallel region they make
+ * threads that fight for the cores. The limit belongs to the calling task only. */
+static int forbid_threads(void) {
+  int levels = omp_get_max_active_levels();
+  omp_set_max_active_levels(0);
+  return levels;
+}
+
+void dotyk_cholmod_free(void *handle) {
+  handle_t *h = handle;
+  if (!h) return;
+  cholmod_l_free_sparse(&h->permuted, &h->common);
+  cholmod_l_free_factor(&h->L, &h->common);
+  cholmod_l_finish(&h->common);
+  free(h);
+}
+
+void *dotyk_cholmod_new(void) {
+  handle_t *h = calloc(1, sizeof *h);
+  if (!h) return NULL;
+  if (!cholmod_l_start(&h->common)) {
+    free(h);
+    return NULL;
+  }
+  cholmod_common *c = &h->common;
+  c->print = 0;
+  c->error_handler = NULL;
+  c->useGPU = 0;
+  c->supernodal = CHOLMOD_SUPERNODAL;
+  c->final_ll = 1;
+  c->quick_return_if_not_posdef = 1;
+  c->nmethods = 1;
+  c->method[0].ordering = CHOLMOD_GIVEN;
+  c->postorder = 1;
+  return h;
+}
+
+/* Symbolic analysis. start (n+1), row: pattern of the lower triangle by columns, rows ascending, 0-based; permutation (n):
+ * the equation that comes k-th, 0-based. The arrays are read where they are. */
+int dotyk_cholmod_analyze(void *handle, int64_t n, int64_t *start, int64_t *row, int64_t *permutation,
+                          statistics_t *statistics) {
+  handle_t *h = handle;
+  cholmod_common *c = &h->common;
+  cholmod_l_free_factor(&h->L, c);
+  h->n = n;
+  cholmod_sparse a;
+  memset(&a, 0, sizeof a);
+  a.nrow = a.ncol = (size_t)n;
+  a.nzmax = (size_t)start[n];
+  a.p = start;
+  a.i = row;
+  a.stype = -1;
+  a.itype = CHOLMOD_LONG;
+  a.xtype = CHOLMOD_PATTERN;
+  a.dtype = CHOLMOD_DOUBLE;
+  a.sorted = 1;
+  a.packed = 1;
+  int levels = forbid_threads();
+  h->L = cholmod_l_analyze_p(&a, (SuiteSparse_long *)permutation, NULL, 0, c);
+  omp_set_max_active_levels(levels);
+  if (!h->L) return c->status == CHOLMOD_OK ? INVALID : code_of_status(c);
+  if (!h->L->is_super) return INVALID;
+  cholmod_l_free_work(c);
+  const cholmod_factor *L = h->L;
+  statistics->entries = (int64_t)L->xsize;
+  statistics->supernodes = (int64_t)L->nsuper;
+  statistics->factor_bytes = 8 * (int64_t)(L->xsize + L->ssize + 3 * (L->nsuper + 1) + 2 * L->n);
+  statistics->workspace_bytes = 8 * ((int64_t)L->maxcsize + 2 * start[n] + 6 * n);
+  statistics->flops = c->fl;
+  return OK;
+}
+
+/* Make the lower triangle of P K P^T, so that the caller may give K back before the factor is allocated. CHOLMOD itself
+ * would make two such copies at a time, and keep K's. */
+int dotyk_cholmod_permute(void *handle, const int64_t *start, const int64_t *row, const double *value) {
+  handle_t *h = handle;
+  cholmod_common *c = &h->common;
+  int64_t n = h->n;
+  const SuiteSparse_long *permutation = h->L->Perm;
+  cholmod_l_free_sparse(&h->permuted, c);
+  int64_t *place = malloc((size_t)(n + 1) * sizeof *place);
+  cholmod_sparse *s =
+      place ? cholmod_l_allocate_sparse((size_t)n, (size_t)n, (size_t)start[n], 0, 1, -1, CHOLMOD_REAL, c) : NULL;
+  if (!s) {
+    free(place);
+    return OUT_OF_MEMORY;
+  }
+  for (int64_t k = 0; k < n; k++) place[permutation[k]] = k;
+  int64_t *first = s->p, *s_row = s->i;
+  double *s_value = s->x;
+  for (int64_t k = 0; k <= n; k++) first[k] = 0;
+  for (int64_t j = 0; j < n; j++) {
+    for (int64_t p = start[j]; p < start[j + 1]; p++) {
+      int64_t a = place[row[p]], b = place[j];
+      first[a < b ? a : b]++;
+    }
+  }
+  /* Backwards from the end of each column: afterwards first[k] is where column k starts. */
+  for (int64_t k = 0, sum = 0; k <= n; k++) first[k] = sum += (k < n ? first[k] : 0);
+  for (int64_t j = n - 1; j >= 0; j--) {
+    for (int64_t p = start[j + 1] - 1; p >= start[j]; p--) {
+      int64_t a = place[row[p]], b = place[j];
+      int64_t q = --first[a < b ? a : b];
+      s_row[q] = a < b ? b : a;
+      s_value[q] = value[p];
+    }
+  }
+  free(place);
+  h->permuted = s;
+  return OK;
+}
+
+/* Numeric factorization of what permute left, which is given back. failed: 1-based equation whose pivot is not positive, or
+ * 0. weakest, ratio: the equation that elimination leaves the smallest part of its diagonal entry, and that part. */
+int dotyk_cholmod_factorize(void *handle, int64_t *failed, int64_t *weakest, double *ratio) {
+  handle_t *h = handle;
+  cholmod_common *c = &h->common;
+  const SuiteSparse_long *permutation = h->L->Perm;
+  int64_t n = h->n;
+  *failed = *weakest = 0;
+  *ratio = 1;
+  if (!h->permuted) return INVALID;
+  double *diagonal = malloc((size_t)(n + 1) * sizeof *diagonal);
+  if (!diagonal) return OUT_OF_MEMORY;
+  const int64_t *first = h->permuted->p, *row = h->permuted->i;
+  const double *value = h->permuted->x;
+  for (int64_t k = 0; k < n; k++) {
+    diagonal[k] = 0;
+    for (int64_t p = first[k]; p < first[k + 1]; p++) {
+      if (row[p] == k) diagonal[k] = value[p];
+    }
+  }
+  double beta[2] = {0, 0};
+  int levels = forbid_threads();
+  cholmod_l_super_numeric(h->permuted, NULL, beta, h->L, c);
+  omp_set_max_active_levels(levels);
+  cholmod_l_free_sparse(&h->permuted, c);
+  cholmod_l_free_work(c);
+  int code = code_of_status(c);
+  const cholmod_factor *L = h->L;
+  if (code == OK && L->minor >= L->n) {
+    const int64_t *super = L->super, *pi = L->pi, *px = L->px;
+    const double *x = L->x;
+    for (int64_t s = 0; s < (int64_t)L->nsuper; s++) {
+      int64_t rows = pi[s + 1] - pi[s];
+      for (int64_t k = super[s]; k < super[s + 1]; k++) {
+        double pivot = x[px[s] + (k - super[s]) * (rows + 1)];
+        double part = pivot * pivot / diagonal[k];
+        if (!(part > 0)) { /* NaN too: LAPACK does not always see it */
+          if (!*failed) *failed = permutation[k] + 1;
+        } else if (part < *ratio || *weakest == 0) {
+          *ratio = part;
+          *weakest = permutation[k] + 1;
+        }
+      }
+    }
+    if (*failed) code = NOT_POSITIVE;
+  } else if (code == OK || code == NOT_POSITIVE) {
+    *failed = permutation[L->minor < L->n ? L->minor : L->n - 1] + 1;
+    code = NOT_POSITIVE;
+  }
+  free(diagonal);
+  return code;
+}
+
+enum { WHOLE = 0, FORWARD = 1, BACKWARD = 2 };
+
+/* In place on x (n,m): x <- K^-1 x (WHOLE), L^-1 P x (FORWARD), P^T L^-T x (BACKWARD), where P K P^T = L L^T. */
+int dotyk_cholmod_solve(const void *handle, int part, int64_t n, int64_t m, double *x) {
+  const handle_t *h = handle;
+  cholmod_factor *L = h->L; /* the solves read it only */
+  const SuiteSparse_long *permutation = L->Perm;
+  cholmod_common common = h->common; /* takes the status of this solve */
+  common.status = CHOLMOD_OK;
+  size_t more = L->maxesize > 0 ? L->maxesize : 1;
+  double *work = malloc(sizeof(double) * (size_t)m * ((size_t)n + more));
+  if (!work) return OUT_OF_MEMORY;
+  cholmod_dense y = {.nrow = (size_t)n, .ncol = (size_t)m, .nzmax = (size_t)(n * m), .d = (size_t)n, .x = work,
+                     .xtype = CHOLMOD_REAL, .dtype = CHOLMOD_DOUBLE};
+  cholmod_dense e = {.nrow = (size_t)m, .ncol = more, .nzmax = (size_t)m * more, .d = (size_t)m,
+                     .x = work + (size_t)(n * m), .xtype = CHOLMOD_REAL, .dtype = CHOLMOD_DOUBLE};
+  for (int64_t j = 0; j < m; j++) {
+    double *yj = work + j * n;
+    const double *xj = x + j * n;
+    if (part == BACKWARD) {
+      memcpy(yj, xj, (size_t)n * sizeof *yj);
+    } else {
+      for (int64_t k = 0; k < n; k++) yj[k] = xj[permutation[k]];
+    }
+  }
+  int levels = forbid_threads();
+  int good = 1;
+  if (part != BACKWARD) good = cholmod_l_super_lsolve(L, &y, &e, &common);
+  if (good && part != FORWARD) good = cholmod_l_super_ltsolve(L, &y, &e, &common);
+  omp_set_max_active_levels(levels);
+  for (int64_t j = 0; j < m; j++) {
+    const double *yj = work + j * n;
+    double *xj = x + j * n;
+    if (part == FORWARD) {
+      memcpy(xj, yj, (size_t)n * sizeof *xj);
+    } else {
+      for (int64_t k = 0; k < n; k++) xj[permutation[k]] = yj[k];
+    }
+  }
+  free(work);
+  return good ? OK : INVALID;
+}
+
+/* A rough estimate of the reciprocal condition number: the square of least over largest diagonal entry of L. */
+double dotyk_cholmod_rcond(const void *handle) {
+  const handle_t *h = handle;
+  cholmod_common common = h->common;
+  return cholmod_l_rcond(h->L, &common);
+}

@@ -1,0 +1,190 @@
+!> Small dense problems, by LAPACK. The only module that names LAPACK.
+module dotyk_linalg_dense
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_error, only: error_t, set_error, exit_not_solvable
+  use dotyk_base_text, only: to_text
+  implicit none
+  private
+  public :: symmetric_eigen, solve_dense, orthonormal_range, complete_basis, tridiagonal_top
+
+  interface
+    subroutine dsyev(jobz, uplo, n, a, lda, w, work, lwork, info)
+      import :: dp
+      character(1), intent(in) :: jobz, uplo
+      integer, intent(in) :: n, lda, lwork
+      real(dp), intent(inout) :: a(lda, *)
+      real(dp), intent(out) :: w(*), work(*)
+      integer, intent(out) :: info
+    end subroutine dsyev
+
+    subroutine dgesv(n, nrhs, a, lda, ipiv, b, ldb, info)
+      import :: dp
+      integer, intent(in) :: n, nrhs, lda, ldb
+      real(dp), intent(inout) :: a(lda, *), b(ldb, *)
+      integer, intent(out) :: ipiv(*), info
+    end subroutine dgesv
+
+    subroutine dstevx(jobz, range, n, d, e, vl, vu, il, iu, abstol, m, w, z, ldz, work, iwork, ifail, info)
+      import :: dp
+      character(1), intent(in) :: jobz, range
+      integer, intent(in) :: n, il, iu, ldz
+      real(dp), intent(inout) :: d(*), e(*)
+      real(dp), intent(in) :: vl, vu, abstol
+      integer, intent(out) :: m, iwork(*), ifail(*), info
+      real(dp), intent(out) :: w(*), z(ldz, *), work(*)
+    end subroutine dstevx
+  end interface
+
+contains
+
+  !> Eigenvalues, ascending, and eigenvectors of a symmetric matrix.
+  subroutine symmetric_eigen(a, values, vectors, error)
+    !> The matrix (n,n), its lower triangle is read.
+    real(dp), intent(in) :: a(:, :)
+    !> Eigenvalues, ascending (n).
+    real(dp), intent(out) :: values(:)
+    !> Orthonormal eigenvectors as columns (n,n).
+    real(dp), intent(out) :: vectors(:, :)
+    !> The matrix is not finite, or LAPACK did not converge.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp), allocatable :: v(:, :), w(:), work(:)
+    integer :: n, info
+    n = size(a, 1)
+    if (n == 0) return
+    allocate (v(n, n), w(n), work(max(1, 34*n)))
+    v(:, :) = a
+    info = 1
+    ! LAPACK may not return from a matrix with a NaN or an infinity.
+    if (all(abs(a) <= huge(1.0_dp))) call dsyev('V', 'L', n, v, n, w, work, size(work), info)
+    if (info /= 0) then
+      call set_error(error, 'the eigenvalues of a matrix of order '//to_text(n)//' cannot be computed', exit_not_solvable)
+      return
+    end if
+    values(:) = w
+    vectors(:, :) = v
+  end subroutine symmetric_eigen
+
+  !> X with A X = B, in place.
+  subroutine solve_dense(a, x, error)
+    !> The matrix (n,n).
+    real(dp), intent(in) :: a(:, :)
+    !> Right-hand sides, then solutions (n,m).
+    real(dp), intent(inout) :: x(:, :)
+    !> The matrix is singular.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp), allocatable :: lu(:, :), b(:, :)
+    integer, allocatable :: pivot(:)
+    integer :: n, info
+    n = size(a, 1)
+    if (n == 0) return
+    allocate (lu(n, n), b(n, size(x, 2)), pivot(n))
+    lu(:, :) = a
+    b(:, :) = x
+    call dgesv(n, size(b, 2), lu, n, pivot, b, n, info)
+    if (info /= 0) then
+      call set_error(error, 'a matrix of order '//to_text(n)//' is singular', exit_not_solvable)
+      return
+    end if
+    x(:, :) = b
+  end subroutine solve_dense
+
+  !> Orthonormal basis of the range of A by modified Gram-Schmidt, columns taken in their order: the first one keeps its
+  !> direction, a column that is nearly in the span of those before it adds nothing.
+  pure subroutine orthonormal_range(a, tolerance, q, rank)
+    !> Vectors as columns (n,m).
+    real(dp), intent(in) :: a(:, :)
+    !> A column counts when more than this part of its length is new.
+    real(dp), intent(in) :: tolerance
+    !> Basis as columns (n, at least min(n,m)); columns beyond `rank` are zero.
+    real(dp), intent(out) :: q(:, :)
+    !> Number of columns of the basis.
+    integer, intent(out) :: rank
+    real(dp) :: v(size(a, 1)), length, rest
+    integer :: j, k, pass
+    q = 0
+    rank = 0
+    do j = 1, size(a, 2)
+      if (rank == min(size(a, 1), size(q, 2))) exit
+      length = norm2(a(:, j))
+      if (.not. length > 0) cycle
+      v = a(:, j)/length
+      do pass = 1, 2
+        do k = 1, rank
+          v = v - dot_product(q(:, k), v)*q(:, k)
+        end do
+      end do
+      rest = norm2(v)
+      if (rest <= tolerance) cycle
+      rank = rank + 1
+      ! Once more after scaling: what was nearly dependent has lost its orthogonality to round-off.
+      v = v/rest
+      do k = 1, rank - 1
+        v = v - dot_product(q(:, k), v)*q(:, k)
+      end do
+      q(:, rank) = v/norm2(v)
+    end do
+  end subroutine orthonormal_range
+
+  !> Complete an orthonormal basis to one of the whole space, with the axes that are farthest from it.
+  pure subroutine complete_basis(q, rank)
+    !> The first `rank` columns are given, the others are filled in (n,n).
+    real(dp), intent(inout) :: q(:, :)
+    !> Number of columns that are given.
+    integer, intent(in) :: rank
+    real(dp) :: v(size(q, 1)), best(size(q, 1))
+    integer :: i, j, k, pass
+    do j = rank + 1, size(q, 1)
+      best = 0
+      do i = 1, size(q, 1)
+        v = 0
+        v(i) = 1
+        do pass = 1, 2
+          do k = 1, j - 1
+            v = v - dot_product(q(:, k), v)*q(:, k)
+          end do
+        end do
+        ! The margin keeps the choice from hanging on round-off.
+        if (norm2(v) > 1.001_dp*norm2(best)) best = v
+      end do
+      q(:, j) = best/norm2(best)
+    end do
+  end subroutine complete_basis
+
+  !> Largest eigenvalue of a symmetric tridiagonal matrix and its eigenvector.
+  subroutine tridiagonal_top(diagonal, off_diagonal, value, vector)
+    !> Diagonal (n).
+    real(dp), intent(in) :: diagonal(:)
+    !> Entries beside it (n-1, more are ignored).
+    real(dp), intent(in) :: off_diagonal(:)
+    !> Largest eigenvalue.
+    real(dp), intent(out) :: value
+    !> Its eigenvector of length 1 (n).
+    real(dp), intent(out) :: vector(:)
+    real(dp), allocatable :: d(:), e(:), w(:), z(:, :), work(:)
+    integer, allocatable :: iwork(:), ifail(:)
+    real(dp) :: scale
+    integer :: n, found, info
+    n = size(diagonal)
+    value = diagonal(1)
+    vector = 1
+    if (n == 1) return
+    allocate (d(n), e(n), w(n), z(n, 1), work(5*n), iwork(5*n), ifail(n))
+    d(:) = diagonal
+    e(:) = 0
+    e(:n - 1) = off_diagonal(:n - 1)
+    scale = max(maxval(abs(d)), maxval(abs(e)))
+    if (scale > 0) then
+      d(:) = d/scale
+      e(:) = e/scale
+    end if
+    call dstevx('V', 'I', n, d, e, 0.0_dp, 0.0_dp, n, n, 0.0_dp, found, w, z, n, work, iwork, ifail, info)
+    if (info == 0 .and. found == 1) then
+      value = w(1)*scale
+      vector = z(:, 1)
+    else
+      ! Inverse iteration failed: a bound by Gershgorin, and a vector whose residual claims nothing.
+      value = maxval(diagonal + abs(e)*scale + abs(eoshift(e, -1))*scale)
+      vector = 1
+    end if
+  end subroutine tridiagonal_top
+end module dotyk_linalg_dense

@@ -1,0 +1,237 @@
+!> Sparse matrices: the symmetric one that CHOLMOD reads, and a general one by rows.
+module dotyk_linalg_sparse
+  use dotyk_base_kinds, only: dp, int64
+  implicit none
+  private
+
+  !> Symmetric matrix: lower triangle with the diagonal, by columns, rows ascending in each column. Indices are 64-bit and
+  !> 0-based, because CHOLMOD reads these very arrays. The diagonal entry of every column is stored and comes first.
+  type, public :: sparse_symmetric_t
+    !> Order of the matrix.
+    integer :: n = 0
+    !> 0-based position of the first entry of each column (n+1); the last one is the number of entries.
+    integer(int64), allocatable :: column_start(:)
+    !> 0-based row of each entry (number of entries).
+    integer(int64), allocatable :: row(:)
+    !> Value of each entry (number of entries); not allocated where only the pattern is known.
+    real(dp), allocatable :: value(:)
+  contains
+    procedure :: multiply => symmetric_multiply
+    procedure :: n_entries => symmetric_entries
+    procedure :: bytes => symmetric_bytes
+    procedure :: destroy => symmetric_destroy
+  end type sparse_symmetric_t
+
+  !> General matrix by rows, 1-based, columns ascending in each row.
+  type, public :: sparse_rows_t
+    !> Number of rows.
+    integer :: n_rows = 0
+    !> Number of columns.
+    integer :: n_columns = 0
+    !> Position of the first entry of each row (n_rows+1).
+    integer, allocatable :: row_start(:)
+    !> Column of each entry (number of entries).
+    integer, allocatable :: column(:)
+    !> Value of each entry (number of entries).
+    real(dp), allocatable :: value(:)
+  contains
+    procedure :: init_from_triplets => rows_init_from_triplets
+    procedure :: multiply => rows_multiply
+    procedure :: multiply_transposed => rows_multiply_transposed
+    procedure :: destroy => rows_destroy
+  end type sparse_rows_t
+
+contains
+
+  !> y = A x.
+  subroutine symmetric_multiply(self, x, y)
+    class(sparse_symmetric_t), intent(in) :: self
+    !> Factor (n).
+    real(dp), intent(in) :: x(:)
+    !> Product (n).
+    real(dp), intent(out) :: y(:)
+    call multiply_lower(self%n, self%column_start, self%row, self%value, x, y)
+  end subroutine symmetric_multiply
+
+  !> Product with a symmetric matrix of which the lower triangle is stored.
+  pure subroutine multiply_lower(n, start, row, value, x, y)
+    !> Order.
+    integer, intent(in) :: n
+    !> Column starts (n+1), 0-based.
+    integer(int64), intent(in) :: start(:)
+    !> Rows, 0-based.
+    integer(int64), intent(in) :: row(:)
+    !> Values.
+    real(dp), intent(in) :: value(:)
+    !> Factor (n).
+    real(dp), intent(in) :: x(:)
+    !> Product (n).
+    real(dp), intent(out) :: y(:)
+    integer :: i, j
+    integer(int64) :: k
+    real(dp) :: sum, xj
+    y(1:n) = 0
+    do j = 1, n
+      if (start(j + 1) == start(j)) cycle
+      xj = x(j)
+      sum = value(start(j) + 1)*xj
+      do k = start(j) + 2, start(j + 1)
+        i = int(row(k)) + 1
+        y(i) = y(i) + value(k)*xj
+        sum = sum + value(k)*x(i)
+      end do
+      y(j) = y(j) + sum
+    end do
+  end subroutine multiply_lower
+
+  !> Number of stored entries.
+  pure integer(int64) function symmetric_entries(self) result(n_entries)
+    class(sparse_symmetric_t), intent(in) :: self
+    n_entries = 0
+    if (allocated(self%column_start)) n_entries = self%column_start(self%n + 1)
+  end function symmetric_entries
+
+  !> Memory of the arrays [bytes].
+  pure integer(int64) function symmetric_bytes(self) result(bytes)
+    class(sparse_symmetric_t), intent(in) :: self
+    bytes = 0
+    if (allocated(self%column_start)) bytes = bytes + 8_int64*size(self%column_start, kind=int64)
+    if (allocated(self%row)) bytes = bytes + 8_int64*size(self%row, kind=int64)
+    if (allocated(self%value)) bytes = bytes + 8_int64*size(self%value, kind=int64)
+  end function symmetric_bytes
+
+  !> Give the memory back.
+  subroutine symmetric_destroy(self)
+    class(sparse_symmetric_t), intent(inout) :: self
+    self%n = 0
+    if (allocated(self%column_start)) deallocate (self%column_start)
+    if (allocated(self%row)) deallocate (self%row)
+    if (allocated(self%value)) deallocate (self%value)
+  end subroutine symmetric_destroy
+
+  !> Build the matrix from entries in any order; entries at the same place are added in the order of the list.
+  subroutine rows_init_from_triplets(self, n_rows, n_columns, rows, columns, values)
+    class(sparse_rows_t), intent(inout) :: self
+    !> Number of rows.
+    integer, intent(in) :: n_rows
+    !> Number of columns.
+    integer, intent(in) :: n_columns
+    !> Row of each entry (number of triplets).
+    integer, intent(in) :: rows(:)
+    !> Column of each entry (number of triplets).
+    integer, intent(in) :: columns(:)
+    !> Value of each entry (number of triplets).
+    real(dp), intent(in) :: values(:)
+    integer, allocatable :: by_column(:), by_row(:), first(:)
+    integer :: n, k, entry, row, last
+    call self%destroy()
+    n = size(rows)
+    self%n_rows = n_rows
+    self%n_columns = n_columns
+    allocate (by_column(n), by_row(n), self%row_start(n_rows + 1))
+    ! Two stable counting sorts, by column and then by row, leave the columns ascending in each row.
+    allocate (first(n_columns + 1))
+    call counting_sort(n_columns, columns, [(k, k=1, n)], by_column, first)
+    deallocate (first)
+    allocate (first(n_rows + 1))
+    call counting_sort(n_rows, rows, by_column, by_row, first)
+    allocate (self%column(n), self%value(n))
+    last = 0
+    do row = 1, n_rows
+      self%row_start(row) = last + 1
+      do k = first(row), first(row + 1) - 1
+        entry = by_row(k)
+        if (last >= self%row_start(row)) then
+          if (self%column(last) == columns(entry)) then
+            self%value(last) = self%value(last) + values(entry)
+            cycle
+          end if
+        end if
+        last = last + 1
+        self%column(last) = columns(entry)
+        self%value(last) = values(entry)
+      end do
+    end do
+    self%row_start(n_rows + 1) = last + 1
+    if (last < n) then
+      self%column = self%column(:last)
+      self%value = self%value(:last)
+    end if
+  end subroutine rows_init_from_triplets
+
+  !> Stable counting sort of entries by a key.
+  pure subroutine counting_sort(n_keys, key, order, sorted, first)
+    !> Keys are 1..n_keys.
+    integer, intent(in) :: n_keys
+    !> Key of each entry.
+    integer, intent(in) :: key(:)
+    !> Entries in the order that ties keep.
+    integer, intent(in) :: order(:)
+    !> Entries sorted by key.
+    integer, intent(out) :: sorted(:)
+    !> Position of the first entry of each key in `sorted` (n_keys+1).
+    integer, intent(out) :: first(:)
+    integer, allocatable :: next(:)
+    integer :: i, k
+    first = 0
+    do i = 1, size(key)
+      first(key(i) + 1) = first(key(i) + 1) + 1
+    end do
+    first(1) = 1
+    do k = 1, n_keys
+      first(k + 1) = first(k + 1) + first(k)
+    end do
+    allocate (next(n_keys + 1))
+    next(:) = first
+    do i = 1, size(order)
+      k = key(order(i))
+      sorted(next(k)) = order(i)
+      next(k) = next(k) + 1
+    end do
+  end subroutine counting_sort
+
+  !> y = A x.
+  pure subroutine rows_multiply(self, x, y)
+    class(sparse_rows_t), intent(in) :: self
+    !> Factor (n_columns).
+    real(dp), intent(in) :: x(:)
+    !> Product (n_rows).
+    real(dp), intent(out) :: y(:)
+    integer :: i, k
+    real(dp) :: sum
+    do i = 1, self%n_rows
+      sum = 0
+      do k = self%row_start(i), self%row_start(i + 1) - 1
+        sum = sum + self%value(k)*x(self%column(k))
+      end do
+      y(i) = sum
+    end do
+  end subroutine rows_multiply
+
+  !> y = A^T x.
+  pure subroutine rows_multiply_transposed(self, x, y)
+    class(sparse_rows_t), intent(in) :: self
+    !> Factor (n_rows).
+    real(dp), intent(in) :: x(:)
+    !> Product (n_columns).
+    real(dp), intent(out) :: y(:)
+    integer :: i, j, k
+    y(1:self%n_columns) = 0
+    do i = 1, self%n_rows
+      do k = self%row_start(i), self%row_start(i + 1) - 1
+        j = self%column(k)
+        y(j) = y(j) + self%value(k)*x(i)
+      end do
+    end do
+  end subroutine rows_multiply_transposed
+
+  !> Give the memory back.
+  subroutine rows_destroy(self)
+    class(sparse_rows_t), intent(inout) :: self
+    self%n_rows = 0
+    self%n_columns = 0
+    if (allocated(self%row_start)) deallocate (self%row_start)
+    if (allocated(self%column)) deallocate (self%column)
+    if (allocated(self%value)) deallocate (self%value)
+  end subroutine rows_destroy
+end module dotyk_linalg_sparse

@@ -1,0 +1,165 @@
+!> Largest eigenvalue of a symmetric positive semidefinite operator by Lanczos's method.
+module dotyk_linalg_spectrum
+  use dotyk_base_kinds, only: dp, int64
+  use dotyk_linalg_dense, only: tridiagonal_top
+  implicit none
+  private
+  public :: largest_eigenvalue
+
+  !> A linear operator of which only the action is known.
+  type, abstract, public :: linear_operator_t
+  contains
+    procedure(apply_operator), deferred :: apply
+  end type linear_operator_t
+
+  abstract interface
+    !> y = A x.
+    subroutine apply_operator(self, x, y)
+      import :: linear_operator_t, dp
+      class(linear_operator_t), intent(inout) :: self
+      !> Factor (n).
+      real(dp), intent(in) :: x(:)
+      !> Product (n).
+      real(dp), intent(out) :: y(:)
+    end subroutine apply_operator
+  end interface
+
+  !> Basis vectors are allocated in groups of this many.
+  integer, parameter :: group_size = 16
+
+  !> A group of basis vectors (n, group_size).
+  type :: group_t
+    real(dp), allocatable :: v(:, :)
+  end type group_t
+
+contains
+
+  !> Lanczos with full reorthogonalisation and a start that is the same on every machine. The result is a lower bound of the
+  !> largest eigenvalue, up to round-off, and some eigenvalue lies within the residual of it: as a rule the largest one.
+  subroutine largest_eigenvalue(operator, n, tolerance, most_steps, value, residual, steps)
+    !> Symmetric and positive semidefinite.
+    class(linear_operator_t), intent(inout) :: operator
+    !> Its order.
+    integer, intent(in) :: n
+    !> Stop when residual <= tolerance*value.
+    real(dp), intent(in) :: tolerance
+    !> Stop after so many applications of the operator.
+    integer, intent(in) :: most_steps
+    !> Largest Ritz value.
+    real(dp), intent(out) :: value
+    !> Norm of its residual.
+    real(dp), intent(out) :: residual
+    !> Applications of the operator.
+    integer, intent(out) :: steps
+    type(group_t), allocatable :: basis(:)
+    real(dp), allocatable :: alpha(:), beta(:), w(:), v(:), top(:)
+    real(dp) :: scale, length
+    integer :: most, slot
+    value = 0
+    residual = 0
+    steps = 0
+    most = min(n, most_steps)
+    if (most <= 0) return
+    allocate (basis((most - 1)/group_size + 1), alpha(most), beta(most), w(n), v(n), top(most))
+    call fixed_start(v)
+    scale = 0
+    do while (steps < most)
+      slot = modulo(steps, group_size) + 1
+      steps = steps + 1
+      if (slot == 1) allocate (basis((steps - 1)/group_size + 1)%v(n, group_size))
+      basis((steps - 1)/group_size + 1)%v(:, slot) = v
+      call operator%apply(v, w)
+      alpha(steps) = dot(v, w)
+      scale = max(scale, norm(w))
+      call orthogonalise(basis, steps, w)
+      length = norm(w)
+      ! What is left of an invariant subspace is round-off.
+      if (length <= 16*epsilon(1.0_dp)*scale .or. steps == n) length = 0
+      beta(steps) = length
+      call tridiagonal_top(alpha(:steps), beta(:steps - 1), value, top(:steps))
+      residual = length*abs(top(steps))
+      if (residual <= tolerance*value .or. .not. length > 0) exit
+      v = w/length
+    end do
+    value = max(value, 0.0_dp)
+  end subroutine largest_eigenvalue
+
+  !> Pseudo-random vector of length 1 by a linear congruential generator (Lehmer's, 48271 modulo 2^31-1).
+  subroutine fixed_start(v)
+    !> The vector (n).
+    real(dp), intent(out), contiguous :: v(:)
+    integer(int64), parameter :: modulus = 2147483647_int64, factor = 48271_int64
+    integer(int64) :: state
+    integer :: i
+    state = 20240229_int64
+    do i = 1, size(v)
+      state = modulo(factor*state, modulus)
+      ! Between 1/2 and 3/2 in size, with either sign: no component is small.
+      v(i) = 0.5_dp + real(state, dp)/real(modulus, dp)
+      state = modulo(factor*state, modulus)
+      if (2*state > modulus) v(i) = -v(i)
+    end do
+    v = v/norm(v)
+  end subroutine fixed_start
+
+  !> Take the components along the basis out of a vector, twice.
+  subroutine orthogonalise(basis, n_vectors, w)
+    !> Groups of orthonormal vectors.
+    type(group_t), intent(in) :: basis(:)
+    !> Number of vectors in them.
+    integer, intent(in) :: n_vectors
+    !> The vector (n).
+    real(dp), intent(inout), contiguous :: w(:)
+    integer :: pass, group, n
+    do pass = 1, 2
+      do group = 1, (n_vectors - 1)/group_size + 1
+        n = min(group_size, n_vectors - (group - 1)*group_size)
+        call take_out(size(w), n, basis(group)%v, w)
+      end do
+    end do
+  end subroutine orthogonalise
+
+  !> w <- w - V V^T w, in one order of summation whatever the number of threads.
+  pure subroutine take_out(n, m, v, w)
+    !> Length of the vectors.
+    integer, intent(in) :: n
+    !> Number of vectors.
+    integer, intent(in) :: m
+    !> Orthonormal vectors (n,m).
+    real(dp), intent(in) :: v(n, m)
+    !> The vector (n).
+    real(dp), intent(inout) :: w(n)
+    real(dp) :: c(m)
+    integer :: j
+    do j = 1, m
+      c(j) = dot(v(:, j), w)
+    end do
+    do j = 1, m
+      w = w - c(j)*v(:, j)
+    end do
+  end subroutine take_out
+
+  !> Scalar product, summed in eight strands so that it vectorizes, always in the same order.
+  pure real(dp) function dot(x, y)
+    !> Vectors (n).
+    real(dp), intent(in), contiguous :: x(:), y(:)
+    real(dp) :: strand(8)
+    integer :: i, n
+    n = size(x)
+    strand = 0
+    do i = 1, n - 7, 8
+      strand = strand + x(i:i + 7)*y(i:i + 7)
+    end do
+    do i = n - modulo(n, 8) + 1, n
+      strand(1) = strand(1) + x(i)*y(i)
+    end do
+    dot = ((strand(1) + strand(2)) + (strand(3) + strand(4))) + ((strand(5) + strand(6)) + (strand(7) + strand(8)))
+  end function dot
+
+  !> Euclidean norm.
+  pure real(dp) function norm(x)
+    !> Vector (n).
+    real(dp), intent(in), contiguous :: x(:)
+    norm = sqrt(dot(x, x))
+  end function norm
+end module dotyk_linalg_spectrum

@@ -1,0 +1,192 @@
+!> Element kinds: one table, and the dispatch to the families.
+!>
+!> Reference domains: unit simplex, [-1,1]^d, unit triangle x [-1,1] (gmsh's). Node order is gmsh's.
+module dotyk_mesh_element
+  use dotyk_base_kinds, only: dp
+  use dotyk_mesh_element_kind, only: element_hex20, element_hex27, element_hex8, element_kind_t, element_line2, &
+    element_line3, element_prism15, element_prism18, element_prism6, element_quad4, element_quad8, element_quad9, &
+    element_tet10, element_tet4, element_tri3, element_tri6, kind_dimension, kind_nodes, max_element_nodes, &
+    max_faces, max_facet_nodes, n_element_kinds
+  use dotyk_mesh_hexahedron, only: hexahedron_kind, hexahedron_node
+  use dotyk_mesh_line, only: line_kind, line_node
+  use dotyk_mesh_prism, only: prism_gradients, prism_kind, prism_node, prism_values
+  use dotyk_mesh_product, only: lagrange_gradients, lagrange_values, serendipity_gradients, serendipity_values
+  use dotyk_mesh_quadrilateral, only: quadrilateral_kind, quadrilateral_node
+  use dotyk_mesh_quadrature, only: quadrature_rule
+  use dotyk_mesh_simplex, only: simplex_gradients, simplex_values
+  use dotyk_mesh_tetrahedron, only: tetrahedron_edge, tetrahedron_kind, tetrahedron_node
+  use dotyk_mesh_triangle, only: triangle_edge, triangle_kind, triangle_node
+  implicit none
+  private
+
+  public :: element_kind_t, n_element_kinds, max_element_nodes, max_facet_nodes, max_faces, kind_dimension, kind_nodes
+  public :: element_line2, element_line3, element_tri3, element_tri6, element_quad4, element_quad8, element_quad9
+  public :: element_tet4, element_tet10, element_hex8, element_hex20, element_hex27
+  public :: element_prism6, element_prism15, element_prism18
+  public :: element_kind, kind_of_gmsh_type, shape_functions, shape_gradients, reference_nodes, quadrature_rule
+
+contains
+
+  !> What is known of a kind.
+  pure function element_kind(id) result(kind)
+    !> One of `element_line2` .. `element_prism18`.
+    integer, intent(in) :: id
+    type(element_kind_t) :: kind
+    select case (id)
+    case (element_line2, element_line3)
+      kind = line_kind(id)
+    case (element_tri3, element_tri6)
+      kind = triangle_kind(id)
+    case (element_quad4, element_quad8, element_quad9)
+      kind = quadrilateral_kind(id)
+    case (element_tet4, element_tet10)
+      kind = tetrahedron_kind(id)
+    case (element_hex8, element_hex20, element_hex27)
+      kind = hexahedron_kind(id)
+    case (element_prism6, element_prism15, element_prism18)
+      kind = prism_kind(id)
+    end select
+  end function element_kind
+
+  !> The kind of an element type of gmsh; 0 where dotyk does not have it.
+  pure integer function kind_of_gmsh_type(gmsh_type) result(id)
+    !> Element type in gmsh's files.
+    integer, intent(in) :: gmsh_type
+    select case (gmsh_type)
+    case (1)
+      id = element_line2
+    case (8)
+      id = element_line3
+    case (2)
+      id = element_tri3
+    case (9)
+      id = element_tri6
+    case (3)
+      id = element_quad4
+    case (16)
+      id = element_quad8
+    case (10)
+      id = element_quad9
+    case (4)
+      id = element_tet4
+    case (11)
+      id = element_tet10
+    case (5)
+      id = element_hex8
+    case (17)
+      id = element_hex20
+    case (12)
+      id = element_hex27
+    case (6)
+      id = element_prism6
+    case (18)
+      id = element_prism15
+    case (13)
+      id = element_prism18
+    case default
+      id = 0
+    end select
+  end function kind_of_gmsh_type
+
+  !> Values of the shape functions at a point of the reference domain.
+  pure subroutine shape_functions(kind, xi, values)
+    !> Element kind.
+    integer, intent(in) :: kind
+    !> Reference coordinates.
+    real(dp), intent(in) :: xi(kind_dimension(kind))
+    !> One value per node.
+    real(dp), intent(out) :: values(kind_nodes(kind))
+    select case (kind)
+    case (element_line2)
+      call lagrange_values(1, 1, 2, line_node, xi, values)
+    case (element_line3)
+      call lagrange_values(2, 1, 3, line_node, xi, values)
+    case (element_tri3)
+      call simplex_values(2, 0, triangle_edge, xi, values)
+    case (element_tri6)
+      call simplex_values(2, 3, triangle_edge, xi, values)
+    case (element_quad4)
+      call lagrange_values(1, 2, 4, quadrilateral_node, xi, values)
+    case (element_quad8)
+      call serendipity_values(2, 8, quadrilateral_node, xi, values)
+    case (element_quad9)
+      call lagrange_values(2, 2, 9, quadrilateral_node, xi, values)
+    case (element_tet4)
+      call simplex_values(3, 0, tetrahedron_edge, xi, values)
+    case (element_tet10)
+      call simplex_values(3, 6, tetrahedron_edge, xi, values)
+    case (element_hex8)
+      call lagrange_values(1, 3, 8, hexahedron_node, xi, values)
+    case (element_hex20)
+      call serendipity_values(3, 20, hexahedron_node, xi, values)
+    case (element_hex27)
+      call lagrange_values(2, 3, 27, hexahedron_node, xi, values)
+    case (element_prism6, element_prism15, element_prism18)
+      call prism_values(kind_nodes(kind), xi, values)
+    end select
+  end subroutine shape_functions
+
+  !> Gradients of the shape functions at a point of the reference domain.
+  pure subroutine shape_gradients(kind, xi, gradients)
+    !> Element kind.
+    integer, intent(in) :: kind
+    !> Reference coordinates.
+    real(dp), intent(in) :: xi(kind_dimension(kind))
+    !> Derivatives with respect to xi, (dimension, n_nodes).
+    real(dp), intent(out) :: gradients(kind_dimension(kind), kind_nodes(kind))
+    select case (kind)
+    case (element_line2)
+      call lagrange_gradients(1, 1, 2, line_node, xi, gradients)
+    case (element_line3)
+      call lagrange_gradients(2, 1, 3, line_node, xi, gradients)
+    case (element_tri3)
+      call simplex_gradients(2, 0, triangle_edge, xi, gradients)
+    case (element_tri6)
+      call simplex_gradients(2, 3, triangle_edge, xi, gradients)
+    case (element_quad4)
+      call lagrange_gradients(1, 2, 4, quadrilateral_node, xi, gradients)
+    case (element_quad8)
+      call serendipity_gradients(2, 8, quadrilateral_node, xi, gradients)
+    case (element_quad9)
+      call lagrange_gradients(2, 2, 9, quadrilateral_node, xi, gradients)
+    case (element_tet4)
+      call simplex_gradients(3, 0, tetrahedron_edge, xi, gradients)
+    case (element_tet10)
+      call simplex_gradients(3, 6, tetrahedron_edge, xi, gradients)
+    case (element_hex8)
+      call lagrange_gradients(1, 3, 8, hexahedron_node, xi, gradients)
+    case (element_hex20)
+      call serendipity_gradients(3, 20, hexahedron_node, xi, gradients)
+    case (element_hex27)
+      call lagrange_gradients(2, 3, 27, hexahedron_node, xi, gradients)
+    case (element_prism6, element_prism15, element_prism18)
+      call prism_gradients(kind_nodes(kind), xi, gradients)
+    end select
+  end subroutine shape_gradients
+
+  !> Reference coordinates of the nodes.
+  pure subroutine reference_nodes(kind, xi)
+    !> Element kind.
+    integer, intent(in) :: kind
+    !> Coordinates, (dimension, n_nodes).
+    real(dp), intent(out) :: xi(kind_dimension(kind), kind_nodes(kind))
+    integer :: n, i
+    n = kind_nodes(kind)
+    select case (kind)
+    case (element_line2, element_line3)
+      xi = line_node(:, :n)
+    case (element_tri3, element_tri6)
+      xi = triangle_node(:, :n)
+    case (element_quad4, element_quad8, element_quad9)
+      xi = quadrilateral_node(:, :n)
+    case (element_tet4, element_tet10)
+      xi = tetrahedron_node(:, :n)
+    case (element_hex8, element_hex20, element_hex27)
+      xi = hexahedron_node(:, :n)
+    case (element_prism6, element_prism15, element_prism18)
+      do i = 1, n
+        xi(:, i) = prism_node(i)
+      end do
+    end select
+  end subroutine reference_nodes
+end module dotyk_mesh_element

@@ -1,0 +1,123 @@
+!> Geometry of a facet: a face of an element seen in space. Lines in two dimensions, triangles and quadrilaterals in three.
+!>
+!> Facets are oriented as the face tables of the element kinds are: the normal points out of the body.
+module dotyk_mesh_facet
+  use dotyk_base_kinds, only: dp
+  use dotyk_mesh_element, only: kind_dimension, kind_nodes, max_facet_nodes, shape_functions, shape_gradients
+  implicit none
+  private
+  public :: facet_geometry, facet_frame, frame_of_normal, facet_tangents
+
+  !> A projection of the x axis on the surface shorter than this counts as vanishing.
+  real(dp), parameter :: least_projection = 1.0e-6_dp
+
+contains
+
+  !> Position, unit outward normal and area per reference area at a point of a facet.
+  pure subroutine facet_geometry(kind, dimension, x, xi, position, normal, jacobian)
+    !> Kind of the facet: its dimension is one less than that of space.
+    integer, intent(in) :: kind
+    !> Dimension of space.
+    integer, intent(in) :: dimension
+    !> Coordinates of the facet's nodes [length].
+    real(dp), intent(in) :: x(dimension, kind_nodes(kind))
+    !> Reference coordinates.
+    real(dp), intent(in) :: xi(kind_dimension(kind))
+    !> Position [length].
+    real(dp), intent(out) :: position(dimension)
+    !> Unit outward normal; zero where the facet is degenerate.
+    real(dp), intent(out) :: normal(dimension)
+    !> Area (length in two dimensions) per reference area.
+    real(dp), intent(out) :: jacobian
+    real(dp) :: tangent(dimension, kind_dimension(kind))
+    call facet_tangents(kind, dimension, x, xi, position, tangent)
+    if (dimension == 2) then
+      normal = [tangent(2, 1), -tangent(1, 1)]
+    else
+      normal = cross(tangent(:, 1), tangent(:, 2))
+    end if
+    jacobian = norm2(normal)
+    if (jacobian > 0) normal = normal/jacobian
+  end subroutine facet_geometry
+
+  !> Position and derivatives of the position with respect to the reference coordinates.
+  pure subroutine facet_tangents(kind, dimension, x, xi, position, tangent)
+    !> Kind of the facet.
+    integer, intent(in) :: kind
+    !> Dimension of space.
+    integer, intent(in) :: dimension
+    !> Coordinates of the facet's nodes [length].
+    real(dp), intent(in) :: x(dimension, kind_nodes(kind))
+    !> Reference coordinates.
+    real(dp), intent(in) :: xi(kind_dimension(kind))
+    !> Position [length].
+    real(dp), intent(out) :: position(dimension)
+    !> Column k is the derivative with respect to xi(k) [length].
+    real(dp), intent(out) :: tangent(dimension, kind_dimension(kind))
+    real(dp) :: value(max_facet_nodes), slope(2*max_facet_nodes)
+    integer :: a, k, d
+    d = kind_dimension(kind)
+    call shape_functions(kind, xi, value)
+    call shape_gradients(kind, xi, slope)
+    position = 0
+    tangent = 0
+    do a = 1, kind_nodes(kind)
+      position = position + value(a)*x(:, a)
+      do k = 1, d
+        tangent(:, k) = tangent(:, k) + slope((a - 1)*d + k)*x(:, a)
+      end do
+    end do
+  end subroutine facet_tangents
+
+  !> Local axes of the surface at a point of a facet; see `frame_of_normal`.
+  pure subroutine facet_frame(kind, dimension, x, xi, frame)
+    !> Kind of the facet.
+    integer, intent(in) :: kind
+    !> Dimension of space.
+    integer, intent(in) :: dimension
+    !> Coordinates of the facet's nodes [length].
+    real(dp), intent(in) :: x(dimension, kind_nodes(kind))
+    !> Reference coordinates.
+    real(dp), intent(in) :: xi(kind_dimension(kind))
+    !> Columns are the axes.
+    real(dp), intent(out) :: frame(dimension, dimension)
+    real(dp) :: position(dimension), normal(dimension), jacobian
+    call facet_geometry(kind, dimension, x, xi, position, normal, jacobian)
+    call frame_of_normal(dimension, normal, frame)
+  end subroutine facet_frame
+
+  !> Local axes of a surface with a given outward normal n.
+  !>
+  !> Three dimensions: xi is the global x axis projected on the surface (the y axis where that vanishes), eta = n x xi,
+  !> so that (xi, eta, n) is right-handed. Two dimensions: xi = (n_y, -n_x), so that (xi, n) is right-handed: on
+  !> an upper side (n along y) xi is the x axis.
+  pure subroutine frame_of_normal(dimension, normal, frame)
+    !> Dimension of space.
+    integer, intent(in) :: dimension
+    !> Unit outward normal.
+    real(dp), intent(in) :: normal(dimension)
+    !> Columns are the axes: xi, eta, n in three dimensions; xi, n in two.
+    real(dp), intent(out) :: frame(dimension, dimension)
+    real(dp) :: axis(dimension)
+    frame(:, dimension) = normal
+    if (dimension == 2) then
+      frame(:, 1) = [normal(2), -normal(1)]
+      return
+    end if
+    axis = -normal(1)*normal
+    axis(1) = axis(1) + 1
+    if (norm2(axis) < least_projection) then
+      axis = -normal(2)*normal
+      axis(2) = axis(2) + 1
+    end if
+    frame(:, 1) = axis/norm2(axis)
+    frame(:, 2) = cross(normal, frame(:, 1))
+  end subroutine frame_of_normal
+
+  !> Vector product.
+  pure function cross(a, b) result(c)
+    real(dp), intent(in) :: a(3), b(3)
+    real(dp) :: c(3)
+    c = [a(2)*b(3) - a(3)*b(2), a(3)*b(1) - a(1)*b(3), a(1)*b(2) - a(2)*b(1)]
+  end function cross
+end module dotyk_mesh_facet

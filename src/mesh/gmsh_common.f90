@@ -1,0 +1,94 @@
+!> What the readers of gmsh's formats 2.2 and 4.1 share: checks of nodes, element types and node tags.
+module dotyk_mesh_gmsh_common
+  use dotyk_base_kinds, only: int64
+  use dotyk_base_text, only: to_text
+  use dotyk_mesh_bytes, only: byte_cursor_t
+  use dotyk_mesh_gmsh_type, only: gmsh_type_nodes, gmsh_type_name, gmsh_type_help, kind_of_gmsh_type
+  use dotyk_mesh_mesh_builder, only: mesh_builder_t
+  implicit none
+  private
+  public :: allocate_nodes, index_nodes, find_nodes, type_nodes, type_kind
+
+contains
+
+  !> Room for the nodes, whose number was checked against the size of the file.
+  subroutine allocate_nodes(cursor, builder, n_nodes, position)
+    type(byte_cursor_t), intent(inout) :: cursor
+    type(mesh_builder_t), intent(inout) :: builder
+    !> Number of nodes.
+    integer(int64), intent(in) :: n_nodes
+    !> Where each node stands in the file, to be filled (n_nodes).
+    integer(int64), allocatable, intent(out) :: position(:)
+    integer :: status
+    if (cursor%broken) return
+    allocate (builder%x(3, n_nodes), builder%node_tag(n_nodes), position(n_nodes), stat=status)
+    if (status /= 0) call cursor%fail('not enough memory for '//to_text(n_nodes)//' nodes')
+  end subroutine allocate_nodes
+
+  !> Make the nodes known by their tags, each of which must be positive and occur once.
+  subroutine index_nodes(cursor, builder, position)
+    type(byte_cursor_t), intent(inout) :: cursor
+    type(mesh_builder_t), intent(inout) :: builder
+    !> Where each node stands in the file (n_nodes).
+    integer(int64), intent(in) :: position(:)
+    integer :: twice, i
+    if (cursor%broken) return
+    do i = 1, size(position)
+      if (builder%node_tag(i) > 0) cycle
+      call cursor%fail('node tag '//to_text(builder%node_tag(i))//' is not positive', position(i))
+      return
+    end do
+    call builder%node_of_tag%init(builder%node_tag, twice)
+    if (twice > 0) call cursor%fail('node tag '//to_text(builder%node_tag(twice))//' occurs a second time', position(twice))
+  end subroutine index_nodes
+
+  !> The indices of an element's nodes.
+  subroutine find_nodes(cursor, builder, tag, element, position, node)
+    type(byte_cursor_t), intent(inout) :: cursor
+    type(mesh_builder_t), intent(in) :: builder
+    !> Node tags (n).
+    integer(int64), intent(in) :: tag(:)
+    !> Tag of the element, and where it stands in the file.
+    integer(int64), intent(in) :: element, position
+    !> Node indices (n).
+    integer, intent(out) :: node(:)
+    integer :: i
+    do i = 1, size(tag)
+      node(i) = builder%node_of_tag%find(tag(i))
+      if (node(i) > 0) cycle
+      call cursor%fail('element '//to_text(element)//' refers to node '//to_text(tag(i))//', which $Nodes does not have', position)
+      return
+    end do
+  end subroutine find_nodes
+
+  !> The number of nodes of gmsh's element type, which must be known even to pass over an element.
+  subroutine type_nodes(cursor, type, element, position, n_nodes)
+    type(byte_cursor_t), intent(inout) :: cursor
+    !> gmsh's number of the type.
+    integer(int64), intent(in) :: type
+    !> Tag of the (first) element of this type, and where it stands in the file.
+    integer(int64), intent(in) :: element, position
+    integer, intent(out) :: n_nodes
+    n_nodes = 0
+    if (cursor%broken) return
+    if (abs(type) < huge(0)) n_nodes = gmsh_type_nodes(int(type))
+    if (n_nodes == 0) call cursor%fail('element '//to_text(element)//' is of type '//to_text(type)// &
+                                       ', which is not known: only elements of order 1 and 2 are supported', position)
+  end subroutine type_nodes
+
+  !> The kind of an element that is kept, which must be one of ours.
+  subroutine type_kind(cursor, type, element, position, kind)
+    type(byte_cursor_t), intent(inout) :: cursor
+    !> gmsh's number of the type, a known one.
+    integer(int64), intent(in) :: type
+    !> Tag of the (first) element of this type, and where it stands in the file.
+    integer(int64), intent(in) :: element, position
+    !> Element kind of dotyk_mesh_element.
+    integer, intent(out) :: kind
+    kind = 0
+    if (cursor%broken) return
+    kind = kind_of_gmsh_type(int(type))
+    if (kind == 0) call cursor%fail('element '//to_text(element)//' is a '//gmsh_type_name(int(type))//' (gmsh type '// &
+                                    to_text(type)//'): '//gmsh_type_help(int(type)), position)
+  end subroutine type_kind
+end module dotyk_mesh_gmsh_common

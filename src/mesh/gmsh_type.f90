@@ -1,0 +1,117 @@
+!> gmsh's element types: how many nodes they have and what they are called, ours and others.
+!>
+!> A reader must know the size of elements that it passes over.
+module dotyk_mesh_gmsh_type
+  implicit none
+  private
+  public :: gmsh_type_nodes, gmsh_type_dimension, gmsh_type_name, gmsh_type_help, kind_of_gmsh_type
+
+  !> gmsh's type of a point, which is never kept.
+  integer, parameter, public :: gmsh_point = 15
+
+  !> An element type of gmsh.
+  type :: gmsh_type_t
+    integer :: number
+    integer :: n_nodes
+    integer :: dimension
+    character(34) :: name
+  end type gmsh_type_t
+
+  !> The types of gmsh's reference manual (section "MSH file format"), without those of order 5 and more.
+  type(gmsh_type_t), parameter :: types(*) = [ &
+                                  gmsh_type_t(1, 2, 1, 'line with 2 nodes'), &
+                                  gmsh_type_t(2, 3, 2, 'triangle with 3 nodes'), &
+                                  gmsh_type_t(3, 4, 2, 'quadrangle with 4 nodes'), &
+                                  gmsh_type_t(4, 4, 3, 'tetrahedron with 4 nodes'), &
+                                  gmsh_type_t(5, 8, 3, 'hexahedron with 8 nodes'), &
+                                  gmsh_type_t(6, 6, 3, 'prism with 6 nodes'), &
+                                  gmsh_type_t(7, 5, 3, 'pyramid with 5 nodes'), &
+                                  gmsh_type_t(8, 3, 1, 'line with 3 nodes'), &
+                                  gmsh_type_t(9, 6, 2, 'triangle with 6 nodes'), &
+                                  gmsh_type_t(10, 9, 2, 'quadrangle with 9 nodes'), &
+                                  gmsh_type_t(11, 10, 3, 'tetrahedron with 10 nodes'), &
+                                  gmsh_type_t(12, 27, 3, 'hexahedron with 27 nodes'), &
+                                  gmsh_type_t(13, 18, 3, 'prism with 18 nodes'), &
+                                  gmsh_type_t(14, 14, 3, 'pyramid with 14 nodes'), &
+                                  gmsh_type_t(15, 1, 0, 'point'), &
+                                  gmsh_type_t(16, 8, 2, 'quadrangle with 8 nodes'), &
+                                  gmsh_type_t(17, 20, 3, 'hexahedron with 20 nodes'), &
+                                  gmsh_type_t(18, 15, 3, 'prism with 15 nodes'), &
+                                  gmsh_type_t(19, 13, 3, 'pyramid with 13 nodes'), &
+                                  gmsh_type_t(20, 9, 2, 'incomplete triangle with 9 nodes'), &
+                                  gmsh_type_t(21, 10, 2, 'triangle with 10 nodes'), &
+                                  gmsh_type_t(22, 12, 2, 'incomplete triangle with 12 nodes'), &
+                                  gmsh_type_t(23, 15, 2, 'triangle with 15 nodes'), &
+                                  gmsh_type_t(26, 4, 1, 'line with 4 nodes'), &
+                                  gmsh_type_t(27, 5, 1, 'line with 5 nodes'), &
+                                  gmsh_type_t(29, 20, 3, 'tetrahedron with 20 nodes'), &
+                                  gmsh_type_t(30, 35, 3, 'tetrahedron with 35 nodes'), &
+                                  gmsh_type_t(36, 16, 2, 'quadrangle with 16 nodes'), &
+                                  gmsh_type_t(37, 25, 2, 'quadrangle with 25 nodes'), &
+                                  gmsh_type_t(90, 40, 3, 'prism with 40 nodes'), &
+                                  gmsh_type_t(92, 64, 3, 'hexahedron with 64 nodes'), &
+                                  gmsh_type_t(93, 125, 3, 'hexahedron with 125 nodes'), &
+                                  gmsh_type_t(118, 30, 3, 'pyramid with 30 nodes')]
+
+contains
+
+  !> Our kind of a type, 0 where it is not supported.
+  pure integer function kind_of_gmsh_type(number) result(kind)
+    integer, intent(in) :: number
+    integer, parameter :: ours(15) = [1, 8, 2, 9, 3, 16, 10, 4, 11, 5, 17, 12, 6, 18, 13]
+    kind = findloc(ours, number, 1)
+  end function kind_of_gmsh_type
+
+  !> Place of a type in the table, 0 if it is unknown.
+  pure integer function place_of(number) result(place)
+    integer, intent(in) :: number
+    do place = 1, size(types)
+      if (types(place)%number == number) return
+    end do
+    place = 0
+  end function place_of
+
+  !> Number of nodes of a type, 0 if it is unknown.
+  pure integer function gmsh_type_nodes(number) result(n_nodes)
+    !> gmsh's number of the type.
+    integer, intent(in) :: number
+    integer :: place
+    place = place_of(number)
+    n_nodes = 0
+    if (place > 0) n_nodes = types(place)%n_nodes
+  end function gmsh_type_nodes
+
+  !> Dimension of a type, -1 if it is unknown.
+  pure integer function gmsh_type_dimension(number) result(dimension)
+    !> gmsh's number of the type.
+    integer, intent(in) :: number
+    integer :: place
+    place = place_of(number)
+    dimension = -1
+    if (place > 0) dimension = types(place)%dimension
+  end function gmsh_type_dimension
+
+  !> What a type is called.
+  pure function gmsh_type_name(number) result(name)
+    !> gmsh's number of the type.
+    integer, intent(in) :: number
+    character(:), allocatable :: name
+    integer :: place
+    place = place_of(number)
+    name = 'unknown type'
+    if (place > 0) name = trim(types(place)%name)
+  end function gmsh_type_name
+
+  !> What to do about a type that is not supported.
+  pure function gmsh_type_help(number) result(help)
+    !> gmsh's number of the type.
+    integer, intent(in) :: number
+    character(:), allocatable :: help
+    if (index(gmsh_type_name(number), 'pyramid') > 0) then
+      help = 'pyramids are not supported: mesh with tetrahedra only, or with hexahedra or prisms throughout a volume '// &
+             '(Recombine and transfinite or extruded meshes)'
+    else
+      help = 'only elements of order 1 and 2 are supported: mesh with Mesh.ElementOrder = 1 or 2'
+    end if
+  end function gmsh_type_help
+end module dotyk_mesh_gmsh_type

@@ -1,0 +1,187 @@
+!> Builds a mesh piece by piece while a file is read: nodes, physical groups, growing blocks of elements.
+module dotyk_mesh_mesh_builder
+  use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_text, only: to_text
+  use dotyk_mesh_mesh, only: mesh_t, physical_group_t
+  use dotyk_mesh_tag_map, only: tag_map_t
+  implicit none
+  private
+
+  !> A block of elements with room for more.
+  type :: growing_block_t
+    !> Element kind of dotyk_mesh_element.
+    integer :: kind = 0
+    !> Number of elements so far.
+    integer :: n = 0
+    !> Node indices (n_nodes of the kind, room).
+    integer, allocatable :: node(:, :)
+    !> Element tags (room).
+    integer(int64), allocatable :: tag(:)
+    !> Indices of groups, ascending.
+    integer, allocatable :: group(:)
+  end type growing_block_t
+
+  !> A mesh that grows.
+  type, public :: mesh_builder_t
+    !> Number of physical groups and of blocks so far.
+    integer :: n_groups = 0, n_blocks = 0
+    !> Node coordinates (3, n_nodes) [length].
+    real(dp), allocatable :: x(:, :)
+    !> Node tags (n_nodes).
+    integer(int64), allocatable :: node_tag(:)
+    !> Node index by tag.
+    type(tag_map_t) :: node_of_tag
+    !> Groups (room).
+    type(physical_group_t), allocatable :: group(:)
+    !> Blocks (room).
+    type(growing_block_t), allocatable :: block(:)
+  contains
+    procedure :: add_group => builder_add_group
+    procedure :: add_block => builder_add_block
+    procedure :: reserve => builder_reserve
+    procedure :: add_element => builder_add_element
+    procedure :: finish => builder_finish
+  end type mesh_builder_t
+
+contains
+
+  !> The index of the physical group of a dimension and tag; it is made where it does not exist.
+  subroutine builder_add_group(self, dimension, tag, index, name)
+    class(mesh_builder_t), intent(inout) :: self
+    integer, intent(in) :: dimension, tag
+    !> Index of the group.
+    integer, intent(out) :: index
+    !> Name of a group that is made; the tag's digits if absent or blank.
+    character(*), intent(in), optional :: name
+    type(physical_group_t), allocatable :: wider(:)
+    integer :: i
+    do index = 1, self%n_groups
+      if (self%group(index)%dimension == dimension .and. self%group(index)%tag == tag) return
+    end do
+    if (.not. allocated(self%group)) allocate (self%group(16))
+    if (self%n_groups == size(self%group)) then
+      allocate (wider(2*self%n_groups))
+      do i = 1, self%n_groups
+        wider(i)%dimension = self%group(i)%dimension
+        wider(i)%tag = self%group(i)%tag
+        call move_alloc(self%group(i)%name, wider(i)%name)
+      end do
+      call move_alloc(wider, self%group)
+    end if
+    self%n_groups = self%n_groups + 1
+    index = self%n_groups
+    self%group(index)%dimension = dimension
+    self%group(index)%tag = tag
+    self%group(index)%name = to_text(tag)
+    if (present(name)) then
+      if (len_trim(name) > 0) self%group(index)%name = trim(name)
+    end if
+  end subroutine builder_add_group
+
+  !> The index of the block of a kind whose elements belong to these groups; it is made where it does not exist.
+  subroutine builder_add_block(self, kind, n_nodes, group, index)
+    class(mesh_builder_t), intent(inout) :: self
+    !> Element kind and its number of nodes.
+    integer, intent(in) :: kind, n_nodes
+    !> Indices of groups, ascending.
+    integer, intent(in) :: group(:)
+    !> Index of the block.
+    integer, intent(out) :: index
+    type(growing_block_t), allocatable :: wider(:)
+    integer :: i
+    do index = 1, self%n_blocks
+      if (self%block(index)%kind /= kind .or. size(self%block(index)%group) /= size(group)) cycle
+      if (all(self%block(index)%group == group)) return
+    end do
+    if (.not. allocated(self%block)) allocate (self%block(16))
+    if (self%n_blocks == size(self%block)) then
+      allocate (wider(2*self%n_blocks))
+      do i = 1, self%n_blocks
+        wider(i)%kind = self%block(i)%kind
+        wider(i)%n = self%block(i)%n
+        call move_alloc(self%block(i)%node, wider(i)%node)
+        call move_alloc(self%block(i)%tag, wider(i)%tag)
+        call move_alloc(self%block(i)%group, wider(i)%group)
+      end do
+      call move_alloc(wider, self%block)
+    end if
+    self%n_blocks = self%n_blocks + 1
+    index = self%n_blocks
+    self%block(index)%kind = kind
+    self%block(index)%group = group
+    allocate (self%block(index)%node(n_nodes, 0), self%block(index)%tag(0))
+  end subroutine builder_add_block
+
+  !> Make room in a block.
+  subroutine builder_reserve(self, index, n_more)
+    class(mesh_builder_t), intent(inout) :: self
+    !> Index of the block.
+    integer, intent(in) :: index
+    !> Number of elements to come; one more than there is room for doubles the block.
+    integer, intent(in) :: n_more
+    integer(int64) :: room
+    associate (block => self%block(index))
+      if (block%n + n_more <= size(block%tag)) return
+      room = max(int(block%n, int64) + n_more, 2*int(block%n, int64), 64_int64)
+      call resize(block, int(min(room, int(huge(0), int64))))
+    end associate
+  end subroutine builder_reserve
+
+  !> Add an element; `reserve` was called before.
+  subroutine builder_add_element(self, index, tag, node)
+    class(mesh_builder_t), intent(inout) :: self
+    !> Index of the block.
+    integer, intent(in) :: index
+    !> Tag of the element.
+    integer(int64), intent(in) :: tag
+    !> Node indices of the element.
+    integer, intent(in) :: node(:)
+    integer :: n
+    n = self%block(index)%n + 1
+    self%block(index)%n = n
+    self%block(index)%tag(n) = tag
+    self%block(index)%node(:, n) = node
+  end subroutine builder_add_element
+
+  !> Hand over to a mesh; the builder is empty afterwards.
+  subroutine builder_finish(self, mesh)
+    class(mesh_builder_t), intent(inout) :: self
+    !> The mesh; `file` is not touched.
+    type(mesh_t), intent(inout) :: mesh
+    integer :: i
+    call move_alloc(self%x, mesh%x)
+    call move_alloc(self%node_tag, mesh%node_tag)
+    allocate (mesh%group(self%n_groups), mesh%block(self%n_blocks))
+    do i = 1, self%n_groups
+      mesh%group(i)%dimension = self%group(i)%dimension
+      mesh%group(i)%tag = self%group(i)%tag
+      call move_alloc(self%group(i)%name, mesh%group(i)%name)
+    end do
+    do i = 1, self%n_blocks
+      call resize(self%block(i), self%block(i)%n)
+      mesh%block(i)%kind = self%block(i)%kind
+      call move_alloc(self%block(i)%node, mesh%block(i)%node)
+      call move_alloc(self%block(i)%tag, mesh%block(i)%tag)
+      call move_alloc(self%block(i)%group, mesh%block(i)%group)
+    end do
+    if (allocated(self%group)) deallocate (self%group)
+    if (allocated(self%block)) deallocate (self%block)
+    self%n_groups = 0
+    self%n_blocks = 0
+  end subroutine builder_finish
+
+  !> Change the room of a block.
+  subroutine resize(block, room)
+    type(growing_block_t), intent(inout) :: block
+    !> Number of elements that it can hold then, at least those that it has.
+    integer, intent(in) :: room
+    integer, allocatable :: node(:, :)
+    integer(int64), allocatable :: tag(:)
+    if (size(block%tag) == room) return
+    allocate (node(size(block%node, 1), room), tag(room))
+    node(:, :block%n) = block%node(:, :block%n)
+    tag(:block%n) = block%tag(:block%n)
+    call move_alloc(node, block%node)
+    call move_alloc(tag, block%tag)
+  end subroutine resize
+end module dotyk_mesh_mesh_builder

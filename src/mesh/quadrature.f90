@@ -1,0 +1,84 @@
+!> Quadrature rules on the reference domains: positive weights, points inside, any degree.
+!>
+!> Lines, quadrilaterals and hexahedra: products of Gauss-Legendre rules, exact for the degree in each variable. Triangles
+!> and tetrahedra: symmetric rules where short ones are known, conical products of Gauss-Jacobi rules beyond, exact for the total
+!> degree. Prisms: triangle x line.
+module dotyk_mesh_quadrature
+  use dotyk_base_kinds, only: dp
+  use dotyk_mesh_element_kind, only: element_line2, element_line3, element_quad4, element_quad8, element_quad9, &
+    element_tet10, element_tet4, element_tri3, element_tri6, element_hex20, element_hex27, element_hex8
+  use dotyk_mesh_gauss, only: gauss_jacobi
+  use dotyk_mesh_simplex_rule, only: tetrahedron_rule, triangle_rule
+  implicit none
+  private
+  public :: quadrature_rule
+
+contains
+
+  !> The rule of least cost that is exact for a degree.
+  pure subroutine quadrature_rule(kind, degree, points, weights)
+    !> Element kind.
+    integer, intent(in) :: kind
+    !> Polynomial degree that is integrated exactly: total on simplices, in each variable on products.
+    integer, intent(in) :: degree
+    !> Reference coordinates, (dimension, n).
+    real(dp), allocatable, intent(out) :: points(:, :)
+    !> Weights (n); their sum is the measure of the reference domain.
+    real(dp), allocatable, intent(out) :: weights(:)
+    real(dp), allocatable :: flat(:, :), flat_weights(:)
+    real(dp) :: x(degree/2 + 1), w(degree/2 + 1)
+    integer :: n, m, i
+    n = degree/2 + 1
+    call gauss_jacobi(n, 0, x, w)
+    ! From [0,1] to [-1,1].
+    x = 2*x - 1
+    w = 2*w
+    select case (kind)
+    case (element_line2, element_line3)
+      call product_rule(1, n, x, w, points, weights)
+    case (element_quad4, element_quad8, element_quad9)
+      call product_rule(2, n, x, w, points, weights)
+    case (element_hex8, element_hex20, element_hex27)
+      call product_rule(3, n, x, w, points, weights)
+    case (element_tri3, element_tri6)
+      call triangle_rule(degree, points, weights)
+    case (element_tet4, element_tet10)
+      call tetrahedron_rule(degree, points, weights)
+    case default
+      call triangle_rule(degree, flat, flat_weights)
+      m = size(flat_weights)
+      allocate (points(3, m*n), weights(m*n))
+      do i = 1, n
+        points(:2, (i - 1)*m + 1:i*m) = flat
+        points(3, (i - 1)*m + 1:i*m) = x(i)
+        weights((i - 1)*m + 1:i*m) = flat_weights*w(i)
+      end do
+    end select
+  end subroutine quadrature_rule
+
+  !> Product of a rule on the line with itself; the first variable runs fastest.
+  pure subroutine product_rule(d, n, x, w, points, weights)
+    !> Dimension.
+    integer, intent(in) :: d
+    !> Number of points of the rule on the line.
+    integer, intent(in) :: n
+    !> Points and weights on the line.
+    real(dp), intent(in) :: x(n), w(n)
+    !> Points of the product, (d, n**d).
+    real(dp), allocatable, intent(out) :: points(:, :)
+    !> Weights of the product (n**d).
+    real(dp), allocatable, intent(out) :: weights(:)
+    integer :: i, k, place, digit
+    allocate (points(d, n**d), weights(n**d))
+    do i = 1, n**d
+      place = i - 1
+      weights(i) = 1
+      do k = 1, d
+        digit = mod(place, n) + 1
+        place = place/n
+        points(k, i) = x(digit)
+        weights(i) = weights(i)*w(digit)
+      end do
+    end do
+  end subroutine product_rule
+end module dotyk_mesh_quadrature

@@ -1,0 +1,110 @@
+!> From the tags of a file, which may have gaps, to indices 1..n.
+module dotyk_mesh_tag_map
+  use dotyk_base_kinds, only: dp, int64
+  implicit none
+  private
+
+  !> A table over the range of the tags where they are compact, a hash table otherwise.
+  type, public :: tag_map_t
+    !> Whether `index` is a table over the range; otherwise it belongs to the hash table `key`.
+    logical :: compact = .true.
+    !> Least and largest tag.
+    integer(int64) :: first = 0, last = -1
+    !> Tags by hash slot (0:n_slots-1), a power of two; meaningful where `index` is not 0.
+    integer(int64), allocatable :: key(:)
+    !> Index of the tag, or 0 (0:).
+    integer, allocatable :: index(:)
+  contains
+    procedure :: init => tag_map_init
+    procedure :: find => tag_map_find
+  end type tag_map_t
+
+contains
+
+  !> Take in tags; tag(i) gets the index i.
+  pure subroutine tag_map_init(self, tag, twice)
+    class(tag_map_t), intent(inout) :: self
+    !> Tags (n).
+    integer(int64), intent(in) :: tag(:)
+    !> Index of the first tag that occurred before, or 0; the map is of no use then.
+    integer, intent(out) :: twice
+    integer(int64) :: n_slots, slot
+    real(dp) :: range
+    integer :: i, n
+    twice = 0
+    n = size(tag)
+    if (allocated(self%key)) deallocate (self%key)
+    if (allocated(self%index)) deallocate (self%index)
+    self%compact = .true.
+    self%first = 0
+    self%last = -1
+    if (n == 0) then
+      allocate (self%index(0:-1))
+      return
+    end if
+    self%first = minval(tag)
+    self%last = maxval(tag)
+    ! The difference of any two tags may overflow as an integer.
+    range = real(self%last, dp) - real(self%first, dp)
+    self%compact = range < 4*real(n, dp) + 1024
+    if (self%compact) then
+      allocate (self%index(0:self%last - self%first), source=0)
+      do i = 1, n
+        slot = tag(i) - self%first
+        if (self%index(slot) /= 0) then
+          twice = i
+          return
+        end if
+        self%index(slot) = i
+      end do
+    else
+      n_slots = 16
+      do while (n_slots < 2*int(n, int64))
+        n_slots = 2*n_slots
+      end do
+      allocate (self%key(0:n_slots - 1), source=0_int64)
+      allocate (self%index(0:n_slots - 1), source=0)
+      do i = 1, n
+        slot = slot_of(self%key, self%index, n_slots, tag(i))
+        if (self%index(slot) /= 0) then
+          twice = i
+          return
+        end if
+        self%key(slot) = tag(i)
+        self%index(slot) = i
+      end do
+    end if
+  end subroutine tag_map_init
+
+  !> The index of a tag, 0 where it is unknown.
+  pure integer function tag_map_find(self, tag) result(index)
+    class(tag_map_t), intent(in) :: self
+    integer(int64), intent(in) :: tag
+    integer(int64) :: slot
+    index = 0
+    if (tag < self%first .or. tag > self%last) return
+    if (self%compact) then
+      slot = tag - self%first
+    else
+      slot = slot_of(self%key, self%index, size(self%key, kind=int64), tag)
+    end if
+    index = self%index(slot)
+  end function tag_map_find
+
+  !> The slot that holds a tag, or the free one where it belongs (open addressing).
+  pure integer(int64) function slot_of(key, index, n_slots, tag) result(slot)
+    integer(int64), intent(in) :: n_slots
+    integer(int64), intent(in) :: key(0:n_slots - 1)
+    integer, intent(in) :: index(0:n_slots - 1)
+    integer(int64), intent(in) :: tag
+    !> 31 bits of the golden ratio: the product of two such numbers does not overflow.
+    integer(int64), parameter :: factor = 1327217885_int64, low_bits = 2_int64**31 - 1
+    integer(int64) :: mixed
+    mixed = iand(ieor(tag, ieor(ishft(tag, -31), ishft(tag, -62))), low_bits)*factor
+    slot = iand(ieor(mixed, ishft(mixed, -29)), n_slots - 1)
+    do while (index(slot) /= 0)
+      if (key(slot) == tag) return
+      slot = iand(slot + 1, n_slots - 1)
+    end do
+  end function slot_of
+end module dotyk_mesh_tag_map

@@ -1,0 +1,124 @@
+"""Tests of the small runner: what passes, what fails and how, and what it refuses."""
+import os
+import pathlib
+import subprocess
+import sys
+import unittest
+
+import dotyk_case
+
+SUPPORT = pathlib.Path(__file__).resolve().parent
+
+# Each test fails at the line whose comment says how, but for those named "passes_...".
+TESTS = """
+@test
+subroutine passes_values()
+@assertEqual(1, 1)
+@assertEqual(2_int64**40, [2_int64**40, 2_int64**40])
+@assertEqual(3, [3_int64])
+@assertEqual([1.0_dp, 2.0_dp], [1.0_dp, 2.1_dp], tolerance=0.2_dp, message='a, (b')
+@assertEqual(0.0_dp, reshape([0.0_dp, 0.0_dp], [1, 2]))
+@assertEqual('it''s', "it's")
+@assertTrue(.true.)
+@assertFalse(.false., message='no')
+@assertLessThan(1, 2)
+@assertGreaterThan(2.0_dp, 1.0_dp)
+end subroutine
+@test
+subroutine nan()
+  real(dp) :: x
+  x = ieee_value(x, ieee_quiet_nan)
+@assertEqual(x, x, tolerance=huge(x))
+end subroutine
+@test
+subroutine place()
+@assertEqual(0, reshape([0, 0, 0, 7], [2, 2]), message='look here')
+end subroutine
+@test
+subroutine shape_differs()
+@assertEqual([1, 2], [1, 2, 3])
+end subroutine
+@test
+subroutine only_the_first_counts()
+@assertTrue(.false.)
+@assertTrue(.false., message='never reached')
+end subroutine
+@test
+subroutine text()
+@assertEqual('a', 'b')
+end subroutine
+@test
+subroutine not_less()
+@assertLessThan(2.5_dp, 1.5_dp)
+end subroutine
+@test
+@disable
+subroutine not_run()
+@assertTrue(.false., message='disabled')
+end subroutine
+"""
+
+
+class Runner(dotyk_case.Case):
+    def refused(self, text, line, words, name="sample"):
+        """What stands after `contains` of a module is refused at this line with these words."""
+        source = self.write("sample.pf", "module %s\nuse funit\ncontains\n%s\nend module\n" % (name, text))
+        done = subprocess.run([sys.executable, "-B", SUPPORT / "pf.py", source, self.folder / "sample.f90"],
+                              capture_output=True, text=True)
+        self.assertNotEqual(done.returncode, 0)
+        self.assertIn("sample.pf:%d: " % line, done.stderr)
+        self.assertIn(words, done.stderr)
+
+    def run_tests(self, text, *options):
+        """Build and run the tests."""
+        uses = "use, intrinsic :: ieee_arithmetic\nuse, intrinsic :: iso_fortran_env, only: dp => real64, int64\n"
+        source = self.write("sample.pf", "module sample\nuse funit\n%sinteger :: n = 0\ncontains\n%s\nend module\n" % (uses, text))
+        python = [sys.executable, "-B", str(SUPPORT / "pf.py")]
+        subprocess.run([*python, source, "sample.f90"], cwd=self.folder, check=True)
+        subprocess.run([*python, "--driver", "tests", "driver.f90", source], cwd=self.folder, check=True)
+        subprocess.run([os.environ.get("FC", "gfortran"), "-ffree-line-length-none", "-ffpe-trap=invalid", "-o", "tests",
+                        SUPPORT / "funit.f90", "sample.f90", "driver.f90"], cwd=self.folder, check=True)
+        return subprocess.run([self.folder / "tests", *options], capture_output=True, text=True)
+
+    def test_failures_are_told(self):
+        done = self.run_tests(TESTS)
+        self.assertEqual(done.returncode, 1, done)
+        self.assertEqual(done.stdout.splitlines()[-1], "tests: 7 tests, 6 failed")
+        for words in ("sample.pf:25: nan: expected NaN, found NaN", "sample.pf:29: place: expected 0, found 7 at (2,2)\n  look here\n",
+                      "shape_differs: expected shape (2), found (3)", 'expected "true", found "false"',
+                      'text: expected "a", found "b"', "not_less: 2.5000000000000000 is not less than 1.5000000000000000"):
+            self.assertIn(words, done.stdout)
+        self.assertNotIn("never reached", done.stdout)
+        self.assertNotIn("disabled", done.stdout)
+
+    def test_set_up_and_choice_of_tests(self):
+        text = ("@before\nsubroutine set_up()\nn = n + 1\nend subroutine\n@after\nsubroutine tear_down()\nn = n + 10\nend subroutine\n"
+                "@test\nsubroutine first()\n@assertEqual(1, n)\nend subroutine\n"
+                "@test\nsubroutine second()\n@assertEqual(12, n)\nend subroutine\n")
+        done = self.run_tests(text)
+        self.assertEqual((done.returncode, done.stdout), (0, "tests: 2 tests, 0 failed\n"))
+        for part, code, line in (("first", 0, "tests: 1 tests, 0 failed\n"), ("third", 1, "tests: 0 tests, 0 failed\n")):
+            done = subprocess.run([self.folder / "tests", "-f", part], capture_output=True, text=True)
+            self.assertEqual((done.returncode, done.stdout), (code, line))
+
+    def test_what_is_not_understood_is_refused(self):
+        test = "@test\nsubroutine one()\n%s\nend subroutine"
+        self.refused(test % "@assertNaN(x)", 6, "does not understand '@assertNaN(x)'")
+        self.refused(test % "@assertEqual(1, 1) ! why", 6, "does not understand")
+        self.refused(test % "@assertEqual(1, &", 6, "does not understand")
+        self.refused(test % "@assertEqual(1)", 6, "do not parse")
+        self.refused(test % "@assertEqual(1, (2)", 6, "do not parse")
+        self.refused(test % "@assertEqual(1, 2, 3)", 6, "takes tolerance= and message=, not '3'")
+        self.refused(test % "@assertTrue(x, whitespace=KEEP_ALL)", 6, "not 'whitespace=KEEP_ALL'")
+        self.refused("@test(ifdef=X)\nsubroutine one()", 4, "does not understand")
+        self.refused("@test\ninteger function one()", 5, "a subroutine without arguments must follow @test")
+        self.refused("@test\nsubroutine one(this)", 5, "a subroutine without arguments must follow @test")
+        self.refused("@before\nsubroutine a()\nend subroutine\n@before\nsubroutine b()", 7, "does not understand '@before'")
+        self.refused("subroutine one()\nend subroutine", 6, "at least one test")
+        self.refused("@test\n", 6, "must follow @test")
+        self.refused(test % "", 8, "named as the file is", name="another")
+        self.refused("@test\nsubroutine sample()", 6, "named otherwise")
+
+
+if __name__ == "__main__":
+    dotyk_case.main()
