@@ -60,7 +60,9 @@ contains
     kind%face_node(:n, :2) = triangle(:n, :)
     n = kind_nodes(kind%face_kind(3))
     kind%face_node(:n, 3:5) = quadrilateral(:n, :)
-    kind%vtk_order(:18) = [1, 2, 3, 4, 5, 6, 7, 10, 8, 13, 15, 14, 9, 11, 12, 16, 18, 17]
+    ! The base of VTK's wedge points out of it (vtkWedge's page; its volumes come out negative otherwise): ours turned
+    ! over.
+    kind%vtk_order(:18) = [1, 3, 2, 4, 6, 5, 8, 10, 7, 14, 15, 13, 9, 12, 11, 17, 18, 16]
     kind%vtk_order(kind%n_nodes + 1:) = 0
   end function prism_kind
 
