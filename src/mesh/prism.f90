@@ -60,8 +60,8 @@ contains
     kind%face_node(:n, :2) = triangle(:n, :)
     n = kind_nodes(kind%face_kind(3))
     kind%face_node(:n, 3:5) = quadrilateral(:n, :)
-    ! The base of VTK's wedge points out of it (vtkWedge's page; its volumes come out negative otherwise): ours turned
-    ! over.
+    ! VTK's wedge is the other way round: the normal of its nodes 1 2 3 points away from 4 5 6. (Its parametric coordinates say
+    ! the opposite; its faces, volumes and documentation do not.)
     kind%vtk_order(:18) = [1, 3, 2, 4, 6, 5, 8, 10, 7, 14, 15, 13, 9, 12, 11, 17, 18, 16]
     kind%vtk_order(kind%n_nodes + 1:) = 0
   end function prism_kind
