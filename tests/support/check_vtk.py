@@ -8,12 +8,15 @@ Exit code 0 if all is well, 1 if not, 77 where VTK or h5py is not installed.
 """
 import argparse
 import sys
+import warnings
 
 try:
     import h5py
     import numpy as np
     from vtkmodules.util.numpy_support import vtk_to_numpy
     from vtkmodules.vtkCommonCore import reference, vtkLogger
+    from vtkmodules.vtkCommonDataModel import vtkWedge
+    from vtkmodules.vtkFiltersCore import vtkAppendFilter
     from vtkmodules.vtkFiltersVerdict import vtkCellSizeFilter
     from vtkmodules.vtkIOHDF import vtkHDFReader
 except ImportError as reason:
@@ -71,7 +74,7 @@ def check_cells(cell, x, tolerance):
     size = np.zeros(len(x))
     least = np.full(len(x), np.inf)
     step = np.eye(3) / 1024  # differences are exact up to quadratics, but for round-off
-    # The base of VTK's wedge points out of it (vtkWedge's page), its parametric coordinates notwithstanding.
+    # The base of VTK's wedge points out of it (vtkWedge's page before VTK 9.7), whatever its parametric coordinates say.
     sign = -1 if linear == 13 else 1
     for p, weight in quadrature(linear):
         gradients = np.array([(shapes(p + h) - shapes(p - h)) * 512 for h in step[:dimension]])
@@ -89,13 +92,20 @@ def main():
     options = parser.parse_args()
     problems = []
 
+    warnings.simplefilter("ignore", DeprecationWarning)
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_OFF)  # VTK 9.1 warns of version 2.0 and reads it
     reader = vtkHDFReader()
     if not reader.CanReadFile(options.file):
         sys.exit("%s: VTK's HDF reader refuses it" % options.file)
     reader.SetFileName(options.file)
     reader.Update()
-    grid = reader.GetOutput()
+    grid = reader.GetOutputDataObject(0)
+    if grid.IsA("vtkPartitionedDataSet"):  # VTK 9.1 joins the parts by itself
+        join = vtkAppendFilter()
+        for i in range(grid.GetNumberOfPartitions()):
+            join.AddInputData(grid.GetPartition(i))
+        join.Update()
+        grid = join.GetOutput()
     with h5py.File(options.file, "r") as file:
         root = file["VTKHDF"]
         if grid.GetNumberOfPoints() != root["Points"].shape[0] or grid.GetNumberOfCells() != root["Types"].shape[0]:
@@ -127,12 +137,16 @@ def main():
             found, size[some] = check_cells(cell, x, 1e-12 if options.straight else 0.25)
             problems += ["cell %d of type %d %s" % (some[i], kind, text) for i, text in found]
 
-    # VTK's own sizes; those of types 29 and 32 are wrong in VTK 9.1.
+    # VTK's own sizes. Those of types 29 and 32 are wrong in VTK 9.1; VTK 9.7 turned its wedges over.
+    wedge = vtkWedge()
+    for i in range(6):
+        wedge.GetPointIds().SetId(i, i)
+    unsure = [29, 32] + [13, 26] * (wedge.GetFace(0).GetPointId(1) == 2)
     sizes = vtkCellSizeFilter()
     sizes.SetInputData(grid)
     sizes.Update()
     own = sum(vtk_to_numpy(sizes.GetOutput().GetCellData().GetArray(name)) for name in ("Volume", "Area"))
-    wrong = np.flatnonzero((own <= 0) & (types != 29) & (types != 32))
+    wrong = np.flatnonzero((own <= 0) & ~np.isin(types, unsure))
     problems += ["cell %d of type %d has the size %g for VTK" % (i, types[i], own[i]) for i in wrong[:3]]
     body = vtk_to_numpy(grid.GetCellData().GetArray("body"))
     found = [size[body == b].sum() for b in range(1, body.max() + 1)] if n else []
