@@ -1,5 +1,6 @@
 !> What a run shows: a terse table of the scene, and a summary.
 module dotyk_driver_screen
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_log, only: log_t
   use dotyk_base_text, only: to_text
@@ -120,8 +121,8 @@ contains
                   ' sweeps over all bodies), '//duration(seconds))
     call log%line('  error bound      '//to_text(result%error_bound, 3)//' of the energy norm, guaranteed (tolerance '// &
                   to_text(tolerance)//')')
-    if (result%error_bound_paper >= 0) call log%line('  bound (41)       '//to_text(result%error_bound_paper, 3))
-    if (result%q_measured >= 0) call log%line('  factor per step  '//to_text(result%q_measured, 6)//' measured, at most '// &
+    if (.not. ieee_is_nan(result%error_bound_paper)) call log%line('  bound (41)       '//to_text(result%error_bound_paper, 3))
+    if (.not. ieee_is_nan(result%q_measured)) call log%line('  factor per step  '//to_text(result%q_measured, 6)//' measured, at most '// &
                                               to_text(result%q_predicted, 6)//' predicted')
     call log%line('  penetration      '//to_text(result%max_penetration, 4)//' at most')
     call log%line('  energy           '//to_text(result%energy, 10))

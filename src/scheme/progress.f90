@@ -1,5 +1,6 @@
 !> The live line of an iteration.
 module dotyk_scheme_progress
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
   use dotyk_scheme_history, only: history_t
@@ -22,6 +23,7 @@ contains
       '   in contact ', history%active(history%n)
     line = trim(buffer)
     rate = history%measured_contraction()
+    if (ieee_is_nan(rate)) return
     if (rate > 0 .and. rate < 1 .and. measure > tolerance .and. tolerance > 0) then
       steps = log(tolerance/measure)/log(rate)
       line = line//'   left '//duration(steps*history%seconds(history%n)/history%n)
