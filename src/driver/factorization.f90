@@ -112,7 +112,6 @@ contains
     type is (full_response_t)
       call full%factorize(body, error)
     end select
-    call body%stiffness%destroy()
   end subroutine factorize_body
 
   !> All bodies' errors as one.

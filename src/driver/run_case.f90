@@ -20,7 +20,7 @@ module dotyk_driver_run_case
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t
   use dotyk_input_help, only: help_text
-  use dotyk_input_reader, only: read_case
+  use dotyk_input_parse, only: read_case
   use dotyk_mesh_surface, only: surface_t
   use dotyk_output_results, only: results_file_t, check_writable
   use dotyk_response_full, only: full_response_t
@@ -124,7 +124,7 @@ contains
     type(run_t), intent(inout) :: run
     type(error_t), allocatable, intent(out) :: error
     type(neumann_settings_t) :: settings
-    integer :: b, k, first, last
+    integer :: b
     associate (case => run%case, problem => run%problem)
       call factorize_bodies(run%body, problem%response, run%size_of, case%solver%reproducible, error)
       if (allocated(error)) return

@@ -126,6 +126,7 @@ contains
     real(dp), intent(in) :: x(:)
     real(dp), intent(out) :: y(:)
     real(dp), allocatable :: scale(:)
+    allocate (scale(self%operator%n_rows))
     scale = sqrt(self%operator%weight/self%operator%theta)
     call self%compliance(scale*x, y)
     y = scale*y
