@@ -48,6 +48,7 @@ contains
     integer, allocatable :: node_order(:), permutation(:)
     self%dimension = body%dimension
     ! Nested dissection orders the nodes: the graph is smaller, and the equations of a node stay together.
+    allocate (node_order(size(body%graph_start) - 1))
     call nested_dissection(body%graph_start, body%graph_neighbour, node_order, error)
     if (allocated(error)) return
     allocate (permutation(body%constraint%n_equations))
