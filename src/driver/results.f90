@@ -34,7 +34,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     integer(int64), dimension(size(body)) :: n_points, n_cells, n_connectivity
     real(dp), allocatable :: mises(:)
-    integer :: b
+    integer :: b, e
     do b = 1, size(body)
       n_points(b) = body(b)%mesh%n_nodes()
       n_cells(b) = body(b)%mesh%n_elements()
@@ -49,7 +49,7 @@ contains
         call file%write_displacement(b, solution(b)%displacement, error)
       if (.not. allocated(error) .and. case%output%contact) call file%write_contact_pressure(b, contact_pressure(b)%value, error)
       if (.not. allocated(error) .and. case%output%stress) then
-        mises = von_mises(solution(b)%stress)
+        mises = [(von_mises(solution(b)%stress(:, e)), e=1, size(solution(b)%stress, 2))]
         call file%write_stress(b, solution(b)%stress, mises, error)
       end if
       if (allocated(error)) then
