@@ -20,7 +20,7 @@ contains
 
   !> Find the neighbours.
   subroutine adjacency_init(self, set)
-    class(adjacency_t), intent(inout) :: self
+    class(adjacency_t), intent(out) :: self
     !> Facets.
     type(facet_set_t), intent(in) :: set
     integer, allocatable :: number(:), next(:)

@@ -69,7 +69,10 @@ contains
       end if
     end do
     if (affine) return
-    if (best_edge > 0) call from_start(xi)
+    if (best_edge > 0) then
+      trial = xi
+      call keep_better(corners, c, q, trial, xi, square)
+    end if
     if (convex) return
     do j = -1, 1, 2
       do i = -1, 1, 2
@@ -80,25 +83,31 @@ contains
         else
           trial = [0.1_dp, 0.1_dp]
         end if
-        call from_start(trial)
+        call keep_better(corners, c, q, trial, xi, square)
       end do
     end do
-
-  contains
-
-    !> Descend from one more start and keep what is better.
-    pure subroutine from_start(start)
-      real(dp), intent(in) :: start(2)
-      real(dp) :: point(2), its_square
-      logical :: its_inside
-      point = start
-      call descend(corners, c, affine, q, point, its_square, its_inside)
-      if (its_square < square) then
-        xi = point
-        square = its_square
-      end if
-    end subroutine from_start
   end subroutine closest_on_patch
+
+  !> Descend from one more start and keep what is better.
+  pure subroutine keep_better(corners, c, q, start, xi, square)
+    integer, intent(in) :: corners
+    !> Coefficients (3, 9).
+    real(dp), intent(in) :: c(3, 9)
+    !> Given point relative to the facet's origin (3).
+    real(dp), intent(in) :: q(3)
+    !> Where to start (2).
+    real(dp), intent(in) :: start(2)
+    !> The best point so far (2) and its squared distance.
+    real(dp), intent(inout) :: xi(2), square
+    real(dp) :: its_square, point(2)
+    logical :: inside
+    point = start
+    call descend(corners, c, .false., q, point, its_square, inside)
+    if (its_square < square) then
+      xi = point
+      square = its_square
+    end if
+  end subroutine keep_better
 
   !> Newton's method on half the squared distance, inside the reference domain. Ends at a stationary point inside, or on the
   !> boundary where the step leads out (there the closest points of the edges take over). Never ends higher than it began.
@@ -269,30 +278,37 @@ contains
     ends(n + 1) = 1
     t = first
     square = sum((a0 + t*(a1 + t*a2))**2)
-    call take_if_closer(1.0_dp)
+    call take_if_closer(a0, a1, a2, 1.0_dp, t, square)
     do i = 1, n
-      if (slope(ends(i)) < 0 .and. slope(ends(i + 1)) > 0) call take_if_closer(root_between(b, ends(i), ends(i + 1)))
+      if (.not. (cubic(b, ends(i)) < 0 .and. cubic(b, ends(i + 1)) > 0)) cycle
+      root = root_between(b, ends(i), ends(i + 1))
+      call take_if_closer(a0, a1, a2, root, t, square)
     end do
-
-  contains
-
-    !> Half the derivative of the squared distance.
-    pure real(dp) function slope(at)
-      real(dp), intent(in) :: at
-      slope = b(0) + at*(b(1) + at*(b(2) + at*b(3)))
-    end function slope
-
-    !> Keep a point that is closer.
-    pure subroutine take_if_closer(at)
-      real(dp), intent(in) :: at
-      real(dp) :: value
-      value = sum((a0 + at*(a1 + at*a2))**2)
-      if (value < square) then
-        square = value
-        t = at
-      end if
-    end subroutine take_if_closer
   end subroutine closest_on_curve
+
+  !> Value of a cubic.
+  pure real(dp) function cubic(b, t)
+    !> Coefficients.
+    real(dp), intent(in) :: b(0:3)
+    real(dp), intent(in) :: t
+    cubic = b(0) + t*(b(1) + t*(b(2) + t*b(3)))
+  end function cubic
+
+  !> Keep a point of a curve that is closer to the origin.
+  pure subroutine take_if_closer(a0, a1, a2, at, t, square)
+    !> Coefficients of the curve (3).
+    real(dp), intent(in) :: a0(3), a1(3), a2(3)
+    !> The point.
+    real(dp), intent(in) :: at
+    !> The best point so far and its squared distance.
+    real(dp), intent(inout) :: t, square
+    real(dp) :: value
+    value = sum((a0 + at*(a1 + at*a2))**2)
+    if (value < square) then
+      square = value
+      t = at
+    end if
+  end subroutine take_if_closer
 
   !> The root of a cubic that rises through zero between two points, monotone there: Newton's method kept in the bracket.
   pure real(dp) function root_between(b, first, last) result(t)
@@ -305,7 +321,7 @@ contains
     high = last
     t = (low + high)/2
     do step = 1, 100
-      value = b(0) + t*(b(1) + t*(b(2) + t*b(3)))
+      value = cubic(b, t)
       if (value < 0) then
         low = t
       else

@@ -49,7 +49,7 @@ contains
 
   !> Set up from a surface and its body's nodes.
   subroutine facet_set_init(self, x, surface)
-    class(facet_set_t), intent(inout) :: self
+    class(facet_set_t), intent(out) :: self
     !> Nodal coordinates of the body (dimension, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
     !> The surface.

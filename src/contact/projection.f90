@@ -63,7 +63,7 @@ contains
 
   !> Prepare a surface.
   subroutine target_init(self, x, surface)
-    class(target_surface_t), intent(inout) :: self
+    class(target_surface_t), intent(out) :: self
     !> Nodal coordinates of the body (dimension, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
     !> The surface.

@@ -46,7 +46,7 @@ contains
 
   !> Build the tree.
   subroutine tree_init(self, set)
-    class(facet_tree_t), intent(inout) :: self
+    class(facet_tree_t), intent(out) :: self
     !> Facets of the surface.
     type(facet_set_t), intent(in) :: set
     real(dp), allocatable :: centre(:, :)
@@ -208,7 +208,7 @@ contains
     xi = 0
     square = huge(square)
     if (set%n == 0) return
-    if (hint > 0) call look_at(hint)
+    if (hint > 0) call look_at(tree, set, x, toward, any_normal, hint, facet, xi, square)
     n = 1
     waiting(1) = 1
     waiting_square(1) = square_to_box(tree%lo(:, 1), tree%hi(:, 1), x)
@@ -222,7 +222,8 @@ contains
       end if
       if (tree%child(node) == 0) then
         do i = tree%first(node), tree%last(node)
-          if (tree%order(i) /= hint) call look_at(tree%order(i))
+          if (tree%order(i) == hint) cycle
+          call look_at(tree, set, x, toward, any_normal, tree%order(i), facet, xi, square)
         end do
         cycle
       end if
@@ -231,46 +232,43 @@ contains
       near_square = square_to_box(tree%lo(:, near), tree%hi(:, near), x)
       far_square = square_to_box(tree%lo(:, far), tree%hi(:, far), x)
       if (far_square < near_square) then
-        call push(near, near_square)
-        call push(far, far_square)
+        waiting(n + 1:n + 2) = [near, far]
+        waiting_square(n + 1:n + 2) = [near_square, far_square]
       else
-        call push(far, far_square)
-        call push(near, near_square)
+        waiting(n + 1:n + 2) = [far, near]
+        waiting_square(n + 1:n + 2) = [far_square, near_square]
       end if
+      n = n + 2
     end do
-
-  contains
-
-    !> Put a node on the stack.
-    pure subroutine push(the_node, its_square)
-      integer, intent(in) :: the_node
-      real(dp), intent(in) :: its_square
-      if (its_square > square) return
-      n = n + 1
-      waiting(n) = the_node
-      waiting_square(n) = its_square
-    end subroutine push
-
-    !> Take a facet where it is nearer and faces the direction.
-    pure subroutine look_at(candidate)
-      integer, intent(in) :: candidate
-      real(dp) :: point(2), its_square, position(3), normal(3), xu(3), xv(3)
-      if (.not. any_normal) then
-        if (dot_product(set%axis(:, candidate), toward) < tree%facet_limit(candidate)) return
-      end if
-      if (square_to_box(set%lo(:, candidate), set%hi(:, candidate), x) > square) return
-      call closest_on_facet(set, candidate, x, point, its_square)
-      if (its_square > square) return
-      if (.not. its_square < square .and. candidate > facet) return
-      if (.not. any_normal) then
-        call facet_position_and_normal(set, candidate, point, position, normal, xu, xv)
-        if (.not. dot_product(normal, toward) > facing_cosine) return
-      end if
-      facet = candidate
-      xi = point
-      square = its_square
-    end subroutine look_at
   end subroutine nearest_facet
+
+  !> Take a facet where it is nearer and faces the direction; the dummies are those of nearest_facet.
+  pure subroutine look_at(tree, set, x, toward, any_normal, candidate, facet, xi, square)
+    type(facet_tree_t), intent(in) :: tree
+    type(facet_set_t), intent(in) :: set
+    real(dp), intent(in) :: x(3), toward(3)
+    logical, intent(in) :: any_normal
+    !> The facet to look at.
+    integer, intent(in) :: candidate
+    !> The best so far.
+    integer, intent(inout) :: facet
+    real(dp), intent(inout) :: xi(2), square
+    real(dp) :: point(2), its_square, position(3), normal(3), xu(3), xv(3)
+    if (.not. any_normal) then
+      if (dot_product(set%axis(:, candidate), toward) < tree%facet_limit(candidate)) return
+    end if
+    if (square_to_box(set%lo(:, candidate), set%hi(:, candidate), x) > square) return
+    call closest_on_facet(set, candidate, x, point, its_square)
+    if (its_square > square) return
+    if (.not. its_square < square .and. candidate > facet) return
+    if (.not. any_normal) then
+      call facet_position_and_normal(set, candidate, point, position, normal, xu, xv)
+      if (.not. dot_product(normal, toward) > facing_cosine) return
+    end if
+    facet = candidate
+    xi = point
+    square = its_square
+  end subroutine look_at
 
   !> Squared distance of a point to a box, 0 inside.
   pure real(dp) function square_to_box(lo, hi, x) result(square)
