@@ -4,6 +4,14 @@
 function(dotyk_layer name)
   cmake_parse_arguments(arg "" "" "LAYERS;EXTERNAL" ${ARGN})
   file(GLOB_RECURSE sources CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/src/${name}/*.f90 ${CMAKE_SOURCE_DIR}/src/${name}/*.c)
+  # Templates, such as the version, are filled in.
+  file(GLOB_RECURSE templates CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/src/${name}/*.f90.in)
+  foreach(template ${templates})
+    cmake_path(GET template STEM stem)
+    set(generated ${CMAKE_BINARY_DIR}/generated/${name}/${stem}.f90)
+    configure_file(${template} ${generated} @ONLY)
+    list(APPEND sources ${generated})
+  endforeach()
   # All the layers below this one, for the tests, which may use any of them.
   foreach(layer ${arg_LAYERS})
     get_property(more GLOBAL PROPERTY DOTYK_BELOW_${layer})

@@ -1,0 +1,89 @@
+"""Tests of tools/batch.sh with a stand-in for the executable."""
+import csv
+import os
+import stat
+import subprocess
+import sys
+import unittest
+
+import dotyk_case
+
+# Ends as the case says, and writes a summary unless it fails.
+STAND_IN = """#!%s
+import os, sys
+import h5py
+words = sys.argv
+text = open(words[1]).read()
+print(*words[2:])
+if "crash" in text:
+    os.abort()
+if "bad" in text:
+    sys.exit(2)
+memory = bytearray(100 * 2**20) if "large" in text else b""
+with h5py.File(words[words.index("--output") + 1], "w") as file:
+    summary = file.create_group("dotyk/summary")
+    summary.attrs["error_bound"] = 2.5e-7
+    summary.attrs["iterations"] = 42
+sys.exit(1 if "slow" in text else 0)
+""" % sys.executable
+
+
+class Batch(dotyk_case.Case):
+    def setUp(self):
+        super().setUp()
+        self.write("dotyk", STAND_IN).chmod(stat.S_IRWXU)
+
+    def batch(self, *words, code):
+        """What batch.sh prints, and the rows of batch.csv by case."""
+        environment = {**os.environ, "DOTYK": str(self.folder / "dotyk")}
+        done = subprocess.run([dotyk_case.ROOT / "tools" / "batch.sh", *words], cwd=self.folder, env=environment,
+                              capture_output=True, text=True)
+        self.assertEqual(done.returncode, code, done.stdout + done.stderr)
+        with open(self.folder / "batch" / "batch.csv", newline="") as file:
+            return done.stdout, {row["case"]: row for row in csv.DictReader(file)}
+
+    def test_goes_on_after_failures(self):
+        for name in ("crash", "bad", "slow", "large"):
+            self.write(name + ".nml", name)
+        text, rows = self.batch("-j", "2", "crash.nml", "bad.nml", "slow.nml", "large.nml", code=1)
+        self.assertEqual({name: int(row["exit"]) for name, row in rows.items()}, {"crash": 134, "bad": 2, "slow": 1, "large": 0})
+        self.assertEqual([rows["large"]["steps"], rows["slow"]["steps"], rows["bad"]["steps"]], ["42", "42", ""])
+        self.assertEqual(float(rows["large"]["error_bound"]), 2.5e-7)
+        self.assertGreater(float(rows["large"]["memory_mib"]), float(rows["slow"]["memory_mib"]) + 90)
+        self.assertIn("1 of 4 converged", text)
+        self.assertIn("--threads %d" % max(1, os.cpu_count() // 2), (self.folder / "batch" / "bad.log").read_text())
+
+    def test_skips_what_is_done(self):
+        self.write("a.nml", "&scene mesh='a.geo' /")
+        self.write("a.geo", 'Include "part.geo";')
+        part = self.write("part.geo", "")
+        self.write("b.nml", "slow")
+        self.batch("a.nml", "b.nml", code=1)
+        text, _ = self.batch("a.nml", "b.nml", code=1)
+        self.assertIn("a: already done", text)
+        self.assertIn("[1/1] b: exit 1", text)
+        os.utime(part, (2**31, 2**31))
+        self.assertIn("[1/1] a: exit 0", self.batch("a.nml", code=0)[0])
+        os.utime(part, (0, 0))
+        self.assertIn("a: already done", self.batch("a.nml", code=0)[0])
+        self.assertIn("[1/1] a: exit 0", self.batch("--again", "a.nml", code=0)[0])
+
+    def test_cases_of_one_name(self):
+        for folder in ("one", "two"):
+            (self.folder / folder).mkdir()
+            self.write(folder + "/case.nml", "")
+        _, rows = self.batch("one/case.nml", "two/case.nml", code=0)
+        self.assertEqual(sorted(rows), ["one-case", "two-case"])
+        self.batch("one/case.nml", code=0)
+        self.assertIn("[1/1] case", self.batch("two/case.nml", code=0)[0])
+
+    def test_array_job(self):
+        for name in ("a", "b"):
+            self.write(name + ".nml", "")
+        _, rows = self.batch("--only", "2", "--threads", "3", "a.nml", "b.nml", code=0)
+        self.assertEqual((rows["a"]["exit"], rows["b"]["exit"]), ("", "0"))
+        self.assertIn("--threads 3", (self.folder / "batch" / "b.log").read_text())
+
+
+if __name__ == "__main__":
+    dotyk_case.main()

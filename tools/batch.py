@@ -1,0 +1,187 @@
+#!/usr/bin/env python3
+"""Runs many cases of dotyk; the worker behind batch.sh and batch.slurm."""
+import argparse
+import concurrent.futures
+import csv
+import json
+import os
+import pathlib
+import re
+import subprocess
+import sys
+import threading
+import time
+
+COLUMNS = ("case", "exit", "error_bound", "steps", "seconds", "memory_mib")
+
+
+def arguments():
+    parser = argparse.ArgumentParser(prog="batch.sh", description="Run many cases, each with a log; go on after failures; skip "
+                                     "those that converged and whose inputs have not changed since; end with a table.")
+    parser.add_argument("cases", nargs="+", metavar="CASE.nml", type=pathlib.Path)
+    parser.add_argument("-j", "--jobs", type=int, default=1, metavar="N", help="cases at once; they share the cores (1)")
+    parser.add_argument("--threads", type=int, metavar="N", help="threads of each case (cores / jobs)")
+    parser.add_argument("--directory", type=pathlib.Path, default=pathlib.Path("batch"), metavar="DIR",
+                        help="where results, logs and batch.csv go (./batch)")
+    parser.add_argument("--again", action="store_true", help="run what is already done, too")
+    parser.add_argument("--only", type=int, metavar="I", help="run the I-th case only (from 1), for array jobs")
+    args = parser.parse_args()
+    if args.jobs < 1 or (args.threads or 1) < 1:
+        parser.error("--jobs and --threads are at least 1")
+    if args.only is not None and not 1 <= args.only <= len(args.cases):
+        parser.error("--only %d: there are %d cases" % (args.only, len(args.cases)))
+    if not os.access(os.environ["DOTYK"], os.X_OK):
+        parser.error("no executable %s" % os.environ["DOTYK"])
+    return args
+
+
+def names_of(cases):
+    """A name for each case: that of its file, with as many folders in front as tell it from the others."""
+    parts = [case.resolve().with_suffix("").parts[1:] for case in cases]
+    depth = [1] * len(parts)
+    while True:
+        names = ["-".join(p[-d:]) for p, d in zip(parts, depth)]
+        longer = [i for i, name in enumerate(names) if names.count(name) > 1 and depth[i] < len(parts[i])]
+        if not longer:
+            return names
+        for i in longer:
+            depth[i] += 1
+
+
+def inputs_of(path):
+    """The file and those that it names between quotes, such as the mesh, and so on."""
+    found, todo = set(), [path.resolve()]
+    while todo:
+        file = todo.pop()
+        if file in found or not file.is_file():
+            continue
+        found.add(file)
+        if file.suffix in (".nml", ".geo"):
+            for double, single in re.findall(r'"([^"\n]+)"|\'([^\'\n]+)\'', file.read_text(errors="replace")):
+                name = double or single
+                if not name.endswith(".vtkhdf"):
+                    todo.append((file.parent / name).resolve())
+    return found
+
+
+def summary_of(results):
+    """Error bound and number of steps in a results file."""
+    try:
+        import h5py
+        with h5py.File(results, "r") as file:
+            summary = file["dotyk/summary"].attrs
+            return {"error_bound": float(summary["error_bound"]), "steps": int(summary["iterations"])}
+    except (ImportError, OSError, KeyError, ValueError) as error:
+        print("batch: %s: %s" % (results, error), file=sys.stderr)
+        return {}
+
+
+class Batch:
+    def __init__(self, args):
+        self.args = args
+        self.names = names_of(args.cases)
+        self.threads = args.threads or max(1, (os.cpu_count() or 1) // args.jobs)
+        self.running, self.lock, self.stopped = set(), threading.Lock(), False
+
+    def file(self, i, suffix):
+        return self.args.directory / (self.names[i] + suffix)
+
+    def status(self, i):
+        try:
+            return json.loads(self.file(i, ".status").read_text())
+        except (OSError, ValueError):
+            return {}
+
+    def is_done(self, i):
+        results = self.file(i, ".vtkhdf")
+        status = self.status(i)
+        if status.get("exit") != 0 or status.get("path") != str(self.args.cases[i].resolve()) or not results.is_file():
+            return False
+        return all(path.stat().st_mtime < results.stat().st_mtime for path in inputs_of(self.args.cases[i]))
+
+    def run(self, i):
+        """Run case i and note how it ended."""
+        results, status = self.file(i, ".vtkhdf"), {"path": str(self.args.cases[i].resolve())}
+        self.file(i, ".status").unlink(missing_ok=True)
+        results.unlink(missing_ok=True)
+        command = [os.environ["DOTYK"], str(self.args.cases[i]), "--output", str(results), "--threads", str(self.threads)]
+        start = time.monotonic()
+        with open(self.file(i, ".log"), "w") as log:
+            with self.lock:
+                if self.stopped:
+                    return
+                process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT)
+                self.running.add(process)
+            # wait4 tells the peak memory of this very process.
+            _, code, usage = os.wait4(process.pid, 0)
+            with self.lock:
+                process.returncode = os.waitstatus_to_exitcode(code)
+                self.running.discard(process)
+        status["exit"] = process.returncode if process.returncode >= 0 else 128 - process.returncode
+        status["seconds"] = round(time.monotonic() - start, 3)
+        status["memory_mib"] = round(usage.ru_maxrss / 1024, 1)
+        if results.is_file():
+            status.update(summary_of(results))
+        write(self.file(i, ".status"), json.dumps(status) + "\n")
+
+    def run_all(self):
+        chosen = range(len(self.names)) if self.args.only is None else [self.args.only - 1]
+        todo = [i for i in chosen if self.args.again or not self.is_done(i)]
+        for i in sorted(set(chosen) - set(todo)):
+            print("%s: already done" % self.names[i], flush=True)
+        pool = concurrent.futures.ThreadPoolExecutor(self.args.jobs)
+        futures = {pool.submit(self.run, i): i for i in todo}
+        try:
+            for n, future in enumerate(concurrent.futures.as_completed(futures), 1):
+                future.result()
+                i, status = futures[future], self.status(futures[future])
+                print("[%d/%d] %s: exit %d, %.1f s, log in %s" % (n, len(todo), self.names[i], status["exit"], status["seconds"],
+                                                                  self.file(i, ".log")), flush=True)
+        except KeyboardInterrupt:
+            print("batch: stopped", file=sys.stderr)
+            with self.lock:
+                self.stopped = True
+                for process in self.running:
+                    process.terminate()
+        pool.shutdown()
+
+    def report(self):
+        """The table, on the screen and in batch.csv. Whether every case converged."""
+        rows = []
+        for i, name in enumerate(self.names):
+            status = self.status(i)
+            rows.append([name] + [status.get(column) for column in COLUMNS[1:]])
+        target = self.args.directory / "batch.csv"
+        temporary = target.with_name("batch.csv.%d" % os.getpid())
+        with open(temporary, "w", newline="") as file:
+            writer = csv.writer(file)
+            writer.writerow(COLUMNS)
+            writer.writerows(rows)
+        os.replace(temporary, target)
+        forms = ("%s", "%d", "%.2e", "%d", "%.1f", "%.0f")
+        texts = [list(COLUMNS)] + [["-" if x is None else form % x for form, x in zip(forms, row)] for row in rows]
+        widths = [max(len(row[k]) for row in texts) for k in range(len(COLUMNS))]
+        print()
+        for row in texts:
+            print("  ".join([row[0].ljust(widths[0])] + [text.rjust(width) for text, width in zip(row[1:], widths[1:])]))
+        chosen = rows if self.args.only is None else [rows[self.args.only - 1]]
+        print("\n%d of %d converged; as CSV in %s" % (sum(row[1] == 0 for row in chosen), len(chosen), target))
+        return all(row[1] == 0 for row in chosen)
+
+
+def write(path, text):
+    """Write a file whole or not at all."""
+    temporary = path.with_name(path.name + ".new")
+    temporary.write_text(text)
+    os.replace(temporary, path)
+
+
+def main():
+    args = arguments()
+    args.directory.mkdir(parents=True, exist_ok=True)
+    batch = Batch(args)
+    batch.run_all()
+    return 0 if batch.report() else 1
+
+
+sys.exit(main())

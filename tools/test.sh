@@ -1,0 +1,21 @@
+#!/bin/bash
+# Installs what is missing, builds what changed, runs all tests and counts them.
+# usage: tools/test.sh [--preset PRESET] [ctest options]      such as: tools/test.sh --preset debug -R contact
+set -euo pipefail
+
+tools=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
+preset=release
+if [[ ${1:-} == --preset ]]; then
+  preset=${2:?"usage: tools/test.sh [--preset PRESET] [ctest options]"}
+  shift 2
+fi
+"$tools/setup.sh"
+"$tools/build.sh" "$preset"
+build=$(cd "$tools/../build/$preset" && pwd)
+
+code=0
+rm -f "$build/Testing/Temporary/LastTest.log"
+OMP_WAIT_POLICY=passive ctest --test-dir "$build" --output-on-failure --parallel "$(nproc)" "$@" || code=$?
+# The very last line is "N passed, N failed", over the single tests of all executables.
+/usr/bin/python3 -B "$tools/count_tests.py" "$build" || code=$?
+exit "$code"
