@@ -1,7 +1,7 @@
 !> Continuous linear fields on one side of a pair: values at the corners of the facets that carry contact points.
 module dotyk_contact_corner_field
   use dotyk_base_kinds, only: dp
-  use dotyk_mesh_element, only: element_kind, element_kind_t, kind_nodes, max_facet_nodes, n_element_kinds, shape_functions
+  use dotyk_mesh_element, only: element_kind, element_kind_t, kind_nodes, n_element_kinds, shape_functions
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
@@ -16,8 +16,8 @@ module dotyk_contact_corner_field
     real(dp), allocatable :: shape(:, :)
     !> Body-local numbers of all nodes of those facets, ascending.
     integer, allocatable :: node(:)
-    !> A node's value is the mean of the values at corners from(1:n_from(i), i): itself, or the ends of its edge, or all corners of
-    !> its face.
+    !> A node's value is the mean of the values at corners from(1:n_from(i), i): itself, or the ends of its edge, or
+    !> all corners of its face.
     integer, allocatable :: from(:, :), n_from(:)
   contains
     procedure :: init => corner_field_init
@@ -65,8 +65,8 @@ contains
       call shape_functions(kind(k)%corner_kind, xi(:, i), self%shape(1:n, i))
       if (facet(i) == previous) cycle
       previous = facet(i)
-      call set_means(n, kind_nodes(k), self%corner(:, i), node_number(surface%node(1:kind_nodes(k), facet(i))), self%from, &
-                     self%n_from)
+      call set_means(n, kind_nodes(k), self%corner(:, i), node_number(surface%node(1:kind_nodes(k), facet(i))), &
+                     self%from, self%n_from)
     end do
   end subroutine corner_field_init
 

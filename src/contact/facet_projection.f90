@@ -1,8 +1,9 @@
 !> The closest point of one facet to a given point, edges and corners included.
 !>
-!> The distance to an edge, a quadratic curve, is minimised exactly: its derivative is a cubic, whose roots are isolated by those of
-!> its derivative. In the interior a safeguarded Newton method runs on the squared distance: from one start where that is
-!> convex on the facet, from several where it is not. The least of all candidates is the closest point.
+!> The distance to an edge, a quadratic curve, is minimised exactly: its derivative is a cubic, whose roots are
+!> isolated by those of its derivative. In the interior a safeguarded Newton method runs on the squared distance: from
+!> one start where that is convex on the facet, from several where it is not. The least of all candidates is the
+!> closest point.
 module dotyk_contact_facet_projection
   use dotyk_base_kinds, only: dp
   use dotyk_contact_facet_set, only: evaluate_facet, facet_set_t
@@ -29,8 +30,8 @@ contains
     logical :: convex
     q = x - set%origin(:, facet)
     if (set%corners(facet) == 2) then
-      call closest_on_curve(set%coefficient(:, 1, facet) - q, set%coefficient(:, 2, facet), set%coefficient(:, 3, facet), &
-                            -1.0_dp, xi(1), square)
+      call closest_on_curve(set%coefficient(:, 1, facet) - q, set%coefficient(:, 2, facet), &
+                            set%coefficient(:, 3, facet), -1.0_dp, xi(1), square)
       xi(2) = 0
       return
     end if
@@ -109,8 +110,9 @@ contains
     end if
   end subroutine keep_better
 
-  !> Newton's method on half the squared distance, inside the reference domain. Ends at a stationary point inside, or on the
-  !> boundary where the step leads out (there the closest points of the edges take over). Never ends higher than it began.
+  !> Newton's method on half the squared distance, inside the reference domain. Ends at a stationary point inside, or
+  !> on the boundary where the step leads out (there the closest points of the edges take over). Never ends higher
+  !> than it began.
   pure subroutine descend(corners, c, affine, q, xi, square, inside)
     integer, intent(in) :: corners
     !> Coefficients (3, 9).
@@ -229,13 +231,13 @@ contains
       end select
     else if (edge == 1 .or. edge == 3) then
       s = edge - 2
-      call closest_on_curve(c(:, 1) + s*c(:, 4) + c(:, 7) - q, c(:, 2) + s*c(:, 5) + c(:, 8), c(:, 3) + s*c(:, 6) + c(:, 9), &
-                            -1.0_dp, t, square)
+      call closest_on_curve(c(:, 1) + s*c(:, 4) + c(:, 7) - q, c(:, 2) + s*c(:, 5) + c(:, 8), &
+                            c(:, 3) + s*c(:, 6) + c(:, 9), -1.0_dp, t, square)
       xi = [t, real(s, dp)]
     else
       s = 3 - edge
-      call closest_on_curve(c(:, 1) + s*c(:, 2) + c(:, 3) - q, c(:, 4) + s*c(:, 5) + c(:, 6), c(:, 7) + s*c(:, 8) + c(:, 9), &
-                            -1.0_dp, t, square)
+      call closest_on_curve(c(:, 1) + s*c(:, 2) + c(:, 3) - q, c(:, 4) + s*c(:, 5) + c(:, 6), &
+                            c(:, 7) + s*c(:, 8) + c(:, 9), -1.0_dp, t, square)
       xi = [real(s, dp), t]
     end if
   end subroutine closest_on_edge
@@ -310,7 +312,8 @@ contains
     end if
   end subroutine take_if_closer
 
-  !> The root of a cubic that rises through zero between two points, monotone there: Newton's method kept in the bracket.
+  !> The root of a cubic that rises through zero between two points, monotone there: Newton's method kept in the
+  !> bracket.
   pure real(dp) function root_between(b, first, last) result(t)
     !> Coefficients.
     real(dp), intent(in) :: b(0:3)

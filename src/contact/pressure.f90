@@ -1,11 +1,11 @@
 !> The pressure that users look at: projected on the continuous linear shape functions of surface_a.
 !>
-!> Nodal values P minimise sum_i w_i (N_i P - p_i)^2 over the points that have a partner. A facet on the rim of the contact surface may
-!> carry fewer points than corners, and then this does not determine its corners. To it is added
-!> smoothing * (sum of w on the facet) * sum over pairs of its corners (P_j - P_k)^2, which makes the matrix positive definite, as every
-!> corner is joined to a point, and gives undetermined corners the values of their neighbours. With smoothing = 1e-11
-!> determined values move by less than 1e-9 of the differences between neighbours (the least eigenvalue of a facet's mass matrix is 1/36
-!> of its area), and undetermined ones keep 5 digits of 16.
+!> Nodal values P minimise sum_i w_i (N_i P - p_i)^2 over the points that have a partner. A facet on the rim of the
+!> contact surface may carry fewer points than corners, and then this does not determine its corners. To it is added
+!> smoothing * (sum of w on the facet) * sum over pairs of its corners (P_j - P_k)^2, which makes the matrix positive
+!> definite, as every corner is joined to a point, and gives undetermined corners the values of their neighbours. With
+!> smoothing = 1e-11 determined values move by less than 1e-9 of the differences between neighbours (the least
+!> eigenvalue of a facet's mass matrix is 1/36 of its area), and undetermined ones keep 5 digits of 16.
 module dotyk_contact_pressure
   use dotyk_base_error, only: add_context, error_t, exit_not_solvable, set_error
   use dotyk_base_kinds, only: dp, int64

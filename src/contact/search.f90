@@ -1,8 +1,9 @@
 !> Bounding-volume tree over the facets of a surface, and the nearest facet to a point by branch and bound.
 !>
-!> Every node has a box that contains its facets and a cone that contains their normals, so that parts of the surface that are too
-!> far or face the wrong way are passed over. Building costs N log N; the answer is the least in the order (distance, facet number), which
-!> does not depend on the shape of the tree, on where the search starts, or on threads.
+!> Every node has a box that contains its facets and a cone that contains their normals, so that parts of the surface
+!> that are too far or face the wrong way are passed over. Building costs N log N; the answer is the least in the
+!> order (distance, facet number), which does not depend on the shape of the tree, on where the search starts, or on
+!> threads.
 module dotyk_contact_search
   use dotyk_base_kinds, only: dp
   use dotyk_contact_facet_projection, only: closest_on_facet
@@ -54,8 +55,8 @@ contains
     integer :: i, n, node, most, middle
     n = set%n
     most = max(1, 2*n)
-    allocate (self%lo(3, most), self%hi(3, most), self%axis(3, most), self%limit(most), self%child(most), self%first(most), &
-              self%last(most), self%facet_limit(n), centre(3, n))
+    allocate (self%lo(3, most), self%hi(3, most), self%axis(3, most), self%limit(most), self%child(most), &
+              self%first(most), self%last(most), self%facet_limit(n), centre(3, n))
     self%order = [(i, i=1, n)]
     do i = 1, n
       centre(:, i) = (set%lo(:, i) + set%hi(:, i))/2
@@ -68,8 +69,8 @@ contains
     do while (node < self%n_nodes)
       node = node + 1
       associate (first => self%first(node), last => self%last(node))
-        call bound_facets(self%order(first:last), set%lo, set%hi, set%axis, set%half_angle, self%lo(:, node), self%hi(:, node), &
-                          self%axis(:, node), half_angle)
+        call bound_facets(self%order(first:last), set%lo, set%hi, set%axis, set%half_angle, &
+                          self%lo(:, node), self%hi(:, node), self%axis(:, node), half_angle)
         self%limit(node) = cone_limit(half_angle)
         self%child(node) = 0
         if (last - first < leaf_size) cycle
@@ -124,7 +125,8 @@ contains
     widest = min(pi, widest)
   end subroutine bound_facets
 
-  !> Cosine of the greatest angle between a direction and the axis at which a normal of the cone may face that direction.
+  !> Cosine of the greatest angle between a direction and the axis at which a normal of the cone may face that
+  !> direction.
   pure real(dp) function cone_limit(half_angle) result(limit)
     !> Half angle of the cone [rad].
     real(dp), intent(in) :: half_angle
@@ -184,7 +186,8 @@ contains
     end function before
   end subroutine split
 
-  !> The facet that is nearest to a point, among those whose normal there faces a direction; the lowest number of equally near ones.
+  !> The facet that is nearest to a point, among those whose normal there faces a direction; the lowest number of
+  !> equally near ones.
   pure subroutine nearest_facet(tree, set, x, toward, any_normal, hint, facet, xi, square)
     type(facet_tree_t), intent(in) :: tree
     type(facet_set_t), intent(in) :: set
