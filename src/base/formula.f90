@@ -225,7 +225,7 @@ contains
     column = max(1, min(int(mup_error_position(handle)) + 1, len(text) + 1))
     select case (mup_error_code(handle))
     case (unassignable_token)
-      message = 'unknown name '//quoted(token)//' (known are x, y, z, pi, e, and functions with parentheses)'
+      message = 'unknown name or sign '//quoted(token)//' (known are x, y, z, pi, e, and functions with parentheses)'
     case (unexpected_end)
       message = 'the formula ends too early'
     case default

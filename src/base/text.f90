@@ -1,5 +1,6 @@
 !> Small text tools: numbers to text, comparison of names, joining.
 module dotyk_base_text
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dotyk_base_kinds, only: dp, int64
   implicit none
   private
@@ -45,7 +46,7 @@ contains
     integer :: n, magnitude, mark
     n = 6
     if (present(digits)) n = max(1, min(17, digits))
-    if (value /= value) then
+    if (ieee_is_nan(value)) then
       text = 'NaN'
       return
     else if (abs(value) > huge(value)) then
@@ -125,16 +126,17 @@ contains
   pure integer function edit_distance(a, b) result(distance)
     character(*), intent(in) :: a, b
     integer :: d(0:len(a), 0:len(b))
-    integer :: i, j, cost
+    integer :: i, j, p, q, cost
     d(:, 0) = [(i, i=0, len(a))]
     d(0, :) = [(j, j=0, len(b))]
     do j = 1, len(b)
       do i = 1, len(a)
         cost = merge(0, 1, a(i:i) == b(j:j))
         d(i, j) = min(d(i - 1, j) + 1, d(i, j - 1) + 1, d(i - 1, j - 1) + cost)
-        if (i > 1 .and. j > 1) then
-          if (a(i:i) == b(j - 1:j - 1) .and. a(i - 1:i - 1) == b(j:j)) d(i, j) = min(d(i, j), d(i - 2, j - 2) + 1)
-        end if
+        if (min(i, j) == 1) cycle
+        p = i - 1
+        q = j - 1
+        if (a(i:i) == b(q:q) .and. a(p:p) == b(j:j)) d(i, j) = min(d(i, j), d(p - 1, q - 1) + 1)
       end do
     end do
     distance = d(len(a), len(b))

@@ -4,7 +4,7 @@
 module dotyk_mesh_gmsh_type
   implicit none
   private
-  public :: gmsh_type_nodes, gmsh_type_dimension, gmsh_type_name, gmsh_type_help, kind_of_gmsh_type
+  public :: gmsh_type_nodes, gmsh_type_dimension, gmsh_type_name, gmsh_type_help
 
   !> gmsh's type of a point, which is never kept.
   integer, parameter, public :: gmsh_point = 15
@@ -54,13 +54,6 @@ module dotyk_mesh_gmsh_type
                                   gmsh_type_t(118, 30, 3, 'pyramid with 30 nodes')]
 
 contains
-
-  !> Our kind of a type, 0 where it is not supported.
-  pure integer function kind_of_gmsh_type(number) result(kind)
-    integer, intent(in) :: number
-    integer, parameter :: ours(15) = [1, 8, 2, 9, 3, 16, 10, 4, 11, 5, 17, 12, 6, 18, 13]
-    kind = findloc(ours, number, 1)
-  end function kind_of_gmsh_type
 
   !> Place of a type in the table, 0 if it is unknown.
   pure integer function place_of(number) result(place)

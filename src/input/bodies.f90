@@ -1,0 +1,130 @@
+!> From checked groups to plain data: `&material` and `&body`.
+module dotyk_input_bodies
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_text, only: to_text
+  use dotyk_input_case, only: body_input_t, material_input_t
+  use dotyk_input_names, only: material_anisotropic, material_isotropic, material_orthotropic
+  use dotyk_input_problems, only: problems_t, shown
+  use dotyk_input_reader, only: group_t
+  use dotyk_input_settings, only: read_mesh_path
+  use dotyk_input_values, only: count_of, is_given, is_usable, names_t, numbers_of, refer, report, text_of
+  implicit none
+  private
+  public :: read_material, read_body
+
+contains
+
+  !> `&material`.
+  subroutine read_material(group, problems, material)
+    type(group_t), intent(in) :: group
+    type(problems_t), intent(inout) :: problems
+    type(material_input_t), intent(out) :: material
+    material%line = group%line
+    material%name = text_of(group, 'name')
+    material%young_formula = text_of(group, 'young_formula')
+    if (is_given(group, 'stiffness')) then
+      material%kind = material_anisotropic
+      call read_numbers(group, 'stiffness', material%stiffness)
+      call refuse(group, 'young', 'stiffness', problems)
+      call refuse(group, 'poisson', 'stiffness', problems)
+      call refuse(group, 'shear', 'stiffness', problems)
+      call refuse(group, 'axis_1', 'stiffness', problems)
+      call refuse(group, 'axis_2', 'stiffness', problems)
+      return
+    end if
+    if (.not. is_given(group, 'young')) call report(problems, group, 'young', '''young'' is missing (or ''stiffness'')')
+    if (.not. is_given(group, 'poisson')) call report(problems, group, 'poisson', '''poisson'' is missing (or ''stiffness'')')
+    call read_numbers(group, 'young', material%young)
+    call read_numbers(group, 'poisson', material%poisson)
+    if (max(count_of(group, 'young'), count_of(group, 'poisson'), count_of(group, 'shear')) > 1) then
+      material%kind = material_orthotropic
+      call read_orthotropic(group, problems, material)
+    else
+      material%kind = material_isotropic
+      if (is_usable(group, 'poisson') .and. (material%poisson(1) <= -1 .or. material%poisson(1) >= 0.5_dp)) &
+        call report(problems, group, 'poisson', 'poisson must be above -1 and below 0.5, got '// &
+                    to_text(material%poisson(1), 15))
+      if (is_given(group, 'axis_1')) call report(problems, group, 'axis_1', 'axis_1 is for orthotropic materials only')
+      if (is_given(group, 'axis_2')) call report(problems, group, 'axis_2', 'axis_2 is for orthotropic materials only')
+    end if
+  end subroutine read_material
+
+  !> What an orthotropic material has beyond young and poisson.
+  subroutine read_orthotropic(group, problems, material)
+    type(group_t), intent(in) :: group
+    type(problems_t), intent(inout) :: problems
+    type(material_input_t), intent(inout) :: material
+    real(dp) :: a(3), b(3), normal(3)
+    if (is_usable(group, 'young') .and. is_usable(group, 'poisson') .and. &
+        (is_usable(group, 'shear') .or. .not. is_given(group, 'shear'))) then
+      if (any([count_of(group, 'young'), count_of(group, 'poisson'), count_of(group, 'shear')] /= 3)) &
+        call problems%add(group%line, '&material: an orthotropic material needs 3 values each of young, poisson and shear, got '// &
+                          to_text(count_of(group, 'young'))//', '//to_text(count_of(group, 'poisson'))//' and '// &
+                          to_text(count_of(group, 'shear')))
+    end if
+    call read_numbers(group, 'shear', material%shear)
+    call read_numbers(group, 'axis_1', material%axis_1)
+    call read_numbers(group, 'axis_2', material%axis_2)
+    if (.not. (is_usable(group, 'axis_1') .and. is_usable(group, 'axis_2'))) return
+    if (.not. maxval(abs(material%axis_1)) > 0) then
+      call report(problems, group, 'axis_1', 'axis_1 has no direction: all its components are 0')
+    else if (.not. maxval(abs(material%axis_2)) > 0) then
+      call report(problems, group, 'axis_2', 'axis_2 has no direction: all its components are 0')
+    else
+      a = material%axis_1/maxval(abs(material%axis_1))
+      b = material%axis_2/maxval(abs(material%axis_2))
+      normal = [a(2)*b(3) - a(3)*b(2), a(3)*b(1) - a(1)*b(3), a(1)*b(2) - a(2)*b(1)]
+      ! Below this angle (in radians) rounding in the input decides where axis 3 points.
+      if (norm2(normal) <= 1e-6_dp*norm2(a)*norm2(b)) &
+        call report(problems, group, 'axis_1', 'axis_1 and axis_2 are parallel (by default they are 1, 0, 0 and 0, 1, 0)')
+    end if
+  end subroutine read_orthotropic
+
+  !> Refuse a key that another one excludes.
+  subroutine refuse(group, key, other, problems)
+    type(group_t), intent(in) :: group
+    character(*), intent(in) :: key, other
+    type(problems_t), intent(inout) :: problems
+    if (is_given(group, key)) call report(problems, group, key, key//' does not go together with '//other)
+  end subroutine refuse
+
+  !> Copy the numbers of a key as far as there are any; the others stay as they are.
+  subroutine read_numbers(group, key, values)
+    type(group_t), intent(in) :: group
+    character(*), intent(in) :: key
+    real(dp), intent(inout) :: values(:)
+    real(dp), allocatable :: numbers(:)
+    integer :: n
+    call numbers_of(group, key, numbers)
+    n = min(size(numbers), size(values))
+    values(:n) = numbers(:n)
+  end subroutine read_numbers
+
+  !> `&body`.
+  subroutine read_body(group, materials, directory, scene_mesh, mesh_expected, problems, body)
+    type(group_t), intent(in) :: group
+    !> Names of the materials.
+    type(names_t), intent(in) :: materials
+    !> Directory of the namelist file.
+    character(*), intent(in) :: directory
+    !> Mesh of the scene; empty where there is none.
+    character(*), intent(in) :: scene_mesh
+    !> Is a body without a mesh to be reported?
+    logical, intent(in) :: mesh_expected
+    type(problems_t), intent(inout) :: problems
+    type(body_input_t), intent(out) :: body
+    body%line = group%line
+    body%name = text_of(group, 'name')
+    if (index(body%name, ':') > 0) &
+      call report(problems, group, 'name', 'name: '//shown(body%name)//' must not contain '':'' (see surface_a of &contact)')
+    body%volume = text_of(group, 'volume')
+    call refer(group, 'material', text_of(group, 'material'), materials, problems, body%material)
+    if (is_given(group, 'mesh')) then
+      call read_mesh_path(group, directory, problems, body%mesh)
+    else
+      body%mesh = scene_mesh
+      if (len(scene_mesh) == 0 .and. mesh_expected) &
+        call problems%add(group%line, '&body: ''mesh'' is missing, here and in &scene')
+    end if
+  end subroutine read_body
+end module dotyk_input_bodies

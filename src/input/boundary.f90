@@ -1,0 +1,263 @@
+!> From checked groups to plain data: `&support` and `&load`.
+module dotyk_input_boundary
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_text, only: join, lower, text_t, to_text
+  use dotyk_input_case, only: load_input_t, support_input_t
+  use dotyk_input_names, only: load_force_density, load_kind_names, load_local_traction, load_pressure, split_words
+  use dotyk_input_problems, only: problems_t, shown
+  use dotyk_input_reader, only: group_t
+  use dotyk_input_values, only: count_of, is_given, is_usable, names_t, number_of, numbers_of, refer, report, text_of, texts_of
+  implicit none
+  private
+  public :: read_support, read_load
+
+  !> Names of the directions of a support.
+  character(*), parameter :: global_directions = 'x y z', local_directions = 'xi eta n'
+
+contains
+
+  !> `&support`.
+  subroutine read_support(group, bodies, dimension, problems, support)
+    type(group_t), intent(in) :: group
+    !> Names of the bodies.
+    type(names_t), intent(in) :: bodies
+    !> 2 or 3; 0 where it is not known.
+    integer, intent(in) :: dimension
+    type(problems_t), intent(inout) :: problems
+    type(support_input_t), intent(out) :: support
+    character(:), allocatable :: message
+    support%line = group%line
+    call refer(group, 'body', text_of(group, 'body'), bodies, problems, support%body)
+    support%surface = text_of(group, 'surface')
+    support%fix = ''
+    allocate (support%value_formula(0))
+    if (is_given(group, 'value') .and. is_given(group, 'value_formula')) &
+      call report(problems, group, 'value', 'value and value_formula are both given: only one can be meant')
+    if (.not. is_usable(group, 'fix')) return
+    call read_directions(text_of(group, 'fix'), dimension, support%local, support%fixed, message)
+    if (len(message) > 0) then
+      call report(problems, group, 'fix', 'fix: '//message)
+      return
+    end if
+    support%fix = names_of_directions(support%local, support%fixed)
+    call read_vector(group, 'value', support%local, dimension, problems, support%value)
+    call read_formulas(group, 'value_formula', support%local, dimension, problems, support%value_formula)
+    call refuse_values_not_held(group, support, problems)
+  end subroutine read_support
+
+  !> What a support holds.
+  subroutine read_directions(text, dimension, local, fixed, message)
+    !> As written, as in 'xyz', 'nt', 'xi n'.
+    character(*), intent(in) :: text
+    !> 2 or 3; 0 where it is not known.
+    integer, intent(in) :: dimension
+    !> Are they the axes of the surface?
+    logical, intent(out) :: local
+    !> Which directions: x, y, z or xi, eta, n.
+    logical, intent(out) :: fixed(3)
+    !> What is wrong; empty where nothing is.
+    character(:), allocatable, intent(out) :: message
+    ! 'xi' before 'x': the longer name wins.
+    character(3), parameter :: name(8) = ['eta', 'xi ', 'n  ', 't  ', 'x  ', 'y  ', 'z  ', ',  ']
+    logical :: seen(8), named(3)
+    integer :: i, k
+    local = .false.
+    fixed = .false.
+    message = ''
+    seen = .false.
+    i = 1
+    do while (i <= len(text))
+      if (text(i:i) == ' ' .or. text(i:i) == ',') then
+        i = i + 1
+        cycle
+      end if
+      do k = 1, 7
+        if (index(lower(text(i:)), trim(name(k))) == 1) exit
+      end do
+      if (k > 7) then
+        message = shown(text)//' must consist of letters of ''xyz'', or of n, t, xi, eta'
+        return
+      end if
+      named = [k == 2 .or. k == 4 .or. k == 5, k == 1 .or. (k == 4 .and. dimension /= 2) .or. k == 6, k == 3 .or. k == 7]
+      if (any(fixed .and. named) .and. (any(seen(:4)) .eqv. k <= 4)) then
+        message = shown(text)//' names a direction twice'
+        return
+      end if
+      seen(k) = .true.
+      fixed = fixed .or. named
+      i = i + len_trim(name(k))
+    end do
+    local = any(seen(:4))
+    if (local .and. any(seen(5:7))) then
+      message = shown(text)//' mixes global axes (x, y, z) with axes of the surface (n, t, xi, eta)'
+    else if (dimension == 2 .and. (seen(1) .or. seen(7))) then
+      message = shown(text)//': there is no '//trim(merge('eta', 'z  ', seen(1)))//' in two dimensions'
+    else if (.not. any(fixed)) then
+      message = shown(text)//' names no direction'
+    end if
+  end subroutine read_directions
+
+  !> 'xz', or 'xi n'.
+  function names_of_directions(local, fixed) result(text)
+    logical, intent(in) :: local, fixed(3)
+    character(:), allocatable :: text
+    type(text_t), allocatable :: names(:)
+    integer :: i
+    call split_words(merge(local_directions, global_directions//'   ', local), names)
+    text = ''
+    do i = 1, 3
+      if (.not. fixed(i)) cycle
+      if (local .and. len(text) > 0) text = text//' '
+      text = text//names(i)%s
+    end do
+  end function names_of_directions
+
+  !> A value in a direction that is not held is a mistake.
+  subroutine refuse_values_not_held(group, support, problems)
+    type(group_t), intent(in) :: group
+    type(support_input_t), intent(in) :: support
+    type(problems_t), intent(inout) :: problems
+    type(text_t), allocatable :: names(:)
+    integer :: i
+    call split_words(merge(local_directions, global_directions//'   ', support%local), names)
+    do i = 1, 3
+      if (support%fixed(i)) cycle
+      if (abs(support%value(i)) > 0) call report(problems, group, 'value', 'value has '//names(i)%s//' = '// &
+                                                 to_text(support%value(i))//', but fix does not hold '//names(i)%s)
+      if (size(support%value_formula) == 0) cycle
+      if (support%value_formula(i)%s /= '0') &
+        call report(problems, group, 'value_formula', 'value_formula has '//names(i)%s//' = '// &
+                    shown(support%value_formula(i)%s)//', but fix does not hold '//names(i)%s//' (write ''0'')')
+    end do
+  end subroutine refuse_values_not_held
+
+  !> `&load`.
+  subroutine read_load(group, bodies, dimension, problems, load)
+    type(group_t), intent(in) :: group
+    !> Names of the bodies.
+    type(names_t), intent(in) :: bodies
+    !> 2 or 3; 0 where it is not known.
+    integer, intent(in) :: dimension
+    type(problems_t), intent(inout) :: problems
+    type(load_input_t), intent(out) :: load
+    type(text_t), allocatable :: kinds(:)
+    character(:), allocatable :: given, key
+    logical :: is_constant, is_formula
+    integer :: k, n
+    load%line = group%line
+    call refer(group, 'body', text_of(group, 'body'), bodies, problems, load%body)
+    load%surface = text_of(group, 'surface')
+    allocate (load%formula(0))
+    call split_words(load_kind_names, kinds)
+    given = ''
+    n = 0
+    do k = 1, size(kinds)
+      is_constant = is_given(group, kinds(k)%s)
+      is_formula = is_given(group, kinds(k)%s//'_formula')
+      if (.not. (is_constant .or. is_formula)) cycle
+      if (is_constant .and. is_formula) call report(problems, group, kinds(k)%s, kinds(k)%s//' and '//kinds(k)%s// &
+                                                    '_formula are both given: only one can be meant')
+      n = n + 1
+      given = given//', '//kinds(k)%s
+      load%kind = k
+    end do
+    if (n /= 1) then
+      if (n == 0) given = ', none of them'
+      call problems%add(group%line, '&load: exactly one of '//join(kinds, ', ')//' (or its formula) is needed, got '//given(3:))
+      return
+    end if
+    key = kinds(load%kind)%s
+    if (load%kind == load_force_density) then
+      if (is_given(group, 'surface')) &
+        call report(problems, group, 'surface', 'surface does not go together with force_density, which acts on the volume')
+    else if (.not. is_given(group, 'surface')) then
+      call problems%add(group%line, '&load: ''surface'' is missing')
+    end if
+    if (load%kind == load_pressure) then
+      load%value(1) = number_of(group, key)
+      call texts_of(group, key//'_formula', load%formula)
+    else
+      call read_vector(group, key, load%kind == load_local_traction, dimension, problems, load%value)
+      call read_formulas(group, key//'_formula', load%kind == load_local_traction, dimension, problems, load%formula)
+    end if
+  end subroutine read_load
+
+  !> A vector with three components from two or three numbers.
+  subroutine read_vector(group, key, local, dimension, problems, vector)
+    type(group_t), intent(in) :: group
+    character(*), intent(in) :: key
+    !> Is it in the axes of a surface: xi, eta, n?
+    logical, intent(in) :: local
+    !> 2 or 3; 0 where it is not known.
+    integer, intent(in) :: dimension
+    type(problems_t), intent(inout) :: problems
+    !> The vector; 0 where it is not given.
+    real(dp), intent(out) :: vector(3)
+    real(dp), allocatable :: numbers(:)
+    integer :: across
+    vector = 0
+    call numbers_of(group, key, numbers)
+    if (.not. right_count(group, key, size(numbers), dimension, problems)) return
+    across = merge(2, 3, local)
+    if (size(numbers) == 3) then
+      vector = numbers
+      if (dimension == 2 .and. abs(vector(across)) > 0) call report_across(group, key, local, problems)
+    else
+      vector(1) = numbers(1)
+      vector(merge(3, 2, local)) = numbers(2)
+    end if
+  end subroutine read_vector
+
+  !> The same for formulas: three, or none where none is given.
+  subroutine read_formulas(group, key, local, dimension, problems, formulas)
+    type(group_t), intent(in) :: group
+    character(*), intent(in) :: key
+    logical, intent(in) :: local
+    integer, intent(in) :: dimension
+    type(problems_t), intent(inout) :: problems
+    type(text_t), allocatable, intent(out) :: formulas(:)
+    type(text_t), allocatable :: texts(:)
+    integer :: i, across
+    call texts_of(group, key, texts)
+    if (.not. right_count(group, key, size(texts), dimension, problems)) then
+      allocate (formulas(0))
+      return
+    end if
+    across = merge(2, 3, local)
+    allocate (formulas(3))
+    if (size(texts) == 3) then
+      do i = 1, 3
+        formulas(i)%s = texts(i)%s
+      end do
+      if (dimension == 2 .and. formulas(across)%s /= '0') call report_across(group, key, local, problems)
+    else
+      formulas(1)%s = texts(1)%s
+      formulas(across)%s = '0'
+      formulas(merge(3, 2, local))%s = texts(2)%s
+    end if
+  end subroutine read_formulas
+
+  !> Does a vector have as many values as there are dimensions?
+  logical function right_count(group, key, n, dimension, problems) result(right)
+    type(group_t), intent(in) :: group
+    character(*), intent(in) :: key
+    !> How many it has; 0 where it is not given or not usable.
+    integer, intent(in) :: n
+    integer, intent(in) :: dimension
+    type(problems_t), intent(inout) :: problems
+    right = n > 0
+    if (n /= 2 .or. dimension /= 3) return
+    call report(problems, group, key, key//' needs 3 values in three dimensions, got '//to_text(count_of(group, key)))
+    right = .false.
+  end function right_count
+
+  !> A component across the plane in two dimensions.
+  subroutine report_across(group, key, local, problems)
+    type(group_t), intent(in) :: group
+    character(*), intent(in) :: key
+    logical, intent(in) :: local
+    type(problems_t), intent(inout) :: problems
+    call report(problems, group, key, key//': the '//trim(merge('eta', 'z  ', local))// &
+                ' component must be 0 in two dimensions')
+  end subroutine report_across
+end module dotyk_input_boundary

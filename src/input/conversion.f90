@@ -1,0 +1,104 @@
+!> Values as written to numbers: strict, with nothing guessed and nothing left over.
+module dotyk_input_conversion
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_text, only: lower
+  implicit none
+  private
+  public :: read_real, read_integer, read_logical
+
+  !> Why a text is no number.
+  integer, parameter, public :: number_good = 0, number_malformed = 1, number_out_of_range = 2
+
+  character(*), parameter :: digits = '0123456789'
+
+contains
+
+  !> A real number: digits with at most one point, maybe an exponent after e or d.
+  pure subroutine read_real(text, value, status)
+    character(*), intent(in) :: text
+    !> The number; 0 where there is none.
+    real(dp), intent(out) :: value
+    !> One of `number_*`.
+    integer, intent(out) :: status
+    character(:), allocatable :: mantissa, exponent
+    integer :: mark, power, magnitude, first, point
+    value = 0
+    status = number_malformed
+    mantissa = lower(text)
+    exponent = '0'
+    mark = scan(mantissa, 'ed')
+    if (mark > 0) then
+      exponent = mantissa(mark + 1:)
+      mantissa = mantissa(:mark - 1)
+    end if
+    call drop_sign(mantissa)
+    if (len(mantissa) == 0 .or. verify(mantissa, digits//'.') > 0) return
+    point = index(mantissa, '.')
+    if (point /= index(mantissa, '.', back=.true.) .or. mantissa == '.') return
+    call read_integer(exponent, power, status)
+    if (status == number_malformed) return
+    ! The power of ten of the leading digit tells whether the number can be represented, before anything overflows.
+    first = scan(mantissa, digits(2:))
+    if (first == 0) then
+      status = number_good
+      return
+    end if
+    if (status /= number_good) return
+    if (point == 0) point = len(mantissa) + 1
+    magnitude = power + point - first
+    if (first < point) magnitude = magnitude - 1
+    status = number_out_of_range
+    if (magnitude > range(value) .or. magnitude < -range(value)) return
+    read (text, *) value
+    status = number_good
+  end subroutine read_real
+
+  !> An integer: digits, maybe with a sign.
+  pure subroutine read_integer(text, value, status)
+    character(*), intent(in) :: text
+    !> The number; 0 where there is none.
+    integer, intent(out) :: value
+    !> One of `number_*`.
+    integer, intent(out) :: status
+    character(:), allocatable :: number
+    value = 0
+    status = number_malformed
+    number = text
+    call drop_sign(number)
+    if (len(number) == 0 .or. verify(number, digits) > 0) return
+    do while (len(number) > 1 .and. number(1:1) == '0')
+      number = number(2:)
+    end do
+    status = number_out_of_range
+    if (len(number) > range(value)) return
+    read (number, *) value
+    if (text(1:1) == '-') value = -value
+    status = number_good
+  end subroutine read_integer
+
+  !> A logical: .true., t, true and their opposites, in any case.
+  pure subroutine read_logical(text, value, status)
+    character(*), intent(in) :: text
+    !> 1 for true, 0 for false.
+    integer, intent(out) :: value
+    !> `number_good` or `number_malformed`.
+    integer, intent(out) :: status
+    value = 0
+    status = number_good
+    select case (lower(text))
+    case ('.true.', 'true', 't', '.t.')
+      value = 1
+    case ('.false.', 'false', 'f', '.f.')
+      value = 0
+    case default
+      status = number_malformed
+    end select
+  end subroutine read_logical
+
+  !> Leave out the sign in front of a number.
+  pure subroutine drop_sign(number)
+    character(:), allocatable, intent(inout) :: number
+    if (len(number) == 0) return
+    if (scan(number(1:1), '+-') > 0) number = number(2:)
+  end subroutine drop_sign
+end module dotyk_input_conversion

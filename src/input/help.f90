@@ -1,0 +1,148 @@
+!> The text of `--help`: command line, exit codes, and every group and key from the table that checks them.
+module dotyk_input_help
+  use dotyk_base_text, only: join, text_t, to_text
+  use dotyk_input_keywords, only: at_least_one, at_most_one, exactly_one, group_keyword_t, &
+    keyword_t, kind_formula, kind_integer, kind_logical, kind_name, kind_names, kind_real, list_groups, &
+    list_keywords
+  use dotyk_input_names, only: split_words
+  implicit none
+  private
+  public :: help_text
+
+  !> Widest line.
+  integer, parameter :: width = 110
+  !> Where the keys, the descriptions of their values and their meanings begin.
+  integer, parameter :: indent = 2, values_column = 27, meaning_column = 50
+  character(*), parameter :: end_line = new_line('a')
+
+contains
+
+  !> All of it, lines of at most 110 letters.
+  function help_text() result(text)
+    character(:), allocatable :: text
+    type(group_keyword_t), allocatable :: groups(:)
+    type(keyword_t), allocatable :: table(:)
+    integer :: i, k
+    call list_groups(groups)
+    call list_keywords(table)
+    text = &
+      'dotyk computes the frictionless unilateral contact of linear elastic bodies.'//end_line//end_line// &
+      'usage: dotyk case.nml [--check] [--threads N] [--output FILE] [--quiet] [--version] [--help]'//end_line// &
+      '  --check        read and check everything, print a summary of the scene, solve nothing'//end_line// &
+      '  --threads N    threads to use; if absent, all'//end_line// &
+      '  --output FILE  results file, in place of that of &scene; relative to the working directory'//end_line// &
+      '  --quiet        print errors only'//end_line// &
+      '  --version      print the version'//end_line// &
+      '  --help         print this text'//end_line//end_line// &
+      'exit codes: 0 converged; 1 stopped before the tolerance (results written and marked); 2 bad input;'//end_line// &
+      '  3 the problem cannot be solved as posed; 4 a file could not be written'//end_line//end_line// &
+      'The input file consists of groups, such as &body name=''block'', volume=''block'', material=''steel'' /'//end_line// &
+      '  Commas or blanks separate values, 3*0 stands for 0, 0, 0, texts are in quotes, and ! begins a comment.'//end_line// &
+      '  Formulas are texts in x, y, z with pi, e, + - * / ^ ( ), comparisons, a ? b : c and functions such as sin,'// &
+      end_line//'  exp, sqrt, abs, min, max, log (natural). Units are yours, but must fit together.'//end_line
+    do i = 1, size(groups)
+      text = text//end_line//'&'//groups(i)%name//'  ('//occurrence(groups(i)%occurs)//') '// &
+             wrapped(groups(i)%meaning, len(groups(i)%name) + len(occurrence(groups(i)%occurs)) + 6, 6)//end_line
+      do k = 1, size(table)
+        if (table(k)%group == groups(i)%name) text = text//key_text(table(k))
+      end do
+    end do
+  end function help_text
+
+  !> How often a group may stand in the file.
+  pure function occurrence(occurs) result(text)
+    !> One of `exactly_one`, ...
+    integer, intent(in) :: occurs
+    character(:), allocatable :: text
+    select case (occurs)
+    case (exactly_one)
+      text = 'exactly one'
+    case (at_most_one)
+      text = 'at most one'
+    case (at_least_one)
+      text = 'one or more'
+    case default
+      text = 'any number'
+    end select
+  end function occurrence
+
+  !> The lines of one key.
+  function key_text(row) result(text)
+    type(keyword_t), intent(in) :: row
+    character(:), allocatable :: text
+    character(:), allocatable :: meaning
+    type(text_t), allocatable :: names(:)
+    meaning = row%meaning
+    if (len(row%unit) > 0) meaning = meaning//' ['//row%unit//']'
+    if (row%positive) meaning = meaning//'; above 0'
+    if (len(row%names) > 0) then
+      call split_words(row%names, names)
+      meaning = meaning//'; '//trim(merge('any of', 'one of', row%kind == kind_names))//': '//join(names, ', ')
+    end if
+    if (row%required) meaning = meaning//' (required)'
+    if (len(row%default) > 0) meaning = meaning//' (default: '//row%default//')'
+    text = padded(repeat(' ', indent)//row%key, values_column - 1)//padded(values_text(row), meaning_column - values_column)// &
+           wrapped(meaning, meaning_column - 1, meaning_column - 1)//end_line
+  end function key_text
+
+  !> What the values of a key are: "2 or 3 reals", "text".
+  pure function values_text(row) result(text)
+    type(keyword_t), intent(in) :: row
+    character(:), allocatable :: text
+    select case (row%kind)
+    case (kind_real)
+      text = 'real'
+    case (kind_integer)
+      text = 'integer'
+    case (kind_logical)
+      text = 'logical'
+    case (kind_name)
+      text = 'name'
+    case (kind_names)
+      text = 'names in one text'
+    case (kind_formula)
+      text = 'formula'
+    case default
+      text = 'text'
+    end select
+    if (row%most == 1) return
+    text = text//'s'
+    if (row%most == row%least) then
+      text = to_text(row%most)//' '//text
+    else
+      text = to_text(row%least)//' or '//to_text(row%most)//' '//text
+    end if
+  end function values_text
+
+  !> A text filled up with blanks, with at least one behind it.
+  pure function padded(text, length) result(longer)
+    character(*), intent(in) :: text
+    integer, intent(in) :: length
+    character(:), allocatable :: longer
+    longer = text//repeat(' ', max(1, length - len(text)))
+  end function padded
+
+  !> A text broken between words into lines of `width` letters.
+  pure function wrapped(text, first, next) result(lines)
+    character(*), intent(in) :: text
+    !> Letters that stand in front of it in the first line, and blanks to put in front of the next lines.
+    integer, intent(in) :: first, next
+    character(:), allocatable :: lines
+    type(text_t), allocatable :: words(:)
+    integer :: i, used
+    call split_words(text, words)
+    lines = ''
+    used = first
+    do i = 1, size(words)
+      if (i > 1 .and. used + 1 + len(words(i)%s) > width) then
+        lines = lines//end_line//repeat(' ', next)
+        used = next
+      else if (i > 1) then
+        lines = lines//' '
+        used = used + 1
+      end if
+      lines = lines//words(i)%s
+      used = used + len(words(i)%s)
+    end do
+  end function wrapped
+end module dotyk_input_help

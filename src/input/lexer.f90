@@ -1,0 +1,248 @@
+!> The tokens of the namelist syntax. Comments, blanks, tabs, line ends of any system and a byte order mark are left out.
+module dotyk_input_lexer
+  use dotyk_base_text, only: lower, to_text
+  use dotyk_input_problems, only: problems_t, shown
+  implicit none
+  private
+
+  !> Kinds of tokens.
+  integer, parameter, public :: token_end = 0      !< end of the text
+  integer, parameter, public :: token_group = 1    !< `&name`: a group begins (`&end`: ends); the text is the name
+  integer, parameter, public :: token_close = 2    !< `/`: a group ends
+  integer, parameter, public :: token_equals = 3   !< `=`
+  integer, parameter, public :: token_comma = 4    !< `,`
+  integer, parameter, public :: token_word = 5     !< a key, a number, a logical
+  integer, parameter, public :: token_quoted = 6   !< a text in quotes; the text is what is between them
+
+  !> One token.
+  type, public :: token_t
+    !> One of the kinds above.
+    integer :: kind = token_end
+    !> Line of the file.
+    integer :: line = 0
+    !> How often a text in quotes stands here, as in 3*'0'.
+    integer :: repeat = 1
+    !> Was a text in quotes cut off by the end of its line?
+    logical :: cut = .false.
+    character(:), allocatable :: text
+  end type token_t
+
+  !> A place in a text that is read token by token.
+  type, public :: lexer_t
+    private
+    !> Next byte to look at.
+    integer :: next = 1
+    !> Its line.
+    integer :: line = 1
+    !> Is this place inside a group?
+    logical :: inside = .false.
+  contains
+    procedure :: read_token
+  end type lexer_t
+
+  character(*), parameter :: tab = achar(9), line_feed = achar(10), carriage_return = achar(13)
+  !> What ends a word.
+  character(*), parameter :: ends_word = ' '//tab//line_feed//carriage_return//',=/!&''"'
+  !> What may follow a text in quotes.
+  character(*), parameter :: ends_quoted = ' '//tab//line_feed//carriage_return//',=/!&'
+  !> Greatest repeat count.
+  integer, parameter, public :: most_repeats = 1000
+
+  public :: split_repeat
+
+contains
+
+  !> The next token of a text.
+  subroutine read_token(self, text, problems, token)
+    class(lexer_t), intent(inout) :: self
+    !> The whole text, the same at each call.
+    character(*), intent(in) :: text
+    !> What is wrong is added here.
+    type(problems_t), intent(inout) :: problems
+    type(token_t), intent(out) :: token
+    token%text = ''
+    do
+      call skip_blanks(self, text)
+      token%line = self%line
+      if (self%next > len(text)) then
+        token%kind = token_end
+        return
+      end if
+      if (self%inside .or. text(self%next:self%next) == '&') exit
+      call skip_outside(self, text, problems)
+    end do
+    select case (text(self%next:self%next))
+    case ('&')
+      self%next = self%next + 1
+      token%kind = token_group
+      token%text = word_at(self, text)
+      self%inside = lower(token%text) /= 'end'
+    case ('/')
+      self%next = self%next + 1
+      token%kind = token_close
+      self%inside = .false.
+    case ('=')
+      self%next = self%next + 1
+      token%kind = token_equals
+    case (',')
+      self%next = self%next + 1
+      token%kind = token_comma
+    case ('''', '"')
+      call read_quoted(self, text, problems, token)
+    case default
+      call read_word(self, text, problems, token)
+    end select
+  end subroutine read_token
+
+  !> Go on to the next byte that means something.
+  subroutine skip_blanks(self, text)
+    type(lexer_t), intent(inout) :: self
+    character(*), intent(in) :: text
+    if (self%next == 1 .and. len(text) >= 3) then
+      ! The byte order mark of UTF-8.
+      if (text(1:3) == char(239)//char(187)//char(191)) self%next = 4
+    end if
+    do while (self%next <= len(text))
+      select case (text(self%next:self%next))
+      case (' ', tab, carriage_return)
+        self%next = self%next + 1
+      case (line_feed)
+        self%next = self%next + 1
+        self%line = self%line + 1
+      case ('!')
+        do while (self%next <= len(text))
+          if (text(self%next:self%next) == line_feed) exit
+          self%next = self%next + 1
+        end do
+      case default
+        exit
+      end select
+    end do
+  end subroutine skip_blanks
+
+  !> Between the groups there is nothing but comments: report the rest of the line, up to a group or a comment.
+  subroutine skip_outside(self, text, problems)
+    type(lexer_t), intent(inout) :: self
+    character(*), intent(in) :: text
+    type(problems_t), intent(inout) :: problems
+    integer :: first
+    first = self%next
+    do while (self%next <= len(text))
+      if (index('&!'//line_feed//carriage_return, text(self%next:self%next)) > 0) exit
+      self%next = self%next + 1
+    end do
+    call problems%add(self%line, 'text outside the groups: '//shown(trim(text(first:self%next - 1))))
+  end subroutine skip_outside
+
+  !> The word that begins at this place, maybe an empty one.
+  function word_at(self, text) result(word)
+    type(lexer_t), intent(inout) :: self
+    character(*), intent(in) :: text
+    character(:), allocatable :: word
+    integer :: first
+    first = self%next
+    do while (self%next <= len(text))
+      if (index(ends_word, text(self%next:self%next)) > 0) exit
+      self%next = self%next + 1
+    end do
+    word = text(first:self%next - 1)
+  end function word_at
+
+  !> A word, or a text in quotes with a repeat count in front.
+  subroutine read_word(self, text, problems, token)
+    type(lexer_t), intent(inout) :: self
+    character(*), intent(in) :: text
+    type(problems_t), intent(inout) :: problems
+    type(token_t), intent(inout) :: token
+    character(:), allocatable :: rest
+    integer :: count
+    token%kind = token_word
+    token%text = word_at(self, text)
+    if (self%next > len(text)) return
+    if (index('''"', text(self%next:self%next)) == 0) return
+    call split_repeat(token%text, count, rest)
+    if (count >= 0 .and. len(rest) == 0) then
+      if (count == 0) call problems%add(self%line, repeat_message(token%text))
+      call read_quoted(self, text, problems, token)
+      token%repeat = max(count, 1)
+    else
+      call problems%add(self%line, 'a comma or a blank is missing after '//shown(token%text))
+    end if
+  end subroutine read_word
+
+  !> A text between quotes; a doubled quote stands for one.
+  subroutine read_quoted(self, text, problems, token)
+    type(lexer_t), intent(inout) :: self
+    character(*), intent(in) :: text
+    type(problems_t), intent(inout) :: problems
+    type(token_t), intent(inout) :: token
+    character :: quote
+    integer :: first
+    logical :: closed
+    token%kind = token_quoted
+    token%text = ''
+    quote = text(self%next:self%next)
+    closed = .false.
+    do while (.not. closed)
+      first = self%next + 1
+      self%next = first
+      do while (self%next <= len(text))
+        if (index(quote//line_feed, text(self%next:self%next)) > 0) exit
+        self%next = self%next + 1
+      end do
+      token%text = token%text//text(first:self%next - 1)
+      if (self%next > len(text)) exit
+      if (text(self%next:self%next) == line_feed) exit
+      self%next = self%next + 1
+      closed = .true.
+      if (self%next <= len(text)) then
+        if (text(self%next:self%next) == quote) then
+          closed = .false.
+          token%text = token%text//quote
+        end if
+      end if
+    end do
+    if (.not. closed) then
+      token%cut = .true.
+      call problems%add(token%line, 'a quote is not closed: '//quote//visible(token%text))
+    else if (self%next <= len(text)) then
+      if (index(ends_quoted, text(self%next:self%next)) == 0) &
+        call problems%add(self%line, 'a comma or a blank is missing after '//shown(token%text))
+    end if
+  end subroutine read_quoted
+
+  !> Like `shown`, without the quotes around.
+  pure function visible(text) result(rest)
+    character(*), intent(in) :: text
+    character(:), allocatable :: rest
+    rest = shown(text)
+    rest = rest(2:len(rest) - 1)
+  end function visible
+
+  !> Split "3*0" into 3 and "0".
+  pure subroutine split_repeat(word, count, rest)
+    character(*), intent(in) :: word
+    !> The count; -1 where there is none, 0 where it is not from 1 to `most_repeats`.
+    integer, intent(out) :: count
+    !> What stands behind the star; the whole word where there is no count.
+    character(:), allocatable, intent(out) :: rest
+    integer :: star
+    count = -1
+    rest = word
+    star = index(word, '*')
+    if (star < 2) return
+    if (verify(word(:star - 1), '0123456789') > 0) return
+    rest = word(star + 1:)
+    count = 0
+    if (star - 1 > 4) return
+    read (word(:star - 1), *) count
+    if (count > most_repeats) count = 0
+  end subroutine split_repeat
+
+  !> The message for a bad repeat count.
+  pure function repeat_message(word) result(message)
+    character(*), intent(in) :: word
+    character(:), allocatable :: message
+    message = 'a repeat count must be from 1 to '//to_text(most_repeats)//', got '//shown(word)
+  end function repeat_message
+end module dotyk_input_lexer

@@ -1,0 +1,81 @@
+!> From checked groups to plain data: `&contact`.
+module dotyk_input_pairs
+  use dotyk_base_kinds, only: dp
+  use dotyk_input_case, only: contact_input_t, solver_input_t
+  use dotyk_input_names, only: gap_constant, gap_formula, gap_geometry
+  use dotyk_input_problems, only: problems_t, shown
+  use dotyk_input_reader, only: group_t
+  use dotyk_input_settings, only: read_theta
+  use dotyk_input_values, only: is_given, is_usable, names_t, number_of, refer, report, text_of
+  implicit none
+  private
+  public :: read_contact
+
+contains
+
+  !> `&contact`.
+  subroutine read_contact(group, bodies, solver, problems, contact)
+    type(group_t), intent(in) :: group
+    !> Names of the bodies.
+    type(names_t), intent(in) :: bodies
+    !> Its penalty parameter is that of pairs without one of their own.
+    type(solver_input_t), intent(in) :: solver
+    type(problems_t), intent(inout) :: problems
+    type(contact_input_t), intent(out) :: contact
+    real(dp) :: theta
+    integer :: theta_kind
+    logical :: own_theta
+    contact%line = group%line
+    contact%name = text_of(group, 'name')
+    ! The name becomes that of a folder in the results file.
+    if (index(contact%name, '/') > 0 .or. contact%name == '.' .or. contact%name == '..') &
+      call report(problems, group, 'name', 'name: '//shown(contact%name)//' cannot name a folder of the results file')
+    call read_side(group, 'surface_a', bodies, problems, contact%body_a, contact%surface_a)
+    call read_side(group, 'surface_b', bodies, problems, contact%body_b, contact%surface_b)
+    if (contact%body_a > 0 .and. contact%body_a == contact%body_b) &
+      call report(problems, group, 'surface_b', 'a pair needs two different bodies, got '// &
+                  shown(bodies%name(contact%body_a)%s)//' twice')
+    contact%gap_kind = gap_geometry
+    contact%gap = number_of(group, 'gap')
+    contact%gap_formula = text_of(group, 'gap_formula')
+    if (is_given(group, 'gap')) contact%gap_kind = gap_constant
+    if (is_given(group, 'gap_formula')) contact%gap_kind = gap_formula
+    if (is_given(group, 'gap') .and. is_given(group, 'gap_formula')) &
+      call report(problems, group, 'gap', 'gap and gap_formula are both given: only one can be meant')
+    contact%theta_kind = solver%theta_kind
+    contact%theta = solver%theta
+    call read_theta(group, problems, own_theta, theta_kind, theta)
+    if (own_theta) then
+      contact%theta_kind = theta_kind
+      contact%theta = theta
+    end if
+    contact%has_search_radius = is_usable(group, 'search_radius')
+    contact%search_radius = number_of(group, 'search_radius')
+    contact%points = nint(number_of(group, 'points'))
+  end subroutine read_contact
+
+  !> One side of a pair: 'body:surface'.
+  subroutine read_side(group, key, bodies, problems, body, surface)
+    type(group_t), intent(in) :: group
+    character(*), intent(in) :: key
+    type(names_t), intent(in) :: bodies
+    type(problems_t), intent(inout) :: problems
+    !> Index of the body; 0 where it is not known.
+    integer, intent(out) :: body
+    !> Physical name of the surface.
+    character(:), allocatable, intent(out) :: surface
+    character(:), allocatable :: text
+    integer :: colon
+    body = 0
+    surface = ''
+    text = text_of(group, key)
+    if (len(text) == 0) return
+    colon = index(text, ':')
+    if (colon > 0) surface = trim(adjustl(text(colon + 1:)))
+    if (colon <= 1 .or. len(surface) == 0) then
+      call report(problems, group, key, key//' must be ''body:surface'', got '//shown(text))
+      return
+    end if
+    call refer(group, key, trim(text(:colon - 1)), bodies, problems, body)
+  end subroutine read_side
+end module dotyk_input_pairs

@@ -1,0 +1,163 @@
+!> A namelist file as a scene: everything that can be checked without a mesh is, and all problems are reported together.
+module dotyk_input_parse
+  use dotyk_base_error, only: error_t
+  use dotyk_input_bodies, only: read_body, read_material
+  use dotyk_input_boundary, only: read_load, read_support
+  use dotyk_input_case, only: case_t
+  use dotyk_input_checks, only: check_group, check_group_names, check_occurrences
+  use dotyk_input_files, only: directory_of, read_text
+  use dotyk_input_keywords, only: group_keyword_t, keyword_t, list_groups, list_keywords
+  use dotyk_input_pairs, only: read_contact
+  use dotyk_input_problems, only: no_line, problems_t, shown
+  use dotyk_input_reader, only: group_t, read_groups
+  use dotyk_input_settings, only: read_output, read_scene, read_solver
+  use dotyk_input_values, only: gather_names, is_given, is_usable, names_t, pick_groups
+  implicit none
+  private
+  public :: read_case, parse_case
+
+contains
+
+  !> Read a namelist file.
+  subroutine read_case(file, case, error)
+    !> Path.
+    character(*), intent(in) :: file
+    !> The scene; incomplete where there is an error.
+    type(case_t), intent(out) :: case
+    !> All problems of the file, one a line.
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: text
+    call read_text(file, text, error)
+    if (allocated(error)) return
+    call parse_case(file, text, case, error)
+  end subroutine read_case
+
+  !> Read the text of a namelist file.
+  subroutine parse_case(file, text, case, error)
+    !> Path of the file: named in messages, and relative paths start from its directory.
+    character(*), intent(in) :: file
+    !> Its text.
+    character(*), intent(in) :: text
+    !> The scene; incomplete where there is an error.
+    type(case_t), intent(out) :: case
+    !> All problems of the file, one a line.
+    type(error_t), allocatable, intent(out) :: error
+    type(problems_t) :: problems
+    type(group_keyword_t), allocatable :: known(:)
+    type(keyword_t), allocatable :: table(:)
+    type(group_t), allocatable :: groups(:)
+    logical, allocatable :: misspelled(:)
+    integer :: i, k
+    case%file = file
+    case%directory = directory_of(file)
+    case%text = text
+    call problems%init(file)
+    call list_groups(known)
+    call list_keywords(table)
+    call read_groups(text, problems, groups)
+    if (size(groups) == 0) then
+      call problems%add(no_line, 'the file has no groups')
+      call problems%raise(error)
+      return
+    end if
+    allocate (misspelled(size(known)))
+    call check_group_names(groups, known, problems, misspelled)
+    call check_occurrences(groups, known, misspelled, problems)
+    do i = 1, size(groups)
+      if (any([(known(k)%name == groups(i)%name, k=1, size(known))])) call check_group(groups(i), table, problems)
+    end do
+    call convert(groups, known, misspelled, table, problems, case)
+    call problems%raise(error)
+  end subroutine parse_case
+
+  !> From checked groups to plain data.
+  subroutine convert(groups, known, misspelled, table, problems, case)
+    type(group_t), intent(in) :: groups(:)
+    type(group_keyword_t), intent(in) :: known(:)
+    !> Which of the known groups may stand in the file with a misspelled name.
+    logical, intent(in) :: misspelled(:)
+    type(keyword_t), intent(in) :: table(:)
+    type(problems_t), intent(inout) :: problems
+    !> File and directory are there already.
+    type(case_t), intent(inout) :: case
+    type(names_t) :: materials, bodies, contacts
+    type(group_t) :: solver, output
+    integer, allocatable :: picked(:)
+    integer :: i
+    logical :: mesh_expected
+    call gather_names(groups, 'material', misspelled(place('material')), problems, materials)
+    call gather_names(groups, 'body', misspelled(place('body')), problems, bodies)
+    call gather_names(groups, 'contact', misspelled(place('contact')), problems, contacts)
+
+    mesh_expected = .false.
+    case%scene%mesh = ''
+    case%scene%output = ''
+    case%scene%dimension = 0
+    call pick_groups(groups, 'scene', picked)
+    if (size(picked) > 0) then
+      call read_scene(groups(picked(1)), case%file, problems, case%scene)
+      mesh_expected = is_usable(groups(picked(1)), 'mesh') .or. .not. is_given(groups(picked(1)), 'mesh')
+    end if
+    call single_group(groups, 'solver', table, problems, solver)
+    call read_solver(solver, problems, case%solver)
+    call single_group(groups, 'output', table, problems, output)
+    call read_output(output, case%output)
+
+    call pick_groups(groups, 'material', picked)
+    allocate (case%material(size(picked)))
+    do i = 1, size(picked)
+      call read_material(groups(picked(i)), problems, case%material(i))
+    end do
+    call pick_groups(groups, 'body', picked)
+    allocate (case%body(size(picked)))
+    do i = 1, size(picked)
+      call read_body(groups(picked(i)), materials, case%directory, case%scene%mesh, mesh_expected, problems, case%body(i))
+      if (len(case%scene%output) > 0 .and. case%body(i)%mesh == case%scene%output .and. is_given(groups(picked(i)), 'mesh')) &
+        call problems%add(case%body(i)%line, '&body: mesh: '//shown(case%body(i)%mesh)//' is the results file of &scene')
+    end do
+    call pick_groups(groups, 'support', picked)
+    allocate (case%support(size(picked)))
+    do i = 1, size(picked)
+      call read_support(groups(picked(i)), bodies, case%scene%dimension, problems, case%support(i))
+    end do
+    call pick_groups(groups, 'load', picked)
+    allocate (case%load(size(picked)))
+    do i = 1, size(picked)
+      call read_load(groups(picked(i)), bodies, case%scene%dimension, problems, case%load(i))
+    end do
+    call pick_groups(groups, 'contact', picked)
+    allocate (case%contact(size(picked)))
+    do i = 1, size(picked)
+      call read_contact(groups(picked(i)), bodies, case%solver, problems, case%contact(i))
+    end do
+
+  contains
+
+    !> Place of a group in the table.
+    pure integer function place(name)
+      character(*), intent(in) :: name
+      do place = 1, size(known)
+        if (known(place)%name == name) return
+      end do
+      place = 0
+    end function place
+  end subroutine convert
+
+  !> The first group of a name; where there is none, one with nothing but the defaults of the table, in line 0.
+  subroutine single_group(groups, name, table, problems, group)
+    type(group_t), intent(in) :: groups(:)
+    character(*), intent(in) :: name
+    type(keyword_t), intent(in) :: table(:)
+    type(problems_t), intent(inout) :: problems
+    type(group_t), intent(out) :: group
+    integer, allocatable :: picked(:)
+    call pick_groups(groups, name, picked)
+    if (size(picked) > 0) then
+      group = groups(picked(1))
+    else
+      group%name = name
+      allocate (group%entry(8))
+      call check_group(group, table, problems)
+    end if
+  end subroutine single_group
+end module dotyk_input_parse

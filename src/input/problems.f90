@@ -1,0 +1,116 @@
+!> The problems of a namelist file: gathered in any order, reported in the order of its lines.
+module dotyk_input_problems
+  use dotyk_base_error, only: error_t, problem_list_t
+  use dotyk_base_text, only: text_t, to_text
+  implicit none
+  private
+
+  !> All the problems of one file.
+  type, public :: problems_t
+    !> Name of the file, as in the messages.
+    character(:), allocatable :: file
+    !> How many there are.
+    integer :: count = 0
+    !> Line of each; the first `count` mean something.
+    integer, allocatable :: line(:)
+    !> Message of each, without file and line.
+    type(text_t), allocatable :: message(:)
+  contains
+    procedure :: init => problems_init
+    procedure :: add => problems_add
+    procedure :: raise => problems_raise
+  end type problems_t
+
+  !> The line of a problem that belongs to no line; it is reported after the others.
+  integer, parameter, public :: no_line = huge(1)
+
+  public :: shown
+
+contains
+
+  !> Start an empty list.
+  subroutine problems_init(self, file)
+    class(problems_t), intent(inout) :: self
+    !> Name of the file.
+    character(*), intent(in) :: file
+    self%file = file
+    self%count = 0
+    if (allocated(self%line)) deallocate (self%line, self%message)
+    allocate (self%line(8), self%message(8))
+  end subroutine problems_init
+
+  !> Add a problem.
+  subroutine problems_add(self, line, message)
+    class(problems_t), intent(inout) :: self
+    !> Line of the file, or `no_line`.
+    integer, intent(in) :: line
+    !> What is wrong.
+    character(*), intent(in) :: message
+    integer, allocatable :: lines(:)
+    type(text_t), allocatable :: messages(:)
+    integer :: i
+    if (self%count == size(self%line)) then
+      allocate (lines(2*self%count), messages(2*self%count))
+      lines(:self%count) = self%line
+      do i = 1, self%count
+        call move_alloc(self%message(i)%s, messages(i)%s)
+      end do
+      call move_alloc(lines, self%line)
+      call move_alloc(messages, self%message)
+    end if
+    self%count = self%count + 1
+    self%line(self%count) = line
+    self%message(self%count)%s = message
+  end subroutine problems_add
+
+  !> Turn the list into one error, if it has any problem.
+  subroutine problems_raise(self, error)
+    class(problems_t), intent(in) :: self
+    !> Allocated where the list is not empty.
+    type(error_t), allocatable, intent(out) :: error
+    type(problem_list_t) :: list
+    integer :: order(self%count)
+    integer :: i, j, k
+    ! Insertion: stable, and the list is short and nearly in order.
+    do i = 1, self%count
+      j = i
+      do while (j > 1)
+        if (self%line(order(j - 1)) <= self%line(i)) exit
+        order(j) = order(j - 1)
+        j = j - 1
+      end do
+      order(j) = i
+    end do
+    do i = 1, self%count
+      k = order(i)
+      if (self%line(k) == no_line) then
+        call list%add(self%file//': '//self%message(k)%s)
+      else
+        call list%add(self%file//':'//to_text(self%line(k))//': '//self%message(k)%s)
+      end if
+    end do
+    call list%raise(error)
+  end subroutine problems_raise
+
+  !> What the user wrote, fit for a message: between quotes, not too long, without control characters.
+  pure function shown(text) result(quoted_text)
+    character(*), intent(in) :: text
+    character(:), allocatable :: quoted_text
+    integer, parameter :: most = 48
+    integer :: i, n
+    n = len(text)
+    if (n > most) then
+      n = most
+      ! Do not cut a letter of several bytes in two: its later bytes are 128 to 191.
+      do while (n > 1 .and. iachar(text(n + 1:n + 1)) >= 128 .and. iachar(text(n + 1:n + 1)) < 192)
+        n = n - 1
+      end do
+    end if
+    quoted_text = "'"//text(:n)
+    do i = 2, len(quoted_text)
+      if (iachar(quoted_text(i:i)) < 32 .or. iachar(quoted_text(i:i)) == 127) quoted_text(i:i) = '?'
+    end do
+    if (n < len(text)) quoted_text = quoted_text//'...'
+    quoted_text = quoted_text//"'"
+  end function shown
+end module dotyk_input_problems

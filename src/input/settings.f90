@@ -1,0 +1,121 @@
+!> From checked groups to plain data: `&scene`, `&solver`, `&output`, and the penalty parameter of a group.
+module dotyk_input_settings
+  use dotyk_base_kinds, only: dp
+  use dotyk_input_case, only: output_input_t, scene_input_t, solver_input_t
+  use dotyk_input_files, only: directory_of, extension_of, is_directory, resolve_path, why_not_readable, without_extension
+  use dotyk_input_names, only: analysis_3d, field_contact, field_displacement, field_stress, gamma_fixed, &
+    theta_absolute, theta_relative
+  use dotyk_input_problems, only: problems_t, shown
+  use dotyk_input_reader, only: group_t
+  use dotyk_input_values, only: is_given, is_usable, number_of, numbers_of, report, text_of
+  implicit none
+  private
+  public :: read_scene, read_solver, read_output, read_theta, read_mesh_path
+
+contains
+
+  !> `&scene`.
+  subroutine read_scene(group, file, problems, scene)
+    type(group_t), intent(in) :: group
+    !> The namelist file.
+    character(*), intent(in) :: file
+    type(problems_t), intent(inout) :: problems
+    type(scene_input_t), intent(out) :: scene
+    scene%line = group%line
+    scene%title = text_of(group, 'title')
+    scene%analysis = nint(number_of(group, 'analysis'))
+    ! Where the analysis cannot be used, no number of dimensions is known: nothing is checked against it.
+    scene%dimension = 0
+    if (scene%analysis > 0) scene%dimension = merge(3, 2, scene%analysis == analysis_3d)
+    call read_mesh_path(group, directory_of(file), problems, scene%mesh)
+    if (is_given(group, 'output')) then
+      scene%output = resolve_path(directory_of(file), text_of(group, 'output'))
+    else
+      scene%output = without_extension(file)//'.vtkhdf'
+    end if
+    if (len(scene%output) == 0) return
+    if (is_directory(scene%output)) then
+      call report(problems, group, 'output', 'output: '//shown(scene%output)//' is a directory')
+    else if (scene%output == file .or. scene%output == scene%mesh) then
+      call report(problems, group, 'output', 'output: '//shown(scene%output)//' is an input file')
+    end if
+  end subroutine read_scene
+
+  !> The mesh of a group: a file that is there, with an extension that means something.
+  subroutine read_mesh_path(group, directory, problems, path)
+    type(group_t), intent(in) :: group
+    !> Directory of the namelist file.
+    character(*), intent(in) :: directory
+    type(problems_t), intent(inout) :: problems
+    !> The path; empty where there is none.
+    character(:), allocatable, intent(out) :: path
+    character(:), allocatable :: reason
+    path = resolve_path(directory, text_of(group, 'mesh'))
+    if (len(path) == 0) return
+    if (extension_of(path) /= '.msh' .and. extension_of(path) /= '.geo') &
+      call report(problems, group, 'mesh', 'mesh: '//shown(path)//' must end with .msh or .geo')
+    reason = why_not_readable(path)
+    if (len(reason) > 0) call report(problems, group, 'mesh', 'mesh: '//shown(path)//' '//reason)
+  end subroutine read_mesh_path
+
+  !> `&solver`.
+  subroutine read_solver(group, problems, solver)
+    !> The group; one with nothing but defaults where the file has none.
+    type(group_t), intent(in) :: group
+    type(problems_t), intent(inout) :: problems
+    type(solver_input_t), intent(out) :: solver
+    logical :: given
+    solver%line = group%line
+    solver%scheme = nint(number_of(group, 'scheme'))
+    call read_theta(group, problems, given, solver%theta_kind, solver%theta)
+    solver%gamma_rule = nint(number_of(group, 'gamma_rule'))
+    solver%gamma = number_of(group, 'gamma')
+    if (is_usable(group, 'gamma_rule')) then
+      if (is_given(group, 'gamma') .and. solver%gamma_rule /= gamma_fixed) &
+        call report(problems, group, 'gamma', 'gamma is given, but gamma_rule is not ''fixed''')
+      if (.not. is_given(group, 'gamma') .and. solver%gamma_rule == gamma_fixed) &
+        call report(problems, group, 'gamma_rule', '''gamma'' is missing: gamma_rule is ''fixed''')
+    end if
+    solver%stop_rule = nint(number_of(group, 'stop_rule'))
+    solver%tolerance = number_of(group, 'tolerance')
+    solver%max_iterations = nint(number_of(group, 'max_iterations'))
+    solver%reproducible = number_of(group, 'reproducible') > 0
+  end subroutine read_solver
+
+  !> The penalty parameter of a group.
+  subroutine read_theta(group, problems, given, kind, theta)
+    !> `&solver` or `&contact`.
+    type(group_t), intent(in) :: group
+    type(problems_t), intent(inout) :: problems
+    !> Does the group have one, given or by default?
+    logical, intent(out) :: given
+    !> One of `theta_*`.
+    integer, intent(out) :: kind
+    !> Penalty parameter [length/pressure], or the factor of the relative one [1].
+    real(dp), intent(out) :: theta
+    character(:), allocatable :: key
+    kind = theta_relative
+    key = 'theta_relative'
+    if (is_given(group, 'theta')) then
+      kind = theta_absolute
+      key = 'theta'
+      if (is_given(group, 'theta_relative')) &
+        call report(problems, group, 'theta', 'theta and theta_relative are both given: only one can be meant')
+    end if
+    given = is_usable(group, key)
+    theta = number_of(group, key)
+  end subroutine read_theta
+
+  !> `&output`.
+  subroutine read_output(group, output)
+    !> The group; one with nothing but defaults where the file has none.
+    type(group_t), intent(in) :: group
+    type(output_input_t), intent(out) :: output
+    real(dp), allocatable :: fields(:)
+    call numbers_of(group, 'fields', fields)
+    output%line = group%line
+    output%displacement = any(nint(fields) == field_displacement)
+    output%stress = any(nint(fields) == field_stress)
+    output%contact = any(nint(fields) == field_contact)
+  end subroutine read_output
+end module dotyk_input_settings

@@ -1,0 +1,204 @@
+!> Checked values of a group, by key; and names that other groups refer to.
+module dotyk_input_values
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_text, only: join, text_t, to_text
+  use dotyk_input_checks, only: suggestion
+  use dotyk_input_problems, only: problems_t, shown
+  use dotyk_input_reader, only: group_t
+  implicit none
+  private
+
+  !> The names of all groups of one kind, such as the bodies.
+  type, public :: names_t
+    !> What they name, for messages: 'body'.
+    character(:), allocatable :: what
+    !> The names; empty where one cannot be used.
+    type(text_t), allocatable :: name(:)
+    !> Lines of the groups.
+    integer, allocatable :: line(:)
+    !> May some be missing from the list, because of mistakes that were reported?
+    logical :: incomplete = .false.
+  end type names_t
+
+  public :: is_given, is_usable, line_of, count_of, text_of, number_of, texts_of, numbers_of
+  public :: pick_groups, gather_names, find_name, refer, report
+
+contains
+
+  !> Place of a key in a group; 0 where it is neither given nor a default. The first one where it is given twice.
+  pure integer function place_of(group, key) result(place)
+    type(group_t), intent(in) :: group
+    character(*), intent(in) :: key
+    do place = 1, group%n_entries
+      if (group%entry(place)%key == key) return
+    end do
+    place = 0
+  end function place_of
+
+  !> Does the key stand in the file?
+  pure logical function is_given(group, key) result(given)
+    type(group_t), intent(in) :: group
+    character(*), intent(in) :: key
+    integer :: i
+    i = place_of(group, key)
+    given = i > 0
+    if (given) given = .not. group%entry(i)%from_default
+  end function is_given
+
+  !> Is there a value, given or by default, without a mistake?
+  pure logical function is_usable(group, key) result(usable)
+    type(group_t), intent(in) :: group
+    character(*), intent(in) :: key
+    integer :: i
+    i = place_of(group, key)
+    usable = i > 0
+    if (usable) usable = group%entry(i)%usable
+  end function is_usable
+
+  !> Line of the key, or of its group where it is not given.
+  pure integer function line_of(group, key) result(line)
+    type(group_t), intent(in) :: group
+    character(*), intent(in) :: key
+    integer :: i
+    i = place_of(group, key)
+    line = group%line
+    if (i > 0) line = group%entry(i)%line
+  end function line_of
+
+  !> How many values a key has.
+  pure integer function count_of(group, key) result(n)
+    type(group_t), intent(in) :: group
+    character(*), intent(in) :: key
+    integer :: i
+    i = place_of(group, key)
+    n = 0
+    if (i > 0) n = group%entry(i)%n_values
+  end function count_of
+
+  !> Text of a key without blanks around it; empty where it has none that can be used.
+  pure function text_of(group, key) result(text)
+    type(group_t), intent(in) :: group
+    character(*), intent(in) :: key
+    character(:), allocatable :: text
+    text = ''
+    if (is_usable(group, key)) text = trim(adjustl(group%entry(place_of(group, key))%value(1)%text))
+  end function text_of
+
+  !> All texts of a key; none where it has none that can be used.
+  pure subroutine texts_of(group, key, texts)
+    type(group_t), intent(in) :: group
+    character(*), intent(in) :: key
+    type(text_t), allocatable, intent(out) :: texts(:)
+    integer :: i, k, n
+    n = 0
+    if (is_usable(group, key)) n = count_of(group, key)
+    allocate (texts(n))
+    k = place_of(group, key)
+    do i = 1, n
+      texts(i)%s = trim(adjustl(group%entry(k)%value(i)%text))
+    end do
+  end subroutine texts_of
+
+  !> Number of a key (an integer, the place of a name, 1 for true); 0 where it has none that can be used.
+  pure real(dp) function number_of(group, key) result(number)
+    type(group_t), intent(in) :: group
+    character(*), intent(in) :: key
+    number = 0
+    if (is_usable(group, key)) number = group%entry(place_of(group, key))%number(1)
+  end function number_of
+
+  !> All numbers of a key; none where it has none that can be used.
+  pure subroutine numbers_of(group, key, numbers)
+    type(group_t), intent(in) :: group
+    character(*), intent(in) :: key
+    real(dp), allocatable, intent(out) :: numbers(:)
+    if (is_usable(group, key)) then
+      numbers = group%entry(place_of(group, key))%number
+    else
+      allocate (numbers(0))
+    end if
+  end subroutine numbers_of
+
+  !> Report a problem of a key, at its line.
+  subroutine report(problems, group, key, message)
+    type(problems_t), intent(inout) :: problems
+    type(group_t), intent(in) :: group
+    !> The key; the line is that of the group where it is not given.
+    character(*), intent(in) :: key
+    !> What is wrong.
+    character(*), intent(in) :: message
+    call problems%add(line_of(group, key), '&'//group%name//': '//message)
+  end subroutine report
+
+  !> Indices of the groups of a name.
+  pure subroutine pick_groups(groups, name, picked)
+    type(group_t), intent(in) :: groups(:)
+    character(*), intent(in) :: name
+    integer, allocatable, intent(out) :: picked(:)
+    integer :: i
+    picked = pack([(i, i=1, size(groups))], [(groups(i)%name == name, i=1, size(groups))])
+  end subroutine pick_groups
+
+  !> Gather the names of some groups and report those that are there twice.
+  subroutine gather_names(groups, what, misspelled, problems, names)
+    !> All groups of the file.
+    type(group_t), intent(in) :: groups(:)
+    !> Name of the groups to look at.
+    character(*), intent(in) :: what
+    !> May one of them stand in the file with its name misspelled?
+    logical, intent(in) :: misspelled
+    type(problems_t), intent(inout) :: problems
+    type(names_t), intent(out) :: names
+    integer, allocatable :: picked(:)
+    integer :: i, j
+    call pick_groups(groups, what, picked)
+    names%what = what
+    names%incomplete = misspelled
+    allocate (names%name(size(picked)), names%line(size(picked)))
+    do i = 1, size(picked)
+      names%name(i)%s = text_of(groups(picked(i)), 'name')
+      names%line(i) = groups(picked(i))%line
+      if (len(names%name(i)%s) == 0) then
+        names%incomplete = .true.
+        cycle
+      end if
+      do j = 1, i - 1
+        if (names%name(j)%s /= names%name(i)%s .or. len(names%name(j)%s) /= len(names%name(i)%s)) cycle
+        call report(problems, groups(picked(i)), 'name', 'a second '//what//' '//shown(names%name(i)%s)// &
+                    ' (the first is in line '//to_text(names%line(j))//')')
+        exit
+      end do
+    end do
+  end subroutine gather_names
+
+  !> Index of a name; 0 where it is not there.
+  pure integer function find_name(names, name) result(place)
+    type(names_t), intent(in) :: names
+    character(*), intent(in) :: name
+    do place = 1, size(names%name)
+      if (names%name(place)%s == name .and. len(names%name(place)%s) == len(name)) return
+    end do
+    place = 0
+  end function find_name
+
+  !> Resolve a name that a key refers to; an unknown one is reported.
+  subroutine refer(group, key, name, names, problems, place)
+    type(group_t), intent(in) :: group
+    !> The key that names it.
+    character(*), intent(in) :: key
+    !> The name; nothing is reported where it is empty.
+    character(*), intent(in) :: name
+    type(names_t), intent(in) :: names
+    type(problems_t), intent(inout) :: problems
+    !> Index, 0 where it is unknown.
+    integer, intent(out) :: place
+    character(:), allocatable :: hint
+    place = 0
+    if (len(name) == 0) return
+    place = find_name(names, name)
+    if (place > 0 .or. names%incomplete .or. size(names%name) == 0) return
+    hint = suggestion(name, names%name)
+    if (len(hint) == 0) hint = ' (known: '//join(names%name, ', ')//')'
+    call report(problems, group, key, key//': unknown '//names%what//' '//shown(name)//hint)
+  end subroutine refer
+end module dotyk_input_values

@@ -1,0 +1,210 @@
+!> Meshes a geometry with the gmsh executable, once for each content of the geometry.
+!>
+!> The mesh is kept in `.dotyk/` beside the geometry (in the user's cache directory where that cannot be written), under a name
+!> with a hash of the geometry, of the files that it names, of the dimension and of gmsh's version. It is written under another
+!> name and renamed, so that runs at the same time do not meet half a mesh. DOTYK_GMSH names another executable than `gmsh`.
+module dotyk_mesh_gmsh_run
+  use dotyk_base_kinds, only: int64
+  use dotyk_base_error, only: error_t, set_error, exit_bad_input, exit_not_written
+  use dotyk_base_text, only: to_text
+  use dotyk_mesh_bytes, only: byte_cursor_t
+  use dotyk_mesh_content_hash, only: content_hash_t
+  use dotyk_mesh_system, only: make_directory, is_writable_directory, process_id, rename_file, remove_file, shell_quoted, &
+                               directory_of, environment_value
+  implicit none
+  private
+  public :: mesh_geometry
+
+  !> Exit status of the shell for a program that it does not find or cannot run.
+  integer, parameter :: status_not_executable = 126, status_not_found = 127
+  !> Most lines of gmsh's log in a message.
+  integer, parameter :: most_lines = 6
+
+contains
+
+  !> Mesh a geometry, unless that was done before.
+  subroutine mesh_geometry(geo_file, dimension, msh_file, error)
+    !> Path of the geometry.
+    character(*), intent(in) :: geo_file
+    !> Largest dimension of the elements, 2 or 3.
+    integer, intent(in) :: dimension
+    !> Path of the mesh.
+    character(:), allocatable, intent(out) :: msh_file
+    type(error_t), allocatable, intent(out) :: error
+    type(content_hash_t) :: hash
+    character(:), allocatable :: directory, base, name, version, options
+    logical :: found
+    call hash%add_file(geo_file, error)
+    if (allocated(error)) return
+    ! gmsh reads the options beside a geometry by itself.
+    options = geo_file//'.opt'
+    inquire (file=options, exist=found)
+    if (found) call hash%add_file(options, error)
+    if (allocated(error)) return
+    call find_directory(geo_file, directory, error)
+    if (allocated(error)) return
+    name = geo_file(len(directory_of(geo_file)) + 1:)
+    if (index(name, '.geo', back=.true.) > 1) name = name(:index(name, '.geo', back=.true.) - 1)
+    base = directory//name//'-'//to_text(process_id())//'.version'
+    call ask_version(base, version, error)
+    if (allocated(error)) return
+    call hash%add(version//to_text(dimension))
+    base = directory//name//'-'//to_text(dimension)//'d-'//hash%digits()
+    msh_file = base//'.msh'
+    inquire (file=msh_file, exist=found)
+    if (found) return
+    call run_gmsh(geo_file, dimension, base, error)
+  end subroutine mesh_geometry
+
+  !> The directory for meshes, with its slash; it is made where it does not exist.
+  subroutine find_directory(geo_file, directory, error)
+    character(*), intent(in) :: geo_file
+    character(:), allocatable, intent(out) :: directory
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: cache
+    integer :: unit, status
+    logical :: found
+    directory = directory_of(geo_file)//'.dotyk'
+    call make_directory(directory)
+    if (.not. is_writable_directory(directory)) then
+      cache = environment_value('XDG_CACHE_HOME')
+      if (len(cache) == 0) cache = environment_value('HOME')//'/.cache'
+      call make_directory(cache)
+      call make_directory(cache//'/dotyk')
+      if (.not. is_writable_directory(cache//'/dotyk')) then
+        call set_error(error, geo_file//': no place for its mesh: neither '//directory//' nor '//cache// &
+                       '/dotyk can be written; set XDG_CACHE_HOME to a directory that can', exit_not_written)
+        return
+      end if
+      directory = cache//'/dotyk/'
+      return
+    end if
+    directory = directory//'/'
+    ! What is in there is of no interest to git.
+    inquire (file=directory//'.gitignore', exist=found)
+    if (found) return
+    open (newunit=unit, file=directory//'.gitignore', action='write', iostat=status)
+    if (status /= 0) return
+    write (unit, '(a)', iostat=status) '*'
+    close (unit, iostat=status)
+  end subroutine find_directory
+
+  !> What gmsh says is its version.
+  subroutine ask_version(log_file, version, error)
+    !> Path for its output, removed afterwards.
+    character(*), intent(in) :: log_file
+    character(:), allocatable, intent(out) :: version
+    type(error_t), allocatable, intent(out) :: error
+    type(byte_cursor_t) :: log
+    integer :: status
+    call run_command(shell_quoted(executable())//' --version', log_file, status)
+    if (status == status_not_found .or. status == status_not_executable) then
+      call set_error(error, executable()//', which meshes .geo files, was not found: install it (Debian: apt install gmsh), '// &
+                     'set DOTYK_GMSH to its path, or give a .msh file', exit_bad_input)
+    else if (status /= 0) then
+      call set_error(error, executable()//' --version failed with exit status '//to_text(status), exit_bad_input)
+    else
+      call log%load(log_file, error)
+    end if
+    call remove_file(log_file)
+    if (allocated(error)) return
+    call log%get_word(version)
+  end subroutine ask_version
+
+  !> The gmsh executable.
+  function executable() result(path)
+    character(:), allocatable :: path
+    path = environment_value('DOTYK_GMSH')
+    if (len(path) == 0) path = 'gmsh'
+  end function executable
+
+  !> Run a command of the shell without input, its output in a file.
+  subroutine run_command(command, log_file, status)
+    character(*), intent(in) :: command, log_file
+    !> Exit status; that of a program not found where there is no shell.
+    integer, intent(out) :: status
+    integer :: shell_status
+    status = 0
+    call execute_command_line(command//' < /dev/null > '//shell_quoted(log_file)//' 2>&1', exitstat=status, cmdstat=shell_status)
+    if (shell_status /= 0) status = status_not_found
+  end subroutine run_command
+
+  !> Make the mesh `base`.msh; what gmsh says is kept in `base`.log.
+  subroutine run_gmsh(geo_file, dimension, base, error)
+    character(*), intent(in) :: geo_file
+    integer, intent(in) :: dimension
+    !> Path of the mesh without its extension.
+    character(*), intent(in) :: base
+    type(error_t), allocatable, intent(out) :: error
+    type(byte_cursor_t) :: log
+    character(:), allocatable :: path, temporary, errors, counts
+    integer :: status
+    path = geo_file
+    ! A name with a minus in front would be an option.
+    if (path(1:1) == '-') path = './'//path
+    temporary = base//'-'//to_text(process_id())
+    if (temporary(1:1) == '-') temporary = './'//temporary
+    call run_command(shell_quoted(executable())//' -'//to_text(dimension)//' -format msh41 -bin -o '// &
+                     shell_quoted(temporary//'.msh')//' '//shell_quoted(path), temporary//'.log', status)
+    call log%load(temporary//'.log', error)
+    if (allocated(error)) return
+    if (.not. rename_file(temporary//'.log', base//'.log')) call remove_file(temporary//'.log')
+    call read_log(log, errors, counts)
+    if (status /= 0 .or. len(errors) > 0) then
+      if (len(errors) == 0) errors = new_line('a')//'  exit status '//to_text(status)
+      call set_error(error, geo_file//': gmsh could not mesh it:'//errors//new_line('a')//'  (all it said is in '//base//'.log)')
+    else if (index(counts, ' 0 elements') > 0) then
+      call set_error(error, geo_file//': gmsh made no elements: the geometry is empty')
+    else if (.not. is_whole(temporary//'.msh')) then
+      call set_error(error, geo_file//': gmsh did not write the whole mesh '//temporary//'.msh: is the disk full?')
+    else if (.not. rename_file(temporary//'.msh', base//'.msh')) then
+      call set_error(error, base//'.msh: cannot be written', exit_not_written)
+    end if
+    if (allocated(error)) call remove_file(temporary//'.msh')
+  end subroutine run_gmsh
+
+  !> The lines of gmsh's log that matter.
+  subroutine read_log(log, errors, counts)
+    type(byte_cursor_t), intent(inout) :: log
+    !> The first errors, each on a line of its own, empty where there is none.
+    character(:), allocatable, intent(out) :: errors
+    !> The last line that counts nodes and elements.
+    character(:), allocatable, intent(out) :: counts
+    character(:), allocatable :: line
+    integer :: n
+    errors = ''
+    counts = ''
+    n = 0
+    do while (log%position <= log%size)
+      call log%get_line(line)
+      if (index(line, ' nodes ') > 0 .and. index(line, ' elements') > 0) counts = line
+      if (index(line, 'Error   : ') /= 1) cycle
+      line = line(len('Error   : ') + 1:)
+      ! A frame around numbers of errors that gmsh puts at its end.
+      if (index(line, '---') == 1 .or. index(line, 'Mesh generation error') == 1 .or. index(line, '  ') == 1 .or. &
+          index(line, 'Check the full log') == 1) cycle
+      if (index(errors//new_line('a'), new_line('a')//'  '//line//new_line('a')) > 0) cycle
+      n = n + 1
+      if (n <= most_lines) errors = errors//new_line('a')//'  '//line
+    end do
+  end subroutine read_log
+
+  !> Whether a mesh file ends with the end of a section.
+  logical function is_whole(file) result(whole)
+    character(*), intent(in) :: file
+    !> Longer than any '$EndPeriodic' or '$EndElements'.
+    integer, parameter :: tail_length = 32
+    character(tail_length) :: tail
+    integer(int64) :: n_bytes
+    integer :: unit, status
+    whole = .false.
+    open (newunit=unit, file=file, access='stream', form='unformatted', action='read', status='old', iostat=status)
+    if (status /= 0) return
+    inquire (unit=unit, size=n_bytes)
+    if (n_bytes > tail_length) then
+      read (unit, pos=n_bytes - tail_length + 1, iostat=status) tail
+      whole = status == 0 .and. index(tail, '$End') > 0 .and. tail(tail_length:) == achar(10)
+    end if
+    close (unit)
+  end function is_whole
+end module dotyk_mesh_gmsh_run
