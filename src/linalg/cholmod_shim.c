@@ -154,7 +154,8 @@ int dotyk_cholmod_permute(void *handle, const int64_t *start, const int64_t *row
 }
 
 /* Numeric factorization of what permute left, which is given back. failed: 1-based equation whose pivot is not
- * positive, or 0. weakest, ratio: the equation that elimination leaves the smallest part of its diagonal entry, and that part. */
+ * positive, or 0. weakest, ratio: the equation that elimination leaves the smallest part of its diagonal entry, and
+ * that part. */
 int dotyk_cholmod_factorize(void *handle, int64_t *failed, int64_t *weakest, double *ratio) {
   handle_t *h = handle;
   cholmod_common *c = &h->common;
