@@ -103,8 +103,6 @@ contains
     integer, intent(out) :: n_free
     !> They in words; empty for none.
     character(:), allocatable, intent(out) :: text
-    integer, allocatable :: start(:), neighbour(:)
-    call node_graph(body%mesh, start, neighbour)
-    call find_free_motions(body%mesh, body%analysis, body%constraint, start, neighbour, n_free, text)
+    call find_free_motions(body%mesh, body%analysis, body%constraint, n_free, text)
   end subroutine free_rigid_motions
 end module dotyk_elasticity_body

@@ -3,7 +3,7 @@ module dotyk_elasticity_graph
   use dotyk_mesh_body_mesh, only: body_mesh_t
   implicit none
   private
-  public :: node_graph, connected_parts
+  public :: node_graph
 
 contains
 
@@ -145,38 +145,4 @@ contains
       end do
     end do
   end subroutine list_neighbours
-
-  !> The connected parts of a graph.
-  pure subroutine connected_parts(n, start, neighbour, part, n_parts)
-    !> Number of nodes.
-    integer, intent(in) :: n
-    !> Adjacency as of `node_graph`.
-    integer, intent(in) :: start(:), neighbour(:)
-    !> Part of each node, numbered by their first nodes (n).
-    integer, intent(out) :: part(n)
-    !> Number of parts.
-    integer, intent(out) :: n_parts
-    integer, allocatable :: stack(:)
-    integer :: i, j, k, height
-    allocate (stack(n))
-    part = 0
-    n_parts = 0
-    do i = 1, n
-      if (part(i) /= 0) cycle
-      n_parts = n_parts + 1
-      part(i) = n_parts
-      height = 1
-      stack(1) = i
-      do while (height > 0)
-        j = stack(height)
-        height = height - 1
-        do k = start(j), start(j + 1) - 1
-          if (part(neighbour(k)) /= 0) cycle
-          part(neighbour(k)) = n_parts
-          height = height + 1
-          stack(height) = neighbour(k)
-        end do
-      end do
-    end do
-  end subroutine connected_parts
 end module dotyk_elasticity_graph

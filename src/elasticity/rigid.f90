@@ -6,9 +6,8 @@ module dotyk_elasticity_rigid
   use dotyk_elasticity_analysis, only: analysis_3d, analysis_axisymmetric
   use dotyk_elasticity_constraint, only: constraint_t
   use dotyk_elasticity_field, only: place_text, vector_text
-  use dotyk_elasticity_graph, only: connected_parts
   use dotyk_linalg_dense, only: symmetric_eigen
-  use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_mesh_body_mesh, only: body_mesh_t, connected_components
   implicit none
   private
   public :: find_free_motions
@@ -19,13 +18,11 @@ module dotyk_elasticity_rigid
 contains
 
   !> Free rigid motions of all connected parts of a body.
-  subroutine find_free_motions(mesh, analysis, constraint, start, neighbour, n_free, text)
+  subroutine find_free_motions(mesh, analysis, constraint, n_free, text)
     type(body_mesh_t), intent(in) :: mesh
     !> One of dotyk_elasticity_analysis' constants.
     integer, intent(in) :: analysis
     type(constraint_t), intent(in) :: constraint
-    !> Adjacency of the nodes.
-    integer, intent(in) :: start(:), neighbour(:)
     !> Number of independent free motions.
     integer, intent(out) :: n_free
     !> They, as "translation along (0, 0, 1) and rotation about the axis (0, 1, 0) through (1, 0, 0)"; empty for none.
@@ -35,7 +32,7 @@ contains
     real(dp) :: free(6, 6), centre(3), radius
     integer :: p, n_parts, n, first
     allocate (part(mesh%n_nodes()))
-    call connected_parts(mesh%n_nodes(), start, neighbour, part, n_parts)
+    call connected_components(mesh, part, n_parts)
     n_free = 0
     text = ''
     do p = 1, n_parts
