@@ -14,7 +14,8 @@ module dotyk_linalg_cholesky
   type, public :: cholesky_t
     !> Order of the matrix.
     integer :: n = 0
-    !> Entries of L that are stored, the zeros inside supernodes counted in. Known from `analyze` on, as are the next four.
+    !> Entries of L that are stored, the zeros inside supernodes counted in. Known from `analyze` on, as are the next
+    !> four.
     integer(int64) :: factor_entries = 0
     !> Number of supernodes.
     integer(int64) :: n_supernodes = 0
@@ -24,8 +25,9 @@ module dotyk_linalg_cholesky
     integer(int64) :: workspace_bytes = 0
     !> Floating-point operations of a factorization.
     real(dp) :: flops = 0
-    !> Least part of a diagonal entry of K that elimination left as its pivot, 0 < weakest_pivot <= 1. A body that is not
-    !> held may pass the factorization by round-off: this is then about 1e-16 to 1e-13. Independent of units.
+    !> Least part of a diagonal entry of K that elimination left as its pivot, 0 < weakest_pivot <= 1. A body that is
+    !> not held may pass the factorization by round-off: this is then about 1e-16 to 1e-13. Compact bodies are orders of
+    !> magnitude above, thin ones have about (thickness/length)^3. Independent of units.
     real(dp) :: weakest_pivot = 0
     !> Equation of that pivot.
     integer :: weakest_equation = 0
@@ -34,6 +36,7 @@ module dotyk_linalg_cholesky
   contains
     procedure :: analyze => cholesky_analyze
     procedure :: factorize => cholesky_factorize
+    procedure :: factorize_and_discard => cholesky_factorize_and_discard
     procedure :: is_factorized => cholesky_is_factorized
     procedure :: solve => cholesky_solve
     procedure :: solve_block => cholesky_solve_block
@@ -139,50 +142,79 @@ contains
   end subroutine cholesky_analyze
 
   !> Numeric factorization, of the matrix that was analyzed or one of the same pattern.
-  subroutine cholesky_factorize(self, matrix, failed_column, error, discard)
+  subroutine cholesky_factorize(self, matrix, failed_column, error)
     class(cholesky_t), intent(inout) :: self
-    !> The matrix, destroyed where `discard` is true.
-    type(sparse_symmetric_t), intent(inout) :: matrix
+    !> The matrix.
+    type(sparse_symmetric_t), intent(in) :: matrix
     !> Equation whose pivot was not positive, so that there is no factor; 0 if all is well. It is not an error here.
     integer, intent(out) :: failed_column
     !> Out of memory.
     type(error_t), allocatable, intent(out) :: error
-    !> Whether to give the memory of the matrix back before the factor's is taken; false if absent.
-    logical, intent(in), optional :: discard
-    integer(c_int64_t) :: failed, weakest
-    integer(c_int) :: code
-    real(c_double) :: ratio
     failed_column = 0
+    call take_matrix(self, matrix, error)
+    if (.not. allocated(error)) call factorize_taken(self, failed_column, error)
+  end subroutine cholesky_factorize
+
+  !> The same for a matrix that is not needed any more: its memory is given back before the factor's is taken.
+  subroutine cholesky_factorize_and_discard(self, matrix, failed_column, error)
+    class(cholesky_t), intent(inout) :: self
+    !> The matrix, destroyed on return.
+    type(sparse_symmetric_t), intent(inout) :: matrix
+    !> As in `factorize`.
+    integer, intent(out) :: failed_column
+    !> As in `factorize`.
+    type(error_t), allocatable, intent(out) :: error
+    failed_column = 0
+    call take_matrix(self, matrix, error)
+    call matrix%destroy()
+    if (.not. allocated(error)) call factorize_taken(self, failed_column, error)
+  end subroutine cholesky_factorize_and_discard
+
+  !> Make the permuted copy of the matrix that is going to be factorized.
+  subroutine take_matrix(self, matrix, error)
+    class(cholesky_t), intent(inout) :: self
+    !> The matrix.
+    type(sparse_symmetric_t), intent(in) :: matrix
+    !> Out of memory, or another matrix than the one that was analyzed.
+    type(error_t), allocatable, intent(out) :: error
     self%factorized = .false.
     self%weakest_pivot = 1
     self%weakest_equation = 0
-    if (self%n == 0 .and. matrix%n == 0) then
-      self%factorized = .true.
-      return
-    end if
+    if (self%n == 0 .and. matrix%n == 0) return
     if (.not. c_associated(self%handle) .or. self%n /= matrix%n .or. .not. allocated(matrix%value)) then
       call set_error(error, 'the matrix to factorize is not the one that was analyzed', exit_not_solvable)
       return
     end if
-    call raise(dotyk_cholmod_permute(self%handle, matrix%column_start, matrix%row, matrix%value), 'factorization', self, &
-      error)
-    if (allocated(error)) return
-    if (present(discard)) then
-      if (discard) call matrix%destroy()
+    call raise(dotyk_cholmod_permute(self%handle, matrix%column_start, matrix%row, matrix%value), 'factorization', &
+      self, error)
+  end subroutine take_matrix
+
+  !> Factorize the copy that was taken, and give it back.
+  subroutine factorize_taken(self, failed_column, error)
+    class(cholesky_t), intent(inout) :: self
+    !> As in `cholesky_factorize`.
+    integer, intent(out) :: failed_column
+    !> Out of memory.
+    type(error_t), allocatable, intent(out) :: error
+    integer(c_int64_t) :: failed, weakest
+    integer(c_int) :: code
+    real(c_double) :: ratio
+    failed_column = 0
+    if (self%n > 0) then
+      code = dotyk_cholmod_factorize(self%handle, failed, weakest, ratio)
+      if (code == code_not_positive) then
+        failed_column = int(failed)
+        self%weakest_pivot = 0
+        self%weakest_equation = failed_column
+        return
+      end if
+      call raise(code, 'factorization', self, error)
+      if (allocated(error)) return
+      self%weakest_pivot = ratio
+      self%weakest_equation = int(weakest)
     end if
-    code = dotyk_cholmod_factorize(self%handle, failed, weakest, ratio)
-    if (code == code_not_positive) then
-      failed_column = int(failed)
-      self%weakest_pivot = 0
-      self%weakest_equation = failed_column
-      return
-    end if
-    call raise(code, 'factorization', self, error)
-    if (allocated(error)) return
-    self%weakest_pivot = ratio
-    self%weakest_equation = int(weakest)
     self%factorized = .true.
-  end subroutine cholesky_factorize
+  end subroutine factorize_taken
 
   !> Whether there is a factor to solve with.
   pure logical function cholesky_is_factorized(self) result(is_factorized)

@@ -1,8 +1,8 @@
 /* CHOLMOD behind an opaque handle: one cholmod_common and one supernodal factor each, 64-bit indices.
  *
- * The struct layouts of cholmod.h are known here and nowhere else. Every function returns one of the codes below. A handle
- * is changed by analyze, permute and factorize, one thread at a time; solves only read it, so that several threads may
- * solve with one factor at the same time. */
+ * The struct layouts of cholmod.h are known here and nowhere else. Every function returns one of the codes below. A
+ * handle is changed by analyze, permute and factorize, one thread at a time; solves only read it, so that several
+ * threads may solve with one factor at the same time. */
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
@@ -78,8 +78,8 @@ void *dotyk_cholmod_new(void) {
   return h;
 }
 
-/* Symbolic analysis. start (n+1), row: pattern of the lower triangle by columns, rows ascending, 0-based; permutation (n):
- * the equation that comes k-th, 0-based. The arrays are read where they are. */
+/* Symbolic analysis. start (n+1), row: pattern of the lower triangle by columns, rows ascending, 0-based;
+ * permutation (n): the equation that comes k-th, 0-based. The arrays are read where they are. */
 int dotyk_cholmod_analyze(void *handle, int64_t n, int64_t *start, int64_t *row, int64_t *permutation,
                           statistics_t *statistics) {
   handle_t *h = handle;
@@ -153,8 +153,9 @@ int dotyk_cholmod_permute(void *handle, const int64_t *start, const int64_t *row
   return OK;
 }
 
-/* Numeric factorization of what permute left, which is given back. failed: 1-based equation whose pivot is not positive, or
- * 0. weakest, ratio: the equation that elimination leaves the smallest part of its diagonal entry, and that part. */
+/* Numeric factorization of what permute left, which is given back. failed: 1-based equation whose pivot is not
+ * positive, or 0. weakest, ratio: the equation that elimination leaves the smallest part of its diagonal entry, and
+ * that part. */
 int dotyk_cholmod_factorize(void *handle, int64_t *failed, int64_t *weakest, double *ratio) {
   handle_t *h = handle;
   cholmod_common *c = &h->common;

@@ -4,8 +4,9 @@ module dotyk_linalg_sparse
   implicit none
   private
 
-  !> Symmetric matrix: lower triangle with the diagonal, by columns, rows ascending in each column. Indices are 64-bit and
-  !> 0-based, because CHOLMOD reads these very arrays. The diagonal entry of every column is stored and comes first.
+  !> Symmetric matrix: lower triangle with the diagonal, by columns, rows ascending in each column. Indices are 64-bit
+  !> and 0-based, because CHOLMOD reads these very arrays. The diagonal entry of every column is stored and comes
+  !> first.
   type, public :: sparse_symmetric_t
     !> Order of the matrix.
     integer :: n = 0

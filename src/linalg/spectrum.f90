@@ -34,8 +34,9 @@ module dotyk_linalg_spectrum
 
 contains
 
-  !> Lanczos with full reorthogonalisation and a start that is the same on every machine. The result is a lower bound of the
-  !> largest eigenvalue, up to round-off, and some eigenvalue lies within the residual of it: as a rule the largest one.
+  !> Lanczos with full reorthogonalisation and a start that is the same on every machine. The result is a lower bound
+  !> of the largest eigenvalue, up to round-off, and some eigenvalue lies within the residual of it: as a rule the
+  !> largest one.
   subroutine largest_eigenvalue(operator, n, tolerance, most_steps, value, residual, steps)
     !> Symmetric and positive semidefinite.
     class(linear_operator_t), intent(inout) :: operator

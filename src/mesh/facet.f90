@@ -1,4 +1,5 @@
-!> Geometry of a facet: a face of an element seen in space. Lines in two dimensions, triangles and quadrilaterals in three.
+!> Geometry of a facet, a face of an element seen in space: lines in two dimensions, triangles and quadrilaterals in
+!> three.
 !>
 !> Facets are oriented as the face tables of the element kinds are: the normal points out of the body.
 module dotyk_mesh_facet

@@ -43,7 +43,8 @@ contains
     w = w/((alpha + 1)*sum(w))
   end subroutine gauss_jacobi
 
-  !> The Jacobi polynomial P_n^(alpha,0) and its derivative, by the recurrence of three terms (Abramowitz and Stegun 22.7.1, 22.8.1).
+  !> The Jacobi polynomial P_n^(alpha,0) and its derivative, by the recurrence of three terms (Abramowitz and Stegun
+  !> 22.7.1, 22.8.1).
   pure subroutine jacobi(n, alpha, t, p, slope)
     !> Degree, 1 or above.
     integer, intent(in) :: n

@@ -6,7 +6,8 @@ module dotyk_mesh_hexahedron
   private
   public :: hexahedron_kind
 
-  !> Coordinates of the nodes: corners; edges 12 14 15 23 26 34 37 48 56 58 67 78; faces 1432 1265 1584 2376 3487 5678; centre.
+  !> Coordinates of the nodes: corners; edges 12 14 15 23 26 34 37 48 56 58 67 78; faces 1432 1265 1584 2376 3487 5678;
+  !> centre.
   integer, parameter, public :: hexahedron_node(3, 27) = reshape([ &
     -1, -1, -1, 1, -1, -1, 1, 1, -1, -1, 1, -1, -1, -1, 1, 1, -1, 1, 1, 1, 1, -1, 1, 1, &
     0, -1, -1, -1, 0, -1, -1, -1, 0, 1, 0, -1, 1, -1, 0, 0, 1, -1, &

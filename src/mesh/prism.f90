@@ -10,7 +10,8 @@ module dotyk_mesh_prism
   private
   public :: prism_kind, prism_node, prism_values, prism_gradients
 
-  !> Node of the triangle (tri6) below or above each node: corners; edges 12 13 14 23 25 36 45 46 56; faces 1254 1463 2365.
+  !> Node of the triangle (tri6) below or above each node: corners; edges 12 13 14 23 25 36 45 46 56; faces 1254 1463
+  !> 2365.
   integer, parameter :: base(18) = [1, 2, 3, 1, 2, 3, 4, 6, 1, 5, 2, 3, 4, 6, 5, 4, 6, 5]
   !> Height of each node.
   integer, parameter :: height(18) = [-1, -1, -1, 1, 1, 1, -1, -1, 0, -1, 0, 0, 1, 1, 1, 0, 0, 0]
@@ -60,8 +61,8 @@ contains
     kind%face_node(:n, :2) = triangle(:n, :)
     n = kind_nodes(kind%face_kind(3))
     kind%face_node(:n, 3:5) = quadrilateral(:n, :)
-    ! VTK's wedge is the other way round: the normal of its nodes 1 2 3 points away from 4 5 6. (Its parametric coordinates say
-    ! the opposite; its faces, volumes and documentation do not.)
+    ! VTK's wedge is the other way round: the normal of its nodes 1 2 3 points away from 4 5 6. (Its parametric
+    ! coordinates say the opposite; its faces, volumes and documentation do not.)
     kind%vtk_order(:18) = [1, 3, 2, 4, 6, 5, 8, 10, 7, 14, 15, 13, 9, 12, 11, 17, 18, 16]
     kind%vtk_order(kind%n_nodes + 1:) = 0
   end function prism_kind

@@ -1,8 +1,8 @@
 !> Quadrature rules on the reference domains: positive weights, points inside, any degree.
 !>
-!> Lines, quadrilaterals and hexahedra: products of Gauss-Legendre rules, exact for the degree in each variable. Triangles
-!> and tetrahedra: symmetric rules where short ones are known, conical products of Gauss-Jacobi rules beyond, exact for the total
-!> degree. Prisms: triangle x line.
+!> Lines, quadrilaterals and hexahedra: products of Gauss-Legendre rules, exact for the degree in each variable.
+!> Triangles and tetrahedra: symmetric rules where short ones are known, conical products of Gauss-Jacobi rules beyond,
+!> exact for the total degree. Prisms: triangle x line.
 module dotyk_mesh_quadrature
   use dotyk_base_kinds, only: dp
   use dotyk_mesh_element_kind, only: element_line2, element_line3, element_quad4, element_quad8, element_quad9, &

@@ -1,8 +1,9 @@
 !> Quadrature on the unit triangle and the unit tetrahedron: total degree, positive weights, points inside.
 !>
-!> Symmetric rules are written as orbits of one point in barycentric coordinates under the permutations of the corners. Sources: triangle,
-!> Radon (degree 5), Strang and Fix, Dunavant 1985 (4, 6, 8); tetrahedron, Walkington 2000 (5), Keast 1986 (6), and for degree 3 the
-!> rule of 8 points of Felippa 2004. Their numbers were refined to 20 digits by Newton's method on the moment equations.
+!> Symmetric rules are written as orbits of one point in barycentric coordinates under the permutations of the corners.
+!> Sources: triangle, Radon (degree 5), Strang and Fix, Dunavant 1985 (4, 6, 8); tetrahedron, Walkington 2000 (5),
+!> Keast 1986 (6), and for degree 3 the rule of 8 points of Felippa 2004. Their numbers were refined to 20 digits by
+!> Newton's method on the moment equations.
 module dotyk_mesh_simplex_rule
   use dotyk_base_kinds, only: dp
   use dotyk_mesh_gauss, only: gauss_jacobi
@@ -41,13 +42,15 @@ contains
     case (6)
       call add_opposite(0.24928674517091042129_dp, 0.11678627572637936603_dp, points, weights)
       call add_opposite(0.063089014491502228340_dp, 0.050844906370206816921_dp, points, weights)
-      call add_general(0.053145049844816947353_dp, 0.31035245103378440542_dp, 0.082851075618373575194_dp, points, weights)
+      call add_general(0.053145049844816947353_dp, 0.31035245103378440542_dp, 0.082851075618373575194_dp, &
+        points, weights)
     case (7:8)
       call add_orbit([third, third, third], 0.14431560767778716825_dp, points, weights)
       call add_opposite(0.45929258829272315603_dp, 0.095091634267284624794_dp, points, weights)
       call add_opposite(0.17056930775176020662_dp, 0.10321737053471825028_dp, points, weights)
       call add_opposite(0.050547228317030975458_dp, 0.032458497623198080311_dp, points, weights)
-      call add_general(0.0083947774099576053372_dp, 0.26311282963463811342_dp, 0.027230314174434994265_dp, points, weights)
+      call add_general(0.0083947774099576053372_dp, 0.26311282963463811342_dp, 0.027230314174434994265_dp, &
+        points, weights)
     case default
       call conical_rule(2, degree/2 + 1, points, weights)
       return

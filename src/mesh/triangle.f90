@@ -1,7 +1,8 @@
 !> Triangles: tri3 and tri6. Reference domain: the unit simplex.
 module dotyk_mesh_triangle
   use dotyk_base_kinds, only: dp
-  use dotyk_mesh_element_kind, only: element_kind_t, element_line2, element_line3, element_tri3, element_tri6, kind_nodes
+  use dotyk_mesh_element_kind, only: element_kind_t, element_line2, element_line3, element_tri3, element_tri6, &
+    kind_nodes
   implicit none
   private
   public :: triangle_kind

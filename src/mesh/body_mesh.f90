@@ -1,0 +1,223 @@
+!> One body's part of a mesh: its elements, with node numbers of their own.
+module dotyk_mesh_body_mesh
+  use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_error, only: error_t, set_error
+  use dotyk_base_text, only: quoted
+  use dotyk_mesh_element, only: kind_dimension, kind_nodes, n_element_kinds
+  use dotyk_mesh_group, only: groups_named, unknown_group
+  use dotyk_mesh_mesh, only: element_block_t, mesh_t
+  use dotyk_mesh_mesh_check, only: check_nodes, check_plane, check_repeated_elements, orient_elements
+  implicit none
+  private
+
+  !> Elements and nodes of one body.
+  type, public :: body_mesh_t
+    !> File of the mesh, for messages.
+    character(:), allocatable :: file
+    !> Dimension of space and of the elements.
+    integer :: dimension = 0
+    !> Coordinates (dimension, n_nodes) [length].
+    real(dp), allocatable :: x(:, :)
+    !> Node tags of the file (n_nodes).
+    integer(int64), allocatable :: node_tag(:)
+    !> Index of each node in the mesh, ascending (n_nodes).
+    integer, allocatable :: mesh_node(:)
+    !> Elements, one block for each kind; nodes are numbers of this body, volumes are positive; `group` is not used.
+    type(element_block_t), allocatable :: block(:)
+  contains
+    procedure :: n_nodes => body_mesh_n_nodes
+    procedure :: n_elements => body_mesh_n_elements
+    procedure :: box => body_mesh_box
+    procedure :: size => body_mesh_size
+  end type body_mesh_t
+
+  public :: extract_body, connected_components
+
+contains
+
+  !> Number of nodes.
+  pure integer function body_mesh_n_nodes(self) result(n)
+    class(body_mesh_t), intent(in) :: self
+    n = size(self%x, 2)
+  end function body_mesh_n_nodes
+
+  !> Number of elements.
+  pure integer function body_mesh_n_elements(self) result(n)
+    class(body_mesh_t), intent(in) :: self
+    integer :: b
+    n = sum([(size(self%block(b)%tag), b=1, size(self%block))])
+  end function body_mesh_n_elements
+
+  !> Bounding box of the nodes.
+  pure subroutine body_mesh_box(self, lo, hi)
+    class(body_mesh_t), intent(in) :: self
+    !> Its corners [length].
+    real(dp), intent(out) :: lo(self%dimension), hi(self%dimension)
+    lo = minval(self%x, dim=2)
+    hi = maxval(self%x, dim=2)
+  end subroutine body_mesh_box
+
+  !> Characteristic size: the smallest edge of the bounding box [length].
+  pure real(dp) function body_mesh_size(self) result(edge)
+    class(body_mesh_t), intent(in) :: self
+    edge = minval(maxval(self%x, dim=2) - minval(self%x, dim=2))
+  end function body_mesh_size
+
+  !> Take the elements of the physical groups of one name out of a mesh, and check them.
+  !>
+  !> Elements of other dimensions are left alone. A body whose elements are all inverted is reoriented.
+  subroutine extract_body(mesh, volume_name, dimension, body_mesh, error)
+    type(mesh_t), intent(in) :: mesh
+    !> Name of the physical groups.
+    character(*), intent(in) :: volume_name
+    !> Dimension of space: 3, or 2 for plane and axisymmetric analyses.
+    integer, intent(in) :: dimension
+    type(body_mesh_t), intent(out) :: body_mesh
+    !> Exit code 2 for names and duplicates, 3 for inverted and degenerate elements.
+    type(error_t), allocatable, intent(out) :: error
+    logical :: wanted(size(mesh%group))
+    wanted = groups_named(mesh, trim(volume_name), dimension)
+    if (.not. any(wanted)) then
+      call set_error(error, unknown_group(mesh, trim(volume_name), dimension))
+      return
+    end if
+    body_mesh%file = mesh%file
+    body_mesh%dimension = dimension
+    call gather_elements(mesh, wanted, dimension, body_mesh%block)
+    if (size(body_mesh%block) == 0) then
+      call set_error(error, 'mesh '//quoted(mesh%file)//': physical group '//quoted(volume_name)//' has no elements')
+      return
+    end if
+    call number_nodes(mesh, body_mesh)
+    if (dimension == 2) call check_plane(mesh%x(:, body_mesh%mesh_node), body_mesh%node_tag, error)
+    if (.not. allocated(error)) call check_repeated_elements(body_mesh%block, error)
+    if (.not. allocated(error)) call orient_elements(body_mesh%x, body_mesh%block, error)
+    if (.not. allocated(error)) call check_nodes(body_mesh%x, body_mesh%node_tag, error)
+    if (allocated(error)) error%message = 'mesh '//quoted(mesh%file)//', '//quoted(volume_name)//': '//error%message
+  end subroutine extract_body
+
+  !> Copy the elements of some groups, one block for each kind.
+  subroutine gather_elements(mesh, wanted, dimension, block)
+    type(mesh_t), intent(in) :: mesh
+    !> Which groups (n_groups).
+    logical, intent(in) :: wanted(:)
+    !> Dimension of the elements.
+    integer, intent(in) :: dimension
+    !> The elements, with the mesh's node numbers.
+    type(element_block_t), allocatable, intent(out) :: block(:)
+    integer :: n_of_kind(n_element_kinds), place(n_element_kinds), b, i, kind, n
+    n_of_kind = 0
+    do b = 1, size(mesh%block)
+      if (.not. is_wanted(mesh%block(b))) cycle
+      kind = mesh%block(b)%kind
+      n_of_kind(kind) = n_of_kind(kind) + size(mesh%block(b)%tag)
+    end do
+    allocate (block(count(n_of_kind > 0)))
+    i = 0
+    place = 0
+    do kind = 1, n_element_kinds
+      if (n_of_kind(kind) == 0) cycle
+      i = i + 1
+      place(kind) = i
+      block(i)%kind = kind
+      allocate (block(i)%node(kind_nodes(kind), n_of_kind(kind)), block(i)%tag(n_of_kind(kind)))
+    end do
+    n_of_kind = 0
+    do b = 1, size(mesh%block)
+      if (.not. is_wanted(mesh%block(b))) cycle
+      kind = mesh%block(b)%kind
+      i = n_of_kind(kind)
+      n = size(mesh%block(b)%tag)
+      block(place(kind))%node(:, i + 1:i + n) = mesh%block(b)%node
+      block(place(kind))%tag(i + 1:i + n) = mesh%block(b)%tag
+      n_of_kind(kind) = i + n
+    end do
+
+  contains
+
+    !> Whether a block of the mesh has the dimension and belongs to one of the groups.
+    pure logical function is_wanted(candidate)
+      type(element_block_t), intent(in) :: candidate
+      is_wanted = .false.
+      if (kind_dimension(candidate%kind) == dimension) is_wanted = any(wanted(candidate%group))
+    end function is_wanted
+  end subroutine gather_elements
+
+  !> Give the nodes of the body numbers of their own, in the order of the mesh.
+  subroutine number_nodes(mesh, body_mesh)
+    type(mesh_t), intent(in) :: mesh
+    !> Its blocks have the mesh's node numbers on entry.
+    type(body_mesh_t), intent(inout) :: body_mesh
+    integer, allocatable :: number(:)
+    integer :: b, e, i, n
+    allocate (number(size(mesh%x, 2)))
+    number = 0
+    do b = 1, size(body_mesh%block)
+      associate (node => body_mesh%block(b)%node)
+        do e = 1, size(node, 2)
+          number(node(:, e)) = 1
+        end do
+      end associate
+    end do
+    n = sum(number)
+    allocate (body_mesh%mesh_node(n))
+    n = 0
+    do i = 1, size(number)
+      if (number(i) == 0) cycle
+      n = n + 1
+      number(i) = n
+      body_mesh%mesh_node(n) = i
+    end do
+    do b = 1, size(body_mesh%block)
+      associate (node => body_mesh%block(b)%node)
+        do e = 1, size(node, 2)
+          node(:, e) = number(node(:, e))
+        end do
+      end associate
+    end do
+    body_mesh%x = mesh%x(:body_mesh%dimension, body_mesh%mesh_node)
+    body_mesh%node_tag = mesh%node_tag(body_mesh%mesh_node)
+  end subroutine number_nodes
+
+  !> Parts of a body that hang together: nodes of one element are in one component.
+  subroutine connected_components(body_mesh, component, n_components)
+    type(body_mesh_t), intent(in) :: body_mesh
+    !> Component of each node (n_nodes), numbered in the order of their first nodes.
+    integer, intent(out) :: component(:)
+    !> Number of components.
+    integer, intent(out) :: n_components
+    integer :: b, e, i, first, other
+    ! Union-find: each node points to a node of lower number in its component, or to itself.
+    component = [(i, i=1, size(component))]
+    do b = 1, size(body_mesh%block)
+      do e = 1, size(body_mesh%block(b)%tag)
+        first = root(component, body_mesh%block(b)%node(1, e))
+        do i = 2, size(body_mesh%block(b)%node, 1)
+          other = root(component, body_mesh%block(b)%node(i, e))
+          component(max(first, other)) = min(first, other)
+          first = min(first, other)
+        end do
+      end do
+    end do
+    n_components = 0
+    do i = 1, size(component)
+      if (component(i) == i) then
+        n_components = n_components + 1
+        component(i) = n_components
+      else
+        component(i) = component(component(i))
+      end if
+    end do
+  end subroutine connected_components
+
+  !> The lowest node of a component as known so far. (Not pure: it shortens the ways.)
+  integer function root(parent, node)
+    integer, intent(inout) :: parent(:)
+    integer, intent(in) :: node
+    root = node
+    do while (parent(root) /= root)
+      parent(root) = parent(parent(root))
+      root = parent(root)
+    end do
+  end function root
+end module dotyk_mesh_body_mesh

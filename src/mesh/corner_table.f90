@@ -1,0 +1,103 @@
+!> Finds elements and facets by their corners, whatever the order of these: a hash table.
+module dotyk_mesh_corner_table
+  use dotyk_base_kinds, only: int64
+  implicit none
+  private
+
+  !> A set of entries 1..n, each with its corners.
+  type, public :: corner_table_t
+    !> Number of entries.
+    integer :: n = 0
+    !> Sorted corners of each entry, padded with zeros in front (most corners, room).
+    integer, allocatable :: key(:, :)
+    !> Entry in each slot, 0 where it is empty; the number of slots is a power of 2.
+    integer, allocatable :: slot(:)
+  contains
+    procedure :: init => table_init
+    procedure :: add => table_add
+    procedure :: find => table_find
+  end type corner_table_t
+
+contains
+
+  !> An empty table.
+  subroutine table_init(self, most_corners, room)
+    class(corner_table_t), intent(out) :: self
+    !> Most corners of an entry.
+    integer, intent(in) :: most_corners
+    !> Most entries.
+    integer, intent(in) :: room
+    integer :: n_slots
+    n_slots = 4
+    do while (n_slots < 2*room)
+      n_slots = 2*n_slots
+    end do
+    allocate (self%key(most_corners, room), self%slot(n_slots))
+    self%slot = 0
+  end subroutine table_init
+
+  !> Add an entry, unless it is there.
+  subroutine table_add(self, corners, entry)
+    class(corner_table_t), intent(inout) :: self
+    !> Its corners, in any order.
+    integer, intent(in) :: corners(:)
+    !> The entry: n if it is new, less if it was there.
+    integer, intent(out) :: entry
+    integer :: key(size(self%key, 1)), place
+    key = sorted(size(key), corners)
+    call locate(self, key, place)
+    if (self%slot(place) == 0) then
+      self%n = self%n + 1
+      self%key(:, self%n) = key
+      self%slot(place) = self%n
+    end if
+    entry = self%slot(place)
+  end subroutine table_add
+
+  !> The entry with given corners; 0 if there is none.
+  pure integer function table_find(self, corners) result(entry)
+    class(corner_table_t), intent(in) :: self
+    !> Corners, in any order.
+    integer, intent(in) :: corners(:)
+    integer :: place
+    call locate(self, sorted(size(self%key, 1), corners), place)
+    entry = self%slot(place)
+  end function table_find
+
+  !> The slot that holds a key, or the empty one where it belongs.
+  pure subroutine locate(table, key, place)
+    type(corner_table_t), intent(in) :: table
+    integer, intent(in) :: key(:)
+    integer, intent(out) :: place
+    integer(int64), parameter :: mask = int(z'7fffffff', int64)
+    integer(int64) :: hash
+    integer :: i
+    hash = 0
+    do i = 1, size(key)
+      hash = iand(hash*1000003 + key(i), mask)
+      hash = ieor(hash, ishft(hash, -15))
+    end do
+    place = int(iand(hash, int(size(table%slot) - 1, int64))) + 1
+    do while (table%slot(place) /= 0)
+      if (all(table%key(:, table%slot(place)) == key)) return
+      place = mod(place, size(table%slot)) + 1
+    end do
+  end subroutine locate
+
+  !> Corners in ascending order, zeros in front.
+  pure function sorted(m, corners) result(key)
+    integer, intent(in) :: m, corners(:)
+    integer :: key(m)
+    integer :: i, j
+    key(:m - size(corners)) = 0
+    do i = m - size(corners) + 1, m
+      j = i
+      do while (j > m - size(corners) + 1)
+        if (key(j - 1) <= corners(i - m + size(corners))) exit
+        key(j) = key(j - 1)
+        j = j - 1
+      end do
+      key(j) = corners(i - m + size(corners))
+    end do
+  end function sorted
+end module dotyk_mesh_corner_table

@@ -1,0 +1,242 @@
+!> Surfaces of a body: the boundary faces of its elements that a physical group names.
+!>
+!> A name may be shared by bodies: the body's own faces are meant. Facets take their nodes from the face table of the
+!> parent element, so that their normals point out of the body whatever the file says.
+module dotyk_mesh_surface
+  use dotyk_base_kinds, only: int64
+  use dotyk_base_error, only: error_t, set_error
+  use dotyk_base_text, only: quoted, text_t, to_text
+  use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_mesh_corner_table, only: corner_table_t
+  use dotyk_mesh_element, only: element_kind, element_kind_t, kind_dimension, max_facet_nodes
+  use dotyk_mesh_group, only: group_names, groups_named, names_text, unknown_group
+  use dotyk_mesh_mesh, only: mesh_t
+  implicit none
+  private
+
+  !> Facets of one body.
+  type, public :: surface_t
+    !> Name of the physical group.
+    character(:), allocatable :: name
+    !> Dimension of space.
+    integer :: dimension = 0
+    !> Number of facets.
+    integer :: n_facets = 0
+    !> Element kind of each facet (n_facets).
+    integer, allocatable :: kind(:)
+    !> Nodes of each facet, numbers of the body, 0 padded, oriented outward (max_facet_nodes, n_facets).
+    integer, allocatable :: node(:, :)
+    !> Parent element of each facet: block of the body's mesh and number in it (n_facets).
+    integer, allocatable :: block(:), element(:)
+    !> Element tag of each facet in the file (n_facets).
+    integer(int64), allocatable :: tag(:)
+  end type surface_t
+
+  public :: extract_surface, surface_nodes, surface_names
+
+  !> Most corners of a facet.
+  integer, parameter :: most_corners = 4
+
+contains
+
+  !> The facets of a body that a name means.
+  subroutine extract_surface(mesh, body_mesh, surface_name, surface, error)
+    !> The mesh that the body was taken from.
+    type(mesh_t), intent(in) :: mesh
+    type(body_mesh_t), intent(in) :: body_mesh
+    !> Name of the physical groups.
+    character(*), intent(in) :: surface_name
+    !> Facets in the order of the file.
+    type(surface_t), intent(out) :: surface
+    type(error_t), allocatable, intent(out) :: error
+    logical :: wanted(size(mesh%group))
+    type(corner_table_t) :: table
+    type(text_t), allocatable :: names(:)
+    integer(int64), allocatable :: tag(:)
+    integer, allocatable :: parents(:)
+    character(:), allocatable :: message
+    integer :: inner
+    wanted = groups_named(mesh, trim(surface_name), body_mesh%dimension - 1)
+    if (any(wanted)) then
+      call gather_facets(mesh, body_mesh, wanted, table, tag)
+      surface%name = trim(surface_name)
+      surface%dimension = body_mesh%dimension
+      call find_parents(body_mesh, table, surface, parents)
+      inner = findloc(parents > 1, .true., dim=1)
+      if (inner > 0) then
+        call set_error(error, 'mesh '//quoted(mesh%file)//': '//quoted(surface_name)//' lies inside the body, not on ' &
+          //'its surface, with '//to_text(count(parents > 1))//' of its facets (the first is element ' &
+          //to_text(tag(inner))//')')
+        return
+      end if
+      call keep(surface, tag, parents == 1)
+      if (surface%n_facets > 0) return
+      message = 'mesh '//quoted(mesh%file)//': '//quoted(surface_name)//' has no facet on this body'
+    else
+      message = unknown_group(mesh, trim(surface_name), body_mesh%dimension - 1)
+    end if
+    call surface_names(mesh, body_mesh, names)
+    call set_error(error, message//'; on this body: '//names_text(names))
+  end subroutine extract_surface
+
+  !> Collect the facets of some groups whose corners are all nodes of the body, each once.
+  subroutine gather_facets(mesh, body_mesh, wanted, table, tag)
+    type(mesh_t), intent(in) :: mesh
+    type(body_mesh_t), intent(in) :: body_mesh
+    !> Which groups (n_groups).
+    logical, intent(in) :: wanted(:)
+    !> Facets by their corners, numbers of the body.
+    type(corner_table_t), intent(out) :: table
+    !> Element tags of the facets.
+    integer(int64), allocatable, intent(out) :: tag(:)
+    integer, allocatable :: number(:)
+    type(element_kind_t) :: kind
+    integer :: b, e, i, n, entry, corner(most_corners)
+    allocate (number(size(mesh%x, 2)))
+    number = 0
+    number(body_mesh%mesh_node) = [(i, i=1, body_mesh%n_nodes())]
+    n = 0
+    do b = 1, size(mesh%block)
+      if (any(wanted(mesh%block(b)%group))) n = n + size(mesh%block(b)%tag)
+    end do
+    call table%init(most_corners, n)
+    allocate (tag(n))
+    do b = 1, size(mesh%block)
+      if (.not. any(wanted(mesh%block(b)%group))) cycle
+      if (kind_dimension(mesh%block(b)%kind) /= body_mesh%dimension - 1) cycle
+      kind = element_kind(mesh%block(b)%kind)
+      n = kind%n_corners
+      do e = 1, size(mesh%block(b)%tag)
+        corner(:n) = number(mesh%block(b)%node(:n, e))
+        if (any(corner(:n) == 0)) cycle
+        call table%add(corner(:n), entry)
+        tag(entry) = mesh%block(b)%tag(e)
+      end do
+    end do
+    tag = tag(:table%n)
+  end subroutine gather_facets
+
+  !> Find the elements' faces that the facets of a table are; count how many each facet has.
+  subroutine find_parents(body_mesh, table, surface, parents)
+    type(body_mesh_t), intent(in) :: body_mesh
+    type(corner_table_t), intent(in) :: table
+    !> Gets one facet for each entry of the table; those without a parent are left at 0.
+    type(surface_t), intent(inout) :: surface
+    !> Number of elements that have each facet (n_facets).
+    integer, allocatable, intent(out) :: parents(:)
+    logical, allocatable :: touched(:)
+    type(element_kind_t) :: kind
+    integer :: b, e, f, i, n, facet, n_face_nodes, corners(6), nodes(max_facet_nodes)
+    type(element_kind_t) :: face(6)
+    n = table%n
+    allocate (surface%kind(n), surface%node(max_facet_nodes, n), surface%block(n), surface%element(n), parents(n))
+    surface%kind = 0
+    surface%node = 0
+    surface%block = 0
+    surface%element = 0
+    parents = 0
+    allocate (touched(0:body_mesh%n_nodes()))
+    touched = .false.
+    do i = 1, n
+      touched(table%key(:, i)) = .true.
+    end do
+    do b = 1, size(body_mesh%block)
+      kind = element_kind(body_mesh%block(b)%kind)
+      do f = 1, kind%n_faces
+        face(f) = element_kind(kind%face_kind(f))
+        corners(f) = face(f)%n_corners
+      end do
+      do e = 1, size(body_mesh%block(b)%tag)
+        if (count(touched(body_mesh%block(b)%node(:kind%n_corners, e))) < body_mesh%dimension) cycle
+        do f = 1, kind%n_faces
+          n_face_nodes = face(f)%n_nodes
+          nodes(:n_face_nodes) = body_mesh%block(b)%node(kind%face_node(:n_face_nodes, f), e)
+          if (.not. all(touched(nodes(:corners(f))))) cycle
+          facet = table%find(nodes(:corners(f)))
+          if (facet == 0) cycle
+          parents(facet) = parents(facet) + 1
+          surface%kind(facet) = kind%face_kind(f)
+          surface%node(:n_face_nodes, facet) = nodes(:n_face_nodes)
+          surface%block(facet) = b
+          surface%element(facet) = e
+        end do
+      end do
+    end do
+  end subroutine find_parents
+
+  !> Keep some facets.
+  subroutine keep(surface, tag, kept)
+    type(surface_t), intent(inout) :: surface
+    !> Element tags of all facets.
+    integer(int64), intent(in) :: tag(:)
+    !> Which to keep.
+    logical, intent(in) :: kept(:)
+    integer, allocatable :: chosen(:)
+    integer :: i
+    chosen = pack([(i, i=1, size(kept))], kept)
+    surface%n_facets = size(chosen)
+    surface%kind = surface%kind(chosen)
+    surface%node = surface%node(:, chosen)
+    surface%block = surface%block(chosen)
+    surface%element = surface%element(chosen)
+    surface%tag = tag(chosen)
+  end subroutine keep
+
+  !> The body's nodes that lie on a surface, ascending, each once.
+  pure subroutine surface_nodes(surface, nodes)
+    type(surface_t), intent(in) :: surface
+    !> Numbers of the body.
+    integer, allocatable, intent(out) :: nodes(:)
+    logical, allocatable :: on_surface(:)
+    integer :: i
+    allocate (on_surface(0:maxval(surface%node)))
+    on_surface = .false.
+    do i = 1, surface%n_facets
+      on_surface(surface%node(:, i)) = .true.
+    end do
+    nodes = pack([(i, i=1, ubound(on_surface, 1))], on_surface(1:))
+  end subroutine surface_nodes
+
+  !> Names of the physical groups that have a facet on a body.
+  subroutine surface_names(mesh, body_mesh, names)
+    type(mesh_t), intent(in) :: mesh
+    type(body_mesh_t), intent(in) :: body_mesh
+    !> The names.
+    type(text_t), allocatable, intent(out) :: names(:)
+    type(text_t), allocatable :: all_names(:)
+    logical, allocatable :: found(:), in_body(:)
+    integer :: i, n
+    call group_names(mesh, body_mesh%dimension - 1, all_names)
+    allocate (in_body(size(mesh%x, 2)), found(size(all_names)))
+    in_body = .false.
+    in_body(body_mesh%mesh_node) = .true.
+    do i = 1, size(all_names)
+      found(i) = touches(mesh, groups_named(mesh, all_names(i)%s, body_mesh%dimension - 1), in_body)
+    end do
+    allocate (names(count(found)))
+    n = 0
+    do i = 1, size(all_names)
+      if (.not. found(i)) cycle
+      n = n + 1
+      names(n)%s = all_names(i)%s
+    end do
+  end subroutine surface_names
+
+  !> Whether an element of some groups has all its nodes among some nodes.
+  pure logical function touches(mesh, wanted, in_body)
+    type(mesh_t), intent(in) :: mesh
+    !> Which groups (n_groups).
+    logical, intent(in) :: wanted(:)
+    !> Which nodes (n_nodes).
+    logical, intent(in) :: in_body(:)
+    integer :: b, e
+    touches = .false.
+    do b = 1, size(mesh%block)
+      if (.not. any(wanted(mesh%block(b)%group))) cycle
+      do e = 1, size(mesh%block(b)%tag)
+        touches = all(in_body(mesh%block(b)%node(:, e)))
+        if (touches) return
+      end do
+    end do
+  end function touches
+end module dotyk_mesh_surface
