@@ -26,8 +26,8 @@ module dotyk_linalg_cholesky
     !> Floating-point operations of a factorization.
     real(dp) :: flops = 0
     !> Least part of a diagonal entry of K that elimination left as its pivot, 0 < weakest_pivot <= 1. A body that is
-    !> not held may pass the factorization by round-off: this is then about 1e-16 to 1e-13. Solid bodies have 1e-3 and
-    !> more, thin ones (thickness/length)^3 or so. Independent of units.
+    !> not held may pass the factorization by round-off: this is then about 1e-16 to 1e-13. Compact bodies are orders of
+    !> magnitude above, thin ones have about (thickness/length)^3. Independent of units.
     real(dp) :: weakest_pivot = 0
     !> Equation of that pivot.
     integer :: weakest_equation = 0

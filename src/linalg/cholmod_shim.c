@@ -153,8 +153,9 @@ int dotyk_cholmod_permute(void *handle, const int64_t *start, const int64_t *row
   return OK;
 }
 
-/* Numeric factorization of what permute left, which is given back. failed: 1-based equation whose pivot is not positive,
- * or 0. weakest, ratio: the equation that elimination leaves the smallest part of its diagonal entry, and that part. */
+/* Numeric factorization of what permute left, which is given back. failed: 1-based equation whose pivot is not
+ * positive, or 0. weakest, ratio: the equation that elimination leaves the smallest part of its diagonal entry, and
+ * that part. */
 int dotyk_cholmod_factorize(void *handle, int64_t *failed, int64_t *weakest, double *ratio) {
   handle_t *h = handle;
   cholmod_common *c = &h->common;

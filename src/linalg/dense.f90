@@ -57,7 +57,8 @@ contains
     ! LAPACK may not return from a matrix with a NaN or an infinity.
     if (all(abs(a) <= huge(1.0_dp))) call dsyev('V', 'L', n, v, n, w, work, size(work), info)
     if (info /= 0) then
-      call set_error(error, 'the eigenvalues of a matrix of order '//to_text(n)//' cannot be computed', exit_not_solvable)
+      call set_error(error, 'the eigenvalues of a matrix of order '//to_text(n)//' cannot be computed', &
+        exit_not_solvable)
       return
     end if
     values(:) = w

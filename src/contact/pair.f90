@@ -1,0 +1,300 @@
+!> The contact points of one pair of surfaces: quadrature points of surface_a, each with its partner on surface_b.
+!>
+!> Sign conventions: n points from body a into body b; d = n.(x' - x), negative where the bodies overlap; a contact
+!> pressure p >= 0 acts on body a as the traction -p n and on body b as p n.
+module dotyk_contact_pair
+  use dotyk_base_error, only: error_t, exit_bad_input, set_error
+  use dotyk_base_formula, only: formula_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_text, only: quoted, to_text
+  use dotyk_contact_projection, only: find_partner, partner_found, partner_not_facing, partner_outside, partner_t, &
+    partner_too_far, target_surface_t
+  use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_mesh_element, only: element_kind, element_kind_t, kind_nodes, n_element_kinds, quadrature_rule
+  use dotyk_mesh_facet, only: facet_geometry
+  use dotyk_mesh_surface, only: surface_t
+  implicit none
+  private
+
+  !> Where the gap comes from.
+  integer, parameter, public :: gap_geometry = 1  !< the distance between the surfaces
+  integer, parameter, public :: gap_constant = 2  !< a given number
+  integer, parameter, public :: gap_formula = 3   !< a formula, evaluated at x
+
+  !> What the user says of a pair.
+  type, public :: pair_settings_t
+    !> Name of the pair.
+    character(:), allocatable :: name
+    !> Indices of the two bodies.
+    integer :: body_a = 0, body_b = 0
+    !> Weights contain 2 pi r.
+    logical :: axisymmetric = .false.
+    !> One of `gap_geometry`, `gap_constant`, `gap_formula`.
+    integer :: gap_kind = gap_geometry
+    !> The given gap [length].
+    real(dp) :: gap = 0
+    !> Greatest distance of partners [length]; not positive: the size of the smaller body.
+    real(dp) :: search_radius = 0
+    !> Penalty parameter [length/pressure].
+    real(dp) :: theta = 0
+  end type pair_settings_t
+
+  !> The contact points of a pair.
+  type, public :: contact_pair_t
+    !> Name of the pair.
+    character(:), allocatable :: name
+    !> Indices of the two bodies.
+    integer :: body_a = 0, body_b = 0
+    !> Dimension of space.
+    integer :: dimension = 0
+    !> Number of points that have a partner.
+    integer :: n_points = 0
+    !> Number of points that have none, and why: not facing, beside the surface, too far.
+    integer :: n_without_partner = 0, n_not_facing = 0, n_outside = 0, n_too_far = 0
+    !> Penalty parameter [length/pressure].
+    real(dp) :: theta = 0
+    !> Points x on surface_a (dimension, n_points) [length].
+    real(dp), allocatable :: position(:, :)
+    !> Unit vectors from a into b (dimension, n_points).
+    real(dp), allocatable :: normal(:, :)
+    !> Areas (n_points) [length^2; length in two dimensions, with 2 pi r in axisymmetry].
+    real(dp), allocatable :: weight(:)
+    !> Gaps d (n_points) [length].
+    real(dp), allocatable :: gap(:)
+    !> Facets of surface_a (n_points), ascending, and reference coordinates on them (dimension-1, n_points).
+    integer, allocatable :: facet_a(:)
+    real(dp), allocatable :: xi_a(:, :)
+    !> Facets of surface_b (n_points) and reference coordinates of x' on them (dimension-1, n_points).
+    integer, allocatable :: facet_b(:)
+    real(dp), allocatable :: xi_b(:, :)
+  end type contact_pair_t
+
+  public :: find_pair, pair_force
+
+  !> The points of a facet kind.
+  type :: rule_t
+    real(dp), allocatable :: xi(:, :)
+    real(dp), allocatable :: weight(:)
+  end type rule_t
+
+  real(dp), parameter :: pi = acos(-1.0_dp)
+
+contains
+
+  !> Find the contact points of a pair.
+  subroutine find_pair(mesh_a, surface_a, mesh_b, surface_b, settings, formula, pair, error)
+    !> Body a and its surface, which carries the points.
+    type(body_mesh_t), intent(in) :: mesh_a
+    type(surface_t), intent(in) :: surface_a
+    !> Body b and its surface, which the points are projected on.
+    type(body_mesh_t), intent(in) :: mesh_b
+    type(surface_t), intent(in) :: surface_b
+    !> What the user says.
+    type(pair_settings_t), intent(in) :: settings
+    !> The gap where settings%gap_kind is `gap_formula`.
+    type(formula_t), intent(inout) :: formula
+    !> The points.
+    type(contact_pair_t), intent(out) :: pair
+    !> No point has a partner.
+    type(error_t), allocatable, intent(out) :: error
+    type(target_surface_t) :: target
+    type(rule_t) :: rule(n_element_kinds)
+    type(partner_t), allocatable :: partner(:)
+    real(dp), allocatable :: x(:, :), weight(:), xi(:, :)
+    integer, allocatable :: offset(:)
+    real(dp) :: radius
+    integer :: f, n, d
+    d = mesh_a%dimension
+    radius = settings%search_radius
+    if (.not. radius > 0) radius = min(mesh_a%size(), mesh_b%size())
+    call target%init(mesh_b%x, surface_b)
+    call prepare_rules(surface_a%kind(1:surface_a%n_facets), settings%axisymmetric, rule)
+    allocate (offset(surface_a%n_facets + 1))
+    offset(1) = 0
+    do f = 1, surface_a%n_facets
+      offset(f + 1) = offset(f) + size(rule(surface_a%kind(f))%weight)
+    end do
+    n = offset(surface_a%n_facets + 1)
+    allocate (partner(n), x(3, n), weight(n), xi(2, n))
+    !$omp parallel do default(none) schedule(dynamic, 64) &
+    !$omp shared(surface_a, mesh_a, rule, offset, settings, target, radius, x, xi, weight, partner, d)
+    do f = 1, surface_a%n_facets
+      associate (first => offset(f) + 1, last => offset(f + 1), kind => surface_a%kind(f))
+        call facet_points(kind, d, mesh_a%x(:, surface_a%node(1:kind_nodes(kind), f)), rule(kind)%xi, &
+                          rule(kind)%weight, settings%axisymmetric, target, radius, x(:, first:last), &
+                          xi(:, first:last), weight(first:last), partner(first:last))
+      end associate
+    end do
+    !$omp end parallel do
+    call collect(d, offset, x, xi, weight, partner, pair)
+    pair%name = settings%name
+    pair%body_a = settings%body_a
+    pair%body_b = settings%body_b
+    pair%theta = settings%theta
+    if (pair%n_points == 0) then
+      call explain_no_partner(pair, surface_a%name, surface_b%name, target, x, radius, error)
+      return
+    end if
+    call given_gap(settings, formula, pair, error)
+  end subroutine find_pair
+
+  !> Quadrature rules of the facet kinds in use: of twice the order of the element, one more with the radius in the
+  !> weight.
+  subroutine prepare_rules(kinds, axisymmetric, rule)
+    !> Kinds of the facets.
+    integer, intent(in) :: kinds(:)
+    logical, intent(in) :: axisymmetric
+    !> Rules (n_element_kinds).
+    type(rule_t), intent(inout) :: rule(:)
+    type(element_kind_t) :: kind
+    integer :: k
+    do k = 1, n_element_kinds
+      if (.not. any(kinds == k)) cycle
+      kind = element_kind(k)
+      call quadrature_rule(k, 2*kind%order + merge(1, 0, axisymmetric), rule(k)%xi, rule(k)%weight)
+    end do
+  end subroutine prepare_rules
+
+  !> Points of one facet and their partners.
+  pure subroutine facet_points(kind, d, x_nodes, points, weights, axisymmetric, target, radius, x, xi, weight, partner)
+    !> Kind of the facet and dimension of space.
+    integer, intent(in) :: kind, d
+    !> Coordinates of its nodes (d, n_nodes) [length].
+    real(dp), intent(in) :: x_nodes(:, :)
+    !> The rule: (d-1, n), (n).
+    real(dp), intent(in) :: points(:, :), weights(:)
+    !> Weights contain 2 pi r.
+    logical, intent(in) :: axisymmetric
+    !> The other surface.
+    type(target_surface_t), intent(in) :: target
+    !> Greatest distance [length].
+    real(dp), intent(in) :: radius
+    !> Positions (3, n), reference coordinates (2, n), areas (n), partners (n).
+    real(dp), intent(out) :: x(:, :), xi(:, :), weight(:)
+    type(partner_t), intent(out) :: partner(:)
+    real(dp) :: normal(3), jacobian
+    integer :: i, hint
+    hint = 0
+    x = 0
+    xi = 0
+    do i = 1, size(weights)
+      normal = 0
+      call facet_geometry(kind, d, x_nodes, points(:, i), x(1:d, i), normal(1:d), jacobian)
+      xi(1:d - 1, i) = points(:, i)
+      weight(i) = weights(i)*jacobian
+      if (axisymmetric) weight(i) = weight(i)*2*pi*x(1, i)
+      call find_partner(target, x(:, i), normal, hint, radius, partner(i))
+    end do
+  end subroutine facet_points
+
+  !> Keep the points that have a partner and count the others.
+  pure subroutine collect(d, offset, x, xi, weight, partner, pair)
+    !> Dimension of space.
+    integer, intent(in) :: d
+    !> Points of facet f are offset(f)+1 .. offset(f+1).
+    integer, intent(in) :: offset(:)
+    !> As in facet_points, for all facets.
+    real(dp), intent(in) :: x(:, :), xi(:, :), weight(:)
+    type(partner_t), intent(in) :: partner(:)
+    !> The points.
+    type(contact_pair_t), intent(inout) :: pair
+    integer :: f, i, k, n
+    n = count(partner%status == partner_found)
+    pair%dimension = d
+    pair%n_points = n
+    pair%n_without_partner = size(partner) - n
+    pair%n_not_facing = count(partner%status == partner_not_facing)
+    pair%n_outside = count(partner%status == partner_outside)
+    pair%n_too_far = count(partner%status == partner_too_far)
+    allocate (pair%position(d, n), pair%normal(d, n), pair%weight(n), pair%gap(n), pair%facet_a(n), &
+              pair%xi_a(d - 1, n), pair%facet_b(n), pair%xi_b(d - 1, n))
+    k = 0
+    do f = 1, size(offset) - 1
+      do i = offset(f) + 1, offset(f + 1)
+        if (partner(i)%status /= partner_found) cycle
+        k = k + 1
+        pair%position(:, k) = x(1:d, i)
+        pair%normal(:, k) = partner(i)%normal(1:d)
+        pair%weight(k) = weight(i)
+        pair%gap(k) = partner(i)%distance
+        pair%facet_a(k) = f
+        pair%xi_a(:, k) = xi(1:d - 1, i)
+        pair%facet_b(k) = partner(i)%facet
+        pair%xi_b(:, k) = partner(i)%xi(1:d - 1)
+      end do
+    end do
+  end subroutine collect
+
+  !> Replace the distance by a given gap.
+  subroutine given_gap(settings, formula, pair, error)
+    type(pair_settings_t), intent(in) :: settings
+    type(formula_t), intent(inout) :: formula
+    type(contact_pair_t), intent(inout) :: pair
+    type(error_t), allocatable, intent(out) :: error
+    real(dp) :: x(3)
+    integer :: i
+    select case (settings%gap_kind)
+    case (gap_constant)
+      pair%gap = settings%gap
+    case (gap_formula)
+      x = 0
+      do i = 1, pair%n_points
+        x(1:pair%dimension) = pair%position(:, i)
+        pair%gap(i) = formula%evaluate(x)
+        if (abs(pair%gap(i)) <= huge(1.0_dp)) cycle
+        call set_error(error, '&contact '//quoted(settings%name)//': gap_formula is not a finite number at ('// &
+                       to_text(x(1))//', '//to_text(x(2))//', '//to_text(x(3))//')', exit_bad_input)
+        return
+      end do
+    end select
+  end subroutine given_gap
+
+  !> The error of a pair without any partner: which reason prevails and what to do.
+  subroutine explain_no_partner(pair, name_a, name_b, target, x, radius, error)
+    type(contact_pair_t), intent(in) :: pair
+    !> Names of the surfaces.
+    character(*), intent(in) :: name_a, name_b
+    type(target_surface_t), intent(in) :: target
+    !> All points (3, n) [length].
+    real(dp), intent(in) :: x(:, :)
+    !> Greatest distance allowed [length].
+    real(dp), intent(in) :: radius
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: reason, advice
+    real(dp) :: smallest
+    integer :: i, most
+    smallest = huge(smallest)
+    do i = 1, size(x, 2)
+      smallest = min(smallest, target%smallest_distance(x(:, i)))
+    end do
+    most = max(pair%n_not_facing, pair%n_outside, pair%n_too_far)
+    if (pair%n_too_far == most) then
+      reason = to_text(most)//' are farther than search_radius = '//to_text(radius)
+      advice = 'raise search_radius, or check that the bodies are where they should be'
+    else if (pair%n_outside == most) then
+      reason = to_text(most)//' project beside it'
+      advice = 'check that the surfaces lie opposite each other, or extend surface_b'
+    else
+      reason = 'at '//to_text(most)//' no part of it faces them (n_a . n_b < -0.5)'
+      advice = 'check that the two surfaces are the ones that look at each other'
+    end if
+    call set_error(error, '&contact '//quoted(pair%name)//': none of the '//to_text(pair%n_without_partner)// &
+                   ' points of surface_a '//quoted(name_a)//' has a partner on surface_b '//quoted(name_b)//': '// &
+                   reason//'; the smallest distance between the surfaces is '//to_text(smallest)//'; '//advice, &
+                   exit_bad_input)
+  end subroutine explain_no_partner
+
+  !> Resultant of the contact pressure on body a: the sum of -n p w.
+  pure function pair_force(pair, pressure) result(force)
+    type(contact_pair_t), intent(in) :: pair
+    !> Pressure at the points (n_points).
+    real(dp), intent(in) :: pressure(:)
+    !> (3), z = 0 in two dimensions.
+    real(dp) :: force(3)
+    integer :: i
+    force = 0
+    do i = 1, pair%n_points
+      force(1:pair%dimension) = force(1:pair%dimension) - pair%weight(i)*pressure(i)*pair%normal(:, i)
+    end do
+  end function pair_force
+end module dotyk_contact_pair

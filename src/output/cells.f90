@@ -1,0 +1,89 @@
+!> Elements of a body as VTK's cells.
+module dotyk_output_cells
+  use, intrinsic :: iso_fortran_env, only: int8
+  use dotyk_base_kinds, only: int64
+  use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_mesh_element, only: element_kind, element_kind_t
+  implicit none
+  private
+
+  !> The cells of one part, in the order of the body's blocks.
+  type, public :: cells_t
+    !> Node numbers of all cells, one cell after the other, from 0, in VTK's order (n_connectivity).
+    integer(int64), allocatable :: connectivity(:)
+    !> Where each cell begins in `connectivity`, from 0, and the end (n_cells + 1).
+    integer(int64), allocatable :: offset(:)
+    !> VTK's cell types (n_cells).
+    integer(int8), allocatable :: vtk_type(:)
+    !> Element tags of the mesh file (n_cells).
+    integer(int64), allocatable :: tag(:)
+  end type cells_t
+
+  public :: cells_of_body, connectivity_length
+
+contains
+
+  !> Length of the connectivity of a body's cells.
+  pure integer(int64) function connectivity_length(mesh) result(length)
+    type(body_mesh_t), intent(in) :: mesh
+    integer :: k
+    length = 0
+    do k = 1, size(mesh%block)
+      length = length + size(mesh%block(k)%node, kind=int64)
+    end do
+  end function connectivity_length
+
+  !> The cells of a body.
+  subroutine cells_of_body(mesh, cells)
+    type(body_mesh_t), intent(in) :: mesh
+    type(cells_t), intent(out) :: cells
+    type(element_kind_t) :: kind
+    integer(int64) :: first_node, node_count
+    integer(int64) :: n_ids
+    integer :: k, n, first, cell_count
+    cell_count = 0
+    do k = 1, size(mesh%block)
+      cell_count = cell_count + size(mesh%block(k)%node, 2)
+    end do
+    node_count = connectivity_length(mesh)
+    allocate (cells%connectivity(node_count), cells%offset(cell_count + 1))
+    allocate (cells%vtk_type(cell_count), cells%tag(cell_count))
+    cells%offset(1) = 0
+    first = 0
+    first_node = 0
+    do k = 1, size(mesh%block)
+      kind = element_kind(mesh%block(k)%kind)
+      n = size(mesh%block(k)%node, 2)
+      cells%vtk_type(first + 1:first + n) = int(kind%vtk_type, int8)
+      cells%tag(first + 1:first + n) = mesh%block(k)%tag
+      n_ids = kind%n_nodes*int(n, int64)
+      call fill_connectivity(kind%n_nodes, n, mesh%block(k)%node, kind%vtk_order(:kind%n_nodes), first_node, &
+        cells%connectivity(first_node + 1:first_node + n_ids), cells%offset(first + 2:first + n + 1))
+      first = first + n
+      first_node = first_node + n_ids
+    end do
+  end subroutine cells_of_body
+
+  !> Connectivity of the cells of one block.
+  pure subroutine fill_connectivity(n_nodes, n_cells, node, vtk_order, first_node, connectivity, last)
+    !> Nodes per cell.
+    integer, intent(in) :: n_nodes
+    integer, intent(in) :: n_cells
+    !> Nodes of the elements, from 1, in gmsh's order.
+    integer, intent(in) :: node(n_nodes, n_cells)
+    !> Our local node for each of VTK's.
+    integer, intent(in) :: vtk_order(n_nodes)
+    !> Length of the connectivity of the blocks before.
+    integer(int64), intent(in) :: first_node
+    integer(int64), intent(out) :: connectivity(n_nodes, n_cells)
+    !> Where each cell ends.
+    integer(int64), intent(out) :: last(n_cells)
+    integer :: i, j
+    do j = 1, n_cells
+      do i = 1, n_nodes
+        connectivity(i, j) = node(vtk_order(i), j) - 1
+      end do
+      last(j) = first_node + int(n_nodes, int64)*j
+    end do
+  end subroutine fill_connectivity
+end module dotyk_output_cells
