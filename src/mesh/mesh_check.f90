@@ -1,5 +1,6 @@
 !> Faults of one body's mesh: nodes off the plane or at the same place, elements given twice, inverted or degenerate.
 module dotyk_mesh_mesh_check
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_error, only: error_t, exit_not_solvable, set_error
   use dotyk_base_sort, only: sort_order
@@ -9,7 +10,7 @@ module dotyk_mesh_mesh_check
   use dotyk_mesh_mesh, only: element_block_t
   implicit none
   private
-  public :: check_plane, check_nodes, check_repeated_elements, orient_elements
+  public :: check_finite, check_plane, check_nodes, check_repeated_elements, orient_elements
 
   !> Nodes nearer than this times the body's size lie at the same place.
   real(dp), parameter :: same_place = 1.0e-12_dp
@@ -25,6 +26,21 @@ module dotyk_mesh_mesh_check
   end type census_t
 
 contains
+
+  !> Coordinates are finite numbers.
+  subroutine check_finite(x, tag, error)
+    !> Coordinates (dimension, n_nodes) [length].
+    real(dp), intent(in) :: x(:, :)
+    !> Node tags (n_nodes).
+    integer(int64), intent(in) :: tag(:)
+    type(error_t), allocatable, intent(out) :: error
+    integer :: i
+    do i = 1, size(tag)
+      if (all(ieee_is_finite(x(:, i)))) cycle
+      call set_error(error, 'the coordinates of node '//to_text(tag(i))//' are not finite: '//place_text(x(:, i)))
+      return
+    end do
+  end subroutine check_finite
 
   !> A plane analysis needs all nodes at the same z.
   subroutine check_plane(x, tag, error)
