@@ -6,7 +6,8 @@ module dotyk_contact_adjacency
 
   !> Neighbours of the facets of one surface.
   type, public :: adjacency_t
-    !> The facet beyond each edge (end point in two dimensions), 0 where the surface ends (4, n). Edge i goes from corner i to the next.
+    !> The facet beyond each edge (end point in two dimensions), 0 where the surface ends (4, n). Edge i goes from
+    !> corner i to the next.
     integer, allocatable :: neighbour(:, :)
     !> Vertex number of each corner (4, n).
     integer, allocatable :: vertex(:, :)
@@ -20,11 +21,11 @@ contains
 
   !> Find the neighbours.
   subroutine adjacency_init(self, set)
-    class(adjacency_t), intent(inout) :: self
+    class(adjacency_t), intent(out) :: self
     !> Facets.
     type(facet_set_t), intent(in) :: set
     integer, allocatable :: number(:), next(:)
-    integer :: f, i, k, n_vertices, n_used
+    integer :: f, i, k, n_vertices, n_used, next_corner
     allocate (self%neighbour(4, set%n), self%vertex(4, set%n))
     self%neighbour = 0
     self%vertex = 0
@@ -64,8 +65,8 @@ contains
     end do
     do f = 1, set%n
       do i = 1, set%corners(f)
-        self%neighbour(i, f) = beyond(self, f, self%vertex(i, f), self%vertex(merge(1, i + 1, i == set%corners(f)), f), &
-                                      set%corners(f) == 2)
+        next_corner = merge(1, i + 1, i == set%corners(f))
+        self%neighbour(i, f) = beyond(self, f, self%vertex(i, f), self%vertex(next_corner, f), set%corners(f) == 2)
       end do
     end do
   end subroutine adjacency_init

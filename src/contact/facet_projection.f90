@@ -1,8 +1,9 @@
 !> The closest point of one facet to a given point, edges and corners included.
 !>
-!> The distance to an edge, a quadratic curve, is minimised exactly: its derivative is a cubic, whose roots are isolated by those of
-!> its derivative. In the interior a safeguarded Newton method runs on the squared distance: from one start where that is
-!> convex on the facet, from several where it is not. The least of all candidates is the closest point.
+!> The distance to an edge, a quadratic curve, is minimised exactly: its derivative is a cubic, whose roots are
+!> isolated by those of its derivative. In the interior a safeguarded Newton method runs on the squared distance: from
+!> one start where that is convex on the facet, from several where it is not. The least of all candidates is the
+!> closest point.
 module dotyk_contact_facet_projection
   use dotyk_base_kinds, only: dp
   use dotyk_contact_facet_set, only: evaluate_facet, facet_set_t
@@ -29,8 +30,8 @@ contains
     logical :: convex
     q = x - set%origin(:, facet)
     if (set%corners(facet) == 2) then
-      call closest_on_curve(set%coefficient(:, 1, facet) - q, set%coefficient(:, 2, facet), set%coefficient(:, 3, facet), &
-                            -1.0_dp, xi(1), square)
+      call closest_on_curve(set%coefficient(:, 1, facet) - q, set%coefficient(:, 2, facet), &
+                            set%coefficient(:, 3, facet), -1.0_dp, xi(1), square)
       xi(2) = 0
       return
     end if
@@ -69,7 +70,10 @@ contains
       end if
     end do
     if (affine) return
-    if (best_edge > 0) call from_start(xi)
+    if (best_edge > 0) then
+      trial = xi
+      call keep_better(corners, c, q, trial, xi, square)
+    end if
     if (convex) return
     do j = -1, 1, 2
       do i = -1, 1, 2
@@ -80,28 +84,35 @@ contains
         else
           trial = [0.1_dp, 0.1_dp]
         end if
-        call from_start(trial)
+        call keep_better(corners, c, q, trial, xi, square)
       end do
     end do
-
-  contains
-
-    !> Descend from one more start and keep what is better.
-    pure subroutine from_start(start)
-      real(dp), intent(in) :: start(2)
-      real(dp) :: point(2), its_square
-      logical :: its_inside
-      point = start
-      call descend(corners, c, affine, q, point, its_square, its_inside)
-      if (its_square < square) then
-        xi = point
-        square = its_square
-      end if
-    end subroutine from_start
   end subroutine closest_on_patch
 
-  !> Newton's method on half the squared distance, inside the reference domain. Ends at a stationary point inside, or on the
-  !> boundary where the step leads out (there the closest points of the edges take over). Never ends higher than it began.
+  !> Descend from one more start and keep what is better.
+  pure subroutine keep_better(corners, c, q, start, xi, square)
+    integer, intent(in) :: corners
+    !> Coefficients (3, 9).
+    real(dp), intent(in) :: c(3, 9)
+    !> Given point relative to the facet's origin (3).
+    real(dp), intent(in) :: q(3)
+    !> Where to start (2).
+    real(dp), intent(in) :: start(2)
+    !> The best point so far (2) and its squared distance.
+    real(dp), intent(inout) :: xi(2), square
+    real(dp) :: its_square, point(2)
+    logical :: inside
+    point = start
+    call descend(corners, c, .false., q, point, its_square, inside)
+    if (its_square < square) then
+      xi = point
+      square = its_square
+    end if
+  end subroutine keep_better
+
+  !> Newton's method on half the squared distance, inside the reference domain. Ends at a stationary point inside, or
+  !> on the boundary where the step leads out (there the closest points of the edges take over). Never ends higher
+  !> than it began.
   pure subroutine descend(corners, c, affine, q, xi, square, inside)
     integer, intent(in) :: corners
     !> Coefficients (3, 9).
@@ -220,13 +231,13 @@ contains
       end select
     else if (edge == 1 .or. edge == 3) then
       s = edge - 2
-      call closest_on_curve(c(:, 1) + s*c(:, 4) + c(:, 7) - q, c(:, 2) + s*c(:, 5) + c(:, 8), c(:, 3) + s*c(:, 6) + c(:, 9), &
-                            -1.0_dp, t, square)
+      call closest_on_curve(c(:, 1) + s*c(:, 4) + c(:, 7) - q, c(:, 2) + s*c(:, 5) + c(:, 8), &
+                            c(:, 3) + s*c(:, 6) + c(:, 9), -1.0_dp, t, square)
       xi = [t, real(s, dp)]
     else
       s = 3 - edge
-      call closest_on_curve(c(:, 1) + s*c(:, 2) + c(:, 3) - q, c(:, 4) + s*c(:, 5) + c(:, 6), c(:, 7) + s*c(:, 8) + c(:, 9), &
-                            -1.0_dp, t, square)
+      call closest_on_curve(c(:, 1) + s*c(:, 2) + c(:, 3) - q, c(:, 4) + s*c(:, 5) + c(:, 6), &
+                            c(:, 7) + s*c(:, 8) + c(:, 9), -1.0_dp, t, square)
       xi = [real(s, dp), t]
     end if
   end subroutine closest_on_edge
@@ -269,32 +280,40 @@ contains
     ends(n + 1) = 1
     t = first
     square = sum((a0 + t*(a1 + t*a2))**2)
-    call take_if_closer(1.0_dp)
+    call take_if_closer(a0, a1, a2, 1.0_dp, t, square)
     do i = 1, n
-      if (slope(ends(i)) < 0 .and. slope(ends(i + 1)) > 0) call take_if_closer(root_between(b, ends(i), ends(i + 1)))
+      if (.not. (cubic(b, ends(i)) < 0 .and. cubic(b, ends(i + 1)) > 0)) cycle
+      root = root_between(b, ends(i), ends(i + 1))
+      call take_if_closer(a0, a1, a2, root, t, square)
     end do
-
-  contains
-
-    !> Half the derivative of the squared distance.
-    pure real(dp) function slope(at)
-      real(dp), intent(in) :: at
-      slope = b(0) + at*(b(1) + at*(b(2) + at*b(3)))
-    end function slope
-
-    !> Keep a point that is closer.
-    pure subroutine take_if_closer(at)
-      real(dp), intent(in) :: at
-      real(dp) :: value
-      value = sum((a0 + at*(a1 + at*a2))**2)
-      if (value < square) then
-        square = value
-        t = at
-      end if
-    end subroutine take_if_closer
   end subroutine closest_on_curve
 
-  !> The root of a cubic that rises through zero between two points, monotone there: Newton's method kept in the bracket.
+  !> Value of a cubic.
+  pure real(dp) function cubic(b, t)
+    !> Coefficients.
+    real(dp), intent(in) :: b(0:3)
+    real(dp), intent(in) :: t
+    cubic = b(0) + t*(b(1) + t*(b(2) + t*b(3)))
+  end function cubic
+
+  !> Keep a point of a curve that is closer to the origin.
+  pure subroutine take_if_closer(a0, a1, a2, at, t, square)
+    !> Coefficients of the curve (3).
+    real(dp), intent(in) :: a0(3), a1(3), a2(3)
+    !> The point.
+    real(dp), intent(in) :: at
+    !> The best point so far and its squared distance.
+    real(dp), intent(inout) :: t, square
+    real(dp) :: value
+    value = sum((a0 + at*(a1 + at*a2))**2)
+    if (value < square) then
+      square = value
+      t = at
+    end if
+  end subroutine take_if_closer
+
+  !> The root of a cubic that rises through zero between two points, monotone there: Newton's method kept in the
+  !> bracket.
   pure real(dp) function root_between(b, first, last) result(t)
     !> Coefficients.
     real(dp), intent(in) :: b(0:3)
@@ -305,7 +324,7 @@ contains
     high = last
     t = (low + high)/2
     do step = 1, 100
-      value = b(0) + t*(b(1) + t*(b(2) + t*b(3)))
+      value = cubic(b, t)
       if (value < 0) then
         low = t
       else

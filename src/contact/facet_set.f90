@@ -1,9 +1,10 @@
 !> The facets of a surface as polynomials on their reference domains, with bounds: what search and projection work on.
 !>
-!> Every facet kind is a biquadratic polynomial x(u,v) = origin + sum_ij c_ij u^i v^j, i,j = 0..2, on the unit triangle
-!> or on [-1,1]^2; a line is a quadratic in u on [-1,1]. One form serves all kinds, with first and second derivatives.
-!> Two dimensions are three with z = 0. The bounds are proven by Bernstein's form: values of a polynomial lie in the convex hull of
-!> its control points, and normals in the cone of the products of the control vectors of the two derivatives.
+!> Every facet kind is a biquadratic polynomial x(u,v) = origin + sum_ij c_ij u^i v^j, i,j = 0..2, on the unit
+!> triangle or on [-1,1]^2; a line is a quadratic in u on [-1,1]. One form serves all kinds, with first and second
+!> derivatives. Two dimensions are three with z = 0. The bounds are proven by Bernstein's form: values of a polynomial
+!> lie in the convex hull of its control points, and normals in the cone of the products of the control vectors of the
+!> two derivatives.
 module dotyk_contact_facet_set
   use dotyk_base_kinds, only: dp
   use dotyk_mesh_element, only: element_kind, element_kind_t, max_element_nodes, n_element_kinds, shape_functions
@@ -33,7 +34,8 @@ module dotyk_contact_facet_set
     real(dp), allocatable :: half_angle(:)
     !> Diagonal of the box of the nodes (n) [length]: the facet's size in tolerances.
     real(dp), allocatable :: size(:)
-    !> The squared distance to a point is convex on the facet where no part of the facet is farther than this (n) [length].
+    !> The squared distance to a point is convex on the facet where no part of the facet is farther than this (n)
+    !> [length].
     real(dp), allocatable :: reach(:)
     !> The map is affine (n).
     logical, allocatable :: affine(:)
@@ -49,7 +51,7 @@ contains
 
   !> Set up from a surface and its body's nodes.
   subroutine facet_set_init(self, x, surface)
-    class(facet_set_t), intent(inout) :: self
+    class(facet_set_t), intent(out) :: self
     !> Nodal coordinates of the body (dimension, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
     !> The surface.
@@ -81,8 +83,8 @@ contains
     end do
   end subroutine facet_set_init
 
-  !> Coefficients of the shape functions of every facet kind in monomials u^i v^j, by interpolation at {-1,0,1}^2, where a
-  !> biquadratic polynomial is determined: exact, and the differences vanish exactly for linear functions.
+  !> Coefficients of the shape functions of every facet kind in monomials u^i v^j, by interpolation at {-1,0,1}^2,
+  !> where a biquadratic polynomial is determined: exact, and the differences vanish exactly for linear functions.
   subroutine monomial_bases(basis, n_nodes, corners)
     !> (9, nodes, kinds).
     real(dp), allocatable, intent(out) :: basis(:, :, :)
@@ -197,8 +199,8 @@ contains
     b3 = c0 + c1 + c2
   end subroutine quadratic_controls
 
-  !> A cone that contains all normals: x_u lies in the convex hull of control vectors a_i, x_v in that of b_j, hence x_u x x_v
-  !> is a combination of the products a_i x b_j with coefficients that are not negative.
+  !> A cone that contains all normals: x_u lies in the convex hull of control vectors a_i, x_v in that of b_j, hence
+  !> x_u x x_v is a combination of the products a_i x b_j with coefficients that are not negative.
   pure subroutine normal_cone(corners, c, axis, half_angle)
     integer, intent(in) :: corners
     !> Coefficients (3, 9).
@@ -259,8 +261,9 @@ contains
     if (least > 0.01_dp) half_angle = min(pi, acos(least) + 1e-7_dp)
   end subroutine normal_cone
 
-  !> Where the squared distance is surely convex: its second derivative J^T J + (x - p).x'' is positive while abs(x - p) is
-  !> below the least eigenvalue of J^T J over the greatest second derivative. The eigenvalue is sampled at nine points and halved.
+  !> Where the squared distance is surely convex: its second derivative J^T J + (x - p).x'' is positive while abs(x -
+  !> p) is below the least eigenvalue of J^T J over the greatest second derivative. The eigenvalue is sampled at nine
+  !> points and halved.
   pure subroutine convexity(corners, c, affine, reach)
     integer, intent(in) :: corners
     !> Coefficients (3, 9).
@@ -323,7 +326,8 @@ contains
     end do
   end subroutine evaluate_facet
 
-  !> Position and unit outward normal at a point of a facet, with its two tangents; the normal is zero where the map is singular.
+  !> Position and unit outward normal at a point of a facet, with its two tangents; the normal is zero where the map
+  !> is singular.
   pure subroutine facet_position_and_normal(self, facet, xi, position, normal, xu, xv)
     type(facet_set_t), intent(in) :: self
     integer, intent(in) :: facet

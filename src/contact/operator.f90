@@ -1,7 +1,8 @@
 !> The contact operator: all that a scheme sees of contact (DESIGN.md, section 2).
 !>
-!> Row i has weight w_i, gap d_i, penalty parameter theta_i, and (B u)_i = n_i . (u_a(x_i) - u_b(x'_i)), a combination of the Cartesian
-!> displacements of the nodes of two facets. B is stored body by body: the block of a body has the rows that touch it.
+!> Row i has weight w_i, gap d_i, penalty parameter theta_i, and (B u)_i = n_i . (u_a(x_i) - u_b(x'_i)), a combination
+!> of the Cartesian displacements of the nodes of two facets. B is stored body by body: the block of a body has the
+!> rows that touch it.
 module dotyk_contact_operator
   use dotyk_base_kinds, only: dp
   use dotyk_contact_pair, only: contact_pair_t
@@ -229,7 +230,8 @@ contains
     !> B u (n_rows) [length].
     real(dp), intent(inout), contiguous :: y(:)
     associate (block => self%block(body))
-      call add_product(block%matrix%n_rows, block%matrix%row_start, block%matrix%column, block%matrix%value, block%row, u, y)
+      call add_product(block%matrix%n_rows, block%matrix%row_start, block%matrix%column, block%matrix%value, &
+                       block%row, u, y)
     end associate
   end subroutine operator_apply
 
@@ -244,8 +246,8 @@ contains
     real(dp), intent(out), contiguous :: force(:, :)
     force = 0
     associate (block => self%block(body))
-      call add_transposed(block%matrix%n_rows, block%matrix%row_start, block%matrix%column, block%matrix%value, block%row, z, &
-                          force)
+      call add_transposed(block%matrix%n_rows, block%matrix%row_start, block%matrix%column, block%matrix%value, &
+                          block%row, z, force)
     end associate
   end subroutine operator_apply_transposed
 

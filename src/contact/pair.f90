@@ -1,7 +1,7 @@
 !> The contact points of one pair of surfaces: quadrature points of surface_a, each with its partner on surface_b.
 !>
-!> Sign conventions: n points from body a into body b; d = n.(x' - x), negative where the bodies overlap; a contact pressure p >= 0
-!> acts on body a as the traction -p n and on body b as p n.
+!> Sign conventions: n points from body a into body b; d = n.(x' - x), negative where the bodies overlap; a contact
+!> pressure p >= 0 acts on body a as the traction -p n and on body b as p n.
 module dotyk_contact_pair
   use dotyk_base_error, only: error_t, exit_bad_input, set_error
   use dotyk_base_formula, only: formula_t
@@ -106,7 +106,7 @@ contains
     integer :: f, n, d
     d = mesh_a%dimension
     radius = settings%search_radius
-    if (.not. radius > 0) radius = min(body_size(mesh_a), body_size(mesh_b))
+    if (.not. radius > 0) radius = min(mesh_a%size(), mesh_b%size())
     call target%init(mesh_b%x, surface_b)
     call prepare_rules(surface_a%kind(1:surface_a%n_facets), settings%axisymmetric, rule)
     allocate (offset(surface_a%n_facets + 1))
@@ -116,13 +116,13 @@ contains
     end do
     n = offset(surface_a%n_facets + 1)
     allocate (partner(n), x(3, n), weight(n), xi(2, n))
-    !$omp parallel do default(none) shared(surface_a, mesh_a, rule, offset, settings, target, radius, x, xi, weight, partner, d) &
-    !$omp schedule(dynamic, 64)
+    !$omp parallel do default(none) schedule(dynamic, 64) &
+    !$omp shared(surface_a, mesh_a, rule, offset, settings, target, radius, x, xi, weight, partner, d)
     do f = 1, surface_a%n_facets
       associate (first => offset(f) + 1, last => offset(f + 1), kind => surface_a%kind(f))
-        call facet_points(kind, d, mesh_a%x(:, surface_a%node(1:kind_nodes(kind), f)), rule(kind)%xi, rule(kind)%weight, &
-                          settings%axisymmetric, target, radius, x(:, first:last), xi(:, first:last), weight(first:last), &
-                          partner(first:last))
+        call facet_points(kind, d, mesh_a%x(:, surface_a%node(1:kind_nodes(kind), f)), rule(kind)%xi, &
+                          rule(kind)%weight, settings%axisymmetric, target, radius, x(:, first:last), &
+                          xi(:, first:last), weight(first:last), partner(first:last))
       end associate
     end do
     !$omp end parallel do
@@ -138,13 +138,8 @@ contains
     call given_gap(settings, formula, pair, error)
   end subroutine find_pair
 
-  !> The smallest edge of the bounding box of a body [length].
-  real(dp) function body_size(mesh) result(size)
-    type(body_mesh_t), intent(in) :: mesh
-    size = minval(maxval(mesh%x, dim=2) - minval(mesh%x, dim=2))
-  end function body_size
-
-  !> Quadrature rules of the facet kinds in use: of twice the order of the element, one more with the radius in the weight.
+  !> Quadrature rules of the facet kinds in use: of twice the order of the element, one more with the radius in the
+  !> weight.
   subroutine prepare_rules(kinds, axisymmetric, rule)
     !> Kinds of the facets.
     integer, intent(in) :: kinds(:)
@@ -211,8 +206,8 @@ contains
     pair%n_not_facing = count(partner%status == partner_not_facing)
     pair%n_outside = count(partner%status == partner_outside)
     pair%n_too_far = count(partner%status == partner_too_far)
-    allocate (pair%position(d, n), pair%normal(d, n), pair%weight(n), pair%gap(n), pair%facet_a(n), pair%xi_a(d - 1, n), &
-              pair%facet_b(n), pair%xi_b(d - 1, n))
+    allocate (pair%position(d, n), pair%normal(d, n), pair%weight(n), pair%gap(n), pair%facet_a(n), &
+              pair%xi_a(d - 1, n), pair%facet_b(n), pair%xi_b(d - 1, n))
     k = 0
     do f = 1, size(offset) - 1
       do i = offset(f) + 1, offset(f + 1)
@@ -284,8 +279,9 @@ contains
       advice = 'check that the two surfaces are the ones that look at each other'
     end if
     call set_error(error, '&contact '//quoted(pair%name)//': none of the '//to_text(pair%n_without_partner)// &
-                   ' points of surface_a '//quoted(name_a)//' has a partner on surface_b '//quoted(name_b)//': '//reason// &
-                   '; the smallest distance between the surfaces is '//to_text(smallest)//'; '//advice, exit_bad_input)
+                   ' points of surface_a '//quoted(name_a)//' has a partner on surface_b '//quoted(name_b)//': '// &
+                   reason//'; the smallest distance between the surfaces is '//to_text(smallest)//'; '//advice, &
+                   exit_bad_input)
   end subroutine explain_no_partner
 
   !> Resultant of the contact pressure on body a: the sum of -n p w.

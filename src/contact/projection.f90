@@ -1,12 +1,12 @@
 !> Projection on a surface: the partner of a contact point (DESIGN.md, section 4).
 !>
-!> The closest point x' is looked for among the facets that face the point. Where it lies on an edge or at a corner, the facets there
-!> that face the point count as one surface; where that surface ends, x has to project inside it. The facet is then the one that faces
-!> best, the lowest number of equal ones.
+!> The closest point x' is looked for among the facets that face the point. Where it lies on an edge or at a corner,
+!> the facets there that face the point count as one surface; where that surface ends, x has to project inside it. The
+!> facet is then the one that faces best, the lowest number of equal ones.
 !>
-!> Signs: `normal` n points from body a into body b, n = -n_b(x'), and the distance d = n.(x' - x) is negative where the bodies
-!> overlap. On an edge between two facets n_b(x') is the direction between their normals that x lies in: then x - x' and n
-!> are parallel everywhere, and the moments of the forces on the two sides cancel exactly.
+!> Signs: `normal` n points from body a into body b, n = -n_b(x'), and the distance d = n.(x' - x) is negative where
+!> the bodies overlap. On an edge between two facets n_b(x') is the direction between their normals that x lies in:
+!> then x - x' and n are parallel everywhere, and the moments of the forces on the two sides cancel exactly.
 module dotyk_contact_projection
   use dotyk_base_kinds, only: dp
   use dotyk_contact_adjacency, only: adjacency_t
@@ -63,7 +63,7 @@ contains
 
   !> Prepare a surface.
   subroutine target_init(self, x, surface)
-    class(target_surface_t), intent(inout) :: self
+    class(target_surface_t), intent(out) :: self
     !> Nodal coordinates of the body (dimension, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
     !> The surface.
@@ -96,8 +96,8 @@ contains
     inside = .true.
     ridge = .false.
     call edges_at(self%set%corners(facet), partner%xi, edge_tolerance, n_edges, edges)
-    if (n_edges > 0) call settle_on_edge(self, x, normal_a, n_edges, edges, facet, partner%xi, partner%position, normal, &
-                                         ridge, inside)
+    if (n_edges > 0) call settle_on_edge(self, x, normal_a, n_edges, edges, facet, partner%xi, &
+                                         partner%position, normal, ridge, inside)
     partner%facet = facet
     r = x - partner%position
     call align(r, self%set%size(facet), ridge, normal)
@@ -112,7 +112,8 @@ contains
     end if
   end subroutine find_partner
 
-  !> Choose among the facets around a point of an edge or corner, and find out whether x really projects inside their union.
+  !> Choose among the facets around a point of an edge or corner, and find out whether x really projects inside their
+  !> union.
   pure subroutine settle_on_edge(self, x, normal_a, n_edges, edges, facet, xi, position, normal, ridge, inside)
     type(target_surface_t), intent(in) :: self
     !> The point, and the normal of body a there (3).
@@ -139,8 +140,8 @@ contains
         call closest_on_facet(self%set, around(i), position, its_xi(:, k), square)
         if (square > (edge_tolerance*self%set%size(around(i)))**2) cycle
       end if
-      call facet_position_and_normal(self%set, around(i), its_xi(:, k), its_position(:, k), its_normal(:, k), xu(:, k), &
-                                     xv(:, k))
+      call facet_position_and_normal(self%set, around(i), its_xi(:, k), its_position(:, k), its_normal(:, k), &
+                                     xu(:, k), xv(:, k))
       facing(k) = -dot_product(its_normal(:, k), normal_a)
       if (.not. facing(k) > facing_cosine) cycle
       kept(k) = around(i)
@@ -231,8 +232,8 @@ contains
     m = m/max(norm2(m), tiny(1.0_dp))
   end function outward
 
-  !> Turn the normal of a point on an edge into the direction of x - x', which lies between the normals of the facets there.
-  !> Nothing happens where x - x' is parallel to the normal already, or too short to have a direction.
+  !> Turn the normal of a point on an edge into the direction of x - x', which lies between the normals of the facets
+  !> there. Nothing happens where x - x' is parallel to the normal already, or too short to have a direction.
   pure subroutine align(r, size, ridge, normal)
     !> x - x' (3) [length].
     real(dp), intent(in) :: r(3)

@@ -1,8 +1,9 @@
 !> Bounding-volume tree over the facets of a surface, and the nearest facet to a point by branch and bound.
 !>
-!> Every node has a box that contains its facets and a cone that contains their normals, so that parts of the surface that are too
-!> far or face the wrong way are passed over. Building costs N log N; the answer is the least in the order (distance, facet number), which
-!> does not depend on the shape of the tree, on where the search starts, or on threads.
+!> Every node has a box that contains its facets and a cone that contains their normals, so that parts of the surface
+!> that are too far or face the wrong way are passed over. Building costs N log N; the answer is the least in the
+!> order (distance, facet number), which does not depend on the shape of the tree, on where the search starts, or on
+!> threads.
 module dotyk_contact_search
   use dotyk_base_kinds, only: dp
   use dotyk_contact_facet_projection, only: closest_on_facet
@@ -46,7 +47,7 @@ contains
 
   !> Build the tree.
   subroutine tree_init(self, set)
-    class(facet_tree_t), intent(inout) :: self
+    class(facet_tree_t), intent(out) :: self
     !> Facets of the surface.
     type(facet_set_t), intent(in) :: set
     real(dp), allocatable :: centre(:, :)
@@ -54,8 +55,8 @@ contains
     integer :: i, n, node, most, middle
     n = set%n
     most = max(1, 2*n)
-    allocate (self%lo(3, most), self%hi(3, most), self%axis(3, most), self%limit(most), self%child(most), self%first(most), &
-              self%last(most), self%facet_limit(n), centre(3, n))
+    allocate (self%lo(3, most), self%hi(3, most), self%axis(3, most), self%limit(most), self%child(most), &
+              self%first(most), self%last(most), self%facet_limit(n), centre(3, n))
     self%order = [(i, i=1, n)]
     do i = 1, n
       centre(:, i) = (set%lo(:, i) + set%hi(:, i))/2
@@ -68,8 +69,8 @@ contains
     do while (node < self%n_nodes)
       node = node + 1
       associate (first => self%first(node), last => self%last(node))
-        call bound_facets(self%order(first:last), set%lo, set%hi, set%axis, set%half_angle, self%lo(:, node), self%hi(:, node), &
-                          self%axis(:, node), half_angle)
+        call bound_facets(self%order(first:last), set%lo, set%hi, set%axis, set%half_angle, &
+                          self%lo(:, node), self%hi(:, node), self%axis(:, node), half_angle)
         self%limit(node) = cone_limit(half_angle)
         self%child(node) = 0
         if (last - first < leaf_size) cycle
@@ -124,7 +125,8 @@ contains
     widest = min(pi, widest)
   end subroutine bound_facets
 
-  !> Cosine of the greatest angle between a direction and the axis at which a normal of the cone may face that direction.
+  !> Cosine of the greatest angle between a direction and the axis at which a normal of the cone may face that
+  !> direction.
   pure real(dp) function cone_limit(half_angle) result(limit)
     !> Half angle of the cone [rad].
     real(dp), intent(in) :: half_angle
@@ -184,7 +186,8 @@ contains
     end function before
   end subroutine split
 
-  !> The facet that is nearest to a point, among those whose normal there faces a direction; the lowest number of equally near ones.
+  !> The facet that is nearest to a point, among those whose normal there faces a direction; the lowest number of
+  !> equally near ones.
   pure subroutine nearest_facet(tree, set, x, toward, any_normal, hint, facet, xi, square)
     type(facet_tree_t), intent(in) :: tree
     type(facet_set_t), intent(in) :: set
@@ -208,7 +211,7 @@ contains
     xi = 0
     square = huge(square)
     if (set%n == 0) return
-    if (hint > 0) call look_at(hint)
+    if (hint > 0) call look_at(tree, set, x, toward, any_normal, hint, facet, xi, square)
     n = 1
     waiting(1) = 1
     waiting_square(1) = square_to_box(tree%lo(:, 1), tree%hi(:, 1), x)
@@ -222,7 +225,8 @@ contains
       end if
       if (tree%child(node) == 0) then
         do i = tree%first(node), tree%last(node)
-          if (tree%order(i) /= hint) call look_at(tree%order(i))
+          if (tree%order(i) == hint) cycle
+          call look_at(tree, set, x, toward, any_normal, tree%order(i), facet, xi, square)
         end do
         cycle
       end if
@@ -231,46 +235,43 @@ contains
       near_square = square_to_box(tree%lo(:, near), tree%hi(:, near), x)
       far_square = square_to_box(tree%lo(:, far), tree%hi(:, far), x)
       if (far_square < near_square) then
-        call push(near, near_square)
-        call push(far, far_square)
+        waiting(n + 1:n + 2) = [near, far]
+        waiting_square(n + 1:n + 2) = [near_square, far_square]
       else
-        call push(far, far_square)
-        call push(near, near_square)
+        waiting(n + 1:n + 2) = [far, near]
+        waiting_square(n + 1:n + 2) = [far_square, near_square]
       end if
+      n = n + 2
     end do
-
-  contains
-
-    !> Put a node on the stack.
-    pure subroutine push(the_node, its_square)
-      integer, intent(in) :: the_node
-      real(dp), intent(in) :: its_square
-      if (its_square > square) return
-      n = n + 1
-      waiting(n) = the_node
-      waiting_square(n) = its_square
-    end subroutine push
-
-    !> Take a facet where it is nearer and faces the direction.
-    pure subroutine look_at(candidate)
-      integer, intent(in) :: candidate
-      real(dp) :: point(2), its_square, position(3), normal(3), xu(3), xv(3)
-      if (.not. any_normal) then
-        if (dot_product(set%axis(:, candidate), toward) < tree%facet_limit(candidate)) return
-      end if
-      if (square_to_box(set%lo(:, candidate), set%hi(:, candidate), x) > square) return
-      call closest_on_facet(set, candidate, x, point, its_square)
-      if (its_square > square) return
-      if (.not. its_square < square .and. candidate > facet) return
-      if (.not. any_normal) then
-        call facet_position_and_normal(set, candidate, point, position, normal, xu, xv)
-        if (.not. dot_product(normal, toward) > facing_cosine) return
-      end if
-      facet = candidate
-      xi = point
-      square = its_square
-    end subroutine look_at
   end subroutine nearest_facet
+
+  !> Take a facet where it is nearer and faces the direction; the dummies are those of nearest_facet.
+  pure subroutine look_at(tree, set, x, toward, any_normal, candidate, facet, xi, square)
+    type(facet_tree_t), intent(in) :: tree
+    type(facet_set_t), intent(in) :: set
+    real(dp), intent(in) :: x(3), toward(3)
+    logical, intent(in) :: any_normal
+    !> The facet to look at.
+    integer, intent(in) :: candidate
+    !> The best so far.
+    integer, intent(inout) :: facet
+    real(dp), intent(inout) :: xi(2), square
+    real(dp) :: point(2), its_square, position(3), normal(3), xu(3), xv(3)
+    if (.not. any_normal) then
+      if (dot_product(set%axis(:, candidate), toward) < tree%facet_limit(candidate)) return
+    end if
+    if (square_to_box(set%lo(:, candidate), set%hi(:, candidate), x) > square) return
+    call closest_on_facet(set, candidate, x, point, its_square)
+    if (its_square > square) return
+    if (.not. its_square < square .and. candidate > facet) return
+    if (.not. any_normal) then
+      call facet_position_and_normal(set, candidate, point, position, normal, xu, xv)
+      if (.not. dot_product(normal, toward) > facing_cosine) return
+    end if
+    facet = candidate
+    xi = point
+    square = its_square
+  end subroutine look_at
 
   !> Squared distance of a point to a box, 0 inside.
   pure real(dp) function square_to_box(lo, hi, x) result(square)

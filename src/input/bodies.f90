@@ -2,7 +2,7 @@
 module dotyk_input_bodies
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
-  use dotyk_input_case, only: body_input_t, material_input_t
+  use dotyk_input_case, only: body_input_t, material_input_t, scene_input_t
   use dotyk_input_names, only: material_anisotropic, material_isotropic, material_orthotropic
   use dotyk_input_problems, only: problems_t, shown
   use dotyk_input_reader, only: group_t
@@ -32,8 +32,8 @@ contains
       call refuse(group, 'axis_2', 'stiffness', problems)
       return
     end if
-    if (.not. is_given(group, 'young')) call report(problems, group, 'young', '''young'' is missing (or ''stiffness'')')
-    if (.not. is_given(group, 'poisson')) call report(problems, group, 'poisson', '''poisson'' is missing (or ''stiffness'')')
+    if (.not. is_given(group, 'young')) call report(problems, group, 'young', '''young'' or ''stiffness'' is missing')
+    if (.not. is_given(group, 'poisson')) call report(problems, group, 'poisson', '''poisson'' is missing')
     call read_numbers(group, 'young', material%young)
     call read_numbers(group, 'poisson', material%poisson)
     if (max(count_of(group, 'young'), count_of(group, 'poisson'), count_of(group, 'shear')) > 1) then
@@ -58,9 +58,9 @@ contains
     if (is_usable(group, 'young') .and. is_usable(group, 'poisson') .and. &
         (is_usable(group, 'shear') .or. .not. is_given(group, 'shear'))) then
       if (any([count_of(group, 'young'), count_of(group, 'poisson'), count_of(group, 'shear')] /= 3)) &
-        call problems%add(group%line, '&material: an orthotropic material needs 3 values each of young, poisson and shear, got '// &
-                          to_text(count_of(group, 'young'))//', '//to_text(count_of(group, 'poisson'))//' and '// &
-                          to_text(count_of(group, 'shear')))
+        call problems%add(group%line, '&material: an orthotropic material needs 3 values each of young, poisson '// &
+                          'and shear, got '//to_text(count_of(group, 'young'))//', '// &
+                          to_text(count_of(group, 'poisson'))//' and '//to_text(count_of(group, 'shear')))
     end if
     call read_numbers(group, 'shear', material%shear)
     call read_numbers(group, 'axis_1', material%axis_1)
@@ -76,7 +76,7 @@ contains
       normal = [a(2)*b(3) - a(3)*b(2), a(3)*b(1) - a(1)*b(3), a(1)*b(2) - a(2)*b(1)]
       ! Below this angle (in radians) rounding in the input decides where axis 3 points.
       if (norm2(normal) <= 1e-6_dp*norm2(a)*norm2(b)) &
-        call report(problems, group, 'axis_1', 'axis_1 and axis_2 are parallel (by default they are 1, 0, 0 and 0, 1, 0)')
+        call report(problems, group, 'axis_1', 'axis_1 and axis_2 are parallel (by default 1, 0, 0 and 0, 1, 0)')
     end if
   end subroutine read_orthotropic
 
@@ -101,14 +101,14 @@ contains
   end subroutine read_numbers
 
   !> `&body`.
-  subroutine read_body(group, materials, directory, scene_mesh, mesh_expected, problems, body)
+  subroutine read_body(group, materials, scene, directory, mesh_expected, problems, body)
     type(group_t), intent(in) :: group
     !> Names of the materials.
     type(names_t), intent(in) :: materials
+    !> Its mesh is that of bodies without one of their own.
+    type(scene_input_t), intent(in) :: scene
     !> Directory of the namelist file.
     character(*), intent(in) :: directory
-    !> Mesh of the scene; empty where there is none.
-    character(*), intent(in) :: scene_mesh
     !> Is a body without a mesh to be reported?
     logical, intent(in) :: mesh_expected
     type(problems_t), intent(inout) :: problems
@@ -116,14 +116,16 @@ contains
     body%line = group%line
     body%name = text_of(group, 'name')
     if (index(body%name, ':') > 0) &
-      call report(problems, group, 'name', 'name: '//shown(body%name)//' must not contain '':'' (see surface_a of &contact)')
+      call report(problems, group, 'name', 'name: '//shown(body%name)//' must not contain '':''')
     body%volume = text_of(group, 'volume')
     call refer(group, 'material', text_of(group, 'material'), materials, problems, body%material)
     if (is_given(group, 'mesh')) then
       call read_mesh_path(group, directory, problems, body%mesh)
+      if (len(body%mesh) > 0 .and. body%mesh == scene%output) &
+        call report(problems, group, 'mesh', 'mesh: '//shown(body%mesh)//' is the results file of &scene')
     else
-      body%mesh = scene_mesh
-      if (len(scene_mesh) == 0 .and. mesh_expected) &
+      body%mesh = scene%mesh
+      if (len(scene%mesh) == 0 .and. mesh_expected) &
         call problems%add(group%line, '&body: ''mesh'' is missing, here and in &scene')
     end if
   end subroutine read_body

@@ -6,7 +6,8 @@ module dotyk_input_boundary
   use dotyk_input_names, only: load_force_density, load_kind_names, load_local_traction, load_pressure, split_words
   use dotyk_input_problems, only: problems_t, shown
   use dotyk_input_reader, only: group_t
-  use dotyk_input_values, only: count_of, is_given, is_usable, names_t, number_of, numbers_of, refer, report, text_of, texts_of
+  use dotyk_input_values, only: count_of, is_given, is_usable, names_t, number_of, numbers_of, refer, report, text_of, &
+    texts_of
   implicit none
   private
   public :: read_support, read_load
@@ -78,7 +79,9 @@ contains
         message = shown(text)//' must consist of letters of ''xyz'', or of n, t, xi, eta'
         return
       end if
-      named = [k == 2 .or. k == 4 .or. k == 5, k == 1 .or. (k == 4 .and. dimension /= 2) .or. k == 6, k == 3 .or. k == 7]
+      named(1) = k == 2 .or. k == 4 .or. k == 5
+      named(2) = k == 1 .or. (k == 4 .and. dimension /= 2) .or. k == 6
+      named(3) = k == 3 .or. k == 7
       if (any(fixed .and. named) .and. (any(seen(:4)) .eqv. k <= 4)) then
         message = shown(text)//' names a direction twice'
         return
@@ -163,13 +166,14 @@ contains
     end do
     if (n /= 1) then
       if (n == 0) given = ', none of them'
-      call problems%add(group%line, '&load: exactly one of '//join(kinds, ', ')//' (or its formula) is needed, got '//given(3:))
+      call problems%add(group%line, '&load: exactly one of '//join(kinds, ', ')//' (or its formula) is needed, got '// &
+                        given(3:))
       return
     end if
     key = kinds(load%kind)%s
     if (load%kind == load_force_density) then
       if (is_given(group, 'surface')) &
-        call report(problems, group, 'surface', 'surface does not go together with force_density, which acts on the volume')
+        call report(problems, group, 'surface', 'surface does not go together with force_density')
     else if (.not. is_given(group, 'surface')) then
       call problems%add(group%line, '&load: ''surface'' is missing')
     end if

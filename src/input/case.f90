@@ -1,9 +1,10 @@
 !> A scene as plain data: what a namelist file says, checked as far as that goes without a mesh.
 !>
-!> Conventions. Paths are resolved: they lead from the working directory to the file. References are resolved to indices.
-!> Vectors have three components: x, y, z in global axes, xi, eta, n in the axes of a surface; in two dimensions the third
-!> (global) or second (local, eta) is zero. A formula that is not given is an array of size 0 or an empty text; one that is
-!> given was parsed once without an error. `line` is the line of the namelist file where the group begins.
+!> Conventions. Paths are resolved: they lead from the working directory to the file. References are resolved to
+!> indices. Vectors have three components: x, y, z in global axes, xi, eta, n in the axes of a surface; in two
+!> dimensions the third (global) or second (local, eta) is zero. A formula that is not given is an array of size 0 or
+!> an empty text; one that is given was parsed once without an error. `line` is the line of the namelist file where
+!> the group begins.
 module dotyk_input_case
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: text_t

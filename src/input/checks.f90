@@ -4,12 +4,13 @@ module dotyk_input_checks
   use dotyk_base_formula, only: formula_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: join, nearest_name, text_t, to_text
-  use dotyk_input_conversion, only: number_good, number_malformed, number_out_of_range, read_integer, read_logical, read_real
+  use dotyk_input_conversion, only: number_good, number_malformed, number_out_of_range, read_integer, &
+    read_logical, read_real
   use dotyk_input_keywords, only: at_least_one, at_most_one, exactly_one, group_keyword_t, &
     keys_of_group, keyword_t, kind_formula, kind_integer, kind_logical, kind_name, kind_names, kind_real, &
     kind_text, place_of_keyword
   use dotyk_input_names, only: place_of_name, split_words
-  use dotyk_input_problems, only: no_line, problems_t, shown
+  use dotyk_input_problems, only: no_line, problems_t, shown, visible
   use dotyk_input_reader, only: add_entry, add_value, entry_t, group_t, value_t
   implicit none
   private
@@ -27,7 +28,7 @@ contains
     !> For each known group: may one of the unknown ones be a misspelling of it?
     logical, intent(out) :: meant(:)
     type(text_t) :: names(size(known))
-    character(:), allocatable :: nearest
+    character(:), allocatable :: nearest, hint
     integer :: i, k
     do k = 1, size(known)
       names(k)%s = known(k)%name
@@ -37,11 +38,9 @@ contains
       if (len(groups(i)%name) == 0) cycle
       if (any([(known(k)%name == groups(i)%name, k=1, size(known))])) cycle
       nearest = nearest_name(groups(i)%name, names)
-      if (len(nearest) > 0) then
-        call problems%add(groups(i)%line, 'unknown group '//shown('&'//groups(i)%name)//' (did you mean ''&'//nearest//'''?)')
-      else
-        call problems%add(groups(i)%line, 'unknown group '//shown('&'//groups(i)%name)//' (groups are '//join(names, ', ')//')')
-      end if
+      hint = ' (did you mean ''&'//nearest//'''?)'
+      if (len(nearest) == 0) hint = ' (groups are '//join(names, ', ')//')'
+      call problems%add(groups(i)%line, 'unknown group '//shown('&'//groups(i)%name)//hint)
       do k = 1, size(known)
         if (known(k)%name == nearest) meant(k) = .true.
       end do
@@ -64,7 +63,8 @@ contains
         n = n + 1
         if (n == 1) first = groups(i)%line
         if (n > 1 .and. (known(k)%occurs == exactly_one .or. known(k)%occurs == at_most_one)) &
-          call problems%add(groups(i)%line, '&'//known(k)%name//': a second group (the first is in line '//to_text(first)//')')
+          call problems%add(groups(i)%line, '&'//known(k)%name//': a second group (the first is in line '// &
+                            to_text(first)//')')
       end do
       if (n == 0 .and. .not. meant(k) .and. (known(k)%occurs == exactly_one .or. known(k)%occurs == at_least_one)) &
         call problems%add(no_line, 'no &'//known(k)%name//' group')
@@ -86,8 +86,8 @@ contains
       end if
       do j = 1, i - 1
         if (group%entry(j)%key /= group%entry(i)%key) cycle
-        call problems%add(group%entry(i)%line, '&'//group%name//': '''//group%entry(i)%key//''' is given twice (first in line '// &
-                          to_text(group%entry(j)%line)//')')
+        call problems%add(group%entry(i)%line, '&'//group%name//': '''//group%entry(i)%key// &
+                          ''' is given twice (first in line '//to_text(group%entry(j)%line)//')')
         exit
       end do
       if (group%entry(i)%usable) call check_entry(group%name, group%entry(i), table(k), problems)
@@ -236,7 +236,7 @@ contains
     integer :: i, place
     message = ''
     if (.not. value%quoted) then
-      message = ' needs a text in quotes, got '//trim(value%text)
+      message = ' needs a text in quotes, got '//visible(value%text)
       return
     end if
     if (len_trim(value%text) == 0) then

@@ -36,8 +36,10 @@ contains
       '  --help         print this text'//end_line//end_line// &
       'exit codes: 0 converged; 1 stopped before the tolerance (results written and marked); 2 bad input;'//end_line// &
       '  3 the problem cannot be solved as posed; 4 a file could not be written'//end_line//end_line// &
-      'The input file consists of groups, such as &body name=''block'', volume=''block'', material=''steel'' /'//end_line// &
-      '  Commas or blanks separate values, 3*0 stands for 0, 0, 0, texts are in quotes, and ! begins a comment.'//end_line// &
+      'The input file consists of groups, such as &body name=''block'', volume=''block'', material=''steel'' /'// &
+      end_line// &
+      '  Commas or blanks separate values, 3*0 stands for 0, 0, 0, texts are in quotes, and ! begins a comment.'// &
+      end_line// &
       '  Formulas are texts in x, y, z with pi, e, + - * / ^ ( ), comparisons, a ? b : c and functions such as sin,'// &
       end_line//'  exp, sqrt, abs, min, max, log (natural). Units are yours, but must fit together.'//end_line
     do i = 1, size(groups)
@@ -81,8 +83,9 @@ contains
     end if
     if (row%required) meaning = meaning//' (required)'
     if (len(row%default) > 0) meaning = meaning//' (default: '//row%default//')'
-    text = padded(repeat(' ', indent)//row%key, values_column - 1)//padded(values_text(row), meaning_column - values_column)// &
-           wrapped(meaning, meaning_column - 1, meaning_column - 1)//end_line
+    text = padded(repeat(' ', indent)//row%key, values_column - 1)
+    text = text//padded(values_text(row), meaning_column - values_column)
+    text = text//wrapped(meaning, meaning_column - 1, meaning_column - 1)//end_line
   end function key_text
 
   !> What the values of a key are: "2 or 3 reals", "text".

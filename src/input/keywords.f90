@@ -1,7 +1,8 @@
 !> THE table of groups and keys: what is checked, what defaults are and what `--help` prints all come from here.
 module dotyk_input_keywords
   use dotyk_base_text, only: text_t
-  use dotyk_input_names, only: analysis_names, field_names, gamma_rule_names, points_names, scheme_names, stop_rule_names
+  use dotyk_input_names, only: analysis_names, field_names, gamma_rule_names, points_names, scheme_names, &
+    stop_rule_names
   implicit none
   private
 
@@ -64,8 +65,8 @@ contains
     type(group_keyword_t), allocatable, intent(out) :: groups(:)
     allocate (groups(8))
     groups(1) = group('scene', exactly_one, 'the scene as a whole')
-    groups(2) = group('material', at_least_one, 'an elastic material: young and poisson (isotropic), three each of young, '// &
-                      'poisson and shear (orthotropic), or stiffness')
+    groups(2) = group('material', at_least_one, 'an elastic material: young and poisson (isotropic), three each of '// &
+                      'young, poisson and shear (orthotropic), or stiffness')
     groups(3) = group('body', at_least_one, 'an elastic body')
     groups(4) = group('support', any_number, 'given displacement on a surface of a body, zero where no value is given')
     groups(5) = group('load', any_number, 'a load on a body: exactly one of traction, pressure, local_traction, '// &
@@ -201,7 +202,8 @@ contains
   end subroutine list_keywords
 
   !> Add a row; what is absent is as in `keyword_t`.
-  pure subroutine add(self, group, key, kind, meaning, least, most, unit, names, default, positive, required, may_be_empty)
+  pure subroutine add(self, group, key, kind, meaning, least, most, unit, names, default, positive, &
+                      required, may_be_empty)
     class(rows_t), intent(inout) :: self
     character(*), intent(in) :: group, key
     integer, intent(in) :: kind

@@ -1,7 +1,7 @@
-!> The tokens of the namelist syntax. Comments, blanks, tabs, line ends of any system and a byte order mark are left out.
+!> The tokens of the namelist syntax. Comments, blanks, tabs, line ends and a byte order mark are left out.
 module dotyk_input_lexer
   use dotyk_base_text, only: lower, to_text
-  use dotyk_input_problems, only: problems_t, shown
+  use dotyk_input_problems, only: problems_t, shown, visible
   implicit none
   private
 
@@ -210,14 +210,6 @@ contains
         call problems%add(self%line, 'a comma or a blank is missing after '//shown(token%text))
     end if
   end subroutine read_quoted
-
-  !> Like `shown`, without the quotes around.
-  pure function visible(text) result(rest)
-    character(*), intent(in) :: text
-    character(:), allocatable :: rest
-    rest = shown(text)
-    rest = rest(2:len(rest) - 1)
-  end function visible
 
   !> Split "3*0" into 3 and "0".
   pure subroutine split_repeat(word, count, rest)

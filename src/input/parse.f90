@@ -8,7 +8,7 @@ module dotyk_input_parse
   use dotyk_input_files, only: directory_of, read_text
   use dotyk_input_keywords, only: group_keyword_t, keyword_t, list_groups, list_keywords
   use dotyk_input_pairs, only: read_contact
-  use dotyk_input_problems, only: no_line, problems_t, shown
+  use dotyk_input_problems, only: no_line, problems_t
   use dotyk_input_reader, only: group_t, read_groups
   use dotyk_input_settings, only: read_output, read_scene, read_solver
   use dotyk_input_values, only: gather_names, is_given, is_usable, names_t, pick_groups
@@ -111,9 +111,7 @@ contains
     call pick_groups(groups, 'body', picked)
     allocate (case%body(size(picked)))
     do i = 1, size(picked)
-      call read_body(groups(picked(i)), materials, case%directory, case%scene%mesh, mesh_expected, problems, case%body(i))
-      if (len(case%scene%output) > 0 .and. case%body(i)%mesh == case%scene%output .and. is_given(groups(picked(i)), 'mesh')) &
-        call problems%add(case%body(i)%line, '&body: mesh: '//shown(case%body(i)%mesh)//' is the results file of &scene')
+      call read_body(groups(picked(i)), materials, case%scene, case%directory, mesh_expected, problems, case%body(i))
     end do
     call pick_groups(groups, 'support', picked)
     allocate (case%support(size(picked)))

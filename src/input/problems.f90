@@ -24,7 +24,7 @@ module dotyk_input_problems
   !> The line of a problem that belongs to no line; it is reported after the others.
   integer, parameter, public :: no_line = huge(1)
 
-  public :: shown
+  public :: shown, visible
 
 contains
 
@@ -113,4 +113,12 @@ contains
     if (n < len(text)) quoted_text = quoted_text//'...'
     quoted_text = quoted_text//"'"
   end function shown
+
+  !> Like `shown`, without the quotes around.
+  pure function visible(text) result(rest)
+    character(*), intent(in) :: text
+    character(:), allocatable :: rest
+    rest = shown(text)
+    rest = rest(2:len(rest) - 1)
+  end function visible
 end module dotyk_input_problems

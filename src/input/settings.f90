@@ -2,7 +2,8 @@
 module dotyk_input_settings
   use dotyk_base_kinds, only: dp
   use dotyk_input_case, only: output_input_t, scene_input_t, solver_input_t
-  use dotyk_input_files, only: directory_of, extension_of, is_directory, resolve_path, why_not_readable, without_extension
+  use dotyk_input_files, only: directory_of, extension_of, is_directory, resolve_path, why_not_readable, &
+    without_extension
   use dotyk_input_names, only: analysis_3d, field_contact, field_displacement, field_stress, gamma_fixed, &
     theta_absolute, theta_relative
   use dotyk_input_problems, only: problems_t, shown

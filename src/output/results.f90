@@ -53,7 +53,7 @@ contains
     class(results_file_t), intent(inout) :: self
     character(*), intent(in) :: path
     !> Nodes, elements and the sum of the nodes of all elements (`connectivity_length`) of each body (n_parts).
-    integer(int64), intent(in) :: n_points(:), n_cells(:), n_connectivity(:)
+    integer(int64), intent(in), contiguous :: n_points(:), n_cells(:), n_connectivity(:)
     !> Which fields will be written.
     logical, intent(in) :: want_displacement, want_stress, want_contact
     type(error_t), allocatable, intent(out) :: error
@@ -99,7 +99,7 @@ contains
   !> The datasets of the geometry.
   subroutine create_geometry(self, n_points, n_cells, n_connectivity, error)
     class(results_file_t), intent(in) :: self
-    integer(int64), intent(in) :: n_points(:), n_cells(:), n_connectivity(:)
+    integer(int64), intent(in), contiguous :: n_points(:), n_cells(:), n_connectivity(:)
     type(error_t), allocatable, intent(out) :: error
     integer(int64) :: points, cells, ids
     integer :: n_parts
@@ -193,7 +193,7 @@ contains
     class(results_file_t), intent(in) :: self
     integer, intent(in) :: part
     !> At the nodes (dimension, n_nodes) [length].
-    real(dp), intent(in) :: displacement(:, :)
+    real(dp), intent(in), contiguous :: displacement(:, :)
     type(error_t), allocatable, intent(out) :: error
     call self%file%put_part('/VTKHDF/PointData/displacement', self%first_point(part), &
       with_three_components(displacement), error)
@@ -204,7 +204,7 @@ contains
     class(results_file_t), intent(in) :: self
     integer, intent(in) :: part
     !> At the nodes, 0 off the contact surfaces (n_nodes) [pressure].
-    real(dp), intent(in) :: pressure(:)
+    real(dp), intent(in), contiguous :: pressure(:)
     type(error_t), allocatable, intent(out) :: error
     call self%file%put_part('/VTKHDF/PointData/contact_pressure', self%first_point(part), pressure, error)
   end subroutine results_write_contact_pressure
@@ -214,9 +214,9 @@ contains
     class(results_file_t), intent(in) :: self
     integer, intent(in) :: part
     !> Means of the elements, xx yy zz xy yz xz, elements in the order of the blocks (6, n_elements) [pressure].
-    real(dp), intent(in) :: stress(:, :)
+    real(dp), intent(in), contiguous :: stress(:, :)
     !> Their von Mises stress (n_elements) [pressure].
-    real(dp), intent(in) :: von_mises(:)
+    real(dp), intent(in), contiguous :: von_mises(:)
     type(error_t), allocatable, intent(out) :: error
     integer(int64) :: cell
     cell = self%first_cell(part)
@@ -307,7 +307,7 @@ contains
   subroutine put_reals(self, group, name, value)
     class(results_file_t), intent(inout) :: self
     character(*), intent(in) :: group, name
-    real(dp), intent(in) :: value(:)
+    real(dp), intent(in), contiguous :: value(:)
     type(error_t), allocatable :: error
     if (allocated(self%failure)) return
     call self%file%put_attribute(dotyk_path(group), name, value, error)
@@ -317,7 +317,7 @@ contains
   subroutine array_real(self, group, name, values)
     class(results_file_t), intent(inout) :: self
     character(*), intent(in) :: group, name
-    real(dp), intent(in) :: values(:)
+    real(dp), intent(in), contiguous :: values(:)
     type(error_t), allocatable :: error
     if (allocated(self%failure)) return
     call self%file%put_dataset(dotyk_path(group)//'/'//name, values, error)
@@ -327,7 +327,7 @@ contains
   subroutine array_integer(self, group, name, values)
     class(results_file_t), intent(inout) :: self
     character(*), intent(in) :: group, name
-    integer(int32), intent(in) :: values(:)
+    integer(int32), intent(in), contiguous :: values(:)
     type(error_t), allocatable :: error
     if (allocated(self%failure)) return
     call self%file%put_dataset(dotyk_path(group)//'/'//name, values, error)
@@ -337,7 +337,7 @@ contains
   subroutine array_long(self, group, name, values)
     class(results_file_t), intent(inout) :: self
     character(*), intent(in) :: group, name
-    integer(int64), intent(in) :: values(:)
+    integer(int64), intent(in), contiguous :: values(:)
     type(error_t), allocatable :: error
     if (allocated(self%failure)) return
     call self%file%put_dataset(dotyk_path(group)//'/'//name, values, error)
@@ -347,7 +347,7 @@ contains
   subroutine array_vectors(self, group, name, values)
     class(results_file_t), intent(inout) :: self
     character(*), intent(in) :: group, name
-    real(dp), intent(in) :: values(:, :)
+    real(dp), intent(in), contiguous :: values(:, :)
     type(error_t), allocatable :: error
     if (allocated(self%failure)) return
     call self%file%put_dataset(dotyk_path(group)//'/'//name, with_three_components(values), error)

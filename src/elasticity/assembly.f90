@@ -1,0 +1,222 @@
+!> Stiffness matrix of a body: element by element into the pattern, without intermediate lists.
+module dotyk_elasticity_assembly
+  use dotyk_base_error, only: add_context, error_t, exit_bad_input, exit_not_solvable, set_error
+  use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_text, only: text_t, to_text
+  use dotyk_elasticity_analysis, only: analysis_3d, gradient_slots, strain_index
+  use dotyk_elasticity_constraint, only: constraint_t
+  use dotyk_elasticity_element_table, only: element_table_t, map_element, table_pair_t
+  use dotyk_elasticity_field, only: field_t, place_text
+  use dotyk_elasticity_kernel, only: gradient_products, rotate_blocks, stiffness_general, stiffness_isotropic
+  use dotyk_elasticity_material, only: material_t
+  use dotyk_elasticity_pattern, only: block_places_t, scatter
+  use dotyk_linalg_sparse, only: sparse_symmetric_t
+  use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_mesh_element, only: element_kind, element_kind_t
+  implicit none
+  private
+  public :: assemble_stiffness, read_factor, apply_factor, bad_element
+
+contains
+
+  !> Add the stiffness of all elements to a matrix of zeros, and the forces of given displacements to the right-hand side.
+  subroutine assemble_stiffness(mesh, analysis, material, constraint, places, matrix, rhs, volume, mean_factor, error)
+    type(body_mesh_t), intent(in) :: mesh
+    !> One of dotyk_elasticity_analysis' constants.
+    integer, intent(in) :: analysis
+    type(material_t), intent(in) :: material
+    type(constraint_t), intent(in) :: constraint
+    !> Places of the blocks.
+    type(block_places_t), intent(in) :: places
+    !> The matrix with its pattern.
+    type(sparse_symmetric_t), intent(inout) :: matrix
+    !> Right-hand side, from which K_fc z is subtracted (n_equations) [force].
+    real(dp), intent(inout) :: rhs(:)
+    !> Volume of the body, that of the full turn in axisymmetric analyses [length^dim].
+    real(dp), intent(out) :: volume
+    !> Mean over the volume of the factor on the stiffness [1].
+    real(dp), intent(out) :: mean_factor
+    !> Allocated where an element is inverted or the factor is not positive.
+    type(error_t), allocatable, intent(out) :: error
+    type(field_t) :: factor
+    integer :: i
+    volume = 0
+    mean_factor = 0
+    call read_factor(material, factor, error)
+    if (allocated(error)) return
+    do i = 1, size(mesh%block)
+      call assemble_block(mesh, i, analysis, material, factor, constraint, places, matrix, rhs, volume, mean_factor, error)
+      if (allocated(error)) exit
+    end do
+    call factor%destroy()
+    if (.not. allocated(error)) mean_factor = mean_factor/volume
+  end subroutine assemble_stiffness
+
+  !> The elements of one block.
+  subroutine assemble_block(mesh, i_block, analysis, material, factor, constraint, places, matrix, rhs, volume, &
+      factor_integral, error)
+    type(body_mesh_t), intent(in) :: mesh
+    integer, intent(in) :: i_block, analysis
+    type(material_t), intent(in) :: material
+    type(field_t), intent(in) :: factor
+    type(constraint_t), intent(in) :: constraint
+    type(block_places_t), intent(in) :: places
+    type(sparse_symmetric_t), intent(inout) :: matrix
+    real(dp), intent(inout) :: rhs(:), volume, factor_integral
+    type(error_t), allocatable, intent(out) :: error
+    type(table_pair_t) :: tables
+    type(element_kind_t) :: kind
+    real(dp), allocatable :: x(:, :), g(:), w(:), products(:), k(:)
+    integer, allocatable :: node(:), strain(:, :), frame_of(:)
+    logical, allocatable :: special(:)
+    real(dp) :: matrix_of_material(6, 6), worst
+    integer :: n, dim, slots, most_points, e, i, s
+    logical :: fast
+    kind = element_kind(mesh%block(i_block)%kind)
+    n = kind%n_nodes
+    dim = mesh%dimension
+    slots = gradient_slots(analysis)
+    fast = material%isotropic .and. analysis == analysis_3d
+    matrix_of_material = material%plane_matrix(analysis)
+    strain = reshape([((strain_index(analysis, i, s), i=1, dim), s=1, slots)], [dim, slots])
+    call tables%init(mesh%block(i_block)%kind, analysis, .not. factor%constant)
+    most_points = max(tables%straight%n_points, tables%curved%n_points)
+    allocate (x(dim, n), g(n*slots*most_points), w(most_points), products((n*slots)**2), k((n*dim)**2))
+    allocate (node(n), frame_of(n))
+    ! Nodes that are neither plainly free nor held at zero.
+    special = constraint%frame_of > 0
+    do i = 1, size(special)
+      if (any(abs(constraint%prescribed(:, i)) > 0)) special(i) = .true.
+    end do
+    do e = 1, size(mesh%block(i_block)%node, 2)
+      node(:) = mesh%block(i_block)%node(:, e)
+      x(:, :) = mesh%x(:, node)
+      if (tables%is_curved(x)) then
+        call add_element(tables%curved)
+      else
+        call add_element(tables%straight)
+      end if
+      if (allocated(error)) return
+    end do
+
+  contains
+
+    subroutine add_element(table)
+      type(element_table_t), intent(in) :: table
+      integer :: n_points
+      n_points = table%n_points
+      call map_element(n, dim, slots, n_points, table%shape, table%gradient, table%weight, x, g, w, worst)
+      if (.not. worst > 0) then
+        call bad_element(mesh, i_block, e, error)
+        return
+      end if
+      volume = volume + sum(w(:n_points))
+      if (.not. factor%constant) then
+        call apply_factor(factor, table%shape, x, mesh%block(i_block)%tag(e), w(:n_points), error)
+        if (allocated(error)) return
+      end if
+      factor_integral = factor_integral + sum(w(:n_points))
+      call gradient_products(n, slots, n_points, g, w, products)
+      if (fast) then
+        call stiffness_isotropic(n, material%lambda, material%mu, products, k)
+      else
+        call stiffness_general(n, dim, slots, strain, matrix_of_material, products, k)
+      end if
+      if (any(special(node))) then
+        frame_of(:) = constraint%frame_of(node)
+        call rotate_blocks(n, dim, size(constraint%frame, 3), frame_of, constraint%frame, k)
+        call move_prescribed(n, dim, size(special), node, k, constraint%equation, constraint%prescribed, rhs)
+      end if
+      call scatter(n, dim, size(special), node, k, constraint%equation, places%n_free, places%first, places%neighbour, &
+        places%offset, matrix%column_start, matrix%value)
+    end subroutine add_element
+  end subroutine assemble_block
+
+  !> Subtract the forces of given displacements from the right-hand side.
+  pure subroutine move_prescribed(n, dim, n_nodes, node, k, equation, prescribed, rhs)
+    integer, intent(in) :: n, dim, n_nodes
+    !> Nodes of the element.
+    integer, intent(in) :: node(n)
+    !> Stiffness along the nodes' axes: node a, node b, component i, component j.
+    real(dp), intent(in) :: k(n, n, dim, dim)
+    integer, intent(in) :: equation(dim, n_nodes)
+    !> Given displacements along the nodes' axes, zero where free.
+    real(dp), intent(in) :: prescribed(dim, n_nodes)
+    real(dp), intent(inout) :: rhs(*)
+    integer :: a, b, i, j, row
+    do b = 1, n
+      do j = 1, dim
+        if (.not. abs(prescribed(j, node(b))) > 0) cycle
+        do i = 1, dim
+          do a = 1, n
+            row = equation(i, node(a))
+            if (row > 0) rhs(row) = rhs(row) - k(a, b, i, j)*prescribed(j, node(b))
+          end do
+        end do
+      end do
+    end do
+  end subroutine move_prescribed
+
+  !> Parse the factor on the stiffness of a material: 1 where it has none.
+  subroutine read_factor(material, factor, error)
+    type(material_t), intent(in) :: material
+    !> The factor is the first component.
+    type(field_t), intent(inout) :: factor
+    type(error_t), allocatable, intent(out) :: error
+    type(text_t), allocatable :: text(:)
+    if (material%has_factor()) then
+      allocate (text(1))
+      text(1)%s = material%factor_text
+    end if
+    call factor%init([1.0_dp, 0.0_dp, 0.0_dp], error, text)
+    call add_context(error, 'young_formula: ')
+  end subroutine read_factor
+
+  !> Multiply the weights of an element's points by the factor on the stiffness.
+  subroutine apply_factor(factor, shape, x, tag, w, error)
+    type(field_t), intent(in) :: factor
+    !> Shape functions at the points (n_nodes, n_points).
+    real(dp), intent(in) :: shape(:, :)
+    !> Nodes of the element (dim, n_nodes) [length].
+    real(dp), intent(in) :: x(:, :)
+    !> Tag of the element, for messages.
+    integer(int64), intent(in) :: tag
+    !> Weights (n_points).
+    real(dp), intent(inout) :: w(:)
+    !> Allocated where the factor is not a positive number.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp) :: place(size(x, 1)), value(3)
+    integer :: q
+    do q = 1, size(w)
+      place = matmul(x, shape(:, q))
+      call factor%evaluate(place, value, error)
+      if (.not. allocated(error)) then
+        if (.not. value(1) > 0) call set_error(error, 'the factor on the stiffness must be positive, it is '// &
+          to_text(value(1))//' at '//place_text(place), exit_bad_input)
+      end if
+      if (allocated(error)) then
+        call add_context(error, 'young_formula: ')
+        error%message = error%message//' (element '//to_text(tag)//')'
+        return
+      end if
+      w(q) = w(q)*value(1)
+    end do
+  end subroutine apply_factor
+
+  !> The error of an element that cannot be mapped.
+  subroutine bad_element(mesh, i_block, e, error)
+    type(body_mesh_t), intent(in) :: mesh
+    !> The block, and the element in it.
+    integer, intent(in) :: i_block, e
+    type(error_t), allocatable, intent(out) :: error
+    type(element_kind_t) :: kind
+    character(:), allocatable :: what
+    kind = element_kind(mesh%block(i_block)%kind)
+    what = ' is inverted or has no volume'
+    if (mesh%dimension == 2) then
+      if (any(mesh%x(1, mesh%block(i_block)%node(:, e)) < 0)) what = ' is inverted, or lies beyond the axis x = 0'
+    end if
+    call set_error(error, 'element '//to_text(mesh%block(i_block)%tag(e))//' ('//trim(kind%name)//')'//what// &
+      ' near '//place_text(mesh%x(:, mesh%block(i_block)%node(1, e))), exit_not_solvable)
+  end subroutine bad_element
+end module dotyk_elasticity_assembly

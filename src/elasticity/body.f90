@@ -1,0 +1,108 @@
+!> One elastic body: its elements, material, supports and loads, and the linear system that they make.
+module dotyk_elasticity_body
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_elasticity_analysis, only: analysis_3d
+  use dotyk_elasticity_assembly, only: assemble_stiffness
+  use dotyk_elasticity_constraint, only: constraint_t
+  use dotyk_elasticity_graph, only: node_graph
+  use dotyk_elasticity_material, only: material_t
+  use dotyk_elasticity_pattern, only: block_places_t, build_pattern
+  use dotyk_elasticity_recovery, only: recover
+  use dotyk_elasticity_rigid, only: find_free_motions
+  use dotyk_linalg_sparse, only: sparse_symmetric_t
+  use dotyk_mesh_body_mesh, only: body_mesh_t
+  implicit none
+  private
+
+  !> A body. The first seven components are set by its user, the rest by `assemble`.
+  type, public :: body_t
+    !> Its name in the input.
+    character(:), allocatable :: name
+    !> One of dotyk_elasticity_analysis' constants.
+    integer :: analysis = analysis_3d
+    !> Number of displacement components.
+    integer :: dimension = 3
+    !> Its elements.
+    type(body_mesh_t) :: mesh
+    !> Its material.
+    type(material_t) :: material
+    !> Its free and given unknowns.
+    type(constraint_t) :: constraint
+    !> Nodal forces of its loads in global axes; zero where not allocated (dim, n_nodes) [force].
+    real(dp), allocatable :: load(:, :)
+    !> Stiffness over the free equations [force/length].
+    type(sparse_symmetric_t) :: stiffness
+    !> Load minus the forces of given displacements, over the free equations (n_equations) [force].
+    real(dp), allocatable :: rhs(:)
+    !> Adjacency of the nodes, see `node_graph`; may be deallocated when no longer needed.
+    integer, allocatable :: graph_start(:), graph_neighbour(:)
+    !> Volume; that of the full turn where axisymmetric [length^dim].
+    real(dp) :: volume = 0
+    !> Mean over the volume of the factor on the stiffness [1].
+    real(dp) :: mean_factor = 1
+  contains
+    procedure :: assemble => body_assemble
+    procedure :: young => body_young
+    procedure :: destroy => body_destroy
+  end type body_t
+
+  public :: node_graph, strain_energy, free_rigid_motions
+
+contains
+
+  !> Make the stiffness matrix and the right-hand side.
+  subroutine body_assemble(self, error)
+    class(body_t), intent(inout) :: self
+    !> Allocated where an element is inverted or the factor on the stiffness is not positive.
+    type(error_t), allocatable, intent(out) :: error
+    type(block_places_t) :: places
+    if (.not. allocated(self%graph_start)) call node_graph(self%mesh, self%graph_start, self%graph_neighbour)
+    if (.not. allocated(self%load)) allocate (self%load(self%dimension, self%mesh%n_nodes()), source=0.0_dp)
+    if (allocated(self%rhs)) deallocate (self%rhs)
+    allocate (self%rhs(self%constraint%n_equations))
+    call self%constraint%reduce(self%load, self%rhs)
+    call build_pattern(self%dimension, self%constraint%equation, self%graph_start, self%graph_neighbour, places, &
+      self%stiffness)
+    call assemble_stiffness(self%mesh, self%analysis, self%material, self%constraint, places, self%stiffness, self%rhs, &
+      self%volume, self%mean_factor, error)
+  end subroutine body_assemble
+
+  !> Young's modulus for scales: of the softest global direction, mean over the body [pressure].
+  real(dp) function body_young(self) result(young)
+    class(body_t), intent(in) :: self
+    young = self%material%compliance_young()*self%mean_factor
+  end function body_young
+
+  !> Give all memory back.
+  subroutine body_destroy(self)
+    class(body_t), intent(inout) :: self
+    call self%stiffness%destroy()
+    if (allocated(self%rhs)) deallocate (self%rhs)
+    if (allocated(self%load)) deallocate (self%load)
+    if (allocated(self%graph_start)) deallocate (self%graph_start, self%graph_neighbour)
+  end subroutine body_destroy
+
+  !> Strain energy A(u,u)/2 of a displacement, given displacements included [force length].
+  real(dp) function strain_energy(body, u) result(energy)
+    !> The body; assembled before, so that its elements and formulas are known to be sound.
+    type(body_t), intent(in) :: body
+    !> Displacements in global axes (dim, n_nodes) [length].
+    real(dp), intent(in) :: u(:, :)
+    type(error_t), allocatable :: error
+    real(dp), allocatable :: stress(:, :)
+    allocate (stress(6, body%mesh%n_elements()))
+    call recover(body%mesh, body%analysis, body%material, u, stress, energy, error)
+  end function strain_energy
+
+  !> The rigid motions that the supports of a body leave free.
+  subroutine free_rigid_motions(body, n_free, text)
+    !> The body; it need not be assembled.
+    type(body_t), intent(in) :: body
+    !> Number of independent free motions, of all its connected parts together.
+    integer, intent(out) :: n_free
+    !> They in words; empty for none.
+    character(:), allocatable, intent(out) :: text
+    call find_free_motions(body%mesh, body%analysis, body%constraint, n_free, text)
+  end subroutine free_rigid_motions
+end module dotyk_elasticity_body

@@ -1,0 +1,106 @@
+!> Which displacement components of a body are free, and in what axes.
+!>
+!> A node has the global axes or axes of its own (columns of a frame); its unknowns are the displacements along them. Free
+!> unknowns are numbered by nodes, in the order of nodes and axes. Vectors outside are always in global axes.
+module dotyk_elasticity_constraint
+  use dotyk_base_kinds, only: dp
+  implicit none
+  private
+
+  !> Equations and given displacements of a body's nodes.
+  type, public :: constraint_t
+    !> Equation of each node's axis, 0 where its displacement is given (dim, n_nodes).
+    integer, allocatable :: equation(:, :)
+    !> Number of free equations.
+    integer :: n_equations = 0
+    !> Given displacement along the node's axes, 0 where free (dim, n_nodes) [length].
+    real(dp), allocatable :: prescribed(:, :)
+    !> Axes of each node: 0 for the global ones, else an index of `frame` (n_nodes).
+    integer, allocatable :: frame_of(:)
+    !> Axes as columns (dim, dim, n_frames).
+    real(dp), allocatable :: frame(:, :, :)
+  contains
+    procedure :: init => constraint_init
+    procedure :: number_equations => constraint_number_equations
+    procedure :: reduce => constraint_reduce
+    procedure :: expand => constraint_expand
+  end type constraint_t
+
+  !> Mark of an unknown that is given, in `equation` before `number_equations`.
+  integer, parameter, public :: held = 0
+
+contains
+
+  !> All nodes free, in global axes.
+  subroutine constraint_init(self, dim, n_nodes)
+    class(constraint_t), intent(out) :: self
+    !> Number of displacement components.
+    integer, intent(in) :: dim
+    !> Number of nodes.
+    integer, intent(in) :: n_nodes
+    allocate (self%equation(dim, n_nodes), source=1)
+    allocate (self%prescribed(dim, n_nodes), source=0.0_dp)
+    allocate (self%frame_of(n_nodes), source=0)
+    allocate (self%frame(dim, dim, 0))
+    call self%number_equations()
+  end subroutine constraint_init
+
+  !> Number the unknowns that are not held.
+  pure subroutine constraint_number_equations(self)
+    class(constraint_t), intent(inout) :: self
+    integer :: i, k, n
+    n = 0
+    do i = 1, size(self%equation, 2)
+      do k = 1, size(self%equation, 1)
+        if (self%equation(k, i) == held) cycle
+        n = n + 1
+        self%equation(k, i) = n
+      end do
+    end do
+    self%n_equations = n
+  end subroutine constraint_number_equations
+
+  !> Nodal forces to a right-hand side.
+  pure subroutine constraint_reduce(self, force, rhs)
+    class(constraint_t), intent(in) :: self
+    !> Forces in global axes (dim, n_nodes) [force].
+    real(dp), intent(in) :: force(:, :)
+    !> Forces along the free unknowns (n_equations) [force].
+    real(dp), intent(out) :: rhs(:)
+    real(dp) :: local(size(force, 1))
+    integer :: i, k
+    do i = 1, size(force, 2)
+      local = force(:, i)
+      if (self%frame_of(i) > 0) local = matmul(local, self%frame(:, :, self%frame_of(i)))
+      do k = 1, size(local)
+        if (self%equation(k, i) > 0) rhs(self%equation(k, i)) = local(k)
+      end do
+    end do
+  end subroutine constraint_reduce
+
+  !> Free unknowns to displacements.
+  pure subroutine constraint_expand(self, x, u, with_prescribed)
+    class(constraint_t), intent(in) :: self
+    !> Free unknowns (n_equations) [length].
+    real(dp), intent(in) :: x(:)
+    !> Displacements in global axes (dim, n_nodes) [length].
+    real(dp), intent(out) :: u(:, :)
+    !> Whether given displacements are put in; zeros are otherwise.
+    logical, intent(in) :: with_prescribed
+    real(dp) :: local(size(u, 1))
+    integer :: i, k
+    do i = 1, size(u, 2)
+      do k = 1, size(local)
+        if (self%equation(k, i) > 0) then
+          local(k) = x(self%equation(k, i))
+        else if (with_prescribed) then
+          local(k) = self%prescribed(k, i)
+        else
+          local(k) = 0
+        end if
+      end do
+      if (self%frame_of(i) > 0) local = matmul(self%frame(:, :, self%frame_of(i)), local)
+      u(:, i) = local
+    end do
+  end subroutine constraint_expand
+end module dotyk_elasticity_constraint

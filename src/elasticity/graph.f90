@@ -1,0 +1,148 @@
+!> Which nodes of a body share elements.
+module dotyk_elasticity_graph
+  use dotyk_mesh_body_mesh, only: body_mesh_t
+  implicit none
+  private
+  public :: node_graph
+
+contains
+
+  !> Nodal adjacency: the nodes that share an element with each node, ascending, without the node itself.
+  subroutine node_graph(mesh, start, neighbour)
+    !> The body's elements.
+    type(body_mesh_t), intent(in) :: mesh
+    !> First neighbour of each node (n_nodes + 1).
+    integer, allocatable, intent(out) :: start(:)
+    !> Neighbours.
+    integer, allocatable, intent(out) :: neighbour(:)
+    integer, allocatable :: of_node(:), first(:), mark(:), unsorted(:), next(:)
+    integer, allocatable :: flat_start(:), flat(:)
+    integer :: n, i, k, n_elements, n_entries, total
+    n = mesh%n_nodes()
+    ! All elements one after the other, whatever their kind.
+    n_elements = 0
+    n_entries = 0
+    do i = 1, size(mesh%block)
+      n_elements = n_elements + size(mesh%block(i)%node, 2)
+      n_entries = n_entries + size(mesh%block(i)%node)
+    end do
+    allocate (flat_start(n_elements + 1), flat(n_entries))
+    flat_start(1) = 1
+    n_elements = 0
+    n_entries = 0
+    do i = 1, size(mesh%block)
+      call append(size(mesh%block(i)%node, 1), size(mesh%block(i)%node, 2), mesh%block(i)%node, n_elements, n_entries, &
+        flat_start, flat)
+    end do
+    call elements_of_nodes(n, n_elements, flat_start, flat, first, of_node)
+    allocate (start(n + 1), mark(n), source=0)
+    call count_neighbours(n, flat_start, flat, first, of_node, mark, start)
+    total = start(n + 1) - 1
+    allocate (unsorted(total))
+    mark = 0
+    call list_neighbours(n, flat_start, flat, first, of_node, mark, start, unsorted)
+    deallocate (flat, flat_start, of_node, first, mark)
+    ! The graph is symmetric, so that its transpose is itself with sorted rows.
+    allocate (neighbour(total), next(n))
+    next = start(:n)
+    do i = 1, n
+      do k = start(i), start(i + 1) - 1
+        neighbour(next(unsorted(k))) = i
+        next(unsorted(k)) = next(unsorted(k)) + 1
+      end do
+    end do
+  end subroutine node_graph
+
+  !> Append the elements of a block to the list of all.
+  pure subroutine append(n, m, node, n_elements, n_entries, flat_start, flat)
+    integer, intent(in) :: n, m
+    integer, intent(in) :: node(n, m)
+    integer, intent(inout) :: n_elements, n_entries
+    integer, intent(inout) :: flat_start(:), flat(:)
+    integer :: e
+    do e = 1, m
+      flat(n_entries + 1:n_entries + n) = node(:, e)
+      n_entries = n_entries + n
+      n_elements = n_elements + 1
+      flat_start(n_elements + 1) = n_entries + 1
+    end do
+  end subroutine append
+
+  !> The elements of each node.
+  pure subroutine elements_of_nodes(n, n_elements, flat_start, flat, first, of_node)
+    integer, intent(in) :: n, n_elements
+    integer, intent(in) :: flat_start(:), flat(:)
+    !> First element of each node (n + 1).
+    integer, allocatable, intent(out) :: first(:)
+    !> Elements.
+    integer, allocatable, intent(out) :: of_node(:)
+    integer :: e, k
+    allocate (first(n + 2), source=0)
+    allocate (of_node(size(flat)))
+    do k = 1, size(flat)
+      first(flat(k) + 2) = first(flat(k) + 2) + 1
+    end do
+    first(1) = 1
+    first(2) = 1
+    do k = 1, n
+      first(k + 2) = first(k + 2) + first(k + 1)
+    end do
+    do e = 1, n_elements
+      do k = flat_start(e), flat_start(e + 1) - 1
+        of_node(first(flat(k) + 1)) = e
+        first(flat(k) + 1) = first(flat(k) + 1) + 1
+      end do
+    end do
+  end subroutine elements_of_nodes
+
+  !> Count the neighbours of each node.
+  pure subroutine count_neighbours(n, flat_start, flat, first, of_node, mark, start)
+    integer, intent(in) :: n
+    integer, intent(in) :: flat_start(:), flat(:), first(:), of_node(:)
+    !> Work array of zeros (n).
+    integer, intent(inout) :: mark(:)
+    !> First neighbour of each node (n + 1).
+    integer, intent(inout) :: start(:)
+    integer :: i, k, e, p, degree
+    start(1) = 1
+    do i = 1, n
+      degree = 0
+      mark(i) = i
+      do k = first(i), first(i + 1) - 1
+        e = of_node(k)
+        do p = flat_start(e), flat_start(e + 1) - 1
+          if (mark(flat(p)) /= i) then
+            mark(flat(p)) = i
+            degree = degree + 1
+          end if
+        end do
+      end do
+      start(i + 1) = start(i) + degree
+    end do
+  end subroutine count_neighbours
+
+  !> List the neighbours of each node, in any order.
+  pure subroutine list_neighbours(n, flat_start, flat, first, of_node, mark, start, neighbour)
+    integer, intent(in) :: n
+    integer, intent(in) :: flat_start(:), flat(:), first(:), of_node(:)
+    !> Work array of zeros (n).
+    integer, intent(inout) :: mark(:)
+    integer, intent(in) :: start(:)
+    integer, intent(out) :: neighbour(:)
+    integer :: i, k, e, p, last
+    do i = 1, n
+      last = start(i)
+      mark(i) = i
+      do k = first(i), first(i + 1) - 1
+        e = of_node(k)
+        do p = flat_start(e), flat_start(e + 1) - 1
+          if (mark(flat(p)) /= i) then
+            mark(flat(p)) = i
+            neighbour(last) = flat(p)
+            last = last + 1
+          end if
+        end do
+      end do
+    end do
+  end subroutine list_neighbours
+end module dotyk_elasticity_graph

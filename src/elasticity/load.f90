@@ -1,0 +1,200 @@
+!> Loads: tractions and pressures on surfaces, force densities in bodies, as consistent nodal forces.
+!>
+!> A pressure > 0 pushes into the body. A local traction has its components along xi, eta, n, n being the outward normal (eta is
+!> not used in two dimensions). Plane bodies have unit thickness; forces on axisymmetric ones are those of the full turn.
+module dotyk_elasticity_load
+  use dotyk_base_error, only: add_context, error_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_text, only: quoted, text_t
+  use dotyk_elasticity_analysis, only: analysis_axisymmetric, gradient_slots
+  use dotyk_elasticity_assembly, only: bad_element
+  use dotyk_elasticity_element_table, only: element_table_t, load_degree, map_element
+  use dotyk_elasticity_field, only: field_t
+  use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_mesh_element, only: element_kind, element_kind_t, kind_nodes, n_element_kinds, quadrature_rule, shape_functions
+  use dotyk_mesh_facet, only: facet_geometry, frame_of_normal
+  use dotyk_mesh_surface, only: surface_t
+  implicit none
+  private
+
+  !> Force per area, global axes.
+  integer, parameter, public :: load_traction = 1
+  !> Force per area along the inward normal.
+  integer, parameter, public :: load_pressure = 2
+  !> Force per area along xi, eta, n of the surface.
+  integer, parameter, public :: load_local_traction = 3
+  !> Force per volume, global axes.
+  integer, parameter, public :: load_force_density = 4
+
+  !> One load; where it acts is said apart.
+  type, public :: load_t
+    !> One of the constants above.
+    integer :: kind = load_traction
+    !> Its value: a pressure in the first component, else a vector (3) [pressure, or force/volume].
+    real(dp) :: value(3) = 0
+    !> Formulas of the components; an empty one leaves the value. None where not allocated.
+    type(text_t), allocatable :: formula(:)
+  end type load_t
+
+  !> Shape functions at the points of a facet kind's rule.
+  type :: facet_rule_t
+    !> Reference coordinates (dim-1, n_points).
+    real(dp), allocatable :: point(:, :)
+    !> Reference weights (n_points).
+    real(dp), allocatable :: weight(:)
+    !> Shape functions (n_nodes, n_points).
+    real(dp), allocatable :: shape(:, :)
+  end type facet_rule_t
+
+  public :: add_surface_load, add_volume_load
+
+  real(dp), parameter :: two_pi = 6.283185307179586477_dp
+
+contains
+
+  !> Add the nodal forces of a load on a surface.
+  subroutine add_surface_load(mesh, analysis, surface, load, force, error)
+    !> The body's elements.
+    type(body_mesh_t), intent(in) :: mesh
+    !> One of dotyk_elasticity_analysis' constants.
+    integer, intent(in) :: analysis
+    type(surface_t), intent(in) :: surface
+    !> Traction, pressure or local traction.
+    type(load_t), intent(in) :: load
+    !> Nodal forces (dim, n_nodes) [force].
+    real(dp), intent(inout) :: force(:, :)
+    !> Allocated where a formula is wrong.
+    type(error_t), allocatable, intent(out) :: error
+    type(facet_rule_t) :: rule(n_element_kinds)
+    type(field_t) :: field
+    integer :: f
+    call field%init(load%value, error, load%formula)
+    if (.not. allocated(error)) then
+      do f = 1, surface%n_facets
+        associate (kind => surface%kind(f))
+          if (.not. allocated(rule(kind)%weight)) call make_rule(kind, rule(kind))
+          call add_facet(kind, mesh%dimension, kind_nodes(kind), mesh%x, surface%node(:kind_nodes(kind), f), rule(kind), &
+            analysis == analysis_axisymmetric, load%kind, field, force, error)
+        end associate
+        if (allocated(error)) exit
+      end do
+    end if
+    call field%destroy()
+    call add_context(error, 'load on surface '//quoted(surface%name)//': ')
+  end subroutine add_surface_load
+
+  !> Quadrature of a facet kind.
+  subroutine make_rule(kind, rule)
+    integer, intent(in) :: kind
+    type(facet_rule_t), intent(out) :: rule
+    type(element_kind_t) :: properties
+    integer :: q
+    properties = element_kind(kind)
+    call quadrature_rule(kind, load_degree(properties%order), rule%point, rule%weight)
+    allocate (rule%shape(properties%n_nodes, size(rule%weight)))
+    do q = 1, size(rule%weight)
+      call shape_functions(kind, rule%point(:, q), rule%shape(:, q))
+    end do
+  end subroutine make_rule
+
+  !> Add the nodal forces on one facet.
+  subroutine add_facet(kind, dim, n, x, node, rule, axisymmetric, load_kind, field, force, error)
+    integer, intent(in) :: kind, dim, n
+    !> Nodes of the body (dim, n_nodes) [length].
+    real(dp), intent(in) :: x(:, :)
+    !> Nodes of the facet.
+    integer, intent(in) :: node(n)
+    type(facet_rule_t), intent(in) :: rule
+    logical, intent(in) :: axisymmetric
+    !> One of the load kinds on surfaces.
+    integer, intent(in) :: load_kind
+    !> Value of the load.
+    type(field_t), intent(in) :: field
+    real(dp), intent(inout) :: force(:, :)
+    type(error_t), allocatable, intent(out) :: error
+    real(dp) :: corners(dim, n), position(dim), normal(dim), frame(dim, dim), traction(dim), value(3), area
+    integer :: q, a
+    corners = x(:, node)
+    do q = 1, size(rule%weight)
+      call facet_geometry(kind, dim, corners, rule%point(:, q), position, normal, area)
+      area = area*rule%weight(q)
+      if (axisymmetric) area = area*two_pi*position(1)
+      call field%evaluate(position, value, error)
+      if (allocated(error)) return
+      select case (load_kind)
+      case (load_pressure)
+        traction = -value(1)*normal
+      case (load_local_traction)
+        call frame_of_normal(dim, normal, frame)
+        traction = value(1)*frame(:, 1) + value(3)*frame(:, dim)
+        if (dim == 3) traction = traction + value(2)*frame(:, 2)
+      case default
+        traction = value(:dim)
+      end select
+      do a = 1, n
+        force(:, node(a)) = force(:, node(a)) + area*rule%shape(a, q)*traction
+      end do
+    end do
+  end subroutine add_facet
+
+  !> Add the nodal forces of a force density.
+  subroutine add_volume_load(mesh, analysis, load, force, error)
+    !> The body's elements.
+    type(body_mesh_t), intent(in) :: mesh
+    !> One of dotyk_elasticity_analysis' constants.
+    integer, intent(in) :: analysis
+    !> Force density.
+    type(load_t), intent(in) :: load
+    !> Nodal forces (dim, n_nodes) [force].
+    real(dp), intent(inout) :: force(:, :)
+    !> Allocated where a formula is wrong or an element inverted.
+    type(error_t), allocatable, intent(out) :: error
+    type(field_t) :: field
+    integer :: i
+    call field%init(load%value, error, load%formula)
+    if (.not. allocated(error)) then
+      do i = 1, size(mesh%block)
+        call add_block(mesh, i, gradient_slots(analysis), field, force, error)
+        if (allocated(error)) exit
+      end do
+    end if
+    call field%destroy()
+    call add_context(error, 'force density: ')
+  end subroutine add_volume_load
+
+  !> Add the nodal forces of a force density on one block of elements.
+  subroutine add_block(mesh, i_block, slots, field, force, error)
+    type(body_mesh_t), intent(in) :: mesh
+    integer, intent(in) :: i_block, slots
+    type(field_t), intent(in) :: field
+    real(dp), intent(inout) :: force(:, :)
+    type(error_t), allocatable, intent(out) :: error
+    type(element_table_t) :: table
+    type(element_kind_t) :: kind
+    real(dp), allocatable :: x(:, :), g(:), w(:)
+    integer, allocatable :: node(:)
+    real(dp) :: value(3), worst
+    integer :: e, q, a, n, dim
+    kind = element_kind(mesh%block(i_block)%kind)
+    n = kind%n_nodes
+    dim = mesh%dimension
+    call table%init(mesh%block(i_block)%kind, load_degree(kind%order))
+    allocate (x(dim, n), node(n), g(n*slots*table%n_points), w(table%n_points))
+    do e = 1, size(mesh%block(i_block)%node, 2)
+      node(:) = mesh%block(i_block)%node(:, e)
+      x(:, :) = mesh%x(:, node)
+      call map_element(n, dim, slots, table%n_points, table%shape, table%gradient, table%weight, x, g, w, worst)
+      if (.not. worst > 0) then
+        call bad_element(mesh, i_block, e, error)
+        return
+      end if
+      do q = 1, table%n_points
+        call field%evaluate(matmul(x, table%shape(:, q)), value, error)
+        if (allocated(error)) return
+        do a = 1, n
+          force(:, node(a)) = force(:, node(a)) + w(q)*table%shape(a, q)*value(:dim)
+        end do
+      end do
+    end do
+  end subroutine add_block
+end module dotyk_elasticity_load

@@ -1,0 +1,143 @@
+!> From displacements to stresses and energy, with the quadrature of the stiffness.
+module dotyk_elasticity_recovery
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_elasticity_analysis, only: gradient_slots, strain_index
+  use dotyk_elasticity_assembly, only: apply_factor, bad_element, read_factor
+  use dotyk_elasticity_element_table, only: element_table_t, map_element, table_pair_t
+  use dotyk_elasticity_field, only: field_t
+  use dotyk_elasticity_material, only: material_t
+  use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_mesh_element, only: element_kind, element_kind_t
+  implicit none
+  private
+  public :: recover
+
+contains
+
+  !> Mean stress of each element, and the energy of all.
+  subroutine recover(mesh, analysis, material, u, stress, energy, error)
+    type(body_mesh_t), intent(in) :: mesh
+    !> One of dotyk_elasticity_analysis' constants.
+    integer, intent(in) :: analysis
+    type(material_t), intent(in) :: material
+    !> Displacements in global axes (dim, n_nodes) [length].
+    real(dp), intent(in) :: u(:, :)
+    !> Stresses, order xx yy zz yz xz xy (6, n_elements) [pressure].
+    real(dp), intent(out) :: stress(:, :)
+    !> Strain energy [force length].
+    real(dp), intent(out) :: energy
+    !> Allocated where an element or the factor on the stiffness is wrong; assembly finds that first.
+    type(error_t), allocatable, intent(out) :: error
+    type(field_t) :: factor
+    integer :: i, first, last
+    energy = 0
+    stress = 0
+    call read_factor(material, factor, error)
+    if (allocated(error)) return
+    last = 0
+    do i = 1, size(mesh%block)
+      first = last + 1
+      last = last + size(mesh%block(i)%node, 2)
+      call recover_block(mesh, i, analysis, material, factor, u, stress(:, first:last), energy, error)
+      if (allocated(error)) exit
+    end do
+    call factor%destroy()
+  end subroutine recover
+
+  !> The elements of one block.
+  subroutine recover_block(mesh, i_block, analysis, material, factor, u, stress, energy, error)
+    type(body_mesh_t), intent(in) :: mesh
+    integer, intent(in) :: i_block, analysis
+    type(material_t), intent(in) :: material
+    type(field_t), intent(in) :: factor
+    real(dp), intent(in) :: u(:, :)
+    real(dp), intent(inout) :: stress(:, :), energy
+    type(error_t), allocatable, intent(out) :: error
+    type(table_pair_t) :: tables
+    type(element_kind_t) :: kind
+    real(dp), allocatable :: x(:, :), ue(:, :), g(:), w(:), stiffness(:)
+    integer, allocatable :: node(:), strain(:, :)
+    real(dp) :: matrix(6, 6), worst
+    integer :: n, dim, slots, most_points, e, i, s
+    kind = element_kind(mesh%block(i_block)%kind)
+    n = kind%n_nodes
+    dim = mesh%dimension
+    slots = gradient_slots(analysis)
+    matrix = material%plane_matrix(analysis)
+    strain = reshape([((strain_index(analysis, i, s), i=1, dim), s=1, slots)], [dim, slots])
+    call tables%init(mesh%block(i_block)%kind, analysis, .not. factor%constant)
+    most_points = max(tables%straight%n_points, tables%curved%n_points)
+    allocate (x(dim, n), ue(dim, n), node(n), g(n*slots*most_points), w(most_points), stiffness(most_points))
+    do e = 1, size(mesh%block(i_block)%node, 2)
+      node(:) = mesh%block(i_block)%node(:, e)
+      x(:, :) = mesh%x(:, node)
+      ue(:, :) = u(:, node)
+      if (tables%is_curved(x)) then
+        call recover_element(tables%curved)
+      else
+        call recover_element(tables%straight)
+      end if
+      if (allocated(error)) return
+    end do
+
+  contains
+
+    subroutine recover_element(table)
+      type(element_table_t), intent(in) :: table
+      integer :: n_points
+      n_points = table%n_points
+      call map_element(n, dim, slots, n_points, table%shape, table%gradient, table%weight, x, g, w, worst)
+      if (.not. worst > 0) then
+        call bad_element(mesh, i_block, e, error)
+        return
+      end if
+      stiffness(:n_points) = w(:n_points)
+      if (.not. factor%constant) then
+        call apply_factor(factor, table%shape, x, mesh%block(i_block)%tag(e), stiffness(:n_points), error)
+        if (allocated(error)) return
+      end if
+      call element_stress_energy(n, dim, slots, n_points, g, w, stiffness, strain, matrix, ue, stress(:, e), energy)
+    end subroutine recover_element
+  end subroutine recover_block
+
+  !> Mean stress of an element, and its energy added to a sum.
+  pure subroutine element_stress_energy(n, dim, slots, n_points, g, w, stiffness, strain_of, matrix, u, stress, energy)
+    !> Numbers of nodes, displacement components, gradient slots, quadrature points.
+    integer, intent(in) :: n, dim, slots, n_points
+    !> Gradients of the shape functions [1/length].
+    real(dp), intent(in) :: g(n, slots, n_points)
+    !> Weights, and weights times the factor on the stiffness [volume].
+    real(dp), intent(in) :: w(n_points), stiffness(n_points)
+    !> Strain of each component and slot, 0 for none.
+    integer, intent(in) :: strain_of(dim, slots)
+    !> From strains to stresses [pressure].
+    real(dp), intent(in) :: matrix(6, 6)
+    !> Displacements [length].
+    real(dp), intent(in) :: u(dim, n)
+    !> Mean stress [pressure].
+    real(dp), intent(out) :: stress(6)
+    !> Sum of energies [force length].
+    real(dp), intent(inout) :: energy
+    real(dp) :: strain(6), total(6), slope
+    integer :: q, i, s, a
+    total = 0
+    do q = 1, n_points
+      strain = 0
+      do s = 1, slots
+        do i = 1, dim
+          if (strain_of(i, s) == 0) cycle
+          slope = 0
+          do a = 1, n
+            slope = slope + u(i, a)*g(a, s, q)
+          end do
+          strain(strain_of(i, s)) = strain(strain_of(i, s)) + slope
+        end do
+      end do
+      stress = matmul(matrix, strain)
+      energy = energy + 0.5_dp*stiffness(q)*dot_product(strain, stress)
+      total = total + stiffness(q)*stress
+    end do
+    stress = total/sum(w)
+  end subroutine element_stress_energy
+end module dotyk_elasticity_recovery

@@ -1,0 +1,38 @@
+!> Stresses for output.
+module dotyk_elasticity_stress
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_elasticity_body, only: body_t
+  use dotyk_elasticity_recovery, only: recover
+  implicit none
+  private
+  public :: element_stress, von_mises
+
+contains
+
+  !> Mean stress of each element over its volume.
+  subroutine element_stress(body, u, stress)
+    !> The body; assembled before, so that its elements and formulas are known to be sound.
+    type(body_t), intent(in) :: body
+    !> Displacements in global axes (dim, n_nodes) [length].
+    real(dp), intent(in) :: u(:, :)
+    !> Stresses, order xx yy zz xy yz xz, elements in the order of the blocks (6, n_elements) [pressure].
+    real(dp), intent(out) :: stress(:, :)
+    type(error_t), allocatable :: error
+    real(dp) :: energy, shear(3)
+    integer :: e
+    call recover(body%mesh, body%analysis, body%material, u, stress, energy, error)
+    do e = 1, size(stress, 2)
+      shear = stress(4:6, e)
+      stress(4:6, e) = [shear(3), shear(1), shear(2)]
+    end do
+  end subroutine element_stress
+
+  !> Equivalent stress after von Mises [pressure].
+  pure real(dp) function von_mises(stress)
+    !> Stresses xx yy zz and the three shear stresses in any order (6) [pressure].
+    real(dp), intent(in) :: stress(6)
+    von_mises = sqrt(0.5_dp*((stress(1) - stress(2))**2 + (stress(2) - stress(3))**2 + (stress(3) - stress(1))**2) &
+      + 3*(stress(4)**2 + stress(5)**2 + stress(6)**2))
+  end function von_mises
+end module dotyk_elasticity_stress

@@ -1,0 +1,318 @@
+!> Supports: given displacements on surfaces, in global axes or in those of the surface.
+!>
+!> Values are three numbers whatever the dimension: along x, y, z, or along xi, eta, n where `fix` names axes of the surface
+!> (in two dimensions z and eta are not used). n is the outward normal.
+module dotyk_elasticity_support
+  use dotyk_base_error, only: add_context, error_t, exit_bad_input, set_error
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_text, only: quoted, text_t, to_text
+  use dotyk_elasticity_analysis, only: analysis_axisymmetric
+  use dotyk_elasticity_constraint, only: constraint_t, held
+  use dotyk_elasticity_face_normals, only: add_face_normals, group_normals
+  use dotyk_elasticity_field, only: field_t, place_text, vector_text
+  use dotyk_elasticity_node_axes, only: combine_demands, node_axes_t
+  use dotyk_elasticity_node_list, only: node_list_t
+  use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_mesh_facet, only: frame_of_normal
+  use dotyk_mesh_surface, only: surface_nodes, surface_t
+  implicit none
+  private
+
+  !> One support.
+  type, public :: support_t
+    !> Where.
+    type(surface_t) :: surface
+    !> What is held: letters x, y, z; or xi, eta, n, t (both tangents).
+    character(:), allocatable :: fix
+    !> Given displacement (3) [length].
+    real(dp) :: value(3) = 0
+    !> Formulas of the given displacement (3); an empty one leaves the value. None where not allocated.
+    type(text_t), allocatable :: formula(:)
+  end type support_t
+
+  public :: collect_supports, parse_fix
+
+contains
+
+  !> What the letters of `fix` hold.
+  subroutine parse_fix(fix, dim, local, fixed, error)
+    !> Letters x, y, z; or xi, eta, n, t; blanks and commas do not count.
+    character(*), intent(in) :: fix
+    !> Dimension.
+    integer, intent(in) :: dim
+    !> Whether the axes are those of the surface.
+    logical, intent(out) :: local
+    !> Whether displacements along x, y, z or xi, eta, n are given.
+    logical, intent(out) :: fixed(3)
+    !> Allocated where the text is something else.
+    type(error_t), allocatable, intent(out) :: error
+    logical :: global
+    integer :: i
+    local = .false.
+    global = .false.
+    fixed = .false.
+    i = 1
+    do while (i <= len_trim(fix))
+      if (fix(i:min(i + 1, len(fix))) == 'xi') then
+        local = .true.
+        fixed(1) = .true.
+        i = i + 1
+      else if (fix(i:min(i + 2, len(fix))) == 'eta') then
+        local = .true.
+        fixed(2) = .true.
+        i = i + 2
+      else if (fix(i:i) == 't') then
+        local = .true.
+        fixed(1:dim - 1) = .true.
+      else if (fix(i:i) == 'n') then
+        local = .true.
+        fixed(3) = .true.
+      else if (index('xyz', fix(i:i)) > 0) then
+        global = .true.
+        fixed(index('xyz', fix(i:i))) = .true.
+      else if (index(' ,', fix(i:i)) == 0) then
+        global = .true.
+        local = .true.
+      end if
+      i = i + 1
+    end do
+    if ((local .and. global) .or. .not. any(fixed)) then
+      call set_error(error, 'fix = '//quoted(fix)//' must have letters of x, y, z, or of xi, eta, n, t (both tangents)')
+    else if (dim == 2 .and. local .and. fixed(2)) then
+      call set_error(error, 'fix = '//quoted(fix)//': there is no eta in two dimensions')
+    else if (dim == 2 .and. .not. local .and. fixed(3)) then
+      call set_error(error, 'fix = '//quoted(fix)//': there is no z in two dimensions')
+    end if
+  end subroutine parse_fix
+
+  !> Free and given unknowns of a body from all its supports.
+  !>
+  !> At a node on several surfaces, or on several faces of one, all directions count. Normals of a surface, or of surfaces with
+  !> the same `fix`, that are within 20 degrees are averaged; others count separately. In axisymmetric analyses nodes on the
+  !> axis do not move off it.
+  subroutine collect_supports(mesh, analysis, supports, constraint, error)
+    !> The body's elements.
+    type(body_mesh_t), intent(in) :: mesh
+    !> One of dotyk_elasticity_analysis' constants.
+    integer, intent(in) :: analysis
+    !> Its supports.
+    type(support_t), intent(in) :: supports(:)
+    !> Free and given unknowns, numbered.
+    type(constraint_t), intent(out) :: constraint
+    !> Allocated where a support cannot be used, or two contradict.
+    type(error_t), allocatable, intent(out) :: error
+    type(node_list_t) :: demands, faces
+    type(field_t) :: fields(size(supports))
+    logical :: local(size(supports)), fixed(3, size(supports))
+    integer :: s
+    call constraint%init(mesh%dimension, mesh%n_nodes())
+    call demands%init(mesh%dimension)
+    call faces%init(mesh%dimension)
+    do s = 1, size(supports)
+      call parse_fix(supports(s)%fix, mesh%dimension, local(s), fixed(:, s), error)
+      if (.not. allocated(error)) call fields(s)%init(supports(s)%value, error, supports(s)%formula)
+      if (.not. allocated(error)) then
+        if (local(s)) then
+          call add_face_normals(mesh%x, supports(s)%surface, s, faces)
+        else
+          call add_global_demands(mesh%x, supports(s)%surface, s, fixed(:, s), fields(s), demands, error)
+        end if
+      end if
+      if (allocated(error)) then
+        call add_context(error, 'support of surface '//quoted(supports(s)%surface%name)//': ')
+        exit
+      end if
+    end do
+    if (.not. allocated(error)) call add_local_demands(mesh%x, supports, fixed, fields, faces, demands, error)
+    do s = 1, size(supports)
+      call fields(s)%destroy()
+    end do
+    if (allocated(error)) return
+    if (analysis == analysis_axisymmetric) call add_axis_demands(mesh%x, demands)
+    call apply_demands(mesh, supports, demands, constraint, error)
+    if (allocated(error)) return
+    call constraint%number_equations()
+  end subroutine collect_supports
+
+  !> What a support in global axes demands of the nodes of its surface.
+  subroutine add_global_demands(x, surface, s, fixed, field, demands, error)
+    !> Nodes of the body (dim, n_nodes) [length].
+    real(dp), intent(in) :: x(:, :)
+    type(surface_t), intent(in) :: surface
+    !> Index of the support.
+    integer, intent(in) :: s
+    !> Whether the displacements along x, y, z are given.
+    logical, intent(in) :: fixed(3)
+    !> The displacement [length].
+    type(field_t), intent(in) :: field
+    type(node_list_t), intent(inout) :: demands
+    type(error_t), allocatable, intent(out) :: error
+    integer, allocatable :: nodes(:)
+    real(dp) :: value(3), axis(size(x, 1))
+    integer :: i, k
+    call surface_nodes(surface, nodes)
+    do i = 1, size(nodes)
+      call field%evaluate(x(:, nodes(i)), value, error)
+      if (allocated(error)) return
+      do k = 1, size(axis)
+        if (.not. fixed(k)) cycle
+        axis = 0
+        axis(k) = 1
+        call demands%add(nodes(i), s, axis, value(k))
+      end do
+    end do
+  end subroutine add_global_demands
+
+  !> What the supports in the axes of their surfaces demand, face by face.
+  subroutine add_local_demands(x, supports, fixed, fields, faces, demands, error)
+    !> Nodes of the body (dim, n_nodes) [length].
+    real(dp), intent(in) :: x(:, :)
+    type(support_t), intent(in) :: supports(:)
+    !> Whether the displacements along xi, eta, n are given (3, n_supports).
+    logical, intent(in) :: fixed(:, :)
+    !> The displacements [length].
+    type(field_t), intent(in) :: fields(:)
+    !> Normals of the faces at the nodes.
+    type(node_list_t), intent(in) :: faces
+    type(node_list_t), intent(inout) :: demands
+    type(error_t), allocatable, intent(out) :: error
+    integer, allocatable :: first(:), order(:), signature(:), group(:)
+    real(dp), allocatable :: normal(:, :), area(:), mean(:, :)
+    integer :: node, g, i, n, dim, n_groups
+    dim = size(x, 1)
+    call faces%by_node(size(x, 2), first, order)
+    do node = 1, size(x, 2)
+      n = first(node + 1) - first(node)
+      if (n == 0) cycle
+      associate (here => order(first(node):first(node + 1) - 1))
+        normal = faces%direction(:, here)
+        area = faces%value(here)
+        signature = [(sum(merge([1, 2, 4], 0, fixed(:, faces%source(here(i))))), i=1, n)]
+        if (allocated(group)) deallocate (group, mean)
+        allocate (group(n), mean(dim, n))
+        call group_normals(dim, n, normal, area, signature, group, n_groups, mean)
+        do g = 1, n_groups
+          do i = 1, n
+            if (group(i) /= g) cycle
+            ! Each support of a group once.
+            if (any(group(:i - 1) == g .and. faces%source(here(:i - 1)) == faces%source(here(i)))) cycle
+            call add_face_demands(x(:, node), node, mean(:, g), faces%source(here(i)), fixed(:, faces%source(here(i))), &
+              fields(faces%source(here(i))), demands, error)
+            if (allocated(error)) then
+              call add_context(error, 'support of surface '//quoted(supports(faces%source(here(i)))%surface%name)//': ')
+              return
+            end if
+          end do
+        end do
+      end associate
+    end do
+  end subroutine add_local_demands
+
+  !> What one support demands of a node on one smooth face.
+  subroutine add_face_demands(x, node, normal, s, fixed, field, demands, error)
+    !> Place of the node (dim) [length].
+    real(dp), intent(in) :: x(:)
+    integer, intent(in) :: node
+    !> Unit normal of the face.
+    real(dp), intent(in) :: normal(:)
+    !> Index of the support.
+    integer, intent(in) :: s
+    !> Whether the displacements along xi, eta, n are given.
+    logical, intent(in) :: fixed(3)
+    !> The displacement along xi, eta, n [length].
+    type(field_t), intent(in) :: field
+    type(node_list_t), intent(inout) :: demands
+    type(error_t), allocatable, intent(out) :: error
+    real(dp) :: value(3), frame(size(x), size(x))
+    call field%evaluate(x, value, error)
+    if (allocated(error)) return
+    call frame_of_normal(size(x), normal, frame)
+    if (fixed(1)) call demands%add(node, s, frame(:, 1), value(1))
+    if (fixed(2)) call demands%add(node, s, frame(:, 2), value(2))
+    if (fixed(3)) call demands%add(node, s, frame(:, size(x)), value(3))
+  end subroutine add_face_demands
+
+  !> Nodes on the axis of an axisymmetric body do not move off it.
+  subroutine add_axis_demands(x, demands)
+    !> Nodes of the body (2, n_nodes) [length].
+    real(dp), intent(in) :: x(:, :)
+    type(node_list_t), intent(inout) :: demands
+    real(dp) :: body_size
+    integer :: i
+    body_size = max(maxval(abs(x(1, :))), maxval(x(2, :)) - minval(x(2, :)))
+    do i = 1, size(x, 2)
+      if (abs(x(1, i)) <= 1.0e-9_dp*body_size) call demands%add(i, 0, [1.0_dp, 0.0_dp], 0.0_dp)
+    end do
+  end subroutine add_axis_demands
+
+  !> Turn the demands into given unknowns, node by node.
+  subroutine apply_demands(mesh, supports, demands, constraint, error)
+    type(body_mesh_t), intent(in) :: mesh
+    type(support_t), intent(in) :: supports(:)
+    type(node_list_t), intent(in) :: demands
+    type(constraint_t), intent(inout) :: constraint
+    type(error_t), allocatable, intent(out) :: error
+    type(node_axes_t) :: axes
+    integer, allocatable :: first(:), order(:)
+    real(dp), allocatable :: frame(:, :, :), direction(:, :), value(:)
+    real(dp) :: tolerance
+    integer :: node, n, n_frames, dim
+    dim = mesh%dimension
+    tolerance = 0
+    if (demands%n > 0) tolerance = 1.0e-9_dp*maxval(abs(demands%value(:demands%n)))
+    call demands%by_node(mesh%n_nodes(), first, order)
+    n_frames = 0
+    allocate (frame(dim, dim, count(first(2:mesh%n_nodes() + 1) > first(:mesh%n_nodes()))))
+    do node = 1, mesh%n_nodes()
+      n = first(node + 1) - first(node)
+      if (n == 0) cycle
+      direction = demands%direction(:, order(first(node):first(node + 1) - 1))
+      value = demands%value(order(first(node):first(node + 1) - 1))
+      axes = combine_demands(dim, n, direction, value, tolerance)
+      if (axes%contradiction > 0) then
+        call contradiction_error(mesh, supports, node, demands%source(order(first(node):first(node + 1) - 1)), axes, &
+          direction(:, axes%contradiction), error)
+        return
+      end if
+      where (axes%is_given(:dim)) constraint%equation(:, node) = held
+      constraint%prescribed(:, node) = axes%value(:dim)
+      if (axes%is_global) cycle
+      n_frames = n_frames + 1
+      frame(:, :, n_frames) = axes%frame(:dim, :dim)
+      constraint%frame_of(node) = n_frames
+    end do
+    constraint%frame = frame(:, :, :n_frames)
+  end subroutine apply_demands
+
+  !> The error of supports that contradict each other at a node.
+  subroutine contradiction_error(mesh, supports, node, source, axes, direction, error)
+    type(body_mesh_t), intent(in) :: mesh
+    type(support_t), intent(in) :: supports(:)
+    integer, intent(in) :: node
+    !> Supports of all demands at the node.
+    integer, intent(in) :: source(:)
+    type(node_axes_t), intent(in) :: axes
+    !> Direction of the demand that contradicts the others.
+    real(dp), intent(in) :: direction(:)
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: names, name
+    real(dp) :: unit(size(direction)), sign
+    integer :: i
+    names = ''
+    do i = 1, size(source)
+      if (any(source(:i - 1) == source(i))) cycle
+      name = 'the axis of symmetry'
+      if (source(i) > 0) name = quoted(supports(source(i))%surface%name)
+      if (len(names) > 0) names = names//', '
+      names = names//name
+    end do
+    unit = direction
+    ! Along an axis rather than against it, so that the numbers look like those of the input.
+    sign = 1
+    if (maxval(unit) < maxval(abs(unit))) sign = -1
+    unit = sign*unit
+    call set_error(error, 'supports contradict each other at node '//to_text(mesh%node_tag(node))//' at '// &
+      place_text(mesh%x(:, node))//' (surfaces '//names//'): the displacement along '//vector_text(unit, 1.0_dp)// &
+      ' is given as '//to_text(sign*axes%implied)//' and as '//to_text(sign*axes%demanded), exit_bad_input)
+  end subroutine contradiction_error
+end module dotyk_elasticity_support

@@ -1,0 +1,314 @@
+!> Bodies for tests: the unit square or cube, or an image of it, from elements of any kind, without a mesh file.
+module test_bodies
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp, int64
+  use dotyk_elasticity_analysis, only: analysis_dimension
+  use dotyk_elasticity_body, only: body_t
+  use dotyk_elasticity_material, only: material_t
+  use dotyk_elasticity_support, only: collect_supports, support_t
+  use dotyk_linalg_cholesky, only: cholesky_t
+  use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_mesh_element, only: element_kind, element_kind_t, element_tet4, element_tri3, element_hex8, element_quad4, &
+    max_facet_nodes, reference_nodes, shape_functions
+  use dotyk_mesh_surface, only: surface_t
+  implicit none
+  private
+
+  !> Distortions of the mesh: none; corners inside moved about, edges straight; a smooth map, edges curved.
+  integer, parameter, public :: undistorted = 0, straight = 1, curved = 2
+
+  !> A meshed unit square or cube.
+  type, public :: box_t
+    !> Its elements.
+    type(body_mesh_t) :: mesh
+    !> Number of cells along each axis.
+    integer :: cells = 0
+    !> Place of each node in a lattice of half cells (dim, n_nodes).
+    integer, allocatable :: lattice(:, :)
+  contains
+    procedure :: init => box_init
+    procedure :: side => box_side
+    procedure :: sides => box_sides
+    procedure :: transform => box_transform
+  end type box_t
+
+  public :: make_support, make_body, solve, rotation, body_force_of, steel
+
+contains
+
+  !> Mesh the unit square or cube.
+  subroutine box_init(self, kind, cells, distortion)
+    class(box_t), intent(out) :: self
+    !> Element kind.
+    integer, intent(in) :: kind
+    !> Number of cells along each axis; one of triangles has two elements, of tetrahedra six, of prisms two.
+    integer, intent(in) :: cells
+    !> One of the constants above.
+    integer, intent(in) :: distortion
+    type(element_kind_t) :: properties
+    real(dp), allocatable :: xi(:, :), corner(:, :, :), x(:), linear(:)
+    integer, allocatable :: number(:), place(:, :), node(:, :)
+    integer :: dim, n, pieces, cell, piece, a, e, key, n_nodes, origin(3), d
+    properties = element_kind(kind)
+    dim = properties%dimension
+    n = properties%n_nodes
+    self%cells = cells
+    allocate (xi(dim, n))
+    call reference_nodes(kind, xi)
+    call split_cell(properties, corner)
+    pieces = size(corner, 3)
+    allocate (number(0:(2*cells + 1)**dim - 1), source=0)
+    allocate (place(dim, (2*cells + 1)**dim), node(n, pieces*cells**dim), x(dim))
+    allocate (linear(properties%n_corners))
+    n_nodes = 0
+    e = 0
+    do cell = 0, cells**dim - 1
+      origin = [mod(cell, cells), mod(cell/cells, cells), cell/cells**2]
+      do piece = 1, pieces
+        e = e + 1
+        do a = 1, n
+          call shape_functions(properties%corner_kind, xi(:, a), linear)
+          x = 2*(origin(:dim) + matmul(corner(:, :, piece), linear))
+          key = 0
+          do d = dim, 1, -1
+            key = key*(2*cells + 1) + nint(x(d))
+          end do
+          if (number(key) == 0) then
+            n_nodes = n_nodes + 1
+            number(key) = n_nodes
+            place(:, n_nodes) = nint(x)
+          end if
+          node(a, e) = number(key)
+        end do
+      end do
+    end do
+    self%lattice = place(:, :n_nodes)
+    self%mesh%file = 'box'
+    self%mesh%dimension = dim
+    allocate (self%mesh%x(dim, n_nodes), self%mesh%node_tag(n_nodes), self%mesh%block(1))
+    self%mesh%node_tag = [(int(a, int64) + 100, a=1, n_nodes)]
+    self%mesh%block(1)%kind = kind
+    self%mesh%block(1)%node = node
+    self%mesh%block(1)%tag = [(int(e, int64) + 1000, e=1, size(node, 2))]
+    self%mesh%x = real(self%lattice, dp)/(2*cells)
+    if (distortion == straight) call move_corners(self, properties)
+    if (distortion == curved) call bend(self)
+  end subroutine box_init
+
+  !> Corners of the elements of a unit cell.
+  subroutine split_cell(properties, corner)
+    type(element_kind_t), intent(in) :: properties
+    !> (dim, n_corners, n_pieces)
+    real(dp), allocatable, intent(out) :: corner(:, :, :)
+    integer, parameter :: order(3, 6) = reshape([1, 2, 3, 2, 3, 1, 3, 1, 2, 1, 3, 2, 3, 2, 1, 2, 1, 3], [3, 6])
+    real(dp), allocatable :: xi(:, :)
+    integer :: i, k
+    select case (properties%corner_kind)
+    case (element_quad4, element_hex8)
+      allocate (corner(properties%dimension, properties%n_corners, 1), xi(properties%dimension, properties%n_corners))
+      call reference_nodes(properties%corner_kind, xi)
+      corner(:, :, 1) = 0.5_dp*(xi + 1)
+    case (element_tri3)
+      corner = reshape(real([0, 0, 1, 0, 0, 1, 1, 1, 0, 1, 1, 0], dp), [2, 3, 2])
+    case (element_tet4)
+      allocate (corner(3, 4, 6), source=0.0_dp)
+      do i = 1, 6
+        do k = 1, 3
+          corner(:, k + 1, i) = corner(:, k, i)
+          corner(order(k, i), k + 1, i) = 1
+        end do
+        if (i > 3) corner(:, 2:3, i) = corner(:, [3, 2], i)
+      end do
+    case default
+      corner = reshape(real([0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 1, 0, 1, 0, 1, 1, &
+        1, 1, 0, 0, 1, 0, 1, 0, 0, 1, 1, 1, 0, 1, 1, 1, 0, 1], dp), [3, 6, 2])
+    end select
+  end subroutine split_cell
+
+  !> Move the corners inside the box about, and put the other nodes where they belong on straight elements.
+  subroutine move_corners(self, properties)
+    type(box_t), intent(inout) :: self
+    type(element_kind_t), intent(in) :: properties
+    real(dp), allocatable :: xi(:, :), linear(:)
+    integer :: i, e, a, d
+    do i = 1, size(self%lattice, 2)
+      if (any(mod(self%lattice(:, i), 2) /= 0)) cycle
+      if (any(self%lattice(:, i) == 0 .or. self%lattice(:, i) == 2*self%cells)) cycle
+      do d = 1, self%mesh%dimension
+        self%mesh%x(d, i) = self%mesh%x(d, i) + 0.15_dp/self%cells*sin(12.9898_dp*i + 78.233_dp*d)
+      end do
+    end do
+    if (properties%order == 1) return
+    allocate (xi(properties%dimension, properties%n_nodes), linear(properties%n_corners))
+    call reference_nodes(self%mesh%block(1)%kind, xi)
+    do e = 1, self%mesh%n_elements()
+      associate (node => self%mesh%block(1)%node(:, e))
+        do a = properties%n_corners + 1, properties%n_nodes
+          call shape_functions(properties%corner_kind, xi(:, a), linear)
+          self%mesh%x(:, node(a)) = matmul(self%mesh%x(:, node(:properties%n_corners)), linear)
+        end do
+      end associate
+    end do
+  end subroutine move_corners
+
+  !> Map the box smoothly on itself.
+  subroutine bend(self)
+    type(box_t), intent(inout) :: self
+    real(dp), parameter :: pi = acos(-1.0_dp), direction(3) = [1.0_dp, -0.7_dp, 0.4_dp]
+    real(dp) :: bump
+    integer :: i
+    do i = 1, size(self%lattice, 2)
+      bump = 0.05_dp*product(sin(pi*self%mesh%x(:, i)))
+      self%mesh%x(:, i) = self%mesh%x(:, i) + bump*direction(:self%mesh%dimension)
+    end do
+  end subroutine bend
+
+  !> One side of the box.
+  function box_side(self, axis, far) result(surface)
+    class(box_t), intent(in) :: self
+    !> Axis to which it is normal.
+    integer, intent(in) :: axis
+    !> Whether it is the side at 1; else that at 0.
+    logical, intent(in) :: far
+    type(surface_t) :: surface
+    surface = self%sides([merge(axis, -axis, far)])
+  end function box_side
+
+  !> Several sides of the box as one surface.
+  function box_sides(self, chosen) result(surface)
+    class(box_t), intent(in) :: self
+    !> Axes, negative for the sides at 0.
+    integer, intent(in) :: chosen(:)
+    type(surface_t) :: surface
+    type(element_kind_t) :: properties, face
+    integer :: e, f, s, level, pass
+    integer, allocatable :: node(:)
+    properties = element_kind(self%mesh%block(1)%kind)
+    surface%name = merge('several', merge('right  ', 'left   ', chosen(1) > 0), size(chosen) > 1)
+    surface%dimension = self%mesh%dimension
+    do pass = 1, 2
+      surface%n_facets = 0
+      do e = 1, self%mesh%n_elements()
+        do f = 1, properties%n_faces
+          face = element_kind(properties%face_kind(f))
+          node = self%mesh%block(1)%node(properties%face_node(:face%n_nodes, f), e)
+          do s = 1, size(chosen)
+            level = merge(2*self%cells, 0, chosen(s) > 0)
+            if (any(self%lattice(abs(chosen(s)), node) /= level)) cycle
+            surface%n_facets = surface%n_facets + 1
+            if (pass == 1) cycle
+            surface%kind(surface%n_facets) = properties%face_kind(f)
+            surface%node(:face%n_nodes, surface%n_facets) = node
+            surface%block(surface%n_facets) = 1
+            surface%element(surface%n_facets) = e
+            surface%tag(surface%n_facets) = surface%n_facets
+          end do
+        end do
+      end do
+      if (pass == 2) cycle
+      allocate (surface%kind(surface%n_facets), surface%block(surface%n_facets), surface%element(surface%n_facets))
+      allocate (surface%tag(surface%n_facets), surface%node(max_facet_nodes, surface%n_facets))
+      surface%node = 0
+    end do
+  end function box_sides
+
+  !> Map all nodes linearly: x <- matrix x + shift.
+  subroutine box_transform(self, matrix, shift)
+    class(box_t), intent(inout) :: self
+    real(dp), intent(in) :: matrix(:, :), shift(:)
+    integer :: i
+    do i = 1, size(self%mesh%x, 2)
+      self%mesh%x(:, i) = matmul(matrix, self%mesh%x(:, i)) + shift
+    end do
+  end subroutine box_transform
+
+  !> A support.
+  function make_support(surface, fix, value) result(support)
+    type(surface_t), intent(in) :: surface
+    character(*), intent(in) :: fix
+    real(dp), intent(in), optional :: value(3)
+    type(support_t) :: support
+    support%surface = surface
+    support%fix = fix
+    if (present(value)) support%value = value
+  end function make_support
+
+  !> A body from a box, its supports collected.
+  subroutine make_body(box, analysis, material, supports, body, error)
+    type(box_t), intent(in) :: box
+    integer, intent(in) :: analysis
+    type(material_t), intent(in) :: material
+    type(support_t), intent(in) :: supports(:)
+    type(body_t), intent(out) :: body
+    type(error_t), allocatable, intent(out) :: error
+    body%name = 'box'
+    body%analysis = analysis
+    body%dimension = analysis_dimension(analysis)
+    body%mesh = box%mesh
+    body%material = material
+    allocate (body%load(body%dimension, box%mesh%n_nodes()), source=0.0_dp)
+    call collect_supports(body%mesh, analysis, supports, body%constraint, error)
+  end subroutine make_body
+
+  !> Assemble and solve.
+  subroutine solve(body, u, error)
+    type(body_t), intent(inout) :: body
+    !> Displacements in global axes (dim, n_nodes).
+    real(dp), allocatable, intent(out) :: u(:, :)
+    type(error_t), allocatable, intent(out) :: error
+    type(cholesky_t) :: factor
+    real(dp), allocatable :: x(:)
+    integer :: i, failed
+    allocate (u(body%dimension, body%mesh%n_nodes()))
+    call body%assemble(error)
+    if (allocated(error)) return
+    call factor%analyze(body%stiffness, [(i, i=1, body%stiffness%n)], error)
+    if (allocated(error)) return
+    call factor%factorize(body%stiffness, failed, error)
+    if (.not. allocated(error)) then
+      x = body%rhs
+      call factor%solve(x)
+      call body%constraint%expand(x, u, .true.)
+    end if
+    call factor%destroy()
+  end subroutine solve
+
+  !> Forces K u of all nodes in global axes, for a body without supports.
+  subroutine body_force_of(body, u, force)
+    type(body_t), intent(in) :: body
+    real(dp), intent(in) :: u(:, :)
+    real(dp), allocatable, intent(out) :: force(:, :)
+    real(dp), allocatable :: x(:), y(:)
+    x = reshape(u, [size(u)])
+    allocate (y(size(u)))
+    call body%stiffness%multiply(x, y)
+    force = reshape(y, shape(u))
+  end subroutine body_force_of
+
+  !> A rotation about a skew axis in three dimensions, in the plane in two.
+  function rotation(dim, angle) result(matrix)
+    integer, intent(in) :: dim
+    !> [radian]
+    real(dp), intent(in) :: angle
+    real(dp) :: matrix(dim, dim)
+    real(dp) :: axis(3), k(3, 3)
+    integer :: i
+    if (dim == 2) then
+      matrix = reshape([cos(angle), sin(angle), -sin(angle), cos(angle)], [2, 2])
+      return
+    end if
+    axis = [1.0_dp, -2.0_dp, 2.0_dp]/3
+    k = reshape([0.0_dp, axis(3), -axis(2), -axis(3), 0.0_dp, axis(1), axis(2), -axis(1), 0.0_dp], [3, 3])
+    matrix = sin(angle)*k + (1 - cos(angle))*matmul(k, k)
+    do i = 1, 3
+      matrix(i, i) = matrix(i, i) + 1
+    end do
+  end function rotation
+
+  !> An isotropic material with Young's modulus 2 and Poisson's ratio 0.3.
+  function steel() result(material)
+    type(material_t) :: material
+    type(error_t), allocatable :: error
+    call material%init_isotropic('steel', 2.0_dp, 0.3_dp, error)
+  end function steel
+end module test_bodies
