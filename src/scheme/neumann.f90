@@ -135,7 +135,8 @@ contains
           best = measure
           best_step = k
         else if (k - best_step > patience) then
-          result%ended = ended_stalled
+          ! Too large a gamma makes points flip open and shut for ever: no growth, but no gain either.
+          result%ended = merge(ended_diverged, ended_stalled, gamma >= gamma_limit(result%lambda_max))
           exit
         end if
         if (log%due()) call log%progress(progress_line(result%history, settings%tolerance, measure))
