@@ -87,18 +87,22 @@ contains
   end subroutine init_stiffness
 
   !> Tables for the forces of a force density.
-  subroutine init_load(self, kind, varying)
+  subroutine init_load(self, kind, analysis, varying)
     class(table_pair_t), intent(out) :: self
     !> Element kind.
     integer, intent(in) :: kind
+    !> One of dotyk_elasticity_analysis' constants.
+    integer, intent(in) :: analysis
     !> Whether the force density varies.
     logical, intent(in) :: varying
     type(element_kind_t) :: properties
     integer :: degree
     properties = element_kind(kind)
     degree = load_degree(properties%order)
-    ! A shape function and the radius.
-    if (is_simplex(properties%corner_kind) .and. .not. varying) degree = properties%order + 1
+    if (is_simplex(properties%corner_kind) .and. .not. varying) then
+      ! A shape function, and the radius.
+      degree = properties%order + merge(1, 0, analysis == analysis_axisymmetric)
+    end if
     call init_pair(self, kind, properties, degree, load_degree(properties%order))
   end subroutine init_load
 

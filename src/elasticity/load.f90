@@ -154,7 +154,7 @@ contains
     call field%init(load%value, error, load%formula)
     if (.not. allocated(error)) then
       do i = 1, size(mesh%block)
-        call add_block(mesh, i, gradient_slots(analysis), field, force, error)
+        call add_block(mesh, i, analysis, field, force, error)
         if (allocated(error)) exit
       end do
     end if
@@ -163,9 +163,9 @@ contains
   end subroutine add_volume_load
 
   !> Add the nodal forces of a force density on one block of elements.
-  subroutine add_block(mesh, i_block, slots, field, force, error)
+  subroutine add_block(mesh, i_block, analysis, field, force, error)
     type(body_mesh_t), intent(in) :: mesh
-    integer, intent(in) :: i_block, slots
+    integer, intent(in) :: i_block, analysis
     type(field_t), intent(in) :: field
     real(dp), intent(inout) :: force(:, :)
     type(error_t), allocatable, intent(out) :: error
@@ -173,11 +173,12 @@ contains
     type(element_kind_t) :: kind
     real(dp), allocatable :: x(:, :), g(:), w(:)
     integer, allocatable :: node(:)
-    integer :: e, n, dim, most_points
+    integer :: e, n, dim, slots, most_points
     kind = element_kind(mesh%block(i_block)%kind)
     n = kind%n_nodes
     dim = mesh%dimension
-    call tables%init_load(mesh%block(i_block)%kind, .not. field%constant)
+    slots = gradient_slots(analysis)
+    call tables%init_load(mesh%block(i_block)%kind, analysis, .not. field%constant)
     most_points = max(tables%straight%n_points, tables%curved%n_points)
     allocate (x(dim, n), node(n), g(n*slots*most_points), w(most_points))
     do e = 1, size(mesh%block(i_block)%node, 2)
