@@ -82,7 +82,10 @@ contains
     call make_directory(directory)
     if (.not. is_writable_directory(directory)) then
       cache = environment_value('XDG_CACHE_HOME')
-      if (len(cache) == 0) cache = environment_value('HOME')//'/.cache'
+      if (len(cache) == 0) then
+        cache = environment_value('HOME')//'/.cache'
+        if (cache == '/.cache') cache = '/tmp'
+      end if
       call make_directory(cache)
       call make_directory(cache//'/dotyk')
       if (.not. is_writable_directory(cache//'/dotyk')) then
@@ -170,7 +173,8 @@ contains
     else if (index(counts, ' 0 elements') > 0) then
       call set_error(error, geo_file//': gmsh made no elements: the geometry is empty')
     else if (.not. is_whole(temporary//'.msh')) then
-      call set_error(error, geo_file//': gmsh did not write the whole mesh '//temporary//'.msh: is the disk full?')
+      call set_error(error, geo_file//': gmsh did not write a whole mesh to '//directory_of(base)// &
+                     ': does the geometry set Mesh.Format or call Exit, or is the disk full?')
     else if (.not. rename_file(temporary//'.msh', base//'.msh')) then
       call set_error(error, base//'.msh: cannot be written', exit_not_written)
     end if
