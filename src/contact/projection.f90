@@ -56,6 +56,8 @@ module dotyk_contact_projection
 
   !> A point this near to an edge lies on it, relative to the facet's size (DESIGN.md, section 4).
   real(dp), parameter :: edge_tolerance = 1e-8_dp
+  !> Closest points of two facets that share an edge are the same when nearer than this, relative to the facet's size.
+  real(dp), parameter :: same_point = 1e-6_dp
   !> Facets at one corner that are looked at.
   integer, parameter :: most_around = 64
 
@@ -130,8 +132,10 @@ contains
     integer :: around(most_around), kept(most_around), n_around, n_kept, i, k, other, n_on, on(2), best
     real(dp) :: its_xi(2, most_around), its_position(3, most_around), its_normal(3, most_around), facing(most_around)
     real(dp) :: xu(3, most_around), xv(3, most_around), square
+    real(dp) :: its_closest(2), closest(3), dummy(3), dummy_u(3), dummy_v(3)
     call facets_around(self%adjacency, self%set%corners(facet), facet, n_edges, edges, n_around, around)
     n_kept = 0
+    inside = .true.
     do i = 1, n_around
       k = n_kept + 1
       if (around(i) == facet) then
@@ -146,8 +150,12 @@ contains
       if (.not. facing(k) > facing_cosine) cycle
       kept(k) = around(i)
       n_kept = k
+      ! A curved facet may face x on its edge and not at its closest point, where it was passed over: that is beside.
+      if (around(i) == facet) cycle
+      call closest_on_facet(self%set, around(i), x, its_closest, square)
+      call facet_position_and_normal(self%set, around(i), its_closest, closest, dummy, dummy_u, dummy_v)
+      if (norm2(closest - position) > same_point*self%set%size(around(i))) inside = .false.
     end do
-    inside = .true.
     ridge = n_kept > 1
     best = 1
     do i = 1, n_kept

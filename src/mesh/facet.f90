@@ -108,9 +108,8 @@ contains
 
   !> Local axes of a surface with a given outward normal n.
   !>
-  !> Three dimensions: xi is the global x axis projected on the surface (the y axis where that vanishes), eta = n x xi,
-  !> so that (xi, eta, n) is right-handed. Two dimensions: xi = (n_y, -n_x), so that (xi, n) is right-handed: on
-  !> an upper side (n along y) xi is the x axis.
+  !> xi is the global x axis projected on the surface, the y axis where that vanishes; in three dimensions eta = n x xi, so that
+  !> (xi, eta, n) is right-handed. In two dimensions (xi, n) is right-handed on upper sides only.
   pure subroutine frame_of_normal(dimension, normal, frame)
     !> Dimension of space.
     integer, intent(in) :: dimension
@@ -118,20 +117,16 @@ contains
     real(dp), intent(in) :: normal(dimension)
     !> Columns are the axes: xi, eta, n in three dimensions; xi, n in two.
     real(dp), intent(out) :: frame(dimension, dimension)
-    real(dp) :: axis(3)
+    real(dp) :: axis(dimension)
     frame(:, dimension) = normal
-    if (dimension == 2) then
-      frame(:, 1) = [normal(2), -normal(1)]
-      return
-    end if
-    axis = -normal(1)*normal(:3)
+    axis = -normal(1)*normal
     axis(1) = axis(1) + 1
     if (norm2(axis) < least_projection) then
-      axis = -normal(2)*normal(:3)
+      axis = -normal(2)*normal
       axis(2) = axis(2) + 1
     end if
     frame(:, 1) = axis/norm2(axis)
-    frame(:, 2) = cross(normal, frame(:, 1))
+    if (dimension == 3) frame(:, 2) = cross(normal, frame(:, 1))
   end subroutine frame_of_normal
 
   !> Vector product.
