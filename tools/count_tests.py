@@ -13,7 +13,7 @@ import sys
 # (tests run, failed) by a runner's closing words.
 CLOSINGS = (
     (r"^\S+: (\d+) tests, (\d+) failed$", lambda m: (int(m[1]), int(m[2]))),
-    (r"^ *OK\s+\((\d+) tests?\)", lambda m: (int(m[1]), 0)),
+    (r"^ *OK\s+\((\d+) tests?[,)]", lambda m: (int(m[1]), 0)),
     (r"^ *Tests run: *(\d+), Failures: *(\d+), *Errors: *(\d+)", lambda m: (int(m[1]), int(m[2]) + int(m[3]))),
     (r"^Ran (\d+) tests? in .*\s+(OK|FAILED)(.*)",
      lambda m: (int(m[1]), sum(int(n) for n in re.findall(r"(?:failures|errors)=(\d+)", m[3])))),

@@ -5,6 +5,7 @@ module dotyk_elasticity_assembly
   use dotyk_base_text, only: text_t, to_text
   use dotyk_elasticity_analysis, only: analysis_3d, gradient_slots, strain_index
   use dotyk_elasticity_constraint, only: constraint_t
+  use dotyk_elasticity_element_order, only: element_order
   use dotyk_elasticity_element_table, only: element_table_t, map_element, table_pair_t
   use dotyk_elasticity_field, only: field_t, place_text
   use dotyk_elasticity_kernel, only: gradient_products, rotate_blocks, stiffness_general, stiffness_isotropic
@@ -67,7 +68,7 @@ contains
     type(table_pair_t) :: tables
     type(element_kind_t) :: kind
     real(dp), allocatable :: x(:, :), g(:), w(:), products(:), k(:)
-    integer, allocatable :: node(:), strain(:, :), frame_of(:)
+    integer, allocatable :: node(:), strain(:, :), frame_of(:), order(:)
     logical, allocatable :: special(:)
     real(dp) :: matrix_of_material(6, 6), worst
     integer :: n, dim, slots, most_points, e, i, s
@@ -79,7 +80,7 @@ contains
     fast = material%isotropic .and. analysis == analysis_3d
     matrix_of_material = material%plane_matrix(analysis)
     strain = reshape([((strain_index(analysis, i, s), i=1, dim), s=1, slots)], [dim, slots])
-    call tables%init(mesh%block(i_block)%kind, analysis, .not. factor%constant)
+    call tables%init_stiffness(mesh%block(i_block)%kind, analysis, .not. factor%constant)
     most_points = max(tables%straight%n_points, tables%curved%n_points)
     allocate (x(dim, n), g(n*slots*most_points), w(most_points), products((n*slots)**2), k((n*dim)**2))
     allocate (node(n), frame_of(n))
@@ -88,7 +89,10 @@ contains
     do i = 1, size(special)
       if (any(abs(constraint%prescribed(:, i)) > 0)) special(i) = .true.
     end do
-    do e = 1, size(mesh%block(i_block)%node, 2)
+    allocate (order(size(mesh%block(i_block)%node, 2)))
+    call element_order(dim, mesh%x, mesh%block(i_block)%node, order)
+    do i = 1, size(order)
+      e = order(i)
       node(:) = mesh%block(i_block)%node(:, e)
       x(:, :) = mesh%x(:, node)
       if (tables%is_curved(x)) then

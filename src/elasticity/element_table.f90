@@ -23,7 +23,7 @@ module dotyk_elasticity_element_table
     procedure :: init => element_table_init
   end type element_table_t
 
-  !> The tables for stiffness, strain and stress of one kind of elements.
+  !> The tables of one kind of elements.
   type, public :: table_pair_t
     !> For straight elements, and for curved ones; the second one is not set where the first serves both.
     type(element_table_t) :: straight, curved
@@ -32,7 +32,8 @@ module dotyk_elasticity_element_table
     !> Linear shape functions at the nodes that are not corners (n_corners, n_nodes - n_corners).
     real(dp), allocatable :: corner_shape(:, :)
   contains
-    procedure :: init => table_pair_init
+    procedure :: init_stiffness
+    procedure :: init_load
     procedure :: is_curved => table_pair_is_curved
   end type table_pair_t
 
@@ -68,7 +69,7 @@ contains
   end subroutine element_table_init
 
   !> Tables for the stiffness of a kind.
-  subroutine table_pair_init(self, kind, analysis, varying)
+  subroutine init_stiffness(self, kind, analysis, varying)
     class(table_pair_t), intent(out) :: self
     !> Element kind.
     integer, intent(in) :: kind
@@ -77,23 +78,54 @@ contains
     !> Whether the stiffness varies within elements.
     logical, intent(in) :: varying
     type(element_kind_t) :: properties
-    real(dp), allocatable :: xi(:, :)
-    integer :: degree, i
+    integer :: degree
     properties = element_kind(kind)
     degree = stiffness_degree(properties%corner_kind, properties%order, analysis)
     ! A varying factor counts as a polynomial of degree 2.
     if (varying) degree = degree + 2
+    call init_pair(self, kind, properties, degree, degree + 2)
+  end subroutine init_stiffness
+
+  !> Tables for the forces of a force density.
+  subroutine init_load(self, kind, analysis, varying)
+    class(table_pair_t), intent(out) :: self
+    !> Element kind.
+    integer, intent(in) :: kind
+    !> One of dotyk_elasticity_analysis' constants.
+    integer, intent(in) :: analysis
+    !> Whether the force density varies.
+    logical, intent(in) :: varying
+    type(element_kind_t) :: properties
+    integer :: degree
+    properties = element_kind(kind)
+    degree = load_degree(properties%order)
+    if (is_simplex(properties%corner_kind) .and. .not. varying) then
+      ! A shape function, and the radius.
+      degree = properties%order + merge(1, 0, analysis == analysis_axisymmetric)
+    end if
+    call init_pair(self, kind, properties, degree, load_degree(properties%order))
+  end subroutine init_load
+
+  !> The two tables.
+  subroutine init_pair(self, kind, properties, degree, curved_degree)
+    class(table_pair_t), intent(inout) :: self
+    integer, intent(in) :: kind
+    type(element_kind_t), intent(in) :: properties
+    !> Degrees of quadrature on straight and on curved elements; that of straight ones serves all but simplices.
+    integer, intent(in) :: degree, curved_degree
+    real(dp), allocatable :: xi(:, :)
+    integer :: i
     call self%straight%init(kind, degree)
-    self%two = properties%order == 2 .and. is_simplex(properties%corner_kind)
+    self%two = properties%order == 2 .and. is_simplex(properties%corner_kind) .and. curved_degree > degree
     if (.not. self%two) return
-    call self%curved%init(kind, degree + 2)
+    call self%curved%init(kind, curved_degree)
     allocate (xi(properties%dimension, properties%n_nodes))
     call reference_nodes(kind, xi)
     allocate (self%corner_shape(properties%n_corners, properties%n_nodes - properties%n_corners))
     do i = 1, properties%n_nodes - properties%n_corners
       call shape_functions(properties%corner_kind, xi(:, properties%n_corners + i), self%corner_shape(:, i))
     end do
-  end subroutine table_pair_init
+  end subroutine init_pair
 
   !> Degree of the quadrature of a stiffness: exact on straight elements with a constant material.
   pure integer function stiffness_degree(corner_kind, order, analysis) result(degree)

@@ -8,7 +8,7 @@ module dotyk_elasticity_load
   use dotyk_base_text, only: quoted, text_t
   use dotyk_elasticity_analysis, only: analysis_axisymmetric, gradient_slots
   use dotyk_elasticity_assembly, only: bad_element
-  use dotyk_elasticity_element_table, only: element_table_t, load_degree, map_element
+  use dotyk_elasticity_element_table, only: element_table_t, load_degree, map_element, table_pair_t
   use dotyk_elasticity_field, only: field_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, kind_nodes, n_element_kinds, quadrature_rule, shape_functions
@@ -154,7 +154,7 @@ contains
     call field%init(load%value, error, load%formula)
     if (.not. allocated(error)) then
       do i = 1, size(mesh%block)
-        call add_block(mesh, i, gradient_slots(analysis), field, force, error)
+        call add_block(mesh, i, analysis, field, force, error)
         if (allocated(error)) exit
       end do
     end if
@@ -163,38 +163,54 @@ contains
   end subroutine add_volume_load
 
   !> Add the nodal forces of a force density on one block of elements.
-  subroutine add_block(mesh, i_block, slots, field, force, error)
+  subroutine add_block(mesh, i_block, analysis, field, force, error)
     type(body_mesh_t), intent(in) :: mesh
-    integer, intent(in) :: i_block, slots
+    integer, intent(in) :: i_block, analysis
     type(field_t), intent(in) :: field
     real(dp), intent(inout) :: force(:, :)
     type(error_t), allocatable, intent(out) :: error
-    type(element_table_t) :: table
+    type(table_pair_t) :: tables
     type(element_kind_t) :: kind
     real(dp), allocatable :: x(:, :), g(:), w(:)
     integer, allocatable :: node(:)
-    real(dp) :: value(3), worst
-    integer :: e, q, a, n, dim
+    integer :: e, n, dim, slots, most_points
     kind = element_kind(mesh%block(i_block)%kind)
     n = kind%n_nodes
     dim = mesh%dimension
-    call table%init(mesh%block(i_block)%kind, load_degree(kind%order))
-    allocate (x(dim, n), node(n), g(n*slots*table%n_points), w(table%n_points))
+    slots = gradient_slots(analysis)
+    call tables%init_load(mesh%block(i_block)%kind, analysis, .not. field%constant)
+    most_points = max(tables%straight%n_points, tables%curved%n_points)
+    allocate (x(dim, n), node(n), g(n*slots*most_points), w(most_points))
     do e = 1, size(mesh%block(i_block)%node, 2)
       node(:) = mesh%block(i_block)%node(:, e)
       x(:, :) = mesh%x(:, node)
+      if (tables%is_curved(x)) then
+        call add_element(tables%curved)
+      else
+        call add_element(tables%straight)
+      end if
+      if (allocated(error)) return
+    end do
+
+  contains
+
+    subroutine add_element(table)
+      type(element_table_t), intent(in) :: table
+      real(dp) :: value(3), worst
+      integer :: q, a
       call map_element(n, dim, slots, table%n_points, table%shape, table%gradient, table%weight, x, g, w, worst)
       if (.not. worst > 0) then
         call bad_element(mesh, i_block, e, error)
         return
       end if
+      value = field%value
       do q = 1, table%n_points
-        call field%evaluate(matmul(x, table%shape(:, q)), value, error)
+        if (.not. field%constant) call field%evaluate(matmul(x, table%shape(:, q)), value, error)
         if (allocated(error)) return
         do a = 1, n
           force(:, node(a)) = force(:, node(a)) + w(q)*table%shape(a, q)*value(:dim)
         end do
       end do
-    end do
+    end subroutine add_element
   end subroutine add_block
 end module dotyk_elasticity_load

@@ -66,7 +66,7 @@ contains
     slots = gradient_slots(analysis)
     matrix = material%plane_matrix(analysis)
     strain = reshape([((strain_index(analysis, i, s), i=1, dim), s=1, slots)], [dim, slots])
-    call tables%init(mesh%block(i_block)%kind, analysis, .not. factor%constant)
+    call tables%init_stiffness(mesh%block(i_block)%kind, analysis, .not. factor%constant)
     most_points = max(tables%straight%n_points, tables%curved%n_points)
     allocate (x(dim, n), ue(dim, n), node(n), g(n*slots*most_points), w(most_points), stiffness(most_points))
     do e = 1, size(mesh%block(i_block)%node, 2)

@@ -30,14 +30,11 @@ contains
     real(dp), intent(out) :: normal(dimension)
     !> Area (length in two dimensions) per reference area.
     real(dp), intent(out) :: jacobian
-    real(dp) :: tangent(dimension, kind_dimension(kind))
-    call facet_tangents(kind, dimension, x, xi, position, tangent)
-    if (dimension == 2) then
-      normal = [tangent(2, 1), -tangent(1, 1)]
-    else
-      normal = cross(tangent(:, 1), tangent(:, 2))
-    end if
-    jacobian = norm2(normal)
+    real(dp) :: a(3), b(3), n(3)
+    call tangents(kind, dimension, x, xi, position, a, b)
+    n = cross(a, b)
+    jacobian = norm2(n)
+    normal = n(:dimension)
     if (jacobian > 0) normal = normal/jacobian
   end subroutine facet_geometry
 
@@ -55,20 +52,42 @@ contains
     real(dp), intent(out) :: position(dimension)
     !> Column k is the derivative with respect to xi(k) [length].
     real(dp), intent(out) :: tangent(dimension, kind_dimension(kind))
+    real(dp) :: a(3), b(3)
+    call tangents(kind, dimension, x, xi, position, a, b)
+    tangent(:, 1) = a(:dimension)
+    if (dimension == 3) tangent(:, 2) = b(:dimension)
+  end subroutine facet_tangents
+
+  !> Position and tangents in three components: in two dimensions the second tangent is the z axis, so that a x b is the
+  !> normal in both.
+  pure subroutine tangents(kind, dimension, x, xi, position, a, b)
+    !> As in `facet_geometry`.
+    integer, intent(in) :: kind, dimension
+    real(dp), intent(in) :: x(dimension, kind_nodes(kind)), xi(kind_dimension(kind))
+    real(dp), intent(out) :: position(dimension)
+    !> Derivatives with respect to xi(1) and xi(2) [length].
+    real(dp), intent(out) :: a(3), b(3)
     real(dp) :: value(max_facet_nodes), slope(2*max_facet_nodes)
-    integer :: a, k, d
-    d = kind_dimension(kind)
+    integer :: i
     call shape_functions(kind, xi, value)
     call shape_gradients(kind, xi, slope)
     position = 0
-    tangent = 0
-    do a = 1, kind_nodes(kind)
-      position = position + value(a)*x(:, a)
-      do k = 1, d
-        tangent(:, k) = tangent(:, k) + slope((a - 1)*d + k)*x(:, a)
+    a = 0
+    b = 0
+    if (dimension == 2) then
+      do i = 1, kind_nodes(kind)
+        position = position + value(i)*x(:, i)
+        a(:2) = a(:2) + slope(i)*x(:, i)
       end do
-    end do
-  end subroutine facet_tangents
+      b(3) = 1
+    else
+      do i = 1, kind_nodes(kind)
+        position = position + value(i)*x(:, i)
+        a = a + slope(2*i - 1)*x(:3, i)
+        b = b + slope(2*i)*x(:3, i)
+      end do
+    end if
+  end subroutine tangents
 
   !> Local axes of the surface at a point of a facet; see `frame_of_normal`.
   pure subroutine facet_frame(kind, dimension, x, xi, frame)
@@ -82,16 +101,15 @@ contains
     real(dp), intent(in) :: xi(kind_dimension(kind))
     !> Columns are the axes.
     real(dp), intent(out) :: frame(dimension, dimension)
-    real(dp) :: position(dimension), normal(dimension), jacobian
+    real(dp) :: position(3), normal(3), jacobian
     call facet_geometry(kind, dimension, x, xi, position, normal, jacobian)
     call frame_of_normal(dimension, normal, frame)
   end subroutine facet_frame
 
   !> Local axes of a surface with a given outward normal n.
   !>
-  !> Three dimensions: xi is the global x axis projected on the surface (the y axis where that vanishes), eta = n x xi,
-  !> so that (xi, eta, n) is right-handed. Two dimensions: xi = (n_y, -n_x), so that (xi, n) is right-handed: on
-  !> an upper side (n along y) xi is the x axis.
+  !> xi is the global x axis projected on the surface, the y axis where that vanishes; in three dimensions eta = n x xi, so that
+  !> (xi, eta, n) is right-handed. In two dimensions (xi, n) is right-handed on upper sides only.
   pure subroutine frame_of_normal(dimension, normal, frame)
     !> Dimension of space.
     integer, intent(in) :: dimension
@@ -101,10 +119,6 @@ contains
     real(dp), intent(out) :: frame(dimension, dimension)
     real(dp) :: axis(dimension)
     frame(:, dimension) = normal
-    if (dimension == 2) then
-      frame(:, 1) = [normal(2), -normal(1)]
-      return
-    end if
     axis = -normal(1)*normal
     axis(1) = axis(1) + 1
     if (norm2(axis) < least_projection) then
@@ -112,7 +126,7 @@ contains
       axis(2) = axis(2) + 1
     end if
     frame(:, 1) = axis/norm2(axis)
-    frame(:, 2) = cross(normal, frame(:, 1))
+    if (dimension == 3) frame(:, 2) = cross(normal, frame(:, 1))
   end subroutine frame_of_normal
 
   !> Vector product.

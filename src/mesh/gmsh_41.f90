@@ -45,6 +45,7 @@ contains
     type(entities_t), intent(inout) :: entities
     integer(int64) :: count(0:3), first
     integer :: d
+    if (.not. cursor%binary) call cursor%skip_blanks
     first = cursor%position
     do d = 0, 3
       call cursor%get_size(count(d))

@@ -31,8 +31,27 @@ contains
     !> Path of the mesh.
     character(:), allocatable, intent(out) :: msh_file
     type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: base
+    logical :: found
+    ! Two threads would take the same temporary names.
+    !$omp critical (dotyk_mesh_geometry)
+    call name_mesh(geo_file, dimension, base, error)
+    if (.not. allocated(error)) then
+      msh_file = base//'.msh'
+      inquire (file=msh_file, exist=found)
+      if (.not. found) call run_gmsh(geo_file, dimension, base, error)
+    end if
+    !$omp end critical (dotyk_mesh_geometry)
+  end subroutine mesh_geometry
+
+  !> The path, without extension, that the mesh of this content has.
+  subroutine name_mesh(geo_file, dimension, base, error)
+    character(*), intent(in) :: geo_file
+    integer, intent(in) :: dimension
+    character(:), allocatable, intent(out) :: base
+    type(error_t), allocatable, intent(out) :: error
     type(content_hash_t) :: hash
-    character(:), allocatable :: directory, base, name, version, options
+    character(:), allocatable :: directory, name, version, options
     logical :: found
     call hash%add_file(geo_file, error)
     if (allocated(error)) return
@@ -45,16 +64,11 @@ contains
     if (allocated(error)) return
     name = geo_file(len(directory_of(geo_file)) + 1:)
     if (index(name, '.geo', back=.true.) > 1) name = name(:index(name, '.geo', back=.true.) - 1)
-    base = directory//name//'-'//to_text(process_id())//'.version'
-    call ask_version(base, version, error)
+    call ask_version(directory//name//'-'//to_text(process_id())//'.version', version, error)
     if (allocated(error)) return
     call hash%add(version//to_text(dimension))
     base = directory//name//'-'//to_text(dimension)//'d-'//hash%digits()
-    msh_file = base//'.msh'
-    inquire (file=msh_file, exist=found)
-    if (found) return
-    call run_gmsh(geo_file, dimension, base, error)
-  end subroutine mesh_geometry
+  end subroutine name_mesh
 
   !> The directory for meshes, with its slash; it is made where it does not exist.
   subroutine find_directory(geo_file, directory, error)
@@ -68,7 +82,10 @@ contains
     call make_directory(directory)
     if (.not. is_writable_directory(directory)) then
       cache = environment_value('XDG_CACHE_HOME')
-      if (len(cache) == 0) cache = environment_value('HOME')//'/.cache'
+      if (len(cache) == 0) then
+        cache = environment_value('HOME')//'/.cache'
+        if (cache == '/.cache') cache = '/tmp'
+      end if
       call make_directory(cache)
       call make_directory(cache//'/dotyk')
       if (.not. is_writable_directory(cache//'/dotyk')) then
@@ -156,7 +173,8 @@ contains
     else if (index(counts, ' 0 elements') > 0) then
       call set_error(error, geo_file//': gmsh made no elements: the geometry is empty')
     else if (.not. is_whole(temporary//'.msh')) then
-      call set_error(error, geo_file//': gmsh did not write the whole mesh '//temporary//'.msh: is the disk full?')
+      call set_error(error, geo_file//': gmsh did not write a whole mesh to '//directory_of(base)// &
+                     ': does the geometry set Mesh.Format or call Exit, or is the disk full?')
     else if (.not. rename_file(temporary//'.msh', base//'.msh')) then
       call set_error(error, base//'.msh: cannot be written', exit_not_written)
     end if

@@ -1,22 +1,25 @@
 !> The sign of the jacobian determinant of elements, and their mirror images.
 module dotyk_mesh_jacobian
   use dotyk_base_kinds, only: dp
-  use dotyk_mesh_element, only: element_kind, element_kind_t, element_tet4, element_tri3, kind_dimension, kind_nodes, &
-    max_element_nodes, quadrature_rule, reference_nodes, shape_functions, shape_gradients
+  use dotyk_mesh_element, only: element_hex8, element_kind, element_kind_t, element_prism6, element_quad4, &
+    kind_dimension, kind_nodes, max_element_nodes, quadrature_rule, reference_nodes, shape_gradients
   implicit none
   private
   public :: jacobian_range, mirror_order
 
+  !> So few elements are not worth a team of threads.
+  integer, parameter :: few = 1000
+
   !> A determinant smaller than this times the element's diameter**dimension counts as zero.
   real(dp), parameter :: vanishing = 1.0e-14_dp
-  !> Middle nodes of simplices that are this near to the middle of their edge, relative to the diameter, are straight.
-  real(dp), parameter :: straight = 1.0e-12_dp
+  !> Elements whose nodes are this near to the affine image, relative to the diameter, have one jacobian.
+  real(dp), parameter :: almost_affine = 1.0e-9_dp
 
 contains
 
   !> The least and the largest jacobian determinant of each element, over the quadrature points and nodes.
   !>
-  !> One point does for straight simplices.
+  !> One point does for elements that are affine images of the reference domain.
   subroutine jacobian_range(kind, n, node, d, n_nodes, x, least, most)
     !> Element kind.
     integer, intent(in) :: kind
@@ -33,24 +36,27 @@ contains
     !> Range of the determinant; exactly 0 where it is as good as zero [length**d].
     real(dp), intent(out) :: least(n), most(n)
     type(element_kind_t) :: info
-    real(dp), allocatable :: gradient(:, :, :), middle(:, :)
-    real(dp) :: xe(d, max_element_nodes), det, diameter
-    logical :: simplex
-    integer :: e, p, m, nn, nc
+    real(dp), allocatable :: gradient(:, :, :), affine(:, :)
+    real(dp) :: xe(3, max_element_nodes), det, diameter
+    integer :: e, p, m, nn, nc, base(4)
     info = element_kind(kind)
     nn = info%n_nodes
     nc = info%n_corners
-    simplex = info%corner_kind == element_tri3 .or. info%corner_kind == element_tet4
-    call sample(info, kind, gradient, middle)
-    !$omp parallel do default(none) schedule(static) private(e, p, m, xe, det, diameter) &
-    !$omp shared(n, nn, nc, d, node, x, least, most, gradient, middle, simplex)
+    call sample(info, kind, gradient, base, affine)
+    !$omp parallel do default(none) schedule(static) if (n > few) private(e, p, m, xe, det, diameter) &
+    !$omp shared(n, nn, nc, d, node, x, least, most, gradient, affine, base)
     do e = 1, n
-      xe(:, :nn) = x(:, node(:, e))
-      diameter = maxval([(norm2(xe(:, p) - xe(:, 1)), p=2, nc)])
+      xe(3, :nn) = 0
+      do p = 1, nn
+        xe(:d, p) = x(:, node(p, e))
+      end do
+      diameter = 0
+      do p = 2, nc
+        diameter = max(diameter, sum((xe(:, p) - xe(:, 1))**2))
+      end do
+      diameter = sqrt(diameter)
       m = size(gradient, 3)
-      if (simplex) then
-        if (is_straight(d, nn, nc, xe, middle, straight*diameter)) m = 1
-      end if
+      if (is_affine(nn, xe, base, affine, almost_affine*diameter)) m = 1
       least(e) = huge(det)
       most(e) = -huge(det)
       do p = 1, m
@@ -63,64 +69,95 @@ contains
     !$omp end parallel do
   end subroutine jacobian_range
 
-  !> Gradients where the determinant is sampled, and the corner functions at the other nodes.
-  subroutine sample(info, kind, gradient, middle)
+  !> Gradients where the determinant is sampled, and the affine image of the reference domain.
+  subroutine sample(info, kind, gradient, base, affine)
     type(element_kind_t), intent(in) :: info
     integer, intent(in) :: kind
-    !> Gradients (dimension, n_nodes, n_points): quadrature points, then nodes.
+    !> Gradients (3, n_nodes, n_points), 0 beyond the dimension: at quadrature points, then at nodes.
     real(dp), allocatable, intent(out) :: gradient(:, :, :)
-    !> Linear functions of the corners at the nodes that are none (n_corners, n_nodes - n_corners).
-    real(dp), allocatable, intent(out) :: middle(:, :)
+    !> The corners that span the affine image; the last is 1 in two dimensions.
+    integer, intent(out) :: base(4)
+    !> Weights of these corners for the place of each node (4, n_nodes).
+    real(dp), allocatable, intent(out) :: affine(:, :)
     real(dp), allocatable :: points(:, :), weights(:)
     real(dp) :: nodes(info%dimension, info%n_nodes)
-    integer :: i, m
+    integer :: i, m, d
+    d = info%dimension
     call quadrature_rule(kind, 2*info%order, points, weights)
     call reference_nodes(kind, nodes)
     m = size(weights)
-    allocate (gradient(info%dimension, info%n_nodes, m + info%n_nodes))
+    allocate (gradient(3, info%n_nodes, m + info%n_nodes), affine(4, info%n_nodes))
+    gradient = 0
     do i = 1, m
-      call shape_gradients(kind, points(:, i), gradient(:, :, i))
+      call gradients_at(points(:, i), gradient(:d, :, i))
     end do
     do i = 1, info%n_nodes
-      call shape_gradients(kind, nodes(:, i), gradient(:, :, m + i))
+      call gradients_at(nodes(:, i), gradient(:d, :, m + i))
     end do
-    allocate (middle(info%n_corners, info%n_corners + 1:info%n_nodes))
-    do i = info%n_corners + 1, info%n_nodes
-      call shape_functions(info%corner_kind, nodes(:, i), middle(:, i))
-    end do
+    ! Coordinates from 0 to 1 along the edges from corner 1.
+    affine = 0
+    affine(2:d + 1, :) = nodes
+    select case (info%corner_kind)
+    case (element_quad4, element_hex8)
+      base = [1, 2, 4, 5]
+      affine(2:d + 1, :) = 0.5_dp*(1 + nodes)
+    case (element_prism6)
+      base = [1, 2, 3, 4]
+      affine(4, :) = 0.5_dp*(1 + nodes(3, :))
+    case default
+      base = [1, 2, 3, 4]
+    end select
+    if (d == 2) base(4) = 1
+    affine(1, :) = 1 - sum(affine(2:, :), dim=1)
+
+  contains
+
+    subroutine gradients_at(xi, values)
+      real(dp), intent(in) :: xi(:)
+      real(dp), intent(out) :: values(:, :)
+      real(dp) :: found(info%dimension, info%n_nodes)
+      call shape_gradients(kind, xi, found)
+      values = found
+    end subroutine gradients_at
   end subroutine sample
 
-  !> Whether all nodes are where the linear functions of the corners have them.
-  pure logical function is_straight(d, nn, nc, xe, middle, tolerance)
-    integer, intent(in) :: d, nn, nc
-    real(dp), intent(in) :: xe(d, nn), middle(nc, nc + 1:nn), tolerance
+  !> Whether all nodes are where an affine map of the reference domain has them.
+  pure logical function is_affine(nn, xe, base, affine, tolerance)
+    integer, intent(in) :: nn, base(4)
+    real(dp), intent(in) :: xe(3, nn), affine(4, nn), tolerance
+    real(dp) :: corner(3, 4), off(3)
     integer :: i, k
-    is_straight = .true.
-    do i = nc + 1, nn
-      do k = 1, d
-        is_straight = is_straight .and. abs(dot_product(xe(k, :nc), middle(:, i)) - xe(k, i)) <= tolerance
-      end do
+    is_affine = .false.
+    do k = 1, 4
+      corner(:, k) = xe(:, base(k))
     end do
-  end function is_straight
+    do i = 1, nn
+      off = -xe(:, i)
+      do k = 1, 4
+        off = off + affine(k, i)*corner(:, k)
+      end do
+      if (any(abs(off) > tolerance)) return
+    end do
+    is_affine = .true.
+  end function is_affine
 
   !> Determinant of the derivatives of the position.
   pure real(dp) function determinant(d, nn, xe, gradient) result(det)
     integer, intent(in) :: d, nn
-    real(dp), intent(in) :: xe(d, nn), gradient(d, nn)
-    real(dp) :: a(3, 3)
-    integer :: i, k
+    !> Coordinates and gradients; their third components are 0 in two dimensions.
+    real(dp), intent(in) :: xe(3, nn), gradient(3, nn)
+    real(dp) :: a(3), b(3), c(3)
+    integer :: i
     a = 0
+    b = 0
+    c = 0
     do i = 1, nn
-      do k = 1, d
-        a(:d, k) = a(:d, k) + xe(:, i)*gradient(k, i)
-      end do
+      a = a + xe(:, i)*gradient(1, i)
+      b = b + xe(:, i)*gradient(2, i)
+      c = c + xe(:, i)*gradient(3, i)
     end do
-    if (d == 2) then
-      det = a(1, 1)*a(2, 2) - a(1, 2)*a(2, 1)
-    else
-      det = a(1, 1)*(a(2, 2)*a(3, 3) - a(2, 3)*a(3, 2)) - a(1, 2)*(a(2, 1)*a(3, 3) - a(2, 3)*a(3, 1)) &
-        + a(1, 3)*(a(2, 1)*a(3, 2) - a(2, 2)*a(3, 1))
-    end if
+    if (d == 2) c(3) = 1
+    det = a(1)*(b(2)*c(3) - b(3)*c(2)) + a(2)*(b(3)*c(1) - b(1)*c(3)) + a(3)*(b(1)*c(2) - b(2)*c(1))
   end function determinant
 
   !> The order of the nodes of an element's mirror image: node i of the image is node order(i).

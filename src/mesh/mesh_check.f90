@@ -1,16 +1,16 @@
 !> Faults of one body's mesh: nodes off the plane or at the same place, elements given twice, inverted or degenerate.
 module dotyk_mesh_mesh_check
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_error, only: error_t, exit_not_solvable, set_error
   use dotyk_base_sort, only: sort_order
   use dotyk_base_text, only: to_text
-  use dotyk_mesh_corner_table, only: corner_table_t
   use dotyk_mesh_element, only: element_kind, element_kind_t
   use dotyk_mesh_jacobian, only: jacobian_range, mirror_order
   use dotyk_mesh_mesh, only: element_block_t
   implicit none
   private
-  public :: check_plane, check_nodes, check_repeated_elements, orient_elements
+  public :: check_finite, check_plane, check_nodes, check_repeated_elements, orient_elements
 
   !> Nodes nearer than this times the body's size lie at the same place.
   real(dp), parameter :: same_place = 1.0e-12_dp
@@ -26,6 +26,21 @@ module dotyk_mesh_mesh_check
   end type census_t
 
 contains
+
+  !> Coordinates are finite numbers.
+  subroutine check_finite(x, tag, error)
+    !> Coordinates (dimension, n_nodes) [length].
+    real(dp), intent(in) :: x(:, :)
+    !> Node tags (n_nodes).
+    integer(int64), intent(in) :: tag(:)
+    type(error_t), allocatable, intent(out) :: error
+    integer :: i
+    do i = 1, size(tag)
+      if (all(ieee_is_finite(x(:, i)))) cycle
+      call set_error(error, 'the coordinates of node '//to_text(tag(i))//' are not finite: '//place_text(x(:, i)))
+      return
+    end do
+  end subroutine check_finite
 
   !> A plane analysis needs all nodes at the same z.
   subroutine check_plane(x, tag, error)
@@ -78,22 +93,42 @@ contains
     !> Elements (n_blocks).
     type(element_block_t), intent(in) :: block(:)
     type(error_t), allocatable, intent(out) :: error
-    type(corner_table_t) :: table
-    integer :: b, e, entry, nc
+    ! Elements with the same lowest corner are in one chain: first(corner), then next(element).
+    integer, allocatable :: first(:), next(:)
+    integer :: b, e, other, nc, low
     type(element_kind_t) :: kind
     do b = 1, size(block)
       kind = element_kind(block(b)%kind)
       nc = kind%n_corners
-      call table%init(nc, size(block(b)%tag))
-      do e = 1, size(block(b)%tag)
-        call table%add(block(b)%node(:nc, e), entry)
-        if (entry == e) cycle
-        call set_error(error, 'elements '//to_text(block(b)%tag(entry))//' and '//to_text(block(b)%tag(e))//' (' &
-          //trim(kind%name)//') have the same corners: remove one, as gmsh does with `Coherence Mesh;`')
-        return
+      allocate (first(maxval(block(b)%node)), next(size(block(b)%tag)))
+      first = 0
+      do e = 1, size(next)
+        low = minval(block(b)%node(:nc, e))
+        other = first(low)
+        do while (other > 0)
+          if (same_set(nc, block(b)%node(:nc, e), block(b)%node(:nc, other))) then
+            call set_error(error, 'elements '//to_text(block(b)%tag(other))//' and '//to_text(block(b)%tag(e))//' (' &
+              //trim(kind%name)//') have the same corners: remove one, as gmsh does with `Coherence Mesh;`')
+            return
+          end if
+          other = next(other)
+        end do
+        next(e) = first(low)
+        first(low) = e
       end do
+      deallocate (first, next)
     end do
   end subroutine check_repeated_elements
+
+  !> Whether two lists of different numbers are the same but for the order.
+  pure logical function same_set(n, a, b)
+    integer, intent(in) :: n, a(n), b(n)
+    integer :: i
+    same_set = sum(a) == sum(b)
+    do i = 1, n
+      if (same_set) same_set = any(b == a(i))
+    end do
+  end function same_set
 
   !> Make all volumes positive where all are negative; refuse a mixture, and elements whose jacobian vanishes or changes
   !> its sign.
@@ -193,8 +228,8 @@ contains
     if (n > most_listed) tags = tags//', ...'
     hint = ''
     if (size(x, 1) == 2) hint = ' (gmsh turns surfaces with `ReverseMesh Surface {...};`)'
-    call set_error(error, to_text(n)//' of '//to_text(census%n_up + census%n_down)//' elements are inverted against the ' &
-      //'others (their volumes have the other sign):'//tags//hint, exit_not_solvable)
+    call set_error(error, to_text(n)//' of '//to_text(census%n_up + census%n_down)//' elements are inverted against ' &
+      //'the others (their volumes have the other sign):'//tags//hint, exit_not_solvable)
   end subroutine report_mixture
 
   !> A number and a noun.

@@ -1,0 +1,113 @@
+!> The command line.
+module dotyk_driver_arguments
+  use dotyk_base_error, only: error_t, set_error
+  use dotyk_base_text, only: text_t, nearest_name, to_text
+  implicit none
+  private
+
+  !> What the user asked for.
+  type, public :: arguments_t
+    !> Namelist file; empty where none is needed.
+    character(:), allocatable :: case_file
+    !> Results file in place of the scene's; empty where not given.
+    character(:), allocatable :: output
+    !> Number of threads; 0: all processors.
+    integer :: threads = 0
+    !> Check everything and solve nothing.
+    logical :: check = .false.
+    !> Print errors only.
+    logical :: quiet = .false.
+    !> Print the version, or the help, and stop.
+    logical :: version = .false., help = .false.
+  end type arguments_t
+
+  public :: read_arguments, parse_arguments, command_line_text
+
+contains
+
+  !> The arguments of this run.
+  subroutine read_arguments(arguments, error)
+    type(arguments_t), intent(out) :: arguments
+    type(error_t), allocatable, intent(out) :: error
+    type(text_t), allocatable :: words(:)
+    integer :: i, length
+    allocate (words(command_argument_count()))
+    do i = 1, size(words)
+      call get_command_argument(i, length=length)
+      allocate (character(length) :: words(i)%s)
+      call get_command_argument(i, words(i)%s)
+    end do
+    call parse_arguments(words, arguments, error)
+  end subroutine read_arguments
+
+  !> Words to arguments.
+  subroutine parse_arguments(words, arguments, error)
+    !> The command line without the program's name.
+    type(text_t), intent(in) :: words(:)
+    type(arguments_t), intent(out) :: arguments
+    type(error_t), allocatable, intent(out) :: error
+    type(text_t) :: options(6)
+    integer :: i, status
+    options(1)%s = '--check'
+    options(2)%s = '--threads'
+    options(3)%s = '--output'
+    options(4)%s = '--quiet'
+    options(5)%s = '--version'
+    options(6)%s = '--help'
+    arguments%case_file = ''
+    arguments%output = ''
+    i = 0
+    do while (i < size(words))
+      i = i + 1
+      select case (words(i)%s)
+      case ('--check')
+        arguments%check = .true.
+      case ('--quiet')
+        arguments%quiet = .true.
+      case ('--version')
+        arguments%version = .true.
+      case ('--help', '-h')
+        arguments%help = .true.
+      case ('--threads', '--output')
+        if (i == size(words)) then
+          call set_error(error, 'option '//words(i)%s//' needs a value')
+          return
+        end if
+        if (words(i)%s == '--output') then
+          arguments%output = words(i + 1)%s
+          if (len(arguments%output) == 0) call set_error(error, 'option --output needs the name of a file')
+        else
+          read (words(i + 1)%s, *, iostat=status) arguments%threads
+          if (verify(words(i + 1)%s, '0123456789') > 0) status = 1
+          if (status /= 0 .or. arguments%threads < 1 .or. arguments%threads > 1024) &
+            call set_error(error, "option --threads needs a number from 1 to 1024, not '"//words(i + 1)%s//"'")
+        end if
+        if (allocated(error)) return
+        i = i + 1
+      case default
+        if (index(words(i)%s, '-') == 1 .and. len(words(i)%s) > 1) then
+          call set_error(error, "unknown option '"//words(i)%s//"'")
+          if (len(nearest_name(words(i)%s, options)) > 0) &
+            error%message = error%message//' (did you mean '//nearest_name(words(i)%s, options)//'?)'
+          error%message = error%message//'; dotyk --help lists the options'
+          return
+        else if (len(arguments%case_file) > 0) then
+          call set_error(error, "one case at a time: '"//arguments%case_file//"' or '"//words(i)%s//"'? (tools/batch.sh runs many)")
+          return
+        end if
+        arguments%case_file = words(i)%s
+      end select
+    end do
+    if (len(arguments%case_file) == 0 .and. .not. (arguments%help .or. arguments%version)) &
+      call set_error(error, 'no case given: dotyk CASE.nml [--check] [--threads N] [--output FILE] [--quiet], or dotyk --help')
+  end subroutine parse_arguments
+
+  !> The whole command line, for the results file.
+  function command_line_text() result(text)
+    character(:), allocatable :: text
+    integer :: length
+    call get_command(length=length)
+    allocate (character(length) :: text)
+    call get_command(text)
+  end function command_line_text
+end module dotyk_driver_arguments

@@ -1,0 +1,206 @@
+!> From the input to bodies: meshes, materials, supports, loads, and the surfaces of the contact pairs.
+module dotyk_driver_bodies
+  use dotyk_base_error, only: error_t, problem_list_t, add_context, set_error, exit_not_solvable
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_text, only: to_text
+  use dotyk_driver_materials, only: build_material
+  use dotyk_driver_parallel, only: largest_first
+  use dotyk_elasticity_analysis, only: analysis_3d, analysis_plane_strain, analysis_plane_stress, analysis_axisymmetric
+  use dotyk_elasticity_body, only: body_t, free_rigid_motions
+  use dotyk_elasticity_load, only: load_t, load_traction, load_pressure, load_local_traction, load_force_density, &
+    add_surface_load, add_volume_load
+  use dotyk_elasticity_support, only: support_t, collect_supports
+  use dotyk_input_case, only: case_t, load_input_t
+  use dotyk_mesh_body_mesh, only: extract_body
+  use dotyk_mesh_gmsh, only: read_gmsh
+  use dotyk_mesh_gmsh_run, only: mesh_geometry
+  use dotyk_mesh_mesh, only: mesh_t
+  use dotyk_mesh_surface, only: surface_t, extract_surface
+  implicit none
+  private
+  public :: build_bodies, assemble_bodies
+
+  !> What the names of the input are called in elasticity, in the order of the input's lists.
+  integer, parameter :: analysis_of(4) = [analysis_3d, analysis_plane_strain, analysis_plane_stress, analysis_axisymmetric]
+  integer, parameter :: load_kind_of(4) = [load_traction, load_pressure, load_local_traction, load_force_density]
+
+  !> A place for one body's error.
+  type :: error_slot_t
+    type(error_t), allocatable :: error
+  end type error_slot_t
+
+contains
+
+  !> Read every mesh once and build its bodies; all problems are reported together.
+  subroutine build_bodies(case, body, surface_a, surface_b, error)
+    type(case_t), intent(in) :: case
+    !> (n_bodies).
+    type(body_t), allocatable, intent(out) :: body(:)
+    !> The two surfaces of each contact pair (n_pairs).
+    type(surface_t), allocatable, intent(out) :: surface_a(:), surface_b(:)
+    type(error_t), allocatable, intent(out) :: error
+    type(problem_list_t) :: problems
+    type(mesh_t) :: mesh
+    type(error_t), allocatable :: failed
+    logical :: done(size(case%body)), same(size(case%body))
+    integer :: b, c
+    allocate (body(size(case%body)), surface_a(size(case%contact)), surface_b(size(case%contact)))
+    done = .false.
+    do b = 1, size(body)
+      if (done(b)) cycle
+      same = [(case%body(c)%mesh == case%body(b)%mesh, c=1, size(body))]
+      done = done .or. same
+      call read_mesh(case%body(b)%mesh, case%scene%dimension, mesh, failed)
+      call problems%add_error(failed)
+      if (problems%count > 0) cycle
+      do c = 1, size(body)
+        if (same(c)) call build_body(case, mesh, c, body(c), surface_a, surface_b, problems)
+      end do
+    end do
+    call problems%raise(error)
+  end subroutine build_bodies
+
+  !> A .msh file, or a .geo file by way of gmsh.
+  subroutine read_mesh(path, dimension, mesh, error)
+    character(*), intent(in) :: path
+    !> 2 or 3: for gmsh.
+    integer, intent(in) :: dimension
+    type(mesh_t), intent(out) :: mesh
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: msh
+    msh = path
+    if (len(path) > 4) then
+      if (path(len(path) - 3:) == '.geo') call mesh_geometry(path, dimension, msh, error)
+    end if
+    if (.not. allocated(error)) call read_gmsh(msh, mesh, error)
+  end subroutine read_mesh
+
+  !> One body and the surfaces of its contact pairs.
+  subroutine build_body(case, mesh, b, body, surface_a, surface_b, problems)
+    type(case_t), intent(in) :: case
+    type(mesh_t), intent(in) :: mesh
+    !> Index of the body.
+    integer, intent(in) :: b
+    type(body_t), intent(inout) :: body
+    type(surface_t), intent(inout) :: surface_a(:), surface_b(:)
+    type(problem_list_t), intent(inout) :: problems
+    type(error_t), allocatable :: failed
+    type(support_t), allocatable :: support(:)
+    integer :: k, before
+    before = problems%count
+    body%name = case%body(b)%name
+    body%analysis = analysis_of(case%scene%analysis)
+    body%dimension = case%scene%dimension
+    call build_material(case%material(case%body(b)%material), body%material, failed)
+    call note(case%material(case%body(b)%material)%line, failed)
+    call extract_body(mesh, case%body(b)%volume, body%dimension, body%mesh, failed)
+    call note(case%body(b)%line, failed)
+    if (problems%count > before) return
+
+    do k = 1, size(case%contact)
+      associate (contact => case%contact(k))
+        if (contact%body_a == b) call extract_surface(mesh, body%mesh, contact%surface_a, surface_a(k), failed)
+        call note(contact%line, failed)
+        if (contact%body_b == b) call extract_surface(mesh, body%mesh, contact%surface_b, surface_b(k), failed)
+        call note(contact%line, failed)
+      end associate
+    end do
+    call build_supports(support)
+    if (problems%count == before) then
+      call collect_supports(body%mesh, body%analysis, support, body%constraint, failed)
+      if (allocated(failed)) call problems%add(case%file//": body '"//body%name//"': "//failed%message, failed%code)
+    end if
+    allocate (body%load(body%dimension, body%mesh%n_nodes()), source=0.0_dp)
+    do k = 1, size(case%load)
+      if (case%load(k)%body /= b) cycle
+      call build_load(case%load(k), failed)
+      call note(case%load(k)%line, failed)
+    end do
+
+  contains
+
+    !> The supports of this body.
+    subroutine build_supports(support)
+      type(support_t), allocatable, intent(out) :: support(:)
+      integer :: i, n
+      allocate (support(count(case%support%body == b)))
+      n = 0
+      do i = 1, size(case%support)
+        associate (given => case%support(i))
+          if (given%body /= b) cycle
+          n = n + 1
+          call extract_surface(mesh, body%mesh, given%surface, support(n)%surface, failed)
+          call note(given%line, failed)
+          support(n)%fix = given%fix
+          support(n)%value = given%value
+          support(n)%formula = given%value_formula
+        end associate
+      end do
+    end subroutine build_supports
+
+    !> Nodal forces of one load.
+    subroutine build_load(given, failed)
+      type(load_input_t), intent(in) :: given
+      type(error_t), allocatable, intent(out) :: failed
+      type(load_t) :: load
+      type(surface_t) :: surface
+      load%kind = load_kind_of(given%kind)
+      load%value = given%value
+      load%formula = given%formula
+      if (load%kind == load_force_density) then
+        call add_volume_load(body%mesh, body%analysis, load, body%load, failed)
+      else
+        call extract_surface(mesh, body%mesh, given%surface, surface, failed)
+        if (allocated(failed)) return
+        call add_surface_load(body%mesh, body%analysis, surface, load, body%load, failed)
+      end if
+    end subroutine build_load
+
+    !> A problem of a line of the input.
+    subroutine note(line, failed)
+      integer, intent(in) :: line
+      type(error_t), allocatable, intent(inout) :: failed
+      call add_context(failed, case%file//':'//to_text(line)//': ')
+      call problems%add_error(failed)
+    end subroutine note
+  end subroutine build_body
+
+  !> Check that all bodies are held, and assemble them side by side; all problems are reported together.
+  subroutine assemble_bodies(case, body, error)
+    type(case_t), intent(in) :: case
+    !> (n_bodies).
+    type(body_t), intent(inout) :: body(:)
+    type(error_t), allocatable, intent(out) :: error
+    type(problem_list_t) :: problems
+    type(error_slot_t), allocatable :: failed(:)
+    integer :: i, b, order(size(body))
+    allocate (failed(size(body)))
+    order = largest_first(real(body%constraint%n_equations, dp))
+    !$omp parallel do default(none) shared(body, failed, order) private(b) schedule(dynamic, 1)
+    do i = 1, size(body)
+      b = order(i)
+      call assemble_body(body(b), failed(b)%error)
+    end do
+    !$omp end parallel do
+    do b = 1, size(body)
+      call add_context(failed(b)%error, case%file//':'//to_text(case%body(b)%line)//": body '"//body(b)%name//"': ")
+      call problems%add_error(failed(b)%error)
+    end do
+    call problems%raise(error)
+  end subroutine assemble_bodies
+
+  !> Check and assemble one body.
+  subroutine assemble_body(body, error)
+    type(body_t), intent(inout) :: body
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: motions
+    integer :: n_free
+    call free_rigid_motions(body, n_free, motions)
+    if (n_free > 0) then
+      call set_error(error, 'the scheme needs held bodies, and the supports leave this one free: '//motions// &
+                     '; add a &support that stops it', exit_not_solvable)
+      return
+    end if
+    call body%assemble(error)
+  end subroutine assemble_body
+end module dotyk_driver_bodies

@@ -1,0 +1,130 @@
+!> From assembled bodies to responses: order, analyse, factorize.
+module dotyk_driver_factorization
+  use omp_lib, only: omp_get_max_threads
+  use dotyk_base_error, only: error_t, problem_list_t, add_context
+  use dotyk_base_kinds, only: dp, int64
+  use dotyk_driver_parallel, only: largest_first, taken_alone, blas_serial, blas_parallel
+  use dotyk_elasticity_body, only: body_t
+  use dotyk_response_full, only: full_response_t
+  use dotyk_response_response, only: response_slot_t
+  implicit none
+  private
+
+  !> What is known of a factor before it is made.
+  type, public :: factor_size_t
+    !> Entries that are stored, and their memory [bytes].
+    integer(int64) :: entries = 0, bytes = 0
+    !> Memory of the stiffness [bytes].
+    integer(int64) :: stiffness_bytes = 0
+    !> Floating-point operations of the factorization.
+    real(dp) :: flops = 0
+  end type factor_size_t
+
+  !> A place for one body's error.
+  type :: error_slot_t
+    type(error_t), allocatable :: error
+  end type error_slot_t
+
+  public :: analyze_bodies, factorize_bodies
+
+contains
+
+  !> Order and analyse all bodies, side by side.
+  subroutine analyze_bodies(body, response, size_of, error)
+    !> Assembled (n_bodies); without the graph of their nodes on return.
+    type(body_t), intent(inout) :: body(:)
+    !> Analysed on return (n_bodies).
+    type(response_slot_t), allocatable, intent(out) :: response(:)
+    !> Sizes of the factors to come (n_bodies).
+    type(factor_size_t), allocatable, intent(out) :: size_of(:)
+    type(error_t), allocatable, intent(out) :: error
+    type(error_slot_t), allocatable :: failed(:)
+    integer :: i, b, order(size(body))
+    allocate (response(size(body)), size_of(size(body)), failed(size(body)))
+    order = largest_first(real(body%constraint%n_equations, dp))
+    call blas_serial()
+    !$omp parallel do default(none) shared(body, response, size_of, failed, order) private(b) schedule(dynamic, 1)
+    do i = 1, size(body)
+      b = order(i)
+      call analyze_body(body(b), response(b), size_of(b), failed(b)%error)
+    end do
+    !$omp end parallel do
+    call collect(body, failed, error)
+  end subroutine analyze_bodies
+
+  !> Order and analyse one body.
+  subroutine analyze_body(body, slot, size_of, error)
+    type(body_t), intent(inout) :: body
+    type(response_slot_t), intent(inout) :: slot
+    type(factor_size_t), intent(out) :: size_of
+    type(error_t), allocatable, intent(out) :: error
+    type(full_response_t), allocatable :: full
+    allocate (full)
+    call full%prepare(body, error)
+    size_of%entries = full%factor%factor_entries
+    size_of%bytes = full%factor%factor_bytes
+    size_of%flops = full%factor%flops
+    size_of%stiffness_bytes = 16*size(body%stiffness%row, kind=int64)
+    call move_alloc(full, slot%form)
+    deallocate (body%graph_start, body%graph_neighbour)
+  end subroutine analyze_body
+
+  !> Factorize all bodies: the ones that are much larger than the rest alone, then the others side by side. Their stiffnesses are
+  !> given back one by one.
+  subroutine factorize_bodies(body, response, size_of, reproducible, error)
+    !> Assembled (n_bodies); without stiffness on return.
+    type(body_t), intent(inout) :: body(:)
+    !> Analysed (n_bodies).
+    type(response_slot_t), intent(inout) :: response(:)
+    !> Sizes of the factors (n_bodies).
+    type(factor_size_t), intent(in) :: size_of(:)
+    !> The same digits on any number of threads.
+    logical, intent(in) :: reproducible
+    type(error_t), allocatable, intent(out) :: error
+    type(error_slot_t), allocatable :: failed(:)
+    logical :: alone(size(body))
+    integer :: i, b, order(size(body))
+    allocate (failed(size(body)))
+    order = largest_first(size_of%flops)
+    alone = .false.
+    if (.not. reproducible) alone = taken_alone(size_of%flops, omp_get_max_threads())
+    call blas_parallel(reproducible)
+    do i = 1, size(body)
+      b = order(i)
+      if (alone(b)) call factorize_body(body(b), response(b), failed(b)%error)
+    end do
+    call blas_serial()
+    !$omp parallel do default(none) shared(body, response, failed, order, alone) private(b) schedule(dynamic, 1)
+    do i = 1, size(body)
+      b = order(i)
+      if (.not. alone(b)) call factorize_body(body(b), response(b), failed(b)%error)
+    end do
+    !$omp end parallel do
+    call collect(body, failed, error)
+  end subroutine factorize_bodies
+
+  !> Factorize one body.
+  subroutine factorize_body(body, slot, error)
+    type(body_t), intent(inout) :: body
+    type(response_slot_t), intent(inout) :: slot
+    type(error_t), allocatable, intent(out) :: error
+    select type (full => slot%form)
+    type is (full_response_t)
+      call full%factorize(body, error)
+    end select
+  end subroutine factorize_body
+
+  !> All bodies' errors as one.
+  subroutine collect(body, failed, error)
+    type(body_t), intent(in) :: body(:)
+    type(error_slot_t), intent(inout) :: failed(:)
+    type(error_t), allocatable, intent(out) :: error
+    type(problem_list_t) :: problems
+    integer :: b
+    do b = 1, size(body)
+      call add_context(failed(b)%error, "body '"//body(b)%name//"': ")
+      call problems%add_error(failed(b)%error)
+    end do
+    call problems%raise(error)
+  end subroutine collect
+end module dotyk_driver_factorization

@@ -1,0 +1,28 @@
+!> From the input to materials.
+module dotyk_driver_materials
+  use dotyk_base_error, only: error_t
+  use dotyk_elasticity_material, only: material_t
+  use dotyk_input_case, only: material_input_t
+  use dotyk_input_names, only: material_isotropic, material_orthotropic
+  implicit none
+  private
+  public :: build_material
+
+contains
+
+  !> One material.
+  subroutine build_material(given, material, error)
+    type(material_input_t), intent(in) :: given
+    type(material_t), intent(out) :: material
+    type(error_t), allocatable, intent(out) :: error
+    select case (given%kind)
+    case (material_isotropic)
+      call material%init_isotropic(given%name, given%young(1), given%poisson(1), error)
+    case (material_orthotropic)
+      call material%init_orthotropic(given%name, given%young, given%poisson, given%shear, given%axis_1, given%axis_2, error)
+    case default
+      call material%init_anisotropic(given%name, given%stiffness, error)
+    end select
+    if (len(given%young_formula) > 0) material%factor_text = given%young_formula
+  end subroutine build_material
+end module dotyk_driver_materials

@@ -1,0 +1,78 @@
+!> Contact pairs of the input to contact points and the contact operator.
+module dotyk_driver_pairs
+  use dotyk_base_error, only: error_t, problem_list_t
+  use dotyk_base_formula, only: formula_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_text, only: to_text
+  use dotyk_contact_pair, only: contact_pair_t, pair_settings_t, find_pair, contact_gap_geometry => gap_geometry, &
+    contact_gap_constant => gap_constant, contact_gap_formula => gap_formula
+  use dotyk_elasticity_body, only: body_t
+  use dotyk_input_case, only: case_t, contact_input_t
+  use dotyk_input_names, only: analysis_axisymmetric, gap_constant, gap_formula, theta_absolute
+  use dotyk_mesh_surface, only: surface_t
+  implicit none
+  private
+  public :: find_pairs
+
+contains
+
+  !> Search the contact points of all pairs; all problems are reported together.
+  subroutine find_pairs(case, body, surface_a, surface_b, pair, error)
+    type(case_t), intent(in) :: case
+    !> Assembled (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    !> The two surfaces of each pair (n_pairs).
+    type(surface_t), intent(in) :: surface_a(:), surface_b(:)
+    !> (n_pairs).
+    type(contact_pair_t), allocatable, intent(out) :: pair(:)
+    type(error_t), allocatable, intent(out) :: error
+    type(problem_list_t) :: problems
+    type(error_t), allocatable :: failed
+    integer :: k
+    allocate (pair(size(case%contact)))
+    do k = 1, size(pair)
+      associate (given => case%contact(k))
+        call search_pair(case, given, body(given%body_a), surface_a(k), body(given%body_b), surface_b(k), pair(k), failed)
+        if (allocated(failed)) failed%message = case%file//':'//to_text(given%line)//': '//failed%message
+        call problems%add_error(failed)
+      end associate
+    end do
+    call problems%raise(error)
+  end subroutine find_pairs
+
+  !> Search the contact points of one pair.
+  subroutine search_pair(case, given, body_a, surface_a, body_b, surface_b, pair, error)
+    type(case_t), intent(in) :: case
+    type(contact_input_t), intent(in) :: given
+    type(body_t), intent(in) :: body_a, body_b
+    type(surface_t), intent(in) :: surface_a, surface_b
+    type(contact_pair_t), intent(out) :: pair
+    type(error_t), allocatable, intent(out) :: error
+    type(pair_settings_t) :: settings
+    type(formula_t) :: formula
+    settings%name = given%name
+    settings%body_a = given%body_a
+    settings%body_b = given%body_b
+    settings%axisymmetric = case%scene%analysis == analysis_axisymmetric
+    settings%gap_kind = contact_gap_geometry
+    if (given%gap_kind == gap_constant) then
+      settings%gap_kind = contact_gap_constant
+      settings%gap = given%gap
+    else if (given%gap_kind == gap_formula) then
+      settings%gap_kind = contact_gap_formula
+      call formula%init(given%gap_formula, error)
+      if (allocated(error)) return
+    end if
+    if (given%has_search_radius) settings%search_radius = given%search_radius
+    settings%theta = given%theta
+    if (given%theta_kind /= theta_absolute) settings%theta = given%theta*(compliance(body_a) + compliance(body_b))
+    call find_pair(body_a%mesh, surface_a, body_b%mesh, surface_b, settings, formula, pair, error)
+    call formula%destroy()
+  end subroutine search_pair
+
+  !> Size over Young's modulus of a body, the measure of `theta_relative` [length/pressure].
+  real(dp) function compliance(body)
+    type(body_t), intent(in) :: body
+    compliance = minval(maxval(body%mesh%x, dim=2) - minval(body%mesh%x, dim=2))/body%young()
+  end function compliance
+end module dotyk_driver_pairs

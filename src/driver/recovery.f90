@@ -1,0 +1,67 @@
+!> Displacements and stresses of all bodies, once the contact pressures are known.
+module dotyk_driver_recovery
+  use dotyk_base_kinds, only: dp
+  use dotyk_driver_free_scene, only: recover_displacement
+  use dotyk_driver_parallel, only: largest_first, blas_serial, blas_parallel
+  use dotyk_elasticity_body, only: body_t
+  use dotyk_elasticity_stress, only: element_stress
+  use dotyk_scheme_problem, only: contact_problem_t
+  implicit none
+  private
+
+  !> What one body does under its loads and contact pressures.
+  type, public :: body_solution_t
+    !> Displacements of the nodes (dimension, n_nodes) [length]; not allocated where nobody needs them.
+    real(dp), allocatable :: displacement(:, :)
+    !> Mean stress of the elements, xx yy zz xy yz xz (6, n_elements) [pressure]; not allocated where nobody asked.
+    real(dp), allocatable :: stress(:, :)
+  end type body_solution_t
+
+  public :: recover_bodies
+
+contains
+
+  !> Recover all bodies, side by side.
+  subroutine recover_bodies(body, problem, m, want_stress, reproducible, solution)
+    !> The bodies (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    type(contact_problem_t), intent(inout) :: problem
+    !> State of the scheme (n_rows) [pressure].
+    real(dp), intent(in) :: m(:)
+    logical, intent(in) :: want_stress
+    !> The same digits on any number of threads.
+    logical, intent(in) :: reproducible
+    !> (n_bodies).
+    type(body_solution_t), allocatable, intent(out) :: solution(:)
+    integer :: i, b, order(size(body))
+    allocate (solution(size(body)))
+    order = largest_first(real(body%constraint%n_equations, dp))
+    if (.not. problem%side_by_side) call blas_parallel(reproducible)
+    !$omp parallel do default(none) shared(body, problem, m, want_stress, solution, order) private(b) &
+    !$omp& schedule(dynamic, 1) if (problem%side_by_side)
+    do i = 1, size(body)
+      b = order(i)
+      call recover_body(body(b), problem, b, m, want_stress, solution(b))
+    end do
+    !$omp end parallel do
+    call blas_serial()
+  end subroutine recover_bodies
+
+  !> Recover one body.
+  subroutine recover_body(body, problem, b, m, want_stress, solution)
+    type(body_t), intent(in) :: body
+    type(contact_problem_t), intent(inout) :: problem
+    !> Index of the body.
+    integer, intent(in) :: b
+    real(dp), intent(in) :: m(:)
+    logical, intent(in) :: want_stress
+    type(body_solution_t), intent(inout) :: solution
+    real(dp), allocatable :: force(:, :)
+    call problem%body_force(b, m, force)
+    call recover_displacement(body, problem%response(b)%form, problem%operator%block(b)%contact_node, force, &
+                              solution%displacement)
+    if (.not. want_stress) return
+    allocate (solution%stress(6, body%mesh%n_elements()))
+    call element_stress(body, solution%displacement, solution%stress)
+  end subroutine recover_body
+end module dotyk_driver_recovery

@@ -1,0 +1,200 @@
+!> A run from the namelist file to the results file: the one place that turns input into bodies, operator, scheme and results.
+module dotyk_driver_run_case
+  use dotyk_base_error, only: error_t, exit_converged, exit_not_converged
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_log, only: log_t
+  use dotyk_contact_operator, only: build_operator
+  use dotyk_contact_pair, only: contact_pair_t
+  use dotyk_driver_arguments, only: arguments_t
+  use dotyk_driver_bodies, only: build_bodies, assemble_bodies
+  use dotyk_driver_factorization, only: factor_size_t, analyze_bodies, factorize_bodies
+  use dotyk_driver_free_scene, only: solve_free_scene
+  use dotyk_driver_pairs, only: find_pairs
+  use dotyk_driver_parallel, only: use_threads, blas_serial, blas_parallel
+  use dotyk_driver_pressures, only: pair_solution_t, nodal_field_t, project_pressures
+  use dotyk_driver_recovery, only: body_solution_t, recover_bodies
+  use dotyk_driver_results, only: write_fields, write_pairs, write_summary, write_provenance, write_timing
+  use dotyk_driver_screen, only: show_scene, show_bodies, show_pairs, show_memory, show_result, show_pair_result, show_timing
+  use dotyk_driver_timing, only: timing_t, stopwatch_t
+  use dotyk_driver_version, only: version, compiler, build_type
+  use dotyk_elasticity_body, only: body_t
+  use dotyk_input_case, only: case_t
+  use dotyk_input_help, only: help_text
+  use dotyk_input_parse, only: read_case
+  use dotyk_mesh_surface, only: surface_t
+  use dotyk_output_results, only: results_file_t, check_writable
+  use dotyk_response_full, only: full_response_t
+  use dotyk_scheme_history, only: scheme_result_t, ended_converged
+  use dotyk_scheme_neumann, only: neumann_settings_t, solve_neumann
+  use dotyk_scheme_problem, only: contact_problem_t
+  implicit none
+  private
+  public :: run_case
+
+  !> All that a run knows, in the order in which it comes to know it.
+  type :: run_t
+    type(case_t) :: case
+    type(log_t) :: log
+    type(timing_t) :: timing
+    type(stopwatch_t) :: watch
+    !> Threads in use, and date and time of the start.
+    integer :: threads = 1
+    character(:), allocatable :: started
+    !> Bodies (n_bodies) and contact pairs with their two surfaces (n_pairs).
+    type(body_t), allocatable :: body(:)
+    type(surface_t), allocatable :: surface_a(:), surface_b(:)
+    type(contact_pair_t), allocatable :: pair(:)
+    !> Factors to come (n_bodies).
+    type(factor_size_t), allocatable :: size_of(:)
+    type(contact_problem_t) :: problem
+    type(scheme_result_t) :: result
+    !> Displacements and stresses (n_bodies), pressures (n_pairs), pressures at the nodes (n_bodies).
+    type(body_solution_t), allocatable :: solution(:)
+    type(pair_solution_t), allocatable :: pair_solution(:)
+    type(nodal_field_t), allocatable :: contact_pressure(:)
+  end type run_t
+
+contains
+
+  !> Run what the command line asks for.
+  subroutine run_case(arguments, code, error)
+    type(arguments_t), intent(in) :: arguments
+    !> Exit code where there is no error.
+    integer, intent(out) :: code
+    type(error_t), allocatable, intent(out) :: error
+    type(run_t) :: run
+    code = exit_converged
+    if (arguments%help) then
+      print '(a)', help_text()
+      return
+    else if (arguments%version) then
+      print '(a)', 'dotyk '//version//' ('//compiler//', '//build_type//')'
+      return
+    end if
+    call run%watch%start()
+    run%started = date_and_time_text()
+    call run%log%init(arguments%quiet)
+    call use_threads(arguments%threads, run%threads)
+    call read_case(arguments%case_file, run%case, error)
+    if (allocated(error)) return
+    if (len(arguments%output) > 0) run%case%scene%output = arguments%output
+    call show_scene(run%log, run%case, run%threads)
+    call build(run, error)
+    if (allocated(error)) return
+    if (arguments%check) then
+      call show_memory(run%log, run%body, run%size_of)
+      call run%log%line('  checked; nothing was solved')
+      return
+    end if
+    call solve(run, error)
+    if (.not. allocated(error)) call recover(run, error)
+    if (.not. allocated(error)) call write_results(run, error)
+    call run%problem%destroy()
+    if (allocated(error)) return
+    call show_timing(run%log, run%timing)
+    call run%log%line('  results          '//run%case%scene%output)
+    if (run%result%ended /= ended_converged) code = exit_not_converged
+  end subroutine run_case
+
+  !> Meshes to bodies, contact points, and the sizes of the factors: all that can be checked before anything is solved.
+  subroutine build(run, error)
+    type(run_t), intent(inout) :: run
+    type(error_t), allocatable, intent(out) :: error
+    call check_writable(run%case%scene%output, error)
+    if (allocated(error)) return
+    call build_bodies(run%case, run%body, run%surface_a, run%surface_b, error)
+    if (allocated(error)) return
+    call run%watch%lap(run%timing%read)
+    call assemble_bodies(run%case, run%body, error)
+    if (allocated(error)) return
+    call run%watch%lap(run%timing%assemble)
+    call find_pairs(run%case, run%body, run%surface_a, run%surface_b, run%pair, error)
+    if (allocated(error)) return
+    call run%watch%lap(run%timing%search)
+    call analyze_bodies(run%body, run%problem%response, run%size_of, error)
+    if (allocated(error)) return
+    call run%watch%lap(run%timing%order)
+    call show_bodies(run%log, run%case, run%body, run%size_of)
+    call show_pairs(run%log, run%pair)
+    call run%log%line('')
+  end subroutine build
+
+  !> Factorize, and iterate from the scene without contact.
+  subroutine solve(run, error)
+    type(run_t), intent(inout) :: run
+    type(error_t), allocatable, intent(out) :: error
+    type(neumann_settings_t) :: settings
+    integer :: b
+    associate (case => run%case, problem => run%problem)
+      call factorize_bodies(run%body, problem%response, run%size_of, case%solver%reproducible, error)
+      if (allocated(error)) return
+      call run%watch%lap(run%timing%factorize)
+      call build_operator(case%scene%dimension, size(run%body), run%pair, run%surface_a, run%surface_b, problem%operator)
+      do b = 1, size(run%body)
+        select type (full => problem%response(b)%form)
+        type is (full_response_t)
+          call full%attach(run%body(b), problem%operator%block(b)%contact_node)
+        end select
+      end do
+      problem%side_by_side = size(run%body) > 1
+      call problem%prepare(real(run%size_of%entries, dp))
+      call run%watch%lap(run%timing%search)
+      call solve_free_scene(run%body, problem, case%solver%reproducible)
+      settings%gamma_rule = case%solver%gamma_rule
+      settings%gamma = case%solver%gamma
+      settings%stop_rule = case%solver%stop_rule
+      settings%tolerance = case%solver%tolerance
+      settings%max_iterations = case%solver%max_iterations
+      if (.not. problem%side_by_side) call blas_parallel(case%solver%reproducible)
+      call solve_neumann(problem, settings, run%log, run%result, error)
+      call blas_serial()
+      if (allocated(error)) return
+      call run%watch%lap(run%timing%iterate)
+      call show_result(run%log, run%result, settings%tolerance, problem%body_solves, run%timing%iterate)
+    end associate
+  end subroutine solve
+
+  !> From the state of the scheme to what users look at.
+  subroutine recover(run, error)
+    type(run_t), intent(inout) :: run
+    type(error_t), allocatable, intent(out) :: error
+    integer :: k
+    associate (case => run%case, problem => run%problem, m => run%result%m, y => run%result%y)
+      call recover_bodies(run%body, problem, m, case%output%stress, case%solver%reproducible, run%solution)
+      call project_pressures(run%body, run%pair, run%surface_a, run%surface_b, problem, m, y, run%pair_solution, &
+                             run%contact_pressure, error)
+      if (allocated(error)) return
+    end associate
+    do k = 1, size(run%pair)
+      associate (solution => run%pair_solution(k))
+        call show_pair_result(run%log, run%pair(k)%name, solution%force, maxval(solution%projected), &
+                              count(solution%gap < 0), run%pair(k)%n_points)
+      end associate
+    end do
+    call run%watch%lap(run%timing%recover)
+  end subroutine recover
+
+  !> Write the results file.
+  subroutine write_results(run, error)
+    type(run_t), intent(inout) :: run
+    type(error_t), allocatable, intent(out) :: error
+    type(results_file_t) :: file
+    call write_fields(file, run%case%scene%output, run%case, run%body, run%solution, run%contact_pressure, error)
+    if (allocated(error)) return
+    call write_pairs(file, run%pair, run%pair_solution)
+    call write_summary(file, run%body, run%size_of, run%problem, run%result, 'neumann')
+    call write_provenance(file, run%case, run%threads, run%started)
+    call run%watch%lap(run%timing%write)
+    run%timing%total = run%watch%since_start()
+    call write_timing(file, run%timing)
+    call file%commit(error)
+  end subroutine write_results
+
+  !> Now, as 2026-01-31T12:00:00+0100.
+  function date_and_time_text() result(text)
+    character(:), allocatable :: text
+    character(10) :: date, time, zone
+    call date_and_time(date, time, zone)
+    text = date(1:4)//'-'//date(5:6)//'-'//date(7:8)//'T'//time(1:2)//':'//time(3:4)//':'//time(5:6)//trim(zone)
+  end function date_and_time_text
+end module dotyk_driver_run_case

@@ -1,0 +1,190 @@
+!> What a run shows: a terse table of the scene, and a summary.
+module dotyk_driver_screen
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
+  use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_log, only: log_t
+  use dotyk_base_text, only: to_text
+  use dotyk_contact_pair, only: contact_pair_t
+  use dotyk_driver_factorization, only: factor_size_t
+  use dotyk_driver_timing, only: timing_t
+  use dotyk_driver_version, only: version
+  use dotyk_elasticity_body, only: body_t
+  use dotyk_input_case, only: case_t
+  use dotyk_input_names, only: analysis_names, name_at
+  use dotyk_scheme_bounds, only: gamma_limit
+  use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_limit, ended_diverged, ended_stalled
+  use dotyk_scheme_progress, only: duration
+  implicit none
+  private
+  public :: show_scene, show_bodies, show_pairs, show_memory, show_result, show_pair_result, show_timing, outcome
+
+contains
+
+  !> The first lines.
+  subroutine show_scene(log, case, threads)
+    type(log_t), intent(inout) :: log
+    type(case_t), intent(in) :: case
+    integer, intent(in) :: threads
+    character(:), allocatable :: title
+    title = case%scene%title
+    if (len(title) == 0) title = case%file
+    call log%line('dotyk '//version//' - '//title)
+    call log%line('  '//case%file//', '//name_at(analysis_names, case%scene%analysis)//', '// &
+                  plural(size(case%body), 'body', 'bodies')//', '//plural(size(case%contact), 'contact pair', 'contact pairs')// &
+                  ', '//plural(threads, 'thread', 'threads'))
+  end subroutine show_scene
+
+  !> One line per body; many bodies are summed up.
+  subroutine show_bodies(log, case, body, size_of)
+    type(log_t), intent(inout) :: log
+    type(case_t), intent(in) :: case
+    type(body_t), intent(in) :: body(:)
+    type(factor_size_t), intent(in) :: size_of(:)
+    !> More bodies than this are only summed up.
+    integer, parameter :: most_shown = 20
+    integer :: b, elements, nodes, unknowns
+    call log%line('')
+    call log%line('  body                 material         elements      nodes   unknowns   factor entries     Gflop')
+    elements = 0
+    nodes = 0
+    unknowns = 0
+    do b = 1, size(body)
+      elements = elements + body(b)%mesh%n_elements()
+      nodes = nodes + body(b)%mesh%n_nodes()
+      unknowns = unknowns + body(b)%constraint%n_equations
+      if (size(body) <= most_shown) call log%line(body_line(body(b)%name, body(b)%material%name, &
+        body(b)%mesh%n_elements(), body(b)%mesh%n_nodes(), body(b)%constraint%n_equations, size_of(b)%entries, size_of(b)%flops))
+    end do
+    if (size(body) > 1) call log%line(body_line(plural(size(body), 'body', 'bodies'), '', elements, nodes, unknowns, &
+                                                sum(size_of%entries), sum(size_of%flops)))
+    if (size(case%contact) == 0) call log%line('  no contact pairs: no search, one solve per body')
+  end subroutine show_bodies
+
+  !> A line of the table of bodies.
+  function body_line(name, material, elements, nodes, unknowns, entries, flops) result(line)
+    character(*), intent(in) :: name, material
+    integer, intent(in) :: elements, nodes, unknowns
+    integer(int64), intent(in) :: entries
+    real(dp), intent(in) :: flops
+    character(120) :: line
+    write (line, '(2x,a20,1x,a14,i11,i11,i11,es17.2,f10.2)') name, material, elements, nodes, unknowns, real(entries, dp), &
+      flops/1.0e9_dp
+  end function body_line
+
+  !> One line per contact pair.
+  subroutine show_pairs(log, pair)
+    type(log_t), intent(inout) :: log
+    type(contact_pair_t), intent(in) :: pair(:)
+    character(120) :: line
+    integer :: k
+    if (size(pair) == 0) return
+    call log%line('')
+    call log%line('  contact pair              points   without partner   smallest gap    largest gap          theta')
+    do k = 1, size(pair)
+      write (line, '(2x,a20,i12,i18,es15.3,es15.3,es15.3)') pair(k)%name, pair(k)%n_points, pair(k)%n_without_partner, &
+        minval(pair(k)%gap), maxval(pair(k)%gap), pair(k)%theta
+      call log%line(line)
+      if (pair(k)%n_without_partner > 0) call log%line('    left out: '//plural(pair(k)%n_outside, 'point', 'points')// &
+        ' beside the other surface, '//to_text(pair(k)%n_not_facing)//' that it does not face, '// &
+        to_text(pair(k)%n_too_far)//' too far')
+    end do
+  end subroutine show_pairs
+
+  !> Memory that a run would take.
+  subroutine show_memory(log, body, size_of)
+    type(log_t), intent(inout) :: log
+    type(body_t), intent(in) :: body(:)
+    type(factor_size_t), intent(in) :: size_of(:)
+    real(dp) :: matrices
+    integer :: b
+    matrices = 0
+    do b = 1, size(body)
+      matrices = matrices + 16.0_dp*size(body(b)%stiffness%row, kind=int64)
+    end do
+    call log%line('')
+    call log%line('  estimated memory: factors '//mebibytes(real(sum(size_of%bytes), dp))//', stiffnesses '//mebibytes(matrices)// &
+                  ', in all about '//mebibytes(1.15_dp*(sum(size_of%bytes) + matrices)))
+  end subroutine show_memory
+
+  !> How the scheme ended.
+  subroutine show_result(log, result, tolerance, body_solves, seconds)
+    type(log_t), intent(inout) :: log
+    type(scheme_result_t), intent(in) :: result
+    !> What was to be reached.
+    real(dp), intent(in) :: tolerance
+    !> Sweeps over all bodies.
+    integer, intent(in) :: body_solves
+    !> Time of the scheme [s].
+    real(dp), intent(in) :: seconds
+    call log%line('')
+    call log%line('  '//outcome(result)//' after '//plural(result%iterations, 'step', 'steps')//' ('//to_text(body_solves)// &
+                  ' sweeps over all bodies), '//duration(seconds))
+    call log%line('  error bound      '//to_text(result%error_bound, 3)//' of the energy norm, guaranteed (tolerance '// &
+                  to_text(tolerance)//')')
+    if (.not. ieee_is_nan(result%error_bound_paper)) call log%line('  bound (41)       '//to_text(result%error_bound_paper, 3))
+    if (.not. ieee_is_nan(result%q_measured)) call log%line('  factor per step  '//to_text(result%q_measured, 6)// &
+                                                            ' measured, at most '//to_text(result%q_predicted, 6)//' predicted')
+    call log%line('  penetration      '//to_text(result%max_penetration, 4)//' at most')
+    call log%line('  energy           '//to_text(result%energy, 10))
+    if (result%ended == ended_diverged) call log%line('  gamma = '//to_text(result%gamma)//' is too large: the iteration '// &
+      'converges for 0 < gamma < 2/(1+L) = '//to_text(gamma_limit(result%lambda_max)))
+  end subroutine show_result
+
+  !> One line of a pair's result.
+  subroutine show_pair_result(log, name, force, peak, active, points)
+    type(log_t), intent(inout) :: log
+    character(*), intent(in) :: name
+    !> Resultant on body a [force], and greatest projected pressure.
+    real(dp), intent(in) :: force(3), peak
+    !> Points under pressure, of how many.
+    integer, intent(in) :: active, points
+    call log%line('  '//name//': '//to_text(active)//' of '//plural(points, 'point', 'points')//' in contact, force ('// &
+                  to_text(force(1), 5)//', '//to_text(force(2), 5)//', '//to_text(force(3), 5)//') on body a, peak pressure '// &
+                  to_text(peak, 5))
+  end subroutine show_pair_result
+
+  !> Where the time went.
+  subroutine show_timing(log, timing)
+    type(log_t), intent(inout) :: log
+    type(timing_t), intent(in) :: timing
+    call log%line('  time             read '//duration(timing%read)//', assemble '//duration(timing%assemble)//', order '// &
+                  duration(timing%order)//', factorize '//duration(timing%factorize)//', search '//duration(timing%search)// &
+                  ', iterate '//duration(timing%iterate)//', recover '//duration(timing%recover)//', write '// &
+                  duration(timing%write)//'; total '//duration(timing%total))
+  end subroutine show_timing
+
+  !> How a scheme ended, in words.
+  function outcome(result) result(text)
+    type(scheme_result_t), intent(in) :: result
+    character(:), allocatable :: text
+    select case (result%ended)
+    case (ended_converged)
+      text = 'converged'
+    case (ended_limit)
+      text = 'not converged: stopped at max_iterations'
+    case (ended_diverged)
+      text = 'not converged: diverged'
+    case (ended_stalled)
+      text = 'not converged: rounding allows no smaller error; stopped'
+    end select
+  end function outcome
+
+  !> "1 body", "2 bodies".
+  function plural(n, one, many) result(text)
+    integer, intent(in) :: n
+    character(*), intent(in) :: one, many
+    character(:), allocatable :: text
+    if (n == 1) then
+      text = '1 '//one
+    else
+      text = to_text(n)//' '//many
+    end if
+  end function plural
+
+  !> Memory for people.
+  function mebibytes(bytes) result(text)
+    real(dp), intent(in) :: bytes
+    character(:), allocatable :: text
+    text = to_text(max(1, nint(bytes/1048576)))//' MiB'
+  end function mebibytes
+end module dotyk_driver_screen

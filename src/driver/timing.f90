@@ -1,0 +1,53 @@
+!> Wall time of the stages of a run.
+module dotyk_driver_timing
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_timer, only: wall_time
+  implicit none
+  private
+
+  !> Seconds; the names are those of `/dotyk/timing` in the results file.
+  type, public :: timing_t
+    !> Input and meshes; stiffness and loads; fill-reducing order and symbolic analysis; factorization.
+    real(dp) :: read = 0, assemble = 0, order = 0, factorize = 0
+    !> Contact search; the scheme, its estimate of L and the scene without contact; displacements and stresses; results file.
+    real(dp) :: search = 0, iterate = 0, recover = 0, write = 0
+    !> All of it.
+    real(dp) :: total = 0
+  end type timing_t
+
+  !> A watch that is read at the end of each stage.
+  type, public :: stopwatch_t
+    !> When the run, and the stage, began [s].
+    real(dp), private :: started = 0, lap_started = 0
+  contains
+    procedure :: start => stopwatch_start
+    procedure :: lap => stopwatch_lap
+    procedure :: since_start => stopwatch_since_start
+  end type stopwatch_t
+
+contains
+
+  !> Begin.
+  subroutine stopwatch_start(self)
+    class(stopwatch_t), intent(inout) :: self
+    self%started = wall_time()
+    self%lap_started = self%started
+  end subroutine stopwatch_start
+
+  !> End a stage: the time since the last lap is added to its seconds.
+  subroutine stopwatch_lap(self, seconds)
+    class(stopwatch_t), intent(inout) :: self
+    !> Seconds of the stage [s].
+    real(dp), intent(inout) :: seconds
+    real(dp) :: now
+    now = wall_time()
+    seconds = seconds + (now - self%lap_started)
+    self%lap_started = now
+  end subroutine stopwatch_lap
+
+  !> Seconds since the beginning.
+  real(dp) function stopwatch_since_start(self) result(seconds)
+    class(stopwatch_t), intent(in) :: self
+    seconds = wall_time() - self%started
+  end function stopwatch_since_start
+end module dotyk_driver_timing

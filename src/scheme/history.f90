@@ -1,0 +1,118 @@
+!> What a scheme did, step by step, and how it ended.
+module dotyk_scheme_history
+  use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
+  use dotyk_base_kinds, only: dp
+  implicit none
+  private
+
+  !> How an iteration ended.
+  integer, parameter, public :: ended_converged = 1  !< the stop rule is met
+  integer, parameter, public :: ended_limit = 2      !< max_iterations reached
+  integer, parameter, public :: ended_diverged = 3   !< the steps grow
+  integer, parameter, public :: ended_stalled = 4    !< rounding allows no smaller error
+
+  !> One entry per iteration; arrays are longer than `n` while the iteration goes on.
+  type, public :: history_t
+    !> Number of entries.
+    integer :: n = 0
+    !> Wall time since the start of the scheme [s].
+    real(dp), allocatable :: seconds(:)
+    !> ||u^{k+1} - u^k||_A / ||u^{k+1}||_A [].
+    real(dp), allocatable :: increment(:)
+    !> Guaranteed bound of the relative error in the energy norm [].
+    real(dp), allocatable :: error_bound(:)
+    !> F_theta [energy].
+    real(dp), allocatable :: energy(:)
+    !> Largest penetration [length].
+    real(dp), allocatable :: max_penetration(:)
+    !> Number of contact points under pressure.
+    integer, allocatable :: active(:)
+  contains
+    procedure :: add => history_add
+    procedure :: finish => history_finish
+    procedure :: measured_contraction => history_measured_contraction
+  end type history_t
+
+  !> Where a scheme got to.
+  type, public :: scheme_result_t
+    !> State: pressure of the last iterate's contact forces, u = u0 - K^{-1} B^T W m (n_rows) [pressure].
+    real(dp), allocatable :: m(:)
+    !> B u - d of the last iterate (n_rows) [length].
+    real(dp), allocatable :: y(:)
+    !> How it ended: one of the parameters above.
+    integer :: ended = ended_limit
+    !> Steps done.
+    integer :: iterations = 0
+    !> Relaxation parameter [].
+    real(dp) :: gamma = 0
+    !> Upper estimate of L [].
+    real(dp) :: lambda_max = 0
+    !> Factor that the theory promises at worst (sharp), and the one that was seen at the end [].
+    real(dp) :: q_predicted = 0, q_measured = 0
+    !> Guaranteed bound of the relative error, and the one of (41) [].
+    real(dp) :: error_bound = 0, error_bound_paper = 0
+    !> F_theta [energy].
+    real(dp) :: energy = 0
+    !> Largest penetration [length].
+    real(dp) :: max_penetration = 0
+    type(history_t) :: history
+  end type scheme_result_t
+
+contains
+
+  !> Add an entry.
+  subroutine history_add(self, seconds, increment, error_bound, energy, max_penetration, active)
+    class(history_t), intent(inout) :: self
+    real(dp), intent(in) :: seconds, increment, error_bound, energy, max_penetration
+    integer, intent(in) :: active
+    if (.not. allocated(self%seconds)) call resize(self, 128)
+    if (self%n == size(self%seconds)) call resize(self, 2*self%n)
+    self%n = self%n + 1
+    self%seconds(self%n) = seconds
+    self%increment(self%n) = increment
+    self%error_bound(self%n) = error_bound
+    self%energy(self%n) = energy
+    self%max_penetration(self%n) = max_penetration
+    self%active(self%n) = active
+  end subroutine history_add
+
+  !> Cut the arrays to the entries that there are.
+  subroutine history_finish(self)
+    class(history_t), intent(inout) :: self
+    call resize(self, self%n)
+  end subroutine history_finish
+
+  !> Arrays of another length.
+  subroutine resize(self, length)
+    class(history_t), intent(inout) :: self
+    integer, intent(in) :: length
+    integer, allocatable :: active(:)
+    call resize_real(self%seconds)
+    call resize_real(self%increment)
+    call resize_real(self%error_bound)
+    call resize_real(self%energy)
+    call resize_real(self%max_penetration)
+    allocate (active(length), source=0)
+    if (self%n > 0) active(:self%n) = self%active(:self%n)
+    call move_alloc(active, self%active)
+  contains
+    subroutine resize_real(values)
+      real(dp), allocatable, intent(inout) :: values(:)
+      real(dp), allocatable :: longer(:)
+      allocate (longer(length), source=0.0_dp)
+      if (self%n > 0) longer(:self%n) = values(:self%n)
+      call move_alloc(longer, values)
+    end subroutine resize_real
+  end subroutine resize
+
+  !> Mean factor between the last increments (up to ten of them); NaN where there are fewer than two.
+  pure real(dp) function history_measured_contraction(self) result(q)
+    class(history_t), intent(in) :: self
+    integer :: span
+    q = ieee_value(q, ieee_quiet_nan)
+    span = min(10, self%n - 1)
+    if (span < 1) return
+    if (.not. self%increment(self%n - span) > 0) return
+    q = (self%increment(self%n)/self%increment(self%n - span))**(1.0_dp/span)
+  end function history_measured_contraction
+end module dotyk_scheme_history

@@ -1,0 +1,48 @@
+!> The live line of an iteration.
+module dotyk_scheme_progress
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_text, only: to_text
+  use dotyk_scheme_history, only: history_t
+  implicit none
+  private
+  public :: progress_line, duration
+
+contains
+
+  !> Step, bound, points in contact, and an estimate of the time left.
+  function progress_line(history, tolerance, measure) result(line)
+    !> Up to now.
+    type(history_t), intent(in) :: history
+    !> What is to be reached, and what has been [].
+    real(dp), intent(in) :: tolerance, measure
+    character(:), allocatable :: line
+    real(dp) :: steps, rate
+    character(80) :: buffer
+    write (buffer, '(a,i8,a,es9.2,a,i8)') '  step ', history%n, '   error bound ', history%error_bound(history%n), &
+      '   in contact ', history%active(history%n)
+    line = trim(buffer)
+    rate = history%measured_contraction()
+    if (ieee_is_nan(rate)) return
+    if (rate > 0 .and. rate < 1 .and. measure > tolerance .and. tolerance > 0) then
+      steps = log(tolerance/measure)/log(rate)
+      line = line//'   left '//duration(steps*history%seconds(history%n)/history%n)
+    end if
+  end function progress_line
+
+  !> Seconds as a person says them.
+  function duration(seconds) result(text)
+    !> [s].
+    real(dp), intent(in) :: seconds
+    character(:), allocatable :: text
+    if (seconds < 0.095_dp) then
+      text = to_text(1000*seconds, 2)//' ms'
+    else if (seconds < 100) then
+      text = to_text(seconds, 2)//' s'
+    else if (seconds < 6000) then
+      text = to_text(nint(seconds/60))//' min'
+    else
+      text = to_text(seconds/3600, 2)//' h'
+    end if
+  end function duration
+end module dotyk_scheme_progress
