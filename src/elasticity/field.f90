@@ -2,6 +2,7 @@
 !>
 !> Formulas are parsed here from their text, for one field serves one thread: no two bodies share one.
 module dotyk_elasticity_field
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use dotyk_base_error, only: error_t, exit_bad_input, set_error
   use dotyk_base_formula, only: formula_t
   use dotyk_base_kinds, only: dp
@@ -70,7 +71,7 @@ contains
     place(:size(x)) = x
     do i = 1, 3
       if (self%formula(i)%is_set()) value(i) = self%formula(i)%evaluate(place)
-      if (.not. abs(value(i)) <= huge(1.0_dp)) then
+      if (.not. ieee_is_finite(value(i))) then
         call set_error(error, 'the formula is '//to_text(value(i))//' at '//place_text(x), exit_bad_input)
         return
       end if
