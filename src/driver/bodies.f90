@@ -43,16 +43,17 @@ contains
     type(mesh_t) :: mesh
     type(error_t), allocatable :: failed
     logical :: done(size(case%body)), same(size(case%body))
-    integer :: b, c
+    integer :: b, c, before
     allocate (body(size(case%body)), surface_a(size(case%contact)), surface_b(size(case%contact)))
     done = .false.
     do b = 1, size(body)
       if (done(b)) cycle
       same = [(case%body(c)%mesh == case%body(b)%mesh, c=1, size(body))]
       done = done .or. same
+      before = problems%count
       call read_mesh(case%body(b)%mesh, case%scene%dimension, mesh, failed)
       call problems%add_error(failed)
-      if (problems%count > 0) cycle
+      if (problems%count > before) cycle
       do c = 1, size(body)
         if (same(c)) call build_body(case, mesh, c, body(c), surface_a, surface_b, problems)
       end do
@@ -73,6 +74,8 @@ contains
       if (path(len(path) - 3:) == '.geo') call mesh_geometry(path, dimension, msh, error)
     end if
     if (.not. allocated(error)) call read_gmsh(msh, mesh, error)
+    ! Messages name the file that the user knows.
+    if (.not. allocated(error)) mesh%file = path
   end subroutine read_mesh
 
   !> One body and the surfaces of its contact pairs.

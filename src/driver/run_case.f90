@@ -1,8 +1,9 @@
 !> A run from the namelist file to the results file: the one place that turns input into bodies, operator, scheme and results.
 module dotyk_driver_run_case
-  use dotyk_base_error, only: error_t, exit_converged, exit_not_converged
+  use dotyk_base_error, only: error_t, add_context, exit_converged, exit_not_converged
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
+  use dotyk_base_text, only: to_text
   use dotyk_contact_operator, only: build_operator
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_driver_arguments, only: arguments_t
@@ -150,6 +151,7 @@ contains
       settings%max_iterations = case%solver%max_iterations
       call set_blas_threads(run%n_blas)
       call solve_neumann(problem, settings, run%log, run%result, error)
+      call add_context(error, case%file//':'//to_text(case%solver%line)//': ')
       call set_blas_threads(1)
       if (allocated(error)) return
       call run%watch%lap(run%timing%iterate)
