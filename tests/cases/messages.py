@@ -1,0 +1,235 @@
+#!/usr/bin/python3
+"""Exit codes and messages of the program: bad input, scenes that cannot be solved, files that cannot be written, options."""
+import os
+import re
+import subprocess
+
+import numpy as np
+
+import dotyk_case
+from blocks import block_geo, column_nml
+
+
+class Messages(dotyk_case.Case):
+    def setUp(self):
+        super().setUp()
+        for name, z in (("lower", 0.0), ("upper", 1.0)):
+            self.write(name + ".geo", block_geo("hex8", 1, (0.0, 0.0, z)))
+        self.text = column_nml(3, solver="theta_relative=1, tolerance=1e-8")
+
+    def scene(self, *changes):
+        """Write the column with some patterns replaced."""
+        text = self.text
+        for old, new in changes:
+            self.assertIn(old, text)
+            text = text.replace(old, new)
+        self.write("case.nml", text)
+
+    def line_of(self, part):
+        """Number of the line of the input file that has this part."""
+        lines = (self.folder / "case.nml").read_text().split("\n")
+        return 1 + next(i for i, line in enumerate(lines) if part in line)
+
+    def refuse(self, code, *expected, options=()):
+        """The case is refused with this exit code; the messages are on the standard error, and no results are written."""
+        done = subprocess.run([os.environ["DOTYK"], "case.nml", *options], cwd=self.folder, text=True, timeout=60,
+                              stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        self.assertEqual(done.returncode, code, done.stdout + done.stderr)
+        for part in expected:
+            self.assertIn(part, done.stderr)
+        self.assertEqual([path for path in self.folder.iterdir() if "vtkhdf" in path.name], [])
+        return done.stderr
+
+    # Bad input: 2
+
+    def test_input_mistakes_in_one_go(self):
+        self.scene(("young=30.0", "yuong=30.0"), ("poisson=0.3", "poisson=0.7"), ("&body name='upper'", "&boddy name='upper'"),
+                   ("theta_relative=1", "theta_relative=-1"), ("fix='x'", "fix='q'"))
+        at = self.line_of
+        self.refuse(2, "case.nml:%d: &material: unknown key 'yuong' (did you mean 'young'?)" % at("yuong"),
+                    "case.nml:%d: &material: poisson must be above -1 and below 0.5" % at("poisson=0.7"),
+                    "case.nml:%d: unknown group '&boddy' (did you mean '&body'?)" % at("&boddy"),
+                    "case.nml:%d: &solver: theta_relative must be above 0" % at("theta_relative"),
+                    "case.nml:%d: &support: " % at("fix='q'"))
+
+    def test_unresolved_names_of_the_input(self):
+        self.scene(("material='of lower'", "material='of loser'"), ("surface_b='lower:top'", "surface_b='lover:top'"))
+        self.refuse(2, "case.nml:%d: " % self.line_of("of loser"), "of loser", "case.nml:%d: " % self.line_of("lover:top"), "lover")
+
+    def test_physical_names_in_one_go(self):
+        """Those of all meshes together, with the names that each mesh has."""
+        self.scene(("lower.geo', volume='block'", "lower.geo', volume='blok'"), ("upper:bottom", "upper:botom"),
+                   ("surface='top'", "surface='tip'"))
+        message = self.refuse(2, "case.nml:%d: " % self.line_of("blok"), "'blok'", "(did you mean 'block'?)",
+                              "case.nml:%d: " % self.line_of("botom"), "'botom'", "case.nml:%d: " % self.line_of("'tip'"), "'tip'")
+        for line in message.splitlines():
+            if "botom" in line or "'tip'" in line:
+                for name in ("'bottom'", "'top'", "'sides x'", "'sides y'"):
+                    self.assertIn(name, line)
+        self.assertIn("lower.geo", message)
+
+    def test_formula(self):
+        self.scene(("lower:top'", "lower:top', gap_formula='1e-3*(x'"))
+        self.refuse(2, "case.nml:%d: &contact: " % self.line_of("&contact"), "gap_formula")
+
+    def test_missing_mesh(self):
+        self.scene(("mesh='lower.geo'", "mesh='lover.geo'"))
+        self.refuse(2, "lover.geo")
+
+    def test_broken_geometry(self):
+        self.write("lower.geo", "Point(1) = {0, 0};\nthis is no geometry\n")
+        self.scene()
+        self.refuse(2, "lower.geo")
+
+    def test_truncated_mesh(self):
+        self.write("lower.msh", "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n4\n1 0 0 0\n2 1 0 0\n")
+        self.scene(("mesh='lower.geo'", "mesh='lower.msh'"))
+        self.refuse(2, "lower.msh:")
+
+    def test_no_partner(self):
+        self.scene(("lower:top'", "lower:bottom'"))
+        self.refuse(2, "case.nml", "joint")
+
+    def test_stop_rule_of_the_paper(self):
+        """(41) needs gamma below gamma_2, which the spectral rule does not heed."""
+        self.scene(("tolerance=1e-8", "stop_rule='paper'"))
+        self.refuse(2, "case.nml:%d: &solver: " % self.line_of("&solver"), "stop_rule='paper'", "gamma_2", "gamma_rule='theory'")
+        self.scene(("tolerance=1e-8", "stop_rule='paper', gamma_rule='theory'"))
+        self.dotyk("case.nml")
+        summary = self.results("case.vtkhdf")["dotyk/summary"].attrs
+        self.assertLessEqual(summary["error_bound_paper"], 1e-6)
+        # (41) overestimates what the other bound guarantees.
+        self.assertLess(summary["error_bound"], summary["error_bound_paper"])
+
+    def test_missing_case(self):
+        self.refuse(2, "case.nml", "does not exist")
+
+    # Not solvable as posed: 3
+
+    def test_not_held(self):
+        self.scene(("surface='bottom', fix='z'", "surface='bottom', fix='x'"))
+        self.refuse(3, "case.nml:%d: body 'lower'" % self.line_of("&body name='lower'"), "translation along (0, 0, 1)")
+
+    def test_not_held_either(self):
+        """All bodies that are not held, each with its motions."""
+        self.scene(("surface='bottom', fix='z'", "surface='bottom', fix='x'"),
+                   ("&support body='upper', surface='sides x', fix='x' /\n", ""),
+                   ("&support body='upper', surface='sides y', fix='y' /\n", ""))
+        self.refuse(3, "body 'lower'", "translation along (0, 0, 1)", "body 'upper'", "translation along (1, 0, 0)",
+                    "translation along (0, 1, 0)", "rotation")
+
+    # Stopped before the tolerance: 1, with results
+
+    def test_max_iterations(self):
+        self.scene(("tolerance=1e-8", "tolerance=1e-8, max_iterations=3"))
+        text = self.dotyk("case.nml", code=1)
+        self.assertIn("not converged", text)
+        self.assertIn("max_iterations", text)
+        file = self.results("case.vtkhdf")
+        summary = file["dotyk/summary"].attrs
+        self.assertEqual(summary["converged"], 0)
+        self.assertEqual(summary["iterations"], 3)
+        self.assertGreater(summary["error_bound"], 1e-8)
+        self.assertEqual(len(file["dotyk/history/energy"]), 3)
+
+    def test_gamma_too_large(self):
+        self.scene(("tolerance=1e-8", "gamma_rule='fixed', gamma=1.9"))
+        text = self.dotyk("case.nml", code=1)
+        summary = self.results("case.vtkhdf")["dotyk/summary"].attrs
+        self.assertEqual((summary["converged"], summary["gamma"]), (0, 1.9))
+        found = re.search(r"gamma = 1.9 is too large.* 0 < gamma < 2/\(1\+L\) = (\S+)", text)
+        self.assertTrue(found, text)
+        limit = float(found[1])
+        self.assertAlmostEqual(limit * (1 + summary["lambda_max"]) / 2, 1, delta=1e-5)
+        # Inside the range that it named, it converges.
+        self.scene(("tolerance=1e-8", "gamma_rule='fixed', gamma=%r" % (0.95 * limit)))
+        self.dotyk("case.nml")
+
+    # Not written: 4
+
+    def test_no_output_folder(self):
+        self.scene()
+        self.refuse(4, "'none/results.vtkhdf' cannot be written", options=("--output", "none/results.vtkhdf"))
+        self.scene(("&scene ", "&scene output='none/results.vtkhdf', "))
+        self.refuse(4, "none/results.vtkhdf' cannot be written")
+
+    def test_output_is_a_folder(self):
+        self.scene()
+        (self.folder / "there").mkdir()
+        self.refuse(4, "'there'", options=("--output", "there"))
+
+    # Options
+
+    def test_check(self):
+        self.scene()
+        text = self.dotyk("case.nml", "--check")
+        for part in ("lower", "upper", "joint", "unknowns", "estimated memory", "nothing was solved"):
+            self.assertIn(part, text)
+        self.assertEqual([path for path in self.folder.iterdir() if "vtkhdf" in path.name], [])
+
+    def test_check_finds_what_a_run_would(self):
+        self.scene(("lower:top'", "lower:tip'"))
+        self.refuse(2, "'tip'", options=("--check",))
+        self.scene(("surface='bottom', fix='z'", "surface='bottom', fix='x'"))
+        self.refuse(3, "translation along (0, 0, 1)", options=("--check",))
+
+    def test_help(self):
+        text = self.dotyk("--help")
+        for group in ("scene", "material", "body", "support", "load", "contact", "solver", "output"):
+            self.assertRegex(text, r"(?m)^&%s\b" % group)
+        for word in ("theta_relative", "gap_formula", "max_iterations", "1e-2", "100000", "exit codes", "--threads N"):
+            self.assertIn(word, text)
+        self.assertLessEqual(max(map(len, text.splitlines())), 120)
+
+    def test_version(self):
+        self.assertRegex(self.dotyk("--version"), r"^dotyk \d+\.\d+\.\d+")
+
+    def test_wrong_options(self):
+        self.assertIn("(did you mean --check?)", self.dotyk("case.nml", "--chek", code=2))
+        self.assertIn("--threads", self.dotyk("case.nml", "--threads", "many", code=2))
+        self.assertIn("--threads", self.dotyk("case.nml", "--threads", code=2))
+        self.assertIn("one case", self.dotyk("a.nml", "b.nml", code=2))
+        self.assertIn("no case", self.dotyk(code=2))
+
+    def test_quiet(self):
+        self.scene()
+        self.assertEqual(self.dotyk("case.nml", "--quiet"), "")
+        self.assertEqual(self.results("case.vtkhdf")["dotyk/summary"].attrs["converged"], 1)
+
+    # Scenes with little in them
+
+    def test_no_contact_pairs(self):
+        self.scene(("&contact name='joint', surface_a='upper:bottom', surface_b='lower:top'", "! no contact"))
+        self.text = re.sub(r"(?m)^! no contact.*\n", "", (self.folder / "case.nml").read_text())
+        self.scene(("&output", "&load body='lower', surface='top', pressure=0.3 /\n&output"))
+        self.assertIn("no contact pairs", self.dotyk("case.nml"))
+        file = self.results("case.vtkhdf")
+        summary = file["dotyk/summary"].attrs
+        self.assertEqual((summary["converged"], summary["iterations"], summary["error_bound"]), (1, 0, 0))
+        self.assertEqual(len(file["dotyk/contact"]), 0)
+        self.assertEqual(file["dotyk/history/energy"].shape, (0,))
+        # The lower block bears the pressure, the upper one follows its top.
+        zz = file["VTKHDF/CellData/stress"][:, 2]
+        np.testing.assert_allclose(zz, [-0.3, 0], rtol=0, atol=1e-12)
+
+    def test_contact_that_never_closes(self):
+        self.scene(("value=0, 0, -0.001", "value=0, 0, 0.001"))
+        self.check_open(0.001)
+
+    def test_nothing_moves(self):
+        self.scene(("value=0, 0, -0.001", "value=0, 0, 0"))
+        self.check_open(0.0)
+
+    def check_open(self, gap):
+        """Converged at once: no pressure, and the upper block moves as a whole."""
+        self.dotyk("case.nml")
+        file = self.results("case.vtkhdf")
+        summary = file["dotyk/summary"].attrs
+        self.assertEqual((summary["converged"], summary["error_bound"], summary["max_penetration"]), (1, 0, 0))
+        joint = file["dotyk/contact/joint"]
+        np.testing.assert_array_equal(joint["pressure"][:], 0)
+        np.testing.assert_array_equal(joint.attrs["force"], 0)
+        np.testing.assert_allclose(joint["gap"][:], gap, rtol=0, atol=1e-15)
+
+
+dotyk_case.main()
