@@ -112,7 +112,7 @@ def main():
     parser.add_argument('names', nargs='*', default=['one', 'eight'], help='which benchmarks')
     parser.add_argument('--dotyk', default=os.path.join(ROOT, 'build', 'release', 'dotyk'))
     parser.add_argument('--directory', default='benchmark', help='where scenes and meshes are kept')
-    parser.add_argument('--size', type=float, default=0.042, help='element size of the large body (edge 1)')
+    parser.add_argument('--size', type=float, default=0.046, help='element size of the large body (edge 1)')
     parser.add_argument('--steps', type=int, default=200, help='iterations of the eight bodies')
     parser.add_argument('--repeat', type=int, default=3)
     args = parser.parse_args()

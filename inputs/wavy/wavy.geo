@@ -5,7 +5,6 @@ h = l/80;            // element size on the surface
 H = D/6;             // element size far away
 
 Mesh.ElementOrder = 2;
-Mesh.MeshSizeExtendFromBoundary = 0;
 
 Point(1) = {0, 0, 0, h};      Point(2) = {l/2, 0, 0, h};
 Point(3) = {l/2, D, 0, H};    Point(4) = {0, D, 0, H};

@@ -116,7 +116,10 @@ contains
     end do
     widest = pi
     length = norm2(mean)
-    if (length < 0.01_dp*size(list)) return
+    if (length < 0.01_dp*size(list)) then
+      mean = 0   ! normals in all directions: nothing is passed over
+      return
+    end if
     mean = mean/length
     widest = 0
     do i = 1, size(list)

@@ -3,7 +3,7 @@ module dotyk_driver_factorization
   use omp_lib, only: omp_get_max_threads
   use dotyk_base_error, only: error_t, problem_list_t, add_context
   use dotyk_base_kinds, only: dp, int64
-  use dotyk_driver_parallel, only: largest_first, taken_alone, blas_serial, blas_parallel
+  use dotyk_driver_parallel, only: largest_first, taken_alone, set_blas_threads
   use dotyk_elasticity_body, only: body_t
   use dotyk_response_full, only: full_response_t
   use dotyk_response_response, only: response_slot_t
@@ -42,7 +42,6 @@ contains
     integer :: i, b, order(size(body))
     allocate (response(size(body)), size_of(size(body)), failed(size(body)))
     order = largest_first(real(body%constraint%n_equations, dp))
-    call blas_serial()
     !$omp parallel do default(none) shared(body, response, size_of, failed, order) private(b) schedule(dynamic, 1)
     do i = 1, size(body)
       b = order(i)
@@ -88,12 +87,12 @@ contains
     order = largest_first(size_of%flops)
     alone = .false.
     if (.not. reproducible) alone = taken_alone(size_of%flops, omp_get_max_threads())
-    call blas_parallel(reproducible)
+    call set_blas_threads(merge(1, omp_get_max_threads(), reproducible))
     do i = 1, size(body)
       b = order(i)
       if (alone(b)) call factorize_body(body(b), response(b), failed(b)%error)
     end do
-    call blas_serial()
+    call set_blas_threads(1)
     !$omp parallel do default(none) shared(body, response, failed, order, alone) private(b) schedule(dynamic, 1)
     do i = 1, size(body)
       b = order(i)

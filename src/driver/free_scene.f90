@@ -1,7 +1,7 @@
 !> The scene without contact, u0: one solve of every body. It is the start of every scheme.
 module dotyk_driver_free_scene
   use dotyk_base_kinds, only: dp
-  use dotyk_driver_parallel, only: largest_first, blas_serial, blas_parallel
+  use dotyk_driver_parallel, only: largest_first, set_blas_threads
   use dotyk_elasticity_body, only: body_t, strain_energy
   use dotyk_response_response, only: response_t
   use dotyk_scheme_problem, only: contact_problem_t
@@ -20,19 +20,19 @@ module dotyk_driver_free_scene
 contains
 
   !> Fill `y_free`, `y_load`, `energy_free` and `norm_free` of the problem.
-  subroutine solve_free_scene(body, problem, reproducible)
+  subroutine solve_free_scene(body, problem, n_blas)
     !> The bodies (n_bodies).
     type(body_t), intent(in) :: body(:)
     !> With operator and responses.
     type(contact_problem_t), intent(inout) :: problem
-    !> The same digits on any number of threads.
-    logical, intent(in) :: reproducible
+    !> BLAS threads of each solve.
+    integer, intent(in) :: n_blas
     type(contribution_t), allocatable :: part(:)
     real(dp), allocatable :: row_displacement(:)
     integer :: i, b, order(size(body))
     allocate (part(size(body)))
     order = largest_first(real(body%constraint%n_equations, dp))
-    if (.not. problem%side_by_side) call blas_parallel(reproducible)
+    call set_blas_threads(n_blas)
     !$omp parallel do default(none) shared(body, problem, part, order) private(b) schedule(dynamic, 1) &
     !$omp& if (problem%side_by_side)
     do i = 1, size(body)
@@ -40,7 +40,7 @@ contains
       call solve_free_body(body(b), problem%response(b)%form, problem%operator%block(b)%contact_node, part(b))
     end do
     !$omp end parallel do
-    call blas_serial()
+    call set_blas_threads(1)
 
     problem%y_free = -problem%operator%gap
     allocate (problem%y_load(problem%operator%n_rows), source=0.0_dp)

@@ -8,11 +8,17 @@ module dotyk_driver_parallel
   use dotyk_linalg_blas, only: set_blas_threads
   implicit none
   private
-  public :: use_threads, largest_first, taken_alone, blas_serial, blas_parallel
+  public :: use_threads, largest_first, taken_alone, share_solves, set_blas_threads
 
   !> A body is taken alone when one thread on it would take this many times longer than the other threads on the rest: all BLAS
   !> threads on one factorization reach about 1/1.2 of what they reach on separate ones.
   real(dp), parameter :: worth_waiting = 1.2_dp
+
+  !> Entries of the other bodies' factors from which on solving them meanwhile pays: below, waiting for the other threads costs more,
+  !> and much more on a busy machine.
+  real(dp), parameter :: worth_a_region = 5.0e5_dp
+  !> Entries of a body's factor from which on BLAS threads help its solves.
+  real(dp), parameter :: worth_blas_threads = 5.0e6_dp
 
 contains
 
@@ -28,16 +34,19 @@ contains
     call set_blas_threads(1)
   end subroutine use_threads
 
-  !> One BLAS thread: for bodies side by side.
-  subroutine blas_serial()
-    call set_blas_threads(1)
-  end subroutine blas_serial
-
-  !> All BLAS threads: for one body alone, unless the digits must not depend on the number of threads.
-  subroutine blas_parallel(reproducible)
+  !> How the solves of one sweep over all bodies are shared out.
+  subroutine share_solves(entries, reproducible, side_by_side, n_blas)
+    !> Entries of the factor of each body: a solve takes about 1 ns for each.
+    real(dp), intent(in) :: entries(:)
+    !> The same digits on any number of threads: one BLAS thread.
     logical, intent(in) :: reproducible
-    call set_blas_threads(merge(1, omp_get_max_threads(), reproducible))
-  end subroutine blas_parallel
+    !> Solve bodies at the same time, one thread each; otherwise one after the other, with so many BLAS threads.
+    logical, intent(out) :: side_by_side
+    integer, intent(out) :: n_blas
+    n_blas = 1
+    side_by_side = sum(entries) - maxval(entries) > worth_a_region
+    if (.not. side_by_side .and. maxval(entries) > worth_blas_threads .and. .not. reproducible) n_blas = omp_get_max_threads()
+  end subroutine share_solves
 
   !> Indices by falling cost; equal costs keep their order.
   pure function largest_first(cost) result(order)

@@ -1,6 +1,6 @@
 !> Contact pressures as users look at them: projected, with resultants, and as a field of the nodes.
 module dotyk_driver_pressures
-  use dotyk_base_error, only: error_t, add_context
+  use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_contact_pair, only: contact_pair_t, pair_force
   use dotyk_contact_pressure, only: pressure_projection_t
@@ -59,10 +59,7 @@ contains
       solution(k)%gap = -y(first:last)
       solution(k)%force = pair_force(pair(k), solution(k)%pressure)
       call projection%init(pair(k), surface_a(k), surface_b(k), error)
-      if (allocated(error)) then
-        call add_context(error, "contact '"//pair(k)%name//"': ")
-        return
-      end if
+      if (allocated(error)) return
       allocate (solution(k)%projected(last - first + 1), on_a(size(projection%side_a%node)), on_b(size(projection%side_b%node)))
       call projection%project(solution(k)%pressure, solution(k)%projected, on_a, on_b)
       call add_at(nodal(pair(k)%body_a)%value, projection%side_a%node, on_a)

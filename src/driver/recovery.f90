@@ -2,7 +2,7 @@
 module dotyk_driver_recovery
   use dotyk_base_kinds, only: dp
   use dotyk_driver_free_scene, only: recover_displacement
-  use dotyk_driver_parallel, only: largest_first, blas_serial, blas_parallel
+  use dotyk_driver_parallel, only: largest_first, set_blas_threads
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_stress, only: element_stress
   use dotyk_scheme_problem, only: contact_problem_t
@@ -22,21 +22,21 @@ module dotyk_driver_recovery
 contains
 
   !> Recover all bodies, side by side.
-  subroutine recover_bodies(body, problem, m, want_stress, reproducible, solution)
+  subroutine recover_bodies(body, problem, m, want_stress, n_blas, solution)
     !> The bodies (n_bodies).
     type(body_t), intent(in) :: body(:)
     type(contact_problem_t), intent(inout) :: problem
     !> State of the scheme (n_rows) [pressure].
     real(dp), intent(in) :: m(:)
     logical, intent(in) :: want_stress
-    !> The same digits on any number of threads.
-    logical, intent(in) :: reproducible
+    !> BLAS threads of each solve.
+    integer, intent(in) :: n_blas
     !> (n_bodies).
     type(body_solution_t), allocatable, intent(out) :: solution(:)
     integer :: i, b, order(size(body))
     allocate (solution(size(body)))
     order = largest_first(real(body%constraint%n_equations, dp))
-    if (.not. problem%side_by_side) call blas_parallel(reproducible)
+    call set_blas_threads(n_blas)
     !$omp parallel do default(none) shared(body, problem, m, want_stress, solution, order) private(b) &
     !$omp& schedule(dynamic, 1) if (problem%side_by_side)
     do i = 1, size(body)
@@ -44,7 +44,7 @@ contains
       call recover_body(body(b), problem, b, m, want_stress, solution(b))
     end do
     !$omp end parallel do
-    call blas_serial()
+    call set_blas_threads(1)
   end subroutine recover_bodies
 
   !> Recover one body.

@@ -10,11 +10,12 @@ module dotyk_driver_run_case
   use dotyk_driver_factorization, only: factor_size_t, analyze_bodies, factorize_bodies
   use dotyk_driver_free_scene, only: solve_free_scene
   use dotyk_driver_pairs, only: find_pairs
-  use dotyk_driver_parallel, only: use_threads, blas_serial, blas_parallel
+  use dotyk_driver_parallel, only: use_threads, share_solves, set_blas_threads
   use dotyk_driver_pressures, only: pair_solution_t, nodal_field_t, project_pressures
   use dotyk_driver_recovery, only: body_solution_t, recover_bodies
   use dotyk_driver_results, only: write_fields, write_pairs, write_summary, write_provenance, write_timing
-  use dotyk_driver_screen, only: show_scene, show_bodies, show_pairs, show_memory, show_result, show_pair_result, show_timing
+  use dotyk_driver_screen, only: show_scene, show_bodies, show_pairs, show_factorization, &
+    show_memory, show_result, show_pair_result, show_timing
   use dotyk_driver_timing, only: timing_t, stopwatch_t
   use dotyk_driver_version, only: version, compiler, build_type
   use dotyk_elasticity_body, only: body_t
@@ -37,8 +38,9 @@ module dotyk_driver_run_case
     type(log_t) :: log
     type(timing_t) :: timing
     type(stopwatch_t) :: watch
-    !> Threads in use, and date and time of the start.
-    integer :: threads = 1
+    !> Threads in use, and BLAS threads of each solve.
+    integer :: threads = 1, n_blas = 1
+    !> Date and time of the start.
     character(:), allocatable :: started
     !> Bodies (n_bodies) and contact pairs with their two surfaces (n_pairs).
     type(body_t), allocatable :: body(:)
@@ -115,7 +117,7 @@ contains
     if (allocated(error)) return
     call run%watch%lap(run%timing%order)
     call show_bodies(run%log, run%case, run%body, run%size_of)
-    call show_pairs(run%log, run%pair)
+    call show_pairs(run%log, run%body, run%pair, run%surface_a, run%surface_b)
     call run%log%line('')
   end subroutine build
 
@@ -129,6 +131,7 @@ contains
       call factorize_bodies(run%body, problem%response, run%size_of, case%solver%reproducible, error)
       if (allocated(error)) return
       call run%watch%lap(run%timing%factorize)
+      call show_factorization(run%log, run%size_of, run%timing%factorize)
       call build_operator(case%scene%dimension, size(run%body), run%pair, run%surface_a, run%surface_b, problem%operator)
       do b = 1, size(run%body)
         select type (full => problem%response(b)%form)
@@ -136,18 +139,18 @@ contains
           call full%attach(run%body(b), problem%operator%block(b)%contact_node)
         end select
       end do
-      problem%side_by_side = size(run%body) > 1
+      call share_solves(real(run%size_of%entries, dp), case%solver%reproducible, problem%side_by_side, run%n_blas)
       call problem%prepare(real(run%size_of%entries, dp))
       call run%watch%lap(run%timing%search)
-      call solve_free_scene(run%body, problem, case%solver%reproducible)
+      call solve_free_scene(run%body, problem, run%n_blas)
       settings%gamma_rule = case%solver%gamma_rule
       settings%gamma = case%solver%gamma
       settings%stop_rule = case%solver%stop_rule
       settings%tolerance = case%solver%tolerance
       settings%max_iterations = case%solver%max_iterations
-      if (.not. problem%side_by_side) call blas_parallel(case%solver%reproducible)
+      call set_blas_threads(run%n_blas)
       call solve_neumann(problem, settings, run%log, run%result, error)
-      call blas_serial()
+      call set_blas_threads(1)
       if (allocated(error)) return
       call run%watch%lap(run%timing%iterate)
       call show_result(run%log, run%result, settings%tolerance, problem%body_solves, run%timing%iterate)
@@ -160,7 +163,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     integer :: k
     associate (case => run%case, problem => run%problem, m => run%result%m, y => run%result%y)
-      call recover_bodies(run%body, problem, m, case%output%stress, case%solver%reproducible, run%solution)
+      call recover_bodies(run%body, problem, m, case%output%stress, run%n_blas, run%solution)
       call project_pressures(run%body, run%pair, run%surface_a, run%surface_b, problem, m, y, run%pair_solution, &
                              run%contact_pressure, error)
       if (allocated(error)) return

@@ -11,12 +11,14 @@ module dotyk_driver_screen
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t
   use dotyk_input_names, only: analysis_names, name_at
+  use dotyk_mesh_surface, only: surface_t
   use dotyk_scheme_bounds, only: gamma_limit
   use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_limit, ended_diverged, ended_stalled
   use dotyk_scheme_progress, only: duration
   implicit none
   private
-  public :: show_scene, show_bodies, show_pairs, show_memory, show_result, show_pair_result, show_timing, outcome
+  public :: show_scene, show_bodies, show_pairs, show_factorization, show_memory, show_result, show_pair_result, show_timing, &
+    outcome
 
 contains
 
@@ -71,12 +73,15 @@ contains
       flops/1.0e9_dp
   end function body_line
 
-  !> One line per contact pair.
-  subroutine show_pairs(log, pair)
+  !> One line per contact pair, and what was left out.
+  subroutine show_pairs(log, body, pair, surface_a, surface_b)
     type(log_t), intent(inout) :: log
+    type(body_t), intent(in) :: body(:)
+    !> (n_pairs).
     type(contact_pair_t), intent(in) :: pair(:)
+    type(surface_t), intent(in) :: surface_a(:), surface_b(:)
     character(120) :: line
-    integer :: k
+    integer :: k, n
     if (size(pair) == 0) return
     call log%line('')
     call log%line('  contact pair              points   without partner   smallest gap    largest gap          theta')
@@ -84,11 +89,29 @@ contains
       write (line, '(2x,a20,i12,i18,es15.3,es15.3,es15.3)') pair(k)%name, pair(k)%n_points, pair(k)%n_without_partner, &
         minval(pair(k)%gap), maxval(pair(k)%gap), pair(k)%theta
       call log%line(line)
+      call log%line('    '//body(pair(k)%body_a)%name//':'//surface_a(k)%name//' ('// &
+                    plural(surface_a(k)%n_facets, 'facet', 'facets')//') on '//body(pair(k)%body_b)%name//':'// &
+                    surface_b(k)%name//' ('//plural(surface_b(k)%n_facets, 'facet', 'facets')//')')
       if (pair(k)%n_without_partner > 0) call log%line('    left out: '//plural(pair(k)%n_outside, 'point', 'points')// &
         ' beside the other surface, '//to_text(pair(k)%n_not_facing)//' that it does not face, '// &
         to_text(pair(k)%n_too_far)//' too far')
     end do
+    n = 0
+    do k = 1, size(body)
+      if (.not. any(pair%body_a == k .or. pair%body_b == k)) n = n + 1
+    end do
+    if (n > 0) call log%line('  '//plural(n, 'body touches', 'bodies touch')//' nothing: solved once, not iterated')
   end subroutine show_pairs
+
+  !> How fast the factorization was.
+  subroutine show_factorization(log, size_of, seconds)
+    type(log_t), intent(inout) :: log
+    type(factor_size_t), intent(in) :: size_of(:)
+    !> [s].
+    real(dp), intent(in) :: seconds
+    call log%line('  factorized       in '//duration(seconds)//', '//mebibytes(real(sum(size_of%bytes), dp))//', '// &
+                  to_text(sum(size_of%flops)/max(seconds, tiny(seconds))/1.0e9_dp, 3)//' Gflop/s')
+  end subroutine show_factorization
 
   !> Memory that a run would take.
   subroutine show_memory(log, body, size_of)
@@ -117,8 +140,8 @@ contains
     !> Time of the scheme [s].
     real(dp), intent(in) :: seconds
     call log%line('')
-    call log%line('  '//outcome(result)//' after '//plural(result%iterations, 'step', 'steps')//' ('//to_text(body_solves)// &
-                  ' sweeps over all bodies), '//duration(seconds))
+    call log%line('  '//outcome(result)//' after '//plural(result%iterations, 'step', 'steps')//' ('// &
+                  plural(body_solves, 'sweep', 'sweeps')//' over all bodies), '//duration(seconds))
     call log%line('  error bound      '//to_text(result%error_bound, 3)//' of the energy norm, guaranteed (tolerance '// &
                   to_text(tolerance)//')')
     if (.not. ieee_is_nan(result%error_bound_paper)) call log%line('  bound (41)       '//to_text(result%error_bound_paper, 3))

@@ -1,0 +1,135 @@
+#!/usr/bin/python3
+"""The column of two blocks: uniform pressure, exact to round-off on matching faces, and to 1e-3 on others."""
+import numpy as np
+
+import dotyk_case
+from blocks import KINDS, SHORTENING, block_geo, column_exact, column_nml, dimension
+
+VTK = {"tet4": 10, "tet10": 24, "prism6": 13, "prism15": 26, "prism18": 32, "hex8": 12, "hex20": 25, "hex27": 29,
+       "tri3": 5, "tri6": 22, "quad4": 9, "quad8": 23, "quad9": 28}
+
+
+class Column(dotyk_case.Case):
+    def column(self, kinds, divisions, analysis=None, contact="", gap=0.0, left=0.0):
+        """Solve the column; returns results, and the exact pressure and displacement of its nodes along the column."""
+        d = dimension(kinds[0])
+        for name, kind, n, z in zip(("lower", "upper"), kinds, divisions, (0.0, 1.0)):
+            origin = [left] + [0.0] * (d - 1)
+            origin[-1] = z
+            self.write(name + ".geo", block_geo(kind, n, origin, (1.0,) * d))
+        self.write("column.nml", column_nml(d, analysis, contact))
+        self.dotyk("column.nml")
+        file = self.results("column.vtkhdf")
+        theta = file["dotyk/contact/joint"].attrs["theta"]
+        pressure, lower, upper = column_exact(theta, analysis, gap)
+        points, n = file["VTKHDF/Points"][:], file["VTKHDF/NumberOfPoints"][0]
+        height = points[:, d - 1]
+        exact = np.where(np.arange(len(points)) < n, -lower * height, -SHORTENING + upper * (2 - height))
+        return file, pressure, exact
+
+    def check_exact(self, kind, analysis=None, **options):
+        """1e-9 of pressure, displacement, penetration, force: the tolerance 1e-12 and round-off leave that."""
+        file, pressure, exact = self.column((kind, kind), (2, 2), analysis, **options)
+        d = dimension(kind)
+        joint = file["dotyk/contact/joint"]
+        theta = joint.attrs["theta"]
+        close = 1e-9 * SHORTENING
+        u = file["VTKHDF/PointData/displacement"][:]
+        np.testing.assert_allclose(u[:, d - 1], exact, rtol=0, atol=close)
+        if analysis != "plane_stress":
+            np.testing.assert_allclose(np.delete(u, d - 1, axis=1), 0, rtol=0, atol=close)
+        for name in ("pressure", "pressure_projected"):
+            np.testing.assert_allclose(joint[name][:], pressure, rtol=1e-9)
+        np.testing.assert_allclose(joint["gap"][:], -theta * pressure, rtol=1e-9)
+        area = joint["weight"][:].sum()
+        force = np.zeros(3)
+        force[d - 1] = pressure * area
+        np.testing.assert_allclose(joint.attrs["force"], force, rtol=1e-9, atol=1e-9 * pressure)
+        stress = file["VTKHDF/CellData/stress"][:]
+        np.testing.assert_allclose(stress[:, d - 1], -pressure, rtol=1e-8)
+        np.testing.assert_allclose(stress[:, 3:], 0, rtol=0, atol=1e-8 * pressure)
+        nodal = file["VTKHDF/PointData/contact_pressure"][:]
+        at_joint = np.abs(file["VTKHDF/Points"][:, d - 1] - 1) < 1e-9
+        np.testing.assert_allclose(nodal[~at_joint], 0)
+        np.testing.assert_allclose(nodal[at_joint], pressure, rtol=1e-9)
+        summary = file["dotyk/summary"].attrs
+        self.assertEqual(summary["converged"], 1)
+        self.assertAlmostEqual(summary["max_penetration"] / (theta * pressure), 1, delta=1e-9)
+        # F at the minimum is half the work of the given displacement.
+        self.assertAlmostEqual(summary["energy"] / (0.5 * SHORTENING * pressure * area), 1, delta=1e-9)
+        self.assertEqual(set(file["VTKHDF/Types"][:].tolist()), {VTK[kind]})
+        return file
+
+    def test_plane_stress(self):
+        self.check_exact("quad8", "plane_stress")
+
+    def test_ring(self):
+        file = self.check_exact("quad8", "axisymmetric", left=0.5)
+        self.assertAlmostEqual(file["dotyk/contact/joint/weight"][:].sum(), np.pi * (1.5**2 - 0.5**2), delta=1e-9)
+
+    def test_shaft(self):
+        self.check_exact("tri6", "axisymmetric")
+
+    def test_given_gap(self):
+        file, pressure, exact = self.column(("hex8", "hex8"), (2, 2), contact=", gap=4e-4", gap=4e-4)
+        np.testing.assert_allclose(file["dotyk/contact/joint/pressure"][:], pressure, rtol=1e-9)
+        np.testing.assert_allclose(file["VTKHDF/PointData/displacement"][:, 2], exact, rtol=0, atol=1e-9 * SHORTENING)
+
+    def test_one_conforming_mesh(self):
+        """The blocks share the face, and its nodes, in one mesh: each body still has nodes of its own."""
+        self.write("column.geo", """
+Point(1) = {0, 0, 0};
+line() = Extrude {1, 0, 0} { Point{1}; Layers{2}; };
+face() = Extrude {0, 1, 0} { Curve{line(1)}; Layers{2}; };
+lower() = Extrude {0, 0, 1} { Surface{face(1)}; Layers{2}; };
+upper() = Extrude {0, 0, 1} { Surface{lower(0)}; Layers{2}; };
+e = 1e-6;
+Physical Volume("lower") = {lower(1)};
+Physical Volume("upper") = {upper(1)};
+Physical Surface("bottom") = {face(1)};
+Physical Surface("joint") = {lower(0)};
+Physical Surface("top") = {upper(0)};
+Physical Surface("sides x") = {Surface In BoundingBox {-e, -e, -e, e, 1 + e, 2 + e},
+                               Surface In BoundingBox {1 - e, -e, -e, 1 + e, 1 + e, 2 + e}};
+Physical Surface("sides y") = {Surface In BoundingBox {-e, -e, -e, 1 + e, e, 2 + e},
+                               Surface In BoundingBox {-e, 1 - e, -e, 1 + e, 1 + e, 2 + e}};
+""")
+        text = column_nml(3).replace("upper:bottom", "upper:joint").replace("lower:top", "lower:joint")
+        for name in ("lower", "upper"):
+            text = text.replace("mesh='%s.geo', volume='block'" % name, "mesh='column.geo', volume='%s'" % name)
+        self.write("column.nml", text)
+        self.dotyk("column.nml")
+        file = self.results("column.vtkhdf")
+        pressure = column_exact(file["dotyk/contact/joint"].attrs["theta"])[0]
+        np.testing.assert_allclose(file["dotyk/contact/joint/pressure"][:], pressure, rtol=1e-9)
+        self.assertEqual(file["VTKHDF/NumberOfPoints"][:].tolist(), [27, 27])
+
+    def check_near(self, kinds, divisions):
+        """Facets that the other mesh cuts: quadrature there is not exact; in the mean 1e-3 in displacement and pressure, and single
+        nodes within the local error of meshes as coarse as these."""
+        file, pressure, exact = self.column(kinds, divisions)
+        d = dimension(kinds[0])
+        error = (file["VTKHDF/PointData/displacement"][:, d - 1] - exact) / SHORTENING
+        self.assertLess(np.sqrt(np.mean(error**2)), 1e-3)
+        self.assertLess(np.abs(error).max(), 1e-2)
+        joint = file["dotyk/contact/joint"]
+        w, p = joint["weight"][:], joint["pressure"][:]
+        self.assertAlmostEqual(np.sum(w * p) / np.sum(w) / pressure, 1, delta=1e-3)
+
+    def test_not_matching_hexahedra(self):
+        self.check_near(("hex8", "hex8"), (3, 4))
+
+    def test_not_matching_kinds(self):
+        self.check_near(("hex20", "tet10"), (2, 3))
+
+    def test_not_matching_orders(self):
+        self.check_near(("tet4", "prism18"), (3, 2))
+
+    def test_not_matching_in_the_plane(self):
+        self.check_near(("tri3", "quad8"), (5, 4))
+
+
+for _kind in KINDS:
+    setattr(Column, "test_" + _kind, lambda self, kind=_kind: (self.check_exact(kind), None)[1])
+
+dotyk_case.main()

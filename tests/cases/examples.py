@@ -1,0 +1,103 @@
+#!/usr/bin/python3
+"""The examples: each runs to convergence and is as near to its exact answer as stated, by the functions of its check.py."""
+import importlib.util
+import re
+
+import numpy as np
+
+import dotyk_case
+
+
+def check_of(example):
+    """The module inputs/<example>/check.py."""
+    spec = importlib.util.spec_from_file_location("check_" + example, dotyk_case.INPUTS / example / "check.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+class Examples(dotyk_case.Case):
+    def edit(self, name, *changes):
+        """Replace patterns in a file of the folder; each must be there once."""
+        text = (self.folder / name).read_text()
+        for pattern, new in changes:
+            text, n = re.subn(pattern, new, text, flags=re.M)
+            self.assertEqual(n, 1, pattern)
+        self.write(name, text)
+
+    def run_example(self, name):
+        """Run it and check that it ended as it says."""
+        self.dotyk("%s/%s.nml" % (name, name))
+        file = self.results("%s/%s.vtkhdf" % (name, name))
+        summary = file["dotyk/summary"].attrs
+        tolerance = float(re.search(r"tolerance=([^ ,/]+)", (self.folder / name / (name + ".nml")).read_text())[1])
+        self.assertEqual(summary["converged"], 1)
+        self.assertLessEqual(summary["error_bound"], tolerance)
+        self.assertLessEqual(summary["q_measured"], summary["q_predicted"] * (1 + 1e-6))
+        return file
+
+    def test_column(self):
+        self.copy("column")
+        self.run_example("column")
+        errors = check_of("column").errors(self.folder / "column/column.vtkhdf")
+        self.assertLess(abs(errors["mean_error"]), 1e-3)
+        # Facets of surface_a are cut by those of surface_b: single pressures are as good as the quadrature there.
+        self.assertLess(errors["largest_error"], 0.05)
+
+    def test_wavy(self):
+        self.copy("wavy")
+        file = self.run_example("wavy")
+        errors = check_of("wavy").errors(self.folder / "wavy/wavy.vtkhdf")
+        # Some 25 elements over the contact zone, and theta_relative 2e-3: 1 % each.
+        self.assertLess(abs(errors["a_error"]), 0.02)
+        self.assertLess(abs(errors["p0_error"]), 0.02)
+        self.assertLess(errors["profile_error"], 0.05)
+        wave = file["dotyk/contact/wave"]
+        # The gap is the formula at each point.
+        x = wave["position"][:, 0]
+        np.testing.assert_allclose(wave["gap_initial"][:], 0.002 * (1 - np.cos(2 * np.pi * x)), rtol=0, atol=1e-15)
+
+    def test_hertz_coarse(self):
+        """3 elements over the contact radius and a softer layer, for a quick test: 10 % where the example itself is near 2 %."""
+        self.copy("hertz")
+        self.edit("hertz/hertz.geo", (r"h = a/5;", "h = a/3;"), (r"H = R/5;", "H = R/3;"))
+        self.edit("hertz/hertz.nml", (r"theta_relative=[^,]+", "theta_relative=4e-3"), (r"tolerance=\S+", "tolerance=1e-3"))
+        self.run_example("hertz")
+        errors = check_of("hertz").errors(self.folder / "hertz/hertz.vtkhdf")
+        self.assertLess(abs(errors["a_error"]), 0.10)
+        self.assertLess(abs(errors["p0_error"]), 0.10)
+        self.assertLess(errors["profile_error"], 0.20)
+        self.assertLess(errors["a/R"], 0.06)
+
+    def test_composite(self):
+        """Softer joints, for a quick test. There is no exact answer: balance, signs and symmetry instead."""
+        self.copy("composite")
+        self.edit("composite/composite.nml", (r"theta_relative=\S+?,", "theta_relative=1,"))
+        file = self.run_example("composite")
+        joints = [file["dotyk/contact/joint %d" % k] for k in range(1, 8)]
+        forces = np.array([joint.attrs["force"] for joint in joints])
+        load = 50e6 * 0.15**2
+        # Clamped edges take a part of the load in every plate: the force grows from below to above and stays below the load.
+        self.assertTrue(np.all(np.diff(forces[:, 2]) > 0), forces)
+        self.assertGreater(forces[0, 2], 0)
+        self.assertLess(forces[-1, 2], load)
+        # Flat joints without friction: no force along them.
+        np.testing.assert_allclose(forces[:, :2], 0, atol=1e-9 * load)
+        for joint in joints:
+            p, w = joint["pressure"][:], joint["weight"][:]
+            self.assertGreaterEqual(p.min(), 0)
+            self.assertAlmostEqual(np.sum(w * p) / joint.attrs["force"][2], 1, delta=1e-9)
+            self.assertAlmostEqual(np.sum(w) / 0.25, 1, delta=1e-12)
+            # p = penetration/theta
+            np.testing.assert_allclose(p, np.maximum(0, -joint["gap"][:]) / joint.attrs["theta"], rtol=0, atol=2e-3 * p.max())
+        # The quarter, its mesh and its load do not change when x and y are swapped.
+        x, u = file["VTKHDF/Points"][:], file["VTKHDF/PointData/displacement"][:]
+        body = np.repeat(np.arange(8), file["VTKHDF/NumberOfPoints"][:])
+        keys = np.column_stack([body, np.round(x / 1e-6)])
+        here = np.lexsort(keys.T)
+        there = np.lexsort(keys[:, [0, 2, 1, 3]].T)
+        np.testing.assert_allclose(x[here], x[there][:, [1, 0, 2]], rtol=0, atol=1e-9)
+        np.testing.assert_allclose(u[here], u[there][:, [1, 0, 2]], rtol=0, atol=1e-9 * np.abs(u).max())
+
+
+dotyk_case.main()
