@@ -1,0 +1,209 @@
+#!/usr/bin/python3
+"""The results file: its whole layout, read back with h5py and with VTK; what happens to older files; the choice of fields."""
+import os
+import subprocess
+import sys
+
+import numpy as np
+
+import dotyk_case
+from blocks import block_geo, column_nml, dimension
+
+
+class Results(dotyk_case.Case):
+    def column(self, kinds=("hex8", "hex8"), code=0, **options):
+        """Write the column's files and run it; returns what the program printed."""
+        d = dimension(kinds[0])
+        for name, kind, n, z in zip(("lower", "upper"), kinds, (2, 2), (0.0, 1.0)):
+            self.write(name + ".geo", block_geo(kind, n, (0.0,) * (d - 1) + (z,), (1.0,) * d))
+        options.setdefault("solver", "theta_relative=1, tolerance=1e-8")
+        self.write("column.nml", column_nml(d, **options))
+        return self.dotyk("column.nml", "--threads", 1, code=code)
+
+    def check_shapes(self, group, shapes):
+        """The group has these datasets (shape, kind of number), and no others."""
+        found = {name: (item.shape, item.dtype.kind) for name, item in group.items() if hasattr(item, "shape")}
+        self.assertEqual(found, shapes)
+
+    def check_attributes(self, group, kinds):
+        """The group has these attributes, scalars of these types, and no others; vectors are given by their length."""
+        self.assertEqual(set(group.attrs), set(kinds))
+        for name, kind in kinds.items():
+            value = group.attrs[name]
+            if isinstance(kind, int):
+                self.assertEqual(value.shape, (kind,), name)
+            else:
+                self.assertEqual(np.shape(value), (), name)
+                self.assertIsInstance(value, kind, name)
+
+    def check_layout(self, d):
+        """The whole layout, for the column in d dimensions."""
+        file = self.results("column.vtkhdf")
+        root = file["VTKHDF"]
+        self.assertEqual(root.attrs["Version"].tolist(), [2, 0])
+        self.assertEqual(root.attrs["Type"], b"UnstructuredGrid")
+        self.assertEqual(root.attrs.get_id("Type").dtype.itemsize, len("UnstructuredGrid"))
+        points, cells = root["NumberOfPoints"][:].sum(), root["NumberOfCells"][:].sum()
+        ids = root["NumberOfConnectivityIds"][:].sum()
+        self.check_shapes(root, {
+            "NumberOfPoints": ((2,), "i"), "NumberOfCells": ((2,), "i"), "NumberOfConnectivityIds": ((2,), "i"),
+            "Points": ((points, 3), "f"), "Connectivity": ((ids,), "i"), "Offsets": ((cells + 2,), "i"), "Types": ((cells,), "u")})
+        self.assertEqual(root["Types"].dtype, np.uint8)
+        self.check_shapes(root["PointData"], {
+            "displacement": ((points, 3), "f"), "contact_pressure": ((points,), "f"), "node_tag": ((points,), "i")})
+        self.check_shapes(root["CellData"], {
+            "body": ((cells,), "i"), "element_tag": ((cells,), "i"), "stress": ((cells, 6), "f"), "von_mises": ((cells,), "f")})
+        self.assertEqual(root["CellData/body"][:].tolist(), np.repeat([1, 2], root["NumberOfCells"][:]).tolist())
+        # von Mises of the mean stress, from its components xx yy zz xy yz xz
+        xx, yy, zz, xy, yz, xz = root["CellData/stress"][:].T
+        mises = np.sqrt(((xx - yy)**2 + (yy - zz)**2 + (zz - xx)**2) / 2 + 3 * (xy**2 + yz**2 + xz**2))
+        np.testing.assert_allclose(root["CellData/von_mises"][:], mises, rtol=1e-9)
+
+        own = file["dotyk"]
+        self.assertEqual(set(own), {"summary", "history", "contact", "timing"})
+        for name in ("version", "command_line", "compiler", "started", "input"):
+            self.assertIsInstance(own.attrs[name], (str, bytes), name)
+        self.assertEqual(own.attrs["threads"], 1)
+        self.assertEqual(as_text(own.attrs["input"]).strip(), (self.folder / "column.nml").read_text().strip())
+        self.assertIn("column.nml --threads 1", as_text(own.attrs["command_line"]))
+        self.assertRegex(as_text(own.attrs["started"]), r"^20\d\d-\d\d-\d\dT\d\d:\d\d:\d\d")
+
+        summary = own["summary"].attrs
+        real, integer = np.floating, np.integer
+        kinds = {"converged": integer, "iterations": integer, "body_solves": integer, "gamma": real, "lambda_max": real,
+                 "q_predicted": real, "q_measured": real, "error_bound": real, "error_bound_paper": real, "energy": real,
+                 "max_penetration": real}
+        for name, kind in kinds.items():
+            self.assertEqual(np.shape(summary[name]), (), name)
+            self.assertIsInstance(summary[name], kind, name)
+        self.assertEqual(as_text(summary["scheme"]), "neumann")
+        n = summary["iterations"]
+        self.assertGreater(n, 1)
+        self.assertGreater(summary["body_solves"], n)
+        self.assertAlmostEqual(summary["gamma"], 2 / (2 + summary["lambda_max"]), delta=1e-12)
+
+        history = own["history"]
+        self.check_shapes(history, {"iteration": ((n,), "i"), "active": ((n,), "i"), **{
+            name: ((n,), "f") for name in ("seconds", "increment", "error_bound", "energy", "max_penetration")}})
+        self.assertEqual(history["iteration"][:].tolist(), list(range(1, n + 1)))
+        for name in ("error_bound", "energy", "max_penetration"):
+            self.assertEqual(history[name][-1], summary[name], name)
+        self.assertTrue(np.all(np.diff(history["seconds"][:]) >= 0))
+        # F falls to its minimum.
+        energy = history["energy"][:]
+        self.assertTrue(np.all(np.diff(energy) <= 1e-9 * abs(energy[-1])))
+
+        self.assertEqual(set(own["contact"]), {"joint"})
+        joint = own["contact/joint"]
+        m = joint["weight"].shape[0]
+        self.check_shapes(joint, {
+            **{name: ((m,), "f") for name in ("weight", "gap_initial", "gap", "pressure", "pressure_projected")},
+            **{name: ((m, 3), "f") for name in ("position", "normal")}})
+        self.assertEqual(joint.attrs["force"].shape, (3,))
+        self.assertEqual(np.shape(joint.attrs["theta"]), ())
+        normal = joint["normal"][:]
+        # n = -n_b: into surface_b, which lies below.
+        np.testing.assert_allclose(normal, np.eye(3)[[d - 1] * m] * -1, rtol=0, atol=1e-12)
+        weighted = joint["weight"][:] * joint["pressure"][:]
+        np.testing.assert_allclose(joint.attrs["force"], -weighted @ normal, rtol=1e-9, atol=1e-12)
+        if d == 2:
+            for array in (root["Points"], root["PointData/displacement"], joint["position"], joint["normal"]):
+                np.testing.assert_array_equal(array[:, 2], 0)
+
+        timing = {name: real for name in ("read", "assemble", "order", "factorize", "search", "iterate", "recover", "write",
+                                          "total")}
+        self.check_attributes(own["timing"], timing)
+        times = own["timing"].attrs
+        parts = sum(times[name] for name in timing if name != "total")
+        self.assertLessEqual(parts, times["total"] * (1 + 1e-9) + 1e-3)
+        self.assertGreater(parts, 0.8 * times["total"])
+
+    def check_vtk(self, *options):
+        """VTK's own reader sees the same; skipped where VTK is not installed."""
+        script = dotyk_case.ROOT / "tests/support/check_vtk.py"
+        done = subprocess.run([sys.executable, "-B", script, self.folder / "column.vtkhdf", *options],
+                              text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+        if done.returncode == 77:
+            self.skipTest(done.stdout.strip())
+        self.assertEqual(done.returncode, 0, done.stdout)
+
+    def test_layout(self):
+        self.column(("hex20", "tet10"))
+        self.check_layout(3)
+        self.assertEqual([path.name for path in self.folder.iterdir() if "tmp" in path.name], [])
+
+    def test_layout_in_the_plane(self):
+        self.column(("quad9", "tri6"))
+        self.check_layout(2)
+
+    def test_vtk(self):
+        self.column(("prism18", "hex27"))
+        self.check_vtk("--straight", "--volumes", "1", "1")
+
+    def test_vtk_in_the_plane(self):
+        self.column(("tri6", "quad8"))
+        self.check_vtk("--straight", "--volumes", "1", "1")
+
+    def test_replaced(self):
+        """New results take the place of older ones by renaming: who has the older file open still reads it."""
+        self.column()
+        path = self.folder / "column.vtkhdf"
+        with open(path, "rb") as file:
+            older = file.read()
+            node = os.fstat(file.fileno()).st_ino
+            self.dotyk("column.nml")
+            self.assertNotEqual(os.stat(path).st_ino, node)
+            file.seek(0)
+            self.assertEqual(file.read(), older)
+        self.assertEqual(sorted(p.suffix for p in self.folder.iterdir() if p.name.startswith("column")), [".nml", ".vtkhdf"])
+
+    def test_kept_after_a_failure(self):
+        """Runs that fail leave older results as they are: bad input, a body that is not held."""
+        self.column()
+        older = (self.folder / "column.vtkhdf").read_bytes()
+        text = (self.folder / "column.nml").read_text()
+        for pattern, new, code in (("volume='block'", "volume='blok'", 2),
+                                   ("surface='bottom', fix='z'", "surface='top', fix='x'", 3)):
+            self.assertIn(pattern, text)
+            self.write("column.nml", text.replace(pattern, new))
+            self.dotyk("column.nml", code=code)
+            self.assertEqual((self.folder / "column.vtkhdf").read_bytes(), older)
+        self.assertEqual(sorted(p.suffix for p in self.folder.iterdir() if p.name.startswith("column")), [".nml", ".vtkhdf"])
+
+    def test_no_fields(self):
+        self.column(output="fields=''")
+        root = self.results("column.vtkhdf")["VTKHDF"]
+        self.assertEqual(set(root["PointData"]), {"node_tag"})
+        self.assertEqual(set(root["CellData"]), {"body", "element_tag"})
+
+    def test_stress_only(self):
+        self.column(output="fields='stress'")
+        file = self.results("column.vtkhdf")
+        self.assertEqual(set(file["VTKHDF/PointData"]), {"node_tag"})
+        self.assertEqual(set(file["VTKHDF/CellData"]), {"body", "element_tag", "stress", "von_mises"})
+        pressure = abs(file["dotyk/contact/joint"].attrs["force"][2])
+        zz = file["VTKHDF/CellData/stress"][:, 2]
+        np.testing.assert_allclose(zz, zz[0], rtol=1e-6)
+        self.assertAlmostEqual(zz[0] / -pressure, 1, delta=1e-6)
+
+    def test_named_output(self):
+        """--output is relative to the working directory, output to the namelist file; other folders, blanks in names."""
+        (self.folder / "my results").mkdir()
+        self.column()
+        self.dotyk("column.nml", "--output", "my results/a.vtkhdf")
+        self.results("my results/a.vtkhdf")
+        (self.folder / "scene").mkdir()
+        for name in ("column.nml", "lower.geo", "upper.geo"):
+            (self.folder / name).rename(self.folder / "scene" / name)
+        text = (self.folder / "scene/column.nml").read_text()
+        self.write("scene/column.nml", text.replace("&scene ", "&scene output='../my results/b.vtkhdf', "))
+        self.dotyk("scene/column.nml")
+        self.results("my results/b.vtkhdf")
+
+
+def as_text(value):
+    """An attribute as str."""
+    return value.decode() if isinstance(value, bytes) else str(value)
+
+
+dotyk_case.main()
