@@ -20,7 +20,8 @@ module dotyk_elasticity_assembly
 
 contains
 
-  !> Add the stiffness of all elements to a matrix of zeros, and the forces of given displacements to the right-hand side.
+  !> Add the stiffness of all elements to a matrix of zeros, and the forces of given displacements to the right-hand
+  !> side.
   subroutine assemble_stiffness(mesh, analysis, material, constraint, places, matrix, rhs, volume, mean_factor, error)
     type(body_mesh_t), intent(in) :: mesh
     !> One of dotyk_elasticity_analysis' constants.
@@ -46,7 +47,8 @@ contains
     call read_factor(material, factor, error)
     if (allocated(error)) return
     do i = 1, size(mesh%block)
-      call assemble_block(mesh, i, analysis, material, factor, constraint, places, matrix, rhs, volume, mean_factor, error)
+      call assemble_block(mesh, i, analysis, material, factor, constraint, places, matrix, rhs, volume, &
+        mean_factor, error)
       if (allocated(error)) exit
     end do
     call factor%destroy()

@@ -64,8 +64,8 @@ contains
     call self%constraint%reduce(self%load, self%rhs)
     call build_pattern(self%dimension, self%constraint%equation, self%graph_start, self%graph_neighbour, places, &
       self%stiffness)
-    call assemble_stiffness(self%mesh, self%analysis, self%material, self%constraint, places, self%stiffness, self%rhs, &
-      self%volume, self%mean_factor, error)
+    call assemble_stiffness(self%mesh, self%analysis, self%material, self%constraint, places, self%stiffness, &
+      self%rhs, self%volume, self%mean_factor, error)
   end subroutine body_assemble
 
   !> Young's modulus for scales: of the softest global direction, mean over the body [pressure].

@@ -1,7 +1,7 @@
 !> Which displacement components of a body are free, and in what axes.
 !>
-!> A node has the global axes or axes of its own (columns of a frame); its unknowns are the displacements along them. Free
-!> unknowns are numbered by nodes, in the order of nodes and axes. Vectors outside are always in global axes.
+!> A node has the global axes or axes of its own (columns of a frame); its unknowns are the displacements along them.
+!> Free unknowns are numbered by nodes, in the order of nodes and axes. Vectors outside are always in global axes.
 module dotyk_elasticity_constraint
   use dotyk_base_kinds, only: dp
   implicit none

@@ -1,6 +1,7 @@
 !> An order of elements in which neighbours in space are near each other: along a Morton curve.
 !>
-!> Mesh generators number elements and nodes with little regard for that, and then assembly waits for memory most of the time.
+!> Mesh generators number elements and nodes with little regard for that, and then assembly waits for memory most of
+!> the time.
 module dotyk_elasticity_element_order
   use dotyk_base_kinds, only: dp
   implicit none

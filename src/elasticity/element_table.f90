@@ -1,6 +1,7 @@
 !> Shape functions and their gradients at the quadrature points of an element kind, and the map to an element in space.
 !>
-!> Simplices of order two have two tables: one that is exact where edges are straight, and a richer one for curved elements.
+!> Simplices of order two have two tables: one that is exact where edges are straight, and a richer one for curved
+!> elements.
 module dotyk_elasticity_element_table
   use dotyk_base_kinds, only: dp
   use dotyk_elasticity_analysis, only: analysis_axisymmetric
@@ -235,7 +236,8 @@ contains
       if (dim == 3) then
         do k = 1, 3
           do a = 1, n
-            g(a, k, q) = gradient(a, 1, q)*inverse(1, k) + gradient(a, 2, q)*inverse(2, k) + gradient(a, 3, q)*inverse(3, k)
+            g(a, k, q) = gradient(a, 1, q)*inverse(1, k) + gradient(a, 2, q)*inverse(2, k) &
+              + gradient(a, 3, q)*inverse(3, k)
           end do
         end do
       else

@@ -2,7 +2,8 @@
 module dotyk_elasticity_face_normals
   use dotyk_base_kinds, only: dp
   use dotyk_elasticity_node_list, only: node_list_t
-  use dotyk_mesh_element, only: element_kind, element_kind_t, kind_dimension, kind_nodes, max_facet_nodes, reference_nodes
+  use dotyk_mesh_element, only: element_kind, element_kind_t, kind_dimension, kind_nodes, max_facet_nodes, &
+    reference_nodes
   use dotyk_mesh_facet, only: facet_geometry
   use dotyk_mesh_surface, only: surface_t
   implicit none

@@ -1,7 +1,8 @@
 !> Loads: tractions and pressures on surfaces, force densities in bodies, as consistent nodal forces.
 !>
-!> A pressure > 0 pushes into the body. A local traction has its components along xi, eta, n, n being the outward normal (eta is
-!> not used in two dimensions). Plane bodies have unit thickness; forces on axisymmetric ones are those of the full turn.
+!> A pressure > 0 pushes into the body. A local traction has its components along xi, eta, n, n being the outward
+!> normal (eta is not used in two dimensions). Plane bodies have unit thickness; forces on axisymmetric ones are
+!> those of the full turn.
 module dotyk_elasticity_load
   use dotyk_base_error, only: add_context, error_t
   use dotyk_base_kinds, only: dp
@@ -11,7 +12,8 @@ module dotyk_elasticity_load
   use dotyk_elasticity_element_table, only: element_table_t, load_degree, map_element, table_pair_t
   use dotyk_elasticity_field, only: field_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
-  use dotyk_mesh_element, only: element_kind, element_kind_t, kind_nodes, n_element_kinds, quadrature_rule, shape_functions
+  use dotyk_mesh_element, only: element_kind, element_kind_t, kind_nodes, n_element_kinds, quadrature_rule, &
+    shape_functions
   use dotyk_mesh_facet, only: facet_geometry, frame_of_normal
   use dotyk_mesh_surface, only: surface_t
   implicit none
@@ -73,8 +75,8 @@ contains
       do f = 1, surface%n_facets
         associate (kind => surface%kind(f))
           if (.not. allocated(rule(kind)%weight)) call make_rule(kind, rule(kind))
-          call add_facet(kind, mesh%dimension, kind_nodes(kind), mesh%x, surface%node(:kind_nodes(kind), f), rule(kind), &
-            analysis == analysis_axisymmetric, load%kind, field, force, error)
+          call add_facet(kind, mesh%dimension, kind_nodes(kind), mesh%x, surface%node(:kind_nodes(kind), f), &
+            rule(kind), analysis == analysis_axisymmetric, load%kind, field, force, error)
         end associate
         if (allocated(error)) exit
       end do

@@ -1,8 +1,8 @@
 !> Linear elastic materials: isotropic, orthotropic with axes of its own, fully anisotropic.
 !>
-!> A stiffness matrix maps the strains xx yy zz yz xz xy (engineering shear) to the stresses in the same order. A material
-!> owns no resource: copies are independent. The factor on the stiffness that depends on the place is kept as text, for a
-!> formula serves one thread at a time and each body makes its own.
+!> A stiffness matrix maps the strains xx yy zz yz xz xy (engineering shear) to the stresses in the same order. A
+!> material owns no resource: copies are independent. The factor on the stiffness that depends on the place is kept
+!> as text, for a formula serves one thread at a time and each body makes its own.
 module dotyk_elasticity_material
   use dotyk_base_error, only: add_context, error_t, exit_bad_input, set_error
   use dotyk_base_kinds, only: dp
@@ -63,8 +63,8 @@ contains
       return
     end if
     if (.not. (poisson > -1 .and. poisson < 0.5_dp)) then
-      call set_error(error, 'material '//quoted(name)//': poisson must lie between -1 and 0.5, not '//to_text(poisson), &
-        exit_bad_input)
+      call set_error(error, 'material '//quoted(name)//': poisson must lie between -1 and 0.5, not '// &
+        to_text(poisson), exit_bad_input)
       return
     end if
     self%lambda = young*poisson/((1 + poisson)*(1 - 2*poisson))
@@ -96,8 +96,10 @@ contains
     real(dp) :: compliance(6, 6), axes(3, 3), stiffness(6, 6)
     integer :: i
     self%name = name
-    if (.not. (all(young > 0) .and. all(shear > 0) .and. all(young <= huge(1.0_dp)) .and. all(shear <= huge(1.0_dp)))) then
-      call set_error(error, 'material '//quoted(name)//': all values of young and shear must be positive', exit_bad_input)
+    if (.not. (all(young > 0) .and. all(shear > 0) .and. all(young <= huge(1.0_dp)) &
+      .and. all(shear <= huge(1.0_dp)))) then
+      call set_error(error, 'material '//quoted(name)//': all values of young and shear must be positive', &
+        exit_bad_input)
       return
     end if
     call make_axes(axis_1, axis_2, axes, error)
@@ -147,7 +149,8 @@ contains
       end do
     end do
     if (.not. all(abs(upper) <= huge(1.0_dp))) then
-      call set_error(error, 'material '//quoted(name)//': all values of stiffness must be finite numbers', exit_bad_input)
+      call set_error(error, 'material '//quoted(name)//': all values of stiffness must be finite numbers', &
+        exit_bad_input)
       return
     end if
     call symmetric_eigen(scaled(self%stiffness, kelvin), values, vectors, error)
@@ -163,8 +166,8 @@ contains
     real(dp), intent(in) :: eigenvalue
     !> Allocated on return.
     type(error_t), allocatable, intent(out) :: error
-    call set_error(error, 'material '//quoted(name)//': the stiffness is not positive definite, its least eigenvalue is '// &
-      to_text(eigenvalue), exit_bad_input)
+    call set_error(error, 'material '//quoted(name)//': the stiffness is not positive definite, '// &
+      'its least eigenvalue is '//to_text(eigenvalue), exit_bad_input)
   end subroutine refuse
 
   !> An orthonormal right-handed set of axes from two directions.
@@ -280,7 +283,8 @@ contains
 
   !> The matrix that maps the strains of an analysis to its stresses (6, 6) [pressure].
   !>
-  !> It is the stiffness itself, but for plane stress, where the strains zz, yz, xz follow from the stresses zz, yz, xz being zero.
+  !> It is the stiffness itself, but for plane stress, where the strains zz, yz, xz follow from the stresses zz, yz,
+  !> xz being zero.
   pure function material_plane_matrix(self, analysis) result(matrix)
     class(material_t), intent(in) :: self
     !> One of dotyk_elasticity_analysis' constants.

@@ -25,8 +25,8 @@ module dotyk_elasticity_node_axes
 
   public :: combine_demands
 
-  !> A direction with less than this beside the others (a sine) adds nothing to them. Mesh files with few digits stay below
-  !> it; edges of real bodies stay above.
+  !> A direction with less than this beside the others (a sine) adds nothing to them. Mesh files with few digits stay
+  !> below it; edges of real bodies stay above.
   real(dp), parameter :: least_sine = 1.0e-3_dp
   !> Components below this of a unit vector are round-off: flat faces along the global axes need no axes of their own.
   real(dp), parameter :: round_off = 1.0e-12_dp
@@ -128,7 +128,8 @@ contains
       call frame_of_normal(dim, q(:, 1), local)
       q(:, 2:) = local(:, :dim - 1)
     else
-      q(:, 3) = [q(2, 1)*q(3, 2) - q(3, 1)*q(2, 2), q(3, 1)*q(1, 2) - q(1, 1)*q(3, 2), q(1, 1)*q(2, 2) - q(2, 1)*q(1, 2)]
+      q(:, 3) = [q(2, 1)*q(3, 2) - q(3, 1)*q(2, 2), q(3, 1)*q(1, 2) - q(1, 1)*q(3, 2), &
+        q(1, 1)*q(2, 2) - q(2, 1)*q(1, 2)]
       free = maxloc(abs(q(:, 3)), 1)
       if (all(abs(without(q(:, 3), free)) < round_off)) then
         axes%is_given = .true.

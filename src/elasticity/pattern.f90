@@ -1,7 +1,7 @@
 !> The pattern of a stiffness matrix, and the place of nodal blocks in it.
 !>
-!> Equations are numbered by nodes, so that the column of an equation of node b holds the later equations of b, then those
-!> of its neighbours a > b, block after block. One offset per pair of nodes finds a block in all columns of b.
+!> Equations are numbered by nodes, so that the column of an equation of node b holds the later equations of b, then
+!> those of its neighbours a > b, block after block. One offset per pair of nodes finds a block in all columns of b.
 module dotyk_elasticity_pattern
   use dotyk_base_kinds, only: dp, int64
   use dotyk_linalg_sparse, only: sparse_symmetric_t
@@ -38,7 +38,8 @@ contains
     type(sparse_symmetric_t), intent(inout) :: matrix
     integer :: n, b, k, last
     n = size(equation, 2)
-    allocate (places%first(n + 1), places%neighbour(size(neighbour)/2), places%offset(size(neighbour)/2), places%n_free(n))
+    allocate (places%first(n + 1), places%n_free(n))
+    allocate (places%neighbour(size(neighbour)/2), places%offset(size(neighbour)/2))
     last = 0
     do b = 1, n
       places%n_free(b) = count(equation(:, b) > 0)

@@ -170,7 +170,8 @@ contains
     end do
   end subroutine describe
 
-  !> Gauss-Jordan elimination of the columns of a matrix with the rows in a given order, largest pivot first in each row.
+  !> Gauss-Jordan elimination of the columns of a matrix with the rows in a given order, largest pivot first in each
+  !> row.
   pure subroutine echelon(motion, rows)
     real(dp), intent(inout) :: motion(:, :)
     integer, intent(in) :: rows(:)

@@ -1,7 +1,7 @@
 !> Supports: given displacements on surfaces, in global axes or in those of the surface.
 !>
-!> Values are three numbers whatever the dimension: along x, y, z, or along xi, eta, n where `fix` names axes of the surface
-!> (in two dimensions z and eta are not used). n is the outward normal.
+!> Values are three numbers whatever the dimension: along x, y, z, or along xi, eta, n where `fix` names axes of the
+!> surface (in two dimensions z and eta are not used). n is the outward normal.
 module dotyk_elasticity_support
   use dotyk_base_error, only: add_context, error_t, exit_bad_input, set_error
   use dotyk_base_kinds, only: dp
@@ -87,9 +87,9 @@ contains
 
   !> Free and given unknowns of a body from all its supports.
   !>
-  !> At a node on several surfaces, or on several faces of one, all directions count. Normals of a surface, or of surfaces with
-  !> the same `fix`, that are within 20 degrees are averaged; others count separately. In axisymmetric analyses nodes on the
-  !> axis do not move off it.
+  !> At a node on several surfaces, or on several faces of one, all directions count. Normals of a surface, or of
+  !> surfaces with the same `fix`, that are within 20 degrees are averaged; others count separately. In axisymmetric
+  !> analyses nodes on the axis do not move off it.
   subroutine collect_supports(mesh, analysis, supports, constraint, error)
     !> The body's elements.
     type(body_mesh_t), intent(in) :: mesh
@@ -196,8 +196,8 @@ contains
             if (group(i) /= g) cycle
             ! Each support of a group once.
             if (any(group(:i - 1) == g .and. faces%source(here(:i - 1)) == faces%source(here(i)))) cycle
-            call add_face_demands(x(:, node), node, mean(:, g), faces%source(here(i)), fixed(:, faces%source(here(i))), &
-              fields(faces%source(here(i))), demands, error)
+            call add_face_demands(x(:, node), node, mean(:, g), faces%source(here(i)), &
+              fixed(:, faces%source(here(i))), fields(faces%source(here(i))), demands, error)
             if (allocated(error)) then
               call add_context(error, 'support of surface '//quoted(supports(faces%source(here(i)))%surface%name)//': ')
               return
