@@ -1,0 +1,85 @@
+#!/usr/bin/python3
+"""Press fit of two tubes, plane strain and quadratic elements, against Lame's pressure (a quarter of them is computed)."""
+import numpy as np
+
+import dotyk_case
+
+A, B, C = 1.0, 1.5, 2.2  # radii: bore, joint, outside
+YOUNG, POISSON = 200.0, 0.3
+INTERFERENCE = 1e-3
+THETA = 1e-5
+
+
+def tube_geo(inner, outer, radial, around, order=2, incomplete=1):
+    """A quarter of a tube, quadrilaterals."""
+    return """
+Mesh.ElementOrder = %d;  Mesh.SecondOrderIncomplete = %d;
+Point(1) = {%r, 0, 0};
+line() = Extrude {%r, 0, 0} { Point{1}; Layers{%d}; };
+ring() = Extrude { {0, 0, 1}, {0, 0, 0}, Pi/2 } { Curve{line(1)}; Layers{%d}; Recombine; };
+Physical Surface("tube") = {ring(1)};
+Physical Curve("inside") = {Abs(ring(3))};
+Physical Curve("outside") = {Abs(ring(2))};
+Physical Curve("plane y") = {line(1)};
+Physical Curve("plane x") = {ring(0)};
+""" % (order, incomplete, inner, outer - inner, radial, around)
+
+
+class PressFit(dotyk_case.Case):
+    def fit(self, overlap, contact, around=(12, 12), analysis="plane_strain"):
+        """Solve; the inner tube is larger by `overlap`. Returns results, and Lame's pressure with the compliance of the layer."""
+        self.write("inner.geo", tube_geo(A, B + overlap, 3, around[0]))
+        self.write("outer.geo", tube_geo(B, C, 4, around[1]))
+        lines = ["&scene analysis='%s' /" % analysis, "&material name='steel', young=%r, poisson=%r /" % (YOUNG, POISSON)]
+        for body in ("inner", "outer"):
+            lines += ["&body name='%s', mesh='%s.geo', volume='tube', material='steel' /" % (body, body),
+                      "&support body='%s', surface='plane x', fix='x' /" % body,
+                      "&support body='%s', surface='plane y', fix='y' /" % body]
+        lines += ["&contact name='fit', surface_a='inner:outside', surface_b='outer:inside' %s /" % contact,
+                  "&solver theta=%r, tolerance=1e-6 /" % THETA]
+        self.write("fit.nml", "\n".join(lines) + "\n")
+        self.dotyk("fit.nml")
+        stiffness = YOUNG / (1 - POISSON**2) if analysis == "plane_strain" else YOUNG
+        # s = p (compliance of both tubes + theta)
+        compliance = 2 * B**3 * (C**2 - A**2) / (stiffness * (B**2 - A**2) * (C**2 - B**2))
+        return self.results("fit.vtkhdf"), INTERFERENCE / (compliance + THETA)
+
+    def check(self, file, pressure, tolerance, local):
+        """The pressure in the mean, and at single points."""
+        fit = file["dotyk/contact/fit"]
+        w, p = fit["weight"][:], fit["pressure_projected"][:]
+        self.assertAlmostEqual(np.sum(w * p) / np.sum(w) / pressure, 1, delta=tolerance)
+        np.testing.assert_allclose(p, pressure, rtol=local)
+        # The quarter is pushed along the diagonal by p times the projected length.
+        np.testing.assert_allclose(np.abs(fit.attrs["force"]), [pressure * B, pressure * B, 0], rtol=2 * tolerance, atol=1e-12)
+
+    def test_given_interference(self):
+        """Matching meshes: the error is that of arcs of 7.5 degrees by parabolas."""
+        file, pressure = self.fit(0.0, ", gap=-%r" % INTERFERENCE)
+        self.check(file, pressure, 1e-3, 2e-3)
+        # Radial displacement on the bore, from Lame: u = -2 p a b^2/((b^2-a^2) E')
+        x, u = file["VTKHDF/Points"][:], file["VTKHDF/PointData/displacement"][:]
+        r = np.hypot(x[:, 0], x[:, 1])
+        bore = np.abs(r - A) < 1e-9
+        radial = np.sum(x * u, axis=1)[bore] / r[bore]
+        exact = -2 * pressure * A * B**2 / ((B**2 - A**2) * YOUNG / (1 - POISSON**2))
+        np.testing.assert_allclose(radial, exact, rtol=2e-3)
+
+    def test_plane_stress(self):
+        file, pressure = self.fit(0.0, ", gap=-%r" % INTERFERENCE, analysis="plane_stress")
+        self.check(file, pressure, 1e-3, 2e-3)
+
+    def test_overlapping_geometry(self):
+        """The overlap is meshed: the geometry is linear theory's but for s/b = 7e-4."""
+        file, pressure = self.fit(INTERFERENCE, "")
+        gap = file["dotyk/contact/fit/gap_initial"][:]
+        np.testing.assert_allclose(gap, -INTERFERENCE, rtol=1e-2)
+        self.check(file, pressure, 3e-3, 1e-2)
+
+    def test_not_matching(self):
+        """Chords of other lengths: 2e-2 at single points."""
+        file, pressure = self.fit(0.0, ", gap=-%r" % INTERFERENCE, around=(13, 10))
+        self.check(file, pressure, 2e-3, 2e-2)
+
+
+dotyk_case.main()
