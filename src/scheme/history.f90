@@ -27,6 +27,8 @@ module dotyk_scheme_history
     real(dp), allocatable :: max_penetration(:)
     !> Number of contact points under pressure.
     integer, allocatable :: active(:)
+    !> Lengths of the last steps in the energy norm, newest first [sqrt(energy)].
+    real(dp), private :: length(11) = 0
   contains
     procedure :: add => history_add
     procedure :: finish => history_finish
@@ -60,14 +62,15 @@ module dotyk_scheme_history
 
 contains
 
-  !> Add an entry.
-  subroutine history_add(self, seconds, increment, error_bound, energy, max_penetration, active)
+  !> Add an entry; `length` is the increment before it was divided by the norm of the iterate.
+  subroutine history_add(self, seconds, length, increment, error_bound, energy, max_penetration, active)
     class(history_t), intent(inout) :: self
-    real(dp), intent(in) :: seconds, increment, error_bound, energy, max_penetration
+    real(dp), intent(in) :: seconds, length, increment, error_bound, energy, max_penetration
     integer, intent(in) :: active
     if (.not. allocated(self%seconds)) call resize(self, 128)
     if (self%n == size(self%seconds)) call resize(self, 2*self%n)
     self%n = self%n + 1
+    self%length = [length, self%length(:size(self%length) - 1)]
     self%seconds(self%n) = seconds
     self%increment(self%n) = increment
     self%error_bound(self%n) = error_bound
@@ -110,9 +113,9 @@ contains
     class(history_t), intent(in) :: self
     integer :: span
     q = ieee_value(q, ieee_quiet_nan)
-    span = min(10, self%n - 1)
+    span = min(size(self%length), self%n) - 1
     if (span < 1) return
-    if (.not. self%increment(self%n - span) > 0) return
-    q = (self%increment(self%n)/self%increment(self%n - span))**(1.0_dp/span)
+    if (.not. self%length(span + 1) > 0) return
+    q = (self%length(1)/self%length(span + 1))**(1.0_dp/span)
   end function history_measured_contraction
 end module dotyk_scheme_history

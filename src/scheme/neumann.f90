@@ -111,7 +111,7 @@ contains
         result%error_bound_paper = relative(bound_of_paper(gamma, result%lambda_max, increment), norm)
         result%energy = problem%energy(m, y)
         result%max_penetration = max(0.0_dp, maxval(y))
-        call result%history%add(wall_time() - start, relative(increment, norm), result%error_bound, result%energy, &
+        call result%history%add(wall_time() - start, increment, relative(increment, norm), result%error_bound, result%energy, &
                                 result%max_penetration, count(y > 0))
 
         select case (settings%stop_rule)

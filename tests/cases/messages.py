@@ -130,6 +130,7 @@ class Messages(dotyk_case.Case):
         self.assertEqual(summary["converged"], 0)
         self.assertEqual(summary["iterations"], 3)
         self.assertGreater(summary["error_bound"], 1e-8)
+        self.assertLessEqual(summary["q_measured"], summary["q_predicted"])
         self.assertEqual(len(file["dotyk/history/energy"]), 3)
 
     def test_gamma_too_large(self):
