@@ -56,7 +56,7 @@ class PressFit(dotyk_case.Case):
     def test_given_interference(self):
         """Matching meshes: the error is that of arcs of 7.5 degrees by parabolas."""
         file, pressure = self.fit(0.0, ", gap=-%r" % INTERFERENCE)
-        self.check(file, pressure, 1e-3, 2e-3)
+        self.check(file, pressure, 1e-4, 1e-4)
         # Radial displacement on the bore, from Lame: u = -2 p a b^2/((b^2-a^2) E')
         x, u = file["VTKHDF/Points"][:], file["VTKHDF/PointData/displacement"][:]
         r = np.hypot(x[:, 0], x[:, 1])
@@ -67,19 +67,19 @@ class PressFit(dotyk_case.Case):
 
     def test_plane_stress(self):
         file, pressure = self.fit(0.0, ", gap=-%r" % INTERFERENCE, analysis="plane_stress")
-        self.check(file, pressure, 1e-3, 2e-3)
+        self.check(file, pressure, 1e-4, 1e-4)
 
     def test_overlapping_geometry(self):
         """The overlap is meshed: the geometry is linear theory's but for s/b = 7e-4."""
         file, pressure = self.fit(INTERFERENCE, "")
         gap = file["dotyk/contact/fit/gap_initial"][:]
         np.testing.assert_allclose(gap, -INTERFERENCE, rtol=1e-2)
-        self.check(file, pressure, 3e-3, 1e-2)
+        self.check(file, pressure, 3e-4, 1e-3)
 
     def test_not_matching(self):
         """Chords of other lengths: 2e-2 at single points."""
         file, pressure = self.fit(0.0, ", gap=-%r" % INTERFERENCE, around=(13, 10))
-        self.check(file, pressure, 2e-3, 2e-2)
+        self.check(file, pressure, 1e-4, 2e-2)
 
 
 dotyk_case.main()
