@@ -50,8 +50,9 @@ class PressFit(dotyk_case.Case):
         w, p = fit["weight"][:], fit["pressure_projected"][:]
         self.assertAlmostEqual(np.sum(w * p) / np.sum(w) / pressure, 1, delta=tolerance)
         np.testing.assert_allclose(p, pressure, rtol=local)
-        # The quarter is pushed along the diagonal by p times the projected length.
-        np.testing.assert_allclose(np.abs(fit.attrs["force"]), [pressure * B, pressure * B, 0], rtol=2 * tolerance, atol=1e-12)
+        # The quarter is pushed along the diagonal by p times the projected length, the radius of surface_a.
+        radius = np.sum(w) / (np.pi / 2)
+        np.testing.assert_allclose(np.abs(fit.attrs["force"]), [pressure * radius, pressure * radius, 0], rtol=2 * tolerance, atol=1e-12)
 
     def test_given_interference(self):
         """Matching meshes: the error is that of arcs of 7.5 degrees by parabolas."""
