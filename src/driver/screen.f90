@@ -140,6 +140,11 @@ contains
     !> Time of the scheme [s].
     real(dp), intent(in) :: seconds
     call log%line('')
+    if (size(result%m) == 0) then
+      call log%line('  solved without contact, '//duration(seconds))
+      call log%line('  energy           '//to_text(result%energy, 10))
+      return
+    end if
     call log%line('  '//outcome(result)//' after '//plural(result%iterations, 'step', 'steps')//' ('// &
                   plural(body_solves, 'sweep', 'sweeps')//' over all bodies), '//duration(seconds))
     call log%line('  error bound      '//to_text(result%error_bound, 3)//' of the energy norm, guaranteed (tolerance '// &
