@@ -4,7 +4,7 @@
 !> `dotyk_scheme_problem`: `p = max(0, y)/theta`, `z = C W p` (one solve of every body), `m := gamma p + (1-gamma) m`, and
 !> `y := gamma (y_free - z) + (1-gamma) y`, which forgets its rounding errors as it goes.
 module dotyk_scheme_neumann
-  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite, ieee_is_nan
   use dotyk_base_error, only: error_t, set_error
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
@@ -155,11 +155,13 @@ contains
       ' may diverge; gamma below 2/(1+L) = '//to_text(gamma_limit(result%lambda_max))//' converges')
   end subroutine announce
 
-  !> A quotient of norms; 0 where both are 0.
+  !> A quotient of norms; 0 where both are 0, NaN where the value is.
   elemental real(dp) function relative(value, norm) result(ratio)
     real(dp), intent(in) :: value, norm
     if (norm > 0) then
       ratio = value/norm
+    else if (ieee_is_nan(value)) then
+      ratio = value
     else if (value > 0) then
       ratio = huge(ratio)
     else
