@@ -1,0 +1,96 @@
+"""Scenes at the edge of what makes sense: a right answer, or a message with the exit code of DESIGN's table."""
+import subprocess
+
+import dotyk_case
+
+SHORTENING = 1e-3
+STIFF = 210e9*0.7/(1.3*0.4)  # uniaxial strain: E (1-v)/((1+v)(1-2v))
+
+
+class Robustness(dotyk_case.Case):
+    """Variations of the column example, made of one element on each side, which is exact."""
+
+    def scene(self, name="case.nml", steps=1, change=lambda text: text, more=""):
+        """The column with one material, so many elements along each edge, and its namelist changed."""
+        geo = (dotyk_case.INPUTS/"column"/"column.geo").read_text()
+        geo = geo.replace("Transfinite Curve{1:12}", "Transfinite Curve{1:24}").replace("= 5;", "= %d;" % (steps + 1))
+        geo = geo.replace("Surface{1:6}", "Surface{1:12}").replace("Volume{1};\n\n", "Volume{1:2};\n\n")
+        self.write("column.geo", geo)
+        text = (dotyk_case.INPUTS/"column"/"column.nml").read_text().replace("'concrete'", "'steel'", 2)
+        text = text.replace("&material name='steel', young=30e9,  poisson=0.2 /", "")
+        lines = [line for line in text.splitlines() if "young=30e9" not in line]
+        text = "\n".join(lines).replace("material='concrete'", "material='steel'") + "\n" + more
+        return self.write(name, change(text))
+
+    def pressure(self, name, contact="joint"):
+        """Least and greatest pressure, and theta."""
+        group = self.results(name)["dotyk/contact/" + contact]
+        return min(group["pressure"]), max(group["pressure"]), group.attrs["theta"]
+
+    def check_pressure(self, found, theta, factor=1.0):
+        exact = factor*SHORTENING/(2/STIFF + theta)
+        self.assertAlmostEqual(found/exact, 1, delta=1e-7)  # tolerance 1e-8 of the scene
+
+    def test_one_element(self):
+        self.dotyk(self.scene())
+        least, most, theta = self.pressure("case.vtkhdf")
+        self.check_pressure(least, theta)
+        self.check_pressure(most, theta)
+
+    def test_blanks_and_letters_in_paths(self):
+        folder = self.folder/"a b дотик"
+        folder.mkdir()
+        self.scene().rename(folder/"к 1.nml")
+        (self.folder/"column.geo").rename(folder/"column.geo")
+        self.dotyk("a b дотик/к 1.nml")
+        self.check_pressure(*self.pressure("a b дотик/к 1.vtkhdf")[1:])
+
+    def test_lines_of_another_system(self):
+        self.dotyk(self.scene(change=lambda text: text.replace("\n", "\r\n")))
+        self.check_pressure(*self.pressure("case.vtkhdf")[1:])
+
+    def test_a_pair_given_twice_shares_its_pressure(self):
+        twin = "&contact name='twin', surface_a='upper:upper bottom', surface_b='lower:lower top' /\n"
+        self.dotyk(self.scene(more=twin))
+        for name in ("joint", "twin"):
+            least, most, theta = self.pressure("case.vtkhdf", name)
+            exact = SHORTENING/(2/STIFF + theta/2)/2
+            self.assertAlmostEqual(least/exact, 1, delta=1e-7)
+            self.assertAlmostEqual(most/exact, 1, delta=1e-7)
+
+    def test_a_body_that_cannot_move(self):
+        held = "".join("&support body='lower', surface='%s', fix='xyz' /\n" % s for s in ("bottom", "lower top"))
+        self.dotyk(self.scene(more=held))
+        _, most, theta = self.pressure("case.vtkhdf")
+        self.assertAlmostEqual(most*(1/STIFF + theta)/SHORTENING, 1, delta=1e-7)
+
+    def test_contradicting_supports(self):
+        text = self.dotyk(self.scene(more="&support body='lower', surface='bottom', fix='z', value=0,0,1 /\n"), code=2)
+        self.assertIn("body 'lower': supports contradict each other at node", text)
+        self.assertIn("'bottom'", text)
+        self.assertFalse((self.folder/"case.vtkhdf").exists())
+
+    def test_more_threads_than_bodies(self):
+        self.dotyk(self.scene(steps=3), "--threads", "16")
+        self.check_pressure(*self.pressure("case.vtkhdf")[1:])
+
+    def test_an_inverted_element_is_named(self):
+        self.scene()
+        self.dotyk("case.nml")
+        mesh = next((self.folder/".dotyk").glob("*.msh"))
+        subprocess.run(["gmsh", "-save", "-format", "msh22", "-o", self.folder/"bad.msh", mesh], check=True,
+                       stdout=subprocess.DEVNULL)
+        lines = (self.folder/"bad.msh").read_text().splitlines()
+        # two nodes of one hexahedron (gmsh's type 5) changed over: it is twisted
+        k = next(i for i, line in enumerate(lines) if len(line.split()) == 13 and line.split()[1] == "5")
+        words = lines[k].split()
+        words[-1], words[-2] = words[-2], words[-1]
+        lines[k] = " ".join(words)
+        self.write("bad.msh", "\n".join(lines) + "\n")
+        text = self.dotyk(self.scene("bad.nml", change=lambda text: text.replace("column.geo", "bad.msh")), code=3)
+        self.assertIn("element " + words[0], text)
+        self.assertFalse((self.folder/"bad.vtkhdf").exists())
+
+
+if __name__ == "__main__":
+    dotyk_case.main()
