@@ -39,6 +39,8 @@ module dotyk_scheme_neumann
 
   !> A step this many times longer than the shortest so far: the iteration diverges.
   real(dp), parameter :: growth_of_divergence = 1.0e3_dp
+  !> Relative to ||u||_A.
+  real(dp), parameter :: shortest_step = 1.0e-10_dp
 
 contains
 
@@ -127,7 +129,8 @@ contains
           exit
         end if
         shortest = min(shortest, residual)
-        if (.not. ieee_is_finite(residual) .or. residual > growth_of_divergence*shortest) then
+        ! Steps as short as rounding errors do not count: they can vanish by chance.
+        if (.not. ieee_is_finite(residual) .or. residual > growth_of_divergence*max(shortest, shortest_step*norm)) then
           result%ended = ended_diverged
           exit
         end if
