@@ -1,6 +1,8 @@
 !> The pressure that users look at: projected on the continuous linear shape functions of surface_a.
 !>
-!> Nodal values P minimise sum_i w_i (N_i P - p_i)^2 over the points that have a partner. A facet on the rim of the
+!> Nodal values P have the same moments sum_q w_q N_q (.) over the points q that have a partner as the pressure: where the
+!> rows are the points, they minimise sum_q w_q (N_q P - p_q)^2; where the rows are vertices, whose pressures belong to dual
+!> shape functions, the moment at a vertex is the force of its row. A facet on the rim of the
 !> contact surface may carry fewer points than corners, and then this does not determine its corners. To it is added
 !> smoothing * (sum of w on the facet) * sum over pairs of its corners (P_j - P_k)^2, which makes the matrix positive
 !> definite, as every corner is joined to a point, and gives undetermined corners the values of their neighbours. With
@@ -23,8 +25,10 @@ module dotyk_contact_pressure
   type, public :: pressure_projection_t
     !> Fields on surface_a and surface_b; their `node` tells which nodes have values.
     type(corner_field_t) :: side_a, side_b
-    !> Weights of the points (n_points).
-    real(dp), allocatable :: weight(:)
+    !> Weights of the points (n_points) and of the rows (n_rows).
+    real(dp), allocatable :: weight(:), row_weight(:)
+    !> The pair's rows as means of its points.
+    type(sparse_rows_t) :: average
     !> Factor of the weighted mass matrix of side_a.
     type(cholesky_t) :: factor
   contains
@@ -49,6 +53,8 @@ contains
     integer :: failed
     call self%destroy()
     self%weight = pair%weight
+    self%row_weight = pair%row_weight
+    self%average = pair%average
     call self%side_a%init(surface_a, pair%facet_a, pair%xi_a)
     call self%side_b%init(surface_b, pair%facet_b, pair%xi_b)
     call mass_matrix(self%side_a, pair%facet_a, pair%weight, mass)
@@ -157,21 +163,24 @@ contains
   !> Project a pressure.
   subroutine projection_project(self, pressure, projected, on_nodes_a, on_nodes_b)
     class(pressure_projection_t), intent(in) :: self
-    !> Pressure at the points (n_points).
+    !> Pressure of the rows (n_rows).
     real(dp), intent(in) :: pressure(:)
-    !> Projected pressure at the points (n_points).
+    !> Projected pressure of the rows (n_rows).
     real(dp), intent(out) :: projected(:)
     !> Projected pressure at side_a%node, and its weighted means at side_b%node.
     real(dp), intent(out) :: on_nodes_a(:), on_nodes_b(:)
-    real(dp), allocatable :: corner(:), total(:)
-    allocate (corner(self%side_a%n), total(self%side_a%n))
-    call add_weighted(self%side_a, self%weight, pressure, corner, total)
+    real(dp), allocatable :: at_points(:), corner(:), total(:)
+    allocate (at_points(size(self%weight)), corner(self%side_a%n))
+    call self%average%multiply_transposed(self%row_weight*pressure, at_points)
+    call self%side_a%moments(at_points, corner)
     call self%factor%solve(corner)
-    call self%side_a%at_points(corner, projected)
+    call self%side_a%at_points(corner, at_points)
+    call self%average%multiply(at_points, projected)
     call self%side_a%at_nodes(corner, on_nodes_a)
-    deallocate (corner, total)
+    deallocate (corner)
     allocate (corner(self%side_b%n), total(self%side_b%n))
-    call add_weighted(self%side_b, self%weight, projected, corner, total)
+    call self%side_b%moments(self%weight, total)
+    call self%side_b%moments(self%weight*at_points, corner)
     where (total > 0)
       corner = corner/total
     elsewhere
@@ -180,30 +189,12 @@ contains
     call self%side_b%at_nodes(corner, on_nodes_b)
   end subroutine projection_project
 
-  !> Sums of w N p and of w N at the corners.
-  pure subroutine add_weighted(side, weight, pressure, moment, total)
-    type(corner_field_t), intent(in) :: side
-    !> At the points (n_points).
-    real(dp), intent(in) :: weight(:), pressure(:)
-    !> At the corners (side%n).
-    real(dp), intent(out) :: moment(:), total(:)
-    integer :: i, j, k
-    moment = 0
-    total = 0
-    do i = 1, size(weight)
-      do j = 1, 4
-        k = side%corner(j, i)
-        if (k == 0) cycle
-        moment(k) = moment(k) + weight(i)*side%shape(j, i)*pressure(i)
-        total(k) = total(k) + weight(i)*side%shape(j, i)
-      end do
-    end do
-  end subroutine add_weighted
-
   !> Give the memory back.
   subroutine projection_destroy(self)
     class(pressure_projection_t), intent(inout) :: self
     call self%factor%destroy()
+    call self%average%destroy()
     if (allocated(self%weight)) deallocate (self%weight)
+    if (allocated(self%row_weight)) deallocate (self%row_weight)
   end subroutine projection_destroy
 end module dotyk_contact_pressure

@@ -12,9 +12,9 @@ module dotyk_driver_pressures
 
   !> Pressures of one pair.
   type, public :: pair_solution_t
-    !> Of the scheme, and projected on surface_a's linear shape functions (n_points) [pressure].
+    !> Of the scheme, and projected on surface_a's linear shape functions (n_rows) [pressure].
     real(dp), allocatable :: pressure(:), projected(:)
-    !> Gap that is left, negative where the points penetrate (n_points) [length].
+    !> Gap that is left, negative where the points penetrate (n_rows) [length].
     real(dp), allocatable :: gap(:)
     !> Resultant on body a (3) [force].
     real(dp) :: force(3) = 0
