@@ -61,7 +61,7 @@ contains
       call projection%init(pair(k), surface_a(k), surface_b(k), error)
       if (allocated(error)) return
       allocate (solution(k)%projected(last - first + 1), on_a(size(projection%side_a%node)), on_b(size(projection%side_b%node)))
-      call projection%project(solution(k)%pressure, solution(k)%projected, on_a, on_b)
+      call projection%project(pair(k), solution(k)%pressure, solution(k)%projected, on_a, on_b)
       call add_at(nodal(pair(k)%body_a)%value, projection%side_a%node, on_a)
       call add_at(nodal(pair(k)%body_b)%value, projection%side_b%node, on_b)
       call projection%destroy()
