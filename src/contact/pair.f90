@@ -259,6 +259,8 @@ contains
         pair%xi_b(:, k) = partner(i)%xi(1:d - 1)
       end do
     end do
+    ! Surfaces that touch have a gap of 0, not one of the coordinates' round-off.
+    where (abs(pair%gap) <= 8*epsilon(1.0_dp)*maxval(abs(x))) pair%gap = 0
   end subroutine collect
 
   !> The rows of the points.

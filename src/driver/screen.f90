@@ -92,8 +92,8 @@ contains
       call log%line('    '//body(pair(k)%body_a)%name//':'//surface_a(k)%name//' ('// &
                     plural(surface_a(k)%n_facets, 'facet', 'facets')//') on '//body(pair(k)%body_b)%name//':'// &
                     surface_b(k)%name//' ('//plural(surface_b(k)%n_facets, 'facet', 'facets')//')')
-      if (pair(k)%n_without_partner > 0) call log%line('    left out: '//plural(pair(k)%n_outside, 'point', 'points')// &
-        ' beside the other surface, '//to_text(pair(k)%n_not_facing)//' that it does not face, '// &
+      if (pair(k)%n_without_partner > 0) call log%line('    left out: '//plural(pair(k)%n_outside, 'integration point', &
+        'integration points')//' beside the other surface, '//to_text(pair(k)%n_not_facing)//' that it does not face, '// &
         to_text(pair(k)%n_too_far)//' too far')
     end do
     n = 0
