@@ -41,7 +41,7 @@ class Examples(dotyk_case.Case):
         self.run_example("column")
         errors = check_of("column").errors(self.folder / "column/column.vtkhdf")
         self.assertLess(abs(errors["mean_error"]), 1e-3)
-        # Facets of surface_a are cut by those of surface_b: single pressures are as good as the quadrature there.
+        # Facets of surface_a are cut by those of surface_b: single pressures are as good as the means there.
         self.assertLess(errors["largest_error"], 0.05)
 
     def test_wavy(self):
