@@ -61,6 +61,7 @@ EndFor
 right() = {1, 3, 10:16};
 left() = Symmetry {1, 0, 0, 0} { Duplicata { Surface{right()}; } };
 Periodic Surface {left()} = {right()} Affine {-1, 0, 0, 0,  0, 1, 0, 0,  0, 0, 1, 0,  0, 0, 0, 1};
+ReverseMesh Surface {left()};
 
 // fine where they touch
 Field[1] = Distance;
