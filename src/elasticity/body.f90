@@ -5,6 +5,7 @@ module dotyk_elasticity_body
   use dotyk_elasticity_analysis, only: analysis_3d
   use dotyk_elasticity_assembly, only: assemble_stiffness
   use dotyk_elasticity_constraint, only: constraint_t
+  use dotyk_elasticity_free_motion, only: free_motions_t
   use dotyk_elasticity_graph, only: node_graph
   use dotyk_elasticity_material, only: material_t
   use dotyk_elasticity_pattern, only: block_places_t, build_pattern
@@ -35,6 +36,13 @@ module dotyk_elasticity_body
     type(sparse_symmetric_t) :: stiffness
     !> Load minus the forces of given displacements, over the free equations (n_equations) [force].
     real(dp), allocatable :: rhs(:)
+    !> Rigid motions that the supports leave free, in Cartesian components: an orthonormal basis in the sum over nodes and
+    !> components, zero along given unknowns (dim, n_nodes, n_motions) [1].
+    real(dp), allocatable :: free_motion(:, :, :)
+    !> Resultants of the loads on them (n_motions) [force].
+    real(dp), allocatable :: resultant(:)
+    !> The same motions as translations and rotations, to say them.
+    type(free_motions_t) :: motions
     !> Adjacency of the nodes, see `node_graph`; may be deallocated when no longer needed.
     integer, allocatable :: graph_start(:), graph_neighbour(:)
     !> Volume; that of the full turn where axisymmetric [length^dim].
@@ -42,6 +50,8 @@ module dotyk_elasticity_body
     !> Mean over the volume of the factor on the stiffness [1].
     real(dp) :: mean_factor = 1
   contains
+    procedure :: find_motions => body_find_motions
+    procedure :: motion_text => body_motion_text
     procedure :: assemble => body_assemble
     procedure :: young => body_young
     procedure :: destroy => body_destroy
@@ -51,14 +61,33 @@ module dotyk_elasticity_body
 
 contains
 
+  !> Find the free rigid motions. `assemble` does it where it was not done before.
+  subroutine body_find_motions(self)
+    class(body_t), intent(inout) :: self
+    call self%motions%init(self%mesh, self%analysis, self%constraint, self%free_motion)
+  end subroutine body_find_motions
+
+  !> A combination of the free motions in words, such as "translation along (0, 0, 1)"; empty for none.
+  function body_motion_text(self, amplitude) result(text)
+    !> With motions found.
+    class(body_t), intent(in) :: self
+    !> Amplitude of each of `free_motion` (n_motions), any unit.
+    real(dp), intent(in) :: amplitude(:)
+    character(:), allocatable :: text
+    text = self%motions%say(amplitude)
+  end function body_motion_text
+
   !> Make the stiffness matrix and the right-hand side.
   subroutine body_assemble(self, error)
     class(body_t), intent(inout) :: self
     !> Allocated where an element is inverted or the factor on the stiffness is not positive.
     type(error_t), allocatable, intent(out) :: error
     type(block_places_t) :: places
+    integer :: k
     if (.not. allocated(self%graph_start)) call node_graph(self%mesh, self%graph_start, self%graph_neighbour)
     if (.not. allocated(self%load)) allocate (self%load(self%dimension, self%mesh%n_nodes()), source=0.0_dp)
+    if (.not. allocated(self%free_motion)) call self%find_motions()
+    self%resultant = [(sum(self%free_motion(:, :, k)*self%load), k=1, self%motions%n)]
     if (allocated(self%rhs)) deallocate (self%rhs)
     allocate (self%rhs(self%constraint%n_equations))
     call self%constraint%reduce(self%load, self%rhs)
@@ -80,6 +109,8 @@ contains
     call self%stiffness%destroy()
     if (allocated(self%rhs)) deallocate (self%rhs)
     if (allocated(self%load)) deallocate (self%load)
+    if (allocated(self%free_motion)) deallocate (self%free_motion)
+    if (allocated(self%resultant)) deallocate (self%resultant)
     if (allocated(self%graph_start)) deallocate (self%graph_start, self%graph_neighbour)
   end subroutine body_destroy
 

@@ -6,11 +6,11 @@ module dotyk_elasticity_rigid
   use dotyk_elasticity_analysis, only: analysis_3d, analysis_axisymmetric
   use dotyk_elasticity_constraint, only: constraint_t
   use dotyk_elasticity_field, only: place_text, vector_text
-  use dotyk_linalg_dense, only: symmetric_eigen
+  use dotyk_linalg_dense, only: right_singular_vectors
   use dotyk_mesh_body_mesh, only: body_mesh_t, connected_components
   implicit none
   private
-  public :: find_free_motions
+  public :: find_free_motions, free_space, describe, part_text, rigid_displacement
 
   !> A motion that moves the held points by less than this, relative to the others, is free.
   real(dp), parameter :: least_hold = 1.0e-6_dp
@@ -30,7 +30,7 @@ contains
     integer, allocatable :: part(:)
     character(:), allocatable :: motions
     real(dp) :: free(6, 6), centre(3), radius
-    integer :: p, n_parts, n, first
+    integer :: p, n_parts, n
     allocate (part(mesh%n_nodes()))
     call connected_components(mesh, part, n_parts)
     n_free = 0
@@ -40,30 +40,57 @@ contains
       if (n == 0) cycle
       n_free = n_free + n
       call describe(analysis, free(:, :n), centre, radius, motions)
-      if (n_parts > 1) then
-        first = findloc(part, p, 1)
-        motions = 'part '//to_text(p)//' of '//to_text(n_parts)//' that do not hang together (node '// &
-          to_text(mesh%node_tag(first))//' at '//place_text(mesh%x(:, first))//'): '//motions
-      end if
       if (len(text) > 0) text = text//'; '
-      text = text//motions
+      text = text//part_text(mesh, part, p, n_parts)//motions
     end do
   end subroutine find_free_motions
+
+  !> What comes before the motions of a part; empty where the body is all one.
+  function part_text(mesh, part, p, n_parts) result(text)
+    type(body_mesh_t), intent(in) :: mesh
+    !> Part of each node (n_nodes), the part that is meant, and their number.
+    integer, intent(in) :: part(:), p, n_parts
+    character(:), allocatable :: text
+    integer :: first
+    text = ''
+    if (n_parts == 1) return
+    first = findloc(part, p, 1)
+    text = 'part '//to_text(p)//' of '//to_text(n_parts)//' that do not hang together (node '// &
+      to_text(mesh%node_tag(first))//' at '//place_text(mesh%x(:, first))//'): '
+  end function part_text
+
+  !> Displacement of a place in a rigid motion [the unit of the motion].
+  pure function rigid_displacement(motion, centre, radius, x) result(u)
+    !> Translation, and rotation times the radius, about the centre (6).
+    real(dp), intent(in) :: motion(6)
+    real(dp), intent(in) :: centre(3), radius
+    !> The place, two or three coordinates [length].
+    real(dp), intent(in) :: x(:)
+    real(dp) :: u(size(x)), arm(3), moved(3)
+    arm = 0
+    arm(:size(x)) = (x - centre(:size(x)))/radius
+    moved = motion(1:3) + cross(motion(4:6), arm)
+    u = moved(:size(x))
+  end function rigid_displacement
 
   !> Motions (translation, rotation times radius, both about the centre) of a part that its held unknowns leave at rest.
   subroutine free_space(mesh, analysis, constraint, part, p, centre, radius, free, n)
     type(body_mesh_t), intent(in) :: mesh
+    !> One of dotyk_elasticity_analysis' constants.
     integer, intent(in) :: analysis
     type(constraint_t), intent(in) :: constraint
+    !> Part of each node (n_nodes), and the part that is meant.
     integer, intent(in) :: part(:), p
+    !> Middle of the part's box, and half of its diagonal [length].
     real(dp), intent(out) :: centre(3), radius
     !> Orthonormal free motions in the first n columns.
     real(dp), intent(out) :: free(6, 6)
     integer, intent(out) :: n
     type(error_t), allocatable :: error
-    real(dp) :: gram(6, 6), values(6), vectors(6, 6), low(3), high(3), row(6), axis(3), arm(3), least
-    logical :: exists(6)
-    integer :: i, k, j, dim
+    real(dp), allocatable :: hold(:, :)
+    real(dp) :: values(6), vectors(6, 6), low(3), high(3), row(6), axis(3), arm(3), least
+    integer, allocatable :: exists(:)
+    integer :: i, k, j, dim, m
     dim = mesh%dimension
     low = huge(1.0_dp)
     high = -huge(1.0_dp)
@@ -76,14 +103,17 @@ contains
     end do
     centre = 0.5_dp*(low + high)
     radius = 0.5_dp*norm2(high - low)
-    exists = analysis == analysis_3d
-    if (analysis == analysis_axisymmetric) then
-      exists(2) = .true.
+    if (analysis == analysis_3d) then
+      exists = [1, 2, 3, 4, 5, 6]
+    else if (analysis == analysis_axisymmetric) then
+      exists = [2]
       centre = 0
     else
-      exists([1, 2, 6]) = .true.
+      exists = [1, 2, 6]
     end if
-    gram = 0
+    ! A row for each held unknown: how far the motions would move it. Their square would lose half of the digits.
+    allocate (hold(count(constraint%equation == 0), size(exists)))
+    m = 0
     do i = 1, size(part)
       if (part(i) /= p) cycle
       do k = 1, dim
@@ -98,29 +128,19 @@ contains
         arm(:dim) = mesh%x(:, i)
         arm = (arm - centre)/radius
         row = [axis, cross(arm, axis)]
-        where (.not. exists) row = 0
-        do j = 1, 6
-          gram(:, j) = gram(:, j) + row*row(j)
-        end do
+        m = m + 1
+        hold(m, :) = row(exists)
       end do
     end do
-    least = 1
-    do j = 1, 6
-      least = least + gram(j, j)
-    end do
-    ! Motions that the analysis does not have are held by something else.
-    do j = 1, 6
-      if (.not. exists(j)) gram(j, j) = least
-    end do
-    least = least*least_hold**2
-    call symmetric_eigen(gram, values, vectors, error)
+    least = least_hold*sqrt(1 + sum(hold(:m, :)**2))
     n = 0
     free = 0
+    call right_singular_vectors(hold(:m, :), values(:size(exists)), vectors(:size(exists), :size(exists)), error)
     if (allocated(error)) return
-    do j = 1, 6
+    do j = size(exists), 1, -1
       if (values(j) > least) cycle
       n = n + 1
-      free(:, n) = vectors(:, j)
+      free(exists, n) = vectors(:size(exists), j)
     end do
   end subroutine free_space
 

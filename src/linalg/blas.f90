@@ -1,11 +1,20 @@
-!> OpenBLAS's own threads: how many, and which library it is.
+!> Products of dense matrices by BLAS, and OpenBLAS's own threads: how many, and which library it is.
 module dotyk_linalg_blas
   use, intrinsic :: iso_c_binding, only: c_int, c_char, c_ptr, c_null_char, c_f_pointer, c_associated
+  use dotyk_base_kinds, only: dp
   implicit none
   private
-  public :: set_blas_threads, blas_threads, blas_name
+  public :: set_blas_threads, blas_threads, blas_name, add_product, transposed_product
 
   interface
+    subroutine dgemm(transa, transb, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc)
+      import :: dp
+      character(1), intent(in) :: transa, transb
+      integer, intent(in) :: m, n, k, lda, ldb, ldc
+      real(dp), intent(in) :: alpha, beta, a(lda, *), b(ldb, *)
+      real(dp), intent(inout) :: c(ldc, *)
+    end subroutine dgemm
+
     subroutine openblas_set_num_threads(n) bind(c, name='openblas_set_num_threads')
       import :: c_int
       integer(c_int), value :: n
@@ -25,6 +34,28 @@ module dotyk_linalg_blas
   end interface
 
 contains
+
+  !> C <- C + factor A B.
+  subroutine add_product(factor, a, b, c)
+    real(dp), intent(in) :: factor
+    !> (n,r) and (r,m).
+    real(dp), intent(in), contiguous :: a(:, :), b(:, :)
+    !> (n,m)
+    real(dp), intent(inout), contiguous :: c(:, :)
+    if (size(a) == 0 .or. size(b) == 0) return
+    call dgemm('N', 'N', size(a, 1), size(b, 2), size(a, 2), factor, a, size(a, 1), b, size(b, 1), 1.0_dp, c, size(c, 1))
+  end subroutine add_product
+
+  !> C = A^T B.
+  subroutine transposed_product(a, b, c)
+    !> (n,r) and (n,m).
+    real(dp), intent(in), contiguous :: a(:, :), b(:, :)
+    !> (r,m)
+    real(dp), intent(out), contiguous :: c(:, :)
+    c = 0
+    if (size(a) == 0 .or. size(b) == 0) return
+    call dgemm('T', 'N', size(a, 2), size(b, 2), size(a, 1), 1.0_dp, a, size(a, 1), b, size(b, 1), 0.0_dp, c, size(c, 1))
+  end subroutine transposed_product
 
   !> Let every BLAS call of the process use n threads. To be called outside parallel regions.
   subroutine set_blas_threads(n)

@@ -5,7 +5,7 @@ module dotyk_linalg_dense
   use dotyk_base_text, only: to_text
   implicit none
   private
-  public :: symmetric_eigen, solve_dense, orthonormal_range, complete_basis, tridiagonal_top
+  public :: symmetric_eigen, right_singular_vectors, solve_dense, orthonormal_range, complete_basis, tridiagonal_top
 
   interface
     subroutine dsyev(jobz, uplo, n, a, lda, w, work, lwork, info)
@@ -16,6 +16,15 @@ module dotyk_linalg_dense
       real(dp), intent(out) :: w(*), work(*)
       integer, intent(out) :: info
     end subroutine dsyev
+
+    subroutine dgesvd(jobu, jobvt, m, n, a, lda, s, u, ldu, vt, ldvt, work, lwork, info)
+      import :: dp
+      character(1), intent(in) :: jobu, jobvt
+      integer, intent(in) :: m, n, lda, ldu, ldvt, lwork
+      real(dp), intent(inout) :: a(lda, *)
+      real(dp), intent(out) :: s(*), u(ldu, *), vt(ldvt, *), work(*)
+      integer, intent(out) :: info
+    end subroutine dgesvd
 
     subroutine dgesv(n, nrhs, a, lda, ipiv, b, ldb, info)
       import :: dp
@@ -64,6 +73,42 @@ contains
     values(:) = w
     vectors(:, :) = v
   end subroutine symmetric_eigen
+
+  !> Singular values, falling, and right singular vectors of a matrix with few columns: its null space to full accuracy.
+  subroutine right_singular_vectors(a, values, vectors, error)
+    !> The matrix (m,n), m may be 0.
+    real(dp), intent(in) :: a(:, :)
+    !> Singular values, falling; zero from the (m+1)-th on (n).
+    real(dp), intent(out) :: values(:)
+    !> Orthonormal vectors as columns (n,n).
+    real(dp), intent(out) :: vectors(:, :)
+    !> The matrix is not finite, or LAPACK did not converge.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp), allocatable :: b(:, :), s(:), vt(:, :), work(:)
+    real(dp) :: none(1, 1)
+    integer :: n, m, j, info
+    n = size(a, 2)
+    values = 0
+    vectors = 0
+    do j = 1, n
+      vectors(j, j) = 1
+    end do
+    if (n == 0 .or. size(a, 1) == 0) return
+    ! Rows of zeros do no harm, and LAPACK then gives all n values.
+    m = max(n, size(a, 1))
+    allocate (b(m, n), source=0.0_dp)
+    b(:size(a, 1), :) = a
+    allocate (s(n), vt(n, n), work(max(3*n + m, 5*n)))
+    info = 1
+    if (all(abs(a) <= huge(1.0_dp))) call dgesvd('N', 'A', m, n, b, m, s, none, 1, vt, n, work, size(work), info)
+    if (info /= 0) then
+      call set_error(error, 'the singular values of a matrix with '//to_text(n)//' columns cannot be computed', &
+        exit_not_solvable)
+      return
+    end if
+    values(:) = s
+    vectors(:, :) = transpose(vt)
+  end subroutine right_singular_vectors
 
   !> X with A X = B, in place.
   subroutine solve_dense(a, x, error)

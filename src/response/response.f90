@@ -1,7 +1,9 @@
 !> What a body answers to contact forces: forces at its contact nodes in, displacements of the same nodes out.
 !>
 !> Everything is in Cartesian components; rotated unknowns and eliminated supports stay inside. A response is the action of
-!> `K^{-1}` with supports at rest, so the answer to no force is no displacement.
+!> `K^{-1}` with supports at rest, so the answer to no force is no displacement. Where the supports leave rigid motions R free, it
+!> is that of the Moore-Penrose inverse `K^+`: the resultants of the forces are taken off (`P f`, `P = I - R R^T`), and of the
+!> displacements in equilibrium with the rest it gives the one without rigid motion.
 module dotyk_response_response
   use dotyk_base_kinds, only: dp
   implicit none
@@ -13,9 +15,15 @@ module dotyk_response_response
     integer :: dimension = 0
     !> Number of nodes where contact forces may act.
     integer :: n_contact_nodes = 0
+    !> Number of free rigid motions; 0 for a body that is held.
+    integer :: n_motions = 0
+    !> They at the contact nodes, orthonormal over the whole body (dimension*n_contact_nodes, n_motions) [1].
+    real(dp), allocatable :: motion(:, :)
   contains
     !> Contact forces to displacements of the contact nodes.
     procedure(apply_interface), deferred :: apply
+    !> The same for many forces at a time. Many threads may do this with one response.
+    procedure(apply_block_interface), deferred :: apply_block
     !> A full solve in the body's equations, for loads and for the recovery of interior displacements.
     procedure(solve_interface), deferred :: solve
     !> Give back all memory.
@@ -29,7 +37,7 @@ module dotyk_response_response
   end type response_slot_t
 
   abstract interface
-    !> u = P K^{-1} P^T f with P the restriction to the contact nodes.
+    !> u = S K^+ S^T f with S the restriction to the contact nodes.
     subroutine apply_interface(self, force, displacement)
       import :: response_t, dp
       class(response_t), intent(inout) :: self
@@ -39,7 +47,17 @@ module dotyk_response_response
       real(dp), intent(out) :: displacement(:, :)
     end subroutine apply_interface
 
-    !> x := K^{-1} x.
+    !> Several u = S K^+ S^T f.
+    subroutine apply_block_interface(self, force, displacement)
+      import :: response_t, dp
+      class(response_t), intent(in) :: self
+      !> Forces, one case a column (dimension*n_contact_nodes, m) [force].
+      real(dp), intent(in) :: force(:, :)
+      !> Displacements (dimension*n_contact_nodes, m) [length].
+      real(dp), intent(out) :: displacement(:, :)
+    end subroutine apply_block_interface
+
+    !> x := K^+ x.
     subroutine solve_interface(self, x)
       import :: response_t, dp
       class(response_t), intent(inout) :: self

@@ -30,6 +30,7 @@ module test_bodies
     procedure :: side => box_side
     procedure :: sides => box_sides
     procedure :: transform => box_transform
+    procedure :: repeat => box_repeat
   end type box_t
 
   public :: make_support, make_body, solve, rotation, body_force_of, steel
@@ -221,6 +222,35 @@ contains
       self%mesh%x(:, i) = matmul(matrix, self%mesh%x(:, i)) + shift
     end do
   end subroutine box_transform
+
+  !> Add a copy of all elements, moved; nodes that meet become one. (Sides are those of the box as it was.)
+  subroutine box_repeat(self, shift)
+    class(box_t), intent(inout) :: self
+    real(dp), intent(in) :: shift(:)
+    real(dp), allocatable :: x(:, :)
+    integer, allocatable :: number(:), flat(:)
+    integer :: i, k, n, dim
+    dim = self%mesh%dimension
+    n = size(self%mesh%x, 2)
+    allocate (x(dim, 2*n), number(n))
+    x(:, :n) = self%mesh%x
+    k = n
+    do i = 1, n
+      number(i) = minloc(norm2(self%mesh%x - spread(self%mesh%x(:, i) + shift, 2, n), 1), 1)
+      if (norm2(self%mesh%x(:, number(i)) - self%mesh%x(:, i) - shift) < 1.0e-9_dp) cycle
+      k = k + 1
+      number(i) = k
+      x(:, k) = self%mesh%x(:, i) + shift
+    end do
+    self%mesh%x = x(:, :k)
+    self%mesh%node_tag = [(int(i, int64) + 100, i=1, k)]
+    self%lattice = reshape([self%lattice, spread(-1, 1, dim*(k - n))], [dim, k])
+    associate (block => self%mesh%block(1))
+      block%tag = [block%tag, block%tag + size(block%tag)]
+      flat = reshape(block%node, [size(block%node)])
+      block%node = reshape([flat, number(flat)], [size(block%node, 1), 2*size(block%node, 2)])
+    end associate
+  end subroutine box_repeat
 
   !> A support.
   function make_support(surface, fix, value) result(support)
