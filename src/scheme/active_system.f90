@@ -281,7 +281,7 @@ contains
     !> Amplitudes of the free motions (coarse%n) [length].
     real(dp), intent(out) :: alpha(:)
     real(dp), allocatable :: r_b(:), r_c(:), step(:), step_alpha(:), all_forces(:), z(:)
-    real(dp) :: length, previous
+    real(dp) :: residual, previous
     integer :: k
     integer, parameter :: most_steps = 8
     allocate (all_forces(problem%operator%n_rows), z(problem%operator%n_rows), source=0.0_dp)
@@ -295,17 +295,17 @@ contains
       call self%factor%solve(step)
       step_alpha = matmul(self%schur_inverse, r_c - matmul(step, self%g))
       step = step + matmul(self%x, step_alpha)
-      length = sum(abs(step))
-      ! Corrections that do not shrink are rounding errors.
-      if (.not. length < 0.5_dp*previous) exit
-      previous = length
+      all_forces(self%row) = lambda + step
+      call compliance%multiply(problem, all_forces, z)
+      r_b = b - z(self%row) - self%layer*(lambda + step) + matmul(self%g, alpha + step_alpha)
+      r_c = c - matmul(lambda + step, self%g) - self%hold*(alpha + step_alpha)
+      residual = sum(r_b**2/self%diagonal)
+      ! Rounding errors do not get smaller.
+      if (k > 1 .and. .not. residual < previous) exit
       lambda = lambda + step
       alpha = alpha + step_alpha
-      if (.not. length > 0) exit
-      all_forces(self%row) = lambda
-      call compliance%multiply(problem, all_forces, z)
-      r_b = b - z(self%row) - self%layer*lambda + matmul(self%g, alpha)
-      r_c = c - matmul(lambda, self%g) - self%hold*alpha
+      if (.not. residual < 0.1_dp*previous) exit
+      previous = residual
     end do
   end subroutine active_system_solve
 
