@@ -10,7 +10,7 @@ module dotyk_driver_run_case
   use dotyk_driver_bodies, only: build_bodies, assemble_bodies
   use dotyk_driver_factorization, only: factor_size_t, analyze_bodies, factorize_bodies
   use dotyk_driver_free_scene, only: solve_free_scene
-  use dotyk_driver_pairs, only: find_pairs, foundation_compliance
+  use dotyk_driver_pairs, only: find_pairs
   use dotyk_driver_parallel, only: use_threads, share_solves, set_blas_threads
   use dotyk_driver_pressures, only: pair_solution_t, nodal_field_t, project_pressures
   use dotyk_driver_recovery, only: body_solution_t, recover_bodies
@@ -27,8 +27,6 @@ module dotyk_driver_run_case
   use dotyk_output_results, only: results_file_t, check_writable
   use dotyk_response_full, only: full_response_t
   use dotyk_scheme_history, only: scheme_result_t, ended_converged
-  use dotyk_input_names, only: scheme_auto, scheme_dual
-  use dotyk_scheme_dual, only: dual_settings_t, solve_dual
   use dotyk_scheme_neumann, only: neumann_settings_t, solve_neumann
   use dotyk_scheme_problem, only: contact_problem_t
   implicit none
@@ -129,8 +127,6 @@ contains
     type(run_t), intent(inout) :: run
     type(error_t), allocatable, intent(out) :: error
     type(neumann_settings_t) :: settings
-    type(dual_settings_t) :: dual
-    real(dp), allocatable :: resultant(:)
     integer :: b
     associate (case => run%case, problem => run%problem)
       call factorize_bodies(run%body, problem%response, run%size_of, case%solver%reproducible, error)
@@ -154,15 +150,7 @@ contains
       settings%tolerance = case%solver%tolerance
       settings%max_iterations = case%solver%max_iterations
       call set_blas_threads(run%n_blas)
-      if (case%solver%scheme == scheme_dual) then
-        call foundation_compliance(run%body, run%pair, problem%foundation)
-        allocate (resultant(0))
-        call problem%coarse%init(problem%operator, problem%response, resultant)
-        dual%tolerance = case%solver%tolerance
-        call solve_dual(problem, dual, run%log, run%result, error)
-      else
       call solve_neumann(problem, settings, run%log, run%result, error)
-      end if
       call add_context(error, case%file//':'//to_text(case%solver%line)//': ')
       call set_blas_threads(1)
       if (allocated(error)) return
