@@ -10,6 +10,8 @@ module dotyk_contact_corner_field
   type, public :: corner_field_t
     !> Number of corner nodes.
     integer :: n = 0
+    !> Their body-local numbers (n), ascending.
+    integer, allocatable :: corner_node(:)
     !> Corners of the facet of each point as numbers 1..n (4, n_points), 0 padded.
     integer, allocatable :: corner(:, :)
     !> Linear shape functions at the points (4, n_points), 0 padded.
@@ -23,6 +25,7 @@ module dotyk_contact_corner_field
     procedure :: init => corner_field_init
     procedure :: at_points
     procedure :: at_nodes
+    procedure :: moments
   end type corner_field_t
 
 contains
@@ -51,6 +54,7 @@ contains
     end do
     call count_up(corner_number, self%n)
     call count_up(node_number, n)
+    self%corner_node = pack([(i, i=1, size(corner_number))], corner_number > 0)
     self%node = pack([(i, i=1, size(node_number))], node_number > 0)
     allocate (self%corner(4, size(facet)), self%shape(4, size(facet)), self%from(4, n), self%n_from(n))
     self%corner = 0
@@ -138,4 +142,21 @@ contains
       found(i) = sum(value(self%from(1:self%n_from(i), i)))/self%n_from(i)
     end do
   end subroutine at_nodes
+
+  !> Sums over the points of values times shape functions.
+  pure subroutine moments(self, value, moment)
+    class(corner_field_t), intent(in) :: self
+    !> Values at the points, weights included (n_points).
+    real(dp), intent(in) :: value(:)
+    !> Sums at the corners (n).
+    real(dp), intent(out) :: moment(:)
+    integer :: i, j, k
+    moment = 0
+    do i = 1, size(value)
+      do j = 1, 4
+        k = self%corner(j, i)
+        if (k > 0) moment(k) = moment(k) + value(i)*self%shape(j, i)
+      end do
+    end do
+  end subroutine moments
 end module dotyk_contact_corner_field

@@ -1,8 +1,8 @@
 !> The contact operator: all that a scheme sees of contact (DESIGN.md, section 2).
 !>
-!> Row i has weight w_i, gap d_i, penalty parameter theta_i, and (B u)_i = n_i . (u_a(x_i) - u_b(x'_i)), a combination
-!> of the Cartesian displacements of the nodes of two facets. B is stored body by body: the block of a body has the
-!> rows that touch it.
+!> Row i has weight w_i, gap d_i, penalty parameter theta_i, and (B u)_i, which is n_q . (u_a(x_q) - u_b(x'_q)) in the mean
+!> of the points q of the pair's row: a combination of the Cartesian displacements of the nodes of their facets. B is
+!> stored body by body: the block of a body has the rows that touch it.
 module dotyk_contact_operator
   use dotyk_base_kinds, only: dp
   use dotyk_contact_pair, only: contact_pair_t
@@ -40,9 +40,6 @@ module dotyk_contact_operator
     real(dp), allocatable :: theta(:)
     !> One block per body; empty where nothing touches the body.
     type(contact_block_t), allocatable :: block(:)
-  contains
-    procedure :: apply => operator_apply
-    procedure :: apply_transposed => operator_apply_transposed
   end type contact_operator_t
 
   public :: build_operator
@@ -66,14 +63,14 @@ contains
     allocate (operator%pair_first_row(size(pairs) + 1), operator%block(n_bodies))
     operator%pair_first_row(1) = 1
     do k = 1, size(pairs)
-      operator%pair_first_row(k + 1) = operator%pair_first_row(k) + pairs(k)%n_points
+      operator%pair_first_row(k + 1) = operator%pair_first_row(k) + pairs(k)%n_rows
     end do
     operator%n_rows = operator%pair_first_row(size(pairs) + 1) - 1
     allocate (operator%weight(operator%n_rows), operator%gap(operator%n_rows), operator%theta(operator%n_rows))
     do k = 1, size(pairs)
       associate (first => operator%pair_first_row(k), last => operator%pair_first_row(k + 1) - 1)
-        operator%weight(first:last) = pairs(k)%weight
-        operator%gap(first:last) = pairs(k)%gap
+        operator%weight(first:last) = pairs(k)%row_weight
+        operator%gap(first:last) = pairs(k)%row_gap
         operator%theta(first:last) = pairs(k)%theta
       end associate
     end do
@@ -91,50 +88,49 @@ contains
     !> First row of each pair (n_pairs+1).
     integer, intent(in) :: pair_first_row(:)
     type(contact_block_t), intent(inout) :: block
+    type(sparse_rows_t), allocatable :: part(:)
     integer, allocatable :: column_of(:)
-    integer :: k, n_rows, n_entries, most
-    n_rows = 0
-    n_entries = 0
+    integer :: k, i, n, most
     most = 0
+    n = 0
     do k = 1, size(pairs)
-      if (pairs(k)%body_a == body) call count_side(surfaces_a(k), pairs(k)%facet_a)
-      if (pairs(k)%body_b == body) call count_side(surfaces_b(k), pairs(k)%facet_b)
+      if (pairs(k)%body_a == body) most = max(most, maxval(surfaces_a(k)%node))
+      if (pairs(k)%body_b == body) most = max(most, maxval(surfaces_b(k)%node))
+      if (any([pairs(k)%body_a, pairs(k)%body_b] == body)) n = n + 1
     end do
-    allocate (column_of(most))
+    allocate (column_of(most), part(n))
     column_of = 0
     do k = 1, size(pairs)
       if (pairs(k)%body_a == body) call mark_nodes(surfaces_a(k), pairs(k)%facet_a, column_of)
       if (pairs(k)%body_b == body) call mark_nodes(surfaces_b(k), pairs(k)%facet_b, column_of)
     end do
     block%n_nodes = count(column_of > 0)
-    allocate (block%contact_node(block%n_nodes), block%row(n_rows))
-    n_entries = d*n_entries
-    block%matrix%n_rows = n_rows
-    block%matrix%n_columns = d*block%n_nodes
-    allocate (block%matrix%row_start(n_rows + 1), block%matrix%column(n_entries), block%matrix%value(n_entries))
+    allocate (block%contact_node(block%n_nodes), block%row(0))
     call number_nodes(column_of, block%contact_node)
-    n_rows = 0
-    block%matrix%row_start(1) = 1
+    n = 0
     do k = 1, size(pairs)
-      if (pairs(k)%body_a == body) call fill_rows(d, 1.0_dp, pair_first_row(k), surfaces_a(k), pairs(k)%normal, &
-                                                  pairs(k)%facet_a, pairs(k)%xi_a, column_of, n_rows, block)
-      if (pairs(k)%body_b == body) call fill_rows(d, -1.0_dp, pair_first_row(k), surfaces_b(k), pairs(k)%normal, &
-                                                  pairs(k)%facet_b, pairs(k)%xi_b, column_of, n_rows, block)
+      if (pairs(k)%body_a == body) call add_side(1.0_dp, pairs(k), surfaces_a(k), pairs(k)%facet_a, pairs(k)%xi_a)
+      if (pairs(k)%body_b == body) call add_side(-1.0_dp, pairs(k), surfaces_b(k), pairs(k)%facet_b, pairs(k)%xi_b)
     end do
+    call block%matrix%set_stacked(d*block%n_nodes, part)
 
   contains
 
-    !> Add up rows, nodes in rows, and the greatest node number of one side of a pair.
-    subroutine count_side(surface, facet)
+    !> Append the rows of one side of a pair.
+    subroutine add_side(factor, pair, surface, facet, xi)
+      !> 1 for body a, -1 for body b.
+      real(dp), intent(in) :: factor
+      type(contact_pair_t), intent(in) :: pair
       type(surface_t), intent(in) :: surface
+      !> Facets of the points on this side, and reference coordinates.
       integer, intent(in) :: facet(:)
-      integer :: i
-      n_rows = n_rows + size(facet)
-      do i = 1, size(facet)
-        n_entries = n_entries + kind_nodes(surface%kind(facet(i)))
-      end do
-      most = max(most, maxval(surface%node))
-    end subroutine count_side
+      real(dp), intent(in) :: xi(:, :)
+      type(sparse_rows_t) :: points
+      call point_rows(d, factor, surface, pair%normal, facet, xi, column_of, points)
+      n = n + 1
+      call part(n)%set_product(pair%average, points)
+      block%row = [block%row, [(i, i=pair_first_row(k), pair_first_row(k + 1) - 1)]]
+    end subroutine add_side
   end subroutine build_block
 
   !> Mark the nodes of facets that carry contact points.
@@ -166,14 +162,12 @@ contains
     end do
   end subroutine number_nodes
 
-  !> Append the rows of one side of a pair to a block: factor * n_i . N_j.
-  pure subroutine fill_rows(d, factor, first_row, surface, normal, facet, xi, column_of, n_rows, block)
+  !> One row for each point of one side of a pair: factor * n_q . N_j.
+  pure subroutine point_rows(d, factor, surface, normal, facet, xi, column_of, matrix)
     !> Dimension of space.
     integer, intent(in) :: d
     !> 1 for body a, -1 for body b.
     real(dp), intent(in) :: factor
-    !> Row of the operator of the first point.
-    integer, intent(in) :: first_row
     type(surface_t), intent(in) :: surface
     !> Normals (d, n), facets (n) and reference coordinates (d-1, n) of the points.
     real(dp), intent(in) :: normal(:, :)
@@ -181,29 +175,33 @@ contains
     real(dp), intent(in) :: xi(:, :)
     !> Contact node number of each node, 0 if none.
     integer, intent(in) :: column_of(:)
-    !> Rows filled so far.
-    integer, intent(inout) :: n_rows
-    type(contact_block_t), intent(inout) :: block
+    !> The rows.
+    type(sparse_rows_t), intent(inout) :: matrix
     real(dp) :: shape(max_facet_nodes)
-    integer :: order(max_facet_nodes), i, j, c, n, kind, first
+    integer :: order(max_facet_nodes), i, j, c, n, kind, entry
+    matrix%n_rows = size(facet)
+    matrix%n_columns = d*count(column_of > 0)
+    allocate (matrix%row_start(size(facet) + 1))
+    matrix%row_start(1) = 1
+    do i = 1, size(facet)
+      matrix%row_start(i + 1) = matrix%row_start(i) + d*kind_nodes(surface%kind(facet(i)))
+    end do
+    allocate (matrix%column(matrix%row_start(size(facet) + 1) - 1), matrix%value(matrix%row_start(size(facet) + 1) - 1))
     do i = 1, size(facet)
       kind = surface%kind(facet(i))
       n = kind_nodes(kind)
       call shape_functions(kind, xi(:, i), shape(1:n))
       call sort_positions(column_of(surface%node(1:n, facet(i))), order(1:n))
-      n_rows = n_rows + 1
-      block%row(n_rows) = first_row + i - 1
-      first = block%matrix%row_start(n_rows)
+      entry = matrix%row_start(i)
       do j = 1, n
         do c = 1, d
-          block%matrix%column(first) = (column_of(surface%node(order(j), facet(i))) - 1)*d + c
-          block%matrix%value(first) = factor*normal(c, i)*shape(order(j))
-          first = first + 1
+          matrix%column(entry) = (column_of(surface%node(order(j), facet(i))) - 1)*d + c
+          matrix%value(entry) = factor*normal(c, i)*shape(order(j))
+          entry = entry + 1
         end do
       end do
-      block%matrix%row_start(n_rows + 1) = first
     end do
-  end subroutine fill_rows
+  end subroutine point_rows
 
   !> Positions of a few numbers in ascending order.
   pure subroutine sort_positions(number, order)
@@ -219,77 +217,4 @@ contains
       order(j + 1) = current
     end do
   end subroutine sort_positions
-
-  !> Add the part of one body to B u.
-  subroutine operator_apply(self, body, u, y)
-    class(contact_operator_t), intent(in) :: self
-    !> Index of the body.
-    integer, intent(in) :: body
-    !> Displacements of its contact nodes (dimension, block%n_nodes) [length].
-    real(dp), intent(in), contiguous :: u(:, :)
-    !> B u (n_rows) [length].
-    real(dp), intent(inout), contiguous :: y(:)
-    associate (block => self%block(body))
-      call add_product(block%matrix%n_rows, block%matrix%row_start, block%matrix%column, block%matrix%value, &
-                       block%row, u, y)
-    end associate
-  end subroutine operator_apply
-
-  !> The part of one body of B^T z: with z = w p the contact forces are minus this.
-  subroutine operator_apply_transposed(self, body, z, force)
-    class(contact_operator_t), intent(in) :: self
-    !> Index of the body.
-    integer, intent(in) :: body
-    !> Factor of the rows (n_rows).
-    real(dp), intent(in), contiguous :: z(:)
-    !> Product at the contact nodes of the body (dimension, block%n_nodes).
-    real(dp), intent(out), contiguous :: force(:, :)
-    force = 0
-    associate (block => self%block(body))
-      call add_transposed(block%matrix%n_rows, block%matrix%row_start, block%matrix%column, block%matrix%value, &
-                          block%row, z, force)
-    end associate
-  end subroutine operator_apply_transposed
-
-  !> y(row) = y(row) + A x.
-  pure subroutine add_product(n, start, column, value, row, x, y)
-    !> Number of rows.
-    integer, intent(in) :: n
-    !> The matrix.
-    integer, intent(in) :: start(n + 1), column(*)
-    real(dp), intent(in) :: value(*)
-    !> Where each row goes.
-    integer, intent(in) :: row(n)
-    real(dp), intent(in) :: x(*)
-    real(dp), intent(inout) :: y(*)
-    real(dp) :: sum
-    integer :: i, k
-    do i = 1, n
-      sum = 0
-      do k = start(i), start(i + 1) - 1
-        sum = sum + value(k)*x(column(k))
-      end do
-      y(row(i)) = y(row(i)) + sum
-    end do
-  end subroutine add_product
-
-  !> x = x + A^T y(row).
-  pure subroutine add_transposed(n, start, column, value, row, y, x)
-    !> Number of rows.
-    integer, intent(in) :: n
-    !> The matrix.
-    integer, intent(in) :: start(n + 1), column(*)
-    real(dp), intent(in) :: value(*)
-    !> Where each row comes from.
-    integer, intent(in) :: row(n)
-    real(dp), intent(in) :: y(*)
-    real(dp), intent(inout) :: x(*)
-    integer :: i, k
-    do i = 1, n
-      if (.not. abs(y(row(i))) > 0) cycle   ! most points of a scene are open
-      do k = start(i), start(i + 1) - 1
-        x(column(k)) = x(column(k)) + value(k)*y(row(i))
-      end do
-    end do
-  end subroutine add_transposed
 end module dotyk_contact_operator

@@ -1,7 +1,13 @@
-!> The pressure that users look at: projected on the continuous linear shape functions of surface_a.
+!> The pressure that users look at: a field of the continuous linear shape functions of surface_a.
 !>
-!> Nodal values P minimise sum_i w_i (N_i P - p_i)^2 over the points that have a partner. A facet on the rim of the
-!> contact surface may carry fewer points than corners, and then this does not determine its corners. To it is added
+!> Where the rows are vertices, row i holds p_i = (moment of the pressure with N_i)/w_i, a mean with the weight N_i, which
+!> flattens curves. One step P = p + (p - W^{-1} M p), M = sum_q w_q N_q N_q^T, W = diag(w), takes that back to the fourth
+!> order, keeps the force, and doubles noise at most. The whole inverse, P = M^{-1} W p, makes noise 3 (lines) to 9 times
+!> (quadrilaterals) as large, and overshoots where the pressure ends as a square root: for a sphere with 3 elements over
+!> the contact radius its mean square error is 15 % in place of 10 %.
+!>
+!> Where the rows are the points, nodal values P minimise sum_i w_i (N_i P - p_i)^2. A facet on the rim of the contact
+!> surface may carry fewer points than corners, and then this does not determine its corners. To it is added
 !> smoothing * (sum of w on the facet) * sum over pairs of its corners (P_j - P_k)^2, which makes the matrix positive
 !> definite, as every corner is joined to a point, and gives undetermined corners the values of their neighbours. With
 !> smoothing = 1e-11 determined values move by less than 1e-9 of the differences between neighbours (the least
@@ -11,7 +17,7 @@ module dotyk_contact_pressure
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_text, only: quoted
   use dotyk_contact_corner_field, only: corner_field_t
-  use dotyk_contact_pair, only: contact_pair_t
+  use dotyk_contact_pair, only: contact_pair_t, points_quadrature
   use dotyk_linalg_cholesky, only: cholesky_t
   use dotyk_linalg_ordering, only: nested_dissection
   use dotyk_linalg_sparse, only: sparse_rows_t, sparse_symmetric_t
@@ -23,9 +29,7 @@ module dotyk_contact_pressure
   type, public :: pressure_projection_t
     !> Fields on surface_a and surface_b; their `node` tells which nodes have values.
     type(corner_field_t) :: side_a, side_b
-    !> Weights of the points (n_points).
-    real(dp), allocatable :: weight(:)
-    !> Factor of the weighted mass matrix of side_a.
+    !> Factor of the weighted mass matrix of side_a, where the rows are the points.
     type(cholesky_t) :: factor
   contains
     procedure :: init => projection_init
@@ -48,9 +52,9 @@ contains
     integer, allocatable :: start(:), neighbour(:), permutation(:)
     integer :: failed
     call self%destroy()
-    self%weight = pair%weight
     call self%side_a%init(surface_a, pair%facet_a, pair%xi_a)
     call self%side_b%init(surface_b, pair%facet_b, pair%xi_b)
+    if (pair%points /= points_quadrature) return
     call mass_matrix(self%side_a, pair%facet_a, pair%weight, mass)
     call node_graph(mass, start, neighbour)
     allocate (permutation(mass%n))
@@ -155,23 +159,38 @@ contains
   end subroutine node_graph
 
   !> Project a pressure.
-  subroutine projection_project(self, pressure, projected, on_nodes_a, on_nodes_b)
+  subroutine projection_project(self, pair, pressure, projected, on_nodes_a, on_nodes_b)
     class(pressure_projection_t), intent(in) :: self
-    !> Pressure at the points (n_points).
+    !> The pair that it was prepared for.
+    type(contact_pair_t), intent(in) :: pair
+    !> Pressure of the rows (n_rows).
     real(dp), intent(in) :: pressure(:)
-    !> Projected pressure at the points (n_points).
+    !> Projected pressure of the rows (n_rows).
     real(dp), intent(out) :: projected(:)
     !> Projected pressure at side_a%node, and its weighted means at side_b%node.
     real(dp), intent(out) :: on_nodes_a(:), on_nodes_b(:)
-    real(dp), allocatable :: corner(:), total(:)
-    allocate (corner(self%side_a%n), total(self%side_a%n))
-    call add_weighted(self%side_a, self%weight, pressure, corner, total)
-    call self%factor%solve(corner)
-    call self%side_a%at_points(corner, projected)
+    real(dp), allocatable :: at_points(:), corner(:), total(:), flat(:)
+    allocate (at_points(pair%n_points), corner(self%side_a%n))
+    call pair%average%multiply_transposed(pair%row_weight*pressure, at_points)
+    call self%side_a%moments(at_points, corner)
+    if (pair%points == points_quadrature) then
+      call self%factor%solve(corner)
+    else
+      allocate (total(self%side_a%n), flat(self%side_a%n))
+      call self%side_a%moments(pair%weight, total)
+      corner = corner/total
+      call self%side_a%at_points(corner, at_points)
+      call self%side_a%moments(pair%weight*at_points, flat)
+      corner = 2*corner - flat/total
+      deallocate (total)
+    end if
+    call self%side_a%at_points(corner, at_points)
+    call pair%average%multiply(at_points, projected)
     call self%side_a%at_nodes(corner, on_nodes_a)
-    deallocate (corner, total)
+    deallocate (corner)
     allocate (corner(self%side_b%n), total(self%side_b%n))
-    call add_weighted(self%side_b, self%weight, projected, corner, total)
+    call self%side_b%moments(pair%weight, total)
+    call self%side_b%moments(pair%weight*at_points, corner)
     where (total > 0)
       corner = corner/total
     elsewhere
@@ -180,30 +199,9 @@ contains
     call self%side_b%at_nodes(corner, on_nodes_b)
   end subroutine projection_project
 
-  !> Sums of w N p and of w N at the corners.
-  pure subroutine add_weighted(side, weight, pressure, moment, total)
-    type(corner_field_t), intent(in) :: side
-    !> At the points (n_points).
-    real(dp), intent(in) :: weight(:), pressure(:)
-    !> At the corners (side%n).
-    real(dp), intent(out) :: moment(:), total(:)
-    integer :: i, j, k
-    moment = 0
-    total = 0
-    do i = 1, size(weight)
-      do j = 1, 4
-        k = side%corner(j, i)
-        if (k == 0) cycle
-        moment(k) = moment(k) + weight(i)*side%shape(j, i)*pressure(i)
-        total(k) = total(k) + weight(i)*side%shape(j, i)
-      end do
-    end do
-  end subroutine add_weighted
-
   !> Give the memory back.
   subroutine projection_destroy(self)
     class(pressure_projection_t), intent(inout) :: self
     call self%factor%destroy()
-    if (allocated(self%weight)) deallocate (self%weight)
   end subroutine projection_destroy
 end module dotyk_contact_pressure

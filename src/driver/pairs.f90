@@ -5,10 +5,11 @@ module dotyk_driver_pairs
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
   use dotyk_contact_pair, only: contact_pair_t, pair_settings_t, find_pair, contact_gap_geometry => gap_geometry, &
-    contact_gap_constant => gap_constant, contact_gap_formula => gap_formula
+    contact_gap_constant => gap_constant, contact_gap_formula => gap_formula, contact_points_nodes => points_nodes, &
+    contact_points_quadrature => points_quadrature
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t, contact_input_t
-  use dotyk_input_names, only: analysis_axisymmetric, gap_constant, gap_formula, theta_absolute
+  use dotyk_input_names, only: analysis_axisymmetric, gap_constant, gap_formula, points_nodes, theta_absolute
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
@@ -67,6 +68,7 @@ contains
       if (allocated(error)) return
     end if
     if (given%has_search_radius) settings%search_radius = given%search_radius
+    settings%points = merge(contact_points_nodes, contact_points_quadrature, given%points == points_nodes)
     settings%theta = given%theta
     if (given%theta_kind /= theta_absolute) settings%theta = given%theta*(compliance(body_a) + compliance(body_b))
     call find_pair(body_a%mesh, surface_a, body_b%mesh, surface_b, settings, formula, pair, error)
@@ -80,12 +82,12 @@ contains
     type(contact_pair_t), intent(in) :: pair(:)
     real(dp), allocatable, intent(out) :: foundation(:)
     integer :: k, n
-    allocate (foundation(sum(pair%n_points)))
+    allocate (foundation(sum(pair%n_rows)))
     n = 0
     do k = 1, size(pair)
-      foundation(n + 1:n + pair(k)%n_points) = &
+      foundation(n + 1:n + pair(k)%n_rows) = &
         foundation_depth*(compliance(body(pair(k)%body_a)) + compliance(body(pair(k)%body_b)))
-      n = n + pair(k)%n_points
+      n = n + pair(k)%n_rows
     end do
   end subroutine foundation_compliance
 

@@ -12,9 +12,9 @@ module dotyk_driver_pressures
 
   !> Pressures of one pair.
   type, public :: pair_solution_t
-    !> Of the scheme, and projected on surface_a's linear shape functions (n_points) [pressure].
+    !> Of the scheme, and projected on surface_a's linear shape functions (n_rows) [pressure].
     real(dp), allocatable :: pressure(:), projected(:)
-    !> Gap that is left, negative where the points penetrate (n_points) [length].
+    !> Gap that is left, negative where the points penetrate (n_rows) [length].
     real(dp), allocatable :: gap(:)
     !> Resultant on body a (3) [force].
     real(dp) :: force(3) = 0
@@ -61,7 +61,7 @@ contains
       call projection%init(pair(k), surface_a(k), surface_b(k), error)
       if (allocated(error)) return
       allocate (solution(k)%projected(last - first + 1), on_a(size(projection%side_a%node)), on_b(size(projection%side_b%node)))
-      call projection%project(solution(k)%pressure, solution(k)%projected, on_a, on_b)
+      call projection%project(pair(k), solution(k)%pressure, solution(k)%projected, on_a, on_b)
       call add_at(nodal(pair(k)%body_a)%value, projection%side_a%node, on_a)
       call add_at(nodal(pair(k)%body_b)%value, projection%side_b%node, on_b)
       call projection%destroy()

@@ -169,7 +169,7 @@ contains
     do k = 1, size(run%pair)
       associate (solution => run%pair_solution(k))
         call show_pair_result(run%log, run%pair(k)%name, solution%force, maxval(solution%projected), &
-                              count(solution%pressure > 0), run%pair(k)%n_points)
+                              count(solution%pressure > 0), run%pair(k)%n_rows)
       end associate
     end do
     call run%watch%lap(run%timing%recover)

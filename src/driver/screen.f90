@@ -86,14 +86,14 @@ contains
     call log%line('')
     call log%line('  contact pair              points   without partner   smallest gap    largest gap          theta')
     do k = 1, size(pair)
-      write (line, '(2x,a20,i12,i18,es15.3,es15.3,es15.3)') pair(k)%name, pair(k)%n_points, pair(k)%n_without_partner, &
-        minval(pair(k)%gap), maxval(pair(k)%gap), pair(k)%theta
+      write (line, '(2x,a20,i12,i18,es15.3,es15.3,es15.3)') pair(k)%name, pair(k)%n_rows, pair(k)%n_without_partner, &
+        minval(pair(k)%row_gap), maxval(pair(k)%row_gap), pair(k)%theta
       call log%line(line)
       call log%line('    '//body(pair(k)%body_a)%name//':'//surface_a(k)%name//' ('// &
                     plural(surface_a(k)%n_facets, 'facet', 'facets')//') on '//body(pair(k)%body_b)%name//':'// &
                     surface_b(k)%name//' ('//plural(surface_b(k)%n_facets, 'facet', 'facets')//')')
-      if (pair(k)%n_without_partner > 0) call log%line('    left out: '//plural(pair(k)%n_outside, 'point', 'points')// &
-        ' beside the other surface, '//to_text(pair(k)%n_not_facing)//' that it does not face, '// &
+      if (pair(k)%n_without_partner > 0) call log%line('    left out: '//plural(pair(k)%n_outside, 'integration point', &
+        'integration points')//' beside the other surface, '//to_text(pair(k)%n_not_facing)//' that it does not face, '// &
         to_text(pair(k)%n_too_far)//' too far')
     end do
     n = 0

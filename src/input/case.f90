@@ -9,7 +9,7 @@ module dotyk_input_case
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: text_t
   use dotyk_input_names, only: analysis_3d, gamma_spectral, gap_geometry, load_traction, material_isotropic, &
-    points_quadrature, scheme_auto, stop_residual, theta_relative
+    points_nodes, scheme_auto, stop_residual, theta_relative
   implicit none
   private
 
@@ -125,7 +125,7 @@ module dotyk_input_case
     !> Greatest distance of partners [length].
     real(dp) :: search_radius = 0
     !> One of `points_*`.
-    integer :: points = points_quadrature
+    integer :: points = points_nodes
   end type contact_input_t
 
   !> `&solver`.

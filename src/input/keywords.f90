@@ -172,8 +172,9 @@ contains
                'bounding box')
     call t%add('contact', 'search_radius', kind_real, unit='length', positive=.true., &
                meaning='greatest distance of partners; if absent, the smaller body''s size')
-    call t%add('contact', 'points', kind_name, names=points_names, default='quadrature', &
-               meaning='contact points: the quadrature points of surface_a''s facets')
+    call t%add('contact', 'points', kind_name, names=points_names, default='nodes', &
+               meaning='contact points: nodes is one for each vertex of surface_a, with gap and displacement in the mean of '// &
+               'the facets around it (stable for every theta); quadrature is the quadrature points of surface_a''s facets')
 
     call t%add('solver', 'scheme', kind_name, names=scheme_names, default='auto', &
                meaning='auto: the best one for the scene, dual; neumann: the parallel Neumann scheme, for held bodies; '// &

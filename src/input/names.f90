@@ -36,8 +36,9 @@ module dotyk_input_names
   integer, parameter, public :: theta_relative = 2  !< times size_a/E_a + size_b/E_b
 
   !> The rows of the contact operator, `&contact points`.
-  character(*), parameter, public :: points_names = 'quadrature'
-  integer, parameter, public :: points_quadrature = 1  !< the quadrature points of surface_a's facets
+  character(*), parameter, public :: points_names = 'nodes quadrature'
+  integer, parameter, public :: points_nodes = 1       !< the vertices of surface_a
+  integer, parameter, public :: points_quadrature = 2  !< the quadrature points of surface_a's facets
 
   !> `&solver scheme`.
   character(*), parameter, public :: scheme_names = 'auto neumann dual'

@@ -39,6 +39,9 @@ module dotyk_linalg_sparse
     procedure :: init_from_triplets => rows_init_from_triplets
     procedure :: multiply => rows_multiply
     procedure :: multiply_transposed => rows_multiply_transposed
+    procedure :: set_identity => rows_set_identity
+    procedure :: set_product => rows_set_product
+    procedure :: set_stacked => rows_set_stacked
     procedure :: destroy => rows_destroy
   end type sparse_rows_t
 
@@ -225,6 +228,91 @@ contains
       end do
     end do
   end subroutine rows_multiply_transposed
+
+  !> The identity.
+  subroutine rows_set_identity(self, n)
+    class(sparse_rows_t), intent(inout) :: self
+    !> Order.
+    integer, intent(in) :: n
+    integer :: i
+    self%n_rows = n
+    self%n_columns = n
+    self%row_start = [(i, i=1, n + 1)]
+    self%column = self%row_start(1:n)
+    self%value = spread(1.0_dp, 1, n)
+  end subroutine rows_set_identity
+
+  !> The product A B.
+  subroutine rows_set_product(self, a, b)
+    class(sparse_rows_t), intent(inout) :: self
+    !> Factors; a%n_columns = b%n_rows.
+    type(sparse_rows_t), intent(in) :: a, b
+    integer, allocatable :: place(:), row(:), column(:)
+    real(dp), allocatable :: value(:)
+    integer :: i, j, k, l, n, before
+    allocate (place(b%n_columns))
+    place = 0
+    n = 0
+    do i = 1, a%n_rows
+      do k = a%row_start(i), a%row_start(i + 1) - 1
+        do l = b%row_start(a%column(k)), b%row_start(a%column(k) + 1) - 1
+          j = b%column(l)
+          if (place(j) == i) cycle
+          place(j) = i
+          n = n + 1
+        end do
+      end do
+    end do
+    allocate (row(n), column(n), value(n))
+    place = 0
+    n = 0
+    do i = 1, a%n_rows
+      before = n
+      do k = a%row_start(i), a%row_start(i + 1) - 1
+        do l = b%row_start(a%column(k)), b%row_start(a%column(k) + 1) - 1
+          j = b%column(l)
+          if (place(j) <= before) then
+            n = n + 1
+            place(j) = n
+            row(n) = i
+            column(n) = j
+            value(n) = 0
+          end if
+          value(place(j)) = value(place(j)) + a%value(k)*b%value(l)
+        end do
+      end do
+    end do
+    ! It sorts the columns of each row.
+    call self%init_from_triplets(a%n_rows, b%n_columns, row, column, value)
+  end subroutine rows_set_product
+
+  !> The rows of several matrices with the same columns, one matrix below the other.
+  subroutine rows_set_stacked(self, n_columns, part)
+    class(sparse_rows_t), intent(inout) :: self
+    !> Number of columns of all parts.
+    integer, intent(in) :: n_columns
+    !> From top to bottom.
+    type(sparse_rows_t), intent(in) :: part(:)
+    integer :: k, n, n_entries
+    call self%destroy()
+    self%n_columns = n_columns
+    self%n_rows = sum(part%n_rows)
+    n_entries = 0
+    do k = 1, size(part)
+      n_entries = n_entries + size(part(k)%column)
+    end do
+    allocate (self%row_start(self%n_rows + 1), self%column(n_entries), self%value(n_entries))
+    n = 0
+    n_entries = 0
+    do k = 1, size(part)
+      self%row_start(n + 1:n + part(k)%n_rows) = part(k)%row_start(1:part(k)%n_rows) + n_entries
+      self%column(n_entries + 1:n_entries + size(part(k)%column)) = part(k)%column
+      self%value(n_entries + 1:n_entries + size(part(k)%column)) = part(k)%value
+      n = n + part(k)%n_rows
+      n_entries = n_entries + size(part(k)%column)
+    end do
+    self%row_start(n + 1) = n_entries + 1
+  end subroutine rows_set_stacked
 
   !> Give the memory back.
   subroutine rows_destroy(self)

@@ -70,6 +70,22 @@ class Column(dotyk_case.Case):
     def test_shaft(self):
         self.check_exact("tri6", "axisymmetric")
 
+    def test_quadrature_points(self):
+        """The paper's literal form is exact too."""
+        for kind in ("tet4", "hex20", "tri6"):
+            file = self.check_exact(kind, contact=", points='quadrature'")
+            # 8 triangles of 3 points, 4 quadrilaterals of 9, 2 lines of 3
+            self.assertEqual(file["dotyk/contact/joint/weight"].shape[0], {"tet4": 24, "hex20": 36, "tri6": 6}[kind])
+
+    def test_rows_are_vertices(self):
+        file = self.check_exact("hex27")
+        joint = file["dotyk/contact/joint"]
+        x = joint["position"][:]
+        grid = np.array([(i, j, 2) for j in range(3) for i in range(3)]) / 2
+        np.testing.assert_allclose(x[np.lexsort(x.T)], grid, atol=1e-12)
+        at_end = 1 + (np.abs(x[:, :2] - 0.5) < 0.1)
+        np.testing.assert_allclose(joint["weight"][:], at_end.prod(axis=1) / 16, rtol=1e-12)
+
     def test_given_gap(self):
         file, pressure, exact = self.column(("hex8", "hex8"), (2, 2), contact=", gap=4e-4", gap=4e-4)
         np.testing.assert_allclose(file["dotyk/contact/joint/pressure"][:], pressure, rtol=1e-9)
@@ -104,20 +120,23 @@ Physical Surface("sides y") = {Surface In BoundingBox {-e, -e, -e, 1 + e, e, 2 +
         np.testing.assert_allclose(file["dotyk/contact/joint/pressure"][:], pressure, rtol=1e-9)
         self.assertEqual(file["VTKHDF/NumberOfPoints"][:].tolist(), [27, 27])
 
-    def check_near(self, kinds, divisions):
-        """Facets that the other mesh cuts: quadrature there is not exact; in the mean 1e-3 in displacement and pressure, and single
-        nodes within the local error of meshes as coarse as these."""
-        file, pressure, exact = self.column(kinds, divisions)
+    def check_near(self, kinds, divisions, contact="", close=1e-3, local=1e-2):
+        """Facets that the other mesh cuts: quadrature there is not exact. In the mean `close` in displacement and pressure, and single
+        nodes `local`."""
+        file, pressure, exact = self.column(kinds, divisions, contact=contact)
         d = dimension(kinds[0])
         error = (file["VTKHDF/PointData/displacement"][:, d - 1] - exact) / SHORTENING
-        self.assertLess(np.sqrt(np.mean(error**2)), 1e-3)
-        self.assertLess(np.abs(error).max(), 1e-2)
+        self.assertLess(np.sqrt(np.mean(error**2)), close)
+        self.assertLess(np.abs(error).max(), local)
         joint = file["dotyk/contact/joint"]
         w, p = joint["weight"][:], joint["pressure"][:]
-        self.assertAlmostEqual(np.sum(w * p) / np.sum(w) / pressure, 1, delta=1e-3)
+        self.assertAlmostEqual(np.sum(w * p) / np.sum(w) / pressure, 1, delta=close)
 
     def test_not_matching_hexahedra(self):
         self.check_near(("hex8", "hex8"), (3, 4))
+
+    def test_not_matching_quadrature_points(self):
+        self.check_near(("hex20", "tet10"), (2, 3), ", points='quadrature'")
 
     def test_not_matching_kinds(self):
         self.check_near(("hex20", "tet10"), (2, 3))

@@ -125,12 +125,13 @@ class Invariance(dotyk_case.Case):
         self.check_same(order=-1)
 
     def test_swapped_sides(self):
-        """The other side's points: the same within the discretization error of these coarse meshes."""
-        one, u = self.scene("one", divisions=(4, 3))
-        two, v = self.scene("two", divisions=(4, 3), swap=True)
-        np.testing.assert_allclose(v, u, rtol=0, atol=0.03 * np.abs(u).max())
+        """The other side's points: the same within the discretization error (found: 0.006 and 0.011)."""
+        solver = "theta_relative=0.3, tolerance=1e-6"
+        one, u = self.scene("one", divisions=(6, 5), solver=solver)
+        two, v = self.scene("two", divisions=(6, 5), solver=solver, swap=True)
+        np.testing.assert_allclose(v, u, rtol=0, atol=0.02 * np.abs(u).max())
         forces = [file["dotyk/contact/touch"].attrs["force"] for file in (one, two)]
-        np.testing.assert_allclose(forces[1], -forces[0], rtol=0, atol=0.1 * np.abs(forces[0]).max())
+        np.testing.assert_allclose(forces[1], -forces[0], rtol=0, atol=0.05 * np.abs(forces[0]).max())
 
     def test_again(self):
         """The same digits from run to run."""
