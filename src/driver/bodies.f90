@@ -11,7 +11,7 @@ module dotyk_driver_bodies
     add_surface_load, add_volume_load
   use dotyk_elasticity_support, only: support_t, collect_supports
   use dotyk_input_case, only: case_t, load_input_t
-  use dotyk_input_names, only: name_at, scheme_auto, scheme_names, scheme_neumann
+  use dotyk_input_names, only: name_at, scheme_names
   use dotyk_mesh_body_mesh, only: extract_body
   use dotyk_mesh_gmsh, only: read_gmsh
   use dotyk_mesh_gmsh_run, only: mesh_geometry
@@ -179,7 +179,7 @@ contains
     type(error_t), allocatable :: failed
     character(:), allocatable :: scheme, motions
     integer :: b, n_free
-    scheme = name_at(scheme_names, merge(scheme_neumann, case%solver%scheme, case%solver%scheme == scheme_auto))
+    scheme = name_at(scheme_names, case%solver%scheme)
     do b = 1, size(body)
       call free_rigid_motions(body(b), n_free, motions)
       if (n_free == 0) cycle

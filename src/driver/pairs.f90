@@ -13,7 +13,10 @@ module dotyk_driver_pairs
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
-  public :: find_pairs
+  public :: find_pairs, foundation_compliance
+
+  !> Depth of the elastic layer that stands for a body's compliance, relative to the body's size: about that of a contact zone.
+  real(dp), parameter :: foundation_depth = 0.1_dp
 
 contains
 
@@ -71,6 +74,22 @@ contains
     call find_pair(body_a%mesh, surface_a, body_b%mesh, surface_b, settings, formula, pair, error)
     call formula%destroy()
   end subroutine search_pair
+
+  !> Compliance of an elastic foundation for each row of the operator, a scheme's first guess (n_rows) [length/pressure].
+  subroutine foundation_compliance(body, pair, foundation)
+    !> (n_bodies), (n_pairs).
+    type(body_t), intent(in) :: body(:)
+    type(contact_pair_t), intent(in) :: pair(:)
+    real(dp), allocatable, intent(out) :: foundation(:)
+    integer :: k, n
+    allocate (foundation(sum(pair%n_rows)))
+    n = 0
+    do k = 1, size(pair)
+      foundation(n + 1:n + pair(k)%n_rows) = &
+        foundation_depth*(compliance(body(pair(k)%body_a)) + compliance(body(pair(k)%body_b)))
+      n = n + pair(k)%n_rows
+    end do
+  end subroutine foundation_compliance
 
   !> Size over Young's modulus of a body, the measure of `theta_relative` [length/pressure].
   real(dp) function compliance(body)

@@ -15,20 +15,19 @@ module dotyk_driver_run_case
   use dotyk_driver_pressures, only: pair_solution_t, nodal_field_t, project_pressures
   use dotyk_driver_recovery, only: body_solution_t, recover_bodies
   use dotyk_driver_results, only: write_fields, write_pairs, write_summary, write_provenance, write_timing
+  use dotyk_driver_scheme, only: needs_held_bodies, prepare_coarse_space, scheme_name, solve_scheme
   use dotyk_driver_screen, only: show_scene, show_bodies, show_pairs, show_factorization, &
     show_memory, show_result, show_pair_result, show_timing
   use dotyk_driver_timing, only: timing_t, stopwatch_t
   use dotyk_driver_version, only: version, compiler, build_type
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t
-  use dotyk_input_names, only: scheme_auto, scheme_neumann
   use dotyk_input_help, only: help_text
   use dotyk_input_parse, only: read_case
   use dotyk_mesh_surface, only: surface_t
   use dotyk_output_results, only: results_file_t, check_writable
   use dotyk_response_full, only: full_response_t
   use dotyk_scheme_history, only: scheme_result_t, ended_converged
-  use dotyk_scheme_neumann, only: neumann_settings_t, solve_neumann
   use dotyk_scheme_problem, only: contact_problem_t
   implicit none
   private
@@ -109,8 +108,7 @@ contains
     call build_bodies(run%case, run%body, run%surface_a, run%surface_b, error)
     if (allocated(error)) return
     call run%watch%lap(run%timing%read)
-    ! Of the schemes there are, all need held bodies.
-    if (any(run%case%solver%scheme == [scheme_auto, scheme_neumann])) call check_held(run%case, run%body, error)
+    if (needs_held_bodies(run%case)) call check_held(run%case, run%body, error)
     if (allocated(error)) return
     call assemble_bodies(run%case, run%body, error)
     if (allocated(error)) return
@@ -130,7 +128,6 @@ contains
   subroutine solve(run, error)
     type(run_t), intent(inout) :: run
     type(error_t), allocatable, intent(out) :: error
-    type(neumann_settings_t) :: settings
     integer :: b
     associate (case => run%case, problem => run%problem)
       call factorize_bodies(run%body, problem%response, run%size_of, case%solver%reproducible, error)
@@ -148,18 +145,13 @@ contains
       call problem%prepare(real(run%size_of%entries, dp))
       call run%watch%lap(run%timing%search)
       call solve_free_scene(run%body, problem, run%n_blas)
-      settings%gamma_rule = case%solver%gamma_rule
-      settings%gamma = case%solver%gamma
-      settings%stop_rule = case%solver%stop_rule
-      settings%tolerance = case%solver%tolerance
-      settings%max_iterations = case%solver%max_iterations
+      call prepare_coarse_space(run%body, problem)
       call set_blas_threads(run%n_blas)
-      call solve_neumann(problem, settings, run%log, run%result, error)
-      call add_context(error, case%file//':'//to_text(case%solver%line)//': ')
+      call solve_scheme(case, run%body, run%pair, problem, run%log, run%result, error)
       call set_blas_threads(1)
       if (allocated(error)) return
       call run%watch%lap(run%timing%iterate)
-      call show_result(run%log, run%result, settings%tolerance, problem%body_solves, run%timing%iterate)
+      call show_result(run%log, run%result, case%solver%tolerance, problem%body_solves, run%timing%iterate)
     end associate
   end subroutine solve
 
@@ -169,7 +161,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     integer :: k
     associate (case => run%case, problem => run%problem, m => run%result%m, y => run%result%y)
-      call recover_bodies(run%body, problem, m, [real(dp) ::], case%output%stress, run%n_blas, run%solution)
+      call recover_bodies(run%body, problem, m, run%result%alpha, case%output%stress, run%n_blas, run%solution)
       call project_pressures(run%body, run%pair, run%surface_a, run%surface_b, problem, m, y, run%pair_solution, &
                              run%contact_pressure, error)
       if (allocated(error)) return
@@ -177,7 +169,7 @@ contains
     do k = 1, size(run%pair)
       associate (solution => run%pair_solution(k))
         call show_pair_result(run%log, run%pair(k)%name, solution%force, maxval(solution%projected), &
-                              count(solution%gap < 0), run%pair(k)%n_rows)
+                              count(solution%pressure > 0), run%pair(k)%n_rows)
       end associate
     end do
     call run%watch%lap(run%timing%recover)
@@ -191,7 +183,7 @@ contains
     call write_fields(file, run%case%scene%output, run%case, run%body, run%solution, run%contact_pressure, error)
     if (allocated(error)) return
     call write_pairs(file, run%pair, run%pair_solution)
-    call write_summary(file, run%body, run%size_of, run%problem, run%result, 'neumann')
+    call write_summary(file, run%body, run%size_of, run%problem, run%result, scheme_name(run%case))
     call write_provenance(file, run%case, run%threads, run%started)
     call run%watch%lap(run%timing%write)
     run%timing%total = run%watch%since_start()

@@ -13,7 +13,7 @@ module dotyk_driver_screen
   use dotyk_input_names, only: analysis_names, name_at
   use dotyk_mesh_surface, only: surface_t
   use dotyk_scheme_bounds, only: gamma_limit
-  use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_limit, ended_diverged, ended_stalled
+  use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_limit, ended_diverged
   use dotyk_scheme_progress, only: duration
   implicit none
   private
@@ -192,7 +192,7 @@ contains
       text = 'not converged: stopped at max_iterations'
     case (ended_diverged)
       text = 'not converged: diverged'
-    case (ended_stalled)
+    case default
       text = 'not converged: rounding allows no smaller error; stopped'
     end select
   end function outcome

@@ -221,6 +221,8 @@ contains
     if (status == number_out_of_range) message = ': '//shown(value%text)//' is beyond the range of numbers'
     if (status == number_good .and. row%positive .and. .not. number > 0) &
       message = ' must be above 0, got '//shown(value%text)
+    if (status == number_good .and. row%not_negative .and. .not. number >= 0) &
+      message = ' must not be below 0, got '//shown(value%text)
   end function number_message
 
   !> Say what is wrong with a text; an empty message where nothing is.

@@ -77,6 +77,7 @@ contains
     meaning = row%meaning
     if (len(row%unit) > 0) meaning = meaning//' ['//row%unit//']'
     if (row%positive) meaning = meaning//'; above 0'
+    if (row%not_negative) meaning = meaning//'; not below 0'
     if (len(row%names) > 0) then
       call split_words(row%names, names)
       meaning = meaning//'; '//trim(merge('any of', 'one of', row%kind == kind_names))//': '//join(names, ', ')

@@ -35,6 +35,8 @@ module dotyk_input_keywords
     integer :: least = 1, most = 1
     !> Must its numbers be above 0?
     logical :: positive = .false.
+    !> Must its numbers not be below 0?
+    logical :: not_negative = .false.
     !> Must it be given?
     logical :: required = .false.
     !> May its text be empty?
@@ -163,9 +165,9 @@ contains
                meaning='initial distance; if absent, that of the geometry')
     call t%add('contact', 'gap_formula', kind_formula, unit='length', &
                meaning='initial distance as a formula')
-    call t%add('contact', 'theta', kind_real, unit='length/pressure', positive=.true., &
+    call t%add('contact', 'theta', kind_real, unit='length/pressure', not_negative=.true., &
                meaning='penalty parameter of this pair; if absent, that of &solver')
-    call t%add('contact', 'theta_relative', kind_real, positive=.true., &
+    call t%add('contact', 'theta_relative', kind_real, not_negative=.true., &
                meaning='the same, times size_a/E_a + size_b/E_b; size is the smallest edge of the body''s '// &
                'bounding box')
     call t%add('contact', 'search_radius', kind_real, unit='length', positive=.true., &
@@ -175,10 +177,11 @@ contains
                'the facets around it (stable for every theta); quadrature is the quadrature points of surface_a''s facets')
 
     call t%add('solver', 'scheme', kind_name, names=scheme_names, default='auto', &
-               meaning='auto: the best one for the scene; neumann: the parallel Neumann scheme')
-    call t%add('solver', 'theta', kind_real, unit='length/pressure', positive=.true., &
-               meaning='penalty parameter, the compliance of a layer between the bodies')
-    call t%add('solver', 'theta_relative', kind_real, default='1e-2', positive=.true., &
+               meaning='auto: the best one for the scene, dual; neumann: the parallel Neumann scheme, for held bodies; '// &
+               'dual: contact forces as unknowns, any theta and free bodies')
+    call t%add('solver', 'theta', kind_real, unit='length/pressure', not_negative=.true., &
+               meaning='penalty parameter, the compliance of a layer between the bodies; 0: no layer, no penetration')
+    call t%add('solver', 'theta_relative', kind_real, default='1e-2', not_negative=.true., &
                meaning='the same, times size_a/E_a + size_b/E_b of each pair; not together with theta')
     call t%add('solver', 'gamma_rule', kind_name, names=gamma_rule_names, default='spectral', &
                meaning='relaxation parameter: spectral is 2/(2+L), theory is 1/(1+L)^2, fixed is gamma')
@@ -204,14 +207,14 @@ contains
 
   !> Add a row; what is absent is as in `keyword_t`.
   pure subroutine add(self, group, key, kind, meaning, least, most, unit, names, default, positive, &
-                      required, may_be_empty)
+                      not_negative, required, may_be_empty)
     class(rows_t), intent(inout) :: self
     character(*), intent(in) :: group, key
     integer, intent(in) :: kind
     character(*), intent(in) :: meaning
     integer, intent(in), optional :: least, most
     character(*), intent(in), optional :: unit, names, default
-    logical, intent(in), optional :: positive, required, may_be_empty
+    logical, intent(in), optional :: positive, not_negative, required, may_be_empty
     self%n = self%n + 1
     associate (row => self%row(self%n))
       row%group = group
@@ -227,6 +230,7 @@ contains
       if (present(names)) row%names = names
       if (present(default)) row%default = default
       if (present(positive)) row%positive = positive
+      if (present(not_negative)) row%not_negative = not_negative
       if (present(required)) row%required = required
       if (present(may_be_empty)) row%may_be_empty = may_be_empty
     end associate

@@ -41,9 +41,10 @@ module dotyk_input_names
   integer, parameter, public :: points_quadrature = 2  !< the quadrature points of surface_a's facets
 
   !> `&solver scheme`.
-  character(*), parameter, public :: scheme_names = 'auto neumann'
+  character(*), parameter, public :: scheme_names = 'auto neumann dual'
   integer, parameter, public :: scheme_auto = 1     !< the best one for the scene
   integer, parameter, public :: scheme_neumann = 2  !< the parallel Neumann scheme, equations (43) to (46)
+  integer, parameter, public :: scheme_dual = 3     !< contact forces as unknowns, by active sets
 
   !> `&solver gamma_rule`.
   character(*), parameter, public :: gamma_rule_names = 'spectral theory fixed'

@@ -11,7 +11,7 @@ contains
   !> G >= ||u - u_theta||_A^2 for an iterate with state m >= 0 [energy]; guaranteed, and costs no solve.
   !>
   !> `G = sum w [(y^+)^2/(2 theta) + theta m^2/2 - m y]`, evaluated as the squares that it is made of; `huge` where some m < 0, because
-  !> the bound does not hold there.
+  !> the bound does not hold there, and where y > 0 with theta = 0. Free bodies must be in equilibrium with m.
   pure real(dp) function duality_gap(weight, theta, m, y) result(gap)
     !> Weights of the contact points (n_rows) [area].
     real(dp), intent(in) :: weight(:)
@@ -25,6 +25,9 @@ contains
     gap = 0
     do i = 1, size(m)
       if (m(i) < 0) then
+        gap = huge(gap)
+        return
+      else if (y(i) > 0 .and. .not. theta(i) > 0) then
         gap = huge(gap)
         return
       else if (y(i) > 0) then

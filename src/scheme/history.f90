@@ -10,6 +10,8 @@ module dotyk_scheme_history
   integer, parameter, public :: ended_limit = 2      !< max_iterations reached
   integer, parameter, public :: ended_diverged = 3   !< the steps grow
   integer, parameter, public :: ended_stalled = 4    !< rounding allows no smaller error
+  integer, parameter, public :: ended_unstoppable = 5  !< loads move a free body, and no contact can stop it
+  integer, parameter, public :: ended_immovable = 6  !< supports press contact points together that cannot give way
 
   !> One entry per iteration; arrays are longer than `n` while the iteration goes on.
   type, public :: history_t
@@ -41,6 +43,12 @@ module dotyk_scheme_history
     real(dp), allocatable :: m(:)
     !> B u - d of the last iterate (n_rows) [length].
     real(dp), allocatable :: y(:)
+    !> Amplitudes of the free motions of the responses, body after body; of size 0 where all bodies are held.
+    real(dp), allocatable :: alpha(:)
+    !> Motions that neither contact nor loads determine, as columns of amplitudes (size of alpha, number of them).
+    real(dp), allocatable :: undetermined(:, :)
+    !> Where ended_unstoppable: amplitudes of a motion that the loads excite and no contact can stop.
+    real(dp), allocatable :: unstoppable(:)
     !> How it ended: one of the parameters above.
     integer :: ended = ended_limit
     !> Steps done.

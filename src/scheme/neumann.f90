@@ -55,6 +55,7 @@ contains
 
     n = problem%operator%n_rows
     result%y = problem%y_free
+    allocate (result%alpha(0))
     allocate (result%m(n), source=0.0_dp)
     if (n == 0) then
       result%ended = ended_converged

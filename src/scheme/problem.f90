@@ -1,7 +1,8 @@
 !> The contact problem as every scheme sees it: responses of the bodies, the contact operator, and the scene without contact.
 !>
 !> With `C = B K^{-1} B^T` (DESIGN.md, section 2) every iterate is `u = u0 - K^{-1} B^T W m`, so its state is one number `m` per contact
-!> point, and `y = B u - d = (B u0 - d) - C W m` is all that the contact conditions ask of it.
+!> point, and `y = B u - d = (B u0 - d) - C W m` is all that the contact conditions ask of it. Free bodies (K^+ for K^{-1}) add their
+!> rigid motions: `u = u0 - K^+ B^T W m + R alpha`, `y = (B u0 - d) - C W m + G alpha`, with the amplitudes `alpha` of the coarse space.
 !>
 !> As a linear operator the problem is `Theta^{-1/2} W^{1/2} C W^{1/2} Theta^{-1/2}`: symmetric, with the spectrum of
 !> `Theta^{-1} C W`, whose largest eigenvalue L rules the relaxation.
@@ -10,6 +11,7 @@ module dotyk_scheme_problem
   use dotyk_contact_operator, only: contact_operator_t, contact_block_t
   use dotyk_linalg_spectrum, only: linear_operator_t
   use dotyk_response_response, only: response_t, response_slot_t
+  use dotyk_scheme_coarse, only: coarse_space_t
   implicit none
   private
 
@@ -27,10 +29,14 @@ module dotyk_scheme_problem
     type(contact_operator_t) :: operator
     !> What the bodies answer to contact forces (n_bodies).
     type(response_slot_t), allocatable :: response(:)
+    !> Rigid motions that the supports leave to the bodies; none where all are held.
+    type(coarse_space_t) :: coarse
     !> B u0 - d (n_rows) [length]: how far the scene without contact penetrates.
     real(dp), allocatable :: y_free(:)
     !> B K^{-1} f with supports at rest (n_rows) [length]: `sum w m y_load` is the work of the loads on K^{-1} B^T W m.
     real(dp), allocatable :: y_load(:)
+    !> Compliance of an elastic foundation that stands for the bodies where a scheme needs a first guess (n_rows) [length/pressure].
+    real(dp), allocatable :: foundation(:)
     !> F(u0) = A(u0,u0)/2 - L(u0) [energy].
     real(dp) :: energy_free = 0
     !> A(u0,u0) [energy].
@@ -60,6 +66,7 @@ contains
     !> Cost of one solve of each body (n_bodies), any unit; bodies are dealt out largest first.
     real(dp), intent(in) :: cost(:)
     integer :: b, n, n_dofs
+    if (allocated(self%work)) deallocate (self%work, self%sequence)
     allocate (self%work(size(cost)), self%sequence(0))
     do b = 1, size(cost)
       n = size(self%operator%block(b)%row)
@@ -132,25 +139,41 @@ contains
     y = scale*y
   end subroutine problem_apply
 
-  !> The energy norm ||u||_A of u = u0 - K^{-1} B^T W m [sqrt(energy)].
-  real(dp) function problem_norm(self, m, y) result(norm)
+  !> y_free + G alpha [length]: C W m is this minus y.
+  pure function rest_of(self, alpha) result(z)
+    class(contact_problem_t), intent(in) :: self
+    real(dp), intent(in), optional :: alpha(:)
+    real(dp) :: z(self%operator%n_rows)
+    z = 0
+    if (present(alpha)) call self%coarse%displacement(self%operator, alpha, z)
+    z = self%y_free + z
+  end function rest_of
+
+  !> The energy norm ||u||_A of u = u0 - K^+ B^T W m + R alpha [sqrt(energy)].
+  real(dp) function problem_norm(self, m, y, alpha) result(norm)
     class(contact_problem_t), intent(in) :: self
     !> State (n_rows) [pressure].
     real(dp), intent(in) :: m(:)
     !> B u - d (n_rows) [length].
     real(dp), intent(in) :: y(:)
-    norm = sqrt(max(0.0_dp, self%norm_free + sum(self%operator%weight*m*((self%y_free - y) - 2*self%y_load))))
+    !> Amplitudes of the coarse space; zero where not given (coarse%n) [length].
+    real(dp), intent(in), optional :: alpha(:)
+    norm = sqrt(max(0.0_dp, self%norm_free + sum(self%operator%weight*m*((rest_of(self, alpha) - y) - 2*self%y_load))))
   end function problem_norm
 
-  !> F_theta(u) of (19) [energy]. The work of the loads cancels, because u0 is in equilibrium with them.
-  real(dp) function problem_energy(self, m, y) result(energy)
+  !> F_theta(u) of (19) [energy]; without penetrations where theta = 0. The work of the loads cancels, because u0 is in equilibrium
+  !> with them, but for the work on rigid motions.
+  real(dp) function problem_energy(self, m, y, alpha) result(energy)
     class(contact_problem_t), intent(in) :: self
     !> State (n_rows) [pressure].
     real(dp), intent(in) :: m(:)
     !> B u - d (n_rows) [length].
     real(dp), intent(in) :: y(:)
-    energy = self%energy_free + 0.5_dp*sum(self%operator%weight*(m*(self%y_free - y) + &
-                                                                 max(0.0_dp, y)**2/self%operator%theta))
+    !> Amplitudes of the coarse space; zero where not given (coarse%n) [length].
+    real(dp), intent(in), optional :: alpha(:)
+    energy = self%energy_free + 0.5_dp*sum(self%operator%weight*m*(rest_of(self, alpha) - y)) + &
+      0.5_dp*sum(self%operator%weight*max(0.0_dp, y)**2/self%operator%theta, mask=self%operator%theta > 0)
+    if (present(alpha)) energy = energy - dot_product(self%coarse%resultant, alpha)
   end function problem_energy
 
   !> Nodal contact forces on one body, - B_b^T W m [force].
@@ -182,5 +205,7 @@ contains
     end if
     if (allocated(self%work)) deallocate (self%work, self%sequence)
     if (allocated(self%y_free)) deallocate (self%y_free, self%y_load)
+    if (allocated(self%foundation)) deallocate (self%foundation)
+    call self%coarse%destroy()
   end subroutine problem_destroy
 end module dotyk_scheme_problem

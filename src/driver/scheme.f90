@@ -1,0 +1,175 @@
+!> From the input's choice of a scheme to its solution.
+module dotyk_driver_scheme
+  use dotyk_base_error, only: error_t, add_context, set_error, exit_not_solvable
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_log, only: log_t
+  use dotyk_base_text, only: quoted, to_text
+  use dotyk_contact_pair, only: contact_pair_t
+  use dotyk_driver_pairs, only: foundation_compliance
+  use dotyk_elasticity_body, only: body_t
+  use dotyk_input_case, only: case_t
+  use dotyk_input_names, only: name_at, scheme_auto, scheme_dual, scheme_names
+  use dotyk_scheme_dual, only: dual_settings_t, solve_dual
+  use dotyk_scheme_history, only: scheme_result_t, ended_unstoppable, ended_immovable
+  use dotyk_scheme_neumann, only: neumann_settings_t, solve_neumann
+  use dotyk_scheme_problem, only: contact_problem_t
+  implicit none
+  private
+  public :: scheme_of, scheme_name, needs_held_bodies, prepare_coarse_space, solve_scheme
+
+contains
+
+  !> The scheme that solves a case: `auto` is the best one.
+  pure integer function scheme_of(case) result(scheme)
+    type(case_t), intent(in) :: case
+    scheme = case%solver%scheme
+    if (scheme == scheme_auto) scheme = scheme_dual
+  end function scheme_of
+
+  !> Its name.
+  pure function scheme_name(case) result(name)
+    type(case_t), intent(in) :: case
+    character(:), allocatable :: name
+    name = name_at(scheme_names, scheme_of(case))
+  end function scheme_name
+
+  !> Whether it is for bodies that their supports hold.
+  pure logical function needs_held_bodies(case) result(needed)
+    type(case_t), intent(in) :: case
+    needed = scheme_of(case) /= scheme_dual
+  end function needs_held_bodies
+
+  !> The rigid motions that supports leave to the bodies, for the scheme.
+  subroutine prepare_coarse_space(body, problem)
+    !> Assembled (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    !> With operator and responses.
+    type(contact_problem_t), intent(inout) :: problem
+    real(dp), allocatable :: resultant(:)
+    integer :: b
+    allocate (resultant(0))
+    do b = 1, size(body)
+      resultant = [resultant, body(b)%resultant]
+    end do
+    call problem%coarse%init(problem%operator, problem%response, resultant)
+  end subroutine prepare_coarse_space
+
+  !> Solve.
+  subroutine solve_scheme(case, body, pair, problem, log, result, error)
+    type(case_t), intent(in) :: case
+    !> (n_bodies), (n_pairs).
+    type(body_t), intent(in) :: body(:)
+    type(contact_pair_t), intent(in) :: pair(:)
+    type(contact_problem_t), intent(inout) :: problem
+    type(log_t), intent(inout) :: log
+    type(scheme_result_t), intent(out) :: result
+    type(error_t), allocatable, intent(out) :: error
+    type(neumann_settings_t) :: neumann
+    type(dual_settings_t) :: dual
+    select case (scheme_of(case))
+    case (scheme_dual)
+      dual%tolerance = case%solver%tolerance
+      dual%max_iterations = min(case%solver%max_iterations, dual%max_iterations)
+      call foundation_compliance(body, pair, problem%foundation)
+      call solve_dual(problem, dual, log, result, error)
+    case default
+      neumann%gamma_rule = case%solver%gamma_rule
+      neumann%gamma = case%solver%gamma
+      neumann%stop_rule = case%solver%stop_rule
+      neumann%tolerance = case%solver%tolerance
+      neumann%max_iterations = case%solver%max_iterations
+      call solve_neumann(problem, neumann, log, result, error)
+    end select
+    call add_context(error, case%file//':'//to_text(case%solver%line)//': ')
+    if (allocated(error)) return
+    if (result%ended == ended_unstoppable) call refuse_motion(case, body, result%unstoppable, error)
+    if (result%ended == ended_immovable) call refuse_immovable(case, problem, error)
+    if (allocated(error)) return
+    if (allocated(result%undetermined)) call note_undetermined(body, result%undetermined, log)
+  end subroutine solve_scheme
+
+  !> A motion that the loads excite and no contact can stop.
+  subroutine refuse_motion(case, body, amplitude, error)
+    type(case_t), intent(in) :: case
+    type(body_t), intent(in) :: body(:)
+    !> The motion, of all bodies.
+    real(dp), intent(in) :: amplitude(:)
+    type(error_t), allocatable, intent(out) :: error
+    integer :: b, n, worst, first
+    real(dp) :: largest
+    worst = 1
+    first = 0
+    largest = -1
+    n = 0
+    do b = 1, size(body)
+      associate (own => amplitude(n + 1:n + body(b)%motions%n))
+        if (size(own) > 0) then
+          ! The body that the loads move most.
+          if (dot_product(own, body(b)%resultant) > largest) then
+            largest = dot_product(own, body(b)%resultant)
+            worst = b
+            first = n
+          end if
+        end if
+      end associate
+      n = n + body(b)%motions%n
+    end do
+    associate (own => amplitude(first + 1:first + body(worst)%motions%n))
+      call set_error(error, case%file//':'//to_text(case%body(worst)%line)//': body '//quoted(body(worst)%name)// &
+        ': its loads move it and no contact can stop it: '//body(worst)%motion_text(own)//', resultant '// &
+        to_text(dot_product(own, body(worst)%resultant)/largest_displacement(body(worst), own), 4)// &
+        '; add a &support, a &contact in the way, or another &load', exit_not_solvable)
+    end associate
+  end subroutine refuse_motion
+
+  !> Largest displacement of a node in a motion.
+  real(dp) function largest_displacement(body, amplitude) result(largest)
+    type(body_t), intent(in) :: body
+    !> Amplitudes of the free motions.
+    real(dp), intent(in) :: amplitude(:)
+    real(dp) :: u(body%dimension)
+    integer :: i, k
+    largest = tiny(largest)
+    do i = 1, size(body%free_motion, 2)
+      u = 0
+      do k = 1, size(amplitude)
+        u = u + amplitude(k)*body%free_motion(:, i, k)
+      end do
+      largest = max(largest, norm2(u))
+    end do
+  end function largest_displacement
+
+  !> Supports press contact points together that cannot give way.
+  subroutine refuse_immovable(case, problem, error)
+    type(case_t), intent(in) :: case
+    type(contact_problem_t), intent(in) :: problem
+    type(error_t), allocatable, intent(out) :: error
+    integer :: k, n
+    n = maxloc(problem%y_free, 1)
+    k = count(problem%operator%pair_first_row <= n)
+    call set_error(error, case%file//':'//to_text(case%contact(k)%line)//': &contact '//quoted(case%contact(k)%name)// &
+      ': supports on both sides press its points together by '//to_text(problem%y_free(n))//', and theta = 0 allows no '// &
+      'penetration; take the supports off the contact surfaces or give theta a value above 0', exit_not_solvable)
+  end subroutine refuse_immovable
+
+  !> Say which motions neither loads nor contact determine.
+  subroutine note_undetermined(body, motion, log)
+    type(body_t), intent(in) :: body(:)
+    !> As columns of amplitudes of all bodies.
+    real(dp), intent(in) :: motion(:, :)
+    type(log_t), intent(inout) :: log
+    integer :: b, k, n
+    n = 0
+    do b = 1, size(body)
+      do k = 1, size(motion, 2)
+        associate (own => motion(n + 1:n + body(b)%motions%n, k))
+          if (size(own) == 0) cycle
+          if (.not. maxval(abs(own)) > 1.0e-6_dp*maxval(abs(motion(:, k)))) cycle
+          call log%line('  not determined   body '//quoted(body(b)%name)//' may move by '//body(b)%motion_text(own)// &
+                        ': the least motion is taken')
+        end associate
+      end do
+      n = n + body(b)%motions%n
+    end do
+  end subroutine note_undetermined
+end module dotyk_driver_scheme

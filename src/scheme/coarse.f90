@@ -1,0 +1,143 @@
+!> The coarse space of a scene: rigid motions that the supports leave to its bodies, as the contact points see them.
+!>
+!> With R_b the free motions of body b and B_b its columns of B, the blocks are `G_b = B_b R_b`: amplitudes `alpha` move the contact
+!> points by `G alpha`, and forces `lambda` at the points have the resultants `G^T lambda` on the motions. Free bodies are in
+!> equilibrium where `G^T lambda = e`, the resultants of their loads. Motions are scaled so that the contact nodes of the body move by
+!> 1 at most: amplitudes are lengths, resultants are forces.
+module dotyk_scheme_coarse
+  use dotyk_base_kinds, only: dp
+  use dotyk_contact_operator, only: contact_operator_t
+  use dotyk_response_response, only: response_slot_t
+  implicit none
+  private
+
+  !> One body's motions at its rows.
+  type, public :: motion_block_t
+    !> G_b (n_rows of the block, number of motions).
+    real(dp), allocatable :: value(:, :)
+  end type motion_block_t
+
+  !> All motions, body after body.
+  type, public :: coarse_space_t
+    !> Number of motions.
+    integer :: n = 0
+    !> Motions of body b are first(b) .. first(b+1)-1 (n_bodies+1).
+    integer, allocatable :: first(:)
+    !> Resultants e of the loads (n) [force].
+    real(dp), allocatable :: resultant(:)
+    !> Amplitudes of the response's motions per amplitude of these (n).
+    real(dp), allocatable :: scale(:)
+    !> G by bodies (n_bodies).
+    type(motion_block_t), allocatable :: block(:)
+    !> Bodies that each row touches, and its place among their rows; 0 where there is no second one (2, n_rows).
+    integer, allocatable :: body(:, :), place(:, :)
+  contains
+    procedure :: init => coarse_init
+    procedure :: displacement => coarse_displacement
+    procedure :: resultant_of => coarse_resultant_of
+    procedure :: rows => coarse_rows
+    procedure :: destroy => coarse_destroy
+  end type coarse_space_t
+
+contains
+
+  !> Make the coarse space.
+  subroutine coarse_init(self, operator, response, resultant)
+    class(coarse_space_t), intent(inout) :: self
+    type(contact_operator_t), intent(in) :: operator
+    !> Responses, attached (n_bodies).
+    type(response_slot_t), intent(in) :: response(:)
+    !> Resultants of the loads on the motions of the responses, body after body [force].
+    real(dp), intent(in) :: resultant(:)
+    integer :: b, i, j, k
+    call self%destroy()
+    allocate (self%first(size(response) + 1), self%block(size(response)))
+    allocate (self%body(2, operator%n_rows), self%place(2, operator%n_rows), source=0)
+    self%first(1) = 1
+    do b = 1, size(response)
+      self%first(b + 1) = self%first(b) + response(b)%form%n_motions
+      do i = 1, size(operator%block(b)%row)
+        j = operator%block(b)%row(i)
+        k = merge(1, 2, self%body(1, j) == 0)
+        self%body(k, j) = b
+        self%place(k, j) = i
+      end do
+    end do
+    self%n = self%first(size(response) + 1) - 1
+    allocate (self%scale(self%n))
+    do b = 1, size(response)
+      associate (matrix => operator%block(b)%matrix, form => response(b)%form, first => self%first(b))
+        allocate (self%block(b)%value(size(operator%block(b)%row), form%n_motions))
+        do j = 1, form%n_motions
+          self%scale(first + j - 1) = 1
+          if (size(operator%block(b)%row) == 0) cycle
+          self%scale(first + j - 1) = 1/max(tiny(1.0_dp), maxval(abs(form%motion(:, j))))
+          call matrix%multiply(self%scale(first + j - 1)*form%motion(:, j), self%block(b)%value(:, j))
+        end do
+      end associate
+    end do
+    self%resultant = self%scale*resultant
+  end subroutine coarse_init
+
+  !> z = G alpha.
+  pure subroutine coarse_displacement(self, operator, alpha, z)
+    class(coarse_space_t), intent(in) :: self
+    type(contact_operator_t), intent(in) :: operator
+    !> Amplitudes (n) [length].
+    real(dp), intent(in) :: alpha(:)
+    !> Normal displacements of the contact points (n_rows) [length].
+    real(dp), intent(out) :: z(:)
+    integer :: b, j
+    z = 0
+    do b = 1, size(self%block)
+      do j = 1, size(self%block(b)%value, 2)
+        associate (row => operator%block(b)%row)
+          z(row) = z(row) + alpha(self%first(b) + j - 1)*self%block(b)%value(:, j)
+        end associate
+      end do
+    end do
+  end subroutine coarse_displacement
+
+  !> e = G^T lambda.
+  pure subroutine coarse_resultant_of(self, operator, lambda, e)
+    class(coarse_space_t), intent(in) :: self
+    type(contact_operator_t), intent(in) :: operator
+    !> Forces at the contact points, weights included (n_rows) [force].
+    real(dp), intent(in) :: lambda(:)
+    !> Resultants (n) [force].
+    real(dp), intent(out) :: e(:)
+    integer :: b, j
+    do b = 1, size(self%block)
+      do j = 1, size(self%block(b)%value, 2)
+        e(self%first(b) + j - 1) = sum(self%block(b)%value(:, j)*lambda(operator%block(b)%row))
+      end do
+    end do
+  end subroutine coarse_resultant_of
+
+  !> Some rows of G as a dense matrix.
+  pure subroutine coarse_rows(self, row, g)
+    class(coarse_space_t), intent(in) :: self
+    !> Which rows (m).
+    integer, intent(in) :: row(:)
+    !> G there (m, n).
+    real(dp), intent(out) :: g(:, :)
+    integer :: i, k, b
+    g = 0
+    do i = 1, size(row)
+      do k = 1, 2
+        b = self%body(k, row(i))
+        if (b == 0) cycle
+        g(i, self%first(b):self%first(b + 1) - 1) = self%block(b)%value(self%place(k, row(i)), :)
+      end do
+    end do
+  end subroutine coarse_rows
+
+  !> Give all memory back.
+  subroutine coarse_destroy(self)
+    class(coarse_space_t), intent(inout) :: self
+    self%n = 0
+    if (allocated(self%first)) deallocate (self%first, self%block, self%body, self%place)
+    if (allocated(self%scale)) deallocate (self%scale)
+    if (allocated(self%resultant)) deallocate (self%resultant)
+  end subroutine coarse_destroy
+end module dotyk_scheme_coarse

@@ -1,0 +1,136 @@
+!> Rigid bodies on elastic foundations: where free bodies come to rest, and whether they can.
+!>
+!> Both questions are the minimum over the amplitudes alpha of
+!> `mu |alpha|^2/2 - e.alpha + sum_i k_i max(0, y_i + (G alpha)_i)^2/2`, convex and piecewise quadratic: Newton's method with an exact
+!> line search. It costs no solve of any body.
+module dotyk_scheme_settle
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_contact_operator, only: contact_operator_t
+  use dotyk_linalg_dense, only: solve_dense
+  use dotyk_scheme_coarse, only: coarse_space_t
+  use dotyk_scheme_line_search, only: line_minimum
+  implicit none
+  private
+  public :: settle, find_unstoppable
+
+  !> Newton steps at most; a start need not be exact.
+  integer, parameter :: most_steps = 100
+
+contains
+
+  !> Let the free bodies come to rest.
+  subroutine settle(operator, coarse, resultant, stiffness, y, alpha)
+    type(contact_operator_t), intent(in) :: operator
+    type(coarse_space_t), intent(in) :: coarse
+    !> Resultants that the contact points have to balance (coarse%n) [force].
+    real(dp), intent(in) :: resultant(:)
+    !> Stiffness of the foundation at the contact points (n_rows) [force/length].
+    real(dp), intent(in) :: stiffness(:)
+    !> Penetrations at alpha = 0 (n_rows) [length].
+    real(dp), intent(in) :: y(:)
+    !> Amplitudes (coarse%n) [length].
+    real(dp), intent(out) :: alpha(:)
+    ! Motions that nothing stops yet must not run away: a spring that is far softer than any contact.
+    real(dp), parameter :: soft = 1.0e-9_dp
+    alpha = 0
+    if (coarse%n == 0 .or. operator%n_rows == 0) return
+    call minimize(operator, coarse, resultant, soft*sum(stiffness)/operator%n_rows, stiffness, y, alpha)
+  end subroutine settle
+
+  !> Look for a motion that the loads excite and no contact can stop: the part of e that no pressures balance. It is the projection of e
+  !> on the motions with G alpha <= 0, `min |alpha - e|^2/2`, with these conditions by a large penalty.
+  subroutine find_unstoppable(operator, coarse, motion, found)
+    type(contact_operator_t), intent(in) :: operator
+    type(coarse_space_t), intent(in) :: coarse
+    !> The motion (coarse%n).
+    real(dp), intent(out) :: motion(:)
+    logical, intent(out) :: found
+    real(dp), allocatable :: e(:), none(:), penalty(:)
+    real(dp) :: length
+    ! A load that is unbalanced by less than this part of the largest is rounding, of the loads or of the mesh.
+    real(dp), parameter :: rounding = 1.0e-7_dp, stiff = 1.0e10_dp
+    motion = 0
+    found = .false.
+    if (coarse%n == 0) return
+    length = maxval(abs(coarse%resultant))
+    if (.not. length > 0) return
+    e = coarse%resultant/length
+    allocate (none(operator%n_rows), penalty(operator%n_rows))
+    none = 0
+    penalty = stiff
+    call minimize(operator, coarse, e, 1.0_dp, penalty, none, motion)
+    found = maxval(abs(motion)) > rounding
+  end subroutine find_unstoppable
+
+  !> The minimum of the function above; alpha is the start on entry.
+  subroutine minimize(operator, coarse, e, mu, k, y, alpha)
+    type(contact_operator_t), intent(in) :: operator
+    type(coarse_space_t), intent(in) :: coarse
+    !> See above: (coarse%n), a number, (n_rows), (n_rows).
+    real(dp), intent(in) :: e(:), mu, k(:), y(:)
+    real(dp), intent(inout) :: alpha(:)
+    type(error_t), allocatable :: error
+    real(dp), allocatable :: hessian(:, :), gradient(:), step(:, :), position(:), change(:)
+    real(dp) :: first_size, t
+    integer :: i
+    allocate (hessian(coarse%n, coarse%n), gradient(coarse%n), step(coarse%n, 1), position(size(y)), change(size(y)))
+    call coarse%displacement(operator, alpha, position)
+    position = y + position
+    first_size = maxval(abs(e))
+    do i = 1, most_steps
+      call coarse%resultant_of(operator, k*max(0.0_dp, position), gradient)
+      gradient = gradient + mu*alpha - e
+      if (maxval(abs(gradient)) <= 1.0e-12_dp*first_size) exit
+      call form_hessian(coarse, mu, k, position, hessian)
+      step(:, 1) = -gradient
+      call solve_dense(hessian, step, error)
+      if (allocated(error)) exit
+      call coarse%displacement(operator, step(:, 1), change)
+      t = line_minimum(mu*dot_product(alpha, step(:, 1)) - dot_product(e, step(:, 1)), mu*sum(step**2), k, position, change)
+      t = min(t, 1.0e15_dp)
+      alpha = alpha + t*step(:, 1)
+      position = position + t*change
+    end do
+  end subroutine minimize
+
+  !> mu I + sum of k_i G_i G_i^T over points under pressure.
+  subroutine form_hessian(coarse, mu, k, position, hessian)
+    type(coarse_space_t), intent(in) :: coarse
+    real(dp), intent(in) :: mu, k(:), position(:)
+    real(dp), intent(out) :: hessian(:, :)
+    real(dp), allocatable :: g_a(:), g_b(:)
+    integer :: i, j, a, b
+    hessian = 0
+    do i = 1, coarse%n
+      hessian(i, i) = mu
+    end do
+    do i = 1, size(position)
+      if (.not. position(i) > 0) cycle
+      a = coarse%body(1, i)
+      b = coarse%body(2, i)
+      g_a = coarse%block(a)%value(coarse%place(1, i), :)
+      g_b = coarse%block(b)%value(coarse%place(2, i), :)
+      do j = 1, size(g_a)
+        associate (column => coarse%first(a) + j - 1)
+          call add(coarse%first(a), k(i)*g_a(j), g_a, hessian(:, column))
+          call add(coarse%first(b), k(i)*g_a(j), g_b, hessian(:, column))
+        end associate
+      end do
+      do j = 1, size(g_b)
+        associate (column => coarse%first(b) + j - 1)
+          call add(coarse%first(a), k(i)*g_b(j), g_a, hessian(:, column))
+          call add(coarse%first(b), k(i)*g_b(j), g_b, hessian(:, column))
+        end associate
+      end do
+    end do
+  end subroutine form_hessian
+
+  !> column(first:) += factor * g.
+  pure subroutine add(first, factor, g, column)
+    integer, intent(in) :: first
+    real(dp), intent(in) :: factor, g(:)
+    real(dp), intent(inout) :: column(:)
+    column(first:first + size(g) - 1) = column(first:first + size(g) - 1) + factor*g
+  end subroutine add
+end module dotyk_scheme_settle
