@@ -1,7 +1,7 @@
 // Two bricks on the ground and a third that bridges them, off centre; z is up. Lengths in millimetres.
 SetFactory("OpenCASCADE");
-l = 250;  b = 120;  t = 65;      // length, width and height of a brick
-h = 15;                          // element size of the bricks
+l = 240;  b = 120;  t = 60;      // length, width and height of a brick
+h = 15;                          // element size of the bricks; divides all lengths, so that the upper brick ends on faces of the others
 H = 35;                          // and of the ground
 
 Mesh.ElementOrder = 2;
@@ -9,8 +9,8 @@ Mesh.SecondOrderIncomplete = 1;  // hexahedra with 20 nodes
 
 Box(1) = {0, -90, -100, 700, 300, 100};   // ground
 Box(2) = {50, 0, 0, l, b, t};             // left brick
-Box(3) = {400, 10, 0, l, b, t};           // right brick
-Box(4) = {240, 20, t, l, b, t};           // bridging brick: 60 mm of it above the left one, 90 mm above the right one
+Box(3) = {380, 15, 0, l, b, t};           // right brick
+Box(4) = {230, 30, t, l, b, t};           // bridging brick: 60 mm of it above the left one, 90 mm above the right one
 
 // the bridging brick: tetrahedra; the others: hexahedra. Edges of an OpenCASCADE box: 12 a box, along z, y and x.
 MeshSize{ PointsOf{ Volume{4}; } } = 1.2*h;

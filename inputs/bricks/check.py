@@ -5,12 +5,12 @@ import sys
 import h5py
 import numpy as np
 
-WEIGHT = 1.7658e-5*250*120*65                             # of a brick, as in bricks.nml and bricks.geo
-CENTRE = {'left brick': (175, 60), 'right brick': (525, 70), 'bridging brick': (365, 80)}
+WEIGHT = 1.7658e-5*240*120*60                             # of a brick, as in bricks.nml and bricks.geo
+CENTRE = {'left brick': (170, 60), 'right brick': (500, 75), 'bridging brick': (350, 90)}
 # pairs and the sign of the force on surface_a for each brick
 PAIRS = {'left brick': {'left bed': 1, 'left bearing': 1}, 'right brick': {'right bed': 1, 'right bearing': 1},
          'bridging brick': {'left bearing': -1, 'right bearing': -1}}
-LENGTH = 250
+LENGTH = 240
 
 
 def errors(path):

@@ -3,7 +3,7 @@ SetFactory("OpenCASCADE");
 m = 8;               // elements along an edge of a plate: 8 gives 34,000 unknowns, 14 gives 103,000
 w = 1;               // edge of a plate
 t = 0.12;            // thickness
-b = 0.3;             // edge of the loaded patch, in the corner x = y = 0
+b = 0.6;             // edge of the loaded patch, in the corner x = y = 0
 n = 8;               // plates, plate 1 is the lowest
 
 Mesh.ElementOrder = 2;
