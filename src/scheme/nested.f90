@@ -22,6 +22,8 @@ module dotyk_scheme_nested
   integer, parameter :: few_points = 60
   !> Active sets of the groups at most: a start need not be exact.
   integer, parameter :: most_steps = 12
+  !> Points of a closed group are closed unless they are open by more than this part of how deep the group's own force presses it.
+  real(dp), parameter :: part_of_dent = 0.5_dp
 
 contains
 
@@ -40,8 +42,9 @@ contains
     type(scheme_result_t) :: result
     type(log_t) :: silent
     integer, allocatable :: group(:)
+    real(dp), allocatable :: dent(:)
     logical, allocatable :: closed(:)
-    integer :: n_groups
+    integer :: n_groups, i
 
     call settle_bodies(problem, now, active)
     if (problem%operator%n_rows < few_points) return
@@ -56,21 +59,24 @@ contains
       call compliance%init(joined)
       call find_active_set(joined, most_steps, 0.0_dp, silent, compliance, system, start, closed, result, error)
     end if
+    dent = [(max(0.0_dp, start%lambda(i))*compliance%diagonal(joined, i), i=1, n_groups)]
     problem%body_solves = joined%body_solves
     call move_alloc(joined%response, problem%response)
     call system%destroy()
     call joined%destroy()
     if (allocated(error)) return
-    call spread_forces(problem, group, start, now, active)
+    call spread_forces(problem, group, start, dent, now, active)
   end subroutine find_start
 
   !> Forces of the groups on their points, and the points that are closed then.
-  subroutine spread_forces(problem, group, start, now, active)
+  subroutine spread_forces(problem, group, start, dent, now, active)
     type(contact_problem_t), intent(inout) :: problem
     !> Group of each point (n_rows).
     integer, intent(in) :: group(:)
     !> Iterate of the groups.
     type(iterate_t), intent(in) :: start
+    !> How deep each group's own force presses it (size of start%lambda) [length].
+    real(dp), intent(in) :: dent(:)
     type(iterate_t), intent(inout) :: now
     logical, intent(out) :: active(:)
     real(dp), allocatable :: total(:), z(:), motion(:)
@@ -86,7 +92,7 @@ contains
       call problem%compliance(now%lambda, z)
       call problem%coarse%displacement(problem%operator, now%alpha, motion)
       now%y = problem%y_free - z + motion
-      active = now%lambda > 0 .or. now%y > 0
+      active = now%y > -part_of_dent*dent(group)
     end associate
   end subroutine spread_forces
 
