@@ -11,6 +11,7 @@ module dotyk_driver_bodies
     add_surface_load, add_volume_load
   use dotyk_elasticity_support, only: support_t, collect_supports
   use dotyk_input_case, only: case_t, load_input_t
+  use dotyk_input_names, only: name_at, scheme_auto, scheme_names, scheme_neumann
   use dotyk_mesh_body_mesh, only: extract_body
   use dotyk_mesh_gmsh, only: read_gmsh
   use dotyk_mesh_gmsh_run, only: mesh_geometry
@@ -18,7 +19,7 @@ module dotyk_driver_bodies
   use dotyk_mesh_surface, only: surface_t, extract_surface
   implicit none
   private
-  public :: build_bodies, assemble_bodies
+  public :: build_bodies, check_held, assemble_bodies
 
   !> What the names of the input are called in elasticity, in the order of the input's lists.
   integer, parameter :: analysis_of(4) = [analysis_3d, analysis_plane_strain, analysis_plane_stress, analysis_axisymmetric]
@@ -168,7 +169,29 @@ contains
     end subroutine note
   end subroutine build_body
 
-  !> Check that all bodies are held, and assemble them side by side; all problems are reported together.
+  !> For schemes that need held bodies: refuse those that the supports leave free; all are reported together.
+  subroutine check_held(case, body, error)
+    type(case_t), intent(in) :: case
+    !> With supports (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    type(error_t), allocatable, intent(out) :: error
+    type(problem_list_t) :: problems
+    type(error_t), allocatable :: failed
+    character(:), allocatable :: scheme, motions
+    integer :: b, n_free
+    scheme = name_at(scheme_names, merge(scheme_neumann, case%solver%scheme, case%solver%scheme == scheme_auto))
+    do b = 1, size(body)
+      call free_rigid_motions(body(b), n_free, motions)
+      if (n_free == 0) cycle
+      call set_error(failed, case%file//':'//to_text(case%body(b)%line)//": body '"//body(b)%name//"': scheme '"//scheme// &
+                     "' needs held bodies, and the supports leave this one free: "//motions//'; add a &support that stops it, '// &
+                     "or use scheme='dual', which does not need it", exit_not_solvable)
+      call problems%add_error(failed)
+    end do
+    call problems%raise(error)
+  end subroutine check_held
+
+  !> Assemble all bodies side by side; all problems are reported together.
   subroutine assemble_bodies(case, body, error)
     type(case_t), intent(in) :: case
     !> (n_bodies).
@@ -182,7 +205,7 @@ contains
     !$omp parallel do default(none) shared(body, failed, order) private(b) schedule(dynamic, 1)
     do i = 1, size(body)
       b = order(i)
-      call assemble_body(body(b), failed(b)%error)
+      call body(b)%assemble(failed(b)%error)
     end do
     !$omp end parallel do
     do b = 1, size(body)
@@ -191,19 +214,4 @@ contains
     end do
     call problems%raise(error)
   end subroutine assemble_bodies
-
-  !> Check and assemble one body.
-  subroutine assemble_body(body, error)
-    type(body_t), intent(inout) :: body
-    type(error_t), allocatable, intent(out) :: error
-    character(:), allocatable :: motions
-    integer :: n_free
-    call free_rigid_motions(body, n_free, motions)
-    if (n_free > 0) then
-      call set_error(error, 'the scheme needs held bodies, and the supports leave this one free: '//motions// &
-                     '; add a &support that stops it', exit_not_solvable)
-      return
-    end if
-    call body%assemble(error)
-  end subroutine assemble_body
 end module dotyk_driver_bodies

@@ -1,4 +1,7 @@
 !> The scene without contact, u0: one solve of every body. It is the start of every scheme.
+!>
+!> A body with free rigid motions does not move by them in u0: loads are taken without their resultants on the motions, which are
+!> the schemes' to balance.
 module dotyk_driver_free_scene
   use dotyk_base_kinds, only: dp
   use dotyk_driver_parallel, only: largest_first, set_blas_threads
@@ -86,16 +89,20 @@ contains
     end if
   end subroutine solve_free_body
 
-  !> Displacements of all nodes of a body under its loads, given displacements and contact forces: one solve.
-  subroutine recover_displacement(body, response, contact_node, contact_force, u)
+  !> Displacements of all nodes of a body under its loads, given displacements and contact forces, and free motions: one
+  !> solve.
+  subroutine recover_displacement(body, response, contact_node, contact_force, alpha, u)
     type(body_t), intent(in) :: body
     class(response_t), intent(inout) :: response
     !> Nodes where contact forces act (n), and the forces (dimension, n) [force].
     integer, intent(in) :: contact_node(:)
     real(dp), intent(in) :: contact_force(:, :)
+    !> Amplitudes of the body's free motions (n_motions) [length].
+    real(dp), intent(in) :: alpha(:)
     !> Displacements (dimension, n_nodes) [length].
     real(dp), allocatable, intent(out) :: u(:, :)
     real(dp), allocatable :: x(:)
+    integer :: k
     allocate (u(body%dimension, size(body%mesh%x, 2)), source=0.0_dp)
     allocate (x(body%constraint%n_equations))
     u(:, contact_node) = contact_force
@@ -103,5 +110,8 @@ contains
     x = x + body%rhs
     call response%solve(x)
     call body%constraint%expand(x, u, .true.)
+    do k = 1, size(alpha)
+      u = u + alpha(k)*body%free_motion(:, :, k)
+    end do
   end subroutine recover_displacement
 end module dotyk_driver_free_scene

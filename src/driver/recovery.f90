@@ -22,44 +22,52 @@ module dotyk_driver_recovery
 contains
 
   !> Recover all bodies, side by side.
-  subroutine recover_bodies(body, problem, m, want_stress, n_blas, solution)
+  subroutine recover_bodies(body, problem, m, alpha, want_stress, n_blas, solution)
     !> The bodies (n_bodies).
     type(body_t), intent(in) :: body(:)
     type(contact_problem_t), intent(inout) :: problem
     !> State of the scheme (n_rows) [pressure].
     real(dp), intent(in) :: m(:)
+    !> Amplitudes of the free motions of all bodies, body after body; of size 0 where all are held [length].
+    real(dp), intent(in) :: alpha(:)
     logical, intent(in) :: want_stress
     !> BLAS threads of each solve.
     integer, intent(in) :: n_blas
     !> (n_bodies).
     type(body_solution_t), allocatable, intent(out) :: solution(:)
-    integer :: i, b, order(size(body))
+    integer :: i, b, order(size(body)), first(size(body) + 1)
     allocate (solution(size(body)))
+    first(1) = 1
+    do b = 1, size(body)
+      first(b + 1) = first(b) + body(b)%motions%n
+    end do
     order = largest_first(real(body%constraint%n_equations, dp))
     call set_blas_threads(n_blas)
-    !$omp parallel do default(none) shared(body, problem, m, want_stress, solution, order) private(b) &
+    !$omp parallel do default(none) shared(body, problem, m, alpha, first, want_stress, solution, order) private(b) &
     !$omp& schedule(dynamic, 1) if (problem%side_by_side)
     do i = 1, size(body)
       b = order(i)
-      call recover_body(body(b), problem, b, m, want_stress, solution(b))
+      call recover_body(body(b), problem, b, m, alpha(first(b):first(b + 1) - 1), want_stress, solution(b))
     end do
     !$omp end parallel do
     call set_blas_threads(1)
   end subroutine recover_bodies
 
   !> Recover one body.
-  subroutine recover_body(body, problem, b, m, want_stress, solution)
+  subroutine recover_body(body, problem, b, m, alpha, want_stress, solution)
     type(body_t), intent(in) :: body
     type(contact_problem_t), intent(inout) :: problem
     !> Index of the body.
     integer, intent(in) :: b
     real(dp), intent(in) :: m(:)
+    !> Amplitudes of the body's free motions (n_motions) [length].
+    real(dp), intent(in) :: alpha(:)
     logical, intent(in) :: want_stress
     type(body_solution_t), intent(inout) :: solution
     real(dp), allocatable :: force(:, :)
     call problem%body_force(b, m, force)
     call recover_displacement(body, problem%response(b)%form, problem%operator%block(b)%contact_node, force, &
-                              solution%displacement)
+                              alpha, solution%displacement)
     if (.not. want_stress) return
     allocate (solution%stress(6, body%mesh%n_elements()))
     call element_stress(body, solution%displacement, solution%stress)

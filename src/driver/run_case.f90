@@ -7,7 +7,7 @@ module dotyk_driver_run_case
   use dotyk_contact_operator, only: build_operator
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_driver_arguments, only: arguments_t
-  use dotyk_driver_bodies, only: build_bodies, assemble_bodies
+  use dotyk_driver_bodies, only: build_bodies, check_held, assemble_bodies
   use dotyk_driver_factorization, only: factor_size_t, analyze_bodies, factorize_bodies
   use dotyk_driver_free_scene, only: solve_free_scene
   use dotyk_driver_pairs, only: find_pairs
@@ -21,6 +21,7 @@ module dotyk_driver_run_case
   use dotyk_driver_version, only: version, compiler, build_type
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t
+  use dotyk_input_names, only: scheme_auto, scheme_neumann
   use dotyk_input_help, only: help_text
   use dotyk_input_parse, only: read_case
   use dotyk_mesh_surface, only: surface_t
@@ -108,6 +109,9 @@ contains
     call build_bodies(run%case, run%body, run%surface_a, run%surface_b, error)
     if (allocated(error)) return
     call run%watch%lap(run%timing%read)
+    ! Of the schemes there are, all need held bodies.
+    if (any(run%case%solver%scheme == [scheme_auto, scheme_neumann])) call check_held(run%case, run%body, error)
+    if (allocated(error)) return
     call assemble_bodies(run%case, run%body, error)
     if (allocated(error)) return
     call run%watch%lap(run%timing%assemble)
@@ -165,7 +169,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     integer :: k
     associate (case => run%case, problem => run%problem, m => run%result%m, y => run%result%y)
-      call recover_bodies(run%body, problem, m, case%output%stress, run%n_blas, run%solution)
+      call recover_bodies(run%body, problem, m, [real(dp) ::], case%output%stress, run%n_blas, run%solution)
       call project_pressures(run%body, run%pair, run%surface_a, run%surface_b, problem, m, y, run%pair_solution, &
                              run%contact_pressure, error)
       if (allocated(error)) return

@@ -108,7 +108,9 @@ class Messages(dotyk_case.Case):
 
     def test_not_held(self):
         self.scene(("surface='bottom', fix='z'", "surface='bottom', fix='x'"))
-        self.refuse(3, "case.nml:%d: body 'lower'" % self.line_of("&body name='lower'"), "translation along (0, 0, 1)")
+        self.refuse(3, "case.nml:%d: body 'lower': scheme 'neumann' needs held bodies, and the supports leave this one free: "
+                    "translation along (0, 0, 1); add a &support that stops it, or use scheme='dual', which does not need it"
+                    % self.line_of("&body name='lower'"))
 
     def test_not_held_either(self):
         """All bodies that are not held, each with its motions."""
