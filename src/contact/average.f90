@@ -7,7 +7,10 @@
 !> sum_q w_q psi_i(x_q) (.) / w_i, w_i = sum_q w_q psi_i(x_q) over all facets at i: a field that is linear on each facet and
 !> continuous has its value at the vertex as its mean, and the weights are positive and add up to the area.
 !>
-!> Where too few points of a facet have a partner, M is singular, and phi takes the place of psi: that has the same areas.
+!> A vertex beyond the rim of the other surface may have next to no area. Its row would be all but a combination of its
+!> neighbours' and its pressure noise, so it gets none: on its facets, its phi is added to those of its neighbours before the
+!> dual functions are made. Where M is singular all the same (too few points), phi takes the place of psi: that has the same
+!> areas.
 module dotyk_contact_average
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
@@ -18,11 +21,12 @@ module dotyk_contact_average
   private
   public :: average_at_vertices
 
+  !> Vertices of less than this part of the weight of one of their neighbours get no row. (Least eigenvalues of the compliance
+  !> go with the root of this ratio.)
+  real(dp), parameter :: least_weight = 0.02_dp
   !> Least eigenvalue of D^{-1/2} M D^{-1/2}, whose largest is 1, that counts as regular: a whole facet has 1/3 (line), 1/4
   !> (triangle), 1/9 (quadrilateral), a strip along the edge of a facet 1/6 of its relative width.
   real(dp), parameter :: regular = 1e-6_dp
-  !> Vertices of less than this part of the mean weight get no row.
-  real(dp), parameter :: least_weight = 1e-12_dp
 
 contains
 
@@ -42,8 +46,12 @@ contains
     type(sparse_rows_t), intent(inout) :: average
     real(dp), allocatable :: dual(:, :), total(:), value(:)
     integer, allocatable :: row_of(:), row(:), column(:)
+    logical, allocatable :: light(:)
     integer :: first, last, n, i, j, k
-    allocate (dual(4, size(facet)), total(corners%n), row_of(corners%n))
+    allocate (dual(4, size(facet)), source=0.0_dp)
+    allocate (total(corners%n), row_of(corners%n))
+    call find_light(corners, weight, light)
+    total = 0
     first = 1
     do while (first <= size(facet))
       last = first
@@ -52,20 +60,21 @@ contains
         last = last + 1
       end do
       n = count(corners%corner(:, first) > 0)
-      dual(:, first:last) = 0
-      call dual_functions(weight(first:last), corners%shape(1:n, first:last), dual(1:n, first:last))
+      associate (corner => corners%corner(1:n, first))
+        call facet_functions(light(corner), weight(first:last), corners%shape(1:n, first:last), dual(1:n, first:last))
+        total(corner) = total(corner) + matmul(dual(1:n, first:last), weight(first:last))
+      end associate
       first = last + 1
     end do
-    call corners%moments(weight, total)
     row_of = 0
     n = 0
     do k = 1, corners%n
-      if (total(k) < least_weight*sum(total)/corners%n) cycle
+      if (light(k)) cycle
       n = n + 1
       row_of(k) = n
     end do
-    vertex = pack(corners%corner_node, row_of > 0)
-    row_weight = pack(total, row_of > 0)
+    vertex = pack(corners%corner_node, .not. light)
+    row_weight = pack(total, .not. light)
     allocate (row(4*size(facet)), column(4*size(facet)), value(4*size(facet)))
     n = 0
     do i = 1, size(facet)
@@ -81,14 +90,72 @@ contains
     call average%init_from_triplets(size(vertex), size(facet), row(1:n), column(1:n), value(1:n))
   end subroutine average_at_vertices
 
-  !> Dual shape functions at the points of one facet.
-  subroutine dual_functions(weight, shape, dual)
+  !> The vertices that get no row; of each facet one does.
+  subroutine find_light(corners, weight, light)
+    type(corner_field_t), intent(in) :: corners
+    !> Areas of the points (n_points).
+    real(dp), intent(in) :: weight(:)
+    !> (corners%n).
+    logical, allocatable, intent(out) :: light(:)
+    real(dp), allocatable :: total(:), heaviest(:)
+    integer :: i
+    allocate (total(corners%n), heaviest(corners%n))
+    call corners%moments(weight, total)
+    heaviest = 0
+    do i = 1, size(weight)
+      associate (corner => pack(corners%corner(:, i), corners%corner(:, i) > 0))
+        heaviest(corner) = max(heaviest(corner), maxval(total(corner)))
+      end associate
+    end do
+    light = total < least_weight*heaviest
+    do i = 1, size(weight)
+      associate (corner => pack(corners%corner(:, i), corners%corner(:, i) > 0))
+        if (all(light(corner))) light(corner(maxloc(total(corner), 1))) = .false.
+      end associate
+    end do
+  end subroutine find_light
+
+  !> Dual shape functions of the corners of one facet that have rows, 0 at the others.
+  subroutine facet_functions(light, weight, shape, dual)
+    !> Corners without row (n_corners); not all of them.
+    logical, intent(in) :: light(:)
     !> Areas (n_points).
     real(dp), intent(in) :: weight(:)
     !> Linear shape functions (n_corners, n_points).
     real(dp), intent(in) :: shape(:, :)
     !> Dual ones (n_corners, n_points).
     real(dp), intent(out) :: dual(:, :)
+    real(dp) :: share(size(light), size(light))
+    logical :: heir(size(light))
+    integer, allocatable :: kept(:)
+    integer :: i, n
+    n = size(light)
+    share = 0
+    do i = 1, n
+      heir = .false.
+      if (light(i)) then
+        ! Neighbours on the two edges at this corner, else all corners.
+        heir([modulo(i - 2, n) + 1, modulo(i, n) + 1]) = .true.
+        heir = heir .and. .not. light
+        if (.not. any(heir)) heir = .not. light
+      else
+        heir(i) = .true.
+      end if
+      share(:, i) = merge(1.0_dp/count(heir), 0.0_dp, heir)
+    end do
+    kept = pack([(i, i=1, n)], .not. light)
+    dual = 0
+    dual(kept, :) = dual_functions(weight, matmul(share(kept, :), shape))
+  end subroutine facet_functions
+
+  !> Dual shape functions at the points of one facet.
+  function dual_functions(weight, shape) result(dual)
+    !> Areas (n_points).
+    real(dp), intent(in) :: weight(:)
+    !> Linear shape functions (n, n_points).
+    real(dp), intent(in) :: shape(:, :)
+    !> Dual ones (n, n_points).
+    real(dp) :: dual(size(shape, 1), size(shape, 2))
     type(error_t), allocatable :: error
     real(dp), dimension(size(shape, 1), size(shape, 1)) :: mass, vectors
     real(dp), dimension(size(shape, 1)) :: root, values
@@ -106,5 +173,5 @@ contains
     do i = 1, size(weight)
       dual(:, i) = root*matmul(vectors, matmul(shape(:, i)/root, vectors)/values)
     end do
-  end subroutine dual_functions
+  end function dual_functions
 end module dotyk_contact_average

@@ -103,8 +103,8 @@ module dotyk_contact_pair
   end type rule_t
 
   !> Degree of the quadrature that means at vertices are made with. The edges of surface_b cut the facets, and the mean must
-  !> see where: errors of columns of blocks that do not match are a fifth of those with twice the order of the elements,
-  !> and points that are not rows cost next to nothing.
+  !> see where: errors of columns of blocks that do not match are a third to a tenth of those with twice the order of the
+  !> elements, and points that are not rows cost next to nothing.
   integer, parameter :: mean_degree = 8
   real(dp), parameter :: pi = acos(-1.0_dp)
 

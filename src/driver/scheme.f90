@@ -158,17 +158,15 @@ contains
     !> As columns of amplitudes of all bodies.
     real(dp), intent(in) :: motion(:, :)
     type(log_t), intent(inout) :: log
-    integer :: b, k, n
+    character(:), allocatable :: text
+    integer :: b, n
     n = 0
     do b = 1, size(body)
-      do k = 1, size(motion, 2)
-        associate (own => motion(n + 1:n + body(b)%motions%n, k))
-          if (size(own) == 0) cycle
-          if (.not. maxval(abs(own)) > 1.0e-6_dp*maxval(abs(motion(:, k)))) cycle
-          call log%line('  not determined   body '//quoted(body(b)%name)//' may move by '//body(b)%motion_text(own)// &
-                        ': the least motion is taken')
-        end associate
-      end do
+      associate (own => motion(n + 1:n + body(b)%motions%n, :))
+        text = ''
+        if (size(own) > 0) text = body(b)%motions%say_space(own)
+        if (len(text) > 0) call log%line('  not determined   '//quoted(body(b)%name)//': '//text//'; the least motion is taken')
+      end associate
       n = n + body(b)%motions%n
     end do
   end subroutine note_undetermined

@@ -146,7 +146,7 @@ contains
       return
     end if
     call log%line('  '//outcome(result)//' after '//plural(result%iterations, 'step', 'steps')//' ('// &
-                  plural(body_solves, 'sweep', 'sweeps')//' over all bodies), '//duration(seconds))
+                  plural(body_solves, 'solve', 'solves')//' of each body at most), '//duration(seconds))
     call log%line('  error bound      '//to_text(result%error_bound, 3)//' of the energy norm, guaranteed (tolerance '// &
                   to_text(tolerance)//')')
     if (.not. ieee_is_nan(result%error_bound_paper)) call log%line('  bound (41)       '//to_text(result%error_bound_paper, 3))

@@ -8,6 +8,7 @@ module dotyk_elasticity_free_motion
   use dotyk_elasticity_analysis, only: analysis_3d
   use dotyk_elasticity_constraint, only: constraint_t
   use dotyk_elasticity_rigid, only: describe, free_space, part_text, rigid_displacement
+  use dotyk_linalg_dense, only: orthonormal_range
   use dotyk_mesh_body_mesh, only: body_mesh_t, connected_components
   implicit none
   private
@@ -29,6 +30,7 @@ module dotyk_elasticity_free_motion
   contains
     procedure :: init => free_motions_init
     procedure :: say => free_motions_say
+    procedure :: say_space => free_motions_say_space
   end type free_motions_t
 
   !> Parts whose share of a motion is less than this are not named.
@@ -149,4 +151,32 @@ contains
       text = text//self%part_name(p)%s//motion
     end do
   end function free_motions_say
+
+  !> All combinations of some combinations of the motions in words, such as "translation along (1, 0, 0) and translation along
+  !> (0, 1, 0)"; empty for none.
+  function free_motions_say_space(self, amplitude) result(text)
+    class(free_motions_t), intent(in) :: self
+    !> Amplitudes of each combination as columns (n, number of them), any unit. Columns that are small beside the others count as none.
+    real(dp), intent(in) :: amplitude(:, :)
+    character(:), allocatable :: text
+    character(:), allocatable :: motion
+    real(dp) :: combined(6, size(amplitude, 2)), basis(6, 6)
+    integer :: p, k, j, n
+    real(dp), parameter :: small = 1.0e-6_dp
+    text = ''
+    do p = 1, size(self%radius)
+      combined = 0
+      do j = 1, size(amplitude, 2)
+        do k = 1, self%n
+          if (self%part(k) == p) combined(:, j) = combined(:, j) + amplitude(k, j)*self%coefficient(:, k)
+        end do
+      end do
+      where (abs(combined) <= small*maxval(abs(combined))) combined = 0
+      call orthonormal_range(combined, small, basis, n)
+      if (n == 0) cycle
+      call describe(self%analysis, basis(:, :n), self%centre(:, p), self%radius(p), motion)
+      if (len(text) > 0) text = text//'; '
+      text = text//self%part_name(p)%s//motion
+    end do
+  end function free_motions_say_space
 end module dotyk_elasticity_free_motion

@@ -177,7 +177,8 @@ contains
                'the facets around it (stable for every theta); quadrature is the quadrature points of surface_a''s facets')
 
     call t%add('solver', 'scheme', kind_name, names=scheme_names, default='auto', &
-               meaning='auto: the best one for the scene, dual; neumann: the parallel Neumann scheme, for held bodies; '// &
+               meaning='auto: dual, or neumann where gamma, gamma_rule or stop_rule=''paper'' say so; '// &
+               'neumann: the parallel Neumann scheme, for held bodies; '// &
                'dual: contact forces as unknowns, any theta and free bodies')
     call t%add('solver', 'theta', kind_real, unit='length/pressure', not_negative=.true., &
                meaning='penalty parameter, the compliance of a layer between the bodies; 0: no layer, no penetration')

@@ -2,7 +2,7 @@
 module dotyk_input_pairs
   use dotyk_base_kinds, only: dp
   use dotyk_input_case, only: contact_input_t, solver_input_t
-  use dotyk_input_names, only: gap_constant, gap_formula, gap_geometry
+  use dotyk_input_names, only: gap_constant, gap_formula, gap_geometry, name_at, scheme_auto, scheme_dual, scheme_names
   use dotyk_input_problems, only: problems_t, shown
   use dotyk_input_reader, only: group_t
   use dotyk_input_settings, only: read_theta
@@ -25,6 +25,7 @@ contains
     real(dp) :: theta
     integer :: theta_kind
     logical :: own_theta
+    character(:), allocatable :: theta_key
     contact%line = group%line
     contact%name = text_of(group, 'name')
     ! The name becomes that of a folder in the results file.
@@ -48,6 +49,12 @@ contains
     if (own_theta) then
       contact%theta_kind = theta_kind
       contact%theta = theta
+    end if
+    if (.not. contact%theta > 0 .and. all(solver%scheme /= [scheme_auto, scheme_dual])) then
+      theta_key = 'theta_relative'
+      if (is_given(group, 'theta')) theta_key = 'theta'
+      call report(problems, group, theta_key, 'theta = 0 needs scheme=''dual'', got '''// &
+                  name_at(scheme_names, solver%scheme)//'''')
     end if
     contact%has_search_radius = is_usable(group, 'search_radius')
     contact%search_radius = number_of(group, 'search_radius')

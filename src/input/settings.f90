@@ -5,7 +5,7 @@ module dotyk_input_settings
   use dotyk_input_files, only: directory_of, extension_of, is_directory, resolve_path, why_not_readable, &
     without_extension
   use dotyk_input_names, only: analysis_3d, field_contact, field_displacement, field_stress, gamma_fixed, &
-    theta_absolute, theta_relative
+    scheme_auto, scheme_neumann, stop_paper, theta_absolute, theta_relative
   use dotyk_input_problems, only: problems_t, shown
   use dotyk_input_reader, only: group_t
   use dotyk_input_values, only: is_given, is_usable, number_of, numbers_of, report, text_of
@@ -78,6 +78,9 @@ contains
         call report(problems, group, 'gamma_rule', '''gamma'' is missing: gamma_rule is ''fixed''')
     end if
     solver%stop_rule = nint(number_of(group, 'stop_rule'))
+    ! These keys mean the Neumann scheme and nothing else.
+    if (solver%scheme == scheme_auto .and. (is_given(group, 'gamma') .or. is_given(group, 'gamma_rule') .or. &
+                                            solver%stop_rule == stop_paper)) solver%scheme = scheme_neumann
     solver%tolerance = number_of(group, 'tolerance')
     solver%max_iterations = nint(number_of(group, 'max_iterations'))
     solver%reproducible = number_of(group, 'reproducible') > 0

@@ -47,7 +47,7 @@ module dotyk_scheme_active_system
   !> Part of the diagonal that is added before the factorization.
   real(dp), parameter :: proximal_part = 1.0e-9_dp
   !> Eigenvalues of the scaled Schur complement below this are motions that nothing holds.
-  real(dp), parameter :: least_hold = 1.0e-11_dp
+  real(dp), parameter :: least_hold = 1.0e-13_dp
 
 contains
 
@@ -234,7 +234,8 @@ contains
     type(contact_problem_t), intent(in) :: problem
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: schur(:, :), scale(:), values(:), vectors(:, :), part(:, :)
-    integer :: n, r, i, n_null
+    real(dp) :: most
+    integer :: n, r, i, b, n_null
     n = size(self%row)
     r = problem%coarse%n
     allocate (self%g(n, r), self%schur_inverse(r, r), schur(r, r), scale(r), values(r), vectors(r, r))
@@ -244,8 +245,14 @@ contains
     schur = matmul(transpose(self%g), self%x)
     do i = 1, r
       schur(i, i) = schur(i, i) + self%hold(i)
-      scale(i) = 1
-      if (schur(i, i) > 0) scale(i) = 1/sqrt(schur(i, i))
+    end do
+    ! All motions of a body are measured by the one that is held best: they move it by the same lengths.
+    scale = 1
+    do b = 1, size(problem%coarse%first) - 1
+      associate (first => problem%coarse%first(b), last => problem%coarse%first(b + 1) - 1)
+        most = maxval([0.0_dp, (schur(i, i), i=first, last)])
+        if (most > 0) scale(first:last) = 1/sqrt(most)
+      end associate
     end do
     do i = 1, r
       schur(:, i) = scale*schur(:, i)*scale(i)

@@ -39,6 +39,9 @@ module dotyk_scheme_coarse
     procedure :: destroy => coarse_destroy
   end type coarse_space_t
 
+  !> Motions along a surface move its points by this part of the motion, by rounding.
+  real(dp), parameter :: rounding = 1.0e-12_dp
+
 contains
 
   !> Make the coarse space.
@@ -73,6 +76,7 @@ contains
           if (size(operator%block(b)%row) == 0) cycle
           self%scale(first + j - 1) = 1/max(tiny(1.0_dp), maxval(abs(form%motion(:, j))))
           call matrix%multiply(self%scale(first + j - 1)*form%motion(:, j), self%block(b)%value(:, j))
+          where (abs(self%block(b)%value(:, j)) < rounding) self%block(b)%value(:, j) = 0
         end do
       end associate
     end do

@@ -45,6 +45,8 @@ module dotyk_scheme_problem
     integer :: body_solves = 0
     !> True: bodies are solved side by side; false: one after the other (each with all BLAS threads).
     logical :: side_by_side = .true.
+    !> Cost of one solve of each body (n_bodies), any unit.
+    real(dp), allocatable :: cost(:)
     !> Bodies that take part, the one with most work first.
     integer, allocatable, private :: sequence(:)
     type(sweep_work_t), allocatable, private :: work(:)
@@ -67,6 +69,7 @@ contains
     real(dp), intent(in) :: cost(:)
     integer :: b, n, n_dofs
     if (allocated(self%work)) deallocate (self%work, self%sequence)
+    self%cost = cost
     allocate (self%work(size(cost)), self%sequence(0))
     do b = 1, size(cost)
       n = size(self%operator%block(b)%row)

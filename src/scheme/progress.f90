@@ -19,7 +19,9 @@ contains
     character(:), allocatable :: line
     real(dp) :: steps, rate
     character(80) :: buffer
-    write (buffer, '(a,i8,a,es9.2,a,i8)') '  step ', history%n, '   error bound ', history%error_bound(history%n), &
+    write (buffer, '(a,i8,a,i8)') '  step ', history%n, '   in contact ', history%active(history%n)
+    if (history%error_bound(history%n) < huge(1.0_dp)) &
+      write (buffer, '(a,i8,a,es9.2,a,i8)') '  step ', history%n, '   error bound ', history%error_bound(history%n), &
       '   in contact ', history%active(history%n)
     line = trim(buffer)
     rate = history%measured_contraction()

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""The column of two blocks: uniform pressure, exact to round-off on matching faces, and to 1e-3 on others."""
+"""The column of two blocks: uniform pressure, exact to round-off on matching faces, and to 4e-4 in the mean on others."""
 import numpy as np
 
 import dotyk_case
@@ -120,9 +120,9 @@ Physical Surface("sides y") = {Surface In BoundingBox {-e, -e, -e, 1 + e, e, 2 +
         np.testing.assert_allclose(file["dotyk/contact/joint/pressure"][:], pressure, rtol=1e-9)
         self.assertEqual(file["VTKHDF/NumberOfPoints"][:].tolist(), [27, 27])
 
-    def check_near(self, kinds, divisions, contact="", close=1e-3, local=1e-2):
-        """Facets that the other mesh cuts: quadrature there is not exact. In the mean `close` in displacement and pressure, and single
-        nodes `local`."""
+    def check_near(self, kinds, divisions, contact="", close=4e-4, local=2e-3, at_points=5e-3):
+        """Facets that the other mesh cuts: quadrature there is not exact. In the mean `close` in displacement and pressure,
+        single nodes `local`, and single pressures `at_points` (found: 2.4e-4, 1.4e-3, 4.1e-3)."""
         file, pressure, exact = self.column(kinds, divisions, contact=contact)
         d = dimension(kinds[0])
         error = (file["VTKHDF/PointData/displacement"][:, d - 1] - exact) / SHORTENING
@@ -131,12 +131,13 @@ Physical Surface("sides y") = {Surface In BoundingBox {-e, -e, -e, 1 + e, e, 2 +
         joint = file["dotyk/contact/joint"]
         w, p = joint["weight"][:], joint["pressure"][:]
         self.assertAlmostEqual(np.sum(w * p) / np.sum(w) / pressure, 1, delta=close)
+        np.testing.assert_allclose(joint["pressure_projected"][:], pressure, rtol=at_points)
 
     def test_not_matching_hexahedra(self):
         self.check_near(("hex8", "hex8"), (3, 4))
 
     def test_not_matching_quadrature_points(self):
-        self.check_near(("hex20", "tet10"), (2, 3), ", points='quadrature'")
+        self.check_near(("hex20", "tet10"), (2, 3), ", points='quadrature'", 1e-3, 1e-2, 1e-2)
 
     def test_not_matching_kinds(self):
         self.check_near(("hex20", "tet10"), (2, 3))

@@ -33,7 +33,7 @@ class Examples(dotyk_case.Case):
         tolerance = float(re.search(r"tolerance=([^ ,/]+)", (self.folder / name / (name + ".nml")).read_text())[1])
         self.assertEqual(summary["converged"], 1)
         self.assertLessEqual(summary["error_bound"], tolerance)
-        self.assertLessEqual(summary["q_measured"], summary["q_predicted"] * (1 + 1e-6))
+        self.assertLessEqual(summary["iterations"], 8)
         return file
 
     def test_column(self):
@@ -45,12 +45,10 @@ class Examples(dotyk_case.Case):
         self.assertLess(errors["largest_error"], 0.05)
 
     def test_wavy(self):
-        """With a larger tolerance, for a quick test."""
         self.copy("wavy")
-        self.edit("wavy/wavy.nml", (r"tolerance=\S+", "tolerance=1e-4"))
         file = self.run_example("wavy")
         errors = check_of("wavy").errors(self.folder / "wavy/wavy.vtkhdf")
-        # Some 25 elements over the contact zone, and theta_relative 2e-3: 1 % each.
+        # Some 25 elements over the contact zone: 2 %.
         self.assertLess(abs(errors["a_error"]), 0.02)
         self.assertLess(abs(errors["p0_error"]), 0.02)
         self.assertLess(errors["profile_error"], 0.02)
@@ -63,7 +61,8 @@ class Examples(dotyk_case.Case):
 
     def test_wavy_at_quadrature_points(self):
         self.copy("wavy")
-        self.edit("wavy/wavy.nml", (r"tolerance=\S+", "tolerance=1e-4"), (r"name='wave',", "name='wave', points='quadrature',"))
+        # Quadrature points need a penalty: without it their single pressures are not determined.
+        self.edit("wavy/wavy.nml", (r"theta_relative=[^,]+", "theta_relative=2e-3"), (r"name='wave',", "name='wave', points='quadrature',"))
         file = self.run_example("wavy")
         errors = check_of("wavy").errors(self.folder / "wavy/wavy.vtkhdf")
         self.assertLess(abs(errors["a_error"]), 0.02)
@@ -75,10 +74,9 @@ class Examples(dotyk_case.Case):
         np.testing.assert_allclose(wave["gap_initial"][:], 0.002 * (1 - np.cos(2 * np.pi * x)), rtol=0, atol=1e-15)
 
     def test_hertz_coarse(self):
-        """3 elements over the contact radius and a softer layer, for a quick test: 5 % of a, 10 % of p0."""
+        """3 elements over the contact radius, for a quick test: 5 % of a, 10 % of p0."""
         self.copy("hertz")
         self.edit("hertz/hertz.geo", (r"h = a/5;", "h = a/3;"), (r"H = R/5;", "H = R/2.5;"))
-        self.edit("hertz/hertz.nml", (r"theta_relative=[^,]+", "theta_relative=5e-3"), (r"tolerance=\S+", "tolerance=1e-3"))
         self.run_example("hertz")
         errors = check_of("hertz").errors(self.folder / "hertz/hertz.vtkhdf")
         self.assertLess(abs(errors["a_error"]), 0.05)

@@ -49,7 +49,7 @@ class Messages(dotyk_case.Case):
         self.refuse(2, "case.nml:%d: &material: unknown key 'yuong' (did you mean 'young'?)" % at("yuong"),
                     "case.nml:%d: &material: poisson must be above -1 and below 0.5" % at("poisson=0.7"),
                     "case.nml:%d: unknown group '&boddy' (did you mean '&body'?)" % at("&boddy"),
-                    "case.nml:%d: &solver: theta_relative must be above 0" % at("theta_relative"),
+                    "case.nml:%d: &solver: theta_relative must not be below 0" % at("theta_relative"),
                     "case.nml:%d: &support: " % at("fix='q'"))
 
     def test_unresolved_names_of_the_input(self):
@@ -107,14 +107,14 @@ class Messages(dotyk_case.Case):
     # Not solvable as posed: 3
 
     def test_not_held(self):
-        self.scene(("surface='bottom', fix='z'", "surface='bottom', fix='x'"))
+        self.scene(("surface='bottom', fix='z'", "surface='bottom', fix='x'"), ("tolerance=1e-8", "scheme='neumann'"))
         self.refuse(3, "case.nml:%d: body 'lower': scheme 'neumann' needs held bodies, and the supports leave this one free: "
                     "translation along (0, 0, 1); add a &support that stops it, or use scheme='dual', which does not need it"
                     % self.line_of("&body name='lower'"))
 
     def test_not_held_either(self):
         """All bodies that are not held, each with its motions."""
-        self.scene(("surface='bottom', fix='z'", "surface='bottom', fix='x'"),
+        self.scene(("surface='bottom', fix='z'", "surface='bottom', fix='x'"), ("tolerance=1e-8", "scheme='neumann'"),
                    ("&support body='upper', surface='sides x', fix='x' /\n", ""),
                    ("&support body='upper', surface='sides y', fix='y' /\n", ""))
         self.refuse(3, "body 'lower'", "translation along (0, 0, 1)", "body 'upper'", "translation along (1, 0, 0)",
@@ -123,7 +123,7 @@ class Messages(dotyk_case.Case):
     # Stopped before the tolerance: 1, with results
 
     def test_max_iterations(self):
-        self.scene(("tolerance=1e-8", "tolerance=1e-8, max_iterations=3"))
+        self.scene(("tolerance=1e-8", "scheme='neumann', tolerance=1e-8, max_iterations=3"))
         text = self.dotyk("case.nml", code=1)
         self.assertIn("not converged", text)
         self.assertIn("max_iterations", text)
@@ -173,7 +173,7 @@ class Messages(dotyk_case.Case):
     def test_check_finds_what_a_run_would(self):
         self.scene(("lower:top'", "lower:tip'"))
         self.refuse(2, "'tip'", options=("--check",))
-        self.scene(("surface='bottom', fix='z'", "surface='bottom', fix='x'"))
+        self.scene(("surface='bottom', fix='z'", "surface='bottom', fix='x'"), ("tolerance=1e-8", "scheme='neumann'"))
         self.refuse(3, "translation along (0, 0, 1)", options=("--check",))
 
     def test_help(self):

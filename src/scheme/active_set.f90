@@ -1,0 +1,251 @@
+!> From active set to active set: the semismooth Newton method of the dual scheme, and what keeps it going.
+!>
+!> Points that are taken for closed give a linear system for their forces and the free motions; forces that pull and points that
+!> penetrate say which were taken wrongly. Where the closed points cannot carry a free body, it comes to rest on the points that it
+!> falls on. Should active sets come back, the proximal method of multipliers (`dotyk_scheme_proximal`) takes over, which cannot
+!> cycle.
+module dotyk_scheme_active_set
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_log, only: log_t
+  use dotyk_base_text, only: to_text
+  use dotyk_base_timer, only: wall_time
+  use dotyk_scheme_active_system, only: active_system_t
+  use dotyk_scheme_bounds, only: duality_gap
+  use dotyk_scheme_explicit, only: explicit_compliance_t
+  use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_limit, ended_immovable
+  use dotyk_scheme_problem, only: contact_problem_t
+  use dotyk_scheme_progress, only: progress_line
+  use dotyk_scheme_proximal, only: proximal_step
+  use dotyk_scheme_settle, only: settle
+  implicit none
+  private
+
+  !> An iterate of the dual scheme.
+  type, public :: iterate_t
+    !> Forces (n_rows) [force], penetrations (n_rows) [length], amplitudes (coarse%n) [length].
+    real(dp), allocatable :: lambda(:), y(:), alpha(:)
+  end type iterate_t
+
+  public :: find_active_set, settle_bodies, update_penetrations, reference_norm
+
+  !> Forces and penetrations below this part of the largest are rounding errors, not a reason to change the active set.
+  real(dp), parameter, public :: rounding = 1.0e-12_dp
+  !> Active sets after which the proximal method takes over: Newton's method needs less than ten, or cycles.
+  integer, parameter :: most_newton_steps = 25
+
+contains
+
+  !> Iterate until the active set does not change.
+  subroutine find_active_set(problem, max_iterations, tolerance, log, compliance, system, now, active, result, error)
+    type(contact_problem_t), intent(inout) :: problem
+    !> Active sets at most.
+    integer, intent(in) :: max_iterations
+    !> For the live line only.
+    real(dp), intent(in) :: tolerance
+    type(log_t), intent(inout) :: log
+    type(explicit_compliance_t), intent(inout) :: compliance
+    !> That of the last active set.
+    type(active_system_t), intent(inout) :: system
+    type(iterate_t), intent(inout) :: now
+    !> Where to begin, and where it ended (n_rows).
+    logical, intent(inout) :: active(:)
+    !> With history, and how it ended.
+    type(scheme_result_t), intent(inout) :: result
+    !> Out of memory.
+    type(error_t), allocatable, intent(out) :: error
+    logical :: next(size(active)), immovable(size(active))
+    type(iterate_t) :: last
+    real(dp), allocatable :: change(:)
+    real(dp) :: begin, length, largest_force, largest_gap
+    integer :: k, systems, steps
+
+    begin = wall_time()
+    allocate (change(size(active)))
+    immovable = .false.
+    result%ended = ended_limit
+    systems = 0
+    do k = 1, max_iterations
+      if (k == most_newton_steps) call log%line('  active sets come back; the proximal method of multipliers goes on')
+      if (k >= most_newton_steps) then
+        call soften(problem, compliance, now, steps, error)
+        if (allocated(error)) return
+        systems = systems + steps
+        active = now%lambda > 0 .and. .not. immovable
+      end if
+      call compliance%form(problem, active)
+      call drop_immovable(problem, compliance, active, immovable)
+      if (any(immovable .and. problem%y_free > 0 .and. .not. problem%operator%theta > 0)) then
+        result%ended = ended_immovable
+        return
+      end if
+      call system%init(problem, compliance, problem%operator%theta, active, error)
+      if (allocated(error)) return
+      last = now
+      call solve_active(problem, compliance, system, now)
+      call compliance%multiply(problem, now%lambda - last%lambda, change)
+      length = sqrt(max(0.0_dp, sum((now%lambda - last%lambda)*change)))
+      call note(problem, now, wall_time() - begin, length, count(active), result)
+      if (log%due()) call log%progress(progress_line(result%history, tolerance, result%error_bound))
+
+      largest_force = maxval(abs(now%lambda))
+      largest_gap = max(maxval(abs(now%y)), maxval(abs(problem%y_free)))
+      next = merge(now%lambda > -rounding*largest_force, now%y > rounding*largest_gap, active)
+      next = next .and. .not. immovable
+      call add_support(problem, now, next)
+      if (all(next .eqv. active)) then
+        result%ended = ended_converged
+        exit
+      end if
+      active = next
+    end do
+    call log%end_progress()
+    if (systems > 0) call log%line('  the proximal method solved '//to_text(systems)//' systems')
+  end subroutine find_active_set
+
+  !> Free bodies at rest on elastic foundations that stand for all bodies, and the points that penetrate there.
+  subroutine settle_bodies(problem, now, active)
+    type(contact_problem_t), intent(in) :: problem
+    !> Without forces.
+    type(iterate_t), intent(out) :: now
+    !> (n_rows).
+    logical, intent(out) :: active(:)
+    real(dp), allocatable :: motion(:)
+    allocate (now%lambda(problem%operator%n_rows), now%alpha(problem%coarse%n), motion(problem%operator%n_rows))
+    now%lambda = 0
+    call settle(problem%operator, problem%coarse, problem%coarse%resultant, foundation_stiffness(problem), problem%y_free, &
+                now%alpha)
+    call problem%coarse%displacement(problem%operator, now%alpha, motion)
+    now%y = problem%y_free + motion
+    active = now%y > 0
+  end subroutine settle_bodies
+
+  !> Where the active points cannot carry a free body, let it come to rest on the points that it falls on.
+  subroutine add_support(problem, now, active)
+    type(contact_problem_t), intent(in) :: problem
+    type(iterate_t), intent(in) :: now
+    logical, intent(inout) :: active(:)
+    real(dp), allocatable :: missing(:), alpha(:), motion(:)
+    allocate (missing(problem%coarse%n))
+    call problem%coarse%resultant_of(problem%operator, now%lambda, missing)
+    missing = problem%coarse%resultant - missing
+    if (.not. any(abs(missing) > 1.0e-7_dp*max(maxval(abs(problem%coarse%resultant)), maxval(abs(now%lambda))))) return
+    allocate (alpha(problem%coarse%n), motion(size(active)))
+    call settle(problem%operator, problem%coarse, missing, foundation_stiffness(problem), now%y, alpha)
+    call problem%coarse%displacement(problem%operator, alpha, motion)
+    active = active .or. now%y + motion > 0
+  end subroutine add_support
+
+  !> Stiffness of the elastic foundation that stands for the bodies (n_rows) [force/length].
+  pure function foundation_stiffness(problem) result(stiffness)
+    type(contact_problem_t), intent(in) :: problem
+    real(dp), allocatable :: stiffness(:)
+    stiffness = problem%operator%weight/(problem%foundation + problem%operator%theta)
+  end function foundation_stiffness
+
+  !> One step of the proximal method, from the last iterate without the forces that pull.
+  subroutine soften(problem, compliance, now, steps, error)
+    type(contact_problem_t), intent(inout) :: problem
+    type(explicit_compliance_t), intent(inout) :: compliance
+    type(iterate_t), intent(inout) :: now
+    !> Linear systems that it took.
+    integer, intent(out) :: steps
+    type(error_t), allocatable, intent(out) :: error
+    real(dp), allocatable :: hold(:), motion(:), one(:)
+    integer :: j
+    ! A soft spring on every motion, relative to what all contact points together would resist it with.
+    real(dp), parameter :: soft = 1.0e-3_dp
+    allocate (hold(problem%coarse%n), one(problem%coarse%n), motion(size(now%y)))
+    do j = 1, problem%coarse%n
+      one = 0
+      one(j) = 1
+      call problem%coarse%displacement(problem%operator, one, motion)
+      hold(j) = soft*sum(foundation_stiffness(problem)*motion**2)
+    end do
+    where (.not. hold > 0) hold = max(tiny(1.0_dp), soft*maxval(hold))
+    now%lambda = max(0.0_dp, now%lambda)
+    call update_penetrations(problem, compliance, now)
+    call proximal_step(problem, compliance, problem%foundation + problem%operator%theta, hold, now%lambda, now%alpha, now%y, &
+                       steps, error)
+  end subroutine soften
+
+  !> Solve the system of the active set for the new iterate.
+  subroutine solve_active(problem, compliance, system, now)
+    type(contact_problem_t), intent(in) :: problem
+    type(explicit_compliance_t), intent(in) :: compliance
+    type(active_system_t), intent(in) :: system
+    type(iterate_t), intent(inout) :: now
+    real(dp), allocatable :: lambda(:)
+    allocate (lambda(size(system%row)))
+    call system%solve(problem, compliance, problem%y_free(system%row), problem%coarse%resultant, lambda, now%alpha)
+    now%lambda = 0
+    now%lambda(system%row) = lambda
+    call update_penetrations(problem, compliance, now)
+  end subroutine solve_active
+
+  !> y = y_free - C lambda + G alpha.
+  subroutine update_penetrations(problem, compliance, now)
+    type(contact_problem_t), intent(in) :: problem
+    !> With columns wherever there are forces.
+    type(explicit_compliance_t), intent(in) :: compliance
+    type(iterate_t), intent(inout) :: now
+    real(dp), allocatable :: z(:), motion(:)
+    allocate (z(size(now%lambda)), motion(size(now%lambda)))
+    call compliance%multiply(problem, now%lambda, z)
+    call problem%coarse%displacement(problem%operator, now%alpha, motion)
+    now%y = problem%y_free - z + motion
+  end subroutine update_penetrations
+
+  !> Take points out that no force moves: all that they touch is held by supports.
+  subroutine drop_immovable(problem, compliance, active, immovable)
+    type(contact_problem_t), intent(in) :: problem
+    type(explicit_compliance_t), intent(in) :: compliance
+    logical, intent(inout) :: active(:)
+    !> Grows.
+    logical, intent(inout) :: immovable(:)
+    real(dp), allocatable :: diagonal(:), g(:, :)
+    real(dp) :: largest
+    integer :: i
+    allocate (diagonal(size(active)), source=0.0_dp)
+    allocate (g(1, problem%coarse%n))
+    do i = 1, size(active)
+      if (active(i)) diagonal(i) = compliance%diagonal(problem, i)
+    end do
+    largest = maxval(diagonal)
+    do i = 1, size(active)
+      if (.not. active(i) .or. diagonal(i) > 1.0e-13_dp*largest .or. problem%operator%theta(i) > 0) cycle
+      call problem%coarse%rows([i], g)
+      if (any(abs(g) > 1.0e-10_dp)) cycle
+      active(i) = .false.
+      immovable(i) = .true.
+    end do
+  end subroutine drop_immovable
+
+  !> ||u||_A for relative errors; at least a small part of what the penetrations of the free scene would store in the foundations, so
+  !> that rounding errors of a scene at rest are not compared with each other [sqrt(energy)].
+  real(dp) function reference_norm(problem, now) result(norm)
+    type(contact_problem_t), intent(in) :: problem
+    type(iterate_t), intent(in) :: now
+    norm = problem%norm(now%lambda/problem%operator%weight, now%y, now%alpha)
+    norm = max(norm, 1.0e-8_dp*sqrt(sum(foundation_stiffness(problem)*problem%y_free**2)))
+  end function reference_norm
+
+  !> An entry of the history. Forces that pull cannot be the state of a bound: there is none then.
+  subroutine note(problem, now, seconds, length, n_active, result)
+    type(contact_problem_t), intent(in) :: problem
+    type(iterate_t), intent(in) :: now
+    real(dp), intent(in) :: seconds
+    !> Length of the step in the energy norm.
+    real(dp), intent(in) :: length
+    integer, intent(in) :: n_active
+    type(scheme_result_t), intent(inout) :: result
+    real(dp) :: norm, m(size(now%lambda))
+    norm = reference_norm(problem, now)
+    m = now%lambda/problem%operator%weight
+    result%error_bound = huge(1.0_dp)
+    if (all(m >= 0)) result%error_bound = sqrt(duality_gap(problem%operator%weight, problem%operator%theta, m, now%y))
+    if (norm > 0 .and. result%error_bound < huge(1.0_dp)) result%error_bound = result%error_bound/norm
+    call result%history%add(seconds, length, length/max(norm, tiny(norm)), result%error_bound, &
+                            problem%energy(m, now%y, now%alpha), max(0.0_dp, maxval(now%y)), n_active)
+  end subroutine note
+end module dotyk_scheme_active_set
