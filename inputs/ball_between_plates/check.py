@@ -11,8 +11,10 @@ LOAD = SYMMETRY*5e6*0.01**2                # on the upper plate
 
 # Forces: equilibrium of the ball and the upper plate holds to the round-off of the solver on any mesh (the loaded face is flat).
 FORCE = 1e-10
-# Five quadratic elements over the contact radius, and a theory that is off by (a/R)^2 = 0.3 %.
-RADIUS_ERROR, PEAK_ERROR, PROFILE_ERROR = 0.02, 0.03, 0.05
+# Five elements over the contact radius, and a theory that is off by (a/R)^2 = 0.3 %. The pressure is a broken line on these
+# elements and ends as a square root: where it ends it is wrong by a fraction of sqrt(element/radius), in the mean square by a
+# fraction of element/radius: 5.9, 6.5, 4.5 and 3.6 % with 4, 5, 6 and 8 elements (and a by 2.5, 1.8, 0.9 and 0.6 %).
+RADIUS_ERROR, PEAK_ERROR, PROFILE_ERROR = 0.03, 0.02, 0.08
 
 
 def hertz():
