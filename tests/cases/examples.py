@@ -114,5 +114,59 @@ class Examples(dotyk_case.Case):
         np.testing.assert_allclose(x[here], x[there][:, [1, 0, 2]], rtol=0, atol=1e-9)
         np.testing.assert_allclose(u[here], u[there][:, [1, 0, 2]], rtol=0, atol=1e-9 * np.abs(u).max())
 
+    def test_ball_between_plates_coarse(self):
+        """3 elements over the contact radius, for a quick test: 5 % of a, 5 % of p0, and the same balance."""
+        self.copy("ball_between_plates")
+        self.edit("ball_between_plates/ball_between_plates.geo", (r"^h = a/5;", "h = a/3;"), (r"^H = R/4;", "H = R/2.5;"))
+        self.run_example("ball_between_plates")
+        check = check_of("ball_between_plates")
+        errors = check.errors(self.folder / "ball_between_plates/ball_between_plates.vtkhdf")
+        self.assertLess(errors["force_error"], check.FORCE)
+        self.assertLess(errors["force_difference"], check.FORCE)
+        for name, contact in errors["contacts"].items():
+            self.assertLess(abs(contact["a_error"]), 0.05, name)
+            self.assertLess(abs(contact["p0_error"]), 0.05, name)
+            self.assertLess(contact["profile_error"], 0.15, name)
+
+    def limits(self, example):
+        """Run it and compare all errors with the limits of its check.py."""
+        self.copy(example)
+        self.run_example(example)
+        check = check_of(example)
+        errors, *figures = check.errors(self.folder / example / (example + ".vtkhdf"))
+        for name, error in errors.items():
+            limit = check.LIMITS[name] if hasattr(check, "LIMITS") else check.TOLERANCE
+            self.assertLessEqual(error, limit, name)
+        return figures
+
+    def test_free_stack(self):
+        figures, = self.limits("free_stack")
+        # The load does not spread over the whole plates in any joint, and spreads from above to below.
+        self.assertTrue(np.all(np.diff(figures["open"]) > -0.02), figures["open"])
+
+    def test_bricks(self):
+        reaction, = self.limits("bricks")
+        # Each reaction acts where the bridging brick lies on another one.
+        self.assertTrue(230 < reaction["x1"] < 290 and 380 < reaction["x2"] < 470, reaction)
+
+    def test_bearing(self):
+        self.limits("bearing")
+
+    def test_receding(self):
+        """The contact of a layer that lifts off is the same under any load."""
+        self.copy("receding")
+        self.run_example("receding")
+        self.dotyk("receding/tenfold.nml")
+        check = check_of("receding")
+        path, other = self.folder / "receding/receding.vtkhdf", self.folder / "receding/tenfold.vtkhdf"
+        errors = check.errors(path, check.LOAD["receding"])
+        self.assertLess(abs(errors["b_error"]), check.WIDTH_ERROR)
+        self.assertLess(errors["profile_error"], check.PROFILE_ERROR)
+        self.assertLess(abs(errors["force_error"]), check.FORCE_ERROR)
+        scaled = check.scaled_errors(path, check.LOAD["receding"], other, check.LOAD["tenfold"])
+        self.assertEqual(scaled["points"], 0)
+        self.assertLess(scaled["b_error"], check.SCALED_ERROR)
+        self.assertLess(scaled["pressure_error"], check.SCALED_ERROR)
+
 
 dotyk_case.main()
