@@ -130,10 +130,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     integer :: b
     associate (case => run%case, problem => run%problem)
-      call factorize_bodies(run%body, problem%response, run%size_of, case%solver%reproducible, error)
-      if (allocated(error)) return
-      call run%watch%lap(run%timing%factorize)
-      call show_factorization(run%log, run%size_of, run%timing%factorize)
+      ! Where contact forces act is known before the factorization, which takes the stiffnesses away.
       call build_operator(case%scene%dimension, size(run%body), run%pair, run%surface_a, run%surface_b, problem%operator)
       do b = 1, size(run%body)
         select type (full => problem%response(b)%form)
@@ -141,9 +138,13 @@ contains
           call full%attach(run%body(b), problem%operator%block(b)%contact_node)
         end select
       end do
+      call run%watch%lap(run%timing%search)
+      call factorize_bodies(run%body, problem%response, run%size_of, case%solver%reproducible, error)
+      if (allocated(error)) return
+      call run%watch%lap(run%timing%factorize)
+      call show_factorization(run%log, run%size_of, run%timing%factorize)
       call share_solves(real(run%size_of%entries, dp), case%solver%reproducible, problem%side_by_side, run%n_blas)
       call problem%prepare(real(run%size_of%entries, dp))
-      call run%watch%lap(run%timing%search)
       call solve_free_scene(run%body, problem, run%n_blas)
       call prepare_coarse_space(run%body, problem)
       call set_blas_threads(run%n_blas)

@@ -68,6 +68,7 @@ contains
     type(dual_settings_t) :: dual
     select case (scheme_of(case))
     case (scheme_dual)
+      dual%linear_solver = case%solver%linear_solver
       dual%tolerance = case%solver%tolerance
       dual%max_iterations = min(case%solver%max_iterations, dual%max_iterations)
       call foundation_compliance(body, pair, problem%foundation)

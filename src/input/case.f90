@@ -8,8 +8,8 @@
 module dotyk_input_case
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: text_t
-  use dotyk_input_names, only: analysis_3d, gamma_spectral, gap_geometry, load_traction, material_isotropic, &
-    points_nodes, scheme_auto, stop_residual, theta_relative
+  use dotyk_input_names, only: analysis_3d, gamma_spectral, gap_geometry, linear_solver_auto, load_traction, &
+    material_isotropic, points_nodes, scheme_auto, stop_residual, theta_relative
   implicit none
   private
 
@@ -140,6 +140,8 @@ module dotyk_input_case
     real(dp) :: theta = 0
     !> One of `gamma_*`.
     integer :: gamma_rule = gamma_spectral
+    !> One of `linear_solver_*`.
+    integer :: linear_solver = linear_solver_auto
     !> Relaxation parameter [1]; 0 where the rule is not `gamma_fixed`.
     real(dp) :: gamma = 0
     !> One of `stop_*`.

@@ -1,7 +1,7 @@
 !> THE table of groups and keys: what is checked, what defaults are and what `--help` prints all come from here.
 module dotyk_input_keywords
   use dotyk_base_text, only: text_t
-  use dotyk_input_names, only: analysis_names, field_names, gamma_rule_names, points_names, scheme_names, &
+  use dotyk_input_names, only: analysis_names, field_names, gamma_rule_names, linear_solver_names, points_names, scheme_names, &
     stop_rule_names
   implicit none
   private
@@ -184,6 +184,9 @@ contains
                meaning='penalty parameter, the compliance of a layer between the bodies; 0: no layer, no penetration')
     call t%add('solver', 'theta_relative', kind_real, default='1e-2', not_negative=.true., &
                meaning='the same, times size_a/E_a + size_b/E_b of each pair; not together with theta')
+    call t%add('solver', 'linear_solver', kind_name, names=linear_solver_names, default='auto', &
+               meaning='how the dual scheme solves for the forces of closed points: direct forms their compliance, '// &
+               'iterative is by conjugate gradients, auto what is cheaper')
     call t%add('solver', 'gamma_rule', kind_name, names=gamma_rule_names, default='spectral', &
                meaning='relaxation parameter: spectral is 2/(2+L), theory is 1/(1+L)^2, fixed is gamma')
     call t%add('solver', 'gamma', kind_real, positive=.true., &

@@ -46,6 +46,12 @@ module dotyk_input_names
   integer, parameter, public :: scheme_neumann = 2  !< the parallel Neumann scheme, equations (43) to (46)
   integer, parameter, public :: scheme_dual = 3     !< contact forces as unknowns, by active sets
 
+  !> `&solver linear_solver`.
+  character(*), parameter, public :: linear_solver_names = 'auto direct iterative'
+  integer, parameter, public :: linear_solver_auto = 1       !< what is cheaper
+  integer, parameter, public :: linear_solver_direct = 2     !< columns of the compliance and a factorization
+  integer, parameter, public :: linear_solver_iterative = 3  !< conjugate gradients
+
   !> `&solver gamma_rule`.
   character(*), parameter, public :: gamma_rule_names = 'spectral theory fixed'
   integer, parameter, public :: gamma_spectral = 1  !< 2/(2+L)

@@ -69,6 +69,7 @@ contains
     solver%line = group%line
     solver%scheme = nint(number_of(group, 'scheme'))
     call read_theta(group, problems, given, solver%theta_kind, solver%theta)
+    solver%linear_solver = nint(number_of(group, 'linear_solver'))
     solver%gamma_rule = nint(number_of(group, 'gamma_rule'))
     solver%gamma = number_of(group, 'gamma')
     if (is_usable(group, 'gamma_rule')) then

@@ -1,7 +1,7 @@
 !> The response of a body through the Cholesky factor of its whole stiffness.
 !>
 !> Built in steps, because a driver runs them for many bodies with different shares of the machine: `prepare` (ordering and
-!> symbolic analysis: fill and flops are known then), `factorize`, `attach` (where contact forces act).
+!> symbolic analysis: fill and flops are known then), `attach` (where contact forces act), `factorize`.
 !>
 !> A body with free motions R is factorized with springs on a few unknowns, see dotyk_response_hold, K_s: then
 !> `K^+ = P K_s^{-1} P`, `P = I - R R^T`. Forces act at contact nodes, so R^T f takes the motions of these only.
@@ -39,6 +39,7 @@ module dotyk_response_full
     procedure :: factorize => full_response_factorize
     procedure :: attach => full_response_attach
     procedure :: apply => full_response_apply
+    procedure, private :: keep_diagonal => full_response_keep_diagonal
     procedure :: apply_block => full_response_apply_block
     procedure :: solve => full_response_solve
     procedure :: destroy => full_response_destroy
@@ -125,8 +126,31 @@ contains
       self%axes(:, :, n_axes) = body%constraint%frame(:, :, frame)
     end do
     allocate (self%x(body%constraint%n_equations))
+    call self%keep_diagonal(body)
     self%motion = reshape(body%free_motion(:, contact_node, :), [self%dimension*size(contact_node), self%n_motions])
   end subroutine full_response_attach
+
+  !> Keep the diagonal of the stiffness at the contact nodes, if the body still has it.
+  subroutine full_response_keep_diagonal(self, body)
+    class(full_response_t), intent(inout) :: self
+    type(body_t), intent(in) :: body
+    real(dp) :: axis(self%dimension), entry
+    integer :: i, k
+    allocate (self%diagonal(self%dimension*self%n_contact_nodes), source=0.0_dp)
+    if (.not. allocated(body%stiffness%value)) return
+    do i = 1, self%n_contact_nodes
+      do k = 1, self%dimension
+        if (self%equation(k, i) == 0) cycle
+        entry = body%stiffness%value(body%stiffness%column_start(self%equation(k, i)) + 1)
+        axis = 0
+        axis(k) = 1
+        if (self%axes_of(i) > 0) axis = self%axes(:, k, self%axes_of(i))
+        associate (own => self%diagonal((i - 1)*self%dimension + 1:i*self%dimension))
+          own = own + axis**2*entry
+        end associate
+      end do
+    end do
+  end subroutine full_response_keep_diagonal
 
   !> Contact forces to displacements: scatter, solve, gather.
   subroutine full_response_apply(self, force, displacement)
@@ -259,7 +283,7 @@ contains
   subroutine full_response_destroy(self)
     class(full_response_t), intent(inout) :: self
     call self%factor%destroy()
-    if (allocated(self%equation)) deallocate (self%equation, self%axes_of, self%axes, self%x, self%motion)
+    if (allocated(self%equation)) deallocate (self%diagonal, self%equation, self%axes_of, self%axes, self%x, self%motion)
     if (allocated(self%rigid)) deallocate (self%rigid, self%hold)
     self%n_motions = 0
     self%n_contact_nodes = 0

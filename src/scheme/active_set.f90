@@ -46,7 +46,7 @@ contains
     type(log_t), intent(inout) :: log
     type(explicit_compliance_t), intent(inout) :: compliance
     !> That of the last active set.
-    type(active_system_t), intent(inout) :: system
+    class(active_system_t), intent(inout) :: system
     type(iterate_t), intent(inout) :: now
     !> Where to begin, and where it ended (n_rows).
     logical, intent(inout) :: active(:)
@@ -68,7 +68,7 @@ contains
     do k = 1, max_iterations
       if (k == most_newton_steps) call log%line('  active sets come back; the proximal method of multipliers goes on')
       if (k >= most_newton_steps) then
-        call soften(problem, compliance, now, steps, error)
+        call soften(problem, compliance, system, now, steps, error)
         if (allocated(error)) return
         systems = systems + steps
         active = now%lambda > 0 .and. .not. immovable
@@ -144,9 +144,11 @@ contains
   end function foundation_stiffness
 
   !> One step of the proximal method, from the last iterate without the forces that pull.
-  subroutine soften(problem, compliance, now, steps, error)
+  subroutine soften(problem, compliance, system, now, steps, error)
     type(contact_problem_t), intent(inout) :: problem
     type(explicit_compliance_t), intent(inout) :: compliance
+    !> Another one on return.
+    class(active_system_t), intent(inout) :: system
     type(iterate_t), intent(inout) :: now
     !> Linear systems that it took.
     integer, intent(out) :: steps
@@ -165,18 +167,19 @@ contains
     where (.not. hold > 0) hold = max(tiny(1.0_dp), soft*maxval(hold))
     now%lambda = max(0.0_dp, now%lambda)
     call update_penetrations(problem, compliance, now)
-    call proximal_step(problem, compliance, problem%foundation + problem%operator%theta, hold, now%lambda, now%alpha, now%y, &
-                       steps, error)
+    call proximal_step(problem, compliance, system, problem%foundation + problem%operator%theta, hold, now%lambda, now%alpha, &
+                       now%y, steps, error)
   end subroutine soften
 
   !> Solve the system of the active set for the new iterate.
   subroutine solve_active(problem, compliance, system, now)
-    type(contact_problem_t), intent(in) :: problem
+    type(contact_problem_t), intent(inout) :: problem
     type(explicit_compliance_t), intent(in) :: compliance
-    type(active_system_t), intent(in) :: system
+    class(active_system_t), intent(in) :: system
     type(iterate_t), intent(inout) :: now
     real(dp), allocatable :: lambda(:)
     allocate (lambda(size(system%row)))
+    lambda = now%lambda(system%row)
     call system%solve(problem, compliance, problem%y_free(system%row), problem%coarse%resultant, lambda, now%alpha)
     now%lambda = 0
     now%lambda(system%row) = lambda
@@ -185,7 +188,7 @@ contains
 
   !> y = y_free - C lambda + G alpha.
   subroutine update_penetrations(problem, compliance, now)
-    type(contact_problem_t), intent(in) :: problem
+    type(contact_problem_t), intent(inout) :: problem
     !> With columns wherever there are forces.
     type(explicit_compliance_t), intent(in) :: compliance
     type(iterate_t), intent(inout) :: now
@@ -239,12 +242,12 @@ contains
     real(dp), intent(in) :: length
     integer, intent(in) :: n_active
     type(scheme_result_t), intent(inout) :: result
-    real(dp) :: norm, m(size(now%lambda))
+    real(dp) :: norm, gap, m(size(now%lambda))
     norm = reference_norm(problem, now)
     m = now%lambda/problem%operator%weight
+    gap = duality_gap(problem%operator%weight, problem%operator%theta, m, now%y)
     result%error_bound = huge(1.0_dp)
-    if (all(m >= 0)) result%error_bound = sqrt(duality_gap(problem%operator%weight, problem%operator%theta, m, now%y))
-    if (norm > 0 .and. result%error_bound < huge(1.0_dp)) result%error_bound = result%error_bound/norm
+    if (gap < huge(1.0_dp)) result%error_bound = sqrt(gap)/max(norm, tiny(norm))
     call result%history%add(seconds, length, length/max(norm, tiny(norm)), result%error_bound, &
                             problem%energy(m, now%y, now%alpha), max(0.0_dp, maxval(now%y)), n_active)
   end subroutine note

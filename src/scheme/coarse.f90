@@ -5,8 +5,10 @@
 !> equilibrium where `G^T lambda = e`, the resultants of their loads. Motions are scaled so that the contact nodes of the body move by
 !> 1 at most: amplitudes are lengths, resultants are forces.
 module dotyk_scheme_coarse
+  use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_contact_operator, only: contact_operator_t
+  use dotyk_linalg_dense, only: symmetric_eigen
   use dotyk_response_response, only: response_slot_t
   implicit none
   private
@@ -36,11 +38,14 @@ module dotyk_scheme_coarse
     procedure :: displacement => coarse_displacement
     procedure :: resultant_of => coarse_resultant_of
     procedure :: rows => coarse_rows
+    procedure :: invert => coarse_invert
     procedure :: destroy => coarse_destroy
   end type coarse_space_t
 
   !> Motions along a surface move its points by this part of the motion, by rounding.
   real(dp), parameter :: rounding = 1.0e-12_dp
+  !> Eigenvalues of a scaled matrix below this belong to motions that nothing holds.
+  real(dp), parameter :: least_hold = 1.0e-13_dp
 
 contains
 
@@ -135,6 +140,48 @@ contains
       end do
     end do
   end subroutine coarse_rows
+
+  !> Pseudo-inverse of a matrix that says how the motions are held, and its null space: what is not held.
+  subroutine coarse_invert(self, matrix, inverse, null_motion, error)
+    class(coarse_space_t), intent(in) :: self
+    !> Symmetric, not negative (n, n).
+    real(dp), intent(in) :: matrix(:, :)
+    real(dp), allocatable, intent(out) :: inverse(:, :)
+    !> As columns, the largest amplitude of each is 1 (n, number of them).
+    real(dp), allocatable, intent(out) :: null_motion(:, :)
+    type(error_t), allocatable, intent(out) :: error
+    real(dp), allocatable :: scaled(:, :), scale(:), values(:), vectors(:, :), part(:, :)
+    real(dp) :: most
+    integer :: i, b, n_null
+    allocate (scale(self%n), values(self%n), vectors(self%n, self%n), scaled(self%n, self%n))
+    ! All motions of a body are measured by the one that is held best: they move it by the same lengths.
+    scale = 1
+    do b = 1, size(self%first) - 1
+      associate (first => self%first(b), last => self%first(b + 1) - 1)
+        most = maxval([0.0_dp, (matrix(i, i), i=first, last)])
+        if (most > 0) scale(first:last) = 1/sqrt(most)
+      end associate
+    end do
+    do i = 1, self%n
+      scaled(:, i) = scale*matrix(:, i)*scale(i)
+    end do
+    call symmetric_eigen(scaled, values, vectors, error)
+    if (allocated(error)) return
+    n_null = count(values <= least_hold)
+    part = vectors(:, n_null + 1:)
+    do i = n_null + 1, self%n
+      part(:, i - n_null) = part(:, i - n_null)/values(i)
+    end do
+    inverse = matmul(part, transpose(vectors(:, n_null + 1:)))
+    do i = 1, self%n
+      inverse(:, i) = scale*inverse(:, i)*scale(i)
+    end do
+    null_motion = vectors(:, :n_null)
+    do i = 1, n_null
+      null_motion(:, i) = scale*null_motion(:, i)
+      null_motion(:, i) = null_motion(:, i)/maxval(abs(null_motion(:, i)))
+    end do
+  end subroutine coarse_invert
 
   !> Give all memory back.
   subroutine coarse_destroy(self)

@@ -8,9 +8,11 @@ module dotyk_scheme_dual
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
+  use dotyk_base_text, only: to_text
   use dotyk_scheme_active_set, only: iterate_t, find_active_set, update_penetrations, reference_norm, rounding
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_bounds, only: duality_gap
+  use dotyk_scheme_choice, only: choose_solver, solver_auto
   use dotyk_scheme_explicit, only: explicit_compliance_t
   use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_limit, ended_stalled, ended_unstoppable, ended_immovable
   use dotyk_scheme_nested, only: find_start
@@ -25,6 +27,8 @@ module dotyk_scheme_dual
     real(dp) :: tolerance = 1.0e-6_dp
     !> Active sets at most.
     integer :: max_iterations = 100
+    !> One of `solver_*` of `dotyk_scheme_choice`.
+    integer :: linear_solver = solver_auto
   end type dual_settings_t
 
   public :: solve_dual
@@ -40,7 +44,7 @@ contains
     !> Out of memory.
     type(error_t), allocatable, intent(out) :: error
     type(explicit_compliance_t) :: compliance
-    type(active_system_t) :: system
+    class(active_system_t), allocatable :: system
     type(iterate_t) :: now
     real(dp), allocatable :: motion(:)
     logical, allocatable :: active(:)
@@ -56,7 +60,9 @@ contains
     end if
     call find_start(problem, now, active, error)
     if (allocated(error)) return
-    call compliance%init(problem)
+    call choose_solver(problem, settings%linear_solver, active, compliance, system)
+    if (compliance%by_sweeps) call log%line('  active sets      by conjugate gradients, '//to_text(count(active))// &
+                                            ' points to begin with')
     if (problem%operator%n_rows == 0) then
       call system%init(problem, compliance, problem%operator%theta, active, error)
       result%ended = ended_converged
@@ -85,10 +91,10 @@ contains
 
   !> The state that is returned: no force pulls, and the bound is that of `admissible_bound` where it is less than the duality gap's.
   subroutine finish(problem, settings, compliance, system, now, result)
-    type(contact_problem_t), intent(in) :: problem
+    type(contact_problem_t), intent(inout) :: problem
     type(dual_settings_t), intent(in) :: settings
     type(explicit_compliance_t), intent(in) :: compliance
-    type(active_system_t), intent(in) :: system
+    class(active_system_t), intent(in) :: system
     type(iterate_t), intent(inout) :: now
     type(scheme_result_t), intent(inout) :: result
     real(dp) :: norm
@@ -124,9 +130,9 @@ contains
   !> solution, add up to `||u - u_theta||_A^2 <= A(u - u_theta, g)`. What B g misses by rounding, r, adds `lambda.r` and its like with the
   !> forces of u_theta, which are as large to first order: x^2 <= |g| x + 2 lambda.r. [sqrt(energy)]
   real(dp) function admissible_bound(problem, compliance, system, now) result(bound)
-    type(contact_problem_t), intent(in) :: problem
+    type(contact_problem_t), intent(inout) :: problem
     type(explicit_compliance_t), intent(in) :: compliance
-    type(active_system_t), intent(in) :: system
+    class(active_system_t), intent(in) :: system
     type(iterate_t), intent(in) :: now
     real(dp), allocatable :: residual(:), mu(:), beta(:), all_mu(:), z(:), motion(:), missing(:)
     real(dp) :: left_over
@@ -138,6 +144,7 @@ contains
         return
       end if
       allocate (mu(size(row)), beta(problem%coarse%n), z(size(now%y)), motion(size(now%y)), missing(problem%coarse%n))
+      mu = 0
       residual = now%y(row) - theta(row)/weight(row)*now%lambda(row)
       call problem%coarse%resultant_of(problem%operator, now%lambda, missing)
       missing = problem%coarse%resultant - missing

@@ -6,6 +6,7 @@
 module dotyk_scheme_explicit
   use dotyk_base_kinds, only: dp, int64
   use dotyk_contact_operator, only: contact_block_t
+  use dotyk_linalg_blas, only: blas_threads, set_blas_threads
   use dotyk_response_response, only: response_t
   use dotyk_scheme_problem, only: contact_problem_t
   implicit none
@@ -25,6 +26,8 @@ module dotyk_scheme_explicit
   type, public :: explicit_compliance_t
     !> (n_bodies).
     type(body_columns_t), allocatable :: body(:)
+    !> True: no columns are formed, products are sweeps over all bodies.
+    logical :: by_sweeps = .false.
   contains
     procedure :: init => explicit_init
     procedure :: form => explicit_form
@@ -44,10 +47,13 @@ module dotyk_scheme_explicit
 contains
 
   !> No columns yet.
-  subroutine explicit_init(self, problem)
+  subroutine explicit_init(self, problem, by_sweeps)
     class(explicit_compliance_t), intent(out) :: self
     type(contact_problem_t), intent(in) :: problem
+    !> Whether there will never be any.
+    logical, intent(in) :: by_sweeps
     integer :: b, n
+    self%by_sweeps = by_sweeps
     allocate (self%body(size(problem%operator%block)))
     do b = 1, size(self%body)
       n = size(problem%operator%block(b)%row)
@@ -63,7 +69,8 @@ contains
     !> Rows whose columns are needed (n_rows).
     logical, intent(in) :: wanted(:)
     type(task_t), allocatable :: task(:)
-    integer :: b, i, k, n_old, n_tasks, most
+    integer :: b, i, k, n_old, n_tasks, n_blas, most
+    if (self%by_sweeps) return
     allocate (task(sum([(size(problem%operator%block(b)%row)/block_size + 1, b=1, size(self%body))])))
     n_tasks = 0
     most = 0
@@ -84,13 +91,16 @@ contains
         end do
       end associate
     end do
-    !$omp parallel do default(none) shared(self, problem, task, n_tasks) private(b) schedule(dynamic, 1)
+    n_blas = blas_threads()
+    if (n_tasks > 1) call set_blas_threads(1)
+    !$omp parallel do default(none) shared(self, problem, task, n_tasks) private(b) schedule(dynamic, 1) if (n_tasks > 1)
     do i = 1, n_tasks
       b = task(i)%body
       call form_columns(problem%operator%block(b), problem%response(b)%form, self%body(b)%row(task(i)%first:task(i)%last), &
                         self%body(b)%value(:, task(i)%first:task(i)%last))
     end do
     !$omp end parallel do
+    call set_blas_threads(n_blas)
     problem%body_solves = problem%body_solves + most
   end subroutine explicit_form
 
@@ -138,13 +148,17 @@ contains
   !> z = C lambda; forces only where there are columns.
   subroutine explicit_multiply(self, problem, lambda, z)
     class(explicit_compliance_t), intent(in) :: self
-    type(contact_problem_t), intent(in) :: problem
+    type(contact_problem_t), intent(inout) :: problem
     !> Forces (n_rows), 0 where no column was formed [force].
     real(dp), intent(in) :: lambda(:)
     !> Normal displacements (n_rows) [length].
     real(dp), intent(out) :: z(:)
     real(dp), allocatable :: sum_of_columns(:)
     integer :: b, j
+    if (self%by_sweeps) then
+      call problem%compliance(lambda, z)
+      return
+    end if
     z = 0
     do b = 1, size(self%body)
       associate (body => self%body(b), row => problem%operator%block(b)%row)
@@ -159,12 +173,14 @@ contains
     end do
   end subroutine explicit_multiply
 
-  !> Diagonal of C at one row that has a column in all its bodies [length/force].
+  !> Diagonal of C at one row that has a column in all its bodies, `huge` where products are sweeps [length/force].
   real(dp) function explicit_diagonal(self, problem, row) result(diagonal)
     class(explicit_compliance_t), intent(in) :: self
     type(contact_problem_t), intent(in) :: problem
     integer, intent(in) :: row
     integer :: k, b, i
+    diagonal = huge(diagonal)
+    if (self%by_sweeps) return
     diagonal = 0
     do k = 1, 2
       b = problem%coarse%body(k, row)

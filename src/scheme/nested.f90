@@ -11,6 +11,7 @@ module dotyk_scheme_nested
   use dotyk_contact_operator, only: contact_block_t
   use dotyk_scheme_active_set, only: iterate_t, find_active_set, settle_bodies
   use dotyk_scheme_active_system, only: active_system_t
+  use dotyk_scheme_choice, only: choose_solver, solver_auto
   use dotyk_scheme_explicit, only: explicit_compliance_t
   use dotyk_scheme_history, only: scheme_result_t
   use dotyk_scheme_problem, only: contact_problem_t
@@ -37,7 +38,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(contact_problem_t) :: joined
     type(explicit_compliance_t) :: compliance
-    type(active_system_t) :: system
+    class(active_system_t), allocatable :: system
     type(iterate_t) :: start
     type(scheme_result_t) :: result
     type(log_t) :: silent
@@ -56,13 +57,13 @@ contains
     call silent%init(.true.)
     call find_start(joined, start, closed, error)
     if (.not. allocated(error)) then
-      call compliance%init(joined)
+      call choose_solver(joined, solver_auto, closed, compliance, system)
       call find_active_set(joined, most_steps, 0.0_dp, silent, compliance, system, start, closed, result, error)
+      call system%destroy()
     end if
     dent = [(max(0.0_dp, start%lambda(i))*compliance%diagonal(joined, i), i=1, n_groups)]
     problem%body_solves = joined%body_solves
     call move_alloc(joined%response, problem%response)
-    call system%destroy()
     call joined%destroy()
     if (allocated(error)) return
     call spread_forces(problem, group, start, dent, now, active)

@@ -25,9 +25,11 @@ module dotyk_scheme_proximal
 contains
 
   !> One step.
-  subroutine proximal_step(problem, compliance, rho, hold, lambda, alpha, y, steps, error)
+  subroutine proximal_step(problem, compliance, system, rho, hold, lambda, alpha, y, steps, error)
     type(contact_problem_t), intent(inout) :: problem
     type(explicit_compliance_t), intent(inout) :: compliance
+    !> Another one on return.
+    class(active_system_t), intent(inout) :: system
     !> Softness of the contact (n_rows), at least theta [length/pressure]; springs on the motions (coarse%n) [force/length].
     real(dp), intent(in) :: rho(:), hold(:)
     !> From the last iterate to the next: forces (n_rows), amplitudes (coarse%n), penetrations (n_rows).
@@ -36,7 +38,6 @@ contains
     integer, intent(out) :: steps
     !> Out of memory.
     type(error_t), allocatable, intent(out) :: error
-    type(active_system_t) :: system
     real(dp), allocatable :: shift(:), centre(:), active_lambda(:), new_lambda(:), new_alpha(:), new_y(:), z(:), c_lambda(:), &
                              c_change(:), motion(:)
     logical, allocatable :: active(:), last(:)
@@ -55,7 +56,7 @@ contains
       call compliance%form(problem, active)
       call system%init(problem, compliance, rho, active, error, hold)
       if (allocated(error)) exit
-      allocate (active_lambda(size(system%row)))
+      active_lambda = lambda(system%row)
       call system%solve(problem, compliance, problem%y_free(system%row) + shift(system%row), &
                         problem%coarse%resultant + hold*centre, active_lambda, new_alpha)
       new_lambda = 0
@@ -78,6 +79,5 @@ contains
       y = y + t*(new_y - y)
     end do
     steps = min(steps, most_steps)
-    call system%destroy()
   end subroutine proximal_step
 end module dotyk_scheme_proximal

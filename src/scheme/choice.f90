@@ -1,0 +1,69 @@
+!> How the systems of the active sets are solved: with explicit columns of the compliance and a factorization, or by conjugate gradients.
+!>
+!> Cost and memory of both are known beforehand, from the number of closed points and the factors of the bodies.
+module dotyk_scheme_choice
+  use dotyk_base_kinds, only: dp
+  use dotyk_scheme_active_system, only: active_system_t
+  use dotyk_scheme_direct_system, only: direct_system_t
+  use dotyk_scheme_explicit, only: explicit_compliance_t
+  use dotyk_scheme_iterative_system, only: iterative_system_t
+  use dotyk_scheme_problem, only: contact_problem_t
+  implicit none
+  private
+
+  !> What the user may choose (`linear_solver` of the input).
+  integer, parameter, public :: solver_auto = 1       !< what is cheaper
+  integer, parameter, public :: solver_direct = 2     !< columns and factorization
+  integer, parameter, public :: solver_iterative = 3  !< conjugate gradients
+
+  public :: choose_solver
+
+  !> Solves of each body that conjugate gradients take for all active sets together, about: 50 to 150 for each.
+  real(dp), parameter :: typical_solves = 600
+  !> Factorizations of active systems, about.
+  real(dp), parameter :: typical_systems = 6
+  !> How much cheaper a right-hand side is in a block, and an operation in a dense factorization.
+  real(dp), parameter :: gain_of_blocks = 5.8_dp, gain_of_dense = 5.8_dp
+  !> Bytes that columns and active systems may take.
+  real(dp), parameter :: most_bytes = 8.0e9_dp
+
+contains
+
+  !> Choose for a first active set.
+  subroutine choose_solver(problem, wish, active, compliance, system)
+    type(contact_problem_t), intent(in) :: problem
+    !> One of `solver_*`.
+    integer, intent(in) :: wish
+    !> (n_rows).
+    logical, intent(in) :: active(:)
+    type(explicit_compliance_t), intent(out) :: compliance
+    class(active_system_t), allocatable, intent(out) :: system
+    type(direct_system_t), allocatable :: direct
+    type(iterative_system_t), allocatable :: iterative
+    real(dp) :: direct_cost, iterative_cost, bytes, n
+    logical :: by_sweeps
+    integer :: b
+    ! In floating-point operations at the speed of single solves: 4 for each entry of a factor.
+    n = count(active)
+    direct_cost = typical_systems*n**3/3/gain_of_dense
+    iterative_cost = 0
+    bytes = 24*n**2/2
+    do b = 1, size(problem%operator%block)
+      n = count(active(problem%operator%block(b)%row))
+      direct_cost = direct_cost + 4*problem%cost(b)*n/gain_of_blocks
+      if (n > 0) iterative_cost = iterative_cost + 4*problem%cost(b)*typical_solves
+      bytes = bytes + 8*n*size(problem%operator%block(b)%row)
+    end do
+    by_sweeps = direct_cost > iterative_cost .or. bytes > most_bytes
+    if (wish == solver_direct) by_sweeps = .false.
+    if (wish == solver_iterative) by_sweeps = .true.
+    call compliance%init(problem, by_sweeps)
+    if (by_sweeps) then
+      allocate (iterative)
+      call move_alloc(iterative, system)
+    else
+      allocate (direct)
+      call move_alloc(direct, system)
+    end if
+  end subroutine choose_solver
+end module dotyk_scheme_choice
