@@ -88,9 +88,10 @@ contains
       call note(problem, now, wall_time() - begin, length, count(active), result)
       if (log%due()) call log%progress(progress_line(result%history, tolerance, result%error_bound))
 
-      largest_force = maxval(abs(now%lambda))
+      ! Points may be closed without any force, such as those that push a free body away.
+      largest_force = max(maxval(abs(now%lambda)), maxval(foundation_stiffness(problem)*max(0.0_dp, problem%y_free)))
       largest_gap = max(maxval(abs(now%y)), maxval(abs(problem%y_free)))
-      next = merge(now%lambda > -rounding*largest_force, now%y > rounding*largest_gap, active)
+      next = merge(now%lambda >= -rounding*largest_force, now%y > rounding*largest_gap, active)
       next = next .and. .not. immovable
       call add_support(problem, now, next)
       if (all(next .eqv. active)) then

@@ -1,6 +1,6 @@
 !> Where the active sets begin: the same contact problem on groups of points.
 !>
-!> Neighbouring contact points are joined to groups of about ten. A group is one row: mean gap and mean displacement of its points, one
+!> Neighbouring contact points are joined to groups of a few. A group is one row: mean gap and mean displacement of its points, one
 !> force shared among them. Their active set is found first (on groups of groups, if they are many, and so on), it costs next to
 !> nothing, and the forces of the groups, spread over their points, tell which points to take for closed. Without it, active sets
 !> would shrink ring by ring from far too large ones, and columns be formed for points that never touch.
@@ -21,6 +21,8 @@ module dotyk_scheme_nested
 
   !> Fewer points than this need no better start than that of rigid bodies.
   integer, parameter :: few_points = 60
+  !> Points of a group at most.
+  integer, parameter :: most_joined = 6
   !> Active sets of the groups at most: a start need not be exact.
   integer, parameter :: most_steps = 12
   !> Points of a closed group are closed unless they are open by more than this part of how deep the group's own force presses it.
@@ -51,7 +53,7 @@ contains
     if (problem%operator%n_rows < few_points) return
     allocate (group(problem%operator%n_rows))
     call join_points(problem, group, n_groups)
-    if (3*n_groups > problem%operator%n_rows) return
+    if (2*n_groups > problem%operator%n_rows) return
     call join_problem(problem, group, n_groups, joined)
     allocate (closed(n_groups))
     call silent%init(.true.)
@@ -105,7 +107,7 @@ contains
     integer, intent(out) :: group(:)
     integer, intent(out) :: n_groups
     integer, allocatable :: start(:), row_of(:), neighbour(:)
-    integer :: k, i, n, b
+    integer :: k, i, j, n, b
     group = 0
     n_groups = 0
     associate (first => problem%operator%pair_first_row)
@@ -121,7 +123,14 @@ contains
             n = count(group(neighbour) == 0)
             if (3*n >= size(neighbour)) then
               n_groups = n_groups + 1
-              where (group(neighbour) == 0) group(neighbour) = n_groups
+              group(i) = n_groups
+              n = 1
+              do j = 1, size(neighbour)
+                if (n == most_joined) exit
+                if (group(neighbour(j)) > 0) cycle
+                group(neighbour(j)) = n_groups
+                n = n + 1
+              end do
             else
               group(i) = maxval(group(neighbour))
             end if
