@@ -8,10 +8,16 @@ module dotyk_driver_scheme
   use dotyk_driver_pairs, only: foundation_compliance
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t
-  use dotyk_input_names, only: name_at, scheme_auto, scheme_dual, scheme_names
+  use dotyk_input_names, only: name_at, scheme_anderson, scheme_auto, scheme_dual, scheme_names, scheme_nesterov, scheme_neumann, &
+    scheme_robin, scheme_secant
+  use dotyk_scheme_anderson, only: solve_anderson
   use dotyk_scheme_dual, only: dual_settings_t, solve_dual
   use dotyk_scheme_history, only: scheme_result_t, ended_unstoppable, ended_immovable
-  use dotyk_scheme_neumann, only: neumann_settings_t, solve_neumann
+  use dotyk_scheme_neumann, only: solve_neumann
+  use dotyk_scheme_nesterov, only: solve_nesterov
+  use dotyk_scheme_robin, only: solve_robin
+  use dotyk_scheme_secant, only: solve_secant
+  use dotyk_scheme_stopping, only: iteration_settings_t, stop_paper
   use dotyk_scheme_problem, only: contact_problem_t
   implicit none
   private
@@ -64,23 +70,35 @@ contains
     type(log_t), intent(inout) :: log
     type(scheme_result_t), intent(out) :: result
     type(error_t), allocatable, intent(out) :: error
-    type(neumann_settings_t) :: neumann
+    type(iteration_settings_t) :: iteration
     type(dual_settings_t) :: dual
-    select case (scheme_of(case))
-    case (scheme_dual)
-      dual%linear_solver = case%solver%linear_solver
-      dual%tolerance = case%solver%tolerance
-      dual%max_iterations = min(case%solver%max_iterations, dual%max_iterations)
-      call foundation_compliance(body, pair, problem%foundation)
-      call solve_dual(problem, dual, log, result, error)
-    case default
-      neumann%gamma_rule = case%solver%gamma_rule
-      neumann%gamma = case%solver%gamma
-      neumann%stop_rule = case%solver%stop_rule
-      neumann%tolerance = case%solver%tolerance
-      neumann%max_iterations = case%solver%max_iterations
-      call solve_neumann(problem, neumann, log, result, error)
-    end select
+    iteration%gamma_rule = case%solver%gamma_rule
+    iteration%gamma = case%solver%gamma
+    iteration%stop_rule = case%solver%stop_rule
+    iteration%tolerance = case%solver%tolerance
+    iteration%max_iterations = case%solver%max_iterations
+    if (iteration%stop_rule == stop_paper .and. scheme_of(case) /= scheme_neumann) &
+      call set_error(error, "&solver: stop_rule='paper' is for scheme='neumann', which (41) is about")
+    if (.not. allocated(error)) then
+      select case (scheme_of(case))
+      case (scheme_neumann)
+        call solve_neumann(problem, iteration, log, result, error)
+      case (scheme_nesterov)
+        call solve_nesterov(problem, iteration, log, result)
+      case (scheme_anderson)
+        call solve_anderson(problem, iteration, log, result)
+      case (scheme_secant)
+        call solve_secant(problem, iteration, log, result)
+      case (scheme_robin)
+        call solve_robin(problem, iteration, log, result, error)
+      case default
+        dual%linear_solver = case%solver%linear_solver
+        dual%tolerance = case%solver%tolerance
+        dual%max_iterations = min(case%solver%max_iterations, dual%max_iterations)
+        call foundation_compliance(body, pair, problem%foundation)
+        call solve_dual(problem, dual, log, result, error)
+      end select
+    end if
     call add_context(error, case%file//':'//to_text(case%solver%line)//': ')
     if (allocated(error)) return
     if (result%ended == ended_unstoppable) call refuse_motion(case, body, result%unstoppable, error)

@@ -179,7 +179,9 @@ contains
     call t%add('solver', 'scheme', kind_name, names=scheme_names, default='auto', &
                meaning='auto: dual, or neumann where gamma, gamma_rule or stop_rule=''paper'' say so; '// &
                'neumann: the parallel Neumann scheme, for held bodies; '// &
-               'dual: contact forces as unknowns, any theta and free bodies')
+               'dual: contact forces as unknowns, any theta and free bodies; the others are there to compare: '// &
+               'robin holds each body by springs towards the others, nesterov, anderson and secant '// &
+               'accelerate neumann')
     call t%add('solver', 'theta', kind_real, unit='length/pressure', not_negative=.true., &
                meaning='penalty parameter, the compliance of a layer between the bodies; 0: no layer, no penetration')
     call t%add('solver', 'theta_relative', kind_real, default='1e-2', not_negative=.true., &

@@ -41,10 +41,14 @@ module dotyk_input_names
   integer, parameter, public :: points_quadrature = 2  !< the quadrature points of surface_a's facets
 
   !> `&solver scheme`.
-  character(*), parameter, public :: scheme_names = 'auto neumann dual'
+  character(*), parameter, public :: scheme_names = 'auto neumann dual robin nesterov anderson secant'
   integer, parameter, public :: scheme_auto = 1     !< the best one for the scene
   integer, parameter, public :: scheme_neumann = 2  !< the parallel Neumann scheme, equations (43) to (46)
   integer, parameter, public :: scheme_dual = 3     !< contact forces as unknowns, by active sets
+  integer, parameter, public :: scheme_robin = 4    !< each body on springs towards the others
+  integer, parameter, public :: scheme_nesterov = 5 !< neumann with momentum
+  integer, parameter, public :: scheme_anderson = 6 !< neumann with combinations of its last steps
+  integer, parameter, public :: scheme_secant = 7   !< neumann with crossed secants
 
   !> `&solver linear_solver`.
   character(*), parameter, public :: linear_solver_names = 'auto direct iterative'
