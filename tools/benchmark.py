@@ -47,7 +47,7 @@ def chain(folder, n, size, steps):
     for k in range(n - 1):
         lines.append("&contact name='joint %d', surface_a='%d:high %d', surface_b='%d:low %d' /"
                      % (k + 1, k + 1, k + 1, k + 2, k + 2))
-    lines.append("&solver theta_relative=1e-1, tolerance=1e-12, max_iterations=%d /" % steps)
+    lines.append("&solver scheme='neumann', theta_relative=1e-1, tolerance=1e-12, max_iterations=%d /" % steps)
     with open(name + '.nml', 'w') as file:
         file.write('\n'.join(lines) + '\n')
     return name + '.nml'

@@ -7,6 +7,7 @@ module dotyk_scheme_anderson
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
   use dotyk_linalg_dense, only: solve_dense
+  use dotyk_scheme_bounds, only: contraction
   use dotyk_scheme_history, only: scheme_result_t
   use dotyk_scheme_neumann, only: begin_at_free_scene, answer, finish_iteration
   use dotyk_scheme_problem, only: contact_problem_t
@@ -44,7 +45,8 @@ contains
       allocate (p(n), z(n), df_m(n, window), df_y(n, window), dg_m(n, window), dg_y(n, window), share(window))
       k = -1
       least = huge(least)
-      call stopping%begin(settings, result%q_predicted, safeguarded=.true.)
+      ! Should gamma be too large, the safeguard finds a better one: that is what the patience is for.
+      call stopping%begin(settings, contraction(2/(2 + result%lambda_max), result%lambda_max), safeguarded=.true.)
       do
         call answer(problem, result%m, result%y, p, z, residual)
         if (stopping%check(problem, residual, result%gamma*residual, huge(1.0_dp), .false., log, result)) exit

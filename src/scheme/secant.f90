@@ -5,6 +5,7 @@
 module dotyk_scheme_secant
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
+  use dotyk_scheme_bounds, only: contraction
   use dotyk_scheme_history, only: scheme_result_t
   use dotyk_scheme_neumann, only: begin_at_free_scene, answer, finish_iteration
   use dotyk_scheme_problem, only: contact_problem_t
@@ -14,7 +15,7 @@ module dotyk_scheme_secant
   public :: solve_secant
 
   !> A residual this many times the least one calls for a plain step from where the least one was.
-  real(dp), parameter :: most_growth = 10
+  real(dp), parameter :: most_growth = 100
 
 contains
 
@@ -34,7 +35,8 @@ contains
       allocate (p(size(result%m)), z(size(result%m)))
       plain = .true.
       least = huge(least)
-      call stopping%begin(settings, result%q_predicted, safeguarded=.true.)
+      ! Should gamma be too large, the safeguard finds a better one: that is what the patience is for.
+      call stopping%begin(settings, contraction(2/(2 + result%lambda_max), result%lambda_max), safeguarded=.true.)
       do
         call answer(problem, result%m, result%y, p, z, residual)
         if (stopping%check(problem, residual, result%gamma*residual, huge(1.0_dp), .false., log, result)) exit
