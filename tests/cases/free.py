@@ -1,0 +1,324 @@
+#!/usr/bin/python3
+"""Bodies that only contact holds, and theta = 0: exact answers by statics, every refusal, and points that say too much."""
+import os
+import subprocess
+
+import numpy as np
+
+import dotyk_case
+from blocks import KINDS, block_geo, dimension, mesh
+
+YOUNG, POISSON = 200.0, 0.3
+ONE_D = (1 + POISSON) * (1 - 2 * POISSON) / (YOUNG * (1 - POISSON))  # uniaxial strain per stress
+ROLLERS = {3: "x y".split(), 2: ["x"]}
+
+
+class Free(dotyk_case.Case):
+    """Scenes of blocks, each with a mesh of its own."""
+
+    def block(self, name, kind, n, origin, size, transform=None):
+        """Mesh a block; returns its lines of the namelist."""
+        geo = self.write(name + ".geo", block_geo(kind, n, origin, size))
+        file = mesh(geo, dimension(kind), transform).name if transform else geo.name
+        return "&body name='%s', mesh='%s', volume='block', material='m' /\n" % (name, file)
+
+    def scene(self, lines, solver="theta_relative=0, tolerance=1e-8", analysis="3d", young=YOUNG):
+        self.write("case.nml", "&scene analysis='%s' /\n&material name='m', young=%r, poisson=%r /\n%s&solver %s /\n"
+                   % (analysis, young, POISSON, lines, solver))
+
+    def solve(self, code=0):
+        """Run; returns log and results."""
+        text = self.dotyk("case.nml", code=code)
+        return text, self.results("case.vtkhdf")
+
+    def refuse(self, *parts, code=3):
+        done = subprocess.run([os.environ["DOTYK"], "case.nml"], cwd=self.folder, text=True, timeout=60,
+                              stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        self.assertEqual(done.returncode, code, done.stdout + done.stderr)
+        for part in parts:
+            self.assertIn(part, done.stderr)
+        self.assertEqual([path for path in self.folder.iterdir() if "vtkhdf" in path.name], [])
+
+    def check_good(self, file, steps=8):
+        """What holds for every solution without penalty."""
+        summary = file["dotyk/summary"].attrs
+        self.assertEqual(summary["converged"], 1)
+        self.assertLessEqual(summary["iterations"], steps)
+        self.assertLessEqual(summary["error_bound"], 1e-8)
+        for pair in file["dotyk/contact"].values():
+            p, gap = pair["pressure"][:], pair["gap"][:]
+            self.assertGreaterEqual(p.min(), 0)
+            self.assertGreater(gap.min(), -1e-10)
+            self.assertLess(np.max(np.minimum(p / max(p.max(), 1e-300), gap)), 1e-10)
+
+    def column(self, kinds, divisions, rollers=True, load="pressure=1", solver="theta_relative=0, tolerance=1e-8", transform=None,
+               analysis=None):
+        """Blocks on top of each other, the lowest on the ground, pressed on top."""
+        d = dimension(kinds[0])
+        lines = ""
+        for k, (kind, n) in enumerate(zip(kinds, divisions)):
+            lines += self.block("b%d" % k, kind, n, (0.0,) * (d - 1) + (1.0 * k,), (1.0,) * d, transform)
+            if rollers or k == 0:
+                lines += "".join("&support body='b%d', surface='sides %s', fix='n' /\n" % (k, axis) for axis in ROLLERS[d])
+            if k > 0:
+                lines += "&contact name='joint %d', surface_a='b%d:bottom', surface_b='b%d:top' /\n" % (k, k, k - 1)
+        lines += "&support body='b0', surface='bottom', fix='n' /\n&load body='b%d', surface='top', %s /\n" % (len(kinds) - 1, load)
+        self.scene(lines, solver, analysis or ("3d" if d == 3 else "plane_strain"))
+
+    def test_column_of_every_kind(self):
+        """Four blocks, three of them free to move along the column: uniform pressure, to rounding."""
+        for kind in KINDS:
+            with self.subTest(kind):
+                self.column([kind] * 4, [2] * 4)
+                file = self.solve()[1]
+                self.check_good(file)
+                d = dimension(kind)
+                for pair in file["dotyk/contact"].values():
+                    np.testing.assert_allclose(pair["pressure"][:], 1, rtol=1e-9)
+                    np.testing.assert_allclose(pair["gap"][:], 0, atol=1e-12)
+                    self.assertAlmostEqual(pair.attrs["force"][d - 1], 1, delta=1e-10)
+                np.testing.assert_allclose(file["VTKHDF/CellData/stress"][:, d - 1], -1, rtol=1e-9)
+                z = file["VTKHDF/Points"][:, d - 1]
+                np.testing.assert_allclose(file["VTKHDF/PointData/displacement"][:, d - 1], -ONE_D * z, atol=1e-9 * 4 * ONE_D)
+
+    def test_every_theta(self):
+        """The joint shortens by theta s besides; the same few steps at every theta."""
+        for power in (1, 2, 4, 6, 8, 10, None):
+            theta = 0 if power is None else 10.0**-power / YOUNG
+            self.column(["hex8"] * 3, [2] * 3, solver="theta=%r, tolerance=1e-8" % theta)
+            file = self.solve()[1]
+            summary = file["dotyk/summary"].attrs
+            self.assertLessEqual(summary["iterations"], 8)
+            self.assertLessEqual(summary["error_bound"], 1e-8)
+            for pair in file["dotyk/contact"].values():
+                np.testing.assert_allclose(pair["pressure"][:], 1, rtol=1e-8)
+                np.testing.assert_allclose(pair["gap"][:], -theta, atol=1e-11)
+
+    def test_faces_that_do_not_match(self):
+        """Pressures of cut facets are good to the quadrature of the means; forces are exact."""
+        self.column(["tet10", "hex8", "tet4", "hex20"], [2, 3, 4, 3])
+        file = self.solve()[1]
+        self.check_good(file)
+        for pair in file["dotyk/contact"].values():
+            self.assertAlmostEqual(pair.attrs["force"][2], 1, delta=1e-10)
+            # The rule of degree 8 does not see where facets are cut: 2 % on meshes of 2 to 4 divisions.
+            np.testing.assert_allclose(pair["pressure_projected"][:], 1, atol=0.03)
+
+    def test_sliding_is_not_determined(self):
+        """Without walls nothing stops or excites sliding and spinning: least motions, and the log says which."""
+        self.column(["hex8"] * 3, [2] * 3, rollers=False)
+        text, file = self.solve()
+        self.check_good(file)
+        lines = [line for line in text.splitlines() if "not determined" in line]
+        self.assertEqual(len(lines), 2, text)
+        for line in lines:
+            for part in ("translation along (1, 0, 0)", "translation along (0, 1, 0)", "rotation about the axis (0, 0, 1)"):
+                self.assertIn(part, line)
+            self.assertNotIn("translation along (0, 0, 1)", line)
+        # Symmetric about the axis of the column, as the load is: no drift.
+        u, x = file["VTKHDF/PointData/displacement"][:], file["VTKHDF/Points"][:]
+        for body in (1, 2):
+            inside = (x[:, 2] > body + 0.25) & (x[:, 2] < body + 0.75)
+            np.testing.assert_allclose(u[inside, :2].mean(axis=0), 0, atol=1e-10)
+
+    def test_tilted_and_shifted(self):
+        """The whole scene turned by an odd angle, and far from the origin."""
+        axis = np.array([0.36, 0.48, 0.8])
+        cross = np.array([[0, -0.8, 0.48], [0.8, 0, -0.36], [-0.48, 0.36, 0]])
+        turn = np.eye(3) + np.sin(0.7) * cross + (1 - np.cos(0.7)) * cross @ cross
+        np.testing.assert_allclose(turn @ axis, axis, atol=1e-14)
+        for shift, tolerance in ((0.0, 1e-9), (1e3, 1e-8)):
+            self.column(["tet10", "tet4", "hex8"], [2, 2, 2], transform=lambda x: x @ turn.T + shift)
+            file = self.solve()[1]
+            self.check_good(file)
+            for pair in file["dotyk/contact"].values():
+                # From b (above) into a: the force on the upper body points up the column.
+                np.testing.assert_allclose(pair.attrs["force"], turn[:, 2], atol=tolerance)
+
+    def test_units_and_order(self):
+        """Pascals and metres in other units, bodies and pairs in another order: the same steps and numbers."""
+        self.column(["hex8", "tet4", "hex8"], [2, 3, 2])
+        one = self.solve()[1]
+        text = (self.folder / "case.nml").read_text().splitlines()
+        body = [line for line in text if line.startswith("&body")]
+        contact = [line for line in text if line.startswith("&contact")]
+        rest = [line for line in text if not line.startswith(("&body", "&contact"))]
+        self.write("case.nml", "\n".join(rest + body[::-1] + contact[::-1]) + "\n")
+        other = self.solve()[1]
+        self.write("case.nml", "\n".join(text).replace("young=200.0", "young=200.0e9").replace("pressure=1 ", "pressure=1e9 ") + "\n")
+        scaled = self.solve()[1]
+        for name in ("joint 1", "joint 2"):
+            p = one["dotyk/contact"][name]["pressure"][:]
+            np.testing.assert_allclose(other["dotyk/contact"][name]["pressure"][:], p, atol=1e-9)
+            np.testing.assert_allclose(scaled["dotyk/contact"][name]["pressure"][:] / 1e9, p, atol=1e-9)
+        self.assertEqual(one["dotyk/summary"].attrs["iterations"], other["dotyk/summary"].attrs["iterations"])
+        self.assertEqual(one["dotyk/summary"].attrs["iterations"], scaled["dotyk/summary"].attrs["iterations"])
+
+    def test_axisymmetric_disc(self):
+        """A disc on a disc, free along the axis; force over the full turn."""
+        lines = self.block("low", "quad4", 3, (0.0, 0.0), (1.0, 1.0)) + self.block("high", "quad4", 4, (0.0, 1.0), (1.0, 1.0))
+        lines += ("&support body='low', surface='bottom', fix='y' /\n&load body='high', surface='top', pressure=2 /\n"
+                  "&contact name='joint', surface_a='high:bottom', surface_b='low:top' /\n")
+        self.scene(lines, analysis="axisymmetric")
+        file = self.solve()[1]
+        self.check_good(file)
+        self.assertAlmostEqual(file["dotyk/contact/joint"].attrs["force"][1] / (2 * np.pi), 1, delta=1e-10)
+
+    def beam(self, n=6, load="traction_formula='0','-1/4'", more=""):
+        """A beam of length 4 on two blocks at its ends, in the plane; nothing else holds it."""
+        lines = self.block("left", "quad8", 2, (0.0, 0.0), (1.0, 1.0)) + self.block("right", "quad8", 2, (3.0, 0.0), (1.0, 1.0))
+        lines += self.block("beam", "quad8", n, (0.0, 1.0), (4.0, 1.0))
+        lines += "".join("&support body='%s', surface='bottom', fix='xy' /\n" % name for name in ("left", "right"))
+        lines += "&load body='beam', surface='top', %s /\n" % load
+        lines += "".join("&contact name='%s', surface_a='%s:top', surface_b='beam:bottom' /\n" % (name, name)
+                         for name in ("left", "right"))
+        self.scene(lines + more, analysis="plane_strain")
+
+    def test_beam_by_statics(self):
+        """Forces and moments of a free body balance: load over x^k with a resultant of 1 off the middle."""
+        for load, force, moment in (("traction_formula='0','-1/4'", 1.0, 2.0), ("traction_formula='0','-x/8'", 1.0, 8 / 3)):
+            self.beam(load=load)
+            file = self.solve()[1]
+            self.check_good(file)
+            left, right = file["dotyk/contact/left"], file["dotyk/contact/right"]
+            # On the blocks, downwards; flat and straight: the moment of a vertex is that of its force.
+            self.assertAlmostEqual(-(left.attrs["force"] + right.attrs["force"])[1], force, delta=1e-10)
+            self.assertAlmostEqual(sum(np.sum(pair["weight"][:] * pair["pressure"][:] * pair["position"][:, 0])
+                                       for pair in (left, right)), moment, delta=1e-9)
+
+    def test_tipping(self):
+        """A load between its supports is carried, one beyond them tips the beam: refused, with the rotation."""
+        self.beam(load="traction_formula='0','-max(0,x-3)'")
+        self.check_good(self.solve()[1])
+        self.beam(load="traction_formula='0','-max(0,x-3)'",
+                  more="&load body='beam', surface='sides x', traction_formula='0','-2*(x-2)' /\n")
+        (self.folder / "case.vtkhdf").unlink()
+        self.refuse("body 'beam'", "rotation about", "no contact can stop")
+
+    def test_refusals(self):
+        """Up, and along the joint: no contact can stop it."""
+        for load, motion in (("pressure=-1", "translation along (0, 0, 1)"), ("traction=0.1,0,-1", "translation along (1, 0, 0)")):
+            self.column(["hex8"] * 2, [2] * 2, rollers=False, load=load)
+            self.refuse("body 'b1'", motion, "resultant", "case.nml:")
+        # A free body that touches nothing, loaded.
+        self.column(["hex8"] * 2, [2] * 2)
+        loose = self.block("loose", "hex8", 1, (5.0, 0.0, 0.0), (1.0, 1.0, 1.0))
+        text = (self.folder / "case.nml").read_text()
+        self.write("case.nml", text + loose + "&load body='loose', force_density=0,0,-1 /\n")
+        self.refuse("body 'loose'", "translation along (0, 0, 1)")
+        # Unloaded it stays where it is, and the log says so.
+        self.write("case.nml", text + loose)
+        self.assertIn("not determined   'loose'", self.solve()[0])
+
+    def test_a_scheme_that_needs_more(self):
+        self.column(["hex8"] * 2, [2] * 2, solver="scheme='neumann'")
+        self.refuse("scheme 'neumann' needs held bodies", "body 'b1'", "translation along (0, 0, 1)", "scheme='dual'")
+        self.column(["hex8"] * 2, [2] * 2, solver="scheme='robin', theta=0")
+        self.refuse("case.nml:", "theta = 0 needs scheme='dual', got 'robin'", code=2)
+
+    def test_pushed_away(self):
+        """A support pushes a block that nothing else holds: it moves along without any force."""
+        self.column(["hex8"] * 2, [2] * 2)
+        text = (self.folder / "case.nml").read_text()
+        text = text.replace("&load body='b1', surface='top', pressure=1 /", "&support body='b1', surface='top', fix='z', value=0,0,-0.1 /")
+        self.write("case.nml", text.replace("&support body='b0', surface='bottom', fix='n' /", ""))
+        file = self.solve()[1]
+        self.check_good(file)
+        np.testing.assert_allclose(file["dotyk/contact/joint 1/pressure"][:], 0, atol=1e-9 * YOUNG)
+        np.testing.assert_allclose(file["VTKHDF/PointData/displacement"][:, 2].max(), -0.1, atol=1e-9)
+
+    def test_pulled_away(self):
+        """Held and pressed into each other to begin with, then pulled apart: open everywhere."""
+        self.column(["hex8"] * 2, [2] * 2)
+        text = (self.folder / "case.nml").read_text().replace("surface_b='b0:top'", "surface_b='b0:top', gap=-0.01")
+        self.write("case.nml", text.replace("&load body='b1', surface='top', pressure=1 /",
+                                            "&support body='b1', surface='top', fix='z', value=0,0,0.1 /"))
+        file = self.solve()[1]
+        self.check_good(file)
+        np.testing.assert_array_equal(file["dotyk/contact/joint 1/pressure"][:], 0)
+        np.testing.assert_allclose(file["dotyk/contact/joint 1/gap"][:], 0.09, atol=1e-12)
+
+    def test_falls_until_it_touches(self):
+        """Free blocks with wide gaps between them: they fall, by the gaps, and then bear the load."""
+        self.column(["hex8"] * 3, [2] * 3)
+        text = (self.folder / "case.nml").read_text().replace(":top' /", ":top', gap=0.25 /")
+        self.write("case.nml", text)
+        file = self.solve()[1]
+        self.check_good(file)
+        u, x = file["VTKHDF/PointData/displacement"][:, 2], file["VTKHDF/Points"][:, 2]
+        self.assertAlmostEqual(u[x > 2.999].mean(), -0.5 - 3 * ONE_D, delta=1e-9)
+
+    def test_chain(self):
+        """Ten blocks that only hold each other."""
+        self.column(["hex8"] * 10, [1] * 10)
+        file = self.solve()[1]
+        self.check_good(file)
+        for pair in file["dotyk/contact"].values():
+            np.testing.assert_allclose(pair["pressure"][:], 1, rtol=1e-9)
+
+    def test_on_two_blocks(self):
+        """One face on two blocks, side by side: vertices of the seam are in both pairs."""
+        lines = self.block("left", "hex8", 2, (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)) + self.block("right", "hex8", 2, (1.0, 0.0, 0.0), (1.0, 1.0, 1.0))
+        lines += self.block("high", "hex8", 4, (0.0, 0.0, 1.0), (2.0, 1.0, 1.0))
+        lines += "".join("&support body='%s', surface='bottom', fix='xyz' /\n" % name for name in ("left", "right"))
+        for side in ("left", "right"):
+            lines += "&contact name='%s', surface_a='high:bottom', surface_b='%s:top' /\n" % (side, side)
+        self.scene(lines + "&load body='high', surface='top', pressure=1 /\n")
+        file = self.solve()[1]
+        self.check_good(file)
+        for side in ("left", "right"):
+            self.assertAlmostEqual(file["dotyk/contact"][side].attrs["force"][2], 1, delta=1e-9)
+
+    def test_pair_given_twice(self):
+        """Rows that say the same at theta = 0: each pair's share is not determined, the sum is."""
+        self.column(["hex8"] * 2, [3] * 2)
+        text = (self.folder / "case.nml").read_text()
+        self.write("case.nml", text + "&contact name='twin', surface_a='b1:bottom', surface_b='b0:top' /\n")
+        file = self.solve()[1]
+        self.check_good(file)
+        p = file["dotyk/contact/joint 1/pressure"][:] + file["dotyk/contact/twin/pressure"][:]
+        np.testing.assert_allclose(p, 1, rtol=1e-6)
+
+    def test_supports_on_the_contact_surface(self):
+        """Held on both sides points cannot give way: harmless where they just touch, refused where they are pressed."""
+        self.column(["hex8"] * 2, [2] * 2)
+        held = "".join("&support body='b%d', surface='%s', fix='xyz' /\n" % (k, s) for k, s in ((0, "top"), (1, "bottom")))
+        text = (self.folder / "case.nml").read_text() + held
+        self.write("case.nml", text)
+        self.check_good(self.solve()[1])
+        (self.folder / "case.vtkhdf").unlink()
+        self.write("case.nml", text.replace("surface_b='b0:top'", "surface_b='b0:top', gap=-0.01"))
+        self.refuse("joint 1", "theta = 0", "supports on both sides")
+        # With a layer the same scene has a solution: p = 0.01/theta.
+        self.write("case.nml", text.replace("surface_b='b0:top'", "surface_b='b0:top', gap=-0.01, theta=0.1"))
+        np.testing.assert_allclose(self.solve()[1]["dotyk/contact/joint 1/pressure"][:], 0.1, rtol=1e-9)
+
+    def test_linear_solvers_agree(self):
+        """Conjugate gradients and the factorization, free bodies and theta = 0."""
+        energies = []
+        for solver in ("direct", "iterative"):
+            self.column(["tet10", "hex8", "tet4"], [2, 3, 3], solver="theta_relative=0, tolerance=1e-8, linear_solver='%s'" % solver)
+            file = self.solve()[1]
+            self.check_good(file)
+            energies.append(file["dotyk/summary"].attrs["energy"])
+        self.assertAlmostEqual(energies[0] / energies[1], 1, delta=1e-10)
+
+    def test_schemes_agree(self):
+        """All schemes on held bodies: energies as near as both bounds say."""
+        found = {}
+        for scheme in ("dual", "neumann", "nesterov", "anderson", "secant", "robin"):
+            self.column(["hex8", "tet4"], [2, 3], solver="scheme='%s', theta_relative=1e-1, tolerance=1e-6" % scheme)
+            text = (self.folder / "case.nml").read_text()
+            self.write("case.nml", text.replace("&load body='b1', surface='top', pressure=1 /",
+                                                "&support body='b1', surface='top', fix='z', value=0,0,-0.01 /"))
+            summary = self.solve()[1]["dotyk/summary"].attrs
+            self.assertEqual(summary["converged"], 1)
+            found[scheme] = summary["energy"], summary["error_bound"]
+        energy, bound = found["dual"]
+        for scheme, (other, other_bound) in found.items():
+            # F is quadratic about its minimum: 1/2 (1 + L) ||u - u*||^2 with ||u||_A^2 about 2 F, and L below 1e3 here.
+            self.assertLess(abs(other / energy - 1), 1e3 * (bound + other_bound)**2 + 1e-12, scheme)
+
+
+if __name__ == "__main__":
+    dotyk_case.main()
