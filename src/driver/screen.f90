@@ -4,10 +4,11 @@ module dotyk_driver_screen
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_log, only: log_t
   use dotyk_base_text, only: to_text
-  use dotyk_contact_pair, only: contact_pair_t
+  use dotyk_contact_pair, only: contact_pair_t, points_quadrature
   use dotyk_driver_factorization, only: factor_size_t
   use dotyk_driver_timing, only: timing_t
   use dotyk_driver_version, only: version
+  use dotyk_elasticity_analysis, only: analysis_axisymmetric
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t
   use dotyk_input_names, only: analysis_names, name_at
@@ -95,6 +96,7 @@ contains
       if (pair(k)%n_without_partner > 0) call log%line('    left out: '//plural(pair(k)%n_outside, 'integration point', &
         'integration points')//' beside the other surface, '//to_text(pair(k)%n_not_facing)//' that it does not face, '// &
         to_text(pair(k)%n_too_far)//' too far')
+      call warn_of_noise(log, body, pair(k), surface_a(k)%n_facets)
     end do
     n = 0
     do k = 1, size(body)
@@ -102,6 +104,25 @@ contains
     end do
     if (n > 0) call log%line('  '//plural(n, 'body touches', 'bodies touch')//' nothing: solved once, not iterated')
   end subroutine show_pairs
+
+  !> Quadrature points are more than the unknowns of their surface: with theta far below h/E single pressures are noise.
+  subroutine warn_of_noise(log, body, pair, n_facets)
+    type(log_t), intent(inout) :: log
+    type(body_t), intent(in) :: body(:)
+    type(contact_pair_t), intent(in) :: pair
+    !> Facets of surface_a.
+    integer, intent(in) :: n_facets
+    real(dp) :: size, compliance
+    real(dp), parameter :: far_below = 1.0e-3_dp
+    if (pair%points /= points_quadrature) return
+    ! The mean size of a facet; circles about the axis do not make it larger.
+    size = sum(pair%row_weight)
+    if (body(pair%body_a)%analysis == analysis_axisymmetric) size = sum(pair%row_weight/(2*acos(-1.0_dp)*pair%row_position(1, :)))
+    size = (size/n_facets)**(1.0_dp/(pair%dimension - 1))
+    compliance = size/body(pair%body_a)%young() + size/body(pair%body_b)%young()
+    if (pair%theta < far_below*compliance) call log%line('    warning: theta is far below h/E = '//to_text(compliance, 2)// &
+      ": single pressures at quadrature points are not determined, only their means are; use points='nodes'")
+  end subroutine warn_of_noise
 
   !> How fast the factorization was.
   subroutine show_factorization(log, size_of, seconds)

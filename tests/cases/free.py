@@ -258,7 +258,8 @@ class Free(dotyk_case.Case):
 
     def test_on_two_blocks(self):
         """One face on two blocks, side by side: vertices of the seam are in both pairs."""
-        lines = self.block("left", "hex8", 2, (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)) + self.block("right", "hex8", 2, (1.0, 0.0, 0.0), (1.0, 1.0, 1.0))
+        lines = self.block("left", "hex8", 2, (0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
+        lines += self.block("right", "hex8", 2, (1.0, 0.0, 0.0), (1.0, 1.0, 1.0))
         lines += self.block("high", "hex8", 4, (0.0, 0.0, 1.0), (2.0, 1.0, 1.0))
         lines += "".join("&support body='%s', surface='bottom', fix='xyz' /\n" % name for name in ("left", "right"))
         for side in ("left", "right"):
@@ -292,6 +293,18 @@ class Free(dotyk_case.Case):
         # With a layer the same scene has a solution: p = 0.01/theta.
         self.write("case.nml", text.replace("surface_b='b0:top'", "surface_b='b0:top', gap=-0.01, theta=0.1"))
         np.testing.assert_allclose(self.solve()[1]["dotyk/contact/joint 1/pressure"][:], 0.1, rtol=1e-9)
+
+    def test_quadrature_points_without_a_layer(self):
+        """More points than unknowns: forces and means are right, and the log says that single pressures are not determined."""
+        # The bound of redundant rows is that of rounding errors to the power 1/2: 1e-8.
+        self.column(["hex8"] * 2, [3] * 2, solver="theta_relative=0, tolerance=1e-6")
+        text = (self.folder / "case.nml").read_text()
+        self.write("case.nml", text.replace("surface_b='b0:top'", "surface_b='b0:top', points='quadrature'"))
+        log, file = self.solve()
+        self.assertIn("single pressures at quadrature points are not determined", log)
+        self.assertAlmostEqual(file["dotyk/contact/joint 1"].attrs["force"][2], 1, delta=1e-9)
+        self.write("case.nml", text)
+        self.assertNotIn("not determined, only", self.solve()[0])
 
     def test_linear_solvers_agree(self):
         """Conjugate gradients and the factorization, free bodies and theta = 0."""
