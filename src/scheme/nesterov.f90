@@ -39,7 +39,7 @@ contains
       do
         ! The answer at the point with momentum, which is the iterate that is measured: its bound is the residual.
         call answer(problem, result%m, result%y, p, z, residual)
-        if (stopping%check(problem, residual, gamma*residual, huge(1.0_dp), .false., log, result)) exit
+        if (stopping%check(problem, residual, gamma*residual, .false., log, result)) exit
         m = result%m + gamma*(p - result%m)
         y = result%y + gamma*(problem%y_free - z - result%y)
         ! Energy product of the answer and the last move; C W m = y_free - y.

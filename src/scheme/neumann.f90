@@ -86,9 +86,8 @@ contains
       result%m = gamma*p + (1 - gamma)*result%m
       result%y = gamma*(problem%y_free - z) + (1 - gamma)*result%y
       ! The new iterate has q times the error of the last at most.
-      if (stopping%check(problem, result%q_predicted*residual, gamma*residual, &
-                         bound_of_paper(gamma, result%lambda_max, gamma*residual), gamma >= gamma_limit(result%lambda_max), &
-                         log, result)) exit
+      if (stopping%check(problem, result%q_predicted*residual, gamma*residual, gamma >= gamma_limit(result%lambda_max), log, &
+                         result, bound_of_paper(gamma, result%lambda_max, gamma*residual))) exit
     end do
   end subroutine iterate
 

@@ -5,6 +5,7 @@
 !> its own forces, `u_a = u0_a - K_a^{-1} B_a^T lambda_a`, this is `lambda_a += gamma (I + D C_a)^{-1} (W p - lambda_a)`: no solve of a body once the columns
 !> of C_a are there. Both sides agree on the force at the solution only.
 module dotyk_scheme_robin
+  use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
@@ -52,7 +53,7 @@ contains
     if (size(result%m) > 0) then
       gamma = relaxation
       result%gamma = gamma
-      result%q_predicted = 1
+      result%q_predicted = ieee_value(gamma, ieee_quiet_nan)
       allocate (p(size(result%m)), z(size(result%m)), change(size(result%m)), last(size(result%m)))
       call prepare_sides(problem, side)
       last = .false.
@@ -86,7 +87,7 @@ contains
         result%y = problem%y_free - z
         result%m = max(0.0_dp, result%y)/problem%operator%theta
         ! Twice, so that the mean of both sides keeps to it too.
-        if (stopping%check(problem, 2*residual, residual, huge(1.0_dp), .true., log, result)) exit
+        if (stopping%check(problem, 2*residual, residual, .true., log, result)) exit
       end do
       ! One state for both sides, the mean of their forces, with a bound of its own.
       result%m = 0

@@ -39,8 +39,8 @@ contains
       call stopping%begin(settings, contraction(2/(2 + result%lambda_max), result%lambda_max), safeguarded=.true.)
       do
         call answer(problem, result%m, result%y, p, z, residual)
-        if (stopping%check(problem, residual, result%gamma*residual, huge(1.0_dp), .false., log, result)) exit
-        if (residual > most_growth*least) then
+        if (stopping%check(problem, residual, result%gamma*residual, .false., log, result)) exit
+        if (residual/most_growth > least) then
           result%m = best_m
           result%y = best_y
           least = huge(least)

@@ -1,6 +1,6 @@
 !> When the iterations on held bodies end: what they measure at each step, and when there is no more to gain.
 module dotyk_scheme_stopping
-  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite, ieee_is_nan
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite, ieee_is_nan, ieee_quiet_nan, ieee_value
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
   use dotyk_base_timer, only: wall_time
@@ -73,16 +73,18 @@ contains
   end subroutine stopping_begin
 
   !> Record a step, and say whether it was the last.
-  logical function stopping_check(self, problem, bound, length, bound_of_paper, diverges, log, result) result(finished)
+  logical function stopping_check(self, problem, bound, length, diverges, log, result, bound_of_paper) result(finished)
     class(stopping_t), intent(inout) :: self
     type(contact_problem_t), intent(in) :: problem
-    !> A guaranteed bound of ||u - u_theta||_A besides that of the duality gap, the length of the step, and (41) [sqrt(energy)].
-    real(dp), intent(in) :: bound, length, bound_of_paper
+    !> A guaranteed bound of ||u - u_theta||_A besides that of the duality gap, and the length of the step [sqrt(energy)].
+    real(dp), intent(in) :: bound, length
     !> Whether no gain means divergence (gamma is too large) and not rounding.
     logical, intent(in) :: diverges
     type(log_t), intent(inout) :: log
     !> With the new iterate m, y.
     type(scheme_result_t), intent(inout) :: result
+    !> (41); not given where it means nothing [sqrt(energy)].
+    real(dp), intent(in), optional :: bound_of_paper
     real(dp) :: norm, gap, measure
     integer :: k
     finished = .true.
@@ -90,9 +92,10 @@ contains
       norm = problem%norm(m, y)
       gap = duality_gap(problem%operator%weight, problem%operator%theta, m, y)
       result%error_bound = bound
-      if (gap < bound**2 .and. .not. self%split) result%error_bound = sqrt(gap)
+      if (sqrt(gap) < bound .and. .not. self%split) result%error_bound = sqrt(gap)
       result%error_bound = relative(result%error_bound, norm)
-      result%error_bound_paper = relative(bound_of_paper, norm)
+      result%error_bound_paper = ieee_value(norm, ieee_quiet_nan)
+      if (present(bound_of_paper)) result%error_bound_paper = relative(bound_of_paper, norm)
       result%energy = problem%energy(m, y)
       result%max_penetration = max(0.0_dp, maxval(y))
       call result%history%add(wall_time() - self%start, length, relative(length, norm), result%error_bound, result%energy, &
