@@ -87,6 +87,7 @@ contains
     if (arguments%check) then
       call show_memory(run%log, run%body, run%size_of)
       call run%log%line('  checked; nothing was solved')
+      call run%problem%destroy()
       return
     end if
     call solve(run, error)

@@ -142,15 +142,15 @@ contains
     y = scale*y
   end subroutine problem_apply
 
-  !> y_free + G alpha [length]: C W m is this minus y.
-  pure function rest_of(self, alpha) result(z)
+  !> rest = y_free + G alpha [length]: C W m is this minus y.
+  subroutine find_rest(self, rest, alpha)
     class(contact_problem_t), intent(in) :: self
+    real(dp), intent(out) :: rest(:)
     real(dp), intent(in), optional :: alpha(:)
-    real(dp) :: z(self%operator%n_rows)
-    z = 0
-    if (present(alpha)) call self%coarse%displacement(self%operator, alpha, z)
-    z = self%y_free + z
-  end function rest_of
+    rest = 0
+    if (present(alpha)) call self%coarse%displacement(self%operator, alpha, rest)
+    rest = self%y_free + rest
+  end subroutine find_rest
 
   !> The energy norm ||u||_A of u = u0 - K^+ B^T W m + R alpha [sqrt(energy)].
   real(dp) function problem_norm(self, m, y, alpha) result(norm)
@@ -161,7 +161,10 @@ contains
     real(dp), intent(in) :: y(:)
     !> Amplitudes of the coarse space; zero where not given (coarse%n) [length].
     real(dp), intent(in), optional :: alpha(:)
-    norm = sqrt(max(0.0_dp, self%norm_free + sum(self%operator%weight*m*((rest_of(self, alpha) - y) - 2*self%y_load))))
+    real(dp), allocatable :: rest(:)
+    allocate (rest(size(y)))
+    call find_rest(self, rest, alpha)
+    norm = sqrt(max(0.0_dp, self%norm_free + sum(self%operator%weight*m*((rest - y) - 2*self%y_load))))
   end function problem_norm
 
   !> F_theta(u) of (19) [energy]; without penetrations where theta = 0. The work of the loads cancels, because u0 is in equilibrium
@@ -174,7 +177,10 @@ contains
     real(dp), intent(in) :: y(:)
     !> Amplitudes of the coarse space; zero where not given (coarse%n) [length].
     real(dp), intent(in), optional :: alpha(:)
-    energy = self%energy_free + 0.5_dp*sum(self%operator%weight*m*(rest_of(self, alpha) - y)) + &
+    real(dp), allocatable :: rest(:)
+    allocate (rest(size(y)))
+    call find_rest(self, rest, alpha)
+    energy = self%energy_free + 0.5_dp*sum(self%operator%weight*m*(rest - y)) + &
       0.5_dp*sum(self%operator%weight*max(0.0_dp, y)**2/self%operator%theta, mask=self%operator%theta > 0)
     if (present(alpha)) energy = energy - dot_product(self%coarse%resultant, alpha)
   end function problem_energy
