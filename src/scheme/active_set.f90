@@ -27,7 +27,7 @@ module dotyk_scheme_active_set
     real(dp), allocatable :: lambda(:), y(:), alpha(:)
   end type iterate_t
 
-  public :: find_active_set, settle_bodies, update_penetrations, reference_norm
+  public :: find_active_set, settle_bodies, update_penetrations, reference_norm, is_balanced
 
   !> Forces and penetrations below this part of the largest are rounding errors, not a reason to change the active set.
   real(dp), parameter, public :: rounding = 1.0e-12_dp
@@ -127,15 +127,25 @@ contains
     type(iterate_t), intent(in) :: now
     logical, intent(inout) :: active(:)
     real(dp), allocatable :: missing(:), alpha(:), motion(:)
+    if (is_balanced(problem, now%lambda)) return
     allocate (missing(problem%coarse%n))
     call problem%coarse%resultant_of(problem%operator, now%lambda, missing)
     missing = problem%coarse%resultant - missing
-    if (.not. any(abs(missing) > 1.0e-7_dp*max(maxval(abs(problem%coarse%resultant)), maxval(abs(now%lambda))))) return
     allocate (alpha(problem%coarse%n), motion(size(active)))
     call settle(problem%operator, problem%coarse, missing, foundation_stiffness(problem), now%y, alpha)
     call problem%coarse%displacement(problem%operator, alpha, motion)
     active = active .or. now%y + motion > 0
   end subroutine add_support
+
+  !> Whether forces balance the loads of the free bodies, up to rounding: there is no bound of the error otherwise.
+  logical function is_balanced(problem, lambda)
+    type(contact_problem_t), intent(in) :: problem
+    real(dp), intent(in) :: lambda(:)
+    real(dp) :: missing(problem%coarse%n)
+    call problem%coarse%resultant_of(problem%operator, lambda, missing)
+    missing = problem%coarse%resultant - missing
+    is_balanced = .not. any(abs(missing) > 1.0e-8_dp*max(maxval(abs(problem%coarse%resultant)), maxval([0.0_dp, abs(lambda)])))
+  end function is_balanced
 
   !> Stiffness of the elastic foundation that stands for the bodies (n_rows) [force/length].
   pure function foundation_stiffness(problem) result(stiffness)
@@ -248,7 +258,7 @@ contains
     m = now%lambda/problem%operator%weight
     gap = duality_gap(problem%operator%weight, problem%operator%theta, m, now%y)
     result%error_bound = huge(1.0_dp)
-    if (gap < huge(1.0_dp)) result%error_bound = sqrt(gap)/max(norm, tiny(norm))
+    if (gap < huge(1.0_dp) .and. is_balanced(problem, now%lambda)) result%error_bound = sqrt(gap)/max(norm, tiny(norm))
     call result%history%add(seconds, length, length/max(norm, tiny(norm)), result%error_bound, &
                             problem%energy(m, now%y, now%alpha), max(0.0_dp, maxval(now%y)), n_active)
   end subroutine note

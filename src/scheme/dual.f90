@@ -9,7 +9,8 @@ module dotyk_scheme_dual
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
   use dotyk_base_text, only: to_text
-  use dotyk_scheme_active_set, only: iterate_t, find_active_set, update_penetrations, reference_norm, rounding
+  use dotyk_scheme_active_set, only: iterate_t, find_active_set, update_penetrations, reference_norm, is_balanced, &
+    rounding
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_bounds, only: duality_gap
   use dotyk_scheme_choice, only: choose_solver, solver_auto
@@ -109,9 +110,13 @@ contains
       result%undetermined(:, i) = problem%coarse%scale*result%undetermined(:, i)
     end do
     norm = reference_norm(problem, now)
-    result%error_bound = min(sqrt(duality_gap(problem%operator%weight, problem%operator%theta, result%m, result%y)), &
-                             admissible_bound(problem, compliance, system, now))
-    if (norm > 0) result%error_bound = result%error_bound/norm
+    result%error_bound = huge(norm)
+    if (is_balanced(problem, now%lambda)) then
+      result%error_bound = min(sqrt(duality_gap(problem%operator%weight, problem%operator%theta, result%m, result%y)), &
+                               admissible_bound(problem, compliance, system, now))
+      ! Beyond 1e150 a bound is none.
+      if (norm > 0) result%error_bound = min(result%error_bound, 1.0e150_dp*norm)/norm
+    end if
     result%energy = problem%energy(result%m, result%y, now%alpha)
     result%max_penetration = 0
     if (size(result%y) > 0) result%max_penetration = max(0.0_dp, maxval(result%y))
