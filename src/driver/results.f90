@@ -93,6 +93,7 @@ contains
     type(scheme_result_t), intent(in) :: result
     !> Name of the scheme.
     character(*), intent(in) :: scheme
+    integer :: undetermined
     call file%put_attribute('summary', 'converged', result%ended == ended_converged)
     call file%put_attribute('summary', 'scheme', scheme)
     call file%put_attribute('summary', 'iterations', result%iterations)
@@ -107,6 +108,10 @@ contains
     call file%put_attribute('summary', 'max_penetration', result%max_penetration)
     call file%put_attribute('summary', 'unknowns', sum(body%constraint%n_equations))
     call file%put_attribute('summary', 'contact_points', problem%operator%n_rows)
+    call file%put_attribute('summary', 'free_motions', problem%coarse%n)
+    undetermined = 0
+    if (allocated(result%undetermined)) undetermined = size(result%undetermined, 2)
+    call file%put_attribute('summary', 'undetermined_motions', undetermined)
     call file%put_attribute('summary', 'factor_entries', sum(size_of%entries))
     call file%put_attribute('summary', 'factor_bytes', sum(size_of%bytes))
     call file%put_attribute('summary', 'stiffness_bytes', sum(size_of%stiffness_bytes))

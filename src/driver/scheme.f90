@@ -178,15 +178,20 @@ contains
     real(dp), intent(in) :: motion(:, :)
     type(log_t), intent(inout) :: log
     character(:), allocatable :: text
-    integer :: b, n
+    integer :: b, n, n_named
+    integer, parameter :: most_named = 20
     n = 0
+    n_named = 0
     do b = 1, size(body)
       associate (own => motion(n + 1:n + body(b)%motions%n, :))
         text = ''
         if (size(own) > 0) text = body(b)%motions%say_space(own)
-        if (len(text) > 0) call log%line('  not determined   '//quoted(body(b)%name)//': '//text//'; the least motion is taken')
+        if (len(text) > 0) n_named = n_named + 1
+        if (len(text) > 0 .and. n_named <= most_named) &
+          call log%line('  not determined   '//quoted(body(b)%name)//': '//text//'; the least motion is taken')
       end associate
       n = n + body(b)%motions%n
     end do
+    if (n_named > most_named) call log%line('  not determined   motions of '//to_text(n_named - most_named)//' more bodies')
   end subroutine note_undetermined
 end module dotyk_driver_scheme
