@@ -55,7 +55,7 @@ contains
     !> Out of memory.
     type(error_t), allocatable, intent(out) :: error
     logical :: next(size(active)), immovable(size(active))
-    type(iterate_t) :: last
+    type(iterate_t) :: last, kept
     real(dp), allocatable :: change(:)
     real(dp) :: begin, length, largest_force, largest_gap
     integer :: k, systems, steps
@@ -68,10 +68,12 @@ contains
     do k = 1, max_iterations
       if (k == most_newton_steps) call log%line('  active sets come back; the proximal method of multipliers goes on')
       if (k >= most_newton_steps) then
-        call soften(problem, compliance, system, now, steps, error)
+        ! The iterates of the proximal method go their own way: solutions of active sets are tried, but do not disturb them.
+        if (k == most_newton_steps) kept = now
+        call soften(problem, compliance, system, k - most_newton_steps, kept, steps, error)
         if (allocated(error)) return
         systems = systems + steps
-        active = now%lambda > 0 .and. .not. immovable
+        active = kept%lambda > 0 .and. .not. immovable
       end if
       call compliance%form(problem, active)
       call drop_immovable(problem, compliance, active, immovable)
@@ -159,19 +161,24 @@ contains
   end function foundation_stiffness
 
   !> One step of the proximal method, from the last iterate without the forces that pull.
-  subroutine soften(problem, compliance, system, now, steps, error)
+  subroutine soften(problem, compliance, system, number, now, steps, error)
     type(contact_problem_t), intent(inout) :: problem
     type(explicit_compliance_t), intent(inout) :: compliance
     !> Another one on return.
     class(active_system_t), intent(inout) :: system
     type(iterate_t), intent(inout) :: now
+    !> Number of steps before: each is harder than the last, and nearer to the true problem.
+    integer, intent(in) :: number
     !> Linear systems that it took.
     integer, intent(out) :: steps
     type(error_t), allocatable, intent(out) :: error
-    real(dp), allocatable :: hold(:), motion(:), one(:)
+    real(dp), allocatable :: hold(:), motion(:), one(:), rho(:)
     integer :: j
+    real(dp) :: softness
     ! A soft spring on every motion, relative to what all contact points together would resist it with.
     real(dp), parameter :: soft = 1.0e-3_dp
+    ! By how much contact and springs get harder from step to step, and where it ends: the steps then converge faster and faster.
+    real(dp), parameter :: shrinking = 0.5_dp, least_softness = 1.0e-9_dp
     allocate (hold(problem%coarse%n), one(problem%coarse%n), motion(size(now%y)))
     do j = 1, problem%coarse%n
       one = 0
@@ -180,9 +187,12 @@ contains
       hold(j) = soft*sum(foundation_stiffness(problem)*motion**2)
     end do
     where (.not. hold > 0) hold = max(tiny(1.0_dp), soft*maxval(hold))
+    softness = max(least_softness, shrinking**number)
+    rho = softness*problem%foundation + problem%operator%theta
+    hold = softness*hold
     now%lambda = max(0.0_dp, now%lambda)
     call update_penetrations(problem, compliance, now)
-    call proximal_step(problem, compliance, system, problem%foundation + problem%operator%theta, hold, now%lambda, now%alpha, &
+    call proximal_step(problem, compliance, system, rho, hold, now%lambda, now%alpha, &
                        now%y, steps, error)
   end subroutine soften
 

@@ -144,6 +144,18 @@ class Examples(dotyk_case.Case):
         # The load does not spread over the whole plates in any joint, and spreads from above to below.
         self.assertTrue(np.all(np.diff(figures["open"]) > -0.02), figures["open"])
 
+    def test_nearly_rigid_bricks(self):
+        """Bricks 5e5 times as stiff as the ground touch on edges and corners: active sets come back, and the proximal method ends it."""
+        self.copy("bricks")
+        self.edit("bricks/bricks.nml", (r"young=15e3", "young=15e9"))
+        text = self.dotyk("bricks/bricks.nml")
+        self.assertIn("the proximal method of multipliers goes on", text)
+        file = self.results("bricks/bricks.vtkhdf")
+        self.assertLessEqual(file["dotyk/summary"].attrs["error_bound"], 1e-8)
+        force = {name: pair.attrs["force"][2] for name, pair in file["dotyk/contact"].items()}
+        # The beds carry three bricks, the bearings one.
+        self.assertAlmostEqual((force["left bed"] + force["right bed"]) / -(force["left bearing"] + force["right bearing"]), 3, delta=1e-8)
+
     def test_bricks(self):
         reaction, = self.limits("bricks")
         # Each reaction acts where the bridging brick lies on another one.
