@@ -1,9 +1,11 @@
 // A quarter of the lower half of a sphere on a quarter of a block; z is up, they touch at the origin. Lengths in metres.
 R = 0.01;            // radius of the sphere
 L = 0.01;            // edge of the block
-a = 0.0005;          // expected contact radius
-h = a/5;             // element size in the contact zone (quadratic elements)
-H = R/5;             // element size far away
+DefineConstant[a = 0.0005];  // expected contact radius; what fine.geo has set stays
+DefineConstant[n = 7];       // quadratic elements over it
+DefineConstant[m = 3];       // elements over R far away
+h = a/n;
+H = R/m;
 c = 3*a;             // radius of the zone that may touch
 
 Mesh.ElementOrder = 2;
