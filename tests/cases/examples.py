@@ -74,14 +74,14 @@ class Examples(dotyk_case.Case):
         np.testing.assert_allclose(wave["gap_initial"][:], 0.002 * (1 - np.cos(2 * np.pi * x)), rtol=0, atol=1e-15)
 
     def test_hertz_coarse(self):
-        """3 elements over the contact radius, for a quick test: 3 % of a, 2 % of p0 (four such meshes: 2.2 and 0.5 % at most)."""
+        """4 elements over the contact radius, for a quick test: six such meshes are within 0.7 % of a and p0, and 8 %."""
         self.copy("hertz")
-        self.edit("hertz/hertz.geo", (r"\[n = 7\]", "[n = 3]"), (r"\[m = 3\]", "[m = 2.5]"))
+        self.edit("hertz/hertz.geo", (r"\[n = 10\]", "[n = 4]"), (r"\[g = 0.25\]", "[g = 0.4]"))
         self.run_example("hertz")
         errors = check_of("hertz").errors(self.folder / "hertz/hertz.vtkhdf")
-        self.assertLess(abs(errors["a_error"]), 0.03)
-        self.assertLess(abs(errors["p0_error"]), 0.02)
-        self.assertLess(errors["profile_error"], 0.15)
+        self.assertLess(abs(errors["a_error"]), 0.015)
+        self.assertLess(abs(errors["p0_error"]), 0.015)
+        self.assertLess(errors["profile_error"], 0.1)
         # What is measured is right on the exact pressure.
         self.assertLess(errors["estimator_error"], 1e-3)
         self.assertLess(errors["a/R"], 0.06)
