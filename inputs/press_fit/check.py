@@ -12,9 +12,9 @@ YOUNG, POISSON = 210e3, 0.3              # as in press_fit.nml and overlap.nml
 A, B, C = 10.0, 20.0, 30.0               # radii: bore, joint, outside; as in press_fit.geo
 INTERFERENCE = 0.02
 
-# Measured with 4 elements through the inner tube: 1e-6 and 7e-6 in mean pressure and force; 1.3e-4 where the tubes overlap as they
-# are drawn, as arcs of 7 degrees by parabolas are 1e-4 of the interference off (with 8 elements 2e-5, with 2 4e-3). Displacements and
-# stresses are off by 2e-3 and 5e-3 at most, hoop stresses by 1.5e-3, the pressure by 2e-3 in the mean square.
+# Measured with 4 elements through the inner tube: 1e-6 and 7e-6 in mean pressure and force; 1.3e-4 where the tubes overlap as
+# they are drawn, as arcs of 7 degrees by parabolas are 1e-4 of the interference off (with 8 elements 2e-5, with 2 4e-3).
+# Displacements and stresses are off by 2e-3 and 5e-3 at most, hoop stresses by 1.5e-3, the pressure by 2e-3 in the mean square.
 LIMITS = {'pressure': 3e-4, 'profile': 5e-3, 'displacement': 5e-3, 'stress': 1e-2, 'hoop': 5e-3, 'force': 3e-4,
           'not converged': 0}
 
@@ -35,7 +35,8 @@ def widening(inside, outside, pressure_inside, pressure_outside, r):
 def joint(overlap=0.0):
     """Pressure on the inner tube, whose outer radius is B + overlap, and on the outer one.
 
-    The forces are equal, so the pressures are as the radii. Without overlap: p = E/(1-v^2) s/b (b^2-a^2)(c^2-b^2)/(2 b^2 (c^2-a^2)).
+    The forces are equal, so the pressures are as the radii. Without overlap
+    p = E/(1-v^2) s/b (b^2-a^2)(c^2-b^2)/(2 b^2 (c^2-a^2)).
     """
     ratio = (B + overlap)/B
     return np.array([1, ratio])*INTERFERENCE/(widening(B, C, ratio, 0, B) - widening(A, B + overlap, 0, 1, B + overlap))

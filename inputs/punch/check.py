@@ -1,8 +1,8 @@
 #!/usr/bin/python3
 """How far punch.vtkhdf is from the flat punch with rounded edges on a half-plane: check.py [results file]. Exit code 1: wrong.
 
-M. Ciavarella, D. A. Hills, G. Monno, "The influence of rounded edges on indentation by a flat punch", Proc. Instn Mech. Engrs C 212
-(1998) 319-328, and `numerical`, which solves the integral equation without it. Needs h5py and numpy.
+M. Ciavarella, D. A. Hills, G. Monno, "The influence of rounded edges on indentation by a flat punch", Proc. Instn Mech. Engrs C
+212 (1998) 319-328, and `numerical`, which solves the integral equation without it. Needs h5py and numpy.
 """
 import os
 import sys
@@ -14,9 +14,9 @@ STIFFNESS = YOUNG/(1 - POISSON**2)/2     # E*
 FLAT, RADIUS = 0.6, 10.0                 # half-width a of the flat part, and the radius beside it
 FORCE = 200*6.144165e-5                  # on the whole punch: pressure on top times its width
 
-# Measured with 50 elements over b, 20 of them on the rounding: 2e-4 in b, 2e-3 in the peak, 6e-4 in the middle, 0.6 % in the profile
-# (its slope is infinite at x = a, like a logarithm, and at b, like a square root's); with 25: 6e-4, 1.3e-3, 6e-4, 0.9 %. The bodies are
-# 100 b deep: with half of that figures change by 6e-5 at most.
+# Measured with 50 elements over b, 20 of them on the rounding: 2e-4 in b, 2e-3 in the peak, 6e-4 in the middle, 0.6 % in the
+# profile (its slope is infinite at x = a, like a logarithm, and at b, like a square root's); with 25: 6e-4, 1.3e-3, 6e-4, 0.9 %.
+# The bodies are 100 b deep: with half of that figures change by 6e-5 at most.
 LIMITS = {'b': 1e-3, 'peak': 5e-3, 'middle': 2e-3, 'profile': 1.5e-2, 'force': 1e-9, 'not converged': 0}
 
 
@@ -50,7 +50,7 @@ def pressure(x, b):
 
 
 def numerical(b, n=400):
-    """Force, and x and pressure at points, from 2/(pi E*) int p(s)/(x - s) ds = slope of the gap, by Gauss-Chebyshev quadrature."""
+    """Force, and x and pressure at points, from 2/(pi E*) int p(s)/(x - s) ds = slope of the gap (Gauss-Chebyshev quadrature)."""
     j = np.arange(1, n + 1)
     s, weight = np.cos(j*np.pi/(n + 1)), np.pi/(n + 1)*np.sin(j*np.pi/(n + 1))**2
     x = np.cos((2*np.arange(1, n + 2) - 1)*np.pi/(2*n + 2))

@@ -12,8 +12,8 @@ DEPTH, APPROACH = 1.5, 0.0062                          # of each layer, as in wa
 def mean_pressure(approach=APPROACH, depth=DEPTH):
     """The mean pressure when the outer faces of the two layers approach by this much.
 
-    At the part t of the pressure that closes the wave the means of the faces have approached by HEIGHT (t - t log t): one more bit
-    of pressure adds that of a row of flat punches. The rest is the uniform compression of the layers.
+    At the part t of the pressure that closes the wave the means of the faces have approached by HEIGHT (t - t log t): one more
+    bit of pressure adds that of a row of flat punches. The rest is the uniform compression of the layers.
     """
     closing = np.pi*YOUNG/(1 - POISSON**2)/2*HEIGHT/LENGTH
     uniform = 2*depth*(1 + POISSON)*(1 - 2*POISSON)/(1 - POISSON)/YOUNG
@@ -28,9 +28,9 @@ def exact_stress(x, y, z=None, body=None, mean=None, depth=DEPTH):
     """Westergaard's field in both layers: stresses xx yy zz xy yz xz, 6 rows. By default under the mean pressure of wavy.nml.
 
     A function Z with p = -Re Z on y = 0 gives yy = Re Z + y Im Z', xx = Re Z - y Im Z', xy = -y Re Z' (y > 0). Here it is
-    -2 mean C/(Q - i S), S = sin(k (x + i y)), C = cos(k (x + i y)), k = pi/l, Q = sqrt(sin(k a)^2 - S^2), analytic above the surface.
-    Added are a uniform stress xx, as the sides do not move, and the field of the mirror image beyond the smooth outer wall: without
-    it the error at depth 1.5 l is 1e-3 of the mean pressure, with it 1e-7.
+    -2 mean C/(Q - i S), S = sin(k (x + i y)), C = cos(k (x + i y)), k = pi/l, Q = sqrt(sin(k a)^2 - S^2), analytic above the
+    surface. Added are a uniform stress xx, as the sides do not move, and the field of the mirror image beyond the smooth outer
+    wall: without it the error at depth 1.5 l is 1e-3 of the mean pressure, with it 1e-7.
     """
     mean = mean_pressure() if mean is None else mean
     k = np.pi/LENGTH
