@@ -86,6 +86,15 @@ class Examples(dotyk_case.Case):
         self.assertLess(errors["estimator_error"], 1e-3)
         self.assertLess(errors["a/R"], 0.06)
 
+    def test_hertz_axisymmetric_coarse(self):
+        """10 elements over the contact radius: measured, 0.14 % of a, 0.11 % of p0, 6 % in the mean square."""
+        self.copy("hertz_axisymmetric")
+        self.edit("hertz_axisymmetric/hertz_axisymmetric.geo", (r"\[n = 40\]", "[n = 10]"), (r"\[g = 0.1\]", "[g = 0.2]"))
+        self.run_example("hertz_axisymmetric")
+        errors, _ = check_of("hertz_axisymmetric").errors(self.folder / "hertz_axisymmetric/hertz_axisymmetric.vtkhdf")
+        for name, limit in {"radius": 4e-3, "peak": 4e-3, "profile": 0.1, "depression": 1e-3, "approach": 3e-3, "force": 1e-9}.items():
+            self.assertLess(errors[name], limit, name)
+
     def test_composite(self):
         """Softer joints, for a quick test. There is no exact answer: balance, signs and symmetry instead."""
         self.copy("composite")
