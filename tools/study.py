@@ -5,9 +5,9 @@ usage: tools/study.py NAME [--factors 2,1,0.5] [--orders 1,2] [--scene NAME.nml]
 example: tools/study.py groove
          tools/study.py press_fit --scene overlap.nml --more match=1
 
-The folder inputs/NAME is copied; in the .geo of the copy the element size `h` is multiplied by each factor and `order` set (--more sets
-other parameters). Errors are those of check.py's function `errors` and, if it has an `exact_stress`, the energy norm of the error by
-tools/energy_norm.py. In brackets are the orders: logarithms of the ratio to the error on the mesh before over that of the sizes.
+The folder inputs/NAME is copied; in the .geo of the copy the element size `h` is multiplied by each factor and `order` set (--more
+sets other parameters). Errors are those of check.py's function `errors` and, if it has an `exact_stress`, the relative error in the
+energy norm by tools/energy_norm.py. In brackets are the orders: log(error before/error)/log(size before/size).
 Seconds are those of the whole run but reading and meshing. Exit code 1: a run failed.
 """
 import argparse
@@ -38,7 +38,8 @@ def load(path):
 
 def set_parameter(text, name, value):
     """Change a parameter of a .geo file; {} in the value stands for what it was."""
-    new, n = re.subn(r'^%s\s*=\s*([^;]+);' % name, lambda found: '%s = %s;' % (name, value.replace('{}', found[1])), text, flags=re.M)
+    new, n = re.subn(r'^%s\s*=\s*([^;]+);' % name, lambda found: '%s = %s;' % (name, value.replace('{}', found[1])), text,
+                     flags=re.M)
     if n != 1:
         sys.exit("study: the .geo file should set '%s' once, not %d times" % (name, n))
     return new
@@ -58,7 +59,8 @@ def run(dotyk, folder, scene, text):
     geo = folder/re.search(r"mesh='([^']+)'", (folder/scene).read_text())[1]
     geo.write_text(text)
     for options in (['--check'], []):  # the first one makes the mesh
-        done = subprocess.run([dotyk, scene, '--quiet', *options], cwd=folder, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+        done = subprocess.run([dotyk, scene, '--quiet', *options], cwd=folder, text=True,
+                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
         if done.returncode != 0:
             sys.exit('study: exit code %d\n%s' % (done.returncode, done.stdout))
     return (folder/scene).with_suffix('.vtkhdf')
@@ -100,7 +102,8 @@ def table(results):
                 cell += ' (%.1f)' % (np.log(before[1][name]/errors[name])/np.log(before[0]['factor']/row['factor']))
             cells.append(cell)
         kind = {1: 'linear', 2: 'quadratic'}[row['order']]
-        yield '| %s | %g h | %s | %s | %.2g |' % (kind, row['factor'], format(row['unknowns'], ','), ' | '.join(cells), row['seconds'])
+        yield '| %s | %g h | %s | %s | %.2g |' % (kind, row['factor'], format(row['unknowns'], ','), ' | '.join(cells),
+                                                  row['seconds'])
         before = row, errors
 
 
