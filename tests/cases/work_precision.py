@@ -13,7 +13,7 @@ import dotyk_case
 
 TOOL = dotyk_case.ROOT / "tools/work_precision"
 GRID = """! two sizes and orders; no scheme but dual does without a penalty, and five steps are too few for neumann
-&grid scene='wavy/wavy.nml', check='wavy/check.py', title='small wave', size=0.125,0.0625, scale_with='H', order=1,2, threads=1
+&grid scene='wavy/wavy.nml', check='plain.py', title='small wave', size=0.125,0.0625, scale_with='H', order=1,2, threads=1
   theta_relative=0, scheme='dual', repeat=2, error='a_error','energy', reference_size=0.03125, reference_order=2 /
 &grid size=0.125, order=2, theta_relative=0,1e-2, scheme='neumann' /
 """
@@ -23,6 +23,8 @@ class WorkPrecision(dotyk_case.Case):
     def setUp(self):
         super().setUp()
         self.copy("wavy")
+        # errors without exact stresses: 'energy' is measured against a finer run
+        self.write("plain.py", "import sys\nsys.path.insert(0, %r)\nfrom check import errors\n" % str(self.folder / "wavy"))
 
     def run_grid(self, text, code=0):
         """Write the grid, run it; what was printed."""
@@ -71,6 +73,20 @@ class WorkPrecision(dotyk_case.Case):
         self.assertIn("6 points, 6 done before", self.run_grid(text))
         self.assertEqual((folder / "table.csv").read_text(), before)
 
+    def test_exact_stress(self):
+        """The error in the energy norm against exact stresses; a parameter that is a DefineConstant; a count of elements."""
+        geometry = self.folder / "wavy/wavy.geo"
+        text = geometry.read_text()
+        self.assertIn("h = l/80;", text)
+        geometry.write_text(text.replace("h = l/80;", "DefineConstant[n = 80];\nh = l/n;"))
+        self.run_grid("&grid scene='wavy/wavy.nml', check='wavy/check.py', geometry_parameter='n', size=10,20, repeat=1, error='energy' /")
+        with h5py.File(self.folder / "grid/table.h5") as file:
+            self.assertEqual(file["table/size"][:].tolist(), [10, 20])
+            coarse, fine = file["table/energy"][:]
+            self.assertNotIn("reference", file.attrs)
+        self.assertLess(fine, 0.7 * coarse)
+        self.assertLess(coarse, 0.1)
+
     def test_out_of_time(self):
         """A run that takes too long is stopped, and finer ones are not tried."""
         self.run_grid("&grid scene='wavy/wavy.nml', check='wavy/check.py', size=0.125,0.0625, repeat=1, limit_seconds=1e-3, "
@@ -99,7 +115,7 @@ class WorkPrecision(dotyk_case.Case):
         for text, message in (("&grid\n  scen='x' /", "grid.nml:2: &grid: unknown key 'scen' (did you mean 'scene'?)"),
                               ("&grid\n  scene='wavy/wavy.nml', error='a_error', order=1.5 /", "grid.nml:2: &grid: order: 1.5 is not an integer"),
                               ("&grd /", "grid.nml:1: &grd: the only group is &grid"),
-                              ("&grid scene='wavy/wavy.nml',\n error='energy', check='wavy/check.py' /", "reference_size is not given"),
+                              ("&grid scene='wavy/wavy.nml',\n error='energy', check='plain.py' /", "reference_size is not given"),
                               ("&grid scene='wavy/wavy.nml', error='a_error', check='wavy/check.py', size=1, geometry_parameter='k' /",
                                "no line 'k = ...;' in wavy.geo")):
             with self.subTest(message):
