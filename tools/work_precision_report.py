@@ -134,7 +134,8 @@ class Style:
             handles.append(line)
             texts.append(text)
         if handles:
-            figure.legend(handles, texts, loc='center left', bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=8, handlelength=2.6)
+            figure.legend(handles, texts, loc='center left', bbox_to_anchor=(1.0, 0.5), frameon=False, fontsize=8,
+                          handlelength=2.6)
 
 
 def curves_of(grid, rows):
@@ -241,7 +242,8 @@ def write_figures(grid, rows):
              'Error against wall time, along each curve %s; bars from the least to the largest of the repeated runs.' % along),
             (figure_of(grid, curves, style, plt, 'body_solves', 'solves of each body', 'solves.png'),
              'Error against the number of solves of each body.'),
-            (figure_of_parts(grid, curves, style, plt), 'What the error is made of, as dotyk reports it; what is below the dotted line is drawn on it.')]
+            (figure_of_parts(grid, curves, style, plt),
+             'What the error is made of, as dotyk reports it; what is below the dotted line is drawn on it.')]
     for name in ('time.png', 'solves.png', 'parts.png'):
         if name not in [name for name, _ in made]:
             (grid.output / name).unlink(missing_ok=True)
@@ -252,7 +254,7 @@ def write_figures(grid, rows):
 
 def markdown(header, lines):
     """A table in Markdown."""
-    return ['| ' + ' | '.join(header) + ' |', '|' + '---|'*len(header)] + ['| ' + ' | '.join(line) + ' |' for line in lines] + ['']
+    return ['| ' + ' | '.join(header) + ' |', '|' + '---|'*len(header), *['| ' + ' | '.join(line) + ' |' for line in lines], '']
 
 
 def setting_text(grid, row):
@@ -296,11 +298,12 @@ def write_report(grid, rows, facts, figures):
         error.replace('_', ' ') for error in grid.error] + [part.replace('_', ' ') for part in parts] + ['converged']
     names = keys + ['unknowns', 'iterations', 'body_solves', 'seconds', 'seconds_min', 'seconds_max'] + grid.error + parts
     text += ['## Table', '', 'All columns are in `table.csv` and `table.h5`; errors are absolute values.', '']
-    text += markdown(header, [[number(row.get(name)) for name in names] + ['yes' if row.get('converged') else 'no'] for row in rows])
+    text += markdown(header, [[*[number(row.get(name)) for name in names], 'yes' if row.get('converged') else 'no']
+                              for row in rows])
     text += ['## Omissions', '']
     if omitted:
-        text += ['Points that failed, did not converge, ran out of time, or lack an error. The figures leave out those that did not',
-                 'converge.', '']
+        text += ['Points that failed, did not converge, ran out of time, or lack an error. The figures leave out those that',
+                 'did not converge.', '']
         text += markdown(['point', 'exit code', 'why'], [[setting_text(grid, row) or 'the only one', number(row.get('exit')),
                                                           row.get('message', '').replace('|', '/') or '-'] for row in omitted])
     else:
