@@ -34,6 +34,20 @@ Physical Curve("bottom") = {side(1)};    Physical Curve("lower face") = {lower(0
 Physical Curve("upper face") = {face(1)};  Physical Curve("top") = {upper(0)};
 Physical Curve("sides") = {lower(2), lower(3), upper(2), upper(3)};
 """
+WAVE_GEO = """
+h = 1/DIVISIONS;  H = 0.25;
+Mesh.ElementOrder = 2;
+Point(1) = {0, 0, 0, h};  Point(2) = {0.5, 0, 0, h};  Point(3) = {0.5, 1.5, 0, H};   Point(4) = {0, 1.5, 0, H};
+Point(5) = {0, 0, 0, h};  Point(6) = {0.5, 0, 0, h};  Point(7) = {0.5, -1.5, 0, H};  Point(8) = {0, -1.5, 0, H};
+Line(1) = {1, 2};  Line(2) = {2, 3};  Line(3) = {3, 4};  Line(4) = {4, 1};
+Line(5) = {6, 5};  Line(6) = {5, 8};  Line(7) = {8, 7};  Line(8) = {7, 6};
+Curve Loop(1) = {1, 2, 3, 4};  Plane Surface(1) = {1};
+Curve Loop(2) = {5, 6, 7, 8};  Plane Surface(2) = {2};
+Physical Surface("upper") = {1};     Physical Surface("lower") = {2};
+Physical Curve("upper face") = {1};  Physical Curve("lower face") = {5};
+Physical Curve("top") = {3};         Physical Curve("bottom") = {7};
+Physical Curve("sides") = {2, 4, 6, 8};
+"""
 COLUMN_NML = """
 &scene    mesh='column.msh', analysis='plane_strain' /
 &material name='soft',  young=1, poisson=0.2 /
@@ -128,17 +142,20 @@ class Scene:
         return Run(output, done.stdout, done.returncode)
 
 
-def example(name, *changes):
-    """Geometry and scene of inputs/<name>, with changes (old, new) of either."""
+def wavy(divisions, amplitude=0.002):
+    """Geometry and scene of half a wave of two deep layers, elements of 1/divisions of the wave; the wave is in the gap."""
+    nml = COLUMN_NML.replace('poisson=0.2', 'poisson=0.3').replace('young=7', 'young=1').replace('value=0,-1e-3', 'value=0,-6.2e-3')
+    return (WAVE_GEO.replace('DIVISIONS', str(divisions)),
+            nml.replace("lower face' /", "lower face', gap_formula='%r*(1-cos(2*pi*x))' /" % amplitude))
+
+
+def hertz(divisions):
+    """The quarter of a ball on a block of inputs/hertz, with elements of 1/divisions of the contact radius."""
     texts = []
     for suffix in ('.geo', '.nml'):
-        with open(os.path.join(ROOT, 'inputs', name, name + suffix)) as file:
+        with open(os.path.join(ROOT, 'inputs/hertz/hertz' + suffix)) as file:
             texts.append(file.read())
-    for old, new in changes:
-        if sum(text.count(old) for text in texts) != 1:
-            sys.exit('%s: %r is not there once' % (name, old))
-        texts = [text.replace(old, new) for text in texts]
-    return texts
+    return ('n = %r;  m = 2;  g = 0.4;\n' % divisions + texts[0], texts[1])
 
 
 def punch():
@@ -259,16 +276,6 @@ def measure_meshes(scenes, sizes, thetas):
         rows.append({'h': size, 'theta': run.theta, 'points': len(run.y), 'iterations': int(run.summary['iterations']),
                      **{name: float(run.summary[name]) for name in ('lambda_max', 'q_predicted', 'q_measured')}})
     return rows
-
-
-def wavy(divisions, amplitude=0.002):
-    """The wavy surface with elements of 1/divisions of the wave's length."""
-    return example('wavy', ('h = l/80', 'h = l/%d' % divisions), ('0.002*(1', '%r*(1' % amplitude))
-
-
-def hertz(divisions):
-    """The quarter of a ball on a block with elements of 1/divisions of the contact radius."""
-    return example('hertz', ('h = a/5', 'h = a/%r' % divisions), ('H = R/5', 'H = R/2.5'))
 
 
 def measure(program, folder, quick=False, progress=lambda text: None):
