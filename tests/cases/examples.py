@@ -252,6 +252,23 @@ class Examples(dotyk_case.Case):
         around = sum(t[0] + t[1] for t in (right, left, above, below)) - 4 * (stress(x, y)[:2].sum(axis=0))
         np.testing.assert_allclose(around / step**2, 0, atol=1e-2 * size / np.ptp(x))
 
+    def test_study(self):
+        """The table of tools/study.py: sizes, unknowns, errors and orders."""
+        import subprocess
+        import sys
+        command = [sys.executable, dotyk_case.ROOT / "tools/study.py", "press_fit", "--orders", "1", "--factors", "2,1", "--more", "match=1"]
+        done = subprocess.run(command, check=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+        lines = done.stdout.splitlines()
+        self.assertEqual(len(lines), 4)
+        heads, _, first, second = ([cell.strip() for cell in line.strip("|").split("|")] for line in lines)
+        self.assertEqual(heads[:4] + heads[-2:], ["elements", "size", "unknowns", "pressure", "energy norm", "seconds"])
+        self.assertEqual((first[:2], second[:2]), (["linear", "2 h"], ["linear", "1 h"]))
+        self.assertLess(int(first[2]), int(second[2]))
+        # The energy norm falls like h.
+        value, order = re.fullmatch(r"(\S+) \((\S+)\)", second[-2]).groups()
+        self.assertLess(float(value), 0.1)
+        self.assertAlmostEqual(float(order), 1, delta=0.25)
+
     def test_exact_stresses(self):
         """Westergaard's and Lame's fields are in equilibrium and compatible, and have the pressures."""
         check = check_of("wavy")
