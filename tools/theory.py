@@ -1,9 +1,10 @@
 #!/usr/bin/python3
 """The theory, measured: tools/theory.py [--quick] [--dotyk FILE] [--figure FILE.png] [--table FILE.md]
 
-Runs the program on small scenes and holds what it does against the theorems: how the penalty error falls with theta (Theorem 1), by which
-factor a step of the Neumann scheme shrinks the error at every gamma (Theorems 3 and 4), how far the bounds are above the true error,
-and what of this depends on the mesh. Prints one table in Markdown and draws one figure. Exit code 1: something contradicts the theory.
+Runs the program on small scenes and holds what it does against the theorems: how the penalty error falls with theta (Theorem 1),
+by which factor a step of the Neumann scheme shrinks the error at every gamma (Theorems 3 and 4), how far the bounds are above
+the true error, and what of this depends on the mesh. Prints one table in Markdown and draws one figure. Exit code 1: something
+contradicts the theory.
 Needs gmsh, numpy, h5py and matplotlib; two minutes, with --quick some ten seconds.
 """
 import argparse
@@ -101,8 +102,10 @@ class Run:
 
 
 def distance(one, other):
-    """||u_1 - u_2||_A of two runs on the same mesh, whatever their theta and scheme: u = u0 - K^-1 B^T W m and y = B u - d, so that
-    the square is (m_1 - m_2)^T W (y_2 - y_1). It has no cancellation, and the quadrature is the program's."""
+    """||u_1 - u_2||_A of two runs on the same mesh, whatever their theta and scheme.
+
+    With u = u0 - K^-1 B^T W m and y = B u - d the square is (m_1 - m_2)^T W (y_2 - y_1): no cancellation, the program's quadrature.
+    """
     square = np.sum(one.weight*(one.pressure - other.pressure)*(other.y - one.y))
     return np.sqrt(max(0.0, square))
 
@@ -124,13 +127,15 @@ class Scene:
         with open(path + '.geo', 'w') as file:
             file.write(geo)
         dimension = '-2' if 'plane_strain' in nml else '-3'
-        subprocess.run(['gmsh', dimension, '-format', 'msh41', '-o', path + '.msh', path + '.geo'], check=True, stdout=subprocess.DEVNULL)
+        subprocess.run(['gmsh', dimension, '-format', 'msh41', '-o', path + '.msh', path + '.geo'], check=True,
+                       stdout=subprocess.DEVNULL)
         self.nml = re.sub(r"mesh='[^']+'", "mesh='%s.msh'" % name, nml)
         self.runs = 0
 
     def run(self, **solver):
         """One run; keywords are those of &solver."""
-        keys = ', '.join('%s=%s' % (key, repr(value) if isinstance(value, str) else '%.17g' % value) for key, value in solver.items())
+        keys = ', '.join('%s=%s' % (key, repr(value) if isinstance(value, str) else '%.17g' % value)
+                         for key, value in solver.items())
         case, output = (os.path.join(self.folder, name) for name in ('run.nml', 'run.vtkhdf'))
         with open(case, 'w') as file:
             file.write(re.sub(r'(?m)^&solver .*$', '&solver %s /' % keys, self.nml) + "&output fields='displacement contact' /\n")
@@ -144,7 +149,8 @@ class Scene:
 
 def wavy(divisions, amplitude=0.002):
     """Geometry and scene of half a wave of two deep layers, elements of 1/divisions of the wave; the wave is in the gap."""
-    nml = COLUMN_NML.replace('poisson=0.2', 'poisson=0.3').replace('young=7', 'young=1').replace('value=0,-1e-3', 'value=0,-6.2e-3')
+    nml = COLUMN_NML.replace('poisson=0.2', 'poisson=0.3').replace('young=7', 'young=1')
+    nml = nml.replace('value=0,-1e-3', 'value=0,-6.2e-3')
     return (WAVE_GEO.replace('DIVISIONS', str(divisions)),
             nml.replace("lower face' /", "lower face', gap_formula='%r*(1-cos(2*pi*x))' /" % amplitude))
 
@@ -293,7 +299,7 @@ def measure(program, folder, quick=False, progress=lambda text: None):
     thetas = 10.0**-np.arange(0, 6.1, 1.5 if quick else 0.5)
     penalty = {'column': column, 'wave': waves[-1]}
     if not quick:
-        penalty.update({'ball': balls[1], 'punch': scene('punch', punch())})
+        penalty.update({'ball': balls[1], 'sharp punch': scene('sharp punch', punch())})
     for name in penalty:
         progress('%s: u_theta at %d theta' % (name, len(thetas)))
         penalty[name] = measure_penalty(penalty[name], thetas)
@@ -305,9 +311,11 @@ def measure(program, folder, quick=False, progress=lambda text: None):
         steps = (1, 2, 3, 4, 5, 8, 9, 12, 13, 18, 19, 24, 30, 31)
     few = gammas_of((0.25, 0.5, 0.97), (0.7, 0.9), (1.1, 1.6))
     iteration = {}
-    for name, one, theta, gamma, at in (('closed wave', closed_wave, 1.0, gammas, steps), ('open wave', open_wave, 1.0, gammas, steps),
-                                        ('column', column, 0.5, gammas if quick else few, steps[::2]),
-                                        *((('ball', balls[1], 0.1, few, (1, 2, 5, 6, 12, 13, 24, 25)),) if balls else ())):
+    plan = [('closed wave', closed_wave, 1.0, gammas, steps), ('open wave', open_wave, 1.0, gammas, steps),
+            ('column', column, 0.5, gammas if quick else few, steps[::2])]
+    if balls:
+        plan.append(('ball', balls[1], 0.1, few, (1, 2, 5, 6, 12, 13, 24, 25)))
+    for name, one, theta, gamma, at in plan:
         progress('%s: the iteration at %d gamma' % (name, len(gamma(1.0))))
         iteration[name] = measure_iteration(one, theta, gamma, at)
 
@@ -322,8 +330,9 @@ def measure(program, folder, quick=False, progress=lambda text: None):
 # What the theory says of it
 
 def singular_exponent():
-    """lambda in p ~ r^(lambda - 1) at the edge of the punch, a quarter plane on a half-plane of the same material without friction
-    (Dundurs and Lee 1972): cot(pi l) + sin(pi l)/(2 (sin^2(pi l/2) - l^2)) = 0."""
+    """lambda in p ~ r^(lambda - 1) at the edge of the punch: a quarter plane on a half-plane, same material, no friction.
+
+    Dundurs and Lee (J. Elasticity 2 (1972) 109-112): cot(pi l) + sin(pi l)/(2 (sin^2(pi l/2) - l^2)) = 0."""
     def rest(x):
         return np.cos(np.pi*x)/np.sin(np.pi*x) + np.sin(np.pi*x)/(2*(np.sin(np.pi*x/2)**2 - x*x))
 
@@ -345,16 +354,16 @@ def per_row(iteration, function):
 
 
 def figures(measured):
-    """The figures of the table: name -> (value or (least, largest), low, high); the theory allows [low, high], None is no limit."""
+    """Figures by name: least, largest, and what the theory allows, [low, high] (None: no limit)."""
     found = {}
     for name, penalty in measured['penalty'].items():
         rows = penalty['rows']
         errors, limits = (np.array([row[key] for row in rows]) for key in ('error', 'limit'))
         found['penalty limit over error, ' + name] = (limits/errors).min(), (limits/errors).max(), 1 - 1e-9, None
-        if name == 'punch':
+        if name == 'sharp punch':
             # the regular part of the pressure adds a part that falls like theta
             value = slopes_of(penalty, 1e-5, 1e-4)
-            found['slope at small theta, punch'] = value, value, singular_exponent(), singular_exponent() + 0.05
+            found['slope at small theta, sharp punch'] = value, value, singular_exponent(), singular_exponent() + 0.05
         else:
             value = slopes_of(penalty, 1e-6, 1.1e-3)
             found['slope at small theta, ' + name] = value, value, 0.98, 1.005
@@ -382,7 +391,8 @@ def figures(measured):
     for name in ('column', 'closed wave'):
         iteration = measured['iteration'][name]
         beyond = [row for row in iteration['rows'] if row['gamma'] > 1.025*iteration['limit']]
-        found['not diverged beyond 2/(1+L), ' + name] = (sum(not (row['diverged'] and row['warned']) for row in beyond),)*2 + (0, 0)
+        value = sum(not (row['diverged'] and row['warned']) for row in beyond)
+        found['not diverged beyond 2/(1+L), ' + name] = value, value, 0, 0
         # the largest gamma that converges has the factor gamma (1 + L) - 1
         row = [row for row in iteration['rows'] if row['gamma'] < iteration['limit']][-1]
         value = iteration['L']/((1 + row['last'])/row['gamma'] - 1)
@@ -418,7 +428,8 @@ def contradictions(found):
 def table(measured):
     """The table in Markdown: a row for each statement, a column for each scene."""
     found, penalty, iteration, meshes = figures(measured), measured['penalty'], measured['iteration'], measured['meshes']
-    scenes = [name for name in ('column', 'closed wave', 'open wave', 'ball', 'punch') if name in penalty or name in iteration]
+    scenes = ('column', 'closed wave', 'open wave', 'ball', 'sharp punch')
+    scenes = [name for name in scenes if name in penalty or name in iteration]
     # the wave of Theorem 1 and of the meshes is partly open too
     twin = {'open wave': 'wave'}
     text = ['| | theory | %s |' % ' | '.join(scenes), '|---|---|%s' % ('---|'*len(scenes))]
@@ -467,8 +478,8 @@ def table(measured):
         return lambda name: numbers(format_, [row[key] for row in meshes['%s, %s' % (twin.get(name, name), kind)]])
 
     row('closed points at theta = 0, at theta = 1', '', closed)
-    row('Theorem 1: slope of the error, theta 1e-6 to 1e-3 (punch: 1e-5 to 1e-4)',
-        '1 (punch: %.3f)' % singular_exponent(), span(4, 'slope at small theta'))
+    row('Theorem 1: slope of the error, theta 1e-6 to 1e-3 (sharp punch: 1e-5 to 1e-4)',
+        '1 (sharp punch: %.3f)' % singular_exponent(), span(4, 'slope at small theta'))
     row('the same, theta 1e-3 to 1', 'below 1', span(3, 'slope at large theta'))
     row('sqrt(theta)/2 of the norm of p_0, over the error', '>= 1', span(4, 'penalty limit over error'))
     row('L of the iteration', '', lambda name: '%.3g' % iteration[name]['L'])
@@ -502,12 +513,12 @@ def draw(measured, path):
     import matplotlib.pyplot as plt
     import matplotlib.ticker
     from PIL import Image
-    plt.rcParams.update({'font.size': 10, 'axes.titlesize': 11, 'legend.fontsize': 8.5, 'legend.framealpha': 0.9, 'axes.grid': True,
-                         'grid.color': '0.88', 'axes.axisbelow': True, 'lines.markersize': 5.5})
+    plt.rcParams.update({'font.size': 10, 'axes.titlesize': 11, 'legend.fontsize': 8.5, 'legend.framealpha': 0.9,
+                         'axes.grid': True, 'grid.color': '0.88', 'axes.axisbelow': True, 'lines.markersize': 5.5})
     figure, ((one, two), (three, four)) = plt.subplots(2, 2, figsize=(11.5, 9), constrained_layout=True)
 
-    labels = {'column': 'column: flat faces, zone stays', 'wave': r'wavy surface: zone grows with $\theta$', 'ball': 'ball on a block (3d)',
-              'punch': 'punch: infinite pressure at its edge'}
+    labels = {'column': 'column: flat faces, zone stays', 'wave': r'wavy surface: zone grows with $\theta$',
+              'ball': 'ball on a block (3d)', 'sharp punch': 'sharp punch: infinite pressure at its edge'}
     for (name, penalty), colour, marker in zip(measured['penalty'].items(), (BLUE, ORANGE, GREEN, RED), 'os^D'):
         theta, error = (np.array([row[key] for row in penalty['rows']]) for key in ('theta_relative', 'error'))
         same = np.array([row['active'] == penalty['active'] for row in penalty['rows']])
@@ -516,11 +527,13 @@ def draw(measured, path):
         one.loglog(theta[~same], error[~same], marker, color=colour, mfc='white')
     x = np.array([1e-6, 1e-2])
     one.loglog(x, 0.25*x, '--', color=BLACK, lw=1, label='slope 1')
-    if 'punch' in measured['penalty']:
-        x, row = np.array([1e-6, 1e-4]), min(measured['penalty']['punch']['rows'], key=lambda row: abs(row['theta_relative'] - 3e-5))
+    if 'sharp punch' in measured['penalty']:
+        x = np.array([1e-6, 1e-4])
+        row = min(measured['penalty']['sharp punch']['rows'], key=lambda row: abs(row['theta_relative'] - 3e-5))
         one.loglog(x, 14*row['error']*(x/row['theta_relative'])**singular_exponent(), ':', color=BLACK, lw=1.3,
                    label='slope %.3f' % singular_exponent())
-    one.set(xlabel=r'$\theta$ / (size/E of the two bodies)', ylabel=r'$\Vert u_\theta - u_0 \Vert_A \,/\, \Vert u_0 \Vert_A$', ylim=(1e-7, 3),
+    one.set(xlabel=r'$\theta$ / (size/E of the two bodies)', ylim=(1e-7, 3),
+            ylabel=r'$\Vert u_\theta - u_0 \Vert_A \,/\, \Vert u_0 \Vert_A$',
             title='Theorem 1: error of the penalty\n(hollow: not the contact zone of $\\theta = 0$)')
     one.legend(loc='lower right')
 
@@ -557,23 +570,27 @@ def draw(measured, path):
         three.semilogy(k, row['bounds'][show]/scale, '--', color=colour, lw=1.6, label='its error_bound')
         if np.isfinite(row['bounds_of_paper']).any():
             three.semilogy(k, row['bounds_of_paper'][show]/scale, ':', color=PURPLE, lw=2.2, label='its bound (41)')
-    three.set(xlabel='step k', ylabel=r'$\Vert u^k - u_\theta \Vert_A \,/\, \Vert u_\theta \Vert_A$', title='Bounds and true error, wavy surface, partly open')
+    three.set(xlabel='step k', ylabel=r'$\Vert u^k - u_\theta \Vert_A \,/\, \Vert u_\theta \Vert_A$',
+              title='Bounds and true error, wavy surface, partly open')
     three.legend(loc='lower left')
 
-    styles = {'wave, fixed theta': (BLUE, 'o', r'wavy surface, $\theta$ fixed'), 'wave, theta as h': (RED, 'D', r'wavy surface, $\theta \sim h$'),
+    styles = {'wave, fixed theta': (BLUE, 'o', r'wavy surface, $\theta$ fixed'),
+              'wave, theta as h': (RED, 'D', r'wavy surface, $\theta \sim h$'),
               'ball, fixed theta': (GREEN, '^', r'ball, $\theta$ fixed')}
     for name, rows in measured['meshes'].items():
         colour, marker, text = styles[name]
         # the coarsest mesh of each scene is 1
         size = np.array([rows[0]['h']/row['h'] for row in rows])
         four.loglog(size, [row['iterations'] for row in rows], '-' + marker, color=colour, lw=1.2, label='steps, ' + text)
-        four.loglog(size, [row['lambda_max'] for row in rows], '--' + marker, color=colour, mfc='white', lw=1.2, label='L, ' + text)
+        four.loglog(size, [row['lambda_max'] for row in rows], '--' + marker, color=colour, mfc='white', lw=1.2,
+                    label='L, ' + text)
     last = measured['meshes']['wave, theta as h'][-1]
     x = np.array([1, measured['meshes']['wave, theta as h'][0]['h']/last['h']])
     four.loglog(x, 0.6*last['iterations']*x/x[-1], ':', color=BLACK, lw=1.3, label='slope 1')
     four.set_xticks([1, 2, 4, 8], ['h', 'h/2', 'h/4', 'h/8'])
     four.xaxis.set_minor_locator(matplotlib.ticker.NullLocator())
-    four.set(ylim=(7, 4e4), xlabel='element size', ylabel='steps to 1e-6 (full), and L (hollow)', title='What depends on the mesh')
+    four.set(ylim=(7, 4e4), xlabel='element size', ylabel='steps to 1e-6 (full), and L (hollow)',
+             title='What depends on the mesh')
     four.legend(loc='upper left', ncol=2)
     figure.savefig(path, dpi=100)
     plt.close(figure)
