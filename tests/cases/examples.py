@@ -95,6 +95,22 @@ class Examples(dotyk_case.Case):
         for name, limit in {"radius": 4e-3, "peak": 4e-3, "profile": 0.1, "depression": 1e-3, "approach": 3e-3, "force": 1e-9}.items():
             self.assertLess(errors[name], limit, name)
 
+    def test_ssnv104_coarse(self):
+        """Two hemispheres and half of them with 20 elements over the contact radius, a quarter with 5, against the finest meshes."""
+        self.copy("ssnv104")
+        self.edit("ssnv104/ssnv104.geo", (r"\[n = 40\]", "[n = 20]"), (r"\[g = 0.1\]", "[g = 0.2]"))
+        self.edit("ssnv104/quarter.geo", (r"\[n = 8\]", "[n = 5]"), (r"\[g = 0.25\]", "[g = 0.4]"))
+        self.run_example("ssnv104")
+        self.dotyk("ssnv104/half.nml")
+        self.dotyk("ssnv104/quarter.nml")
+        check = check_of("ssnv104")
+        # Measured: 1.1e-3, 2e-4, 8e-3.
+        for name, limit in {"ssnv104": 4e-3, "half": 4e-3, "quarter": 0.02}.items():
+            errors, _ = check.errors(self.folder / "ssnv104" / (name + ".vtkhdf"))
+            for what in "force", "radius", "pressure at the axis":
+                self.assertLess(errors[what][0], limit, name + ": " + what)
+            self.assertEqual(errors["not converged"][0], 0)
+
     def test_composite(self):
         """Softer joints, for a quick test. There is no exact answer: balance, signs and symmetry instead."""
         self.copy("composite")
