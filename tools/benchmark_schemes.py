@@ -20,12 +20,12 @@ THETAS = ['1e-1', '1e-2', '1e-3', '1e-4', '1e-6', '1e-8', '0']
 # example, changes of its geometry, schemes, thetas
 HELD = SCHEMES, THETAS
 FREE = ['dual'], THETAS
-SCENES = {'hertz': ('hertz', (('[n = 7]', '[n = 5]'), ('[m = 3]', '[m = 5]')), *HELD), 'wavy': ('wavy', (), *HELD), 'composite': ('composite', (), *HELD),
+SCENES = {'hertz': ('hertz', (), *HELD), 'wavy': ('wavy', (), *HELD), 'composite': ('composite', (), *HELD),
           'column': ('column', (), *HELD),
           'ball_between_plates': ('ball_between_plates', (), *FREE), 'free_stack': ('free_stack', (), *FREE),
           'bricks': ('bricks', (), *FREE), 'bearing': ('bearing', (), *FREE), 'receding': ('receding', (), *FREE),
           'free_stack fine': ('free_stack', (('m = 8;', 'm = 14;'),), ['dual'], ['1e-2', '0']),
-          'hertz fine': ('hertz', (('[n = 7]', '[n = 9]'), ('[m = 3]', '[m = 8]')), ['dual'], ['1e-2', '0'])}
+          'hertz fine': ('hertz', (('[n = 10]', '[n = 20]'), ('[g = 0.25]', '[g = 0.15]')), ['dual'], ['1e-2', '0'])}
 
 
 def run(dotyk, folder, example, scheme, theta, threads, limit):
