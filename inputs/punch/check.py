@@ -88,7 +88,7 @@ def errors(path):
     top = np.polynomial.Polynomial.fit(x[k - 1:k + 2], p[k - 1:k + 2], 2)
     flat = x < 0.3*FLAT
     figures = {'b': (fitted_half_width(x, p, b), b), 'peak': (top(top.deriv().roots()[0]), dense.max()),
-               'middle': (np.polynomial.Polynomial.fit(x[flat]**2, p[flat], 1)(0), dense[0])}
+               'middle': (np.polynomial.Polynomial.fit(x[flat]**2, p[flat], 2)(0), dense[0])}
     exact = pressure(x, b)
     e = {name: abs(found/right - 1) for name, (found, right) in figures.items()}
     e['profile'] = np.sqrt(np.sum(w*(p - exact)**2)/np.sum(w*exact**2))
