@@ -59,6 +59,16 @@ class Examples(dotyk_case.Case):
         inside = np.minimum(x, 0.5 - x) > 1e-6
         np.testing.assert_allclose(wave["gap_initial"][inside], gap[inside], rtol=0, atol=1e-9)
 
+    def test_wavy_slice(self):
+        """In three dimensions, 20 elements a wave."""
+        self.copy("wavy")
+        self.edit("wavy/slice.geo", (r"^h = [^;]+;", "h = l/20;"))
+        self.dotyk("wavy/slice.nml")
+        errors = check_of("wavy").errors(self.folder / "wavy/slice.vtkhdf")
+        # Twice what is measured.
+        self.assertLess(abs(errors["p0_error"]), 9e-3)
+        self.assertLess(errors["profile_error"], 8e-2)
+
     def test_wavy_at_quadrature_points(self):
         self.copy("wavy")
         # Quadrature points need a penalty: without it their single pressures are not determined.
