@@ -95,6 +95,22 @@ class Examples(dotyk_case.Case):
         for name, limit in {"radius": 4e-3, "peak": 4e-3, "profile": 0.1, "depression": 1e-3, "approach": 3e-3, "force": 1e-9}.items():
             self.assertLess(errors[name], limit, name)
 
+    def test_ssnv104_coarse(self):
+        """Two hemispheres and half of them with 20 elements over the contact radius, a quarter with 5, against the finest meshes."""
+        self.copy("ssnv104")
+        self.edit("ssnv104/ssnv104.geo", (r"\[n = 40\]", "[n = 20]"), (r"\[g = 0.1\]", "[g = 0.2]"))
+        self.edit("ssnv104/quarter.geo", (r"\[n = 8\]", "[n = 5]"), (r"\[g = 0.25\]", "[g = 0.4]"))
+        self.run_example("ssnv104")
+        self.dotyk("ssnv104/half.nml")
+        self.dotyk("ssnv104/quarter.nml")
+        check = check_of("ssnv104")
+        # Measured: 1.1e-3, 2e-4, 8e-3.
+        for name, limit in {"ssnv104": 4e-3, "half": 4e-3, "quarter": 0.02}.items():
+            errors, _ = check.errors(self.folder / "ssnv104" / (name + ".vtkhdf"))
+            for what in "force", "radius", "pressure at the axis":
+                self.assertLess(errors[what][0], limit, name + ": " + what)
+            self.assertEqual(errors["not converged"][0], 0)
+
     def test_composite(self):
         """Softer joints, for a quick test. There is no exact answer: balance, signs and symmetry instead."""
         self.copy("composite")
@@ -213,6 +229,23 @@ class Examples(dotyk_case.Case):
         self.assertAlmostEqual(check.pressure(check.WIDTH) / peak, 1, delta=1e-12)
         self.assertAlmostEqual(check.pressure(1e3) / check.PRESSURE, 1, delta=1e-6)
 
+    def test_groove_row_coarse(self):
+        """25 elements over each groove."""
+        self.coarse("groove_row", "b/25", 2, c=4.2e-3, peak=7.6e-3, profile=2.1e-2)
+        # In the theory, pressure and gap leave the faces flat where they touch: an elastic displacement by Fourier's series.
+        check = check_of("groove_row")
+        n = 2**14
+        x = (np.arange(n) + 0.5) / n * check.PERIOD - check.PERIOD / 2
+        waves = np.fft.rfft(check.pressure(x))
+        stiffness = check.YOUNG / (1 - check.POISSON**2) / 2
+        waves[1:] *= 2 / (stiffness * 2 * np.pi / check.PERIOD * np.arange(1, len(waves)))
+        closed = (np.fft.irfft(waves, n) + check.gap(x))[np.abs(x) > check.closed_form()[0]]
+        self.assertLess(np.ptp(closed), 1e-5 * check.DEPTH)
+        # The formula of the scene is that gap.
+        with self.results("groove_row/groove_row.vtkhdf") as file:
+            groove = file["dotyk/contact/groove"]
+            np.testing.assert_allclose(groove["gap_initial"][:], check.gap(groove["position"][:, 0]), rtol=0, atol=2e-3 * check.DEPTH)
+
     def test_cylinder_coarse(self):
         """10 elements over half the width of the contact."""
         self.coarse("cylinder", "b/10", 2, b=1.4e-3, p0=5e-4, profile=1.5e-2)
@@ -270,7 +303,7 @@ class Examples(dotyk_case.Case):
         self.assertAlmostEqual(float(order), 1, delta=0.25)
 
     def test_exact_stresses(self):
-        """Westergaard's and Lame's fields are in equilibrium and compatible, and have the pressures."""
+        """Westergaard's and Lame's fields, and that of the grooves, are in equilibrium and compatible, and have the pressures."""
         check = check_of("wavy")
         x, y = (t.ravel() for t in np.meshgrid(np.linspace(0.02, 0.48, 9), [-1.4, -0.5, 0.1, 0.6, 1.4]))
         self.in_equilibrium(check.exact_stress, x, y)
@@ -290,6 +323,15 @@ class Examples(dotyk_case.Case):
             self.assertAlmostEqual(np.mean(stress[0] - check.POISSON * (stress[1] + stress[2])) / mean, 0, delta=1e-6)
             np.testing.assert_allclose(check.exact_stress(np.array([0, 0.5]), np.full(2, y))[3], 0, atol=1e-12 * mean)
             np.testing.assert_allclose(check.exact_stress(middle, np.full_like(middle, check.DEPTH))[3], 0, atol=1e-12 * mean)
+
+        check = check_of("groove_row")
+        x, y = (t.ravel() for t in np.meshgrid(np.linspace(0.1, 1.9, 7), [-6, -1, 0.2, 3]))
+        self.in_equilibrium(check.exact_stress, x, y)
+        x = np.linspace(0, 2, 21)
+        for side in (-1e-12, 1e-12):
+            stress = check.exact_stress(x, np.full_like(x, side))
+            np.testing.assert_allclose(stress[1], -check.pressure(x), atol=1e-5 * check.PRESSURE)  # a kink at b
+            np.testing.assert_allclose(stress[3], 0, atol=1e-5 * check.PRESSURE)
 
         check = check_of("press_fit")
         angle = np.array([0.1, 0.7, 1.4])
