@@ -229,6 +229,23 @@ class Examples(dotyk_case.Case):
         self.assertAlmostEqual(check.pressure(check.WIDTH) / peak, 1, delta=1e-12)
         self.assertAlmostEqual(check.pressure(1e3) / check.PRESSURE, 1, delta=1e-6)
 
+    def test_groove_row_coarse(self):
+        """25 elements over each groove."""
+        self.coarse("groove_row", "b/25", 2, c=4.2e-3, peak=7.6e-3, profile=2.1e-2)
+        # In the theory, pressure and gap leave the faces flat where they touch: an elastic displacement by Fourier's series.
+        check = check_of("groove_row")
+        n = 2**14
+        x = (np.arange(n) + 0.5) / n * check.PERIOD - check.PERIOD / 2
+        waves = np.fft.rfft(check.pressure(x))
+        stiffness = check.YOUNG / (1 - check.POISSON**2) / 2
+        waves[1:] *= 2 / (stiffness * 2 * np.pi / check.PERIOD * np.arange(1, len(waves)))
+        closed = (np.fft.irfft(waves, n) + check.gap(x))[np.abs(x) > check.closed_form()[0]]
+        self.assertLess(np.ptp(closed), 1e-5 * check.DEPTH)
+        # The formula of the scene is that gap.
+        with self.results("groove_row/groove_row.vtkhdf") as file:
+            groove = file["dotyk/contact/groove"]
+            np.testing.assert_allclose(groove["gap_initial"][:], check.gap(groove["position"][:, 0]), rtol=0, atol=2e-3 * check.DEPTH)
+
     def test_cylinder_coarse(self):
         """10 elements over half the width of the contact."""
         self.coarse("cylinder", "b/10", 2, b=1.4e-3, p0=5e-4, profile=1.5e-2)
@@ -286,7 +303,7 @@ class Examples(dotyk_case.Case):
         self.assertAlmostEqual(float(order), 1, delta=0.25)
 
     def test_exact_stresses(self):
-        """Westergaard's and Lame's fields are in equilibrium and compatible, and have the pressures."""
+        """Westergaard's and Lame's fields, and that of the grooves, are in equilibrium and compatible, and have the pressures."""
         check = check_of("wavy")
         x, y = (t.ravel() for t in np.meshgrid(np.linspace(0.02, 0.48, 9), [-1.4, -0.5, 0.1, 0.6, 1.4]))
         self.in_equilibrium(check.exact_stress, x, y)
@@ -306,6 +323,15 @@ class Examples(dotyk_case.Case):
             self.assertAlmostEqual(np.mean(stress[0] - check.POISSON * (stress[1] + stress[2])) / mean, 0, delta=1e-6)
             np.testing.assert_allclose(check.exact_stress(np.array([0, 0.5]), np.full(2, y))[3], 0, atol=1e-12 * mean)
             np.testing.assert_allclose(check.exact_stress(middle, np.full_like(middle, check.DEPTH))[3], 0, atol=1e-12 * mean)
+
+        check = check_of("groove_row")
+        x, y = (t.ravel() for t in np.meshgrid(np.linspace(0.1, 1.9, 7), [-6, -1, 0.2, 3]))
+        self.in_equilibrium(check.exact_stress, x, y)
+        x = np.linspace(0, 2, 21)
+        for side in (-1e-12, 1e-12):
+            stress = check.exact_stress(x, np.full_like(x, side))
+            np.testing.assert_allclose(stress[1], -check.pressure(x), atol=1e-5 * check.PRESSURE)  # a kink at b
+            np.testing.assert_allclose(stress[3], 0, atol=1e-5 * check.PRESSURE)
 
         check = check_of("press_fit")
         angle = np.array([0.1, 0.7, 1.4])
