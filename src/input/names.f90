@@ -40,6 +40,12 @@ module dotyk_input_names
   integer, parameter, public :: points_nodes = 1       !< the vertices of surface_a
   integer, parameter, public :: points_quadrature = 2  !< the quadrature points of surface_a's facets
 
+  !> What gaps and normals are taken from, `&contact geometry`.
+  character(*), parameter, public :: geometry_names = 'smooth elements straight'
+  integer, parameter, public :: geometry_smooth = 1    !< patches over the facets of linear elements
+  integer, parameter, public :: geometry_elements = 2  !< that of the elements
+  integer, parameter, public :: geometry_straight = 3  !< that of the elements' corners
+
   !> `&solver scheme`.
   character(*), parameter, public :: scheme_names = 'auto neumann dual robin nesterov anderson secant'
   integer, parameter, public :: scheme_auto = 1     !< the best one for the scene
