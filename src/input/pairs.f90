@@ -60,6 +60,7 @@ contains
     contact%search_radius = number_of(group, 'search_radius')
     contact%points = nint(number_of(group, 'points'))
     contact%geometry = nint(number_of(group, 'geometry'))
+    contact%quadrature = nint(number_of(group, 'quadrature'))
   end subroutine read_contact
 
   !> One side of a pair: 'body:surface'.
