@@ -1,7 +1,7 @@
 #!/usr/bin/python3
-"""Errors of an example with a known answer on finer and finer meshes of linear and quadratic elements, as a table in Markdown.
+"""Errors of examples with known answers on finer and finer meshes of linear and quadratic elements, as tables in Markdown.
 
-usage: tools/study.py NAME [--factors 2,1,0.5] [--orders 1,2] [--scene NAME.nml] [--dotyk FILE] [--more KEY=VALUE ...]
+usage: tools/study.py NAME... [--factors 2,1,0.5] [--orders 1,2] [--scene NAME.nml] [--dotyk FILE] [--more KEY=VALUE ...]
 example: tools/study.py groove
          tools/study.py press_fit --scene overlap.nml --more match=1
 
@@ -66,9 +66,9 @@ def run(dotyk, folder, scene, text):
     return (folder/scene).with_suffix('.vtkhdf')
 
 
-def rows(options, folder):
-    """One dictionary of figures a run."""
-    scene = options.scene or options.name + '.nml'
+def rows(options, name, folder):
+    """What is told of a run, and its errors: two dictionaries for each run."""
+    scene = options.scene or name + '.nml'
     check = load(folder/'check.py')
     norms = load(ROOT/'tools/energy_norm.py') if hasattr(check, 'exact_stress') else None
     original = (folder/re.search(r"mesh='([^']+)'", (folder/scene).read_text())[1]).read_text()
@@ -111,7 +111,7 @@ def main():
     """The command line."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add = parser.add_argument
-    add('name', help='example: a folder in inputs/')
+    add('names', nargs='+', metavar='NAME', help='example: a folder in inputs/')
     add('--factors', type=lambda text: [float(part) for part in text.split(',')], default=[2, 1, 0.5], help='on h (2,1,0.5)')
     add('--orders', type=lambda text: [int(part) for part in text.split(',')], default=[1, 2], help='of the elements (1,2)')
     add('--scene', help='namelist file in the folder (NAME.nml)')
@@ -119,14 +119,17 @@ def main():
     add('--more', nargs='*', default=[], metavar='KEY=VALUE', help='other parameters of the .geo file')
     options = parser.parse_args()
     options.dotyk = str(pathlib.Path(options.dotyk).resolve())
-    with tempfile.TemporaryDirectory(prefix='dotyk-study-') as scratch:
-        folder = pathlib.Path(scratch)/options.name
-        shutil.copytree(ROOT/'inputs'/options.name, folder, ignore=shutil.ignore_patterns('.dotyk', '*.vtkhdf', '__pycache__'))
-        results = []
-        for result in rows(options, folder):
-            results.append(result)
-            print('%d of %d' % (len(results), len(options.factors)*len(options.orders)), file=sys.stderr)
-    print('\n'.join(table(results)))
+    for name in options.names:
+        with tempfile.TemporaryDirectory(prefix='dotyk-study-') as scratch:
+            folder = pathlib.Path(scratch)/name
+            shutil.copytree(ROOT/'inputs'/name, folder, ignore=shutil.ignore_patterns('.dotyk', '*.vtkhdf', '__pycache__'))
+            results = []
+            for result in rows(options, name, folder):
+                results.append(result)
+                print('%s: %d of %d' % (name, len(results), len(options.factors)*len(options.orders)), file=sys.stderr)
+        if len(options.names) > 1:
+            print('%s## %s\n' % ('' if name == options.names[0] else '\n', name))
+        print('\n'.join(table(results)), flush=True)
 
 
 if __name__ == '__main__':

@@ -150,9 +150,10 @@ def curves_of(grid, rows):
     return [curve for _, curve in sorted(curves.items(), key=lambda item: str(item[0]))]
 
 
-def positive(curve, *names):
-    """Arrays of some columns where all are there and above 0."""
-    kept = [row for row in curve if all(isinstance(row.get(name), (int, float)) and row[name] > 0 for name in names)]
+def positive(curve, *names, zero=False):
+    """Arrays of some columns where all are there and above 0 (zero: or 0)."""
+    kept = [row for row in curve if all(isinstance(row.get(name), (int, float)) and (row[name] > 0 or zero and row[name] == 0)
+                                        for name in names)]
     return kept, [np.array([row[name] for row in kept], float) for name in names]
 
 
@@ -172,17 +173,23 @@ def ranges(axes):
     axes.tick_params(labelsize=8)
 
 
+def panels_of(plt, n, **options):
+    """A figure and its n panels, in one row, or in rows of two where there are more than three."""
+    columns = n if n < 4 else 2
+    figure, all_axes = plt.subplots(-(-n//columns), columns, figsize=(4.1*columns, 3.4*-(-n//columns)), squeeze=False,
+                                    constrained_layout=True, **options)
+    for axes in all_axes.flat[n:]:
+        axes.set_visible(False)
+    return figure, all_axes.flat[:n]
+
+
 def figure_of(grid, curves, style, plt, cost, cost_label, name):
     """One figure: a panel for each error, error against cost."""
     panels = [error for error in grid.error if any(positive(curve, cost, error)[0] for curve in curves)]
     if not panels:
         return None
-    columns = len(panels) if len(panels) < 4 else 2
-    figure, all_axes = plt.subplots(-(-len(panels)//columns), columns, figsize=(4.1*columns, 3.4*-(-len(panels)//columns)),
-                                    squeeze=False, constrained_layout=True)
-    for axes in all_axes.flat[len(panels):]:
-        axes.set_visible(False)
-    for axes, error in zip(all_axes.flat, panels):
+    figure, all_axes = panels_of(plt, len(panels))
+    for axes, error in zip(all_axes, panels):
         for curve in curves:
             kept, (x, y) = positive(curve, cost, error)
             if len(kept):
@@ -203,19 +210,18 @@ def figure_of(grid, curves, style, plt, cost, cost_label, name):
 
 def figure_of_parts(grid, curves, style, plt):
     """The parts of the error that dotyk reports, each in a panel, and the measured one in the energy norm beside them."""
-    panels = [part for part in PARTS if any(positive(curve, 'seconds', part)[0] for curve in curves)]
+    panels = [part for part in PARTS if any(positive(curve, 'seconds', part, zero=True)[0] for curve in curves)]
     measured = ['energy'] if 'energy' in grid.error and any(positive(curve, 'seconds', 'energy')[0] for curve in curves) else []
     if not panels:
         return None
     columns = panels + measured
-    figure, all_axes = plt.subplots(1, len(columns), figsize=(3.9*len(columns), 3.5), squeeze=False, sharey=True,
-                                    constrained_layout=True)
+    figure, all_axes = panels_of(plt, len(columns), sharey=True)
     # Bounds of the iteration are often far below all else: they are drawn at a floor below the other parts.
     others = [y for part in columns if part != 'error_bound' for curve in curves for y in positive(curve, 'seconds', part)[1][1]]
     floor = min(others, default=1e-13)/1e3
-    for axes, part in zip(all_axes[0], columns):
+    for axes, part in zip(all_axes, columns):
         for curve in curves:
-            kept, (x, y) = positive(curve, 'seconds', part)
+            kept, (x, y) = positive(curve, 'seconds', part, zero=True)
             if len(kept):
                 look = style.of(kept[0])
                 axes.plot(x, np.maximum(y, floor), linewidth=1.3, markeredgecolor=look['color'], **look)
@@ -223,7 +229,8 @@ def figure_of_parts(grid, curves, style, plt):
         axes.set_xlabel('wall time [s]', fontsize=9)
         axes.set_title('measured, all parts together' if part == 'energy' else PARTS[part], fontsize=9)
         ranges(axes)
-    all_axes[0, 0].set_ylabel('relative error in the energy norm', fontsize=9)
+    for axes in all_axes[::2] if len(columns) > 3 else all_axes[:1]:
+        axes.set_ylabel('relative error in the energy norm', fontsize=9)
     figure.suptitle(grid.title + ': parts of the error', fontsize=10)
     style.legend(figure, plt)
     figure.savefig(grid.output / 'parts.png', dpi=110, bbox_inches='tight')

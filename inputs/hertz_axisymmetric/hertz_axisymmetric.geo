@@ -2,13 +2,15 @@
 R = 100;                     // radius of the ball
 D = R;                       // radius of what is meshed of the half-space
 a = 0.2;                     // expected contact radius
-DefineConstant[n = 40];      // quadratic elements over it
-DefineConstant[g = 0.1];     // growth of the elements
-h = a/n;
-H = R/8;                     // element size far away
+DefineConstant[n = 40];      // elements over it
+DefineConstant[s = 4];       // how fast they grow: by s at a distance of n elements
+order = 2;                   // of the elements
+h = a/n;                     // their size where they touch
+g = s*h/a;
+H = R/8;                     // the largest
 c = 2*a;                     // radius of the zone that may touch
 
-Mesh.ElementOrder = 2;
+Mesh.ElementOrder = order;
 Mesh.MeshSizeExtendFromBoundary = 0;
 Mesh.MeshSizeFromPoints = 0;
 

@@ -1,13 +1,15 @@
 // A quarter of the two hemispheres in three dimensions; z is up, they touch at the origin. Lengths in millimetres.
 R = 50;
 a = 10;                      // expected contact radius
-DefineConstant[n = 8];       // quadratic elements over it
-DefineConstant[g = 0.25];    // growth of the elements
-h = a/n;
-H = R/5;                     // element size far away
+DefineConstant[n = 8];       // elements over it
+DefineConstant[s = 2];       // how fast they grow: by s at a distance of n elements
+order = 2;                   // of the elements
+h = a/n;                     // their size where they touch
+g = s*h/a;
+H = R/5;                     // the largest
 c = 1.5*a;                   // radius of the zone that may touch
 
-Mesh.ElementOrder = 2;
+Mesh.ElementOrder = order;
 Mesh.MeshSizeExtendFromBoundary = 0;
 Mesh.MeshSizeFromPoints = 0;
 

@@ -2,13 +2,15 @@
 // the half of it: the upper hemisphere on its plane of symmetry.
 R = 50;
 a = 10;                      // expected contact radius
-DefineConstant[n = 40];      // quadratic elements over it
-DefineConstant[g = 0.1];     // growth of the elements
-h = a/n;
-H = R/20;                    // element size far away
+DefineConstant[n = 40];      // elements over it
+DefineConstant[s = 4];       // how fast they grow: by s at a distance of n elements
+order = 2;                   // of the elements
+h = a/n;                     // their size where they touch
+g = s*h/a;
+H = R/20;                    // the largest
 c = 1.5*a;                   // radius of the zone that may touch
 
-Mesh.ElementOrder = 2;
+Mesh.ElementOrder = order;
 Mesh.MeshSizeExtendFromBoundary = 0;
 Mesh.MeshSizeFromPoints = 0;
 

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""How far wavy.vtkhdf is from Westergaard's solution: check.py [results file]. Exit code 1: wrong.
+"""How far wavy.vtkhdf (or slice.vtkhdf) is from Westergaard's solution: check.py [results file]. Exit code 1: wrong.
 
 Needs h5py and numpy.
 """
@@ -13,6 +13,8 @@ DEPTH, APPROACH = 1.5, 0.0062                          # of each layer, as in wa
 
 # Measured with h = l/80: 4e-4, 3e-4 and 6e-3; with l/40: 8e-4, 1.3e-3 and 1.6e-2. The pressure ends like a square root.
 LIMITS = {'a_error': 1e-3, 'p0_error': 1e-3, 'profile_error': 1e-2}
+# With h = l/40 and triangles that are not symmetric: 7e-4, 8e-4 and 2.3e-2.
+SLICE_LIMITS = {'a_error': 2e-3, 'p0_error': 2e-3, 'profile_error': 4e-2}
 
 
 def mean_pressure(approach=APPROACH, depth=DEPTH):
@@ -66,7 +68,7 @@ def errors(path):
     with h5py.File(path) as file:
         contact = file['dotyk/contact/wave']
         x, w, p = contact['position'][:, 0], contact['weight'][:], contact['pressure_projected'][:]
-        mean = abs(contact.attrs['force'][1])/(LENGTH/2)
+        mean = abs(contact.attrs['force'][1])/np.sum(w)
     stiffness = YOUNG/(1 - POISSON**2)/2
     sine2 = mean*LENGTH/(np.pi*stiffness*HEIGHT)
     a_exact = LENGTH/np.pi*np.arcsin(np.sqrt(sine2))
@@ -84,9 +86,10 @@ def errors(path):
 
 if __name__ == '__main__':
     default = os.path.join(os.path.dirname(os.path.abspath(__file__)), 'wavy.vtkhdf')
-    e = errors(sys.argv[1] if len(sys.argv) > 1 else default)
+    path = sys.argv[1] if len(sys.argv) > 1 else default
+    e = errors(path)
     print('mean pressure %.6g' % e['mean'])
     print('contact half-width  %.6g, Westergaard %.6g, error %+.2f %%' % (e['a'], e['a_exact'], 100*e['a_error']))
     print('peak pressure       %.6g, Westergaard %.6g, error %+.2f %%' % (e['p0'], e['p0_exact'], 100*e['p0_error']))
     print('pressure in the mean square: error %.2f %%' % (100*e['profile_error']))
-    sys.exit(any(abs(e[name]) > limit for name, limit in LIMITS.items()))
+    sys.exit(any(abs(e[name]) > limit for name, limit in (SLICE_LIMITS if 'slice' in path else LIMITS).items()))

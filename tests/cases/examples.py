@@ -59,6 +59,16 @@ class Examples(dotyk_case.Case):
         inside = np.minimum(x, 0.5 - x) > 1e-6
         np.testing.assert_allclose(wave["gap_initial"][inside], gap[inside], rtol=0, atol=1e-9)
 
+    def test_wavy_slice(self):
+        """In three dimensions, 20 elements a wave."""
+        self.copy("wavy")
+        self.edit("wavy/slice.geo", (r"^h = [^;]+;", "h = l/20;"))
+        self.dotyk("wavy/slice.nml")
+        errors = check_of("wavy").errors(self.folder / "wavy/slice.vtkhdf")
+        # Twice what is measured.
+        self.assertLess(abs(errors["p0_error"]), 9e-3)
+        self.assertLess(errors["profile_error"], 8e-2)
+
     def test_wavy_at_quadrature_points(self):
         self.copy("wavy")
         # Quadrature points need a penalty: without it their single pressures are not determined.
@@ -76,7 +86,7 @@ class Examples(dotyk_case.Case):
     def test_hertz_coarse(self):
         """4 elements over the contact radius, for a quick test: six such meshes are within 0.7 % of a and p0, and 8 %."""
         self.copy("hertz")
-        self.edit("hertz/hertz.geo", (r"\[n = 10\]", "[n = 4]"), (r"\[g = 0.25\]", "[g = 0.4]"))
+        self.edit("hertz/hertz.geo", (r"\[n = 10\]", "[n = 4]"), (r"\[s = 2.5\]", "[s = 1.6]"))
         self.run_example("hertz")
         errors = check_of("hertz").errors(self.folder / "hertz/hertz.vtkhdf")
         self.assertLess(abs(errors["a_error"]), 0.015)
@@ -89,7 +99,7 @@ class Examples(dotyk_case.Case):
     def test_hertz_axisymmetric_coarse(self):
         """10 elements over the contact radius: measured, 0.14 % of a, 0.11 % of p0, 6 % in the mean square."""
         self.copy("hertz_axisymmetric")
-        self.edit("hertz_axisymmetric/hertz_axisymmetric.geo", (r"\[n = 40\]", "[n = 10]"), (r"\[g = 0.1\]", "[g = 0.2]"))
+        self.edit("hertz_axisymmetric/hertz_axisymmetric.geo", (r"\[n = 40\]", "[n = 10]"), (r"\[s = 4\]", "[s = 2]"))
         self.run_example("hertz_axisymmetric")
         errors, _ = check_of("hertz_axisymmetric").errors(self.folder / "hertz_axisymmetric/hertz_axisymmetric.vtkhdf")
         for name, limit in {"radius": 4e-3, "peak": 4e-3, "profile": 0.1, "depression": 1e-3, "approach": 3e-3, "force": 1e-9}.items():
@@ -98,8 +108,8 @@ class Examples(dotyk_case.Case):
     def test_ssnv104_coarse(self):
         """Two hemispheres and half of them with 20 elements over the contact radius, a quarter with 5, against the finest meshes."""
         self.copy("ssnv104")
-        self.edit("ssnv104/ssnv104.geo", (r"\[n = 40\]", "[n = 20]"), (r"\[g = 0.1\]", "[g = 0.2]"))
-        self.edit("ssnv104/quarter.geo", (r"\[n = 8\]", "[n = 5]"), (r"\[g = 0.25\]", "[g = 0.4]"))
+        self.edit("ssnv104/ssnv104.geo", (r"\[n = 40\]", "[n = 20]"))
+        self.edit("ssnv104/quarter.geo", (r"\[n = 8\]", "[n = 5]"))
         self.run_example("ssnv104")
         self.dotyk("ssnv104/half.nml")
         self.dotyk("ssnv104/quarter.nml")
@@ -108,8 +118,8 @@ class Examples(dotyk_case.Case):
         for name, limit in {"ssnv104": 4e-3, "half": 4e-3, "quarter": 0.02}.items():
             errors, _ = check.errors(self.folder / "ssnv104" / (name + ".vtkhdf"))
             for what in "force", "radius", "pressure at the axis":
-                self.assertLess(errors[what][0], limit, name + ": " + what)
-            self.assertEqual(errors["not converged"][0], 0)
+                self.assertLess(errors[what], limit, name + ": " + what)
+            self.assertEqual(errors["not converged"], 0)
 
     def test_composite(self):
         """Softer joints, for a quick test. There is no exact answer: balance, signs and symmetry instead."""
@@ -142,18 +152,18 @@ class Examples(dotyk_case.Case):
         np.testing.assert_allclose(u[here], u[there][:, [1, 0, 2]], rtol=0, atol=1e-9 * np.abs(u).max())
 
     def test_ball_between_plates_coarse(self):
-        """3 elements over the contact radius, for a quick test: 5 % of a, 5 % of p0, and the same balance."""
+        """4 elements over the contact radius, for a quick test: three such meshes are within 1.1 % of a, 0.5 % of p0, and 7 %."""
         self.copy("ball_between_plates")
-        self.edit("ball_between_plates/ball_between_plates.geo", (r"^h = a/5;", "h = a/3;"), (r"^H = R/4;", "H = R/2.5;"))
+        self.edit("ball_between_plates/ball_between_plates.geo", (r"\[n = 8\]", "[n = 4]"), (r"\[s = 2.5\]", "[s = 1.6]"))
         self.run_example("ball_between_plates")
         check = check_of("ball_between_plates")
         errors = check.errors(self.folder / "ball_between_plates/ball_between_plates.vtkhdf")
         self.assertLess(errors["force_error"], check.FORCE)
         self.assertLess(errors["force_difference"], check.FORCE)
         for name, contact in errors["contacts"].items():
-            self.assertLess(abs(contact["a_error"]), 0.05, name)
-            self.assertLess(abs(contact["p0_error"]), 0.05, name)
-            self.assertLess(contact["profile_error"], 0.15, name)
+            self.assertLess(abs(contact["a_error"]), 0.02, name)
+            self.assertLess(abs(contact["p0_error"]), 0.015, name)
+            self.assertLess(contact["profile_error"], 0.1, name)
 
     def limits(self, example):
         """Run it and compare all errors with the limits of its check.py."""

@@ -65,6 +65,12 @@ class Theory(dotyk_case.Case):
                 inside = row["gamma"] < iteration["limit_of_paper"]
                 self.assertTrue(np.all(np.isfinite(row["bounds_of_paper"][1:]) == inside), (name, row["gamma"]))
 
+    def test_bounds_of_all_schemes(self):
+        """Never below the true error; how far above is the schemes' own affair."""
+        self.assertEqual(set(self.measured["schemes"]), {"neumann", "nesterov", "anderson", "secant", "robin", "dual"})
+        for scheme, ratios in self.measured["schemes"].items():
+            self.assertGreaterEqual(min(ratios), 1 - 1e-6, scheme)
+
     def test_meshes(self):
         """theta fixed: L to the 1 % of its estimate, and steps; theta as h: both as 1/h."""
         rows = self.measured["meshes"]["wave, fixed theta"]
