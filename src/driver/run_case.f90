@@ -8,6 +8,7 @@ module dotyk_driver_run_case
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_driver_arguments, only: arguments_t
   use dotyk_driver_bodies, only: build_bodies, check_held, assemble_bodies
+  use dotyk_driver_error_budget, only: error_budget_t, estimate_mesh_error
   use dotyk_driver_factorization, only: factor_size_t, analyze_bodies, factorize_bodies
   use dotyk_driver_free_scene, only: solve_free_scene
   use dotyk_driver_pairs, only: find_pairs
@@ -15,19 +16,22 @@ module dotyk_driver_run_case
   use dotyk_driver_pressures, only: pair_solution_t, nodal_field_t, project_pressures
   use dotyk_driver_recovery, only: body_solution_t, recover_bodies
   use dotyk_driver_results, only: write_fields, write_pairs, write_summary, write_provenance, write_timing
-  use dotyk_driver_scheme, only: needs_held_bodies, prepare_coarse_space, scheme_name, solve_scheme
+  use dotyk_driver_scheme, only: needs_held_bodies, prepare_coarse_space, scheme_name, scheme_of, solve_scheme
   use dotyk_driver_screen, only: show_scene, show_bodies, show_pairs, show_factorization, &
-    show_memory, show_result, show_pair_result, show_timing
+    show_budget, show_memory, show_result, show_pair_result, show_timing
   use dotyk_driver_timing, only: timing_t, stopwatch_t
   use dotyk_driver_version, only: version, compiler, build_type
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t
   use dotyk_input_help, only: help_text
+  use dotyk_input_names, only: scheme_dual
   use dotyk_input_parse, only: read_case
   use dotyk_mesh_surface, only: surface_t
   use dotyk_output_results, only: results_file_t, check_writable
   use dotyk_response_full, only: full_response_t
+  use dotyk_scheme_explicit, only: explicit_compliance_t
   use dotyk_scheme_history, only: scheme_result_t, ended_converged
+  use dotyk_scheme_penalty, only: estimate_penalty_error
   use dotyk_scheme_problem, only: contact_problem_t
   implicit none
   private
@@ -50,7 +54,9 @@ module dotyk_driver_run_case
     !> Factors to come (n_bodies).
     type(factor_size_t), allocatable :: size_of(:)
     type(contact_problem_t) :: problem
+    type(explicit_compliance_t) :: compliance
     type(scheme_result_t) :: result
+    type(error_budget_t) :: budget
     !> Displacements and stresses (n_bodies), pressures (n_pairs), pressures at the nodes (n_bodies).
     type(body_solution_t), allocatable :: solution(:)
     type(pair_solution_t), allocatable :: pair_solution(:)
@@ -149,7 +155,7 @@ contains
       call solve_free_scene(run%body, problem, run%n_blas)
       call prepare_coarse_space(run%body, problem)
       call set_blas_threads(run%n_blas)
-      call solve_scheme(case, run%body, run%pair, problem, run%log, run%result, error)
+      call solve_scheme(case, run%body, run%pair, problem, run%log, run%compliance, run%result, error)
       call set_blas_threads(1)
       if (allocated(error)) return
       call run%watch%lap(run%timing%iterate)
@@ -167,6 +173,10 @@ contains
       call project_pressures(run%body, run%pair, run%surface_a, run%surface_b, problem, m, y, run%pair_solution, &
                              run%contact_pressure, error)
       if (allocated(error)) return
+      call run%watch%lap(run%timing%recover)
+      call estimate_errors(run, error)
+      if (allocated(error)) return
+      call run%watch%lap(run%timing%estimate)
     end associate
     do k = 1, size(run%pair)
       associate (solution => run%pair_solution(k))
@@ -177,15 +187,31 @@ contains
     call run%watch%lap(run%timing%recover)
   end subroutine recover
 
+  !> What the error is made of.
+  subroutine estimate_errors(run, error)
+    type(run_t), intent(inout) :: run
+    type(error_t), allocatable, intent(out) :: error
+    real(dp) :: distance
+    call run%budget%init()
+    call estimate_mesh_error(run%body, run%solution, run%budget, error)
+    if (allocated(error)) return
+    call estimate_penalty_error(run%problem, run%case%solver%linear_solver, scheme_of(run%case) == scheme_dual, run%compliance, &
+                                run%result, distance, error)
+    if (allocated(error)) return
+    run%budget%penalty = 0
+    if (run%budget%norm > 0) run%budget%penalty = distance/run%budget%norm
+    call show_budget(run%log, run%body, run%result%error_bound, run%budget)
+  end subroutine estimate_errors
+
   !> Write the results file.
   subroutine write_results(run, error)
     type(run_t), intent(inout) :: run
     type(error_t), allocatable, intent(out) :: error
     type(results_file_t) :: file
-    call write_fields(file, run%case%scene%output, run%case, run%body, run%solution, run%contact_pressure, error)
+    call write_fields(file, run%case%scene%output, run%case, run%body, run%solution, run%contact_pressure, run%budget, error)
     if (allocated(error)) return
     call write_pairs(file, run%pair, run%pair_solution)
-    call write_summary(file, run%body, run%size_of, run%problem, run%result, scheme_name(run%case))
+    call write_summary(file, run%body, run%size_of, run%problem, run%result, run%budget, scheme_name(run%case))
     call write_provenance(file, run%case, run%threads, run%started)
     call run%watch%lap(run%timing%write)
     run%timing%total = run%watch%since_start()

@@ -12,6 +12,7 @@ module dotyk_driver_scheme
     scheme_robin, scheme_secant
   use dotyk_scheme_anderson, only: solve_anderson
   use dotyk_scheme_dual, only: dual_settings_t, solve_dual
+  use dotyk_scheme_explicit, only: explicit_compliance_t
   use dotyk_scheme_history, only: scheme_result_t, ended_unstoppable, ended_immovable
   use dotyk_scheme_neumann, only: solve_neumann
   use dotyk_scheme_nesterov, only: solve_nesterov
@@ -61,13 +62,15 @@ contains
   end subroutine prepare_coarse_space
 
   !> Solve.
-  subroutine solve_scheme(case, body, pair, problem, log, result, error)
+  subroutine solve_scheme(case, body, pair, problem, log, compliance, result, error)
     type(case_t), intent(in) :: case
     !> (n_bodies), (n_pairs).
     type(body_t), intent(in) :: body(:)
     type(contact_pair_t), intent(in) :: pair(:)
     type(contact_problem_t), intent(inout) :: problem
     type(log_t), intent(inout) :: log
+    !> Columns that the dual scheme forms.
+    type(explicit_compliance_t), intent(inout) :: compliance
     type(scheme_result_t), intent(out) :: result
     type(error_t), allocatable, intent(out) :: error
     type(iteration_settings_t) :: iteration
@@ -79,6 +82,8 @@ contains
     iteration%max_iterations = case%solver%max_iterations
     if (iteration%stop_rule == stop_paper .and. scheme_of(case) /= scheme_neumann) &
       call set_error(error, "&solver: stop_rule='paper' is for scheme='neumann', which (41) is about")
+    ! For the dual scheme, and what estimates errors with it.
+    call foundation_compliance(body, pair, problem%foundation)
     if (.not. allocated(error)) then
       select case (scheme_of(case))
       case (scheme_neumann)
@@ -95,8 +100,7 @@ contains
         dual%linear_solver = case%solver%linear_solver
         dual%tolerance = case%solver%tolerance
         dual%max_iterations = min(case%solver%max_iterations, dual%max_iterations)
-        call foundation_compliance(body, pair, problem%foundation)
-        call solve_dual(problem, dual, log, result, error)
+        call solve_dual(problem, dual, log, compliance, result, error)
       end select
     end if
     call add_context(error, case%file//':'//to_text(case%solver%line)//': ')

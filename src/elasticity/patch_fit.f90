@@ -122,7 +122,8 @@ contains
     real(dp), allocatable :: a(:, :), b(:, :)
     real(dp) :: weight
     integer :: ring, i, m, rank
-    patch = [node]
+    allocate (patch(1))
+    patch(1) = node
     mark(node) = node
     centre = x(:, node)
     do ring = 1, most_rings
