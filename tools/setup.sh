@@ -6,7 +6,7 @@ set -euo pipefail
 packages=(gcc gfortran cmake ninja-build libsuitesparse-dev libmetis-dev libhdf5-dev libopenblas-pthread-dev libmuparser-dev
   gmsh python3 python3-h5py)
 if [[ ${1:-} != --run ]]; then
-  packages+=(python3-numpy python3-matplotlib python3-vtk9 xvfb xauth)
+  packages+=(python3-numpy python3-scipy python3-matplotlib python3-vtk9 xvfb xauth)
 fi
 
 if ! command -v dpkg-query > /dev/null; then

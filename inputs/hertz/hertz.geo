@@ -1,10 +1,13 @@
 // A quarter of the lower half of a sphere on a quarter of a block; z is up, they touch at the origin. Lengths in metres.
 R = 0.01;            // radius of the sphere
 L = 0.01;            // edge of the block
-a = 0.0005;          // expected contact radius
-h = a/5;             // element size in the contact zone (quadratic elements)
-H = R/5;             // element size far away
-c = 3*a;             // radius of the zone that may touch
+DefineConstant[a = 0.0005];  // expected contact radius; what fine.geo has set stays
+DefineConstant[n = 10];      // quadratic elements over it
+DefineConstant[m = 3];       // elements over R far away
+DefineConstant[g = 0.25];    // growth of the elements
+h = a/n;
+H = R/m;
+c = 2*a;             // radius of the zone that may touch
 
 Mesh.ElementOrder = 2;
 Mesh.MeshSizeExtendFromBoundary = 0;
@@ -72,16 +75,10 @@ Curve Loop(17) = {16, 25, -20, -24};        Plane Surface(17) = {17};
 Surface Loop(11) = {11, 12, 13, 14, 15, 16, 17};
 Volume(11) = {11};
 
-// fine where they touch
-Field[1] = Distance;
-Field[1].PointsList = {2, 11};
-Field[2] = Threshold;
-Field[2].InField = 1;
-Field[2].SizeMin = h;
-Field[2].SizeMax = H;
-Field[2].DistMin = 1.3*a;
-Field[2].DistMax = R;
-Background Field = 2;
+// h where they touch; it grows with the distance from there, in depth too: the stresses are smooth but at the rim of the contact
+Field[1] = MathEval;
+Field[1].F = Sprintf("Min(%g, %g + %g*Sqrt(z^2 + Max(0, Sqrt(x^2 + y^2) - %g)^2))", H, h, g, 1.2*a);
+Background Field = 1;
 
 Physical Volume("ball") = {1};
 Physical Volume("block") = {11};

@@ -1,0 +1,4 @@
+// hertz.geo with half the contact radius, as Hertz's theory is the limit of a/R = 0, and more elements over it.
+a = 0.00025;
+n = 16;
+Include "hertz.geo";
