@@ -7,9 +7,10 @@ module dotyk_driver_pairs
   use dotyk_contact_pair, only: contact_pair_t, pair_settings_t, find_pair, contact_gap_geometry => gap_geometry, &
     contact_gap_constant => gap_constant, contact_gap_formula => gap_formula, contact_points_nodes => points_nodes, &
     contact_points_quadrature => points_quadrature
+  use dotyk_driver_mesh_theta, only: set_mesh_theta
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t, contact_input_t
-  use dotyk_input_names, only: analysis_axisymmetric, gap_constant, gap_formula, points_nodes, theta_absolute
+  use dotyk_input_names, only: analysis_axisymmetric, gap_constant, gap_formula, points_nodes, theta_mesh, theta_relative
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
@@ -70,9 +71,11 @@ contains
     if (given%has_search_radius) settings%search_radius = given%search_radius
     settings%points = merge(contact_points_nodes, contact_points_quadrature, given%points == points_nodes)
     settings%theta = given%theta
-    if (given%theta_kind /= theta_absolute) settings%theta = given%theta*(compliance(body_a) + compliance(body_b))
+    if (given%theta_kind == theta_relative) settings%theta = given%theta*(compliance(body_a) + compliance(body_b))
     call find_pair(body_a%mesh, surface_a, body_b%mesh, surface_b, settings, formula, pair, error)
     call formula%destroy()
+    if (allocated(error)) return
+    if (given%theta_kind == theta_mesh) call set_mesh_theta(given%theta, body_a, surface_a, body_b, surface_b, pair, error)
   end subroutine search_pair
 
   !> Compliance of an elastic foundation for each row of the operator, a scheme's first guess (n_rows) [length/pressure].

@@ -1,6 +1,5 @@
 !> Everything that a run leaves behind, into the results file (DESIGN.md, section 5).
 module dotyk_driver_results
-  use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
   use dotyk_contact_pair, only: contact_pair_t
@@ -44,7 +43,7 @@ contains
       n_connectivity(b) = connectivity_length(body(b)%mesh)
     end do
     call file%create(path, n_points, n_cells, n_connectivity, case%output%displacement, case%output%stress, &
-                     case%output%contact, allocated(budget%of_element), error)
+                     case%output%contact, case%output%error, error)
     if (allocated(error)) return
     do b = 1, size(body)
       call file%write_part(b, body(b)%mesh, error)
@@ -55,7 +54,7 @@ contains
         mises = [(von_mises(solution(b)%stress(:, e)), e=1, size(solution(b)%stress, 2))]
         call file%write_stress(b, solution(b)%stress, mises, error)
       end if
-      if (.not. allocated(error) .and. allocated(budget%of_element)) &
+      if (.not. allocated(error) .and. case%output%error) &
         call file%write_discretization_error(b, budget%of_element(b)%value, error)
       if (allocated(error)) then
         call file%discard()
@@ -78,6 +77,7 @@ contains
       call file%put_array(group, 'position', pair(k)%row_position)
       call file%put_array(group, 'normal', pair(k)%row_normal)
       call file%put_array(group, 'weight', pair(k)%row_weight)
+      call file%put_array(group, 'theta', pair(k)%row_theta)
       call file%put_array(group, 'gap_initial', pair(k)%row_gap)
       call file%put_array(group, 'gap', solution(k)%gap)
       call file%put_array(group, 'pressure', solution(k)%pressure)
@@ -131,8 +131,8 @@ contains
       call file%put_array('history', 'seconds', history%seconds)
       call file%put_array('history', 'increment', history%increment)
       call file%put_array('history', 'error_bound', history%error_bound)
-      call file%put_array('history', 'error_penalty', at_the_end(history%n, budget%penalty))
-      call file%put_array('history', 'error_discretization', at_the_end(history%n, budget%discretization))
+      call file%put_array('history', 'error_penalty', history%error_penalty)
+      call file%put_array('history', 'error_discretization', history%error_discretization)
       call file%put_array('history', 'energy', history%energy)
       call file%put_array('history', 'max_penetration', history%max_penetration)
       call file%put_array('history', 'active', history%active)
@@ -170,15 +170,6 @@ contains
     call file%put_attribute('timing', 'write', timing%write)
     call file%put_attribute('timing', 'total', timing%total)
   end subroutine write_timing
-
-  !> n numbers: NaN but for the last one.
-  pure function at_the_end(n, value) result(values)
-    integer, intent(in) :: n
-    real(dp), intent(in) :: value
-    real(dp) :: values(n)
-    values = ieee_value(value, ieee_quiet_nan)
-    if (n > 0) values(n) = value
-  end function at_the_end
 
   !> 1, 2, ..., n.
   pure function counted(n) result(numbers)

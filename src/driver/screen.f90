@@ -181,16 +181,15 @@ contains
   end subroutine show_result
 
   !> What the error is made of.
-  subroutine show_budget(log, body, bound, budget)
+  subroutine show_budget(log, body, result, budget)
     type(log_t), intent(inout) :: log
     type(body_t), intent(in) :: body(:)
-    !> That of the iteration.
-    real(dp), intent(in) :: bound
+    type(scheme_result_t), intent(in) :: result
     type(error_budget_t), intent(in) :: budget
     character(:), allocatable :: worst
     worst = ''
     if (allocated(budget%of_body) .and. size(body) > 1) worst = ', most of it in '//body(maxloc(budget%of_body, 1))%name
-    call log%line('  error            iteration '//part(bound)//', penalty '//part(budget%penalty)//', mesh '// &
+    call log%line('  error            iteration '//part(result%error_bound)//', penalty '//part(budget%penalty)//', mesh '// &
                   part(budget%discretization)//worst)
   contains
     function part(value) result(text)

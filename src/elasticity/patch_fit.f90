@@ -33,8 +33,9 @@ module dotyk_elasticity_patch_fit
 
   !> Rings of elements around a vertex at most: thin parts have few nodes.
   integer, parameter :: most_rings = 4
-  !> A patch is one-sided where the mean of its nodes is farther than this part of its radius from the vertex.
-  real(dp), parameter :: one_sided = 0.2_dp
+  !> Inverse condition of the least squares from which on a polynomial counts as determined: by one ring of elements, which
+  !> should not be one-sided, and by more.
+  real(dp), parameter :: well_determined = 3.0e-3_dp, determined = 1.0e-6_dp
 
 contains
 
@@ -103,7 +104,8 @@ contains
     end do
   end subroutine list_exponents
 
-  !> The polynomial of one vertex. Rings of elements are added until the nodes determine it; a one-sided patch, at the boundary, has two.
+  !> The polynomial of one vertex. Rings of elements are added until the nodes determine it: one inside the body,
+  !> two at most places of the boundary.
   subroutine fit_vertex(n, exponent, x, u, node, start, neighbour, mark, centre, radius, coefficient)
     !> Number of monomials.
     integer, intent(in) :: n
@@ -134,7 +136,6 @@ contains
       end do
       if (.not. radius > 0) radius = 1
       if (ring < most_rings .and. size(patch) < n + 1) cycle
-      if (ring == 1 .and. norm2(sum(x(:, patch), 2)/size(patch) - centre) > one_sided*radius) cycle
       allocate (a(size(patch), n), b(max(n, size(patch)), size(u, 1)))
       do i = 1, size(patch)
         do m = 1, n
@@ -146,7 +147,7 @@ contains
         a(i, :) = weight*a(i, :)
         b(i, :) = weight*b(i, :)
       end do
-      call least_squares(a, b, 1e-6_dp, rank, error)
+      call least_squares(a, b, merge(well_determined, determined, ring == 1), rank, error)
       coefficient = 0
       if (.not. allocated(error)) coefficient = b(:n, :)
       deallocate (a, b)
