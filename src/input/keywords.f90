@@ -190,7 +190,8 @@ contains
                meaning='the same, times size_a/E_a + size_b/E_b of each pair; not together with theta')
     call t%add('solver', 'theta_mesh', kind_real, not_negative=.true., &
                meaning='the same, times h_a/E_a + h_b/E_b, point by point; h is the size of the facet there; if no theta '// &
-               'is given, 0.01, and less where the error of the penalty would dominate that of the mesh')
+               'is given, 0.01 (other schemes than dual: 0.1), and less where the error of the penalty would dominate '// &
+               'that of the mesh')
     call t%add('solver', 'theta_rule', kind_name, names=theta_rule_names, &
                meaning='mesh: theta as if none were given')
     call t%add('solver', 'linear_solver', kind_name, names=linear_solver_names, default='auto', &

@@ -5,7 +5,7 @@ module dotyk_input_settings
   use dotyk_input_files, only: directory_of, extension_of, is_directory, resolve_path, why_not_readable, &
     without_extension
   use dotyk_input_names, only: analysis_3d, error_part_discretization, error_part_penalty, field_contact, field_displacement, &
-    field_error, field_stress, gamma_fixed, name_at, scheme_auto, scheme_neumann, stop_paper, &
+    field_error, field_stress, gamma_fixed, name_at, scheme_auto, scheme_dual, scheme_neumann, stop_paper, &
     theta_absolute, theta_kind_names, theta_mesh
   use dotyk_input_problems, only: problems_t, shown
   use dotyk_input_reader, only: group_t
@@ -14,8 +14,9 @@ module dotyk_input_settings
   private
   public :: read_scene, read_solver, read_output, read_theta, read_mesh_path
 
-  !> Factor of h/E where no theta is given.
-  real(dp), parameter :: default_theta_mesh = 1.0e-2_dp
+  !> Factor of h/E where no theta is given: for the dual scheme, which does not mind a small one, and for the others, whose steps grow
+  !> like 1/theta.
+  real(dp), parameter :: default_theta_mesh(2) = [1.0e-2_dp, 1.0e-1_dp]
 
 contains
 
@@ -87,6 +88,8 @@ contains
     ! These keys mean the Neumann scheme and nothing else.
     if (solver%scheme == scheme_auto .and. (is_given(group, 'gamma') .or. is_given(group, 'gamma_rule') .or. &
                                             solver%stop_rule == stop_paper)) solver%scheme = scheme_neumann
+    if (.not. solver%theta_given) solver%theta = merge(default_theta_mesh(1), default_theta_mesh(2), &
+                                                       solver%scheme == scheme_auto .or. solver%scheme == scheme_dual)
     if (solver%stop_rule == stop_paper .and. is_usable(group, 'scheme') .and. solver%scheme /= scheme_neumann) &
       call report(problems, group, 'stop_rule', 'stop_rule=''paper'' is for scheme=''neumann'', which (41) is about')
     solver%budget_fraction = number_of(group, 'budget_fraction')
@@ -108,7 +111,7 @@ contains
     real(dp), intent(out) :: theta
     integer :: k
     kind = theta_mesh
-    theta = default_theta_mesh
+    theta = 0
     given = .false.
     do k = theta_absolute, theta_mesh
       if (.not. is_given(group, name_at(theta_kind_names, k))) cycle
