@@ -25,7 +25,7 @@ SCENES = {'hertz': ('hertz', (), *HELD), 'wavy': ('wavy', (), *HELD), 'composite
           'ball_between_plates': ('ball_between_plates', (), *FREE), 'free_stack': ('free_stack', (), *FREE),
           'bricks': ('bricks', (), *FREE), 'bearing': ('bearing', (), *FREE), 'receding': ('receding', (), *FREE),
           'free_stack fine': ('free_stack', (('m = 8;', 'm = 14;'),), ['dual'], ['1e-2', '0']),
-          'hertz fine': ('hertz', (('[n = 10]', '[n = 20]'), ('[g = 0.25]', '[g = 0.15]')), ['dual'], ['1e-2', '0'])}
+          'hertz fine': ('hertz', (('[n = 10]', '[n = 20]'), ('[s = 2.5]', '[s = 3]')), ['dual'], ['1e-2', '0'])}
 
 
 def run(dotyk, folder, example, scheme, theta, threads, limit):

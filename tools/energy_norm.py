@@ -10,15 +10,15 @@ The norm is sqrt(int eps : C : eps dV), per unit thickness in the plane, over th
 
     energy_norm(file)                    norm of the displacement
     distance(file_1, file_2)             norm of the difference, same mesh
-    distance_meshes(coarse, fine)        norm of u_coarse - u_fine at the quadrature points of the fine mesh; other element order is fine
+    distance_meshes(coarse, fine)        norm of u_coarse - u_fine by the quadrature of the fine mesh; orders may differ
     error(file, exact_stress)            norm of stress(u_h) - exact stress, in the norm of the compliance
     error(file, exact_strain=...)        the same for strains
-with `cells=True` each gives (norm, norms of the cells). A file is a path or Results(path, young=[...], poisson=[...]) where the input
-text in the file should not be asked for the materials; young and poisson are one number for each body.
+with `cells=True` each gives (norm, norms of the cells). A file is a path, or Results(path, young=[...], poisson=[...]) where the
+materials are not to be taken from the input text in the file; young and poisson are one number for each body.
 
-exact_stress(x, y, z, body) gets arrays of the coordinates of many points and the number of the body (from 1), and gives an array of
-6 rows: xx yy zz xy yz xz as in the results file, or of 3: xx yy xy in plane strain and stress, or of 4: xx yy zz xy about the axis
-(y is the axis, x the radius, zz the hoop). exact_strain is the same with tensor components (xy, not 2 xy).
+exact_stress(x, y, z, body) gets arrays of the coordinates of many points and the number of the body (from 1), and gives an array
+of 6 rows: xx yy zz xy yz xz as in the results file, or of 3: xx yy xy in plane strain and stress, or of 4: xx yy zz xy about the
+axis (y is the axis, x the radius, zz the hoop). exact_strain is the same with tensor components (xy, not 2 xy).
 
 Element kinds: all of dotyk's. Materials: isotropic, orthotropic, anisotropic; a young_formula is refused.
 """
@@ -295,7 +295,7 @@ def strain_of(results, gradient, radius, radial):
 def integrate(results, n, integrand, displacement=None, cells=False):
     """sqrt of the sum over the quadrature points of integrand(block, x, strain) times the weight; n Gauss points a direction.
 
-    integrand gives the energy density (n) from the positions (n, 3) and the strains (n, rows) at one quadrature point of many cells.
+    integrand gives the energy density (n) from positions (n, 3) and strains (n, rows) at one quadrature point of many cells.
     """
     d, squares = results.dimension, np.zeros(results.n_cells)
     values = results.displacement if displacement is None else displacement
@@ -343,7 +343,7 @@ def distance(file_1, file_2, cells=False, n=3):
 
 
 def components(results, tensor, shear):
-    """What the user gave (6, 4 or 3 rows in the file's order) as (n, rows) in the order used here; shear strains times `shear`."""
+    """What the user gave (6, 4 or 3 rows in the file's order) as (n, rows) in the order used here; shear times `shear`."""
     tensor = np.array(tensor, float)
     if len(tensor) == 6:
         tensor = np.stack([tensor[FILE_ORDER.index(row)] for row in results.rows])

@@ -1,8 +1,8 @@
 """Reads namelist files as dotyk does: groups such as &scene title='a', size=1,2*3 / with comments behind !.
 
-groups(text, file) gives a list of Group: name, line and the keys, each with its line and its list of values (str, int, float or bool).
-Group.get and Group.check are for programs that have groups of their own: unknown keys and values of the wrong kind are refused with
-file, line and the nearest known name.
+groups(text, file) gives a list of Group: name, line and the keys, each with its line and its values (str, int, float or bool).
+Group.get and Group.check are for programs that have groups of their own: unknown keys and values of the wrong kind are refused
+with file, line and the nearest known name. changed(text, ...) changes keys and leaves all else as it is.
 """
 import difflib
 import re
@@ -17,10 +17,11 @@ class NamelistError(Exception):
 
 
 class Group:
-    """One group: name, line, keys {name: (line, values)}."""
+    """One group: name, line, keys {name: (line, values)}, and where in the text its first key and each key are."""
 
-    def __init__(self, file, name, line):
+    def __init__(self, file, name, line, start):
         self.file, self.name, self.line, self.keys = file, name, line, {}
+        self.start, self.spans = start, {}
 
     def fail(self, text, key=None):
         """Refuse this group, or a key of it."""
@@ -87,7 +88,7 @@ def groups(text, file='input'):
         if kind == 'group':
             if group is not None:
                 group.fail("no / before %s" % token)
-            group, key = Group(file, token[1:].lower(), line), None
+            group, key = Group(file, token[1:].lower(), line, place), None
         elif group is None:
             raise NamelistError('%s:%d: %r outside of a group' % (file, line, token))
         elif kind == 'end':
@@ -98,16 +99,43 @@ def groups(text, file='input'):
             if key in group.keys:
                 group.fail("key '%s' twice" % key, key)
             group.keys[key] = line, []
+            group.spans[key] = match.start(), place
         elif key is None:
             group.fail('%r without a key' % token)
         elif kind == 'text':
             group.keys[key][1].append(token[1:-1].replace(2*token[0], token[0]))
+            group.spans[key] = group.spans[key][0], place
         else:
             times, star, word = token.rpartition('*')
             value = value_of(word)
             if value is None or star and not times.isdigit():
-                raise NamelistError('%s:%d: &%s: %s: %r is neither a number nor a text in quotes' % (file, line, group.name, key, token))
+                raise NamelistError('%s:%d: &%s: %s: %r is neither a number nor a text in quotes'
+                                    % (file, line, group.name, key, token))
             group.keys[key][1].extend([value]*(int(times) if star else 1))
+            group.spans[key] = group.spans[key][0], place
     if group is not None:
         group.fail('no / at its end')
     return found
+
+
+def written(value):
+    """A value as it stands in a namelist file."""
+    if isinstance(value, str):
+        return "'%s'" % value.replace("'", "''")
+    return ('.true.' if value else '.false.') if isinstance(value, bool) else repr(value)
+
+
+def changed(text, name, keys, without=()):
+    """The text with these keys {name: value} in every group of this name, and without some others; the rest stays as it is."""
+    for group in reversed(groups(text)):
+        if group.name != name:
+            continue
+        for key in sorted(group.spans, key=lambda key: -group.spans[key][0]):
+            if key in keys or key in without:
+                start, end = group.spans[key]
+                rest = text[end:]
+                comma = re.match(r'[ \t]*,', rest)
+                text = text[:start] + (rest[comma.end():] if comma else rest)
+        words = ''.join(' %s=%s,' % (key, written(value)) for key, value in keys.items())
+        text = text[:group.start] + words + text[group.start:]
+    return text

@@ -2,11 +2,15 @@
 R = 0.01;            // radius of the ball
 L = 0.01;            // half the edge of the plates, and their thickness
 a = 0.0005;          // expected contact radius
-h = a/5;             // element size in the contact zones (quadratic elements)
-H = R/4;             // element size far away
-c = 2.5*a;           // radius of the zones that may touch
+DefineConstant[n = 8];    // elements over it
+DefineConstant[s = 2.5];  // how fast they grow: by s at a distance of n elements
+order = 2;           // of the elements
+h = a/n;             // their size where they touch
+g = s*h/a;
+H = R/3;             // the largest
+c = 2*a;             // radius of the zones that may touch
 
-Mesh.ElementOrder = 2;
+Mesh.ElementOrder = order;
 Mesh.MeshSizeExtendFromBoundary = 0;
 Mesh.MeshSizeFromPoints = 0;
 
@@ -78,16 +82,10 @@ For i In {0:1}
   Volume(p + 1) = {p + 1};
 EndFor
 
-// fine where they touch
-Field[1] = Distance;
-Field[1].PointsList = {11, 21, 101, 201};
-Field[2] = Threshold;
-Field[2].InField = 1;
-Field[2].SizeMin = h;
-Field[2].SizeMax = H;
-Field[2].DistMin = 1.3*a;
-Field[2].DistMax = R;
-Background Field = 2;
+// h where they touch; it grows with the distance from there, in depth too
+Field[1] = MathEval;
+Field[1].F = Sprintf("Min(%g, %g + %g*Sqrt(Min(Abs(z), Abs(z - %g))^2 + Max(0, Sqrt(x^2 + y^2) - %g)^2))", H, h, g, 2*R, 1.2*a);
+Background Field = 1;
 
 Physical Volume("ball") = {1};
 Physical Volume("lower plate") = {101};

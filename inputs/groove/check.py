@@ -1,9 +1,9 @@
 #!/usr/bin/python3
 """How far groove.vtkhdf is from the groove between two half-planes: check.py [results file]. Exit code 1: wrong.
 
-Half-planes with the gap r (1 - x^2/b^2)^(3/2), abs(x) < b, are pressed together by q < 3 r E*/(4 b), E* = E/(1 - v^2)/2. They stay open
-for abs(x) < c = b sqrt(1 - 4 q b/(3 r E*)); with K = 3 r E*/(2 b^3) and X = abs(x) the pressure is K X sqrt(X^2 - c^2) up to b, and
-K X (sqrt(X^2 - c^2) - sqrt(X^2 - b^2)) beyond. Needs h5py and numpy.
+Half-planes with the gap r (1 - x^2/b^2)^(3/2), abs(x) < b, are pressed together by q < 3 r E*/(4 b), E* = E/(1 - v^2)/2. They
+stay open for abs(x) < c = b sqrt(1 - 4 q b/(3 r E*)); with K = 3 r E*/(2 b^3) and X = abs(x) the pressure is K X sqrt(X^2 - c^2)
+up to b and K X (sqrt(X^2 - c^2) - sqrt(X^2 - b^2)) beyond. Needs h5py and numpy.
 """
 import os
 import sys
@@ -12,12 +12,13 @@ import numpy as np
 
 YOUNG, POISSON = 1.0, 0.3                # as in groove.nml
 STIFFNESS = YOUNG/(1 - POISSON**2)/2     # E*
-DEPTH, WIDTH, PERIOD = 1e-3, 1.0, 100.0  # r in groove.nml; b and 2 L in groove.geo
+DEPTH, WIDTH, PERIOD = 1e-3, 1.0, 400.0  # r in groove.nml; b and 2 L in groove.geo
 PRESSURE = 2.0604396e-4                  # on top
 SLOPE = 3*DEPTH*STIFFNESS/(2*WIDTH**3)   # K
 
-# Measured with 50 elements over b: 6e-4 in c, 2e-4 in the peak, 1.3 % in the profile; with 25: 4e-3, 9e-3, 2.5 %; with 100: 2e-4, 2e-4,
-# 0.7 %. The pressure begins like the square root of the distance from c and drops like it beyond b. The theory is off by 6e-5, see `row`.
+# Measured with 50 elements over b: 6e-4 in c, 2e-4 in the peak, 1.3 % in the profile; with 25: 4e-3, 9e-3, 2.5 %; with 100: 2e-4,
+# 2e-4, 0.7 %. The pressure begins like the square root of the distance from c and drops like it beyond b. The theory is off by
+# 4e-6, see `row`.
 LIMITS = {'c': 2e-3, 'peak': 1e-3, 'profile': 2e-2, 'force': 1e-9, 'not converged': 0}
 
 
@@ -36,8 +37,8 @@ def pressure(x):
 def row(period):
     """The half-width c for a row of such grooves, one in each period.
 
-    With k = pi/period, the pressure is bounded at c if q = E*/period int_c^b -g' cos(k x)/sqrt(sin(k x)^2 - sin(k c)^2) dx, where g' is the
-    slope of the gap: divide the function of a complex variable whose parts are pressure and slope by that square root.
+    With k = pi/period, the pressure is bounded at c if q = E*/period int_c^b -g' cos(k x)/sqrt(sin(k x)^2 - sin(k c)^2) dx, where
+    g' is the slope of the gap: divide the function of a complex variable whose parts are pressure and slope by that square root.
     """
     points, weights = np.polynomial.legendre.leggauss(200)
     angle, weights, k = (points + 1)*np.pi/4, weights*np.pi/4, np.pi/period

@@ -1,7 +1,7 @@
 // Half of two deep layers whose faces touch along y = 0; y is up. The faces are flat: the groove is in the gap. Plane strain.
 b = 1;               // half-width of the groove
-L = 50*b;            // half the distance to the next groove: there is a row of them, as the sides are smooth walls
-D = 100*b;           // depth of each layer
+L = 200*b;           // half the distance to the next groove: there is a row of them, as the sides are smooth walls
+D = 300*b;           // depth of each layer
 h = b/50;            // element size on the groove
 match = 0.8;         // element size on the lower face relative to that on the upper one; 1: the two match
 growth = 8*h/b;      // of the element size with the distance from the groove

@@ -2,14 +2,15 @@
 R = 0.01;            // radius of the sphere
 L = 0.01;            // edge of the block
 DefineConstant[a = 0.0005];  // expected contact radius; what fine.geo has set stays
-DefineConstant[n = 10];      // quadratic elements over it
-DefineConstant[m = 3];       // elements over R far away
-DefineConstant[g = 0.25];    // growth of the elements
-h = a/n;
-H = R/m;
+DefineConstant[n = 10];      // elements over it
+DefineConstant[s = 2.5];     // how fast they grow: by s at a distance of n elements
+order = 2;                   // of the elements
+h = a/n;                     // their size where they touch
+g = s*h/a;
+H = R/3;                     // the largest
 c = 2*a;             // radius of the zone that may touch
 
-Mesh.ElementOrder = 2;
+Mesh.ElementOrder = order;
 Mesh.MeshSizeExtendFromBoundary = 0;
 Mesh.MeshSizeFromPoints = 0;
 

@@ -2,9 +2,10 @@
 l = 1;               // wave length
 D = 1.5*l;           // depth of each layer
 h = l/80;            // element size on the surface
-H = D/6;             // element size far away
+H = 20*h;            // element size far away
+order = 2;           // of the elements
 
-Mesh.ElementOrder = 2;
+Mesh.ElementOrder = order;
 
 Point(1) = {0, 0, 0, h};      Point(2) = {l/2, 0, 0, h};
 Point(3) = {l/2, D, 0, H};    Point(4) = {0, D, 0, H};

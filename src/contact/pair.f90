@@ -10,9 +10,11 @@ module dotyk_contact_pair
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: quoted, to_text
   use dotyk_contact_average, only: average_at_vertices
+  use dotyk_contact_cell_rule, only: facet_rule_t
   use dotyk_contact_corner_field, only: corner_field_t
   use dotyk_contact_projection, only: find_partner, partner_found, partner_not_facing, partner_outside, partner_t, &
     partner_too_far, target_surface_t
+  use dotyk_contact_segments, only: divide_facets
   use dotyk_linalg_sparse, only: sparse_rows_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, kind_nodes, n_element_kinds, quadrature_rule
@@ -29,6 +31,10 @@ module dotyk_contact_pair
   !> What the rows are.
   integer, parameter, public :: points_nodes = 1       !< dual means at the vertices of surface_a
   integer, parameter, public :: points_quadrature = 2  !< the integration points
+
+  !> Where the integration points are.
+  integer, parameter, public :: quadrature_segments = 1  !< on the pieces that the facets of surface_b cut out of those of a
+  integer, parameter, public :: quadrature_plain = 2     !< on whole facets of surface_a
 
   !> What the user says of a pair.
   type, public :: pair_settings_t
@@ -48,6 +54,8 @@ module dotyk_contact_pair
     real(dp) :: theta = 0
     !> One of `points_nodes`, `points_quadrature`.
     integer :: points = points_quadrature
+    !> One of `quadrature_segments`, `quadrature_plain`.
+    integer :: quadrature = quadrature_segments
   end type pair_settings_t
 
   !> The contact points of a pair.
@@ -100,15 +108,9 @@ module dotyk_contact_pair
 
   public :: find_pair, pair_force
 
-  !> The points of a facet kind.
-  type :: rule_t
-    real(dp), allocatable :: xi(:, :)
-    real(dp), allocatable :: weight(:)
-  end type rule_t
-
-  !> Degree of the quadrature that means at vertices are made with. The edges of surface_b cut the facets, and the mean must
+  !> Degree of the plain rule that means at vertices are made with. The edges of surface_b cut the facets, and the mean must
   !> see where: errors of columns of blocks that do not match are a third to a tenth of those with twice the order of the
-  !> elements, and points that are not rows cost next to nothing.
+  !> elements, and points that are not rows cost next to nothing. (On segments the mean is exact, see segments.f90.)
   integer, parameter :: mean_degree = 8
   real(dp), parameter :: pi = acos(-1.0_dp)
 
@@ -131,7 +133,8 @@ contains
     !> No point has a partner.
     type(error_t), allocatable, intent(out) :: error
     type(target_surface_t) :: target
-    type(rule_t) :: rule(n_element_kinds)
+    type(facet_rule_t) :: rule(n_element_kinds)
+    type(facet_rule_t), allocatable :: own(:)
     type(partner_t), allocatable :: partner(:)
     real(dp), allocatable :: x(:, :), weight(:), xi(:, :)
     integer, allocatable :: offset(:)
@@ -143,18 +146,25 @@ contains
     call target%init(mesh_b%x, surface_b)
     call prepare_rules(surface_a%kind(1:surface_a%n_facets), settings%points, settings%axisymmetric, rule)
     allocate (offset(surface_a%n_facets + 1))
+    if (settings%quadrature == quadrature_segments) then
+      call divide_facets(mesh_a, surface_a, mesh_b, surface_b, target, radius, settings%points == points_nodes, &
+                         settings%axisymmetric, rule, own)
+    else
+      allocate (own(surface_a%n_facets))
+    end if
     offset(1) = 0
     do f = 1, surface_a%n_facets
-      offset(f + 1) = offset(f) + size(rule(surface_a%kind(f))%weight)
+      if (.not. allocated(own(f)%weight)) own(f) = rule(surface_a%kind(f))
+      offset(f + 1) = offset(f) + size(own(f)%weight)
     end do
     n = offset(surface_a%n_facets + 1)
     allocate (partner(n), x(3, n), weight(n), xi(2, n))
     !$omp parallel do default(none) schedule(dynamic, 64) &
-    !$omp shared(surface_a, mesh_a, rule, offset, settings, target, radius, x, xi, weight, partner, d)
+    !$omp shared(surface_a, mesh_a, own, offset, settings, target, radius, x, xi, weight, partner, d)
     do f = 1, surface_a%n_facets
       associate (first => offset(f) + 1, last => offset(f + 1), kind => surface_a%kind(f))
-        call facet_points(kind, d, mesh_a%x(:, surface_a%node(1:kind_nodes(kind), f)), rule(kind)%xi, &
-                          rule(kind)%weight, settings%axisymmetric, target, radius, x(:, first:last), &
+        call facet_points(kind, d, mesh_a%x(:, surface_a%node(1:kind_nodes(kind), f)), own(f)%xi, &
+                          own(f)%weight, settings%axisymmetric, target, radius, x(:, first:last), &
                           xi(:, first:last), weight(first:last), partner(first:last))
       end associate
     end do
@@ -184,7 +194,7 @@ contains
     integer, intent(in) :: points
     logical, intent(in) :: axisymmetric
     !> Rules (n_element_kinds).
-    type(rule_t), intent(inout) :: rule(:)
+    type(facet_rule_t), intent(inout) :: rule(:)
     type(element_kind_t) :: kind
     integer :: k, degree
     do k = 1, n_element_kinds

@@ -33,7 +33,7 @@ module dotyk_contact_search
     procedure :: init => tree_init
   end type facet_tree_t
 
-  public :: nearest_facet
+  public :: facets_in_slab, nearest_facet
 
   !> Normals face each other where n_a . n_b < -facing_cosine (DESIGN.md, section 4).
   real(dp), parameter, public :: facing_cosine = 0.5_dp
@@ -247,6 +247,73 @@ contains
       n = n + 2
     end do
   end subroutine nearest_facet
+
+  !> The facets of which a part may face a direction and lie in a box along given axes, ascending.
+  pure subroutine facets_in_slab(tree, set, toward, origin, axes, low, high, list)
+    type(facet_tree_t), intent(in) :: tree
+    type(facet_set_t), intent(in) :: set
+    !> Unit vector that the normals have to face (3).
+    real(dp), intent(in) :: toward(3)
+    !> Origin (3) [length] and axes (3, 3) of the box.
+    real(dp), intent(in) :: origin(3), axes(3, 3)
+    !> The box along the axes, relative to the origin (3) [length].
+    real(dp), intent(in) :: low(3), high(3)
+    !> Facets.
+    integer, allocatable, intent(out) :: list(:)
+    integer :: waiting(stack_size), n, node, i, j, n_found
+    integer, allocatable :: found(:), more(:)
+    allocate (found(16))
+    n_found = 0
+    n = 0
+    if (set%n > 0) then
+      n = 1
+      waiting(1) = 1
+    end if
+    do while (n > 0)
+      node = waiting(n)
+      n = n - 1
+      if (dot_product(tree%axis(:, node), toward) < tree%limit(node)) cycle
+      if (beside(tree%lo(:, node), tree%hi(:, node))) cycle
+      if (tree%child(node) > 0) then
+        waiting(n + 1:n + 2) = [tree%child(node), tree%child(node) + 1]
+        n = n + 2
+        cycle
+      end if
+      do i = tree%first(node), tree%last(node)
+        associate (k => tree%order(i))
+          if (dot_product(set%axis(:, k), toward) < tree%facet_limit(k)) cycle
+          if (beside(set%lo(:, k), set%hi(:, k))) cycle
+          if (n_found == size(found)) then
+            allocate (more(2*n_found))
+            more(1:n_found) = found
+            call move_alloc(more, found)
+          end if
+          do j = n_found, 1, -1
+            if (found(j) < k) exit
+            found(j + 1) = found(j)
+          end do
+          found(j + 1) = k
+          n_found = n_found + 1
+        end associate
+      end do
+    end do
+    list = found(1:n_found)
+
+  contains
+
+    !> A box lies beside the slab along one of the slab's axes.
+    pure logical function beside(lo, hi)
+      real(dp), intent(in) :: lo(3), hi(3)
+      real(dp) :: centre, half
+      integer :: k
+      beside = .false.
+      do k = 1, 3
+        centre = dot_product((lo + hi)/2 - origin, axes(:, k))
+        half = dot_product((hi - lo)/2, abs(axes(:, k)))
+        beside = beside .or. centre + half < low(k) .or. centre - half > high(k)
+      end do
+    end function beside
+  end subroutine facets_in_slab
 
   !> Take a facet where it is nearer and faces the direction; the dummies are those of nearest_facet.
   pure subroutine look_at(tree, set, x, toward, any_normal, candidate, facet, xi, square)

@@ -6,11 +6,13 @@ module dotyk_driver_pairs
   use dotyk_base_text, only: to_text
   use dotyk_contact_pair, only: contact_pair_t, pair_settings_t, find_pair, contact_gap_geometry => gap_geometry, &
     contact_gap_constant => gap_constant, contact_gap_formula => gap_formula, contact_points_nodes => points_nodes, &
-    contact_points_quadrature => points_quadrature
+    contact_points_quadrature => points_quadrature, contact_quadrature_segments => quadrature_segments, &
+    contact_quadrature_plain => quadrature_plain
   use dotyk_driver_mesh_theta, only: set_mesh_theta
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t, contact_input_t
-  use dotyk_input_names, only: analysis_axisymmetric, gap_constant, gap_formula, points_nodes, theta_mesh, theta_relative
+  use dotyk_input_names, only: analysis_axisymmetric, gap_constant, gap_formula, points_nodes, quadrature_segments, &
+    theta_mesh, theta_relative
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
@@ -70,6 +72,7 @@ contains
     end if
     if (given%has_search_radius) settings%search_radius = given%search_radius
     settings%points = merge(contact_points_nodes, contact_points_quadrature, given%points == points_nodes)
+    settings%quadrature = merge(contact_quadrature_segments, contact_quadrature_plain, given%quadrature == quadrature_segments)
     settings%theta = given%theta
     if (given%theta_kind == theta_relative) settings%theta = given%theta*(compliance(body_a) + compliance(body_b))
     call find_pair(body_a%mesh, surface_a, body_b%mesh, surface_b, settings, formula, pair, error)

@@ -2,7 +2,7 @@
 module dotyk_input_keywords
   use dotyk_base_text, only: text_t
   use dotyk_input_names, only: analysis_names, error_part_names, field_names, gamma_rule_names, linear_solver_names, &
-    points_names, scheme_names, stop_rule_names, theta_rule_names
+    points_names, quadrature_names, scheme_names, stop_rule_names, theta_rule_names
   implicit none
   private
 
@@ -176,7 +176,10 @@ contains
                meaning='greatest distance of partners; if absent, the smaller body''s size')
     call t%add('contact', 'points', kind_name, names=points_names, default='nodes', &
                meaning='contact points: nodes is one for each vertex of surface_a, with gap and displacement in the mean of '// &
-               'the facets around it (stable for every theta); quadrature is the quadrature points of surface_a''s facets')
+               'the facets around it (stable for every theta); quadrature is the integration points')
+    call t%add('contact', 'quadrature', kind_name, names=quadrature_names, default='segments', &
+               meaning='integration points: segments puts them on the pieces that the facets of surface_b cut out of those '// &
+               'of surface_a, exact on flat faces whatever their meshes; plain puts them on whole facets of surface_a')
 
     call t%add('solver', 'scheme', kind_name, names=scheme_names, default='auto', &
                meaning='auto: dual, or neumann where gamma, gamma_rule or stop_rule=''paper'' say so; '// &

@@ -44,6 +44,11 @@ module dotyk_input_names
   integer, parameter, public :: points_nodes = 1       !< the vertices of surface_a
   integer, parameter, public :: points_quadrature = 2  !< the quadrature points of surface_a's facets
 
+  !> Where the integration points are, `&contact quadrature`.
+  character(*), parameter, public :: quadrature_names = 'segments plain'
+  integer, parameter, public :: quadrature_segments = 1  !< on the pieces that the facets of surface_b cut out of those of a
+  integer, parameter, public :: quadrature_plain = 2     !< on whole facets of surface_a
+
   !> `&solver scheme`.
   character(*), parameter, public :: scheme_names = 'auto neumann dual robin nesterov anderson secant'
   integer, parameter, public :: scheme_auto = 1     !< the best one for the scene

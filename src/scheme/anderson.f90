@@ -19,7 +19,7 @@ module dotyk_scheme_anderson
   !> Steps that are remembered.
   integer, parameter :: window = 10
   !> A residual this many times the least one drops the history.
-  real(dp), parameter :: most_growth = 10
+  real(dp), parameter :: most_growth = 2
   !> What is added to the diagonal of the least squares, relative.
   real(dp), parameter :: regularization = 1.0e-12_dp
 

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""tools/energy_norm.py: linear and quadratic fields on every element kind, the energy of a run, differences of runs and of meshes."""
+"""tools/energy_norm.py: linear and quadratic fields on every element kind, the energy of runs, differences of runs and meshes."""
 import subprocess
 import sys
 
