@@ -14,6 +14,7 @@ LINES = ['-', '--', ':', '-.', (0, (5, 1, 1, 1, 1, 1))]
 DISPLAYED = ['scheme', 'order', 'quadrature', 'geometry', 'points', 'theta_relative', 'stop rule', 'linear_solver',
              'threads', 'size']
 SAME = {'theta_relative': ['theta_relative', 'theta', 'theta_rule'], 'stop rule': ['tolerance', 'stop_rule']}
+NOT_SAID = 'as in the scene'
 PARTS = {'error_bound': 'iteration (guaranteed bound)', 'error_penalty': 'penalty (estimate)',
          'error_discretization': 'discretization (estimate)'}
 COLUMNS = ['size', 'order', 'points', 'quadrature', 'geometry', 'theta_relative', 'theta', 'theta_rule', 'stop_rule', 'tolerance',
@@ -92,7 +93,7 @@ def shown(key, row):
 def value_text(key, value):
     """A setting in the legend."""
     if value is None:
-        return 'as in the scene'
+        return NOT_SAID
     if key == 'order':
         return {1: 'linear elements', 2: 'quadratic elements'}.get(value, str(value))
     return '%g' % value if isinstance(value, float) else str(value)
@@ -233,7 +234,7 @@ def figure_of_parts(grid, curves, style, plt):
     figure, all_axes = panels_of(plt, len(columns), sharey=True)
     # Bounds of the iteration are often far below all else: they are drawn at a floor below the other parts.
     others = [y for part in columns if part != 'error_bound' for curve in curves for y in positive(curve, 'seconds', part)[1][1]]
-    floor = min(others, default=1e-13)/1e3
+    floor = min(others, default=1e-13)/1e2
     for axes, part in zip(all_axes, columns):
         for curve in curves:
             kept, (x, y) = positive(curve, 'seconds', part, zero=True)
@@ -259,7 +260,7 @@ def write_figures(grid, rows):
     matplotlib.use('Agg')
     import matplotlib.pyplot as plt
     curves = curves_of(grid, rows)
-    style = Style(grid, [row for curve in curves for row in curve])
+    style = Style(grid, [row for row in rows if any(row in curve for curve in curves)])
     along = grid.along.replace('_', ' ')
     made = [(figure_of(grid, curves, style, plt, 'seconds', 'wall time [s]', 'time.png'),
              'Error against wall time, along each curve %s; bars from the least to the largest of the repeated runs.' % along),
@@ -321,8 +322,9 @@ def write_report(grid, rows, facts, figures):
         error.replace('_', ' ') for error in grid.error] + [part.replace('_', ' ') for part in parts] + ['converged']
     names = keys + ['unknowns', 'iterations', 'body_solves', 'seconds', 'seconds_min', 'seconds_max'] + grid.error + parts
     text += ['## Table', '', 'All columns are in `table.csv` and `table.h5`; errors are absolute values.', '']
-    text += markdown(header, [[*[number(row.get(name)) for name in names], 'yes' if row.get('converged') else 'no']
-                              for row in rows])
+    lines = [[value_text(name, row[name]) if name in keys and name != 'order' else number(row.get(name)) for name in names]
+             + ['yes' if row.get('converged') else 'no'] for row in rows]
+    text += markdown(header, [['-' if cell == NOT_SAID else cell for cell in line] for line in lines])
     text += ['## Omissions', '']
     if omitted:
         text += ['Points that failed, did not converge, ran out of time, or lack an error. The figures leave out those that',
