@@ -122,7 +122,7 @@ contains
       kind_b = surface_b%kind(cell(i)%facet)
       degree = cell_degree(kind, kind_b, by_nodes)
       if (by_nodes .and. .not. chart%straight) degree = max(degree, 5)
-      whole = cell(i)%area >= (1 - 1e-12_dp)*chart%area
+      whole = cell(i)%area >= (1 - 1e-13_dp)*chart%area
       if (whole .and. by_nodes) degree = max(degree, 4)
       ! Flat facets of which one is a quadrilateral that is no parallelogram.
       fit = chart%straight .and. .not. (chart%affine .and. affine_map(target%set%coefficient(:, :, cell(i)%facet)))
