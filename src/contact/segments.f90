@@ -15,7 +15,7 @@ module dotyk_contact_segments
   use dotyk_contact_chart, only: affine_map, chart_t, is_straight, reference_centre, reference_point
   use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
   use dotyk_contact_overlay, only: cell_t, cells_of_facet, cells_of_line
-  use dotyk_contact_patch_fit, only: fit_cell
+  use dotyk_contact_cell_fit, only: fit_cell
   use dotyk_contact_polygon, only: contains_point
   use dotyk_contact_projection, only: find_partner, partner_found, partner_t, target_surface_t
   use dotyk_mesh_body_mesh, only: body_mesh_t

@@ -4,7 +4,7 @@
 !> has their integrals over a polygon. A rule of high degree has them to round-off; the weights of the points in use are
 !> changed by the little that takes to have the integrals of the shape functions of both facets. Then a uniform pressure
 !> loads the nodes of both sides as it should, whatever the meshes: the patch test.
-module dotyk_contact_patch_fit
+module dotyk_contact_cell_fit
   use dotyk_base_kinds, only: dp
   use dotyk_contact_cell_rule, only: most_degree, polygon_rule, rule_table_t
   use dotyk_contact_chart, only: chart_t, reference_centre, reference_point
@@ -171,4 +171,4 @@ contains
       weights = weights*(1 + change)
     end do
   end subroutine fit_weights
-end module dotyk_contact_patch_fit
+end module dotyk_contact_cell_fit
