@@ -11,8 +11,8 @@ COLOURS = ['#0072B2', '#D55E00', '#009E73', '#CC79A7', '#E69F00', '#56B4E9', '#0
 MARKERS = ['o', 's', '^', 'D', 'v', 'P', 'X', '*']
 LINES = ['-', '--', ':', '-.', (0, (5, 1, 1, 1, 1, 1))]
 # the first that varies is told by colour, the second by the marker, the third by the line, the others by size and filling
-ORDER = ['scheme', 'order', 'quadrature', 'geometry', 'points', 'theta_relative', 'theta', 'theta_rule', 'tolerance', 'stop_rule',
-         'linear_solver', 'threads', 'size']
+DISPLAYED = ['scheme', 'order', 'quadrature', 'geometry', 'points', 'theta_relative', 'stop rule', 'linear_solver', 'threads', 'size']
+SAME = {'theta_relative': ['theta_relative', 'theta', 'theta_rule'], 'stop rule': ['tolerance', 'stop_rule']}
 PARTS = {'error_bound': 'iteration (guaranteed bound)', 'error_penalty': 'penalty (estimate)',
          'error_discretization': 'discretization (estimate)'}
 COLUMNS = ['size', 'order', 'points', 'quadrature', 'geometry', 'theta_relative', 'theta', 'theta_rule', 'stop_rule', 'tolerance',
@@ -79,6 +79,15 @@ def label_of(grid, name):
     return KNOWN_LABELS.get(name, name.replace('_', ' '))
 
 
+def shown(key, row):
+    """What a row shows for one of DISPLAYED: the value of the key, or of those keys that say the same thing."""
+    for name in SAME.get(key, [key]):
+        if row.get(name) is not None and (key != 'stop rule' or name != 'tolerance' or row.get('stop_rule') != 'budget'):
+            text = value_text(name, row[name])
+            return text if name == key or name == 'theta_relative' else '%s %s' % (name.replace('_', ' '), text)
+    return value_text(key, None)
+
+
 def value_text(key, value):
     """A setting in the legend."""
     if value is None:
@@ -91,15 +100,22 @@ def value_text(key, value):
 class Style:
     """Colour, marker and line of each curve, and the legend that tells them."""
 
-    def __init__(self, grid):
-        keys = [key for key in ORDER if key in grid.varying and key != grid.along]
-        self.keys, self.values = keys, {key: grid.axes[key] for key in keys}
+    def __init__(self, grid, rows):
+        self.values = {}
+        for key in DISPLAYED:
+            values = list(dict.fromkeys(shown(key, row) for row in rows))
+            so_far = {tuple(shown(name, row) for name in self.values) for row in rows}
+            with_it = {tuple(shown(name, row) for name in [*self.values, key]) for row in rows}
+            # left out: what does not vary, what varies along the curve, what follows from the settings before it
+            if len(values) > 1 and grid.along not in SAME.get(key, [key]) and len(with_it) > len(so_far):
+                self.values[key] = values
+        self.keys = list(self.values)
 
     def of(self, row):
         """Arguments of plot for the curve of a row."""
         style = {'color': COLOURS[0], 'marker': MARKERS[0], 'linestyle': '-', 'markersize': 5.5}
         for place, key in enumerate(self.keys):
-            style.update(self.channel(place, self.values[key].index(row[key])))
+            style.update(self.channel(place, self.values[key].index(shown(key, row))))
         return style
 
     @staticmethod
@@ -129,7 +145,7 @@ class Style:
                 grey = {'color': '#555555', 'marker': 'o' if place != 2 else None, 'linestyle': '-', 'markersize': 5.5}
                 grey.update(self.channel(place, index))
                 handles.append(plt.Line2D([], [], **grey))
-                texts.append(value_text(key, value))
+                texts.append(value)
         for line, text in extra:
             handles.append(line)
             texts.append(text)
@@ -143,7 +159,7 @@ def curves_of(grid, rows):
     curves = {}
     for row in rows:
         if row.get('converged') and row.get('seconds') is not None:
-            key = tuple((name, row[name]) for name in ORDER if name != grid.along and name in row)
+            key = tuple((name, row[name]) for name in COLUMNS[:13] if name != grid.along and name in row)
             curves.setdefault(key, []).append(row)
     for curve in curves.values():
         curve.sort(key=lambda row: grid.axes[grid.along].index(row[grid.along]))
@@ -159,16 +175,14 @@ def positive(curve, *names, zero=False):
 
 def ranges(axes):
     """Logarithmic axes with a grid, and limits that hold a few ticks."""
-    from matplotlib.ticker import LogFormatterSciNotation, LogLocator, NullFormatter
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
     axes.set_xscale('log')
     axes.set_yscale('log')
     axes.grid(True, which='major', color='#cccccc', linewidth=0.6)
     axes.grid(True, which='minor', color='#eeeeee', linewidth=0.4)
     for axis, (low, high) in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
-        narrow = high/low < 30
-        axis.set_major_locator(LogLocator(subs=(1, 2, 5) if narrow else (1,)))
-        axis.set_major_formatter(LogFormatterSciNotation(labelOnlyBase=False, minor_thresholds=(9, 9)) if narrow
-                                 else LogFormatterSciNotation())
+        axis.set_major_locator(LogLocator(subs=(1, 2, 5) if high/low < 30 else (1, 3) if high/low < 300 else (1,)))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: '%g' % value))
         axis.set_minor_formatter(NullFormatter())
     axes.tick_params(labelsize=8)
 
@@ -243,7 +257,8 @@ def write_figures(grid, rows):
     import matplotlib
     matplotlib.use('Agg')
     import matplotlib.pyplot as plt
-    curves, style = curves_of(grid, rows), Style(grid)
+    curves = curves_of(grid, rows)
+    style = Style(grid, [row for curve in curves for row in curve])
     along = grid.along.replace('_', ' ')
     made = [(figure_of(grid, curves, style, plt, 'seconds', 'wall time [s]', 'time.png'),
              'Error against wall time, along each curve %s; bars from the least to the largest of the repeated runs.' % along),
@@ -267,7 +282,7 @@ def markdown(header, lines):
 def setting_text(grid, row):
     """What tells a point from the others."""
     return ', '.join(value_text(key, row[key]) if key == 'order' else '%s %s' % (key.replace('_', ' '), value_text(key, row[key]))
-                     for key in grid.varying)
+                     for key in grid.varying if row[key] is not None)
 
 
 def cheapest(grid, rows):

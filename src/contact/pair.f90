@@ -12,9 +12,11 @@ module dotyk_contact_pair
   use dotyk_contact_average, only: average_at_vertices
   use dotyk_contact_cell_rule, only: facet_rule_t
   use dotyk_contact_corner_field, only: corner_field_t
+  use dotyk_contact_geometry, only: contact_geometry_t, geometry_elements
   use dotyk_contact_projection, only: find_partner, partner_found, partner_not_facing, partner_outside, partner_t, &
     partner_too_far, target_surface_t
   use dotyk_contact_segments, only: divide_facets
+  use dotyk_contact_smooth_partner, only: smooth_partner
   use dotyk_linalg_sparse, only: sparse_rows_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, kind_nodes, n_element_kinds, quadrature_rule
@@ -54,6 +56,8 @@ module dotyk_contact_pair
     real(dp) :: theta = 0
     !> One of `points_nodes`, `points_quadrature`.
     integer :: points = points_quadrature
+    !> What gaps and normals are taken from, one of `geometry_*` of geometry.f90.
+    integer :: geometry = geometry_elements
     !> One of `quadrature_segments`, `quadrature_plain`.
     integer :: quadrature = quadrature_segments
   end type pair_settings_t
@@ -165,6 +169,8 @@ contains
       end associate
     end do
     !$omp end parallel do
+    if (settings%geometry /= geometry_elements) call use_geometry(mesh_a, surface_a, mesh_b, surface_b, &
+      settings%geometry, target, radius, offset, x, xi, partner)
     call collect(d, offset, x, xi, weight, partner, pair)
     pair%name = settings%name
     pair%body_a = settings%body_a
@@ -232,6 +238,38 @@ contains
       call find_partner(target, x(:, i), normal, hint, radius, partner(i))
     end do
   end subroutine facet_points
+
+  !> Correct the partners for another geometry than that of the elements.
+  subroutine use_geometry(mesh_a, surface_a, mesh_b, surface_b, geometry, target, radius, offset, x, xi, partner)
+    type(body_mesh_t), intent(in) :: mesh_a, mesh_b
+    type(surface_t), intent(in) :: surface_a, surface_b
+    !> One of `geometry_*`.
+    integer, intent(in) :: geometry
+    !> surface_b.
+    type(target_surface_t), intent(in) :: target
+    !> Greatest distance [length].
+    real(dp), intent(in) :: radius
+    !> Points of facet f are offset(f)+1 .. offset(f+1).
+    integer, intent(in) :: offset(:)
+    !> Positions (3, n) and reference coordinates (2, n) of the points.
+    real(dp), intent(in) :: x(:, :), xi(:, :)
+    type(partner_t), intent(inout) :: partner(:)
+    type(target_surface_t) :: source
+    type(contact_geometry_t) :: geometry_a, geometry_b
+    integer :: f, i
+    call source%init(mesh_a%x, surface_a)
+    call geometry_a%init(geometry, mesh_a%x, surface_a, source%set, source%adjacency)
+    call geometry_b%init(geometry, mesh_b%x, surface_b, target%set, target%adjacency)
+    if (.not. (geometry_a%active .or. geometry_b%active)) return
+    !$omp parallel do default(none) schedule(dynamic, 64) private(i) &
+    !$omp shared(surface_a, offset, source, target, geometry_a, geometry_b, radius, x, xi, partner)
+    do f = 1, surface_a%n_facets
+      do i = offset(f) + 1, offset(f + 1)
+        call smooth_partner(geometry_a, source%set, f, xi(:, i), geometry_b, target, x(:, i), radius, partner(i))
+      end do
+    end do
+    !$omp end parallel do
+  end subroutine use_geometry
 
   !> Keep the points that have a partner and count the others.
   pure subroutine collect(d, offset, x, xi, weight, partner, pair)

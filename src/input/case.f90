@@ -8,7 +8,7 @@
 module dotyk_input_case
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: text_t
-  use dotyk_input_names, only: analysis_3d, gamma_spectral, gap_geometry, linear_solver_auto, load_traction, &
+  use dotyk_input_names, only: analysis_3d, gamma_spectral, gap_geometry, geometry_smooth, linear_solver_auto, load_traction, &
     material_isotropic, points_nodes, quadrature_segments, scheme_auto, stop_residual, theta_relative
   implicit none
   private
@@ -126,6 +126,8 @@ module dotyk_input_case
     real(dp) :: search_radius = 0
     !> One of `points_*`.
     integer :: points = points_nodes
+    !> One of `geometry_*`.
+    integer :: geometry = geometry_smooth
     !> One of `quadrature_*`.
     integer :: quadrature = quadrature_segments
   end type contact_input_t

@@ -1,8 +1,8 @@
 !> THE table of groups and keys: what is checked, what defaults are and what `--help` prints all come from here.
 module dotyk_input_keywords
   use dotyk_base_text, only: text_t
-  use dotyk_input_names, only: analysis_names, field_names, gamma_rule_names, linear_solver_names, points_names, &
-    quadrature_names, scheme_names, stop_rule_names
+  use dotyk_input_names, only: analysis_names, field_names, gamma_rule_names, geometry_names, linear_solver_names, &
+    points_names, quadrature_names, scheme_names, stop_rule_names
   implicit none
   private
 
@@ -175,6 +175,10 @@ contains
     call t%add('contact', 'points', kind_name, names=points_names, default='nodes', &
                meaning='contact points: nodes is one for each vertex of surface_a, with gap and displacement in the mean of '// &
                'the facets around it (stable for every theta); quadrature is the integration points')
+    call t%add('contact', 'geometry', kind_name, names=geometry_names, default='smooth', &
+               meaning='what gaps and normals are taken from: smooth puts quadratic patches over the facets of linear elements '// &
+               '(edges of more than 40 degrees stay sharp, planes flat); elements: the facets as they are; '// &
+               'straight: the corners of the elements alone, to compare')
     call t%add('contact', 'quadrature', kind_name, names=quadrature_names, default='segments', &
                meaning='integration points: segments puts them on the pieces that the facets of surface_b cut out of those '// &
                'of surface_a, exact on flat faces whatever their meshes; plain puts them on whole facets of surface_a')

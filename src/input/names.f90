@@ -40,6 +40,12 @@ module dotyk_input_names
   integer, parameter, public :: points_nodes = 1       !< the vertices of surface_a
   integer, parameter, public :: points_quadrature = 2  !< the quadrature points of surface_a's facets
 
+  !> What gaps and normals are taken from, `&contact geometry`.
+  character(*), parameter, public :: geometry_names = 'smooth elements straight'
+  integer, parameter, public :: geometry_smooth = 1    !< patches over the facets of linear elements
+  integer, parameter, public :: geometry_elements = 2  !< that of the elements
+  integer, parameter, public :: geometry_straight = 3  !< that of the elements' corners
+
   !> Where the integration points are, `&contact quadrature`.
   character(*), parameter, public :: quadrature_names = 'segments plain'
   integer, parameter, public :: quadrature_segments = 1  !< on the pieces that the facets of surface_b cut out of those of a

@@ -59,6 +59,7 @@ contains
     contact%has_search_radius = is_usable(group, 'search_radius')
     contact%search_radius = number_of(group, 'search_radius')
     contact%points = nint(number_of(group, 'points'))
+    contact%geometry = nint(number_of(group, 'geometry'))
     contact%quadrature = nint(number_of(group, 'quadrature'))
   end subroutine read_contact
 

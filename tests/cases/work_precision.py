@@ -13,7 +13,7 @@ import dotyk_case
 
 TOOL = dotyk_case.ROOT / "tools/work_precision"
 GRID = """! two sizes and orders; no scheme but dual does without a penalty, and five steps are too few for neumann
-&grid scene='wavy/wavy.nml', check='plain.py', title='small wave', size=0.125,0.0625, scale_with='H', order=1,2, threads=1
+&grid scene='wavy/wavy.nml', check='plain.py', title='small wave', size=0.125,0.0625, order=1,2, threads=1
   theta_relative=0, scheme='dual', repeat=2, error='a_error','energy', reference_size=0.03125, reference_order=2 /
 &grid size=0.125, order=2, theta_relative=0,1e-2, scheme='neumann' /
 """

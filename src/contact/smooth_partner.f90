@@ -1,0 +1,228 @@
+!> Partners of contact points by another geometry than that of the elements.
+!>
+!> The direction n is the geometry's normal. The partner x' of a point x lies on the element, where the line through x along the
+!> normal that belongs to x' meets it, so that x - x' is parallel to n: moments of the forces on the two sides cancel exactly,
+!> as they do for closest points. The distance is that of the geometry: n . (y' - y), where y and y' have the reference
+!> coordinates of x and x'.
+module dotyk_contact_smooth_partner
+  use dotyk_base_kinds, only: dp
+  use dotyk_contact_facet_projection, only: edges_at
+  use dotyk_contact_facet_set, only: evaluate_facet, facet_set_t
+  use dotyk_contact_geometry, only: contact_geometry_t
+  use dotyk_contact_projection, only: partner_found, partner_outside, partner_t, partner_too_far, target_surface_t
+  implicit none
+  private
+  public :: smooth_partner
+
+  !> Facets that are tried in turn, steps of Newton's method on each.
+  integer, parameter :: most_facets = 12, most_steps = 25
+  !> A point this near to an edge lies inside, in reference coordinates.
+  real(dp), parameter :: edge_tolerance = 1e-8_dp
+  !> Lines may meet a facet beyond its edge by so much, in reference coordinates: beyond a facet whose surface ends there, when
+  !> the closest point lies inside; and where normals are not continuous.
+  real(dp), parameter :: overhang = 0.1_dp
+
+contains
+
+  !> Correct the partner of a point for the geometries of the two surfaces.
+  pure subroutine smooth_partner(geometry_a, set_a, facet_a, xi_a, geometry_b, target, x, search_radius, partner)
+    !> The geometry of surface_a and its facets.
+    type(contact_geometry_t), intent(in) :: geometry_a
+    type(facet_set_t), intent(in) :: set_a
+    !> The point's facet and reference coordinates (2).
+    integer, intent(in) :: facet_a
+    real(dp), intent(in) :: xi_a(2)
+    !> The geometry of surface_b, and the surface.
+    type(contact_geometry_t), intent(in) :: geometry_b
+    type(target_surface_t), intent(in) :: target
+    !> The point (3) [length].
+    real(dp), intent(in) :: x(3)
+    !> Greatest distance [length].
+    real(dp), intent(in) :: search_radius
+    !> By the elements on entry, by the geometries on return.
+    type(partner_t), intent(inout) :: partner
+    if (all(partner%status /= [partner_found, partner_outside])) return
+    if (geometry_b%active) call along_normals(geometry_b, target, x, partner)
+    if (partner%status /= partner_found) return
+    partner%distance = partner%distance + dot_product(partner%normal, &
+      geometry_b%shift(target%set, partner%facet, partner%xi) - geometry_a%shift(set_a, facet_a, xi_a))
+    if (abs(partner%distance) > search_radius) partner%status = partner_too_far
+  end subroutine smooth_partner
+
+  !> Move the partner to where the line along its normal meets the point. Nothing happens where there is no such place: beside
+  !> sharp edges.
+  pure subroutine along_normals(geometry, target, x, partner)
+    type(contact_geometry_t), intent(in) :: geometry
+    type(target_surface_t), intent(in) :: target
+    real(dp), intent(in) :: x(3)
+    type(partner_t), intent(inout) :: partner
+    real(dp) :: xi(2), normal(3), distance, beyond, best_xi(2), best_normal(3), best_distance, least
+    integer :: facet, best_facet, edge, n_edges, edges(2), i, k
+    logical :: met, ends
+    facet = partner%facet
+    xi = partner%xi
+    if (.not. geometry%changed(facet)) then
+      ! The closest point inside a flat facet stays; on its edge, a curved one may begin.
+      call edges_at(target%set%corners(facet), xi, 1e-6_dp, n_edges, edges)
+      do k = 1, n_edges
+        i = geometry%joined(edges(k), facet)
+        if (i == 0) cycle
+        if (.not. geometry%changed(i)) cycle
+        facet = i
+        xi = merge(1/3.0_dp, 0.0_dp, target%set%corners(i) == 3)
+        exit
+      end do
+      if (.not. geometry%changed(facet)) return
+    end if
+    least = huge(least)
+    best_facet = 0
+    ends = .false.
+    do i = 1, most_facets
+      call meet(geometry, target%set, facet, x, xi, normal, distance, met)
+      if (.not. met) exit
+      if (dot_product(normal, partner%normal) > -0.5_dp) exit
+      call farthest_edge(target%set%corners(facet), xi, edge, beyond)
+      if (beyond < least) then
+        least = beyond
+        best_facet = facet
+        best_xi = xi
+        best_normal = normal
+        best_distance = distance
+      end if
+      if (beyond <= edge_tolerance) exit
+      ends = target%adjacency%neighbour(edge, facet) == 0
+      facet = geometry%joined(edge, facet)
+      if (facet == 0) exit
+      if (.not. geometry%interpolated(facet)) exit
+      xi = merge(1/3.0_dp, 0.0_dp, target%set%corners(facet) == 3)
+    end do
+    if (best_facet == 0) return
+    if (least > edge_tolerance) then
+      if (partner%status /= partner_found .or. least > overhang) return
+      ! beyond a sharp edge the direction of the closest point lies between the normals
+      if (facet == 0 .and. .not. ends) return
+    end if
+    partner%status = partner_found
+    partner%facet = best_facet
+    partner%xi = best_xi
+    partner%normal = -best_normal
+    partner%distance = best_distance
+  end subroutine along_normals
+
+  !> Where the line through x along the normal meets a facet, continued beyond its edges: x = x'(xi) + t m(xi), by Newton's method.
+  pure subroutine meet(geometry, set, facet, x, xi, normal, distance, met)
+    type(contact_geometry_t), intent(in) :: geometry
+    type(facet_set_t), intent(in) :: set
+    integer, intent(in) :: facet
+    !> The point (3) [length].
+    real(dp), intent(in) :: x(3)
+    !> Reference coordinates: where to begin; the solution (2).
+    real(dp), intent(inout) :: xi(2)
+    !> Unit normal there (3), and the distance along it [length].
+    real(dp), intent(out) :: normal(3), distance
+    !> There is a solution.
+    logical, intent(out) :: met
+    real(dp) :: position(3), xu(3), xv(3), xuu(3), xuv(3), xvv(3), m(3), mu(3), mv(3), a(3, 3), step(3), r(3), t, length
+    integer :: i
+    met = .false.
+    normal = 0
+    distance = 0
+    t = 0
+    do i = 1, most_steps
+      call evaluate_facet(set%coefficient(:, :, facet), xi(1), xi(2), position, xu, xv, xuu, xuv, xvv)
+      call normal_between(set%corners(facet), geometry%corner_normal(:, :, facet), xi, m, mu, mv)
+      r = x - set%origin(:, facet) - position
+      if (i == 1) t = dot_product(r, m)/max(dot_product(m, m), tiny(1.0_dp))
+      if (set%corners(facet) == 2) then
+        xv = [0.0_dp, 0.0_dp, 1.0_dp]
+        mv = 0
+      end if
+      a(:, 1) = xu + t*mu
+      a(:, 2) = xv + t*mv
+      a(:, 3) = m
+      call solve(a, r - t*m, step, met)
+      if (.not. met) return
+      xi = xi + step(1:2)
+      t = t + step(3)
+      met = .false.
+      if (.not. maxval(abs(xi)) < 4) return
+      ! converges quadratically: after a step this small the error is round-off
+      if (maxval(abs(step(1:2))) < 1e-9_dp) then
+        met = .true.
+        exit
+      end if
+    end do
+    if (.not. met) return
+    call normal_between(set%corners(facet), geometry%corner_normal(:, :, facet), xi, m, mu, mv)
+    call evaluate_facet(set%coefficient(:, :, facet), xi(1), xi(2), position, xu, xv, xuu, xuv, xvv)
+    length = norm2(m)
+    normal = m/length
+    distance = dot_product(normal, x - set%origin(:, facet) - position)
+  end subroutine meet
+
+  !> The normal between the corners of a facet, not of unit length, and its derivatives.
+  pure subroutine normal_between(corners, at_corner, xi, m, mu, mv)
+    integer, intent(in) :: corners
+    !> (3, 4).
+    real(dp), intent(in) :: at_corner(3, 4)
+    real(dp), intent(in) :: xi(2)
+    !> (3).
+    real(dp), intent(out) :: m(3), mu(3), mv(3)
+    associate (n => at_corner, u => xi(1), v => xi(2))
+      select case (corners)
+      case (2)
+        mu = (n(:, 2) - n(:, 1))/2
+        mv = 0
+        m = (n(:, 1) + n(:, 2))/2 + u*mu
+      case (3)
+        mu = n(:, 2) - n(:, 1)
+        mv = n(:, 3) - n(:, 1)
+        m = n(:, 1) + u*mu + v*mv
+      case default
+        mu = ((1 - v)*(n(:, 2) - n(:, 1)) + (1 + v)*(n(:, 3) - n(:, 4)))/4
+        mv = ((1 - u)*(n(:, 4) - n(:, 1)) + (1 + u)*(n(:, 3) - n(:, 2)))/4
+        m = ((1 - u)*((1 - v)*n(:, 1) + (1 + v)*n(:, 4)) + (1 + u)*((1 - v)*n(:, 2) + (1 + v)*n(:, 3)))/4
+      end select
+    end associate
+  end subroutine normal_between
+
+  !> The edge that a point lies farthest beyond.
+  pure subroutine farthest_edge(corners, xi, edge, beyond)
+    integer, intent(in) :: corners
+    real(dp), intent(in) :: xi(2)
+    integer, intent(out) :: edge
+    !> How far, in reference coordinates; negative inside.
+    real(dp), intent(out) :: beyond
+    select case (corners)
+    case (2)
+      edge = merge(1, 2, xi(1) < 0)
+      beyond = abs(xi(1)) - 1
+    case (3)
+      edge = maxloc([-xi(2), sum(xi) - 1, -xi(1)], dim=1)
+      beyond = max(-xi(2), sum(xi) - 1, -xi(1))
+    case default
+      edge = maxloc([-xi(2), xi(1), xi(2), -xi(1)], dim=1)
+      beyond = maxval(abs(xi)) - 1
+    end select
+  end subroutine farthest_edge
+
+  !> Solve three equations by Cramer's rule.
+  pure subroutine solve(a, b, x, regular)
+    !> (3,3), (3).
+    real(dp), intent(in) :: a(3, 3), b(3)
+    real(dp), intent(out) :: x(3)
+    logical, intent(out) :: regular
+    real(dp) :: determinant
+    determinant = triple(a(:, 1), a(:, 2), a(:, 3))
+    x = 0
+    regular = abs(determinant) > 1e-10_dp*norm2(a(:, 1))*norm2(a(:, 2))*norm2(a(:, 3))
+    if (.not. regular) return
+    x = [triple(b, a(:, 2), a(:, 3)), triple(a(:, 1), b, a(:, 3)), triple(a(:, 1), a(:, 2), b)]/determinant
+  end subroutine solve
+
+  !> Triple product a . (b x c).
+  pure real(dp) function triple(a, b, c)
+    real(dp), intent(in) :: a(3), b(3), c(3)
+    triple = a(1)*(b(2)*c(3) - b(3)*c(2)) + a(2)*(b(3)*c(1) - b(1)*c(3)) + a(3)*(b(1)*c(2) - b(2)*c(1))
+  end function triple
+end module dotyk_contact_smooth_partner
