@@ -2,8 +2,8 @@
 !>
 !> Where neighbouring facets turn by more than `sharp_angle` an edge is taken for one of the body; the facets on its two sides are
 !> separate sheets. On each sheet the normal at a vertex comes from a fit (normal_fit.f90) to the vertices around it. Flat parts
-!> stay flat: a facet is part of a plane where all facets at one of its vertices, inside the surface, lie in this plane; it keeps
-!> its normal, and curved facets beside it take it over at the vertices that they share with it.
+!> stay flat: facets are part of a plane where all facets at one of their vertices, inside the surface, lie in this plane, and so
+!> are their neighbours in it; they keep their normal, and curved facets beside them take it over at the vertices that they share.
 module dotyk_contact_vertex_normals
   use dotyk_base_kinds, only: dp
   use dotyk_contact_adjacency, only: adjacency_t
@@ -37,7 +37,7 @@ contains
     !> Parts of planes (n).
     logical, intent(out) :: flat(:)
     real(dp) :: normal(3, set%n)
-    logical :: planar(set%n)
+    logical :: planar(set%n), spreads
     integer :: f, e, v, other
     do f = 1, set%n
       call mean_normal(set%corners(f), x(:, adjacency%vertex(1:set%corners(f), f)), normal(:, f), planar(f))
@@ -57,6 +57,20 @@ contains
         if (maxval(norm2(normal(:, around) - spread(normal(:, around(1)), 2, size(around)), dim=1)) > flat_angle) cycle
         if (inside(set, adjacency, joined, v)) flat(around) = .true.
       end associate
+    end do
+    spreads = .true.
+    do while (spreads)
+      spreads = .false.
+      do f = 1, set%n
+        if (flat(f) .or. .not. planar(f)) cycle
+        do e = 1, set%corners(f)
+          other = joined(e, f)
+          if (other == 0) cycle
+          if (.not. flat(other) .or. norm2(normal(:, f) - normal(:, other)) > flat_angle) cycle
+          flat(f) = .true.
+          spreads = .true.
+        end do
+      end do
     end do
     ! Two planes that meet keep their edge, however small its angle.
     do f = 1, set%n
@@ -233,7 +247,8 @@ contains
     end associate
   end subroutine normals_at_vertex
 
-  !> Fit the normal at a vertex to the vertices of the facets of one sheet around it: as many rings as the fit needs.
+  !> Fit the normal at a vertex to the vertices of the facets of one sheet around it: as many rings as the fit needs. A fit that
+  !> differs from the mean by more than twice what the facets of the fit and beside do is none.
   subroutine fit_around(set, adjacency, x, joined, flat, v, start, normal)
     type(facet_set_t), intent(in) :: set
     type(adjacency_t), intent(in) :: adjacency
@@ -245,11 +260,18 @@ contains
     !> A mean (3); the fit on return.
     real(dp), intent(inout) :: normal(3)
     integer :: facet(most_facets), vertex(4*most_facets), n, n_vertices, ring, i, e, k, last, other
-    real(dp) :: mean(3), its(3)
+    real(dp) :: mean(3), its(3), widest
     logical :: determined, planar
     mean = normal
     n = min(size(start), most_facets)
     facet(:n) = start(:n)
+    widest = 1
+    do i = 1, n
+      do e = 1, set%corners(facet(i))
+        if (joined(e, facet(i)) > 0) widest = min(widest, facing(joined(e, facet(i))))
+      end do
+      widest = min(widest, facing(facet(i)))
+    end do
     do ring = 1, most_rings
       n_vertices = 0
       do i = 1, n
@@ -262,21 +284,31 @@ contains
       end do
       normal = mean
       call fit_normal(set%dimension, x(:, vertex(:n_vertices)) - spread(x(:, v), 2, n_vertices), normal, determined)
-      if (determined) return
+      if (determined) exit
       last = n
       do i = 1, last
         do e = 1, set%corners(facet(i))
           other = joined(e, facet(i))
           if (other == 0 .or. n == most_facets) cycle
           if (flat(other) .or. any(facet(:n) == other)) cycle
-          call mean_normal(set%corners(other), x(:, adjacency%vertex(1:set%corners(other), other)), its, planar)
-          if (dot_product(its, mean) < facing_cosine) cycle
+          if (facing(other) < facing_cosine) cycle
+          widest = min(widest, facing(other))
           n = n + 1
           facet(n) = other
         end do
       end do
       if (n == last) exit
     end do
+    if (dot_product(normal, mean) < 2*widest**2 - 1) normal = mean
+
+  contains
+
+    !> Cosine of the angle of a facet to the mean.
+    real(dp) function facing(f)
+      integer, intent(in) :: f
+      call mean_normal(set%corners(f), x(:, adjacency%vertex(1:set%corners(f), f)), its, planar)
+      facing = dot_product(its, mean)
+    end function facing
   end subroutine fit_around
 
   !> The corner of a facet that is a vertex.
