@@ -1,4 +1,4 @@
-!> Normals of the surface that linear facets approximate, at the corners of the facets.
+!> Normals of the surface that straight facets approximate, at the corners of the facets.
 !>
 !> Where neighbouring facets turn by more than `sharp_angle` an edge is taken for one of the body; the facets on its two sides are
 !> separate sheets. On each sheet the normal at a vertex comes from a fit (normal_fit.f90) to the vertices around it. Flat parts
@@ -25,17 +25,15 @@ module dotyk_contact_vertex_normals
 contains
 
   !> The facets whose surface is smooth across an edge, and those that are parts of planes.
-  pure subroutine find_sheets(set, adjacency, x, linear, joined, flat)
+  pure subroutine find_sheets(set, adjacency, x, joined, flat)
     type(facet_set_t), intent(in) :: set
     type(adjacency_t), intent(in) :: adjacency
     !> Positions of the vertices, numbered as in adjacency (3, n_vertices) [length].
     real(dp), intent(in) :: x(:, :)
-    !> Facets of linear elements (n); others are not looked at.
-    logical, intent(in) :: linear(:)
     !> The facet beyond each edge, 0 where the edge is sharp or the surface ends (4, n).
     integer, intent(out) :: joined(:, :)
-    !> Parts of planes (n).
-    logical, intent(out) :: flat(:)
+    !> Parts of planes (n): those known on entry, all on return.
+    logical, intent(inout) :: flat(:)
     real(dp) :: normal(3, set%n)
     logical :: planar(set%n), spreads
     integer :: f, e, v, other
@@ -47,13 +45,12 @@ contains
       do e = 1, set%corners(f)
         other = adjacency%neighbour(e, f)
         if (other == 0) cycle
-        if (linear(f) .and. linear(other) .and. dot_product(normal(:, f), normal(:, other)) > sharp_cosine) joined(e, f) = other
+        if (dot_product(normal(:, f), normal(:, other)) > sharp_cosine) joined(e, f) = other
       end do
     end do
-    flat = .false.
     do v = 1, size(adjacency%start) - 1
       associate (around => adjacency%facet(adjacency%start(v):adjacency%start(v + 1) - 1))
-        if (.not. all(planar(around) .and. linear(around))) cycle
+        if (.not. all(planar(around))) cycle
         if (maxval(norm2(normal(:, around) - spread(normal(:, around(1)), 2, size(around)), dim=1)) > flat_angle) cycle
         if (inside(set, adjacency, joined, v)) flat(around) = .true.
       end associate
@@ -166,31 +163,31 @@ contains
   end subroutine corner_normal
 
   !> Unit normals of the smooth surface at the corners of linear facets.
-  subroutine smooth_corner_normals(set, adjacency, x, linear, joined, flat, normal)
+  subroutine smooth_corner_normals(set, adjacency, x, joined, flat, normal)
     type(facet_set_t), intent(in) :: set
     type(adjacency_t), intent(in) :: adjacency
     !> Positions of the vertices (3, n_vertices) [length].
     real(dp), intent(in) :: x(:, :)
     !> As in find_sheets.
-    logical, intent(in) :: linear(:), flat(:)
+    logical, intent(in) :: flat(:)
     integer, intent(in) :: joined(:, :)
     !> Outward (3, 4, n).
     real(dp), intent(out) :: normal(:, :, :)
     integer :: v
     normal = 0
-    !$omp parallel do default(none) schedule(dynamic, 64) shared(set, adjacency, x, linear, joined, flat, normal)
+    !$omp parallel do default(none) schedule(dynamic, 64) shared(set, adjacency, x, joined, flat, normal)
     do v = 1, size(adjacency%start) - 1
-      call normals_at_vertex(set, adjacency, x, linear, joined, flat, v, normal)
+      call normals_at_vertex(set, adjacency, x, joined, flat, v, normal)
     end do
     !$omp end parallel do
   end subroutine smooth_corner_normals
 
   !> The normals at one vertex, sheet by sheet.
-  subroutine normals_at_vertex(set, adjacency, x, linear, joined, flat, v, normal)
+  subroutine normals_at_vertex(set, adjacency, x, joined, flat, v, normal)
     type(facet_set_t), intent(in) :: set
     type(adjacency_t), intent(in) :: adjacency
     real(dp), intent(in) :: x(:, :)
-    logical, intent(in) :: linear(:), flat(:)
+    logical, intent(in) :: flat(:)
     integer, intent(in) :: joined(:, :)
     !> The vertex.
     integer, intent(in) :: v
@@ -233,7 +230,7 @@ contains
           has_plane = .true.
           plane = plane + weight*own
         end do
-        if (.not. linear(around(k)) .or. .not. norm2(mean) > 0) cycle
+        if (.not. norm2(mean) > 0) cycle
         if (has_plane) then
           mean = plane/max(norm2(plane), tiny(1.0_dp))
         else
