@@ -11,7 +11,8 @@ COLOURS = ['#0072B2', '#D55E00', '#009E73', '#CC79A7', '#E69F00', '#56B4E9', '#0
 MARKERS = ['o', 's', '^', 'D', 'v', 'P', 'X', '*']
 LINES = ['-', '--', ':', '-.', (0, (5, 1, 1, 1, 1, 1))]
 # the first that varies is told by colour, the second by the marker, the third by the line, the others by size and filling
-DISPLAYED = ['scheme', 'order', 'quadrature', 'geometry', 'points', 'theta_relative', 'stop rule', 'linear_solver', 'threads', 'size']
+DISPLAYED = ['scheme', 'order', 'quadrature', 'geometry', 'points', 'theta_relative', 'stop rule', 'linear_solver',
+             'threads', 'size']
 SAME = {'theta_relative': ['theta_relative', 'theta', 'theta_rule'], 'stop rule': ['tolerance', 'stop_rule']}
 PARTS = {'error_bound': 'iteration (guaranteed bound)', 'error_penalty': 'penalty (estimate)',
          'error_discretization': 'discretization (estimate)'}

@@ -8,9 +8,8 @@ import numpy as np
 RADIUS, FORCE = 50.0, 920.0                                              # as in cylinder.geo; twice that of cylinder.nml
 STIFFNESS = 1/((1 - 0.3**2)/210e3 + (1 - 0.33**2)/70e3)                  # E*
 
-# Measured with 20 elements over b: 4e-4 in b, 7e-5 in p0, 0.6 % in the profile; with 10: 1.4e-3, 5e-4, 1.5 %; with 40: 2e-5,
-# 4e-5, 0.4 %. The theory is off by a part of (b/R)^2 = 4e-4 (a parabola for the circle), and by less through the depth of the
-# block, 100 b.
+# Measured with 20 elements over b: 5e-4 in b, 6e-5 in p0, 0.6 % in the profile; with 10: 1.3e-3, 6e-4, 1.5 %; with 40: 6e-5, 3e-5,
+# 0.3 %. The theory is off by a part of (b/R)^2 = 4e-4 (a parabola for the circle), and by less through the depth of the block.
 LIMITS = {'b': 1e-3, 'p0': 3e-3, 'profile': 2e-2, 'force': 1e-9, 'not converged': 0}
 
 

@@ -16,8 +16,8 @@ DEPTH, WIDTH, PERIOD = 1e-3, 1.0, 400.0  # r in groove.nml; b and 2 L in groove.
 PRESSURE = 2.0604396e-4                  # on top
 SLOPE = 3*DEPTH*STIFFNESS/(2*WIDTH**3)   # K
 
-# Measured with 50 elements over b: 6e-4 in c, 2e-4 in the peak, 1.3 % in the profile; with 25: 4e-3, 9e-3, 2.5 %; with 100: 2e-4,
-# 2e-4, 0.7 %. The pressure begins like the square root of the distance from c and drops like it beyond b. The theory is off by
+# Measured with 50 elements over b: 8e-4 in c, 2e-4 in the peak, 1.4 % in the profile; with 25: 5e-3, 1e-2, 2.6 %; with 100: 4e-5,
+# 4e-5, 0.7 %. The pressure begins like the square root of the distance from c and drops like it beyond b. The theory is off by
 # 4e-6, see `row`.
 LIMITS = {'c': 2e-3, 'peak': 1e-3, 'profile': 2e-2, 'force': 1e-9, 'not converged': 0}
 

@@ -14,10 +14,10 @@ STIFFNESS = YOUNG/(1 - POISSON**2)/2     # E*
 FLAT, RADIUS = 0.6, 10.0                 # half-width a of the flat part, and the radius beside it
 FORCE = 200*6.144165e-5                  # on the whole punch: pressure on top times its width
 
-# Measured with 50 elements over b, 20 of them on the rounding: 2e-4 in b, 2e-3 in the peak, 6e-4 in the middle, 0.6 % in the
-# profile (its slope is infinite at x = a, like a logarithm, and at b, like a square root's); with 25: 6e-4, 1.3e-3, 6e-4, 0.9 %.
-# The bodies are 100 b deep: with half of that figures change by 6e-5 at most.
-LIMITS = {'b': 1e-3, 'peak': 5e-3, 'middle': 2e-3, 'profile': 1.5e-2, 'force': 1e-9, 'not converged': 0}
+# Measured with 50 elements over b, 20 of them on the rounding: 3e-4 in b, 4e-4 in the peak, 1e-4 in the middle, 0.6 % in the profile
+# (its slope is infinite at x = a, like a logarithm, and at b, like a square root's); with 25: 7e-4, 2e-3, 5e-4, 0.9 %; with 100:
+# 9e-5, 1e-4, 4e-5, 0.5 %. The bodies are 100 b deep: with twice that figures change by 2e-5 at most.
+LIMITS = {'b': 1e-3, 'peak': 2e-3, 'middle': 1e-3, 'profile': 1.5e-2, 'force': 1e-9, 'not converged': 0}
 
 
 def force(b):

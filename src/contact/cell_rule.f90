@@ -25,7 +25,7 @@ module dotyk_contact_cell_rule
     procedure :: init => table_init
   end type rule_table_t
 
-  public :: polygon_rule, append_points, shape_degree, fit_weights
+  public :: polygon_rule, append_points, shape_degree
 
 contains
 
@@ -127,53 +127,4 @@ contains
     weight(n + 1:n + m) = weights
     n = n + m
   end subroutine append_points
-
-  !> The smallest change of weights, relative to them, that gives some functions their integrals. Functions that depend on
-  !> each other are allowed; nothing changes where a weight would not stay positive.
-  pure subroutine fit_weights(values, integrals, weights)
-    !> Values of the functions at the points (n_functions, n_points).
-    real(dp), intent(in) :: values(:, :)
-    !> Their integrals (n_functions).
-    real(dp), intent(in) :: integrals(:)
-    !> Weights (n_points).
-    real(dp), intent(inout) :: weights(:)
-    real(dp) :: gram(size(integrals), size(integrals)), rest(size(integrals)), scale, change(size(weights)), factor
-    integer :: pivot(size(integrals)), i, j, k, n, rank, sweep
-    n = size(integrals)
-    do sweep = 1, 2   ! the second takes out what the round-off of the first left
-      do j = 1, n
-        do i = 1, n
-          gram(i, j) = sum(values(i, :)*values(j, :)*weights)
-        end do
-        rest(j) = integrals(j) - sum(values(j, :)*weights)
-      end do
-      ! Gauss elimination with diagonal pivots: the matrix is positive semidefinite.
-      scale = maxval([(gram(i, i), i=1, n)])
-      pivot = [(i, i=1, n)]
-      rank = 0
-      do k = 1, n
-        i = k - 1 + maxloc([(gram(pivot(j), pivot(j)), j=k, n)], dim=1)
-        j = pivot(i)
-        pivot(i) = pivot(k)
-        pivot(k) = j
-        if (gram(j, j) <= 1e-10_dp*scale) exit
-        rank = k
-        do i = k + 1, n
-          factor = gram(pivot(i), j)/gram(j, j)
-          gram(pivot(i), :) = gram(pivot(i), :) - factor*gram(j, :)
-          rest(pivot(i)) = rest(pivot(i)) - factor*rest(j)
-        end do
-      end do
-      do k = rank, 1, -1
-        j = pivot(k)
-        rest(j) = (rest(j) - sum(gram(j, pivot(k + 1:rank))*rest(pivot(k + 1:rank))))/gram(j, j)
-      end do
-      change = 0
-      do k = 1, rank
-        change = change + rest(pivot(k))*values(pivot(k), :)
-      end do
-      if (any(abs(change) > 0.5_dp)) return
-      weights = weights*(1 + change)
-    end do
-  end subroutine fit_weights
 end module dotyk_contact_cell_rule

@@ -36,7 +36,7 @@ module dotyk_contact_chart
     procedure :: draw
   end type chart_t
 
-  public :: is_straight, reference_centre, reference_point
+  public :: affine_map, is_straight, reference_centre, reference_point
 
   !> Distances below this part of a facet's size are round-off of the mesh.
   real(dp), parameter :: flat = 1e-10_dp
@@ -147,7 +147,8 @@ contains
     if (self%straight) return
     s = reference_centre(self%corners)
     call reference_point(coefficient, [0.0_dp, 0.0_dp], self%axes, self%size, p, s, determinant, ok)
-    if (ok) ok = maxval(abs(s)) <= far
+    ! Not where the facet folds back.
+    if (ok) ok = maxval(abs(s)) <= far .and. determinant > 0
   end subroutine draw
 
   !> Centre of the reference domain.
@@ -173,7 +174,7 @@ contains
     real(dp), intent(inout) :: xi(2)
     !> Area of the plane over area of the reference domain there.
     real(dp), intent(out) :: determinant
-    !> The method converged, where the facet does not fold back.
+    !> The method converged.
     logical, intent(out) :: ok
     real(dp), dimension(3) :: x, xu, xv, xuu, xuv, xvv
     real(dp) :: r(2), u(2), v(2), step(2)
@@ -192,6 +193,6 @@ contains
       if (maxval(abs(step)) <= 1e-14_dp .or. (ok .and. maxval(abs(step)) <= 1e-13_dp)) exit
       ok = maxval(abs(step)) <= 1e-10_dp
     end do
-    ok = maxval(abs(step)) <= 1e-10_dp .and. determinant > 0
+    ok = maxval(abs(step)) <= 1e-10_dp
   end subroutine reference_point
 end module dotyk_contact_chart

@@ -71,7 +71,7 @@ contains
       associate (first => operator%pair_first_row(k), last => operator%pair_first_row(k + 1) - 1)
         operator%weight(first:last) = pairs(k)%row_weight
         operator%gap(first:last) = pairs(k)%row_gap
-        operator%theta(first:last) = pairs(k)%theta
+        operator%theta(first:last) = pairs(k)%row_theta
       end associate
     end do
     do b = 1, n_bodies

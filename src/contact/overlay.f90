@@ -25,10 +25,13 @@ module dotyk_contact_overlay
   !> Cells below this part of the facet's area are left out.
   real(dp), parameter :: sliver = 1e-12_dp
   !> Edges that bend by less than this part of their length are drawn straight.
-  real(dp), parameter :: bend = 1e-3_dp
+  real(dp), parameter :: bend = 3e-3_dp
   !> Facets of b are looked for this far from the nearest one along the normal, in sizes of the facet of a: surfaces that face
   !> each other lean by less than 60 degrees.
   real(dp), parameter :: depth = 2
+
+  !> Stands for half of an edge.
+  integer, parameter :: half = -1
 
 contains
 
@@ -108,7 +111,9 @@ contains
     call facets_in_slab(target%tree, target%set, -axes(:, 3), origin, axes, low, high, list)
   end subroutine facets_near
 
-  !> A facet of b in a chart, counter-clockwise where it faces the chart; empty where it surely lies beside it.
+  !> A facet of b in a chart, counter-clockwise where it faces the chart; empty where it lies beside it.
+  !>
+  !> What is drawn of an edge depends on the edge alone, so that its two facets have the same line between them.
   pure subroutine draw_facet(coefficient, chart, corners, x, polygon, ok)
     real(dp), intent(in) :: coefficient(3, 9)
     type(chart_t), intent(in) :: chart
@@ -118,68 +123,77 @@ contains
     real(dp), intent(in) :: x(:, :)
     type(polygon_t), intent(out) :: polygon
     logical, intent(out) :: ok
-    real(dp) :: here(2), next(2), middle(2)
-    integer :: i, k
+    type(polygon_t) :: plane, all, window
+    real(dp) :: low(2), high(2), here(2), next(2), middle(2), between(2)
+    integer :: i, k, edge(most_corners)
     ok = .true.
-    call chart%draw(coefficient, chart%to_plane(x(:, 1)), here, ok)
-    do i = 1, corners
-      if (.not. ok) exit
-      ! Backwards, as the facet looks at the chart: over edge k to corner k.
-      k = corners + 1 - i
-      call append_corner(polygon, here)
-      call chart%draw(coefficient, chart%to_plane(x(:, k)), next, ok)
-      if (.not. ok) exit
-      if (size(x, 2) >= 2*corners) then
-        call chart%draw(coefficient, chart%to_plane(x(:, corners + k)), middle, ok)
-      else if (.not. chart%straight) then
-        call chart%draw(coefficient, chart%to_plane((x(:, k) + x(:, mod(k, corners) + 1))/2), middle, ok)
-      else
-        middle = (here + next)/2
-      end if
-      if (ok .and. bends(here, middle, next)) call append_corner(polygon, middle)
-      here = next
-    end do
-    if (.not. ok) call draw_near(coefficient, chart, corners, x, polygon, ok)
-  end subroutine draw_facet
-
-  !> A facet that reaches too far beyond the chart: it is clipped in the plane before.
-  pure subroutine draw_near(coefficient, chart, corners, x, polygon, ok)
-    real(dp), intent(in) :: coefficient(3, 9)
-    type(chart_t), intent(in) :: chart
-    integer, intent(in) :: corners
-    real(dp), intent(in) :: x(:, :)
-    type(polygon_t), intent(out) :: polygon
-    logical, intent(out) :: ok
-    type(polygon_t) :: plane, window
-    real(dp) :: low(2), high(2), margin, here(2), next(2), middle(2)
-    integer :: i, k
+    ! In the plane, backwards, as the facet looks at the chart: edge k and its first corner.
     do i = 1, corners
       k = corners + 1 - i
-      call append_corner(plane, chart%to_plane(x(:, mod(k, corners) + 1)))
+      here = chart%to_plane(x(:, mod(k, corners) + 1))
+      next = chart%to_plane(x(:, k))
+      call append_corner(plane, here)
+      edge(plane%n) = k
       if (size(x, 2) < 2*corners) cycle
       middle = chart%to_plane(x(:, corners + k))
-      if (bends(chart%to_plane(x(:, mod(k, corners) + 1)), middle, chart%to_plane(x(:, k)))) &
-        call append_corner(plane, middle)
+      if (.not. bends(here, middle, next)) cycle
+      edge(plane%n) = half
+      call append_corner(plane, middle)
+      edge(plane%n) = half
     end do
-    margin = 0.2_dp*chart%size
-    low = chart%low(1:2) - margin
-    high = chart%high(1:2) + margin
+    if (chart%straight) then
+      polygon = plane
+      return
+    end if
+    ! Reference coordinates are to be trusted near the facet only.
+    low = chart%low(1:2) - 0.2_dp*chart%size
+    high = chart%high(1:2) + 0.2_dp*chart%size
     window%n = 4
     window%x(:, 1:4) = reshape([low(1), low(2), high(1), low(2), high(1), high(2), low(1), high(2)], [2, 4])
+    all = plane
     call clip_polygon(plane, window, 1e-14_dp*chart%size, ok)
     if (.not. ok .or. plane%n < 3) return
     call chart%draw(coefficient, plane%x(:, 1), here, ok)
     do i = 1, plane%n
       if (.not. ok) return
       call append_corner(polygon, here)
-      k = mod(i, plane%n) + 1
-      call chart%draw(coefficient, plane%x(:, k), next, ok)
-      if (ok) call chart%draw(coefficient, (plane%x(:, i) + plane%x(:, k))/2, middle, ok)
-      if (ok .and. bends(here, middle, next)) call append_corner(polygon, middle)
+      associate (first => plane%x(:, i), last => plane%x(:, mod(i, plane%n) + 1))
+        call chart%draw(coefficient, last, next, ok)
+        if (.not. ok) return
+        k = whole_edge(all, edge, first, last)
+        if (k == half) then
+          here = next
+          cycle
+        else if (k == 0) then
+          middle = (first + last)/2
+        else if (size(x, 2) >= 2*corners) then
+          middle = chart%to_plane(x(:, corners + k))
+        else
+          middle = chart%to_plane((x(:, k) + x(:, mod(k, corners) + 1))/2)
+        end if
+      end associate
+      call chart%draw(coefficient, middle, between, ok)
+      if (ok .and. bends(here, between, next)) call append_corner(polygon, between)
       here = next
     end do
     ok = ok .and. polygon%n <= most_corners
-  end subroutine draw_near
+  end subroutine draw_facet
+
+  !> The edge between two points, or that it is half of one, if it was not clipped; else 0.
+  pure integer function whole_edge(polygon, edge, first, last)
+    !> Before clipping.
+    type(polygon_t), intent(in) :: polygon
+    !> Edges that begin at its corners; `half` for halves.
+    integer, intent(in) :: edge(:)
+    !> (2).
+    real(dp), intent(in) :: first(2), last(2)
+    integer :: i
+    whole_edge = 0
+    do i = 1, polygon%n
+      if (any(abs(polygon%x(:, i) - first) > 0)) cycle
+      if (.not. any(abs(polygon%x(:, mod(i, polygon%n) + 1) - last) > 0)) whole_edge = edge(i)
+    end do
+  end function whole_edge
 
   !> An edge is not straight.
   pure logical function bends(first, middle, last)

@@ -76,7 +76,7 @@ module dotyk_contact_pair
     integer :: n_points = 0
     !> Number of points that have none, and why: not facing, beside the surface, too far.
     integer :: n_without_partner = 0, n_not_facing = 0, n_outside = 0, n_too_far = 0
-    !> Penalty parameter [length/pressure].
+    !> Penalty parameter, in the mean of the rows [length/pressure].
     real(dp) :: theta = 0
     !> Points x on surface_a (dimension, n_points) [length].
     real(dp), allocatable :: position(:, :)
@@ -104,6 +104,10 @@ module dotyk_contact_pair
     real(dp), allocatable :: row_weight(:)
     !> Gaps (n_rows) [length].
     real(dp), allocatable :: row_gap(:)
+    !> Penalty parameters (n_rows), `theta` unless they are set otherwise [length/pressure].
+    real(dp), allocatable :: row_theta(:)
+    !> By what they were multiplied since [1].
+    real(dp) :: theta_factor = 1
   end type contact_pair_t
 
   public :: find_pair, pair_force
@@ -184,6 +188,7 @@ contains
     call given_gap(settings, formula, pair, error)
     if (allocated(error)) return
     call set_rows(mesh_a, surface_a, pair)
+    allocate (pair%row_theta(pair%n_rows), source=pair%theta)
   end subroutine find_pair
 
   !> Quadrature rules of the facet kinds in use. Where the points are the rows: of twice the order of the element, one

@@ -11,15 +11,15 @@
 !> direction do have partners - keep the plain rule. So do those that no facet of b covers, whose points are to be counted.
 module dotyk_contact_segments
   use dotyk_base_kinds, only: dp
-  use dotyk_contact_cell_rule, only: append_points, facet_rule_t, fit_weights, most_degree, polygon_rule, rule_table_t, &
-    shape_degree
-  use dotyk_contact_chart, only: chart_t, is_straight, reference_centre, reference_point
+  use dotyk_contact_cell_rule, only: append_points, facet_rule_t, polygon_rule, rule_table_t, shape_degree
+  use dotyk_contact_chart, only: affine_map, chart_t, is_straight, reference_centre, reference_point
   use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
   use dotyk_contact_overlay, only: cell_t, cells_of_facet, cells_of_line
-  use dotyk_contact_polygon, only: contains_point, polygon_t
+  use dotyk_contact_patch_fit, only: fit_cell
+  use dotyk_contact_polygon, only: contains_point
   use dotyk_contact_projection, only: find_partner, partner_found, partner_t, target_surface_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
-  use dotyk_mesh_element, only: element_kind, element_kind_t, kind_nodes, max_facet_nodes, n_element_kinds, shape_functions
+  use dotyk_mesh_element, only: element_kind, element_kind_t, kind_nodes
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
@@ -27,6 +27,8 @@ module dotyk_contact_segments
 
   !> Areas that add up to more or less than the facet's by this part of it are more or less than the facet.
   real(dp), parameter :: area_tolerance = 1e-9_dp
+  !> Greatest degree that is tried for weights that fit.
+  integer, parameter :: most_fit_degree = 12
 
 contains
 
@@ -102,11 +104,10 @@ contains
     type(facet_rule_t), intent(inout) :: rule
     type(chart_t) :: chart
     type(cell_t), allocatable :: cell(:)
-    type(facet_rule_t) :: own
     real(dp), allocatable :: points(:, :), weights(:)
     real(dp) :: covered
-    integer :: n_cells, n, i, m, degree
-    logical :: ok
+    integer :: n_cells, n, i, m, degree, kind_b
+    logical :: ok, whole, fit, fits
     call chart%init(set, f, x)
     if (.not. chart%area > 0) return
     call cells_of_facet(set%coefficient(:, :, f), chart, mesh_b%x, surface_b, target, n_cells, cell, ok)
@@ -118,20 +119,34 @@ contains
     end if
     n = 0
     do i = 1, n_cells
-      degree = cell_degree(kind, surface_b%kind(cell(i)%facet), by_nodes)
-      if (by_nodes .and. .not. chart%straight) degree = degree + 2
-      if (cell(i)%area >= (1 - 1e-12_dp)*chart%area) then
-        if (by_nodes) degree = max(degree, 4)
-        if (chart%corners == 3) then
-          own = table%triangle(degree)
+      kind_b = surface_b%kind(cell(i)%facet)
+      degree = cell_degree(kind, kind_b, by_nodes)
+      if (by_nodes .and. .not. chart%straight) degree = max(degree, 5)
+      whole = cell(i)%area >= (1 - 1e-12_dp)*chart%area
+      if (whole .and. by_nodes) degree = max(degree, 4)
+      ! Flat facets of which one is a quadrilateral that is no parallelogram.
+      fit = chart%straight .and. .not. (chart%affine .and. affine_map(target%set%coefficient(:, :, cell(i)%facet)))
+      if (fit) fit = is_straight(target%set%corners(cell(i)%facet), &
+                                 mesh_b%x(:, surface_b%node(1:kind_nodes(kind_b), cell(i)%facet)), chart%axes(:, 3))
+      do
+        if (whole .and. chart%corners == 3) then
+          points = table%triangle(degree)%xi
+          weights = table%triangle(degree)%weight
+        else if (whole) then
+          points = table%square(degree)%xi
+          weights = table%square(degree)%weight
         else
-          own = table%square(degree)
+          call polygon_rule(cell(i)%polygon, table, degree, m, points, weights, ok)
+          if (ok) call map_points(chart, set%coefficient(:, :, f), points, weights, ok)
         end if
-        call append_points(own%xi, own%weight, n, rule%xi, rule%weight)
-        cycle
-      end if
-      call polygon_rule(cell(i)%polygon, table, degree, m, points, weights, ok)
-      if (ok) call map_points(chart, set%coefficient(:, :, f), points, weights, ok)
+        if (.not. ok .or. .not. fit) exit
+        ! At least as many points as conditions: three functions of the plane are shared.
+        if (size(weights) >= kind_nodes(kind) + kind_nodes(kind_b) - 3) then
+          call fit_cell(chart, set, f, kind, target%set, cell(i)%facet, kind_b, cell(i)%polygon, table, points, weights, fits)
+          if (fits .or. degree >= most_fit_degree) exit
+        end if
+        degree = degree + 1
+      end do
       if (.not. ok) exit
       call append_points(points, weights, n, rule%xi, rule%weight)
     end do

@@ -10,10 +10,11 @@ module dotyk_driver_pairs
     contact_gap_constant => gap_constant, contact_gap_formula => gap_formula, contact_points_nodes => points_nodes, &
     contact_points_quadrature => points_quadrature, contact_quadrature_segments => quadrature_segments, &
     contact_quadrature_plain => quadrature_plain
+  use dotyk_driver_mesh_theta, only: set_mesh_theta
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t, contact_input_t
   use dotyk_input_names, only: analysis_axisymmetric, gap_constant, gap_formula, geometry_elements, geometry_smooth, &
-    points_nodes, quadrature_segments, theta_absolute
+    points_nodes, quadrature_segments, theta_mesh, theta_relative
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
@@ -76,9 +77,11 @@ contains
     settings%geometry = contact_geometry(given%geometry)
     settings%quadrature = merge(contact_quadrature_segments, contact_quadrature_plain, given%quadrature == quadrature_segments)
     settings%theta = given%theta
-    if (given%theta_kind /= theta_absolute) settings%theta = given%theta*(compliance(body_a) + compliance(body_b))
+    if (given%theta_kind == theta_relative) settings%theta = given%theta*(compliance(body_a) + compliance(body_b))
     call find_pair(body_a%mesh, surface_a, body_b%mesh, surface_b, settings, formula, pair, error)
     call formula%destroy()
+    if (allocated(error)) return
+    if (given%theta_kind == theta_mesh) call set_mesh_theta(given%theta, body_a, surface_a, body_b, surface_b, pair, error)
   end subroutine search_pair
 
   !> The contact layer's number of a geometry of the input.

@@ -4,6 +4,7 @@ module dotyk_driver_results
   use dotyk_base_kinds, only: dp, int64
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_driver_arguments, only: command_line_text
+  use dotyk_driver_error_budget, only: error_budget_t
   use dotyk_driver_factorization, only: factor_size_t
   use dotyk_driver_pressures, only: pair_solution_t, nodal_field_t
   use dotyk_driver_recovery, only: body_solution_t
@@ -23,7 +24,7 @@ module dotyk_driver_results
 contains
 
   !> Create the file; meshes, displacements, contact pressures and stresses of all bodies.
-  subroutine write_fields(file, path, case, body, solution, contact_pressure, error)
+  subroutine write_fields(file, path, case, body, solution, contact_pressure, budget, error)
     type(results_file_t), intent(inout) :: file
     character(*), intent(in) :: path
     type(case_t), intent(in) :: case
@@ -31,6 +32,7 @@ contains
     type(body_t), intent(in) :: body(:)
     type(body_solution_t), intent(in) :: solution(:)
     type(nodal_field_t), intent(in) :: contact_pressure(:)
+    type(error_budget_t), intent(in) :: budget
     type(error_t), allocatable, intent(out) :: error
     integer(int64), dimension(size(body)) :: n_points, n_cells, n_connectivity
     real(dp), allocatable :: mises(:)
@@ -41,7 +43,7 @@ contains
       n_connectivity(b) = connectivity_length(body(b)%mesh)
     end do
     call file%create(path, n_points, n_cells, n_connectivity, case%output%displacement, case%output%stress, &
-                     case%output%contact, error)
+                     case%output%contact, case%output%error, error)
     if (allocated(error)) return
     do b = 1, size(body)
       call file%write_part(b, body(b)%mesh, error)
@@ -52,6 +54,8 @@ contains
         mises = [(von_mises(solution(b)%stress(:, e)), e=1, size(solution(b)%stress, 2))]
         call file%write_stress(b, solution(b)%stress, mises, error)
       end if
+      if (.not. allocated(error) .and. case%output%error) &
+        call file%write_discretization_error(b, budget%of_element(b)%value, error)
       if (allocated(error)) then
         call file%discard()
         return
@@ -73,6 +77,7 @@ contains
       call file%put_array(group, 'position', pair(k)%row_position)
       call file%put_array(group, 'normal', pair(k)%row_normal)
       call file%put_array(group, 'weight', pair(k)%row_weight)
+      call file%put_array(group, 'theta', pair(k)%row_theta)
       call file%put_array(group, 'gap_initial', pair(k)%row_gap)
       call file%put_array(group, 'gap', solution(k)%gap)
       call file%put_array(group, 'pressure', solution(k)%pressure)
@@ -84,13 +89,14 @@ contains
   end subroutine write_pairs
 
   !> How the scheme ended, and its history.
-  subroutine write_summary(file, body, size_of, problem, result, scheme)
+  subroutine write_summary(file, body, size_of, problem, result, budget, scheme)
     type(results_file_t), intent(inout) :: file
     !> (n_bodies).
     type(body_t), intent(in) :: body(:)
     type(factor_size_t), intent(in) :: size_of(:)
     type(contact_problem_t), intent(in) :: problem
     type(scheme_result_t), intent(in) :: result
+    type(error_budget_t), intent(in) :: budget
     !> Name of the scheme.
     character(*), intent(in) :: scheme
     integer :: undetermined
@@ -104,6 +110,10 @@ contains
     call file%put_attribute('summary', 'q_measured', result%q_measured)
     call file%put_attribute('summary', 'error_bound', result%error_bound)
     call file%put_attribute('summary', 'error_bound_paper', result%error_bound_paper)
+    call file%put_attribute('summary', 'error_penalty', budget%penalty)
+    call file%put_attribute('summary', 'error_discretization', budget%discretization)
+    if (allocated(budget%of_body)) call file%put_attribute('summary', 'error_discretization_bodies', budget%of_body)
+    call file%put_attribute('summary', 'energy_norm', budget%norm)
     call file%put_attribute('summary', 'energy', result%energy)
     call file%put_attribute('summary', 'max_penetration', result%max_penetration)
     call file%put_attribute('summary', 'unknowns', sum(body%constraint%n_equations))
@@ -121,6 +131,8 @@ contains
       call file%put_array('history', 'seconds', history%seconds)
       call file%put_array('history', 'increment', history%increment)
       call file%put_array('history', 'error_bound', history%error_bound)
+      call file%put_array('history', 'error_penalty', history%error_penalty)
+      call file%put_array('history', 'error_discretization', history%error_discretization)
       call file%put_array('history', 'energy', history%energy)
       call file%put_array('history', 'max_penetration', history%max_penetration)
       call file%put_array('history', 'active', history%active)
@@ -154,6 +166,7 @@ contains
     call file%put_attribute('timing', 'search', timing%search)
     call file%put_attribute('timing', 'iterate', timing%iterate)
     call file%put_attribute('timing', 'recover', timing%recover)
+    call file%put_attribute('timing', 'estimate', timing%estimate)
     call file%put_attribute('timing', 'write', timing%write)
     call file%put_attribute('timing', 'total', timing%total)
   end subroutine write_timing

@@ -8,6 +8,7 @@ module dotyk_driver_run_case
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_driver_arguments, only: arguments_t
   use dotyk_driver_bodies, only: build_bodies, check_held, assemble_bodies
+  use dotyk_driver_error_budget, only: error_budget_t, ask_for_more, estimate_errors, first_tolerance, most_rounds
   use dotyk_driver_factorization, only: factor_size_t, analyze_bodies, factorize_bodies
   use dotyk_driver_free_scene, only: solve_free_scene
   use dotyk_driver_pairs, only: find_pairs
@@ -17,7 +18,7 @@ module dotyk_driver_run_case
   use dotyk_driver_results, only: write_fields, write_pairs, write_summary, write_provenance, write_timing
   use dotyk_driver_scheme, only: needs_held_bodies, prepare_coarse_space, scheme_name, solve_scheme
   use dotyk_driver_screen, only: show_scene, show_bodies, show_pairs, show_factorization, &
-    show_memory, show_result, show_pair_result, show_timing
+    show_budget, show_memory, show_result, show_pair_result, show_timing
   use dotyk_driver_timing, only: timing_t, stopwatch_t
   use dotyk_driver_version, only: version, compiler, build_type
   use dotyk_elasticity_body, only: body_t
@@ -27,6 +28,7 @@ module dotyk_driver_run_case
   use dotyk_mesh_surface, only: surface_t
   use dotyk_output_results, only: results_file_t, check_writable
   use dotyk_response_full, only: full_response_t
+  use dotyk_scheme_explicit, only: explicit_compliance_t
   use dotyk_scheme_history, only: scheme_result_t, ended_converged
   use dotyk_scheme_problem, only: contact_problem_t
   implicit none
@@ -50,7 +52,9 @@ module dotyk_driver_run_case
     !> Factors to come (n_bodies).
     type(factor_size_t), allocatable :: size_of(:)
     type(contact_problem_t) :: problem
+    type(explicit_compliance_t) :: compliance
     type(scheme_result_t) :: result
+    type(error_budget_t) :: budget
     !> Displacements and stresses (n_bodies), pressures (n_pairs), pressures at the nodes (n_bodies).
     type(body_solution_t), allocatable :: solution(:)
     type(pair_solution_t), allocatable :: pair_solution(:)
@@ -148,26 +152,50 @@ contains
       call problem%prepare(real(run%size_of%entries, dp))
       call solve_free_scene(run%body, problem, run%n_blas)
       call prepare_coarse_space(run%body, problem)
+    end associate
+    if (.not. allocated(error)) call find_answer(run, error)
+  end subroutine solve
+
+  !> Solve the contact, recover the displacements, estimate what the error is made of; again where the rules ask for a better answer.
+  subroutine find_answer(run, error)
+    type(run_t), intent(inout) :: run
+    type(error_t), allocatable, intent(out) :: error
+    type(scheme_result_t) :: last
+    real(dp) :: tolerance
+    integer :: round
+    tolerance = first_tolerance(run%case%solver)
+    do round = 1, most_rounds
       call set_blas_threads(run%n_blas)
-      call solve_scheme(case, run%body, run%pair, problem, run%log, run%result, error)
+      if (round == 1) then
+        call solve_scheme(run%case, run%body, run%pair, run%problem, tolerance, run%log, run%compliance, run%result, error)
+      else
+        last = run%result
+        call solve_scheme(run%case, run%body, run%pair, run%problem, tolerance, run%log, run%compliance, run%result, error, last)
+        if (.not. allocated(error)) call run%result%history%put_behind(last%history)
+      end if
       call set_blas_threads(1)
       if (allocated(error)) return
+      run%result%iterations = run%result%history%n
       call run%watch%lap(run%timing%iterate)
-      call show_result(run%log, run%result, case%solver%tolerance, problem%body_solves, run%timing%iterate)
-    end associate
-  end subroutine solve
+      call recover_bodies(run%body, run%problem, run%result%m, run%result%alpha, run%case%output%stress, run%n_blas, run%solution)
+      call run%watch%lap(run%timing%recover)
+      call estimate_errors(run%case, run%body, run%solution, run%problem, run%compliance, run%result, run%budget, error)
+      call run%watch%lap(run%timing%estimate)
+      if (allocated(error)) return
+      if (.not. ask_for_more(run%case, run%pair, run%budget, run%problem, run%result, tolerance, run%log)) exit
+    end do
+    call show_result(run%log, run%result, tolerance, run%problem%body_solves, run%timing%iterate)
+    call show_budget(run%log, run%body, run%result, run%budget)
+  end subroutine find_answer
 
   !> From the state of the scheme to what users look at.
   subroutine recover(run, error)
     type(run_t), intent(inout) :: run
     type(error_t), allocatable, intent(out) :: error
     integer :: k
-    associate (case => run%case, problem => run%problem, m => run%result%m, y => run%result%y)
-      call recover_bodies(run%body, problem, m, run%result%alpha, case%output%stress, run%n_blas, run%solution)
-      call project_pressures(run%body, run%pair, run%surface_a, run%surface_b, problem, m, y, run%pair_solution, &
-                             run%contact_pressure, error)
-      if (allocated(error)) return
-    end associate
+    call project_pressures(run%body, run%pair, run%surface_a, run%surface_b, run%problem, run%result%m, run%result%y, &
+                           run%pair_solution, run%contact_pressure, error)
+    if (allocated(error)) return
     do k = 1, size(run%pair)
       associate (solution => run%pair_solution(k))
         call show_pair_result(run%log, run%pair(k)%name, solution%force, maxval(solution%projected), &
@@ -182,10 +210,10 @@ contains
     type(run_t), intent(inout) :: run
     type(error_t), allocatable, intent(out) :: error
     type(results_file_t) :: file
-    call write_fields(file, run%case%scene%output, run%case, run%body, run%solution, run%contact_pressure, error)
+    call write_fields(file, run%case%scene%output, run%case, run%body, run%solution, run%contact_pressure, run%budget, error)
     if (allocated(error)) return
     call write_pairs(file, run%pair, run%pair_solution)
-    call write_summary(file, run%body, run%size_of, run%problem, run%result, scheme_name(run%case))
+    call write_summary(file, run%body, run%size_of, run%problem, run%result, run%budget, scheme_name(run%case))
     call write_provenance(file, run%case, run%threads, run%started)
     call run%watch%lap(run%timing%write)
     run%timing%total = run%watch%since_start()

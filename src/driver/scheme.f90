@@ -9,15 +9,16 @@ module dotyk_driver_scheme
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t
   use dotyk_input_names, only: name_at, scheme_anderson, scheme_auto, scheme_dual, scheme_names, scheme_nesterov, scheme_neumann, &
-    scheme_robin, scheme_secant
+    scheme_robin, scheme_secant, stop_budget
   use dotyk_scheme_anderson, only: solve_anderson
   use dotyk_scheme_dual, only: dual_settings_t, solve_dual
+  use dotyk_scheme_explicit, only: explicit_compliance_t
   use dotyk_scheme_history, only: scheme_result_t, ended_unstoppable, ended_immovable
   use dotyk_scheme_neumann, only: solve_neumann
   use dotyk_scheme_nesterov, only: solve_nesterov
   use dotyk_scheme_robin, only: solve_robin
   use dotyk_scheme_secant, only: solve_secant
-  use dotyk_scheme_stopping, only: iteration_settings_t, stop_paper
+  use dotyk_scheme_stopping, only: iteration_settings_t, stop_residual
   use dotyk_scheme_problem, only: contact_problem_t
   implicit none
   private
@@ -61,24 +62,35 @@ contains
   end subroutine prepare_coarse_space
 
   !> Solve.
-  subroutine solve_scheme(case, body, pair, problem, log, result, error)
+  subroutine solve_scheme(case, body, pair, problem, tolerance, log, compliance, result, error, start)
     type(case_t), intent(in) :: case
     !> (n_bodies), (n_pairs).
     type(body_t), intent(in) :: body(:)
     type(contact_pair_t), intent(in) :: pair(:)
     type(contact_problem_t), intent(inout) :: problem
+    !> Where to stop [].
+    real(dp), intent(in) :: tolerance
     type(log_t), intent(inout) :: log
+    !> Columns that the dual scheme forms.
+    type(explicit_compliance_t), intent(inout) :: compliance
     type(scheme_result_t), intent(out) :: result
     type(error_t), allocatable, intent(out) :: error
+    !> State to go on from; L is taken from it too, if it has one.
+    type(scheme_result_t), intent(in), optional :: start
     type(iteration_settings_t) :: iteration
     type(dual_settings_t) :: dual
     iteration%gamma_rule = case%solver%gamma_rule
     iteration%gamma = case%solver%gamma
     iteration%stop_rule = case%solver%stop_rule
-    iteration%tolerance = case%solver%tolerance
+    if (iteration%stop_rule == stop_budget) iteration%stop_rule = stop_residual
+    iteration%tolerance = tolerance
     iteration%max_iterations = case%solver%max_iterations
-    if (iteration%stop_rule == stop_paper .and. scheme_of(case) /= scheme_neumann) &
-      call set_error(error, "&solver: stop_rule='paper' is for scheme='neumann', which (41) is about")
+    if (present(start)) then
+      iteration%start = start%m
+      if (start%lambda_max > 0) iteration%lambda_max = start%lambda_max
+    end if
+    ! For the dual scheme, and what estimates errors with it.
+    call foundation_compliance(body, pair, problem%foundation)
     if (.not. allocated(error)) then
       select case (scheme_of(case))
       case (scheme_neumann)
@@ -93,10 +105,9 @@ contains
         call solve_robin(problem, iteration, log, result, error)
       case default
         dual%linear_solver = case%solver%linear_solver
-        dual%tolerance = case%solver%tolerance
+        dual%tolerance = tolerance
         dual%max_iterations = min(case%solver%max_iterations, dual%max_iterations)
-        call foundation_compliance(body, pair, problem%foundation)
-        call solve_dual(problem, dual, log, result, error)
+        call solve_dual(problem, dual, log, compliance, result, error, start)
       end select
     end if
     call add_context(error, case%file//':'//to_text(case%solver%line)//': ')

@@ -5,6 +5,7 @@ module dotyk_driver_screen
   use dotyk_base_log, only: log_t
   use dotyk_base_text, only: to_text
   use dotyk_contact_pair, only: contact_pair_t, points_quadrature
+  use dotyk_driver_error_budget, only: error_budget_t
   use dotyk_driver_factorization, only: factor_size_t
   use dotyk_driver_timing, only: timing_t
   use dotyk_driver_version, only: version
@@ -18,8 +19,8 @@ module dotyk_driver_screen
   use dotyk_scheme_progress, only: duration
   implicit none
   private
-  public :: show_scene, show_bodies, show_pairs, show_factorization, show_memory, show_result, show_pair_result, show_timing, &
-    outcome
+  public :: show_scene, show_bodies, show_pairs, show_factorization, show_memory, show_budget, &
+    show_result, show_pair_result, show_timing, outcome
 
 contains
 
@@ -179,6 +180,26 @@ contains
       'converges for 0 < gamma < 2/(1+L) = '//to_text(gamma_limit(result%lambda_max)))
   end subroutine show_result
 
+  !> What the error is made of.
+  subroutine show_budget(log, body, result, budget)
+    type(log_t), intent(inout) :: log
+    type(body_t), intent(in) :: body(:)
+    type(scheme_result_t), intent(in) :: result
+    type(error_budget_t), intent(in) :: budget
+    character(:), allocatable :: worst
+    worst = ''
+    if (allocated(budget%of_body) .and. size(body) > 1) worst = ', most of it in '//body(maxloc(budget%of_body, 1))%name
+    call log%line('  error            iteration '//part(result%error_bound)//', penalty '//part(budget%penalty)//', mesh '// &
+                  part(budget%discretization)//worst)
+  contains
+    function part(value) result(text)
+      real(dp), intent(in) :: value
+      character(:), allocatable :: text
+      text = 'unknown'
+      if (value >= 0) text = to_text(100*value, 2)//' %'
+    end function part
+  end subroutine show_budget
+
   !> One line of a pair's result.
   subroutine show_pair_result(log, name, force, peak, active, points)
     type(log_t), intent(inout) :: log
@@ -198,7 +219,8 @@ contains
     type(timing_t), intent(in) :: timing
     call log%line('  time             read '//duration(timing%read)//', assemble '//duration(timing%assemble)//', order '// &
                   duration(timing%order)//', factorize '//duration(timing%factorize)//', search '//duration(timing%search)// &
-                  ', iterate '//duration(timing%iterate)//', recover '//duration(timing%recover)//', write '// &
+                  ', iterate '//duration(timing%iterate)//', recover '//duration(timing%recover)//', estimate errors '// &
+                  duration(timing%estimate)//', write '// &
                   duration(timing%write)//'; total '//duration(timing%total))
   end subroutine show_timing
 

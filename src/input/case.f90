@@ -120,6 +120,8 @@ module dotyk_input_case
     integer :: theta_kind = theta_relative
     !> Penalty parameter [length/pressure], or the factor of the relative one [1].
     real(dp) :: theta = 0
+    !> Was it given, for the pair or for all? If not, it may be made smaller.
+    logical :: theta_given = .false.
     !> Is there a search radius?
     logical :: has_search_radius = .false.
     !> Greatest distance of partners [length].
@@ -142,6 +144,8 @@ module dotyk_input_case
     integer :: theta_kind = theta_relative
     !> Penalty parameter [length/pressure], or the factor of the relative one [1].
     real(dp) :: theta = 0
+    !> Was it given?
+    logical :: theta_given = .false.
     !> One of `gamma_*`.
     integer :: gamma_rule = gamma_spectral
     !> One of `linear_solver_*`.
@@ -150,6 +154,8 @@ module dotyk_input_case
     real(dp) :: gamma = 0
     !> One of `stop_*`.
     integer :: stop_rule = stop_residual
+    !> Part of the other errors that the iteration may add where the rule is `stop_budget` [1].
+    real(dp) :: budget_fraction = 0.1_dp
     !> Where to stop [1].
     real(dp) :: tolerance = 0
     !> Most iterations.
@@ -168,6 +174,10 @@ module dotyk_input_case
     logical :: stress = .false.
     !> Is the contact pressure wanted?
     logical :: contact = .false.
+    !> Is the discretization error of the elements wanted?
+    logical :: error = .false.
+    !> Which errors are to be estimated?
+    logical :: error_penalty = .false., error_discretization = .false.
   end type output_input_t
 
   !> The whole scene.

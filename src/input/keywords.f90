@@ -1,8 +1,8 @@
 !> THE table of groups and keys: what is checked, what defaults are and what `--help` prints all come from here.
 module dotyk_input_keywords
   use dotyk_base_text, only: text_t
-  use dotyk_input_names, only: analysis_names, field_names, gamma_rule_names, geometry_names, linear_solver_names, &
-    points_names, quadrature_names, scheme_names, stop_rule_names
+  use dotyk_input_names, only: analysis_names, error_part_names, field_names, gamma_rule_names, geometry_names, &
+    linear_solver_names, points_names, quadrature_names, scheme_names, stop_rule_names, theta_rule_names
   implicit none
   private
 
@@ -170,6 +170,8 @@ contains
     call t%add('contact', 'theta_relative', kind_real, not_negative=.true., &
                meaning='the same, times size_a/E_a + size_b/E_b; size is the smallest edge of the body''s '// &
                'bounding box')
+    call t%add('contact', 'theta_mesh', kind_real, not_negative=.true., &
+               meaning='the same, times h_a/E_a + h_b/E_b, point by point; h is the size of the facet there')
     call t%add('contact', 'search_radius', kind_real, unit='length', positive=.true., &
                meaning='greatest distance of partners; if absent, the smaller body''s size')
     call t%add('contact', 'points', kind_name, names=points_names, default='nodes', &
@@ -191,8 +193,14 @@ contains
                'accelerate neumann')
     call t%add('solver', 'theta', kind_real, unit='length/pressure', not_negative=.true., &
                meaning='penalty parameter, the compliance of a layer between the bodies; 0: no layer, no penetration')
-    call t%add('solver', 'theta_relative', kind_real, default='1e-2', not_negative=.true., &
+    call t%add('solver', 'theta_relative', kind_real, not_negative=.true., &
                meaning='the same, times size_a/E_a + size_b/E_b of each pair; not together with theta')
+    call t%add('solver', 'theta_mesh', kind_real, not_negative=.true., &
+               meaning='the same, times h_a/E_a + h_b/E_b, point by point; h is the size of the facet there; if no theta '// &
+               'is given, 0.01 (other schemes than dual: 0.1), and less where the error of the penalty would dominate '// &
+               'that of the mesh')
+    call t%add('solver', 'theta_rule', kind_name, names=theta_rule_names, &
+               meaning='mesh: theta as if none were given')
     call t%add('solver', 'linear_solver', kind_name, names=linear_solver_names, default='auto', &
                meaning='how the dual scheme solves for the forces of closed points: direct forms their compliance, '// &
                'iterative is by conjugate gradients, auto what is cheaper')
@@ -200,9 +208,12 @@ contains
                meaning='relaxation parameter: spectral is 2/(2+L), theory is 1/(1+L)^2, fixed is gamma')
     call t%add('solver', 'gamma', kind_real, positive=.true., &
                meaning='relaxation parameter where gamma_rule is ''fixed''')
-    call t%add('solver', 'stop_rule', kind_name, names=stop_rule_names, default='residual', &
-               meaning='what is compared with tolerance: the guaranteed error bound, the bound (41) of the '// &
-               'paper, or the increment')
+    call t%add('solver', 'stop_rule', kind_name, names=stop_rule_names, &
+               meaning='residual: the guaranteed error bound is below tolerance; paper: the bound (41) is; increment: the '// &
+               'last step is; budget: the guaranteed error bound is below budget_fraction times the error of penalty '// &
+               'and mesh; if absent, budget where neither tolerance nor any theta is given, else residual')
+    call t%add('solver', 'budget_fraction', kind_real, default='0.1', positive=.true., &
+               meaning='part of the other errors that the iteration may add where stop_rule is ''budget''')
     call t%add('solver', 'tolerance', kind_real, default='1e-6', positive=.true., &
                meaning='relative error in the energy norm at which the iteration stops')
     call t%add('solver', 'max_iterations', kind_integer, default='100000', positive=.true., &
@@ -212,6 +223,9 @@ contains
 
     call t%add('output', 'fields', kind_names, names=field_names, default=field_names, may_be_empty=.true., &
                meaning='fields that are computed and written')
+    call t%add('output', 'error_parts', kind_names, names=error_part_names, default=error_part_names, may_be_empty=.true., &
+               meaning='what is estimated besides the bound of the iteration: penalty, the distance to the solution '// &
+               'without it; discretization, the error of the mesh')
     allocate (table(t%n))
     do i = 1, t%n
       table(i) = t%row(i)

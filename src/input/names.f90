@@ -31,9 +31,13 @@ module dotyk_input_names
   integer, parameter, public :: gap_formula = 3   !< `gap_formula`
 
   !> How theta was given; these are the keys of `&solver` and `&contact`.
-  character(*), parameter, public :: theta_kind_names = 'theta theta_relative'
+  character(*), parameter, public :: theta_kind_names = 'theta theta_relative theta_mesh'
   integer, parameter, public :: theta_absolute = 1  !< length over pressure
   integer, parameter, public :: theta_relative = 2  !< times size_a/E_a + size_b/E_b
+  integer, parameter, public :: theta_mesh = 3      !< times h_a/E_a + h_b/E_b, point by point
+
+  !> `&solver theta_rule`.
+  character(*), parameter, public :: theta_rule_names = 'mesh'
 
   !> The rows of the contact operator, `&contact points`.
   character(*), parameter, public :: points_names = 'nodes quadrature'
@@ -74,16 +78,23 @@ module dotyk_input_names
   integer, parameter, public :: gamma_fixed = 3     !< `gamma`
 
   !> `&solver stop_rule`.
-  character(*), parameter, public :: stop_rule_names = 'residual paper increment'
+  character(*), parameter, public :: stop_rule_names = 'residual paper increment budget'
   integer, parameter, public :: stop_residual = 1   !< the guaranteed error bound
   integer, parameter, public :: stop_paper = 2      !< the bound (41)
   integer, parameter, public :: stop_increment = 3  !< the relative change of the displacements
+  integer, parameter, public :: stop_budget = 4     !< a part of the error of penalty and mesh
 
   !> `&output fields`.
-  character(*), parameter, public :: field_names = 'displacement stress contact'
+  character(*), parameter, public :: field_names = 'displacement stress contact error'
   integer, parameter, public :: field_displacement = 1  !< displacement of the nodes
   integer, parameter, public :: field_stress = 2        !< stress of the elements
   integer, parameter, public :: field_contact = 3       !< contact pressure
+  integer, parameter, public :: field_error = 4         !< discretization error of the elements
+
+  !> `&output error_parts`.
+  character(*), parameter, public :: error_part_names = 'penalty discretization'
+  integer, parameter, public :: error_part_penalty = 1         !< distance to the solution without penalty
+  integer, parameter, public :: error_part_discretization = 2  !< error of the mesh
 
   public :: name_at, place_of_name, split_words
 

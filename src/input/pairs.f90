@@ -45,10 +45,12 @@ contains
       call report(problems, group, 'gap', 'gap and gap_formula are both given: only one can be meant')
     contact%theta_kind = solver%theta_kind
     contact%theta = solver%theta
+    contact%theta_given = solver%theta_given
     call read_theta(group, problems, own_theta, theta_kind, theta)
     if (own_theta) then
       contact%theta_kind = theta_kind
       contact%theta = theta
+      contact%theta_given = .true.
     end if
     if (.not. contact%theta > 0 .and. all(solver%scheme /= [scheme_auto, scheme_dual])) then
       theta_key = 'theta_relative'

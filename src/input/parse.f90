@@ -7,6 +7,7 @@ module dotyk_input_parse
   use dotyk_input_checks, only: check_group, check_group_names, check_occurrences
   use dotyk_input_files, only: directory_of, read_text
   use dotyk_input_keywords, only: group_keyword_t, keyword_t, list_groups, list_keywords
+  use dotyk_input_names, only: stop_budget, stop_residual
   use dotyk_input_pairs, only: read_contact
   use dotyk_input_problems, only: no_line, problems_t
   use dotyk_input_reader, only: group_t, read_groups
@@ -128,6 +129,11 @@ contains
     do i = 1, size(picked)
       call read_contact(groups(picked(i)), bodies, case%solver, problems, case%contact(i))
     end do
+    if (.not. is_usable(solver, 'stop_rule')) then
+      case%solver%stop_rule = stop_residual
+      if (size(case%contact) > 0 .and. .not. is_given(solver, 'tolerance') .and. .not. any(case%contact%theta_given)) &
+        case%solver%stop_rule = stop_budget
+    end if
 
   contains
 

@@ -4,14 +4,19 @@ module dotyk_input_settings
   use dotyk_input_case, only: output_input_t, scene_input_t, solver_input_t
   use dotyk_input_files, only: directory_of, extension_of, is_directory, resolve_path, why_not_readable, &
     without_extension
-  use dotyk_input_names, only: analysis_3d, field_contact, field_displacement, field_stress, gamma_fixed, &
-    scheme_auto, scheme_neumann, stop_paper, theta_absolute, theta_relative
+  use dotyk_input_names, only: analysis_3d, error_part_discretization, error_part_penalty, field_contact, field_displacement, &
+    field_error, field_stress, gamma_fixed, name_at, scheme_auto, scheme_dual, scheme_neumann, stop_paper, &
+    theta_absolute, theta_kind_names, theta_mesh
   use dotyk_input_problems, only: problems_t, shown
   use dotyk_input_reader, only: group_t
   use dotyk_input_values, only: is_given, is_usable, number_of, numbers_of, report, text_of
   implicit none
   private
   public :: read_scene, read_solver, read_output, read_theta, read_mesh_path
+
+  !> Factor of h/E where no theta is given: for the dual scheme, which does not mind a small one, and for the others, whose steps grow
+  !> like 1/theta.
+  real(dp), parameter :: default_theta_mesh(2) = [1.0e-2_dp, 1.0e-1_dp]
 
 contains
 
@@ -65,10 +70,11 @@ contains
     type(group_t), intent(in) :: group
     type(problems_t), intent(inout) :: problems
     type(solver_input_t), intent(out) :: solver
-    logical :: given
     solver%line = group%line
     solver%scheme = nint(number_of(group, 'scheme'))
-    call read_theta(group, problems, given, solver%theta_kind, solver%theta)
+    call read_theta(group, problems, solver%theta_given, solver%theta_kind, solver%theta)
+    if (is_given(group, 'theta_rule') .and. solver%theta_given) &
+      call report(problems, group, 'theta_rule', 'theta_rule and a theta are both given: only one can be meant')
     solver%linear_solver = nint(number_of(group, 'linear_solver'))
     solver%gamma_rule = nint(number_of(group, 'gamma_rule'))
     solver%gamma = number_of(group, 'gamma')
@@ -82,6 +88,11 @@ contains
     ! These keys mean the Neumann scheme and nothing else.
     if (solver%scheme == scheme_auto .and. (is_given(group, 'gamma') .or. is_given(group, 'gamma_rule') .or. &
                                             solver%stop_rule == stop_paper)) solver%scheme = scheme_neumann
+    if (.not. solver%theta_given) solver%theta = merge(default_theta_mesh(1), default_theta_mesh(2), &
+                                                       solver%scheme == scheme_auto .or. solver%scheme == scheme_dual)
+    if (solver%stop_rule == stop_paper .and. is_usable(group, 'scheme') .and. solver%scheme /= scheme_neumann) &
+      call report(problems, group, 'stop_rule', 'stop_rule=''paper'' is for scheme=''neumann'', which (41) is about')
+    solver%budget_fraction = number_of(group, 'budget_fraction')
     solver%tolerance = number_of(group, 'tolerance')
     solver%max_iterations = nint(number_of(group, 'max_iterations'))
     solver%reproducible = number_of(group, 'reproducible') > 0
@@ -92,23 +103,27 @@ contains
     !> `&solver` or `&contact`.
     type(group_t), intent(in) :: group
     type(problems_t), intent(inout) :: problems
-    !> Does the group have one, given or by default?
+    !> Does the group have one?
     logical, intent(out) :: given
     !> One of `theta_*`.
     integer, intent(out) :: kind
     !> Penalty parameter [length/pressure], or the factor of the relative one [1].
     real(dp), intent(out) :: theta
-    character(:), allocatable :: key
-    kind = theta_relative
-    key = 'theta_relative'
-    if (is_given(group, 'theta')) then
-      kind = theta_absolute
-      key = 'theta'
-      if (is_given(group, 'theta_relative')) &
-        call report(problems, group, 'theta', 'theta and theta_relative are both given: only one can be meant')
-    end if
-    given = is_usable(group, key)
-    theta = number_of(group, key)
+    integer :: k
+    kind = theta_mesh
+    theta = 0
+    given = .false.
+    do k = theta_absolute, theta_mesh
+      if (.not. is_given(group, name_at(theta_kind_names, k))) cycle
+      if (given) then
+        call report(problems, group, name_at(theta_kind_names, k), name_at(theta_kind_names, kind)//' and '// &
+                    name_at(theta_kind_names, k)//' are both given: only one can be meant')
+        cycle
+      end if
+      given = .true.
+      kind = k
+      theta = number_of(group, name_at(theta_kind_names, k))
+    end do
   end subroutine read_theta
 
   !> `&output`.
@@ -122,5 +137,10 @@ contains
     output%displacement = any(nint(fields) == field_displacement)
     output%stress = any(nint(fields) == field_stress)
     output%contact = any(nint(fields) == field_contact)
+    output%error = any(nint(fields) == field_error)
+    call numbers_of(group, 'error_parts', fields)
+    output%error_penalty = any(nint(fields) == error_part_penalty)
+    output%error_discretization = any(nint(fields) == error_part_discretization) .or. (output%error .and. is_given(group, 'fields'))
+    output%error = output%error .and. output%error_discretization
   end subroutine read_output
 end module dotyk_input_settings

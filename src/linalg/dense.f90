@@ -5,7 +5,8 @@ module dotyk_linalg_dense
   use dotyk_base_text, only: to_text
   implicit none
   private
-  public :: symmetric_eigen, right_singular_vectors, solve_dense, orthonormal_range, complete_basis, tridiagonal_top
+  public :: symmetric_eigen, right_singular_vectors, solve_dense, least_squares, orthonormal_range, complete_basis, &
+    tridiagonal_top
 
   interface
     subroutine dsyev(jobz, uplo, n, a, lda, w, work, lwork, info)
@@ -32,6 +33,16 @@ module dotyk_linalg_dense
       real(dp), intent(inout) :: a(lda, *), b(ldb, *)
       integer, intent(out) :: ipiv(*), info
     end subroutine dgesv
+
+    subroutine dgelsy(m, n, nrhs, a, lda, b, ldb, jpvt, rcond, rank, work, lwork, info)
+      import :: dp
+      integer, intent(in) :: m, n, nrhs, lda, ldb, lwork
+      real(dp), intent(inout) :: a(lda, *), b(ldb, *)
+      integer, intent(inout) :: jpvt(*)
+      real(dp), intent(in) :: rcond
+      integer, intent(out) :: rank, info
+      real(dp), intent(out) :: work(*)
+    end subroutine dgelsy
 
     subroutine dstevx(jobz, range, n, d, e, vl, vu, il, iu, abstol, m, w, z, ldz, work, iwork, ifail, info)
       import :: dp
@@ -133,6 +144,39 @@ contains
     end if
     x(:, :) = b
   end subroutine solve_dense
+
+  !> X of least norm among those that make norm(A X - B) least, in place.
+  subroutine least_squares(a, b, tolerance, rank, error)
+    !> The matrix (m,n).
+    real(dp), intent(in) :: a(:, :)
+    !> Right-hand sides (m,k), then solutions in the first n rows; at least n rows.
+    real(dp), intent(inout) :: b(:, :)
+    !> Parts of A whose condition is worse than the inverse of this count as zero.
+    real(dp), intent(in) :: tolerance
+    !> Rank of A to that tolerance.
+    integer, intent(out) :: rank
+    !> A number is not finite.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp), allocatable :: qr(:, :), x(:, :), work(:)
+    integer, allocatable :: pivot(:)
+    integer :: m, n, k, info
+    m = size(a, 1)
+    n = size(a, 2)
+    k = size(b, 2)
+    rank = 0
+    allocate (qr(m, n), x(max(m, n), k), pivot(n), work(max(4*n + 64*(n + 1), 2*n + 64*k)))
+    qr(:, :) = a
+    x = 0
+    x(:m, :) = b(:m, :)
+    pivot = 0
+    info = 1
+    if (all(abs(a) <= huge(1.0_dp))) call dgelsy(m, n, k, qr, m, x, max(m, n), pivot, tolerance, rank, work, size(work), info)
+    if (info /= 0) then
+      call set_error(error, 'least squares with '//to_text(n)//' unknowns cannot be computed', exit_not_solvable)
+      return
+    end if
+    b(:n, :) = x(:n, :)
+  end subroutine least_squares
 
   !> Orthonormal basis of the range of A by modified Gram-Schmidt, columns taken in their order: the first one keeps its
   !> direction, a column that is nearly in the span of those before it adds nothing.

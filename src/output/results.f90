@@ -29,6 +29,7 @@ module dotyk_output_results
     procedure :: write_displacement => results_write_displacement
     procedure :: write_contact_pressure => results_write_contact_pressure
     procedure :: write_stress => results_write_stress
+    procedure :: write_discretization_error => results_write_discretization_error
     procedure :: add_contact => results_add_contact
     procedure, private :: put_text, put_integer, put_long, put_real, put_logical, put_reals
     !> put_attribute(group, name, value): `group` is relative to `/dotyk`: '', 'summary', 'timing', contact_group(name).
@@ -49,13 +50,13 @@ contains
 
   !> Create the file with the layout of all parts. Nothing is at `path` until `commit`.
   subroutine results_create(self, path, n_points, n_cells, n_connectivity, want_displacement, want_stress, &
-    want_contact, error)
+    want_contact, want_error, error)
     class(results_file_t), intent(inout) :: self
     character(*), intent(in) :: path
     !> Nodes, elements and the sum of the nodes of all elements (`connectivity_length`) of each body (n_parts).
     integer(int64), intent(in), contiguous :: n_points(:), n_cells(:), n_connectivity(:)
     !> Which fields will be written.
-    logical, intent(in) :: want_displacement, want_stress, want_contact
+    logical, intent(in) :: want_displacement, want_stress, want_contact, want_error
     type(error_t), allocatable, intent(out) :: error
     if (allocated(self%failure)) deallocate (self%failure)
     self%path = path
@@ -66,7 +67,7 @@ contains
     call self%file%create(self%temporary, error, label=path)
     if (.not. allocated(error)) call create_groups(self%file, error)
     if (.not. allocated(error)) call create_geometry(self, n_points, n_cells, n_connectivity, error)
-    if (.not. allocated(error)) call create_fields(self, want_displacement, want_stress, want_contact, error)
+    if (.not. allocated(error)) call create_fields(self, want_displacement, want_stress, want_contact, want_error, error)
     if (allocated(error)) call self%discard()
   end subroutine results_create
 
@@ -123,9 +124,9 @@ contains
   end subroutine create_geometry
 
   !> The datasets of the fields that were asked for; parts that are never written are zero.
-  subroutine create_fields(self, want_displacement, want_stress, want_contact, error)
+  subroutine create_fields(self, want_displacement, want_stress, want_contact, want_error, error)
     class(results_file_t), intent(in) :: self
-    logical, intent(in) :: want_displacement, want_stress, want_contact
+    logical, intent(in) :: want_displacement, want_stress, want_contact, want_error
     type(error_t), allocatable, intent(out) :: error
     integer(int64) :: points, cells
     points = self%first_point(size(self%first_point))
@@ -143,7 +144,9 @@ contains
         call file%new_dataset('/VTKHDF/CellData/stress', hdf5_real, [6_int64, cells], error, zero=.true.)
         if (allocated(error)) return
         call file%new_dataset('/VTKHDF/CellData/von_mises', hdf5_real, [cells], error, zero=.true.)
+        if (allocated(error)) return
       end if
+      if (want_error) call file%new_dataset('/VTKHDF/CellData/discretization_error', hdf5_real, [cells], error, zero=.true.)
     end associate
   end subroutine create_fields
 
@@ -223,6 +226,16 @@ contains
     call self%file%put_part('/VTKHDF/CellData/stress', cell, stress, error)
     if (.not. allocated(error)) call self%file%put_part('/VTKHDF/CellData/von_mises', cell, von_mises, error)
   end subroutine results_write_stress
+
+  !> Write the discretization errors of one body's elements.
+  subroutine results_write_discretization_error(self, part, value, error)
+    class(results_file_t), intent(in) :: self
+    integer, intent(in) :: part
+    !> Relative, in the energy norm; elements in the order of the blocks (n_elements) [].
+    real(dp), intent(in), contiguous :: value(:)
+    type(error_t), allocatable, intent(out) :: error
+    call self%file%put_part('/VTKHDF/CellData/discretization_error', self%first_cell(part), value, error)
+  end subroutine results_write_discretization_error
 
   !> Group of a contact, relative to `/dotyk`.
   pure function contact_group(name) result(group)

@@ -29,14 +29,14 @@ module dotyk_scheme_choice
 
 contains
 
-  !> Choose for a first active set.
+  !> Choose for a first active set; where there are columns already, the choice is that of before.
   subroutine choose_solver(problem, wish, active, compliance, system)
     type(contact_problem_t), intent(in) :: problem
     !> One of `solver_*`.
     integer, intent(in) :: wish
     !> (n_rows).
     logical, intent(in) :: active(:)
-    type(explicit_compliance_t), intent(out) :: compliance
+    type(explicit_compliance_t), intent(inout) :: compliance
     class(active_system_t), allocatable, intent(out) :: system
     type(direct_system_t), allocatable :: direct
     type(iterative_system_t), allocatable :: iterative
@@ -57,7 +57,11 @@ contains
     by_sweeps = direct_cost > iterative_cost .or. bytes > most_bytes
     if (wish == solver_direct) by_sweeps = .false.
     if (wish == solver_iterative) by_sweeps = .true.
-    call compliance%init(problem, by_sweeps)
+    if (allocated(compliance%body)) then
+      by_sweeps = compliance%by_sweeps
+    else
+      call compliance%init(problem, by_sweeps)
+    end if
     if (by_sweeps) then
       allocate (iterative)
       call move_alloc(iterative, system)

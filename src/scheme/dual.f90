@@ -37,14 +37,17 @@ module dotyk_scheme_dual
 contains
 
   !> Solve.
-  subroutine solve_dual(problem, settings, log, result, error)
+  subroutine solve_dual(problem, settings, log, compliance, result, error, start)
     type(contact_problem_t), intent(inout) :: problem
     type(dual_settings_t), intent(in) :: settings
     type(log_t), intent(inout) :: log
+    !> Columns of the compliance, if there are any yet.
+    type(explicit_compliance_t), intent(inout) :: compliance
     type(scheme_result_t), intent(out) :: result
     !> Out of memory.
     type(error_t), allocatable, intent(out) :: error
-    type(explicit_compliance_t) :: compliance
+    !> Where to begin: a state of the same bodies and contact points, perhaps with another theta.
+    type(scheme_result_t), intent(in), optional :: start
     class(active_system_t), allocatable :: system
     type(iterate_t) :: now
     real(dp), allocatable :: motion(:)
@@ -53,14 +56,21 @@ contains
 
     call leave_out(result)
     allocate (motion(problem%coarse%n), active(problem%operator%n_rows))
-    call find_unstoppable(problem%operator, problem%coarse, motion, found)
-    if (found) then
-      result%ended = ended_unstoppable
-      result%unstoppable = problem%coarse%scale*motion
-      return
+    if (present(start)) then
+      now%lambda = problem%operator%weight*start%m
+      now%y = start%y
+      now%alpha = start%alpha/problem%coarse%scale
+      active = start%m > 0
+    else
+      call find_unstoppable(problem%operator, problem%coarse, motion, found)
+      if (found) then
+        result%ended = ended_unstoppable
+        result%unstoppable = problem%coarse%scale*motion
+        return
+      end if
+      call find_start(problem, now, active, error)
+      if (allocated(error)) return
     end if
-    call find_start(problem, now, active, error)
-    if (allocated(error)) return
     call choose_solver(problem, settings%linear_solver, active, compliance, system)
     if (compliance%by_sweeps) call log%line('  active sets      by conjugate gradients, '//to_text(count(active))// &
                                             ' points to begin with')

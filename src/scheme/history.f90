@@ -23,6 +23,8 @@ module dotyk_scheme_history
     real(dp), allocatable :: increment(:)
     !> Guaranteed bound of the relative error in the energy norm [].
     real(dp), allocatable :: error_bound(:)
+    !> Relative errors of penalty and discretization, NaN where they were not estimated [].
+    real(dp), allocatable :: error_penalty(:), error_discretization(:)
     !> F_theta [energy].
     real(dp), allocatable :: energy(:)
     !> Largest penetration [length].
@@ -34,6 +36,7 @@ module dotyk_scheme_history
   contains
     procedure :: add => history_add
     procedure :: finish => history_finish
+    procedure :: put_behind => history_put_behind
     procedure :: measured_contraction => history_measured_contraction
   end type history_t
 
@@ -82,6 +85,8 @@ contains
     self%seconds(self%n) = seconds
     self%increment(self%n) = increment
     self%error_bound(self%n) = error_bound
+    self%error_penalty(self%n) = ieee_value(length, ieee_quiet_nan)
+    self%error_discretization(self%n) = ieee_value(length, ieee_quiet_nan)
     self%energy(self%n) = energy
     self%max_penetration(self%n) = max_penetration
     self%active(self%n) = active
@@ -93,6 +98,22 @@ contains
     call resize(self, self%n)
   end subroutine history_finish
 
+  !> Put this history behind an earlier one, both finished.
+  subroutine history_put_behind(self, earlier)
+    class(history_t), intent(inout) :: self
+    type(history_t), intent(in) :: earlier
+    if (earlier%n == 0) return
+    self%seconds = [earlier%seconds, earlier%seconds(earlier%n) + self%seconds]
+    self%increment = [earlier%increment, self%increment]
+    self%error_bound = [earlier%error_bound, self%error_bound]
+    self%error_penalty = [earlier%error_penalty, self%error_penalty]
+    self%error_discretization = [earlier%error_discretization, self%error_discretization]
+    self%energy = [earlier%energy, self%energy]
+    self%max_penetration = [earlier%max_penetration, self%max_penetration]
+    self%active = [earlier%active, self%active]
+    self%n = earlier%n + self%n
+  end subroutine history_put_behind
+
   !> Arrays of another length.
   subroutine resize(self, length)
     class(history_t), intent(inout) :: self
@@ -101,6 +122,8 @@ contains
     call resize_real(self%seconds)
     call resize_real(self%increment)
     call resize_real(self%error_bound)
+    call resize_real(self%error_penalty)
+    call resize_real(self%error_discretization)
     call resize_real(self%energy)
     call resize_real(self%max_penetration)
     allocate (active(length), source=0)

@@ -20,7 +20,7 @@ module dotyk_scheme_neumann
 
 contains
 
-  !> Iterate from u0, the scene without contact.
+  !> Iterate from u0, the scene without contact, or from where the settings say.
   subroutine solve_neumann(problem, settings, log, result, error)
     type(contact_problem_t), intent(inout) :: problem
     type(iteration_settings_t), intent(in) :: settings
@@ -41,7 +41,8 @@ contains
     call finish_iteration(log, result)
   end subroutine solve_neumann
 
-  !> u0 as the first iterate of any form of the scheme, with L and gamma. Where there are no contact points it is the solution.
+  !> The first iterate of any form of the scheme, u0 unless another one is given, with L and gamma. Where there are no contact points it
+  !> is the solution.
   subroutine begin_at_free_scene(problem, settings, result)
     type(contact_problem_t), intent(inout) :: problem
     type(iteration_settings_t), intent(in) :: settings
@@ -52,7 +53,13 @@ contains
     result%energy = problem%energy_free
     result%ended = ended_converged
     if (size(result%m) == 0) return
-    call estimate_lambda_max(problem, result%lambda_max)
+    if (allocated(settings%start)) then
+      result%m = settings%start
+      call problem%compliance(problem%operator%weight*result%m, result%y)
+      result%y = problem%y_free - result%y
+    end if
+    result%lambda_max = settings%lambda_max
+    if (.not. result%lambda_max > 0) call estimate_lambda_max(problem, result%lambda_max)
     result%gamma = relaxation_parameter(settings%gamma_rule, result%lambda_max, settings%gamma)
     result%q_predicted = contraction(result%gamma, result%lambda_max)
   end subroutine begin_at_free_scene

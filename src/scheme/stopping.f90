@@ -26,6 +26,10 @@ module dotyk_scheme_stopping
     real(dp) :: tolerance = 1.0e-6_dp
     !> Steps at most.
     integer :: max_iterations = 100000
+    !> Pressures to begin with; u0 where not allocated (n_rows) [pressure].
+    real(dp), allocatable :: start(:)
+    !> L where it is known already, else 0.
+    real(dp) :: lambda_max = 0
   end type iteration_settings_t
 
   !> Keeps watch over an iteration.

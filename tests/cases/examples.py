@@ -39,10 +39,10 @@ class Examples(dotyk_case.Case):
     def test_column(self):
         self.copy("column")
         self.run_example("column")
-        errors = check_of("column").errors(self.folder / "column/column.vtkhdf")
-        self.assertLess(abs(errors["mean_error"]), 1e-3)
-        # Facets of surface_a are cut by those of surface_b: single pressures are as good as the means there.
-        self.assertLess(errors["largest_error"], 0.05)
+        check = check_of("column")
+        errors = check.errors(self.folder / "column/column.vtkhdf")
+        for name, limit in check.LIMITS.items():
+            self.assertLess(abs(errors[name]), limit, name)
 
     def test_wavy(self):
         self.copy("wavy")
@@ -230,7 +230,7 @@ class Examples(dotyk_case.Case):
 
     def test_groove_coarse(self):
         """25 elements over the groove."""
-        self.coarse("groove", "b/25", 2, c=4.4e-3, peak=9.0e-3, profile=2.5e-2)
+        self.coarse("groove", "b/25", 2, c=5.0e-3, peak=1.0e-2, profile=2.6e-2)
         # The theory beside the example: two half-planes in place of a row of grooves.
         check = check_of("groove")
         c, peak = check.closed_form()
@@ -258,11 +258,11 @@ class Examples(dotyk_case.Case):
 
     def test_cylinder_coarse(self):
         """10 elements over half the width of the contact."""
-        self.coarse("cylinder", "b/10", 2, b=1.4e-3, p0=5e-4, profile=1.5e-2)
+        self.coarse("cylinder", "b/10", 2, b=1.3e-3, p0=5.5e-4, profile=1.5e-2)
 
     def test_punch_coarse(self):
         """25 elements over half the width of the contact."""
-        self.coarse("punch", "b/25", 2, b=5.6e-4, peak=1.3e-3, middle=5.7e-4, profile=9.3e-3)
+        self.coarse("punch", "b/25", 2, b=6.9e-4, peak=1.9e-3, middle=4.9e-4, profile=9.2e-3)
         # The formulae against a numerical solution of the integral equation
         check = check_of("punch")
         b = check.half_width()
@@ -282,8 +282,8 @@ class Examples(dotyk_case.Case):
         self.run_example("press_fit")
         errors, _ = check.errors(self.folder / "press_fit/press_fit.vtkhdf")
         # Chords of 7 degrees; twice what is measured.
-        self.assertLess(errors["pressure"], 9e-3)
-        self.assertLess(errors["hoop"], 2.2e-2)
+        self.assertLess(errors["pressure"], 8e-3)
+        self.assertLess(errors["hoop"], 8e-3)
 
     def in_equilibrium(self, stress, x, y):
         """Differences of the exact stresses in single points: no forces, and a mean stress in the plane that is harmonic."""

@@ -180,7 +180,7 @@ class Messages(dotyk_case.Case):
         text = self.dotyk("--help")
         for group in ("scene", "material", "body", "support", "load", "contact", "solver", "output"):
             self.assertRegex(text, r"(?m)^&%s\b" % group)
-        for word in ("theta_relative", "gap_formula", "max_iterations", "1e-2", "100000", "exit codes", "--threads N"):
+        for word in ("theta_relative", "gap_formula", "max_iterations", "1e-6", "100000", "exit codes", "--threads N"):
             self.assertIn(word, text)
         self.assertLessEqual(max(map(len, text.splitlines())), 120)
 

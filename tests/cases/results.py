@@ -52,7 +52,8 @@ class Results(dotyk_case.Case):
         self.check_shapes(root["PointData"], {
             "displacement": ((points, 3), "f"), "contact_pressure": ((points,), "f"), "node_tag": ((points,), "i")})
         self.check_shapes(root["CellData"], {
-            "body": ((cells,), "i"), "element_tag": ((cells,), "i"), "stress": ((cells, 6), "f"), "von_mises": ((cells,), "f")})
+            "body": ((cells,), "i"), "element_tag": ((cells,), "i"), "stress": ((cells, 6), "f"), "von_mises": ((cells,), "f"),
+            "discretization_error": ((cells,), "f")})
         self.assertEqual(root["CellData/body"][:].tolist(), np.repeat([1, 2], root["NumberOfCells"][:]).tolist())
         # von Mises of the mean stress, from its components xx yy zz xy yz xz
         xx, yy, zz, xy, yz, xz = root["CellData/stress"][:].T
@@ -72,6 +73,7 @@ class Results(dotyk_case.Case):
         real, integer = np.floating, np.integer
         kinds = {"converged": integer, "iterations": integer, "body_solves": integer, "gamma": real, "lambda_max": real,
                  "q_predicted": real, "q_measured": real, "error_bound": real, "error_bound_paper": real, "energy": real,
+                 "error_penalty": real, "error_discretization": real, "energy_norm": real,
                  "max_penetration": real}
         for name, kind in kinds.items():
             self.assertEqual(np.shape(summary[name]), (), name)
@@ -87,9 +89,10 @@ class Results(dotyk_case.Case):
 
         history = own["history"]
         self.check_shapes(history, {"iteration": ((n,), "i"), "active": ((n,), "i"), **{
-            name: ((n,), "f") for name in ("seconds", "increment", "error_bound", "energy", "max_penetration")}})
+            name: ((n,), "f") for name in ("seconds", "increment", "error_bound", "error_penalty", "error_discretization",
+                                             "energy", "max_penetration")}})
         self.assertEqual(history["iteration"][:].tolist(), list(range(1, n + 1)))
-        for name in ("error_bound", "energy", "max_penetration"):
+        for name in ("error_bound", "error_penalty", "error_discretization", "energy", "max_penetration"):
             self.assertEqual(history[name][-1], summary[name], name)
         self.assertTrue(np.all(np.diff(history["seconds"][:]) >= 0))
         # F falls to its minimum.
@@ -100,7 +103,7 @@ class Results(dotyk_case.Case):
         joint = own["contact/joint"]
         m = joint["weight"].shape[0]
         self.check_shapes(joint, {
-            **{name: ((m,), "f") for name in ("weight", "gap_initial", "gap", "pressure", "pressure_projected")},
+            **{name: ((m,), "f") for name in ("weight", "theta", "gap_initial", "gap", "pressure", "pressure_projected")},
             **{name: ((m, 3), "f") for name in ("position", "normal")}})
         self.assertEqual(joint.attrs["force"].shape, (3,))
         self.assertEqual(np.shape(joint.attrs["theta"]), ())
@@ -113,7 +116,7 @@ class Results(dotyk_case.Case):
             for array in (root["Points"], root["PointData/displacement"], joint["position"], joint["normal"]):
                 np.testing.assert_array_equal(array[:, 2], 0)
 
-        timing = {name: real for name in ("read", "assemble", "order", "factorize", "search", "iterate", "recover", "write",
+        timing = {name: real for name in ("read", "assemble", "order", "factorize", "search", "iterate", "recover", "estimate", "write",
                                           "total")}
         self.check_attributes(own["timing"], timing)
         times = own["timing"].attrs

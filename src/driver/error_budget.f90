@@ -1,0 +1,189 @@
+!> What the error of an answer is made of: iteration, penalty, mesh; all in the energy norm, relative to that of the answer.
+!>
+!> The part of the iteration is the guaranteed bound of the scheme. That of the penalty is the distance to the solution without it
+!> (`dotyk_scheme_penalty`), that of the mesh an asymptotically exact estimate (`dotyk_elasticity_discretization_error`), to which
+!> contact adds what its conditions, met in the mean, are violated by in single places (`dotyk_contact_violation`).
+module dotyk_driver_error_budget
+  use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_log, only: log_t
+  use dotyk_base_text, only: to_text
+  use dotyk_contact_pair, only: contact_pair_t, points_quadrature
+  use dotyk_driver_pressures, only: nodal_field_t
+  use dotyk_driver_recovery, only: body_solution_t
+  use dotyk_driver_scheme, only: scheme_of
+  use dotyk_elasticity_body, only: body_t
+  use dotyk_elasticity_discretization_error, only: estimate_discretization_error
+  use dotyk_input_case, only: case_t, solver_input_t
+  use dotyk_input_names, only: scheme_dual, stop_budget
+  use dotyk_scheme_explicit, only: explicit_compliance_t
+  use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_stalled
+  use dotyk_scheme_penalty, only: estimate_penalty_error
+  use dotyk_scheme_problem, only: contact_problem_t
+  implicit none
+  private
+
+  !> Parts of the error, relative; NaN where a part is not known.
+  type, public :: error_budget_t
+    real(dp) :: penalty = 0, discretization = 0
+    !> Energy norm ||u||_A of the answer [sqrt(energy)].
+    real(dp) :: norm = 0
+    !> Discretization, of each body, and of each element of each body; not allocated where nobody asked (n_bodies). Squares add up.
+    real(dp), allocatable :: of_body(:)
+    type(nodal_field_t), allocatable :: of_element(:)
+  contains
+    procedure :: init => budget_init
+    procedure :: others => budget_others
+  end type error_budget_t
+
+  public :: estimate_errors, ask_for_more, first_tolerance
+
+  !> Answers to one scene at most: a rough one, one with a smaller theta, one with the tolerance that its errors ask for, and that again.
+  integer, parameter, public :: most_rounds = 5
+  !> Tolerance of the first answer where the budget decides: good enough to estimate the other errors from.
+  real(dp), parameter :: rough = 0.02_dp
+  !> A theta that was not given becomes smaller where its error is more than this part of the mesh's, and is meant to have half of that.
+  real(dp), parameter :: most_penalty = 0.3_dp
+  !> At most by this factor.
+  real(dp), parameter :: least_factor = 1.0e-3_dp
+  !> Errors below this are none.
+  real(dp), parameter :: no_error = 1.0e-8_dp
+
+contains
+
+  !> Nothing is known.
+  subroutine budget_init(self)
+    class(error_budget_t), intent(out) :: self
+    self%penalty = ieee_value(self%penalty, ieee_quiet_nan)
+    self%discretization = self%penalty
+    self%norm = self%penalty
+  end subroutine budget_init
+
+  !> Penalty and discretization together, as far as they are known.
+  pure real(dp) function budget_others(self) result(others)
+    class(error_budget_t), intent(in) :: self
+    others = 0
+    if (self%penalty >= 0) others = others + self%penalty
+    if (self%discretization >= 0) others = others + self%discretization
+  end function budget_others
+
+  !> Tolerance of the first answer.
+  pure real(dp) function first_tolerance(solver) result(tolerance)
+    type(solver_input_t), intent(in) :: solver
+    tolerance = solver%tolerance
+    if (solver%stop_rule == stop_budget) tolerance = rough
+  end function first_tolerance
+
+  !> Estimate the errors of an answer, those that the input asks for or that a rule needs.
+  subroutine estimate_errors(case, body, solution, problem, compliance, result, budget, error)
+    type(case_t), intent(in) :: case
+    !> (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    !> With displacements (n_bodies).
+    type(body_solution_t), intent(in) :: solution(:)
+    type(contact_problem_t), intent(inout) :: problem
+    !> Columns that the dual scheme formed, if any.
+    type(explicit_compliance_t), intent(inout) :: compliance
+    !> The end of its history gets the errors.
+    type(scheme_result_t), intent(inout) :: result
+    type(error_budget_t), intent(out) :: budget
+    type(error_t), allocatable, intent(out) :: error
+    real(dp) :: distance
+    call budget%init()
+    budget%norm = problem%norm(result%m, result%y, result%alpha/problem%coarse%scale)
+    if (case%output%error_discretization .or. case%solver%stop_rule == stop_budget) then
+      call estimate_mesh_error(body, solution, budget, error)
+      if (allocated(error)) return
+    end if
+    if (case%output%error_penalty .or. case%solver%stop_rule == stop_budget) then
+      call estimate_penalty_error(problem, case%solver%linear_solver, scheme_of(case) == scheme_dual, compliance, result, &
+                                  distance, error)
+      if (allocated(error)) return
+      budget%penalty = 0
+      if (budget%norm > 0) budget%penalty = distance/budget%norm
+    end if
+    associate (history => result%history)
+      if (history%n == 0) return
+      history%error_penalty(history%n) = budget%penalty
+      history%error_discretization(history%n) = budget%discretization
+    end associate
+  end subroutine estimate_errors
+
+  !> Whether the scene is to be solved again from where it is, with a smaller theta or to another tolerance; and the outcome of the rule
+  !> 'budget' where not.
+  logical function ask_for_more(case, pair, budget, problem, result, tolerance, log) result(more)
+    type(case_t), intent(in) :: case
+    !> Their theta may change (n_pairs).
+    type(contact_pair_t), intent(inout) :: pair(:)
+    type(error_budget_t), intent(in) :: budget
+    type(contact_problem_t), intent(inout) :: problem
+    !> Knows no L where theta changed.
+    type(scheme_result_t), intent(inout) :: result
+    !> What was asked for, and what will be [].
+    real(dp), intent(inout) :: tolerance
+    type(log_t), intent(inout) :: log
+    real(dp) :: factor, target
+    integer :: k
+    more = .false.
+    if (all(result%ended /= [ended_converged, ended_stalled]) .or. size(result%m) == 0) return
+    if (budget%penalty > most_penalty*max(budget%discretization, no_error) .and. .not. all(case%contact%theta_given)) then
+      factor = max(least_factor, 0.5_dp*most_penalty*max(budget%discretization, no_error)/budget%penalty)
+      do k = 1, size(pair)
+        if (case%contact(k)%theta_given) cycle
+        ! Single pressures at quadrature points would become noise.
+        if (pair(k)%points == points_quadrature .and. pair(k)%theta_factor*factor < least_factor) cycle
+        more = .true.
+        pair(k)%theta_factor = factor*pair(k)%theta_factor
+        pair(k)%theta = factor*pair(k)%theta
+        pair(k)%row_theta = factor*pair(k)%row_theta
+        problem%operator%theta(problem%operator%pair_first_row(k):problem%operator%pair_first_row(k + 1) - 1) = pair(k)%row_theta
+      end do
+      if (more) then
+        result%lambda_max = 0
+        call log%line('  theta            times '//to_text(factor, 2)//': the error of the penalty, '// &
+                      to_text(100*budget%penalty, 2)//' %, would dominate')
+        return
+      end if
+    end if
+    if (case%solver%stop_rule /= stop_budget) return
+    target = max(case%solver%budget_fraction*budget%others(), no_error)
+    if (result%error_bound <= target) then
+      result%ended = ended_converged
+      tolerance = target
+    else
+      more = result%ended == ended_converged
+      ! The next answer has other errors, if not very different ones.
+      tolerance = 0.7_dp*target
+      if (.not. more) tolerance = target
+    end if
+  end function ask_for_more
+
+  !> The part of the mesh.
+  subroutine estimate_mesh_error(body, solution, budget, error)
+    !> (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    !> With displacements (n_bodies).
+    type(body_solution_t), intent(in) :: solution(:)
+    type(error_budget_t), intent(inout) :: budget
+    type(error_t), allocatable, intent(out) :: error
+    real(dp) :: norm_square, of_one
+    integer :: b
+    if (allocated(budget%of_body)) deallocate (budget%of_body, budget%of_element)
+    allocate (budget%of_body(size(body)), budget%of_element(size(body)))
+    norm_square = 0
+    do b = 1, size(body)
+      allocate (budget%of_element(b)%value(body(b)%mesh%n_elements()))
+      call estimate_discretization_error(body(b)%mesh, body(b)%analysis, body(b)%material, solution(b)%displacement, &
+                                         budget%of_element(b)%value, of_one, error)
+      if (allocated(error)) return
+      norm_square = norm_square + of_one
+    end do
+    budget%norm = sqrt(norm_square)
+    do b = 1, size(body)
+      if (norm_square > 0) budget%of_element(b)%value = sqrt(budget%of_element(b)%value/norm_square)
+      budget%of_body(b) = norm2(budget%of_element(b)%value)
+    end do
+    budget%discretization = norm2(budget%of_body)
+  end subroutine estimate_mesh_error
+end module dotyk_driver_error_budget

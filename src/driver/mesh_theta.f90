@@ -1,0 +1,96 @@
+!> Penalty parameters after the mesh: theta = factor (h_a/E_a + h_b/E_b) at every contact point, h the size of the facet and E Young's
+!> modulus there. With theta ~ h/E the order of convergence in h stays (Chouly and Hild, Appl. Numer. Math. 65, 2013).
+module dotyk_driver_mesh_theta
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_contact_pair, only: contact_pair_t
+  use dotyk_elasticity_assembly, only: read_factor
+  use dotyk_elasticity_body, only: body_t
+  use dotyk_elasticity_field, only: field_t
+  use dotyk_mesh_element, only: kind_nodes, quadrature_rule
+  use dotyk_mesh_facet, only: facet_geometry
+  use dotyk_mesh_surface, only: surface_t
+  implicit none
+  private
+  public :: set_mesh_theta
+
+contains
+
+  !> Set the penalty parameters of a pair.
+  subroutine set_mesh_theta(factor, body_a, surface_a, body_b, surface_b, pair, error)
+    !> What h/E is multiplied with [1].
+    real(dp), intent(in) :: factor
+    type(body_t), intent(in) :: body_a, body_b
+    type(surface_t), intent(in) :: surface_a, surface_b
+    type(contact_pair_t), intent(inout) :: pair
+    !> Allocated where the factor on a stiffness is wrong; assembly finds that first.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp), allocatable :: at_points(:)
+    integer :: i, k
+    allocate (at_points(pair%n_points), source=0.0_dp)
+    call add_side(body_a, surface_a, pair%facet_a, pair%position, at_points, error)
+    if (allocated(error)) return
+    call add_side(body_b, surface_b, pair%facet_b, pair%position, at_points, error)
+    if (allocated(error)) return
+    ! Weights of dual functions may be negative: a row gets a mean of its points by what they weigh.
+    associate (average => pair%average)
+      do i = 1, pair%n_rows
+        pair%row_theta(i) = 0
+        do k = average%row_start(i), average%row_start(i + 1) - 1
+          pair%row_theta(i) = pair%row_theta(i) + abs(average%value(k))*at_points(average%column(k))
+        end do
+        pair%row_theta(i) = factor*pair%row_theta(i)/sum(abs(average%value(average%row_start(i):average%row_start(i + 1) - 1)))
+      end do
+    end associate
+    pair%theta = sum(pair%row_weight*pair%row_theta)/sum(pair%row_weight)
+  end subroutine set_mesh_theta
+
+  !> Add h/E of one side at the points.
+  subroutine add_side(body, surface, facet, position, at_points, error)
+    type(body_t), intent(in) :: body
+    type(surface_t), intent(in) :: surface
+    !> Facet of each point (n_points).
+    integer, intent(in) :: facet(:)
+    !> Where the points are (dimension, n_points) [length].
+    real(dp), intent(in) :: position(:, :)
+    real(dp), intent(inout) :: at_points(:)
+    type(error_t), allocatable, intent(out) :: error
+    type(field_t) :: stiffness
+    real(dp), allocatable :: size_of(:)
+    real(dp) :: value(3)
+    integer :: f, i
+    allocate (size_of(surface%n_facets))
+    do f = 1, surface%n_facets
+      associate (kind => surface%kind(f))
+        size_of(f) = facet_size(kind, body%mesh%x(:, surface%node(1:kind_nodes(kind), f)))
+      end associate
+    end do
+    call read_factor(body%material, stiffness, error)
+    if (allocated(error)) return
+    value(1) = body%mean_factor
+    do i = 1, size(facet)
+      if (.not. stiffness%constant) call stiffness%evaluate(position(:, i), value, error)
+      if (allocated(error)) exit
+      ! A factor that vanishes on the surface makes no theta infinite.
+      at_points(i) = at_points(i) + size_of(facet(i))/(body%young()*max(value(1)/body%mean_factor, 1.0e-3_dp))
+    end do
+    call stiffness%destroy()
+  end subroutine add_side
+
+  !> Size of a facet: its length, or the root of its area [length].
+  real(dp) function facet_size(kind, x) result(length)
+    integer, intent(in) :: kind
+    !> Its nodes (dimension, n_nodes) [length].
+    real(dp), intent(in) :: x(:, :)
+    real(dp), allocatable :: point(:, :), weight(:)
+    real(dp) :: position(size(x, 1)), normal(size(x, 1)), jacobian
+    integer :: q
+    call quadrature_rule(kind, 2, point, weight)
+    length = 0
+    do q = 1, size(weight)
+      call facet_geometry(kind, size(x, 1), x, point(:, q), position, normal, jacobian)
+      length = length + weight(q)*jacobian
+    end do
+    if (size(x, 1) == 3) length = sqrt(length)
+  end function facet_size
+end module dotyk_driver_mesh_theta
