@@ -199,6 +199,17 @@ def panels_of(plt, n, **options):
     return figure, all_axes.flat[:n]
 
 
+def saved(figure, plt, path):
+    """Write a figure as a small PNG, with 128 colours; its name."""
+    from PIL import Image
+    figure.savefig(path, dpi=110, bbox_inches='tight')
+    plt.close(figure)
+    with Image.open(path) as image:
+        small = image.convert('RGB').quantize(128)
+    small.save(path, optimize=True)
+    return path.name
+
+
 def figure_of(grid, curves, style, plt, cost, cost_label, name):
     """One figure: a panel for each error, error against cost."""
     panels = [error for error in grid.error if any(positive(curve, cost, error)[0] for curve in curves)]
@@ -219,9 +230,7 @@ def figure_of(grid, curves, style, plt, cost, cost_label, name):
         ranges(axes)
     figure.suptitle(grid.title, fontsize=10)
     style.legend(figure, plt)
-    figure.savefig(grid.output / name, dpi=110, bbox_inches='tight')
-    plt.close(figure)
-    return name
+    return saved(figure, plt, grid.output / name)
 
 
 def figure_of_parts(grid, curves, style, plt):
@@ -249,9 +258,7 @@ def figure_of_parts(grid, curves, style, plt):
         axes.set_ylabel('relative error in the energy norm', fontsize=9)
     figure.suptitle(grid.title + ': parts of the error', fontsize=10)
     style.legend(figure, plt)
-    figure.savefig(grid.output / 'parts.png', dpi=110, bbox_inches='tight')
-    plt.close(figure)
-    return 'parts.png'
+    return saved(figure, plt, grid.output / 'parts.png')
 
 
 def write_figures(grid, rows):
@@ -318,10 +325,12 @@ def write_report(grid, rows, facts, figures):
         text += markdown(['error', 'within', 'found', 'wall time [s]', 'solves', 'unknowns', 'settings'], lines)
     keys = [key for key in COLUMNS[:13] if key in grid.varying]
     parts = [part for part in PARTS if any(row.get(part) is not None for row in rows)]
+    parts += [name for name in ('estimate_over_error',) if any(row.get(name) is not None for row in rows)]
     header = [key.replace('_', ' ') for key in keys] + ['unknowns', 'steps', 'solves', 'wall time [s]', 'least', 'largest'] + [
         error.replace('_', ' ') for error in grid.error] + [part.replace('_', ' ') for part in parts] + ['converged']
     names = keys + ['unknowns', 'iterations', 'body_solves', 'seconds', 'seconds_min', 'seconds_max'] + grid.error + parts
-    text += ['## Table', '', 'All columns are in `table.csv` and `table.h5`; errors are absolute values.', '']
+    text += ['## Table', '', 'All columns are in `table.csv` and `table.h5`; errors are absolute values, the estimate is the root of the sum of',
+             'the squares of the parts.', '']
     lines = [[value_text(name, row[name]) if name in keys and name != 'order' else number(row.get(name)) for name in names]
              + ['yes' if row.get('converged') else 'no'] for row in rows]
     text += markdown(header, [['-' if cell == NOT_SAID else cell for cell in line] for line in lines])
@@ -339,6 +348,12 @@ def write_report(grid, rows, facts, figures):
 
 
 def write_all(grid, rows, facts):
-    """Table, figures, report."""
+    """Table, figures, report. Added is what the estimates of all parts come to, and its ratio to the measured error."""
+    for row in rows:
+        parts = [row.get(part) for part in PARTS]
+        if None not in parts:
+            row['estimate'] = math.sqrt(sum(part**2 for part in parts))
+            if 'energy' in grid.error and row.get('energy'):
+                row['estimate_over_error'] = row['estimate']/row['energy']
     write_table(grid, rows, facts)
     write_report(grid, rows, facts, write_figures(grid, rows))
