@@ -40,6 +40,8 @@ module dotyk_contact_chart
 
   !> Distances below this part of a facet's size are round-off of the mesh.
   real(dp), parameter :: flat = 1e-10_dp
+  !> The same for maps that count as affine.
+  real(dp), parameter :: parallel = 1e-12_dp
   !> Reference coordinates beyond this are too far away from the facet to be trusted.
   real(dp), parameter :: far = 3
 
@@ -118,7 +120,7 @@ contains
     real(dp), intent(in) :: c(3, 9)
     real(dp) :: bent
     bent = maxval(abs(c(:, [3, 5, 6, 7, 8, 9])))
-    affine_map = bent <= flat*maxval(abs(c(:, [2, 4])))
+    affine_map = bent <= parallel*maxval(abs(c(:, [2, 4])))
   end function affine_map
 
   !> Coordinates of a point in the plane (2) [length].

@@ -23,7 +23,7 @@ module dotyk_contact_overlay
   end type cell_t
 
   !> Cells below this part of the facet's area are left out.
-  real(dp), parameter :: sliver = 1e-12_dp
+  real(dp), parameter :: sliver = 1e-14_dp
   !> Edges that bend by less than this part of their length are drawn straight.
   real(dp), parameter :: bend = 3e-3_dp
   !> Facets of b are looked for this far from the nearest one along the normal, in sizes of the facet of a: surfaces that face

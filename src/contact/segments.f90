@@ -15,7 +15,7 @@ module dotyk_contact_segments
   use dotyk_contact_chart, only: affine_map, chart_t, is_straight, reference_centre, reference_point
   use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
   use dotyk_contact_overlay, only: cell_t, cells_of_facet, cells_of_line
-  use dotyk_contact_patch_fit, only: fit_cell
+  use dotyk_contact_cell_fit, only: fit_cell
   use dotyk_contact_polygon, only: contains_point
   use dotyk_contact_projection, only: find_partner, partner_found, partner_t, target_surface_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
@@ -122,7 +122,7 @@ contains
       kind_b = surface_b%kind(cell(i)%facet)
       degree = cell_degree(kind, kind_b, by_nodes)
       if (by_nodes .and. .not. chart%straight) degree = max(degree, 5)
-      whole = cell(i)%area >= (1 - 1e-12_dp)*chart%area
+      whole = cell(i)%area >= (1 - 1e-13_dp)*chart%area
       if (whole .and. by_nodes) degree = max(degree, 4)
       ! Flat facets of which one is a quadrilateral that is no parallelogram.
       fit = chart%straight .and. .not. (chart%affine .and. affine_map(target%set%coefficient(:, :, cell(i)%facet)))

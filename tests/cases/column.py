@@ -168,6 +168,12 @@ Physical Surface("sides y") = {Surface In BoundingBox {-e, -e, -e, 1 + e, e, 2 +
             for points in ("nodes", "quadrature"):
                 self.check_cut(kinds, (3, 4), points=points, warp=0.15)
 
+    def test_nearly_matching(self):
+        """Slivers between facets, of all widths."""
+        for warp in (1e-4, 1e-9):
+            for points in ("nodes", "quadrature"):
+                self.check_cut(("tet4", "hex8"), (3, 3), points=points, warp=warp)
+
     def test_plain_quadrature(self):
         """Points on whole facets: in the mean 4e-4 in displacement and pressure, single nodes 2e-3, and single pressures
         5e-3 (found: 2.4e-4, 1.4e-3, 4.1e-3)."""

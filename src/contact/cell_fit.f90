@@ -4,7 +4,7 @@
 !> has their integrals over a polygon. A rule of high degree has them to round-off; the weights of the points in use are
 !> changed by the little that takes to have the integrals of the shape functions of both facets. Then a uniform pressure
 !> loads the nodes of both sides as it should, whatever the meshes: the patch test.
-module dotyk_contact_patch_fit
+module dotyk_contact_cell_fit
   use dotyk_base_kinds, only: dp
   use dotyk_contact_cell_rule, only: most_degree, polygon_rule, rule_table_t
   use dotyk_contact_chart, only: chart_t, reference_centre, reference_point
@@ -15,8 +15,14 @@ module dotyk_contact_patch_fit
   private
   public :: fit_cell
 
-  !> Functions whose part that is independent of the others is below this, relative, count as dependent.
-  real(dp), parameter :: dependent = 1e-11_dp
+  !> Functions of which the part that is independent of the others is below this, relative, are looked at closely.
+  real(dp), parameter :: dependent = 1e-8_dp
+  !> Parts below this are round-off.
+  real(dp), parameter :: least_part = 1e-13_dp
+  !> Errors of integrals below this are round-off, relative to the area.
+  real(dp), parameter :: noise = 3e-15_dp
+  !> Greatest change for the sake of such a function.
+  real(dp), parameter :: small_change = 0.05_dp
   !> Weights change by less than this part.
   real(dp), parameter :: most_change = 0.5_dp
 
@@ -124,7 +130,7 @@ contains
     !> Done.
     logical, intent(out) :: fits
     real(dp) :: v(size(weights), size(integrals)), rest(size(integrals)), length(size(integrals)), q(size(weights))
-    real(dp) :: change(size(weights)), scale, share
+    real(dp) :: change(size(weights)), scale, share, total
     logical :: waiting(size(integrals))
     integer :: i, j, k, n, sweep
     n = size(integrals)
@@ -135,13 +141,17 @@ contains
         length(j) = norm2(v(:, j))
       end do
       scale = maxval(length)
+      total = sum(weights)
       waiting = .true.
       change = 0
       ! Gram-Schmidt, the longest first.
-      do i = 1, min(n, size(weights))
+      do i = 1, n
         k = maxloc(length, dim=1, mask=waiting)
-        if (.not. length(k) > dependent*scale) exit
+        if (.not. length(k) > least_part*scale) exit
         waiting(k) = .false.
+        ! What is all but a combination of the others has its integral with them, or too little of its own to correct it.
+        if (length(k) < dependent*scale .and. (abs(rest(k)) < noise*total .or. &
+                                               abs(rest(k)) > small_change*length(k)*sqrt(total))) cycle
         q = v(:, k)/length(k)
         change = change + rest(k)/length(k)*q
         do j = 1, n
@@ -161,4 +171,4 @@ contains
       weights = weights*(1 + change)
     end do
   end subroutine fit_weights
-end module dotyk_contact_patch_fit
+end module dotyk_contact_cell_fit
