@@ -96,6 +96,8 @@ module dotyk_contact_pair
     integer :: n_rows = 0
     !> Means that make the rows of the points (n_rows x n_points); the sum of each row is 1.
     type(sparse_rows_t) :: average
+    !> Body-local node number of each row's vertex (n_rows); not allocated where rows are points.
+    integer, allocatable :: row_vertex(:)
     !> Where the rows are (dimension, n_rows) [length]: at the vertices or points.
     real(dp), allocatable :: row_position(:, :)
     !> Unit vectors from a into b, in the mean of the points (dimension, n_rows).
@@ -318,7 +320,6 @@ contains
     type(surface_t), intent(in) :: surface_a
     type(contact_pair_t), intent(inout) :: pair
     type(corner_field_t) :: corners
-    integer, allocatable :: vertex(:)
     integer :: c, i
     if (pair%points == points_quadrature) then
       pair%n_rows = pair%n_points
@@ -330,9 +331,9 @@ contains
       return
     end if
     call corners%init(surface_a, pair%facet_a, pair%xi_a)
-    call average_at_vertices(corners, pair%facet_a, pair%weight, vertex, pair%row_weight, pair%average)
-    pair%n_rows = size(vertex)
-    pair%row_position = mesh_a%x(:, vertex)
+    call average_at_vertices(corners, pair%facet_a, pair%weight, pair%row_vertex, pair%row_weight, pair%average)
+    pair%n_rows = size(pair%row_vertex)
+    pair%row_position = mesh_a%x(:, pair%row_vertex)
     allocate (pair%row_normal(pair%dimension, pair%n_rows), pair%row_gap(pair%n_rows))
     call pair%average%multiply(pair%gap, pair%row_gap)
     do c = 1, pair%dimension

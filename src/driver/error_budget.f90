@@ -1,8 +1,8 @@
 !> What the error of an answer is made of: iteration, penalty, mesh; all in the energy norm, relative to that of the answer.
 !>
 !> The part of the iteration is the guaranteed bound of the scheme. That of the penalty is the distance to the solution without it
-!> (`dotyk_scheme_penalty`), that of the mesh an asymptotically exact estimate (`dotyk_elasticity_discretization_error`), to which
-!> contact adds what its conditions, met in the mean, are violated by in single places (`dotyk_contact_violation`).
+!> (`dotyk_scheme_penalty`), that of the mesh an asymptotically exact estimate (`dotyk_elasticity_discretization_error`). Beside them
+!> stands what the contact conditions, met in the mean, are missed by in single places (`dotyk_contact_violation`).
 module dotyk_driver_error_budget
   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
   use dotyk_base_error, only: error_t
@@ -10,6 +10,7 @@ module dotyk_driver_error_budget
   use dotyk_base_log, only: log_t
   use dotyk_base_text, only: to_text
   use dotyk_contact_pair, only: contact_pair_t, points_quadrature
+  use dotyk_contact_violation, only: contact_violation
   use dotyk_driver_pressures, only: nodal_field_t
   use dotyk_driver_recovery, only: body_solution_t
   use dotyk_driver_scheme, only: scheme_of
@@ -17,6 +18,7 @@ module dotyk_driver_error_budget
   use dotyk_elasticity_discretization_error, only: estimate_discretization_error
   use dotyk_input_case, only: case_t, solver_input_t
   use dotyk_input_names, only: scheme_dual, stop_budget
+  use dotyk_mesh_surface, only: surface_t
   use dotyk_scheme_explicit, only: explicit_compliance_t
   use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_stalled
   use dotyk_scheme_penalty, only: estimate_penalty_error
@@ -27,6 +29,8 @@ module dotyk_driver_error_budget
   !> Parts of the error, relative; NaN where a part is not known.
   type, public :: error_budget_t
     real(dp) :: penalty = 0, discretization = 0
+    !> Work of the pressures on the gaps that are left under them, as the root of twice an energy: no part of the others.
+    real(dp) :: contact = 0
     !> Energy norm ||u||_A of the answer [sqrt(energy)].
     real(dp) :: norm = 0
     !> Discretization, of each body, and of each element of each body; not allocated where nobody asked (n_bodies). Squares add up.
@@ -57,6 +61,7 @@ contains
     class(error_budget_t), intent(out) :: self
     self%penalty = ieee_value(self%penalty, ieee_quiet_nan)
     self%discretization = self%penalty
+    self%contact = self%penalty
     self%norm = self%penalty
   end subroutine budget_init
 
@@ -76,10 +81,13 @@ contains
   end function first_tolerance
 
   !> Estimate the errors of an answer, those that the input asks for or that a rule needs.
-  subroutine estimate_errors(case, body, solution, problem, compliance, result, budget, error)
+  subroutine estimate_errors(case, body, pair, surface_a, surface_b, solution, problem, compliance, result, budget, error)
     type(case_t), intent(in) :: case
     !> (n_bodies).
     type(body_t), intent(in) :: body(:)
+    !> (n_pairs).
+    type(contact_pair_t), intent(in) :: pair(:)
+    type(surface_t), intent(in) :: surface_a(:), surface_b(:)
     !> With displacements (n_bodies).
     type(body_solution_t), intent(in) :: solution(:)
     type(contact_problem_t), intent(inout) :: problem
@@ -93,7 +101,7 @@ contains
     call budget%init()
     budget%norm = problem%norm(result%m, result%y, result%alpha/problem%coarse%scale)
     if (case%output%error_discretization .or. case%solver%stop_rule == stop_budget) then
-      call estimate_mesh_error(body, solution, budget, error)
+      call estimate_mesh_error(body, pair, surface_a, surface_b, solution, problem%operator%pair_first_row, result%m, budget, error)
       if (allocated(error)) return
     end if
     if (case%output%error_penalty .or. case%solver%stop_rule == stop_budget) then
@@ -160,15 +168,22 @@ contains
   end function ask_for_more
 
   !> The part of the mesh.
-  subroutine estimate_mesh_error(body, solution, budget, error)
+  subroutine estimate_mesh_error(body, pair, surface_a, surface_b, solution, first_row, m, budget, error)
     !> (n_bodies).
     type(body_t), intent(in) :: body(:)
+    !> (n_pairs).
+    type(contact_pair_t), intent(in) :: pair(:)
+    type(surface_t), intent(in) :: surface_a(:), surface_b(:)
     !> With displacements (n_bodies).
     type(body_solution_t), intent(in) :: solution(:)
+    !> Rows of pair k are first_row(k) .. first_row(k+1)-1.
+    integer, intent(in) :: first_row(:)
+    !> Pressures (n_rows).
+    real(dp), intent(in) :: m(:)
     type(error_budget_t), intent(inout) :: budget
     type(error_t), allocatable, intent(out) :: error
-    real(dp) :: norm_square, of_one
-    integer :: b
+    real(dp) :: norm_square, of_one, work
+    integer :: b, k
     if (allocated(budget%of_body)) deallocate (budget%of_body, budget%of_element)
     allocate (budget%of_body(size(body)), budget%of_element(size(body)))
     norm_square = 0
@@ -179,6 +194,13 @@ contains
       if (allocated(error)) return
       norm_square = norm_square + of_one
     end do
+    work = 0
+    do k = 1, size(pair)
+      work = work + contact_violation(pair(k), surface_a(k), surface_b(k), solution(pair(k)%body_a)%displacement, &
+                                      solution(pair(k)%body_b)%displacement, m(first_row(k):first_row(k + 1) - 1))
+    end do
+    budget%contact = 0
+    if (norm_square > 0) budget%contact = sqrt(2*work/norm_square)
     budget%norm = sqrt(norm_square)
     do b = 1, size(body)
       if (norm_square > 0) budget%of_element(b)%value = sqrt(budget%of_element(b)%value/norm_square)

@@ -112,6 +112,7 @@ contains
     call file%put_attribute('summary', 'error_bound_paper', result%error_bound_paper)
     call file%put_attribute('summary', 'error_penalty', budget%penalty)
     call file%put_attribute('summary', 'error_discretization', budget%discretization)
+    call file%put_attribute('summary', 'error_contact', budget%contact)
     if (allocated(budget%of_body)) call file%put_attribute('summary', 'error_discretization_bodies', budget%of_body)
     call file%put_attribute('summary', 'energy_norm', budget%norm)
     call file%put_attribute('summary', 'energy', result%energy)

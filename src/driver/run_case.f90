@@ -179,7 +179,8 @@ contains
       call run%watch%lap(run%timing%iterate)
       call recover_bodies(run%body, run%problem, run%result%m, run%result%alpha, run%case%output%stress, run%n_blas, run%solution)
       call run%watch%lap(run%timing%recover)
-      call estimate_errors(run%case, run%body, run%solution, run%problem, run%compliance, run%result, run%budget, error)
+      call estimate_errors(run%case, run%body, run%pair, run%surface_a, run%surface_b, run%solution, run%problem, &
+                           run%compliance, run%result, run%budget, error)
       call run%watch%lap(run%timing%estimate)
       if (allocated(error)) return
       if (.not. ask_for_more(run%case, run%pair, run%budget, run%problem, run%result, tolerance, run%log)) exit

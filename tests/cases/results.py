@@ -73,7 +73,7 @@ class Results(dotyk_case.Case):
         real, integer = np.floating, np.integer
         kinds = {"converged": integer, "iterations": integer, "body_solves": integer, "gamma": real, "lambda_max": real,
                  "q_predicted": real, "q_measured": real, "error_bound": real, "error_bound_paper": real, "energy": real,
-                 "error_penalty": real, "error_discretization": real, "energy_norm": real,
+                 "error_penalty": real, "error_discretization": real, "error_contact": real, "energy_norm": real,
                  "max_penetration": real}
         for name, kind in kinds.items():
             self.assertEqual(np.shape(summary[name]), (), name)
