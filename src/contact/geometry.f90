@@ -1,43 +1,49 @@
 !> The geometry that gaps and normals of contact are taken from, beside that of the elements.
 !>
 !> Linear elements approximate a curved surface by flat or bilinear facets: their normals are off by O(h), their points by
-!> O(h^2). The smooth geometry puts a quadratic patch over each such facet. It has the normals of vertex_normals.f90 at the
+!> O(h^2). The smooth geometry puts a quadratic patch over each such piece. It has the normals of vertex_normals.f90 at the
 !> corners; the middle of each edge with ends x0, x1, D = x1 - x0, and unit tangents t0, t1 (D without its component along the
 !> normal there) is x = (x0+x1)/2 + abs(D) (t0-t1)/(4 + 2 abs(t0+t1)), which lies on the circle where the ends and the tangents are
-!> those of a circle. Between the corners the normal is interpolated: so it is continuous. Facets of quadratic elements, and
-!> flat ones, stay what they are. The straight geometry, to compare, is that of the corners alone.
+!> those of a circle. Between the corners the normal is interpolated: so it is continuous. Facets of quadratic elements are
+!> cut through their mid nodes into two or four pieces (pieces.f90), whose corners are nodes of the surface too. Flat pieces stay
+!> what they are. The straight geometry, to compare, is that of the corners of the elements alone.
 !>
 !> Patches give gaps and directions only. The points x and x' where forces act lie on the elements, because displacements do.
 module dotyk_contact_geometry
   use dotyk_base_kinds, only: dp
   use dotyk_contact_adjacency, only: adjacency_t
   use dotyk_contact_facet_set, only: evaluate_facet, facet_set_t
+  use dotyk_contact_pieces, only: cut_facets, pieces_t
   use dotyk_contact_vertex_normals, only: find_sheets, flat_angle, own_corner_normals, smooth_corner_normals
-  use dotyk_mesh_element, only: element_kind, element_kind_t, element_line2, element_line3, element_quad4, element_quad8, &
-    element_tri3, element_tri6, kind_nodes, max_facet_nodes
+  use dotyk_mesh_element, only: element_kind, element_kind_t, element_line3, element_quad8, element_tri6, kind_nodes, &
+    max_facet_nodes
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
 
   !> Which geometry.
-  integer, parameter, public :: geometry_smooth = 1    !< patches over the facets of linear elements
+  integer, parameter, public :: geometry_smooth = 1    !< quadratic patches with fitted normals
   integer, parameter, public :: geometry_elements = 2  !< that of the elements
   integer, parameter, public :: geometry_straight = 3  !< that of the corners
 
   !> Another geometry of the facets of a surface.
   type, public :: contact_geometry_t
-    !> Some facet has another geometry than its element.
+    !> Some piece has another geometry than its element. Else nothing below is set.
     logical :: active = .false.
-    !> These have (n).
-    logical, allocatable :: changed(:)
-    !> Normals are interpolated between the corners (n).
-    logical, allocatable :: interpolated(:)
-    !> Their geometry; reference coordinates are those of the elements.
+    !> The pieces of the facets.
+    type(pieces_t) :: pieces
+    !> The elements' geometry on the pieces.
+    type(facet_set_t) :: element
+    !> The other geometry on the pieces.
     type(facet_set_t) :: patch
-    !> Normals at the corners, outward, of about length 1, zero where the element's own are meant (3, 4, n).
+    !> Pieces where they differ (n).
+    logical, allocatable :: changed(:)
+    !> Outward normals at the corners of the pieces, of about length 1 (3, 4, n).
     real(dp), allocatable :: corner_normal(:, :, :)
-    !> The facet beyond each edge, 0 where the normal is not continuous (4, n).
+    !> The piece beyond each edge, 0 where the normal is not continuous (4, n).
     integer, allocatable :: joined(:, :)
+    !> Nothing is beyond the edge: the surface ends (4, n).
+    logical, allocatable :: rim(:, :)
   contains
     procedure :: init => geometry_init
     procedure :: shift
@@ -46,46 +52,51 @@ module dotyk_contact_geometry
 contains
 
   !> Set up for a surface.
-  subroutine geometry_init(self, geometry, x, surface, set, adjacency)
+  subroutine geometry_init(self, geometry, x, surface)
     class(contact_geometry_t), intent(out) :: self
     !> One of `geometry_*`.
     integer, intent(in) :: geometry
     !> Nodal coordinates of the body (dimension, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
     type(surface_t), intent(in) :: surface
-    !> The surface's facets and their neighbours.
-    type(facet_set_t), intent(in) :: set
-    type(adjacency_t), intent(in) :: adjacency
-    real(dp) :: vertex(3, size(adjacency%start) - 1)
-    logical :: linear(set%n), flat(set%n)
-    type(element_kind_t) :: kind
+    type(facet_set_t) :: set
+    type(adjacency_t) :: adjacency
+    real(dp), allocatable :: vertex(:, :)
+    logical, allocatable :: flat(:)
     integer :: f, k
     if (geometry == geometry_elements) return
-    vertex = 0
-    do f = 1, set%n
-      kind = element_kind(surface%kind(f))
-      linear(f) = kind%order == 1
-      do k = 1, set%corners(f)
-        vertex(1:set%dimension, adjacency%vertex(k, f)) = x(:, set%corner_node(k, f))
-      end do
-    end do
-    allocate (self%changed(set%n), self%interpolated(set%n), self%corner_normal(3, 4, set%n), self%joined(4, set%n))
-    if (geometry == geometry_straight) then
-      self%changed = .not. linear
-      self%interpolated = .true.
-      self%joined = adjacency%neighbour
-      call own_corner_normals(set, adjacency, vertex, self%corner_normal)
-    else
-      call find_sheets(set, adjacency, vertex, linear, self%joined, flat)
-      call smooth_corner_normals(set, adjacency, vertex, linear, self%joined, flat, self%corner_normal)
-      self%interpolated = linear
+    call cut_facets(x, surface, geometry == geometry_smooth, self%pieces)
+    associate (pieces => self%pieces)
+      call set%init(pieces%x, pieces%surface)
+      call adjacency%init(set)
+      allocate (vertex(3, size(adjacency%start) - 1), flat(set%n))
+      vertex = 0
       do f = 1, set%n
-        self%changed(f) = linear(f) .and. .not. flat(f) .and. is_curved(set%corners(f), &
-          vertex(:, adjacency%vertex(1:set%corners(f), f)), self%corner_normal(:, :, f))
+        do k = 1, set%corners(f)
+          vertex(1:set%dimension, adjacency%vertex(k, f)) = pieces%x(:, set%corner_node(k, f))
+        end do
       end do
-    end if
+      allocate (self%changed(set%n), self%corner_normal(3, 4, set%n), self%joined(4, set%n))
+      self%rim = adjacency%neighbour == 0
+      if (geometry == geometry_straight) then
+        do f = 1, set%n
+          self%changed(f) = kind_nodes(surface%kind(pieces%parent(f))) > set%corners(f)
+        end do
+        self%joined = adjacency%neighbour
+        call own_corner_normals(set, adjacency, vertex, self%corner_normal)
+      else
+        flat = pieces%flat
+        call find_sheets(set, adjacency, vertex, self%joined, flat)
+        call smooth_corner_normals(set, adjacency, vertex, self%joined, flat, self%corner_normal)
+        do f = 1, set%n
+          self%changed(f) = .not. flat(f)
+          if (.not. flat(f) .and. kind_nodes(surface%kind(pieces%parent(f))) == set%corners(f)) self%changed(f) = &
+            is_curved(set%corners(f), vertex(:, adjacency%vertex(1:set%corners(f), f)), self%corner_normal(:, :, f))
+        end do
+      end if
+    end associate
     self%active = any(self%changed)
-    if (self%active) call make_patches(self, geometry, x, surface)
+    if (self%active) call make_patches(self, geometry, surface%dimension)
   end subroutine geometry_init
 
   !> Do the normals at the corners differ from those of the facet? Their components along the edges tell.
@@ -102,36 +113,31 @@ contains
     end do
   end function is_curved
 
-  !> The patches as facets of quadratic (straight: linear) elements of their own.
-  subroutine make_patches(self, geometry, x, surface)
+  !> The elements' geometry and the patches as facets of elements of their own.
+  subroutine make_patches(self, geometry, dimension)
     class(contact_geometry_t), intent(inout) :: self
-    integer, intent(in) :: geometry
-    real(dp), intent(in) :: x(:, :)
-    type(surface_t), intent(in) :: surface
+    !> One of `geometry_*`, and the dimension of space.
+    integer, intent(in) :: geometry, dimension
     type(surface_t) :: patches
     type(element_kind_t) :: kind
-    real(dp) :: nodes(size(x, 1), max_facet_nodes*surface%n_facets)
+    real(dp) :: nodes(dimension, max_facet_nodes*size(self%changed))
     integer :: f, n, i, j
-    patches%dimension = surface%dimension
-    patches%n_facets = surface%n_facets
-    allocate (patches%kind(surface%n_facets), patches%node(max_facet_nodes, surface%n_facets))
-    patches%node = 0
-    nodes = 0
-    do f = 1, surface%n_facets
-      kind = element_kind(surface%kind(f))
-      patches%kind(f) = surface%kind(f)
-      if (self%changed(f)) patches%kind(f) = merge(quadratic(kind%n_corners), kind%corner_kind, geometry == geometry_smooth)
+    call self%element%init(self%pieces%element_x, self%pieces%element)
+    patches = self%pieces%element
+    nodes = self%pieces%element_x
+    do f = 1, size(self%changed)
+      if (.not. self%changed(f)) cycle
+      kind = element_kind(patches%kind(f))
+      n = kind%n_corners
       j = max_facet_nodes*(f - 1)
-      n = kind_nodes(patches%kind(f))
-      patches%node(1:n, f) = [(j + i, i=1, n)]
-      n = min(n, kind%n_nodes)
-      nodes(:, j + 1:j + n) = x(:, surface%node(1:n, f))
-      if (self%changed(f) .and. geometry == geometry_smooth) then
-        do i = 1, merge(1, n, n == 2)
-          nodes(:, j + n + i) = middle(nodes(:, j + i), nodes(:, j + modulo(i, n) + 1), self%corner_normal(:size(x, 1), i, f), &
-                                       self%corner_normal(:size(x, 1), modulo(i, n) + 1, f))
-        end do
-      end if
+      patches%kind(f) = merge(quadratic(n), kind%corner_kind, geometry == geometry_smooth)
+      patches%node(:, f) = 0
+      patches%node(1:kind_nodes(patches%kind(f)), f) = [(j + i, i=1, kind_nodes(patches%kind(f)))]
+      if (geometry == geometry_straight) cycle
+      do i = 1, merge(1, n, n == 2)
+        nodes(:, j + n + i) = middle(nodes(:, j + i), nodes(:, j + modulo(i, n) + 1), self%corner_normal(:dimension, i, f), &
+                                     self%corner_normal(:dimension, modulo(i, n) + 1, f))
+      end do
     end do
     call self%patch%init(nodes, patches)
   end subroutine make_patches
@@ -156,21 +162,20 @@ contains
     x = (x0 + x1)/2 + norm2(d)*(t0 - t1)/(4 + 2*norm2(t0 + t1))
   end function middle
 
-  !> From a point of the element to that of the geometry [length].
-  pure function shift(self, set, facet, xi)
+  !> From a point of the element to that of the other geometry [length].
+  pure function shift(self, piece, xi)
     class(contact_geometry_t), intent(in) :: self
-    !> The facets of the elements.
-    type(facet_set_t), intent(in) :: set
-    integer, intent(in) :: facet
-    !> Reference coordinates (2).
+    integer, intent(in) :: piece
+    !> Reference coordinates on the piece (2).
     real(dp), intent(in) :: xi(2)
     real(dp) :: shift(3)
     real(dp) :: x(3), y(3), d(3, 5)
     shift = 0
-    if (.not. self%active) return
-    if (.not. self%changed(facet)) return
-    call evaluate_facet(set%coefficient(:, :, facet), xi(1), xi(2), x, d(:, 1), d(:, 2), d(:, 3), d(:, 4), d(:, 5))
-    call evaluate_facet(self%patch%coefficient(:, :, facet), xi(1), xi(2), y, d(:, 1), d(:, 2), d(:, 3), d(:, 4), d(:, 5))
+    if (.not. self%changed(piece)) return
+    associate (c => self%element%coefficient(:, :, piece), p => self%patch%coefficient(:, :, piece))
+      call evaluate_facet(c, xi(1), xi(2), x, d(:, 1), d(:, 2), d(:, 3), d(:, 4), d(:, 5))
+      call evaluate_facet(p, xi(1), xi(2), y, d(:, 1), d(:, 2), d(:, 3), d(:, 4), d(:, 5))
+    end associate
     shift = y - x
   end function shift
 end module dotyk_contact_geometry

@@ -176,7 +176,7 @@ contains
     end do
     !$omp end parallel do
     if (settings%geometry /= geometry_elements) call use_geometry(mesh_a, surface_a, mesh_b, surface_b, &
-      settings%geometry, target, radius, offset, x, xi, partner)
+      settings%geometry, radius, offset, x, xi, partner)
     call collect(d, offset, x, xi, weight, partner, pair)
     pair%name = settings%name
     pair%body_a = settings%body_a
@@ -247,13 +247,11 @@ contains
   end subroutine facet_points
 
   !> Correct the partners for another geometry than that of the elements.
-  subroutine use_geometry(mesh_a, surface_a, mesh_b, surface_b, geometry, target, radius, offset, x, xi, partner)
+  subroutine use_geometry(mesh_a, surface_a, mesh_b, surface_b, geometry, radius, offset, x, xi, partner)
     type(body_mesh_t), intent(in) :: mesh_a, mesh_b
     type(surface_t), intent(in) :: surface_a, surface_b
     !> One of `geometry_*`.
     integer, intent(in) :: geometry
-    !> surface_b.
-    type(target_surface_t), intent(in) :: target
     !> Greatest distance [length].
     real(dp), intent(in) :: radius
     !> Points of facet f are offset(f)+1 .. offset(f+1).
@@ -261,18 +259,16 @@ contains
     !> Positions (3, n) and reference coordinates (2, n) of the points.
     real(dp), intent(in) :: x(:, :), xi(:, :)
     type(partner_t), intent(inout) :: partner(:)
-    type(target_surface_t) :: source
     type(contact_geometry_t) :: geometry_a, geometry_b
     integer :: f, i
-    call source%init(mesh_a%x, surface_a)
-    call geometry_a%init(geometry, mesh_a%x, surface_a, source%set, source%adjacency)
-    call geometry_b%init(geometry, mesh_b%x, surface_b, target%set, target%adjacency)
+    call geometry_a%init(geometry, mesh_a%x, surface_a)
+    call geometry_b%init(geometry, mesh_b%x, surface_b)
     if (.not. (geometry_a%active .or. geometry_b%active)) return
     !$omp parallel do default(none) schedule(dynamic, 64) private(i) &
-    !$omp shared(surface_a, offset, source, target, geometry_a, geometry_b, radius, x, xi, partner)
+    !$omp shared(surface_a, offset, geometry_a, geometry_b, radius, x, xi, partner)
     do f = 1, surface_a%n_facets
       do i = offset(f) + 1, offset(f + 1)
-        call smooth_partner(geometry_a, source%set, f, xi(:, i), geometry_b, target, x(:, i), radius, partner(i))
+        call smooth_partner(geometry_a, f, xi(:, i), geometry_b, x(:, i), radius, partner(i))
       end do
     end do
     !$omp end parallel do

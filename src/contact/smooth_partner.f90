@@ -9,7 +9,7 @@ module dotyk_contact_smooth_partner
   use dotyk_contact_facet_projection, only: edges_at
   use dotyk_contact_facet_set, only: evaluate_facet, facet_set_t
   use dotyk_contact_geometry, only: contact_geometry_t
-  use dotyk_contact_projection, only: partner_found, partner_outside, partner_t, partner_too_far, target_surface_t
+  use dotyk_contact_projection, only: partner_found, partner_outside, partner_t, partner_too_far
   implicit none
   private
   public :: smooth_partner
@@ -25,51 +25,55 @@ module dotyk_contact_smooth_partner
 contains
 
   !> Correct the partner of a point for the geometries of the two surfaces.
-  pure subroutine smooth_partner(geometry_a, set_a, facet_a, xi_a, geometry_b, target, x, search_radius, partner)
-    !> The geometry of surface_a and its facets.
+  pure subroutine smooth_partner(geometry_a, facet_a, xi_a, geometry_b, x, search_radius, partner)
+    !> The geometry of surface_a.
     type(contact_geometry_t), intent(in) :: geometry_a
-    type(facet_set_t), intent(in) :: set_a
     !> The point's facet and reference coordinates (2).
     integer, intent(in) :: facet_a
     real(dp), intent(in) :: xi_a(2)
-    !> The geometry of surface_b, and the surface.
+    !> The geometry of surface_b.
     type(contact_geometry_t), intent(in) :: geometry_b
-    type(target_surface_t), intent(in) :: target
     !> The point (3) [length].
     real(dp), intent(in) :: x(3)
     !> Greatest distance [length].
     real(dp), intent(in) :: search_radius
     !> By the elements on entry, by the geometries on return.
     type(partner_t), intent(inout) :: partner
+    real(dp) :: xi(2)
+    integer :: piece
     if (all(partner%status /= [partner_found, partner_outside])) return
-    if (geometry_b%active) call along_normals(geometry_b, target, x, partner)
+    if (geometry_b%active) call along_normals(geometry_b, x, partner)
     if (partner%status /= partner_found) return
-    partner%distance = partner%distance + dot_product(partner%normal, &
-      geometry_b%shift(target%set, partner%facet, partner%xi) - geometry_a%shift(set_a, facet_a, xi_a))
+    if (geometry_b%active) then
+      call geometry_b%pieces%locate(partner%facet, partner%xi, piece, xi)
+      partner%distance = partner%distance + dot_product(partner%normal, geometry_b%shift(piece, xi))
+    end if
+    if (geometry_a%active) then
+      call geometry_a%pieces%locate(facet_a, xi_a, piece, xi)
+      partner%distance = partner%distance - dot_product(partner%normal, geometry_a%shift(piece, xi))
+    end if
     if (abs(partner%distance) > search_radius) partner%status = partner_too_far
   end subroutine smooth_partner
 
   !> Move the partner to where the line along its normal meets the point. Nothing happens where there is no such place: beside
   !> sharp edges.
-  pure subroutine along_normals(geometry, target, x, partner)
+  pure subroutine along_normals(geometry, x, partner)
     type(contact_geometry_t), intent(in) :: geometry
-    type(target_surface_t), intent(in) :: target
     real(dp), intent(in) :: x(3)
     type(partner_t), intent(inout) :: partner
     real(dp) :: xi(2), normal(3), distance, beyond, best_xi(2), best_normal(3), best_distance, least
-    integer :: facet, best_facet, edge, n_edges, edges(2), i, k
+    integer :: facet, best_facet, edge, n_edges, edges(2), i, k   ! facets are pieces here
     logical :: met, ends
-    facet = partner%facet
-    xi = partner%xi
+    call geometry%pieces%locate(partner%facet, partner%xi, facet, xi)
     if (.not. geometry%changed(facet)) then
       ! The closest point inside a flat facet stays; on its edge, a curved one may begin.
-      call edges_at(target%set%corners(facet), xi, 1e-6_dp, n_edges, edges)
+      call edges_at(geometry%element%corners(facet), xi, 1e-6_dp, n_edges, edges)
       do k = 1, n_edges
         i = geometry%joined(edges(k), facet)
         if (i == 0) cycle
         if (.not. geometry%changed(i)) cycle
         facet = i
-        xi = merge(1/3.0_dp, 0.0_dp, target%set%corners(i) == 3)
+        xi = merge(1/3.0_dp, 0.0_dp, geometry%element%corners(i) == 3)
         exit
       end do
       if (.not. geometry%changed(facet)) return
@@ -78,10 +82,10 @@ contains
     best_facet = 0
     ends = .false.
     do i = 1, most_facets
-      call meet(geometry, target%set, facet, x, xi, normal, distance, met)
+      call meet(geometry, geometry%element, facet, x, xi, normal, distance, met)
       if (.not. met) exit
       if (dot_product(normal, partner%normal) > -0.5_dp) exit
-      call farthest_edge(target%set%corners(facet), xi, edge, beyond)
+      call farthest_edge(geometry%element%corners(facet), xi, edge, beyond)
       if (beyond < least) then
         least = beyond
         best_facet = facet
@@ -90,11 +94,10 @@ contains
         best_distance = distance
       end if
       if (beyond <= edge_tolerance) exit
-      ends = target%adjacency%neighbour(edge, facet) == 0
+      ends = geometry%rim(edge, facet)
       facet = geometry%joined(edge, facet)
       if (facet == 0) exit
-      if (.not. geometry%interpolated(facet)) exit
-      xi = merge(1/3.0_dp, 0.0_dp, target%set%corners(facet) == 3)
+      xi = merge(1/3.0_dp, 0.0_dp, geometry%element%corners(facet) == 3)
     end do
     if (best_facet == 0) return
     if (least > edge_tolerance) then
@@ -103,8 +106,8 @@ contains
       if (facet == 0 .and. .not. ends) return
     end if
     partner%status = partner_found
-    partner%facet = best_facet
-    partner%xi = best_xi
+    partner%facet = geometry%pieces%parent(best_facet)
+    partner%xi = geometry%pieces%base(:, best_facet) + geometry%pieces%factor(best_facet)*best_xi
     partner%normal = -best_normal
     partner%distance = best_distance
   end subroutine along_normals

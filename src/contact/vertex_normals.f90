@@ -1,9 +1,9 @@
-!> Normals of the surface that linear facets approximate, at the corners of the facets.
+!> Normals of the surface that straight facets approximate, at the corners of the facets.
 !>
 !> Where neighbouring facets turn by more than `sharp_angle` an edge is taken for one of the body; the facets on its two sides are
 !> separate sheets. On each sheet the normal at a vertex comes from a fit (normal_fit.f90) to the vertices around it. Flat parts
-!> stay flat: a facet is part of a plane where all facets at one of its vertices, inside the surface, lie in this plane; it keeps
-!> its normal, and curved facets beside it take it over at the vertices that they share with it.
+!> stay flat: facets are part of a plane where all facets at one of their vertices, inside the surface, lie in this plane, and so
+!> are their neighbours in it; they keep their normal, and curved facets beside them take it over at the vertices that they share.
 module dotyk_contact_vertex_normals
   use dotyk_base_kinds, only: dp
   use dotyk_contact_adjacency, only: adjacency_t
@@ -25,19 +25,17 @@ module dotyk_contact_vertex_normals
 contains
 
   !> The facets whose surface is smooth across an edge, and those that are parts of planes.
-  pure subroutine find_sheets(set, adjacency, x, linear, joined, flat)
+  pure subroutine find_sheets(set, adjacency, x, joined, flat)
     type(facet_set_t), intent(in) :: set
     type(adjacency_t), intent(in) :: adjacency
     !> Positions of the vertices, numbered as in adjacency (3, n_vertices) [length].
     real(dp), intent(in) :: x(:, :)
-    !> Facets of linear elements (n); others are not looked at.
-    logical, intent(in) :: linear(:)
     !> The facet beyond each edge, 0 where the edge is sharp or the surface ends (4, n).
     integer, intent(out) :: joined(:, :)
-    !> Parts of planes (n).
-    logical, intent(out) :: flat(:)
+    !> Parts of planes (n): those known on entry, all on return.
+    logical, intent(inout) :: flat(:)
     real(dp) :: normal(3, set%n)
-    logical :: planar(set%n)
+    logical :: planar(set%n), spreads
     integer :: f, e, v, other
     do f = 1, set%n
       call mean_normal(set%corners(f), x(:, adjacency%vertex(1:set%corners(f), f)), normal(:, f), planar(f))
@@ -47,16 +45,29 @@ contains
       do e = 1, set%corners(f)
         other = adjacency%neighbour(e, f)
         if (other == 0) cycle
-        if (linear(f) .and. linear(other) .and. dot_product(normal(:, f), normal(:, other)) > sharp_cosine) joined(e, f) = other
+        if (dot_product(normal(:, f), normal(:, other)) > sharp_cosine) joined(e, f) = other
       end do
     end do
-    flat = .false.
     do v = 1, size(adjacency%start) - 1
       associate (around => adjacency%facet(adjacency%start(v):adjacency%start(v + 1) - 1))
-        if (.not. all(planar(around) .and. linear(around))) cycle
+        if (.not. all(planar(around))) cycle
         if (maxval(norm2(normal(:, around) - spread(normal(:, around(1)), 2, size(around)), dim=1)) > flat_angle) cycle
         if (inside(set, adjacency, joined, v)) flat(around) = .true.
       end associate
+    end do
+    spreads = .true.
+    do while (spreads)
+      spreads = .false.
+      do f = 1, set%n
+        if (flat(f) .or. .not. planar(f)) cycle
+        do e = 1, set%corners(f)
+          other = joined(e, f)
+          if (other == 0) cycle
+          if (.not. flat(other) .or. norm2(normal(:, f) - normal(:, other)) > flat_angle) cycle
+          flat(f) = .true.
+          spreads = .true.
+        end do
+      end do
     end do
     ! Two planes that meet keep their edge, however small its angle.
     do f = 1, set%n
@@ -152,31 +163,31 @@ contains
   end subroutine corner_normal
 
   !> Unit normals of the smooth surface at the corners of linear facets.
-  subroutine smooth_corner_normals(set, adjacency, x, linear, joined, flat, normal)
+  subroutine smooth_corner_normals(set, adjacency, x, joined, flat, normal)
     type(facet_set_t), intent(in) :: set
     type(adjacency_t), intent(in) :: adjacency
     !> Positions of the vertices (3, n_vertices) [length].
     real(dp), intent(in) :: x(:, :)
     !> As in find_sheets.
-    logical, intent(in) :: linear(:), flat(:)
+    logical, intent(in) :: flat(:)
     integer, intent(in) :: joined(:, :)
     !> Outward (3, 4, n).
     real(dp), intent(out) :: normal(:, :, :)
     integer :: v
     normal = 0
-    !$omp parallel do default(none) schedule(dynamic, 64) shared(set, adjacency, x, linear, joined, flat, normal)
+    !$omp parallel do default(none) schedule(dynamic, 64) shared(set, adjacency, x, joined, flat, normal)
     do v = 1, size(adjacency%start) - 1
-      call normals_at_vertex(set, adjacency, x, linear, joined, flat, v, normal)
+      call normals_at_vertex(set, adjacency, x, joined, flat, v, normal)
     end do
     !$omp end parallel do
   end subroutine smooth_corner_normals
 
   !> The normals at one vertex, sheet by sheet.
-  subroutine normals_at_vertex(set, adjacency, x, linear, joined, flat, v, normal)
+  subroutine normals_at_vertex(set, adjacency, x, joined, flat, v, normal)
     type(facet_set_t), intent(in) :: set
     type(adjacency_t), intent(in) :: adjacency
     real(dp), intent(in) :: x(:, :)
-    logical, intent(in) :: linear(:), flat(:)
+    logical, intent(in) :: flat(:)
     integer, intent(in) :: joined(:, :)
     !> The vertex.
     integer, intent(in) :: v
@@ -219,7 +230,7 @@ contains
           has_plane = .true.
           plane = plane + weight*own
         end do
-        if (.not. linear(around(k)) .or. .not. norm2(mean) > 0) cycle
+        if (.not. norm2(mean) > 0) cycle
         if (has_plane) then
           mean = plane/max(norm2(plane), tiny(1.0_dp))
         else
@@ -233,7 +244,8 @@ contains
     end associate
   end subroutine normals_at_vertex
 
-  !> Fit the normal at a vertex to the vertices of the facets of one sheet around it: as many rings as the fit needs.
+  !> Fit the normal at a vertex to the vertices of the facets of one sheet around it: as many rings as the fit needs. A fit that
+  !> differs from the mean by more than twice what the facets of the fit and beside do is none.
   subroutine fit_around(set, adjacency, x, joined, flat, v, start, normal)
     type(facet_set_t), intent(in) :: set
     type(adjacency_t), intent(in) :: adjacency
@@ -245,11 +257,18 @@ contains
     !> A mean (3); the fit on return.
     real(dp), intent(inout) :: normal(3)
     integer :: facet(most_facets), vertex(4*most_facets), n, n_vertices, ring, i, e, k, last, other
-    real(dp) :: mean(3), its(3)
+    real(dp) :: mean(3), its(3), widest
     logical :: determined, planar
     mean = normal
     n = min(size(start), most_facets)
     facet(:n) = start(:n)
+    widest = 1
+    do i = 1, n
+      do e = 1, set%corners(facet(i))
+        if (joined(e, facet(i)) > 0) widest = min(widest, facing(joined(e, facet(i))))
+      end do
+      widest = min(widest, facing(facet(i)))
+    end do
     do ring = 1, most_rings
       n_vertices = 0
       do i = 1, n
@@ -262,21 +281,31 @@ contains
       end do
       normal = mean
       call fit_normal(set%dimension, x(:, vertex(:n_vertices)) - spread(x(:, v), 2, n_vertices), normal, determined)
-      if (determined) return
+      if (determined) exit
       last = n
       do i = 1, last
         do e = 1, set%corners(facet(i))
           other = joined(e, facet(i))
           if (other == 0 .or. n == most_facets) cycle
           if (flat(other) .or. any(facet(:n) == other)) cycle
-          call mean_normal(set%corners(other), x(:, adjacency%vertex(1:set%corners(other), other)), its, planar)
-          if (dot_product(its, mean) < facing_cosine) cycle
+          if (facing(other) < facing_cosine) cycle
+          widest = min(widest, facing(other))
           n = n + 1
           facet(n) = other
         end do
       end do
       if (n == last) exit
     end do
+    if (dot_product(normal, mean) < 2*widest**2 - 1) normal = mean
+
+  contains
+
+    !> Cosine of the angle of a facet to the mean.
+    real(dp) function facing(f)
+      integer, intent(in) :: f
+      call mean_normal(set%corners(f), x(:, adjacency%vertex(1:set%corners(f), f)), its, planar)
+      facing = dot_product(its, mean)
+    end function facing
   end subroutine fit_around
 
   !> The corner of a facet that is a vertex.
