@@ -14,6 +14,7 @@ LINES = ['-', '--', ':', '-.', (0, (5, 1, 1, 1, 1, 1))]
 DISPLAYED = ['scheme', 'order', 'quadrature', 'geometry', 'points', 'theta_relative', 'stop rule', 'linear_solver',
              'threads', 'size']
 SAME = {'theta_relative': ['theta_relative', 'theta', 'theta_rule'], 'stop rule': ['tolerance', 'stop_rule']}
+NOT_SAID = 'as in the scene'
 PARTS = {'error_bound': 'iteration (guaranteed bound)', 'error_penalty': 'penalty (estimate)',
          'error_discretization': 'discretization (estimate)'}
 COLUMNS = ['size', 'order', 'points', 'quadrature', 'geometry', 'theta_relative', 'theta', 'theta_rule', 'stop_rule', 'tolerance',
@@ -92,7 +93,7 @@ def shown(key, row):
 def value_text(key, value):
     """A setting in the legend."""
     if value is None:
-        return 'as in the scene'
+        return NOT_SAID
     if key == 'order':
         return {1: 'linear elements', 2: 'quadratic elements'}.get(value, str(value))
     return '%g' % value if isinstance(value, float) else str(value)
@@ -198,6 +199,17 @@ def panels_of(plt, n, **options):
     return figure, all_axes.flat[:n]
 
 
+def saved(figure, plt, path):
+    """Write a figure as a small PNG, with 128 colours; its name."""
+    from PIL import Image
+    figure.savefig(path, dpi=110, bbox_inches='tight')
+    plt.close(figure)
+    with Image.open(path) as image:
+        small = image.convert('RGB').quantize(128)
+    small.save(path, optimize=True)
+    return path.name
+
+
 def figure_of(grid, curves, style, plt, cost, cost_label, name):
     """One figure: a panel for each error, error against cost."""
     panels = [error for error in grid.error if any(positive(curve, cost, error)[0] for curve in curves)]
@@ -218,9 +230,7 @@ def figure_of(grid, curves, style, plt, cost, cost_label, name):
         ranges(axes)
     figure.suptitle(grid.title, fontsize=10)
     style.legend(figure, plt)
-    figure.savefig(grid.output / name, dpi=110, bbox_inches='tight')
-    plt.close(figure)
-    return name
+    return saved(figure, plt, grid.output / name)
 
 
 def figure_of_parts(grid, curves, style, plt):
@@ -233,7 +243,7 @@ def figure_of_parts(grid, curves, style, plt):
     figure, all_axes = panels_of(plt, len(columns), sharey=True)
     # Bounds of the iteration are often far below all else: they are drawn at a floor below the other parts.
     others = [y for part in columns if part != 'error_bound' for curve in curves for y in positive(curve, 'seconds', part)[1][1]]
-    floor = min(others, default=1e-13)/1e3
+    floor = min(others, default=1e-13)/1e2
     for axes, part in zip(all_axes, columns):
         for curve in curves:
             kept, (x, y) = positive(curve, 'seconds', part, zero=True)
@@ -248,9 +258,7 @@ def figure_of_parts(grid, curves, style, plt):
         axes.set_ylabel('relative error in the energy norm', fontsize=9)
     figure.suptitle(grid.title + ': parts of the error', fontsize=10)
     style.legend(figure, plt)
-    figure.savefig(grid.output / 'parts.png', dpi=110, bbox_inches='tight')
-    plt.close(figure)
-    return 'parts.png'
+    return saved(figure, plt, grid.output / 'parts.png')
 
 
 def write_figures(grid, rows):
@@ -259,7 +267,7 @@ def write_figures(grid, rows):
     matplotlib.use('Agg')
     import matplotlib.pyplot as plt
     curves = curves_of(grid, rows)
-    style = Style(grid, [row for curve in curves for row in curve])
+    style = Style(grid, [row for row in rows if any(row in curve for curve in curves)])
     along = grid.along.replace('_', ' ')
     made = [(figure_of(grid, curves, style, plt, 'seconds', 'wall time [s]', 'time.png'),
              'Error against wall time, along each curve %s; bars from the least to the largest of the repeated runs.' % along),
@@ -317,12 +325,15 @@ def write_report(grid, rows, facts, figures):
         text += markdown(['error', 'within', 'found', 'wall time [s]', 'solves', 'unknowns', 'settings'], lines)
     keys = [key for key in COLUMNS[:13] if key in grid.varying]
     parts = [part for part in PARTS if any(row.get(part) is not None for row in rows)]
+    parts += [name for name in ('estimate_over_error',) if any(row.get(name) is not None for row in rows)]
     header = [key.replace('_', ' ') for key in keys] + ['unknowns', 'steps', 'solves', 'wall time [s]', 'least', 'largest'] + [
         error.replace('_', ' ') for error in grid.error] + [part.replace('_', ' ') for part in parts] + ['converged']
     names = keys + ['unknowns', 'iterations', 'body_solves', 'seconds', 'seconds_min', 'seconds_max'] + grid.error + parts
-    text += ['## Table', '', 'All columns are in `table.csv` and `table.h5`; errors are absolute values.', '']
-    text += markdown(header, [[*[number(row.get(name)) for name in names], 'yes' if row.get('converged') else 'no']
-                              for row in rows])
+    text += ['## Table', '', 'All columns are in `table.csv` and `table.h5`; errors are absolute values, the estimate is the root of the sum of',
+             'the squares of the parts.', '']
+    lines = [[value_text(name, row[name]) if name in keys and name != 'order' else number(row.get(name)) for name in names]
+             + ['yes' if row.get('converged') else 'no'] for row in rows]
+    text += markdown(header, [['-' if cell == NOT_SAID else cell for cell in line] for line in lines])
     text += ['## Omissions', '']
     if omitted:
         text += ['Points that failed, did not converge, ran out of time, or lack an error. The figures leave out those that',
@@ -337,6 +348,12 @@ def write_report(grid, rows, facts, figures):
 
 
 def write_all(grid, rows, facts):
-    """Table, figures, report."""
+    """Table, figures, report. Added is what the estimates of all parts come to, and its ratio to the measured error."""
+    for row in rows:
+        parts = [row.get(part) for part in PARTS]
+        if None not in parts:
+            row['estimate'] = math.sqrt(sum(part**2 for part in parts))
+            if 'energy' in grid.error and row.get('energy'):
+                row['estimate_over_error'] = row['estimate']/row['energy']
     write_table(grid, rows, facts)
     write_report(grid, rows, facts, write_figures(grid, rows))

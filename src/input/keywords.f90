@@ -178,7 +178,7 @@ contains
                meaning='contact points: nodes is one for each vertex of surface_a, with gap and displacement in the mean of '// &
                'the facets around it (stable for every theta); quadrature is the integration points')
     call t%add('contact', 'geometry', kind_name, names=geometry_names, default='smooth', &
-               meaning='what gaps and normals are taken from: smooth puts quadratic patches over the facets of linear elements '// &
+               meaning='what gaps and normals are taken from: smooth puts patches with continuous normals over the facets '// &
                '(edges of more than 40 degrees stay sharp, planes flat); elements: the facets as they are; '// &
                'straight: the corners of the elements alone, to compare')
     call t%add('contact', 'quadrature', kind_name, names=quadrature_names, default='segments', &

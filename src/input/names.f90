@@ -46,7 +46,7 @@ module dotyk_input_names
 
   !> What gaps and normals are taken from, `&contact geometry`.
   character(*), parameter, public :: geometry_names = 'smooth elements straight'
-  integer, parameter, public :: geometry_smooth = 1    !< patches over the facets of linear elements
+  integer, parameter, public :: geometry_smooth = 1    !< patches with continuous normals over the facets
   integer, parameter, public :: geometry_elements = 2  !< that of the elements
   integer, parameter, public :: geometry_straight = 3  !< that of the elements' corners
 

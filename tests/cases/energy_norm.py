@@ -122,6 +122,7 @@ class EnergyNorm(dotyk_case.Case):
                 contact = theta * np.sum(joint["weight"][:] * joint["pressure"][:]**2)
                 norm = energy_norm.energy_norm(path)
                 self.assertAlmostEqual(norm**2 / (2 * file["dotyk/summary"].attrs["energy"] - contact), 1, delta=1e-9)
+                self.assertAlmostEqual(norm / file["dotyk/summary"].attrs["energy_norm"], 1, delta=1e-9)
                 pressure, lower, upper = column_exact(theta, analysis)
                 self.assertAlmostEqual(norm**2 / (pressure * (lower + upper) * area), 1, delta=1e-9)
                 d = dimension(kinds[0])
