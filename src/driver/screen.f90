@@ -161,6 +161,7 @@ contains
     integer, intent(in) :: body_solves
     !> Time of the scheme [s].
     real(dp), intent(in) :: seconds
+    character(:), allocatable :: predicted
     call log%line('')
     if (size(result%m) == 0) then
       call log%line('  solved without contact, '//duration(seconds))
@@ -172,8 +173,10 @@ contains
     call log%line('  error bound      '//to_text(result%error_bound, 3)//' of the energy norm, guaranteed (tolerance '// &
                   to_text(tolerance)//')')
     if (.not. ieee_is_nan(result%error_bound_paper)) call log%line('  bound (41)       '//to_text(result%error_bound_paper, 3))
-    if (.not. ieee_is_nan(result%q_measured)) call log%line('  factor per step  '//to_text(result%q_measured, 6)// &
-                                                            ' measured, at most '//to_text(result%q_predicted, 6)//' predicted')
+    predicted = ''
+    if (.not. ieee_is_nan(result%q_predicted)) predicted = ', at most '//to_text(result%q_predicted, 6)//' predicted'
+    if (.not. ieee_is_nan(result%q_measured)) call log%line('  factor per step  '//to_text(result%q_measured, 6)//' measured'// &
+                                                            predicted)
     call log%line('  penetration      '//to_text(result%max_penetration, 4)//' at most')
     call log%line('  energy           '//to_text(result%energy, 10))
     if (result%ended == ended_diverged) call log%line('  gamma = '//to_text(result%gamma)//' is too large: the iteration '// &
