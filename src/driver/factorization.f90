@@ -3,9 +3,10 @@ module dotyk_driver_factorization
   use omp_lib, only: omp_get_max_threads
   use dotyk_base_error, only: error_t, problem_list_t, add_context
   use dotyk_base_kinds, only: dp, int64
+  use dotyk_contact_operator, only: contact_block_t
   use dotyk_driver_parallel, only: largest_first, taken_alone, set_blas_threads
   use dotyk_elasticity_body, only: body_t
-  use dotyk_response_full, only: full_response_t
+  use dotyk_response_full, only: full_response_t, slowness_of_blocks, slowness_of_single_solves
   use dotyk_response_response, only: response_slot_t
   implicit none
   private
@@ -18,6 +19,10 @@ module dotyk_driver_factorization
     integer(int64) :: stiffness_bytes = 0
     !> Floating-point operations of the factorization.
     real(dp) :: flops = 0
+    !> Contact unknowns come last in the order of elimination, and responses go through the last block alone.
+    logical :: is_condensed = .false.
+    !> Entries that a response goes through.
+    integer(int64) :: response_entries = 0
   end type factor_size_t
 
   !> A place for one body's error.
@@ -27,12 +32,23 @@ module dotyk_driver_factorization
 
   public :: analyze_bodies, factorize_bodies
 
+  !> Responses of a body that the dual scheme asks for, as a part of its contact points, with those of the groups that it begins with.
+  real(dp), parameter :: share_of_points = 0.7_dp
+  !> Steps that schemes take which ask for one response in each.
+  real(dp), parameter :: typical_steps = 300
+
 contains
 
   !> Order and analyse all bodies, side by side.
-  subroutine analyze_bodies(body, response, size_of, error)
+  subroutine analyze_bodies(body, block, form, single_solves, response, size_of, error)
     !> Assembled (n_bodies); without the graph of their nodes on return.
     type(body_t), intent(inout) :: body(:)
+    !> Where they may touch (n_bodies).
+    type(contact_block_t), intent(in) :: block(:)
+    !> Form of the responses, one of `form_*` of dotyk_response_full.
+    integer, intent(in) :: form
+    !> Whether a scheme solves once in each of many steps, not for one contact point after the other.
+    logical, intent(in) :: single_solves
     !> Analysed on return (n_bodies).
     type(response_slot_t), allocatable, intent(out) :: response(:)
     !> Sizes of the factors to come (n_bodies).
@@ -42,27 +58,36 @@ contains
     integer :: i, b, order(size(body))
     allocate (response(size(body)), size_of(size(body)), failed(size(body)))
     order = largest_first(real(body%constraint%n_equations, dp))
-    !$omp parallel do default(none) shared(body, response, size_of, failed, order) private(b) schedule(dynamic, 1)
+    !$omp parallel do default(none) shared(body, block, form, single_solves, response, size_of, failed, order) private(b) &
+    !$omp& schedule(dynamic, 1)
     do i = 1, size(body)
       b = order(i)
-      call analyze_body(body(b), response(b), size_of(b), failed(b)%error)
+      call analyze_body(body(b), block(b), form, single_solves, response(b), size_of(b), failed(b)%error)
     end do
     !$omp end parallel do
     call collect(body, failed, error)
   end subroutine analyze_bodies
 
   !> Order and analyse one body.
-  subroutine analyze_body(body, slot, size_of, error)
+  subroutine analyze_body(body, block, form, single_solves, slot, size_of, error)
     type(body_t), intent(inout) :: body
+    type(contact_block_t), intent(in) :: block
+    integer, intent(in) :: form
+    logical, intent(in) :: single_solves
     type(response_slot_t), intent(inout) :: slot
     type(factor_size_t), intent(out) :: size_of
     type(error_t), allocatable, intent(out) :: error
     type(full_response_t), allocatable :: full
+    real(dp) :: work
     allocate (full)
-    call full%prepare(body, error)
+    work = slowness_of_blocks*share_of_points*size(block%row)
+    if (single_solves) work = slowness_of_single_solves*typical_steps
+    call full%prepare(body, error, block%contact_node, form, work)
+    size_of%is_condensed = full%is_condensed
     size_of%entries = full%factor%factor_entries
     size_of%bytes = full%factor%factor_bytes
     size_of%flops = full%factor%flops
+    size_of%response_entries = full%response_entries()
     size_of%stiffness_bytes = 16*size(body%stiffness%row, kind=int64)
     call move_alloc(full, slot%form)
     deallocate (body%graph_start, body%graph_neighbour)

@@ -16,7 +16,7 @@ module dotyk_driver_run_case
   use dotyk_driver_pressures, only: pair_solution_t, nodal_field_t, project_pressures
   use dotyk_driver_recovery, only: body_solution_t, recover_bodies
   use dotyk_driver_results, only: write_fields, write_pairs, write_summary, write_provenance, write_timing
-  use dotyk_driver_scheme, only: needs_held_bodies, prepare_coarse_space, scheme_name, solve_scheme
+  use dotyk_driver_scheme, only: needs_held_bodies, prepare_coarse_space, scheme_name, scheme_of, solve_scheme
   use dotyk_driver_screen, only: show_scene, show_bodies, show_pairs, show_factorization, &
     show_budget, show_memory, show_result, show_pair_result, show_timing
   use dotyk_driver_timing, only: timing_t, stopwatch_t
@@ -24,6 +24,7 @@ module dotyk_driver_run_case
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t
   use dotyk_input_help, only: help_text
+  use dotyk_input_names, only: scheme_dual
   use dotyk_input_parse, only: read_case
   use dotyk_mesh_surface, only: surface_t
   use dotyk_output_results, only: results_file_t, check_writable
@@ -120,8 +121,10 @@ contains
     call run%watch%lap(run%timing%assemble)
     call find_pairs(run%case, run%body, run%surface_a, run%surface_b, run%pair, error)
     if (allocated(error)) return
+    call build_operator(run%case%scene%dimension, size(run%body), run%pair, run%surface_a, run%surface_b, run%problem%operator)
     call run%watch%lap(run%timing%search)
-    call analyze_bodies(run%body, run%problem%response, run%size_of, error)
+    call analyze_bodies(run%body, run%problem%operator%block, run%case%solver%response, scheme_of(run%case) /= scheme_dual, &
+                        run%problem%response, run%size_of, error)
     if (allocated(error)) return
     call run%watch%lap(run%timing%order)
     call show_bodies(run%log, run%case, run%body, run%size_of)
@@ -135,8 +138,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     integer :: b
     associate (case => run%case, problem => run%problem)
-      ! Where contact forces act is known before the factorization, which takes the stiffnesses away.
-      call build_operator(case%scene%dimension, size(run%body), run%pair, run%surface_a, run%surface_b, problem%operator)
+      ! Where contact forces act is said before the factorization, which takes the stiffnesses away.
       do b = 1, size(run%body)
         select type (full => problem%response(b)%form)
         type is (full_response_t)
@@ -148,8 +150,8 @@ contains
       if (allocated(error)) return
       call run%watch%lap(run%timing%factorize)
       call show_factorization(run%log, run%size_of, run%timing%factorize)
-      call share_solves(real(run%size_of%entries, dp), case%solver%reproducible, problem%side_by_side, run%n_blas)
-      call problem%prepare(real(run%size_of%entries, dp))
+      call share_solves(real(run%size_of%response_entries, dp), case%solver%reproducible, problem%side_by_side, run%n_blas)
+      call problem%prepare(real(run%size_of%response_entries, dp))
       call solve_free_scene(run%body, problem, run%n_blas)
       call prepare_coarse_space(run%body, problem)
     end associate

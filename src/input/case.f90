@@ -9,7 +9,7 @@ module dotyk_input_case
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: text_t
   use dotyk_input_names, only: analysis_3d, gamma_spectral, gap_geometry, geometry_smooth, linear_solver_auto, load_traction, &
-    material_isotropic, points_nodes, quadrature_segments, scheme_auto, stop_residual, theta_relative
+    material_isotropic, points_nodes, quadrature_segments, response_auto, scheme_auto, stop_residual, theta_relative
   implicit none
   private
 
@@ -150,6 +150,8 @@ module dotyk_input_case
     integer :: gamma_rule = gamma_spectral
     !> One of `linear_solver_*`.
     integer :: linear_solver = linear_solver_auto
+    !> One of `response_*`.
+    integer :: response = response_auto
     !> Relaxation parameter [1]; 0 where the rule is not `gamma_fixed`.
     real(dp) :: gamma = 0
     !> One of `stop_*`.

@@ -2,7 +2,7 @@
 module dotyk_input_keywords
   use dotyk_base_text, only: text_t
   use dotyk_input_names, only: analysis_names, error_part_names, field_names, gamma_rule_names, geometry_names, &
-    linear_solver_names, points_names, quadrature_names, scheme_names, stop_rule_names, theta_rule_names
+    linear_solver_names, points_names, quadrature_names, response_names, scheme_names, stop_rule_names, theta_rule_names
   implicit none
   private
 
@@ -204,6 +204,9 @@ contains
     call t%add('solver', 'linear_solver', kind_name, names=linear_solver_names, default='auto', &
                meaning='how the dual scheme solves for the forces of closed points: direct forms their compliance, '// &
                'iterative is by conjugate gradients, auto what is cheaper')
+    call t%add('solver', 'response', kind_name, names=response_names, default='auto', &
+               meaning='how a body answers to contact forces: full solves with its whole factor; condensed orders the contact '// &
+               'unknowns last, and solves with their part of the factor; auto is, body by body, what is cheaper')
     call t%add('solver', 'gamma_rule', kind_name, names=gamma_rule_names, default='spectral', &
                meaning='relaxation parameter: spectral is 2/(2+L), theory is 1/(1+L)^2, fixed is gamma')
     call t%add('solver', 'gamma', kind_real, positive=.true., &

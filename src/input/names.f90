@@ -36,6 +36,12 @@ module dotyk_input_names
   integer, parameter, public :: theta_relative = 2  !< times size_a/E_a + size_b/E_b
   integer, parameter, public :: theta_mesh = 3      !< times h_a/E_a + h_b/E_b, point by point
 
+  !> `&solver response`; the same numbers in dotyk_response_full.
+  character(*), parameter, public :: response_names = 'auto full condensed'
+  integer, parameter, public :: response_auto = 1       !< what is cheaper
+  integer, parameter, public :: response_full = 2       !< solves with the whole factor
+  integer, parameter, public :: response_condensed = 3  !< contact unknowns last, solves with their part of the factor
+
   !> `&solver theta_rule`.
   character(*), parameter, public :: theta_rule_names = 'mesh'
 

@@ -76,6 +76,7 @@ contains
     if (is_given(group, 'theta_rule') .and. solver%theta_given) &
       call report(problems, group, 'theta_rule', 'theta_rule and a theta are both given: only one can be meant')
     solver%linear_solver = nint(number_of(group, 'linear_solver'))
+    solver%response = nint(number_of(group, 'response'))
     solver%gamma_rule = nint(number_of(group, 'gamma_rule'))
     solver%gamma = number_of(group, 'gamma')
     if (is_usable(group, 'gamma_rule')) then

@@ -42,6 +42,8 @@ module dotyk_linalg_cholesky
     procedure :: solve_block => cholesky_solve_block
     procedure :: solve_forward => cholesky_solve_forward
     procedure :: solve_backward => cholesky_solve_backward
+    procedure :: trailing => cholesky_trailing
+    procedure :: solve_trailing => cholesky_solve_trailing
     procedure :: condition_estimate => cholesky_condition_estimate
     procedure :: destroy => cholesky_destroy
   end type cholesky_t
@@ -71,11 +73,12 @@ module dotyk_linalg_cholesky
       type(c_ptr), value :: handle
     end subroutine dotyk_cholmod_free
 
-    integer(c_int) function dotyk_cholmod_analyze(handle, n, start, row, permutation, statistics) bind(c)
+    integer(c_int) function dotyk_cholmod_analyze(handle, n, start, row, permutation, trailing, statistics) bind(c)
       import :: c_ptr, c_int, c_int64_t, statistics_t
       type(c_ptr), value :: handle
       integer(c_int64_t), value :: n
       integer(c_int64_t), intent(in) :: start(*), row(*), permutation(*)
+      integer(c_int64_t), value :: trailing
       type(statistics_t), intent(out) :: statistics
     end function dotyk_cholmod_analyze
 
@@ -101,6 +104,20 @@ module dotyk_linalg_cholesky
       real(c_double), intent(inout) :: x(*)
     end function dotyk_cholmod_solve
 
+    subroutine dotyk_cholmod_trailing(handle, m, equation) bind(c)
+      import :: c_ptr, c_int64_t
+      type(c_ptr), value :: handle
+      integer(c_int64_t), value :: m
+      integer(c_int64_t), intent(out) :: equation(*)
+    end subroutine dotyk_cholmod_trailing
+
+    integer(c_int) function dotyk_cholmod_solve_trailing(handle, m, columns, x) bind(c)
+      import :: c_ptr, c_int, c_int64_t, c_double
+      type(c_ptr), value :: handle
+      integer(c_int64_t), value :: m, columns
+      real(c_double), intent(inout) :: x(*)
+    end function dotyk_cholmod_solve_trailing
+
     real(c_double) function dotyk_cholmod_rcond(handle) bind(c)
       import :: c_ptr, c_double
       type(c_ptr), value :: handle
@@ -110,7 +127,7 @@ module dotyk_linalg_cholesky
 contains
 
   !> Symbolic analysis: the structure, size and cost of the factor. Values are not looked at and may be missing.
-  subroutine cholesky_analyze(self, matrix, permutation, error)
+  subroutine cholesky_analyze(self, matrix, permutation, error, n_trailing)
     class(cholesky_t), intent(inout) :: self
     !> Pattern of the matrix.
     type(sparse_symmetric_t), intent(in) :: matrix
@@ -118,7 +135,10 @@ contains
     integer, intent(in) :: permutation(:)
     !> Out of memory, or a factor beyond what the machine can address.
     type(error_t), allocatable, intent(out) :: error
+    !> Equations at the end of the permutation that stay there, see `trailing`; none if absent.
+    integer, intent(in), optional :: n_trailing
     type(statistics_t) :: statistics
+    integer(c_int64_t) :: last
     call self%destroy()
     self%n = matrix%n
     if (.not. is_permutation(matrix%n, permutation)) then
@@ -126,13 +146,15 @@ contains
       return
     end if
     if (self%n == 0) return
+    last = 0
+    if (present(n_trailing)) last = n_trailing
     self%handle = dotyk_cholmod_new()
     if (.not. c_associated(self%handle)) then
       call raise(code_out_of_memory, 'analysis', self, error)
       return
     end if
     call raise(dotyk_cholmod_analyze(self%handle, int(self%n, c_int64_t), matrix%column_start, matrix%row, &
-      int(permutation, c_int64_t) - 1_c_int64_t, statistics), 'analysis', self, error)
+      int(permutation, c_int64_t) - 1_c_int64_t, last, statistics), 'analysis', self, error)
     if (allocated(error)) return
     self%factor_entries = statistics%entries
     self%n_supernodes = statistics%supernodes
@@ -279,6 +301,32 @@ contains
   pure real(dp) function not_a_number()
     not_a_number = transfer(int(z'7FF8000000000000', int64), 1.0_dp)
   end function not_a_number
+
+  !> The equations of the last rows and columns of L, in the order of elimination.
+  subroutine cholesky_trailing(self, equation)
+    !> Analyzed, with as many trailing equations.
+    class(cholesky_t), intent(in) :: self
+    !> (m)
+    integer, intent(out) :: equation(:)
+    integer(c_int64_t), allocatable :: number(:)
+    allocate (number(size(equation)))
+    if (size(equation) == 0) return
+    call dotyk_cholmod_trailing(self%handle, size(equation, kind=c_int64_t), number)
+    equation = int(number)
+  end subroutine cholesky_trailing
+
+  !> X <- S^{-1} X with S what is left of K for the last equations, all others eliminated (their Schur complement), whose Cholesky factor
+  !> are the last rows and columns of L. NaN as in `solve`.
+  subroutine cholesky_solve_trailing(self, x)
+    class(cholesky_t), intent(in) :: self
+    !> Right-hand sides, then solutions, in the order that `trailing` gives (m, number of them).
+    real(dp), intent(inout), contiguous :: x(:, :)
+    integer(c_int) :: code
+    if (size(x) == 0) return
+    code = code_out_of_memory
+    if (self%factorized) code = dotyk_cholmod_solve_trailing(self%handle, size(x, 1, c_int64_t), size(x, 2, c_int64_t), x)
+    if (code /= code_ok) x = not_a_number()
+  end subroutine cholesky_solve_trailing
 
   !> Estimate of the reciprocal condition number, (least/largest diagonal entry of L)^2; 0 where there is no factor.
   real(dp) function cholesky_condition_estimate(self) result(rcond)

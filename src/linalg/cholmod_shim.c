@@ -79,9 +79,10 @@ void *dotyk_cholmod_new(void) {
 }
 
 /* Symbolic analysis. start (n+1), row: pattern of the lower triangle by columns, rows ascending, 0-based;
- * permutation (n): the equation that comes k-th, 0-based. The arrays are read where they are. */
+ * permutation (n): the equation that comes k-th, 0-based; its last `trailing` ones stay last. The arrays are read where
+ * they are. */
 int dotyk_cholmod_analyze(void *handle, int64_t n, int64_t *start, int64_t *row, int64_t *permutation,
-                          statistics_t *statistics) {
+                          int64_t trailing, statistics_t *statistics) {
   handle_t *h = handle;
   cholmod_common *c = &h->common;
   cholmod_l_free_factor(&h->L, c);
@@ -99,7 +100,31 @@ int dotyk_cholmod_analyze(void *handle, int64_t n, int64_t *start, int64_t *row,
   a.sorted = 1;
   a.packed = 1;
   int levels = forbid_threads();
+  c->postorder = 1;
   h->L = cholmod_l_analyze_p(&a, (SuiteSparse_long *)permutation, NULL, 0, c);
+  if (h->L && trailing > 0) {
+    /* A postorder may take equations of the front behind trailing ones. Moved before them again, in the same order,
+     * they are eliminated as before: the trailing ones are ancestors of what they touch in the elimination tree. */
+    int64_t *order = malloc((size_t)n * sizeof *order);
+    char *last = calloc((size_t)n, 1);
+    if (order && last) {
+      const SuiteSparse_long *found = h->L->Perm;
+      for (int64_t k = n - trailing; k < n; k++) last[permutation[k]] = 1;
+      int64_t front = 0;
+      for (int64_t k = 0; k < n; k++) {
+        if (!last[found[k]]) order[front++] = found[k];
+      }
+      for (int64_t k = n - trailing; k < n; k++) order[k] = permutation[k];
+      cholmod_l_free_factor(&h->L, c);
+      c->postorder = 0;
+      h->L = cholmod_l_analyze_p(&a, (SuiteSparse_long *)order, NULL, 0, c);
+    } else {
+      c->status = CHOLMOD_OUT_OF_MEMORY;
+      cholmod_l_free_factor(&h->L, c);
+    }
+    free(order);
+    free(last);
+  }
   omp_set_max_active_levels(levels);
   if (!h->L) return c->status == CHOLMOD_OK ? INVALID : code_of_status(c);
   if (!h->L->is_super) return INVALID;
@@ -205,6 +230,61 @@ int dotyk_cholmod_factorize(void *handle, int64_t *failed, int64_t *weakest, dou
   }
   free(diagonal);
   return code;
+}
+
+/* The equations of the last m columns of L (1-based). */
+void dotyk_cholmod_trailing(const void *handle, int64_t m, int64_t *equation) {
+  const handle_t *h = handle;
+  const SuiteSparse_long *permutation = h->L->Perm;
+  for (int64_t k = 0; k < m; k++) equation[k] = permutation[h->n - m + k] + 1;
+}
+
+void dtrsm_(const char *, const char *, const char *, const char *, const int *, const int *, const double *,
+            const double *, const int *, double *, const int *);
+void dgemm_(const char *, const char *, const int *, const int *, const int *, const double *, const double *,
+            const int *, const double *, const int *, const double *, double *, const int *);
+
+/* In place on x (m,columns): x <- (L L^T)^-1 x with the last m rows and columns of L, supernode by supernode. */
+int dotyk_cholmod_solve_trailing(const void *handle, int64_t m, int64_t columns, double *x) {
+  const handle_t *h = handle;
+  const cholmod_factor *L = h->L;
+  const int64_t *super = L->super, *pi = L->pi, *px = L->px, *row = L->s;
+  const double *value = L->x, one = 1, minus = -1, zero = 0;
+  int64_t front = h->n - m, last = (int64_t)L->nsuper - 1, first = last;
+  while (first > 0 && super[first] > front) first--;
+  double *work = malloc(sizeof *work * (size_t)(L->maxesize + 1) * (size_t)columns);
+  if (!work) return OUT_OF_MEMORY;
+  int lead = (int)m, count = (int)columns;
+  for (int pass = 0; pass < 2; pass++) {
+    for (int64_t i = 0; i <= last - first; i++) {
+      int64_t s = pass ? last - i : first + i;
+      int64_t skip = super[s] < front ? front - super[s] : 0; /* columns before the trailing ones */
+      int own = (int)(super[s + 1] - super[s] - skip), rows = (int)(pi[s + 1] - pi[s]);
+      int below = rows - own - (int)skip;
+      const double *diagonal = value + px[s] + skip * rows + skip;
+      const double *under = diagonal + own;
+      const int64_t *place = row + pi[s] + skip + own;
+      double *part = x + super[s] + skip - front;
+      if (pass == 0) {
+        dtrsm_("L", "L", "N", "N", &own, &count, &one, diagonal, &rows, part, &lead);
+        if (below == 0) continue;
+        dgemm_("N", "N", &below, &count, &own, &one, under, &rows, part, &lead, &zero, work, &below);
+        for (int j = 0; j < count; j++) {
+          for (int k = 0; k < below; k++) x[place[k] - front + (int64_t)j * m] -= work[k + (int64_t)j * below];
+        }
+      } else {
+        if (below > 0) {
+          for (int j = 0; j < count; j++) {
+            for (int k = 0; k < below; k++) work[k + (int64_t)j * below] = x[place[k] - front + (int64_t)j * m];
+          }
+          dgemm_("T", "N", &own, &count, &below, &minus, under, &rows, work, &below, &one, part, &lead);
+        }
+        dtrsm_("L", "L", "T", "N", &own, &count, &one, diagonal, &rows, part, &lead);
+      }
+    }
+  }
+  free(work);
+  return OK;
 }
 
 enum { WHOLE = 0, FORWARD = 1, BACKWARD = 2 };
