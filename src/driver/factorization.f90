@@ -23,6 +23,9 @@ module dotyk_driver_factorization
     logical :: is_condensed = .false.
     !> Entries that a response goes through.
     integer(int64) :: response_entries = 0
+    !> Operations and entries in the order that is best without regard to contact.
+    real(dp) :: whole_flops = 0
+    integer(int64) :: whole_entries = 0
   end type factor_size_t
 
   !> A place for one body's error.
@@ -88,6 +91,8 @@ contains
     size_of%bytes = full%factor%factor_bytes
     size_of%flops = full%factor%flops
     size_of%response_entries = full%response_entries()
+    size_of%whole_flops = full%whole_flops
+    size_of%whole_entries = full%whole_entries
     size_of%stiffness_bytes = 16*size(body%stiffness%row, kind=int64)
     call move_alloc(full, slot%form)
     deallocate (body%graph_start, body%graph_neighbour)

@@ -18,7 +18,7 @@ module dotyk_driver_run_case
   use dotyk_driver_results, only: write_fields, write_pairs, write_summary, write_provenance, write_timing
   use dotyk_driver_scheme, only: needs_held_bodies, prepare_coarse_space, scheme_name, scheme_of, solve_scheme
   use dotyk_driver_screen, only: show_scene, show_bodies, show_pairs, show_factorization, &
-    show_budget, show_memory, show_result, show_pair_result, show_timing
+    show_budget, show_memory, show_responses, show_result, show_pair_result, show_timing
   use dotyk_driver_timing, only: timing_t, stopwatch_t
   use dotyk_driver_version, only: version, compiler, build_type
   use dotyk_elasticity_body, only: body_t
@@ -150,6 +150,7 @@ contains
       if (allocated(error)) return
       call run%watch%lap(run%timing%factorize)
       call show_factorization(run%log, run%size_of, run%timing%factorize)
+      call show_responses(run%log, run%size_of)
       call share_solves(real(run%size_of%response_entries, dp), case%solver%reproducible, problem%side_by_side, run%n_blas)
       call problem%prepare(real(run%size_of%response_entries, dp))
       call solve_free_scene(run%body, problem, run%n_blas)

@@ -19,7 +19,7 @@ module dotyk_driver_screen
   use dotyk_scheme_progress, only: duration
   implicit none
   private
-  public :: show_scene, show_bodies, show_pairs, show_factorization, show_memory, show_budget, &
+  public :: show_scene, show_bodies, show_pairs, show_factorization, show_memory, show_budget, show_responses, &
     show_result, show_pair_result, show_timing, outcome
 
 contains
@@ -134,6 +134,20 @@ contains
     call log%line('  factorized       in '//duration(seconds)//', '//mebibytes(real(sum(size_of%bytes), dp))//', '// &
                   to_text(sum(size_of%flops)/max(seconds, tiny(seconds))/1.0e9_dp, 3)//' Gflop/s')
   end subroutine show_factorization
+
+  !> Bodies that answer through the contact unknowns' part of their factor alone.
+  subroutine show_responses(log, size_of)
+    type(log_t), intent(inout) :: log
+    type(factor_size_t), intent(in) :: size_of(:)
+    real(dp) :: more, less
+    associate (chosen => size_of%is_condensed)
+      if (.not. any(chosen)) return
+      more = sum(size_of%flops, mask=chosen)/max(sum(size_of%whole_flops, mask=chosen), 1.0_dp) - 1
+      less = real(sum(size_of%response_entries, mask=chosen), dp)/sum(size_of%whole_entries, mask=chosen)
+      call log%line('  condensed        '//plural(count(chosen), 'body', 'bodies')//': factorization '//to_text(100*more, 2)// &
+                    ' % more, a response '//to_text(100*less, 2)//' % of one with the whole factor')
+    end associate
+  end subroutine show_responses
 
   !> Memory that a run would take.
   subroutine show_memory(log, body, size_of)

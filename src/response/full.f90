@@ -31,6 +31,9 @@ module dotyk_response_full
     logical :: is_condensed = .false.
     !> Contact unknowns where they are.
     integer, private :: n_last = 0
+    !> Operations and entries of the factor in the order that is best without regard to contact.
+    real(dp) :: whole_flops = 0
+    integer(int64) :: whole_entries = 0
     type(condensed_t), private :: condensed
     !> Equations with springs, one for each free motion; chosen by `prepare` (n_motions).
     integer, allocatable :: hold(:)
@@ -102,7 +105,10 @@ contains
     call expand_permutation(node_order, body%constraint%equation, permutation)
     if (.not. allocated(self%factor)) allocate (self%factor)
     call self%factor%analyze(body%stiffness, permutation, error)
-    if (allocated(error) .or. .not. present(form)) return
+    if (allocated(error)) return
+    self%whole_flops = self%factor%flops
+    self%whole_entries = self%factor%factor_entries
+    if (.not. present(form)) return
     if (form == form_full) return
     call self%try_condensed(body, permutation, pack(body%constraint%equation(:, contact_node), &
                                                    body%constraint%equation(:, contact_node) > 0), form, work, error)

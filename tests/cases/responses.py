@@ -1,0 +1,52 @@
+#!/usr/bin/python3
+"""Responses through the whole factor, and through the contact unknowns' part of it: the same answers, and the log says which."""
+import re
+
+import numpy as np
+
+import dotyk_case
+
+
+class Responses(dotyk_case.Case):
+    def run_form(self, name, form, solver):
+        """Run an example with a form of the response; what is to be the same."""
+        text = (dotyk_case.INPUTS / name / (name + ".nml")).read_text()
+        text, n = re.subn(r"(?m)^&solver .*$", "&solver response='%s', %s /" % (form, solver), text)
+        self.assertEqual(n, 1)
+        self.write(name + "/case.nml", text)
+        self.printed = self.dotyk(name + "/case.nml", "--output", form + ".vtkhdf")
+        file = self.results(form + ".vtkhdf")
+        pairs = [pair["pressure"][:] for pair in file["dotyk/contact"].values()]
+        return np.concatenate(pairs), file["VTKHDF/PointData/displacement"][:], file["dotyk/summary"].attrs["energy"]
+
+    def check(self, name, solver):
+        if not (self.folder / name).exists():
+            self.copy(name)
+        whole = self.run_form(name, "full", solver)
+        self.assertNotIn("\n  condensed ", self.printed)
+        condensed = self.run_form(name, "condensed", solver)
+        self.assertRegex(self.printed, r"\n  condensed +\d+ bod(y|ies): factorization \S+ % more, a response \S+ % of")
+        for one, other in zip(whole, condensed):
+            np.testing.assert_allclose(one, other, rtol=0, atol=1e-10 * np.abs(one).max())
+
+    def test_held_bodies(self):
+        self.check("wavy", "theta_relative=0, tolerance=1e-12")
+        self.check("wavy", "scheme='neumann', theta_relative=1, tolerance=1e-12")
+        self.check("wavy", "scheme='robin', theta_relative=1e-2, tolerance=1e-11")
+
+    def test_free_bodies(self):
+        self.check("receding", "theta_relative=0, tolerance=1e-12")
+        self.check("bricks", "theta_relative=1e-3, tolerance=1e-12")
+        self.check("receding", "theta_relative=1e-3, tolerance=1e-10, linear_solver='iterative'")
+
+    def test_the_cheaper_one(self):
+        """A line of contact in the plane: condensed. Contact on both faces of thin plates: not."""
+        self.copy("wavy")
+        self.run_form("wavy", "auto", "theta_relative=0, tolerance=1e-8")
+        self.assertIn("\n  condensed ", self.printed)
+        self.copy("free_stack")
+        self.run_form("free_stack", "auto", "theta_relative=0, tolerance=1e-8")
+        self.assertNotIn("\n  condensed ", self.printed)
+
+
+dotyk_case.main()
