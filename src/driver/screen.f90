@@ -15,7 +15,7 @@ module dotyk_driver_screen
   use dotyk_input_names, only: analysis_names, name_at
   use dotyk_mesh_surface, only: surface_t
   use dotyk_scheme_bounds, only: gamma_limit
-  use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_limit, ended_diverged
+  use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_limit, ended_diverged, ended_rounds
   use dotyk_scheme_progress, only: duration
   implicit none
   private
@@ -196,7 +196,7 @@ contains
       real(dp), intent(in) :: value
       character(:), allocatable :: text
       text = 'unknown'
-      if (value >= 0) text = to_text(100*value, 2)//' %'
+      if (.not. ieee_is_nan(value)) text = to_text(100*value, 2)//' %'
     end function part
   end subroutine show_budget
 
@@ -235,6 +235,8 @@ contains
       text = 'not converged: stopped at max_iterations'
     case (ended_diverged)
       text = 'not converged: diverged'
+    case (ended_rounds)
+      text = 'not converged: the error bound keeps above its part of the other errors; stopped'
     case default
       text = 'not converged: rounding allows no smaller error; stopped'
     end select

@@ -18,6 +18,9 @@ module dotyk_elasticity_discretization_error
   private
   public :: estimate_discretization_error
 
+  !> Strains below this, relative to what displacements give without cancellation, are rounding errors.
+  real(dp), parameter :: rounding = 1.0e3_dp*epsilon(1.0_dp)
+
 contains
 
   !> Squared error of each element in the energy norm, A(e,e), and the squared norm A(u,u) of the displacement.
@@ -36,8 +39,10 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(patch_fit_t) :: fit
     type(field_t) :: factor
+    real(dp) :: rounding_square
     integer :: b, first, last
     square = 0
+    rounding_square = 0
     norm_square = 0
     call read_factor(material, factor, error)
     if (allocated(error)) return
@@ -46,14 +51,20 @@ contains
     do b = 1, size(mesh%block)
       first = last + 1
       last = last + size(mesh%block(b)%node, 2)
-      call estimate_block(mesh, b, analysis, material, factor, fit, u, square(first:last), norm_square, error)
+      call estimate_block(mesh, b, analysis, material, factor, fit, u, square(first:last), norm_square, &
+                          rounding_square, error)
       if (allocated(error)) exit
     end do
+    ! Bodies that move and have no strain have no error either.
+    if (norm_square <= rounding_square) then
+      square = 0
+      norm_square = 0
+    end if
     call factor%destroy()
   end subroutine estimate_discretization_error
 
   !> The elements of one block.
-  subroutine estimate_block(mesh, i_block, analysis, material, factor, fit, u, square, norm_square, error)
+  subroutine estimate_block(mesh, i_block, analysis, material, factor, fit, u, square, norm_square, rounding_square, error)
     type(body_mesh_t), intent(in) :: mesh
     integer, intent(in) :: i_block, analysis
     type(material_t), intent(in) :: material
@@ -62,6 +73,8 @@ contains
     real(dp), intent(in) :: u(:, :)
     real(dp), intent(out) :: square(:)
     real(dp), intent(inout) :: norm_square
+    !> What of it may be rounding [force length].
+    real(dp), intent(inout) :: rounding_square
     type(error_t), allocatable, intent(out) :: error
     type(element_table_t) :: table, corners
     type(element_kind_t) :: kind
@@ -96,6 +109,7 @@ contains
         part = stiffness(q)*dot_product(difference, matmul(matrix, difference))
         square(e) = square(e) + part
         norm_square = norm_square + stiffness(q)*dot_product(computed, matmul(matrix, computed))
+        rounding_square = rounding_square + stiffness(q)*maxval(abs(matrix))*(rounding*norm2(ue)*norm2(g(:, :, q)))**2
       end do
     end do
 
