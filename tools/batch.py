@@ -12,7 +12,7 @@ import sys
 import threading
 import time
 
-COLUMNS = ("case", "exit", "error_bound", "steps", "seconds", "memory_mib")
+COLUMNS = ("case", "exit", "error_bound", "steps", "seconds", "memory_mib", "error_penalty", "error_discretization")
 
 
 def arguments():
@@ -65,12 +65,13 @@ def inputs_of(path):
 
 
 def summary_of(results):
-    """Error bound and number of steps in a results file."""
+    """Errors and number of steps in a results file."""
     try:
         import h5py
         with h5py.File(results, "r") as file:
             summary = file["dotyk/summary"].attrs
-            return {"error_bound": float(summary["error_bound"]), "steps": int(summary["iterations"])}
+            return {"error_bound": float(summary["error_bound"]), "steps": int(summary["iterations"]),
+                    **{part: float(summary[part]) for part in ("error_penalty", "error_discretization") if part in summary}}
     except (ImportError, OSError, KeyError, ValueError) as error:
         print("batch: %s: %s" % (results, error), file=sys.stderr)
         return {}
@@ -158,7 +159,7 @@ class Batch:
             writer.writerow(COLUMNS)
             writer.writerows(rows)
         os.replace(temporary, target)
-        forms = ("%s", "%d", "%.2e", "%d", "%.1f", "%.0f")
+        forms = ("%s", "%d", "%.2e", "%d", "%.1f", "%.0f", "%.1e", "%.1e")
         texts = [list(COLUMNS)] + [["-" if x is None else form % x for form, x in zip(forms, row)] for row in rows]
         widths = [max(len(row[k]) for row in texts) for k in range(len(COLUMNS))]
         print()

@@ -32,7 +32,7 @@ def print_attributes(title, node, without=()):
         return
     print(title)
     for name in names:
-        print("  %-18s %s" % (name, text_of(node.attrs[name])))
+        print("  %-26s %s" % (name, text_of(node.attrs[name])))
 
 
 def print_file(path, with_input):
@@ -48,7 +48,7 @@ def print_file(path, with_input):
             for field in ("pressure", "pressure_projected", "gap"):
                 if field in contact and len(contact[field]):
                     values = contact[field][:]
-                    print("  %-18s %.6g to %.6g at %d points" % (field, values.min(), values.max(), len(values)))
+                    print("  %-26s %.6g to %.6g at %d points" % (field, values.min(), values.max(), len(values)))
         print_attributes("seconds", own["timing"])
         if with_input and "input" in own.attrs:
             print("input\n" + text_of(own.attrs["input"]))

@@ -1,12 +1,12 @@
 !> The geometry that gaps and normals of contact are taken from, beside that of the elements.
 !>
 !> Linear elements approximate a curved surface by flat or bilinear facets: their normals are off by O(h), their points by
-!> O(h^2). The smooth geometry puts a quadratic patch over each such piece. It has the normals of vertex_normals.f90 at the
-!> corners; the middle of each edge with ends x0, x1, D = x1 - x0, and unit tangents t0, t1 (D without its component along the
-!> normal there) is x = (x0+x1)/2 + abs(D) (t0-t1)/(4 + 2 abs(t0+t1)), which lies on the circle where the ends and the tangents are
-!> those of a circle. Between the corners the normal is interpolated: so it is continuous. Facets of quadratic elements are
-!> cut through their mid nodes into two or four pieces (pieces.f90), whose corners are nodes of the surface too. Flat pieces stay
-!> what they are. The straight geometry, to compare, is that of the corners of the elements alone.
+!> O(h^2). The smooth geometry puts a quadratic patch over each facet. It has the normals of vertex_normals.f90 at the
+!> corners; the middle of each edge with ends x0, x1, D = x1 - x0, and unit tangents t0, t1 (D without its component along
+!> the normal there) is x = (x0+x1)/2 + abs(D) (t0-t1)/(4 + 2 abs(t0+t1)), which lies on the circle where the ends and the
+!> tangents are those of a circle. Between the corners the normal is interpolated: so it is continuous. Facets of quadratic
+!> elements are cut through their mid nodes into two or four pieces (pieces.f90), whose corners are nodes of the surface
+!> too. Flat pieces stay what they are. The straight geometry, to compare, is that of the corners of the elements alone.
 !>
 !> Patches give gaps and directions only. The points x and x' where forces act lie on the elements, because displacements do.
 module dotyk_contact_geometry

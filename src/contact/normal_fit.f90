@@ -1,10 +1,10 @@
 !> The normal of a surface at a vertex, from the vertices around it.
 !>
 !> The surface is the graph of a function h of two tangential coordinates u, v, and passes through the vertex. Fitted, by
-!> least squares, is h = a u + b v + (c u^2 + d u v + e v^2) (1 + h^2/(u^2+v^2)). The last factor tends to 1 at the vertex, and
-!> makes the fit exact on spheres and circles through it: these obey h = a u + b v + c (u^2+v^2+h^2) in any frame. The error of the
-!> normal falls like the square of the distance of the vertices on every smooth surface, whether they lie around the vertex
-!> or, at the rim of the surface, on one side of it.
+!> least squares, is h = a u + b v + (c u^2 + d u v + e v^2) (1 + h^2/(u^2+v^2)). The last factor tends to 1 at the vertex,
+!> and makes the fit exact on spheres and circles through it: these obey h = a u + b v + c (u^2+v^2+h^2) in any frame. The
+!> error of the normal falls like the square of the distance of the vertices on every smooth surface, whether they lie
+!> around the vertex or, at the rim of the surface, on one side of it.
 module dotyk_contact_normal_fit
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp

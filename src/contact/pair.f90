@@ -12,15 +12,15 @@ module dotyk_contact_pair
   use dotyk_contact_average, only: average_at_vertices
   use dotyk_contact_cell_rule, only: facet_rule_t
   use dotyk_contact_corner_field, only: corner_field_t
+  use dotyk_contact_facet_points, only: facet_points, prepare_rules
   use dotyk_contact_geometry, only: contact_geometry_t, geometry_elements
-  use dotyk_contact_projection, only: find_partner, partner_found, partner_not_facing, partner_outside, partner_t, &
+  use dotyk_contact_projection, only: partner_found, partner_not_facing, partner_outside, partner_t, &
     partner_too_far, target_surface_t
   use dotyk_contact_segments, only: divide_facets
   use dotyk_contact_smooth_partner, only: smooth_partner
   use dotyk_linalg_sparse, only: sparse_rows_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
-  use dotyk_mesh_element, only: element_kind, element_kind_t, kind_nodes, n_element_kinds, quadrature_rule
-  use dotyk_mesh_facet, only: facet_geometry
+  use dotyk_mesh_element, only: kind_nodes, n_element_kinds
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
@@ -114,12 +114,6 @@ module dotyk_contact_pair
 
   public :: find_pair, pair_force
 
-  !> Degree of the plain rule that means at vertices are made with. The edges of surface_b cut the facets, and the mean must
-  !> see where: errors of columns of blocks that do not match are a third to a tenth of those with twice the order of the
-  !> elements, and points that are not rows cost next to nothing. (On segments the mean is exact, see segments.f90.)
-  integer, parameter :: mean_degree = 8
-  real(dp), parameter :: pi = acos(-1.0_dp)
-
 contains
 
   !> Find the contact points of a pair.
@@ -150,7 +144,7 @@ contains
     radius = settings%search_radius
     if (.not. radius > 0) radius = min(mesh_a%size(), mesh_b%size())
     call target%init(mesh_b%x, surface_b)
-    call prepare_rules(surface_a%kind(1:surface_a%n_facets), settings%points, settings%axisymmetric, rule)
+    call prepare_rules(surface_a%kind(1:surface_a%n_facets), settings%points == points_nodes, settings%axisymmetric, rule)
     allocate (offset(surface_a%n_facets + 1))
     if (settings%quadrature == quadrature_segments) then
       call divide_facets(mesh_a, surface_a, mesh_b, surface_b, target, radius, settings%points == points_nodes, &
@@ -192,59 +186,6 @@ contains
     call set_rows(mesh_a, surface_a, pair)
     allocate (pair%row_theta(pair%n_rows), source=pair%theta)
   end subroutine find_pair
-
-  !> Quadrature rules of the facet kinds in use. Where the points are the rows: of twice the order of the element, one
-  !> more with the radius in the weight.
-  subroutine prepare_rules(kinds, points, axisymmetric, rule)
-    !> Kinds of the facets.
-    integer, intent(in) :: kinds(:)
-    !> One of `points_nodes`, `points_quadrature`.
-    integer, intent(in) :: points
-    logical, intent(in) :: axisymmetric
-    !> Rules (n_element_kinds).
-    type(facet_rule_t), intent(inout) :: rule(:)
-    type(element_kind_t) :: kind
-    integer :: k, degree
-    do k = 1, n_element_kinds
-      if (.not. any(kinds == k)) cycle
-      kind = element_kind(k)
-      degree = 2*kind%order + merge(1, 0, axisymmetric)
-      if (points == points_nodes) degree = mean_degree
-      call quadrature_rule(k, degree, rule(k)%xi, rule(k)%weight)
-    end do
-  end subroutine prepare_rules
-
-  !> Points of one facet and their partners.
-  pure subroutine facet_points(kind, d, x_nodes, points, weights, axisymmetric, target, radius, x, xi, weight, partner)
-    !> Kind of the facet and dimension of space.
-    integer, intent(in) :: kind, d
-    !> Coordinates of its nodes (d, n_nodes) [length].
-    real(dp), intent(in) :: x_nodes(:, :)
-    !> The rule: (d-1, n), (n).
-    real(dp), intent(in) :: points(:, :), weights(:)
-    !> Weights contain 2 pi r.
-    logical, intent(in) :: axisymmetric
-    !> The other surface.
-    type(target_surface_t), intent(in) :: target
-    !> Greatest distance [length].
-    real(dp), intent(in) :: radius
-    !> Positions (3, n), reference coordinates (2, n), areas (n), partners (n).
-    real(dp), intent(out) :: x(:, :), xi(:, :), weight(:)
-    type(partner_t), intent(out) :: partner(:)
-    real(dp) :: normal(3), jacobian
-    integer :: i, hint
-    hint = 0
-    x = 0
-    xi = 0
-    do i = 1, size(weights)
-      normal = 0
-      call facet_geometry(kind, d, x_nodes, points(:, i), x(1:d, i), normal(1:d), jacobian)
-      xi(1:d - 1, i) = points(:, i)
-      weight(i) = weights(i)*jacobian
-      if (axisymmetric) weight(i) = weight(i)*2*pi*x(1, i)
-      call find_partner(target, x(:, i), normal, hint, radius, partner(i))
-    end do
-  end subroutine facet_points
 
   !> Correct the partners for another geometry than that of the elements.
   subroutine use_geometry(mesh_a, surface_a, mesh_b, surface_b, geometry, radius, offset, x, xi, partner)

@@ -1,5 +1,5 @@
-!> Facets cut through their mid nodes: a line into two pieces, a triangle or quadrilateral into four. The corners of the pieces are
-!> nodes of the surface (in the middle of quad8, its point). Facets of linear elements are one piece.
+!> Facets cut through their mid nodes: a line into two pieces, a triangle or quadrilateral into four. The corners of the
+!> pieces are nodes of the surface (in the middle of quad8, its point). Facets of linear elements are one piece.
 module dotyk_contact_pieces
   use dotyk_base_kinds, only: dp
   use dotyk_mesh_element, only: element_kind, element_kind_t, element_line3, element_quad8, element_quad9, element_tri6, &
@@ -19,8 +19,8 @@ module dotyk_contact_pieces
     !> The pieces as linear facets, and their corners (dimension, n_nodes) [length].
     type(surface_t) :: surface
     real(dp), allocatable :: x(:, :)
-    !> The elements' geometry on the pieces, exactly: facets of elements of the same order, each with its own nodes; node j of piece
-    !> f is element_x(:, max_facet_nodes*(f-1)+j) [length].
+    !> The elements' geometry on the pieces, exactly: facets of elements of the same order, each with its own nodes; node j
+    !> of piece f is element_x(:, max_facet_nodes*(f-1)+j) [length].
     type(surface_t) :: element
     real(dp), allocatable :: element_x(:, :)
     !> Piece of a quadratic facet all of whose nodes lie in a plane (n).

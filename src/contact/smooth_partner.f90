@@ -112,7 +112,8 @@ contains
     partner%distance = best_distance
   end subroutine along_normals
 
-  !> Where the line through x along the normal meets a facet, continued beyond its edges: x = x'(xi) + t m(xi), by Newton's method.
+  !> Where the line through x along the normal meets a facet, continued beyond its edges: x = x'(xi) + t m(xi), by Newton's
+  !> method.
   pure subroutine meet(geometry, set, facet, x, xi, normal, distance, met)
     type(contact_geometry_t), intent(in) :: geometry
     type(facet_set_t), intent(in) :: set

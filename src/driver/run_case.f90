@@ -187,7 +187,7 @@ contains
                              run%log)) exit
     end do
     call show_result(run%log, run%result, tolerance, run%problem%body_solves, run%timing%iterate)
-    call show_budget(run%log, run%body, run%result, run%budget)
+    call show_budget(run%log, run%case%output, run%body, run%result, run%budget)
   end subroutine find_answer
 
   !> From the state of the scheme to what users look at.

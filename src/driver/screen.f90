@@ -11,7 +11,7 @@ module dotyk_driver_screen
   use dotyk_driver_version, only: version
   use dotyk_elasticity_analysis, only: analysis_axisymmetric
   use dotyk_elasticity_body, only: body_t
-  use dotyk_input_case, only: case_t
+  use dotyk_input_case, only: case_t, output_input_t
   use dotyk_input_names, only: analysis_names, name_at
   use dotyk_mesh_surface, only: surface_t
   use dotyk_scheme_bounds, only: gamma_limit
@@ -161,6 +161,7 @@ contains
     integer, intent(in) :: body_solves
     !> Time of the scheme [s].
     real(dp), intent(in) :: seconds
+    character(:), allocatable :: predicted
     call log%line('')
     if (size(result%m) == 0) then
       call log%line('  solved without contact, '//duration(seconds))
@@ -172,31 +173,38 @@ contains
     call log%line('  error bound      '//to_text(result%error_bound, 3)//' of the energy norm, guaranteed (tolerance '// &
                   to_text(tolerance)//')')
     if (.not. ieee_is_nan(result%error_bound_paper)) call log%line('  bound (41)       '//to_text(result%error_bound_paper, 3))
-    if (.not. ieee_is_nan(result%q_measured)) call log%line('  factor per step  '//to_text(result%q_measured, 6)// &
-                                                            ' measured, at most '//to_text(result%q_predicted, 6)//' predicted')
+    predicted = ''
+    if (.not. ieee_is_nan(result%q_predicted)) predicted = ', at most '//to_text(result%q_predicted, 6)//' predicted'
+    if (.not. ieee_is_nan(result%q_measured)) call log%line('  factor per step  '//to_text(result%q_measured, 6)//' measured'// &
+                                                            predicted)
     call log%line('  penetration      '//to_text(result%max_penetration, 4)//' at most')
     call log%line('  energy           '//to_text(result%energy, 10))
     if (result%ended == ended_diverged) call log%line('  gamma = '//to_text(result%gamma)//' is too large: the iteration '// &
       'converges for 0 < gamma < 2/(1+L) = '//to_text(gamma_limit(result%lambda_max)))
   end subroutine show_result
 
-  !> What the error is made of.
-  subroutine show_budget(log, body, result, budget)
+  !> What the error is made of, as far as it was asked for.
+  subroutine show_budget(log, output, body, result, budget)
     type(log_t), intent(inout) :: log
+    type(output_input_t), intent(in) :: output
     type(body_t), intent(in) :: body(:)
     type(scheme_result_t), intent(in) :: result
     type(error_budget_t), intent(in) :: budget
-    character(:), allocatable :: worst
-    worst = ''
-    if (allocated(budget%of_body) .and. size(body) > 1) worst = ', most of it in '//body(maxloc(budget%of_body, 1))%name
-    call log%line('  error            iteration '//part(result%error_bound)//', penalty '//part(budget%penalty)//', mesh '// &
-                  part(budget%discretization)//worst)
+    character(:), allocatable :: line
+    line = '  error            iteration '//part(result%error_bound)
+    if (output%error_penalty .or. .not. ieee_is_nan(budget%penalty)) line = line//', penalty '//part(budget%penalty)
+    if (allocated(budget%of_body)) then
+      line = line//', mesh '//part(budget%discretization)
+      if (size(body) > 1) line = line//', most of it in '//body(maxloc(budget%of_body, 1))%name
+    end if
+    call log%line(line)
   contains
     function part(value) result(text)
       real(dp), intent(in) :: value
       character(:), allocatable :: text
       text = 'unknown'
-      if (.not. ieee_is_nan(value)) text = to_text(100*value, 2)//' %'
+      if (ieee_is_nan(value)) return
+      if (value < 1.0e100_dp) text = to_text(100*value, 2)//' %'
     end function part
   end subroutine show_budget
 

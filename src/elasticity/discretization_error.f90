@@ -5,7 +5,7 @@
 !> smooth and the mesh not too irregular; at corners and edges of contact it sees most of the error, if not all.
 module dotyk_elasticity_discretization_error
   use dotyk_base_error, only: error_t
-  use dotyk_base_kinds, only: dp
+  use dotyk_base_kinds, only: dp, int64
   use dotyk_elasticity_analysis, only: gradient_slots, strain_index
   use dotyk_elasticity_assembly, only: apply_factor, read_factor
   use dotyk_elasticity_element_table, only: element_table_t, map_element
@@ -39,28 +39,30 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(patch_fit_t) :: fit
     type(field_t) :: factor
-    real(dp) :: rounding_square
+    real(dp), allocatable :: of_element(:), of_rounding(:)
     integer :: b, first, last
     square = 0
-    rounding_square = 0
     norm_square = 0
     call read_factor(material, factor, error)
     if (allocated(error)) return
     call fit%init(mesh, u)
+    allocate (of_element(size(square)), of_rounding(size(square)), source=0.0_dp)
     last = 0
     do b = 1, size(mesh%block)
       first = last + 1
       last = last + size(mesh%block(b)%node, 2)
-      call estimate_block(mesh, b, analysis, material, factor, fit, u, square(first:last), norm_square, &
-                          rounding_square, error)
+      call estimate_block(mesh, b, analysis, material, factor, fit, u, square(first:last), of_element(first:last), &
+                          of_rounding(first:last), error)
       if (allocated(error)) exit
     end do
+    call factor%destroy()
+    ! In the order of the elements: the same digits on any number of threads.
+    norm_square = sum(of_element)
     ! Bodies that move and have no strain have no error either.
-    if (norm_square <= rounding_square) then
+    if (norm_square <= sum(of_rounding)) then
       square = 0
       norm_square = 0
     end if
-    call factor%destroy()
   end subroutine estimate_discretization_error
 
   !> The elements of one block.
@@ -71,65 +73,93 @@ contains
     type(field_t), intent(in) :: factor
     type(patch_fit_t), intent(in) :: fit
     real(dp), intent(in) :: u(:, :)
-    real(dp), intent(out) :: square(:)
-    real(dp), intent(inout) :: norm_square
-    !> What of it may be rounding [force length].
-    real(dp), intent(inout) :: rounding_square
+    !> Squared errors, squared norms of the displacement, and what of these may be rounding (n_elements).
+    real(dp), intent(out) :: square(:), norm_square(:), rounding_square(:)
     type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable :: of_element
     type(element_table_t) :: table, corners
     type(element_kind_t) :: kind
-    real(dp), allocatable :: x(:, :), ue(:, :), g(:, :, :), w(:), stiffness(:)
-    integer, allocatable :: node(:), strain(:, :)
-    real(dp) :: matrix(6, 6), worst, part, computed(6), recovered(6), difference(6)
-    integer :: n, dim, slots, e, q, i, s
+    real(dp) :: matrix(6, 6)
+    integer :: e
     kind = element_kind(mesh%block(i_block)%kind)
-    n = kind%n_nodes
-    dim = mesh%dimension
-    slots = gradient_slots(analysis)
     matrix = material%plane_matrix(analysis)
-    strain = reshape([((strain_index(analysis, i, s), i=1, dim), s=1, slots)], [dim, slots])
     call table%init(mesh%block(i_block)%kind, rule_degree(kind))
     call corners%init(kind%corner_kind, rule_degree(kind))
-    allocate (x(dim, n), ue(dim, n), node(n), g(n, slots, table%n_points), w(table%n_points), stiffness(table%n_points))
+    ! One formula serves one thread.
+    !$omp parallel do default(none) schedule(static) if (factor%constant) private(of_element) &
+    !$omp& shared(mesh, i_block, analysis, matrix, factor, fit, kind, table, corners, u, square, norm_square, rounding_square, &
+    !$omp& error)
     do e = 1, size(square)
-      node(:) = mesh%block(i_block)%node(:, e)
-      x(:, :) = mesh%x(:, node)
-      ue(:, :) = u(:, node)
-      call map_element(n, dim, slots, table%n_points, table%shape, table%gradient, table%weight, x, g, w, worst)
-      square(e) = 0
-      ! Elements that are inverted at a point of this rule, of a higher degree than that of the stiffness, tell nothing.
-      if (.not. worst > 0) cycle
-      stiffness = w
-      if (.not. factor%constant) call apply_factor(factor, table%shape, x, mesh%block(i_block)%tag(e), stiffness, error)
-      if (allocated(error)) return
-      do q = 1, table%n_points
-        computed = strain_of(dim, slots, strain, matmul(ue, g(:, :, q)))
-        recovered = strain_of(dim, slots, strain, recovered_gradient(q))
-        difference = recovered - computed
-        part = stiffness(q)*dot_product(difference, matmul(matrix, difference))
-        square(e) = square(e) + part
-        norm_square = norm_square + stiffness(q)*dot_product(computed, matmul(matrix, computed))
-        rounding_square = rounding_square + stiffness(q)*maxval(abs(matrix))*(rounding*norm2(ue)*norm2(g(:, :, q)))**2
+      associate (node => mesh%block(i_block)%node(:, e))
+        call estimate_element(kind%n_nodes, kind%n_corners, mesh%dimension, analysis, matrix, factor, table, corners, fit, &
+                              mesh%block(i_block)%tag(e), node, mesh%x, u, square(e), norm_square(e), &
+                              rounding_square(e), of_element)
+      end associate
+      if (allocated(of_element)) then
+        !$omp critical
+        if (.not. allocated(error)) call move_alloc(of_element, error)
+        !$omp end critical
+      end if
+    end do
+    !$omp end parallel do
+  end subroutine estimate_block
+
+  !> One element.
+  subroutine estimate_element(n, n_corners, dim, analysis, matrix, factor, table, corners, fit, tag, node, all_x, all_u, square, &
+      norm_square, rounding_square, error)
+    !> Number of nodes and corners of the element; dimension.
+    integer, intent(in) :: n, n_corners, dim, analysis
+    !> From strains to stresses [pressure].
+    real(dp), intent(in) :: matrix(6, 6)
+    type(field_t), intent(in) :: factor
+    !> Shape functions, and the linear ones, at the points.
+    type(element_table_t), intent(in) :: table, corners
+    type(patch_fit_t), intent(in) :: fit
+    !> For messages.
+    integer(int64), intent(in) :: tag
+    !> Its nodes (n), and coordinates and displacements of all nodes of the body [length].
+    integer, intent(in) :: node(n)
+    real(dp), intent(in) :: all_x(:, :), all_u(:, :)
+    real(dp), intent(out) :: square, norm_square, rounding_square
+    type(error_t), allocatable, intent(out) :: error
+    real(dp) :: x(dim, n), u(dim, n), g(n, gradient_slots(analysis), table%n_points), w(table%n_points), stiffness(table%n_points)
+    real(dp) :: gradient(dim, gradient_slots(analysis)), own(dim, dim), worst, computed(6), difference(6)
+    integer :: strain(dim, gradient_slots(analysis)), slots, q, i, s, c
+    slots = gradient_slots(analysis)
+    do s = 1, slots
+      do i = 1, dim
+        strain(i, s) = strain_index(analysis, i, s)
       end do
     end do
-
-  contains
-
-    !> Mean of the gradients of the vertices' polynomials; the third slot, u/r, is that of the displacement itself, which is of a
-    !> higher order.
-    function recovered_gradient(q) result(gradient)
-      integer, intent(in) :: q
-      real(dp) :: gradient(dim, slots), place(dim), own(dim, dim)
-      integer :: c
-      gradient = 0
-      if (slots > dim) gradient(:, slots) = matmul(ue, g(:, slots, q))
-      place = matmul(x, table%shape(:, q))
-      do c = 1, kind%n_corners
-        call fit%gradient(fit%vertex(node(c)), place, own)
+    do i = 1, n
+      x(:, i) = all_x(:, node(i))
+      u(:, i) = all_u(:, node(i))
+    end do
+    square = 0
+    norm_square = 0
+    rounding_square = 0
+    call map_element(n, dim, slots, table%n_points, table%shape, table%gradient, table%weight, x, g, w, worst)
+    ! Elements that are inverted at a point of this rule, of a higher degree than that of the stiffness, tell nothing.
+    if (.not. worst > 0) return
+    stiffness = w
+    if (.not. factor%constant) call apply_factor(factor, table%shape, x, tag, stiffness, error)
+    if (allocated(error)) return
+    do q = 1, table%n_points
+      gradient = matmul(u, g(:, :, q))
+      computed = strain_of(dim, slots, strain, gradient)
+      norm_square = norm_square + stiffness(q)*dot_product(computed, matmul(matrix, computed))
+      rounding_square = rounding_square + stiffness(q)*maxval(abs(matrix))*(rounding*norm2(u)*norm2(g(:, :, q)))**2
+      ! Recovered minus computed; the third slot, u/r, is that of the displacement itself, which is of a higher order.
+      if (slots > dim) gradient(:, slots) = 0
+      gradient = -gradient
+      do c = 1, n_corners
+        call fit%gradient(fit%vertex(node(c)), matmul(x, table%shape(:, q)), own)
         gradient(:, :dim) = gradient(:, :dim) + corners%shape(c, q)*own
       end do
-    end function recovered_gradient
-  end subroutine estimate_block
+      difference = strain_of(dim, slots, strain, gradient)
+      square = square + stiffness(q)*dot_product(difference, matmul(matrix, difference))
+    end do
+  end subroutine estimate_element
 
   !> Strains of a displacement gradient.
   pure function strain_of(dim, slots, index, gradient) result(strain)
@@ -147,11 +177,10 @@ contains
     end do
   end function strain_of
 
-  !> Degree of the quadrature. The points of the stiffness are those where computed strains are best, and would show too small an error.
+  !> Degree of the quadrature: more than that of the stiffness, whose points are those where computed strains are best.
   pure integer function rule_degree(kind) result(degree)
     type(element_kind_t), intent(in) :: kind
     degree = 2*kind%order + 1
-    if (kind%corner_kind == element_tri3 .or. kind%corner_kind == element_tet4 .or. kind%corner_kind == element_prism6) &
-      degree = 2*kind%order + 2
+    if (any(kind%corner_kind == [element_tri3, element_tet4, element_prism6])) degree = 2*kind%order
   end function rule_degree
 end module dotyk_elasticity_discretization_error

@@ -23,13 +23,15 @@ module dotyk_elasticity_patch_fit
     integer :: dimension = 0, degree = 0, n_monomials = 0, n_vertices = 0
     !> Exponents of the monomials (dimension, n_monomials).
     integer, allocatable :: exponent(:, :)
+    !> The third one, 0 in two dimensions (n_monomials).
+    integer, allocatable :: third(:)
     !> Vertex of each node, 0 for nodes that are none (n_nodes).
     integer, allocatable :: vertex(:)
     !> Centres of the patches (dimension, n_vertices) [length].
     real(dp), allocatable :: centre(:, :)
     !> To their own axes, in which no node is farther from the centre than 1 (dimension, dimension, n_vertices) [1/length].
     real(dp), allocatable :: axes(:, :, :)
-    !> Coefficients in axes (x - centre) (n_monomials, dimension, n_vertices) [length].
+    !> Coefficients in axes (x - centre) (dimension, n_monomials, n_vertices) [length].
     real(dp), allocatable :: coefficient(:, :, :)
   contains
     procedure :: init => patch_fit_init
@@ -68,12 +70,14 @@ contains
     self%degree = order + 1
     call list_exponents(self%dimension, self%degree, self%exponent)
     self%n_monomials = size(self%exponent, 2)
+    allocate (self%third(self%n_monomials), source=0)
+    if (self%dimension == 3) self%third = self%exponent(3, :)
     node_of = pack([(i, i=1, size(corner))], corner)
     self%n_vertices = size(node_of)
     allocate (self%vertex(size(corner)), source=0)
     self%vertex(node_of) = [(v, v=1, self%n_vertices)]
     allocate (self%centre(self%dimension, self%n_vertices), self%axes(self%dimension, self%dimension, self%n_vertices), &
-              self%coefficient(self%n_monomials, self%dimension, self%n_vertices))
+              self%coefficient(self%dimension, self%n_monomials, self%n_vertices))
     call node_graph(mesh, start, neighbour)
     !$omp parallel default(none) shared(self, mesh, u, start, neighbour, node_of) private(v, mark)
     allocate (mark(mesh%n_nodes()), source=0)
@@ -159,7 +163,7 @@ contains
         coefficient = 0
         do k = 1, degree
           m = count(sum(exponent, dim=1) <= k)
-          call add_fit(a(:, :m), b, determined, coefficient(:m, :), rank)
+          call add_fit(a(:, :m), b, determined, coefficient(:, :m), rank)
         end do
         exit
       end if
@@ -198,7 +202,7 @@ contains
     real(dp), intent(inout) :: b(:, :)
     !> As in least_squares.
     real(dp), intent(in) :: tolerance
-    !> (n, n_components).
+    !> (n_components, n).
     real(dp), intent(inout) :: coefficient(:, :)
     !> What of the monomials the nodes determine.
     integer, intent(out) :: rank
@@ -210,7 +214,7 @@ contains
     c(:size(b, 1), :) = b
     call least_squares(a, c, tolerance, rank, error)
     if (allocated(error)) return
-    coefficient = coefficient + c(:n, :)
+    coefficient = coefficient + transpose(c(:n, :))
     b = b - matmul(a, c(:n, :))
   end subroutine add_fit
 
@@ -243,8 +247,8 @@ contains
     real(dp), intent(in) :: x(:)
     !> gradient(i, k) = d u_i / d x_k [].
     real(dp), intent(out) :: gradient(:, :)
-    real(dp) :: power(0:3, 3), slope, own(3)
-    integer :: k, m, e
+    real(dp) :: power(0:3, 3), slope(3), own(3)
+    integer :: k, m
     power = 1
     do k = 1, self%dimension
       power(1, k) = dot_product(self%axes(k, :, vertex), x - self%centre(:, vertex))
@@ -253,12 +257,13 @@ contains
     end do
     gradient = 0
     do m = 2, self%n_monomials
+      associate (i => self%exponent(1, m), j => self%exponent(2, m), l => self%third(m))
+        slope(1) = i*power(max(0, i - 1), 1)*power(j, 2)*power(l, 3)
+        slope(2) = j*power(i, 1)*power(max(0, j - 1), 2)*power(l, 3)
+        slope(3) = l*power(i, 1)*power(j, 2)*power(max(0, l - 1), 3)
+      end associate
       do k = 1, self%dimension
-        e = self%exponent(k, m)
-        if (e == 0) cycle
-        slope = e*power(e - 1, k)*power(self%exponent(modulo(k, self%dimension) + 1, m), modulo(k, self%dimension) + 1)
-        if (self%dimension == 3) slope = slope*power(self%exponent(modulo(k + 1, 3) + 1, m), modulo(k + 1, 3) + 1)
-        gradient(:, k) = gradient(:, k) + slope*self%coefficient(m, :, vertex)
+        gradient(:, k) = gradient(:, k) + slope(k)*self%coefficient(:, m, vertex)
       end do
     end do
     do m = 1, self%dimension

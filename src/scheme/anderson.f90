@@ -3,6 +3,7 @@
 !> The next iterate is that combination of the last few images under the iteration whose residuals cancel best, in the energy norm. Where
 !> the residual grows all the same, the history is dropped and the best iterate so far goes on alone.
 module dotyk_scheme_anderson
+  use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
@@ -45,6 +46,8 @@ contains
       allocate (p(n), z(n), df_m(n, window), df_y(n, window), dg_m(n, window), dg_y(n, window), share(window))
       k = -1
       least = huge(least)
+      ! Nothing is proven of its factor.
+      result%q_predicted = ieee_value(residual, ieee_quiet_nan)
       ! Should gamma be too large, the safeguard finds a better one: that is what the patience is for.
       call stopping%begin(settings, contraction(2/(2 + result%lambda_max), result%lambda_max), safeguarded=.true.)
       do

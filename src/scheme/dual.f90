@@ -126,6 +126,7 @@ contains
                                admissible_bound(problem, compliance, system, now))
       ! Beyond 1e150 a bound is none.
       if (norm > 0) result%error_bound = min(result%error_bound, 1.0e150_dp*norm)/norm
+      if (result%error_bound >= 0.99e150_dp) result%error_bound = huge(norm)
     end if
     result%energy = problem%energy(result%m, result%y, now%alpha)
     result%max_penetration = 0

@@ -4,6 +4,7 @@
 !> of the factor 1 - 2/(2+L) one of about 1 - 1/sqrt(1+L); the restart (O'Donoghue, Candes 2015) finds it without knowing how convex F_theta
 !> is near the solution.
 module dotyk_scheme_nesterov
+  use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
   use dotyk_scheme_history, only: scheme_result_t
@@ -30,12 +31,13 @@ contains
     if (size(result%m) > 0) then
       gamma = 1/(1 + result%lambda_max)
       result%gamma = gamma
-      result%q_predicted = 1 - 1/sqrt(1 + result%lambda_max)
+      ! Typical of momentum, but not proven for restarts.
+      result%q_predicted = ieee_value(gamma, ieee_quiet_nan)
       allocate (p(size(result%m)), z(size(result%m)))
       m_old = result%m
       y_old = result%y
       t = 1
-      call stopping%begin(settings, result%q_predicted)
+      call stopping%begin(settings, 1 - 1/sqrt(1 + result%lambda_max))
       do
         ! The answer at the point with momentum, which is the iterate that is measured: its bound is the residual.
         call answer(problem, result%m, result%y, p, z, residual)

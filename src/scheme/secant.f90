@@ -3,6 +3,7 @@
 !> From the last two iterates and their images under the iteration it estimates along one line where the fixed point is:
 !> `m := g(m) - s (g(m) - m)`, `s = <dg, df>/<df, df>` with df the change of `f = g(m) - m`, dg that of g(m), in the energy product.
 module dotyk_scheme_secant
+  use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
   use dotyk_scheme_bounds, only: contraction
@@ -35,6 +36,8 @@ contains
       allocate (p(size(result%m)), z(size(result%m)))
       plain = .true.
       least = huge(least)
+      ! Nothing is proven of its factor.
+      result%q_predicted = ieee_value(residual, ieee_quiet_nan)
       ! Should gamma be too large, the safeguard finds a better one: that is what the patience is for.
       call stopping%begin(settings, contraction(2/(2 + result%lambda_max), result%lambda_max), safeguarded=.true.)
       do

@@ -1,0 +1,157 @@
+#!/usr/bin/python3
+"""The error budget: what is reported, how near it is to the truth, and the rules that use it."""
+import re
+import sys
+
+import numpy as np
+
+import dotyk_case
+
+sys.path.insert(0, str(dotyk_case.ROOT / "tools"))
+import energy_norm  # noqa: E402
+import study  # noqa: E402
+
+
+class ErrorBudget(dotyk_case.Case):
+    def example(self, name, solver="", refine=1, order=2, **groups):
+        """Run an example with another &solver group and mesh; its results file."""
+        folder = self.folder / name
+        if not folder.exists():
+            self.copy(name)
+        geo = (dotyk_case.INPUTS / name / (name + ".geo")).read_text()
+        if name != "column":
+            geo = study.set_parameter(study.set_parameter(geo, "h", "%g*({})" % refine), "order", str(order))
+        (folder / (name + ".geo")).write_text(geo)
+        text, n = re.subn(r"(?m)^&solver .*$", "&solver %s /" % solver if solver else "",
+                          (dotyk_case.INPUTS / name / (name + ".nml")).read_text())
+        self.assertEqual(n, 1)
+        for group, keys in groups.items():
+            text += "\n&%s %s /\n" % (group, keys)
+        (folder / "case.nml").write_text(text)
+        self.printed = self.dotyk("%s/case.nml" % name)
+        self.path = str(folder / "case.vtkhdf")
+        return self.results("%s/case.vtkhdf" % name)
+
+    def test_discretization(self):
+        """Against exact stresses; the estimate tends to the truth as h does to 0."""
+        for name, order, refine, low, high in (("wavy", 1, 1, 0.9, 1.1), ("wavy", 2, 1, 0.9, 1.15), ("groove_row", 1, 2, 0.9, 1.1),
+                                               ("groove_row", 2, 2, 0.9, 1.15), ("press_fit", 1, 0.5, 0.9, 1.1), ("press_fit", 2, 0.5, 0.9, 1.1)):
+            file = self.example(name, "theta_relative=0", refine, order)
+            check = study.load(self.folder / name / "check.py")
+            truth = energy_norm.error(self.path, check.exact_stress) / energy_norm.energy_norm(self.path)
+            ratio = file["dotyk/summary"].attrs["error_discretization"] / truth
+            self.assertTrue(low < ratio < high, (name, order, ratio))
+
+    def test_discretization_field(self):
+        """Squares of the elements add up to those of the bodies, and these to the whole; it is largest where the mesh is too coarse."""
+        file = self.example("wavy", refine=2)
+        summary = file["dotyk/summary"].attrs
+        cells = file["VTKHDF/CellData/discretization_error"][:]
+        body = file["VTKHDF/CellData/body"][:]
+        of_bodies = [np.linalg.norm(cells[body == b]) for b in (1, 2)]
+        np.testing.assert_allclose(summary["error_discretization_bodies"], of_bodies, rtol=1e-12)
+        self.assertAlmostEqual(np.linalg.norm(of_bodies) / summary["error_discretization"], 1, delta=1e-12)
+        self.assertAlmostEqual(summary["energy_norm"] / energy_norm.energy_norm(self.path), 1, delta=1e-9)
+        # True errors of the cells: the same ones are large.
+        check = study.load(self.folder / "wavy" / "check.py")
+        _, true = energy_norm.error(self.path, check.exact_stress, cells=True)
+        self.assertGreater(np.corrcoef(true, cells)[0, 1], 0.9)
+
+    def test_no_discretization_error(self):
+        """A uniform stress: nothing but rounding."""
+        summary = self.example("column", "theta_relative=1e-3").get("dotyk/summary").attrs
+        self.assertLess(summary["error_discretization"], 1e-12)
+        self.assertLess(summary["error_contact"], 1e-6)
+
+    def test_penalty(self):
+        """The distance to the answer without penalty, for each kind of points and for another scheme."""
+        for solver in ("theta_mesh=1, tolerance=1e-10", "theta_mesh=0.1, tolerance=1e-10", "scheme='neumann', theta_mesh=0.3, tolerance=1e-9"):
+            self.example("wavy", "theta_relative=0, tolerance=1e-10", 2)
+            exact = self.path.replace("case", "exact")
+            (self.folder / "wavy/case.vtkhdf").rename(exact)
+            file = self.example("wavy", solver, 2)
+            truth = energy_norm.distance(self.path, exact) / energy_norm.energy_norm(self.path)
+            self.assertAlmostEqual(file["dotyk/summary"].attrs["error_penalty"] / truth, 1, delta=1e-4, msg=solver)
+
+    def test_newcomer(self):
+        """Neither theta nor tolerance: the mesh makes the error."""
+        for name in ("wavy", "column", "receding"):
+            if name == "receding":
+                self.copy(name)
+                text = (self.folder / "receding/receding.nml").read_text()
+                self.write("receding/case.nml", re.sub(r"(?m)^&solver .*$", "", text))
+                self.printed = self.dotyk("receding/case.nml")
+                file = self.results("receding/case.vtkhdf")
+            else:
+                file = self.example(name)
+            summary = file["dotyk/summary"].attrs
+            self.assertEqual(summary["converged"], 1)
+            self.assertLessEqual(summary["error_bound"], 0.1 * (summary["error_penalty"] + summary["error_discretization"]))
+            self.assertLessEqual(summary["error_penalty"], max(0.3 * summary["error_discretization"], 1e-8))
+            self.assertRegex(self.printed, r"\n  error  +iteration \S+ %, penalty \S+ %, mesh \S+ %")
+
+    def test_budget_ends_an_iteration(self):
+        """The paper's scheme does no more steps than the mesh is worth, and what it leaves is what it says."""
+        file = self.example("wavy", "scheme='neumann', theta_mesh=0.5, stop_rule='budget'", 2)
+        summary, history = file["dotyk/summary"].attrs, file["dotyk/history"]
+        others = summary["error_penalty"] + summary["error_discretization"]
+        self.assertEqual(summary["converged"], 1)
+        self.assertLessEqual(summary["error_bound"], 0.1 * others)
+        self.assertGreater(summary["error_bound"], 0.01 * others)
+        # Estimated on the way and at the end, in one history.
+        estimated = np.isfinite(history["error_penalty"][:])
+        self.assertGreaterEqual(np.count_nonzero(estimated), 2)
+        self.assertTrue(estimated[-1])
+        self.assertEqual(len(estimated), summary["iterations"])
+        self.assertTrue(np.all(np.diff(history["seconds"][:]) >= 0))
+        path, budget = self.path, self.path.replace("case", "budget")
+        (self.folder / "wavy/case.vtkhdf").rename(budget)
+        steps = summary["iterations"]
+        exact = self.example("wavy", "scheme='neumann', theta_mesh=0.5, tolerance=1e-9", 2)
+        self.assertGreater(exact["dotyk/summary"].attrs["iterations"], 2 * steps)
+        truth = energy_norm.distance(path, budget) / summary["energy_norm"]
+        self.assertLessEqual(truth, summary["error_bound"] * (1 + 1e-6))
+
+    def test_theta_of_the_mesh(self):
+        """theta_mesh (h_a/E_a + h_b/E_b), point by point."""
+        file = self.example("wavy", "theta_mesh=0.2, tolerance=1e-9")
+        wave = file["dotyk/contact/wave"]
+        x, theta = wave["position"][:, 0], wave["theta"][:]
+        h = np.diff(np.sort(x)).mean()
+        self.assertAlmostEqual(wave.attrs["theta"] / (0.2 * 2 * h), 1, delta=1e-6)
+        np.testing.assert_allclose(theta, 0.2 * 2 * h, rtol=1e-6)
+        np.testing.assert_allclose(wave["pressure"][:], np.maximum(0, -wave["gap"][:]) / theta, atol=1e-9 * wave["pressure"][:].max())
+        # E of one side times ten, by a formula.
+        text = (self.folder / "wavy/case.nml").read_text()
+        text = text.replace("&body     name='lower', volume='lower', material='unit' /",
+                            "&material name='stiff', young=1, poisson=0.3, young_formula='10+0*x' /\n"
+                            "&body     name='lower', volume='lower', material='stiff' /")
+        self.write("wavy/case.nml", text)
+        self.dotyk("wavy/case.nml")
+        np.testing.assert_allclose(self.results("wavy/case.vtkhdf")["dotyk/contact/wave/theta"][:], 0.2 * 1.1 * h, rtol=1e-6)
+
+    def test_what_is_not_asked_for(self):
+        """No parts of the error, no time for them."""
+        file = self.example("wavy", "theta_mesh=0.1, tolerance=1e-9", output="fields='displacement', error_parts=''")
+        summary = file["dotyk/summary"].attrs
+        for name in ("error_penalty", "error_discretization", "error_contact"):
+            self.assertTrue(np.isnan(summary[name]), name)
+        self.assertNotIn("discretization_error", file["VTKHDF/CellData"])
+        self.assertLess(file["dotyk/timing"].attrs["estimate"], 1e-3)
+        self.assertRegex(self.printed, r"\n  error  +iteration \S+ %\n")
+        file = self.example("wavy", "theta_mesh=0.1, tolerance=1e-9", output="error_parts='penalty'")
+        self.assertTrue(np.isnan(file["dotyk/summary"].attrs["error_discretization"]))
+        self.assertGreater(file["dotyk/summary"].attrs["error_penalty"], 0)
+
+    def test_contradictions(self):
+        self.copy("wavy")
+        text = (self.folder / "wavy/wavy.nml").read_text()
+        for solver, message in (("theta_rule='mesh', theta=1", "theta_rule and a theta are both given"),
+                                ("theta=1, theta_mesh=1", "theta and theta_mesh are both given"),
+                                ("scheme='dual', stop_rule='paper'", "stop_rule='paper' is for scheme='neumann'"),
+                                ("budget_fraction=0", "budget_fraction must be above 0")):
+            self.write("wavy/case.nml", re.sub(r"(?m)^&solver .*$", "&solver %s /" % solver, text))
+            self.assertIn(message, self.dotyk("wavy/case.nml", code=2))
+
+
+dotyk_case.main()
