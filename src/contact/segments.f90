@@ -231,6 +231,8 @@ contains
     logical :: ok
     call cells_of_line(set, f, target, n_cells, facet, first, last, ok)
     if (.not. ok .or. n_cells == 0) return
+    call reach_end(set, f, target, radius, facet(minloc(first(1:n_cells), 1)), -1.0_dp, first(minloc(first(1:n_cells), 1)))
+    call reach_end(set, f, target, radius, facet(maxloc(last(1:n_cells), 1)), 1.0_dp, last(maxloc(last(1:n_cells), 1)))
     covered = sum(last(1:n_cells) - first(1:n_cells))
     if (covered > 2*(1 + area_tolerance)) return
     if (covered < 2*(1 - area_tolerance)) then
@@ -257,4 +259,32 @@ contains
     rule%xi = rule%xi(:, 1:n)
     rule%weight = rule%weight(1:n)
   end subroutine divide_line
+
+  !> Where b ends above a facet along the facet's normal, it may still be met along its own: with a gap s and an angle h/(2R) the cells
+  !> end too early by s h/(2R). They reach the end of the facet if what lies beyond has partners on the same facet of b.
+  pure subroutine reach_end(set, f, target, radius, facet_b, end_of_facet, end_of_cell)
+    type(facet_set_t), intent(in) :: set
+    integer, intent(in) :: f
+    type(target_surface_t), intent(in) :: target
+    !> Greatest distance of partners [length].
+    real(dp), intent(in) :: radius
+    !> Facet of b of the cell next to the end.
+    integer, intent(in) :: facet_b
+    !> -1 or 1.
+    real(dp), intent(in) :: end_of_facet
+    real(dp), intent(inout) :: end_of_cell
+    !> Places between the ends of the cell and the facet.
+    real(dp), parameter :: place(3) = [0.05_dp, 0.5_dp, 0.95_dp]
+    type(partner_t) :: partner
+    real(dp), dimension(3) :: x, normal, xu, xv
+    integer :: i, hint
+    if (.not. abs(end_of_facet - end_of_cell) > area_tolerance) return
+    hint = facet_b
+    do i = 1, size(place)
+      call facet_position_and_normal(set, f, [end_of_cell + place(i)*(end_of_facet - end_of_cell), 0.0_dp], x, normal, xu, xv)
+      call find_partner(target, x, normal, hint, radius, partner)
+      if (partner%status /= partner_found .or. partner%facet /= facet_b) return
+    end do
+    end_of_cell = end_of_facet
+  end subroutine reach_end
 end module dotyk_contact_segments

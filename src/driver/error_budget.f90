@@ -4,7 +4,7 @@
 !> (`dotyk_scheme_penalty`), that of the mesh an asymptotically exact estimate (`dotyk_elasticity_discretization_error`). Beside them
 !> stands what the contact conditions, met in the mean, are missed by in single places (`dotyk_contact_violation`).
 module dotyk_driver_error_budget
-  use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_nan, ieee_quiet_nan, ieee_value
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
@@ -20,7 +20,7 @@ module dotyk_driver_error_budget
   use dotyk_input_names, only: scheme_dual, stop_budget
   use dotyk_mesh_surface, only: surface_t
   use dotyk_scheme_explicit, only: explicit_compliance_t
-  use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_stalled
+  use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_rounds, ended_stalled
   use dotyk_scheme_penalty, only: estimate_penalty_error
   use dotyk_scheme_problem, only: contact_problem_t
   implicit none
@@ -51,6 +51,9 @@ module dotyk_driver_error_budget
   real(dp), parameter :: most_penalty = 0.3_dp
   !> At most by this factor.
   real(dp), parameter :: least_factor = 1.0e-3_dp
+  !> An error of the mesh below this is none to a theta of schemes whose steps grow like 1/theta: on meshes that are exact, a theta after
+  !> their error would let them step for ever.
+  real(dp), parameter :: no_mesh_error = 1.0e-3_dp
   !> Errors below this are none.
   real(dp), parameter :: no_error = 1.0e-8_dp
 
@@ -69,8 +72,8 @@ contains
   pure real(dp) function budget_others(self) result(others)
     class(error_budget_t), intent(in) :: self
     others = 0
-    if (self%penalty >= 0) others = others + self%penalty
-    if (self%discretization >= 0) others = others + self%discretization
+    if (.not. ieee_is_nan(self%penalty)) others = others + self%penalty
+    if (.not. ieee_is_nan(self%discretization)) others = others + self%discretization
   end function budget_others
 
   !> Tolerance of the first answer.
@@ -79,6 +82,12 @@ contains
     tolerance = solver%tolerance
     if (solver%stop_rule == stop_budget) tolerance = rough
   end function first_tolerance
+
+  !> Whether the answer depends on its errors: the iteration stops by them, or a theta that was not given becomes smaller.
+  pure logical function errors_decide(case)
+    type(case_t), intent(in) :: case
+    errors_decide = case%solver%stop_rule == stop_budget .or. .not. all(case%contact%theta_given)
+  end function errors_decide
 
   !> Estimate the errors of an answer, those that the input asks for or that a rule needs.
   subroutine estimate_errors(case, body, pair, surface_a, surface_b, solution, problem, compliance, result, budget, error)
@@ -100,11 +109,11 @@ contains
     real(dp) :: distance
     call budget%init()
     budget%norm = problem%norm(result%m, result%y, result%alpha/problem%coarse%scale)
-    if (case%output%error_discretization .or. case%solver%stop_rule == stop_budget) then
+    if (case%output%error_discretization .or. errors_decide(case)) then
       call estimate_mesh_error(body, pair, surface_a, surface_b, solution, problem%operator%pair_first_row, result%m, budget, error)
       if (allocated(error)) return
     end if
-    if (case%output%error_penalty .or. case%solver%stop_rule == stop_budget) then
+    if (case%output%error_penalty .or. errors_decide(case)) then
       call estimate_penalty_error(problem, case%solver%linear_solver, scheme_of(case) == scheme_dual, compliance, result, &
                                   distance, error)
       if (allocated(error)) return
@@ -120,8 +129,10 @@ contains
 
   !> Whether the scene is to be solved again from where it is, with a smaller theta or to another tolerance; and the outcome of the rule
   !> 'budget' where not.
-  logical function ask_for_more(case, pair, budget, problem, result, tolerance, log) result(more)
+  logical function ask_for_more(case, last, pair, budget, problem, result, tolerance, log) result(more)
     type(case_t), intent(in) :: case
+    !> There is no more: the answer stays as it is.
+    logical, intent(in) :: last
     !> Their theta may change (n_pairs).
     type(contact_pair_t), intent(inout) :: pair(:)
     type(error_budget_t), intent(in) :: budget
@@ -131,12 +142,19 @@ contains
     !> What was asked for, and what will be [].
     real(dp), intent(inout) :: tolerance
     type(log_t), intent(inout) :: log
-    real(dp) :: factor, target
+    real(dp) :: factor, target, mesh_error
     integer :: k
     more = .false.
     if (all(result%ended /= [ended_converged, ended_stalled]) .or. size(result%m) == 0) return
-    if (budget%penalty > most_penalty*max(budget%discretization, no_error) .and. .not. all(case%contact%theta_given)) then
-      factor = max(least_factor, 0.5_dp*most_penalty*max(budget%discretization, no_error)/budget%penalty)
+    if (.not. errors_decide(case)) return
+    factor = 1
+    ! An error that is not known changes nothing.
+    if (.not. (last .or. ieee_is_nan(budget%penalty) .or. ieee_is_nan(budget%discretization))) then
+      mesh_error = max(budget%discretization, merge(no_error, no_mesh_error, scheme_of(case) == scheme_dual))
+      if (budget%penalty > most_penalty*mesh_error) &
+        factor = max(least_factor, 0.5_dp*most_penalty*mesh_error/budget%penalty)
+    end if
+    if (factor < 1) then
       do k = 1, size(pair)
         if (case%contact(k)%theta_given) cycle
         ! Single pressures at quadrature points would become noise.
@@ -160,10 +178,10 @@ contains
       result%ended = ended_converged
       tolerance = target
     else
-      more = result%ended == ended_converged
+      more = result%ended == ended_converged .and. .not. last
       ! The next answer has other errors, if not very different ones.
-      tolerance = 0.7_dp*target
-      if (.not. more) tolerance = target
+      tolerance = merge(0.7_dp, 1.0_dp, more)*target
+      if (last .and. result%ended == ended_converged) result%ended = ended_rounds
     end if
   end function ask_for_more
 

@@ -186,7 +186,8 @@ contains
                            run%compliance, run%result, run%budget, error)
       call run%watch%lap(run%timing%estimate)
       if (allocated(error)) return
-      if (.not. ask_for_more(run%case, run%pair, run%budget, run%problem, run%result, tolerance, run%log)) exit
+      if (.not. ask_for_more(run%case, round == most_rounds, run%pair, run%budget, run%problem, run%result, tolerance, &
+                             run%log)) exit
     end do
     call show_result(run%log, run%result, tolerance, run%problem%body_solves, run%timing%iterate)
     call show_budget(run%log, run%case%output, run%body, run%result, run%budget)

@@ -87,7 +87,7 @@ contains
     iteration%max_iterations = case%solver%max_iterations
     if (present(start)) then
       iteration%start = start%m
-      if (start%lambda_max > 0) iteration%lambda_max = start%lambda_max
+      if (scheme_of(case) /= scheme_dual) iteration%lambda_max = start%lambda_max
     end if
     ! For the dual scheme, and what estimates errors with it.
     call foundation_compliance(body, pair, problem%foundation)

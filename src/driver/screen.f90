@@ -15,7 +15,7 @@ module dotyk_driver_screen
   use dotyk_input_names, only: analysis_names, name_at
   use dotyk_mesh_surface, only: surface_t
   use dotyk_scheme_bounds, only: gamma_limit
-  use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_limit, ended_diverged
+  use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_limit, ended_diverged, ended_rounds
   use dotyk_scheme_progress, only: duration
   implicit none
   private
@@ -206,7 +206,7 @@ contains
     type(error_budget_t), intent(in) :: budget
     character(:), allocatable :: line
     line = '  error            iteration '//part(result%error_bound)
-    if (output%error_penalty .or. budget%penalty >= 0) line = line//', penalty '//part(budget%penalty)
+    if (output%error_penalty .or. .not. ieee_is_nan(budget%penalty)) line = line//', penalty '//part(budget%penalty)
     if (allocated(budget%of_body)) then
       line = line//', mesh '//part(budget%discretization)
       if (size(body) > 1) line = line//', most of it in '//body(maxloc(budget%of_body, 1))%name
@@ -217,7 +217,8 @@ contains
       real(dp), intent(in) :: value
       character(:), allocatable :: text
       text = 'unknown'
-      if (value >= 0 .and. value < 1.0e100_dp) text = to_text(100*value, 2)//' %'
+      if (ieee_is_nan(value)) return
+      if (value < 1.0e100_dp) text = to_text(100*value, 2)//' %'
     end function part
   end subroutine show_budget
 
@@ -256,6 +257,8 @@ contains
       text = 'not converged: stopped at max_iterations'
     case (ended_diverged)
       text = 'not converged: diverged'
+    case (ended_rounds)
+      text = 'not converged: the error bound keeps above its part of the other errors; stopped'
     case default
       text = 'not converged: rounding allows no smaller error; stopped'
     end select

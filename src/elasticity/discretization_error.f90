@@ -18,6 +18,9 @@ module dotyk_elasticity_discretization_error
   private
   public :: estimate_discretization_error
 
+  !> Strains below this, relative to what displacements give without cancellation, are rounding errors.
+  real(dp), parameter :: rounding = 1.0e3_dp*epsilon(1.0_dp)
+
 contains
 
   !> Squared error of each element in the energy norm, A(e,e), and the squared norm A(u,u) of the displacement.
@@ -36,36 +39,42 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(patch_fit_t) :: fit
     type(field_t) :: factor
-    real(dp), allocatable :: of_element(:)
+    real(dp), allocatable :: of_element(:), of_rounding(:)
     integer :: b, first, last
     square = 0
     norm_square = 0
     call read_factor(material, factor, error)
     if (allocated(error)) return
     call fit%init(mesh, u)
-    allocate (of_element(size(square)), source=0.0_dp)
+    allocate (of_element(size(square)), of_rounding(size(square)), source=0.0_dp)
     last = 0
     do b = 1, size(mesh%block)
       first = last + 1
       last = last + size(mesh%block(b)%node, 2)
-      call estimate_block(mesh, b, analysis, material, factor, fit, u, square(first:last), of_element(first:last), error)
+      call estimate_block(mesh, b, analysis, material, factor, fit, u, square(first:last), of_element(first:last), &
+                          of_rounding(first:last), error)
       if (allocated(error)) exit
     end do
     call factor%destroy()
     ! In the order of the elements: the same digits on any number of threads.
     norm_square = sum(of_element)
+    ! Bodies that move and have no strain have no error either.
+    if (norm_square <= sum(of_rounding)) then
+      square = 0
+      norm_square = 0
+    end if
   end subroutine estimate_discretization_error
 
   !> The elements of one block.
-  subroutine estimate_block(mesh, i_block, analysis, material, factor, fit, u, square, norm_square, error)
+  subroutine estimate_block(mesh, i_block, analysis, material, factor, fit, u, square, norm_square, rounding_square, error)
     type(body_mesh_t), intent(in) :: mesh
     integer, intent(in) :: i_block, analysis
     type(material_t), intent(in) :: material
     type(field_t), intent(in) :: factor
     type(patch_fit_t), intent(in) :: fit
     real(dp), intent(in) :: u(:, :)
-    !> Squared errors, and squared norms of the displacement (n_elements).
-    real(dp), intent(out) :: square(:), norm_square(:)
+    !> Squared errors, squared norms of the displacement, and what of these may be rounding (n_elements).
+    real(dp), intent(out) :: square(:), norm_square(:), rounding_square(:)
     type(error_t), allocatable, intent(out) :: error
     type(error_t), allocatable :: of_element
     type(element_table_t) :: table, corners
@@ -78,11 +87,13 @@ contains
     call corners%init(kind%corner_kind, rule_degree(kind))
     ! One formula serves one thread.
     !$omp parallel do default(none) schedule(static) if (factor%constant) private(of_element) &
-    !$omp& shared(mesh, i_block, analysis, matrix, factor, fit, kind, table, corners, u, square, norm_square, error)
+    !$omp& shared(mesh, i_block, analysis, matrix, factor, fit, kind, table, corners, u, square, norm_square, rounding_square, &
+    !$omp& error)
     do e = 1, size(square)
       associate (node => mesh%block(i_block)%node(:, e))
         call estimate_element(kind%n_nodes, kind%n_corners, mesh%dimension, analysis, matrix, factor, table, corners, fit, &
-                              mesh%block(i_block)%tag(e), node, mesh%x, u, square(e), norm_square(e), of_element)
+                              mesh%block(i_block)%tag(e), node, mesh%x, u, square(e), norm_square(e), &
+                              rounding_square(e), of_element)
       end associate
       if (allocated(of_element)) then
         !$omp critical
@@ -95,7 +106,7 @@ contains
 
   !> One element.
   subroutine estimate_element(n, n_corners, dim, analysis, matrix, factor, table, corners, fit, tag, node, all_x, all_u, square, &
-      norm_square, error)
+      norm_square, rounding_square, error)
     !> Number of nodes and corners of the element; dimension.
     integer, intent(in) :: n, n_corners, dim, analysis
     !> From strains to stresses [pressure].
@@ -109,7 +120,7 @@ contains
     !> Its nodes (n), and coordinates and displacements of all nodes of the body [length].
     integer, intent(in) :: node(n)
     real(dp), intent(in) :: all_x(:, :), all_u(:, :)
-    real(dp), intent(out) :: square, norm_square
+    real(dp), intent(out) :: square, norm_square, rounding_square
     type(error_t), allocatable, intent(out) :: error
     real(dp) :: x(dim, n), u(dim, n), g(n, gradient_slots(analysis), table%n_points), w(table%n_points), stiffness(table%n_points)
     real(dp) :: gradient(dim, gradient_slots(analysis)), own(dim, dim), worst, computed(6), difference(6)
@@ -126,6 +137,7 @@ contains
     end do
     square = 0
     norm_square = 0
+    rounding_square = 0
     call map_element(n, dim, slots, table%n_points, table%shape, table%gradient, table%weight, x, g, w, worst)
     ! Elements that are inverted at a point of this rule, of a higher degree than that of the stiffness, tell nothing.
     if (.not. worst > 0) return
@@ -136,6 +148,7 @@ contains
       gradient = matmul(u, g(:, :, q))
       computed = strain_of(dim, slots, strain, gradient)
       norm_square = norm_square + stiffness(q)*dot_product(computed, matmul(matrix, computed))
+      rounding_square = rounding_square + stiffness(q)*maxval(abs(matrix))*(rounding*norm2(u)*norm2(g(:, :, q)))**2
       ! Recovered minus computed; the third slot, u/r, is that of the displacement itself, which is of a higher order.
       if (slots > dim) gradient(:, slots) = 0
       gradient = -gradient

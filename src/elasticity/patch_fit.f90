@@ -2,13 +2,16 @@
 !> Comput. 26, 2005).
 !>
 !> On the patch of elements around a vertex, a polynomial of one degree more than the elements' is fitted to the nodal
-!> values by least squares, near ones counting more than far ones. Where the displacement is such a polynomial, its gradient is exact, on any mesh and up to the
-!> boundary; where it is smooth, it is of a higher order than that of the elements.
+!> values by least squares, near ones counting more than far ones. Where the displacement is such a polynomial and the patch
+!> determines it, its gradient is exact, on any mesh and up to the boundary; where it is smooth, it is of a higher order than that of
+!> the elements. Bodies of a layer or two of elements do not determine all of it: there polynomials of lower degree are fitted first,
+!> so that these at least are exact. The fit is in axes in which the patch is about as long as wide: flat elements are no worse than
+!> others.
 module dotyk_elasticity_patch_fit
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_elasticity_graph, only: node_graph
-  use dotyk_linalg_dense, only: least_squares
+  use dotyk_linalg_dense, only: least_squares, symmetric_eigen
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t
   implicit none
@@ -24,9 +27,11 @@ module dotyk_elasticity_patch_fit
     integer, allocatable :: third(:)
     !> Vertex of each node, 0 for nodes that are none (n_nodes).
     integer, allocatable :: vertex(:)
-    !> Centres (dimension, n_vertices) and radii (n_vertices) of the patches [length].
-    real(dp), allocatable :: centre(:, :), radius(:)
-    !> Coefficients in (x - centre)/radius (dimension, n_monomials, n_vertices) [length].
+    !> Centres of the patches (dimension, n_vertices) [length].
+    real(dp), allocatable :: centre(:, :)
+    !> To their own axes, in which no node is farther from the centre than 1 (dimension, dimension, n_vertices) [1/length].
+    real(dp), allocatable :: axes(:, :, :)
+    !> Coefficients in axes (x - centre) (dimension, n_monomials, n_vertices) [length].
     real(dp), allocatable :: coefficient(:, :, :)
   contains
     procedure :: init => patch_fit_init
@@ -71,15 +76,15 @@ contains
     self%n_vertices = size(node_of)
     allocate (self%vertex(size(corner)), source=0)
     self%vertex(node_of) = [(v, v=1, self%n_vertices)]
-    allocate (self%centre(self%dimension, self%n_vertices), self%radius(self%n_vertices), &
+    allocate (self%centre(self%dimension, self%n_vertices), self%axes(self%dimension, self%dimension, self%n_vertices), &
               self%coefficient(self%dimension, self%n_monomials, self%n_vertices))
     call node_graph(mesh, start, neighbour)
     !$omp parallel default(none) shared(self, mesh, u, start, neighbour, node_of) private(v, mark)
     allocate (mark(mesh%n_nodes()), source=0)
     !$omp do schedule(dynamic, 16)
     do v = 1, self%n_vertices
-      call fit_vertex(self%n_monomials, self%exponent, mesh%x, u, node_of(v), start, neighbour, mark, self%centre(:, v), &
-                      self%radius(v), self%coefficient(:, :, v))
+      call fit_vertex(self%degree, self%exponent, mesh%x, u, node_of(v), start, neighbour, mark, self%centre(:, v), &
+                      self%axes(:, :, v), self%coefficient(:, :, v))
     end do
     !$omp end do
     deallocate (mark)
@@ -111,9 +116,9 @@ contains
 
   !> The polynomial of one vertex. Rings of elements are added until the nodes determine it: one inside the body,
   !> two at most places of the boundary.
-  subroutine fit_vertex(n, exponent, x, u, node, start, neighbour, mark, centre, radius, coefficient)
-    !> Number of monomials.
-    integer, intent(in) :: n
+  subroutine fit_vertex(degree, exponent, x, u, node, start, neighbour, mark, centre, axes, coefficient)
+    integer, intent(in) :: degree
+    !> Of the monomials (dimension, n_monomials).
     integer, intent(in) :: exponent(:, :)
     !> Nodes (dimension, n_nodes) and their displacements [length].
     real(dp), intent(in) :: x(:, :), u(:, :)
@@ -123,42 +128,95 @@ contains
     integer, intent(in) :: start(:), neighbour(:)
     !> Work array (n_nodes): last vertex whose patch a node was in.
     integer, intent(inout) :: mark(:)
-    real(dp), intent(out) :: centre(:), radius, coefficient(:, :)
-    type(error_t), allocatable :: error
+    !> As in patch_fit_t.
+    real(dp), intent(out) :: centre(:), axes(:, :), coefficient(:, :)
     integer, allocatable :: patch(:)
-    real(dp), allocatable :: a(:, :), b(:, :)
+    real(dp), allocatable :: a(:, :), b(:, :), rest(:, :), local(:, :)
     real(dp) :: weight
-    integer :: ring, i, m, rank
+    integer :: ring, i, k, m, n, rank
+    n = size(exponent, 2)
     allocate (patch(1))
     patch(1) = node
     mark(node) = node
     centre = x(:, node)
     do ring = 1, most_rings
       call add_ring(start, neighbour, node, mark, patch)
-      radius = 0
-      do i = 2, size(patch)
-        radius = max(radius, norm2(x(:, patch(i)) - centre))
-      end do
-      if (.not. radius > 0) radius = 1
       if (ring < most_rings .and. size(patch) < n + 1) cycle
-      allocate (a(size(patch), n), b(max(n, size(patch)), size(u, 1)))
+      local = x(:, patch) - spread(centre, 2, size(patch))
+      call own_axes(local, axes)
+      local = matmul(axes, local)
+      allocate (a(size(patch), n), b(size(patch), size(u, 1)))
       do i = 1, size(patch)
         do m = 1, n
-          a(i, m) = product(((x(:, patch(i)) - centre)/radius)**exponent(:, m))
+          a(i, m) = product(local(:, i)**exponent(:, m))
         end do
         b(i, :) = u(:, patch(i)) - u(:, node)
         ! Far nodes of one-sided patches would bend the polynomial.
-        weight = 1/(0.01_dp + (norm2(x(:, patch(i)) - centre)/radius)**2)
+        weight = 1/(0.01_dp + sum(local(:, i)**2))
         a(i, :) = weight*a(i, :)
         b(i, :) = weight*b(i, :)
       end do
-      call least_squares(a, b, merge(well_determined, determined, ring == 1), rank, error)
       coefficient = 0
-      if (.not. allocated(error)) coefficient = transpose(b(:n, :))
+      rest = b
+      call add_fit(a, rest, merge(well_determined, determined, ring == 1), coefficient, rank)
+      if (rank < n .and. ring > 1) then
+        coefficient = 0
+        do k = 1, degree
+          m = count(sum(exponent, dim=1) <= k)
+          call add_fit(a(:, :m), b, determined, coefficient(:, :m), rank)
+        end do
+        exit
+      end if
+      if (rank == n) exit
       deallocate (a, b)
-      if (rank == n .or. ring > 1) exit
     end do
   end subroutine fit_vertex
+
+  !> Axes of a patch, along which the mean squares of its nodes' coordinates are the same.
+  subroutine own_axes(x, axes)
+    !> Nodes, from the centre (dimension, n) [length].
+    real(dp), intent(in) :: x(:, :)
+    !> To coordinates of 1 at most [1/length].
+    real(dp), intent(out) :: axes(:, :)
+    type(error_t), allocatable :: error
+    real(dp), dimension(size(x, 1), size(x, 1)) :: moment, vectors
+    real(dp) :: values(size(x, 1)), length
+    integer :: k
+    length = max(maxval(norm2(x, dim=1)), tiny(length))
+    moment = matmul(x/length, transpose(x/length))
+    call symmetric_eigen(moment, values, vectors, error)
+    axes = 0
+    do k = 1, size(x, 1)
+      axes(k, k) = 1/length
+      ! Elements have volume: only rounding makes a patch flatter than this.
+      if (.not. allocated(error)) axes(k, :) = vectors(:, k)/sqrt(max(values(k), epsilon(length)**2))/length
+    end do
+    axes = axes/max(maxval(norm2(matmul(axes, x), dim=1)), tiny(length))
+  end subroutine own_axes
+
+  !> Add the polynomial that fits what is left, and take it off.
+  subroutine add_fit(a, b, tolerance, coefficient, rank)
+    !> Monomials at the nodes (n_nodes, n).
+    real(dp), intent(in) :: a(:, :)
+    !> What is left (n_nodes, n_components).
+    real(dp), intent(inout) :: b(:, :)
+    !> As in least_squares.
+    real(dp), intent(in) :: tolerance
+    !> (n_components, n).
+    real(dp), intent(inout) :: coefficient(:, :)
+    !> What of the monomials the nodes determine.
+    integer, intent(out) :: rank
+    type(error_t), allocatable :: error
+    real(dp), allocatable :: c(:, :)
+    integer :: n
+    n = size(a, 2)
+    allocate (c(max(n, size(b, 1)), size(b, 2)), source=0.0_dp)
+    c(:size(b, 1), :) = b
+    call least_squares(a, c, tolerance, rank, error)
+    if (allocated(error)) return
+    coefficient = coefficient + transpose(c(:n, :))
+    b = b - matmul(a, c(:n, :))
+  end subroutine add_fit
 
   !> Add the nodes of all elements that nodes of a patch belong to.
   pure subroutine add_ring(start, neighbour, node, mark, patch)
@@ -189,11 +247,11 @@ contains
     real(dp), intent(in) :: x(:)
     !> gradient(i, k) = d u_i / d x_k [].
     real(dp), intent(out) :: gradient(:, :)
-    real(dp) :: power(0:3, 3), slope(3)
+    real(dp) :: power(0:3, 3), slope(3), own(3)
     integer :: k, m
     power = 1
     do k = 1, self%dimension
-      power(1, k) = (x(k) - self%centre(k, vertex))/self%radius(vertex)
+      power(1, k) = dot_product(self%axes(k, :, vertex), x - self%centre(:, vertex))
       power(2, k) = power(1, k)**2
       power(3, k) = power(2, k)*power(1, k)
     end do
@@ -208,6 +266,11 @@ contains
         gradient(:, k) = gradient(:, k) + slope(k)*self%coefficient(:, m, vertex)
       end do
     end do
-    gradient = gradient/self%radius(vertex)
+    do m = 1, self%dimension
+      own(:self%dimension) = gradient(m, :)
+      do k = 1, self%dimension
+        gradient(m, k) = dot_product(own(:self%dimension), self%axes(:, k, vertex))
+      end do
+    end do
   end subroutine patch_fit_gradient
 end module dotyk_elasticity_patch_fit

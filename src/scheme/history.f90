@@ -11,6 +11,7 @@ module dotyk_scheme_history
   integer, parameter, public :: ended_diverged = 3   !< the steps grow
   integer, parameter, public :: ended_stalled = 4    !< rounding allows no smaller error
   integer, parameter, public :: ended_unstoppable = 5  !< loads move a free body, and no contact can stop it
+  integer, parameter, public :: ended_rounds = 7     !< no answer met the budget, of as many as a scene gets
   integer, parameter, public :: ended_immovable = 6  !< supports press contact points together that cannot give way
 
   !> One entry per iteration; arrays are longer than `n` while the iteration goes on.

@@ -12,7 +12,7 @@ module dotyk_scheme_robin
   use dotyk_linalg_dense, only: solve_dense
   use dotyk_scheme_bounds, only: duality_gap
   use dotyk_scheme_explicit, only: explicit_compliance_t
-  use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_stalled
+  use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_limit, ended_stalled
   use dotyk_scheme_neumann, only: begin_at_free_scene, answer, finish_iteration
   use dotyk_scheme_problem, only: contact_problem_t
   use dotyk_scheme_stopping, only: iteration_settings_t, stopping_t, stop_residual, relative
@@ -32,6 +32,8 @@ module dotyk_scheme_robin
   real(dp), parameter :: relaxation = 0.9_dp
   !> The factor per step is not known beforehand; no gain for ten times 1/(1-q) steps is no hope.
   real(dp), parameter :: slowest = 0.999_dp
+  !> Bounds below this are not to be had with rounding errors.
+  real(dp), parameter :: least_tolerance = 1.0e-12_dp
 
 contains
 
@@ -43,10 +45,11 @@ contains
     type(scheme_result_t), intent(out) :: result
     type(error_t), allocatable, intent(out) :: error
     type(stopping_t) :: stopping
+    type(scheme_result_t) :: mean
     type(side_t), allocatable :: side(:)
     real(dp), allocatable :: p(:), z(:), change(:)
     logical, allocatable :: likely(:), last(:)
-    real(dp) :: residual, gamma, agreed
+    real(dp) :: residual, gamma, tolerance
     integer :: b
 
     call begin_at_free_scene(problem, settings, result)
@@ -56,7 +59,13 @@ contains
       result%q_predicted = ieee_value(gamma, ieee_quiet_nan)
       allocate (p(size(result%m)), z(size(result%m)), change(size(result%m)), last(size(result%m)))
       call prepare_sides(problem, side)
-      last = .false.
+      do b = 1, size(side)
+        side(b)%lambda = problem%operator%weight(problem%operator%block(b)%row)*result%m(problem%operator%block(b)%row)
+      end do
+      last = result%m > 0 .or. result%y > 0
+      call glue(problem, last, side, error)
+      if (allocated(error)) return
+      tolerance = settings%tolerance
       call stopping%begin(settings, slowest, split=.true.)
       do
         likely = last .or. result%y > 0
@@ -87,29 +96,48 @@ contains
         result%y = problem%y_free - z
         result%m = max(0.0_dp, result%y)/problem%operator%theta
         ! Twice, so that the mean of both sides keeps to it too.
-        if (stopping%check(problem, 2*residual, residual, .true., log, result)) exit
+        if (.not. stopping%check(problem, 2*residual, residual, .true., log, result)) cycle
+        mean = result
+        call find_mean(problem, side, mean)
+        if (result%ended /= ended_converged .or. settings%stop_rule /= stop_residual .or. &
+            mean%error_bound <= settings%tolerance) exit
+        ! The sides are near enough to the solution, and their mean is not: on to where it is.
+        mean%ended = merge(ended_limit, ended_stalled, result%history%n >= settings%max_iterations)
+        if (tolerance < least_tolerance .or. result%history%n >= settings%max_iterations) exit
+        tolerance = 0.5_dp*tolerance*settings%tolerance/mean%error_bound
+        call stopping%go_on(tolerance)
       end do
-      ! One state for both sides, the mean of their forces, with a bound of its own.
-      result%m = 0
-      do b = 1, size(side)
-        associate (row => problem%operator%block(b)%row)
-          result%m(row) = result%m(row) + side(b)%lambda/(2*problem%operator%weight(row))
-        end associate
-      end do
-      result%m = max(0.0_dp, result%m)
-      call problem%compliance(problem%operator%weight*result%m, z)
-      result%y = problem%y_free - z
-      call answer(problem, result%m, result%y, p, z, agreed)
-      agreed = min(agreed, sqrt(duality_gap(problem%operator%weight, problem%operator%theta, result%m, result%y)))
-      result%error_bound = relative(agreed, problem%norm(result%m, result%y))
+      result = mean
       result%history%error_bound(result%history%n) = result%error_bound
-      if (result%ended == ended_converged .and. settings%stop_rule == stop_residual .and. &
-          result%error_bound > settings%tolerance) result%ended = ended_stalled
       result%energy = problem%energy(result%m, result%y)
       result%max_penetration = max(0.0_dp, maxval(result%y))
     end if
     call finish_iteration(log, result)
   end subroutine solve_robin
+
+  !> One state for both sides, the mean of their forces, with a bound of its own.
+  subroutine find_mean(problem, side, mean)
+    type(contact_problem_t), intent(inout) :: problem
+    !> (n_bodies).
+    type(side_t), intent(in) :: side(:)
+    !> Its m, y and error bound are set.
+    type(scheme_result_t), intent(inout) :: mean
+    real(dp), dimension(size(mean%m)) :: p, z
+    real(dp) :: agreed
+    integer :: b
+    mean%m = 0
+    do b = 1, size(side)
+      associate (row => problem%operator%block(b)%row)
+        mean%m(row) = mean%m(row) + side(b)%lambda/(2*problem%operator%weight(row))
+      end associate
+    end do
+    mean%m = max(0.0_dp, mean%m)
+    call problem%compliance(problem%operator%weight*mean%m, z)
+    mean%y = problem%y_free - z
+    call answer(problem, mean%m, mean%y, p, z, agreed)
+    agreed = min(agreed, sqrt(duality_gap(problem%operator%weight, problem%operator%theta, mean%m, mean%y)))
+    mean%error_bound = relative(agreed, problem%norm(mean%m, mean%y))
+  end subroutine find_mean
 
   !> The bodies' own compliances.
   subroutine prepare_sides(problem, side)

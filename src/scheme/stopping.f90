@@ -49,6 +49,7 @@ module dotyk_scheme_stopping
   contains
     procedure :: begin => stopping_begin
     procedure :: check => stopping_check
+    procedure :: go_on => stopping_go_on
   end type stopping_t
 
   public :: relative
@@ -75,6 +76,13 @@ contains
     ! Several times the 1/(1-q) that a factor e takes.
     if (q < 1) self%patience = int(min(1.0e9_dp, max(200.0_dp, 10/(1 - q))))
   end subroutine stopping_begin
+
+  !> After all, a smaller tolerance.
+  subroutine stopping_go_on(self, tolerance)
+    class(stopping_t), intent(inout) :: self
+    real(dp), intent(in) :: tolerance
+    self%settings%tolerance = tolerance
+  end subroutine stopping_go_on
 
   !> Record a step, and say whether it was the last.
   logical function stopping_check(self, problem, bound, length, diverges, log, result, bound_of_paper) result(finished)

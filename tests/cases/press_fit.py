@@ -77,6 +77,17 @@ class PressFit(dotyk_case.Case):
         np.testing.assert_allclose(gap, -INTERFERENCE, rtol=1e-2)
         self.check(file, pressure, 3e-4, 1e-3)
 
+    def test_ends_of_overlapping_arcs(self):
+        """Along the mean normal of the last facet of surface_a, surface_b ends s h/(2R) too early: the last row would weigh less by s/R
+        and have so much more pressure."""
+        overlap = 10 * INTERFERENCE
+        for around in ((12, 12), (17, 20)):
+            file, _ = self.fit(overlap, "", around=around)
+            fit = file["dotyk/contact/fit"]
+            self.assertAlmostEqual(np.sum(fit["weight"][:]) / (np.pi / 2 * (B + overlap)), 1, delta=2e-5)
+            p = fit["pressure"][:]
+            np.testing.assert_allclose(p, np.median(p), rtol=0.2 * overlap / B)
+
     def test_not_matching(self):
         """Chords of other lengths: 2e-2 at single points."""
         file, pressure = self.fit(0.0, ", gap=-%r" % INTERFERENCE, around=(13, 10))

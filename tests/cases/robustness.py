@@ -74,6 +74,43 @@ class Robustness(dotyk_case.Case):
         self.dotyk(self.scene(steps=3), "--threads", "16")
         self.check_pressure(*self.pressure("case.vtkhdf")[1:])
 
+    def lifted(self, text):
+        """The scene with the upper block lifted off."""
+        return text.replace("value=0,0,-1e-3", "value=0,0,1e-3")
+
+    def test_open_contact_has_no_error(self):
+        for scheme in ("dual", "neumann", "nesterov", "anderson", "secant", "robin"):
+            self.dotyk(self.scene(steps=2, change=lambda text: self.lifted(text).replace(
+                "theta_relative=1e-2, tolerance=1e-8", "scheme='%s'" % scheme)))
+            summary = self.results("case.vtkhdf")["dotyk/summary"].attrs
+            for part in ("error_bound", "error_penalty", "error_discretization"):
+                self.assertEqual(summary[part], 0, scheme + " " + part)
+
+    def test_exact_meshes_ask_for_no_endless_iteration(self):
+        for scheme in ("dual", "neumann", "nesterov", "anderson", "secant", "robin"):
+            self.dotyk(self.scene(change=lambda text: text.replace("theta_relative=1e-2, tolerance=1e-8", "scheme='%s'" % scheme)))
+            summary = self.results("case.vtkhdf")["dotyk/summary"].attrs
+            self.assertLess(summary["error_discretization"], 1e-10, scheme)
+            self.assertLess(summary["error_penalty"], 4e-4, scheme)  # 0.3 of what counts as no error of the mesh
+            self.assertLess(summary["iterations"], 20000, scheme)
+
+    def test_robin_reaches_its_tolerance(self):
+        self.dotyk(self.scene(steps=3, change=lambda text: text.replace("theta_relative=1e-2", "scheme='robin', theta_mesh=1e-2")))
+        self.check_pressure(*self.pressure("case.vtkhdf")[1:])
+
+    def test_what_is_written_does_not_change_the_answer(self):
+        found = []
+        for parts in ("", "penalty", "penalty discretization"):
+            self.dotyk(self.scene(steps=2, more="&output error_parts='%s' /\n" % parts, change=lambda text: text.replace(
+                "theta_relative=1e-2, ", "")))
+            found.append(self.pressure("case.vtkhdf"))
+        self.assertEqual(found[0], found[1])
+        self.assertEqual(found[0], found[2])
+
+    def test_errors_that_nobody_asks_for_are_unknown(self):
+        text = self.dotyk(self.scene(more="&output error_parts='' /\n"))
+        self.assertRegex(text, r"\n  error  +iteration \S+ %\n")
+
     def test_an_inverted_element_is_named(self):
         self.scene()
         self.dotyk("case.nml")
