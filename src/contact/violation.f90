@@ -32,11 +32,14 @@ contains
     if (pair%points /= points_quadrature) then
       call corners%init(surface_a, pair%facet_a, pair%xi_a)
       allocate (at_corner(corners%n), theta_at_corner(corners%n), source=0.0_dp)
-      do i = 1, pair%n_rows
-        ! Vertices without a row have next to no area.
-        k = findloc(corners%corner_node, pair%row_vertex(i), 1)
+      ! Both lists ascend; vertices without a row have next to no area.
+      i = 1
+      do k = 1, corners%n
+        if (i > pair%n_rows) exit
+        if (corners%corner_node(k) /= pair%row_vertex(i)) cycle
         at_corner(k) = pressure(i)
         theta_at_corner(k) = pair%row_theta(i)
+        i = i + 1
       end do
     end if
     do i = 1, pair%n_points

@@ -112,8 +112,9 @@ contains
     if (case%output%error_discretization .or. errors_decide(case)) then
       call estimate_mesh_error(body, pair, surface_a, surface_b, solution, problem%operator%pair_first_row, result%m, budget, error)
       if (allocated(error)) return
+      if (.not. is_near(result)) call forget_mesh_error(budget)
     end if
-    if (case%output%error_penalty .or. errors_decide(case)) then
+    if ((case%output%error_penalty .or. errors_decide(case)) .and. is_near(result)) then
       call estimate_penalty_error(problem, case%solver%linear_solver, scheme_of(case) == scheme_dual, compliance, result, &
                                   distance, error)
       if (allocated(error)) return
@@ -126,6 +127,27 @@ contains
       history%error_discretization(history%n) = budget%discretization
     end associate
   end subroutine estimate_errors
+
+  !> Whether the iteration came near enough to its end for the other errors to mean something.
+  pure logical function is_near(result)
+    type(scheme_result_t), intent(in) :: result
+    is_near = size(result%m) == 0
+    if (.not. (is_near .or. ieee_is_nan(result%error_bound))) is_near = result%error_bound < 0.5_dp
+  end function is_near
+
+  !> Nothing is known of the mesh's error.
+  subroutine forget_mesh_error(budget)
+    type(error_budget_t), intent(inout) :: budget
+    real(dp) :: nan
+    integer :: b
+    nan = ieee_value(nan, ieee_quiet_nan)
+    budget%discretization = nan
+    budget%contact = nan
+    budget%of_body = nan
+    do b = 1, size(budget%of_element)
+      budget%of_element(b)%value = nan
+    end do
+  end subroutine forget_mesh_error
 
   !> Whether the scene is to be solved again from where it is, with a smaller theta or to another tolerance; and the outcome of the rule
   !> 'budget' where not.
@@ -153,6 +175,8 @@ contains
       mesh_error = max(budget%discretization, merge(no_error, no_mesh_error, scheme_of(case) == scheme_dual))
       if (budget%penalty > most_penalty*mesh_error) &
         factor = max(least_factor, 0.5_dp*most_penalty*mesh_error/budget%penalty)
+      ! A theta that was given may be what the penalty's error comes from: no more than one attempt beside it.
+      if (any(case%contact%theta_given) .and. any(pair%theta_factor < 1)) factor = 1
     end if
     if (factor < 1) then
       do k = 1, size(pair)

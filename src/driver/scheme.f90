@@ -87,6 +87,8 @@ contains
     iteration%max_iterations = case%solver%max_iterations
     if (present(start)) then
       iteration%start = start%m
+      ! max_iterations is for all steps together.
+      iteration%max_iterations = max(1, iteration%max_iterations - start%history%n)
       if (scheme_of(case) /= scheme_dual) iteration%lambda_max = start%lambda_max
     end if
     ! For the dual scheme, and what estimates errors with it.

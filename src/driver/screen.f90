@@ -209,7 +209,8 @@ contains
     if (output%error_penalty .or. .not. ieee_is_nan(budget%penalty)) line = line//', penalty '//part(budget%penalty)
     if (allocated(budget%of_body)) then
       line = line//', mesh '//part(budget%discretization)
-      if (size(body) > 1) line = line//', most of it in '//body(maxloc(budget%of_body, 1))%name
+      if (size(body) > 1 .and. .not. ieee_is_nan(budget%discretization)) &
+        line = line//', most of it in '//body(maxloc(budget%of_body, 1))%name
     end if
     call log%line(line)
   contains

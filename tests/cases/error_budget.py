@@ -143,6 +143,29 @@ class ErrorBudget(dotyk_case.Case):
         self.assertTrue(np.isnan(file["dotyk/summary"].attrs["error_discretization"]))
         self.assertGreater(file["dotyk/summary"].attrs["error_penalty"], 0)
 
+    def test_far_from_the_end(self):
+        """An iteration that got nowhere: its answer's other errors are not known."""
+        self.copy("wavy")
+        text = (self.folder / "wavy/wavy.nml").read_text()
+        for solver in ("gamma_rule='fixed', gamma=10, theta_relative=1e-1", "scheme='neumann', theta_relative=1e-2, max_iterations=1"):
+            self.write("wavy/case.nml", re.sub(r"(?m)^&solver .*$", "&solver %s /" % solver, text))
+            printed = self.dotyk("wavy/case.nml", code=1)
+            self.assertRegex(printed, "penalty unknown, mesh unknown\n")
+            file = self.results("wavy/case.vtkhdf")
+            self.assertTrue(np.isnan(file["dotyk/summary"].attrs["error_penalty"]))
+            self.assertTrue(np.isnan(file["dotyk/summary"].attrs["error_discretization"]))
+            self.assertTrue(np.all(np.isnan(file["VTKHDF/CellData/discretization_error"][:])))
+            file.close()
+
+    def test_steps_of_all_rounds(self):
+        """max_iterations is for all rounds together."""
+        self.copy("wavy")
+        text = (self.folder / "wavy/wavy.nml").read_text()
+        self.write("wavy/case.nml", re.sub(r"(?m)^&solver .*$", "&solver scheme='neumann', stop_rule='budget', theta_mesh=0.3, "
+                                           "max_iterations=600 /", text))
+        self.dotyk("wavy/case.nml", code=1)
+        self.assertEqual(self.results("wavy/case.vtkhdf")["dotyk/summary"].attrs["iterations"], 600)
+
     def test_contradictions(self):
         self.copy("wavy")
         text = (self.folder / "wavy/wavy.nml").read_text()
