@@ -2,8 +2,8 @@
 !>
 !> Where neighbouring facets turn by more than `sharp_angle` an edge is taken for one of the body; the facets on its two sides are
 !> separate sheets. On each sheet the normal at a vertex comes from a fit (normal_fit.f90) to the vertices around it. Flat parts
-!> stay flat: facets are part of a plane where all facets at one of their vertices, inside the surface, lie in this plane, and so
-!> are their neighbours in it; they keep their normal, and curved facets beside them take it over at the vertices that they share.
+!> stay flat: facets are part of a plane where all facets at one of their vertices, inside the surface, lie in this plane (at its rim,
+!> which is everywhere in a slice of one element: the facets around these too), and so are their neighbours in it; they keep their normal, and curved facets beside them take it over at the vertices that they share.
 module dotyk_contact_vertex_normals
   use dotyk_base_kinds, only: dp
   use dotyk_contact_adjacency, only: adjacency_t
@@ -52,7 +52,7 @@ contains
       associate (around => adjacency%facet(adjacency%start(v):adjacency%start(v + 1) - 1))
         if (.not. all(planar(around))) cycle
         if (maxval(norm2(normal(:, around) - spread(normal(:, around(1)), 2, size(around)), dim=1)) > flat_angle) cycle
-        if (inside(set, adjacency, joined, v)) flat(around) = .true.
+        if (inside(set, adjacency, joined, v) .or. wide(set, adjacency, around, planar, normal)) flat(around) = .true.
       end associate
     end do
     spreads = .true.
@@ -94,6 +94,33 @@ contains
       inside = inside .and. all(joined(edge, f) > 0)
     end do
   end function inside
+
+  !> Are facets that lie in a plane surrounded by others in this plane? (Two triangles at the end of a coarse cylinder are not.)
+  pure logical function wide(set, adjacency, around, planar, normal)
+    type(facet_set_t), intent(in) :: set
+    type(adjacency_t), intent(in) :: adjacency
+    !> The facets at a vertex.
+    integer, intent(in) :: around(:)
+    !> As in find_sheets (n), (3, n).
+    logical, intent(in) :: planar(:)
+    real(dp), intent(in) :: normal(:, :)
+    integer :: i, c, k, v, f
+    logical :: more
+    wide = .false.
+    more = .false.
+    do i = 1, size(around)
+      do c = 1, set%corners(around(i))
+        v = adjacency%vertex(c, around(i))
+        do k = adjacency%start(v), adjacency%start(v + 1) - 1
+          f = adjacency%facet(k)
+          if (any(f == around)) cycle
+          if (.not. planar(f) .or. norm2(normal(:, f) - normal(:, around(1))) > flat_angle) return
+          more = .true.
+        end do
+      end do
+    end do
+    wide = more .and. size(around) > 1
+  end function wide
 
   !> Normal of a facet in the mean.
   pure subroutine mean_normal(corners, x, normal, planar)
