@@ -8,6 +8,7 @@
 module dotyk_contact_facet_set
   use dotyk_base_kinds, only: dp
   use dotyk_mesh_element, only: element_kind, element_kind_t, max_element_nodes, n_element_kinds, shape_functions
+  use dotyk_mesh_facet, only: cross
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
@@ -354,11 +355,4 @@ contains
       normal = 0
     end if
   end subroutine facet_position_and_normal
-
-  !> Vector product.
-  pure function cross(a, b) result(c)
-    real(dp), intent(in) :: a(3), b(3)
-    real(dp) :: c(3)
-    c = [a(2)*b(3) - a(3)*b(2), a(3)*b(1) - a(1)*b(3), a(1)*b(2) - a(2)*b(1)]
-  end function cross
 end module dotyk_contact_facet_set

@@ -9,6 +9,7 @@ module dotyk_contact_vertex_normals
   use dotyk_contact_adjacency, only: adjacency_t
   use dotyk_contact_facet_set, only: facet_set_t
   use dotyk_contact_normal_fit, only: fit_normal
+  use dotyk_mesh_facet, only: cross
   implicit none
   private
   public :: find_sheets, own_corner_normals, smooth_corner_normals
@@ -353,11 +354,4 @@ contains
       edge = [corner, modulo(corner - 2, corners) + 1]
     end if
   end function edges_of_corner
-
-  !> Vector product.
-  pure function cross(a, b) result(c)
-    real(dp), intent(in) :: a(3), b(3)
-    real(dp) :: c(3)
-    c = [a(2)*b(3) - a(3)*b(2), a(3)*b(1) - a(1)*b(3), a(1)*b(2) - a(2)*b(1)]
-  end function cross
 end module dotyk_contact_vertex_normals

@@ -8,6 +8,7 @@ module dotyk_elasticity_rigid
   use dotyk_elasticity_field, only: place_text, vector_text
   use dotyk_linalg_dense, only: right_singular_vectors
   use dotyk_mesh_body_mesh, only: body_mesh_t, connected_components
+  use dotyk_mesh_facet, only: cross
   implicit none
   private
   public :: find_free_motions, free_space, describe, part_text, rigid_displacement
@@ -248,11 +249,4 @@ contains
     if (maxval(unit) < maxval(abs(unit))*(1 - 1.0e-9_dp)) unit = -unit
     text = vector_text(unit, 1.0_dp)
   end function direction_text
-
-  !> Vector product.
-  pure function cross(a, b) result(c)
-    real(dp), intent(in) :: a(3), b(3)
-    real(dp) :: c(3)
-    c = [a(2)*b(3) - a(3)*b(2), a(3)*b(1) - a(1)*b(3), a(1)*b(2) - a(2)*b(1)]
-  end function cross
 end module dotyk_elasticity_rigid

@@ -7,7 +7,7 @@ module dotyk_mesh_facet
   use dotyk_mesh_element, only: kind_dimension, kind_nodes, max_facet_nodes, shape_functions, shape_gradients
   implicit none
   private
-  public :: facet_geometry, facet_frame, frame_of_normal, facet_tangents
+  public :: facet_geometry, facet_frame, frame_of_normal, facet_tangents, cross
 
   !> A projection of the x axis on the surface shorter than this counts as vanishing.
   real(dp), parameter :: least_projection = 1.0e-6_dp
