@@ -17,6 +17,7 @@ module dotyk_response_full
   use dotyk_linalg_blas, only: add_product, transposed_product
   use dotyk_linalg_cholesky, only: cholesky_t
   use dotyk_linalg_ordering, only: expand_permutation, nested_dissection
+  use dotyk_response_components, only: gather, scatter
   use dotyk_response_condensed, only: condensed_t
   use dotyk_response_hold, only: add_springs, choose_holds, is_mechanism
   use dotyk_response_response, only: response_t
@@ -355,51 +356,6 @@ contains
       x = x - amplitude(k)*rigid(:, k)
     end do
   end subroutine subtract_motions
-
-  !> Forces at the contact nodes to a right-hand side.
-  pure subroutine scatter(dim, n, equation, axes_of, axes, force, x)
-    !> Numbers of displacement components and of contact nodes.
-    integer, intent(in) :: dim, n
-    !> Equations and axes of the contact nodes, as in the type.
-    integer, intent(in) :: equation(dim, n), axes_of(n)
-    real(dp), intent(in) :: axes(:, :, :)
-    !> Forces [force].
-    real(dp), intent(in) :: force(dim, n)
-    !> Right-hand side (n_equations).
-    real(dp), intent(out) :: x(:)
-    real(dp) :: local(dim)
-    integer :: i, k
-    x = 0
-    do i = 1, n
-      local = force(:, i)
-      if (axes_of(i) > 0) local = matmul(local, axes(:, :, axes_of(i)))
-      do k = 1, dim
-        if (equation(k, i) > 0) x(equation(k, i)) = local(k)
-      end do
-    end do
-  end subroutine scatter
-
-  !> A solution to displacements of the contact nodes.
-  pure subroutine gather(dim, n, equation, axes_of, axes, x, displacement)
-    !> As in `scatter`.
-    integer, intent(in) :: dim, n
-    integer, intent(in) :: equation(dim, n), axes_of(n)
-    real(dp), intent(in) :: axes(:, :, :)
-    !> Solution (n_equations).
-    real(dp), intent(in) :: x(:)
-    !> Displacements [length].
-    real(dp), intent(out) :: displacement(dim, n)
-    real(dp) :: local(dim)
-    integer :: i, k
-    do i = 1, n
-      local = 0
-      do k = 1, dim
-        if (equation(k, i) > 0) local(k) = x(equation(k, i))
-      end do
-      if (axes_of(i) > 0) local = matmul(axes(:, :, axes_of(i)), local)
-      displacement(:, i) = local
-    end do
-  end subroutine gather
 
   !> Give back all memory.
   subroutine full_response_destroy(self)
