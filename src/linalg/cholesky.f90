@@ -4,6 +4,7 @@ module dotyk_linalg_cholesky
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_error, only: error_t, set_error, exit_not_solvable
   use dotyk_base_text, only: to_text
+  use dotyk_linalg_ordering, only: is_permutation
   use dotyk_linalg_sparse, only: sparse_symmetric_t
   implicit none
   private
@@ -378,25 +379,4 @@ contains
       call set_error(error, 'CHOLMOD refuses the '//what//' of '//size_text, exit_not_solvable)
     end select
   end subroutine raise
-
-  !> Whether each of 1..n stands in the list once.
-  pure logical function is_permutation(n, list)
-    integer, intent(in) :: n
-    !> The list.
-    integer, intent(in) :: list(:)
-    logical, allocatable :: seen(:)
-    integer :: k
-    is_permutation = size(list) == n
-    if (.not. is_permutation) return
-    allocate (seen(n), source=.false.)
-    do k = 1, n
-      if (list(k) < 1 .or. list(k) > n) then
-        is_permutation = .false.
-      else if (seen(list(k))) then
-        is_permutation = .false.
-      else
-        seen(list(k)) = .true.
-      end if
-    end do
-  end function is_permutation
 end module dotyk_linalg_cholesky

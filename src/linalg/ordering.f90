@@ -5,7 +5,7 @@ module dotyk_linalg_ordering
   use dotyk_base_text, only: to_text
   implicit none
   private
-  public :: nested_dissection, expand_permutation
+  public :: nested_dissection, expand_permutation, is_permutation
 
   !> Graphs of fewer nodes keep their order: there is nothing to gain.
   integer, parameter :: least_nodes = 50
@@ -92,4 +92,25 @@ contains
       end do
     end do
   end subroutine expand_permutation
+
+  !> Whether each of 1..n stands in the list once.
+  pure logical function is_permutation(n, list)
+    integer, intent(in) :: n
+    !> The list.
+    integer, intent(in) :: list(:)
+    logical, allocatable :: seen(:)
+    integer :: k
+    is_permutation = size(list) == n
+    if (.not. is_permutation) return
+    allocate (seen(n), source=.false.)
+    do k = 1, n
+      if (list(k) < 1 .or. list(k) > n) then
+        is_permutation = .false.
+      else if (seen(list(k))) then
+        is_permutation = .false.
+      else
+        seen(list(k)) = .true.
+      end if
+    end do
+  end function is_permutation
 end module dotyk_linalg_ordering
