@@ -7,8 +7,8 @@
 !> on flat parallel surfaces the cuts are exact and every integral of products of shape functions is, on curved ones they
 !> lie near the kinks. Which point of b a point of a touches is still for the projection to say.
 !>
-!> Facets of a where this fails - b folds back or lies in several layers, or parts that no facet of b covers along this
-!> direction do have partners - keep the plain rule. So do those that no facet of b covers, whose points are to be counted.
+!> Facets of a where this fails - b folds back or lies in several layers, or a point of the plain rule that lies in no
+!> polygon has a partner - keep the plain rule. So do those that no facet of b covers, whose points are to be counted.
 module dotyk_contact_segments
   use dotyk_base_kinds, only: dp
   use dotyk_contact_cell_rule, only: append_points, facet_rule_t, polygon_rule, rule_table_t, shape_degree

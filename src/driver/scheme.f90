@@ -93,25 +93,23 @@ contains
     end if
     ! For the dual scheme, and what estimates errors with it.
     call foundation_compliance(body, pair, problem%foundation)
-    if (.not. allocated(error)) then
-      select case (scheme_of(case))
-      case (scheme_neumann)
-        call solve_neumann(problem, iteration, log, result, error)
-      case (scheme_nesterov)
-        call solve_nesterov(problem, iteration, log, result)
-      case (scheme_anderson)
-        call solve_anderson(problem, iteration, log, result)
-      case (scheme_secant)
-        call solve_secant(problem, iteration, log, result)
-      case (scheme_robin)
-        call solve_robin(problem, iteration, log, result, error)
-      case default
-        dual%linear_solver = case%solver%linear_solver
-        dual%tolerance = tolerance
-        dual%max_iterations = min(case%solver%max_iterations, dual%max_iterations)
-        call solve_dual(problem, dual, log, compliance, result, error, start)
-      end select
-    end if
+    select case (scheme_of(case))
+    case (scheme_neumann)
+      call solve_neumann(problem, iteration, log, result, error)
+    case (scheme_nesterov)
+      call solve_nesterov(problem, iteration, log, result)
+    case (scheme_anderson)
+      call solve_anderson(problem, iteration, log, result)
+    case (scheme_secant)
+      call solve_secant(problem, iteration, log, result)
+    case (scheme_robin)
+      call solve_robin(problem, iteration, log, result, error)
+    case default
+      dual%linear_solver = case%solver%linear_solver
+      dual%tolerance = tolerance
+      dual%max_iterations = min(case%solver%max_iterations, dual%max_iterations)
+      call solve_dual(problem, dual, log, compliance, result, error, start)
+    end select
     call add_context(error, case%file//':'//to_text(case%solver%line)//': ')
     if (allocated(error)) return
     if (result%ended == ended_unstoppable) call refuse_motion(case, body, result%unstoppable, error)
