@@ -1,6 +1,6 @@
 !> Sparse Cholesky factorization by CHOLMOD's supernodal code, with 64-bit indices. The only module that names CHOLMOD.
 module dotyk_linalg_cholesky
-  use, intrinsic :: iso_c_binding, only: c_ptr, c_null_ptr, c_associated, c_int, c_int64_t, c_double
+  use, intrinsic :: iso_c_binding, only: c_ptr, c_null_ptr, c_associated, c_f_pointer, c_int, c_int64_t, c_double
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_error, only: error_t, set_error, exit_not_solvable
   use dotyk_base_text, only: to_text
@@ -44,10 +44,27 @@ module dotyk_linalg_cholesky
     procedure :: solve_forward => cholesky_solve_forward
     procedure :: solve_backward => cholesky_solve_backward
     procedure :: trailing => cholesky_trailing
+    procedure :: supernodes => cholesky_supernodes
     procedure :: solve_trailing => cholesky_solve_trailing
     procedure :: condition_estimate => cholesky_condition_estimate
     procedure :: destroy => cholesky_destroy
   end type cholesky_t
+
+  !> The supernodes of a factor where CHOLMOD keeps them: for reading, as long as the factor is neither analyzed again nor destroyed.
+  !> All numbers and places are 0-based. Supernode s has the columns column_start(s)..column_start(s+1)-1 in the order of elimination, the rows
+  !> row(row_start(s)..row_start(s+1)-1), ascending, its own columns first, and the values from value_start(s) on, a dense block by columns.
+  type, public :: supernodes_t
+    !> Number of supernodes.
+    integer(int64) :: n = 0
+    !> (0:n)
+    integer(int64), pointer :: column_start(:) => null(), row_start(:) => null(), value_start(:) => null()
+    !> (0:number of rows - 1)
+    integer(int64), pointer :: row(:) => null()
+    !> The equation that comes k-th (0:order - 1).
+    integer(int64), pointer :: permutation(:) => null()
+    !> (0:factor_entries - 1); not associated before the factorization.
+    real(dp), pointer :: value(:) => null()
+  end type supernodes_t
 
   !> The shim's struct of the same name.
   type, bind(c) :: statistics_t
@@ -104,6 +121,13 @@ module dotyk_linalg_cholesky
       integer(c_int64_t), value :: n, m
       real(c_double), intent(inout) :: x(*)
     end function dotyk_cholmod_solve
+
+    subroutine dotyk_cholmod_supernodes(handle, counts, pointers) bind(c)
+      import :: c_ptr, c_int64_t
+      type(c_ptr), value :: handle
+      integer(c_int64_t), intent(out) :: counts(2)
+      type(c_ptr), intent(out) :: pointers(6)
+    end subroutine dotyk_cholmod_supernodes
 
     subroutine dotyk_cholmod_trailing(handle, m, equation) bind(c)
       import :: c_ptr, c_int64_t
@@ -315,6 +339,37 @@ contains
     call dotyk_cholmod_trailing(self%handle, size(equation, kind=c_int64_t), number)
     equation = int(number)
   end subroutine cholesky_trailing
+
+  !> Where the supernodes are; none for a matrix of order 0.
+  subroutine cholesky_supernodes(self, supernodes)
+    !> Analyzed.
+    class(cholesky_t), intent(in) :: self
+    type(supernodes_t), intent(out) :: supernodes
+    integer(c_int64_t) :: counts(2)
+    type(c_ptr) :: place(6)
+    real(dp), pointer :: values(:)
+    if (.not. c_associated(self%handle)) return
+    call dotyk_cholmod_supernodes(self%handle, counts, place)
+    supernodes%n = counts(1)
+    call take(place(1), counts(1) + 1, supernodes%column_start)
+    call take(place(2), counts(1) + 1, supernodes%row_start)
+    call take(place(3), counts(1) + 1, supernodes%value_start)
+    call take(place(4), counts(2), supernodes%row)
+    call take(place(5), int(self%n, int64), supernodes%permutation)
+    if (.not. c_associated(place(6))) return
+    call c_f_pointer(place(6), values, [self%factor_entries])
+    supernodes%value(0:self%factor_entries - 1) => values
+  contains
+    !> n integers from an address on, counted from 0.
+    subroutine take(address, n, list)
+      type(c_ptr), intent(in) :: address
+      integer(int64), intent(in) :: n
+      integer(int64), pointer, intent(out) :: list(:)
+      integer(int64), pointer :: numbers(:)
+      call c_f_pointer(address, numbers, [n])
+      list(0:n - 1) => numbers
+    end subroutine take
+  end subroutine cholesky_supernodes
 
   !> X <- S^{-1} X with S what is left of K for the last equations, all others eliminated (their Schur complement), whose Cholesky factor
   !> are the last rows and columns of L. NaN as in `solve`.

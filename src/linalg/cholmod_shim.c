@@ -239,6 +239,22 @@ void dotyk_cholmod_trailing(const void *handle, int64_t m, int64_t *equation) {
   for (int64_t k = 0; k < m; k++) equation[k] = permutation[h->n - m + k] + 1;
 }
 
+/* Where the supernodes are: counts (2) = {supernodes, entries of the lists of rows}, and pointers (6) to first column, first place among the
+ * rows, first place among the values, rows, permutation (all 0-based), values (null before the factorization). They stay valid
+ * until the next analysis. */
+void dotyk_cholmod_supernodes(const void *handle, int64_t *counts, void **pointers) {
+  const handle_t *h = handle;
+  const cholmod_factor *L = h->L;
+  counts[0] = (int64_t)L->nsuper;
+  counts[1] = (int64_t)L->ssize;
+  pointers[0] = L->super;
+  pointers[1] = L->pi;
+  pointers[2] = L->px;
+  pointers[3] = L->s;
+  pointers[4] = L->Perm;
+  pointers[5] = L->x;
+}
+
 void dtrsm_(const char *, const char *, const char *, const char *, const int *, const int *, const double *,
             const double *, const int *, double *, const int *);
 void dgemm_(const char *, const char *, const int *, const int *, const int *, const double *, const double *,
