@@ -24,6 +24,7 @@ module dotyk_response_full
   use dotyk_response_components, only: gather, scatter
   use dotyk_response_condensed, only: condensed_t
   use dotyk_response_hold, only: add_springs, choose_holds, is_mechanism
+  use dotyk_response_motions, only: remove_motions, subtract_motions
   use dotyk_response_response, only: response_t
   implicit none
   private
@@ -372,32 +373,6 @@ contains
     call self%factor%solve(x)
     call remove_motions(self%rigid, x)
   end subroutine full_response_solve
-
-  !> x <- P x.
-  pure subroutine remove_motions(rigid, x)
-    !> Orthonormal motions (n, n_motions).
-    real(dp), intent(in) :: rigid(:, :)
-    real(dp), intent(inout) :: x(:)
-    real(dp) :: amplitude(size(rigid, 2))
-    integer :: k
-    do k = 1, size(rigid, 2)
-      amplitude(k) = dot_product(rigid(:, k), x)
-    end do
-    call subtract_motions(rigid, amplitude, x)
-  end subroutine remove_motions
-
-  !> x <- x - R amplitude.
-  pure subroutine subtract_motions(rigid, amplitude, x)
-    !> Motions (n, n_motions).
-    real(dp), intent(in) :: rigid(:, :)
-    !> Their amplitudes (n_motions).
-    real(dp), intent(in) :: amplitude(:)
-    real(dp), intent(inout) :: x(:)
-    integer :: k
-    do k = 1, size(rigid, 2)
-      x = x - amplitude(k)*rigid(:, k)
-    end do
-  end subroutine subtract_motions
 
   !> Give back all memory that is its own.
   subroutine full_response_destroy(self)
