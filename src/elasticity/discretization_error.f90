@@ -6,12 +6,13 @@
 module dotyk_elasticity_discretization_error
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
-  use dotyk_elasticity_analysis, only: gradient_slots, strain_index
+  use dotyk_elasticity_analysis, only: gradient_slots
   use dotyk_elasticity_assembly, only: apply_factor, read_factor
   use dotyk_elasticity_element_table, only: element_table_t, map_element
+  use dotyk_elasticity_energy_form, only: energy_form_t
   use dotyk_elasticity_field, only: field_t
   use dotyk_elasticity_material, only: material_t
-  use dotyk_elasticity_patch_fit, only: patch_fit_t
+  use dotyk_elasticity_patch_fit, only: add_strains, patch_fit_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, element_prism6, element_tet4, element_tri3
   implicit none
@@ -79,20 +80,22 @@ contains
     type(error_t), allocatable :: of_element
     type(element_table_t) :: table, corners
     type(element_kind_t) :: kind
-    real(dp) :: matrix(6, 6)
+    type(energy_form_t) :: form
+    real(dp), allocatable :: corner_shape(:, :)
     integer :: e
     kind = element_kind(mesh%block(i_block)%kind)
-    matrix = material%plane_matrix(analysis)
+    call form%init(analysis, material%plane_matrix(analysis))
     call table%init(mesh%block(i_block)%kind, rule_degree(kind))
     call corners%init(kind%corner_kind, rule_degree(kind))
+    corner_shape = transpose(corners%shape)
     ! One formula serves one thread.
     !$omp parallel do default(none) schedule(static) if (factor%constant) private(of_element) &
-    !$omp& shared(mesh, i_block, analysis, matrix, factor, fit, kind, table, corners, u, square, norm_square, rounding_square, &
+    !$omp& shared(mesh, i_block, analysis, form, factor, fit, kind, table, corner_shape, u, square, norm_square, rounding_square, &
     !$omp& error)
     do e = 1, size(square)
       associate (node => mesh%block(i_block)%node(:, e))
-        call estimate_element(kind%n_nodes, kind%n_corners, mesh%dimension, analysis, matrix, factor, table, corners, fit, &
-                              mesh%block(i_block)%tag(e), node, mesh%x, u, square(e), norm_square(e), &
+        call estimate_element(kind%n_nodes, kind%n_corners, mesh%dimension, gradient_slots(analysis), form, factor, table, &
+                              corner_shape, fit, mesh%block(i_block)%tag(e), node, mesh%x, u, square(e), norm_square(e), &
                               rounding_square(e), of_element)
       end associate
       if (allocated(of_element)) then
@@ -105,15 +108,15 @@ contains
   end subroutine estimate_block
 
   !> One element.
-  subroutine estimate_element(n, n_corners, dim, analysis, matrix, factor, table, corners, fit, tag, node, all_x, all_u, square, &
+  subroutine estimate_element(n, n_corners, dim, slots, form, factor, table, corner_shape, fit, tag, node, all_x, all_u, square, &
       norm_square, rounding_square, error)
-    !> Number of nodes and corners of the element; dimension.
-    integer, intent(in) :: n, n_corners, dim, analysis
-    !> From strains to stresses [pressure].
-    real(dp), intent(in) :: matrix(6, 6)
+    !> Number of nodes and corners of the element; dimension; gradient slots.
+    integer, intent(in) :: n, n_corners, dim, slots
+    type(energy_form_t), intent(in) :: form
     type(field_t), intent(in) :: factor
-    !> Shape functions, and the linear ones, at the points.
-    type(element_table_t), intent(in) :: table, corners
+    !> Shape functions at the points, and the linear ones (n_points, n_corners).
+    type(element_table_t), intent(in) :: table
+    real(dp), intent(in) :: corner_shape(:, :)
     type(patch_fit_t), intent(in) :: fit
     !> For messages.
     integer(int64), intent(in) :: tag
@@ -122,15 +125,10 @@ contains
     real(dp), intent(in) :: all_x(:, :), all_u(:, :)
     real(dp), intent(out) :: square, norm_square, rounding_square
     type(error_t), allocatable, intent(out) :: error
-    real(dp) :: x(dim, n), u(dim, n), g(n, gradient_slots(analysis), table%n_points), w(table%n_points), stiffness(table%n_points)
-    real(dp) :: gradient(dim, gradient_slots(analysis)), own(dim, dim), worst, computed(6), difference(6)
-    integer :: strain(dim, gradient_slots(analysis)), slots, q, i, s, c
-    slots = gradient_slots(analysis)
-    do s = 1, slots
-      do i = 1, dim
-        strain(i, s) = strain_index(analysis, i, s)
-      end do
-    end do
+    real(dp) :: x(dim, n), u(dim, n), g(n, slots, table%n_points), w(table%n_points), stiffness(table%n_points)
+    real(dp) :: strain(table%n_points, form%n_strains), place(table%n_points, dim), g_square(table%n_points)
+    real(dp) :: worst
+    integer :: q, i, c, s
     do i = 1, n
       x(:, i) = all_x(:, node(i))
       u(:, i) = all_u(:, node(i))
@@ -144,38 +142,57 @@ contains
     stiffness = w
     if (.not. factor%constant) call apply_factor(factor, table%shape, x, tag, stiffness, error)
     if (allocated(error)) return
+    call computed_strains(n, dim, slots, table%n_points, form%n_strains, form%place, g, u, strain, g_square)
+    norm_square = form%energy(stiffness, strain)
+    rounding_square = form%largest*rounding**2*sum(u**2)*dot_product(stiffness, g_square)
+    ! Recovered minus computed; the third slot, u/r, is that of the displacement itself, which is of a higher order.
+    strain(:, fit%n_strains + 1:) = 0
+    strain = -strain
     do q = 1, table%n_points
-      gradient = matmul(u, g(:, :, q))
-      computed = strain_of(dim, slots, strain, gradient)
-      norm_square = norm_square + stiffness(q)*dot_product(computed, matmul(matrix, computed))
-      rounding_square = rounding_square + stiffness(q)*maxval(abs(matrix))*(rounding*norm2(u)*norm2(g(:, :, q)))**2
-      ! Recovered minus computed; the third slot, u/r, is that of the displacement itself, which is of a higher order.
-      if (slots > dim) gradient(:, slots) = 0
-      gradient = -gradient
-      do c = 1, n_corners
-        call fit%gradient(fit%vertex(node(c)), matmul(x, table%shape(:, q)), own)
-        gradient(:, :dim) = gradient(:, :dim) + corners%shape(c, q)*own
+      do i = 1, dim
+        place(q, i) = 0
+        do c = 1, n
+          place(q, i) = place(q, i) + x(i, c)*table%shape(c, q)
+        end do
       end do
-      difference = strain_of(dim, slots, strain, gradient)
-      square = square + stiffness(q)*dot_product(difference, matmul(matrix, difference))
     end do
+    do c = 1, n_corners
+      s = fit%vertex(node(c))
+      call add_strains(dim, fit%monomials%n_lower, fit%n_strains, table%n_points, fit%monomials%parent, fit%monomials%axis, &
+                       fit%centre(:, s), fit%axes(:, :, s), fit%strain(:, :, s), corner_shape(:, c), place, strain)
+    end do
+    square = form%energy(stiffness, strain)
   end subroutine estimate_element
 
-  !> Strains of a displacement gradient.
-  pure function strain_of(dim, slots, index, gradient) result(strain)
-    integer, intent(in) :: dim, slots
-    !> Strain of each component and slot, 0 for none (dim, slots).
-    integer, intent(in) :: index(dim, slots)
-    real(dp), intent(in) :: gradient(dim, slots)
-    real(dp) :: strain(6)
-    integer :: i, s
+  !> Strains of the displacement of an element at its points.
+  pure subroutine computed_strains(n, dim, slots, n_points, n_strains, strain_of, g, u, strain, g_square)
+    integer, intent(in) :: n, dim, slots, n_points, n_strains
+    !> The strain to which a slot of a component belongs, 0 for none.
+    integer, intent(in) :: strain_of(dim, slots)
+    !> Gradients of the shape functions [1/length], and displacements [length].
+    real(dp), intent(in) :: g(n, slots, n_points), u(dim, n)
+    real(dp), intent(out) :: strain(n_points, n_strains)
+    !> Squared norms of the gradients [1/length^2].
+    real(dp), intent(out) :: g_square(n_points)
+    real(dp) :: slope(dim), square
+    integer :: q, s, i, a
     strain = 0
-    do s = 1, slots
-      do i = 1, dim
-        if (index(i, s) > 0) strain(index(i, s)) = strain(index(i, s)) + gradient(i, s)
+    g_square = 0
+    do q = 1, n_points
+      do s = 1, slots
+        slope = 0
+        square = 0
+        do a = 1, n
+          slope = slope + u(:, a)*g(a, s, q)
+          square = square + g(a, s, q)**2
+        end do
+        g_square(q) = g_square(q) + square
+        do i = 1, dim
+          if (strain_of(i, s) > 0) strain(q, strain_of(i, s)) = strain(q, strain_of(i, s)) + slope(i)
+        end do
       end do
     end do
-  end function strain_of
+  end subroutine computed_strains
 
   !> Degree of the quadrature: more than that of the stiffness, whose points are those where computed strains are best.
   pure integer function rule_degree(kind) result(degree)
