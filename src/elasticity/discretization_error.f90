@@ -8,11 +8,12 @@ module dotyk_elasticity_discretization_error
   use dotyk_base_kinds, only: dp, int64
   use dotyk_elasticity_analysis, only: gradient_slots
   use dotyk_elasticity_assembly, only: apply_factor, read_factor
-  use dotyk_elasticity_element_table, only: element_table_t, map_element
+  use dotyk_elasticity_element_table, only: element_table_t
   use dotyk_elasticity_energy_form, only: energy_form_t
   use dotyk_elasticity_field, only: field_t
   use dotyk_elasticity_material, only: material_t
-  use dotyk_elasticity_patch_fit, only: add_strains, patch_fit_t
+  use dotyk_elasticity_patch_fit, only: mean_strains, patch_fit_t
+  use dotyk_elasticity_point_map, only: interpolate, map_points, point_table_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, element_prism6, element_tet4, element_tri3
   implicit none
@@ -31,7 +32,7 @@ contains
     integer, intent(in) :: analysis
     type(material_t), intent(in) :: material
     !> Displacements in global axes (dim, n_nodes) [length].
-    real(dp), intent(in) :: u(:, :)
+    real(dp), intent(in), contiguous :: u(:, :)
     !> Elements in the order of the blocks (n_elements) [force length].
     real(dp), intent(out) :: square(:)
     !> [force length].
@@ -78,25 +79,26 @@ contains
     real(dp), intent(out) :: square(:), norm_square(:), rounding_square(:)
     type(error_t), allocatable, intent(out) :: error
     type(error_t), allocatable :: of_element
-    type(element_table_t) :: table, corners
+    type(element_table_t) :: table
+    type(point_table_t) :: rule, corners
     type(element_kind_t) :: kind
     type(energy_form_t) :: form
-    real(dp), allocatable :: corner_shape(:, :)
     integer :: e
     kind = element_kind(mesh%block(i_block)%kind)
     call form%init(analysis, material%plane_matrix(analysis))
+    call table%init(kind%corner_kind, rule_degree(kind))
+    call corners%init(table)
     call table%init(mesh%block(i_block)%kind, rule_degree(kind))
-    call corners%init(kind%corner_kind, rule_degree(kind))
-    corner_shape = transpose(corners%shape)
+    call rule%init(table)
     ! One formula serves one thread.
     !$omp parallel do default(none) schedule(static) if (factor%constant) private(of_element) &
-    !$omp& shared(mesh, i_block, analysis, form, factor, fit, kind, table, corner_shape, u, square, norm_square, rounding_square, &
-    !$omp& error)
+    !$omp& shared(mesh, i_block, analysis, form, factor, fit, kind, table, rule, corners, u, square, norm_square, &
+    !$omp& rounding_square, error)
     do e = 1, size(square)
       associate (node => mesh%block(i_block)%node(:, e))
-        call estimate_element(kind%n_nodes, kind%n_corners, mesh%dimension, gradient_slots(analysis), form, factor, table, &
-                              corner_shape, fit, mesh%block(i_block)%tag(e), node, mesh%x, u, square(e), norm_square(e), &
-                              rounding_square(e), of_element)
+        call estimate_element(kind%n_nodes, kind%n_corners, mesh%dimension, gradient_slots(analysis), rule%n_points, form, &
+                              factor, table, rule, corners%shape, fit, mesh%block(i_block)%tag(e), node, mesh%x, u, square(e), &
+                              norm_square(e), rounding_square(e), of_element)
       end associate
       if (allocated(of_element)) then
         !$omp critical
@@ -108,27 +110,27 @@ contains
   end subroutine estimate_block
 
   !> One element.
-  subroutine estimate_element(n, n_corners, dim, slots, form, factor, table, corner_shape, fit, tag, node, all_x, all_u, square, &
-      norm_square, rounding_square, error)
-    !> Number of nodes and corners of the element; dimension; gradient slots.
-    integer, intent(in) :: n, n_corners, dim, slots
+  subroutine estimate_element(n, n_corners, dim, slots, n_points, form, factor, table, rule, corner_shape, fit, tag, node, &
+      all_x, all_u, square, norm_square, rounding_square, error)
+    !> Number of nodes and corners of the element; dimension; gradient slots; points.
+    integer, intent(in) :: n, n_corners, dim, slots, n_points
     type(energy_form_t), intent(in) :: form
     type(field_t), intent(in) :: factor
-    !> Shape functions at the points, and the linear ones (n_points, n_corners).
+    !> Shape functions at the points, in two forms, and the linear ones.
     type(element_table_t), intent(in) :: table
-    real(dp), intent(in) :: corner_shape(:, :)
+    type(point_table_t), intent(in) :: rule
+    real(dp), intent(in) :: corner_shape(n_points, n_corners)
     type(patch_fit_t), intent(in) :: fit
     !> For messages.
     integer(int64), intent(in) :: tag
-    !> Its nodes (n), and coordinates and displacements of all nodes of the body [length].
+    !> Its nodes, and coordinates and displacements of all nodes of the body [length].
     integer, intent(in) :: node(n)
-    real(dp), intent(in) :: all_x(:, :), all_u(:, :)
+    real(dp), intent(in) :: all_x(dim, *), all_u(dim, *)
     real(dp), intent(out) :: square, norm_square, rounding_square
     type(error_t), allocatable, intent(out) :: error
-    real(dp) :: x(dim, n), u(dim, n), g(n, slots, table%n_points), w(table%n_points), stiffness(table%n_points)
-    real(dp) :: strain(table%n_points, form%n_strains), place(table%n_points, dim), g_square(table%n_points)
-    real(dp) :: worst
-    integer :: q, i, c, s
+    real(dp) :: x(dim, n), u(dim, n), stiffness(n_points), g_square(n_points), place(n_points, dim), slope(n_points, dim, slots)
+    real(dp) :: strain(n_points, form%n_strains), recovered(n_points, fit%n_strains), worst
+    integer :: i
     do i = 1, n
       x(:, i) = all_x(:, node(i))
       u(:, i) = all_u(:, node(i))
@@ -136,63 +138,23 @@ contains
     square = 0
     norm_square = 0
     rounding_square = 0
-    call map_element(n, dim, slots, table%n_points, table%shape, table%gradient, table%weight, x, g, w, worst)
+    call map_points(n, dim, slots, n_points, rule%shape, rule%shape_square, rule%gradient, rule%products, rule%weight, x, u, &
+                    slope, g_square, stiffness, worst)
     ! Elements that are inverted at a point of this rule, of a higher degree than that of the stiffness, tell nothing.
     if (.not. worst > 0) return
-    stiffness = w
-    if (.not. factor%constant) call apply_factor(factor, table%shape, x, tag, stiffness, error)
+    if (.not. factor%constant) call apply_factor(factor, table%shape, x, tag, stiffness(:table%n_points), error)
     if (allocated(error)) return
-    call computed_strains(n, dim, slots, table%n_points, form%n_strains, form%place, g, u, strain, g_square)
+    call form%strains(n_points, slope, strain)
     norm_square = form%energy(stiffness, strain)
     rounding_square = form%largest*rounding**2*sum(u**2)*dot_product(stiffness, g_square)
-    ! Recovered minus computed; the third slot, u/r, is that of the displacement itself, which is of a higher order.
+    call interpolate(n, dim, n_points, rule%shape, x, place)
+    call mean_strains(dim, fit%monomials%n_lower, fit%n_strains, n_corners, n_points, fit%vertex(node(:n_corners)), &
+                      fit%monomials%parent, fit%monomials%axis, fit%centre, fit%axes, fit%strain, corner_shape, place, recovered)
+    ! The strain zz of axisymmetric analyses is that of the displacement itself, which is of a higher order.
     strain(:, fit%n_strains + 1:) = 0
-    strain = -strain
-    do q = 1, table%n_points
-      do i = 1, dim
-        place(q, i) = 0
-        do c = 1, n
-          place(q, i) = place(q, i) + x(i, c)*table%shape(c, q)
-        end do
-      end do
-    end do
-    do c = 1, n_corners
-      s = fit%vertex(node(c))
-      call add_strains(dim, fit%monomials%n_lower, fit%n_strains, table%n_points, fit%monomials%parent, fit%monomials%axis, &
-                       fit%centre(:, s), fit%axes(:, :, s), fit%strain(:, :, s), corner_shape(:, c), place, strain)
-    end do
+    strain(:, :fit%n_strains) = strain(:, :fit%n_strains) - recovered
     square = form%energy(stiffness, strain)
   end subroutine estimate_element
-
-  !> Strains of the displacement of an element at its points.
-  pure subroutine computed_strains(n, dim, slots, n_points, n_strains, strain_of, g, u, strain, g_square)
-    integer, intent(in) :: n, dim, slots, n_points, n_strains
-    !> The strain to which a slot of a component belongs, 0 for none.
-    integer, intent(in) :: strain_of(dim, slots)
-    !> Gradients of the shape functions [1/length], and displacements [length].
-    real(dp), intent(in) :: g(n, slots, n_points), u(dim, n)
-    real(dp), intent(out) :: strain(n_points, n_strains)
-    !> Squared norms of the gradients [1/length^2].
-    real(dp), intent(out) :: g_square(n_points)
-    real(dp) :: slope(dim), square
-    integer :: q, s, i, a
-    strain = 0
-    g_square = 0
-    do q = 1, n_points
-      do s = 1, slots
-        slope = 0
-        square = 0
-        do a = 1, n
-          slope = slope + u(:, a)*g(a, s, q)
-          square = square + g(a, s, q)**2
-        end do
-        g_square(q) = g_square(q) + square
-        do i = 1, dim
-          if (strain_of(i, s) > 0) strain(q, strain_of(i, s)) = strain(q, strain_of(i, s)) + slope(i)
-        end do
-      end do
-    end do
-  end subroutine computed_strains
 
   !> Degree of the quadrature: more than that of the stiffness, whose points are those where computed strains are best.
   pure integer function rule_degree(kind) result(degree)

@@ -21,6 +21,7 @@ module dotyk_elasticity_energy_form
     real(dp) :: largest = 0
   contains
     procedure :: init => energy_form_init
+    procedure :: strains => energy_form_strains
     procedure :: energy => energy_form_energy
   end type energy_form_t
 
@@ -61,6 +62,24 @@ contains
     end do
     self%largest = maxval(abs(matrix))
   end subroutine energy_form_init
+
+  !> Strains of displacement gradients.
+  pure subroutine energy_form_strains(self, n_points, slope, strain)
+    class(energy_form_t), intent(in) :: self
+    integer, intent(in) :: n_points
+    !> Slots of the gradients of the components [].
+    real(dp), intent(in) :: slope(n_points, size(self%place, 1), size(self%place, 2))
+    real(dp), intent(out) :: strain(n_points, self%n_strains)
+    integer :: i, s
+    strain = 0
+    do s = 1, size(slope, 3)
+      do i = 1, size(slope, 2)
+        associate (k => self%place(i, s))
+          if (k > 0) strain(:, k) = strain(:, k) + slope(:, i, s)
+        end associate
+      end do
+    end do
+  end subroutine energy_form_strains
 
   !> Twice the energy of some points.
   pure real(dp) function energy_form_energy(self, weight, strain) result(energy)

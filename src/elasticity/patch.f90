@@ -52,88 +52,115 @@ contains
   end subroutine add_ring
 
   !> Take places and displacements of the nodes of a patch, the first of which is its vertex, and find its axes.
-  subroutine patch_fill(self, x, u, axes)
+  subroutine patch_fill(self, dim, x, u, axes)
     class(patch_t), intent(inout) :: self
+    integer, intent(in) :: dim
     !> Nodes (dimension, n_nodes) and their displacements [length].
-    real(dp), intent(in) :: x(:, :), u(:, :)
-    real(dp), intent(out) :: axes(:, :)
-    real(dp) :: local(size(x, 1))
-    integer :: i, b, l, dim
-    dim = size(x, 1)
+    real(dp), intent(in), contiguous :: x(:, :), u(:, :)
+    real(dp), intent(out) :: axes(dim, dim)
     self%n_blocks = (self%n + lanes - 1)/lanes
     if (allocated(self%t)) then
       if (size(self%weight, 2) < self%n_blocks) deallocate (self%t, self%u, self%weight)
     end if
     if (.not. allocated(self%t)) &
       allocate (self%t(lanes, dim, 2*self%n_blocks), self%u(lanes, dim, 2*self%n_blocks), self%weight(lanes, 2*self%n_blocks))
-    call own_axes(self%n, dim, x, self%node, axes)
-    do i = 1, lanes*self%n_blocks
-      b = (i - 1)/lanes + 1
-      l = i - lanes*(b - 1)
-      if (i > self%n) then
-        self%t(l, :, b) = 0
-        self%u(l, :, b) = 0
-        self%weight(l, b) = 0
-        cycle
-      end if
-      call to_axes(dim, axes, x(:, self%node(i)), x(:, self%node(1)), local)
-      self%t(l, :, b) = local
-      self%u(l, :, b) = u(:, self%node(i)) - u(:, self%node(1))
-      ! Far nodes of one-sided patches would bend the polynomial.
-      self%weight(l, b) = 1/(0.01_dp + sum(local**2))**2
-    end do
+    call gather(self%n, dim, self%n_blocks, self%node, x, self%t)
+    call gather(self%n, dim, self%n_blocks, self%node, u, self%u)
+    call own_axes(dim, self%n_blocks, self%t, axes)
+    call to_axes(self%n, dim, self%n_blocks, axes, self%t, self%weight)
   end subroutine patch_fill
 
-  !> Axes of a patch, along which the mean squares of its nodes' coordinates are the same.
-  subroutine own_axes(n, dim, x, node, axes)
-    !> Number of nodes, dimension.
-    integer, intent(in) :: n, dim
-    !> Nodes (dimension, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Those of the patch, its vertex first (n).
-    integer, intent(in) :: node(:)
-    !> To coordinates of 1 at most [1/length].
-    real(dp), intent(out) :: axes(:, :)
-    type(error_t), allocatable :: error
-    real(dp) :: moment(dim, dim), vectors(dim, dim), values(dim), local(dim), square
-    integer :: i, k
-    moment = 0
-    do i = 2, n
-      local = x(:, node(i)) - x(:, node(1))
-      do k = 1, dim
-        moment(:, k) = moment(:, k) + local(k)*local
+  !> Vectors of the nodes of a patch, relative to that of the first one; zeros fill the last block up.
+  pure subroutine gather(n, dim, n_blocks, node, of_nodes, relative)
+    integer, intent(in) :: n, dim, n_blocks
+    integer, intent(in) :: node(n)
+    real(dp), intent(in) :: of_nodes(dim, *)
+    real(dp), intent(out) :: relative(lanes, dim, n_blocks)
+    real(dp) :: origin(dim)
+    integer :: b, i, k, l
+    origin = of_nodes(:, node(1))
+    i = 0
+    do b = 1, n_blocks
+      do l = 1, lanes
+        i = i + 1
+        do k = 1, dim
+          relative(l, k, b) = of_nodes(k, node(min(i, n))) - origin(k)
+        end do
       end do
     end do
-    square = 0
-    do k = 1, dim
-      square = max(square, moment(k, k))
+    do l = lanes, lanes - (lanes*n_blocks - n) + 1, -1
+      relative(l, :, n_blocks) = 0
     end do
-    square = max(square, tiny(square))
-    moment = moment/square
-    call symmetric_eigen(moment, values, vectors, error)
+  end subroutine gather
+
+  !> Axes of a patch, along which the mean squares of its nodes' coordinates are the same.
+  subroutine own_axes(dim, n_blocks, x, axes)
+    integer, intent(in) :: dim, n_blocks
+    !> Nodes, from the centre [length].
+    real(dp), intent(in) :: x(lanes, dim, n_blocks)
+    !> To coordinates of any length [1/length].
+    real(dp), intent(out) :: axes(dim, dim)
+    type(error_t), allocatable :: error
+    real(dp) :: total(lanes, dim, dim), moment(dim, dim), vectors(dim, dim), values(dim), largest
+    integer :: b, i, k
+    total = 0
+    do b = 1, n_blocks
+      do k = 1, dim
+        do i = k, dim
+          total(:, i, k) = total(:, i, k) + x(:, i, b)*x(:, k, b)
+        end do
+      end do
+    end do
+    moment = 0
+    largest = tiny(largest)
+    do k = 1, dim
+      do i = k, dim
+        moment(i, k) = sum(total(:, i, k))
+      end do
+      largest = max(largest, moment(k, k))
+    end do
+    call symmetric_eigen(moment/largest, values, vectors, error)
     axes = 0
     do k = 1, dim
-      axes(k, k) = 1
+      axes(k, k) = 1/sqrt(largest)
       ! Elements have volume: only rounding makes a patch flatter than this.
-      if (.not. allocated(error)) axes(k, :) = vectors(:, k)/sqrt(max(values(k), epsilon(square)**2))
+      if (.not. allocated(error)) axes(k, :) = vectors(:, k)/(sqrt(max(values(k), epsilon(largest)**2))*sqrt(largest))
     end do
-    square = tiny(square)
-    do i = 2, n
-      call to_axes(dim, axes, x(:, node(i)), x(:, node(1)), local)
-      square = max(square, sum(local**2))
-    end do
-    axes = axes/sqrt(square)
   end subroutine own_axes
 
-  !> A place in axes of a patch.
-  pure subroutine to_axes(dim, axes, x, centre, local)
-    integer, intent(in) :: dim
-    real(dp), intent(in) :: axes(dim, dim), x(dim), centre(dim)
-    real(dp), intent(out) :: local(dim)
-    integer :: k
-    local = 0
-    do k = 1, dim
-      local = local + axes(:, k)*(x(k) - centre(k))
+  !> Turn the nodes into axes in which none is farther from the centre than 1, and weigh them.
+  pure subroutine to_axes(n, dim, n_blocks, axes, t, weight)
+    integer, intent(in) :: n, dim, n_blocks
+    !> To coordinates of any length, then of 1 at most [1/length].
+    real(dp), intent(inout) :: axes(dim, dim)
+    !> Places [length], then [].
+    real(dp), intent(inout) :: t(lanes, dim, n_blocks)
+    real(dp), intent(out) :: weight(lanes, n_blocks)
+    real(dp) :: line(lanes, dim), square(lanes), farthest(lanes), scale
+    integer :: b, i, k
+    farthest = tiny(scale)
+    do b = 1, n_blocks
+      square = 0
+      do i = 1, dim
+        line(:, i) = 0
+        do k = 1, dim
+          line(:, i) = line(:, i) + axes(i, k)*t(:, k, b)
+        end do
+        square = square + line(:, i)**2
+      end do
+      t(:, :, b) = line
+      weight(:, b) = square
+      farthest = max(farthest, square)
+    end do
+    scale = 1/sqrt(maxval(farthest))
+    axes = scale*axes
+    do b = 1, n_blocks
+      t(:, :, b) = scale*t(:, :, b)
+      ! Far nodes of one-sided patches would bend the polynomial.
+      weight(:, b) = 1/(0.01_dp + scale**2*weight(:, b))**2
+    end do
+    do i = lanes, lanes - (lanes*n_blocks - n) + 1, -1
+      weight(i, n_blocks) = 0
     end do
   end subroutine to_axes
 end module dotyk_elasticity_patch

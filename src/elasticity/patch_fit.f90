@@ -13,6 +13,7 @@ module dotyk_elasticity_patch_fit
   use dotyk_elasticity_graph, only: incidence_t
   use dotyk_elasticity_monomials, only: lanes, monomials_t, sum_products, sum_residuals
   use dotyk_elasticity_patch, only: add_ring, patch_t
+  use dotyk_elasticity_point_map, only: points
   use dotyk_linalg_dense, only: least_squares
   use dotyk_linalg_normal_equations, only: factorize_gram, solve_gram
   use dotyk_mesh_body_mesh, only: body_mesh_t
@@ -38,7 +39,7 @@ module dotyk_elasticity_patch_fit
     procedure :: init => patch_fit_init
   end type patch_fit_t
 
-  public :: add_strains
+  public :: mean_strains
 
   !> Rings of elements around a vertex at most: bodies of a few elements have few nodes.
   integer, parameter :: most_rings = 4
@@ -57,7 +58,7 @@ contains
     class(patch_fit_t), intent(out) :: self
     type(body_mesh_t), intent(in) :: mesh
     !> Displacements in global axes (dimension, n_nodes) [length].
-    real(dp), intent(in) :: u(:, :)
+    real(dp), intent(in), contiguous :: u(:, :)
     type(element_kind_t) :: kind
     type(incidence_t) :: elements
     type(patch_t) :: patch
@@ -106,7 +107,7 @@ contains
     !> Vertices of the nodes, 0 for none (n_nodes).
     integer, intent(in) :: vertex(:)
     !> Nodes (dimension, n_nodes) and their displacements [length].
-    real(dp), intent(in) :: x(:, :), u(:, :)
+    real(dp), intent(in), contiguous :: x(:, :), u(:, :)
     !> The vertex.
     integer, intent(in) :: node
     !> Work array (n_nodes): last vertex whose patch a node was in.
@@ -126,7 +127,7 @@ contains
       call add_ring(elements%start, elements%node, elements%first, elements%element, vertex, node, mark, patch%node, inner, &
                     patch%n)
       if (ring < most_rings .and. patch%n < monomials%n + 1) cycle
-      call patch%fill(x, u, axes)
+      call patch%fill(monomials%dimension, x, u, axes)
       call fit_all(monomials, patch, merge(well_determined, determined, ring == 1), coefficient, rank)
       if (rank == monomials%n) exit
       if (ring == 1) cycle
@@ -244,46 +245,90 @@ contains
     end do
   end subroutine differentiate
 
-  !> Add the strains of the polynomial of a vertex at some points, times a weight for each.
-  pure subroutine add_strains(dim, n_lower, n_strains, n_points, parent, axis, centre, axes, coefficient, weight, x, strain)
-    integer, intent(in) :: dim, n_lower, n_strains, n_points
+  !> Strains at some points: the mean of those of the polynomials of some vertices, each weighted by a function.
+  pure subroutine mean_strains(dim, n_lower, n_strains, n_vertices, n_points, vertex, parent, axis, centre, axes, coefficient, &
+      weight, x, strain)
+    integer, intent(in) :: dim, n_lower, n_strains, n_vertices
+    !> A multiple of `points`.
+    integer, intent(in) :: n_points
+    integer, intent(in) :: vertex(n_vertices)
     !> As in monomials_t.
     integer, intent(in) :: parent(n_lower), axis(n_lower)
-    !> As in patch_fit_t.
-    real(dp), intent(in) :: centre(dim), axes(dim, dim), coefficient(n_strains, n_lower)
-    real(dp), intent(in) :: weight(n_points)
-    !> Places [length].
-    real(dp), intent(in) :: x(n_points, dim)
-    real(dp), intent(inout) :: strain(n_points, n_strains)
-    real(dp) :: t(n_points, dim), power(n_points, n_lower)
-    integer :: i, k, q, s
-    do i = 1, dim
-      do q = 1, n_points
-        t(q, i) = axes(i, 1)*(x(q, 1) - centre(1)) + axes(i, 2)*(x(q, 2) - centre(2))
+    !> As in patch_fit_t, of all vertices.
+    real(dp), intent(in) :: centre(dim, *), axes(dim, dim, *), coefficient(n_strains, n_lower, *)
+    !> Places [length], and weights there.
+    real(dp), intent(in) :: x(n_points, dim), weight(n_points, n_vertices)
+    real(dp), intent(out) :: strain(n_points, n_strains)
+    real(dp) :: t(points, dim), power(points, n_lower), total(points, n_strains), line(points)
+    integer :: i, k, q, s, v
+    do q = 0, n_points - points, points
+      total = 0
+      do v = 1, n_vertices
+        associate (origin => centre(:, vertex(v)), a => axes(:, :, vertex(v)), c => coefficient(:, :, vertex(v)))
+          do i = 1, dim
+            line = 0
+            do k = 1, dim
+              line = line + a(i, k)*(x(q + 1:q + points, k) - origin(k))
+            end do
+            t(:, i) = line
+          end do
+          power(:, 1) = weight(q + 1:q + points, v)
+          do k = 2, n_lower
+            line = power(:, parent(k))*t(:, axis(k))
+            power(:, k) = line
+          end do
+          if (n_strains == 6) then
+            call add_polynomials_6(n_lower, c, power, total)
+          else
+            call add_polynomials_3(n_lower, c, power, total)
+          end if
+        end associate
       end do
-      if (dim == 2) cycle
-      do q = 1, n_points
-        t(q, i) = t(q, i) + axes(i, 3)*(x(q, 3) - centre(3))
-      end do
-    end do
-    power(:, 1) = weight
-    do k = 2, n_lower
-      do q = 1, n_points
-        power(q, k) = power(q, parent(k))*t(q, axis(k))
-      end do
-    end do
-    do k = 1, n_lower - 1, 2
       do s = 1, n_strains
-        do q = 1, n_points
-          strain(q, s) = strain(q, s) + (coefficient(s, k)*power(q, k) + coefficient(s, k + 1)*power(q, k + 1))
-        end do
+        strain(q + 1:q + points, s) = total(:, s)
       end do
     end do
-    if (mod(n_lower, 2) == 0) return
-    do s = 1, n_strains
-      do q = 1, n_points
-        strain(q, s) = strain(q, s) + coefficient(s, n_lower)*power(q, n_lower)
+  end subroutine mean_strains
+
+  !> Add polynomials of six strains at four points.
+  pure subroutine add_polynomials_6(n, coefficient, power, total)
+    integer, intent(in) :: n
+    real(dp), intent(in) :: coefficient(6, n), power(points, n)
+    real(dp), intent(inout) :: total(points, 6)
+    real(dp), dimension(points) :: s1, s2, s3, s4, s5, s6
+    integer :: k
+    s1 = total(:, 1)
+    s2 = total(:, 2)
+    s3 = total(:, 3)
+    s4 = total(:, 4)
+    s5 = total(:, 5)
+    s6 = total(:, 6)
+    do k = 1, n
+      s1 = s1 + coefficient(1, k)*power(:, k)
+      s2 = s2 + coefficient(2, k)*power(:, k)
+      s3 = s3 + coefficient(3, k)*power(:, k)
+      s4 = s4 + coefficient(4, k)*power(:, k)
+      s5 = s5 + coefficient(5, k)*power(:, k)
+      s6 = s6 + coefficient(6, k)*power(:, k)
+    end do
+    total(:, 1) = s1
+    total(:, 2) = s2
+    total(:, 3) = s3
+    total(:, 4) = s4
+    total(:, 5) = s5
+    total(:, 6) = s6
+  end subroutine add_polynomials_6
+
+  !> Add polynomials of three strains at four points.
+  pure subroutine add_polynomials_3(n, coefficient, power, total)
+    integer, intent(in) :: n
+    real(dp), intent(in) :: coefficient(3, n), power(points, n)
+    real(dp), intent(inout) :: total(points, 3)
+    integer :: k, s
+    do k = 1, n
+      do s = 1, 3
+        total(:, s) = total(:, s) + coefficient(s, k)*power(:, k)
       end do
     end do
-  end subroutine add_strains
+  end subroutine add_polynomials_3
 end module dotyk_elasticity_patch_fit
