@@ -1,4 +1,4 @@
-"""Tables of tools/benchmark: write(folder, rows, scenes, machine) makes ratios.csv and benchmark.md, and gives this one as text."""
+"""Tables of tools/benchmark: write(folder, rows, ...) makes ratios.csv and benchmark.md, and gives this one as text."""
 import csv
 import datetime
 import os
@@ -135,7 +135,7 @@ def processor_kind():
     return found[1] if found else 'unknown'
 
 
-def write(folder, rows, scenes, machine):
+def write(folder, rows, scenes, machine, profiles):
     """ratios.csv and benchmark.md."""
     found = ratios(rows, scenes)
     others = [row['others'] for row in rows if 'others' in row]
@@ -158,7 +158,7 @@ def write(folder, rows, scenes, machine):
     if made:
         keys = CHAIN[:-2] + [key for key in made[0] if key not in CHAIN] + CHAIN[-2:]
         parts += ['Chain of equal bodies; once: factorization of one\n', table(keys, made)]
-    text = '\n'.join(parts)
+    text = '\n'.join(parts + profiles)
     with open(os.path.join(folder, 'benchmark.md'), 'w') as file:
         file.write(text)
     return text
