@@ -175,6 +175,6 @@ def scenes():
                       [('Layers{3}', 'Layers{10}'), ('Layers{5}', 'Layers{24}')], composite, bound=2, threads=0.9),
         chain('one', 'one large body', 1, 0.046, threads=1.6),
         chain('eight', 'eight equal bodies', 8, 0.1012, threads=0.9),
-        chain('chain', 'a chain of 200 equal bodies', 200, None, layers=6),
+        chain('chain', 'a chain of 200 equal bodies', 200, None, layers=8),
     ]
     return {scene.name: scene for scene in found}
