@@ -1,9 +1,10 @@
-/* What plain CHOLMOD with METIS needs for the stiffness matrices of a scene: benchmark_cholmod FILE...
+/* What plain CHOLMOD with METIS needs for the stiffness matrices of a scene: benchmark_cholmod M FILE...
  *
  * benchmark_matrix.py makes the files. One line for each: unknowns, entries of the lower triangle, entries and bytes of the
  * factor, flops, seconds of ordering with symbolic analysis, of the factorization, of one solve; processor seconds of the first
- * two; residual of the solve. Before them a line with the rate of DGEMM of the same BLAS [flop/s]. All is CHOLMOD's default, but
- * that METIS is the only ordering and the factor is supernodal. */
+ * two; residual of the solve. Before them a line with the rate of DGEMM of the same BLAS [flop/s], and the seconds of a solve
+ * with a dense triangular factor of M unknowns. All is CHOLMOD's default, but that METIS is the only ordering and the factor
+ * supernodal. */
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -15,6 +16,8 @@
 
 void dgemm_(const char *, const char *, const int *, const int *, const int *, const double *, const double *, const int *,
             const double *, const int *, const double *, double *, const int *);
+
+void dtrsv_(const char *, const char *, const char *, const int *, const double *, const int *, double *, const int *);
 
 static double seconds(clockid_t clock) {
   struct timespec t;
@@ -35,6 +38,23 @@ static double dgemm_rate(int n) {
   }
   free(a);
   return best;
+}
+
+/* Forwards and backwards with one right-hand side, in the mean of some. */
+static double triangular_seconds(int m) {
+  double *l = malloc(((size_t)m + 1) * (size_t)m * sizeof *l);
+  if (!l || m < 1) return 0;
+  for (size_t i = 0; i < ((size_t)m + 1) * (size_t)m; i++) l[i] = i % ((size_t)m + 1) ? 1e-3 : 1;
+  int one = 1, times = 10;
+  double start = seconds(CLOCK_MONOTONIC);
+  for (int k = 0; k < times; k++) {
+    double *x = l + (size_t)m * (size_t)m;
+    for (int i = 0; i < m; i++) x[i] = 1;
+    dtrsv_("L", "N", "N", &m, l, &m, x, &one);
+    dtrsv_("L", "T", "N", &m, l, &m, x, &one);
+  }
+  free(l);
+  return (seconds(CLOCK_MONOTONIC) - start) / times;
 }
 
 /* The file: n, entries, start (n+1), row (entries), all int64, then value (entries): lower triangle by columns, rows ascending,
@@ -92,8 +112,9 @@ static int measure(const char *path) {
 int main(int count, char **argument) {
   /* CHOLMOD's own loops start four threads each, whatever is asked for: with them it is slower, on a busy machine many times. */
   omp_set_max_active_levels(0);
-  printf("dgemm %.6e\n", dgemm_rate(1500));
-  for (int k = 1; k < count; k++) {
+  if (count < 2) return fprintf(stderr, "usage: benchmark_cholmod M FILE...\n"), 1;
+  printf("dgemm %.6e %.6e\n", dgemm_rate(1500), triangular_seconds(atoi(argument[1])));
+  for (int k = 2; k < count; k++) {
     if (measure(argument[k])) return 1;
   }
   return 0;

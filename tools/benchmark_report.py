@@ -5,11 +5,11 @@ import os
 import re
 
 PHASES = ['read', 'assemble', 'order', 'factorize', 'search', 'iterate', 'recover', 'estimate', 'write']
-RATIOS = ['scene', 'theta', 'errors', 'total', 'ratio', 'processor', 'bound', *PHASES, 'rest', 'solves', 'memory']
+RATIOS = ['scene', 'theta', 'errors', 'total', 'ratio', 'processor', 'bound', *PHASES, 'rest', 'solves', 'memory', 'own memory']
 REFERENCE = ['scene', 'unknowns', 'order', 'factorize', 'Gflop', 'entries', 'own order', 'own factorize', 'own Gflop',
              'own entries', 'DGEMM', 'part of DGEMM', 'own part']
 THREADS = ['scene', 'phase', 'one', 'two', 'ratio', 'pair', 'reach', 'bound']
-CHAIN = ['errors', 'bodies', 'total', 'once', 'solve', 'output', 'ratio', 'bound']
+CHAIN = ['scene', 'errors', 'bodies', 'total', 'once', 'solve', 'output', 'sweeps', 'condensed', 'ratio', 'bound']
 
 
 def number(value):
@@ -65,6 +65,7 @@ def ratios(rows, scenes):
             row.update(seconds, total=best['wall'], ratio=best['wall']/base['wall'],
                        processor=least(runs, 'processor')['processor']/processor, rest=best['wall'] - sum(seconds.values()),
                        solves=int(best['body_solves']), memory=max(run['peak'] for run in runs)/base['factor_bytes'])
+            row['own memory'] = row['memory']*base['factor_bytes']/best['factor_bytes']
             made.append(row)
     return made
 
@@ -113,18 +114,20 @@ def threads(rows, scenes):
 
 
 def chain(rows):
-    """Many equal bodies: twice one factorization, and for each body a solve and its part of the output. The sweeps are not among
-    what is allowed here, so that the ratio is on the safe side."""
+    """Many equal bodies over twice one factorization and, for each body, a solve, its part of the output, and sweeps with the
+    condensed factor, where a sweep is a right-hand side."""
     made = []
-    plain = least(chosen(rows, scene='chain', program='cholmod'))
-    for errors in ('with', 'without'):
-        best = least(chosen(rows, scene='chain', program='dotyk', errors=errors))
+    for name, errors in [(name, errors) for name in ('chain', 'chain_placed') for errors in ('with', 'without')]:
+        plain = least(chosen(rows, scene=name, program='cholmod'))
+        best = least(chosen(rows, scene=name, program='dotyk', errors=errors))
         if plain is None or best is None:
             continue
         bodies = round(best['unknowns']/plain['unknowns'])
-        row = {'errors': errors, 'bodies': bodies, 'total': best['wall'], 'once': plain['wall'], 'solve': plain['solve'],
-               'output': best.get('phase_write', 0)/bodies}
-        row['ratio'] = row['total']/(2*row['once'] + bodies*(row['solve'] + row['output']))
+        row = {'scene': name, 'errors': errors, 'bodies': bodies, 'total': best['wall'], 'once': plain['wall'],
+               'solve': plain['solve'], 'output': best.get('phase_write', 0)/bodies, 'sweeps': int(best['body_solves']),
+               'condensed': plain['condensed']}
+        each = row['solve'] + row['output'] + row['sweeps']*row['condensed']
+        row['ratio'] = row['total']/(2*row['once'] + bodies*each)
         made.append({**row, **phases(best), 'bound': 1})
     return made
 
@@ -154,7 +157,7 @@ def write(folder, rows, scenes, machine, profiles):
     if made:
         parts += ['Two threads; pair: a scene of two that run at once; reach: what two threads reach of that [s]\n',
                   table(THREADS, made)]
-    made = chain(rows) if any(row['scene'] == 'chain' for row in rows) else []
+    made = chain(rows)
     if made:
         keys = CHAIN[:-2] + [key for key in made[0] if key not in CHAIN] + CHAIN[-2:]
         parts += ['Chain of equal bodies; once: factorization of one\n', table(keys, made)]

@@ -44,6 +44,7 @@ class Scene:
     def __init__(self, name, about, planes, bound=None, threads=None):
         self.name, self.about, self.planes, self.bound, self.threads = name, about, planes, bound, threads
         self.files, self.text = {}, ''
+        self.touching = 0  # unknowns of a body that may touch, where they count
 
     def write(self, folder):
         """Write what is not there yet; the folder of the scene."""
@@ -133,11 +134,13 @@ def changed_input(name, about, folder, case, changes, planes, **more):
     return scene
 
 
-def chain(name, about, n, size, layers=None, **more):
-    """n cubes in a row, every one held at two sides, the last one pressed on: tetrahedra, or equal bricks of layers elements."""
+def chain(name, about, n, size, layers=None, placed=False, **more):
+    """n cubes in a row, each held at two sides, the last one pressed on: tetrahedra, or equal bricks of layers elements, drawn
+    each or drawn once and placed many times."""
     scene = Scene(name, about, {'side': [(0, 0), (0, 1)]}, **more)
     if layers:
-        geometry = LADDER.format(n=n, m=layers)
+        geometry = LADDER.format(n=1 if placed else n, m=layers)
+        scene.touching = 2*3*((layers - 1)*(2*layers + 1) + layers*(layers + 1))  # nodes of two faces but for their held edges
     else:
         groups = []
         for k in range(n):
@@ -149,13 +152,15 @@ def chain(name, about, n, size, layers=None, **more):
         geometry = CHAIN.format(boxes=boxes, size=size, groups='\n'.join(groups))
     scene.files = {name + '.geo': geometry}
     lines = ["&scene title='%s', mesh='%s.geo' /" % (about, name), "&material name='steel', young=210e9, poisson=0.3 /"]
+    drawn = [1 if placed else k + 1 for k in range(n)]
     for k in range(n):
-        lines.append("&body name='%d', volume='body %d', material='steel' /" % (k + 1, k + 1))
-        lines.append("&support body='%d', surface='side %d', fix='xyz' /" % (k + 1, k + 1))
-    lines.append("&load body='%d', surface='high %d', pressure=1e8 /" % (n, n))
+        place = ', at=0,0,%d' % k if placed else ''
+        lines.append("&body name='%d', volume='body %d', material='steel'%s /" % (k + 1, drawn[k], place))
+        lines.append("&support body='%d', surface='side %d', fix='xyz' /" % (k + 1, drawn[k]))
+    lines.append("&load body='%d', surface='high %d', pressure=1e8 /" % (n, drawn[-1]))
     for k in range(n - 1):
         lines.append("&contact name='joint %d', surface_a='%d:high %d', surface_b='%d:low %d' /"
-                     % (k + 1, k + 1, k + 1, k + 2, k + 2))
+                     % (k + 1, k + 1, drawn[k], k + 2, drawn[k + 1]))
     scene.text = '\n'.join(lines) + '\n'
     return scene
 
@@ -175,6 +180,7 @@ def scenes():
                       [('Layers{3}', 'Layers{10}'), ('Layers{5}', 'Layers{24}')], composite, bound=2, threads=0.9),
         chain('one', 'one large body', 1, 0.046, threads=1.6),
         chain('eight', 'eight equal bodies', 8, 0.1012, threads=0.9),
-        chain('chain', 'a chain of 200 equal bodies', 200, None, layers=8),
+        chain('chain', 'a chain of 200 equal bodies, all of them drawn', 200, None, layers=8),
+        chain('chain_placed', 'the same, one drawn and placed 200 times', 200, None, layers=8, placed=True),
     ]
     return {scene.name: scene for scene in found}
