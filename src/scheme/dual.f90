@@ -18,8 +18,9 @@ module dotyk_scheme_dual
   use dotyk_scheme_bounds, only: duality_gap
   use dotyk_scheme_choice, only: choose_solver, solver_auto
   use dotyk_scheme_explicit, only: explicit_compliance_t
-  use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_limit, ended_stalled, ended_unstoppable, ended_immovable
-  use dotyk_scheme_nested, only: find_start
+  use dotyk_scheme_history, only: history_t, scheme_result_t, ended_converged, ended_immovable, ended_limit, ended_stalled, &
+    ended_unstoppable
+  use dotyk_scheme_nested, only: few_points, find_start
   use dotyk_scheme_part, only: give_back, keep_rows
   use dotyk_scheme_problem, only: contact_problem_t
   use dotyk_scheme_settle, only: find_unstoppable
@@ -41,7 +42,7 @@ module dotyk_scheme_dual
   public :: solve_dual
 
   !> How often points that were left out come back; then all of them do.
-  integer, parameter :: most_rounds = 6
+  integer, parameter :: most_rounds = 4
   !> A part of all points that is not worth leaving out: to look at them in the end takes a solve.
   real(dp), parameter :: not_worth_leaving_out = 0.2_dp
 
@@ -62,6 +63,7 @@ contains
     class(active_system_t), allocatable :: system
     type(contact_problem_t) :: part
     type(scheme_result_t), allocatable :: state
+    type(history_t) :: earlier
     logical, allocatable :: keep(:), late(:)
     integer :: round
 
@@ -76,7 +78,8 @@ contains
     if (compliance%by_sweeps) call log%line('  active sets      by conjugate gradients, '//to_text(count(keep))// &
                                             ' points to begin with')
     do round = 1, most_rounds
-      if (compliance%by_sweeps .or. round == most_rounds .or. count(.not. keep) < not_worth_leaving_out*size(keep)) keep = .true.
+      if (compliance%by_sweeps .or. round == most_rounds .or. size(keep) < few_points .or. &
+          count(.not. keep) < not_worth_leaving_out*size(keep)) keep = .true.
       call compliance%mark(keep)
       if (all(keep)) then
         call solve_rows(problem, settings, log, compliance, system, result, error, state)
@@ -88,12 +91,14 @@ contains
         if (.not. allocated(error) .and. allocated(result%m)) call complete(problem, keep, settings%check_all, result)
       end if
       call result%history%finish()
-      if (round > 1) call result%history%put_behind(state%history)
+      call result%history%put_behind(earlier)
       if (allocated(error) .or. all(keep) .or. .not. settings%check_all .or. .not. allocated(result%m)) exit
       late = .not. keep .and. result%y > rounding*maxval(abs(problem%y_free))
       if (.not. any(late)) exit
-      keep = keep .or. late
-      state = result
+      ! How far they went says how far others may.
+      keep = keep .or. result%y > -2*maxval(result%y, mask=late)
+      earlier = result%history
+      if (allocated(state)) deallocate (state)
     end do
     call system%destroy()
     result%iterations = result%history%n

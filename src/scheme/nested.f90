@@ -21,7 +21,7 @@ module dotyk_scheme_nested
   public :: find_start, join_points
 
   !> Fewer points than this need no better start than that of rigid bodies.
-  integer, parameter :: few_points = 60
+  integer, parameter, public :: few_points = 60
   !> Points of a group at most.
   integer, parameter :: most_joined = 6
   !> Active sets of the groups at most: a start need not be exact.
