@@ -17,17 +17,26 @@ module dotyk_response_full
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_text, only: to_text
   use dotyk_elasticity_body, only: body_t
-  use dotyk_linalg_blas, only: add_product, transposed_product
+  use dotyk_linalg_blas, only: transposed_product
   use dotyk_linalg_cholesky, only: cholesky_t
+  use dotyk_linalg_half_solve, only: elimination_tree_t, half_product
   use dotyk_linalg_ordering, only: expand_permutation, nested_dissection
-  use dotyk_linalg_sparse, only: sparse_symmetric_t
-  use dotyk_response_components, only: gather, scatter
+  use dotyk_linalg_sparse, only: sparse_rows_t, sparse_symmetric_t
+  use dotyk_response_components, only: gather, scatter, to_equations
   use dotyk_response_condensed, only: condensed_t
   use dotyk_response_hold, only: add_springs, choose_holds, is_mechanism
   use dotyk_response_motions, only: remove_motions, subtract_motions
-  use dotyk_response_response, only: response_t
+  use dotyk_response_response, only: half_response_t, response_t
   implicit none
   private
+
+  !> What half solves need beside the factor, made when it is needed.
+  type :: half_data_t
+    !> The tree of elimination.
+    type(elimination_tree_t), allocatable :: tree
+    !> Z = K_s^{-1} R (n_equations, n_motions) and R^T Z (n_motions, n_motions).
+    real(dp), allocatable :: answer(:, :), product(:, :)
+  end type half_data_t
 
   !> Response by solves with the factor of the full stiffness.
   type, extends(response_t), public :: full_response_t
@@ -55,6 +64,8 @@ module dotyk_response_full
     real(dp), allocatable, private :: axes(:, :, :)
     !> Right-hand side and solution (n_equations).
     real(dp), allocatable, private :: x(:)
+    !> What half solves need; the first's of the kind where it is shared.
+    type(half_data_t), pointer, private :: halves => null()
   contains
     procedure :: prepare => full_response_prepare
     procedure :: share => full_response_share
@@ -66,7 +77,11 @@ module dotyk_response_full
     procedure :: share_condensed => full_response_share_condensed
     procedure, private :: take_condensed => full_response_take_condensed
     procedure, private :: keep_diagonal => full_response_keep_diagonal
-    procedure :: apply_block => full_response_apply_block
+    procedure :: prepare_half_solves => full_response_prepare_half_solves
+    procedure :: half_entries => full_response_half_entries
+    procedure :: half_solve => full_response_half_solve
+    procedure :: half_product => full_response_half_product
+    procedure, private :: find_tree => full_response_find_tree
     procedure :: solve => full_response_solve
     procedure :: destroy => full_response_destroy
   end type full_response_t
@@ -81,8 +96,6 @@ module dotyk_response_full
 
   !> How much slower than the factorization the operations of solves are: in blocks of right-hand sides, and one by one.
   real(dp), parameter, public :: slowness_of_blocks = 2, slowness_of_single_solves = 10
-  !> Right-hand sides that are solved for at a time.
-  integer, parameter :: block_size = 64
 
 contains
 
@@ -113,7 +126,7 @@ contains
     if (allocated(error)) return
     allocate (permutation(body%constraint%n_equations))
     call expand_permutation(node_order, body%constraint%equation, permutation)
-    if (.not. associated(self%factor)) allocate (self%factor)
+    if (.not. associated(self%factor)) allocate (self%factor, self%halves)
     call self%factor%analyze(body%stiffness, permutation, error)
     if (allocated(error)) return
     self%whole_flops = self%factor%flops
@@ -178,6 +191,7 @@ contains
     self%is_condensed = first%is_condensed
     self%n_last = first%n_last
     self%factor => first%factor
+    self%halves => first%halves
     self%rigid => first%rigid
   end subroutine full_response_share
 
@@ -311,58 +325,66 @@ contains
     call gather(self%dimension, self%n_contact_nodes, self%equation, self%axes_of, self%axes, self%x, displacement)
   end subroutine full_response_apply
 
-  !> The same for many forces at a time.
-  subroutine full_response_apply_block(self, force, displacement)
-    class(full_response_t), intent(in) :: self
-    !> Forces, one case a column (dimension*n_contact_nodes, m) [force].
-    real(dp), intent(in) :: force(:, :)
-    !> Displacements (dimension*n_contact_nodes, m) [length].
-    real(dp), intent(out) :: displacement(:, :)
-    real(dp), allocatable :: x(:, :), amplitude(:, :)
-    integer :: first, m, j
-    if (self%condensed%n > 0) then
-      call apply_condensed(self, force, displacement)
-      return
-    end if
-    do first = 1, size(force, 2), block_size
-      m = min(block_size, size(force, 2) - first + 1)
-      if (allocated(x)) then
-        if (size(x, 2) /= m) deallocate (x, amplitude)
-      end if
-      if (.not. allocated(x)) allocate (x(size(self%x), m), amplitude(self%n_motions, m))
-      do j = 1, m
-        call scatter(self%dimension, self%n_contact_nodes, self%equation, self%axes_of, self%axes, &
-                     force(:, first + j - 1), x(:, j))
-      end do
-      call transposed_product(self%motion, force(:, first:first + m - 1), amplitude)
-      call add_product(-1.0_dp, self%rigid, amplitude, x)
-      call self%factor%solve_block(x)
-      call transposed_product(self%rigid, x, amplitude)
-      do j = 1, m
-        call gather(self%dimension, self%n_contact_nodes, self%equation, self%axes_of, self%axes, x(:, j), &
-                    displacement(:, first + j - 1))
-      end do
-      ! What is not gathered need not be projected.
-      call add_product(-1.0_dp, self%motion, amplitude, displacement(:, first:first + m - 1))
-    end do
-  end subroutine full_response_apply_block
+  !> What half solves need beside the factor.
+  subroutine full_response_prepare_half_solves(self)
+    class(full_response_t), intent(inout) :: self
+    real(dp), allocatable :: z(:, :)
+    call self%find_tree()
+    ! Values have come since.
+    call self%factor%supernodes(self%halves%tree%list)
+    if (allocated(self%halves%answer)) return
+    allocate (z, source=self%rigid)
+    call self%factor%solve_block(z)
+    allocate (self%halves%product(self%n_motions, self%n_motions))
+    call transposed_product(self%rigid, z, self%halves%product)
+    call move_alloc(z, self%halves%answer)
+  end subroutine full_response_prepare_half_solves
 
-  !> Many forces at a time, through the condensed stiffness.
-  subroutine apply_condensed(self, force, displacement)
+  !> The tree of elimination, as soon as there is an analysis.
+  subroutine full_response_find_tree(self)
+    class(full_response_t), intent(inout) :: self
+    if (allocated(self%halves%tree)) return
+    allocate (self%halves%tree)
+    call self%halves%tree%init(self%factor)
+  end subroutine full_response_find_tree
+
+  !> Entries of a path through the factor.
+  real(dp) function full_response_half_entries(self) result(entries)
+    class(full_response_t), intent(inout) :: self
+    call self%find_tree()
+    entries = self%halves%tree%path_entries(pack(self%equation, self%equation > 0))
+  end function full_response_half_entries
+
+  !> Half solves for rows of B.
+  subroutine full_response_half_solve(self, matrix, row, half)
     class(full_response_t), intent(in) :: self
-    real(dp), intent(in) :: force(:, :)
-    real(dp), intent(out) :: displacement(:, :)
-    real(dp), allocatable :: x(:, :)
-    integer :: j
-    allocate (x(self%condensed%n, size(force, 2)))
-    do j = 1, size(force, 2)
-      call scatter(self%dimension, self%n_contact_nodes, self%condensed%place, self%axes_of, self%axes, force(:, j), x(:, j))
+    !> As in `response_t`.
+    type(sparse_rows_t), intent(in) :: matrix
+    integer, intent(in) :: row(:)
+    type(half_response_t), intent(inout) :: half
+    type(sparse_rows_t) :: rows
+    integer :: k
+    call to_equations(self%equation, self%axes_of, self%axes, matrix, row, rows)
+    call half%half%init(self%halves%tree, rows)
+    allocate (half%along(size(row), self%n_motions), half%answer(size(row), self%n_motions))
+    do k = 1, self%n_motions
+      call rows%multiply(self%rigid(:, k), half%along(:, k))
+      call rows%multiply(self%halves%answer(:, k), half%answer(:, k))
     end do
-    call self%condensed%solve_block(self%factor, x)
-    do j = 1, size(force, 2)
-      call gather(self%dimension, self%n_contact_nodes, self%condensed%place, self%axes_of, self%axes, x(:, j), displacement(:, j))
-    end do
-  end subroutine apply_condensed
+  end subroutine full_response_half_solve
+
+  !> b K^+ b'. With free motions, `K^+ = K_s^{-1} - Z R^T - R Z^T + R (R^T Z) R^T`, see dotyk_response_condensed.
+  subroutine full_response_half_product(self, a, b, same, c)
+    class(full_response_t), intent(in) :: self
+    !> As in `response_t`.
+    type(half_response_t), intent(in) :: a, b
+    logical, intent(in) :: same
+    real(dp), intent(out) :: c(:, :)
+    call half_product(self%halves%tree, a%half, b%half, same, c)
+    if (self%n_motions == 0) return
+    c = c - matmul(a%answer, transpose(b%along)) - matmul(a%along, transpose(b%answer)) + &
+      matmul(matmul(a%along, self%halves%product), transpose(b%along))
+  end subroutine full_response_half_product
 
   !> A full solve.
   subroutine full_response_solve(self, x)
@@ -379,10 +401,10 @@ contains
     class(full_response_t), intent(inout) :: self
     if (associated(self%factor) .and. .not. self%shares) then
       call self%factor%destroy()
-      deallocate (self%factor)
+      deallocate (self%factor, self%halves)
     end if
     if (associated(self%rigid) .and. .not. self%shares) deallocate (self%rigid)
-    nullify (self%factor, self%rigid)
+    nullify (self%factor, self%halves, self%rigid)
     self%shares = .false.
     call self%condensed%destroy()
     self%is_condensed = .false.

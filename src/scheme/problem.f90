@@ -70,6 +70,7 @@ contains
     integer :: b, n, n_dofs
     if (allocated(self%work)) deallocate (self%work, self%sequence)
     self%cost = cost
+    if (.not. allocated(self%operator%origin)) self%operator%origin = [(b, b=1, self%operator%n_rows)]
     allocate (self%work(size(cost)), self%sequence(0))
     do b = 1, size(cost)
       n = size(self%operator%block(b)%row)
