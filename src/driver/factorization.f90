@@ -83,7 +83,8 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(full_response_t), allocatable :: full
     allocate (full)
-    call full%prepare(body, error, block%contact_node, form, response_demand_t(size(block%row), merge(typical_steps, 0, single_solves)))
+    call full%prepare(body, error, block%contact_node, form, &
+                      response_demand_t(size(block%row), merge(typical_steps, 0, single_solves)))
     size_of%is_condensed = full%is_condensed
     size_of%is_explicit = full%is_explicit
     size_of%entries = full%factor%factor_entries

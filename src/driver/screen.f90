@@ -158,8 +158,9 @@ contains
     type(factor_size_t), intent(in) :: size_of(:)
     logical, intent(in) :: chosen(:)
     character(:), allocatable :: text
-    text = 'a response '//to_text(100*real(sum(size_of%response_entries, mask=chosen), dp)/ &
-                                  max(1.0_dp, real(sum(size_of%whole_entries, mask=chosen), dp)), 2)//' % of one with the whole factor'
+    real(dp) :: part
+    part = sum(size_of%response_entries, mask=chosen)/max(1.0_dp, real(sum(size_of%whole_entries, mask=chosen), dp))
+    text = 'a response '//to_text(100*part, 2)//' % of one with the whole factor'
   end function response_of
 
   !> Memory that a run would take.
