@@ -4,8 +4,9 @@
 !> symbolic analysis: fill and flops are known then), `attach` (where contact forces act), `factorize`.
 !>
 !> Contact unknowns that come last in the order of elimination make the factor a little larger (+3 % flops where 5 % of a face may
-!> touch, +76 % for all of it) and responses much cheaper, see `dotyk_response_condensed`: which is better is known from the symbolic
-!> analysis of both and the number of responses to come.
+!> touch, +76 % for all of it) and responses much cheaper, see `dotyk_response_condensed`. The compliance of the contact points as a
+!> matrix, by half solves with either factor, makes them cheaper still. Which is best is known from the symbolic analysis of both
+!> orders and the responses to come (`dotyk_response_demand`).
 !>
 !> A body with free motions R is factorized with springs on a few unknowns, see dotyk_response_hold, K_s: then
 !> `K^+ = P K_s^{-1} P`, `P = I - R R^T`. Forces act at contact nodes, so R^T f takes the motions of these only.
@@ -24,6 +25,7 @@ module dotyk_response_full
   use dotyk_linalg_sparse, only: sparse_rows_t, sparse_symmetric_t
   use dotyk_response_components, only: gather, scatter, to_equations
   use dotyk_response_condensed, only: condensed_t
+  use dotyk_response_demand, only: cost_of_matrix, cost_of_solves, response_demand_t
   use dotyk_response_hold, only: add_springs, choose_holds, is_mechanism
   use dotyk_response_motions, only: remove_motions, subtract_motions
   use dotyk_response_response, only: half_response_t, response_t
@@ -46,6 +48,8 @@ module dotyk_response_full
     logical :: shares = .false.
     !> Whether the contact unknowns are the last ones of the factor.
     logical :: is_condensed = .false.
+    !> Whether single responses are to go by the compliance as a matrix: whoever knows B has to make it.
+    logical :: is_explicit = .false.
     !> Contact unknowns where they are.
     integer, private :: n_last = 0
     !> Operations and entries of the factor in the order that is best without regard to contact.
@@ -73,7 +77,7 @@ module dotyk_response_full
     procedure :: attach => full_response_attach
     procedure :: apply => full_response_apply
     procedure :: response_entries => full_response_entries
-    procedure, private :: try_condensed => full_response_try_condensed
+    procedure, private :: choose_form => full_response_choose_form
     procedure :: share_condensed => full_response_share_condensed
     procedure, private :: take_condensed => full_response_take_condensed
     procedure, private :: keep_diagonal => full_response_keep_diagonal
@@ -90,17 +94,18 @@ module dotyk_response_full
   !> leaves 1e-16 to 1e-13: whether it is, the displacement says that belongs to it.)
   real(dp), parameter :: suspicious_pivot = 1.0e-8_dp
   !> Forms of the response (`response` of the input).
-  integer, parameter, public :: form_auto = 1       !< the cheaper one
-  integer, parameter, public :: form_full = 2       !< the whole factor
-  integer, parameter, public :: form_condensed = 3  !< contact unknowns last
+  integer, parameter, public :: form_auto = 1        !< the cheapest
+  integer, parameter, public :: form_full = 2        !< solves with the whole factor
+  integer, parameter, public :: form_condensed = 3   !< contact unknowns last, solves with their part of the factor
+  integer, parameter, public :: form_compliance = 4  !< the compliance as a matrix, from the whole factor
 
-  !> How much slower than the factorization the operations of solves are: in blocks of right-hand sides, and one by one.
-  real(dp), parameter, public :: slowness_of_blocks = 2, slowness_of_single_solves = 10
+  !> Bytes that a matrix may take which is not asked for.
+  real(dp), parameter :: most_bytes = 1.0e9_dp
 
 contains
 
   !> Order the equations and analyse the factorization.
-  subroutine full_response_prepare(self, body, error, contact_node, form, work)
+  subroutine full_response_prepare(self, body, error, contact_node, form, demand)
     class(full_response_t), intent(inout) :: self
     !> The body, assembled.
     type(body_t), intent(in) :: body
@@ -109,8 +114,8 @@ contains
     integer, intent(in), optional :: contact_node(:)
     !> One of `form_*`; if absent, the whole factor.
     integer, intent(in), optional :: form
-    !> Responses to come, times the slowness of a solve.
-    real(dp), intent(in), optional :: work
+    !> Responses to come.
+    type(response_demand_t), intent(in), optional :: demand
     integer, allocatable :: node_order(:), permutation(:)
     integer :: k
     self%dimension = body%dimension
@@ -132,13 +137,13 @@ contains
     self%whole_flops = self%factor%flops
     self%whole_entries = self%factor%factor_entries
     if (.not. present(form)) return
-    if (form == form_full) return
-    call self%try_condensed(body, permutation, pack(body%constraint%equation(:, contact_node), &
-                                                   body%constraint%equation(:, contact_node) > 0), form, work, error)
+    call self%choose_form(body, permutation, pack(body%constraint%equation(:, contact_node), &
+                                                  body%constraint%equation(:, contact_node) > 0), form, demand, error)
   end subroutine full_response_prepare
 
-  !> Analyse the factorization with the contact unknowns last, and keep it where it is the better one.
-  subroutine full_response_try_condensed(self, body, permutation, last, form, work, error)
+  !> Take the form that costs least, or the one that was asked for: contact unknowns last or not, single responses by solves or by the
+  !> compliance as a matrix.
+  subroutine full_response_choose_form(self, body, permutation, last, form, demand, error)
     class(full_response_t), intent(inout) :: self
     type(body_t), intent(in) :: body
     !> Order of elimination for the whole factor (n_equations).
@@ -147,18 +152,27 @@ contains
     integer, intent(in) :: last(:)
     !> As in `prepare`.
     integer, intent(in) :: form
-    real(dp), intent(in) :: work
+    type(response_demand_t), intent(in) :: demand
     type(error_t), allocatable, intent(out) :: error
     type(cholesky_t), pointer :: other
     logical, allocatable :: is_last(:)
-    real(dp) :: whole, condensed
+    real(dp) :: solves(2), matrix(2), entries
     integer :: n
     n = size(last)
     if (n == 0) return
-    ! In operations of a factorization; at least what the last block alone takes.
-    whole = self%factor%flops + 4*work*self%factor%factor_entries
-    condensed = 2*work*real(n, dp)**2
-    if (form == form_auto .and. max(condensed, real(n, dp)**3/3) > whole) return
+    call self%find_tree()
+    entries = real(n, dp)*(n + 1)/2
+    solves = cost_of_solves(demand, [real(self%factor%factor_entries, dp), entries])
+    matrix = cost_of_matrix(demand, [self%halves%tree%path_entries(last), entries])
+    self%is_explicit = form == form_compliance
+    if (form == form_auto .and. demand%n_steps > 0 .and. 8*real(demand%n_rows, dp)**2/demand%n_bodies < most_bytes) then
+      self%is_explicit = minval(matrix) < minval(solves)
+    end if
+    if (self%is_explicit .or. demand%n_steps == 0) solves = matrix
+    self%is_explicit = self%is_explicit .and. demand%n_steps > 0
+    if (any(form == [form_full, form_compliance])) return
+    ! The last block alone takes n^3/3.
+    if (form == form_auto .and. solves(2) + real(n, dp)**3/3 > solves(1) + self%factor%flops) return
     allocate (is_last(size(permutation)), source=.false.)
     is_last(last) = .true.
     allocate (other)
@@ -168,17 +182,17 @@ contains
       deallocate (other)
       return
     end if
-    self%is_condensed = form == form_condensed .or. condensed + other%flops < whole
+    self%is_condensed = form == form_condensed .or. solves(2) + other%flops < solves(1) + self%factor%flops
     if (self%is_condensed) then
       call self%factor%destroy()
-      deallocate (self%factor)
+      deallocate (self%factor, self%halves%tree)
       self%factor => other
       self%n_last = n
     else
       call other%destroy()
       deallocate (other)
     end if
-  end subroutine full_response_try_condensed
+  end subroutine full_response_choose_form
 
   !> In place of `prepare`: be the response of another body of the same kind.
   subroutine full_response_share(self, first)
@@ -189,6 +203,7 @@ contains
     self%dimension = first%dimension
     self%n_motions = first%n_motions
     self%is_condensed = first%is_condensed
+    self%is_explicit = first%is_explicit
     self%n_last = first%n_last
     self%factor => first%factor
     self%halves => first%halves

@@ -37,6 +37,7 @@ module dotyk_scheme_explicit
     procedure :: mark => explicit_mark
     procedure :: form => explicit_form
     procedure :: join => explicit_join
+    procedure :: lend => explicit_lend
     procedure :: multiply => explicit_multiply
     procedure :: diagonal => explicit_diagonal
     procedure :: bytes => explicit_bytes
@@ -100,14 +101,16 @@ contains
   end subroutine explicit_mark
 
   !> Let all rows join.
-  subroutine explicit_form(self, problem)
+  subroutine explicit_form(self, problem, chosen)
     class(explicit_compliance_t), intent(inout) :: self
     type(contact_problem_t), intent(inout) :: problem
+    !> The bodies whose rows join; all if absent (n_bodies).
+    logical, intent(in), optional :: chosen(:)
     type(task_t), allocatable :: half(:), product(:)
     integer :: b, i, n_blas, n_halves, n_products
     if (self%by_sweeps) return
     call self%adopt(problem)
-    call plan(self, problem, half, n_halves, product, n_products)
+    call plan(self, problem, half, n_halves, product, n_products, chosen)
     if (n_halves == 0) return
     n_blas = blas_threads()
     if (n_halves > 1) call set_blas_threads(1)
@@ -130,18 +133,22 @@ contains
   end subroutine explicit_form
 
   !> Number the rows that join, make room for them, and say what is to be done.
-  subroutine plan(self, problem, half, n_halves, product, n_products)
+  subroutine plan(self, problem, half, n_halves, product, n_products, chosen)
     class(explicit_compliance_t), intent(inout) :: self
     type(contact_problem_t), intent(inout) :: problem
     !> Half solves and products of lots, with room for more.
     type(task_t), allocatable, intent(out) :: half(:), product(:)
     integer, intent(out) :: n_halves, n_products
+    logical, intent(in), optional :: chosen(:)
     integer :: b, i, k, m, n_old, most
     most = 0
     n_halves = 0
     n_products = 0
     allocate (half(0), product(0))
     do b = 1, size(self%body)
+      if (present(chosen)) then
+        if (.not. chosen(b)) cycle
+      end if
       associate (body => self%body(b), row => problem%operator%block(b)%row)
         m = count(body%number == 0)
         if (m == 0) cycle
@@ -241,6 +248,23 @@ contains
       end associate
     end do
   end subroutine explicit_join
+
+  !> Let the matrices of some bodies stand for their responses.
+  subroutine explicit_lend(self, problem, chosen)
+    class(explicit_compliance_t), intent(inout) :: self
+    !> The problem that all rows belong to.
+    type(contact_problem_t), intent(inout) :: problem
+    !> (n_bodies).
+    logical, intent(in) :: chosen(:)
+    integer :: b
+    if (.not. any(chosen)) return
+    call self%init(size(chosen), .false.)
+    call self%form(problem, chosen)
+    do b = 1, size(chosen)
+      ! Rows joined in their own order.
+      if (chosen(b)) call problem%take_matrix(b, self%body(b)%value)
+    end do
+  end subroutine explicit_lend
 
   !> z = C lambda at the rows that have joined, 0 elsewhere.
   subroutine explicit_multiply(self, problem, lambda, z)
