@@ -10,8 +10,8 @@ module dotyk_response_demand
 
   !> Responses to come.
   type, public :: response_demand_t
-    !> Contact points of the body.
-    integer :: n_rows = 0
+    !> Contact points of all bodies that share the factor, and how many bodies they are.
+    integer :: n_rows = 0, n_bodies = 1
     !> Responses one by one, one in each step of a scheme; 0: the scheme takes the compliance of all points as a matrix.
     integer :: n_steps = 0
   end type response_demand_t
@@ -26,7 +26,7 @@ contains
     type(response_demand_t), intent(in) :: demand
     !> Entries of the triangle that a response goes through, twice.
     real(dp), intent(in) :: entries
-    cost = slowness_of_solves*4*entries*demand%n_steps
+    cost = slowness_of_solves*4*entries*demand%n_steps*demand%n_bodies
   end function cost_of_solves
 
   !> Making the compliance, and multiplying with it.
@@ -35,7 +35,7 @@ contains
     !> Entries from a contact unknown to the root; its unknowns are about the root of twice as many.
     real(dp), intent(in) :: path
     real(dp) :: n
-    n = demand%n_rows
-    cost = slowness_of_halves*(2*path*n + sqrt(2*path)*n**2) + slowness_of_solves*2*n**2*demand%n_steps
+    n = real(demand%n_rows, dp)/demand%n_bodies
+    cost = demand%n_bodies*(slowness_of_halves*(2*path*n + sqrt(2*path)*n**2) + slowness_of_solves*2*n**2*demand%n_steps)
   end function cost_of_matrix
 end module dotyk_response_demand

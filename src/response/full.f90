@@ -10,28 +10,33 @@
 !>
 !> A body with free motions R is factorized with springs on a few unknowns, see dotyk_response_hold, K_s: then
 !> `K^+ = P K_s^{-1} P`, `P = I - R R^T`. Forces act at contact nodes, so R^T f takes the motions of these only.
+!>
+!> Bodies of one kind (dotyk_elasticity_congruence) have one factor: the first one's response makes it, owns it and gives it back, the
+!> others `share` it and are not used after that. Axes of nodes are each body's own, equations and motions over them are the kind's.
 module dotyk_response_full
   use dotyk_base_error, only: error_t, set_error, exit_not_solvable
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_text, only: to_text
   use dotyk_elasticity_body, only: body_t
-  use dotyk_linalg_blas, only: transposed_product
   use dotyk_linalg_cholesky, only: cholesky_t
-  use dotyk_linalg_half_solve, only: elimination_tree_t, half_product
   use dotyk_linalg_ordering, only: expand_permutation, nested_dissection
-  use dotyk_linalg_sparse, only: sparse_rows_t
+  use dotyk_linalg_sparse, only: sparse_rows_t, sparse_symmetric_t
   use dotyk_response_components, only: gather, scatter, to_equations
   use dotyk_response_condensed, only: condensed_t
   use dotyk_response_demand, only: cost_of_matrix, cost_of_solves, response_demand_t
+  use dotyk_response_half_solver, only: half_solver_t
   use dotyk_response_hold, only: add_springs, choose_holds, is_mechanism
+  use dotyk_response_motions, only: remove_motions, subtract_motions
   use dotyk_response_response, only: half_response_t, response_t
   implicit none
   private
 
   !> Response by solves with the factor of the full stiffness.
   type, extends(response_t), public :: full_response_t
-    !> Factor of the stiffness over the free equations.
-    type(cholesky_t), allocatable :: factor
+    !> Factor of the stiffness over the free equations; the first's of the kind where it is shared.
+    type(cholesky_t), pointer :: factor => null()
+    !> Whether factor and rigid are another response's.
+    logical :: shares = .false.
     !> Whether the contact unknowns are the last ones of the factor.
     logical :: is_condensed = .false.
     !> Whether single responses are to go by the compliance as a matrix: whoever knows B has to make it.
@@ -45,7 +50,7 @@ module dotyk_response_full
     !> Equations with springs, one for each free motion; chosen by `prepare` (n_motions).
     integer, allocatable :: hold(:)
     !> Free motions over the equations, orthonormal (n_equations, n_motions).
-    real(dp), allocatable, private :: rigid(:, :)
+    real(dp), pointer, contiguous, private :: rigid(:, :) => null()
     !> Equations of the contact nodes (dimension, n_contact_nodes), in the node's axes; 0 where prescribed.
     integer, allocatable, private :: equation(:, :)
     !> Axes of each contact node: 0 for the global ones, else an index into `axes` (n_contact_nodes).
@@ -54,23 +59,22 @@ module dotyk_response_full
     real(dp), allocatable, private :: axes(:, :, :)
     !> Right-hand side and solution (n_equations).
     real(dp), allocatable, private :: x(:)
-    !> For half solves: the tree of elimination, Z = K_s^{-1} R (n_equations, n_motions) and R^T Z (n_motions, n_motions).
-    type(elimination_tree_t), allocatable, private :: tree
-    real(dp), allocatable, private :: answer(:, :), product(:, :)
+    type(half_solver_t), private :: half
   contains
     procedure :: prepare => full_response_prepare
+    procedure :: share => full_response_share
     procedure :: factorize => full_response_factorize
     procedure :: attach => full_response_attach
     procedure :: apply => full_response_apply
     procedure :: response_entries => full_response_entries
     procedure, private :: choose_form => full_response_choose_form
+    procedure :: share_condensed => full_response_share_condensed
     procedure, private :: take_condensed => full_response_take_condensed
     procedure, private :: keep_diagonal => full_response_keep_diagonal
     procedure :: prepare_half_solves => full_response_prepare_half_solves
     procedure :: half_entries => full_response_half_entries
     procedure :: half_solve => full_response_half_solve
     procedure :: half_product => full_response_half_product
-    procedure, private :: find_tree => full_response_find_tree
     procedure :: solve => full_response_solve
     procedure :: destroy => full_response_destroy
   end type full_response_t
@@ -116,7 +120,7 @@ contains
     if (allocated(error)) return
     allocate (permutation(body%constraint%n_equations))
     call expand_permutation(node_order, body%constraint%equation, permutation)
-    if (.not. allocated(self%factor)) allocate (self%factor)
+    if (.not. associated(self%factor)) allocate (self%factor)
     call self%factor%analyze(body%stiffness, permutation, error)
     if (allocated(error)) return
     self%whole_flops = self%factor%flops
@@ -139,16 +143,15 @@ contains
     integer, intent(in) :: form
     type(response_demand_t), intent(in) :: demand
     type(error_t), allocatable, intent(out) :: error
-    type(cholesky_t), allocatable :: other
+    type(cholesky_t), pointer :: other
     logical, allocatable :: is_last(:)
     real(dp) :: solves(2), matrix(2), entries
     integer :: n
     n = size(last)
     if (n == 0) return
-    call self%find_tree()
     entries = real(n, dp)*(n + 1)/2
     solves = cost_of_solves(demand, [real(self%factor%factor_entries, dp), entries])
-    matrix = cost_of_matrix(demand, [self%tree%path_entries(last), entries])
+    matrix = cost_of_matrix(demand, [self%half%path_entries(self%factor, last), entries])
     self%is_explicit = form == form_compliance
     if (form == form_auto .and. demand%n_steps > 0 .and. 8.0_dp*demand%n_rows**2 < most_bytes) then
       self%is_explicit = minval(matrix) < minval(solves)
@@ -163,17 +166,37 @@ contains
     allocate (other)
     call other%analyze(body%stiffness, [pack(permutation, .not. is_last(permutation)), pack(permutation, is_last(permutation))], &
                        error, n)
-    if (allocated(error)) return
+    if (allocated(error)) then
+      deallocate (other)
+      return
+    end if
     self%is_condensed = form == form_condensed .or. solves(2) + other%flops < solves(1) + self%factor%flops
     if (self%is_condensed) then
       call self%factor%destroy()
-      call move_alloc(other, self%factor)
-      deallocate (self%tree)
+      call self%half%destroy()
+      deallocate (self%factor)
+      self%factor => other
       self%n_last = n
     else
       call other%destroy()
+      deallocate (other)
     end if
   end subroutine full_response_choose_form
+
+  !> In place of `prepare`: be the response of another body of the same kind.
+  subroutine full_response_share(self, first)
+    class(full_response_t), intent(inout) :: self
+    !> Prepared; it is destroyed after this one is used for the last time.
+    class(full_response_t), intent(in) :: first
+    self%shares = .true.
+    self%dimension = first%dimension
+    self%n_motions = first%n_motions
+    self%is_condensed = first%is_condensed
+    self%is_explicit = first%is_explicit
+    self%n_last = first%n_last
+    self%factor => first%factor
+    self%rigid => first%rigid
+  end subroutine full_response_share
 
   !> Entries of the factor that a response goes through, twice.
   pure integer(int64) function full_response_entries(self) result(entries)
@@ -213,12 +236,14 @@ contains
   end subroutine full_response_factorize
 
   !> Say where contact forces act.
-  subroutine full_response_attach(self, body, contact_node)
+  subroutine full_response_attach(self, body, contact_node, first)
     class(full_response_t), intent(inout) :: self
-    !> The same body as in `prepare`.
+    !> The same body as in `prepare`, or another one of its kind that shares its factor.
     type(body_t), intent(in) :: body
     !> Nodes of the body where contact forces may act (n_contact_nodes).
     integer, intent(in) :: contact_node(:)
+    !> The body that has the stiffness, where it is another one.
+    type(body_t), intent(in), optional :: first
     integer :: i, n_axes, frame
     self%n_contact_nodes = size(contact_node)
     self%equation = body%constraint%equation(:, contact_node)
@@ -234,7 +259,11 @@ contains
       self%axes(:, :, n_axes) = body%constraint%frame(:, :, frame)
     end do
     allocate (self%x(body%constraint%n_equations))
-    call self%keep_diagonal(body)
+    if (present(first)) then
+      call self%keep_diagonal(first%stiffness)
+    else
+      call self%keep_diagonal(body%stiffness)
+    end if
     self%motion = reshape(body%free_motion(:, contact_node, :), [self%dimension*size(contact_node), self%n_motions])
     call self%take_condensed()
   end subroutine full_response_attach
@@ -242,22 +271,31 @@ contains
   !> The condensed stiffness, once there are a factor and contact nodes.
   subroutine full_response_take_condensed(self)
     class(full_response_t), intent(inout) :: self
-    if (.not. self%is_condensed .or. .not. allocated(self%equation)) return
-    if (self%factor%is_factorized()) call self%condensed%init(self%factor, self%equation, self%rigid)
+    if (.not. self%is_condensed .or. .not. allocated(self%equation) .or. self%shares) return
+    if (self%factor%is_factorized()) call self%condensed%init(self%factor, self%n_last, self%equation, self%rigid)
   end subroutine full_response_take_condensed
 
-  !> Keep the diagonal of the stiffness at the contact nodes, if the body still has it.
-  subroutine full_response_keep_diagonal(self, body)
+  !> The same of a body that shares its factor.
+  subroutine full_response_share_condensed(self, first)
+    !> Attached.
     class(full_response_t), intent(inout) :: self
-    type(body_t), intent(in) :: body
+    !> The one that owns the factor, attached and factorized.
+    class(full_response_t), intent(in) :: first
+    if (self%is_condensed) call self%condensed%share(first%condensed, self%equation)
+  end subroutine full_response_share_condensed
+
+  !> Keep the diagonal of the stiffness at the contact nodes, if it is still there.
+  subroutine full_response_keep_diagonal(self, stiffness)
+    class(full_response_t), intent(inout) :: self
+    type(sparse_symmetric_t), intent(in) :: stiffness
     real(dp) :: axis(self%dimension), entry
     integer :: i, k
     allocate (self%diagonal(self%dimension*self%n_contact_nodes), source=0.0_dp)
-    if (.not. allocated(body%stiffness%value)) return
+    if (.not. allocated(stiffness%value)) return
     do i = 1, self%n_contact_nodes
       do k = 1, self%dimension
         if (self%equation(k, i) == 0) cycle
-        entry = body%stiffness%value(body%stiffness%column_start(self%equation(k, i)) + 1)
+        entry = stiffness%value(stiffness%column_start(self%equation(k, i)) + 1)
         axis = 0
         axis(k) = 1
         if (self%axes_of(i) > 0) axis = self%axes(:, k, self%axes_of(i))
@@ -290,34 +328,16 @@ contains
     call gather(self%dimension, self%n_contact_nodes, self%equation, self%axes_of, self%axes, self%x, displacement)
   end subroutine full_response_apply
 
-  !> What half solves need beside the factor.
+  !> Get ready for half solves.
   subroutine full_response_prepare_half_solves(self)
     class(full_response_t), intent(inout) :: self
-    real(dp), allocatable :: z(:, :)
-    call self%find_tree()
-    ! Values have come since.
-    call self%factor%supernodes(self%tree%list)
-    if (allocated(self%answer)) return
-    allocate (z, source=self%rigid)
-    call self%factor%solve_block(z)
-    allocate (self%product(self%n_motions, self%n_motions))
-    call transposed_product(self%rigid, z, self%product)
-    call move_alloc(z, self%answer)
+    call self%half%init(self%factor, self%rigid)
   end subroutine full_response_prepare_half_solves
-
-  !> The tree of elimination, as soon as there is an analysis.
-  subroutine full_response_find_tree(self)
-    class(full_response_t), intent(inout) :: self
-    if (allocated(self%tree)) return
-    allocate (self%tree)
-    call self%tree%init(self%factor)
-  end subroutine full_response_find_tree
 
   !> Entries of a path through the factor.
   real(dp) function full_response_half_entries(self) result(entries)
     class(full_response_t), intent(inout) :: self
-    call self%find_tree()
-    entries = self%tree%path_entries(pack(self%equation, self%equation > 0))
+    entries = self%half%path_entries(self%factor, pack(self%equation, self%equation > 0))
   end function full_response_half_entries
 
   !> Half solves for rows of B.
@@ -328,27 +348,18 @@ contains
     integer, intent(in) :: row(:)
     type(half_response_t), intent(inout) :: half
     type(sparse_rows_t) :: rows
-    integer :: k
     call to_equations(self%equation, self%axes_of, self%axes, matrix, row, rows)
-    call half%half%init(self%tree, rows)
-    allocate (half%along(size(row), self%n_motions), half%answer(size(row), self%n_motions))
-    do k = 1, self%n_motions
-      call rows%multiply(self%rigid(:, k), half%along(:, k))
-      call rows%multiply(self%answer(:, k), half%answer(:, k))
-    end do
+    call self%half%solve(rows, self%rigid, half)
   end subroutine full_response_half_solve
 
-  !> b K^+ b'. With free motions, `K^+ = K_s^{-1} - Z R^T - R Z^T + R (R^T Z) R^T`, see dotyk_response_condensed.
+  !> b K^+ b'.
   subroutine full_response_half_product(self, a, b, same, c)
     class(full_response_t), intent(in) :: self
     !> As in `response_t`.
     type(half_response_t), intent(in) :: a, b
     logical, intent(in) :: same
     real(dp), intent(out) :: c(:, :)
-    call half_product(self%tree, a%half, b%half, same, c)
-    if (self%n_motions == 0) return
-    c = c - matmul(a%answer, transpose(b%along)) - matmul(a%along, transpose(b%answer)) + &
-      matmul(matmul(a%along, self%product), transpose(b%along))
+    call self%half%product(a, b, same, c)
   end subroutine full_response_half_product
 
   !> A full solve.
@@ -361,42 +372,21 @@ contains
     call remove_motions(self%rigid, x)
   end subroutine full_response_solve
 
-  !> x <- P x.
-  pure subroutine remove_motions(rigid, x)
-    !> Orthonormal motions (n, n_motions).
-    real(dp), intent(in) :: rigid(:, :)
-    real(dp), intent(inout) :: x(:)
-    real(dp) :: amplitude(size(rigid, 2))
-    integer :: k
-    do k = 1, size(rigid, 2)
-      amplitude(k) = dot_product(rigid(:, k), x)
-    end do
-    call subtract_motions(rigid, amplitude, x)
-  end subroutine remove_motions
-
-  !> x <- x - R amplitude.
-  pure subroutine subtract_motions(rigid, amplitude, x)
-    !> Motions (n, n_motions).
-    real(dp), intent(in) :: rigid(:, :)
-    !> Their amplitudes (n_motions).
-    real(dp), intent(in) :: amplitude(:)
-    real(dp), intent(inout) :: x(:)
-    integer :: k
-    do k = 1, size(rigid, 2)
-      x = x - amplitude(k)*rigid(:, k)
-    end do
-  end subroutine subtract_motions
-
-  !> Give back all memory.
+  !> Give back all memory that is its own.
   subroutine full_response_destroy(self)
     class(full_response_t), intent(inout) :: self
-    if (allocated(self%factor)) call self%factor%destroy()
+    if (associated(self%factor) .and. .not. self%shares) then
+      call self%factor%destroy()
+      deallocate (self%factor)
+    end if
+    if (associated(self%rigid) .and. .not. self%shares) deallocate (self%rigid)
+    nullify (self%factor, self%rigid)
+    self%shares = .false.
     call self%condensed%destroy()
+    call self%half%destroy()
     self%is_condensed = .false.
     if (allocated(self%equation)) deallocate (self%diagonal, self%equation, self%axes_of, self%axes, self%x, self%motion)
-    if (allocated(self%rigid)) deallocate (self%rigid, self%hold)
-    if (allocated(self%tree)) deallocate (self%tree)
-    if (allocated(self%answer)) deallocate (self%answer, self%product)
+    if (allocated(self%hold)) deallocate (self%hold)
     self%n_motions = 0
     self%n_contact_nodes = 0
   end subroutine full_response_destroy
