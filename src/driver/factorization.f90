@@ -81,11 +81,6 @@ contains
     do b = 1, size(body)
       if (.not. kinds%leads(b)) call share_response(response(kinds%first(b)), size_of(kinds%first(b)), response(b), size_of(b))
     end do
-    do b = 1, size(body)
-      associate (n => size(block(b)%row, kind=int64))
-        if (size_of(b)%is_explicit) size_of(b)%response_entries = n*(n + 1)/2
-      end associate
-    end do
   end subroutine analyze_bodies
 
   !> Order and analyse the first body of a kind.
@@ -103,13 +98,14 @@ contains
     type(full_response_t), allocatable :: full
     allocate (full)
     call full%prepare(body, error, contact_node, form, &
-                      response_demand_t(n_points, merge(typical_steps, 0, single_solves), n_bodies))
+                      response_demand_t(n_points, n_bodies, merge(typical_steps, 0, single_solves)))
     size_of%is_condensed = full%is_condensed
     size_of%is_explicit = full%is_explicit
     size_of%entries = full%factor%factor_entries
     size_of%bytes = full%factor%factor_bytes
     size_of%flops = full%factor%flops
     size_of%response_entries = full%response_entries()
+    if (size_of%is_explicit) size_of%response_entries = (int(n_points, int64)/n_bodies)**2/2
     size_of%whole_flops = full%whole_flops
     size_of%whole_entries = full%whole_entries
     size_of%stiffness_bytes = 16*size(body%stiffness%row, kind=int64)

@@ -10,12 +10,10 @@ module dotyk_response_demand
 
   !> Responses to come.
   type, public :: response_demand_t
-    !> Contact points, of all bodies that have this factor.
-    integer :: n_rows = 0
+    !> Contact points of all bodies that share the factor, and how many bodies they are.
+    integer :: n_rows = 0, n_bodies = 1
     !> Responses one by one, one in each step of a scheme; 0: the scheme takes the compliance of all points as a matrix.
     integer :: n_steps = 0
-    !> Bodies that have this factor.
-    integer :: n_bodies = 1
   end type response_demand_t
 
   !> How much slower the operations of single solves are, and those of half solves and their products.

@@ -18,27 +18,18 @@ module dotyk_response_full
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_text, only: to_text
   use dotyk_elasticity_body, only: body_t
-  use dotyk_linalg_blas, only: transposed_product
   use dotyk_linalg_cholesky, only: cholesky_t
-  use dotyk_linalg_half_solve, only: elimination_tree_t, half_product
   use dotyk_linalg_ordering, only: expand_permutation, nested_dissection
   use dotyk_linalg_sparse, only: sparse_rows_t, sparse_symmetric_t
   use dotyk_response_components, only: gather, scatter, to_equations
   use dotyk_response_condensed, only: condensed_t
   use dotyk_response_demand, only: cost_of_matrix, cost_of_solves, response_demand_t
+  use dotyk_response_half_solver, only: half_solver_t
   use dotyk_response_hold, only: add_springs, choose_holds, is_mechanism
   use dotyk_response_motions, only: remove_motions, subtract_motions
   use dotyk_response_response, only: half_response_t, response_t
   implicit none
   private
-
-  !> What half solves need beside the factor, made when it is needed.
-  type :: half_data_t
-    !> The tree of elimination.
-    type(elimination_tree_t), allocatable :: tree
-    !> Z = K_s^{-1} R (n_equations, n_motions) and R^T Z (n_motions, n_motions).
-    real(dp), allocatable :: answer(:, :), product(:, :)
-  end type half_data_t
 
   !> Response by solves with the factor of the full stiffness.
   type, extends(response_t), public :: full_response_t
@@ -69,7 +60,7 @@ module dotyk_response_full
     !> Right-hand side and solution (n_equations).
     real(dp), allocatable, private :: x(:)
     !> What half solves need; the first's of the kind where it is shared.
-    type(half_data_t), pointer, private :: halves => null()
+    type(half_solver_t), pointer, private :: half => null()
   contains
     procedure :: prepare => full_response_prepare
     procedure :: share => full_response_share
@@ -85,7 +76,6 @@ module dotyk_response_full
     procedure :: half_entries => full_response_half_entries
     procedure :: half_solve => full_response_half_solve
     procedure :: half_product => full_response_half_product
-    procedure, private :: find_tree => full_response_find_tree
     procedure :: solve => full_response_solve
     procedure :: destroy => full_response_destroy
   end type full_response_t
@@ -131,7 +121,7 @@ contains
     if (allocated(error)) return
     allocate (permutation(body%constraint%n_equations))
     call expand_permutation(node_order, body%constraint%equation, permutation)
-    if (.not. associated(self%factor)) allocate (self%factor, self%halves)
+    if (.not. associated(self%factor)) allocate (self%factor, self%half)
     call self%factor%analyze(body%stiffness, permutation, error)
     if (allocated(error)) return
     self%whole_flops = self%factor%flops
@@ -160,10 +150,9 @@ contains
     integer :: n
     n = size(last)
     if (n == 0) return
-    call self%find_tree()
     entries = real(n, dp)*(n + 1)/2
     solves = cost_of_solves(demand, [real(self%factor%factor_entries, dp), entries])
-    matrix = cost_of_matrix(demand, [self%halves%tree%path_entries(last), entries])
+    matrix = cost_of_matrix(demand, [self%half%path_entries(self%factor, last), entries])
     self%is_explicit = form == form_compliance
     if (form == form_auto .and. demand%n_steps > 0 .and. 8*real(demand%n_rows, dp)**2/demand%n_bodies < most_bytes) then
       self%is_explicit = minval(matrix) < minval(solves)
@@ -185,7 +174,8 @@ contains
     self%is_condensed = form == form_condensed .or. solves(2) + other%flops < solves(1) + self%factor%flops
     if (self%is_condensed) then
       call self%factor%destroy()
-      deallocate (self%factor, self%halves%tree)
+      call self%half%destroy()
+      deallocate (self%factor)
       self%factor => other
       self%n_last = n
     else
@@ -206,7 +196,7 @@ contains
     self%is_explicit = first%is_explicit
     self%n_last = first%n_last
     self%factor => first%factor
-    self%halves => first%halves
+    self%half => first%half
     self%rigid => first%rigid
   end subroutine full_response_share
 
@@ -340,34 +330,16 @@ contains
     call gather(self%dimension, self%n_contact_nodes, self%equation, self%axes_of, self%axes, self%x, displacement)
   end subroutine full_response_apply
 
-  !> What half solves need beside the factor.
+  !> Get ready for half solves.
   subroutine full_response_prepare_half_solves(self)
     class(full_response_t), intent(inout) :: self
-    real(dp), allocatable :: z(:, :)
-    call self%find_tree()
-    ! Values have come since.
-    call self%factor%supernodes(self%halves%tree%list)
-    if (allocated(self%halves%answer)) return
-    allocate (z, source=self%rigid)
-    call self%factor%solve_block(z)
-    allocate (self%halves%product(self%n_motions, self%n_motions))
-    call transposed_product(self%rigid, z, self%halves%product)
-    call move_alloc(z, self%halves%answer)
+    call self%half%init(self%factor, self%rigid)
   end subroutine full_response_prepare_half_solves
-
-  !> The tree of elimination, as soon as there is an analysis.
-  subroutine full_response_find_tree(self)
-    class(full_response_t), intent(inout) :: self
-    if (allocated(self%halves%tree)) return
-    allocate (self%halves%tree)
-    call self%halves%tree%init(self%factor)
-  end subroutine full_response_find_tree
 
   !> Entries of a path through the factor.
   real(dp) function full_response_half_entries(self) result(entries)
     class(full_response_t), intent(inout) :: self
-    call self%find_tree()
-    entries = self%halves%tree%path_entries(pack(self%equation, self%equation > 0))
+    entries = self%half%path_entries(self%factor, pack(self%equation, self%equation > 0))
   end function full_response_half_entries
 
   !> Half solves for rows of B.
@@ -378,27 +350,18 @@ contains
     integer, intent(in) :: row(:)
     type(half_response_t), intent(inout) :: half
     type(sparse_rows_t) :: rows
-    integer :: k
     call to_equations(self%equation, self%axes_of, self%axes, matrix, row, rows)
-    call half%half%init(self%halves%tree, rows)
-    allocate (half%along(size(row), self%n_motions), half%answer(size(row), self%n_motions))
-    do k = 1, self%n_motions
-      call rows%multiply(self%rigid(:, k), half%along(:, k))
-      call rows%multiply(self%halves%answer(:, k), half%answer(:, k))
-    end do
+    call self%half%solve(rows, self%rigid, half)
   end subroutine full_response_half_solve
 
-  !> b K^+ b'. With free motions, `K^+ = K_s^{-1} - Z R^T - R Z^T + R (R^T Z) R^T`, see dotyk_response_condensed.
+  !> b K^+ b'.
   subroutine full_response_half_product(self, a, b, same, c)
     class(full_response_t), intent(in) :: self
     !> As in `response_t`.
     type(half_response_t), intent(in) :: a, b
     logical, intent(in) :: same
     real(dp), intent(out) :: c(:, :)
-    call half_product(self%halves%tree, a%half, b%half, same, c)
-    if (self%n_motions == 0) return
-    c = c - matmul(a%answer, transpose(b%along)) - matmul(a%along, transpose(b%answer)) + &
-      matmul(matmul(a%along, self%halves%product), transpose(b%along))
+    call self%half%product(a, b, same, c)
   end subroutine full_response_half_product
 
   !> A full solve.
@@ -416,10 +379,11 @@ contains
     class(full_response_t), intent(inout) :: self
     if (associated(self%factor) .and. .not. self%shares) then
       call self%factor%destroy()
-      deallocate (self%factor, self%halves)
+      call self%half%destroy()
+      deallocate (self%factor, self%half)
     end if
     if (associated(self%rigid) .and. .not. self%shares) deallocate (self%rigid)
-    nullify (self%factor, self%halves, self%rigid)
+    nullify (self%factor, self%half, self%rigid)
     self%shares = .false.
     call self%condensed%destroy()
     self%is_condensed = .false.
