@@ -149,6 +149,7 @@ contains
       call show_responses(run%log, run%size_of)
       call share_solves(real(run%size_of%response_entries, dp), case%solver%reproducible, problem%side_by_side, run%n_blas)
       call problem%prepare(real(run%size_of%response_entries, dp))
+      call run%kinds%tell(case%scene%dimension, problem%kind, problem%axes)
       call set_blas_threads(run%n_blas)
       call run%compliance%lend(problem, run%size_of%is_explicit)
       call set_blas_threads(1)
