@@ -6,12 +6,14 @@
 module dotyk_elasticity_discretization_error
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
-  use dotyk_elasticity_analysis, only: gradient_slots, strain_index
+  use dotyk_elasticity_analysis, only: gradient_slots
   use dotyk_elasticity_assembly, only: apply_factor, read_factor
-  use dotyk_elasticity_element_table, only: element_table_t, map_element
+  use dotyk_elasticity_element_table, only: element_table_t
+  use dotyk_elasticity_energy_form, only: energy_form_t
   use dotyk_elasticity_field, only: field_t
   use dotyk_elasticity_material, only: material_t
-  use dotyk_elasticity_patch_fit, only: patch_fit_t
+  use dotyk_elasticity_patch_fit, only: mean_strains, patch_fit_t
+  use dotyk_elasticity_point_map, only: interpolate, map_points, point_table_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, element_prism6, element_tet4, element_tri3
   implicit none
@@ -30,7 +32,7 @@ contains
     integer, intent(in) :: analysis
     type(material_t), intent(in) :: material
     !> Displacements in global axes (dim, n_nodes) [length].
-    real(dp), intent(in) :: u(:, :)
+    real(dp), intent(in), contiguous :: u(:, :)
     !> Elements in the order of the blocks (n_elements) [force length].
     real(dp), intent(out) :: square(:)
     !> [force length].
@@ -77,23 +79,26 @@ contains
     real(dp), intent(out) :: square(:), norm_square(:), rounding_square(:)
     type(error_t), allocatable, intent(out) :: error
     type(error_t), allocatable :: of_element
-    type(element_table_t) :: table, corners
+    type(element_table_t) :: table
+    type(point_table_t) :: rule, corners
     type(element_kind_t) :: kind
-    real(dp) :: matrix(6, 6)
+    type(energy_form_t) :: form
     integer :: e
     kind = element_kind(mesh%block(i_block)%kind)
-    matrix = material%plane_matrix(analysis)
+    call form%init(analysis, material%plane_matrix(analysis))
+    call table%init(kind%corner_kind, rule_degree(kind))
+    call corners%init(table)
     call table%init(mesh%block(i_block)%kind, rule_degree(kind))
-    call corners%init(kind%corner_kind, rule_degree(kind))
+    call rule%init(table)
     ! One formula serves one thread.
     !$omp parallel do default(none) schedule(static) if (factor%constant) private(of_element) &
-    !$omp& shared(mesh, i_block, analysis, matrix, factor, fit, kind, table, corners, u, square, norm_square, rounding_square, &
-    !$omp& error)
+    !$omp& shared(mesh, i_block, analysis, form, factor, fit, kind, table, rule, corners, u, square, norm_square, &
+    !$omp& rounding_square, error)
     do e = 1, size(square)
       associate (node => mesh%block(i_block)%node(:, e))
-        call estimate_element(kind%n_nodes, kind%n_corners, mesh%dimension, analysis, matrix, factor, table, corners, fit, &
-                              mesh%block(i_block)%tag(e), node, mesh%x, u, square(e), norm_square(e), &
-                              rounding_square(e), of_element)
+        call estimate_element(kind%n_nodes, kind%n_corners, mesh%dimension, gradient_slots(analysis), rule%n_points, form, &
+                              factor, table, rule, corners%shape, fit, mesh%block(i_block)%tag(e), node, mesh%x, u, square(e), &
+                              norm_square(e), rounding_square(e), of_element)
       end associate
       if (allocated(of_element)) then
         !$omp critical
@@ -105,32 +110,27 @@ contains
   end subroutine estimate_block
 
   !> One element.
-  subroutine estimate_element(n, n_corners, dim, analysis, matrix, factor, table, corners, fit, tag, node, all_x, all_u, square, &
-      norm_square, rounding_square, error)
-    !> Number of nodes and corners of the element; dimension.
-    integer, intent(in) :: n, n_corners, dim, analysis
-    !> From strains to stresses [pressure].
-    real(dp), intent(in) :: matrix(6, 6)
+  subroutine estimate_element(n, n_corners, dim, slots, n_points, form, factor, table, rule, corner_shape, fit, tag, node, &
+      all_x, all_u, square, norm_square, rounding_square, error)
+    !> Number of nodes and corners of the element; dimension; gradient slots; points.
+    integer, intent(in) :: n, n_corners, dim, slots, n_points
+    type(energy_form_t), intent(in) :: form
     type(field_t), intent(in) :: factor
-    !> Shape functions, and the linear ones, at the points.
-    type(element_table_t), intent(in) :: table, corners
+    !> Shape functions at the points, in two forms, and the linear ones.
+    type(element_table_t), intent(in) :: table
+    type(point_table_t), intent(in) :: rule
+    real(dp), intent(in) :: corner_shape(n_points, n_corners)
     type(patch_fit_t), intent(in) :: fit
     !> For messages.
     integer(int64), intent(in) :: tag
-    !> Its nodes (n), and coordinates and displacements of all nodes of the body [length].
+    !> Its nodes, and coordinates and displacements of all nodes of the body [length].
     integer, intent(in) :: node(n)
-    real(dp), intent(in) :: all_x(:, :), all_u(:, :)
+    real(dp), intent(in) :: all_x(dim, *), all_u(dim, *)
     real(dp), intent(out) :: square, norm_square, rounding_square
     type(error_t), allocatable, intent(out) :: error
-    real(dp) :: x(dim, n), u(dim, n), g(n, gradient_slots(analysis), table%n_points), w(table%n_points), stiffness(table%n_points)
-    real(dp) :: gradient(dim, gradient_slots(analysis)), own(dim, dim), worst, computed(6), difference(6)
-    integer :: strain(dim, gradient_slots(analysis)), slots, q, i, s, c
-    slots = gradient_slots(analysis)
-    do s = 1, slots
-      do i = 1, dim
-        strain(i, s) = strain_index(analysis, i, s)
-      end do
-    end do
+    real(dp) :: x(dim, n), u(dim, n), stiffness(n_points), g_square(n_points), place(n_points, dim), slope(n_points, dim, slots)
+    real(dp) :: strain(n_points, form%n_strains), recovered(n_points, fit%n_strains), worst
+    integer :: i
     do i = 1, n
       x(:, i) = all_x(:, node(i))
       u(:, i) = all_u(:, node(i))
@@ -138,44 +138,23 @@ contains
     square = 0
     norm_square = 0
     rounding_square = 0
-    call map_element(n, dim, slots, table%n_points, table%shape, table%gradient, table%weight, x, g, w, worst)
+    call map_points(n, dim, slots, n_points, rule%shape, rule%shape_square, rule%gradient, rule%products, rule%weight, x, u, &
+                    slope, g_square, stiffness, worst)
     ! Elements that are inverted at a point of this rule, of a higher degree than that of the stiffness, tell nothing.
     if (.not. worst > 0) return
-    stiffness = w
-    if (.not. factor%constant) call apply_factor(factor, table%shape, x, tag, stiffness, error)
+    if (.not. factor%constant) call apply_factor(factor, table%shape, x, tag, stiffness(:table%n_points), error)
     if (allocated(error)) return
-    do q = 1, table%n_points
-      gradient = matmul(u, g(:, :, q))
-      computed = strain_of(dim, slots, strain, gradient)
-      norm_square = norm_square + stiffness(q)*dot_product(computed, matmul(matrix, computed))
-      rounding_square = rounding_square + stiffness(q)*maxval(abs(matrix))*(rounding*norm2(u)*norm2(g(:, :, q)))**2
-      ! Recovered minus computed; the third slot, u/r, is that of the displacement itself, which is of a higher order.
-      if (slots > dim) gradient(:, slots) = 0
-      gradient = -gradient
-      do c = 1, n_corners
-        call fit%gradient(fit%vertex(node(c)), matmul(x, table%shape(:, q)), own)
-        gradient(:, :dim) = gradient(:, :dim) + corners%shape(c, q)*own
-      end do
-      difference = strain_of(dim, slots, strain, gradient)
-      square = square + stiffness(q)*dot_product(difference, matmul(matrix, difference))
-    end do
+    call form%strains(n_points, slope, strain)
+    norm_square = form%energy(stiffness, strain)
+    rounding_square = form%largest*rounding**2*sum(u**2)*dot_product(stiffness, g_square)
+    call interpolate(n, dim, n_points, rule%shape, x, place)
+    call mean_strains(dim, fit%monomials%n_lower, fit%n_strains, n_corners, n_points, fit%vertex(node(:n_corners)), &
+                      fit%monomials%parent, fit%monomials%axis, fit%centre, fit%axes, fit%strain, corner_shape, place, recovered)
+    ! The strain zz of axisymmetric analyses is that of the displacement itself, which is of a higher order.
+    strain(:, fit%n_strains + 1:) = 0
+    strain(:, :fit%n_strains) = strain(:, :fit%n_strains) - recovered
+    square = form%energy(stiffness, strain)
   end subroutine estimate_element
-
-  !> Strains of a displacement gradient.
-  pure function strain_of(dim, slots, index, gradient) result(strain)
-    integer, intent(in) :: dim, slots
-    !> Strain of each component and slot, 0 for none (dim, slots).
-    integer, intent(in) :: index(dim, slots)
-    real(dp), intent(in) :: gradient(dim, slots)
-    real(dp) :: strain(6)
-    integer :: i, s
-    strain = 0
-    do s = 1, slots
-      do i = 1, dim
-        if (index(i, s) > 0) strain(index(i, s)) = strain(index(i, s)) + gradient(i, s)
-      end do
-    end do
-  end function strain_of
 
   !> Degree of the quadrature: more than that of the stiffness, whose points are those where computed strains are best.
   pure integer function rule_degree(kind) result(degree)

@@ -3,9 +3,43 @@ module dotyk_elasticity_graph
   use dotyk_mesh_body_mesh, only: body_mesh_t
   implicit none
   private
+
+  !> Elements of all kinds one after the other, and the elements of each node.
+  type, public :: incidence_t
+    !> Nodes of element e: node(start(e) : start(e + 1) - 1).
+    integer, allocatable :: start(:), node(:)
+    !> Elements of node i: element(first(i) : first(i + 1) - 1), ascending.
+    integer, allocatable :: first(:), element(:)
+  contains
+    procedure :: init => incidence_init
+  end type incidence_t
+
   public :: node_graph
 
 contains
+
+  !> List the elements of all nodes.
+  subroutine incidence_init(self, mesh)
+    class(incidence_t), intent(out) :: self
+    !> The body's elements.
+    type(body_mesh_t), intent(in) :: mesh
+    integer :: i, n_elements, n_entries
+    n_elements = 0
+    n_entries = 0
+    do i = 1, size(mesh%block)
+      n_elements = n_elements + size(mesh%block(i)%node, 2)
+      n_entries = n_entries + size(mesh%block(i)%node)
+    end do
+    allocate (self%start(n_elements + 1), self%node(n_entries))
+    self%start(1) = 1
+    n_elements = 0
+    n_entries = 0
+    do i = 1, size(mesh%block)
+      call append(size(mesh%block(i)%node, 1), size(mesh%block(i)%node, 2), mesh%block(i)%node, n_elements, n_entries, &
+        self%start, self%node)
+    end do
+    call elements_of_nodes(mesh%n_nodes(), n_elements, self%start, self%node, self%first, self%element)
+  end subroutine incidence_init
 
   !> Nodal adjacency: the nodes that share an element with each node, ascending, without the node itself.
   subroutine node_graph(mesh, start, neighbour)
@@ -15,33 +49,18 @@ contains
     integer, allocatable, intent(out) :: start(:)
     !> Neighbours.
     integer, allocatable, intent(out) :: neighbour(:)
-    integer, allocatable :: of_node(:), first(:), mark(:), unsorted(:), next(:)
-    integer, allocatable :: flat_start(:), flat(:)
-    integer :: n, i, k, n_elements, n_entries, total
+    type(incidence_t) :: of
+    integer, allocatable :: mark(:), unsorted(:), next(:)
+    integer :: n, i, k, total
     n = mesh%n_nodes()
-    ! All elements one after the other, whatever their kind.
-    n_elements = 0
-    n_entries = 0
-    do i = 1, size(mesh%block)
-      n_elements = n_elements + size(mesh%block(i)%node, 2)
-      n_entries = n_entries + size(mesh%block(i)%node)
-    end do
-    allocate (flat_start(n_elements + 1), flat(n_entries))
-    flat_start(1) = 1
-    n_elements = 0
-    n_entries = 0
-    do i = 1, size(mesh%block)
-      call append(size(mesh%block(i)%node, 1), size(mesh%block(i)%node, 2), mesh%block(i)%node, n_elements, n_entries, &
-        flat_start, flat)
-    end do
-    call elements_of_nodes(n, n_elements, flat_start, flat, first, of_node)
+    call of%init(mesh)
     allocate (start(n + 1), mark(n), source=0)
-    call count_neighbours(n, flat_start, flat, first, of_node, mark, start)
+    call count_neighbours(n, of%start, of%node, of%first, of%element, mark, start)
     total = start(n + 1) - 1
     allocate (unsorted(total))
     mark = 0
-    call list_neighbours(n, flat_start, flat, first, of_node, mark, start, unsorted)
-    deallocate (flat, flat_start, of_node, first, mark)
+    call list_neighbours(n, of%start, of%node, of%first, of%element, mark, start, unsorted)
+    deallocate (mark)
     ! The graph is symmetric, so that its transpose is itself with sorted rows.
     allocate (neighbour(total), next(n))
     next = start(:n)

@@ -10,33 +10,36 @@
 module dotyk_elasticity_patch_fit
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_elasticity_graph, only: node_graph
-  use dotyk_linalg_dense, only: least_squares, symmetric_eigen
+  use dotyk_elasticity_graph, only: incidence_t
+  use dotyk_elasticity_monomials, only: lanes, monomials_t, sum_products, sum_residuals
+  use dotyk_elasticity_patch, only: add_ring, patch_t
+  use dotyk_elasticity_point_map, only: points
+  use dotyk_linalg_dense, only: least_squares
+  use dotyk_linalg_normal_equations, only: factorize_gram, solve_gram
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t
   implicit none
   private
 
-  !> The polynomials of a body.
+  !> Strains of the polynomials of a body.
   type, public :: patch_fit_t
-    !> Dimension, degree, number of monomials and of vertices.
-    integer :: dimension = 0, degree = 0, n_monomials = 0, n_vertices = 0
-    !> Exponents of the monomials (dimension, n_monomials).
-    integer, allocatable :: exponent(:, :)
-    !> The third one, 0 in two dimensions (n_monomials).
-    integer, allocatable :: third(:)
+    !> Of the polynomials.
+    type(monomials_t) :: monomials
+    !> Number of vertices; of strains: xx yy zz yz xz xy in three dimensions, xx yy xy in two; shear strains are engineering ones.
+    integer :: n_vertices = 0, n_strains = 0
     !> Vertex of each node, 0 for nodes that are none (n_nodes).
     integer, allocatable :: vertex(:)
     !> Centres of the patches (dimension, n_vertices) [length].
     real(dp), allocatable :: centre(:, :)
     !> To their own axes, in which no node is farther from the centre than 1 (dimension, dimension, n_vertices) [1/length].
     real(dp), allocatable :: axes(:, :, :)
-    !> Coefficients in axes (x - centre) (dimension, n_monomials, n_vertices) [length].
-    real(dp), allocatable :: coefficient(:, :, :)
+    !> Strains in global axes: coefficients in axes (x - centre) (n_strains, n_lower, n_vertices) [].
+    real(dp), allocatable :: strain(:, :, :)
   contains
     procedure :: init => patch_fit_init
-    procedure :: gradient => patch_fit_gradient
   end type patch_fit_t
+
+  public :: mean_strains
 
   !> Rings of elements around a vertex at most: bodies of a few elements have few nodes.
   integer, parameter :: most_rings = 4
@@ -44,6 +47,9 @@ module dotyk_elasticity_patch_fit
   !> what they do not determine is left out. (More rings are no help: in a plate of one layer of elements they took the error for three
   !> times what it was.)
   real(dp), parameter :: well_determined = 3.0e-3_dp, determined = 3.0e-4_dp
+  !> Which strain a derivative belongs to (component, variable).
+  integer, parameter :: strain_3d(3, 3) = reshape([1, 6, 5, 6, 2, 4, 5, 4, 3], [3, 3])
+  integer, parameter :: strain_2d(2, 2) = reshape([1, 3, 3, 2], [2, 2])
 
 contains
 
@@ -52,12 +58,15 @@ contains
     class(patch_fit_t), intent(out) :: self
     type(body_mesh_t), intent(in) :: mesh
     !> Displacements in global axes (dimension, n_nodes) [length].
-    real(dp), intent(in) :: u(:, :)
+    real(dp), intent(in), contiguous :: u(:, :)
     type(element_kind_t) :: kind
-    integer, allocatable :: start(:), neighbour(:), node_of(:), mark(:)
+    type(incidence_t) :: elements
+    type(patch_t) :: patch
+    integer, allocatable :: node_of(:), mark(:)
+    real(dp), allocatable :: coefficient(:, :)
     logical, allocatable :: corner(:)
-    integer :: b, i, v, order
-    self%dimension = mesh%dimension
+    integer :: b, i, v, order, dim
+    dim = mesh%dimension
     allocate (corner(mesh%n_nodes()), source=.false.)
     order = 1
     do b = 1, size(mesh%block)
@@ -67,132 +76,122 @@ contains
         corner(mesh%block(b)%node(i, :)) = .true.
       end do
     end do
-    self%degree = order + 1
-    call list_exponents(self%dimension, self%degree, self%exponent)
-    self%n_monomials = size(self%exponent, 2)
-    allocate (self%third(self%n_monomials), source=0)
-    if (self%dimension == 3) self%third = self%exponent(3, :)
+    call self%monomials%init(dim, order + 1)
     node_of = pack([(i, i=1, size(corner))], corner)
     self%n_vertices = size(node_of)
+    self%n_strains = dim*(dim + 1)/2
     allocate (self%vertex(size(corner)), source=0)
     self%vertex(node_of) = [(v, v=1, self%n_vertices)]
-    allocate (self%centre(self%dimension, self%n_vertices), self%axes(self%dimension, self%dimension, self%n_vertices), &
-              self%coefficient(self%dimension, self%n_monomials, self%n_vertices))
-    call node_graph(mesh, start, neighbour)
-    !$omp parallel default(none) shared(self, mesh, u, start, neighbour, node_of) private(v, mark)
+    allocate (self%centre(dim, self%n_vertices), self%axes(dim, dim, self%n_vertices), &
+              self%strain(self%n_strains, self%monomials%n_lower, self%n_vertices))
+    call elements%init(mesh)
+    !$omp parallel default(none) shared(self, mesh, u, elements, node_of, dim) private(v, mark, patch, coefficient)
     allocate (mark(mesh%n_nodes()), source=0)
+    allocate (patch%node(mesh%n_nodes()), coefficient(dim, self%monomials%n))
     !$omp do schedule(dynamic, 16)
     do v = 1, self%n_vertices
-      call fit_vertex(self%degree, self%exponent, mesh%x, u, node_of(v), start, neighbour, mark, self%centre(:, v), &
-                      self%axes(:, :, v), self%coefficient(:, :, v))
+      self%centre(:, v) = mesh%x(:, node_of(v))
+      call fit_vertex(self%monomials, elements, self%vertex, mesh%x, u, node_of(v), mark, patch, self%axes(:, :, v), coefficient)
+      call differentiate(self%monomials, coefficient, self%axes(:, :, v), self%strain(:, :, v))
     end do
     !$omp end do
-    deallocate (mark)
+    deallocate (mark, coefficient)
     !$omp end parallel
   end subroutine patch_fit_init
 
-  !> Exponents of all monomials up to a degree, lower degrees first.
-  pure subroutine list_exponents(dimension, degree, exponent)
-    integer, intent(in) :: dimension, degree
-    !> (dimension, number).
-    integer, allocatable, intent(out) :: exponent(:, :)
-    integer :: total, i, j, n
-    allocate (exponent(dimension, merge((degree + 1)*(degree + 2)/2, (degree + 1)*(degree + 2)*(degree + 3)/6, dimension == 2)))
-    n = 0
-    do total = 0, degree
-      do i = total, 0, -1
-        if (dimension == 2) then
-          n = n + 1
-          exponent(:, n) = [i, total - i]
-        else
-          do j = total - i, 0, -1
-            n = n + 1
-            exponent(:, n) = [i, j, total - i - j]
-          end do
-        end if
-      end do
-    end do
-  end subroutine list_exponents
-
   !> The polynomial of one vertex. Rings of elements are added until the nodes determine it: one inside the body,
   !> two at most places of the boundary.
-  subroutine fit_vertex(degree, exponent, x, u, node, start, neighbour, mark, centre, axes, coefficient)
-    integer, intent(in) :: degree
-    !> Of the monomials (dimension, n_monomials).
-    integer, intent(in) :: exponent(:, :)
+  subroutine fit_vertex(monomials, elements, vertex, x, u, node, mark, patch, axes, coefficient)
+    type(monomials_t), intent(in) :: monomials
+    type(incidence_t), intent(in) :: elements
+    !> Vertices of the nodes, 0 for none (n_nodes).
+    integer, intent(in) :: vertex(:)
     !> Nodes (dimension, n_nodes) and their displacements [length].
-    real(dp), intent(in) :: x(:, :), u(:, :)
+    real(dp), intent(in), contiguous :: x(:, :), u(:, :)
     !> The vertex.
     integer, intent(in) :: node
-    !> Graph of the nodes.
-    integer, intent(in) :: start(:), neighbour(:)
     !> Work array (n_nodes): last vertex whose patch a node was in.
     integer, intent(inout) :: mark(:)
+    !> Work space.
+    type(patch_t), intent(inout) :: patch
     !> As in patch_fit_t.
-    real(dp), intent(out) :: centre(:), axes(:, :), coefficient(:, :)
-    integer, allocatable :: patch(:)
-    real(dp), allocatable :: a(:, :), b(:, :), rest(:, :), local(:, :)
-    real(dp) :: weight
-    integer :: ring, i, k, m, n, rank
-    n = size(exponent, 2)
-    allocate (patch(1))
-    patch(1) = node
+    real(dp), intent(out) :: axes(:, :)
+    !> Of the displacements in these axes (dimension, n) [length].
+    real(dp), intent(out) :: coefficient(:, :)
+    integer :: ring, inner, rank
+    patch%n = 1
+    patch%node(1) = node
     mark(node) = node
-    centre = x(:, node)
+    inner = 0
     do ring = 1, most_rings
-      call add_ring(start, neighbour, node, mark, patch)
-      if (ring < most_rings .and. size(patch) < n + 1) cycle
-      local = x(:, patch) - spread(centre, 2, size(patch))
-      call own_axes(local, axes)
-      local = matmul(axes, local)
-      allocate (a(size(patch), n), b(size(patch), size(u, 1)))
-      do i = 1, size(patch)
-        do m = 1, n
-          a(i, m) = product(local(:, i)**exponent(:, m))
-        end do
-        b(i, :) = u(:, patch(i)) - u(:, node)
-        ! Far nodes of one-sided patches would bend the polynomial.
-        weight = 1/(0.01_dp + sum(local(:, i)**2))
-        a(i, :) = weight*a(i, :)
-        b(i, :) = weight*b(i, :)
-      end do
-      coefficient = 0
-      rest = b
-      call add_fit(a, rest, merge(well_determined, determined, ring == 1), coefficient, rank)
-      if (rank < n .and. ring > 1) then
-        coefficient = 0
-        do k = 1, degree
-          m = count(sum(exponent, dim=1) <= k)
-          call add_fit(a(:, :m), b, determined, coefficient(:, :m), rank)
-        end do
-        exit
-      end if
-      if (rank == n) exit
-      deallocate (a, b)
+      call add_ring(elements%start, elements%node, elements%first, elements%element, vertex, node, mark, patch%node, inner, &
+                    patch%n)
+      if (ring < most_rings .and. patch%n < monomials%n + 1) cycle
+      call patch%fill(monomials%dimension, x, u, axes)
+      call fit_all(monomials, patch, merge(well_determined, determined, ring == 1), coefficient, rank)
+      if (rank == monomials%n) exit
+      if (ring == 1) cycle
+      call fit_by_degrees(monomials, patch, coefficient)
+      exit
     end do
   end subroutine fit_vertex
 
-  !> Axes of a patch, along which the mean squares of its nodes' coordinates are the same.
-  subroutine own_axes(x, axes)
-    !> Nodes, from the centre (dimension, n) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> To coordinates of 1 at most [1/length].
-    real(dp), intent(out) :: axes(:, :)
-    type(error_t), allocatable :: error
-    real(dp), dimension(size(x, 1), size(x, 1)) :: moment, vectors
-    real(dp) :: values(size(x, 1)), length
-    integer :: k
-    length = max(maxval(norm2(x, dim=1)), tiny(length))
-    moment = matmul(x/length, transpose(x/length))
-    call symmetric_eigen(moment, values, vectors, error)
-    axes = 0
-    do k = 1, size(x, 1)
-      axes(k, k) = 1/length
-      ! Elements have volume: only rounding makes a patch flatter than this.
-      if (.not. allocated(error)) axes(k, :) = vectors(:, k)/sqrt(max(values(k), epsilon(length)**2))/length
+  !> Fit polynomials of the full degree.
+  subroutine fit_all(monomials, patch, tolerance, coefficient, rank)
+    type(monomials_t), intent(in) :: monomials
+    type(patch_t), intent(in) :: patch
+    !> Inverse condition of the least squares at least.
+    real(dp), intent(in) :: tolerance
+    !> (dimension, n); set where the rank is n.
+    real(dp), intent(out) :: coefficient(:, :)
+    !> What of the monomials the nodes determine.
+    integer, intent(out) :: rank
+    real(dp), dimension(monomials%n, monomials%n) :: gram, r
+    real(dp) :: moment(monomials%n_products), rest(monomials%dimension, monomials%n)
+    integer :: pivot(monomials%n), k
+    associate (dim => monomials%dimension, n => monomials%n)
+      call sum_products(dim, n, monomials%n_products, patch%n_blocks, monomials%parent, monomials%axis, patch%t, patch%weight, &
+                        patch%u, moment, coefficient)
+      do k = 1, n
+        gram(:, k) = moment(monomials%product(:, k))
+      end do
+      call factorize_gram(n, gram, tolerance, r, pivot, rank)
+      if (rank < n) return
+      call solve_gram(n, dim, r, pivot, coefficient)
+      ! The normal equations square the condition; one correction makes up for it.
+      call sum_residuals(dim, n, patch%n_blocks, monomials%parent, monomials%axis, patch%t, patch%weight, patch%u, coefficient, &
+                         rest)
+      call solve_gram(n, dim, r, pivot, rest)
+      coefficient = coefficient + rest
+    end associate
+  end subroutine fit_all
+
+  !> Fit polynomials of lower degrees first, so that these are exact, and leave out what the nodes do not determine.
+  subroutine fit_by_degrees(monomials, patch, coefficient)
+    type(monomials_t), intent(in) :: monomials
+    type(patch_t), intent(in) :: patch
+    !> (dimension, n).
+    real(dp), intent(out) :: coefficient(:, :)
+    real(dp), allocatable :: a(:, :), b(:, :)
+    integer :: i, k, c, l, block, degree, rank
+    allocate (a(patch%n, monomials%n), b(patch%n, monomials%dimension))
+    do i = 1, patch%n
+      block = (i - 1)/lanes + 1
+      l = i - lanes*(block - 1)
+      a(i, 1) = sqrt(patch%weight(l, block))
+      do k = 2, monomials%n
+        a(i, k) = a(i, monomials%parent(k))*patch%t(l, monomials%axis(k), block)
+      end do
+      do c = 1, monomials%dimension
+        b(i, c) = a(i, 1)*patch%u(l, c, block)
+      end do
     end do
-    axes = axes/max(maxval(norm2(matmul(axes, x), dim=1)), tiny(length))
-  end subroutine own_axes
+    coefficient = 0
+    do degree = 1, monomials%degree
+      k = monomials%up_to(degree)
+      call add_fit(a(:, :k), b, determined, coefficient(:, :k), rank)
+    end do
+  end subroutine fit_by_degrees
 
   !> Add the polynomial that fits what is left, and take it off.
   subroutine add_fit(a, b, tolerance, coefficient, rank)
@@ -218,59 +217,118 @@ contains
     b = b - matmul(a, c(:n, :))
   end subroutine add_fit
 
-  !> Add the nodes of all elements that nodes of a patch belong to.
-  pure subroutine add_ring(start, neighbour, node, mark, patch)
-    integer, intent(in) :: start(:), neighbour(:), node
-    integer, intent(inout) :: mark(:)
-    integer, allocatable, intent(inout) :: patch(:)
-    integer, allocatable :: longer(:)
-    integer :: i, k, n
-    n = size(patch)
-    allocate (longer(n + sum(start(patch + 1) - start(patch))))
-    longer(:n) = patch
-    do i = 1, size(patch)
-      do k = start(patch(i)), start(patch(i) + 1) - 1
-        if (mark(neighbour(k)) == node) cycle
-        mark(neighbour(k)) = node
-        n = n + 1
-        longer(n) = neighbour(k)
+  !> Strains of polynomials.
+  pure subroutine differentiate(monomials, coefficient, axes, strain)
+    type(monomials_t), intent(in) :: monomials
+    !> Of the displacements in axes of the patch (dimension, n) [length].
+    real(dp), intent(in) :: coefficient(:, :)
+    !> (dimension, dimension) [1/length].
+    real(dp), intent(in) :: axes(:, :)
+    !> In global axes, coefficients in those of the patch (n_strains, n_lower) [].
+    real(dp), intent(out) :: strain(:, :)
+    real(dp) :: slope(size(coefficient, 1))
+    integer :: i, j, k, lower, s
+    strain = 0
+    do k = 2, monomials%n
+      do j = 1, monomials%dimension
+        lower = monomials%derivative(j, k)
+        if (lower == 0) cycle
+        slope = monomials%exponent(j, k)*coefficient(:, k)
+        do i = 1, monomials%dimension
+          do s = 1, monomials%dimension
+            associate (e => merge(strain_3d(s, i), strain_2d(min(s, 2), min(i, 2)), monomials%dimension == 3))
+              strain(e, lower) = strain(e, lower) + slope(s)*axes(j, i)
+            end associate
+          end do
+        end do
       end do
     end do
-    patch = longer(:n)
-  end subroutine add_ring
+  end subroutine differentiate
 
-  !> Gradient of the polynomial of a vertex.
-  pure subroutine patch_fit_gradient(self, vertex, x, gradient)
-    class(patch_fit_t), intent(in) :: self
-    integer, intent(in) :: vertex
-    !> Place (dimension) [length].
-    real(dp), intent(in) :: x(:)
-    !> gradient(i, k) = d u_i / d x_k [].
-    real(dp), intent(out) :: gradient(:, :)
-    real(dp) :: power(0:3, 3), slope(3), own(3)
-    integer :: k, m
-    power = 1
-    do k = 1, self%dimension
-      power(1, k) = dot_product(self%axes(k, :, vertex), x - self%centre(:, vertex))
-      power(2, k) = power(1, k)**2
-      power(3, k) = power(2, k)*power(1, k)
-    end do
-    gradient = 0
-    do m = 2, self%n_monomials
-      associate (i => self%exponent(1, m), j => self%exponent(2, m), l => self%third(m))
-        slope(1) = i*power(max(0, i - 1), 1)*power(j, 2)*power(l, 3)
-        slope(2) = j*power(i, 1)*power(max(0, j - 1), 2)*power(l, 3)
-        slope(3) = l*power(i, 1)*power(j, 2)*power(max(0, l - 1), 3)
-      end associate
-      do k = 1, self%dimension
-        gradient(:, k) = gradient(:, k) + slope(k)*self%coefficient(:, m, vertex)
+  !> Strains at some points: the mean of those of the polynomials of some vertices, each weighted by a function.
+  pure subroutine mean_strains(dim, n_lower, n_strains, n_vertices, n_points, vertex, parent, axis, centre, axes, coefficient, &
+      weight, x, strain)
+    integer, intent(in) :: dim, n_lower, n_strains, n_vertices
+    !> A multiple of `points`.
+    integer, intent(in) :: n_points
+    integer, intent(in) :: vertex(n_vertices)
+    !> As in monomials_t.
+    integer, intent(in) :: parent(n_lower), axis(n_lower)
+    !> As in patch_fit_t, of all vertices.
+    real(dp), intent(in) :: centre(dim, *), axes(dim, dim, *), coefficient(n_strains, n_lower, *)
+    !> Places [length], and weights there.
+    real(dp), intent(in) :: x(n_points, dim), weight(n_points, n_vertices)
+    real(dp), intent(out) :: strain(n_points, n_strains)
+    real(dp) :: t(points, dim), power(points, n_lower), total(points, n_strains), line(points)
+    integer :: i, k, q, s, v
+    do q = 0, n_points - points, points
+      total = 0
+      do v = 1, n_vertices
+        associate (origin => centre(:, vertex(v)), a => axes(:, :, vertex(v)), c => coefficient(:, :, vertex(v)))
+          do i = 1, dim
+            line = 0
+            do k = 1, dim
+              line = line + a(i, k)*(x(q + 1:q + points, k) - origin(k))
+            end do
+            t(:, i) = line
+          end do
+          power(:, 1) = weight(q + 1:q + points, v)
+          do k = 2, n_lower
+            line = power(:, parent(k))*t(:, axis(k))
+            power(:, k) = line
+          end do
+          if (n_strains == 6) then
+            call add_polynomials_6(n_lower, c, power, total)
+          else
+            call add_polynomials_3(n_lower, c, power, total)
+          end if
+        end associate
+      end do
+      do s = 1, n_strains
+        strain(q + 1:q + points, s) = total(:, s)
       end do
     end do
-    do m = 1, self%dimension
-      own(:self%dimension) = gradient(m, :)
-      do k = 1, self%dimension
-        gradient(m, k) = dot_product(own(:self%dimension), self%axes(:, k, vertex))
+  end subroutine mean_strains
+
+  !> Add polynomials of six strains at four points.
+  pure subroutine add_polynomials_6(n, coefficient, power, total)
+    integer, intent(in) :: n
+    real(dp), intent(in) :: coefficient(6, n), power(points, n)
+    real(dp), intent(inout) :: total(points, 6)
+    real(dp), dimension(points) :: s1, s2, s3, s4, s5, s6
+    integer :: k
+    s1 = total(:, 1)
+    s2 = total(:, 2)
+    s3 = total(:, 3)
+    s4 = total(:, 4)
+    s5 = total(:, 5)
+    s6 = total(:, 6)
+    do k = 1, n
+      s1 = s1 + coefficient(1, k)*power(:, k)
+      s2 = s2 + coefficient(2, k)*power(:, k)
+      s3 = s3 + coefficient(3, k)*power(:, k)
+      s4 = s4 + coefficient(4, k)*power(:, k)
+      s5 = s5 + coefficient(5, k)*power(:, k)
+      s6 = s6 + coefficient(6, k)*power(:, k)
+    end do
+    total(:, 1) = s1
+    total(:, 2) = s2
+    total(:, 3) = s3
+    total(:, 4) = s4
+    total(:, 5) = s5
+    total(:, 6) = s6
+  end subroutine add_polynomials_6
+
+  !> Add polynomials of three strains at four points.
+  pure subroutine add_polynomials_3(n, coefficient, power, total)
+    integer, intent(in) :: n
+    real(dp), intent(in) :: coefficient(3, n), power(points, n)
+    real(dp), intent(inout) :: total(points, 3)
+    integer :: k, s
+    do k = 1, n
+      do s = 1, 3
+        total(:, s) = total(:, s) + coefficient(s, k)*power(:, k)
       end do
     end do
-  end subroutine patch_fit_gradient
+  end subroutine add_polynomials_3
 end module dotyk_elasticity_patch_fit

@@ -1,0 +1,103 @@
+!> Twice the strain energy as a sum over the strains that an analysis has, without the zeros of its matrix.
+!>
+!> In three dimensions the strains are xx yy zz yz xz xy, in plane analyses xx yy xy, in axisymmetric ones xx yy xy zz. An isotropic
+!> body has nine terms in three dimensions, four in two.
+module dotyk_elasticity_energy_form
+  use dotyk_base_kinds, only: dp
+  use dotyk_elasticity_analysis, only: analysis_dimension, gradient_slots, strain_index
+  implicit none
+  private
+
+  !> The terms.
+  type, public :: energy_form_t
+    !> Number of strains, and of terms.
+    integer :: n_strains = 0, n_terms = 0
+    !> Strain that a slot of the gradient of a component belongs to, 0 for none (dimension, slots).
+    integer, allocatable :: place(:, :)
+    !> The two strains of each term (2, n_terms), and their coefficients (n_terms) [pressure].
+    integer, allocatable :: pair(:, :)
+    real(dp), allocatable :: coefficient(:)
+    !> Largest entry of the matrix [pressure].
+    real(dp) :: largest = 0
+  contains
+    procedure :: init => energy_form_init
+    procedure :: strains => energy_form_strains
+    procedure :: energy => energy_form_energy
+  end type energy_form_t
+
+contains
+
+  !> List the terms.
+  subroutine energy_form_init(self, analysis, matrix)
+    class(energy_form_t), intent(out) :: self
+    !> One of dotyk_elasticity_analysis' constants.
+    integer, intent(in) :: analysis
+    !> From the six strains to stresses [pressure].
+    real(dp), intent(in) :: matrix(6, 6)
+    integer :: strain(6), i, s, t, of
+    real(dp) :: c
+    allocate (self%place(analysis_dimension(analysis), gradient_slots(analysis)), source=0)
+    strain = [1, 2, 3, 4, 5, 6]
+    self%n_strains = 6
+    if (analysis_dimension(analysis) == 2) then
+      strain(:4) = [1, 2, 6, 3]
+      self%n_strains = merge(4, 3, gradient_slots(analysis) == 3)
+    end if
+    do s = 1, size(self%place, 2)
+      do i = 1, size(self%place, 1)
+        of = strain_index(analysis, i, s)
+        if (of > 0) self%place(i, s) = findloc(strain(:self%n_strains), of, dim=1)
+      end do
+    end do
+    allocate (self%pair(2, 21), self%coefficient(21))
+    do t = 1, self%n_strains
+      do s = 1, t
+        c = matrix(strain(s), strain(t))
+        if (s < t) c = c + matrix(strain(t), strain(s))
+        if (.not. abs(c) > 0) cycle
+        self%n_terms = self%n_terms + 1
+        self%pair(:, self%n_terms) = [s, t]
+        self%coefficient(self%n_terms) = c
+      end do
+    end do
+    self%largest = maxval(abs(matrix))
+  end subroutine energy_form_init
+
+  !> Strains of displacement gradients.
+  pure subroutine energy_form_strains(self, n_points, slope, strain)
+    class(energy_form_t), intent(in) :: self
+    integer, intent(in) :: n_points
+    !> Slots of the gradients of the components [].
+    real(dp), intent(in) :: slope(n_points, size(self%place, 1), size(self%place, 2))
+    real(dp), intent(out) :: strain(n_points, self%n_strains)
+    integer :: i, s
+    strain = 0
+    do s = 1, size(slope, 3)
+      do i = 1, size(slope, 2)
+        associate (k => self%place(i, s))
+          if (k > 0) strain(:, k) = strain(:, k) + slope(:, i, s)
+        end associate
+      end do
+    end do
+  end subroutine energy_form_strains
+
+  !> Twice the energy of some points.
+  pure real(dp) function energy_form_energy(self, weight, strain) result(energy)
+    class(energy_form_t), intent(in) :: self
+    !> Volumes (n_points).
+    real(dp), intent(in) :: weight(:)
+    !> (n_points, n_strains).
+    real(dp), intent(in), contiguous :: strain(:, :)
+    real(dp) :: density(size(weight))
+    integer :: k, q
+    density = 0
+    do k = 1, self%n_terms
+      associate (s => self%pair(1, k), t => self%pair(2, k), c => self%coefficient(k))
+        do q = 1, size(weight)
+          density(q) = density(q) + c*(strain(q, s)*strain(q, t))
+        end do
+      end associate
+    end do
+    energy = dot_product(weight, density)
+  end function energy_form_energy
+end module dotyk_elasticity_energy_form

@@ -1,0 +1,166 @@
+!> The nodes around a vertex of a body: rings of elements, and axes in which these are about as long as wide.
+module dotyk_elasticity_patch
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_elasticity_monomials, only: lanes
+  use dotyk_linalg_dense, only: symmetric_eigen
+  implicit none
+  private
+
+  !> The nodes of a patch in their own axes, eight at a time.
+  type, public :: patch_t
+    !> Number of nodes, and of blocks of them.
+    integer :: n = 0, n_blocks = 0
+    !> Nodes (any number >= n).
+    integer, allocatable :: node(:)
+    !> Places (lanes, dimension, >= n_blocks) [], and weights in the sum of squares (lanes, >= n_blocks).
+    real(dp), allocatable :: t(:, :, :), weight(:, :)
+    !> Displacements relative to the vertex (lanes, dimension, >= n_blocks) [length].
+    real(dp), allocatable :: u(:, :, :)
+  contains
+    procedure :: fill => patch_fill
+  end type patch_t
+
+  public :: add_ring
+
+contains
+
+  !> Add the nodes of all elements that vertices of a patch belong to.
+  pure subroutine add_ring(start, node, first, element, vertex, centre, mark, patch, inner, n)
+    !> As in incidence_t.
+    integer, intent(in) :: start(:), node(:), first(:), element(:)
+    integer, intent(in) :: vertex(:)
+    !> The vertex whose patch it is.
+    integer, intent(in) :: centre
+    integer, intent(inout) :: mark(:), patch(:)
+    !> Number of nodes whose elements are in the patch already, and of all nodes of the patch.
+    integer, intent(inout) :: inner, n
+    integer :: i, k, p, last
+    last = n
+    do i = inner + 1, last
+      if (vertex(patch(i)) == 0) cycle
+      do k = first(patch(i)), first(patch(i) + 1) - 1
+        do p = start(element(k)), start(element(k) + 1) - 1
+          if (mark(node(p)) == centre) cycle
+          mark(node(p)) = centre
+          n = n + 1
+          patch(n) = node(p)
+        end do
+      end do
+    end do
+    inner = last
+  end subroutine add_ring
+
+  !> Take places and displacements of the nodes of a patch, the first of which is its vertex, and find its axes.
+  subroutine patch_fill(self, dim, x, u, axes)
+    class(patch_t), intent(inout) :: self
+    integer, intent(in) :: dim
+    !> Nodes (dimension, n_nodes) and their displacements [length].
+    real(dp), intent(in), contiguous :: x(:, :), u(:, :)
+    real(dp), intent(out) :: axes(dim, dim)
+    self%n_blocks = (self%n + lanes - 1)/lanes
+    if (allocated(self%t)) then
+      if (size(self%weight, 2) < self%n_blocks) deallocate (self%t, self%u, self%weight)
+    end if
+    if (.not. allocated(self%t)) &
+      allocate (self%t(lanes, dim, 2*self%n_blocks), self%u(lanes, dim, 2*self%n_blocks), self%weight(lanes, 2*self%n_blocks))
+    call gather(self%n, dim, self%n_blocks, self%node, x, self%t)
+    call gather(self%n, dim, self%n_blocks, self%node, u, self%u)
+    call own_axes(dim, self%n_blocks, self%t, axes)
+    call to_axes(self%n, dim, self%n_blocks, axes, self%t, self%weight)
+  end subroutine patch_fill
+
+  !> Vectors of the nodes of a patch, relative to that of the first one; zeros fill the last block up.
+  pure subroutine gather(n, dim, n_blocks, node, of_nodes, relative)
+    integer, intent(in) :: n, dim, n_blocks
+    integer, intent(in) :: node(n)
+    real(dp), intent(in) :: of_nodes(dim, *)
+    real(dp), intent(out) :: relative(lanes, dim, n_blocks)
+    real(dp) :: origin(dim)
+    integer :: b, i, k, l
+    origin = of_nodes(:, node(1))
+    i = 0
+    do b = 1, n_blocks
+      do l = 1, lanes
+        i = i + 1
+        do k = 1, dim
+          relative(l, k, b) = of_nodes(k, node(min(i, n))) - origin(k)
+        end do
+      end do
+    end do
+    do l = lanes, lanes - (lanes*n_blocks - n) + 1, -1
+      relative(l, :, n_blocks) = 0
+    end do
+  end subroutine gather
+
+  !> Axes of a patch, along which the mean squares of its nodes' coordinates are the same.
+  subroutine own_axes(dim, n_blocks, x, axes)
+    integer, intent(in) :: dim, n_blocks
+    !> Nodes, from the centre [length].
+    real(dp), intent(in) :: x(lanes, dim, n_blocks)
+    !> To coordinates of any length [1/length].
+    real(dp), intent(out) :: axes(dim, dim)
+    type(error_t), allocatable :: error
+    real(dp) :: total(lanes, dim, dim), moment(dim, dim), vectors(dim, dim), values(dim), largest
+    integer :: b, i, k
+    total = 0
+    do b = 1, n_blocks
+      do k = 1, dim
+        do i = k, dim
+          total(:, i, k) = total(:, i, k) + x(:, i, b)*x(:, k, b)
+        end do
+      end do
+    end do
+    moment = 0
+    largest = tiny(largest)
+    do k = 1, dim
+      do i = k, dim
+        moment(i, k) = sum(total(:, i, k))
+      end do
+      largest = max(largest, moment(k, k))
+    end do
+    call symmetric_eigen(moment/largest, values, vectors, error)
+    axes = 0
+    do k = 1, dim
+      axes(k, k) = 1/sqrt(largest)
+      ! Elements have volume: only rounding makes a patch flatter than this.
+      if (.not. allocated(error)) axes(k, :) = vectors(:, k)/(sqrt(max(values(k), epsilon(largest)**2))*sqrt(largest))
+    end do
+  end subroutine own_axes
+
+  !> Turn the nodes into axes in which none is farther from the centre than 1, and weigh them.
+  pure subroutine to_axes(n, dim, n_blocks, axes, t, weight)
+    integer, intent(in) :: n, dim, n_blocks
+    !> To coordinates of any length, then of 1 at most [1/length].
+    real(dp), intent(inout) :: axes(dim, dim)
+    !> Places [length], then [].
+    real(dp), intent(inout) :: t(lanes, dim, n_blocks)
+    real(dp), intent(out) :: weight(lanes, n_blocks)
+    real(dp) :: line(lanes, dim), square(lanes), farthest(lanes), scale
+    integer :: b, i, k
+    farthest = tiny(scale)
+    do b = 1, n_blocks
+      square = 0
+      do i = 1, dim
+        line(:, i) = 0
+        do k = 1, dim
+          line(:, i) = line(:, i) + axes(i, k)*t(:, k, b)
+        end do
+        square = square + line(:, i)**2
+      end do
+      t(:, :, b) = line
+      weight(:, b) = square
+      farthest = max(farthest, square)
+    end do
+    scale = 1/sqrt(maxval(farthest))
+    axes = scale*axes
+    do b = 1, n_blocks
+      t(:, :, b) = scale*t(:, :, b)
+      ! Far nodes of one-sided patches would bend the polynomial.
+      weight(:, b) = 1/(0.01_dp + scale**2*weight(:, b))**2
+    end do
+    do i = lanes, lanes - (lanes*n_blocks - n) + 1, -1
+      weight(i, n_blocks) = 0
+    end do
+  end subroutine to_axes
+end module dotyk_elasticity_patch

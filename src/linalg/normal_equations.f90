@@ -1,0 +1,121 @@
+!> Small least squares by their normal equations, for matrices of which only the products of columns are formed.
+!>
+!> The rank is that of a QR factorization with column pivoting and incremental estimates of the condition (LAPACK's dgelsy): R of a
+!> pivoted Cholesky factorization of A^T A is R of that of A. Its smallest entries have errors of the root of epsilon, so that it tells
+!> conditions up to about 1e6, and solutions have errors of epsilon times the condition's square; those that matter want a step of
+!> refinement.
+module dotyk_linalg_normal_equations
+  use dotyk_base_kinds, only: dp
+  implicit none
+  private
+  public :: factorize_gram, solve_gram
+
+  interface
+    subroutine dlaic1(job, j, x, sest, w, gamma, sestpr, s, c)
+      import :: dp
+      integer, intent(in) :: job, j
+      real(dp), intent(in) :: x(*), sest, w(*), gamma
+      real(dp), intent(out) :: sestpr, s, c
+    end subroutine dlaic1
+  end interface
+
+contains
+
+  !> Cholesky factorization R^T R = P^T G P with pivots, as far as the rank goes.
+  subroutine factorize_gram(n, gram, tolerance, r, pivot, rank)
+    integer, intent(in) :: n
+    !> G = A^T A, its lower triangle is read.
+    real(dp), intent(in) :: gram(n, n)
+    !> Parts of A whose condition is worse than the inverse of this count as zero.
+    real(dp), intent(in) :: tolerance
+    !> R^T in its lower triangle, the first `rank` columns.
+    real(dp), intent(out) :: r(n, n)
+    !> The column of A that comes k-th.
+    integer, intent(out) :: pivot(n)
+    !> Rank of A to that tolerance.
+    integer, intent(out) :: rank
+    real(dp) :: smallest_vector(n), largest_vector(n), row(n), smallest, largest, smaller, larger, s(2), c(2)
+    integer :: i, j, k
+    r = gram
+    pivot = [(i, i=1, n)]
+    rank = 0
+    do i = 1, n
+      k = i
+      do j = i + 1, n
+        if (r(j, j) > r(k, k)) k = j
+      end do
+      if (.not. r(k, k) > 0) return
+      if (k > i) call swap(i, k)
+      r(i, i) = sqrt(r(i, i))
+      row(:i) = r(i, :i)
+      if (i == 1) then
+        smallest = r(1, 1)
+        largest = smallest
+        smallest_vector(1) = 1
+        largest_vector(1) = 1
+      else
+        call dlaic1(2, rank, smallest_vector, smallest, row, r(i, i), smaller, s(1), c(1))
+        call dlaic1(1, rank, largest_vector, largest, row, r(i, i), larger, s(2), c(2))
+        if (larger*tolerance > smaller) return
+        smallest_vector(:rank) = s(1)*smallest_vector(:rank)
+        largest_vector(:rank) = s(2)*largest_vector(:rank)
+        smallest_vector(i) = c(1)
+        largest_vector(i) = c(2)
+        smallest = smaller
+        largest = larger
+      end if
+      rank = i
+      r(i + 1:, i) = r(i + 1:, i)/r(i, i)
+      do j = i + 1, n
+        r(j:, j) = r(j:, j) - r(j, i)*r(j:, i)
+      end do
+    end do
+
+  contains
+
+    !> Exchange two rows and columns; the rest of the matrix is in the lower triangle.
+    subroutine swap(a, b)
+      integer, intent(in) :: a, b
+      real(dp) :: line(n), value
+      line(:a - 1) = r(a, :a - 1)
+      r(a, :a - 1) = r(b, :a - 1)
+      r(b, :a - 1) = line(:a - 1)
+      value = r(a, a)
+      r(a, a) = r(b, b)
+      r(b, b) = value
+      line(a + 1:b - 1) = r(a + 1:b - 1, a)
+      r(a + 1:b - 1, a) = r(b, a + 1:b - 1)
+      r(b, a + 1:b - 1) = line(a + 1:b - 1)
+      line(b + 1:) = r(b + 1:, a)
+      r(b + 1:, a) = r(b + 1:, b)
+      r(b + 1:, b) = line(b + 1:)
+      pivot([a, b]) = pivot([b, a])
+    end subroutine swap
+  end subroutine factorize_gram
+
+  !> Solve G x = b for some right-hand sides, with a factor of full rank.
+  pure subroutine solve_gram(n, m, r, pivot, b)
+    integer, intent(in) :: n, m
+    !> From `factorize_gram`.
+    real(dp), intent(in) :: r(n, n)
+    integer, intent(in) :: pivot(n)
+    !> Right-hand sides as rows, then solutions.
+    real(dp), intent(inout) :: b(m, n)
+    real(dp) :: x(m, n)
+    integer :: i, j
+    x = b(:, pivot)
+    do i = 1, n
+      x(:, i) = x(:, i)/r(i, i)
+      do j = i + 1, n
+        x(:, j) = x(:, j) - r(j, i)*x(:, i)
+      end do
+    end do
+    do i = n, 1, -1
+      do j = i + 1, n
+        x(:, i) = x(:, i) - r(j, i)*x(:, j)
+      end do
+      x(:, i) = x(:, i)/r(i, i)
+    end do
+    b(:, pivot) = x
+  end subroutine solve_gram
+end module dotyk_linalg_normal_equations
