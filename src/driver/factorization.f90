@@ -1,10 +1,9 @@
 !> From assembled bodies to responses: order, analyse, factorize.
 module dotyk_driver_factorization
-  use omp_lib, only: omp_get_max_threads
   use dotyk_base_error, only: error_t, problem_list_t, add_context
   use dotyk_base_kinds, only: dp, int64
   use dotyk_contact_operator, only: contact_block_t
-  use dotyk_driver_parallel, only: largest_first, taken_alone, set_blas_threads
+  use dotyk_driver_parallel, only: largest_first, set_blas_threads
   use dotyk_elasticity_body, only: body_t
   use dotyk_response_full, only: full_response_t, slowness_of_blocks, slowness_of_single_solves
   use dotyk_response_response, only: response_slot_t
@@ -98,37 +97,31 @@ contains
     deallocate (body%graph_start, body%graph_neighbour)
   end subroutine analyze_body
 
-  !> Factorize all bodies: the ones that are much larger than the rest alone, then the others side by side. Their stiffnesses are
-  !> given back one by one.
-  subroutine factorize_bodies(body, response, size_of, reproducible, error)
+  !> Factorize all bodies, the largest first: as many side by side as there are threads, and threads that no body is left for help
+  !> the others with theirs. Their stiffnesses are given back one by one. The digits are the same on any number of threads.
+  subroutine factorize_bodies(body, response, size_of, error)
     !> Assembled (n_bodies); without stiffness on return.
     type(body_t), intent(inout) :: body(:)
     !> Analysed (n_bodies).
     type(response_slot_t), intent(inout) :: response(:)
     !> Sizes of the factors (n_bodies).
     type(factor_size_t), intent(in) :: size_of(:)
-    !> The same digits on any number of threads.
-    logical, intent(in) :: reproducible
     type(error_t), allocatable, intent(out) :: error
     type(error_slot_t), allocatable :: failed(:)
-    logical :: alone(size(body))
     integer :: i, b, order(size(body))
     allocate (failed(size(body)))
     order = largest_first(size_of%flops)
-    alone = .false.
-    if (.not. reproducible) alone = taken_alone(size_of%flops, omp_get_max_threads())
-    call set_blas_threads(merge(1, omp_get_max_threads(), reproducible))
-    do i = 1, size(body)
-      b = order(i)
-      if (alone(b)) call factorize_body(body(b), response(b), failed(b)%error)
-    end do
     call set_blas_threads(1)
-    !$omp parallel do default(none) shared(body, response, failed, order, alone) private(b) schedule(dynamic, 1)
+    !$omp parallel default(none) shared(body, response, failed, order) private(i, b)
+    !$omp single
     do i = 1, size(body)
       b = order(i)
-      if (.not. alone(b)) call factorize_body(body(b), response(b), failed(b)%error)
+      !$omp task default(none) shared(body, response, failed) firstprivate(b)
+      call factorize_body(body(b), response(b), failed(b)%error)
+      !$omp end task
     end do
-    !$omp end parallel do
+    !$omp end single
+    !$omp end parallel
     call collect(body, failed, error)
   end subroutine factorize_bodies
 

@@ -146,7 +146,7 @@ contains
         end select
       end do
       call run%watch%lap(run%timing%search)
-      call factorize_bodies(run%body, problem%response, run%size_of, case%solver%reproducible, error)
+      call factorize_bodies(run%body, problem%response, run%size_of, error)
       if (allocated(error)) return
       call run%watch%lap(run%timing%factorize)
       call show_factorization(run%log, run%size_of, run%timing%factorize)

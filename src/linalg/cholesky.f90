@@ -1,4 +1,5 @@
-!> Sparse Cholesky factorization by CHOLMOD's supernodal code, with 64-bit indices. The only module that names CHOLMOD.
+!> Sparse Cholesky factorization: CHOLMOD's symbolic analysis and solves, with 64-bit indices, and a numeric factorization in its
+!> structure by dotyk_linalg_multifrontal. The only module that names CHOLMOD.
 module dotyk_linalg_cholesky
   use, intrinsic :: iso_c_binding, only: c_ptr, c_null_ptr, c_associated, c_f_pointer, c_int, c_int64_t, c_double
   use dotyk_base_kinds, only: dp, int64
@@ -7,7 +8,7 @@ module dotyk_linalg_cholesky
   use dotyk_linalg_multifrontal, only: factor_supernodes
   use dotyk_linalg_ordering, only: is_permutation
   use dotyk_linalg_sparse, only: sparse_symmetric_t
-  use dotyk_linalg_supernodes, only: supernodes_t
+  use dotyk_linalg_supernodes, only: diagonal_of, find_weakest_pivot, supernodes_t
   implicit none
   private
   public :: supernodes_t
@@ -25,7 +26,7 @@ module dotyk_linalg_cholesky
     integer(int64) :: n_supernodes = 0
     !> Memory of the factor [bytes].
     integer(int64) :: factor_bytes = 0
-    !> Memory that a factorization needs beside the factor and K: a permuted copy of K and the largest update [bytes].
+    !> Memory that a factorization needs beside the factor and K: a permuted copy of K and updates, about [bytes].
     integer(int64) :: workspace_bytes = 0
     !> Floating-point operations of a factorization.
     real(dp) :: flops = 0
@@ -267,54 +268,6 @@ contains
     end if
     self%factorized = .true.
   end subroutine factorize_taken
-
-  !> Diagonal of a matrix by columns, 0-based.
-  pure function diagonal_of(n, start, row, value) result(diagonal)
-    integer, intent(in) :: n
-    integer(int64), intent(in) :: start(0:n), row(0:*)
-    real(dp), intent(in) :: value(0:*)
-    real(dp) :: diagonal(0:n - 1)
-    integer :: j
-    integer(int64) :: k
-    diagonal = 0
-    do j = 0, n - 1
-      do k = start(j), start(j + 1) - 1
-        if (row(k) == j) diagonal(j) = value(k)
-      end do
-    end do
-  end function diagonal_of
-
-  !> The pivot that is the least part of its diagonal entry; if one is not positive or not a number, the first such one, with part 0.
-  pure subroutine find_weakest_pivot(supernodes, diagonal, weakest, equation)
-    type(supernodes_t), intent(in) :: supernodes
-    !> Of the matrix, in the order of elimination (0:order-1).
-    real(dp), intent(in) :: diagonal(0:)
-    real(dp), intent(out) :: weakest
-    !> Its equation.
-    integer, intent(out) :: equation
-    integer :: s, rows
-    integer(int64) :: k, at
-    real(dp) :: part
-    weakest = 1
-    equation = 0
-    do s = 0, int(supernodes%n) - 1
-      rows = supernodes%rows(s)
-      at = supernodes%value_start(s)
-      do k = supernodes%column_start(s), supernodes%column_start(s + 1) - 1
-        part = supernodes%value(at)**2/diagonal(k)
-        if (.not. part > 0) then ! NaN too: LAPACK does not always see it
-          weakest = 0
-          equation = int(supernodes%permutation(k)) + 1
-          return
-        end if
-        if (part < weakest .or. equation == 0) then
-          weakest = part
-          equation = int(supernodes%permutation(k)) + 1
-        end if
-        at = at + rows + 1
-      end do
-    end do
-  end subroutine find_weakest_pivot
 
   !> Whether there is a factor to solve with.
   pure logical function cholesky_is_factorized(self) result(is_factorized)

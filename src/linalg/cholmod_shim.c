@@ -1,7 +1,7 @@
 /* CHOLMOD behind an opaque handle: one cholmod_common and one supernodal factor each, 64-bit indices.
  *
  * The struct layouts of cholmod.h are known here and nowhere else. Every function returns one of the codes below. A
- * handle is changed by analyze, permute and factorize, one thread at a time; solves only read it, so that several
+ * handle is changed by analyze, permute, begin and end, one thread at a time; solves only read it, so that several
  * threads may solve with one factor at the same time. */
 #include <stdint.h>
 #include <stdlib.h>
@@ -24,7 +24,7 @@ typedef struct {
   int64_t entries;         /* entries of the factor that are stored, zeros inside supernodes included */
   int64_t supernodes;      /* number of supernodes */
   int64_t factor_bytes;    /* memory of the factor */
-  int64_t workspace_bytes; /* memory that a factorization needs beside the factor and the matrix */
+  int64_t workspace_bytes; /* memory that a factorization needs beside the factor and the matrix, about */
   double flops;            /* floating-point operations of a factorization */
 } statistics_t;
 

@@ -1,7 +1,7 @@
 !> Dense blocks of a supernodal factorization by columns, cut into tiles that OpenMP tasks share out.
 !>
-!> The tiles depend on the sizes of a block only, and every tile is one call of a BLAS that uses one thread: results are the same on
-!> any number of threads.
+!> The tiles depend on the sizes of a block only, and every tile is one call of a BLAS that uses one thread: results are
+!> the same on any number of threads.
 module dotyk_linalg_fronts
   use dotyk_base_kinds, only: dp
   implicit none

@@ -1,13 +1,15 @@
 !> Numeric factorization P K P^T = L L^T over the supernodes of a symbolic one.
 !>
-!> The tree of supernodes is cut into subtrees and a top. Subtrees are independent, tasks for threads: each is factorized front by front, with the
-!> updates that supernodes leave for their ancestors on a stack, so that they stay in the caches. What a subtree leaves in the end is added
-!> to the values of the top. There the supernodes are large, and each subtracts its products from the values of its ancestors at once, without
-!> a stack, shared out in tiles. Cuts and sums depend on the structure only: the digits are the same on any number of threads.
+!> The tree of supernodes is cut into subtrees and a top. Subtrees are independent, tasks for threads: each is factorized
+!> front by front, with the updates that supernodes leave for their ancestors on a stack, so that they stay in the caches.
+!> What a subtree leaves in the end is added to the values of the top. There the supernodes are large, and each subtracts
+!> its products from the values of its ancestors at once, without a stack, shared out in tiles. Cuts and the order of sums
+!> depend on the structure only: the digits are the same on any number of threads. BLAS must be set to one thread.
 module dotyk_linalg_multifrontal
-  use omp_lib, only: omp_in_parallel, omp_get_max_threads, omp_get_num_threads, omp_get_thread_num, omp_lock_kind, omp_init_lock, &
-                     omp_destroy_lock, omp_set_lock, omp_unset_lock
+  use omp_lib, only: omp_in_parallel, omp_get_max_threads, omp_get_num_threads, omp_get_thread_num, omp_lock_kind, &
+                     omp_init_lock, omp_destroy_lock, omp_set_lock, omp_unset_lock
   use dotyk_base_kinds, only: dp, int64
+  use dotyk_linalg_extend_add, only: add_update, clear_lower, locate
   use dotyk_linalg_fronts, only: factor_panel, subtract_square, product_tile, tile_rows, tile_columns
   use dotyk_linalg_supernodes, only: supernodes_t, supernode_tree_t, make_tree
   implicit none
@@ -15,7 +17,7 @@ module dotyk_linalg_multifrontal
   public :: factor_supernodes
 
   !> Most work of a subtree as a part of the whole; work that is not worth being cut [operations].
-  real(dp), parameter :: share_of_subtree = 1/32.0_dp, least_work = 2.0e7_dp
+  real(dp), parameter :: share_of_subtree = 1/256.0_dp, least_work = 2.0e7_dp
 
   !> Room for updates.
   type :: stack_t
@@ -25,8 +27,10 @@ module dotyk_linalg_multifrontal
 
   !> What a subtree leaves.
   type :: remainder_t
-    !> Stack where the last update is left.
+    !> Stack in use.
     integer :: stack = 0
+    !> Last update, lower triangle by columns.
+    real(dp), allocatable :: update(:)
     !> Finished, added or not.
     logical :: is_ready = .false.
     !> Column that failed; 0 if none.
@@ -163,7 +167,34 @@ contains
       call factor_front(work, s, work%stack(work%remainder(t)%stack)%x, work%supernodes%value, work%remainder(t)%failed)
       if (work%remainder(t)%failed > 0) exit
     end do
+    call keep_update(work, s, work%remainder(t))
   end subroutine factor_subtree
+
+  !> Keep the last update of a subtree while others have their turn, and make its stack free.
+  subroutine keep_update(work, s, remainder)
+    type(work_t), intent(inout) :: work
+    !> Root of the subtree.
+    integer, intent(in) :: s
+    type(remainder_t), intent(inout) :: remainder
+    integer :: n, j, status
+    integer(int64) :: from, to
+    n = work%supernodes%rows(s) - work%supernodes%columns(s)
+    if (remainder%failed > 0) n = 0
+    allocate (remainder%update(int(n, int64)*(n + 1)/2), stat=status)
+    remainder%out_of_memory = status /= 0
+    if (.not. remainder%out_of_memory) then
+      from = work%place(s)
+      to = 0
+      do j = 1, n
+        remainder%update(to + 1:to + n - j + 1) = work%stack(remainder%stack)%x(from + j:from + n)
+        from = from + n
+        to = to + n - j + 1
+      end do
+    end if
+    call omp_set_lock(work%lock)
+    work%stack(remainder%stack)%is_free = .true.
+    call omp_unset_lock(work%lock)
+  end subroutine keep_update
 
   !> Find a stack that is free and long enough, or make one. The largest subtrees come first, and theirs serve the others.
   subroutine take_stack(work, needed, remainder)
@@ -188,8 +219,8 @@ contains
     remainder%out_of_memory = status /= 0
   end subroutine take_stack
 
-  !> Where the updates of a subtree are going to be. Children lie on one stack, from the lower end up, their parents on another, from the upper
-  !> end down, so that a parent's update never has to be moved.
+  !> Where the updates of a subtree are going to be. Children lie on one stack, from the lower end up, their parents on another,
+  !> from the upper end down, so that a parent's update never has to be moved.
   subroutine plan_stack(work, t, needed)
     type(work_t), intent(inout) :: work
     integer, intent(in) :: t
@@ -248,8 +279,9 @@ contains
     do while (child >= 0)
       rows_at = work%supernodes%row_start(child) + work%supernodes%columns(child)
       n = int(work%supernodes%row_start(child + 1) - rows_at)
-      call add_update(n, work%map(work%supernodes%row(rows_at:rows_at + n - 1), thread), stack(work%place(child)), columns, rows, &
-                      x(at), stack(work%place(s)))
+      associate (row => work%supernodes%row(rows_at:rows_at + n - 1))
+        call add_update(n, work%map(row, thread), stack(work%place(child)), columns, rows, x(at), stack(work%place(s)))
+      end associate
       child = work%tree%next_sibling(child)
     end do
     call factor_panel(rows, columns, x(at), .false., failed)
@@ -259,38 +291,6 @@ contains
       call subtract_square(below, columns, x(at + columns), rows, stack(work%place(s)))
     end if
   end subroutine factor_front
-
-  !> The lower triangle of a square, zero.
-  pure subroutine clear_lower(n, square)
-    integer, intent(in) :: n
-    real(dp), intent(inout) :: square(n, n)
-    integer :: j
-    do j = 1, n
-      square(j:, j) = 0
-    end do
-  end subroutine clear_lower
-
-  !> Add a child's update to its parent's panel and update.
-  pure subroutine add_update(n, place, child, columns, rows, panel, update)
-    !> Order of the child's update, columns and rows of the parent.
-    integer, intent(in) :: n, columns, rows
-    !> Where its rows are in the parent, ascending from 0 (n).
-    integer, intent(in) :: place(n)
-    real(dp), intent(in) :: child(n, n)
-    real(dp), intent(inout) :: panel(0:rows - 1, 0:columns - 1), update(columns:rows - 1, columns:rows - 1)
-    integer :: i, j
-    do j = 1, n
-      if (place(j) < columns) then
-        do i = j, n
-          panel(place(i), place(j)) = panel(place(i), place(j)) + child(i, j)
-        end do
-      else
-        do i = j, n
-          update(place(i), place(j)) = update(place(i), place(j)) + child(i, j)
-        end do
-      end if
-    end do
-  end subroutine add_update
 
   !> Say that a subtree is finished, and add all remainders whose turn it is: always in the same order.
   subroutine add_remainders(work, t)
@@ -308,10 +308,10 @@ contains
         n = int(work%supernodes%row_start(s + 1) - rows_at)
         if (n > 0 .and. left%failed == 0 .and. .not. left%out_of_memory) then
           associate (row => work%supernodes%row(rows_at:rows_at + n - 1))
-            call add_to_ancestors(work, n, n, row, row, .true., work%stack(left%stack)%x(work%place(s) + 1:), work%supernodes%value)
+            call add_to_ancestors(work, n, n, row, row, .true., .true., left%update, work%supernodes%value)
           end associate
         end if
-        work%stack(left%stack)%is_free = .true.
+        if (allocated(left%update)) deallocate (left%update)
       end associate
       work%next = work%next + 1
     end do
@@ -366,23 +366,27 @@ contains
     rows_at = work%supernodes%row_start(s)
     associate (tile => work%tile(:, omp_get_thread_num()), row => work%supernodes%row(rows_at:rows_at + rows - 1))
       call product_tile(m, n, work%supernodes%columns(s), x(at + i), x(at + j), rows, i == j, tile)
-      call add_to_ancestors(work, m, n, row(i + 1:i + m), row(j + 1:j + n), i == j, tile, x)
+      call add_to_ancestors(work, m, n, row(i + 1:i + m), row(j + 1:j + n), i == j, .false., tile, x)
     end associate
   end subroutine subtract_tile
 
   !> Add a block to the values of the supernodes that its columns belong to.
-  subroutine add_to_ancestors(work, m, n, row, column, is_lower, block, x)
+  subroutine add_to_ancestors(work, m, n, row, column, is_lower, is_packed, block, x)
     type(work_t), intent(in) :: work
     integer, intent(in) :: m, n
     !> Its rows and columns in the order of elimination (m) and (n); the same ones if it is a lower triangle.
     integer(int64), intent(in) :: row(m), column(n)
     logical, intent(in) :: is_lower
-    real(dp), intent(in) :: block(m, n)
+    !> The triangle lies there without gaps.
+    logical, intent(in) :: is_packed
+    !> By columns.
+    real(dp), intent(in) :: block(*)
     !> Values of the factor.
     real(dp), intent(inout) :: x(0:*)
     integer :: place(m), j, s, i, i_first
-    integer(int64) :: at
+    integer(int64) :: at, from
     s = -1
+    from = 0
     do j = 1, n
       i_first = 1
       if (is_lower) i_first = j
@@ -394,32 +398,9 @@ contains
       end if
       at = work%supernodes%value_start(s) + (column(j) - work%supernodes%column_start(s))*work%supernodes%rows(s)
       do i = i_first, m
-        x(at + place(i)) = x(at + place(i)) + block(i, j)
+        x(at + place(i)) = x(at + place(i)) + block(from + i)
       end do
+      from = from + merge(n - j, m, is_packed)
     end do
   end subroutine add_to_ancestors
-
-  !> Places (from 0) of some numbers in a longer list, both ascending.
-  pure subroutine locate(m, number, n, list, place)
-    integer, intent(in) :: m, n
-    integer(int64), intent(in) :: number(m), list(n)
-    integer, intent(out) :: place(m)
-    integer :: i, low, high, middle
-    low = 1
-    high = n
-    do while (low < high)
-      middle = (low + high)/2
-      if (list(middle) < number(1)) then
-        low = middle + 1
-      else
-        high = middle
-      end if
-    end do
-    do i = 1, m
-      do while (list(low) < number(i))
-        low = low + 1
-      end do
-      place(i) = low - 1
-    end do
-  end subroutine locate
 end module dotyk_linalg_multifrontal

@@ -3,11 +3,12 @@ module dotyk_linalg_supernodes
   use dotyk_base_kinds, only: dp, int64
   implicit none
   private
-  public :: make_tree
+  public :: make_tree, diagonal_of, find_weakest_pivot
 
   !> The supernodes of a factor where CHOLMOD keeps them, as long as the factor is neither analyzed again nor destroyed.
-  !> All numbers and places are 0-based. Supernode s has the columns column_start(s)..column_start(s+1)-1 in the order of elimination, the rows
-  !> row(row_start(s)..row_start(s+1)-1), ascending, its own columns first, and the values from value_start(s) on, a dense block by columns.
+  !> All numbers and places are 0-based. Supernode s has the columns column_start(s)..column_start(s+1)-1 in the order of
+  !> elimination, the rows row(row_start(s)..row_start(s+1)-1), ascending, its own columns first, and the values from
+  !> value_start(s) on, a dense block by columns.
   type, public :: supernodes_t
     !> Number of supernodes.
     integer(int64) :: n = 0
@@ -25,8 +26,8 @@ module dotyk_linalg_supernodes
     procedure :: work => supernodes_work
   end type supernodes_t
 
-  !> A tree of supernodes cut into subtrees and a top. Subtree t has the supernodes order(first(t)..last(t)), children before parents; those of the top
-  !> are top(:), likewise.
+  !> A tree of supernodes cut into subtrees and a top. Subtree t has the supernodes order(first(t)..last(t)), children before
+  !> parents; those of the top are top(:), likewise.
   type, public :: supernode_tree_t
     !> Supernode that the first row below a supernode belongs to; -1 at a root (0:n-1).
     integer, allocatable :: parent(:)
@@ -164,4 +165,53 @@ contains
       end do
     end function deepest
   end subroutine postorder
+
+  !> Diagonal of a matrix by columns, 0-based.
+  pure function diagonal_of(n, start, row, value) result(diagonal)
+    integer, intent(in) :: n
+    integer(int64), intent(in) :: start(0:n), row(0:*)
+    real(dp), intent(in) :: value(0:*)
+    real(dp) :: diagonal(0:n - 1)
+    integer :: j
+    integer(int64) :: k
+    diagonal = 0
+    do j = 0, n - 1
+      do k = start(j), start(j + 1) - 1
+        if (row(k) == j) diagonal(j) = value(k)
+      end do
+    end do
+  end function diagonal_of
+
+  !> The pivot that is the least part of its diagonal entry; if one is not positive or not a number, the first such one, with
+  !> part 0.
+  pure subroutine find_weakest_pivot(supernodes, diagonal, weakest, equation)
+    type(supernodes_t), intent(in) :: supernodes
+    !> Of the matrix, in the order of elimination (0:order-1).
+    real(dp), intent(in) :: diagonal(0:)
+    real(dp), intent(out) :: weakest
+    !> Its equation.
+    integer, intent(out) :: equation
+    integer :: s, rows
+    integer(int64) :: k, at
+    real(dp) :: part
+    weakest = 1
+    equation = 0
+    do s = 0, int(supernodes%n) - 1
+      rows = supernodes%rows(s)
+      at = supernodes%value_start(s)
+      do k = supernodes%column_start(s), supernodes%column_start(s + 1) - 1
+        part = supernodes%value(at)**2/diagonal(k)
+        if (.not. part > 0) then ! NaN too: LAPACK does not always see it
+          weakest = 0
+          equation = int(supernodes%permutation(k)) + 1
+          return
+        end if
+        if (part < weakest .or. equation == 0) then
+          weakest = part
+          equation = int(supernodes%permutation(k)) + 1
+        end if
+        at = at + rows + 1
+      end do
+    end do
+  end subroutine find_weakest_pivot
 end module dotyk_linalg_supernodes
