@@ -17,7 +17,7 @@ module dotyk_linalg_multifrontal
   public :: factor_supernodes
 
   !> Most work of a subtree as a part of the whole; work that is not worth being cut [operations].
-  real(dp), parameter :: share_of_subtree = 1/256.0_dp, least_work = 2.0e7_dp
+  real(dp), parameter, public :: share_of_subtree = 1/256.0_dp, least_work = 3.0e8_dp
 
   !> Room for updates.
   type :: stack_t
