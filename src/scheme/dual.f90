@@ -104,6 +104,7 @@ contains
     end do
     call system%destroy()
     result%iterations = result%history%n
+    result%left_out = count(.not. keep)
   end subroutine solve_dual
 
   !> Points that close where the bodies are rigid on elastic foundations.
