@@ -1,10 +1,11 @@
 !> From the input to bodies: meshes, materials, supports, loads, and the surfaces of the contact pairs.
 module dotyk_driver_bodies
+  use omp_lib, only: omp_get_max_threads
   use dotyk_base_error, only: error_t, problem_list_t, add_context, set_error, exit_not_solvable
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
   use dotyk_driver_materials, only: build_material
-  use dotyk_driver_parallel, only: largest_first
+  use dotyk_driver_parallel, only: largest_first, taken_alone
   use dotyk_elasticity_analysis, only: analysis_3d, analysis_plane_strain, analysis_plane_stress, analysis_axisymmetric
   use dotyk_elasticity_body, only: body_t, free_rigid_motions
   use dotyk_elasticity_load, only: load_t, load_traction, load_pressure, load_local_traction, load_force_density, &
@@ -191,7 +192,8 @@ contains
     call problems%raise(error)
   end subroutine check_held
 
-  !> Assemble all bodies side by side; all problems are reported together.
+  !> Assemble all bodies: the ones that are much larger than the rest with all threads, then the others side by side; all problems are
+  !> reported together.
   subroutine assemble_bodies(case, body, error)
     type(case_t), intent(in) :: case
     !> (n_bodies).
@@ -200,12 +202,17 @@ contains
     type(problem_list_t) :: problems
     type(error_slot_t), allocatable :: failed(:)
     integer :: i, b, order(size(body))
+    logical :: alone(size(body))
     allocate (failed(size(body)))
     order = largest_first(real(body%constraint%n_equations, dp))
-    !$omp parallel do default(none) shared(body, failed, order) private(b) schedule(dynamic, 1)
+    alone = taken_alone(real(body%constraint%n_equations, dp), omp_get_max_threads())
+    do b = 1, size(body)
+      if (alone(b)) call body(b)%assemble(failed(b)%error)
+    end do
+    !$omp parallel do default(none) shared(body, failed, order, alone) private(b) schedule(dynamic, 1)
     do i = 1, size(body)
       b = order(i)
-      call body(b)%assemble(failed(b)%error)
+      if (.not. alone(b)) call body(b)%assemble(failed(b)%error)
     end do
     !$omp end parallel do
     do b = 1, size(body)
