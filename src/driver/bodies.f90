@@ -4,20 +4,23 @@ module dotyk_driver_bodies
   use dotyk_base_error, only: error_t, problem_list_t, add_context, set_error, exit_not_solvable
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
+  use dotyk_driver_congruence, only: kinds_t
   use dotyk_driver_materials, only: build_material
   use dotyk_driver_parallel, only: largest_first, taken_alone
+  use dotyk_driver_volumes, only: volume_t
   use dotyk_elasticity_analysis, only: analysis_3d, analysis_plane_strain, analysis_plane_stress, analysis_axisymmetric
   use dotyk_elasticity_body, only: body_t, free_rigid_motions
   use dotyk_elasticity_load, only: load_t, load_traction, load_pressure, load_local_traction, load_force_density, &
     add_surface_load, add_volume_load
+  use dotyk_elasticity_material, only: rotate_stiffness
   use dotyk_elasticity_support, only: support_t, collect_supports
-  use dotyk_input_case, only: case_t, load_input_t
+  use dotyk_input_case, only: body_input_t, case_t, load_input_t
   use dotyk_input_names, only: name_at, scheme_names
-  use dotyk_mesh_body_mesh, only: extract_body
   use dotyk_mesh_gmsh, only: read_gmsh
   use dotyk_mesh_gmsh_run, only: mesh_geometry
   use dotyk_mesh_mesh, only: mesh_t
-  use dotyk_mesh_surface, only: surface_t, extract_surface
+  use dotyk_mesh_placement, only: placement_t
+  use dotyk_mesh_surface, only: surface_t
   implicit none
   private
   public :: build_bodies, check_held, assemble_bodies
@@ -33,7 +36,7 @@ module dotyk_driver_bodies
 
 contains
 
-  !> Read every mesh once and build its bodies; all problems are reported together.
+  !> Read every mesh once, take every volume out of it once and build its bodies; all problems are reported together.
   subroutine build_bodies(case, body, surface_a, surface_b, error)
     type(case_t), intent(in) :: case
     !> (n_bodies).
@@ -43,21 +46,29 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(problem_list_t) :: problems
     type(mesh_t) :: mesh
+    type(volume_t) :: volume
     type(error_t), allocatable :: failed
-    logical :: done(size(case%body)), same(size(case%body))
-    integer :: b, c, before
+    logical, dimension(size(case%body)) :: read, done, same
+    integer :: b, c, k, before
     allocate (body(size(case%body)), surface_a(size(case%contact)), surface_b(size(case%contact)))
+    read = .false.
     done = .false.
     do b = 1, size(body)
-      if (done(b)) cycle
+      if (read(b)) cycle
       same = [(case%body(c)%mesh == case%body(b)%mesh, c=1, size(body))]
-      done = done .or. same
+      read = read .or. same
       before = problems%count
       call read_mesh(case%body(b)%mesh, case%scene%dimension, mesh, failed)
       call problems%add_error(failed)
       if (problems%count > before) cycle
-      do c = 1, size(body)
-        if (same(c)) call build_body(case, mesh, c, body(c), surface_a, surface_b, problems)
+      do c = b, size(body)
+        if (.not. same(c) .or. done(c)) cycle
+        call volume%take(mesh, case%body(c)%volume, case%scene%dimension)
+        do k = c, size(body)
+          if (.not. same(k) .or. case%body(k)%volume /= case%body(c)%volume) cycle
+          done(k) = .true.
+          call build_body(case, mesh, volume, k, body(k), surface_a, surface_b, problems)
+        end do
       end do
     end do
     call problems%raise(error)
@@ -81,9 +92,11 @@ contains
   end subroutine read_mesh
 
   !> One body and the surfaces of its contact pairs.
-  subroutine build_body(case, mesh, b, body, surface_a, surface_b, problems)
+  subroutine build_body(case, mesh, volume, b, body, surface_a, surface_b, problems)
     type(case_t), intent(in) :: case
     type(mesh_t), intent(in) :: mesh
+    !> The body's volume in the mesh.
+    type(volume_t), intent(inout) :: volume
     !> Index of the body.
     integer, intent(in) :: b
     type(body_t), intent(inout) :: body
@@ -98,15 +111,16 @@ contains
     body%dimension = case%scene%dimension
     call build_material(case%material(case%body(b)%material), body%material, failed)
     call note(case%material(case%body(b)%material)%line, failed)
-    call extract_body(mesh, case%body(b)%volume, body%dimension, body%mesh, failed)
+    if (allocated(volume%error)) failed = volume%error
     call note(case%body(b)%line, failed)
     if (problems%count > before) return
+    call place(case%body(b))
 
     do k = 1, size(case%contact)
       associate (contact => case%contact(k))
-        if (contact%body_a == b) call extract_surface(mesh, body%mesh, contact%surface_a, surface_a(k), failed)
+        if (contact%body_a == b) call volume%take_surface(mesh, contact%surface_a, surface_a(k), failed)
         call note(contact%line, failed)
-        if (contact%body_b == b) call extract_surface(mesh, body%mesh, contact%surface_b, surface_b(k), failed)
+        if (contact%body_b == b) call volume%take_surface(mesh, contact%surface_b, surface_b(k), failed)
         call note(contact%line, failed)
       end associate
     end do
@@ -124,6 +138,17 @@ contains
 
   contains
 
+    !> Put the body, with the axes of its material, where it is to be.
+    subroutine place(given)
+      type(body_input_t), intent(in) :: given
+      type(placement_t) :: placement
+      call placement%init(given%axis, given%angle, given%at)
+      body%mesh = volume%mesh
+      call placement%apply(body%mesh%x)
+      if (placement%turned .and. .not. body%material%isotropic) &
+        body%material%stiffness = rotate_stiffness(body%material%stiffness, placement%rotation)
+    end subroutine place
+
     !> The supports of this body.
     subroutine build_supports(support)
       type(support_t), allocatable, intent(out) :: support(:)
@@ -134,7 +159,7 @@ contains
         associate (given => case%support(i))
           if (given%body /= b) cycle
           n = n + 1
-          call extract_surface(mesh, body%mesh, given%surface, support(n)%surface, failed)
+          call volume%take_surface(mesh, given%surface, support(n)%surface, failed)
           call note(given%line, failed)
           support(n)%fix = given%fix
           support(n)%value = given%value
@@ -155,7 +180,7 @@ contains
       if (load%kind == load_force_density) then
         call add_volume_load(body%mesh, body%analysis, load, body%load, failed)
       else
-        call extract_surface(mesh, body%mesh, given%surface, surface, failed)
+        call volume%take_surface(mesh, given%surface, surface, failed)
         if (allocated(failed)) return
         call add_surface_load(body%mesh, body%analysis, surface, load, body%load, failed)
       end if
@@ -171,18 +196,24 @@ contains
   end subroutine build_body
 
   !> For schemes that need held bodies: refuse those that the supports leave free; all are reported together.
-  subroutine check_held(case, body, error)
+  subroutine check_held(case, body, kinds, error)
     type(case_t), intent(in) :: case
     !> With supports (n_bodies).
     type(body_t), intent(in) :: body(:)
+    type(kinds_t), intent(in) :: kinds
     type(error_t), allocatable, intent(out) :: error
     type(problem_list_t) :: problems
     type(error_t), allocatable :: failed
     character(:), allocatable :: scheme, motions
+    logical :: free(size(body))
     integer :: b, n_free
     scheme = name_at(scheme_names, case%solver%scheme)
+    free = .true.
     do b = 1, size(body)
+      ! All bodies of a kind are as free as the first.
+      if (.not. free(kinds%first(b))) cycle
       call free_rigid_motions(body(b), n_free, motions)
+      free(b) = n_free > 0
       if (n_free == 0) cycle
       call set_error(failed, case%file//':'//to_text(case%body(b)%line)//": body '"//body(b)%name//"': scheme '"//scheme// &
                      "' needs held bodies, and the supports leave this one free: "//motions//'; add a &support that stops it, '// &
@@ -194,27 +225,38 @@ contains
 
   !> Assemble all bodies: the ones that are much larger than the rest with all threads, then the others side by side; all problems are
   !> reported together.
-  subroutine assemble_bodies(case, body, error)
+  subroutine assemble_bodies(case, kinds, body, error)
     type(case_t), intent(in) :: case
-    !> (n_bodies).
+    type(kinds_t), intent(in) :: kinds
+    !> Those that are not the first of their kind get no stiffness (n_bodies).
     type(body_t), intent(inout) :: body(:)
     type(error_t), allocatable, intent(out) :: error
     type(problem_list_t) :: problems
     type(error_slot_t), allocatable :: failed(:)
     integer :: i, b, order(size(body))
-    logical :: alone(size(body))
+    logical :: alone(size(body)), leads(size(body))
     allocate (failed(size(body)))
     order = largest_first(real(body%constraint%n_equations, dp))
-    alone = taken_alone(real(body%constraint%n_equations, dp), omp_get_max_threads())
+    leads = [(kinds%leads(b), b=1, size(body))]
+    alone = taken_alone(merge(real(body%constraint%n_equations, dp), 0.0_dp, leads), omp_get_max_threads())
     do b = 1, size(body)
       if (alone(b)) call body(b)%assemble(failed(b)%error)
     end do
-    !$omp parallel do default(none) shared(body, failed, order, alone) private(b) schedule(dynamic, 1)
+    !$omp parallel default(none) shared(body, kinds, failed, order, alone) private(b)
+    !$omp do schedule(dynamic, 1)
     do i = 1, size(body)
       b = order(i)
-      if (.not. alone(b)) call body(b)%assemble(failed(b)%error)
+      if (kinds%leads(b) .and. .not. alone(b)) call body(b)%assemble(failed(b)%error)
     end do
-    !$omp end parallel do
+    !$omp end do
+    !$omp do schedule(dynamic, 1)
+    do i = 1, size(body)
+      b = order(i)
+      if (kinds%leads(b) .or. allocated(failed(kinds%first(b))%error)) cycle
+      call body(b)%assemble_like(body(kinds%first(b)), kinds%motion(b), failed(b)%error)
+    end do
+    !$omp end do
+    !$omp end parallel
     do b = 1, size(body)
       call add_context(failed(b)%error, case%file//':'//to_text(case%body(b)%line)//": body '"//body(b)%name//"': ")
       call problems%add_error(failed(b)%error)

@@ -4,6 +4,7 @@ module dotyk_driver_factorization
   use dotyk_base_error, only: error_t, problem_list_t, add_context
   use dotyk_base_kinds, only: dp, int64
   use dotyk_contact_operator, only: contact_block_t
+  use dotyk_driver_congruence, only: kinds_t
   use dotyk_driver_parallel, only: largest_first, taken_alone, set_blas_threads
   use dotyk_elasticity_body, only: body_t
   use dotyk_response_full, only: full_response_t, slowness_of_blocks, slowness_of_single_solves
@@ -11,7 +12,8 @@ module dotyk_driver_factorization
   implicit none
   private
 
-  !> What is known of a factor before it is made.
+  !> What is known of a factor before it is made. It is that of the first body of a kind; the others have but what their responses go
+  !> through.
   type, public :: factor_size_t
     !> Entries that are stored, and their memory [bytes].
     integer(int64) :: entries = 0, bytes = 0
@@ -33,7 +35,7 @@ module dotyk_driver_factorization
     type(error_t), allocatable :: error
   end type error_slot_t
 
-  public :: analyze_bodies, factorize_bodies
+  public :: analyze_bodies, attach_bodies, factorize_bodies
 
   !> Responses of a body that the dual scheme asks for, as a part of its contact points, with those of the groups that it begins with.
   real(dp), parameter :: share_of_points = 0.7_dp
@@ -42,10 +44,11 @@ module dotyk_driver_factorization
 
 contains
 
-  !> Order and analyse all bodies, side by side.
-  subroutine analyze_bodies(body, block, form, single_solves, response, size_of, error)
+  !> Order and analyse the first bodies of all kinds, side by side.
+  subroutine analyze_bodies(body, kinds, block, form, single_solves, response, size_of, error)
     !> Assembled (n_bodies); without the graph of their nodes on return.
     type(body_t), intent(inout) :: body(:)
+    type(kinds_t), intent(in) :: kinds
     !> Where they may touch (n_bodies).
     type(contact_block_t), intent(in) :: block(:)
     !> Form of the responses, one of `form_*` of dotyk_response_full.
@@ -58,23 +61,34 @@ contains
     type(factor_size_t), allocatable, intent(out) :: size_of(:)
     type(error_t), allocatable, intent(out) :: error
     type(error_slot_t), allocatable :: failed(:)
-    integer :: i, b, order(size(body))
+    integer, allocatable :: node(:)
+    integer :: i, b, n_points, order(size(body))
     allocate (response(size(body)), size_of(size(body)), failed(size(body)))
     order = largest_first(real(body%constraint%n_equations, dp))
-    !$omp parallel do default(none) shared(body, block, form, single_solves, response, size_of, failed, order) private(b) &
-    !$omp& schedule(dynamic, 1)
+    !$omp parallel do default(none) shared(body, kinds, block, form, single_solves, response, size_of, failed, order) &
+    !$omp& private(b, node, n_points) schedule(dynamic, 1)
     do i = 1, size(body)
       b = order(i)
-      call analyze_body(body(b), block(b), form, single_solves, response(b), size_of(b), failed(b)%error)
+      if (.not. kinds%leads(b)) cycle
+      call kinds%contact_nodes(b, block, node, n_points)
+      call analyze_body(body(b), node, n_points, count(kinds%first == b), form, single_solves, response(b), size_of(b), &
+                        failed(b)%error)
     end do
     !$omp end parallel do
     call collect(body, failed, error)
+    if (allocated(error)) return
+    do b = 1, size(body)
+      if (.not. kinds%leads(b)) call share_response(response(kinds%first(b)), size_of(kinds%first(b)), response(b), size_of(b))
+    end do
   end subroutine analyze_bodies
 
-  !> Order and analyse one body.
-  subroutine analyze_body(body, block, form, single_solves, slot, size_of, error)
+  !> Order and analyse the first body of a kind.
+  subroutine analyze_body(body, contact_node, n_points, n_bodies, form, single_solves, slot, size_of, error)
     type(body_t), intent(inout) :: body
-    type(contact_block_t), intent(in) :: block
+    !> Nodes where any body of the kind may touch, and the contact points of all of them.
+    integer, intent(in) :: contact_node(:), n_points
+    !> Bodies of the kind.
+    integer, intent(in) :: n_bodies
     integer, intent(in) :: form
     logical, intent(in) :: single_solves
     type(response_slot_t), intent(inout) :: slot
@@ -83,9 +97,9 @@ contains
     type(full_response_t), allocatable :: full
     real(dp) :: work
     allocate (full)
-    work = slowness_of_blocks*share_of_points*size(block%row)
-    if (single_solves) work = slowness_of_single_solves*typical_steps
-    call full%prepare(body, error, block%contact_node, form, work)
+    work = slowness_of_blocks*share_of_points*n_points
+    if (single_solves) work = slowness_of_single_solves*typical_steps*n_bodies
+    call full%prepare(body, error, contact_node, form, work)
     size_of%is_condensed = full%is_condensed
     size_of%entries = full%factor%factor_entries
     size_of%bytes = full%factor%factor_bytes
@@ -98,11 +112,48 @@ contains
     deallocate (body%graph_start, body%graph_neighbour)
   end subroutine analyze_body
 
-  !> Factorize all bodies: the ones that are much larger than the rest alone, then the others side by side. Their stiffnesses are
+  !> The response of another body of the same kind.
+  subroutine share_response(first, size_of_first, slot, size_of)
+    type(response_slot_t), intent(in) :: first
+    type(factor_size_t), intent(in) :: size_of_first
+    type(response_slot_t), intent(inout) :: slot
+    type(factor_size_t), intent(out) :: size_of
+    type(full_response_t), allocatable :: full
+    allocate (full)
+    select type (form => first%form)
+    type is (full_response_t)
+      call full%share(form)
+    end select
+    call move_alloc(full, slot%form)
+    size_of%is_condensed = size_of_first%is_condensed
+    size_of%response_entries = size_of_first%response_entries
+    size_of%whole_entries = size_of_first%whole_entries
+  end subroutine share_response
+
+  !> Say where contact forces act on the bodies: before the factorization, which takes the stiffnesses away.
+  subroutine attach_bodies(body, kinds, block, response)
+    !> Assembled (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    type(kinds_t), intent(in) :: kinds
+    !> Where they may touch (n_bodies).
+    type(contact_block_t), intent(in) :: block(:)
+    !> Analysed (n_bodies).
+    type(response_slot_t), intent(inout) :: response(:)
+    integer :: b
+    do b = 1, size(body)
+      select type (full => response(b)%form)
+      type is (full_response_t)
+        call full%attach(body(b), block(b)%contact_node, body(kinds%first(b)))
+      end select
+    end do
+  end subroutine attach_bodies
+
+  !> Factorize the first bodies of all kinds: the ones that are much larger than the rest alone, then the others side by side. Their stiffnesses are
   !> given back one by one.
-  subroutine factorize_bodies(body, response, size_of, reproducible, error)
+  subroutine factorize_bodies(body, kinds, response, size_of, reproducible, error)
     !> Assembled (n_bodies); without stiffness on return.
     type(body_t), intent(inout) :: body(:)
+    type(kinds_t), intent(in) :: kinds
     !> Analysed (n_bodies).
     type(response_slot_t), intent(inout) :: response(:)
     !> Sizes of the factors (n_bodies).
@@ -123,14 +174,31 @@ contains
       if (alone(b)) call factorize_body(body(b), response(b), failed(b)%error)
     end do
     call set_blas_threads(1)
-    !$omp parallel do default(none) shared(body, response, failed, order, alone) private(b) schedule(dynamic, 1)
+    !$omp parallel do default(none) shared(body, kinds, response, failed, order, alone) private(b) schedule(dynamic, 1)
     do i = 1, size(body)
       b = order(i)
-      if (.not. alone(b)) call factorize_body(body(b), response(b), failed(b)%error)
+      if (kinds%leads(b) .and. .not. alone(b)) call factorize_body(body(b), response(b), failed(b)%error)
     end do
     !$omp end parallel do
     call collect(body, failed, error)
+    if (allocated(error)) return
+    do b = 1, size(body)
+      if (.not. kinds%leads(b)) call share_condensed(response(kinds%first(b)), response(b))
+    end do
   end subroutine factorize_bodies
+
+  !> Take what the first body's response has after its factorization.
+  subroutine share_condensed(first, slot)
+    type(response_slot_t), intent(in) :: first
+    type(response_slot_t), intent(inout) :: slot
+    select type (owner => first%form)
+    type is (full_response_t)
+      select type (full => slot%form)
+      type is (full_response_t)
+        call full%share_condensed(owner)
+      end select
+    end select
+  end subroutine share_condensed
 
   !> Factorize one body.
   subroutine factorize_body(body, slot, error)

@@ -4,6 +4,7 @@ module dotyk_driver_results
   use dotyk_base_kinds, only: dp, int64
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_driver_arguments, only: command_line_text
+  use dotyk_driver_congruence, only: kinds_t
   use dotyk_driver_error_budget, only: error_budget_t
   use dotyk_driver_factorization, only: factor_size_t
   use dotyk_driver_pressures, only: pair_solution_t, nodal_field_t
@@ -89,10 +90,11 @@ contains
   end subroutine write_pairs
 
   !> How the scheme ended, and its history.
-  subroutine write_summary(file, body, size_of, problem, result, budget, scheme)
+  subroutine write_summary(file, body, kinds, size_of, problem, result, budget, scheme)
     type(results_file_t), intent(inout) :: file
     !> (n_bodies).
     type(body_t), intent(in) :: body(:)
+    type(kinds_t), intent(in) :: kinds
     type(factor_size_t), intent(in) :: size_of(:)
     type(contact_problem_t), intent(in) :: problem
     type(scheme_result_t), intent(in) :: result
@@ -123,6 +125,7 @@ contains
     undetermined = 0
     if (allocated(result%undetermined)) undetermined = size(result%undetermined, 2)
     call file%put_attribute('summary', 'undetermined_motions', undetermined)
+    call file%put_attribute('summary', 'factorizations', kinds%n())
     call file%put_attribute('summary', 'factor_entries', sum(size_of%entries))
     call file%put_attribute('summary', 'factor_bytes', sum(size_of%bytes))
     call file%put_attribute('summary', 'stiffness_bytes', sum(size_of%stiffness_bytes))

@@ -8,8 +8,9 @@ module dotyk_driver_run_case
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_driver_arguments, only: arguments_t
   use dotyk_driver_bodies, only: build_bodies, check_held, assemble_bodies
+  use dotyk_driver_congruence, only: kinds_t
   use dotyk_driver_error_budget, only: error_budget_t, ask_for_more, estimate_errors, first_tolerance, most_rounds
-  use dotyk_driver_factorization, only: factor_size_t, analyze_bodies, factorize_bodies
+  use dotyk_driver_factorization, only: factor_size_t, analyze_bodies, attach_bodies, factorize_bodies
   use dotyk_driver_free_scene, only: solve_free_scene
   use dotyk_driver_pairs, only: find_pairs
   use dotyk_driver_parallel, only: use_threads, share_solves, set_blas_threads
@@ -28,7 +29,6 @@ module dotyk_driver_run_case
   use dotyk_input_parse, only: read_case
   use dotyk_mesh_surface, only: surface_t
   use dotyk_output_results, only: results_file_t, check_writable
-  use dotyk_response_full, only: full_response_t
   use dotyk_scheme_explicit, only: explicit_compliance_t
   use dotyk_scheme_history, only: scheme_result_t, ended_converged
   use dotyk_scheme_problem, only: contact_problem_t
@@ -48,6 +48,7 @@ module dotyk_driver_run_case
     character(:), allocatable :: started
     !> Bodies (n_bodies) and contact pairs with their two surfaces (n_pairs).
     type(body_t), allocatable :: body(:)
+    type(kinds_t) :: kinds
     type(surface_t), allocatable :: surface_a(:), surface_b(:)
     type(contact_pair_t), allocatable :: pair(:)
     !> Factors to come (n_bodies).
@@ -90,7 +91,7 @@ contains
     call build(run, error)
     if (allocated(error)) return
     if (arguments%check) then
-      call show_memory(run%log, run%body, run%size_of)
+      call show_memory(run%log, run%size_of)
       call run%log%line('  checked; nothing was solved')
       call run%problem%destroy()
       return
@@ -114,20 +115,22 @@ contains
     call build_bodies(run%case, run%body, run%surface_a, run%surface_b, error)
     if (allocated(error)) return
     call run%watch%lap(run%timing%read)
-    if (needs_held_bodies(run%case)) call check_held(run%case, run%body, error)
+    call run%kinds%init(size(run%body))
+    if (run%case%solver%share_factors) call run%kinds%find(run%body)
+    if (needs_held_bodies(run%case)) call check_held(run%case, run%body, run%kinds, error)
     if (allocated(error)) return
-    call assemble_bodies(run%case, run%body, error)
+    call assemble_bodies(run%case, run%kinds, run%body, error)
     if (allocated(error)) return
     call run%watch%lap(run%timing%assemble)
     call find_pairs(run%case, run%body, run%surface_a, run%surface_b, run%pair, error)
     if (allocated(error)) return
     call build_operator(run%case%scene%dimension, size(run%body), run%pair, run%surface_a, run%surface_b, run%problem%operator)
     call run%watch%lap(run%timing%search)
-    call analyze_bodies(run%body, run%problem%operator%block, run%case%solver%response, scheme_of(run%case) /= scheme_dual, &
-                        run%problem%response, run%size_of, error)
+    call analyze_bodies(run%body, run%kinds, run%problem%operator%block, run%case%solver%response, &
+                        scheme_of(run%case) /= scheme_dual, run%problem%response, run%size_of, error)
     if (allocated(error)) return
     call run%watch%lap(run%timing%order)
-    call show_bodies(run%log, run%case, run%body, run%size_of)
+    call show_bodies(run%log, run%case, run%body, run%kinds, run%size_of)
     call show_pairs(run%log, run%body, run%pair, run%surface_a, run%surface_b)
     call run%log%line('')
   end subroutine build
@@ -136,17 +139,10 @@ contains
   subroutine solve(run, error)
     type(run_t), intent(inout) :: run
     type(error_t), allocatable, intent(out) :: error
-    integer :: b
     associate (case => run%case, problem => run%problem)
-      ! Where contact forces act is said before the factorization, which takes the stiffnesses away.
-      do b = 1, size(run%body)
-        select type (full => problem%response(b)%form)
-        type is (full_response_t)
-          call full%attach(run%body(b), problem%operator%block(b)%contact_node)
-        end select
-      end do
+      call attach_bodies(run%body, run%kinds, problem%operator%block, problem%response)
       call run%watch%lap(run%timing%search)
-      call factorize_bodies(run%body, problem%response, run%size_of, case%solver%reproducible, error)
+      call factorize_bodies(run%body, run%kinds, problem%response, run%size_of, case%solver%reproducible, error)
       if (allocated(error)) return
       call run%watch%lap(run%timing%factorize)
       call show_factorization(run%log, run%size_of, run%timing%factorize)
@@ -218,7 +214,7 @@ contains
     call write_fields(file, run%case%scene%output, run%case, run%body, run%solution, run%contact_pressure, run%budget, error)
     if (allocated(error)) return
     call write_pairs(file, run%pair, run%pair_solution)
-    call write_summary(file, run%body, run%size_of, run%problem, run%result, run%budget, scheme_name(run%case))
+    call write_summary(file, run%body, run%kinds, run%size_of, run%problem, run%result, run%budget, scheme_name(run%case))
     call write_provenance(file, run%case, run%threads, run%started)
     call run%watch%lap(run%timing%write)
     run%timing%total = run%watch%since_start()

@@ -5,6 +5,7 @@ module dotyk_driver_screen
   use dotyk_base_log, only: log_t
   use dotyk_base_text, only: to_text
   use dotyk_contact_pair, only: contact_pair_t, points_quadrature
+  use dotyk_driver_congruence, only: kinds_t
   use dotyk_driver_error_budget, only: error_budget_t
   use dotyk_driver_factorization, only: factor_size_t
   use dotyk_driver_timing, only: timing_t
@@ -38,14 +39,16 @@ contains
                   ', '//plural(threads, 'thread', 'threads'))
   end subroutine show_scene
 
-  !> One line per body; many bodies are summed up.
-  subroutine show_bodies(log, case, body, size_of)
+  !> One line per kind of bodies; many kinds are summed up.
+  subroutine show_bodies(log, case, body, kinds, size_of)
     type(log_t), intent(inout) :: log
     type(case_t), intent(in) :: case
     type(body_t), intent(in) :: body(:)
+    type(kinds_t), intent(in) :: kinds
     type(factor_size_t), intent(in) :: size_of(:)
-    !> More bodies than this are only summed up.
+    !> More kinds than this are only summed up.
     integer, parameter :: most_shown = 20
+    character(:), allocatable :: name
     integer :: b, elements, nodes, unknowns
     call log%line('')
     call log%line('  body                 material         elements      nodes   unknowns   factor entries     Gflop')
@@ -56,11 +59,16 @@ contains
       elements = elements + body(b)%mesh%n_elements()
       nodes = nodes + body(b)%mesh%n_nodes()
       unknowns = unknowns + body(b)%constraint%n_equations
-      if (size(body) <= most_shown) call log%line(body_line(body(b)%name, body(b)%material%name, &
-        body(b)%mesh%n_elements(), body(b)%mesh%n_nodes(), body(b)%constraint%n_equations, size_of(b)%entries, size_of(b)%flops))
+      if (kinds%n() > most_shown .or. .not. kinds%leads(b)) cycle
+      name = body(b)%name
+      if (count(kinds%first == b) > 1) name = to_text(count(kinds%first == b))//' like '//name
+      call log%line(body_line(name, body(b)%material%name, body(b)%mesh%n_elements(), body(b)%mesh%n_nodes(), &
+                              body(b)%constraint%n_equations, size_of(b)%entries, size_of(b)%flops))
     end do
     if (size(body) > 1) call log%line(body_line(plural(size(body), 'body', 'bodies'), '', elements, nodes, unknowns, &
                                                 sum(size_of%entries), sum(size_of%flops)))
+    if (kinds%n() < size(body)) call log%line('  '//plural(kinds%n(), 'kind', 'kinds')//' of bodies: '//to_text(size(body))// &
+                                              ' bodies, '//plural(kinds%n(), 'factorization', 'factorizations'))
     if (size(case%contact) == 0) call log%line('  no contact pairs: no search, one solve per body')
   end subroutine show_bodies
 
@@ -150,16 +158,11 @@ contains
   end subroutine show_responses
 
   !> Memory that a run would take.
-  subroutine show_memory(log, body, size_of)
+  subroutine show_memory(log, size_of)
     type(log_t), intent(inout) :: log
-    type(body_t), intent(in) :: body(:)
     type(factor_size_t), intent(in) :: size_of(:)
     real(dp) :: matrices
-    integer :: b
-    matrices = 0
-    do b = 1, size(body)
-      matrices = matrices + 16.0_dp*size(body(b)%stiffness%row, kind=int64)
-    end do
+    matrices = sum(size_of%stiffness_bytes)
     call log%line('')
     call log%line('  estimated memory: factors '//mebibytes(real(sum(size_of%bytes), dp))//', stiffnesses '//mebibytes(matrices)// &
                   ', in all about '//mebibytes(1.15_dp*(sum(size_of%bytes) + matrices)))

@@ -7,12 +7,14 @@ module dotyk_elasticity_body
   use dotyk_elasticity_constraint, only: constraint_t
   use dotyk_elasticity_free_motion, only: free_motions_t
   use dotyk_elasticity_graph, only: node_graph
+  use dotyk_elasticity_lift, only: subtract_lift
   use dotyk_elasticity_material, only: material_t
   use dotyk_elasticity_pattern, only: block_places_t, build_pattern
   use dotyk_elasticity_recovery, only: recover
   use dotyk_elasticity_rigid, only: find_free_motions
   use dotyk_linalg_sparse, only: sparse_symmetric_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_mesh_placement, only: placement_t
   implicit none
   private
 
@@ -53,6 +55,7 @@ module dotyk_elasticity_body
     procedure :: find_motions => body_find_motions
     procedure :: motion_text => body_motion_text
     procedure :: assemble => body_assemble
+    procedure :: assemble_like => body_assemble_like
     procedure :: young => body_young
     procedure :: destroy => body_destroy
   end type body_t
@@ -96,6 +99,39 @@ contains
     call assemble_stiffness(self%mesh, self%analysis, self%material, self%constraint, places, self%stiffness, &
       self%rhs, self%volume, self%mean_factor, error)
   end subroutine body_assemble
+
+  !> Make the right-hand side alone, of a body that is another one, moved: it has no stiffness of its own.
+  subroutine body_assemble_like(self, first, motion, error)
+    !> Its constraint has the equations and axes of the first one, see `adopt_constraint`.
+    class(body_t), intent(inout) :: self
+    !> Assembled.
+    type(body_t), intent(in) :: first
+    !> From the first to this one.
+    type(placement_t), intent(in) :: motion
+    !> As in `assemble`.
+    type(error_t), allocatable, intent(out) :: error
+    integer :: i, k
+    if (.not. allocated(self%load)) allocate (self%load(self%dimension, self%mesh%n_nodes()), source=0.0_dp)
+    self%free_motion = first%free_motion
+    if (motion%turned) then
+      associate (rotation => motion%rotation(:self%dimension, :self%dimension))
+        do k = 1, size(self%free_motion, 3)
+          do i = 1, size(self%free_motion, 2)
+            self%free_motion(:, i, k) = matmul(rotation, self%free_motion(:, i, k))
+          end do
+        end do
+      end associate
+    end if
+    self%motions = first%motions
+    call self%motions%move(self%mesh, motion)
+    self%resultant = [(sum(self%free_motion(:, :, k)*self%load), k=1, self%motions%n)]
+    self%volume = first%volume
+    self%mean_factor = first%mean_factor
+    if (allocated(self%rhs)) deallocate (self%rhs)
+    allocate (self%rhs(self%constraint%n_equations))
+    call self%constraint%reduce(self%load, self%rhs)
+    call subtract_lift(self%mesh, self%analysis, self%material, self%constraint, self%rhs, error)
+  end subroutine body_assemble_like
 
   !> Young's modulus for scales: of the softest global direction, mean over the body [pressure].
   real(dp) function body_young(self) result(young)

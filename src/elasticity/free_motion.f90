@@ -10,6 +10,7 @@ module dotyk_elasticity_free_motion
   use dotyk_elasticity_rigid, only: describe, free_space, part_text, rigid_displacement
   use dotyk_linalg_dense, only: orthonormal_range
   use dotyk_mesh_body_mesh, only: body_mesh_t, connected_components
+  use dotyk_mesh_placement, only: placement_t
   implicit none
   private
 
@@ -29,6 +30,7 @@ module dotyk_elasticity_free_motion
     type(text_t), allocatable, private :: part_name(:)
   contains
     procedure :: init => free_motions_init
+    procedure :: move => free_motions_move
     procedure :: say => free_motions_say
     procedure :: say_space => free_motions_say_space
   end type free_motions_t
@@ -73,6 +75,28 @@ contains
       end associate
     end do
   end subroutine free_motions_init
+
+  !> The motions of the same body at another place.
+  subroutine free_motions_move(self, mesh, placement)
+    class(free_motions_t), intent(inout) :: self
+    !> The body there.
+    type(body_mesh_t), intent(in) :: mesh
+    !> How it came there.
+    type(placement_t), intent(in) :: placement
+    integer, allocatable :: part(:)
+    integer :: p, n_parts, k
+    do k = 1, self%n
+      self%coefficient(1:3, k) = matmul(placement%rotation, self%coefficient(1:3, k))
+      self%coefficient(4:6, k) = matmul(placement%rotation, self%coefficient(4:6, k))
+    end do
+    call placement%apply(self%centre)
+    if (size(self%radius) == 1) return
+    allocate (part(mesh%n_nodes()))
+    call connected_components(mesh, part, n_parts)
+    do p = 1, n_parts
+      self%part_name(p)%s = part_text(mesh, part, p, n_parts)
+    end do
+  end subroutine free_motions_move
 
   !> Make the motions of a part orthonormal by Gram-Schmidt, done on the coefficients.
   subroutine make_orthonormal(x, constraint, part, p, centre, radius, coefficient, field)

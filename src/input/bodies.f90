@@ -3,11 +3,11 @@ module dotyk_input_bodies
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
   use dotyk_input_case, only: body_input_t, material_input_t, scene_input_t
-  use dotyk_input_names, only: material_anisotropic, material_isotropic, material_orthotropic
+  use dotyk_input_names, only: analysis_axisymmetric, material_anisotropic, material_isotropic, material_orthotropic
   use dotyk_input_problems, only: problems_t, shown
   use dotyk_input_reader, only: group_t
   use dotyk_input_settings, only: read_mesh_path
-  use dotyk_input_values, only: count_of, is_given, is_usable, names_t, numbers_of, refer, report, text_of
+  use dotyk_input_values, only: count_of, is_given, is_usable, names_t, number_of, numbers_of, refer, report, text_of
   implicit none
   private
   public :: read_material, read_body
@@ -128,5 +128,38 @@ contains
       if (len(scene%mesh) == 0 .and. mesh_expected) &
         call problems%add(group%line, '&body: ''mesh'' is missing, here and in &scene')
     end if
+    call read_placement(group, scene, problems, body)
   end subroutine read_body
+
+  !> Where a body is placed.
+  subroutine read_placement(group, scene, problems, body)
+    type(group_t), intent(in) :: group
+    type(scene_input_t), intent(in) :: scene
+    type(problems_t), intent(inout) :: problems
+    type(body_input_t), intent(inout) :: body
+    if (is_given(group, 'at') .and. is_usable(group, 'at')) then
+      if (scene%dimension == 3 .and. count_of(group, 'at') < 3) &
+        call report(problems, group, 'at', 'at needs 3 values in three dimensions, got '//to_text(count_of(group, 'at')))
+      call read_numbers(group, 'at', body%at)
+      if (scene%dimension == 2 .and. abs(body%at(3)) > 0) &
+        call report(problems, group, 'at', 'at has z = '//to_text(body%at(3))//', but there is no z in two dimensions')
+      if (scene%analysis == analysis_axisymmetric .and. abs(body%at(1)) > 0) &
+        call report(problems, group, 'at', 'at has x = '//to_text(body%at(1))//', but axisymmetric bodies move along y only')
+    end if
+    if (is_given(group, 'axis') .and. .not. is_given(group, 'angle')) &
+      call report(problems, group, 'axis', 'axis is given without an angle')
+    if (is_given(group, 'axis') .and. is_usable(group, 'axis')) then
+      call read_numbers(group, 'axis', body%axis)
+      if (.not. maxval(abs(body%axis)) > 0) then
+        call report(problems, group, 'axis', 'axis has no direction: all its components are 0')
+      else if (scene%dimension == 2 .and. maxval(abs(body%axis(:2))) > 0) then
+        call report(problems, group, 'axis', 'in two dimensions bodies are turned about z only')
+      end if
+    end if
+    if (is_given(group, 'angle')) then
+      body%angle = number_of(group, 'angle')
+      if (scene%analysis == analysis_axisymmetric) &
+        call report(problems, group, 'angle', 'axisymmetric bodies are not turned: remove angle')
+    end if
+  end subroutine read_placement
 end module dotyk_input_bodies

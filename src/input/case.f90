@@ -63,6 +63,11 @@ module dotyk_input_case
     integer :: material = 0
     !> Its mesh: its own, or that of the scene.
     character(:), allocatable :: mesh
+    !> Where the origin of the mesh is placed [length].
+    real(dp) :: at(3) = 0
+    !> Axis through the origin of the mesh, as written, about which the body is turned before, and the angle [degrees].
+    real(dp) :: axis(3) = [0.0_dp, 0.0_dp, 1.0_dp]
+    real(dp) :: angle = 0
   end type body_input_t
 
   !> `&support`.
@@ -162,6 +167,8 @@ module dotyk_input_case
     real(dp) :: tolerance = 0
     !> Most iterations.
     integer :: max_iterations = 0
+    !> Have bodies that differ by their place alone one factorization?
+    logical :: share_factors = .true.
     !> The same digits on any number of threads?
     logical :: reproducible = .false.
   end type solver_input_t

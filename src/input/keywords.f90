@@ -119,6 +119,14 @@ contains
                meaning='name of its material')
     call t%add('body', 'mesh', kind_text, &
                'its own mesh file; if absent, that of the scene')
+    call t%add('body', 'at', kind_real, least=2, most=3, unit='length', &
+               meaning='where the origin of its mesh is placed (if absent, where it is drawn): a volume may be drawn once '// &
+               'and be many bodies; in axisymmetric analyses along y only')
+    call t%add('body', 'axis', kind_real, least=3, most=3, &
+               meaning='axis through the origin of its mesh about which it is turned before that (if absent, z); the axes '// &
+               'of its material turn with it, supports, loads and formulas are those of its place')
+    call t%add('body', 'angle', kind_real, unit='degrees', &
+               meaning='angle of that turn; not in axisymmetric analyses')
 
     call t%add('support', 'body', kind_text, required=.true., &
                meaning='name of the body')
@@ -221,6 +229,8 @@ contains
                meaning='relative error in the energy norm at which the iteration stops')
     call t%add('solver', 'max_iterations', kind_integer, default='100000', positive=.true., &
                meaning='most iterations')
+    call t%add('solver', 'share_factors', kind_logical, default='.true.', &
+               meaning='bodies that differ by their place alone have one factorization')
     call t%add('solver', 'reproducible', kind_logical, default='.false.', &
                meaning='the same digits on any number of threads')
 

@@ -11,17 +11,23 @@ module dotyk_response_condensed
   implicit none
   private
 
-  !> The condensed stiffness.
+  !> The condensed stiffness. What bodies of one kind have in common belongs to the first of them.
   type, public :: condensed_t
     !> Contact unknowns; 0 while there is no condensed stiffness.
     integer :: n = 0
     !> Place of each contact node's unknowns among the n (dimension, n_contact_nodes), 0 where prescribed.
     integer, allocatable :: place(:, :)
+    !> Whether what follows is to be given back here.
+    logical, private :: owns = .false.
+    !> Place of each equation among the n, 0 for the others (0:n_equations).
+    integer, pointer, contiguous, private :: place_of(:) => null()
     !> Free motions and what the held body answers to them as forces, at the contact unknowns (n, n_motions), and their products
     !> R^T Z (n_motions, n_motions).
-    real(dp), allocatable, private :: rigid(:, :), answer(:, :), product(:, :)
+    real(dp), pointer, contiguous, private :: rigid(:, :) => null(), answer(:, :) => null(), product(:, :) => null()
   contains
     procedure :: init => condensed_init
+    procedure :: share => condensed_share
+    procedure, private :: find_places => condensed_find_places
     procedure :: solve_block => condensed_solve_block
     procedure :: destroy => condensed_destroy
   end type condensed_t
@@ -29,32 +35,61 @@ module dotyk_response_condensed
 contains
 
   !> Take the block of the contact unknowns out of a factor.
-  subroutine condensed_init(self, factor, equation, rigid)
-    class(condensed_t), intent(out) :: self
+  subroutine condensed_init(self, factor, n, equation, rigid)
+    class(condensed_t), intent(inout) :: self
     !> Of the whole stiffness, with the contact unknowns last.
     type(cholesky_t), intent(in) :: factor
+    !> Number of contact unknowns, of all bodies with this factor together.
+    integer, intent(in) :: n
     !> Equations of the contact nodes (dimension, n_contact_nodes); 0 where prescribed.
     integer, intent(in) :: equation(:, :)
     !> Free motions over all equations (n_equations, n_motions).
     real(dp), intent(in) :: rigid(:, :)
-    integer, allocatable :: number(:), place_of(:)
+    integer, allocatable :: number(:)
     real(dp), allocatable :: z(:, :)
-    integer :: i, k
-    self%n = count(equation > 0)
-    allocate (number(self%n), place_of(0:size(rigid, 1)), self%place(size(equation, 1), size(equation, 2)))
+    integer :: k, m
+    call self%destroy()
+    self%n = n
+    self%owns = .true.
+    m = size(rigid, 2)
+    allocate (number(n), self%place_of(0:size(rigid, 1)), self%rigid(n, m), self%answer(n, m), self%product(m, m))
     call factor%trailing(number)
-    place_of = 0
-    place_of(number) = [(k, k=1, self%n)]
-    do i = 1, size(equation, 2)
-      self%place(:, i) = place_of(equation(:, i))
-    end do
+    self%place_of = 0
+    self%place_of(number) = [(k, k=1, n)]
     allocate (z, source=rigid)
     call factor%solve_block(z)
-    allocate (self%product(size(rigid, 2), size(rigid, 2)))
     call transposed_product(rigid, z, self%product)
     self%rigid = rigid(number, :)
     self%answer = z(number, :)
+    call self%find_places(equation)
   end subroutine condensed_init
+
+  !> The same for another body of the kind.
+  subroutine condensed_share(self, first, equation)
+    class(condensed_t), intent(inout) :: self
+    !> It stays what it is as long as this one is used.
+    type(condensed_t), intent(in) :: first
+    !> Equations of this body's contact nodes (dimension, n_contact_nodes); 0 where prescribed.
+    integer, intent(in) :: equation(:, :)
+    call self%destroy()
+    self%n = first%n
+    self%place_of => first%place_of
+    self%rigid => first%rigid
+    self%answer => first%answer
+    self%product => first%product
+    call self%find_places(equation)
+  end subroutine condensed_share
+
+  !> Places of the contact nodes' unknowns.
+  subroutine condensed_find_places(self, equation)
+    class(condensed_t), intent(inout) :: self
+    integer, intent(in) :: equation(:, :)
+    integer :: i
+    allocate (self%place(size(equation, 1), size(equation, 2)))
+    do i = 1, size(equation, 2)
+      self%place(:, i) = self%place_of(equation(:, i))
+    end do
+  end subroutine condensed_find_places
 
   !> Forces on the contact unknowns to their displacements.
   subroutine condensed_solve_block(self, factor, x)
@@ -80,7 +115,10 @@ contains
   !> Give back all memory.
   subroutine condensed_destroy(self)
     class(condensed_t), intent(inout) :: self
-    if (allocated(self%place)) deallocate (self%place, self%rigid, self%answer, self%product)
+    if (allocated(self%place)) deallocate (self%place)
+    if (self%owns) deallocate (self%place_of, self%rigid, self%answer, self%product)
+    nullify (self%place_of, self%rigid, self%answer, self%product)
+    self%owns = .false.
     self%n = 0
   end subroutine condensed_destroy
 end module dotyk_response_condensed

@@ -9,6 +9,9 @@
 !>
 !> A body with free motions R is factorized with springs on a few unknowns, see dotyk_response_hold, K_s: then
 !> `K^+ = P K_s^{-1} P`, `P = I - R R^T`. Forces act at contact nodes, so R^T f takes the motions of these only.
+!>
+!> Bodies of one kind (dotyk_elasticity_congruence) have one factor: the first one's response makes it, owns it and gives it back, the
+!> others `share` it and are not used after that. Axes of nodes are each body's own, equations and motions over them are the kind's.
 module dotyk_response_full
   use dotyk_base_error, only: error_t, set_error, exit_not_solvable
   use dotyk_base_kinds, only: dp, int64
@@ -18,17 +21,21 @@ module dotyk_response_full
   use dotyk_linalg_blas, only: add_product, transposed_product
   use dotyk_linalg_cholesky, only: cholesky_t
   use dotyk_linalg_ordering, only: expand_permutation
+  use dotyk_linalg_sparse, only: sparse_symmetric_t
   use dotyk_response_components, only: gather, scatter
   use dotyk_response_condensed, only: condensed_t
   use dotyk_response_hold, only: add_springs, choose_holds, is_mechanism
+  use dotyk_response_motions, only: remove_motions, subtract_motions
   use dotyk_response_response, only: response_t
   implicit none
   private
 
   !> Response by solves with the factor of the full stiffness.
   type, extends(response_t), public :: full_response_t
-    !> Factor of the stiffness over the free equations.
-    type(cholesky_t), allocatable :: factor
+    !> Factor of the stiffness over the free equations; the first's of the kind where it is shared.
+    type(cholesky_t), pointer :: factor => null()
+    !> Whether factor and rigid are another response's.
+    logical :: shares = .false.
     !> Whether the contact unknowns are the last ones of the factor.
     logical :: is_condensed = .false.
     !> Contact unknowns where they are.
@@ -40,7 +47,7 @@ module dotyk_response_full
     !> Equations with springs, one for each free motion; chosen by `prepare` (n_motions).
     integer, allocatable :: hold(:)
     !> Free motions over the equations, orthonormal (n_equations, n_motions).
-    real(dp), allocatable, private :: rigid(:, :)
+    real(dp), pointer, contiguous, private :: rigid(:, :) => null()
     !> Equations of the contact nodes (dimension, n_contact_nodes), in the node's axes; 0 where prescribed.
     integer, allocatable, private :: equation(:, :)
     !> Axes of each contact node: 0 for the global ones, else an index into `axes` (n_contact_nodes).
@@ -51,11 +58,13 @@ module dotyk_response_full
     real(dp), allocatable, private :: x(:)
   contains
     procedure :: prepare => full_response_prepare
+    procedure :: share => full_response_share
     procedure :: factorize => full_response_factorize
     procedure :: attach => full_response_attach
     procedure :: apply => full_response_apply
     procedure :: response_entries => full_response_entries
     procedure, private :: try_condensed => full_response_try_condensed
+    procedure :: share_condensed => full_response_share_condensed
     procedure, private :: take_condensed => full_response_take_condensed
     procedure, private :: keep_diagonal => full_response_keep_diagonal
     procedure :: apply_block => full_response_apply_block
@@ -105,7 +114,7 @@ contains
     if (allocated(error)) return
     allocate (permutation(body%constraint%n_equations))
     call expand_permutation(node_order, body%constraint%equation, permutation)
-    if (.not. allocated(self%factor)) allocate (self%factor)
+    if (.not. associated(self%factor)) allocate (self%factor)
     call self%factor%analyze(body%stiffness, permutation, error)
     if (allocated(error)) return
     self%whole_flops = self%factor%flops
@@ -128,7 +137,7 @@ contains
     integer, intent(in) :: form
     real(dp), intent(in) :: work
     type(error_t), allocatable, intent(out) :: error
-    type(cholesky_t), allocatable :: other
+    type(cholesky_t), pointer :: other
     logical, allocatable :: is_last(:)
     real(dp) :: whole, condensed
     integer :: n
@@ -143,16 +152,35 @@ contains
     allocate (other)
     call other%analyze(body%stiffness, [pack(permutation, .not. is_last(permutation)), pack(permutation, is_last(permutation))], &
                        error, n)
-    if (allocated(error)) return
+    if (allocated(error)) then
+      deallocate (other)
+      return
+    end if
     self%is_condensed = form == form_condensed .or. condensed + other%flops < whole
     if (self%is_condensed) then
       call self%factor%destroy()
-      call move_alloc(other, self%factor)
+      deallocate (self%factor)
+      self%factor => other
       self%n_last = n
     else
       call other%destroy()
+      deallocate (other)
     end if
   end subroutine full_response_try_condensed
+
+  !> In place of `prepare`: be the response of another body of the same kind.
+  subroutine full_response_share(self, first)
+    class(full_response_t), intent(inout) :: self
+    !> Prepared; it is destroyed after this one is used for the last time.
+    class(full_response_t), intent(in) :: first
+    self%shares = .true.
+    self%dimension = first%dimension
+    self%n_motions = first%n_motions
+    self%is_condensed = first%is_condensed
+    self%n_last = first%n_last
+    self%factor => first%factor
+    self%rigid => first%rigid
+  end subroutine full_response_share
 
   !> Entries of the factor that a response goes through, twice.
   pure integer(int64) function full_response_entries(self) result(entries)
@@ -192,12 +220,14 @@ contains
   end subroutine full_response_factorize
 
   !> Say where contact forces act.
-  subroutine full_response_attach(self, body, contact_node)
+  subroutine full_response_attach(self, body, contact_node, first)
     class(full_response_t), intent(inout) :: self
-    !> The same body as in `prepare`.
+    !> The same body as in `prepare`, or another one of its kind that shares its factor.
     type(body_t), intent(in) :: body
     !> Nodes of the body where contact forces may act (n_contact_nodes).
     integer, intent(in) :: contact_node(:)
+    !> The body that has the stiffness, where it is another one.
+    type(body_t), intent(in), optional :: first
     integer :: i, n_axes, frame
     self%n_contact_nodes = size(contact_node)
     self%equation = body%constraint%equation(:, contact_node)
@@ -213,7 +243,11 @@ contains
       self%axes(:, :, n_axes) = body%constraint%frame(:, :, frame)
     end do
     allocate (self%x(body%constraint%n_equations))
-    call self%keep_diagonal(body)
+    if (present(first)) then
+      call self%keep_diagonal(first%stiffness)
+    else
+      call self%keep_diagonal(body%stiffness)
+    end if
     self%motion = reshape(body%free_motion(:, contact_node, :), [self%dimension*size(contact_node), self%n_motions])
     call self%take_condensed()
   end subroutine full_response_attach
@@ -221,22 +255,31 @@ contains
   !> The condensed stiffness, once there are a factor and contact nodes.
   subroutine full_response_take_condensed(self)
     class(full_response_t), intent(inout) :: self
-    if (.not. self%is_condensed .or. .not. allocated(self%equation)) return
-    if (self%factor%is_factorized()) call self%condensed%init(self%factor, self%equation, self%rigid)
+    if (.not. self%is_condensed .or. .not. allocated(self%equation) .or. self%shares) return
+    if (self%factor%is_factorized()) call self%condensed%init(self%factor, self%n_last, self%equation, self%rigid)
   end subroutine full_response_take_condensed
 
-  !> Keep the diagonal of the stiffness at the contact nodes, if the body still has it.
-  subroutine full_response_keep_diagonal(self, body)
+  !> The same of a body that shares its factor.
+  subroutine full_response_share_condensed(self, first)
+    !> Attached.
     class(full_response_t), intent(inout) :: self
-    type(body_t), intent(in) :: body
+    !> The one that owns the factor, attached and factorized.
+    class(full_response_t), intent(in) :: first
+    if (self%is_condensed) call self%condensed%share(first%condensed, self%equation)
+  end subroutine full_response_share_condensed
+
+  !> Keep the diagonal of the stiffness at the contact nodes, if it is still there.
+  subroutine full_response_keep_diagonal(self, stiffness)
+    class(full_response_t), intent(inout) :: self
+    type(sparse_symmetric_t), intent(in) :: stiffness
     real(dp) :: axis(self%dimension), entry
     integer :: i, k
     allocate (self%diagonal(self%dimension*self%n_contact_nodes), source=0.0_dp)
-    if (.not. allocated(body%stiffness%value)) return
+    if (.not. allocated(stiffness%value)) return
     do i = 1, self%n_contact_nodes
       do k = 1, self%dimension
         if (self%equation(k, i) == 0) cycle
-        entry = body%stiffness%value(body%stiffness%column_start(self%equation(k, i)) + 1)
+        entry = stiffness%value(stiffness%column_start(self%equation(k, i)) + 1)
         axis = 0
         axis(k) = 1
         if (self%axes_of(i) > 0) axis = self%axes(:, k, self%axes_of(i))
@@ -332,40 +375,20 @@ contains
     call remove_motions(self%rigid, x)
   end subroutine full_response_solve
 
-  !> x <- P x.
-  pure subroutine remove_motions(rigid, x)
-    !> Orthonormal motions (n, n_motions).
-    real(dp), intent(in) :: rigid(:, :)
-    real(dp), intent(inout) :: x(:)
-    real(dp) :: amplitude(size(rigid, 2))
-    integer :: k
-    do k = 1, size(rigid, 2)
-      amplitude(k) = dot_product(rigid(:, k), x)
-    end do
-    call subtract_motions(rigid, amplitude, x)
-  end subroutine remove_motions
-
-  !> x <- x - R amplitude.
-  pure subroutine subtract_motions(rigid, amplitude, x)
-    !> Motions (n, n_motions).
-    real(dp), intent(in) :: rigid(:, :)
-    !> Their amplitudes (n_motions).
-    real(dp), intent(in) :: amplitude(:)
-    real(dp), intent(inout) :: x(:)
-    integer :: k
-    do k = 1, size(rigid, 2)
-      x = x - amplitude(k)*rigid(:, k)
-    end do
-  end subroutine subtract_motions
-
-  !> Give back all memory.
+  !> Give back all memory that is its own.
   subroutine full_response_destroy(self)
     class(full_response_t), intent(inout) :: self
-    if (allocated(self%factor)) call self%factor%destroy()
+    if (associated(self%factor) .and. .not. self%shares) then
+      call self%factor%destroy()
+      deallocate (self%factor)
+    end if
+    if (associated(self%rigid) .and. .not. self%shares) deallocate (self%rigid)
+    nullify (self%factor, self%rigid)
+    self%shares = .false.
     call self%condensed%destroy()
     self%is_condensed = .false.
     if (allocated(self%equation)) deallocate (self%diagonal, self%equation, self%axes_of, self%axes, self%x, self%motion)
-    if (allocated(self%rigid)) deallocate (self%rigid, self%hold)
+    if (allocated(self%hold)) deallocate (self%hold)
     self%n_motions = 0
     self%n_contact_nodes = 0
   end subroutine full_response_destroy

@@ -7,6 +7,7 @@ module dotyk_scheme_choice
   use dotyk_scheme_direct_system, only: direct_system_t
   use dotyk_scheme_explicit, only: explicit_compliance_t
   use dotyk_scheme_iterative_system, only: iterative_system_t
+  use dotyk_scheme_pair_graph, only: couple_pairs, elimination_cost
   use dotyk_scheme_problem, only: contact_problem_t
   implicit none
   private
@@ -41,13 +42,18 @@ contains
     type(direct_system_t), allocatable :: direct
     type(iterative_system_t), allocatable :: iterative
     real(dp) :: direct_cost, iterative_cost, bytes, n
+    logical, allocatable :: coupled(:, :)
     logical :: by_sweeps
-    integer :: b
+    integer :: b, k, n_pairs
     ! In floating-point operations at the speed of single solves: 4 for each entry of a factor.
-    n = count(active)
-    direct_cost = typical_systems*n**3/3/gain_of_dense
+    n_pairs = size(problem%operator%pair_first_row) - 1
+    call couple_pairs(problem, n_pairs, coupled)
+    associate (first => problem%operator%pair_first_row)
+      call elimination_cost(coupled, [(count(active(first(k):first(k + 1) - 1)), k=1, n_pairs)], direct_cost, bytes)
+    end associate
+    direct_cost = typical_systems*direct_cost/gain_of_dense
     iterative_cost = 0
-    bytes = 24*n**2/2
+    bytes = 24*bytes
     do b = 1, size(problem%operator%block)
       n = count(active(problem%operator%block(b)%row))
       direct_cost = direct_cost + 4*problem%cost(b)*n/gain_of_blocks

@@ -9,10 +9,10 @@ module dotyk_scheme_direct_system
   use dotyk_base_error, only: error_t, set_error, exit_not_solvable
   use dotyk_base_kinds, only: dp, int64
   use dotyk_linalg_cholesky, only: cholesky_t
-  use dotyk_linalg_ordering, only: nested_dissection
   use dotyk_linalg_sparse, only: sparse_symmetric_t
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_explicit, only: explicit_compliance_t
+  use dotyk_scheme_pair_graph, only: couple_pairs, order_pairs
   use dotyk_scheme_problem, only: contact_problem_t
   implicit none
   private
@@ -174,49 +174,6 @@ contains
       value(offset(pair_of(i)) + i) = value(offset(pair_of(i)) + i) + column(m)
     end do
   end subroutine add_column
-
-  !> Pairs that share a body.
-  subroutine couple_pairs(problem, n_pairs, coupled)
-    type(contact_problem_t), intent(in) :: problem
-    integer, intent(in) :: n_pairs
-    !> (n_pairs, n_pairs).
-    logical, allocatable, intent(out) :: coupled(:, :)
-    integer :: body(2, n_pairs), k, l
-    allocate (coupled(n_pairs, n_pairs))
-    body = 0
-    associate (first => problem%operator%pair_first_row)
-      do k = 1, n_pairs
-        if (first(k + 1) > first(k)) body(:, k) = problem%coarse%body(:, first(k))
-      end do
-    end associate
-    do k = 1, n_pairs
-      do l = 1, n_pairs
-        coupled(l, k) = l == k .or. any(body(1, k) == body(:, l)) .or. any(body(2, k) == body(:, l))
-      end do
-    end do
-  end subroutine couple_pairs
-
-  !> In which order the pairs are eliminated.
-  subroutine order_pairs(coupled, order, error)
-    logical, intent(in) :: coupled(:, :)
-    !> The pair that comes k-th (n_pairs).
-    integer, allocatable, intent(out) :: order(:)
-    type(error_t), allocatable, intent(out) :: error
-    integer, allocatable :: start(:), neighbour(:)
-    integer :: k, l, n
-    n = size(coupled, 1)
-    allocate (order(n), start(n + 1), neighbour(count(coupled)))
-    start(1) = 1
-    do k = 1, n
-      start(k + 1) = start(k)
-      do l = 1, n
-        if (l == k .or. .not. coupled(l, k)) cycle
-        neighbour(start(k + 1)) = l
-        start(k + 1) = start(k + 1) + 1
-      end do
-    end do
-    call nested_dissection(start, neighbour(:start(n + 1) - 1), order, error)
-  end subroutine order_pairs
 
   !> The Schur complement of the border and its pseudo-inverse.
   subroutine eliminate_border(self, problem, error)

@@ -1,0 +1,64 @@
+!> A volume of a mesh as it is drawn, with its surfaces: taken out once, however many bodies it is.
+module dotyk_driver_volumes
+  use dotyk_base_error, only: error_t
+  use dotyk_mesh_body_mesh, only: body_mesh_t, extract_body
+  use dotyk_mesh_mesh, only: mesh_t
+  use dotyk_mesh_surface, only: surface_t, extract_surface
+  implicit none
+  private
+
+  !> A volume and those of its surfaces that were asked for.
+  type, public :: volume_t
+    !> Where it is drawn.
+    type(body_mesh_t) :: mesh
+    !> Why there is none.
+    type(error_t), allocatable :: error
+    !> The first n are in use.
+    integer, private :: n = 0
+    type(surface_t), allocatable, private :: surface(:)
+  contains
+    procedure :: take => volume_take
+    procedure :: take_surface => volume_take_surface
+  end type volume_t
+
+contains
+
+  !> Take a volume out of a mesh.
+  subroutine volume_take(self, mesh, name, dimension)
+    class(volume_t), intent(out) :: self
+    type(mesh_t), intent(in) :: mesh
+    !> Its physical name.
+    character(*), intent(in) :: name
+    !> Of space.
+    integer, intent(in) :: dimension
+    call extract_body(mesh, name, dimension, self%mesh, self%error)
+    allocate (self%surface(4))
+  end subroutine volume_take
+
+  !> One of its surfaces.
+  subroutine volume_take_surface(self, mesh, name, surface, error)
+    class(volume_t), intent(inout) :: self
+    !> The same mesh.
+    type(mesh_t), intent(in) :: mesh
+    !> Physical name of the surface.
+    character(*), intent(in) :: name
+    type(surface_t), intent(out) :: surface
+    type(error_t), allocatable, intent(out) :: error
+    type(surface_t), allocatable :: more(:)
+    integer :: i
+    do i = 1, self%n
+      if (self%surface(i)%name /= trim(name)) cycle
+      surface = self%surface(i)
+      return
+    end do
+    call extract_surface(mesh, self%mesh, name, surface, error)
+    if (allocated(error)) return
+    if (self%n == size(self%surface)) then
+      allocate (more(2*self%n))
+      more(:self%n) = self%surface
+      call move_alloc(more, self%surface)
+    end if
+    self%n = self%n + 1
+    self%surface(self%n) = surface
+  end subroutine volume_take_surface
+end module dotyk_driver_volumes

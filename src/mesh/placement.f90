@@ -1,0 +1,74 @@
+!> Where a body is placed: a rotation about the origin of its mesh, then a translation.
+module dotyk_mesh_placement
+  use dotyk_base_kinds, only: dp
+  use dotyk_mesh_facet, only: cross
+  implicit none
+  private
+
+  !> A rigid motion x -> rotation x + shift.
+  type, public :: placement_t
+    !> (3, 3); in two dimensions about z.
+    real(dp) :: rotation(3, 3) = reshape([1.0_dp, 0.0_dp, 0.0_dp, 0.0_dp, 1.0_dp, 0.0_dp, 0.0_dp, 0.0_dp, 1.0_dp], [3, 3])
+    !> [length].
+    real(dp) :: shift(3) = 0
+    !> Whether the rotation is none.
+    logical :: turned = .false.
+  contains
+    procedure :: init => placement_init
+    procedure :: apply => placement_apply
+  end type placement_t
+
+contains
+
+  !> From what users say.
+  subroutine placement_init(self, axis, angle, shift)
+    class(placement_t), intent(out) :: self
+    !> Axis, of any length but 0.
+    real(dp), intent(in) :: axis(3)
+    !> [degrees].
+    real(dp), intent(in) :: angle
+    !> [length].
+    real(dp), intent(in) :: shift(3)
+    real(dp) :: unit(3), c, s, basis(3)
+    integer :: k
+    self%shift = shift
+    call cosine_and_sine(angle, c, s)
+    self%turned = .not. c >= 1
+    if (.not. self%turned) return
+    unit = axis/maxval(abs(axis))
+    unit = unit/norm2(unit)
+    ! Rodrigues' formula, column by column.
+    do k = 1, 3
+      basis = 0
+      basis(k) = 1
+      self%rotation(:, k) = c*basis + s*cross(unit, basis) + (1 - c)*unit(k)*unit
+    end do
+  end subroutine placement_init
+
+  !> Cosine and sine of an angle in degrees; exact for quarters of a turn, so that what lies along an axis does so after them.
+  pure subroutine cosine_and_sine(angle, c, s)
+    real(dp), intent(in) :: angle
+    real(dp), intent(out) :: c, s
+    real(dp), parameter :: degree = acos(-1.0_dp)/180, quarter_cosine(0:3) = [1, 0, -1, 0], quarter_sine(0:3) = [0, 1, 0, -1]
+    real(dp) :: reduced, rest
+    integer :: quarter
+    reduced = modulo(angle, 360.0_dp)
+    quarter = modulo(nint(reduced/90), 4)
+    rest = (reduced - 90*nint(reduced/90))*degree
+    c = quarter_cosine(quarter)*cos(rest) - quarter_sine(quarter)*sin(rest)
+    s = quarter_sine(quarter)*cos(rest) + quarter_cosine(quarter)*sin(rest)
+  end subroutine cosine_and_sine
+
+  !> Places of points.
+  pure subroutine placement_apply(self, x)
+    class(placement_t), intent(in) :: self
+    !> (dimension, n) [length].
+    real(dp), intent(inout) :: x(:, :)
+    integer :: i, d
+    d = size(x, 1)
+    do i = 1, size(x, 2)
+      if (self%turned) x(:, i) = matmul(self%rotation(:d, :d), x(:, i))
+      x(:, i) = x(:, i) + self%shift(:d)
+    end do
+  end subroutine placement_apply
+end module dotyk_mesh_placement
