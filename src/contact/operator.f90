@@ -32,6 +32,8 @@ module dotyk_contact_operator
     integer :: dimension = 0
     !> Rows of pair k are pair_first_row(k) .. pair_first_row(k+1)-1 (n_pairs+1).
     integer, allocatable :: pair_first_row(:)
+    !> Number of each row in the operator that it comes from, where some rows were left out (n_rows).
+    integer, allocatable :: origin(:)
     !> Weights w (n_rows) [length^2].
     real(dp), allocatable :: weight(:)
     !> Gaps d (n_rows) [length].
@@ -66,6 +68,7 @@ contains
       operator%pair_first_row(k + 1) = operator%pair_first_row(k) + pairs(k)%n_rows
     end do
     operator%n_rows = operator%pair_first_row(size(pairs) + 1) - 1
+    operator%origin = [(k, k=1, operator%n_rows)]
     allocate (operator%weight(operator%n_rows), operator%gap(operator%n_rows), operator%theta(operator%n_rows))
     do k = 1, size(pairs)
       associate (first => operator%pair_first_row(k), last => operator%pair_first_row(k + 1) - 1)

@@ -7,7 +7,8 @@ module dotyk_driver_factorization
   use dotyk_driver_congruence, only: kinds_t
   use dotyk_driver_parallel, only: largest_first, taken_alone, set_blas_threads
   use dotyk_elasticity_body, only: body_t
-  use dotyk_response_full, only: full_response_t, slowness_of_blocks, slowness_of_single_solves
+  use dotyk_response_demand, only: response_demand_t
+  use dotyk_response_full, only: full_response_t
   use dotyk_response_response, only: response_slot_t
   implicit none
   private
@@ -23,6 +24,8 @@ module dotyk_driver_factorization
     real(dp) :: flops = 0
     !> Contact unknowns come last in the order of elimination, and responses go through the last block alone.
     logical :: is_condensed = .false.
+    !> Responses go by the compliance as a matrix.
+    logical :: is_explicit = .false.
     !> Entries that a response goes through.
     integer(int64) :: response_entries = 0
     !> Operations and entries in the order that is best without regard to contact.
@@ -37,10 +40,8 @@ module dotyk_driver_factorization
 
   public :: analyze_bodies, attach_bodies, factorize_bodies
 
-  !> Responses of a body that the dual scheme asks for, as a part of its contact points, with those of the groups that it begins with.
-  real(dp), parameter :: share_of_points = 0.7_dp
   !> Steps that schemes take which ask for one response in each.
-  real(dp), parameter :: typical_steps = 300
+  integer, parameter :: typical_steps = 300
 
 contains
 
@@ -95,16 +96,16 @@ contains
     type(factor_size_t), intent(out) :: size_of
     type(error_t), allocatable, intent(out) :: error
     type(full_response_t), allocatable :: full
-    real(dp) :: work
     allocate (full)
-    work = slowness_of_blocks*share_of_points*n_points
-    if (single_solves) work = slowness_of_single_solves*typical_steps*n_bodies
-    call full%prepare(body, error, contact_node, form, work)
+    call full%prepare(body, error, contact_node, form, &
+                      response_demand_t(n_points, n_bodies, merge(typical_steps, 0, single_solves)))
     size_of%is_condensed = full%is_condensed
+    size_of%is_explicit = full%is_explicit
     size_of%entries = full%factor%factor_entries
     size_of%bytes = full%factor%factor_bytes
     size_of%flops = full%factor%flops
     size_of%response_entries = full%response_entries()
+    if (size_of%is_explicit) size_of%response_entries = (int(n_points, int64)/n_bodies)**2/2
     size_of%whole_flops = full%whole_flops
     size_of%whole_entries = full%whole_entries
     size_of%stiffness_bytes = 16*size(body%stiffness%row, kind=int64)
@@ -126,6 +127,7 @@ contains
     end select
     call move_alloc(full, slot%form)
     size_of%is_condensed = size_of_first%is_condensed
+    size_of%is_explicit = size_of_first%is_explicit
     size_of%response_entries = size_of_first%response_entries
     size_of%whole_entries = size_of_first%whole_entries
   end subroutine share_response

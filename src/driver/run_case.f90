@@ -149,6 +149,9 @@ contains
       call show_responses(run%log, run%size_of)
       call share_solves(real(run%size_of%response_entries, dp), case%solver%reproducible, problem%side_by_side, run%n_blas)
       call problem%prepare(real(run%size_of%response_entries, dp))
+      call set_blas_threads(run%n_blas)
+      call run%compliance%lend(problem, run%size_of%is_explicit)
+      call set_blas_threads(1)
       call solve_free_scene(run%body, problem, run%n_blas)
       call prepare_coarse_space(run%body, problem)
     end associate

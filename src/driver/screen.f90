@@ -143,19 +143,33 @@ contains
                   to_text(sum(size_of%flops)/max(seconds, tiny(seconds))/1.0e9_dp, 3)//' Gflop/s')
   end subroutine show_factorization
 
-  !> Bodies that answer through the contact unknowns' part of their factor alone.
+  !> Bodies that answer in another way than by solves with their whole factor.
   subroutine show_responses(log, size_of)
     type(log_t), intent(inout) :: log
     type(factor_size_t), intent(in) :: size_of(:)
-    real(dp) :: more, less
+    real(dp) :: more
     associate (chosen => size_of%is_condensed)
-      if (.not. any(chosen)) return
-      more = sum(size_of%flops, mask=chosen)/max(sum(size_of%whole_flops, mask=chosen), 1.0_dp) - 1
-      less = real(sum(size_of%response_entries, mask=chosen), dp)/sum(size_of%whole_entries, mask=chosen)
-      call log%line('  condensed        '//plural(count(chosen), 'body', 'bodies')//': factorization '//to_text(100*more, 2)// &
-                    ' % more, a response '//to_text(100*less, 2)//' % of one with the whole factor')
+      if (any(chosen)) then
+        more = sum(size_of%flops, mask=chosen)/max(sum(size_of%whole_flops, mask=chosen), 1.0_dp) - 1
+        call log%line('  condensed        '//plural(count(chosen), 'body', 'bodies')//': factorization '//to_text(100*more, 2)// &
+                      ' % more, '//response_of(size_of, chosen))
+      end if
+    end associate
+    associate (chosen => size_of%is_explicit)
+      if (any(chosen)) call log%line('  compliance       '//plural(count(chosen), 'body', 'bodies')// &
+                                     ': a matrix of the contact points, '//response_of(size_of, chosen))
     end associate
   end subroutine show_responses
+
+  !> What a response costs.
+  function response_of(size_of, chosen) result(text)
+    type(factor_size_t), intent(in) :: size_of(:)
+    logical, intent(in) :: chosen(:)
+    character(:), allocatable :: text
+    real(dp) :: part
+    part = sum(size_of%response_entries, mask=chosen)/max(1.0_dp, real(sum(size_of%whole_entries, mask=chosen), dp))
+    text = 'a response '//to_text(100*part, 2)//' % of one with the whole factor'
+  end function response_of
 
   !> Memory that a run would take.
   subroutine show_memory(log, size_of)

@@ -214,7 +214,8 @@ contains
                'iterative is by conjugate gradients, auto what is cheaper')
     call t%add('solver', 'response', kind_name, names=response_names, default='auto', &
                meaning='how a body answers to contact forces: full solves with its whole factor; condensed orders the contact '// &
-               'unknowns last, and solves with their part of the factor; auto is, body by body, what is cheaper')
+               'unknowns last, and solves with their part of the factor; compliance makes a matrix of the answers of '// &
+               'all contact points; auto is, body by body, what is cheapest')
     call t%add('solver', 'gamma_rule', kind_name, names=gamma_rule_names, default='spectral', &
                meaning='relaxation parameter: spectral is 2/(2+L), theory is 1/(1+L)^2, fixed is gamma')
     call t%add('solver', 'gamma', kind_real, positive=.true., &

@@ -37,10 +37,11 @@ module dotyk_input_names
   integer, parameter, public :: theta_mesh = 3      !< times h_a/E_a + h_b/E_b, point by point
 
   !> `&solver response`; the same numbers in dotyk_response_full.
-  character(*), parameter, public :: response_names = 'auto full condensed'
+  character(*), parameter, public :: response_names = 'auto full condensed compliance'
   integer, parameter, public :: response_auto = 1       !< what is cheaper
   integer, parameter, public :: response_full = 2       !< solves with the whole factor
   integer, parameter, public :: response_condensed = 3  !< contact unknowns last, solves with their part of the factor
+  integer, parameter, public :: response_compliance = 4 !< the compliance as a matrix
 
   !> `&solver theta_rule`.
   character(*), parameter, public :: theta_rule_names = 'mesh'

@@ -51,19 +51,20 @@ module dotyk_linalg_cholesky
   end type cholesky_t
 
   !> The supernodes of a factor where CHOLMOD keeps them: for reading, as long as the factor is neither analyzed again nor destroyed.
-  !> All numbers and places are 0-based. Supernode s has the columns column_start(s)..column_start(s+1)-1 in the order of elimination, the rows
-  !> row(row_start(s)..row_start(s+1)-1), ascending, its own columns first, and the values from value_start(s) on, a dense block by columns.
+  !> All numbers and places are 0-based. Supernode s has the columns column_start(s)..column_start(s+1)-1 in the order of
+  !> elimination, the rows row(row_start(s)..row_start(s+1)-1), ascending, its own columns first, and the values from value_start(s) on,
+  !> a dense block by columns.
   type, public :: supernodes_t
     !> Number of supernodes.
     integer(int64) :: n = 0
     !> (0:n)
-    integer(int64), pointer :: column_start(:) => null(), row_start(:) => null(), value_start(:) => null()
+    integer(int64), pointer, contiguous :: column_start(:) => null(), row_start(:) => null(), value_start(:) => null()
     !> (0:number of rows - 1)
-    integer(int64), pointer :: row(:) => null()
+    integer(int64), pointer, contiguous :: row(:) => null()
     !> The equation that comes k-th (0:order - 1).
-    integer(int64), pointer :: permutation(:) => null()
+    integer(int64), pointer, contiguous :: permutation(:) => null()
     !> (0:factor_entries - 1); not associated before the factorization.
-    real(dp), pointer :: value(:) => null()
+    real(dp), pointer, contiguous :: value(:) => null()
   end type supernodes_t
 
   !> The shim's struct of the same name.
@@ -347,7 +348,7 @@ contains
     type(supernodes_t), intent(out) :: supernodes
     integer(c_int64_t) :: counts(2)
     type(c_ptr) :: place(6)
-    real(dp), pointer :: values(:)
+    real(dp), pointer, contiguous :: values(:)
     if (.not. c_associated(self%handle)) return
     call dotyk_cholmod_supernodes(self%handle, counts, place)
     supernodes%n = counts(1)
@@ -364,8 +365,8 @@ contains
     subroutine take(address, n, list)
       type(c_ptr), intent(in) :: address
       integer(int64), intent(in) :: n
-      integer(int64), pointer, intent(out) :: list(:)
-      integer(int64), pointer :: numbers(:)
+      integer(int64), pointer, contiguous, intent(out) :: list(:)
+      integer(int64), pointer, contiguous :: numbers(:)
       call c_f_pointer(address, numbers, [n])
       list(0:n - 1) => numbers
     end subroutine take

@@ -4,8 +4,9 @@
 !> symbolic analysis: fill and flops are known then), `attach` (where contact forces act), `factorize`.
 !>
 !> Contact unknowns that come last in the order of elimination make the factor a little larger (+3 % flops where 5 % of a face may
-!> touch, +76 % for all of it) and responses much cheaper, see `dotyk_response_condensed`: which is better is known from the symbolic
-!> analysis of both and the number of responses to come.
+!> touch, +76 % for all of it) and responses much cheaper, see `dotyk_response_condensed`. The compliance of the contact points as a
+!> matrix, by half solves with either factor, makes them cheaper still. Which is best is known from the symbolic analysis of both
+!> orders and the responses to come (`dotyk_response_demand`).
 !>
 !> A body with free motions R is factorized with springs on a few unknowns, see dotyk_response_hold, K_s: then
 !> `K^+ = P K_s^{-1} P`, `P = I - R R^T`. Forces act at contact nodes, so R^T f takes the motions of these only.
@@ -18,15 +19,16 @@ module dotyk_response_full
   use dotyk_base_text, only: to_text
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_elimination, only: elimination_order
-  use dotyk_linalg_blas, only: add_product, transposed_product
   use dotyk_linalg_cholesky, only: cholesky_t
   use dotyk_linalg_ordering, only: expand_permutation
-  use dotyk_linalg_sparse, only: sparse_symmetric_t
-  use dotyk_response_components, only: gather, scatter
+  use dotyk_linalg_sparse, only: sparse_rows_t, sparse_symmetric_t
+  use dotyk_response_components, only: gather, scatter, to_equations
   use dotyk_response_condensed, only: condensed_t
+  use dotyk_response_demand, only: cost_of_matrix, cost_of_solves, response_demand_t
+  use dotyk_response_half_solver, only: half_solver_t
   use dotyk_response_hold, only: add_springs, choose_holds, is_mechanism
   use dotyk_response_motions, only: remove_motions, subtract_motions
-  use dotyk_response_response, only: response_t
+  use dotyk_response_response, only: half_response_t, response_t
   implicit none
   private
 
@@ -38,6 +40,8 @@ module dotyk_response_full
     logical :: shares = .false.
     !> Whether the contact unknowns are the last ones of the factor.
     logical :: is_condensed = .false.
+    !> Whether single responses are to go by the compliance as a matrix: whoever knows B has to make it.
+    logical :: is_explicit = .false.
     !> Contact unknowns where they are.
     integer, private :: n_last = 0
     !> Operations and entries of the factor in the order that is best without regard to contact.
@@ -56,6 +60,7 @@ module dotyk_response_full
     real(dp), allocatable, private :: axes(:, :, :)
     !> Right-hand side and solution (n_equations).
     real(dp), allocatable, private :: x(:)
+    type(half_solver_t), private :: half
   contains
     procedure :: prepare => full_response_prepare
     procedure :: share => full_response_share
@@ -63,11 +68,14 @@ module dotyk_response_full
     procedure :: attach => full_response_attach
     procedure :: apply => full_response_apply
     procedure :: response_entries => full_response_entries
-    procedure, private :: try_condensed => full_response_try_condensed
+    procedure, private :: choose_form => full_response_choose_form
     procedure :: share_condensed => full_response_share_condensed
     procedure, private :: take_condensed => full_response_take_condensed
     procedure, private :: keep_diagonal => full_response_keep_diagonal
-    procedure :: apply_block => full_response_apply_block
+    procedure :: prepare_half_solves => full_response_prepare_half_solves
+    procedure :: half_entries => full_response_half_entries
+    procedure :: half_solve => full_response_half_solve
+    procedure :: half_product => full_response_half_product
     procedure :: solve => full_response_solve
     procedure :: destroy => full_response_destroy
   end type full_response_t
@@ -76,19 +84,18 @@ module dotyk_response_full
   !> leaves 1e-16 to 1e-13: whether it is, the displacement says that belongs to it.)
   real(dp), parameter :: suspicious_pivot = 1.0e-8_dp
   !> Forms of the response (`response` of the input).
-  integer, parameter, public :: form_auto = 1       !< the cheaper one
-  integer, parameter, public :: form_full = 2       !< the whole factor
-  integer, parameter, public :: form_condensed = 3  !< contact unknowns last
+  integer, parameter, public :: form_auto = 1        !< the cheapest
+  integer, parameter, public :: form_full = 2        !< solves with the whole factor
+  integer, parameter, public :: form_condensed = 3   !< contact unknowns last, solves with their part of the factor
+  integer, parameter, public :: form_compliance = 4  !< the compliance as a matrix, from the whole factor
 
-  !> How much slower than the factorization the operations of solves are: in blocks of right-hand sides, and one by one.
-  real(dp), parameter, public :: slowness_of_blocks = 2, slowness_of_single_solves = 10
-  !> Right-hand sides that are solved for at a time.
-  integer, parameter :: block_size = 64
+  !> Bytes that a matrix may take which is not asked for.
+  real(dp), parameter :: most_bytes = 1.0e9_dp
 
 contains
 
   !> Order the equations and analyse the factorization.
-  subroutine full_response_prepare(self, body, error, contact_node, form, work)
+  subroutine full_response_prepare(self, body, error, contact_node, form, demand)
     class(full_response_t), intent(inout) :: self
     !> The body, assembled.
     type(body_t), intent(in) :: body
@@ -97,8 +104,8 @@ contains
     integer, intent(in), optional :: contact_node(:)
     !> One of `form_*`; if absent, the whole factor.
     integer, intent(in), optional :: form
-    !> Responses to come, times the slowness of a solve.
-    real(dp), intent(in), optional :: work
+    !> Responses to come.
+    type(response_demand_t), intent(in), optional :: demand
     integer, allocatable :: node_order(:), permutation(:)
     integer :: k
     self%dimension = body%dimension
@@ -120,13 +127,13 @@ contains
     self%whole_flops = self%factor%flops
     self%whole_entries = self%factor%factor_entries
     if (.not. present(form)) return
-    if (form == form_full) return
-    call self%try_condensed(body, permutation, pack(body%constraint%equation(:, contact_node), &
-                                                   body%constraint%equation(:, contact_node) > 0), form, work, error)
+    call self%choose_form(body, permutation, pack(body%constraint%equation(:, contact_node), &
+                                                  body%constraint%equation(:, contact_node) > 0), form, demand, error)
   end subroutine full_response_prepare
 
-  !> Analyse the factorization with the contact unknowns last, and keep it where it is the better one.
-  subroutine full_response_try_condensed(self, body, permutation, last, form, work, error)
+  !> Take the form that costs least, or the one that was asked for: contact unknowns last or not, single responses by solves or by the
+  !> compliance as a matrix.
+  subroutine full_response_choose_form(self, body, permutation, last, form, demand, error)
     class(full_response_t), intent(inout) :: self
     type(body_t), intent(in) :: body
     !> Order of elimination for the whole factor (n_equations).
@@ -135,18 +142,26 @@ contains
     integer, intent(in) :: last(:)
     !> As in `prepare`.
     integer, intent(in) :: form
-    real(dp), intent(in) :: work
+    type(response_demand_t), intent(in) :: demand
     type(error_t), allocatable, intent(out) :: error
     type(cholesky_t), pointer :: other
     logical, allocatable :: is_last(:)
-    real(dp) :: whole, condensed
+    real(dp) :: solves(2), matrix(2), entries
     integer :: n
     n = size(last)
     if (n == 0) return
-    ! In operations of a factorization; at least what the last block alone takes.
-    whole = self%factor%flops + 4*work*self%factor%factor_entries
-    condensed = 2*work*real(n, dp)**2
-    if (form == form_auto .and. max(condensed, real(n, dp)**3/3) > whole) return
+    entries = real(n, dp)*(n + 1)/2
+    solves = cost_of_solves(demand, [real(self%factor%factor_entries, dp), entries])
+    matrix = cost_of_matrix(demand, [self%half%path_entries(self%factor, last), entries])
+    self%is_explicit = form == form_compliance
+    if (form == form_auto .and. demand%n_steps > 0 .and. 8.0_dp*demand%n_rows**2 < most_bytes) then
+      self%is_explicit = minval(matrix) < minval(solves)
+    end if
+    if (self%is_explicit .or. demand%n_steps == 0) solves = matrix
+    self%is_explicit = self%is_explicit .and. demand%n_steps > 0
+    if (any(form == [form_full, form_compliance])) return
+    ! The last block alone takes n^3/3.
+    if (form == form_auto .and. solves(2) + real(n, dp)**3/3 > solves(1) + self%factor%flops) return
     allocate (is_last(size(permutation)), source=.false.)
     is_last(last) = .true.
     allocate (other)
@@ -156,9 +171,10 @@ contains
       deallocate (other)
       return
     end if
-    self%is_condensed = form == form_condensed .or. condensed + other%flops < whole
+    self%is_condensed = form == form_condensed .or. solves(2) + other%flops < solves(1) + self%factor%flops
     if (self%is_condensed) then
       call self%factor%destroy()
+      call self%half%destroy()
       deallocate (self%factor)
       self%factor => other
       self%n_last = n
@@ -166,7 +182,7 @@ contains
       call other%destroy()
       deallocate (other)
     end if
-  end subroutine full_response_try_condensed
+  end subroutine full_response_choose_form
 
   !> In place of `prepare`: be the response of another body of the same kind.
   subroutine full_response_share(self, first)
@@ -177,6 +193,7 @@ contains
     self%dimension = first%dimension
     self%n_motions = first%n_motions
     self%is_condensed = first%is_condensed
+    self%is_explicit = first%is_explicit
     self%n_last = first%n_last
     self%factor => first%factor
     self%rigid => first%rigid
@@ -312,58 +329,39 @@ contains
     call gather(self%dimension, self%n_contact_nodes, self%equation, self%axes_of, self%axes, self%x, displacement)
   end subroutine full_response_apply
 
-  !> The same for many forces at a time.
-  subroutine full_response_apply_block(self, force, displacement)
-    class(full_response_t), intent(in) :: self
-    !> Forces, one case a column (dimension*n_contact_nodes, m) [force].
-    real(dp), intent(in) :: force(:, :)
-    !> Displacements (dimension*n_contact_nodes, m) [length].
-    real(dp), intent(out) :: displacement(:, :)
-    real(dp), allocatable :: x(:, :), amplitude(:, :)
-    integer :: first, m, j
-    if (self%condensed%n > 0) then
-      call apply_condensed(self, force, displacement)
-      return
-    end if
-    do first = 1, size(force, 2), block_size
-      m = min(block_size, size(force, 2) - first + 1)
-      if (allocated(x)) then
-        if (size(x, 2) /= m) deallocate (x, amplitude)
-      end if
-      if (.not. allocated(x)) allocate (x(size(self%x), m), amplitude(self%n_motions, m))
-      do j = 1, m
-        call scatter(self%dimension, self%n_contact_nodes, self%equation, self%axes_of, self%axes, &
-                     force(:, first + j - 1), x(:, j))
-      end do
-      call transposed_product(self%motion, force(:, first:first + m - 1), amplitude)
-      call add_product(-1.0_dp, self%rigid, amplitude, x)
-      call self%factor%solve_block(x)
-      call transposed_product(self%rigid, x, amplitude)
-      do j = 1, m
-        call gather(self%dimension, self%n_contact_nodes, self%equation, self%axes_of, self%axes, x(:, j), &
-                    displacement(:, first + j - 1))
-      end do
-      ! What is not gathered need not be projected.
-      call add_product(-1.0_dp, self%motion, amplitude, displacement(:, first:first + m - 1))
-    end do
-  end subroutine full_response_apply_block
+  !> Get ready for half solves.
+  subroutine full_response_prepare_half_solves(self)
+    class(full_response_t), intent(inout) :: self
+    call self%half%init(self%factor, self%rigid)
+  end subroutine full_response_prepare_half_solves
 
-  !> Many forces at a time, through the condensed stiffness.
-  subroutine apply_condensed(self, force, displacement)
+  !> Entries of a path through the factor.
+  real(dp) function full_response_half_entries(self) result(entries)
+    class(full_response_t), intent(inout) :: self
+    entries = self%half%path_entries(self%factor, pack(self%equation, self%equation > 0))
+  end function full_response_half_entries
+
+  !> Half solves for rows of B.
+  subroutine full_response_half_solve(self, matrix, row, half)
     class(full_response_t), intent(in) :: self
-    real(dp), intent(in) :: force(:, :)
-    real(dp), intent(out) :: displacement(:, :)
-    real(dp), allocatable :: x(:, :)
-    integer :: j
-    allocate (x(self%condensed%n, size(force, 2)))
-    do j = 1, size(force, 2)
-      call scatter(self%dimension, self%n_contact_nodes, self%condensed%place, self%axes_of, self%axes, force(:, j), x(:, j))
-    end do
-    call self%condensed%solve_block(self%factor, x)
-    do j = 1, size(force, 2)
-      call gather(self%dimension, self%n_contact_nodes, self%condensed%place, self%axes_of, self%axes, x(:, j), displacement(:, j))
-    end do
-  end subroutine apply_condensed
+    !> As in `response_t`.
+    type(sparse_rows_t), intent(in) :: matrix
+    integer, intent(in) :: row(:)
+    type(half_response_t), intent(inout) :: half
+    type(sparse_rows_t) :: rows
+    call to_equations(self%equation, self%axes_of, self%axes, matrix, row, rows)
+    call self%half%solve(rows, self%rigid, half)
+  end subroutine full_response_half_solve
+
+  !> b K^+ b'.
+  subroutine full_response_half_product(self, a, b, same, c)
+    class(full_response_t), intent(in) :: self
+    !> As in `response_t`.
+    type(half_response_t), intent(in) :: a, b
+    logical, intent(in) :: same
+    real(dp), intent(out) :: c(:, :)
+    call self%half%product(a, b, same, c)
+  end subroutine full_response_half_product
 
   !> A full solve.
   subroutine full_response_solve(self, x)
@@ -386,6 +384,7 @@ contains
     nullify (self%factor, self%rigid)
     self%shares = .false.
     call self%condensed%destroy()
+    call self%half%destroy()
     self%is_condensed = .false.
     if (allocated(self%equation)) deallocate (self%diagonal, self%equation, self%axes_of, self%axes, self%x, self%motion)
     if (allocated(self%hold)) deallocate (self%hold)

@@ -6,6 +6,8 @@
 !> displacements in equilibrium with the rest it gives the one without rigid motion.
 module dotyk_response_response
   use dotyk_base_kinds, only: dp
+  use dotyk_linalg_half_solve, only: half_solution_t
+  use dotyk_linalg_sparse, only: sparse_rows_t
   implicit none
   private
 
@@ -25,13 +27,29 @@ module dotyk_response_response
   contains
     !> Contact forces to displacements of the contact nodes.
     procedure(apply_interface), deferred :: apply
-    !> The same for many forces at a time. Many threads may do this with one response.
-    procedure(apply_block_interface), deferred :: apply_block
+    !> Get ready for half solves; to be called by one thread.
+    procedure(prepare_interface), deferred :: prepare_half_solves
+    !> Entries of the factor that a half solve for one contact node goes through, in the mean; needs no factor yet.
+    procedure(half_entries_interface), deferred :: half_entries
+    !> Half solves for rows of B; many threads may do this with one response.
+    procedure(half_solve_interface), deferred :: half_solve
+    !> B K^+ B^T for the rows of two lots of half solves; many threads may.
+    procedure(half_product_interface), deferred :: half_product
     !> A full solve in the body's equations, for loads and for the recovery of interior displacements.
     procedure(solve_interface), deferred :: solve
     !> Give back all memory.
     procedure(destroy_interface), deferred :: destroy
   end type response_t
+
+  !> Half solves for some rows b of B.
+  type, public :: half_response_t
+    !> L^{-1} b, L the factor of the stiffness (of the held one where motions are free).
+    type(half_solution_t) :: half
+    !> b R and b Z, free motions and what the held body answers to them, at the rows (n, n_motions).
+    real(dp), allocatable :: along(:, :), answer(:, :)
+  contains
+    procedure :: move_to => half_response_move_to
+  end type half_response_t
 
   !> One place in an array of responses that may have different forms.
   type, public :: response_slot_t
@@ -50,15 +68,39 @@ module dotyk_response_response
       real(dp), intent(out) :: displacement(:, :)
     end subroutine apply_interface
 
-    !> Several u = S K^+ S^T f.
-    subroutine apply_block_interface(self, force, displacement)
+    !> Get ready.
+    subroutine prepare_interface(self)
+      import :: response_t
+      class(response_t), intent(inout) :: self
+    end subroutine prepare_interface
+
+    !> Entries of a path.
+    real(dp) function half_entries_interface(self)
       import :: response_t, dp
+      class(response_t), intent(inout) :: self
+    end function half_entries_interface
+
+    !> Half solves.
+    subroutine half_solve_interface(self, matrix, row, half)
+      import :: response_t, sparse_rows_t, half_response_t
       class(response_t), intent(in) :: self
-      !> Forces, one case a column (dimension*n_contact_nodes, m) [force].
-      real(dp), intent(in) :: force(:, :)
-      !> Displacements (dimension*n_contact_nodes, m) [length].
-      real(dp), intent(out) :: displacement(:, :)
-    end subroutine apply_block_interface
+      !> Rows of B over the contact nodes' components: column (i-1)*dimension + component of contact node i.
+      type(sparse_rows_t), intent(in) :: matrix
+      !> Which of them.
+      integer, intent(in) :: row(:)
+      type(half_response_t), intent(inout) :: half
+    end subroutine half_solve_interface
+
+    !> c_ij = b_i K^+ b_j.
+    subroutine half_product_interface(self, a, b, same, c)
+      import :: response_t, half_response_t, dp
+      class(response_t), intent(in) :: self
+      type(half_response_t), intent(in) :: a, b
+      !> Whether a and b are one and the same.
+      logical, intent(in) :: same
+      !> (a%half%n, b%half%n) [length/force].
+      real(dp), intent(out) :: c(:, :)
+    end subroutine half_product_interface
 
     !> x := K^+ x.
     subroutine solve_interface(self, x)
@@ -74,4 +116,14 @@ module dotyk_response_response
       class(response_t), intent(inout) :: self
     end subroutine destroy_interface
   end interface
+contains
+
+  !> Hand everything over.
+  subroutine half_response_move_to(self, other)
+    class(half_response_t), intent(inout) :: self
+    type(half_response_t), intent(inout) :: other
+    call self%half%move_to(other%half)
+    if (allocated(self%along)) call move_alloc(self%along, other%along)
+    if (allocated(self%answer)) call move_alloc(self%answer, other%answer)
+  end subroutine half_response_move_to
 end module dotyk_response_response

@@ -44,7 +44,8 @@ contains
     !> For the live line only.
     real(dp), intent(in) :: tolerance
     type(log_t), intent(inout) :: log
-    type(explicit_compliance_t), intent(inout) :: compliance
+    !> Of all rows, or by sweeps.
+    type(explicit_compliance_t), intent(in) :: compliance
     !> That of the last active set.
     class(active_system_t), intent(inout) :: system
     type(iterate_t), intent(inout) :: now
@@ -75,7 +76,6 @@ contains
         systems = systems + steps
         active = kept%lambda > 0 .and. .not. immovable
       end if
-      call compliance%form(problem, active)
       call drop_immovable(problem, compliance, active, immovable)
       if (any(immovable .and. problem%y_free > 0 .and. .not. problem%operator%theta > 0)) then
         result%ended = ended_immovable
@@ -163,7 +163,7 @@ contains
   !> One step of the proximal method, from the last iterate without the forces that pull.
   subroutine soften(problem, compliance, system, number, now, steps, error)
     type(contact_problem_t), intent(inout) :: problem
-    type(explicit_compliance_t), intent(inout) :: compliance
+    type(explicit_compliance_t), intent(in) :: compliance
     !> Another one on return.
     class(active_system_t), intent(inout) :: system
     type(iterate_t), intent(inout) :: now
@@ -214,7 +214,6 @@ contains
   !> y = y_free - C lambda + G alpha.
   subroutine update_penetrations(problem, compliance, now)
     type(contact_problem_t), intent(inout) :: problem
-    !> With columns wherever there are forces.
     type(explicit_compliance_t), intent(in) :: compliance
     type(iterate_t), intent(inout) :: now
     real(dp), allocatable :: z(:), motion(:)

@@ -35,7 +35,7 @@ module dotyk_scheme_active_system
       import :: active_system_t, contact_problem_t, explicit_compliance_t, error_t, dp
       class(active_system_t), intent(inout) :: self
       type(contact_problem_t), intent(in) :: problem
-      !> With columns for all active points, unless they are answered by sweeps.
+      !> Of all rows, or by sweeps.
       type(explicit_compliance_t), intent(in) :: compliance
       !> Penalty parameters (n_rows) [length/pressure].
       real(dp), intent(in) :: theta(:)

@@ -1,4 +1,4 @@
-!> How the systems of the active sets are solved: with explicit columns of the compliance and a factorization, or by conjugate gradients.
+!> How the systems of the active sets are solved: with the compliance as a matrix and factorizations, or by conjugate gradients.
 !>
 !> Cost and memory of both are known beforehand, from the number of closed points and the factors of the bodies.
 module dotyk_scheme_choice
@@ -14,7 +14,7 @@ module dotyk_scheme_choice
 
   !> What the user may choose (`linear_solver` of the input).
   integer, parameter, public :: solver_auto = 1       !< what is cheaper
-  integer, parameter, public :: solver_direct = 2     !< columns and factorization
+  integer, parameter, public :: solver_direct = 2     !< matrices and factorizations
   integer, parameter, public :: solver_iterative = 3  !< conjugate gradients
 
   public :: choose_solver
@@ -23,25 +23,25 @@ module dotyk_scheme_choice
   real(dp), parameter :: typical_solves = 600
   !> Factorizations of active systems, about.
   real(dp), parameter :: typical_systems = 6
-  !> How much cheaper a right-hand side is in a block, and an operation in a dense factorization.
-  real(dp), parameter :: gain_of_blocks = 5.8_dp, gain_of_dense = 5.8_dp
-  !> Bytes that columns and active systems may take.
+  !> How much faster the operations of half solves, their products and dense factorizations are than those of single solves.
+  real(dp), parameter :: gain_of_blocks = 8
+  !> Bytes that matrices, half solutions and active systems may take.
   real(dp), parameter :: most_bytes = 8.0e9_dp
 
 contains
 
-  !> Choose for a first active set; where there are columns already, the choice is that of before.
-  subroutine choose_solver(problem, wish, active, compliance, system)
-    type(contact_problem_t), intent(in) :: problem
+  !> Choose for the rows of a problem, all of which get into the matrices; where there are some already, the choice is that of before.
+  subroutine choose_solver(problem, wish, rows, compliance, system)
+    type(contact_problem_t), intent(inout) :: problem
     !> One of `solver_*`.
     integer, intent(in) :: wish
-    !> (n_rows).
-    logical, intent(in) :: active(:)
+    !> The rows that will be needed (n_rows).
+    logical, intent(in) :: rows(:)
     type(explicit_compliance_t), intent(inout) :: compliance
     class(active_system_t), allocatable, intent(out) :: system
     type(direct_system_t), allocatable :: direct
     type(iterative_system_t), allocatable :: iterative
-    real(dp) :: direct_cost, iterative_cost, bytes, n
+    real(dp) :: direct_cost, iterative_cost, bytes, n, path
     logical, allocatable :: coupled(:, :)
     logical :: by_sweeps
     integer :: b, k, n_pairs
@@ -49,16 +49,19 @@ contains
     n_pairs = size(problem%operator%pair_first_row) - 1
     call couple_pairs(problem, n_pairs, coupled)
     associate (first => problem%operator%pair_first_row)
-      call elimination_cost(coupled, [(count(active(first(k):first(k + 1) - 1)), k=1, n_pairs)], direct_cost, bytes)
+      call elimination_cost(coupled, [(count(rows(first(k):first(k + 1) - 1)), k=1, n_pairs)], direct_cost, bytes)
     end associate
-    direct_cost = typical_systems*direct_cost/gain_of_dense
+    direct_cost = typical_systems*direct_cost/gain_of_blocks
     iterative_cost = 0
     bytes = 24*bytes
     do b = 1, size(problem%operator%block)
-      n = count(active(problem%operator%block(b)%row))
-      direct_cost = direct_cost + 4*problem%cost(b)*n/gain_of_blocks
-      if (n > 0) iterative_cost = iterative_cost + 4*problem%cost(b)*typical_solves
-      bytes = bytes + 8*n*size(problem%operator%block(b)%row)
+      n = count(rows(problem%operator%block(b)%row))
+      if (.not. n > 0) cycle
+      path = problem%response(b)%form%half_entries()
+      ! The unknowns of a path are about the root of its entries.
+      direct_cost = direct_cost + (2*path*n + sqrt(2*path)*n**2)/gain_of_blocks
+      iterative_cost = iterative_cost + 4*problem%cost(b)*typical_solves
+      bytes = bytes + 8*n**2 + 8*n*sqrt(2*path)
     end do
     by_sweeps = direct_cost > iterative_cost .or. bytes > most_bytes
     if (wish == solver_direct) by_sweeps = .false.
@@ -66,7 +69,7 @@ contains
     if (allocated(compliance%body)) then
       by_sweeps = compliance%by_sweeps
     else
-      call compliance%init(problem, by_sweeps)
+      call compliance%init(size(problem%operator%block), by_sweeps)
     end if
     if (by_sweeps) then
       allocate (iterative)

@@ -45,7 +45,7 @@ contains
   subroutine direct_system_init(self, problem, compliance, theta, active, error, hold)
     class(direct_system_t), intent(inout) :: self
     type(contact_problem_t), intent(in) :: problem
-    !> With columns for all active points.
+    !> Of all rows.
     type(explicit_compliance_t), intent(in) :: compliance
     !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
@@ -139,8 +139,8 @@ contains
     end do
     allocate (offset(n_pairs))
     do b = 1, size(problem%operator%block)
-      associate (body => compliance%body(b), rows => problem%operator%block(b)%row)
-        do l = 1, size(rows)
+      associate (body => compliance%body(b), rows => problem%operator%block(b)%row(compliance%body(b)%row))
+        do l = 1, body%n
           j = number(rows(l))
           if (j == 0) cycle
           ! Place of active point i of pair k in column j: column_start + offset(k) + i.
@@ -150,7 +150,7 @@ contains
             offset(k) = int(base - matrix%column_start(j)) - max(j, first(k)) + 1
             base = base + first(k + 1) - max(j, first(k))
           end do
-          call add_column(rows, number, pair_of, offset, j, body%value(:, body%column(l)), &
+          call add_column(rows, number, pair_of, offset, j, body%value(:, l), &
                           matrix%value(matrix%column_start(j) + 1:matrix%column_start(j + 1)))
         end do
       end associate

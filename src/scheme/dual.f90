@@ -1,22 +1,27 @@
 !> The dual scheme: contact forces lambda = W p >= 0 as unknowns, any theta >= 0, held and free bodies.
 !>
 !> It minimises `lambda (C + Theta W^{-1}) lambda/2 - lambda.y_free` over `lambda >= 0` with `G^T lambda = e`, the equilibrium of the free
-!> bodies, by active sets (`dotyk_scheme_active_set`). Columns of C are formed for the points that ever were taken for closed. Where to
-!> begin follows from the same problem on groups of points (`dotyk_scheme_nested`).
+!> bodies, by active sets (`dotyk_scheme_active_set`). Where to begin follows from the same problem on groups of points
+!> (`dotyk_scheme_nested`).
+!>
+!> Points that would stay open if the bodies were rigid on elastic foundations are left out at first. At the end the displacement
+!> says whether one of them closed: it comes back then, and the problem is solved again.
 module dotyk_scheme_dual
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
   use dotyk_base_text, only: to_text
-  use dotyk_scheme_active_set, only: iterate_t, find_active_set, update_penetrations, reference_norm, is_balanced, &
-    rounding
+  use dotyk_scheme_active_set, only: iterate_t, find_active_set, is_balanced, reference_norm, rounding, settle_bodies, &
+    update_penetrations
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_bounds, only: duality_gap
   use dotyk_scheme_choice, only: choose_solver, solver_auto
   use dotyk_scheme_explicit, only: explicit_compliance_t
-  use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_limit, ended_stalled, ended_unstoppable, ended_immovable
-  use dotyk_scheme_nested, only: find_start
+  use dotyk_scheme_history, only: history_t, scheme_result_t, ended_converged, ended_immovable, ended_limit, ended_stalled, &
+    ended_unstoppable
+  use dotyk_scheme_nested, only: few_points, find_start
+  use dotyk_scheme_part, only: give_back, keep_rows
   use dotyk_scheme_problem, only: contact_problem_t
   use dotyk_scheme_settle, only: find_unstoppable
   implicit none
@@ -30,9 +35,16 @@ module dotyk_scheme_dual
     integer :: max_iterations = 100
     !> One of `solver_*` of `dotyk_scheme_choice`.
     integer :: linear_solver = solver_auto
+    !> Look whether points that were left out have closed.
+    logical :: check_all = .true.
   end type dual_settings_t
 
   public :: solve_dual
+
+  !> How often points that were left out come back; then all of them do.
+  integer, parameter :: most_rounds = 4
+  !> A part of all points that is not worth leaving out: to look at them in the end takes a solve.
+  real(dp), parameter :: not_worth_leaving_out = 0.2_dp
 
 contains
 
@@ -41,7 +53,7 @@ contains
     type(contact_problem_t), intent(inout) :: problem
     type(dual_settings_t), intent(in) :: settings
     type(log_t), intent(inout) :: log
-    !> Columns of the compliance, if there are any yet.
+    !> What is known of the compliance.
     type(explicit_compliance_t), intent(inout) :: compliance
     type(scheme_result_t), intent(out) :: result
     !> Out of memory.
@@ -49,31 +61,124 @@ contains
     !> Where to begin: a state of the same bodies and contact points, perhaps with another theta.
     type(scheme_result_t), intent(in), optional :: start
     class(active_system_t), allocatable :: system
+    type(contact_problem_t) :: part
+    type(scheme_result_t), allocatable :: state
+    type(history_t) :: earlier
+    logical, allocatable :: keep(:), late(:)
+    integer :: round
+
+    if (present(start)) then
+      keep = start%m > 0
+      state = start
+    else
+      call rows_to_begin_with(problem, keep, result)
+      if (result%ended == ended_unstoppable) return
+    end if
+    call choose_solver(problem, settings%linear_solver, keep, compliance, system)
+    if (compliance%by_sweeps) call log%line('  active sets      by conjugate gradients, '//to_text(count(keep))// &
+                                            ' points to begin with')
+    do round = 1, most_rounds
+      if (compliance%by_sweeps .or. round == most_rounds .or. size(keep) < few_points .or. &
+          count(.not. keep) < not_worth_leaving_out*size(keep)) keep = .true.
+      call compliance%mark(keep)
+      if (all(keep)) then
+        call solve_rows(problem, settings, log, compliance, system, result, error, state)
+      else
+        call keep_rows(problem, keep, part)
+        if (allocated(state)) call restrict(keep, state)
+        call solve_rows(part, settings, log, compliance, system, result, error, state)
+        call give_back(part, problem)
+        if (.not. allocated(error) .and. allocated(result%m)) call complete(problem, keep, settings%check_all, result)
+      end if
+      call result%history%finish()
+      call result%history%put_behind(earlier)
+      if (allocated(error) .or. all(keep) .or. .not. settings%check_all .or. .not. allocated(result%m)) exit
+      late = .not. keep .and. result%y > rounding*maxval(abs(problem%y_free))
+      if (.not. any(late)) exit
+      ! How far they went says how far others may.
+      keep = keep .or. result%y > -2*maxval(result%y, mask=late)
+      earlier = result%history
+      if (allocated(state)) deallocate (state)
+    end do
+    call system%destroy()
+    result%iterations = result%history%n
+  end subroutine solve_dual
+
+  !> Points that close where the bodies are rigid on elastic foundations.
+  subroutine rows_to_begin_with(problem, keep, result)
+    type(contact_problem_t), intent(in) :: problem
+    !> (n_rows).
+    logical, allocatable, intent(out) :: keep(:)
+    !> Ended where loads excite a motion that no contact stops.
+    type(scheme_result_t), intent(inout) :: result
     type(iterate_t) :: now
     real(dp), allocatable :: motion(:)
-    logical, allocatable :: active(:)
     logical :: found
+    allocate (motion(problem%coarse%n), keep(problem%operator%n_rows))
+    call find_unstoppable(problem%operator, problem%coarse, motion, found)
+    if (found) then
+      call leave_out(result)
+      result%ended = ended_unstoppable
+      result%unstoppable = problem%coarse%scale*motion
+      return
+    end if
+    call settle_bodies(problem, now, keep)
+    ! Free bodies sink in more than the foundations say, or tilt.
+    if (problem%coarse%n > 0 .and. size(keep) > 0) keep = now%y > -maxval(now%y)
+  end subroutine rows_to_begin_with
 
+  !> A state on some of the rows.
+  subroutine restrict(keep, state)
+    logical, intent(in) :: keep(:)
+    type(scheme_result_t), intent(inout) :: state
+    state%m = pack(state%m, keep)
+    state%y = pack(state%y, keep)
+  end subroutine restrict
+
+  !> The state on all rows, from that on some of them.
+  subroutine complete(problem, keep, look, result)
+    type(contact_problem_t), intent(inout) :: problem
+    logical, intent(in) :: keep(:)
+    !> Whether to find out how open the others are.
+    logical, intent(in) :: look
+    type(scheme_result_t), intent(inout) :: result
+    real(dp), allocatable :: z(:), motion(:)
+    allocate (z(size(keep)), motion(size(keep)), source=0.0_dp)
+    result%m = unpack(result%m, keep, z)
+    if (look) then
+      call problem%compliance(problem%operator%weight*result%m, z)
+      call problem%coarse%displacement(problem%operator, result%alpha/problem%coarse%scale, motion)
+      result%y = unpack(result%y, keep, problem%y_free - z + motion)
+    else
+      result%y = unpack(result%y, keep, min(0.0_dp, problem%y_free))
+    end if
+  end subroutine complete
+
+  !> Solve on all rows of a problem.
+  subroutine solve_rows(problem, settings, log, compliance, system, result, error, start)
+    type(contact_problem_t), intent(inout) :: problem
+    type(dual_settings_t), intent(in) :: settings
+    type(log_t), intent(inout) :: log
+    type(explicit_compliance_t), intent(inout) :: compliance
+    class(active_system_t), intent(inout) :: system
+    type(scheme_result_t), intent(out) :: result
+    type(error_t), allocatable, intent(out) :: error
+    !> As in `solve_dual`.
+    type(scheme_result_t), intent(in), optional :: start
+    type(iterate_t) :: now
+    logical, allocatable :: active(:)
     call leave_out(result)
-    allocate (motion(problem%coarse%n), active(problem%operator%n_rows))
+    call compliance%form(problem)
     if (present(start)) then
       now%lambda = problem%operator%weight*start%m
       now%y = start%y
       now%alpha = start%alpha/problem%coarse%scale
       active = start%m > 0
     else
-      call find_unstoppable(problem%operator, problem%coarse, motion, found)
-      if (found) then
-        result%ended = ended_unstoppable
-        result%unstoppable = problem%coarse%scale*motion
-        return
-      end if
-      call find_start(problem, now, active, error)
+      allocate (active(problem%operator%n_rows))
+      call find_start(problem, compliance, now, active, error)
       if (allocated(error)) return
     end if
-    call choose_solver(problem, settings%linear_solver, active, compliance, system)
-    if (compliance%by_sweeps) call log%line('  active sets      by conjugate gradients, '//to_text(count(active))// &
-                                            ' points to begin with')
     if (problem%operator%n_rows == 0) then
       call system%init(problem, compliance, problem%operator%theta, active, error)
       result%ended = ended_converged
@@ -83,10 +188,7 @@ contains
     end if
     if (.not. allocated(error) .and. result%ended /= ended_immovable) &
       call finish(problem, settings, compliance, system, now, result)
-    call system%destroy()
-    call result%history%finish()
-    result%iterations = result%history%n
-  end subroutine solve_dual
+  end subroutine solve_rows
 
   !> What other schemes have to say and this one has not.
   subroutine leave_out(result)

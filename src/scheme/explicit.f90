@@ -1,155 +1,276 @@
-!> Columns of the compliance C = B K^+ B^T, body by body, formed when they are needed.
+!> The compliance C = B K^+ B^T as matrices, one for each body.
 !>
-!> Column j of body b is the answer of its rows to a unit force at row j. Columns are formed by blocks of right-hand sides, which is
-!> several times cheaper than one by one, and in parallel over bodies and blocks. A scheme needs the columns of the points that ever
-!> were under pressure, no others.
+!> Rows join when they are needed, many at a time: half solves with the factors give L^{-1} B^T, and their products the matrices
+!> (`dotyk_linalg_half_solve`). In parallel over bodies and lots of rows.
 module dotyk_scheme_explicit
   use dotyk_base_kinds, only: dp, int64
-  use dotyk_contact_operator, only: contact_block_t
   use dotyk_linalg_blas, only: blas_threads, set_blas_threads
-  use dotyk_response_response, only: response_t
+  use dotyk_response_response, only: half_response_t, response_t
   use dotyk_scheme_problem, only: contact_problem_t
   implicit none
   private
 
-  !> The columns of one body.
-  type, public :: body_columns_t
-    !> Number of columns.
+  !> The compliance of one body at some of its rows.
+  type, public :: body_compliance_t
+    !> Number of rows that have joined.
     integer :: n = 0
-    !> The first n are in use (n_rows of the block, capacity) [length/force].
+    !> (n, n), symmetric [length/force].
     real(dp), allocatable :: value(:, :)
-    !> Column of each row of the block, 0 where it has none (n_rows of the block), and the row of each column (capacity).
-    integer, allocatable :: column(:), row(:)
-  end type body_columns_t
+    !> Place of each of them among the body's rows (n), and the number of each of the body's rows, 0 where it has not joined.
+    integer, allocatable :: row(:), number(:)
+    !> Their numbers in the operator that they come from (n).
+    integer, allocatable, private :: origin(:)
+    !> Half solutions by lots, and the first row of each lot (n_lots), (n_lots + 1).
+    type(half_response_t), allocatable, private :: half(:)
+    integer, allocatable, private :: first(:)
+  end type body_compliance_t
 
-  !> The columns of all bodies.
+  !> The compliances of all bodies.
   type, public :: explicit_compliance_t
     !> (n_bodies).
-    type(body_columns_t), allocatable :: body(:)
-    !> True: no columns are formed, products are sweeps over all bodies.
+    type(body_compliance_t), allocatable :: body(:)
+    !> True: there are no matrices, products are sweeps over all bodies.
     logical :: by_sweeps = .false.
   contains
     procedure :: init => explicit_init
+    procedure :: adopt => explicit_adopt
+    procedure :: mark => explicit_mark
     procedure :: form => explicit_form
+    procedure :: join => explicit_join
+    procedure :: lend => explicit_lend
     procedure :: multiply => explicit_multiply
     procedure :: diagonal => explicit_diagonal
     procedure :: bytes => explicit_bytes
   end type explicit_compliance_t
 
-  !> One block of right-hand sides: columns first..last of a body.
+  !> A half solve of one lot of a body, or the product of two lots.
   type :: task_t
-    integer :: body = 0, first = 0, last = 0
+    integer :: body = 0, lot = 0, other = 0
   end type task_t
 
-  !> Right-hand sides at a time, and equations times right-hand sides at most.
-  integer, parameter :: block_size = 64
+  !> Rows of a lot at most: enough for the rate of dense products, few enough for many threads.
+  integer, parameter :: lot_size = 256
 
 contains
 
-  !> No columns yet.
-  subroutine explicit_init(self, problem, by_sweeps)
+  !> No rows yet.
+  subroutine explicit_init(self, n_bodies, by_sweeps)
     class(explicit_compliance_t), intent(out) :: self
-    type(contact_problem_t), intent(in) :: problem
+    integer, intent(in) :: n_bodies
     !> Whether there will never be any.
     logical, intent(in) :: by_sweeps
-    integer :: b, n
+    integer :: b
     self%by_sweeps = by_sweeps
-    allocate (self%body(size(problem%operator%block)))
-    do b = 1, size(self%body)
-      n = size(problem%operator%block(b)%row)
-      allocate (self%body(b)%value(n, 0), self%body(b)%row(0))
-      allocate (self%body(b)%column(n), source=0)
+    allocate (self%body(n_bodies))
+    do b = 1, n_bodies
+      allocate (self%body(b)%value(0, 0), self%body(b)%row(0), self%body(b)%origin(0), self%body(b)%half(0))
+      self%body(b)%first = [1]
     end do
   end subroutine explicit_init
 
-  !> Form the columns of some rows, unless they are there.
-  subroutine explicit_form(self, problem, wanted)
+  !> Work for a problem on some of the rows, or on more of them than before: those that have joined must be among them.
+  subroutine explicit_adopt(self, problem)
     class(explicit_compliance_t), intent(inout) :: self
-    type(contact_problem_t), intent(inout) :: problem
-    !> Rows whose columns are needed (n_rows).
-    logical, intent(in) :: wanted(:)
-    type(task_t), allocatable :: task(:)
-    integer :: b, i, k, n_old, n_tasks, n_blas, most
+    type(contact_problem_t), intent(in) :: problem
+    integer, allocatable :: place_of(:)
+    integer :: b, i
     if (self%by_sweeps) return
-    allocate (task(sum([(size(problem%operator%block(b)%row)/block_size + 1, b=1, size(self%body))])))
-    n_tasks = 0
-    most = 0
     do b = 1, size(self%body)
       associate (body => self%body(b), row => problem%operator%block(b)%row)
-        n_old = body%n
-        call make_room(body, count(wanted(row) .and. body%column == 0))
-        do i = 1, size(row)
-          if (.not. wanted(row(i)) .or. body%column(i) > 0) cycle
-          body%n = body%n + 1
-          body%column(i) = body%n
-          body%row(body%n) = i
-        end do
-        most = max(most, body%n - n_old)
-        do k = n_old + 1, body%n, block_size
-          n_tasks = n_tasks + 1
-          task(n_tasks) = task_t(b, k, min(body%n, k + block_size - 1))
-        end do
+        if (allocated(body%number)) deallocate (body%number)
+        allocate (body%number(size(row)), source=0)
+        if (body%n == 0) cycle
+        allocate (place_of(maxval(problem%operator%origin)), source=0)
+        place_of(problem%operator%origin(row)) = [(i, i=1, size(row))]
+        body%row = place_of(body%origin)
+        body%number(body%row) = [(i, i=1, body%n)]
+        deallocate (place_of)
       end associate
     end do
+  end subroutine explicit_adopt
+
+  !> Mark the rows that have joined.
+  subroutine explicit_mark(self, joined)
+    class(explicit_compliance_t), intent(in) :: self
+    !> Of the operator that they come from; others stay as they are.
+    logical, intent(inout) :: joined(:)
+    integer :: b
+    do b = 1, size(self%body)
+      joined(self%body(b)%origin) = .true.
+    end do
+  end subroutine explicit_mark
+
+  !> Let all rows join.
+  subroutine explicit_form(self, problem, chosen)
+    class(explicit_compliance_t), intent(inout) :: self
+    type(contact_problem_t), intent(inout) :: problem
+    !> The bodies whose rows join; all if absent (n_bodies).
+    logical, intent(in), optional :: chosen(:)
+    type(task_t), allocatable :: half(:), product(:)
+    integer :: b, i, n_blas, n_halves, n_products
+    if (self%by_sweeps) return
+    call self%adopt(problem)
+    call plan(self, problem, half, n_halves, product, n_products, chosen)
+    if (n_halves == 0) return
     n_blas = blas_threads()
-    if (n_tasks > 1) call set_blas_threads(1)
-    !$omp parallel do default(none) shared(self, problem, task, n_tasks) private(b) schedule(dynamic, 1) if (n_tasks > 1)
-    do i = 1, n_tasks
-      b = task(i)%body
-      call form_columns(problem%operator%block(b), problem%response(b)%form, self%body(b)%row(task(i)%first:task(i)%last), &
-                        self%body(b)%value(:, task(i)%first:task(i)%last))
+    if (n_halves > 1) call set_blas_threads(1)
+    !$omp parallel do default(none) shared(self, problem, half, n_halves) private(b) schedule(dynamic, 1) if (n_halves > 1)
+    do i = 1, n_halves
+      b = half(i)%body
+      associate (body => self%body(b), lot => half(i)%lot)
+        call problem%response(b)%form%half_solve(problem%operator%block(b)%matrix, &
+                                                 body%row(body%first(lot):body%first(lot + 1) - 1), body%half(lot))
+      end associate
+    end do
+    !$omp end parallel do
+    !$omp parallel do default(none) shared(self, problem, product, n_products) private(b) schedule(dynamic, 1) if (n_halves > 1)
+    do i = 1, n_products
+      b = product(i)%body
+      call multiply_lots(problem%response(b)%form, self%body(b), product(i)%lot, product(i)%other)
     end do
     !$omp end parallel do
     call set_blas_threads(n_blas)
-    problem%body_solves = problem%body_solves + most
   end subroutine explicit_form
 
-  !> Room for m more columns.
-  subroutine make_room(body, m)
-    type(body_columns_t), intent(inout) :: body
-    integer, intent(in) :: m
+  !> Number the rows that join, make room for them, and say what is to be done.
+  subroutine plan(self, problem, half, n_halves, product, n_products, chosen)
+    class(explicit_compliance_t), intent(inout) :: self
+    type(contact_problem_t), intent(inout) :: problem
+    !> Half solves and products of lots, with room for more.
+    type(task_t), allocatable, intent(out) :: half(:), product(:)
+    integer, intent(out) :: n_halves, n_products
+    logical, intent(in), optional :: chosen(:)
+    integer :: b, i, k, m, n_old, most
+    most = 0
+    n_halves = 0
+    n_products = 0
+    allocate (half(0), product(0))
+    do b = 1, size(self%body)
+      if (present(chosen)) then
+        if (.not. chosen(b)) cycle
+      end if
+      associate (body => self%body(b), row => problem%operator%block(b)%row)
+        m = count(body%number == 0)
+        if (m == 0) cycle
+        call problem%response(b)%form%prepare_half_solves()
+        n_old = body%n
+        body%row = [body%row, pack([(i, i=1, size(row))], body%number == 0)]
+        body%origin = [body%origin, problem%operator%origin(row(body%row(n_old + 1:)))]
+        body%n = n_old + m
+        body%number(body%row) = [(i, i=1, body%n)]
+        call make_room(body, n_old)
+        do i = size(body%first), size(body%half)
+          half = [half, task_t(b, i, i)]
+          body%first = [body%first, min(body%first(i) + lot_size, body%n + 1)]
+          do k = 1, i
+            product = [product, task_t(b, i, k)]
+          end do
+        end do
+        n_halves = size(half)
+        n_products = size(product)
+        most = max(most, m)
+      end associate
+    end do
+    problem%body_solves = problem%body_solves + (most + 1)/2
+  end subroutine plan
+
+  !> Room for the matrix of all rows and for the half solutions of those that join.
+  subroutine make_room(body, n_old)
+    type(body_compliance_t), intent(inout) :: body
+    !> Rows before.
+    integer, intent(in) :: n_old
     real(dp), allocatable :: value(:, :)
-    integer, allocatable :: row(:)
-    integer :: capacity
-    if (body%n + m <= size(body%value, 2)) return
-    ! The first request is nearly all that will ever be asked for; later ones are small.
-    capacity = min(size(body%column), body%n + m + body%n/8)
-    allocate (value(size(body%column), capacity), row(capacity))
-    value(:, :body%n) = body%value(:, :body%n)
-    row(:body%n) = body%row(:body%n)
+    type(half_response_t), allocatable :: half(:)
+    integer :: i
+    allocate (value(body%n, body%n), half(size(body%half) + (body%n - n_old + lot_size - 1)/lot_size))
+    value(:n_old, :n_old) = body%value(:n_old, :n_old)
     call move_alloc(value, body%value)
-    call move_alloc(row, body%row)
+    do i = 1, size(body%half)
+      call body%half(i)%move_to(half(i))
+    end do
+    call move_alloc(half, body%half)
   end subroutine make_room
 
-  !> Columns of one body by one block of right-hand sides.
-  subroutine form_columns(block, response, row, column)
-    !> The body's rows of B.
-    type(contact_block_t), intent(in) :: block
+  !> The block of two lots, and its mirror image.
+  subroutine multiply_lots(response, body, lot, other)
     class(response_t), intent(in) :: response
-    !> Places of the unit forces among the body's rows (m).
-    integer, intent(in) :: row(:)
-    !> (n_rows, m).
-    real(dp), intent(out) :: column(:, :)
-    real(dp), allocatable :: force(:, :), displacement(:, :)
-    integer :: j, k
-    allocate (force(block%matrix%n_columns, size(row)), displacement(block%matrix%n_columns, size(row)))
-    force = 0
-    do j = 1, size(row)
-      do k = block%matrix%row_start(row(j)), block%matrix%row_start(row(j) + 1) - 1
-        force(block%matrix%column(k), j) = block%matrix%value(k)
-      end do
-    end do
-    call response%apply_block(force, displacement)
-    do j = 1, size(row)
-      call block%matrix%multiply(displacement(:, j), column(:, j))
-    end do
-  end subroutine form_columns
+    type(body_compliance_t), intent(inout) :: body
+    integer, intent(in) :: lot, other
+    real(dp), allocatable :: c(:, :)
+    associate (a => body%first(lot), b => body%first(other))
+      allocate (c(body%half(lot)%half%n, body%half(other)%half%n))
+      call response%half_product(body%half(lot), body%half(other), lot == other, c)
+      body%value(a:a + size(c, 1) - 1, b:b + size(c, 2) - 1) = c
+      if (lot /= other) body%value(b:b + size(c, 2) - 1, a:a + size(c, 1) - 1) = transpose(c)
+    end associate
+  end subroutine multiply_lots
 
-  !> z = C lambda; forces only where there are columns.
+  !> The compliance of groups of rows, from that of the rows: S C S^T, where row i has the share S(group(i), i) in its group.
+  subroutine explicit_join(self, problem, group, share, rough, joined)
+    !> Of all rows.
+    class(explicit_compliance_t), intent(in) :: self
+    type(contact_problem_t), intent(in) :: problem
+    !> Group of each row (n_rows), and its share.
+    integer, intent(in) :: group(:)
+    real(dp), intent(in) :: share(:)
+    !> The problem of the groups.
+    type(contact_problem_t), intent(in) :: rough
+    type(explicit_compliance_t), intent(out) :: joined
+    integer, allocatable :: place_of(:)
+    real(dp), allocatable :: half(:, :)
+    integer :: b, i, j
+    call joined%init(size(self%body), .false.)
+    do b = 1, size(self%body)
+      associate (fine => self%body(b), row => problem%operator%block(b)%row, &
+                 own => joined%body(b), own_row => rough%operator%block(b)%row)
+        own%n = size(own_row)
+        own%row = [(i, i=1, own%n)]
+        own%number = own%row
+        own%origin = own_row
+        allocate (place_of(rough%operator%n_rows))
+        allocate (half(own%n, fine%n), source=0.0_dp)
+        place_of(own_row) = own%row
+        do j = 1, fine%n
+          do i = 1, fine%n
+            associate (at => place_of(group(row(fine%row(i)))))
+              half(at, j) = half(at, j) + share(row(fine%row(i)))*fine%value(i, j)
+            end associate
+          end do
+        end do
+        deallocate (own%value)
+        allocate (own%value(own%n, own%n), source=0.0_dp)
+        do j = 1, fine%n
+          associate (at => place_of(group(row(fine%row(j)))))
+            own%value(:, at) = own%value(:, at) + share(row(fine%row(j)))*half(:, j)
+          end associate
+        end do
+        deallocate (place_of, half)
+      end associate
+    end do
+  end subroutine explicit_join
+
+  !> Let the matrices of some bodies stand for their responses.
+  subroutine explicit_lend(self, problem, chosen)
+    class(explicit_compliance_t), intent(inout) :: self
+    !> The problem that all rows belong to.
+    type(contact_problem_t), intent(inout) :: problem
+    !> (n_bodies).
+    logical, intent(in) :: chosen(:)
+    integer :: b
+    if (.not. any(chosen)) return
+    call self%init(size(chosen), .false.)
+    call self%form(problem, chosen)
+    do b = 1, size(chosen)
+      ! Rows joined in their own order.
+      if (chosen(b)) call problem%take_matrix(b, self%body(b)%value)
+    end do
+  end subroutine explicit_lend
+
+  !> z = C lambda at the rows that have joined, 0 elsewhere.
   subroutine explicit_multiply(self, problem, lambda, z)
     class(explicit_compliance_t), intent(in) :: self
     type(contact_problem_t), intent(inout) :: problem
-    !> Forces (n_rows), 0 where no column was formed [force].
+    !> Forces (n_rows), 0 at other rows [force].
     real(dp), intent(in) :: lambda(:)
     !> Normal displacements (n_rows) [length].
     real(dp), intent(out) :: z(:)
@@ -163,17 +284,17 @@ contains
     do b = 1, size(self%body)
       associate (body => self%body(b), row => problem%operator%block(b)%row)
         if (body%n == 0) cycle
-        allocate (sum_of_columns(size(row)), source=0.0_dp)
+        allocate (sum_of_columns(body%n), source=0.0_dp)
         do j = 1, body%n
           if (abs(lambda(row(body%row(j)))) > 0) sum_of_columns = sum_of_columns + lambda(row(body%row(j)))*body%value(:, j)
         end do
-        z(row) = z(row) + sum_of_columns
+        z(row(body%row)) = z(row(body%row)) + sum_of_columns
         deallocate (sum_of_columns)
       end associate
     end do
   end subroutine explicit_multiply
 
-  !> Diagonal of C at one row that has a column in all its bodies, `huge` where products are sweeps [length/force].
+  !> Diagonal of C at one row that has joined, `huge` where products are sweeps [length/force].
   real(dp) function explicit_diagonal(self, problem, row) result(diagonal)
     class(explicit_compliance_t), intent(in) :: self
     type(contact_problem_t), intent(in) :: problem
@@ -185,12 +306,12 @@ contains
     do k = 1, 2
       b = problem%coarse%body(k, row)
       if (b == 0) cycle
-      i = problem%coarse%place(k, row)
-      if (self%body(b)%column(i) > 0) diagonal = diagonal + self%body(b)%value(i, self%body(b)%column(i))
+      i = self%body(b)%number(problem%coarse%place(k, row))
+      if (i > 0) diagonal = diagonal + self%body(b)%value(i, i)
     end do
   end function explicit_diagonal
 
-  !> Memory of the columns [bytes].
+  !> Memory of the matrices [bytes].
   integer(int64) function explicit_bytes(self) result(bytes)
     class(explicit_compliance_t), intent(in) :: self
     integer :: b

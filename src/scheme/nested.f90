@@ -14,13 +14,14 @@ module dotyk_scheme_nested
   use dotyk_scheme_choice, only: choose_solver, solver_auto
   use dotyk_scheme_explicit, only: explicit_compliance_t
   use dotyk_scheme_history, only: scheme_result_t
+  use dotyk_scheme_part, only: give_back, join_rows
   use dotyk_scheme_problem, only: contact_problem_t
   implicit none
   private
   public :: find_start, join_points
 
   !> Fewer points than this need no better start than that of rigid bodies.
-  integer, parameter :: few_points = 60
+  integer, parameter, public :: few_points = 60
   !> Points of a group at most.
   integer, parameter :: most_joined = 6
   !> Active sets of the groups at most: a start need not be exact.
@@ -31,21 +32,23 @@ module dotyk_scheme_nested
 contains
 
   !> A first iterate and its active set.
-  recursive subroutine find_start(problem, now, active, error)
+  recursive subroutine find_start(problem, compliance, now, active, error)
     !> The same on return, but for the count of solves.
     type(contact_problem_t), intent(inout) :: problem
+    !> Of all rows, or by sweeps.
+    type(explicit_compliance_t), intent(in) :: compliance
     type(iterate_t), intent(out) :: now
     !> (n_rows).
     logical, intent(out) :: active(:)
     type(error_t), allocatable, intent(out) :: error
     type(contact_problem_t) :: joined
-    type(explicit_compliance_t) :: compliance
+    type(explicit_compliance_t) :: joined_compliance
     class(active_system_t), allocatable :: system
     type(iterate_t) :: start
     type(scheme_result_t) :: result
     type(log_t) :: silent
     integer, allocatable :: group(:)
-    real(dp), allocatable :: dent(:)
+    real(dp), allocatable :: dent(:), share(:)
     logical, allocatable :: closed(:)
     integer :: n_groups, i
 
@@ -54,26 +57,27 @@ contains
     allocate (group(problem%operator%n_rows))
     call join_points(problem, group, n_groups)
     if (2*n_groups > problem%operator%n_rows) return
-    call join_problem(problem, group, n_groups, joined)
+    call join_rows(problem, group, n_groups, joined, share)
+    if (.not. compliance%by_sweeps) call compliance%join(problem, group, share, joined, joined_compliance)
     allocate (closed(n_groups))
     call silent%init(.true.)
-    call find_start(joined, start, closed, error)
-    if (.not. allocated(error)) then
-      call choose_solver(joined, solver_auto, closed, compliance, system)
-      call find_active_set(joined, most_steps, 0.0_dp, silent, compliance, system, start, closed, result, error)
-      call system%destroy()
-    end if
-    dent = [(max(0.0_dp, start%lambda(i))*compliance%diagonal(joined, i), i=1, n_groups)]
-    problem%body_solves = joined%body_solves
-    call move_alloc(joined%response, problem%response)
-    call joined%destroy()
+    call settle_bodies(joined, start, closed)
+    call choose_solver(joined, solver_auto, closed, joined_compliance, system)
+    call joined_compliance%form(joined)
+    call find_start(joined, joined_compliance, start, closed, error)
+    if (.not. allocated(error)) &
+      call find_active_set(joined, most_steps, 0.0_dp, silent, joined_compliance, system, start, closed, result, error)
+    call system%destroy()
+    dent = [(max(0.0_dp, start%lambda(i))*joined_compliance%diagonal(joined, i), i=1, n_groups)]
+    call give_back(joined, problem)
     if (allocated(error)) return
-    call spread_forces(problem, group, start, dent, now, active)
+    call spread_forces(problem, compliance, group, start, dent, now, active)
   end subroutine find_start
 
   !> Forces of the groups on their points, and the points that are closed then.
-  subroutine spread_forces(problem, group, start, dent, now, active)
+  subroutine spread_forces(problem, compliance, group, start, dent, now, active)
     type(contact_problem_t), intent(inout) :: problem
+    type(explicit_compliance_t), intent(in) :: compliance
     !> Group of each point (n_rows).
     integer, intent(in) :: group(:)
     !> Iterate of the groups.
@@ -92,7 +96,7 @@ contains
       end do
       now%lambda = max(0.0_dp, start%lambda(group))*weight/total(group)
       now%alpha = start%alpha
-      call problem%compliance(now%lambda, z)
+      call compliance%multiply(problem, now%lambda, z)
       call problem%coarse%displacement(problem%operator, now%alpha, motion)
       now%y = problem%y_free - z + motion
       active = now%y > -part_of_dent*dent(group)
@@ -199,84 +203,4 @@ contains
     list = found(:n)
   end subroutine neighbours
 
-  !> The problem on groups: it takes the responses over.
-  subroutine join_problem(problem, group, n_groups, joined)
-    type(contact_problem_t), intent(inout) :: problem
-    integer, intent(in) :: group(:), n_groups
-    type(contact_problem_t), intent(out) :: joined
-    real(dp), allocatable :: share(:)
-    integer :: i, k, b
-    associate (fine => problem%operator, rough => joined%operator)
-      rough%n_rows = n_groups
-      rough%dimension = fine%dimension
-      allocate (rough%weight(n_groups), source=0.0_dp)
-      do i = 1, size(group)
-        rough%weight(group(i)) = rough%weight(group(i)) + fine%weight(i)
-      end do
-      share = fine%weight/rough%weight(group)
-      rough%gap = means(fine%gap)
-      rough%theta = means(fine%theta)
-      joined%y_free = means(problem%y_free)
-      joined%y_load = means(problem%y_load)
-      joined%foundation = means(problem%foundation)
-      rough%pair_first_row = fine%pair_first_row
-      do k = 1, size(fine%pair_first_row) - 1
-        associate (first => fine%pair_first_row(k), last => fine%pair_first_row(k + 1) - 1)
-          rough%pair_first_row(k + 1) = rough%pair_first_row(k)
-          if (last >= first) rough%pair_first_row(k + 1) = maxval(group(first:last)) + 1
-        end associate
-      end do
-      allocate (rough%block(size(fine%block)))
-      do b = 1, size(fine%block)
-        call join_block(fine%block(b), group, share, rough%block(b))
-      end do
-    end associate
-    joined%energy_free = problem%energy_free
-    joined%norm_free = problem%norm_free
-    joined%side_by_side = problem%side_by_side
-    joined%body_solves = problem%body_solves
-    call move_alloc(problem%response, joined%response)
-    call joined%prepare(problem%cost)
-    call joined%coarse%init(joined%operator, joined%response, problem%coarse%resultant/problem%coarse%scale)
-  contains
-    !> Weighted means over the groups.
-    function means(value) result(mean)
-      real(dp), intent(in) :: value(:)
-      real(dp), allocatable :: mean(:)
-      integer :: j
-      allocate (mean(n_groups), source=0.0_dp)
-      do j = 1, size(value)
-        mean(group(j)) = mean(group(j)) + share(j)*value(j)
-      end do
-    end function means
-  end subroutine join_problem
-
-  !> One body's columns of B with rows joined.
-  subroutine join_block(fine, group, share, rough)
-    type(contact_block_t), intent(in) :: fine
-    integer, intent(in) :: group(:)
-    !> Share of each point in its group (n_rows).
-    real(dp), intent(in) :: share(:)
-    type(contact_block_t), intent(inout) :: rough
-    integer, allocatable :: row(:), number(:)
-    real(dp), allocatable :: value(:)
-    integer :: i, k, n
-    rough%n_nodes = fine%n_nodes
-    rough%contact_node = fine%contact_node
-    allocate (number(maxval([0, group])), source=0)
-    do i = 1, size(fine%row)
-      number(group(fine%row(i))) = 1
-    end do
-    rough%row = pack([(i, i=1, size(number))], number > 0)
-    number(rough%row) = [(i, i=1, size(rough%row))]
-    allocate (row(size(fine%matrix%column)), value(size(fine%matrix%column)))
-    do i = 1, fine%matrix%n_rows
-      do k = fine%matrix%row_start(i), fine%matrix%row_start(i + 1) - 1
-        row(k) = number(group(fine%row(i)))
-        value(k) = share(fine%row(i))*fine%matrix%value(k)
-      end do
-    end do
-    n = size(rough%row)
-    call rough%matrix%init_from_triplets(n, fine%matrix%n_columns, row, fine%matrix%column, value)
-  end subroutine join_block
 end module dotyk_scheme_nested

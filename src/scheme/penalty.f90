@@ -1,7 +1,7 @@
 !> How far the solution with penalty is from that without: ||u_theta - u_0||_A, by solving for u_0.
 !>
-!> From the active set of u_theta, the dual scheme needs a step or two to that of theta = 0, and the columns of the compliance that it
-!> works with are there already, or cost less than the iteration of another scheme. So the estimate is no asymptotic one: it is
+!> From the active set of u_theta, the dual scheme needs a step or two to that of theta = 0, and the compliance that it works
+!> with is there already, or costs less than the iteration of another scheme. So the estimate is no asymptotic one: it is
 !> the distance itself, up to the guaranteed bounds of both solutions, which are added to it. A duality gap between u_theta and an
 !> admissible displacement would be no cheaper (making it admissible is that same problem) and too large by the energy of the correction.
 module dotyk_scheme_penalty
@@ -27,7 +27,7 @@ contains
     integer, intent(in) :: linear_solver
     !> Whether `result` is that of the dual scheme; another one's is solved to the end first.
     logical, intent(in) :: is_solved
-    !> Columns of the compliance, if there are any yet.
+    !> What is known of the compliance.
     type(explicit_compliance_t), intent(inout) :: compliance
     type(scheme_result_t), intent(in) :: result
     !> ||u_theta - u_0||_A; NaN where theta = 0 has no solution, or none that was found [sqrt(energy)].
@@ -43,6 +43,7 @@ contains
     if (.not. any(problem%operator%theta > 0)) return
     call silent%init(.true.)
     settings%linear_solver = linear_solver
+    settings%check_all = .false.
     penalized = result
     if (.not. is_solved) call solve_dual(problem, settings, silent, compliance, penalized, error, start=result)
     if (allocated(error)) return
@@ -56,6 +57,7 @@ contains
       return
     end if
     allocate (z(size(theta)))
+    call compliance%adopt(problem)
     change = problem%operator%weight*(penalized%m - exact%m)
     call compliance%multiply(problem, change, z)
     distance = sqrt(max(0.0_dp, dot_product(change, z)))

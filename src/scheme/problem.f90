@@ -21,6 +21,8 @@ module dotyk_scheme_problem
     real(dp), allocatable :: row_force(:), row_displacement(:)
     !> Nodal forces, and displacements (dimension*n_contact_nodes).
     real(dp), allocatable :: force(:), displacement(:)
+    !> Compliance of the rows, where it stands for the response (n_rows of the block, n_rows of the block) [length/force].
+    real(dp), allocatable :: matrix(:, :)
   end type sweep_work_t
 
   !> All that a scheme may know.
@@ -52,6 +54,7 @@ module dotyk_scheme_problem
     type(sweep_work_t), allocatable, private :: work(:)
   contains
     procedure :: prepare => problem_prepare
+    procedure :: take_matrix => problem_take_matrix
     procedure :: compliance => problem_compliance
     procedure :: apply => problem_apply
     procedure :: norm => problem_norm
@@ -70,6 +73,7 @@ contains
     integer :: b, n, n_dofs
     if (allocated(self%work)) deallocate (self%work, self%sequence)
     self%cost = cost
+    if (.not. allocated(self%operator%origin)) self%operator%origin = [(b, b=1, self%operator%n_rows)]
     allocate (self%work(size(cost)), self%sequence(0))
     do b = 1, size(cost)
       n = size(self%operator%block(b)%row)
@@ -81,6 +85,17 @@ contains
       self%sequence = [self%sequence(:n), b, self%sequence(n + 1:)]
     end do
   end subroutine problem_prepare
+
+  !> Let the compliance of a body's rows stand for its response in sweeps.
+  subroutine problem_take_matrix(self, b, matrix)
+    !> Prepared.
+    class(contact_problem_t), intent(inout) :: self
+    !> Which body.
+    integer, intent(in) :: b
+    !> (n_rows of its block, n_rows of its block) [length/force].
+    real(dp), intent(in) :: matrix(:, :)
+    self%work(b)%matrix = matrix
+  end subroutine problem_take_matrix
 
   !> z = C x: forces at the contact points to the displacements B K^{-1} B^T x. One solve of every body that may touch.
   subroutine problem_compliance(self, x, z)
@@ -116,6 +131,10 @@ contains
     real(dp), intent(in) :: x(:)
     type(sweep_work_t), intent(inout) :: work
     work%row_force = x(block%row)
+    if (allocated(work%matrix)) then
+      work%row_displacement = matmul(work%matrix, work%row_force)
+      return
+    end if
     call block%matrix%multiply_transposed(work%row_force, work%force)
     call respond(response, response%dimension, response%n_contact_nodes, work%force, work%displacement)
     call block%matrix%multiply(work%displacement, work%row_displacement)

@@ -27,7 +27,7 @@ contains
   !> One step.
   subroutine proximal_step(problem, compliance, system, rho, hold, lambda, alpha, y, steps, error)
     type(contact_problem_t), intent(inout) :: problem
-    type(explicit_compliance_t), intent(inout) :: compliance
+    type(explicit_compliance_t), intent(in) :: compliance
     !> Another one on return.
     class(active_system_t), intent(inout) :: system
     !> Softness of the contact (n_rows), at least theta [length/pressure]; springs on the motions (coarse%n) [force/length].
@@ -53,7 +53,6 @@ contains
       active = y + shift > 0
       if (steps > 1 .and. t >= 1 .and. all(active .eqv. last)) exit
       last = active
-      call compliance%form(problem, active)
       call system%init(problem, compliance, rho, active, error, hold)
       if (allocated(error)) exit
       active_lambda = lambda(system%row)

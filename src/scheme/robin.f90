@@ -144,16 +144,14 @@ contains
     type(contact_problem_t), intent(inout) :: problem
     type(side_t), allocatable, intent(out) :: side(:)
     type(explicit_compliance_t) :: compliance
-    logical, allocatable :: all_rows(:)
     integer :: b, n
-    allocate (all_rows(problem%operator%n_rows), side(size(problem%operator%block)))
-    all_rows = .true.
-    call compliance%init(problem, .false.)
-    call compliance%form(problem, all_rows)
+    allocate (side(size(problem%operator%block)))
+    call compliance%init(size(side), .false.)
+    call compliance%form(problem)
     do b = 1, size(side)
       n = size(problem%operator%block(b)%row)
       allocate (side(b)%lambda(n), side(b)%change(n), side(b)%z(n), source=0.0_dp)
-      side(b)%compliance = compliance%body(b)%value(:, compliance%body(b)%column)
+      side(b)%compliance = compliance%body(b)%value
     end do
   end subroutine prepare_sides
 

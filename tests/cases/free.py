@@ -39,12 +39,12 @@ class Free(dotyk_case.Case):
             self.assertIn(part, done.stderr)
         self.assertEqual([path for path in self.folder.iterdir() if "vtkhdf" in path.name], [])
 
-    def check_good(self, file, steps=8):
+    def check_good(self, file, steps=8, bound=1e-8):
         """What holds for every solution without penalty."""
         summary = file["dotyk/summary"].attrs
         self.assertEqual(summary["converged"], 1)
         self.assertLessEqual(summary["iterations"], steps)
-        self.assertLessEqual(summary["error_bound"], 1e-8)
+        self.assertLessEqual(summary["error_bound"], bound)
         for pair in file["dotyk/contact"].values():
             p, gap = pair["pressure"][:], pair["gap"][:]
             self.assertGreaterEqual(p.min(), 0)
@@ -264,9 +264,10 @@ class Free(dotyk_case.Case):
         lines += "".join("&support body='%s', surface='bottom', fix='xyz' /\n" % name for name in ("left", "right"))
         for side in ("left", "right"):
             lines += "&contact name='%s', surface_a='high:bottom', surface_b='%s:top' /\n" % (side, side)
-        self.scene(lines + "&load body='high', surface='top', pressure=1 /\n")
+        # Points of the seam say the same thing twice: the bound is the root of what rounding leaves, 1.5e-8.
+        self.scene(lines + "&load body='high', surface='top', pressure=1 /\n", solver="theta_relative=0, tolerance=1e-7")
         file = self.solve()[1]
-        self.check_good(file)
+        self.check_good(file, bound=1e-7)
         for side in ("left", "right"):
             self.assertAlmostEqual(file["dotyk/contact"][side].attrs["force"][2], 1, delta=1e-9)
 

@@ -1,5 +1,6 @@
 #!/usr/bin/python3
-"""Responses through the whole factor, and through the contact unknowns' part of it: the same answers, and the log says which."""
+"""Responses through the whole factor, through the contact unknowns' part of it, and by the compliance as a matrix: the same answers, and the
+log says which."""
 import re
 
 import numpy as np
@@ -26,8 +27,14 @@ class Responses(dotyk_case.Case):
         self.assertNotIn("\n  condensed ", self.printed)
         condensed = self.run_form(name, "condensed", solver)
         self.assertRegex(self.printed, r"\n  condensed +\d+ bod(y|ies): factorization \S+ % more, a response \S+ % of")
-        for one, other in zip(whole, condensed):
-            np.testing.assert_allclose(one, other, rtol=0, atol=1e-10 * np.abs(one).max())
+        compliance = self.run_form(name, "compliance", solver)
+        self.assertNotIn("\n  condensed ", self.printed)
+        # The dual scheme takes the compliance as a matrix anyway.
+        pattern = r"\n  compliance +\d+ bod(y|ies): a matrix of the contact points, a response \S+ % of"
+        self.assertEqual(bool(re.search(pattern, self.printed)), "scheme=" in solver)
+        for one, two, three in zip(whole, condensed, compliance):
+            np.testing.assert_allclose(one, two, rtol=0, atol=1e-10 * np.abs(one).max())
+            np.testing.assert_allclose(one, three, rtol=0, atol=1e-10 * np.abs(one).max())
 
     def test_held_bodies(self):
         self.check("wavy", "theta_relative=0, tolerance=1e-12")
@@ -39,14 +46,15 @@ class Responses(dotyk_case.Case):
         self.check("bricks", "theta_relative=1e-3, tolerance=1e-12")
         self.check("receding", "theta_relative=1e-3, tolerance=1e-10, linear_solver='iterative'")
 
-    def test_the_cheaper_one(self):
-        """A line of contact in the plane: condensed. Contact on both faces of thin plates: not."""
+    def test_the_cheapest(self):
+        """Many steps with few points: a matrix. The dual scheme, contact on both faces of thin plates: nothing but the whole factor."""
         self.copy("wavy")
-        self.run_form("wavy", "auto", "theta_relative=0, tolerance=1e-8")
-        self.assertIn("\n  condensed ", self.printed)
+        self.run_form("wavy", "auto", "scheme='neumann', theta_relative=1, tolerance=1e-8")
+        self.assertIn("\n  compliance ", self.printed)
         self.copy("free_stack")
         self.run_form("free_stack", "auto", "theta_relative=0, tolerance=1e-8")
         self.assertNotIn("\n  condensed ", self.printed)
+        self.assertNotIn("\n  compliance ", self.printed)
 
 
 dotyk_case.main()
