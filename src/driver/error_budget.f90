@@ -41,7 +41,7 @@ module dotyk_driver_error_budget
     procedure :: others => budget_others
   end type error_budget_t
 
-  public :: estimate_errors, ask_for_more, first_tolerance
+  public :: estimate_errors, ask_for_more, first_tolerance, needs_displacements, estimates_mesh_error, estimates_penalty_error
 
   !> Answers to one scene at most: a rough one, one with a smaller theta, one with the tolerance that its errors ask for, and that again.
   integer, parameter, public :: most_rounds = 5
@@ -89,6 +89,24 @@ contains
     errors_decide = case%solver%stop_rule == stop_budget .or. .not. all(case%contact%theta_given)
   end function errors_decide
 
+  !> Whether the displacements of all nodes are needed.
+  pure logical function needs_displacements(case)
+    type(case_t), intent(in) :: case
+    needs_displacements = case%output%displacement .or. case%output%stress .or. estimates_mesh_error(case)
+  end function needs_displacements
+
+  !> Whether the error of the mesh is estimated: asked for, or needed by a rule.
+  pure logical function estimates_mesh_error(case)
+    type(case_t), intent(in) :: case
+    estimates_mesh_error = case%output%error_discretization .or. errors_decide(case)
+  end function estimates_mesh_error
+
+  !> Whether the error of the penalty is: the same.
+  pure logical function estimates_penalty_error(case)
+    type(case_t), intent(in) :: case
+    estimates_penalty_error = case%output%error_penalty .or. errors_decide(case)
+  end function estimates_penalty_error
+
   !> Estimate the errors of an answer, those that the input asks for or that a rule needs.
   subroutine estimate_errors(case, body, pair, surface_a, surface_b, solution, problem, compliance, result, budget, error)
     type(case_t), intent(in) :: case
@@ -109,12 +127,12 @@ contains
     real(dp) :: distance
     call budget%init()
     budget%norm = problem%norm(result%m, result%y, result%alpha/problem%coarse%scale)
-    if (case%output%error_discretization .or. errors_decide(case)) then
+    if (estimates_mesh_error(case)) then
       call estimate_mesh_error(body, pair, surface_a, surface_b, solution, problem%operator%pair_first_row, result%m, budget, error)
       if (allocated(error)) return
       if (.not. is_near(result)) call forget_mesh_error(budget)
     end if
-    if ((case%output%error_penalty .or. errors_decide(case)) .and. is_near(result)) then
+    if (estimates_penalty_error(case) .and. is_near(result)) then
       call estimate_penalty_error(problem, case%solver%linear_solver, scheme_of(case) == scheme_dual, compliance, result, &
                                   distance, error)
       if (allocated(error)) return

@@ -106,6 +106,7 @@ contains
     call file%put_attribute('summary', 'scheme', scheme)
     call file%put_attribute('summary', 'iterations', result%iterations)
     call file%put_attribute('summary', 'body_solves', problem%body_solves)
+    call file%put_attribute('summary', 'full_solves', problem%full_solves)
     call file%put_attribute('summary', 'gamma', result%gamma)
     call file%put_attribute('summary', 'lambda_max', result%lambda_max)
     call file%put_attribute('summary', 'q_predicted', result%q_predicted)
@@ -121,6 +122,7 @@ contains
     call file%put_attribute('summary', 'max_penetration', result%max_penetration)
     call file%put_attribute('summary', 'unknowns', sum(body%constraint%n_equations))
     call file%put_attribute('summary', 'contact_points', problem%operator%n_rows)
+    call file%put_attribute('summary', 'contact_points_left_out', result%left_out)
     call file%put_attribute('summary', 'free_motions', problem%coarse%n)
     undetermined = 0
     if (allocated(result%undetermined)) undetermined = size(result%undetermined, 2)

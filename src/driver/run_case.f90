@@ -9,9 +9,10 @@ module dotyk_driver_run_case
   use dotyk_driver_arguments, only: arguments_t
   use dotyk_driver_bodies, only: build_bodies, check_held, assemble_bodies
   use dotyk_driver_congruence, only: kinds_t
-  use dotyk_driver_error_budget, only: error_budget_t, ask_for_more, estimate_errors, first_tolerance, most_rounds
+  use dotyk_driver_error_budget, only: error_budget_t, ask_for_more, estimate_errors, first_tolerance, most_rounds, &
+    needs_displacements
   use dotyk_driver_factorization, only: factor_size_t, analyze_bodies, attach_bodies, factorize_bodies
-  use dotyk_driver_free_scene, only: solve_free_scene
+  use dotyk_driver_free_scene, only: free_body_t, solve_free_scene
   use dotyk_driver_pairs, only: find_pairs
   use dotyk_driver_parallel, only: use_threads, share_solves, set_blas_threads
   use dotyk_driver_pressures, only: pair_solution_t, nodal_field_t, project_pressures
@@ -19,7 +20,7 @@ module dotyk_driver_run_case
   use dotyk_driver_results, only: write_fields, write_pairs, write_summary, write_provenance, write_timing
   use dotyk_driver_scheme, only: needs_held_bodies, prepare_coarse_space, scheme_name, scheme_of, solve_scheme
   use dotyk_driver_screen, only: show_scene, show_bodies, show_pairs, show_factorization, &
-    show_budget, show_memory, show_responses, show_result, show_pair_result, show_timing
+    show_budget, show_left_out, show_memory, show_responses, show_result, show_pair_result, show_timing
   use dotyk_driver_timing, only: timing_t, stopwatch_t
   use dotyk_driver_version, only: version, compiler, build_type
   use dotyk_elasticity_body, only: body_t
@@ -54,6 +55,8 @@ module dotyk_driver_run_case
     !> Factors to come (n_bodies).
     type(factor_size_t), allocatable :: size_of(:)
     type(contact_problem_t) :: problem
+    !> What bodies do that touch nothing (n_bodies).
+    type(free_body_t), allocatable :: alone(:)
     type(explicit_compliance_t) :: compliance
     type(scheme_result_t) :: result
     type(error_budget_t) :: budget
@@ -152,7 +155,7 @@ contains
       call set_blas_threads(run%n_blas)
       call run%compliance%lend(problem, run%size_of%is_explicit)
       call set_blas_threads(1)
-      call solve_free_scene(run%body, problem, run%n_blas)
+      call solve_free_scene(run%body, problem, run%n_blas, run%alone)
       call prepare_coarse_space(run%body, problem)
     end associate
     if (.not. allocated(error)) call find_answer(run, error)
@@ -179,7 +182,12 @@ contains
       if (allocated(error)) return
       run%result%iterations = run%result%history%n
       call run%watch%lap(run%timing%iterate)
-      call recover_bodies(run%body, run%problem, run%result%m, run%result%alpha, run%case%output%stress, run%n_blas, run%solution)
+      if (needs_displacements(run%case)) then
+        call recover_bodies(run%body, run%problem, run%result%m, run%result%alpha, run%alone, run%case%output%stress, run%n_blas, &
+                            run%solution)
+      else
+        allocate (run%solution(size(run%body)))
+      end if
       call run%watch%lap(run%timing%recover)
       call estimate_errors(run%case, run%body, run%pair, run%surface_a, run%surface_b, run%solution, run%problem, &
                            run%compliance, run%result, run%budget, error)
@@ -190,6 +198,8 @@ contains
     end do
     call show_result(run%log, run%result, tolerance, run%problem%body_solves, run%timing%iterate)
     call show_budget(run%log, run%case%output, run%body, run%result, run%budget)
+    call show_left_out(run%log, run%case, run%result)
+    call run%problem%free_responses()
   end subroutine find_answer
 
   !> From the state of the scheme to what users look at.

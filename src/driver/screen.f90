@@ -6,7 +6,7 @@ module dotyk_driver_screen
   use dotyk_base_text, only: to_text
   use dotyk_contact_pair, only: contact_pair_t, points_quadrature
   use dotyk_driver_congruence, only: kinds_t
-  use dotyk_driver_error_budget, only: error_budget_t
+  use dotyk_driver_error_budget, only: error_budget_t, estimates_mesh_error, estimates_penalty_error, needs_displacements
   use dotyk_driver_factorization, only: factor_size_t
   use dotyk_driver_timing, only: timing_t
   use dotyk_driver_version, only: version
@@ -21,7 +21,7 @@ module dotyk_driver_screen
   implicit none
   private
   public :: show_scene, show_bodies, show_pairs, show_factorization, show_memory, show_budget, show_responses, &
-    show_result, show_pair_result, show_timing, outcome
+    show_left_out, show_result, show_pair_result, show_timing, outcome
 
 contains
 
@@ -239,6 +239,27 @@ contains
       if (value < 1.0e100_dp) text = to_text(100*value, 2)//' %'
     end function part
   end subroutine show_budget
+
+  !> What was not computed.
+  subroutine show_left_out(log, case, result)
+    type(log_t), intent(inout) :: log
+    type(case_t), intent(in) :: case
+    type(scheme_result_t), intent(in) :: result
+    character(:), allocatable :: line
+    line = ''
+    if (result%left_out > 0) call add(plural(result%left_out, 'contact point that stays', 'contact points that stay')//' open')
+    if (.not. needs_displacements(case)) call add('displacements')
+    if (.not. case%output%stress) call add('stresses')
+    if (.not. estimates_mesh_error(case)) call add('error of the mesh')
+    if (.not. estimates_penalty_error(case)) call add('error of the penalty')
+    if (len(line) > 0) call log%line('  left out         '//line)
+  contains
+    subroutine add(text)
+      character(*), intent(in) :: text
+      if (len(line) > 0) line = line//', '
+      line = line//text
+    end subroutine add
+  end subroutine show_left_out
 
   !> One line of a pair's result.
   subroutine show_pair_result(log, name, force, peak, active, points)

@@ -5,7 +5,7 @@ module dotyk_linalg_blas
   implicit none
   private
   public :: set_blas_threads, blas_threads, blas_name, add_lower_product, add_product, multiply_part, solve_lower, &
-    transposed_product
+    transposed_product, dgemm, dpotrf, dsyrk, dtrsm
 
   interface
     subroutine dgemm(transa, transb, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc)
@@ -23,6 +23,14 @@ module dotyk_linalg_blas
       real(dp), intent(in) :: alpha, beta, a(lda, *)
       real(dp), intent(inout) :: c(ldc, *)
     end subroutine dsyrk
+
+    subroutine dpotrf(uplo, n, a, lda, info)
+      import :: dp
+      character(1), intent(in) :: uplo
+      integer, intent(in) :: n, lda
+      real(dp), intent(inout) :: a(lda, *)
+      integer, intent(out) :: info
+    end subroutine dpotrf
 
     subroutine dtrsm(side, uplo, transa, diag, m, n, alpha, a, lda, b, ldb)
       import :: dp

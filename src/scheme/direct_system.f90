@@ -1,15 +1,14 @@
 !> The system of an active set by factorization.
 !>
-!> M consists of one dense block per couple of pairs that share a body. It is factorized as a sparse matrix, pairs ordered by nested
+!> M consists of one dense block per couple of pairs that share a body. It is factorized block by block, pairs ordered by nested
 !> dissection, and the border goes by its Schur complement `S = G^T M^{-1} G`, whose null space are the motions that the active points
 !> do not hold. With theta = 0 points can say the same thing twice, and M is singular: what is factorized is M plus a small part of
 !> its diagonal, and the solution is refined with the true M. This is the proximal point method: it keeps the consistent part exact
 !> and gives redundant points the forces of least norm.
 module dotyk_scheme_direct_system
   use dotyk_base_error, only: error_t, set_error, exit_not_solvable
-  use dotyk_base_kinds, only: dp, int64
-  use dotyk_linalg_cholesky, only: cholesky_t
-  use dotyk_linalg_sparse, only: sparse_symmetric_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_linalg_block_cholesky, only: block_cholesky_t
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_explicit, only: explicit_compliance_t
   use dotyk_scheme_pair_graph, only: couple_pairs, order_pairs
@@ -19,7 +18,7 @@ module dotyk_scheme_direct_system
 
   !> The factorized system. It owns a factor: never copy it, destroy it in the end.
   type, extends(active_system_t), public :: direct_system_t
-    type(cholesky_t), private :: factor
+    type(block_cholesky_t), private :: factor
     !> Diagonal of M (n) [length/force].
     real(dp), allocatable, private :: diagonal(:)
     !> theta/w (n) [length/force].
@@ -55,9 +54,6 @@ contains
     type(error_t), allocatable, intent(out) :: error
     !> Spring on each motion; none where not given (coarse%n) [force/length].
     real(dp), intent(in), optional :: hold(:)
-    type(sparse_symmetric_t) :: matrix
-    integer, allocatable :: permutation(:)
-    integer(int64) :: k
     integer :: i, n, failed
     call self%destroy()
     self%row = pack([(i, i=1, size(active))], active)
@@ -65,115 +61,77 @@ contains
     allocate (self%hold(problem%coarse%n), source=0.0_dp)
     if (present(hold)) self%hold = hold
     self%layer = theta(self%row)/problem%operator%weight(self%row)
-    call assemble(problem, compliance, self%row, active, matrix, permutation, error)
+    call assemble(self, problem, compliance, active, error)
     if (allocated(error)) return
     allocate (self%diagonal(n))
-    do i = 1, n
-      k = matrix%column_start(i) + 1
-      matrix%value(k) = matrix%value(k) + self%layer(i)
-      self%diagonal(i) = matrix%value(k)
-      matrix%value(k) = (1 + proximal_part)*matrix%value(k)
-    end do
-    call self%factor%analyze(matrix, permutation, error)
-    if (.not. allocated(error)) call self%factor%factorize_and_discard(matrix, failed, error)
-    if (.not. allocated(error) .and. failed > 0) call set_error(error, 'the compliance of the active contact points is '// &
+    call self%factor%add_diagonal(self%layer)
+    call self%factor%get_diagonal(self%diagonal)
+    call self%factor%add_diagonal(proximal_part*self%diagonal)
+    call self%factor%factorize(failed)
+    if (failed > 0) call set_error(error, 'the compliance of the active contact points is '// &
       'not positive definite', exit_not_solvable)
     if (allocated(error)) return
     call eliminate_border(self, problem, error)
   end subroutine direct_system_init
 
-  !> C on the active points, lower triangle, and the order of elimination.
-  subroutine assemble(problem, compliance, row, active, matrix, permutation, error)
+  !> C on the active points: what the bodies of two pairs that share them contribute to the pairs' block.
+  subroutine assemble(self, problem, compliance, active, error)
+    type(direct_system_t), intent(inout) :: self
     type(contact_problem_t), intent(in) :: problem
     type(explicit_compliance_t), intent(in) :: compliance
-    !> Active rows (n), and as marks (n_rows).
-    integer, intent(in) :: row(:)
+    !> (n_rows).
     logical, intent(in) :: active(:)
-    type(sparse_symmetric_t), intent(out) :: matrix
-    integer, allocatable, intent(out) :: permutation(:)
     type(error_t), allocatable, intent(out) :: error
     logical, allocatable :: coupled(:, :)
-    integer, allocatable :: first(:), number(:), pair_of(:), order(:), offset(:)
-    integer :: n, n_pairs, i, j, k, l, b
-    integer(int64) :: base
-    n = size(row)
+    integer, allocatable :: order(:), member(:), first(:), pair(:)
+    integer :: n_pairs, b, k, l
     associate (pair_first => problem%operator%pair_first_row)
       n_pairs = size(pair_first) - 1
-      allocate (number(size(active)), source=0)
-      allocate (first(n_pairs + 1), pair_of(n))
-      number(row) = [(i, i=1, n)]
-      first(1) = 1
-      do k = 1, n_pairs
-        first(k + 1) = first(k) + count(active(pair_first(k):pair_first(k + 1) - 1))
-        pair_of(first(k):first(k + 1) - 1) = k
+      call couple_pairs(problem, n_pairs, coupled)
+      call order_pairs(coupled, order, error)
+      if (allocated(error)) return
+      call self%factor%init([(count(active(pair_first(k):pair_first(k + 1) - 1)), k=1, n_pairs)], coupled, order, error)
+      if (allocated(error)) return
+      do b = 1, size(compliance%body)
+        associate (row => problem%operator%block(b)%row, number => compliance%body(b)%number)
+          ! The body's active rows, pair by pair, as numbers in its matrix.
+          member = pack(number, active(row))
+          call find_runs(pack(row, active(row)), pair_first, pair, first)
+        end associate
+        do k = 1, size(pair)
+          do l = 1, k
+            call self%factor%add(pair(k), pair(l), &
+                                 compliance%body(b)%value(member(first(k):first(k + 1) - 1), member(first(l):first(l + 1) - 1)))
+          end do
+        end do
       end do
     end associate
-    call couple_pairs(problem, n_pairs, coupled)
-    call order_pairs(coupled, order, error)
-    if (allocated(error)) return
-    permutation = [((i, i=first(order(k)), first(order(k) + 1) - 1), k=1, n_pairs)]
-
-    ! Column j has the rows of its own pair from j on, then all rows of the later pairs that are coupled to it.
-    matrix%n = n
-    allocate (matrix%column_start(n + 1))
-    matrix%column_start(1) = 0
-    do j = 1, n
-      k = pair_of(j)
-      base = first(k + 1) - j
-      do l = k + 1, n_pairs
-        if (coupled(l, k)) base = base + first(l + 1) - first(l)
-      end do
-      matrix%column_start(j + 1) = matrix%column_start(j) + base
-    end do
-    allocate (matrix%row(matrix%column_start(n + 1)), matrix%value(matrix%column_start(n + 1)))
-    matrix%value = 0
-    do j = 1, n
-      base = matrix%column_start(j)
-      do l = pair_of(j), n_pairs
-        if (.not. coupled(l, pair_of(j))) cycle
-        do i = max(j, first(l)), first(l + 1) - 1
-          base = base + 1
-          matrix%row(base) = i - 1
-        end do
-      end do
-    end do
-    allocate (offset(n_pairs))
-    do b = 1, size(problem%operator%block)
-      associate (body => compliance%body(b), rows => problem%operator%block(b)%row(compliance%body(b)%row))
-        do l = 1, body%n
-          j = number(rows(l))
-          if (j == 0) cycle
-          ! Place of active point i of pair k in column j: column_start + offset(k) + i.
-          base = matrix%column_start(j)
-          do k = pair_of(j), n_pairs
-            if (.not. coupled(k, pair_of(j))) cycle
-            offset(k) = int(base - matrix%column_start(j)) - max(j, first(k)) + 1
-            base = base + first(k + 1) - max(j, first(k))
-          end do
-          call add_column(rows, number, pair_of, offset, j, body%value(:, l), &
-                          matrix%value(matrix%column_start(j) + 1:matrix%column_start(j + 1)))
-        end do
-      end associate
-    end do
   end subroutine assemble
 
-  !> Add one column of a body's compliance.
-  pure subroutine add_column(rows, number, pair_of, offset, j, column, value)
-    !> Rows of the body; their numbers among the active ones, 0 where they are not; the pairs of those.
-    integer, intent(in) :: rows(:), number(:), pair_of(:)
-    !> See `assemble`.
-    integer, intent(in) :: offset(:)
-    !> Number of the column.
-    integer, intent(in) :: j
-    real(dp), intent(in) :: column(:)
-    real(dp), intent(inout) :: value(:)
-    integer :: i, m
-    do m = 1, size(rows)
-      i = number(rows(m))
-      if (i < j) cycle
-      value(offset(pair_of(i)) + i) = value(offset(pair_of(i)) + i) + column(m)
+  !> Where the rows of each pair stand in a list of rows.
+  subroutine find_runs(row, pair_first, pair, first)
+    !> Ascending.
+    integer, intent(in) :: row(:)
+    !> First row of each pair (n_pairs + 1).
+    integer, intent(in) :: pair_first(:)
+    !> Pairs that are there (n), and the place of the first row of each (n + 1).
+    integer, allocatable, intent(out) :: pair(:), first(:)
+    integer :: i, k
+    allocate (pair(0), first(0))
+    k = 0
+    do i = 1, size(row)
+      if (k > 0) then
+        if (row(i) < pair_first(k + 1)) cycle
+      end if
+      do
+        k = k + 1
+        if (row(i) < pair_first(k + 1)) exit
+      end do
+      pair = [pair, k]
+      first = [first, i]
     end do
-  end subroutine add_column
+    first = [first, size(row) + 1]
+  end subroutine find_runs
 
   !> The Schur complement of the border and its pseudo-inverse.
   subroutine eliminate_border(self, problem, error)
@@ -187,7 +145,7 @@ contains
     allocate (self%g(n, r))
     call problem%coarse%rows(self%row, self%g)
     self%x = self%g
-    if (n > 0 .and. r > 0) call self%factor%solve_block(self%x)
+    if (n > 0 .and. r > 0) call self%factor%solve(self%x)
     schur = matmul(transpose(self%g), self%x)
     do i = 1, r
       schur(i, i) = schur(i, i) + self%hold(i)
@@ -218,8 +176,7 @@ contains
     alpha = 0
     previous = huge(previous)
     do k = 1, most_steps
-      step = r_b
-      call self%factor%solve(step)
+      step = solve_one(self%factor, r_b)
       step_alpha = matmul(self%schur_inverse, r_c - matmul(step, self%g))
       step = step + matmul(self%x, step_alpha)
       all_forces(self%row) = lambda + step
@@ -235,6 +192,16 @@ contains
       previous = residual
     end do
   end subroutine direct_system_solve
+
+  !> The solution for one right-hand side.
+  function solve_one(factor, b) result(x)
+    type(block_cholesky_t), intent(in) :: factor
+    real(dp), intent(in) :: b(:)
+    real(dp) :: x(size(b)), column(size(b), 1)
+    column(:, 1) = b
+    call factor%solve(column)
+    x = column(:, 1)
+  end function solve_one
 
   !> Give all memory back.
   subroutine direct_system_destroy(self)

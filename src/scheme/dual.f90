@@ -41,6 +41,8 @@ module dotyk_scheme_dual
 
   public :: solve_dual
 
+  !> Gaps that are none, as a part of the largest penetration or gap.
+  real(dp), parameter :: touching = 1.0e-9_dp
   !> How often points that were left out come back; then all of them do.
   integer, parameter :: most_rounds = 4
   !> A part of all points that is not worth leaving out: to look at them in the end takes a solve.
@@ -102,6 +104,7 @@ contains
     end do
     call system%destroy()
     result%iterations = result%history%n
+    result%left_out = count(.not. keep)
   end subroutine solve_dual
 
   !> Points that close where the bodies are rigid on elastic foundations.
@@ -124,7 +127,10 @@ contains
     end if
     call settle_bodies(problem, now, keep)
     ! Free bodies sink in more than the foundations say, or tilt.
-    if (problem%coarse%n > 0 .and. size(keep) > 0) keep = now%y > -maxval(now%y)
+    if (size(keep) == 0) return
+    if (problem%coarse%n > 0) keep = now%y > -maxval(now%y)
+    ! Faces that just touch.
+    keep = keep .or. abs(now%y) < touching*maxval(abs(now%y))
   end subroutine rows_to_begin_with
 
   !> A state on some of the rows.

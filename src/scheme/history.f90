@@ -57,6 +57,8 @@ module dotyk_scheme_history
     integer :: ended = ended_limit
     !> Steps done.
     integer :: iterations = 0
+    !> Contact points that were left out, as they stay open.
+    integer :: left_out = 0
     !> Relaxation parameter [].
     real(dp) :: gamma = 0
     !> Upper estimate of L [].

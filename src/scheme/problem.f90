@@ -45,6 +45,8 @@ module dotyk_scheme_problem
     real(dp) :: norm_free = 0
     !> Sweeps over all bodies so far.
     integer :: body_solves = 0
+    !> Solves with whole factors for the displacements of bodies.
+    integer :: full_solves = 0
     !> True: bodies are solved side by side; false: one after the other (each with all BLAS threads).
     logical :: side_by_side = .true.
     !> Cost of one solve of each body (n_bodies), any unit.
@@ -60,6 +62,7 @@ module dotyk_scheme_problem
     procedure :: norm => problem_norm
     procedure :: energy => problem_energy
     procedure :: body_force => problem_body_force
+    procedure :: free_responses => problem_free_responses
     procedure :: destroy => problem_destroy
   end type contact_problem_t
 
@@ -221,16 +224,21 @@ contains
     end associate
   end subroutine problem_body_force
 
+  !> Give back the factors, once nothing is left to solve.
+  subroutine problem_free_responses(self)
+    class(contact_problem_t), intent(inout) :: self
+    integer :: b
+    if (.not. allocated(self%response)) return
+    do b = 1, size(self%response)
+      if (allocated(self%response(b)%form)) call self%response(b)%form%destroy()
+    end do
+    deallocate (self%response)
+  end subroutine problem_free_responses
+
   !> Give back all memory.
   subroutine problem_destroy(self)
     class(contact_problem_t), intent(inout) :: self
-    integer :: b
-    if (allocated(self%response)) then
-      do b = 1, size(self%response)
-        if (allocated(self%response(b)%form)) call self%response(b)%form%destroy()
-      end do
-      deallocate (self%response)
-    end if
+    call self%free_responses()
     if (allocated(self%work)) deallocate (self%work, self%sequence)
     if (allocated(self%y_free)) deallocate (self%y_free, self%y_load)
     if (allocated(self%foundation)) deallocate (self%foundation)

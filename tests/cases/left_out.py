@@ -1,0 +1,82 @@
+#!/usr/bin/python3
+"""A scene pays for what it uses: what is left out, by the log's and the results' account, and that the rest stays the same."""
+import re
+
+import numpy as np
+
+import dotyk_case
+
+
+class LeftOut(dotyk_case.Case):
+    def run_scene(self, name, replace=(), code=0):
+        """Run an example with some of its lines replaced; log and results."""
+        if not (self.folder / name).exists():
+            self.copy(name)
+        text = (dotyk_case.INPUTS / name / (name + ".nml")).read_text()
+        for pattern, by in replace:
+            text, n = re.subn(r"(?m)^" + pattern, by, text)
+            self.assertGreater(n, 0)
+        self.write(name + "/case.nml", text)
+        printed = self.dotyk(name + "/case.nml", "--output", "case.vtkhdf", code=code)
+        file = self.results("case.vtkhdf")
+        return printed, file, file["dotyk/summary"].attrs
+
+    def test_no_contact(self):
+        """No pairs: no search, one solve of the body with loads or given displacements, none of the other."""
+        printed, file, summary = self.run_scene("wavy", [("&contact.*$", ""), ("&solver.*$", "")])
+        self.assertIn("no contact pairs: no search", printed)
+        self.assertEqual(summary["contact_points"], 0)
+        self.assertEqual(summary["body_solves"], 0)
+        self.assertEqual(summary["full_solves"], 1)
+        self.assertGreater(np.abs(file["VTKHDF/PointData/displacement"]).max(), 0)
+
+    def test_solves_of_a_contact_scene(self):
+        """One for the body that is loaded, and one of each body for the displacements in the end."""
+        _, _, summary = self.run_scene("wavy", [("&solver.*$", "&solver theta_relative=1e-2, tolerance=1e-8 /")])
+        self.assertEqual(summary["full_solves"], 3)
+
+    def test_only_what_was_asked_for(self):
+        """Nothing but contact: no displacements (no solve for them), no stresses, no estimates; the same pressures."""
+        solver = ("&solver.*$", "&solver theta_relative=1e-2, tolerance=1e-8 /")
+        printed, file, summary = self.run_scene("wavy", [solver])
+        self.assertNotIn("error of the mesh", printed)
+        self.assertNotIn("stresses", printed)
+        self.assertTrue(np.isfinite(summary["error_discretization"]))
+        pressure = file["dotyk/contact/wave/pressure"][:]
+        output = ("&solver.*$", solver[1] + "\n&output fields='contact', error_parts='' /")
+        printed, file, summary = self.run_scene("wavy", [output])
+        for part in ("displacements", "stresses", "error of the mesh", "error of the penalty"):
+            self.assertRegex(printed, r"\n  left out +.*" + part)
+        self.assertEqual(summary["full_solves"], 1)
+        self.assertTrue(np.isnan(summary["error_discretization"]))
+        self.assertTrue(np.isnan(summary["error_penalty"]))
+        self.assertNotIn("displacement", file["VTKHDF/PointData"])
+        self.assertNotIn("stress", file["VTKHDF/CellData"])
+        np.testing.assert_allclose(file["dotyk/contact/wave/pressure"][:], pressure, rtol=0, atol=1e-12 * pressure.max())
+
+    def test_estimates_that_a_rule_needs(self):
+        """Without theta the error of the mesh decides about it: it is computed all the same."""
+        printed, _, summary = self.run_scene("wavy", [("&solver.*$", "&output fields='contact', error_parts='' /")])
+        self.assertNotIn("error of the mesh", printed)
+        self.assertTrue(np.isfinite(summary["error_discretization"]))
+        self.assertEqual(summary["full_solves"], 3)
+
+    def test_points_that_stay_open(self):
+        """Points of a groove that does not close down to its end are not in the systems, and the answer is that of all points."""
+        solver = ("&solver.*$", "&solver theta_relative=1e-2, tolerance=1e-10, linear_solver='%s' /")
+        few, many = ([(solver[0], solver[1] % kind)] for kind in ("direct", "iterative"))
+        printed, file, summary = self.run_scene("groove_row", few)
+        left_out = summary["contact_points_left_out"]
+        self.assertGreater(left_out, 0)
+        self.assertIn("%d contact points that stay open" % left_out, printed)
+        pair = next(iter(file["dotyk/contact"].values()))
+        pressure, gap = pair["pressure"][:], pair["gap"][:]
+        self.assertLessEqual(np.count_nonzero(pressure), len(pressure) - left_out)
+        _, file, summary = self.run_scene("groove_row", many)
+        self.assertEqual(summary["contact_points_left_out"], 0)
+        pair = next(iter(file["dotyk/contact"].values()))
+        np.testing.assert_allclose(pressure, pair["pressure"][:], rtol=0, atol=1e-8 * pressure.max())
+        np.testing.assert_allclose(gap, pair["gap"][:], rtol=0, atol=1e-8 * np.abs(gap).max())
+
+
+dotyk_case.main()
