@@ -6,7 +6,7 @@ module dotyk_driver_bodies
   use dotyk_base_text, only: to_text
   use dotyk_driver_congruence, only: kinds_t
   use dotyk_driver_materials, only: build_material
-  use dotyk_driver_parallel, only: largest_first, taken_alone
+  use dotyk_driver_parallel, only: largest_first
   use dotyk_driver_volumes, only: volume_t
   use dotyk_elasticity_analysis, only: analysis_3d, analysis_plane_strain, analysis_plane_stress, analysis_axisymmetric
   use dotyk_elasticity_body, only: body_t, free_rigid_motions
@@ -234,11 +234,14 @@ contains
     type(problem_list_t) :: problems
     type(error_slot_t), allocatable :: failed(:)
     integer :: i, b, order(size(body))
-    logical :: alone(size(body)), leads(size(body))
+    logical :: alone(size(body))
+    real(dp) :: share
     allocate (failed(size(body)))
     order = largest_first(real(body%constraint%n_equations, dp))
-    leads = [(kinds%leads(b), b=1, size(body))]
-    alone = taken_alone(merge(real(body%constraint%n_equations, dp), 0.0_dp, leads), omp_get_max_threads())
+    ! Larger than one thread's share of all: the others would wait for it.
+    share = sum(real(body%constraint%n_equations, dp), mask=[(kinds%leads(b), b=1, size(body))])/omp_get_max_threads()
+    alone = .false.
+    if (omp_get_max_threads() > 1) alone = [(kinds%leads(b) .and. body(b)%constraint%n_equations > 1.2_dp*share, b=1, size(body))]
     do b = 1, size(body)
       if (alone(b)) call body(b)%assemble(failed(b)%error)
     end do

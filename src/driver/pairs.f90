@@ -21,13 +21,15 @@ module dotyk_driver_pairs
   private
   public :: find_pairs, foundation_compliance
 
+  !> Depth of the elastic layer that stands for a body's compliance, relative to the body's size: about that of a contact zone.
+  real(dp), parameter :: foundation_depth = 0.1_dp
+  !> So many pairs for each thread are many.
+  integer, parameter :: many = 8
+
   !> A place for one pair's error.
   type :: error_slot_t
     type(error_t), allocatable :: error
   end type error_slot_t
-
-  !> Depth of the elastic layer that stands for a body's compliance, relative to the body's size: about that of a contact zone.
-  real(dp), parameter :: foundation_depth = 0.1_dp
 
 contains
 
@@ -45,17 +47,18 @@ contains
     type(error_slot_t), allocatable :: failed(:)
     integer :: k
     allocate (pair(size(case%contact)), failed(size(case%contact)))
-    ! Few pairs are searched one after the other, each with all threads.
+    ! A few pairs share out their points, many are shared out themselves.
     !$omp parallel do default(none) shared(case, body, surface_a, surface_b, pair, failed) schedule(dynamic, 1) &
-    !$omp& if (size(pair) >= 2*omp_get_max_threads())
+    !$omp& if (size(pair) >= many*omp_get_max_threads())
     do k = 1, size(pair)
-      call search_pair(case, case%contact(k), body(case%contact(k)%body_a), surface_a(k), body(case%contact(k)%body_b), &
-                       surface_b(k), pair(k), failed(k)%error)
+      associate (given => case%contact(k))
+        call search_pair(case, given, body(given%body_a), surface_a(k), body(given%body_b), surface_b(k), pair(k), failed(k)%error)
+      end associate
     end do
     !$omp end parallel do
     do k = 1, size(pair)
-      if (allocated(failed(k)%error)) failed(k)%error%message = case%file//':'//to_text(case%contact(k)%line)//': '// &
-        failed(k)%error%message
+      if (allocated(failed(k)%error)) &
+        failed(k)%error%message = case%file//':'//to_text(case%contact(k)%line)//': '//failed(k)%error%message
       call problems%add_error(failed(k)%error)
     end do
     call problems%raise(error)
