@@ -9,7 +9,7 @@ RATIOS = ['scene', 'theta', 'errors', 'total', 'ratio', 'processor', 'bound', *P
 REFERENCE = ['scene', 'unknowns', 'order', 'factorize', 'Gflop', 'entries', 'own order', 'own factorize', 'own Gflop',
              'own entries', 'DGEMM', 'part of DGEMM', 'own part']
 THREADS = ['scene', 'phase', 'one', 'two', 'ratio', 'pair', 'reach', 'bound']
-CHAIN = ['scene', 'errors', 'bodies', 'total', 'once', 'solve', 'output', 'sweeps', 'condensed', 'ratio', 'bound']
+CHAIN = ['scene', 'errors', 'bodies', 'total', 'once', 'solve', 'output', 'sweeps', 'condensed', 'no sweeps', 'ratio', 'bound']
 
 
 def number(value):
@@ -115,7 +115,7 @@ def threads(rows, scenes):
 
 def chain(rows):
     """Many equal bodies over twice one factorization and, for each body, a solve, its part of the output, and sweeps with the
-    condensed factor, where a sweep is a right-hand side."""
+    condensed factor, where a sweep is a right-hand side (no sweeps: without them)."""
     made = []
     for name, errors in [(name, errors) for name in ('chain', 'chain_placed') for errors in ('with', 'without')]:
         plain = least(chosen(rows, scene=name, program='cholmod'))
@@ -128,6 +128,7 @@ def chain(rows):
                'condensed': plain['condensed']}
         each = row['solve'] + row['output'] + row['sweeps']*row['condensed']
         row['ratio'] = row['total']/(2*row['once'] + bodies*each)
+        row['no sweeps'] = row['total']/(2*row['once'] + bodies*(row['solve'] + row['output']))
         made.append({**row, **phases(best), 'bound': 1})
     return made
 
@@ -159,7 +160,7 @@ def write(folder, rows, scenes, machine, profiles):
                   table(THREADS, made)]
     made = chain(rows)
     if made:
-        keys = CHAIN[:-2] + [key for key in made[0] if key not in CHAIN] + CHAIN[-2:]
+        keys = CHAIN[:-3] + [key for key in made[0] if key not in CHAIN] + CHAIN[-3:]
         parts += ['Chain of equal bodies; once: factorization of one\n', table(keys, made)]
     text = '\n'.join(parts + profiles)
     with open(os.path.join(folder, 'benchmark.md'), 'w') as file:

@@ -1,11 +1,10 @@
 !> From assembled bodies to responses: order, analyse, factorize.
 module dotyk_driver_factorization
-  use omp_lib, only: omp_get_max_threads
   use dotyk_base_error, only: error_t, problem_list_t, add_context
   use dotyk_base_kinds, only: dp, int64
   use dotyk_contact_operator, only: contact_block_t
   use dotyk_driver_congruence, only: kinds_t
-  use dotyk_driver_parallel, only: largest_first, taken_alone, set_blas_threads
+  use dotyk_driver_parallel, only: largest_first, set_blas_threads
   use dotyk_elasticity_body, only: body_t
   use dotyk_response_demand, only: response_demand_t
   use dotyk_response_full, only: full_response_t
@@ -150,9 +149,10 @@ contains
     end do
   end subroutine attach_bodies
 
-  !> Factorize the first bodies of all kinds: the ones that are much larger than the rest alone, then the others side by side. Their stiffnesses are
-  !> given back one by one.
-  subroutine factorize_bodies(body, kinds, response, size_of, reproducible, error)
+  !> Factorize the first bodies of all kinds, the largest first: as many side by side as there are threads, and threads that no
+  !> body is left for help the others with theirs. Their stiffnesses are given back one by one. The digits are the same on any
+  !> number of threads.
+  subroutine factorize_bodies(body, kinds, response, size_of, error)
     !> Assembled (n_bodies); without stiffness on return.
     type(body_t), intent(inout) :: body(:)
     type(kinds_t), intent(in) :: kinds
@@ -160,28 +160,23 @@ contains
     type(response_slot_t), intent(inout) :: response(:)
     !> Sizes of the factors (n_bodies).
     type(factor_size_t), intent(in) :: size_of(:)
-    !> The same digits on any number of threads.
-    logical, intent(in) :: reproducible
     type(error_t), allocatable, intent(out) :: error
     type(error_slot_t), allocatable :: failed(:)
-    logical :: alone(size(body))
     integer :: i, b, order(size(body))
     allocate (failed(size(body)))
     order = largest_first(size_of%flops)
-    alone = .false.
-    if (.not. reproducible) alone = taken_alone(size_of%flops, omp_get_max_threads())
-    call set_blas_threads(merge(1, omp_get_max_threads(), reproducible))
-    do i = 1, size(body)
-      b = order(i)
-      if (alone(b)) call factorize_body(body(b), response(b), failed(b)%error)
-    end do
     call set_blas_threads(1)
-    !$omp parallel do default(none) shared(body, kinds, response, failed, order, alone) private(b) schedule(dynamic, 1)
+    !$omp parallel default(none) shared(body, kinds, response, failed, order) private(i, b)
+    !$omp single
     do i = 1, size(body)
       b = order(i)
-      if (kinds%leads(b) .and. .not. alone(b)) call factorize_body(body(b), response(b), failed(b)%error)
+      if (.not. kinds%leads(b)) cycle
+      !$omp task default(none) shared(body, response, failed) firstprivate(b)
+      call factorize_body(body(b), response(b), failed(b)%error)
+      !$omp end task
     end do
-    !$omp end parallel do
+    !$omp end single
+    !$omp end parallel
     call collect(body, failed, error)
     if (allocated(error)) return
     do b = 1, size(body)

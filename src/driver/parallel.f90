@@ -1,18 +1,14 @@
 !> How the machine is shared out over the bodies.
 !>
-!> Bodies are worked on side by side, one thread and one BLAS thread each, the largest first. A body that is so large that the
-!> others would wait for it is taken alone, with all BLAS threads.
+!> Bodies are worked on side by side, one thread and one BLAS thread each, the largest first. Threads that no body is left for help
+!> with the factorizations of the others, which are cut into tasks.
 module dotyk_driver_parallel
   use omp_lib, only: omp_get_num_procs, omp_set_num_threads, omp_get_max_threads
   use dotyk_base_kinds, only: dp
   use dotyk_linalg_blas, only: set_blas_threads
   implicit none
   private
-  public :: use_threads, largest_first, taken_alone, share_solves, set_blas_threads
-
-  !> A body is taken alone when one thread on it would take this many times longer than the other threads on the rest: all BLAS
-  !> threads on one factorization reach about 1/1.2 of what they reach on separate ones.
-  real(dp), parameter :: worth_waiting = 1.2_dp
+  public :: use_threads, largest_first, share_solves, set_blas_threads
 
   !> Entries of the other bodies' factors from which on solving them meanwhile pays: below, waiting for the other threads costs more,
   !> and much more on a busy machine.
@@ -64,23 +60,4 @@ contains
       order(k) = i
     end do
   end function largest_first
-
-  !> Which bodies are taken alone.
-  pure function taken_alone(cost, n_threads) result(alone)
-    !> Work of each body.
-    real(dp), intent(in) :: cost(:)
-    integer, intent(in) :: n_threads
-    logical :: alone(size(cost))
-    integer :: order(size(cost)), i
-    real(dp) :: rest
-    alone = .false.
-    if (n_threads < 2) return
-    order = largest_first(cost)
-    rest = sum(cost)
-    do i = 1, size(cost)
-      rest = rest - cost(order(i))
-      if (cost(order(i)) <= worth_waiting*rest/(n_threads - 1)) exit
-      alone(order(i)) = .true.
-    end do
-  end function taken_alone
 end module dotyk_driver_parallel

@@ -1,13 +1,17 @@
-!> Sparse Cholesky factorization by CHOLMOD's supernodal code, with 64-bit indices. The only module that names CHOLMOD.
+!> Sparse Cholesky factorization: CHOLMOD's symbolic analysis and solves, with 64-bit indices, and a numeric factorization in its
+!> structure by dotyk_linalg_multifrontal. The only module that names CHOLMOD.
 module dotyk_linalg_cholesky
   use, intrinsic :: iso_c_binding, only: c_ptr, c_null_ptr, c_associated, c_f_pointer, c_int, c_int64_t, c_double
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_error, only: error_t, set_error, exit_not_solvable
   use dotyk_base_text, only: to_text
+  use dotyk_linalg_multifrontal, only: factor_supernodes
   use dotyk_linalg_ordering, only: is_permutation
   use dotyk_linalg_sparse, only: sparse_symmetric_t
+  use dotyk_linalg_supernodes, only: diagonal_of, find_weakest_pivot, supernodes_t
   implicit none
   private
+  public :: supernodes_t
 
   !> Factor P K P^T = L L^T of a symmetric positive definite matrix K. It owns memory of CHOLMOD's: never assign one to
   !> another, and call `destroy` at the end. A factor is analyzed and factorized by one thread; after that any number of
@@ -22,7 +26,7 @@ module dotyk_linalg_cholesky
     integer(int64) :: n_supernodes = 0
     !> Memory of the factor [bytes].
     integer(int64) :: factor_bytes = 0
-    !> Memory that a factorization needs beside the factor and K: a permuted copy of K and the largest update [bytes].
+    !> Memory that a factorization needs beside the factor and K: a permuted copy of K and updates, about [bytes].
     integer(int64) :: workspace_bytes = 0
     !> Floating-point operations of a factorization.
     real(dp) :: flops = 0
@@ -50,23 +54,6 @@ module dotyk_linalg_cholesky
     procedure :: destroy => cholesky_destroy
   end type cholesky_t
 
-  !> The supernodes of a factor where CHOLMOD keeps them: for reading, as long as the factor is neither analyzed again nor destroyed.
-  !> All numbers and places are 0-based. Supernode s has the columns column_start(s)..column_start(s+1)-1 in the order of
-  !> elimination, the rows row(row_start(s)..row_start(s+1)-1), ascending, its own columns first, and the values from value_start(s) on,
-  !> a dense block by columns.
-  type, public :: supernodes_t
-    !> Number of supernodes.
-    integer(int64) :: n = 0
-    !> (0:n)
-    integer(int64), pointer, contiguous :: column_start(:) => null(), row_start(:) => null(), value_start(:) => null()
-    !> (0:number of rows - 1)
-    integer(int64), pointer, contiguous :: row(:) => null()
-    !> The equation that comes k-th (0:order - 1).
-    integer(int64), pointer, contiguous :: permutation(:) => null()
-    !> (0:factor_entries - 1); not associated before the factorization.
-    real(dp), pointer, contiguous :: value(:) => null()
-  end type supernodes_t
-
   !> The shim's struct of the same name.
   type, bind(c) :: statistics_t
     integer(c_int64_t) :: entries
@@ -77,7 +64,7 @@ module dotyk_linalg_cholesky
   end type statistics_t
 
   ! What the shim returns, and the parts of a solve that it knows.
-  integer(c_int), parameter :: code_ok = 0, code_out_of_memory = 1, code_not_positive = 2, code_too_large = 3
+  integer(c_int), parameter :: code_ok = 0, code_out_of_memory = 1, code_too_large = 3
   integer(c_int), parameter :: part_whole = 0, part_forward = 1, part_backward = 2
   !> Right-hand sides that are solved for at a time.
   integer, parameter :: block_size = 64
@@ -108,12 +95,16 @@ module dotyk_linalg_cholesky
       real(c_double), intent(in) :: value(*)
     end function dotyk_cholmod_permute
 
-    integer(c_int) function dotyk_cholmod_factorize(handle, failed, weakest, ratio) bind(c)
-      import :: c_ptr, c_int, c_int64_t, c_double
+    integer(c_int) function dotyk_cholmod_begin(handle, start, row, value) bind(c)
+      import :: c_ptr, c_int
       type(c_ptr), value :: handle
-      integer(c_int64_t), intent(out) :: failed, weakest
-      real(c_double), intent(out) :: ratio
-    end function dotyk_cholmod_factorize
+      type(c_ptr), intent(out) :: start, row, value
+    end function dotyk_cholmod_begin
+
+    subroutine dotyk_cholmod_end(handle) bind(c)
+      import :: c_ptr
+      type(c_ptr), value :: handle
+    end subroutine dotyk_cholmod_end
 
     integer(c_int) function dotyk_cholmod_solve(handle, part, n, m, x) bind(c)
       import :: c_ptr, c_int, c_int64_t, c_double
@@ -244,22 +235,36 @@ contains
     integer, intent(out) :: failed_column
     !> Out of memory.
     type(error_t), allocatable, intent(out) :: error
-    integer(c_int64_t) :: failed, weakest
-    integer(c_int) :: code
-    real(c_double) :: ratio
+    type(supernodes_t) :: supernodes
+    type(c_ptr) :: address(3)
+    integer(int64), pointer, contiguous :: start(:), row(:)
+    real(dp), pointer, contiguous :: value(:)
+    real(dp), allocatable :: diagonal(:)
+    logical :: out_of_memory
     failed_column = 0
     if (self%n > 0) then
-      code = dotyk_cholmod_factorize(self%handle, failed, weakest, ratio)
-      if (code == code_not_positive) then
-        failed_column = int(failed)
+      call raise(dotyk_cholmod_begin(self%handle, address(1), address(2), address(3)), 'factorization', self, error)
+      if (allocated(error)) return
+      call c_f_pointer(address(1), start, [self%n + 1])
+      call c_f_pointer(address(2), row, [start(self%n + 1)])
+      call c_f_pointer(address(3), value, [start(self%n + 1)])
+      call self%supernodes(supernodes)
+      diagonal = diagonal_of(self%n, start, row, value)
+      call factor_supernodes(supernodes, start, row, value, failed_column, out_of_memory)
+      call dotyk_cholmod_end(self%handle)
+      if (out_of_memory) call raise(code_out_of_memory, 'factorization', self, error)
+      if (allocated(error)) return
+      if (failed_column > 0) then
+        self%weakest_equation = int(supernodes%permutation(failed_column - 1)) + 1
+      else
+        call find_weakest_pivot(supernodes, diagonal, self%weakest_pivot, self%weakest_equation)
+        if (.not. self%weakest_pivot > 0) failed_column = 1
+      end if
+      if (failed_column > 0) then
+        failed_column = self%weakest_equation
         self%weakest_pivot = 0
-        self%weakest_equation = failed_column
         return
       end if
-      call raise(code, 'factorization', self, error)
-      if (allocated(error)) return
-      self%weakest_pivot = ratio
-      self%weakest_equation = int(weakest)
     end if
     self%factorized = .true.
   end subroutine factorize_taken

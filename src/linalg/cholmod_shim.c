@@ -1,7 +1,7 @@
 /* CHOLMOD behind an opaque handle: one cholmod_common and one supernodal factor each, 64-bit indices.
  *
  * The struct layouts of cholmod.h are known here and nowhere else. Every function returns one of the codes below. A
- * handle is changed by analyze, permute and factorize, one thread at a time; solves only read it, so that several
+ * handle is changed by analyze, permute, begin and end, one thread at a time; solves only read it, so that several
  * threads may solve with one factor at the same time. */
 #include <stdint.h>
 #include <stdlib.h>
@@ -24,7 +24,7 @@ typedef struct {
   int64_t entries;         /* entries of the factor that are stored, zeros inside supernodes included */
   int64_t supernodes;      /* number of supernodes */
   int64_t factor_bytes;    /* memory of the factor */
-  int64_t workspace_bytes; /* memory that a factorization needs beside the factor and the matrix */
+  int64_t workspace_bytes; /* memory that a factorization needs beside the factor and the matrix, about */
   double flops;            /* floating-point operations of a factorization */
 } statistics_t;
 
@@ -178,58 +178,24 @@ int dotyk_cholmod_permute(void *handle, const int64_t *start, const int64_t *row
   return OK;
 }
 
-/* Numeric factorization of what permute left, which is given back. failed: 1-based equation whose pivot is not
- * positive, or 0. weakest, ratio: the equation that elimination leaves the smallest part of its diagonal entry, and
- * that part. */
-int dotyk_cholmod_factorize(void *handle, int64_t *failed, int64_t *weakest, double *ratio) {
+/* Take memory for the values of the factor, and tell where they and what permute left are. */
+int dotyk_cholmod_begin(void *handle, void **start, void **row, void **value) {
   handle_t *h = handle;
-  cholmod_common *c = &h->common;
-  const SuiteSparse_long *permutation = h->L->Perm;
-  int64_t n = h->n;
-  *failed = *weakest = 0;
-  *ratio = 1;
   if (!h->permuted) return INVALID;
-  double *diagonal = malloc((size_t)(n + 1) * sizeof *diagonal);
-  if (!diagonal) return OUT_OF_MEMORY;
-  const int64_t *first = h->permuted->p, *row = h->permuted->i;
-  const double *value = h->permuted->x;
-  for (int64_t k = 0; k < n; k++) {
-    diagonal[k] = 0;
-    for (int64_t p = first[k]; p < first[k + 1]; p++) {
-      if (row[p] == k) diagonal[k] = value[p];
-    }
+  if (!h->L->x) {
+    cholmod_l_change_factor(CHOLMOD_REAL, 1, 1, 1, 1, h->L, &h->common);
+    if (!h->L->x) return code_of_status(&h->common) == OK ? INVALID : code_of_status(&h->common);
   }
-  double beta[2] = {0, 0};
-  int levels = forbid_threads();
-  cholmod_l_super_numeric(h->permuted, NULL, beta, h->L, c);
-  omp_set_max_active_levels(levels);
-  cholmod_l_free_sparse(&h->permuted, c);
-  cholmod_l_free_work(c);
-  int code = code_of_status(c);
-  const cholmod_factor *L = h->L;
-  if (code == OK && L->minor >= L->n) {
-    const int64_t *super = L->super, *pi = L->pi, *px = L->px;
-    const double *x = L->x;
-    for (int64_t s = 0; s < (int64_t)L->nsuper; s++) {
-      int64_t rows = pi[s + 1] - pi[s];
-      for (int64_t k = super[s]; k < super[s + 1]; k++) {
-        double pivot = x[px[s] + (k - super[s]) * (rows + 1)];
-        double part = pivot * pivot / diagonal[k];
-        if (!(part > 0)) { /* NaN too: LAPACK does not always see it */
-          if (!*failed) *failed = permutation[k] + 1;
-        } else if (part < *ratio || *weakest == 0) {
-          *ratio = part;
-          *weakest = permutation[k] + 1;
-        }
-      }
-    }
-    if (*failed) code = NOT_POSITIVE;
-  } else if (code == OK || code == NOT_POSITIVE) {
-    *failed = permutation[L->minor < L->n ? L->minor : L->n - 1] + 1;
-    code = NOT_POSITIVE;
-  }
-  free(diagonal);
-  return code;
+  *start = h->permuted->p;
+  *row = h->permuted->i;
+  *value = h->permuted->x;
+  return OK;
+}
+
+/* Give back what permute left. */
+void dotyk_cholmod_end(void *handle) {
+  handle_t *h = handle;
+  cholmod_l_free_sparse(&h->permuted, &h->common);
 }
 
 /* The equations of the last m columns of L (1-based). */
