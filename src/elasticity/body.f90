@@ -62,6 +62,9 @@ module dotyk_elasticity_body
 
   public :: node_graph, strain_energy, free_rigid_motions
 
+  !> Resultants below this part of what makes them up are rounding errors.
+  real(dp), parameter :: rounding = 1.0e-13_dp
+
 contains
 
   !> Find the free rigid motions. `assemble` does it where it was not done before.
@@ -86,11 +89,10 @@ contains
     !> Allocated where an element is inverted or the factor on the stiffness is not positive.
     type(error_t), allocatable, intent(out) :: error
     type(block_places_t) :: places
-    integer :: k
     if (.not. allocated(self%graph_start)) call node_graph(self%mesh, self%graph_start, self%graph_neighbour)
     if (.not. allocated(self%load)) allocate (self%load(self%dimension, self%mesh%n_nodes()), source=0.0_dp)
     if (.not. allocated(self%free_motion)) call self%find_motions()
-    self%resultant = [(sum(self%free_motion(:, :, k)*self%load), k=1, self%motions%n)]
+    self%resultant = resultants(self%free_motion, self%load)
     if (allocated(self%rhs)) deallocate (self%rhs)
     allocate (self%rhs(self%constraint%n_equations))
     call self%constraint%reduce(self%load, self%rhs)
@@ -99,6 +101,25 @@ contains
     call assemble_stiffness(self%mesh, self%analysis, self%material, self%constraint, places, self%stiffness, &
       self%rhs, self%volume, self%mean_factor, error)
   end subroutine body_assemble
+
+  !> Resultants of loads on motions; rounding errors of loads that balance each other are none.
+  pure function resultants(motion, load) result(resultant)
+    !> (dimension, n_nodes, n_motions) [].
+    real(dp), intent(in) :: motion(:, :, :)
+    !> (dimension, n_nodes) [force].
+    real(dp), intent(in) :: load(:, :)
+    real(dp) :: resultant(size(motion, 3))
+    real(dp) :: largest
+    integer :: i, k
+    do k = 1, size(motion, 3)
+      resultant(k) = sum(motion(:, :, k)*load)
+      largest = 0
+      do i = 1, size(load, 2)
+        largest = largest + norm2(motion(:, i, k))*norm2(load(:, i))
+      end do
+      if (abs(resultant(k)) <= rounding*largest) resultant(k) = 0
+    end do
+  end function resultants
 
   !> Make the right-hand side alone, of a body that is another one, moved: it has no stiffness of its own.
   subroutine body_assemble_like(self, first, motion, error)
@@ -124,7 +145,7 @@ contains
     end if
     self%motions = first%motions
     call self%motions%move(self%mesh, motion)
-    self%resultant = [(sum(self%free_motion(:, :, k)*self%load), k=1, self%motions%n)]
+    self%resultant = resultants(self%free_motion, self%load)
     self%volume = first%volume
     self%mean_factor = first%mean_factor
     if (allocated(self%rhs)) deallocate (self%rhs)

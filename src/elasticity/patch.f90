@@ -134,6 +134,8 @@ contains
     real(dp), intent(out) :: vectors(n, n)
     !> Sweeps at most; three or four are enough.
     integer, parameter :: sweeps = 12
+    !> Entries below this part of the diagonal are none.
+    real(dp), parameter :: nothing = 1.0e-100_dp
     real(dp) :: t, c, s, line(n), size_of_diagonal
     integer :: i, k, sweep
     vectors = 0
@@ -147,7 +149,8 @@ contains
       end do
       do k = 2, n
         do i = 1, k - 1
-          if (.not. abs(a(i, k)) > tiny(t)) cycle
+          ! The square of t must not overflow.
+          if (.not. abs(a(i, k)) > nothing*size_of_diagonal) cycle
           t = (a(k, k) - a(i, i))/(2*a(i, k))
           t = sign(1.0_dp, t)/(abs(t) + sqrt(1 + t**2))
           c = 1/sqrt(1 + t**2)

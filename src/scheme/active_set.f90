@@ -57,7 +57,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     logical :: next(size(active)), immovable(size(active))
     type(iterate_t) :: last, kept
-    real(dp), allocatable :: change(:)
+    real(dp), allocatable :: change(:), yields(:)
     real(dp) :: begin, length, largest_force, largest_gap
     integer :: k, systems, steps
 
@@ -76,7 +76,7 @@ contains
         systems = systems + steps
         active = kept%lambda > 0 .and. .not. immovable
       end if
-      call drop_immovable(problem, compliance, active, immovable)
+      call drop_immovable(problem, compliance, yields, active, immovable)
       if (any(immovable .and. problem%y_free > 0 .and. .not. problem%operator%theta > 0)) then
         result%ended = ended_immovable
         return
@@ -224,19 +224,28 @@ contains
   end subroutine update_penetrations
 
   !> Take points out that no force moves: all that they touch is held by supports.
-  subroutine drop_immovable(problem, compliance, active, immovable)
-    type(contact_problem_t), intent(in) :: problem
+  subroutine drop_immovable(problem, compliance, yields, active, immovable)
+    type(contact_problem_t), intent(inout) :: problem
     type(explicit_compliance_t), intent(in) :: compliance
+    !> Work space: how much each point yields, where there are no matrices (n_rows).
+    real(dp), allocatable, intent(inout) :: yields(:)
     logical, intent(inout) :: active(:)
     !> Grows.
     logical, intent(inout) :: immovable(:)
     real(dp), allocatable :: diagonal(:), g(:, :)
     real(dp) :: largest
     integer :: i
+    if (.not. any(active .and. .not. problem%operator%theta > 0)) return
+    if (compliance%by_sweeps .and. .not. allocated(yields)) call press_all(problem, yields)
     allocate (diagonal(size(active)), source=0.0_dp)
     allocate (g(1, problem%coarse%n))
     do i = 1, size(active)
-      if (active(i)) diagonal(i) = compliance%diagonal(problem, i)
+      if (.not. active(i)) cycle
+      if (compliance%by_sweeps) then
+        diagonal(i) = yields(i)
+      else
+        diagonal(i) = compliance%diagonal(problem, i)
+      end if
     end do
     largest = maxval(diagonal)
     do i = 1, size(active)
@@ -247,6 +256,17 @@ contains
       immovable(i) = .true.
     end do
   end subroutine drop_immovable
+
+  !> How much all points yield to forces without any order, in one sweep: only those that nothing moves stay where they are.
+  subroutine press_all(problem, yields)
+    type(contact_problem_t), intent(inout) :: problem
+    !> (n_rows) [length].
+    real(dp), allocatable, intent(out) :: yields(:)
+    integer :: i
+    allocate (yields(problem%operator%n_rows))
+    call problem%compliance([(1 + 0.5_dp*sin(real(i, dp)**2), i=1, problem%operator%n_rows)], yields)
+    yields = abs(yields)
+  end subroutine press_all
 
   !> ||u||_A for relative errors; at least a small part of what the penetrations of the free scene would store in the foundations, so
   !> that rounding errors of a scene at rest are not compared with each other [sqrt(energy)].
