@@ -2,6 +2,7 @@
 !>
 !> The first body of a kind is assembled, ordered and factorized; the others make their right-hand sides and use its factor.
 module dotyk_driver_congruence
+  use dotyk_base_kinds, only: dp
   use dotyk_contact_operator, only: contact_block_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_congruence, only: adopt_constraint, are_congruent, fingerprint_t
@@ -20,6 +21,7 @@ module dotyk_driver_congruence
     procedure :: find => kinds_find
     procedure :: leads => kinds_leads
     procedure :: n => kinds_n
+    procedure :: tell => kinds_tell
     procedure :: contact_nodes => kinds_contact_nodes
   end type kinds_t
 
@@ -71,6 +73,23 @@ contains
     integer :: b
     n = count([(self%first(b) == b, b=1, size(self%first))])
   end function kinds_n
+
+  !> Tell a scheme.
+  pure subroutine kinds_tell(self, dimension, kind, axes)
+    class(kinds_t), intent(in) :: self
+    !> Of space.
+    integer, intent(in) :: dimension
+    !> First body of the kind of each body (n_bodies).
+    integer, allocatable, intent(out) :: kind(:)
+    !> The axes of the kind as they are turned with each body, as columns (dimension, dimension, n_bodies).
+    real(dp), allocatable, intent(out) :: axes(:, :, :)
+    integer :: b
+    kind = self%first
+    allocate (axes(dimension, dimension, size(kind)))
+    do b = 1, size(kind)
+      axes(:, :, b) = self%motion(b)%rotation(:dimension, :dimension)
+    end do
+  end subroutine kinds_tell
 
   !> Nodes where any body of a kind may touch, in the numbers that all of them have, and the contact points of all of them.
   subroutine kinds_contact_nodes(self, first, block, node, n_points)

@@ -1,5 +1,6 @@
 !> Contact pairs of the input to contact points and the contact operator.
 module dotyk_driver_pairs
+  use omp_lib, only: omp_get_max_threads
   use dotyk_base_error, only: error_t, problem_list_t
   use dotyk_base_formula, only: formula_t
   use dotyk_base_kinds, only: dp
@@ -22,6 +23,13 @@ module dotyk_driver_pairs
 
   !> Depth of the elastic layer that stands for a body's compliance, relative to the body's size: about that of a contact zone.
   real(dp), parameter :: foundation_depth = 0.1_dp
+  !> So many pairs for each thread are many.
+  integer, parameter :: many = 8
+
+  !> A place for one pair's error.
+  type :: error_slot_t
+    type(error_t), allocatable :: error
+  end type error_slot_t
 
 contains
 
@@ -36,15 +44,22 @@ contains
     type(contact_pair_t), allocatable, intent(out) :: pair(:)
     type(error_t), allocatable, intent(out) :: error
     type(problem_list_t) :: problems
-    type(error_t), allocatable :: failed
+    type(error_slot_t), allocatable :: failed(:)
     integer :: k
-    allocate (pair(size(case%contact)))
+    allocate (pair(size(case%contact)), failed(size(case%contact)))
+    ! A few pairs share out their points, many are shared out themselves.
+    !$omp parallel do default(none) shared(case, body, surface_a, surface_b, pair, failed) schedule(dynamic, 1) &
+    !$omp& if (size(pair) >= many*omp_get_max_threads())
     do k = 1, size(pair)
       associate (given => case%contact(k))
-        call search_pair(case, given, body(given%body_a), surface_a(k), body(given%body_b), surface_b(k), pair(k), failed)
-        if (allocated(failed)) failed%message = case%file//':'//to_text(given%line)//': '//failed%message
-        call problems%add_error(failed)
+        call search_pair(case, given, body(given%body_a), surface_a(k), body(given%body_b), surface_b(k), pair(k), failed(k)%error)
       end associate
+    end do
+    !$omp end parallel do
+    do k = 1, size(pair)
+      if (allocated(failed(k)%error)) &
+        failed(k)%error%message = case%file//':'//to_text(case%contact(k)%line)//': '//failed(k)%error%message
+      call problems%add_error(failed(k)%error)
     end do
     call problems%raise(error)
   end subroutine find_pairs

@@ -128,6 +128,7 @@ contains
     if (allocated(result%undetermined)) undetermined = size(result%undetermined, 2)
     call file%put_attribute('summary', 'undetermined_motions', undetermined)
     call file%put_attribute('summary', 'factorizations', kinds%n())
+    call file%put_array('summary', 'kind', kinds%first)
     call file%put_attribute('summary', 'factor_entries', sum(size_of%entries))
     call file%put_attribute('summary', 'factor_bytes', sum(size_of%bytes))
     call file%put_attribute('summary', 'stiffness_bytes', sum(size_of%stiffness_bytes))

@@ -20,7 +20,7 @@ module dotyk_driver_run_case
   use dotyk_driver_results, only: write_fields, write_pairs, write_summary, write_provenance, write_timing
   use dotyk_driver_scheme, only: needs_held_bodies, prepare_coarse_space, scheme_name, scheme_of, solve_scheme
   use dotyk_driver_screen, only: show_scene, show_bodies, show_pairs, show_factorization, &
-    show_budget, show_left_out, show_memory, show_responses, show_result, show_pair_result, show_timing
+    show_budget, show_left_out, show_memory, show_responses, show_result, show_pair_results, show_timing
   use dotyk_driver_timing, only: timing_t, stopwatch_t
   use dotyk_driver_version, only: version, compiler, build_type
   use dotyk_elasticity_body, only: body_t
@@ -152,6 +152,7 @@ contains
       call show_responses(run%log, run%size_of)
       call share_solves(real(run%size_of%response_entries, dp), case%solver%reproducible, problem%side_by_side, run%n_blas)
       call problem%prepare(real(run%size_of%response_entries, dp))
+      call run%kinds%tell(case%scene%dimension, problem%kind, problem%axes)
       call set_blas_threads(run%n_blas)
       call run%compliance%lend(problem, run%size_of%is_explicit)
       call set_blas_threads(1)
@@ -206,16 +207,10 @@ contains
   subroutine recover(run, error)
     type(run_t), intent(inout) :: run
     type(error_t), allocatable, intent(out) :: error
-    integer :: k
     call project_pressures(run%body, run%pair, run%surface_a, run%surface_b, run%problem, run%result%m, run%result%y, &
                            run%pair_solution, run%contact_pressure, error)
     if (allocated(error)) return
-    do k = 1, size(run%pair)
-      associate (solution => run%pair_solution(k))
-        call show_pair_result(run%log, run%pair(k)%name, solution%force, maxval(solution%projected), &
-                              count(solution%pressure > 0), run%pair(k)%n_rows)
-      end associate
-    end do
+    call show_pair_results(run%log, run%pair, run%pair_solution)
     call run%watch%lap(run%timing%recover)
   end subroutine recover
 

@@ -8,6 +8,7 @@ module dotyk_driver_screen
   use dotyk_driver_congruence, only: kinds_t
   use dotyk_driver_error_budget, only: error_budget_t, estimates_mesh_error, estimates_penalty_error, needs_displacements
   use dotyk_driver_factorization, only: factor_size_t
+  use dotyk_driver_pressures, only: pair_solution_t
   use dotyk_driver_timing, only: timing_t
   use dotyk_driver_version, only: version
   use dotyk_elasticity_analysis, only: analysis_axisymmetric
@@ -21,7 +22,10 @@ module dotyk_driver_screen
   implicit none
   private
   public :: show_scene, show_bodies, show_pairs, show_factorization, show_memory, show_budget, show_responses, &
-    show_left_out, show_result, show_pair_result, show_timing, outcome
+    show_left_out, show_result, show_pair_results, show_timing, outcome
+
+  !> More kinds of bodies, or contact pairs, than this are only summed up.
+  integer, parameter :: most_shown = 20
 
 contains
 
@@ -46,8 +50,6 @@ contains
     type(body_t), intent(in) :: body(:)
     type(kinds_t), intent(in) :: kinds
     type(factor_size_t), intent(in) :: size_of(:)
-    !> More kinds than this are only summed up.
-    integer, parameter :: most_shown = 20
     character(:), allocatable :: name
     integer :: b, elements, nodes, unknowns
     call log%line('')
@@ -83,36 +85,57 @@ contains
       flops/1.0e9_dp
   end function body_line
 
-  !> One line per contact pair, and what was left out.
+  !> One line per contact pair, and what was left out; many pairs are summed up.
   subroutine show_pairs(log, body, pair, surface_a, surface_b)
     type(log_t), intent(inout) :: log
     type(body_t), intent(in) :: body(:)
     !> (n_pairs).
     type(contact_pair_t), intent(in) :: pair(:)
     type(surface_t), intent(in) :: surface_a(:), surface_b(:)
-    character(120) :: line
+    real(dp) :: least, most
     integer :: k, n
     if (size(pair) == 0) return
     call log%line('')
     call log%line('  contact pair              points   without partner   smallest gap    largest gap          theta')
+    least = huge(least)
+    most = -huge(most)
     do k = 1, size(pair)
-      write (line, '(2x,a20,i12,i18,es15.3,es15.3,es15.3)') pair(k)%name, pair(k)%n_rows, pair(k)%n_without_partner, &
-        minval(pair(k)%row_gap), maxval(pair(k)%row_gap), pair(k)%theta
-      call log%line(line)
-      call log%line('    '//body(pair(k)%body_a)%name//':'//surface_a(k)%name//' ('// &
-                    plural(surface_a(k)%n_facets, 'facet', 'facets')//') on '//body(pair(k)%body_b)%name//':'// &
-                    surface_b(k)%name//' ('//plural(surface_b(k)%n_facets, 'facet', 'facets')//')')
-      if (pair(k)%n_without_partner > 0) call log%line('    left out: '//plural(pair(k)%n_outside, 'integration point', &
-        'integration points')//' beside the other surface, '//to_text(pair(k)%n_not_facing)//' that it does not face, '// &
-        to_text(pair(k)%n_too_far)//' too far')
+      least = min(least, minval(pair(k)%row_gap))
+      most = max(most, maxval(pair(k)%row_gap))
+      if (size(pair) <= most_shown) call show_pair(log, body, pair(k), surface_a(k), surface_b(k))
       call warn_of_noise(log, body, pair(k), surface_a(k)%n_facets)
     end do
+    if (size(pair) > most_shown) call log%line(pair_line(to_text(size(pair))//' pairs', sum(pair%n_rows), &
+      sum(pair%n_without_partner), least, most, maxval(pair%theta)))
     n = 0
     do k = 1, size(body)
       if (.not. any(pair%body_a == k .or. pair%body_b == k)) n = n + 1
     end do
     if (n > 0) call log%line('  '//plural(n, 'body touches', 'bodies touch')//' nothing: solved once, not iterated')
   end subroutine show_pairs
+
+  !> The lines of one pair.
+  subroutine show_pair(log, body, pair, surface_a, surface_b)
+    type(log_t), intent(inout) :: log
+    type(body_t), intent(in) :: body(:)
+    type(contact_pair_t), intent(in) :: pair
+    type(surface_t), intent(in) :: surface_a, surface_b
+    call log%line(pair_line(pair%name, pair%n_rows, pair%n_without_partner, minval(pair%row_gap), maxval(pair%row_gap), pair%theta))
+    call log%line('    '//body(pair%body_a)%name//':'//surface_a%name//' ('//plural(surface_a%n_facets, 'facet', 'facets')// &
+                  ') on '//body(pair%body_b)%name//':'//surface_b%name//' ('//plural(surface_b%n_facets, 'facet', 'facets')//')')
+    if (pair%n_without_partner > 0) call log%line('    left out: '//plural(pair%n_outside, 'integration point', &
+      'integration points')//' beside the other surface, '//to_text(pair%n_not_facing)//' that it does not face, '// &
+      to_text(pair%n_too_far)//' too far')
+  end subroutine show_pair
+
+  !> A line of the table of pairs.
+  function pair_line(name, points, without, least, most, theta) result(line)
+    character(*), intent(in) :: name
+    integer, intent(in) :: points, without
+    real(dp), intent(in) :: least, most, theta
+    character(120) :: line
+    write (line, '(2x,a20,i12,i18,es15.3,es15.3,es15.3)') name, points, without, least, most, theta
+  end function pair_line
 
   !> Quadrature points are more than the unknowns of their surface: with theta far below h/E single pressures are noise.
   subroutine warn_of_noise(log, body, pair, n_facets)
@@ -261,18 +284,32 @@ contains
     end subroutine add
   end subroutine show_left_out
 
-  !> One line of a pair's result.
-  subroutine show_pair_result(log, name, force, peak, active, points)
+  !> One line for each pair's result; many pairs are summed up.
+  subroutine show_pair_results(log, pair, solution)
     type(log_t), intent(inout) :: log
-    character(*), intent(in) :: name
-    !> Resultant on body a [force], and greatest projected pressure.
-    real(dp), intent(in) :: force(3), peak
-    !> Points under pressure, of how many.
-    integer, intent(in) :: active, points
-    call log%line('  '//name//': '//to_text(active)//' of '//plural(points, 'point', 'points')//' in contact, force ('// &
-                  to_text(force(1), 5)//', '//to_text(force(2), 5)//', '//to_text(force(3), 5)//') on body a, peak pressure '// &
-                  to_text(peak, 5))
-  end subroutine show_pair_result
+    !> (n_pairs).
+    type(contact_pair_t), intent(in) :: pair(:)
+    type(pair_solution_t), intent(in) :: solution(:)
+    character(:), allocatable :: what
+    real(dp) :: peak
+    integer :: k, active, worst
+    active = 0
+    worst = 1
+    do k = 1, size(pair)
+      active = active + count(solution(k)%pressure > 0)
+      if (maxval(solution(k)%projected) > maxval(solution(worst)%projected)) worst = k
+      if (size(pair) > most_shown) cycle
+      what = pair(k)%name//': '//to_text(count(solution(k)%pressure > 0))//' of '//plural(pair(k)%n_rows, 'point', 'points')
+      associate (force => solution(k)%force)
+        call log%line('  '//what//' in contact, force ('//to_text(force(1), 5)//', '//to_text(force(2), 5)//', '// &
+                      to_text(force(3), 5)//') on body a, peak pressure '//to_text(maxval(solution(k)%projected), 5))
+      end associate
+    end do
+    if (size(pair) <= most_shown) return
+    peak = maxval(solution(worst)%projected)
+    call log%line('  '//to_text(size(pair))//' pairs: '//to_text(active)//' of '//to_text(sum(pair%n_rows))// &
+                  ' points in contact, peak pressure '//to_text(peak, 5)//' in '//pair(worst)%name)
+  end subroutine show_pair_results
 
   !> Where the time went.
   subroutine show_timing(log, timing)

@@ -59,7 +59,8 @@ module dotyk_response_full
     real(dp), allocatable, private :: axes(:, :, :)
     !> Right-hand side and solution (n_equations).
     real(dp), allocatable, private :: x(:)
-    type(half_solver_t), private :: half
+    !> What half solves need; the first's of the kind where it is shared.
+    type(half_solver_t), pointer, private :: half => null()
   contains
     procedure :: prepare => full_response_prepare
     procedure :: share => full_response_share
@@ -120,7 +121,7 @@ contains
     if (allocated(error)) return
     allocate (permutation(body%constraint%n_equations))
     call expand_permutation(node_order, body%constraint%equation, permutation)
-    if (.not. associated(self%factor)) allocate (self%factor)
+    if (.not. associated(self%factor)) allocate (self%factor, self%half)
     call self%factor%analyze(body%stiffness, permutation, error)
     if (allocated(error)) return
     self%whole_flops = self%factor%flops
@@ -153,7 +154,7 @@ contains
     solves = cost_of_solves(demand, [real(self%factor%factor_entries, dp), entries])
     matrix = cost_of_matrix(demand, [self%half%path_entries(self%factor, last), entries])
     self%is_explicit = form == form_compliance
-    if (form == form_auto .and. demand%n_steps > 0 .and. 8.0_dp*demand%n_rows**2 < most_bytes) then
+    if (form == form_auto .and. demand%n_steps > 0 .and. 8*real(demand%n_rows, dp)**2/demand%n_bodies < most_bytes) then
       self%is_explicit = minval(matrix) < minval(solves)
     end if
     if (self%is_explicit .or. demand%n_steps == 0) solves = matrix
@@ -195,6 +196,7 @@ contains
     self%is_explicit = first%is_explicit
     self%n_last = first%n_last
     self%factor => first%factor
+    self%half => first%half
     self%rigid => first%rigid
   end subroutine full_response_share
 
@@ -377,13 +379,13 @@ contains
     class(full_response_t), intent(inout) :: self
     if (associated(self%factor) .and. .not. self%shares) then
       call self%factor%destroy()
-      deallocate (self%factor)
+      call self%half%destroy()
+      deallocate (self%factor, self%half)
     end if
     if (associated(self%rigid) .and. .not. self%shares) deallocate (self%rigid)
-    nullify (self%factor, self%rigid)
+    nullify (self%factor, self%half, self%rigid)
     self%shares = .false.
     call self%condensed%destroy()
-    call self%half%destroy()
     self%is_condensed = .false.
     if (allocated(self%equation)) deallocate (self%diagonal, self%equation, self%axes_of, self%axes, self%x, self%motion)
     if (allocated(self%hold)) deallocate (self%hold)

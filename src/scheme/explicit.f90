@@ -1,12 +1,14 @@
 !> The compliance C = B K^+ B^T as matrices, one for each body.
 !>
 !> Rows join when they are needed, many at a time: half solves with the factors give L^{-1} B^T, and their products the matrices
-!> (`dotyk_linalg_half_solve`). In parallel over bodies and lots of rows.
+!> (`dotyk_linalg_half_solve`). In parallel over bodies and lots of rows. Bodies that touch in the same way have one matrix
+!> (`dotyk_scheme_twins`).
 module dotyk_scheme_explicit
   use dotyk_base_kinds, only: dp, int64
   use dotyk_linalg_blas, only: blas_threads, set_blas_threads
   use dotyk_response_response, only: half_response_t, response_t
   use dotyk_scheme_problem, only: contact_problem_t
+  use dotyk_scheme_twins, only: are_twins
   implicit none
   private
 
@@ -23,6 +25,8 @@ module dotyk_scheme_explicit
     !> Half solutions by lots, and the first row of each lot (n_lots), (n_lots + 1).
     type(half_response_t), allocatable, private :: half(:)
     integer, allocatable, private :: first(:)
+    !> The body that this one has its matrix from; 0: it has half solutions of its own.
+    integer, private :: twin = 0
   end type body_compliance_t
 
   !> The compliances of all bodies.
@@ -107,11 +111,12 @@ contains
     !> The bodies whose rows join; all if absent (n_bodies).
     logical, intent(in), optional :: chosen(:)
     type(task_t), allocatable :: half(:), product(:)
+    logical, allocatable :: copied(:)
     integer :: b, i, n_blas, n_halves, n_products
     if (self%by_sweeps) return
     call self%adopt(problem)
-    call plan(self, problem, half, n_halves, product, n_products, chosen)
-    if (n_halves == 0) return
+    call plan(self, problem, half, n_halves, product, n_products, copied, chosen)
+    if (n_halves == 0 .and. .not. any(copied)) return
     n_blas = blas_threads()
     if (n_halves > 1) call set_blas_threads(1)
     !$omp parallel do default(none) shared(self, problem, half, n_halves) private(b) schedule(dynamic, 1) if (n_halves > 1)
@@ -130,21 +135,27 @@ contains
     end do
     !$omp end parallel do
     call set_blas_threads(n_blas)
+    do b = 1, size(self%body)
+      if (copied(b)) self%body(b)%value = self%body(self%body(b)%twin)%value
+    end do
   end subroutine explicit_form
 
   !> Number the rows that join, make room for them, and say what is to be done.
-  subroutine plan(self, problem, half, n_halves, product, n_products, chosen)
+  subroutine plan(self, problem, half, n_halves, product, n_products, copied, chosen)
     class(explicit_compliance_t), intent(inout) :: self
     type(contact_problem_t), intent(inout) :: problem
     !> Half solves and products of lots, with room for more.
     type(task_t), allocatable, intent(out) :: half(:), product(:)
     integer, intent(out) :: n_halves, n_products
+    !> Bodies that take over the matrix of their twin (n_bodies).
+    logical, allocatable, intent(out) :: copied(:)
     logical, intent(in), optional :: chosen(:)
     integer :: b, i, k, m, n_old, most
     most = 0
     n_halves = 0
     n_products = 0
     allocate (half(0), product(0))
+    allocate (copied(size(self%body)), source=.false.)
     do b = 1, size(self%body)
       if (present(chosen)) then
         if (.not. chosen(b)) cycle
@@ -158,6 +169,10 @@ contains
         body%origin = [body%origin, problem%operator%origin(row(body%row(n_old + 1:)))]
         body%n = n_old + m
         body%number(body%row) = [(i, i=1, body%n)]
+        most = max(most, m)
+        call choose_twin(self, problem, b, n_old)
+        copied(b) = body%twin > 0
+        if (copied(b)) cycle
         call make_room(body, n_old)
         do i = size(body%first), size(body%half)
           half = [half, task_t(b, i, i)]
@@ -168,11 +183,31 @@ contains
         end do
         n_halves = size(half)
         n_products = size(product)
-        most = max(most, m)
       end associate
     end do
     problem%body_solves = problem%body_solves + (most + 1)/2
   end subroutine plan
+
+  !> Find an earlier body that has the same rows, for one without half solutions. One that had a twin and has none any more begins
+  !> anew.
+  subroutine choose_twin(self, problem, b, n_old)
+    class(explicit_compliance_t), intent(inout) :: self
+    type(contact_problem_t), intent(in) :: problem
+    !> The body.
+    integer, intent(in) :: b
+    !> Its rows with half solutions, or of a twin, before.
+    integer, intent(inout) :: n_old
+    integer :: c
+    if (self%body(b)%twin == 0 .and. n_old > 0) return
+    self%body(b)%twin = 0
+    n_old = 0
+    do c = 1, b - 1
+      if (self%body(c)%twin > 0 .or. self%body(c)%n == 0) cycle
+      if (.not. are_twins(problem, b, self%body(b)%row, c, self%body(c)%row)) cycle
+      self%body(b)%twin = c
+      return
+    end do
+  end subroutine choose_twin
 
   !> Room for the matrix of all rows and for the half solutions of those that join.
   subroutine make_room(body, n_old)

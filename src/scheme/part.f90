@@ -77,6 +77,10 @@ contains
     joined%norm_free = problem%norm_free
     joined%side_by_side = problem%side_by_side
     joined%body_solves = problem%body_solves
+    if (allocated(problem%kind)) then
+      joined%kind = problem%kind
+      joined%axes = problem%axes
+    end if
     call move_alloc(problem%response, joined%response)
     call joined%prepare(problem%cost)
     call joined%coarse%init(joined%operator, joined%response, problem%coarse%resultant/problem%coarse%scale)

@@ -51,6 +51,10 @@ module dotyk_scheme_problem
     logical :: side_by_side = .true.
     !> Cost of one solve of each body (n_bodies), any unit.
     real(dp), allocatable :: cost(:)
+    !> First body of the kind of each body, and the axes of the kind as they are turned with it, as columns; not allocated where nothing is
+    !> known of kinds (n_bodies), (dimension, dimension, n_bodies).
+    integer, allocatable :: kind(:)
+    real(dp), allocatable :: axes(:, :, :)
     !> Bodies that take part, the one with most work first.
     integer, allocatable, private :: sequence(:)
     type(sweep_work_t), allocatable, private :: work(:)

@@ -48,6 +48,7 @@ class Congruence(dotyk_case.Case):
         self.printed = self.dotyk("case.nml", "--output", "shared.vtkhdf" if share else "own.vtkhdf")
         file = self.results("shared.vtkhdf" if share else "own.vtkhdf")
         self.summary = dict(file["dotyk/summary"].attrs)
+        self.kind = file["dotyk/summary/kind"][:].tolist()
         found = {name: pair["pressure"][:] for name, pair in file["dotyk/contact"].items()}
         found["forces"] = np.array([pair.attrs["force"] for pair in file["dotyk/contact"].values()])
         found["displacement"] = file["VTKHDF/PointData/displacement"][:]
@@ -66,10 +67,13 @@ class Congruence(dotyk_case.Case):
         own = self.run_scene(lines, solver, False, **options)
         n = sum(line.startswith("&body") for line in lines)
         self.assertEqual(self.summary["factorizations"], n)
+        self.assertEqual(self.kind, list(range(1, n + 1)))
         self.assertNotIn(" of bodies: ", self.printed)
         entries = self.summary["factor_entries"]
         shared = self.run_scene(lines, solver, True, **options)
         self.assertEqual(self.summary["factorizations"], kinds)
+        self.assertEqual(len(set(self.kind)), kinds)
+        self.assertTrue(all(first <= k and self.kind[first - 1] == first for k, first in enumerate(self.kind, 1)))
         self.assertIn("%d kind%s of bodies: %d bodies, %d factorization" % (kinds, "s"[:kinds > 1], n, kinds), self.printed)
         if "response='full'" in solver:
             self.assertAlmostEqual(self.summary["factor_entries"] / entries, kinds / n, delta=0.5 * kinds / n)

@@ -44,6 +44,16 @@ class Examples(dotyk_case.Case):
         for name, limit in check.LIMITS.items():
             self.assertLess(abs(errors[name]), limit, name)
 
+    def test_tunnel(self):
+        """Coarser: 2 elements through the lining."""
+        self.copy("tunnel")
+        self.edit("tunnel/tunnel.geo", (r"n = 3", "n = 2"))
+        self.run_example("tunnel")
+        check = check_of("tunnel")
+        errors = check.errors(self.folder / "tunnel/tunnel.vtkhdf")
+        for name, limit in check.LIMITS.items():
+            self.assertLessEqual(errors[name], 4 * limit, name)
+
     def test_wavy(self):
         self.copy("wavy")
         file = self.run_example("wavy")
