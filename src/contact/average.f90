@@ -98,18 +98,20 @@ contains
     !> (corners%n).
     logical, allocatable, intent(out) :: light(:)
     real(dp), allocatable :: total(:), heaviest(:)
-    integer :: i
+    integer :: i, n
     allocate (total(corners%n), heaviest(corners%n))
     call corners%moments(weight, total)
     heaviest = 0
     do i = 1, size(weight)
-      associate (corner => pack(corners%corner(:, i), corners%corner(:, i) > 0))
+      n = count(corners%corner(:, i) > 0)
+      associate (corner => corners%corner(1:n, i))
         heaviest(corner) = max(heaviest(corner), maxval(total(corner)))
       end associate
     end do
     light = total < least_weight*heaviest
     do i = 1, size(weight)
-      associate (corner => pack(corners%corner(:, i), corners%corner(:, i) > 0))
+      n = count(corners%corner(:, i) > 0)
+      associate (corner => corners%corner(1:n, i))
         if (all(light(corner))) light(corner(maxloc(total(corner), 1))) = .false.
       end associate
     end do

@@ -77,9 +77,11 @@ contains
         operator%theta(first:last) = pairs(k)%row_theta
       end associate
     end do
+    !$omp parallel do default(none) shared(n_bodies, dimension, pairs, surfaces_a, surfaces_b, operator) schedule(dynamic, 1)
     do b = 1, n_bodies
       call build_block(dimension, b, pairs, surfaces_a, surfaces_b, operator%pair_first_row, operator%block(b))
     end do
+    !$omp end parallel do
   end subroutine build_operator
 
   !> Build the block of one body.

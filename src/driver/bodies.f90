@@ -1,5 +1,6 @@
 !> From the input to bodies: meshes, materials, supports, loads, and the surfaces of the contact pairs.
 module dotyk_driver_bodies
+  use omp_lib, only: omp_get_max_threads
   use dotyk_base_error, only: error_t, problem_list_t, add_context, set_error, exit_not_solvable
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
@@ -222,7 +223,8 @@ contains
     call problems%raise(error)
   end subroutine check_held
 
-  !> Assemble all bodies side by side; all problems are reported together.
+  !> Assemble all bodies: the ones that are much larger than the rest with all threads, then the others side by side; all problems are
+  !> reported together.
   subroutine assemble_bodies(case, kinds, body, error)
     type(case_t), intent(in) :: case
     type(kinds_t), intent(in) :: kinds
@@ -232,13 +234,22 @@ contains
     type(problem_list_t) :: problems
     type(error_slot_t), allocatable :: failed(:)
     integer :: i, b, order(size(body))
+    logical :: alone(size(body))
+    real(dp) :: share
     allocate (failed(size(body)))
     order = largest_first(real(body%constraint%n_equations, dp))
-    !$omp parallel default(none) shared(body, kinds, failed, order) private(b)
+    ! Larger than one thread's share of all: the others would wait for it.
+    share = sum(real(body%constraint%n_equations, dp), mask=[(kinds%leads(b), b=1, size(body))])/omp_get_max_threads()
+    alone = .false.
+    if (omp_get_max_threads() > 1) alone = [(kinds%leads(b) .and. body(b)%constraint%n_equations > 1.2_dp*share, b=1, size(body))]
+    do b = 1, size(body)
+      if (alone(b)) call body(b)%assemble(failed(b)%error)
+    end do
+    !$omp parallel default(none) shared(body, kinds, failed, order, alone) private(b)
     !$omp do schedule(dynamic, 1)
     do i = 1, size(body)
       b = order(i)
-      if (kinds%leads(b)) call body(b)%assemble(failed(b)%error)
+      if (kinds%leads(b) .and. .not. alone(b)) call body(b)%assemble(failed(b)%error)
     end do
     !$omp end do
     !$omp do schedule(dynamic, 1)

@@ -57,7 +57,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(field_t) :: stiffness
     real(dp), allocatable :: size_of(:)
-    real(dp) :: value(3)
+    real(dp) :: value(3), young
     integer :: f, i
     allocate (size_of(surface%n_facets))
     do f = 1, surface%n_facets
@@ -68,11 +68,12 @@ contains
     call read_factor(body%material, stiffness, error)
     if (allocated(error)) return
     value(1) = body%mean_factor
+    young = body%young()
     do i = 1, size(facet)
       if (.not. stiffness%constant) call stiffness%evaluate(position(:, i), value, error)
       if (allocated(error)) exit
       ! A factor that vanishes on the surface makes no theta infinite.
-      at_points(i) = at_points(i) + size_of(facet(i))/(body%young()*max(value(1)/body%mean_factor, 1.0e-3_dp))
+      at_points(i) = at_points(i) + size_of(facet(i))/(young*max(value(1)/body%mean_factor, 1.0e-3_dp))
     end do
     call stiffness%destroy()
   end subroutine add_side

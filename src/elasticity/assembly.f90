@@ -1,11 +1,13 @@
 !> Stiffness matrix of a body: element by element into the pattern, without intermediate lists.
 module dotyk_elasticity_assembly
+  use omp_lib, only: omp_get_max_threads, omp_in_parallel
   use dotyk_base_error, only: add_context, error_t, exit_bad_input, exit_not_solvable, set_error
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_text, only: text_t, to_text
   use dotyk_elasticity_analysis, only: analysis_3d, gradient_slots, strain_index
   use dotyk_elasticity_constraint, only: constraint_t
   use dotyk_elasticity_element_order, only: element_order
+  use dotyk_elasticity_element_shares, only: element_shares_t
   use dotyk_elasticity_element_table, only: element_table_t, map_element, table_pair_t
   use dotyk_elasticity_field, only: field_t, place_text
   use dotyk_elasticity_kernel, only: gradient_products, rotate_blocks, stiffness_general, stiffness_isotropic
@@ -40,41 +42,99 @@ contains
     real(dp), intent(out) :: mean_factor
     !> Allocated where an element is inverted or the factor is not positive.
     type(error_t), allocatable, intent(out) :: error
-    type(field_t) :: factor
-    integer :: i
+    real(dp), allocatable :: of_element(:), factor_of_element(:)
+    integer :: i, first, last
+    allocate (of_element(mesh%n_elements()), factor_of_element(mesh%n_elements()))
     volume = 0
     mean_factor = 0
-    call read_factor(material, factor, error)
-    if (allocated(error)) return
+    last = 0
     do i = 1, size(mesh%block)
-      call assemble_block(mesh, i, analysis, material, factor, constraint, places, matrix, rhs, volume, &
-        mean_factor, error)
-      if (allocated(error)) exit
+      first = last + 1
+      last = last + size(mesh%block(i)%node, 2)
+      call assemble_block(mesh, i, analysis, material, constraint, places, matrix, rhs, of_element(first:last), &
+                          factor_of_element(first:last), error)
+      if (allocated(error)) return
     end do
-    call factor%destroy()
-    if (.not. allocated(error)) mean_factor = mean_factor/volume
+    volume = sum(of_element)
+    mean_factor = sum(factor_of_element)/volume
   end subroutine assemble_stiffness
 
-  !> The elements of one block.
-  subroutine assemble_block(mesh, i_block, analysis, material, factor, constraint, places, matrix, rhs, volume, &
-      factor_integral, error)
+  !> The elements of one block, shared out over the threads.
+  subroutine assemble_block(mesh, i_block, analysis, material, constraint, places, matrix, rhs, volume, factor_integral, error)
     type(body_mesh_t), intent(in) :: mesh
     integer, intent(in) :: i_block, analysis
     type(material_t), intent(in) :: material
-    type(field_t), intent(in) :: factor
     type(constraint_t), intent(in) :: constraint
     type(block_places_t), intent(in) :: places
     type(sparse_symmetric_t), intent(inout) :: matrix
-    real(dp), intent(inout) :: rhs(:), volume, factor_integral
+    real(dp), intent(inout) :: rhs(:)
+    !> Of the elements [length^dim].
+    real(dp), intent(inout) :: volume(:), factor_integral(:)
     type(error_t), allocatable, intent(out) :: error
+    type(element_shares_t) :: shares
+    type(error_t), allocatable :: failed
+    logical, allocatable :: special(:)
+    integer, allocatable :: order(:)
+    integer :: i, s, place, first_failed
+    ! Nodes that are neither plainly free nor held at zero.
+    allocate (special(mesh%n_nodes()))
+    special(:) = constraint%frame_of > 0
+    do i = 1, size(special)
+      if (any(abs(constraint%prescribed(:, i)) > 0)) special(i) = .true.
+    end do
+    allocate (order(size(mesh%block(i_block)%node, 2)))
+    call element_order(mesh%dimension, mesh%x, mesh%block(i_block)%node, order)
+    call shares%init(mesh%n_nodes(), mesh%block(i_block)%node, order, merge(1, omp_get_max_threads(), omp_in_parallel()))
+    first_failed = huge(first_failed)
+    !$omp parallel do default(none) schedule(static, 1) private(failed, place) &
+    !$omp& shared(mesh, i_block, analysis, material, constraint, places, matrix, rhs, volume, factor_integral, shares, special, &
+    !$omp& order, first_failed, error)
+    do s = 1, shares%n
+      call assemble_share(mesh, i_block, analysis, material, constraint, places, shares, s, special, order, matrix, rhs, &
+                          volume, factor_integral, place, failed)
+      if (.not. allocated(failed)) cycle
+      ! The first one in the order, as with one thread.
+      !$omp critical(dotyk_assembly)
+      if (place < first_failed) then
+        first_failed = place
+        call move_alloc(failed, error)
+      end if
+      !$omp end critical(dotyk_assembly)
+    end do
+    !$omp end parallel do
+  end subroutine assemble_block
+
+  !> One thread's elements of a block.
+  subroutine assemble_share(mesh, i_block, analysis, material, constraint, places, shares, share, special, order, matrix, rhs, &
+      volume, factor_integral, place, error)
+    type(body_mesh_t), intent(in) :: mesh
+    integer, intent(in) :: i_block, analysis
+    type(material_t), intent(in) :: material
+    type(constraint_t), intent(in) :: constraint
+    type(block_places_t), intent(in) :: places
+    type(element_shares_t), intent(in) :: shares
+    integer, intent(in) :: share
+    !> Nodes that are neither plainly free nor held at zero (n_nodes).
+    logical, intent(in) :: special(:)
+    !> The element that comes k-th.
+    integer, intent(in) :: order(:)
+    type(sparse_symmetric_t), intent(inout) :: matrix
+    real(dp), intent(inout) :: rhs(:), volume(:), factor_integral(:)
+    !> Place of the element that is wrong.
+    integer, intent(out) :: place
+    type(error_t), allocatable, intent(out) :: error
+    type(field_t) :: factor
     type(table_pair_t) :: tables
     type(element_kind_t) :: kind
     real(dp), allocatable :: x(:, :), g(:), w(:), products(:), k(:)
-    integer, allocatable :: node(:), strain(:, :), frame_of(:), order(:)
-    logical, allocatable :: special(:)
+    integer, allocatable :: node(:), strain(:, :), frame_of(:)
     real(dp) :: matrix_of_material(6, 6), worst
     integer :: n, dim, slots, most_points, e, i, s
     logical :: fast
+    place = 0
+    ! One formula serves one thread.
+    call read_factor(material, factor, error)
+    if (allocated(error)) return
     kind = element_kind(mesh%block(i_block)%kind)
     n = kind%n_nodes
     dim = mesh%dimension
@@ -86,15 +146,9 @@ contains
     most_points = max(tables%straight%n_points, tables%curved%n_points)
     allocate (x(dim, n), g(n*slots*most_points), w(most_points), products((n*slots)**2), k((n*dim)**2))
     allocate (node(n), frame_of(n))
-    ! Nodes that are neither plainly free nor held at zero.
-    special = constraint%frame_of > 0
-    do i = 1, size(special)
-      if (any(abs(constraint%prescribed(:, i)) > 0)) special(i) = .true.
-    end do
-    allocate (order(size(mesh%block(i_block)%node, 2)))
-    call element_order(dim, mesh%x, mesh%block(i_block)%node, order)
-    do i = 1, size(order)
-      e = order(i)
+    do i = shares%first(share), shares%first(share + 1) - 1
+      place = shares%place(i)
+      e = order(place)
       node(:) = mesh%block(i_block)%node(:, e)
       x(:, :) = mesh%x(:, node)
       if (tables%is_curved(x)) then
@@ -102,8 +156,9 @@ contains
       else
         call add_element(tables%straight)
       end if
-      if (allocated(error)) return
+      if (allocated(error)) exit
     end do
+    call factor%destroy()
 
   contains
 
@@ -116,12 +171,12 @@ contains
         call bad_element(mesh, i_block, e, error)
         return
       end if
-      volume = volume + sum(w(:n_points))
+      if (i <= shares%own(share)) volume(e) = sum(w(:n_points))
       if (.not. factor%constant) then
         call apply_factor(factor, table%shape, x, mesh%block(i_block)%tag(e), w(:n_points), error)
         if (allocated(error)) return
       end if
-      factor_integral = factor_integral + sum(w(:n_points))
+      if (i <= shares%own(share)) factor_integral(e) = sum(w(:n_points))
       call gradient_products(n, slots, n_points, g, w, products)
       if (fast) then
         call stiffness_isotropic(n, material%lambda, material%mu, products, k)
@@ -131,20 +186,23 @@ contains
       if (any(special(node))) then
         frame_of(:) = constraint%frame_of(node)
         call rotate_blocks(n, dim, size(constraint%frame, 3), frame_of, constraint%frame, k)
-        call move_prescribed(n, dim, size(special), node, k, constraint%equation, constraint%prescribed, rhs)
+        call move_prescribed(n, dim, size(special), node, k, share, shares%owner, constraint%equation, &
+                             constraint%prescribed, rhs)
       end if
-      call scatter(n, dim, size(special), node, k, constraint%equation, places%n_free, places%first, places%neighbour, &
-        places%offset, matrix%column_start, matrix%value)
+      call scatter(n, dim, size(special), node, k, share, shares%owner, constraint%equation, places%n_free, places%first, &
+                   places%neighbour, places%offset, matrix%column_start, matrix%value)
     end subroutine add_element
-  end subroutine assemble_block
+  end subroutine assemble_share
 
   !> Subtract the forces of given displacements from the right-hand side.
-  pure subroutine move_prescribed(n, dim, n_nodes, node, k, equation, prescribed, rhs)
+  pure subroutine move_prescribed(n, dim, n_nodes, node, k, share, owner, equation, prescribed, rhs)
     integer, intent(in) :: n, dim, n_nodes
     !> Nodes of the element.
     integer, intent(in) :: node(n)
     !> Stiffness along the nodes' axes: node a, node b, component i, component j.
     real(dp), intent(in) :: k(n, n, dim, dim)
+    !> A share, and the one that each node belongs to: forces on nodes of others are left to these.
+    integer, intent(in) :: share, owner(n_nodes)
     integer, intent(in) :: equation(dim, n_nodes)
     !> Given displacements along the nodes' axes, zero where free.
     real(dp), intent(in) :: prescribed(dim, n_nodes)
@@ -155,6 +213,7 @@ contains
         if (.not. abs(prescribed(j, node(b))) > 0) cycle
         do i = 1, dim
           do a = 1, n
+            if (owner(node(a)) /= share) cycle
             row = equation(i, node(a))
             if (row > 0) rhs(row) = rhs(row) - k(a, b, i, j)*prescribed(j, node(b))
           end do

@@ -1,5 +1,6 @@
 !> Which nodes of a body share elements.
 module dotyk_elasticity_graph
+  use omp_lib, only: omp_get_max_threads, omp_in_parallel
   use dotyk_mesh_body_mesh, only: body_mesh_t
   implicit none
   private
@@ -50,26 +51,39 @@ contains
     !> Neighbours.
     integer, allocatable, intent(out) :: neighbour(:)
     type(incidence_t) :: of
-    integer, allocatable :: mark(:), unsorted(:), next(:)
-    integer :: n, i, k, total
+    integer, allocatable :: mark(:)
+    integer :: n, i
+    logical :: serial
     n = mesh%n_nodes()
     call of%init(mesh)
-    allocate (start(n + 1), mark(n), source=0)
-    call count_neighbours(n, of%start, of%node, of%first, of%element, mark, start)
-    total = start(n + 1) - 1
-    allocate (unsorted(total))
-    mark = 0
-    call list_neighbours(n, of%start, of%node, of%first, of%element, mark, start, unsorted)
-    deallocate (mark)
-    ! The graph is symmetric, so that its transpose is itself with sorted rows.
-    allocate (neighbour(total), next(n))
-    next = start(:n)
+    allocate (start(n + 1))
+    start(1) = 1
+    !$omp parallel default(none) shared(n, of, start) private(mark, i)
+    allocate (mark(n), source=0)
+    !$omp do schedule(dynamic, 512)
     do i = 1, n
-      do k = start(i), start(i + 1) - 1
-        neighbour(next(unsorted(k))) = i
-        next(unsorted(k)) = next(unsorted(k)) + 1
-      end do
+      call count_neighbours(i, of%start, of%node, of%first, of%element, mark, start(i + 1))
     end do
+    !$omp end do
+    deallocate (mark)
+    !$omp end parallel
+    do i = 1, n
+      start(i + 1) = start(i) + start(i + 1)
+    end do
+    allocate (neighbour(start(n + 1) - 1))
+    serial = omp_in_parallel()
+    if (.not. serial) serial = omp_get_max_threads() == 1
+    !$omp parallel default(none) shared(n, of, start, neighbour, serial) private(mark, i)
+    allocate (mark(n), source=0)
+    !$omp do schedule(dynamic, 512)
+    do i = 1, n
+      call list_neighbours(i, of%start, of%node, of%first, of%element, mark, neighbour(start(i):start(i + 1) - 1))
+      if (.not. serial) call sort_ascending(neighbour(start(i):start(i + 1) - 1))
+    end do
+    !$omp end do
+    deallocate (mark)
+    !$omp end parallel
+    if (serial) call sort_by_transposing(n, start, neighbour)
   end subroutine node_graph
 
   !> Append the elements of a block to the list of all.
@@ -114,54 +128,79 @@ contains
     end do
   end subroutine elements_of_nodes
 
-  !> Count the neighbours of each node.
-  pure subroutine count_neighbours(n, flat_start, flat, first, of_node, mark, start)
-    integer, intent(in) :: n
-    integer, intent(in) :: flat_start(:), flat(:), first(:), of_node(:)
-    !> Work array of zeros (n).
-    integer, intent(inout) :: mark(:)
-    !> First neighbour of each node (n + 1).
-    integer, intent(inout) :: start(:)
-    integer :: i, k, e, p, degree
-    start(1) = 1
-    do i = 1, n
-      degree = 0
-      mark(i) = i
-      do k = first(i), first(i + 1) - 1
-        e = of_node(k)
-        do p = flat_start(e), flat_start(e + 1) - 1
-          if (mark(flat(p)) /= i) then
-            mark(flat(p)) = i
-            degree = degree + 1
-          end if
-        end do
+  !> Count the neighbours of a node.
+  pure subroutine count_neighbours(i, flat_start, flat, first, of_node, mark, degree)
+    integer, intent(in) :: i
+    integer, intent(in), contiguous :: flat_start(:), flat(:), first(:), of_node(:)
+    !> Work array, nowhere i (n).
+    integer, intent(inout), contiguous :: mark(:)
+    integer, intent(out) :: degree
+    integer :: k, p
+    degree = 0
+    mark(i) = i
+    do k = first(i), first(i + 1) - 1
+      do p = flat_start(of_node(k)), flat_start(of_node(k) + 1) - 1
+        if (mark(flat(p)) == i) cycle
+        mark(flat(p)) = i
+        degree = degree + 1
       end do
-      start(i + 1) = start(i) + degree
     end do
   end subroutine count_neighbours
 
-  !> List the neighbours of each node, in any order.
-  pure subroutine list_neighbours(n, flat_start, flat, first, of_node, mark, start, neighbour)
-    integer, intent(in) :: n
-    integer, intent(in) :: flat_start(:), flat(:), first(:), of_node(:)
-    !> Work array of zeros (n).
-    integer, intent(inout) :: mark(:)
-    integer, intent(in) :: start(:)
-    integer, intent(out) :: neighbour(:)
-    integer :: i, k, e, p, last
-    do i = 1, n
-      last = start(i)
-      mark(i) = i
-      do k = first(i), first(i + 1) - 1
-        e = of_node(k)
-        do p = flat_start(e), flat_start(e + 1) - 1
-          if (mark(flat(p)) /= i) then
-            mark(flat(p)) = i
-            neighbour(last) = flat(p)
-            last = last + 1
-          end if
-        end do
+  !> List the neighbours of a node, in any order.
+  pure subroutine list_neighbours(i, flat_start, flat, first, of_node, mark, neighbour)
+    integer, intent(in) :: i
+    integer, intent(in), contiguous :: flat_start(:), flat(:), first(:), of_node(:)
+    !> Work array, nowhere i (n).
+    integer, intent(inout), contiguous :: mark(:)
+    integer, intent(out), contiguous :: neighbour(:)
+    integer :: k, p, last
+    last = 0
+    mark(i) = i
+    do k = first(i), first(i + 1) - 1
+      do p = flat_start(of_node(k)), flat_start(of_node(k) + 1) - 1
+        if (mark(flat(p)) == i) cycle
+        mark(flat(p)) = i
+        last = last + 1
+        neighbour(last) = flat(p)
       end do
     end do
   end subroutine list_neighbours
+
+  !> Sort the neighbours of all nodes: a graph is symmetric, so that its transpose is itself with sorted rows. Faster than sorting each
+  !> row, but for one thread.
+  pure subroutine sort_by_transposing(n, start, neighbour)
+    integer, intent(in) :: n
+    integer, intent(in) :: start(n + 1)
+    integer, allocatable, intent(inout) :: neighbour(:)
+    integer, allocatable :: next(:), sorted(:)
+    integer :: i, k
+    allocate (sorted(size(neighbour)), next(n))
+    next(:) = start(:n)
+    do i = 1, n
+      do k = start(i), start(i + 1) - 1
+        sorted(next(neighbour(k))) = i
+        next(neighbour(k)) = next(neighbour(k)) + 1
+      end do
+    end do
+    call move_alloc(sorted, neighbour)
+  end subroutine sort_by_transposing
+
+  !> Sort some tens of numbers (Shell's method, gaps of M. Ciura, FCT 2001).
+  pure subroutine sort_ascending(list)
+    integer, intent(inout), contiguous :: list(:)
+    integer, parameter :: gap(8) = [701, 301, 132, 57, 23, 10, 4, 1]
+    integer :: g, i, k, value
+    do g = 1, size(gap)
+      if (gap(g) >= size(list)) cycle
+      do i = 1 + gap(g), size(list)
+        value = list(i)
+        do k = i - gap(g), 1, -gap(g)
+          if (list(k) <= value) exit
+          list(k + gap(g)) = list(k)
+        end do
+        list(k + gap(g)) = value
+      end do
+    end do
+  end subroutine sort_ascending
 end module dotyk_elasticity_graph

@@ -1,9 +1,7 @@
 !> The nodes around a vertex of a body: rings of elements, and axes in which these are about as long as wide.
 module dotyk_elasticity_patch
-  use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_elasticity_monomials, only: lanes
-  use dotyk_linalg_dense, only: symmetric_eigen
   implicit none
   private
 
@@ -100,8 +98,7 @@ contains
     real(dp), intent(in) :: x(lanes, dim, n_blocks)
     !> To coordinates of any length [1/length].
     real(dp), intent(out) :: axes(dim, dim)
-    type(error_t), allocatable :: error
-    real(dp) :: total(lanes, dim, dim), moment(dim, dim), vectors(dim, dim), values(dim), largest
+    real(dp) :: total(lanes, dim, dim), moment(dim, dim), vectors(dim, dim), largest
     integer :: b, i, k
     total = 0
     do b = 1, n_blocks
@@ -116,17 +113,63 @@ contains
     do k = 1, dim
       do i = k, dim
         moment(i, k) = sum(total(:, i, k))
+        moment(k, i) = moment(i, k)
       end do
       largest = max(largest, moment(k, k))
     end do
-    call symmetric_eigen(moment/largest, values, vectors, error)
-    axes = 0
+    moment = moment/largest
+    call diagonalize(dim, moment, vectors)
     do k = 1, dim
-      axes(k, k) = 1/sqrt(largest)
       ! Elements have volume: only rounding makes a patch flatter than this.
-      if (.not. allocated(error)) axes(k, :) = vectors(:, k)/(sqrt(max(values(k), epsilon(largest)**2))*sqrt(largest))
+      axes(k, :) = vectors(:, k)/(sqrt(max(moment(k, k), epsilon(largest)**2))*sqrt(largest))
     end do
   end subroutine own_axes
+
+  !> Eigenvectors of a small symmetric matrix by Jacobi's rotations: fewer operations than a call of LAPACK, always in the same order.
+  pure subroutine diagonalize(n, a, vectors)
+    integer, intent(in) :: n
+    !> The matrix; its eigenvalues on the diagonal on return.
+    real(dp), intent(inout) :: a(n, n)
+    !> Columns.
+    real(dp), intent(out) :: vectors(n, n)
+    !> Sweeps at most; three or four are enough.
+    integer, parameter :: sweeps = 12
+    real(dp) :: t, c, s, line(n), size_of_diagonal
+    integer :: i, k, sweep
+    vectors = 0
+    do k = 1, n
+      vectors(k, k) = 1
+    end do
+    do sweep = 1, sweeps
+      size_of_diagonal = 0
+      do k = 1, n
+        size_of_diagonal = max(size_of_diagonal, abs(a(k, k)))
+      end do
+      do k = 2, n
+        do i = 1, k - 1
+          if (.not. abs(a(i, k)) > tiny(t)) cycle
+          t = (a(k, k) - a(i, i))/(2*a(i, k))
+          t = sign(1.0_dp, t)/(abs(t) + sqrt(1 + t**2))
+          c = 1/sqrt(1 + t**2)
+          s = c*t
+          line = a(:, i)
+          a(:, i) = c*line - s*a(:, k)
+          a(:, k) = s*line + c*a(:, k)
+          line = a(i, :)
+          a(i, :) = c*line - s*a(k, :)
+          a(k, :) = s*line + c*a(k, :)
+          line = vectors(:, i)
+          vectors(:, i) = c*line - s*vectors(:, k)
+          vectors(:, k) = s*line + c*vectors(:, k)
+        end do
+      end do
+      t = 0
+      do k = 2, n
+        t = max(t, maxval(abs(a(:k - 1, k))))
+      end do
+      if (t <= 0.1_dp*epsilon(t)*size_of_diagonal) exit
+    end do
+  end subroutine diagonalize
 
   !> Turn the nodes into axes in which none is farther from the centre than 1, and weigh them.
   pure subroutine to_axes(n, dim, n_blocks, axes, t, weight)

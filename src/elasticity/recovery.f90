@@ -1,5 +1,6 @@
 !> From displacements to stresses and energy, with the quadrature of the stiffness.
 module dotyk_elasticity_recovery
+  use omp_lib, only: omp_get_max_threads, omp_in_parallel
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_elasticity_analysis, only: gradient_slots, strain_index
@@ -29,37 +30,67 @@ contains
     real(dp), intent(out) :: energy
     !> Allocated where an element or the factor on the stiffness is wrong; assembly finds that first.
     type(error_t), allocatable, intent(out) :: error
-    type(field_t) :: factor
+    real(dp), allocatable :: of_element(:)
     integer :: i, first, last
-    energy = 0
     stress = 0
-    call read_factor(material, factor, error)
-    if (allocated(error)) return
+    allocate (of_element(size(stress, 2)), source=0.0_dp)
     last = 0
     do i = 1, size(mesh%block)
       first = last + 1
       last = last + size(mesh%block(i)%node, 2)
-      call recover_block(mesh, i, analysis, material, factor, u, stress(:, first:last), energy, error)
+      call recover_block(mesh, i, analysis, material, u, stress(:, first:last), of_element(first:last), error)
       if (allocated(error)) exit
     end do
-    call factor%destroy()
+    ! In the order of the elements: the same digits on any number of threads.
+    energy = sum(of_element)
   end subroutine recover
 
-  !> The elements of one block.
-  subroutine recover_block(mesh, i_block, analysis, material, factor, u, stress, energy, error)
+  !> The elements of one block, shared out over the threads.
+  subroutine recover_block(mesh, i_block, analysis, material, u, stress, energy, error)
     type(body_mesh_t), intent(in) :: mesh
     integer, intent(in) :: i_block, analysis
     type(material_t), intent(in) :: material
-    type(field_t), intent(in) :: factor
     real(dp), intent(in) :: u(:, :)
-    real(dp), intent(inout) :: stress(:, :), energy
+    !> Of the elements of the block.
+    real(dp), intent(inout) :: stress(:, :), energy(:)
     type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable :: failed
+    integer :: n, s, n_shares
+    n = size(energy)
+    n_shares = merge(1, min(n, omp_get_max_threads()), omp_in_parallel())
+    !$omp parallel do default(none) schedule(static, 1) private(failed) &
+    !$omp& shared(mesh, i_block, analysis, material, u, stress, energy, error, n, n_shares)
+    do s = 1, n_shares
+      call recover_elements(mesh, i_block, analysis, material, u, (n*(s - 1))/n_shares + 1, (n*s)/n_shares, stress, energy, failed)
+      if (.not. allocated(failed)) cycle
+      !$omp critical(dotyk_recovery)
+      if (.not. allocated(error)) call move_alloc(failed, error)
+      !$omp end critical(dotyk_recovery)
+    end do
+    !$omp end parallel do
+  end subroutine recover_block
+
+  !> Some elements of a block.
+  subroutine recover_elements(mesh, i_block, analysis, material, u, first, last, stress, energy, error)
+    type(body_mesh_t), intent(in) :: mesh
+    integer, intent(in) :: i_block, analysis
+    type(material_t), intent(in) :: material
+    real(dp), intent(in) :: u(:, :)
+    !> From the first to the last of these.
+    integer, intent(in) :: first, last
+    !> Of all elements of the block.
+    real(dp), intent(inout) :: stress(:, :), energy(:)
+    type(error_t), allocatable, intent(out) :: error
+    type(field_t) :: factor
     type(table_pair_t) :: tables
     type(element_kind_t) :: kind
     real(dp), allocatable :: x(:, :), ue(:, :), g(:), w(:), stiffness(:)
     integer, allocatable :: node(:), strain(:, :)
     real(dp) :: matrix(6, 6), worst
     integer :: n, dim, slots, most_points, e, i, s
+    ! One formula serves one thread.
+    call read_factor(material, factor, error)
+    if (allocated(error)) return
     kind = element_kind(mesh%block(i_block)%kind)
     n = kind%n_nodes
     dim = mesh%dimension
@@ -69,7 +100,7 @@ contains
     call tables%init_stiffness(mesh%block(i_block)%kind, analysis, .not. factor%constant)
     most_points = max(tables%straight%n_points, tables%curved%n_points)
     allocate (x(dim, n), ue(dim, n), node(n), g(n*slots*most_points), w(most_points), stiffness(most_points))
-    do e = 1, size(mesh%block(i_block)%node, 2)
+    do e = first, last
       node(:) = mesh%block(i_block)%node(:, e)
       x(:, :) = mesh%x(:, node)
       ue(:, :) = u(:, node)
@@ -78,8 +109,9 @@ contains
       else
         call recover_element(tables%straight)
       end if
-      if (allocated(error)) return
+      if (allocated(error)) exit
     end do
+    call factor%destroy()
 
   contains
 
@@ -97,11 +129,12 @@ contains
         call apply_factor(factor, table%shape, x, mesh%block(i_block)%tag(e), stiffness(:n_points), error)
         if (allocated(error)) return
       end if
-      call element_stress_energy(n, dim, slots, n_points, g, w, stiffness, strain, matrix, ue, stress(:, e), energy)
+      call element_stress_energy(n, dim, slots, n_points, g, w, stiffness, strain, matrix, ue, stress(:, e), &
+                                 energy(e))
     end subroutine recover_element
-  end subroutine recover_block
+  end subroutine recover_elements
 
-  !> Mean stress of an element, and its energy added to a sum.
+  !> Mean stress of an element, and its energy.
   pure subroutine element_stress_energy(n, dim, slots, n_points, g, w, stiffness, strain_of, matrix, u, stress, energy)
     !> Numbers of nodes, displacement components, gradient slots, quadrature points.
     integer, intent(in) :: n, dim, slots, n_points
@@ -117,11 +150,12 @@ contains
     real(dp), intent(in) :: u(dim, n)
     !> Mean stress [pressure].
     real(dp), intent(out) :: stress(6)
-    !> Sum of energies [force length].
-    real(dp), intent(inout) :: energy
+    !> [force length].
+    real(dp), intent(out) :: energy
     real(dp) :: strain(6), total(6), slope
     integer :: q, i, s, a
     total = 0
+    energy = 0
     do q = 1, n_points
       strain = 0
       do s = 1, slots

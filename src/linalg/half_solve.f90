@@ -40,7 +40,6 @@ module dotyk_linalg_half_solve
     real(dp), allocatable :: value(:)
   contains
     procedure :: init => half_init
-    procedure :: move_to => half_move_to
   end type half_solution_t
 
 contains
@@ -102,19 +101,6 @@ contains
       call eliminate(self, tree, number, k)
     end do
   end subroutine half_init
-
-  !> Hand everything over.
-  subroutine half_move_to(self, other)
-    class(half_solution_t), intent(inout) :: self
-    type(half_solution_t), intent(inout) :: other
-    other%n = self%n
-    if (.not. allocated(self%value)) return
-    call move_alloc(self%supernode, other%supernode)
-    call move_alloc(self%first_column, other%first_column)
-    call move_alloc(self%column, other%column)
-    call move_alloc(self%first_value, other%first_value)
-    call move_alloc(self%value, other%value)
-  end subroutine half_move_to
 
   !> Which right-hand sides come through which supernodes, and room for the values.
   subroutine find_columns(self, tree, rhs, number)

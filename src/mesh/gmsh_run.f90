@@ -64,7 +64,7 @@ contains
     if (allocated(error)) return
     name = geo_file(len(directory_of(geo_file)) + 1:)
     if (index(name, '.geo', back=.true.) > 1) name = name(:index(name, '.geo', back=.true.) - 1)
-    call ask_version(directory//name//'-'//to_text(process_id())//'.version', version, error)
+    call find_version(directory, directory//name//'-'//to_text(process_id())//'.version', version, error)
     if (allocated(error)) return
     call hash%add(version//to_text(dimension))
     base = directory//name//'-'//to_text(dimension)//'d-'//hash%digits()
@@ -105,6 +105,46 @@ contains
     write (unit, '(a)', iostat=status) '*'
     close (unit, iostat=status)
   end subroutine find_directory
+
+  !> The version of gmsh: what it said when it was last asked, in the same directory, if it is still the same file. (To start gmsh takes a
+  !> tenth of a second.)
+  subroutine find_version(directory, log_file, version, error)
+    !> Directory for meshes, with its slash.
+    character(*), intent(in) :: directory
+    !> Path for output, removed afterwards.
+    character(*), intent(in) :: log_file
+    character(:), allocatable, intent(out) :: version
+    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable :: none
+    type(byte_cursor_t) :: note
+    character(:), allocatable :: identity, line
+    integer :: unit, status
+    logical :: found
+    identity = ''
+    call run_command('stat -L -c "%n %s %y" "$(command -v '//shell_quoted(executable())//')"', log_file, status)
+    if (status == 0) call note%load(log_file, none)
+    if (status == 0 .and. .not. allocated(none)) call note%get_line(identity)
+    inquire (file=directory//'gmsh.version', exist=found)
+    if (found .and. len(identity) > 0) then
+      call note%load(directory//'gmsh.version', none)
+      if (.not. allocated(none)) then
+        call note%get_line(line)
+        call note%get_word(version)
+        if (line == identity .and. len(version) > 0) then
+          call remove_file(log_file)
+          return
+        end if
+      end if
+    end if
+    call ask_version(log_file, version, error)
+    if (allocated(error) .or. len(identity) == 0) return
+    open (newunit=unit, file=log_file, action='write', status='replace', iostat=status)
+    if (status /= 0) return
+    write (unit, '(a)', iostat=status) identity, version
+    close (unit)
+    if (status == 0) found = rename_file(log_file, directory//'gmsh.version')
+    if (status /= 0) call remove_file(log_file)
+  end subroutine find_version
 
   !> What gmsh says is its version.
   subroutine ask_version(log_file, version, error)

@@ -18,8 +18,9 @@ module dotyk_response_full
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_text, only: to_text
   use dotyk_elasticity_body, only: body_t
+  use dotyk_elasticity_elimination, only: elimination_order
   use dotyk_linalg_cholesky, only: cholesky_t
-  use dotyk_linalg_ordering, only: expand_permutation, nested_dissection
+  use dotyk_linalg_ordering, only: expand_permutation
   use dotyk_linalg_sparse, only: sparse_rows_t, sparse_symmetric_t
   use dotyk_response_components, only: gather, scatter, to_equations
   use dotyk_response_condensed, only: condensed_t
@@ -115,9 +116,9 @@ contains
       call body%constraint%reduce(body%free_motion(:, :, k), self%rigid(:, k))
     end do
     call choose_holds(self%rigid, self%hold)
-    ! Nested dissection orders the nodes: the graph is smaller, and the equations of a node stay together.
+    ! Nodes are ordered, not equations: the graph is smaller, and the equations of a node stay together.
     allocate (node_order(size(body%graph_start) - 1))
-    call nested_dissection(body%graph_start, body%graph_neighbour, node_order, error)
+    call elimination_order(body%mesh, body%graph_start, body%graph_neighbour, node_order, error)
     if (allocated(error)) return
     allocate (permutation(body%constraint%n_equations))
     call expand_permutation(node_order, body%constraint%equation, permutation)

@@ -47,8 +47,6 @@ module dotyk_response_response
     type(half_solution_t) :: half
     !> b R and b Z, free motions and what the held body answers to them, at the rows (n, n_motions).
     real(dp), allocatable :: along(:, :), answer(:, :)
-  contains
-    procedure :: move_to => half_response_move_to
   end type half_response_t
 
   !> One place in an array of responses that may have different forms.
@@ -116,14 +114,4 @@ module dotyk_response_response
       class(response_t), intent(inout) :: self
     end subroutine destroy_interface
   end interface
-contains
-
-  !> Hand everything over.
-  subroutine half_response_move_to(self, other)
-    class(half_response_t), intent(inout) :: self
-    type(half_response_t), intent(inout) :: other
-    call self%half%move_to(other%half)
-    if (allocated(self%along)) call move_alloc(self%along, other%along)
-    if (allocated(self%answer)) call move_alloc(self%answer, other%answer)
-  end subroutine half_response_move_to
 end module dotyk_response_response

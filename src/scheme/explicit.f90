@@ -4,7 +4,7 @@
 !> (`dotyk_linalg_half_solve`). In parallel over bodies and lots of rows. Bodies that touch in the same way have one matrix
 !> (`dotyk_scheme_twins`).
 module dotyk_scheme_explicit
-  use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_kinds, only: dp
   use dotyk_linalg_blas, only: blas_threads, set_blas_threads
   use dotyk_response_response, only: half_response_t, response_t
   use dotyk_scheme_problem, only: contact_problem_t
@@ -22,9 +22,10 @@ module dotyk_scheme_explicit
     integer, allocatable :: row(:), number(:)
     !> Their numbers in the operator that they come from (n).
     integer, allocatable, private :: origin(:)
-    !> Half solutions by lots, and the first row of each lot (n_lots), (n_lots + 1).
-    type(half_response_t), allocatable, private :: half(:)
+    !> First row of each lot (n_lots + 1).
     integer, allocatable, private :: first(:)
+    !> Half solutions of the lots, while rows join (n_lots).
+    type(half_response_t), allocatable, private :: half(:)
     !> The body that this one has its matrix from; 0: it has half solutions of its own.
     integer, private :: twin = 0
   end type body_compliance_t
@@ -44,7 +45,6 @@ module dotyk_scheme_explicit
     procedure :: lend => explicit_lend
     procedure :: multiply => explicit_multiply
     procedure :: diagonal => explicit_diagonal
-    procedure :: bytes => explicit_bytes
   end type explicit_compliance_t
 
   !> A half solve of one lot of a body, or the product of two lots.
@@ -67,7 +67,7 @@ contains
     self%by_sweeps = by_sweeps
     allocate (self%body(n_bodies))
     do b = 1, n_bodies
-      allocate (self%body(b)%value(0, 0), self%body(b)%row(0), self%body(b)%origin(0), self%body(b)%half(0))
+      allocate (self%body(b)%value(0, 0), self%body(b)%row(0), self%body(b)%origin(0))
       self%body(b)%first = [1]
     end do
   end subroutine explicit_init
@@ -136,6 +136,7 @@ contains
     !$omp end parallel do
     call set_blas_threads(n_blas)
     do b = 1, size(self%body)
+      if (allocated(self%body(b)%half)) deallocate (self%body(b)%half)
       if (copied(b)) self%body(b)%value = self%body(self%body(b)%twin)%value
     end do
   end subroutine explicit_form
@@ -174,9 +175,15 @@ contains
         copied(b) = body%twin > 0
         if (copied(b)) cycle
         call make_room(body, n_old)
-        do i = size(body%first), size(body%half)
+        n_old = size(body%first) - 1
+        do while (body%first(size(body%first)) <= body%n)
+          body%first = [body%first, min(body%first(size(body%first)) + lot_size, body%n + 1)]
+        end do
+        allocate (body%half(size(body%first) - 1))
+        do i = 1, size(body%half)
+          ! Half solutions take memory as C does: those of rows that joined before are found once more, which is rare.
           half = [half, task_t(b, i, i)]
-          body%first = [body%first, min(body%first(i) + lot_size, body%n + 1)]
+          if (i <= n_old) cycle
           do k = 1, i
             product = [product, task_t(b, i, k)]
           end do
@@ -209,21 +216,15 @@ contains
     end do
   end subroutine choose_twin
 
-  !> Room for the matrix of all rows and for the half solutions of those that join.
+  !> Room for the matrix of all rows.
   subroutine make_room(body, n_old)
     type(body_compliance_t), intent(inout) :: body
     !> Rows before.
     integer, intent(in) :: n_old
     real(dp), allocatable :: value(:, :)
-    type(half_response_t), allocatable :: half(:)
-    integer :: i
-    allocate (value(body%n, body%n), half(size(body%half) + (body%n - n_old + lot_size - 1)/lot_size))
+    allocate (value(body%n, body%n))
     value(:n_old, :n_old) = body%value(:n_old, :n_old)
     call move_alloc(value, body%value)
-    do i = 1, size(body%half)
-      call body%half(i)%move_to(half(i))
-    end do
-    call move_alloc(half, body%half)
   end subroutine make_room
 
   !> The block of two lots, and its mirror image.
@@ -345,14 +346,4 @@ contains
       if (i > 0) diagonal = diagonal + self%body(b)%value(i, i)
     end do
   end function explicit_diagonal
-
-  !> Memory of the matrices [bytes].
-  integer(int64) function explicit_bytes(self) result(bytes)
-    class(explicit_compliance_t), intent(in) :: self
-    integer :: b
-    bytes = 0
-    do b = 1, size(self%body)
-      bytes = bytes + 8*size(self%body(b)%value, kind=int64)
-    end do
-  end function explicit_bytes
 end module dotyk_scheme_explicit
