@@ -43,6 +43,8 @@ def shown(function):
     function, _, library = function.rpartition(' (')
     if library.startswith('[') or 'kallsyms' in library:
         return 'kernel'
+    if function == '[unknown]':
+        return 'in ' + os.path.basename(library.rstrip(')')).split('.so')[0]
     found = re.match(r'__dotyk_(\w+?)_MOD_(\w+)', function)
     name = '%s (%s)' % (found[2], found[1]) if found else function
     return re.sub(r'(\._omp_fn|\.constprop|\.isra|\.part|\.cold)(\.\d+)?', '', name)

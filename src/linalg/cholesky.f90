@@ -1,10 +1,13 @@
 !> Sparse Cholesky factorization: CHOLMOD's symbolic analysis and solves, with 64-bit indices, and a numeric factorization in its
-!> structure by dotyk_linalg_multifrontal. The only module that names CHOLMOD.
+!> structure by dotyk_linalg_multifrontal.
 module dotyk_linalg_cholesky
   use, intrinsic :: iso_c_binding, only: c_ptr, c_null_ptr, c_associated, c_f_pointer, c_int, c_int64_t, c_double
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_error, only: error_t, set_error, exit_not_solvable
   use dotyk_base_text, only: to_text
+  use dotyk_linalg_cholmod, only: code_ok, code_out_of_memory, code_too_large, dotyk_cholmod_new, dotyk_cholmod_free, &
+    dotyk_cholmod_analyze, dotyk_cholmod_permute, dotyk_cholmod_begin, dotyk_cholmod_end, dotyk_cholmod_solve, &
+    dotyk_cholmod_supernodes, dotyk_cholmod_trailing, dotyk_cholmod_solve_trailing, dotyk_cholmod_rcond, statistics_t
   use dotyk_linalg_multifrontal, only: factor_supernodes
   use dotyk_linalg_ordering, only: is_permutation
   use dotyk_linalg_sparse, only: sparse_symmetric_t
@@ -45,8 +48,6 @@ module dotyk_linalg_cholesky
     procedure :: is_factorized => cholesky_is_factorized
     procedure :: solve => cholesky_solve
     procedure :: solve_block => cholesky_solve_block
-    procedure :: solve_forward => cholesky_solve_forward
-    procedure :: solve_backward => cholesky_solve_backward
     procedure :: trailing => cholesky_trailing
     procedure :: supernodes => cholesky_supernodes
     procedure :: solve_trailing => cholesky_solve_trailing
@@ -54,92 +55,8 @@ module dotyk_linalg_cholesky
     procedure :: destroy => cholesky_destroy
   end type cholesky_t
 
-  !> The shim's struct of the same name.
-  type, bind(c) :: statistics_t
-    integer(c_int64_t) :: entries
-    integer(c_int64_t) :: supernodes
-    integer(c_int64_t) :: factor_bytes
-    integer(c_int64_t) :: workspace_bytes
-    real(c_double) :: flops
-  end type statistics_t
-
-  ! What the shim returns, and the parts of a solve that it knows.
-  integer(c_int), parameter :: code_ok = 0, code_out_of_memory = 1, code_too_large = 3
-  integer(c_int), parameter :: part_whole = 0, part_forward = 1, part_backward = 2
   !> Right-hand sides that are solved for at a time.
   integer, parameter :: block_size = 64
-
-  interface
-    type(c_ptr) function dotyk_cholmod_new() bind(c)
-      import :: c_ptr
-    end function dotyk_cholmod_new
-
-    subroutine dotyk_cholmod_free(handle) bind(c)
-      import :: c_ptr
-      type(c_ptr), value :: handle
-    end subroutine dotyk_cholmod_free
-
-    integer(c_int) function dotyk_cholmod_analyze(handle, n, start, row, permutation, trailing, statistics) bind(c)
-      import :: c_ptr, c_int, c_int64_t, statistics_t
-      type(c_ptr), value :: handle
-      integer(c_int64_t), value :: n
-      integer(c_int64_t), intent(in) :: start(*), row(*), permutation(*)
-      integer(c_int64_t), value :: trailing
-      type(statistics_t), intent(out) :: statistics
-    end function dotyk_cholmod_analyze
-
-    integer(c_int) function dotyk_cholmod_permute(handle, start, row, value) bind(c)
-      import :: c_ptr, c_int, c_int64_t, c_double
-      type(c_ptr), value :: handle
-      integer(c_int64_t), intent(in) :: start(*), row(*)
-      real(c_double), intent(in) :: value(*)
-    end function dotyk_cholmod_permute
-
-    integer(c_int) function dotyk_cholmod_begin(handle, start, row, value) bind(c)
-      import :: c_ptr, c_int
-      type(c_ptr), value :: handle
-      type(c_ptr), intent(out) :: start, row, value
-    end function dotyk_cholmod_begin
-
-    subroutine dotyk_cholmod_end(handle) bind(c)
-      import :: c_ptr
-      type(c_ptr), value :: handle
-    end subroutine dotyk_cholmod_end
-
-    integer(c_int) function dotyk_cholmod_solve(handle, part, n, m, x) bind(c)
-      import :: c_ptr, c_int, c_int64_t, c_double
-      type(c_ptr), value :: handle
-      integer(c_int), value :: part
-      integer(c_int64_t), value :: n, m
-      real(c_double), intent(inout) :: x(*)
-    end function dotyk_cholmod_solve
-
-    subroutine dotyk_cholmod_supernodes(handle, counts, pointers) bind(c)
-      import :: c_ptr, c_int64_t
-      type(c_ptr), value :: handle
-      integer(c_int64_t), intent(out) :: counts(2)
-      type(c_ptr), intent(out) :: pointers(6)
-    end subroutine dotyk_cholmod_supernodes
-
-    subroutine dotyk_cholmod_trailing(handle, m, equation) bind(c)
-      import :: c_ptr, c_int64_t
-      type(c_ptr), value :: handle
-      integer(c_int64_t), value :: m
-      integer(c_int64_t), intent(out) :: equation(*)
-    end subroutine dotyk_cholmod_trailing
-
-    integer(c_int) function dotyk_cholmod_solve_trailing(handle, m, columns, x) bind(c)
-      import :: c_ptr, c_int, c_int64_t, c_double
-      type(c_ptr), value :: handle
-      integer(c_int64_t), value :: m, columns
-      real(c_double), intent(inout) :: x(*)
-    end function dotyk_cholmod_solve_trailing
-
-    real(c_double) function dotyk_cholmod_rcond(handle) bind(c)
-      import :: c_ptr, c_double
-      type(c_ptr), value :: handle
-    end function dotyk_cholmod_rcond
-  end interface
 
 contains
 
@@ -280,7 +197,7 @@ contains
     class(cholesky_t), intent(in) :: self
     !> Right-hand side, then solution (n).
     real(dp), intent(inout), contiguous :: x(:)
-    call solve_columns(self, part_whole, 1, x)
+    call solve_columns(self, 1, x)
   end subroutine cholesky_solve
 
   !> X <- K^-1 X, four to six times cheaper per column than one by one. NaN as in `solve`.
@@ -288,30 +205,12 @@ contains
     class(cholesky_t), intent(in) :: self
     !> Right-hand sides, then solutions (n,m).
     real(dp), intent(inout), contiguous :: x(:, :)
-    call solve_columns(self, part_whole, size(x, 2), x)
+    call solve_columns(self, size(x, 2), x)
   end subroutine cholesky_solve_block
 
-  !> X <- L^-1 P X: half a solve, so that B K^-1 B^T = Y^T Y with Y = L^-1 P B^T. NaN as in `solve`.
-  subroutine cholesky_solve_forward(self, x)
-    class(cholesky_t), intent(in) :: self
-    !> Right-hand sides in the order of the equations, then results in the order of elimination (n,m).
-    real(dp), intent(inout), contiguous :: x(:, :)
-    call solve_columns(self, part_forward, size(x, 2), x)
-  end subroutine cholesky_solve_forward
-
-  !> X <- P^T L^-T X, the other half. NaN as in `solve`.
-  subroutine cholesky_solve_backward(self, x)
-    class(cholesky_t), intent(in) :: self
-    !> Right-hand sides in the order of elimination, then results in the order of the equations (n,m).
-    real(dp), intent(inout), contiguous :: x(:, :)
-    call solve_columns(self, part_backward, size(x, 2), x)
-  end subroutine cholesky_solve_backward
-
   !> Solves in blocks of columns.
-  subroutine solve_columns(self, part, m, x)
+  subroutine solve_columns(self, m, x)
     class(cholesky_t), intent(in) :: self
-    !> Which part of the solve.
-    integer(c_int), intent(in) :: part
     !> Number of columns.
     integer, intent(in) :: m
     !> Right-hand sides, then results (n,m).
@@ -322,7 +221,7 @@ contains
     do first = 1, m, block_size
       last = min(m, first + block_size - 1)
       code = code_out_of_memory
-      if (self%factorized) code = dotyk_cholmod_solve(self%handle, part, int(self%n, c_int64_t), &
+      if (self%factorized) code = dotyk_cholmod_solve(self%handle, int(self%n, c_int64_t), &
         int(last - first + 1, c_int64_t), x(:, first:last))
       if (code /= code_ok) x(:, first:last) = not_a_number()
     end do

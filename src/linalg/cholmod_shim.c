@@ -269,10 +269,8 @@ int dotyk_cholmod_solve_trailing(const void *handle, int64_t m, int64_t columns,
   return OK;
 }
 
-enum { WHOLE = 0, FORWARD = 1, BACKWARD = 2 };
-
-/* In place on x (n,m): x <- K^-1 x (WHOLE), L^-1 P x (FORWARD), P^T L^-T x (BACKWARD), where P K P^T = L L^T. */
-int dotyk_cholmod_solve(const void *handle, int part, int64_t n, int64_t m, double *x) {
+/* In place on x (n,m): x <- K^-1 x, where P K P^T = L L^T. */
+int dotyk_cholmod_solve(const void *handle, int64_t n, int64_t m, double *x) {
   const handle_t *h = handle;
   cholmod_factor *L = h->L; /* the solves read it only */
   const SuiteSparse_long *permutation = L->Perm;
@@ -286,27 +284,13 @@ int dotyk_cholmod_solve(const void *handle, int part, int64_t n, int64_t m, doub
   cholmod_dense e = {.nrow = (size_t)m, .ncol = more, .nzmax = (size_t)m * more, .d = (size_t)m,
                      .x = work + (size_t)(n * m), .xtype = CHOLMOD_REAL, .dtype = CHOLMOD_DOUBLE};
   for (int64_t j = 0; j < m; j++) {
-    double *yj = work + j * n;
-    const double *xj = x + j * n;
-    if (part == BACKWARD) {
-      memcpy(yj, xj, (size_t)n * sizeof *yj);
-    } else {
-      for (int64_t k = 0; k < n; k++) yj[k] = xj[permutation[k]];
-    }
+    for (int64_t k = 0; k < n; k++) work[k + j * n] = x[permutation[k] + j * n];
   }
   int levels = forbid_threads();
-  int good = 1;
-  if (part != BACKWARD) good = cholmod_l_super_lsolve(L, &y, &e, &common);
-  if (good && part != FORWARD) good = cholmod_l_super_ltsolve(L, &y, &e, &common);
+  int good = cholmod_l_super_lsolve(L, &y, &e, &common) && cholmod_l_super_ltsolve(L, &y, &e, &common);
   omp_set_max_active_levels(levels);
   for (int64_t j = 0; j < m; j++) {
-    const double *yj = work + j * n;
-    double *xj = x + j * n;
-    if (part == FORWARD) {
-      memcpy(xj, yj, (size_t)n * sizeof *xj);
-    } else {
-      for (int64_t k = 0; k < n; k++) xj[permutation[k]] = yj[k];
-    }
+    for (int64_t k = 0; k < n; k++) x[permutation[k] + j * n] = work[k + j * n];
   }
   free(work);
   return good ? OK : INVALID;
