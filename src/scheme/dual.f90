@@ -236,6 +236,8 @@ contains
       if (norm > 0) result%error_bound = min(result%error_bound, 1.0e150_dp*norm)/norm
       if (result%error_bound >= 0.99e150_dp) result%error_bound = huge(norm)
     end if
+    ! Loads whose squares overflow leave none either.
+    if (.not. result%error_bound <= huge(norm)) result%error_bound = huge(norm)
     result%energy = problem%energy(result%m, result%y, now%alpha)
     result%max_penetration = 0
     if (size(result%y) > 0) result%max_penetration = max(0.0_dp, maxval(result%y))
