@@ -98,6 +98,7 @@ contains
     allocate (full)
     call full%prepare(body, error, contact_node, form, &
                       response_demand_t(n_points, n_bodies, merge(typical_steps, 0, single_solves)))
+    if (allocated(error)) return
     size_of%is_condensed = full%is_condensed
     size_of%is_explicit = full%is_explicit
     size_of%entries = full%factor%factor_entries
