@@ -4,8 +4,8 @@ module dotyk_linalg_blas
   use dotyk_base_kinds, only: dp
   implicit none
   private
-  public :: set_blas_threads, blas_threads, blas_name, add_lower_product, add_product, multiply_part, solve_lower, &
-    transposed_product, dgemm, dpotrf, dsyrk, dtrsm
+  public :: set_blas_threads, blas_threads, blas_name, add_product, transposed_product, &
+    dgemm, dpotrf, dsyrk, dtrsm
 
   interface
     subroutine dgemm(transa, transb, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc)
@@ -81,40 +81,6 @@ contains
     if (size(a) == 0 .or. size(b) == 0) return
     call dgemm('T', 'N', size(a, 2), size(b, 2), size(a, 1), 1.0_dp, a, size(a, 1), b, size(b, 1), 0.0_dp, c, size(c, 1))
   end subroutine transposed_product
-
-  !> The lower triangle of C <- C + A^T A.
-  subroutine add_lower_product(a, c)
-    !> (n,r)
-    real(dp), intent(in), contiguous :: a(:, :)
-    !> (r,r)
-    real(dp), intent(inout), contiguous :: c(:, :)
-    if (size(a) == 0) return
-    call dsyrk('L', 'T', size(a, 2), size(a, 1), 1.0_dp, a, size(a, 1), 1.0_dp, c, size(c, 1))
-  end subroutine add_lower_product
-
-  !> C = A B with A a part of a larger array.
-  subroutine multiply_part(m, r, n, a, lead, b, c)
-    !> Sizes, and the first dimension of the array that A is in.
-    integer, intent(in) :: m, r, n, lead
-    !> A in the first m rows and r columns of what begins here.
-    real(dp), intent(in) :: a(lead, *)
-    !> (r,n)
-    real(dp), intent(in) :: b(r, *)
-    !> (m,n)
-    real(dp), intent(inout) :: c(m, *)
-    if (m > 0 .and. n > 0) call dgemm('N', 'N', m, n, r, 1.0_dp, a, lead, b, r, 0.0_dp, c, m)
-  end subroutine multiply_part
-
-  !> X <- L^{-1} X.
-  subroutine solve_lower(n, m, l, lead, x)
-    !> Order, number of right-hand sides, and first dimension of the array that L is in.
-    integer, intent(in) :: n, m, lead
-    !> L in its first n rows and columns (lead,n); what is above the diagonal is not looked at.
-    real(dp), intent(in) :: l(lead, *)
-    !> (n,m)
-    real(dp), intent(inout) :: x(n, *)
-    if (n > 0 .and. m > 0) call dtrsm('L', 'L', 'N', 'N', n, m, 1.0_dp, l, lead, x, n)
-  end subroutine solve_lower
 
   !> Let every BLAS call of the process use n threads. To be called outside parallel regions.
   subroutine set_blas_threads(n)

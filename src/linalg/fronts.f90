@@ -4,6 +4,7 @@
 !> the same on any number of threads.
 module dotyk_linalg_fronts
   use dotyk_base_kinds, only: dp
+  use dotyk_linalg_blas, only: dgemm, dpotrf, dsyrk, dtrsm
   implicit none
   private
   public :: factor_panel, subtract_square, product_tile, tile_rows, tile_columns
@@ -14,40 +15,6 @@ module dotyk_linalg_fronts
   integer, parameter :: leaf_rows = 256
   !> Rows and columns of a tile of a product, at which DGEMM has reached its full rate.
   integer, parameter :: tile_rows = 512, tile_columns = 256
-
-  interface
-    subroutine dpotrf(uplo, n, a, lda, info)
-      import :: dp
-      character(1), intent(in) :: uplo
-      integer, intent(in) :: n, lda
-      real(dp), intent(inout) :: a(lda, *)
-      integer, intent(out) :: info
-    end subroutine dpotrf
-
-    subroutine dtrsm(side, uplo, transa, diag, m, n, alpha, a, lda, b, ldb)
-      import :: dp
-      character(1), intent(in) :: side, uplo, transa, diag
-      integer, intent(in) :: m, n, lda, ldb
-      real(dp), intent(in) :: alpha, a(lda, *)
-      real(dp), intent(inout) :: b(ldb, *)
-    end subroutine dtrsm
-
-    subroutine dsyrk(uplo, trans, n, k, alpha, a, lda, beta, c, ldc)
-      import :: dp
-      character(1), intent(in) :: uplo, trans
-      integer, intent(in) :: n, k, lda, ldc
-      real(dp), intent(in) :: alpha, beta, a(lda, *)
-      real(dp), intent(inout) :: c(ldc, *)
-    end subroutine dsyrk
-
-    subroutine dgemm(transa, transb, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc)
-      import :: dp
-      character(1), intent(in) :: transa, transb
-      integer, intent(in) :: m, n, k, lda, ldb, ldc
-      real(dp), intent(in) :: alpha, beta, a(lda, *), b(ldb, *)
-      real(dp), intent(inout) :: c(ldc, *)
-    end subroutine dgemm
-  end interface
 
 contains
 

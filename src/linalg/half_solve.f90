@@ -5,7 +5,7 @@
 !> of them, at the rate of dense products.
 module dotyk_linalg_half_solve
   use dotyk_base_kinds, only: dp, int64
-  use dotyk_linalg_blas, only: add_lower_product, multiply_part, solve_lower, transposed_product
+  use dotyk_linalg_blas, only: dgemm, dsyrk, dtrsm, transposed_product
   use dotyk_linalg_cholesky, only: cholesky_t, supernodes_t
   use dotyk_linalg_sparse, only: sparse_rows_t
   implicit none
@@ -204,10 +204,11 @@ contains
       rows = int(list%row_start(s) - list%row_start(s - 1))
       first = list%value_start(s - 1)
       n = self%first_column(k + 1) - self%first_column(k)
-      call solve_lower(own, n, list%value(first:), rows, self%value(self%first_value(k):))
+      call dtrsm('L', 'L', 'N', 'N', own, n, 1.0_dp, list%value(first:), rows, self%value(self%first_value(k):), own)
       if (rows == own) return
       allocate (part(rows - own, n))
-      call multiply_part(rows - own, own, n, list%value(first + own:), rows, self%value(self%first_value(k):), part)
+      call dgemm('N', 'N', rows - own, n, own, 1.0_dp, list%value(first + own:), rows, self%value(self%first_value(k):), own, &
+                 0.0_dp, part, rows - own)
       call subtract_part(self, tree, number, list%row(list%row_start(s - 1) + own:list%row_start(s) - 1), &
                          self%column(self%first_column(k):self%first_column(k + 1) - 1), part)
     end associate
@@ -294,8 +295,7 @@ contains
     integer :: i, j
     allocate (part(size(column_a), size(column_b)))
     if (same) then
-      part = 0
-      call add_lower_product(a, part)
+      call dsyrk('L', 'T', size(column_a), own, 1.0_dp, a, own, 0.0_dp, part, size(column_a))
     else
       call transposed_product(a, b, part)
     end if
