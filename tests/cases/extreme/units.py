@@ -151,7 +151,7 @@ def scenes(grid):
             for far in (2.0**10, 2.0**20):
                 yield Variant("moved by %g%s" % (far, words), shift=(far, -far, far), **options).scene()
             # a shift that rounds coordinates: 1e6 sizes leave 1e-10, of gaps of 1e-4 that is 1e-6
-            yield Variant("moved by 1e6 sizes" + words, shift=(1e6/3, -1e6/7, 1e6/11), close=1e-5, **options).scene()
+            yield Variant("moved by 1e6 sizes" + words, shift=(1e6/3, -1e6/7, 1e6/11), close=1e-6, **options).scene()
             yield Variant("in another order" + words, backwards=True, **options).scene()
             yield Variant("sides swapped" + words, swap=True, close=0.05, **options).scene()
 
