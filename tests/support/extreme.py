@@ -74,9 +74,9 @@ class Answer:
         return energy_norm(self.results, signs*np.spacing(np.abs(self.displacement)))/norm if norm > 0 else 0.0
 
     def pressure_error(self, exact, pair=None):
-        """Largest distance of the pressures to a constant, over it."""
+        """Largest distance of the pressures to a constant, over it where it is not zero."""
         pressures = [self.pairs[name]["pressure"] for name in ([pair] if pair else self.pairs)]
-        return max(np.abs(p - exact).max() for p in pressures)/abs(exact)
+        return max(np.abs(p - exact).max() for p in pressures)/(abs(exact) or 1)
 
 
 class Outcome:
