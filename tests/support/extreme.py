@@ -126,6 +126,15 @@ def run(scene, folder, timeout=600, threads=2):
     return Outcome(scene, code, text, seconds, answer, judged, faults)
 
 
+def solved(scene):
+    """The answer of a scene that others are compared with."""
+    with tempfile.TemporaryDirectory(prefix="dotyk-") as folder:
+        outcome = run(scene, folder)
+    if outcome.faults:
+        raise ValueError("%s: %s\n%s" % (scene.name, outcome.faults, outcome.text))
+    return outcome.answer
+
+
 def main(scenes):
     """Test the quick scenes of a module; what they are called is what the tests are called."""
     class Extreme(unittest.TestCase):

@@ -5,9 +5,6 @@ The scene: an orthotropic block with a slope below, pressed on another that is n
 Coordinates are whole numbers of 2^-20, so that moves by powers of two do not round them; rotations and other units do, and what
 that costs is allowed: gaps of 1e-4 from coordinates of size 1 keep 12 digits.
 """
-import pathlib
-import tempfile
-
 import numpy as np
 
 import extreme
@@ -125,11 +122,7 @@ def solved(reference):
     """The answer of a reference, once."""
     key = reference.text() + reference.kind
     if key not in REFERENCES:
-        with tempfile.TemporaryDirectory(prefix="dotyk-") as folder:
-            outcome = extreme.run(Scene("reference", reference.text(), reference.write), pathlib.Path(folder))
-        if outcome.faults:
-            raise ValueError("reference: %s\n%s" % (outcome.faults, outcome.text))
-        REFERENCES[key] = outcome.answer
+        REFERENCES[key] = extreme.solved(Scene("reference", reference.text(), reference.write))
     return REFERENCES[key]
 
 
