@@ -145,7 +145,7 @@ contains
     associate (case => run%case, problem => run%problem)
       call attach_bodies(run%body, run%kinds, problem%operator%block, problem%response)
       call run%watch%lap(run%timing%search)
-      call factorize_bodies(run%body, run%kinds, problem%response, run%size_of, error)
+      call factorize_bodies(run%body, run%kinds, .not. needs_held_bodies(case), problem%response, run%size_of, error)
       if (allocated(error)) return
       call run%watch%lap(run%timing%factorize)
       call show_factorization(run%log, run%size_of, run%timing%factorize)
