@@ -22,6 +22,9 @@ module dotyk_response_definite
     !> That of what was factorized: soft motions are no part of it.
     real(dp) :: condition_left = 1
     logical :: is_measured = .false.
+    !> Equations with springs, those against free or soft motions, and the springs (n_springs) [force/length].
+    integer, allocatable :: hold(:)
+    real(dp), allocatable :: spring(:)
     !> Soft motions over the equations (n_equations, n), and their stiffness (n, n) [force/length]; none where not allocated.
     real(dp), allocatable :: motion(:, :), stiffness(:, :)
   end type digits_t
@@ -31,9 +34,9 @@ module dotyk_response_definite
   !> A pivot that elimination has left less than this part of may be round-off. (Thin bodies have small ones too, and round-off
   !> leaves 1e-16 to 1e-13: whether it is, the displacement says that belongs to it.)
   real(dp), parameter :: suspicious_pivot = 1.0e-8_dp
-  !> One with less than this says that the condition is worth a measurement: compact bodies have 1e-2, plates 1e-5 at 40 times their
+  !> One with less than this says that the condition is worth a measurement: compact bodies have 1e-2, plates 1e-4 at about 20 times their
   !> thickness.
-  real(dp), parameter :: small_pivot = 1.0e-5_dp
+  real(dp), parameter :: small_pivot = 1.0e-4_dp
   !> Shapes to look at: rigid motions, and what comes after them.
   integer, parameter :: n_shapes = 8
 
@@ -66,6 +69,8 @@ contains
       call refuse(body, failed_column, error)
       return
     end if
+    digits%hold = hold
+    digits%spring = spring
     digits%condition = 1/factor%weakest_pivot
     digits%condition_left = digits%condition
     if (factor%weakest_pivot > small_pivot) return
@@ -82,6 +87,7 @@ contains
     n = 0
     if (take_apart .and. size(hold) == 0) n = count_soft(values)
     if (n > 0) then
+      ! A shape that is not so soft is that of the body held.
       digits%condition_left = norm/values(n + 1)
       call part_soft_motions(body, factor, diagonal, shapes(:, :n), digits, error)
     end if
@@ -115,6 +121,8 @@ contains
       return
     end if
     call find_motions(body, factor, hold, spring, digits%motion, digits%stiffness, error)
+    digits%hold = hold
+    digits%spring = spring
   end subroutine part_soft_motions
 
   !> The stiffness once more.
