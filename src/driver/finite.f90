@@ -13,7 +13,8 @@ module dotyk_driver_finite
   private
   public :: refuse_overflow
 
-  character(*), parameter :: reason = ' not finite: the numbers of the scene are too large or too small for each other; check their units'
+  character(*), parameter :: reason = ' not finite: the numbers of the scene are too large or too small for each other; '// &
+                                      'check their units'
 
 contains
 

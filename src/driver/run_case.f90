@@ -210,7 +210,8 @@ contains
     type(error_t), allocatable, intent(out) :: error
     call project_pressures(run%body, run%pair, run%surface_a, run%surface_b, run%problem, run%result%m, run%result%y, &
                            run%pair_solution, run%contact_pressure, error)
-    if (.not. allocated(error)) call refuse_overflow(run%case, run%body, run%pair, run%solution, run%pair_solution, run%result, error)
+    if (.not. allocated(error)) call refuse_overflow(run%case, run%body, run%pair, run%solution, run%pair_solution, run%result, &
+                                                     error)
     if (allocated(error)) return
     call show_pair_results(run%log, run%pair, run%pair_solution)
     call run%watch%lap(run%timing%recover)

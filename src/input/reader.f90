@@ -173,7 +173,7 @@ contains
     type(token_t), intent(in) :: word
     type(problems_t), intent(inout) :: problems
     integer :: mark
-    if (group%n_entries == most_keys) then
+    if (group%n_entries == most_keys .and. .not. group%full) then
       call problems%add(word%line, '&'//group%name//': more than '//to_text(most_keys)//' keys; those from '//shown(word%text)// &
                         ' on are not looked at')
       group%full = .true.
