@@ -211,7 +211,7 @@ contains
     class(active_system_t), intent(in) :: system
     type(iterate_t), intent(inout) :: now
     type(scheme_result_t), intent(inout) :: result
-    real(dp) :: norm
+    real(dp) :: norm, rounded
     integer :: i
     now%lambda = max(0.0_dp, now%lambda)
     call update_penetrations(problem, compliance, now)
@@ -227,6 +227,8 @@ contains
     if (is_balanced(problem, now%lambda, now%alpha)) then
       result%error_bound = min(sqrt(duality_gap(problem%operator%weight, problem%operator%theta, result%m, result%y)), &
                                admissible_bound(problem, compliance, system, now))
+      call problem%coarse%rounding(problem%operator, now%lambda, rounded)
+      result%error_bound = result%error_bound + rounded
       ! Beyond 1e150 a bound is none.
       if (norm > 0) result%error_bound = min(result%error_bound, 1.0e150_dp*norm)/norm
       if (result%error_bound >= 0.99e150_dp) result%error_bound = huge(norm)
