@@ -37,7 +37,7 @@ def exact(layers, theta, gap=0.0):
 
 
 def stack(name, layers, theta_relative=0.0, kind="hex8", gap=0.0, solver="tolerance=1e-12", width=1.0, allowed=1e-9,
-          given_gap=None, swap=False, code=0):
+          given_gap=None, swap=False, code=0, message=()):
     """The scene; `gap` is drawn between all layers (overlap where negative), `given_gap` is what the input says instead."""
     d = len(KINDS[kind][0][0])
     up = "xyz"[d - 1]
@@ -82,4 +82,4 @@ def stack(name, layers, theta_relative=0.0, kind="hex8", gap=0.0, solver="tolera
                 (error, max(allowed, rounding), "energy norm")]
 
     return Scene(name, "\n".join(text) + "\n", lambda folder: write_mesh(folder/"stack.msh", blocks, kind),
-                 check, code)
+                 check, code, message)
