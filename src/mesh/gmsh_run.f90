@@ -6,6 +6,7 @@
 module dotyk_mesh_gmsh_run
   use dotyk_base_kinds, only: int64
   use dotyk_base_error, only: error_t, set_error, exit_bad_input, exit_not_written
+  use dotyk_base_interrupt, only: run_shell => run_command, interrupted, stop_if_interrupted
   use dotyk_base_text, only: to_text
   use dotyk_mesh_bytes, only: byte_cursor_t
   use dotyk_mesh_content_hash, only: content_hash_t
@@ -155,7 +156,10 @@ contains
     type(byte_cursor_t) :: log
     integer :: status
     call run_command(shell_quoted(executable())//' --version', log_file, status)
-    if (status == status_not_found .or. status == status_not_executable) then
+    call stop_if_interrupted('asking gmsh for its version', error)
+    if (allocated(error)) then
+      continue
+    else if (status == status_not_found .or. status == status_not_executable) then
       call set_error(error, executable()//', which meshes .geo files, was not found: install it (Debian: apt install gmsh), '// &
                      'set DOTYK_GMSH to its path, or give a .msh file', exit_bad_input)
     else if (status /= 0) then
@@ -180,10 +184,7 @@ contains
     character(*), intent(in) :: command, log_file
     !> Exit status; that of a program not found where there is no shell.
     integer, intent(out) :: status
-    integer :: shell_status
-    status = 0
-    call execute_command_line(command//' < /dev/null > '//shell_quoted(log_file)//' 2>&1', exitstat=status, cmdstat=shell_status)
-    if (shell_status /= 0) status = status_not_found
+    status = run_shell('exec '//command//' < /dev/null > '//shell_quoted(log_file)//' 2>&1')
   end subroutine run_command
 
   !> Make the mesh `base`.msh; what gmsh says is kept in `base`.log.
@@ -203,6 +204,12 @@ contains
     if (temporary(1:1) == '-') temporary = './'//temporary
     call run_command(shell_quoted(executable())//' -'//to_text(dimension)//' -format msh41 -bin -o '// &
                      shell_quoted(temporary//'.msh')//' '//shell_quoted(path), temporary//'.log', status)
+    if (interrupted()) then
+      call remove_file(temporary//'.log')
+      call remove_file(temporary//'.msh')
+      call stop_if_interrupted('gmsh was meshing '//geo_file, error)
+      return
+    end if
     call log%load(temporary//'.log', error)
     if (allocated(error)) return
     if (.not. rename_file(temporary//'.log', base//'.log')) call remove_file(temporary//'.log')
