@@ -22,7 +22,7 @@ static volatile sig_atomic_t child;         /* program that is being run; 0: non
 static struct timespec first_time;
 
 /* timeout(1) and batch systems send their signal to the process and to its group: what comes at the same time is one. */
-static const double same_time = 0.3; /* [s] */
+static const double same_time = 1; /* [s] */
 
 static void on_signal(int number) {
   int saved = errno;

@@ -5,6 +5,7 @@
 module dotyk_base_interrupt
   use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char
   use dotyk_base_error, only: error_t, exit_not_converged, set_error
+  use dotyk_base_memory, only: stage_text
   implicit none
   private
   public :: watch_interrupts, interrupted, set_interrupt, stop_if_interrupted, run_command
@@ -46,14 +47,12 @@ contains
   end subroutine set_interrupt
 
   !> An error where the program was asked to stop before there is anything to write.
-  subroutine stop_if_interrupted(what, error)
-    !> What was being done, as in "while assembling".
-    character(*), intent(in) :: what
+  subroutine stop_if_interrupted(error)
     !> Left as it is where there is one already.
     type(error_t), allocatable, intent(inout) :: error
     if (allocated(error)) return
     if (.not. interrupted()) return
-    call set_error(error, 'interrupted while '//what//': nothing was written', exit_not_converged)
+    call set_error(error, 'interrupted while '//stage_text()//': no results were written', exit_not_converged)
   end subroutine stop_if_interrupted
 
   !> Run a command of the shell and wait for its end; interrupts reach it too.

@@ -4,6 +4,7 @@ module dotyk_driver_run_case
   use dotyk_base_interrupt, only: interrupted, stop_if_interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
+  use dotyk_base_memory, only: set_stage
   use dotyk_base_text, only: to_text
   use dotyk_contact_operator, only: build_operator
   use dotyk_contact_pair, only: contact_pair_t
@@ -15,7 +16,7 @@ module dotyk_driver_run_case
   use dotyk_driver_error_budget, only: error_budget_t, ask_for_more, errors_decide, estimate_errors, first_tolerance, &
     most_rounds, needs_displacements
   use dotyk_driver_fingerprint, only: fingerprint
-  use dotyk_driver_factorization, only: factor_size_t, analyze_bodies, attach_bodies, factorize_bodies
+  use dotyk_driver_factorization, only: factor_size_t, analyze_bodies, attach_bodies, check_memory, factorize_bodies
   use dotyk_driver_free_scene, only: free_body_t, solve_free_scene
   use dotyk_driver_pairs, only: find_pairs
   use dotyk_driver_parallel, only: use_threads, share_solves, set_blas_threads
@@ -97,6 +98,7 @@ contains
     run%started = date_and_time_text()
     call run%log%init(arguments%quiet)
     call use_threads(arguments%threads, run%threads)
+    call set_stage('reading '//arguments%case_file)
     call read_case(arguments%case_file, run%case, error)
     if (allocated(error)) return
     if (len(arguments%output) > 0) run%case%scene%output = arguments%output
@@ -129,26 +131,30 @@ contains
     if (allocated(error)) return
     if (len(run%case%output%checkpoint) > 0) call check_checkpoint_path(run%case%output%checkpoint, error)
     if (allocated(error)) return
+    call set_stage('reading meshes')
     call build_bodies(run%case, run%body, run%surface_a, run%surface_b, error)
-    call stop_if_interrupted('reading meshes', error)
+    call stop_if_interrupted(error)
     if (allocated(error)) return
     call run%watch%lap(run%timing%read)
     call run%kinds%init(size(run%body))
     if (run%case%solver%share_factors) call run%kinds%find(run%body)
     if (needs_held_bodies(run%case)) call check_held(run%case, run%body, run%kinds, error)
     if (allocated(error)) return
+    call set_stage('assembling')
     call assemble_bodies(run%case, run%kinds, run%body, error)
-    call stop_if_interrupted('assembling', error)
+    call stop_if_interrupted(error)
     if (allocated(error)) return
     call run%watch%lap(run%timing%assemble)
+    call set_stage('searching contact points')
     call find_pairs(run%case, run%body, run%surface_a, run%surface_b, run%pair, error)
-    call stop_if_interrupted('searching contact points', error)
+    call stop_if_interrupted(error)
     if (allocated(error)) return
     call build_operator(run%case%scene%dimension, size(run%body), run%pair, run%surface_a, run%surface_b, run%problem%operator)
     call run%watch%lap(run%timing%search)
+    call set_stage('ordering equations')
     call analyze_bodies(run%body, run%kinds, run%problem%operator%block, run%case%solver%response, &
                         scheme_of(run%case) /= scheme_dual, run%problem%response, run%size_of, error)
-    call stop_if_interrupted('ordering equations', error)
+    call stop_if_interrupted(error)
     if (allocated(error)) return
     call run%watch%lap(run%timing%order)
     call show_bodies(run%log, run%case, run%body, run%kinds, run%size_of)
@@ -166,8 +172,11 @@ contains
     associate (case => run%case, problem => run%problem)
       call attach_bodies(run%body, run%kinds, problem%operator%block, problem%response)
       call run%watch%lap(run%timing%search)
+      call check_memory(run%size_of, run%log, error)
+      if (allocated(error)) return
+      call set_stage('factorizing')
       call factorize_bodies(run%body, run%kinds, problem%response, run%size_of, error)
-      call stop_if_interrupted('factorizing', error)
+      call stop_if_interrupted(error)
       if (allocated(error)) return
       call run%watch%lap(run%timing%factorize)
       call show_factorization(run%log, run%size_of, run%timing%factorize)
@@ -176,11 +185,12 @@ contains
       call problem%prepare(real(run%size_of%response_entries, dp))
       call run%kinds%tell(case%scene%dimension, problem%kind, problem%axes)
       call set_blas_threads(run%n_blas)
+      call set_stage('solving the scene without contact')
       call run%compliance%lend(problem, run%size_of%is_explicit)
       call set_blas_threads(1)
       call solve_free_scene(run%body, problem, run%n_blas, run%alone)
       call prepare_coarse_space(run%body, problem)
-      call stop_if_interrupted('solving the scene without contact', error)
+      call stop_if_interrupted(error)
       if (len(case%output%checkpoint) > 0) call start_keeping(problem, case%output%checkpoint, case%output%checkpoint_interval, &
                                                               run%scene, scheme_name(case), run%pair)
     end associate
@@ -200,6 +210,7 @@ contains
     if (goes_on) call take_up(run, tolerance)
     do round = 1, most_rounds
       call set_blas_threads(run%n_blas)
+      call set_stage('iterating')
       if (goes_on) last = run%result
       call tell_keeper(run, tolerance, last)
       if (.not. goes_on) then
@@ -214,6 +225,7 @@ contains
       run%result%iterations = run%result%history%n
       call keep_result(run)
       call run%watch%lap(run%timing%iterate)
+      call set_stage('recovering displacements')
       if (needs_displacements(run%case)) then
         call recover_bodies(run%body, run%problem, run%result%m, run%result%alpha, run%alone, run%case%output%stress, run%n_blas, &
                             run%solution)
@@ -221,6 +233,7 @@ contains
         allocate (run%solution(size(run%body)))
       end if
       call run%watch%lap(run%timing%recover)
+      call set_stage('estimating errors')
       call estimate_errors(run%case, run%body, run%pair, run%surface_a, run%surface_b, run%solution, run%problem, &
                            run%compliance, run%result, run%budget, error)
       call run%watch%lap(run%timing%estimate)
@@ -292,6 +305,7 @@ contains
   subroutine recover(run, error)
     type(run_t), intent(inout) :: run
     type(error_t), allocatable, intent(out) :: error
+    call set_stage('projecting pressures')
     call project_pressures(run%body, run%pair, run%surface_a, run%surface_b, run%problem, run%result%m, run%result%y, &
                            run%pair_solution, run%contact_pressure, error)
     if (allocated(error)) return
@@ -304,6 +318,7 @@ contains
     type(run_t), intent(inout) :: run
     type(error_t), allocatable, intent(out) :: error
     type(results_file_t) :: file
+    call set_stage('writing results')
     call write_fields(file, run%case%scene%output, run%case, run%body, run%solution, run%contact_pressure, run%budget, error)
     if (allocated(error)) return
     call write_pairs(file, run%pair, run%pair_solution)

@@ -7,6 +7,7 @@ module dotyk_mesh_gmsh_run
   use dotyk_base_kinds, only: int64
   use dotyk_base_error, only: error_t, set_error, exit_bad_input, exit_not_written
   use dotyk_base_interrupt, only: run_shell => run_command, interrupted, stop_if_interrupted
+  use dotyk_base_memory, only: set_stage, stage_text
   use dotyk_base_text, only: to_text
   use dotyk_mesh_bytes, only: byte_cursor_t
   use dotyk_mesh_content_hash, only: content_hash_t
@@ -33,15 +34,19 @@ contains
     character(:), allocatable, intent(out) :: msh_file
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: base
+    character(:), allocatable :: stage
     logical :: found
     ! Two threads would take the same temporary names.
     !$omp critical (dotyk_mesh_geometry)
+    stage = stage_text()
+    call set_stage('meshing '//geo_file//' with gmsh')
     call name_mesh(geo_file, dimension, base, error)
     if (.not. allocated(error)) then
       msh_file = base//'.msh'
       inquire (file=msh_file, exist=found)
       if (.not. found) call run_gmsh(geo_file, dimension, base, error)
     end if
+    call set_stage(stage)
     !$omp end critical (dotyk_mesh_geometry)
   end subroutine mesh_geometry
 
@@ -156,7 +161,7 @@ contains
     type(byte_cursor_t) :: log
     integer :: status
     call run_command(shell_quoted(executable())//' --version', log_file, status)
-    call stop_if_interrupted('asking gmsh for its version', error)
+    call stop_if_interrupted(error)
     if (allocated(error)) then
       continue
     else if (status == status_not_found .or. status == status_not_executable) then
@@ -207,7 +212,7 @@ contains
     if (interrupted()) then
       call remove_file(temporary//'.log')
       call remove_file(temporary//'.msh')
-      call stop_if_interrupted('gmsh was meshing '//geo_file, error)
+      call stop_if_interrupted(error)
       return
     end if
     call log%load(temporary//'.log', error)

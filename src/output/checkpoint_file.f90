@@ -209,14 +209,14 @@ contains
     if (.not. allocated(error)) call source%get_dataset(group//'/history', self%history, error)
   end subroutine get_all
 
-  !> Arrays that belong together are of one length, and pressures are numbers that do not pull.
+  !> Arrays that belong together are of one length, and numbers are finite.
   subroutine check_shapes(self, error)
     class(checkpoint_t), intent(in) :: self
     type(error_t), allocatable, intent(out) :: error
     if (size(self%pressure) /= size(self%closed) .or. size(self%theta) /= size(self%theta_factor) .or. &
         size(self%history, 1) /= n_columns) then
       call set_error(error, 'its arrays do not fit together')
-    else if (.not. all(self%pressure >= 0 .and. self%pressure <= huge(1.0_dp)) .or. .not. all(abs(self%alpha) <= huge(1.0_dp))) then
+    else if (.not. all(abs(self%pressure) <= huge(1.0_dp)) .or. .not. all(abs(self%alpha) <= huge(1.0_dp))) then
       call set_error(error, 'it holds numbers that are none')
     end if
   end subroutine check_shapes

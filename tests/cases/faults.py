@@ -12,7 +12,7 @@ import numpy as np
 import dotyk_case
 
 SCHEMES = ("dual", "neumann", "nesterov", "anderson", "secant", "robin")
-ENDLESS = "scheme='neumann', theta_relative=1e-9, tolerance=1e-12, max_iterations=1000000000"
+ENDLESS = "scheme='neumann', theta_relative=1e-9, tolerance=1e-12, max_iterations=100000000"
 
 
 class Faults(dotyk_case.Case):
@@ -71,7 +71,7 @@ class Faults(dotyk_case.Case):
             self.assertIn("not converged: interrupted after", text)
             _, summary, steps = self.answer()
             self.assertEqual(summary["converged"], 0)
-            self.assertEqual(summary["status"], "interrupted")
+            self.assertEqual(summary["status"], b"interrupted")
             self.assertEqual(summary["iterations"], steps)
             self.assertTrue(summary["error_bound"] > 1e-12)
 
@@ -80,10 +80,9 @@ class Faults(dotyk_case.Case):
         self.scene(ENDLESS)
         process = self.start("case.nml", until="relaxation")
         process.send_signal(signal.SIGTERM)
-        time.sleep(0.02)
-        process.send_signal(signal.SIGTERM)
+        process.send_signal(signal.SIGHUP)
         self.assertEqual(self.end(process)[0], 1)
-        self.assertEqual(self.answer()[1]["status"], "interrupted")
+        self.assertEqual(self.answer()[1]["status"], b"interrupted")
 
     def test_the_same_run_goes_on_where_it_was_interrupted(self):
         self.scene("scheme='neumann', theta_relative=1e-5, tolerance=1e-10, max_iterations=100000000",
@@ -113,7 +112,7 @@ class Faults(dotyk_case.Case):
         process.send_signal(signal.SIGTERM)
         text, _ = process.communicate(timeout=30)
         self.assertEqual(process.returncode, 1, text)
-        self.assertIn("interrupted while gmsh was meshing column.geo: nothing was written", text)
+        self.assertIn("interrupted while meshing column.geo with gmsh: no results were written", text)
         self.assertEqual(sorted(path.name for path in (self.folder/".dotyk").iterdir()), [".gitignore", "gmsh.version"])
         self.assertFalse((self.folder/"case.vtkhdf").exists())
 
@@ -125,11 +124,11 @@ class Faults(dotyk_case.Case):
             self.scene(solver % 10000)
             self.dotyk("case.nml", "--output", "plain.vtkhdf")
             plain, summary, all_steps = self.answer("plain.vtkhdf")
-            self.assertGreater(all_steps, 2, scheme)
+            self.assertGreater(all_steps, 1, scheme)
             few = all_steps//2 if scheme != "dual" else 1
             self.scene(solver % few)
             self.dotyk("case.nml", code=1)
-            self.assertEqual(self.answer()[1]["status"], "max_iterations")
+            self.assertEqual(self.answer()[1]["status"], b"max_iterations")
             self.scene(solver % 10000)
             text = self.dotyk("case.nml", "--restart")
             self.assertIn("restart          from state.chk: max_iterations after %d step" % few, text)
