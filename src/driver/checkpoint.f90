@@ -38,10 +38,16 @@ module dotyk_driver_checkpoint
 contains
 
   !> Refuse a path that cannot be written, or where there is something else than a checkpoint.
-  subroutine check_checkpoint_path(path, error)
+  subroutine check_checkpoint_path(path, output, error)
     character(*), intent(in) :: path
+    !> The results file.
+    character(*), intent(in) :: output
     type(error_t), allocatable, intent(out) :: error
     logical :: found
+    if (path == output) then
+      call set_error(error, '&output checkpoint: '//quoted(path)//' is the results file', exit_bad_input)
+      return
+    end if
     call check_writable(path, error)
     if (allocated(error)) return
     inquire (file=path, exist=found)

@@ -1,6 +1,8 @@
 !> A run from the namelist file to the results file: the one place that turns input into bodies, operator, scheme and results.
 module dotyk_driver_run_case
-  use dotyk_base_error, only: error_t, add_context, set_error, exit_bad_input, exit_converged, exit_not_converged
+  use, intrinsic :: iso_fortran_env, only: output_unit
+  use dotyk_base_error, only: error_t, add_context, set_error, exit_bad_input, exit_converged, &
+    exit_not_converged, exit_not_written
   use dotyk_base_interrupt, only: interrupted, stop_if_interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
@@ -88,10 +90,10 @@ contains
     type(run_t) :: run
     code = exit_converged
     if (arguments%help) then
-      print '(a)', help_text()
+      call print_text(help_text(), error)
       return
     else if (arguments%version) then
-      print '(a)', 'dotyk '//version//' ('//compiler//', '//build_type//')'
+      call print_text('dotyk '//version//' ('//compiler//', '//build_type//')', error)
       return
     end if
     call run%watch%start()
@@ -123,13 +125,23 @@ contains
     if (run%result%ended /= ended_converged) code = exit_not_converged
   end subroutine run_case
 
+  !> A text that was asked for.
+  subroutine print_text(text, error)
+    character(*), intent(in) :: text
+    type(error_t), allocatable, intent(out) :: error
+    integer :: status
+    write (output_unit, '(a)', iostat=status) text
+    if (status == 0) flush (output_unit, iostat=status)
+    if (status /= 0) call set_error(error, 'the standard output cannot be written', exit_not_written)
+  end subroutine print_text
+
   !> Meshes to bodies, contact points, and the sizes of the factors: all that can be checked before anything is solved.
   subroutine build(run, error)
     type(run_t), intent(inout) :: run
     type(error_t), allocatable, intent(out) :: error
     call check_writable(run%case%scene%output, error)
     if (allocated(error)) return
-    if (len(run%case%output%checkpoint) > 0) call check_checkpoint_path(run%case%output%checkpoint, error)
+    if (len(run%case%output%checkpoint) > 0) call check_checkpoint_path(run%case%output%checkpoint, run%case%scene%output, error)
     if (allocated(error)) return
     call set_stage('reading meshes')
     call build_bodies(run%case, run%body, run%surface_a, run%surface_b, error)

@@ -37,8 +37,9 @@ contains
       '  --version      print the version'//end_line// &
       '  --help         print this text'//end_line//end_line// &
       'exit codes: 0 converged; 1 stopped before the tolerance (results written and marked); 2 bad input;'//end_line// &
-      '  3 the problem cannot be solved as posed; 4 a file could not be written; 5 out of memory, or another failure'//end_line// &
-      '  of the machine. An interrupt (Ctrl-C, SIGTERM) ends a run at its next step with code 1, a second one at once.'// &
+      '  3 the problem cannot be solved as posed; 4 a file could not be written;'//end_line// &
+      '  5 out of memory, or another failure of the machine'//end_line// &
+      'An interrupt (Ctrl-C, SIGTERM) ends a run at its next step with code 1, a second one at once.'// &
       end_line//end_line// &
       'The input file consists of groups, such as &body name=''block'', volume=''block'', material=''steel'' /'// &
       end_line// &

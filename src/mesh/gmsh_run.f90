@@ -5,13 +5,14 @@
 !> name and renamed, so that runs at the same time do not meet half a mesh. DOTYK_GMSH names another executable than `gmsh`.
 module dotyk_mesh_gmsh_run
   use dotyk_base_kinds, only: int64
+  use dotyk_base_files, only: own_mark, remove_leftovers
   use dotyk_base_error, only: error_t, set_error, exit_bad_input, exit_not_written
   use dotyk_base_interrupt, only: run_shell => run_command, interrupted, stop_if_interrupted
   use dotyk_base_memory, only: set_stage, stage_text
   use dotyk_base_text, only: to_text
   use dotyk_mesh_bytes, only: byte_cursor_t
   use dotyk_mesh_content_hash, only: content_hash_t
-  use dotyk_mesh_system, only: make_directory, is_writable_directory, process_id, rename_file, remove_file, shell_quoted, &
+  use dotyk_mesh_system, only: make_directory, is_writable_directory, rename_file, remove_file, shell_quoted, &
                                directory_of, environment_value
   implicit none
   private
@@ -70,7 +71,7 @@ contains
     if (allocated(error)) return
     name = geo_file(len(directory_of(geo_file)) + 1:)
     if (index(name, '.geo', back=.true.) > 1) name = name(:index(name, '.geo', back=.true.) - 1)
-    call find_version(directory, directory//name//'-'//to_text(process_id())//'.version', version, error)
+    call find_version(directory, directory//name//own_mark()//'.version', version, error)
     if (allocated(error)) return
     call hash%add(version//to_text(dimension))
     base = directory//name//'-'//to_text(dimension)//'d-'//hash%digits()
@@ -205,7 +206,8 @@ contains
     path = geo_file
     ! A name with a minus in front would be an option.
     if (path(1:1) == '-') path = './'//path
-    temporary = base//'-'//to_text(process_id())
+    call remove_leftovers(base)
+    temporary = base//own_mark()
     if (temporary(1:1) == '-') temporary = './'//temporary
     call run_command(shell_quoted(executable())//' -'//to_text(dimension)//' -format msh41 -bin -o '// &
                      shell_quoted(temporary//'.msh')//' '//shell_quoted(path), temporary//'.log', status)
