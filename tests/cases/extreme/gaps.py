@@ -16,7 +16,7 @@ def scenes(grid):
     for theta in THETAS if grid else ("1e-8", "0"):
         for gap in (0.0, 1e-16, -1e-16, 1e-9, -1e-4, SHORTENING/3, SHORTENING*(1 - 1e-10), SHORTENING, SHORTENING*(1 + 1e-10), 0.5):
             layers = [Layer(across=3), Layer(young=2.0)]
-            words = "gap %g, theta %s" % (gap, theta)
+            words = "gap %.11g, theta %s" % (gap, theta)
             if grid or gap in (0.0, -1e-4, 0.5):
                 yield stack(words + ", drawn", layers, float(theta), gap=gap, allowed=max(1e-9, 1e-15/max(1e-30, abs(SHORTENING - gap))))
             yield stack(words, layers, float(theta), given_gap=gap, allowed=max(1e-9, 1e-15/max(1e-30, abs(SHORTENING - gap))))

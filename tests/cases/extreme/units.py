@@ -135,7 +135,7 @@ def scenes(grid):
             # gaps of 1e-4 come from coordinates of 1: their digits are 1e-12 of the gaps
             for name, length, stress in (("millimetres and megapascals", 1e3, 1e-6), ("micrometres and gigapascals", 1e6, 1e-9),
                                          ("lengths of 1e-9", 1e-9, 1.0), ("lengths of 1e30", 1e30, 1.0),
-                                         ("stresses of 1e-100", 1.0, 1e-100), ("stresses of 1e100", 1.0, 1e100)):
+                                         ("stresses of 1e-30", 1.0, 1e-30), ("stresses of 1e30", 1.0, 1e30)):
                 yield Variant(name + words, length=length, stress=stress, **options).scene()
             if theta == "theta_mesh=1e-2" or grid is False or theta == "theta=0.004":
                 yield Variant("turned by a quarter" + words, turn=np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]), **options).scene()
