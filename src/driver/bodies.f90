@@ -12,10 +12,10 @@ module dotyk_driver_bodies
   use dotyk_elasticity_body, only: body_t, free_rigid_motions
   use dotyk_elasticity_load, only: load_t, load_traction, load_pressure, load_local_traction, load_force_density, &
     add_surface_load, add_volume_load
-  use dotyk_elasticity_material, only: rotate_stiffness
+  use dotyk_elasticity_material, only: material_t, rotate_stiffness
   use dotyk_elasticity_support, only: support_t, collect_supports
   use dotyk_input_case, only: body_input_t, case_t, load_input_t
-  use dotyk_input_names, only: name_at, scheme_names
+  use dotyk_input_names, only: locking_auto, name_at, scheme_names
   use dotyk_mesh_gmsh, only: read_gmsh
   use dotyk_mesh_gmsh_run, only: mesh_geometry
   use dotyk_mesh_mesh, only: mesh_t
@@ -48,11 +48,12 @@ contains
     type(mesh_t) :: mesh
     type(volume_t) :: volume
     type(error_t), allocatable :: failed
-    logical, dimension(size(case%body)) :: read, done, same
+    logical, dimension(size(case%body)) :: read, done, same, locks
     integer :: b, c, k, before
     allocate (body(size(case%body)), surface_a(size(case%contact)), surface_b(size(case%contact)))
     read = .false.
     done = .false.
+    locks = [(would_lock(case, b), b=1, size(body))]
     do b = 1, size(body)
       if (read(b)) cycle
       same = [(case%body(c)%mesh == case%body(b)%mesh, c=1, size(body))]
@@ -63,9 +64,9 @@ contains
       if (problems%count > before) cycle
       do c = b, size(body)
         if (.not. same(c) .or. done(c)) cycle
-        call volume%take(mesh, case%body(c)%volume, case%scene%dimension)
+        call volume%take(mesh, case%body(c)%volume, case%scene%dimension, locks(c))
         do k = c, size(body)
-          if (.not. same(k) .or. case%body(k)%volume /= case%body(c)%volume) cycle
+          if (.not. same(k) .or. case%body(k)%volume /= case%body(c)%volume .or. (locks(k) .neqv. locks(c))) cycle
           done(k) = .true.
           call build_body(case, mesh, volume, k, body(k), surface_a, surface_b, problems)
         end do
@@ -73,6 +74,20 @@ contains
     end do
     call problems%raise(error)
   end subroutine build_bodies
+
+  !> Whether linear triangles, tetrahedra and prisms would lock in a body, and are to be made quadratic.
+  logical function would_lock(case, b) result(locks)
+    type(case_t), intent(in) :: case
+    !> Index of the body.
+    integer, intent(in) :: b
+    type(material_t) :: material
+    type(error_t), allocatable :: failed
+    locks = .false.
+    if (case%solver%locking /= locking_auto .or. analysis_of(case%scene%analysis) == analysis_plane_stress) return
+    ! Errors are reported where the body is built.
+    call build_material(case%material(case%body(b)%material), case%solver%locking, material, failed)
+    if (.not. allocated(failed)) locks = material%projected >= 1
+  end function would_lock
 
   !> A .msh file, or a .geo file by way of gmsh.
   subroutine read_mesh(path, dimension, mesh, error)
@@ -109,7 +124,7 @@ contains
     body%name = case%body(b)%name
     body%analysis = analysis_of(case%scene%analysis)
     body%dimension = case%scene%dimension
-    call build_material(case%material(case%body(b)%material), body%material, failed)
+    call build_material(case%material(case%body(b)%material), case%solver%locking, body%material, failed)
     call note(case%material(case%body(b)%material)%line, failed)
     if (allocated(volume%error)) failed = volume%error
     call note(case%body(b)%line, failed)

@@ -24,6 +24,8 @@ module dotyk_elasticity_material
     real(dp) :: stiffness(6, 6) = 0
     !> Formula of a factor on the stiffness in x, y, z; not allocated: 1 everywhere.
     character(:), allocatable :: factor_text
+    !> Part of the bulk modulus that goes with the projected dilatation, 0 to 1; see `project_dilatation`.
+    real(dp) :: projected = 0
   contains
     procedure :: init_isotropic => material_init_isotropic
     procedure :: init_orthotropic => material_init_orthotropic
@@ -31,6 +33,10 @@ module dotyk_elasticity_material
     procedure :: compliance_young => material_compliance_young
     procedure :: plane_matrix => material_plane_matrix
     procedure :: has_factor => material_has_factor
+    procedure :: bulk_modulus => material_bulk_modulus
+    procedure :: incompressibility => material_incompressibility
+    procedure :: project_dilatation => material_project_dilatation
+    procedure :: split => material_split
   end type material_t
 
   public :: rotate_stiffness
@@ -41,6 +47,8 @@ module dotyk_elasticity_material
   integer, parameter :: first_index(6) = [1, 2, 3, 2, 1, 1], second_index(6) = [1, 2, 3, 3, 3, 2]
   !> A ratio of eigenvalues below this counts as singular.
   real(dp), parameter :: least_ratio = 1.0e-13_dp
+  !> Bulk over shear modulus from which on the dilatation is projected in part, and wholly: Poisson's ratios 0.4 and 0.45.
+  real(dp), parameter :: projected_from = 14.0_dp/3, projected_wholly = 29.0_dp/3
 
 contains
 
@@ -307,6 +315,82 @@ contains
       matrix(:, s) = 0
     end do
   end function material_plane_matrix
+
+  !> Bulk modulus: pressure over dilatation under the same pressure from all sides [pressure].
+  real(dp) function material_bulk_modulus(self) result(bulk)
+    class(material_t), intent(in) :: self
+    type(error_t), allocatable :: error
+    real(dp) :: compliance(6, 6)
+    if (self%isotropic) then
+      bulk = self%lambda + 2*self%mu/3
+    else
+      call invert(self%stiffness, kelvin, compliance, error)
+      bulk = 0
+      if (.not. allocated(error)) bulk = 1/sum(compliance(1:3, 1:3))
+    end if
+  end function material_bulk_modulus
+
+  !> Bulk over shear modulus: how near to incompressible the material is.
+  !>
+  !> The shear modulus of an anisotropic material is half the third of the five stiffnesses against changes of shape. A single soft one
+  !> (layers that slide) does not make a material incompressible, a single stiff one (fibres) does not make it compressible.
+  real(dp) function material_incompressibility(self) result(ratio)
+    class(material_t), intent(in) :: self
+    type(error_t), allocatable :: error
+    real(dp) :: deviator(6, 6), values(6), vectors(6, 6)
+    integer :: i
+    if (self%isotropic) then
+      ratio = self%bulk_modulus()/self%mu
+      return
+    end if
+    deviator = 0
+    do i = 1, 6
+      deviator(i, i) = 1
+    end do
+    deviator(1:3, 1:3) = deviator(1:3, 1:3) - 1.0_dp/3
+    ! Dilatation is no change of shape: its eigenvalue is 0, below all others.
+    call symmetric_eigen(matmul(deviator, matmul(scaled(self%stiffness, kelvin), deviator)), values, vectors, error)
+    ratio = 0
+    if (.not. allocated(error)) ratio = 2*self%bulk_modulus()/values(4)
+  end function material_incompressibility
+
+  !> Let as much of the bulk modulus go with the projected dilatation as the material asks for: nothing, all, or some of it where it
+  !> is hardly nearly incompressible, so that answers depend on it without a jump.
+  subroutine material_project_dilatation(self)
+    class(material_t), intent(inout) :: self
+    real(dp) :: t
+    t = min(1.0_dp, max(0.0_dp, (self%incompressibility() - projected_from)/(projected_wholly - projected_from)))
+    self%projected = t*t*(3 - 2*t)
+  end subroutine material_project_dilatation
+
+  !> The material in an analysis in two parts: the first goes with the strains, the second with the projected dilatation alone.
+  subroutine material_split(self, analysis, matrix, lambda, bulk)
+    class(material_t), intent(in) :: self
+    !> One of dotyk_elasticity_analysis' constants.
+    integer, intent(in) :: analysis
+    !> From strains to stresses, without the second part (6, 6) [pressure].
+    real(dp), intent(out) :: matrix(6, 6)
+    !> Lame's constant of an isotropic material, without the second part [pressure].
+    real(dp), intent(out) :: lambda
+    !> Projected part of the bulk modulus; 0 for none, as always in plane stress, which lets the volume change [pressure].
+    real(dp), intent(out) :: bulk
+    integer :: i
+    matrix = self%plane_matrix(analysis)
+    lambda = self%lambda
+    bulk = 0
+    if (.not. self%projected > 0 .or. analysis == analysis_plane_stress) return
+    bulk = self%projected*self%bulk_modulus()
+    if (self%isotropic) then
+      ! lambda - bulk, but of the small numbers.
+      lambda = (1 - self%projected)*self%lambda - self%projected*2*self%mu/3
+      matrix(1:3, 1:3) = lambda
+      do i = 1, 3
+        matrix(i, i) = lambda + 2*self%mu
+      end do
+    else
+      matrix(1:3, 1:3) = matrix(1:3, 1:3) - bulk
+    end if
+  end subroutine material_split
 
   !> Whether the stiffness depends on the place.
   pure logical function material_has_factor(self) result(has)

@@ -5,6 +5,7 @@ module dotyk_elasticity_recovery
   use dotyk_base_kinds, only: dp
   use dotyk_elasticity_analysis, only: gradient_slots, strain_index
   use dotyk_elasticity_assembly, only: apply_factor, bad_element, read_factor
+  use dotyk_elasticity_dilatation, only: most_projections, n_projections, projected_dilatations, projection_functions
   use dotyk_elasticity_element_table, only: element_table_t, map_element, table_pair_t
   use dotyk_elasticity_field, only: field_t
   use dotyk_elasticity_material, only: material_t
@@ -84,10 +85,10 @@ contains
     type(field_t) :: factor
     type(table_pair_t) :: tables
     type(element_kind_t) :: kind
-    real(dp), allocatable :: x(:, :), ue(:, :), g(:), w(:), stiffness(:)
+    real(dp), allocatable :: x(:, :), ue(:, :), g(:), w(:), stiffness(:), value(:), dilatation(:)
     integer, allocatable :: node(:), strain(:, :)
-    real(dp) :: matrix(6, 6), worst
-    integer :: n, dim, slots, most_points, e, i, s
+    real(dp) :: matrix(6, 6), lambda, bulk, worst
+    integer :: n, dim, slots, most_points, n_functions, e, i, s
     ! One formula serves one thread.
     call read_factor(material, factor, error)
     if (allocated(error)) return
@@ -95,11 +96,13 @@ contains
     n = kind%n_nodes
     dim = mesh%dimension
     slots = gradient_slots(analysis)
-    matrix = material%plane_matrix(analysis)
+    call material%split(analysis, matrix, lambda, bulk)
+    n_functions = n_projections(mesh%block(i_block)%kind, dim)
     strain = reshape([((strain_index(analysis, i, s), i=1, dim), s=1, slots)], [dim, slots])
     call tables%init_stiffness(mesh%block(i_block)%kind, analysis, .not. factor%constant)
     most_points = max(tables%straight%n_points, tables%curved%n_points)
     allocate (x(dim, n), ue(dim, n), node(n), g(n*slots*most_points), w(most_points), stiffness(most_points))
+    allocate (value(most_points*most_projections), dilatation(n*dim*most_projections))
     do e = first, last
       node(:) = mesh%block(i_block)%node(:, e)
       x(:, :) = mesh%x(:, node)
@@ -131,6 +134,11 @@ contains
       end if
       call element_stress_energy(n, dim, slots, n_points, g, w, stiffness, strain, matrix, ue, stress(:, e), &
                                  energy(e))
+      if (.not. bulk > 0) return
+      call projection_functions(n, dim, n_points, n_functions, table%shape, x, stiffness, value)
+      call projected_dilatations(n, dim, slots, n_points, n_functions, g, stiffness, value, dilatation)
+      call add_dilatation(n, dim, n_functions, bulk, dilatation, sum(w(:n_points)), sum(stiffness(:n_points)), ue, &
+                          stress(1:3, e), energy(e))
     end subroutine recover_element
   end subroutine recover_elements
 
@@ -174,4 +182,27 @@ contains
     end do
     stress = total/sum(w)
   end subroutine element_stress_energy
+
+  !> Add the part of the projected dilatation to the mean stress of an element and its energy.
+  pure subroutine add_dilatation(n, dim, n_functions, bulk, d, volume, stiffness, u, normal_stress, energy)
+    !> Numbers of nodes, displacement components, functions.
+    integer, intent(in) :: n, dim, n_functions
+    !> Projected part of the bulk modulus [pressure].
+    real(dp), intent(in) :: bulk
+    !> From `projected_dilatations`.
+    real(dp), intent(in) :: d(n*dim, n_functions)
+    !> Volume, and the same weighted with the factor on the stiffness [volume].
+    real(dp), intent(in) :: volume, stiffness
+    !> Displacements [length].
+    real(dp), intent(in) :: u(dim, n)
+    !> Mean stresses xx, yy, zz [pressure].
+    real(dp), intent(inout) :: normal_stress(3)
+    !> [force length].
+    real(dp), intent(inout) :: energy
+    real(dp) :: amplitude(n_functions)
+    amplitude = matmul(reshape(transpose(u), [n*dim]), d)
+    ! The functions after the first, which is constant, have no mean.
+    normal_stress = normal_stress + bulk*amplitude(1)*sqrt(stiffness)/volume
+    energy = energy + 0.5_dp*bulk*sum(amplitude**2)
+  end subroutine add_dilatation
 end module dotyk_elasticity_recovery
