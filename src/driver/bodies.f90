@@ -5,6 +5,7 @@ module dotyk_driver_bodies
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
   use dotyk_driver_congruence, only: kinds_t
+  use dotyk_driver_locking, only: would_lock
   use dotyk_driver_materials, only: build_material
   use dotyk_driver_parallel, only: largest_first
   use dotyk_driver_volumes, only: volume_t
@@ -12,10 +13,10 @@ module dotyk_driver_bodies
   use dotyk_elasticity_body, only: body_t, free_rigid_motions
   use dotyk_elasticity_load, only: load_t, load_traction, load_pressure, load_local_traction, load_force_density, &
     add_surface_load, add_volume_load
-  use dotyk_elasticity_material, only: material_t, rotate_stiffness
+  use dotyk_elasticity_material, only: rotate_stiffness
   use dotyk_elasticity_support, only: support_t, collect_supports
   use dotyk_input_case, only: body_input_t, case_t, load_input_t
-  use dotyk_input_names, only: locking_auto, name_at, scheme_names
+  use dotyk_input_names, only: name_at, scheme_names
   use dotyk_mesh_gmsh, only: read_gmsh
   use dotyk_mesh_gmsh_run, only: mesh_geometry
   use dotyk_mesh_mesh, only: mesh_t
@@ -74,20 +75,6 @@ contains
     end do
     call problems%raise(error)
   end subroutine build_bodies
-
-  !> Whether linear triangles, tetrahedra and prisms would lock in a body, and are to be made quadratic.
-  logical function would_lock(case, b) result(locks)
-    type(case_t), intent(in) :: case
-    !> Index of the body.
-    integer, intent(in) :: b
-    type(material_t) :: material
-    type(error_t), allocatable :: failed
-    locks = .false.
-    if (case%solver%locking /= locking_auto .or. analysis_of(case%scene%analysis) == analysis_plane_stress) return
-    ! Errors are reported where the body is built.
-    call build_material(case%material(case%body(b)%material), case%solver%locking, material, failed)
-    if (.not. allocated(failed)) locks = material%projected >= 1
-  end function would_lock
 
   !> A .msh file, or a .geo file by way of gmsh.
   subroutine read_mesh(path, dimension, mesh, error)

@@ -13,6 +13,7 @@ module dotyk_driver_run_case
     needs_displacements
   use dotyk_driver_factorization, only: factor_size_t, analyze_bodies, attach_bodies, factorize_bodies
   use dotyk_driver_free_scene, only: free_body_t, solve_free_scene
+  use dotyk_driver_locking, only: show_locking
   use dotyk_driver_pairs, only: find_pairs
   use dotyk_driver_parallel, only: use_threads, share_solves, set_blas_threads
   use dotyk_driver_pressures, only: pair_solution_t, nodal_field_t, project_pressures
@@ -134,6 +135,7 @@ contains
     if (allocated(error)) return
     call run%watch%lap(run%timing%order)
     call show_bodies(run%log, run%case, run%body, run%kinds, run%size_of)
+    call show_locking(run%log, run%case, run%body, run%kinds)
     call show_pairs(run%log, run%body, run%pair, run%surface_a, run%surface_b)
     call run%log%line('')
   end subroutine build

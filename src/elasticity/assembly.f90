@@ -6,8 +6,8 @@ module dotyk_elasticity_assembly
   use dotyk_base_text, only: text_t, to_text
   use dotyk_elasticity_analysis, only: analysis_3d, gradient_slots, strain_index
   use dotyk_elasticity_constraint, only: constraint_t
-  use dotyk_elasticity_dilatation, only: add_projected_stiffness, most_projections, n_projections, projected_dilatations, &
-    projection_functions
+  use dotyk_elasticity_dilatation, only: add_projected_stiffness, kept_bulk, most_projections, n_projections, &
+    projected_dilatations, projection_functions
   use dotyk_elasticity_element_order, only: element_order
   use dotyk_elasticity_element_shares, only: element_shares_t
   use dotyk_elasticity_element_table, only: element_table_t, map_element, table_pair_t
@@ -142,7 +142,8 @@ contains
     dim = mesh%dimension
     slots = gradient_slots(analysis)
     fast = material%isotropic .and. analysis == analysis_3d
-    call material%split(analysis, matrix_of_material, lambda, bulk)
+    call material%split(analysis, kept_bulk(mesh%block(i_block)%kind, material%incompressibility), &
+                        matrix_of_material, lambda, bulk)
     n_functions = n_projections(mesh%block(i_block)%kind, dim)
     strain = reshape([((strain_index(analysis, i, s), i=1, dim), s=1, slots)], [dim, slots])
     call tables%init_stiffness(mesh%block(i_block)%kind, analysis, .not. factor%constant)

@@ -24,8 +24,9 @@ module dotyk_elasticity_material
     real(dp) :: stiffness(6, 6) = 0
     !> Formula of a factor on the stiffness in x, y, z; not allocated: 1 everywhere.
     character(:), allocatable :: factor_text
-    !> Part of the bulk modulus that goes with the projected dilatation, 0 to 1; see `project_dilatation`.
-    real(dp) :: projected = 0
+    !> Bulk over shear modulus, and the bulk modulus, where the dilatation may be projected; 0 where it is not to be, see
+    !> `project_dilatation` [1], [pressure].
+    real(dp) :: incompressibility = 0, bulk = 0
   contains
     procedure :: init_isotropic => material_init_isotropic
     procedure :: init_orthotropic => material_init_orthotropic
@@ -34,7 +35,7 @@ module dotyk_elasticity_material
     procedure :: plane_matrix => material_plane_matrix
     procedure :: has_factor => material_has_factor
     procedure :: bulk_modulus => material_bulk_modulus
-    procedure :: incompressibility => material_incompressibility
+    procedure :: bulk_over_shear => material_bulk_over_shear
     procedure :: project_dilatation => material_project_dilatation
     procedure :: split => material_split
   end type material_t
@@ -47,8 +48,6 @@ module dotyk_elasticity_material
   integer, parameter :: first_index(6) = [1, 2, 3, 2, 1, 1], second_index(6) = [1, 2, 3, 3, 3, 2]
   !> A ratio of eigenvalues below this counts as singular.
   real(dp), parameter :: least_ratio = 1.0e-13_dp
-  !> Bulk over shear modulus from which on the dilatation is projected in part, and wholly: Poisson's ratios 0.4 and 0.45.
-  real(dp), parameter :: projected_from = 14.0_dp/3, projected_wholly = 29.0_dp/3
 
 contains
 
@@ -334,7 +333,7 @@ contains
   !>
   !> The shear modulus of an anisotropic material is half the third of the five stiffnesses against changes of shape. A single soft one
   !> (layers that slide) does not make a material incompressible, a single stiff one (fibres) does not make it compressible.
-  real(dp) function material_incompressibility(self) result(ratio)
+  real(dp) function material_bulk_over_shear(self) result(ratio)
     class(material_t), intent(in) :: self
     type(error_t), allocatable :: error
     real(dp) :: deviator(6, 6), values(6), vectors(6, 6)
@@ -352,37 +351,37 @@ contains
     call symmetric_eigen(matmul(deviator, matmul(scaled(self%stiffness, kelvin), deviator)), values, vectors, error)
     ratio = 0
     if (.not. allocated(error)) ratio = 2*self%bulk_modulus()/values(4)
-  end function material_incompressibility
+  end function material_bulk_over_shear
 
-  !> Let as much of the bulk modulus go with the projected dilatation as the material asks for: nothing, all, or some of it where it
-  !> is hardly nearly incompressible, so that answers depend on it without a jump.
+  !> Let the dilatation be projected where the material is nearly incompressible.
   subroutine material_project_dilatation(self)
     class(material_t), intent(inout) :: self
-    real(dp) :: t
-    t = min(1.0_dp, max(0.0_dp, (self%incompressibility() - projected_from)/(projected_wholly - projected_from)))
-    self%projected = t*t*(3 - 2*t)
+    self%incompressibility = self%bulk_over_shear()
+    self%bulk = self%bulk_modulus()
   end subroutine material_project_dilatation
 
   !> The material in an analysis in two parts: the first goes with the strains, the second with the projected dilatation alone.
-  subroutine material_split(self, analysis, matrix, lambda, bulk)
+  subroutine material_split(self, analysis, kept, matrix, lambda, bulk)
     class(material_t), intent(in) :: self
     !> One of dotyk_elasticity_analysis' constants.
     integer, intent(in) :: analysis
+    !> How much bulk over shear modulus the first part keeps; the second one is what is beyond that.
+    real(dp), intent(in) :: kept
     !> From strains to stresses, without the second part (6, 6) [pressure].
     real(dp), intent(out) :: matrix(6, 6)
     !> Lame's constant of an isotropic material, without the second part [pressure].
     real(dp), intent(out) :: lambda
-    !> Projected part of the bulk modulus; 0 for none, as always in plane stress, which lets the volume change [pressure].
+    !> Bulk modulus of the second part; 0 for none, as always in plane stress, which lets the volume change [pressure].
     real(dp), intent(out) :: bulk
     integer :: i
     matrix = self%plane_matrix(analysis)
     lambda = self%lambda
     bulk = 0
-    if (.not. self%projected > 0 .or. analysis == analysis_plane_stress) return
-    bulk = self%projected*self%bulk_modulus()
+    if (.not. self%incompressibility > kept .or. analysis == analysis_plane_stress) return
+    bulk = (1 - kept/self%incompressibility)*self%bulk
     if (self%isotropic) then
       ! lambda - bulk, but of the small numbers.
-      lambda = (1 - self%projected)*self%lambda - self%projected*2*self%mu/3
+      lambda = (kept - 2.0_dp/3)*self%mu
       matrix(1:3, 1:3) = lambda
       do i = 1, 3
         matrix(i, i) = lambda + 2*self%mu

@@ -5,7 +5,8 @@ module dotyk_elasticity_recovery
   use dotyk_base_kinds, only: dp
   use dotyk_elasticity_analysis, only: gradient_slots, strain_index
   use dotyk_elasticity_assembly, only: apply_factor, bad_element, read_factor
-  use dotyk_elasticity_dilatation, only: most_projections, n_projections, projected_dilatations, projection_functions
+  use dotyk_elasticity_dilatation, only: kept_bulk, most_projections, n_projections, projected_dilatations, &
+    projection_functions
   use dotyk_elasticity_element_table, only: element_table_t, map_element, table_pair_t
   use dotyk_elasticity_field, only: field_t
   use dotyk_elasticity_material, only: material_t
@@ -96,7 +97,8 @@ contains
     n = kind%n_nodes
     dim = mesh%dimension
     slots = gradient_slots(analysis)
-    call material%split(analysis, matrix, lambda, bulk)
+    call material%split(analysis, kept_bulk(mesh%block(i_block)%kind, material%incompressibility), &
+                        matrix, lambda, bulk)
     n_functions = n_projections(mesh%block(i_block)%kind, dim)
     strain = reshape([((strain_index(analysis, i, s), i=1, dim), s=1, slots)], [dim, slots])
     call tables%init_stiffness(mesh%block(i_block)%kind, analysis, .not. factor%constant)

@@ -1,0 +1,214 @@
+!> The dilatation of a body as a continuous function, from its means over elements: what pressures of nearly incompressible bodies are
+!> compared with, and output from.
+!>
+!> Around each vertex a linear function is fitted to the means of the elements, weighted with their volumes: those that have the vertex, or two
+!> rings where these do not determine it (at boundaries); where these do not either, a constant. Alternating errors, as pressures of
+!> hexahedra with a constant dilatation may have, fall out of the fit.
+module dotyk_elasticity_dilatation_fit
+  use dotyk_base_kinds, only: dp
+  use dotyk_elasticity_analysis, only: gradient_slots
+  use dotyk_elasticity_element_table, only: element_table_t
+  use dotyk_elasticity_graph, only: incidence_t
+  use dotyk_elasticity_patch_fit, only: patch_fit_t
+  use dotyk_elasticity_point_map, only: interpolate, map_points, point_table_t
+  use dotyk_linalg_normal_equations, only: factorize_gram, solve_gram
+  use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_mesh_element, only: kind_nodes
+  implicit none
+  private
+
+  !> A linear function at each vertex.
+  type, public :: dilatation_fit_t
+    !> Value at the vertex, and slopes in the axes of its patch (1 + dimension, n_vertices) [].
+    real(dp), allocatable :: coefficient(:, :)
+  contains
+    procedure :: init => dilatation_fit_init
+    procedure :: values => dilatation_fit_values
+  end type dilatation_fit_t
+
+  public :: mean_dilatations
+
+  !> Inverse condition of the least squares from which on a function counts as determined.
+  real(dp), parameter :: determined = 1.0e-2_dp
+  !> Rings of elements around a vertex at most.
+  integer, parameter :: most_rings = 2
+
+contains
+
+  !> Mean dilatations of the elements of a block, their centres and volumes.
+  subroutine mean_dilatations(mesh, i_block, analysis, degree, u, mean, centre, volume)
+    type(body_mesh_t), intent(in) :: mesh
+    integer, intent(in) :: i_block, analysis
+    !> Of the quadrature.
+    integer, intent(in) :: degree
+    !> Displacements in global axes (dim, n_nodes) [length].
+    real(dp), intent(in), contiguous :: u(:, :)
+    !> (n_elements), (dim, n_elements) [length], (n_elements) [length^dim]; volumes are 0 where elements tell nothing.
+    real(dp), intent(out) :: mean(:), centre(:, :), volume(:)
+    type(element_table_t) :: table
+    type(point_table_t) :: rule
+    integer :: e
+    call table%init(mesh%block(i_block)%kind, degree)
+    call rule%init(table)
+    !$omp parallel do default(none) schedule(static) shared(mesh, i_block, analysis, rule, u, mean, centre, volume)
+    do e = 1, size(mean)
+      call mean_dilatation(kind_nodes(mesh%block(i_block)%kind), mesh%dimension, gradient_slots(analysis), rule%n_points, rule, &
+                           mesh%block(i_block)%node(:, e), mesh%x, u, mean(e), centre(:, e), volume(e))
+    end do
+    !$omp end parallel do
+  end subroutine mean_dilatations
+
+  !> Mean dilatation of an element.
+  pure subroutine mean_dilatation(n, dim, slots, n_points, rule, node, all_x, all_u, mean, centre, volume)
+    integer, intent(in) :: n, dim, slots, n_points
+    type(point_table_t), intent(in) :: rule
+    integer, intent(in) :: node(n)
+    real(dp), intent(in) :: all_x(dim, *), all_u(dim, *)
+    real(dp), intent(out) :: mean, centre(dim), volume
+    real(dp) :: x(dim, n), u(dim, n), slope(n_points, dim, slots), g_square(n_points), w(n_points), place(n_points, dim), worst
+    integer :: i
+    do i = 1, n
+      x(:, i) = all_x(:, node(i))
+      u(:, i) = all_u(:, node(i))
+    end do
+    mean = 0
+    centre = x(:, 1)
+    volume = 0
+    call map_points(n, dim, slots, n_points, rule%shape, rule%shape_square, rule%gradient, rule%products, rule%weight, x, u, &
+                    slope, g_square, w, worst)
+    if (.not. worst > 0) return
+    volume = sum(w)
+    do i = 1, dim
+      mean = mean + dot_product(w, slope(:, i, i))
+    end do
+    if (slots > dim) mean = mean + dot_product(w, slope(:, 1, 3))
+    mean = mean/volume
+    call interpolate(n, dim, n_points, rule%shape, x, place)
+    centre = matmul(w, place)/volume
+  end subroutine mean_dilatation
+
+  !> Fit the functions.
+  subroutine dilatation_fit_init(self, mesh, patches, mean, centre, volume)
+    class(dilatation_fit_t), intent(out) :: self
+    type(body_mesh_t), intent(in) :: mesh
+    !> Its vertices, with the axes of their patches.
+    type(patch_fit_t), intent(in) :: patches
+    !> From `mean_dilatations`, of the elements of all blocks.
+    real(dp), intent(in) :: mean(:), centre(:, :), volume(:)
+    type(incidence_t) :: elements
+    integer, allocatable :: mark(:), list(:)
+    integer :: i, ring, n, rank
+    call elements%init(mesh)
+    allocate (self%coefficient(1 + mesh%dimension, patches%n_vertices), source=0.0_dp)
+    !$omp parallel default(none) shared(self, mesh, patches, mean, centre, volume, elements) private(i, ring, n, rank, mark, list)
+    allocate (mark(size(mean)), source=0)
+    allocate (list(size(mean)))
+    !$omp do schedule(dynamic, 64)
+    do i = 1, mesh%n_nodes()
+      associate (v => patches%vertex(i))
+        if (v == 0) cycle
+        n = 0
+        call add_elements(elements, i, i, mark, list, n)
+        do ring = 1, most_rings
+          if (ring > 1) call add_neighbours(elements, i, mark, list, n)
+          call fit(mesh%dimension, n, list(:n), patches%centre(:, v), patches%axes(:, :, v), mean, centre, volume, &
+                   self%coefficient(:, v), rank)
+          if (rank > mesh%dimension) exit
+        end do
+      end associate
+    end do
+    !$omp end do
+    deallocate (mark, list)
+    !$omp end parallel
+  end subroutine dilatation_fit_init
+
+  !> Add the elements of a node to a list.
+  pure subroutine add_elements(elements, node, centre, mark, list, n)
+    type(incidence_t), intent(in) :: elements
+    integer, intent(in) :: node
+    !> The vertex whose list it is.
+    integer, intent(in) :: centre
+    integer, intent(inout) :: mark(:), list(:)
+    integer, intent(inout) :: n
+    integer :: k
+    do k = elements%first(node), elements%first(node + 1) - 1
+      associate (e => elements%element(k))
+        if (mark(e) == centre) cycle
+        mark(e) = centre
+        n = n + 1
+        list(n) = e
+      end associate
+    end do
+  end subroutine add_elements
+
+  !> Add the elements of all nodes of those in a list.
+  pure subroutine add_neighbours(elements, centre, mark, list, n)
+    type(incidence_t), intent(in) :: elements
+    integer, intent(in) :: centre
+    integer, intent(inout) :: mark(:), list(:)
+    integer, intent(inout) :: n
+    integer :: i, p
+    do i = 1, n
+      do p = elements%start(list(i)), elements%start(list(i) + 1) - 1
+        call add_elements(elements, elements%node(p), centre, mark, list, n)
+      end do
+    end do
+  end subroutine add_neighbours
+
+  !> A linear function of least squares, or the mean where the elements do not determine one.
+  subroutine fit(dim, n, list, vertex, axes, mean, centre, volume, coefficient, rank)
+    integer, intent(in) :: dim, n
+    integer, intent(in) :: list(n)
+    real(dp), intent(in) :: vertex(dim), axes(dim, dim), mean(:), centre(:, :), volume(:)
+    real(dp), intent(out) :: coefficient(1 + dim)
+    !> 1 + dim where it is determined.
+    integer, intent(out) :: rank
+    real(dp), dimension(1 + dim, 1 + dim) :: gram, r
+    real(dp) :: row(1 + dim), moment(1, 1 + dim)
+    integer :: i, k, pivot(1 + dim)
+    gram = 0
+    moment = 0
+    row(1) = 1
+    do i = 1, n
+      row(2:) = matmul(axes, centre(:, list(i)) - vertex)
+      do k = 1, 1 + dim
+        gram(:, k) = gram(:, k) + (volume(list(i))*row(k))*row
+      end do
+      moment(1, :) = moment(1, :) + (volume(list(i))*mean(list(i)))*row
+    end do
+    coefficient = 0
+    rank = 0
+    if (.not. gram(1, 1) > 0) return
+    coefficient(1) = moment(1, 1)/gram(1, 1)
+    moment = moment/gram(1, 1)
+    gram = gram/gram(1, 1)
+    call factorize_gram(1 + dim, gram, determined, r, pivot, rank)
+    if (rank <= dim) return
+    call solve_gram(1 + dim, 1, r, pivot, moment)
+    coefficient = moment(1, :)
+  end subroutine fit
+
+  !> The mean of the functions of some vertices, each weighted with a function, at some points.
+  pure subroutine dilatation_fit_values(self, patches, vertex, weight, x, value)
+    class(dilatation_fit_t), intent(in) :: self
+    type(patch_fit_t), intent(in) :: patches
+    !> (n_vertices).
+    integer, intent(in) :: vertex(:)
+    !> (n_points, n_vertices).
+    real(dp), intent(in) :: weight(:, :)
+    !> Places (n_points, dimension) [length].
+    real(dp), intent(in) :: x(:, :)
+    !> (n_points) [].
+    real(dp), intent(out) :: value(:)
+    integer :: v, q
+    value = 0
+    do v = 1, size(vertex)
+      associate (c => self%coefficient(:, vertex(v)))
+        do q = 1, size(value)
+          value(q) = value(q) + weight(q, v)* &
+            (c(1) + dot_product(c(2:), matmul(patches%axes(:, :, vertex(v)), x(q, :) - patches%centre(:, vertex(v)))))
+        end do
+      end associate
+    end do
+  end subroutine dilatation_fit_values
+end module dotyk_elasticity_dilatation_fit
