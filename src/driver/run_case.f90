@@ -192,7 +192,7 @@ contains
         allocate (run%solution(size(run%body)))
       end if
       call run%watch%lap(run%timing%recover)
-      call estimate_errors(run%case, run%body, run%pair, run%surface_a, run%surface_b, run%solution, run%problem, &
+      call estimate_errors(run%case, run%body, run%kinds, run%pair, run%surface_a, run%surface_b, run%solution, run%problem, &
                            run%compliance, run%result, run%budget, error)
       call run%watch%lap(run%timing%estimate)
       if (allocated(error)) return

@@ -6,14 +6,15 @@
 !> hexahedra with a constant dilatation may have, fall out of the fit.
 module dotyk_elasticity_dilatation_fit
   use dotyk_base_kinds, only: dp
-  use dotyk_elasticity_analysis, only: gradient_slots
-  use dotyk_elasticity_element_table, only: element_table_t
+  use dotyk_elasticity_analysis, only: analysis_plane_stress, gradient_slots
+  use dotyk_elasticity_dilatation, only: kept_bulk
+  use dotyk_elasticity_element_table, only: element_table_t, map_element
   use dotyk_elasticity_graph, only: incidence_t
+  use dotyk_elasticity_material, only: material_t
   use dotyk_elasticity_patch_fit, only: patch_fit_t
-  use dotyk_elasticity_point_map, only: interpolate, map_points, point_table_t
   use dotyk_linalg_normal_equations, only: factorize_gram, solve_gram
   use dotyk_mesh_body_mesh, only: body_mesh_t
-  use dotyk_mesh_element, only: kind_nodes
+  use dotyk_mesh_element, only: element_kind, element_kind_t
   implicit none
   private
 
@@ -26,7 +27,7 @@ module dotyk_elasticity_dilatation_fit
     procedure :: values => dilatation_fit_values
   end type dilatation_fit_t
 
-  public :: mean_dilatations
+  public :: fit_dilatations
 
   !> Inverse condition of the least squares from which on a function counts as determined.
   real(dp), parameter :: determined = 1.0e-2_dp
@@ -35,56 +36,96 @@ module dotyk_elasticity_dilatation_fit
 
 contains
 
+  !> Fit the dilatations of some bodies of one mesh and material, where a part of it is projected on some element.
+  subroutine fit_dilatations(mesh, analysis, material, patches, u, fits)
+    type(body_mesh_t), intent(in) :: mesh
+    !> One of dotyk_elasticity_analysis' constants.
+    integer, intent(in) :: analysis
+    type(material_t), intent(in) :: material
+    !> Vertices of the mesh, with the axes of their patches.
+    type(patch_fit_t), intent(in) :: patches
+    !> Displacements in the mesh's axes (n_bodies, dim, n_nodes) [length].
+    real(dp), intent(in) :: u(:, :, :)
+    !> (n_bodies), or none.
+    type(dilatation_fit_t), allocatable, intent(out) :: fits(:)
+    real(dp), allocatable :: mean(:), centre(:, :), volume(:)
+    integer :: b, i, first, last
+    if (.not. is_projected(mesh, analysis, material)) then
+      allocate (fits(0))
+      return
+    end if
+    allocate (fits(size(u, 1)))
+    allocate (mean(mesh%n_elements()), centre(mesh%dimension, mesh%n_elements()), volume(mesh%n_elements()))
+    do i = 1, size(fits)
+      last = 0
+      do b = 1, size(mesh%block)
+        first = last + 1
+        last = last + size(mesh%block(b)%node, 2)
+        call mean_dilatations(mesh, b, analysis, u(i, :, :), mean(first:last), centre(:, first:last), volume(first:last))
+      end do
+      call fits(i)%init(mesh, patches, mean, centre, volume)
+    end do
+  end subroutine fit_dilatations
+
+  !> Whether a part of the dilatation is projected on some element.
+  pure logical function is_projected(mesh, analysis, material)
+    type(body_mesh_t), intent(in) :: mesh
+    integer, intent(in) :: analysis
+    type(material_t), intent(in) :: material
+    integer :: b
+    is_projected = .false.
+    if (analysis == analysis_plane_stress) return
+    do b = 1, size(mesh%block)
+      if (material%incompressibility > kept_bulk(mesh%block(b)%kind, material%incompressibility)) is_projected = .true.
+    end do
+  end function is_projected
+
   !> Mean dilatations of the elements of a block, their centres and volumes.
-  subroutine mean_dilatations(mesh, i_block, analysis, degree, u, mean, centre, volume)
+  subroutine mean_dilatations(mesh, i_block, analysis, u, mean, centre, volume)
     type(body_mesh_t), intent(in) :: mesh
     integer, intent(in) :: i_block, analysis
-    !> Of the quadrature.
-    integer, intent(in) :: degree
-    !> Displacements in global axes (dim, n_nodes) [length].
-    real(dp), intent(in), contiguous :: u(:, :)
+    !> Displacements (dim, n_nodes) [length].
+    real(dp), intent(in) :: u(:, :)
     !> (n_elements), (dim, n_elements) [length], (n_elements) [length^dim]; volumes are 0 where elements tell nothing.
     real(dp), intent(out) :: mean(:), centre(:, :), volume(:)
     type(element_table_t) :: table
-    type(point_table_t) :: rule
+    type(element_kind_t) :: kind
     integer :: e
-    call table%init(mesh%block(i_block)%kind, degree)
-    call rule%init(table)
-    !$omp parallel do default(none) schedule(static) shared(mesh, i_block, analysis, rule, u, mean, centre, volume)
+    kind = element_kind(mesh%block(i_block)%kind)
+    call table%init(mesh%block(i_block)%kind, 2*kind%order)
+    !$omp parallel do default(none) schedule(static) shared(mesh, i_block, analysis, table, u, mean, centre, volume)
     do e = 1, size(mean)
-      call mean_dilatation(kind_nodes(mesh%block(i_block)%kind), mesh%dimension, gradient_slots(analysis), rule%n_points, rule, &
-                           mesh%block(i_block)%node(:, e), mesh%x, u, mean(e), centre(:, e), volume(e))
+      associate (node => mesh%block(i_block)%node(:, e))
+        call mean_dilatation(table%n_nodes, mesh%dimension, gradient_slots(analysis), table%n_points, table, mesh%x(:, node), &
+                             u(:, node), mean(e), centre(:, e), volume(e))
+      end associate
     end do
     !$omp end parallel do
   end subroutine mean_dilatations
 
   !> Mean dilatation of an element.
-  pure subroutine mean_dilatation(n, dim, slots, n_points, rule, node, all_x, all_u, mean, centre, volume)
+  pure subroutine mean_dilatation(n, dim, slots, n_points, table, x, u, mean, centre, volume)
     integer, intent(in) :: n, dim, slots, n_points
-    type(point_table_t), intent(in) :: rule
-    integer, intent(in) :: node(n)
-    real(dp), intent(in) :: all_x(dim, *), all_u(dim, *)
+    type(element_table_t), intent(in) :: table
+    !> Nodes, and their displacements [length].
+    real(dp), intent(in) :: x(dim, n), u(dim, n)
     real(dp), intent(out) :: mean, centre(dim), volume
-    real(dp) :: x(dim, n), u(dim, n), slope(n_points, dim, slots), g_square(n_points), w(n_points), place(n_points, dim), worst
-    integer :: i
-    do i = 1, n
-      x(:, i) = all_x(:, node(i))
-      u(:, i) = all_u(:, node(i))
-    end do
+    real(dp) :: g(n, slots, n_points), w(n_points), worst
+    integer :: i, q
     mean = 0
     centre = x(:, 1)
     volume = 0
-    call map_points(n, dim, slots, n_points, rule%shape, rule%shape_square, rule%gradient, rule%products, rule%weight, x, u, &
-                    slope, g_square, w, worst)
+    call map_element(n, dim, slots, n_points, table%shape, table%gradient, table%weight, x, g, w, worst)
     if (.not. worst > 0) return
     volume = sum(w)
-    do i = 1, dim
-      mean = mean + dot_product(w, slope(:, i, i))
+    do q = 1, n_points
+      do i = 1, dim
+        mean = mean + w(q)*dot_product(g(:, i, q), u(i, :))
+      end do
+      if (slots > dim) mean = mean + w(q)*dot_product(g(:, 3, q), u(1, :))
     end do
-    if (slots > dim) mean = mean + dot_product(w, slope(:, 1, 3))
     mean = mean/volume
-    call interpolate(n, dim, n_points, rule%shape, x, place)
-    centre = matmul(w, place)/volume
+    centre = matmul(x, matmul(table%shape, w))/volume
   end subroutine mean_dilatation
 
   !> Fit the functions.
