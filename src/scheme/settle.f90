@@ -35,7 +35,7 @@ contains
     real(dp), parameter :: soft = 1.0e-9_dp
     alpha = 0
     if (coarse%n == 0 .or. operator%n_rows == 0) return
-    call minimize(operator, coarse, resultant, soft*sum(stiffness)/operator%n_rows, stiffness, y, alpha)
+    call minimize(operator, coarse, resultant, soft*sum(stiffness)/operator%n_rows, stiffness, y, alpha, coarse%stiffness)
   end subroutine settle
 
   !> Look for a motion that the loads excite and no contact can stop: the part of e that no pressures balance. It is the projection of e
@@ -46,8 +46,9 @@ contains
     !> The motion (coarse%n).
     real(dp), intent(out) :: motion(:)
     logical, intent(out) :: found
-    real(dp), allocatable :: e(:), none(:), penalty(:)
+    real(dp), allocatable :: e(:), none(:), penalty(:), springs(:, :)
     real(dp) :: length
+    integer :: i
     ! A load that is unbalanced by less than this part of the largest is rounding, of the loads or of the mesh.
     real(dp), parameter :: rounding = 1.0e-7_dp, stiff = 1.0e10_dp
     motion = 0
@@ -59,52 +60,64 @@ contains
     allocate (none(operator%n_rows), penalty(operator%n_rows))
     none = 0
     penalty = stiff
-    call minimize(operator, coarse, e, 1.0_dp, penalty, none, motion)
+    if (allocated(coarse%stiffness)) then
+      ! Springs stop a motion too.
+      allocate (springs(coarse%n, coarse%n), source=0.0_dp)
+      do i = 1, coarse%n
+        if (coarse%stiffness(i, i) > 0) springs(i, i) = stiff
+      end do
+    end if
+    call minimize(operator, coarse, e, 1.0_dp, penalty, none, motion, springs)
     found = maxval(abs(motion)) > rounding
   end subroutine find_unstoppable
 
   !> The minimum of the function above; alpha is the start on entry.
-  subroutine minimize(operator, coarse, e, mu, k, y, alpha)
+  subroutine minimize(operator, coarse, e, mu, k, y, alpha, springs)
     type(contact_operator_t), intent(in) :: operator
     type(coarse_space_t), intent(in) :: coarse
     !> See above: (coarse%n), a number, (n_rows), (n_rows).
     real(dp), intent(in) :: e(:), mu, k(:), y(:)
     real(dp), intent(inout) :: alpha(:)
+    !> Springs on the motions; none if absent (coarse%n, coarse%n) [force/length].
+    real(dp), intent(in), optional :: springs(:, :)
     type(error_t), allocatable :: error
-    real(dp), allocatable :: hessian(:, :), gradient(:), step(:, :), position(:), change(:)
+    real(dp), allocatable :: hessian(:, :), gradient(:), step(:, :), position(:), change(:), held(:, :)
     real(dp) :: first_size, t
     integer :: i
     allocate (hessian(coarse%n, coarse%n), gradient(coarse%n), step(coarse%n, 1), position(size(y)), change(size(y)))
+    allocate (held(coarse%n, coarse%n), source=0.0_dp)
+    do i = 1, coarse%n
+      held(i, i) = mu
+    end do
+    if (present(springs)) held = held + springs
     call coarse%displacement(operator, alpha, position)
     position = y + position
     first_size = maxval(abs(e))
     do i = 1, most_steps
       call coarse%resultant_of(operator, k*max(0.0_dp, position), gradient)
-      gradient = gradient + mu*alpha - e
+      gradient = gradient + matmul(held, alpha) - e
       if (maxval(abs(gradient)) <= 1.0e-12_dp*first_size) exit
-      call form_hessian(coarse, mu, k, position, hessian)
+      hessian = held
+      call add_contact(coarse, k, position, hessian)
       step(:, 1) = -gradient
       call solve_dense(hessian, step, error)
       if (allocated(error)) exit
       call coarse%displacement(operator, step(:, 1), change)
-      t = line_minimum(mu*dot_product(alpha, step(:, 1)) - dot_product(e, step(:, 1)), mu*sum(step**2), k, position, change)
+      t = line_minimum(dot_product(matmul(held, alpha) - e, step(:, 1)), dot_product(step(:, 1), matmul(held, step(:, 1))), k, &
+                       position, change)
       t = min(t, 1.0e15_dp)
       alpha = alpha + t*step(:, 1)
       position = position + t*change
     end do
   end subroutine minimize
 
-  !> mu I + sum of k_i G_i G_i^T over points under pressure.
-  subroutine form_hessian(coarse, mu, k, position, hessian)
+  !> Add the sum of k_i G_i G_i^T over points under pressure.
+  subroutine add_contact(coarse, k, position, hessian)
     type(coarse_space_t), intent(in) :: coarse
-    real(dp), intent(in) :: mu, k(:), position(:)
-    real(dp), intent(out) :: hessian(:, :)
+    real(dp), intent(in) :: k(:), position(:)
+    real(dp), intent(inout) :: hessian(:, :)
     real(dp), allocatable :: g_a(:), g_b(:)
     integer :: i, j, a, b
-    hessian = 0
-    do i = 1, coarse%n
-      hessian(i, i) = mu
-    end do
     do i = 1, size(position)
       if (.not. position(i) > 0) cycle
       a = coarse%body(1, i)
@@ -124,7 +137,7 @@ contains
         end associate
       end do
     end do
-  end subroutine form_hessian
+  end subroutine add_contact
 
   !> column(first:) += factor * g.
   pure subroutine add(first, factor, g, column)
