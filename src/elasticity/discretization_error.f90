@@ -77,7 +77,7 @@ contains
     call read_factor(material, factor, error)
     if (allocated(error)) return
     call fit%init(mesh, u)
-    call fit_dilatations(mesh, analysis, material, fit, u, dilatation)
+    call fit_dilatations(mesh, analysis, material, u, dilatation)
     allocate (of_element(size(square, 1), size(square, 2)), of_rounding(size(square, 1), size(square, 2)), source=0.0_dp)
     last = 0
     do b = 1, size(mesh%block)
@@ -215,7 +215,7 @@ contains
       projected = slope(:, 1, 1) + slope(:, 2, 2)
       if (slots > 2) projected = projected + slope(:, merge(3, 1, dim == 3), 3)
       call project(dim, n_points, n_functions, place, stiffness, projected)
-      call dilatation(b)%values(fit, fit%vertex(node(:n_corners)), corner_shape, place, fitted)
+      call dilatation(b)%values(x(:, :n_corners), node(:n_corners), corner_shape, place, fitted)
       norm_square(b) = norm_square(b) + bulk*dot_product(stiffness, projected**2)
       square(b) = square(b) + bulk*dot_product(stiffness, (fitted - projected)**2)
     end do

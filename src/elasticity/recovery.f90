@@ -19,7 +19,7 @@ module dotyk_elasticity_recovery
 contains
 
   !> Mean stress of each element, and the energy of all.
-  subroutine recover(mesh, analysis, material, u, stress, energy, error)
+  subroutine recover(mesh, analysis, material, u, stress, energy, error, mean_factor)
     type(body_mesh_t), intent(in) :: mesh
     !> One of dotyk_elasticity_analysis' constants.
     integer, intent(in) :: analysis
@@ -32,38 +32,43 @@ contains
     real(dp), intent(out) :: energy
     !> Allocated where an element or the factor on the stiffness is wrong; assembly finds that first.
     type(error_t), allocatable, intent(out) :: error
-    real(dp), allocatable :: of_element(:)
+    !> Mean of the factor on the stiffness over each element (n_elements).
+    real(dp), intent(out), optional :: mean_factor(:)
+    real(dp), allocatable :: of_element(:), factor(:)
     integer :: i, first, last
     stress = 0
-    allocate (of_element(size(stress, 2)), source=0.0_dp)
+    allocate (of_element(size(stress, 2)), factor(size(stress, 2)), source=0.0_dp)
     last = 0
     do i = 1, size(mesh%block)
       first = last + 1
       last = last + size(mesh%block(i)%node, 2)
-      call recover_block(mesh, i, analysis, material, u, stress(:, first:last), of_element(first:last), error)
+      call recover_block(mesh, i, analysis, material, u, stress(:, first:last), of_element(first:last), &
+                         factor(first:last), error)
       if (allocated(error)) exit
     end do
     ! In the order of the elements: the same digits on any number of threads.
     energy = sum(of_element)
+    if (present(mean_factor)) mean_factor = factor
   end subroutine recover
 
   !> The elements of one block, shared out over the threads.
-  subroutine recover_block(mesh, i_block, analysis, material, u, stress, energy, error)
+  subroutine recover_block(mesh, i_block, analysis, material, u, stress, energy, mean_factor, error)
     type(body_mesh_t), intent(in) :: mesh
     integer, intent(in) :: i_block, analysis
     type(material_t), intent(in) :: material
     real(dp), intent(in) :: u(:, :)
     !> Of the elements of the block.
-    real(dp), intent(inout) :: stress(:, :), energy(:)
+    real(dp), intent(inout) :: stress(:, :), energy(:), mean_factor(:)
     type(error_t), allocatable, intent(out) :: error
     type(error_t), allocatable :: failed
     integer :: n, s, n_shares
     n = size(energy)
     n_shares = merge(1, min(n, omp_get_max_threads()), omp_in_parallel())
     !$omp parallel do default(none) schedule(static, 1) private(failed) &
-    !$omp& shared(mesh, i_block, analysis, material, u, stress, energy, error, n, n_shares)
+    !$omp& shared(mesh, i_block, analysis, material, u, stress, energy, mean_factor, error, n, n_shares)
     do s = 1, n_shares
-      call recover_elements(mesh, i_block, analysis, material, u, (n*(s - 1))/n_shares + 1, (n*s)/n_shares, stress, energy, failed)
+      call recover_elements(mesh, i_block, analysis, material, u, (n*(s - 1))/n_shares + 1, (n*s)/n_shares, stress, &
+                            energy, mean_factor, failed)
       if (.not. allocated(failed)) cycle
       !$omp critical(dotyk_recovery)
       if (.not. allocated(error)) call move_alloc(failed, error)
@@ -73,7 +78,7 @@ contains
   end subroutine recover_block
 
   !> Some elements of a block.
-  subroutine recover_elements(mesh, i_block, analysis, material, u, first, last, stress, energy, error)
+  subroutine recover_elements(mesh, i_block, analysis, material, u, first, last, stress, energy, mean_factor, error)
     type(body_mesh_t), intent(in) :: mesh
     integer, intent(in) :: i_block, analysis
     type(material_t), intent(in) :: material
@@ -81,7 +86,7 @@ contains
     !> From the first to the last of these.
     integer, intent(in) :: first, last
     !> Of all elements of the block.
-    real(dp), intent(inout) :: stress(:, :), energy(:)
+    real(dp), intent(inout) :: stress(:, :), energy(:), mean_factor(:)
     type(error_t), allocatable, intent(out) :: error
     type(field_t) :: factor
     type(table_pair_t) :: tables
@@ -136,6 +141,7 @@ contains
       end if
       call element_stress_energy(n, dim, slots, n_points, g, w, stiffness, strain, matrix, ue, stress(:, e), &
                                  energy(e))
+      mean_factor(e) = sum(stiffness(:n_points))/sum(w(:n_points))
       if (.not. bulk > 0) return
       call projection_functions(n, dim, n_points, n_functions, table%shape, x, stiffness, value)
       call projected_dilatations(n, dim, slots, n_points, n_functions, g, stiffness, value, dilatation)
