@@ -331,8 +331,8 @@ contains
 
   !> Bulk over shear modulus: how near to incompressible the material is.
   !>
-  !> The shear modulus of an anisotropic material is half the third of the five stiffnesses against changes of shape. A single soft one
-  !> (layers that slide) does not make a material incompressible, a single stiff one (fibres) does not make it compressible.
+  !> The shear modulus of an anisotropic material is half the third of the five stiffnesses against changes of shape: layers that slide
+  !> do not make it incompressible, nor fibres compressible.
   real(dp) function material_bulk_over_shear(self) result(ratio)
     class(material_t), intent(in) :: self
     type(error_t), allocatable :: error
@@ -353,7 +353,7 @@ contains
     if (.not. allocated(error)) ratio = 2*self%bulk_modulus()/values(4)
   end function material_bulk_over_shear
 
-  !> Let the dilatation be projected where the material is nearly incompressible.
+  !> Let the dilatation be projected where it is nearly incompressible.
   subroutine material_project_dilatation(self)
     class(material_t), intent(inout) :: self
     self%incompressibility = self%bulk_over_shear()
@@ -380,7 +380,6 @@ contains
     if (.not. self%incompressibility > kept .or. analysis == analysis_plane_stress) return
     bulk = (1 - kept/self%incompressibility)*self%bulk
     if (self%isotropic) then
-      ! lambda - bulk, but of the small numbers.
       lambda = (kept - 2.0_dp/3)*self%mu
       matrix(1:3, 1:3) = lambda
       do i = 1, 3
