@@ -3,6 +3,7 @@
  * Nothing here takes memory: it must work when there is none. */
 #define _GNU_SOURCE
 #include <fcntl.h>
+#include <signal.h>
 #include <stdarg.h>
 #include <stdint.h>
 #include <stdio.h>
@@ -165,6 +166,29 @@ static void on_end(int status, void *none) {
   _exit(exit_machine);
 }
 
+static struct sigaction before_segv, before_bus;
+static char other_stack[65536];
+
+/* Libraries that do not look whether they got memory, and stacks that cannot grow, end here: where next to nothing is left, that is why.
+ * Else the instruction is tried again, and the handler of before (the compiler's, a sanitizer's) has the word. */
+static void on_bad_address(int number) {
+  double used, left;
+  int limit;
+  dotyk_memory(&used, &left, &limit);
+  if (limit != NOT_KNOWN && left < 16 * 1048576.0) dotyk_out_of_memory(0);
+  sigaction(number, number == SIGBUS ? &before_bus : &before_segv, NULL);
+}
+
 /* From here on ends of the program are its own only after dotyk_end_expected. */
-void dotyk_watch_ends(void) { on_exit(on_end, NULL); }
+void dotyk_watch_ends(void) {
+  struct sigaction action;
+  stack_t stack = {.ss_sp = other_stack, .ss_size = sizeof other_stack};
+  on_exit(on_end, NULL);
+  memset(&action, 0, sizeof action);
+  action.sa_handler = on_bad_address;
+  action.sa_flags = SA_ONSTACK;
+  sigaltstack(&stack, NULL);
+  sigaction(SIGSEGV, &action, &before_segv);
+  sigaction(SIGBUS, &action, &before_bus);
+}
 void dotyk_end_expected(void) { ending = 1; }

@@ -1,6 +1,7 @@
 """Faults while running: interrupts, checkpoints and restarts."""
 import os
 import re
+import resource
 import select
 import shutil
 import signal
@@ -115,6 +116,65 @@ class Faults(dotyk_case.Case):
         self.assertIn("interrupted while meshing column.geo with gmsh: no results were written", text)
         self.assertEqual(sorted(path.name for path in (self.folder/".dotyk").iterdir()), [".gitignore", "gmsh.version"])
         self.assertFalse((self.folder/"case.vtkhdf").exists())
+
+    # Too little memory, full disks
+
+    def limited(self, kind, value, *arguments):
+        """Run with a limit: exit code and output."""
+        done = subprocess.run([os.environ["DOTYK"], "case.nml", "--threads", "1", *arguments], cwd=self.folder, timeout=120, text=True,
+                              errors="replace", preexec_fn=lambda: resource.setrlimit(kind, (value, value)), stdout=subprocess.PIPE,
+                              stderr=subprocess.STDOUT, env={**os.environ, "OPENBLAS_NUM_THREADS": "1"})
+        return done.returncode, done.stdout
+
+    def test_too_little_memory_is_said(self):
+        self.scene("theta_relative=1e-2", output="")
+        self.dotyk("case.nml")
+        before = (self.folder/"case.vtkhdf").read_bytes()
+        codes = set()
+        for mebibytes in (100, 150, 200, 225, 230, 240, 260, 2000):
+            code, text = self.limited(resource.RLIMIT_AS, mebibytes << 20)
+            codes.add(code)
+            if code == 0:
+                continue
+            self.assertEqual(code, 5, text)
+            self.assertRegex(text, r"out of memory while [\w ]+.* are left of the process \(ulimit -v\)")
+            self.assertEqual((self.folder/"case.vtkhdf").read_bytes(), before)
+        self.assertEqual(codes, {0, 5})
+
+    def test_files_that_cannot_grow(self):
+        """As on a full disk: the old results stay, and nothing is left beside them."""
+        self.scene("theta_relative=1e-2")
+        self.dotyk("case.nml")
+        before = (self.folder/"case.vtkhdf").read_bytes()
+        for part in (0.01, 0.2, 0.6, 0.95):
+            code, text = self.limited(resource.RLIMIT_FSIZE, int(part*len(before)), "--quiet")
+            self.assertEqual(code, 4, text)
+            self.assertIn("'case.vtkhdf' cannot be written: File too large", text)
+            self.assertEqual((self.folder/"case.vtkhdf").read_bytes(), before)
+            self.assertEqual(list(self.folder.glob("*.tmp")), [])
+        self.assertIn("warning: checkpoint 'state.chk' cannot be written", self.limited(resource.RLIMIT_FSIZE, 1000, "--quiet")[1])
+
+    def test_a_log_that_cannot_be_written_is_no_reason_to_stop(self):
+        self.scene("theta_relative=1e-2")
+        with open("/dev/full", "w") as full:
+            done = subprocess.run([os.environ["DOTYK"], "case.nml"], cwd=self.folder, stdout=full, stderr=subprocess.PIPE, text=True)
+            self.assertEqual(done.returncode, 0, done.stderr)
+            self.assertEqual(self.answer()[1]["converged"], 1)
+
+    def test_what_a_killed_run_left_is_deleted_by_the_next(self):
+        self.scene(ENDLESS, output="")
+        process = self.start("case.nml", until="relaxation")
+        mark = "%s-%d" % (re.sub("[^A-Za-z0-9]", "_", os.uname().nodename), process.pid)
+        left = self.write("case.vtkhdf.%s.tmp" % mark, "half a file")
+        other = self.write("case.vtkhdf.elsewhere-%d.tmp" % process.pid, "of another machine")
+        self.scene("theta_relative=1e-2", name="next.nml")
+        self.dotyk("next.nml", "--output", "case.vtkhdf")
+        self.assertTrue(left.exists(), "it belongs to a run that is alive")
+        process.kill()
+        process.wait()
+        self.dotyk("next.nml", "--output", "case.vtkhdf")
+        self.assertFalse(left.exists())
+        self.assertTrue(other.exists())
 
     # Checkpoints
 
