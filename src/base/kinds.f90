@@ -6,5 +6,7 @@ module dotyk_base_kinds
 
   !> Double precision: every real number of dotyk.
   integer, parameter, public :: dp = real64
+  !> 30 digits or more: displacements of ill-conditioned bodies, which are mostly rigid, where they are taken apart.
+  integer, parameter, public :: qp = selected_real_kind(30)
   public :: int32, int64
 end module dotyk_base_kinds

@@ -6,6 +6,7 @@ module dotyk_driver_factorization
   use dotyk_driver_congruence, only: kinds_t
   use dotyk_driver_parallel, only: largest_first, set_blas_threads
   use dotyk_elasticity_body, only: body_t
+  use dotyk_response_definite, only: digits_t
   use dotyk_response_demand, only: response_demand_t
   use dotyk_response_full, only: full_response_t
   use dotyk_response_response, only: response_slot_t
@@ -153,10 +154,12 @@ contains
   !> Factorize the first bodies of all kinds, the largest first: as many side by side as there are threads, and threads that no
   !> body is left for help the others with theirs. Their stiffnesses are given back one by one. The digits are the same on any
   !> number of threads.
-  subroutine factorize_bodies(body, kinds, response, size_of, error)
+  subroutine factorize_bodies(body, kinds, take_apart, response, size_of, error)
     !> Assembled (n_bodies); without stiffness on return.
     type(body_t), intent(inout) :: body(:)
     type(kinds_t), intent(in) :: kinds
+    !> Whether the scheme can treat soft motions apart.
+    logical, intent(in) :: take_apart
     !> Analysed (n_bodies).
     type(response_slot_t), intent(inout) :: response(:)
     !> Sizes of the factors (n_bodies).
@@ -167,13 +170,13 @@ contains
     allocate (failed(size(body)))
     order = largest_first(size_of%flops)
     call set_blas_threads(1)
-    !$omp parallel default(none) shared(body, kinds, response, failed, order) private(i, b)
+    !$omp parallel default(none) shared(body, kinds, take_apart, response, failed, order) private(i, b)
     !$omp single
     do i = 1, size(body)
       b = order(i)
       if (.not. kinds%leads(b)) cycle
-      !$omp task default(none) shared(body, response, failed) firstprivate(b)
-      call factorize_body(body(b), response(b), failed(b)%error)
+      !$omp task default(none) shared(body, take_apart, response, failed) firstprivate(b)
+      call factorize_body(body(b), take_apart, response(b), failed(b)%error)
       !$omp end task
     end do
     !$omp end single
@@ -182,6 +185,7 @@ contains
     if (allocated(error)) return
     do b = 1, size(body)
       if (.not. kinds%leads(b)) call share_condensed(response(kinds%first(b)), response(b))
+      call adopt_soft_motions(response(kinds%first(b)), response(b), body(b))
     end do
   end subroutine factorize_bodies
 
@@ -198,14 +202,33 @@ contains
     end select
   end subroutine share_condensed
 
-  !> Factorize one body.
-  subroutine factorize_body(body, slot, error)
+  !> Take the soft motions of the first body of the kind, if it has any.
+  subroutine adopt_soft_motions(first, slot, body)
+    type(response_slot_t), intent(in) :: first
+    type(response_slot_t), intent(inout) :: slot
     type(body_t), intent(inout) :: body
+    type(digits_t) :: digits
+    select type (owner => first%form)
+    type is (full_response_t)
+      if (.not. allocated(owner%digits%motion)) return
+      digits = owner%digits
+    end select
+    select type (full => slot%form)
+    type is (full_response_t)
+      call full%adopt_soft_motions(digits)
+    end select
+    call body%adopt_soft_motions(digits%motion)
+  end subroutine adopt_soft_motions
+
+  !> Factorize one body.
+  subroutine factorize_body(body, take_apart, slot, error)
+    type(body_t), intent(inout) :: body
+    logical, intent(in) :: take_apart
     type(response_slot_t), intent(inout) :: slot
     type(error_t), allocatable, intent(out) :: error
     select type (full => slot%form)
     type is (full_response_t)
-      call full%factorize(body, error)
+      call full%factorize(body, error, take_apart)
     end select
   end subroutine factorize_body
 

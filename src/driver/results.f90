@@ -5,6 +5,7 @@ module dotyk_driver_results
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_driver_arguments, only: command_line_text
   use dotyk_driver_congruence, only: kinds_t
+  use dotyk_driver_digits, only: body_digits_t
   use dotyk_driver_error_budget, only: error_budget_t
   use dotyk_driver_factorization, only: factor_size_t
   use dotyk_driver_pressures, only: pair_solution_t, nodal_field_t
@@ -90,7 +91,7 @@ contains
   end subroutine write_pairs
 
   !> How the scheme ended, and its history.
-  subroutine write_summary(file, body, kinds, size_of, problem, result, budget, scheme)
+  subroutine write_summary(file, body, kinds, size_of, problem, result, budget, digits, scheme)
     type(results_file_t), intent(inout) :: file
     !> (n_bodies).
     type(body_t), intent(in) :: body(:)
@@ -99,6 +100,8 @@ contains
     type(contact_problem_t), intent(in) :: problem
     type(scheme_result_t), intent(in) :: result
     type(error_budget_t), intent(in) :: budget
+    !> (n_bodies).
+    type(body_digits_t), intent(in) :: digits(:)
     !> Name of the scheme.
     character(*), intent(in) :: scheme
     integer :: undetermined
@@ -123,7 +126,11 @@ contains
     call file%put_attribute('summary', 'unknowns', sum(body%constraint%n_equations))
     call file%put_attribute('summary', 'contact_points', problem%operator%n_rows)
     call file%put_attribute('summary', 'contact_points_left_out', result%left_out)
-    call file%put_attribute('summary', 'free_motions', problem%coarse%n)
+    call file%put_attribute('summary', 'free_motions', problem%coarse%n - sum(digits%n_soft))
+    call file%put_attribute('summary', 'soft_motions', sum(digits%n_soft))
+    call file%put_array('summary', 'condition', digits%condition)
+    call file%put_array('summary', 'digits_lost', digits%lost())
+    call file%put_array('summary', 'refinement_steps', digits%steps)
     undetermined = 0
     if (allocated(result%undetermined)) undetermined = size(result%undetermined, 2)
     call file%put_attribute('summary', 'undetermined_motions', undetermined)

@@ -9,6 +9,7 @@ module dotyk_driver_run_case
   use dotyk_driver_arguments, only: arguments_t
   use dotyk_driver_bodies, only: build_bodies, check_held, assemble_bodies
   use dotyk_driver_congruence, only: kinds_t
+  use dotyk_driver_digits, only: body_digits_t, collect_digits, show_digits
   use dotyk_driver_error_budget, only: error_budget_t, ask_for_more, estimate_errors, first_tolerance, most_rounds, &
     needs_displacements
   use dotyk_driver_factorization, only: factor_size_t, analyze_bodies, attach_bodies, factorize_bodies
@@ -55,6 +56,8 @@ module dotyk_driver_run_case
     !> Factors to come (n_bodies).
     type(factor_size_t), allocatable :: size_of(:)
     type(contact_problem_t) :: problem
+    !> Digits that the stiffnesses lose (n_bodies).
+    type(body_digits_t), allocatable :: digits(:)
     !> What bodies do that touch nothing (n_bodies).
     type(free_body_t), allocatable :: alone(:)
     type(explicit_compliance_t) :: compliance
@@ -145,11 +148,12 @@ contains
     associate (case => run%case, problem => run%problem)
       call attach_bodies(run%body, run%kinds, problem%operator%block, problem%response)
       call run%watch%lap(run%timing%search)
-      call factorize_bodies(run%body, run%kinds, problem%response, run%size_of, error)
+      call factorize_bodies(run%body, run%kinds, .not. needs_held_bodies(case), problem%response, run%size_of, error)
       if (allocated(error)) return
       call run%watch%lap(run%timing%factorize)
       call show_factorization(run%log, run%size_of, run%timing%factorize)
       call show_responses(run%log, run%size_of)
+      call collect_digits(run%kinds, problem%response, run%digits)
       call share_solves(real(run%size_of%response_entries, dp), case%solver%reproducible, problem%side_by_side, run%n_blas)
       call problem%prepare(real(run%size_of%response_entries, dp))
       call run%kinds%tell(case%scene%dimension, problem%kind, problem%axes)
@@ -190,7 +194,7 @@ contains
         allocate (run%solution(size(run%body)))
       end if
       call run%watch%lap(run%timing%recover)
-      call estimate_errors(run%case, run%body, run%pair, run%surface_a, run%surface_b, run%solution, run%problem, &
+      call estimate_errors(run%case, run%body, run%kinds, run%pair, run%surface_a, run%surface_b, run%solution, run%problem, &
                            run%compliance, run%result, run%budget, error)
       call run%watch%lap(run%timing%estimate)
       if (allocated(error)) return
@@ -200,6 +204,7 @@ contains
     call show_result(run%log, run%result, tolerance, run%problem%body_solves, run%timing%iterate)
     call show_budget(run%log, run%case%output, run%body, run%result, run%budget)
     call show_left_out(run%log, run%case, run%result)
+    call show_digits(run%log, run%body, run%kinds, run%digits)
     call run%problem%free_responses()
   end subroutine find_answer
 
@@ -222,7 +227,8 @@ contains
     call write_fields(file, run%case%scene%output, run%case, run%body, run%solution, run%contact_pressure, run%budget, error)
     if (allocated(error)) return
     call write_pairs(file, run%pair, run%pair_solution)
-    call write_summary(file, run%body, run%kinds, run%size_of, run%problem, run%result, run%budget, scheme_name(run%case))
+    call write_summary(file, run%body, run%kinds, run%size_of, run%problem, run%result, run%budget, run%digits, &
+                       scheme_name(run%case))
     call write_provenance(file, run%case, run%threads, run%started)
     call run%watch%lap(run%timing%write)
     run%timing%total = run%watch%since_start()

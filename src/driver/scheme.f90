@@ -52,13 +52,18 @@ contains
     type(body_t), intent(in) :: body(:)
     !> With operator and responses.
     type(contact_problem_t), intent(inout) :: problem
-    real(dp), allocatable :: resultant(:)
+    real(dp), allocatable :: resultant(:), lift(:)
     integer :: b
-    allocate (resultant(0))
+    allocate (resultant(0), lift(0))
     do b = 1, size(body)
       resultant = [resultant, body(b)%resultant]
+      if (body(b)%is_soft) then
+        lift = [lift, body(b)%lift_resultant]
+      else
+        lift = [lift, 0*body(b)%resultant]
+      end if
     end do
-    call problem%coarse%init(problem%operator, problem%response, resultant)
+    call problem%coarse%init(problem%operator, problem%response, resultant, lift)
   end subroutine prepare_coarse_space
 
   !> Solve.
@@ -133,7 +138,7 @@ contains
     n = 0
     do b = 1, size(body)
       associate (own => amplitude(n + 1:n + body(b)%motions%n))
-        if (size(own) > 0) then
+        if (size(own) > 0 .and. .not. body(b)%is_soft) then
           ! The body that the loads move most.
           if (dot_product(own, body(b)%resultant) > largest) then
             largest = dot_product(own, body(b)%resultant)
@@ -196,7 +201,7 @@ contains
     do b = 1, size(body)
       associate (own => motion(n + 1:n + body(b)%motions%n, :))
         text = ''
-        if (size(own) > 0) text = body(b)%motions%say_space(own)
+        if (size(own) > 0 .and. .not. body(b)%is_soft) text = body(b)%motions%say_space(own)
         if (len(text) > 0) n_named = n_named + 1
         if (len(text) > 0 .and. n_named <= most_named) &
           call log%line('  not determined   '//quoted(body(b)%name)//': '//text//'; the least motion is taken')

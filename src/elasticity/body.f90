@@ -43,7 +43,11 @@ module dotyk_elasticity_body
     real(dp), allocatable :: free_motion(:, :, :)
     !> Resultants of the loads on them (n_motions) [force].
     real(dp), allocatable :: resultant(:)
-    !> The same motions as translations and rotations, to say them.
+    !> Whether they are not quite free: motions that the supports hardly resist, which schemes treat apart.
+    logical :: is_soft = .false.
+    !> What given displacements add to the resultants, of soft motions (n_motions) [force].
+    real(dp), allocatable :: lift_resultant(:)
+    !> The same motions as translations and rotations, to say them; their number alone where they are soft.
     type(free_motions_t) :: motions
     !> Adjacency of the nodes, see `node_graph`; may be deallocated when no longer needed.
     integer, allocatable :: graph_start(:), graph_neighbour(:)
@@ -56,6 +60,7 @@ module dotyk_elasticity_body
     procedure :: motion_text => body_motion_text
     procedure :: assemble => body_assemble
     procedure :: assemble_like => body_assemble_like
+    procedure :: adopt_soft_motions => body_adopt_soft_motions
     procedure :: young => body_young
     procedure :: destroy => body_destroy
   end type body_t
@@ -153,6 +158,26 @@ contains
     call self%constraint%reduce(self%load, self%rhs)
     call subtract_lift(self%mesh, self%analysis, self%material, self%constraint, self%rhs, error)
   end subroutine body_assemble_like
+
+  !> Treat motions that the supports hardly resist as if they were free; springs on them are the scheme's.
+  subroutine body_adopt_soft_motions(self, motion)
+    !> Assembled, held.
+    class(body_t), intent(inout) :: self
+    !> The motions over the equations (n_equations, n_motions).
+    real(dp), intent(in) :: motion(:, :)
+    real(dp), allocatable :: load(:)
+    integer :: k
+    self%is_soft = .true.
+    self%motions%n = size(motion, 2)
+    deallocate (self%free_motion)
+    allocate (self%free_motion(self%dimension, self%mesh%n_nodes(), size(motion, 2)), load(size(motion, 1)))
+    do k = 1, size(motion, 2)
+      call self%constraint%expand(motion(:, k), self%free_motion(:, :, k), .false.)
+    end do
+    call self%constraint%reduce(self%load, load)
+    self%resultant = matmul(self%rhs, motion)
+    self%lift_resultant = matmul(self%rhs - load, motion)
+  end subroutine body_adopt_soft_motions
 
   !> Young's modulus for scales: of the softest global direction, mean over the body [pressure].
   real(dp) function body_young(self) result(young)

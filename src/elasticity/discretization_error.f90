@@ -3,6 +3,8 @@
 !> The recovered gradient is the mean of the gradients of the polynomials of an element's vertices
 !> (`dotyk_elasticity_patch_fit`), weighted with the linear shape functions. Asymptotically exact where the displacement is
 !> smooth and the mesh not too irregular; at corners and edges of contact it sees most of the error, if not all.
+!>
+!> Several bodies of one mesh and material are looked at together: what depends on the mesh is made once.
 module dotyk_elasticity_discretization_error
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
@@ -12,13 +14,14 @@ module dotyk_elasticity_discretization_error
   use dotyk_elasticity_energy_form, only: energy_form_t
   use dotyk_elasticity_field, only: field_t
   use dotyk_elasticity_material, only: material_t
-  use dotyk_elasticity_patch_fit, only: mean_strains, patch_fit_t
-  use dotyk_elasticity_point_map, only: interpolate, map_points, point_table_t
+  use dotyk_elasticity_patch_fit, only: patch_fit_t, vertex_functions
+  use dotyk_elasticity_point_map, only: interpolate, map_points, point_table_t, to_space
+  use dotyk_linalg_blas, only: dgemm
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, element_prism6, element_tet4, element_tri3
   implicit none
   private
-  public :: estimate_discretization_error
+  public :: estimate_discretization_error, estimate_discretization_errors
 
   !> Strains below this, relative to what displacements give without cancellation, are rounding errors.
   real(dp), parameter :: rounding = 1.0e3_dp*epsilon(1.0_dp)
@@ -39,33 +42,55 @@ contains
     real(dp), intent(out) :: norm_square
     !> Allocated where an element or the factor on the stiffness is wrong; assembly finds that first.
     type(error_t), allocatable, intent(out) :: error
+    real(dp), allocatable :: all_u(:, :, :), all_square(:, :)
+    real(dp) :: all_norms(1)
+    all_u = reshape(u, [1, size(u, 1), size(u, 2)])
+    allocate (all_square(1, size(square)))
+    call estimate_discretization_errors(mesh, analysis, material, all_u, all_square, all_norms, error)
+    square = all_square(1, :)
+    norm_square = all_norms(1)
+  end subroutine estimate_discretization_error
+
+  !> The same for several bodies of one mesh and material.
+  subroutine estimate_discretization_errors(mesh, analysis, material, u, square, norm_square, error)
+    type(body_mesh_t), intent(in) :: mesh
+    integer, intent(in) :: analysis
+    type(material_t), intent(in) :: material
+    !> Displacements in the mesh's axes (n_bodies, dim, n_nodes) [length].
+    real(dp), intent(in), contiguous :: u(:, :, :)
+    !> (n_bodies, n_elements) [force length].
+    real(dp), intent(out) :: square(:, :)
+    !> (n_bodies) [force length].
+    real(dp), intent(out) :: norm_square(:)
+    type(error_t), allocatable, intent(out) :: error
     type(patch_fit_t) :: fit
     type(field_t) :: factor
-    real(dp), allocatable :: of_element(:), of_rounding(:)
-    integer :: b, first, last
+    real(dp), allocatable :: of_element(:, :), of_rounding(:, :)
+    integer :: b, i, first, last
     square = 0
     norm_square = 0
     call read_factor(material, factor, error)
     if (allocated(error)) return
     call fit%init(mesh, u)
-    allocate (of_element(size(square)), of_rounding(size(square)), source=0.0_dp)
+    allocate (of_element(size(square, 1), size(square, 2)), of_rounding(size(square, 1), size(square, 2)), source=0.0_dp)
     last = 0
     do b = 1, size(mesh%block)
       first = last + 1
       last = last + size(mesh%block(b)%node, 2)
-      call estimate_block(mesh, b, analysis, material, factor, fit, u, square(first:last), of_element(first:last), &
-                          of_rounding(first:last), error)
+      call estimate_block(mesh, b, analysis, material, factor, fit, u, square(:, first:last), of_element(:, first:last), &
+                          of_rounding(:, first:last), error)
       if (allocated(error)) exit
     end do
     call factor%destroy()
-    ! In the order of the elements: the same digits on any number of threads.
-    norm_square = sum(of_element)
-    ! Bodies that move and have no strain have no error either.
-    if (norm_square <= sum(of_rounding)) then
-      square = 0
-      norm_square = 0
-    end if
-  end subroutine estimate_discretization_error
+    do i = 1, size(norm_square)
+      ! In the order of the elements: the same digits on any number of threads.
+      norm_square(i) = sum(of_element(i, :))
+      ! Bodies that move and have no strain have no error either.
+      if (norm_square(i) > sum(of_rounding(i, :))) cycle
+      square(i, :) = 0
+      norm_square(i) = 0
+    end do
+  end subroutine estimate_discretization_errors
 
   !> The elements of one block.
   subroutine estimate_block(mesh, i_block, analysis, material, factor, fit, u, square, norm_square, rounding_square, error)
@@ -74,9 +99,9 @@ contains
     type(material_t), intent(in) :: material
     type(field_t), intent(in) :: factor
     type(patch_fit_t), intent(in) :: fit
-    real(dp), intent(in) :: u(:, :)
-    !> Squared errors, squared norms of the displacement, and what of these may be rounding (n_elements).
-    real(dp), intent(out) :: square(:), norm_square(:), rounding_square(:)
+    real(dp), intent(in), contiguous :: u(:, :, :)
+    !> Squared errors, squared norms of the displacement, and what of these may be rounding (n_bodies, n_elements).
+    real(dp), intent(out), contiguous :: square(:, :), norm_square(:, :), rounding_square(:, :)
     type(error_t), allocatable, intent(out) :: error
     type(error_t), allocatable :: of_element
     type(element_table_t) :: table
@@ -94,11 +119,12 @@ contains
     !$omp parallel do default(none) schedule(static) if (factor%constant) private(of_element) &
     !$omp& shared(mesh, i_block, analysis, form, factor, fit, kind, table, rule, corners, u, square, norm_square, &
     !$omp& rounding_square, error)
-    do e = 1, size(square)
+    do e = 1, size(square, 2)
       associate (node => mesh%block(i_block)%node(:, e))
-        call estimate_element(kind%n_nodes, kind%n_corners, mesh%dimension, gradient_slots(analysis), rule%n_points, form, &
-                              factor, table, rule, corners%shape, fit, mesh%block(i_block)%tag(e), node, mesh%x, u, square(e), &
-                              norm_square(e), rounding_square(e), of_element)
+        call estimate_element(kind%n_nodes, kind%n_corners, mesh%dimension, gradient_slots(analysis), rule%n_points, &
+                              fit%n_bodies, fit%n_strains, fit%monomials%n_lower, form, factor, table, rule, corners%shape, fit, &
+                              mesh%block(i_block)%tag(e), node, mesh%x, u, square(:, e), norm_square(:, e), &
+                              rounding_square(:, e), of_element)
       end associate
       if (allocated(of_element)) then
         !$omp critical
@@ -110,10 +136,10 @@ contains
   end subroutine estimate_block
 
   !> One element.
-  subroutine estimate_element(n, n_corners, dim, slots, n_points, form, factor, table, rule, corner_shape, fit, tag, node, &
-      all_x, all_u, square, norm_square, rounding_square, error)
-    !> Number of nodes and corners of the element; dimension; gradient slots; points.
-    integer, intent(in) :: n, n_corners, dim, slots, n_points
+  subroutine estimate_element(n, n_corners, dim, slots, n_points, n_bodies, n_smooth, n_lower, form, factor, table, rule, &
+      corner_shape, fit, tag, node, all_x, all_u, square, norm_square, rounding_square, error)
+    !> Number of nodes and corners of the element; dimension; gradient slots; points; bodies; recovered strains; monomials of these.
+    integer, intent(in) :: n, n_corners, dim, slots, n_points, n_bodies, n_smooth, n_lower
     type(energy_form_t), intent(in) :: form
     type(field_t), intent(in) :: factor
     !> Shape functions at the points, in two forms, and the linear ones.
@@ -123,38 +149,65 @@ contains
     type(patch_fit_t), intent(in) :: fit
     !> For messages.
     integer(int64), intent(in) :: tag
-    !> Its nodes, and coordinates and displacements of all nodes of the body [length].
+    !> Its nodes, and coordinates and displacements of all nodes of the bodies [length].
     integer, intent(in) :: node(n)
-    real(dp), intent(in) :: all_x(dim, *), all_u(dim, *)
-    real(dp), intent(out) :: square, norm_square, rounding_square
+    real(dp), intent(in) :: all_x(dim, *), all_u(n_bodies, dim, *)
+    real(dp), intent(out) :: square(n_bodies), norm_square(n_bodies), rounding_square(n_bodies)
     type(error_t), allocatable, intent(out) :: error
-    real(dp) :: x(dim, n), u(dim, n), stiffness(n_points), g_square(n_points), place(n_points, dim), slope(n_points, dim, slots)
-    real(dp) :: strain(n_points, form%n_strains), recovered(n_points, fit%n_strains), worst
-    integer :: i
-    do i = 1, n
-      x(:, i) = all_x(:, node(i))
-      u(:, i) = all_u(:, node(i))
-    end do
+    real(dp) :: x(dim, n), u(n_bodies, dim, n), place(n_points, dim)
+    real(dp), dimension(n_points) :: radius, g_square, stiffness
+    real(dp) :: inverse(n_points, dim, dim), by_reference(n_points, n_bodies, dim, dim), displacement(n_points, n_bodies, dim)
+    real(dp) :: functions(n_points, n_lower, n_corners), coefficient(n_bodies, n_smooth, n_lower, n_corners)
+    real(dp) :: recovered(n_points, n_bodies, n_smooth), slope(n_points, dim, slots), strain(n_points, form%n_strains), worst
+    integer :: b, i, s
     square = 0
     norm_square = 0
     rounding_square = 0
-    call map_points(n, dim, slots, n_points, rule%shape, rule%shape_square, rule%gradient, rule%products, rule%weight, x, u, &
-                    slope, g_square, stiffness, worst)
+    do i = 1, n
+      x(:, i) = all_x(:, node(i))
+      u(:, :, i) = all_u(:, :, node(i))
+    end do
+    call map_points(n, dim, slots, n_points, rule%shape, rule%shape_square, rule%gradient, rule%products, rule%weight, x, inverse, &
+                    radius, g_square, stiffness, worst)
     ! Elements that are inverted at a point of this rule, of a higher degree than that of the stiffness, tell nothing.
     if (.not. worst > 0) return
     if (.not. factor%constant) call apply_factor(factor, table%shape, x, tag, stiffness(:table%n_points), error)
     if (allocated(error)) return
-    call form%strains(n_points, slope, strain)
-    norm_square = form%energy(stiffness, strain)
-    rounding_square = form%largest*rounding**2*sum(u**2)*dot_product(stiffness, g_square)
+    do i = 1, dim
+      call values_at_points(n_points, n_bodies*dim, n, rule%gradient(:, :, i), u, by_reference(:, :, :, i))
+    end do
+    if (slots > dim) call values_at_points(n_points, n_bodies*dim, n, rule%shape, u, displacement)
     call interpolate(n, dim, n_points, rule%shape, x, place)
-    call mean_strains(dim, fit%monomials%n_lower, fit%n_strains, n_corners, n_points, fit%vertex(node(:n_corners)), &
-                      fit%monomials%parent, fit%monomials%axis, fit%centre, fit%axes, fit%strain, corner_shape, place, recovered)
-    ! The strain zz of axisymmetric analyses is that of the displacement itself, which is of a higher order.
-    strain(:, fit%n_strains + 1:) = 0
-    strain(:, :fit%n_strains) = strain(:, :fit%n_strains) - recovered
-    square = form%energy(stiffness, strain)
+    call vertex_functions(dim, n_lower, n_corners, n_points, fit%vertex(node(:n_corners)), fit%monomials%parent, &
+                          fit%monomials%axis, fit%centre, fit%axes, corner_shape, place, functions)
+    do i = 1, n_corners
+      coefficient(:, :, :, i) = fit%strain(:, :, :, fit%vertex(node(i)))
+    end do
+    call values_at_points(n_points, n_bodies*n_smooth, n_lower*n_corners, functions, coefficient, recovered)
+    do b = 1, n_bodies
+      call to_space(dim, slots, n_points, n_bodies, b, by_reference, inverse, displacement, radius, slope)
+      call form%strains(n_points, slope, strain)
+      norm_square(b) = form%energy(stiffness, strain)
+      rounding_square(b) = form%largest*rounding**2*sum(u(b, :, :)**2)*dot_product(stiffness, g_square)
+      do s = 1, n_smooth
+        strain(:, s) = strain(:, s) - recovered(:, b, s)
+      end do
+      ! The strain zz of axisymmetric analyses is that of the displacement itself, which is of a higher order.
+      strain(:, n_smooth + 1:) = 0
+      square(b) = form%energy(stiffness, strain)
+    end do
   end subroutine estimate_element
+
+  !> Values of functions at the points of an element.
+  subroutine values_at_points(n_points, n_functions, n, shape, f, values)
+    integer, intent(in) :: n_points, n_functions, n
+    !> What the functions are made of.
+    real(dp), intent(in) :: shape(n_points, n)
+    !> Coefficients of the functions.
+    real(dp), intent(in) :: f(n_functions, n)
+    real(dp), intent(out) :: values(n_points, n_functions)
+    call dgemm('N', 'T', n_points, n_functions, n, 1.0_dp, shape, n_points, f, n_functions, 0.0_dp, values, n_points)
+  end subroutine values_at_points
 
   !> Degree of the quadrature: more than that of the stiffness, whose points are those where computed strains are best.
   pure integer function rule_degree(kind) result(degree)

@@ -1,23 +1,21 @@
-!> Monomials in two or three variables, and sums of them over nodes.
+!> Monomials in two or three variables, and their values at nodes.
 !>
-!> Each monomial is an earlier one times a variable: a value costs one multiplication. The sums run over eight nodes at a time.
+!> Each monomial is an earlier one times a variable: a value costs one multiplication.
 module dotyk_elasticity_monomials
   use dotyk_base_kinds, only: dp
   implicit none
   private
 
-  !> All monomials up to a degree, lower degrees first, and those up to twice the degree, the products of two of them.
+  !> All monomials up to a degree, lower degrees first.
   type, public :: monomials_t
     !> Number of variables; degree.
     integer :: dimension = 0, degree = 0
-    !> Number of monomials, of those of one degree less, and of products.
-    integer :: n = 0, n_lower = 0, n_products = 0
-    !> Exponents (dimension, n_products).
+    !> Number of monomials, and of those of one degree less.
+    integer :: n = 0, n_lower = 0
+    !> Exponents (dimension, n).
     integer, allocatable :: exponent(:, :)
-    !> Monomial k is monomial parent(k) times variable axis(k); the first one, 1, has none (n_products).
+    !> Monomial k is monomial parent(k) times variable axis(k); the first one, 1, has none (n).
     integer, allocatable :: parent(:), axis(:)
-    !> The product of two monomials (n, n).
-    integer, allocatable :: product(:, :)
     !> The derivative of a monomial by a variable is its exponent times this one; 0 for none (dimension, n).
     integer, allocatable :: derivative(:, :)
   contains
@@ -28,7 +26,7 @@ module dotyk_elasticity_monomials
   !> Nodes that are worked on at a time.
   integer, parameter, public :: lanes = 8
 
-  public :: sum_products, sum_residuals
+  public :: evaluate_monomials
 
 contains
 
@@ -39,26 +37,22 @@ contains
     integer, intent(in) :: dimension
     !> At least 1.
     integer, intent(in) :: degree
-    integer :: j, k, i, e(dimension)
+    integer :: k, i, e(dimension)
     self%dimension = dimension
     self%degree = degree
     self%n = number_up_to(dimension, degree)
     self%n_lower = number_up_to(dimension, degree - 1)
-    self%n_products = number_up_to(dimension, 2*degree)
-    call list_exponents(dimension, 2*degree, self%exponent)
-    allocate (self%parent(self%n_products), self%axis(self%n_products), source=0)
-    do k = 2, self%n_products
+    call list_exponents(dimension, degree, self%exponent)
+    allocate (self%parent(self%n), self%axis(self%n), source=0)
+    do k = 2, self%n
       e = self%exponent(:, k)
       i = findloc(e > 0, .true., dim=1)
       e(i) = e(i) - 1
       self%parent(k) = position_of(self%exponent(:, :k - 1), e)
       self%axis(k) = i
     end do
-    allocate (self%product(self%n, self%n), self%derivative(dimension, self%n))
+    allocate (self%derivative(dimension, self%n))
     do k = 1, self%n
-      do j = 1, self%n
-        self%product(j, k) = position_of(self%exponent, self%exponent(:, j) + self%exponent(:, k))
-      end do
       do i = 1, dimension
         e = self%exponent(:, k)
         e(i) = e(i) - 1
@@ -112,85 +106,20 @@ contains
     end do
   end subroutine list_exponents
 
-  !> Weighted sums over nodes of all products of two monomials, and of the monomials times the values of the nodes.
-  pure subroutine sum_products(dim, n, n_products, n_blocks, parent, axis, t, weight, value, moment, rhs)
-    !> Numbers of variables, which is that of values of a node, of monomials, of products, of blocks of nodes.
-    integer, intent(in) :: dim, n, n_products, n_blocks
-    !> As in monomials_t.
-    integer, intent(in) :: parent(n_products), axis(n_products)
-    !> Places and weights of the nodes; weights of 0 fill the last block up.
-    real(dp), intent(in) :: t(lanes, dim, n_blocks), weight(lanes, n_blocks)
-    real(dp), intent(in) :: value(lanes, dim, n_blocks)
-    real(dp), intent(out) :: moment(n_products), rhs(dim, n)
-    real(dp) :: power(lanes, n_products), total(lanes, n_products), side(lanes, dim, n), line(lanes)
-    integer :: b, c, k
-    total = 0
-    side = 0
-    do b = 1, n_blocks
-      power(:, 1) = weight(:, b)
-      total(:, 1) = total(:, 1) + power(:, 1)
-      do k = 2, n_products
-        line = power(:, parent(k))*t(:, axis(k), b)
-        power(:, k) = line
-        total(:, k) = total(:, k) + line
-      end do
-      do k = 1, n
-        do c = 1, dim
-          side(:, c, k) = side(:, c, k) + power(:, k)*value(:, c, b)
-        end do
-      end do
-    end do
-    do k = 1, n_products
-      moment(k) = sum_lanes(total(:, k))
-    end do
-    do k = 1, n
-      do c = 1, dim
-        rhs(c, k) = sum_lanes(side(:, c, k))
-      end do
-    end do
-  end subroutine sum_products
-
-  !> Weighted sums over nodes of the monomials times what a polynomial leaves of the values of the nodes.
-  pure subroutine sum_residuals(dim, n, n_blocks, parent, axis, t, weight, value, coefficient, rhs)
-    !> As in sum_products.
+  !> Values at nodes, times the roots of the nodes' weights.
+  pure subroutine evaluate_monomials(dim, n, n_blocks, parent, axis, t, root_weight, power)
     integer, intent(in) :: dim, n, n_blocks
+    !> As in monomials_t.
     integer, intent(in) :: parent(n), axis(n)
-    real(dp), intent(in) :: t(lanes, dim, n_blocks), weight(lanes, n_blocks), value(lanes, dim, n_blocks)
-    !> The polynomials.
-    real(dp), intent(in) :: coefficient(dim, n)
-    real(dp), intent(out) :: rhs(dim, n)
-    real(dp) :: power(lanes, n), rest(lanes, dim), side(lanes, dim, n), line(lanes)
-    integer :: b, c, k
-    side = 0
-    do b = 1, n_blocks
-      power(:, 1) = 1
-      do k = 2, n
-        line = power(:, parent(k))*t(:, axis(k), b)
-        power(:, k) = line
-      end do
-      do c = 1, dim
-        line = value(:, c, b)
-        do k = 1, n
-          line = line - coefficient(c, k)*power(:, k)
-        end do
-        rest(:, c) = line*weight(:, b)
-      end do
-      do k = 1, n
-        do c = 1, dim
-          side(:, c, k) = side(:, c, k) + power(:, k)*rest(:, c)
-        end do
+    !> Nodes, and the roots of their weights.
+    real(dp), intent(in) :: t(lanes, dim, n_blocks), root_weight(lanes, n_blocks)
+    real(dp), intent(out) :: power(lanes, n_blocks, n)
+    integer :: b, k
+    power(:, :, 1) = root_weight
+    do k = 2, n
+      do b = 1, n_blocks
+        power(:, b, k) = power(:, b, parent(k))*t(:, axis(k), b)
       end do
     end do
-    do k = 1, n
-      do c = 1, dim
-        rhs(c, k) = sum_lanes(side(:, c, k))
-      end do
-    end do
-  end subroutine sum_residuals
-
-  !> Sum in a fixed order.
-  pure real(dp) function sum_lanes(line) result(total)
-    real(dp), intent(in) :: line(lanes)
-    total = ((line(1) + line(2)) + (line(3) + line(4))) + ((line(5) + line(6)) + (line(7) + line(8)))
-  end function sum_lanes
+  end subroutine evaluate_monomials
 end module dotyk_elasticity_monomials

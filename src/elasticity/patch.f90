@@ -11,12 +11,13 @@ module dotyk_elasticity_patch
     integer :: n = 0, n_blocks = 0
     !> Nodes (any number >= n).
     integer, allocatable :: node(:)
-    !> Places (lanes, dimension, >= n_blocks) [], and weights in the sum of squares (lanes, >= n_blocks).
-    real(dp), allocatable :: t(:, :, :), weight(:, :)
-    !> Displacements relative to the vertex (lanes, dimension, >= n_blocks) [length].
-    real(dp), allocatable :: u(:, :, :)
+    !> Places (lanes, dimension, >= n_blocks) [], and roots of the weights in the sum of squares (lanes, >= n_blocks).
+    real(dp), allocatable :: t(:, :, :), root_weight(:, :)
+    !> Values, relative to those of the vertex, times these roots (n_values, >= n).
+    real(dp), allocatable :: value(:, :)
   contains
     procedure :: fill => patch_fill
+    procedure :: take => patch_take
   end type patch_t
 
   public :: add_ring
@@ -49,24 +50,39 @@ contains
     inner = last
   end subroutine add_ring
 
-  !> Take places and displacements of the nodes of a patch, the first of which is its vertex, and find its axes.
-  subroutine patch_fill(self, dim, x, u, axes)
+  !> Take places of the nodes of a patch, the first of which is its vertex, and find its axes.
+  subroutine patch_fill(self, dim, x, axes)
     class(patch_t), intent(inout) :: self
     integer, intent(in) :: dim
-    !> Nodes (dimension, n_nodes) and their displacements [length].
-    real(dp), intent(in), contiguous :: x(:, :), u(:, :)
+    !> Nodes (dimension, n_nodes) [length].
+    real(dp), intent(in), contiguous :: x(:, :)
     real(dp), intent(out) :: axes(dim, dim)
     self%n_blocks = (self%n + lanes - 1)/lanes
     if (allocated(self%t)) then
-      if (size(self%weight, 2) < self%n_blocks) deallocate (self%t, self%u, self%weight)
+      if (size(self%root_weight, 2) < self%n_blocks) deallocate (self%t, self%root_weight)
     end if
-    if (.not. allocated(self%t)) &
-      allocate (self%t(lanes, dim, 2*self%n_blocks), self%u(lanes, dim, 2*self%n_blocks), self%weight(lanes, 2*self%n_blocks))
+    if (.not. allocated(self%t)) allocate (self%t(lanes, dim, 2*self%n_blocks), self%root_weight(lanes, 2*self%n_blocks))
     call gather(self%n, dim, self%n_blocks, self%node, x, self%t)
-    call gather(self%n, dim, self%n_blocks, self%node, u, self%u)
     call own_axes(dim, self%n_blocks, self%t, axes)
-    call to_axes(self%n, dim, self%n_blocks, axes, self%t, self%weight)
+    call to_axes(self%n, dim, self%n_blocks, axes, self%t, self%root_weight)
   end subroutine patch_fill
+
+  !> Take values at the nodes of a patch that is filled.
+  subroutine patch_take(self, values)
+    class(patch_t), intent(inout) :: self
+    !> (n_values, n_nodes).
+    real(dp), intent(in), contiguous :: values(:, :)
+    real(dp) :: root
+    integer :: i
+    if (allocated(self%value)) then
+      if (size(self%value, 2) < self%n) deallocate (self%value)
+    end if
+    if (.not. allocated(self%value)) allocate (self%value(size(values, 1), 2*self%n))
+    do i = 1, self%n
+      root = self%root_weight(mod(i - 1, lanes) + 1, (i - 1)/lanes + 1)
+      self%value(:, i) = root*(values(:, self%node(i)) - values(:, self%node(1)))
+    end do
+  end subroutine patch_take
 
   !> Vectors of the nodes of a patch, relative to that of the first one; zeros fill the last block up.
   pure subroutine gather(n, dim, n_blocks, node, of_nodes, relative)
@@ -175,13 +191,13 @@ contains
   end subroutine diagonalize
 
   !> Turn the nodes into axes in which none is farther from the centre than 1, and weigh them.
-  pure subroutine to_axes(n, dim, n_blocks, axes, t, weight)
+  pure subroutine to_axes(n, dim, n_blocks, axes, t, root_weight)
     integer, intent(in) :: n, dim, n_blocks
     !> To coordinates of any length, then of 1 at most [1/length].
     real(dp), intent(inout) :: axes(dim, dim)
     !> Places [length], then [].
     real(dp), intent(inout) :: t(lanes, dim, n_blocks)
-    real(dp), intent(out) :: weight(lanes, n_blocks)
+    real(dp), intent(out) :: root_weight(lanes, n_blocks)
     real(dp) :: line(lanes, dim), square(lanes), farthest(lanes), scale
     integer :: b, i, k
     farthest = tiny(scale)
@@ -195,7 +211,7 @@ contains
         square = square + line(:, i)**2
       end do
       t(:, :, b) = line
-      weight(:, b) = square
+      root_weight(:, b) = square
       farthest = max(farthest, square)
     end do
     scale = 1/sqrt(maxval(farthest))
@@ -203,10 +219,10 @@ contains
     do b = 1, n_blocks
       t(:, :, b) = scale*t(:, :, b)
       ! Far nodes of one-sided patches would bend the polynomial.
-      weight(:, b) = 1/(0.01_dp + scale**2*weight(:, b))**2
+      root_weight(:, b) = 1/(0.01_dp + scale**2*root_weight(:, b))
     end do
     do i = lanes, lanes - (lanes*n_blocks - n) + 1, -1
-      weight(i, n_blocks) = 0
+      root_weight(i, n_blocks) = 0
     end do
   end subroutine to_axes
 end module dotyk_elasticity_patch

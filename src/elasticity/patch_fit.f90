@@ -7,13 +7,16 @@
 !> the elements. Bodies of a layer or two of elements do not determine all of it: there polynomials of lower degree are fitted first,
 !> so that these at least are exact. The fit is in axes in which the patch is about as long as wide: flat elements are no worse than
 !> others.
+!>
+!> Patches, monomials and factors depend on the mesh alone: several displacements of one mesh are fitted together.
 module dotyk_elasticity_patch_fit
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_elasticity_graph, only: incidence_t
-  use dotyk_elasticity_monomials, only: lanes, monomials_t, sum_products, sum_residuals
+  use dotyk_elasticity_monomials, only: evaluate_monomials, lanes, monomials_t
   use dotyk_elasticity_patch, only: add_ring, patch_t
   use dotyk_elasticity_point_map, only: points
+  use dotyk_linalg_blas, only: dgemm
   use dotyk_linalg_dense, only: least_squares
   use dotyk_linalg_normal_equations, only: factorize_gram, solve_gram
   use dotyk_mesh_body_mesh, only: body_mesh_t
@@ -21,10 +24,12 @@ module dotyk_elasticity_patch_fit
   implicit none
   private
 
-  !> Strains of the polynomials of a body.
+  !> Strains of the polynomials of some bodies that have one mesh.
   type, public :: patch_fit_t
     !> Of the polynomials.
     type(monomials_t) :: monomials
+    !> Number of bodies.
+    integer :: n_bodies = 0
     !> Number of vertices; of strains: xx yy zz yz xz xy in three dimensions, xx yy xy in two; shear strains are engineering ones.
     integer :: n_vertices = 0, n_strains = 0
     !> Vertex of each node, 0 for nodes that are none (n_nodes).
@@ -33,13 +38,13 @@ module dotyk_elasticity_patch_fit
     real(dp), allocatable :: centre(:, :)
     !> To their own axes, in which no node is farther from the centre than 1 (dimension, dimension, n_vertices) [1/length].
     real(dp), allocatable :: axes(:, :, :)
-    !> Strains in global axes: coefficients in axes (x - centre) (n_strains, n_lower, n_vertices) [].
-    real(dp), allocatable :: strain(:, :, :)
+    !> Strains in the mesh's axes: coefficients in axes (x - centre) (n_bodies, n_strains, n_lower, n_vertices) [].
+    real(dp), allocatable :: strain(:, :, :, :)
   contains
     procedure :: init => patch_fit_init
   end type patch_fit_t
 
-  public :: mean_strains
+  public :: vertex_functions
 
   !> Rings of elements around a vertex at most: bodies of a few elements have few nodes.
   integer, parameter :: most_rings = 4
@@ -57,13 +62,13 @@ contains
   subroutine patch_fit_init(self, mesh, u)
     class(patch_fit_t), intent(out) :: self
     type(body_mesh_t), intent(in) :: mesh
-    !> Displacements in global axes (dimension, n_nodes) [length].
-    real(dp), intent(in), contiguous :: u(:, :)
+    !> Displacements in the mesh's axes (n_bodies, dimension, n_nodes) [length].
+    real(dp), intent(in), contiguous :: u(:, :, :)
     type(element_kind_t) :: kind
     type(incidence_t) :: elements
     type(patch_t) :: patch
     integer, allocatable :: node_of(:), mark(:)
-    real(dp), allocatable :: coefficient(:, :)
+    real(dp), allocatable :: coefficient(:)
     logical, allocatable :: corner(:)
     integer :: b, i, v, order, dim
     dim = mesh%dimension
@@ -80,19 +85,21 @@ contains
     node_of = pack([(i, i=1, size(corner))], corner)
     self%n_vertices = size(node_of)
     self%n_strains = dim*(dim + 1)/2
+    self%n_bodies = size(u, 1)
     allocate (self%vertex(size(corner)), source=0)
     self%vertex(node_of) = [(v, v=1, self%n_vertices)]
     allocate (self%centre(dim, self%n_vertices), self%axes(dim, dim, self%n_vertices), &
-              self%strain(self%n_strains, self%monomials%n_lower, self%n_vertices))
+              self%strain(self%n_bodies, self%n_strains, self%monomials%n_lower, self%n_vertices))
     call elements%init(mesh)
     !$omp parallel default(none) shared(self, mesh, u, elements, node_of, dim) private(v, mark, patch, coefficient)
     allocate (mark(mesh%n_nodes()), source=0)
-    allocate (patch%node(mesh%n_nodes()), coefficient(dim, self%monomials%n))
+    allocate (patch%node(mesh%n_nodes()), coefficient(self%n_bodies*dim*self%monomials%n))
     !$omp do schedule(dynamic, 16)
     do v = 1, self%n_vertices
       self%centre(:, v) = mesh%x(:, node_of(v))
-      call fit_vertex(self%monomials, elements, self%vertex, mesh%x, u, node_of(v), mark, patch, self%axes(:, :, v), coefficient)
-      call differentiate(self%monomials, coefficient, self%axes(:, :, v), self%strain(:, :, v))
+      call fit_vertex(self%monomials, elements, self%vertex, mesh%x, self%n_bodies*dim, u, node_of(v), mark, patch, &
+                      self%axes(:, :, v), coefficient)
+      call differentiate(self%monomials, self%n_bodies, coefficient, self%axes(:, :, v), self%strain(:, :, :, v))
     end do
     !$omp end do
     deallocate (mark, coefficient)
@@ -101,13 +108,16 @@ contains
 
   !> The polynomial of one vertex. Rings of elements are added until the nodes determine it: one inside the body,
   !> two at most places of the boundary.
-  subroutine fit_vertex(monomials, elements, vertex, x, u, node, mark, patch, axes, coefficient)
+  subroutine fit_vertex(monomials, elements, vertex, x, n_values, values, node, mark, patch, axes, coefficient)
     type(monomials_t), intent(in) :: monomials
     type(incidence_t), intent(in) :: elements
     !> Vertices of the nodes, 0 for none (n_nodes).
     integer, intent(in) :: vertex(:)
-    !> Nodes (dimension, n_nodes) and their displacements [length].
-    real(dp), intent(in), contiguous :: x(:, :), u(:, :)
+    !> Nodes (dimension, n_nodes) [length].
+    real(dp), intent(in), contiguous :: x(:, :)
+    !> What is fitted: displacements of all bodies.
+    integer, intent(in) :: n_values
+    real(dp), intent(in) :: values(n_values, size(vertex))
     !> The vertex.
     integer, intent(in) :: node
     !> Work array (n_nodes): last vertex whose patch a node was in.
@@ -116,8 +126,9 @@ contains
     type(patch_t), intent(inout) :: patch
     !> As in patch_fit_t.
     real(dp), intent(out) :: axes(:, :)
-    !> Of the displacements in these axes (dimension, n) [length].
-    real(dp), intent(out) :: coefficient(:, :)
+    !> Of the values in these axes.
+    real(dp), intent(out) :: coefficient(n_values, monomials%n)
+    real(dp), allocatable :: power(:)
     integer :: ring, inner, rank
     patch%n = 1
     patch%node(1) = node
@@ -127,69 +138,72 @@ contains
       call add_ring(elements%start, elements%node, elements%first, elements%element, vertex, node, mark, patch%node, inner, &
                     patch%n)
       if (ring < most_rings .and. patch%n < monomials%n + 1) cycle
-      call patch%fill(monomials%dimension, x, u, axes)
-      call fit_all(monomials, patch, merge(well_determined, determined, ring == 1), coefficient, rank)
-      if (rank == monomials%n) exit
-      if (ring == 1) cycle
-      call fit_by_degrees(monomials, patch, coefficient)
-      exit
+      call patch%fill(monomials%dimension, x, axes)
+      associate (n => monomials%n, rows => lanes*patch%n_blocks)
+        if (allocated(power)) deallocate (power)
+        allocate (power(rows*n))
+        call evaluate_monomials(monomials%dimension, n, patch%n_blocks, monomials%parent, monomials%axis, patch%t, &
+                                patch%root_weight, power)
+        call fit_all(n, rows, power, patch, values, merge(well_determined, determined, ring == 1), coefficient, rank)
+        if (rank == n) exit
+        if (ring == 1) cycle
+        call patch%take(values)
+        call fit_by_degrees(monomials, rows, power, patch%n, patch%value, coefficient)
+        exit
+      end associate
     end do
   end subroutine fit_vertex
 
   !> Fit polynomials of the full degree.
-  subroutine fit_all(monomials, patch, tolerance, coefficient, rank)
-    type(monomials_t), intent(in) :: monomials
-    type(patch_t), intent(in) :: patch
+  subroutine fit_all(n, rows, power, patch, values, tolerance, coefficient, rank)
+    !> Number of monomials, and of rows of their values.
+    integer, intent(in) :: n, rows
+    !> Values of the monomials times the roots of the weights.
+    real(dp), intent(in) :: power(rows, n)
+    type(patch_t), intent(inout) :: patch
+    !> As in fit_vertex.
+    real(dp), intent(in), contiguous :: values(:, :)
     !> Inverse condition of the least squares at least.
     real(dp), intent(in) :: tolerance
-    !> (dimension, n); set where the rank is n.
-    real(dp), intent(out) :: coefficient(:, :)
+    !> (n_values, n); set where the rank is n.
+    real(dp), intent(out) :: coefficient(size(values, 1), n)
     !> What of the monomials the nodes determine.
     integer, intent(out) :: rank
-    real(dp), dimension(monomials%n, monomials%n) :: gram, r
-    real(dp) :: moment(monomials%n_products), rest(monomials%dimension, monomials%n)
-    integer :: pivot(monomials%n), k
-    associate (dim => monomials%dimension, n => monomials%n)
-      call sum_products(dim, n, monomials%n_products, patch%n_blocks, monomials%parent, monomials%axis, patch%t, patch%weight, &
-                        patch%u, moment, coefficient)
-      do k = 1, n
-        gram(:, k) = moment(monomials%product(:, k))
-      end do
-      call factorize_gram(n, gram, tolerance, r, pivot, rank)
-      if (rank < n) return
-      call solve_gram(n, dim, r, pivot, coefficient)
-      ! The normal equations square the condition; one correction makes up for it.
-      call sum_residuals(dim, n, patch%n_blocks, monomials%parent, monomials%axis, patch%t, patch%weight, patch%u, coefficient, &
-                         rest)
-      call solve_gram(n, dim, r, pivot, rest)
-      coefficient = coefficient + rest
-    end associate
+    real(dp) :: gram(n, n), r(n, n), rest(size(values, 1), n)
+    integer :: pivot(n), m
+    m = size(values, 1)
+    call dgemm('T', 'N', n, n, patch%n, 1.0_dp, power, rows, power, rows, 0.0_dp, gram, n)
+    call factorize_gram(n, gram, tolerance, r, pivot, rank)
+    if (rank < n) return
+    call patch%take(values)
+    call dgemm('N', 'N', m, n, patch%n, 1.0_dp, patch%value, m, power, rows, 0.0_dp, coefficient, m)
+    call solve_gram(n, m, r, pivot, coefficient)
+    ! The normal equations square the condition; one correction makes up for it.
+    call dgemm('N', 'T', m, patch%n, n, -1.0_dp, coefficient, m, power, rows, 1.0_dp, patch%value, m)
+    call dgemm('N', 'N', m, n, patch%n, 1.0_dp, patch%value, m, power, rows, 0.0_dp, rest, m)
+    call solve_gram(n, m, r, pivot, rest)
+    coefficient = coefficient + rest
   end subroutine fit_all
 
   !> Fit polynomials of lower degrees first, so that these are exact, and leave out what the nodes do not determine.
-  subroutine fit_by_degrees(monomials, patch, coefficient)
+  subroutine fit_by_degrees(monomials, rows, power, n_nodes, value, coefficient)
     type(monomials_t), intent(in) :: monomials
-    type(patch_t), intent(in) :: patch
-    !> (dimension, n).
+    !> Rows of the values of the monomials, and those that are nodes.
+    integer, intent(in) :: rows, n_nodes
+    !> Values of the monomials times the roots of the weights.
+    real(dp), intent(in) :: power(rows, monomials%n)
+    !> What is fitted, times the same roots (n_values, >= n_nodes).
+    real(dp), intent(in) :: value(:, :)
+    !> (n_values, n).
     real(dp), intent(out) :: coefficient(:, :)
-    real(dp), allocatable :: a(:, :), b(:, :)
-    integer :: i, k, c, l, block, degree, rank
-    allocate (a(patch%n, monomials%n), b(patch%n, monomials%dimension))
-    do i = 1, patch%n
-      block = (i - 1)/lanes + 1
-      l = i - lanes*(block - 1)
-      a(i, 1) = sqrt(patch%weight(l, block))
-      do k = 2, monomials%n
-        a(i, k) = a(i, monomials%parent(k))*patch%t(l, monomials%axis(k), block)
-      end do
-      do c = 1, monomials%dimension
-        b(i, c) = a(i, 1)*patch%u(l, c, block)
-      end do
-    end do
+    real(dp), allocatable :: b(:, :)
+    integer :: k, degree, rank
+    allocate (b(n_nodes, size(value, 1)))
+    b(:, :) = transpose(value(:, :n_nodes))
     coefficient = 0
     do degree = 1, monomials%degree
       k = monomials%up_to(degree)
-      call add_fit(a(:, :k), b, determined, coefficient(:, :k), rank)
+      call add_fit(power(:n_nodes, :k), b, determined, coefficient(:, :k), rank)
     end do
   end subroutine fit_by_degrees
 
@@ -218,26 +232,25 @@ contains
   end subroutine add_fit
 
   !> Strains of polynomials.
-  pure subroutine differentiate(monomials, coefficient, axes, strain)
+  pure subroutine differentiate(monomials, n_bodies, coefficient, axes, strain)
     type(monomials_t), intent(in) :: monomials
-    !> Of the displacements in axes of the patch (dimension, n) [length].
-    real(dp), intent(in) :: coefficient(:, :)
+    integer, intent(in) :: n_bodies
+    !> Of the displacements in axes of the patch [length].
+    real(dp), intent(in) :: coefficient(n_bodies, monomials%dimension, monomials%n)
     !> (dimension, dimension) [1/length].
     real(dp), intent(in) :: axes(:, :)
-    !> In global axes, coefficients in those of the patch (n_strains, n_lower) [].
-    real(dp), intent(out) :: strain(:, :)
-    real(dp) :: slope(size(coefficient, 1))
+    !> In the mesh's axes, coefficients in those of the patch (n_bodies, n_strains, n_lower) [].
+    real(dp), intent(out) :: strain(:, :, :)
     integer :: i, j, k, lower, s
     strain = 0
     do k = 2, monomials%n
       do j = 1, monomials%dimension
         lower = monomials%derivative(j, k)
         if (lower == 0) cycle
-        slope = monomials%exponent(j, k)*coefficient(:, k)
         do i = 1, monomials%dimension
           do s = 1, monomials%dimension
             associate (e => merge(strain_3d(s, i), strain_2d(min(s, 2), min(i, 2)), monomials%dimension == 3))
-              strain(e, lower) = strain(e, lower) + slope(s)*axes(j, i)
+              strain(:, e, lower) = strain(:, e, lower) + (monomials%exponent(j, k)*axes(j, i))*coefficient(:, s, k)
             end associate
           end do
         end do
@@ -245,26 +258,24 @@ contains
     end do
   end subroutine differentiate
 
-  !> Strains at some points: the mean of those of the polynomials of some vertices, each weighted by a function.
-  pure subroutine mean_strains(dim, n_lower, n_strains, n_vertices, n_points, vertex, parent, axis, centre, axes, coefficient, &
-      weight, x, strain)
-    integer, intent(in) :: dim, n_lower, n_strains, n_vertices
+  !> The functions whose sum, each times its coefficient, is the mean of the polynomials of some vertices, each weighted by a function.
+  pure subroutine vertex_functions(dim, n_lower, n_vertices, n_points, vertex, parent, axis, centre, axes, weight, x, values)
+    integer, intent(in) :: dim, n_lower, n_vertices
     !> A multiple of `points`.
     integer, intent(in) :: n_points
     integer, intent(in) :: vertex(n_vertices)
     !> As in monomials_t.
     integer, intent(in) :: parent(n_lower), axis(n_lower)
     !> As in patch_fit_t, of all vertices.
-    real(dp), intent(in) :: centre(dim, *), axes(dim, dim, *), coefficient(n_strains, n_lower, *)
+    real(dp), intent(in) :: centre(dim, *), axes(dim, dim, *)
     !> Places [length], and weights there.
     real(dp), intent(in) :: x(n_points, dim), weight(n_points, n_vertices)
-    real(dp), intent(out) :: strain(n_points, n_strains)
-    real(dp) :: t(points, dim), power(points, n_lower), total(points, n_strains), line(points)
-    integer :: i, k, q, s, v
-    do q = 0, n_points - points, points
-      total = 0
-      do v = 1, n_vertices
-        associate (origin => centre(:, vertex(v)), a => axes(:, :, vertex(v)), c => coefficient(:, :, vertex(v)))
+    real(dp), intent(out) :: values(n_points, n_lower, n_vertices)
+    real(dp) :: t(points, dim), line(points)
+    integer :: i, k, q, v
+    do v = 1, n_vertices
+      associate (origin => centre(:, vertex(v)), a => axes(:, :, vertex(v)))
+        do q = 0, n_points - points, points
           do i = 1, dim
             line = 0
             do k = 1, dim
@@ -272,63 +283,12 @@ contains
             end do
             t(:, i) = line
           end do
-          power(:, 1) = weight(q + 1:q + points, v)
+          values(q + 1:q + points, 1, v) = weight(q + 1:q + points, v)
           do k = 2, n_lower
-            line = power(:, parent(k))*t(:, axis(k))
-            power(:, k) = line
+            values(q + 1:q + points, k, v) = values(q + 1:q + points, parent(k), v)*t(:, axis(k))
           end do
-          if (n_strains == 6) then
-            call add_polynomials_6(n_lower, c, power, total)
-          else
-            call add_polynomials_3(n_lower, c, power, total)
-          end if
-        end associate
-      end do
-      do s = 1, n_strains
-        strain(q + 1:q + points, s) = total(:, s)
-      end do
+        end do
+      end associate
     end do
-  end subroutine mean_strains
-
-  !> Add polynomials of six strains at four points.
-  pure subroutine add_polynomials_6(n, coefficient, power, total)
-    integer, intent(in) :: n
-    real(dp), intent(in) :: coefficient(6, n), power(points, n)
-    real(dp), intent(inout) :: total(points, 6)
-    real(dp), dimension(points) :: s1, s2, s3, s4, s5, s6
-    integer :: k
-    s1 = total(:, 1)
-    s2 = total(:, 2)
-    s3 = total(:, 3)
-    s4 = total(:, 4)
-    s5 = total(:, 5)
-    s6 = total(:, 6)
-    do k = 1, n
-      s1 = s1 + coefficient(1, k)*power(:, k)
-      s2 = s2 + coefficient(2, k)*power(:, k)
-      s3 = s3 + coefficient(3, k)*power(:, k)
-      s4 = s4 + coefficient(4, k)*power(:, k)
-      s5 = s5 + coefficient(5, k)*power(:, k)
-      s6 = s6 + coefficient(6, k)*power(:, k)
-    end do
-    total(:, 1) = s1
-    total(:, 2) = s2
-    total(:, 3) = s3
-    total(:, 4) = s4
-    total(:, 5) = s5
-    total(:, 6) = s6
-  end subroutine add_polynomials_6
-
-  !> Add polynomials of three strains at four points.
-  pure subroutine add_polynomials_3(n, coefficient, power, total)
-    integer, intent(in) :: n
-    real(dp), intent(in) :: coefficient(3, n), power(points, n)
-    real(dp), intent(inout) :: total(points, 3)
-    integer :: k, s
-    do k = 1, n
-      do s = 1, 3
-        total(:, s) = total(:, s) + coefficient(s, k)*power(:, k)
-      end do
-    end do
-  end subroutine add_polynomials_3
+  end subroutine vertex_functions
 end module dotyk_elasticity_patch_fit

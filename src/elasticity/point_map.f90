@@ -1,4 +1,4 @@
-!> Displacement gradients at all quadrature points of an element at a time, without the gradients of its shape functions.
+!> Maps to an element and displacement gradients at all its quadrature points at a time, without the gradients of its shape functions.
 !>
 !> The same as `map_element`, with the points as the first index of all arrays, four of them in a row: sums over nodes run over all points
 !> in step. The last block is filled up with repetitions of the last point, of weight 0.
@@ -27,7 +27,7 @@ module dotyk_elasticity_point_map
     procedure :: init => point_table_init
   end type point_table_t
 
-  public :: map_points, interpolate
+  public :: map_points, to_space, interpolate
 
 contains
 
@@ -56,18 +56,20 @@ contains
     self%shape_square = sum(self%shape**2, dim=2)
   end subroutine point_table_init
 
-  !> Displacement gradients and weights of an element.
-  pure subroutine map_points(n, dim, slots, n_points, shape, shape_square, gradient, products, weight, x, u, slope, g_square, w, &
-      worst)
+  !> The map to an element: what its gradients and weights are made of.
+  pure subroutine map_points(n, dim, slots, n_points, shape, shape_square, gradient, products, weight, x, inverse, radius, &
+      g_square, w, worst)
     !> Numbers of nodes, dimensions, gradient slots and points.
     integer, intent(in) :: n, dim, slots, n_points
     !> As in point_table_t.
     real(dp), intent(in) :: shape(n_points, n), shape_square(n_points), gradient(n_points, n, dim)
     real(dp), intent(in) :: products(n_points, dim, dim), weight(n_points)
-    !> Nodes, and their displacements [length].
-    real(dp), intent(in) :: x(dim, n), u(dim, n)
-    !> Derivatives of displacement i by coordinate k; u/r as the third slot of the first one in axisymmetric analyses [].
-    real(dp), intent(out) :: slope(n_points, dim, slots)
+    !> Nodes [length].
+    real(dp), intent(in) :: x(dim, n)
+    !> Inverses of the Jacobians: derivatives of reference coordinate m by coordinate k [1/length].
+    real(dp), intent(out) :: inverse(n_points, dim, dim)
+    !> Radius in axisymmetric analyses, 1 in others [length].
+    real(dp), intent(out) :: radius(n_points)
     !> Sum over nodes and slots of the squares of the shape functions' gradients [1/length^2].
     real(dp), intent(out) :: g_square(n_points)
     !> Weights: volume, area, or volume of the full turn [length^dim].
@@ -75,9 +77,9 @@ contains
     !> Least value of the determinants, of the radius too in axisymmetric analyses; not positive: the rest means nothing.
     real(dp), intent(out) :: worst
     real(dp), parameter :: two_pi = 6.283185307179586477_dp
-    real(dp), dimension(n_points, dim, dim) :: jacobian, inverse, by_reference
-    real(dp) :: determinant(n_points), radius(n_points, 1)
-    integer :: i, k, m, l, q
+    real(dp) :: jacobian(n_points, dim, dim), determinant(n_points)
+    integer :: k, m, l, q
+    radius = 1
     call reference_slopes(n, dim, n_points, gradient, x, jacobian)
     call invert(dim, n_points, jacobian, inverse, determinant)
     worst = minval(determinant)
@@ -85,23 +87,12 @@ contains
       worst = min(worst, 0.0_dp)
       return
     end if
-    call reference_slopes(n, dim, n_points, gradient, u, by_reference)
     g_square = 0
     do k = 1, dim
       do m = 1, dim
         do l = 1, dim
           do q = 1, n_points
             g_square(q) = g_square(q) + inverse(q, m, k)*inverse(q, l, k)*products(q, m, l)
-          end do
-        end do
-      end do
-    end do
-    slope = 0
-    do k = 1, dim
-      do m = 1, dim
-        do i = 1, dim
-          do q = 1, n_points
-            slope(q, i, k) = slope(q, i, k) + by_reference(q, i, m)*inverse(q, m, k)
           end do
         end do
       end do
@@ -114,11 +105,36 @@ contains
       worst = min(worst, 0.0_dp)
       return
     end if
-    call interpolate(n, 1, n_points, shape, u(1:1, :), slope(:, 1:1, 3))
-    slope(:, 1, 3) = slope(:, 1, 3)/radius(:, 1)
-    g_square = g_square + shape_square/radius(:, 1)**2
-    w = w*two_pi*radius(:, 1)
+    g_square = g_square + shape_square/radius**2
+    w = w*two_pi*radius
   end subroutine map_points
+
+  !> Displacement gradients in space of one of some bodies, from those by reference coordinates.
+  pure subroutine to_space(dim, slots, n_points, n_bodies, body, by_reference, inverse, displacement, radius, slope)
+    integer, intent(in) :: dim, slots, n_points, n_bodies
+    !> The body.
+    integer, intent(in) :: body
+    !> Derivatives of displacement i of all bodies by reference coordinate m [length].
+    real(dp), intent(in) :: by_reference(n_points, n_bodies, dim, dim)
+    !> As in map_points.
+    real(dp), intent(in) :: inverse(n_points, dim, dim), radius(n_points)
+    !> Displacements of all bodies; read in axisymmetric analyses only [length].
+    real(dp), intent(in) :: displacement(n_points, n_bodies, dim)
+    !> Derivatives of displacement i by coordinate k; u/r as the third slot of the first one in axisymmetric analyses [].
+    real(dp), intent(out) :: slope(n_points, dim, slots)
+    integer :: i, k, m, q
+    slope = 0
+    do k = 1, dim
+      do m = 1, dim
+        do i = 1, dim
+          do q = 1, n_points
+            slope(q, i, k) = slope(q, i, k) + by_reference(q, body, i, m)*inverse(q, m, k)
+          end do
+        end do
+      end do
+    end do
+    if (slots > dim) slope(:, 1, 3) = displacement(:, body, 1)/radius
+  end subroutine to_space
 
   !> Derivatives of functions by reference coordinates.
   pure subroutine reference_slopes(n, dim, n_points, gradient, f, slope)

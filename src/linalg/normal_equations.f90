@@ -6,6 +6,7 @@
 !> refinement.
 module dotyk_linalg_normal_equations
   use dotyk_base_kinds, only: dp
+  use dotyk_linalg_blas, only: dtrsm
   implicit none
   private
   public :: factorize_gram, solve_gram
@@ -94,7 +95,7 @@ contains
   end subroutine factorize_gram
 
   !> Solve G x = b for some right-hand sides, with a factor of full rank.
-  pure subroutine solve_gram(n, m, r, pivot, b)
+  subroutine solve_gram(n, m, r, pivot, b)
     integer, intent(in) :: n, m
     !> From `factorize_gram`.
     real(dp), intent(in) :: r(n, n)
@@ -102,20 +103,9 @@ contains
     !> Right-hand sides as rows, then solutions.
     real(dp), intent(inout) :: b(m, n)
     real(dp) :: x(m, n)
-    integer :: i, j
     x = b(:, pivot)
-    do i = 1, n
-      x(:, i) = x(:, i)/r(i, i)
-      do j = i + 1, n
-        x(:, j) = x(:, j) - r(j, i)*x(:, i)
-      end do
-    end do
-    do i = n, 1, -1
-      do j = i + 1, n
-        x(:, i) = x(:, i) - r(j, i)*x(:, j)
-      end do
-      x(:, i) = x(:, i)/r(i, i)
-    end do
+    call dtrsm('R', 'L', 'T', 'N', m, n, 1.0_dp, r, n, x, m)
+    call dtrsm('R', 'L', 'N', 'N', m, n, 1.0_dp, r, n, x, m)
     b(:, pivot) = x
   end subroutine solve_gram
 end module dotyk_linalg_normal_equations

@@ -14,9 +14,8 @@
 !> Bodies of one kind (dotyk_elasticity_congruence) have one factor: the first one's response makes it, owns it and gives it back, the
 !> others `share` it and are not used after that. Axes of nodes are each body's own, equations and motions over them are the kind's.
 module dotyk_response_full
-  use dotyk_base_error, only: error_t, set_error, exit_not_solvable
+  use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
-  use dotyk_base_text, only: to_text
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_elimination, only: elimination_order
   use dotyk_linalg_cholesky, only: cholesky_t
@@ -26,7 +25,8 @@ module dotyk_response_full
   use dotyk_response_condensed, only: condensed_t
   use dotyk_response_demand, only: cost_of_matrix, cost_of_solves, response_demand_t
   use dotyk_response_half_solver, only: half_solver_t
-  use dotyk_response_hold, only: add_springs, choose_holds, is_mechanism
+  use dotyk_response_definite, only: digits_t, factorize_stiffness
+  use dotyk_response_hold, only: choose_holds
   use dotyk_response_motions, only: remove_motions, subtract_motions
   use dotyk_response_response, only: half_response_t, response_t
   implicit none
@@ -60,6 +60,8 @@ module dotyk_response_full
     real(dp), allocatable, private :: axes(:, :, :)
     !> Right-hand side and solution (n_equations).
     real(dp), allocatable, private :: x(:)
+    !> What the factor lost; of the first of the kind.
+    type(digits_t) :: digits
     !> What half solves need; the first's of the kind where it is shared.
     type(half_solver_t), pointer, private :: half => null()
   contains
@@ -67,6 +69,7 @@ module dotyk_response_full
     procedure :: share => full_response_share
     procedure :: factorize => full_response_factorize
     procedure :: attach => full_response_attach
+    procedure :: adopt_soft_motions => full_response_adopt_soft_motions
     procedure :: apply => full_response_apply
     procedure :: response_entries => full_response_entries
     procedure, private :: choose_form => full_response_choose_form
@@ -81,9 +84,6 @@ module dotyk_response_full
     procedure :: destroy => full_response_destroy
   end type full_response_t
 
-  !> A pivot that elimination has left less than this part of may be round-off. (Thin bodies have small ones too, and round-off
-  !> leaves 1e-16 to 1e-13: whether it is, the displacement says that belongs to it.)
-  real(dp), parameter :: suspicious_pivot = 1.0e-8_dp
   !> Forms of the response (`response` of the input).
   integer, parameter, public :: form_auto = 1        !< the cheapest
   integer, parameter, public :: form_full = 2        !< solves with the whole factor
@@ -210,31 +210,18 @@ contains
   end function full_response_entries
 
   !> Factorize. The memory of the stiffness is given back before that of the factor is taken.
-  subroutine full_response_factorize(self, body, error)
+  subroutine full_response_factorize(self, body, error, take_apart)
     class(full_response_t), intent(inout) :: self
     !> The same body as in `prepare`; without stiffness on return.
     type(body_t), intent(inout) :: body
     type(error_t), allocatable, intent(out) :: error
-    real(dp), allocatable :: diagonal(:), spring(:), x(:)
-    integer :: failed_column, place(2), i
-    call add_springs(body%stiffness, self%hold, spring)
-    diagonal = [(body%stiffness%value(body%stiffness%column_start(i) + 1), i=1, body%stiffness%n)]
-    call self%factor%factorize_and_discard(body%stiffness, failed_column, error)
+    !> Whether soft motions may be treated apart, see `adopt_soft_motions`; not if absent.
+    logical, intent(in), optional :: take_apart
+    logical :: apart
+    apart = .false.
+    if (present(take_apart)) apart = take_apart
+    call factorize_stiffness(body, self%factor, self%hold, apart, self%digits, error)
     if (allocated(error)) return
-    ! A part that is not held can pass the factorization by round-off; its last pivot is nothing but that.
-    if (failed_column == 0 .and. self%factor%weakest_pivot < suspicious_pivot) then
-      allocate (x(size(diagonal)), source=0.0_dp)
-      x(self%factor%weakest_equation) = 1
-      call self%factor%solve(x)
-      if (is_mechanism(body, diagonal, self%hold, spring, x)) failed_column = self%factor%weakest_equation
-    end if
-    if (failed_column > 0) then
-      place = findloc(body%constraint%equation, failed_column)
-      call set_error(error, 'the stiffness is not positive definite (node '// &
-        to_text(body%mesh%node_tag(place(2)))//', direction '//to_text(place(1))//'): the body, or a part of it that '// &
-        'hangs on single nodes or edges, is not held; add a &support', exit_not_solvable)
-      return
-    end if
     call self%take_condensed()
   end subroutine full_response_factorize
 
@@ -270,6 +257,25 @@ contains
     self%motion = reshape(body%free_motion(:, contact_node, :), [self%dimension*size(contact_node), self%n_motions])
     call self%take_condensed()
   end subroutine full_response_attach
+
+  !> Take the soft motions for motions with springs, once the first of the kind is factorized; the response is that of the body held in
+  !> them then.
+  subroutine full_response_adopt_soft_motions(self, digits)
+    !> Attached, of a body that is held.
+    class(full_response_t), intent(inout) :: self
+    !> Of the first of the kind, with soft motions.
+    type(digits_t), intent(in) :: digits
+    real(dp), allocatable :: u(:, :)
+    integer :: k
+    self%n_motions = size(digits%motion, 2)
+    self%motion_stiffness = digits%stiffness
+    deallocate (self%motion)
+    allocate (self%motion(self%dimension*self%n_contact_nodes, self%n_motions), u(self%dimension, self%n_contact_nodes))
+    do k = 1, self%n_motions
+      call gather(self%dimension, self%n_contact_nodes, self%equation, self%axes_of, self%axes, digits%motion(:, k), u)
+      self%motion(:, k) = reshape(u, [size(u)])
+    end do
+  end subroutine full_response_adopt_soft_motions
 
   !> The condensed stiffness, once there are a factor and contact nodes.
   subroutine full_response_take_condensed(self)
@@ -325,7 +331,7 @@ contains
       return
     end if
     call scatter(self%dimension, self%n_contact_nodes, self%equation, self%axes_of, self%axes, force, self%x)
-    if (self%n_motions > 0) call subtract_motions(self%rigid, matmul(reshape(force, [size(force)]), self%motion), self%x)
+    if (size(self%rigid, 2) > 0) call subtract_motions(self%rigid, matmul(reshape(force, [size(force)]), self%motion), self%x)
     call self%factor%solve(self%x)
     call remove_motions(self%rigid, self%x)
     call gather(self%dimension, self%n_contact_nodes, self%equation, self%axes_of, self%axes, self%x, displacement)
@@ -390,6 +396,7 @@ contains
     self%is_condensed = .false.
     if (allocated(self%equation)) deallocate (self%diagonal, self%equation, self%axes_of, self%axes, self%x, self%motion)
     if (allocated(self%hold)) deallocate (self%hold)
+    if (allocated(self%motion_stiffness)) deallocate (self%motion_stiffness)
     self%n_motions = 0
     self%n_contact_nodes = 0
   end subroutine full_response_destroy

@@ -21,6 +21,8 @@ module dotyk_response_response
     integer :: n_motions = 0
     !> They at the contact nodes, orthonormal over the whole body (dimension*n_contact_nodes, n_motions) [1].
     real(dp), allocatable :: motion(:, :)
+    !> Springs that resist the motions; none where not allocated (n_motions, n_motions) [force/length].
+    real(dp), allocatable :: motion_stiffness(:, :)
     !> Diagonal of the stiffness at the contact nodes, for preconditioners; 0 along prescribed unknowns, and everywhere where it is not
     !> known (dimension*n_contact_nodes) [force/length].
     real(dp), allocatable :: diagonal(:)

@@ -151,10 +151,10 @@ contains
     type(iterate_t), intent(in) :: now
     logical, intent(inout) :: active(:)
     real(dp), allocatable :: missing(:), alpha(:), motion(:)
-    if (is_balanced(problem, now%lambda)) return
+    if (is_balanced(problem, now%lambda, now%alpha)) return
     allocate (missing(problem%coarse%n))
     call problem%coarse%resultant_of(problem%operator, now%lambda, missing)
-    missing = problem%coarse%resultant - missing
+    missing = problem%coarse%resultant - missing - problem%coarse%springs(now%alpha)
     allocate (alpha(problem%coarse%n), motion(size(active)))
     call settle(problem%operator, problem%coarse, missing, foundation_stiffness(problem), now%y, alpha)
     call problem%coarse%displacement(problem%operator, alpha, motion)
@@ -162,12 +162,12 @@ contains
   end subroutine add_support
 
   !> Whether forces balance the loads of the free bodies, up to rounding: there is no bound of the error otherwise.
-  logical function is_balanced(problem, lambda)
+  logical function is_balanced(problem, lambda, alpha)
     type(contact_problem_t), intent(in) :: problem
-    real(dp), intent(in) :: lambda(:)
+    real(dp), intent(in) :: lambda(:), alpha(:)
     real(dp) :: missing(problem%coarse%n), scale
     call problem%coarse%resultant_of(problem%operator, lambda, missing)
-    missing = problem%coarse%resultant - missing
+    missing = problem%coarse%resultant - missing - problem%coarse%springs(alpha)
     ! Where nothing is loaded all forces are rounding errors of those that the free scene's penetrations would cause.
     scale = maxval([0.0_dp, abs(lambda)])
     if (size(lambda) > 0) scale = max(scale, maxval(1.0e-4_dp*foundation_stiffness(problem)*max(0.0_dp, problem%y_free)))
@@ -332,7 +332,7 @@ contains
     m = now%lambda/problem%operator%weight
     gap = duality_gap(problem%operator%weight, problem%operator%theta, m, now%y)
     result%error_bound = huge(1.0_dp)
-    if (gap < huge(1.0_dp) .and. is_balanced(problem, now%lambda)) result%error_bound = sqrt(gap)/max(norm, tiny(norm))
+    if (gap < huge(1.0_dp) .and. is_balanced(problem, now%lambda, now%alpha)) result%error_bound = sqrt(gap)/max(norm, tiny(norm))
     call result%history%add(seconds, length, length/max(norm, tiny(norm)), result%error_bound, &
                             problem%energy(m, now%y, now%alpha), max(0.0_dp, maxval(now%y)), n_active)
   end subroutine note

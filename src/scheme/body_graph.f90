@@ -223,17 +223,23 @@ contains
       due(last) = graph%body(b)%motions
     end do
     n = 0
-    do k = 0, graph%n_pairs
-      if (k > 0) then
-        n = n + 1
-        graph%order(n) = pair_order(k)
-      end if
-      last = due(k)
-      do while (last > 0)
-        n = n + 1
-        graph%order(n) = last
-        last = next(last)
-      end do
+    call put_due(0)
+    do k = 1, graph%n_pairs
+      n = n + 1
+      graph%order(n) = pair_order(k)
+      call put_due(k)
     end do
+  contains
+    !> The bodies whose last pair came at a time.
+    subroutine put_due(time_of_pair)
+      integer, intent(in) :: time_of_pair
+      integer :: block
+      block = due(time_of_pair)
+      do while (block > 0)
+        n = n + 1
+        graph%order(n) = block
+        block = next(block)
+      end do
+    end subroutine put_due
   end subroutine put_bodies
 end module dotyk_scheme_body_graph

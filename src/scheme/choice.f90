@@ -71,6 +71,8 @@ contains
     by_sweeps = direct_cost > iterative_cost .or. bytes > most_bytes
     if (wish == solver_direct) by_sweeps = .false.
     if (wish == solver_iterative) by_sweeps = .true.
+    ! Conjugate gradients keep to the equilibrium of free bodies, not to springs that are softer than contact by many powers of ten.
+    if (allocated(problem%coarse%stiffness)) by_sweeps = .false.
     if (allocated(compliance%body)) then
       by_sweeps = compliance%by_sweeps
     else
@@ -79,7 +81,7 @@ contains
     if (by_sweeps) then
       allocate (iterative)
       call move_alloc(iterative, system)
-    else if (problem%coarse%n > many_motions) then
+    else if (problem%coarse%n > many_motions .and. .not. allocated(problem%coarse%stiffness)) then
       allocate (saddle)
       call move_alloc(saddle, system)
     else

@@ -2,7 +2,8 @@
 !>
 !> With R_b the free motions of body b and B_b its columns of B, the blocks are `G_b = B_b R_b`: amplitudes `alpha` move the contact
 !> points by `G alpha`, and forces `lambda` at the points have the resultants `G^T lambda` on the motions. Free bodies are in
-!> equilibrium where `G^T lambda = e`, the resultants of their loads. Motions are scaled so that the contact nodes of the body move by
+!> equilibrium where `G^T lambda = e`, the resultants of their loads. Soft motions, which supports hardly resist, have springs S:
+!> `G^T lambda + S alpha = e`. Motions are scaled so that the contact nodes of the body move by
 !> 1 at most: amplitudes are lengths, resultants are forces.
 module dotyk_scheme_coarse
   use dotyk_base_error, only: error_t
@@ -27,6 +28,8 @@ module dotyk_scheme_coarse
     integer, allocatable :: first(:)
     !> Resultants e of the loads (n) [force].
     real(dp), allocatable :: resultant(:)
+    !> S, and what given displacements have added to e; not allocated where no motion has a spring (n, n) [force/length], (n) [force].
+    real(dp), allocatable :: stiffness(:, :), lift(:)
     !> Amplitudes of the response's motions per amplitude of these (n).
     real(dp), allocatable :: scale(:)
     !> G by bodies (n_bodies).
@@ -37,6 +40,7 @@ module dotyk_scheme_coarse
     procedure :: init => coarse_init
     procedure :: displacement => coarse_displacement
     procedure :: resultant_of => coarse_resultant_of
+    procedure :: springs => coarse_springs
     procedure :: rows => coarse_rows
     procedure :: invert => coarse_invert
     procedure :: destroy => coarse_destroy
@@ -46,17 +50,21 @@ module dotyk_scheme_coarse
   real(dp), parameter :: rounding = 1.0e-12_dp
   !> Eigenvalues of a scaled matrix below this belong to motions that nothing holds.
   real(dp), parameter :: least_hold = 1.0e-13_dp
+  !> Springs below this part of what contact resists are none.
+  real(dp), parameter :: tiny_spring = 1.0e-25_dp
 
 contains
 
   !> Make the coarse space.
-  subroutine coarse_init(self, operator, response, resultant)
+  subroutine coarse_init(self, operator, response, resultant, lift)
     class(coarse_space_t), intent(inout) :: self
     type(contact_operator_t), intent(in) :: operator
     !> Responses, attached (n_bodies).
     type(response_slot_t), intent(in) :: response(:)
     !> Resultants of the loads on the motions of the responses, body after body [force].
     real(dp), intent(in) :: resultant(:)
+    !> What given displacements have added to them; 0 where absent.
+    real(dp), intent(in), allocatable, optional :: lift(:)
     integer :: b, i, j, k
     call self%destroy()
     allocate (self%first(size(response) + 1), self%block(size(response)))
@@ -86,7 +94,39 @@ contains
       end associate
     end do
     self%resultant = self%scale*resultant
+    call take_springs(self, response)
+    if (.not. allocated(self%stiffness)) return
+    self%lift = 0*resultant
+    if (.not. present(lift)) return
+    if (allocated(lift)) self%lift = self%scale*lift
   end subroutine coarse_init
+
+  !> Springs of the bodies' motions.
+  subroutine take_springs(self, response)
+    class(coarse_space_t), intent(inout) :: self
+    type(response_slot_t), intent(in) :: response(:)
+    integer :: b, j
+    do b = 1, size(response)
+      associate (form => response(b)%form, first => self%first(b), last => self%first(b + 1) - 1)
+        if (.not. allocated(form%motion_stiffness)) cycle
+        if (.not. allocated(self%stiffness)) allocate (self%stiffness(self%n, self%n), source=0.0_dp)
+        do j = first, last
+          self%stiffness(first:last, j) = self%scale(first:last)*form%motion_stiffness(:, j - first + 1)*self%scale(j)
+        end do
+      end associate
+    end do
+  end subroutine take_springs
+
+  !> S alpha, 0 where there are no springs.
+  pure function coarse_springs(self, alpha) result(force)
+    class(coarse_space_t), intent(in) :: self
+    !> Amplitudes (n) [length].
+    real(dp), intent(in) :: alpha(:)
+    !> (n) [force]
+    real(dp) :: force(size(alpha))
+    force = 0
+    if (allocated(self%stiffness)) force = matmul(self%stiffness, alpha)
+  end function coarse_springs
 
   !> z = G alpha.
   pure subroutine coarse_displacement(self, operator, alpha, z)
@@ -152,6 +192,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: scaled(:, :), scale(:), values(:), vectors(:, :), part(:, :)
     real(dp) :: most
+    logical :: is_held(self%n)
     integer :: i, b, n_null
     allocate (scale(self%n), values(self%n), vectors(self%n, self%n), scaled(self%n, self%n))
     ! All motions of a body are measured by the one that is held best: they move it by the same lengths.
@@ -167,21 +208,47 @@ contains
     end do
     call symmetric_eigen(scaled, values, vectors, error)
     if (allocated(error)) return
-    n_null = count(values <= least_hold)
-    part = vectors(:, n_null + 1:)
-    do i = n_null + 1, self%n
-      part(:, i - n_null) = part(:, i - n_null)/values(i)
-    end do
-    inverse = matmul(part, transpose(vectors(:, n_null + 1:)))
+    is_held = values > least_hold
+    call count_springs(self, scale, vectors, is_held, values)
+    n_null = count(.not. is_held)
+    associate (held => pack([(i, i=1, self%n)], is_held))
+      part = vectors(:, held)
+      do i = 1, size(held)
+        part(:, i) = part(:, i)/values(held(i))
+      end do
+      inverse = matmul(part, transpose(vectors(:, held)))
+    end associate
     do i = 1, self%n
       inverse(:, i) = scale*inverse(:, i)*scale(i)
     end do
-    null_motion = vectors(:, :n_null)
+    null_motion = vectors(:, pack([(i, i=1, self%n)], .not. is_held))
     do i = 1, n_null
       null_motion(:, i) = scale*null_motion(:, i)
       null_motion(:, i) = null_motion(:, i)/maxval(abs(null_motion(:, i)))
     end do
   end subroutine coarse_invert
+
+  !> Motions with springs are held, however soft these are; a matrix that has them is no softer than they are.
+  subroutine count_springs(self, scale, vectors, is_held, values)
+    class(coarse_space_t), intent(in) :: self
+    !> Of the matrix (n).
+    real(dp), intent(in) :: scale(:)
+    !> Eigenvectors of the scaled matrix (n, n).
+    real(dp), intent(in) :: vectors(:, :)
+    logical, intent(inout) :: is_held(:)
+    !> Its eigenvalues (n).
+    real(dp), intent(inout) :: values(:)
+    real(dp) :: spring
+    integer :: i
+    if (.not. allocated(self%stiffness)) return
+    do i = 1, self%n
+      spring = dot_product(scale*vectors(:, i), self%springs(scale*vectors(:, i)))
+      ! What rounding mixes of other motions into a free one is no spring.
+      if (.not. spring > tiny_spring) cycle
+      values(i) = max(values(i), spring)
+      is_held(i) = .true.
+    end do
+  end subroutine count_springs
 
   !> Give all memory back.
   subroutine coarse_destroy(self)
@@ -189,6 +256,7 @@ contains
     self%n = 0
     if (allocated(self%first)) deallocate (self%first, self%block, self%body, self%place)
     if (allocated(self%scale)) deallocate (self%scale)
+    if (allocated(self%stiffness)) deallocate (self%stiffness, self%lift)
     if (allocated(self%resultant)) deallocate (self%resultant)
   end subroutine coarse_destroy
 end module dotyk_scheme_coarse

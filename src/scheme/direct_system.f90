@@ -147,6 +147,7 @@ contains
     self%x = self%g
     if (n > 0 .and. r > 0) call self%factor%solve(self%x)
     schur = matmul(transpose(self%g), self%x)
+    if (allocated(problem%coarse%stiffness)) schur = schur + problem%coarse%stiffness
     do i = 1, r
       schur(i, i) = schur(i, i) + self%hold(i)
     end do
@@ -182,7 +183,7 @@ contains
       all_forces(self%row) = lambda + step
       call compliance%multiply(problem, all_forces, z)
       r_b = b - z(self%row) - self%layer*(lambda + step) + matmul(self%g, alpha + step_alpha)
-      r_c = c - matmul(lambda + step, self%g) - self%hold*(alpha + step_alpha)
+      r_c = c - matmul(lambda + step, self%g) - self%hold*(alpha + step_alpha) - problem%coarse%springs(alpha + step_alpha)
       residual = sum(r_b**2/self%diagonal)
       ! Rounding errors do not get smaller.
       if (k > 1 .and. .not. residual < previous) exit

@@ -219,6 +219,8 @@ contains
     end if
     if (problem%operator%n_rows == 0) then
       call system%init(problem, compliance, problem%operator%theta, active, error)
+      if (.not. allocated(error)) &
+        call system%solve(problem, compliance, 0*now%lambda, problem%coarse%resultant, now%lambda, now%alpha)
       result%ended = ended_converged
     else
       call find_active_set(problem, settings%max_iterations, settings%tolerance, log, compliance, system, now, active, result, &
@@ -261,7 +263,7 @@ contains
     end do
     norm = reference_norm(problem, now)
     result%error_bound = huge(norm)
-    if (is_balanced(problem, now%lambda)) then
+    if (is_balanced(problem, now%lambda, now%alpha)) then
       result%error_bound = min(sqrt(duality_gap(problem%operator%weight, problem%operator%theta, result%m, result%y)), &
                                admissible_bound(problem, compliance, system, now))
       ! Beyond 1e150 a bound is none.
@@ -316,7 +318,7 @@ contains
       ! B g = z + G beta.
       if (any(.not. active .and. now%y > z + motion .and. now%y > rounding*maxval(abs(problem%y_free)))) return
       left_over = sum(abs(now%lambda(row)*(z(row) + motion(row) - residual)))
-      bound = sqrt(max(0.0_dp, sum(all_mu*z))) + sqrt(2*left_over)
+      bound = sqrt(max(0.0_dp, sum(all_mu*z) + dot_product(beta, problem%coarse%springs(beta)))) + sqrt(2*left_over)
     end associate
   end function admissible_bound
 end module dotyk_scheme_dual

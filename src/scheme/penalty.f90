@@ -37,7 +37,7 @@ contains
     type(dual_settings_t) :: settings
     type(scheme_result_t) :: penalized, exact
     type(log_t) :: silent
-    real(dp), allocatable :: theta(:), change(:), z(:)
+    real(dp), allocatable :: theta(:), change(:), z(:), alpha(:)
     real(dp) :: uncertainty
     distance = 0
     if (.not. any(problem%operator%theta > 0)) return
@@ -60,7 +60,8 @@ contains
     call compliance%adopt(problem)
     change = problem%operator%weight*(penalized%m - exact%m)
     call compliance%multiply(problem, change, z)
-    distance = sqrt(max(0.0_dp, dot_product(change, z)))
+    alpha = (penalized%alpha - exact%alpha)/problem%coarse%scale
+    distance = sqrt(max(0.0_dp, dot_product(change, z) + dot_product(alpha, problem%coarse%springs(alpha))))
     uncertainty = exact%error_bound*problem%norm(exact%m, exact%y, exact%alpha/problem%coarse%scale) + &
                   penalized%error_bound*problem%norm(penalized%m, penalized%y, penalized%alpha/problem%coarse%scale)
     distance = distance + uncertainty

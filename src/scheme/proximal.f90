@@ -68,8 +68,9 @@ contains
       c_change = z - c_lambda
       ! Derivative of the smooth part along the step, and its second derivative.
       slope = dot_product(new_lambda - lambda, c_lambda) + &
-        dot_product(new_alpha - alpha, hold*(alpha - centre) - problem%coarse%resultant)
-      t = line_minimum(slope, max(0.0_dp, dot_product(new_lambda - lambda, c_change)) + sum(hold*(new_alpha - alpha)**2), &
+        dot_product(new_alpha - alpha, hold*(alpha - centre) + problem%coarse%springs(alpha) - problem%coarse%resultant)
+      t = line_minimum(slope, max(0.0_dp, dot_product(new_lambda - lambda, c_change)) + sum(hold*(new_alpha - alpha)**2) + &
+                       dot_product(new_alpha - alpha, problem%coarse%springs(new_alpha - alpha)), &
                        problem%operator%weight/rho, y + shift, new_y - y)
       t = min(1.0_dp, t)
       if (t > 0.999999_dp) t = 1

@@ -39,7 +39,7 @@ contains
     real(dp), parameter :: soft = 1.0e-9_dp
     alpha = 0
     if (coarse%n == 0 .or. operator%n_rows == 0) return
-    call minimize(operator, coarse, resultant, soft*sum(stiffness)/operator%n_rows, stiffness, y, alpha)
+    call minimize(operator, coarse, resultant, soft*sum(stiffness)/operator%n_rows, stiffness, y, alpha, coarse%stiffness)
   end subroutine settle
 
   !> Look for a motion that the loads excite and no contact can stop: the part of e that no pressures balance. It is the projection of e
@@ -50,8 +50,9 @@ contains
     !> The motion (coarse%n).
     real(dp), intent(out) :: motion(:)
     logical, intent(out) :: found
-    real(dp), allocatable :: e(:), none(:), penalty(:)
+    real(dp), allocatable :: e(:), none(:), penalty(:), springs(:, :)
     real(dp) :: length
+    integer :: i
     ! A load that is unbalanced by less than this part of the largest is rounding, of the loads or of the mesh.
     real(dp), parameter :: rounding = 1.0e-7_dp, stiff = 1.0e10_dp
     motion = 0
@@ -63,17 +64,26 @@ contains
     allocate (none(operator%n_rows), penalty(operator%n_rows))
     none = 0
     penalty = stiff
-    call minimize(operator, coarse, e, 1.0_dp, penalty, none, motion)
+    if (allocated(coarse%stiffness)) then
+      ! Springs stop a motion too.
+      allocate (springs(coarse%n, coarse%n), source=0.0_dp)
+      do i = 1, coarse%n
+        if (coarse%stiffness(i, i) > 0) springs(i, i) = stiff
+      end do
+    end if
+    call minimize(operator, coarse, e, 1.0_dp, penalty, none, motion, springs)
     found = maxval(abs(motion)) > rounding
   end subroutine find_unstoppable
 
   !> The minimum of the function above; alpha is the start on entry.
-  subroutine minimize(operator, coarse, e, mu, k, y, alpha)
+  subroutine minimize(operator, coarse, e, mu, k, y, alpha, springs)
     type(contact_operator_t), intent(in) :: operator
     type(coarse_space_t), intent(in) :: coarse
     !> See above: (coarse%n), a number, (n_rows), (n_rows).
     real(dp), intent(in) :: e(:), mu, k(:), y(:)
     real(dp), intent(inout) :: alpha(:)
+    !> Springs on the motions; none if absent (coarse%n, coarse%n) [force/length].
+    real(dp), intent(in), optional :: springs(:, :)
     real(dp), allocatable :: gradient(:), step(:), position(:), change(:)
     type(saddle_factor_t) :: factor
     integer, allocatable :: start(:), neighbour(:), order(:)
@@ -81,41 +91,54 @@ contains
     logical :: failed
     integer :: i
     allocate (gradient(coarse%n), step(coarse%n), position(size(y)), change(size(y)))
-    if (coarse%n > many_motions) call order_bodies(operator, coarse, start, neighbour, order)
+    if (coarse%n > many_motions .and. .not. present(springs)) call order_bodies(operator, coarse, start, neighbour, order)
     call coarse%displacement(operator, alpha, position)
     position = y + position
     first_size = maxval(abs(e))
     do i = 1, most_steps
       call coarse%resultant_of(operator, k*max(0.0_dp, position), gradient)
-      gradient = gradient + mu*alpha - e
+      gradient = gradient + held(alpha) - e
       if (maxval(abs(gradient)) <= 1.0e-12_dp*first_size) exit
       step = -gradient
       if (allocated(order)) then
         call solve_sparse(coarse, mu, k, position, start, neighbour, order, factor, step, failed)
       else
-        call solve_full(coarse, mu, k, position, step, failed)
+        call solve_full(coarse, mu, k, position, springs, step, failed)
       end if
       if (failed) exit
       call coarse%displacement(operator, step, change)
-      t = line_minimum(mu*dot_product(alpha, step) - dot_product(e, step), mu*sum(step**2), k, position, change)
+      t = line_minimum(dot_product(held(alpha) - e, step), dot_product(step, held(step)), k, position, change)
       t = min(t, 1.0e15_dp)
       alpha = alpha + t*step
       position = position + t*change
     end do
+  contains
+    !> What springs resist a motion with.
+    function held(motion) result(force)
+      real(dp), intent(in) :: motion(:)
+      real(dp), allocatable :: force(:)
+      force = mu*motion
+      if (present(springs)) force = force + matmul(springs, motion)
+    end function held
   end subroutine minimize
 
-  !> x <- (mu I + sum of k_i G_i G_i^T)^{-1} x, by a dense matrix.
-  subroutine solve_full(coarse, mu, k, position, x, failed)
+  !> x <- (mu I + springs + sum of k_i G_i G_i^T over points under pressure)^{-1} x, by a dense matrix.
+  subroutine solve_full(coarse, mu, k, position, springs, x, failed)
     type(coarse_space_t), intent(in) :: coarse
-    !> As in `form_hessian`.
     real(dp), intent(in) :: mu, k(:), position(:)
+    real(dp), intent(in), optional :: springs(:, :)
     real(dp), intent(inout) :: x(:)
     logical, intent(out) :: failed
     type(error_t), allocatable :: error
     real(dp) :: column(size(x), 1)
     real(dp), allocatable :: hessian(:, :)
-    allocate (hessian(coarse%n, coarse%n))
-    call form_hessian(coarse, mu, k, position, hessian)
+    integer :: i
+    allocate (hessian(coarse%n, coarse%n), source=0.0_dp)
+    do i = 1, coarse%n
+      hessian(i, i) = mu
+    end do
+    if (present(springs)) hessian = hessian + springs
+    call add_contact(coarse, k, position, hessian)
     column(:, 1) = x
     call solve_dense(hessian, column, error)
     x = column(:, 1)
@@ -154,10 +177,9 @@ contains
     if (allocated(error)) order = [(b, b=1, n)]
   end subroutine order_bodies
 
-  !> The same by a sparse one.
+  !> The same without springs, by a sparse one.
   subroutine solve_sparse(coarse, mu, k, position, start, neighbour, order, factor, x, failed)
     type(coarse_space_t), intent(in) :: coarse
-    !> As in `form_hessian`.
     real(dp), intent(in) :: mu, k(:), position(:)
     !> Of `order_bodies`.
     integer, intent(in) :: start(:), neighbour(:), order(:)
@@ -198,17 +220,13 @@ contains
     call factor%destroy()
   end subroutine solve_sparse
 
-  !> mu I + sum of k_i G_i G_i^T over points under pressure.
-  subroutine form_hessian(coarse, mu, k, position, hessian)
+  !> Add the sum of k_i G_i G_i^T over points under pressure.
+  subroutine add_contact(coarse, k, position, hessian)
     type(coarse_space_t), intent(in) :: coarse
-    real(dp), intent(in) :: mu, k(:), position(:)
-    real(dp), intent(out) :: hessian(:, :)
+    real(dp), intent(in) :: k(:), position(:)
+    real(dp), intent(inout) :: hessian(:, :)
     real(dp), allocatable :: g_a(:), g_b(:)
     integer :: i, j, a, b
-    hessian = 0
-    do i = 1, coarse%n
-      hessian(i, i) = mu
-    end do
     do i = 1, size(position)
       if (.not. position(i) > 0) cycle
       a = coarse%body(1, i)
@@ -228,7 +246,7 @@ contains
         end associate
       end do
     end do
-  end subroutine form_hessian
+  end subroutine add_contact
 
   !> column(first:) += factor * g.
   pure subroutine add(first, factor, g, column)

@@ -55,6 +55,8 @@ class Congruence(dotyk_case.Case):
         found["stress"] = file["VTKHDF/CellData/stress"][:]
         found["energy"] = np.array([self.summary["energy"], self.summary["energy_norm"]])
         found["errors"] = np.array([1.0, self.summary["error_discretization"]])
+        if self.summary["error_discretization"] > 1e-6:
+            found["errors of elements"] = file["VTKHDF/CellData/discretization_error"][:]
         file.close()
         return found
 

@@ -1,0 +1,177 @@
+!> The forces of a displacement on the nodes, K u, without the loss of digits that the assembled matrix has.
+!>
+!> K u is small where u is nearly rigid, and then it is what rounding leaves of products that cancel. Here every element first gives up its own
+!> translation and rotation, in more digits than doubles have; what is left is strain, and its forces are as good as the strain is. Forces
+!> of an element balance each other to rounding of their own size, so that those of a soft support are not lost beside a stiff body.
+module dotyk_elasticity_internal_force
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp, qp
+  use dotyk_elasticity_analysis, only: analysis_axisymmetric, gradient_slots, strain_index
+  use dotyk_elasticity_assembly, only: apply_factor, bad_element, read_factor
+  use dotyk_elasticity_element_table, only: element_table_t, map_element, table_pair_t
+  use dotyk_elasticity_field, only: field_t
+  use dotyk_elasticity_material, only: material_t
+  use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_mesh_element, only: element_kind, element_kind_t
+  implicit none
+  private
+  public :: internal_force
+
+contains
+
+  !> Forces on all nodes, supports included.
+  subroutine internal_force(mesh, analysis, material, u, force, energy, error)
+    type(body_mesh_t), intent(in) :: mesh
+    !> One of dotyk_elasticity_analysis' constants.
+    integer, intent(in) :: analysis
+    type(material_t), intent(in) :: material
+    !> Displacements in global axes (dim, n_nodes) [length].
+    real(qp), intent(in) :: u(:, :)
+    !> (dim, n_nodes) [force].
+    real(dp), intent(out) :: force(:, :)
+    !> A(u,u) [force length].
+    real(dp), intent(out) :: energy
+    !> As of assembly, which finds it first.
+    type(error_t), allocatable, intent(out) :: error
+    integer :: i
+    force = 0
+    energy = 0
+    do i = 1, size(mesh%block)
+      call add_block(mesh, i, analysis, material, u, force, energy, error)
+      if (allocated(error)) return
+    end do
+  end subroutine internal_force
+
+  !> The elements of one block.
+  subroutine add_block(mesh, i_block, analysis, material, u, force, energy, error)
+    type(body_mesh_t), intent(in) :: mesh
+    integer, intent(in) :: i_block, analysis
+    type(material_t), intent(in) :: material
+    real(qp), intent(in) :: u(:, :)
+    real(dp), intent(inout) :: force(:, :), energy
+    type(error_t), allocatable, intent(out) :: error
+    type(field_t) :: factor
+    type(table_pair_t) :: tables
+    type(element_kind_t) :: kind
+    real(dp), allocatable :: x(:, :), rest(:, :), element_force(:, :), g(:), w(:)
+    integer, allocatable :: node(:), strain(:, :)
+    real(dp) :: matrix(6, 6), worst
+    integer :: n, dim, slots, most_points, e, i, s
+    call read_factor(material, factor, error)
+    if (allocated(error)) return
+    kind = element_kind(mesh%block(i_block)%kind)
+    n = kind%n_nodes
+    dim = mesh%dimension
+    slots = gradient_slots(analysis)
+    matrix = material%plane_matrix(analysis)
+    strain = reshape([((strain_index(analysis, i, s), i=1, dim), s=1, slots)], [dim, slots])
+    call tables%init_stiffness(mesh%block(i_block)%kind, analysis, .not. factor%constant)
+    most_points = max(tables%straight%n_points, tables%curved%n_points)
+    allocate (x(dim, n), rest(dim, n), element_force(dim, n), node(n), g(n*slots*most_points), w(most_points))
+    do e = 1, size(mesh%block(i_block)%node, 2)
+      node(:) = mesh%block(i_block)%node(:, e)
+      x(:, :) = mesh%x(:, node)
+      if (tables%is_curved(x)) then
+        call add_element(tables%curved)
+      else
+        call add_element(tables%straight)
+      end if
+      if (allocated(error)) exit
+    end do
+    call factor%destroy()
+
+  contains
+
+    subroutine add_element(table)
+      type(element_table_t), intent(in) :: table
+      integer :: n_points, a
+      n_points = table%n_points
+      call map_element(n, dim, slots, n_points, table%shape, table%gradient, table%weight, x, g, w, worst)
+      if (.not. worst > 0) then
+        call bad_element(mesh, i_block, e, error)
+        return
+      end if
+      if (.not. factor%constant) then
+        call apply_factor(factor, table%shape, x, mesh%block(i_block)%tag(e), w(:n_points), error)
+        if (allocated(error)) return
+      end if
+      call take_rigid_part(n, dim, slots, analysis == analysis_axisymmetric, g, x, u(:, node), rest)
+      call forces_of_strain(n, dim, slots, n_points, g, w, strain, matrix, rest, element_force, energy)
+      do a = 1, n
+        force(:, node(a)) = force(:, node(a)) + element_force(:, a)
+      end do
+    end subroutine add_element
+  end subroutine add_block
+
+  !> Displacements of an element's nodes without the translation of the first one, and without the rotation at the first point.
+  pure subroutine take_rigid_part(n, dim, slots, axisymmetric, g, x, u, rest)
+    !> Numbers of nodes, components and gradient slots.
+    integer, intent(in) :: n, dim, slots
+    !> Only the translation along the axis, y, is rigid then.
+    logical, intent(in) :: axisymmetric
+    !> Gradients of the shape functions at the first point [1/length].
+    real(dp), intent(in) :: g(n, slots)
+    !> Nodes [length].
+    real(dp), intent(in) :: x(dim, n)
+    !> Displacements [length].
+    real(qp), intent(in) :: u(dim, n)
+    real(dp), intent(out) :: rest(dim, n)
+    real(qp) :: v(dim, n)
+    real(dp) :: slope(dim, dim), rotation
+    integer :: a, i, j
+    v = u
+    do i = merge(2, 1, axisymmetric), dim
+      v(i, :) = v(i, :) - u(i, 1)
+    end do
+    rest = real(v, dp)
+    if (axisymmetric) return
+    slope = matmul(rest, g(:, :dim))
+    do j = 1, dim
+      do i = 1, dim
+        rotation = (slope(i, j) - slope(j, i))/2
+        do a = 2, n
+          v(i, a) = v(i, a) - rotation*(real(x(j, a), qp) - x(j, 1))
+        end do
+      end do
+    end do
+    rest = real(v, dp)
+  end subroutine take_rigid_part
+
+  !> Forces of an element, and its part of the energy.
+  pure subroutine forces_of_strain(n, dim, slots, n_points, g, w, strain_of, matrix, u, force, energy)
+    !> Numbers of nodes, displacement components, gradient slots, quadrature points.
+    integer, intent(in) :: n, dim, slots, n_points
+    !> Gradients of the shape functions [1/length].
+    real(dp), intent(in) :: g(n, slots, n_points)
+    !> Weights times the factor on the stiffness [volume].
+    real(dp), intent(in) :: w(n_points)
+    !> Strain of each component and slot, 0 for none.
+    integer, intent(in) :: strain_of(dim, slots)
+    !> From strains to stresses [pressure].
+    real(dp), intent(in) :: matrix(6, 6)
+    !> Displacements [length].
+    real(dp), intent(in) :: u(dim, n)
+    !> [force].
+    real(dp), intent(out) :: force(dim, n)
+    !> Grows [force length].
+    real(dp), intent(inout) :: energy
+    real(dp) :: strain(6), stress(6)
+    integer :: q, i, s
+    force = 0
+    do q = 1, n_points
+      strain = 0
+      do s = 1, slots
+        do i = 1, dim
+          if (strain_of(i, s) > 0) strain(strain_of(i, s)) = strain(strain_of(i, s)) + dot_product(u(i, :), g(:, s, q))
+        end do
+      end do
+      stress = w(q)*matmul(matrix, strain)
+      energy = energy + dot_product(strain, stress)
+      do s = 1, slots
+        do i = 1, dim
+          if (strain_of(i, s) > 0) force(i, :) = force(i, :) + stress(strain_of(i, s))*g(:, s, q)
+        end do
+      end do
+    end do
+  end subroutine forces_of_strain
+end module dotyk_elasticity_internal_force
