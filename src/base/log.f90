@@ -100,10 +100,16 @@ contains
     self%live = .false.
   end subroutine log_end_progress
 
-  !> An error, to standard error, whatever the verbosity.
+  !> An error, to standard error, whatever the verbosity. Names of files and meshes may hold control characters: a terminal gets none.
   subroutine print_error(message)
     !> Message, possibly of several lines.
     character(*), intent(in) :: message
-    write (error_unit, '(a)') message
+    character(:), allocatable :: printable
+    integer :: i
+    printable = message
+    do i = 1, len(message)
+      if ((iachar(message(i:i)) < 32 .and. message(i:i) /= new_line('a')) .or. iachar(message(i:i)) == 127) printable(i:i) = '?'
+    end do
+    write (error_unit, '(a)') printable
   end subroutine print_error
 end module dotyk_base_log

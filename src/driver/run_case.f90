@@ -12,6 +12,7 @@ module dotyk_driver_run_case
   use dotyk_driver_digits, only: body_digits_t, collect_digits, show_digits
   use dotyk_driver_error_budget, only: error_budget_t, ask_for_more, estimate_errors, first_tolerance, most_rounds, &
     needs_displacements
+  use dotyk_driver_finite, only: refuse_overflow
   use dotyk_driver_factorization, only: factor_size_t, analyze_bodies, attach_bodies, factorize_bodies
   use dotyk_driver_free_scene, only: free_body_t, solve_free_scene
   use dotyk_driver_pairs, only: find_pairs
@@ -214,6 +215,8 @@ contains
     type(error_t), allocatable, intent(out) :: error
     call project_pressures(run%body, run%pair, run%surface_a, run%surface_b, run%problem, run%result%m, run%result%y, &
                            run%pair_solution, run%contact_pressure, error)
+    if (.not. allocated(error)) call refuse_overflow(run%case, run%body, run%pair, run%solution, run%pair_solution, run%result, &
+                                                     error)
     if (allocated(error)) return
     call show_pair_results(run%log, run%pair, run%pair_solution)
     call run%watch%lap(run%timing%recover)

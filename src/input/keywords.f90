@@ -41,6 +41,8 @@ module dotyk_input_keywords
     logical :: required = .false.
     !> May its text be empty?
     logical :: may_be_empty = .false.
+    !> Are its numbers measured in units, or multiples of what is, so that their size is limited?
+    logical :: measured = .false.
     !> Unit of the numbers; empty where they have none.
     character(:), allocatable :: unit
     !> Names that are allowed, separated by blanks.
@@ -268,6 +270,7 @@ contains
       if (present(least)) row%least = least
       if (present(most)) row%most = most
       if (present(unit)) row%unit = unit
+      row%measured = len(row%unit) > 0 .or. index(key, 'theta') == 1
       if (present(names)) row%names = names
       if (present(default)) row%default = default
       if (present(positive)) row%positive = positive

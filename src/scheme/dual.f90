@@ -35,8 +35,6 @@ module dotyk_scheme_dual
     integer :: max_iterations = 100
     !> One of `solver_*` of `dotyk_scheme_choice`.
     integer :: linear_solver = solver_auto
-    !> Look whether points that were left out have closed.
-    logical :: check_all = .true.
   end type dual_settings_t
 
   public :: solve_dual
@@ -95,19 +93,18 @@ contains
         if (allocated(state)) call restrict(keep, state)
         call solve_rows(part, settings, log, compliance, system, result, error, state)
         call give_back(part, problem)
-        if (.not. allocated(error) .and. allocated(result%m)) call complete(problem, keep, settings%check_all, result)
+        if (.not. allocated(error) .and. allocated(result%m)) call complete(problem, keep, result)
       end if
       call result%history%finish()
       call result%history%put_behind(earlier)
-      if (allocated(error) .or. all(keep) .or. .not. settings%check_all .or. .not. allocated(result%m)) exit
+      if (allocated(error) .or. all(keep) .or. .not. allocated(result%m)) exit
       late = .not. keep .and. result%y > rounding*maxval(abs(problem%y_free))
       if (.not. any(late)) exit
       ! How far they went says how far others may.
       keep = keep .or. result%y > -2*maxval(result%y, mask=late)
       earlier = result%history
-      if (allocated(state)) deallocate (state)
-      ! Where active sets are hard to find the last one is the best to go on from.
-      if (problem%coarse%n > 0 .and. result%ended == ended_converged) state = result
+      ! From a state that was near, and where active sets are hard to find, the next one is; one that groups of points gave is found anew.
+      if (allocated(state) .or. problem%coarse%n > 0 .and. result%ended == ended_converged) state = result
     end do
     call system%destroy()
     result%iterations = result%history%n
@@ -174,22 +171,16 @@ contains
   end subroutine restrict
 
   !> The state on all rows, from that on some of them.
-  subroutine complete(problem, keep, look, result)
+  subroutine complete(problem, keep, result)
     type(contact_problem_t), intent(inout) :: problem
     logical, intent(in) :: keep(:)
-    !> Whether to find out how open the others are.
-    logical, intent(in) :: look
     type(scheme_result_t), intent(inout) :: result
     real(dp), allocatable :: z(:), motion(:)
     allocate (z(size(keep)), motion(size(keep)), source=0.0_dp)
     result%m = unpack(result%m, keep, z)
-    if (look) then
-      call problem%compliance(problem%operator%weight*result%m, z)
-      call problem%coarse%displacement(problem%operator, result%alpha/problem%coarse%scale, motion)
-      result%y = unpack(result%y, keep, problem%y_free - z + motion)
-    else
-      result%y = unpack(result%y, keep, min(0.0_dp, problem%y_free))
-    end if
+    call problem%compliance(problem%operator%weight*result%m, z)
+    call problem%coarse%displacement(problem%operator, result%alpha/problem%coarse%scale, motion)
+    result%y = unpack(result%y, keep, problem%y_free - z + motion)
   end subroutine complete
 
   !> Solve on all rows of a problem.
