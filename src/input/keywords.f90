@@ -2,7 +2,8 @@
 module dotyk_input_keywords
   use dotyk_base_text, only: text_t
   use dotyk_input_names, only: analysis_names, error_part_names, field_names, gamma_rule_names, geometry_names, &
-    linear_solver_names, points_names, quadrature_names, response_names, scheme_names, stop_rule_names, theta_rule_names
+    linear_solver_names, locking_names, points_names, quadrature_names, response_names, scheme_names, stop_rule_names, &
+    theta_rule_names
   implicit none
   private
 
@@ -232,6 +233,10 @@ contains
                meaning='relative error in the energy norm at which the iteration stops')
     call t%add('solver', 'max_iterations', kind_integer, default='100000', positive=.true., &
                meaning='most iterations')
+    call t%add('solver', 'locking', kind_name, names=locking_names, default='auto', &
+               meaning='against locking in nearly incompressible bodies (Poisson''s ratio above 0.4; not in plane stress): '// &
+               'auto takes the projected dilatation, and makes linear triangles, tetrahedra and prisms quadratic from 0.45 on; '// &
+               'project leaves the elements as they are; ignore does nothing')
     call t%add('solver', 'share_factors', kind_logical, default='.true.', &
                meaning='bodies that differ by their place alone have one factorization')
     call t%add('solver', 'reproducible', kind_logical, default='.false.', &
@@ -242,6 +247,11 @@ contains
     call t%add('output', 'error_parts', kind_names, names=error_part_names, default=error_part_names, may_be_empty=.true., &
                meaning='what is estimated besides the bound of the iteration: penalty, the distance to the solution '// &
                'without it; discretization, the error of the mesh')
+    call t%add('output', 'checkpoint', kind_text, &
+               'file for the state of the iteration, relative to the namelist file: a run that was interrupted, killed or that '// &
+               'stopped too early goes on from it with --restart')
+    call t%add('output', 'checkpoint_interval', kind_real, default='60', unit='seconds', not_negative=.true., &
+               meaning='time between two states while the iteration goes on; 0: every step; the last state is always saved')
     allocate (table(t%n))
     do i = 1, t%n
       table(i) = t%row(i)

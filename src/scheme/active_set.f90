@@ -6,6 +6,7 @@
 !> cycle.
 module dotyk_scheme_active_set
   use dotyk_base_error, only: error_t
+  use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
   use dotyk_base_text, only: to_text
@@ -13,7 +14,7 @@ module dotyk_scheme_active_set
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_bounds, only: duality_gap
   use dotyk_scheme_explicit, only: explicit_compliance_t
-  use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_limit, ended_immovable
+  use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_limit, ended_immovable, ended_interrupted
   use dotyk_scheme_interior, only: interior_points
   use dotyk_scheme_problem, only: contact_problem_t
   use dotyk_scheme_progress, only: progress_line
@@ -72,6 +73,7 @@ contains
     systems = 0
     tried = .false.
     do k = 1, max_iterations
+      if (interrupted()) exit
       comes_back = .not. tried .and. (k == most_first_steps .or. go_up_and_down(changes(:k - 1)))
       if (comes_back) then
         call log%end_progress()
@@ -88,6 +90,7 @@ contains
         if (allocated(error)) return
         systems = systems + steps
         active = kept%lambda > 0 .and. .not. immovable
+        if (interrupted()) exit
       end if
       call drop_immovable(problem, compliance, yields, active, immovable)
       if (any(immovable .and. problem%y_free > 0 .and. .not. problem%operator%theta > 0)) then
@@ -98,6 +101,8 @@ contains
       if (allocated(error)) return
       last = now
       call solve_active(problem, compliance, system, now)
+      ! Half a solution says nothing about active sets.
+      if (interrupted()) exit
       call compliance%multiply(problem, now%lambda - last%lambda, change)
       length = sqrt(max(0.0_dp, sum((now%lambda - last%lambda)*change)))
       call note(problem, now, wall_time() - begin, length, count(active), result)
@@ -115,7 +120,13 @@ contains
         exit
       end if
       active = next
+      if (k < max_iterations) call problem%keep_state(max(0.0_dp, now%lambda)/problem%operator%weight, &
+                                                      problem%coarse%scale*now%alpha, 0.0_dp, result%history, active)
     end do
+    if (interrupted() .and. result%ended == ended_limit) then
+      result%ended = ended_interrupted
+      result%closed = active
+    end if
     call log%end_progress()
     if (systems > 0) call log%line('  the proximal method solved '//to_text(systems)//' systems')
   end subroutine find_active_set

@@ -7,6 +7,7 @@
 !> addition to theirs. In the end forces or gaps are next to nothing at each point, which says what is closed.
 module dotyk_scheme_interior
   use dotyk_base_error, only: error_t
+  use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_explicit, only: explicit_compliance_t
@@ -66,6 +67,7 @@ contains
     if (allocated(error)) return
     allocate (step%lambda(n), step%s(n), step%alpha(problem%coarse%n))
     do steps = 1, most_steps
+      if (interrupted()) exit
       call residuals(problem, compliance, row, now, r_dual, r_balance)
       mu = sum(now%lambda*now%s)
       energy = abs(sum(now%lambda*(now%s + problem%y_free(row)))) + abs(sum(now%alpha*problem%coarse%resultant))
