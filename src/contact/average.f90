@@ -26,7 +26,7 @@ module dotyk_contact_average
   real(dp), parameter :: least_weight = 0.02_dp
   !> Least eigenvalue of D^{-1/2} M D^{-1/2}, whose largest is 1, that counts as regular: a whole facet has 1/3 (line), 1/4
   !> (triangle), 1/9 (quadrilateral), a strip along the edge of a facet 1/6 of its relative width.
-  real(dp), parameter :: regular = 1e-6_dp
+  real(dp), parameter :: regular = 1e-3_dp
 
 contains
 

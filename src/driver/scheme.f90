@@ -126,6 +126,7 @@ contains
     if (result%ended == ended_immovable) call refuse_immovable(case, problem, error)
     if (allocated(error)) return
     if (allocated(result%undetermined)) call note_undetermined(body, result%undetermined, log)
+    if (allocated(result%alpha)) call note_rotations(body, result%alpha, log)
   end subroutine solve_scheme
 
   !> A motion that the loads excite and no contact can stop.
@@ -191,6 +192,56 @@ contains
       ': supports on both sides press its points together by '//to_text(problem%y_free(n))//', and theta = 0 allows no '// &
       'penetration; take the supports off the contact surfaces or give theta a value above 0', exit_not_solvable)
   end subroutine refuse_immovable
+
+  !> Say which bodies turn so far that small displacements are no good approximation.
+  subroutine note_rotations(body, amplitude, log)
+    type(body_t), intent(in) :: body(:)
+    !> Of the free motions of all bodies.
+    real(dp), intent(in) :: amplitude(:)
+    type(log_t), intent(inout) :: log
+    integer :: b, n, n_far, first
+    real(dp) :: part, most
+    ! Displacements by rotation, relative to the body's size.
+    real(dp), parameter :: far = 0.05_dp
+    n = 0
+    n_far = 0
+    first = 0
+    most = 0
+    do b = 1, size(body)
+      associate (own => amplitude(n + 1:n + body(b)%motions%n))
+        n = n + size(own)
+        if (size(own) == 0) cycle
+        part = rotation_part(body(b), own)
+        if (.not. part > far) cycle
+        n_far = n_far + 1
+        if (part > most) first = b
+        most = max(most, part)
+      end associate
+    end do
+    if (n_far == 0) return
+    call log%line('  turns far        '//quoted(body(first)%name)//': points move by '//to_text(100*most, 2)// &
+                  ' % of its size as it turns; small displacements are assumed')
+    if (n_far > 1) call log%line('  turns far        '//to_text(n_far - 1)//' more bodies, by less')
+  end subroutine note_rotations
+
+  !> How far nodes move against their mean, relative to the size of the body.
+  real(dp) function rotation_part(body, amplitude) result(part)
+    type(body_t), intent(in) :: body
+    !> Amplitudes of the free motions.
+    real(dp), intent(in) :: amplitude(:)
+    real(dp) :: u(body%dimension, size(body%free_motion, 2)), mean(body%dimension), length
+    integer :: i, k
+    u = 0
+    do k = 1, size(amplitude)
+      u = u + amplitude(k)*body%free_motion(:, :, k)
+    end do
+    mean = sum(u, 2)/size(u, 2)
+    length = norm2(maxval(body%mesh%x, 2) - minval(body%mesh%x, 2))
+    part = 0
+    do i = 1, size(u, 2)
+      part = max(part, norm2(u(:, i) - mean)/length)
+    end do
+  end function rotation_part
 
   !> Say which motions neither loads nor contact determine.
   subroutine note_undetermined(body, motion, log)

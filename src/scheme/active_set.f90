@@ -15,6 +15,7 @@ module dotyk_scheme_active_set
   use dotyk_scheme_bounds, only: duality_gap
   use dotyk_scheme_explicit, only: explicit_compliance_t
   use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_limit, ended_immovable, ended_interrupted
+  use dotyk_scheme_interior, only: interior_points
   use dotyk_scheme_problem, only: contact_problem_t
   use dotyk_scheme_progress, only: progress_line
   use dotyk_scheme_proximal, only: proximal_step
@@ -32,7 +33,9 @@ module dotyk_scheme_active_set
 
   !> Forces and penetrations below this part of the largest are rounding errors, not a reason to change the active set.
   real(dp), parameter, public :: rounding = 1.0e-12_dp
-  !> Active sets after which the proximal method takes over: Newton's method needs less than ten, or cycles.
+  !> Active sets after which the interior point method finds a better one to go on from: Newton's method needs less than ten, or cycles.
+  integer, parameter :: most_first_steps = 9
+  !> Active sets after which the proximal method takes over.
   integer, parameter :: most_newton_steps = 25
 
 contains
@@ -56,7 +59,8 @@ contains
     type(scheme_result_t), intent(inout) :: result
     !> Out of memory.
     type(error_t), allocatable, intent(out) :: error
-    logical :: next(size(active)), immovable(size(active))
+    logical :: next(size(active)), immovable(size(active)), comes_back, tried
+    integer :: changes(max_iterations)
     type(iterate_t) :: last, kept
     real(dp), allocatable :: change(:), yields(:)
     real(dp) :: begin, length, largest_force, largest_gap
@@ -67,8 +71,17 @@ contains
     immovable = .false.
     result%ended = ended_limit
     systems = 0
+    tried = .false.
     do k = 1, max_iterations
       if (interrupted()) exit
+      comes_back = .not. tried .and. (k == most_first_steps .or. go_up_and_down(changes(:k - 1)))
+      if (comes_back) then
+        call log%end_progress()
+        tried = .true.
+        call approach(problem, compliance, system, immovable, now, active, steps, error)
+        if (allocated(error)) return
+        call log%line('  active sets come back; the interior point method solved '//to_text(steps)//' systems')
+      end if
       if (k == most_newton_steps) call log%line('  active sets come back; the proximal method of multipliers goes on')
       if (k >= most_newton_steps) then
         ! The iterates of the proximal method go their own way: solutions of active sets are tried, but do not disturb them.
@@ -101,6 +114,7 @@ contains
       next = merge(now%lambda >= -rounding*largest_force, now%y > rounding*largest_gap, active)
       next = next .and. .not. immovable
       call add_support(problem, now, next)
+      changes(k) = count(next .neqv. active)
       if (all(next .eqv. active)) then
         result%ended = ended_converged
         exit
@@ -116,6 +130,14 @@ contains
     call log%end_progress()
     if (systems > 0) call log%line('  the proximal method solved '//to_text(systems)//' systems')
   end subroutine find_active_set
+
+  !> Whether the numbers of points that change from one active set to the next do not get fewer.
+  pure logical function go_up_and_down(changes)
+    integer, intent(in) :: changes(:)
+    integer, parameter :: back = 2, first = 4
+    go_up_and_down = .false.
+    if (size(changes) >= first) go_up_and_down = 2*changes(size(changes)) > changes(size(changes) - back)
+  end function go_up_and_down
 
   !> Free bodies at rest on elastic foundations that stand for all bodies, and the points that penetrate there.
   subroutine settle_bodies(problem, now, active)
@@ -170,6 +192,25 @@ contains
     real(dp), allocatable :: stiffness(:)
     stiffness = problem%operator%weight/(problem%foundation + problem%operator%theta)
   end function foundation_stiffness
+
+  !> The interior point method's answer, near the solution wherever it is.
+  subroutine approach(problem, compliance, system, immovable, now, active, steps, error)
+    type(contact_problem_t), intent(inout) :: problem
+    type(explicit_compliance_t), intent(in) :: compliance
+    !> Another one on return.
+    class(active_system_t), intent(inout) :: system
+    !> Points without force (n_rows).
+    logical, intent(in) :: immovable(:)
+    type(iterate_t), intent(inout) :: now
+    !> (n_rows).
+    logical, intent(out) :: active(:)
+    !> Linear systems that it took.
+    integer, intent(out) :: steps
+    type(error_t), allocatable, intent(out) :: error
+    call interior_points(problem, compliance, system, 1/foundation_stiffness(problem), .not. immovable, now%lambda, now%alpha, &
+                         active, steps, error)
+    if (.not. allocated(error)) call update_penetrations(problem, compliance, now)
+  end subroutine approach
 
   !> One step of the proximal method, from the last iterate without the forces that pull.
   subroutine soften(problem, compliance, system, number, now, steps, error)

@@ -9,6 +9,7 @@ module dotyk_scheme_choice
   use dotyk_scheme_iterative_system, only: iterative_system_t
   use dotyk_scheme_pair_graph, only: couple_pairs, elimination_cost
   use dotyk_scheme_problem, only: contact_problem_t
+  use dotyk_scheme_saddle_system, only: saddle_system_t
   implicit none
   private
 
@@ -28,6 +29,9 @@ module dotyk_scheme_choice
   !> Bytes that matrices, half solutions and active systems may take.
   real(dp), parameter :: most_bytes = 8.0e9_dp
 
+  !> More free motions than this are no dense border any more.
+  integer, parameter :: many_motions = 60
+
 contains
 
   !> Choose for the rows of a problem, all of which get into the matrices; where there are some already, the choice is that of before.
@@ -41,6 +45,7 @@ contains
     class(active_system_t), allocatable, intent(out) :: system
     type(direct_system_t), allocatable :: direct
     type(iterative_system_t), allocatable :: iterative
+    type(saddle_system_t), allocatable :: saddle
     real(dp) :: direct_cost, iterative_cost, bytes, n, path
     logical, allocatable :: coupled(:, :)
     logical :: by_sweeps
@@ -76,6 +81,9 @@ contains
     if (by_sweeps) then
       allocate (iterative)
       call move_alloc(iterative, system)
+    else if (problem%coarse%n > many_motions .and. .not. allocated(problem%coarse%stiffness)) then
+      allocate (saddle)
+      call move_alloc(saddle, system)
     else
       allocate (direct)
       call move_alloc(direct, system)

@@ -44,6 +44,10 @@ module dotyk_scheme_dual
   real(dp), parameter :: touching = 1.0e-9_dp
   !> How often points that were left out come back; then all of them do.
   integer, parameter :: most_rounds = 4
+  !> How often rows are kept that motions run into which the others do not stop; then all of them are.
+  integer, parameter :: most_widenings = 10
+  !> Scenes of more free motions than this, and fewer points for each, are solved with all points.
+  integer, parameter :: many_motions = 60, points_per_motion = 30
   !> A part of all points that is not worth leaving out: to look at them in the end takes a solve.
   real(dp), parameter :: not_worth_leaving_out = 0.2_dp
 
@@ -80,6 +84,7 @@ contains
     if (compliance%by_sweeps) call log%line('  active sets      by conjugate gradients, '//to_text(count(keep))// &
                                             ' points to begin with')
     do round = 1, most_rounds
+      if (.not. all(keep) .and. problem%coarse%n > 0) call keep_what_carries(problem, keep)
       if (compliance%by_sweeps .or. round == most_rounds .or. size(keep) < few_points .or. &
           count(.not. keep) < not_worth_leaving_out*size(keep)) keep = .true.
       call compliance%mark(keep)
@@ -107,8 +112,8 @@ contains
       keep = keep .or. result%y > -2*maxval(result%y, mask=late)
       earlier = result%history
       if (allocated(problem%keeper)) problem%keeper%before = earlier
-      ! From a state that was near, the next one is; one that groups of points gave is found anew.
-      if (allocated(state)) state = result
+      ! From a state that was near, and where active sets are hard to find, the next one is; one that groups of points gave is found anew.
+      if (allocated(state) .or. problem%coarse%n > 0 .and. result%ended == ended_converged) state = result
     end do
     call system%destroy()
     result%iterations = result%history%n
@@ -137,9 +142,34 @@ contains
     ! Free bodies sink in more than the foundations say, or tilt.
     if (size(keep) == 0) return
     if (problem%coarse%n > 0) keep = now%y > -maxval(now%y)
+    ! Many bodies with few points each roll and tilt farther, and more points cost little.
+    if (problem%coarse%n > many_motions .and. size(keep) < points_per_motion*problem%coarse%n) keep = .true.
     ! Faces that just touch.
     keep = keep .or. abs(now%y) < touching*maxval(abs(now%y))
   end subroutine rows_to_begin_with
+
+  !> Keep more rows where those that are kept cannot carry the free bodies.
+  subroutine keep_what_carries(problem, keep)
+    type(contact_problem_t), intent(inout) :: problem
+    logical, intent(inout) :: keep(:)
+    type(contact_problem_t) :: part
+    real(dp), allocatable :: motion(:), way(:)
+    logical :: found
+    integer :: k
+    allocate (motion(problem%coarse%n), way(size(keep)))
+    do k = 1, most_widenings
+      call keep_rows(problem, keep, part)
+      call find_unstoppable(part%operator, part%coarse, motion, found)
+      call give_back(part, problem)
+      if (.not. found) return
+      ! Rows that the motion runs into.
+      call problem%coarse%displacement(problem%operator, motion, way)
+      if (.not. any(way > 0 .and. .not. keep)) exit
+      keep = keep .or. way > 1.0e-3_dp*maxval(way)
+      if (all(keep)) return
+    end do
+    keep = .true.
+  end subroutine keep_what_carries
 
   !> A state on some of the rows.
   subroutine restrict(keep, state)

@@ -16,6 +16,7 @@ module dotyk_scheme_nested
   use dotyk_scheme_history, only: scheme_result_t
   use dotyk_scheme_part, only: give_back, join_rows
   use dotyk_scheme_problem, only: contact_problem_t
+  use dotyk_scheme_settle, only: find_unstoppable
   implicit none
   private
   public :: find_start, join_points
@@ -48,8 +49,9 @@ contains
     type(scheme_result_t) :: result
     type(log_t) :: silent
     integer, allocatable :: group(:)
-    real(dp), allocatable :: dent(:), share(:)
+    real(dp), allocatable :: dent(:), share(:), motion(:)
     logical, allocatable :: closed(:)
+    logical :: found
     integer :: n_groups, i
 
     call settle_bodies(problem, now, active)
@@ -59,6 +61,13 @@ contains
     if (2*n_groups > problem%operator%n_rows) return
     call join_rows(problem, group, n_groups, joined, share)
     if (.not. compliance%by_sweeps) call compliance%join(problem, group, share, joined, joined_compliance)
+    ! Means of normals may not carry what the points carry.
+    if (problem%coarse%n > 0) then
+      allocate (motion(problem%coarse%n))
+      call find_unstoppable(joined%operator, joined%coarse, motion, found)
+      if (found) call give_back(joined, problem)
+      if (found) return
+    end if
     allocate (closed(n_groups))
     call silent%init(.true.)
     call settle_bodies(joined, start, closed)

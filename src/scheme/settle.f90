@@ -2,12 +2,14 @@
 !>
 !> Both questions are the minimum over the amplitudes alpha of
 !> `mu |alpha|^2/2 - e.alpha + sum_i k_i max(0, y_i + (G alpha)_i)^2/2`, convex and piecewise quadratic: Newton's method with an exact
-!> line search. It costs no solve of any body.
+!> line search. It costs no solve of any body; where there are many motions the systems are sparse, one block for each couple of bodies.
 module dotyk_scheme_settle
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_contact_operator, only: contact_operator_t
   use dotyk_linalg_dense, only: solve_dense
+  use dotyk_linalg_ordering, only: nested_dissection
+  use dotyk_linalg_saddle_factor, only: saddle_factor_t
   use dotyk_scheme_coarse, only: coarse_space_t
   use dotyk_scheme_line_search, only: line_minimum
   implicit none
@@ -16,6 +18,8 @@ module dotyk_scheme_settle
 
   !> Newton steps at most; a start need not be exact.
   integer, parameter :: most_steps = 100
+  !> More free motions than this have sparse matrices.
+  integer, parameter :: many_motions = 60
 
 contains
 
@@ -80,36 +84,141 @@ contains
     real(dp), intent(inout) :: alpha(:)
     !> Springs on the motions; none if absent (coarse%n, coarse%n) [force/length].
     real(dp), intent(in), optional :: springs(:, :)
-    type(error_t), allocatable :: error
-    real(dp), allocatable :: hessian(:, :), gradient(:), step(:, :), position(:), change(:), held(:, :)
+    real(dp), allocatable :: gradient(:), step(:), position(:), change(:)
+    type(saddle_factor_t) :: factor
+    integer, allocatable :: start(:), neighbour(:), order(:)
     real(dp) :: first_size, t
+    logical :: failed
     integer :: i
-    allocate (hessian(coarse%n, coarse%n), gradient(coarse%n), step(coarse%n, 1), position(size(y)), change(size(y)))
-    allocate (held(coarse%n, coarse%n), source=0.0_dp)
-    do i = 1, coarse%n
-      held(i, i) = mu
-    end do
-    if (present(springs)) held = held + springs
+    allocate (gradient(coarse%n), step(coarse%n), position(size(y)), change(size(y)))
+    if (coarse%n > many_motions .and. .not. present(springs)) call order_bodies(operator, coarse, start, neighbour, order)
     call coarse%displacement(operator, alpha, position)
     position = y + position
     first_size = maxval(abs(e))
     do i = 1, most_steps
       call coarse%resultant_of(operator, k*max(0.0_dp, position), gradient)
-      gradient = gradient + matmul(held, alpha) - e
+      gradient = gradient + held(alpha) - e
       if (maxval(abs(gradient)) <= 1.0e-12_dp*first_size) exit
-      hessian = held
-      call add_contact(coarse, k, position, hessian)
-      step(:, 1) = -gradient
-      call solve_dense(hessian, step, error)
-      if (allocated(error)) exit
-      call coarse%displacement(operator, step(:, 1), change)
-      t = line_minimum(dot_product(matmul(held, alpha) - e, step(:, 1)), dot_product(step(:, 1), matmul(held, step(:, 1))), k, &
-                       position, change)
+      step = -gradient
+      if (allocated(order)) then
+        call solve_sparse(coarse, mu, k, position, start, neighbour, order, factor, step, failed)
+      else
+        call solve_full(coarse, mu, k, position, springs, step, failed)
+      end if
+      if (failed) exit
+      call coarse%displacement(operator, step, change)
+      t = line_minimum(dot_product(held(alpha) - e, step), dot_product(step, held(step)), k, position, change)
       t = min(t, 1.0e15_dp)
-      alpha = alpha + t*step(:, 1)
+      alpha = alpha + t*step
       position = position + t*change
     end do
+  contains
+    !> What springs resist a motion with.
+    function held(motion) result(force)
+      real(dp), intent(in) :: motion(:)
+      real(dp), allocatable :: force(:)
+      force = mu*motion
+      if (present(springs)) force = force + matmul(springs, motion)
+    end function held
   end subroutine minimize
+
+  !> x <- (mu I + springs + sum of k_i G_i G_i^T over points under pressure)^{-1} x, by a dense matrix.
+  subroutine solve_full(coarse, mu, k, position, springs, x, failed)
+    type(coarse_space_t), intent(in) :: coarse
+    real(dp), intent(in) :: mu, k(:), position(:)
+    real(dp), intent(in), optional :: springs(:, :)
+    real(dp), intent(inout) :: x(:)
+    logical, intent(out) :: failed
+    type(error_t), allocatable :: error
+    real(dp) :: column(size(x), 1)
+    real(dp), allocatable :: hessian(:, :)
+    integer :: i
+    allocate (hessian(coarse%n, coarse%n), source=0.0_dp)
+    do i = 1, coarse%n
+      hessian(i, i) = mu
+    end do
+    if (present(springs)) hessian = hessian + springs
+    call add_contact(coarse, k, position, hessian)
+    column(:, 1) = x
+    call solve_dense(hessian, column, error)
+    x = column(:, 1)
+    failed = allocated(error)
+  end subroutine solve_full
+
+  !> Bodies that share contact points, and an order to eliminate them in.
+  subroutine order_bodies(operator, coarse, start, neighbour, order)
+    type(contact_operator_t), intent(in) :: operator
+    type(coarse_space_t), intent(in) :: coarse
+    !> Neighbours of each body (n_bodies + 1); the body that comes k-th (n_bodies).
+    integer, allocatable, intent(out) :: start(:), neighbour(:), order(:)
+    type(error_t), allocatable :: error
+    integer, allocatable :: partner(:), list(:)
+    integer :: b, i, n
+    n = size(coarse%block)
+    allocate (start(n + 1), order(n), neighbour(0))
+    start(1) = 1
+    do b = 1, n
+      allocate (list(0))
+      if (coarse%first(b + 1) > coarse%first(b)) then
+        partner = sum(coarse%body(:, operator%block(b)%row), 1) - b
+        do while (size(partner) > 0)
+          i = partner(1)
+          if (i > 0) then
+            if (coarse%first(i + 1) > coarse%first(i)) list = [list, i]
+          end if
+          partner = pack(partner, partner /= i)
+        end do
+      end if
+      neighbour = [neighbour, list]
+      start(b + 1) = start(b) + size(list)
+      deallocate (list)
+    end do
+    call nested_dissection(start, neighbour, order, error)
+    if (allocated(error)) order = [(b, b=1, n)]
+  end subroutine order_bodies
+
+  !> The same without springs, by a sparse one.
+  subroutine solve_sparse(coarse, mu, k, position, start, neighbour, order, factor, x, failed)
+    type(coarse_space_t), intent(in) :: coarse
+    real(dp), intent(in) :: mu, k(:), position(:)
+    !> Of `order_bodies`.
+    integer, intent(in) :: start(:), neighbour(:), order(:)
+    !> Work space.
+    type(saddle_factor_t), intent(inout) :: factor
+    real(dp), intent(inout) :: x(:)
+    logical, intent(out) :: failed
+    type(error_t), allocatable :: error
+    integer :: n(size(order)), b, i, j, p, q, block
+    real(dp), allocatable :: springs(:, :), g_p(:, :), g_q(:, :)
+    n = coarse%first(2:) - coarse%first(:size(order))
+    call factor%init(n, [(1, b=1, size(order))], start, neighbour, order, error)
+    failed = allocated(error)
+    if (failed) return
+    do b = 1, size(order)
+      allocate (springs(n(b), n(b)), source=0.0_dp)
+      do j = 1, n(b)
+        springs(j, j) = mu
+      end do
+      call factor%add(b, b, springs)
+      deallocate (springs)
+    end do
+    do i = 1, size(position)
+      if (.not. position(i) > 0) cycle
+      do p = 1, 2
+        do q = 1, p
+          if (coarse%body(p, i) == 0 .or. coarse%body(q, i) == 0) cycle
+          if (n(coarse%body(p, i)) == 0 .or. n(coarse%body(q, i)) == 0) cycle
+          g_p = reshape(coarse%block(coarse%body(p, i))%value(coarse%place(p, i), :), [n(coarse%body(p, i)), 1])
+          g_q = reshape(coarse%block(coarse%body(q, i))%value(coarse%place(q, i), :), [1, n(coarse%body(q, i))])
+          call factor%add(coarse%body(p, i), coarse%body(q, i), k(i)*matmul(g_p, g_q))
+        end do
+      end do
+    end do
+    call factor%factorize([(0.0_dp, b=1, size(order))], block)
+    failed = block > 0
+    if (.not. failed) call factor%solve(x)
+    call factor%destroy()
+  end subroutine solve_sparse
 
   !> Add the sum of k_i G_i G_i^T over points under pressure.
   subroutine add_contact(coarse, k, position, hessian)

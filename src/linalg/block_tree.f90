@@ -1,0 +1,248 @@
+!> How a symmetric matrix of small dense blocks, most of them zero, is eliminated: what fills in, and in which order.
+!>
+!> Blocks that are eliminated one after the other and have nearly the same ones under them are a group: one panel, dense by columns, zeros
+!> included, so that products are of large matrices. Groups are the nodes of a tree, children before parents.
+module dotyk_linalg_block_tree
+  use dotyk_base_kinds, only: dp, int64
+  implicit none
+  private
+
+  !> The order of elimination and the structure of the factor.
+  type, public :: block_tree_t
+    !> Number of blocks, of groups, and order of the matrix.
+    integer :: n_blocks = 0, n_groups = 0, n = 0
+    !> Rows of each block, and the first of them (n_blocks), (n_blocks + 1).
+    integer, allocatable :: size(:), first(:)
+    !> The block that is eliminated k-th, and when each is (n_blocks).
+    integer, allocatable :: order(:), time(:)
+    !> Times of group g: begin(g) .. begin(g+1)-1 (n_groups + 1); group of each time (n_blocks).
+    integer, allocatable :: begin(:), group(:)
+    !> Times of the blocks under group g, ascending: under(under_start(g):under_start(g+1)-1) (n_groups + 1).
+    integer, allocatable :: under_start(:), under(:)
+    !> Columns and rows of the panels (n_groups).
+    integer, allocatable :: width(:), height(:)
+    !> Group that the first block under a group belongs to, 0 at roots (n_groups).
+    integer, allocatable :: parent(:)
+  contains
+    procedure :: init => tree_init
+    procedure :: entries => tree_entries
+    procedure :: operations => tree_operations
+  end type block_tree_t
+
+  !> A list of times.
+  type :: list_t
+    integer, allocatable :: item(:)
+  end type list_t
+
+  !> Zeros that a group may take in: this part of its entries, and so many anyway.
+  real(dp), parameter :: most_zeros = 0.2_dp, few_zeros = 500
+
+contains
+
+  !> Find the structure.
+  subroutine tree_init(self, sizes, start, neighbour, order)
+    class(block_tree_t), intent(out) :: self
+    !> Rows of each block (n_blocks).
+    integer, intent(in) :: sizes(:)
+    !> Blocks that are not zero beside the diagonal: neighbour(start(p):start(p+1)-1) of block p; symmetric (n_blocks + 1).
+    integer, intent(in) :: start(:), neighbour(:)
+    !> The block that comes k-th, but for the order of independent ones (n_blocks).
+    integer, intent(in) :: order(:)
+    type(list_t), allocatable :: under(:)
+    integer, allocatable :: parent(:), sequence(:), rank(:)
+    integer :: n, k
+    n = size(sizes)
+    self%n_blocks = n
+    self%n = sum(sizes)
+    self%size = sizes
+    allocate (self%first(n + 1), self%time(n))
+    self%first(1) = 1
+    do k = 1, n
+      self%first(k + 1) = self%first(k) + sizes(k)
+    end do
+    self%order = order
+    self%time(order) = [(k, k=1, n)]
+    call eliminate(self, start, neighbour, under, parent)
+    ! Blocks of a subtree one after the other.
+    call sort_tree(parent, sequence)
+    allocate (rank(n))
+    rank(sequence) = [(k, k=1, n)]
+    self%order = order(sequence)
+    self%time(self%order) = [(k, k=1, n)]
+    call collect_groups(self, under, rank, sequence)
+  end subroutine tree_init
+
+  !> What is under each block once those before it are eliminated.
+  subroutine eliminate(self, start, neighbour, under, parent)
+    type(block_tree_t), intent(in) :: self
+    integer, intent(in) :: start(:), neighbour(:)
+    !> By times (n_blocks); in no order.
+    type(list_t), allocatable, intent(out) :: under(:)
+    !> The first of them, 0 for none (n_blocks).
+    integer, allocatable, intent(out) :: parent(:)
+    integer :: last_child(self%n_blocks), next_child(self%n_blocks), mark(self%n_blocks), buffer(self%n_blocks)
+    integer :: k, i, c, n
+    allocate (under(self%n_blocks), parent(self%n_blocks))
+    last_child = 0
+    next_child = 0
+    mark = 0
+    do k = 1, self%n_blocks
+      n = 0
+      mark(k) = k
+      do i = start(self%order(k)), start(self%order(k) + 1) - 1
+        call take(self%time(neighbour(i)))
+      end do
+      c = last_child(k)
+      do while (c > 0)
+        do i = 1, size(under(c)%item)
+          call take(under(c)%item(i))
+        end do
+        c = next_child(c)
+      end do
+      under(k)%item = buffer(:n)
+      parent(k) = 0
+      if (n == 0) cycle
+      parent(k) = minval(buffer(:n))
+      next_child(k) = last_child(parent(k))
+      last_child(parent(k)) = k
+    end do
+  contains
+    !> Add a time to those under block k, once.
+    subroutine take(time)
+      integer, intent(in) :: time
+      if (time < k) return
+      if (mark(time) == k) return
+      mark(time) = k
+      n = n + 1
+      buffer(n) = time
+    end subroutine take
+  end subroutine eliminate
+
+  !> Nodes of a forest, children before parents, subtrees together.
+  pure subroutine sort_tree(parent, sequence)
+    !> Larger than the child's number, 0 at roots (n).
+    integer, intent(in) :: parent(:)
+    integer, allocatable, intent(out) :: sequence(:)
+    integer :: first_child(0:size(parent)), next(size(parent)), k, n
+    first_child = 0
+    do k = size(parent), 1, -1
+      next(k) = first_child(parent(k))
+      first_child(parent(k)) = k
+    end do
+    allocate (sequence(size(parent)))
+    n = 0
+    k = first_child(0)
+    do while (k > 0)
+      do while (first_child(k) > 0)
+        k = first_child(k)
+      end do
+      do
+        n = n + 1
+        sequence(n) = k
+        if (next(k) > 0) exit
+        k = parent(k)
+        if (k == 0) return
+      end do
+      k = next(k)
+    end do
+  end subroutine sort_tree
+
+  !> Put blocks together to groups, and say what each has under it.
+  subroutine collect_groups(self, under, rank, sequence)
+    type(block_tree_t), intent(inout) :: self
+    !> By former times (n_blocks).
+    type(list_t), intent(inout) :: under(:)
+    !> New time of each former one, and the former of each new one (n_blocks).
+    integer, intent(in) :: rank(:), sequence(:)
+    integer :: rows_under(self%n_blocks), k, n, width, more, last
+    real(dp) :: zeros, added
+    do k = 1, self%n_blocks
+      associate (item => under(sequence(k))%item)
+        item = rank(item)
+        rows_under(k) = sum(self%size(self%order(item)))
+      end associate
+    end do
+    allocate (self%begin(self%n_blocks + 1), self%group(self%n_blocks))
+    n = 0
+    last = 0
+    width = 0
+    zeros = 0
+    do k = 1, self%n_blocks
+      associate (own => self%size(self%order(k)))
+        if (last > 0) then
+          if (any(under(sequence(last))%item == k)) then
+            ! Rows that the columns before do not have.
+            more = own + rows_under(k) - rows_under(last)
+            added = real(width, dp)*more
+            if (zeros + added <= max(few_zeros, most_zeros*real(width + own, dp)*(width + own + rows_under(k)))) then
+              zeros = zeros + added
+              width = width + own
+              self%group(k) = n
+              last = k
+              cycle
+            end if
+          end if
+        end if
+        last = k
+        n = n + 1
+        self%begin(n) = k
+        self%group(k) = n
+        width = own
+        zeros = 0
+      end associate
+    end do
+    self%n_groups = n
+    self%begin(n + 1) = self%n_blocks + 1
+    self%begin = self%begin(:n + 1)
+    call describe_groups(self, under, rows_under, sequence)
+  end subroutine collect_groups
+
+  !> Sizes, parents and what is under the groups: what is under the last block of each.
+  subroutine describe_groups(self, under, rows_under, sequence)
+    type(block_tree_t), intent(inout) :: self
+    type(list_t), intent(in) :: under(:)
+    !> Rows under each block (n_blocks).
+    integer, intent(in) :: rows_under(:), sequence(:)
+    logical :: marked(self%n_blocks)
+    integer :: g, last, i, k
+    allocate (self%width(self%n_groups), self%height(self%n_groups), self%parent(self%n_groups), source=0)
+    allocate (self%under_start(self%n_groups + 1))
+    allocate (self%under(sum([(size(under(sequence(self%begin(g + 1) - 1))%item), g=1, self%n_groups)])))
+    marked = .false.
+    self%under_start(1) = 1
+    do g = 1, self%n_groups
+      last = self%begin(g + 1) - 1
+      self%width(g) = sum(self%size(self%order(self%begin(g):last)))
+      self%height(g) = self%width(g) + rows_under(last)
+      associate (item => under(sequence(last))%item)
+        marked(item) = .true.
+        i = self%under_start(g)
+        if (size(item) > 0) then
+          do k = minval(item), maxval(item)
+            if (.not. marked(k)) cycle
+            self%under(i) = k
+            i = i + 1
+          end do
+          self%parent(g) = self%group(self%under(self%under_start(g)))
+        end if
+        marked(item) = .false.
+        self%under_start(g + 1) = i
+      end associate
+    end do
+  end subroutine describe_groups
+
+  !> Entries of all panels.
+  pure integer(int64) function tree_entries(self) result(entries)
+    class(block_tree_t), intent(in) :: self
+    entries = sum(int(self%width, int64)*self%height)
+  end function tree_entries
+
+  !> Floating-point operations of a factorization.
+  pure real(dp) function tree_operations(self) result(operations)
+    class(block_tree_t), intent(in) :: self
+    real(dp) :: w(self%n_groups), h(self%n_groups)
+    w = self%width
+    h = self%height - w
+    operations = sum(w**3/3 + w**2*h + w*h**2)
+  end function tree_operations
+end module dotyk_linalg_block_tree

@@ -1,0 +1,198 @@
+#!/usr/bin/python3
+"""Bodies that nothing holds at their worst: many of them, balanced on an edge, turned against nothing, pressing on each other alone."""
+import os
+import subprocess
+import sys
+
+import numpy as np
+
+import dotyk_case
+from blocks import block_geo
+
+sys.path.insert(0, str(dotyk_case.ROOT / "tools"))
+import balls  # noqa: E402
+
+YOUNG = 200.0
+DISC = """SetFactory("OpenCASCADE");
+Disk(1) = {0, 1, 0, 1};
+Mesh.MeshSizeMax = 0.2;  Mesh.ElementOrder = 2;
+Physical Surface("disc") = {1};
+Physical Curve("rim") = {1};
+"""
+SOCKET = """SetFactory("OpenCASCADE");
+Rectangle(1) = {-2, -1, 0, 4, 4};
+Disk(2) = {0, 1, 0, 1};
+BooleanDifference{ Surface{1}; Delete; }{ Surface{2}; Delete; }
+Mesh.MeshSizeMax = 0.3;  Mesh.ElementOrder = 2;
+Physical Surface("socket") = {1};
+h() = Curve In BoundingBox {-1.1, -0.1, -0.1, 1.1, 2.1, 0.1};
+Physical Curve("hole") = {h()};
+b() = Curve In BoundingBox {-2.1, -1.1, -0.1, 2.1, -0.9, 0.1};
+Physical Curve("bottom") = {b()};
+"""
+RIDGE = """Point(1) = {-1, 0, 0};  Point(2) = {1, 0, 0};  Point(3) = {0, 1, 0};
+Line(1) = {1, 2};  Line(2) = {2, 3};  Line(3) = {3, 1};
+Curve Loop(1) = {1, 2, 3};  Plane Surface(1) = {1};
+Mesh.MeshSizeMax = 0.25;
+Physical Surface("ridge") = {1};
+Physical Curve("bottom") = {1};
+Physical Curve("sides") = {2, 3};
+"""
+
+
+class FreeExtreme(dotyk_case.Case):
+    """Plane scenes, and balls."""
+
+    def block(self, name, n, origin, size):
+        """Lines of a block."""
+        self.write(name + ".geo", block_geo("quad8", n, origin, size))
+        return "&body name='%s', mesh='%s.geo', volume='block', material='m' /\n" % (name, name)
+
+    def scene(self, text, solver="theta=0, tolerance=1e-8"):
+        self.write("case.nml", "&scene analysis='plane_strain' /\n&material name='m', young=%r, poisson=0.3 /\n%s&solver %s /\n"
+                   "&output fields='displacement contact', error_parts='' /\n" % (YOUNG, text, solver))
+
+    def solve(self):
+        """Run; returns log and results."""
+        log = self.dotyk("case.nml")
+        file = self.results("case.vtkhdf")
+        self.assertEqual(file["dotyk/summary"].attrs["converged"], 1)
+        return log, file
+
+    def refuse(self, *parts):
+        done = subprocess.run([os.environ["DOTYK"], "case.nml"], cwd=self.folder, text=True, timeout=60,
+                              stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+        self.assertEqual(done.returncode, 3, done.stdout + done.stderr)
+        for part in parts:
+            self.assertIn(part, done.stderr)
+
+    def test_balls_in_a_box(self):
+        """27 balls on each other, with and without layers: each is in equilibrium, the floor carries all."""
+        for options in ("theta_mesh=1e-2, tolerance=1e-6", "theta=0, tolerance=1e-6"):
+            with self.subTest(options):
+                n_balls, _ = balls.write_scene(self.folder, (3, 3, 3), options)
+                log = self.dotyk("balls.nml")
+                weight, spread, floor, summary = balls.check_statics(self.folder / "balls.vtkhdf")
+                self.assertEqual((summary["converged"], summary["free_motions"]), (1, 6 * n_balls))
+                self.assertLessEqual(summary["error_bound"], 1e-6)
+                self.assertAlmostEqual(weight / (4 * np.pi / 3), 1, delta=0.1)  # of a ball of triangles
+                self.assertLess(spread, 1e-10)
+                self.assertLess(floor, 1e-9)
+                # Active sets alone had not ended after 60.
+                self.assertLessEqual(summary["iterations"], 20)
+                self.assertNotIn("proximal", log)
+
+    def test_row_of_a_hundred(self):
+        """A hundred blocks on a frictionless floor, pushed against a wall: the push arrives, and weight does not matter."""
+        n = 100
+        self.write("one.geo", block_geo("quad8", 1, (0, 0), (1, 1)).replace(
+            'Physical Surface("block")', 'l() = Curve In BoundingBox {-0.1, -0.1, -0.1, 0.1, 1.1, 0.1};\nPhysical Curve("left") = {l()};\n'
+            'r() = Curve In BoundingBox {0.9, -0.1, -0.1, 1.1, 1.1, 0.1};\nPhysical Curve("right") = {r()};\nPhysical Surface("block")'))
+        text = self.block("floor", 4, (0, -1), (n, 1)) + self.block("wall", 1, (n, 0), (1, 1))
+        text += "".join("&support body='%s', surface='bottom', fix='xy' /\n" % name for name in ("floor", "wall"))
+        text += "&support body='wall', surface='top', fix='xy' /\n"
+        for k in range(n):
+            text += "&body name='b%d', mesh='one.geo', volume='block', material='m', at=%d,0 /\n" % (k, k)
+            text += "&load body='b%d', force_density=0,-1e-3 /\n" % k
+            text += "&contact name='on %d', surface_a='b%d:bottom', surface_b='floor:top' /\n" % (k, k)
+            if k < n - 1:
+                text += "&contact name='joint %d', surface_a='b%d:right', surface_b='b%d:left' /\n" % (k, k, k + 1)
+        text += "&contact name='joint %d', surface_a='b%d:right', surface_b='wall:sides x' /\n" % (n - 1, n - 1)
+        text += "&load body='b0', surface='left', pressure=1e-2 /\n"
+        self.scene(text)
+        file = self.solve()[1]
+        self.assertEqual(file["dotyk/summary"].attrs["free_motions"], 3 * n)
+        self.assertLessEqual(file["dotyk/summary"].attrs["iterations"], 20)
+        for k in range(n):
+            self.assertAlmostEqual(file["dotyk/contact/joint %d" % k].attrs["force"][0], -1e-2, delta=1e-11)
+            self.assertAlmostEqual(file["dotyk/contact/on %d" % k].attrs["force"][1], 1e-3, delta=1e-11)
+
+    def test_balanced_on_an_edge(self):
+        """The weight exactly above the edge: the tilt is not determined, and there is none."""
+        self.write("ridge.geo", RIDGE)
+        text = "&body name='ridge', mesh='ridge.geo', volume='ridge', material='m' /\n" + self.block("beam", 4, (-2, 1), (4, 1))
+        text += "&support body='ridge', surface='bottom', fix='xy' /\n&load body='beam', force_density=0,-1 /\n"
+        text += "&contact name='edge', surface_a='ridge:sides', surface_b='beam:bottom' /\n"
+        self.scene(text)
+        log, file = self.solve()
+        self.assertIn("'beam': translation along (1, 0) and rotation about (0, 1.5); the least motion is taken", log)
+        self.assertAlmostEqual(file["dotyk/contact/edge"].attrs["force"][1], -4, delta=1e-10)
+        x, u = file["VTKHDF/Points"][:], file["VTKHDF/PointData/displacement"][:]
+        ends = [np.argmin(np.abs(x[:, :2] - [side, 1.5]).sum(axis=1)) for side in (-2, 2)]
+        self.assertAlmostEqual(u[ends[0], 1], u[ends[1], 1], delta=1e-9)
+
+    def test_on_the_rim_of_its_support(self):
+        """A beam whose weight stands exactly above the last point of its support, and one farther out."""
+        for centre in (0.5, 0.5 + 1e-6, 0.6):
+            text = self.block("post", 2, (-0.5, 0), (1, 1)) + self.block("beam", 4, (centre - 2, 1), (4, 1))
+            text += "&support body='post', surface='bottom', fix='xy' /\n&load body='beam', force_density=0,-1 /\n"
+            text += "&contact name='joint', surface_a='post:top', surface_b='beam:bottom' /\n"
+            self.scene(text)
+            if centre > 0.5:
+                self.refuse("body 'beam'", "rotation about")
+                continue
+            self.assertAlmostEqual(self.solve()[1]["dotyk/contact/joint"].attrs["force"][1], -4, delta=1e-9)
+
+    def test_turned_against_nothing(self):
+        """A disc in a frictionless socket: it carries the weight, and no torque."""
+        self.write("disc.geo", DISC)
+        self.write("socket.geo", SOCKET)
+        text = "".join("&body name='%s', mesh='%s.geo', volume='%s', material='m' /\n" % (name, name, name) for name in ("disc", "socket"))
+        text += "&support body='socket', surface='bottom', fix='xy' /\n&load body='disc', force_density=0,-1 /\n"
+        text += "&contact name='joint', surface_a='disc:rim', surface_b='socket:hole' /\n"
+        self.scene(text)
+        # Facets are inside the circle.
+        self.assertAlmostEqual(self.solve()[1]["dotyk/contact/joint"].attrs["force"][1] / np.pi, 1, delta=1e-3)
+        (self.folder / "case.vtkhdf").unlink()
+        self.scene(text + "&load body='disc', surface='rim', traction_formula='-0.1*(y-1)','0.1*x' /\n")
+        self.refuse("body 'disc'", "rotation about", "resultant 0.628", "no contact can stop")
+
+    def test_pushed_along_the_floor(self):
+        """Nothing stops a disc sideways. A torque rolls it until its next points carry it, and the log says how far."""
+        self.write("disc.geo", DISC)
+        text = "&body name='disc', mesh='disc.geo', volume='disc', material='m' /\n" + self.block("floor", 6, (-3, -1), (6, 1))
+        text += "&support body='floor', surface='bottom', fix='xy' /\n"
+        text += "&contact name='joint', surface_a='disc:rim', surface_b='floor:top' /\n"
+        self.scene(text + "&load body='disc', force_density=0.1,-1 /\n")
+        self.refuse("body 'disc'", "translation along (1, 0)", "no contact can stop")
+        self.scene(text + "&load body='disc', force_density=0,-1 /\n"
+                   "&load body='disc', surface='rim', traction_formula='-0.1*(y-1)','0.1*x' /\n")
+        log, file = self.solve()
+        self.assertIn("turns far        'disc': points move by", log)
+        # The resultant moves to where it balances the torque.
+        joint = file["dotyk/contact/joint"]
+        force = joint["weight"][:] * joint["pressure"][:]
+        self.assertAlmostEqual(-np.sum(force * joint["position"][:, 0]), 0.2 * np.pi, delta=5e-3)
+        self.assertNotIn("turns far", self.still(text))
+
+    def still(self, text):
+        """The log of the disc under its weight alone."""
+        self.scene(text + "&load body='disc', force_density=0,-1 /\n")
+        return self.solve()[0]
+
+    def test_pressing_on_each_other_alone(self):
+        """Two free blocks under opposite loads: the joint's pressure is exact, where they are is not determined, and they stay."""
+        text = self.block("a", 3, (0, 0), (1, 1)) + self.block("b", 2, (0, 1), (1, 1))
+        text += "&contact name='joint', surface_a='b:bottom', surface_b='a:top' /\n&load body='a', surface='bottom', pressure=1 /\n"
+        self.scene(text + "&load body='b', surface='top', pressure=1 /\n")
+        log, file = self.solve()
+        for name in "ab":
+            self.assertIn("not determined   '%s': translation along (1, 0), translation along (0, 1) and rotation" % name, log)
+        np.testing.assert_allclose(file["dotyk/contact/joint/pressure"][:], 1, rtol=1e-9)
+        u = file["VTKHDF/PointData/displacement"][:]
+        self.assertLess(np.abs(u).max(), 2 / YOUNG)
+        self.assertAlmostEqual(u[:, 1].max(), -u[:, 1].min(), delta=1e-3 / YOUNG)
+        (self.folder / "case.vtkhdf").unlink()
+        self.scene(text + "&load body='b', surface='top', pressure=1.1 /\n")
+        self.refuse("translation along (0, 1)", "no contact can stop")
+
+    def test_nothing_at_all(self):
+        """A free body without contact and load stays where it is."""
+        self.scene(self.block("alone", 1, (0, 0), (1, 1)))
+        log, file = self.solve()
+        self.assertIn("not determined   'alone'", log)
+        np.testing.assert_array_equal(file["VTKHDF/PointData/displacement"][:], 0)
+
+
+if __name__ == "__main__":
+    dotyk_case.main()
