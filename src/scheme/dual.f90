@@ -9,6 +9,7 @@
 module dotyk_scheme_dual
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use dotyk_base_error, only: error_t
+  use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
   use dotyk_base_text, only: to_text
@@ -18,8 +19,8 @@ module dotyk_scheme_dual
   use dotyk_scheme_bounds, only: duality_gap
   use dotyk_scheme_choice, only: choose_solver, solver_auto
   use dotyk_scheme_explicit, only: explicit_compliance_t
-  use dotyk_scheme_history, only: history_t, scheme_result_t, ended_converged, ended_immovable, ended_limit, ended_stalled, &
-    ended_unstoppable
+  use dotyk_scheme_history, only: history_t, scheme_result_t, ended_converged, ended_immovable, ended_interrupted, ended_limit, &
+    ended_stalled, ended_unstoppable
   use dotyk_scheme_nested, only: few_points, find_start
   use dotyk_scheme_part, only: give_back, keep_rows
   use dotyk_scheme_problem, only: contact_problem_t
@@ -35,8 +36,6 @@ module dotyk_scheme_dual
     integer :: max_iterations = 100
     !> One of `solver_*` of `dotyk_scheme_choice`.
     integer :: linear_solver = solver_auto
-    !> Look whether points that were left out have closed.
-    logical :: check_all = .true.
   end type dual_settings_t
 
   public :: solve_dual
@@ -71,6 +70,7 @@ contains
 
     if (present(start)) then
       keep = start%m > 0
+      if (allocated(start%closed)) keep = keep .or. start%closed
       state = start
     else
       call rows_to_begin_with(problem, keep, result)
@@ -90,17 +90,25 @@ contains
         if (allocated(state)) call restrict(keep, state)
         call solve_rows(part, settings, log, compliance, system, result, error, state)
         call give_back(part, problem)
-        if (.not. allocated(error) .and. allocated(result%m)) call complete(problem, keep, settings%check_all, result)
+        if (.not. allocated(error) .and. allocated(result%m)) call complete(problem, keep, result)
       end if
       call result%history%finish()
       call result%history%put_behind(earlier)
-      if (allocated(error) .or. all(keep) .or. .not. settings%check_all .or. .not. allocated(result%m)) exit
+      if (allocated(error) .or. all(keep) .or. .not. allocated(result%m)) exit
       late = .not. keep .and. result%y > rounding*maxval(abs(problem%y_free))
       if (.not. any(late)) exit
+      if (interrupted()) then
+        ! The bound is that of the points that were kept.
+        result%ended = ended_interrupted
+        result%error_bound = huge(result%error_bound)
+        exit
+      end if
       ! How far they went says how far others may.
       keep = keep .or. result%y > -2*maxval(result%y, mask=late)
       earlier = result%history
-      if (allocated(state)) deallocate (state)
+      if (allocated(problem%keeper)) problem%keeper%before = earlier
+      ! From a state that was near, the next one is; one that groups of points gave is found anew.
+      if (allocated(state)) state = result
     end do
     call system%destroy()
     result%iterations = result%history%n
@@ -139,25 +147,21 @@ contains
     type(scheme_result_t), intent(inout) :: state
     state%m = pack(state%m, keep)
     state%y = pack(state%y, keep)
+    if (allocated(state%closed)) state%closed = pack(state%closed, keep)
   end subroutine restrict
 
   !> The state on all rows, from that on some of them.
-  subroutine complete(problem, keep, look, result)
+  subroutine complete(problem, keep, result)
     type(contact_problem_t), intent(inout) :: problem
     logical, intent(in) :: keep(:)
-    !> Whether to find out how open the others are.
-    logical, intent(in) :: look
     type(scheme_result_t), intent(inout) :: result
     real(dp), allocatable :: z(:), motion(:)
     allocate (z(size(keep)), motion(size(keep)), source=0.0_dp)
     result%m = unpack(result%m, keep, z)
-    if (look) then
-      call problem%compliance(problem%operator%weight*result%m, z)
-      call problem%coarse%displacement(problem%operator, result%alpha/problem%coarse%scale, motion)
-      result%y = unpack(result%y, keep, problem%y_free - z + motion)
-    else
-      result%y = unpack(result%y, keep, min(0.0_dp, problem%y_free))
-    end if
+    if (allocated(result%closed)) result%closed = unpack(result%closed, keep, .false.)
+    call problem%compliance(problem%operator%weight*result%m, z)
+    call problem%coarse%displacement(problem%operator, result%alpha/problem%coarse%scale, motion)
+    result%y = unpack(result%y, keep, problem%y_free - z + motion)
   end subroutine complete
 
   !> Solve on all rows of a problem.
@@ -180,6 +184,7 @@ contains
       now%y = start%y
       now%alpha = start%alpha/problem%coarse%scale
       active = start%m > 0
+      if (allocated(start%closed)) active = start%closed
     else
       allocate (active(problem%operator%n_rows))
       call find_start(problem, compliance, now, active, error)
@@ -218,22 +223,30 @@ contains
     class(active_system_t), intent(in) :: system
     type(iterate_t), intent(inout) :: now
     type(scheme_result_t), intent(inout) :: result
-    real(dp) :: norm
+    real(dp) :: norm, admissible
     integer :: i
     now%lambda = max(0.0_dp, now%lambda)
     call update_penetrations(problem, compliance, now)
     result%m = now%lambda/problem%operator%weight
     result%y = now%y
     result%alpha = problem%coarse%scale*now%alpha
-    result%undetermined = system%null_motion
+    if (result%ended == ended_interrupted) then
+      allocate (result%undetermined(size(now%alpha), 0))
+    else
+      result%undetermined = system%null_motion
+    end if
     do i = 1, size(result%undetermined, 2)
       result%undetermined(:, i) = problem%coarse%scale*result%undetermined(:, i)
     end do
     norm = reference_norm(problem, now)
     result%error_bound = huge(norm)
     if (is_balanced(problem, now%lambda, now%alpha)) then
-      result%error_bound = min(sqrt(duality_gap(problem%operator%weight, problem%operator%theta, result%m, result%y)), &
-                               admissible_bound(problem, compliance, system, now))
+      result%error_bound = sqrt(duality_gap(problem%operator%weight, problem%operator%theta, result%m, result%y))
+      admissible = huge(norm)
+      if (result%ended /= ended_interrupted) admissible = admissible_bound(problem, compliance, system, now)
+      ! A bound from half a solution is none.
+      if (interrupted()) admissible = huge(norm)
+      result%error_bound = min(result%error_bound, admissible)
       ! Beyond 1e150 a bound is none.
       if (norm > 0) result%error_bound = min(result%error_bound, 1.0e150_dp*norm)/norm
       if (result%error_bound >= 0.99e150_dp) result%error_bound = huge(norm)
@@ -248,8 +261,10 @@ contains
       result%history%energy(result%history%n) = result%energy
       result%history%max_penetration(result%history%n) = result%max_penetration
     end if
-    if (result%ended == ended_converged .and. result%error_bound > settings%tolerance) result%ended = ended_stalled
-    if (result%ended == ended_limit .and. result%error_bound <= settings%tolerance) result%ended = ended_converged
+    if (result%ended == ended_converged .and. result%error_bound > settings%tolerance) &
+      result%ended = merge(ended_interrupted, ended_stalled, interrupted())
+    if (any(result%ended == [ended_limit, ended_interrupted]) .and. result%error_bound <= settings%tolerance) &
+      result%ended = ended_converged
   end subroutine finish
 
   !> A bound of ||u - u_theta||_A that needs no theta: the norm of a displacement g, self-equilibrated forces and rigid motions, with

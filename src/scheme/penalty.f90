@@ -2,7 +2,8 @@
 !>
 !> From the active set of u_theta, the dual scheme needs a step or two to that of theta = 0, and the compliance that it works
 !> with is there already, or costs less than the iteration of another scheme. So the estimate is no asymptotic one: it is
-!> the distance itself, up to the guaranteed bounds of both solutions, which are added to it. A duality gap between u_theta and an
+!> the distance itself, up to the guaranteed bounds of both solutions, which are added to it. Points that are open with the penalty may
+!> close without it: those that were left out are looked at too. A duality gap between u_theta and an
 !> admissible displacement would be no cheaper (making it admissible is that same problem) and too large by the energy of the correction.
 module dotyk_scheme_penalty
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan, ieee_quiet_nan, ieee_value
@@ -43,7 +44,6 @@ contains
     if (.not. any(problem%operator%theta > 0)) return
     call silent%init(.true.)
     settings%linear_solver = linear_solver
-    settings%check_all = .false.
     penalized = result
     if (.not. is_solved) call solve_dual(problem, settings, silent, compliance, penalized, error, start=result)
     if (allocated(error)) return
