@@ -22,6 +22,7 @@ module dotyk_driver_run_case
   use dotyk_driver_fingerprint, only: fingerprint
   use dotyk_driver_factorization, only: factor_size_t, analyze_bodies, attach_bodies, check_memory, factorize_bodies
   use dotyk_driver_free_scene, only: free_body_t, solve_free_scene
+  use dotyk_driver_locking, only: show_locking
   use dotyk_driver_pairs, only: find_pairs
   use dotyk_driver_parallel, only: use_threads, share_solves, set_blas_threads
   use dotyk_driver_pressures, only: pair_solution_t, nodal_field_t, project_pressures
@@ -174,6 +175,7 @@ contains
     if (allocated(error)) return
     call run%watch%lap(run%timing%order)
     call show_bodies(run%log, run%case, run%body, run%kinds, run%size_of)
+    call show_locking(run%log, run%case, run%body, run%kinds)
     call show_pairs(run%log, run%body, run%pair, run%surface_a, run%surface_b)
     call run%log%line('')
     if (allocated(run%saved) .or. len(run%case%output%checkpoint) > 0) &

@@ -24,6 +24,9 @@ module dotyk_elasticity_material
     real(dp) :: stiffness(6, 6) = 0
     !> Formula of a factor on the stiffness in x, y, z; not allocated: 1 everywhere.
     character(:), allocatable :: factor_text
+    !> Bulk over shear modulus, and the bulk modulus, where the dilatation may be projected; 0 where it is not to be, see
+    !> `project_dilatation` [1], [pressure].
+    real(dp) :: incompressibility = 0, bulk = 0
   contains
     procedure :: init_isotropic => material_init_isotropic
     procedure :: init_orthotropic => material_init_orthotropic
@@ -31,6 +34,10 @@ module dotyk_elasticity_material
     procedure :: compliance_young => material_compliance_young
     procedure :: plane_matrix => material_plane_matrix
     procedure :: has_factor => material_has_factor
+    procedure :: bulk_modulus => material_bulk_modulus
+    procedure :: bulk_over_shear => material_bulk_over_shear
+    procedure :: project_dilatation => material_project_dilatation
+    procedure :: split => material_split
   end type material_t
 
   public :: rotate_stiffness
@@ -307,6 +314,81 @@ contains
       matrix(:, s) = 0
     end do
   end function material_plane_matrix
+
+  !> Bulk modulus: pressure over dilatation under the same pressure from all sides [pressure].
+  real(dp) function material_bulk_modulus(self) result(bulk)
+    class(material_t), intent(in) :: self
+    type(error_t), allocatable :: error
+    real(dp) :: compliance(6, 6)
+    if (self%isotropic) then
+      bulk = self%lambda + 2*self%mu/3
+    else
+      call invert(self%stiffness, kelvin, compliance, error)
+      bulk = 0
+      if (.not. allocated(error)) bulk = 1/sum(compliance(1:3, 1:3))
+    end if
+  end function material_bulk_modulus
+
+  !> Bulk over shear modulus: how near to incompressible the material is.
+  !>
+  !> The shear modulus of an anisotropic material is half the third of the five stiffnesses against changes of shape: layers that slide
+  !> do not make it incompressible, nor fibres compressible.
+  real(dp) function material_bulk_over_shear(self) result(ratio)
+    class(material_t), intent(in) :: self
+    type(error_t), allocatable :: error
+    real(dp) :: deviator(6, 6), values(6), vectors(6, 6)
+    integer :: i
+    if (self%isotropic) then
+      ratio = self%bulk_modulus()/self%mu
+      return
+    end if
+    deviator = 0
+    do i = 1, 6
+      deviator(i, i) = 1
+    end do
+    deviator(1:3, 1:3) = deviator(1:3, 1:3) - 1.0_dp/3
+    ! Dilatation is no change of shape: its eigenvalue is 0, below all others.
+    call symmetric_eigen(matmul(deviator, matmul(scaled(self%stiffness, kelvin), deviator)), values, vectors, error)
+    ratio = 0
+    if (.not. allocated(error)) ratio = 2*self%bulk_modulus()/values(4)
+  end function material_bulk_over_shear
+
+  !> Let the dilatation be projected where it is nearly incompressible.
+  subroutine material_project_dilatation(self)
+    class(material_t), intent(inout) :: self
+    self%incompressibility = self%bulk_over_shear()
+    self%bulk = self%bulk_modulus()
+  end subroutine material_project_dilatation
+
+  !> The material in an analysis in two parts: the first goes with the strains, the second with the projected dilatation alone.
+  subroutine material_split(self, analysis, kept, matrix, lambda, bulk)
+    class(material_t), intent(in) :: self
+    !> One of dotyk_elasticity_analysis' constants.
+    integer, intent(in) :: analysis
+    !> How much bulk over shear modulus the first part keeps; the second one is what is beyond that.
+    real(dp), intent(in) :: kept
+    !> From strains to stresses, without the second part (6, 6) [pressure].
+    real(dp), intent(out) :: matrix(6, 6)
+    !> Lame's constant of an isotropic material, without the second part [pressure].
+    real(dp), intent(out) :: lambda
+    !> Bulk modulus of the second part; 0 for none, as always in plane stress, which lets the volume change [pressure].
+    real(dp), intent(out) :: bulk
+    integer :: i
+    matrix = self%plane_matrix(analysis)
+    lambda = self%lambda
+    bulk = 0
+    if (.not. self%incompressibility > kept .or. analysis == analysis_plane_stress) return
+    bulk = (1 - kept/self%incompressibility)*self%bulk
+    if (self%isotropic) then
+      lambda = (kept - 2.0_dp/3)*self%mu
+      matrix(1:3, 1:3) = lambda
+      do i = 1, 3
+        matrix(i, i) = lambda + 2*self%mu
+      end do
+    else
+      matrix(1:3, 1:3) = matrix(1:3, 1:3) - bulk
+    end if
+  end subroutine material_split
 
   !> Whether the stiffness depends on the place.
   pure logical function material_has_factor(self) result(has)
