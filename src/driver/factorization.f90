@@ -12,6 +12,7 @@ module dotyk_driver_factorization
   use dotyk_response_demand, only: response_demand_t
   use dotyk_response_full, only: full_response_t
   use dotyk_response_response, only: response_slot_t
+  use dotyk_response_soft_motions, only: tell_apart
   implicit none
   private
 
@@ -182,10 +183,12 @@ contains
   !> Factorize the first bodies of all kinds, the largest first: as many side by side as there are threads, and threads that no
   !> body is left for help the others with theirs. Their stiffnesses are given back one by one. The digits are the same on any
   !> number of threads.
-  subroutine factorize_bodies(body, kinds, take_apart, response, size_of, error)
+  subroutine factorize_bodies(body, kinds, block, take_apart, response, size_of, error)
     !> Assembled (n_bodies); without stiffness on return.
     type(body_t), intent(inout) :: body(:)
     type(kinds_t), intent(in) :: kinds
+    !> Where they may touch (n_bodies).
+    type(contact_block_t), intent(in) :: block(:)
     !> Whether the scheme can treat soft motions apart.
     logical, intent(in) :: take_apart
     !> Analysed (n_bodies).
@@ -213,7 +216,8 @@ contains
     if (allocated(error)) return
     do b = 1, size(body)
       if (.not. kinds%leads(b)) call share_condensed(response(kinds%first(b)), response(b))
-      call adopt_soft_motions(response(kinds%first(b)), response(b), body(b))
+      call adopt_soft_motions(response(kinds%first(b)), block(b), response(b), body(b), error)
+      if (allocated(error)) return
     end do
   end subroutine factorize_bodies
 
@@ -231,11 +235,15 @@ contains
   end subroutine share_condensed
 
   !> Take the soft motions of the first body of the kind, if it has any.
-  subroutine adopt_soft_motions(first, slot, body)
+  subroutine adopt_soft_motions(first, block, slot, body, error)
     type(response_slot_t), intent(in) :: first
+    type(contact_block_t), intent(in) :: block
     type(response_slot_t), intent(inout) :: slot
     type(body_t), intent(inout) :: body
+    type(error_t), allocatable, intent(out) :: error
     type(digits_t) :: digits
+    real(dp), allocatable :: at_rows(:, :)
+    integer :: k
     select type (owner => first%form)
     type is (full_response_t)
       if (.not. allocated(owner%digits%motion)) return
@@ -243,6 +251,13 @@ contains
     end select
     select type (full => slot%form)
     type is (full_response_t)
+      call full%adopt_soft_motions(digits)
+      allocate (at_rows(size(block%row), full%n_motions))
+      do k = 1, full%n_motions
+        if (size(block%row) > 0) call block%matrix%multiply(full%motion(:, k), at_rows(:, k))
+      end do
+      call tell_apart(at_rows, digits%motion, digits%stiffness, error)
+      if (allocated(error)) return
       call full%adopt_soft_motions(digits)
     end select
     call body%adopt_soft_motions(digits%motion)

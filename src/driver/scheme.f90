@@ -64,6 +64,11 @@ contains
       end if
     end do
     call problem%coarse%init(problem%operator, problem%response, resultant, lift)
+    do b = 1, size(body)
+      associate (first => problem%coarse%first(b), last => problem%coarse%first(b + 1) - 1)
+        if (body(b)%is_soft) problem%coarse%resultant_size(first:last) = problem%coarse%scale(first:last)*body(b)%resultant_size
+      end associate
+    end do
   end subroutine prepare_coarse_space
 
   !> Solve.

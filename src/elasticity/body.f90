@@ -47,6 +47,8 @@ module dotyk_elasticity_body
     logical :: is_soft = .false.
     !> What given displacements add to the resultants, of soft motions (n_motions) [force].
     real(dp), allocatable :: lift_resultant(:)
+    !> What the resultants on soft motions are made up of, without signs (n_motions) [force].
+    real(dp), allocatable :: resultant_size(:)
     !> The same motions as translations and rotations, to say them; their number alone where they are soft.
     type(free_motions_t) :: motions
     !> Adjacency of the nodes, see `node_graph`; may be deallocated when no longer needed.
@@ -175,14 +177,16 @@ contains
       call self%constraint%expand(motion(:, k), self%free_motion(:, :, k), .false.)
     end do
     call self%constraint%reduce(self%load, load)
-    self%resultant = matmul(self%rhs, motion)
     self%lift_resultant = matmul(self%rhs - load, motion)
+    ! Resultants as small as the springs are do count.
+    self%resultant = matmul(self%rhs, motion)
+    self%resultant_size = matmul(abs(self%rhs), abs(motion))
   end subroutine body_adopt_soft_motions
 
   !> Young's modulus for scales: of the softest global direction, mean over the body [pressure].
   real(dp) function body_young(self) result(young)
     class(body_t), intent(in) :: self
-    young = self%material%compliance_young()*self%mean_factor
+    young = self%material%least_young*self%mean_factor
   end function body_young
 
   !> Give all memory back.

@@ -3,7 +3,7 @@
 !> A node has the global axes or axes of its own (columns of a frame); its unknowns are the displacements along them.
 !> Free unknowns are numbered by nodes, in the order of nodes and axes. Vectors outside are always in global axes.
 module dotyk_elasticity_constraint
-  use dotyk_base_kinds, only: dp
+  use dotyk_base_kinds, only: dp, qp
   implicit none
   private
 
@@ -24,6 +24,7 @@ module dotyk_elasticity_constraint
     procedure :: number_equations => constraint_number_equations
     procedure :: reduce => constraint_reduce
     procedure :: expand => constraint_expand
+    procedure :: expand_long => constraint_expand_long
   end type constraint_t
 
   !> Mark of an unknown that is given, in `equation` before `number_equations`.
@@ -103,4 +104,22 @@ contains
       u(:, i) = local
     end do
   end subroutine constraint_expand
+
+  !> The same in more digits.
+  pure subroutine constraint_expand_long(self, x, u, with_prescribed)
+    class(constraint_t), intent(in) :: self
+    !> As in `expand`.
+    real(qp), intent(in) :: x(:)
+    real(qp), intent(out) :: u(:, :)
+    logical, intent(in) :: with_prescribed
+    integer :: i, k
+    do i = 1, size(u, 2)
+      do k = 1, size(u, 1)
+        u(k, i) = 0
+        if (with_prescribed) u(k, i) = self%prescribed(k, i)
+        if (self%equation(k, i) > 0) u(k, i) = x(self%equation(k, i))
+      end do
+      if (self%frame_of(i) > 0) u(:, i) = matmul(real(self%frame(:, :, self%frame_of(i)), qp), u(:, i))
+    end do
+  end subroutine constraint_expand_long
 end module dotyk_elasticity_constraint

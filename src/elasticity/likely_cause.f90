@@ -20,7 +20,7 @@ module dotyk_elasticity_likely_cause
 
 contains
 
-  !> The causes in words; the supports, where nothing else is found.
+  !> The causes in words; empty where none is found.
   function likely_cause(mesh, analysis, material) result(text)
     type(body_mesh_t), intent(in) :: mesh
     !> One of dotyk_elasticity_analysis' constants.
@@ -41,7 +41,6 @@ contains
     else if (ratio > contrast) then
       call add('material '//quoted(material%name)//', whose stiffest and softest direction are as 1 : '//to_text(ratio, 2))
     end if
-    if (len(text) == 0) text = 'supports that hardly resist some of its motions, or a very slender shape'
   contains
     subroutine add(cause)
       character(*), intent(in) :: cause

@@ -24,6 +24,9 @@ module dotyk_elasticity_material
     real(dp) :: stiffness(6, 6) = 0
     !> Formula of a factor on the stiffness in x, y, z; not allocated: 1 everywhere.
     character(:), allocatable :: factor_text
+    !> Young's modulus of the softest of its axes, whichever way they point: of axes 1, 2, 3 where it is orthotropic, the least 1/S_ii,
+    !> i = 1..3, of the compliance S where the stiffness was given [pressure].
+    real(dp) :: least_young = 0
     !> Bulk over shear modulus, and the bulk modulus, where the dilatation may be projected; 0 where it is not to be, see
     !> `project_dilatation` [1], [pressure].
     real(dp) :: incompressibility = 0, bulk = 0
@@ -31,7 +34,6 @@ module dotyk_elasticity_material
     procedure :: init_isotropic => material_init_isotropic
     procedure :: init_orthotropic => material_init_orthotropic
     procedure :: init_anisotropic => material_init_anisotropic
-    procedure :: compliance_young => material_compliance_young
     procedure :: plane_matrix => material_plane_matrix
     procedure :: has_factor => material_has_factor
     procedure :: bulk_modulus => material_bulk_modulus
@@ -74,6 +76,7 @@ contains
         to_text(poisson), exit_bad_input)
       return
     end if
+    self%least_young = young
     self%lambda = young*poisson/((1 + poisson)*(1 - 2*poisson))
     self%mu = young/(2*(1 + poisson))
     self%stiffness(1:3, 1:3) = self%lambda
@@ -133,6 +136,7 @@ contains
       return
     end if
     self%stiffness = rotate_stiffness(stiffness, axes)
+    self%least_young = minval(young)
   end subroutine material_init_orthotropic
 
   !> A fully anisotropic material.
@@ -144,7 +148,7 @@ contains
     real(dp), intent(in) :: upper(21)
     !> Allocated where the stiffness is not positive definite.
     type(error_t), allocatable, intent(out) :: error
-    real(dp) :: values(6), vectors(6, 6)
+    real(dp) :: values(6), vectors(6, 6), compliance(6, 6)
     integer :: i, j, k
     self%name = name
     k = 0
@@ -162,7 +166,12 @@ contains
     end if
     call symmetric_eigen(scaled(self%stiffness, kelvin), values, vectors, error)
     if (allocated(error)) return
-    if (.not. minval(values) > least_ratio*maxval(abs(values))) call refuse(name, minval(values), error)
+    if (.not. minval(values) > least_ratio*maxval(abs(values))) then
+      call refuse(name, minval(values), error)
+      return
+    end if
+    call invert(self%stiffness, kelvin, compliance, error)
+    if (.not. allocated(error)) self%least_young = min(1/compliance(1, 1), 1/compliance(2, 2), 1/compliance(3, 3))
   end subroutine material_init_anisotropic
 
   !> The error of a stiffness that is not positive definite.
@@ -273,20 +282,6 @@ contains
     rotated = matmul(bond, matmul(stiffness, transpose(bond)))
     rotated = 0.5_dp*(rotated + transpose(rotated))
   end function rotate_stiffness
-
-  !> Young's modulus of the softest global direction: the least 1/S_ii, i = 1..3, of the compliance S [pressure].
-  real(dp) function material_compliance_young(self) result(young)
-    class(material_t), intent(in) :: self
-    type(error_t), allocatable :: error
-    real(dp) :: compliance(6, 6)
-    if (self%isotropic) then
-      young = self%mu*(3*self%lambda + 2*self%mu)/(self%lambda + self%mu)
-    else
-      call invert(self%stiffness, kelvin, compliance, error)
-      young = 0
-      if (.not. allocated(error)) young = min(1/compliance(1, 1), 1/compliance(2, 2), 1/compliance(3, 3))
-    end if
-  end function material_compliance_young
 
   !> The matrix that maps the strains of an analysis to its stresses (6, 6) [pressure].
   !>

@@ -8,6 +8,7 @@ module dotyk_response_definite
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
   use dotyk_elasticity_body, only: body_t
+  use dotyk_elasticity_likely_cause, only: likely_cause
   use dotyk_linalg_cholesky, only: cholesky_t
   use dotyk_linalg_condition, only: scaled_norm, softest_shapes
   use dotyk_response_hold, only: add_springs, choose_holds, is_mechanism
@@ -43,17 +44,17 @@ module dotyk_response_definite
 contains
 
   !> Factorize. The memory of the stiffness is given back before that of the factor is taken.
-  subroutine factorize_stiffness(body, factor, hold, take_apart, digits, error)
+  subroutine factorize_stiffness(body, factor, hold, digits, error, take_apart)
     !> Assembled; without stiffness on return.
     type(body_t), intent(inout) :: body
     !> Analysed.
     type(cholesky_t), intent(inout) :: factor
     !> Equations that get springs, one for each free motion.
     integer, intent(in) :: hold(:)
-    !> Whether soft motions may be treated apart.
-    logical, intent(in) :: take_apart
     type(digits_t), intent(out) :: digits
     type(error_t), allocatable, intent(out) :: error
+    !> Whether soft motions may be treated apart; not if absent.
+    logical, intent(in), optional :: take_apart
     real(dp), allocatable :: diagonal(:), spring(:), shapes(:, :), values(:)
     real(dp) :: norm
     integer :: failed_column, n, i
@@ -85,7 +86,9 @@ contains
     digits%condition = norm/max(tiny(norm), values(1))
     digits%condition_left = digits%condition
     n = 0
-    if (take_apart .and. size(hold) == 0) n = count_soft(values)
+    if (present(take_apart)) then
+      if (take_apart .and. size(hold) == 0) n = count_soft(values)
+    end if
     if (n > 0) then
       ! A shape that is not so soft is that of the body held.
       digits%condition_left = norm/values(n + 1)
@@ -160,10 +163,13 @@ contains
     !> Where it was found out.
     integer, intent(in) :: equation
     type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: cause
     integer :: place(2)
+    cause = likely_cause(body%mesh, body%analysis, body%material)
+    if (len(cause) > 0) cause = '; or rounding leaves no digit of it, and the likely cause is: '//cause
     place = findloc(body%constraint%equation, equation)
     call set_error(error, 'the stiffness is not positive definite (node '// &
       to_text(body%mesh%node_tag(place(2)))//', direction '//to_text(place(1))//'): the body, or a part of it that '// &
-      'hangs on single nodes or edges, is not held; add a &support', exit_not_solvable)
+      'hangs on single nodes or edges, is not held; add a &support'//cause, exit_not_solvable)
   end subroutine refuse
 end module dotyk_response_definite

@@ -217,10 +217,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     !> Whether soft motions may be treated apart, see `adopt_soft_motions`; not if absent.
     logical, intent(in), optional :: take_apart
-    logical :: apart
-    apart = .false.
-    if (present(take_apart)) apart = take_apart
-    call factorize_stiffness(body, self%factor, self%hold, apart, self%digits, error)
+    call factorize_stiffness(body, self%factor, self%hold, self%digits, error, take_apart)
     if (allocated(error)) return
     call self%take_condensed()
   end subroutine full_response_factorize

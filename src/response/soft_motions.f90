@@ -14,10 +14,10 @@ module dotyk_response_soft_motions
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_internal_force, only: internal_force
   use dotyk_linalg_cholesky, only: cholesky_t
-  use dotyk_linalg_dense, only: solve_dense
+  use dotyk_linalg_dense, only: right_singular_vectors, solve_dense
   implicit none
   private
-  public :: count_soft, find_motions
+  public :: count_soft, find_motions, tell_apart
 
   !> Eigenvalues of the scaled stiffness above this cost no digits that anybody misses.
   real(dp), parameter :: soft = 1.0e-4_dp
@@ -56,9 +56,10 @@ contains
     !> S (n, n) [force/length].
     real(dp), allocatable, intent(out) :: stiffness(:, :)
     type(error_t), allocatable, intent(out) :: error
-    real(dp), allocatable :: u(:, :, :), force(:, :), at_hold(:, :)
+    real(dp), allocatable :: u(:, :, :), force(:, :), at_hold(:, :), residual(:)
     real(dp) :: energy
-    integer :: j, k, n
+    integer :: j, k, n, step
+    integer, parameter :: most_steps = 2
     n = size(hold)
     allocate (motion(body%constraint%n_equations, n), stiffness(n, n), source=0.0_dp)
     do k = 1, n
@@ -66,8 +67,20 @@ contains
     end do
     call factor%solve_block(motion)
     allocate (u(body%dimension, body%mesh%n_nodes(), n), force(body%dimension, body%mesh%n_nodes()))
+    allocate (residual(size(motion, 1)))
     do k = 1, n
       call body%constraint%expand(motion(:, k), u(:, :, k), .false.)
+      ! Loads that balance each other must not move the body by what rounding makes of Z.
+      do step = 1, most_steps
+        call internal_force(body%mesh, body%analysis, body%material, real(u(:, :, k), qp), force, energy, error)
+        if (allocated(error)) return
+        call body%constraint%reduce(-force, residual)
+        residual(hold(k)) = residual(hold(k)) + spring(k)
+        residual(hold) = residual(hold) - spring*motion(hold, k)
+        call factor%solve(residual)
+        motion(:, k) = motion(:, k) + residual
+        call body%constraint%expand(motion(:, k), u(:, :, k), .false.)
+      end do
     end do
     do k = 1, n
       call internal_force(body%mesh, body%analysis, body%material, real(u(:, :, k), qp), force, energy, error)
@@ -80,4 +93,28 @@ contains
     call solve_dense(at_hold, stiffness, error)
     stiffness = (stiffness + transpose(stiffness))/2
   end subroutine find_motions
+
+  !> Combine the motions so that those which contact can feel and those which it cannot are apart: rounding errors of large contact
+  !> forces must not move a body along the others.
+  subroutine tell_apart(at_rows, motion, stiffness, error)
+    !> The motions at the contact points, B Z (n_rows, n).
+    real(dp), intent(in) :: at_rows(:, :)
+    !> Z (n_equations, n), S (n, n).
+    real(dp), intent(inout) :: motion(:, :), stiffness(:, :)
+    type(error_t), allocatable, intent(out) :: error
+    real(dp) :: values(size(motion, 2)), vectors(size(motion, 2), size(motion, 2)), scaled(size(at_rows, 1), size(motion, 2))
+    integer :: k
+    do k = 1, size(motion, 2)
+      values(k) = maxval(abs(motion(:, k)))
+      motion(:, k) = motion(:, k)/values(k)
+      scaled(:, k) = at_rows(:, k)/values(k)
+    end do
+    do k = 1, size(motion, 2)
+      stiffness(:, k) = stiffness(:, k)/values/values(k)
+    end do
+    call right_singular_vectors(scaled, values, vectors, error)
+    if (allocated(error)) return
+    motion = matmul(motion, vectors)
+    stiffness = matmul(transpose(vectors), matmul(stiffness, vectors))
+  end subroutine tell_apart
 end module dotyk_response_soft_motions

@@ -9,7 +9,7 @@ module dotyk_scheme_coarse
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_contact_operator, only: contact_operator_t
-  use dotyk_linalg_dense, only: symmetric_eigen
+  use dotyk_linalg_dense, only: solve_dense, symmetric_eigen
   use dotyk_response_response, only: response_slot_t
   implicit none
   private
@@ -30,6 +30,8 @@ module dotyk_scheme_coarse
     real(dp), allocatable :: resultant(:)
     !> S, and what given displacements have added to e; not allocated where no motion has a spring (n, n) [force/length], (n) [force].
     real(dp), allocatable :: stiffness(:, :), lift(:)
+    !> What e is made up of, without signs, for motions with springs (n) [force].
+    real(dp), allocatable :: resultant_size(:)
     !> Amplitudes of the response's motions per amplitude of these (n).
     real(dp), allocatable :: scale(:)
     !> G by bodies (n_bodies).
@@ -41,6 +43,7 @@ module dotyk_scheme_coarse
     procedure :: displacement => coarse_displacement
     procedure :: resultant_of => coarse_resultant_of
     procedure :: springs => coarse_springs
+    procedure :: rounding => coarse_rounding
     procedure :: rows => coarse_rows
     procedure :: invert => coarse_invert
     procedure :: destroy => coarse_destroy
@@ -50,6 +53,9 @@ module dotyk_scheme_coarse
   real(dp), parameter :: rounding = 1.0e-12_dp
   !> Eigenvalues of a scaled matrix below this belong to motions that nothing holds.
   real(dp), parameter :: least_hold = 1.0e-13_dp
+  !> Rounding errors of sums of forces over a body, as a part of what they are made up of: they come with all signs, so that one is as
+  !> much as many.
+  real(dp), parameter :: rounding_of_sums = epsilon(1.0_dp)
   !> Springs below this part of what contact resists are none.
   real(dp), parameter :: tiny_spring = 1.0e-25_dp
 
@@ -92,6 +98,8 @@ contains
           most = maxval(abs(form%motion(:, j)))
           if (most > rounding) self%scale(first + j - 1) = 1/most
           call matrix%multiply(self%scale(first + j - 1)*form%motion(:, j), self%block(b)%value(:, j))
+          ! Soft motions are not quite rigid, and what they strain is as small as their springs.
+          if (allocated(form%motion_stiffness)) cycle
           where (abs(self%block(b)%value(:, j)) < rounding) self%block(b)%value(:, j) = 0
         end do
       end associate
@@ -100,6 +108,7 @@ contains
     call take_springs(self, response)
     if (.not. allocated(self%stiffness)) return
     self%lift = 0*resultant
+    self%resultant_size = abs(self%resultant)
     if (.not. present(lift)) return
     if (allocated(lift)) self%lift = self%scale*lift
   end subroutine coarse_init
@@ -166,6 +175,41 @@ contains
     end do
   end subroutine coarse_resultant_of
 
+  !> Energy norm of the motions that rounding errors of forces and their resultants excite against the springs alone.
+  subroutine coarse_rounding(self, operator, lambda, norm)
+    class(coarse_space_t), intent(in) :: self
+    type(contact_operator_t), intent(in) :: operator
+    !> Forces at the contact points (n_rows) [force].
+    real(dp), intent(in) :: lambda(:)
+    !> [sqrt(energy)].
+    real(dp), intent(out) :: norm
+    type(error_t), allocatable :: error
+    real(dp), allocatable :: rest(:), inverse(:, :)
+    integer :: b, i, j
+    norm = 0
+    if (.not. allocated(self%stiffness)) return
+    do b = 1, size(self%block)
+      associate (first => self%first(b), last => self%first(b + 1) - 1)
+        if (last < first) cycle
+        if (.not. self%stiffness(first, first) > 0) cycle
+        rest = rounding_of_sums*(self%resultant_size(first:last) + &
+                                 matmul(abs(lambda(operator%block(b)%row)), abs(self%block(b)%value)))
+        allocate (inverse(size(rest), size(rest)), source=0.0_dp)
+        do i = 1, size(rest)
+          inverse(i, i) = 1
+        end do
+        call solve_dense(self%stiffness(first:last, first:last), inverse, error)
+        if (allocated(error)) then
+          norm = huge(norm)
+          return
+        end if
+        norm = norm + sum([((rest(i)*abs(inverse(i, j))*rest(j), i=1, size(rest)), j=1, size(rest))])
+        deallocate (inverse)
+      end associate
+    end do
+    norm = sqrt(norm)
+  end subroutine coarse_rounding
+
   !> Some rows of G as a dense matrix.
   pure subroutine coarse_rows(self, row, g)
     class(coarse_space_t), intent(in) :: self
@@ -197,6 +241,16 @@ contains
     real(dp) :: most
     logical :: is_held(self%n)
     integer :: i, b, n_null
+    if (all_sprung(self)) then
+      ! Elimination keeps motions apart that have nothing to do with each other, however different their springs.
+      allocate (inverse(self%n, self%n), null_motion(self%n, 0))
+      inverse = 0
+      do i = 1, self%n
+        inverse(i, i) = 1
+      end do
+      call solve_dense(matrix, inverse, error)
+      return
+    end if
     allocate (scale(self%n), values(self%n), vectors(self%n, self%n), scaled(self%n, self%n))
     ! All motions of a body are measured by the one that is held best: they move it by the same lengths.
     scale = 1
@@ -231,6 +285,14 @@ contains
     end do
   end subroutine coarse_invert
 
+  !> Whether every motion has a spring.
+  pure logical function all_sprung(self)
+    class(coarse_space_t), intent(in) :: self
+    integer :: i
+    all_sprung = allocated(self%stiffness)
+    if (all_sprung) all_sprung = all([(self%stiffness(i, i) > 0, i=1, self%n)])
+  end function all_sprung
+
   !> Motions with springs are held, however soft these are; a matrix that has them is no softer than they are.
   subroutine count_springs(self, scale, vectors, is_held, values)
     class(coarse_space_t), intent(in) :: self
@@ -259,7 +321,7 @@ contains
     self%n = 0
     if (allocated(self%first)) deallocate (self%first, self%block, self%body, self%place)
     if (allocated(self%scale)) deallocate (self%scale)
-    if (allocated(self%stiffness)) deallocate (self%stiffness, self%lift)
+    if (allocated(self%stiffness)) deallocate (self%stiffness, self%lift, self%resultant_size)
     if (allocated(self%resultant)) deallocate (self%resultant)
   end subroutine coarse_destroy
 end module dotyk_scheme_coarse

@@ -185,6 +185,7 @@ contains
       r_b = b - z(self%row) - self%layer*(lambda + step) + matmul(self%g, alpha + step_alpha)
       r_c = c - matmul(lambda + step, self%g) - self%hold*(alpha + step_alpha) - problem%coarse%springs(alpha + step_alpha)
       residual = sum(r_b**2/self%diagonal)
+      if (allocated(problem%coarse%stiffness)) residual = residual + dot_product(r_c, matmul(self%schur_inverse, r_c))
       ! Rounding errors do not get smaller.
       if (k > 1 .and. .not. residual < previous) exit
       lambda = lambda + step

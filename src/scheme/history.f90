@@ -75,11 +75,23 @@ module dotyk_scheme_history
     !> Largest penetration [length].
     real(dp) :: max_penetration = 0
     type(history_t) :: history
+  contains
+    procedure :: add_rounding => result_add_rounding
   end type scheme_result_t
 
   public :: ending_name
 
 contains
+
+  !> Let the error bound contain what rounding has left; it may be beyond the tolerance then.
+  subroutine result_add_rounding(self, rounding, tolerance)
+    class(scheme_result_t), intent(inout) :: self
+    !> Relative, in the energy norm [].
+    real(dp), intent(in) :: rounding, tolerance
+    if (self%error_bound < huge(rounding)) self%error_bound = self%error_bound + rounding
+    if (self%ended == ended_converged .and. self%error_bound > tolerance) self%ended = ended_stalled
+    if (self%history%n > 0) self%history%error_bound(self%history%n) = self%error_bound
+  end subroutine result_add_rounding
 
   !> How an iteration ended, in one word for the results file.
   pure function ending_name(ended) result(name)

@@ -86,7 +86,10 @@ contains
     call move_alloc(problem%response, joined%response)
     call joined%prepare(problem%cost)
     call joined%coarse%init(joined%operator, joined%response, problem%coarse%resultant/problem%coarse%scale)
-    if (allocated(problem%coarse%lift)) joined%coarse%lift = joined%coarse%scale*problem%coarse%lift/problem%coarse%scale
+    if (allocated(problem%coarse%lift)) then
+      joined%coarse%lift = joined%coarse%scale*problem%coarse%lift/problem%coarse%scale
+      joined%coarse%resultant_size = joined%coarse%scale*problem%coarse%resultant_size/problem%coarse%scale
+    end if
   contains
     !> Weighted means over the groups.
     function means(value) result(mean)

@@ -69,6 +69,7 @@ module dotyk_scheme_problem
     procedure :: apply => problem_apply
     procedure :: norm => problem_norm
     procedure :: energy => problem_energy
+    procedure :: distance => problem_distance
     procedure :: body_force => problem_body_force
     procedure :: keep_state => problem_keep_state
     procedure :: free_responses => problem_free_responses
@@ -200,6 +201,20 @@ contains
       norm = norm + dot_product(alpha, self%coarse%springs(alpha) - 2*self%coarse%lift)
     norm = sqrt(max(0.0_dp, norm))
   end function problem_norm
+
+  !> The energy norm of the difference of two states, by a sweep.
+  real(dp) function problem_distance(self, m, alpha) result(distance)
+    class(contact_problem_t), intent(inout) :: self
+    !> Difference of the pressures (n_rows) [pressure].
+    real(dp), intent(in) :: m(:)
+    !> Difference of the amplitudes of the responses' motions (coarse%n) [length].
+    real(dp), intent(in) :: alpha(:)
+    real(dp), allocatable :: z(:), amplitude(:)
+    allocate (z(size(m)))
+    call self%compliance(self%operator%weight*m, z)
+    amplitude = alpha/self%coarse%scale
+    distance = sqrt(max(0.0_dp, sum(self%operator%weight*m*z) + dot_product(amplitude, self%coarse%springs(amplitude))))
+  end function problem_distance
 
   !> F_theta(u) of (19) [energy]; without penetrations where theta = 0. The work of the loads cancels, because u0 is in equilibrium
   !> with them, but for the work on rigid motions.

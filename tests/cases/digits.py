@@ -30,38 +30,97 @@ def column_of(stiffness, pull):
 class WeakSupports(dotyk_case.Case):
     """A block on another one, hanging on a soft layer at its top; v = 0, so that elements in a column are springs."""
 
-    def scene(self, soft, more="", solver="theta=0, tolerance=1e-12"):
+    def scene(self, soft, where="z > 1.75", solver="theta=0, tolerance=1e-8"):
         for name, z in (("lower", 0), ("upper", 1)):
             blocks.mesh(self.write(name + ".geo", blocks.block_geo("hex8", N, (0, 0, z))), 3)
         lines = ["&scene output='case.vtkhdf' /", "&material name='even', young=1, poisson=0 /",
-                 "&material name='hung', young=1, poisson=0, young_formula='(z > 1.75) ? %r : 1' /" % soft]
+                 "&material name='hung', young=1, poisson=0, young_formula='(%s) ? %r : 1' /" % (where, soft)]
         for name, material in (("lower", "even"), ("upper", "hung")):
             lines += ["&body name='%s', mesh='%s.msh', volume='block', material='%s' /" % (name, name, material)]
         lines += ["&support body='lower', surface='sides %s', fix='%s' /" % (axis, axis) for axis in "xy"]
         lines += ["&support body='lower', surface='bottom', fix='z' /", "&support body='upper', surface='top', fix='xyz' /",
                   "&load body='upper', force_density=0,0,-1 /",
                   "&contact name='joint', surface_a='upper:bottom', surface_b='lower:top' /",
-                  "&solver %s /" % solver, more]
+                  "&solver %s /" % solver]
         return self.write("case.nml", "\n".join(lines) + "\n")
 
-    def check(self, soft, delta):
-        """Every pressure of the joint is that of the column."""
-        exact = float(column_of([1]*(N - 1) + [soft], 1))
-        self.dotyk(self.scene(soft))
+    def check(self, soft, layer, where):
+        """Every pressure of the joint is that of the column, and nothing moves to the side; the motions are those of a rigid block."""
+        exact = float(column_of([soft if i == layer else 1 for i in range(N)], 1))
+        self.dotyk(self.scene(soft, where))
         found = self.results("case.vtkhdf")
         pressure = found["dotyk/contact/joint/pressure"][()]
-        self.assertLess(abs(pressure/exact - 1).max(), delta, "soft layer of %g" % soft)
-        self.assertLess(found["dotyk/summary"].attrs["error_bound"], delta)
-        return found["dotyk/summary"]
+        # Without any care 1e-16 over the stiffness of the layer is lost.
+        self.assertLess(abs(pressure/exact - 1).max(), 1e-12, "soft layer of %g" % soft)
+        upper = found["VTKHDF/PointData/displacement"][()][found["VTKHDF/NumberOfPoints"][0]:]
+        self.assertLess(abs(upper[:, :2]).max(), 1e-12)
+        summary = found["dotyk/summary"]
+        self.assertEqual(summary.attrs["soft_motions"], 0 if soft > 1e-3 else 6)
+        self.assertEqual(summary.attrs["free_motions"], 0)
+        # What is rounded of forces can move the block against its layer: 1e-16 over the root of its stiffness.
+        self.assertLess(summary.attrs["error_bound"], 1e-8)
+        condition = summary["condition"][1]
+        if soft < 1e-3:
+            self.assertTrue(1 < condition*soft < 1e3, "condition %g with a layer of %g" % (condition, soft))
 
     def test_soft_layers_hold_a_block_against_contact(self):
         for soft in (1e-2, 1e-6, 1e-10, 1e-14):
-            # Without any care 1e-16 over the stiffness of the layer is lost.
-            summary = self.check(soft, 1e-12)
-            self.assertEqual(summary.attrs["soft_motions"], 0 if soft > 1e-3 else 6)
-            condition = summary["condition"][1]
-            if soft < 1e-3:
-                self.assertTrue(0.1 < condition*soft < 100*N**2, "condition %g of a layer of %g" % (condition, soft))
+            self.check(soft, N - 1, "z > 1.75")
+
+    def test_a_soft_layer_between_stiff_ones(self):
+        for soft in (1e-6, 1e-12):
+            self.check(soft, 2, "z > 1.5 && z < 1.75")
+
+    def test_no_digit_left(self):
+        text = self.dotyk(self.scene(1e-19, "z > 1.5 && z < 1.75"), code=3)
+        self.assertIn("body 'upper'", text)
+        self.assertIn("rounding leaves no digit", text)
+        self.assertIn("young_formula", text)
+
+
+class FlatElements(dotyk_case.Case):
+    """A clamped plate of linear elements, pressed on a block with so flat elements that their stiffness loses digits."""
+
+    def scene(self, thickness, turn=None, tolerance=1e-10):
+        turn = np.eye(3) if turn is None else turn
+        for name, place in (("lower", lambda x: x), ("upper", lambda x: x*[1, 1, thickness] + [0, 0, 1])):
+            blocks.mesh(self.write(name + ".geo", blocks.block_geo("hex8", N, (0, 0, 0))), 3, lambda x: place(x) @ turn.T)
+        lines = ["&scene output='case.vtkhdf' /", "&material name='even', young=1, poisson=0 /"]
+        for name in ("lower", "upper"):
+            lines += ["&body name='%s', mesh='%s.msh', volume='block', material='even' /" % (name, name)]
+        lines += ["&support body='lower', surface='sides %s', fix='n' /" % axis for axis in "xy"]
+        lines += ["&support body='lower', surface='bottom', fix='n' /", "&support body='upper', surface='sides x', fix='xyz' /",
+                  "&load body='upper', surface='top', pressure=1e-3 /",
+                  "&contact name='joint', surface_a='upper:bottom', surface_b='lower:top' /",
+                  "&solver theta=0, tolerance=%r /" % tolerance]
+        return self.write("case.nml", "\n".join(lines) + "\n")
+
+    def run_scene(self, *arguments):
+        self.dotyk(self.scene(*arguments))
+        found = self.results("case.vtkhdf")
+        force = np.linalg.norm(found["dotyk/contact/joint"].attrs["force"])
+        summary = found["dotyk/summary"]
+        result = force, summary.attrs["energy"], summary.attrs["error_bound"], summary["refinement_steps"][1], summary["condition"][1]
+        found.close()
+        return result
+
+    def test_layers_of_aspect_ten_thousand_do_not_depend_on_their_direction(self):
+        # The last digits of coordinates of a turned plate change its strains by 1e-16 times the aspect.
+        c, s = np.cos(0.7), np.sin(0.7)
+        turn = np.array([[1, 0, 0], [0, c, -s], [0, s, c]]) @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+        straight = self.run_scene(2.5e-5)
+        turned = self.run_scene(2.5e-5, turn)
+        for force, energy, bound, steps, condition in (straight, turned):
+            self.assertGreater(condition, 1e9)
+            self.assertGreater(steps, 0)
+            self.assertLess(bound, 1e-10)
+            self.assertLess(abs(force/straight[0] - 1), 1e-9)
+            self.assertLess(abs(energy/straight[1] - 1), 1e-9)
+
+    def test_elements_too_flat(self):
+        text = self.dotyk(self.scene(1e-9), code=3)
+        self.assertIn("body 'upper'", text)
+        self.assertIn("elements as flat as", text)
 
 
 if __name__ == "__main__":
