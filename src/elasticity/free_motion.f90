@@ -60,7 +60,8 @@ contains
     allocate (self%centre(3, n_parts), self%radius(n_parts), self%part_name(n_parts), free(6, 6, n_parts), n_of_part(n_parts))
     do p = 1, n_parts
       call free_space(mesh, analysis, constraint, part, p, self%centre(:, p), self%radius(p), free(:, :, p), n_of_part(p))
-      ! gfortran keeps the length of a text that a function returns in one place for all threads, which assemble bodies side by side.
+      ! Bodies are assembled side by side, and gfortran keeps the
+      ! length of a text that a function returns in one place for all threads.
       !$omp critical (name_of_part)
       self%part_name(p)%s = part_text(mesh, part, p, n_parts)
       !$omp end critical (name_of_part)
