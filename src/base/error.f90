@@ -13,6 +13,7 @@ module dotyk_base_error
   integer, parameter, public :: exit_bad_input = 2      !< something the user wrote cannot be read or used
   integer, parameter, public :: exit_not_solvable = 3   !< the problem cannot be solved as posed
   integer, parameter, public :: exit_not_written = 4    !< a file could not be written
+  integer, parameter, public :: exit_machine = 5        !< out of memory, or another failure of the machine
 
   !> What went wrong.
   type, public :: error_t

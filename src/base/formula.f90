@@ -30,6 +30,12 @@ module dotyk_base_formula
   !> muParser's codes of errors that we explain in our own words.
   integer(c_int), parameter :: unassignable_token = 1, unexpected_end = 2
 
+  !> Longest formula; muParser keeps what it opens on the stack.
+  integer, parameter :: longest = 20000
+  !> muParser's messages name the rest of the formula, in a buffer of 2048 bytes that longer ones overflow.
+  integer, parameter :: longest_described = 900
+  character(*), parameter :: letters = 'abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_'
+
   interface
     type(c_ptr) function mup_create(base_type) bind(c, name='mupCreate')
       import :: c_int, c_ptr
@@ -85,10 +91,6 @@ module dotyk_base_formula
       import :: c_ptr
       type(c_ptr), value :: handle
     end function mup_error_message
-    type(c_ptr) function mup_error_token(handle) bind(c, name='mupGetErrorToken')
-      import :: c_ptr
-      type(c_ptr), value :: handle
-    end function mup_error_token
     integer(c_size_t) function c_strlen(text) bind(c, name='strlen')
       import :: c_ptr, c_size_t
       type(c_ptr), value :: text
@@ -184,6 +186,9 @@ contains
     if (len_trim(text) == 0) then
       call set_error(error, 'the formula is empty')
       return
+    else if (len(text) > longest) then
+      call set_error(error, 'the formula has '//to_text(len(text))//' letters, more than '//to_text(longest))
+      return
     end if
     do i = 1, len(text)
       select case (text(i:i))
@@ -219,17 +224,18 @@ contains
     !> The formula.
     character(*), intent(in) :: text
     type(error_t), allocatable, intent(out) :: error
-    character(:), allocatable :: message, token
+    character(:), allocatable :: message
     integer :: column, mark
-    token = text_of_c(mup_error_token(handle))
     column = max(1, min(int(mup_error_position(handle)) + 1, len(text) + 1))
     select case (mup_error_code(handle))
     case (unassignable_token)
-      message = 'unknown name or sign '//quoted(token)//' (known are x, y, z, pi, e, and functions with parentheses)'
+      message = 'unknown name or sign '//quoted(word_at(text, column))//' (known are x, y, z, pi, e, and '// &
+                'functions with parentheses)'
     case (unexpected_end)
       message = 'the formula ends too early'
     case default
-      message = text_of_c(mup_error_message(handle))
+      message = 'the formula cannot be read from here on'
+      if (len(text) <= longest_described) message = text_of_c(mup_error_message(handle))
       message = lower(message(:1))//message(2:)
       ! Its positions count from 0, and ours is in front already.
       mark = max(index(message, ' at position '), index(message, ' at expression position '))
@@ -238,12 +244,33 @@ contains
     call set_error(error, at_column(column, text)//': '//message)
   end subroutine describe_error
 
-  !> "column 3 of 'x+*y'".
+  !> The name that begins at a column, or the sign there.
+  pure function word_at(text, column) result(word)
+    character(*), intent(in) :: text
+    integer, intent(in) :: column
+    character(:), allocatable :: word
+    integer, parameter :: most = 40
+    integer :: last
+    last = verify(text(min(column, len(text) + 1):), letters)
+    if (last == 0) last = len(text) - column + 2
+    last = min(column + max(last - 2, 0), len(text))
+    word = text(column:min(last, column + most))
+    if (last > column + most) word = word//'...'
+  end function word_at
+
+  !> "column 3 of 'x+*y'", or of the part of a long formula that is near.
   pure function at_column(column, text) result(place)
     integer, intent(in) :: column
     character(*), intent(in) :: text
     character(:), allocatable :: place
-    place = 'column '//to_text(column)//' of '//quoted(text)
+    integer, parameter :: most = 60  ! letters on each side of the column
+    integer :: first, last
+    first = max(1, column - most)
+    last = min(len(text), column + most)
+    place = text(first:last)
+    if (first > 1) place = '...'//place
+    if (last < len(text)) place = place//'...'
+    place = 'column '//to_text(column)//' of '//quoted(place)
   end function at_column
 
   !> A copy of a C text.

@@ -61,11 +61,22 @@ contains
     class(log_t), intent(inout) :: self
     !> The line.
     character(*), intent(in) :: text
+    integer :: status
     if (self%quiet) return
     call self%end_progress()
-    write (output_unit, '(a)') trim(text)
-    flush (output_unit)
+    write (output_unit, '(a)', iostat=status) trim(text)
+    if (status == 0) flush (output_unit, iostat=status)
+    call look(self, status)
   end subroutine log_line
+
+  !> A log that cannot be written (a full disk, a terminal that was closed) is no reason to lose the results.
+  subroutine look(self, status)
+    class(log_t), intent(inout) :: self
+    integer, intent(in) :: status
+    if (status == 0) return
+    self%quiet = .true.
+    call print_error('warning: the log cannot be written; the run goes on without it')
+  end subroutine look
 
   !> Is it time for the next progress line? Asked first, so that its text is made only when it is shown.
   logical function log_due(self) result(due)
@@ -81,29 +92,39 @@ contains
     !> The line.
     character(*), intent(in) :: text
     character, parameter :: escape = achar(27), return = achar(13)
+    integer :: status
     if (self%quiet) return
     if (self%terminal) then
-      write (output_unit, '(a)', advance='no') return//escape//'[2K'//trim(text)
+      write (output_unit, '(a)', advance='no', iostat=status) return//escape//'[2K'//trim(text)
       self%live = .true.
     else
-      write (output_unit, '(a)') trim(text)
+      write (output_unit, '(a)', iostat=status) trim(text)
       if (self%drawn > 0) self%pause = min(longest_pause, 2*self%pause)
     end if
-    flush (output_unit)
+    if (status == 0) flush (output_unit, iostat=status)
+    call look(self, status)
     self%drawn = wall_time()
   end subroutine log_progress
 
   !> Leave the live line: wipe it.
   subroutine log_end_progress(self)
     class(log_t), intent(inout) :: self
-    if (self%live) write (output_unit, '(a)', advance='no') achar(13)//achar(27)//'[2K'
+    integer :: status
+    if (self%live) write (output_unit, '(a)', advance='no', iostat=status) achar(13)//achar(27)//'[2K'
     self%live = .false.
   end subroutine log_end_progress
 
-  !> An error, to standard error, whatever the verbosity.
+  !> An error, to standard error, whatever the verbosity. Names of files and meshes may hold control characters: a terminal gets none.
   subroutine print_error(message)
     !> Message, possibly of several lines.
     character(*), intent(in) :: message
-    write (error_unit, '(a)') message
+    character(:), allocatable :: printable
+    integer :: i, status
+    printable = message
+    do i = 1, len(message)
+      if ((iachar(message(i:i)) < 32 .and. message(i:i) /= new_line('a')) .or. iachar(message(i:i)) == 127) printable(i:i) = '?'
+    end do
+    write (error_unit, '(a)', iostat=status) printable
+    flush (error_unit, iostat=status)
   end subroutine print_error
 end module dotyk_base_log

@@ -5,9 +5,11 @@
 !> Sign conventions: n points from body a into body b; d = n.(x' - x), negative where the bodies overlap; a contact
 !> pressure p >= 0 acts on body a as the traction -p n and on body b as p n.
 module dotyk_contact_pair
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use dotyk_base_error, only: error_t, exit_bad_input, set_error
   use dotyk_base_formula, only: formula_t
   use dotyk_base_kinds, only: dp
+  use dotyk_base_magnitude, only: is_too_large, size_rule
   use dotyk_base_text, only: quoted, to_text
   use dotyk_contact_average, only: average_at_vertices
   use dotyk_contact_cell_rule, only: facet_rule_t
@@ -301,9 +303,10 @@ contains
       do i = 1, pair%n_points
         x(1:pair%dimension) = pair%position(:, i)
         pair%gap(i) = formula%evaluate(x)
-        if (abs(pair%gap(i)) <= huge(1.0_dp)) cycle
-        call set_error(error, '&contact '//quoted(settings%name)//': gap_formula is not a finite number at ('// &
+        if (.not. is_too_large(pair%gap(i))) cycle
+        call set_error(error, '&contact '//quoted(settings%name)//': gap_formula is '//to_text(pair%gap(i))//' at ('// &
                        to_text(x(1))//', '//to_text(x(2))//', '//to_text(x(3))//')', exit_bad_input)
+        if (ieee_is_finite(pair%gap(i))) error%message = error%message//'; '//size_rule
         return
       end do
     end select

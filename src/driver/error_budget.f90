@@ -6,6 +6,7 @@
 module dotyk_driver_error_budget
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan, ieee_quiet_nan, ieee_value
   use dotyk_base_error, only: error_t
+  use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
   use dotyk_base_text, only: to_text
@@ -21,7 +22,7 @@ module dotyk_driver_error_budget
   use dotyk_input_names, only: scheme_dual, stop_budget
   use dotyk_mesh_surface, only: surface_t
   use dotyk_scheme_explicit, only: explicit_compliance_t
-  use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_rounds, ended_stalled
+  use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_interrupted, ended_rounds, ended_stalled
   use dotyk_scheme_penalty, only: estimate_penalty_error
   use dotyk_scheme_problem, only: contact_problem_t
   implicit none
@@ -42,7 +43,8 @@ module dotyk_driver_error_budget
     procedure :: others => budget_others
   end type error_budget_t
 
-  public :: estimate_errors, ask_for_more, first_tolerance, needs_displacements, estimates_mesh_error, estimates_penalty_error
+  public :: estimate_errors, ask_for_more, errors_decide, first_tolerance, needs_displacements, estimates_mesh_error, &
+    estimates_penalty_error
 
   !> Answers to one scene at most: a rough one, one with a smaller theta, one with the tolerance that its errors ask for, and that again.
   integer, parameter, public :: most_rounds = 5
@@ -135,12 +137,14 @@ contains
       if (allocated(error)) return
       if (.not. is_near(result)) call forget_mesh_error(budget)
     end if
-    if (estimates_penalty_error(case) .and. is_near(result)) then
+    ! It takes another solution.
+    if (estimates_penalty_error(case) .and. is_near(result) .and. result%ended /= ended_interrupted) then
       call estimate_penalty_error(problem, case%solver%linear_solver, scheme_of(case) == scheme_dual, compliance, result, &
                                   distance, error)
       if (allocated(error)) return
       budget%penalty = 0
       if (budget%norm > 0) budget%penalty = distance/budget%norm
+      if (interrupted()) budget%penalty = ieee_value(budget%penalty, ieee_quiet_nan)
     end if
     associate (history => result%history)
       if (history%n == 0) return

@@ -1,7 +1,9 @@
 !> From assembled bodies to responses: order, analyse, factorize.
 module dotyk_driver_factorization
-  use dotyk_base_error, only: error_t, problem_list_t, add_context
+  use dotyk_base_error, only: error_t, problem_list_t, add_context, exit_machine, set_error
   use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_log, only: log_t
+  use dotyk_base_memory, only: memory_now, memory_t, memory_text, set_item
   use dotyk_contact_operator, only: contact_block_t
   use dotyk_driver_congruence, only: kinds_t
   use dotyk_driver_parallel, only: largest_first, set_blas_threads
@@ -39,7 +41,7 @@ module dotyk_driver_factorization
     type(error_t), allocatable :: error
   end type error_slot_t
 
-  public :: analyze_bodies, attach_bodies, factorize_bodies
+  public :: analyze_bodies, attach_bodies, check_memory, factorize_bodies
 
   !> Steps that schemes take which ask for one response in each.
   integer, parameter :: typical_steps = 300
@@ -98,6 +100,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(full_response_t), allocatable :: full
     allocate (full)
+    call set_item("body '"//body%name//"'")
     call full%prepare(body, error, contact_node, form, &
                       response_demand_t(n_points, n_bodies, merge(typical_steps, 0, single_solves)))
     if (allocated(error)) return
@@ -113,6 +116,7 @@ contains
     size_of%stiffness_bytes = 16*size(body%stiffness%row, kind=int64)
     call move_alloc(full, slot%form)
     deallocate (body%graph_start, body%graph_neighbour)
+    call set_item('')
   end subroutine analyze_body
 
   !> The response of another body of the same kind.
@@ -151,6 +155,30 @@ contains
       end select
     end do
   end subroutine attach_bodies
+
+  !> Refuse what plainly cannot be: factors that are larger than all memory that is left; warn where it will be scarce.
+  subroutine check_memory(size_of, log, error)
+    type(factor_size_t), intent(in) :: size_of(:)
+    type(log_t), intent(inout) :: log
+    type(error_t), allocatable, intent(out) :: error
+    !> What a run takes beside the factors, as a part of them.
+    real(dp), parameter :: beside = 0.15_dp
+    type(memory_t) :: memory
+    real(dp) :: factors, stiffnesses
+    memory = memory_now()
+    if (.not. memory%is_known) return
+    factors = real(sum(size_of%bytes), dp)
+    ! They are given back on the way.
+    stiffnesses = real(sum(size_of%stiffness_bytes), dp)
+    if (factors - stiffnesses > memory%left) then
+      call set_error(error, 'not enough memory: the factors of the bodies take '//memory_text(factors)//', and '// &
+        memory_text(memory%left)//' are left '//memory%limit//' (in use: '//memory_text(memory%used)// &
+        '); nothing was solved: give it more memory, or take a coarser mesh or elements of first order', exit_machine)
+    else if ((1 + beside)*factors - stiffnesses > memory%left) then
+      call log%line('  warning: memory is scarce: the factors take '//memory_text(factors)//', and '//memory_text(memory%left)// &
+                    ' are left '//memory%limit)
+    end if
+  end subroutine check_memory
 
   !> Factorize the first bodies of all kinds, the largest first: as many side by side as there are threads, and threads that no
   !> body is left for help the others with theirs. Their stiffnesses are given back one by one. The digits are the same on any
@@ -243,7 +271,9 @@ contains
     type(error_t), allocatable, intent(out) :: error
     select type (full => slot%form)
     type is (full_response_t)
+      call set_item("body '"//body%name//"'")
       call full%factorize(body, error, take_apart)
+      call set_item('')
     end select
   end subroutine factorize_body
 

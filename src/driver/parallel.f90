@@ -5,7 +5,7 @@
 module dotyk_driver_parallel
   use omp_lib, only: omp_get_num_procs, omp_set_num_threads, omp_get_max_threads
   use dotyk_base_kinds, only: dp
-  use dotyk_linalg_blas, only: set_blas_threads
+  use dotyk_linalg_blas, only: reserve_blas, set_blas_threads
   implicit none
   private
   public :: use_threads, largest_first, share_solves, set_blas_threads
@@ -24,10 +24,13 @@ contains
     integer, intent(in) :: n
     !> What will be used.
     integer, intent(out) :: used
+    integer :: ready
     used = n
     if (n == 0) used = min(omp_get_num_procs(), omp_get_max_threads())
     call omp_set_num_threads(used)
     call set_blas_threads(1)
+    ! Where there is no room the program ends with a message.
+    call reserve_blas(used, ready)
   end subroutine use_threads
 
   !> How the solves of one sweep over all bodies are shared out.

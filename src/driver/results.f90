@@ -17,7 +17,7 @@ module dotyk_driver_results
   use dotyk_input_case, only: case_t
   use dotyk_linalg_blas, only: blas_name
   use dotyk_output_results, only: results_file_t, connectivity_length, contact_group
-  use dotyk_scheme_history, only: scheme_result_t, ended_converged
+  use dotyk_scheme_history, only: scheme_result_t, ending_name, ended_converged
   use dotyk_scheme_problem, only: contact_problem_t
   implicit none
   private
@@ -106,6 +106,7 @@ contains
     character(*), intent(in) :: scheme
     integer :: undetermined
     call file%put_attribute('summary', 'converged', result%ended == ended_converged)
+    call file%put_attribute('summary', 'status', ending_name(result%ended))
     call file%put_attribute('summary', 'scheme', scheme)
     call file%put_attribute('summary', 'iterations', result%iterations)
     call file%put_attribute('summary', 'body_solves', problem%body_solves)

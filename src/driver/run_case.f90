@@ -1,18 +1,26 @@
 !> A run from the namelist file to the results file: the one place that turns input into bodies, operator, scheme and results.
 module dotyk_driver_run_case
-  use dotyk_base_error, only: error_t, add_context, exit_converged, exit_not_converged
+  use, intrinsic :: iso_fortran_env, only: output_unit
+  use dotyk_base_error, only: error_t, add_context, set_error, exit_bad_input, exit_converged, &
+    exit_not_converged, exit_not_written
+  use dotyk_base_interrupt, only: interrupted, stop_if_interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
+  use dotyk_base_memory, only: set_stage
   use dotyk_base_text, only: to_text
   use dotyk_contact_operator, only: build_operator
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_driver_arguments, only: arguments_t
   use dotyk_driver_bodies, only: build_bodies, check_held, assemble_bodies
+  use dotyk_driver_checkpoint, only: checkpoint_keeper_t, check_checkpoint_path, check_scene, restore, &
+    start_keeping
   use dotyk_driver_congruence, only: kinds_t
   use dotyk_driver_digits, only: body_digits_t, collect_digits, show_digits
-  use dotyk_driver_error_budget, only: error_budget_t, ask_for_more, estimate_errors, first_tolerance, most_rounds, &
-    needs_displacements
-  use dotyk_driver_factorization, only: factor_size_t, analyze_bodies, attach_bodies, factorize_bodies
+  use dotyk_driver_error_budget, only: error_budget_t, ask_for_more, errors_decide, estimate_errors, first_tolerance, &
+    most_rounds, needs_displacements
+  use dotyk_driver_finite, only: refuse_overflow
+  use dotyk_driver_fingerprint, only: fingerprint
+  use dotyk_driver_factorization, only: factor_size_t, analyze_bodies, attach_bodies, check_memory, factorize_bodies
   use dotyk_driver_free_scene, only: free_body_t, solve_free_scene
   use dotyk_driver_pairs, only: find_pairs
   use dotyk_driver_parallel, only: use_threads, share_solves, set_blas_threads
@@ -28,12 +36,13 @@ module dotyk_driver_run_case
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t
   use dotyk_input_help, only: help_text
-  use dotyk_input_names, only: scheme_dual
+  use dotyk_input_names, only: scheme_dual, stop_budget
   use dotyk_input_parse, only: read_case
   use dotyk_mesh_surface, only: surface_t
+  use dotyk_output_checkpoint_file, only: checkpoint_t
   use dotyk_output_results, only: results_file_t, check_writable
   use dotyk_scheme_explicit, only: explicit_compliance_t
-  use dotyk_scheme_history, only: scheme_result_t, ended_converged
+  use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_interrupted
   use dotyk_scheme_problem, only: contact_problem_t
   implicit none
   private
@@ -68,6 +77,11 @@ module dotyk_driver_run_case
     type(body_solution_t), allocatable :: solution(:)
     type(pair_solution_t), allocatable :: pair_solution(:)
     type(nodal_field_t), allocatable :: contact_pressure(:)
+    !> Checkpoint to go on from, and its file; not allocated where the run begins at the beginning.
+    type(checkpoint_t), allocatable :: saved
+    character(:), allocatable :: saved_in
+    !> What the scene is made of, where there is a checkpoint to compare it with or to write.
+    character(:), allocatable :: scene
   end type run_t
 
 contains
@@ -81,19 +95,22 @@ contains
     type(run_t) :: run
     code = exit_converged
     if (arguments%help) then
-      print '(a)', help_text()
+      call print_text(help_text(), error)
       return
     else if (arguments%version) then
-      print '(a)', 'dotyk '//version//' ('//compiler//', '//build_type//')'
+      call print_text('dotyk '//version//' ('//compiler//', '//build_type//')', error)
       return
     end if
     call run%watch%start()
     run%started = date_and_time_text()
     call run%log%init(arguments%quiet)
     call use_threads(arguments%threads, run%threads)
+    call set_stage('reading '//arguments%case_file)
     call read_case(arguments%case_file, run%case, error)
     if (allocated(error)) return
     if (len(arguments%output) > 0) run%case%scene%output = arguments%output
+    call read_checkpoint(run, arguments, error)
+    if (allocated(error)) return
     call show_scene(run%log, run%case, run%threads)
     call build(run, error)
     if (allocated(error)) return
@@ -113,33 +130,56 @@ contains
     if (run%result%ended /= ended_converged) code = exit_not_converged
   end subroutine run_case
 
+  !> A text that was asked for.
+  subroutine print_text(text, error)
+    character(*), intent(in) :: text
+    type(error_t), allocatable, intent(out) :: error
+    integer :: status
+    write (output_unit, '(a)', iostat=status) text
+    if (status == 0) flush (output_unit, iostat=status)
+    if (status /= 0) call set_error(error, 'the standard output cannot be written', exit_not_written)
+  end subroutine print_text
+
   !> Meshes to bodies, contact points, and the sizes of the factors: all that can be checked before anything is solved.
   subroutine build(run, error)
     type(run_t), intent(inout) :: run
     type(error_t), allocatable, intent(out) :: error
     call check_writable(run%case%scene%output, error)
     if (allocated(error)) return
+    if (len(run%case%output%checkpoint) > 0) call check_checkpoint_path(run%case%output%checkpoint, run%case%scene%output, error)
+    if (allocated(error)) return
+    call set_stage('reading meshes')
     call build_bodies(run%case, run%body, run%surface_a, run%surface_b, error)
+    call stop_if_interrupted(error)
     if (allocated(error)) return
     call run%watch%lap(run%timing%read)
     call run%kinds%init(size(run%body))
     if (run%case%solver%share_factors) call run%kinds%find(run%body)
     if (needs_held_bodies(run%case)) call check_held(run%case, run%body, run%kinds, error)
     if (allocated(error)) return
+    call set_stage('assembling')
     call assemble_bodies(run%case, run%kinds, run%body, error)
+    call stop_if_interrupted(error)
     if (allocated(error)) return
     call run%watch%lap(run%timing%assemble)
+    call set_stage('searching contact points')
     call find_pairs(run%case, run%body, run%surface_a, run%surface_b, run%pair, error)
+    call stop_if_interrupted(error)
     if (allocated(error)) return
     call build_operator(run%case%scene%dimension, size(run%body), run%pair, run%surface_a, run%surface_b, run%problem%operator)
     call run%watch%lap(run%timing%search)
+    call set_stage('ordering equations')
     call analyze_bodies(run%body, run%kinds, run%problem%operator%block, run%case%solver%response, &
                         scheme_of(run%case) /= scheme_dual, run%problem%response, run%size_of, error)
+    call stop_if_interrupted(error)
     if (allocated(error)) return
     call run%watch%lap(run%timing%order)
     call show_bodies(run%log, run%case, run%body, run%kinds, run%size_of)
     call show_pairs(run%log, run%body, run%pair, run%surface_a, run%surface_b)
     call run%log%line('')
+    if (allocated(run%saved) .or. len(run%case%output%checkpoint) > 0) &
+      run%scene = fingerprint(run%case, run%body, run%surface_a, run%surface_b, run%pair)
+    if (allocated(run%saved)) call check_scene(run%saved, run%saved_in, run%scene, error)
   end subroutine build
 
   !> Factorize, and iterate from the scene without contact.
@@ -149,8 +189,12 @@ contains
     associate (case => run%case, problem => run%problem)
       call attach_bodies(run%body, run%kinds, problem%operator%block, problem%response)
       call run%watch%lap(run%timing%search)
+      call check_memory(run%size_of, run%log, error)
+      if (allocated(error)) return
+      call set_stage('factorizing')
       call factorize_bodies(run%body, run%kinds, problem%operator%block, .not. needs_held_bodies(case), problem%response, &
                             run%size_of, error)
+      call stop_if_interrupted(error)
       if (allocated(error)) return
       call run%watch%lap(run%timing%factorize)
       call show_factorization(run%log, run%size_of, run%timing%factorize)
@@ -160,10 +204,14 @@ contains
       call problem%prepare(real(run%size_of%response_entries, dp))
       call run%kinds%tell(case%scene%dimension, problem%kind, problem%axes)
       call set_blas_threads(run%n_blas)
+      call set_stage('solving the scene without contact')
       call run%compliance%lend(problem, run%size_of%is_explicit)
       call set_blas_threads(1)
       call solve_free_scene(run%body, problem, run%n_blas, run%alone)
       call prepare_coarse_space(run%body, problem)
+      call stop_if_interrupted(error)
+      if (len(case%output%checkpoint) > 0) call start_keeping(problem, case%output%checkpoint, case%output%checkpoint_interval, &
+                                                              run%scene, scheme_name(case), run%pair)
     end associate
     if (.not. allocated(error)) call find_answer(run, error)
   end subroutine solve
@@ -175,21 +223,29 @@ contains
     type(scheme_result_t) :: last
     real(dp) :: tolerance, left
     integer :: round
+    logical :: goes_on
     tolerance = first_tolerance(run%case%solver)
+    goes_on = allocated(run%saved)
+    if (goes_on) call take_up(run, tolerance)
     do round = 1, most_rounds
       call set_blas_threads(run%n_blas)
-      if (round == 1) then
+      call set_stage('iterating')
+      if (goes_on) last = run%result
+      call tell_keeper(run, tolerance, last)
+      if (.not. goes_on) then
         call solve_scheme(run%case, run%body, run%pair, run%problem, tolerance, run%log, run%compliance, run%result, error)
       else
-        last = run%result
         call solve_scheme(run%case, run%body, run%pair, run%problem, tolerance, run%log, run%compliance, run%result, error, last)
         if (.not. allocated(error)) call run%result%history%put_behind(last%history)
       end if
       call set_blas_threads(1)
       if (.not. allocated(error)) call correct_digits(run, tolerance, error)
       if (allocated(error)) return
+      goes_on = .true.
       run%result%iterations = run%result%history%n
+      call keep_result(run)
       call run%watch%lap(run%timing%iterate)
+      call set_stage('recovering displacements')
       if (needs_displacements(run%case)) then
         call recover_bodies(run%body, run%problem, run%result%m, run%result%alpha, run%alone, run%case%output%stress, run%n_blas, &
                             run%solution)
@@ -203,13 +259,18 @@ contains
         allocate (run%solution(size(run%body)))
       end if
       call run%watch%lap(run%timing%recover)
+      call set_stage('estimating errors')
       call estimate_errors(run%case, run%body, run%kinds, run%pair, run%surface_a, run%surface_b, run%solution, run%problem, &
                            run%compliance, run%result, run%budget, error)
       call run%watch%lap(run%timing%estimate)
       if (allocated(error)) return
+      if (errors_decide(run%case) .and. run%result%ended == ended_converged) then
+        if (interrupted()) run%result%ended = ended_interrupted
+      end if
       if (.not. ask_for_more(run%case, round == most_rounds, run%pair, run%budget, run%problem, run%result, tolerance, &
                              run%log)) exit
     end do
+    call keep_result(run)
     call show_result(run%log, run%result, tolerance, run%problem%body_solves, run%timing%iterate)
     call show_budget(run%log, run%case%output, run%body, run%result, run%budget)
     call show_left_out(run%log, run%case, run%result)
@@ -229,6 +290,11 @@ contains
     integer :: k
     integer, parameter :: most_corrections = 8
     if (.not. any(run%digits%needs_refinement())) return
+    if (run%result%ended == ended_interrupted) then
+      ! What rounding has left is not known.
+      run%result%error_bound = huge(before)
+      return
+    end if
     allocate (y(size(run%result%m)))
     before = huge(before)
     do k = 1, most_corrections
@@ -246,17 +312,71 @@ contains
       rounding = (run%problem%distance(run%result%m - last%m, run%result%alpha - last%alpha) + left)/ &
                  max(tiny(left), run%problem%norm(run%result%m, run%result%y, run%result%alpha/run%problem%coarse%scale))
       if (rounding <= max(1.0e-15_dp, 0.01_dp*tolerance) .or. .not. rounding < 0.3_dp*before) exit
+      if (run%result%ended == ended_interrupted) exit
       before = rounding
     end do
     call run%result%add_rounding(rounding, tolerance)
   end subroutine correct_digits
 
+  !> The checkpoint to go on from, where the command line asks for one.
+  subroutine read_checkpoint(run, arguments, error)
+    type(run_t), intent(inout) :: run
+    type(arguments_t), intent(in) :: arguments
+    type(error_t), allocatable, intent(out) :: error
+    if (.not. arguments%restart) return
+    run%saved_in = run%case%output%checkpoint
+    if (len(arguments%restart_file) > 0) run%saved_in = arguments%restart_file
+    if (len(run%saved_in) == 0) then
+      call set_error(error, "--restart: which file? give it behind --restart, or as &output checkpoint='FILE' in "// &
+                     run%case%file, exit_bad_input)
+      return
+    end if
+    allocate (run%saved)
+    call run%saved%read(run%saved_in, error)
+  end subroutine read_checkpoint
+
+  !> The state of the checkpoint becomes that of the run.
+  subroutine take_up(run, tolerance)
+    type(run_t), intent(inout) :: run
+    !> That of the answer that was under way, where the errors decide.
+    real(dp), intent(inout) :: tolerance
+    real(dp) :: earlier
+    call restore(run%saved, run%saved_in, run%pair, run%problem, run%log, run%result, earlier)
+    if (run%case%solver%stop_rule == stop_budget .and. earlier > 0) tolerance = earlier
+    deallocate (run%saved)
+  end subroutine take_up
+
+  !> What a saved state says besides the state: what was done before, and what is to be reached.
+  subroutine tell_keeper(run, tolerance, last)
+    type(run_t), intent(inout) :: run
+    real(dp), intent(in) :: tolerance
+    type(scheme_result_t), intent(in) :: last
+    if (.not. allocated(run%problem%keeper)) return
+    select type (keeper => run%problem%keeper)
+    type is (checkpoint_keeper_t)
+      call keeper%begin(last%history, tolerance, run%pair)
+    end select
+  end subroutine tell_keeper
+
+  !> Save the state that the iteration ended with.
+  subroutine keep_result(run)
+    type(run_t), intent(inout) :: run
+    if (.not. allocated(run%problem%keeper)) return
+    select type (keeper => run%problem%keeper)
+    type is (checkpoint_keeper_t)
+      call keeper%keep_result(run%result)
+    end select
+  end subroutine keep_result
+
   !> From the state of the scheme to what users look at.
   subroutine recover(run, error)
     type(run_t), intent(inout) :: run
     type(error_t), allocatable, intent(out) :: error
+    call set_stage('projecting pressures')
     call project_pressures(run%body, run%pair, run%surface_a, run%surface_b, run%problem, run%result%m, run%result%y, &
                            run%pair_solution, run%contact_pressure, error)
+    if (.not. allocated(error)) call refuse_overflow(run%case, run%body, run%pair, run%solution, run%pair_solution, run%result, &
+                                                     error)
     if (allocated(error)) return
     call show_pair_results(run%log, run%pair, run%pair_solution)
     call run%watch%lap(run%timing%recover)
@@ -267,6 +387,7 @@ contains
     type(run_t), intent(inout) :: run
     type(error_t), allocatable, intent(out) :: error
     type(results_file_t) :: file
+    call set_stage('writing results')
     call write_fields(file, run%case%scene%output, run%case, run%body, run%solution, run%contact_pressure, run%budget, error)
     if (allocated(error)) return
     call write_pairs(file, run%pair, run%pair_solution)

@@ -17,7 +17,8 @@ module dotyk_driver_screen
   use dotyk_input_names, only: analysis_names, name_at
   use dotyk_mesh_surface, only: surface_t
   use dotyk_scheme_bounds, only: gamma_limit
-  use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_limit, ended_diverged, ended_rounds
+  use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_limit, ended_diverged, ended_interrupted, &
+    ended_rounds
   use dotyk_scheme_progress, only: duration
   implicit none
   private
@@ -333,6 +334,8 @@ contains
       text = 'not converged: stopped at max_iterations'
     case (ended_diverged)
       text = 'not converged: diverged'
+    case (ended_interrupted)
+      text = 'not converged: interrupted'
     case (ended_rounds)
       text = 'not converged: the error bound keeps above its part of the other errors; stopped'
     case default

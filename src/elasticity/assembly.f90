@@ -3,6 +3,7 @@ module dotyk_elasticity_assembly
   use omp_lib, only: omp_get_max_threads, omp_in_parallel
   use dotyk_base_error, only: add_context, error_t, exit_bad_input, exit_not_solvable, set_error
   use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_magnitude, only: size_rule, smallest_number
   use dotyk_base_text, only: text_t, to_text
   use dotyk_elasticity_analysis, only: analysis_3d, gradient_slots, strain_index
   use dotyk_elasticity_constraint, only: constraint_t
@@ -256,8 +257,12 @@ contains
       place = matmul(x, shape(:, q))
       call factor%evaluate(place, value, error)
       if (.not. allocated(error)) then
-        if (.not. value(1) > 0) call set_error(error, 'the factor on the stiffness must be positive, it is '// &
-          to_text(value(1))//' at '//place_text(place), exit_bad_input)
+        if (.not. value(1) > 0) then
+          call set_error(error, 'the factor on the stiffness must be positive, it is '//to_text(value(1))//' at '// &
+                         place_text(place), exit_bad_input)
+        else if (.not. value(1) >= smallest_number) then
+          call set_error(error, 'the formula is '//to_text(value(1))//' at '//place_text(place)//'; '//size_rule, exit_bad_input)
+        end if
       end if
       if (allocated(error)) then
         call add_context(error, 'young_formula: ')

@@ -6,6 +6,7 @@ module dotyk_elasticity_field
   use dotyk_base_error, only: error_t, exit_bad_input, set_error
   use dotyk_base_formula, only: formula_t
   use dotyk_base_kinds, only: dp
+  use dotyk_base_magnitude, only: is_too_large, size_rule
   use dotyk_base_text, only: text_t, to_text
   implicit none
   private
@@ -61,7 +62,7 @@ contains
     real(dp), intent(in) :: x(:)
     !> The vector (3).
     real(dp), intent(out) :: value(3)
-    !> Allocated where a component is not a finite number there.
+    !> Allocated where a component is no number, or too large a one, there.
     type(error_t), allocatable, intent(out) :: error
     real(dp) :: place(3)
     integer :: i
@@ -71,10 +72,10 @@ contains
     place(:size(x)) = x
     do i = 1, 3
       if (self%formula(i)%is_set()) value(i) = self%formula(i)%evaluate(place)
-      if (.not. ieee_is_finite(value(i))) then
-        call set_error(error, 'the formula is '//to_text(value(i))//' at '//place_text(x), exit_bad_input)
-        return
-      end if
+      if (.not. is_too_large(value(i))) cycle
+      call set_error(error, 'the formula is '//to_text(value(i))//' at '//place_text(x), exit_bad_input)
+      if (ieee_is_finite(value(i))) error%message = error%message//'; '//size_rule
+      return
     end do
   end subroutine field_evaluate
 

@@ -3,6 +3,7 @@ module dotyk_input_checks
   use dotyk_base_error, only: error_t
   use dotyk_base_formula, only: formula_t
   use dotyk_base_kinds, only: dp
+  use dotyk_base_magnitude, only: has_usual_size, size_rule
   use dotyk_base_text, only: join, nearest_name, text_t, to_text
   use dotyk_input_conversion, only: number_good, number_malformed, number_out_of_range, read_integer, &
     read_logical, read_real
@@ -143,7 +144,7 @@ contains
     type(text_t), intent(in) :: names(:)
     character(:), allocatable :: hint
     hint = nearest_name(name, names)
-    if (len(hint) > 0) hint = ' (did you mean '''//hint//'''?)'
+    if (len(hint) > 0) hint = ' (did you mean '//shown(hint)//'?)'
   end function suggestion
 
   !> Check the values of one key and convert them.
@@ -223,6 +224,9 @@ contains
       message = ' must be above 0, got '//shown(value%text)
     if (status == number_good .and. row%not_negative .and. .not. number >= 0) &
       message = ' must not be below 0, got '//shown(value%text)
+    if (status == number_good .and. len(message) == 0 .and. row%kind == kind_real .and. row%measured) then
+      if (.not. has_usual_size(number)) message = ': '//shown(value%text)//' is too large or too small: '//size_rule
+    end if
   end function number_message
 
   !> Say what is wrong with a text; an empty message where nothing is.

@@ -27,15 +27,20 @@ contains
     call list_keywords(table)
     text = &
       'dotyk computes the frictionless unilateral contact of linear elastic bodies.'//end_line//end_line// &
-      'usage: dotyk case.nml [--check] [--threads N] [--output FILE] [--quiet] [--version] [--help]'//end_line// &
+      'usage: dotyk case.nml [--check] [--threads N] [--output FILE] [--restart [FILE]] [--quiet]'//end_line// &
+      '       dotyk --version | --help'//end_line// &
       '  --check        read and check everything, print a summary of the scene, solve nothing'//end_line// &
       '  --threads N    threads to use; if absent, all'//end_line// &
       '  --output FILE  results file, in place of that of &scene; relative to the working directory'//end_line// &
+      '  --restart      go on from the checkpoint in FILE; if absent, from that of &output checkpoint'//end_line// &
       '  --quiet        print errors only'//end_line// &
       '  --version      print the version'//end_line// &
       '  --help         print this text'//end_line//end_line// &
       'exit codes: 0 converged; 1 stopped before the tolerance (results written and marked); 2 bad input;'//end_line// &
-      '  3 the problem cannot be solved as posed; 4 a file could not be written'//end_line//end_line// &
+      '  3 the problem cannot be solved as posed; 4 a file could not be written;'//end_line// &
+      '  5 out of memory, or another failure of the machine'//end_line// &
+      'An interrupt (Ctrl-C, SIGTERM) ends a run at its next step with code 1, a second one at once.'// &
+      end_line//end_line// &
       'The input file consists of groups, such as &body name=''block'', volume=''block'', material=''steel'' /'// &
       end_line// &
       '  Commas or blanks separate values, 3*0 stands for 0, 0, 0, texts are in quotes, and ! begins a comment.'// &

@@ -41,6 +41,8 @@ module dotyk_input_keywords
     logical :: required = .false.
     !> May its text be empty?
     logical :: may_be_empty = .false.
+    !> Are its numbers measured in units, or multiples of what is, so that their size is limited?
+    logical :: measured = .false.
     !> Unit of the numbers; empty where they have none.
     character(:), allocatable :: unit
     !> Names that are allowed, separated by blanks.
@@ -240,6 +242,11 @@ contains
     call t%add('output', 'error_parts', kind_names, names=error_part_names, default=error_part_names, may_be_empty=.true., &
                meaning='what is estimated besides the bound of the iteration: penalty, the distance to the solution '// &
                'without it; discretization, the error of the mesh')
+    call t%add('output', 'checkpoint', kind_text, &
+               'file for the state of the iteration, relative to the namelist file: a run that was interrupted, killed or that '// &
+               'stopped too early goes on from it with --restart')
+    call t%add('output', 'checkpoint_interval', kind_real, default='60', unit='seconds', not_negative=.true., &
+               meaning='time between two states while the iteration goes on; 0: every step; the last state is always saved')
     allocate (table(t%n))
     do i = 1, t%n
       table(i) = t%row(i)
@@ -268,6 +275,7 @@ contains
       if (present(least)) row%least = least
       if (present(most)) row%most = most
       if (present(unit)) row%unit = unit
+      row%measured = len(row%unit) > 0 .or. index(key, 'theta') == 1
       if (present(names)) row%names = names
       if (present(default)) row%default = default
       if (present(positive)) row%positive = positive

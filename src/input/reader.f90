@@ -45,9 +45,14 @@ module dotyk_input_reader
     integer :: n_entries = 0
     !> The keys; the first `n_entries` mean something.
     type(entry_t), allocatable :: entry(:)
+    !> Were there more keys, which were not kept?
+    logical, private :: full = .false.
   end type group_t
 
   public :: read_groups, add_entry, add_value
+
+  !> More keys in a group than any has, and more values than any key has: the rest is not kept.
+  integer, parameter :: most_keys = 200, most_values = 1000
 
 contains
 
@@ -168,6 +173,12 @@ contains
     type(token_t), intent(in) :: word
     type(problems_t), intent(inout) :: problems
     integer :: mark
+    if (group%n_entries == most_keys .and. .not. group%full) then
+      call problems%add(word%line, '&'//group%name//': more than '//to_text(most_keys)//' keys; those from '//shown(word%text)// &
+                        ' on are not looked at')
+      group%full = .true.
+    end if
+    if (group%full) return
     mark = scan(word%text, '(%')
     if (mark > 1) then
       call add_entry(group, lower(word%text(:mark - 1)), word%line)
@@ -208,6 +219,7 @@ contains
     character(*), intent(in) :: text
     type(problems_t), intent(inout) :: problems
     integer :: i
+    if (group%full) return
     if (group%n_entries == 0) then
       call problems%add(token%line, '&'//group%name//': a value without a key before it: '//shown(text))
       return
@@ -226,7 +238,7 @@ contains
     type(problems_t), intent(inout) :: problems
     if (group%n_entries == 0) then
       call problems%add(line, '&'//group%name//': a value without a key before it: '',''')
-    else
+    else if (group%entry(group%n_entries)%usable) then
       call problems%add(line, '&'//group%name//': a value of '//shown(group%entry(group%n_entries)%key)//' is missing')
       call spoil_last(group)
     end if
@@ -260,7 +272,7 @@ contains
     end associate
   end subroutine add_entry
 
-  !> Add a value to a key.
+  !> Add a value to a key that has not more than enough of them.
   subroutine add_value(entry, text, line, quoted)
     type(entry_t), intent(inout) :: entry
     character(*), intent(in) :: text
@@ -269,6 +281,7 @@ contains
     logical, intent(in) :: quoted
     type(value_t), allocatable :: longer(:)
     integer :: i
+    if (entry%n_values == most_values) return
     if (entry%n_values == size(entry%value)) then
       allocate (longer(2*entry%n_values))
       do i = 1, entry%n_values

@@ -4,7 +4,7 @@ module dotyk_linalg_blas
   use dotyk_base_kinds, only: dp
   implicit none
   private
-  public :: set_blas_threads, blas_threads, blas_name, add_product, transposed_product, &
+  public :: reserve_blas, set_blas_threads, blas_threads, blas_name, add_product, transposed_product, &
     dgemm, dpotrf, dsyrk, dtrsm
 
   interface
@@ -40,6 +40,11 @@ module dotyk_linalg_blas
       real(dp), intent(inout) :: b(ldb, *)
     end subroutine dtrsm
 
+    integer(c_int) function c_reserve_blas(n) bind(c, name='dotyk_reserve_blas')
+      import :: c_int
+      integer(c_int), value :: n
+    end function c_reserve_blas
+
     subroutine openblas_set_num_threads(n) bind(c, name='openblas_set_num_threads')
       import :: c_int
       integer(c_int), value :: n
@@ -59,6 +64,14 @@ module dotyk_linalg_blas
   end interface
 
 contains
+
+  !> Take the room that so many calls at the same time work in: where there is none later, OpenBLAS tries for ever.
+  subroutine reserve_blas(n, taken)
+    integer, intent(in) :: n
+    !> How many there is room for.
+    integer, intent(out) :: taken
+    taken = int(c_reserve_blas(int(n, c_int)))
+  end subroutine reserve_blas
 
   !> C <- C + factor A B.
   subroutine add_product(factor, a, b, c)

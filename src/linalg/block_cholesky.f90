@@ -3,7 +3,7 @@
 !> Block columns are panels, dense by columns: their own block first, then those under it in the order of elimination, fill included.
 !> So every operation is one of dense matrices, and nothing is looked up by entries.
 module dotyk_linalg_block_cholesky
-  use dotyk_base_error, only: error_t, set_error, exit_not_solvable
+  use dotyk_base_error, only: error_t, set_error, exit_machine
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_text, only: to_text
   use dotyk_linalg_blas, only: dgemm, dpotrf, dsyrk, dtrsm
@@ -79,7 +79,7 @@ contains
     end do
     allocate (self%value(self%value_start(self%n_blocks + 1) - 1), source=0.0_dp, stat=status)
     if (status /= 0) call set_error(error, 'out of memory for a matrix of dense blocks of '//to_text(self%n)//' rows', &
-                                    exit_not_solvable)
+                                    exit_machine)
   end subroutine block_init
 
   !> Where a block is: row of the panel before it, from 0.

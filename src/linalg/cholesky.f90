@@ -3,7 +3,7 @@
 module dotyk_linalg_cholesky
   use, intrinsic :: iso_c_binding, only: c_ptr, c_null_ptr, c_associated, c_f_pointer, c_int, c_int64_t, c_double
   use dotyk_base_kinds, only: dp, int64
-  use dotyk_base_error, only: error_t, set_error, exit_not_solvable
+  use dotyk_base_error, only: error_t, set_error, exit_machine, exit_not_solvable
   use dotyk_base_text, only: to_text
   use dotyk_linalg_cholmod, only: code_ok, code_out_of_memory, code_too_large, dotyk_cholmod_new, dotyk_cholmod_free, &
     dotyk_cholmod_analyze, dotyk_cholmod_permute, dotyk_cholmod_begin, dotyk_cholmod_end, dotyk_cholmod_solve, &
@@ -332,7 +332,7 @@ contains
       to_text(real(factor%workspace_bytes, dp)*1.0e-9_dp)//' GB more'
     select case (code)
     case (code_out_of_memory)
-      call set_error(error, 'out of memory in the '//what//' of '//size_text, exit_not_solvable)
+      call set_error(error, 'out of memory in the '//what//' of '//size_text, exit_machine)
     case (code_too_large)
       call set_error(error, 'the matrix is too large for the '//what//' of '//size_text, exit_not_solvable)
     case default

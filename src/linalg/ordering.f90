@@ -1,7 +1,7 @@
 !> Fill-reducing orderings by METIS's nested dissection. The only module that names METIS.
 module dotyk_linalg_ordering
   use, intrinsic :: iso_c_binding, only: c_int, c_int32_t, c_ptr, c_null_ptr
-  use dotyk_base_error, only: error_t, set_error, exit_not_solvable
+  use dotyk_base_error, only: error_t, set_error, exit_machine, exit_not_solvable
   use dotyk_base_text, only: to_text
   implicit none
   private
@@ -67,7 +67,7 @@ contains
     if (status == metis_ok) then
       permutation = int(permutation_c) + 1
     else if (status == metis_error_memory) then
-      call set_error(error, 'out of memory while ordering '//to_text(n)//' nodes', exit_not_solvable)
+      call set_error(error, 'out of memory while ordering '//to_text(n)//' nodes', exit_machine)
     else
       call set_error(error, 'METIS cannot order the graph of '//to_text(n)//' nodes (status '//to_text(int(status))// &
         ')', exit_not_solvable)

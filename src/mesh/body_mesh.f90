@@ -6,7 +6,7 @@ module dotyk_mesh_body_mesh
   use dotyk_mesh_element, only: kind_dimension, kind_nodes, n_element_kinds
   use dotyk_mesh_group, only: groups_named, unknown_group
   use dotyk_mesh_mesh, only: element_block_t, mesh_t
-  use dotyk_mesh_mesh_check, only: check_finite, check_nodes, check_plane, check_repeated_elements, orient_elements
+  use dotyk_mesh_mesh_check, only: check_size, check_nodes, check_plane, check_repeated_elements, orient_elements
   implicit none
   private
 
@@ -89,7 +89,7 @@ contains
       return
     end if
     call number_nodes(mesh, body_mesh)
-    call check_finite(body_mesh%x, body_mesh%node_tag, error)
+    call check_size(body_mesh%x, body_mesh%node_tag, error)
     if (dimension == 2 .and. .not. allocated(error)) then
       call check_plane(mesh%x(:, body_mesh%mesh_node), body_mesh%node_tag, error)
     end if

@@ -5,11 +5,14 @@
 !> name and renamed, so that runs at the same time do not meet half a mesh. DOTYK_GMSH names another executable than `gmsh`.
 module dotyk_mesh_gmsh_run
   use dotyk_base_kinds, only: int64
+  use dotyk_base_files, only: own_mark, remove_leftovers
   use dotyk_base_error, only: error_t, set_error, exit_bad_input, exit_not_written
+  use dotyk_base_interrupt, only: run_shell => run_command, interrupted, stop_if_interrupted
+  use dotyk_base_memory, only: set_stage, stage_text
   use dotyk_base_text, only: to_text
   use dotyk_mesh_bytes, only: byte_cursor_t
   use dotyk_mesh_content_hash, only: content_hash_t
-  use dotyk_mesh_system, only: make_directory, is_writable_directory, process_id, rename_file, remove_file, shell_quoted, &
+  use dotyk_mesh_system, only: make_directory, is_writable_directory, rename_file, remove_file, shell_quoted, &
                                directory_of, environment_value
   implicit none
   private
@@ -32,15 +35,19 @@ contains
     character(:), allocatable, intent(out) :: msh_file
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: base
+    character(:), allocatable :: stage
     logical :: found
     ! Two threads would take the same temporary names.
     !$omp critical (dotyk_mesh_geometry)
+    stage = stage_text()
+    call set_stage('meshing '//geo_file//' with gmsh')
     call name_mesh(geo_file, dimension, base, error)
     if (.not. allocated(error)) then
       msh_file = base//'.msh'
       inquire (file=msh_file, exist=found)
       if (.not. found) call run_gmsh(geo_file, dimension, base, error)
     end if
+    call set_stage(stage)
     !$omp end critical (dotyk_mesh_geometry)
   end subroutine mesh_geometry
 
@@ -64,7 +71,7 @@ contains
     if (allocated(error)) return
     name = geo_file(len(directory_of(geo_file)) + 1:)
     if (index(name, '.geo', back=.true.) > 1) name = name(:index(name, '.geo', back=.true.) - 1)
-    call find_version(directory, directory//name//'-'//to_text(process_id())//'.version', version, error)
+    call find_version(directory, directory//name//own_mark()//'.version', version, error)
     if (allocated(error)) return
     call hash%add(version//to_text(dimension))
     base = directory//name//'-'//to_text(dimension)//'d-'//hash%digits()
@@ -155,7 +162,10 @@ contains
     type(byte_cursor_t) :: log
     integer :: status
     call run_command(shell_quoted(executable())//' --version', log_file, status)
-    if (status == status_not_found .or. status == status_not_executable) then
+    call stop_if_interrupted(error)
+    if (allocated(error)) then
+      continue
+    else if (status == status_not_found .or. status == status_not_executable) then
       call set_error(error, executable()//', which meshes .geo files, was not found: install it (Debian: apt install gmsh), '// &
                      'set DOTYK_GMSH to its path, or give a .msh file', exit_bad_input)
     else if (status /= 0) then
@@ -180,10 +190,7 @@ contains
     character(*), intent(in) :: command, log_file
     !> Exit status; that of a program not found where there is no shell.
     integer, intent(out) :: status
-    integer :: shell_status
-    status = 0
-    call execute_command_line(command//' < /dev/null > '//shell_quoted(log_file)//' 2>&1', exitstat=status, cmdstat=shell_status)
-    if (shell_status /= 0) status = status_not_found
+    status = run_shell('exec '//command//' < /dev/null > '//shell_quoted(log_file)//' 2>&1')
   end subroutine run_command
 
   !> Make the mesh `base`.msh; what gmsh says is kept in `base`.log.
@@ -199,10 +206,17 @@ contains
     path = geo_file
     ! A name with a minus in front would be an option.
     if (path(1:1) == '-') path = './'//path
-    temporary = base//'-'//to_text(process_id())
+    call remove_leftovers(base)
+    temporary = base//own_mark()
     if (temporary(1:1) == '-') temporary = './'//temporary
     call run_command(shell_quoted(executable())//' -'//to_text(dimension)//' -format msh41 -bin -o '// &
                      shell_quoted(temporary//'.msh')//' '//shell_quoted(path), temporary//'.log', status)
+    if (interrupted()) then
+      call remove_file(temporary//'.log')
+      call remove_file(temporary//'.msh')
+      call stop_if_interrupted(error)
+      return
+    end if
     call log%load(temporary//'.log', error)
     if (allocated(error)) return
     if (.not. rename_file(temporary//'.log', base//'.log')) call remove_file(temporary//'.log')

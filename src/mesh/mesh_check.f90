@@ -2,6 +2,7 @@
 module dotyk_mesh_mesh_check
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_magnitude, only: is_too_large, size_rule, smallest_number
   use dotyk_base_error, only: error_t, exit_not_solvable, set_error
   use dotyk_base_sort, only: sort_order
   use dotyk_base_text, only: to_text
@@ -10,7 +11,7 @@ module dotyk_mesh_mesh_check
   use dotyk_mesh_mesh, only: element_block_t
   implicit none
   private
-  public :: check_finite, check_plane, check_nodes, check_repeated_elements, orient_elements
+  public :: check_size, check_plane, check_nodes, check_repeated_elements, orient_elements
 
   !> Nodes nearer than this times the body's size lie at the same place.
   real(dp), parameter :: same_place = 1.0e-12_dp
@@ -27,20 +28,28 @@ module dotyk_mesh_mesh_check
 
 contains
 
-  !> Coordinates are finite numbers.
-  subroutine check_finite(x, tag, error)
+  !> Coordinates are numbers, and neither they nor the whole body too large or too small to compute with.
+  subroutine check_size(x, tag, error)
     !> Coordinates (dimension, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
     !> Node tags (n_nodes).
     integer(int64), intent(in) :: tag(:)
     type(error_t), allocatable, intent(out) :: error
+    real(dp) :: edge
     integer :: i
     do i = 1, size(tag)
-      if (all(ieee_is_finite(x(:, i)))) cycle
-      call set_error(error, 'the coordinates of node '//to_text(tag(i))//' are not finite: '//place_text(x(:, i)))
+      if (.not. any(is_too_large(x(:, i)))) cycle
+      if (all(ieee_is_finite(x(:, i)))) then
+        call set_error(error, 'node '//to_text(tag(i))//' is too far away, at '//place_text(x(:, i))//'; '//size_rule)
+      else
+        call set_error(error, 'the coordinates of node '//to_text(tag(i))//' are not finite: '//place_text(x(:, i)))
+      end if
       return
     end do
-  end subroutine check_finite
+    edge = maxval(maxval(x, dim=2) - minval(x, dim=2))
+    if (edge >= smallest_number .or. size(tag) < 2) return
+    call set_error(error, 'the body is too small, its longest edge is '//to_text(edge)//'; '//size_rule)
+  end subroutine check_size
 
   !> A plane analysis needs all nodes at the same z.
   subroutine check_plane(x, tag, error)

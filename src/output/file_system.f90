@@ -2,14 +2,12 @@
 module dotyk_output_file_system
   use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char
   use dotyk_base_error, only: error_t, exit_not_written, set_error
-  use dotyk_base_text, only: quoted, to_text
+  use dotyk_base_files, only: own_mark, remove_leftovers, sync_file
+  use dotyk_base_text, only: quoted
   implicit none
   private
 
   interface
-    integer(c_int) function c_getpid() bind(c, name='getpid')
-      import :: c_int
-    end function c_getpid
     integer(c_int) function c_rename(old, new) bind(c, name='rename')
       import :: c_char, c_int
       character(kind=c_char), intent(in) :: old(*), new(*)
@@ -25,7 +23,7 @@ module dotyk_output_file_system
 contains
 
   !> Whether a file can be created at a path, found out by creating one of a temporary name beside it; what is there
-  !> already stays untouched.
+  !> already stays untouched. What killed runs left beside it is deleted.
   subroutine check_writable(path, error)
     character(*), intent(in) :: path
     !> Exit code `exit_not_written`.
@@ -42,6 +40,7 @@ contains
       call set_error(error, quoted(path)//' cannot be written: it is a folder', exit_not_written)
       return
     end if
+    call remove_leftovers(path)
     open (newunit=unit, file=temporary_name(path), status='replace', action='write', iostat=status, iomsg=message)
     if (status == 0) then
       close (unit, status='delete')
@@ -57,14 +56,18 @@ contains
   function temporary_name(path) result(name)
     character(*), intent(in) :: path
     character(:), allocatable :: name
-    name = path//'.'//to_text(int(c_getpid()))//'.tmp'
+    name = path//own_mark()//'.tmp'
   end function temporary_name
 
-  !> Give a file another name in the same folder, in place of what may be there, in one step.
+  !> Give a file another name in the same folder, in place of what may be there, in one step, once it is on the disk.
   subroutine replace_file(temporary, path, error)
     character(*), intent(in) :: temporary, path
     type(error_t), allocatable, intent(out) :: error
-    if (c_rename(temporary//c_null_char, path//c_null_char) /= 0) then
+    character(:), allocatable :: reason
+    call sync_file(temporary, reason)
+    if (len(reason) > 0) then
+      call set_error(error, quoted(path)//' cannot be written: '//reason, exit_not_written)
+    else if (c_rename(temporary//c_null_char, path//c_null_char) /= 0) then
       call set_error(error, quoted(temporary)//' cannot be renamed to '//quoted(path), exit_not_written)
     end if
   end subroutine replace_file

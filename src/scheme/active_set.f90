@@ -6,6 +6,7 @@
 !> cycle.
 module dotyk_scheme_active_set
   use dotyk_base_error, only: error_t
+  use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
   use dotyk_base_text, only: to_text
@@ -13,7 +14,7 @@ module dotyk_scheme_active_set
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_bounds, only: duality_gap
   use dotyk_scheme_explicit, only: explicit_compliance_t
-  use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_limit, ended_immovable
+  use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_limit, ended_immovable, ended_interrupted
   use dotyk_scheme_problem, only: contact_problem_t
   use dotyk_scheme_progress, only: progress_line
   use dotyk_scheme_proximal, only: proximal_step
@@ -67,6 +68,7 @@ contains
     result%ended = ended_limit
     systems = 0
     do k = 1, max_iterations
+      if (interrupted()) exit
       if (k == most_newton_steps) call log%line('  active sets come back; the proximal method of multipliers goes on')
       if (k >= most_newton_steps) then
         ! The iterates of the proximal method go their own way: solutions of active sets are tried, but do not disturb them.
@@ -75,6 +77,7 @@ contains
         if (allocated(error)) return
         systems = systems + steps
         active = kept%lambda > 0 .and. .not. immovable
+        if (interrupted()) exit
       end if
       call drop_immovable(problem, compliance, yields, active, immovable)
       if (any(immovable .and. problem%y_free > 0 .and. .not. problem%operator%theta > 0)) then
@@ -85,6 +88,8 @@ contains
       if (allocated(error)) return
       last = now
       call solve_active(problem, compliance, system, now)
+      ! Half a solution says nothing about active sets.
+      if (interrupted()) exit
       call compliance%multiply(problem, now%lambda - last%lambda, change)
       length = sqrt(max(0.0_dp, sum((now%lambda - last%lambda)*change)))
       call note(problem, now, wall_time() - begin, length, count(active), result)
@@ -101,7 +106,13 @@ contains
         exit
       end if
       active = next
+      if (k < max_iterations) call problem%keep_state(max(0.0_dp, now%lambda)/problem%operator%weight, &
+                                                      problem%coarse%scale*now%alpha, 0.0_dp, result%history, active)
     end do
+    if (interrupted() .and. result%ended == ended_limit) then
+      result%ended = ended_interrupted
+      result%closed = active
+    end if
     call log%end_progress()
     if (systems > 0) call log%line('  the proximal method solved '//to_text(systems)//' systems')
   end subroutine find_active_set

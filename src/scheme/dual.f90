@@ -9,6 +9,7 @@
 module dotyk_scheme_dual
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use dotyk_base_error, only: error_t
+  use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
   use dotyk_base_text, only: to_text
@@ -18,8 +19,8 @@ module dotyk_scheme_dual
   use dotyk_scheme_bounds, only: duality_gap
   use dotyk_scheme_choice, only: choose_solver, solver_auto
   use dotyk_scheme_explicit, only: explicit_compliance_t
-  use dotyk_scheme_history, only: history_t, scheme_result_t, ended_converged, ended_immovable, ended_limit, ended_stalled, &
-    ended_unstoppable
+  use dotyk_scheme_history, only: history_t, scheme_result_t, ended_converged, ended_immovable, ended_interrupted, ended_limit, &
+    ended_stalled, ended_unstoppable
   use dotyk_scheme_nested, only: few_points, find_start
   use dotyk_scheme_part, only: give_back, keep_rows
   use dotyk_scheme_problem, only: contact_problem_t
@@ -69,6 +70,7 @@ contains
 
     if (present(start)) then
       keep = start%m > 0
+      if (allocated(start%closed)) keep = keep .or. start%closed
       state = start
     else
       call rows_to_begin_with(problem, keep, result)
@@ -95,9 +97,16 @@ contains
       if (allocated(error) .or. all(keep) .or. .not. allocated(result%m)) exit
       late = .not. keep .and. result%y > rounding*maxval(abs(problem%y_free))
       if (.not. any(late)) exit
+      if (interrupted()) then
+        ! The bound is that of the points that were kept.
+        result%ended = ended_interrupted
+        result%error_bound = huge(result%error_bound)
+        exit
+      end if
       ! How far they went says how far others may.
       keep = keep .or. result%y > -2*maxval(result%y, mask=late)
       earlier = result%history
+      if (allocated(problem%keeper)) problem%keeper%before = earlier
       ! From a state that was near, the next one is; one that groups of points gave is found anew.
       if (allocated(state)) state = result
     end do
@@ -138,6 +147,7 @@ contains
     type(scheme_result_t), intent(inout) :: state
     state%m = pack(state%m, keep)
     state%y = pack(state%y, keep)
+    if (allocated(state%closed)) state%closed = pack(state%closed, keep)
   end subroutine restrict
 
   !> The state on all rows, from that on some of them.
@@ -148,6 +158,7 @@ contains
     real(dp), allocatable :: z(:), motion(:)
     allocate (z(size(keep)), motion(size(keep)), source=0.0_dp)
     result%m = unpack(result%m, keep, z)
+    if (allocated(result%closed)) result%closed = unpack(result%closed, keep, .false.)
     call problem%compliance(problem%operator%weight*result%m, z)
     call problem%coarse%displacement(problem%operator, result%alpha/problem%coarse%scale, motion)
     result%y = unpack(result%y, keep, problem%y_free - z + motion)
@@ -173,6 +184,7 @@ contains
       now%y = start%y
       now%alpha = start%alpha/problem%coarse%scale
       active = start%m > 0
+      if (allocated(start%closed)) active = start%closed
     else
       allocate (active(problem%operator%n_rows))
       call find_start(problem, compliance, now, active, error)
@@ -211,22 +223,30 @@ contains
     class(active_system_t), intent(in) :: system
     type(iterate_t), intent(inout) :: now
     type(scheme_result_t), intent(inout) :: result
-    real(dp) :: norm, rounded
+    real(dp) :: norm, admissible, rounded
     integer :: i
     now%lambda = max(0.0_dp, now%lambda)
     call update_penetrations(problem, compliance, now)
     result%m = now%lambda/problem%operator%weight
     result%y = now%y
     result%alpha = problem%coarse%scale*now%alpha
-    result%undetermined = system%null_motion
+    if (result%ended == ended_interrupted) then
+      allocate (result%undetermined(size(now%alpha), 0))
+    else
+      result%undetermined = system%null_motion
+    end if
     do i = 1, size(result%undetermined, 2)
       result%undetermined(:, i) = problem%coarse%scale*result%undetermined(:, i)
     end do
     norm = reference_norm(problem, now)
     result%error_bound = huge(norm)
     if (is_balanced(problem, now%lambda, now%alpha)) then
-      result%error_bound = min(sqrt(duality_gap(problem%operator%weight, problem%operator%theta, result%m, result%y)), &
-                               admissible_bound(problem, compliance, system, now))
+      result%error_bound = sqrt(duality_gap(problem%operator%weight, problem%operator%theta, result%m, result%y))
+      admissible = huge(norm)
+      if (result%ended /= ended_interrupted) admissible = admissible_bound(problem, compliance, system, now)
+      ! A bound from half a solution is none.
+      if (interrupted()) admissible = huge(norm)
+      result%error_bound = min(result%error_bound, admissible)
       call problem%coarse%rounding(problem%operator, now%lambda, rounded)
       result%error_bound = result%error_bound + rounded
       ! Beyond 1e150 a bound is none.
@@ -243,8 +263,10 @@ contains
       result%history%energy(result%history%n) = result%energy
       result%history%max_penetration(result%history%n) = result%max_penetration
     end if
-    if (result%ended == ended_converged .and. result%error_bound > settings%tolerance) result%ended = ended_stalled
-    if (result%ended == ended_limit .and. result%error_bound <= settings%tolerance) result%ended = ended_converged
+    if (result%ended == ended_converged .and. result%error_bound > settings%tolerance) &
+      result%ended = merge(ended_interrupted, ended_stalled, interrupted())
+    if (any(result%ended == [ended_limit, ended_interrupted]) .and. result%error_bound <= settings%tolerance) &
+      result%ended = ended_converged
   end subroutine finish
 
   !> A bound of ||u - u_theta||_A that needs no theta: the norm of a displacement g, self-equilibrated forces and rigid motions, with

@@ -13,6 +13,7 @@ module dotyk_scheme_history
   integer, parameter, public :: ended_unstoppable = 5  !< loads move a free body, and no contact can stop it
   integer, parameter, public :: ended_rounds = 7     !< no answer met the budget, of as many as a scene gets
   integer, parameter, public :: ended_immovable = 6  !< supports press contact points together that cannot give way
+  integer, parameter, public :: ended_interrupted = 8  !< somebody asked the program to stop
 
   !> One entry per iteration; arrays are longer than `n` while the iteration goes on.
   type, public :: history_t
@@ -49,6 +50,8 @@ module dotyk_scheme_history
     real(dp), allocatable :: y(:)
     !> Amplitudes of the free motions of the responses, body after body; of size 0 where all bodies are held.
     real(dp), allocatable :: alpha(:)
+    !> Points to take for closed where an iteration that was interrupted goes on; not allocated: those under pressure (n_rows).
+    logical, allocatable :: closed(:)
     !> Motions that neither contact nor loads determine, as columns of amplitudes (size of alpha, number of them).
     real(dp), allocatable :: undetermined(:, :)
     !> Where ended_unstoppable: amplitudes of a motion that the loads excite and no contact can stop.
@@ -76,6 +79,8 @@ module dotyk_scheme_history
     procedure :: add_rounding => result_add_rounding
   end type scheme_result_t
 
+  public :: ending_name
+
 contains
 
   !> Let the error bound contain what rounding has left; it may be beyond the tolerance then.
@@ -87,6 +92,29 @@ contains
     if (self%ended == ended_converged .and. self%error_bound > tolerance) self%ended = ended_stalled
     if (self%history%n > 0) self%history%error_bound(self%history%n) = self%error_bound
   end subroutine result_add_rounding
+
+  !> How an iteration ended, in one word for the results file.
+  pure function ending_name(ended) result(name)
+    !> One of the parameters above.
+    integer, intent(in) :: ended
+    character(:), allocatable :: name
+    select case (ended)
+    case (ended_converged)
+      name = 'converged'
+    case (ended_limit)
+      name = 'max_iterations'
+    case (ended_diverged)
+      name = 'diverged'
+    case (ended_stalled)
+      name = 'stalled'
+    case (ended_rounds)
+      name = 'budget'
+    case (ended_interrupted)
+      name = 'interrupted'
+    case default
+      name = 'not solvable'
+    end select
+  end function ending_name
 
   !> Add an entry; `length` is the increment before it was divided by the norm of the iterate.
   subroutine history_add(self, seconds, length, increment, error_bound, energy, max_penetration, active)

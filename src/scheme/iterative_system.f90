@@ -5,6 +5,7 @@
 !> preconditioner of domain decomposition, the stiffness of the surfaces, needed as many steps or twice as many.)
 module dotyk_scheme_iterative_system
   use dotyk_base_error, only: error_t
+  use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_explicit, only: explicit_compliance_t
@@ -130,6 +131,8 @@ contains
     rz_old = 0
     r_old = 0
     do k = 1, most_steps
+      ! Who asks for this solution asks for interrupts too.
+      if (interrupted()) exit
       call project(self, r)
       z = self%stiffness*r
       call project(self, z)

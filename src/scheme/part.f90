@@ -25,6 +25,7 @@ contains
     group(pack([(i, i=1, size(keep))], keep)) = [(i, i=1, n)]
     call join_rows(problem, group, n, part, share)
     part%operator%origin = pack(problem%operator%origin, keep)
+    call move_alloc(problem%keeper, part%keeper)
   end subroutine keep_rows
 
   !> Give the responses back.
@@ -32,6 +33,7 @@ contains
     type(contact_problem_t), intent(inout) :: part, problem
     problem%body_solves = part%body_solves
     call move_alloc(part%response, problem%response)
+    if (allocated(part%keeper)) call move_alloc(part%keeper, problem%keeper)
     call part%destroy()
   end subroutine give_back
 

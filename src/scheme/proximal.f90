@@ -10,6 +10,7 @@
 !> finitely many of them.
 module dotyk_scheme_proximal
   use dotyk_base_error, only: error_t
+  use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_explicit, only: explicit_compliance_t
@@ -50,6 +51,7 @@ contains
     centre = alpha
     last = .false.
     do steps = 1, most_steps
+      if (interrupted()) exit
       active = y + shift > 0
       if (steps > 1 .and. t >= 1 .and. all(active .eqv. last)) exit
       last = active

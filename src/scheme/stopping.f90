@@ -1,11 +1,13 @@
 !> When the iterations on held bodies end: what they measure at each step, and when there is no more to gain.
 module dotyk_scheme_stopping
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite, ieee_is_nan, ieee_quiet_nan, ieee_value
+  use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
   use dotyk_base_timer, only: wall_time
   use dotyk_scheme_bounds, only: duality_gap
-  use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_limit, ended_diverged, ended_stalled
+  use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_limit, ended_diverged, ended_interrupted, &
+    ended_stalled
   use dotyk_scheme_problem, only: contact_problem_t
   use dotyk_scheme_progress, only: progress_line
   implicit none
@@ -87,7 +89,7 @@ contains
   !> Record a step, and say whether it was the last.
   logical function stopping_check(self, problem, bound, length, diverges, log, result, bound_of_paper) result(finished)
     class(stopping_t), intent(inout) :: self
-    type(contact_problem_t), intent(in) :: problem
+    type(contact_problem_t), intent(inout) :: problem
     !> A guaranteed bound of ||u - u_theta||_A besides that of the duality gap, and the length of the step [sqrt(energy)].
     real(dp), intent(in) :: bound, length
     !> Whether no gain means divergence (gamma is too large) and not rounding.
@@ -142,8 +144,10 @@ contains
       return
     end if
     result%ended = ended_limit
-    finished = k >= self%settings%max_iterations
+    if (interrupted()) result%ended = ended_interrupted
+    finished = k >= self%settings%max_iterations .or. result%ended == ended_interrupted
     if (finished) return
+    call problem%keep_state(result%m, result%alpha, result%lambda_max, result%history)
     if (log%due()) call log%progress(progress_line(result%history, self%settings%tolerance, measure))
   end function stopping_check
 

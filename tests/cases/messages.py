@@ -68,6 +68,20 @@ class Messages(dotyk_case.Case):
                     self.assertIn(name, line)
         self.assertIn("lower.geo", message)
 
+    def test_no_control_characters(self):
+        """Names may hold what a terminal would take for commands."""
+        self.scene(("name='lower'", "name='low\x1b[31mer'"))
+        message = self.refuse(2, "low?[31mer")
+        self.assertNotIn("\x1b", message)
+        self.write("lower.msh", "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n1\n3 1 \"bl\x1b[2Jock\"\n$EndPhysicalNames\n"
+                   "$Nodes\n4\n1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n$EndNodes\n$Elements\n1\n1 4 2 1 1 1 2 3 4\n$EndElements\n")
+        self.scene(("mesh='lower.geo'", "mesh='lower.msh'"))
+        self.assertNotIn("\x1b", self.refuse(2, "bl?[2Jock"))
+
+    def test_numbers_that_do_not_fit(self):
+        self.scene(("-0.001", "-1e300"))
+        self.refuse(2, "case.nml:%d: &support: value: '-1e300' is too large or too small" % self.line_of("-1e300"), "other units")
+
     def test_formula(self):
         self.scene(("lower:top'", "lower:top', gap_formula='1e-3*(x'"))
         self.refuse(2, "case.nml:%d: &contact: " % self.line_of("&contact"), "gap_formula")

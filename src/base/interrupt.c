@@ -1,0 +1,95 @@
+/* Signals that ask the program to stop, and programs that it runs.
+ *
+ * SIGINT, SIGTERM and SIGHUP set a flag, which the program asks at each step; the second of them ends it at once. A signal that is
+ * ignored when the program starts (nohup) stays ignored. Programs that it runs get the signal too, and do not outlive it. */
+#define _GNU_SOURCE
+#include <errno.h>
+#include <signal.h>
+#include <string.h>
+#include <sys/types.h>
+#include <sys/wait.h>
+#include <time.h>
+#include <unistd.h>
+#ifdef __linux__
+#include <sys/prctl.h>
+#endif
+
+static const int asking[] = {SIGINT, SIGTERM, SIGHUP};
+enum { n_asking = sizeof asking / sizeof *asking };
+
+static volatile sig_atomic_t signal_number; /* the first one that came; 0: none */
+static volatile sig_atomic_t child;         /* program that is being run; 0: none */
+static struct timespec first_time;
+
+/* timeout(1) and batch systems send their signal to the process and to its group: what comes at the same time is one. */
+static const double same_time = 1; /* [s] */
+
+static void on_signal(int number) {
+  int saved = errno;
+  struct timespec now;
+  clock_gettime(CLOCK_MONOTONIC, &now);
+  if (signal_number == 0) {
+    first_time = now;
+    signal_number = number;
+    if (child > 0) kill((pid_t)child, number);
+  } else if ((double)(now.tv_sec - first_time.tv_sec) + 1e-9 * (double)(now.tv_nsec - first_time.tv_nsec) > same_time) {
+    if (child > 0) kill((pid_t)child, SIGKILL);
+    signal(number, SIG_DFL);
+    raise(number); /* pending until the handler returns */
+  }
+  errno = saved;
+}
+
+/* Begin to listen. Files beyond a limit of their size become errors of writing, as those on full disks. */
+void dotyk_watch_interrupts(void) {
+  struct sigaction action, before;
+  memset(&action, 0, sizeof action);
+  action.sa_handler = on_signal;
+  action.sa_flags = SA_RESTART;
+  sigemptyset(&action.sa_mask);
+  for (int i = 0; i < n_asking; i++) {
+    sigaction(asking[i], NULL, &before);
+    if (before.sa_handler != SIG_IGN) sigaction(asking[i], &action, NULL);
+  }
+  signal(SIGXFSZ, SIG_IGN);
+}
+
+/* Number of the signal that came first; 0 where none did. */
+int dotyk_interrupt_signal(void) { return signal_number; }
+
+/* As if that signal had come, or none. */
+void dotyk_set_interrupt(int number) {
+  clock_gettime(CLOCK_MONOTONIC, &first_time);
+  signal_number = number;
+}
+
+/* Run a command of the shell and wait for its end. Its exit status; 128 and more: ended by a signal; 127: there is no shell. */
+int dotyk_run_command(const char *command) {
+  pid_t parent = getpid(), id = fork();
+  if (id < 0) return 127;
+  if (id == 0) {
+    for (int i = 0; i < n_asking; i++) {
+      struct sigaction now;
+      sigaction(asking[i], NULL, &now);
+      if (now.sa_handler != SIG_IGN) signal(asking[i], SIG_DFL);
+    }
+#ifdef __linux__
+    prctl(PR_SET_PDEATHSIG, SIGKILL);
+    if (getppid() != parent) _exit(127);
+#endif
+    execl("/bin/sh", "sh", "-c", command, (char *)NULL);
+    _exit(127);
+  }
+  child = (sig_atomic_t)id;
+  if (signal_number) kill(id, signal_number); /* it came meanwhile */
+  int status = 0;
+  while (waitpid(id, &status, 0) < 0) {
+    if (errno != EINTR) {
+      child = 0;
+      return 127;
+    }
+  }
+  child = 0;
+  if (WIFSIGNALED(status)) return 128 + WTERMSIG(status);
+  return WEXITSTATUS(status);
+}

@@ -1,0 +1,194 @@
+/* What the program is doing, how much memory is left, and the end of the program where there is none.
+ *
+ * Nothing here takes memory: it must work when there is none. */
+#define _GNU_SOURCE
+#include <fcntl.h>
+#include <signal.h>
+#include <stdarg.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+enum { exit_machine = 5, text_length = 240 };
+
+static char stage[text_length] = "starting";
+static _Thread_local char item[text_length];
+static volatile int ending;
+
+/* Kinds of limits, of dotyk_memory. */
+enum { NOT_KNOWN = 0, MACHINE = 1, CONTAINER = 2, PROCESS = 3 };
+
+/* The beginning of a small file, ended with a null. */
+static int read_small(const char *path, char *text, size_t length) {
+  int file = open(path, O_RDONLY | O_CLOEXEC);
+  if (file < 0) return 0;
+  ssize_t n = read(file, text, length - 1);
+  close(file);
+  if (n <= 0) return 0;
+  text[n] = 0;
+  return 1;
+}
+
+/* The number behind a word of a text; -1 where it is not there or no number ("max"). */
+static double number_behind(const char *text, const char *word) {
+  const char *place = strstr(text, word);
+  char *end;
+  if (!place) return -1;
+  double value = strtod(place + strlen(word), &end);
+  return end == place + strlen(word) ? -1 : value;
+}
+
+static double number_in(const char *folder, const char *name) {
+  char path[600], text[64];
+  snprintf(path, sizeof path, "%s/%s", folder, name);
+  return read_small(path, text, sizeof text) ? number_behind(text, "") : -1;
+}
+
+static void take_less(double value, int kind, double *left, int *limit) {
+  if (value < 0) value = 0;
+  if (*limit == NOT_KNOWN || value < *left) {
+    *left = value;
+    *limit = kind;
+  }
+}
+
+/* What the control groups of this process leave; caches of files are given back. */
+static void look_at_groups(double *left, int *limit) {
+  char text[512], folder[560], statistics[4096];
+  if (read_small("/proc/self/cgroup", text, sizeof text)) {
+    char *path = strstr(text, "0::");
+    if (path) {
+      path += 3;
+      path[strcspn(path, "\n")] = 0;
+      for (;;) {
+        snprintf(folder, sizeof folder, "/sys/fs/cgroup%s", path);
+        double most = number_in(folder, "memory.max"), used = number_in(folder, "memory.current");
+        if (most >= 0 && used >= 0) {
+          char name[600];
+          snprintf(name, sizeof name, "%s/memory.stat", folder);
+          double cache = read_small(name, statistics, sizeof statistics) ? number_behind(statistics, "inactive_file ") : 0;
+          take_less(most - used + (cache > 0 ? cache : 0), CONTAINER, left, limit);
+        }
+        char *slash = strrchr(path, '/');
+        if (!slash || !path[1]) break;
+        slash[slash == path ? 1 : 0] = 0;
+      }
+    }
+  }
+  double most = number_in("/sys/fs/cgroup/memory", "memory.limit_in_bytes");
+  double used = number_in("/sys/fs/cgroup/memory", "memory.usage_in_bytes");
+  if (most >= 0 && used >= 0) take_less(most - used, CONTAINER, left, limit);
+}
+
+/* Memory [bytes] that this process has in use, and that it can still get: the least of what machine, container and `ulimit -v` leave;
+ * limit says which. */
+void dotyk_memory(double *used, double *left, int *limit) {
+  char text[2048];
+  struct rlimit most;
+  const double page = (double)sysconf(_SC_PAGESIZE);
+  double virtual = 0;
+  *used = 0;
+  *left = 0;
+  *limit = NOT_KNOWN;
+  if (read_small("/proc/self/statm", text, sizeof text)) {
+    char *end;
+    virtual = page * strtod(text, &end);
+    *used = page * strtod(end, NULL);
+  }
+  if (read_small("/proc/meminfo", text, sizeof text)) {
+    double available = number_behind(text, "MemAvailable:"), swap = number_behind(text, "SwapFree:");
+    if (available >= 0) take_less(1024 * (available + (swap > 0 ? swap : 0)), MACHINE, left, limit);
+  }
+  look_at_groups(left, limit);
+  if (getrlimit(RLIMIT_AS, &most) == 0 && most.rlim_cur != RLIM_INFINITY)
+    take_less((double)most.rlim_cur - virtual, PROCESS, left, limit);
+}
+
+/* What the program does now. */
+void dotyk_set_stage(const char *text) { snprintf(stage, sizeof stage, "%s", text); }
+const char *dotyk_stage(void) { return stage; }
+
+/* What this thread works on, such as the name of a body; empty: nothing of its own. */
+void dotyk_set_item(const char *text) { snprintf(item, sizeof item, "%s", text); }
+
+static void say(const char *format, ...) {
+  char text[1024];
+  va_list arguments;
+  va_start(arguments, format);
+  int n = vsnprintf(text, sizeof text, format, arguments);
+  va_end(arguments);
+  if (n >= (int)sizeof text) n = sizeof text - 1;
+  if (n > 0 && write(STDERR_FILENO, text, (size_t)n) < 0) return;
+}
+
+static const char *with_unit(double bytes, char *text, size_t length) {
+  if (bytes < 1048576.0) {
+    snprintf(text, length, "%.3g kiB", bytes / 1024);
+  } else if (bytes < 1073741824.0) {
+    snprintf(text, length, "%.3g MiB", bytes / 1048576);
+  } else {
+    snprintf(text, length, "%.3g GiB", bytes / 1073741824);
+  }
+  return text;
+}
+
+/* End the program: so many bytes could not be had; 0: somebody else asked, and how many is not known. */
+_Noreturn void dotyk_out_of_memory(size_t bytes) {
+  static const char *const name[] = {"", "of the machine", "of the container or batch job", "of the process (ulimit -v)"};
+  char wanted[40], in_use[40], rest[40];
+  double used, left;
+  int limit;
+  /* One thread ends all: the others wait for it. */
+  if (__sync_lock_test_and_set(&ending, 1)) {
+    for (;;) pause();
+  }
+  dotyk_memory(&used, &left, &limit);
+  say("out of memory while %s%s%s", stage, item[0] ? ", " : "", item);
+  if (bytes > 0) say(": %s more are needed", with_unit((double)bytes, wanted, sizeof wanted));
+  say("; %s are in use", with_unit(used, in_use, sizeof in_use));
+  if (limit != NOT_KNOWN) say(", %s are left %s", with_unit(left, rest, sizeof rest), name[limit]);
+  say("\nno results were written; give it more memory, or take a coarser mesh, fewer threads (--threads) or "
+      "linear_solver='iterative' (dotyk --check estimates what a scene takes)\n");
+  _exit(exit_machine);
+}
+
+/* A library ended the program by itself: those of the compiler do so where they find no memory or cannot start threads. What they had
+ * to say stands on the standard error. */
+static void on_end(int status, void *none) {
+  (void)none;
+  if (ending || status == 0) return;
+  if (status == 1) dotyk_out_of_memory(0);
+  say("ended by an error of a library or of dotyk itself while %s%s%s: no results were written; see the lines above\n", stage,
+      item[0] ? ", " : "", item);
+  _exit(exit_machine);
+}
+
+static struct sigaction before_segv, before_bus;
+static char other_stack[65536];
+
+/* Libraries that do not look whether they got memory, and stacks that cannot grow, end here: where next to nothing is left, that is why.
+ * Else the instruction is tried again, and the handler of before (the compiler's, a sanitizer's) has the word. */
+static void on_bad_address(int number) {
+  double used, left;
+  int limit;
+  dotyk_memory(&used, &left, &limit);
+  if (limit != NOT_KNOWN && left < 16 * 1048576.0) dotyk_out_of_memory(0);
+  sigaction(number, number == SIGBUS ? &before_bus : &before_segv, NULL);
+}
+
+/* From here on ends of the program are its own only after dotyk_end_expected. */
+void dotyk_watch_ends(void) {
+  struct sigaction action;
+  stack_t stack = {.ss_sp = other_stack, .ss_size = sizeof other_stack};
+  on_exit(on_end, NULL);
+  memset(&action, 0, sizeof action);
+  action.sa_handler = on_bad_address;
+  action.sa_flags = SA_ONSTACK;
+  sigaltstack(&stack, NULL);
+  sigaction(SIGSEGV, &action, &before_segv);
+  sigaction(SIGBUS, &action, &before_bus);
+}
+void dotyk_end_expected(void) { ending = 1; }

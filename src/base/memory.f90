@@ -1,0 +1,109 @@
+!> What the program is doing, for messages about its end; how much memory there is.
+module dotyk_base_memory
+  use, intrinsic :: iso_c_binding, only: c_char, c_double, c_f_pointer, c_int, c_null_char, c_ptr, c_size_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_text, only: to_text
+  implicit none
+  private
+
+  !> What there is, of `memory_now`.
+  type, public :: memory_t
+    !> In use by this process, and what it can still get [bytes].
+    real(dp) :: used = 0, left = 0
+    !> Whether the latter is known, and by which limit: "of the machine".
+    logical :: is_known = .false.
+    character(:), allocatable :: limit
+  end type memory_t
+
+  public :: memory_now, memory_text, set_stage, stage_text, set_item, watch_ends, end_expected
+
+  interface
+    subroutine c_memory(used, left, limit) bind(c, name='dotyk_memory')
+      import :: c_double, c_int
+      real(c_double), intent(out) :: used, left
+      integer(c_int), intent(out) :: limit
+    end subroutine c_memory
+
+    subroutine c_set_stage(text) bind(c, name='dotyk_set_stage')
+      import :: c_char
+      character(kind=c_char), intent(in) :: text(*)
+    end subroutine c_set_stage
+
+    type(c_ptr) function c_stage() bind(c, name='dotyk_stage')
+      import :: c_ptr
+    end function c_stage
+
+    pure integer(c_size_t) function c_strlen(text) bind(c, name='strlen')
+      import :: c_ptr, c_size_t
+      type(c_ptr), value, intent(in) :: text
+    end function c_strlen
+
+    subroutine c_set_item(text) bind(c, name='dotyk_set_item')
+      import :: c_char
+      character(kind=c_char), intent(in) :: text(*)
+    end subroutine c_set_item
+
+    !> From here on an end of the program that it did not expect gets a message and an exit code.
+    subroutine watch_ends() bind(c, name='dotyk_watch_ends')
+    end subroutine watch_ends
+
+    !> The program is about to end by itself.
+    subroutine end_expected() bind(c, name='dotyk_end_expected')
+    end subroutine end_expected
+  end interface
+
+contains
+
+  !> Memory in use, and left.
+  function memory_now() result(memory)
+    type(memory_t) :: memory
+    integer(c_int) :: limit
+    call c_memory(memory%used, memory%left, limit)
+    memory%is_known = limit > 0
+    select case (limit)
+    case (1)
+      memory%limit = 'of the machine'
+    case (2)
+      memory%limit = 'of the container or batch job'
+    case (3)
+      memory%limit = 'of the process (ulimit -v)'
+    case default
+      memory%limit = ''
+    end select
+  end function memory_now
+
+  !> Memory for people.
+  function memory_text(bytes) result(text)
+    real(dp), intent(in) :: bytes
+    character(:), allocatable :: text
+    if (bytes < 1.0e4_dp*1048576) then
+      text = to_text(max(1, nint(bytes/1048576)))//' MiB'
+    else
+      text = to_text(bytes/1073741824, 3)//' GiB'
+    end if
+  end function memory_text
+
+  !> What is being done from now on, as in "while assembling".
+  subroutine set_stage(what)
+    character(*), intent(in) :: what
+    call c_set_stage(what//c_null_char)
+  end subroutine set_stage
+
+  !> What is being done.
+  function stage_text() result(text)
+    character(:), allocatable :: text
+    character(kind=c_char), pointer :: letters(:)
+    integer :: i
+    call c_f_pointer(c_stage(), letters, [c_strlen(c_stage())])
+    text = repeat(' ', size(letters))
+    do i = 1, len(text)
+      text(i:i) = letters(i)
+    end do
+  end function stage_text
+
+  !> What this thread works on, such as "body 'upper'"; empty: nothing of its own.
+  subroutine set_item(what)
+    character(*), intent(in) :: what
+    call c_set_item(what//c_null_char)
+  end subroutine set_item
+end module dotyk_base_memory

@@ -1,0 +1,59 @@
+!> The last look at an answer before it is shown: none has infinities, or what is no number, in it.
+module dotyk_driver_finite
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+  use dotyk_base_error, only: error_t, exit_not_solvable, set_error
+  use dotyk_base_text, only: quoted, to_text
+  use dotyk_contact_pair, only: contact_pair_t
+  use dotyk_driver_pressures, only: pair_solution_t
+  use dotyk_driver_recovery, only: body_solution_t
+  use dotyk_elasticity_body, only: body_t
+  use dotyk_input_case, only: case_t
+  use dotyk_scheme_history, only: scheme_result_t
+  implicit none
+  private
+  public :: refuse_overflow
+
+  character(*), parameter :: reason = ' not finite: the numbers of the scene are too large or too small for each other; '// &
+                                      'check their units'
+
+contains
+
+  !> Refuse an answer whose displacements, stresses, pressures or energy overflowed.
+  subroutine refuse_overflow(case, body, pair, solution, pair_solution, result, error)
+    type(case_t), intent(in) :: case
+    !> (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    type(body_solution_t), intent(in) :: solution(:)
+    !> (n_pairs).
+    type(contact_pair_t), intent(in) :: pair(:)
+    type(pair_solution_t), intent(in) :: pair_solution(:)
+    type(scheme_result_t), intent(in) :: result
+    !> Names the first body or pair; exit code `exit_not_solvable`.
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: what
+    integer :: b, k
+    do b = 1, size(body)
+      what = ''
+      if (allocated(solution(b)%displacement)) then
+        if (.not. all(ieee_is_finite(solution(b)%displacement))) what = 'displacements'
+      end if
+      if (allocated(solution(b)%stress)) then
+        if (len(what) == 0 .and. .not. all(ieee_is_finite(solution(b)%stress))) what = 'stresses'
+      end if
+      if (len(what) == 0) cycle
+      call set_error(error, case%file//':'//to_text(case%body(b)%line)//': body '//quoted(body(b)%name)//': its '//what//' are'// &
+                     reason, exit_not_solvable)
+      return
+    end do
+    do k = 1, size(pair)
+      associate (found => pair_solution(k))
+        if (all(ieee_is_finite(found%pressure)) .and. all(ieee_is_finite(found%projected)) .and. all(ieee_is_finite(found%gap)) &
+          .and. all(ieee_is_finite(found%force))) cycle
+      end associate
+      call set_error(error, case%file//':'//to_text(case%contact(k)%line)//': &contact '//quoted(pair(k)%name)// &
+                     ': its pressures are'//reason, exit_not_solvable)
+      return
+    end do
+    if (.not. ieee_is_finite(result%energy)) call set_error(error, case%file//': the energy is'//reason, exit_not_solvable)
+  end subroutine refuse_overflow
+end module dotyk_driver_finite
