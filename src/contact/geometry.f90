@@ -90,7 +90,8 @@ contains
         call smooth_corner_normals(set, adjacency, vertex, self%joined, flat, self%corner_normal)
         do f = 1, set%n
           self%changed(f) = .not. flat(f)
-          if (.not. flat(f) .and. kind_nodes(surface%kind(pieces%parent(f))) == set%corners(f)) self%changed(f) = &
+          if (flat(f)) cycle
+          if (kind_nodes(surface%kind(pieces%parent(f))) == set%corners(f) .or. surface%promoted) self%changed(f) = &
             is_curved(set%corners(f), vertex(:, adjacency%vertex(1:set%corners(f), f)), self%corner_normal(:, :, f))
         end do
       end if

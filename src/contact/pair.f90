@@ -16,6 +16,7 @@ module dotyk_contact_pair
   use dotyk_contact_corner_field, only: corner_field_t
   use dotyk_contact_facet_points, only: facet_points, prepare_rules
   use dotyk_contact_geometry, only: contact_geometry_t, geometry_elements
+  use dotyk_contact_local_origin, only: local_origin, move
   use dotyk_contact_projection, only: partner_found, partner_not_facing, partner_outside, partner_t, &
     partner_too_far, target_surface_t
   use dotyk_contact_segments, only: divide_facets
@@ -134,6 +135,34 @@ contains
     type(contact_pair_t), intent(out) :: pair
     !> No point has a partner.
     type(error_t), allocatable, intent(out) :: error
+    type(body_mesh_t) :: near_a, near_b
+    real(dp) :: origin(3)
+    origin = 0
+    call local_origin(mesh_a%x, surface_a, origin(1:mesh_a%dimension))
+    if (settings%axisymmetric) origin(1) = 0
+    if (.not. any(abs(origin) > 0)) then
+      call search_pair(mesh_a, surface_a, mesh_b, surface_b, origin, settings, formula, pair, error)
+    else
+      near_a = mesh_a
+      near_b = mesh_b
+      call move(near_a%x, origin)
+      call move(near_b%x, origin)
+      call search_pair(near_a, surface_a, near_b, surface_b, origin, settings, formula, pair, error)
+    end if
+  end subroutine find_pair
+
+  !> Find the contact points of two bodies whose coordinates count from an origin.
+  subroutine search_pair(mesh_a, surface_a, mesh_b, surface_b, origin, settings, formula, pair, error)
+    type(body_mesh_t), intent(in) :: mesh_a
+    type(surface_t), intent(in) :: surface_a
+    type(body_mesh_t), intent(in) :: mesh_b
+    type(surface_t), intent(in) :: surface_b
+    !> Where they count from [length].
+    real(dp), intent(in) :: origin(3)
+    type(pair_settings_t), intent(in) :: settings
+    type(formula_t), intent(inout) :: formula
+    type(contact_pair_t), intent(out) :: pair
+    type(error_t), allocatable, intent(out) :: error
     type(target_surface_t) :: target
     type(facet_rule_t) :: rule(n_element_kinds)
     type(facet_rule_t), allocatable :: own(:)
@@ -183,11 +212,12 @@ contains
       call explain_no_partner(pair, surface_a%name, surface_b%name, target, x, radius, error)
       return
     end if
+    call move(pair%position, -origin)
     call given_gap(settings, formula, pair, error)
     if (allocated(error)) return
-    call set_rows(mesh_a, surface_a, pair)
+    call set_rows(mesh_a, surface_a, origin, pair)
     allocate (pair%row_theta(pair%n_rows), source=pair%theta)
-  end subroutine find_pair
+  end subroutine search_pair
 
   !> Correct the partners for another geometry than that of the elements.
   subroutine use_geometry(mesh_a, surface_a, mesh_b, surface_b, geometry, radius, offset, x, xi, partner)
@@ -258,9 +288,11 @@ contains
   end subroutine collect
 
   !> The rows of the points.
-  subroutine set_rows(mesh_a, surface_a, pair)
+  subroutine set_rows(mesh_a, surface_a, origin, pair)
     type(body_mesh_t), intent(in) :: mesh_a
     type(surface_t), intent(in) :: surface_a
+    !> Where coordinates of the mesh count from [length].
+    real(dp), intent(in) :: origin(3)
     type(contact_pair_t), intent(inout) :: pair
     type(corner_field_t) :: corners
     integer :: c, i
@@ -277,6 +309,7 @@ contains
     call average_at_vertices(corners, pair%facet_a, pair%weight, pair%row_vertex, pair%row_weight, pair%average)
     pair%n_rows = size(pair%row_vertex)
     pair%row_position = mesh_a%x(:, pair%row_vertex)
+    call move(pair%row_position, -origin)
     allocate (pair%row_normal(pair%dimension, pair%n_rows), pair%row_gap(pair%n_rows))
     call pair%average%multiply(pair%gap, pair%row_gap)
     do c = 1, pair%dimension

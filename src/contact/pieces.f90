@@ -1,5 +1,6 @@
 !> Facets cut through their mid nodes: a line into two pieces, a triangle or quadrilateral into four. The corners of the
-!> pieces are nodes of the surface (in the middle of quad8, its point). Facets of linear elements are one piece.
+!> pieces are nodes of the surface (in the middle of quad8, its point). Facets of linear elements are one piece, also where they were made
+!> quadratic (`dotyk_mesh_second_order`): their mid nodes tell nothing of the shape.
 module dotyk_contact_pieces
   use dotyk_base_kinds, only: dp
   use dotyk_mesh_element, only: element_kind, element_kind_t, element_line3, element_quad8, element_quad9, element_tri6, &
@@ -57,7 +58,7 @@ contains
     integer :: f, k, n, n_extra, node(max_facet_nodes), count_of(surface%n_facets), corners
     do f = 1, surface%n_facets
       kind = element_kind(surface%kind(f))
-      count_of(f) = merge(merge(2, 4, kind%n_corners == 2), 1, cut .and. kind%order == 2)
+      count_of(f) = merge(merge(2, 4, kind%n_corners == 2), 1, cut .and. kind%order == 2 .and. .not. surface%promoted)
     end do
     n = sum(count_of)
     allocate (pieces%first(surface%n_facets + 1), pieces%parent(n), pieces%base(2, n), pieces%factor(n), pieces%flat(n))

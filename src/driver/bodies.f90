@@ -5,6 +5,7 @@ module dotyk_driver_bodies
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
   use dotyk_driver_congruence, only: kinds_t
+  use dotyk_driver_locking, only: would_lock
   use dotyk_driver_materials, only: build_material
   use dotyk_driver_parallel, only: largest_first
   use dotyk_driver_volumes, only: volume_t
@@ -48,11 +49,12 @@ contains
     type(mesh_t) :: mesh
     type(volume_t) :: volume
     type(error_t), allocatable :: failed
-    logical, dimension(size(case%body)) :: read, done, same
+    logical, dimension(size(case%body)) :: read, done, same, locks
     integer :: b, c, k, before
     allocate (body(size(case%body)), surface_a(size(case%contact)), surface_b(size(case%contact)))
     read = .false.
     done = .false.
+    locks = [(would_lock(case, b), b=1, size(body))]
     do b = 1, size(body)
       if (read(b)) cycle
       same = [(case%body(c)%mesh == case%body(b)%mesh, c=1, size(body))]
@@ -63,9 +65,9 @@ contains
       if (problems%count > before) cycle
       do c = b, size(body)
         if (.not. same(c) .or. done(c)) cycle
-        call volume%take(mesh, case%body(c)%volume, case%scene%dimension)
+        call volume%take(mesh, case%body(c)%volume, case%scene%dimension, locks(c))
         do k = c, size(body)
-          if (.not. same(k) .or. case%body(k)%volume /= case%body(c)%volume) cycle
+          if (.not. same(k) .or. case%body(k)%volume /= case%body(c)%volume .or. (locks(k) .neqv. locks(c))) cycle
           done(k) = .true.
           call build_body(case, mesh, volume, k, body(k), surface_a, surface_b, problems)
         end do
@@ -109,7 +111,7 @@ contains
     body%name = case%body(b)%name
     body%analysis = analysis_of(case%scene%analysis)
     body%dimension = case%scene%dimension
-    call build_material(case%material(case%body(b)%material), body%material, failed)
+    call build_material(case%material(case%body(b)%material), case%solver%locking, body%material, failed)
     call note(case%material(case%body(b)%material)%line, failed)
     if (allocated(volume%error)) failed = volume%error
     call note(case%body(b)%line, failed)

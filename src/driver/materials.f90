@@ -3,7 +3,7 @@ module dotyk_driver_materials
   use dotyk_base_error, only: error_t
   use dotyk_elasticity_material, only: material_t
   use dotyk_input_case, only: material_input_t
-  use dotyk_input_names, only: material_isotropic, material_orthotropic
+  use dotyk_input_names, only: locking_ignore, material_isotropic, material_orthotropic
   implicit none
   private
   public :: build_material
@@ -11,8 +11,10 @@ module dotyk_driver_materials
 contains
 
   !> One material.
-  subroutine build_material(given, material, error)
+  subroutine build_material(given, locking, material, error)
     type(material_input_t), intent(in) :: given
+    !> One of `locking_*`.
+    integer, intent(in) :: locking
     type(material_t), intent(out) :: material
     type(error_t), allocatable, intent(out) :: error
     select case (given%kind)
@@ -24,5 +26,6 @@ contains
       call material%init_anisotropic(given%name, given%stiffness, error)
     end select
     if (len(given%young_formula) > 0) material%factor_text = given%young_formula
+    if (locking /= locking_ignore .and. .not. allocated(error)) call material%project_dilatation()
   end subroutine build_material
 end module dotyk_driver_materials

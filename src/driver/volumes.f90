@@ -3,6 +3,7 @@ module dotyk_driver_volumes
   use dotyk_base_error, only: error_t
   use dotyk_mesh_body_mesh, only: body_mesh_t, extract_body
   use dotyk_mesh_mesh, only: mesh_t
+  use dotyk_mesh_second_order, only: has_linear_simplices, make_second_order
   use dotyk_mesh_surface, only: surface_t, extract_surface
   implicit none
   private
@@ -24,14 +25,19 @@ module dotyk_driver_volumes
 contains
 
   !> Take a volume out of a mesh.
-  subroutine volume_take(self, mesh, name, dimension)
+  subroutine volume_take(self, mesh, name, dimension, locks)
     class(volume_t), intent(out) :: self
     type(mesh_t), intent(in) :: mesh
     !> Its physical name.
     character(*), intent(in) :: name
     !> Of space.
     integer, intent(in) :: dimension
+    !> Linear triangles, tetrahedra and prisms would lock.
+    logical, intent(in) :: locks
     call extract_body(mesh, name, dimension, self%mesh, self%error)
+    if (locks .and. .not. allocated(self%error)) then
+      if (has_linear_simplices(self%mesh)) call make_second_order(self%mesh)
+    end if
     allocate (self%surface(4))
   end subroutine volume_take
 

@@ -7,6 +7,8 @@ module dotyk_elasticity_assembly
   use dotyk_base_text, only: text_t, to_text
   use dotyk_elasticity_analysis, only: analysis_3d, gradient_slots, strain_index
   use dotyk_elasticity_constraint, only: constraint_t
+  use dotyk_elasticity_dilatation, only: add_projected_stiffness, kept_bulk, most_projections, n_projections, &
+    projected_dilatations, projection_functions
   use dotyk_elasticity_element_order, only: element_order
   use dotyk_elasticity_element_shares, only: element_shares_t
   use dotyk_elasticity_element_table, only: element_table_t, map_element, table_pair_t
@@ -127,10 +129,10 @@ contains
     type(field_t) :: factor
     type(table_pair_t) :: tables
     type(element_kind_t) :: kind
-    real(dp), allocatable :: x(:, :), g(:), w(:), products(:), k(:)
+    real(dp), allocatable :: x(:, :), g(:), w(:), products(:), k(:), value(:), dilatation(:)
     integer, allocatable :: node(:), strain(:, :), frame_of(:)
-    real(dp) :: matrix_of_material(6, 6), worst
-    integer :: n, dim, slots, most_points, e, i, s
+    real(dp) :: matrix_of_material(6, 6), lambda, bulk, worst
+    integer :: n, dim, slots, most_points, n_functions, e, i, s
     logical :: fast
     place = 0
     ! One formula serves one thread.
@@ -141,12 +143,14 @@ contains
     dim = mesh%dimension
     slots = gradient_slots(analysis)
     fast = material%isotropic .and. analysis == analysis_3d
-    matrix_of_material = material%plane_matrix(analysis)
+    call material%split(analysis, kept_bulk(mesh%block(i_block)%kind, material%incompressibility), &
+                        matrix_of_material, lambda, bulk)
+    n_functions = n_projections(mesh%block(i_block)%kind, dim)
     strain = reshape([((strain_index(analysis, i, s), i=1, dim), s=1, slots)], [dim, slots])
     call tables%init_stiffness(mesh%block(i_block)%kind, analysis, .not. factor%constant)
     most_points = max(tables%straight%n_points, tables%curved%n_points)
     allocate (x(dim, n), g(n*slots*most_points), w(most_points), products((n*slots)**2), k((n*dim)**2))
-    allocate (node(n), frame_of(n))
+    allocate (node(n), frame_of(n), value(most_points*most_projections), dilatation(n*dim*most_projections))
     do i = shares%first(share), shares%first(share + 1) - 1
       place = shares%place(i)
       e = order(place)
@@ -180,9 +184,14 @@ contains
       if (i <= shares%own(share)) factor_integral(e) = sum(w(:n_points))
       call gradient_products(n, slots, n_points, g, w, products)
       if (fast) then
-        call stiffness_isotropic(n, material%lambda, material%mu, products, k)
+        call stiffness_isotropic(n, lambda, material%mu, products, k)
       else
         call stiffness_general(n, dim, slots, strain, matrix_of_material, products, k)
+      end if
+      if (bulk > 0) then
+        call projection_functions(n, dim, n_points, n_functions, table%shape, x, w, value)
+        call projected_dilatations(n, dim, slots, n_points, n_functions, g, w, value, dilatation)
+        call add_projected_stiffness(n, dim, n_functions, bulk, dilatation, k)
       end if
       if (any(special(node))) then
         frame_of(:) = constraint%frame_of(node)

@@ -186,7 +186,7 @@ contains
   !> Young's modulus for scales: of the softest global direction, mean over the body [pressure].
   real(dp) function body_young(self) result(young)
     class(body_t), intent(in) :: self
-    young = self%material%compliance_young()*self%mean_factor
+    young = self%material%least_young*self%mean_factor
   end function body_young
 
   !> Give all memory back.

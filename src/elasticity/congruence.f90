@@ -33,6 +33,8 @@ module dotyk_elasticity_congruence
   real(dp), parameter :: same_place = 1.0e-12_dp, round_off = 16*epsilon(1.0_dp)
   !> Spreads, directions of supports, and materials (relative) that differ by less are the same.
   real(dp), parameter :: same_spread = 1.0e-9_dp, same_direction = 1.0e-10_dp, same_material = 1.0e-13_dp
+  !> The same for how nearly incompressible they are, which stiffnesses hardly tell.
+  real(dp), parameter :: same_ratio = 1.0e-6_dp
 
 contains
 
@@ -183,6 +185,7 @@ contains
     moved = first%stiffness
     if (motion%turned .and. .not. first%isotropic) moved = rotate_stiffness(moved, motion%rotation)
     same = (first%isotropic .eqv. other%isotropic) .and. &
+           abs(first%incompressibility - other%incompressibility) <= same_ratio*first%incompressibility .and. &
            all(abs(moved - other%stiffness) <= same_material*maxval(abs(moved)))
   end function same_materials
 

@@ -2,7 +2,9 @@
 !>
 !> The recovered gradient is the mean of the gradients of the polynomials of an element's vertices
 !> (`dotyk_elasticity_patch_fit`), weighted with the linear shape functions. Asymptotically exact where the displacement is
-!> smooth and the mesh not too irregular; at corners and edges of contact it sees most of the error, if not all.
+!> smooth and the mesh not too irregular; at corners and edges of contact it sees most of the error, if not all. Of a nearly
+!> incompressible body what counts of the dilatation is mostly its projection (`dotyk_elasticity_dilatation`), and the recovered one is a
+!> fit to its means (`dotyk_elasticity_dilatation_fit`).
 !>
 !> Several bodies of one mesh and material are looked at together: what depends on the mesh is made once.
 module dotyk_elasticity_discretization_error
@@ -10,6 +12,8 @@ module dotyk_elasticity_discretization_error
   use dotyk_base_kinds, only: dp, int64
   use dotyk_elasticity_analysis, only: gradient_slots
   use dotyk_elasticity_assembly, only: apply_factor, read_factor
+  use dotyk_elasticity_dilatation, only: kept_bulk, n_projections, project
+  use dotyk_elasticity_dilatation_fit, only: dilatation_fit_t, fit_dilatations
   use dotyk_elasticity_element_table, only: element_table_t
   use dotyk_elasticity_energy_form, only: energy_form_t
   use dotyk_elasticity_field, only: field_t
@@ -64,6 +68,7 @@ contains
     real(dp), intent(out) :: norm_square(:)
     type(error_t), allocatable, intent(out) :: error
     type(patch_fit_t) :: fit
+    type(dilatation_fit_t), allocatable :: dilatation(:)
     type(field_t) :: factor
     real(dp), allocatable :: of_element(:, :), of_rounding(:, :)
     integer :: b, i, first, last
@@ -72,13 +77,14 @@ contains
     call read_factor(material, factor, error)
     if (allocated(error)) return
     call fit%init(mesh, u)
+    call fit_dilatations(mesh, analysis, material, u, dilatation)
     allocate (of_element(size(square, 1), size(square, 2)), of_rounding(size(square, 1), size(square, 2)), source=0.0_dp)
     last = 0
     do b = 1, size(mesh%block)
       first = last + 1
       last = last + size(mesh%block(b)%node, 2)
-      call estimate_block(mesh, b, analysis, material, factor, fit, u, square(:, first:last), of_element(:, first:last), &
-                          of_rounding(:, first:last), error)
+      call estimate_block(mesh, b, analysis, material, factor, fit, dilatation, u, square(:, first:last), &
+                          of_element(:, first:last), of_rounding(:, first:last), error)
       if (allocated(error)) exit
     end do
     call factor%destroy()
@@ -93,12 +99,14 @@ contains
   end subroutine estimate_discretization_errors
 
   !> The elements of one block.
-  subroutine estimate_block(mesh, i_block, analysis, material, factor, fit, u, square, norm_square, rounding_square, error)
+  subroutine estimate_block(mesh, i_block, analysis, material, factor, fit, dilatation, u, square, norm_square, rounding_square, &
+      error)
     type(body_mesh_t), intent(in) :: mesh
     integer, intent(in) :: i_block, analysis
     type(material_t), intent(in) :: material
     type(field_t), intent(in) :: factor
     type(patch_fit_t), intent(in) :: fit
+    type(dilatation_fit_t), intent(in) :: dilatation(:)
     real(dp), intent(in), contiguous :: u(:, :, :)
     !> Squared errors, squared norms of the displacement, and what of these may be rounding (n_bodies, n_elements).
     real(dp), intent(out), contiguous :: square(:, :), norm_square(:, :), rounding_square(:, :)
@@ -108,23 +116,26 @@ contains
     type(point_table_t) :: rule, corners
     type(element_kind_t) :: kind
     type(energy_form_t) :: form
+    real(dp) :: matrix(6, 6), lambda, bulk
     integer :: e
     kind = element_kind(mesh%block(i_block)%kind)
-    call form%init(analysis, material%plane_matrix(analysis))
+    call material%split(analysis, kept_bulk(mesh%block(i_block)%kind, material%incompressibility), matrix, lambda, bulk)
+    call form%init(analysis, matrix)
     call table%init(kind%corner_kind, rule_degree(kind))
     call corners%init(table)
     call table%init(mesh%block(i_block)%kind, rule_degree(kind))
     call rule%init(table)
     ! One formula serves one thread.
     !$omp parallel do default(none) schedule(static) if (factor%constant) private(of_element) &
-    !$omp& shared(mesh, i_block, analysis, form, factor, fit, kind, table, rule, corners, u, square, norm_square, &
-    !$omp& rounding_square, error)
+    !$omp& shared(mesh, i_block, analysis, form, bulk, factor, fit, dilatation, kind, table, rule, corners, u, square, &
+    !$omp& norm_square, rounding_square, error)
     do e = 1, size(square, 2)
       associate (node => mesh%block(i_block)%node(:, e))
         call estimate_element(kind%n_nodes, kind%n_corners, mesh%dimension, gradient_slots(analysis), rule%n_points, &
-                              fit%n_bodies, fit%n_strains, fit%monomials%n_lower, form, factor, table, rule, corners%shape, fit, &
-                              mesh%block(i_block)%tag(e), node, mesh%x, u, square(:, e), norm_square(:, e), &
-                              rounding_square(:, e), of_element)
+                              fit%n_bodies, fit%n_strains, fit%monomials%n_lower, &
+                              n_projections(mesh%block(i_block)%kind, mesh%dimension), form, bulk, factor, table, rule, &
+                              corners%shape, fit, dilatation, mesh%block(i_block)%tag(e), node, mesh%x, u, square(:, e), &
+                              norm_square(:, e), rounding_square(:, e), of_element)
       end associate
       if (allocated(of_element)) then
         !$omp critical
@@ -136,17 +147,21 @@ contains
   end subroutine estimate_block
 
   !> One element.
-  subroutine estimate_element(n, n_corners, dim, slots, n_points, n_bodies, n_smooth, n_lower, form, factor, table, rule, &
-      corner_shape, fit, tag, node, all_x, all_u, square, norm_square, rounding_square, error)
-    !> Number of nodes and corners of the element; dimension; gradient slots; points; bodies; recovered strains; monomials of these.
-    integer, intent(in) :: n, n_corners, dim, slots, n_points, n_bodies, n_smooth, n_lower
+  subroutine estimate_element(n, n_corners, dim, slots, n_points, n_bodies, n_smooth, n_lower, n_functions, form, bulk, &
+      factor, table, rule, corner_shape, fit, dilatation, tag, node, all_x, all_u, square, norm_square, rounding_square, error)
+    !> Number of nodes and corners of the element; dimension; gradient slots; points; bodies; recovered strains; monomials of these;
+    !> functions that the dilatation is projected on.
+    integer, intent(in) :: n, n_corners, dim, slots, n_points, n_bodies, n_smooth, n_lower, n_functions
     type(energy_form_t), intent(in) :: form
+    !> Bulk modulus of the projected dilatation [pressure].
+    real(dp), intent(in) :: bulk
     type(field_t), intent(in) :: factor
     !> Shape functions at the points, in two forms, and the linear ones.
     type(element_table_t), intent(in) :: table
     type(point_table_t), intent(in) :: rule
     real(dp), intent(in) :: corner_shape(n_points, n_corners)
     type(patch_fit_t), intent(in) :: fit
+    type(dilatation_fit_t), intent(in) :: dilatation(:)
     !> For messages.
     integer(int64), intent(in) :: tag
     !> Its nodes, and coordinates and displacements of all nodes of the bodies [length].
@@ -159,6 +174,7 @@ contains
     real(dp) :: inverse(n_points, dim, dim), by_reference(n_points, n_bodies, dim, dim), displacement(n_points, n_bodies, dim)
     real(dp) :: functions(n_points, n_lower, n_corners), coefficient(n_bodies, n_smooth, n_lower, n_corners)
     real(dp) :: recovered(n_points, n_bodies, n_smooth), slope(n_points, dim, slots), strain(n_points, form%n_strains), worst
+    real(dp) :: projected(n_points), fitted(n_points)
     integer :: b, i, s
     square = 0
     norm_square = 0
@@ -188,13 +204,20 @@ contains
       call to_space(dim, slots, n_points, n_bodies, b, by_reference, inverse, displacement, radius, slope)
       call form%strains(n_points, slope, strain)
       norm_square(b) = form%energy(stiffness, strain)
-      rounding_square(b) = form%largest*rounding**2*sum(u(b, :, :)**2)*dot_product(stiffness, g_square)
+      rounding_square(b) = (form%largest + bulk)*rounding**2*sum(u(b, :, :)**2)*dot_product(stiffness, g_square)
       do s = 1, n_smooth
         strain(:, s) = strain(:, s) - recovered(:, b, s)
       end do
       ! The strain zz of axisymmetric analyses is that of the displacement itself, which is of a higher order.
       strain(:, n_smooth + 1:) = 0
       square(b) = form%energy(stiffness, strain)
+      if (.not. bulk > 0) cycle
+      projected = slope(:, 1, 1) + slope(:, 2, 2)
+      if (slots > 2) projected = projected + slope(:, merge(3, 1, dim == 3), 3)
+      call project(dim, n_points, n_functions, place, stiffness, projected)
+      call dilatation(b)%values(x(:, :n_corners), node(:n_corners), corner_shape, place, fitted)
+      norm_square(b) = norm_square(b) + bulk*dot_product(stiffness, projected**2)
+      square(b) = square(b) + bulk*dot_product(stiffness, (fitted - projected)**2)
     end do
   end subroutine estimate_element
 

@@ -24,13 +24,22 @@ module dotyk_elasticity_material
     real(dp) :: stiffness(6, 6) = 0
     !> Formula of a factor on the stiffness in x, y, z; not allocated: 1 everywhere.
     character(:), allocatable :: factor_text
+    !> Young's modulus of the softest of its axes, whichever way they point: of axes 1, 2, 3 where it is orthotropic, the least 1/S_ii,
+    !> i = 1..3, of the compliance S where the stiffness was given [pressure].
+    real(dp) :: least_young = 0
+    !> Bulk over shear modulus, and the bulk modulus, where the dilatation may be projected; 0 where it is not to be, see
+    !> `project_dilatation` [1], [pressure].
+    real(dp) :: incompressibility = 0, bulk = 0
   contains
     procedure :: init_isotropic => material_init_isotropic
     procedure :: init_orthotropic => material_init_orthotropic
     procedure :: init_anisotropic => material_init_anisotropic
-    procedure :: compliance_young => material_compliance_young
     procedure :: plane_matrix => material_plane_matrix
     procedure :: has_factor => material_has_factor
+    procedure :: bulk_modulus => material_bulk_modulus
+    procedure :: bulk_over_shear => material_bulk_over_shear
+    procedure :: project_dilatation => material_project_dilatation
+    procedure :: split => material_split
   end type material_t
 
   public :: rotate_stiffness
@@ -67,6 +76,7 @@ contains
         to_text(poisson), exit_bad_input)
       return
     end if
+    self%least_young = young
     self%lambda = young*poisson/((1 + poisson)*(1 - 2*poisson))
     self%mu = young/(2*(1 + poisson))
     self%stiffness(1:3, 1:3) = self%lambda
@@ -126,6 +136,7 @@ contains
       return
     end if
     self%stiffness = rotate_stiffness(stiffness, axes)
+    self%least_young = minval(young)
   end subroutine material_init_orthotropic
 
   !> A fully anisotropic material.
@@ -137,7 +148,7 @@ contains
     real(dp), intent(in) :: upper(21)
     !> Allocated where the stiffness is not positive definite.
     type(error_t), allocatable, intent(out) :: error
-    real(dp) :: values(6), vectors(6, 6)
+    real(dp) :: values(6), vectors(6, 6), compliance(6, 6)
     integer :: i, j, k
     self%name = name
     k = 0
@@ -155,7 +166,12 @@ contains
     end if
     call symmetric_eigen(scaled(self%stiffness, kelvin), values, vectors, error)
     if (allocated(error)) return
-    if (.not. minval(values) > least_ratio*maxval(abs(values))) call refuse(name, minval(values), error)
+    if (.not. minval(values) > least_ratio*maxval(abs(values))) then
+      call refuse(name, minval(values), error)
+      return
+    end if
+    call invert(self%stiffness, kelvin, compliance, error)
+    if (.not. allocated(error)) self%least_young = min(1/compliance(1, 1), 1/compliance(2, 2), 1/compliance(3, 3))
   end subroutine material_init_anisotropic
 
   !> The error of a stiffness that is not positive definite.
@@ -267,20 +283,6 @@ contains
     rotated = 0.5_dp*(rotated + transpose(rotated))
   end function rotate_stiffness
 
-  !> Young's modulus of the softest global direction: the least 1/S_ii, i = 1..3, of the compliance S [pressure].
-  real(dp) function material_compliance_young(self) result(young)
-    class(material_t), intent(in) :: self
-    type(error_t), allocatable :: error
-    real(dp) :: compliance(6, 6)
-    if (self%isotropic) then
-      young = self%mu*(3*self%lambda + 2*self%mu)/(self%lambda + self%mu)
-    else
-      call invert(self%stiffness, kelvin, compliance, error)
-      young = 0
-      if (.not. allocated(error)) young = min(1/compliance(1, 1), 1/compliance(2, 2), 1/compliance(3, 3))
-    end if
-  end function material_compliance_young
-
   !> The matrix that maps the strains of an analysis to its stresses (6, 6) [pressure].
   !>
   !> It is the stiffness itself, but for plane stress, where the strains zz, yz, xz follow from the stresses zz, yz,
@@ -307,6 +309,81 @@ contains
       matrix(:, s) = 0
     end do
   end function material_plane_matrix
+
+  !> Bulk modulus: pressure over dilatation under the same pressure from all sides [pressure].
+  real(dp) function material_bulk_modulus(self) result(bulk)
+    class(material_t), intent(in) :: self
+    type(error_t), allocatable :: error
+    real(dp) :: compliance(6, 6)
+    if (self%isotropic) then
+      bulk = self%lambda + 2*self%mu/3
+    else
+      call invert(self%stiffness, kelvin, compliance, error)
+      bulk = 0
+      if (.not. allocated(error)) bulk = 1/sum(compliance(1:3, 1:3))
+    end if
+  end function material_bulk_modulus
+
+  !> Bulk over shear modulus: how near to incompressible the material is.
+  !>
+  !> The shear modulus of an anisotropic material is half the third of the five stiffnesses against changes of shape: layers that slide
+  !> do not make it incompressible, nor fibres compressible.
+  real(dp) function material_bulk_over_shear(self) result(ratio)
+    class(material_t), intent(in) :: self
+    type(error_t), allocatable :: error
+    real(dp) :: deviator(6, 6), values(6), vectors(6, 6)
+    integer :: i
+    if (self%isotropic) then
+      ratio = self%bulk_modulus()/self%mu
+      return
+    end if
+    deviator = 0
+    do i = 1, 6
+      deviator(i, i) = 1
+    end do
+    deviator(1:3, 1:3) = deviator(1:3, 1:3) - 1.0_dp/3
+    ! Dilatation is no change of shape: its eigenvalue is 0, below all others.
+    call symmetric_eigen(matmul(deviator, matmul(scaled(self%stiffness, kelvin), deviator)), values, vectors, error)
+    ratio = 0
+    if (.not. allocated(error)) ratio = 2*self%bulk_modulus()/values(4)
+  end function material_bulk_over_shear
+
+  !> Let the dilatation be projected where it is nearly incompressible.
+  subroutine material_project_dilatation(self)
+    class(material_t), intent(inout) :: self
+    self%incompressibility = self%bulk_over_shear()
+    self%bulk = self%bulk_modulus()
+  end subroutine material_project_dilatation
+
+  !> The material in an analysis in two parts: the first goes with the strains, the second with the projected dilatation alone.
+  subroutine material_split(self, analysis, kept, matrix, lambda, bulk)
+    class(material_t), intent(in) :: self
+    !> One of dotyk_elasticity_analysis' constants.
+    integer, intent(in) :: analysis
+    !> How much bulk over shear modulus the first part keeps; the second one is what is beyond that.
+    real(dp), intent(in) :: kept
+    !> From strains to stresses, without the second part (6, 6) [pressure].
+    real(dp), intent(out) :: matrix(6, 6)
+    !> Lame's constant of an isotropic material, without the second part [pressure].
+    real(dp), intent(out) :: lambda
+    !> Bulk modulus of the second part; 0 for none, as always in plane stress, which lets the volume change [pressure].
+    real(dp), intent(out) :: bulk
+    integer :: i
+    matrix = self%plane_matrix(analysis)
+    lambda = self%lambda
+    bulk = 0
+    if (.not. self%incompressibility > kept .or. analysis == analysis_plane_stress) return
+    bulk = (1 - kept/self%incompressibility)*self%bulk
+    if (self%isotropic) then
+      lambda = (kept - 2.0_dp/3)*self%mu
+      matrix(1:3, 1:3) = lambda
+      do i = 1, 3
+        matrix(i, i) = lambda + 2*self%mu
+      end do
+    else
+      matrix(1:3, 1:3) = matrix(1:3, 1:3) - bulk
+    end if
+  end subroutine material_split
 
   !> Whether the stiffness depends on the place.
   pure logical function material_has_factor(self) result(has)

@@ -20,7 +20,7 @@ module dotyk_elasticity_patch
     procedure :: take => patch_take
   end type patch_t
 
-  public :: add_ring
+  public :: add_ring, diagonalize
 
 contains
 

@@ -3,6 +3,7 @@ module dotyk_elasticity_stress
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_elasticity_body, only: body_t
+  use dotyk_elasticity_dilatation_fit, only: smooth_pressures
   use dotyk_elasticity_recovery, only: recover
   implicit none
   private
@@ -10,7 +11,7 @@ module dotyk_elasticity_stress
 
 contains
 
-  !> Mean stress of each element over its volume.
+  !> Mean stress of each element over its volume; of nearly incompressible linear elements with a pressure that does not alternate.
   subroutine element_stress(body, u, stress)
     !> The body; assembled before, so that its elements and formulas are known to be sound.
     type(body_t), intent(in) :: body
@@ -19,9 +20,12 @@ contains
     !> Stresses, order xx yy zz xy yz xz, elements in the order of the blocks (6, n_elements) [pressure].
     real(dp), intent(out) :: stress(:, :)
     type(error_t), allocatable :: error
+    real(dp), allocatable :: factor(:)
     real(dp) :: energy, shear(3)
     integer :: e
-    call recover(body%mesh, body%analysis, body%material, u, stress, energy, error)
+    allocate (factor(size(stress, 2)))
+    call recover(body%mesh, body%analysis, body%material, u, stress, energy, error, factor)
+    if (.not. allocated(error)) call smooth_pressures(body%mesh, body%analysis, body%material, u, factor, stress)
     do e = 1, size(stress, 2)
       shear = stress(4:6, e)
       stress(4:6, e) = [shear(3), shear(1), shear(2)]

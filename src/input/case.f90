@@ -9,7 +9,7 @@ module dotyk_input_case
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: text_t
   use dotyk_input_names, only: analysis_3d, gamma_spectral, gap_geometry, geometry_smooth, linear_solver_auto, load_traction, &
-    material_isotropic, points_nodes, quadrature_segments, response_auto, scheme_auto, stop_residual, theta_relative
+    locking_auto, material_isotropic, points_nodes, quadrature_segments, response_auto, scheme_auto, stop_residual, theta_relative
   implicit none
   private
 
@@ -167,6 +167,8 @@ module dotyk_input_case
     real(dp) :: tolerance = 0
     !> Most iterations.
     integer :: max_iterations = 0
+    !> One of `locking_*`.
+    integer :: locking = locking_auto
     !> Have bodies that differ by their place alone one factorization?
     logical :: share_factors = .true.
     !> The same digits on any number of threads?

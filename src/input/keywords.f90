@@ -2,7 +2,8 @@
 module dotyk_input_keywords
   use dotyk_base_text, only: text_t
   use dotyk_input_names, only: analysis_names, error_part_names, field_names, gamma_rule_names, geometry_names, &
-    linear_solver_names, points_names, quadrature_names, response_names, scheme_names, stop_rule_names, theta_rule_names
+    linear_solver_names, locking_names, points_names, quadrature_names, response_names, scheme_names, stop_rule_names, &
+    theta_rule_names
   implicit none
   private
 
@@ -232,6 +233,10 @@ contains
                meaning='relative error in the energy norm at which the iteration stops')
     call t%add('solver', 'max_iterations', kind_integer, default='100000', positive=.true., &
                meaning='most iterations')
+    call t%add('solver', 'locking', kind_name, names=locking_names, default='auto', &
+               meaning='against locking in nearly incompressible bodies (Poisson''s ratio above 0.4; not in plane stress): '// &
+               'auto takes the projected dilatation, and makes linear triangles, tetrahedra and prisms quadratic from 0.45 on; '// &
+               'project leaves the elements as they are; ignore does nothing')
     call t%add('solver', 'share_factors', kind_logical, default='.true.', &
                meaning='bodies that differ by their place alone have one factorization')
     call t%add('solver', 'reproducible', kind_logical, default='.false.', &

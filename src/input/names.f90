@@ -43,6 +43,12 @@ module dotyk_input_names
   integer, parameter, public :: response_condensed = 3  !< contact unknowns last, solves with their part of the factor
   integer, parameter, public :: response_compliance = 4 !< the compliance as a matrix
 
+  !> `&solver locking`.
+  character(*), parameter, public :: locking_names = 'auto project ignore'
+  integer, parameter, public :: locking_auto = 1     !< projected dilatation, and quadratic elements for linear simplices
+  integer, parameter, public :: locking_project = 2  !< projected dilatation only
+  integer, parameter, public :: locking_ignore = 3   !< nothing
+
   !> `&solver theta_rule`.
   character(*), parameter, public :: theta_rule_names = 'mesh'
 

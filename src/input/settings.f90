@@ -96,6 +96,7 @@ contains
     solver%budget_fraction = number_of(group, 'budget_fraction')
     solver%tolerance = number_of(group, 'tolerance')
     solver%max_iterations = nint(number_of(group, 'max_iterations'))
+    solver%locking = nint(number_of(group, 'locking'))
     solver%share_factors = number_of(group, 'share_factors') > 0
     solver%reproducible = number_of(group, 'reproducible') > 0
   end subroutine read_solver

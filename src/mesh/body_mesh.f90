@@ -20,10 +20,12 @@ module dotyk_mesh_body_mesh
     real(dp), allocatable :: x(:, :)
     !> Node tags of the file (n_nodes).
     integer(int64), allocatable :: node_tag(:)
-    !> Index of each node in the mesh, ascending (n_nodes).
+    !> Index of each node in the mesh, ascending; nodes made here come after these, and have none (n_nodes).
     integer, allocatable :: mesh_node(:)
     !> Elements, one block for each kind; nodes are numbers of this body, volumes are positive; `group` is not used.
     type(element_block_t), allocatable :: block(:)
+    !> The mesh has linear elements, on whose edges and faces these are quadratic (`dotyk_mesh_second_order`).
+    logical :: promoted = .false.
   contains
     procedure :: n_nodes => body_mesh_n_nodes
     procedure :: n_elements => body_mesh_n_elements

@@ -30,6 +30,8 @@ module dotyk_mesh_surface
     integer, allocatable :: block(:), element(:)
     !> Element tag of each facet in the file (n_facets).
     integer(int64), allocatable :: tag(:)
+    !> Facets are quadratic in displacements only: the nodes between the corners lie on straight edges because nobody drew them.
+    logical :: promoted = .false.
   end type surface_t
 
   public :: extract_surface, surface_nodes, surface_names
@@ -61,6 +63,7 @@ contains
       call gather_facets(mesh, body_mesh, wanted, table, tag)
       surface%name = trim(surface_name)
       surface%dimension = body_mesh%dimension
+      surface%promoted = body_mesh%promoted
       call find_parents(body_mesh, table, surface, parents)
       inner = findloc(parents > 1, .true., dim=1)
       if (inner > 0) then
@@ -94,7 +97,7 @@ contains
     integer :: b, e, i, n, entry, corner(most_corners)
     allocate (number(size(mesh%x, 2)))
     number = 0
-    number(body_mesh%mesh_node) = [(i, i=1, body_mesh%n_nodes())]
+    number(body_mesh%mesh_node) = [(i, i=1, size(body_mesh%mesh_node))]
     n = 0
     do b = 1, size(mesh%block)
       if (any(wanted(mesh%block(b)%group))) n = n + size(mesh%block(b)%tag)

@@ -272,8 +272,10 @@ contains
   !> A bound of ||u - u_theta||_A that needs no theta: the norm of a displacement g, self-equilibrated forces and rigid motions, with
   !> `B g = y - theta m` on the active points and `B g >= y` elsewhere. Then u solves exactly the problem whose gaps are larger by B g, in
   !> which u_theta + g is as admissible as u_theta is here; both variational inequalities, each tried with the other's
-  !> solution, add up to `||u - u_theta||_A^2 <= A(u - u_theta, g)`. What B g misses by rounding, r, adds `lambda.r` and its like with the
-  !> forces of u_theta, which are as large to first order: x^2 <= |g| x + 2 lambda.r. [sqrt(energy)]
+  !> solution, add up to `||u - u_theta||_A^2 <= A(u - u_theta, g)`, less `sum theta/w (lambda - lambda_theta)^2`. g comes from forces mu
+  !> that solve the active system with its theta, so B g is theta mu/w too large: that adds `theta mu^2/(4 w)`, the square completed. What
+  !> B g misses by rounding, r, adds `lambda.r` and its like with the forces of u_theta, which are as large to first order:
+  !> x^2 <= |g| x + sum theta mu^2/(4 w) + 2 lambda.r. [sqrt(energy)]
   real(dp) function admissible_bound(problem, compliance, system, now) result(bound)
     type(contact_problem_t), intent(inout) :: problem
     type(explicit_compliance_t), intent(in) :: compliance
@@ -302,8 +304,9 @@ contains
       active(row) = .true.
       ! B g = z + G beta.
       if (any(.not. active .and. now%y > z + motion .and. now%y > rounding*maxval(abs(problem%y_free)))) return
-      left_over = sum(abs(now%lambda(row)*(z(row) + motion(row) - residual)))
-      bound = sqrt(max(0.0_dp, sum(all_mu*z) + dot_product(beta, problem%coarse%springs(beta)))) + sqrt(2*left_over)
+      left_over = 2*sum(abs(now%lambda(row)*(z(row) + motion(row) - residual - theta(row)/weight(row)*mu))) &
+                  + sum(theta(row)/weight(row)*mu**2)/4
+      bound = sqrt(max(0.0_dp, sum(all_mu*z) + dot_product(beta, problem%coarse%springs(beta)))) + sqrt(left_over)
     end associate
   end function admissible_bound
 end module dotyk_scheme_dual

@@ -1,0 +1,47 @@
+!> Where coordinates of a pair of surfaces count from.
+module dotyk_contact_local_origin
+  use dotyk_base_kinds, only: dp
+  use dotyk_mesh_element, only: kind_nodes
+  use dotyk_mesh_surface, only: surface_t
+  implicit none
+  private
+  public :: local_origin, move
+
+  !> A surface is far from the origin where it is so many of its sizes away.
+  real(dp), parameter :: far = 16
+
+contains
+
+  !> Where to measure from: zero, but for a surface that is many times its size away. Coordinates would then lose the digits of
+  !> the gaps in every sum; differences of theirs do not.
+  pure subroutine local_origin(x, surface, origin)
+    !> Coordinates of the body (dimension, n_nodes) [length].
+    real(dp), intent(in) :: x(:, :)
+    type(surface_t), intent(in) :: surface
+    !> A node of the surface, or zero (dimension) [length].
+    real(dp), intent(out) :: origin(:)
+    real(dp) :: low(size(origin)), high(size(origin))
+    integer :: f, i
+    low = huge(1.0_dp)
+    high = -huge(1.0_dp)
+    do f = 1, surface%n_facets
+      do i = 1, kind_nodes(surface%kind(f))
+        low = min(low, x(:, surface%node(i, f)))
+        high = max(high, x(:, surface%node(i, f)))
+      end do
+    end do
+    origin = 0
+    if (surface%n_facets == 0) return
+    if (maxval(abs(low + high)/2) > far*maxval(high - low)) origin = x(:, surface%node(1, 1))
+  end subroutine local_origin
+
+  !> Coordinates from another origin.
+  pure subroutine move(x, origin)
+    real(dp), intent(inout) :: x(:, :)
+    real(dp), intent(in) :: origin(3)
+    integer :: i
+    do i = 1, size(x, 2)
+      x(:, i) = x(:, i) - origin(1:size(x, 1))
+    end do
+  end subroutine move
+end module dotyk_contact_local_origin

@@ -1,0 +1,108 @@
+!> What is done against locking in nearly incompressible bodies, and what the log says of it.
+module dotyk_driver_locking
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_log, only: log_t
+  use dotyk_base_text, only: to_text
+  use dotyk_driver_congruence, only: kinds_t
+  use dotyk_driver_materials, only: build_material
+  use dotyk_elasticity_analysis, only: analysis_plane_stress
+  use dotyk_elasticity_body, only: body_t
+  use dotyk_elasticity_dilatation, only: kept_bulk
+  use dotyk_elasticity_material, only: material_t
+  use dotyk_input_case, only: case_t
+  use dotyk_input_names, only: input_plane_stress => analysis_plane_stress, locking_auto, locking_ignore
+  use dotyk_mesh_second_order, only: has_linear_simplices
+  implicit none
+  private
+  public :: would_lock, show_locking
+
+  !> Bulk over shear modulus from which on linear triangles, tetrahedra and prisms are made quadratic: a Poisson's ratio of 0.45.
+  real(dp), parameter :: linear_simplices_lock = 29.0_dp/3
+  !> More kinds of bodies than this are only summed up.
+  integer, parameter :: most_shown = 20
+
+contains
+
+  !> Whether linear triangles, tetrahedra and prisms would lock in a body, and are to be made quadratic.
+  logical function would_lock(case, b) result(locks)
+    type(case_t), intent(in) :: case
+    !> Index of the body.
+    integer, intent(in) :: b
+    type(material_t) :: material
+    type(error_t), allocatable :: failed
+    locks = .false.
+    if (case%solver%locking /= locking_auto .or. case%scene%analysis == input_plane_stress) return
+    ! Errors are reported where the body is built.
+    call build_material(case%material(case%body(b)%material), case%solver%locking, material, failed)
+    if (.not. allocated(failed)) locks = material%incompressibility >= linear_simplices_lock
+  end function would_lock
+
+  !> One line per kind of nearly incompressible bodies; many kinds are summed up.
+  subroutine show_locking(log, case, body, kinds)
+    type(log_t), intent(inout) :: log
+    type(case_t), intent(in) :: case
+    !> (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    type(kinds_t), intent(in) :: kinds
+    integer :: b, n, before, after
+    n = 0
+    before = 0
+    after = 0
+    do b = 1, size(body)
+      if (.not. asks_for_it(body(b), case%solver%locking)) cycle
+      n = n + 1
+      before = before + size(body(b)%mesh%mesh_node)
+      after = after + body(b)%mesh%n_nodes()
+      if (kinds%n() <= most_shown .and. kinds%leads(b)) &
+        call log%line(line_of(body(b), count(kinds%first == b), case%solver%locking))
+    end do
+    if (n == 0 .or. kinds%n() <= most_shown) return
+    if (case%solver%locking == locking_ignore) then
+      call log%line('  warning: '//to_text(n)//" bodies are nearly incompressible, and may lock (locking='ignore')")
+    else
+      call log%line('  nearly incompressible: '//to_text(n)//' bodies, projected dilatation; nodes '//to_text(before)// &
+                    ' in the mesh, '//to_text(after)//' now')
+    end if
+  end subroutine show_locking
+
+  !> Whether a body is nearly incompressible.
+  logical function asks_for_it(body, locking) result(asks)
+    type(body_t), intent(in) :: body
+    !> One of `locking_*`.
+    integer, intent(in) :: locking
+    real(dp) :: ratio
+    integer :: k
+    asks = .false.
+    if (body%analysis == analysis_plane_stress) return
+    ratio = body%material%incompressibility
+    if (locking == locking_ignore) ratio = body%material%bulk_over_shear()
+    do k = 1, size(body%mesh%block)
+      asks = asks .or. ratio > kept_bulk(body%mesh%block(k)%kind, ratio)
+    end do
+  end function asks_for_it
+
+  !> What was done to a body, and why.
+  function line_of(body, number, locking) result(line)
+    type(body_t), intent(in) :: body
+    !> Of bodies of its kind.
+    integer, intent(in) :: number
+    !> One of `locking_*`.
+    integer, intent(in) :: locking
+    character(:), allocatable :: line
+    line = "nearly incompressible: '"//body%name//"'"
+    if (number > 1) line = line//' and '//to_text(number - 1)//' like it'
+    line = line//' (bulk over shear modulus '//to_text(body%material%bulk_over_shear(), 3)//'): '
+    if (locking == locking_ignore) then
+      line = '  warning: '//line//"it may lock, and locking='ignore' lets it"
+    else
+      line = '  '//line//'projected dilatation'
+      if (body%mesh%promoted) then
+        line = line//'; linear elements, which would lock, made quadratic: '//to_text(size(body%mesh%mesh_node))// &
+          ' nodes in the mesh, '//to_text(body%mesh%n_nodes())//' now'
+      else if (has_linear_simplices(body%mesh)) then
+        line = line//'; linear triangles, tetrahedra and prisms lock all the same'
+      end if
+    end if
+  end function line_of
+end module dotyk_driver_locking

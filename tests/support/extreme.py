@@ -1,0 +1,168 @@
+"""Extreme scenes: what one is, how it is run, and how its answer is judged. Used by tests/cases/extreme and by tools/extreme.
+
+A module of scenes has a function `scenes(grid)`: the scenes that run in seconds, with grid=True all. Its last line is
+`extreme.main(scenes)`, which makes a test of each.
+"""
+import os
+import pathlib
+import re
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+
+import h5py
+import numpy as np
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2]/"tools"))
+from energy_norm import Results, energy_norm  # noqa: E402
+
+
+# Distances below this are not judged: what is reported of them is rounding, too.
+LEAST = 1e-11
+
+
+class Scene:
+    """A scene, and what is right.
+
+    write(folder) writes its meshes. check(answer) gives pairs (error, allowed, what of); where code is not 0 the scene must be
+    refused with this code and a message that `message` (regular expressions) is found in.
+    """
+
+    def __init__(self, name, text, write, check=None, code=0, message=(), options=()):
+        self.name, self.text, self.write, self.check, self.code = name, text, write, check, code
+        self.message = [message] if isinstance(message, str) else message
+        self.options = options
+
+
+class Answer:
+    """A results file: attributes of the summary, displacement, pairs."""
+
+    def __init__(self, path):
+        self.results = Results(path)
+        self.displacement, self.points = self.results.displacement, self.results.points
+        with h5py.File(path) as file:
+            self.summary = dict(file["dotyk/summary"].attrs)
+            self.lost = max(file["dotyk/summary/digits_lost"][:])
+            self.seconds = file["dotyk/timing"].attrs["total"]
+            self.pairs, self.broken = {}, []
+            for name, pair in file["dotyk/contact"].items():
+                self.pairs[name] = {key: pair[key][:] for key in pair}
+                self.pairs[name].update(pair.attrs)
+            file.visititems(self.look)
+        self.bound = self.summary["error_bound"]
+
+    def look(self, name, entry):
+        """Remember arrays that have something which is not a number, but for errors that are said to be unknown."""
+        if not hasattr(entry, "dtype") or entry.dtype.kind != "f" or name.startswith("dotyk/history"):
+            return
+        if name.endswith("/discretization_error") and np.isnan(self.summary["error_discretization"]):
+            return
+        if not np.all(np.isfinite(entry[()])):
+            self.broken.append(name)
+
+    def node_bodies(self):
+        """Number of the body (from 0) of each node."""
+        body = np.zeros(len(self.points), int)
+        for block in self.results.blocks:
+            body[block.nodes] = block.body - 1
+        return body
+
+    def energy_error(self, exact):
+        """Energy norm of the displacement's distance to another one on its mesh, over that of the other."""
+        norm = energy_norm(self.results, exact)
+        return energy_norm(self.results, self.displacement - exact)/norm if norm > 0 else energy_norm(self.results)
+
+    def rounding(self):
+        """What the last digit of the displacements is worth in the energy norm, relative: no answer in doubles is better."""
+        norm = energy_norm(self.results)
+        signs = np.random.default_rng(1).choice([-1.0, 1.0], self.displacement.shape)
+        return energy_norm(self.results, signs*np.spacing(np.abs(self.displacement)))/norm if norm > 0 else 0.0
+
+    def reported(self):
+        """What the program says of its distance to an answer that the mesh has exactly: the bound, digits that its stiffnesses have
+        lost, and rounding that the estimated error of the mesh sees."""
+        return max(self.bound, 10.0**(self.lost - 16), 2*self.summary["error_discretization"], LEAST)
+
+    def pressure_error(self, exact, pair=None):
+        """Largest distance of the pressures to a constant, over it where it is not zero."""
+        pressures = [self.pairs[name]["pressure"] for name in ([pair] if pair else self.pairs)]
+        return max(np.abs(p - exact).max() for p in pressures)/(abs(exact) or 1)
+
+
+class Outcome:
+    """What came of a scene."""
+
+    def __init__(self, scene, code, text, seconds, answer, judged, faults):
+        self.scene, self.code, self.text, self.seconds = scene, code, text, seconds
+        self.answer, self.judged, self.faults = answer, judged, faults
+
+    def worst(self):
+        """(error, allowed, what) of the check that is nearest to failing."""
+        return max(self.judged, key=lambda row: row[0]/row[1] if row[1] > 0 else np.inf*row[0] if row[0] else 0, default=None)
+
+
+def run(scene, folder, timeout=600, threads=2):
+    """Run a scene in a folder; what is wrong is in the outcome's `faults`."""
+    folder = pathlib.Path(folder)
+    scene.write(folder)
+    (folder/"scene.nml").write_text(scene.text)
+    results = folder/"scene.vtkhdf"
+    results.unlink(missing_ok=True)
+    begun, faults, answer, judged = time.monotonic(), [], None, []
+    try:
+        done = subprocess.run([os.environ["DOTYK"], "scene.nml", "--threads", str(threads), *scene.options], cwd=folder, text=True,
+                              timeout=timeout, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+        code, text = done.returncode, done.stdout
+    except subprocess.TimeoutExpired:
+        code, text = None, ""
+        faults.append("stopped after %g s" % timeout)
+    seconds = time.monotonic() - begun
+    if code is not None and code != scene.code:
+        faults.append("exit code %d, not %d" % (code, scene.code))
+    faults += ["no message like %r" % pattern for pattern in scene.message if not re.search(pattern, text)]
+    if results.exists() != (code in (0, 1)):
+        faults.append("results file " + ("left behind" if results.exists() else "missing"))
+    if "NaN" in text or "Infinity" in text:
+        faults.append("a number that is none in the log")
+    if results.exists() and code in (0, 1):
+        answer = Answer(results)
+        faults += ["%s has numbers that are none" % name for name in answer.broken]
+        if not np.isfinite(answer.bound):
+            faults.append("bound %g" % answer.bound)
+        if scene.check:
+            judged = [(float(error), float(allowed), what) for error, allowed, what in scene.check(answer)]
+            faults += ["%s: error %.2e, allowed %.2e" % (what, error, allowed) for error, allowed, what in judged
+                       if not error <= allowed]
+    return Outcome(scene, code, text, seconds, answer, judged, faults)
+
+
+def solved(scene):
+    """The answer of a scene that others are compared with."""
+    with tempfile.TemporaryDirectory(prefix="dotyk-") as folder:
+        outcome = run(scene, folder)
+    if outcome.faults:
+        raise ValueError("%s: %s\n%s" % (scene.name, outcome.faults, outcome.text))
+    return outcome.answer
+
+
+def main(scenes):
+    """Test the quick scenes of a module; what they are called is what the tests are called."""
+    class Extreme(unittest.TestCase):
+        """One test for each scene."""
+
+    def test(scene):
+        def run_it(self):
+            with tempfile.TemporaryDirectory(prefix="dotyk-") as folder:
+                outcome = run(scene, folder)
+            self.assertEqual(outcome.faults, [], "%s\n%s" % (scene.name, outcome.text))
+        return run_it
+
+    for scene in scenes(False):
+        name = "test_" + re.sub(r"\W+", "_", scene.name.replace("-", " minus "))
+        assert not hasattr(Extreme, name), name
+        setattr(Extreme, name, test(scene))
+    suite = unittest.defaultTestLoader.loadTestsFromTestCase(Extreme)
+    result = unittest.TextTestRunner(verbosity=2).run(suite)
+    sys.exit(0 if result.wasSuccessful() and result.testsRun > 0 else 1)
