@@ -1,6 +1,6 @@
 #!/bin/bash
 # Configures and builds into build/PRESET; silent when nothing changed.
-# usage: tools/build.sh [PRESET]      release (the default), debug or asan
+# usage: tools/build.sh [PRESET]      release (the default), debug, asan or tsan
 set -euo pipefail
 
 preset=${1:-release}

@@ -96,7 +96,7 @@ class Runner:
             source = SOURCE.search(message)
             place = " %s:%s" % (source[2], source[3]) if source else ""
             return re.sub(r"0x\w+|==\d+==|\d{5,}", "N", (where or report)[0])[:120] + place, message
-        if code not in (0, 1, 2, 3, 4):
+        if code not in (0, 1, 2, 3, 4, 5):
             return "exit code %s" % code, message
         if megabytes > self.megabytes:
             return "takes more than %d MB" % self.megabytes, message

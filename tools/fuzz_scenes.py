@@ -105,7 +105,8 @@ def placed(rng):
 &body name='c', volume='cube', material='m', at=-0.25,0,2, axis=1,1,1, angle=120 /
 &support body='a', surface='low', fix='nt' /
 &support body='a', surface='sides x', fix='n', value_formula='0','0','1e-4*y*z' /
-&support body='b', surface='sides x', fix='xi' /
+&support body='b', surface='sides x', fix='n' /
+&support body='b', surface='sides y', fix='xi' /
 &support body='c', surface='high', fix='nt' /
 &load body='b', surface='sides x', pressure_formula='1e-3*max(0, 1-x^2-y^2)' /
 &load body='b', surface='sides y', local_traction=0,1e-4,0 /

@@ -71,6 +71,7 @@ contains
     real(dp), intent(in) :: resultant(:)
     !> What given displacements have added to them; 0 where absent.
     real(dp), intent(in), allocatable, optional :: lift(:)
+    real(dp) :: most
     integer :: b, i, j, k
     call self%destroy()
     allocate (self%first(size(response) + 1), self%block(size(response)))
@@ -93,7 +94,9 @@ contains
         do j = 1, form%n_motions
           self%scale(first + j - 1) = 1
           if (size(operator%block(b)%row) == 0) cycle
-          self%scale(first + j - 1) = 1/max(tiny(1.0_dp), maxval(abs(form%motion(:, j))))
+          ! A part of the body that has no contact nodes moves none.
+          most = maxval(abs(form%motion(:, j)))
+          if (most > rounding) self%scale(first + j - 1) = 1/most
           call matrix%multiply(self%scale(first + j - 1)*form%motion(:, j), self%block(b)%value(:, j))
           ! Soft motions are not quite rigid, and what they strain is as small as their springs.
           if (allocated(form%motion_stiffness)) cycle

@@ -64,6 +64,30 @@ class Robustness(dotyk_case.Case):
         _, most, theta = self.pressure("case.vtkhdf")
         self.assertAlmostEqual(most*(1/STIFF + theta)/SHORTENING, 1, delta=1e-7)
 
+    def test_a_loose_part_stays_where_it_is(self):
+        """The upper body has a part that touches nothing and that nothing pushes."""
+        nodes = [(x, y) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1), (0, 1), (1, 1), (1, 2), (0, 2), (3, 3), (4, 3), (4, 4), (3, 4))]
+        elements = [(3, 1, "1 2 3 4"), (3, 2, "5 6 7 8"), (3, 2, "9 10 11 12"), (1, 3, "1 2"), (1, 4, "3 4"), (1, 5, "5 6"), (1, 6, "7 8")]
+        self.write("parts.msh", "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n6\n2 1 \"lower\"\n2 2 \"upper\"\n"
+                   "1 3 \"ground\"\n1 4 \"lower top\"\n1 5 \"upper bottom\"\n1 6 \"upper top\"\n$EndPhysicalNames\n$Nodes\n12\n"
+                   + "".join("%d %d %d 0\n" % (i, *x) for i, x in enumerate(nodes, 1)) + "$EndNodes\n$Elements\n7\n"
+                   + "".join("%d %d 2 %d %d %s\n" % (i, kind, group, group, few) for i, (kind, group, few) in enumerate(elements, 1))
+                   + "$EndElements\n")
+        self.write("parts.nml", """&scene mesh='parts.msh', analysis='plane_strain' /
+&material name='m', young=1000, poisson=0 /
+&body name='lower', volume='lower', material='m' /
+&body name='upper', volume='upper', material='m' /
+&support body='lower', surface='ground', fix='xy' /
+&load body='upper', surface='upper top', pressure=1 /
+&contact name='joint', surface_a='upper:upper bottom', surface_b='lower:lower top' /
+&solver theta=0, tolerance=1e-10 /
+""")
+        text = self.dotyk("parts.nml")
+        self.assertIn("part 2 of 2 that do not hang together", text)
+        u = self.results("parts.vtkhdf")["VTKHDF/PointData/displacement"][()]
+        self.assertAlmostEqual(u[:8, 1].min(), -2e-3, delta=1e-12)
+        self.assertLess(abs(u[8:]).max(), 1e-12)
+
     def test_contradicting_supports(self):
         text = self.dotyk(self.scene(more="&support body='lower', surface='bottom', fix='z', value=0,0,1 /\n"), code=2)
         self.assertIn("body 'lower': supports contradict each other at node", text)
