@@ -15,6 +15,7 @@ module dotyk_driver_run_case
   use dotyk_driver_checkpoint, only: checkpoint_keeper_t, check_checkpoint_path, check_scene, restore, &
     start_keeping
   use dotyk_driver_congruence, only: kinds_t
+  use dotyk_driver_correction, only: correct_digits
   use dotyk_driver_digits, only: body_digits_t, collect_digits, show_digits
   use dotyk_driver_error_budget, only: error_budget_t, ask_for_more, errors_decide, estimate_errors, first_tolerance, &
     most_rounds, needs_displacements
@@ -27,7 +28,7 @@ module dotyk_driver_run_case
   use dotyk_driver_parallel, only: use_threads, share_solves, set_blas_threads
   use dotyk_driver_pressures, only: pair_solution_t, nodal_field_t, project_pressures
   use dotyk_driver_recovery, only: body_solution_t, recover_bodies
-  use dotyk_driver_refinement, only: energy_of, penetrations, refine_bodies
+  use dotyk_driver_refinement, only: energy_of, refine_bodies
   use dotyk_driver_results, only: write_fields, write_pairs, write_summary, write_provenance, write_timing
   use dotyk_driver_scheme, only: needs_held_bodies, prepare_coarse_space, scheme_name, scheme_of, solve_scheme
   use dotyk_driver_screen, only: show_scene, show_bodies, show_pairs, show_factorization, &
@@ -241,7 +242,9 @@ contains
         if (.not. allocated(error)) call run%result%history%put_behind(last%history)
       end if
       call set_blas_threads(1)
-      if (.not. allocated(error)) call correct_digits(run, tolerance, error)
+      if (.not. allocated(error)) &
+        call correct_digits(run%case, run%body, run%kinds, run%pair, run%problem, run%compliance, run%alone, run%n_blas, &
+                            tolerance, run%log, run%digits, run%solution, run%result, error)
       if (allocated(error)) return
       goes_on = .true.
       run%result%iterations = run%result%history%n
@@ -279,45 +282,6 @@ contains
     call show_digits(run%log, run%body, run%kinds, run%digits)
     call run%problem%free_responses()
   end subroutine find_answer
-
-  !> What factors have lost, bodies refined say: the scheme goes on from where it is with gaps that are corrected by the difference, until
-  !> that changes nothing any more. The last change, and what is left of the residuals, are part of the error.
-  subroutine correct_digits(run, tolerance, error)
-    type(run_t), intent(inout) :: run
-    real(dp), intent(in) :: tolerance
-    type(error_t), allocatable, intent(out) :: error
-    type(scheme_result_t) :: last
-    real(dp), allocatable :: y(:)
-    real(dp) :: left, rounding, before
-    integer :: k
-    integer, parameter :: most_corrections = 8
-    if (.not. any(run%digits%needs_refinement())) return
-    allocate (y(size(run%result%m)))
-    before = huge(before)
-    do k = 1, most_corrections
-      call recover_bodies(run%body, run%problem, run%result%m, run%result%alpha, run%alone, .false., run%n_blas, run%solution)
-      call refine_bodies(run%body, run%kinds, run%problem, run%result%m, run%result%alpha, run%digits, run%solution, left, error)
-      if (allocated(error) .or. size(y) == 0) return
-      call penetrations(run%problem, run%solution, y)
-      run%problem%y_free = run%problem%y_free + (y - run%result%y)
-      last = run%result
-      call set_blas_threads(run%n_blas)
-      call solve_scheme(run%case, run%body, run%pair, run%problem, tolerance, run%log, run%compliance, run%result, error, last)
-      call set_blas_threads(1)
-      if (allocated(error)) return
-      call run%result%history%put_behind(last%history)
-      if (interrupted()) then
-        ! What rounding leaves is not known.
-        run%result%error_bound = huge(rounding)
-        return
-      end if
-      rounding = (run%problem%distance(run%result%m - last%m, run%result%alpha - last%alpha) + left)/ &
-                 max(tiny(left), run%problem%norm(run%result%m, run%result%y, run%result%alpha/run%problem%coarse%scale))
-      if (rounding <= max(1.0e-15_dp, 0.01_dp*tolerance) .or. .not. rounding < 0.3_dp*before) exit
-      before = rounding
-    end do
-    call run%result%add_rounding(rounding, tolerance)
-  end subroutine correct_digits
 
   !> The checkpoint to go on from, where the command line asks for one.
   subroutine read_checkpoint(run, arguments, error)

@@ -8,6 +8,8 @@ module dotyk_elasticity_internal_force
   use dotyk_base_kinds, only: dp, qp
   use dotyk_elasticity_analysis, only: analysis_axisymmetric, gradient_slots, strain_index
   use dotyk_elasticity_assembly, only: apply_factor, bad_element, read_factor
+  use dotyk_elasticity_dilatation, only: kept_bulk, most_projections, n_projections, projected_dilatations, &
+    projection_functions
   use dotyk_elasticity_element_table, only: element_table_t, map_element, table_pair_t
   use dotyk_elasticity_field, only: field_t
   use dotyk_elasticity_material, only: material_t
@@ -53,21 +55,23 @@ contains
     type(field_t) :: factor
     type(table_pair_t) :: tables
     type(element_kind_t) :: kind
-    real(dp), allocatable :: x(:, :), rest(:, :), element_force(:, :), g(:), w(:)
+    real(dp), allocatable :: x(:, :), rest(:, :), element_force(:, :), g(:), w(:), value(:), dilatation(:)
     integer, allocatable :: node(:), strain(:, :)
-    real(dp) :: matrix(6, 6), worst
-    integer :: n, dim, slots, most_points, e, i, s
+    real(dp) :: matrix(6, 6), lambda, bulk, worst
+    integer :: n, dim, slots, most_points, n_functions, e, i, s
     call read_factor(material, factor, error)
     if (allocated(error)) return
     kind = element_kind(mesh%block(i_block)%kind)
     n = kind%n_nodes
     dim = mesh%dimension
     slots = gradient_slots(analysis)
-    matrix = material%plane_matrix(analysis)
+    call material%split(analysis, kept_bulk(mesh%block(i_block)%kind, material%incompressibility), matrix, lambda, bulk)
+    n_functions = n_projections(mesh%block(i_block)%kind, dim)
     strain = reshape([((strain_index(analysis, i, s), i=1, dim), s=1, slots)], [dim, slots])
     call tables%init_stiffness(mesh%block(i_block)%kind, analysis, .not. factor%constant)
     most_points = max(tables%straight%n_points, tables%curved%n_points)
     allocate (x(dim, n), rest(dim, n), element_force(dim, n), node(n), g(n*slots*most_points), w(most_points))
+    allocate (value(most_points*most_projections), dilatation(n*dim*most_projections))
     do e = 1, size(mesh%block(i_block)%node, 2)
       node(:) = mesh%block(i_block)%node(:, e)
       x(:, :) = mesh%x(:, node)
@@ -97,6 +101,11 @@ contains
       end if
       call take_rigid_part(n, dim, slots, analysis == analysis_axisymmetric, g, x, u(:, node), rest)
       call forces_of_strain(n, dim, slots, n_points, g, w, strain, matrix, rest, element_force, energy)
+      if (bulk > 0) then
+        call projection_functions(n, dim, n_points, n_functions, table%shape, x, w, value)
+        call projected_dilatations(n, dim, slots, n_points, n_functions, g, w, value, dilatation)
+        call add_dilatation(n, dim, n_functions, bulk, dilatation, rest, element_force, energy)
+      end if
       do a = 1, n
         force(:, node(a)) = force(:, node(a)) + element_force(:, a)
       end do
@@ -174,4 +183,25 @@ contains
       end do
     end do
   end subroutine forces_of_strain
+
+  !> Add what the projected dilatation gives.
+  pure subroutine add_dilatation(n, dim, n_functions, bulk, d, u, force, energy)
+    !> Numbers of nodes, displacement components, functions.
+    integer, intent(in) :: n, dim, n_functions
+    !> Projected part of the bulk modulus [pressure].
+    real(dp), intent(in) :: bulk
+    !> From `projected_dilatations`.
+    real(dp), intent(in) :: d(n, dim, n_functions)
+    !> Displacements [length].
+    real(dp), intent(in) :: u(dim, n)
+    !> Grow [force], [force length].
+    real(dp), intent(inout) :: force(dim, n), energy
+    real(dp) :: amplitude
+    integer :: j
+    do j = 1, n_functions
+      amplitude = sum(transpose(u)*d(:, :, j))
+      force = force + bulk*amplitude*transpose(d(:, :, j))
+      energy = energy + bulk*amplitude**2
+    end do
+  end subroutine add_dilatation
 end module dotyk_elasticity_internal_force
