@@ -13,6 +13,9 @@ module dotyk_base_interrupt
   !> Exit status of `run_command` for a program that a signal ended: this and more.
   integer, parameter, public :: status_of_signals = 128
 
+  !> SIGTERM: nobody starts programs with this one ignored, as shells do with SIGINT behind an ampersand.
+  integer(c_int), parameter :: terminate = 15
+
   interface
     !> Begin to listen.
     subroutine watch_interrupts() bind(c, name='dotyk_watch_interrupts')
@@ -43,7 +46,7 @@ contains
   !> As if the program had been asked to stop, or had not.
   subroutine set_interrupt(asked)
     logical, intent(in) :: asked
-    call c_set_interrupt(merge(2_c_int, 0_c_int, asked))
+    call c_set_interrupt(merge(terminate, 0_c_int, asked))
   end subroutine set_interrupt
 
   !> An error where the program was asked to stop before there is anything to write.
