@@ -65,8 +65,16 @@ void dotyk_set_interrupt(int number) {
 
 /* Run a command of the shell and wait for its end. Its exit status; 128 and more: ended by a signal; 127: there is no shell. */
 int dotyk_run_command(const char *command) {
+  /* What comes between fork and exec waits until the child takes signals as a new program does. */
+  sigset_t ours, before;
+  sigemptyset(&ours);
+  for (int i = 0; i < n_asking; i++) sigaddset(&ours, asking[i]);
+  sigprocmask(SIG_BLOCK, &ours, &before);
   pid_t parent = getpid(), id = fork();
-  if (id < 0) return 127;
+  if (id < 0) {
+    sigprocmask(SIG_SETMASK, &before, NULL);
+    return 127;
+  }
   if (id == 0) {
     for (int i = 0; i < n_asking; i++) {
       struct sigaction now;
@@ -77,10 +85,12 @@ int dotyk_run_command(const char *command) {
     prctl(PR_SET_PDEATHSIG, SIGKILL);
     if (getppid() != parent) _exit(127);
 #endif
+    sigprocmask(SIG_SETMASK, &before, NULL);
     execl("/bin/sh", "sh", "-c", command, (char *)NULL);
     _exit(127);
   }
   child = (sig_atomic_t)id;
+  sigprocmask(SIG_SETMASK, &before, NULL);
   if (signal_number) kill(id, signal_number); /* it came meanwhile */
   int status = 0;
   while (waitpid(id, &status, 0) < 0) {
