@@ -4,8 +4,9 @@
 !>
 !>     M lambda - G alpha = b,    G^T lambda = c.
 !>
-!> Springs on the motions (`hold`) add to the second line: `G^T lambda + hold alpha = c`. There are two ways to solve it: by factorization
-!> (`dotyk_scheme_direct_system`), and by conjugate gradients (`dotyk_scheme_iterative_system`).
+!> Springs on the motions (`hold`) add to the second line: `G^T lambda + hold alpha = c`. There are three ways to solve it: by factorization
+!> (`dotyk_scheme_direct_system`, with many free bodies `dotyk_scheme_saddle_system`), and by conjugate gradients
+!> (`dotyk_scheme_iterative_system`).
 module dotyk_scheme_active_system
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
@@ -13,6 +14,9 @@ module dotyk_scheme_active_system
   use dotyk_scheme_problem, only: contact_problem_t
   implicit none
   private
+
+  !> Part of the diagonal that factorized systems add before the factorization.
+  real(dp), parameter, public :: proximal_part = 1.0e-9_dp
 
   !> The system.
   type, abstract, public :: active_system_t

@@ -9,7 +9,7 @@ module dotyk_scheme_direct_system
   use dotyk_base_error, only: error_t, set_error, exit_not_solvable
   use dotyk_base_kinds, only: dp
   use dotyk_linalg_block_cholesky, only: block_cholesky_t
-  use dotyk_scheme_active_system, only: active_system_t
+  use dotyk_scheme_active_system, only: active_system_t, proximal_part
   use dotyk_scheme_explicit, only: explicit_compliance_t
   use dotyk_scheme_pair_graph, only: couple_pairs, order_pairs
   use dotyk_scheme_problem, only: contact_problem_t
@@ -34,9 +34,6 @@ module dotyk_scheme_direct_system
     procedure :: solve => direct_system_solve
     procedure :: destroy => direct_system_destroy
   end type direct_system_t
-
-  !> Part of the diagonal that is added before the factorization.
-  real(dp), parameter :: proximal_part = 1.0e-9_dp
 
 contains
 

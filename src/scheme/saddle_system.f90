@@ -7,7 +7,7 @@ module dotyk_scheme_saddle_system
   use dotyk_base_error, only: error_t, set_error, exit_not_solvable
   use dotyk_base_kinds, only: dp
   use dotyk_linalg_saddle_factor, only: saddle_factor_t
-  use dotyk_scheme_active_system, only: active_system_t
+  use dotyk_scheme_active_system, only: active_system_t, proximal_part
   use dotyk_scheme_body_graph, only: body_graph_t, make_body_graph
   use dotyk_scheme_explicit, only: explicit_compliance_t
   use dotyk_scheme_problem, only: contact_problem_t
@@ -30,9 +30,6 @@ module dotyk_scheme_saddle_system
     procedure :: solve => saddle_system_solve
     procedure :: destroy => saddle_system_destroy
   end type saddle_system_t
-
-  !> Part of the diagonal that is added before the factorization.
-  real(dp), parameter :: proximal_part = 1.0e-9_dp
 
 contains
 

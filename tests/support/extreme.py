@@ -30,10 +30,9 @@ class Scene:
     refused with this code and a message that `message` (regular expressions) is found in.
     """
 
-    def __init__(self, name, text, write, check=None, code=0, message=(), options=()):
+    def __init__(self, name, text, write, check=None, code=0, message=()):
         self.name, self.text, self.write, self.check, self.code = name, text, write, check, code
         self.message = [message] if isinstance(message, str) else message
-        self.options = options
 
 
 class Answer:
@@ -85,10 +84,9 @@ class Answer:
         lost, and rounding that the estimated error of the mesh sees."""
         return max(self.bound, 10.0**(self.lost - 16), 2*self.summary["error_discretization"], LEAST)
 
-    def pressure_error(self, exact, pair=None):
+    def pressure_error(self, exact):
         """Largest distance of the pressures to a constant, over it where it is not zero."""
-        pressures = [self.pairs[name]["pressure"] for name in ([pair] if pair else self.pairs)]
-        return max(np.abs(p - exact).max() for p in pressures)/(abs(exact) or 1)
+        return max(np.abs(pair["pressure"] - exact).max() for pair in self.pairs.values())/(abs(exact) or 1)
 
 
 class Outcome:
@@ -112,7 +110,7 @@ def run(scene, folder, timeout=600, threads=2):
     results.unlink(missing_ok=True)
     begun, faults, answer, judged = time.monotonic(), [], None, []
     try:
-        done = subprocess.run([os.environ["DOTYK"], "scene.nml", "--threads", str(threads), *scene.options], cwd=folder, text=True,
+        done = subprocess.run([os.environ["DOTYK"], "scene.nml", "--threads", str(threads)], cwd=folder, text=True,
                               timeout=timeout, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
         code, text = done.returncode, done.stdout
     except subprocess.TimeoutExpired:
