@@ -2,7 +2,7 @@
 import numpy as np
 
 from extreme import Scene
-from grid import KINDS, Block, even, write_mesh
+from grid import Block, dimension, even, write_mesh
 
 SHORTENING = 1e-3
 
@@ -39,7 +39,7 @@ def exact(layers, theta, gap=0.0):
 def stack(name, layers, theta_relative=0.0, kind="hex8", gap=0.0, solver="tolerance=1e-12", width=1.0, allowed=1e-9,
           given_gap=None, swap=False, code=0, message=()):
     """The scene; `gap` is drawn between all layers (overlap where negative), `given_gap` is what the input says instead."""
-    d = len(KINDS[kind][0][0])
+    d = dimension(kind)
     up = "xyz"[d - 1]
     bottoms = np.cumsum([0.0] + [q.height + gap for q in layers])
     blocks = [Block("layer %d" % i, *[line(q.across, 0, width)]*(d - 1), line(q.along, z, z + q.height))
