@@ -25,8 +25,8 @@ contains
 
   !> What factors have lost, bodies refined say: the scheme goes on from where it is with gaps that are corrected by the difference, until
   !> that changes nothing any more.
-  subroutine correct_digits(case, body, kinds, pair, problem, compliance, alone, n_blas, tolerance, log, digits, solution, result, &
-                            rounding, error)
+  subroutine correct_digits(case, body, kinds, pair, problem, compliance, alone, n_blas, tolerance, log, digits, solution, &
+                            result, rounding, error)
     type(case_t), intent(in) :: case
     !> (n_bodies), (n_pairs).
     type(body_t), intent(in) :: body(:)

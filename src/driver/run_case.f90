@@ -15,10 +15,10 @@ module dotyk_driver_run_case
   use dotyk_driver_checkpoint, only: checkpoint_keeper_t, check_checkpoint_path, check_scene, restore, &
     start_keeping
   use dotyk_driver_congruence, only: kinds_t
-  use dotyk_driver_correction, only: correct_digits
   use dotyk_driver_digits, only: body_digits_t, collect_digits, show_digits
+  use dotyk_driver_displacements, only: find_displacements
   use dotyk_driver_error_budget, only: error_budget_t, ask_for_more, errors_decide, estimate_errors, first_tolerance, &
-    most_rounds, needs_displacements
+    most_rounds
   use dotyk_driver_finite, only: refuse_overflow
   use dotyk_driver_fingerprint, only: fingerprint
   use dotyk_driver_factorization, only: factor_size_t, analyze_bodies, attach_bodies, check_memory, factorize_bodies
@@ -27,10 +27,7 @@ module dotyk_driver_run_case
   use dotyk_driver_pairs, only: find_pairs
   use dotyk_driver_parallel, only: use_threads, share_solves, set_blas_threads
   use dotyk_driver_pressures, only: pair_solution_t, nodal_field_t, project_pressures
-  use dotyk_driver_recovery, only: body_solution_t, recover_bodies
-  use dotyk_driver_refinement, only: energy_of, refine_bodies, refuse_lost_pressures
-  use dotyk_driver_rounding, only: expect_rounding, flag_rounded, measure_rounding, relative_rounding, worth_measuring, &
-    worth_of_digits
+  use dotyk_driver_recovery, only: body_solution_t
   use dotyk_driver_results, only: write_fields, write_pairs, write_summary, write_provenance, write_timing
   use dotyk_driver_scheme, only: needs_held_bodies, prepare_coarse_space, scheme_name, scheme_of, solve_scheme
   use dotyk_driver_screen, only: show_scene, show_bodies, show_pairs, show_factorization, &
@@ -247,7 +244,8 @@ contains
       if (allocated(error)) return
       goes_on = .true.
       call run%watch%lap(run%timing%iterate)
-      call find_displacements(run, tolerance, error)
+      call find_displacements(run%case, run%body, run%kinds, run%pair, run%problem, run%compliance, run%alone, run%n_blas, &
+                              tolerance, run%log, run%watch, run%timing, run%digits, run%solution, run%result, error)
       if (allocated(error)) return
       run%result%iterations = run%result%history%n
       call keep_result(run)
@@ -270,63 +268,6 @@ contains
     call show_digits(run%log, run%body, run%kinds, run%digits)
     call run%problem%free_responses()
   end subroutine find_answer
-
-  !> Displacements from the state of the scheme; where rounding matters, refined, with the contact that belongs to them.
-  subroutine find_displacements(run, tolerance, error)
-    type(run_t), intent(inout) :: run
-    !> Where the scheme has stopped.
-    real(dp), intent(in) :: tolerance
-    type(error_t), allocatable, intent(out) :: error
-    real(dp) :: distance(size(run%body)), digit(size(run%body)), rounding, norm, left
-    logical :: wanted
-    !> So many units of the last digit are as good as one.
-    real(dp), parameter :: few_digits = 4
-    wanted = needs_displacements(run%case)
-    rounding = 0
-    norm = 0
-    digit = 0
-    if (wanted) then
-      call recover_and_measure()
-      if (allocated(error)) return
-      if (run%result%ended == ended_converged) call flag_rounded(distance, norm, tolerance, run%digits)
-      call run%watch%lap(run%timing%recover)
-    end if
-    if (any(run%digits%needs_refinement())) then
-      call set_stage('iterating')
-      call correct_digits(run%case, run%body, run%kinds, run%pair, run%problem, run%compliance, run%alone, run%n_blas, tolerance, &
-                          run%log, run%digits, run%solution, run%result, rounding, error)
-      if (allocated(error)) return
-      call run%watch%lap(run%timing%iterate)
-      if (wanted) call recover_and_measure()
-      if (allocated(error)) return
-    end if
-    if (wanted) then
-      call refuse_lost_pressures(run%body, run%digits, distance, norm, error)
-      if (allocated(error)) return
-      rounding = rounding + relative_rounding(distance, norm, run%digits)
-      if (rounding > tolerance) call worth_of_digits(run%body, run%solution, digit)
-    else
-      if (allocated(run%solution)) deallocate (run%solution)
-      allocate (run%solution(size(run%body)))
-    end if
-    call run%result%add_rounding(rounding, few_digits*norm2(digit)/max(tiny(rounding), norm), tolerance)
-  contains
-    !> Displacements, refined where that is needed, and how far rounding leaves them from where they should be.
-    subroutine recover_and_measure()
-      call set_stage('recovering displacements')
-      call recover_bodies(run%body, run%problem, run%result%m, run%result%alpha, run%alone, run%case%output%stress, run%n_blas, &
-                          run%solution)
-      if (any(run%digits%needs_refinement())) then
-        call refine_bodies(run%body, run%kinds, run%problem, run%result%m, run%result%alpha, run%digits, run%solution, left, error)
-        if (allocated(error)) return
-        run%result%energy = energy_of(run%body, run%problem, run%solution, run%result%y)
-      end if
-      norm = run%problem%norm(run%result%m, run%result%y, run%result%alpha/run%problem%coarse%scale)
-      call expect_rounding(run%body, run%kinds, run%problem, run%solution, norm, distance)
-      if (any(run%digits%needs_refinement()) .or. norm2(distance) > worth_measuring*tolerance*norm) &
-        call measure_rounding(run%body, run%problem, run%result%m, run%solution, run%n_blas, distance, error)
-    end subroutine recover_and_measure
-  end subroutine find_displacements
 
   !> The checkpoint to go on from, where the command line asks for one.
   subroutine read_checkpoint(run, arguments, error)

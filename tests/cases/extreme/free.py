@@ -83,10 +83,12 @@ def tower(kind, many, contrast, theta):
             floor += -(joint[k] - weight/2)/young[k] - layer*joint[k + 1]
         forces = [abs(answer.pairs[str(k)]["force"][d - 1]/joint[k] - 1) for k in range(1, many + 1)]
         yield max(forces), 1e-9, "forces along %s" % up
-        for k in range(1, many + 1):
-            yield np.abs(answer.pairs[str(k)]["pressure"]/joint[k] - 1).max(), 1e-8, "pressure of joint %d" % k
+        wrong = [np.abs(answer.pairs[str(k)]["pressure"]/joint[k] - 1).max() for k in range(1, many + 1)]
+        # what alternates on the face of a stiff block does not move the soft one: it has the last digits of gaps, times the stiff modulus
+        digit = np.spacing(np.abs(right).max())*max(young)/pressure
+        yield max(wrong), 1e-9 + 20*digit, "pressure"
         error = answer.energy_error(right)
-        yield error, max(answer.reported(), 4*answer.rounding()), "energy norm against the bound"
+        yield error, answer.reported(), "energy norm against the bound"
         yield np.abs(answer.displacement - right).max()/np.abs(right).max(), 1e-8, "displacement"
 
     return Scene("tower of %d, %s, contrast %s, theta %s" % (many, kind, contrast, theta),
