@@ -209,6 +209,8 @@ contains
       call set_stage('solving the scene without contact')
       call run%compliance%lend(problem, run%size_of%is_explicit)
       call set_blas_threads(1)
+      call stop_if_interrupted(error)
+      if (allocated(error)) return
       call solve_free_scene(run%body, problem, run%n_blas, run%alone)
       call prepare_coarse_space(run%body, problem)
       call stop_if_interrupted(error)
