@@ -210,7 +210,7 @@ contains
     call leave_out(result)
     ! A state that there is already is not given up for an interrupt.
     call compliance%form(problem, may_stop=.not. present(start))
-    if (.not. present(start)) call stop_if_interrupted(error)
+    if (.not. (present(start) .or. compliance%by_sweeps)) call stop_if_interrupted(error)
     if (allocated(error)) return
     if (present(start)) then
       now%lambda = problem%operator%weight*start%m
