@@ -9,7 +9,7 @@
 module dotyk_scheme_dual
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use dotyk_base_error, only: error_t
-  use dotyk_base_interrupt, only: interrupted
+  use dotyk_base_interrupt, only: interrupted, stop_if_interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
   use dotyk_base_text, only: to_text
@@ -222,7 +222,10 @@ contains
     type(iterate_t) :: now
     logical, allocatable :: active(:)
     call leave_out(result)
-    call compliance%form(problem)
+    ! A state that there is already is not given up for an interrupt.
+    call compliance%form(problem, may_stop=.not. present(start))
+    if (.not. (present(start) .or. compliance%by_sweeps)) call stop_if_interrupted(error)
+    if (allocated(error)) return
     if (present(start)) then
       now%lambda = problem%operator%weight*start%m
       now%y = start%y
