@@ -1,6 +1,7 @@
 !> dotyk: frictionless contact of linear elastic bodies.
 program dotyk
   use dotyk_base_error, only: error_t
+  use dotyk_base_files, only: hold_standard_files
   use dotyk_base_interrupt, only: watch_interrupts
   use dotyk_base_memory, only: end_expected, watch_ends
   use dotyk_base_log, only: print_error
@@ -10,6 +11,7 @@ program dotyk
   type(arguments_t) :: arguments
   type(error_t), allocatable :: error
   integer :: code
+  call hold_standard_files()
   call watch_ends()
   call watch_interrupts()
   call read_arguments(arguments, error)

@@ -1,5 +1,6 @@
 """Runs one case of tools/fuzz and judges what came of it."""
 import collections
+import math
 import os
 import pathlib
 import re
@@ -23,6 +24,9 @@ SOURCE = re.compile(r"\b(?:in|at) \S*?(\w+) *(?:at )?\S*/(\w+\.(?:f90|c)):(\d+)"
 MAY_BE_UNKNOWN = re.compile(r"dotyk/summary@(gamma|lambda_max|q_\w+|error_bound_paper|error_(penalty|discretization\w*|contact))$"
                             r"|dotyk/history/error_(penalty|discretization)$|VTKHDF/CellData/discretization_error$")
 
+# A run that waits for something has no processor time: so many times its limit are its limit of time.
+WAITING = 6
+
 # command: arguments; files {name: bytes}
 Case = collections.namedtuple("Case", "number kind scene mutators arguments files")
 # fault: empty where all is well; detail: the text behind it
@@ -45,6 +49,7 @@ class Runner:
         """Limits of the process; address space is no measure where a sanitizer reserves terabytes of it."""
         resource.setrlimit(resource.RLIMIT_FSIZE, (2**29, 2**29))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(self.seconds), math.ceil(self.seconds) + 5))
         if not self.sanitized:
             resource.setrlimit(resource.RLIMIT_AS, ((self.megabytes + 2000) * 2**20,) * 2)
 
@@ -78,7 +83,7 @@ class Runner:
             if pid:
                 process.returncode = status
                 return status, usage
-            if time.monotonic() - start > self.seconds:
+            if time.monotonic() - start > WAITING * self.seconds:
                 process.send_signal(signal.SIGKILL)
                 _, status, usage = os.wait4(process.pid, 0)
                 process.returncode = status
@@ -89,6 +94,8 @@ class Runner:
     def judge(self, case, folder, code, message, megabytes, older):
         """What is wrong, in a few words that are the same for the same fault, and the text behind it; empty where nothing is."""
         if code is None:
+            return "hangs", ""
+        if code == -signal.SIGXCPU:
             return "takes longer than %g s" % self.seconds, ""
         report = REPORTS.search(message)
         if report:

@@ -9,6 +9,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 /* Name of the machine, without what may not be in a name of a file. */
@@ -56,4 +57,39 @@ const char *dotyk_sync_file(const char *path) {
   int failed = fsync(file) != 0 && errno != EINVAL && errno != ENOSYS ? errno : 0;
   close(file);
   return failed ? strerror(failed) : NULL;
+}
+
+/* What stands at a path: 0 a file, 1 nothing, 2 a folder, 3 a pipe, 4 a device or the like, 5 nobody may look. Asked before a file is opened:
+ * that of a pipe waits for somebody to write into it, for ever. */
+int dotyk_path_kind(const char *path) {
+  struct stat status;
+  if (stat(path, &status) != 0) return errno == EACCES ? 5 : 1;
+  if (S_ISREG(status.st_mode)) return 0;
+  if (S_ISDIR(status.st_mode)) return 2;
+  return S_ISFIFO(status.st_mode) ? 3 : 4;
+}
+
+/* Whether a file that is there is protected from being written. */
+int dotyk_is_protected(const char *path) { return access(path, F_OK) == 0 && access(path, W_OK) != 0; }
+
+/* Write to the standard output (1) or error (2), all of it. 0, or the number of the error: the Fortran library keeps those of FLUSH for
+ * itself. */
+int dotyk_print(int descriptor, const char *text, long length) {
+  while (length > 0) {
+    ssize_t n = write(descriptor, text, (size_t)length);
+    if (n < 0 && errno != EINTR) return errno;
+    if (n > 0) {
+      text += n;
+      length -= n;
+    }
+  }
+  return 0;
+}
+
+/* The files that a program begins with are there, so that none of its own takes their place and gets what is printed: with
+ * `dotyk case.nml >&-` that would be the results. */
+void dotyk_hold_standard_files(void) {
+  for (int i = 0; i < 3; i++) {
+    if (fcntl(i, F_GETFD) == -1 && errno == EBADF && open("/dev/null", i == 0 ? O_WRONLY : O_RDONLY) != i) return;
+  }
 }

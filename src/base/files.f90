@@ -1,9 +1,10 @@
-!> Files that are written under another name first, so that one that is there is whole.
+!> Files: those that are written under another name first, so that one that is there is whole; what a path or a content is, where it is
+!> not what it should be; the standard output.
 module dotyk_base_files
-  use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_f_pointer, c_int, c_null_char, c_ptr, c_size_t
+  use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_f_pointer, c_int, c_long, c_null_char, c_ptr, c_size_t
   implicit none
   private
-  public :: own_mark, remove_leftovers, sync_file
+  public :: own_mark, remove_leftovers, sync_file, why_no_file, is_protected, print_text, hold_standard_files, nature_of
 
   !> Longest mark.
   integer, parameter :: mark_length = 100
@@ -24,6 +25,27 @@ module dotyk_base_files
       import :: c_char, c_ptr
       character(kind=c_char), intent(in) :: path(*)
     end function c_sync_file
+
+    integer(c_int) function c_path_kind(path) bind(c, name='dotyk_path_kind')
+      import :: c_char, c_int
+      character(kind=c_char), intent(in) :: path(*)
+    end function c_path_kind
+
+    integer(c_int) function c_is_protected(path) bind(c, name='dotyk_is_protected')
+      import :: c_char, c_int
+      character(kind=c_char), intent(in) :: path(*)
+    end function c_is_protected
+
+    integer(c_int) function c_print(descriptor, text, length) bind(c, name='dotyk_print')
+      import :: c_char, c_int, c_long
+      integer(c_int), value :: descriptor
+      character(kind=c_char), intent(in) :: text(*)
+      integer(c_long), value :: length
+    end function c_print
+
+    !> See to it that there are a standard input, output and error.
+    subroutine hold_standard_files() bind(c, name='dotyk_hold_standard_files')
+    end subroutine hold_standard_files
 
     pure integer(c_size_t) function c_strlen(text) bind(c, name='strlen')
       import :: c_ptr, c_size_t
@@ -68,4 +90,64 @@ contains
       reason = reason//letters(i)
     end do
   end subroutine sync_file
+
+  !> Why a path is none of a file that can be read: "does not exist", "is a directory", "is a pipe, not a file"; empty where it is one.
+  function why_no_file(path) result(reason)
+    character(*), intent(in) :: path
+    character(:), allocatable :: reason
+    select case (c_path_kind(path//c_null_char))
+    case (0)
+      reason = ''
+    case (1)
+      reason = 'does not exist'
+    case (2)
+      reason = 'is a directory'
+    case (3)
+      reason = 'is a pipe, not a file'
+    case (5)
+      reason = 'is in a directory that may not be entered'
+    case default
+      reason = 'is a device, not a file'
+    end select
+  end function why_no_file
+
+  !> Whether there is a file that may not be written.
+  logical function is_protected(path)
+    character(*), intent(in) :: path
+    is_protected = c_is_protected(path//c_null_char) /= 0
+  end function is_protected
+
+  !> Print a text on the standard output, or error.
+  subroutine print_text(text, status, to_error)
+    character(*), intent(in) :: text
+    !> 0 if all of it is there.
+    integer, intent(out) :: status
+    !> On the standard error; not if absent.
+    logical, intent(in), optional :: to_error
+    integer(c_int) :: descriptor
+    descriptor = 1
+    if (present(to_error)) descriptor = merge(2_c_int, 1_c_int, to_error)
+    status = int(c_print(descriptor, text, len(text, c_long)))
+  end subroutine print_text
+
+  !> What a content is that nobody means: "UTF-16 text", "an HDF5 file"; empty where it may be text.
+  pure function nature_of(bytes) result(nature)
+    character(*), intent(in) :: bytes
+    character(:), allocatable :: nature
+    !> Bytes to look at, and zeros among them that no text has.
+    integer, parameter :: most_looked_at = 1024, few_zeros = 8
+    integer :: i, n
+    nature = ''
+    n = min(len(bytes), most_looked_at)
+    if (n < 2) return
+    if (any(bytes(:2) == [char(255)//char(254), char(254)//char(255)])) then
+      nature = 'UTF-16 text'
+    else if (index(bytes(:n), 'HDF') == 2 .and. iachar(bytes(1:1)) == 137) then
+      nature = 'an HDF5 file'
+    else if (index(bytes(:n), '$MeshFormat') == 1) then
+      nature = 'a mesh of gmsh'
+    else if (count([(iachar(bytes(i:i)) == 0, i=1, n)]) > few_zeros) then
+      nature = 'a binary file'
+    end if
+  end function nature_of
 end module dotyk_base_files

@@ -40,7 +40,8 @@ static void on_signal(int number) {
   errno = saved;
 }
 
-/* Begin to listen. Files beyond a limit of their size become errors of writing, as those on full disks. */
+/* Begin to listen. Files beyond a limit of their size become errors of writing, as those on full disks, and so does what is printed when
+ * nobody reads it any more. */
 void dotyk_watch_interrupts(void) {
   struct sigaction action, before;
   memset(&action, 0, sizeof action);
@@ -52,6 +53,7 @@ void dotyk_watch_interrupts(void) {
     if (before.sa_handler != SIG_IGN) sigaction(asking[i], &action, NULL);
   }
   signal(SIGXFSZ, SIG_IGN);
+  signal(SIGPIPE, SIG_IGN);
 }
 
 /* Number of the signal that came first; 0 where none did. */
@@ -81,6 +83,8 @@ int dotyk_run_command(const char *command) {
       sigaction(asking[i], NULL, &now);
       if (now.sa_handler != SIG_IGN) signal(asking[i], SIG_DFL);
     }
+    signal(SIGXFSZ, SIG_DFL);
+    signal(SIGPIPE, SIG_DFL);
 #ifdef __linux__
     prctl(PR_SET_PDEATHSIG, SIGKILL);
     if (getppid() != parent) _exit(127);

@@ -1,7 +1,7 @@
 !> What the user sees while the program works: plain lines, and one live line on a terminal.
 module dotyk_base_log
   use, intrinsic :: iso_c_binding, only: c_int
-  use, intrinsic :: iso_fortran_env, only: output_unit, error_unit
+  use dotyk_base_files, only: print_text
   use dotyk_base_kinds, only: dp
   use dotyk_base_timer, only: wall_time
   implicit none
@@ -64,8 +64,7 @@ contains
     integer :: status
     if (self%quiet) return
     call self%end_progress()
-    write (output_unit, '(a)', iostat=status) trim(text)
-    if (status == 0) flush (output_unit, iostat=status)
+    call print_text(trim(text)//new_line('a'), status)
     call look(self, status)
   end subroutine log_line
 
@@ -95,13 +94,12 @@ contains
     integer :: status
     if (self%quiet) return
     if (self%terminal) then
-      write (output_unit, '(a)', advance='no', iostat=status) return//escape//'[2K'//trim(text)
+      call print_text(return//escape//'[2K'//trim(text), status)
       self%live = .true.
     else
-      write (output_unit, '(a)', iostat=status) trim(text)
+      call print_text(trim(text)//new_line('a'), status)
       if (self%drawn > 0) self%pause = min(longest_pause, 2*self%pause)
     end if
-    if (status == 0) flush (output_unit, iostat=status)
     call look(self, status)
     self%drawn = wall_time()
   end subroutine log_progress
@@ -110,7 +108,7 @@ contains
   subroutine log_end_progress(self)
     class(log_t), intent(inout) :: self
     integer :: status
-    if (self%live) write (output_unit, '(a)', advance='no', iostat=status) achar(13)//achar(27)//'[2K'
+    if (self%live) call print_text(achar(13)//achar(27)//'[2K', status)
     self%live = .false.
   end subroutine log_end_progress
 
@@ -124,7 +122,6 @@ contains
     do i = 1, len(message)
       if ((iachar(message(i:i)) < 32 .and. message(i:i) /= new_line('a')) .or. iachar(message(i:i)) == 127) printable(i:i) = '?'
     end do
-    write (error_unit, '(a)', iostat=status) printable
-    flush (error_unit, iostat=status)
+    call print_text(printable//new_line('a'), status, to_error=.true.)
   end subroutine print_error
 end module dotyk_base_log

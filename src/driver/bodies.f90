@@ -2,6 +2,7 @@
 module dotyk_driver_bodies
   use omp_lib, only: omp_get_max_threads
   use dotyk_base_error, only: error_t, problem_list_t, add_context, set_error, exit_not_solvable
+  use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
   use dotyk_driver_congruence, only: kinds_t
@@ -56,6 +57,7 @@ contains
     done = .false.
     locks = [(would_lock(case, b), b=1, size(body))]
     do b = 1, size(body)
+      if (interrupted()) exit
       if (read(b)) cycle
       same = [(case%body(c)%mesh == case%body(b)%mesh, c=1, size(body))]
       read = read .or. same
@@ -245,18 +247,21 @@ contains
     alone = .false.
     if (omp_get_max_threads() > 1) alone = [(kinds%leads(b) .and. body(b)%constraint%n_equations > 1.2_dp*share, b=1, size(body))]
     do b = 1, size(body)
+      if (interrupted()) cycle
       if (alone(b)) call body(b)%assemble(failed(b)%error)
     end do
     !$omp parallel default(none) shared(body, kinds, failed, order, alone) private(b)
     !$omp do schedule(dynamic, 1)
     do i = 1, size(body)
       b = order(i)
+      if (interrupted()) cycle
       if (kinds%leads(b) .and. .not. alone(b)) call body(b)%assemble(failed(b)%error)
     end do
     !$omp end do
     !$omp do schedule(dynamic, 1)
     do i = 1, size(body)
       b = order(i)
+      if (interrupted()) cycle
       if (kinds%leads(b) .or. allocated(failed(kinds%first(b))%error)) cycle
       call body(b)%assemble_like(body(kinds%first(b)), kinds%motion(b), failed(b)%error)
     end do

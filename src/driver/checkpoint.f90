@@ -1,6 +1,5 @@
 !> Checkpoints of a run: the state of the iteration is saved from time to time, and a run goes on from where another was.
 module dotyk_driver_checkpoint
-  use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dotyk_base_error, only: error_t, set_error, exit_bad_input
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_log, only: log_t, print_error
@@ -13,6 +12,7 @@ module dotyk_driver_checkpoint
   use dotyk_output_file_system, only: check_writable
   use dotyk_scheme_history, only: ending_name, history_t, scheme_result_t
   use dotyk_scheme_problem, only: contact_problem_t
+  use dotyk_scheme_relaxation, only: lambda_max_unknown
   use dotyk_scheme_state_keeper, only: state_keeper_t
   implicit none
   private
@@ -121,7 +121,7 @@ contains
     self%state%status = ending_name(result%ended)
     self%state%history = reshape(table(result%history), [n_columns, result%history%n])
     lambda_max = result%lambda_max
-    if (ieee_is_nan(lambda_max)) lambda_max = 0
+    if (.not. lambda_max < lambda_max_unknown) lambda_max = 0
     closed = result%m > 0
     if (allocated(result%closed)) closed = result%closed
     call write_state(self, [(i, i=1, size(result%m))], result%m, result%alpha, lambda_max, closed)

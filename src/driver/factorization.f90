@@ -1,6 +1,7 @@
 !> From assembled bodies to responses: order, analyse, factorize.
 module dotyk_driver_factorization
   use dotyk_base_error, only: error_t, problem_list_t, add_context, exit_machine, set_error
+  use dotyk_base_interrupt, only: interrupted, stop_if_interrupted
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_log, only: log_t
   use dotyk_base_memory, only: memory_now, memory_t, memory_text, set_item
@@ -73,13 +74,15 @@ contains
     !$omp& private(b, node, n_points) schedule(dynamic, 1)
     do i = 1, size(body)
       b = order(i)
+      if (interrupted()) cycle
       if (.not. kinds%leads(b)) cycle
       call kinds%contact_nodes(b, block, node, n_points)
       call analyze_body(body(b), node, n_points, count(kinds%first == b), form, single_solves, response(b), size_of(b), &
                         failed(b)%error)
     end do
     !$omp end parallel do
-    call collect(body, failed, error)
+    call stop_if_interrupted(error)
+    if (.not. allocated(error)) call collect(body, failed, error)
     if (allocated(error)) return
     do b = 1, size(body)
       if (.not. kinds%leads(b)) call share_response(response(kinds%first(b)), size_of(kinds%first(b)), response(b), size_of(b))
@@ -205,6 +208,7 @@ contains
     !$omp single
     do i = 1, size(body)
       b = order(i)
+      if (interrupted()) cycle
       if (.not. kinds%leads(b)) cycle
       !$omp task default(none) shared(body, take_apart, response, failed) firstprivate(b)
       call factorize_body(body(b), take_apart, response(b), failed(b)%error)
@@ -212,7 +216,8 @@ contains
     end do
     !$omp end single
     !$omp end parallel
-    call collect(body, failed, error)
+    call stop_if_interrupted(error)
+    if (.not. allocated(error)) call collect(body, failed, error)
     if (allocated(error)) return
     do b = 1, size(body)
       if (.not. kinds%leads(b)) call share_condensed(response(kinds%first(b)), response(b))

@@ -1,8 +1,8 @@
 !> A run from the namelist file to the results file: the one place that turns input into bodies, operator, scheme and results.
 module dotyk_driver_run_case
-  use, intrinsic :: iso_fortran_env, only: output_unit
   use dotyk_base_error, only: error_t, add_context, set_error, exit_bad_input, exit_converged, &
     exit_not_converged, exit_not_written
+  use dotyk_base_files, only: print_text
   use dotyk_base_interrupt, only: interrupted, stop_if_interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
@@ -96,10 +96,10 @@ contains
     type(run_t) :: run
     code = exit_converged
     if (arguments%help) then
-      call print_text(help_text(), error)
+      call print_answer(help_text(), error)
       return
     else if (arguments%version) then
-      call print_text('dotyk '//version//' ('//compiler//', '//build_type//')', error)
+      call print_answer('dotyk '//version//' ('//compiler//', '//build_type//')', error)
       return
     end if
     call run%watch%start()
@@ -132,14 +132,13 @@ contains
   end subroutine run_case
 
   !> A text that was asked for.
-  subroutine print_text(text, error)
+  subroutine print_answer(text, error)
     character(*), intent(in) :: text
     type(error_t), allocatable, intent(out) :: error
     integer :: status
-    write (output_unit, '(a)', iostat=status) text
-    if (status == 0) flush (output_unit, iostat=status)
+    call print_text(text//new_line('a'), status)
     if (status /= 0) call set_error(error, 'the standard output cannot be written', exit_not_written)
-  end subroutine print_text
+  end subroutine print_answer
 
   !> Meshes to bodies, contact points, and the sizes of the factors: all that can be checked before anything is solved.
   subroutine build(run, error)
@@ -209,6 +208,8 @@ contains
       call set_stage('solving the scene without contact')
       call run%compliance%lend(problem, run%size_of%is_explicit)
       call set_blas_threads(1)
+      call stop_if_interrupted(error)
+      if (allocated(error)) return
       call solve_free_scene(run%body, problem, run%n_blas, run%alone)
       call prepare_coarse_space(run%body, problem)
       call stop_if_interrupted(error)

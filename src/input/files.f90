@@ -1,10 +1,12 @@
 !> Files and paths: whole texts, places next to the namelist file, what stands in the way of reading.
 module dotyk_input_files
   use dotyk_base_error, only: error_t, set_error
+  use dotyk_base_files, only: nature_of, why_no_file
   use dotyk_base_text, only: lower, quoted
   implicit none
   private
-  public :: read_text, directory_of, resolve_path, extension_of, without_extension, why_not_readable, is_directory
+  public :: read_text, refuse_other_content, directory_of, resolve_path, extension_of, without_extension, &
+            why_not_readable, is_directory
 
 contains
 
@@ -34,6 +36,23 @@ contains
     if (status /= 0) call set_error(error, 'cannot read '//quoted(file))
     close (unit, iostat=status)
   end subroutine read_text
+
+  !> Refuse a file that is plainly something else, in a few words.
+  subroutine refuse_other_content(file, text, error)
+    character(*), intent(in) :: file
+    !> Its bytes.
+    character(*), intent(in) :: text
+    !> Left as it is where all is well.
+    type(error_t), allocatable, intent(inout) :: error
+    character(:), allocatable :: nature, advice
+    nature = nature_of(text)
+    if (len(nature) == 0 .and. extension_of(file) == '.geo') nature = 'a geometry of gmsh'
+    if (len(nature) == 0) return
+    advice = ''
+    if (nature == 'UTF-16 text') advice = ': save it as UTF-8'
+    if (index(nature, 'gmsh') > 0) advice = ": one names it in &scene mesh='...'"
+    call set_error(error, quoted(file)//' is '//nature//', no namelist file'//advice)
+  end subroutine refuse_other_content
 
   !> Directory of a file, with a slash at the end; empty where the path has none.
   pure function directory_of(file) result(directory)
@@ -74,25 +93,18 @@ contains
     stem = file(:extension_start(file) - 1)
   end function without_extension
 
-  !> Why a file cannot be read: "does not exist", "is a directory", "cannot be opened"; empty where it can.
+  !> Why a file cannot be read: "cannot be opened", or what `why_no_file` says; empty where it can.
   function why_not_readable(file) result(reason)
     character(*), intent(in) :: file
     character(:), allocatable :: reason
     integer :: unit, status
-    logical :: exists
-    reason = ''
-    inquire (file=file, exist=exists)
-    if (is_directory(file)) then
-      reason = 'is a directory'
-    else if (.not. exists) then
-      reason = 'does not exist'
+    reason = why_no_file(file)
+    if (len(reason) > 0) return
+    open (newunit=unit, file=file, access='stream', form='unformatted', action='read', status='old', iostat=status)
+    if (status /= 0) then
+      reason = 'cannot be opened'
     else
-      open (newunit=unit, file=file, access='stream', form='unformatted', action='read', status='old', iostat=status)
-      if (status /= 0) then
-        reason = 'cannot be opened'
-      else
-        close (unit)
-      end if
+      close (unit)
     end if
   end function why_not_readable
 

@@ -5,7 +5,7 @@ module dotyk_input_parse
   use dotyk_input_boundary, only: read_load, read_support
   use dotyk_input_case, only: case_t
   use dotyk_input_checks, only: check_group, check_group_names, check_occurrences
-  use dotyk_input_files, only: directory_of, read_text
+  use dotyk_input_files, only: directory_of, read_text, refuse_other_content
   use dotyk_input_keywords, only: group_keyword_t, keyword_t, list_groups, list_keywords
   use dotyk_input_names, only: stop_budget, stop_residual
   use dotyk_input_pairs, only: read_contact
@@ -29,6 +29,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: text
     call read_text(file, text, error)
+    if (.not. allocated(error)) call refuse_other_content(file, text, error)
     if (allocated(error)) return
     call parse_case(file, text, case, error)
   end subroutine read_case

@@ -1,6 +1,8 @@
 !> The problems of a namelist file: gathered in any order, reported in the order of its lines.
 module dotyk_input_problems
   use dotyk_base_error, only: error_t, problem_list_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_sort, only: sort_order
   use dotyk_base_text, only: text_t, to_text
   implicit none
   private
@@ -69,18 +71,10 @@ contains
     !> Allocated where the list is not empty.
     type(error_t), allocatable, intent(out) :: error
     type(problem_list_t) :: list
-    integer :: order(self%count)
-    integer :: i, j, k
-    ! Insertion: stable, and the list is short and nearly in order.
-    do i = 1, self%count
-      j = i
-      do while (j > 1)
-        if (self%line(order(j - 1)) <= self%line(i)) exit
-        order(j) = order(j - 1)
-        j = j - 1
-      end do
-      order(j) = i
-    end do
+    integer, allocatable :: order(:)
+    integer :: i, k
+    allocate (order(self%count))
+    call sort_order(real(self%line(:self%count), dp), order)
     do i = 1, self%count
       k = order(i)
       if (self%line(k) == no_line) then

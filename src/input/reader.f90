@@ -51,8 +51,8 @@ module dotyk_input_reader
 
   public :: read_groups, add_entry, add_value
 
-  !> More keys in a group than any has, and more values than any key has: the rest is not kept.
-  integer, parameter :: most_keys = 200, most_values = 1000
+  !> More groups than any scene has, more keys in a group than any has, and more values than any key has: the rest is not kept.
+  integer, parameter :: most_groups = 200000, most_keys = 200, most_values = 1000
 
 contains
 
@@ -76,6 +76,10 @@ contains
         call problems%add(token%line, 'text outside the groups: '//shown('&'//token%text))
         call lexer%read_token(text, problems, token)
         cycle
+      end if
+      if (n == most_groups) then
+        call problems%add(token%line, 'more than '//to_text(most_groups)//' groups; those from here on are not looked at')
+        exit
       end if
       if (n == size(groups)) then
         allocate (longer(2*n))
@@ -117,7 +121,7 @@ contains
     logical :: cut, after_comma
     group%name = lower(token%text)
     group%line = token%line
-    allocate (group%entry(8))
+    allocate (group%entry(0))
     if (len(group%name) == 0) call problems%add(token%line, 'the name of a group is missing after ''&''')
     cut = .false.
     ! No value may be missing before a comma: none at the beginning, none between two of them.
@@ -258,7 +262,7 @@ contains
     type(entry_t), allocatable :: longer(:)
     integer :: i
     if (group%n_entries == size(group%entry)) then
-      allocate (longer(2*group%n_entries))
+      allocate (longer(max(8, 2*group%n_entries)))
       do i = 1, group%n_entries
         longer(i) = group%entry(i)
       end do

@@ -2,6 +2,7 @@
 !> structure by dotyk_linalg_multifrontal.
 module dotyk_linalg_cholesky
   use, intrinsic :: iso_c_binding, only: c_ptr, c_null_ptr, c_associated, c_f_pointer, c_int, c_int64_t, c_double
+  use dotyk_base_interrupt, only: stop_if_interrupted
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_error, only: error_t, set_error, exit_machine, exit_not_solvable
   use dotyk_base_text, only: to_text
@@ -112,18 +113,20 @@ contains
   end subroutine cholesky_factorize
 
   !> The same for a matrix that is not needed any more: its memory is given back before the factor's is taken.
-  subroutine cholesky_factorize_and_discard(self, matrix, failed_column, error)
+  subroutine cholesky_factorize_and_discard(self, matrix, failed_column, error, may_stop)
     class(cholesky_t), intent(inout) :: self
     !> The matrix, destroyed on return.
     type(sparse_symmetric_t), intent(inout) :: matrix
     !> As in `factorize`.
     integer, intent(out) :: failed_column
-    !> As in `factorize`.
+    !> As in `factorize`; and that of an interrupt.
     type(error_t), allocatable, intent(out) :: error
+    !> Whether an interrupt ends it: with an error, and without a factor; not if absent.
+    logical, intent(in), optional :: may_stop
     failed_column = 0
     call take_matrix(self, matrix, error)
     call matrix%destroy()
-    if (.not. allocated(error)) call factorize_taken(self, failed_column, error)
+    if (.not. allocated(error)) call factorize_taken(self, failed_column, error, may_stop)
   end subroutine cholesky_factorize_and_discard
 
   !> Make the permuted copy of the matrix that is going to be factorized.
@@ -146,12 +149,14 @@ contains
   end subroutine take_matrix
 
   !> Factorize the copy that was taken, and give it back.
-  subroutine factorize_taken(self, failed_column, error)
+  subroutine factorize_taken(self, failed_column, error, may_stop)
     class(cholesky_t), intent(inout) :: self
     !> As in `cholesky_factorize`.
     integer, intent(out) :: failed_column
-    !> Out of memory.
+    !> Out of memory, or interrupted.
     type(error_t), allocatable, intent(out) :: error
+    !> As in `cholesky_factorize_and_discard`.
+    logical, intent(in), optional :: may_stop
     type(supernodes_t) :: supernodes
     type(c_ptr) :: address(3)
     integer(int64), pointer, contiguous :: start(:), row(:)
@@ -167,9 +172,12 @@ contains
       call c_f_pointer(address(3), value, [start(self%n + 1)])
       call self%supernodes(supernodes)
       diagonal = diagonal_of(self%n, start, row, value)
-      call factor_supernodes(supernodes, start, row, value, failed_column, out_of_memory)
+      call factor_supernodes(supernodes, start, row, value, failed_column, out_of_memory, may_stop)
       call dotyk_cholmod_end(self%handle)
       if (out_of_memory) call raise(code_out_of_memory, 'factorization', self, error)
+      if (present(may_stop)) then
+        if (may_stop) call stop_if_interrupted(error)
+      end if
       if (allocated(error)) return
       if (failed_column > 0) then
         self%weakest_equation = int(supernodes%permutation(failed_column - 1)) + 1

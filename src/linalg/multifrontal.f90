@@ -8,6 +8,7 @@
 module dotyk_linalg_multifrontal
   use omp_lib, only: omp_in_parallel, omp_get_max_threads, omp_get_num_threads, omp_get_thread_num, omp_lock_kind, &
                      omp_init_lock, omp_destroy_lock, omp_set_lock, omp_unset_lock
+  use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp, int64
   use dotyk_linalg_extend_add, only: add_update, clear_lower, locate
   use dotyk_linalg_fronts, only: factor_panel, subtract_square, product_tile, tile_rows, tile_columns
@@ -53,6 +54,8 @@ module dotyk_linalg_multifrontal
     integer(int64), allocatable :: place(:)
     !> Which of the two stacks it is on (0:n-1).
     integer, allocatable :: side(:)
+    !> Whether an interrupt ends it.
+    logical :: may_stop = .false.
     type(remainder_t), allocatable :: remainder(:)
     !> Stacks that are in use or have been: hardly more than threads.
     type(stack_t), allocatable :: stack(:)
@@ -64,7 +67,7 @@ module dotyk_linalg_multifrontal
 contains
 
   !> Factorize.
-  subroutine factor_supernodes(supernodes, start, row, value, failed, out_of_memory)
+  subroutine factor_supernodes(supernodes, start, row, value, failed, out_of_memory, may_stop)
     !> With memory for the values.
     type(supernodes_t), intent(in) :: supernodes
     !> Lower triangle of P K P^T by columns, all 0-based; rows in any order.
@@ -73,9 +76,12 @@ contains
     !> First column (from 1) whose pivot is not positive, 0 if there is none.
     integer, intent(out) :: failed
     logical, intent(out) :: out_of_memory
+    !> Whether it ends, with values that mean nothing, as soon as somebody asks the program to stop; not if absent.
+    logical, intent(in), optional :: may_stop
     type(work_t) :: work
     integer :: status, threads
     failed = 0
+    if (present(may_stop)) work%may_stop = may_stop
     work%supernodes = supernodes
     work%start(0:) => start
     work%row(0:) => row
@@ -124,10 +130,18 @@ contains
     if (any(work%remainder%failed > 0)) failed = minval(work%remainder%failed, mask=work%remainder%failed > 0)
     if (failed > 0 .or. any(work%remainder%out_of_memory)) return
     do i = 1, size(work%tree%top)
+      if (has_to_stop(work)) return
       call factor_top(work, work%tree%top(i), work%supernodes%value, failed)
       if (failed > 0) return
     end do
   end subroutine factor_all
+
+  !> Whether the program was asked to stop, and this is to end then.
+  logical function has_to_stop(work)
+    type(work_t), intent(in) :: work
+    has_to_stop = work%may_stop
+    if (has_to_stop) has_to_stop = interrupted()
+  end function has_to_stop
 
   !> Entries of K in the panel of a supernode.
   subroutine begin_front(work, s, x)
@@ -163,6 +177,7 @@ contains
     if (work%remainder(t)%out_of_memory) return
     do i = work%tree%first(t), work%tree%last(t)
       s = work%tree%order(i)
+      if (has_to_stop(work)) exit
       call begin_front(work, s, work%supernodes%value)
       call factor_front(work, s, work%stack(work%remainder(t)%stack)%x, work%supernodes%value, work%remainder(t)%failed)
       if (work%remainder(t)%failed > 0) exit
@@ -180,6 +195,7 @@ contains
     integer(int64) :: from, to
     n = work%supernodes%rows(s) - work%supernodes%columns(s)
     if (remainder%failed > 0) n = 0
+    if (has_to_stop(work)) n = 0
     allocate (remainder%update(int(n, int64)*(n + 1)/2), stat=status)
     remainder%out_of_memory = status /= 0
     if (.not. remainder%out_of_memory) then
@@ -306,6 +322,7 @@ contains
         s = work%tree%order(work%tree%last(work%next))
         rows_at = work%supernodes%row_start(s) + work%supernodes%columns(s)
         n = int(work%supernodes%row_start(s + 1) - rows_at)
+        if (has_to_stop(work)) n = 0
         if (n > 0 .and. left%failed == 0 .and. .not. left%out_of_memory) then
           associate (row => work%supernodes%row(rows_at:rows_at + n - 1))
             call add_to_ancestors(work, n, n, row, row, .true., .true., left%update, work%supernodes%value)
@@ -362,6 +379,7 @@ contains
     rows = work%supernodes%rows(s)
     m = min(most_rows, rows - i)
     n = min(tile_columns, rows - j)
+    if (has_to_stop(work)) return
     at = work%supernodes%value_start(s)
     rows_at = work%supernodes%row_start(s)
     associate (tile => work%tile(:, omp_get_thread_num()), row => work%supernodes%row(rows_at:rows_at + rows - 1))

@@ -1,5 +1,6 @@
 !> Largest eigenvalue of a symmetric positive semidefinite operator by Lanczos's method.
 module dotyk_linalg_spectrum
+  use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp, int64
   use dotyk_linalg_dense, only: tridiagonal_top
   implicit none
@@ -36,7 +37,7 @@ contains
 
   !> Lanczos with full reorthogonalisation and a start that is the same on every machine. The result is a lower bound
   !> of the largest eigenvalue, up to round-off, and some eigenvalue lies within the residual of it: as a rule the
-  !> largest one.
+  !> largest one. An interrupt ends it with what it has.
   subroutine largest_eigenvalue(operator, n, tolerance, most_steps, value, residual, steps)
     !> Symmetric and positive semidefinite.
     class(linear_operator_t), intent(inout) :: operator
@@ -80,6 +81,7 @@ contains
       call tridiagonal_top(alpha(:steps), beta(:steps - 1), value, top(:steps))
       residual = length*abs(top(steps))
       if (residual <= tolerance*value .or. .not. length > 0) exit
+      if (interrupted()) exit
       v = w/length
     end do
     value = max(value, 0.0_dp)

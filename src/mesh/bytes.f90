@@ -5,8 +5,9 @@
 module dotyk_mesh_bytes
   use dotyk_base_kinds, only: dp, int32, int64
   use dotyk_base_error, only: error_t, set_error, exit_bad_input
+  use dotyk_base_files, only: why_no_file
   use dotyk_base_text, only: to_text
-  use dotyk_mesh_number_text, only: scan_integer, scan_real, ends_word
+  use dotyk_mesh_number_text, only: scan_integer, scan_real, ends_word, most_digits
   implicit none
   private
 
@@ -68,6 +69,12 @@ contains
       call set_error(error, file//': there is no such file', exit_bad_input)
       return
     end if
+    text = why_no_file(file)
+    if (len(text) > 0) then
+      call set_error(error, file//': it '//text, exit_bad_input)
+      return
+    end if
+    deallocate (text)
     open (newunit=unit, file=file, access='stream', form='unformatted', action='read', status='old', iostat=status, iomsg=message)
     if (status /= 0) then
       call set_error(error, file//': cannot be opened: '//trim(message), exit_bad_input)
@@ -198,8 +205,26 @@ contains
     call scan_integer(self%text, self%position, value, good)
     if (good) return
     value = 0
-    call report_word(self, 'an integer')
+    if (is_long_integer(self)) then
+      call report_word(self, 'an integer of at most '//to_text(most_digits)//' digits')
+    else
+      call report_word(self, 'an integer')
+    end if
   end subroutine cursor_get_text_integer
+
+  !> Whether an integer stands here that is too large.
+  pure logical function is_long_integer(self) result(is_long)
+    class(byte_cursor_t), intent(in) :: self
+    integer(int64) :: first, last
+    first = self%position
+    if (scan('+-', self%text(first:first)) > 0) first = first + 1
+    ! A NUL stands behind the last byte.
+    last = first
+    do while (scan('0123456789', self%text(last:last)) > 0)
+      last = last + 1
+    end do
+    is_long = last - first > most_digits .and. ends_word(self%text(last:last))
+  end function is_long_integer
 
   !> The next word; empty at the end of the file.
   subroutine cursor_get_word(self, word)

@@ -5,6 +5,7 @@
 module dotyk_mesh_gmsh
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_error, only: error_t, set_error, exit_bad_input
+  use dotyk_base_files, only: nature_of
   use dotyk_mesh_bytes, only: byte_cursor_t
   use dotyk_mesh_gmsh_22, only: read_nodes_22, read_elements_22
   use dotyk_mesh_gmsh_41, only: entities_t, read_entities_41, read_nodes_41, read_elements_41
@@ -76,6 +77,14 @@ contains
     call builder%finish(mesh)
   end subroutine read_cursor
 
+  !> What a file is that is no mesh, for messages; empty where that is not known.
+  pure function what_it_is(bytes) result(text)
+    character(*), intent(in) :: bytes
+    character(:), allocatable :: text
+    text = nature_of(bytes)
+    if (len(text) > 0) text = 'is '//text//' and '
+  end function what_it_is
+
   !> Read one section, from '$Name' to '$EndName'.
   subroutine read_section(cursor, builder, entities, sections)
     type(byte_cursor_t), intent(inout) :: cursor
@@ -88,7 +97,7 @@ contains
     call cursor%get_word(word)
     if (word(1:1) /= '$') then
       if (sections%version == 0) then
-        call cursor%fail('this is not a gmsh mesh file: it does not begin with $MeshFormat', first)
+        call cursor%fail('this is not a gmsh mesh file: it '//what_it_is(cursor%text)//'does not begin with $MeshFormat', first)
       else
         call cursor%fail('expected a section, as $Nodes, found other text', first)
       end if
@@ -294,7 +303,7 @@ contains
     if (cursor%size == 0) then
       call cursor%fail('the file is empty')
     else if (sections%version == 0) then
-      call cursor%fail('this is not a gmsh mesh file: it has no $MeshFormat')
+      call cursor%fail('this is not a gmsh mesh file: it '//what_it_is(cursor%text)//'has no $MeshFormat')
     else if (.not. sections%nodes) then
       call cursor%fail('the file ends without $Nodes: it has no mesh or is truncated')
     else if (size(builder%node_tag) == 0) then

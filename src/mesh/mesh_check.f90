@@ -185,6 +185,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: least(:), most(:), middle(:)
     real(dp) :: badness, worst, range(2)
+    character(:), allocatable :: advice
     integer :: b, e, place(2), n
     type(element_kind_t) :: kind
     worst = -1
@@ -207,10 +208,12 @@ contains
     kind = element_kind(block(place(1))%kind)
     n = kind%n_corners
     middle = sum(x(:, block(place(1))%node(:n, place(2))), dim=2)/n
+    advice = ''
+    if (kind%order > 1) advice = '; gmsh mends quadratic elements with Mesh.HighOrderOptimize = 2;'
     call set_error(error, 'element '//to_text(block(place(1))%tag(place(2)))//' ('//trim(kind%name)//') near ' &
       //place_text(middle)//' is degenerate: its jacobian determinant goes from '//to_text(range(1))//' to ' &
-      //to_text(range(2))//' ('//counted(census%n_bad, 'such element')//'): refine the mesh there; gmsh mends ' &
-      //'quadratic elements with Mesh.HighOrderOptimize = 2;', exit_not_solvable)
+      //to_text(range(2))//' ('//counted(census%n_bad, 'such element')//'): refine the mesh there'//advice, &
+      exit_not_solvable)
   end subroutine report_degenerate
 
   !> Some elements are inverted, some are not: name those of the smaller party.

@@ -18,7 +18,7 @@ module dotyk_mesh_number_text
   !> Every integer up to here is a double exactly.
   integer(int64), parameter :: largest_exact_mantissa = 2_int64**53
   !> So many decimal digits fit in 64 bits.
-  integer, parameter :: most_digits = 18
+  integer, parameter, public :: most_digits = 18
   !> A number of this many digits before the point may be beyond the range of doubles.
   integer, parameter :: largest_magnitude = 308
 

@@ -62,7 +62,7 @@ contains
     integer :: failed_column, n, i
     call add_springs(body%stiffness, hold, spring)
     diagonal = [(body%stiffness%value(body%stiffness%column_start(i) + 1), i=1, body%stiffness%n)]
-    call factor%factorize_and_discard(body%stiffness, failed_column, error)
+    call factor%factorize_and_discard(body%stiffness, failed_column, error, may_stop=.true.)
     if (allocated(error)) return
     ! A part that is not held can pass the factorization by round-off; its last pivot is nothing but that.
     if (failed_column == 0 .and. factor%weakest_pivot < suspicious_pivot) then
@@ -120,7 +120,7 @@ contains
     end do
     call choose_holds(scaled, hold)
     call add_springs(body%stiffness, hold, spring)
-    call factor%factorize_and_discard(body%stiffness, failed_column, error)
+    call factor%factorize_and_discard(body%stiffness, failed_column, error, may_stop=.true.)
     if (allocated(error)) return
     if (failed_column > 0) then
       call refuse(body, failed_column, error)

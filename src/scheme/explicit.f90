@@ -4,6 +4,7 @@
 !> (`dotyk_linalg_half_solve`). In parallel over bodies and lots of rows. Bodies that touch in the same way have one matrix
 !> (`dotyk_scheme_twins`).
 module dotyk_scheme_explicit
+  use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_linalg_blas, only: blas_threads, set_blas_threads
   use dotyk_response_response, only: half_response_t, response_t
@@ -105,22 +106,29 @@ contains
   end subroutine explicit_mark
 
   !> Let all rows join.
-  subroutine explicit_form(self, problem, chosen)
+  subroutine explicit_form(self, problem, chosen, may_stop)
     class(explicit_compliance_t), intent(inout) :: self
     type(contact_problem_t), intent(inout) :: problem
     !> The bodies whose rows join; all if absent (n_bodies).
     logical, intent(in), optional :: chosen(:)
+    !> Whether it ends, with matrices that mean nothing, as soon as somebody asks the program to stop; not if absent.
+    logical, intent(in), optional :: may_stop
     type(task_t), allocatable :: half(:), product(:)
     logical, allocatable :: copied(:)
     integer :: b, i, n_blas, n_halves, n_products
+    logical :: asks
     if (self%by_sweeps) return
+    asks = .false.
+    if (present(may_stop)) asks = may_stop
     call self%adopt(problem)
     call plan(self, problem, half, n_halves, product, n_products, copied, chosen)
     if (n_halves == 0 .and. .not. any(copied)) return
     n_blas = blas_threads()
     if (n_halves > 1) call set_blas_threads(1)
-    !$omp parallel do default(none) shared(self, problem, half, n_halves) private(b) schedule(dynamic, 1) if (n_halves > 1)
+    !$omp parallel do default(none) shared(self, problem, half, n_halves, asks) private(b) schedule(dynamic, 1) &
+    !$omp if (n_halves > 1)
     do i = 1, n_halves
+      if (has_to_stop(asks)) cycle
       b = half(i)%body
       associate (body => self%body(b), lot => half(i)%lot)
         call problem%response(b)%form%half_solve(problem%operator%block(b)%matrix, &
@@ -128,8 +136,10 @@ contains
       end associate
     end do
     !$omp end parallel do
-    !$omp parallel do default(none) shared(self, problem, product, n_products) private(b) schedule(dynamic, 1) if (n_halves > 1)
+    !$omp parallel do default(none) shared(self, problem, product, n_products, asks) private(b) schedule(dynamic, 1) &
+    !$omp if (n_halves > 1)
     do i = 1, n_products
+      if (has_to_stop(asks)) cycle
       b = product(i)%body
       call multiply_lots(problem%response(b)%form, self%body(b), product(i)%lot, product(i)%other)
     end do
@@ -140,6 +150,13 @@ contains
       if (copied(b)) self%body(b)%value = self%body(self%body(b)%twin)%value
     end do
   end subroutine explicit_form
+
+  !> Whether the program was asked to stop, and this is to end then.
+  logical function has_to_stop(asks)
+    logical, intent(in) :: asks
+    has_to_stop = asks
+    if (asks) has_to_stop = interrupted()
+  end function has_to_stop
 
   !> Number the rows that join, make room for them, and say what is to be done.
   subroutine plan(self, problem, half, n_halves, product, n_products, copied, chosen)
@@ -285,7 +302,7 @@ contains
     end do
   end subroutine explicit_join
 
-  !> Let the matrices of some bodies stand for their responses.
+  !> Let the matrices of some bodies stand for their responses. An interrupt ends it: there is no answer then.
   subroutine explicit_lend(self, problem, chosen)
     class(explicit_compliance_t), intent(inout) :: self
     !> The problem that all rows belong to.
@@ -295,7 +312,8 @@ contains
     integer :: b
     if (.not. any(chosen)) return
     call self%init(size(chosen), .false.)
-    call self%form(problem, chosen)
+    call self%form(problem, chosen, may_stop=.true.)
+    if (interrupted()) return
     do b = 1, size(chosen)
       ! Rows joined in their own order.
       if (chosen(b)) call problem%take_matrix(b, self%body(b)%value)

@@ -1,5 +1,6 @@
 !> The relaxation parameter gamma of (44), and the eigenvalue L that rules it.
 module dotyk_scheme_relaxation
+  use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_linalg_spectrum, only: largest_eigenvalue
   use dotyk_scheme_problem, only: contact_problem_t
@@ -12,6 +13,9 @@ module dotyk_scheme_relaxation
   integer, parameter, public :: gamma_fixed = 3     !< given
 
   public :: estimate_lambda_max, relaxation_parameter
+
+  !> What stands for an L that an interrupt left unknown: no L is larger, so that all bounds made with it hold, and no step goes wrong.
+  real(dp), parameter, public :: lambda_max_unknown = 1.0e100_dp
 
   !> Relative residual at which the Ritz value is taken for converged.
   real(dp), parameter :: tolerance = 1.0e-2_dp
@@ -31,6 +35,7 @@ contains
     integer :: steps
     call largest_eigenvalue(problem, problem%operator%n_rows, tolerance, most_steps, ritz, residual, steps)
     lambda_max = margin*(ritz + residual)
+    if (interrupted()) lambda_max = lambda_max_unknown
   end subroutine estimate_lambda_max
 
   !> gamma by one of the rules.

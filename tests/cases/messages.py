@@ -68,6 +68,40 @@ class Messages(dotyk_case.Case):
                     self.assertIn(name, line)
         self.assertIn("lower.geo", message)
 
+    def test_files_that_are_something_else(self):
+        """None is waited for, and each is called by its name."""
+        self.scene()
+        os.mkfifo(self.folder / "pipe.msh")
+        (self.folder / "zero.msh").symlink_to("/dev/zero")
+        (self.folder / "folder.msh").mkdir()
+        self.write("empty.msh", "")
+        (self.folder / "wide.msh").write_text("$MeshFormat\n2.2 0 8\n", encoding="utf-16")
+        (self.folder / "results.msh").write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(100))
+        self.write("mesh.msh", "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n")
+        (self.folder / "zeros.msh").write_bytes(bytes(2000))
+        odd = [("pipe", "is a pipe, not a file", "is a pipe, not a file"), ("zero", "is a device, not a file", "is a device, not a file"),
+               ("folder", "is a directory", "is a directory"), ("empty", "the file is empty", "the file has no groups"),
+               ("wide", "it is UTF-16 text", "is UTF-16 text, no namelist file: save it as UTF-8"),
+               ("results", "it is an HDF5 file", "is an HDF5 file, no namelist file"),
+               ("zeros", "it is a binary file", "is a binary file, no namelist file")]
+        for name, of_mesh, of_input in odd:
+            self.write("case.nml", self.text.replace("lower.geo", name + ".msh"))
+            self.assertEqual(self.refuse(2, of_mesh).count("\n"), 1)
+            self.assertIn(of_input, self.dotyk(name + ".msh", code=2))
+        self.assertIn("is a mesh of gmsh, no namelist file: one names it in &scene mesh=", self.dotyk("mesh.msh", code=2))
+        self.assertIn("is a geometry of gmsh", self.dotyk("lower.geo", code=2))
+
+    def test_very_many_groups(self):
+        """They are read in seconds."""
+        for text, message in (("&x\n", "&x: the group is not ended with '/' before '&x' in line 2"), ("&body /\n", "&body: 'name' is missing"),
+                              ("x\n", "text outside the groups: 'x'")):
+            self.write("many.nml", text*300000)
+            done = subprocess.run([os.environ["DOTYK"], "many.nml", "--check"], cwd=self.folder, text=True, timeout=60,
+                                  stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+            self.assertEqual(done.returncode, 2)
+            self.assertIn("many.nml:1: " + message, done.stderr)
+            self.assertLess(len(done.stderr), 10000)
+
     def test_no_control_characters(self):
         """Names may hold what a terminal would take for commands."""
         self.scene(("name='lower'", "name='low\x1b[31mer'"))
