@@ -90,8 +90,8 @@ class Answer:
         return energy_norm(self.results, signs*np.spacing(np.abs(self.displacement)))/norm if norm > 0 else 0.0
 
     def reported(self):
-        """The bound, as far as the energy norm of a difference of displacements in doubles can be told."""
-        return max(self.bound, LEAST)
+        """The bound; an exact displacement to compare with is rounded, too."""
+        return max(self.bound + self.rounding(), LEAST)
 
     def pressure_error(self, exact):
         """Largest distance of the pressures to a constant, over it where it is not zero."""
