@@ -71,7 +71,7 @@ class FreeExtreme(dotyk_case.Case):
         for options in ("theta_mesh=1e-2, tolerance=1e-6", "theta=0, tolerance=1e-6"):
             with self.subTest(options):
                 n_balls, _ = balls.write_scene(self.folder, (3, 3, 3), options)
-                log = self.dotyk("balls.nml")
+                self.dotyk("balls.nml")
                 weight, spread, floor, summary = balls.check_statics(self.folder / "balls.vtkhdf")
                 self.assertEqual((summary["converged"], summary["free_motions"]), (1, 6 * n_balls))
                 self.assertLessEqual(summary["error_bound"], 1e-6)
@@ -79,8 +79,7 @@ class FreeExtreme(dotyk_case.Case):
                 self.assertLess(spread, 1e-10)
                 self.assertLess(floor, 1e-9)
                 # Active sets alone had not ended after 60.
-                self.assertLessEqual(summary["iterations"], 20)
-                self.assertNotIn("proximal", log)
+                self.assertLessEqual(summary["iterations"], 4)
 
     def test_row_of_a_hundred(self):
         """A hundred blocks on a frictionless floor, pushed against a wall: the push arrives, and weight does not matter."""
