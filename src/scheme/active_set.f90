@@ -2,8 +2,8 @@
 !>
 !> Points that are taken for closed give a linear system for their forces and the free motions; forces that pull and points that
 !> penetrate say which were taken wrongly. Where the closed points cannot carry a free body, it comes to rest on the points that it
-!> falls on. Should active sets come back, the interior point method (`dotyk_scheme_interior`) finds one next to the solution, or, should
-!> they come back from there, what it found is the answer.
+!> falls on. Should active sets come back, the interior point method (`dotyk_scheme_interior`) finds one next to the solution. Should they
+!> come back even from there, by points whose gaps and forces are next to nothing, that one is the answer, and its bound says how good it is.
 module dotyk_scheme_active_set
   use dotyk_base_error, only: error_t
   use dotyk_base_interrupt, only: interrupted
@@ -64,6 +64,7 @@ contains
     logical :: next(size(active)), immovable(size(active)), comes_back, tried
     integer :: changes(max_iterations)
     type(iterate_t) :: last, inside
+    logical, allocatable :: inside_active(:)
     real(dp), allocatable :: change(:), yields(:)
     real(dp) :: begin, length, largest_force, largest_gap
     integer :: k, last_k, steps
@@ -86,7 +87,6 @@ contains
         if (allocated(error)) return
         call log%line(trim(merge('  active sets come back;', '                        ', k > 1))// &
                       '  the interior point method solved '//to_text(steps)//' systems')
-        inside = now
       end if
       call drop_immovable(problem, compliance, yields, active, immovable)
       if (any(immovable .and. problem%y_free > 0 .and. .not. problem%operator%theta > 0)) then
@@ -97,6 +97,10 @@ contains
       if (allocated(error)) return
       last = now
       call solve_active(problem, compliance, system, now)
+      if (comes_back) then
+        inside = now
+        inside_active = active
+      end if
       ! Half a solution says nothing about active sets.
       if (interrupted()) exit
       call compliance%multiply(problem, now%lambda - last%lambda, change)
@@ -125,9 +129,8 @@ contains
     end if
     call log%end_progress()
     if (result%ended == ended_limit .and. allocated(inside%lambda)) then
-      ! All points have forces there, most of them next to none.
       now = inside
-      active = now%lambda > 0
+      active = inside_active
       call system%init(problem, compliance, problem%operator%theta, active, error)
     end if
   end subroutine find_active_set
