@@ -4,9 +4,9 @@ module dotyk_driver_mesh_theta
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_contact_pair, only: contact_pair_t
-  use dotyk_elasticity_assembly, only: read_factor
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_field, only: field_t
+  use dotyk_elasticity_stiffness_factor, only: read_factor
   use dotyk_mesh_element, only: kind_nodes, quadrature_rule
   use dotyk_mesh_facet, only: facet_geometry
   use dotyk_mesh_surface, only: surface_t
