@@ -13,7 +13,7 @@ import time
 import h5py
 import numpy as np
 
-CASE, RESULTS, OLDER = "c.nml", "c.vtkhdf", b"an older results file"
+CASE, RESULTS, OLDER = "c.nml", "c.vtkhdf", b"\x89HDF\r\n\x1a\nan older results file"
 # What no user should ever see: of the sanitizers, gfortran's run-time library, the C++ and the HDF5 library, LAPACK.
 REPORTS = re.compile(r"AddressSanitizer|LeakSanitizer|ThreadSanitizer|: runtime error:|Fortran runtime error|Error termination|Error allocating"
                      r"|Program received signal|Backtrace for this error|Program aborted|terminate called|HDF5-DIAG|On entry to|CHOLMOD")

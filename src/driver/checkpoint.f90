@@ -1,6 +1,6 @@
 !> Checkpoints of a run: the state of the iteration is saved from time to time, and a run goes on from where another was.
 module dotyk_driver_checkpoint
-  use dotyk_base_error, only: error_t, set_error, exit_bad_input
+  use dotyk_base_error, only: error_t, set_error, exit_bad_input, exit_not_written
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_log, only: log_t, print_error
   use dotyk_base_text, only: quoted, to_text
@@ -9,7 +9,7 @@ module dotyk_driver_checkpoint
   use dotyk_driver_fingerprint, only: differences
   use dotyk_driver_version, only: version
   use dotyk_output_checkpoint_file, only: checkpoint_t, is_checkpoint, n_columns
-  use dotyk_output_file_system, only: check_writable
+  use dotyk_output_file_system, only: check_replaceable, check_writable
   use dotyk_scheme_history, only: ending_name, history_t, scheme_result_t
   use dotyk_scheme_problem, only: contact_problem_t
   use dotyk_scheme_relaxation, only: lambda_max_unknown
@@ -33,9 +33,21 @@ module dotyk_driver_checkpoint
     procedure :: keep_result => keeper_keep_result
   end type checkpoint_keeper_t
 
-  public :: check_checkpoint_path, check_scene, start_keeping, restore
+  public :: check_checkpoint_path, check_results_path, check_scene, start_keeping, restore
 
 contains
+
+  !> Refuse a path that cannot be written, or where there is something else than results.
+  subroutine check_results_path(path, error)
+    character(*), intent(in) :: path
+    type(error_t), allocatable, intent(out) :: error
+    call check_writable(path, error)
+    if (allocated(error)) return
+    call check_replaceable(path, error)
+    if (allocated(error)) return
+    if (is_checkpoint(path)) call set_error(error, quoted(path)//' is a checkpoint: give another name to the results', &
+                                            exit_not_written)
+  end subroutine check_results_path
 
   !> Refuse a path that cannot be written, or where there is something else than a checkpoint.
   subroutine check_checkpoint_path(path, output, error)
