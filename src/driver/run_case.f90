@@ -184,7 +184,7 @@ contains
     call run%log%line('')
     if (allocated(run%saved) .or. len(run%case%output%checkpoint) > 0) &
       run%scene = fingerprint(run%case, run%body, run%surface_a, run%surface_b, run%pair)
-    if (allocated(run%saved)) call check_scene(run%saved, run%saved_in, run%scene, error)
+    if (allocated(run%saved)) call check_scene(run%saved, run%saved_in, run%scene, run%problem%operator%n_rows, error)
   end subroutine build
 
   !> Factorize, and iterate from the scene without contact.
