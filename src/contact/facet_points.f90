@@ -2,7 +2,7 @@
 module dotyk_contact_facet_points
   use dotyk_base_kinds, only: dp
   use dotyk_contact_cell_rule, only: facet_rule_t
-  use dotyk_contact_projection, only: find_partner, partner_t, target_surface_t
+  use dotyk_contact_projection, only: find_partner, partner_t, partner_too_far, target_surface_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, n_element_kinds, quadrature_rule
   use dotyk_mesh_facet, only: facet_geometry
   implicit none
@@ -40,7 +40,8 @@ contains
   end subroutine prepare_rules
 
   !> Points of one facet and their partners.
-  pure subroutine facet_points(kind, d, x_nodes, points, weights, axisymmetric, target, radius, x, xi, weight, partner)
+  pure subroutine facet_points(kind, d, x_nodes, points, weights, axisymmetric, target, near, radius, x, xi, &
+                              weight, partner)
     !> Kind of the facet and dimension of space.
     integer, intent(in) :: kind, d
     !> Coordinates of its nodes (d, n_nodes) [length].
@@ -51,6 +52,8 @@ contains
     logical, intent(in) :: axisymmetric
     !> The other surface.
     type(target_surface_t), intent(in) :: target
+    !> The facet may have partners within the greatest distance.
+    logical, intent(in) :: near
     !> Greatest distance [length].
     real(dp), intent(in) :: radius
     !> Positions (3, n), reference coordinates (2, n), areas (n), partners (n).
@@ -67,7 +70,11 @@ contains
       xi(1:d - 1, i) = points(:, i)
       weight(i) = weights(i)*jacobian
       if (axisymmetric) weight(i) = weight(i)*2*pi*x(1, i)
-      call find_partner(target, x(:, i), normal, hint, radius, partner(i))
+      if (near) then
+        call find_partner(target, x(:, i), normal, hint, radius, partner(i))
+      else
+        partner(i)%status = partner_too_far
+      end if
     end do
   end subroutine facet_points
 end module dotyk_contact_facet_points

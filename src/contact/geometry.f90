@@ -52,17 +52,19 @@ module dotyk_contact_geometry
 contains
 
   !> Set up for a surface.
-  subroutine geometry_init(self, geometry, x, surface)
+  subroutine geometry_init(self, geometry, x, surface, near)
     class(contact_geometry_t), intent(out) :: self
     !> One of `geometry_*`.
     integer, intent(in) :: geometry
     !> Nodal coordinates of the body (dimension, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
     type(surface_t), intent(in) :: surface
+    !> The facets that may have partners (n_facets). Those far from them may keep the geometry of their elements.
+    logical, intent(in) :: near(:)
     type(facet_set_t) :: set
     type(adjacency_t) :: adjacency
     real(dp), allocatable :: vertex(:, :)
-    logical, allocatable :: flat(:)
+    logical, allocatable :: flat(:), wanted(:)
     integer :: f, k
     if (geometry == geometry_elements) return
     call cut_facets(x, surface, geometry == geometry_smooth, self%pieces)
@@ -87,10 +89,14 @@ contains
       else
         flat = pieces%flat
         call find_sheets(set, adjacency, vertex, self%joined, flat)
-        call smooth_corner_normals(set, adjacency, vertex, self%joined, flat, self%corner_normal)
+        allocate (wanted(size(vertex, 2)), source=.false.)
         do f = 1, set%n
-          self%changed(f) = .not. flat(f)
-          if (flat(f)) cycle
+          if (near(pieces%parent(f))) wanted(adjacency%vertex(1:set%corners(f), f)) = .true.
+        end do
+        call smooth_corner_normals(set, adjacency, vertex, self%joined, flat, wanted, self%corner_normal)
+        do f = 1, set%n
+          self%changed(f) = .not. flat(f) .and. all(wanted(adjacency%vertex(1:set%corners(f), f)))
+          if (.not. self%changed(f)) cycle
           if (kind_nodes(surface%kind(pieces%parent(f))) == set%corners(f) .or. surface%promoted) self%changed(f) = &
             is_curved(set%corners(f), vertex(:, adjacency%vertex(1:set%corners(f), f)), self%corner_normal(:, :, f))
         end do

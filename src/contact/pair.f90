@@ -15,12 +15,14 @@ module dotyk_contact_pair
   use dotyk_contact_cell_rule, only: facet_rule_t
   use dotyk_contact_corner_field, only: corner_field_t
   use dotyk_contact_facet_points, only: facet_points, prepare_rules
-  use dotyk_contact_geometry, only: contact_geometry_t, geometry_elements
+  use dotyk_contact_facet_set, only: facet_set_t
+  use dotyk_contact_geometry, only: geometry_elements
   use dotyk_contact_local_origin, only: local_origin, move
+  use dotyk_contact_near, only: facets_around, near_facets
   use dotyk_contact_projection, only: partner_found, partner_not_facing, partner_outside, partner_t, &
     partner_too_far, target_surface_t
   use dotyk_contact_segments, only: divide_facets
-  use dotyk_contact_smooth_partner, only: smooth_partner
+  use dotyk_contact_smooth_partner, only: smooth_partners
   use dotyk_linalg_sparse, only: sparse_rows_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: kind_nodes, n_element_kinds
@@ -164,22 +166,25 @@ contains
     type(contact_pair_t), intent(out) :: pair
     type(error_t), allocatable, intent(out) :: error
     type(target_surface_t) :: target
+    type(facet_set_t) :: set_a
     type(facet_rule_t) :: rule(n_element_kinds)
     type(facet_rule_t), allocatable :: own(:)
     type(partner_t), allocatable :: partner(:)
     real(dp), allocatable :: x(:, :), weight(:), xi(:, :)
     integer, allocatable :: offset(:)
+    logical :: near(surface_a%n_facets)
     real(dp) :: radius
-    integer :: f, n, d
-    d = mesh_a%dimension
+    integer :: f, n
     radius = settings%search_radius
     if (.not. radius > 0) radius = min(mesh_a%size(), mesh_b%size())
     call target%init(mesh_b%x, surface_b)
+    call set_a%init(mesh_a%x, surface_a)
+    near = near_facets(set_a, target%set, target%tree, radius)
     call prepare_rules(surface_a%kind(1:surface_a%n_facets), settings%points == points_nodes, settings%axisymmetric, rule)
     allocate (offset(surface_a%n_facets + 1))
     if (settings%quadrature == quadrature_segments) then
-      call divide_facets(mesh_a, surface_a, mesh_b, surface_b, target, radius, settings%points == points_nodes, &
-                         settings%axisymmetric, rule, own)
+      call divide_facets(mesh_a, surface_a, set_a, near, mesh_b, surface_b, target, radius, &
+                         settings%points == points_nodes, settings%axisymmetric, rule, own)
     else
       allocate (own(surface_a%n_facets))
     end if
@@ -190,19 +195,15 @@ contains
     end do
     n = offset(surface_a%n_facets + 1)
     allocate (partner(n), x(3, n), weight(n), xi(2, n))
-    !$omp parallel do default(none) schedule(dynamic, 64) &
-    !$omp shared(surface_a, mesh_a, own, offset, settings, target, radius, x, xi, weight, partner, d)
-    do f = 1, surface_a%n_facets
-      associate (first => offset(f) + 1, last => offset(f + 1), kind => surface_a%kind(f))
-        call facet_points(kind, d, mesh_a%x(:, surface_a%node(1:kind_nodes(kind), f)), own(f)%xi, &
-                          own(f)%weight, settings%axisymmetric, target, radius, x(:, first:last), &
-                          xi(:, first:last), weight(first:last), partner(first:last))
-      end associate
-    end do
-    !$omp end parallel do
-    if (settings%geometry /= geometry_elements) call use_geometry(mesh_a, surface_a, mesh_b, surface_b, &
-      settings%geometry, radius, offset, x, xi, partner)
-    call collect(d, offset, x, xi, weight, partner, pair)
+    call project_points(mesh_a, surface_a, own, offset, settings%axisymmetric, target, near, radius, x, xi, weight, partner)
+    if (.not. any(partner%status == partner_found)) then
+      ! To say why, look at all.
+      near = .true.
+      call project_points(mesh_a, surface_a, own, offset, settings%axisymmetric, target, near, radius, x, xi, weight, partner)
+    end if
+    if (settings%geometry /= geometry_elements) call smooth_partners(settings%geometry, mesh_a%x, surface_a, near, mesh_b%x, &
+      surface_b, facets_around(target%set, set_a, near, radius), radius, offset, x, xi, partner)
+    call collect(mesh_a%dimension, offset, x, xi, weight, partner, pair)
     pair%name = settings%name
     pair%body_a = settings%body_a
     pair%body_b = settings%body_b
@@ -219,33 +220,35 @@ contains
     allocate (pair%row_theta(pair%n_rows), source=pair%theta)
   end subroutine search_pair
 
-  !> Correct the partners for another geometry than that of the elements.
-  subroutine use_geometry(mesh_a, surface_a, mesh_b, surface_b, geometry, radius, offset, x, xi, partner)
-    type(body_mesh_t), intent(in) :: mesh_a, mesh_b
-    type(surface_t), intent(in) :: surface_a, surface_b
-    !> One of `geometry_*`.
-    integer, intent(in) :: geometry
+  !> Points of all facets and their partners by the elements' geometry.
+  subroutine project_points(mesh_a, surface_a, rule, offset, axisymmetric, target, near, radius, x, xi, weight, partner)
+    type(body_mesh_t), intent(in) :: mesh_a
+    type(surface_t), intent(in) :: surface_a
+    !> The facets' rules (n_facets); points of facet f are offset(f)+1 .. offset(f+1).
+    type(facet_rule_t), intent(in) :: rule(:)
+    integer, intent(in) :: offset(:)
+    !> Weights contain 2 pi r.
+    logical, intent(in) :: axisymmetric
+    type(target_surface_t), intent(in) :: target
+    !> Facets that may have partners (n_facets).
+    logical, intent(in) :: near(:)
     !> Greatest distance [length].
     real(dp), intent(in) :: radius
-    !> Points of facet f are offset(f)+1 .. offset(f+1).
-    integer, intent(in) :: offset(:)
-    !> Positions (3, n) and reference coordinates (2, n) of the points.
-    real(dp), intent(in) :: x(:, :), xi(:, :)
-    type(partner_t), intent(inout) :: partner(:)
-    type(contact_geometry_t) :: geometry_a, geometry_b
-    integer :: f, i
-    call geometry_a%init(geometry, mesh_a%x, surface_a)
-    call geometry_b%init(geometry, mesh_b%x, surface_b)
-    if (.not. (geometry_a%active .or. geometry_b%active)) return
-    !$omp parallel do default(none) schedule(dynamic, 64) private(i) &
-    !$omp shared(surface_a, offset, geometry_a, geometry_b, radius, x, xi, partner)
+    !> As in facet_points, for all facets.
+    real(dp), intent(out) :: x(:, :), xi(:, :), weight(:)
+    type(partner_t), intent(out) :: partner(:)
+    integer :: f
+    !$omp parallel do default(none) schedule(dynamic, 64) &
+    !$omp shared(surface_a, mesh_a, rule, offset, axisymmetric, target, near, radius, x, xi, weight, partner)
     do f = 1, surface_a%n_facets
-      do i = offset(f) + 1, offset(f + 1)
-        call smooth_partner(geometry_a, f, xi(:, i), geometry_b, x(:, i), radius, partner(i))
-      end do
+      associate (first => offset(f) + 1, last => offset(f + 1), kind => surface_a%kind(f))
+        call facet_points(kind, mesh_a%dimension, mesh_a%x(:, surface_a%node(1:kind_nodes(kind), f)), rule(f)%xi, &
+                          rule(f)%weight, axisymmetric, target, near(f), radius, x(:, first:last), &
+                          xi(:, first:last), weight(first:last), partner(first:last))
+      end associate
     end do
     !$omp end parallel do
-  end subroutine use_geometry
+  end subroutine project_points
 
   !> Keep the points that have a partner and count the others.
   pure subroutine collect(d, offset, x, xi, weight, partner, pair)

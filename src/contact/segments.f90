@@ -33,10 +33,13 @@ module dotyk_contact_segments
 contains
 
   !> The rules of all facets of surface_a that are divided or covered by one facet of b; the others have none.
-  subroutine divide_facets(mesh_a, surface_a, mesh_b, surface_b, target, radius, by_nodes, axisymmetric, plain, rule)
+  subroutine divide_facets(mesh_a, surface_a, set, near, mesh_b, surface_b, target, radius, by_nodes, axisymmetric, plain, rule)
     !> Body a and its surface.
     type(body_mesh_t), intent(in) :: mesh_a
     type(surface_t), intent(in) :: surface_a
+    !> Its facets, and those that are looked at (n_facets).
+    type(facet_set_t), intent(in) :: set
+    logical, intent(in) :: near(:)
     !> Body b and its surface.
     type(body_mesh_t), intent(in) :: mesh_b
     type(surface_t), intent(in) :: surface_b
@@ -52,15 +55,14 @@ contains
     type(facet_rule_t), intent(in) :: plain(:)
     !> (n_facets).
     type(facet_rule_t), allocatable, intent(out) :: rule(:)
-    type(facet_set_t) :: set
     type(rule_table_t) :: table
     integer :: f
     allocate (rule(surface_a%n_facets))
-    call set%init(mesh_a%x, surface_a)
     call table%init()
     !$omp parallel do default(none) schedule(dynamic, 16) &
-    !$omp shared(surface_a, mesh_a, surface_b, mesh_b, set, target, table, radius, by_nodes, axisymmetric, plain, rule)
+    !$omp shared(surface_a, mesh_a, surface_b, mesh_b, set, near, target, table, radius, by_nodes, axisymmetric, plain, rule)
     do f = 1, surface_a%n_facets
+      if (.not. near(f)) cycle
       if (set%dimension == 2) then
         call divide_line(set, f, surface_a%kind(f), surface_b, target, table, radius, by_nodes, axisymmetric, &
                          plain(surface_a%kind(f)), rule(f))

@@ -10,9 +10,10 @@ module dotyk_contact_smooth_partner
   use dotyk_contact_facet_set, only: evaluate_facet, facet_set_t
   use dotyk_contact_geometry, only: contact_geometry_t
   use dotyk_contact_projection, only: partner_found, partner_outside, partner_t, partner_too_far
+  use dotyk_mesh_surface, only: surface_t
   implicit none
   private
-  public :: smooth_partner
+  public :: smooth_partners
 
   !> Facets that are tried in turn, steps of Newton's method on each.
   integer, parameter :: most_facets = 12, most_steps = 25
@@ -23,6 +24,40 @@ module dotyk_contact_smooth_partner
   real(dp), parameter :: overhang = 0.1_dp
 
 contains
+
+  !> Correct the partners of all points for another geometry than that of the elements.
+  subroutine smooth_partners(geometry, x_a, surface_a, near_a, x_b, surface_b, near_b, search_radius, offset, x, xi, partner)
+    !> One of `geometry_*`.
+    integer, intent(in) :: geometry
+    !> Nodal coordinates of body a (dimension, n_nodes) [length], its surface, and the facets that may have partners (n_facets).
+    real(dp), intent(in) :: x_a(:, :)
+    type(surface_t), intent(in) :: surface_a
+    logical, intent(in) :: near_a(:)
+    !> The same of body b.
+    real(dp), intent(in) :: x_b(:, :)
+    type(surface_t), intent(in) :: surface_b
+    logical, intent(in) :: near_b(:)
+    !> Greatest distance [length].
+    real(dp), intent(in) :: search_radius
+    !> Points of facet f are offset(f)+1 .. offset(f+1).
+    integer, intent(in) :: offset(:)
+    !> Positions (3, n) [length] and reference coordinates (2, n) of the points.
+    real(dp), intent(in) :: x(:, :), xi(:, :)
+    type(partner_t), intent(inout) :: partner(:)
+    type(contact_geometry_t) :: geometry_a, geometry_b
+    integer :: f, i
+    call geometry_a%init(geometry, x_a, surface_a, near_a)
+    call geometry_b%init(geometry, x_b, surface_b, near_b)
+    if (.not. (geometry_a%active .or. geometry_b%active)) return
+    !$omp parallel do default(none) schedule(dynamic, 64) private(i) &
+    !$omp shared(surface_a, offset, geometry_a, geometry_b, search_radius, x, xi, partner)
+    do f = 1, surface_a%n_facets
+      do i = offset(f) + 1, offset(f + 1)
+        call smooth_partner(geometry_a, f, xi(:, i), geometry_b, x(:, i), search_radius, partner(i))
+      end do
+    end do
+    !$omp end parallel do
+  end subroutine smooth_partners
 
   !> Correct the partner of a point for the geometries of the two surfaces.
   pure subroutine smooth_partner(geometry_a, facet_a, xi_a, geometry_b, x, search_radius, partner)

@@ -191,7 +191,7 @@ contains
   end subroutine corner_normal
 
   !> Unit normals of the smooth surface at the corners of linear facets.
-  subroutine smooth_corner_normals(set, adjacency, x, joined, flat, normal)
+  subroutine smooth_corner_normals(set, adjacency, x, joined, flat, wanted, normal)
     type(facet_set_t), intent(in) :: set
     type(adjacency_t), intent(in) :: adjacency
     !> Positions of the vertices (3, n_vertices) [length].
@@ -199,13 +199,15 @@ contains
     !> As in find_sheets.
     logical, intent(in) :: flat(:)
     integer, intent(in) :: joined(:, :)
-    !> Outward (3, 4, n).
+    !> The vertices where normals are wanted (n_vertices).
+    logical, intent(in) :: wanted(:)
+    !> Outward (3, 4, n), 0 at the others.
     real(dp), intent(out) :: normal(:, :, :)
     integer :: v
     normal = 0
-    !$omp parallel do default(none) schedule(dynamic, 64) shared(set, adjacency, x, joined, flat, normal)
+    !$omp parallel do default(none) schedule(dynamic, 64) shared(set, adjacency, x, joined, flat, wanted, normal)
     do v = 1, size(adjacency%start) - 1
-      call normals_at_vertex(set, adjacency, x, joined, flat, v, normal)
+      if (wanted(v)) call normals_at_vertex(set, adjacency, x, joined, flat, v, normal)
     end do
     !$omp end parallel do
   end subroutine smooth_corner_normals

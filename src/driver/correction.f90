@@ -24,9 +24,9 @@ module dotyk_driver_correction
 contains
 
   !> What factors have lost, bodies refined say: the scheme goes on from where it is with gaps that are corrected by the difference, until
-  !> that changes nothing any more. The last change, and what is left of the residuals, are part of the error.
-  subroutine correct_digits(case, body, kinds, pair, problem, compliance, alone, n_blas, tolerance, log, digits, solution, result, &
-                            error)
+  !> that changes nothing any more.
+  subroutine correct_digits(case, body, kinds, pair, problem, compliance, alone, n_blas, tolerance, log, digits, solution, &
+                            result, rounding, error)
     type(case_t), intent(in) :: case
     !> (n_bodies), (n_pairs).
     type(body_t), intent(in) :: body(:)
@@ -48,13 +48,16 @@ contains
     type(body_solution_t), allocatable, intent(inout) :: solution(:)
     !> The answer of the scheme, then the corrected one.
     type(scheme_result_t), intent(inout) :: result
+    !> The last change, and what is left of the residuals: relative, in the energy norm [].
+    real(dp), intent(out) :: rounding
     type(error_t), allocatable, intent(out) :: error
     type(scheme_result_t) :: last
     real(dp), allocatable :: y(:)
-    real(dp) :: left, rounding, before
+    real(dp) :: left, before
     integer :: k
     integer, parameter :: most_corrections = 8
-    if (.not. any(digits%needs_refinement())) return
+    rounding = 0
+    if (size(result%m) == 0 .or. .not. any(digits%needs_refinement())) return
     if (result%ended == ended_interrupted) then
       ! What rounding has left is not known.
       result%error_bound = huge(before)
@@ -65,7 +68,7 @@ contains
     do k = 1, most_corrections
       call recover_bodies(body, problem, result%m, result%alpha, alone, .false., n_blas, solution)
       call refine_bodies(body, kinds, problem, result%m, result%alpha, digits, solution, left, error)
-      if (allocated(error) .or. size(y) == 0) return
+      if (allocated(error)) return
       call penetrations(problem, solution, y)
       problem%y_free = problem%y_free + (y - result%y)
       last = result
@@ -84,6 +87,5 @@ contains
       if (rounding <= max(1.0e-15_dp, 0.01_dp*tolerance) .or. .not. rounding < 0.3_dp*before) exit
       before = rounding
     end do
-    call result%add_rounding(rounding, tolerance)
   end subroutine correct_digits
 end module dotyk_driver_correction

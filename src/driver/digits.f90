@@ -15,6 +15,8 @@ module dotyk_driver_digits
     !> Condition of the scaled stiffness, and of what is left of it without soft motions; lower bounds where not measured.
     real(dp) :: condition = 1, condition_left = 1
     logical :: is_measured = .false.
+    !> Whether what its displacement leaves of the forces says more than the tolerance allows.
+    logical :: is_rounded = .false.
     !> Soft motions that are treated apart.
     integer :: n_soft = 0
     !> Steps of refinement that its displacement took, 0 where none was needed.
@@ -40,7 +42,7 @@ contains
   !> Whether the displacement is to be refined with forces that the elements know better.
   elemental logical function digits_needs_refinement(self) result(needs)
     class(body_digits_t), intent(in) :: self
-    needs = self%is_measured .and. self%condition_left > refined_condition
+    needs = self%is_rounded .or. (self%is_measured .and. self%condition_left > refined_condition)
   end function digits_needs_refinement
 
   !> From the responses.
@@ -73,15 +75,26 @@ contains
     character(:), allocatable :: line
     integer :: b
     do b = 1, size(body)
-      if (.not. (kinds%leads(b) .and. digits(b)%is_measured)) cycle
-      line = '  digits           '//quoted(body(b)%name)//': condition '//to_text(digits(b)%condition, 2)
+      if (.not. kinds%leads(b)) cycle
+      line = '  digits           '//quoted(body(b)%name)//': '
+      if (.not. digits(b)%is_measured) then
+        if (digits(b)%steps > 0) call log%line(line//steps_of_refinement(digits(b)%steps))
+        cycle
+      end if
+      line = line//'condition '//to_text(digits(b)%condition, 2)
       if (digits(b)%n_soft > 0) line = line//', '//to_text(digits(b)%condition_left, 2)//' without '// &
                                        to_text(digits(b)%n_soft)//' soft '// &
                                        trim(merge('motion ', 'motions', digits(b)%n_soft == 1))//' treated apart'
       line = line//': '//to_text(digits(b)%lost())//' of 16 digits lost'
-      if (digits(b)%steps > 0) line = line//', '//to_text(digits(b)%steps)//' '// &
-                                      trim(merge('step ', 'steps', digits(b)%steps == 1))//' of refinement'
+      if (digits(b)%steps > 0) line = line//', '//steps_of_refinement(digits(b)%steps)
       call log%line(line)
     end do
   end subroutine show_digits
+
+  !> How many, in words.
+  pure function steps_of_refinement(n) result(text)
+    integer, intent(in) :: n
+    character(:), allocatable :: text
+    text = to_text(n)//' '//trim(merge('step ', 'steps', n == 1))//' of refinement'
+  end function steps_of_refinement
 end module dotyk_driver_digits

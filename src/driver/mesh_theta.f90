@@ -4,9 +4,9 @@ module dotyk_driver_mesh_theta
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_contact_pair, only: contact_pair_t
-  use dotyk_elasticity_assembly, only: read_factor
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_field, only: field_t
+  use dotyk_elasticity_stiffness_factor, only: read_factor
   use dotyk_mesh_element, only: kind_nodes, quadrature_rule
   use dotyk_mesh_facet, only: facet_geometry
   use dotyk_mesh_surface, only: surface_t
@@ -58,18 +58,17 @@ contains
     type(field_t) :: stiffness
     real(dp), allocatable :: size_of(:)
     real(dp) :: value(3), young
-    integer :: f, i
-    allocate (size_of(surface%n_facets))
-    do f = 1, surface%n_facets
-      associate (kind => surface%kind(f))
-        size_of(f) = facet_size(kind, body%mesh%x(:, surface%node(1:kind_nodes(kind), f)))
-      end associate
-    end do
+    integer :: i
+    ! Most facets may have no points.
+    allocate (size_of(surface%n_facets), source=-1.0_dp)
     call read_factor(body%material, stiffness, error)
     if (allocated(error)) return
     value(1) = body%mean_factor
     young = body%young()
     do i = 1, size(facet)
+      associate (f => facet(i), kind => surface%kind(facet(i)))
+        if (size_of(f) < 0) size_of(f) = facet_size(kind, body%mesh%x(:, surface%node(1:kind_nodes(kind), f)))
+      end associate
       if (.not. stiffness%constant) call stiffness%evaluate(position(:, i), value, error)
       if (allocated(error)) exit
       ! A factor that vanishes on the surface makes no theta infinite.

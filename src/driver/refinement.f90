@@ -10,6 +10,7 @@ module dotyk_driver_refinement
   use dotyk_driver_congruence, only: kinds_t
   use dotyk_driver_digits, only: body_digits_t
   use dotyk_driver_recovery, only: body_solution_t
+  use dotyk_elasticity_analysis, only: analysis_plane_stress
   use dotyk_elasticity_body, only: body_t, strain_energy
   use dotyk_elasticity_internal_force, only: internal_force
   use dotyk_elasticity_likely_cause, only: likely_cause
@@ -20,7 +21,7 @@ module dotyk_driver_refinement
   use dotyk_scheme_problem, only: contact_problem_t
   implicit none
   private
-  public :: energy_of, refine_bodies, penetrations
+  public :: energy_of, refine_bodies, refuse_lost_pressures, penetrations
 
   !> Restarts with a true residual, and steps between them.
   integer, parameter :: most_restarts = 4, most_steps = 8
@@ -28,6 +29,10 @@ module dotyk_driver_refinement
   real(dp), parameter :: enough = 1.0e-15_dp
   !> More than this part of an answer that is rounding leaves no digit of it.
   real(dp), parameter :: no_digit = 0.1_dp
+  !> The same of pressures: what is so much in the mean is several times as much in single elements.
+  real(dp), parameter :: no_pressure = 0.03_dp
+  !> Bulk over shear modulus that may cost pressures their digits.
+  real(dp), parameter :: nearly_incompressible = 1.0e6_dp
 
 contains
 
@@ -78,6 +83,30 @@ contains
       first = first + body(b)%motions%n
     end do
   end subroutine refine_bodies
+
+  !> Displacements of nearly incompressible bodies may be right where the pressures inside, the bulk modulus times what their last digits
+  !> say, are not: that is worse by the root of bulk over shear modulus than the energy norm tells.
+  subroutine refuse_lost_pressures(body, digits, distance, norm, error)
+    !> (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    type(body_digits_t), intent(in) :: digits(:)
+    !> What rounding leaves (n_bodies), and the answer, in the energy norm [sqrt(energy)].
+    real(dp), intent(in) :: distance(:), norm
+    !> A body of whose pressures no digit is left.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp) :: ratio
+    integer :: b
+    do b = 1, size(body)
+      if (.not. digits(b)%needs_refinement() .or. body(b)%analysis == analysis_plane_stress) cycle
+      ratio = body(b)%material%bulk_over_shear()
+      if (distance(b)*sqrt(max(1.0_dp, ratio)) <= no_pressure*norm) cycle
+      if (ratio < nearly_incompressible) cycle
+      call set_error(error, 'body '//quoted(body(b)%name)//': rounding leaves no digit of the pressures in material '// &
+                     quoted(body(b)%material%name)//', which is nearly incompressible: its bulk modulus is '//to_text(ratio, 2)// &
+                     " times the shear modulus; a Poisson's ratio of 0.499999 gives the same displacements", exit_not_solvable)
+      return
+    end do
+  end subroutine refuse_lost_pressures
 
   !> The error of a body without digits.
   subroutine refuse(body, condition, error)

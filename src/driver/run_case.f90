@@ -15,10 +15,10 @@ module dotyk_driver_run_case
   use dotyk_driver_checkpoint, only: checkpoint_keeper_t, check_checkpoint_path, check_results_path, check_scene, restore, &
     start_keeping
   use dotyk_driver_congruence, only: kinds_t
-  use dotyk_driver_correction, only: correct_digits
   use dotyk_driver_digits, only: body_digits_t, collect_digits, show_digits
+  use dotyk_driver_displacements, only: find_displacements
   use dotyk_driver_error_budget, only: error_budget_t, ask_for_more, errors_decide, estimate_errors, first_tolerance, &
-    most_rounds, needs_displacements
+    most_rounds
   use dotyk_driver_finite, only: refuse_overflow
   use dotyk_driver_fingerprint, only: fingerprint
   use dotyk_driver_factorization, only: factor_size_t, analyze_bodies, attach_bodies, check_memory, factorize_bodies
@@ -27,8 +27,7 @@ module dotyk_driver_run_case
   use dotyk_driver_pairs, only: find_pairs
   use dotyk_driver_parallel, only: use_threads, share_solves, set_blas_threads
   use dotyk_driver_pressures, only: pair_solution_t, nodal_field_t, project_pressures
-  use dotyk_driver_recovery, only: body_solution_t, recover_bodies
-  use dotyk_driver_refinement, only: energy_of, refine_bodies
+  use dotyk_driver_recovery, only: body_solution_t
   use dotyk_driver_results, only: write_fields, write_pairs, write_summary, write_provenance, write_timing
   use dotyk_driver_scheme, only: needs_held_bodies, prepare_coarse_space, scheme_name, scheme_of, solve_scheme
   use dotyk_driver_screen, only: show_scene, show_bodies, show_pairs, show_factorization, &
@@ -228,7 +227,7 @@ contains
     type(run_t), intent(inout) :: run
     type(error_t), allocatable, intent(out) :: error
     type(scheme_result_t) :: last
-    real(dp) :: tolerance, left
+    real(dp) :: tolerance
     integer :: round
     logical :: goes_on
     tolerance = first_tolerance(run%case%solver)
@@ -246,27 +245,14 @@ contains
         if (.not. allocated(error)) call run%result%history%put_behind(last%history)
       end if
       call set_blas_threads(1)
-      if (.not. allocated(error)) &
-        call correct_digits(run%case, run%body, run%kinds, run%pair, run%problem, run%compliance, run%alone, run%n_blas, &
-                            tolerance, run%log, run%digits, run%solution, run%result, error)
       if (allocated(error)) return
       goes_on = .true.
+      call run%watch%lap(run%timing%iterate)
+      call find_displacements(run%case, run%body, run%kinds, run%pair, run%problem, run%compliance, run%alone, run%n_blas, &
+                              tolerance, run%log, run%watch, run%timing, run%digits, run%solution, run%result, error)
+      if (allocated(error)) return
       run%result%iterations = run%result%history%n
       call keep_result(run)
-      call run%watch%lap(run%timing%iterate)
-      call set_stage('recovering displacements')
-      if (needs_displacements(run%case)) then
-        call recover_bodies(run%body, run%problem, run%result%m, run%result%alpha, run%alone, run%case%output%stress, run%n_blas, &
-                            run%solution)
-        if (any(run%digits%needs_refinement())) then
-          call refine_bodies(run%body, run%kinds, run%problem, run%result%m, run%result%alpha, run%digits, run%solution, left, &
-                             error)
-          if (allocated(error)) return
-          run%result%energy = energy_of(run%body, run%problem, run%solution, run%result%y)
-        end if
-      else
-        allocate (run%solution(size(run%body)))
-      end if
       call run%watch%lap(run%timing%recover)
       call set_stage('estimating errors')
       call estimate_errors(run%case, run%body, run%kinds, run%pair, run%surface_a, run%surface_b, run%solution, run%problem, &

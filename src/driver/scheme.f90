@@ -122,45 +122,62 @@ contains
     end select
     call add_context(error, case%file//':'//to_text(case%solver%line)//': ')
     if (allocated(error)) return
-    if (result%ended == ended_unstoppable) call refuse_motion(case, body, result%unstoppable, error)
+    if (result%ended == ended_unstoppable) call refuse_motion(case, body, problem, result%unstoppable, error)
     if (result%ended == ended_immovable) call refuse_immovable(case, problem, error)
     if (allocated(error)) return
     if (allocated(result%undetermined)) call note_undetermined(body, result%undetermined, log)
     if (allocated(result%alpha)) call note_rotations(body, result%alpha, log)
   end subroutine solve_scheme
 
-  !> A motion that the loads excite and no contact can stop.
-  subroutine refuse_motion(case, body, amplitude, error)
+  !> A motion that the loads excite and no contact can stop: of one body or more.
+  subroutine refuse_motion(case, body, problem, amplitude, error)
     type(case_t), intent(in) :: case
     type(body_t), intent(in) :: body(:)
+    type(contact_problem_t), intent(in) :: problem
     !> The motion, of all bodies.
     real(dp), intent(in) :: amplitude(:)
     type(error_t), allocatable, intent(out) :: error
-    integer :: b, n, worst, first
-    real(dp) :: largest
-    worst = 1
-    first = 0
-    largest = -1
-    n = 0
+    character(:), allocatable :: others
+    real(dp) :: work(size(body)), free_work(size(body))
+    logical :: moved(size(body))
+    integer :: b, worst, n_named
+    integer, parameter :: most_named = 3
+    ! A body moves if its loads do at least this part of the work of the body moved most, or of their own where nothing is in the way.
+    real(dp), parameter :: much = 1.0e-3_dp, something = 1.0e-6_dp
+    work = 0
+    free_work = 0
     do b = 1, size(body)
-      associate (own => amplitude(n + 1:n + body(b)%motions%n))
-        if (size(own) > 0 .and. .not. body(b)%is_soft) then
-          ! The body that the loads move most.
-          if (dot_product(own, body(b)%resultant) > largest) then
-            largest = dot_product(own, body(b)%resultant)
-            worst = b
-            first = n
-          end if
-        end if
+      if (body(b)%is_soft) cycle
+      associate (first => problem%coarse%first(b), last => problem%coarse%first(b + 1) - 1)
+        work(b) = dot_product(amplitude(first:last), body(b)%resultant)
+        free_work(b) = sum(problem%coarse%resultant(first:last)**2)/maxval(abs(problem%coarse%resultant))
       end associate
-      n = n + body(b)%motions%n
     end do
-    associate (own => amplitude(first + 1:first + body(worst)%motions%n))
-      call set_error(error, case%file//':'//to_text(case%body(worst)%line)//': body '//quoted(body(worst)%name)// &
-        ': its loads move it and no contact can stop it: '//body(worst)%motion_text(own)//', resultant '// &
-        to_text(dot_product(own, body(worst)%resultant)/largest_displacement(body(worst), own), 4)// &
-        '; add a &support, a &contact in the way, or another &load', exit_not_solvable)
-    end associate
+    ! The first of several that are moved as much.
+    worst = findloc(work > (1 - something)*maxval(work), .true., 1)
+    moved = work > 0 .and. (work > much*work(worst) .or. work > something*free_work)
+    others = ''
+    n_named = 0
+    do b = 1, size(body)
+      if (.not. moved(b) .or. b == worst) cycle
+      n_named = n_named + 1
+      if (n_named <= most_named) others = others//'; nor body '//quoted(body(b)%name)//' (line '// &
+        to_text(case%body(b)%line)//'): '//motion_of(b)
+    end do
+    if (n_named > most_named) others = others//'; nor '//to_text(n_named - most_named)//' more'
+    call set_error(error, case%file//':'//to_text(case%body(worst)%line)//': body '//quoted(body(worst)%name)// &
+      ': its loads move it and no contact can stop it: '//motion_of(worst)//others// &
+      '; add a &support, a &contact in the way, or another &load', exit_not_solvable)
+  contains
+    !> How a body moves, and the force or moment that moves it.
+    function motion_of(which) result(text)
+      integer, intent(in) :: which
+      character(:), allocatable :: text
+      associate (own => amplitude(problem%coarse%first(which):problem%coarse%first(which + 1) - 1))
+        text = body(which)%motion_text(own)//', resultant '// &
+          to_text(dot_product(own, body(which)%resultant)/largest_displacement(body(which), own), 4)
+      end associate
+    end function motion_of
   end subroutine refuse_motion
 
   !> Largest displacement of a node in a motion.

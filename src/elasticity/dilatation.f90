@@ -46,7 +46,8 @@ contains
     properties = element_kind(kind)
     if (properties%order == 1) then
       ! Less and less: linear elements want none.
-      kept = bulk_of_linear*bulk_of_linear/max(incompressibility, bulk_of_linear)
+      kept = bulk_of_linear
+      if (incompressibility > bulk_of_linear) kept = bulk_of_linear**2/incompressibility
     else if (n_projections(kind, properties%dimension) > 1) then
       kept = bulk_of_linear
     else

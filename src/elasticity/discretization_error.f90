@@ -11,7 +11,6 @@ module dotyk_elasticity_discretization_error
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
   use dotyk_elasticity_analysis, only: gradient_slots
-  use dotyk_elasticity_assembly, only: apply_factor, read_factor
   use dotyk_elasticity_dilatation, only: kept_bulk, n_projections, project
   use dotyk_elasticity_dilatation_fit, only: dilatation_fit_t, fit_dilatations
   use dotyk_elasticity_element_table, only: element_table_t
@@ -20,6 +19,7 @@ module dotyk_elasticity_discretization_error
   use dotyk_elasticity_material, only: material_t
   use dotyk_elasticity_patch_fit, only: patch_fit_t, vertex_functions
   use dotyk_elasticity_point_map, only: interpolate, map_points, point_table_t, to_space
+  use dotyk_elasticity_stiffness_factor, only: apply_factor, read_factor
   use dotyk_linalg_blas, only: dgemm
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, element_prism6, element_tet4, element_tri3

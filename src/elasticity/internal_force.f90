@@ -6,15 +6,10 @@
 module dotyk_elasticity_internal_force
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, qp
-  use dotyk_elasticity_analysis, only: analysis_axisymmetric, gradient_slots, strain_index
-  use dotyk_elasticity_assembly, only: apply_factor, bad_element, read_factor
-  use dotyk_elasticity_dilatation, only: kept_bulk, most_projections, n_projections, projected_dilatations, &
-    projection_functions
-  use dotyk_elasticity_element_table, only: element_table_t, map_element, table_pair_t
-  use dotyk_elasticity_field, only: field_t
+  use dotyk_elasticity_analysis, only: analysis_axisymmetric
+  use dotyk_elasticity_element_points, only: element_points_t
   use dotyk_elasticity_material, only: material_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
-  use dotyk_mesh_element, only: element_kind, element_kind_t
   implicit none
   private
   public :: internal_force
@@ -52,64 +47,27 @@ contains
     real(qp), intent(in) :: u(:, :)
     real(dp), intent(inout) :: force(:, :), energy
     type(error_t), allocatable, intent(out) :: error
-    type(field_t) :: factor
-    type(table_pair_t) :: tables
-    type(element_kind_t) :: kind
-    real(dp), allocatable :: x(:, :), rest(:, :), element_force(:, :), g(:), w(:), value(:), dilatation(:)
-    integer, allocatable :: node(:), strain(:, :)
-    real(dp) :: matrix(6, 6), lambda, bulk, worst
-    integer :: n, dim, slots, most_points, n_functions, e, i, s
-    call read_factor(material, factor, error)
+    type(element_points_t) :: points
+    real(dp), allocatable :: rest(:, :), element_force(:, :)
+    integer :: e, a
+    call points%init(mesh, i_block, analysis, material, error)
     if (allocated(error)) return
-    kind = element_kind(mesh%block(i_block)%kind)
-    n = kind%n_nodes
-    dim = mesh%dimension
-    slots = gradient_slots(analysis)
-    call material%split(analysis, kept_bulk(mesh%block(i_block)%kind, material%incompressibility), matrix, lambda, bulk)
-    n_functions = n_projections(mesh%block(i_block)%kind, dim)
-    strain = reshape([((strain_index(analysis, i, s), i=1, dim), s=1, slots)], [dim, slots])
-    call tables%init_stiffness(mesh%block(i_block)%kind, analysis, .not. factor%constant)
-    most_points = max(tables%straight%n_points, tables%curved%n_points)
-    allocate (x(dim, n), rest(dim, n), element_force(dim, n), node(n), g(n*slots*most_points), w(most_points))
-    allocate (value(most_points*most_projections), dilatation(n*dim*most_projections))
-    do e = 1, size(mesh%block(i_block)%node, 2)
-      node(:) = mesh%block(i_block)%node(:, e)
-      x(:, :) = mesh%x(:, node)
-      if (tables%is_curved(x)) then
-        call add_element(tables%curved)
-      else
-        call add_element(tables%straight)
-      end if
-      if (allocated(error)) exit
-    end do
-    call factor%destroy()
-
-  contains
-
-    subroutine add_element(table)
-      type(element_table_t), intent(in) :: table
-      integer :: n_points, a
-      n_points = table%n_points
-      call map_element(n, dim, slots, n_points, table%shape, table%gradient, table%weight, x, g, w, worst)
-      if (.not. worst > 0) then
-        call bad_element(mesh, i_block, e, error)
-        return
-      end if
-      if (.not. factor%constant) then
-        call apply_factor(factor, table%shape, x, mesh%block(i_block)%tag(e), w(:n_points), error)
-        if (allocated(error)) return
-      end if
-      call take_rigid_part(n, dim, slots, analysis == analysis_axisymmetric, g, x, u(:, node), rest)
-      call forces_of_strain(n, dim, slots, n_points, g, w, strain, matrix, rest, element_force, energy)
-      if (bulk > 0) then
-        call projection_functions(n, dim, n_points, n_functions, table%shape, x, w, value)
-        call projected_dilatations(n, dim, slots, n_points, n_functions, g, w, value, dilatation)
-        call add_dilatation(n, dim, n_functions, bulk, dilatation, rest, element_force, energy)
-      end if
-      do a = 1, n
-        force(:, node(a)) = force(:, node(a)) + element_force(:, a)
+    associate (n => points%n, dim => points%dim, slots => points%slots)
+      allocate (rest(dim, n), element_force(dim, n))
+      do e = 1, size(mesh%block(i_block)%node, 2)
+        call points%move_to(mesh, i_block, e, error)
+        if (allocated(error)) exit
+        call take_rigid_part(n, dim, slots, analysis == analysis_axisymmetric, points%g, points%x, u(:, points%node), rest)
+        call forces_of_strain(n, dim, slots, points%n_points, points%g, points%stiffness, points%strain, points%matrix, rest, &
+                              element_force, energy)
+        if (points%bulk > 0) call add_dilatation(n, dim, points%n_functions, points%bulk, points%dilatation, rest, &
+                                                 element_force, energy)
+        do a = 1, n
+          force(:, points%node(a)) = force(:, points%node(a)) + element_force(:, a)
+        end do
       end do
-    end subroutine add_element
+    end associate
+    call points%destroy()
   end subroutine add_block
 
   !> Displacements of an element's nodes without the translation of the first one, and without the rotation at the first point.

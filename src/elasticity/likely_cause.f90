@@ -4,10 +4,10 @@ module dotyk_elasticity_likely_cause
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: quoted, to_text
   use dotyk_elasticity_analysis, only: gradient_slots
-  use dotyk_elasticity_assembly, only: apply_factor, read_factor
   use dotyk_elasticity_element_table, only: map_element, table_pair_t
   use dotyk_elasticity_field, only: field_t
   use dotyk_elasticity_material, only: material_t
+  use dotyk_elasticity_stiffness_factor, only: apply_factor, read_factor
   use dotyk_linalg_dense, only: symmetric_eigen
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t

@@ -8,7 +8,7 @@ module dotyk_elasticity_load
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: quoted, text_t
   use dotyk_elasticity_analysis, only: analysis_axisymmetric, gradient_slots
-  use dotyk_elasticity_assembly, only: bad_element
+  use dotyk_elasticity_element_points, only: bad_element
   use dotyk_elasticity_element_table, only: element_table_t, load_degree, map_element, table_pair_t
   use dotyk_elasticity_field, only: field_t
   use dotyk_mesh_body_mesh, only: body_mesh_t

@@ -3,15 +3,9 @@ module dotyk_elasticity_recovery
   use omp_lib, only: omp_get_max_threads, omp_in_parallel
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_elasticity_analysis, only: gradient_slots, strain_index
-  use dotyk_elasticity_assembly, only: apply_factor, bad_element, read_factor
-  use dotyk_elasticity_dilatation, only: kept_bulk, most_projections, n_projections, projected_dilatations, &
-    projection_functions
-  use dotyk_elasticity_element_table, only: element_table_t, map_element, table_pair_t
-  use dotyk_elasticity_field, only: field_t
+  use dotyk_elasticity_element_points, only: element_points_t
   use dotyk_elasticity_material, only: material_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
-  use dotyk_mesh_element, only: element_kind, element_kind_t
   implicit none
   private
   public :: recover
@@ -88,66 +82,28 @@ contains
     !> Of all elements of the block.
     real(dp), intent(inout) :: stress(:, :), energy(:), mean_factor(:)
     type(error_t), allocatable, intent(out) :: error
-    type(field_t) :: factor
-    type(table_pair_t) :: tables
-    type(element_kind_t) :: kind
-    real(dp), allocatable :: x(:, :), ue(:, :), g(:), w(:), stiffness(:), value(:), dilatation(:)
-    integer, allocatable :: node(:), strain(:, :)
-    real(dp) :: matrix(6, 6), lambda, bulk, worst
-    integer :: n, dim, slots, most_points, n_functions, e, i, s
-    ! One formula serves one thread.
-    call read_factor(material, factor, error)
+    type(element_points_t) :: points
+    real(dp), allocatable :: ue(:, :)
+    real(dp) :: volume, stiffness
+    integer :: e
+    call points%init(mesh, i_block, analysis, material, error)
     if (allocated(error)) return
-    kind = element_kind(mesh%block(i_block)%kind)
-    n = kind%n_nodes
-    dim = mesh%dimension
-    slots = gradient_slots(analysis)
-    call material%split(analysis, kept_bulk(mesh%block(i_block)%kind, material%incompressibility), &
-                        matrix, lambda, bulk)
-    n_functions = n_projections(mesh%block(i_block)%kind, dim)
-    strain = reshape([((strain_index(analysis, i, s), i=1, dim), s=1, slots)], [dim, slots])
-    call tables%init_stiffness(mesh%block(i_block)%kind, analysis, .not. factor%constant)
-    most_points = max(tables%straight%n_points, tables%curved%n_points)
-    allocate (x(dim, n), ue(dim, n), node(n), g(n*slots*most_points), w(most_points), stiffness(most_points))
-    allocate (value(most_points*most_projections), dilatation(n*dim*most_projections))
-    do e = first, last
-      node(:) = mesh%block(i_block)%node(:, e)
-      x(:, :) = mesh%x(:, node)
-      ue(:, :) = u(:, node)
-      if (tables%is_curved(x)) then
-        call recover_element(tables%curved)
-      else
-        call recover_element(tables%straight)
-      end if
-      if (allocated(error)) exit
-    end do
-    call factor%destroy()
-
-  contains
-
-    subroutine recover_element(table)
-      type(element_table_t), intent(in) :: table
-      integer :: n_points
-      n_points = table%n_points
-      call map_element(n, dim, slots, n_points, table%shape, table%gradient, table%weight, x, g, w, worst)
-      if (.not. worst > 0) then
-        call bad_element(mesh, i_block, e, error)
-        return
-      end if
-      stiffness(:n_points) = w(:n_points)
-      if (.not. factor%constant) then
-        call apply_factor(factor, table%shape, x, mesh%block(i_block)%tag(e), stiffness(:n_points), error)
-        if (allocated(error)) return
-      end if
-      call element_stress_energy(n, dim, slots, n_points, g, w, stiffness, strain, matrix, ue, stress(:, e), &
-                                 energy(e))
-      mean_factor(e) = sum(stiffness(:n_points))/sum(w(:n_points))
-      if (.not. bulk > 0) return
-      call projection_functions(n, dim, n_points, n_functions, table%shape, x, stiffness, value)
-      call projected_dilatations(n, dim, slots, n_points, n_functions, g, stiffness, value, dilatation)
-      call add_dilatation(n, dim, n_functions, bulk, dilatation, sum(w(:n_points)), sum(stiffness(:n_points)), ue, &
-                          stress(1:3, e), energy(e))
-    end subroutine recover_element
+    associate (n => points%n, dim => points%dim, m => points%n_points)
+      allocate (ue(dim, n))
+      do e = first, last
+        call points%move_to(mesh, i_block, e, error)
+        if (allocated(error)) exit
+        ue(:, :) = u(:, points%node)
+        call element_stress_energy(n, dim, points%slots, m, points%g, points%w, points%stiffness, points%strain, points%matrix, &
+                                   ue, stress(:, e), energy(e))
+        volume = sum(points%w(:m))
+        stiffness = sum(points%stiffness(:m))
+        mean_factor(e) = stiffness/volume
+        if (points%bulk > 0) call add_dilatation(n, dim, points%n_functions, points%bulk, points%dilatation, volume, stiffness, &
+                                                 ue, stress(1:3, e), energy(e))
+      end do
+    end associate
+    call points%destroy()
   end subroutine recover_elements
 
   !> Mean stress of an element, and its energy.

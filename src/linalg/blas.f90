@@ -5,7 +5,7 @@ module dotyk_linalg_blas
   implicit none
   private
   public :: reserve_blas, set_blas_threads, blas_threads, blas_name, add_product, transposed_product, &
-    dgemm, dpotrf, dsyrk, dtrsm
+    dgemm, dgemv, dpotrf, dsyrk, dtrsm, dtrsv
 
   interface
     subroutine dgemm(transa, transb, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc)
@@ -15,6 +15,22 @@ module dotyk_linalg_blas
       real(dp), intent(in) :: alpha, beta, a(lda, *), b(ldb, *)
       real(dp), intent(inout) :: c(ldc, *)
     end subroutine dgemm
+
+    subroutine dgemv(trans, m, n, alpha, a, lda, x, incx, beta, y, incy)
+      import :: dp
+      character(1), intent(in) :: trans
+      integer, intent(in) :: m, n, lda, incx, incy
+      real(dp), intent(in) :: alpha, beta, a(lda, *), x(*)
+      real(dp), intent(inout) :: y(*)
+    end subroutine dgemv
+
+    subroutine dtrsv(uplo, trans, diag, n, a, lda, x, incx)
+      import :: dp
+      character(1), intent(in) :: uplo, trans, diag
+      integer, intent(in) :: n, lda, incx
+      real(dp), intent(in) :: a(lda, *)
+      real(dp), intent(inout) :: x(*)
+    end subroutine dtrsv
 
     subroutine dsyrk(uplo, trans, n, k, alpha, a, lda, beta, c, ldc)
       import :: dp

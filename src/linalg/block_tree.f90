@@ -19,12 +19,19 @@ module dotyk_linalg_block_tree
     integer, allocatable :: begin(:), group(:)
     !> Times of the blocks under group g, ascending: under(under_start(g):under_start(g+1)-1) (n_groups + 1).
     integer, allocatable :: under_start(:), under(:)
+    !> Row of the group's panel before each of them, from 0 (size of under).
+    integer, allocatable :: under_row(:)
+    !> Rows of the matrix that the panel of group g has: row(row_start(g):row_start(g+1)-1) (n_groups + 1).
+    integer, allocatable :: row_start(:), row(:)
     !> Columns and rows of the panels (n_groups).
     integer, allocatable :: width(:), height(:)
     !> Group that the first block under a group belongs to, 0 at roots (n_groups).
     integer, allocatable :: parent(:)
+    !> First group of the subtree of each group: it ends with the group itself (n_groups).
+    integer, allocatable :: first_below(:)
   contains
     procedure :: init => tree_init
+    procedure :: row_under => tree_row_under
     procedure :: entries => tree_entries
     procedure :: operations => tree_operations
   end type block_tree_t
@@ -204,10 +211,12 @@ contains
     !> Rows under each block (n_blocks).
     integer, intent(in) :: rows_under(:), sequence(:)
     logical :: marked(self%n_blocks)
-    integer :: g, last, i, k
+    integer :: g, last, i, k, row
     allocate (self%width(self%n_groups), self%height(self%n_groups), self%parent(self%n_groups), source=0)
     allocate (self%under_start(self%n_groups + 1))
     allocate (self%under(sum([(size(under(sequence(self%begin(g + 1) - 1))%item), g=1, self%n_groups)])))
+    allocate (self%under_row(size(self%under)))
+    self%first_below = [(g, g=1, self%n_groups)]
     marked = .false.
     self%under_start(1) = 1
     do g = 1, self%n_groups
@@ -217,19 +226,70 @@ contains
       associate (item => under(sequence(last))%item)
         marked(item) = .true.
         i = self%under_start(g)
+        row = self%width(g)
         if (size(item) > 0) then
           do k = minval(item), maxval(item)
             if (.not. marked(k)) cycle
             self%under(i) = k
+            self%under_row(i) = row
+            row = row + self%size(self%order(k))
             i = i + 1
           end do
           self%parent(g) = self%group(self%under(self%under_start(g)))
+          self%first_below(self%parent(g)) = min(self%first_below(self%parent(g)), self%first_below(g))
         end if
         marked(item) = .false.
         self%under_start(g + 1) = i
       end associate
     end do
+    call find_rows(self)
   end subroutine describe_groups
+
+  !> The rows of the panels.
+  subroutine find_rows(self)
+    type(block_tree_t), intent(inout) :: self
+    integer :: g, k, n
+    allocate (self%row_start(self%n_groups + 1), self%row(sum(self%height)))
+    n = 0
+    do g = 1, self%n_groups
+      self%row_start(g) = n + 1
+      do k = self%begin(g), self%begin(g + 1) - 1
+        call add(self%order(k))
+      end do
+      do k = self%under_start(g), self%under_start(g + 1) - 1
+        call add(self%order(self%under(k)))
+      end do
+    end do
+    self%row_start(self%n_groups + 1) = n + 1
+  contains
+    !> The rows of a block.
+    subroutine add(block)
+      integer, intent(in) :: block
+      integer :: i
+      do i = self%first(block), self%first(block + 1) - 1
+        n = n + 1
+        self%row(n) = i
+      end do
+    end subroutine add
+  end subroutine find_rows
+
+  !> Row of a group's panel before the block of a time that is under it, from 0.
+  pure integer function tree_row_under(self, g, time) result(row)
+    class(block_tree_t), intent(in) :: self
+    integer, intent(in) :: g, time
+    integer :: low, high, middle
+    low = self%under_start(g)
+    high = self%under_start(g + 1) - 1
+    do while (low < high)
+      middle = (low + high)/2
+      if (self%under(middle) < time) then
+        low = middle + 1
+      else
+        high = middle
+      end if
+    end do
+    row = self%under_row(low)
+  end function tree_row_under
 
   !> Entries of all panels.
   pure integer(int64) function tree_entries(self) result(entries)

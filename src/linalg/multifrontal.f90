@@ -12,6 +12,7 @@ module dotyk_linalg_multifrontal
   use dotyk_base_kinds, only: dp, int64
   use dotyk_linalg_extend_add, only: add_update, clear_lower, locate
   use dotyk_linalg_fronts, only: factor_panel, subtract_square, product_tile, tile_rows, tile_columns
+  use dotyk_linalg_stack_plan, only: plan_stack
   use dotyk_linalg_supernodes, only: supernodes_t, supernode_tree_t, make_tree
   implicit none
   private
@@ -172,7 +173,7 @@ contains
     integer, intent(in) :: t
     integer(int64) :: needed
     integer :: i, s
-    call plan_stack(work, t, needed)
+    call plan_stack(work%supernodes, work%tree, t, work%place, work%side, needed)
     call take_stack(work, needed, work%remainder(t))
     if (work%remainder(t)%out_of_memory) return
     do i = work%tree%first(t), work%tree%last(t)
@@ -234,44 +235,6 @@ contains
     allocate (work%stack(i)%x(needed + 1), stat=status)
     remainder%out_of_memory = status /= 0
   end subroutine take_stack
-
-  !> Where the updates of a subtree are going to be. Children lie on one stack, from the lower end up, their parents on another,
-  !> from the upper end down, so that a parent's update never has to be moved.
-  subroutine plan_stack(work, t, needed)
-    type(work_t), intent(inout) :: work
-    integer, intent(in) :: t
-    !> Length of both stacks together.
-    integer(int64), intent(out) :: needed
-    integer :: i, s, child, first, last
-    integer(int64) :: height(0:1)
-    first = work%tree%first(t)
-    last = work%tree%last(t)
-    work%side(work%tree%order(last)) = 0
-    do i = last - 1, first, -1
-      s = work%tree%order(i)
-      work%side(s) = 1 - work%side(work%tree%parent(s))
-    end do
-    needed = 0
-    height = 0
-    do i = first, last
-      s = work%tree%order(i)
-      work%place(s) = height(work%side(s))
-      height(work%side(s)) = height(work%side(s)) + update_length(s)
-      needed = max(needed, sum(height))
-      child = work%tree%first_child(s)
-      if (child >= 0) height(1 - work%side(s)) = work%place(child)
-    end do
-    do i = first, last
-      s = work%tree%order(i)
-      if (work%side(s) == 1) work%place(s) = needed - work%place(s) - update_length(s)
-    end do
-  contains
-    !> Entries of the square that a supernode's update is.
-    integer(int64) function update_length(s)
-      integer, intent(in) :: s
-      update_length = int(work%supernodes%rows(s) - work%supernodes%columns(s), int64)**2
-    end function update_length
-  end subroutine plan_stack
 
   !> Assemble a front from what its children have left, eliminate its columns, and leave its update.
   subroutine factor_front(work, s, stack, x, failed)

@@ -1,6 +1,6 @@
 !> Fill-reducing orderings by METIS's nested dissection. The only module that names METIS.
 module dotyk_linalg_ordering
-  use, intrinsic :: iso_c_binding, only: c_int, c_int32_t, c_ptr, c_null_ptr
+  use, intrinsic :: iso_c_binding, only: c_int, c_int32_t, c_loc, c_null_ptr, c_ptr
   use dotyk_base_error, only: error_t, set_error, exit_machine, exit_not_solvable
   use dotyk_base_text, only: to_text
   implicit none
@@ -34,7 +34,7 @@ module dotyk_linalg_ordering
 contains
 
   !> Nested dissection of a graph. The same graph and seed give the same ordering, whatever else runs at the same time.
-  subroutine nested_dissection(start, neighbour, permutation, error, seed)
+  subroutine nested_dissection(start, neighbour, permutation, error, seed, weight)
     !> Position of the first neighbour of each node (n+1), 1-based.
     integer, intent(in) :: start(:)
     !> Neighbours of each node, without the node itself; the graph is symmetric.
@@ -45,6 +45,10 @@ contains
     type(error_t), allocatable, intent(out) :: error
     !> Seed of METIS's random numbers; a fixed one if absent.
     integer, intent(in), optional :: seed
+    !> Equations of each node, where they differ: nodes that part the graph have few in all (n).
+    integer, intent(in), optional :: weight(:)
+    integer(c_int32_t), allocatable, target :: weight_c(:)
+    type(c_ptr) :: weights
     integer(c_int32_t), allocatable :: start_c(:), neighbour_c(:), permutation_c(:), inverse(:)
     integer(c_int32_t) :: options(n_options)
     integer(c_int) :: status
@@ -57,12 +61,17 @@ contains
     allocate (start_c(n + 1), neighbour_c(size(neighbour)), permutation_c(n), inverse(n))
     start_c = int(start, c_int32_t) - 1_c_int32_t
     neighbour_c = int(neighbour, c_int32_t) - 1_c_int32_t
+    weights = c_null_ptr
+    if (present(weight)) then
+      weight_c = int(weight, c_int32_t)
+      weights = c_loc(weight_c)
+    end if
     ! libmetis draws from the C library's rand(), which all threads share.
     !$omp critical(dotyk_metis)
     status = metis_set_default_options(options)
     options(option_seed) = 1
     if (present(seed)) options(option_seed) = int(seed, c_int32_t)
-    status = metis_node_nd(int(n, c_int32_t), start_c, neighbour_c, c_null_ptr, options, permutation_c, inverse)
+    status = metis_node_nd(int(n, c_int32_t), start_c, neighbour_c, weights, options, permutation_c, inverse)
     !$omp end critical(dotyk_metis)
     if (status == metis_ok) then
       permutation = int(permutation_c) + 1

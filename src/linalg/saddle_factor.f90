@@ -3,7 +3,8 @@
 !> M is positive definite, H is not negative; columns of G may depend on each other. Nothing is pivoted: a block of H that comes after all
 !> blocks of M that it touches has become `-H - G^T M^{-1} G`, not positive, and what is left of it where it vanishes touches nothing any more.
 !> These directions are told apart by its eigenvalues, and stay out: a generalized inverse. The factor is `L D L^T`, D = 1 for the
-!> columns of M and -1 for those of H; in place of a triangle blocks of H have the root of their inverse.
+!> columns of M and -1 for those of H; in place of a triangle blocks of H have the root of their inverse. Systems are solved by
+!> `dotyk_linalg_saddle_solution`.
 module dotyk_linalg_saddle_factor
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use dotyk_base_error, only: error_t, set_error, exit_not_solvable
@@ -16,7 +17,7 @@ module dotyk_linalg_saddle_factor
   private
 
   !> A dense matrix.
-  type :: dense_t
+  type, public :: dense_t
     real(dp), allocatable :: x(:, :)
   end type dense_t
 
@@ -26,9 +27,12 @@ module dotyk_linalg_saddle_factor
     !> 1 for blocks of M, -1 for those of H (n_blocks).
     integer, allocatable :: sign(:)
     !> Row of its group's panel before each block, from 0, by times (n_blocks).
-    integer, allocatable, private :: offset(:)
-    !> Panels, and roots of the inverses of blocks of H (n_groups), (n_blocks).
-    type(dense_t), allocatable, private :: panel(:), root(:)
+    integer, allocatable :: offset(:)
+    !> First time of each run, blocks of M that are eliminated at once or a block of H; first run of each group (n_runs + 1),
+    !> (n_groups + 1).
+    integer, allocatable :: run(:), first_run(:)
+    !> Panels, and roots of the inverses of blocks of H by times (n_groups), (n_blocks).
+    type(dense_t), allocatable :: panel(:), root(:)
     !> Directions that stay out: block of each, and their components as columns (largest block, number).
     integer, allocatable :: null_block(:)
     real(dp), allocatable :: null_direction(:, :)
@@ -36,26 +40,26 @@ module dotyk_linalg_saddle_factor
     procedure :: init => saddle_init
     procedure :: add => saddle_add
     procedure :: factorize => saddle_factorize
-    procedure :: solve => saddle_solve
-    procedure :: extend_null => saddle_extend_null
+    procedure :: columns => saddle_columns
     procedure :: destroy => saddle_destroy
   end type saddle_factor_t
 
   !> Directions of a block of H whose eigenvalue is below this part of what it would be with the diagonal of M alone have none.
   real(dp), parameter :: least_eigenvalue = 1.0e-12_dp
-  !> Columns that are eliminated block by block at a time.
+  !> Columns that are eliminated run by run at a time, and those of runs of several blocks.
   integer, parameter :: columns_of_lot = 64
 
 contains
 
   !> A matrix of zeros.
   subroutine saddle_init(self, sizes, sign, start, neighbour, order, error)
-    class(saddle_factor_t), intent(out) :: self
+    class(saddle_factor_t), intent(inout) :: self
     !> As in `block_tree_t`; no block of H may come before a block of M that it touches.
     integer, intent(in) :: sizes(:), sign(:), start(:), neighbour(:), order(:)
     !> Out of memory.
     type(error_t), allocatable, intent(out) :: error
     integer :: g, k, at, status
+    call self%destroy()
     call self%tree%init(sizes, start, neighbour, order)
     self%sign = sign
     allocate (self%panel(self%tree%n_groups), self%root(self%tree%n_blocks), self%offset(self%tree%n_blocks))
@@ -71,7 +75,41 @@ contains
     end do
     if (status /= 0) call set_error(error, 'out of memory for a factor of '//to_text(self%tree%entries())//' entries', &
                                     exit_not_solvable)
+    call find_runs(self)
   end subroutine saddle_init
+
+  !> Put blocks of M that come one after the other together.
+  subroutine find_runs(self)
+    class(saddle_factor_t), intent(inout) :: self
+    integer :: g, k, n, columns
+    allocate (self%run(self%tree%n_blocks + 1), self%first_run(self%tree%n_groups + 1))
+    n = 0
+    do g = 1, self%tree%n_groups
+      self%first_run(g) = n + 1
+      columns = columns_of_lot
+      do k = self%tree%begin(g), self%tree%begin(g + 1) - 1
+        associate (block => self%tree%order(k))
+          columns = columns + self%tree%size(block)
+          if (columns > columns_of_lot .or. self%sign(block) < 0) then
+            n = n + 1
+            self%run(n) = k
+            columns = self%tree%size(block)
+          end if
+          if (self%sign(block) < 0) columns = columns_of_lot
+        end associate
+      end do
+    end do
+    self%first_run(self%tree%n_groups + 1) = n + 1
+    self%run(n + 1) = self%tree%n_blocks + 1
+    self%run = self%run(:n + 1)
+  end subroutine find_runs
+
+  !> Columns of the blocks eliminated from one time to another, of the same group.
+  pure integer function saddle_columns(self, first, last) result(columns)
+    class(saddle_factor_t), intent(in) :: self
+    integer, intent(in) :: first, last
+    columns = self%offset(last) + self%tree%size(self%tree%order(last)) - self%offset(first)
+  end function saddle_columns
 
   !> Add to a block; its mirror image is added to by itself.
   subroutine saddle_add(self, p, q, part)
@@ -80,7 +118,7 @@ contains
     integer, intent(in) :: p, q
     !> (rows of block p, rows of block q)
     real(dp), intent(in) :: part(:, :)
-    integer :: k, l, g, row, column, low, high, middle
+    integer :: k, l, g, row, column
     k = min(self%tree%time(p), self%tree%time(q))
     l = max(self%tree%time(p), self%tree%time(q))
     g = self%tree%group(k)
@@ -88,13 +126,7 @@ contains
     if (self%tree%group(l) == g) then
       row = self%offset(l)
     else
-      row = self%tree%width(g)
-      low = self%tree%under_start(g)
-      high = self%tree%under_start(g + 1) - 1
-      do middle = low, high
-        if (self%tree%under(middle) == l) exit
-        row = row + self%tree%size(self%tree%order(self%tree%under(middle)))
-      end do
+      row = self%tree%row_under(g, l)
     end if
     associate (x => self%panel(g)%x)
       if (self%tree%time(p) >= self%tree%time(q)) then
@@ -146,14 +178,12 @@ contains
     type(saddle_factor_t), intent(in) :: self
     integer, intent(in) :: g
     integer, intent(inout) :: place(:)
-    integer :: i, at
+    integer :: i
     do i = self%tree%begin(g), self%tree%begin(g + 1) - 1
       place(i) = self%offset(i)
     end do
-    at = self%tree%width(g)
     do i = self%tree%under_start(g), self%tree%under_start(g + 1) - 1
-      place(self%tree%under(i)) = at
-      at = at + self%tree%size(self%tree%order(self%tree%under(i)))
+      place(self%tree%under(i)) = self%tree%under_row(i)
     end do
   end subroutine find_places
 
@@ -177,34 +207,36 @@ contains
     width = size(panel, 2)
     do j = 1, n
       if (to(j) <= width) then
-        panel(to(j:), to(j)) = panel(to(j:), to(j)) + left(j:, j)
+        do i = j, n
+          panel(to(i), to(j)) = panel(to(i), to(j)) + left(i, j)
+        end do
       else
-        update(to(j:) - width, to(j) - width) = update(to(j:) - width, to(j) - width) + left(j:, j)
+        do i = j, n
+          update(to(i) - width, to(j) - width) = update(to(i) - width, to(j) - width) + left(i, j)
+        end do
       end if
     end do
   end subroutine add_update
 
-  !> Eliminate the columns of a panel: blocks in lots, so that most products are of many columns.
+  !> Eliminate the columns of a panel: runs in lots, so that most products are of many columns.
   subroutine factor_group(self, g, reference, failed)
     type(saddle_factor_t), intent(inout) :: self
     integer, intent(in) :: g
     real(dp), intent(in) :: reference(:)
     integer, intent(out) :: failed
-    integer :: first, last, end_of_group, before, k
+    integer :: first, last, k
     failed = 0
-    first = self%tree%begin(g)
-    end_of_group = self%tree%begin(g + 1) - 1
-    do while (first <= end_of_group)
-      before = self%offset(first)
+    first = self%first_run(g)
+    do while (first < self%first_run(g + 1))
       last = first
-      do while (last < end_of_group)
-        if (self%offset(last + 1) - before >= columns_of_lot) exit
+      do while (last + 1 < self%first_run(g + 1))
+        if (self%columns(self%run(first), self%run(last + 2) - 1) > columns_of_lot) exit
         last = last + 1
       end do
-      call subtract_columns(self, g, self%tree%begin(g), first, last)
+      call subtract_columns(self, g, self%tree%begin(g), self%run(first), self%run(last + 1) - 1)
       do k = first, last
-        call subtract_columns(self, g, first, k, k)
-        call factor_block(self, g, k, reference, failed)
+        call subtract_columns(self, g, self%run(first), self%run(k), self%run(k + 1) - 1)
+        call factor_run(self, g, self%run(k), self%run(k + 1) - 1, reference, failed)
         if (failed > 0) return
       end do
       first = last + 1
@@ -221,7 +253,7 @@ contains
     begin = self%offset(from)
     k = self%offset(first) - begin
     at = self%offset(first)
-    n = self%offset(last) + self%tree%size(self%tree%order(last)) - at
+    n = self%columns(first, last)
     if (k == 0 .or. n == 0) return
     allocate (signed(k, n))
     associate (x => self%panel(g)%x, m => self%tree%height(g))
@@ -235,32 +267,36 @@ contains
     end associate
   end subroutine subtract_columns
 
-  !> Eliminate the columns of one block.
-  subroutine factor_block(self, g, k, reference, failed)
+  !> Eliminate the columns of one run.
+  subroutine factor_run(self, g, first, last, reference, failed)
     type(saddle_factor_t), intent(inout) :: self
-    !> Group and time.
-    integer, intent(in) :: g, k
+    !> Group and times.
+    integer, intent(in) :: g, first, last
     real(dp), intent(in) :: reference(:)
     integer, intent(out) :: failed
-    integer :: at, n, rows, info
+    integer :: at, n, rows, info, k
     failed = 0
-    at = self%offset(k)
-    n = self%tree%size(self%tree%order(k))
+    at = self%offset(first)
+    n = self%columns(first, last)
     if (n == 0) return
     associate (x => self%panel(g)%x, m => self%tree%height(g))
       rows = m - at - n
-      if (self%sign(self%tree%order(k)) > 0) then
+      if (self%sign(self%tree%order(first)) > 0) then
         call dpotrf('L', n, x(at + 1, at + 1), m, info)
         if (info == 0 .and. rows > 0) &
           call dtrsm('R', 'L', 'T', 'N', rows, n, 1.0_dp, x(at + 1, at + 1), m, x(at + n + 1, at + 1), m)
         if (info == 0 .and. .not. ieee_is_finite(x(at + n, at + n))) info = n
       else
-        call take_root(self, k, reference(self%tree%order(k)), x(at + 1:at + n, at + 1:at + n), info)
-        if (info == 0) x(at + n + 1:, at + 1:at + n) = -matmul(x(at + n + 1:, at + 1:at + n), self%root(k)%x)
+        call take_root(self, first, reference(self%tree%order(first)), x(at + 1:at + n, at + 1:at + n), info)
+        if (info == 0) x(at + n + 1:, at + 1:at + n) = -matmul(x(at + n + 1:, at + 1:at + n), self%root(first)%x)
       end if
-      if (info /= 0) failed = self%tree%order(k)
+      if (info == 0) return
+      do k = first, last
+        failed = self%tree%order(k)
+        if (info <= self%columns(first, k)) exit
+      end do
     end associate
-  end subroutine factor_block
+  end subroutine factor_run
 
   !> The root R of the generalized inverse of a block of H, `(-A)^+ = R R^T`, and the directions that stay out.
   subroutine take_root(self, k, reference, a, failed)
@@ -323,132 +359,11 @@ contains
     end do
   end subroutine subtract_products
 
-  !> x <- A^+ x.
-  subroutine saddle_solve(self, x)
-    class(saddle_factor_t), intent(in) :: self
-    !> In the order of the blocks (n).
-    real(dp), intent(inout) :: x(:)
-    integer :: g, k
-    do g = 1, self%tree%n_groups
-      call forwards(self, g, x)
-    end do
-    do k = 1, self%tree%n_blocks
-      if (self%sign(k) < 0) x(self%tree%first(k):self%tree%first(k + 1) - 1) = -x(self%tree%first(k):self%tree%first(k + 1) - 1)
-    end do
-    do g = self%tree%n_groups, 1, -1
-      call backwards(self, g, self%tree%begin(g + 1) - 1, x)
-    end do
-  end subroutine saddle_solve
-
-  !> The vector of a direction that stays out: A maps it to zero.
-  subroutine saddle_extend_null(self, i, x)
-    class(saddle_factor_t), intent(in) :: self
-    !> Which one.
-    integer, intent(in) :: i
-    !> (n)
-    real(dp), intent(out) :: x(:)
-    integer :: g, k
-    x = 0
-    associate (block => self%null_block(i))
-      x(self%tree%first(block):self%tree%first(block + 1) - 1) = self%null_direction(:self%tree%size(block), i)
-      k = self%tree%time(block)
-    end associate
-    call backwards(self, self%tree%group(k), k - 1, x)
-    do g = self%tree%group(k) - 1, 1, -1
-      call backwards(self, g, self%tree%begin(g + 1) - 1, x)
-    end do
-  end subroutine saddle_extend_null
-
-  !> The rows of a group's panel, out of a vector.
-  subroutine gather(self, g, x, front)
-    type(saddle_factor_t), intent(in) :: self
-    integer, intent(in) :: g
-    real(dp), intent(in) :: x(:)
-    !> (height of the panel)
-    real(dp), intent(out) :: front(:)
-    integer :: i, n
-    n = 0
-    do i = self%tree%begin(g), self%tree%begin(g + 1) - 1
-      call one(self%tree%order(i))
-    end do
-    do i = self%tree%under_start(g), self%tree%under_start(g + 1) - 1
-      call one(self%tree%order(self%tree%under(i)))
-    end do
-  contains
-    !> One block.
-    subroutine one(block)
-      integer, intent(in) :: block
-      front(n + 1:n + self%tree%size(block)) = x(self%tree%first(block):self%tree%first(block + 1) - 1)
-      n = n + self%tree%size(block)
-    end subroutine one
-  end subroutine gather
-
-  !> x <- L^{-1} x for the columns of a group.
-  subroutine forwards(self, g, x)
-    type(saddle_factor_t), intent(in) :: self
-    integer, intent(in) :: g
-    real(dp), intent(inout) :: x(:)
-    real(dp) :: front(self%tree%height(g)), part(self%tree%height(g))
-    integer :: k, i, at, n, m
-    m = self%tree%height(g)
-    call gather(self, g, x, front)
-    associate (panel => self%panel(g)%x)
-      do k = self%tree%begin(g), self%tree%begin(g + 1) - 1
-        at = self%offset(k)
-        n = self%tree%size(self%tree%order(k))
-        if (n == 0) cycle
-        if (self%sign(self%tree%order(k)) > 0) then
-          call dtrsm('L', 'L', 'N', 'N', n, 1, 1.0_dp, panel(at + 1, at + 1), m, front(at + 1), m)
-        else
-          front(at + 1:at + n) = matmul(front(at + 1:at + n), self%root(k)%x)
-        end if
-        x(self%tree%first(self%tree%order(k)):self%tree%first(self%tree%order(k) + 1) - 1) = front(at + 1:at + n)
-        part(at + 1:at + n) = front(at + 1:at + n)
-        if (at + n < m) call dgemm('N', 'N', m - at - n, 1, n, -1.0_dp, panel(at + n + 1, at + 1), m, part(at + 1), m, &
-                                   1.0_dp, front(at + n + 1), m)
-      end do
-    end associate
-    n = self%tree%width(g)
-    do i = self%tree%under_start(g), self%tree%under_start(g + 1) - 1
-      associate (block => self%tree%order(self%tree%under(i)))
-        x(self%tree%first(block):self%tree%first(block + 1) - 1) = front(n + 1:n + self%tree%size(block))
-        n = n + self%tree%size(block)
-      end associate
-    end do
-  end subroutine forwards
-
-  !> x <- L^{-T} x for the columns of a group, from the block at a time down.
-  subroutine backwards(self, g, last, x)
-    type(saddle_factor_t), intent(in) :: self
-    integer, intent(in) :: g, last
-    real(dp), intent(inout) :: x(:)
-    real(dp) :: front(self%tree%height(g)), part(self%tree%height(g))
-    integer :: k, at, n, m
-    m = self%tree%height(g)
-    call gather(self, g, x, front)
-    associate (panel => self%panel(g)%x)
-      do k = last, self%tree%begin(g), -1
-        at = self%offset(k)
-        n = self%tree%size(self%tree%order(k))
-        if (n == 0) cycle
-        part(at + 1:at + n) = front(at + 1:at + n)
-        if (at + n < m) call dgemm('T', 'N', n, 1, m - at - n, -1.0_dp, panel(at + n + 1, at + 1), m, front(at + n + 1), m, &
-                                   1.0_dp, part(at + 1), m)
-        front(at + 1:at + n) = part(at + 1:at + n)
-        if (self%sign(self%tree%order(k)) > 0) then
-          call dtrsm('L', 'L', 'T', 'N', n, 1, 1.0_dp, panel(at + 1, at + 1), m, front(at + 1), m)
-        else
-          front(at + 1:at + n) = matmul(self%root(k)%x, front(at + 1:at + n))
-        end if
-        x(self%tree%first(self%tree%order(k)):self%tree%first(self%tree%order(k) + 1) - 1) = front(at + 1:at + n)
-      end do
-    end associate
-  end subroutine backwards
-
   !> Give back all memory.
   subroutine saddle_destroy(self)
     class(saddle_factor_t), intent(inout) :: self
-    if (allocated(self%panel)) deallocate (self%panel, self%root)
+    if (allocated(self%panel)) deallocate (self%panel, self%root, self%offset)
+    if (allocated(self%run)) deallocate (self%run, self%first_run)
     if (allocated(self%null_block)) deallocate (self%null_block, self%null_direction)
     self%tree%n_blocks = 0
   end subroutine saddle_destroy

@@ -23,6 +23,8 @@ module dotyk_response_definite
     !> That of what was factorized: soft motions are no part of it.
     real(dp) :: condition_left = 1
     logical :: is_measured = .false.
+    !> Diagonal of the stiffness, springs included (n_equations) [force/length].
+    real(dp), allocatable :: diagonal(:)
     !> Equations with springs, those against free or soft motions, and the springs (n_springs) [force/length].
     integer, allocatable :: hold(:)
     real(dp), allocatable :: spring(:)
@@ -74,6 +76,7 @@ contains
     digits%spring = spring
     digits%condition = 1/factor%weakest_pivot
     digits%condition_left = digits%condition
+    digits%diagonal = diagonal
     if (factor%weakest_pivot > small_pivot) return
     n = min(n_shapes, size(diagonal))
     allocate (shapes(size(diagonal), n), values(n))

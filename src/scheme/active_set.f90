@@ -2,8 +2,8 @@
 !>
 !> Points that are taken for closed give a linear system for their forces and the free motions; forces that pull and points that
 !> penetrate say which were taken wrongly. Where the closed points cannot carry a free body, it comes to rest on the points that it
-!> falls on. Should active sets come back, the proximal method of multipliers (`dotyk_scheme_proximal`) takes over, which cannot
-!> cycle.
+!> falls on. Should active sets come back, the interior point method (`dotyk_scheme_interior`) finds one next to the solution. Should they
+!> come back even from there, by points whose gaps and forces are next to nothing, that one is the answer, and its bound says how good it is.
 module dotyk_scheme_active_set
   use dotyk_base_error, only: error_t
   use dotyk_base_interrupt, only: interrupted
@@ -18,7 +18,6 @@ module dotyk_scheme_active_set
   use dotyk_scheme_interior, only: interior_points
   use dotyk_scheme_problem, only: contact_problem_t
   use dotyk_scheme_progress, only: progress_line
-  use dotyk_scheme_proximal, only: proximal_step
   use dotyk_scheme_settle, only: settle
   implicit none
   private
@@ -35,13 +34,14 @@ module dotyk_scheme_active_set
   real(dp), parameter, public :: rounding = 1.0e-12_dp
   !> Active sets after which the interior point method finds a better one to go on from: Newton's method needs less than ten, or cycles.
   integer, parameter :: most_first_steps = 9
-  !> Active sets after which the proximal method takes over.
-  integer, parameter :: most_newton_steps = 25
+  !> Active sets after that at most.
+  integer, parameter :: most_last_steps = 16
 
 contains
 
   !> Iterate until the active set does not change.
-  subroutine find_active_set(problem, max_iterations, tolerance, log, compliance, system, now, active, result, error)
+  subroutine find_active_set(problem, max_iterations, tolerance, log, compliance, system, now, active, result, error, &
+                             from_inside)
     type(contact_problem_t), intent(inout) :: problem
     !> Active sets at most.
     integer, intent(in) :: max_iterations
@@ -59,38 +59,34 @@ contains
     type(scheme_result_t), intent(inout) :: result
     !> Out of memory.
     type(error_t), allocatable, intent(out) :: error
+    !> True: the interior point method begins, without any active set; false if absent.
+    logical, intent(in), optional :: from_inside
     logical :: next(size(active)), immovable(size(active)), comes_back, tried
     integer :: changes(max_iterations)
-    type(iterate_t) :: last, kept
+    type(iterate_t) :: last, inside
+    logical, allocatable :: inside_active(:)
     real(dp), allocatable :: change(:), yields(:)
     real(dp) :: begin, length, largest_force, largest_gap
-    integer :: k, systems, steps
+    integer :: k, last_k, steps
 
     begin = wall_time()
     allocate (change(size(active)))
     immovable = .false.
     result%ended = ended_limit
-    systems = 0
     tried = .false.
+    last_k = max_iterations
     do k = 1, max_iterations
-      if (interrupted()) exit
+      if (interrupted() .or. k > last_k) exit
       comes_back = .not. tried .and. (k == most_first_steps .or. go_up_and_down(changes(:k - 1)))
+      if (present(from_inside) .and. k == 1) comes_back = from_inside
       if (comes_back) then
         call log%end_progress()
         tried = .true.
+        last_k = min(max_iterations, k + most_last_steps)
         call approach(problem, compliance, system, immovable, now, active, steps, error)
         if (allocated(error)) return
-        call log%line('  active sets come back; the interior point method solved '//to_text(steps)//' systems')
-      end if
-      if (k == most_newton_steps) call log%line('  active sets come back; the proximal method of multipliers goes on')
-      if (k >= most_newton_steps) then
-        ! The iterates of the proximal method go their own way: solutions of active sets are tried, but do not disturb them.
-        if (k == most_newton_steps) kept = now
-        call soften(problem, compliance, system, k - most_newton_steps, kept, steps, error)
-        if (allocated(error)) return
-        systems = systems + steps
-        active = kept%lambda > 0 .and. .not. immovable
-        if (interrupted()) exit
+        call log%line(trim(merge('  active sets come back;', '                        ', k > 1))// &
+                      '  the interior point method solved '//to_text(steps)//' systems')
       end if
       call drop_immovable(problem, compliance, yields, active, immovable)
       if (any(immovable .and. problem%y_free > 0 .and. .not. problem%operator%theta > 0)) then
@@ -101,6 +97,10 @@ contains
       if (allocated(error)) return
       last = now
       call solve_active(problem, compliance, system, now)
+      if (comes_back) then
+        inside = now
+        inside_active = active
+      end if
       ! Half a solution says nothing about active sets.
       if (interrupted()) exit
       call compliance%multiply(problem, now%lambda - last%lambda, change)
@@ -128,7 +128,11 @@ contains
       result%closed = active
     end if
     call log%end_progress()
-    if (systems > 0) call log%line('  the proximal method solved '//to_text(systems)//' systems')
+    if (result%ended == ended_limit .and. allocated(inside%lambda)) then
+      now = inside
+      active = inside_active
+      call system%init(problem, compliance, problem%operator%theta, active, error)
+    end if
   end subroutine find_active_set
 
   !> Whether the numbers of points that change from one active set to the next do not get fewer.
@@ -211,42 +215,6 @@ contains
                          active, steps, error)
     if (.not. allocated(error)) call update_penetrations(problem, compliance, now)
   end subroutine approach
-
-  !> One step of the proximal method, from the last iterate without the forces that pull.
-  subroutine soften(problem, compliance, system, number, now, steps, error)
-    type(contact_problem_t), intent(inout) :: problem
-    type(explicit_compliance_t), intent(in) :: compliance
-    !> Another one on return.
-    class(active_system_t), intent(inout) :: system
-    type(iterate_t), intent(inout) :: now
-    !> Number of steps before: each is harder than the last, and nearer to the true problem.
-    integer, intent(in) :: number
-    !> Linear systems that it took.
-    integer, intent(out) :: steps
-    type(error_t), allocatable, intent(out) :: error
-    real(dp), allocatable :: hold(:), motion(:), one(:), rho(:)
-    integer :: j
-    real(dp) :: softness
-    ! A soft spring on every motion, relative to what all contact points together would resist it with.
-    real(dp), parameter :: soft = 1.0e-3_dp
-    ! By how much contact and springs get harder from step to step, and where it ends: the steps then converge faster and faster.
-    real(dp), parameter :: shrinking = 0.5_dp, least_softness = 1.0e-9_dp
-    allocate (hold(problem%coarse%n), one(problem%coarse%n), motion(size(now%y)))
-    do j = 1, problem%coarse%n
-      one = 0
-      one(j) = 1
-      call problem%coarse%displacement(problem%operator, one, motion)
-      hold(j) = soft*sum(foundation_stiffness(problem)*motion**2)
-    end do
-    where (.not. hold > 0) hold = max(tiny(1.0_dp), soft*maxval(hold))
-    softness = max(least_softness, shrinking**number)
-    rho = softness*problem%foundation + problem%operator%theta
-    hold = softness*hold
-    now%lambda = max(0.0_dp, now%lambda)
-    call update_penetrations(problem, compliance, now)
-    call proximal_step(problem, compliance, system, rho, hold, now%lambda, now%alpha, &
-                       now%y, steps, error)
-  end subroutine soften
 
   !> Solve the system of the active set for the new iterate.
   subroutine solve_active(problem, compliance, system, now)

@@ -4,7 +4,7 @@
 !>
 !>     M lambda - G alpha = b,    G^T lambda = c.
 !>
-!> Springs on the motions (`hold`) add to the second line: `G^T lambda + hold alpha = c`. There are three ways to solve it: by factorization
+!> Springs S of the coarse space add to the second line: `G^T lambda + S alpha = c`. There are three ways to solve it: by factorization
 !> (`dotyk_scheme_direct_system`, with many free bodies `dotyk_scheme_saddle_system`), and by conjugate gradients
 !> (`dotyk_scheme_iterative_system`).
 module dotyk_scheme_active_system
@@ -22,9 +22,15 @@ module dotyk_scheme_active_system
   type, abstract, public :: active_system_t
     !> Active points: rows of the contact operator, ascending (n).
     integer, allocatable :: row(:)
+    !> theta/w there (n) [length/force].
+    real(dp), allocatable :: layer(:)
     !> Motions that the active points do not hold, as columns (coarse%n, number of them).
     real(dp), allocatable :: null_motion(:, :)
   contains
+    !> Take the active points.
+    procedure :: take_points => system_take_points
+    !> Give back what `take_points` and the motions took.
+    procedure :: forget => system_forget
     !> Make it, for another active set than before.
     procedure(init_interface), deferred :: init
     !> Solve it as exactly as rounding allows. Motions that nothing holds stay at rest; the part of c that excites them is left over.
@@ -35,7 +41,7 @@ module dotyk_scheme_active_system
 
   abstract interface
     !> Prepare the system.
-    subroutine init_interface(self, problem, compliance, theta, active, error, hold)
+    subroutine init_interface(self, problem, compliance, theta, active, error)
       import :: active_system_t, contact_problem_t, explicit_compliance_t, error_t, dp
       class(active_system_t), intent(inout) :: self
       type(contact_problem_t), intent(in) :: problem
@@ -47,8 +53,6 @@ module dotyk_scheme_active_system
       logical, intent(in) :: active(:)
       !> Out of memory.
       type(error_t), allocatable, intent(out) :: error
-      !> Spring on each motion; none where not given (coarse%n) [force/length].
-      real(dp), intent(in), optional :: hold(:)
     end subroutine init_interface
 
     !> Solve the system.
@@ -71,4 +75,26 @@ module dotyk_scheme_active_system
       class(active_system_t), intent(inout) :: self
     end subroutine destroy_interface
   end interface
+
+contains
+
+  !> Take the active points of a problem.
+  subroutine system_take_points(self, problem, theta, active)
+    class(active_system_t), intent(inout) :: self
+    type(contact_problem_t), intent(in) :: problem
+    !> Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    !> (n_rows).
+    logical, intent(in) :: active(:)
+    integer :: i
+    self%row = pack([(i, i=1, size(active))], active)
+    self%layer = theta(self%row)/problem%operator%weight(self%row)
+  end subroutine system_take_points
+
+  !> Give back what all systems have.
+  subroutine system_forget(self)
+    class(active_system_t), intent(inout) :: self
+    if (allocated(self%row)) deallocate (self%row, self%layer)
+    if (allocated(self%null_motion)) deallocate (self%null_motion)
+  end subroutine system_forget
 end module dotyk_scheme_active_system

@@ -1,7 +1,7 @@
 !> Contact pairs and the bodies that they share, as the blocks of a sparse system: pairs first, then the motions of the free bodies.
 module dotyk_scheme_body_graph
   use dotyk_base_error, only: error_t
-  use dotyk_linalg_ordering, only: nested_dissection
+  use dotyk_scheme_pair_graph, only: link_members, order_pairs
   use dotyk_scheme_problem, only: contact_problem_t
   implicit none
   private
@@ -70,8 +70,8 @@ contains
     end do
     graph%motion = [(i, i=1, problem%coarse%n)]
     call link_blocks(graph, .false., start, neighbour)
-    allocate (pair_order(graph%n_pairs), graph%order(n_blocks))
-    call nested_dissection(start(:graph%n_pairs + 1), neighbour, pair_order, error)
+    allocate (graph%order(n_blocks))
+    call order_pairs(start, neighbour, graph%size(:graph%n_pairs), pair_order, error)
     if (allocated(error)) return
     call link_blocks(graph, .true., graph%start, graph%neighbour)
     call put_bodies(graph, pair_order)
@@ -155,58 +155,26 @@ contains
   subroutine link_blocks(graph, with_motions, start, neighbour)
     type(body_graph_t), intent(in) :: graph
     logical, intent(in) :: with_motions
+    !> As in `body_graph_t`; without motions those of the pairs alone.
     integer, allocatable, intent(out) :: start(:), neighbour(:)
-    integer :: degree(size(graph%size)), b, i, pass
-    do pass = 1, 2
-      degree = 0
-      do b = 1, size(graph%body)
-        associate (run => graph%body(b))
-          do i = 1, size(run%block)
-            call link(run%block(i), run%block(:i - 1))
-            call link(run%block(i), run%block(i + 1:))
-            if (with_motions .and. run%motions > 0) call link(run%block(i), [run%motions])
-          end do
-          if (with_motions .and. run%motions > 0) call link(run%motions, run%block)
-        end associate
-      end do
-      if (pass == 2) exit
-      allocate (start(size(degree) + 1))
-      start(1) = 1
-      do i = 1, size(degree)
-        start(i + 1) = start(i) + degree(i)
-      end do
-      allocate (neighbour(start(size(start)) - 1))
+    integer, allocatable :: first(:), member(:)
+    integer :: b, n
+    allocate (first(size(graph%body) + 1))
+    allocate (member(sum([(size(graph%body(b)%block) + 1, b=1, size(graph%body))])))
+    first(1) = 1
+    do b = 1, size(graph%body)
+      associate (run => graph%body(b))
+        n = size(run%block)
+        member(first(b):first(b) + n - 1) = run%block
+        first(b + 1) = first(b) + n
+        if (.not. with_motions .or. run%motions == 0) cycle
+        member(first(b + 1)) = run%motions
+        first(b + 1) = first(b + 1) + 1
+      end associate
     end do
-    call drop_repeated(start, neighbour)
-  contains
-    !> Count or set neighbours of a block.
-    subroutine link(block, others)
-      integer, intent(in) :: block, others(:)
-      if (pass == 2) neighbour(start(block) + degree(block):start(block) + degree(block) + size(others) - 1) = others
-      degree(block) = degree(block) + size(others)
-    end subroutine link
+    n = merge(size(graph%size), graph%n_pairs, with_motions)
+    call link_members(first, member(:first(size(first)) - 1), n, start, neighbour)
   end subroutine link_blocks
-
-  !> Pairs that share both bodies have got each other twice.
-  pure subroutine drop_repeated(start, neighbour)
-    integer, intent(inout) :: start(:)
-    integer, allocatable, intent(inout) :: neighbour(:)
-    integer :: mark(size(start) - 1), k, i, n, from
-    mark = 0
-    n = 0
-    from = 1
-    do k = 1, size(mark)
-      do i = from, start(k + 1) - 1
-        if (mark(neighbour(i)) == k) cycle
-        mark(neighbour(i)) = k
-        n = n + 1
-        neighbour(n) = neighbour(i)
-      end do
-      from = start(k + 1)
-      start(k + 1) = n + 1
-    end do
-    neighbour = neighbour(:n)
-  end subroutine drop_repeated
 
   !> Each body after the last of its pairs.
   subroutine put_bodies(graph, pair_order)

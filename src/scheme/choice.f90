@@ -8,7 +8,7 @@ module dotyk_scheme_choice
   use dotyk_scheme_direct_system, only: direct_system_t
   use dotyk_scheme_explicit, only: explicit_compliance_t
   use dotyk_scheme_iterative_system, only: iterative_system_t
-  use dotyk_scheme_pair_graph, only: couple_pairs, elimination_cost
+  use dotyk_scheme_pair_graph, only: elimination_cost
   use dotyk_scheme_problem, only: contact_problem_t
   use dotyk_scheme_saddle_system, only: saddle_system_t
   implicit none
@@ -49,14 +49,11 @@ contains
     type(saddle_system_t), allocatable :: saddle
     type(memory_t) :: memory
     real(dp) :: direct_cost, iterative_cost, bytes, n, path
-    logical, allocatable :: coupled(:, :)
     logical :: by_sweeps
-    integer :: b, k, n_pairs
+    integer :: b, k
     ! In floating-point operations at the speed of single solves: 4 for each entry of a factor.
-    n_pairs = size(problem%operator%pair_first_row) - 1
-    call couple_pairs(problem, n_pairs, coupled)
     associate (first => problem%operator%pair_first_row)
-      call elimination_cost(coupled, [(count(rows(first(k):first(k + 1) - 1)), k=1, n_pairs)], direct_cost, bytes)
+      call elimination_cost(problem, [(count(rows(first(k):first(k + 1) - 1)), k=1, size(first) - 1)], direct_cost, bytes)
     end associate
     direct_cost = typical_systems*direct_cost/gain_of_blocks
     iterative_cost = 0

@@ -21,14 +21,10 @@ module dotyk_scheme_direct_system
     type(block_cholesky_t), private :: factor
     !> Diagonal of M (n) [length/force].
     real(dp), allocatable, private :: diagonal(:)
-    !> theta/w (n) [length/force].
-    real(dp), allocatable, private :: layer(:)
     !> G on the active points and M^{-1} G (n, coarse%n).
     real(dp), allocatable, private :: g(:, :), x(:, :)
     !> S^{-1}, pseudo-inverse where S is singular (coarse%n, coarse%n).
     real(dp), allocatable, private :: schur_inverse(:, :)
-    !> Spring on each motion (coarse%n) [force/length].
-    real(dp), allocatable, private :: hold(:)
   contains
     procedure :: init => direct_system_init
     procedure :: solve => direct_system_solve
@@ -38,7 +34,7 @@ module dotyk_scheme_direct_system
 contains
 
   !> Assemble and factorize.
-  subroutine direct_system_init(self, problem, compliance, theta, active, error, hold)
+  subroutine direct_system_init(self, problem, compliance, theta, active, error)
     class(direct_system_t), intent(inout) :: self
     type(contact_problem_t), intent(in) :: problem
     !> Of all rows.
@@ -49,18 +45,12 @@ contains
     logical, intent(in) :: active(:)
     !> Out of memory.
     type(error_t), allocatable, intent(out) :: error
-    !> Spring on each motion; none where not given (coarse%n) [force/length].
-    real(dp), intent(in), optional :: hold(:)
-    integer :: i, n, failed
+    integer :: failed
     call self%destroy()
-    self%row = pack([(i, i=1, size(active))], active)
-    n = size(self%row)
-    allocate (self%hold(problem%coarse%n), source=0.0_dp)
-    if (present(hold)) self%hold = hold
-    self%layer = theta(self%row)/problem%operator%weight(self%row)
+    call self%take_points(problem, theta, active)
     call assemble(self, problem, compliance, active, error)
     if (allocated(error)) return
-    allocate (self%diagonal(n))
+    allocate (self%diagonal(size(self%row)))
     call self%factor%add_diagonal(self%layer)
     call self%factor%get_diagonal(self%diagonal)
     call self%factor%add_diagonal(proximal_part*self%diagonal)
@@ -80,14 +70,23 @@ contains
     logical, intent(in) :: active(:)
     type(error_t), allocatable, intent(out) :: error
     logical, allocatable :: coupled(:, :)
-    integer, allocatable :: order(:), member(:), first(:), pair(:)
+    integer, allocatable :: order(:), member(:), first(:), pair(:), start(:), neighbour(:), n_points(:)
     integer :: n_pairs, b, k, l
     associate (pair_first => problem%operator%pair_first_row)
       n_pairs = size(pair_first) - 1
-      call couple_pairs(problem, n_pairs, coupled)
-      call order_pairs(coupled, order, error)
+      allocate (n_points(n_pairs))
+      do k = 1, n_pairs
+        n_points(k) = count(active(pair_first(k):pair_first(k + 1) - 1))
+      end do
+      call couple_pairs(problem, start, neighbour)
+      call order_pairs(start, neighbour, n_points, order, error)
       if (allocated(error)) return
-      call self%factor%init([(count(active(pair_first(k):pair_first(k + 1) - 1)), k=1, n_pairs)], coupled, order, error)
+      allocate (coupled(n_pairs, n_pairs), source=.false.)
+      do k = 1, n_pairs
+        coupled(k, k) = .true.
+        coupled(neighbour(start(k):start(k + 1) - 1), k) = .true.
+      end do
+      call self%factor%init(n_points, coupled, order, error)
       if (allocated(error)) return
       do b = 1, size(compliance%body)
         associate (row => problem%operator%block(b)%row, number => compliance%body(b)%number)
@@ -136,7 +135,7 @@ contains
     type(contact_problem_t), intent(in) :: problem
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: schur(:, :)
-    integer :: n, r, i
+    integer :: n, r
     n = size(self%row)
     r = problem%coarse%n
     allocate (self%g(n, r))
@@ -145,9 +144,6 @@ contains
     if (n > 0 .and. r > 0) call self%factor%solve(self%x)
     schur = matmul(transpose(self%g), self%x)
     if (allocated(problem%coarse%stiffness)) schur = schur + problem%coarse%stiffness
-    do i = 1, r
-      schur(i, i) = schur(i, i) + self%hold(i)
-    end do
     call problem%coarse%invert(schur, self%schur_inverse, self%null_motion, error)
   end subroutine eliminate_border
 
@@ -180,7 +176,7 @@ contains
       all_forces(self%row) = lambda + step
       call compliance%multiply(problem, all_forces, z)
       r_b = b - z(self%row) - self%layer*(lambda + step) + matmul(self%g, alpha + step_alpha)
-      r_c = c - matmul(lambda + step, self%g) - self%hold*(alpha + step_alpha) - problem%coarse%springs(alpha + step_alpha)
+      r_c = c - matmul(lambda + step, self%g) - problem%coarse%springs(alpha + step_alpha)
       residual = sum(r_b**2/self%diagonal)
       if (allocated(problem%coarse%stiffness)) residual = residual + dot_product(r_c, matmul(self%schur_inverse, r_c))
       ! Rounding errors do not get smaller.
@@ -206,11 +202,8 @@ contains
   subroutine direct_system_destroy(self)
     class(direct_system_t), intent(inout) :: self
     call self%factor%destroy()
-    if (allocated(self%row)) deallocate (self%row)
-    if (allocated(self%null_motion)) deallocate (self%null_motion)
+    call self%forget()
     if (allocated(self%diagonal)) deallocate (self%diagonal)
-    if (allocated(self%hold)) deallocate (self%hold)
-    if (allocated(self%layer)) deallocate (self%layer)
     if (allocated(self%g)) deallocate (self%g)
     if (allocated(self%x)) deallocate (self%x)
     if (allocated(self%schur_inverse)) deallocate (self%schur_inverse)

@@ -46,7 +46,7 @@ module dotyk_scheme_dual
   integer, parameter :: most_rounds = 4
   !> How often rows are kept that motions run into which the others do not stop; then all of them are.
   integer, parameter :: most_widenings = 10
-  !> Scenes of more free motions than this, and fewer points for each, are solved with all points.
+  !> Scenes of more free motions than this, and fewer points for each, are solved with all points, from inside.
   integer, parameter :: many_motions = 60, points_per_motion = 30
   !> A part of all points that is not worth leaving out: to look at them in the end takes a solve.
   real(dp), parameter :: not_worth_leaving_out = 0.2_dp
@@ -138,15 +138,29 @@ contains
       result%unstoppable = problem%coarse%scale*motion
       return
     end if
+    keep = .true.
+    if (size(keep) == 0 .or. has_many_motions(problem)) return
     call settle_bodies(problem, now, keep)
     ! Free bodies sink in more than the foundations say, or tilt.
-    if (size(keep) == 0) return
     if (problem%coarse%n > 0) keep = now%y > -maxval(now%y)
-    ! Many bodies with few points each roll and tilt farther, and more points cost little.
-    if (problem%coarse%n > many_motions .and. size(keep) < points_per_motion*problem%coarse%n) keep = .true.
     ! Faces that just touch.
     keep = keep .or. abs(now%y) < touching*maxval(abs(now%y))
   end subroutine rows_to_begin_with
+
+  !> Many bodies with few points each: they roll and tilt farther than groups of points or rigid bodies say, active sets come back, and more
+  !> points cost little.
+  pure logical function has_many_motions(problem)
+    type(contact_problem_t), intent(in) :: problem
+    has_many_motions = problem%coarse%n > many_motions .and. problem%operator%n_rows < points_per_motion*problem%coarse%n
+  end function has_many_motions
+
+  !> Bodies where they are without contact.
+  subroutine begin_without_contact(problem, now)
+    type(contact_problem_t), intent(in) :: problem
+    type(iterate_t), intent(out) :: now
+    allocate (now%lambda(problem%operator%n_rows), now%alpha(problem%coarse%n), source=0.0_dp)
+    now%y = problem%y_free
+  end subroutine begin_without_contact
 
   !> Keep more rows where those that are kept cannot carry the free bodies.
   subroutine keep_what_carries(problem, keep)
@@ -219,8 +233,12 @@ contains
       active = start%m > 0
       if (allocated(start%closed)) active = start%closed
     else
-      allocate (active(problem%operator%n_rows))
-      call find_start(problem, compliance, now, active, error)
+      allocate (active(problem%operator%n_rows), source=.false.)
+      if (has_many_motions(problem)) then
+        call begin_without_contact(problem, now)
+      else
+        call find_start(problem, compliance, now, active, error)
+      end if
       if (allocated(error)) return
     end if
     if (problem%operator%n_rows == 0) then
@@ -230,7 +248,7 @@ contains
       result%ended = ended_converged
     else
       call find_active_set(problem, settings%max_iterations, settings%tolerance, log, compliance, system, now, active, result, &
-                           error)
+                           error, from_inside=.not. present(start) .and. has_many_motions(problem))
     end if
     if (.not. allocated(error) .and. result%ended /= ended_immovable) &
       call finish(problem, settings, compliance, system, now, result)

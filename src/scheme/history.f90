@@ -83,13 +83,14 @@ module dotyk_scheme_history
 
 contains
 
-  !> Let the error bound contain what rounding has left; it may be beyond the tolerance then.
-  subroutine result_add_rounding(self, rounding, tolerance)
+  !> Let the error bound contain what rounding has left. Where that is beyond the tolerance by itself it has not been reached, unless no
+  !> number could be better.
+  subroutine result_add_rounding(self, rounding, unavoidable, tolerance)
     class(scheme_result_t), intent(inout) :: self
-    !> Relative, in the energy norm [].
-    real(dp), intent(in) :: rounding, tolerance
+    !> Relative, in the energy norm; what the last digits of the displacements are worth [].
+    real(dp), intent(in) :: rounding, unavoidable, tolerance
     if (self%error_bound < huge(rounding)) self%error_bound = self%error_bound + rounding
-    if (self%ended == ended_converged .and. self%error_bound > tolerance) self%ended = ended_stalled
+    if (self%ended == ended_converged .and. rounding > max(tolerance, unavoidable)) self%ended = ended_stalled
     if (self%history%n > 0) self%history%error_bound(self%history%n) = self%error_bound
   end subroutine result_add_rounding
 

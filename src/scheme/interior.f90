@@ -2,7 +2,8 @@
 !> have forces that others could have as well.
 !>
 !> With gaps `s = M lambda - G alpha - y >= 0` at the contact points, forces `lambda >= 0` and equilibrium `G^T lambda = e`, Newton's method
-!> goes along the points with `lambda_i s_i = mu w_i` towards mu = 0 (Mehrotra's predictor and corrector, SIAM J. Optim. 2, 1992). It takes ten to
+!> goes along the points with `lambda_i s_i = mu w_i` towards mu = 0 (Mehrotra's predictor and corrector, SIAM J. Optim. 2, 1992;
+!> Gondzio's correctors of centrality, Comput. Optim. Appl. 6, 1996, as solutions cost little against factorizations). It takes ten to
 !> forty linear systems, whatever the number of points: each is that of an active set of all points with softer layers, `s_i/lambda_i` in
 !> addition to theirs. In the end forces or gaps are next to nothing at each point, which says what is closed.
 module dotyk_scheme_interior
@@ -22,6 +23,11 @@ module dotyk_scheme_interior
   real(dp), parameter :: least_product = 1.0e-14_dp, balanced = 1.0e-9_dp
   !> Part of the way to the boundary that a step goes.
   real(dp), parameter :: most_of_the_way = 0.995_dp
+  !> Steps are centred so often at most, as long as each goes farther by this part of what it tries; longer ones are not.
+  integer, parameter :: most_corrections = 8
+  real(dp), parameter :: worth_it = 0.1_dp, farther_by = 0.5_dp, far_enough = 0.95_dp
+  !> Products between these parts of those that are wanted are left alone.
+  real(dp), parameter :: smallest_product = 0.5_dp, largest_product = 2.0_dp
 
   !> A point inside.
   type :: point_t
@@ -81,6 +87,7 @@ contains
       sigma = min(1.0_dp, max(1.0e-6_dp, (mu_ahead/mu)**3))
       product = sigma*mu*part - now%lambda*now%s - step%lambda*step%s
       call newton_step(problem, compliance, system, now, r_dual, r_balance, product, step)
+      call centre(problem, compliance, system, now, sigma*mu*part, step)
       along = min(1.0_dp, most_of_the_way*min(way(now%lambda, step%lambda), way(now%s, step%s)))
       now%lambda = now%lambda + along*step%lambda
       now%s = now%s + along*step%s
@@ -184,6 +191,38 @@ contains
     call system%solve(problem, compliance, product/now%lambda - r_dual, -r_balance, step%lambda, step%alpha)
     step%s = (product - now%s*step%lambda)/now%lambda
   end subroutine newton_step
+
+  !> Change a step while it can go farther: products that would become far too small or too large there are brought back.
+  subroutine centre(problem, compliance, system, now, wanted, step)
+    type(contact_problem_t), intent(inout) :: problem
+    type(explicit_compliance_t), intent(in) :: compliance
+    class(active_system_t), intent(in) :: system
+    type(point_t), intent(in) :: now
+    !> What the products should become (size of now%lambda) [force*length].
+    real(dp), intent(in) :: wanted(:)
+    type(point_t), intent(inout) :: step
+    type(point_t) :: other
+    real(dp), allocatable :: product(:), none(:)
+    real(dp) :: along, farther, new
+    integer :: k
+    allocate (none(size(wanted)), source=0.0_dp)
+    other = step
+    along = min(1.0_dp, min(way(now%lambda, step%lambda), way(now%s, step%s)))
+    do k = 1, most_corrections
+      if (along > far_enough) exit
+      farther = min(1.0_dp, along + farther_by)
+      product = (now%lambda + farther*step%lambda)*(now%s + farther*step%s)
+      product = max(-largest_product*wanted, min(largest_product*wanted, max(smallest_product*wanted, product)) - product)
+      call newton_step(problem, compliance, system, now, none, 0*now%alpha, product, other)
+      other%lambda = other%lambda + step%lambda
+      other%s = other%s + step%s
+      other%alpha = other%alpha + step%alpha
+      new = min(1.0_dp, min(way(now%lambda, other%lambda), way(now%s, other%s)))
+      if (new < along + worth_it*farther_by) exit
+      along = new
+      step = other
+    end do
+  end subroutine centre
 
   !> How far a step may go, at most 1/most_of_the_way.
   pure real(dp) function way(x, step)

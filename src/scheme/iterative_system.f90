@@ -15,14 +15,10 @@ module dotyk_scheme_iterative_system
 
   !> The system.
   type, extends(active_system_t), public :: iterative_system_t
-    !> theta/w (n) [length/force].
-    real(dp), allocatable, private :: layer(:)
     !> Stiffness of each point by the diagonals of its bodies, layer included: the preconditioner (n) [force/length].
     real(dp), allocatable, private :: stiffness(:)
     !> G on the active points (n, coarse%n), and the pseudo-inverse of G^T G (coarse%n, coarse%n).
     real(dp), allocatable, private :: g(:, :), gram_inverse(:, :)
-    !> Springs on the motions, all positive; none where not allocated (coarse%n) [force/length].
-    real(dp), allocatable, private :: hold(:)
   contains
     procedure :: init => iterative_system_init
     procedure :: solve => iterative_system_solve
@@ -37,7 +33,7 @@ module dotyk_scheme_iterative_system
 contains
 
   !> Prepare preconditioner and coarse problem.
-  subroutine iterative_system_init(self, problem, compliance, theta, active, error, hold)
+  subroutine iterative_system_init(self, problem, compliance, theta, active, error)
     class(iterative_system_t), intent(inout) :: self
     type(contact_problem_t), intent(in) :: problem
     !> Not looked at.
@@ -45,13 +41,8 @@ contains
     real(dp), intent(in) :: theta(:)
     logical, intent(in) :: active(:)
     type(error_t), allocatable, intent(out) :: error
-    real(dp), intent(in), optional :: hold(:)
-    integer :: i
     call self%destroy()
-    allocate (self%row(count(active)))
-    self%row = pack([(i, i=1, size(active))], active)
-    self%layer = theta(self%row)/problem%operator%weight(self%row)
-    if (present(hold)) self%hold = hold
+    call self%take_points(problem, theta, active)
     call prepare_preconditioner(self, problem)
     allocate (self%g(size(self%row), problem%coarse%n))
     call problem%coarse%rows(self%row, self%g)
@@ -96,14 +87,13 @@ contains
     force(self%row) = x
     call compliance%multiply(problem, force, z)
     q = z(self%row) + self%layer*x
-    if (allocated(self%hold)) q = q + matmul(self%g, matmul(x, self%g)/self%hold)
   end subroutine apply_matrix
 
-  !> x without its resultants: x - G (G^T G)^{-1} G^T x; as it is where springs hold the motions.
+  !> x without its resultants: x - G (G^T G)^{-1} G^T x.
   subroutine project(self, x)
     type(iterative_system_t), intent(in) :: self
     real(dp), intent(inout) :: x(:)
-    if (.not. allocated(self%hold) .and. size(self%g, 2) > 0) x = x - matmul(self%g, matmul(self%gram_inverse, matmul(x, self%g)))
+    if (size(self%g, 2) > 0) x = x - matmul(self%g, matmul(self%gram_inverse, matmul(x, self%g)))
   end subroutine project
 
   !> Preconditioned conjugate gradients on `G^T x = 0`, from the given lambda with its resultants corrected to c.
@@ -119,9 +109,8 @@ contains
     integer :: k, n
     n = size(self%row)
     allocate (z(n), p(n), q(n), r_old(n))
-    if (.not. allocated(self%hold)) lambda = lambda + matmul(self%g, matmul(self%gram_inverse, c - matmul(lambda, self%g)))
+    lambda = lambda + matmul(self%g, matmul(self%gram_inverse, c - matmul(lambda, self%g)))
     r = b
-    if (allocated(self%hold)) r = r + matmul(self%g, c/self%hold)
     if (any(abs(lambda) > 0)) then
       call apply_matrix(self, problem, compliance, lambda, q)
       r = r - q
@@ -151,23 +140,16 @@ contains
       r = r - step*q
       rz_old = rz
     end do
-    if (allocated(self%hold)) then
-      alpha = (c - matmul(lambda, self%g))/self%hold
-    else
-      call apply_matrix(self, problem, compliance, lambda, q)
-      alpha = matmul(self%gram_inverse, matmul(q - b, self%g))
-    end if
+    call apply_matrix(self, problem, compliance, lambda, q)
+    alpha = matmul(self%gram_inverse, matmul(q - b, self%g))
   end subroutine iterative_system_solve
 
   !> Give all memory back.
   subroutine iterative_system_destroy(self)
     class(iterative_system_t), intent(inout) :: self
-    if (allocated(self%row)) deallocate (self%row)
-    if (allocated(self%null_motion)) deallocate (self%null_motion)
-    if (allocated(self%layer)) deallocate (self%layer)
+    call self%forget()
     if (allocated(self%stiffness)) deallocate (self%stiffness)
     if (allocated(self%g)) deallocate (self%g)
     if (allocated(self%gram_inverse)) deallocate (self%gram_inverse)
-    if (allocated(self%hold)) deallocate (self%hold)
   end subroutine iterative_system_destroy
 end module dotyk_scheme_iterative_system

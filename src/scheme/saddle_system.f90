@@ -7,6 +7,7 @@ module dotyk_scheme_saddle_system
   use dotyk_base_error, only: error_t, set_error, exit_not_solvable
   use dotyk_base_kinds, only: dp
   use dotyk_linalg_saddle_factor, only: saddle_factor_t
+  use dotyk_linalg_saddle_solution, only: extend_null, solve_saddle
   use dotyk_scheme_active_system, only: active_system_t, proximal_part
   use dotyk_scheme_body_graph, only: body_graph_t, make_body_graph
   use dotyk_scheme_explicit, only: explicit_compliance_t
@@ -19,10 +20,8 @@ module dotyk_scheme_saddle_system
     type(saddle_factor_t), private :: factor
     !> Which pairs have active points, whose they are.
     type(body_graph_t), private :: graph
-    !> Diagonal of M, theta/w (n) [length/force].
-    real(dp), allocatable, private :: diagonal(:), layer(:)
-    !> Spring on each motion (coarse%n) [force/length].
-    real(dp), allocatable, private :: hold(:)
+    !> Diagonal of M (n) [length/force].
+    real(dp), allocatable, private :: diagonal(:)
     !> Orthonormal motions of several bodies together that nothing holds, as columns (coarse%n, number of them).
     real(dp), allocatable, private :: shared_null(:, :)
   contains
@@ -34,7 +33,7 @@ module dotyk_scheme_saddle_system
 contains
 
   !> Assemble and factorize.
-  subroutine saddle_system_init(self, problem, compliance, theta, active, error, hold)
+  subroutine saddle_system_init(self, problem, compliance, theta, active, error)
     class(saddle_system_t), intent(inout) :: self
     type(contact_problem_t), intent(in) :: problem
     !> Of all rows.
@@ -45,14 +44,9 @@ contains
     logical, intent(in) :: active(:)
     !> Out of memory.
     type(error_t), allocatable, intent(out) :: error
-    !> Spring on each motion; none where not given (coarse%n) [force/length].
-    real(dp), intent(in), optional :: hold(:)
-    integer :: i, failed
+    integer :: failed
     call self%destroy()
-    self%row = pack([(i, i=1, size(active))], active)
-    allocate (self%hold(problem%coarse%n), source=0.0_dp)
-    if (present(hold)) self%hold = hold
-    self%layer = theta(self%row)/problem%operator%weight(self%row)
+    call self%take_points(problem, theta, active)
     call make_body_graph(problem, active, self%graph, error)
     if (allocated(error)) return
     associate (graph => self%graph)
@@ -103,25 +97,17 @@ contains
     end associate
   end subroutine add_compliance
 
-  !> -G and -H.
+  !> -G; there are no springs, H = 0.
   subroutine add_motions(self, problem)
     type(saddle_system_t), intent(inout) :: self
     type(contact_problem_t), intent(in) :: problem
-    real(dp), allocatable :: springs(:, :)
-    integer :: b, k, i, n
+    integer :: b, k
     do b = 1, size(self%graph%body)
-      associate (run => self%graph%body(b), g => problem%coarse%block(b)%value, first => problem%coarse%first(b))
+      associate (run => self%graph%body(b), g => problem%coarse%block(b)%value)
         if (run%motions == 0) cycle
-        n = size(g, 2)
         do k = 1, size(run%block)
           call self%factor%add(run%block(k), run%motions, -g(run%place(run%first(k):run%first(k + 1) - 1), :))
         end do
-        allocate (springs(n, n), source=0.0_dp)
-        do i = 1, n
-          springs(i, i) = -self%hold(first + i - 1)
-        end do
-        call self%factor%add(run%motions, run%motions, springs)
-        deallocate (springs)
       end associate
     end do
   end subroutine add_motions
@@ -134,10 +120,10 @@ contains
     integer :: b, j
     allocate (stiffness(size(self%graph%size)), source=0.0_dp)
     do b = 1, size(self%graph%body)
-      associate (run => self%graph%body(b), g => problem%coarse%block(b)%value, first => problem%coarse%first(b))
+      associate (run => self%graph%body(b), g => problem%coarse%block(b)%value)
         if (run%motions == 0) cycle
         do j = 1, size(g, 2)
-          stiffness(run%motions) = max(stiffness(run%motions), self%hold(first + j - 1) + &
+          stiffness(run%motions) = max(stiffness(run%motions), &
                                        sum(g(run%place, j)**2/self%diagonal(self%graph%number(run%row))))
         end do
       end associate
@@ -165,7 +151,7 @@ contains
         end do
       end associate
       if (moved > 1.0e-9_dp) then
-        call self%factor%extend_null(i, x)
+        call extend_null(self%factor, i, x)
         self%null_motion(self%graph%motion, i) = x(n + 1:)
         n_shared = n_shared + 1
         shared(:, n_shared) = self%null_motion(:, i)
@@ -207,7 +193,7 @@ contains
     do k = 1, most_steps
       x(:n) = r_b
       x(n + 1:) = -r_c(self%graph%motion)
-      call self%factor%solve(x)
+      call solve_saddle(self%factor, x)
       step = x(:n)
       step_alpha(self%graph%motion) = x(n + 1:)
       all_forces(self%row) = lambda + step
@@ -215,7 +201,7 @@ contains
       call problem%coarse%displacement(problem%operator, alpha + step_alpha, motion)
       r_b = b - z(self%row) - self%layer*(lambda + step) + motion(self%row)
       call problem%coarse%resultant_of(problem%operator, all_forces, r_c)
-      r_c = c - r_c - self%hold*(alpha + step_alpha)
+      r_c = c - r_c
       residual = sum(r_b**2/self%diagonal)
       missing = sum(r_c**2)
       ! Rounding errors do not get smaller.
@@ -235,11 +221,8 @@ contains
   subroutine saddle_system_destroy(self)
     class(saddle_system_t), intent(inout) :: self
     call self%factor%destroy()
-    if (allocated(self%row)) deallocate (self%row)
-    if (allocated(self%null_motion)) deallocate (self%null_motion)
+    call self%forget()
     if (allocated(self%shared_null)) deallocate (self%shared_null)
     if (allocated(self%diagonal)) deallocate (self%diagonal)
-    if (allocated(self%hold)) deallocate (self%hold)
-    if (allocated(self%layer)) deallocate (self%layer)
   end subroutine saddle_system_destroy
 end module dotyk_scheme_saddle_system

@@ -10,6 +10,7 @@ module dotyk_scheme_settle
   use dotyk_linalg_dense, only: solve_dense
   use dotyk_linalg_ordering, only: nested_dissection
   use dotyk_linalg_saddle_factor, only: saddle_factor_t
+  use dotyk_linalg_saddle_solution, only: solve_saddle
   use dotyk_scheme_coarse, only: coarse_space_t
   use dotyk_scheme_line_search, only: line_minimum
   implicit none
@@ -216,7 +217,7 @@ contains
     end do
     call factor%factorize([(0.0_dp, b=1, size(order))], block)
     failed = block > 0
-    if (.not. failed) call factor%solve(x)
+    if (.not. failed) call solve_saddle(factor, x)
     call factor%destroy()
   end subroutine solve_sparse
 

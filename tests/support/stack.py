@@ -2,7 +2,7 @@
 import numpy as np
 
 from extreme import Scene
-from grid import KINDS, Block, even, write_mesh
+from grid import Block, dimension, even, write_mesh
 
 SHORTENING = 1e-3
 
@@ -37,9 +37,12 @@ def exact(layers, theta, gap=0.0):
 
 
 def stack(name, layers, theta_relative=0.0, kind="hex8", gap=0.0, solver="tolerance=1e-12", width=1.0, allowed=1e-9,
-          given_gap=None, swap=False, code=0, message=()):
-    """The scene; `gap` is drawn between all layers (overlap where negative), `given_gap` is what the input says instead."""
-    d = len(KINDS[kind][0][0])
+          given_gap=None, swap=False, code=0, message=(), left_out=0.0):
+    """The scene; `gap` is drawn between all layers (overlap where negative), `given_gap` is what the input says instead.
+
+    left_out: part of the contact that has no partner, where facets are narrower than the search tells.
+    """
+    d = dimension(kind)
     up = "xyz"[d - 1]
     bottoms = np.cumsum([0.0] + [q.height + gap for q in layers])
     blocks = [Block("layer %d" % i, *[line(q.across, 0, width)]*(d - 1), line(q.along, z, z + q.height))
@@ -61,6 +64,11 @@ def stack(name, layers, theta_relative=0.0, kind="hex8", gap=0.0, solver="tolera
     theta = theta_relative*max(a + b for a, b in zip(sizes, sizes[1:]))
     text.append("&solver theta=%r, %s /" % (theta, solver))
 
+    # Pointwise dilatations of rounding errors cost nearly incompressible elements, which project them, less than their bulk modulus says.
+    moduli = {"young": [q.young for q in layers], "poisson": [min(q.poisson, 0.45) for q in layers]}
+    if not any(q.poisson > 0.45 for q in layers):
+        moduli = None
+
     def check(answer):
         pressure, ends = exact(layers, theta, gap if given_gap is None else given_gap)
         right = np.zeros_like(answer.displacement)
@@ -69,17 +77,17 @@ def stack(name, layers, theta_relative=0.0, kind="hex8", gap=0.0, solver="tolera
             here = body == i
             right[here, d - 1] = low + (high - low)*(answer.points[here, d - 1] - z)/layer.height
         error = answer.energy_error(right)
-        # what the bound does not know of is rounding: of displacements, and of coordinates against what closes the gaps
+        # what the bound does not know of is the rounding of coordinates against what closes the gaps
         closing = SHORTENING - (gap if given_gap is None else given_gap)*(len(layers) - 1)
-        rounding = max(4*answer.rounding(), 1e-15*bottoms[-1]/closing)
+        coordinates = 1e-15*bottoms[-1]/closing if closing else np.inf
         if pressure < 1e-12*max(q.stiff for q in layers)*SHORTENING:
             # nothing but rounding of the gap can press
             least = 1/sum(q.height/q.stiff for q in layers)
             return [(answer.pressure_error(0.0), 1e-15*least, "pressure of no contact"),
                     (np.abs(answer.displacement - right).max(), 1e-15*bottoms[-1], "displacement")]
         return [(answer.pressure_error(pressure), allowed, "pressure"),
-                (error, max(answer.reported(), rounding), "energy norm against the bound"),
-                (error, max(allowed, rounding), "energy norm")]
+                (error, max(answer.reported(), coordinates, left_out), "energy norm against the bound"),
+                (error, max(allowed, coordinates, 4*answer.rounding()), "energy norm")]
 
     return Scene(name, "\n".join(text) + "\n", lambda folder: write_mesh(folder/"stack.msh", blocks, kind),
-                 check, code, message)
+                 check, code, message, moduli)
