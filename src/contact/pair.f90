@@ -340,8 +340,10 @@ contains
         x(1:pair%dimension) = pair%position(:, i)
         pair%gap(i) = formula%evaluate(x)
         if (.not. is_too_large(pair%gap(i))) cycle
+        !$omp critical (message)
         call set_error(error, '&contact '//quoted(settings%name)//': gap_formula is '//to_text(pair%gap(i))//' at ('// &
                        to_text(x(1))//', '//to_text(x(2))//', '//to_text(x(3))//')', exit_bad_input)
+        !$omp end critical (message)
         if (ieee_is_finite(pair%gap(i))) error%message = error%message//'; '//size_rule
         return
       end do
@@ -367,6 +369,7 @@ contains
       smallest = min(smallest, target%smallest_distance(x(:, i)))
     end do
     most = max(pair%n_not_facing, pair%n_outside, pair%n_too_far)
+    !$omp critical (message)
     if (pair%n_too_far == most) then
       reason = to_text(most)//' are farther than search_radius = '//to_text(radius)
       advice = 'raise search_radius, or check that the bodies are where they should be'
@@ -381,6 +384,7 @@ contains
                    ' points of surface_a '//quoted(name_a)//' has a partner on surface_b '//quoted(name_b)//': '// &
                    reason//'; the smallest distance between the surfaces is '//to_text(smallest)//'; '//advice, &
                    exit_bad_input)
+    !$omp end critical (message)
   end subroutine explain_no_partner
 
   !> Resultant of the contact pressure on body a: the forces of the rows, dealt out to their points, along the normals there.

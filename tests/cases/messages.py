@@ -278,7 +278,9 @@ class Messages(dotyk_case.Case):
         self.assertIn("no contact pairs", self.dotyk("case.nml"))
         file = self.results("case.vtkhdf")
         summary = file["dotyk/summary"].attrs
-        self.assertEqual((summary["converged"], summary["iterations"], summary["error_bound"]), (1, 0, 0))
+        self.assertEqual((summary["converged"], summary["iterations"]), (1, 0))
+        # Rounding is all the error there is.
+        self.assertLess(summary["error_bound"], 1e-13)
         self.assertEqual(len(file["dotyk/contact"]), 0)
         self.assertEqual(file["dotyk/history/energy"].shape, (0,))
         # The lower block bears the pressure, the upper one follows its top.
