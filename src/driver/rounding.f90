@@ -1,8 +1,8 @@
 !> What rounding has left of the displacements, measured: the forces that they leave unbalanced.
 !>
 !> A displacement u that leaves the forces r is the exact answer to loads changed by r, so that its distance to the exact answer for the
-!> same contact forces is `sqrt(r^T K^{-1} r)` in the energy norm; answers with contact are no farther from each other than that. What factors
-!> have lost, digits that the numbers of the results do not have, rounded pressures: all is in r. The elements know the forces
+!> same contact forces is `sqrt(r^T K^{-1} r)` in the energy norm; answers with contact are no farther from each other than that. What
+!> factors have lost, digits that the numbers of the results do not have, rounded pressures: all is in r. The elements know the forces
 !> (`dotyk_elasticity_internal_force`), K^{-1} is the response of the body.
 module dotyk_driver_rounding
   use dotyk_base_error, only: error_t, add_context
