@@ -1,4 +1,7 @@
 !> Small text tools: numbers to text, comparison of names, joining.
+!>
+!> gfortran 12 keeps the length of a text that a function returns in one place for all threads, at every call. What may be called by
+!> several threads makes its texts in `!$omp critical (message)`, always of this name, and only where something is wrong.
 module dotyk_base_text
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dotyk_base_kinds, only: dp, int64
@@ -23,7 +26,9 @@ contains
   pure function text_of_integer(value) result(text)
     integer, intent(in) :: value
     character(:), allocatable :: text
-    text = text_of_long(int(value, int64))
+    character(24) :: buffer
+    write (buffer, '(i0)') value
+    text = trim(buffer)
   end function text_of_integer
 
   !> A 64-bit integer as text.

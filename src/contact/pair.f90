@@ -14,7 +14,7 @@ module dotyk_contact_pair
   use dotyk_contact_average, only: average_at_vertices
   use dotyk_contact_cell_rule, only: facet_rule_t
   use dotyk_contact_corner_field, only: corner_field_t
-  use dotyk_contact_facet_points, only: facet_points, prepare_rules
+  use dotyk_contact_facet_points, only: prepare_rules, project_points
   use dotyk_contact_facet_set, only: facet_set_t
   use dotyk_contact_geometry, only: geometry_elements
   use dotyk_contact_local_origin, only: local_origin, move
@@ -25,7 +25,7 @@ module dotyk_contact_pair
   use dotyk_contact_smooth_partner, only: smooth_partners
   use dotyk_linalg_sparse, only: sparse_rows_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
-  use dotyk_mesh_element, only: kind_nodes, n_element_kinds
+  use dotyk_mesh_element, only: n_element_kinds
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
@@ -220,36 +220,6 @@ contains
     allocate (pair%row_theta(pair%n_rows), source=pair%theta)
   end subroutine search_pair
 
-  !> Points of all facets and their partners by the elements' geometry.
-  subroutine project_points(mesh_a, surface_a, rule, offset, axisymmetric, target, near, radius, x, xi, weight, partner)
-    type(body_mesh_t), intent(in) :: mesh_a
-    type(surface_t), intent(in) :: surface_a
-    !> The facets' rules (n_facets); points of facet f are offset(f)+1 .. offset(f+1).
-    type(facet_rule_t), intent(in) :: rule(:)
-    integer, intent(in) :: offset(:)
-    !> Weights contain 2 pi r.
-    logical, intent(in) :: axisymmetric
-    type(target_surface_t), intent(in) :: target
-    !> Facets that may have partners (n_facets).
-    logical, intent(in) :: near(:)
-    !> Greatest distance [length].
-    real(dp), intent(in) :: radius
-    !> As in facet_points, for all facets.
-    real(dp), intent(out) :: x(:, :), xi(:, :), weight(:)
-    type(partner_t), intent(out) :: partner(:)
-    integer :: f
-    !$omp parallel do default(none) schedule(dynamic, 64) &
-    !$omp shared(surface_a, mesh_a, rule, offset, axisymmetric, target, near, radius, x, xi, weight, partner)
-    do f = 1, surface_a%n_facets
-      associate (first => offset(f) + 1, last => offset(f + 1), kind => surface_a%kind(f))
-        call facet_points(kind, mesh_a%dimension, mesh_a%x(:, surface_a%node(1:kind_nodes(kind), f)), rule(f)%xi, &
-                          rule(f)%weight, axisymmetric, target, near(f), radius, x(:, first:last), &
-                          xi(:, first:last), weight(first:last), partner(first:last))
-      end associate
-    end do
-    !$omp end parallel do
-  end subroutine project_points
-
   !> Keep the points that have a partner and count the others.
   pure subroutine collect(d, offset, x, xi, weight, partner, pair)
     !> Dimension of space.
@@ -340,8 +310,10 @@ contains
         x(1:pair%dimension) = pair%position(:, i)
         pair%gap(i) = formula%evaluate(x)
         if (.not. is_too_large(pair%gap(i))) cycle
+        !$omp critical (message)
         call set_error(error, '&contact '//quoted(settings%name)//': gap_formula is '//to_text(pair%gap(i))//' at ('// &
                        to_text(x(1))//', '//to_text(x(2))//', '//to_text(x(3))//')', exit_bad_input)
+        !$omp end critical (message)
         if (ieee_is_finite(pair%gap(i))) error%message = error%message//'; '//size_rule
         return
       end do
@@ -367,6 +339,7 @@ contains
       smallest = min(smallest, target%smallest_distance(x(:, i)))
     end do
     most = max(pair%n_not_facing, pair%n_outside, pair%n_too_far)
+    !$omp critical (message)
     if (pair%n_too_far == most) then
       reason = to_text(most)//' are farther than search_radius = '//to_text(radius)
       advice = 'raise search_radius, or check that the bodies are where they should be'
@@ -381,6 +354,7 @@ contains
                    ' points of surface_a '//quoted(name_a)//' has a partner on surface_b '//quoted(name_b)//': '// &
                    reason//'; the smallest distance between the surfaces is '//to_text(smallest)//'; '//advice, &
                    exit_bad_input)
+    !$omp end critical (message)
   end subroutine explain_no_partner
 
   !> Resultant of the contact pressure on body a: the forces of the rows, dealt out to their points, along the normals there.

@@ -114,7 +114,7 @@ contains
     real(dp), intent(in) :: condition
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: cause
-    cause = likely_cause(body%mesh, body%analysis, body%material)
+    call likely_cause(body%mesh, body%analysis, body%material, cause)
     if (len(cause) == 0) cause = 'supports that hardly resist some of its motions, or a very slender shape'
     call set_error(error, 'no digit of its displacement is left, the condition of its stiffness is '//to_text(condition, 2)// &
                    '; the likely cause: '//cause, exit_not_solvable)

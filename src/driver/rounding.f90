@@ -1,13 +1,12 @@
 !> What rounding has left of the displacements, measured: the forces that they leave unbalanced.
 !>
 !> A displacement u that leaves the forces r is the exact answer to loads changed by r, so that its distance to the exact answer for the
-!> same contact forces is `sqrt(r^T K^{-1} r)` in the energy norm; answers with contact are no farther from each other than that. What factors
-!> have lost, digits that the numbers of the results do not have, rounded pressures: all is in r. The elements know the forces
+!> same contact forces is `sqrt(r^T K^{-1} r)` in the energy norm; answers with contact are no farther from each other than that. What
+!> factors have lost, digits that the numbers of the results do not have, rounded pressures: all is in r. The elements know the forces
 !> (`dotyk_elasticity_internal_force`), K^{-1} is the response of the body.
 module dotyk_driver_rounding
   use dotyk_base_error, only: error_t, add_context
   use dotyk_base_kinds, only: dp, qp
-  use dotyk_base_text, only: quoted
   use dotyk_driver_congruence, only: kinds_t
   use dotyk_driver_digits, only: body_digits_t
   use dotyk_driver_parallel, only: largest_first, set_blas_threads
@@ -110,8 +109,10 @@ contains
     if (body%constraint%n_equations == 0) return
     allocate (force, mold=u)
     call internal_force(body%mesh, body%analysis, body%material, real(u, qp), force, energy, error)
-    call add_context(error, 'body '//quoted(body%name)//': ')
-    if (allocated(error)) return
+    if (allocated(error)) then
+      call add_context(error, "body '"//body%name//"': ")
+      return
+    end if
     force = body%load - force
     call problem%body_force(b, m, contact)
     associate (node => problem%operator%block(b)%contact_node)

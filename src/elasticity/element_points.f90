@@ -138,7 +138,9 @@ contains
     if (mesh%dimension == 2) then
       if (any(mesh%x(1, mesh%block(i_block)%node(:, e)) < 0)) what = ' is inverted, or lies beyond the axis x = 0'
     end if
+    !$omp critical (message)
     call set_error(error, 'element '//to_text(mesh%block(i_block)%tag(e))//' ('//trim(kind%name)//')'//what// &
       ' near '//place_text(mesh%x(:, mesh%block(i_block)%node(1, e))), exit_not_solvable)
+    !$omp end critical (message)
   end subroutine bad_element
 end module dotyk_elasticity_element_points

@@ -73,7 +73,9 @@ contains
     do i = 1, 3
       if (self%formula(i)%is_set()) value(i) = self%formula(i)%evaluate(place)
       if (.not. is_too_large(value(i))) cycle
+      !$omp critical (message)
       call set_error(error, 'the formula is '//to_text(value(i))//' at '//place_text(x), exit_bad_input)
+      !$omp end critical (message)
       if (ieee_is_finite(value(i))) error%message = error%message//'; '//size_rule
       return
     end do

@@ -60,11 +60,10 @@ contains
     allocate (self%centre(3, n_parts), self%radius(n_parts), self%part_name(n_parts), free(6, 6, n_parts), n_of_part(n_parts))
     do p = 1, n_parts
       call free_space(mesh, analysis, constraint, part, p, self%centre(:, p), self%radius(p), free(:, :, p), n_of_part(p))
-      ! Bodies are assembled side by side, and gfortran keeps the
-      ! length of a text that a function returns in one place for all threads.
-      !$omp critical (name_of_part)
+      ! See dotyk_base_text.
+      !$omp critical (message)
       self%part_name(p)%s = part_text(mesh, part, p, n_parts)
-      !$omp end critical (name_of_part)
+      !$omp end critical (message)
     end do
     self%n = sum(n_of_part)
     allocate (self%part(self%n), self%coefficient(6, self%n), field(mesh%dimension, mesh%n_nodes(), self%n))
@@ -98,9 +97,9 @@ contains
     allocate (part(mesh%n_nodes()))
     call connected_components(mesh, part, n_parts)
     do p = 1, n_parts
-      !$omp critical (name_of_part)
+      !$omp critical (message)
       self%part_name(p)%s = part_text(mesh, part, p, n_parts)
-      !$omp end critical (name_of_part)
+      !$omp end critical (message)
     end do
   end subroutine free_motions_move
 

@@ -20,34 +20,37 @@ module dotyk_elasticity_likely_cause
 
 contains
 
-  !> The causes in words; empty where none is found.
-  function likely_cause(mesh, analysis, material) result(text)
+  !> The causes in words.
+  subroutine likely_cause(mesh, analysis, material, text)
     type(body_mesh_t), intent(in) :: mesh
     !> One of dotyk_elasticity_analysis' constants.
     integer, intent(in) :: analysis
     type(material_t), intent(in) :: material
-    character(:), allocatable :: text
+    !> Empty where none is found.
+    character(:), allocatable, intent(out) :: text
     real(dp) :: flatness, least, most, ratio
     integer :: block, element
     text = ''
     call look_at_elements(mesh, analysis, material, flatness, block, element, least, most)
+    ratio = stiffness_ratio(material)
+    !$omp critical (message)
     if (flatness > flat) call add('elements as flat as 1 : '//to_text(flatness, 2)//', such as '// &
                                   to_text(mesh%block(block)%tag(element)))
     if (most > contrast*least) call add('young_formula of material '//quoted(material%name)//', from '// &
                                         to_text(least, 2)//' to '//to_text(most, 2))
-    ratio = stiffness_ratio(material)
     if (ratio > contrast .and. material%isotropic) then
       call add('material '//quoted(material%name)//', which is nearly incompressible')
     else if (ratio > contrast) then
       call add('material '//quoted(material%name)//', whose stiffest and softest direction are as 1 : '//to_text(ratio, 2))
     end if
+    !$omp end critical (message)
   contains
     subroutine add(cause)
       character(*), intent(in) :: cause
       if (len(text) > 0) text = text//'; '
       text = text//cause
     end subroutine add
-  end function likely_cause
+  end subroutine likely_cause
 
   !> Largest over least eigenvalue of a material's stiffness.
   real(dp) function stiffness_ratio(material) result(ratio)

@@ -45,20 +45,23 @@ contains
     do q = 1, size(w)
       place = matmul(x, shape(:, q))
       call factor%evaluate(place, value, error)
-      if (.not. allocated(error)) then
-        if (.not. value(1) > 0) then
-          call set_error(error, 'the factor on the stiffness must be positive, it is '//to_text(value(1))//' at '// &
-                         place_text(place), exit_bad_input)
-        else if (.not. value(1) >= smallest_number) then
-          call set_error(error, 'the formula is '//to_text(value(1))//' at '//place_text(place)//'; '//size_rule, exit_bad_input)
-        end if
+      if (.not. allocated(error) .and. value(1) >= smallest_number) then
+        w(q) = w(q)*value(1)
+        cycle
       end if
+      !$omp critical (message)
       if (allocated(error)) then
-        call add_context(error, 'young_formula: ')
-        error%message = error%message//' (element '//to_text(tag)//')'
-        return
+        continue   ! no number
+      else if (.not. value(1) > 0) then
+        call set_error(error, 'the factor on the stiffness must be positive, it is '//to_text(value(1))//' at '// &
+                       place_text(place), exit_bad_input)
+      else
+        call set_error(error, 'the formula is '//to_text(value(1))//' at '//place_text(place)//'; '//size_rule, exit_bad_input)
       end if
-      w(q) = w(q)*value(1)
+      call add_context(error, 'young_formula: ')
+      error%message = error%message//' (element '//to_text(tag)//')'
+      !$omp end critical (message)
+      return
     end do
   end subroutine apply_factor
 end module dotyk_elasticity_stiffness_factor

@@ -334,10 +334,12 @@ contains
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: size_text
     if (code == code_ok) return
+    !$omp critical (message)
     size_text = to_text(factor%n)//' unknowns'
     if (factor%factor_bytes > 0) size_text = size_text//': the factor takes '// &
       to_text(real(factor%factor_bytes, dp)*1.0e-9_dp)//' GB, the work on it '// &
       to_text(real(factor%workspace_bytes, dp)*1.0e-9_dp)//' GB more'
+    !$omp end critical (message)
     select case (code)
     case (code_out_of_memory)
       call set_error(error, 'out of memory in the '//what//' of '//size_text, exit_machine)

@@ -75,12 +75,16 @@ contains
     !$omp end critical(dotyk_metis)
     if (status == metis_ok) then
       permutation = int(permutation_c) + 1
-    else if (status == metis_error_memory) then
+      return
+    end if
+    !$omp critical (message)
+    if (status == metis_error_memory) then
       call set_error(error, 'out of memory while ordering '//to_text(n)//' nodes', exit_machine)
     else
       call set_error(error, 'METIS cannot order the graph of '//to_text(n)//' nodes (status '//to_text(int(status))// &
         ')', exit_not_solvable)
     end if
+    !$omp end critical (message)
   end subroutine nested_dissection
 
   !> Ordering of equations from an ordering of nodes: the equations of a node stay together.

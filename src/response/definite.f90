@@ -168,11 +168,13 @@ contains
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: cause
     integer :: place(2)
-    cause = likely_cause(body%mesh, body%analysis, body%material)
+    call likely_cause(body%mesh, body%analysis, body%material, cause)
     if (len(cause) > 0) cause = '; or rounding leaves no digit of it, and the likely cause is: '//cause
     place = findloc(body%constraint%equation, equation)
+    !$omp critical (message)
     call set_error(error, 'the stiffness is not positive definite (node '// &
       to_text(body%mesh%node_tag(place(2)))//', direction '//to_text(place(1))//'): the body, or a part of it that '// &
       'hangs on single nodes or edges, is not held; add a &support'//cause, exit_not_solvable)
+    !$omp end critical (message)
   end subroutine refuse
 end module dotyk_response_definite

@@ -2,6 +2,7 @@
 from fractions import Fraction
 
 import blocks
+import cylinder
 import dotyk_case
 import numpy as np
 
@@ -118,9 +119,55 @@ class FlatElements(dotyk_case.Case):
             self.assertLess(abs(energy/straight[1] - 1), 1e-9)
 
     def test_elements_too_flat(self):
+        # Of aspect 1e9.
         text = self.dotyk(self.scene(1e-9), code=3)
         self.assertIn("body 'upper'", text)
+        self.assertRegex(text, "no digit")
         self.assertIn("elements as flat as", text)
+
+    def test_plate_of_a_hundredth(self):
+        # Held against sliding alone, it gives the block what lies on it.
+        self.write("lower.geo", blocks.block_geo("hex8", N))
+        self.write("upper.geo", blocks.block_geo("hex8", N, (0, 0, 1), (1, 1, 0.01)))
+        lines = ["&scene output='case.vtkhdf' /", "&material name='even', young=1, poisson=0 /"]
+        for name in ("lower", "upper"):
+            lines += ["&body name='%s', mesh='%s.geo', volume='block', material='even' /" % (name, name)]
+            lines += ["&support body='%s', surface='sides %s', fix='n' /" % (name, axis) for axis in "xy"]
+        lines += ["&support body='lower', surface='bottom', fix='n' /", "&load body='upper', surface='top', pressure=1e-3 /",
+                  "&contact name='joint', surface_a='upper:bottom', surface_b='lower:top' /", "&solver theta=0, tolerance=1e-8 /"]
+        self.dotyk(self.write("case.nml", "\n".join(lines) + "\n"))
+        np.testing.assert_allclose(self.results("case.vtkhdf")["dotyk/contact/joint/pressure"][()], 1e-3, rtol=1e-10)
+
+
+class Incompressible(dotyk_case.Case):
+    """A thick cylinder whose bulk modulus takes the digits: what refinement alone wins back, and where that ends."""
+
+    def solve(self, poisson, code=0):
+        self.write("tube.geo", cylinder.geometry("quad4", 4))
+        blocks.mesh(self.folder/"tube.geo", 2)
+        self.write("tube.nml", cylinder.scene("plane_strain", 0.3).replace("poisson=0.3", "poisson=" + poisson))
+        text = self.dotyk("tube.nml", code=code)
+        if code:
+            return text
+        with self.results("tube.vtkhdf") as file:
+            summary = file["dotyk/summary"]
+            return (file["VTKHDF/PointData/displacement"][()], summary["refinement_steps"][0], summary["digits_lost"][0],
+                    summary.attrs["error_bound"])
+
+    def test_refinement_alone(self):
+        # 12 to 14 of 16 digits are not in the factors any more. The answers differ by 1e-7, as Poisson's ratios do.
+        coarse, *_ = self.solve("0.4999999")
+        for poisson in ("0.4999999999", "0.499999999999"):
+            found, steps, lost, bound = self.solve(poisson)
+            self.assertGreater(steps, 0)
+            self.assertGreaterEqual(lost, 12)
+            self.assertLess(abs(found - coarse).max(), 2e-7*abs(coarse).max())
+            # The bulk modulus times the last digits of the displacement: sqrt(K/G) 1e-16.
+            self.assertTrue(1e-14 < bound < 1e-8, bound)
+
+    def test_no_digit_of_the_pressures(self):
+        text = self.solve("0.4999999999999999", code=3)
+        self.assertRegex(text, "body 'tube': .*no digit.* 'rubber', which is nearly incompressible")
 
 
 if __name__ == "__main__":

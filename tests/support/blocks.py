@@ -40,7 +40,7 @@ face() = Extrude {0, %r, 0} { Curve{line(1)}; Layers{%d}; %s };
         text += "body() = Extrude {0, 0, %r} { Surface{face(1)}; Layers{%d}; %s };\n" % (c, n, "Recombine;" * volume)
         text += 'Physical Volume("block") = {body(1)};\n'
     entity = "Curve" if d == 2 else "Surface"
-    low, high = np.array((x, y, z)), np.array((x + a, y + b, z + (c if d == 3 else 0)))
+    low, high = np.array((x, y, z), float), np.array((x + a, y + b, z + (c if d == 3 else 0)), float)
     for name, axis, sides in (("bottom", d - 1, "l"), ("top", d - 1, "h"), ("sides x", 0, "lh"), ("sides y", 1, "lh"))[:d + 1]:
         boxes = []
         for side in sides:

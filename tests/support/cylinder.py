@@ -1,4 +1,4 @@
-"""The thick cylinder under inner pressure (Lame), exact at any Poisson's ratio: meshes of a quarter or of its section, the scene, the answer."""
+"""The thick cylinder under inner pressure (Lame), exact at any Poisson's ratio: meshes of a quarter or of its section, scene, answer."""
 import blocks
 import numpy as np
 

@@ -46,7 +46,8 @@ def scenes(grid):
 
 def text_of(kind, lines, theta, tolerance="1e-10", materials=("&material name='m', young=1, poisson=0 /",)):
     """The input."""
-    return "\n".join(["&scene analysis='%s', mesh='blocks.msh' /" % ("3d" if dimension(kind) == 3 else "plane_strain"), *materials, *lines,
+    analysis = "3d" if dimension(kind) == 3 else "plane_strain"
+    return "\n".join(["&scene analysis='%s', mesh='blocks.msh' /" % analysis, *materials, *lines,
                       "&solver theta_relative=%s, tolerance=%s /" % (theta, tolerance)]) + "\n"
 
 
@@ -65,7 +66,8 @@ def tower(kind, many, contrast, theta):
     up = "xyz"[d - 1]
     young = [1.0 if k % 2 == 0 else float(contrast) for k in range(many + 1)]
     blocks = [Block(str(k), *[even(0, 1, 2 + k % 2)]*(d - 1), even(k, k + 1, 2)) for k in range(many + 1)]
-    lines = ["&support body='0', surface='bottom', fix='%s' /" % "xyz"[:d], "&load body='%d', surface='top', pressure=%r /" % (many, pressure)]
+    lines = ["&support body='0', surface='bottom', fix='%s' /" % "xyz"[:d],
+             "&load body='%d', surface='top', pressure=%r /" % (many, pressure)]
     lines += ["&body name='%d', volume='%d', material='%d' /" % (k, k, k % 2) for k in range(many + 1)]
     lines += ["&contact name='%d', surface_a='%d:bottom', surface_b='%d:top' /" % (k, k, k - 1) for k in range(1, many + 1)]
     if weight > 0:
@@ -84,7 +86,7 @@ def tower(kind, many, contrast, theta):
         forces = [abs(answer.pairs[str(k)]["force"][d - 1]/joint[k] - 1) for k in range(1, many + 1)]
         yield max(forces), 1e-9, "forces along %s" % up
         wrong = [np.abs(answer.pairs[str(k)]["pressure"]/joint[k] - 1).max() for k in range(1, many + 1)]
-        # what alternates on the face of a stiff block does not move the soft one: it has the last digits of gaps, times the stiff modulus
+        # what alternates on the face of a stiff block does not move the soft one: last digits of gaps times the stiff modulus
         digit = np.spacing(np.abs(right).max())*max(young)/pressure
         yield max(wrong), 1e-9 + 20*digit, "pressure"
         error = answer.energy_error(right)
@@ -138,7 +140,8 @@ def one_facet(kind, size, theta):
     high = Block("block", *[[0, 0.3, 0.7, 1], across][:d - 1], np.array(line) + 1, patches=spot)
     blocks = [Block("ground", *[even(-0.5, 1.5, 5)]*(d - 1), even(0, 1, 3)), high]
     lines = ["&body name='%s', volume='%s', material='m' /" % (name, name) for name in ("ground", "block")]
-    lines += ["&support body='ground', surface='bottom', fix='%s' /" % "xyz"[:d], "&support body='block', surface='spot', fix='%s' /" % "xy"[:d - 1],
+    lines += ["&support body='ground', surface='bottom', fix='%s' /" % "xyz"[:d],
+              "&support body='block', surface='spot', fix='%s' /" % "xy"[:d - 1],
               "&load body='block', force_density=%s%r /" % ("0,"*(d - 1), -weight),
               "&load body='block', surface='lee', traction=%r%s /" % (wind, ",0"*(d - 1)),
               "&contact name='joint', surface_a='block:bottom', surface_b='ground:top' /"]
@@ -150,7 +153,8 @@ def one_facet(kind, size, theta):
         yield abs(place[0] - 0.5 - wind*0.5/weight), wind*least + 1e-8, "where the weight acts"
         yield answer.bound, 1e-8, "bound"
 
-    return Scene("held by a facet of %s, %s, theta %s" % (size, kind, theta), text_of(kind, lines, theta, "1e-8"), written(blocks, kind), check)
+    return Scene("held by a facet of %s, %s, theta %s" % (size, kind, theta), text_of(kind, lines, theta, "1e-8"),
+                 written(blocks, kind), check)
 
 
 def hung(kind, soft, theta):
@@ -159,10 +163,12 @@ def hung(kind, soft, theta):
     axis = "xyz"[d - 1]
     blocks = [Block(name, *[even(0, 1, 2)]*(d - 1), even(z, z + 1, n)) for z, name in enumerate(("lower", "upper"))]
     lines = ["&body name='lower', volume='lower', material='m' /", "&body name='upper', volume='upper', material='hung' /",
-             "&support body='lower', surface='bottom', fix='%s' /" % "xyz"[:d], "&support body='upper', surface='top', fix='%s' /" % "xyz"[:d],
+             "&support body='lower', surface='bottom', fix='%s' /" % "xyz"[:d],
+             "&support body='upper', surface='top', fix='%s' /" % "xyz"[:d],
              "&load body='upper', force_density=%s-1 /" % ("0,"*(d - 1)),
              "&contact name='joint', surface_a='upper:bottom', surface_b='lower:top' /"]
-    materials = ["&material name='m', young=1, poisson=0 /", "&material name='hung', young=1, poisson=0, young_formula='%s > 1.75 ? %s : 1' /" % (axis, soft)]
+    materials = ["&material name='m', young=1, poisson=0 /",
+                 "&material name='hung', young=1, poisson=0, young_formula='%s > 1.75 ? %s : 1' /" % (axis, soft)]
     springs = [1.0]*(n - 1) + [float(soft)]
     # beside 1, what is left of these
     refused = {"code": (0, 3), "message": "body 'upper'.*rounding leaves no digit.*young_formula"} if float(soft) < 1e-15 else {}
@@ -173,8 +179,8 @@ def hung(kind, soft, theta):
         yield np.abs(answer.displacement[:, :d - 1]).max(), 1e-11, "displacement to the side"
         yield answer.bound, 1e-7, "bound"
 
-    return Scene("hung on a layer of %s, %s, theta %s" % (soft, kind, theta), text_of(kind, lines, theta, "1e-7", materials), written(blocks, kind), check,
-                 moduli={"young": [1.0, 1.0], "poisson": [0.0, 0.0]}, **refused)
+    return Scene("hung on a layer of %s, %s, theta %s" % (soft, kind, theta), text_of(kind, lines, theta, "1e-7", materials),
+                 written(blocks, kind), check, moduli={"young": [1.0, 1.0], "poisson": [0.0, 0.0]}, **refused)
 
 
 def plane(name, lines, theta, geometries, blocks=(), check=None, **others):
@@ -217,7 +223,8 @@ def edges(theta):
 
 def turned(theta):
     """A disc in a frictionless socket, and on a floor."""
-    socket = ["&support body='socket', surface='bottom', fix='xy' /", "&contact name='joint', surface_a='disc:rim', surface_b='socket:hole' /"]
+    socket = ["&support body='socket', surface='bottom', fix='xy' /",
+              "&contact name='joint', surface_a='disc:rim', surface_b='socket:hole' /"]
     weight = ["&load body='disc', force_density=0,-1 /"]
     torque = ["&load body='disc', surface='rim', traction_formula='-0.1*(y-1)','0.1*x' /"]
 
@@ -229,7 +236,8 @@ def turned(theta):
     yield plane("disc in a socket, turned", socket + weight + torque, theta, {"disc": DISC, "socket": SOCKET}, code=3,
                 message=["body 'disc'", "rotation about", "no contact can stop"])
     floor = [Block("floor", even(-3, 3, 12), even(-1, 0, 2))]
-    ground = ["&support body='floor', surface='bottom', fix='xy' /", "&contact name='joint', surface_a='disc:rim', surface_b='floor:top' /"]
+    ground = ["&support body='floor', surface='bottom', fix='xy' /",
+              "&contact name='joint', surface_a='disc:rim', surface_b='floor:top' /"]
     yield plane("disc on a floor", ground + weight, theta, {"disc": DISC}, floor, carries)
     yield plane("disc on a floor, pushed", ground + ["&load body='disc', force_density=0.1,-1 /"], theta, {"disc": DISC}, floor, code=3,
                 message=["body 'disc'", "translation along \\(1, 0\\)", "no contact can stop"])

@@ -5,7 +5,7 @@ import numpy as np
 import extreme
 from energy_norm import orthotropic
 from extreme import Scene
-from grid import Block, even, write_mesh
+from grid import Block, dimension, even, write_mesh
 from stack import SHORTENING, Layer, stack
 
 THETAS = ("1e-2", "1e-8", "0")
@@ -40,6 +40,44 @@ def anisotropic(grid):
         keys = "young=%r,%r,%r, poisson=%r,%r,%r, shear=%r,%r,%r" % (*young, *ratios, *shear)
         for theta in THETAS if grid else ("0",):
             yield stack("moduli of 1 to %g, theta %s" % (along, theta), [Layer(across=3), Layer(material=keys, stiff=stiff)], float(theta))
+
+
+    for kind in ("quad9", "hex8") if grid else ("quad9",):
+        yield refined(kind)
+
+
+def refined(kind):
+    """Fibres 1e4 times as stiff as what is around them, askew, under a narrow block: on meshes of half the size answers come nearer.
+
+    Linear elements askew to fibres lock: quad4 come nearer from 128 divisions on (docs/extreme.md).
+    """
+    d = dimension(kind)
+
+    def scene(n, check=None):
+        blocks = [Block("lower", *[even(0, 1, n)]*d), Block("upper", *[even(0.25, 0.75, max(2, n//2))]*(d - 1), even(1, 1.5, max(2, n//2)))]
+        axes = "axis_1=1,2,0, axis_2=-2,1,0" if d == 2 else "axis_1=1,0.5,2, axis_2=0,1,0"
+        text = ["&scene analysis='%s', mesh='blocks.msh' /" % ("3d" if d == 3 else "plane_strain"),
+                "&material name='fibres', young=1e4,1,1, poisson=0.3,0.3,0.3, shear=0.4,0.4,0.4, %s /" % axes,
+                "&material name='unit', young=1, poisson=0.3 /",
+                "&body name='lower', volume='lower', material='fibres' /", "&body name='upper', volume='upper', material='unit' /",
+                "&support body='lower', surface='bottom', fix='%s' /" % "xyz"[:d],
+                "&support body='upper', surface='top', fix='%s', value=%s-1e-3 /" % ("xyz"[:d], "0,"*(d - 1)),
+                "&contact name='joint', surface_a='upper:bottom', surface_b='lower:top' /",
+                "&solver theta_relative=1e-4, tolerance=1e-10 /"]
+        return Scene("fibres, %s" % kind, "\n".join(text) + "\n", lambda folder: write_mesh(folder/"blocks.msh", blocks, kind), check)
+
+    first = 8 if d == 2 else 3
+
+    def check(answer):
+        found = [answer, *(extreme.solved(scene(first*2**k)) for k in (1, 2))]
+        energy = [each.summary["energy"] for each in found]
+        mesh = [each.summary["error_discretization"] for each in found]
+        yield abs(energy[2] - energy[1]), 0.7*abs(energy[1] - energy[0]), "change of the energy from mesh to mesh"
+        yield mesh[2], 0.9*mesh[1], "estimated error of the mesh"
+        yield mesh[1], 0.9*mesh[0], "estimated error of the mesh"
+        yield answer.bound, 1e-10, "bound"
+
+    return scene(first, check)
 
 
 def pressed(name, blocks, kind, pairs, force, theta, more=(), check=None, **others):

@@ -1,9 +1,9 @@
 #!/usr/bin/python3
 """Poisson's ratios up to 0.499999 in every kind of elements, and bodies of several kinds.
 
-Columns between smooth walls are exact on every mesh. Thick cylinders (Lame) and press fits of two of them have their exact answers: errors of linear
-elements stay at those of ordinary materials on the same mesh, those of quadratic ones near them. Cook's membrane is compared with a fine
-mesh of biquadratic elements. A load of short waves on a block tells whether pressures alternate from element to element.
+Columns between smooth walls are exact on every mesh. Thick cylinders (Lame) and press fits of two of them have their exact answers:
+errors of linear elements stay at those of ordinary materials on the same mesh, those of quadratic ones near them. Cook's membrane is
+compared with a fine mesh of biquadratic elements. A load of short waves on a block tells whether pressures alternate from element to element.
 """
 import pathlib
 import sys
@@ -87,7 +87,9 @@ def thick_cylinder(kind, analysis, poisson):
             ANSWERS[key] = errors(extreme.solved(Scene("at 0.3", cylinder.scene(analysis, 0.3), write)), 0.3)
         found = errors(answer, float(poisson))
         # quadratic elements of which the mean is projected: docs/incompressible.md
-        most = ANSWERS[key]*((1, 1) if order(kind) == 1 else (4, 8)) if float(poisson) > 0.4 else (0.15, 0.5) if order(kind) == 1 else (1e-2, 1.2e-2)
+        most = {1: (0.15, 0.5), 2: (1e-2, 1.2e-2)}[order(kind)]
+        if float(poisson) > 0.4:
+            most = ANSWERS[key]*{1: (1, 1), 2: (4, 8)}[order(kind)]
         yield found[0], most[0]*(1 + 1e-9), "radial displacement"
         yield found[1], most[1]*(1 + 1e-9), "mean stress"
         if analysis == "axisymmetric":  # the mesh is exact: the defect of the energy is the square of the error
@@ -104,7 +106,8 @@ def press_fit(kind, poisson, swap):
     analysis = "plane_strain" if d == 2 else "3d"
     fine, coarse = {1: (4, 5), 2: (2, 3)}[order(kind)]
     other = {2: "quad", 3: "hex"}[d] + {(2, 1): "4", (2, 2): "8", (3, 1): "8", (3, 2): "20"}[d, order(kind)]
-    writes = [meshed("inner", cylinder.geometry(kind, fine, inner=a, outer=b)), meshed("outer", cylinder.geometry(other, coarse, inner=b, outer=c))]
+    writes = [meshed("inner", cylinder.geometry(kind, fine, inner=a, outer=b)),
+              meshed("outer", cylinder.geometry(other, coarse, inner=b, outer=c))]
     sides = ["inner:outside", "outer:inside"][::-1 if swap else 1]
     lines = ["&scene analysis='%s' /" % analysis, "&material name='rubber', young=1, poisson=%s /" % poisson,
              "&material name='steel', young=%r, poisson=%r /" % steel,
@@ -181,7 +184,7 @@ def cook(kind, poisson):
 
 
 def punch(kind, poisson):
-    """A pressure and a shear of short waves on a block between rigid walls: what neighbours do not predict of the mean stress of an element."""
+    """A pressure and a shear of short waves on a block between walls: what neighbours do not predict of the mean stress of an element."""
     d, n = grids.dimension(kind), {1: 12, 2: 6}[order(kind)]
     lines = [even(0, 1, n)]*d if d == 2 else [even(0, 1, n), even(0, 0.5, n//2), even(0, 1, n)]
     text = ["&scene analysis='%s', mesh='block.msh' /" % ("3d" if d == 3 else "plane_strain"),
