@@ -17,6 +17,7 @@ FORMATS = [("2.2", False), ("2.2", True), ("4.1", False), ("4.1", True)]
 SCHEMES = ["auto", "dual", "neumann", "robin", "nesterov", "anderson", "secant"]
 # A run that does not converge must end in seconds.
 SOLVER = "&solver %s max_iterations=300 /\n"
+OUTPUTS = ["", "", "&output checkpoint='c.chk', checkpoint_interval=0 /\n", "&output fields='contact', error_parts='' /\n"]
 
 
 class Scene:
@@ -66,7 +67,9 @@ def column(rng):
     text += "&support body='upper', surface='high', fix='%s', value=%s /\n" % (up(d), vector(d, "-1e-3"))
     text += "&contact name='joint', surface_a='upper:low', surface_b='lower:high'%s /\n" % rng.choice(
         ["", ", gap=1e-4", ", gap_formula='1e-4*x^2'", ", points='quadrature'", ", geometry='elements'", ", quadrature='plain'"])
-    text += SOLVER % ("scheme='%s', %s" % (rng.choice(SCHEMES), rng.choice(["theta_relative=1e-2,", "tolerance=1e-8,", ""])))
+    text += SOLVER % ("scheme='%s', %s" % (rng.choice(SCHEMES), rng.choice(["theta_relative=1e-2,", "tolerance=1e-8,",
+                                                                            "locking='project',", "locking='ignore',", ""])))
+    text += rng.choice(OUTPUTS)
     return Scene("column", text, {"a.msh": blocks(kind, n, rng.choice([0, 0, 0.05]), rng.choice([0, 0, 1e-4, -1e-4]))})
 
 
@@ -86,6 +89,7 @@ def stack(rng):
             text += "&contact name='%s', surface_a='%s:low', surface_b='%s:high' /\n" % (name, name, names[i - 1])
     text += SOLVER % rng.choice(["theta=0, tolerance=1e-8,", "theta_mesh=1e-3,", "scheme='dual', linear_solver='iterative',",
                                  "response='condensed', theta=0,", "response='full',", ""])
+    text += rng.choice(OUTPUTS)
     return Scene("stack", text, {"a.msh": blocks(kind, rng.choice([1, 2]), rng.choice([0, 0.05]), 0.0, names)})
 
 

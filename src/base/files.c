@@ -93,3 +93,18 @@ void dotyk_hold_standard_files(void) {
     if (fcntl(i, F_GETFD) == -1 && errno == EBADF && open("/dev/null", i == 0 ? O_WRONLY : O_RDONLY) != i) return;
   }
 }
+
+/* The file that a path leads to by way of links: the path itself where it is none. */
+void dotyk_behind_links(const char *path, char *target, int length) {
+  enum { longest_chain = 16 };
+  char next[4096];
+  snprintf(target, (size_t)length, "%s", path);
+  for (int i = 0; i < longest_chain; i++) {
+    ssize_t n = readlink(target, next, sizeof next - 1);
+    if (n < 0) return;
+    next[n] = 0;
+    char *slash = next[0] == '/' ? NULL : strrchr(target, '/');
+    size_t start = slash ? (size_t)(slash + 1 - target) : 0;
+    snprintf(target + start, (size_t)length - start, "%s", next);
+  }
+}

@@ -4,10 +4,11 @@ module dotyk_base_files
   use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_f_pointer, c_int, c_long, c_null_char, c_ptr, c_size_t
   implicit none
   private
-  public :: own_mark, remove_leftovers, sync_file, why_no_file, is_protected, print_text, hold_standard_files, nature_of
+  public :: own_mark, remove_leftovers, sync_file, why_no_file, is_protected, behind_links, nature_of, &
+            print_text, hold_standard_files
 
-  !> Longest mark.
-  integer, parameter :: mark_length = 100
+  !> Longest mark, and longest path behind links.
+  integer, parameter :: mark_length = 100, path_length = 8192
 
   interface
     subroutine c_own_mark(mark, length) bind(c, name='dotyk_own_mark')
@@ -35,6 +36,13 @@ module dotyk_base_files
       import :: c_char, c_int
       character(kind=c_char), intent(in) :: path(*)
     end function c_is_protected
+
+    subroutine c_behind_links(path, target, length) bind(c, name='dotyk_behind_links')
+      import :: c_char, c_int
+      character(kind=c_char), intent(in) :: path(*)
+      character(kind=c_char), intent(out) :: target(*)
+      integer(c_int), value :: length
+    end subroutine c_behind_links
 
     integer(c_int) function c_print(descriptor, text, length) bind(c, name='dotyk_print')
       import :: c_char, c_int, c_long
@@ -116,6 +124,20 @@ contains
     character(*), intent(in) :: path
     is_protected = c_is_protected(path//c_null_char) /= 0
   end function is_protected
+
+  !> The path that links lead to; the same one where it is no link.
+  function behind_links(path) result(target)
+    character(*), intent(in) :: path
+    character(:), allocatable :: target
+    character(kind=c_char) :: letters(path_length)
+    integer :: i
+    call c_behind_links(path//c_null_char, letters, int(path_length, c_int))
+    target = ''
+    do i = 1, path_length
+      if (letters(i) == c_null_char) exit
+      target = target//letters(i)
+    end do
+  end function behind_links
 
   !> Print a text on the standard output, or error.
   subroutine print_text(text, status, to_error)

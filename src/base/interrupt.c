@@ -83,7 +83,6 @@ int dotyk_run_command(const char *command) {
       sigaction(asking[i], NULL, &now);
       if (now.sa_handler != SIG_IGN) signal(asking[i], SIG_DFL);
     }
-    signal(SIGXFSZ, SIG_DFL);
     signal(SIGPIPE, SIG_DFL);
 #ifdef __linux__
     prctl(PR_SET_PDEATHSIG, SIGKILL);

@@ -1,6 +1,7 @@
 !> Checkpoints of a run: the state of the iteration is saved from time to time, and a run goes on from where another was.
 module dotyk_driver_checkpoint
-  use dotyk_base_error, only: error_t, set_error, exit_bad_input
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
+  use dotyk_base_error, only: error_t, set_error, exit_bad_input, exit_not_written
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_log, only: log_t, print_error
   use dotyk_base_text, only: quoted, to_text
@@ -9,7 +10,7 @@ module dotyk_driver_checkpoint
   use dotyk_driver_fingerprint, only: differences
   use dotyk_driver_version, only: version
   use dotyk_output_checkpoint_file, only: checkpoint_t, is_checkpoint, n_columns
-  use dotyk_output_file_system, only: check_writable
+  use dotyk_output_file_system, only: check_replaceable, check_writable
   use dotyk_scheme_history, only: ending_name, history_t, scheme_result_t
   use dotyk_scheme_problem, only: contact_problem_t
   use dotyk_scheme_relaxation, only: lambda_max_unknown
@@ -33,9 +34,21 @@ module dotyk_driver_checkpoint
     procedure :: keep_result => keeper_keep_result
   end type checkpoint_keeper_t
 
-  public :: check_checkpoint_path, check_scene, start_keeping, restore
+  public :: check_checkpoint_path, check_results_path, check_scene, start_keeping, restore
 
 contains
+
+  !> Refuse a path that cannot be written, or where there is something else than results.
+  subroutine check_results_path(path, error)
+    character(*), intent(in) :: path
+    type(error_t), allocatable, intent(out) :: error
+    call check_writable(path, error)
+    if (allocated(error)) return
+    call check_replaceable(path, error)
+    if (allocated(error)) return
+    if (is_checkpoint(path)) call set_error(error, quoted(path)//' is a checkpoint: give another name to the results', &
+                                            exit_not_written)
+  end subroutine check_results_path
 
   !> Refuse a path that cannot be written, or where there is something else than a checkpoint.
   subroutine check_checkpoint_path(path, output, error)
@@ -121,7 +134,8 @@ contains
     self%state%status = ending_name(result%ended)
     self%state%history = reshape(table(result%history), [n_columns, result%history%n])
     lambda_max = result%lambda_max
-    if (.not. lambda_max < lambda_max_unknown) lambda_max = 0
+    if (ieee_is_nan(lambda_max)) lambda_max = 0
+    if (lambda_max >= lambda_max_unknown) lambda_max = 0
     closed = result%m > 0
     if (allocated(result%closed)) closed = result%closed
     call write_state(self, [(i, i=1, size(result%m))], result%m, result%alpha, lambda_max, closed)
@@ -161,15 +175,20 @@ contains
   end function table
 
   !> Refuse the checkpoint of another scene.
-  subroutine check_scene(state, path, scene, error)
+  subroutine check_scene(state, path, scene, n_rows, error)
     type(checkpoint_t), intent(in) :: state
     !> Its file, and the lines of `fingerprint` of this scene.
     character(*), intent(in) :: path, scene
+    !> Contact points.
+    integer, intent(in) :: n_rows
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: text
     text = differences(scene, state%scene)
     if (len(text) > 0) call set_error(error, 'checkpoint '//quoted(path)//' is of another scene: other than here are '//text// &
                                       '; start without --restart, or give the file of this scene', exit_bad_input)
+    if (.not. allocated(error) .and. size(state%pressure) /= n_rows) &
+      call set_error(error, 'checkpoint '//quoted(path)//' holds '//to_text(size(state%pressure))//' contact points, and '// &
+                     'the scene has '//to_text(n_rows)//'; start without --restart', exit_bad_input)
   end subroutine check_scene
 
   !> The state that a checkpoint of this scene holds, as a result to go on from.
@@ -230,6 +249,6 @@ contains
     history%error_discretization = values(5, :)
     history%energy = values(6, :)
     history%max_penetration = values(7, :)
-    history%active = nint(values(8, :))
+    history%active = nint(min(values(8, :), real(huge(0), dp)))
   end subroutine from_table
 end module dotyk_driver_checkpoint

@@ -2,7 +2,7 @@
 module dotyk_driver_run_case
   use dotyk_base_error, only: error_t, add_context, set_error, exit_bad_input, exit_converged, &
     exit_not_converged, exit_not_written
-  use dotyk_base_files, only: print_text
+  use dotyk_base_files, only: behind_links, print_text
   use dotyk_base_interrupt, only: interrupted, stop_if_interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
@@ -12,7 +12,7 @@ module dotyk_driver_run_case
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_driver_arguments, only: arguments_t
   use dotyk_driver_bodies, only: build_bodies, check_held, assemble_bodies
-  use dotyk_driver_checkpoint, only: checkpoint_keeper_t, check_checkpoint_path, check_scene, restore, &
+  use dotyk_driver_checkpoint, only: checkpoint_keeper_t, check_checkpoint_path, check_results_path, check_scene, restore, &
     start_keeping
   use dotyk_driver_congruence, only: kinds_t
   use dotyk_driver_digits, only: body_digits_t, collect_digits, show_digits
@@ -41,7 +41,7 @@ module dotyk_driver_run_case
   use dotyk_input_parse, only: read_case
   use dotyk_mesh_surface, only: surface_t
   use dotyk_output_checkpoint_file, only: checkpoint_t
-  use dotyk_output_results, only: results_file_t, check_writable
+  use dotyk_output_results, only: results_file_t
   use dotyk_scheme_explicit, only: explicit_compliance_t
   use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_interrupted
   use dotyk_scheme_problem, only: contact_problem_t
@@ -110,6 +110,9 @@ contains
     call read_case(arguments%case_file, run%case, error)
     if (allocated(error)) return
     if (len(arguments%output) > 0) run%case%scene%output = arguments%output
+    ! A new file takes the place of an old one, not that of a link to it.
+    run%case%scene%output = behind_links(run%case%scene%output)
+    run%case%output%checkpoint = behind_links(run%case%output%checkpoint)
     call read_checkpoint(run, arguments, error)
     if (allocated(error)) return
     call show_scene(run%log, run%case, run%threads)
@@ -144,7 +147,7 @@ contains
   subroutine build(run, error)
     type(run_t), intent(inout) :: run
     type(error_t), allocatable, intent(out) :: error
-    call check_writable(run%case%scene%output, error)
+    call check_results_path(run%case%scene%output, error)
     if (allocated(error)) return
     if (len(run%case%output%checkpoint) > 0) call check_checkpoint_path(run%case%output%checkpoint, run%case%scene%output, error)
     if (allocated(error)) return
@@ -180,7 +183,7 @@ contains
     call run%log%line('')
     if (allocated(run%saved) .or. len(run%case%output%checkpoint) > 0) &
       run%scene = fingerprint(run%case, run%body, run%surface_a, run%surface_b, run%pair)
-    if (allocated(run%saved)) call check_scene(run%saved, run%saved_in, run%scene, error)
+    if (allocated(run%saved)) call check_scene(run%saved, run%saved_in, run%scene, run%problem%operator%n_rows, error)
   end subroutine build
 
   !> Factorize, and iterate from the scene without contact.

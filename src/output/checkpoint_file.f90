@@ -3,6 +3,7 @@
 !> The checksum is looked at before HDF5 sees the file, so that files that were cut short, damaged or are something else altogether are
 !> told from each other, and no damage gets into an iteration. Written to a temporary name and renamed: whole or absent.
 module dotyk_output_checkpoint_file
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite, ieee_is_nan
   use dotyk_base_error, only: error_t, add_context, exit_bad_input, exit_not_written, set_error
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_text, only: quoted, to_text
@@ -209,15 +210,25 @@ contains
     if (.not. allocated(error)) call source%get_dataset(group//'/history', self%history, error)
   end subroutine get_all
 
-  !> Arrays that belong together are of one length, and numbers are finite.
+  !> Arrays that belong together are of one length, and numbers are such as a scene can have.
   subroutine check_shapes(self, error)
     class(checkpoint_t), intent(in) :: self
     type(error_t), allocatable, intent(out) :: error
     if (size(self%pressure) /= size(self%closed) .or. size(self%theta) /= size(self%theta_factor) .or. &
         size(self%history, 1) /= n_columns) then
       call set_error(error, 'its arrays do not fit together')
-    else if (.not. all(abs(self%pressure) <= huge(1.0_dp)) .or. .not. all(abs(self%alpha) <= huge(1.0_dp))) then
-      call set_error(error, 'it holds numbers that are none')
+    else if (.not. are_usual([abs(self%pressure), abs(self%alpha), self%theta, self%theta_factor, self%tolerance, &
+                              self%lambda_max]) .or. .not. are_usual(self%history(n_columns, :)) .or. &
+             .not. all(ieee_is_finite(self%history) .or. ieee_is_nan(self%history))) then
+      call set_error(error, 'it holds numbers that none of its kind can have')
     end if
   end subroutine check_shapes
+
+  !> Whether numbers are such as a scene can have: those of the input are below 1e40, and squares must not overflow.
+  pure logical function are_usual(values)
+    real(dp), intent(in) :: values(:)
+    real(dp), parameter :: largest = 1.0e100_dp
+    are_usual = all(ieee_is_finite(values))
+    if (are_usual) are_usual = all(values >= 0 .and. values <= largest)
+  end function are_usual
 end module dotyk_output_checkpoint_file

@@ -1,7 +1,7 @@
 !> HDF5's own account of what went wrong, as text for the user.
 module dotyk_output_hdf5_reason
-  use, intrinsic :: iso_c_binding, only: c_char, c_f_pointer, c_funloc, c_funptr, c_int, c_int64_t, c_loc, c_ptr, &
-    c_size_t
+  use, intrinsic :: iso_c_binding, only: c_char, c_f_pointer, c_funloc, c_funptr, c_int, c_int64_t, c_loc, &
+    c_null_char, c_ptr, c_size_t
   use hdf5, only: h5dont_atexit_f, h5eset_auto_f, h5open_f
   implicit none
   private
@@ -30,6 +30,11 @@ module dotyk_output_hdf5_reason
       type(c_funptr), value :: visit
       type(c_ptr), value :: client
     end function h5ewalk2
+    integer(c_int) function c_setenv(name, value, overwrite) bind(c, name='setenv')
+      import :: c_char, c_int
+      character(kind=c_char), intent(in) :: name(*), value(*)
+      integer(c_int), value :: overwrite
+    end function c_setenv
     pure integer(c_size_t) function c_strlen(text) bind(c, name='strlen')
       import :: c_size_t, c_ptr
       type(c_ptr), value, intent(in) :: text
@@ -44,6 +49,8 @@ contains
   !> program (a file that could not be written is not tried again).
   subroutine start_hdf5()
     integer :: status
+    ! Files are written to names of their own: nobody else has them. File systems that know no locks (Lustre, some NFS) would refuse.
+    status = int(c_setenv('HDF5_USE_FILE_LOCKING'//c_null_char, 'FALSE'//c_null_char, 0_c_int))
     call h5dont_atexit_f(status)
     call h5open_f(status)
     call h5eset_auto_f(0, status)

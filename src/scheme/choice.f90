@@ -3,6 +3,7 @@
 !> Cost and memory of both are known beforehand, from the number of closed points and the factors of the bodies.
 module dotyk_scheme_choice
   use dotyk_base_kinds, only: dp
+  use dotyk_base_memory, only: memory_now, memory_t
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_direct_system, only: direct_system_t
   use dotyk_scheme_explicit, only: explicit_compliance_t
@@ -18,7 +19,7 @@ module dotyk_scheme_choice
   integer, parameter, public :: solver_direct = 2     !< matrices and factorizations
   integer, parameter, public :: solver_iterative = 3  !< conjugate gradients
 
-  public :: choose_solver
+  public :: choose_solver, room_for_matrices
 
   !> Solves of each body that conjugate gradients take for all active sets together, about: 50 to 150 for each.
   real(dp), parameter :: typical_solves = 600
@@ -26,11 +27,11 @@ module dotyk_scheme_choice
   real(dp), parameter :: typical_systems = 6
   !> How much faster the operations of half solves, their products and dense factorizations are than those of single solves.
   real(dp), parameter :: gain_of_blocks = 8
-  !> Bytes that matrices, half solutions and active systems may take.
-  real(dp), parameter :: most_bytes = 8.0e9_dp
+  !> Bytes that matrices, half solutions and active systems may take, and that as a part of the memory that is left.
+  real(dp), parameter :: most_bytes = 8.0e9_dp, most_of_memory = 0.5_dp
 
-  !> More free motions than this are no dense border any more.
-  integer, parameter :: many_motions = 60
+  !> More free motions than this are no dense border any more; so many where some have springs, which a border keeps apart better.
+  integer, parameter :: many_motions = 60, many_with_springs = 300
 
 contains
 
@@ -46,6 +47,7 @@ contains
     type(direct_system_t), allocatable :: direct
     type(iterative_system_t), allocatable :: iterative
     type(saddle_system_t), allocatable :: saddle
+    type(memory_t) :: memory
     real(dp) :: direct_cost, iterative_cost, bytes, n, path
     logical :: by_sweeps
     integer :: b, k
@@ -65,7 +67,8 @@ contains
       iterative_cost = iterative_cost + 4*problem%cost(b)*typical_solves
       bytes = bytes + 8*n**2 + 8*n*sqrt(2*path)
     end do
-    by_sweeps = direct_cost > iterative_cost .or. bytes > most_bytes
+    memory = memory_now()
+    by_sweeps = direct_cost > iterative_cost .or. bytes > room_for_matrices(memory)
     if (wish == solver_direct) by_sweeps = .false.
     if (wish == solver_iterative) by_sweeps = .true.
     ! Conjugate gradients keep to the equilibrium of free bodies, not to springs that are softer than contact by many powers of ten.
@@ -78,7 +81,7 @@ contains
     if (by_sweeps) then
       allocate (iterative)
       call move_alloc(iterative, system)
-    else if (problem%coarse%n > many_motions .and. .not. allocated(problem%coarse%stiffness)) then
+    else if (problem%coarse%n > merge(many_with_springs, many_motions, allocated(problem%coarse%stiffness))) then
       allocate (saddle)
       call move_alloc(saddle, system)
     else
@@ -86,4 +89,12 @@ contains
       call move_alloc(direct, system)
     end if
   end subroutine choose_solver
+
+  !> Bytes that matrices may take here.
+  pure real(dp) function room_for_matrices(memory) result(bytes)
+    !> What there is.
+    type(memory_t), intent(in) :: memory
+    bytes = most_bytes
+    if (memory%is_known) bytes = min(bytes, most_of_memory*memory%left)
+  end function room_for_matrices
 end module dotyk_scheme_choice

@@ -91,6 +91,28 @@ class Messages(dotyk_case.Case):
         self.assertIn("is a mesh of gmsh, no namelist file: one names it in &scene mesh=", self.dotyk("mesh.msh", code=2))
         self.assertIn("is a geometry of gmsh", self.dotyk("lower.geo", code=2))
 
+    def test_results_take_the_place_of_results_only(self):
+        self.scene()
+        (self.folder / "notes.txt").write_text("mine\n")
+        (self.folder / "far").mkdir()
+        (self.folder / "link.vtkhdf").symlink_to("far/real.vtkhdf")
+        os.mkfifo(self.folder / "pipe.vtkhdf")
+        for name in ("case.nml", "./case.nml", "lower.geo", "notes.txt"):
+            before = (self.folder / name).read_bytes()
+            self.assertIn("'%s' is there already and is no results file" % name, self.dotyk("case.nml", "--output", name, code=4))
+            self.assertEqual((self.folder / name).read_bytes(), before)
+        for name, reason in (("pipe.vtkhdf", "is a pipe"), ("/dev/null", "is a device"), ("far", "is a folder")):
+            self.assertIn(reason, self.dotyk("case.nml", "--output", name, code=4))
+        self.scene(("&output ", "&output checkpoint='state.chk', "))
+        self.dotyk("case.nml", "--output", "link.vtkhdf")
+        self.assertTrue((self.folder / "link.vtkhdf").is_symlink())
+        self.assertTrue((self.folder / "far" / "real.vtkhdf").is_file())
+        self.assertIn("is a checkpoint", self.dotyk("case.nml", "--output", "./state.chk", code=4))
+        if os.geteuid() == 0:
+            return  # to whom nothing is protected
+        (self.folder / "far" / "real.vtkhdf").chmod(0o444)
+        self.assertIn("is protected", self.dotyk("case.nml", "--output", "far/real.vtkhdf", code=4))
+
     def test_very_many_groups(self):
         """They are read in seconds."""
         for text, message in (("&x\n", "&x: the group is not ended with '/' before '&x' in line 2"), ("&body /\n", "&body: 'name' is missing"),
