@@ -3,11 +3,13 @@ module dotyk_contact_facet_points
   use dotyk_base_kinds, only: dp
   use dotyk_contact_cell_rule, only: facet_rule_t
   use dotyk_contact_projection, only: find_partner, partner_t, partner_too_far, target_surface_t
-  use dotyk_mesh_element, only: element_kind, element_kind_t, n_element_kinds, quadrature_rule
+  use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_mesh_element, only: element_kind, element_kind_t, kind_nodes, n_element_kinds, quadrature_rule
   use dotyk_mesh_facet, only: facet_geometry
+  use dotyk_mesh_surface, only: surface_t
   implicit none
   private
-  public :: prepare_rules, facet_points
+  public :: prepare_rules, project_points
 
   !> Degree of the plain rule that means at vertices are made with. The edges of surface_b cut the facets, and the mean must
   !> see where: errors of columns of blocks that do not match are a third to a tenth of those with twice the order of the
@@ -77,4 +79,34 @@ contains
       end if
     end do
   end subroutine facet_points
+
+  !> Points of all facets and their partners by the elements' geometry.
+  subroutine project_points(mesh_a, surface_a, rule, offset, axisymmetric, target, near, radius, x, xi, weight, partner)
+    type(body_mesh_t), intent(in) :: mesh_a
+    type(surface_t), intent(in) :: surface_a
+    !> The facets' rules (n_facets); points of facet f are offset(f)+1 .. offset(f+1).
+    type(facet_rule_t), intent(in) :: rule(:)
+    integer, intent(in) :: offset(:)
+    !> Weights contain 2 pi r.
+    logical, intent(in) :: axisymmetric
+    type(target_surface_t), intent(in) :: target
+    !> Facets that may have partners (n_facets).
+    logical, intent(in) :: near(:)
+    !> Greatest distance [length].
+    real(dp), intent(in) :: radius
+    !> As in facet_points, for all facets.
+    real(dp), intent(out) :: x(:, :), xi(:, :), weight(:)
+    type(partner_t), intent(out) :: partner(:)
+    integer :: f
+    !$omp parallel do default(none) schedule(dynamic, 64) &
+    !$omp shared(surface_a, mesh_a, rule, offset, axisymmetric, target, near, radius, x, xi, weight, partner)
+    do f = 1, surface_a%n_facets
+      associate (first => offset(f) + 1, last => offset(f + 1), kind => surface_a%kind(f))
+        call facet_points(kind, mesh_a%dimension, mesh_a%x(:, surface_a%node(1:kind_nodes(kind), f)), rule(f)%xi, &
+                          rule(f)%weight, axisymmetric, target, near(f), radius, x(:, first:last), &
+                          xi(:, first:last), weight(first:last), partner(first:last))
+      end associate
+    end do
+    !$omp end parallel do
+  end subroutine project_points
 end module dotyk_contact_facet_points

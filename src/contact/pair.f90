@@ -14,7 +14,7 @@ module dotyk_contact_pair
   use dotyk_contact_average, only: average_at_vertices
   use dotyk_contact_cell_rule, only: facet_rule_t
   use dotyk_contact_corner_field, only: corner_field_t
-  use dotyk_contact_facet_points, only: facet_points, prepare_rules
+  use dotyk_contact_facet_points, only: prepare_rules, project_points
   use dotyk_contact_facet_set, only: facet_set_t
   use dotyk_contact_geometry, only: geometry_elements
   use dotyk_contact_local_origin, only: local_origin, move
@@ -25,7 +25,7 @@ module dotyk_contact_pair
   use dotyk_contact_smooth_partner, only: smooth_partners
   use dotyk_linalg_sparse, only: sparse_rows_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
-  use dotyk_mesh_element, only: kind_nodes, n_element_kinds
+  use dotyk_mesh_element, only: n_element_kinds
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
@@ -219,36 +219,6 @@ contains
     call set_rows(mesh_a, surface_a, origin, pair)
     allocate (pair%row_theta(pair%n_rows), source=pair%theta)
   end subroutine search_pair
-
-  !> Points of all facets and their partners by the elements' geometry.
-  subroutine project_points(mesh_a, surface_a, rule, offset, axisymmetric, target, near, radius, x, xi, weight, partner)
-    type(body_mesh_t), intent(in) :: mesh_a
-    type(surface_t), intent(in) :: surface_a
-    !> The facets' rules (n_facets); points of facet f are offset(f)+1 .. offset(f+1).
-    type(facet_rule_t), intent(in) :: rule(:)
-    integer, intent(in) :: offset(:)
-    !> Weights contain 2 pi r.
-    logical, intent(in) :: axisymmetric
-    type(target_surface_t), intent(in) :: target
-    !> Facets that may have partners (n_facets).
-    logical, intent(in) :: near(:)
-    !> Greatest distance [length].
-    real(dp), intent(in) :: radius
-    !> As in facet_points, for all facets.
-    real(dp), intent(out) :: x(:, :), xi(:, :), weight(:)
-    type(partner_t), intent(out) :: partner(:)
-    integer :: f
-    !$omp parallel do default(none) schedule(dynamic, 64) &
-    !$omp shared(surface_a, mesh_a, rule, offset, axisymmetric, target, near, radius, x, xi, weight, partner)
-    do f = 1, surface_a%n_facets
-      associate (first => offset(f) + 1, last => offset(f + 1), kind => surface_a%kind(f))
-        call facet_points(kind, mesh_a%dimension, mesh_a%x(:, surface_a%node(1:kind_nodes(kind), f)), rule(f)%xi, &
-                          rule(f)%weight, axisymmetric, target, near(f), radius, x(:, first:last), &
-                          xi(:, first:last), weight(first:last), partner(first:last))
-      end associate
-    end do
-    !$omp end parallel do
-  end subroutine project_points
 
   !> Keep the points that have a partner and count the others.
   pure subroutine collect(d, offset, x, xi, weight, partner, pair)

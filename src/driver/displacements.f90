@@ -12,8 +12,8 @@ module dotyk_driver_displacements
   use dotyk_driver_free_scene, only: free_body_t
   use dotyk_driver_recovery, only: body_solution_t, recover_bodies
   use dotyk_driver_refinement, only: energy_of, refine_bodies, refuse_lost_pressures
-  use dotyk_driver_rounding, only: expect_rounding, flag_rounded, measure_rounding, relative_rounding, worth_measuring, &
-    worth_of_digits
+  use dotyk_driver_rounding, only: expect_rounding, flag_rounded, gap_rounding, measure_rounding, relative_rounding, &
+    worth_measuring, worth_of_digits
   use dotyk_driver_timing, only: timing_t, stopwatch_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t
@@ -54,7 +54,7 @@ contains
     !> The answer of the scheme; its bound contains rounding on return.
     type(scheme_result_t), intent(inout) :: result
     type(error_t), allocatable, intent(out) :: error
-    real(dp) :: distance(size(body)), digit(size(body)), rounding, norm, left
+    real(dp) :: distance(size(body)), digit(size(body)), rounding, gaps, norm, left
     logical :: wanted
     !> So many units of the last digit are as good as one.
     real(dp), parameter :: few_digits = 4
@@ -80,7 +80,7 @@ contains
     if (wanted) then
       call refuse_lost_pressures(body, digits, distance, norm, error)
       if (allocated(error)) return
-      rounding = rounding + relative_rounding(distance, norm, digits)
+      rounding = rounding + relative_rounding([distance, gaps], norm, digits)
       if (rounding > tolerance) call worth_of_digits(body, solution, digit)
     else
       if (allocated(solution)) deallocate (solution)
@@ -101,8 +101,10 @@ contains
       end if
       norm = problem%norm(result%m, result%y, result%alpha/problem%coarse%scale)
       call expect_rounding(body, kinds, problem, solution, norm, distance)
-      if (refined .or. norm2(distance) > worth_measuring*tolerance*norm) &
-        call measure_rounding(body, problem, result%m, solution, n_blas, distance, error)
+      gaps = 0
+      if (.not. (refined .or. norm2(distance) > worth_measuring*tolerance*norm)) return
+      call measure_rounding(body, problem, result%m, solution, n_blas, distance, error)
+      gaps = gap_rounding(problem, solution, result%m, result%y)
     end subroutine recover_and_measure
   end subroutine find_displacements
 end module dotyk_driver_displacements

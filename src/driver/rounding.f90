@@ -11,19 +11,20 @@ module dotyk_driver_rounding
   use dotyk_driver_digits, only: body_digits_t
   use dotyk_driver_parallel, only: largest_first, set_blas_threads
   use dotyk_driver_recovery, only: body_solution_t
+  use dotyk_driver_refinement, only: penetrations
   use dotyk_elasticity_body, only: body_t, strain_energy
   use dotyk_elasticity_internal_force, only: internal_force
   use dotyk_response_full, only: full_response_t
   use dotyk_scheme_problem, only: contact_problem_t
   implicit none
   private
-  public :: expect_rounding, measure_rounding, flag_rounded, relative_rounding, worth_of_digits
+  public :: expect_rounding, measure_rounding, flag_rounded, relative_rounding, gap_rounding, worth_of_digits
 
   !> Bodies with more rounding than this part of the tolerance are refined.
   real(dp), parameter :: worth_refining = 0.2_dp
   !> Expected more than this part of it, rounding is measured.
   real(dp), parameter, public :: worth_measuring = 1.0e-3_dp
-  !> Least eigenvalues are smaller than pivots and displacements say.
+  !> Least eigenvalues are smaller than displacements say; of pivots, they may be as small as the square.
   real(dp), parameter :: margin = 10
   !> A stiffness whose condition was not worth a measurement does not let more than this part of an answer be rounding.
   real(dp), parameter :: all_rounding = 0.01_dp
@@ -54,7 +55,7 @@ contains
       select type (owner => problem%response(kinds%first(b))%form)
       type is (full_response_t)
         size_of_u = norm2(sqrt(owner%digits%diagonal)*x)
-        distance(b) = margin*epsilon(norm)*size_of_u*max(sqrt(owner%digits%condition_left), size_of_u/max(tiny(norm), norm))
+        distance(b) = margin*epsilon(norm)*size_of_u*max(owner%digits%condition_left, size_of_u/max(tiny(norm), norm))
       end select
       deallocate (x)
     end do
@@ -124,6 +125,34 @@ contains
     call problem%response(b)%form%solve(z)
     distance = sqrt(max(0.0_dp, dot_product(r, z)))
   end subroutine measure_body
+
+  !> What it takes to close the gaps that displacements leave beside those that the scheme knows, where points press: a displacement of the
+  !> nodes at each point alone does, and the diagonals of the stiffnesses tell its energy.
+  real(dp) function gap_rounding(problem, solution, m, y) result(distance)
+    type(contact_problem_t), intent(in) :: problem
+    !> Recovered (n_bodies).
+    type(body_solution_t), intent(in) :: solution(:)
+    !> State of the scheme (n_rows) [pressure], B u - d as it knows it (n_rows) [length].
+    real(dp), intent(in) :: m(:), y(:)
+    real(dp), allocatable :: wrong(:), yields(:)
+    integer :: b, i, k
+    allocate (wrong(size(y)))
+    call penetrations(problem, solution, wrong)
+    wrong = wrong - y
+    yields = problem%operator%theta/problem%operator%weight
+    do b = 1, size(solution)
+      if (size(problem%operator%block(b)%row) == 0) cycle
+      associate (block => problem%operator%block(b), diagonal => problem%response(b)%form%diagonal)
+        do i = 1, size(block%row)
+          do k = block%matrix%row_start(i), block%matrix%row_start(i + 1) - 1
+            if (diagonal(block%matrix%column(k)) > 0) yields(block%row(i)) = yields(block%row(i)) + &
+                                                      block%matrix%value(k)**2/diagonal(block%matrix%column(k))
+          end do
+        end do
+      end associate
+    end do
+    distance = sqrt(sum(wrong**2/max(tiny(distance), yields), mask=m > 0 .and. yields > 0))
+  end function gap_rounding
 
   !> What the last digits of the displacements are worth, of each body: no answer in doubles is nearer to the exact one.
   subroutine worth_of_digits(body, solution, distance)

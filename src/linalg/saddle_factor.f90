@@ -142,7 +142,7 @@ contains
   !> Factorize in place.
   subroutine saddle_factorize(self, reference, failed)
     class(saddle_factor_t), intent(inout) :: self
-    !> What eigenvalues of blocks of H are compared with; not looked at for blocks of M (n_blocks).
+    !> What eigenvalues of blocks of H are compared with, 0 where they are positive; not looked at for blocks of M (n_blocks).
     real(dp), intent(in) :: reference(:)
     !> A block whose pivots are not positive; 0 if all is well.
     integer, intent(out) :: failed
@@ -298,7 +298,8 @@ contains
     end associate
   end subroutine factor_run
 
-  !> The root R of the generalized inverse of a block of H, `(-A)^+ = R R^T`, and the directions that stay out.
+  !> The root R of the generalized inverse of a block of H, `(-A)^+ = R R^T`, and the directions that stay out. None does where the
+  !> reference is zero, and elimination keeps directions apart that have nothing to do with each other.
   subroutine take_root(self, k, reference, a, failed)
     type(saddle_factor_t), intent(inout) :: self
     !> Time of the block.
@@ -318,6 +319,11 @@ contains
     end do
     failed = 1
     if (.not. all(ieee_is_finite(full))) return
+    if (.not. reference > 0) then
+      call invert_root(full, vectors, failed)
+      if (failed == 0) self%root(k)%x = vectors
+      if (failed == 0) return
+    end if
     call symmetric_eigen(full, values, vectors, error)
     if (allocated(error)) return
     failed = 0
@@ -335,6 +341,25 @@ contains
     end do
     self%root(k)%x = vectors
   end subroutine take_root
+
+  !> The root of the inverse of a positive definite matrix, `L^{-T}`.
+  subroutine invert_root(a, root, failed)
+    real(dp), intent(in) :: a(:, :)
+    real(dp), intent(out) :: root(:, :)
+    !> 0 if all is well.
+    integer, intent(out) :: failed
+    real(dp) :: factor(size(a, 1), size(a, 1))
+    integer :: i, n
+    n = size(a, 1)
+    factor = a
+    call dpotrf('L', n, factor, n, failed)
+    if (failed /= 0) return
+    root = 0
+    do i = 1, n
+      root(i, i) = 1
+    end do
+    call dtrsm('L', 'L', 'T', 'N', n, n, 1.0_dp, factor, n, root, n)
+  end subroutine invert_root
 
   !> Subtract L D L^T of a panel's lower part: columns of M and of H for themselves.
   subroutine subtract_products(self, g, update)

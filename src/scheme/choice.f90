@@ -30,8 +30,8 @@ module dotyk_scheme_choice
   !> Bytes that matrices, half solutions and active systems may take, and that as a part of the memory that is left.
   real(dp), parameter :: most_bytes = 8.0e9_dp, most_of_memory = 0.5_dp
 
-  !> More free motions than this are no dense border any more.
-  integer, parameter :: many_motions = 60
+  !> More free motions than this are no dense border any more; so many where some have springs, which a border keeps apart better.
+  integer, parameter :: many_motions = 60, many_with_springs = 300
 
 contains
 
@@ -81,7 +81,7 @@ contains
     if (by_sweeps) then
       allocate (iterative)
       call move_alloc(iterative, system)
-    else if (problem%coarse%n > many_motions .and. .not. allocated(problem%coarse%stiffness)) then
+    else if (problem%coarse%n > merge(many_with_springs, many_motions, allocated(problem%coarse%stiffness))) then
       allocate (saddle)
       call move_alloc(saddle, system)
     else

@@ -43,6 +43,8 @@ module dotyk_scheme_coarse
     procedure :: displacement => coarse_displacement
     procedure :: resultant_of => coarse_resultant_of
     procedure :: springs => coarse_springs
+    procedure :: is_sprung => coarse_is_sprung
+    procedure :: by_bodies => coarse_by_bodies
     procedure :: rounding => coarse_rounding
     procedure :: rows => coarse_rows
     procedure :: invert => coarse_invert
@@ -137,8 +139,27 @@ contains
     !> (n) [force]
     real(dp) :: force(size(alpha))
     force = 0
-    if (allocated(self%stiffness)) force = matmul(self%stiffness, alpha)
+    if (allocated(self%stiffness)) force = self%by_bodies(self%stiffness, alpha)
   end function coarse_springs
+
+  !> A matrix that has a block for each body times amplitudes.
+  pure function coarse_by_bodies(self, matrix, alpha) result(product)
+    class(coarse_space_t), intent(in) :: self
+    !> (n, n), 0 but for the bodies' own blocks.
+    real(dp), intent(in) :: matrix(:, :)
+    !> (n)
+    real(dp), intent(in) :: alpha(:)
+    real(dp) :: product(size(alpha))
+    integer :: b, j
+    do b = 1, size(self%block)
+      associate (first => self%first(b), last => self%first(b + 1) - 1)
+        product(first:last) = 0
+        do j = first, last
+          product(first:last) = product(first:last) + alpha(j)*matrix(first:last, j)
+        end do
+      end associate
+    end do
+  end function coarse_by_bodies
 
   !> z = G alpha.
   pure subroutine coarse_displacement(self, operator, alpha, z)
@@ -288,10 +309,20 @@ contains
   !> Whether every motion has a spring.
   pure logical function all_sprung(self)
     class(coarse_space_t), intent(in) :: self
-    integer :: i
+    integer :: b
     all_sprung = allocated(self%stiffness)
-    if (all_sprung) all_sprung = all([(self%stiffness(i, i) > 0, i=1, self%n)])
+    if (all_sprung) all_sprung = all([(self%is_sprung(b), b=1, size(self%block))])
   end function all_sprung
+
+  !> Whether every motion of a body has a spring.
+  pure logical function coarse_is_sprung(self, b) result(is_sprung)
+    class(coarse_space_t), intent(in) :: self
+    !> The body.
+    integer, intent(in) :: b
+    integer :: i
+    is_sprung = allocated(self%stiffness)
+    if (is_sprung) is_sprung = all([(self%stiffness(i, i) > 0, i=self%first(b), self%first(b + 1) - 1)])
+  end function coarse_is_sprung
 
   !> Motions with springs are held, however soft these are; a matrix that has them is no softer than they are.
   subroutine count_springs(self, scale, vectors, is_held, values)

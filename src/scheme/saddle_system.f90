@@ -97,7 +97,7 @@ contains
     end associate
   end subroutine add_compliance
 
-  !> -G; there are no springs, H = 0.
+  !> -G, and -H, the springs.
   subroutine add_motions(self, problem)
     type(saddle_system_t), intent(inout) :: self
     type(contact_problem_t), intent(in) :: problem
@@ -108,11 +108,15 @@ contains
         do k = 1, size(run%block)
           call self%factor%add(run%block(k), run%motions, -g(run%place(run%first(k):run%first(k + 1) - 1), :))
         end do
+        if (.not. allocated(problem%coarse%stiffness)) cycle
+        associate (first => problem%coarse%first(b), last => problem%coarse%first(b + 1) - 1)
+          call self%factor%add(run%motions, run%motions, -problem%coarse%stiffness(first:last, first:last))
+        end associate
       end associate
     end do
   end subroutine add_motions
 
-  !> How much the points of each body would hold the best held of its motions if each yielded for itself.
+  !> How much the points of each body would hold the best held of its motions if each yielded for itself; 0 where springs hold all of them.
   function stiffness_of_bodies(self, problem) result(stiffness)
     type(saddle_system_t), intent(in) :: self
     type(contact_problem_t), intent(in) :: problem
@@ -122,6 +126,8 @@ contains
     do b = 1, size(self%graph%body)
       associate (run => self%graph%body(b), g => problem%coarse%block(b)%value)
         if (run%motions == 0) cycle
+        ! However soft its springs are.
+        if (problem%coarse%is_sprung(b)) cycle
         do j = 1, size(g, 2)
           stiffness(run%motions) = max(stiffness(run%motions), &
                                        sum(g(run%place, j)**2/self%diagonal(self%graph%number(run%row))))
@@ -201,7 +207,7 @@ contains
       call problem%coarse%displacement(problem%operator, alpha + step_alpha, motion)
       r_b = b - z(self%row) - self%layer*(lambda + step) + motion(self%row)
       call problem%coarse%resultant_of(problem%operator, all_forces, r_c)
-      r_c = c - r_c
+      r_c = c - r_c - problem%coarse%springs(alpha + step_alpha)
       residual = sum(r_b**2/self%diagonal)
       missing = sum(r_c**2)
       ! Rounding errors do not get smaller.

@@ -92,7 +92,7 @@ contains
     logical :: failed
     integer :: i
     allocate (gradient(coarse%n), step(coarse%n), position(size(y)), change(size(y)))
-    if (coarse%n > many_motions .and. .not. present(springs)) call order_bodies(operator, coarse, start, neighbour, order)
+    if (coarse%n > many_motions) call order_bodies(operator, coarse, start, neighbour, order)
     call coarse%displacement(operator, alpha, position)
     position = y + position
     first_size = maxval(abs(e))
@@ -102,7 +102,7 @@ contains
       if (maxval(abs(gradient)) <= 1.0e-12_dp*first_size) exit
       step = -gradient
       if (allocated(order)) then
-        call solve_sparse(coarse, mu, k, position, start, neighbour, order, factor, step, failed)
+        call solve_sparse(coarse, mu, k, position, start, neighbour, order, factor, step, failed, springs)
       else
         call solve_full(coarse, mu, k, position, springs, step, failed)
       end if
@@ -119,7 +119,7 @@ contains
       real(dp), intent(in) :: motion(:)
       real(dp), allocatable :: force(:)
       force = mu*motion
-      if (present(springs)) force = force + matmul(springs, motion)
+      if (present(springs)) force = force + coarse%by_bodies(springs, motion)
     end function held
   end subroutine minimize
 
@@ -178,8 +178,8 @@ contains
     if (allocated(error)) order = [(b, b=1, n)]
   end subroutine order_bodies
 
-  !> The same without springs, by a sparse one.
-  subroutine solve_sparse(coarse, mu, k, position, start, neighbour, order, factor, x, failed)
+  !> The same by a sparse one.
+  subroutine solve_sparse(coarse, mu, k, position, start, neighbour, order, factor, x, failed, springs)
     type(coarse_space_t), intent(in) :: coarse
     real(dp), intent(in) :: mu, k(:), position(:)
     !> Of `order_bodies`.
@@ -188,20 +188,23 @@ contains
     type(saddle_factor_t), intent(inout) :: factor
     real(dp), intent(inout) :: x(:)
     logical, intent(out) :: failed
+    !> A block for each body (coarse%n, coarse%n).
+    real(dp), intent(in), optional :: springs(:, :)
     type(error_t), allocatable :: error
     integer :: n(size(order)), b, i, j, p, q, block
-    real(dp), allocatable :: springs(:, :), g_p(:, :), g_q(:, :)
+    real(dp), allocatable :: own(:, :), g_p(:, :), g_q(:, :)
     n = coarse%first(2:) - coarse%first(:size(order))
     call factor%init(n, [(1, b=1, size(order))], start, neighbour, order, error)
     failed = allocated(error)
     if (failed) return
     do b = 1, size(order)
-      allocate (springs(n(b), n(b)), source=0.0_dp)
+      allocate (own(n(b), n(b)), source=0.0_dp)
+      if (present(springs)) own = springs(coarse%first(b):coarse%first(b + 1) - 1, coarse%first(b):coarse%first(b + 1) - 1)
       do j = 1, n(b)
-        springs(j, j) = mu
+        own(j, j) = own(j, j) + mu
       end do
-      call factor%add(b, b, springs)
-      deallocate (springs)
+      call factor%add(b, b, own)
+      deallocate (own)
     end do
     do i = 1, size(position)
       if (.not. position(i) > 0) cycle
