@@ -26,7 +26,7 @@ def edit(data, change):
     try:
         with h5py.File(buffer, "r+") as file:
             change(file["checkpoint"])
-    except (OSError, KeyError, ValueError, TypeError):
+    except (OSError, KeyError, ValueError, TypeError, AttributeError, IndexError):  # what was changed before may not be an array
         return data
     return with_checksum(buffer.getvalue())
 
