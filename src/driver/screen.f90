@@ -227,6 +227,8 @@ contains
                   plural(body_solves, 'solve', 'solves')//' of each body at most), '//duration(seconds))
     call log%line('  error bound      '//to_text(result%error_bound, 3)//' of the energy norm, guaranteed (tolerance '// &
                   to_text(tolerance)//')')
+    if (result%ended == ended_converged .and. result%error_bound > tolerance) call log%line('  rounding         puts the bound '// &
+      'above the tolerance: the last digits of the displacements are worth as much, and no answer is nearer')
     if (.not. ieee_is_nan(result%error_bound_paper)) call log%line('  bound (41)       '//to_text(result%error_bound_paper, 3))
     predicted = ''
     if (.not. ieee_is_nan(result%q_predicted)) predicted = ', at most '//to_text(result%q_predicted, 6)//' predicted'
