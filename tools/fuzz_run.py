@@ -119,11 +119,11 @@ class Runner:
         if megabytes > self.megabytes:
             return "takes more than %d MB" % self.megabytes, message
         if code >= 2:
-            return self.judge_refusal(case, folder, message, older)
+            return self.judge_refusal(case, folder, message, older, code)
         if message:
             return "text on the standard error with exit code %d" % code, message
         if "--check" in case.arguments:
-            return self.judge_files(case, folder, older)
+            return self.judge_files(case, folder, older, code)
         found = [path for path in folder.rglob("*") if path.is_file() and str(path.relative_to(folder)) not in case.files
                  and path.name != CHECKPOINT]
         if older and len(found) == 2:
@@ -132,7 +132,7 @@ class Runner:
             return "files left", " ".join(map(str, found))
         return judge_results(found[0], code)
 
-    def judge_refusal(self, case, folder, message, older):
+    def judge_refusal(self, case, folder, message, older, code):
         """Messages are there, short and printable; files are as they were."""
         if not message.strip():
             return "no message", ""
@@ -140,16 +140,16 @@ class Runner:
             return "control characters in the message", message
         if len(message) > 60000:
             return "a message of more than 60000 characters", message[:3000]
-        return self.judge_files(case, folder, older)
+        return self.judge_files(case, folder, older, code)
 
-    def judge_files(self, case, folder, older):
+    def judge_files(self, case, folder, older, code):
         """Nothing was written."""
         names = {str(path.relative_to(folder)) for path in folder.rglob("*")} - {CHECKPOINT}
         if names != set(case.files) - {CHECKPOINT} | ({RESULTS} if older else set()):
             return "files left", " ".join(sorted(names))
         if older and (folder / RESULTS).read_bytes() != OLDER:
             return "the older results file was touched", ""
-        if CHECKPOINT in case.files and (folder / CHECKPOINT).read_bytes() != case.files[CHECKPOINT]:
+        if code == 2 and CHECKPOINT in case.files and (folder / CHECKPOINT).read_bytes() != case.files[CHECKPOINT]:
             return "the checkpoint was touched", ""
         return "", ""
 
