@@ -1,9 +1,9 @@
 !> Checked values of a group, by key; and names that other groups refer to.
 module dotyk_input_values
   use dotyk_base_kinds, only: dp
-  use dotyk_base_text, only: join, text_t, to_text
+  use dotyk_base_text, only: text_t, to_text
   use dotyk_input_checks, only: suggestion
-  use dotyk_input_problems, only: problems_t, shown
+  use dotyk_input_problems, only: problems_t, shown, visible
   use dotyk_input_reader, only: group_t
   implicit none
   private
@@ -198,7 +198,20 @@ contains
     place = find_name(names, name)
     if (place > 0 .or. names%incomplete .or. size(names%name) == 0) return
     hint = suggestion(name, names%name)
-    if (len(hint) == 0) hint = ' (known: '//join(names%name, ', ')//')'
+    if (len(hint) == 0) hint = ' (known: '//first_names(names%name)//')'
     call report(problems, group, key, key//': unknown '//names%what//' '//shown(name)//hint)
   end subroutine refer
+
+  !> The first few of some names.
+  function first_names(name) result(text)
+    type(text_t), intent(in) :: name(:)
+    character(:), allocatable :: text
+    integer, parameter :: most = 10
+    integer :: i
+    text = visible(name(1)%s)
+    do i = 2, min(most, size(name))
+      text = text//', '//visible(name(i)%s)
+    end do
+    if (size(name) > most) text = text//' and '//to_text(size(name) - most)//' more'
+  end function first_names
 end module dotyk_input_values

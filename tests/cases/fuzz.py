@@ -29,7 +29,7 @@ class Fuzz(dotyk_case.Case):
         return done.returncode, done.stdout
 
     def test_no_faults(self):
-        code, text = self.fuzz(os.environ["DOTYK"], "--seed", "6", "--cases", "200", "--kinds", "namelist,mesh text,mesh binary,scene")
+        code, text = self.fuzz(os.environ["DOTYK"], "--seed", "6", "--cases", "200")
         self.assertEqual(code, 0, text)
         self.assertRegex(text, r"\| all \| 200 \|")
 
