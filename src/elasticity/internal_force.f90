@@ -95,6 +95,7 @@ contains
     slope = matmul(rest, g(:, :dim))
     do j = 1, dim
       do i = 1, dim
+        if (i == j) cycle
         rotation = (slope(i, j) - slope(j, i))/2
         do a = 2, n
           v(i, a) = v(i, a) - rotation*(real(x(j, a), qp) - x(j, 1))
