@@ -85,8 +85,8 @@ contains
         last_k = min(max_iterations, k + most_last_steps)
         call approach(problem, compliance, system, immovable, now, active, steps, error)
         if (allocated(error)) return
-        call log%line(trim(merge('  active sets come back;', '                        ', k > 1))// &
-                      '  the interior point method solved '//to_text(steps)//' systems')
+        call log%line('  '//trim(merge('active sets come back; the', 'the                       ', k > 1))// &
+                      ' interior point method solved '//to_text(steps)//' systems')
       end if
       call drop_immovable(problem, compliance, yields, active, immovable)
       if (any(immovable .and. problem%y_free > 0 .and. .not. problem%operator%theta > 0)) then
