@@ -26,6 +26,8 @@ module dotyk_driver_rounding
   real(dp), parameter, public :: worth_measuring = 1.0e-3_dp
   !> Least eigenvalues are smaller than displacements say; of pivots, they may be as small as the square.
   real(dp), parameter :: margin = 10
+  !> Displacements are no larger in the measure of the diagonal than this times the energy norm: more is no strain at all.
+  real(dp), parameter :: most_stretched = 1.0e30_dp
   !> A stiffness whose condition was not worth a measurement does not let more than this part of an answer be rounding.
   real(dp), parameter :: all_rounding = 0.01_dp
 
@@ -55,7 +57,8 @@ contains
       select type (owner => problem%response(kinds%first(b))%form)
       type is (full_response_t)
         size_of_u = norm2(sqrt(owner%digits%diagonal)*x)
-        distance(b) = margin*epsilon(norm)*size_of_u*max(owner%digits%condition_left, size_of_u/max(tiny(norm), norm))
+        distance(b) = margin*epsilon(norm)*size_of_u*max(owner%digits%condition_left, &
+                                                         size_of_u/max(tiny(norm), norm, size_of_u/most_stretched))
       end select
       deallocate (x)
     end do
