@@ -216,15 +216,17 @@ contains
     type(error_t), allocatable, intent(out) :: error
     !> Thetas become smaller by a few factors of ten.
     real(dp), parameter :: least_factor = 1.0e-30_dp
+    logical :: fits
     if (size(self%pressure) /= size(self%closed) .or. size(self%theta) /= size(self%theta_factor) .or. &
         size(self%history, 1) /= n_columns) then
       call set_error(error, 'its arrays do not fit together')
-    else if (.not. are_usual([abs(self%pressure), abs(self%alpha), self%theta, self%theta_factor, self%tolerance, &
-                              self%lambda_max]) .or. .not. are_usual(self%history(n_columns, :)) .or. &
-             any(self%theta_factor < least_factor) .or. .not. all(ieee_is_finite(self%history([1, 2, 3, 6, 7, 8], :))) .or. &
-             .not. all(ieee_is_finite(self%history(4:5, :)) .or. ieee_is_nan(self%history(4:5, :)))) then
-      call set_error(error, 'it holds numbers that none of its kind can have')
+      return
     end if
+    fits = are_usual([abs(self%pressure), abs(self%alpha), self%theta, self%theta_factor, self%tolerance, self%lambda_max]) .and. &
+      are_usual(self%history(n_columns, :)) .and. all(ieee_is_finite(self%history([1, 2, 3, 6, 7, 8], :))) .and. &
+      all(ieee_is_finite(self%history(4:5, :)) .or. ieee_is_nan(self%history(4:5, :)))
+    if (fits) fits = all(self%theta_factor >= least_factor)
+    if (.not. fits) call set_error(error, 'it holds numbers that none of its kind can have')
   end subroutine check_shapes
 
   !> Whether numbers are such as a scene can have: those of the input are below 1e40, and what grows until it is seen to diverge must not overflow.

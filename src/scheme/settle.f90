@@ -117,7 +117,7 @@ contains
     !> What springs resist a motion with.
     function held(motion) result(force)
       real(dp), intent(in) :: motion(:)
-      real(dp), allocatable :: force(:)
+      real(dp) :: force(size(motion))
       force = mu*motion
       if (present(springs)) force = force + coarse%by_bodies(springs, motion)
     end function held
