@@ -117,10 +117,9 @@ contains
     if (allocated(error)) return
     call show_scene(run%log, run%case, run%threads)
     call build(run, error)
-    if (allocated(error)) return
-    if (arguments%check) then
-      call show_memory(run%log, run%size_of)
-      call run%log%line('  checked; nothing was solved')
+    if (allocated(error) .or. arguments%check) then
+      if (.not. allocated(error)) call show_memory(run%log, run%size_of)
+      if (.not. allocated(error)) call run%log%line('  checked; nothing was solved')
       call run%problem%destroy()
       return
     end if
