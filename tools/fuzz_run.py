@@ -42,6 +42,7 @@ class Runner:
         self.sanitized = "Asan" in self.version
         self.environment = {
             **os.environ, "OMP_NUM_THREADS": "2", "LC_ALL": "C",
+            "LSAN_OPTIONS": "print_suppressions=0:suppressions=%s" % pathlib.Path(__file__).with_name("lsan.supp"),
             "ASAN_OPTIONS": "exitcode=99:allocator_may_return_null=1:max_allocation_size_mb=%d" % megabytes,
             "UBSAN_OPTIONS": "halt_on_error=1:print_stacktrace=1:exitcode=99"}
 
