@@ -67,13 +67,8 @@ contains
   function own_mark() result(mark)
     character(:), allocatable :: mark
     character(kind=c_char) :: letters(mark_length)
-    integer :: i
     call c_own_mark(letters, int(mark_length, c_int))
-    mark = ''
-    do i = 1, mark_length
-      if (letters(i) == c_null_char) exit
-      mark = mark//letters(i)
-    end do
+    call take_text(letters, mark)
   end function own_mark
 
   !> Delete files of the names path.machine-process.* that processes of this machine left which are no more.
@@ -130,14 +125,21 @@ contains
     character(*), intent(in) :: path
     character(:), allocatable :: target
     character(kind=c_char) :: letters(path_length)
-    integer :: i
     call c_behind_links(path//c_null_char, letters, int(path_length, c_int))
-    target = ''
-    do i = 1, path_length
-      if (letters(i) == c_null_char) exit
-      target = target//letters(i)
-    end do
+    call take_text(letters, target)
   end function behind_links
+
+  !> The text that C has left, up to its end.
+  pure subroutine take_text(letters, text)
+    character(kind=c_char), intent(in) :: letters(:)
+    character(:), allocatable, intent(out) :: text
+    integer :: i
+    text = ''
+    do i = 1, size(letters)
+      if (letters(i) == c_null_char) exit
+      text = text//letters(i)
+    end do
+  end subroutine take_text
 
   !> Print a text on the standard output, or error.
   subroutine print_text(text, status, to_error)

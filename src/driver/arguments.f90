@@ -1,7 +1,7 @@
 !> The command line.
 module dotyk_driver_arguments
   use dotyk_base_error, only: error_t, set_error
-  use dotyk_base_text, only: text_t, nearest_name, to_text
+  use dotyk_base_text, only: text_t, nearest_name
   implicit none
   private
 

@@ -1,13 +1,12 @@
 !> A run from the namelist file to the results file: the one place that turns input into bodies, operator, scheme and results.
 module dotyk_driver_run_case
-  use dotyk_base_error, only: error_t, add_context, set_error, exit_bad_input, exit_converged, &
+  use dotyk_base_error, only: error_t, set_error, exit_bad_input, exit_converged, &
     exit_not_converged, exit_not_written
   use dotyk_base_files, only: behind_links, print_text
   use dotyk_base_interrupt, only: interrupted, stop_if_interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
   use dotyk_base_memory, only: set_stage
-  use dotyk_base_text, only: to_text
   use dotyk_contact_operator, only: build_operator
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_driver_arguments, only: arguments_t

@@ -8,7 +8,7 @@
 module dotyk_linalg_saddle_factor
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use dotyk_base_error, only: error_t, set_error, exit_not_solvable
-  use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
   use dotyk_linalg_blas, only: dgemm, dpotrf, dsyrk, dtrsm
   use dotyk_linalg_block_tree, only: block_tree_t

@@ -3,7 +3,7 @@
 !> Written to a temporary name and renamed by `commit`: a results file is whole or absent, and an older one stays until
 !> then. Bodies are written one at a time. Every error has the exit code `exit_not_written`. One thread at a time.
 module dotyk_output_results
-  use dotyk_base_error, only: error_t, exit_not_written
+  use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int32, int64
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_output_cells, only: cells_of_body, cells_t, connectivity_length
