@@ -18,7 +18,8 @@ module funit
     module procedure value_of_int32, value_of_int64, value_of_real, value_of_text
   end interface funit_value
 
-  public :: assertEqual, assertLessThan, funit_value, anyExceptions, funit_begin, funit_end, funit_close
+  public :: assertEqual, assertLessThan, assertLessThanOrEqual, assertGreaterThan, assertGreaterThanOrEqual
+  public :: funit_value, anyExceptions, funit_begin, funit_end, funit_close
 
   logical :: failed
   integer :: n_passed = 0, n_failed = 0
@@ -64,12 +65,106 @@ contains
     if (present(message)) print '(2x,a)', message
   end subroutine fail
 
-  subroutine assertLessThan(a, b, message, line)
-    type(value_t), intent(in) :: a, b
+  !> lhs < rhs, exactly.
+  subroutine assertLessThan(lhs, rhs, message, line)
+    !> The two sides: reals or integers; a scalar on the left stands for a whole array.
+    type(value_t), intent(in) :: lhs, rhs
+    !> Shown where the assertion fails.
     character(*), intent(in), optional :: message
+    !> Line of the assertion.
     integer, intent(in) :: line
-    if (.not. as_real(a, 1) < as_real(b, 1)) call fail(as_text(a, 1)//' is not less than '//as_text(b, 1), message, line)
+    call assert_order(lhs, 'less than', rhs, message, line)
   end subroutine assertLessThan
+
+  !> lhs <= rhs, exactly.
+  subroutine assertLessThanOrEqual(lhs, rhs, message, line)
+    !> The two sides: reals or integers; a scalar on the left stands for a whole array.
+    type(value_t), intent(in) :: lhs, rhs
+    !> Shown where the assertion fails.
+    character(*), intent(in), optional :: message
+    !> Line of the assertion.
+    integer, intent(in) :: line
+    call assert_order(lhs, 'less than or equal to', rhs, message, line)
+  end subroutine assertLessThanOrEqual
+
+  !> lhs > rhs, exactly.
+  subroutine assertGreaterThan(lhs, rhs, message, line)
+    !> The two sides: reals or integers; a scalar on the left stands for a whole array.
+    type(value_t), intent(in) :: lhs, rhs
+    !> Shown where the assertion fails.
+    character(*), intent(in), optional :: message
+    !> Line of the assertion.
+    integer, intent(in) :: line
+    call assert_order(lhs, 'greater than', rhs, message, line)
+  end subroutine assertGreaterThan
+
+  !> lhs >= rhs, exactly.
+  subroutine assertGreaterThanOrEqual(lhs, rhs, message, line)
+    !> The two sides: reals or integers; a scalar on the left stands for a whole array.
+    type(value_t), intent(in) :: lhs, rhs
+    !> Shown where the assertion fails.
+    character(*), intent(in), optional :: message
+    !> Line of the assertion.
+    integer, intent(in) :: line
+    call assert_order(lhs, 'greater than or equal to', rhs, message, line)
+  end subroutine assertGreaterThanOrEqual
+
+  !> Compare element by element; the first pair out of order is shown. As in pFUnit, an array on the left needs one on the right.
+  subroutine assert_order(lhs, relation, rhs, message, line)
+    !> The two sides.
+    type(value_t), intent(in) :: lhs, rhs
+    !> The relation in words, as `in_order` knows it.
+    character(*), intent(in) :: relation
+    !> Shown where the assertion fails.
+    character(*), intent(in), optional :: message
+    !> Line of the assertion.
+    integer, intent(in) :: line
+    character(:), allocatable :: what
+    integer :: i, j
+    if (size(lhs%shape) > 0 .and. as_list(lhs%shape) /= as_list(rhs%shape)) then
+      call fail('shape'//as_list(lhs%shape)//' is compared with shape'//as_list(rhs%shape), message, line)
+      return
+    end if
+    do i = 1, product(rhs%shape)
+      j = merge(1, i, size(lhs%shape) == 0)
+      if (in_order(lhs, j, relation, rhs, i)) cycle
+      what = as_text(lhs, j)//' is not '//relation//' '//as_text(rhs, i)
+      if (size(rhs%shape) > 0) what = what//' at'//as_list(place(i, rhs%shape))
+      call fail(what, message, line)
+      return
+    end do
+  end subroutine assert_order
+
+  !> Whether an element of the left side has the relation to one of the right side. Integers are compared as integers. NaN is
+  !> in no order; builds that trap invalid operations come through.
+  logical function in_order(lhs, j, relation, rhs, i) result(holds)
+    !> The two sides.
+    type(value_t), intent(in) :: lhs, rhs
+    !> The element of the left side and that of the right side.
+    integer, intent(in) :: j, i
+    !> The relation in words.
+    character(*), intent(in) :: relation
+    real(real64) :: a, b
+    logical :: less, equal
+    if (allocated(lhs%integers) .and. allocated(rhs%integers)) then
+      less = lhs%integers(j) < rhs%integers(i)
+      equal = lhs%integers(j) == rhs%integers(i)
+    else
+      a = as_real(lhs, j)
+      b = as_real(rhs, i)
+      holds = .false.
+      if (ieee_is_nan(a) .or. ieee_is_nan(b)) return
+      less = a < b
+      equal = .not. (a < b .or. a > b)
+    end if
+    select case (relation)
+    case ('less than'); holds = less
+    case ('less than or equal to'); holds = less .or. equal
+    case ('greater than'); holds = .not. (less .or. equal)
+    case ('greater than or equal to'); holds = .not. less
+    case default; error stop 'an unknown relation'
+    end select
+  end function in_order
 
   !> Texts and integers are equal exactly, reals within the absolute tolerance (0 if absent). A scalar stands for a whole array.
   subroutine assertEqual(expected, found, tolerance, message, line)

@@ -9,6 +9,12 @@ import re
 import sys
 
 
+# The assertions that are understood: names in pFUnit, how many values each takes, and its arguments after them.
+ASSERTIONS = {"assertTrue": (1, "message"), "assertFalse": (1, "message"), "assertEqual": (2, "tolerance|message"),
+              "assertLessThan": (2, "message"), "assertLessThanOrEqual": (2, "message"),
+              "assertGreaterThan": (2, "message"), "assertGreaterThanOrEqual": (2, "message")}
+
+
 def arguments(text):
     """The arguments of a call, split at commas outside of brackets and strings; none where brackets or quotes do not match."""
     parts, depth, quote = [""], 0, ""
@@ -28,19 +34,18 @@ def arguments(text):
 
 def assertion(name, text, refuse):
     """The Fortran call of `@name(text)`, left open for the line number."""
+    n_values, keywords = ASSERTIONS[name]
     parts = arguments(text)
-    n_values = 1 if name in ("asserttrue", "assertfalse") else 2
     if len(parts) < n_values or "" in parts:
         refuse("the arguments of @%s do not parse" % name)
     for part in parts[n_values:]:
-        if not re.match(r"(tolerance|message)\s*=[^=]", part, re.I):
-            refuse("after the values, @%s takes tolerance= and message=, not '%s'" % (name, part))
-    values = ["funit_value(%s)" % part for part in parts[:n_values]]
+        if not re.match(r"(%s)\s*=[^=]" % keywords, part, re.I):
+            refuse("after the values, @%s takes %s=, not '%s'" % (name, keywords.replace("|", "= and "), part))
+    values, procedure = ["funit_value(%s)" % part for part in parts[:n_values]], name
     if n_values == 1:
-        values = ["funit_value('%s')" % name[6:], "funit_value(merge('true ', 'false', %s))" % parts[0]]
-    if name == "assertgreaterthan":
-        values.reverse()
-    procedure = "assertEqual" if n_values == 1 or name == "assertequal" else "assertLessThan"
+        expected = name[len("assert"):].lower()
+        values = ["funit_value('%s')" % expected, "funit_value(merge('true ', 'false', %s))" % parts[0]]
+        procedure = "assertEqual"
     return "call %s(%s" % (procedure, ", ".join(values + parts[n_values:]))
 
 
@@ -49,6 +54,7 @@ def translate(path):
     def refuse(message):
         sys.exit("%s:%d: %s" % (path, number, message))
 
+    known = {name.lower(): name for name in ASSERTIONS}
     lines, tests, around, pending, disabled, module, number = [], [], {}, None, False, None, 1
     for number, line in enumerate(path.read_text().splitlines(), 1):
         directive = re.match(r"(\s*)@(\w*)\s*(.*?)\s*$", line)
@@ -62,8 +68,8 @@ def translate(path):
                 disabled, line = True, ""
             elif name in ("test", "before", "after") and not rest and name not in around:
                 pending, line = name, ""
-            elif re.match(r"assert(equal|true|false|greaterthan|lessthan)$", name) and re.match(r"\(.*\)$", rest):
-                call = assertion(name, rest[1:-1], refuse)
+            elif name in known and re.match(r"\(.*\)$", rest):
+                call = assertion(known[name], rest[1:-1], refuse)
                 line = "%s%s, line=%d); if (anyExceptions()) return" % (directive[1], call, number)
             else:
                 refuse("the small runner does not understand '%s'" % line.strip())

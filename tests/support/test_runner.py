@@ -23,6 +23,12 @@ subroutine passes_values()
 @assertFalse(.false., message='no')
 @assertLessThan(1, 2)
 @assertGreaterThan(2.0_dp, 1.0_dp)
+@assertLessThanOrEqual(1.0_dp, [1.0_dp, 1.5_dp])
+@assertLessThanOrEqual([1, 2], [1, 3], message='no')
+@assertGreaterThanOrEqual(2_int64**62 + 1, 2_int64**62)
+@assertGreaterThan(2_int64**62 + 1, 2_int64**62)
+@assertGreaterThanOrEqual(2, 1.5_dp)
+@assertGreaterThanOrEqual(0.0_dp, -0.0_dp)
 end subroutine
 @test
 subroutine nan()
@@ -50,6 +56,28 @@ end subroutine
 @test
 subroutine not_less()
 @assertLessThan(2.5_dp, 1.5_dp)
+end subroutine
+@test
+subroutine order_nan()
+  real(dp) :: x
+  x = ieee_value(x, ieee_quiet_nan)
+@assertLessThanOrEqual(x, huge(x))
+end subroutine
+@test
+subroutine order_array()
+@assertGreaterThan([2, 1], [1, 1], message='where')
+end subroutine
+@test
+subroutine order_equal()
+@assertLessThan(2, 2)
+end subroutine
+@test
+subroutine order_at_least()
+@assertGreaterThanOrEqual(2_int64**62, 2_int64**62 + 1)
+end subroutine
+@test
+subroutine order_shape()
+@assertLessThanOrEqual([1, 2], 3)
 end subroutine
 @test
 @disable
@@ -83,10 +111,13 @@ class Runner(dotyk_case.Case):
     def test_failures_are_told(self):
         done = self.run_tests(TESTS)
         self.assertEqual(done.returncode, 1, done)
-        self.assertEqual(done.stdout.splitlines()[-1], "tests: 7 tests, 6 failed")
-        for words in ("sample.pf:25: nan: expected NaN, found NaN", "sample.pf:29: place: expected 0, found 7 at (2,2)\n  look here\n",
+        self.assertEqual(done.stdout.splitlines()[-1], "tests: 12 tests, 11 failed")
+        for words in ("sample.pf:31: nan: expected NaN, found NaN", "sample.pf:35: place: expected 0, found 7 at (2,2)\n  look here\n",
                       "shape_differs: expected shape (2), found (3)", 'expected "true", found "false"',
-                      'text: expected "a", found "b"', "not_less: 2.5000000000000000 is not less than 1.5000000000000000"):
+                      'text: expected "a", found "b"', "not_less: 2.5000000000000000 is not less than 1.5000000000000000",
+                      "order_nan: NaN is not less than or equal to 0.17976931348623157E+309", "1 is not greater than 1 at (2)\n  where\n",
+                      "order_equal: 2 is not less than 2", "4611686018427387904 is not greater than or equal to 4611686018427387905",
+                      "order_shape: shape (2) is compared with shape ()"):
             self.assertIn(words, done.stdout)
         self.assertNotIn("never reached", done.stdout)
         self.assertNotIn("disabled", done.stdout)
@@ -109,6 +140,7 @@ class Runner(dotyk_case.Case):
         self.refused(test % "@assertEqual(1)", 6, "do not parse")
         self.refused(test % "@assertEqual(1, (2)", 6, "do not parse")
         self.refused(test % "@assertEqual(1, 2, 3)", 6, "takes tolerance= and message=, not '3'")
+        self.refused(test % "@assertLessThan(1.0, 2.0, tolerance=0.1)", 6, "takes message=, not 'tolerance=0.1'")
         self.refused(test % "@assertTrue(x, whitespace=KEEP_ALL)", 6, "not 'whitespace=KEEP_ALL'")
         self.refused("@test(ifdef=X)\nsubroutine one()", 4, "does not understand")
         self.refused("@test\ninteger function one()", 5, "a subroutine without arguments must follow @test")
