@@ -16,7 +16,7 @@ module dotyk_response_demand
     integer :: n_steps = 0
   end type response_demand_t
 
-  !> How much slower the operations of single solves are, and those of half solves and their products.
+  !> How much slower the operations of single solves are, and those of forward substitutions and their products.
   real(dp), parameter :: slowness_of_solves = 10, slowness_of_halves = 1.3_dp
 
 contains

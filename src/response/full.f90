@@ -5,7 +5,7 @@
 !>
 !> Contact unknowns that come last in the order of elimination make the factor a little larger (+3 % flops where 5 % of a face may
 !> touch, +76 % for all of it) and responses much cheaper, see `dotyk_response_condensed`. The compliance of the contact points as a
-!> matrix, by half solves with either factor, makes them cheaper still. Which is best is known from the symbolic analysis of both
+!> matrix, by forward substitutions with either factor, makes them cheaper still. Which is best is known from the symbolic analysis of both
 !> orders and the responses to come (`dotyk_response_demand`).
 !>
 !> A body with free motions R is factorized with springs on a few unknowns, see dotyk_response_hold, K_s: then
@@ -24,11 +24,11 @@ module dotyk_response_full
   use dotyk_response_components, only: gather, scatter, to_equations
   use dotyk_response_condensed, only: condensed_t
   use dotyk_response_demand, only: cost_of_matrix, cost_of_solves, response_demand_t
-  use dotyk_response_half_solver, only: half_solver_t
+  use dotyk_response_forward_solver, only: forward_solver_t
   use dotyk_response_definite, only: digits_t, factorize_stiffness
   use dotyk_response_hold, only: choose_holds
   use dotyk_response_motions, only: remove_motions, subtract_motions
-  use dotyk_response_response, only: half_response_t, response_t
+  use dotyk_response_response, only: forward_response_t, response_t
   implicit none
   private
 
@@ -62,8 +62,8 @@ module dotyk_response_full
     real(dp), allocatable, private :: x(:)
     !> What the factor lost; of the first of the kind.
     type(digits_t) :: digits
-    !> What half solves need; the first's of the kind where it is shared.
-    type(half_solver_t), pointer, private :: half => null()
+    !> What forward substitutions need; the first's of the kind where it is shared.
+    type(forward_solver_t), pointer, private :: forward => null()
   contains
     procedure :: prepare => full_response_prepare
     procedure :: share => full_response_share
@@ -76,10 +76,10 @@ module dotyk_response_full
     procedure :: share_condensed => full_response_share_condensed
     procedure, private :: take_condensed => full_response_take_condensed
     procedure, private :: keep_diagonal => full_response_keep_diagonal
-    procedure :: prepare_half_solves => full_response_prepare_half_solves
-    procedure :: half_entries => full_response_half_entries
-    procedure :: half_solve => full_response_half_solve
-    procedure :: half_product => full_response_half_product
+    procedure :: prepare_forward_substitution => full_response_prepare_forward_substitution
+    procedure :: path_entries => full_response_path_entries
+    procedure :: forward_substitution => full_response_forward_substitution
+    procedure :: forward_product => full_response_forward_product
     procedure :: solve => full_response_solve
     procedure :: destroy => full_response_destroy
   end type full_response_t
@@ -122,7 +122,7 @@ contains
     if (allocated(error)) return
     allocate (permutation(body%constraint%n_equations))
     call expand_permutation(node_order, body%constraint%equation, permutation)
-    if (.not. associated(self%factor)) allocate (self%factor, self%half)
+    if (.not. associated(self%factor)) allocate (self%factor, self%forward)
     call self%factor%analyze(body%stiffness, permutation, error)
     if (allocated(error)) return
     self%whole_flops = self%factor%flops
@@ -153,7 +153,7 @@ contains
     if (n == 0) return
     entries = real(n, dp)*(n + 1)/2
     solves = cost_of_solves(demand, [real(self%factor%factor_entries, dp), entries])
-    matrix = cost_of_matrix(demand, [self%half%path_entries(self%factor, last), entries])
+    matrix = cost_of_matrix(demand, [self%forward%path_entries(self%factor, last), entries])
     self%is_explicit = form == form_compliance
     if (form == form_auto .and. demand%n_steps > 0 .and. 8*real(demand%n_rows, dp)**2/demand%n_bodies < most_bytes) then
       self%is_explicit = minval(matrix) < minval(solves)
@@ -175,7 +175,7 @@ contains
     self%is_condensed = form == form_condensed .or. solves(2) + other%flops < solves(1) + self%factor%flops
     if (self%is_condensed) then
       call self%factor%destroy()
-      call self%half%destroy()
+      call self%forward%destroy()
       deallocate (self%factor)
       self%factor => other
       self%n_last = n
@@ -197,7 +197,7 @@ contains
     self%is_explicit = first%is_explicit
     self%n_last = first%n_last
     self%factor => first%factor
-    self%half => first%half
+    self%forward => first%forward
     self%rigid => first%rigid
   end subroutine full_response_share
 
@@ -334,39 +334,39 @@ contains
     call gather(self%dimension, self%n_contact_nodes, self%equation, self%axes_of, self%axes, self%x, displacement)
   end subroutine full_response_apply
 
-  !> Get ready for half solves.
-  subroutine full_response_prepare_half_solves(self)
+  !> Get ready for forward substitutions.
+  subroutine full_response_prepare_forward_substitution(self)
     class(full_response_t), intent(inout) :: self
-    call self%half%init(self%factor, self%rigid)
-  end subroutine full_response_prepare_half_solves
+    call self%forward%init(self%factor, self%rigid)
+  end subroutine full_response_prepare_forward_substitution
 
   !> Entries of a path through the factor.
-  real(dp) function full_response_half_entries(self) result(entries)
+  real(dp) function full_response_path_entries(self) result(entries)
     class(full_response_t), intent(inout) :: self
-    entries = self%half%path_entries(self%factor, pack(self%equation, self%equation > 0))
-  end function full_response_half_entries
+    entries = self%forward%path_entries(self%factor, pack(self%equation, self%equation > 0))
+  end function full_response_path_entries
 
-  !> Half solves for rows of B.
-  subroutine full_response_half_solve(self, matrix, row, half)
+  !> Forward substitutions for rows of B.
+  subroutine full_response_forward_substitution(self, matrix, row, forward)
     class(full_response_t), intent(in) :: self
     !> As in `response_t`.
     type(sparse_rows_t), intent(in) :: matrix
     integer, intent(in) :: row(:)
-    type(half_response_t), intent(inout) :: half
+    type(forward_response_t), intent(inout) :: forward
     type(sparse_rows_t) :: rows
     call to_equations(self%equation, self%axes_of, self%axes, matrix, row, rows)
-    call self%half%solve(rows, self%rigid, half)
-  end subroutine full_response_half_solve
+    call self%forward%solve(rows, self%rigid, forward)
+  end subroutine full_response_forward_substitution
 
   !> b K^+ b'.
-  subroutine full_response_half_product(self, a, b, same, c)
+  subroutine full_response_forward_product(self, a, b, same, c)
     class(full_response_t), intent(in) :: self
     !> As in `response_t`.
-    type(half_response_t), intent(in) :: a, b
+    type(forward_response_t), intent(in) :: a, b
     logical, intent(in) :: same
     real(dp), intent(out) :: c(:, :)
-    call self%half%product(a, b, same, c)
-  end subroutine full_response_half_product
+    call self%forward%product(a, b, same, c)
+  end subroutine full_response_forward_product
 
   !> A full solve.
   subroutine full_response_solve(self, x)
@@ -383,11 +383,11 @@ contains
     class(full_response_t), intent(inout) :: self
     if (associated(self%factor) .and. .not. self%shares) then
       call self%factor%destroy()
-      call self%half%destroy()
-      deallocate (self%factor, self%half)
+      call self%forward%destroy()
+      deallocate (self%factor, self%forward)
     end if
     if (associated(self%rigid) .and. .not. self%shares) deallocate (self%rigid)
-    nullify (self%factor, self%half, self%rigid)
+    nullify (self%factor, self%forward, self%rigid)
     self%shares = .false.
     call self%condensed%destroy()
     self%is_condensed = .false.

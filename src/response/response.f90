@@ -6,7 +6,7 @@
 !> displacements in equilibrium with the rest it gives the one without rigid motion.
 module dotyk_response_response
   use dotyk_base_kinds, only: dp
-  use dotyk_linalg_half_solve, only: half_solution_t
+  use dotyk_linalg_forward_substitution, only: forward_solution_t
   use dotyk_linalg_sparse, only: sparse_rows_t
   implicit none
   private
@@ -29,27 +29,27 @@ module dotyk_response_response
   contains
     !> Contact forces to displacements of the contact nodes.
     procedure(apply_interface), deferred :: apply
-    !> Get ready for half solves; to be called by one thread.
-    procedure(prepare_interface), deferred :: prepare_half_solves
-    !> Entries of the factor that a half solve for one contact node goes through, in the mean; needs no factor yet.
-    procedure(half_entries_interface), deferred :: half_entries
-    !> Half solves for rows of B; many threads may do this with one response.
-    procedure(half_solve_interface), deferred :: half_solve
-    !> B K^+ B^T for the rows of two lots of half solves; many threads may.
-    procedure(half_product_interface), deferred :: half_product
+    !> Get ready for forward substitutions; to be called by one thread.
+    procedure(prepare_interface), deferred :: prepare_forward_substitution
+    !> Entries of the factor that a forward substitution for one contact node goes through, in the mean; needs no factor yet.
+    procedure(path_entries_interface), deferred :: path_entries
+    !> Forward substitutions for rows of B; many threads may do this with one response.
+    procedure(forward_substitution_interface), deferred :: forward_substitution
+    !> B K^+ B^T for the rows of two lots of forward substitutions; many threads may.
+    procedure(forward_product_interface), deferred :: forward_product
     !> A full solve in the body's equations, for loads and for the recovery of interior displacements.
     procedure(solve_interface), deferred :: solve
     !> Give back all memory.
     procedure(destroy_interface), deferred :: destroy
   end type response_t
 
-  !> Half solves for some rows b of B.
-  type, public :: half_response_t
+  !> Forward substitutions for some rows b of B.
+  type, public :: forward_response_t
     !> L^{-1} b, L the factor of the stiffness (of the held one where motions are free).
-    type(half_solution_t) :: half
+    type(forward_solution_t) :: forward
     !> b R and b Z, free motions and what the held body answers to them, at the rows (n, n_motions).
     real(dp), allocatable :: along(:, :), answer(:, :)
-  end type half_response_t
+  end type forward_response_t
 
   !> One place in an array of responses that may have different forms.
   type, public :: response_slot_t
@@ -75,32 +75,32 @@ module dotyk_response_response
     end subroutine prepare_interface
 
     !> Entries of a path.
-    real(dp) function half_entries_interface(self)
+    real(dp) function path_entries_interface(self)
       import :: response_t, dp
       class(response_t), intent(inout) :: self
-    end function half_entries_interface
+    end function path_entries_interface
 
-    !> Half solves.
-    subroutine half_solve_interface(self, matrix, row, half)
-      import :: response_t, sparse_rows_t, half_response_t
+    !> Forward substitutions.
+    subroutine forward_substitution_interface(self, matrix, row, forward)
+      import :: response_t, sparse_rows_t, forward_response_t
       class(response_t), intent(in) :: self
       !> Rows of B over the contact nodes' components: column (i-1)*dimension + component of contact node i.
       type(sparse_rows_t), intent(in) :: matrix
       !> Which of them.
       integer, intent(in) :: row(:)
-      type(half_response_t), intent(inout) :: half
-    end subroutine half_solve_interface
+      type(forward_response_t), intent(inout) :: forward
+    end subroutine forward_substitution_interface
 
     !> c_ij = b_i K^+ b_j.
-    subroutine half_product_interface(self, a, b, same, c)
-      import :: response_t, half_response_t, dp
+    subroutine forward_product_interface(self, a, b, same, c)
+      import :: response_t, forward_response_t, dp
       class(response_t), intent(in) :: self
-      type(half_response_t), intent(in) :: a, b
+      type(forward_response_t), intent(in) :: a, b
       !> Whether a and b are one and the same.
       logical, intent(in) :: same
-      !> (a%half%n, b%half%n) [length/force].
+      !> (a%forward%n, b%forward%n) [length/force].
       real(dp), intent(out) :: c(:, :)
-    end subroutine half_product_interface
+    end subroutine forward_product_interface
 
     !> x := K^+ x.
     subroutine solve_interface(self, x)

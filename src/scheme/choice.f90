@@ -25,9 +25,10 @@ module dotyk_scheme_choice
   real(dp), parameter :: typical_solves = 600
   !> Factorizations of active systems, about.
   real(dp), parameter :: typical_systems = 6
-  !> How much faster the operations of half solves, their products and dense factorizations are than those of single solves.
+  !> How much faster the operations of forward substitutions, their products and dense factorizations are than those of single
+  !> solves.
   real(dp), parameter :: gain_of_blocks = 8
-  !> Bytes that matrices, half solutions and active systems may take, and that as a part of the memory that is left.
+  !> Bytes that matrices, solutions of L y = P b and active systems may take, and that as a part of the memory that is left.
   real(dp), parameter :: most_bytes = 8.0e9_dp, most_of_memory = 0.5_dp
 
   !> More free motions than this are no dense border any more; so many where some have springs, which a border keeps apart better.
@@ -61,7 +62,7 @@ contains
     do b = 1, size(problem%operator%block)
       n = count(rows(problem%operator%block(b)%row))
       if (.not. n > 0) cycle
-      path = problem%response(b)%form%half_entries()
+      path = problem%response(b)%form%path_entries()
       ! The unknowns of a path are about the root of its entries.
       direct_cost = direct_cost + (2*path*n + sqrt(2*path)*n**2)/gain_of_blocks
       iterative_cost = iterative_cost + 4*problem%cost(b)*typical_solves

@@ -1,13 +1,13 @@
 !> The compliance C = B K^+ B^T as matrices, one for each body.
 !>
-!> Rows join when they are needed, many at a time: half solves with the factors give L^{-1} B^T, and their products the matrices
-!> (`dotyk_linalg_half_solve`). In parallel over bodies and lots of rows. Bodies that touch in the same way have one matrix
+!> Rows join when they are needed, many at a time: forward substitutions with the factors give L^{-1} B^T, and their
+!> products the matrices (`dotyk_linalg_forward_substitution`). In parallel over bodies and lots of rows. Bodies that touch in the same way have one matrix
 !> (`dotyk_scheme_twins`).
 module dotyk_scheme_explicit
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_linalg_blas, only: blas_threads, set_blas_threads
-  use dotyk_response_response, only: half_response_t, response_t
+  use dotyk_response_response, only: forward_response_t, response_t
   use dotyk_scheme_problem, only: contact_problem_t
   use dotyk_scheme_twins, only: are_twins
   implicit none
@@ -25,9 +25,9 @@ module dotyk_scheme_explicit
     integer, allocatable, private :: origin(:)
     !> First row of each lot (n_lots + 1).
     integer, allocatable, private :: first(:)
-    !> Half solutions of the lots, while rows join (n_lots).
-    type(half_response_t), allocatable, private :: half(:)
-    !> The body that this one has its matrix from; 0: it has half solutions of its own.
+    !> Solutions of L y = P b of the lots, while rows join (n_lots).
+    type(forward_response_t), allocatable, private :: forward(:)
+    !> The body that this one has its matrix from; 0: it has solutions of L y = P b of its own.
     integer, private :: twin = 0
   end type body_compliance_t
 
@@ -48,7 +48,7 @@ module dotyk_scheme_explicit
     procedure :: diagonal => explicit_diagonal
   end type explicit_compliance_t
 
-  !> A half solve of one lot of a body, or the product of two lots.
+  !> A forward substitution of one lot of a body, or the product of two lots.
   type :: task_t
     integer :: body = 0, lot = 0, other = 0
   end type task_t
@@ -113,31 +113,32 @@ contains
     logical, intent(in), optional :: chosen(:)
     !> Whether it ends, with matrices that mean nothing, as soon as somebody asks the program to stop; not if absent.
     logical, intent(in), optional :: may_stop
-    type(task_t), allocatable :: half(:), product(:)
+    type(task_t), allocatable :: forward(:), product(:)
     logical, allocatable :: copied(:)
-    integer :: b, i, n_blas, n_halves, n_products
+    integer :: b, i, n_blas, n_forward, n_products
     logical :: asks
     if (self%by_sweeps) return
     asks = .false.
     if (present(may_stop)) asks = may_stop
     call self%adopt(problem)
-    call plan(self, problem, half, n_halves, product, n_products, copied, chosen)
-    if (n_halves == 0 .and. .not. any(copied)) return
+    call plan(self, problem, forward, n_forward, product, n_products, copied, chosen)
+    if (n_forward == 0 .and. .not. any(copied)) return
     n_blas = blas_threads()
-    if (n_halves > 1) call set_blas_threads(1)
-    !$omp parallel do default(none) shared(self, problem, half, n_halves, asks) private(b) schedule(dynamic, 1) &
-    !$omp if (n_halves > 1)
-    do i = 1, n_halves
+    if (n_forward > 1) call set_blas_threads(1)
+    !$omp parallel do default(none) shared(self, problem, forward, n_forward, asks) private(b) schedule(dynamic, 1) &
+    !$omp if (n_forward > 1)
+    do i = 1, n_forward
       if (has_to_stop(asks)) cycle
-      b = half(i)%body
-      associate (body => self%body(b), lot => half(i)%lot)
-        call problem%response(b)%form%half_solve(problem%operator%block(b)%matrix, &
-                                                 body%row(body%first(lot):body%first(lot + 1) - 1), body%half(lot))
+      b = forward(i)%body
+      associate (body => self%body(b), lot => forward(i)%lot)
+        call problem%response(b)%form%forward_substitution(problem%operator%block(b)%matrix, &
+                                                           body%row(body%first(lot):body%first(lot + 1) - 1), &
+                                                           body%forward(lot))
       end associate
     end do
     !$omp end parallel do
     !$omp parallel do default(none) shared(self, problem, product, n_products, asks) private(b) schedule(dynamic, 1) &
-    !$omp if (n_halves > 1)
+    !$omp if (n_forward > 1)
     do i = 1, n_products
       if (has_to_stop(asks)) cycle
       b = product(i)%body
@@ -146,7 +147,7 @@ contains
     !$omp end parallel do
     call set_blas_threads(n_blas)
     do b = 1, size(self%body)
-      if (allocated(self%body(b)%half)) deallocate (self%body(b)%half)
+      if (allocated(self%body(b)%forward)) deallocate (self%body(b)%forward)
       if (copied(b)) self%body(b)%value = self%body(self%body(b)%twin)%value
     end do
   end subroutine explicit_form
@@ -159,20 +160,20 @@ contains
   end function has_to_stop
 
   !> Number the rows that join, make room for them, and say what is to be done.
-  subroutine plan(self, problem, half, n_halves, product, n_products, copied, chosen)
+  subroutine plan(self, problem, forward, n_forward, product, n_products, copied, chosen)
     class(explicit_compliance_t), intent(inout) :: self
     type(contact_problem_t), intent(inout) :: problem
-    !> Half solves and products of lots, with room for more.
-    type(task_t), allocatable, intent(out) :: half(:), product(:)
-    integer, intent(out) :: n_halves, n_products
+    !> Forward substitutions and products of lots, with room for more.
+    type(task_t), allocatable, intent(out) :: forward(:), product(:)
+    integer, intent(out) :: n_forward, n_products
     !> Bodies that take over the matrix of their twin (n_bodies).
     logical, allocatable, intent(out) :: copied(:)
     logical, intent(in), optional :: chosen(:)
     integer :: b, i, k, m, n_old, most
     most = 0
-    n_halves = 0
+    n_forward = 0
     n_products = 0
-    allocate (half(0), product(0))
+    allocate (forward(0), product(0))
     allocate (copied(size(self%body)), source=.false.)
     do b = 1, size(self%body)
       if (present(chosen)) then
@@ -181,7 +182,7 @@ contains
       associate (body => self%body(b), row => problem%operator%block(b)%row)
         m = count(body%number == 0)
         if (m == 0) cycle
-        call problem%response(b)%form%prepare_half_solves()
+        call problem%response(b)%form%prepare_forward_substitution()
         n_old = body%n
         body%row = [body%row, pack([(i, i=1, size(row))], body%number == 0)]
         body%origin = [body%origin, problem%operator%origin(row(body%row(n_old + 1:)))]
@@ -196,30 +197,30 @@ contains
         do while (body%first(size(body%first)) <= body%n)
           body%first = [body%first, min(body%first(size(body%first)) + lot_size, body%n + 1)]
         end do
-        allocate (body%half(size(body%first) - 1))
-        do i = 1, size(body%half)
-          ! Half solutions take memory as C does: those of rows that joined before are found once more, which is rare.
-          half = [half, task_t(b, i, i)]
+        allocate (body%forward(size(body%first) - 1))
+        do i = 1, size(body%forward)
+          ! Solutions of L y = P b take memory as C does: those of rows that joined before are found once more, which is rare.
+          forward = [forward, task_t(b, i, i)]
           if (i <= n_old) cycle
           do k = 1, i
             product = [product, task_t(b, i, k)]
           end do
         end do
-        n_halves = size(half)
+        n_forward = size(forward)
         n_products = size(product)
       end associate
     end do
     problem%body_solves = problem%body_solves + (most + 1)/2
   end subroutine plan
 
-  !> Find an earlier body that has the same rows, for one without half solutions. One that had a twin and has none any more begins
+  !> Find an earlier body that has the same rows, for one without solutions of L y = P b. One that had a twin and has none any more begins
   !> anew.
   subroutine choose_twin(self, problem, b, n_old)
     class(explicit_compliance_t), intent(inout) :: self
     type(contact_problem_t), intent(in) :: problem
     !> The body.
     integer, intent(in) :: b
-    !> Its rows with half solutions, or of a twin, before.
+    !> Its rows with solutions of L y = P b, or of a twin, before.
     integer, intent(inout) :: n_old
     integer :: c
     if (self%body(b)%twin == 0 .and. n_old > 0) return
@@ -251,8 +252,8 @@ contains
     integer, intent(in) :: lot, other
     real(dp), allocatable :: c(:, :)
     associate (a => body%first(lot), b => body%first(other))
-      allocate (c(body%half(lot)%half%n, body%half(other)%half%n))
-      call response%half_product(body%half(lot), body%half(other), lot == other, c)
+      allocate (c(body%forward(lot)%forward%n, body%forward(other)%forward%n))
+      call response%forward_product(body%forward(lot), body%forward(other), lot == other, c)
       body%value(a:a + size(c, 1) - 1, b:b + size(c, 2) - 1) = c
       if (lot /= other) body%value(b:b + size(c, 2) - 1, a:a + size(c, 1) - 1) = transpose(c)
     end associate

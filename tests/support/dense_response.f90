@@ -2,7 +2,7 @@
 module dense_response
   use dotyk_base_kinds, only: dp
   use dotyk_linalg_sparse, only: sparse_rows_t
-  use dotyk_response_response, only: half_response_t, response_t
+  use dotyk_response_response, only: forward_response_t, response_t
   implicit none
   private
 
@@ -12,10 +12,10 @@ module dense_response
     real(dp), allocatable :: compliance(:, :)
   contains
     procedure :: apply => dense_apply
-    procedure :: prepare_half_solves => dense_prepare_half_solves
-    procedure :: half_entries => dense_half_entries
-    procedure :: half_solve => dense_half_solve
-    procedure :: half_product => dense_half_product
+    procedure :: prepare_forward_substitution => dense_prepare_forward_substitution
+    procedure :: path_entries => dense_path_entries
+    procedure :: forward_substitution => dense_forward_substitution
+    procedure :: forward_product => dense_forward_product
     procedure :: solve => dense_solve
     procedure :: destroy => dense_destroy
   end type dense_response_t
@@ -34,44 +34,44 @@ contains
   end subroutine dense_apply
 
   !> Nothing to prepare.
-  subroutine dense_prepare_half_solves(self)
+  subroutine dense_prepare_forward_substitution(self)
     class(dense_response_t), intent(inout) :: self
     self%n_contact_nodes = size(self%compliance, 1)
-  end subroutine dense_prepare_half_solves
+  end subroutine dense_prepare_forward_substitution
 
   !> Nearly nothing, beside the cost of a solve that the tests set.
-  real(dp) function dense_half_entries(self) result(entries)
+  real(dp) function dense_path_entries(self) result(entries)
     class(dense_response_t), intent(inout) :: self
     entries = size(self%compliance, 1)
-  end function dense_half_entries
+  end function dense_path_entries
 
-  !> Instead of half solutions: b in `along`, b C in `answer`.
-  subroutine dense_half_solve(self, matrix, row, half)
+  !> Instead of solutions of L y = P b: b in `along`, b C in `answer`.
+  subroutine dense_forward_substitution(self, matrix, row, forward)
     class(dense_response_t), intent(in) :: self
     type(sparse_rows_t), intent(in) :: matrix
     integer, intent(in) :: row(:)
-    type(half_response_t), intent(inout) :: half
+    type(forward_response_t), intent(inout) :: forward
     integer :: j, k
-    half%half%n = size(row)
-    allocate (half%along(size(row), size(self%compliance, 1)), source=0.0_dp)
+    forward%forward%n = size(row)
+    allocate (forward%along(size(row), size(self%compliance, 1)), source=0.0_dp)
     do j = 1, size(row)
       do k = matrix%row_start(row(j)), matrix%row_start(row(j) + 1) - 1
-        half%along(j, matrix%column(k)) = half%along(j, matrix%column(k)) + matrix%value(k)
+        forward%along(j, matrix%column(k)) = forward%along(j, matrix%column(k)) + matrix%value(k)
       end do
     end do
-    half%answer = matmul(half%along, self%compliance)
-  end subroutine dense_half_solve
+    forward%answer = matmul(forward%along, self%compliance)
+  end subroutine dense_forward_substitution
 
   !> b C b'.
-  subroutine dense_half_product(self, a, b, same, c)
+  subroutine dense_forward_product(self, a, b, same, c)
     class(dense_response_t), intent(in) :: self
-    type(half_response_t), intent(in) :: a, b
+    type(forward_response_t), intent(in) :: a, b
     logical, intent(in) :: same
     real(dp), intent(out) :: c(:, :)
     c = matmul(a%answer, transpose(b%along))
     associate (not_needed => self%n_motions, nor_this => same)
     end associate
-  end subroutine dense_half_product
+  end subroutine dense_forward_product
 
   !> x <- C x.
   subroutine dense_solve(self, x)

@@ -1,18 +1,19 @@
-!> Half solves with sparse right-hand sides: Y = L^{-1} P b, so that b^T K^{-1} b' = y^T y'.
+!> Forward substitution with sparse right-hand sides: y = L^{-1} P b, so that b^T K^{-1} b' = y^T y'.
 !>
-!> The entries of y are on the path of elimination from those of b to the root. Every supernode therefore holds the columns that
-!> come through it and no others: the cost is that of eliminating as many further rows of the matrix, a small part of a solve for each
-!> of them, at the rate of dense products.
-module dotyk_linalg_half_solve
+!> The nonzeros of y lie on the elimination-tree paths from the nonzeros of b to the root (the reach of b: J. R. Gilbert and T. Peierls,
+!> SIAM J. Sci. Stat. Comput. 9, 1988). Each supernode holds a dense block with the right-hand sides whose reach contains the supernode,
+!> and no others. The cost is that of eliminating as many further rows of the matrix, a small part of a full solve, at the rate of
+!> dense products.
+module dotyk_linalg_forward_substitution
   use dotyk_base_kinds, only: dp, int64
   use dotyk_linalg_blas, only: dgemm, dsyrk, dtrsm, transposed_product
   use dotyk_linalg_cholesky, only: cholesky_t, supernodes_t
   use dotyk_linalg_sparse, only: sparse_rows_t
   implicit none
   private
-  public :: half_product
+  public :: forward_product
 
-  !> The way of elimination from every equation to the root.
+  !> The elimination tree of the supernodes, and the way from each equation into the tree.
   type, public :: elimination_tree_t
     !> The factor's supernodes, where they are.
     type(supernodes_t) :: list
@@ -27,8 +28,8 @@ module dotyk_linalg_half_solve
     procedure :: path_entries => tree_path_entries
   end type elimination_tree_t
 
-  !> Half solutions for some right-hand sides.
-  type, public :: half_solution_t
+  !> Solutions of L y = P b for some right-hand sides.
+  type, public :: forward_solution_t
     !> Number of right-hand sides.
     integer :: n = 0
     !> Supernodes that they come through, ascending (n_supernodes).
@@ -39,8 +40,8 @@ module dotyk_linalg_half_solve
     integer(int64), allocatable :: first_value(:)
     real(dp), allocatable :: value(:)
   contains
-    procedure :: init => half_init
-  end type half_solution_t
+    procedure :: init => forward_init
+  end type forward_solution_t
 
 contains
 
@@ -72,7 +73,7 @@ contains
     end associate
   end subroutine tree_init
 
-  !> Entries of L that half solves for single equations go through, in the mean.
+  !> Entries of L that forward substitutions for single equations go through, in the mean.
   real(dp) function tree_path_entries(self, equation) result(entries)
     class(elimination_tree_t), intent(in) :: self
     integer, intent(in) :: equation(:)
@@ -85,8 +86,8 @@ contains
   end function tree_path_entries
 
   !> Solve.
-  subroutine half_init(self, tree, rhs)
-    class(half_solution_t), intent(out) :: self
+  subroutine forward_init(self, tree, rhs)
+    class(forward_solution_t), intent(out) :: self
     !> Of a factorized matrix.
     type(elimination_tree_t), intent(in) :: tree
     !> Right-hand sides as rows; their columns are the equations.
@@ -100,11 +101,11 @@ contains
     do k = 1, size(self%supernode)
       call eliminate(self, tree, number, k)
     end do
-  end subroutine half_init
+  end subroutine forward_init
 
   !> Which right-hand sides come through which supernodes, and room for the values.
   subroutine find_columns(self, tree, rhs, number)
-    type(half_solution_t), intent(inout) :: self
+    type(forward_solution_t), intent(inout) :: self
     type(elimination_tree_t), intent(in) :: tree
     type(sparse_rows_t), intent(in) :: rhs
     !> Number of each supernode among those that are come through, 0 if it is not one of them (size of tree%parent).
@@ -152,7 +153,7 @@ contains
 
   !> The right-hand sides themselves.
   subroutine place_values(self, tree, rhs, number)
-    type(half_solution_t), intent(inout) :: self
+    type(forward_solution_t), intent(inout) :: self
     type(elimination_tree_t), intent(in) :: tree
     type(sparse_rows_t), intent(in) :: rhs
     integer, intent(in) :: number(:)
@@ -190,7 +191,7 @@ contains
 
   !> One supernode: solve with its own block, and take its part from the supernodes after it.
   subroutine eliminate(self, tree, number, k)
-    type(half_solution_t), intent(inout) :: self
+    type(forward_solution_t), intent(inout) :: self
     type(elimination_tree_t), intent(in) :: tree
     integer, intent(in) :: number(:)
     !> Number of the supernode among those that are come through.
@@ -216,7 +217,7 @@ contains
 
   !> Subtract what a supernode contributes to others.
   subroutine subtract_part(self, tree, number, row, column, part)
-    type(half_solution_t), intent(inout) :: self
+    type(forward_solution_t), intent(inout) :: self
     type(elimination_tree_t), intent(in) :: tree
     integer, intent(in) :: number(:)
     !> Places in the order of elimination (from 0, ascending) and right-hand sides of the part.
@@ -253,9 +254,9 @@ contains
   end subroutine subtract_part
 
   !> c = Y_a^T Y_b, products of all right-hand sides of two lots with K^{-1} between them.
-  subroutine half_product(tree, a, b, same, c)
+  subroutine forward_product(tree, a, b, same, c)
     type(elimination_tree_t), intent(in) :: tree
-    type(half_solution_t), intent(in) :: a, b
+    type(forward_solution_t), intent(in) :: a, b
     !> Whether a and b are one and the same.
     logical, intent(in) :: same
     !> (a%n, b%n)
@@ -282,7 +283,7 @@ contains
         c(i, j) = c(j, i)
       end do
     end do
-  end subroutine half_product
+  end subroutine forward_product
 
   !> What one supernode adds to the products; where a and b are the same, to the lower triangle alone.
   subroutine add_products(own, a, b, column_a, column_b, same, c)
@@ -305,4 +306,4 @@ contains
       end do
     end do
   end subroutine add_products
-end module dotyk_linalg_half_solve
+end module dotyk_linalg_forward_substitution
