@@ -1,11 +1,11 @@
-!> Products of dense matrices by BLAS, and OpenBLAS's own threads: how many, and which library it is.
+!> Products of dense matrices by BLAS, and OpenBLAS's own threads: how many, and which library it is. Interfaces of BLAS and OpenBLAS are declared here and nowhere else.
 module dotyk_linalg_blas
   use, intrinsic :: iso_c_binding, only: c_int, c_char, c_ptr, c_null_char, c_f_pointer, c_associated
   use dotyk_base_kinds, only: dp
   implicit none
   private
   public :: reserve_blas, set_blas_threads, blas_threads, blas_name, add_product, transposed_product, &
-    dgemm, dgemv, dpotrf, dsyrk, dtrsm, dtrsv
+    dgemm, dgemv, dsyrk, dtrsm, dtrsv
 
   interface
     subroutine dgemm(transa, transb, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc)
@@ -39,14 +39,6 @@ module dotyk_linalg_blas
       real(dp), intent(in) :: alpha, beta, a(lda, *)
       real(dp), intent(inout) :: c(ldc, *)
     end subroutine dsyrk
-
-    subroutine dpotrf(uplo, n, a, lda, info)
-      import :: dp
-      character(1), intent(in) :: uplo
-      integer, intent(in) :: n, lda
-      real(dp), intent(inout) :: a(lda, *)
-      integer, intent(out) :: info
-    end subroutine dpotrf
 
     subroutine dtrsm(side, uplo, transa, diag, m, n, alpha, a, lda, b, ldb)
       import :: dp

@@ -6,7 +6,8 @@ module dotyk_linalg_block_cholesky
   use dotyk_base_error, only: error_t, set_error, exit_machine
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_text, only: to_text
-  use dotyk_linalg_blas, only: dgemm, dpotrf, dsyrk, dtrsm
+  use dotyk_linalg_blas, only: dgemm, dsyrk, dtrsm
+  use dotyk_linalg_lapack, only: dpotrf
   implicit none
   private
 

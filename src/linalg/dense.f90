@@ -1,59 +1,13 @@
-!> Small dense problems, by LAPACK. The only module that names LAPACK.
+!> Small dense problems, by LAPACK: eigenvalues, singular values, least squares, orthonormal bases.
 module dotyk_linalg_dense
   use dotyk_base_kinds, only: dp
   use dotyk_base_error, only: error_t, set_error, exit_not_solvable
   use dotyk_base_text, only: to_text
+  use dotyk_linalg_lapack, only: dgelsy, dgesv, dgesvd, dstevx, dsyev
   implicit none
   private
   public :: symmetric_eigen, right_singular_vectors, solve_dense, least_squares, orthonormal_range, complete_basis, &
     tridiagonal_top
-
-  interface
-    subroutine dsyev(jobz, uplo, n, a, lda, w, work, lwork, info)
-      import :: dp
-      character(1), intent(in) :: jobz, uplo
-      integer, intent(in) :: n, lda, lwork
-      real(dp), intent(inout) :: a(lda, *)
-      real(dp), intent(out) :: w(*), work(*)
-      integer, intent(out) :: info
-    end subroutine dsyev
-
-    subroutine dgesvd(jobu, jobvt, m, n, a, lda, s, u, ldu, vt, ldvt, work, lwork, info)
-      import :: dp
-      character(1), intent(in) :: jobu, jobvt
-      integer, intent(in) :: m, n, lda, ldu, ldvt, lwork
-      real(dp), intent(inout) :: a(lda, *)
-      real(dp), intent(out) :: s(*), u(ldu, *), vt(ldvt, *), work(*)
-      integer, intent(out) :: info
-    end subroutine dgesvd
-
-    subroutine dgesv(n, nrhs, a, lda, ipiv, b, ldb, info)
-      import :: dp
-      integer, intent(in) :: n, nrhs, lda, ldb
-      real(dp), intent(inout) :: a(lda, *), b(ldb, *)
-      integer, intent(out) :: ipiv(*), info
-    end subroutine dgesv
-
-    subroutine dgelsy(m, n, nrhs, a, lda, b, ldb, jpvt, rcond, rank, work, lwork, info)
-      import :: dp
-      integer, intent(in) :: m, n, nrhs, lda, ldb, lwork
-      real(dp), intent(inout) :: a(lda, *), b(ldb, *)
-      integer, intent(inout) :: jpvt(*)
-      real(dp), intent(in) :: rcond
-      integer, intent(out) :: rank, info
-      real(dp), intent(out) :: work(*)
-    end subroutine dgelsy
-
-    subroutine dstevx(jobz, range, n, d, e, vl, vu, il, iu, abstol, m, w, z, ldz, work, iwork, ifail, info)
-      import :: dp
-      character(1), intent(in) :: jobz, range
-      integer, intent(in) :: n, il, iu, ldz
-      real(dp), intent(inout) :: d(*), e(*)
-      real(dp), intent(in) :: vl, vu, abstol
-      integer, intent(out) :: m, iwork(*), ifail(*), info
-      real(dp), intent(out) :: w(*), z(ldz, *), work(*)
-    end subroutine dstevx
-  end interface
 
 contains
 

@@ -4,7 +4,8 @@
 !> the same on any number of threads.
 module dotyk_linalg_fronts
   use dotyk_base_kinds, only: dp
-  use dotyk_linalg_blas, only: dgemm, dpotrf, dsyrk, dtrsm
+  use dotyk_linalg_blas, only: dgemm, dsyrk, dtrsm
+  use dotyk_linalg_lapack, only: dpotrf
   implicit none
   private
   public :: factor_panel, subtract_square, product_tile, tile_rows, tile_columns

@@ -7,18 +7,10 @@
 module dotyk_linalg_normal_equations
   use dotyk_base_kinds, only: dp
   use dotyk_linalg_blas, only: dtrsm
+  use dotyk_linalg_lapack, only: dlaic1
   implicit none
   private
   public :: factorize_gram, solve_gram
-
-  interface
-    subroutine dlaic1(job, j, x, sest, w, gamma, sestpr, s, c)
-      import :: dp
-      integer, intent(in) :: job, j
-      real(dp), intent(in) :: x(*), sest, w(*), gamma
-      real(dp), intent(out) :: sestpr, s, c
-    end subroutine dlaic1
-  end interface
 
 contains
 

@@ -10,9 +10,10 @@ module dotyk_linalg_saddle_factor
   use dotyk_base_error, only: error_t, set_error, exit_not_solvable
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
-  use dotyk_linalg_blas, only: dgemm, dpotrf, dsyrk, dtrsm
+  use dotyk_linalg_blas, only: dgemm, dsyrk, dtrsm
   use dotyk_linalg_block_tree, only: block_tree_t
   use dotyk_linalg_dense, only: symmetric_eigen
+  use dotyk_linalg_lapack, only: dpotrf
   implicit none
   private
 
