@@ -13,7 +13,7 @@ import time
 import h5py
 import numpy as np
 
-CASE, RESULTS, CHECKPOINT, OLDER = "c.nml", "c.vtkhdf", "c.chk", b"\x89HDF\r\n\x1a\nan older results file"
+CASE, RESULTS, OLDER = "c.nml", "c.vtkhdf", b"\x89HDF\r\n\x1a\nan older results file"
 # What no user should ever see: of the sanitizers, gfortran's run-time library, the C++ and the HDF5 library, LAPACK.
 REPORTS = re.compile(r"AddressSanitizer|LeakSanitizer|ThreadSanitizer|: runtime error:|Fortran runtime error|Error termination|Error allocating"
                      r"|Program received signal|Backtrace for this error|Program aborted|terminate called|HDF5-DIAG|On entry to|CHOLMOD")
@@ -27,8 +27,8 @@ MAY_BE_UNKNOWN = re.compile(r"dotyk/summary@(gamma|lambda_max|q_\w+|error_bound_
 # A run that waits for something has no processor time: so many times its limit are its limit of time.
 WAITING = 6
 
-# arguments: command line; files {name: bytes}; restart: what makes another checkpoint of the one that the same scene wrote, or None
-Case = collections.namedtuple("Case", "number kind scene mutators arguments files restart", defaults=[None])
+# arguments: command line; files {name: bytes}
+Case = collections.namedtuple("Case", "number kind scene mutators arguments files")
 # fault: empty where all is well; detail: the text behind it
 Outcome = collections.namedtuple("Outcome", "code fault detail message seconds megabytes")
 
@@ -60,8 +60,6 @@ class Runner:
             folder = pathlib.Path(name)
             for file, data in case.files.items():
                 (folder / file).write_bytes(data)
-            if case.restart:
-                self.make_checkpoint(case, folder)
             older = case.number % 4 == 0
             if older:
                 (folder / RESULTS).write_bytes(OLDER)
@@ -77,15 +75,6 @@ class Runner:
             code = os.waitstatus_to_exitcode(status) if status is not None else None
             fault, detail = self.judge(case, folder, code, message, megabytes, older)
             return Outcome(code, fault, detail, message, seconds, megabytes)
-
-    def make_checkpoint(self, case, folder):
-        """Run the scene for its checkpoint, if it gets that far, and change it."""
-        subprocess.run([self.executable, CASE, "--quiet"], cwd=folder, env=self.environment, stdin=subprocess.DEVNULL, check=False,
-                       stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, preexec_fn=self.limit)
-        (folder / RESULTS).unlink(missing_ok=True)
-        if (folder / CHECKPOINT).exists():
-            case.files[CHECKPOINT] = case.restart((folder / CHECKPOINT).read_bytes())
-            (folder / CHECKPOINT).write_bytes(case.files[CHECKPOINT])
 
     def wait(self, process, start):
         """Exit status, None where it took too long, and the resources that it used."""
@@ -125,8 +114,7 @@ class Runner:
             return "text on the standard error with exit code %d" % code, message
         if "--check" in case.arguments:
             return self.judge_files(case, folder, older, code)
-        found = [path for path in folder.rglob("*") if path.is_file() and str(path.relative_to(folder)) not in case.files
-                 and path.name != CHECKPOINT]
+        found = [path for path in folder.rglob("*") if path.is_file() and str(path.relative_to(folder)) not in case.files]
         if older and len(found) == 2:
             found = [path for path in found if path.name != RESULTS]
         if len(found) != 1:
@@ -145,13 +133,11 @@ class Runner:
 
     def judge_files(self, case, folder, older, code):
         """Nothing was written."""
-        names = {str(path.relative_to(folder)) for path in folder.rglob("*")} - {CHECKPOINT}
-        if names != set(case.files) - {CHECKPOINT} | ({RESULTS} if older else set()):
+        names = {str(path.relative_to(folder)) for path in folder.rglob("*")}
+        if names != set(case.files) | ({RESULTS} if older else set()):
             return "files left", " ".join(sorted(names))
         if older and (folder / RESULTS).read_bytes() != OLDER:
             return "the older results file was touched", ""
-        if code == 2 and CHECKPOINT in case.files and (folder / CHECKPOINT).read_bytes() != case.files[CHECKPOINT]:
-            return "the checkpoint was touched", ""
         return "", ""
 
 

@@ -17,7 +17,7 @@ FORMATS = [("2.2", False), ("2.2", True), ("4.1", False), ("4.1", True)]
 SCHEMES = ["auto", "dual", "neumann", "robin", "nesterov", "anderson", "secant"]
 # A run that does not converge must end in seconds.
 SOLVER = "&solver %s max_iterations=300 /\n"
-OUTPUTS = ["", "", "&output checkpoint='c.chk', checkpoint_interval=0 /\n", "&output fields='contact', error_parts='' /\n"]
+OUTPUTS = ["", "", "&output fields='contact', error_parts='' /\n"]
 
 
 class Scene:

@@ -12,7 +12,7 @@ NUMBERS = {
     "poisson": ["0.5", "0.4999999999999999", "0.49999999", "0.499", "-1", "-0.999999999", "-0.5", "0", "1", "1e300", "1e-300"],
     "theta": SCALES, "theta_relative": SCALES, "theta_mesh": SCALES, "search_radius": SCALES, "gap": SCALES,
     "tolerance": ["0", "1e-300", "1e-17", "1e-14", "1e-3", "0.5", "1", "2", "1e300", "-1"],
-    "checkpoint_interval": ["0", "1e-300", "1e300", "-1"], "gamma": ["1e-300", "0.1", "1", "1.999", "2", "1e300"], "budget_fraction": ["1e-300", "1e-3", "1", "1e300"],
+    "gamma": ["1e-300", "0.1", "1", "1.999", "2", "1e300"], "budget_fraction": ["1e-300", "1e-3", "1", "1e300"],
     "max_iterations": ["1", "2", "0", "3", "500"], "value": SCALES, "pressure": SCALES, "traction": SCALES, "local_traction": SCALES,
     "force_density": SCALES, "at": SCALES, "axis": SCALES, "axis_1": SCALES, "axis_2": SCALES,
     "angle": ["0", "90", "180", "360", "1e-300", "45", "1e16", "1e300", "1e308", "-30"]}
@@ -22,14 +22,14 @@ NAMES = {
     "geometry": ["smooth", "elements", "straight"], "quadrature": ["segments", "plain"], "theta_rule": ["mesh"],
     "linear_solver": ["auto", "direct", "iterative"], "response": ["auto", "full", "condensed", "compliance"],
     "analysis": ["3d", "plane_strain", "plane_stress", "axisymmetric"], "fix": ["x", "xy", "xyz", "n", "t", "nt", "xi", "z", "y"],
-    "locking": ["auto", "project", "ignore"], "checkpoint": ["c.chk", "a.msh", "c.nml", "c.vtkhdf", "no/c.chk", ".", ""],
+    "locking": ["auto", "project", "ignore"],
     "fields": ["", "displacement", "stress", "contact"], "error_parts": ["", "penalty", "discretization"]}
 LOGICALS = {"share_factors", "reproducible"}
 OF_GROUP = {
     "material": ["young", "poisson", "young", "poisson"], "solver": ["theta", "theta_relative", "theta_mesh", "tolerance", "gamma", "scheme",
                  "gamma_rule", "stop_rule", "budget_fraction", "theta_rule", "linear_solver", "response", "reproducible", "share_factors", "locking", "max_iterations"],
     "contact": ["theta", "theta_relative", "theta_mesh", "gap", "search_radius", "points", "geometry", "quadrature"],
-    "support": ["fix", "value"], "load": ["pressure"], "body": ["at", "angle", "axis"], "output": ["fields", "error_parts", "checkpoint", "checkpoint_interval"],
+    "support": ["fix", "value"], "load": ["pressure"], "body": ["at", "angle", "axis"], "output": ["fields", "error_parts"],
     "scene": ["analysis"]}
 FORMULAS = ["0", "x", "1e300*x", "1/x", "1e-3*sin(50*x)", "sqrt(x-1)", "-x", "log(x)", "1e308*1e308", "exp(-1000*x^2)", "1e-320", "x>0.5 ? 1 : 0",
             "1/(x-0.5)", "tan(x*pi/2)", "0*x/0"]

@@ -17,9 +17,6 @@ module dotyk_driver_arguments
     logical :: check = .false.
     !> Print errors only.
     logical :: quiet = .false.
-    !> Go on from a checkpoint, and its file; empty: that of the scene.
-    logical :: restart = .false.
-    character(:), allocatable :: restart_file
     !> Print the version, or the help, and stop.
     logical :: version = .false., help = .false.
   end type arguments_t
@@ -49,19 +46,16 @@ contains
     type(text_t), intent(in) :: words(:)
     type(arguments_t), intent(out) :: arguments
     type(error_t), allocatable, intent(out) :: error
-    type(text_t) :: options(7)
-    integer :: i, status, behind_restart
+    type(text_t) :: options(6)
+    integer :: i, status
     options(1)%s = '--check'
     options(2)%s = '--threads'
     options(3)%s = '--output'
     options(4)%s = '--quiet'
     options(5)%s = '--version'
     options(6)%s = '--help'
-    options(7)%s = '--restart'
     arguments%case_file = ''
     arguments%output = ''
-    arguments%restart_file = ''
-    behind_restart = 0
     i = 0
     do while (i < size(words))
       i = i + 1
@@ -70,9 +64,6 @@ contains
         arguments%check = .true.
       case ('--quiet')
         arguments%quiet = .true.
-      case ('--restart')
-        arguments%restart = .true.
-        behind_restart = i + 1
       case ('--version')
         arguments%version = .true.
       case ('--help', '-h')
@@ -100,10 +91,6 @@ contains
             error%message = error%message//' (did you mean '//nearest_name(words(i)%s, options)//'?)'
           error%message = error%message//'; dotyk --help lists the options'
           return
-        else if (i == behind_restart .and. len(words(i)%s) > 0 .and. (len(arguments%case_file) > 0 .or. &
-                                                                     another_name(words(i + 1:)))) then
-          arguments%restart_file = words(i)%s
-          cycle
         else if (len(arguments%case_file) > 0) then
           call set_error(error, "one case at a time: '"//arguments%case_file//"' or '"//words(i)%s//"'? (tools/batch.sh runs many)")
           return
@@ -112,25 +99,8 @@ contains
       end select
     end do
     if (len(arguments%case_file) == 0 .and. .not. (arguments%help .or. arguments%version)) &
-      call set_error(error, 'no case given: dotyk CASE.nml [--check] [--threads N] [--output FILE] [--restart [FILE]], '// &
-                     'or dotyk --help')
+      call set_error(error, 'no case given: dotyk CASE.nml [--check] [--threads N] [--output FILE], or dotyk --help')
   end subroutine parse_arguments
-
-  !> Whether a file is named among the words that are left: what stands behind --restart is its file if another word is the case.
-  pure logical function another_name(words) result(found)
-    type(text_t), intent(in) :: words(:)
-    integer :: i
-    found = .false.
-    i = 0
-    do while (i < size(words))
-      i = i + 1
-      if (words(i)%s == '--threads' .or. words(i)%s == '--output') then
-        i = i + 1
-      else if (index(words(i)%s, '-') /= 1) then
-        found = .true.
-      end if
-    end do
-  end function another_name
 
   !> The whole command line, for the results file.
   function command_line_text() result(text)

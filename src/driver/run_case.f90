@@ -1,7 +1,6 @@
 !> A run from the namelist file to the results file: the one place that turns input into bodies, operator, scheme and results.
 module dotyk_driver_run_case
-  use dotyk_base_error, only: error_t, set_error, exit_bad_input, exit_converged, &
-    exit_not_converged, exit_not_written
+  use dotyk_base_error, only: error_t, set_error, exit_converged, exit_not_converged, exit_not_written
   use dotyk_base_files, only: behind_links, print_text
   use dotyk_base_interrupt, only: interrupted, stop_if_interrupted
   use dotyk_base_kinds, only: dp
@@ -11,15 +10,12 @@ module dotyk_driver_run_case
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_driver_arguments, only: arguments_t
   use dotyk_driver_bodies, only: build_bodies, check_held, assemble_bodies
-  use dotyk_driver_checkpoint, only: checkpoint_keeper_t, check_checkpoint_path, check_results_path, check_scene, restore, &
-    start_keeping
   use dotyk_driver_congruence, only: kinds_t
   use dotyk_driver_digits, only: body_digits_t, collect_digits, show_digits
   use dotyk_driver_displacements, only: find_displacements
   use dotyk_driver_error_budget, only: error_budget_t, ask_for_more, errors_decide, estimate_errors, first_tolerance, &
     most_rounds
   use dotyk_driver_finite, only: refuse_overflow
-  use dotyk_driver_fingerprint, only: fingerprint
   use dotyk_driver_factorization, only: factor_size_t, analyze_bodies, attach_bodies, check_memory, factorize_bodies
   use dotyk_driver_free_scene, only: free_body_t, solve_free_scene
   use dotyk_driver_locking, only: show_locking
@@ -36,10 +32,10 @@ module dotyk_driver_run_case
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t
   use dotyk_input_help, only: help_text
-  use dotyk_input_names, only: scheme_dual, stop_budget
+  use dotyk_input_names, only: scheme_dual
   use dotyk_input_parse, only: read_case
   use dotyk_mesh_surface, only: surface_t
-  use dotyk_output_checkpoint_file, only: checkpoint_t
+  use dotyk_output_file_system, only: check_replaceable, check_writable
   use dotyk_output_results, only: results_file_t
   use dotyk_scheme_explicit, only: explicit_compliance_t
   use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_interrupted
@@ -77,11 +73,6 @@ module dotyk_driver_run_case
     type(body_solution_t), allocatable :: solution(:)
     type(pair_solution_t), allocatable :: pair_solution(:)
     type(nodal_field_t), allocatable :: contact_pressure(:)
-    !> Checkpoint to go on from, and its file; not allocated where the run begins at the beginning.
-    type(checkpoint_t), allocatable :: saved
-    character(:), allocatable :: saved_in
-    !> What the scene is made of, where there is a checkpoint to compare it with or to write.
-    character(:), allocatable :: scene
   end type run_t
 
 contains
@@ -111,9 +102,6 @@ contains
     if (len(arguments%output) > 0) run%case%scene%output = arguments%output
     ! A new file takes the place of an old one, not that of a link to it.
     run%case%scene%output = behind_links(run%case%scene%output)
-    run%case%output%checkpoint = behind_links(run%case%output%checkpoint)
-    call read_checkpoint(run, arguments, error)
-    if (allocated(error)) return
     call show_scene(run%log, run%case, run%threads)
     call build(run, error)
     if (allocated(error) .or. arguments%check) then
@@ -145,9 +133,8 @@ contains
   subroutine build(run, error)
     type(run_t), intent(inout) :: run
     type(error_t), allocatable, intent(out) :: error
-    call check_results_path(run%case%scene%output, error)
-    if (allocated(error)) return
-    if (len(run%case%output%checkpoint) > 0) call check_checkpoint_path(run%case%output%checkpoint, run%case%scene%output, error)
+    call check_writable(run%case%scene%output, error)
+    if (.not. allocated(error)) call check_replaceable(run%case%scene%output, error)
     if (allocated(error)) return
     call set_stage('reading meshes')
     call build_bodies(run%case, run%body, run%surface_a, run%surface_b, error)
@@ -179,9 +166,6 @@ contains
     call show_locking(run%log, run%case, run%body, run%kinds)
     call show_pairs(run%log, run%body, run%pair, run%surface_a, run%surface_b)
     call run%log%line('')
-    if (allocated(run%saved) .or. len(run%case%output%checkpoint) > 0) &
-      run%scene = fingerprint(run%case, run%body, run%surface_a, run%surface_b, run%pair)
-    if (allocated(run%saved)) call check_scene(run%saved, run%saved_in, run%scene, run%problem%operator%n_rows, error)
   end subroutine build
 
   !> Factorize, and iterate from the scene without contact.
@@ -214,8 +198,6 @@ contains
       call solve_free_scene(run%body, problem, run%n_blas, run%alone)
       call prepare_coarse_space(run%body, problem)
       call stop_if_interrupted(error)
-      if (len(case%output%checkpoint) > 0) call start_keeping(problem, case%output%checkpoint, case%output%checkpoint_interval, &
-                                                              run%scene, scheme_name(case), run%pair)
     end associate
     if (.not. allocated(error)) call find_answer(run, error)
   end subroutine solve
@@ -227,30 +209,24 @@ contains
     type(scheme_result_t) :: last
     real(dp) :: tolerance
     integer :: round
-    logical :: goes_on
     tolerance = first_tolerance(run%case%solver)
-    goes_on = allocated(run%saved)
-    if (goes_on) call take_up(run, tolerance)
     do round = 1, most_rounds
       call set_blas_threads(run%n_blas)
       call set_stage('iterating')
-      if (goes_on) last = run%result
-      call tell_keeper(run, tolerance, last)
-      if (.not. goes_on) then
+      if (round == 1) then
         call solve_scheme(run%case, run%body, run%pair, run%problem, tolerance, run%log, run%compliance, run%result, error)
       else
+        last = run%result
         call solve_scheme(run%case, run%body, run%pair, run%problem, tolerance, run%log, run%compliance, run%result, error, last)
         if (.not. allocated(error)) call run%result%history%put_behind(last%history)
       end if
       call set_blas_threads(1)
       if (allocated(error)) return
-      goes_on = .true.
       call run%watch%lap(run%timing%iterate)
       call find_displacements(run%case, run%body, run%kinds, run%pair, run%problem, run%compliance, run%alone, run%n_blas, &
                               tolerance, run%log, run%watch, run%timing, run%digits, run%solution, run%result, error)
       if (allocated(error)) return
       run%result%iterations = run%result%history%n
-      call keep_result(run)
       call run%watch%lap(run%timing%recover)
       call set_stage('estimating errors')
       call estimate_errors(run%case, run%body, run%kinds, run%pair, run%surface_a, run%surface_b, run%solution, run%problem, &
@@ -263,63 +239,12 @@ contains
       if (.not. ask_for_more(run%case, round == most_rounds, run%pair, run%budget, run%problem, run%result, tolerance, &
                              run%log)) exit
     end do
-    call keep_result(run)
     call show_result(run%log, run%result, tolerance, run%problem%body_solves, run%timing%iterate)
     call show_budget(run%log, run%case%output, run%body, run%result, run%budget)
     call show_left_out(run%log, run%case, run%result)
     call show_digits(run%log, run%body, run%kinds, run%digits)
     call run%problem%free_responses()
   end subroutine find_answer
-
-  !> The checkpoint to go on from, where the command line asks for one.
-  subroutine read_checkpoint(run, arguments, error)
-    type(run_t), intent(inout) :: run
-    type(arguments_t), intent(in) :: arguments
-    type(error_t), allocatable, intent(out) :: error
-    if (.not. arguments%restart) return
-    run%saved_in = run%case%output%checkpoint
-    if (len(arguments%restart_file) > 0) run%saved_in = arguments%restart_file
-    if (len(run%saved_in) == 0) then
-      call set_error(error, "--restart: which file? give it behind --restart, or as &output checkpoint='FILE' in "// &
-                     run%case%file, exit_bad_input)
-      return
-    end if
-    allocate (run%saved)
-    call run%saved%read(run%saved_in, error)
-  end subroutine read_checkpoint
-
-  !> The state of the checkpoint becomes that of the run.
-  subroutine take_up(run, tolerance)
-    type(run_t), intent(inout) :: run
-    !> That of the answer that was under way, where the errors decide.
-    real(dp), intent(inout) :: tolerance
-    real(dp) :: earlier
-    call restore(run%saved, run%saved_in, run%pair, run%problem, run%log, run%result, earlier)
-    if (run%case%solver%stop_rule == stop_budget .and. earlier > 0) tolerance = earlier
-    deallocate (run%saved)
-  end subroutine take_up
-
-  !> What a saved state says besides the state: what was done before, and what is to be reached.
-  subroutine tell_keeper(run, tolerance, last)
-    type(run_t), intent(inout) :: run
-    real(dp), intent(in) :: tolerance
-    type(scheme_result_t), intent(in) :: last
-    if (.not. allocated(run%problem%keeper)) return
-    select type (keeper => run%problem%keeper)
-    type is (checkpoint_keeper_t)
-      call keeper%begin(last%history, tolerance, run%pair)
-    end select
-  end subroutine tell_keeper
-
-  !> Save the state that the iteration ended with.
-  subroutine keep_result(run)
-    type(run_t), intent(inout) :: run
-    if (.not. allocated(run%problem%keeper)) return
-    select type (keeper => run%problem%keeper)
-    type is (checkpoint_keeper_t)
-      call keeper%keep_result(run%result)
-    end select
-  end subroutine keep_result
 
   !> From the state of the scheme to what users look at.
   subroutine recover(run, error)

@@ -189,9 +189,6 @@ module dotyk_input_case
     logical :: error = .false.
     !> Which errors are to be estimated?
     logical :: error_penalty = .false., error_discretization = .false.
-    !> File for the state of the iteration; empty where none is wanted; and seconds between two states.
-    character(:), allocatable :: checkpoint
-    real(dp) :: checkpoint_interval = 0
   end type output_input_t
 
   !> The whole scene.

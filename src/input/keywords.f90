@@ -247,11 +247,6 @@ contains
     call t%add('output', 'error_parts', kind_names, names=error_part_names, default=error_part_names, may_be_empty=.true., &
                meaning='what is estimated besides the bound of the iteration: penalty, the distance to the solution '// &
                'without it; discretization, the error of the mesh')
-    call t%add('output', 'checkpoint', kind_text, &
-               'file for the state of the iteration, relative to the namelist file: a run that was interrupted, killed or that '// &
-               'stopped too early goes on from it with --restart')
-    call t%add('output', 'checkpoint_interval', kind_real, default='60', unit='seconds', not_negative=.true., &
-               meaning='time between two states while the iteration goes on; 0: every step; the last state is always saved')
     allocate (table(t%n))
     do i = 1, t%n
       table(i) = t%row(i)

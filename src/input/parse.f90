@@ -103,7 +103,7 @@ contains
     call single_group(groups, 'solver', table, problems, solver)
     call read_solver(solver, problems, case%solver)
     call single_group(groups, 'output', table, problems, output)
-    call read_output(output, case%file, problems, case%scene, case%output)
+    call read_output(output, case%output)
 
     call pick_groups(groups, 'material', picked)
     allocate (case%material(size(picked)))

@@ -130,13 +130,9 @@ contains
   end subroutine read_theta
 
   !> `&output`.
-  subroutine read_output(group, file, problems, scene, output)
+  subroutine read_output(group, output)
     !> The group; one with nothing but defaults where the file has none.
     type(group_t), intent(in) :: group
-    !> The namelist file.
-    character(*), intent(in) :: file
-    type(problems_t), intent(inout) :: problems
-    type(scene_input_t), intent(in) :: scene
     type(output_input_t), intent(out) :: output
     real(dp), allocatable :: fields(:)
     call numbers_of(group, 'fields', fields)
@@ -149,13 +145,5 @@ contains
     output%error_penalty = any(nint(fields) == error_part_penalty)
     output%error_discretization = any(nint(fields) == error_part_discretization) .or. (output%error .and. is_given(group, 'fields'))
     output%error = output%error .and. output%error_discretization
-    output%checkpoint = resolve_path(directory_of(file), text_of(group, 'checkpoint'))
-    output%checkpoint_interval = number_of(group, 'checkpoint_interval')
-    if (len(output%checkpoint) == 0) return
-    if (is_directory(output%checkpoint)) then
-      call report(problems, group, 'checkpoint', 'checkpoint: '//shown(output%checkpoint)//' is a directory')
-    else if (output%checkpoint == file .or. output%checkpoint == scene%mesh .or. output%checkpoint == scene%output) then
-      call report(problems, group, 'checkpoint', 'checkpoint: '//shown(output%checkpoint)//' is another file of this scene')
-    end if
   end subroutine read_output
 end module dotyk_input_settings

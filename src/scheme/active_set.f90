@@ -120,13 +120,8 @@ contains
         exit
       end if
       active = next
-      if (k < max_iterations) call problem%keep_state(max(0.0_dp, now%lambda)/problem%operator%weight, &
-                                                      problem%coarse%scale*now%alpha, 0.0_dp, result%history, active)
     end do
-    if (interrupted() .and. result%ended == ended_limit) then
-      result%ended = ended_interrupted
-      result%closed = active
-    end if
+    if (interrupted() .and. result%ended == ended_limit) result%ended = ended_interrupted
     call log%end_progress()
     if (result%ended == ended_limit .and. allocated(inside%lambda)) then
       now = inside

@@ -74,7 +74,6 @@ contains
 
     if (present(start)) then
       keep = start%m > 0
-      if (allocated(start%closed)) keep = keep .or. start%closed
       state = start
     else
       call rows_to_begin_with(problem, keep, result)
@@ -111,7 +110,6 @@ contains
       ! How far they went says how far others may.
       keep = keep .or. result%y > -2*maxval(result%y, mask=late)
       earlier = result%history
-      if (allocated(problem%keeper)) problem%keeper%before = earlier
       ! From a state that was near, and where active sets are hard to find, the next one is; one that groups of points gave is found anew.
       if (allocated(state) .or. problem%coarse%n > 0 .and. result%ended == ended_converged) state = result
     end do
@@ -191,7 +189,6 @@ contains
     type(scheme_result_t), intent(inout) :: state
     state%m = pack(state%m, keep)
     state%y = pack(state%y, keep)
-    if (allocated(state%closed)) state%closed = pack(state%closed, keep)
   end subroutine restrict
 
   !> The state on all rows, from that on some of them.
@@ -202,7 +199,6 @@ contains
     real(dp), allocatable :: z(:), motion(:)
     allocate (z(size(keep)), motion(size(keep)), source=0.0_dp)
     result%m = unpack(result%m, keep, z)
-    if (allocated(result%closed)) result%closed = unpack(result%closed, keep, .false.)
     call problem%compliance(problem%operator%weight*result%m, z)
     call problem%coarse%displacement(problem%operator, result%alpha/problem%coarse%scale, motion)
     result%y = unpack(result%y, keep, problem%y_free - z + motion)
@@ -231,7 +227,6 @@ contains
       now%y = start%y
       now%alpha = start%alpha/problem%coarse%scale
       active = start%m > 0
-      if (allocated(start%closed)) active = start%closed
     else
       allocate (active(problem%operator%n_rows), source=.false.)
       if (has_many_motions(problem)) then

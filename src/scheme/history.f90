@@ -50,8 +50,6 @@ module dotyk_scheme_history
     real(dp), allocatable :: y(:)
     !> Amplitudes of the free motions of the responses, body after body; of size 0 where all bodies are held.
     real(dp), allocatable :: alpha(:)
-    !> Points to take for closed where an iteration that was interrupted goes on; not allocated: those under pressure (n_rows).
-    logical, allocatable :: closed(:)
     !> Motions that neither contact nor loads determine, as columns of amplitudes (size of alpha, number of them).
     real(dp), allocatable :: undetermined(:, :)
     !> Where ended_unstoppable: amplitudes of a motion that the loads excite and no contact can stop.

@@ -25,7 +25,6 @@ contains
     group(pack([(i, i=1, size(keep))], keep)) = [(i, i=1, n)]
     call join_rows(problem, group, n, part, share)
     part%operator%origin = pack(problem%operator%origin, keep)
-    call move_alloc(problem%keeper, part%keeper)
   end subroutine keep_rows
 
   !> Give the responses back.
@@ -33,7 +32,6 @@ contains
     type(contact_problem_t), intent(inout) :: part, problem
     problem%body_solves = part%body_solves
     call move_alloc(part%response, problem%response)
-    if (allocated(part%keeper)) call move_alloc(part%keeper, problem%keeper)
     call part%destroy()
   end subroutine give_back
 

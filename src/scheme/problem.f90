@@ -12,8 +12,6 @@ module dotyk_scheme_problem
   use dotyk_linalg_spectrum, only: linear_operator_t
   use dotyk_response_response, only: response_t, response_slot_t
   use dotyk_scheme_coarse, only: coarse_space_t
-  use dotyk_scheme_history, only: history_t
-  use dotyk_scheme_state_keeper, only: state_keeper_t
   implicit none
   private
 
@@ -60,8 +58,6 @@ module dotyk_scheme_problem
     !> Bodies that take part, the one with most work first.
     integer, allocatable, private :: sequence(:)
     type(sweep_work_t), allocatable, private :: work(:)
-    !> Saves the state of the iteration from time to time; not allocated where nobody asked.
-    class(state_keeper_t), allocatable :: keeper
   contains
     procedure :: prepare => problem_prepare
     procedure :: take_matrix => problem_take_matrix
@@ -71,7 +67,6 @@ module dotyk_scheme_problem
     procedure :: energy => problem_energy
     procedure :: distance => problem_distance
     procedure :: body_force => problem_body_force
-    procedure :: keep_state => problem_keep_state
     procedure :: free_responses => problem_free_responses
     procedure :: destroy => problem_destroy
   end type contact_problem_t
@@ -250,26 +245,6 @@ contains
       force = reshape(-flat, [self%operator%dimension, size(block%contact_node)])
     end associate
   end subroutine problem_body_force
-
-  !> Let the state of an iteration be saved, if it is time for it.
-  subroutine problem_keep_state(self, m, alpha, lambda_max, history, closed)
-    class(contact_problem_t), intent(inout) :: self
-    !> State (n_rows) [pressure]; amplitudes of the free motions [length].
-    real(dp), intent(in) :: m(:), alpha(:)
-    !> Upper estimate of L, 0 where the scheme has none [].
-    real(dp), intent(in) :: lambda_max
-    !> Of this iteration.
-    type(history_t), intent(in) :: history
-    !> Points to take for closed where it goes on; those under pressure if absent (n_rows).
-    logical, intent(in), optional :: closed(:)
-    if (.not. allocated(self%keeper)) return
-    if (.not. self%keeper%due()) return
-    if (present(closed)) then
-      call self%keeper%keep(self%operator%origin, m, alpha, lambda_max, history, closed)
-    else
-      call self%keeper%keep(self%operator%origin, m, alpha, lambda_max, history, m > 0)
-    end if
-  end subroutine problem_keep_state
 
   !> Give back the factors, once nothing is left to solve.
   subroutine problem_free_responses(self)

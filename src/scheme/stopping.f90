@@ -147,7 +147,6 @@ contains
     if (interrupted()) result%ended = ended_interrupted
     finished = k >= self%settings%max_iterations .or. result%ended == ended_interrupted
     if (finished) return
-    call problem%keep_state(result%m, result%alpha, result%lambda_max, result%history)
     if (log%due()) call log%progress(progress_line(result%history, self%settings%tolerance, measure))
   end function stopping_check
 

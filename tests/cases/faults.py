@@ -1,18 +1,14 @@
-"""Faults while running: interrupts, checkpoints and restarts."""
+"""Faults while running: interrupts, too little memory, full disks."""
 import os
 import re
 import resource
 import select
-import shutil
 import signal
 import subprocess
 import time
 
-import numpy as np
-
 import dotyk_case
 
-SCHEMES = ("dual", "neumann", "nesterov", "anderson", "secant", "robin")
 ENDLESS = "scheme='neumann', theta_relative=1e-9, tolerance=1e-12, max_iterations=100000000"
 
 
@@ -24,12 +20,12 @@ class Faults(dotyk_case.Case):
         geo = (dotyk_case.INPUTS/"column"/"column.geo").read_text()
         self.write("column.geo", geo)
 
-    def scene(self, solver, output="checkpoint='state.chk'", name="case.nml", more=""):
+    def scene(self, solver, name="case.nml"):
         """A scene whose upper block is pushed down on one side, so that it lifts off on the other."""
         text = (dotyk_case.INPUTS/"column"/"column.nml").read_text()
         lines = [line for line in text.splitlines() if "'top'" not in line and "&solver" not in line]
         lines += ["&support body='upper', surface='top', fix='z', value_formula='0','0','1e-3*(0.3-x)' /",
-                  "&solver %s /" % solver, "&output %s /" % output, more]
+                  "&solver %s /" % solver]
         return self.write(name, "\n".join(lines) + "\n")
 
     def start(self, *arguments, until=None):
@@ -85,22 +81,6 @@ class Faults(dotyk_case.Case):
         self.assertEqual(self.end(process)[0], 1)
         self.assertEqual(self.answer()[1]["status"], b"interrupted")
 
-    def test_the_same_run_goes_on_where_it_was_interrupted(self):
-        self.scene("scheme='neumann', theta_relative=1e-5, tolerance=1e-10, max_iterations=100000000",
-                   "checkpoint='state.chk', checkpoint_interval=0")
-        process = self.start("case.nml", until="relaxation")
-        time.sleep(0.2)
-        process.send_signal(signal.SIGINT)
-        self.assertEqual(self.end(process)[0], 1)
-        first = self.answer()[2]
-        self.scene("scheme='dual', theta_relative=1e-5, tolerance=1e-10")
-        self.dotyk("case.nml", "--restart")
-        pressure, summary, steps = self.answer()
-        self.assertGreater(steps, first)
-        self.assertEqual(summary["iterations"], steps)
-        self.dotyk("case.nml", "--output", "plain.vtkhdf")
-        np.testing.assert_allclose(pressure, self.answer("plain.vtkhdf")[0], atol=1e-7*pressure.max())
-
     def test_an_interrupt_of_gmsh_leaves_nothing(self):
         self.write("slow", "#!/bin/sh\ncase $1 in --version) echo 4.8.4 >&2; exit;; esac\n"
                            "while [ $# -gt 1 ]; do [ $1 = -o ] && touch $2; shift; done\ntouch started\nexec sleep 60\n").chmod(0o755)
@@ -127,7 +107,7 @@ class Faults(dotyk_case.Case):
         return done.returncode, done.stdout
 
     def test_too_little_memory_is_said(self):
-        self.scene("theta_relative=1e-2", output="")
+        self.scene("theta_relative=1e-2")
         self.dotyk("case.nml")
         before = (self.folder/"case.vtkhdf").read_bytes()
         codes = set()
@@ -152,7 +132,6 @@ class Faults(dotyk_case.Case):
             self.assertIn("'case.vtkhdf' cannot be written: File too large", text)
             self.assertEqual((self.folder/"case.vtkhdf").read_bytes(), before)
             self.assertEqual(list(self.folder.glob("*.tmp")), [])
-        self.assertIn("warning: checkpoint 'state.chk' cannot be written", self.limited(resource.RLIMIT_FSIZE, 1000, "--quiet")[1])
 
     def test_a_log_that_cannot_be_written_is_no_reason_to_stop(self):
         self.scene("theta_relative=1e-2")
@@ -168,7 +147,7 @@ class Faults(dotyk_case.Case):
             self.assertEqual(self.answer()[1]["converged"], 1, command)
 
     def test_what_a_killed_run_left_is_deleted_by_the_next(self):
-        self.scene(ENDLESS, output="")
+        self.scene(ENDLESS)
         process = self.start("case.nml", until="relaxation")
         mark = "%s-%d" % (re.sub("[^A-Za-z0-9]", "_", os.uname().nodename), process.pid)
         left = self.write("case.vtkhdf.%s.tmp" % mark, "half a file")
@@ -181,97 +160,6 @@ class Faults(dotyk_case.Case):
         self.dotyk("next.nml", "--output", "case.vtkhdf")
         self.assertFalse(left.exists())
         self.assertTrue(other.exists())
-
-    # Checkpoints
-
-    def test_every_scheme_goes_on_to_the_same_answer(self):
-        for scheme in SCHEMES:
-            solver = "scheme='%s', theta_relative=1e-2, tolerance=1e-9, max_iterations=%%d" % scheme
-            self.scene(solver % 10000)
-            self.dotyk("case.nml", "--output", "plain.vtkhdf")
-            plain, summary, all_steps = self.answer("plain.vtkhdf")
-            self.assertGreater(all_steps, 1, scheme)
-            few = all_steps//2 if scheme != "dual" else 1
-            self.scene(solver % few)
-            self.dotyk("case.nml", code=1)
-            self.assertEqual(self.answer()[1]["status"], b"max_iterations")
-            self.scene(solver % 10000)
-            text = self.dotyk("case.nml", "--restart")
-            self.assertIn("restart          from state.chk: max_iterations after %d step" % few, text)
-            pressure, restarted, steps = self.answer()
-            self.assertEqual(restarted["converged"], 1)
-            self.assertEqual(restarted["iterations"], steps)
-            self.assertLess(steps, 2*all_steps + 5, scheme)
-            np.testing.assert_allclose(pressure, plain, atol=1e-6*plain.max(), err_msg=scheme)
-            self.assertAlmostEqual(restarted["energy"]/summary["energy"], 1, delta=1e-9)
-            # Once more, and it ends at once.
-            self.dotyk("case.nml", "--restart")
-            self.assertLessEqual(self.answer()[2], steps + 3, scheme)
-
-    def test_a_theta_that_became_smaller_stays_so(self):
-        self.scene("")
-        self.dotyk("case.nml", "--output", "plain.vtkhdf")
-        self.dotyk("case.nml", "--restart")
-        plain, summary, _ = self.answer("plain.vtkhdf")
-        pressure, restarted, _ = self.answer()
-        self.assertEqual(restarted["converged"], 1)
-        np.testing.assert_allclose(pressure, plain, atol=1e-3*plain.max())
-        self.assertEqual(self.results("case.vtkhdf")["dotyk/contact/joint"].attrs["theta"],
-                         self.results("plain.vtkhdf")["dotyk/contact/joint"].attrs["theta"])
-
-    def test_what_may_change_and_what_may_not(self):
-        solver = "scheme='neumann', theta_relative=1e-2, tolerance=1e-3"
-        path = self.scene(solver)
-        self.dotyk("case.nml")
-        text = path.read_text()
-        for old, new in (("tolerance=1e-3", "tolerance=1e-8"), ("scheme='neumann'", "scheme='anderson'"),
-                         ("theta_relative=1e-2", "theta_relative=2e-2"), ("column of two blocks", "another title"),
-                         ("&output ", "&output fields='contact', ")):
-            self.write("other.nml", text.replace(old, new))
-            self.dotyk("other.nml", "--restart", "--threads", "1", "--output", "other.vtkhdf")
-            shutil.copy(self.folder/"state.chk", self.folder/"other.chk")
-        for old, new, part in (("young=30e9", "young=31e9", "the material of body 'lower'"),
-                               ("1e-3*(0.3-x)", "1e-3*(0.4-x)", "the supports of body 'upper'"),
-                               ("/\n&solver", "/\n&load body='upper', surface='top', pressure=1 /\n&solver",
-                                "the loads of body 'upper'"),
-                               ("&contact ", "&contact gap=0, ", "the settings of contact 'joint'"),
-                               ("&contact ", "&contact points='quadrature', ", "the settings of contact 'joint', the number of points")):
-            self.assertIn(old, text)
-            self.write("other.nml", text.replace(old, new))
-            message = self.dotyk("other.nml", "--restart", code=2)
-            self.assertIn("checkpoint 'state.chk' is of another scene: other than here are " + part, message)
-        self.write("column.geo", (self.folder/"column.geo").read_text() + "\n// finer\n".replace("// finer", "Mesh.ElementOrder = 2;"))
-        self.assertIn("the mesh of body 'lower'", self.dotyk("case.nml", "--restart", code=2))
-
-    def test_files_that_are_no_checkpoint(self):
-        self.scene("theta_relative=1e-2")
-        self.assertIn("there is no such file", self.dotyk("case.nml", "--restart", code=2))
-        self.dotyk("case.nml")
-        whole = (self.folder/"state.chk").read_bytes()
-        cases = [(whole[:n], "is no checkpoint of dotyk") for n in (0, 3, 1000, len(whole) - 1)]
-        cases += [(b"hello\n"*100, "is no checkpoint of dotyk"), (whole + b"x", "is no checkpoint of dotyk"),
-                  ((self.folder/"case.vtkhdf").read_bytes(), "is no checkpoint of dotyk, or the end of one is missing")]
-        for k in (100, 2000, len(whole)//2, len(whole) - 60, len(whole) - 10):
-            damaged = bytearray(whole)
-            damaged[k] ^= 4
-            cases.append((bytes(damaged), "is damaged"))
-        for content, message in cases:
-            (self.folder/"bad.chk").write_bytes(content)
-            self.assertIn(message, self.dotyk("case.nml", "--restart", "bad.chk", code=2))
-            self.assertIn(message, self.dotyk("--restart", "bad.chk", "case.nml", code=2))
-        self.dotyk("--restart", "case.nml")
-
-    def test_where_checkpoints_cannot_be(self):
-        self.scene("theta_relative=1e-2", output="")
-        self.assertIn("--restart: which file?", self.dotyk("case.nml", "--restart", code=2))
-        self.scene("theta_relative=1e-2", output="checkpoint='column.geo'")
-        self.assertIn("is another file of this scene", self.dotyk("case.nml", code=2))
-        self.scene("theta_relative=1e-2", output="checkpoint='no/state.chk'")
-        self.assertIn("'no/state.chk' cannot be written: No such file or directory", self.dotyk("case.nml", code=4))
-        self.write("notes.txt", "mine\n")
-        self.scene("theta_relative=1e-2", output="checkpoint='notes.txt'")
-        self.assertIn("is there already and is no checkpoint of dotyk", self.dotyk("case.nml", code=2))
-        self.assertEqual((self.folder/"notes.txt").read_text(), "mine\n")
 
 
 if __name__ == "__main__":
