@@ -1,56 +1,54 @@
-!> Bodies of one kind whose contact points are the same, as in a row of equal bodies that touch in the same way: their compliances
-!> `B_b K_b^{-1} B_b^T` are the same matrix.
-module dotyk_scheme_twins
+!> Congruent bodies whose rows of B are the same, as in a row of equal bodies that touch in the same way: their compliances
+!> `B_b K_b^+ B_b^T` are one matrix.
+module dotyk_scheme_congruent_rows
   use dotyk_base_kinds, only: dp
   use dotyk_contact_operator, only: contact_block_t
-  use dotyk_scheme_problem, only: contact_problem_t
   implicit none
   private
-  public :: are_twins
+  public :: have_same_rows
 
-  !> Entries of B that differ by less, relative to the largest of their row, differ by the rounding of places.
+  !> Entries of B that differ by less, relative to the largest of their row, differ by the rounding of positions.
   real(dp), parameter :: same_entry = 1.0e-12_dp
 
 contains
 
-  !> Whether rows of two bodies are the same, each in the axes of the kind.
-  logical function are_twins(problem, b, row_b, c, row_c) result(are)
-    type(contact_problem_t), intent(in) :: problem
-    !> The bodies.
-    integer, intent(in) :: b, c
-    !> Places among the rows of each.
-    integer, intent(in) :: row_b(:), row_c(:)
+  !> Whether rows of two congruent bodies are the same, each in the axes of the representative of their class.
+  logical function have_same_rows(block_b, rotation_b, place_b, block_c, rotation_c, place_c) result(same)
+    !> Rows of B of the two bodies.
+    type(contact_block_t), intent(in) :: block_b, block_c
+    !> Rotation from the representative to each body, as columns (dimension, dimension) [].
+    real(dp), intent(in) :: rotation_b(:, :), rotation_c(:, :)
+    !> Which of its rows (n).
+    integer, intent(in) :: place_b(:), place_c(:)
     real(dp), allocatable :: difference(:, :)
     real(dp) :: largest
     integer :: i
-    are = .false.
-    if (.not. allocated(problem%kind)) return
-    if (problem%kind(b) /= problem%kind(c) .or. size(row_b) /= size(row_c)) return
-    associate (block_b => problem%operator%block(b), block_c => problem%operator%block(c))
-      if (block_b%n_nodes /= block_c%n_nodes) return
-      if (any(block_b%contact_node /= block_c%contact_node)) return
-      allocate (difference(problem%operator%dimension, block_b%n_nodes), source=0.0_dp)
-      do i = 1, size(row_b)
-        largest = 0
-        call add_row(block_b, row_b(i), problem%axes(:, :, b), 1.0_dp, difference, largest)
-        call add_row(block_c, row_c(i), problem%axes(:, :, c), -1.0_dp, difference, largest)
-        if (.not. is_small(block_b, row_b(i), difference, same_entry*largest)) return
-        if (.not. is_small(block_c, row_c(i), difference, same_entry*largest)) return
-        call clear(block_b, row_b(i), difference)
-        call clear(block_c, row_c(i), difference)
-      end do
-    end associate
-    are = .true.
-  end function are_twins
+    same = .false.
+    if (size(place_b) /= size(place_c) .or. block_b%n_nodes /= block_c%n_nodes) return
+    if (any(block_b%contact_node /= block_c%contact_node)) return
+    allocate (difference(size(rotation_b, 1), block_b%n_nodes), source=0.0_dp)
+    do i = 1, size(place_b)
+      largest = 0
+      call add_row(block_b, place_b(i), rotation_b, 1.0_dp, difference, largest)
+      call add_row(block_c, place_c(i), rotation_c, -1.0_dp, difference, largest)
+      if (.not. is_small(block_b, place_b(i), difference, same_entry*largest)) return
+      if (.not. is_small(block_c, place_c(i), difference, same_entry*largest)) return
+      call clear(block_b, place_b(i), difference)
+      call clear(block_c, place_c(i), difference)
+    end do
+    same = .true.
+  end function have_same_rows
 
-  !> Add a row, in the axes of the kind.
+  !> Add a row in the axes of the representative.
   pure subroutine add_row(block, row, axes, factor, sum, largest)
     type(contact_block_t), intent(in) :: block
+    !> Which of its rows.
     integer, intent(in) :: row
-    !> The axes of the kind, turned with the body, as columns (dimension, dimension).
+    !> As `rotation_b` (dimension, dimension) [].
     real(dp), intent(in) :: axes(:, :)
+    !> 1 to add, -1 to subtract [].
     real(dp), intent(in) :: factor
-    !> (dimension, n_nodes).
+    !> By nodes (dimension, n_nodes) [].
     real(dp), intent(inout) :: sum(:, :)
     !> Largest entry so far.
     real(dp), intent(inout) :: largest
@@ -90,4 +88,4 @@ contains
       values(:, (block%matrix%column(k) - 1)/size(values, 1) + 1) = 0
     end do
   end subroutine clear
-end module dotyk_scheme_twins
+end module dotyk_scheme_congruent_rows

@@ -1,0 +1,142 @@
+!> The compliance operator of a body through a sparse Cholesky factor of its stiffness.
+!>
+!> Built in two steps, because a driver runs them for many bodies with different shares of the machine: `analyze` (fill-reducing order and
+!> symbolic factorization; fill and operations are known then) and `factorize`.
+!>
+!> A body with rigid body modes R is factorized with springs on a few unknowns (`dotyk_response_regularization`), K_s; then
+!> `K^+ = P K_s^{-1} P`, `P = I - R R^T`.
+module dotyk_response_direct
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_elasticity_body, only: body_t, body_modes_t, stiffness_t
+  use dotyk_elasticity_elimination, only: elimination_order
+  use dotyk_linalg_cholesky, only: cholesky_t
+  use dotyk_linalg_ordering, only: expand_permutation
+  use dotyk_linalg_sparse, only: sparse_rows_t
+  use dotyk_response_mode_projection, only: remove_modes
+  use dotyk_response_regularization, only: choose_fixing_equations
+  use dotyk_response_response, only: response_t, substituted_rows_t
+  use dotyk_response_stiffness_factor, only: factorization_report_t, factorize_stiffness
+  use dotyk_response_substitution, only: substitution_t
+  implicit none
+  private
+
+  !> Compliance operator by triangular solves. It owns a factor: never copy it, destroy it in the end.
+  type, extends(response_t), public :: direct_response_t
+    !> Factor of the (regularized) stiffness.
+    type(cholesky_t) :: factor
+    !> Equations that springs regularize, one for each rigid body mode; chosen by `analyze` (n_modes).
+    integer, allocatable :: fixing_equation(:)
+    !> What forward substitutions need beside the factor.
+    type(substitution_t), private :: substitution
+  contains
+    procedure :: analyze => direct_analyze
+    procedure :: factorize => direct_factorize
+    procedure :: solve => direct_solve
+    procedure :: prepare_substitution => direct_prepare_substitution
+    procedure :: path_entries => direct_path_entries
+    procedure :: substitute => direct_substitute
+    procedure :: product => direct_product
+    procedure :: destroy => direct_destroy
+  end type direct_response_t
+
+contains
+
+  !> Order the equations and analyse the factorization.
+  subroutine direct_analyze(self, body, modes, stiffness, error)
+    class(direct_response_t), intent(inout) :: self
+    !> The body, assembled.
+    type(body_t), intent(in) :: body
+    !> Rigid body modes that its supports leave.
+    type(body_modes_t), intent(in) :: modes
+    !> Its stiffness, with the graph of its nodes.
+    type(stiffness_t), intent(in) :: stiffness
+    !> Allocated where METIS or CHOLMOD cannot do it: a matrix too large for them, or for the memory.
+    type(error_t), allocatable, intent(out) :: error
+    integer, allocatable :: node_order(:), permutation(:)
+    integer :: k
+    allocate (self%mode(body%constraint%n_equations, modes%n))
+    do k = 1, modes%n
+      call body%constraint%reduce(modes%shape(:, :, k), self%mode(:, k))
+    end do
+    call choose_fixing_equations(self%mode, self%fixing_equation)
+    ! Nodes are ordered, not equations: the graph is smaller, and the equations of a node stay together.
+    allocate (node_order(size(stiffness%graph_start) - 1))
+    call elimination_order(body%mesh, stiffness%graph_start, stiffness%graph_neighbour, node_order, error)
+    if (allocated(error)) return
+    allocate (permutation(body%constraint%n_equations))
+    call expand_permutation(node_order, body%constraint%equation, permutation)
+    call self%factor%analyze(stiffness%matrix, permutation, error)
+  end subroutine direct_analyze
+
+  !> Factorize. The memory of the stiffness is given back before that of the factor is taken.
+  subroutine direct_factorize(self, body, stiffness, split_near_null, report, error)
+    class(direct_response_t), intent(inout) :: self
+    !> The same body as in `analyze`.
+    type(body_t), intent(in) :: body
+    !> Its stiffness; empty on return.
+    type(stiffness_t), intent(inout) :: stiffness
+    !> Whether near-null-space modes are split off the operator: it is that of the body regularized against them then.
+    logical, intent(in) :: split_near_null
+    !> Condition, near-null-space modes.
+    type(factorization_report_t), intent(out) :: report
+    !> Allocated where the stiffness is not positive definite (names a node), memory runs out, or an interrupt came.
+    type(error_t), allocatable, intent(out) :: error
+    call factorize_stiffness(body, stiffness, self%factor, self%fixing_equation, split_near_null, report, error)
+  end subroutine direct_factorize
+
+  !> x := K^+ x.
+  subroutine direct_solve(self, x)
+    class(direct_response_t), intent(in) :: self
+    !> Right-hand side [force] in, solution [length] out (n_equations).
+    real(dp), intent(inout) :: x(:)
+    call remove_modes(self%mode, x)
+    call self%factor%solve(x)
+    call remove_modes(self%mode, x)
+  end subroutine direct_solve
+
+  !> Make ready for forward substitutions.
+  subroutine direct_prepare_substitution(self)
+    class(direct_response_t), intent(inout) :: self
+    call self%substitution%init(self%factor, self%mode)
+  end subroutine direct_prepare_substitution
+
+  !> Entries of the factor on the elimination-tree paths from some equations to the root, on average.
+  real(dp) function direct_path_entries(self, equation) result(entries)
+    class(direct_response_t), intent(inout) :: self
+    !> Where the paths begin (n).
+    integer, intent(in) :: equation(:)
+    entries = self%substitution%path_entries(self%factor, equation)
+  end function direct_path_entries
+
+  !> Forward substitution of rows.
+  subroutine direct_substitute(self, rows, substituted)
+    class(direct_response_t), intent(in) :: self
+    !> Rows over the equations.
+    type(sparse_rows_t), intent(in) :: rows
+    !> L^{-1} of them.
+    type(substituted_rows_t), intent(inout) :: substituted
+    call self%substitution%substitute(rows, self%mode, substituted)
+  end subroutine direct_substitute
+
+  !> c_ij = a_i K^+ b_j.
+  subroutine direct_product(self, a, b, same, c)
+    class(direct_response_t), intent(in) :: self
+    !> Rows of the two sides.
+    type(substituted_rows_t), intent(in) :: a, b
+    !> Whether a and b are the same rows.
+    logical, intent(in) :: same
+    !> (a%half%n, b%half%n) [length/force].
+    real(dp), intent(out) :: c(:, :)
+    call self%substitution%product(a, b, same, c)
+  end subroutine direct_product
+
+  !> Give back all memory.
+  subroutine direct_destroy(self)
+    class(direct_response_t), intent(inout) :: self
+    call self%factor%destroy()
+    call self%substitution%destroy()
+    if (allocated(self%mode)) deallocate (self%mode)
+    if (allocated(self%fixing_equation)) deallocate (self%fixing_equation)
+  end subroutine direct_destroy
+end module dotyk_response_direct

@@ -1,0 +1,171 @@
+!> Factorization of the stiffness of a body: regularized where rigid body modes are left, and its condition measured where that matters.
+!>
+!> The smallest pivot, relative to the diagonal entry of its equation, is known at no cost, and the condition number is at least its
+!> inverse. Only where it is small are the lowest eigenmodes of the scaled stiffness computed: they give the condition, and tell whether
+!> a few near-null-space modes are the only cause (`dotyk_response_near_null_modes`).
+module dotyk_response_stiffness_factor
+  use dotyk_base_error, only: error_t, set_error, exit_not_solvable
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_text, only: to_text
+  use dotyk_elasticity_body, only: body_t, stiffness_t, assemble_stiffness
+  use dotyk_elasticity_likely_cause, only: likely_cause
+  use dotyk_linalg_cholesky, only: cholesky_t
+  use dotyk_linalg_condition, only: scaled_norm, softest_shapes
+  use dotyk_response_near_null_modes, only: count_near_null, find_near_null
+  use dotyk_response_regularization, only: add_springs, choose_fixing_equations, is_mechanism
+  implicit none
+  private
+
+  !> What a factorization found out about the stiffness of a body.
+  type, public :: factorization_report_t
+    !> Condition number of the stiffness with its diagonal scaled to 1; a lower bound where it was not measured [].
+    real(dp) :: condition = 1
+    !> That of the factorized matrix, which is without the near-null-space modes that were split off [].
+    real(dp) :: condition_left = 1
+    !> Whether the condition was measured.
+    logical :: is_measured = .false.
+    !> Diagonal of the stiffness, without springs (n_equations) [force/length].
+    real(dp), allocatable :: diagonal(:)
+    !> Equations with springs, against rigid body or near-null-space modes, and the springs (n_springs) [force/length].
+    integer, allocatable :: fixing_equation(:)
+    real(dp), allocatable :: spring(:)
+    !> Near-null-space modes over the equations (n_equations, n) [], and their stiffness (n, n) [force/length]; not allocated where
+    !> there are none.
+    real(dp), allocatable :: near_null(:, :), near_null_stiffness(:, :)
+  end type factorization_report_t
+
+  public :: factorize_stiffness
+
+  !> A pivot below this fraction of its diagonal entry may be round-off. (Thin bodies have small ones too, and round-off leaves 1e-16 to
+  !> 1e-13: the energy of the displacement that belongs to it decides.)
+  real(dp), parameter :: suspicious_pivot = 1.0e-8_dp
+  !> Below this fraction the condition is worth a measurement: compact bodies have 1e-2, plates 1e-4 at about 20 times their thickness.
+  real(dp), parameter :: small_pivot = 1.0e-4_dp
+  !> Number of eigenmodes: six rigid body modes, and what comes after them.
+  integer, parameter :: n_eigenmodes = 8
+
+contains
+
+  !> Factorize. The memory of the stiffness is given back before that of the factor is taken.
+  subroutine factorize_stiffness(body, stiffness, factor, fixing_equation, split_near_null, report, error)
+    !> Assembled.
+    type(body_t), intent(in) :: body
+    !> Its stiffness; empty on return.
+    type(stiffness_t), intent(inout) :: stiffness
+    !> Analysed; factorized on return.
+    type(cholesky_t), intent(inout) :: factor
+    !> Equations that get springs, one for each rigid body mode (n_modes).
+    integer, intent(in) :: fixing_equation(:)
+    !> Whether near-null-space modes may be split off.
+    logical, intent(in) :: split_near_null
+    type(factorization_report_t), intent(out) :: report
+    !> Allocated where the stiffness is not positive definite (names a node), memory runs out, or an interrupt came.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp), allocatable :: diagonal(:), spring(:), shapes(:, :), values(:)
+    real(dp) :: norm
+    integer :: failed_column, n, i
+    call add_springs(stiffness%matrix, fixing_equation, spring)
+    diagonal = [(stiffness%matrix%value(stiffness%matrix%column_start(i) + 1), i=1, stiffness%matrix%n)]
+    call factor%factorize_and_discard(stiffness%matrix, failed_column, error, may_stop=.true.)
+    if (allocated(error)) return
+    ! A part that is not held can pass the factorization by round-off, which is all that its last pivot consists of.
+    if (failed_column == 0 .and. factor%weakest_pivot < suspicious_pivot) then
+      if (is_loose(body, factor, diagonal, fixing_equation, spring)) failed_column = factor%weakest_equation
+    end if
+    if (failed_column > 0) then
+      call refuse(body, failed_column, error)
+      return
+    end if
+    report%fixing_equation = fixing_equation
+    report%spring = spring
+    report%condition = 1/factor%weakest_pivot
+    report%condition_left = report%condition
+    report%diagonal = diagonal
+    report%diagonal(fixing_equation) = diagonal(fixing_equation) - spring
+    if (factor%weakest_pivot > small_pivot) return
+    n = min(n_eigenmodes, size(diagonal))
+    allocate (shapes(size(diagonal), n), values(n))
+    call softest_shapes(factor, diagonal, values, shapes, error)
+    if (allocated(error)) return
+    ! The factor has taken the place of the matrix.
+    call assemble_stiffness(body, stiffness, error)
+    if (allocated(error)) return
+    call add_springs(stiffness%matrix, fixing_equation, spring)
+    report%is_measured = .true.
+    norm = scaled_norm(stiffness%matrix)
+    report%condition = norm/max(tiny(norm), values(1))
+    report%condition_left = report%condition
+    n = 0
+    if (split_near_null .and. size(fixing_equation) == 0) n = count_near_null(values)
+    if (n > 0) then
+      report%condition_left = norm/values(n + 1)
+      call split_off(body, stiffness, factor, diagonal, shapes(:, :n), report, error)
+    end if
+    call stiffness%destroy()
+  end subroutine factorize_stiffness
+
+  !> Factorize once more, regularized against the near-null-space modes.
+  subroutine split_off(body, stiffness, factor, diagonal, shapes, report, error)
+    type(body_t), intent(in) :: body
+    !> Of a body that its supports hold; empty on return.
+    type(stiffness_t), intent(inout) :: stiffness
+    type(cholesky_t), intent(inout) :: factor
+    !> Of the stiffness (n_equations) [force/length].
+    real(dp), intent(in) :: diagonal(:)
+    !> The modes, approximately (n_equations, n) [].
+    real(dp), intent(in) :: shapes(:, :)
+    !> Gets the modes and the springs.
+    type(factorization_report_t), intent(inout) :: report
+    !> As in `factorize_stiffness`.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp), allocatable :: scaled(:, :)
+    integer :: failed_column, k
+    allocate (scaled, mold=shapes)
+    do k = 1, size(shapes, 2)
+      scaled(:, k) = sqrt(diagonal)*shapes(:, k)
+    end do
+    call choose_fixing_equations(scaled, report%fixing_equation)
+    call add_springs(stiffness%matrix, report%fixing_equation, report%spring)
+    call factor%factorize_and_discard(stiffness%matrix, failed_column, error, may_stop=.true.)
+    if (allocated(error)) return
+    if (failed_column > 0) then
+      call refuse(body, failed_column, error)
+      return
+    end if
+    call find_near_null(body, factor, report%fixing_equation, report%spring, report%near_null, report%near_null_stiffness, error)
+  end subroutine split_off
+
+  !> Whether the displacement that belongs to the weakest pivot is a mechanism.
+  logical function is_loose(body, factor, diagonal, fixing_equation, spring)
+    type(body_t), intent(in) :: body
+    type(cholesky_t), intent(in) :: factor
+    !> Springs included (n_equations) [force/length].
+    real(dp), intent(in) :: diagonal(:)
+    !> Equations with springs, and the springs (n_modes) [force/length].
+    integer, intent(in) :: fixing_equation(:)
+    real(dp), intent(in) :: spring(:)
+    real(dp), allocatable :: x(:)
+    allocate (x(size(diagonal)), source=0.0_dp)
+    x(factor%weakest_equation) = 1
+    call factor%solve(x)
+    is_loose = is_mechanism(body, diagonal, fixing_equation, spring, x)
+  end function is_loose
+
+  !> The error of a stiffness that is not positive definite.
+  subroutine refuse(body, equation, error)
+    type(body_t), intent(in) :: body
+    !> Where elimination found it out.
+    integer, intent(in) :: equation
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: cause
+    integer :: place(2)
+    call likely_cause(body%mesh, body%analysis, body%material, cause)
+    if (len(cause) > 0) cause = '; or no significant digit is left of it, and the likely cause is: '//cause
+    place = findloc(body%constraint%equation, equation)
+    !$omp critical (message)
+    call set_error(error, 'the stiffness is not positive definite (node '// &
+      to_text(body%mesh%node_tag(place(2)))//', direction '//to_text(place(1))//'): the body, or a part of it that '// &
+      'hangs on single nodes or edges, is not held; add a &support'//cause, exit_not_solvable)
+    !$omp end critical (message)
+  end subroutine refuse
+end module dotyk_response_stiffness_factor

@@ -1,0 +1,197 @@
+!> The contact problem as a quadratic programme: what a scheme is given, and nobody changes.
+!>
+!> In the displacements it is `min u^T K u/2 - f^T u + penalty` subject to the contact rows `B u - d <= 0`; in the Lagrange multipliers, the
+!> contact forces `lambda = W p >= 0`,
+!>
+!>     min lambda^T (C + Theta W^{-1}) lambda/2 - lambda^T y_0    subject to  lambda >= 0,  G^T lambda + S alpha = e,
+!>
+!> with `C = B K^+ B^T` (`dotyk_scheme_compliance`), the initial penetration `y_0 = B u_0 - d` of the solution without contact u_0, and the
+!> rigid body modes `G = B R` of floating bodies, their resultants e and springs S (`dotyk_scheme_coarse`). Every iterate is
+!> `u = u_0 - K^+ B^T W m + R alpha`: its state is one pressure m per row, and the amplitudes alpha. Then `y = B u - d = y_0 - C W m + G alpha`.
+!> The penalty parameter theta and the tolerance are arguments of a solve. (docs/theory.md)
+module dotyk_scheme_contact_qp
+  use dotyk_base_kinds, only: dp
+  use dotyk_contact_operator, only: contact_block_t, contact_operator_t
+  use dotyk_scheme_coarse, only: coarse_space_t
+  implicit none
+  private
+
+  !> The quadratic programme. Only this module and `dotyk_scheme_restriction` write its components.
+  type, public :: contact_qp_t
+    !> Number of contact rows.
+    integer :: n_rows = 0
+    !> Dimension of space.
+    integer :: dimension = 0
+    !> Rows of pair k are pair_first_row(k) .. pair_first_row(k+1)-1 (n_pairs+1).
+    integer, allocatable :: pair_first_row(:)
+    !> Aggregations that the QP has gone through, and row of the QP of the same level that each row is: a restriction is an index set over
+    !> the rows of that one (n_rows).
+    integer :: level = 0
+    integer, allocatable :: parent_row(:)
+    !> Weights w (n_rows) [area].
+    real(dp), allocatable :: weight(:)
+    !> Gaps d (n_rows) [length].
+    real(dp), allocatable :: gap(:)
+    !> Rows of B, body by body (n_bodies).
+    type(contact_block_t), allocatable :: block(:)
+    !> y_0 = B u_0 - d (n_rows) [length].
+    real(dp), allocatable :: initial_penetration(:)
+    !> B K^+ f with supports at rest (n_rows) [length]: `sum w m load_displacement` is the work of the loads on K^+ B^T W m.
+    real(dp), allocatable :: load_displacement(:)
+    !> Compliance of the Winkler foundation that stands for the bodies where a scheme needs a first guess (n_rows) [length/pressure].
+    real(dp), allocatable :: foundation(:)
+    !> Rigid body modes that the supports leave.
+    type(coarse_space_t) :: coarse
+    !> F(u_0) = A(u_0,u_0)/2 - L(u_0) and A(u_0,u_0) [energy].
+    real(dp) :: energy_0 = 0, norm_square_0 = 0
+  contains
+    procedure :: init => qp_init
+    procedure :: shift_penetration => qp_shift_penetration
+    procedure :: mode_displacement => qp_mode_displacement
+    procedure :: mode_resultant => qp_mode_resultant
+    procedure :: energy_norm => qp_energy_norm
+    procedure :: energy => qp_energy
+    procedure :: body_force => qp_body_force
+  end type contact_qp_t
+
+contains
+
+  !> Make the QP.
+  subroutine qp_init(self, operator, initial_penetration, load_displacement, energy_0, norm_square_0, foundation, coarse)
+    class(contact_qp_t), intent(out) :: self
+    !> Rows of B and weights.
+    type(contact_operator_t), intent(in) :: operator
+    !> y_0 and B K^+ f (n_rows) [length].
+    real(dp), intent(in) :: initial_penetration(:), load_displacement(:)
+    !> Of the solution without contact [energy].
+    real(dp), intent(in) :: energy_0, norm_square_0
+    !> (n_rows) [length/pressure].
+    real(dp), intent(in) :: foundation(:)
+    !> Of the same rows.
+    type(coarse_space_t), intent(in) :: coarse
+    integer :: i
+    self%n_rows = operator%n_rows
+    self%dimension = operator%dimension
+    self%pair_first_row = operator%pair_first_row
+    self%parent_row = [(i, i=1, operator%n_rows)]
+    self%weight = operator%weight
+    self%gap = operator%gap
+    self%block = operator%block
+    self%initial_penetration = initial_penetration
+    self%load_displacement = load_displacement
+    self%energy_0 = energy_0
+    self%norm_square_0 = norm_square_0
+    self%foundation = foundation
+    self%coarse = coarse
+  end subroutine qp_init
+
+  !> The QP with another initial penetration, as more accurate displacements tell it.
+  subroutine qp_shift_penetration(self, change)
+    class(contact_qp_t), intent(inout) :: self
+    !> Added to the initial penetration (n_rows) [length].
+    real(dp), intent(in) :: change(:)
+    self%initial_penetration = self%initial_penetration + change
+  end subroutine qp_shift_penetration
+
+  !> z = G alpha.
+  pure subroutine qp_mode_displacement(self, alpha, z)
+    class(contact_qp_t), intent(in) :: self
+    !> Amplitudes (coarse%n) [length].
+    real(dp), intent(in) :: alpha(:)
+    !> Normal displacements of the rows (n_rows) [length].
+    real(dp), intent(out) :: z(:)
+    integer :: b, j
+    z = 0
+    do b = 1, size(self%block)
+      do j = 1, size(self%coarse%block(b)%value, 2)
+        associate (row => self%block(b)%row)
+          z(row) = z(row) + alpha(self%coarse%first(b) + j - 1)*self%coarse%block(b)%value(:, j)
+        end associate
+      end do
+    end do
+  end subroutine qp_mode_displacement
+
+  !> e = G^T lambda.
+  pure subroutine qp_mode_resultant(self, lambda, e)
+    class(contact_qp_t), intent(in) :: self
+    !> Contact forces, weights included (n_rows) [force].
+    real(dp), intent(in) :: lambda(:)
+    !> Resultants (coarse%n) [force].
+    real(dp), intent(out) :: e(:)
+    integer :: b, j
+    do b = 1, size(self%block)
+      do j = 1, size(self%coarse%block(b)%value, 2)
+        e(self%coarse%first(b) + j - 1) = sum(self%coarse%block(b)%value(:, j)*lambda(self%block(b)%row))
+      end do
+    end do
+  end subroutine qp_mode_resultant
+
+  !> C W m = y_0 + G alpha - y, which costs no product.
+  subroutine find_compliance_product(self, y, product, alpha)
+    class(contact_qp_t), intent(in) :: self
+    !> B u - d (n_rows) [length].
+    real(dp), intent(in) :: y(:)
+    !> (n_rows) [length].
+    real(dp), intent(out) :: product(:)
+    !> Zero if absent (coarse%n) [length].
+    real(dp), intent(in), optional :: alpha(:)
+    product = 0
+    if (present(alpha)) call self%mode_displacement(alpha, product)
+    product = (self%initial_penetration + product) - y
+  end subroutine find_compliance_product
+
+  !> The energy norm ||u||_A of u = u_0 - K^+ B^T W m + R alpha [sqrt(energy)].
+  real(dp) function qp_energy_norm(self, m, y, alpha) result(norm)
+    class(contact_qp_t), intent(in) :: self
+    !> Pressures (n_rows) [pressure].
+    real(dp), intent(in) :: m(:)
+    !> B u - d (n_rows) [length].
+    real(dp), intent(in) :: y(:)
+    !> Amplitudes of the rigid body modes; zero if absent (coarse%n) [length].
+    real(dp), intent(in), optional :: alpha(:)
+    real(dp), allocatable :: product(:)
+    allocate (product(size(y)))
+    call find_compliance_product(self, y, product, alpha)
+    norm = self%norm_square_0 + sum(self%weight*m*(product - 2*self%load_displacement))
+    if (present(alpha) .and. allocated(self%coarse%stiffness)) &
+      norm = norm + dot_product(alpha, self%coarse%springs(alpha) - 2*self%coarse%lift)
+    norm = sqrt(max(0.0_dp, norm))
+  end function qp_energy_norm
+
+  !> F_theta(u) of (19) [energy]; without the energy of penetrations where theta = 0. The work of the loads cancels, because u_0 is in
+  !> equilibrium with them, except for the work on rigid body modes.
+  real(dp) function qp_energy(self, theta, m, y, alpha) result(energy)
+    class(contact_qp_t), intent(in) :: self
+    !> Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    !> Pressures (n_rows) [pressure].
+    real(dp), intent(in) :: m(:)
+    !> B u - d (n_rows) [length].
+    real(dp), intent(in) :: y(:)
+    !> Amplitudes of the rigid body modes; zero if absent (coarse%n) [length].
+    real(dp), intent(in), optional :: alpha(:)
+    real(dp), allocatable :: product(:)
+    allocate (product(size(y)))
+    call find_compliance_product(self, y, product, alpha)
+    energy = self%energy_0 + 0.5_dp*sum(self%weight*m*product) + &
+      0.5_dp*sum(self%weight*max(0.0_dp, y)**2/theta, mask=theta > 0)
+    if (present(alpha)) energy = energy + dot_product(alpha, 0.5_dp*self%coarse%springs(alpha) - self%coarse%resultant)
+  end function qp_energy
+
+  !> Nodal contact forces on one body, - B_b^T W m.
+  subroutine qp_body_force(self, b, m, force)
+    class(contact_qp_t), intent(in) :: self
+    !> The body.
+    integer, intent(in) :: b
+    !> Pressures (n_rows) [pressure].
+    real(dp), intent(in) :: m(:)
+    !> At the contact nodes of the body (dimension, n_contact_nodes) [force].
+    real(dp), allocatable, intent(out) :: force(:, :)
+    real(dp), allocatable :: flat(:)
+    associate (block => self%block(b))
+      allocate (flat(self%dimension*size(block%contact_node)))
+      call block%matrix%multiply_transposed(self%weight(block%row)*m(block%row), flat)
+      force = reshape(-flat, [self%dimension, size(block%contact_node)])
+    end associate
+  end subroutine qp_body_force
+end module dotyk_scheme_contact_qp

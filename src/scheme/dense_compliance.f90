@@ -1,0 +1,263 @@
+!> The compliance of the bodies as dense matrices, one for each body, at those rows where they were formed.
+!>
+!> Congruent bodies that touch in the same way share one matrix. Rows are numbered as in the QP that the operator was made for; QPs that
+!> are restrictions of it know their rows there (`parent_row`).
+module dotyk_scheme_dense_compliance
+  use dotyk_base_kinds, only: dp
+  use dotyk_scheme_compliance, only: compliance_t, entries_t
+  use dotyk_scheme_contact_qp, only: contact_qp_t
+  implicit none
+  private
+
+  !> The matrix of one body.
+  type, public :: body_matrix_t
+    !> Number of rows that are formed.
+    integer :: n = 0
+    !> (n, n), symmetric [length/force]; not allocated where it is that of another body.
+    real(dp), allocatable :: value(:, :)
+    !> The body that has the same matrix; 0: this one has its own.
+    integer :: same_as = 0
+    !> Row of the QP, and place among the body's rows there, of each row of the matrix (n).
+    integer, allocatable :: row(:), place(:)
+    !> Row of the matrix of each of the body's rows, 0 where it is not formed (number of rows of the body).
+    integer, allocatable :: number(:)
+  end type body_matrix_t
+
+  !> The compliances of all bodies as matrices.
+  type, extends(compliance_t), public :: dense_compliance_t
+    !> (n_bodies).
+    type(body_matrix_t), allocatable :: body(:)
+    !> Aggregations that the QP of `init` has gone through.
+    integer :: level = 0
+    !> Bodies that each row touches, and its place among their rows (2, n_rows).
+    integer, allocatable :: row_body(:, :), row_place(:, :)
+  contains
+    procedure :: init => dense_init
+    procedure :: set => dense_set
+    procedure :: multiply_body => dense_multiply_body
+    procedure :: multiply => dense_multiply
+    procedure :: form => dense_form
+    procedure :: is_formed => dense_is_formed
+    procedure :: is_body_formed => dense_is_body_formed
+    procedure :: get_entries => dense_get_entries
+    procedure :: get_diagonal => dense_get_diagonal
+    procedure :: nodal_diagonal => dense_nodal_diagonal
+    procedure :: get_costs => dense_get_costs
+    procedure :: mark_formed => dense_mark_formed
+    procedure :: form_all => dense_form_all
+    procedure, private :: numbers => dense_numbers
+  end type dense_compliance_t
+
+contains
+
+  !> No entries yet.
+  subroutine dense_init(self, qp)
+    class(dense_compliance_t), intent(out) :: self
+    !> The rows.
+    type(contact_qp_t), intent(in) :: qp
+    integer :: b
+    self%level = qp%level
+    self%row_body = qp%coarse%body
+    self%row_place = qp%coarse%place
+    allocate (self%body(size(qp%block)))
+    do b = 1, size(qp%block)
+      allocate (self%body(b)%value(0, 0), self%body(b)%row(0), self%body(b)%place(0))
+      allocate (self%body(b)%number(size(qp%block(b)%row)), source=0)
+    end do
+  end subroutine dense_init
+
+  !> Give the matrix of one body at all of its rows.
+  subroutine dense_set(self, qp, b, value)
+    class(dense_compliance_t), intent(inout) :: self
+    !> The rows, as in `init`.
+    type(contact_qp_t), intent(in) :: qp
+    !> The body.
+    integer, intent(in) :: b
+    !> (n, n), n rows of the body in their order [length/force].
+    real(dp), intent(in) :: value(:, :)
+    integer :: i
+    associate (own => self%body(b))
+      own%n = size(value, 1)
+      own%value = value
+      own%row = qp%block(b)%row
+      own%place = [(i, i=1, own%n)]
+      own%number = own%place
+    end associate
+  end subroutine dense_set
+
+  !> Displacements of one body's rows by forces on them. Entries of rows that are not formed count as zero.
+  pure subroutine dense_multiply_body(self, b, force, displacement)
+    class(dense_compliance_t), intent(in) :: self
+    !> The body.
+    integer, intent(in) :: b
+    !> At the rows of the QP of `init` (all its rows) [force].
+    real(dp), intent(in) :: force(:)
+    !> At the formed rows of the body, in their order (n) [length].
+    real(dp), allocatable, intent(out) :: displacement(:)
+    integer :: j, owner
+    owner = merge(self%body(b)%same_as, b, self%body(b)%same_as > 0)
+    associate (own => self%body(b), value => self%body(owner)%value)
+      allocate (displacement(own%n), source=0.0_dp)
+      ! Most rows of an active set have no force.
+      do j = 1, own%n
+        if (abs(force(own%row(j))) > 0) displacement = displacement + force(own%row(j))*value(:, j)
+      end do
+    end associate
+  end subroutine dense_multiply_body
+
+  !> z = C lambda.
+  subroutine dense_multiply(self, qp, lambda, z)
+    class(dense_compliance_t), intent(inout) :: self
+    !> The rows.
+    type(contact_qp_t), intent(in) :: qp
+    !> (n_rows) [force].
+    real(dp), intent(in) :: lambda(:)
+    !> (n_rows) [length].
+    real(dp), intent(out) :: z(:)
+    real(dp), allocatable :: force(:), moved(:), displacement(:)
+    integer :: b
+    allocate (force(size(self%row_body, 2)), moved(size(self%row_body, 2)), source=0.0_dp)
+    force(qp%parent_row) = lambda
+    do b = 1, size(self%body)
+      if (self%body(b)%n == 0) cycle
+      call self%multiply_body(b, force, displacement)
+      moved(self%body(b)%row) = moved(self%body(b)%row) + displacement
+    end do
+    z = moved(qp%parent_row)
+  end subroutine dense_multiply
+
+  !> Nothing: entries are given by `set`.
+  subroutine dense_form(self, qp, may_stop)
+    class(dense_compliance_t), intent(inout) :: self
+    !> The rows.
+    type(contact_qp_t), intent(in) :: qp
+    logical, intent(in), optional :: may_stop
+    associate (not_needed => self%n_sweeps, nor_this => qp%n_rows, nor_that => present(may_stop))
+    end associate
+  end subroutine dense_form
+
+  !> Whether the entries of all bodies are there.
+  pure logical function dense_is_formed(self, qp) result(is_formed)
+    class(dense_compliance_t), intent(in) :: self
+    !> The rows.
+    type(contact_qp_t), intent(in) :: qp
+    integer :: b
+    is_formed = allocated(self%body)
+    if (is_formed) is_formed = all([(self%is_body_formed(qp, b), b=1, size(self%body))])
+  end function dense_is_formed
+
+  !> Whether the entries of one body are there.
+  pure logical function dense_is_body_formed(self, qp, b) result(is_formed)
+    class(dense_compliance_t), intent(in) :: self
+    !> The rows.
+    type(contact_qp_t), intent(in) :: qp
+    !> The body.
+    integer, intent(in) :: b
+    is_formed = qp%level == self%level
+    if (is_formed) is_formed = all(self%numbers(b, qp%parent_row(qp%block(b)%row)) > 0)
+  end function dense_is_body_formed
+
+  !> Rows of the matrix of a body.
+  pure function dense_numbers(self, b, row) result(number)
+    class(dense_compliance_t), intent(in) :: self
+    !> The body.
+    integer, intent(in) :: b
+    !> Rows of the QP of `init` that touch it (n).
+    integer, intent(in) :: row(:)
+    !> (n)
+    integer :: number(size(row))
+    integer :: i
+    do i = 1, size(row)
+      number(i) = self%body(b)%number(self%row_place(merge(1, 2, self%row_body(1, row(i)) == b), row(i)))
+    end do
+  end function dense_numbers
+
+  !> Entries between some rows of a body.
+  subroutine dense_get_entries(self, qp, b, row, entries)
+    class(dense_compliance_t), intent(in) :: self
+    !> The rows.
+    type(contact_qp_t), intent(in) :: qp
+    !> The body.
+    integer, intent(in) :: b
+    !> (n).
+    integer, intent(in) :: row(:)
+    !> (n, n) [length/force].
+    real(dp), allocatable, intent(out) :: entries(:, :)
+    integer :: owner
+    integer, allocatable :: number(:)
+    owner = merge(self%body(b)%same_as, b, self%body(b)%same_as > 0)
+    number = self%numbers(b, qp%parent_row(row))
+    entries = self%body(owner)%value(number, number)
+  end subroutine dense_get_entries
+
+  !> Diagonal entries.
+  subroutine dense_get_diagonal(self, qp, row, diagonal)
+    class(dense_compliance_t), intent(in) :: self
+    !> The rows.
+    type(contact_qp_t), intent(in) :: qp
+    !> (n).
+    integer, intent(in) :: row(:)
+    !> (n) [length/force].
+    real(dp), intent(out) :: diagonal(:)
+    integer :: i, k, b, n, owner
+    do i = 1, size(row)
+      associate (parent => qp%parent_row(row(i)))
+        diagonal(i) = 0
+        do k = 1, 2
+          b = self%row_body(k, parent)
+          if (b == 0) cycle
+          n = self%body(b)%number(self%row_place(k, parent))
+          owner = merge(self%body(b)%same_as, b, self%body(b)%same_as > 0)
+          if (n > 0) diagonal(i) = diagonal(i) + self%body(owner)%value(n, n)
+        end do
+      end associate
+    end do
+  end subroutine dense_get_diagonal
+
+  !> The diagonal itself.
+  subroutine dense_nodal_diagonal(self, qp, diagonal)
+    class(dense_compliance_t), intent(in) :: self
+    !> The rows.
+    type(contact_qp_t), intent(in) :: qp
+    !> (n_rows) [length/force].
+    real(dp), intent(out) :: diagonal(:)
+    integer :: i
+    call self%get_diagonal(qp, [(i, i=1, qp%n_rows)], diagonal)
+  end subroutine dense_nodal_diagonal
+
+  !> Nothing is left to be formed, and a product costs twice the entries.
+  subroutine dense_get_costs(self, b, path, solve)
+    class(dense_compliance_t), intent(inout) :: self
+    !> The body.
+    integer, intent(in) :: b
+    !> As in `compliance_t`.
+    real(dp), intent(out) :: path, solve
+    path = 0
+    solve = real(self%body(b)%n, dp)**2/2
+  end subroutine dense_get_costs
+
+  !> Mark rows with entries.
+  subroutine dense_mark_formed(self, formed)
+    class(dense_compliance_t), intent(in) :: self
+    !> (all rows of the QP of `init`).
+    logical, intent(inout) :: formed(:)
+    integer :: b
+    do b = 1, size(self%body)
+      formed(self%body(b)%row) = .true.
+    end do
+  end subroutine dense_mark_formed
+
+  !> Entries at all rows of a QP, which must be a restriction here.
+  subroutine dense_form_all(self, qp, entries)
+    class(dense_compliance_t), intent(inout) :: self
+    !> Formed.
+    type(contact_qp_t), intent(in) :: qp
+    !> (n_bodies).
+    type(entries_t), allocatable, intent(out) :: entries(:)
+    integer :: b
+    allocate (entries(size(qp%block)))
+    do b = 1, size(qp%block)
+      call self%get_entries(qp, b, qp%block(b)%row, entries(b)%value)
+    end do
+  end subroutine dense_form_all
+end module dotyk_scheme_dense_compliance

@@ -1,0 +1,205 @@
+!> A contact QP on fewer rows: restricted to some of them, or with rows aggregated to groups.
+!>
+!> A restriction leaves out rows that stay inactive; it has the same compliance operator. A group of an aggregation is one row: weighted
+!> mean gap and displacement of its rows, one force distributed over them by weight.
+module dotyk_scheme_restriction
+  use dotyk_base_kinds, only: dp
+  use dotyk_contact_operator, only: contact_block_t
+  use dotyk_scheme_coarse, only: coarse_space_t
+  use dotyk_scheme_compliance, only: entries_t
+  use dotyk_scheme_contact_qp, only: contact_qp_t
+  use dotyk_scheme_dense_compliance, only: dense_compliance_t
+  implicit none
+  private
+  public :: restrict_qp, aggregate_qp, aggregate_compliance
+
+contains
+
+  !> The QP on some of its rows.
+  subroutine restrict_qp(qp, keep, part)
+    type(contact_qp_t), intent(in) :: qp
+    !> (n_rows).
+    logical, intent(in) :: keep(:)
+    type(contact_qp_t), intent(out) :: part
+    real(dp), allocatable :: fraction(:)
+    integer, allocatable :: group(:)
+    integer :: i, n
+    allocate (group(size(keep)), source=0)
+    n = count(keep)
+    group(pack([(i, i=1, size(keep))], keep)) = [(i, i=1, n)]
+    call join_rows(qp, group, n, part, fraction)
+    part%level = qp%level
+    part%parent_row = pack(qp%parent_row, keep)
+  end subroutine restrict_qp
+
+  !> The QP on groups of its rows.
+  subroutine aggregate_qp(qp, group, n_groups, aggregated, fraction)
+    type(contact_qp_t), intent(in) :: qp
+    !> Group of each row; groups are numbered pair by pair (n_rows), and their number.
+    integer, intent(in) :: group(:), n_groups
+    type(contact_qp_t), intent(out) :: aggregated
+    !> Fraction of each row in the weight of its group (n_rows) [].
+    real(dp), allocatable, intent(out) :: fraction(:)
+    integer :: i
+    call join_rows(qp, group, n_groups, aggregated, fraction)
+    aggregated%level = qp%level + 1
+    aggregated%parent_row = [(i, i=1, n_groups)]
+  end subroutine aggregate_qp
+
+  !> The compliance of groups of rows from that of the rows, `S C S^T` with the fractions S.
+  subroutine aggregate_compliance(qp, entries, group, fraction, aggregated, compliance)
+    type(contact_qp_t), intent(in) :: qp
+    !> Of each body at its rows of `qp`, in their order (n_bodies).
+    type(entries_t), intent(in) :: entries(:)
+    !> As in `aggregate_qp` (n_rows).
+    integer, intent(in) :: group(:)
+    real(dp), intent(in) :: fraction(:)
+    !> The QP of the groups.
+    type(contact_qp_t), intent(in) :: aggregated
+    type(dense_compliance_t), intent(out) :: compliance
+    integer, allocatable :: place_of(:)
+    real(dp), allocatable :: half(:, :), value(:, :)
+    integer :: b, i, j, n
+    call compliance%init(aggregated)
+    allocate (place_of(aggregated%n_rows))
+    do b = 1, size(entries)
+      associate (row => qp%block(b)%row, group_row => aggregated%block(b)%row)
+        n = size(group_row)
+        place_of(group_row) = [(i, i=1, n)]
+        allocate (half(n, size(row)), value(n, n), source=0.0_dp)
+        do j = 1, size(row)
+          do i = 1, size(row)
+            associate (at => place_of(group(row(i))))
+              half(at, j) = half(at, j) + fraction(row(i))*entries(b)%value(i, j)
+            end associate
+          end do
+        end do
+        do j = 1, size(row)
+          associate (at => place_of(group(row(j))))
+            value(:, at) = value(:, at) + fraction(row(j))*half(:, j)
+          end associate
+        end do
+        call compliance%set(aggregated, b, value)
+        deallocate (half, value)
+      end associate
+    end do
+  end subroutine aggregate_compliance
+
+  !> The QP on groups of rows, of one row or of several; level and parent rows are left to the caller.
+  subroutine join_rows(qp, group, n_groups, joined, fraction)
+    type(contact_qp_t), intent(in) :: qp
+    !> Group of each row, 0 where it is left out (n_rows), and their number.
+    integer, intent(in) :: group(:), n_groups
+    type(contact_qp_t), intent(out) :: joined
+    !> Fraction of each row in the weight of its group (n_rows) [].
+    real(dp), allocatable, intent(out) :: fraction(:)
+    integer :: i, k, b
+    joined%n_rows = n_groups
+    joined%dimension = qp%dimension
+    allocate (joined%weight(n_groups), source=0.0_dp)
+    do i = 1, size(group)
+      if (group(i) > 0) joined%weight(group(i)) = joined%weight(group(i)) + qp%weight(i)
+    end do
+    allocate (fraction(size(group)), source=0.0_dp)
+    do i = 1, size(group)
+      if (group(i) > 0) fraction(i) = qp%weight(i)/joined%weight(group(i))
+    end do
+    joined%gap = group_means(group, n_groups, fraction, qp%gap)
+    joined%initial_penetration = group_means(group, n_groups, fraction, qp%initial_penetration)
+    joined%load_displacement = group_means(group, n_groups, fraction, qp%load_displacement)
+    joined%foundation = group_means(group, n_groups, fraction, qp%foundation)
+    joined%pair_first_row = qp%pair_first_row
+    do k = 1, size(qp%pair_first_row) - 1
+      associate (first => qp%pair_first_row(k), last => qp%pair_first_row(k + 1) - 1)
+        ! A group has rows of one pair.
+        joined%pair_first_row(k + 1) = max(joined%pair_first_row(k), maxval([0, group(first:last)]) + 1)
+      end associate
+    end do
+    joined%energy_0 = qp%energy_0
+    joined%norm_square_0 = qp%norm_square_0
+    allocate (joined%block(size(qp%block)))
+    do b = 1, size(qp%block)
+      call join_block(qp%block(b), group, n_groups, fraction, joined%block(b))
+    end do
+    call join_modes(qp, group, fraction, joined%block, n_groups, joined%coarse)
+  end subroutine join_rows
+
+  !> Weighted means over groups.
+  pure function group_means(group, n_groups, fraction, value) result(mean)
+    !> As in `join_rows`.
+    integer, intent(in) :: group(:), n_groups
+    real(dp), intent(in) :: fraction(:)
+    !> Of the rows (n_rows).
+    real(dp), intent(in) :: value(:)
+    !> (n_groups)
+    real(dp) :: mean(n_groups)
+    integer :: j
+    mean = 0
+    do j = 1, size(value)
+      if (group(j) > 0) mean(group(j)) = mean(group(j)) + fraction(j)*value(j)
+    end do
+  end function group_means
+
+  !> One body's rows of B, joined.
+  subroutine join_block(fine, group, n_groups, fraction, joined)
+    type(contact_block_t), intent(in) :: fine
+    !> As in `join_rows`.
+    integer, intent(in) :: group(:), n_groups
+    real(dp), intent(in) :: fraction(:)
+    type(contact_block_t), intent(inout) :: joined
+    integer, allocatable :: row(:), column(:), number(:)
+    real(dp), allocatable :: value(:)
+    integer :: i, k, n
+    joined%n_nodes = fine%n_nodes
+    joined%contact_node = fine%contact_node
+    allocate (number(0:n_groups), source=0)
+    do i = 1, size(fine%row)
+      number(group(fine%row(i))) = 1
+    end do
+    joined%row = pack([(i, i=1, n_groups)], number(1:) > 0)
+    number(0) = 0
+    number(joined%row) = [(i, i=1, size(joined%row))]
+    allocate (row(size(fine%matrix%column)), column(size(fine%matrix%column)), value(size(fine%matrix%column)))
+    n = 0
+    do i = 1, fine%matrix%n_rows
+      if (group(fine%row(i)) == 0) cycle
+      do k = fine%matrix%row_start(i), fine%matrix%row_start(i + 1) - 1
+        n = n + 1
+        row(n) = number(group(fine%row(i)))
+        column(n) = fine%matrix%column(k)
+        value(n) = fraction(fine%row(i))*fine%matrix%value(k)
+      end do
+    end do
+    call joined%matrix%init_from_triplets(size(joined%row), fine%matrix%n_columns, row(:n), column(:n), value(:n))
+  end subroutine join_block
+
+  !> The rigid body modes at the joined rows; scales and resultants are those of the bodies.
+  subroutine join_modes(qp, group, fraction, block, n_groups, coarse)
+    type(contact_qp_t), intent(in) :: qp
+    !> As in `join_rows`.
+    integer, intent(in) :: group(:)
+    real(dp), intent(in) :: fraction(:)
+    !> Joined rows of B (n_bodies).
+    type(contact_block_t), intent(in) :: block(:)
+    integer, intent(in) :: n_groups
+    type(coarse_space_t), intent(out) :: coarse
+    integer, allocatable :: place_of(:)
+    integer :: b, i
+    coarse = qp%coarse
+    call coarse%take_rows(block, n_groups)
+    allocate (place_of(n_groups))
+    do b = 1, size(block)
+      place_of(block(b)%row) = [(i, i=1, size(block(b)%row))]
+      deallocate (coarse%block(b)%value)
+      allocate (coarse%block(b)%value(size(block(b)%row), size(qp%coarse%block(b)%value, 2)), source=0.0_dp)
+      associate (fine => qp%coarse%block(b)%value, own => coarse%block(b)%value, row => qp%block(b)%row)
+        do i = 1, size(row)
+          if (group(row(i)) == 0) cycle
+          associate (at => place_of(group(row(i))))
+            own(at, :) = own(at, :) + fraction(row(i))*fine(i, :)
+          end associate
+        end do
+      end associate
+    end do
+  end subroutine join_modes
+end module dotyk_scheme_restriction
