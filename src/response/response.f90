@@ -6,7 +6,7 @@
 !> Congruent bodies share one operator: equations and modes over them are the same.
 module dotyk_response_response
   use dotyk_base_kinds, only: dp
-  use dotyk_linalg_half_solve, only: half_solution_t
+  use dotyk_linalg_forward_substitution, only: forward_solution_t
   use dotyk_linalg_sparse, only: sparse_rows_t
   implicit none
   private
@@ -33,7 +33,7 @@ module dotyk_response_response
   !> Forward substitution of some rows b of B.
   type, public :: substituted_rows_t
     !> L^{-1} b, L the factor of the (regularized) stiffness.
-    type(half_solution_t) :: half
+    type(forward_solution_t) :: forward
     !> b R and b Z, Z = K_s^{-1} R (n, n_modes).
     real(dp), allocatable :: along(:, :), regularized(:, :)
   end type substituted_rows_t
@@ -85,7 +85,7 @@ module dotyk_response_response
       type(substituted_rows_t), intent(in) :: a, b
       !> Whether a and b are the same rows.
       logical, intent(in) :: same
-      !> (a%half%n, b%half%n) [length/force].
+      !> (a%forward%n, b%forward%n) [length/force].
       real(dp), intent(out) :: c(:, :)
     end subroutine product_interface
 

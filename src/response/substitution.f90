@@ -6,7 +6,7 @@ module dotyk_response_substitution
   use dotyk_base_kinds, only: dp
   use dotyk_linalg_blas, only: transposed_product
   use dotyk_linalg_cholesky, only: cholesky_t
-  use dotyk_linalg_half_solve, only: elimination_tree_t, half_product
+  use dotyk_linalg_forward_substitution, only: elimination_tree_t, forward_product
   use dotyk_linalg_sparse, only: sparse_rows_t
   use dotyk_response_response, only: substituted_rows_t
   implicit none
@@ -75,7 +75,7 @@ contains
     !> L^{-1} of them, and their products with R and Z.
     type(substituted_rows_t), intent(inout) :: substituted
     integer :: k
-    call substituted%half%init(self%tree, rows)
+    call substituted%forward%init(self%tree, rows)
     allocate (substituted%along(rows%n_rows, size(mode, 2)), substituted%regularized(rows%n_rows, size(mode, 2)))
     do k = 1, size(mode, 2)
       call rows%multiply(mode(:, k), substituted%along(:, k))
@@ -90,9 +90,9 @@ contains
     type(substituted_rows_t), intent(in) :: a, b
     !> Whether a and b are the same rows.
     logical, intent(in) :: same
-    !> (a%half%n, b%half%n) [length/force].
+    !> (a%forward%n, b%forward%n) [length/force].
     real(dp), intent(out) :: c(:, :)
-    call half_product(self%tree, a%half, b%half, same, c)
+    call forward_product(self%tree, a%forward, b%forward, same, c)
     if (size(a%along, 2) == 0) return
     c = c - matmul(a%regularized, transpose(b%along)) - matmul(a%along, transpose(b%regularized)) + &
       matmul(matmul(a%along, self%product_of_modes), transpose(b%along))

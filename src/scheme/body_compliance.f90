@@ -380,7 +380,7 @@ contains
     real(dp), intent(inout) :: value(:, :)
     real(dp), allocatable :: c(:, :)
     associate (a => blocks%first(block), b => blocks%first(other))
-      allocate (c(blocks%substituted(block)%half%n, blocks%substituted(other)%half%n))
+      allocate (c(blocks%substituted(block)%forward%n, blocks%substituted(other)%forward%n))
       call response%product(blocks%substituted(block), blocks%substituted(other), block == other, c)
       value(a:a + size(c, 1) - 1, b:b + size(c, 2) - 1) = c
       if (block /= other) value(b:b + size(c, 2) - 1, a:a + size(c, 1) - 1) = transpose(c)

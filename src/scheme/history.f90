@@ -1,19 +1,9 @@
-!> What a scheme did, step by step, and how it ended.
+!> What a scheme did, step by step.
 module dotyk_scheme_history
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use dotyk_base_kinds, only: dp
   implicit none
   private
-
-  !> How an iteration ended.
-  integer, parameter, public :: ended_converged = 1  !< the stop rule is met
-  integer, parameter, public :: ended_limit = 2      !< max_iterations reached
-  integer, parameter, public :: ended_diverged = 3   !< the steps grow
-  integer, parameter, public :: ended_stalled = 4    !< rounding allows no smaller error
-  integer, parameter, public :: ended_unstoppable = 5  !< loads move a free body, and no contact can stop it
-  integer, parameter, public :: ended_rounds = 7     !< no answer met the budget, of as many as a scene gets
-  integer, parameter, public :: ended_immovable = 6  !< supports press contact points together that cannot give way
-  integer, parameter, public :: ended_interrupted = 8  !< somebody asked the program to stop
 
   !> One entry per iteration; arrays are longer than `n` while the iteration goes on.
   type, public :: history_t
@@ -31,93 +21,23 @@ module dotyk_scheme_history
     real(dp), allocatable :: energy(:)
     !> Largest penetration [length].
     real(dp), allocatable :: max_penetration(:)
-    !> Number of contact points under pressure.
+    !> Number of active contact rows.
     integer, allocatable :: active(:)
     !> Lengths of the last steps in the energy norm, newest first [sqrt(energy)].
     real(dp), private :: length(11) = 0
   contains
     procedure :: add => history_add
     procedure :: finish => history_finish
-    procedure :: put_behind => history_put_behind
+    procedure :: put_after => history_put_after
     procedure :: measured_contraction => history_measured_contraction
   end type history_t
 
-  !> Where a scheme got to.
-  type, public :: scheme_result_t
-    !> State: pressure of the last iterate's contact forces, u = u0 - K^{-1} B^T W m (n_rows) [pressure].
-    real(dp), allocatable :: m(:)
-    !> B u - d of the last iterate (n_rows) [length].
-    real(dp), allocatable :: y(:)
-    !> Amplitudes of the free motions of the responses, body after body; of size 0 where all bodies are held.
-    real(dp), allocatable :: alpha(:)
-    !> Motions that neither contact nor loads determine, as columns of amplitudes (size of alpha, number of them).
-    real(dp), allocatable :: undetermined(:, :)
-    !> Where ended_unstoppable: amplitudes of a motion that the loads excite and no contact can stop.
-    real(dp), allocatable :: unstoppable(:)
-    !> How it ended: one of the parameters above.
-    integer :: ended = ended_limit
-    !> Steps done.
-    integer :: iterations = 0
-    !> Contact points that were left out, as they stay open.
-    integer :: left_out = 0
-    !> Relaxation parameter [].
-    real(dp) :: gamma = 0
-    !> Upper estimate of L [].
-    real(dp) :: lambda_max = 0
-    !> Factor that the theory promises at worst (sharp), and the one that was seen at the end [].
-    real(dp) :: q_predicted = 0, q_measured = 0
-    !> Guaranteed bound of the relative error, and the one of (41) [].
-    real(dp) :: error_bound = 0, error_bound_paper = 0
-    !> F_theta [energy].
-    real(dp) :: energy = 0
-    !> Largest penetration [length].
-    real(dp) :: max_penetration = 0
-    type(history_t) :: history
-  contains
-    procedure :: add_rounding => result_add_rounding
-  end type scheme_result_t
-
-  public :: ending_name
-
 contains
-
-  !> Let the error bound contain what rounding has left. Where that is beyond the tolerance by itself it has not been reached, unless no
-  !> number could be better.
-  subroutine result_add_rounding(self, rounding, unavoidable, tolerance)
-    class(scheme_result_t), intent(inout) :: self
-    !> Relative, in the energy norm; what the last digits of the displacements are worth [].
-    real(dp), intent(in) :: rounding, unavoidable, tolerance
-    if (self%error_bound < huge(rounding)) self%error_bound = self%error_bound + rounding
-    if (self%ended == ended_converged .and. rounding > max(tolerance, unavoidable)) self%ended = ended_stalled
-    if (self%history%n > 0) self%history%error_bound(self%history%n) = self%error_bound
-  end subroutine result_add_rounding
-
-  !> How an iteration ended, in one word for the results file.
-  pure function ending_name(ended) result(name)
-    !> One of the parameters above.
-    integer, intent(in) :: ended
-    character(:), allocatable :: name
-    select case (ended)
-    case (ended_converged)
-      name = 'converged'
-    case (ended_limit)
-      name = 'max_iterations'
-    case (ended_diverged)
-      name = 'diverged'
-    case (ended_stalled)
-      name = 'stalled'
-    case (ended_rounds)
-      name = 'budget'
-    case (ended_interrupted)
-      name = 'interrupted'
-    case default
-      name = 'not solvable'
-    end select
-  end function ending_name
 
   !> Add an entry; `length` is the increment before it was divided by the norm of the iterate.
   subroutine history_add(self, seconds, length, increment, error_bound, energy, max_penetration, active)
     class(history_t), intent(inout) :: self
+    !> As the components of `history_t`, of one step; the length [sqrt(energy)].
     real(dp), intent(in) :: seconds, length, increment, error_bound, energy, max_penetration
     integer, intent(in) :: active
     if (.not. allocated(self%seconds)) call resize(self, 128)
@@ -140,9 +60,10 @@ contains
     call resize(self, self%n)
   end subroutine history_finish
 
-  !> Put this history behind an earlier one, both finished.
-  subroutine history_put_behind(self, earlier)
+  !> Put this history after an earlier one, both finished.
+  subroutine history_put_after(self, earlier)
     class(history_t), intent(inout) :: self
+    !> Of the same scheme, ended before this one began.
     type(history_t), intent(in) :: earlier
     if (earlier%n == 0) return
     self%seconds = [earlier%seconds, earlier%seconds(earlier%n) + self%seconds]
@@ -154,7 +75,7 @@ contains
     self%max_penetration = [earlier%max_penetration, self%max_penetration]
     self%active = [earlier%active, self%active]
     self%n = earlier%n + self%n
-  end subroutine history_put_behind
+  end subroutine history_put_after
 
   !> Arrays of another length.
   subroutine resize(self, length)

@@ -1,0 +1,77 @@
+!> What every scheme is: a solver of a contact QP for a given penalty parameter, with properties that others ask for.
+!>
+!> A new scheme is an extension in a file of its own, a name in `dotyk_base_options`, and a line in `dotyk_scheme_registry`.
+module dotyk_scheme_scheme
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_scheme_compliance, only: compliance_t
+  use dotyk_scheme_contact_qp, only: contact_qp_t
+  use dotyk_scheme_monitor, only: monitor_t
+  use dotyk_scheme_solver_state, only: solver_state_t
+  use dotyk_scheme_stopping, only: solver_settings_t
+  implicit none
+  private
+
+  !> A scheme.
+  type, abstract, public :: scheme_t
+  contains
+    !> Solve a QP.
+    procedure(solve_interface), deferred :: solve
+    !> Whether all bodies must be held by their supports.
+    procedure :: needs_held_bodies => scheme_needs_held_bodies
+    !> Whether theta = 0 is allowed: contact without penetration.
+    procedure :: allows_zero_theta => scheme_allows_zero_theta
+    !> Products with the compliance that it takes one by one, about; 0: it forms the entries that it needs.
+    procedure :: expected_products => scheme_expected_products
+  end type scheme_t
+
+  abstract interface
+    !> Solve.
+    subroutine solve_interface(self, qp, compliance, theta, settings, monitor, state, error)
+      import :: scheme_t, contact_qp_t, compliance_t, solver_settings_t, monitor_t, solver_state_t, error_t, dp
+      class(scheme_t), intent(in) :: self
+      !> The rows, the initial penetration, the rigid body modes.
+      type(contact_qp_t), intent(in) :: qp
+      !> C; what entries it forms stays there.
+      class(compliance_t), intent(inout) :: compliance
+      !> Penalty parameters (n_rows) [length/pressure].
+      real(dp), intent(in) :: theta(:)
+      !> What the user chose.
+      type(solver_settings_t), intent(in) :: settings
+      class(monitor_t), intent(inout) :: monitor
+      !> Where to begin if it has pressures; where the scheme ended, and how.
+      type(solver_state_t), intent(inout) :: state
+      !> Allocated where the settings contradict each other, or a linear system cannot be solved.
+      type(error_t), allocatable, intent(out) :: error
+    end subroutine solve_interface
+  end interface
+
+  !> Steps of iterative schemes, about.
+  integer, parameter :: typical_products = 300
+
+contains
+
+  !> Whether all bodies must be held by their supports.
+  pure logical function scheme_needs_held_bodies(self) result(needed)
+    class(scheme_t), intent(in) :: self
+    needed = .true.
+    associate (not_needed => same_type_as(self, self))
+    end associate
+  end function scheme_needs_held_bodies
+
+  !> Whether theta = 0 is allowed.
+  pure logical function scheme_allows_zero_theta(self) result(allowed)
+    class(scheme_t), intent(in) :: self
+    allowed = .false.
+    associate (not_needed => same_type_as(self, self))
+    end associate
+  end function scheme_allows_zero_theta
+
+  !> Products one by one.
+  pure integer function scheme_expected_products(self) result(n)
+    class(scheme_t), intent(in) :: self
+    n = typical_products
+    associate (not_needed => same_type_as(self, self))
+    end associate
+  end function scheme_expected_products
+end module dotyk_scheme_scheme

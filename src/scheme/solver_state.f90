@@ -1,0 +1,96 @@
+!> The state of a scheme: Lagrange multipliers, amplitudes of the rigid body modes, history, and how the scheme ended.
+!>
+!> A state with pressures is where a scheme begins (a warm start), one without them begins at the solution without contact.
+module dotyk_scheme_solver_state
+  use dotyk_base_kinds, only: dp
+  use dotyk_scheme_history, only: history_t
+  implicit none
+  private
+
+  !> How an iteration ended.
+  integer, parameter, public :: ended_converged = 1  !< the stopping criterion is met
+  integer, parameter, public :: ended_limit = 2  !< max_iterations reached
+  integer, parameter, public :: ended_diverged = 3  !< the steps grow
+  integer, parameter, public :: ended_stalled = 4  !< rounding allows no smaller error
+  integer, parameter, public :: ended_no_equilibrium = 5  !< loads move a floating body, and no contact can stop it
+  integer, parameter, public :: ended_rigid_constraint = 6  !< supports on both sides press contact rows together
+  integer, parameter, public :: ended_rounds = 7  !< no solution met the error budget, of as many as a scene gets
+  integer, parameter, public :: ended_interrupted = 8  !< the program was asked to stop
+
+  !> The state.
+  type, public :: solver_state_t
+    !> Contact pressures of the last iterate, u = u_0 - K^+ B^T W m + R alpha (n_rows) [pressure].
+    real(dp), allocatable :: m(:)
+    !> B u - d of the last iterate (n_rows) [length].
+    real(dp), allocatable :: y(:)
+    !> Amplitudes of the rigid body modes, body after body; of size 0 where all bodies are held [length].
+    real(dp), allocatable :: alpha(:)
+    !> Indeterminate rigid body modes, which neither contact nor loads determine, as columns of amplitudes (size of alpha, number of
+    !> them).
+    real(dp), allocatable :: indeterminate(:, :)
+    !> Where ended_no_equilibrium: amplitudes of an unbounded direction, a motion that the loads excite and no contact can stop.
+    real(dp), allocatable :: unbounded(:)
+    !> How it ended: one of the parameters above.
+    integer :: ended = ended_limit
+    !> Steps done.
+    integer :: iterations = 0
+    !> Inactive rows that were screened, and never entered the working set.
+    integer :: screened = 0
+    !> Relaxation parameter [].
+    real(dp) :: gamma = 0
+    !> Upper estimate of L; 0 where not known [].
+    real(dp) :: lambda_max = 0
+    !> Contraction factor per step that the theory promises at worst (sharp), and the one that was measured at the end [].
+    real(dp) :: q_predicted = 0, q_measured = 0
+    !> Guaranteed bound of the relative error in the energy norm, and the one of (41) [].
+    real(dp) :: error_bound = 0, error_bound_paper = 0
+    !> F_theta [energy].
+    real(dp) :: energy = 0
+    !> Largest penetration [length].
+    real(dp) :: max_penetration = 0
+    !> Step by step.
+    type(history_t) :: history
+  contains
+    procedure :: add_rounding => state_add_rounding
+  end type solver_state_t
+
+  public :: ending_name
+
+contains
+
+  !> Add rounding to the error bound. Where rounding alone exceeds the tolerance, the tolerance has not been reached, unless no result in
+  !> double precision could be more accurate.
+  subroutine state_add_rounding(self, rounding, unavoidable, tolerance)
+    class(solver_state_t), intent(inout) :: self
+    !> Relative, in the energy norm: of this solution, and of any displacements that are stored in double precision [].
+    real(dp), intent(in) :: rounding, unavoidable
+    !> Of the scheme [].
+    real(dp), intent(in) :: tolerance
+    if (self%error_bound < huge(rounding)) self%error_bound = self%error_bound + rounding
+    if (self%ended == ended_converged .and. rounding > max(tolerance, unavoidable)) self%ended = ended_stalled
+    if (self%history%n > 0) self%history%error_bound(self%history%n) = self%error_bound
+  end subroutine state_add_rounding
+
+  !> How an iteration ended, in one word for the results file.
+  pure function ending_name(ended) result(name)
+    !> One of the parameters above.
+    integer, intent(in) :: ended
+    character(:), allocatable :: name
+    select case (ended)
+    case (ended_converged)
+      name = 'converged'
+    case (ended_limit)
+      name = 'max_iterations'
+    case (ended_diverged)
+      name = 'diverged'
+    case (ended_stalled)
+      name = 'stalled'
+    case (ended_rounds)
+      name = 'budget'
+    case (ended_interrupted)
+      name = 'interrupted'
+    case default
+      name = 'not solvable'
+    end select
+  end function ending_name
+end module dotyk_scheme_solver_state
