@@ -1,126 +1,157 @@
 !> The parallel Neumann scheme (43)-(46).
 !>
 !> On every body at once a linear problem with the last known contact pressure as traction, then a relaxation. With the state of
-!> `dotyk_scheme_problem`: `p = max(0, y)/theta`, `z = C W p` (one solve of every body), `m := gamma p + (1-gamma) m`, and
-!> `y := gamma (y_free - z) + (1-gamma) y`, which forgets its rounding errors as it goes.
+!> `dotyk_scheme_contact_qp`: `p = max(0, y)/theta`, `z = C W p` (one solve of every body), `m := gamma p + (1-gamma) m`, and
+!> `y := gamma (y_0 - z) + (1-gamma) y`, which forgets its rounding errors in the course of the iteration.
 module dotyk_scheme_neumann
   use dotyk_base_error, only: error_t, set_error
   use dotyk_base_kinds, only: dp
-  use dotyk_base_log, only: log_t
   use dotyk_base_text, only: to_text
   use dotyk_scheme_bounds, only: contraction, bound_of_paper, gamma_limit, gamma_limit_of_paper
-  use dotyk_scheme_history, only: scheme_result_t, ended_converged
-  use dotyk_scheme_problem, only: contact_problem_t
+  use dotyk_scheme_compliance, only: compliance_t
+  use dotyk_scheme_contact_qp, only: contact_qp_t
+  use dotyk_scheme_monitor, only: monitor_t
   use dotyk_scheme_relaxation, only: estimate_lambda_max, relaxation_parameter
-  use dotyk_scheme_stopping, only: iteration_settings_t, stopping_t, stop_paper
+  use dotyk_scheme_scheme, only: scheme_t
+  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged
+  use dotyk_scheme_stopping, only: solver_settings_t, stopping_t, stop_paper
   implicit none
   private
 
-  public :: solve_neumann, begin_at_free_scene, answer, finish_iteration
+  !> The scheme.
+  type, extends(scheme_t), public :: neumann_t
+  contains
+    procedure :: solve => neumann_solve
+  end type neumann_t
+
+  public :: begin_iteration, evaluate_step, finish_iteration
 
 contains
 
-  !> Iterate from u0, the scene without contact, or from where the settings say.
-  subroutine solve_neumann(problem, settings, log, result, error)
-    type(contact_problem_t), intent(inout) :: problem
-    type(iteration_settings_t), intent(in) :: settings
-    type(log_t), intent(inout) :: log
-    type(scheme_result_t), intent(out) :: result
+  !> Iterate from u_0, the solution without contact, or from the state.
+  subroutine neumann_solve(self, qp, compliance, theta, settings, monitor, state, error)
+    class(neumann_t), intent(in) :: self
+    !> Of held bodies.
+    type(contact_qp_t), intent(in) :: qp
+    class(compliance_t), intent(inout) :: compliance
+    !> Above 0 (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    type(solver_settings_t), intent(in) :: settings
+    class(monitor_t), intent(inout) :: monitor
+    type(solver_state_t), intent(inout) :: state
+    !> Allocated where the rule of the paper is to end the iteration, and gamma is beyond Theorem 3.
     type(error_t), allocatable, intent(out) :: error
-    call begin_at_free_scene(problem, settings, result)
-    if (size(result%m) > 0) then
-      if (settings%stop_rule == stop_paper .and. .not. result%gamma < gamma_limit_of_paper(result%lambda_max)) then
+    call begin_iteration(qp, compliance, theta, settings, state)
+    if (qp%n_rows > 0) then
+      if (settings%stop_rule == stop_paper .and. .not. state%gamma < gamma_limit_of_paper(state%lambda_max)) then
         call set_error(error, "&solver: stop_rule='paper' needs gamma below gamma_2 = "// &
-          to_text(gamma_limit_of_paper(result%lambda_max))//' of Theorem 3, and gamma is '//to_text(result%gamma)// &
+          to_text(gamma_limit_of_paper(state%lambda_max))//' of Theorem 3, and gamma is '//to_text(state%gamma)// &
           "; use gamma_rule='theory' or another stop_rule")
         return
       end if
-      call announce(log, result)
-      call iterate(problem, settings, log, result)
+      call announce(monitor, state)
+      call iterate(qp, compliance, theta, settings, monitor, state)
     end if
-    call finish_iteration(log, result)
-  end subroutine solve_neumann
+    call finish_iteration(monitor, state)
+    associate (not_needed => same_type_as(self, self))
+    end associate
+  end subroutine neumann_solve
 
-  !> The first iterate of any form of the scheme, u0 unless another one is given, with L and gamma. Where there are no contact points it
-  !> is the solution.
-  subroutine begin_at_free_scene(problem, settings, result)
-    type(contact_problem_t), intent(inout) :: problem
-    type(iteration_settings_t), intent(in) :: settings
-    type(scheme_result_t), intent(inout) :: result
-    result%y = problem%y_free
-    allocate (result%alpha(0))
-    allocate (result%m(problem%operator%n_rows), source=0.0_dp)
-    result%energy = problem%energy_free
-    result%ended = ended_converged
-    if (size(result%m) == 0) return
-    if (allocated(settings%start)) then
-      result%m = settings%start
-      call problem%compliance(problem%operator%weight*result%m, result%y)
-      result%y = problem%y_free - result%y
+  !> The first iterate of any form of the scheme, u_0 unless the state has pressures, with L and gamma. Without contact rows it is the
+  !> solution.
+  subroutine begin_iteration(qp, compliance, theta, settings, state)
+    type(contact_qp_t), intent(in) :: qp
+    class(compliance_t), intent(inout) :: compliance
+    !> Above 0 (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    type(solver_settings_t), intent(in) :: settings
+    !> L is not estimated again where the state has it.
+    type(solver_state_t), intent(inout) :: state
+    type(solver_state_t) :: start
+    call move_alloc(state%m, start%m)
+    start%lambda_max = state%lambda_max
+    state = solver_state_t()
+    state%y = qp%initial_penetration
+    allocate (state%alpha(0))
+    allocate (state%m(qp%n_rows), source=0.0_dp)
+    state%energy = qp%energy_0
+    state%ended = ended_converged
+    if (qp%n_rows == 0) return
+    if (allocated(start%m)) then
+      state%m = start%m
+      call compliance%multiply(qp, qp%weight*state%m, state%y)
+      state%y = qp%initial_penetration - state%y
     end if
-    result%lambda_max = settings%lambda_max
-    if (.not. result%lambda_max > 0) call estimate_lambda_max(problem, result%lambda_max)
-    result%gamma = relaxation_parameter(settings%gamma_rule, result%lambda_max, settings%gamma)
-    result%q_predicted = contraction(result%gamma, result%lambda_max)
-  end subroutine begin_at_free_scene
+    state%lambda_max = start%lambda_max
+    if (.not. state%lambda_max > 0) call estimate_lambda_max(qp, compliance, theta, state%lambda_max)
+    state%gamma = relaxation_parameter(settings%gamma_rule, state%lambda_max, settings%gamma)
+    state%q_predicted = contraction(state%gamma, state%lambda_max)
+  end subroutine begin_iteration
 
-  !> What is said of an iteration that ended.
-  subroutine finish_iteration(log, result)
-    type(log_t), intent(inout) :: log
-    type(scheme_result_t), intent(inout) :: result
-    call log%end_progress()
-    call result%history%finish()
-    result%iterations = result%history%n
-    result%q_measured = 0
-    if (result%iterations > 0) result%q_measured = result%history%measured_contraction()
+  !> The end of an iteration: its history is cut, and its contraction measured.
+  subroutine finish_iteration(monitor, state)
+    class(monitor_t), intent(inout) :: monitor
+    type(solver_state_t), intent(inout) :: state
+    call monitor%finish()
+    call state%history%finish()
+    state%iterations = state%history%n
+    state%q_measured = 0
+    if (state%iterations > 0) state%q_measured = state%history%measured_contraction()
   end subroutine finish_iteration
 
   !> The steps of (43), (44).
-  subroutine iterate(problem, settings, log, result)
-    type(contact_problem_t), intent(inout) :: problem
-    type(iteration_settings_t), intent(in) :: settings
-    type(log_t), intent(inout) :: log
-    type(scheme_result_t), intent(inout) :: result
+  subroutine iterate(qp, compliance, theta, settings, monitor, state)
+    type(contact_qp_t), intent(in) :: qp
+    class(compliance_t), intent(inout) :: compliance
+    !> (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    type(solver_settings_t), intent(in) :: settings
+    class(monitor_t), intent(inout) :: monitor
+    type(solver_state_t), intent(inout) :: state
     type(stopping_t) :: stopping
     real(dp), allocatable :: p(:), z(:)
     real(dp) :: residual, gamma
 
-    allocate (p(problem%operator%n_rows), z(problem%operator%n_rows))
-    gamma = result%gamma
-    call stopping%begin(settings, result%q_predicted)
+    allocate (p(qp%n_rows), z(qp%n_rows))
+    gamma = state%gamma
+    call stopping%begin(settings, state%q_predicted)
     do
-      call answer(problem, result%m, result%y, p, z, residual)
-      result%m = gamma*p + (1 - gamma)*result%m
-      result%y = gamma*(problem%y_free - z) + (1 - gamma)*result%y
+      call evaluate_step(qp, compliance, theta, state%m, state%y, p, z, residual)
+      state%m = gamma*p + (1 - gamma)*state%m
+      state%y = gamma*(qp%initial_penetration - z) + (1 - gamma)*state%y
       ! The new iterate has q times the error of the last at most.
-      if (stopping%check(problem, result%q_predicted*residual, gamma*residual, gamma >= gamma_limit(result%lambda_max), log, &
-                         result, bound_of_paper(gamma, result%lambda_max, gamma*residual))) exit
+      if (stopping%check(qp, theta, state%q_predicted*residual, gamma*residual, gamma >= gamma_limit(state%lambda_max), monitor, &
+                         state, bound_of_paper(gamma, state%lambda_max, gamma*residual))) exit
     end do
   end subroutine iterate
 
-  !> Pressures that the penetrations of an iterate ask for, what they do to the points, and how far the iterate is from its answer:
-  !> `||K^{-1} F'_theta(u)||_A^2 = (p-m)^T W C W (p-m)`, which bounds its error. One solve of every body.
-  subroutine answer(problem, m, y, p, z, residual)
-    type(contact_problem_t), intent(inout) :: problem
+  !> Pressures by the penetrations of an iterate, the displacements of the rows under them, and the residual
+  !> `||K^{-1} F'_theta(u)||_A^2 = (p-m)^T W C W (p-m)`, which bounds the error of the iterate. One product.
+  subroutine evaluate_step(qp, compliance, theta, m, y, p, z, residual)
+    type(contact_qp_t), intent(in) :: qp
+    class(compliance_t), intent(inout) :: compliance
+    !> (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
     !> The iterate (n_rows) [pressure], [length].
     real(dp), intent(in) :: m(:), y(:)
     !> max(0, y)/theta (n_rows) [pressure], and C W p (n_rows) [length].
     real(dp), intent(out) :: p(:), z(:)
     !> [sqrt(energy)].
     real(dp), intent(out) :: residual
-    p = max(0.0_dp, y)/problem%operator%theta
-    call problem%compliance(problem%operator%weight*p, z)
-    ! C W m = y_free - y.
-    residual = sqrt(max(0.0_dp, sum(problem%operator%weight*(p - m)*(z - (problem%y_free - y)))))
-  end subroutine answer
+    p = max(0.0_dp, y)/theta
+    call compliance%multiply(qp, qp%weight*p, z)
+    ! C W m = y_0 - y.
+    residual = sqrt(max(0.0_dp, sum(qp%weight*(p - m)*(z - (qp%initial_penetration - y)))))
+  end subroutine evaluate_step
 
-  !> Say how fast the iteration will be, and where it would not converge.
-  subroutine announce(log, result)
-    type(log_t), intent(inout) :: log
-    type(scheme_result_t), intent(in) :: result
-    call log%line('  relaxation       gamma '//to_text(result%gamma, 4)//', largest eigenvalue L <= '// &
-                  to_text(result%lambda_max, 4)//', factor per step at most '//to_text(result%q_predicted, 6))
-    if (result%gamma >= gamma_limit(result%lambda_max)) call log%line('  warning: gamma = '//to_text(result%gamma)// &
-      ' may diverge; gamma below 2/(1+L) = '//to_text(gamma_limit(result%lambda_max))//' converges')
+  !> How fast the iteration will be, and where it would not converge.
+  subroutine announce(monitor, state)
+    class(monitor_t), intent(inout) :: monitor
+    !> With L and gamma.
+    type(solver_state_t), intent(in) :: state
+    call monitor%note('relaxation       gamma '//to_text(state%gamma, 4)//', largest eigenvalue L <= '// &
+                      to_text(state%lambda_max, 4)//', contraction factor per step at most '//to_text(state%q_predicted, 6))
+    if (state%gamma >= gamma_limit(state%lambda_max)) call monitor%note('warning: gamma = '//to_text(state%gamma)// &
+      ' may diverge; gamma below 2/(1+L) = '//to_text(gamma_limit(state%lambda_max))//' converges')
   end subroutine announce
 end module dotyk_scheme_neumann

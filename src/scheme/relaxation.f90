@@ -2,8 +2,9 @@
 module dotyk_scheme_relaxation
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
-  use dotyk_linalg_spectrum, only: largest_eigenvalue
-  use dotyk_scheme_problem, only: contact_problem_t
+  use dotyk_linalg_spectrum, only: largest_eigenvalue, linear_operator_t
+  use dotyk_scheme_compliance, only: compliance_t
+  use dotyk_scheme_contact_qp, only: contact_qp_t
   implicit none
   private
 
@@ -12,14 +13,25 @@ module dotyk_scheme_relaxation
   integer, parameter, public :: gamma_theory = 2    !< 1/(1+L)^2, the best one of Theorem 4 in the energy norm
   integer, parameter, public :: gamma_fixed = 3     !< given
 
+  !> `Theta^{-1/2} W^{1/2} C W^{1/2} Theta^{-1/2}`: symmetric, with the spectrum of `Theta^{-1} C W`. The pointers are to dummy arguments
+  !> of the procedure that has it as a local variable.
+  type, extends(linear_operator_t), public :: penalty_compliance_t
+    class(compliance_t), pointer :: compliance => null()
+    type(contact_qp_t), pointer :: qp => null()
+    !> W^{1/2} Theta^{-1/2} (n_rows).
+    real(dp), allocatable :: scale(:)
+  contains
+    procedure :: apply => penalty_compliance_apply
+  end type penalty_compliance_t
+
   public :: estimate_lambda_max, relaxation_parameter
 
-  !> What stands for an L that an interrupt left unknown: no L is larger, so that all bounds made with it hold, and no step goes wrong.
+  !> Stands for an L that an interrupt left unknown: no L is larger, so that all bounds made with it hold, and no step is too long.
   real(dp), parameter, public :: lambda_max_unknown = 1.0e100_dp
 
   !> Relative residual at which the Ritz value is taken for converged.
   real(dp), parameter :: tolerance = 1.0e-2_dp
-  !> What is added to Ritz value plus residual: a Ritz value can have converged to the second eigenvalue.
+  !> Factor of Ritz value plus residual: a Ritz value can have converged to the second eigenvalue.
   real(dp), parameter :: margin = 1.02_dp
   !> Lanczos steps at most.
   integer, parameter :: most_steps = 100
@@ -27,16 +39,34 @@ module dotyk_scheme_relaxation
 contains
 
   !> Upper estimate of L = lambda_max(Theta^{-1} C W), `1.02 (Ritz value + residual)`: gamma = 2/(2+L) diverges already when L is short by 1.
-  subroutine estimate_lambda_max(problem, lambda_max)
-    type(contact_problem_t), intent(inout) :: problem
+  subroutine estimate_lambda_max(qp, compliance, theta, lambda_max)
+    type(contact_qp_t), intent(in), target :: qp
+    class(compliance_t), intent(inout), target :: compliance
+    !> Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
     !> L [].
     real(dp), intent(out) :: lambda_max
+    type(penalty_compliance_t) :: operator
     real(dp) :: ritz, residual
     integer :: steps
-    call largest_eigenvalue(problem, problem%operator%n_rows, tolerance, most_steps, ritz, residual, steps)
+    operator%qp => qp
+    operator%compliance => compliance
+    operator%scale = sqrt(qp%weight/theta)
+    call largest_eigenvalue(operator, qp%n_rows, tolerance, most_steps, ritz, residual, steps)
     lambda_max = margin*(ritz + residual)
     if (interrupted()) lambda_max = lambda_max_unknown
   end subroutine estimate_lambda_max
+
+  !> y = Theta^{-1/2} W^{1/2} C W^{1/2} Theta^{-1/2} x.
+  subroutine penalty_compliance_apply(self, x, y)
+    class(penalty_compliance_t), intent(inout) :: self
+    !> Factor (n_rows).
+    real(dp), intent(in) :: x(:)
+    !> Product (n_rows).
+    real(dp), intent(out) :: y(:)
+    call self%compliance%multiply(self%qp, self%scale*x, y)
+    y = self%scale*y
+  end subroutine penalty_compliance_apply
 
   !> gamma by one of the rules.
   pure real(dp) function relaxation_parameter(rule, lambda_max, given) result(gamma)
@@ -44,7 +74,7 @@ contains
     integer, intent(in) :: rule
     !> L [].
     real(dp), intent(in) :: lambda_max
-    !> Value for the rule `gamma_fixed`.
+    !> Value for the rule `gamma_fixed` [].
     real(dp), intent(in) :: given
     select case (rule)
     case (gamma_theory)

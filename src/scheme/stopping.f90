@@ -1,15 +1,14 @@
-!> When the iterations on held bodies end: what they measure at each step, and when there is no more to gain.
+!> When an iteration on held bodies ends: what it measures at each step, and when there is no more to gain.
 module dotyk_scheme_stopping
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite, ieee_is_nan, ieee_quiet_nan, ieee_value
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
-  use dotyk_base_log, only: log_t
   use dotyk_base_timer, only: wall_time
   use dotyk_scheme_bounds, only: duality_gap
-  use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_limit, ended_diverged, ended_interrupted, &
+  use dotyk_scheme_contact_qp, only: contact_qp_t
+  use dotyk_scheme_monitor, only: monitor_t
+  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_limit, ended_diverged, ended_interrupted, &
     ended_stalled
-  use dotyk_scheme_problem, only: contact_problem_t
-  use dotyk_scheme_progress, only: progress_line
   implicit none
   private
 
@@ -18,25 +17,23 @@ module dotyk_scheme_stopping
   integer, parameter, public :: stop_paper = 2      !< (41) is below the tolerance; the Neumann scheme only
   integer, parameter, public :: stop_increment = 3  !< the last step is below the tolerance
 
-  !> What the user may choose for an iteration.
-  type, public :: iteration_settings_t
-    !> Rule for gamma, of `dotyk_scheme_relaxation`, and its value where it is given.
+  !> What the user may choose for a scheme.
+  type, public :: solver_settings_t
+    !> Rule for gamma, of `dotyk_scheme_relaxation`, and its value where it is given [].
     integer :: gamma_rule = 1
     real(dp) :: gamma = 0
-    !> Rule that ends the iteration, and its tolerance (relative, energy norm).
+    !> Rule that ends the iteration, and its tolerance (relative, energy norm) [].
     integer :: stop_rule = stop_residual
     real(dp) :: tolerance = 1.0e-6_dp
     !> Steps at most.
     integer :: max_iterations = 100000
-    !> Pressures to begin with; u0 where not allocated (n_rows) [pressure].
-    real(dp), allocatable :: start(:)
-    !> L where it is known already, else 0.
-    real(dp) :: lambda_max = 0
-  end type iteration_settings_t
+    !> How the linear systems of active sets are solved: one of `solver_*` of `dotyk_scheme_choice`.
+    integer :: linear_solver = 1
+  end type solver_settings_t
 
-  !> Keeps watch over an iteration.
+  !> Watches an iteration.
   type, public :: stopping_t
-    type(iteration_settings_t), private :: settings
+    type(solver_settings_t), private :: settings
     !> Wall time of the start [s].
     real(dp), private :: start = 0
     !> Shortest step and best measure so far, and the step of the latter.
@@ -51,107 +48,112 @@ module dotyk_scheme_stopping
   contains
     procedure :: begin => stopping_begin
     procedure :: check => stopping_check
-    procedure :: go_on => stopping_go_on
+    procedure :: tighten => stopping_tighten
   end type stopping_t
 
   public :: relative
 
   !> A step this many times longer than the shortest so far: the iteration diverges.
   real(dp), parameter :: growth_of_divergence = 1.0e3_dp
-  !> Relative to ||u||_A.
+  !> Steps shorter than this fraction of ||u||_A are rounding: they can vanish by chance.
   real(dp), parameter :: shortest_step = 1.0e-10_dp
+  !> A measure counts as a gain below this fraction of the best one so far.
+  real(dp), parameter :: least_gain = 0.99_dp
+  !> Patience in multiples of the 1/(1-q) steps that a factor e takes, and its bounds.
+  real(dp), parameter :: patience_factor = 10, least_patience = 200, most_patience = 1.0e9_dp
 
 contains
 
   !> Begin.
   subroutine stopping_begin(self, settings, q, safeguarded, split)
     class(stopping_t), intent(out) :: self
-    type(iteration_settings_t), intent(in) :: settings
-    !> Factor per step that the theory promises; 1 or more where it promises none.
+    type(solver_settings_t), intent(in) :: settings
+    !> Factor per step that the theory promises; 1 or more where it promises none [].
     real(dp), intent(in) :: q
-    !> Whether the scheme takes back steps that lead away, and whether the two sides of its points have states of their own.
+    !> Whether the scheme takes back steps that lead away, and whether the two sides of its rows have states of their own; not if absent.
     logical, intent(in), optional :: safeguarded, split
     self%settings = settings
     if (present(safeguarded)) self%safeguarded = safeguarded
     if (present(split)) self%split = split
     self%start = wall_time()
-    ! Several times the 1/(1-q) that a factor e takes.
-    if (q < 1) self%patience = int(min(1.0e9_dp, max(200.0_dp, 10/(1 - q))))
+    if (q < 1) self%patience = int(min(most_patience, max(least_patience, patience_factor/(1 - q))))
   end subroutine stopping_begin
 
-  !> After all, a smaller tolerance.
-  subroutine stopping_go_on(self, tolerance)
+  !> Continue to a smaller tolerance.
+  subroutine stopping_tighten(self, tolerance)
     class(stopping_t), intent(inout) :: self
+    !> Relative, in the energy norm [].
     real(dp), intent(in) :: tolerance
     self%settings%tolerance = tolerance
-  end subroutine stopping_go_on
+  end subroutine stopping_tighten
 
   !> Record a step, and say whether it was the last.
-  logical function stopping_check(self, problem, bound, length, diverges, log, result, bound_of_paper) result(finished)
+  logical function stopping_check(self, qp, theta, bound, length, diverges, monitor, state, bound_of_paper) result(finished)
     class(stopping_t), intent(inout) :: self
-    type(contact_problem_t), intent(inout) :: problem
+    type(contact_qp_t), intent(in) :: qp
+    !> Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
     !> A guaranteed bound of ||u - u_theta||_A besides that of the duality gap, and the length of the step [sqrt(energy)].
     real(dp), intent(in) :: bound, length
     !> Whether no gain means divergence (gamma is too large) and not rounding.
     logical, intent(in) :: diverges
-    type(log_t), intent(inout) :: log
+    class(monitor_t), intent(inout) :: monitor
     !> With the new iterate m, y.
-    type(scheme_result_t), intent(inout) :: result
-    !> (41); not given where it means nothing [sqrt(energy)].
+    type(solver_state_t), intent(inout) :: state
+    !> (41); absent where it means nothing [sqrt(energy)].
     real(dp), intent(in), optional :: bound_of_paper
     real(dp) :: norm, gap, measure
     integer :: k
     finished = .true.
-    associate (m => result%m, y => result%y)
-      norm = problem%norm(m, y)
-      gap = duality_gap(problem%operator%weight, problem%operator%theta, m, y)
-      result%error_bound = bound
-      if (sqrt(gap) < bound .and. .not. self%split) result%error_bound = sqrt(gap)
-      result%error_bound = relative(result%error_bound, norm)
-      result%error_bound_paper = ieee_value(norm, ieee_quiet_nan)
-      if (present(bound_of_paper)) result%error_bound_paper = relative(bound_of_paper, norm)
-      result%energy = problem%energy(m, y)
-      result%max_penetration = max(0.0_dp, maxval(y))
-      call result%history%add(wall_time() - self%start, length, relative(length, norm), result%error_bound, result%energy, &
-                              result%max_penetration, count(y > 0))
+    associate (m => state%m, y => state%y)
+      norm = qp%energy_norm(m, y)
+      gap = duality_gap(qp%weight, theta, m, y)
+      state%error_bound = bound
+      if (sqrt(gap) < bound .and. .not. self%split) state%error_bound = sqrt(gap)
+      state%error_bound = relative(state%error_bound, norm)
+      state%error_bound_paper = ieee_value(norm, ieee_quiet_nan)
+      if (present(bound_of_paper)) state%error_bound_paper = relative(bound_of_paper, norm)
+      state%energy = qp%energy(theta, m, y)
+      state%max_penetration = max(0.0_dp, maxval(y))
+      call state%history%add(wall_time() - self%start, length, relative(length, norm), state%error_bound, state%energy, &
+                             state%max_penetration, count(y > 0))
     end associate
-    k = result%history%n
+    k = state%history%n
     select case (self%settings%stop_rule)
     case (stop_paper)
-      measure = result%error_bound_paper
+      measure = state%error_bound_paper
     case (stop_increment)
       measure = relative(length, norm)
     case default
-      measure = result%error_bound
+      measure = state%error_bound
     end select
     if (measure <= self%settings%tolerance) then
-      result%ended = ended_converged
+      state%ended = ended_converged
       return
     end if
     self%shortest = min(self%shortest, length)
-    ! Steps as short as rounding errors do not count: they can vanish by chance.
     if (.not. ieee_is_finite(length) .or. &
         (length > growth_of_divergence*max(self%shortest, shortest_step*norm) .and. .not. self%safeguarded)) then
-      result%ended = ended_diverged
+      state%ended = ended_diverged
       return
     end if
-    if (measure < 0.99_dp*self%best) then
+    if (measure < least_gain*self%best) then
       self%best = measure
       self%best_step = k
     else if (k - self%best_step > self%patience) then
-      ! Too large a gamma makes points flip open and shut for ever: no growth, but no gain either.
-      result%ended = merge(ended_diverged, ended_stalled, diverges)
+      ! Too large a gamma lets rows change between active and inactive for ever: no growth, but no gain either.
+      state%ended = merge(ended_diverged, ended_stalled, diverges)
       return
     end if
-    result%ended = ended_limit
-    if (interrupted()) result%ended = ended_interrupted
-    finished = k >= self%settings%max_iterations .or. result%ended == ended_interrupted
-    if (finished) return
-    if (log%due()) call log%progress(progress_line(result%history, self%settings%tolerance, measure))
+    state%ended = ended_limit
+    if (interrupted()) state%ended = ended_interrupted
+    finished = k >= self%settings%max_iterations .or. state%ended == ended_interrupted
+    if (.not. finished) call monitor%step(state%history, self%settings%tolerance, measure)
   end function stopping_check
 
   !> A quotient of norms; 0 where both are 0, NaN where the value is.
   elemental real(dp) function relative(value, norm) result(ratio)
+    !> Any unit, the same for both.
     real(dp), intent(in) :: value, norm
     if (norm > 0) then
       ratio = value/norm
