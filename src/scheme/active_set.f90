@@ -1,24 +1,23 @@
-!> From active set to active set: the semismooth Newton method of the dual scheme, and what keeps it going.
+!> The primal-dual active set (semismooth Newton) iteration of the dual scheme, with its safeguards.
 !>
-!> Points that are taken for closed give a linear system for their forces and the free motions; forces that pull and points that
-!> penetrate say which were taken wrongly. Where the closed points cannot carry a free body, it comes to rest on the points that it
-!> falls on. Should active sets come back, the interior point method (`dotyk_scheme_interior`) finds one next to the solution. Should they
-!> come back even from there, by points whose gaps and forces are next to nothing, that one is the answer, and its bound says how good it is.
+!> The active rows give a linear system for their forces and the rigid body modes; rows in tension leave the active set, and penetrating rows
+!> enter it (Hueber, Wohlmuth 2005). Where the active rows cannot carry a floating body, the rows on which it comes to rest on a Winkler
+!> foundation are added. Should active sets cycle, the interior point method (`dotyk_scheme_interior`) finds one next to the solution. Should
+!> they cycle even from there, by rows whose gaps and forces nearly vanish, that one is the solution, and its bound says how accurate it is.
 module dotyk_scheme_active_set
   use dotyk_base_error, only: error_t
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
-  use dotyk_base_log, only: log_t
   use dotyk_base_text, only: to_text
   use dotyk_base_timer, only: wall_time
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_bounds, only: duality_gap
-  use dotyk_scheme_explicit, only: explicit_compliance_t
-  use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_limit, ended_immovable, ended_interrupted
+  use dotyk_scheme_compliance, only: compliance_t
+  use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_interior, only: interior_points
-  use dotyk_scheme_problem, only: contact_problem_t
-  use dotyk_scheme_progress, only: progress_line
-  use dotyk_scheme_settle, only: settle
+  use dotyk_scheme_monitor, only: monitor_t
+  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_interrupted, ended_limit, ended_rigid_constraint
+  use dotyk_scheme_winkler_start, only: winkler_equilibrium
   implicit none
   private
 
@@ -28,41 +27,56 @@ module dotyk_scheme_active_set
     real(dp), allocatable :: lambda(:), y(:), alpha(:)
   end type iterate_t
 
-  public :: find_active_set, settle_bodies, update_penetrations, reference_norm, is_balanced
+  public :: find_active_set, rest_on_winkler_foundation, update_penetrations, reference_norm, is_balanced
 
-  !> Forces and penetrations below this part of the largest are rounding errors, not a reason to change the active set.
+  !> Forces and penetrations below this fraction of the largest are rounding errors, not a reason to change the active set.
   real(dp), parameter, public :: rounding = 1.0e-12_dp
-  !> Active sets after which the interior point method finds a better one to go on from: Newton's method needs less than ten, or cycles.
+  !> Active sets after which the interior point method finds a better one: Newton's method needs less than ten, or cycles.
   integer, parameter :: most_first_steps = 9
   !> Active sets after that at most.
   integer, parameter :: most_last_steps = 16
+  !> Resultants of the contact forces balance the loads up to this fraction of the forces: far above round-off of the linear systems, far
+  !> below what matters for a bound.
+  real(dp), parameter :: balanced = 1.0e-8_dp
+  !> Scale of the forces of an unloaded scene, as a fraction of what its initial penetrations would cause on the Winkler foundation.
+  real(dp), parameter :: scale_of_unloaded = 1.0e-4_dp
+  !> Rows whose diagonal entry of C is below this fraction of the largest are rigid: all their nodes are held.
+  real(dp), parameter :: rigid_row = 1.0e-13_dp
+  !> Rows that rigid body modes move by more than this are not rigid constraints: modes are scaled to 1.
+  real(dp), parameter :: moved_row = 1.0e-10_dp
+  !> The energy norm that errors are relative to is at least this fraction of that of the initial penetrations on the Winkler foundation, so
+  !> that rounding errors of a scene at rest are not compared with each other.
+  real(dp), parameter :: least_norm = 1.0e-8_dp
 
 contains
 
   !> Iterate until the active set does not change.
-  subroutine find_active_set(problem, max_iterations, tolerance, log, compliance, system, now, active, result, error, &
-                             from_inside)
-    type(contact_problem_t), intent(inout) :: problem
+  subroutine find_active_set(qp, compliance, theta, max_iterations, tolerance, monitor, system, now, active, state, error, &
+                             start_inside)
+    type(contact_qp_t), intent(in) :: qp
+    !> Formed at all rows, unless the linear system needs no entries.
+    class(compliance_t), intent(inout) :: compliance
+    !> Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
     !> Active sets at most.
     integer, intent(in) :: max_iterations
-    !> For the live line only.
+    !> For the monitor [].
     real(dp), intent(in) :: tolerance
-    type(log_t), intent(inout) :: log
-    !> Of all rows, or by sweeps.
-    type(explicit_compliance_t), intent(in) :: compliance
-    !> That of the last active set.
+    class(monitor_t), intent(inout) :: monitor
+    !> That of the last active set on return.
     class(active_system_t), intent(inout) :: system
+    !> Where to begin, and the last iterate.
     type(iterate_t), intent(inout) :: now
-    !> Where to begin, and where it ended (n_rows).
+    !> Where to begin, and the last active set (n_rows).
     logical, intent(inout) :: active(:)
-    !> With history, and how it ended.
-    type(scheme_result_t), intent(inout) :: result
-    !> Out of memory.
+    !> Gets the history, and how the iteration ended.
+    type(solver_state_t), intent(inout) :: state
+    !> Allocated where the system of an active set is not positive definite.
     type(error_t), allocatable, intent(out) :: error
     !> True: the interior point method begins, without any active set; false if absent.
-    logical, intent(in), optional :: from_inside
-    logical :: next(size(active)), immovable(size(active)), comes_back, tried
-    integer :: changes(max_iterations)
+    logical, intent(in), optional :: start_inside
+    logical :: next(size(active)), is_rigid(size(active)), cycles, tried
+    integer :: changes(most_first_steps + most_last_steps)
     type(iterate_t) :: last, inside
     logical, allocatable :: inside_active(:)
     real(dp), allocatable :: change(:), yields(:)
@@ -71,243 +85,267 @@ contains
 
     begin = wall_time()
     allocate (change(size(active)))
-    immovable = .false.
-    result%ended = ended_limit
+    is_rigid = .false.
+    state%ended = ended_limit
     tried = .false.
     last_k = max_iterations
     do k = 1, max_iterations
       if (interrupted() .or. k > last_k) exit
-      comes_back = .not. tried .and. (k == most_first_steps .or. go_up_and_down(changes(:k - 1)))
-      if (present(from_inside) .and. k == 1) comes_back = from_inside
-      if (comes_back) then
-        call log%end_progress()
+      cycles = .not. tried .and. (k == most_first_steps .or. is_not_decreasing(changes(:k - 1)))
+      if (present(start_inside) .and. k == 1) cycles = start_inside
+      if (cycles) then
+        call monitor%finish()
         tried = .true.
         last_k = min(max_iterations, k + most_last_steps)
-        call approach(problem, compliance, system, immovable, now, active, steps, error)
+        call find_inside(qp, compliance, theta, system, is_rigid, now, active, steps, error)
         if (allocated(error)) return
-        call log%line('  '//trim(merge('active sets come back; the', 'the                       ', k > 1))// &
-                      ' interior point method solved '//to_text(steps)//' systems')
+        call monitor%note(trim(merge('active-set iteration cycled; interior', 'interior                             ', k > 1))// &
+                          ' point method used ('//to_text(steps)//' systems)')
       end if
-      call drop_immovable(problem, compliance, yields, active, immovable)
-      if (any(immovable .and. problem%y_free > 0 .and. .not. problem%operator%theta > 0)) then
-        result%ended = ended_immovable
+      call drop_rigid_constraints(qp, compliance, theta, yields, active, is_rigid)
+      if (any(is_rigid .and. qp%initial_penetration > 0 .and. .not. theta > 0)) then
+        state%ended = ended_rigid_constraint
         return
       end if
-      call system%init(problem, compliance, problem%operator%theta, active, error)
+      call system%init(qp, compliance, theta, active, error)
       if (allocated(error)) return
       last = now
-      call solve_active(problem, compliance, system, now)
-      if (comes_back) then
+      call solve_active(qp, compliance, system, now)
+      if (cycles) then
         inside = now
         inside_active = active
       end if
       ! Half a solution says nothing about active sets.
       if (interrupted()) exit
-      call compliance%multiply(problem, now%lambda - last%lambda, change)
+      call compliance%multiply(qp, now%lambda - last%lambda, change)
       length = sqrt(max(0.0_dp, sum((now%lambda - last%lambda)*change)))
-      call note(problem, now, wall_time() - begin, length, count(active), result)
-      if (log%due()) call log%progress(progress_line(result%history, tolerance, result%error_bound))
+      call add_to_history(qp, theta, now, wall_time() - begin, length, count(active), state)
+      call monitor%step(state%history, tolerance, state%error_bound)
 
-      ! Points may be closed without any force, such as those that push a free body away.
-      largest_force = max(maxval(abs(now%lambda)), maxval(foundation_stiffness(problem)*max(0.0_dp, problem%y_free)))
-      largest_gap = max(maxval(abs(now%y)), maxval(abs(problem%y_free)))
+      ! Rows may be active without any force, such as those that push a floating body away.
+      largest_force = max(maxval(abs(now%lambda)), maxval(foundation_stiffness(qp, theta)*max(0.0_dp, qp%initial_penetration)))
+      largest_gap = max(maxval(abs(now%y)), maxval(abs(qp%initial_penetration)))
       next = merge(now%lambda >= -rounding*largest_force, now%y > rounding*largest_gap, active)
-      next = next .and. .not. immovable
-      call add_support(problem, now, next)
+      next = next .and. .not. is_rigid
+      call add_support(qp, theta, now, next)
       changes(k) = count(next .neqv. active)
       if (all(next .eqv. active)) then
-        result%ended = ended_converged
+        state%ended = ended_converged
         exit
       end if
       active = next
     end do
-    if (interrupted() .and. result%ended == ended_limit) result%ended = ended_interrupted
-    call log%end_progress()
-    if (result%ended == ended_limit .and. allocated(inside%lambda)) then
+    if (interrupted() .and. state%ended == ended_limit) state%ended = ended_interrupted
+    call monitor%finish()
+    if (state%ended == ended_limit .and. allocated(inside%lambda)) then
       now = inside
       active = inside_active
-      call system%init(problem, compliance, problem%operator%theta, active, error)
+      call system%init(qp, compliance, theta, active, error)
     end if
   end subroutine find_active_set
 
-  !> Whether the numbers of points that change from one active set to the next do not get fewer.
-  pure logical function go_up_and_down(changes)
+  !> Whether the numbers of rows that change from one active set to the next do not get fewer.
+  pure logical function is_not_decreasing(changes)
+    !> Of all steps so far (n_steps).
     integer, intent(in) :: changes(:)
     integer, parameter :: back = 2, first = 4
-    go_up_and_down = .false.
-    if (size(changes) >= first) go_up_and_down = 2*changes(size(changes)) > changes(size(changes) - back)
-  end function go_up_and_down
+    is_not_decreasing = .false.
+    if (size(changes) >= first) is_not_decreasing = 2*changes(size(changes)) > changes(size(changes) - back)
+  end function is_not_decreasing
 
-  !> Free bodies at rest on elastic foundations that stand for all bodies, and the points that penetrate there.
-  subroutine settle_bodies(problem, now, active)
-    type(contact_problem_t), intent(in) :: problem
+  !> Floating bodies at rest on a Winkler foundation that stands for all bodies, and the rows that penetrate there.
+  subroutine rest_on_winkler_foundation(qp, theta, now, active)
+    type(contact_qp_t), intent(in) :: qp
+    !> (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
     !> Without forces.
     type(iterate_t), intent(out) :: now
     !> (n_rows).
     logical, intent(out) :: active(:)
     real(dp), allocatable :: motion(:)
-    allocate (now%lambda(problem%operator%n_rows), now%alpha(problem%coarse%n), motion(problem%operator%n_rows))
+    allocate (now%lambda(qp%n_rows), now%alpha(qp%coarse%n), motion(qp%n_rows))
     now%lambda = 0
-    call settle(problem%operator, problem%coarse, problem%coarse%resultant, foundation_stiffness(problem), problem%y_free, &
-                now%alpha)
-    call problem%coarse%displacement(problem%operator, now%alpha, motion)
-    now%y = problem%y_free + motion
+    call winkler_equilibrium(qp, qp%coarse%resultant, foundation_stiffness(qp, theta), qp%initial_penetration, now%alpha)
+    call qp%mode_displacement(now%alpha, motion)
+    now%y = qp%initial_penetration + motion
     active = now%y > 0
-  end subroutine settle_bodies
+  end subroutine rest_on_winkler_foundation
 
-  !> Where the active points cannot carry a free body, let it come to rest on the points that it falls on.
-  subroutine add_support(problem, now, active)
-    type(contact_problem_t), intent(in) :: problem
+  !> Where the active rows cannot carry a floating body, add the rows on which it comes to rest.
+  subroutine add_support(qp, theta, now, active)
+    type(contact_qp_t), intent(in) :: qp
+    !> (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
     type(iterate_t), intent(in) :: now
+    !> (n_rows).
     logical, intent(inout) :: active(:)
     real(dp), allocatable :: missing(:), alpha(:), motion(:)
-    if (is_balanced(problem, now%lambda, now%alpha)) return
-    allocate (missing(problem%coarse%n))
-    call problem%coarse%resultant_of(problem%operator, now%lambda, missing)
-    missing = problem%coarse%resultant - missing - problem%coarse%springs(now%alpha)
-    allocate (alpha(problem%coarse%n), motion(size(active)))
-    call settle(problem%operator, problem%coarse, missing, foundation_stiffness(problem), now%y, alpha)
-    call problem%coarse%displacement(problem%operator, alpha, motion)
+    if (is_balanced(qp, theta, now%lambda, now%alpha)) return
+    allocate (missing(qp%coarse%n))
+    call qp%mode_resultant(now%lambda, missing)
+    missing = qp%coarse%resultant - missing - qp%coarse%springs(now%alpha)
+    allocate (alpha(qp%coarse%n), motion(size(active)))
+    call winkler_equilibrium(qp, missing, foundation_stiffness(qp, theta), now%y, alpha)
+    call qp%mode_displacement(alpha, motion)
     active = active .or. now%y + motion > 0
   end subroutine add_support
 
-  !> Whether forces balance the loads of the free bodies, up to rounding: there is no bound of the error otherwise.
-  logical function is_balanced(problem, lambda, alpha)
-    type(contact_problem_t), intent(in) :: problem
+  !> Whether the contact forces balance the loads of the floating bodies, up to rounding: there is no bound of the error otherwise.
+  logical function is_balanced(qp, theta, lambda, alpha)
+    type(contact_qp_t), intent(in) :: qp
+    !> (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    !> Forces (n_rows) [force], amplitudes (coarse%n) [length].
     real(dp), intent(in) :: lambda(:), alpha(:)
-    real(dp) :: missing(problem%coarse%n), scale
-    call problem%coarse%resultant_of(problem%operator, lambda, missing)
-    missing = problem%coarse%resultant - missing - problem%coarse%springs(alpha)
-    ! Where nothing is loaded all forces are rounding errors of those that the free scene's penetrations would cause.
+    real(dp) :: missing(qp%coarse%n), scale
+    call qp%mode_resultant(lambda, missing)
+    missing = qp%coarse%resultant - missing - qp%coarse%springs(alpha)
+    ! Where nothing is loaded all forces are rounding errors of those that the initial penetrations would cause.
     scale = maxval([0.0_dp, abs(lambda)])
-    if (size(lambda) > 0) scale = max(scale, maxval(1.0e-4_dp*foundation_stiffness(problem)*max(0.0_dp, problem%y_free)))
-    if (problem%coarse%n > 0) scale = max(scale, maxval(abs(problem%coarse%resultant)))
-    is_balanced = .not. any(abs(missing) > 1.0e-8_dp*scale)
+    if (size(lambda) > 0) &
+      scale = max(scale, maxval(scale_of_unloaded*foundation_stiffness(qp, theta)*max(0.0_dp, qp%initial_penetration)))
+    if (qp%coarse%n > 0) scale = max(scale, maxval(abs(qp%coarse%resultant)))
+    is_balanced = .not. any(abs(missing) > balanced*scale)
   end function is_balanced
 
-  !> Stiffness of the elastic foundation that stands for the bodies (n_rows) [force/length].
-  pure function foundation_stiffness(problem) result(stiffness)
-    type(contact_problem_t), intent(in) :: problem
+  !> Stiffness of the Winkler foundation that stands for the bodies (n_rows) [force/length].
+  pure function foundation_stiffness(qp, theta) result(stiffness)
+    type(contact_qp_t), intent(in) :: qp
+    !> (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
     real(dp), allocatable :: stiffness(:)
-    stiffness = problem%operator%weight/(problem%foundation + problem%operator%theta)
+    stiffness = qp%weight/(qp%foundation + theta)
   end function foundation_stiffness
 
-  !> The interior point method's answer, near the solution wherever it is.
-  subroutine approach(problem, compliance, system, immovable, now, active, steps, error)
-    type(contact_problem_t), intent(inout) :: problem
-    type(explicit_compliance_t), intent(in) :: compliance
+  !> The solution of the interior point method, close to the solution wherever that is.
+  subroutine find_inside(qp, compliance, theta, system, is_rigid, now, active, steps, error)
+    type(contact_qp_t), intent(in) :: qp
+    class(compliance_t), intent(inout) :: compliance
+    !> (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
     !> Another one on return.
     class(active_system_t), intent(inout) :: system
-    !> Points without force (n_rows).
-    logical, intent(in) :: immovable(:)
+    !> Rows without force (n_rows).
+    logical, intent(in) :: is_rigid(:)
     type(iterate_t), intent(inout) :: now
     !> (n_rows).
     logical, intent(out) :: active(:)
     !> Linear systems that it took.
     integer, intent(out) :: steps
+    !> As in `find_active_set`.
     type(error_t), allocatable, intent(out) :: error
-    call interior_points(problem, compliance, system, 1/foundation_stiffness(problem), .not. immovable, now%lambda, now%alpha, &
+    call interior_points(qp, compliance, theta, system, 1/foundation_stiffness(qp, theta), .not. is_rigid, now%lambda, now%alpha, &
                          active, steps, error)
-    if (.not. allocated(error)) call update_penetrations(problem, compliance, now)
-  end subroutine approach
+    if (.not. allocated(error)) call update_penetrations(qp, compliance, now)
+  end subroutine find_inside
 
   !> Solve the system of the active set for the new iterate.
-  subroutine solve_active(problem, compliance, system, now)
-    type(contact_problem_t), intent(inout) :: problem
-    type(explicit_compliance_t), intent(in) :: compliance
+  subroutine solve_active(qp, compliance, system, now)
+    type(contact_qp_t), intent(in) :: qp
+    class(compliance_t), intent(inout) :: compliance
     class(active_system_t), intent(in) :: system
     type(iterate_t), intent(inout) :: now
     real(dp), allocatable :: lambda(:)
     allocate (lambda(size(system%row)))
     lambda = now%lambda(system%row)
-    call system%solve(problem, compliance, problem%y_free(system%row), problem%coarse%resultant, lambda, now%alpha)
+    call system%solve(qp, compliance, qp%initial_penetration(system%row), qp%coarse%resultant, lambda, now%alpha)
     now%lambda = 0
     now%lambda(system%row) = lambda
-    call update_penetrations(problem, compliance, now)
+    call update_penetrations(qp, compliance, now)
   end subroutine solve_active
 
-  !> y = y_free - C lambda + G alpha.
-  subroutine update_penetrations(problem, compliance, now)
-    type(contact_problem_t), intent(inout) :: problem
-    type(explicit_compliance_t), intent(in) :: compliance
+  !> y = y_0 - C lambda + G alpha.
+  subroutine update_penetrations(qp, compliance, now)
+    type(contact_qp_t), intent(in) :: qp
+    class(compliance_t), intent(inout) :: compliance
+    !> Its forces and amplitudes are given.
     type(iterate_t), intent(inout) :: now
     real(dp), allocatable :: z(:), motion(:)
     allocate (z(size(now%lambda)), motion(size(now%lambda)))
-    call compliance%multiply(problem, now%lambda, z)
-    call problem%coarse%displacement(problem%operator, now%alpha, motion)
-    now%y = problem%y_free - z + motion
+    call compliance%multiply(qp, now%lambda, z)
+    call qp%mode_displacement(now%alpha, motion)
+    now%y = qp%initial_penetration - z + motion
   end subroutine update_penetrations
 
-  !> Take points out that no force moves: all that they touch is held by supports.
-  subroutine drop_immovable(problem, compliance, yields, active, immovable)
-    type(contact_problem_t), intent(inout) :: problem
-    type(explicit_compliance_t), intent(in) :: compliance
-    !> Work space: how much each point yields, where there are no matrices (n_rows).
+  !> Take rigid constraints out of the active set: rows that no force moves, because all their nodes are held by supports.
+  subroutine drop_rigid_constraints(qp, compliance, theta, yields, active, is_rigid)
+    type(contact_qp_t), intent(in) :: qp
+    class(compliance_t), intent(inout) :: compliance
+    !> (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    !> Work space: how much each row yields, where entries of C are not formed (n_rows) [length].
     real(dp), allocatable, intent(inout) :: yields(:)
+    !> (n_rows).
     logical, intent(inout) :: active(:)
-    !> Grows.
-    logical, intent(inout) :: immovable(:)
+    !> Grows (n_rows).
+    logical, intent(inout) :: is_rigid(:)
     real(dp), allocatable :: diagonal(:), g(:, :)
+    integer, allocatable :: row(:)
     real(dp) :: largest
     integer :: i
-    if (.not. any(active .and. .not. problem%operator%theta > 0)) return
-    if (compliance%by_sweeps .and. .not. allocated(yields)) call press_all(problem, yields)
-    allocate (diagonal(size(active)), source=0.0_dp)
-    allocate (g(1, problem%coarse%n))
-    do i = 1, size(active)
-      if (.not. active(i)) cycle
-      if (compliance%by_sweeps) then
-        diagonal(i) = yields(i)
-      else
-        diagonal(i) = compliance%diagonal(problem, i)
-      end if
-    end do
+    if (.not. any(active .and. .not. theta > 0)) return
+    row = pack([(i, i=1, size(active))], active)
+    allocate (diagonal(size(row)))
+    allocate (g(1, qp%coarse%n))
+    if (compliance%is_formed(qp)) then
+      call compliance%get_diagonal(qp, row, diagonal)
+    else
+      if (.not. allocated(yields)) call press_all(qp, compliance, yields)
+      diagonal = yields(row)
+    end if
     largest = maxval(diagonal)
-    do i = 1, size(active)
-      if (.not. active(i) .or. diagonal(i) > 1.0e-13_dp*largest .or. problem%operator%theta(i) > 0) cycle
-      call problem%coarse%rows([i], g)
-      if (any(abs(g) > 1.0e-10_dp)) cycle
-      active(i) = .false.
-      immovable(i) = .true.
+    do i = 1, size(row)
+      if (diagonal(i) > rigid_row*largest .or. theta(row(i)) > 0) cycle
+      call qp%coarse%rows([row(i)], g)
+      if (any(abs(g) > moved_row)) cycle
+      active(row(i)) = .false.
+      is_rigid(row(i)) = .true.
     end do
-  end subroutine drop_immovable
+  end subroutine drop_rigid_constraints
 
-  !> How much all points yield to forces without any order, in one sweep: only those that nothing moves stay where they are.
-  subroutine press_all(problem, yields)
-    type(contact_problem_t), intent(inout) :: problem
+  !> How much all rows yield to forces without any order, by one product: only rigid ones stay where they are.
+  subroutine press_all(qp, compliance, yields)
+    type(contact_qp_t), intent(in) :: qp
+    class(compliance_t), intent(inout) :: compliance
     !> (n_rows) [length].
     real(dp), allocatable, intent(out) :: yields(:)
     integer :: i
-    allocate (yields(problem%operator%n_rows))
-    call problem%compliance([(1 + 0.5_dp*sin(real(i, dp)**2), i=1, problem%operator%n_rows)], yields)
+    allocate (yields(qp%n_rows))
+    call compliance%multiply(qp, [(1 + 0.5_dp*sin(real(i, dp)**2), i=1, qp%n_rows)], yields)
     yields = abs(yields)
   end subroutine press_all
 
-  !> ||u||_A for relative errors; at least a small part of what the penetrations of the free scene would store in the foundations, so
-  !> that rounding errors of a scene at rest are not compared with each other [sqrt(energy)].
-  real(dp) function reference_norm(problem, now) result(norm)
-    type(contact_problem_t), intent(in) :: problem
+  !> ||u||_A for relative errors; at least `least_norm` of what the initial penetrations would store in the foundation [sqrt(energy)].
+  real(dp) function reference_norm(qp, theta, now) result(norm)
+    type(contact_qp_t), intent(in) :: qp
+    !> (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
     type(iterate_t), intent(in) :: now
-    norm = problem%norm(now%lambda/problem%operator%weight, now%y, now%alpha)
-    norm = max(norm, 1.0e-8_dp*sqrt(sum(foundation_stiffness(problem)*problem%y_free**2)))
+    norm = qp%energy_norm(now%lambda/qp%weight, now%y, now%alpha)
+    norm = max(norm, least_norm*sqrt(sum(foundation_stiffness(qp, theta)*qp%initial_penetration**2)))
   end function reference_norm
 
-  !> An entry of the history. Forces that pull cannot be the state of a bound: there is none then.
-  subroutine note(problem, now, seconds, length, n_active, result)
-    type(contact_problem_t), intent(in) :: problem
+  !> An entry of the history. There is no bound where forces are tensile.
+  subroutine add_to_history(qp, theta, now, seconds, length, n_active, state)
+    type(contact_qp_t), intent(in) :: qp
+    !> (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
     type(iterate_t), intent(in) :: now
+    !> Since the start [s].
     real(dp), intent(in) :: seconds
-    !> Length of the step in the energy norm.
+    !> Of the step, in the energy norm [sqrt(energy)].
     real(dp), intent(in) :: length
+    !> Active rows.
     integer, intent(in) :: n_active
-    type(scheme_result_t), intent(inout) :: result
+    type(solver_state_t), intent(inout) :: state
     real(dp) :: norm, gap, m(size(now%lambda))
-    norm = reference_norm(problem, now)
-    m = now%lambda/problem%operator%weight
-    gap = duality_gap(problem%operator%weight, problem%operator%theta, m, now%y)
-    result%error_bound = huge(1.0_dp)
-    if (gap < huge(1.0_dp) .and. is_balanced(problem, now%lambda, now%alpha)) result%error_bound = sqrt(gap)/max(norm, tiny(norm))
-    call result%history%add(seconds, length, length/max(norm, tiny(norm)), result%error_bound, &
-                            problem%energy(m, now%y, now%alpha), max(0.0_dp, maxval(now%y)), n_active)
-  end subroutine note
+    norm = reference_norm(qp, theta, now)
+    m = now%lambda/qp%weight
+    gap = duality_gap(qp%weight, theta, m, now%y)
+    state%error_bound = huge(1.0_dp)
+    if (gap < huge(1.0_dp) .and. is_balanced(qp, theta, now%lambda, now%alpha)) &
+      state%error_bound = sqrt(gap)/max(norm, tiny(norm))
+    call state%history%add(seconds, length, length/max(norm, tiny(norm)), state%error_bound, &
+                           qp%energy(theta, m, now%y, now%alpha), max(0.0_dp, maxval(now%y)), n_active)
+  end subroutine add_to_history
 end module dotyk_scheme_active_set

@@ -5,13 +5,13 @@
 module dotyk_scheme_restriction
   use dotyk_base_kinds, only: dp
   use dotyk_contact_operator, only: contact_block_t
-  use dotyk_scheme_coarse, only: coarse_space_t
-  use dotyk_scheme_compliance, only: entries_t
+  use dotyk_scheme_coarse_space, only: coarse_space_t
+  use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_dense_compliance, only: dense_compliance_t
   implicit none
   private
-  public :: restrict_qp, aggregate_qp, aggregate_compliance
+  public :: restrict_qp, aggregate_qp, aggregate_values, aggregate_compliance
 
 contains
 
@@ -47,30 +47,32 @@ contains
   end subroutine aggregate_qp
 
   !> The compliance of groups of rows from that of the rows, `S C S^T` with the fractions S.
-  subroutine aggregate_compliance(qp, entries, group, fraction, aggregated, compliance)
+  subroutine aggregate_compliance(qp, compliance, group, fraction, aggregated, of_groups)
     type(contact_qp_t), intent(in) :: qp
-    !> Of each body at its rows of `qp`, in their order (n_bodies).
-    type(entries_t), intent(in) :: entries(:)
+    !> Formed at the rows of `qp`.
+    class(compliance_t), intent(in) :: compliance
     !> As in `aggregate_qp` (n_rows).
     integer, intent(in) :: group(:)
     real(dp), intent(in) :: fraction(:)
     !> The QP of the groups.
     type(contact_qp_t), intent(in) :: aggregated
-    type(dense_compliance_t), intent(out) :: compliance
+    !> Their compliance.
+    type(dense_compliance_t), intent(out) :: of_groups
     integer, allocatable :: place_of(:)
-    real(dp), allocatable :: half(:, :), value(:, :)
+    real(dp), allocatable :: entries(:, :), half(:, :), value(:, :)
     integer :: b, i, j, n
-    call compliance%init(aggregated)
+    call of_groups%init(aggregated)
     allocate (place_of(aggregated%n_rows))
-    do b = 1, size(entries)
+    do b = 1, size(qp%block)
       associate (row => qp%block(b)%row, group_row => aggregated%block(b)%row)
         n = size(group_row)
         place_of(group_row) = [(i, i=1, n)]
+        call compliance%get_entries(qp, b, row, entries)
         allocate (half(n, size(row)), value(n, n), source=0.0_dp)
         do j = 1, size(row)
           do i = 1, size(row)
             associate (at => place_of(group(row(i))))
-              half(at, j) = half(at, j) + fraction(row(i))*entries(b)%value(i, j)
+              half(at, j) = half(at, j) + fraction(row(i))*entries(i, j)
             end associate
           end do
         end do
@@ -79,7 +81,7 @@ contains
             value(:, at) = value(:, at) + fraction(row(j))*half(:, j)
           end associate
         end do
-        call compliance%set(aggregated, b, value)
+        call of_groups%set(aggregated, b, value)
         deallocate (half, value)
       end associate
     end do
@@ -104,10 +106,10 @@ contains
     do i = 1, size(group)
       if (group(i) > 0) fraction(i) = qp%weight(i)/joined%weight(group(i))
     end do
-    joined%gap = group_means(group, n_groups, fraction, qp%gap)
-    joined%initial_penetration = group_means(group, n_groups, fraction, qp%initial_penetration)
-    joined%load_displacement = group_means(group, n_groups, fraction, qp%load_displacement)
-    joined%foundation = group_means(group, n_groups, fraction, qp%foundation)
+    joined%gap = aggregate_values(group, n_groups, fraction, qp%gap)
+    joined%initial_penetration = aggregate_values(group, n_groups, fraction, qp%initial_penetration)
+    joined%load_displacement = aggregate_values(group, n_groups, fraction, qp%load_displacement)
+    joined%foundation = aggregate_values(group, n_groups, fraction, qp%foundation)
     joined%pair_first_row = qp%pair_first_row
     do k = 1, size(qp%pair_first_row) - 1
       associate (first => qp%pair_first_row(k), last => qp%pair_first_row(k + 1) - 1)
@@ -124,21 +126,21 @@ contains
     call join_modes(qp, group, fraction, joined%block, n_groups, joined%coarse)
   end subroutine join_rows
 
-  !> Weighted means over groups.
-  pure function group_means(group, n_groups, fraction, value) result(mean)
-    !> As in `join_rows`.
+  !> Weighted means of values over groups.
+  pure function aggregate_values(group, n_groups, fraction, value) result(mean)
+    !> As in `aggregate_qp` (n_rows), and their number.
     integer, intent(in) :: group(:), n_groups
     real(dp), intent(in) :: fraction(:)
-    !> Of the rows (n_rows).
+    !> Of the rows, any unit (n_rows).
     real(dp), intent(in) :: value(:)
-    !> (n_groups)
+    !> Of the groups (n_groups).
     real(dp) :: mean(n_groups)
     integer :: j
     mean = 0
     do j = 1, size(value)
       if (group(j) > 0) mean(group(j)) = mean(group(j)) + fraction(j)*value(j)
     end do
-  end function group_means
+  end function aggregate_values
 
   !> One body's rows of B, joined.
   subroutine join_block(fine, group, n_groups, fraction, joined)

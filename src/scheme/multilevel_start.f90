@@ -1,0 +1,242 @@
+!> Where the active-set iteration begins: the solution of the same contact problem on groups of rows, level by level.
+!>
+!> Neighbouring contact rows are aggregated to groups of a few (weighted mean gap and displacement, one force distributed over the rows).
+!> Their active set is found first, on groups of groups if they are many, and so on; it costs next to nothing, and the forces of the groups
+!> tell which rows start active. Without it, active sets would shrink ring by ring from far too large ones, and entries of the compliance
+!> be formed for rows that are never active.
+module dotyk_scheme_multilevel_start
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: solver_auto
+  use dotyk_contact_operator, only: contact_block_t
+  use dotyk_scheme_active_set, only: iterate_t, find_active_set, rest_on_winkler_foundation, update_penetrations
+  use dotyk_scheme_active_system, only: active_system_t
+  use dotyk_scheme_choice, only: choose_solver
+  use dotyk_scheme_compliance, only: compliance_t, entries_t
+  use dotyk_scheme_contact_qp, only: contact_qp_t
+  use dotyk_scheme_dense_compliance, only: dense_compliance_t
+  use dotyk_scheme_monitor, only: monitor_t
+  use dotyk_scheme_restriction, only: aggregate_compliance, aggregate_qp, aggregate_values
+  use dotyk_scheme_solver_state, only: solver_state_t
+  use dotyk_scheme_winkler_start, only: find_unbounded_direction
+  implicit none
+  private
+  public :: find_start, group_rows
+
+  !> Fewer rows than this need no better start than that of rigid bodies.
+  integer, parameter, public :: few_rows = 60
+  !> Rows of a group at most.
+  integer, parameter :: most_rows = 6
+  !> Active sets of the groups at most: a start need not be exact.
+  integer, parameter :: most_steps = 12
+  !> A row of an active group starts active unless its gap exceeds this fraction of the group's self-indentation, the displacement by the
+  !> group's own force.
+  real(dp), parameter :: gap_over_indentation = 0.5_dp
+
+contains
+
+  !> A first iterate and its active set.
+  recursive subroutine find_start(qp, compliance, theta, now, active, error)
+    type(contact_qp_t), intent(in) :: qp
+    !> Formed at all rows, or matrix-free.
+    class(compliance_t), intent(inout) :: compliance
+    !> Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    type(iterate_t), intent(out) :: now
+    !> (n_rows).
+    logical, intent(out) :: active(:)
+    !> Allocated where the system of an active set is not positive definite.
+    type(error_t), allocatable, intent(out) :: error
+    type(contact_qp_t) :: coarse
+    type(dense_compliance_t) :: of_groups
+    type(iterate_t) :: start
+    class(active_system_t), allocatable :: system
+    integer, allocatable :: group(:)
+    real(dp), allocatable :: fraction(:), motion(:), coarse_theta(:), indentation(:)
+    logical, allocatable :: all_rows(:)
+    logical :: found
+    integer :: n_groups
+
+    call rest_on_winkler_foundation(qp, theta, now, active)
+    if (qp%n_rows < few_rows) return
+    allocate (group(qp%n_rows))
+    call group_rows(qp, group, n_groups)
+    if (2*n_groups > qp%n_rows) return
+    call aggregate_qp(qp, group, n_groups, coarse, fraction)
+    coarse_theta = aggregate_values(group, n_groups, fraction, theta)
+    ! Mean normals may not carry what the rows carry.
+    if (qp%coarse%n > 0) then
+      allocate (motion(qp%coarse%n))
+      call find_unbounded_direction(coarse, motion, found)
+      if (found) return
+    end if
+    allocate (all_rows(n_groups), source=.true.)
+    if (compliance%is_formed(qp)) then
+      call aggregate_compliance(qp, compliance, group, fraction, coarse, of_groups)
+      call choose_solver(coarse, of_groups, solver_auto, all_rows, system)
+      call solve_groups(coarse, of_groups, coarse_theta, system, start, indentation, error)
+    else
+      call choose_solver(coarse, compliance, solver_auto, all_rows, system)
+      if (system%needs_entries()) then
+        call form_groups(coarse, compliance, of_groups)
+        call solve_groups(coarse, of_groups, coarse_theta, system, start, indentation, error)
+      else
+        call solve_groups(coarse, compliance, coarse_theta, system, start, indentation, error)
+      end if
+    end if
+    call system%destroy()
+    if (allocated(error)) return
+    ! Distribute the forces of the groups.
+    now%lambda = max(0.0_dp, start%lambda(group))*qp%weight/coarse%weight(group)
+    now%alpha = start%alpha
+    call update_penetrations(qp, compliance, now)
+    active = now%y > -gap_over_indentation*indentation(group)
+  end subroutine find_start
+
+  !> The entries of groups whose rows have none.
+  subroutine form_groups(coarse, compliance, of_groups)
+    type(contact_qp_t), intent(in) :: coarse
+    !> Of the bodies.
+    class(compliance_t), intent(inout) :: compliance
+    type(dense_compliance_t), intent(out) :: of_groups
+    type(entries_t), allocatable :: entries(:)
+    integer :: b
+    call compliance%form_all(coarse, entries)
+    call of_groups%init(coarse)
+    do b = 1, size(entries)
+      call of_groups%set(coarse, b, entries(b)%value)
+    end do
+  end subroutine form_groups
+
+  !> The contact problem of the groups.
+  recursive subroutine solve_groups(qp, compliance, theta, system, now, indentation, error)
+    !> Of the groups.
+    type(contact_qp_t), intent(in) :: qp
+    class(compliance_t), intent(inout) :: compliance
+    !> (n_groups) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    class(active_system_t), intent(inout) :: system
+    !> The last iterate.
+    type(iterate_t), intent(out) :: now
+    !> Displacement of each group by its own force (n_groups) [length].
+    real(dp), allocatable, intent(out) :: indentation(:)
+    !> As in `find_start`.
+    type(error_t), allocatable, intent(out) :: error
+    type(monitor_t) :: silent
+    type(solver_state_t) :: state
+    logical :: active(qp%n_rows)
+    integer :: i
+    call find_start(qp, compliance, theta, now, active, error)
+    if (.not. allocated(error)) &
+      call find_active_set(qp, compliance, theta, most_steps, 0.0_dp, silent, system, now, active, state, error)
+    if (allocated(error)) return
+    allocate (indentation(qp%n_rows))
+    if (compliance%is_formed(qp)) then
+      call compliance%get_diagonal(qp, [(i, i=1, qp%n_rows)], indentation)
+    else
+      call compliance%nodal_diagonal(qp, indentation)
+    end if
+    indentation = max(0.0_dp, now%lambda)*indentation
+  end subroutine solve_groups
+
+  !> Group each row that is still single with its single neighbours: rows of a pair that share a node. Rows that are left over join a
+  !> neighbouring group.
+  subroutine group_rows(qp, group, n_groups)
+    type(contact_qp_t), intent(in) :: qp
+    !> Of each row; groups are numbered pair by pair (n_rows), and their number.
+    integer, intent(out) :: group(:)
+    integer, intent(out) :: n_groups
+    integer, allocatable :: start(:), row_of(:), neighbour(:)
+    integer :: k, i, j, n, b
+    group = 0
+    n_groups = 0
+    associate (first => qp%pair_first_row)
+      do k = 1, size(first) - 1
+        if (first(k + 1) == first(k)) cycle
+        b = qp%coarse%body(1, first(k))
+        associate (block => qp%block(b))
+          call rows_of_nodes(block, qp%dimension, start, row_of)
+          do i = first(k), first(k + 1) - 1
+            if (group(i) > 0) cycle
+            call neighbours(block, qp%dimension, qp%coarse%place(1, i), start, row_of, neighbour)
+            neighbour = pack(neighbour, neighbour >= first(k) .and. neighbour < first(k + 1))
+            n = count(group(neighbour) == 0)
+            if (3*n >= size(neighbour)) then
+              n_groups = n_groups + 1
+              group(i) = n_groups
+              n = 1
+              do j = 1, size(neighbour)
+                if (n == most_rows) exit
+                if (group(neighbour(j)) > 0) cycle
+                group(neighbour(j)) = n_groups
+                n = n + 1
+              end do
+            else
+              group(i) = maxval(group(neighbour))
+            end if
+          end do
+        end associate
+      end do
+    end associate
+  end subroutine group_rows
+
+  !> Rows that touch each node of a block.
+  subroutine rows_of_nodes(block, dimension, start, row)
+    type(contact_block_t), intent(in) :: block
+    integer, intent(in) :: dimension
+    !> Rows of node i: row(start(i):start(i+1)-1), as numbers in the operator, ascending; a row stands once per entry.
+    integer, allocatable, intent(out) :: start(:), row(:)
+    integer, allocatable :: next(:)
+    integer :: i, k, node
+    allocate (start(block%n_nodes + 1), row(size(block%matrix%column)))
+    start = 0
+    do k = 1, size(block%matrix%column)
+      node = (block%matrix%column(k) - 1)/dimension + 1
+      start(node + 1) = start(node + 1) + 1
+    end do
+    start(1) = 1
+    do i = 1, block%n_nodes
+      start(i + 1) = start(i) + start(i + 1)
+    end do
+    next = start(:block%n_nodes)
+    do i = 1, block%matrix%n_rows
+      do k = block%matrix%row_start(i), block%matrix%row_start(i + 1) - 1
+        node = (block%matrix%column(k) - 1)/dimension + 1
+        row(next(node)) = block%row(i)
+        next(node) = next(node) + 1
+      end do
+    end do
+  end subroutine rows_of_nodes
+
+  !> Rows that share the nodes of the largest entries of one row, itself among them.
+  subroutine neighbours(block, dimension, i, start, row, list)
+    type(contact_block_t), intent(in) :: block
+    integer, intent(in) :: dimension
+    !> Place of the row in the block.
+    integer, intent(in) :: i
+    !> Of `rows_of_nodes`.
+    integer, intent(in) :: start(:), row(:)
+    integer, allocatable, intent(out) :: list(:)
+    integer, allocatable :: found(:)
+    integer :: k, j, node, n
+    real(dp) :: largest
+    associate (matrix => block%matrix)
+      largest = maxval(abs(matrix%value(matrix%row_start(i):matrix%row_start(i + 1) - 1)))
+      allocate (found(0))
+      do k = matrix%row_start(i), matrix%row_start(i + 1) - 1
+        if (abs(matrix%value(k)) < 0.5_dp*largest) cycle
+        node = (matrix%column(k) - 1)/dimension + 1
+        found = [found, row(start(node):start(node + 1) - 1)]
+      end do
+    end associate
+    ! Each once.
+    n = 0
+    do j = 1, size(found)
+      if (any(found(:n) == found(j))) cycle
+      n = n + 1
+      found(n) = found(j)
+    end do
+    list = found(:n)
+  end subroutine neighbours
+
+end module dotyk_scheme_multilevel_start
