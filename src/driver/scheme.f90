@@ -13,7 +13,7 @@ module dotyk_driver_scheme
   use dotyk_scheme_anderson, only: solve_anderson
   use dotyk_scheme_dual, only: dual_settings_t, solve_dual
   use dotyk_scheme_explicit, only: explicit_compliance_t
-  use dotyk_scheme_history, only: scheme_result_t, ended_unstoppable, ended_immovable
+  use dotyk_scheme_history, only: scheme_result_t, ended_no_equilibrium, ended_rigid_constraint
   use dotyk_scheme_neumann, only: solve_neumann
   use dotyk_scheme_nesterov, only: solve_nesterov
   use dotyk_scheme_robin, only: solve_robin
@@ -122,8 +122,8 @@ contains
     end select
     call add_context(error, case%file//':'//to_text(case%solver%line)//': ')
     if (allocated(error)) return
-    if (result%ended == ended_unstoppable) call refuse_motion(case, body, problem, result%unstoppable, error)
-    if (result%ended == ended_immovable) call refuse_immovable(case, problem, error)
+    if (result%ended == ended_no_equilibrium) call refuse_motion(case, body, problem, result%unbounded_direction, error)
+    if (result%ended == ended_rigid_constraint) call refuse_rigid_constraint(case, problem, error)
     if (allocated(error)) return
     if (allocated(result%undetermined)) call note_undetermined(body, result%undetermined, log)
     if (allocated(result%alpha)) call note_rotations(body, result%alpha, log)
@@ -198,7 +198,7 @@ contains
   end function largest_displacement
 
   !> Supports press contact points together that cannot give way.
-  subroutine refuse_immovable(case, problem, error)
+  subroutine refuse_rigid_constraint(case, problem, error)
     type(case_t), intent(in) :: case
     type(contact_problem_t), intent(in) :: problem
     type(error_t), allocatable, intent(out) :: error
@@ -208,7 +208,7 @@ contains
     call set_error(error, case%file//':'//to_text(case%contact(k)%line)//': &contact '//quoted(case%contact(k)%name)// &
       ': supports on both sides press its points together by '//to_text(problem%y_free(n))//', and theta = 0 allows no '// &
       'penetration; take the supports off the contact surfaces or give theta a value above 0', exit_not_solvable)
-  end subroutine refuse_immovable
+  end subroutine refuse_rigid_constraint
 
   !> Say which bodies turn so far that small displacements are no good approximation.
   subroutine note_rotations(body, amplitude, log)

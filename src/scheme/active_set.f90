@@ -14,11 +14,12 @@ module dotyk_scheme_active_set
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_bounds, only: duality_gap
   use dotyk_scheme_explicit, only: explicit_compliance_t
-  use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_limit, ended_immovable, ended_interrupted
+  use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_interrupted, ended_limit, &
+    ended_rigid_constraint
   use dotyk_scheme_interior, only: interior_points
   use dotyk_scheme_problem, only: contact_problem_t
   use dotyk_scheme_progress, only: progress_line
-  use dotyk_scheme_settle, only: settle
+  use dotyk_scheme_winkler_start, only: winkler_equilibrium
   implicit none
   private
 
@@ -28,7 +29,7 @@ module dotyk_scheme_active_set
     real(dp), allocatable :: lambda(:), y(:), alpha(:)
   end type iterate_t
 
-  public :: find_active_set, settle_bodies, update_penetrations, reference_norm, is_balanced
+  public :: find_active_set, rest_on_winkler_foundation, update_penetrations, reference_norm, is_balanced
 
   !> Forces and penetrations below this part of the largest are rounding errors, not a reason to change the active set.
   real(dp), parameter, public :: rounding = 1.0e-12_dp
@@ -61,7 +62,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     !> True: the interior point method begins, without any active set; false if absent.
     logical, intent(in), optional :: from_inside
-    logical :: next(size(active)), immovable(size(active)), comes_back, tried
+    logical :: next(size(active)), is_rigid(size(active)), comes_back, tried
     integer :: changes(max_iterations)
     type(iterate_t) :: last, inside
     logical, allocatable :: inside_active(:)
@@ -71,7 +72,7 @@ contains
 
     begin = wall_time()
     allocate (change(size(active)))
-    immovable = .false.
+    is_rigid = .false.
     result%ended = ended_limit
     tried = .false.
     last_k = max_iterations
@@ -83,14 +84,14 @@ contains
         call log%end_progress()
         tried = .true.
         last_k = min(max_iterations, k + most_last_steps)
-        call approach(problem, compliance, system, immovable, now, active, steps, error)
+        call approach(problem, compliance, system, is_rigid, now, active, steps, error)
         if (allocated(error)) return
         call log%line('  '//trim(merge('active sets come back; the', 'the                       ', k > 1))// &
                       ' interior point method solved '//to_text(steps)//' systems')
       end if
-      call drop_immovable(problem, compliance, yields, active, immovable)
-      if (any(immovable .and. problem%y_free > 0 .and. .not. problem%operator%theta > 0)) then
-        result%ended = ended_immovable
+      call drop_rigid_constraints(problem, compliance, yields, active, is_rigid)
+      if (any(is_rigid .and. problem%y_free > 0 .and. .not. problem%operator%theta > 0)) then
+        result%ended = ended_rigid_constraint
         return
       end if
       call system%init(problem, compliance, problem%operator%theta, active, error)
@@ -112,7 +113,7 @@ contains
       largest_force = max(maxval(abs(now%lambda)), maxval(foundation_stiffness(problem)*max(0.0_dp, problem%y_free)))
       largest_gap = max(maxval(abs(now%y)), maxval(abs(problem%y_free)))
       next = merge(now%lambda >= -rounding*largest_force, now%y > rounding*largest_gap, active)
-      next = next .and. .not. immovable
+      next = next .and. .not. is_rigid
       call add_support(problem, now, next)
       changes(k) = count(next .neqv. active)
       if (all(next .eqv. active)) then
@@ -139,7 +140,7 @@ contains
   end function go_up_and_down
 
   !> Free bodies at rest on elastic foundations that stand for all bodies, and the points that penetrate there.
-  subroutine settle_bodies(problem, now, active)
+  subroutine rest_on_winkler_foundation(problem, now, active)
     type(contact_problem_t), intent(in) :: problem
     !> Without forces.
     type(iterate_t), intent(out) :: now
@@ -148,12 +149,12 @@ contains
     real(dp), allocatable :: motion(:)
     allocate (now%lambda(problem%operator%n_rows), now%alpha(problem%coarse%n), motion(problem%operator%n_rows))
     now%lambda = 0
-    call settle(problem%operator, problem%coarse, problem%coarse%resultant, foundation_stiffness(problem), problem%y_free, &
-                now%alpha)
+    call winkler_equilibrium(problem%operator, problem%coarse, problem%coarse%resultant, foundation_stiffness(problem), &
+                             problem%y_free, now%alpha)
     call problem%coarse%displacement(problem%operator, now%alpha, motion)
     now%y = problem%y_free + motion
     active = now%y > 0
-  end subroutine settle_bodies
+  end subroutine rest_on_winkler_foundation
 
   !> Where the active points cannot carry a free body, let it come to rest on the points that it falls on.
   subroutine add_support(problem, now, active)
@@ -166,7 +167,7 @@ contains
     call problem%coarse%resultant_of(problem%operator, now%lambda, missing)
     missing = problem%coarse%resultant - missing - problem%coarse%springs(now%alpha)
     allocate (alpha(problem%coarse%n), motion(size(active)))
-    call settle(problem%operator, problem%coarse, missing, foundation_stiffness(problem), now%y, alpha)
+    call winkler_equilibrium(problem%operator, problem%coarse, missing, foundation_stiffness(problem), now%y, alpha)
     call problem%coarse%displacement(problem%operator, alpha, motion)
     active = active .or. now%y + motion > 0
   end subroutine add_support
@@ -193,21 +194,21 @@ contains
   end function foundation_stiffness
 
   !> The interior point method's answer, near the solution wherever it is.
-  subroutine approach(problem, compliance, system, immovable, now, active, steps, error)
+  subroutine approach(problem, compliance, system, is_rigid, now, active, steps, error)
     type(contact_problem_t), intent(inout) :: problem
     type(explicit_compliance_t), intent(in) :: compliance
     !> Another one on return.
     class(active_system_t), intent(inout) :: system
     !> Points without force (n_rows).
-    logical, intent(in) :: immovable(:)
+    logical, intent(in) :: is_rigid(:)
     type(iterate_t), intent(inout) :: now
     !> (n_rows).
     logical, intent(out) :: active(:)
     !> Linear systems that it took.
     integer, intent(out) :: steps
     type(error_t), allocatable, intent(out) :: error
-    call interior_points(problem, compliance, system, 1/foundation_stiffness(problem), .not. immovable, now%lambda, now%alpha, &
-                         active, steps, error)
+    call interior_points(problem, compliance, system, 1/foundation_stiffness(problem), .not. is_rigid, now%lambda, &
+                         now%alpha, active, steps, error)
     if (.not. allocated(error)) call update_penetrations(problem, compliance, now)
   end subroutine approach
 
@@ -239,14 +240,14 @@ contains
   end subroutine update_penetrations
 
   !> Take points out that no force moves: all that they touch is held by supports.
-  subroutine drop_immovable(problem, compliance, yields, active, immovable)
+  subroutine drop_rigid_constraints(problem, compliance, yields, active, is_rigid)
     type(contact_problem_t), intent(inout) :: problem
     type(explicit_compliance_t), intent(in) :: compliance
     !> Work space: how much each point yields, where there are no matrices (n_rows).
     real(dp), allocatable, intent(inout) :: yields(:)
     logical, intent(inout) :: active(:)
     !> Grows.
-    logical, intent(inout) :: immovable(:)
+    logical, intent(inout) :: is_rigid(:)
     real(dp), allocatable :: diagonal(:), g(:, :)
     real(dp) :: largest
     integer :: i
@@ -268,9 +269,9 @@ contains
       call problem%coarse%rows([i], g)
       if (any(abs(g) > 1.0e-10_dp)) cycle
       active(i) = .false.
-      immovable(i) = .true.
+      is_rigid(i) = .true.
     end do
-  end subroutine drop_immovable
+  end subroutine drop_rigid_constraints
 
   !> How much all points yield to forces without any order, in one sweep: only those that nothing moves stay where they are.
   subroutine press_all(problem, yields)

@@ -10,9 +10,9 @@ module dotyk_scheme_history
   integer, parameter, public :: ended_limit = 2      !< max_iterations reached
   integer, parameter, public :: ended_diverged = 3   !< the steps grow
   integer, parameter, public :: ended_stalled = 4    !< rounding allows no smaller error
-  integer, parameter, public :: ended_unstoppable = 5  !< loads move a free body, and no contact can stop it
+  integer, parameter, public :: ended_no_equilibrium = 5  !< loads move a free body, and no contact can stop it
   integer, parameter, public :: ended_rounds = 7     !< no answer met the budget, of as many as a scene gets
-  integer, parameter, public :: ended_immovable = 6  !< supports press contact points together that cannot give way
+  integer, parameter, public :: ended_rigid_constraint = 6  !< supports press contact points together that cannot give way
   integer, parameter, public :: ended_interrupted = 8  !< somebody asked the program to stop
 
   !> One entry per iteration; arrays are longer than `n` while the iteration goes on.
@@ -52,8 +52,8 @@ module dotyk_scheme_history
     real(dp), allocatable :: alpha(:)
     !> Motions that neither contact nor loads determine, as columns of amplitudes (size of alpha, number of them).
     real(dp), allocatable :: undetermined(:, :)
-    !> Where ended_unstoppable: amplitudes of a motion that the loads excite and no contact can stop.
-    real(dp), allocatable :: unstoppable(:)
+    !> Where ended_no_equilibrium: amplitudes of a motion that the loads excite and no contact can stop.
+    real(dp), allocatable :: unbounded_direction(:)
     !> How it ended: one of the parameters above.
     integer :: ended = ended_limit
     !> Steps done.

@@ -9,14 +9,14 @@ module dotyk_scheme_nested
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
   use dotyk_contact_operator, only: contact_block_t
-  use dotyk_scheme_active_set, only: iterate_t, find_active_set, settle_bodies
+  use dotyk_scheme_active_set, only: iterate_t, find_active_set, rest_on_winkler_foundation
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_choice, only: choose_solver, solver_auto
   use dotyk_scheme_explicit, only: explicit_compliance_t
   use dotyk_scheme_history, only: scheme_result_t
   use dotyk_scheme_part, only: give_back, join_rows
   use dotyk_scheme_problem, only: contact_problem_t
-  use dotyk_scheme_settle, only: find_unstoppable
+  use dotyk_scheme_winkler_start, only: find_unbounded_direction
   implicit none
   private
   public :: find_start, join_points
@@ -54,7 +54,7 @@ contains
     logical :: found
     integer :: n_groups, i
 
-    call settle_bodies(problem, now, active)
+    call rest_on_winkler_foundation(problem, now, active)
     if (problem%operator%n_rows < few_points) return
     allocate (group(problem%operator%n_rows))
     call join_points(problem, group, n_groups)
@@ -64,13 +64,13 @@ contains
     ! Means of normals may not carry what the points carry.
     if (problem%coarse%n > 0) then
       allocate (motion(problem%coarse%n))
-      call find_unstoppable(joined%operator, joined%coarse, motion, found)
+      call find_unbounded_direction(joined%operator, joined%coarse, motion, found)
       if (found) call give_back(joined, problem)
       if (found) return
     end if
     allocate (closed(n_groups))
     call silent%init(.true.)
-    call settle_bodies(joined, start, closed)
+    call rest_on_winkler_foundation(joined, start, closed)
     call choose_solver(joined, solver_auto, closed, joined_compliance, system)
     call joined_compliance%form(joined)
     call find_start(joined, joined_compliance, start, closed, error)

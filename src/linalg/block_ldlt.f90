@@ -4,8 +4,8 @@
 !> blocks of M that it touches has become `-H - G^T M^{-1} G`, not positive, and what is left of it where it vanishes touches nothing any more.
 !> These directions are told apart by its eigenvalues, and stay out: a generalized inverse. The factor is `L D L^T`, D = 1 for the
 !> columns of M and -1 for those of H; in place of a triangle blocks of H have the root of their inverse. Systems are solved by
-!> `dotyk_linalg_saddle_solution`.
-module dotyk_linalg_saddle_factor
+!> `dotyk_linalg_block_ldlt_solution`.
+module dotyk_linalg_block_ldlt
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use dotyk_base_error, only: error_t, set_error, exit_not_solvable
   use dotyk_base_kinds, only: dp
@@ -23,7 +23,7 @@ module dotyk_linalg_saddle_factor
   end type dense_t
 
   !> The matrix, then its factor.
-  type, public :: saddle_factor_t
+  type, public :: block_ldlt_t
     type(block_tree_t) :: tree
     !> 1 for blocks of M, -1 for those of H (n_blocks).
     integer, allocatable :: sign(:)
@@ -43,7 +43,7 @@ module dotyk_linalg_saddle_factor
     procedure :: factorize => saddle_factorize
     procedure :: columns => saddle_columns
     procedure :: destroy => saddle_destroy
-  end type saddle_factor_t
+  end type block_ldlt_t
 
   !> Directions of a block of H whose eigenvalue is below this part of what it would be with the diagonal of M alone have none.
   real(dp), parameter :: least_eigenvalue = 1.0e-12_dp
@@ -54,7 +54,7 @@ contains
 
   !> A matrix of zeros.
   subroutine saddle_init(self, sizes, sign, start, neighbour, order, error)
-    class(saddle_factor_t), intent(inout) :: self
+    class(block_ldlt_t), intent(inout) :: self
     !> As in `block_tree_t`; no block of H may come before a block of M that it touches.
     integer, intent(in) :: sizes(:), sign(:), start(:), neighbour(:), order(:)
     !> Out of memory.
@@ -81,7 +81,7 @@ contains
 
   !> Put blocks of M that come one after the other together.
   subroutine find_runs(self)
-    class(saddle_factor_t), intent(inout) :: self
+    class(block_ldlt_t), intent(inout) :: self
     integer :: g, k, n, columns
     allocate (self%run(self%tree%n_blocks + 1), self%first_run(self%tree%n_groups + 1))
     n = 0
@@ -107,14 +107,14 @@ contains
 
   !> Columns of the blocks eliminated from one time to another, of the same group.
   pure integer function saddle_columns(self, first, last) result(columns)
-    class(saddle_factor_t), intent(in) :: self
+    class(block_ldlt_t), intent(in) :: self
     integer, intent(in) :: first, last
     columns = self%offset(last) + self%tree%size(self%tree%order(last)) - self%offset(first)
   end function saddle_columns
 
   !> Add to a block; its mirror image is added to by itself.
   subroutine saddle_add(self, p, q, part)
-    class(saddle_factor_t), intent(inout) :: self
+    class(block_ldlt_t), intent(inout) :: self
     !> The block: row and column.
     integer, intent(in) :: p, q
     !> (rows of block p, rows of block q)
@@ -142,7 +142,7 @@ contains
 
   !> Factorize in place.
   subroutine saddle_factorize(self, reference, failed)
-    class(saddle_factor_t), intent(inout) :: self
+    class(block_ldlt_t), intent(inout) :: self
     !> What eigenvalues of blocks of H are compared with, 0 where they are positive; not looked at for blocks of M (n_blocks).
     real(dp), intent(in) :: reference(:)
     !> A block whose pivots are not positive; 0 if all is well.
@@ -176,7 +176,7 @@ contains
 
   !> Row of a group's panel before each of its blocks, from 0, by times.
   subroutine find_places(self, g, place)
-    type(saddle_factor_t), intent(in) :: self
+    type(block_ldlt_t), intent(in) :: self
     integer, intent(in) :: g
     integer, intent(inout) :: place(:)
     integer :: i
@@ -221,7 +221,7 @@ contains
 
   !> Eliminate the columns of a panel: runs in lots, so that most products are of many columns.
   subroutine factor_group(self, g, reference, failed)
-    type(saddle_factor_t), intent(inout) :: self
+    type(block_ldlt_t), intent(inout) :: self
     integer, intent(in) :: g
     real(dp), intent(in) :: reference(:)
     integer, intent(out) :: failed
@@ -246,7 +246,7 @@ contains
 
   !> Subtract the products of the columns of the blocks from `from` to `first` - 1 from those of the blocks first .. last.
   subroutine subtract_columns(self, g, from, first, last)
-    type(saddle_factor_t), intent(inout) :: self
+    type(block_ldlt_t), intent(inout) :: self
     !> Group, and times.
     integer, intent(in) :: g, from, first, last
     real(dp), allocatable :: signed(:, :)
@@ -270,7 +270,7 @@ contains
 
   !> Eliminate the columns of one run.
   subroutine factor_run(self, g, first, last, reference, failed)
-    type(saddle_factor_t), intent(inout) :: self
+    type(block_ldlt_t), intent(inout) :: self
     !> Group and times.
     integer, intent(in) :: g, first, last
     real(dp), intent(in) :: reference(:)
@@ -302,7 +302,7 @@ contains
   !> The root R of the generalized inverse of a block of H, `(-A)^+ = R R^T`, and the directions that stay out. None does where the
   !> reference is zero, and elimination keeps directions apart that have nothing to do with each other.
   subroutine take_root(self, k, reference, a, failed)
-    type(saddle_factor_t), intent(inout) :: self
+    type(block_ldlt_t), intent(inout) :: self
     !> Time of the block.
     integer, intent(in) :: k
     real(dp), intent(in) :: reference
@@ -364,7 +364,7 @@ contains
 
   !> Subtract L D L^T of a panel's lower part: columns of M and of H for themselves.
   subroutine subtract_products(self, g, update)
-    type(saddle_factor_t), intent(in) :: self
+    type(block_ldlt_t), intent(in) :: self
     integer, intent(in) :: g
     real(dp), intent(inout) :: update(:, :)
     real(dp), allocatable :: columns(:, :)
@@ -387,10 +387,10 @@ contains
 
   !> Give back all memory.
   subroutine saddle_destroy(self)
-    class(saddle_factor_t), intent(inout) :: self
+    class(block_ldlt_t), intent(inout) :: self
     if (allocated(self%panel)) deallocate (self%panel, self%root, self%offset)
     if (allocated(self%run)) deallocate (self%run, self%first_run)
     if (allocated(self%null_block)) deallocate (self%null_block, self%null_direction)
     self%tree%n_blocks = 0
   end subroutine saddle_destroy
-end module dotyk_linalg_saddle_factor
+end module dotyk_linalg_block_ldlt

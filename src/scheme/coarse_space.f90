@@ -5,7 +5,7 @@
 !> equilibrium where `G^T lambda = e`, the resultants of their loads. Soft motions, which supports hardly resist, have springs S:
 !> `G^T lambda + S alpha = e`. Motions are scaled so that the contact nodes of the body move by
 !> 1 at most: amplitudes are lengths, resultants are forces.
-module dotyk_scheme_coarse
+module dotyk_scheme_coarse_space
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_contact_operator, only: contact_operator_t
@@ -250,13 +250,13 @@ contains
   end subroutine coarse_rows
 
   !> Pseudo-inverse of a matrix that says how the motions are held, and its null space: what is not held.
-  subroutine coarse_invert(self, matrix, inverse, null_motion, error)
+  subroutine coarse_invert(self, matrix, inverse, null_mode, error)
     class(coarse_space_t), intent(in) :: self
     !> Symmetric, not negative (n, n).
     real(dp), intent(in) :: matrix(:, :)
     real(dp), allocatable, intent(out) :: inverse(:, :)
     !> As columns, the largest amplitude of each is 1 (n, number of them).
-    real(dp), allocatable, intent(out) :: null_motion(:, :)
+    real(dp), allocatable, intent(out) :: null_mode(:, :)
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: scaled(:, :), scale(:), values(:), vectors(:, :), part(:, :)
     real(dp) :: most
@@ -264,7 +264,7 @@ contains
     integer :: i, b, n_null
     if (all_sprung(self)) then
       ! Elimination keeps motions apart that have nothing to do with each other, however different their springs.
-      allocate (inverse(self%n, self%n), null_motion(self%n, 0))
+      allocate (inverse(self%n, self%n), null_mode(self%n, 0))
       inverse = 0
       do i = 1, self%n
         inverse(i, i) = 1
@@ -299,10 +299,10 @@ contains
     do i = 1, self%n
       inverse(:, i) = scale*inverse(:, i)*scale(i)
     end do
-    null_motion = vectors(:, pack([(i, i=1, self%n)], .not. is_held))
+    null_mode = vectors(:, pack([(i, i=1, self%n)], .not. is_held))
     do i = 1, n_null
-      null_motion(:, i) = scale*null_motion(:, i)
-      null_motion(:, i) = null_motion(:, i)/maxval(abs(null_motion(:, i)))
+      null_mode(:, i) = scale*null_mode(:, i)
+      null_mode(:, i) = null_mode(:, i)/maxval(abs(null_mode(:, i)))
     end do
   end subroutine coarse_invert
 
@@ -355,4 +355,4 @@ contains
     if (allocated(self%stiffness)) deallocate (self%stiffness, self%lift, self%resultant_size)
     if (allocated(self%resultant)) deallocate (self%resultant)
   end subroutine coarse_destroy
-end module dotyk_scheme_coarse
+end module dotyk_scheme_coarse_space

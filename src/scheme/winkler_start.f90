@@ -3,19 +3,19 @@
 !> Both questions are the minimum over the amplitudes alpha of
 !> `mu |alpha|^2/2 - e.alpha + sum_i k_i max(0, y_i + (G alpha)_i)^2/2`, convex and piecewise quadratic: Newton's method with an exact
 !> line search. It costs no solve of any body; where there are many motions the systems are sparse, one block for each couple of bodies.
-module dotyk_scheme_settle
+module dotyk_scheme_winkler_start
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_contact_operator, only: contact_operator_t
   use dotyk_linalg_dense, only: solve_dense
   use dotyk_linalg_ordering, only: nested_dissection
-  use dotyk_linalg_saddle_factor, only: saddle_factor_t
-  use dotyk_linalg_saddle_solution, only: solve_saddle
-  use dotyk_scheme_coarse, only: coarse_space_t
+  use dotyk_linalg_block_ldlt, only: block_ldlt_t
+  use dotyk_linalg_block_ldlt_solution, only: solve_block_ldlt
+  use dotyk_scheme_coarse_space, only: coarse_space_t
   use dotyk_scheme_line_search, only: line_minimum
   implicit none
   private
-  public :: settle, find_unstoppable
+  public :: winkler_equilibrium, find_unbounded_direction
 
   !> Newton steps at most; a start need not be exact.
   integer, parameter :: most_steps = 100
@@ -25,7 +25,7 @@ module dotyk_scheme_settle
 contains
 
   !> Let the free bodies come to rest.
-  subroutine settle(operator, coarse, resultant, stiffness, y, alpha)
+  subroutine winkler_equilibrium(operator, coarse, resultant, stiffness, y, alpha)
     type(contact_operator_t), intent(in) :: operator
     type(coarse_space_t), intent(in) :: coarse
     !> Resultants that the contact points have to balance (coarse%n) [force].
@@ -41,11 +41,11 @@ contains
     alpha = 0
     if (coarse%n == 0 .or. operator%n_rows == 0) return
     call minimize(operator, coarse, resultant, soft*sum(stiffness)/operator%n_rows, stiffness, y, alpha, coarse%stiffness)
-  end subroutine settle
+  end subroutine winkler_equilibrium
 
   !> Look for a motion that the loads excite and no contact can stop: the part of e that no pressures balance. It is the projection of e
   !> on the motions with G alpha <= 0, `min |alpha - e|^2/2`, with these conditions by a large penalty.
-  subroutine find_unstoppable(operator, coarse, motion, found)
+  subroutine find_unbounded_direction(operator, coarse, motion, found)
     type(contact_operator_t), intent(in) :: operator
     type(coarse_space_t), intent(in) :: coarse
     !> The motion (coarse%n).
@@ -74,7 +74,7 @@ contains
     end if
     call minimize(operator, coarse, e, 1.0_dp, penalty, none, motion, springs)
     found = maxval(abs(motion)) > rounding
-  end subroutine find_unstoppable
+  end subroutine find_unbounded_direction
 
   !> The minimum of the function above; alpha is the start on entry.
   subroutine minimize(operator, coarse, e, mu, k, y, alpha, springs)
@@ -86,7 +86,7 @@ contains
     !> Springs on the motions; none if absent (coarse%n, coarse%n) [force/length].
     real(dp), intent(in), optional :: springs(:, :)
     real(dp), allocatable :: gradient(:), step(:), position(:), change(:)
-    type(saddle_factor_t) :: factor
+    type(block_ldlt_t) :: factor
     integer, allocatable :: start(:), neighbour(:), order(:)
     real(dp) :: first_size, t
     logical :: failed
@@ -185,7 +185,7 @@ contains
     !> Of `order_bodies`.
     integer, intent(in) :: start(:), neighbour(:), order(:)
     !> Work space.
-    type(saddle_factor_t), intent(inout) :: factor
+    type(block_ldlt_t), intent(inout) :: factor
     real(dp), intent(inout) :: x(:)
     logical, intent(out) :: failed
     !> A block for each body (coarse%n, coarse%n).
@@ -220,7 +220,7 @@ contains
     end do
     call factor%factorize([(0.0_dp, b=1, size(order))], block)
     failed = block > 0
-    if (.not. failed) call solve_saddle(factor, x)
+    if (.not. failed) call solve_block_ldlt(factor, x)
     call factor%destroy()
   end subroutine solve_sparse
 
@@ -259,4 +259,4 @@ contains
     real(dp), intent(inout) :: column(:)
     column(first:first + size(g) - 1) = column(first:first + size(g) - 1) + factor*g
   end subroutine add
-end module dotyk_scheme_settle
+end module dotyk_scheme_winkler_start

@@ -1,18 +1,18 @@
-!> Systems with a factorized saddle point matrix (`dotyk_linalg_saddle_factor`), and the vectors that it maps to zero.
-module dotyk_linalg_saddle_solution
+!> Systems with a factorized saddle point matrix (`dotyk_linalg_block_ldlt`), and the vectors that it maps to zero.
+module dotyk_linalg_block_ldlt_solution
   use dotyk_base_kinds, only: dp
   use dotyk_linalg_blas, only: dgemv, dtrsv
-  use dotyk_linalg_saddle_factor, only: saddle_factor_t
+  use dotyk_linalg_block_ldlt, only: block_ldlt_t
   implicit none
   private
-  public :: solve_saddle, extend_null
+  public :: solve_block_ldlt, expand_null_vector
 
 contains
 
   !> x <- A^+ x.
-  subroutine solve_saddle(factor, x)
+  subroutine solve_block_ldlt(factor, x)
     !> Factorized.
-    type(saddle_factor_t), intent(in) :: factor
+    type(block_ldlt_t), intent(in) :: factor
     !> In the order of the blocks (n).
     real(dp), intent(inout) :: x(:)
     integer :: g, k
@@ -27,12 +27,12 @@ contains
         call backwards(factor, g, factor%first_run(g + 1) - 1, x)
       end do
     end associate
-  end subroutine solve_saddle
+  end subroutine solve_block_ldlt
 
   !> The vector of a direction that stays out: A maps it to zero.
-  subroutine extend_null(factor, i, x)
+  subroutine expand_null_vector(factor, i, x)
     !> Factorized.
-    type(saddle_factor_t), intent(in) :: factor
+    type(block_ldlt_t), intent(in) :: factor
     !> Which one.
     integer, intent(in) :: i
     !> (n)
@@ -53,11 +53,11 @@ contains
         call backwards(factor, g, factor%first_run(g + 1) - 1, x)
       end do
     end associate
-  end subroutine extend_null
+  end subroutine expand_null_vector
 
   !> x <- L^{-1} x for the columns of a group.
   subroutine forwards(factor, g, x)
-    type(saddle_factor_t), intent(in) :: factor
+    type(block_ldlt_t), intent(in) :: factor
     integer, intent(in) :: g
     real(dp), intent(inout) :: x(:)
     real(dp) :: front(factor%tree%height(g))
@@ -83,7 +83,7 @@ contains
 
   !> x <- L^{-T} x for the columns of a group, from a run down.
   subroutine backwards(factor, g, last, x)
-    type(saddle_factor_t), intent(in) :: factor
+    type(block_ldlt_t), intent(in) :: factor
     !> Group and run.
     integer, intent(in) :: g, last
     real(dp), intent(inout) :: x(:)
@@ -107,4 +107,4 @@ contains
       x(row) = front
     end associate
   end subroutine backwards
-end module dotyk_linalg_saddle_solution
+end module dotyk_linalg_block_ldlt_solution
