@@ -8,11 +8,11 @@ module dotyk_response_definite
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
   use dotyk_elasticity_body, only: body_t
-  use dotyk_elasticity_likely_cause, only: likely_cause
+  use dotyk_elasticity_conditioning_diagnosis, only: diagnose_conditioning
   use dotyk_linalg_cholesky, only: cholesky_t
   use dotyk_linalg_condition, only: scaled_norm, softest_shapes
   use dotyk_response_hold, only: add_springs, choose_holds, is_mechanism
-  use dotyk_response_soft_motions, only: count_soft, find_motions
+  use dotyk_response_soft_motions, only: count_soft, find_near_null_modes
   implicit none
   private
 
@@ -126,7 +126,7 @@ contains
       call refuse(body, failed_column, error)
       return
     end if
-    call find_motions(body, factor, hold, spring, digits%motion, digits%stiffness, error)
+    call find_near_null_modes(body, factor, hold, spring, digits%motion, digits%stiffness, error)
     digits%hold = hold
     digits%spring = spring
   end subroutine part_soft_motions
@@ -168,7 +168,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: cause
     integer :: place(2)
-    call likely_cause(body%mesh, body%analysis, body%material, cause)
+    call diagnose_conditioning(body%mesh, body%analysis, body%material, cause)
     if (len(cause) > 0) cause = '; or rounding leaves no digit of it, and the likely cause is: '//cause
     place = findloc(body%constraint%equation, equation)
     !$omp critical (message)

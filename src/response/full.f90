@@ -17,7 +17,7 @@ module dotyk_response_full
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
   use dotyk_elasticity_body, only: body_t
-  use dotyk_elasticity_elimination, only: elimination_order
+  use dotyk_elasticity_node_ordering, only: fill_reducing_order
   use dotyk_linalg_cholesky, only: cholesky_t
   use dotyk_linalg_ordering, only: expand_permutation
   use dotyk_linalg_sparse, only: sparse_rows_t, sparse_symmetric_t
@@ -69,7 +69,7 @@ module dotyk_response_full
     procedure :: share => full_response_share
     procedure :: factorize => full_response_factorize
     procedure :: attach => full_response_attach
-    procedure :: adopt_soft_motions => full_response_adopt_soft_motions
+    procedure :: adopt_near_null_modes => full_response_adopt_soft_motions
     procedure :: apply => full_response_apply
     procedure :: response_entries => full_response_entries
     procedure, private :: choose_form => full_response_choose_form
@@ -110,15 +110,15 @@ contains
     integer, allocatable :: node_order(:), permutation(:)
     integer :: k
     self%dimension = body%dimension
-    self%n_motions = size(body%free_motion, 3)
+    self%n_motions = size(body%rigid_mode, 3)
     allocate (self%rigid(body%constraint%n_equations, self%n_motions))
     do k = 1, self%n_motions
-      call body%constraint%reduce(body%free_motion(:, :, k), self%rigid(:, k))
+      call body%constraint%reduce(body%rigid_mode(:, :, k), self%rigid(:, k))
     end do
     call choose_holds(self%rigid, self%hold)
     ! Nodes are ordered, not equations: the graph is smaller, and the equations of a node stay together.
     allocate (node_order(size(body%graph_start) - 1))
-    call elimination_order(body%mesh, body%graph_start, body%graph_neighbour, node_order, error)
+    call fill_reducing_order(body%mesh, body%graph_start, body%graph_neighbour, node_order, error)
     if (allocated(error)) return
     allocate (permutation(body%constraint%n_equations))
     call expand_permutation(node_order, body%constraint%equation, permutation)
@@ -215,7 +215,7 @@ contains
     !> The same body as in `prepare`; without stiffness on return.
     type(body_t), intent(inout) :: body
     type(error_t), allocatable, intent(out) :: error
-    !> Whether soft motions may be treated apart, see `adopt_soft_motions`; not if absent.
+    !> Whether soft motions may be treated apart, see `adopt_near_null_modes`; not if absent.
     logical, intent(in), optional :: take_apart
     call factorize_stiffness(body, self%factor, self%hold, self%digits, error, take_apart)
     if (allocated(error)) return
@@ -251,7 +251,7 @@ contains
     else
       call self%keep_diagonal(body%stiffness)
     end if
-    self%motion = reshape(body%free_motion(:, contact_node, :), [self%dimension*size(contact_node), self%n_motions])
+    self%motion = reshape(body%rigid_mode(:, contact_node, :), [self%dimension*size(contact_node), self%n_motions])
     call self%take_condensed()
   end subroutine full_response_attach
 

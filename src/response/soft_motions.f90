@@ -17,7 +17,7 @@ module dotyk_response_soft_motions
   use dotyk_linalg_dense, only: right_singular_vectors, solve_dense
   implicit none
   private
-  public :: count_soft, find_motions, tell_apart
+  public :: count_soft, find_near_null_modes, tell_apart
 
   !> Eigenvalues of the scaled stiffness above this cost no digits that anybody misses.
   real(dp), parameter :: soft = 1.0e-4_dp
@@ -43,7 +43,7 @@ contains
   end function count_soft
 
   !> The motions and their stiffness.
-  subroutine find_motions(body, factor, hold, spring, motion, stiffness, error)
+  subroutine find_near_null_modes(body, factor, hold, spring, motion, stiffness, error)
     !> Assembled; the stiffness is not looked at.
     type(body_t), intent(in) :: body
     !> Factor of K_s.
@@ -92,7 +92,7 @@ contains
     at_hold = transpose(motion(hold, :))
     call solve_dense(at_hold, stiffness, error)
     stiffness = (stiffness + transpose(stiffness))/2
-  end subroutine find_motions
+  end subroutine find_near_null_modes
 
   !> Combine the motions so that those which contact can feel and those which it cannot are apart: rounding errors of large contact
   !> forces must not move a body along the others.

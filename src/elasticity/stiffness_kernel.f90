@@ -3,7 +3,7 @@
 !> With M(ak,bl) = sum over points of w g_ak g_bl, g_ak the gradient slot k of shape function a, every linear elastic
 !> stiffness is K(ai,bj) = sum_kl C(ik,jl) M(ak,bl), in whatever analysis; an isotropic body in three dimensions needs
 !> K(ai,bj) = lambda M(ai,bj) + mu M(aj,bi) + mu delta_ij sum_k M(ak,bk) only.
-module dotyk_elasticity_kernel
+module dotyk_elasticity_stiffness_kernel
   use dotyk_base_kinds, only: dp
   implicit none
   private
@@ -170,4 +170,4 @@ contains
       end do
     end do
   end subroutine rotate_blocks
-end module dotyk_elasticity_kernel
+end module dotyk_elasticity_stiffness_kernel

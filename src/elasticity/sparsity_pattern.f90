@@ -2,14 +2,14 @@
 !>
 !> Equations are numbered by nodes, so that the column of an equation of node b holds the later equations of b, then
 !> those of its neighbours a > b, block after block. One offset per pair of nodes finds a block in all columns of b.
-module dotyk_elasticity_pattern
+module dotyk_elasticity_sparsity_pattern
   use dotyk_base_kinds, only: dp, int64
   use dotyk_linalg_sparse, only: sparse_symmetric_t
   implicit none
   private
 
   !> Where the blocks are. Neighbours of node b beyond it: `neighbour(first(b) : first(b + 1) - 1)`, ascending.
-  type, public :: block_places_t
+  type, public :: block_positions_t
     !> First greater neighbour of each node (n_nodes + 1).
     integer, allocatable :: first(:)
     !> Greater neighbours.
@@ -18,7 +18,7 @@ module dotyk_elasticity_pattern
     integer, allocatable :: offset(:)
     !> Number of equations of each node (n_nodes).
     integer, allocatable :: n_free(:)
-  end type block_places_t
+  end type block_positions_t
 
   public :: build_pattern, scatter
 
@@ -33,7 +33,7 @@ contains
     !> Adjacency as of `node_graph`.
     integer, intent(in) :: start(:), neighbour(:)
     !> Where the blocks are.
-    type(block_places_t), intent(out) :: places
+    type(block_positions_t), intent(out) :: places
     !> The matrix with zeros as values.
     type(sparse_symmetric_t), intent(inout) :: matrix
     integer, allocatable :: rows(:)
@@ -150,7 +150,7 @@ contains
     integer, intent(in) :: share, owner(n_nodes)
     !> Equations by nodes, 0 for none.
     integer, intent(in) :: equation(dim, n_nodes)
-    !> Places of the blocks; see `block_places_t`.
+    !> Places of the blocks; see `block_positions_t`.
     integer, intent(in) :: n_free(n_nodes), first(n_nodes + 1), neighbour(*), offset(*)
     !> Column starts, 0-based.
     integer(int64), intent(in) :: column_start(*)
@@ -219,4 +219,4 @@ contains
       order(k) = i
     end do
   end subroutine sort_nodes
-end module dotyk_elasticity_pattern
+end module dotyk_elasticity_sparsity_pattern

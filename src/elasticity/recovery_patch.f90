@@ -1,12 +1,12 @@
 !> The nodes around a vertex of a body: rings of elements, and axes in which these are about as long as wide.
-module dotyk_elasticity_patch
+module dotyk_elasticity_recovery_patch
   use dotyk_base_kinds, only: dp
   use dotyk_elasticity_monomials, only: lanes
   implicit none
   private
 
   !> The nodes of a patch in their own axes, eight at a time.
-  type, public :: patch_t
+  type, public :: recovery_patch_t
     !> Number of nodes, and of blocks of them.
     integer :: n = 0, n_blocks = 0
     !> Nodes (any number >= n).
@@ -16,9 +16,9 @@ module dotyk_elasticity_patch
     !> Values, relative to those of the vertex, times these roots (n_values, >= n).
     real(dp), allocatable :: value(:, :)
   contains
-    procedure :: fill => patch_fill
-    procedure :: take => patch_take
-  end type patch_t
+    procedure :: fill => recovery_patch_fill
+    procedure :: take => recovery_patch_take
+  end type recovery_patch_t
 
   public :: add_ring, diagonalize
 
@@ -51,8 +51,8 @@ contains
   end subroutine add_ring
 
   !> Take places of the nodes of a patch, the first of which is its vertex, and find its axes.
-  subroutine patch_fill(self, dim, x, axes)
-    class(patch_t), intent(inout) :: self
+  subroutine recovery_patch_fill(self, dim, x, axes)
+    class(recovery_patch_t), intent(inout) :: self
     integer, intent(in) :: dim
     !> Nodes (dimension, n_nodes) [length].
     real(dp), intent(in), contiguous :: x(:, :)
@@ -65,11 +65,11 @@ contains
     call gather(self%n, dim, self%n_blocks, self%node, x, self%t)
     call own_axes(dim, self%n_blocks, self%t, axes)
     call to_axes(self%n, dim, self%n_blocks, axes, self%t, self%root_weight)
-  end subroutine patch_fill
+  end subroutine recovery_patch_fill
 
   !> Take values at the nodes of a patch that is filled.
-  subroutine patch_take(self, values)
-    class(patch_t), intent(inout) :: self
+  subroutine recovery_patch_take(self, values)
+    class(recovery_patch_t), intent(inout) :: self
     !> (n_values, n_nodes).
     real(dp), intent(in), contiguous :: values(:, :)
     real(dp) :: root
@@ -82,7 +82,7 @@ contains
       root = self%root_weight(mod(i - 1, lanes) + 1, (i - 1)/lanes + 1)
       self%value(:, i) = root*(values(:, self%node(i)) - values(:, self%node(1)))
     end do
-  end subroutine patch_take
+  end subroutine recovery_patch_take
 
   !> Vectors of the nodes of a patch, relative to that of the first one; zeros fill the last block up.
   pure subroutine gather(n, dim, n_blocks, node, of_nodes, relative)
@@ -225,4 +225,4 @@ contains
       root_weight(i, n_blocks) = 0
     end do
   end subroutine to_axes
-end module dotyk_elasticity_patch
+end module dotyk_elasticity_recovery_patch

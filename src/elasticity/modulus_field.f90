@@ -1,35 +1,35 @@
 !> The factor on the stiffness of a material, `young_formula`: a function of the place.
-module dotyk_elasticity_stiffness_factor
+module dotyk_elasticity_modulus_field
   use dotyk_base_error, only: add_context, error_t, exit_bad_input, set_error
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_magnitude, only: size_rule, smallest_number
   use dotyk_base_text, only: text_t, to_text
-  use dotyk_elasticity_field, only: field_t, place_text
+  use dotyk_elasticity_vector_field, only: vector_field_t, point_text
   use dotyk_elasticity_material, only: material_t
   implicit none
   private
-  public :: read_factor, apply_factor
+  public :: read_modulus_field, apply_modulus_field
 
 contains
 
   !> Parse the factor on the stiffness of a material: 1 where it has none.
-  subroutine read_factor(material, factor, error)
+  subroutine read_modulus_field(material, factor, error)
     type(material_t), intent(in) :: material
     !> The factor is the first component.
-    type(field_t), intent(inout) :: factor
+    type(vector_field_t), intent(inout) :: factor
     type(error_t), allocatable, intent(out) :: error
     type(text_t), allocatable :: text(:)
-    if (material%has_factor()) then
+    if (material%has_modulus_field()) then
       allocate (text(1))
-      text(1)%s = material%factor_text
+      text(1)%s = material%modulus_formula
     end if
     call factor%init([1.0_dp, 0.0_dp, 0.0_dp], error, text)
     call add_context(error, 'young_formula: ')
-  end subroutine read_factor
+  end subroutine read_modulus_field
 
   !> Multiply the weights of an element's points by the factor on the stiffness.
-  subroutine apply_factor(factor, shape, x, tag, w, error)
-    type(field_t), intent(in) :: factor
+  subroutine apply_modulus_field(factor, shape, x, tag, w, error)
+    type(vector_field_t), intent(in) :: factor
     !> Shape functions at the points (n_nodes, n_points).
     real(dp), intent(in) :: shape(:, :)
     !> Nodes of the element (dim, n_nodes) [length].
@@ -54,14 +54,14 @@ contains
         continue   ! no number
       else if (.not. value(1) > 0) then
         call set_error(error, 'the factor on the stiffness must be positive, it is '//to_text(value(1))//' at '// &
-                       place_text(place), exit_bad_input)
+                       point_text(place), exit_bad_input)
       else
-        call set_error(error, 'the formula is '//to_text(value(1))//' at '//place_text(place)//'; '//size_rule, exit_bad_input)
+        call set_error(error, 'the formula is '//to_text(value(1))//' at '//point_text(place)//'; '//size_rule, exit_bad_input)
       end if
       call add_context(error, 'young_formula: ')
       error%message = error%message//' (element '//to_text(tag)//')'
       !$omp end critical (message)
       return
     end do
-  end subroutine apply_factor
-end module dotyk_elasticity_stiffness_factor
+  end subroutine apply_modulus_field
+end module dotyk_elasticity_modulus_field

@@ -3,12 +3,12 @@
 !> Elements are given in an order; each thread gets a run of them, and owns the nodes that no run before touches. What elements add to a
 !> node is added by its owner, in their order: its own run holds the first ones, and it works on the few elements of later runs that
 !> touch its nodes as well.
-module dotyk_elasticity_element_shares
+module dotyk_elasticity_element_partition
   implicit none
   private
 
   !> The shares.
-  type, public :: element_shares_t
+  type, public :: element_partition_t
     !> Number of shares.
     integer :: n = 0
     !> Share that owns each node; 0 for nodes of no element (n_nodes).
@@ -18,14 +18,14 @@ module dotyk_elasticity_element_shares
     !> Those up to own(s) are its run; the others are in other shares' runs (n).
     integer, allocatable :: own(:)
   contains
-    procedure :: init => element_shares_init
-  end type element_shares_t
+    procedure :: init => element_partition_init
+  end type element_partition_t
 
 contains
 
   !> Share out elements.
-  subroutine element_shares_init(self, n_nodes, node, order, n_shares)
-    class(element_shares_t), intent(out) :: self
+  subroutine element_partition_init(self, n_nodes, node, order, n_shares)
+    class(element_partition_t), intent(out) :: self
     integer, intent(in) :: n_nodes
     !> Nodes of the elements (n, n_elements).
     integer, intent(in) :: node(:, :)
@@ -80,5 +80,5 @@ contains
       self%place(last(share)) = k
       if (share == run_of(k)) self%own(share) = last(share)
     end subroutine add
-  end subroutine element_shares_init
-end module dotyk_elasticity_element_shares
+  end subroutine element_partition_init
+end module dotyk_elasticity_element_partition

@@ -1,19 +1,19 @@
 !> Why the stiffness of a body is ill-conditioned, as far as mesh and material tell.
-module dotyk_elasticity_likely_cause
+module dotyk_elasticity_conditioning_diagnosis
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: quoted, to_text
   use dotyk_elasticity_analysis, only: gradient_slots
-  use dotyk_elasticity_element_table, only: map_element, table_pair_t
-  use dotyk_elasticity_field, only: field_t
+  use dotyk_elasticity_shape_table, only: map_element, shape_table_pair_t
+  use dotyk_elasticity_vector_field, only: vector_field_t
   use dotyk_elasticity_material, only: material_t
-  use dotyk_elasticity_stiffness_factor, only: apply_factor, read_factor
+  use dotyk_elasticity_modulus_field, only: apply_modulus_field, read_modulus_field
   use dotyk_linalg_dense, only: symmetric_eigen
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t
   implicit none
   private
-  public :: likely_cause
+  public :: diagnose_conditioning
 
   !> Flatness of elements, and contrasts of stiffnesses, that cost digits by themselves: the condition grows like the square of the first.
   real(dp), parameter :: flat = 1.0e3_dp, contrast = 1.0e5_dp
@@ -21,7 +21,7 @@ module dotyk_elasticity_likely_cause
 contains
 
   !> The causes in words.
-  subroutine likely_cause(mesh, analysis, material, text)
+  subroutine diagnose_conditioning(mesh, analysis, material, text)
     type(body_mesh_t), intent(in) :: mesh
     !> One of dotyk_elasticity_analysis' constants.
     integer, intent(in) :: analysis
@@ -50,7 +50,7 @@ contains
       if (len(text) > 0) text = text//'; '
       text = text//cause
     end subroutine add
-  end subroutine likely_cause
+  end subroutine diagnose_conditioning
 
   !> Largest over least eigenvalue of a material's stiffness.
   real(dp) function stiffness_ratio(material) result(ratio)
@@ -75,8 +75,8 @@ contains
     real(dp), intent(out) :: flatness
     integer, intent(out) :: block, element
     real(dp), intent(out) :: least, most
-    type(field_t) :: factor
-    type(table_pair_t) :: tables
+    type(vector_field_t) :: factor
+    type(shape_table_pair_t) :: tables
     type(error_t), allocatable :: error
     type(element_kind_t) :: kind
     real(dp), allocatable :: x(:, :), g(:), w(:), factors(:)
@@ -87,7 +87,7 @@ contains
     element = 1
     least = huge(least)
     most = 0
-    call read_factor(material, factor, error)
+    call read_modulus_field(material, factor, error)
     if (allocated(error)) return
     dim = mesh%dimension
     slots = gradient_slots(analysis)
@@ -108,7 +108,7 @@ contains
             element = e
           end if
           factors = 0*w + 1
-          if (.not. factor%constant) call apply_factor(factor, table%shape, x, mesh%block(i)%tag(e), factors, error)
+          if (.not. factor%constant) call apply_modulus_field(factor, table%shape, x, mesh%block(i)%tag(e), factors, error)
           least = min(least, minval(factors))
           most = max(most, maxval(factors))
         end do
@@ -131,4 +131,4 @@ contains
     end do
     flatness = flatness*norm2(maxval(x, dim=2) - minval(x, dim=2))
   end function flatness_of
-end module dotyk_elasticity_likely_cause
+end module dotyk_elasticity_conditioning_diagnosis

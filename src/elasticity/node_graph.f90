@@ -1,5 +1,5 @@
 !> Which nodes of a body share elements.
-module dotyk_elasticity_graph
+module dotyk_elasticity_node_graph
   use omp_lib, only: omp_get_max_threads, omp_in_parallel
   use dotyk_mesh_body_mesh, only: body_mesh_t
   implicit none
@@ -203,4 +203,4 @@ contains
       end do
     end do
   end subroutine sort_ascending
-end module dotyk_elasticity_graph
+end module dotyk_elasticity_node_graph

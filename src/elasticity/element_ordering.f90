@@ -2,11 +2,11 @@
 !>
 !> Mesh generators number elements and nodes with little regard for that, and then assembly waits for memory most of
 !> the time.
-module dotyk_elasticity_element_order
+module dotyk_elasticity_element_ordering
   use dotyk_base_kinds, only: dp
   implicit none
   private
-  public :: element_order
+  public :: morton_order
 
   !> Bits of the curve per axis.
   integer, parameter :: bits = 10
@@ -14,7 +14,7 @@ module dotyk_elasticity_element_order
 contains
 
   !> Sort elements by the place of their first node on the curve; equal places keep their order.
-  pure subroutine element_order(dim, x, node, order)
+  pure subroutine morton_order(dim, x, node, order)
     !> Dimension, 2 or 3.
     integer, intent(in) :: dim
     !> Nodes of the body (dim, n_nodes) [length].
@@ -68,5 +68,5 @@ contains
         start(k) = start(k) + 1
       end do
     end do
-  end subroutine element_order
-end module dotyk_elasticity_element_order
+  end subroutine morton_order
+end module dotyk_elasticity_element_ordering

@@ -1,19 +1,19 @@
 !> From displacements to stresses and energy, with the quadrature of the stiffness.
-module dotyk_elasticity_recovery
+module dotyk_elasticity_stress_energy
   use omp_lib, only: omp_get_max_threads, omp_in_parallel
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_elasticity_element_points, only: element_points_t
+  use dotyk_elasticity_element_quadrature, only: element_quadrature_t
   use dotyk_elasticity_material, only: material_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   implicit none
   private
-  public :: recover
+  public :: stresses_and_energy
 
 contains
 
   !> Mean stress of each element, and the energy of all.
-  subroutine recover(mesh, analysis, material, u, stress, energy, error, mean_factor)
+  subroutine stresses_and_energy(mesh, analysis, material, u, stress, energy, error, mean_modulus_factor)
     type(body_mesh_t), intent(in) :: mesh
     !> One of dotyk_elasticity_analysis' constants.
     integer, intent(in) :: analysis
@@ -27,7 +27,7 @@ contains
     !> Allocated where an element or the factor on the stiffness is wrong; assembly finds that first.
     type(error_t), allocatable, intent(out) :: error
     !> Mean of the factor on the stiffness over each element (n_elements).
-    real(dp), intent(out), optional :: mean_factor(:)
+    real(dp), intent(out), optional :: mean_modulus_factor(:)
     real(dp), allocatable :: of_element(:), factor(:)
     integer :: i, first, last
     stress = 0
@@ -42,27 +42,27 @@ contains
     end do
     ! In the order of the elements: the same digits on any number of threads.
     energy = sum(of_element)
-    if (present(mean_factor)) mean_factor = factor
-  end subroutine recover
+    if (present(mean_modulus_factor)) mean_modulus_factor = factor
+  end subroutine stresses_and_energy
 
   !> The elements of one block, shared out over the threads.
-  subroutine recover_block(mesh, i_block, analysis, material, u, stress, energy, mean_factor, error)
+  subroutine recover_block(mesh, i_block, analysis, material, u, stress, energy, mean_modulus_factor, error)
     type(body_mesh_t), intent(in) :: mesh
     integer, intent(in) :: i_block, analysis
     type(material_t), intent(in) :: material
     real(dp), intent(in) :: u(:, :)
     !> Of the elements of the block.
-    real(dp), intent(inout) :: stress(:, :), energy(:), mean_factor(:)
+    real(dp), intent(inout) :: stress(:, :), energy(:), mean_modulus_factor(:)
     type(error_t), allocatable, intent(out) :: error
     type(error_t), allocatable :: failed
     integer :: n, s, n_shares
     n = size(energy)
     n_shares = merge(1, min(n, omp_get_max_threads()), omp_in_parallel())
     !$omp parallel do default(none) schedule(static, 1) private(failed) &
-    !$omp& shared(mesh, i_block, analysis, material, u, stress, energy, mean_factor, error, n, n_shares)
+    !$omp& shared(mesh, i_block, analysis, material, u, stress, energy, mean_modulus_factor, error, n, n_shares)
     do s = 1, n_shares
       call recover_elements(mesh, i_block, analysis, material, u, (n*(s - 1))/n_shares + 1, (n*s)/n_shares, stress, &
-                            energy, mean_factor, failed)
+                            energy, mean_modulus_factor, failed)
       if (.not. allocated(failed)) cycle
       !$omp critical(dotyk_recovery)
       if (.not. allocated(error)) call move_alloc(failed, error)
@@ -72,7 +72,7 @@ contains
   end subroutine recover_block
 
   !> Some elements of a block.
-  subroutine recover_elements(mesh, i_block, analysis, material, u, first, last, stress, energy, mean_factor, error)
+  subroutine recover_elements(mesh, i_block, analysis, material, u, first, last, stress, energy, mean_modulus_factor, error)
     type(body_mesh_t), intent(in) :: mesh
     integer, intent(in) :: i_block, analysis
     type(material_t), intent(in) :: material
@@ -80,9 +80,9 @@ contains
     !> From the first to the last of these.
     integer, intent(in) :: first, last
     !> Of all elements of the block.
-    real(dp), intent(inout) :: stress(:, :), energy(:), mean_factor(:)
+    real(dp), intent(inout) :: stress(:, :), energy(:), mean_modulus_factor(:)
     type(error_t), allocatable, intent(out) :: error
-    type(element_points_t) :: points
+    type(element_quadrature_t) :: points
     real(dp), allocatable :: ue(:, :)
     real(dp) :: volume, stiffness
     integer :: e
@@ -98,7 +98,7 @@ contains
                                    ue, stress(:, e), energy(e))
         volume = sum(points%w(:m))
         stiffness = sum(points%stiffness(:m))
-        mean_factor(e) = stiffness/volume
+        mean_modulus_factor(e) = stiffness/volume
         if (points%bulk > 0) call add_dilatation(n, dim, points%n_functions, points%bulk, points%dilatation, volume, stiffness, &
                                                  ue, stress(1:3, e), energy(e))
       end do
@@ -169,4 +169,4 @@ contains
     normal_stress = normal_stress + bulk*amplitude(1)*sqrt(stiffness)/volume
     energy = energy + 0.5_dp*bulk*sum(amplitude**2)
   end subroutine add_dilatation
-end module dotyk_elasticity_recovery
+end module dotyk_elasticity_stress_energy

@@ -2,12 +2,12 @@
 !>
 !> The basis is kept as translations and rotations beside the displacements: these are evaluated from those and from nothing else,
 !> so that they are rigid to round-off however thin the body is.
-module dotyk_elasticity_free_motion
+module dotyk_elasticity_rigid_body_modes
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: text_t
   use dotyk_elasticity_analysis, only: analysis_3d
   use dotyk_elasticity_constraint, only: constraint_t
-  use dotyk_elasticity_rigid, only: describe, free_space, part_text, rigid_displacement
+  use dotyk_elasticity_rigid_motion, only: describe_rigid_motions, rigid_null_space, component_text, rigid_displacement
   use dotyk_linalg_dense, only: orthonormal_range
   use dotyk_mesh_body_mesh, only: body_mesh_t, connected_components
   use dotyk_mesh_placement, only: placement_t
@@ -15,7 +15,7 @@ module dotyk_elasticity_free_motion
   private
 
   !> Free rigid motions of all connected parts of a body.
-  type, public :: free_motions_t
+  type, public :: rigid_body_modes_t
     !> Number of motions.
     integer :: n = 0
     !> One of dotyk_elasticity_analysis' constants.
@@ -29,11 +29,11 @@ module dotyk_elasticity_free_motion
     !> What comes before the motions of each part (n_parts).
     type(text_t), allocatable, private :: part_name(:)
   contains
-    procedure :: init => free_motions_init
-    procedure :: move => free_motions_move
-    procedure :: say => free_motions_say
-    procedure :: say_space => free_motions_say_space
-  end type free_motions_t
+    procedure :: init => rigid_body_modes_init
+    procedure :: move => rigid_body_modes_move
+    procedure :: combination_text => rigid_body_modes_combination_text
+    procedure :: span_text => rigid_body_modes_span_text
+  end type rigid_body_modes_t
 
   !> Parts whose share of a motion is less than this are not named.
   real(dp), parameter :: least_share = 1.0e-9_dp
@@ -41,8 +41,8 @@ module dotyk_elasticity_free_motion
 contains
 
   !> Find the motions.
-  subroutine free_motions_init(self, mesh, analysis, constraint, field)
-    class(free_motions_t), intent(out) :: self
+  subroutine rigid_body_modes_init(self, mesh, analysis, constraint, field)
+    class(rigid_body_modes_t), intent(out) :: self
     type(body_mesh_t), intent(in) :: mesh
     !> One of dotyk_elasticity_analysis' constants.
     integer, intent(in) :: analysis
@@ -59,10 +59,10 @@ contains
     self%analysis = analysis
     allocate (self%centre(3, n_parts), self%radius(n_parts), self%part_name(n_parts), free(6, 6, n_parts), n_of_part(n_parts))
     do p = 1, n_parts
-      call free_space(mesh, analysis, constraint, part, p, self%centre(:, p), self%radius(p), free(:, :, p), n_of_part(p))
+      call rigid_null_space(mesh, analysis, constraint, part, p, self%centre(:, p), self%radius(p), free(:, :, p), n_of_part(p))
       ! See dotyk_base_text.
       !$omp critical (message)
-      self%part_name(p)%s = part_text(mesh, part, p, n_parts)
+      self%part_name(p)%s = component_text(mesh, part, p, n_parts)
       !$omp end critical (message)
     end do
     self%n = sum(n_of_part)
@@ -77,11 +77,11 @@ contains
         first = last + 1
       end associate
     end do
-  end subroutine free_motions_init
+  end subroutine rigid_body_modes_init
 
   !> The motions of the same body at another place.
-  subroutine free_motions_move(self, mesh, placement)
-    class(free_motions_t), intent(inout) :: self
+  subroutine rigid_body_modes_move(self, mesh, placement)
+    class(rigid_body_modes_t), intent(inout) :: self
     !> The body there.
     type(body_mesh_t), intent(in) :: mesh
     !> How it came there.
@@ -98,10 +98,10 @@ contains
     call connected_components(mesh, part, n_parts)
     do p = 1, n_parts
       !$omp critical (message)
-      self%part_name(p)%s = part_text(mesh, part, p, n_parts)
+      self%part_name(p)%s = component_text(mesh, part, p, n_parts)
       !$omp end critical (message)
     end do
-  end subroutine free_motions_move
+  end subroutine rigid_body_modes_move
 
   !> Make the motions of a part orthonormal by Gram-Schmidt, done on the coefficients.
   subroutine make_orthonormal(x, constraint, part, p, centre, radius, coefficient, field)
@@ -157,8 +157,8 @@ contains
   end subroutine evaluate
 
   !> A combination of the motions in words, such as "translation along (0, 0, 1)"; empty for none.
-  function free_motions_say(self, amplitude) result(text)
-    class(free_motions_t), intent(in) :: self
+  function rigid_body_modes_combination_text(self, amplitude) result(text)
+    class(rigid_body_modes_t), intent(in) :: self
     !> Amplitude of each motion (n), any unit.
     real(dp), intent(in) :: amplitude(:)
     character(:), allocatable :: text
@@ -175,16 +175,16 @@ contains
       end do
       if (.not. maxval(abs(combined)) > 0) cycle
       combined = combined/maxval(abs(combined))
-      call describe(self%analysis, combined, self%centre(:, p), self%radius(p), motion)
+      call describe_rigid_motions(self%analysis, combined, self%centre(:, p), self%radius(p), motion)
       if (len(text) > 0) text = text//'; '
       text = text//self%part_name(p)%s//motion
     end do
-  end function free_motions_say
+  end function rigid_body_modes_combination_text
 
   !> All combinations of some combinations of the motions in words, such as "translation along (1, 0, 0) and translation along
   !> (0, 1, 0)"; empty for none.
-  function free_motions_say_space(self, amplitude) result(text)
-    class(free_motions_t), intent(in) :: self
+  function rigid_body_modes_span_text(self, amplitude) result(text)
+    class(rigid_body_modes_t), intent(in) :: self
     !> Amplitudes of each combination as columns (n, number of them), any unit. Columns that are small beside the others count as none.
     real(dp), intent(in) :: amplitude(:, :)
     character(:), allocatable :: text
@@ -203,9 +203,9 @@ contains
       where (abs(combined) <= small*maxval(abs(combined))) combined = 0
       call orthonormal_range(combined, small, basis, n)
       if (n == 0) cycle
-      call describe(self%analysis, basis(:, :n), self%centre(:, p), self%radius(p), motion)
+      call describe_rigid_motions(self%analysis, basis(:, :n), self%centre(:, p), self%radius(p), motion)
       if (len(text) > 0) text = text//'; '
       text = text//self%part_name(p)%s//motion
     end do
-  end function free_motions_say_space
-end module dotyk_elasticity_free_motion
+  end function rigid_body_modes_span_text
+end module dotyk_elasticity_rigid_body_modes

@@ -2,7 +2,7 @@
 !>
 !> Simplices of order two have two tables: one that is exact where edges are straight, and a richer one for curved
 !> elements.
-module dotyk_elasticity_element_table
+module dotyk_elasticity_shape_table
   use dotyk_base_kinds, only: dp
   use dotyk_elasticity_analysis, only: analysis_axisymmetric
   use dotyk_mesh_element, only: element_kind, element_kind_t, element_tet4, element_tri3, element_prism6, &
@@ -11,7 +11,7 @@ module dotyk_elasticity_element_table
   private
 
   !> Values at the points of one quadrature rule.
-  type, public :: element_table_t
+  type, public :: shape_table_t
     !> Numbers of nodes, dimensions and points.
     integer :: n_nodes = 0, dimension = 0, n_points = 0
     !> Shape functions (n_nodes, n_points).
@@ -21,13 +21,13 @@ module dotyk_elasticity_element_table
     !> Reference weights (n_points).
     real(dp), allocatable :: weight(:)
   contains
-    procedure :: init => element_table_init
-  end type element_table_t
+    procedure :: init => shape_table_init
+  end type shape_table_t
 
   !> The tables of one kind of elements.
-  type, public :: table_pair_t
+  type, public :: shape_table_pair_t
     !> For straight elements, and for curved ones; the second one is not set where the first serves both.
-    type(element_table_t) :: straight, curved
+    type(shape_table_t) :: straight, curved
     !> Whether there are two.
     logical :: two = .false.
     !> Linear shape functions at the nodes that are not corners (n_corners, n_nodes - n_corners).
@@ -35,8 +35,8 @@ module dotyk_elasticity_element_table
   contains
     procedure :: init_stiffness
     procedure :: init_load
-    procedure :: is_curved => table_pair_is_curved
-  end type table_pair_t
+    procedure :: is_curved => shape_table_pair_is_curved
+  end type shape_table_pair_t
 
   public :: map_element, load_degree
 
@@ -46,8 +46,8 @@ module dotyk_elasticity_element_table
 contains
 
   !> Evaluate the shape functions of a kind at the points of a rule.
-  subroutine element_table_init(self, kind, degree)
-    class(element_table_t), intent(out) :: self
+  subroutine shape_table_init(self, kind, degree)
+    class(shape_table_t), intent(out) :: self
     !> Element kind.
     integer, intent(in) :: kind
     !> Degree of the quadrature rule.
@@ -67,11 +67,11 @@ contains
       call shape_gradients(kind, points(:, q), gradients)
       self%gradient(:, :, q) = transpose(gradients)
     end do
-  end subroutine element_table_init
+  end subroutine shape_table_init
 
   !> Tables for the stiffness of a kind.
   subroutine init_stiffness(self, kind, analysis, varying)
-    class(table_pair_t), intent(out) :: self
+    class(shape_table_pair_t), intent(out) :: self
     !> Element kind.
     integer, intent(in) :: kind
     !> One of dotyk_elasticity_analysis' constants.
@@ -89,7 +89,7 @@ contains
 
   !> Tables for the forces of a force density.
   subroutine init_load(self, kind, analysis, varying)
-    class(table_pair_t), intent(out) :: self
+    class(shape_table_pair_t), intent(out) :: self
     !> Element kind.
     integer, intent(in) :: kind
     !> One of dotyk_elasticity_analysis' constants.
@@ -109,7 +109,7 @@ contains
 
   !> The two tables.
   subroutine init_pair(self, kind, properties, degree, curved_degree)
-    class(table_pair_t), intent(inout) :: self
+    class(shape_table_pair_t), intent(inout) :: self
     integer, intent(in) :: kind
     type(element_kind_t), intent(in) :: properties
     !> Degrees of quadrature on straight and on curved elements; that of straight ones serves all but simplices.
@@ -162,8 +162,8 @@ contains
   end function load_degree
 
   !> Whether an element is curved, so that it needs the second table.
-  pure logical function table_pair_is_curved(self, x) result(is_curved)
-    class(table_pair_t), intent(in) :: self
+  pure logical function shape_table_pair_is_curved(self, x) result(is_curved)
+    class(shape_table_pair_t), intent(in) :: self
     !> Its nodes (dimension, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
     real(dp) :: size_squared, deviation_squared, middle
@@ -186,7 +186,7 @@ contains
       end do
       if (deviation_squared > straightness**2*size_squared) is_curved = .true.
     end do
-  end function table_pair_is_curved
+  end function shape_table_pair_is_curved
 
   !> Gradients in space and quadrature weights of one element.
   pure subroutine map_element(n, dim, slots, n_points, shape, gradient, weight, x, g, w, worst)
@@ -286,4 +286,4 @@ contains
     determinant = dot_product(matrix(1, :), inverse(:, 1))
     if (abs(determinant) > 0) inverse = inverse/determinant
   end subroutine invert
-end module dotyk_elasticity_element_table
+end module dotyk_elasticity_shape_table

@@ -1,17 +1,17 @@
 !> From the input to bodies: meshes, materials, supports, loads, and the surfaces of the contact pairs.
-module dotyk_driver_bodies
+module dotyk_driver_body_setup
   use omp_lib, only: omp_get_max_threads
   use dotyk_base_error, only: error_t, problem_list_t, add_context, set_error, exit_not_solvable
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
-  use dotyk_driver_congruence, only: kinds_t
+  use dotyk_driver_congruence_classes, only: congruence_classes_t
   use dotyk_driver_locking, only: would_lock
   use dotyk_driver_materials, only: build_material
   use dotyk_driver_parallel, only: largest_first
   use dotyk_driver_volumes, only: volume_t
   use dotyk_elasticity_analysis, only: analysis_3d, analysis_plane_strain, analysis_plane_stress, analysis_axisymmetric
-  use dotyk_elasticity_body, only: body_t, free_rigid_motions
+  use dotyk_elasticity_body, only: body_t, free_rigid_modes
   use dotyk_elasticity_load, only: load_t, load_traction, load_pressure, load_local_traction, load_force_density, &
     add_surface_load, add_volume_load
   use dotyk_elasticity_material, only: rotate_stiffness
@@ -202,11 +202,11 @@ contains
   end subroutine build_body
 
   !> For schemes that need held bodies: refuse those that the supports leave free; all are reported together.
-  subroutine check_held(case, body, kinds, error)
+  subroutine check_held(case, body, classes, error)
     type(case_t), intent(in) :: case
     !> With supports (n_bodies).
     type(body_t), intent(in) :: body(:)
-    type(kinds_t), intent(in) :: kinds
+    type(congruence_classes_t), intent(in) :: classes
     type(error_t), allocatable, intent(out) :: error
     type(problem_list_t) :: problems
     type(error_t), allocatable :: failed
@@ -217,8 +217,8 @@ contains
     free = .true.
     do b = 1, size(body)
       ! All bodies of a kind are as free as the first.
-      if (.not. free(kinds%first(b))) cycle
-      call free_rigid_motions(body(b), n_free, motions)
+      if (.not. free(classes%first(b))) cycle
+      call free_rigid_modes(body(b), n_free, motions)
       free(b) = n_free > 0
       if (n_free == 0) cycle
       call set_error(failed, case%file//':'//to_text(case%body(b)%line)//": body '"//body(b)%name//"': scheme '"//scheme// &
@@ -231,9 +231,9 @@ contains
 
   !> Assemble all bodies: the ones that are much larger than the rest with all threads, then the others side by side; all problems are
   !> reported together.
-  subroutine assemble_bodies(case, kinds, body, error)
+  subroutine assemble_bodies(case, classes, body, error)
     type(case_t), intent(in) :: case
-    type(kinds_t), intent(in) :: kinds
+    type(congruence_classes_t), intent(in) :: classes
     !> Those that are not the first of their kind get no stiffness (n_bodies).
     type(body_t), intent(inout) :: body(:)
     type(error_t), allocatable, intent(out) :: error
@@ -245,27 +245,29 @@ contains
     allocate (failed(size(body)))
     order = largest_first(real(body%constraint%n_equations, dp))
     ! Larger than one thread's share of all: the others would wait for it.
-    share = sum(real(body%constraint%n_equations, dp), mask=[(kinds%leads(b), b=1, size(body))])/omp_get_max_threads()
+    share = sum(real(body%constraint%n_equations, dp), mask=[(classes%is_representative(b), b=1, size(body))])/omp_get_max_threads()
     alone = .false.
-    if (omp_get_max_threads() > 1) alone = [(kinds%leads(b) .and. body(b)%constraint%n_equations > 1.2_dp*share, b=1, size(body))]
+    if (omp_get_max_threads() > 1) then
+      alone = [(classes%is_representative(b) .and. body(b)%constraint%n_equations > 1.2_dp*share, b=1, size(body))]
+    end if
     do b = 1, size(body)
       if (interrupted()) cycle
       if (alone(b)) call body(b)%assemble(failed(b)%error)
     end do
-    !$omp parallel default(none) shared(body, kinds, failed, order, alone) private(b)
+    !$omp parallel default(none) shared(body, classes, failed, order, alone) private(b)
     !$omp do schedule(dynamic, 1)
     do i = 1, size(body)
       b = order(i)
       if (interrupted()) cycle
-      if (kinds%leads(b) .and. .not. alone(b)) call body(b)%assemble(failed(b)%error)
+      if (classes%is_representative(b) .and. .not. alone(b)) call body(b)%assemble(failed(b)%error)
     end do
     !$omp end do
     !$omp do schedule(dynamic, 1)
     do i = 1, size(body)
       b = order(i)
       if (interrupted()) cycle
-      if (kinds%leads(b) .or. allocated(failed(kinds%first(b))%error)) cycle
-      call body(b)%assemble_like(body(kinds%first(b)), kinds%motion(b), failed(b)%error)
+      if (classes%is_representative(b) .or. allocated(failed(classes%first(b))%error)) cycle
+      call body(b)%assemble_like(body(classes%first(b)), classes%motion(b), failed(b)%error)
     end do
     !$omp end do
     !$omp end parallel
@@ -275,4 +277,4 @@ contains
     end do
     call problems%raise(error)
   end subroutine assemble_bodies
-end module dotyk_driver_bodies
+end module dotyk_driver_body_setup

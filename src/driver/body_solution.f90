@@ -1,5 +1,5 @@
 !> Displacements and stresses of all bodies, once the contact pressures are known.
-module dotyk_driver_recovery
+module dotyk_driver_body_solution
   use dotyk_base_kinds, only: dp
   use dotyk_driver_free_scene, only: free_body_t, recover_displacement
   use dotyk_driver_parallel, only: largest_first, set_blas_threads
@@ -41,7 +41,7 @@ contains
     allocate (solution(size(body)))
     first(1) = 1
     do b = 1, size(body)
-      first(b + 1) = first(b) + body(b)%motions%n
+      first(b + 1) = first(b) + body(b)%modes%n
     end do
     order = largest_first(real(body%constraint%n_equations, dp))
     call set_blas_threads(n_blas)
@@ -75,7 +75,7 @@ contains
     if (allocated(alone%displacement)) then
       solution%displacement = alone%displacement
       do k = 1, size(alpha)
-        solution%displacement = solution%displacement + alpha(k)*body%free_motion(:, :, k)
+        solution%displacement = solution%displacement + alpha(k)*body%rigid_mode(:, :, k)
       end do
     else
       call problem%body_force(b, m, force)
@@ -86,4 +86,4 @@ contains
     allocate (solution%stress(6, body%mesh%n_elements()))
     call element_stress(body, solution%displacement, solution%stress)
   end subroutine recover_body
-end module dotyk_driver_recovery
+end module dotyk_driver_body_solution

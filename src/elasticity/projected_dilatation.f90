@@ -19,15 +19,16 @@
 !>
 !> The projection is that of the stiffness's quadrature, weighted with the factor on the stiffness. In axisymmetric analyses u_r/r is part
 !> of the dilatation.
-module dotyk_elasticity_dilatation
+module dotyk_elasticity_projected_dilatation
   use dotyk_base_kinds, only: dp
   use dotyk_mesh_element, only: element_hex27, element_kind, element_kind_t, element_quad9
   implicit none
   private
-  public :: kept_bulk, n_projections, project, projection_functions, projected_dilatations, add_projected_stiffness
+  public :: unprojected_bulk_ratio, n_projection_functions, project_onto_functions, projection_functions
+  public :: projected_dilatations, add_projected_stiffness
 
   !> Most functions on an element.
-  integer, parameter, public :: most_projections = 4
+  integer, parameter, public :: max_projection_functions = 4
 
   !> Bulk over shear modulus that elements stand: Poisson's ratios of 0.4 and, for quadratic ones of which the mean is projected, 0.45.
   real(dp), parameter :: bulk_of_linear = 14.0_dp/3, bulk_of_mean = 29.0_dp/3
@@ -38,7 +39,7 @@ module dotyk_elasticity_dilatation
 contains
 
   !> Bulk over shear modulus that goes with the strains as they are.
-  pure real(dp) function kept_bulk(kind, incompressibility) result(kept)
+  pure real(dp) function unprojected_bulk_ratio(kind, incompressibility) result(kept)
     integer, intent(in) :: kind
     !> Bulk over shear modulus of the material.
     real(dp), intent(in) :: incompressibility
@@ -48,19 +49,19 @@ contains
       ! Less and less: linear elements want none.
       kept = bulk_of_linear
       if (incompressibility > bulk_of_linear) kept = bulk_of_linear**2/incompressibility
-    else if (n_projections(kind, properties%dimension) > 1) then
+    else if (n_projection_functions(kind, properties%dimension) > 1) then
       kept = bulk_of_linear
     else
       kept = bulk_of_mean
     end if
-  end function kept_bulk
+  end function unprojected_bulk_ratio
 
   !> Number of functions on an element of a kind.
-  pure integer function n_projections(kind, dimension) result(n)
+  pure integer function n_projection_functions(kind, dimension) result(n)
     integer, intent(in) :: kind, dimension
     n = 1
     if (kind == element_quad9 .or. kind == element_hex27) n = 1 + dimension
-  end function n_projections
+  end function n_projection_functions
 
   !> The functions at the quadrature points of an element: orthonormal in the sum over these.
   pure subroutine projection_functions(n, dim, n_points, n_functions, shape, x, w, value)
@@ -83,7 +84,7 @@ contains
   end subroutine projection_functions
 
   !> The projection of a function on those of an element.
-  pure subroutine project(dim, n_points, n_functions, place, w, f)
+  pure subroutine project_onto_functions(dim, n_points, n_functions, place, w, f)
     !> Numbers of dimensions, points and functions.
     integer, intent(in) :: dim, n_points, n_functions
     !> The points [length].
@@ -99,7 +100,7 @@ contains
     end do
     call orthonormalize(n_points, n_functions, w, value)
     f = matmul(value, matmul(w*f, value))
-  end subroutine project
+  end subroutine project_onto_functions
 
   !> Make functions orthonormal, the first of which is 1.
   pure subroutine orthonormalize(n_points, n_functions, w, value)
@@ -172,4 +173,4 @@ contains
       end do
     end do
   end subroutine add_projected_stiffness
-end module dotyk_elasticity_dilatation
+end module dotyk_elasticity_projected_dilatation

@@ -2,17 +2,17 @@
 !>
 !> The same as `map_element`, with the points as the first index of all arrays, four of them in a row: sums over nodes run over all points
 !> in step. The last block is filled up with repetitions of the last point, of weight 0.
-module dotyk_elasticity_point_map
+module dotyk_elasticity_isoparametric_map
   use dotyk_base_kinds, only: dp
-  use dotyk_elasticity_element_table, only: element_table_t
+  use dotyk_elasticity_shape_table, only: shape_table_t
   implicit none
   private
 
   !> Points in a row.
-  integer, parameter, public :: points = 4
+  integer, parameter, public :: points_in_row = 4
 
   !> Values at the points of one quadrature rule.
-  type, public :: point_table_t
+  type, public :: point_shape_table_t
     !> Numbers of nodes and dimensions; of points, a multiple of four, and of those that are no repetitions.
     integer :: n_nodes = 0, dimension = 0, n_points = 0, n_true = 0
     !> Shape functions (n_points, n_nodes).
@@ -24,22 +24,22 @@ module dotyk_elasticity_point_map
     !> Reference weights (n_points).
     real(dp), allocatable :: weight(:)
   contains
-    procedure :: init => point_table_init
-  end type point_table_t
+    procedure :: init => point_shape_table_init
+  end type point_shape_table_t
 
   public :: map_points, to_space, interpolate
 
 contains
 
   !> Take the values from a table.
-  subroutine point_table_init(self, table)
-    class(point_table_t), intent(out) :: self
-    type(element_table_t), intent(in) :: table
+  subroutine point_shape_table_init(self, table)
+    class(point_shape_table_t), intent(out) :: self
+    type(shape_table_t), intent(in) :: table
     integer :: q, p, i, k
     self%n_nodes = table%n_nodes
     self%dimension = table%dimension
     self%n_true = table%n_points
-    self%n_points = points*((table%n_points + points - 1)/points)
+    self%n_points = points_in_row*((table%n_points + points_in_row - 1)/points_in_row)
     allocate (self%shape(self%n_points, self%n_nodes), self%gradient(self%n_points, self%n_nodes, self%dimension))
     allocate (self%products(self%n_points, self%dimension, self%dimension), self%weight(self%n_points))
     do p = 1, self%n_points
@@ -54,14 +54,14 @@ contains
       end do
     end do
     self%shape_square = sum(self%shape**2, dim=2)
-  end subroutine point_table_init
+  end subroutine point_shape_table_init
 
   !> The map to an element: what its gradients and weights are made of.
   pure subroutine map_points(n, dim, slots, n_points, shape, shape_square, gradient, products, weight, x, inverse, radius, &
       g_square, w, worst)
     !> Numbers of nodes, dimensions, gradient slots and points.
     integer, intent(in) :: n, dim, slots, n_points
-    !> As in point_table_t.
+    !> As in point_shape_table_t.
     real(dp), intent(in) :: shape(n_points, n), shape_square(n_points), gradient(n_points, n, dim)
     real(dp), intent(in) :: products(n_points, dim, dim), weight(n_points)
     !> Nodes [length].
@@ -158,29 +158,29 @@ contains
     !> Values at the nodes.
     real(dp), intent(in) :: f(n_functions, n)
     real(dp), intent(out) :: values(n_points, n_functions)
-    real(dp), dimension(points) :: s1, s2, s3
+    real(dp), dimension(points_in_row) :: s1, s2, s3
     integer :: a, i, q
-    do q = 0, n_points - points, points
+    do q = 0, n_points - points_in_row, points_in_row
       if (n_functions == 3) then
         s1 = 0
         s2 = 0
         s3 = 0
         do a = 1, n
-          s1 = s1 + f(1, a)*shape(q + 1:q + points, a)
-          s2 = s2 + f(2, a)*shape(q + 1:q + points, a)
-          s3 = s3 + f(3, a)*shape(q + 1:q + points, a)
+          s1 = s1 + f(1, a)*shape(q + 1:q + points_in_row, a)
+          s2 = s2 + f(2, a)*shape(q + 1:q + points_in_row, a)
+          s3 = s3 + f(3, a)*shape(q + 1:q + points_in_row, a)
         end do
-        values(q + 1:q + points, 1) = s1
-        values(q + 1:q + points, 2) = s2
-        values(q + 1:q + points, 3) = s3
+        values(q + 1:q + points_in_row, 1) = s1
+        values(q + 1:q + points_in_row, 2) = s2
+        values(q + 1:q + points_in_row, 3) = s3
         cycle
       end if
       do i = 1, n_functions
         s1 = 0
         do a = 1, n
-          s1 = s1 + f(i, a)*shape(q + 1:q + points, a)
+          s1 = s1 + f(i, a)*shape(q + 1:q + points_in_row, a)
         end do
-        values(q + 1:q + points, i) = s1
+        values(q + 1:q + points_in_row, i) = s1
       end do
     end do
   end subroutine interpolate
@@ -225,4 +225,4 @@ contains
       end do
     end do
   end subroutine invert
-end module dotyk_elasticity_point_map
+end module dotyk_elasticity_isoparametric_map

@@ -1,11 +1,11 @@
 !> A growing list of unit vectors at nodes, each with a number and the support it comes from, and its order by nodes.
-module dotyk_elasticity_node_list
+module dotyk_elasticity_nodal_vector_list
   use dotyk_base_kinds, only: dp
   implicit none
   private
 
   !> The list.
-  type, public :: node_list_t
+  type, public :: nodal_vector_list_t
     !> Number of entries; the arrays may be longer.
     integer :: n = 0
     !> Node of each entry.
@@ -17,25 +17,25 @@ module dotyk_elasticity_node_list
     !> A number for each.
     real(dp), allocatable :: value(:)
   contains
-    procedure :: init => node_list_init
-    procedure :: add => node_list_add
-    procedure :: by_node => node_list_by_node
-  end type node_list_t
+    procedure :: init => nodal_vector_list_init
+    procedure :: add => nodal_vector_list_add
+    procedure :: by_node => nodal_vector_list_by_node
+  end type nodal_vector_list_t
 
 contains
 
   !> An empty list.
-  subroutine node_list_init(self, dim)
-    class(node_list_t), intent(out) :: self
+  subroutine nodal_vector_list_init(self, dim)
+    class(nodal_vector_list_t), intent(out) :: self
     !> Number of components of the vectors.
     integer, intent(in) :: dim
     integer, parameter :: few = 64
     allocate (self%node(few), self%source(few), self%direction(dim, few), self%value(few))
-  end subroutine node_list_init
+  end subroutine nodal_vector_list_init
 
   !> Add an entry.
-  subroutine node_list_add(self, node, source, direction, value)
-    class(node_list_t), intent(inout) :: self
+  subroutine nodal_vector_list_add(self, node, source, direction, value)
+    class(nodal_vector_list_t), intent(inout) :: self
     integer, intent(in) :: node, source
     real(dp), intent(in) :: direction(:), value
     integer :: more
@@ -61,11 +61,11 @@ contains
     self%source(self%n) = source
     self%direction(:, self%n) = direction
     self%value(self%n) = value
-  end subroutine node_list_add
+  end subroutine nodal_vector_list_add
 
   !> The entries of each node, in the order in which they were added.
-  subroutine node_list_by_node(self, n_nodes, first, order)
-    class(node_list_t), intent(in) :: self
+  subroutine nodal_vector_list_by_node(self, n_nodes, first, order)
+    class(nodal_vector_list_t), intent(in) :: self
     integer, intent(in) :: n_nodes
     !> First entry of each node in `order` (n_nodes + 1).
     integer, allocatable, intent(out) :: first(:)
@@ -85,5 +85,5 @@ contains
       order(first(self%node(k) + 1)) = k
       first(self%node(k) + 1) = first(self%node(k) + 1) + 1
     end do
-  end subroutine node_list_by_node
-end module dotyk_elasticity_node_list
+  end subroutine nodal_vector_list_by_node
+end module dotyk_elasticity_nodal_vector_list

@@ -1,17 +1,17 @@
 !> Rigid motions that the supports of a body leave free, and how to say them.
-module dotyk_elasticity_rigid
+module dotyk_elasticity_rigid_motion
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
   use dotyk_elasticity_analysis, only: analysis_3d, analysis_axisymmetric
   use dotyk_elasticity_constraint, only: constraint_t
-  use dotyk_elasticity_field, only: place_text, vector_text
+  use dotyk_elasticity_vector_field, only: point_text, vector_text
   use dotyk_linalg_dense, only: right_singular_vectors
   use dotyk_mesh_body_mesh, only: body_mesh_t, connected_components
   use dotyk_mesh_facet, only: cross
   implicit none
   private
-  public :: find_free_motions, free_space, describe, part_text, rigid_displacement
+  public :: find_free_rigid_modes, rigid_null_space, describe_rigid_motions, component_text, rigid_displacement
 
   !> A motion that moves the held points by less than this, relative to the others, is free.
   real(dp), parameter :: least_hold = 1.0e-6_dp
@@ -19,7 +19,7 @@ module dotyk_elasticity_rigid
 contains
 
   !> Free rigid motions of all connected parts of a body.
-  subroutine find_free_motions(mesh, analysis, constraint, n_free, text)
+  subroutine find_free_rigid_modes(mesh, analysis, constraint, n_free, text)
     type(body_mesh_t), intent(in) :: mesh
     !> One of dotyk_elasticity_analysis' constants.
     integer, intent(in) :: analysis
@@ -37,17 +37,17 @@ contains
     n_free = 0
     text = ''
     do p = 1, n_parts
-      call free_space(mesh, analysis, constraint, part, p, centre, radius, free, n)
+      call rigid_null_space(mesh, analysis, constraint, part, p, centre, radius, free, n)
       if (n == 0) cycle
       n_free = n_free + n
-      call describe(analysis, free(:, :n), centre, radius, motions)
+      call describe_rigid_motions(analysis, free(:, :n), centre, radius, motions)
       if (len(text) > 0) text = text//'; '
-      text = text//part_text(mesh, part, p, n_parts)//motions
+      text = text//component_text(mesh, part, p, n_parts)//motions
     end do
-  end subroutine find_free_motions
+  end subroutine find_free_rigid_modes
 
   !> What comes before the motions of a part; empty where the body is all one.
-  function part_text(mesh, part, p, n_parts) result(text)
+  function component_text(mesh, part, p, n_parts) result(text)
     type(body_mesh_t), intent(in) :: mesh
     !> Part of each node (n_nodes), the part that is meant, and their number.
     integer, intent(in) :: part(:), p, n_parts
@@ -57,8 +57,8 @@ contains
     if (n_parts == 1) return
     first = findloc(part, p, 1)
     text = 'part '//to_text(p)//' of '//to_text(n_parts)//' that do not hang together (node '// &
-      to_text(mesh%node_tag(first))//' at '//place_text(mesh%x(:, first))//'): '
-  end function part_text
+      to_text(mesh%node_tag(first))//' at '//point_text(mesh%x(:, first))//'): '
+  end function component_text
 
   !> Displacement of a place in a rigid motion [the unit of the motion].
   pure function rigid_displacement(motion, centre, radius, x) result(u)
@@ -75,7 +75,7 @@ contains
   end function rigid_displacement
 
   !> Motions (translation, rotation times radius, both about the centre) of a part that its held unknowns leave at rest.
-  subroutine free_space(mesh, analysis, constraint, part, p, centre, radius, free, n)
+  subroutine rigid_null_space(mesh, analysis, constraint, part, p, centre, radius, free, n)
     type(body_mesh_t), intent(in) :: mesh
     !> One of dotyk_elasticity_analysis' constants.
     integer, intent(in) :: analysis
@@ -143,10 +143,10 @@ contains
       n = n + 1
       free(exists, n) = vectors(:size(exists), j)
     end do
-  end subroutine free_space
+  end subroutine rigid_null_space
 
   !> Say a space of rigid motions.
-  subroutine describe(analysis, free, centre, radius, text)
+  subroutine describe_rigid_motions(analysis, free, centre, radius, text)
     integer, intent(in) :: analysis
     !> Independent motions (6, n).
     real(dp), intent(in) :: free(:, :)
@@ -189,7 +189,7 @@ contains
         end if
       end if
     end do
-  end subroutine describe
+  end subroutine describe_rigid_motions
 
   !> Gauss-Jordan elimination of the columns of a matrix with the rows in a given order, largest pivot first in each
   !> row.
@@ -249,4 +249,4 @@ contains
     if (maxval(unit) < maxval(abs(unit))*(1 - 1.0e-9_dp)) unit = -unit
     text = vector_text(unit, 1.0_dp)
   end function direction_text
-end module dotyk_elasticity_rigid
+end module dotyk_elasticity_rigid_motion

@@ -1,23 +1,23 @@
 !> Forces of given displacements on the free unknowns, from the elements that touch them alone.
-module dotyk_elasticity_lift
+module dotyk_elasticity_dirichlet_lift
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_elasticity_assembly, only: assemble_stiffness
   use dotyk_elasticity_constraint, only: constraint_t
-  use dotyk_elasticity_graph, only: node_graph
+  use dotyk_elasticity_node_graph, only: node_graph
   use dotyk_elasticity_material, only: material_t
-  use dotyk_elasticity_pattern, only: block_places_t, build_pattern
+  use dotyk_elasticity_sparsity_pattern, only: block_positions_t, build_pattern
   use dotyk_linalg_sparse, only: sparse_symmetric_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_mesh, only: element_block_t
   implicit none
   private
-  public :: subtract_lift
+  public :: subtract_dirichlet_lift
 
 contains
 
   !> Subtract K_fc z from a right-hand side, of a body whose stiffness K is not assembled here.
-  subroutine subtract_lift(mesh, analysis, material, constraint, rhs, error)
+  subroutine subtract_dirichlet_lift(mesh, analysis, material, constraint, rhs, error)
     type(body_mesh_t), intent(in) :: mesh
     !> One of dotyk_elasticity_analysis' constants.
     integer, intent(in) :: analysis
@@ -28,17 +28,17 @@ contains
     !> As of `assemble_stiffness`.
     type(error_t), allocatable, intent(out) :: error
     type(body_mesh_t) :: part
-    type(block_places_t) :: places
+    type(block_positions_t) :: places
     type(sparse_symmetric_t) :: stiffness
     integer, allocatable :: start(:), neighbour(:)
-    real(dp) :: volume, mean_factor
+    real(dp) :: volume, mean_modulus_factor
     if (.not. any(abs(constraint%prescribed) > 0)) return
     call take_elements(mesh, any(abs(constraint%prescribed) > 0, dim=1), part)
     call node_graph(part, start, neighbour)
     call build_pattern(mesh%dimension, constraint%equation, start, neighbour, places, stiffness)
-    call assemble_stiffness(part, analysis, material, constraint, places, stiffness, rhs, volume, mean_factor, error)
+    call assemble_stiffness(part, analysis, material, constraint, places, stiffness, rhs, volume, mean_modulus_factor, error)
     call stiffness%destroy()
-  end subroutine subtract_lift
+  end subroutine subtract_dirichlet_lift
 
   !> The elements that have some of the nodes.
   subroutine take_elements(mesh, wanted, part)
@@ -68,4 +68,4 @@ contains
       part%block(b) = block(b)
     end do
   end subroutine take_elements
-end module dotyk_elasticity_lift
+end module dotyk_elasticity_dirichlet_lift

@@ -1,22 +1,22 @@
 !> The quadrature points of one element after another: what stiffness, stresses and forces of the elements are integrated with.
-module dotyk_elasticity_element_points
+module dotyk_elasticity_element_quadrature
   use dotyk_base_error, only: error_t, exit_not_solvable, set_error
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
   use dotyk_elasticity_analysis, only: gradient_slots, strain_index
-  use dotyk_elasticity_dilatation, only: kept_bulk, most_projections, n_projections, projected_dilatations, &
-    projection_functions
-  use dotyk_elasticity_element_table, only: element_table_t, map_element, table_pair_t
-  use dotyk_elasticity_field, only: field_t, place_text
+  use dotyk_elasticity_projected_dilatation, only: max_projection_functions, n_projection_functions, projected_dilatations, &
+    projection_functions, unprojected_bulk_ratio
+  use dotyk_elasticity_shape_table, only: shape_table_t, map_element, shape_table_pair_t
+  use dotyk_elasticity_vector_field, only: vector_field_t, point_text
   use dotyk_elasticity_material, only: material_t
-  use dotyk_elasticity_stiffness_factor, only: apply_factor, read_factor
+  use dotyk_elasticity_modulus_field, only: apply_modulus_field, read_modulus_field
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t
   implicit none
   private
 
   !> For the elements of one block of a body, and one thread (formulas and buffers are its own).
-  type, public :: element_points_t
+  type, public :: element_quadrature_t
     !> Numbers of nodes, displacement components, gradient slots, and functions that the dilatation is projected on.
     integer :: n = 0, dim = 0, slots = 0, n_functions = 0
     !> Strain of each component and slot, 0 for none (dim, slots).
@@ -36,22 +36,22 @@ module dotyk_elasticity_element_points
     real(dp), allocatable :: w(:), stiffness(:)
     !> Projected dilatations (n, dim, n_functions) where bulk > 0, for the points' stiffness.
     real(dp), allocatable :: dilatation(:)
-    type(table_pair_t), private :: tables
-    type(field_t), private :: factor
+    type(shape_table_pair_t), private :: tables
+    type(vector_field_t), private :: factor
     real(dp), allocatable, private :: value(:)
   contains
     procedure :: init => element_points_init
     procedure :: move_to
     procedure :: destroy
-  end type element_points_t
+  end type element_quadrature_t
 
-  public :: bad_element
+  public :: inverted_element_error
 
 contains
 
   !> Prepare for a block; `destroy` is to be called at the end.
   subroutine element_points_init(self, mesh, i_block, analysis, material, error)
-    class(element_points_t), intent(out) :: self
+    class(element_quadrature_t), intent(out) :: self
     type(body_mesh_t), intent(in) :: mesh
     integer, intent(in) :: i_block
     !> One of dotyk_elasticity_analysis' constants.
@@ -61,26 +61,26 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(element_kind_t) :: kind
     integer :: i, s, most_points
-    call read_factor(material, self%factor, error)
+    call read_modulus_field(material, self%factor, error)
     if (allocated(error)) return
     kind = element_kind(mesh%block(i_block)%kind)
     self%n = kind%n_nodes
     self%dim = mesh%dimension
     self%slots = gradient_slots(analysis)
-    call material%split(analysis, kept_bulk(mesh%block(i_block)%kind, material%incompressibility), self%matrix, self%lambda, &
-                        self%bulk)
-    self%n_functions = n_projections(mesh%block(i_block)%kind, self%dim)
+    call material%split(analysis, unprojected_bulk_ratio(mesh%block(i_block)%kind, material%incompressibility), &
+                        self%matrix, self%lambda, self%bulk)
+    self%n_functions = n_projection_functions(mesh%block(i_block)%kind, self%dim)
     self%strain = reshape([((strain_index(analysis, i, s), i=1, self%dim), s=1, self%slots)], [self%dim, self%slots])
     call self%tables%init_stiffness(mesh%block(i_block)%kind, analysis, .not. self%factor%constant)
     most_points = max(self%tables%straight%n_points, self%tables%curved%n_points)
     allocate (self%node(self%n), self%x(self%dim, self%n), self%g(self%n*self%slots*most_points), self%w(most_points), &
-              self%stiffness(most_points), self%value(most_points*most_projections), &
-              self%dilatation(self%n*self%dim*most_projections))
+              self%stiffness(most_points), self%value(most_points*max_projection_functions), &
+              self%dilatation(self%n*self%dim*max_projection_functions))
   end subroutine element_points_init
 
   !> Go to an element of the block.
   subroutine move_to(self, mesh, i_block, e, error)
-    class(element_points_t), intent(inout) :: self
+    class(element_quadrature_t), intent(inout) :: self
     type(body_mesh_t), intent(in) :: mesh
     !> The block of `init`, and the element in it.
     integer, intent(in) :: i_block, e
@@ -97,19 +97,19 @@ contains
   contains
 
     subroutine evaluate(table)
-      type(element_table_t), intent(in) :: table
+      type(shape_table_t), intent(in) :: table
       real(dp) :: worst
       integer :: m
       m = table%n_points
       self%n_points = m
       call map_element(self%n, self%dim, self%slots, m, table%shape, table%gradient, table%weight, self%x, self%g, self%w, worst)
       if (.not. worst > 0) then
-        call bad_element(mesh, i_block, e, error)
+        call inverted_element_error(mesh, i_block, e, error)
         return
       end if
       self%stiffness(:m) = self%w(:m)
       if (.not. self%factor%constant) then
-        call apply_factor(self%factor, table%shape, self%x, mesh%block(i_block)%tag(e), self%stiffness(:m), error)
+        call apply_modulus_field(self%factor, table%shape, self%x, mesh%block(i_block)%tag(e), self%stiffness(:m), error)
         if (allocated(error)) return
       end if
       if (.not. self%bulk > 0) return
@@ -121,12 +121,12 @@ contains
 
   !> Give the formula back.
   subroutine destroy(self)
-    class(element_points_t), intent(inout) :: self
+    class(element_quadrature_t), intent(inout) :: self
     call self%factor%destroy()
   end subroutine destroy
 
   !> The error of an element that cannot be mapped.
-  subroutine bad_element(mesh, i_block, e, error)
+  subroutine inverted_element_error(mesh, i_block, e, error)
     type(body_mesh_t), intent(in) :: mesh
     !> The block, and the element in it.
     integer, intent(in) :: i_block, e
@@ -140,7 +140,7 @@ contains
     end if
     !$omp critical (message)
     call set_error(error, 'element '//to_text(mesh%block(i_block)%tag(e))//' ('//trim(kind%name)//')'//what// &
-      ' near '//place_text(mesh%x(:, mesh%block(i_block)%node(1, e))), exit_not_solvable)
+      ' near '//point_text(mesh%x(:, mesh%block(i_block)%node(1, e))), exit_not_solvable)
     !$omp end critical (message)
-  end subroutine bad_element
-end module dotyk_elasticity_element_points
+  end subroutine inverted_element_error
+end module dotyk_elasticity_element_quadrature

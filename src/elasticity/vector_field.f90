@@ -1,7 +1,7 @@
 !> A vector that depends on the place: constants, formulas, or some of each.
 !>
 !> Formulas are parsed here from their text, for one field serves one thread: no two bodies share one.
-module dotyk_elasticity_field
+module dotyk_elasticity_vector_field
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use dotyk_base_error, only: error_t, exit_bad_input, set_error
   use dotyk_base_formula, only: formula_t
@@ -12,7 +12,7 @@ module dotyk_elasticity_field
   private
 
   !> A vector field. Never copy it; destroy it in the end.
-  type, public :: field_t
+  type, public :: vector_field_t
     !> Components that have no formula (3).
     real(dp) :: value(3) = 0
     !> Whether the value is the same everywhere.
@@ -20,18 +20,18 @@ module dotyk_elasticity_field
     !> Formulas of the components; not set: the constant (3).
     type(formula_t) :: formula(3)
   contains
-    procedure :: init => field_init
-    procedure :: evaluate => field_evaluate
-    procedure :: destroy => field_destroy
-  end type field_t
+    procedure :: init => vector_field_init
+    procedure :: evaluate => vector_field_evaluate
+    procedure :: destroy => vector_field_destroy
+  end type vector_field_t
 
-  public :: place_text, vector_text
+  public :: point_text, vector_text
 
 contains
 
   !> Parse the formulas of a field.
-  subroutine field_init(self, value, error, text)
-    class(field_t), intent(inout) :: self
+  subroutine vector_field_init(self, value, error, text)
+    class(vector_field_t), intent(inout) :: self
     !> Constant components (3).
     real(dp), intent(in) :: value(3)
     !> Allocated where a formula does not parse.
@@ -53,11 +53,11 @@ contains
       end if
       self%constant = .false.
     end do
-  end subroutine field_init
+  end subroutine vector_field_init
 
   !> The vector at a place.
-  subroutine field_evaluate(self, x, value, error)
-    class(field_t), intent(in) :: self
+  subroutine vector_field_evaluate(self, x, value, error)
+    class(vector_field_t), intent(in) :: self
     !> Coordinates, two or three [length].
     real(dp), intent(in) :: x(:)
     !> The vector (3).
@@ -74,26 +74,26 @@ contains
       if (self%formula(i)%is_set()) value(i) = self%formula(i)%evaluate(place)
       if (.not. is_too_large(value(i))) cycle
       !$omp critical (message)
-      call set_error(error, 'the formula is '//to_text(value(i))//' at '//place_text(x), exit_bad_input)
+      call set_error(error, 'the formula is '//to_text(value(i))//' at '//point_text(x), exit_bad_input)
       !$omp end critical (message)
       if (ieee_is_finite(value(i))) error%message = error%message//'; '//size_rule
       return
     end do
-  end subroutine field_evaluate
+  end subroutine vector_field_evaluate
 
   !> Give the formulas back; the field is constantly zero then.
-  subroutine field_destroy(self)
-    class(field_t), intent(inout) :: self
+  subroutine vector_field_destroy(self)
+    class(vector_field_t), intent(inout) :: self
     integer :: i
     do i = 1, 3
       call self%formula(i)%destroy()
     end do
     self%value = 0
     self%constant = .true.
-  end subroutine field_destroy
+  end subroutine vector_field_destroy
 
   !> A place for messages, as "(1.5, 0, 2)".
-  pure function place_text(x) result(text)
+  pure function point_text(x) result(text)
     real(dp), intent(in) :: x(:)
     character(:), allocatable :: text
     integer :: i
@@ -103,7 +103,7 @@ contains
       text = text//to_text(x(i))
     end do
     text = text//')'
-  end function place_text
+  end function point_text
 
   !> A vector of numbers for messages, without the dust of round-off.
   pure function vector_text(vector, scale) result(text)
@@ -114,6 +114,6 @@ contains
     real(dp) :: clean(size(vector))
     clean = vector
     where (abs(clean) < 1.0e-9_dp*abs(scale)) clean = 0
-    text = place_text(clean)
+    text = point_text(clean)
   end function vector_text
-end module dotyk_elasticity_field
+end module dotyk_elasticity_vector_field

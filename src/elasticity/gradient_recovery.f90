@@ -9,13 +9,13 @@
 !> others.
 !>
 !> Patches, monomials and factors depend on the mesh alone: several displacements of one mesh are fitted together.
-module dotyk_elasticity_patch_fit
+module dotyk_elasticity_gradient_recovery
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_elasticity_graph, only: incidence_t
+  use dotyk_elasticity_node_graph, only: incidence_t
   use dotyk_elasticity_monomials, only: evaluate_monomials, lanes, monomials_t
-  use dotyk_elasticity_patch, only: add_ring, patch_t
-  use dotyk_elasticity_point_map, only: points
+  use dotyk_elasticity_recovery_patch, only: add_ring, recovery_patch_t
+  use dotyk_elasticity_isoparametric_map, only: points_in_row
   use dotyk_linalg_blas, only: dgemm
   use dotyk_linalg_dense, only: least_squares
   use dotyk_linalg_normal_equations, only: factorize_gram, solve_gram
@@ -25,7 +25,7 @@ module dotyk_elasticity_patch_fit
   private
 
   !> Strains of the polynomials of some bodies that have one mesh.
-  type, public :: patch_fit_t
+  type, public :: gradient_recovery_t
     !> Of the polynomials.
     type(monomials_t) :: monomials
     !> Number of bodies.
@@ -41,8 +41,8 @@ module dotyk_elasticity_patch_fit
     !> Strains in the mesh's axes: coefficients in axes (x - centre) (n_bodies, n_strains, n_lower, n_vertices) [].
     real(dp), allocatable :: strain(:, :, :, :)
   contains
-    procedure :: init => patch_fit_init
-  end type patch_fit_t
+    procedure :: init => gradient_recovery_init
+  end type gradient_recovery_t
 
   public :: vertex_functions
 
@@ -59,14 +59,14 @@ module dotyk_elasticity_patch_fit
 contains
 
   !> Fit the polynomials.
-  subroutine patch_fit_init(self, mesh, u)
-    class(patch_fit_t), intent(out) :: self
+  subroutine gradient_recovery_init(self, mesh, u)
+    class(gradient_recovery_t), intent(out) :: self
     type(body_mesh_t), intent(in) :: mesh
     !> Displacements in the mesh's axes (n_bodies, dimension, n_nodes) [length].
     real(dp), intent(in), contiguous :: u(:, :, :)
     type(element_kind_t) :: kind
     type(incidence_t) :: elements
-    type(patch_t) :: patch
+    type(recovery_patch_t) :: patch
     integer, allocatable :: node_of(:), mark(:)
     real(dp), allocatable :: coefficient(:)
     logical, allocatable :: corner(:)
@@ -104,7 +104,7 @@ contains
     !$omp end do
     deallocate (mark, coefficient)
     !$omp end parallel
-  end subroutine patch_fit_init
+  end subroutine gradient_recovery_init
 
   !> The polynomial of one vertex. Rings of elements are added until the nodes determine it: one inside the body,
   !> two at most places of the boundary.
@@ -123,8 +123,8 @@ contains
     !> Work array (n_nodes): last vertex whose patch a node was in.
     integer, intent(inout) :: mark(:)
     !> Work space.
-    type(patch_t), intent(inout) :: patch
-    !> As in patch_fit_t.
+    type(recovery_patch_t), intent(inout) :: patch
+    !> As in gradient_recovery_t.
     real(dp), intent(out) :: axes(:, :)
     !> Of the values in these axes.
     real(dp), intent(out) :: coefficient(n_values, monomials%n)
@@ -160,7 +160,7 @@ contains
     integer, intent(in) :: n, rows
     !> Values of the monomials times the roots of the weights.
     real(dp), intent(in) :: power(rows, n)
-    type(patch_t), intent(inout) :: patch
+    type(recovery_patch_t), intent(inout) :: patch
     !> As in fit_vertex.
     real(dp), intent(in), contiguous :: values(:, :)
     !> Inverse condition of the least squares at least.
@@ -266,29 +266,29 @@ contains
     integer, intent(in) :: vertex(n_vertices)
     !> As in monomials_t.
     integer, intent(in) :: parent(n_lower), axis(n_lower)
-    !> As in patch_fit_t, of all vertices.
+    !> As in gradient_recovery_t, of all vertices.
     real(dp), intent(in) :: centre(dim, *), axes(dim, dim, *)
     !> Places [length], and weights there.
     real(dp), intent(in) :: x(n_points, dim), weight(n_points, n_vertices)
     real(dp), intent(out) :: values(n_points, n_lower, n_vertices)
-    real(dp) :: t(points, dim), line(points)
+    real(dp) :: t(points_in_row, dim), line(points_in_row)
     integer :: i, k, q, v
     do v = 1, n_vertices
       associate (origin => centre(:, vertex(v)), a => axes(:, :, vertex(v)))
-        do q = 0, n_points - points, points
+        do q = 0, n_points - points_in_row, points_in_row
           do i = 1, dim
             line = 0
             do k = 1, dim
-              line = line + a(i, k)*(x(q + 1:q + points, k) - origin(k))
+              line = line + a(i, k)*(x(q + 1:q + points_in_row, k) - origin(k))
             end do
             t(:, i) = line
           end do
-          values(q + 1:q + points, 1, v) = weight(q + 1:q + points, v)
+          values(q + 1:q + points_in_row, 1, v) = weight(q + 1:q + points_in_row, v)
           do k = 2, n_lower
-            values(q + 1:q + points, k, v) = values(q + 1:q + points, parent(k), v)*t(:, axis(k))
+            values(q + 1:q + points_in_row, k, v) = values(q + 1:q + points_in_row, parent(k), v)*t(:, axis(k))
           end do
         end do
       end associate
     end do
   end subroutine vertex_functions
-end module dotyk_elasticity_patch_fit
+end module dotyk_elasticity_gradient_recovery

@@ -5,7 +5,7 @@
 !> vertices, with all nodes between them, are no worse: of tet10 with 100,000 to 210,000 unknowns, 9 to 11 % fewer operations than from the
 !> graph of all nodes (more than the choice of the seed makes) and up to 4 % more entries; of hex20, tri6, quad9 1, 18, 1 % fewer
 !> operations, of hex27 2 % more.
-module dotyk_elasticity_elimination
+module dotyk_elasticity_node_ordering
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_linalg_ordering, only: nested_dissection
@@ -13,12 +13,12 @@ module dotyk_elasticity_elimination
   use dotyk_mesh_element, only: element_kind, element_kind_t, reference_nodes, shape_functions
   implicit none
   private
-  public :: elimination_order
+  public :: fill_reducing_order
 
 contains
 
   !> Order the nodes.
-  subroutine elimination_order(mesh, start, neighbour, order, error)
+  subroutine fill_reducing_order(mesh, start, neighbour, order, error)
     type(body_mesh_t), intent(in) :: mesh
     !> Adjacency of its nodes as of `node_graph`.
     integer, intent(in) :: start(:), neighbour(:)
@@ -42,7 +42,7 @@ contains
     allocate (first(size(order)), key(size(order)))
     call place_nodes(mesh, vertex, position, first, key)
     call sort_nodes(size(position), first, key, order)
-  end subroutine elimination_order
+  end subroutine fill_reducing_order
 
   !> Number the corners of all elements.
   pure subroutine number_vertices(mesh, vertex)
@@ -153,4 +153,4 @@ contains
       order(k + 1) = node
     end do
   end subroutine sort_nodes
-end module dotyk_elasticity_elimination
+end module dotyk_elasticity_node_ordering
