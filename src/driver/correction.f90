@@ -5,11 +5,11 @@ module dotyk_driver_correction
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
   use dotyk_contact_pair, only: contact_pair_t
-  use dotyk_driver_congruence, only: kinds_t
+  use dotyk_driver_congruence_classes, only: congruence_classes_t
   use dotyk_driver_digits, only: body_digits_t
   use dotyk_driver_free_scene, only: free_body_t
   use dotyk_driver_parallel, only: set_blas_threads
-  use dotyk_driver_recovery, only: body_solution_t, recover_bodies
+  use dotyk_driver_body_solution, only: body_solution_t, recover_bodies
   use dotyk_driver_refinement, only: penetrations, refine_bodies
   use dotyk_driver_scheme, only: solve_scheme
   use dotyk_elasticity_body, only: body_t
@@ -25,12 +25,12 @@ contains
 
   !> What factors have lost, bodies refined say: the scheme goes on from where it is with gaps that are corrected by the difference, until
   !> that changes nothing any more.
-  subroutine correct_digits(case, body, kinds, pair, problem, compliance, alone, n_blas, tolerance, log, digits, solution, &
+  subroutine correct_digits(case, body, classes, pair, problem, compliance, alone, n_blas, tolerance, log, digits, solution, &
                             result, rounding, error)
     type(case_t), intent(in) :: case
     !> (n_bodies), (n_pairs).
     type(body_t), intent(in) :: body(:)
-    type(kinds_t), intent(in) :: kinds
+    type(congruence_classes_t), intent(in) :: classes
     type(contact_pair_t), intent(in) :: pair(:)
     !> Its gaps change.
     type(contact_problem_t), intent(inout) :: problem
@@ -67,7 +67,7 @@ contains
     before = huge(before)
     do k = 1, most_corrections
       call recover_bodies(body, problem, result%m, result%alpha, alone, .false., n_blas, solution)
-      call refine_bodies(body, kinds, problem, result%m, result%alpha, digits, solution, left, error)
+      call refine_bodies(body, classes, problem, result%m, result%alpha, digits, solution, left, error)
       if (allocated(error)) return
       call penetrations(problem, solution, y)
       problem%y_free = problem%y_free + (y - result%y)

@@ -3,7 +3,7 @@ module dotyk_driver_digits
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
   use dotyk_base_text, only: quoted, to_text
-  use dotyk_driver_congruence, only: kinds_t
+  use dotyk_driver_congruence_classes, only: congruence_classes_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_response_full, only: full_response_t
   use dotyk_response_response, only: response_slot_t
@@ -46,8 +46,8 @@ contains
   end function digits_needs_refinement
 
   !> From the responses.
-  subroutine collect_digits(kinds, response, digits)
-    type(kinds_t), intent(in) :: kinds
+  subroutine collect_digits(classes, response, digits)
+    type(congruence_classes_t), intent(in) :: classes
     !> Factorized (n_bodies).
     type(response_slot_t), intent(in) :: response(:)
     !> (n_bodies).
@@ -55,7 +55,7 @@ contains
     integer :: b
     allocate (digits(size(response)))
     do b = 1, size(response)
-      select type (full => response(kinds%first(b))%form)
+      select type (full => response(classes%first(b))%form)
       type is (full_response_t)
         digits(b)%condition = full%digits%condition
         digits(b)%condition_left = full%digits%condition_left
@@ -66,16 +66,16 @@ contains
   end subroutine collect_digits
 
   !> One line for each kind of bodies that loses digits.
-  subroutine show_digits(log, body, kinds, digits)
+  subroutine show_digits(log, body, classes, digits)
     type(log_t), intent(inout) :: log
     !> (n_bodies).
     type(body_t), intent(in) :: body(:)
-    type(kinds_t), intent(in) :: kinds
+    type(congruence_classes_t), intent(in) :: classes
     type(body_digits_t), intent(in) :: digits(:)
     character(:), allocatable :: line
     integer :: b
     do b = 1, size(body)
-      if (.not. kinds%leads(b)) cycle
+      if (.not. classes%is_representative(b)) cycle
       line = '  digits           '//quoted(body(b)%name)//': '
       if (.not. digits(b)%is_measured) then
         if (digits(b)%steps > 0) call log%line(line//steps_of_refinement(digits(b)%steps))

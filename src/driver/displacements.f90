@@ -5,12 +5,12 @@ module dotyk_driver_displacements
   use dotyk_base_log, only: log_t
   use dotyk_base_memory, only: set_stage
   use dotyk_contact_pair, only: contact_pair_t
-  use dotyk_driver_congruence, only: kinds_t
+  use dotyk_driver_congruence_classes, only: congruence_classes_t
   use dotyk_driver_correction, only: correct_digits
   use dotyk_driver_digits, only: body_digits_t
   use dotyk_driver_error_budget, only: needs_displacements
   use dotyk_driver_free_scene, only: free_body_t
-  use dotyk_driver_recovery, only: body_solution_t, recover_bodies
+  use dotyk_driver_body_solution, only: body_solution_t, recover_bodies
   use dotyk_driver_refinement, only: energy_of, refine_bodies, refuse_lost_pressures
   use dotyk_driver_rounding, only: expect_rounding, flag_rounded, gap_rounding, measure_rounding, relative_rounding, &
     worth_measuring, worth_of_digits
@@ -27,12 +27,12 @@ module dotyk_driver_displacements
 contains
 
   !> Displacements from the state of the scheme; where rounding matters, refined, with the contact that belongs to them.
-  subroutine find_displacements(case, body, kinds, pair, problem, compliance, alone, n_blas, tolerance, log, watch, timing, &
+  subroutine find_displacements(case, body, classes, pair, problem, compliance, alone, n_blas, tolerance, log, watch, timing, &
                                 digits, solution, result, error)
     type(case_t), intent(in) :: case
     !> (n_bodies), (n_pairs).
     type(body_t), intent(in) :: body(:)
-    type(kinds_t), intent(in) :: kinds
+    type(congruence_classes_t), intent(in) :: classes
     type(contact_pair_t), intent(in) :: pair(:)
     !> Gaps change where digits are lost.
     type(contact_problem_t), intent(inout) :: problem
@@ -70,7 +70,7 @@ contains
     end if
     if (any(digits%needs_refinement())) then
       call set_stage('iterating')
-      call correct_digits(case, body, kinds, pair, problem, compliance, alone, n_blas, tolerance, log, &
+      call correct_digits(case, body, classes, pair, problem, compliance, alone, n_blas, tolerance, log, &
                           digits, solution, result, rounding, error)
       if (allocated(error)) return
       call watch%lap(timing%iterate)
@@ -95,12 +95,12 @@ contains
       call set_stage('recovering displacements')
       call recover_bodies(body, problem, result%m, result%alpha, alone, case%output%stress, n_blas, solution)
       if (refined) then
-        call refine_bodies(body, kinds, problem, result%m, result%alpha, digits, solution, left, error)
+        call refine_bodies(body, classes, problem, result%m, result%alpha, digits, solution, left, error)
         if (allocated(error)) return
         result%energy = energy_of(body, problem, solution, result%y)
       end if
       norm = problem%norm(result%m, result%y, result%alpha/problem%coarse%scale)
-      call expect_rounding(body, kinds, problem, solution, norm, distance)
+      call expect_rounding(body, classes, problem, solution, norm, distance)
       gaps = 0
       if (.not. (refined .or. norm2(distance) > worth_measuring*tolerance*norm)) return
       call measure_rounding(body, problem, result%m, solution, n_blas, distance, error)

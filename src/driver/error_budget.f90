@@ -12,10 +12,10 @@ module dotyk_driver_error_budget
   use dotyk_base_text, only: to_text
   use dotyk_contact_pair, only: contact_pair_t, points_quadrature
   use dotyk_contact_violation, only: contact_violation
-  use dotyk_driver_congruence, only: kinds_t
+  use dotyk_driver_congruence_classes, only: congruence_classes_t
   use dotyk_driver_mesh_error, only: estimate_mesh_errors
   use dotyk_driver_pressures, only: nodal_field_t
-  use dotyk_driver_recovery, only: body_solution_t
+  use dotyk_driver_body_solution, only: body_solution_t
   use dotyk_driver_scheme, only: scheme_of
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t, solver_input_t
@@ -111,11 +111,11 @@ contains
   end function estimates_penalty_error
 
   !> Estimate the errors of an answer, those that the input asks for or that a rule needs.
-  subroutine estimate_errors(case, body, kinds, pair, surface_a, surface_b, solution, problem, compliance, result, budget, error)
+  subroutine estimate_errors(case, body, classes, pair, surface_a, surface_b, solution, problem, compliance, result, budget, error)
     type(case_t), intent(in) :: case
     !> (n_bodies).
     type(body_t), intent(in) :: body(:)
-    type(kinds_t), intent(in) :: kinds
+    type(congruence_classes_t), intent(in) :: classes
     !> (n_pairs).
     type(contact_pair_t), intent(in) :: pair(:)
     type(surface_t), intent(in) :: surface_a(:), surface_b(:)
@@ -132,7 +132,7 @@ contains
     call budget%init()
     budget%norm = problem%norm(result%m, result%y, result%alpha/problem%coarse%scale)
     if (estimates_mesh_error(case)) then
-      call estimate_mesh_error(body, kinds, pair, surface_a, surface_b, solution, problem%operator%pair_first_row, result%m, &
+      call estimate_mesh_error(body, classes, pair, surface_a, surface_b, solution, problem%operator%pair_first_row, result%m, &
                                budget, error)
       if (allocated(error)) return
       if (.not. is_near(result)) call forget_mesh_error(budget)
@@ -235,10 +235,10 @@ contains
   end function ask_for_more
 
   !> The part of the mesh.
-  subroutine estimate_mesh_error(body, kinds, pair, surface_a, surface_b, solution, first_row, m, budget, error)
+  subroutine estimate_mesh_error(body, classes, pair, surface_a, surface_b, solution, first_row, m, budget, error)
     !> (n_bodies).
     type(body_t), intent(in) :: body(:)
-    type(kinds_t), intent(in) :: kinds
+    type(congruence_classes_t), intent(in) :: classes
     !> (n_pairs).
     type(contact_pair_t), intent(in) :: pair(:)
     type(surface_t), intent(in) :: surface_a(:), surface_b(:)
@@ -254,7 +254,7 @@ contains
     integer :: b, k
     if (allocated(budget%of_body)) deallocate (budget%of_body, budget%of_element)
     allocate (budget%of_body(size(body)))
-    call estimate_mesh_errors(body, kinds, solution, budget%of_element, norm_square, error)
+    call estimate_mesh_errors(body, classes, solution, budget%of_element, norm_square, error)
     if (allocated(error)) return
     work = 0
     do k = 1, size(pair)

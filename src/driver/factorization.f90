@@ -6,7 +6,7 @@ module dotyk_driver_factorization
   use dotyk_base_log, only: log_t
   use dotyk_base_memory, only: memory_now, memory_t, memory_text, set_item
   use dotyk_contact_operator, only: contact_block_t
-  use dotyk_driver_congruence, only: kinds_t
+  use dotyk_driver_congruence_classes, only: congruence_classes_t
   use dotyk_driver_parallel, only: largest_first, set_blas_threads
   use dotyk_elasticity_body, only: body_t
   use dotyk_response_definite, only: digits_t
@@ -50,10 +50,10 @@ module dotyk_driver_factorization
 contains
 
   !> Order and analyse the first bodies of all kinds, side by side.
-  subroutine analyze_bodies(body, kinds, block, form, single_solves, response, size_of, error)
+  subroutine analyze_bodies(body, classes, block, form, single_solves, response, size_of, error)
     !> Assembled (n_bodies); without the graph of their nodes on return.
     type(body_t), intent(inout) :: body(:)
-    type(kinds_t), intent(in) :: kinds
+    type(congruence_classes_t), intent(in) :: classes
     !> Where they may touch (n_bodies).
     type(contact_block_t), intent(in) :: block(:)
     !> Form of the responses, one of `form_*` of dotyk_response_full.
@@ -70,14 +70,14 @@ contains
     integer :: i, b, n_points, order(size(body))
     allocate (response(size(body)), size_of(size(body)), failed(size(body)))
     order = largest_first(real(body%constraint%n_equations, dp))
-    !$omp parallel do default(none) shared(body, kinds, block, form, single_solves, response, size_of, failed, order) &
+    !$omp parallel do default(none) shared(body, classes, block, form, single_solves, response, size_of, failed, order) &
     !$omp& private(b, node, n_points) schedule(dynamic, 1)
     do i = 1, size(body)
       b = order(i)
       if (interrupted()) cycle
-      if (.not. kinds%leads(b)) cycle
-      call kinds%contact_nodes(b, block, node, n_points)
-      call analyze_body(body(b), node, n_points, count(kinds%first == b), form, single_solves, response(b), size_of(b), &
+      if (.not. classes%is_representative(b)) cycle
+      call classes%contact_nodes(b, block, node, n_points)
+      call analyze_body(body(b), node, n_points, count(classes%first == b), form, single_solves, response(b), size_of(b), &
                         failed(b)%error)
     end do
     !$omp end parallel do
@@ -85,7 +85,8 @@ contains
     if (.not. allocated(error)) call collect(body, failed, error)
     if (allocated(error)) return
     do b = 1, size(body)
-      if (.not. kinds%leads(b)) call share_response(response(kinds%first(b)), size_of(kinds%first(b)), response(b), size_of(b))
+      if (classes%is_representative(b)) cycle
+      call share_response(response(classes%first(b)), size_of(classes%first(b)), response(b), size_of(b))
     end do
   end subroutine analyze_bodies
 
@@ -142,10 +143,10 @@ contains
   end subroutine share_response
 
   !> Say where contact forces act on the bodies: before the factorization, which takes the stiffnesses away.
-  subroutine attach_bodies(body, kinds, block, response)
+  subroutine attach_bodies(body, classes, block, response)
     !> Assembled (n_bodies).
     type(body_t), intent(in) :: body(:)
-    type(kinds_t), intent(in) :: kinds
+    type(congruence_classes_t), intent(in) :: classes
     !> Where they may touch (n_bodies).
     type(contact_block_t), intent(in) :: block(:)
     !> Analysed (n_bodies).
@@ -154,7 +155,7 @@ contains
     do b = 1, size(body)
       select type (full => response(b)%form)
       type is (full_response_t)
-        call full%attach(body(b), block(b)%contact_node, body(kinds%first(b)))
+        call full%attach(body(b), block(b)%contact_node, body(classes%first(b)))
       end select
     end do
   end subroutine attach_bodies
@@ -186,10 +187,10 @@ contains
   !> Factorize the first bodies of all kinds, the largest first: as many side by side as there are threads, and threads that no
   !> body is left for help the others with theirs. Their stiffnesses are given back one by one. The digits are the same on any
   !> number of threads.
-  subroutine factorize_bodies(body, kinds, block, take_apart, response, size_of, error)
+  subroutine factorize_bodies(body, classes, block, take_apart, response, size_of, error)
     !> Assembled (n_bodies); without stiffness on return.
     type(body_t), intent(inout) :: body(:)
-    type(kinds_t), intent(in) :: kinds
+    type(congruence_classes_t), intent(in) :: classes
     !> Where they may touch (n_bodies).
     type(contact_block_t), intent(in) :: block(:)
     !> Whether the scheme can treat soft motions apart.
@@ -204,12 +205,12 @@ contains
     allocate (failed(size(body)))
     order = largest_first(size_of%flops)
     call set_blas_threads(1)
-    !$omp parallel default(none) shared(body, kinds, take_apart, response, failed, order) private(i, b)
+    !$omp parallel default(none) shared(body, classes, take_apart, response, failed, order) private(i, b)
     !$omp single
     do i = 1, size(body)
       b = order(i)
       if (interrupted()) cycle
-      if (.not. kinds%leads(b)) cycle
+      if (.not. classes%is_representative(b)) cycle
       !$omp task default(none) shared(body, take_apart, response, failed) firstprivate(b)
       call factorize_body(body(b), take_apart, response(b), failed(b)%error)
       !$omp end task
@@ -220,8 +221,8 @@ contains
     if (.not. allocated(error)) call collect(body, failed, error)
     if (allocated(error)) return
     do b = 1, size(body)
-      if (.not. kinds%leads(b)) call share_condensed(response(kinds%first(b)), response(b))
-      call adopt_soft_motions(response(kinds%first(b)), block(b), response(b), body(b), error)
+      if (.not. classes%is_representative(b)) call share_condensed(response(classes%first(b)), response(b))
+      call adopt_near_null_modes(response(classes%first(b)), block(b), response(b), body(b), error)
       if (allocated(error)) return
     end do
   end subroutine factorize_bodies
@@ -240,7 +241,7 @@ contains
   end subroutine share_condensed
 
   !> Take the soft motions of the first body of the kind, if it has any.
-  subroutine adopt_soft_motions(first, block, slot, body, error)
+  subroutine adopt_near_null_modes(first, block, slot, body, error)
     type(response_slot_t), intent(in) :: first
     type(contact_block_t), intent(in) :: block
     type(response_slot_t), intent(inout) :: slot
@@ -256,17 +257,17 @@ contains
     end select
     select type (full => slot%form)
     type is (full_response_t)
-      call full%adopt_soft_motions(digits)
+      call full%adopt_near_null_modes(digits)
       allocate (at_rows(size(block%row), full%n_motions))
       do k = 1, full%n_motions
         if (size(block%row) > 0) call block%matrix%multiply(full%motion(:, k), at_rows(:, k))
       end do
       call tell_apart(at_rows, digits%motion, digits%stiffness, error)
       if (allocated(error)) return
-      call full%adopt_soft_motions(digits)
+      call full%adopt_near_null_modes(digits)
     end select
-    call body%adopt_soft_motions(digits%motion)
-  end subroutine adopt_soft_motions
+    call body%adopt_near_null_modes(digits%motion)
+  end subroutine adopt_near_null_modes
 
   !> Factorize one body.
   subroutine factorize_body(body, take_apart, slot, error)

@@ -5,7 +5,7 @@ module dotyk_driver_finite
   use dotyk_base_text, only: quoted, to_text
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_driver_pressures, only: pair_solution_t
-  use dotyk_driver_recovery, only: body_solution_t
+  use dotyk_driver_body_solution, only: body_solution_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t
   use dotyk_scheme_history, only: scheme_result_t

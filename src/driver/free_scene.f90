@@ -143,7 +143,7 @@ contains
     call response%solve(x)
     call body%constraint%expand(x, u, .true.)
     do k = 1, size(alpha)
-      u = u + alpha(k)*body%free_motion(:, :, k)
+      u = u + alpha(k)*body%rigid_mode(:, :, k)
     end do
   end subroutine recover_displacement
 end module dotyk_driver_free_scene

@@ -4,11 +4,11 @@ module dotyk_driver_locking
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
   use dotyk_base_text, only: to_text
-  use dotyk_driver_congruence, only: kinds_t
+  use dotyk_driver_congruence_classes, only: congruence_classes_t
   use dotyk_driver_materials, only: build_material
   use dotyk_elasticity_analysis, only: analysis_plane_stress
   use dotyk_elasticity_body, only: body_t
-  use dotyk_elasticity_dilatation, only: kept_bulk
+  use dotyk_elasticity_projected_dilatation, only: unprojected_bulk_ratio
   use dotyk_elasticity_material, only: material_t
   use dotyk_input_case, only: case_t
   use dotyk_input_names, only: input_plane_stress => analysis_plane_stress, locking_auto, locking_ignore
@@ -39,12 +39,12 @@ contains
   end function would_lock
 
   !> One line per kind of nearly incompressible bodies; many kinds are summed up.
-  subroutine show_locking(log, case, body, kinds)
+  subroutine show_locking(log, case, body, classes)
     type(log_t), intent(inout) :: log
     type(case_t), intent(in) :: case
     !> (n_bodies).
     type(body_t), intent(in) :: body(:)
-    type(kinds_t), intent(in) :: kinds
+    type(congruence_classes_t), intent(in) :: classes
     integer :: b, n, before, after
     n = 0
     before = 0
@@ -54,10 +54,10 @@ contains
       n = n + 1
       before = before + size(body(b)%mesh%mesh_node)
       after = after + body(b)%mesh%n_nodes()
-      if (kinds%n() <= most_shown .and. kinds%leads(b)) &
-        call log%line(line_of(body(b), count(kinds%first == b), case%solver%locking))
+      if (classes%n() <= most_shown .and. classes%is_representative(b)) &
+        call log%line(line_of(body(b), count(classes%first == b), case%solver%locking))
     end do
-    if (n == 0 .or. kinds%n() <= most_shown) return
+    if (n == 0 .or. classes%n() <= most_shown) return
     if (case%solver%locking == locking_ignore) then
       call log%line('  warning: '//to_text(n)//" bodies are nearly incompressible, and may lock (locking='ignore')")
     else
@@ -78,7 +78,7 @@ contains
     ratio = body%material%incompressibility
     if (locking == locking_ignore) ratio = body%material%bulk_over_shear()
     do k = 1, size(body%mesh%block)
-      asks = asks .or. ratio > kept_bulk(body%mesh%block(k)%kind, ratio)
+      asks = asks .or. ratio > unprojected_bulk_ratio(body%mesh%block(k)%kind, ratio)
     end do
   end function asks_for_it
 

@@ -25,7 +25,7 @@ contains
     case default
       call material%init_anisotropic(given%name, given%stiffness, error)
     end select
-    if (len(given%young_formula) > 0) material%factor_text = given%young_formula
+    if (len(given%young_formula) > 0) material%modulus_formula = given%young_formula
     if (locking /= locking_ignore .and. .not. allocated(error)) call material%project_dilatation()
   end subroutine build_material
 end module dotyk_driver_materials

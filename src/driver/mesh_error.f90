@@ -2,9 +2,9 @@
 module dotyk_driver_mesh_error
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_driver_congruence, only: kinds_t
+  use dotyk_driver_congruence_classes, only: congruence_classes_t
   use dotyk_driver_pressures, only: nodal_field_t
-  use dotyk_driver_recovery, only: body_solution_t
+  use dotyk_driver_body_solution, only: body_solution_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_discretization_error, only: estimate_discretization_errors
   implicit none
@@ -18,10 +18,10 @@ module dotyk_driver_mesh_error
 contains
 
   !> Squared errors of all elements, and the squared norm of the answer.
-  subroutine estimate_mesh_errors(body, kinds, solution, of_element, norm_square, error)
+  subroutine estimate_mesh_errors(body, classes, solution, of_element, norm_square, error)
     !> (n_bodies).
     type(body_t), intent(in) :: body(:)
-    type(kinds_t), intent(in) :: kinds
+    type(congruence_classes_t), intent(in) :: classes
     !> With displacements (n_bodies).
     type(body_solution_t), intent(in) :: solution(:)
     !> Elements in the order of the blocks (n_bodies) [force length].
@@ -34,10 +34,10 @@ contains
     integer :: b, c, i
     allocate (of_element(size(body)))
     do b = 1, size(body)
-      if (.not. kinds%leads(b)) cycle
-      alike = pack([(c, c=1, size(body))], kinds%first == b)
+      if (.not. classes%is_representative(b)) cycle
+      alike = pack([(c, c=1, size(body))], classes%first == b)
       do i = 1, size(alike), most_bodies
-        call estimate_some(body(b), kinds, alike(i:min(i + most_bodies - 1, size(alike))), solution, of_element, of_body, error)
+        call estimate_some(body(b), classes, alike(i:min(i + most_bodies - 1, size(alike))), solution, of_element, of_body, error)
         if (allocated(error)) return
       end do
     end do
@@ -45,10 +45,10 @@ contains
   end subroutine estimate_mesh_errors
 
   !> Some bodies of one kind.
-  subroutine estimate_some(first, kinds, alike, solution, of_element, norm_square, error)
+  subroutine estimate_some(first, classes, alike, solution, of_element, norm_square, error)
     !> The first body of the kind.
     type(body_t), intent(in) :: first
-    type(kinds_t), intent(in) :: kinds
+    type(congruence_classes_t), intent(in) :: classes
     !> The bodies.
     integer, intent(in) :: alike(:)
     !> Of all bodies (n_bodies), as in `estimate_mesh_errors`.
@@ -63,7 +63,7 @@ contains
     d = first%dimension
     allocate (u(size(alike), d, first%mesh%n_nodes()), square(size(alike), first%mesh%n_elements()))
     do i = 1, size(alike)
-      associate (motion => kinds%motion(alike(i)), displacement => solution(alike(i))%displacement)
+      associate (motion => classes%motion(alike(i)), displacement => solution(alike(i))%displacement)
         if (motion%turned) then
           u(i, :, :) = matmul(transpose(motion%rotation(:d, :d)), displacement)
         else

@@ -5,8 +5,8 @@ module dotyk_driver_mesh_theta
   use dotyk_base_kinds, only: dp
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_elasticity_body, only: body_t
-  use dotyk_elasticity_field, only: field_t
-  use dotyk_elasticity_stiffness_factor, only: read_factor
+  use dotyk_elasticity_vector_field, only: vector_field_t
+  use dotyk_elasticity_modulus_field, only: read_modulus_field
   use dotyk_mesh_element, only: kind_nodes, quadrature_rule
   use dotyk_mesh_facet, only: facet_geometry
   use dotyk_mesh_surface, only: surface_t
@@ -55,15 +55,15 @@ contains
     real(dp), intent(in) :: position(:, :)
     real(dp), intent(inout) :: at_points(:)
     type(error_t), allocatable, intent(out) :: error
-    type(field_t) :: stiffness
+    type(vector_field_t) :: stiffness
     real(dp), allocatable :: size_of(:)
     real(dp) :: value(3), young
     integer :: i
     ! Most facets may have no points.
     allocate (size_of(surface%n_facets), source=-1.0_dp)
-    call read_factor(body%material, stiffness, error)
+    call read_modulus_field(body%material, stiffness, error)
     if (allocated(error)) return
-    value(1) = body%mean_factor
+    value(1) = body%mean_modulus_factor
     young = body%young()
     do i = 1, size(facet)
       associate (f => facet(i), kind => surface%kind(facet(i)))
@@ -72,7 +72,7 @@ contains
       if (.not. stiffness%constant) call stiffness%evaluate(position(:, i), value, error)
       if (allocated(error)) exit
       ! A factor that vanishes on the surface makes no theta infinite.
-      at_points(i) = at_points(i) + size_of(facet(i))/(young*max(value(1)/body%mean_factor, 1.0e-3_dp))
+      at_points(i) = at_points(i) + size_of(facet(i))/(young*max(value(1)/body%mean_modulus_factor, 1.0e-3_dp))
     end do
     call stiffness%destroy()
   end subroutine add_side

@@ -7,13 +7,13 @@ module dotyk_driver_refinement
   use dotyk_base_error, only: error_t, add_context, set_error, exit_not_solvable
   use dotyk_base_kinds, only: dp, qp
   use dotyk_base_text, only: quoted, to_text
-  use dotyk_driver_congruence, only: kinds_t
+  use dotyk_driver_congruence_classes, only: congruence_classes_t
   use dotyk_driver_digits, only: body_digits_t
-  use dotyk_driver_recovery, only: body_solution_t
+  use dotyk_driver_body_solution, only: body_solution_t
   use dotyk_elasticity_analysis, only: analysis_plane_stress
   use dotyk_elasticity_body, only: body_t, strain_energy
   use dotyk_elasticity_internal_force, only: internal_force
-  use dotyk_elasticity_likely_cause, only: likely_cause
+  use dotyk_elasticity_conditioning_diagnosis, only: diagnose_conditioning
   use dotyk_elasticity_stress, only: element_stress
   use dotyk_response_definite, only: digits_t
   use dotyk_response_full, only: full_response_t
@@ -37,10 +37,10 @@ module dotyk_driver_refinement
 contains
 
   !> Refine the displacements of the bodies that need it.
-  subroutine refine_bodies(body, kinds, problem, m, alpha, digits, solution, left, error)
+  subroutine refine_bodies(body, classes, problem, m, alpha, digits, solution, left, error)
     !> (n_bodies).
     type(body_t), intent(in) :: body(:)
-    type(kinds_t), intent(in) :: kinds
+    type(congruence_classes_t), intent(in) :: classes
     type(contact_problem_t), intent(inout) :: problem
     !> State of the scheme (n_rows) [pressure], amplitudes of the motions of all bodies [length].
     real(dp), intent(in) :: m(:), alpha(:)
@@ -60,7 +60,7 @@ contains
     first = 1
     do b = 1, size(body)
       if (digits(b)%needs_refinement()) then
-        select type (owner => problem%response(kinds%first(b))%form)
+        select type (owner => problem%response(classes%first(b))%form)
         type is (full_response_t)
           factor = owner%digits
         end select
@@ -75,12 +75,12 @@ contains
         call add_context(error, 'body '//quoted(body(b)%name)//': ')
         if (allocated(error)) return
         left = hypot(left, of_body)
-        do k = 1, body(b)%motions%n
-          solution(b)%displacement = solution(b)%displacement + alpha(first + k - 1)*body(b)%free_motion(:, :, k)
+        do k = 1, body(b)%modes%n
+          solution(b)%displacement = solution(b)%displacement + alpha(first + k - 1)*body(b)%rigid_mode(:, :, k)
         end do
         if (allocated(solution(b)%stress)) call element_stress(body(b), solution(b)%displacement, solution(b)%stress)
       end if
-      first = first + body(b)%motions%n
+      first = first + body(b)%modes%n
     end do
   end subroutine refine_bodies
 
@@ -114,7 +114,7 @@ contains
     real(dp), intent(in) :: condition
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: cause
-    call likely_cause(body%mesh, body%analysis, body%material, cause)
+    call diagnose_conditioning(body%mesh, body%analysis, body%material, cause)
     if (len(cause) == 0) cause = 'supports that hardly resist some of its motions, or a very slender shape'
     call set_error(error, 'no digit of its displacement is left, the condition of its stiffness is '//to_text(condition, 2)// &
                    '; the likely cause: '//cause, exit_not_solvable)

@@ -4,12 +4,12 @@ module dotyk_driver_results
   use dotyk_base_kinds, only: dp, int64
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_driver_arguments, only: command_line_text
-  use dotyk_driver_congruence, only: kinds_t
+  use dotyk_driver_congruence_classes, only: congruence_classes_t
   use dotyk_driver_digits, only: body_digits_t
   use dotyk_driver_error_budget, only: error_budget_t
   use dotyk_driver_factorization, only: factor_size_t
   use dotyk_driver_pressures, only: pair_solution_t, nodal_field_t
-  use dotyk_driver_recovery, only: body_solution_t
+  use dotyk_driver_body_solution, only: body_solution_t
   use dotyk_driver_timing, only: timing_t
   use dotyk_driver_version, only: version, compiler, build_type
   use dotyk_elasticity_body, only: body_t
@@ -91,11 +91,11 @@ contains
   end subroutine write_pairs
 
   !> How the scheme ended, and its history.
-  subroutine write_summary(file, body, kinds, size_of, problem, result, budget, digits, scheme)
+  subroutine write_summary(file, body, classes, size_of, problem, result, budget, digits, scheme)
     type(results_file_t), intent(inout) :: file
     !> (n_bodies).
     type(body_t), intent(in) :: body(:)
-    type(kinds_t), intent(in) :: kinds
+    type(congruence_classes_t), intent(in) :: classes
     type(factor_size_t), intent(in) :: size_of(:)
     type(contact_problem_t), intent(in) :: problem
     type(scheme_result_t), intent(in) :: result
@@ -135,8 +135,8 @@ contains
     undetermined = 0
     if (allocated(result%undetermined)) undetermined = size(result%undetermined, 2)
     call file%put_attribute('summary', 'undetermined_motions', undetermined)
-    call file%put_attribute('summary', 'factorizations', kinds%n())
-    call file%put_array('summary', 'kind', kinds%first)
+    call file%put_attribute('summary', 'factorizations', classes%n())
+    call file%put_array('summary', 'kind', classes%first)
     call file%put_attribute('summary', 'factor_entries', sum(size_of%entries))
     call file%put_attribute('summary', 'factor_bytes', sum(size_of%bytes))
     call file%put_attribute('summary', 'stiffness_bytes', sum(size_of%stiffness_bytes))

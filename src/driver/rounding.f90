@@ -7,10 +7,10 @@
 module dotyk_driver_rounding
   use dotyk_base_error, only: error_t, add_context
   use dotyk_base_kinds, only: dp, qp
-  use dotyk_driver_congruence, only: kinds_t
+  use dotyk_driver_congruence_classes, only: congruence_classes_t
   use dotyk_driver_digits, only: body_digits_t
   use dotyk_driver_parallel, only: largest_first, set_blas_threads
-  use dotyk_driver_recovery, only: body_solution_t
+  use dotyk_driver_body_solution, only: body_solution_t
   use dotyk_driver_refinement, only: penetrations
   use dotyk_elasticity_body, only: body_t, strain_energy
   use dotyk_elasticity_internal_force, only: internal_force
@@ -35,10 +35,10 @@ contains
 
   !> More than rounding leaves, of each body: u is wrong by no more than 1e-16 of `sqrt(u^T D u)`, D the diagonal of the stiffness, over
   !> the root of the least eigenvalue in the measure of D. No shape has less energy than that eigenvalue says, u neither.
-  subroutine expect_rounding(body, kinds, problem, solution, norm, distance)
+  subroutine expect_rounding(body, classes, problem, solution, norm, distance)
     !> (n_bodies).
     type(body_t), intent(in) :: body(:)
-    type(kinds_t), intent(in) :: kinds
+    type(congruence_classes_t), intent(in) :: classes
     type(contact_problem_t), intent(in) :: problem
     !> Recovered (n_bodies).
     type(body_solution_t), intent(in) :: solution(:)
@@ -54,7 +54,7 @@ contains
       if (body(b)%constraint%n_equations == 0) cycle
       allocate (x(body(b)%constraint%n_equations))
       call body(b)%constraint%reduce(solution(b)%displacement, x)
-      select type (owner => problem%response(kinds%first(b))%form)
+      select type (owner => problem%response(classes%first(b))%form)
       type is (full_response_t)
         size_of_u = norm2(sqrt(owner%digits%diagonal)*x)
         distance(b) = margin*epsilon(norm)*size_of_u*max(owner%digits%condition_left, &

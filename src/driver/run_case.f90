@@ -9,8 +9,8 @@ module dotyk_driver_run_case
   use dotyk_contact_operator, only: build_operator
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_driver_arguments, only: arguments_t
-  use dotyk_driver_bodies, only: build_bodies, check_held, assemble_bodies
-  use dotyk_driver_congruence, only: kinds_t
+  use dotyk_driver_body_setup, only: build_bodies, check_held, assemble_bodies
+  use dotyk_driver_congruence_classes, only: congruence_classes_t
   use dotyk_driver_digits, only: body_digits_t, collect_digits, show_digits
   use dotyk_driver_displacements, only: find_displacements
   use dotyk_driver_error_budget, only: error_budget_t, ask_for_more, errors_decide, estimate_errors, first_tolerance, &
@@ -22,7 +22,7 @@ module dotyk_driver_run_case
   use dotyk_driver_pairs, only: find_pairs
   use dotyk_driver_parallel, only: use_threads, share_solves, set_blas_threads
   use dotyk_driver_pressures, only: pair_solution_t, nodal_field_t, project_pressures
-  use dotyk_driver_recovery, only: body_solution_t
+  use dotyk_driver_body_solution, only: body_solution_t
   use dotyk_driver_results, only: write_fields, write_pairs, write_summary, write_provenance, write_timing
   use dotyk_driver_scheme, only: needs_held_bodies, prepare_coarse_space, scheme_name, scheme_of, solve_scheme
   use dotyk_driver_screen, only: show_scene, show_bodies, show_pairs, show_factorization, &
@@ -56,7 +56,7 @@ module dotyk_driver_run_case
     character(:), allocatable :: started
     !> Bodies (n_bodies) and contact pairs with their two surfaces (n_pairs).
     type(body_t), allocatable :: body(:)
-    type(kinds_t) :: kinds
+    type(congruence_classes_t) :: classes
     type(surface_t), allocatable :: surface_a(:), surface_b(:)
     type(contact_pair_t), allocatable :: pair(:)
     !> Factors to come (n_bodies).
@@ -141,12 +141,12 @@ contains
     call stop_if_interrupted(error)
     if (allocated(error)) return
     call run%watch%lap(run%timing%read)
-    call run%kinds%init(size(run%body))
-    if (run%case%solver%share_factors) call run%kinds%find(run%body)
-    if (needs_held_bodies(run%case)) call check_held(run%case, run%body, run%kinds, error)
+    call run%classes%init(size(run%body))
+    if (run%case%solver%share_factors) call run%classes%find(run%body)
+    if (needs_held_bodies(run%case)) call check_held(run%case, run%body, run%classes, error)
     if (allocated(error)) return
     call set_stage('assembling')
-    call assemble_bodies(run%case, run%kinds, run%body, error)
+    call assemble_bodies(run%case, run%classes, run%body, error)
     call stop_if_interrupted(error)
     if (allocated(error)) return
     call run%watch%lap(run%timing%assemble)
@@ -157,13 +157,13 @@ contains
     call build_operator(run%case%scene%dimension, size(run%body), run%pair, run%surface_a, run%surface_b, run%problem%operator)
     call run%watch%lap(run%timing%search)
     call set_stage('ordering equations')
-    call analyze_bodies(run%body, run%kinds, run%problem%operator%block, run%case%solver%response, &
+    call analyze_bodies(run%body, run%classes, run%problem%operator%block, run%case%solver%response, &
                         scheme_of(run%case) /= scheme_dual, run%problem%response, run%size_of, error)
     call stop_if_interrupted(error)
     if (allocated(error)) return
     call run%watch%lap(run%timing%order)
-    call show_bodies(run%log, run%case, run%body, run%kinds, run%size_of)
-    call show_locking(run%log, run%case, run%body, run%kinds)
+    call show_bodies(run%log, run%case, run%body, run%classes, run%size_of)
+    call show_locking(run%log, run%case, run%body, run%classes)
     call show_pairs(run%log, run%body, run%pair, run%surface_a, run%surface_b)
     call run%log%line('')
   end subroutine build
@@ -173,22 +173,22 @@ contains
     type(run_t), intent(inout) :: run
     type(error_t), allocatable, intent(out) :: error
     associate (case => run%case, problem => run%problem)
-      call attach_bodies(run%body, run%kinds, problem%operator%block, problem%response)
+      call attach_bodies(run%body, run%classes, problem%operator%block, problem%response)
       call run%watch%lap(run%timing%search)
       call check_memory(run%size_of, run%log, error)
       if (allocated(error)) return
       call set_stage('factorizing')
-      call factorize_bodies(run%body, run%kinds, problem%operator%block, .not. needs_held_bodies(case), problem%response, &
+      call factorize_bodies(run%body, run%classes, problem%operator%block, .not. needs_held_bodies(case), problem%response, &
                             run%size_of, error)
       call stop_if_interrupted(error)
       if (allocated(error)) return
       call run%watch%lap(run%timing%factorize)
       call show_factorization(run%log, run%size_of, run%timing%factorize)
       call show_responses(run%log, run%size_of)
-      call collect_digits(run%kinds, problem%response, run%digits)
+      call collect_digits(run%classes, problem%response, run%digits)
       call share_solves(real(run%size_of%response_entries, dp), case%solver%reproducible, problem%side_by_side, run%n_blas)
       call problem%prepare(real(run%size_of%response_entries, dp))
-      call run%kinds%tell(case%scene%dimension, problem%kind, problem%axes)
+      call run%classes%copy(case%scene%dimension, problem%kind, problem%axes)
       call set_blas_threads(run%n_blas)
       call set_stage('solving the scene without contact')
       call run%compliance%lend(problem, run%size_of%is_explicit)
@@ -223,13 +223,13 @@ contains
       call set_blas_threads(1)
       if (allocated(error)) return
       call run%watch%lap(run%timing%iterate)
-      call find_displacements(run%case, run%body, run%kinds, run%pair, run%problem, run%compliance, run%alone, run%n_blas, &
+      call find_displacements(run%case, run%body, run%classes, run%pair, run%problem, run%compliance, run%alone, run%n_blas, &
                               tolerance, run%log, run%watch, run%timing, run%digits, run%solution, run%result, error)
       if (allocated(error)) return
       run%result%iterations = run%result%history%n
       call run%watch%lap(run%timing%recover)
       call set_stage('estimating errors')
-      call estimate_errors(run%case, run%body, run%kinds, run%pair, run%surface_a, run%surface_b, run%solution, run%problem, &
+      call estimate_errors(run%case, run%body, run%classes, run%pair, run%surface_a, run%surface_b, run%solution, run%problem, &
                            run%compliance, run%result, run%budget, error)
       call run%watch%lap(run%timing%estimate)
       if (allocated(error)) return
@@ -242,7 +242,7 @@ contains
     call show_result(run%log, run%result, tolerance, run%problem%body_solves, run%timing%iterate)
     call show_budget(run%log, run%case%output, run%body, run%result, run%budget)
     call show_left_out(run%log, run%case, run%result)
-    call show_digits(run%log, run%body, run%kinds, run%digits)
+    call show_digits(run%log, run%body, run%classes, run%digits)
     call run%problem%free_responses()
   end subroutine find_answer
 
@@ -269,7 +269,7 @@ contains
     call write_fields(file, run%case%scene%output, run%case, run%body, run%solution, run%contact_pressure, run%budget, error)
     if (allocated(error)) return
     call write_pairs(file, run%pair, run%pair_solution)
-    call write_summary(file, run%body, run%kinds, run%size_of, run%problem, run%result, run%budget, run%digits, &
+    call write_summary(file, run%body, run%classes, run%size_of, run%problem, run%result, run%budget, run%digits, &
                        scheme_name(run%case))
     call write_provenance(file, run%case, run%threads, run%started)
     call run%watch%lap(run%timing%write)

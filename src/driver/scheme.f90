@@ -13,7 +13,7 @@ module dotyk_driver_scheme
   use dotyk_scheme_anderson, only: solve_anderson
   use dotyk_scheme_dual, only: dual_settings_t, solve_dual
   use dotyk_scheme_explicit, only: explicit_compliance_t
-  use dotyk_scheme_history, only: scheme_result_t, ended_unstoppable, ended_immovable
+  use dotyk_scheme_history, only: scheme_result_t, ended_no_equilibrium, ended_rigid_constraint
   use dotyk_scheme_neumann, only: solve_neumann
   use dotyk_scheme_nesterov, only: solve_nesterov
   use dotyk_scheme_robin, only: solve_robin
@@ -57,7 +57,7 @@ contains
     allocate (resultant(0), lift(0))
     do b = 1, size(body)
       resultant = [resultant, body(b)%resultant]
-      if (body(b)%is_soft) then
+      if (body(b)%has_near_null_modes) then
         lift = [lift, body(b)%lift_resultant]
       else
         lift = [lift, 0*body(b)%resultant]
@@ -66,7 +66,8 @@ contains
     call problem%coarse%init(problem%operator, problem%response, resultant, lift)
     do b = 1, size(body)
       associate (first => problem%coarse%first(b), last => problem%coarse%first(b + 1) - 1)
-        if (body(b)%is_soft) problem%coarse%resultant_size(first:last) = problem%coarse%scale(first:last)*body(b)%resultant_size
+        if (body(b)%has_near_null_modes) &
+          problem%coarse%resultant_size(first:last) = problem%coarse%scale(first:last)*body(b)%resultant_size
       end associate
     end do
   end subroutine prepare_coarse_space
@@ -122,8 +123,8 @@ contains
     end select
     call add_context(error, case%file//':'//to_text(case%solver%line)//': ')
     if (allocated(error)) return
-    if (result%ended == ended_unstoppable) call refuse_motion(case, body, problem, result%unstoppable, error)
-    if (result%ended == ended_immovable) call refuse_immovable(case, problem, error)
+    if (result%ended == ended_no_equilibrium) call refuse_motion(case, body, problem, result%unbounded_direction, error)
+    if (result%ended == ended_rigid_constraint) call refuse_rigid_constraint(case, problem, error)
     if (allocated(error)) return
     if (allocated(result%undetermined)) call note_undetermined(body, result%undetermined, log)
     if (allocated(result%alpha)) call note_rotations(body, result%alpha, log)
@@ -147,7 +148,7 @@ contains
     work = 0
     free_work = 0
     do b = 1, size(body)
-      if (body(b)%is_soft) cycle
+      if (body(b)%has_near_null_modes) cycle
       associate (first => problem%coarse%first(b), last => problem%coarse%first(b + 1) - 1)
         work(b) = dot_product(amplitude(first:last), body(b)%resultant)
         free_work(b) = sum(problem%coarse%resultant(first:last)**2)/maxval(abs(problem%coarse%resultant))
@@ -174,7 +175,7 @@ contains
       integer, intent(in) :: which
       character(:), allocatable :: text
       associate (own => amplitude(problem%coarse%first(which):problem%coarse%first(which + 1) - 1))
-        text = body(which)%motion_text(own)//', resultant '// &
+        text = body(which)%mode_text(own)//', resultant '// &
           to_text(dot_product(own, body(which)%resultant)/largest_displacement(body(which), own), 4)
       end associate
     end function motion_of
@@ -188,17 +189,17 @@ contains
     real(dp) :: u(body%dimension)
     integer :: i, k
     largest = tiny(largest)
-    do i = 1, size(body%free_motion, 2)
+    do i = 1, size(body%rigid_mode, 2)
       u = 0
       do k = 1, size(amplitude)
-        u = u + amplitude(k)*body%free_motion(:, i, k)
+        u = u + amplitude(k)*body%rigid_mode(:, i, k)
       end do
       largest = max(largest, norm2(u))
     end do
   end function largest_displacement
 
   !> Supports press contact points together that cannot give way.
-  subroutine refuse_immovable(case, problem, error)
+  subroutine refuse_rigid_constraint(case, problem, error)
     type(case_t), intent(in) :: case
     type(contact_problem_t), intent(in) :: problem
     type(error_t), allocatable, intent(out) :: error
@@ -208,7 +209,7 @@ contains
     call set_error(error, case%file//':'//to_text(case%contact(k)%line)//': &contact '//quoted(case%contact(k)%name)// &
       ': supports on both sides press its points together by '//to_text(problem%y_free(n))//', and theta = 0 allows no '// &
       'penetration; take the supports off the contact surfaces or give theta a value above 0', exit_not_solvable)
-  end subroutine refuse_immovable
+  end subroutine refuse_rigid_constraint
 
   !> Say which bodies turn so far that small displacements are no good approximation.
   subroutine note_rotations(body, amplitude, log)
@@ -225,7 +226,7 @@ contains
     first = 0
     most = 0
     do b = 1, size(body)
-      associate (own => amplitude(n + 1:n + body(b)%motions%n))
+      associate (own => amplitude(n + 1:n + body(b)%modes%n))
         n = n + size(own)
         if (size(own) == 0) cycle
         part = rotation_part(body(b), own)
@@ -246,11 +247,11 @@ contains
     type(body_t), intent(in) :: body
     !> Amplitudes of the free motions.
     real(dp), intent(in) :: amplitude(:)
-    real(dp) :: u(body%dimension, size(body%free_motion, 2)), mean(body%dimension), length
+    real(dp) :: u(body%dimension, size(body%rigid_mode, 2)), mean(body%dimension), length
     integer :: i, k
     u = 0
     do k = 1, size(amplitude)
-      u = u + amplitude(k)*body%free_motion(:, :, k)
+      u = u + amplitude(k)*body%rigid_mode(:, :, k)
     end do
     mean = sum(u, 2)/size(u, 2)
     length = norm2(maxval(body%mesh%x, 2) - minval(body%mesh%x, 2))
@@ -272,14 +273,14 @@ contains
     n = 0
     n_named = 0
     do b = 1, size(body)
-      associate (own => motion(n + 1:n + body(b)%motions%n, :))
+      associate (own => motion(n + 1:n + body(b)%modes%n, :))
         text = ''
-        if (size(own) > 0 .and. .not. body(b)%is_soft) text = body(b)%motions%say_space(own)
+        if (size(own) > 0 .and. .not. body(b)%has_near_null_modes) text = body(b)%modes%span_text(own)
         if (len(text) > 0) n_named = n_named + 1
         if (len(text) > 0 .and. n_named <= most_named) &
           call log%line('  not determined   '//quoted(body(b)%name)//': '//text//'; the least motion is taken')
       end associate
-      n = n + body(b)%motions%n
+      n = n + body(b)%modes%n
     end do
     if (n_named > most_named) call log%line('  not determined   motions of '//to_text(n_named - most_named)//' more bodies')
   end subroutine note_undetermined

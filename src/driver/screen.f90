@@ -5,7 +5,7 @@ module dotyk_driver_screen
   use dotyk_base_log, only: log_t
   use dotyk_base_text, only: to_text
   use dotyk_contact_pair, only: contact_pair_t, points_quadrature
-  use dotyk_driver_congruence, only: kinds_t
+  use dotyk_driver_congruence_classes, only: congruence_classes_t
   use dotyk_driver_error_budget, only: error_budget_t, estimates_mesh_error, estimates_penalty_error, needs_displacements
   use dotyk_driver_factorization, only: factor_size_t
   use dotyk_driver_pressures, only: pair_solution_t
@@ -45,11 +45,11 @@ contains
   end subroutine show_scene
 
   !> One line per kind of bodies; many kinds are summed up.
-  subroutine show_bodies(log, case, body, kinds, size_of)
+  subroutine show_bodies(log, case, body, classes, size_of)
     type(log_t), intent(inout) :: log
     type(case_t), intent(in) :: case
     type(body_t), intent(in) :: body(:)
-    type(kinds_t), intent(in) :: kinds
+    type(congruence_classes_t), intent(in) :: classes
     type(factor_size_t), intent(in) :: size_of(:)
     character(:), allocatable :: name
     integer :: b, elements, nodes, unknowns
@@ -62,16 +62,16 @@ contains
       elements = elements + body(b)%mesh%n_elements()
       nodes = nodes + body(b)%mesh%n_nodes()
       unknowns = unknowns + body(b)%constraint%n_equations
-      if (kinds%n() > most_shown .or. .not. kinds%leads(b)) cycle
+      if (classes%n() > most_shown .or. .not. classes%is_representative(b)) cycle
       name = body(b)%name
-      if (count(kinds%first == b) > 1) name = to_text(count(kinds%first == b))//' like '//name
+      if (count(classes%first == b) > 1) name = to_text(count(classes%first == b))//' like '//name
       call log%line(body_line(name, body(b)%material%name, body(b)%mesh%n_elements(), body(b)%mesh%n_nodes(), &
                               body(b)%constraint%n_equations, size_of(b)%entries, size_of(b)%flops))
     end do
     if (size(body) > 1) call log%line(body_line(plural(size(body), 'body', 'bodies'), '', elements, nodes, unknowns, &
                                                 sum(size_of%entries), sum(size_of%flops)))
-    if (kinds%n() < size(body)) call log%line('  '//plural(kinds%n(), 'kind', 'kinds')//' of bodies: '//to_text(size(body))// &
-                                              ' bodies, '//plural(kinds%n(), 'factorization', 'factorizations'))
+    if (classes%n() < size(body)) call log%line('  '//plural(classes%n(), 'kind', 'kinds')//' of bodies: '//to_text(size(body))// &
+                                              ' bodies, '//plural(classes%n(), 'factorization', 'factorizations'))
     if (size(case%contact) == 0) call log%line('  no contact pairs: no search, one solve per body')
   end subroutine show_bodies
 

@@ -5,13 +5,13 @@ module dotyk_elasticity_assembly
   use dotyk_base_kinds, only: dp
   use dotyk_elasticity_analysis, only: analysis_3d
   use dotyk_elasticity_constraint, only: constraint_t
-  use dotyk_elasticity_dilatation, only: add_projected_stiffness
-  use dotyk_elasticity_element_order, only: element_order
-  use dotyk_elasticity_element_points, only: element_points_t
-  use dotyk_elasticity_element_shares, only: element_shares_t
-  use dotyk_elasticity_kernel, only: gradient_products, rotate_blocks, stiffness_general, stiffness_isotropic
+  use dotyk_elasticity_projected_dilatation, only: add_projected_stiffness
+  use dotyk_elasticity_element_ordering, only: morton_order
+  use dotyk_elasticity_element_quadrature, only: element_quadrature_t
+  use dotyk_elasticity_element_partition, only: element_partition_t
+  use dotyk_elasticity_stiffness_kernel, only: gradient_products, rotate_blocks, stiffness_general, stiffness_isotropic
   use dotyk_elasticity_material, only: material_t
-  use dotyk_elasticity_pattern, only: block_places_t, scatter
+  use dotyk_elasticity_sparsity_pattern, only: block_positions_t, scatter
   use dotyk_linalg_sparse, only: sparse_symmetric_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   implicit none
@@ -22,14 +22,14 @@ contains
 
   !> Add the stiffness of all elements to a matrix of zeros, and the forces of given displacements to the right-hand
   !> side.
-  subroutine assemble_stiffness(mesh, analysis, material, constraint, places, matrix, rhs, volume, mean_factor, error)
+  subroutine assemble_stiffness(mesh, analysis, material, constraint, places, matrix, rhs, volume, mean_modulus_factor, error)
     type(body_mesh_t), intent(in) :: mesh
     !> One of dotyk_elasticity_analysis' constants.
     integer, intent(in) :: analysis
     type(material_t), intent(in) :: material
     type(constraint_t), intent(in) :: constraint
     !> Places of the blocks.
-    type(block_places_t), intent(in) :: places
+    type(block_positions_t), intent(in) :: places
     !> The matrix with its pattern.
     type(sparse_symmetric_t), intent(inout) :: matrix
     !> Right-hand side, from which K_fc z is subtracted (n_equations) [force].
@@ -37,14 +37,14 @@ contains
     !> Volume of the body, that of the full turn in axisymmetric analyses [length^dim].
     real(dp), intent(out) :: volume
     !> Mean over the volume of the factor on the stiffness [1].
-    real(dp), intent(out) :: mean_factor
+    real(dp), intent(out) :: mean_modulus_factor
     !> Allocated where an element is inverted or the factor is not positive.
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: of_element(:), factor_of_element(:)
     integer :: i, first, last
     allocate (of_element(mesh%n_elements()), factor_of_element(mesh%n_elements()))
     volume = 0
-    mean_factor = 0
+    mean_modulus_factor = 0
     last = 0
     do i = 1, size(mesh%block)
       first = last + 1
@@ -54,7 +54,7 @@ contains
       if (allocated(error)) return
     end do
     volume = sum(of_element)
-    mean_factor = sum(factor_of_element)/volume
+    mean_modulus_factor = sum(factor_of_element)/volume
   end subroutine assemble_stiffness
 
   !> The elements of one block, shared out over the threads.
@@ -63,13 +63,13 @@ contains
     integer, intent(in) :: i_block, analysis
     type(material_t), intent(in) :: material
     type(constraint_t), intent(in) :: constraint
-    type(block_places_t), intent(in) :: places
+    type(block_positions_t), intent(in) :: places
     type(sparse_symmetric_t), intent(inout) :: matrix
     real(dp), intent(inout) :: rhs(:)
     !> Of the elements [length^dim].
     real(dp), intent(inout) :: volume(:), factor_integral(:)
     type(error_t), allocatable, intent(out) :: error
-    type(element_shares_t) :: shares
+    type(element_partition_t) :: shares
     type(error_t), allocatable :: failed
     logical, allocatable :: special(:)
     integer, allocatable :: order(:)
@@ -81,7 +81,7 @@ contains
       if (any(abs(constraint%prescribed(:, i)) > 0)) special(i) = .true.
     end do
     allocate (order(size(mesh%block(i_block)%node, 2)))
-    call element_order(mesh%dimension, mesh%x, mesh%block(i_block)%node, order)
+    call morton_order(mesh%dimension, mesh%x, mesh%block(i_block)%node, order)
     call shares%init(mesh%n_nodes(), mesh%block(i_block)%node, order, merge(1, omp_get_max_threads(), omp_in_parallel()))
     first_failed = huge(first_failed)
     !$omp parallel do default(none) schedule(static, 1) private(failed, place) &
@@ -109,8 +109,8 @@ contains
     integer, intent(in) :: i_block, analysis
     type(material_t), intent(in) :: material
     type(constraint_t), intent(in) :: constraint
-    type(block_places_t), intent(in) :: places
-    type(element_shares_t), intent(in) :: shares
+    type(block_positions_t), intent(in) :: places
+    type(element_partition_t), intent(in) :: shares
     integer, intent(in) :: share
     !> Nodes that are neither plainly free nor held at zero (n_nodes).
     logical, intent(in) :: special(:)
@@ -121,7 +121,7 @@ contains
     !> Place of the element that is wrong.
     integer, intent(out) :: place
     type(error_t), allocatable, intent(out) :: error
-    type(element_points_t) :: points
+    type(element_quadrature_t) :: points
     real(dp), allocatable :: products(:), k(:)
     integer, allocatable :: frame_of(:)
     integer :: e, i

@@ -1,6 +1,6 @@
 !> Bodies of one kind: they differ by a rigid motion, and have the same elements, material and supports in their own axes.
 !>
-!> Such bodies have one stiffness, over unknowns along axes that move with the body: `adopt_constraint` gives a body the equations and
+!> Such bodies have one stiffness, over unknowns along axes that move with the body: `adopt_congruent_constraint` gives a body the equations and
 !> the axes of the first of its kind. Loads and the values of given displacements may differ.
 module dotyk_elasticity_congruence
   use dotyk_base_kinds, only: dp
@@ -13,10 +13,10 @@ module dotyk_elasticity_congruence
   use dotyk_mesh_placement, only: placement_t
   implicit none
   private
-  public :: are_congruent, adopt_constraint
+  public :: are_congruent, adopt_congruent_constraint
 
   !> What bodies of one kind have in common and is seen at a glance.
-  type, public :: fingerprint_t
+  type, public :: congruence_invariants_t
     !> Whether the body can be one of a kind at all.
     logical :: usable = .false.
     integer :: dimension = 0, analysis = 0, n_nodes = 0, n_elements = 0, n_blocks = 0, n_equations = 0
@@ -25,9 +25,9 @@ module dotyk_elasticity_congruence
     !> The centre [length].
     real(dp) :: centre(3) = 0
   contains
-    procedure :: take => fingerprint_take
-    procedure :: matches => fingerprint_matches
-  end type fingerprint_t
+    procedure :: init => congruence_invariants_init
+    procedure :: matches => congruence_invariants_match
+  end type congruence_invariants_t
 
   !> Places that differ by less than this, relative to the body, are the same; so are those that differ by round-off of coordinates.
   real(dp), parameter :: same_place = 1.0e-12_dp, round_off = 16*epsilon(1.0_dp)
@@ -38,14 +38,14 @@ module dotyk_elasticity_congruence
 
 contains
 
-  !> The fingerprint of a body, with supports; it need not be assembled.
-  subroutine fingerprint_take(self, body)
-    class(fingerprint_t), intent(out) :: self
+  !> The set of invariants of a body, with supports; it need not be assembled.
+  subroutine congruence_invariants_init(self, body)
+    class(congruence_invariants_t), intent(out) :: self
     type(body_t), intent(in) :: body
     integer :: i, d, n
     d = body%dimension
     n = body%mesh%n_nodes()
-    self%usable = .not. body%material%has_factor()
+    self%usable = .not. body%material%has_modulus_field()
     self%dimension = d
     self%analysis = body%analysis
     self%n_nodes = n
@@ -62,35 +62,35 @@ contains
       end do
     end associate
     self%spread = sqrt(self%spread/n)
-  end subroutine fingerprint_take
+  end subroutine congruence_invariants_init
 
   !> Whether two bodies may be of one kind.
-  pure logical function fingerprint_matches(self, other) result(matches)
-    class(fingerprint_t), intent(in) :: self
-    type(fingerprint_t), intent(in) :: other
+  pure logical function congruence_invariants_match(self, other) result(matches)
+    class(congruence_invariants_t), intent(in) :: self
+    type(congruence_invariants_t), intent(in) :: other
     matches = self%usable .and. other%usable .and. self%dimension == other%dimension .and. self%analysis == other%analysis &
               .and. self%n_nodes == other%n_nodes .and. self%n_elements == other%n_elements .and. &
               self%n_blocks == other%n_blocks .and. self%n_equations == other%n_equations .and. &
               abs(self%spread - other%spread) <= same_spread*self%spread
-  end function fingerprint_matches
+  end function congruence_invariants_match
 
   !> Whether a body is another one, moved.
-  logical function are_congruent(first, first_print, other, other_print, motion) result(congruent)
+  logical function are_congruent(first, first_invariants, other, other_invariants, motion) result(congruent)
     !> With supports; they need not be assembled.
     type(body_t), intent(in) :: first, other
-    !> Their fingerprints, which match.
-    type(fingerprint_t), intent(in) :: first_print, other_print
+    !> Their invariants, which match.
+    type(congruence_invariants_t), intent(in) :: first_invariants, other_invariants
     !> The motion that takes the first to the other.
     type(placement_t), intent(out) :: motion
     integer :: d
     d = first%dimension
-    associate (a => first%mesh%x, b => other%mesh%x, radius => first_print%spread)
-      call motion%init([0.0_dp, 0.0_dp, 1.0_dp], 0.0_dp, other_print%centre - first_print%centre)
+    associate (a => first%mesh%x, b => other%mesh%x, radius => first_invariants%spread)
+      call motion%init([0.0_dp, 0.0_dp, 1.0_dp], 0.0_dp, other_invariants%centre - first_invariants%centre)
       congruent = is_moved(d, size(a, 2), a, b, radius, motion)
       if (first%analysis == analysis_axisymmetric) then
         congruent = congruent .and. abs(motion%shift(1)) <= same_place*radius
       else if (.not. congruent) then
-        call find_rotation(d, size(a, 2), a, b, first_print%centre(:d), other_print%centre(:d), motion)
+        call find_rotation(d, size(a, 2), a, b, first_invariants%centre(:d), other_invariants%centre(:d), motion)
         congruent = is_moved(d, size(a, 2), a, b, radius, motion)
       end if
     end associate
@@ -248,7 +248,7 @@ contains
   end function axes_of
 
   !> Give a body the equations and, moved with it, the axes of another one of its kind.
-  subroutine adopt_constraint(first, motion, constraint)
+  subroutine adopt_congruent_constraint(first, motion, constraint)
     type(constraint_t), intent(in) :: first
     !> From the first to this one.
     type(placement_t), intent(in) :: motion
@@ -278,5 +278,5 @@ contains
     end do
     constraint%equation = first%equation
     call move_alloc(frame, constraint%frame)
-  end subroutine adopt_constraint
+  end subroutine adopt_congruent_constraint
 end module dotyk_elasticity_congruence

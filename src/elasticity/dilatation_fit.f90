@@ -7,11 +7,11 @@
 module dotyk_elasticity_dilatation_fit
   use dotyk_base_kinds, only: dp
   use dotyk_elasticity_analysis, only: analysis_plane_stress, gradient_slots
-  use dotyk_elasticity_dilatation, only: kept_bulk
-  use dotyk_elasticity_element_table, only: element_table_t, map_element
-  use dotyk_elasticity_graph, only: incidence_t
+  use dotyk_elasticity_projected_dilatation, only: unprojected_bulk_ratio
+  use dotyk_elasticity_shape_table, only: shape_table_t, map_element
+  use dotyk_elasticity_node_graph, only: incidence_t
   use dotyk_elasticity_material, only: material_t
-  use dotyk_elasticity_patch, only: diagonalize
+  use dotyk_elasticity_recovery_patch, only: diagonalize
   use dotyk_linalg_normal_equations, only: factorize_gram, solve_gram
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t
@@ -85,7 +85,7 @@ contains
       last = last + size(mesh%block(b)%node, 2)
       kind = element_kind(mesh%block(b)%kind)
       if (kind%order > 1) cycle
-      call material%split(analysis, kept_bulk(mesh%block(b)%kind, material%incompressibility), matrix, lambda, bulk)
+      call material%split(analysis, unprojected_bulk_ratio(mesh%block(b)%kind, material%incompressibility), matrix, lambda, bulk)
       do e = first, last
         associate (node => mesh%block(b)%node(:, e - first + 1))
           call fit%values(mesh%x(:, node), node, spread([1.0_dp/size(node)], 2, size(node)), &
@@ -105,7 +105,7 @@ contains
     is_projected = .false.
     if (analysis == analysis_plane_stress) return
     do b = 1, size(mesh%block)
-      if (material%incompressibility > kept_bulk(mesh%block(b)%kind, material%incompressibility)) is_projected = .true.
+      if (material%incompressibility > unprojected_bulk_ratio(mesh%block(b)%kind, material%incompressibility)) is_projected = .true.
     end do
   end function is_projected
 
@@ -135,7 +135,7 @@ contains
     real(dp), intent(in) :: u(:, :)
     !> (n_elements), (dim, n_elements) [length], (n_elements) [length^dim]; volumes are 0 where elements tell nothing.
     real(dp), intent(out) :: mean(:), centre(:, :), volume(:)
-    type(element_table_t) :: table
+    type(shape_table_t) :: table
     type(element_kind_t) :: kind
     integer :: e
     kind = element_kind(mesh%block(i_block)%kind)
@@ -153,7 +153,7 @@ contains
   !> Mean dilatation of an element.
   pure subroutine mean_dilatation(n, dim, slots, n_points, table, x, u, mean, centre, volume)
     integer, intent(in) :: n, dim, slots, n_points
-    type(element_table_t), intent(in) :: table
+    type(shape_table_t), intent(in) :: table
     !> Nodes, and their displacements [length].
     real(dp), intent(in) :: x(dim, n), u(dim, n)
     real(dp), intent(out) :: mean, centre(dim), volume

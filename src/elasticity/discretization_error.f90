@@ -1,9 +1,9 @@
 !> Error of a displacement that comes from the mesh: the energy of the difference between recovered and computed strains.
 !>
 !> The recovered gradient is the mean of the gradients of the polynomials of an element's vertices
-!> (`dotyk_elasticity_patch_fit`), weighted with the linear shape functions. Asymptotically exact where the displacement is
+!> (`dotyk_elasticity_gradient_recovery`), weighted with the linear shape functions. Asymptotically exact where the displacement is
 !> smooth and the mesh not too irregular; at corners and edges of contact it sees most of the error, if not all. Of a nearly
-!> incompressible body what counts of the dilatation is mostly its projection (`dotyk_elasticity_dilatation`), and the recovered one is a
+!> incompressible body what counts of the dilatation is mostly its projection (`dotyk_elasticity_projected_dilatation`), and the recovered one is a
 !> fit to its means (`dotyk_elasticity_dilatation_fit`).
 !>
 !> Several bodies of one mesh and material are looked at together: what depends on the mesh is made once.
@@ -11,15 +11,15 @@ module dotyk_elasticity_discretization_error
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
   use dotyk_elasticity_analysis, only: gradient_slots
-  use dotyk_elasticity_dilatation, only: kept_bulk, n_projections, project
+  use dotyk_elasticity_projected_dilatation, only: unprojected_bulk_ratio, n_projection_functions, project_onto_functions
   use dotyk_elasticity_dilatation_fit, only: dilatation_fit_t, fit_dilatations
-  use dotyk_elasticity_element_table, only: element_table_t
+  use dotyk_elasticity_shape_table, only: shape_table_t
   use dotyk_elasticity_energy_form, only: energy_form_t
-  use dotyk_elasticity_field, only: field_t
+  use dotyk_elasticity_vector_field, only: vector_field_t
   use dotyk_elasticity_material, only: material_t
-  use dotyk_elasticity_patch_fit, only: patch_fit_t, vertex_functions
-  use dotyk_elasticity_point_map, only: interpolate, map_points, point_table_t, to_space
-  use dotyk_elasticity_stiffness_factor, only: apply_factor, read_factor
+  use dotyk_elasticity_gradient_recovery, only: gradient_recovery_t, vertex_functions
+  use dotyk_elasticity_isoparametric_map, only: interpolate, map_points, point_shape_table_t, to_space
+  use dotyk_elasticity_modulus_field, only: apply_modulus_field, read_modulus_field
   use dotyk_linalg_blas, only: dgemm
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, element_prism6, element_tet4, element_tri3
@@ -67,14 +67,14 @@ contains
     !> (n_bodies) [force length].
     real(dp), intent(out) :: norm_square(:)
     type(error_t), allocatable, intent(out) :: error
-    type(patch_fit_t) :: fit
+    type(gradient_recovery_t) :: fit
     type(dilatation_fit_t), allocatable :: dilatation(:)
-    type(field_t) :: factor
+    type(vector_field_t) :: factor
     real(dp), allocatable :: of_element(:, :), of_rounding(:, :)
     integer :: b, i, first, last
     square = 0
     norm_square = 0
-    call read_factor(material, factor, error)
+    call read_modulus_field(material, factor, error)
     if (allocated(error)) return
     call fit%init(mesh, u)
     call fit_dilatations(mesh, analysis, material, u, dilatation)
@@ -104,22 +104,23 @@ contains
     type(body_mesh_t), intent(in) :: mesh
     integer, intent(in) :: i_block, analysis
     type(material_t), intent(in) :: material
-    type(field_t), intent(in) :: factor
-    type(patch_fit_t), intent(in) :: fit
+    type(vector_field_t), intent(in) :: factor
+    type(gradient_recovery_t), intent(in) :: fit
     type(dilatation_fit_t), intent(in) :: dilatation(:)
     real(dp), intent(in), contiguous :: u(:, :, :)
     !> Squared errors, squared norms of the displacement, and what of these may be rounding (n_bodies, n_elements).
     real(dp), intent(out), contiguous :: square(:, :), norm_square(:, :), rounding_square(:, :)
     type(error_t), allocatable, intent(out) :: error
     type(error_t), allocatable :: of_element
-    type(element_table_t) :: table
-    type(point_table_t) :: rule, corners
+    type(shape_table_t) :: table
+    type(point_shape_table_t) :: rule, corners
     type(element_kind_t) :: kind
     type(energy_form_t) :: form
     real(dp) :: matrix(6, 6), lambda, bulk
     integer :: e
     kind = element_kind(mesh%block(i_block)%kind)
-    call material%split(analysis, kept_bulk(mesh%block(i_block)%kind, material%incompressibility), matrix, lambda, bulk)
+    call material%split(analysis, unprojected_bulk_ratio(mesh%block(i_block)%kind, material%incompressibility), &
+                        matrix, lambda, bulk)
     call form%init(analysis, matrix)
     call table%init(kind%corner_kind, rule_degree(kind))
     call corners%init(table)
@@ -133,7 +134,7 @@ contains
       associate (node => mesh%block(i_block)%node(:, e))
         call estimate_element(kind%n_nodes, kind%n_corners, mesh%dimension, gradient_slots(analysis), rule%n_points, &
                               fit%n_bodies, fit%n_strains, fit%monomials%n_lower, &
-                              n_projections(mesh%block(i_block)%kind, mesh%dimension), form, bulk, factor, table, rule, &
+                              n_projection_functions(mesh%block(i_block)%kind, mesh%dimension), form, bulk, factor, table, rule, &
                               corners%shape, fit, dilatation, mesh%block(i_block)%tag(e), node, mesh%x, u, square(:, e), &
                               norm_square(:, e), rounding_square(:, e), of_element)
       end associate
@@ -155,12 +156,12 @@ contains
     type(energy_form_t), intent(in) :: form
     !> Bulk modulus of the projected dilatation [pressure].
     real(dp), intent(in) :: bulk
-    type(field_t), intent(in) :: factor
+    type(vector_field_t), intent(in) :: factor
     !> Shape functions at the points, in two forms, and the linear ones.
-    type(element_table_t), intent(in) :: table
-    type(point_table_t), intent(in) :: rule
+    type(shape_table_t), intent(in) :: table
+    type(point_shape_table_t), intent(in) :: rule
     real(dp), intent(in) :: corner_shape(n_points, n_corners)
-    type(patch_fit_t), intent(in) :: fit
+    type(gradient_recovery_t), intent(in) :: fit
     type(dilatation_fit_t), intent(in) :: dilatation(:)
     !> For messages.
     integer(int64), intent(in) :: tag
@@ -187,7 +188,7 @@ contains
                     radius, g_square, stiffness, worst)
     ! Elements that are inverted at a point of this rule, of a higher degree than that of the stiffness, tell nothing.
     if (.not. worst > 0) return
-    if (.not. factor%constant) call apply_factor(factor, table%shape, x, tag, stiffness(:table%n_points), error)
+    if (.not. factor%constant) call apply_modulus_field(factor, table%shape, x, tag, stiffness(:table%n_points), error)
     if (allocated(error)) return
     do i = 1, dim
       call values_at_points(n_points, n_bodies*dim, n, rule%gradient(:, :, i), u, by_reference(:, :, :, i))
@@ -214,7 +215,7 @@ contains
       if (.not. bulk > 0) cycle
       projected = slope(:, 1, 1) + slope(:, 2, 2)
       if (slots > 2) projected = projected + slope(:, merge(3, 1, dim == 3), 3)
-      call project(dim, n_points, n_functions, place, stiffness, projected)
+      call project_onto_functions(dim, n_points, n_functions, place, stiffness, projected)
       call dilatation(b)%values(x(:, :n_corners), node(:n_corners), corner_shape, place, fitted)
       norm_square(b) = norm_square(b) + bulk*dot_product(stiffness, projected**2)
       square(b) = square(b) + bulk*dot_product(stiffness, (fitted - projected)**2)

@@ -1,7 +1,7 @@
 !> Normals of surfaces at their nodes: faces that meet smoothly are averaged, edges keep both sides.
 module dotyk_elasticity_face_normals
   use dotyk_base_kinds, only: dp
-  use dotyk_elasticity_node_list, only: node_list_t
+  use dotyk_elasticity_nodal_vector_list, only: nodal_vector_list_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, kind_dimension, kind_nodes, max_facet_nodes, &
     reference_nodes
   use dotyk_mesh_facet, only: facet_geometry
@@ -22,7 +22,7 @@ contains
     type(surface_t), intent(in) :: surface
     !> Number of the surface for the list.
     integer, intent(in) :: source
-    type(node_list_t), intent(inout) :: faces
+    type(nodal_vector_list_t), intent(inout) :: faces
     integer :: f, a, n, d, dim, kind, node(max_facet_nodes)
     real(dp) :: xi(2*max_facet_nodes), corners(size(x, 1), max_facet_nodes)
     real(dp) :: position(size(x, 1)), normal(size(x, 1)), jacobian

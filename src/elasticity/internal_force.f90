@@ -7,7 +7,7 @@ module dotyk_elasticity_internal_force
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, qp
   use dotyk_elasticity_analysis, only: analysis_axisymmetric
-  use dotyk_elasticity_element_points, only: element_points_t
+  use dotyk_elasticity_element_quadrature, only: element_quadrature_t
   use dotyk_elasticity_material, only: material_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   implicit none
@@ -47,7 +47,7 @@ contains
     real(qp), intent(in) :: u(:, :)
     real(dp), intent(inout) :: force(:, :), energy
     type(error_t), allocatable, intent(out) :: error
-    type(element_points_t) :: points
+    type(element_quadrature_t) :: points
     real(dp), allocatable :: rest(:, :), element_force(:, :)
     integer :: e, a
     call points%init(mesh, i_block, analysis, material, error)

@@ -8,9 +8,9 @@ module dotyk_elasticity_load
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: quoted, text_t
   use dotyk_elasticity_analysis, only: analysis_axisymmetric, gradient_slots
-  use dotyk_elasticity_element_points, only: bad_element
-  use dotyk_elasticity_element_table, only: element_table_t, load_degree, map_element, table_pair_t
-  use dotyk_elasticity_field, only: field_t
+  use dotyk_elasticity_element_quadrature, only: inverted_element_error
+  use dotyk_elasticity_shape_table, only: shape_table_t, load_degree, map_element, shape_table_pair_t
+  use dotyk_elasticity_vector_field, only: vector_field_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, kind_nodes, n_element_kinds, quadrature_rule, &
     shape_functions
@@ -68,7 +68,7 @@ contains
     !> Allocated where a formula is wrong.
     type(error_t), allocatable, intent(out) :: error
     type(facet_rule_t) :: rule(n_element_kinds)
-    type(field_t) :: field
+    type(vector_field_t) :: field
     integer :: f
     call field%init(load%value, error, load%formula)
     if (.not. allocated(error)) then
@@ -111,7 +111,7 @@ contains
     !> One of the load kinds on surfaces.
     integer, intent(in) :: load_kind
     !> Value of the load.
-    type(field_t), intent(in) :: field
+    type(vector_field_t), intent(in) :: field
     real(dp), intent(inout) :: force(:, :)
     type(error_t), allocatable, intent(out) :: error
     real(dp) :: corners(dim, n), position(dim), normal(dim), frame(dim, dim), traction(dim), value(3), area
@@ -151,7 +151,7 @@ contains
     real(dp), intent(inout) :: force(:, :)
     !> Allocated where a formula is wrong or an element inverted.
     type(error_t), allocatable, intent(out) :: error
-    type(field_t) :: field
+    type(vector_field_t) :: field
     integer :: i
     call field%init(load%value, error, load%formula)
     if (.not. allocated(error)) then
@@ -168,10 +168,10 @@ contains
   subroutine add_block(mesh, i_block, analysis, field, force, error)
     type(body_mesh_t), intent(in) :: mesh
     integer, intent(in) :: i_block, analysis
-    type(field_t), intent(in) :: field
+    type(vector_field_t), intent(in) :: field
     real(dp), intent(inout) :: force(:, :)
     type(error_t), allocatable, intent(out) :: error
-    type(table_pair_t) :: tables
+    type(shape_table_pair_t) :: tables
     type(element_kind_t) :: kind
     real(dp), allocatable :: x(:, :), g(:), w(:)
     integer, allocatable :: node(:)
@@ -197,12 +197,12 @@ contains
   contains
 
     subroutine add_element(table)
-      type(element_table_t), intent(in) :: table
+      type(shape_table_t), intent(in) :: table
       real(dp) :: value(3), worst
       integer :: q, a
       call map_element(n, dim, slots, table%n_points, table%shape, table%gradient, table%weight, x, g, w, worst)
       if (.not. worst > 0) then
-        call bad_element(mesh, i_block, e, error)
+        call inverted_element_error(mesh, i_block, e, error)
         return
       end if
       value = field%value

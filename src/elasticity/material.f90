@@ -23,7 +23,7 @@ module dotyk_elasticity_material
     !> Stiffness in global axes (6, 6) [pressure].
     real(dp) :: stiffness(6, 6) = 0
     !> Formula of a factor on the stiffness in x, y, z; not allocated: 1 everywhere.
-    character(:), allocatable :: factor_text
+    character(:), allocatable :: modulus_formula
     !> Young's modulus of the softest of its axes, whichever way they point: of axes 1, 2, 3 where it is orthotropic, the least 1/S_ii,
     !> i = 1..3, of the compliance S where the stiffness was given [pressure].
     real(dp) :: least_young = 0
@@ -35,7 +35,7 @@ module dotyk_elasticity_material
     procedure :: init_orthotropic => material_init_orthotropic
     procedure :: init_anisotropic => material_init_anisotropic
     procedure :: plane_matrix => material_plane_matrix
-    procedure :: has_factor => material_has_factor
+    procedure :: has_modulus_field => material_has_modulus_field
     procedure :: bulk_modulus => material_bulk_modulus
     procedure :: bulk_over_shear => material_bulk_over_shear
     procedure :: project_dilatation => material_project_dilatation
@@ -386,9 +386,9 @@ contains
   end subroutine material_split
 
   !> Whether the stiffness depends on the place.
-  pure logical function material_has_factor(self) result(has)
+  pure logical function material_has_modulus_field(self) result(has)
     class(material_t), intent(in) :: self
-    has = allocated(self%factor_text)
-    if (has) has = len_trim(self%factor_text) > 0
-  end function material_has_factor
+    has = allocated(self%modulus_formula)
+    if (has) has = len_trim(self%modulus_formula) > 0
+  end function material_has_modulus_field
 end module dotyk_elasticity_material

@@ -17,13 +17,13 @@ module dotyk_elasticity_node_axes
     logical :: is_given(3) = .false.
     !> The displacement along each axis that is given, else 0 [length].
     real(dp) :: value(3) = 0
-    !> Demand that contradicts the others, 0 for none.
+    !> Condition that contradicts the others, 0 for none.
     integer :: contradiction = 0
-    !> What it demands, and what the others say for its direction [length].
-    real(dp) :: demanded = 0, implied = 0
+    !> Value of the contradicting condition, and the value that the other conditions imply for its direction [length].
+    real(dp) :: conflicting_value = 0, implied_value = 0
   end type node_axes_t
 
-  public :: combine_demands
+  public :: combine_conditions
 
   !> A direction with less than this beside the others (a sine) adds nothing to them. Mesh files with few digits stay
   !> below it; edges of real bodies stay above.
@@ -33,11 +33,11 @@ module dotyk_elasticity_node_axes
 
 contains
 
-  !> Combine the demands `direction . u = value` of one node.
-  pure function combine_demands(dim, n, direction, value, tolerance) result(axes)
+  !> Combine the conditions `direction . u = value` of one node.
+  pure function combine_conditions(dim, n, direction, value, tolerance) result(axes)
     !> Number of displacement components.
     integer, intent(in) :: dim
-    !> Number of demands.
+    !> Number of conditions.
     integer, intent(in) :: n
     !> Unit vectors (dim, n).
     real(dp), intent(in) :: direction(dim, n)
@@ -83,8 +83,8 @@ contains
       ! What is left of a direction that adds nothing may still be up to `least_sine` of it.
       if (abs(left(i)) > tolerance + norm2(rest(:, i))*maxval(abs(value))) then
         axes%contradiction = i
-        axes%demanded = value(i)
-        axes%implied = value(i) - left(i)
+        axes%conflicting_value = value(i)
+        axes%implied_value = value(i) - left(i)
         return
       end if
     end do
@@ -100,7 +100,7 @@ contains
       axes%is_given(:axes%rank) = .true.
       axes%value(:axes%rank) = z(:axes%rank)
     end if
-  end function combine_demands
+  end function combine_conditions
 
   !> Complete the axes, and find out whether the global axes serve as well.
   pure subroutine choose_axes(dim, q, axes)

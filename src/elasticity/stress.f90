@@ -4,7 +4,7 @@ module dotyk_elasticity_stress
   use dotyk_base_kinds, only: dp
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_dilatation_fit, only: smooth_pressures
-  use dotyk_elasticity_recovery, only: recover
+  use dotyk_elasticity_stress_energy, only: stresses_and_energy
   implicit none
   private
   public :: element_stress, von_mises
@@ -24,7 +24,7 @@ contains
     real(dp) :: energy, shear(3)
     integer :: e
     allocate (factor(size(stress, 2)))
-    call recover(body%mesh, body%analysis, body%material, u, stress, energy, error, factor)
+    call stresses_and_energy(body%mesh, body%analysis, body%material, u, stress, energy, error, factor)
     if (.not. allocated(error)) call smooth_pressures(body%mesh, body%analysis, body%material, u, factor, stress)
     do e = 1, size(stress, 2)
       shear = stress(4:6, e)

@@ -9,9 +9,9 @@ module dotyk_elasticity_support
   use dotyk_elasticity_analysis, only: analysis_axisymmetric
   use dotyk_elasticity_constraint, only: constraint_t, held
   use dotyk_elasticity_face_normals, only: add_face_normals, group_normals
-  use dotyk_elasticity_field, only: field_t, place_text, vector_text
-  use dotyk_elasticity_node_axes, only: combine_demands, node_axes_t
-  use dotyk_elasticity_node_list, only: node_list_t
+  use dotyk_elasticity_vector_field, only: vector_field_t, point_text, vector_text
+  use dotyk_elasticity_node_axes, only: combine_conditions, node_axes_t
+  use dotyk_elasticity_nodal_vector_list, only: nodal_vector_list_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_facet, only: frame_of_normal
   use dotyk_mesh_surface, only: surface_nodes, surface_t
@@ -101,12 +101,12 @@ contains
     type(constraint_t), intent(out) :: constraint
     !> Allocated where a support cannot be used, or two contradict.
     type(error_t), allocatable, intent(out) :: error
-    type(node_list_t) :: demands, faces
-    type(field_t) :: fields(size(supports))
+    type(nodal_vector_list_t) :: conditions, faces
+    type(vector_field_t) :: fields(size(supports))
     logical :: local(size(supports)), fixed(3, size(supports))
     integer :: s
     call constraint%init(mesh%dimension, mesh%n_nodes())
-    call demands%init(mesh%dimension)
+    call conditions%init(mesh%dimension)
     call faces%init(mesh%dimension)
     do s = 1, size(supports)
       call parse_fix(supports(s)%fix, mesh%dimension, local(s), fixed(:, s), error)
@@ -115,7 +115,7 @@ contains
         if (local(s)) then
           call add_face_normals(mesh%x, supports(s)%surface, s, faces)
         else
-          call add_global_demands(mesh%x, supports(s)%surface, s, fixed(:, s), fields(s), demands, error)
+          call add_global_conditions(mesh%x, supports(s)%surface, s, fixed(:, s), fields(s), conditions, error)
         end if
       end if
       if (allocated(error)) then
@@ -123,19 +123,19 @@ contains
         exit
       end if
     end do
-    if (.not. allocated(error)) call add_local_demands(mesh%x, supports, fixed, fields, faces, demands, error)
+    if (.not. allocated(error)) call add_local_conditions(mesh%x, supports, fixed, fields, faces, conditions, error)
     do s = 1, size(supports)
       call fields(s)%destroy()
     end do
     if (allocated(error)) return
-    if (analysis == analysis_axisymmetric) call add_axis_demands(mesh%x, demands)
-    call apply_demands(mesh, supports, demands, constraint, error)
+    if (analysis == analysis_axisymmetric) call add_axis_conditions(mesh%x, conditions)
+    call apply_conditions(mesh, supports, conditions, constraint, error)
     if (allocated(error)) return
     call constraint%number_equations()
   end subroutine collect_supports
 
-  !> What a support in global axes demands of the nodes of its surface.
-  subroutine add_global_demands(x, surface, s, fixed, field, demands, error)
+  !> Add the Dirichlet conditions of a support in global axes at the nodes of its surface.
+  subroutine add_global_conditions(x, surface, s, fixed, field, conditions, error)
     !> Nodes of the body (dim, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
     type(surface_t), intent(in) :: surface
@@ -144,8 +144,8 @@ contains
     !> Whether the displacements along x, y, z are given.
     logical, intent(in) :: fixed(3)
     !> The displacement [length].
-    type(field_t), intent(in) :: field
-    type(node_list_t), intent(inout) :: demands
+    type(vector_field_t), intent(in) :: field
+    type(nodal_vector_list_t), intent(inout) :: conditions
     type(error_t), allocatable, intent(out) :: error
     integer, allocatable :: nodes(:)
     real(dp) :: value(3), axis(size(x, 1))
@@ -158,23 +158,23 @@ contains
         if (.not. fixed(k)) cycle
         axis = 0
         axis(k) = 1
-        call demands%add(nodes(i), s, axis, value(k))
+        call conditions%add(nodes(i), s, axis, value(k))
       end do
     end do
-  end subroutine add_global_demands
+  end subroutine add_global_conditions
 
-  !> What the supports in the axes of their surfaces demand, face by face.
-  subroutine add_local_demands(x, supports, fixed, fields, faces, demands, error)
+  !> Add the Dirichlet conditions of the supports in axes of their surfaces, face by face.
+  subroutine add_local_conditions(x, supports, fixed, fields, faces, conditions, error)
     !> Nodes of the body (dim, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
     type(support_t), intent(in) :: supports(:)
     !> Whether the displacements along xi, eta, n are given (3, n_supports).
     logical, intent(in) :: fixed(:, :)
     !> The displacements [length].
-    type(field_t), intent(in) :: fields(:)
+    type(vector_field_t), intent(in) :: fields(:)
     !> Normals of the faces at the nodes.
-    type(node_list_t), intent(in) :: faces
-    type(node_list_t), intent(inout) :: demands
+    type(nodal_vector_list_t), intent(in) :: faces
+    type(nodal_vector_list_t), intent(inout) :: conditions
     type(error_t), allocatable, intent(out) :: error
     integer, allocatable :: first(:), order(:), signature(:), group(:)
     real(dp), allocatable :: normal(:, :), area(:), mean(:, :)
@@ -196,8 +196,8 @@ contains
             if (group(i) /= g) cycle
             ! Each support of a group once.
             if (any(group(:i - 1) == g .and. faces%source(here(:i - 1)) == faces%source(here(i)))) cycle
-            call add_face_demands(x(:, node), node, mean(:, g), faces%source(here(i)), &
-              fixed(:, faces%source(here(i))), fields(faces%source(here(i))), demands, error)
+            call add_face_conditions(x(:, node), node, mean(:, g), faces%source(here(i)), &
+              fixed(:, faces%source(here(i))), fields(faces%source(here(i))), conditions, error)
             if (allocated(error)) then
               call add_context(error, 'support of surface '//quoted(supports(faces%source(here(i)))%surface%name)//': ')
               return
@@ -206,10 +206,10 @@ contains
         end do
       end associate
     end do
-  end subroutine add_local_demands
+  end subroutine add_local_conditions
 
-  !> What one support demands of a node on one smooth face.
-  subroutine add_face_demands(x, node, normal, s, fixed, field, demands, error)
+  !> Add the Dirichlet conditions of one support at a node on one smooth face.
+  subroutine add_face_conditions(x, node, normal, s, fixed, field, conditions, error)
     !> Place of the node (dim) [length].
     real(dp), intent(in) :: x(:)
     integer, intent(in) :: node
@@ -220,36 +220,36 @@ contains
     !> Whether the displacements along xi, eta, n are given.
     logical, intent(in) :: fixed(3)
     !> The displacement along xi, eta, n [length].
-    type(field_t), intent(in) :: field
-    type(node_list_t), intent(inout) :: demands
+    type(vector_field_t), intent(in) :: field
+    type(nodal_vector_list_t), intent(inout) :: conditions
     type(error_t), allocatable, intent(out) :: error
     real(dp) :: value(3), frame(size(x), size(x))
     call field%evaluate(x, value, error)
     if (allocated(error)) return
     call frame_of_normal(size(x), normal, frame)
-    if (fixed(1)) call demands%add(node, s, frame(:, 1), value(1))
-    if (fixed(2)) call demands%add(node, s, frame(:, 2), value(2))
-    if (fixed(3)) call demands%add(node, s, frame(:, size(x)), value(3))
-  end subroutine add_face_demands
+    if (fixed(1)) call conditions%add(node, s, frame(:, 1), value(1))
+    if (fixed(2)) call conditions%add(node, s, frame(:, 2), value(2))
+    if (fixed(3)) call conditions%add(node, s, frame(:, size(x)), value(3))
+  end subroutine add_face_conditions
 
   !> Nodes on the axis of an axisymmetric body do not move off it.
-  subroutine add_axis_demands(x, demands)
+  subroutine add_axis_conditions(x, conditions)
     !> Nodes of the body (2, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
-    type(node_list_t), intent(inout) :: demands
+    type(nodal_vector_list_t), intent(inout) :: conditions
     real(dp) :: body_size
     integer :: i
     body_size = max(maxval(abs(x(1, :))), maxval(x(2, :)) - minval(x(2, :)))
     do i = 1, size(x, 2)
-      if (abs(x(1, i)) <= 1.0e-9_dp*body_size) call demands%add(i, 0, [1.0_dp, 0.0_dp], 0.0_dp)
+      if (abs(x(1, i)) <= 1.0e-9_dp*body_size) call conditions%add(i, 0, [1.0_dp, 0.0_dp], 0.0_dp)
     end do
-  end subroutine add_axis_demands
+  end subroutine add_axis_conditions
 
-  !> Turn the demands into given unknowns, node by node.
-  subroutine apply_demands(mesh, supports, demands, constraint, error)
+  !> Turn the conditions into given unknowns, node by node.
+  subroutine apply_conditions(mesh, supports, conditions, constraint, error)
     type(body_mesh_t), intent(in) :: mesh
     type(support_t), intent(in) :: supports(:)
-    type(node_list_t), intent(in) :: demands
+    type(nodal_vector_list_t), intent(in) :: conditions
     type(constraint_t), intent(inout) :: constraint
     type(error_t), allocatable, intent(out) :: error
     type(node_axes_t) :: axes
@@ -259,18 +259,18 @@ contains
     integer :: node, n, n_frames, dim
     dim = mesh%dimension
     tolerance = 0
-    if (demands%n > 0) tolerance = 1.0e-9_dp*maxval(abs(demands%value(:demands%n)))
-    call demands%by_node(mesh%n_nodes(), first, order)
+    if (conditions%n > 0) tolerance = 1.0e-9_dp*maxval(abs(conditions%value(:conditions%n)))
+    call conditions%by_node(mesh%n_nodes(), first, order)
     n_frames = 0
     allocate (frame(dim, dim, count(first(2:mesh%n_nodes() + 1) > first(:mesh%n_nodes()))))
     do node = 1, mesh%n_nodes()
       n = first(node + 1) - first(node)
       if (n == 0) cycle
-      direction = demands%direction(:, order(first(node):first(node + 1) - 1))
-      value = demands%value(order(first(node):first(node + 1) - 1))
-      axes = combine_demands(dim, n, direction, value, tolerance)
+      direction = conditions%direction(:, order(first(node):first(node + 1) - 1))
+      value = conditions%value(order(first(node):first(node + 1) - 1))
+      axes = combine_conditions(dim, n, direction, value, tolerance)
       if (axes%contradiction > 0) then
-        call contradiction_error(mesh, supports, node, demands%source(order(first(node):first(node + 1) - 1)), axes, &
+        call contradiction_error(mesh, supports, node, conditions%source(order(first(node):first(node + 1) - 1)), axes, &
           direction(:, axes%contradiction), error)
         return
       end if
@@ -282,14 +282,14 @@ contains
       constraint%frame_of(node) = n_frames
     end do
     constraint%frame = frame(:, :, :n_frames)
-  end subroutine apply_demands
+  end subroutine apply_conditions
 
   !> The error of supports that contradict each other at a node.
   subroutine contradiction_error(mesh, supports, node, source, axes, direction, error)
     type(body_mesh_t), intent(in) :: mesh
     type(support_t), intent(in) :: supports(:)
     integer, intent(in) :: node
-    !> Supports of all demands at the node.
+    !> Supports of all conditions at the node.
     integer, intent(in) :: source(:)
     type(node_axes_t), intent(in) :: axes
     !> Direction of the demand that contradicts the others.
@@ -312,7 +312,7 @@ contains
     if (maxval(unit) < maxval(abs(unit))) sign = -1
     unit = sign*unit
     call set_error(error, 'supports contradict each other at node '//to_text(mesh%node_tag(node))//' at '// &
-      place_text(mesh%x(:, node))//' (surfaces '//names//'): the displacement along '//vector_text(unit, 1.0_dp)// &
-      ' is given as '//to_text(sign*axes%implied)//' and as '//to_text(sign*axes%demanded), exit_bad_input)
+      point_text(mesh%x(:, node))//' (surfaces '//names//'): the displacement along '//vector_text(unit, 1.0_dp)// &
+      ' is given as '//to_text(sign*axes%implied_value)//' and as '//to_text(sign*axes%conflicting_value), exit_bad_input)
   end subroutine contradiction_error
 end module dotyk_elasticity_support

@@ -25,7 +25,7 @@ module dotyk_scheme_active_system
     !> theta/w there (n) [length/force].
     real(dp), allocatable :: layer(:)
     !> Motions that the active points do not hold, as columns (coarse%n, number of them).
-    real(dp), allocatable :: null_motion(:, :)
+    real(dp), allocatable :: null_mode(:, :)
   contains
     !> Take the active points.
     procedure :: take_points => system_take_points
@@ -95,6 +95,6 @@ contains
   subroutine system_forget(self)
     class(active_system_t), intent(inout) :: self
     if (allocated(self%row)) deallocate (self%row, self%layer)
-    if (allocated(self%null_motion)) deallocate (self%null_motion)
+    if (allocated(self%null_mode)) deallocate (self%null_mode)
   end subroutine system_forget
 end module dotyk_scheme_active_system

@@ -144,7 +144,7 @@ contains
     if (n > 0 .and. r > 0) call self%factor%solve(self%x)
     schur = matmul(transpose(self%g), self%x)
     if (allocated(problem%coarse%stiffness)) schur = schur + problem%coarse%stiffness
-    call problem%coarse%invert(schur, self%schur_inverse, self%null_motion, error)
+    call problem%coarse%invert(schur, self%schur_inverse, self%null_mode, error)
   end subroutine eliminate_border
 
   !> Solve, and refine the solution until rounding allows no more. Motions that nothing holds stay at rest; the part of c that excites

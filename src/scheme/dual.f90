@@ -13,18 +13,18 @@ module dotyk_scheme_dual
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
   use dotyk_base_text, only: to_text
-  use dotyk_scheme_active_set, only: iterate_t, find_active_set, is_balanced, reference_norm, rounding, settle_bodies, &
-    update_penetrations
+  use dotyk_scheme_active_set, only: iterate_t, find_active_set, is_balanced, reference_norm, &
+    rest_on_winkler_foundation, rounding, update_penetrations
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_bounds, only: duality_gap
   use dotyk_scheme_choice, only: choose_solver, solver_auto
   use dotyk_scheme_explicit, only: explicit_compliance_t
-  use dotyk_scheme_history, only: history_t, scheme_result_t, ended_converged, ended_immovable, ended_interrupted, ended_limit, &
-    ended_stalled, ended_unstoppable
+  use dotyk_scheme_history, only: history_t, scheme_result_t, ended_converged, ended_interrupted, ended_limit, &
+    ended_no_equilibrium, ended_rigid_constraint, ended_stalled
   use dotyk_scheme_nested, only: few_points, find_start
   use dotyk_scheme_part, only: give_back, keep_rows
   use dotyk_scheme_problem, only: contact_problem_t
-  use dotyk_scheme_settle, only: find_unstoppable
+  use dotyk_scheme_winkler_start, only: find_unbounded_direction
   implicit none
   private
 
@@ -77,7 +77,7 @@ contains
       state = start
     else
       call rows_to_begin_with(problem, keep, result)
-      if (result%ended == ended_unstoppable) return
+      if (result%ended == ended_no_equilibrium) return
     end if
     call choose_solver(problem, settings%linear_solver, keep, compliance, system)
     if (compliance%by_sweeps) call log%line('  active sets      by conjugate gradients, '//to_text(count(keep))// &
@@ -129,16 +129,16 @@ contains
     real(dp), allocatable :: motion(:)
     logical :: found
     allocate (motion(problem%coarse%n), keep(problem%operator%n_rows))
-    call find_unstoppable(problem%operator, problem%coarse, motion, found)
+    call find_unbounded_direction(problem%operator, problem%coarse, motion, found)
     if (found) then
       call leave_out(result)
-      result%ended = ended_unstoppable
-      result%unstoppable = problem%coarse%scale*motion
+      result%ended = ended_no_equilibrium
+      result%unbounded_direction = problem%coarse%scale*motion
       return
     end if
     keep = .true.
     if (size(keep) == 0 .or. has_many_motions(problem)) return
-    call settle_bodies(problem, now, keep)
+    call rest_on_winkler_foundation(problem, now, keep)
     ! Free bodies sink in more than the foundations say, or tilt.
     if (problem%coarse%n > 0) keep = now%y > -maxval(now%y)
     ! Faces that just touch.
@@ -171,7 +171,7 @@ contains
     allocate (motion(problem%coarse%n), way(size(keep)))
     do k = 1, most_widenings
       call keep_rows(problem, keep, part)
-      call find_unstoppable(part%operator, part%coarse, motion, found)
+      call find_unbounded_direction(part%operator, part%coarse, motion, found)
       call give_back(part, problem)
       if (.not. found) return
       ! Rows that the motion runs into.
@@ -245,7 +245,7 @@ contains
       call find_active_set(problem, settings%max_iterations, settings%tolerance, log, compliance, system, now, active, result, &
                            error, from_inside=.not. present(start) .and. has_many_motions(problem))
     end if
-    if (.not. allocated(error) .and. result%ended /= ended_immovable) &
+    if (.not. allocated(error) .and. result%ended /= ended_rigid_constraint) &
       call finish(problem, settings, compliance, system, now, result)
   end subroutine solve_rows
 
@@ -279,7 +279,7 @@ contains
     if (result%ended == ended_interrupted) then
       allocate (result%undetermined(size(now%alpha), 0))
     else
-      result%undetermined = system%null_motion
+      result%undetermined = system%null_mode
     end if
     do i = 1, size(result%undetermined, 2)
       result%undetermined(:, i) = problem%coarse%scale*result%undetermined(:, i)

@@ -46,7 +46,7 @@ contains
     call prepare_preconditioner(self, problem)
     allocate (self%g(size(self%row), problem%coarse%n))
     call problem%coarse%rows(self%row, self%g)
-    call problem%coarse%invert(matmul(transpose(self%g), self%g), self%gram_inverse, self%null_motion, error)
+    call problem%coarse%invert(matmul(transpose(self%g), self%g), self%gram_inverse, self%null_mode, error)
     ! The columns are for the other way.
     associate (not_needed => compliance)
     end associate

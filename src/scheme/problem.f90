@@ -11,7 +11,7 @@ module dotyk_scheme_problem
   use dotyk_contact_operator, only: contact_operator_t, contact_block_t
   use dotyk_linalg_spectrum, only: linear_operator_t
   use dotyk_response_response, only: response_t, response_slot_t
-  use dotyk_scheme_coarse, only: coarse_space_t
+  use dotyk_scheme_coarse_space, only: coarse_space_t
   implicit none
   private
 

@@ -1,13 +1,13 @@
 !> The system of an active set by factorization of all of it, border included: for scenes of many free bodies.
 !>
 !> Blocks are the pairs with active points and the motions of the free bodies, a body after the last of its pairs
-!> (`dotyk_linalg_saddle_factor`). What fills in is little where bodies touch few others, and motions that nothing holds are found on
+!> (`dotyk_linalg_block_ldlt`). What fills in is little where bodies touch few others, and motions that nothing holds are found on
 !> the way. As in `dotyk_scheme_direct_system` a small part of the diagonal is added, and solutions are refined with the true matrix.
 module dotyk_scheme_saddle_system
   use dotyk_base_error, only: error_t, set_error, exit_not_solvable
   use dotyk_base_kinds, only: dp
-  use dotyk_linalg_saddle_factor, only: saddle_factor_t
-  use dotyk_linalg_saddle_solution, only: extend_null, solve_saddle
+  use dotyk_linalg_block_ldlt, only: block_ldlt_t
+  use dotyk_linalg_block_ldlt_solution, only: expand_null_vector, solve_block_ldlt
   use dotyk_scheme_active_system, only: active_system_t, proximal_part
   use dotyk_scheme_body_graph, only: body_graph_t, make_body_graph
   use dotyk_scheme_explicit, only: explicit_compliance_t
@@ -17,7 +17,7 @@ module dotyk_scheme_saddle_system
 
   !> The factorized system. It owns a factor: never copy it, destroy it in the end.
   type, extends(active_system_t), public :: saddle_system_t
-    type(saddle_factor_t), private :: factor
+    type(block_ldlt_t), private :: factor
     !> Which pairs have active points, whose they are.
     type(body_graph_t), private :: graph
     !> Diagonal of M (n) [length/force].
@@ -59,7 +59,7 @@ contains
     call self%factor%factorize(stiffness_of_bodies(self, problem), failed)
     if (failed > 0) call set_error(error, 'the compliance of the active contact points is not positive definite', &
                                    exit_not_solvable)
-    if (.not. allocated(error)) call find_null_motions(self, problem)
+    if (.not. allocated(error)) call find_null_modes(self, problem)
   end subroutine saddle_system_init
 
   !> M: what the bodies of two pairs that share them contribute to the pairs' block, layers, and the small part.
@@ -137,39 +137,40 @@ contains
   end function stiffness_of_bodies
 
   !> Motions that the active points do not hold: of single bodies, and of several ones together.
-  subroutine find_null_motions(self, problem)
+  subroutine find_null_modes(self, problem)
     type(saddle_system_t), intent(inout) :: self
     type(contact_problem_t), intent(in) :: problem
     real(dp) :: x(size(self%row) + problem%coarse%n), moved
     real(dp), allocatable :: shared(:, :)
     integer :: i, j, b, n, n_shared
     n = size(self%row)
-    allocate (self%null_motion(problem%coarse%n, size(self%factor%null_block)), source=0.0_dp)
+    allocate (self%null_mode(problem%coarse%n, size(self%factor%null_block)), source=0.0_dp)
     allocate (shared(problem%coarse%n, size(self%factor%null_block)))
     n_shared = 0
     do i = 1, size(self%factor%null_block)
       b = self%graph%body_of(self%factor%null_block(i))
       associate (first => problem%coarse%first(b), last => problem%coarse%first(b + 1) - 1, run => self%graph%body(b))
-        self%null_motion(first:last, i) = self%factor%null_direction(:last - first + 1, i)
+        self%null_mode(first:last, i) = self%factor%null_direction(:last - first + 1, i)
         moved = 0
         do j = 1, size(run%place)
-          moved = max(moved, abs(dot_product(problem%coarse%block(b)%value(run%place(j), :), self%null_motion(first:last, i))))
+          moved = max(moved, abs(dot_product(problem%coarse%block(b)%value(run%place(j), :), &
+                                             self%null_mode(first:last, i))))
         end do
       end associate
       if (moved > 1.0e-9_dp) then
-        call extend_null(self%factor, i, x)
-        self%null_motion(self%graph%motion, i) = x(n + 1:)
+        call expand_null_vector(self%factor, i, x)
+        self%null_mode(self%graph%motion, i) = x(n + 1:)
         n_shared = n_shared + 1
-        shared(:, n_shared) = self%null_motion(:, i)
+        shared(:, n_shared) = self%null_mode(:, i)
         do j = 1, n_shared - 1
           shared(:, n_shared) = shared(:, n_shared) - dot_product(shared(:, j), shared(:, n_shared))*shared(:, j)
         end do
         shared(:, n_shared) = shared(:, n_shared)/norm2(shared(:, n_shared))
       end if
-      self%null_motion(:, i) = self%null_motion(:, i)/maxval(abs(self%null_motion(:, i)))
+      self%null_mode(:, i) = self%null_mode(:, i)/maxval(abs(self%null_mode(:, i)))
     end do
     self%shared_null = shared(:, :n_shared)
-  end subroutine find_null_motions
+  end subroutine find_null_modes
 
   !> Solve, and refine the solution until rounding allows no more. Motions that nothing holds stay at rest; the part of c that excites
   !> them is left over.
@@ -199,7 +200,7 @@ contains
     do k = 1, most_steps
       x(:n) = r_b
       x(n + 1:) = -r_c(self%graph%motion)
-      call solve_saddle(self%factor, x)
+      call solve_block_ldlt(self%factor, x)
       step = x(:n)
       step_alpha(self%graph%motion) = x(n + 1:)
       all_forces(self%row) = lambda + step

@@ -1,0 +1,280 @@
+!> From the input to bodies: meshes, materials, supports, loads, and the surfaces of the contact pairs.
+module dotyk_driver_body_setup
+  use omp_lib, only: omp_get_max_threads
+  use dotyk_base_error, only: error_t, problem_list_t, add_context, set_error, exit_not_solvable
+  use dotyk_base_interrupt, only: interrupted
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_text, only: to_text
+  use dotyk_driver_congruence_classes, only: congruence_classes_t
+  use dotyk_driver_locking, only: would_lock
+  use dotyk_driver_materials, only: build_material
+  use dotyk_driver_parallel, only: largest_first
+  use dotyk_driver_volumes, only: volume_t
+  use dotyk_elasticity_analysis, only: analysis_3d, analysis_plane_strain, analysis_plane_stress, analysis_axisymmetric
+  use dotyk_elasticity_body, only: body_t, free_rigid_modes
+  use dotyk_elasticity_load, only: load_t, load_traction, load_pressure, load_local_traction, load_force_density, &
+    add_surface_load, add_volume_load
+  use dotyk_elasticity_material, only: rotate_stiffness
+  use dotyk_elasticity_support, only: support_t, collect_supports
+  use dotyk_input_case, only: body_input_t, case_t, load_input_t
+  use dotyk_input_names, only: name_at, scheme_names
+  use dotyk_mesh_gmsh, only: read_gmsh
+  use dotyk_mesh_gmsh_run, only: mesh_geometry
+  use dotyk_mesh_mesh, only: mesh_t
+  use dotyk_mesh_placement, only: placement_t
+  use dotyk_mesh_surface, only: surface_t
+  implicit none
+  private
+  public :: build_bodies, check_held, assemble_bodies
+
+  !> What the names of the input are called in elasticity, in the order of the input's lists.
+  integer, parameter :: analysis_of(4) = [analysis_3d, analysis_plane_strain, analysis_plane_stress, analysis_axisymmetric]
+  integer, parameter :: load_kind_of(4) = [load_traction, load_pressure, load_local_traction, load_force_density]
+
+  !> A place for one body's error.
+  type :: error_slot_t
+    type(error_t), allocatable :: error
+  end type error_slot_t
+
+contains
+
+  !> Read every mesh once, take every volume out of it once and build its bodies; all problems are reported together.
+  subroutine build_bodies(case, body, surface_a, surface_b, error)
+    type(case_t), intent(in) :: case
+    !> (n_bodies).
+    type(body_t), allocatable, intent(out) :: body(:)
+    !> The two surfaces of each contact pair (n_pairs).
+    type(surface_t), allocatable, intent(out) :: surface_a(:), surface_b(:)
+    type(error_t), allocatable, intent(out) :: error
+    type(problem_list_t) :: problems
+    type(mesh_t) :: mesh
+    type(volume_t) :: volume
+    type(error_t), allocatable :: failed
+    logical, dimension(size(case%body)) :: read, done, same, locks
+    integer :: b, c, k, before
+    allocate (body(size(case%body)), surface_a(size(case%contact)), surface_b(size(case%contact)))
+    read = .false.
+    done = .false.
+    locks = [(would_lock(case, b), b=1, size(body))]
+    do b = 1, size(body)
+      if (interrupted()) exit
+      if (read(b)) cycle
+      same = [(case%body(c)%mesh == case%body(b)%mesh, c=1, size(body))]
+      read = read .or. same
+      before = problems%count
+      call read_mesh(case%body(b)%mesh, case%scene%dimension, mesh, failed)
+      call problems%add_error(failed)
+      if (problems%count > before) cycle
+      do c = b, size(body)
+        if (.not. same(c) .or. done(c)) cycle
+        call volume%take(mesh, case%body(c)%volume, case%scene%dimension, locks(c))
+        do k = c, size(body)
+          if (.not. same(k) .or. case%body(k)%volume /= case%body(c)%volume .or. (locks(k) .neqv. locks(c))) cycle
+          done(k) = .true.
+          call build_body(case, mesh, volume, k, body(k), surface_a, surface_b, problems)
+        end do
+      end do
+    end do
+    call problems%raise(error)
+  end subroutine build_bodies
+
+  !> A .msh file, or a .geo file by way of gmsh.
+  subroutine read_mesh(path, dimension, mesh, error)
+    character(*), intent(in) :: path
+    !> 2 or 3: for gmsh.
+    integer, intent(in) :: dimension
+    type(mesh_t), intent(out) :: mesh
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: msh
+    msh = path
+    if (len(path) > 4) then
+      if (path(len(path) - 3:) == '.geo') call mesh_geometry(path, dimension, msh, error)
+    end if
+    if (.not. allocated(error)) call read_gmsh(msh, mesh, error)
+    ! Messages name the file that the user knows.
+    if (.not. allocated(error)) mesh%file = path
+  end subroutine read_mesh
+
+  !> One body and the surfaces of its contact pairs.
+  subroutine build_body(case, mesh, volume, b, body, surface_a, surface_b, problems)
+    type(case_t), intent(in) :: case
+    type(mesh_t), intent(in) :: mesh
+    !> The body's volume in the mesh.
+    type(volume_t), intent(inout) :: volume
+    !> Index of the body.
+    integer, intent(in) :: b
+    type(body_t), intent(inout) :: body
+    type(surface_t), intent(inout) :: surface_a(:), surface_b(:)
+    type(problem_list_t), intent(inout) :: problems
+    type(error_t), allocatable :: failed
+    type(support_t), allocatable :: support(:)
+    integer :: k, before
+    before = problems%count
+    body%name = case%body(b)%name
+    body%analysis = analysis_of(case%scene%analysis)
+    body%dimension = case%scene%dimension
+    call build_material(case%material(case%body(b)%material), case%solver%locking, body%material, failed)
+    call note(case%material(case%body(b)%material)%line, failed)
+    if (allocated(volume%error)) failed = volume%error
+    call note(case%body(b)%line, failed)
+    if (problems%count > before) return
+    call place(case%body(b))
+
+    do k = 1, size(case%contact)
+      associate (contact => case%contact(k))
+        if (contact%body_a == b) call volume%take_surface(mesh, contact%surface_a, surface_a(k), failed)
+        call note(contact%line, failed)
+        if (contact%body_b == b) call volume%take_surface(mesh, contact%surface_b, surface_b(k), failed)
+        call note(contact%line, failed)
+      end associate
+    end do
+    call build_supports(support)
+    if (problems%count == before) then
+      call collect_supports(body%mesh, body%analysis, support, body%constraint, failed)
+      if (allocated(failed)) call problems%add(case%file//": body '"//body%name//"': "//failed%message, failed%code)
+    end if
+    allocate (body%load(body%dimension, body%mesh%n_nodes()), source=0.0_dp)
+    do k = 1, size(case%load)
+      if (case%load(k)%body /= b) cycle
+      call build_load(case%load(k), failed)
+      call note(case%load(k)%line, failed)
+    end do
+
+  contains
+
+    !> Put the body, with the axes of its material, where it is to be.
+    subroutine place(given)
+      type(body_input_t), intent(in) :: given
+      type(placement_t) :: placement
+      call placement%init(given%axis, given%angle, given%at)
+      body%mesh = volume%mesh
+      call placement%apply(body%mesh%x)
+      if (placement%turned .and. .not. body%material%isotropic) &
+        body%material%stiffness = rotate_stiffness(body%material%stiffness, placement%rotation)
+    end subroutine place
+
+    !> The supports of this body.
+    subroutine build_supports(support)
+      type(support_t), allocatable, intent(out) :: support(:)
+      integer :: i, n
+      allocate (support(count(case%support%body == b)))
+      n = 0
+      do i = 1, size(case%support)
+        associate (given => case%support(i))
+          if (given%body /= b) cycle
+          n = n + 1
+          call volume%take_surface(mesh, given%surface, support(n)%surface, failed)
+          call note(given%line, failed)
+          support(n)%fix = given%fix
+          support(n)%value = given%value
+          support(n)%formula = given%value_formula
+        end associate
+      end do
+    end subroutine build_supports
+
+    !> Nodal forces of one load.
+    subroutine build_load(given, failed)
+      type(load_input_t), intent(in) :: given
+      type(error_t), allocatable, intent(out) :: failed
+      type(load_t) :: load
+      type(surface_t) :: surface
+      load%kind = load_kind_of(given%kind)
+      load%value = given%value
+      load%formula = given%formula
+      if (load%kind == load_force_density) then
+        call add_volume_load(body%mesh, body%analysis, load, body%load, failed)
+      else
+        call volume%take_surface(mesh, given%surface, surface, failed)
+        if (allocated(failed)) return
+        call add_surface_load(body%mesh, body%analysis, surface, load, body%load, failed)
+      end if
+    end subroutine build_load
+
+    !> A problem of a line of the input.
+    subroutine note(line, failed)
+      integer, intent(in) :: line
+      type(error_t), allocatable, intent(inout) :: failed
+      ! Asked for every body and pair.
+      if (.not. allocated(failed)) return
+      call add_context(failed, case%file//':'//to_text(line)//': ')
+      call problems%add_error(failed)
+    end subroutine note
+  end subroutine build_body
+
+  !> For schemes that need held bodies: refuse those that the supports leave free; all are reported together.
+  subroutine check_held(case, body, classes, error)
+    type(case_t), intent(in) :: case
+    !> With supports (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    type(congruence_classes_t), intent(in) :: classes
+    type(error_t), allocatable, intent(out) :: error
+    type(problem_list_t) :: problems
+    type(error_t), allocatable :: failed
+    character(:), allocatable :: scheme, motions
+    logical :: free(size(body))
+    integer :: b, n_free
+    scheme = name_at(scheme_names, case%solver%scheme)
+    free = .true.
+    do b = 1, size(body)
+      ! All bodies of a kind are as free as the first.
+      if (.not. free(classes%first(b))) cycle
+      call free_rigid_modes(body(b), n_free, motions)
+      free(b) = n_free > 0
+      if (n_free == 0) cycle
+      call set_error(failed, case%file//':'//to_text(case%body(b)%line)//": body '"//body(b)%name//"': scheme '"//scheme// &
+                     "' needs held bodies, and the supports leave this one free: "//motions//'; add a &support that stops it, '// &
+                     "or use scheme='dual', which does not need it", exit_not_solvable)
+      call problems%add_error(failed)
+    end do
+    call problems%raise(error)
+  end subroutine check_held
+
+  !> Assemble all bodies: the ones that are much larger than the rest with all threads, then the others side by side; all problems are
+  !> reported together.
+  subroutine assemble_bodies(case, classes, body, error)
+    type(case_t), intent(in) :: case
+    type(congruence_classes_t), intent(in) :: classes
+    !> Those that are not the first of their kind get no stiffness (n_bodies).
+    type(body_t), intent(inout) :: body(:)
+    type(error_t), allocatable, intent(out) :: error
+    type(problem_list_t) :: problems
+    type(error_slot_t), allocatable :: failed(:)
+    integer :: i, b, order(size(body))
+    logical :: alone(size(body))
+    real(dp) :: share
+    allocate (failed(size(body)))
+    order = largest_first(real(body%constraint%n_equations, dp))
+    ! Larger than one thread's share of all: the others would wait for it.
+    share = sum(real(body%constraint%n_equations, dp), mask=[(classes%is_representative(b), b=1, size(body))])/omp_get_max_threads()
+    alone = .false.
+    if (omp_get_max_threads() > 1) then
+      alone = [(classes%is_representative(b) .and. body(b)%constraint%n_equations > 1.2_dp*share, b=1, size(body))]
+    end if
+    do b = 1, size(body)
+      if (interrupted()) cycle
+      if (alone(b)) call body(b)%assemble(failed(b)%error)
+    end do
+    !$omp parallel default(none) shared(body, classes, failed, order, alone) private(b)
+    !$omp do schedule(dynamic, 1)
+    do i = 1, size(body)
+      b = order(i)
+      if (interrupted()) cycle
+      if (classes%is_representative(b) .and. .not. alone(b)) call body(b)%assemble(failed(b)%error)
+    end do
+    !$omp end do
+    !$omp do schedule(dynamic, 1)
+    do i = 1, size(body)
+      b = order(i)
+      if (interrupted()) cycle
+      if (classes%is_representative(b) .or. allocated(failed(classes%first(b))%error)) cycle
+      call body(b)%assemble_like(body(classes%first(b)), classes%motion(b), failed(b)%error)
+    end do
+    !$omp end do
+    !$omp end parallel
+    do b = 1, size(body)
+      call add_context(failed(b)%error, case%file//':'//to_text(case%body(b)%line)//": body '"//body(b)%name//"': ")
+      call problems%add_error(failed(b)%error)
+    end do
+    call problems%raise(error)
+  end subroutine assemble_bodies
+end module dotyk_driver_body_setup

@@ -1,0 +1,72 @@
+!> An order of elements in which neighbours in space are near each other: along a Morton curve.
+!>
+!> Mesh generators number elements and nodes with little regard for that, and then assembly waits for memory most of
+!> the time.
+module dotyk_elasticity_element_ordering
+  use dotyk_base_kinds, only: dp
+  implicit none
+  private
+  public :: morton_order
+
+  !> Bits of the curve per axis.
+  integer, parameter :: bits = 10
+
+contains
+
+  !> Sort elements by the place of their first node on the curve; equal places keep their order.
+  pure subroutine morton_order(dim, x, node, order)
+    !> Dimension, 2 or 3.
+    integer, intent(in) :: dim
+    !> Nodes of the body (dim, n_nodes) [length].
+    real(dp), intent(in) :: x(:, :)
+    !> Nodes of the elements (n, n_elements).
+    integer, intent(in) :: node(:, :)
+    !> The element that comes k-th (n_elements).
+    integer, intent(out) :: order(size(node, 2))
+    integer, allocatable :: key(:), other(:)
+    integer :: spread_bits(0:2**bits - 1), start(0:2**bits), low_bits, pass, i, k, d, e
+    real(dp) :: low(dim), scale
+    do d = 1, dim
+      low(d) = minval(x(d, :))
+    end do
+    scale = 0
+    do d = 1, dim
+      scale = max(scale, maxval(x(d, :)) - low(d))
+    end do
+    if (scale > 0) scale = (2**bits - 1)/scale
+    do i = 0, 2**bits - 1
+      spread_bits(i) = 0
+      do k = 0, bits - 1
+        spread_bits(i) = ior(spread_bits(i), ishft(ibits(i, k, 1), dim*k))
+      end do
+    end do
+    allocate (key(size(node, 2)), other(size(node, 2)))
+    do e = 1, size(node, 2)
+      key(e) = 0
+      do d = 1, dim
+        k = max(0, min(2**bits - 1, int((x(d, node(1, e)) - low(d))*scale)))
+        key(e) = ior(key(e), ishft(spread_bits(k), d - 1))
+      end do
+      order(e) = e
+    end do
+    ! Counting sorts by ten bits at a time, lowest first.
+    do pass = 1, dim
+      low_bits = bits*(pass - 1)
+      start = 0
+      do e = 1, size(order)
+        k = ibits(key(e), low_bits, bits)
+        start(k + 1) = start(k + 1) + 1
+      end do
+      start(0) = 1
+      do k = 1, 2**bits
+        start(k) = start(k) + start(k - 1)
+      end do
+      other = order
+      do i = 1, size(order)
+        k = ibits(key(other(i)), low_bits, bits)
+        order(start(k)) = other(i)
+        start(k) = start(k) + 1
+      end do
+    end do
+  end subroutine morton_order
+end module dotyk_elasticity_element_ordering

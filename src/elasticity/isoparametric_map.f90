@@ -1,0 +1,228 @@
+!> Maps to an element and displacement gradients at all its quadrature points at a time, without the gradients of its shape functions.
+!>
+!> The same as `map_element`, with the points as the first index of all arrays, four of them in a row: sums over nodes run over all points
+!> in step. The last block is filled up with repetitions of the last point, of weight 0.
+module dotyk_elasticity_isoparametric_map
+  use dotyk_base_kinds, only: dp
+  use dotyk_elasticity_shape_table, only: shape_table_t
+  implicit none
+  private
+
+  !> Points in a row.
+  integer, parameter, public :: points_in_row = 4
+
+  !> Values at the points of one quadrature rule.
+  type, public :: point_shape_table_t
+    !> Numbers of nodes and dimensions; of points, a multiple of four, and of those that are no repetitions.
+    integer :: n_nodes = 0, dimension = 0, n_points = 0, n_true = 0
+    !> Shape functions (n_points, n_nodes).
+    real(dp), allocatable :: shape(:, :)
+    !> Their derivatives by reference coordinates (n_points, n_nodes, dimension).
+    real(dp), allocatable :: gradient(:, :, :)
+    !> Sums over the nodes of products of two derivatives (n_points, dimension, dimension), and of squares of shape functions (n_points).
+    real(dp), allocatable :: products(:, :, :), shape_square(:)
+    !> Reference weights (n_points).
+    real(dp), allocatable :: weight(:)
+  contains
+    procedure :: init => point_shape_table_init
+  end type point_shape_table_t
+
+  public :: map_points, to_space, interpolate
+
+contains
+
+  !> Take the values from a table.
+  subroutine point_shape_table_init(self, table)
+    class(point_shape_table_t), intent(out) :: self
+    type(shape_table_t), intent(in) :: table
+    integer :: q, p, i, k
+    self%n_nodes = table%n_nodes
+    self%dimension = table%dimension
+    self%n_true = table%n_points
+    self%n_points = points_in_row*((table%n_points + points_in_row - 1)/points_in_row)
+    allocate (self%shape(self%n_points, self%n_nodes), self%gradient(self%n_points, self%n_nodes, self%dimension))
+    allocate (self%products(self%n_points, self%dimension, self%dimension), self%weight(self%n_points))
+    do p = 1, self%n_points
+      q = min(p, self%n_true)
+      self%shape(p, :) = table%shape(:, q)
+      self%gradient(p, :, :) = table%gradient(:, :, q)
+      self%weight(p) = merge(table%weight(q), 0.0_dp, p <= self%n_true)
+      do k = 1, self%dimension
+        do i = 1, self%dimension
+          self%products(p, i, k) = dot_product(table%gradient(:, i, q), table%gradient(:, k, q))
+        end do
+      end do
+    end do
+    self%shape_square = sum(self%shape**2, dim=2)
+  end subroutine point_shape_table_init
+
+  !> The map to an element: what its gradients and weights are made of.
+  pure subroutine map_points(n, dim, slots, n_points, shape, shape_square, gradient, products, weight, x, inverse, radius, &
+      g_square, w, worst)
+    !> Numbers of nodes, dimensions, gradient slots and points.
+    integer, intent(in) :: n, dim, slots, n_points
+    !> As in point_shape_table_t.
+    real(dp), intent(in) :: shape(n_points, n), shape_square(n_points), gradient(n_points, n, dim)
+    real(dp), intent(in) :: products(n_points, dim, dim), weight(n_points)
+    !> Nodes [length].
+    real(dp), intent(in) :: x(dim, n)
+    !> Inverses of the Jacobians: derivatives of reference coordinate m by coordinate k [1/length].
+    real(dp), intent(out) :: inverse(n_points, dim, dim)
+    !> Radius in axisymmetric analyses, 1 in others [length].
+    real(dp), intent(out) :: radius(n_points)
+    !> Sum over nodes and slots of the squares of the shape functions' gradients [1/length^2].
+    real(dp), intent(out) :: g_square(n_points)
+    !> Weights: volume, area, or volume of the full turn [length^dim].
+    real(dp), intent(out) :: w(n_points)
+    !> Least value of the determinants, of the radius too in axisymmetric analyses; not positive: the rest means nothing.
+    real(dp), intent(out) :: worst
+    real(dp), parameter :: two_pi = 6.283185307179586477_dp
+    real(dp) :: jacobian(n_points, dim, dim), determinant(n_points)
+    integer :: k, m, l, q
+    radius = 1
+    call reference_slopes(n, dim, n_points, gradient, x, jacobian)
+    call invert(dim, n_points, jacobian, inverse, determinant)
+    worst = minval(determinant)
+    if (.not. worst > 0) then
+      worst = min(worst, 0.0_dp)
+      return
+    end if
+    g_square = 0
+    do k = 1, dim
+      do m = 1, dim
+        do l = 1, dim
+          do q = 1, n_points
+            g_square(q) = g_square(q) + inverse(q, m, k)*inverse(q, l, k)*products(q, m, l)
+          end do
+        end do
+      end do
+    end do
+    w = weight*determinant
+    if (slots == dim) return
+    call interpolate(n, 1, n_points, shape, x(1:1, :), radius)
+    worst = min(worst, minval(radius))
+    if (.not. worst > 0) then
+      worst = min(worst, 0.0_dp)
+      return
+    end if
+    g_square = g_square + shape_square/radius**2
+    w = w*two_pi*radius
+  end subroutine map_points
+
+  !> Displacement gradients in space of one of some bodies, from those by reference coordinates.
+  pure subroutine to_space(dim, slots, n_points, n_bodies, body, by_reference, inverse, displacement, radius, slope)
+    integer, intent(in) :: dim, slots, n_points, n_bodies
+    !> The body.
+    integer, intent(in) :: body
+    !> Derivatives of displacement i of all bodies by reference coordinate m [length].
+    real(dp), intent(in) :: by_reference(n_points, n_bodies, dim, dim)
+    !> As in map_points.
+    real(dp), intent(in) :: inverse(n_points, dim, dim), radius(n_points)
+    !> Displacements of all bodies; read in axisymmetric analyses only [length].
+    real(dp), intent(in) :: displacement(n_points, n_bodies, dim)
+    !> Derivatives of displacement i by coordinate k; u/r as the third slot of the first one in axisymmetric analyses [].
+    real(dp), intent(out) :: slope(n_points, dim, slots)
+    integer :: i, k, m, q
+    slope = 0
+    do k = 1, dim
+      do m = 1, dim
+        do i = 1, dim
+          do q = 1, n_points
+            slope(q, i, k) = slope(q, i, k) + by_reference(q, body, i, m)*inverse(q, m, k)
+          end do
+        end do
+      end do
+    end do
+    if (slots > dim) slope(:, 1, 3) = displacement(:, body, 1)/radius
+  end subroutine to_space
+
+  !> Derivatives of functions by reference coordinates.
+  pure subroutine reference_slopes(n, dim, n_points, gradient, f, slope)
+    integer, intent(in) :: n, dim, n_points
+    real(dp), intent(in) :: gradient(n_points, n, dim)
+    !> Values at the nodes.
+    real(dp), intent(in) :: f(dim, n)
+    !> Of function i by coordinate m.
+    real(dp), intent(out) :: slope(n_points, dim, dim)
+    integer :: m
+    do m = 1, dim
+      call interpolate(n, dim, n_points, gradient(:, :, m), f, slope(:, :, m))
+    end do
+  end subroutine reference_slopes
+
+  !> Values of functions at the points.
+  pure subroutine interpolate(n, n_functions, n_points, shape, f, values)
+    integer, intent(in) :: n, n_functions, n_points
+    !> Shape functions or one of their derivatives.
+    real(dp), intent(in) :: shape(n_points, n)
+    !> Values at the nodes.
+    real(dp), intent(in) :: f(n_functions, n)
+    real(dp), intent(out) :: values(n_points, n_functions)
+    real(dp), dimension(points_in_row) :: s1, s2, s3
+    integer :: a, i, q
+    do q = 0, n_points - points_in_row, points_in_row
+      if (n_functions == 3) then
+        s1 = 0
+        s2 = 0
+        s3 = 0
+        do a = 1, n
+          s1 = s1 + f(1, a)*shape(q + 1:q + points_in_row, a)
+          s2 = s2 + f(2, a)*shape(q + 1:q + points_in_row, a)
+          s3 = s3 + f(3, a)*shape(q + 1:q + points_in_row, a)
+        end do
+        values(q + 1:q + points_in_row, 1) = s1
+        values(q + 1:q + points_in_row, 2) = s2
+        values(q + 1:q + points_in_row, 3) = s3
+        cycle
+      end if
+      do i = 1, n_functions
+        s1 = 0
+        do a = 1, n
+          s1 = s1 + f(i, a)*shape(q + 1:q + points_in_row, a)
+        end do
+        values(q + 1:q + points_in_row, i) = s1
+      end do
+    end do
+  end subroutine interpolate
+
+  !> Inverses of Jacobians d x_k / d xi_m, those of singular ones times 0, and their determinants.
+  pure subroutine invert(dim, n_points, jacobian, inverse, determinant)
+    integer, intent(in) :: dim, n_points
+    real(dp), intent(in) :: jacobian(n_points, dim, dim)
+    real(dp), intent(out) :: inverse(n_points, dim, dim), determinant(n_points)
+    integer :: i, k, i1, i2, k1, k2, q
+    real(dp) :: factor(n_points)
+    if (dim == 2) then
+      inverse(:, 1, 1) = jacobian(:, 2, 2)
+      inverse(:, 2, 1) = -jacobian(:, 2, 1)
+      inverse(:, 1, 2) = -jacobian(:, 1, 2)
+      inverse(:, 2, 2) = jacobian(:, 1, 1)
+      determinant = jacobian(:, 1, 1)*jacobian(:, 2, 2) - jacobian(:, 1, 2)*jacobian(:, 2, 1)
+    else
+      do k = 1, 3
+        k1 = mod(k, 3) + 1
+        k2 = mod(k + 1, 3) + 1
+        do i = 1, 3
+          i1 = mod(i, 3) + 1
+          i2 = mod(i + 1, 3) + 1
+          do q = 1, n_points
+            inverse(q, i, k) = jacobian(q, k1, i1)*jacobian(q, k2, i2) - jacobian(q, k1, i2)*jacobian(q, k2, i1)
+          end do
+        end do
+      end do
+      determinant = jacobian(:, 1, 1)*inverse(:, 1, 1) + jacobian(:, 1, 2)*inverse(:, 2, 1) + jacobian(:, 1, 3)*inverse(:, 3, 1)
+    end if
+    where (abs(determinant) > 0)
+      factor = 1/determinant
+    elsewhere
+      factor = 0
+    end where
+    do k = 1, dim
+      do i = 1, dim
+        do q = 1, n_points
+          inverse(q, i, k) = inverse(q, i, k)*factor(q)
+        end do
+      end do
+    end do
+  end subroutine invert
+end module dotyk_elasticity_isoparametric_map

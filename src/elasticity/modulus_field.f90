@@ -1,0 +1,67 @@
+!> The factor on the stiffness of a material, `young_formula`: a function of the place.
+module dotyk_elasticity_modulus_field
+  use dotyk_base_error, only: add_context, error_t, exit_bad_input, set_error
+  use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_magnitude, only: size_rule, smallest_number
+  use dotyk_base_text, only: text_t, to_text
+  use dotyk_elasticity_vector_field, only: vector_field_t, point_text
+  use dotyk_elasticity_material, only: material_t
+  implicit none
+  private
+  public :: read_modulus_field, apply_modulus_field
+
+contains
+
+  !> Parse the factor on the stiffness of a material: 1 where it has none.
+  subroutine read_modulus_field(material, factor, error)
+    type(material_t), intent(in) :: material
+    !> The factor is the first component.
+    type(vector_field_t), intent(inout) :: factor
+    type(error_t), allocatable, intent(out) :: error
+    type(text_t), allocatable :: text(:)
+    if (material%has_modulus_field()) then
+      allocate (text(1))
+      text(1)%s = material%modulus_formula
+    end if
+    call factor%init([1.0_dp, 0.0_dp, 0.0_dp], error, text)
+    call add_context(error, 'young_formula: ')
+  end subroutine read_modulus_field
+
+  !> Multiply the weights of an element's points by the factor on the stiffness.
+  subroutine apply_modulus_field(factor, shape, x, tag, w, error)
+    type(vector_field_t), intent(in) :: factor
+    !> Shape functions at the points (n_nodes, n_points).
+    real(dp), intent(in) :: shape(:, :)
+    !> Nodes of the element (dim, n_nodes) [length].
+    real(dp), intent(in) :: x(:, :)
+    !> Tag of the element, for messages.
+    integer(int64), intent(in) :: tag
+    !> Weights (n_points).
+    real(dp), intent(inout) :: w(:)
+    !> Allocated where the factor is not a positive number.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp) :: place(size(x, 1)), value(3)
+    integer :: q
+    do q = 1, size(w)
+      place = matmul(x, shape(:, q))
+      call factor%evaluate(place, value, error)
+      if (.not. allocated(error) .and. value(1) >= smallest_number) then
+        w(q) = w(q)*value(1)
+        cycle
+      end if
+      !$omp critical (message)
+      if (allocated(error)) then
+        continue   ! no number
+      else if (.not. value(1) > 0) then
+        call set_error(error, 'the factor on the stiffness must be positive, it is '//to_text(value(1))//' at '// &
+                       point_text(place), exit_bad_input)
+      else
+        call set_error(error, 'the formula is '//to_text(value(1))//' at '//point_text(place)//'; '//size_rule, exit_bad_input)
+      end if
+      call add_context(error, 'young_formula: ')
+      error%message = error%message//' (element '//to_text(tag)//')'
+      !$omp end critical (message)
+      return
+    end do
+  end subroutine apply_modulus_field
+end module dotyk_elasticity_modulus_field

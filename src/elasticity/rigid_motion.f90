@@ -1,0 +1,252 @@
+!> Rigid motions that the supports of a body leave free, and how to say them.
+module dotyk_elasticity_rigid_motion
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_text, only: to_text
+  use dotyk_elasticity_analysis, only: analysis_3d, analysis_axisymmetric
+  use dotyk_elasticity_constraint, only: constraint_t
+  use dotyk_elasticity_vector_field, only: point_text, vector_text
+  use dotyk_linalg_dense, only: right_singular_vectors
+  use dotyk_mesh_body_mesh, only: body_mesh_t, connected_components
+  use dotyk_mesh_facet, only: cross
+  implicit none
+  private
+  public :: find_free_rigid_modes, rigid_null_space, describe_rigid_motions, component_text, rigid_displacement
+
+  !> A motion that moves the held points by less than this, relative to the others, is free.
+  real(dp), parameter :: least_hold = 1.0e-6_dp
+
+contains
+
+  !> Free rigid motions of all connected parts of a body.
+  subroutine find_free_rigid_modes(mesh, analysis, constraint, n_free, text)
+    type(body_mesh_t), intent(in) :: mesh
+    !> One of dotyk_elasticity_analysis' constants.
+    integer, intent(in) :: analysis
+    type(constraint_t), intent(in) :: constraint
+    !> Number of independent free motions.
+    integer, intent(out) :: n_free
+    !> They, as "translation along (0, 0, 1) and rotation about the axis (0, 1, 0) through (1, 0, 0)"; empty for none.
+    character(:), allocatable, intent(out) :: text
+    integer, allocatable :: part(:)
+    character(:), allocatable :: motions
+    real(dp) :: free(6, 6), centre(3), radius
+    integer :: p, n_parts, n
+    allocate (part(mesh%n_nodes()))
+    call connected_components(mesh, part, n_parts)
+    n_free = 0
+    text = ''
+    do p = 1, n_parts
+      call rigid_null_space(mesh, analysis, constraint, part, p, centre, radius, free, n)
+      if (n == 0) cycle
+      n_free = n_free + n
+      call describe_rigid_motions(analysis, free(:, :n), centre, radius, motions)
+      if (len(text) > 0) text = text//'; '
+      text = text//component_text(mesh, part, p, n_parts)//motions
+    end do
+  end subroutine find_free_rigid_modes
+
+  !> What comes before the motions of a part; empty where the body is all one.
+  function component_text(mesh, part, p, n_parts) result(text)
+    type(body_mesh_t), intent(in) :: mesh
+    !> Part of each node (n_nodes), the part that is meant, and their number.
+    integer, intent(in) :: part(:), p, n_parts
+    character(:), allocatable :: text
+    integer :: first
+    text = ''
+    if (n_parts == 1) return
+    first = findloc(part, p, 1)
+    text = 'part '//to_text(p)//' of '//to_text(n_parts)//' that do not hang together (node '// &
+      to_text(mesh%node_tag(first))//' at '//point_text(mesh%x(:, first))//'): '
+  end function component_text
+
+  !> Displacement of a place in a rigid motion [the unit of the motion].
+  pure function rigid_displacement(motion, centre, radius, x) result(u)
+    !> Translation, and rotation times the radius, about the centre (6).
+    real(dp), intent(in) :: motion(6)
+    real(dp), intent(in) :: centre(3), radius
+    !> The place, two or three coordinates [length].
+    real(dp), intent(in) :: x(:)
+    real(dp) :: u(size(x)), arm(3), moved(3)
+    arm = 0
+    arm(:size(x)) = (x - centre(:size(x)))/radius
+    moved = motion(1:3) + cross(motion(4:6), arm)
+    u = moved(:size(x))
+  end function rigid_displacement
+
+  !> Motions (translation, rotation times radius, both about the centre) of a part that its held unknowns leave at rest.
+  subroutine rigid_null_space(mesh, analysis, constraint, part, p, centre, radius, free, n)
+    type(body_mesh_t), intent(in) :: mesh
+    !> One of dotyk_elasticity_analysis' constants.
+    integer, intent(in) :: analysis
+    type(constraint_t), intent(in) :: constraint
+    !> Part of each node (n_nodes), and the part that is meant.
+    integer, intent(in) :: part(:), p
+    !> Middle of the part's box, and half of its diagonal [length].
+    real(dp), intent(out) :: centre(3), radius
+    !> Orthonormal free motions in the first n columns.
+    real(dp), intent(out) :: free(6, 6)
+    integer, intent(out) :: n
+    type(error_t), allocatable :: error
+    real(dp), allocatable :: hold(:, :)
+    real(dp) :: values(6), vectors(6, 6), low(3), high(3), row(6), axis(3), arm(3), least
+    integer, allocatable :: exists(:)
+    integer :: i, k, j, dim, m
+    dim = mesh%dimension
+    low = huge(1.0_dp)
+    high = -huge(1.0_dp)
+    if (dim == 2) low(3) = 0
+    if (dim == 2) high(3) = 0
+    do i = 1, size(part)
+      if (part(i) /= p) cycle
+      low(:dim) = min(low(:dim), mesh%x(:, i))
+      high(:dim) = max(high(:dim), mesh%x(:, i))
+    end do
+    centre = 0.5_dp*(low + high)
+    radius = 0.5_dp*norm2(high - low)
+    if (analysis == analysis_3d) then
+      exists = [1, 2, 3, 4, 5, 6]
+    else if (analysis == analysis_axisymmetric) then
+      exists = [2]
+      centre = 0
+    else
+      exists = [1, 2, 6]
+    end if
+    ! A row for each held unknown: how far the motions would move it. Their square would lose half of the digits.
+    allocate (hold(count(constraint%equation == 0), size(exists)))
+    m = 0
+    do i = 1, size(part)
+      if (part(i) /= p) cycle
+      do k = 1, dim
+        if (constraint%equation(k, i) > 0) cycle
+        axis = 0
+        if (constraint%frame_of(i) > 0) then
+          axis(:dim) = constraint%frame(:, k, constraint%frame_of(i))
+        else
+          axis(k) = 1
+        end if
+        arm = 0
+        arm(:dim) = mesh%x(:, i)
+        arm = (arm - centre)/radius
+        row = [axis, cross(arm, axis)]
+        m = m + 1
+        hold(m, :) = row(exists)
+      end do
+    end do
+    least = least_hold*sqrt(1 + sum(hold(:m, :)**2))
+    n = 0
+    free = 0
+    call right_singular_vectors(hold(:m, :), values(:size(exists)), vectors(:size(exists), :size(exists)), error)
+    if (allocated(error)) return
+    do j = size(exists), 1, -1
+      if (values(j) > least) cycle
+      n = n + 1
+      free(exists, n) = vectors(:size(exists), j)
+    end do
+  end subroutine rigid_null_space
+
+  !> Say a space of rigid motions.
+  subroutine describe_rigid_motions(analysis, free, centre, radius, text)
+    integer, intent(in) :: analysis
+    !> Independent motions (6, n).
+    real(dp), intent(in) :: free(:, :)
+    real(dp), intent(in) :: centre(3), radius
+    character(:), allocatable, intent(out) :: text
+    real(dp) :: motion(6, size(free, 2)), axis(3), shift(3), along(3), through(3)
+    integer :: n, j, dim, n_rotations, i
+    n = size(free, 2)
+    dim = merge(3, 2, analysis == analysis_3d)
+    motion = free
+    ! Rotations first: columns in echelon form by rotation components, then what is left are translations.
+    call echelon(motion, [4, 5, 6, 1, 2, 3])
+    n_rotations = 0
+    do j = 1, n
+      if (norm2(motion(4:6, j)) > 1.0e-5_dp) n_rotations = n_rotations + 1
+    end do
+    call remove_translations(motion, n_rotations)
+    text = ''
+    do i = 1, n
+      ! Translations are said first.
+      j = mod(i - 1 + n_rotations, n) + 1
+      if (i > 1) text = text//merge(' and ', ',    ', i == n)
+      if (i > 1 .and. i < n) text = trim(text)//' '
+      if (j > n_rotations) then
+        text = text//'translation along '//direction_text(motion(:dim, j))
+      else
+        axis = motion(4:6, j)/norm2(motion(4:6, j))
+        shift = motion(1:3, j)*radius/norm2(motion(4:6, j))
+        along = dot_product(shift, axis)*axis
+        through = centre + cross(axis, shift)
+        if (dim == 2) then
+          text = text//'rotation about '//vector_text(through(:2), radius)
+        else
+          if (norm2(along) > 1.0e-6_dp*radius) then
+            text = text//'screw motion (pitch '//to_text(dot_product(shift, axis))//' per radian)'
+          else
+            text = text//'rotation'
+          end if
+          text = text//' about the axis '//direction_text(axis)//' through '//vector_text(through, radius)
+        end if
+      end if
+    end do
+  end subroutine describe_rigid_motions
+
+  !> Gauss-Jordan elimination of the columns of a matrix with the rows in a given order, largest pivot first in each
+  !> row.
+  pure subroutine echelon(motion, rows)
+    real(dp), intent(inout) :: motion(:, :)
+    integer, intent(in) :: rows(:)
+    real(dp) :: column(size(motion, 1))
+    integer :: r, j, k, next
+    next = 1
+    do r = 1, size(rows)
+      if (next > size(motion, 2)) exit
+      k = next - 1 + maxloc(abs(motion(rows(r), next:)), 1)
+      if (abs(motion(rows(r), k)) < 1.0e-5_dp) then
+        motion(rows(r), next:) = 0
+        cycle
+      end if
+      column = motion(:, k)/motion(rows(r), k)
+      motion(:, k) = motion(:, next)
+      motion(:, next) = column
+      do j = 1, size(motion, 2)
+        if (j /= next) motion(:, j) = motion(:, j) - motion(rows(r), j)*column
+      end do
+      next = next + 1
+    end do
+  end subroutine echelon
+
+  !> Take from rotations the translations that are free anyway, so that their axes go as near to the centre as can be.
+  pure subroutine remove_translations(motion, n_rotations)
+    real(dp), intent(inout) :: motion(:, :)
+    !> Rotations are the first columns, translations the rest.
+    integer, intent(in) :: n_rotations
+    real(dp) :: q(3, 3)
+    integer :: i, j, n
+    n = 0
+    do j = n_rotations + 1, size(motion, 2)
+      n = n + 1
+      q(:, n) = motion(1:3, j)
+      do i = 1, n - 1
+        q(:, n) = q(:, n) - dot_product(q(:, i), q(:, n))*q(:, i)
+      end do
+      q(:, n) = q(:, n)/norm2(q(:, n))
+    end do
+    do j = 1, n_rotations
+      do i = 1, n
+        motion(1:3, j) = motion(1:3, j) - dot_product(q(:, i), motion(1:3, j))*q(:, i)
+      end do
+    end do
+  end subroutine remove_translations
+
+  !> A direction as a unit vector, along an axis rather than against it.
+  pure function direction_text(vector) result(text)
+    real(dp), intent(in) :: vector(:)
+    character(:), allocatable :: text
+    real(dp) :: unit(size(vector))
+    unit = vector/norm2(vector)
+    where (abs(unit) < 1.0e-5_dp) unit = 0
+    if (maxval(unit) < maxval(abs(unit))*(1 - 1.0e-9_dp)) unit = -unit
+    text = vector_text(unit, 1.0_dp)
+  end function direction_text
+end module dotyk_elasticity_rigid_motion

@@ -1,0 +1,289 @@
+!> Shape functions and their gradients at the quadrature points of an element kind, and the map to an element in space.
+!>
+!> Simplices of order two have two tables: one that is exact where edges are straight, and a richer one for curved
+!> elements.
+module dotyk_elasticity_shape_table
+  use dotyk_base_kinds, only: dp
+  use dotyk_elasticity_analysis, only: analysis_axisymmetric
+  use dotyk_mesh_element, only: element_kind, element_kind_t, element_tet4, element_tri3, element_prism6, &
+    quadrature_rule, reference_nodes, shape_functions, shape_gradients
+  implicit none
+  private
+
+  !> Values at the points of one quadrature rule.
+  type, public :: shape_table_t
+    !> Numbers of nodes, dimensions and points.
+    integer :: n_nodes = 0, dimension = 0, n_points = 0
+    !> Shape functions (n_nodes, n_points).
+    real(dp), allocatable :: shape(:, :)
+    !> Their derivatives by reference coordinates (n_nodes, dimension, n_points).
+    real(dp), allocatable :: gradient(:, :, :)
+    !> Reference weights (n_points).
+    real(dp), allocatable :: weight(:)
+  contains
+    procedure :: init => shape_table_init
+  end type shape_table_t
+
+  !> The tables of one kind of elements.
+  type, public :: shape_table_pair_t
+    !> For straight elements, and for curved ones; the second one is not set where the first serves both.
+    type(shape_table_t) :: straight, curved
+    !> Whether there are two.
+    logical :: two = .false.
+    !> Linear shape functions at the nodes that are not corners (n_corners, n_nodes - n_corners).
+    real(dp), allocatable :: corner_shape(:, :)
+  contains
+    procedure :: init_stiffness
+    procedure :: init_load
+    procedure :: is_curved => shape_table_pair_is_curved
+  end type shape_table_pair_t
+
+  public :: map_element, load_degree
+
+  !> A node further than this from its place on the straight element, relative to the element's size, makes it curved.
+  real(dp), parameter :: straightness = 1.0e-8_dp
+
+contains
+
+  !> Evaluate the shape functions of a kind at the points of a rule.
+  subroutine shape_table_init(self, kind, degree)
+    class(shape_table_t), intent(out) :: self
+    !> Element kind.
+    integer, intent(in) :: kind
+    !> Degree of the quadrature rule.
+    integer, intent(in) :: degree
+    type(element_kind_t) :: properties
+    real(dp), allocatable :: points(:, :), gradients(:, :)
+    integer :: q
+    properties = element_kind(kind)
+    call quadrature_rule(kind, degree, points, self%weight)
+    self%n_nodes = properties%n_nodes
+    self%dimension = properties%dimension
+    self%n_points = size(self%weight)
+    allocate (self%shape(self%n_nodes, self%n_points), self%gradient(self%n_nodes, self%dimension, self%n_points))
+    allocate (gradients(self%dimension, self%n_nodes))
+    do q = 1, self%n_points
+      call shape_functions(kind, points(:, q), self%shape(:, q))
+      call shape_gradients(kind, points(:, q), gradients)
+      self%gradient(:, :, q) = transpose(gradients)
+    end do
+  end subroutine shape_table_init
+
+  !> Tables for the stiffness of a kind.
+  subroutine init_stiffness(self, kind, analysis, varying)
+    class(shape_table_pair_t), intent(out) :: self
+    !> Element kind.
+    integer, intent(in) :: kind
+    !> One of dotyk_elasticity_analysis' constants.
+    integer, intent(in) :: analysis
+    !> Whether the stiffness varies within elements.
+    logical, intent(in) :: varying
+    type(element_kind_t) :: properties
+    integer :: degree
+    properties = element_kind(kind)
+    degree = stiffness_degree(properties%corner_kind, properties%order, analysis)
+    ! A varying factor counts as a polynomial of degree 2.
+    if (varying) degree = degree + 2
+    call init_pair(self, kind, properties, degree, degree + 2)
+  end subroutine init_stiffness
+
+  !> Tables for the forces of a force density.
+  subroutine init_load(self, kind, analysis, varying)
+    class(shape_table_pair_t), intent(out) :: self
+    !> Element kind.
+    integer, intent(in) :: kind
+    !> One of dotyk_elasticity_analysis' constants.
+    integer, intent(in) :: analysis
+    !> Whether the force density varies.
+    logical, intent(in) :: varying
+    type(element_kind_t) :: properties
+    integer :: degree
+    properties = element_kind(kind)
+    degree = load_degree(properties%order)
+    if (is_simplex(properties%corner_kind) .and. .not. varying) then
+      ! A shape function, and the radius.
+      degree = properties%order + merge(1, 0, analysis == analysis_axisymmetric)
+    end if
+    call init_pair(self, kind, properties, degree, load_degree(properties%order))
+  end subroutine init_load
+
+  !> The two tables.
+  subroutine init_pair(self, kind, properties, degree, curved_degree)
+    class(shape_table_pair_t), intent(inout) :: self
+    integer, intent(in) :: kind
+    type(element_kind_t), intent(in) :: properties
+    !> Degrees of quadrature on straight and on curved elements; that of straight ones serves all but simplices.
+    integer, intent(in) :: degree, curved_degree
+    real(dp), allocatable :: xi(:, :)
+    integer :: i
+    call self%straight%init(kind, degree)
+    self%two = properties%order == 2 .and. is_simplex(properties%corner_kind) .and. curved_degree > degree
+    if (.not. self%two) return
+    call self%curved%init(kind, curved_degree)
+    allocate (xi(properties%dimension, properties%n_nodes))
+    call reference_nodes(kind, xi)
+    allocate (self%corner_shape(properties%n_corners, properties%n_nodes - properties%n_corners))
+    do i = 1, properties%n_nodes - properties%n_corners
+      call shape_functions(properties%corner_kind, xi(:, properties%n_corners + i), self%corner_shape(:, i))
+    end do
+  end subroutine init_pair
+
+  !> Degree of the quadrature of a stiffness: exact on straight elements with a constant material.
+  pure integer function stiffness_degree(corner_kind, order, analysis) result(degree)
+    !> The linear kind of the same family.
+    integer, intent(in) :: corner_kind
+    !> Order of the element.
+    integer, intent(in) :: order
+    !> One of dotyk_elasticity_analysis' constants.
+    integer, intent(in) :: analysis
+    if (is_simplex(corner_kind)) then
+      degree = 2*(order - 1)
+      ! The radius and N^2/r.
+      if (analysis == analysis_axisymmetric) degree = degree + 3
+      degree = max(degree, 1)
+    else if (corner_kind == element_prism6) then
+      degree = 2*order
+    else
+      degree = 2*order + 1
+    end if
+  end function stiffness_degree
+
+  !> Whether the reference element is a simplex.
+  pure logical function is_simplex(corner_kind)
+    integer, intent(in) :: corner_kind
+    is_simplex = corner_kind == element_tri3 .or. corner_kind == element_tet4
+  end function is_simplex
+
+  !> Degree of the quadrature of loads on elements or facets of an order.
+  pure integer function load_degree(order) result(degree)
+    integer, intent(in) :: order
+    ! Shape function, area or volume of a curved element, and two or more degrees for the load.
+    degree = merge(6, 4, order == 2)
+  end function load_degree
+
+  !> Whether an element is curved, so that it needs the second table.
+  pure logical function shape_table_pair_is_curved(self, x) result(is_curved)
+    class(shape_table_pair_t), intent(in) :: self
+    !> Its nodes (dimension, n_nodes) [length].
+    real(dp), intent(in) :: x(:, :)
+    real(dp) :: size_squared, deviation_squared, middle
+    integer :: i, k, corners, c
+    is_curved = .false.
+    if (.not. self%two) return
+    corners = size(self%corner_shape, 1)
+    size_squared = 0
+    do k = 1, size(x, 1)
+      size_squared = max(size_squared, (maxval(x(k, :corners)) - minval(x(k, :corners)))**2)
+    end do
+    do i = 1, size(self%corner_shape, 2)
+      deviation_squared = 0
+      do k = 1, size(x, 1)
+        middle = 0
+        do c = 1, corners
+          middle = middle + x(k, c)*self%corner_shape(c, i)
+        end do
+        deviation_squared = deviation_squared + (x(k, corners + i) - middle)**2
+      end do
+      if (deviation_squared > straightness**2*size_squared) is_curved = .true.
+    end do
+  end function shape_table_pair_is_curved
+
+  !> Gradients in space and quadrature weights of one element.
+  pure subroutine map_element(n, dim, slots, n_points, shape, gradient, weight, x, g, w, worst)
+    !> Number of nodes.
+    integer, intent(in) :: n
+    !> Dimension, 2 or 3.
+    integer, intent(in) :: dim
+    !> Gradient slots: `dim`, or 3 with `dim` 2 in axisymmetric analyses.
+    integer, intent(in) :: slots
+    !> Number of quadrature points.
+    integer, intent(in) :: n_points
+    !> Shape functions.
+    real(dp), intent(in) :: shape(n, n_points)
+    !> Derivatives by reference coordinates.
+    real(dp), intent(in) :: gradient(n, dim, n_points)
+    !> Reference weights.
+    real(dp), intent(in) :: weight(n_points)
+    !> Nodes [length].
+    real(dp), intent(in) :: x(dim, n)
+    !> Gradients of the shape functions; third slot N/r in axisymmetric analyses [1/length].
+    real(dp), intent(out) :: g(n, slots, n_points)
+    !> Weights: volume, area, or volume of the full turn [length^dim].
+    real(dp), intent(out) :: w(n_points)
+    !> Least value of the determinants, of the radius too in axisymmetric analyses; not positive: g and w mean nothing.
+    real(dp), intent(out) :: worst
+    real(dp), parameter :: two_pi = 6.283185307179586477_dp
+    real(dp) :: jacobian(dim, dim), inverse(dim, dim), determinant, radius
+    integer :: q, k, m, a
+    worst = huge(1.0_dp)
+    do q = 1, n_points
+      ! jacobian(k, m) = d x_k / d xi_m
+      do m = 1, dim
+        do k = 1, dim
+          jacobian(k, m) = 0
+          do a = 1, n
+            jacobian(k, m) = jacobian(k, m) + x(k, a)*gradient(a, m, q)
+          end do
+        end do
+      end do
+      call invert(dim, jacobian, inverse, determinant)
+      worst = min(worst, determinant)
+      if (.not. determinant > 0) then
+        worst = min(worst, 0.0_dp)
+        return
+      end if
+      w(q) = weight(q)*determinant
+      if (dim == 3) then
+        do k = 1, 3
+          do a = 1, n
+            g(a, k, q) = gradient(a, 1, q)*inverse(1, k) + gradient(a, 2, q)*inverse(2, k) &
+              + gradient(a, 3, q)*inverse(3, k)
+          end do
+        end do
+      else
+        do k = 1, 2
+          do a = 1, n
+            g(a, k, q) = gradient(a, 1, q)*inverse(1, k) + gradient(a, 2, q)*inverse(2, k)
+          end do
+        end do
+        if (slots == 3) then
+          radius = dot_product(shape(:, q), x(1, :))
+          worst = min(worst, radius)
+          if (.not. radius > 0) then
+            worst = min(worst, 0.0_dp)
+            return
+          end if
+          g(:, 3, q) = shape(:, q)/radius
+          w(q) = w(q)*two_pi*radius
+        end if
+      end if
+    end do
+  end subroutine map_element
+
+  !> Determinant and inverse of a small matrix; the inverse is that of a singular one times 0.
+  pure subroutine invert(dim, matrix, inverse, determinant)
+    !> 2 or 3.
+    integer, intent(in) :: dim
+    real(dp), intent(in) :: matrix(dim, dim)
+    real(dp), intent(out) :: inverse(dim, dim)
+    real(dp), intent(out) :: determinant
+    if (dim == 2) then
+      inverse(1, 1) = matrix(2, 2)
+      inverse(2, 1) = -matrix(2, 1)
+      inverse(1, 2) = -matrix(1, 2)
+      inverse(2, 2) = matrix(1, 1)
+    else
+      inverse(1, 1) = matrix(2, 2)*matrix(3, 3) - matrix(2, 3)*matrix(3, 2)
+      inverse(2, 1) = matrix(2, 3)*matrix(3, 1) - matrix(2, 1)*matrix(3, 3)
+      inverse(3, 1) = matrix(2, 1)*matrix(3, 2) - matrix(2, 2)*matrix(3, 1)
+      inverse(1, 2) = matrix(1, 3)*matrix(3, 2) - matrix(1, 2)*matrix(3, 3)
+      inverse(2, 2) = matrix(1, 1)*matrix(3, 3) - matrix(1, 3)*matrix(3, 1)
+      inverse(3, 2) = matrix(1, 2)*matrix(3, 1) - matrix(1, 1)*matrix(3, 2)
+      inverse(1, 3) = matrix(1, 2)*matrix(2, 3) - matrix(1, 3)*matrix(2, 2)
+      inverse(2, 3) = matrix(1, 3)*matrix(2, 1) - matrix(1, 1)*matrix(2, 3)
+      inverse(3, 3) = matrix(1, 1)*matrix(2, 2) - matrix(1, 2)*matrix(2, 1)
+    end if
+    determinant = dot_product(matrix(1, :), inverse(:, 1))
+    if (abs(determinant) > 0) inverse = inverse/determinant
+  end subroutine invert
+end module dotyk_elasticity_shape_table

@@ -1,0 +1,173 @@
+!> Element stiffness matrices.
+!>
+!> With M(ak,bl) = sum over points of w g_ak g_bl, g_ak the gradient slot k of shape function a, every linear elastic
+!> stiffness is K(ai,bj) = sum_kl C(ik,jl) M(ak,bl), in whatever analysis; an isotropic body in three dimensions needs
+!> K(ai,bj) = lambda M(ai,bj) + mu M(aj,bi) + mu delta_ij sum_k M(ak,bk) only.
+module dotyk_elasticity_stiffness_kernel
+  use dotyk_base_kinds, only: dp
+  implicit none
+  private
+  public :: gradient_products, stiffness_isotropic, stiffness_general, rotate_blocks
+
+contains
+
+  !> Products of gradients summed over the points: blocks k >= l of M, a of slot k by b of slot l.
+  pure subroutine gradient_products(n, slots, n_points, g, w, products)
+    !> Number of nodes.
+    integer, intent(in) :: n
+    !> Number of gradient slots.
+    integer, intent(in) :: slots
+    !> Number of quadrature points.
+    integer, intent(in) :: n_points
+    !> Gradients, node and slot in one index [1/length].
+    real(dp), intent(in) :: g(n*slots, n_points)
+    !> Weights [volume].
+    real(dp), intent(in) :: w(n_points)
+    !> M; only blocks on and below the diagonal are set [length^(dim-2)].
+    real(dp), intent(out) :: products(n*slots, n*slots)
+    integer :: first, last, column, row, q
+    real(dp) :: c1, c2, c3, c4
+    last = n*slots
+    do column = 1, last
+      first = ((column - 1)/n)*n + 1
+      products(first:last, column) = 0
+      ! Four points at a time: one pass through memory for four multiplications and additions.
+      do q = 1, n_points - 3, 4
+        c1 = w(q)*g(column, q)
+        c2 = w(q + 1)*g(column, q + 1)
+        c3 = w(q + 2)*g(column, q + 2)
+        c4 = w(q + 3)*g(column, q + 3)
+        do row = first, last
+          products(row, column) = products(row, column) + (c1*g(row, q) + c2*g(row, q + 1)) &
+            + (c3*g(row, q + 2) + c4*g(row, q + 3))
+        end do
+      end do
+      do q = n_points - mod(n_points, 4) + 1, n_points
+        c1 = w(q)*g(column, q)
+        do row = first, last
+          products(row, column) = products(row, column) + c1*g(row, q)
+        end do
+      end do
+    end do
+  end subroutine gradient_products
+
+  !> Stiffness of an isotropic element in three dimensions.
+  pure subroutine stiffness_isotropic(n, lambda, mu, m, k)
+    !> Number of nodes.
+    integer, intent(in) :: n
+    !> Lame's constants [pressure].
+    real(dp), intent(in) :: lambda, mu
+    !> Products of gradients from `gradient_products` [length].
+    real(dp), intent(in) :: m(n, 3, n, 3)
+    !> Stiffness: node a, node b, component i, component j [force/length].
+    real(dp), intent(out) :: k(n, n, 3, 3)
+    integer :: i, j, a, b
+    do b = 1, n
+      do a = 1, n
+        k(a, b, 3, 3) = mu*(m(a, 1, b, 1) + m(a, 2, b, 2) + m(a, 3, b, 3))
+      end do
+    end do
+    do i = 1, 3
+      do b = 1, n
+        do a = 1, n
+          k(a, b, i, i) = (lambda + mu)*m(a, i, b, i) + k(a, b, 3, 3)
+        end do
+      end do
+    end do
+    do j = 1, 2
+      do i = j + 1, 3
+        do b = 1, n
+          do a = 1, n
+            k(a, b, i, j) = lambda*m(a, i, b, j) + mu*m(b, i, a, j)
+          end do
+        end do
+        do b = 1, n
+          do a = 1, n
+            k(a, b, j, i) = k(b, a, i, j)
+          end do
+        end do
+      end do
+    end do
+  end subroutine stiffness_isotropic
+
+  !> Stiffness of an element of any material in any analysis.
+  pure subroutine stiffness_general(n, dim, slots, strain, material, m, k)
+    !> Number of nodes.
+    integer, intent(in) :: n
+    !> Number of displacement components.
+    integer, intent(in) :: dim
+    !> Number of gradient slots.
+    integer, intent(in) :: slots
+    !> Strain to which slot s of component i belongs, 0 for none.
+    integer, intent(in) :: strain(dim, slots)
+    !> From strains to stresses [pressure].
+    real(dp), intent(in) :: material(6, 6)
+    !> Products of gradients from `gradient_products`; completed by the blocks above the diagonal on return.
+    real(dp), intent(inout) :: m(n, slots, n, slots)
+    !> Stiffness: node a, node b, component i, component j [force/length].
+    real(dp), intent(out) :: k(n, n, dim, dim)
+    integer :: i, j, s, t, a, b
+    real(dp) :: c
+    do t = 2, slots
+      do b = 1, n
+        do s = 1, t - 1
+          do a = 1, n
+            m(a, s, b, t) = m(b, t, a, s)
+          end do
+        end do
+      end do
+    end do
+    do j = 1, dim
+      do i = j, dim
+        k(:, :, i, j) = 0
+        do t = 1, slots
+          if (strain(j, t) == 0) cycle
+          do s = 1, slots
+            if (strain(i, s) == 0) cycle
+            c = material(strain(i, s), strain(j, t))
+            if (.not. abs(c) > 0) cycle
+            do b = 1, n
+              do a = 1, n
+                k(a, b, i, j) = k(a, b, i, j) + c*m(a, s, b, t)
+              end do
+            end do
+          end do
+        end do
+        if (i > j) k(:, :, j, i) = transpose(k(:, :, i, j))
+      end do
+    end do
+  end subroutine stiffness_general
+
+  !> Turn the unknowns of nodes into axes of their own: K_ab <- R_a^T K_ab R_b.
+  pure subroutine rotate_blocks(n, dim, n_frames, frame_of, frame, k)
+    !> Number of nodes of the element.
+    integer, intent(in) :: n
+    !> Number of displacement components.
+    integer, intent(in) :: dim
+    !> Number of sets of axes.
+    integer, intent(in) :: n_frames
+    !> Axes of each node, 0 for the global ones.
+    integer, intent(in) :: frame_of(n)
+    !> Axes as columns.
+    real(dp), intent(in) :: frame(dim, dim, n_frames)
+    !> Stiffness: node a, node b, component i, component j.
+    real(dp), intent(inout) :: k(n, n, dim, dim)
+    real(dp) :: line(n, dim)
+    integer :: a, i, j
+    do a = 1, n
+      if (frame_of(a) == 0) cycle
+      do j = 1, dim
+        line = k(a, :, :, j)
+        do i = 1, dim
+          k(a, :, i, j) = matmul(line, frame(:, i, frame_of(a)))
+        end do
+      end do
+      do i = 1, dim
+        line = k(:, a, i, :)
+        do j = 1, dim
+          k(:, a, i, j) = matmul(line, frame(:, j, frame_of(a)))
+        end do
+      end do
+    end do
+  end subroutine rotate_blocks
+end module dotyk_elasticity_stiffness_kernel
