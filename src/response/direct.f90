@@ -8,8 +8,9 @@
 module dotyk_response_direct
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_elasticity_body, only: body_t, body_modes_t, stiffness_t
-  use dotyk_elasticity_elimination, only: elimination_order
+  use dotyk_elasticity_body, only: body_t, stiffness_t
+  use dotyk_elasticity_body_modes, only: body_modes_t
+  use dotyk_elasticity_node_ordering, only: fill_reducing_order
   use dotyk_linalg_cholesky, only: cholesky_t
   use dotyk_linalg_ordering, only: expand_permutation
   use dotyk_linalg_sparse, only: sparse_rows_t
@@ -62,7 +63,7 @@ contains
     call choose_fixing_equations(self%mode, self%fixing_equation)
     ! Nodes are ordered, not equations: the graph is smaller, and the equations of a node stay together.
     allocate (node_order(size(stiffness%graph_start) - 1))
-    call elimination_order(body%mesh, stiffness%graph_start, stiffness%graph_neighbour, node_order, error)
+    call fill_reducing_order(body%mesh, stiffness%graph_start, stiffness%graph_neighbour, node_order, error)
     if (allocated(error)) return
     allocate (permutation(body%constraint%n_equations))
     call expand_permutation(node_order, body%constraint%equation, permutation)

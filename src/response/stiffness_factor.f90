@@ -8,7 +8,7 @@ module dotyk_response_stiffness_factor
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
   use dotyk_elasticity_body, only: body_t, stiffness_t, assemble_stiffness
-  use dotyk_elasticity_likely_cause, only: likely_cause
+  use dotyk_elasticity_conditioning_diagnosis, only: diagnose_conditioning
   use dotyk_linalg_cholesky, only: cholesky_t
   use dotyk_linalg_condition, only: scaled_norm, softest_shapes
   use dotyk_response_near_null_modes, only: count_near_null, find_near_null
@@ -159,7 +159,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: cause
     integer :: place(2)
-    call likely_cause(body%mesh, body%analysis, body%material, cause)
+    call diagnose_conditioning(body%mesh, body%analysis, body%material, cause)
     if (len(cause) > 0) cause = '; or no significant digit is left of it, and the likely cause is: '//cause
     place = findloc(body%constraint%equation, equation)
     !$omp critical (message)

@@ -6,13 +6,13 @@
 !>     min lambda^T (C + Theta W^{-1}) lambda/2 - lambda^T y_0    subject to  lambda >= 0,  G^T lambda + S alpha = e,
 !>
 !> with `C = B K^+ B^T` (`dotyk_scheme_compliance`), the initial penetration `y_0 = B u_0 - d` of the solution without contact u_0, and the
-!> rigid body modes `G = B R` of floating bodies, their resultants e and springs S (`dotyk_scheme_coarse`). Every iterate is
+!> rigid body modes `G = B R` of floating bodies, their resultants e and springs S (`dotyk_scheme_coarse_space`). Every iterate is
 !> `u = u_0 - K^+ B^T W m + R alpha`: its state is one pressure m per row, and the amplitudes alpha. Then `y = B u - d = y_0 - C W m + G alpha`.
 !> The penalty parameter theta and the tolerance are arguments of a solve. (docs/theory.md)
 module dotyk_scheme_contact_qp
   use dotyk_base_kinds, only: dp
   use dotyk_contact_operator, only: contact_block_t, contact_operator_t
-  use dotyk_scheme_coarse, only: coarse_space_t
+  use dotyk_scheme_coarse_space, only: coarse_space_t
   implicit none
   private
 

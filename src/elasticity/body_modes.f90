@@ -1,0 +1,145 @@
+!> The modes of a body that its compliance operator leaves to the schemes: rigid body modes that the supports leave (floating bodies), or
+!> near-null-space modes, which the supports hardly resist.
+!>
+!> Rigid body modes are a basis of the null space of the stiffness; near-null-space modes come from its factorization, with springs that
+!> are the scheme's. A body has the one or the other.
+module dotyk_elasticity_body_modes
+  use dotyk_base_kinds, only: dp
+  use dotyk_elasticity_body, only: body_t
+  use dotyk_elasticity_rigid_body_modes, only: rigid_body_modes_t
+  use dotyk_mesh_placement, only: placement_t
+  implicit none
+  private
+
+  !> The modes of one body.
+  type, public :: body_modes_t
+    !> Number of modes.
+    integer :: n = 0
+    !> Displacements of the nodes in global axes, zero along prescribed unknowns; rigid body modes are orthonormal in the sum over nodes
+    !> and components (dim, n_nodes, n) [].
+    real(dp), allocatable :: shape(:, :, :)
+    !> Resultants of the loads on them (n) [force].
+    real(dp), allocatable :: resultant(:)
+    !> Springs of near-null-space modes; not allocated for rigid body modes (n, n) [force/length].
+    real(dp), allocatable :: stiffness(:, :)
+    !> Of near-null-space modes: what prescribed displacements contribute to the resultants, and the sum of the absolute values of all
+    !> contributions (n) [force].
+    real(dp), allocatable :: lift_resultant(:), resultant_size(:)
+    !> Rigid body modes as translations and rotations, for messages.
+    type(rigid_body_modes_t), private :: rigid
+  contains
+    procedure :: find => modes_find
+    procedure :: move => modes_move
+    procedure :: take_near_null => modes_take_near_null
+    procedure :: is_near_null => modes_is_near_null
+    procedure :: combination_text => modes_combination_text
+    procedure :: span_text => modes_span_text
+  end type body_modes_t
+
+  !> Resultants below this fraction of the sum of the absolute values of their contributions are rounding errors.
+  real(dp), parameter :: rounding = 1.0e-13_dp
+
+contains
+
+  !> Find the rigid body modes that the supports leave.
+  subroutine modes_find(self, body)
+    class(body_modes_t), intent(out) :: self
+    !> With supports and loads.
+    type(body_t), intent(in) :: body
+    call self%rigid%init(body%mesh, body%analysis, body%constraint, self%shape)
+    self%n = self%rigid%n
+    self%resultant = resultants(self%shape, body%load)
+  end subroutine modes_find
+
+  !> The rigid body modes of a body that is another one, moved.
+  subroutine modes_move(self, first, motion, body)
+    class(body_modes_t), intent(out) :: self
+    !> Rigid body modes of the other one.
+    type(body_modes_t), intent(in) :: first
+    !> From the other one to this one.
+    type(placement_t), intent(in) :: motion
+    !> With its loads.
+    type(body_t), intent(in) :: body
+    integer :: i, k
+    self%n = first%n
+    self%shape = first%shape
+    if (motion%turned) then
+      associate (rotation => motion%rotation(:body%dimension, :body%dimension))
+        do k = 1, size(self%shape, 3)
+          do i = 1, size(self%shape, 2)
+            self%shape(:, i, k) = matmul(rotation, self%shape(:, i, k))
+          end do
+        end do
+      end associate
+    end if
+    self%rigid = first%rigid
+    call self%rigid%move(body%mesh, motion)
+    self%resultant = resultants(self%shape, body%load)
+  end subroutine modes_move
+
+  !> The near-null-space modes of a body that its supports hold.
+  subroutine modes_take_near_null(self, body, mode, stiffness)
+    class(body_modes_t), intent(out) :: self
+    !> Assembled.
+    type(body_t), intent(in) :: body
+    !> The modes over the equations (n_equations, n) [], and their springs (n, n) [force/length].
+    real(dp), intent(in) :: mode(:, :), stiffness(:, :)
+    real(dp), allocatable :: load(:)
+    integer :: k
+    self%n = size(mode, 2)
+    self%stiffness = stiffness
+    allocate (self%shape(body%dimension, body%mesh%n_nodes(), size(mode, 2)), load(size(mode, 1)))
+    do k = 1, size(mode, 2)
+      call body%constraint%expand(mode(:, k), self%shape(:, :, k), .false.)
+    end do
+    call body%constraint%reduce(body%load, load)
+    self%lift_resultant = matmul(body%rhs - load, mode)
+    ! Resultants as small as the springs count: none is taken for rounding.
+    self%resultant = matmul(body%rhs, mode)
+    self%resultant_size = matmul(abs(body%rhs), abs(mode))
+  end subroutine modes_take_near_null
+
+  !> Whether they are near-null-space modes.
+  elemental logical function modes_is_near_null(self) result(is_near_null)
+    class(body_modes_t), intent(in) :: self
+    is_near_null = allocated(self%stiffness)
+  end function modes_is_near_null
+
+  !> A combination of rigid body modes in words, such as "translation along (0, 0, 1)"; empty for none.
+  function modes_combination_text(self, amplitude) result(text)
+    class(body_modes_t), intent(in) :: self
+    !> Of each mode (n), any unit.
+    real(dp), intent(in) :: amplitude(:)
+    character(:), allocatable :: text
+    text = self%rigid%combination_text(amplitude)
+  end function modes_combination_text
+
+  !> The space of some combinations of rigid body modes in words; empty for none.
+  function modes_span_text(self, amplitude) result(text)
+    class(body_modes_t), intent(in) :: self
+    !> As columns (n, number of combinations), any unit.
+    real(dp), intent(in) :: amplitude(:, :)
+    character(:), allocatable :: text
+    text = self%rigid%span_text(amplitude)
+  end function modes_span_text
+
+  !> Resultants of loads on modes; rounding errors of self-equilibrated loads are set to zero.
+  pure function resultants(shape, load) result(resultant)
+    !> (dim, n_nodes, n) [].
+    real(dp), intent(in) :: shape(:, :, :)
+    !> (dim, n_nodes) [force].
+    real(dp), intent(in) :: load(:, :)
+    !> (n) [force]
+    real(dp) :: resultant(size(shape, 3))
+    real(dp) :: largest
+    integer :: i, k
+    do k = 1, size(shape, 3)
+      resultant(k) = sum(shape(:, :, k)*load)
+      largest = 0
+      do i = 1, size(load, 2)
+        largest = largest + norm2(shape(:, i, k))*norm2(load(:, i))
+      end do
+      if (abs(resultant(k)) <= rounding*largest) resultant(k) = 0
+    end do
+  end function resultants
+end module dotyk_elasticity_body_modes
