@@ -10,14 +10,13 @@ module dotyk_driver_scheme
   use dotyk_input_case, only: case_t
   use dotyk_input_names, only: name_at, scheme_anderson, scheme_auto, scheme_dual, scheme_names, scheme_nesterov, scheme_neumann, &
     scheme_robin, scheme_secant, stop_budget
-  use dotyk_scheme_anderson, only: solve_anderson
+  use dotyk_scheme_accelerated, only: solve_anderson, solve_secant
   use dotyk_scheme_dual, only: dual_settings_t, solve_dual
   use dotyk_scheme_explicit, only: explicit_compliance_t
   use dotyk_scheme_history, only: scheme_result_t, ended_no_equilibrium, ended_rigid_constraint
   use dotyk_scheme_neumann, only: solve_neumann
   use dotyk_scheme_nesterov, only: solve_nesterov
   use dotyk_scheme_robin, only: solve_robin
-  use dotyk_scheme_secant, only: solve_secant
   use dotyk_scheme_stopping, only: iteration_settings_t, stop_residual
   use dotyk_scheme_problem, only: contact_problem_t
   implicit none

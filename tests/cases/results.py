@@ -1,6 +1,7 @@
 #!/usr/bin/python3
 """The results file: its whole layout, read back with h5py and with VTK; what happens to older files; the choice of fields."""
 import os
+import re
 import subprocess
 import sys
 
@@ -181,6 +182,20 @@ class Results(dotyk_case.Case):
             self.assertEqual((self.folder / "column.vtkhdf").read_bytes(), older)
         self.assertEqual(sorted(p.suffix for p in self.folder.iterdir() if p.name.startswith("column")), [".nml", ".vtkhdf"])
 
+    def test_described(self):
+        """docs/results.md has every group, dataset and attribute of the file in its tables, and no other."""
+        self.column()
+        file = self.results("column.vtkhdf")
+        described = described_names((dotyk_case.ROOT / "docs/results.md").read_text())
+        self.assertEqual(described.pop("/VTKHDF"), set(file["VTKHDF"]) - {"PointData", "CellData"} | {
+            "%s/%s" % (group, name) for group in ("PointData", "CellData") for name in file["VTKHDF"][group]})
+        found = {"/dotyk": set(file["dotyk"].attrs)}
+        for name in ("summary", "history", "timing"):
+            found["/dotyk/" + name] = {*file["dotyk"][name], *file["dotyk"][name].attrs}
+        found["/dotyk/contact/NAME"] = {*file["dotyk/contact/joint"], *file["dotyk/contact/joint"].attrs}
+        self.maxDiff = None
+        self.assertEqual(described, found)
+
     def test_no_fields(self):
         self.column(output="fields=''")
         root = self.results("column.vtkhdf")["VTKHDF"]
@@ -210,6 +225,18 @@ class Results(dotyk_case.Case):
         self.write("scene/column.nml", text.replace("&scene ", "&scene output='../my results/b.vtkhdf', "))
         self.dotyk("scene/column.nml")
         self.results("my results/b.vtkhdf")
+
+
+def described_names(page):
+    """Names in the first columns of the page's tables, by the group that the section's title names."""
+    names = {}
+    for line in page.splitlines():
+        title = re.match(r"## `(/[^`]*)`", line)
+        if title:
+            group = names.setdefault(title.group(1), set())
+        elif line.startswith("| `"):
+            group.update(re.findall(r"`([^`]+)`", line.split("|")[1]))
+    return names
 
 
 def as_text(value):
