@@ -8,16 +8,29 @@ module dotyk_scheme_accelerated
   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_base_log, only: log_t
   use dotyk_linalg_dense, only: solve_dense
   use dotyk_scheme_bounds, only: contraction
-  use dotyk_scheme_history, only: scheme_result_t
-  use dotyk_scheme_neumann, only: begin_at_free_scene, answer, finish_iteration
-  use dotyk_scheme_problem, only: contact_problem_t
-  use dotyk_scheme_stopping, only: iteration_settings_t, stopping_t
+  use dotyk_scheme_compliance, only: compliance_t
+  use dotyk_scheme_contact_qp, only: contact_qp_t
+  use dotyk_scheme_monitor, only: monitor_t
+  use dotyk_scheme_neumann, only: begin_iteration, evaluate_step, finish_iteration
+  use dotyk_scheme_scheme, only: scheme_t
+  use dotyk_scheme_solver_state, only: solver_state_t
+  use dotyk_scheme_stopping, only: solver_settings_t, stopping_t
   implicit none
   private
-  public :: solve_anderson, solve_secant
+
+  !> Anderson's mixing (Anderson 1965; Walker, Ni 2011): the combination of the last images whose residuals cancel best.
+  type, extends(scheme_t), public :: anderson_t
+  contains
+    procedure :: solve => anderson_solve
+  end type anderson_t
+
+  !> The crossed secant method (Ramiere, Helfer 2015): the fixed point along the line through the last two iterates.
+  type, extends(scheme_t), public :: secant_t
+  contains
+    procedure :: solve => secant_solve
+  end type secant_t
 
   !> Changes from step to step. C W times a change of m is minus the change of y.
   type :: changes_t
@@ -58,83 +71,102 @@ module dotyk_scheme_accelerated
 
 contains
 
-  !> Anderson's mixing (Anderson 1965; Walker, Ni 2011): the combination of the last images whose residuals cancel best.
-  subroutine solve_anderson(problem, settings, log, result)
-    !> With held bodies and theta > 0.
-    type(contact_problem_t), intent(inout) :: problem
-    type(iteration_settings_t), intent(in) :: settings
-    type(log_t), intent(inout) :: log
-    type(scheme_result_t), intent(out) :: result
-    call iterate(problem, settings, window, most_growth_anderson, mix, log, result)
-  end subroutine solve_anderson
+  !> Iterate with Anderson's mixing.
+  subroutine anderson_solve(self, qp, compliance, theta, settings, monitor, state, error)
+    class(anderson_t), intent(in) :: self
+    !> Of held bodies.
+    type(contact_qp_t), intent(in) :: qp
+    class(compliance_t), intent(inout) :: compliance
+    !> Above 0 (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    type(solver_settings_t), intent(in) :: settings
+    class(monitor_t), intent(inout) :: monitor
+    type(solver_state_t), intent(inout) :: state
+    !> Never allocated.
+    type(error_t), allocatable, intent(out) :: error
+    call iterate(qp, compliance, theta, settings, window, most_growth_anderson, mix, monitor, state)
+    associate (not_needed => same_type_as(self, self), nor_this => allocated(error))
+    end associate
+  end subroutine anderson_solve
 
-  !> The crossed secant method (Ramiere, Helfer 2015): the fixed point along the line through the last two iterates.
-  subroutine solve_secant(problem, settings, log, result)
-    !> With held bodies and theta > 0.
-    type(contact_problem_t), intent(inout) :: problem
-    type(iteration_settings_t), intent(in) :: settings
-    type(log_t), intent(inout) :: log
-    type(scheme_result_t), intent(out) :: result
-    call iterate(problem, settings, 1, most_growth_secant, cross, log, result)
-  end subroutine solve_secant
+  !> Iterate with crossed secants.
+  subroutine secant_solve(self, qp, compliance, theta, settings, monitor, state, error)
+    class(secant_t), intent(in) :: self
+    !> Of held bodies.
+    type(contact_qp_t), intent(in) :: qp
+    class(compliance_t), intent(inout) :: compliance
+    !> Above 0 (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    type(solver_settings_t), intent(in) :: settings
+    class(monitor_t), intent(inout) :: monitor
+    type(solver_state_t), intent(inout) :: state
+    !> Never allocated.
+    type(error_t), allocatable, intent(out) :: error
+    call iterate(qp, compliance, theta, settings, 1, most_growth_secant, cross, monitor, state)
+    associate (not_needed => same_type_as(self, self), nor_this => allocated(error))
+    end associate
+  end subroutine secant_solve
 
   !> The safeguarded iteration.
-  subroutine iterate(problem, settings, n_remembered, most_growth, extrapolate, log, result)
-    type(contact_problem_t), intent(inout) :: problem
-    type(iteration_settings_t), intent(in) :: settings
+  subroutine iterate(qp, compliance, theta, settings, n_remembered, most_growth, extrapolate, monitor, state)
+    type(contact_qp_t), intent(in) :: qp
+    class(compliance_t), intent(inout) :: compliance
+    !> (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    type(solver_settings_t), intent(in) :: settings
     !> Changes that the extrapolation uses at most.
     integer, intent(in) :: n_remembered
     !> A residual this many times the least one drops the history [].
     real(dp), intent(in) :: most_growth
     procedure(extrapolation) :: extrapolate
-    type(log_t), intent(inout) :: log
-    type(scheme_result_t), intent(out) :: result
+    class(monitor_t), intent(inout) :: monitor
+    type(solver_state_t), intent(inout) :: state
     type(stopping_t) :: stopping
     type(changes_t) :: changes
     real(dp), allocatable :: p(:), z(:), f_m(:), f_y(:), best_m(:), best_y(:)
     real(dp) :: residual, least
     integer :: n
 
-    call begin_at_free_scene(problem, settings, result)
-    n = size(result%m)
+    call begin_iteration(qp, compliance, theta, settings, state)
+    n = size(state%m)
     if (n > 0) then
       allocate (p(n), z(n))
       allocate (changes%f_m(n, n_remembered), changes%f_y(n, n_remembered))
       allocate (changes%g_m(n, n_remembered), changes%g_y(n, n_remembered))
       least = huge(least)
       ! No contraction factor is proven.
-      result%q_predicted = ieee_value(residual, ieee_quiet_nan)
+      state%q_predicted = ieee_value(residual, ieee_quiet_nan)
       ! A gamma that is too large is reduced by the safeguard, which takes steps: hence the patience of a contracting iteration.
-      call stopping%begin(settings, contraction(2/(2 + result%lambda_max), result%lambda_max), safeguarded=.true.)
+      call stopping%begin(settings, contraction(2/(2 + state%lambda_max), state%lambda_max), safeguarded=.true.)
       do
-        call answer(problem, result%m, result%y, p, z, residual)
-        if (stopping%check(problem, residual, result%gamma*residual, .false., log, result)) exit
+        call evaluate_step(qp, compliance, theta, state%m, state%y, p, z, residual)
+        if (stopping%check(qp, theta, residual, state%gamma*residual, .false., monitor, state)) exit
         if (residual/most_growth > least) then
-          result%m = best_m
-          result%y = best_y
+          state%m = best_m
+          state%y = best_y
           least = huge(least)
           ! The cause may be gamma.
-          result%gamma = min(result%gamma, 2/(2 + result%lambda_max))
+          state%gamma = min(state%gamma, 2/(2 + state%lambda_max))
           changes%steps = -1
           cycle
         end if
         if (residual < least) then
           least = residual
-          best_m = result%m
-          best_y = result%y
+          best_m = state%m
+          best_y = state%y
         end if
-        f_m = result%gamma*(p - result%m)
-        f_y = result%gamma*(problem%y_free - z - result%y)
-        call changes%add(result%m, result%y, f_m, f_y)
+        f_m = state%gamma*(p - state%m)
+        f_y = state%gamma*(qp%initial_penetration - z - state%y)
+        call changes%add(state%m, state%y, f_m, f_y)
         if (changes%n > 0) then
-          call extrapolate(problem%operator%weight, changes, f_m, f_y, result%m, result%y)
+          call extrapolate(qp%weight, changes, f_m, f_y, state%m, state%y)
         else
-          result%m = result%m + f_m
-          result%y = result%y + f_y
+          state%m = state%m + f_m
+          state%y = state%y + f_y
         end if
       end do
     end if
-    call finish_iteration(log, result)
+    call finish_iteration(monitor, state)
   end subroutine iterate
 
   !> Record a step; the oldest change makes room.

@@ -1,358 +1,368 @@
-!> The dual scheme: contact forces lambda = W p >= 0 as unknowns, any theta >= 0, held and free bodies.
+!> The dual scheme: Lagrange multipliers lambda = W p >= 0 as unknowns, any theta >= 0, held and floating bodies.
 !>
-!> It minimises `lambda (C + Theta W^{-1}) lambda/2 - lambda.y_free` over `lambda >= 0` with `G^T lambda = e`, the equilibrium of the free
-!> bodies, by active sets (`dotyk_scheme_active_set`). Where to begin follows from the same problem on groups of points
-!> (`dotyk_scheme_nested`).
+!> It minimises `lambda^T (C + Theta W^{-1}) lambda/2 - lambda^T y_0` over `lambda >= 0` with `G^T lambda = e`, the equilibrium of the floating
+!> bodies, by a primal-dual active set iteration (`dotyk_scheme_active_set`) that begins with the solution on groups of rows
+!> (`dotyk_scheme_multilevel_start`).
 !>
-!> Points that would stay open if the bodies were rigid on elastic foundations are left out at first. At the end the displacement
-!> says whether one of them closed: it comes back then, and the problem is solved again.
+!> Rows that would stay inactive if the bodies were rigid on a Winkler foundation are screened: they are not in the working set. At the end
+!> the displacement tells which of them are violated; these are added to the working set, and the problem is solved again.
 module dotyk_scheme_dual
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use dotyk_base_error, only: error_t
   use dotyk_base_interrupt, only: interrupted, stop_if_interrupted
   use dotyk_base_kinds, only: dp
-  use dotyk_base_log, only: log_t
   use dotyk_base_text, only: to_text
-  use dotyk_scheme_active_set, only: iterate_t, find_active_set, is_balanced, reference_norm, &
-    rest_on_winkler_foundation, rounding, update_penetrations
+  use dotyk_scheme_active_set, only: iterate_t, find_active_set, is_balanced, reference_norm, rest_on_winkler_foundation, rounding, &
+    update_penetrations
   use dotyk_scheme_active_system, only: active_system_t
+  use dotyk_scheme_admissible_bound, only: admissible_bound
   use dotyk_scheme_bounds, only: duality_gap
-  use dotyk_scheme_choice, only: choose_solver, solver_auto
-  use dotyk_scheme_explicit, only: explicit_compliance_t
-  use dotyk_scheme_history, only: history_t, scheme_result_t, ended_converged, ended_interrupted, ended_limit, &
-    ended_no_equilibrium, ended_rigid_constraint, ended_stalled
-  use dotyk_scheme_nested, only: few_points, find_start
-  use dotyk_scheme_part, only: give_back, keep_rows
-  use dotyk_scheme_problem, only: contact_problem_t
+  use dotyk_scheme_choice, only: choose_solver
+  use dotyk_scheme_compliance, only: compliance_t
+  use dotyk_scheme_contact_qp, only: contact_qp_t
+  use dotyk_scheme_history, only: history_t
+  use dotyk_scheme_monitor, only: monitor_t
+  use dotyk_scheme_multilevel_start, only: few_rows, find_start
+  use dotyk_scheme_restriction, only: restrict_qp
+  use dotyk_scheme_scheme, only: scheme_t
+  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_interrupted, ended_limit, ended_no_equilibrium, &
+    ended_rigid_constraint, ended_stalled
+  use dotyk_scheme_stopping, only: solver_settings_t
   use dotyk_scheme_winkler_start, only: find_unbounded_direction
   implicit none
   private
 
-  !> What the user may choose.
-  type, public :: dual_settings_t
-    !> Relative error in the energy norm.
-    real(dp) :: tolerance = 1.0e-6_dp
-    !> Active sets at most.
-    integer :: max_iterations = 100
-    !> One of `solver_*` of `dotyk_scheme_choice`.
-    integer :: linear_solver = solver_auto
-  end type dual_settings_t
+  !> The scheme.
+  type, extends(scheme_t), public :: dual_t
+  contains
+    procedure :: solve => dual_solve
+    procedure :: needs_held_bodies => dual_needs_held_bodies
+    procedure :: allows_zero_theta => dual_allows_zero_theta
+    procedure :: expected_products => dual_expected_products
+  end type dual_t
 
-  public :: solve_dual
-
-  !> Gaps that are none, as a part of the largest penetration or gap.
+  !> Gaps that count as zero, as a fraction of the largest penetration or gap: faces that just touch.
   real(dp), parameter :: touching = 1.0e-9_dp
-  !> How often points that were left out come back; then all of them do.
+  !> How often violated rows enter the working set; then all rows do.
   integer, parameter :: most_rounds = 4
-  !> How often rows are kept that motions run into which the others do not stop; then all of them are.
+  !> How often rows enter it that stop an otherwise unbounded direction; then all rows do.
   integer, parameter :: most_widenings = 10
-  !> Scenes of more free motions than this, and fewer points for each, are solved with all points, from inside.
-  integer, parameter :: many_motions = 60, points_per_motion = 30
-  !> A part of all points that is not worth leaving out: to look at them in the end takes a solve.
-  real(dp), parameter :: not_worth_leaving_out = 0.2_dp
+  !> Rows enter it that this direction closes by more than this fraction of the most.
+  real(dp), parameter :: closing = 1.0e-3_dp
+  !> Scenes of more rigid body modes than this, and fewer rows for each, are solved with all rows, by the interior point method first.
+  integer, parameter :: many_modes = 60, rows_per_mode = 30
+  !> A fraction of all rows that is not worth screening: to look at them in the end takes a solve.
+  real(dp), parameter :: not_worth_screening = 0.2_dp
+  !> Bounds beyond this many times the norm are none: squares of larger numbers overflow.
+  real(dp), parameter :: largest_bound = 1.0e150_dp
 
 contains
 
+  !> Floating bodies are allowed.
+  pure logical function dual_needs_held_bodies(self) result(needed)
+    class(dual_t), intent(in) :: self
+    needed = .false.
+    associate (not_needed => same_type_as(self, self))
+    end associate
+  end function dual_needs_held_bodies
+
+  !> Contact without penetration is allowed.
+  pure logical function dual_allows_zero_theta(self) result(allowed)
+    class(dual_t), intent(in) :: self
+    allowed = .true.
+    associate (not_needed => same_type_as(self, self))
+    end associate
+  end function dual_allows_zero_theta
+
+  !> It forms the entries that it needs.
+  pure integer function dual_expected_products(self) result(n)
+    class(dual_t), intent(in) :: self
+    n = 0
+    associate (not_needed => same_type_as(self, self))
+    end associate
+  end function dual_expected_products
+
   !> Solve.
-  subroutine solve_dual(problem, settings, log, compliance, result, error, start)
-    type(contact_problem_t), intent(inout) :: problem
-    type(dual_settings_t), intent(in) :: settings
-    type(log_t), intent(inout) :: log
-    !> What is known of the compliance.
-    type(explicit_compliance_t), intent(inout) :: compliance
-    type(scheme_result_t), intent(out) :: result
-    !> Out of memory.
+  subroutine dual_solve(self, qp, compliance, theta, settings, monitor, state, error)
+    class(dual_t), intent(in) :: self
+    type(contact_qp_t), intent(in) :: qp
+    class(compliance_t), intent(inout) :: compliance
+    !> At least 0 (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    type(solver_settings_t), intent(in) :: settings
+    class(monitor_t), intent(inout) :: monitor
+    !> Where to begin if it has pressures, such as a state with another theta; without pressures on return where the scheme ended before
+    !> the first step.
+    type(solver_state_t), intent(inout) :: state
+    !> Allocated where the system of an active set is not positive definite, or an interrupt came before there was a state.
     type(error_t), allocatable, intent(out) :: error
-    !> Where to begin: a state of the same bodies and contact points, perhaps with another theta.
-    type(scheme_result_t), intent(in), optional :: start
     class(active_system_t), allocatable :: system
-    type(contact_problem_t) :: part
-    type(scheme_result_t), allocatable :: state
+    type(contact_qp_t) :: part
     type(history_t) :: earlier
-    logical, allocatable :: keep(:), late(:)
+    logical, allocatable :: working(:), violated(:)
+    logical :: warm
     integer :: round
 
-    if (present(start)) then
-      keep = start%m > 0
-      state = start
+    warm = allocated(state%m)
+    if (warm) then
+      call complete_start(qp, state)
+      working = state%m > 0
     else
-      call rows_to_begin_with(problem, keep, result)
-      if (result%ended == ended_no_equilibrium) return
+      call screen_rows(qp, theta, working, state)
+      if (state%ended == ended_no_equilibrium) return
     end if
-    call choose_solver(problem, settings%linear_solver, keep, compliance, system)
-    if (compliance%by_sweeps) call log%line('  active sets      by conjugate gradients, '//to_text(count(keep))// &
-                                            ' points to begin with')
+    call choose_solver(qp, compliance, settings%linear_solver, working, system)
+    if (.not. system%needs_entries()) call monitor%note('active sets      by conjugate gradients, '//to_text(count(working))// &
+                                                        ' rows in the working set')
     do round = 1, most_rounds
-      if (.not. all(keep) .and. problem%coarse%n > 0) call keep_what_carries(problem, keep)
-      if (compliance%by_sweeps .or. round == most_rounds .or. size(keep) < few_points .or. &
-          count(.not. keep) < not_worth_leaving_out*size(keep)) keep = .true.
-      call compliance%mark(keep)
-      if (all(keep)) then
-        call solve_rows(problem, settings, log, compliance, system, result, error, state)
+      if (.not. all(working) .and. qp%coarse%n > 0) call keep_what_carries(qp, working)
+      if (.not. system%needs_entries() .or. round == most_rounds .or. qp%n_rows < few_rows .or. &
+          count(.not. working) < not_worth_screening*qp%n_rows) working = .true.
+      call compliance%mark_formed(working)
+      if (all(working)) then
+        call solve_working_set(qp, compliance, theta, settings, monitor, system, warm, state, error)
       else
-        call keep_rows(problem, keep, part)
-        if (allocated(state)) call restrict(keep, state)
-        call solve_rows(part, settings, log, compliance, system, result, error, state)
-        call give_back(part, problem)
-        if (.not. allocated(error) .and. allocated(result%m)) call complete(problem, keep, result)
+        call restrict_qp(qp, working, part)
+        if (warm) state%m = pack(state%m, working)
+        if (warm) state%y = pack(state%y, working)
+        call solve_working_set(part, compliance, pack(theta, working), settings, monitor, system, warm, state, error)
+        if (.not. allocated(error) .and. allocated(state%m)) call complete(qp, compliance, working, state)
       end if
-      call result%history%finish()
-      call result%history%put_behind(earlier)
-      if (allocated(error) .or. all(keep) .or. .not. allocated(result%m)) exit
-      late = .not. keep .and. result%y > rounding*maxval(abs(problem%y_free))
-      if (.not. any(late)) exit
+      call state%history%finish()
+      call state%history%put_after(earlier)
+      if (allocated(error) .or. all(working) .or. .not. allocated(state%m)) exit
+      violated = .not. working .and. state%y > rounding*maxval(abs(qp%initial_penetration))
+      if (.not. any(violated)) exit
       if (interrupted()) then
-        ! The bound is that of the points that were kept.
-        result%ended = ended_interrupted
-        result%error_bound = huge(result%error_bound)
+        ! The bound is that of the working set.
+        state%ended = ended_interrupted
+        state%error_bound = huge(state%error_bound)
         exit
       end if
-      ! How far they went says how far others may.
-      keep = keep .or. result%y > -2*maxval(result%y, mask=late)
-      earlier = result%history
-      ! From a state that was near, and where active sets are hard to find, the next one is; one that groups of points gave is found anew.
-      if (allocated(state) .or. problem%coarse%n > 0 .and. result%ended == ended_converged) state = result
+      ! Rows within as much again of being violated enter too.
+      working = working .or. state%y > -2*maxval(state%y, mask=violated)
+      earlier = state%history
+      ! A start from a near state is kept; a start from groups of rows is made anew, unless active sets are hard to find.
+      warm = warm .or. qp%coarse%n > 0 .and. state%ended == ended_converged
     end do
     call system%destroy()
-    result%iterations = result%history%n
-    result%left_out = count(.not. keep)
-  end subroutine solve_dual
+    state%iterations = state%history%n
+    state%screened = count(.not. working)
+    associate (not_needed => same_type_as(self, self))
+    end associate
+  end subroutine dual_solve
 
-  !> Points that close where the bodies are rigid on elastic foundations.
-  subroutine rows_to_begin_with(problem, keep, result)
-    type(contact_problem_t), intent(in) :: problem
+  !> A warm start may have pressures alone.
+  subroutine complete_start(qp, state)
+    type(contact_qp_t), intent(in) :: qp
+    type(solver_state_t), intent(inout) :: state
+    if (.not. allocated(state%y)) state%y = qp%initial_penetration
+    if (allocated(state%alpha)) then
+      if (size(state%alpha) == qp%coarse%n) return
+      deallocate (state%alpha)
+    end if
+    allocate (state%alpha(qp%coarse%n), source=0.0_dp)
+  end subroutine complete_start
+
+  !> The first working set: rows that are active where the bodies are rigid on a Winkler foundation, or nearly so.
+  subroutine screen_rows(qp, theta, working, state)
+    type(contact_qp_t), intent(in) :: qp
+    !> (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
     !> (n_rows).
-    logical, allocatable, intent(out) :: keep(:)
-    !> Ended where loads excite a motion that no contact stops.
-    type(scheme_result_t), intent(inout) :: result
+    logical, allocatable, intent(out) :: working(:)
+    !> Ended where the loads excite a motion that no contact stops.
+    type(solver_state_t), intent(inout) :: state
     type(iterate_t) :: now
     real(dp), allocatable :: motion(:)
     logical :: found
-    allocate (motion(problem%coarse%n), keep(problem%operator%n_rows))
-    call find_unbounded_direction(problem%operator, problem%coarse, motion, found)
+    allocate (motion(qp%coarse%n), working(qp%n_rows))
+    call find_unbounded_direction(qp, motion, found)
     if (found) then
-      call leave_out(result)
-      result%ended = ended_no_equilibrium
-      result%unbounded_direction = problem%coarse%scale*motion
+      call clear(state)
+      state%ended = ended_no_equilibrium
+      state%unbounded = qp%coarse%scale*motion
       return
     end if
-    keep = .true.
-    if (size(keep) == 0 .or. has_many_motions(problem)) return
-    call rest_on_winkler_foundation(problem, now, keep)
-    ! Free bodies sink in more than the foundations say, or tilt.
-    if (problem%coarse%n > 0) keep = now%y > -maxval(now%y)
-    ! Faces that just touch.
-    keep = keep .or. abs(now%y) < touching*maxval(abs(now%y))
-  end subroutine rows_to_begin_with
+    working = .true.
+    if (qp%n_rows == 0 .or. has_many_modes(qp)) return
+    call rest_on_winkler_foundation(qp, theta, now, working)
+    ! Floating bodies sink in more than the foundation tells, or tilt.
+    if (qp%coarse%n > 0) working = now%y > -maxval(now%y)
+    working = working .or. abs(now%y) < touching*maxval(abs(now%y))
+  end subroutine screen_rows
 
-  !> Many bodies with few points each: they roll and tilt farther than groups of points or rigid bodies say, active sets come back, and more
-  !> points cost little.
-  pure logical function has_many_motions(problem)
-    type(contact_problem_t), intent(in) :: problem
-    has_many_motions = problem%coarse%n > many_motions .and. problem%operator%n_rows < points_per_motion*problem%coarse%n
-  end function has_many_motions
+  !> Many bodies with few rows each: they roll and tilt farther than groups of rows or rigid bodies tell, active sets cycle, and more rows
+  !> cost little.
+  pure logical function has_many_modes(qp)
+    type(contact_qp_t), intent(in) :: qp
+    has_many_modes = qp%coarse%n > many_modes .and. qp%n_rows < rows_per_mode*qp%coarse%n
+  end function has_many_modes
 
-  !> Bodies where they are without contact.
-  subroutine begin_without_contact(problem, now)
-    type(contact_problem_t), intent(in) :: problem
+  !> The solution without contact.
+  subroutine begin_without_contact(qp, now)
+    type(contact_qp_t), intent(in) :: qp
     type(iterate_t), intent(out) :: now
-    allocate (now%lambda(problem%operator%n_rows), now%alpha(problem%coarse%n), source=0.0_dp)
-    now%y = problem%y_free
+    allocate (now%lambda(qp%n_rows), now%alpha(qp%coarse%n), source=0.0_dp)
+    now%y = qp%initial_penetration
   end subroutine begin_without_contact
 
-  !> Keep more rows where those that are kept cannot carry the free bodies.
-  subroutine keep_what_carries(problem, keep)
-    type(contact_problem_t), intent(inout) :: problem
-    logical, intent(inout) :: keep(:)
-    type(contact_problem_t) :: part
-    real(dp), allocatable :: motion(:), way(:)
+  !> Add rows to a working set that cannot carry the floating bodies.
+  subroutine keep_what_carries(qp, working)
+    type(contact_qp_t), intent(in) :: qp
+    !> (n_rows).
+    logical, intent(inout) :: working(:)
+    type(contact_qp_t) :: part
+    real(dp), allocatable :: motion(:), penetration(:)
     logical :: found
     integer :: k
-    allocate (motion(problem%coarse%n), way(size(keep)))
+    allocate (motion(qp%coarse%n), penetration(size(working)))
     do k = 1, most_widenings
-      call keep_rows(problem, keep, part)
-      call find_unbounded_direction(part%operator, part%coarse, motion, found)
-      call give_back(part, problem)
+      call restrict_qp(qp, working, part)
+      call find_unbounded_direction(part, motion, found)
       if (.not. found) return
-      ! Rows that the motion runs into.
-      call problem%coarse%displacement(problem%operator, motion, way)
-      if (.not. any(way > 0 .and. .not. keep)) exit
-      keep = keep .or. way > 1.0e-3_dp*maxval(way)
-      if (all(keep)) return
+      ! Rows that the motion closes.
+      call qp%mode_displacement(motion, penetration)
+      if (.not. any(penetration > 0 .and. .not. working)) exit
+      working = working .or. penetration > closing*maxval(penetration)
+      if (all(working)) return
     end do
-    keep = .true.
+    working = .true.
   end subroutine keep_what_carries
 
-  !> A state on some of the rows.
-  subroutine restrict(keep, state)
-    logical, intent(in) :: keep(:)
-    type(scheme_result_t), intent(inout) :: state
-    state%m = pack(state%m, keep)
-    state%y = pack(state%y, keep)
-  end subroutine restrict
-
-  !> The state on all rows, from that on some of them.
-  subroutine complete(problem, keep, result)
-    type(contact_problem_t), intent(inout) :: problem
-    logical, intent(in) :: keep(:)
-    type(scheme_result_t), intent(inout) :: result
+  !> The state on all rows, from that on the working set.
+  subroutine complete(qp, compliance, working, state)
+    type(contact_qp_t), intent(in) :: qp
+    class(compliance_t), intent(inout) :: compliance
+    !> (n_rows).
+    logical, intent(in) :: working(:)
+    type(solver_state_t), intent(inout) :: state
     real(dp), allocatable :: z(:), motion(:)
-    allocate (z(size(keep)), motion(size(keep)), source=0.0_dp)
-    result%m = unpack(result%m, keep, z)
-    call problem%compliance(problem%operator%weight*result%m, z)
-    call problem%coarse%displacement(problem%operator, result%alpha/problem%coarse%scale, motion)
-    result%y = unpack(result%y, keep, problem%y_free - z + motion)
+    allocate (z(size(working)), motion(size(working)), source=0.0_dp)
+    state%m = unpack(state%m, working, z)
+    call compliance%multiply(qp, qp%weight*state%m, z)
+    call qp%mode_displacement(state%alpha/qp%coarse%scale, motion)
+    state%y = unpack(state%y, working, qp%initial_penetration - z + motion)
   end subroutine complete
 
-  !> Solve on all rows of a problem.
-  subroutine solve_rows(problem, settings, log, compliance, system, result, error, start)
-    type(contact_problem_t), intent(inout) :: problem
-    type(dual_settings_t), intent(in) :: settings
-    type(log_t), intent(inout) :: log
-    type(explicit_compliance_t), intent(inout) :: compliance
+  !> Solve with all rows of a QP in the working set.
+  subroutine solve_working_set(qp, compliance, theta, settings, monitor, system, warm, state, error)
+    type(contact_qp_t), intent(in) :: qp
+    class(compliance_t), intent(inout) :: compliance
+    !> (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    type(solver_settings_t), intent(in) :: settings
+    class(monitor_t), intent(inout) :: monitor
     class(active_system_t), intent(inout) :: system
-    type(scheme_result_t), intent(out) :: result
+    !> Whether to begin with the state.
+    logical, intent(in) :: warm
+    type(solver_state_t), intent(inout) :: state
+    !> As in `dual_solve`.
     type(error_t), allocatable, intent(out) :: error
-    !> As in `solve_dual`.
-    type(scheme_result_t), intent(in), optional :: start
     type(iterate_t) :: now
     logical, allocatable :: active(:)
-    call leave_out(result)
-    ! A state that there is already is not given up for an interrupt.
-    call compliance%form(problem, may_stop=.not. present(start))
-    if (.not. (present(start) .or. compliance%by_sweeps)) call stop_if_interrupted(error)
-    if (allocated(error)) return
-    if (present(start)) then
-      now%lambda = problem%operator%weight*start%m
-      now%y = start%y
-      now%alpha = start%alpha/problem%coarse%scale
-      active = start%m > 0
-    else
-      allocate (active(problem%operator%n_rows), source=.false.)
-      if (has_many_motions(problem)) then
-        call begin_without_contact(problem, now)
+    if (warm) then
+      now%lambda = qp%weight*state%m
+      now%y = state%y
+      now%alpha = state%alpha/qp%coarse%scale
+      active = state%m > 0
+    end if
+    call clear(state)
+    if (system%needs_entries()) then
+      ! A state that exists already is not given up for an interrupt.
+      call compliance%form(qp, may_stop=.not. warm)
+      if (.not. warm) call stop_if_interrupted(error)
+      if (allocated(error)) return
+    end if
+    if (.not. warm) then
+      allocate (active(qp%n_rows), source=.false.)
+      if (has_many_modes(qp)) then
+        call begin_without_contact(qp, now)
       else
-        call find_start(problem, compliance, now, active, error)
+        call find_start(qp, compliance, theta, now, active, error)
       end if
       if (allocated(error)) return
     end if
-    if (problem%operator%n_rows == 0) then
-      call system%init(problem, compliance, problem%operator%theta, active, error)
+    if (qp%n_rows == 0) then
+      call system%init(qp, compliance, theta, active, error)
       if (.not. allocated(error)) &
-        call system%solve(problem, compliance, 0*now%lambda, problem%coarse%resultant, now%lambda, now%alpha)
-      result%ended = ended_converged
+        call system%solve(qp, compliance, 0*now%lambda, qp%coarse%resultant, now%lambda, now%alpha)
+      state%ended = ended_converged
     else
-      call find_active_set(problem, settings%max_iterations, settings%tolerance, log, compliance, system, now, active, result, &
-                           error, from_inside=.not. present(start) .and. has_many_motions(problem))
+      call find_active_set(qp, compliance, theta, settings%max_iterations, settings%tolerance, monitor, system, now, active, state, &
+                           error, start_inside=.not. warm .and. has_many_modes(qp))
     end if
-    if (.not. allocated(error) .and. result%ended /= ended_rigid_constraint) &
-      call finish(problem, settings, compliance, system, now, result)
-  end subroutine solve_rows
+    if (.not. allocated(error) .and. state%ended /= ended_rigid_constraint) &
+      call finish(qp, compliance, theta, settings%tolerance, system, now, state)
+  end subroutine solve_working_set
 
-  !> What other schemes have to say and this one has not.
-  subroutine leave_out(result)
-    type(scheme_result_t), intent(inout) :: result
+  !> A new state, in which the quantities of other schemes are no numbers.
+  subroutine clear(state)
+    type(solver_state_t), intent(out) :: state
     real(dp) :: nan
     nan = ieee_value(nan, ieee_quiet_nan)
-    result%gamma = nan
-    result%lambda_max = nan
-    result%q_predicted = nan
-    result%q_measured = nan
-    result%error_bound_paper = nan
-  end subroutine leave_out
+    state%gamma = nan
+    state%lambda_max = nan
+    state%q_predicted = nan
+    state%q_measured = nan
+    state%error_bound_paper = nan
+  end subroutine clear
 
-  !> The state that is returned: no force pulls, and the bound is that of `admissible_bound` where it is less than the duality gap's.
-  subroutine finish(problem, settings, compliance, system, now, result)
-    type(contact_problem_t), intent(inout) :: problem
-    type(dual_settings_t), intent(in) :: settings
-    type(explicit_compliance_t), intent(in) :: compliance
+  !> The state that is returned: no force is tensile, and the bound is the least one that is available.
+  subroutine finish(qp, compliance, theta, tolerance, system, now, state)
+    type(contact_qp_t), intent(in) :: qp
+    class(compliance_t), intent(inout) :: compliance
+    !> (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    !> Relative, in the energy norm [].
+    real(dp), intent(in) :: tolerance
+    !> Of the last active set.
     class(active_system_t), intent(in) :: system
     type(iterate_t), intent(inout) :: now
-    type(scheme_result_t), intent(inout) :: result
+    type(solver_state_t), intent(inout) :: state
     real(dp) :: norm, admissible, rounded
     integer :: i
     now%lambda = max(0.0_dp, now%lambda)
-    call update_penetrations(problem, compliance, now)
-    result%m = now%lambda/problem%operator%weight
-    result%y = now%y
-    result%alpha = problem%coarse%scale*now%alpha
-    if (result%ended == ended_interrupted) then
-      allocate (result%undetermined(size(now%alpha), 0))
+    call update_penetrations(qp, compliance, now)
+    state%m = now%lambda/qp%weight
+    state%y = now%y
+    state%alpha = qp%coarse%scale*now%alpha
+    if (state%ended == ended_interrupted) then
+      allocate (state%indeterminate(size(now%alpha), 0))
     else
-      result%undetermined = system%null_mode
+      state%indeterminate = system%null_mode
     end if
-    do i = 1, size(result%undetermined, 2)
-      result%undetermined(:, i) = problem%coarse%scale*result%undetermined(:, i)
+    do i = 1, size(state%indeterminate, 2)
+      state%indeterminate(:, i) = qp%coarse%scale*state%indeterminate(:, i)
     end do
-    norm = reference_norm(problem, now)
-    result%error_bound = huge(norm)
-    if (is_balanced(problem, now%lambda, now%alpha)) then
-      result%error_bound = sqrt(duality_gap(problem%operator%weight, problem%operator%theta, result%m, result%y))
+    norm = reference_norm(qp, theta, now)
+    state%error_bound = huge(norm)
+    if (is_balanced(qp, theta, now%lambda, now%alpha)) then
+      state%error_bound = sqrt(duality_gap(qp%weight, theta, state%m, state%y))
       admissible = huge(norm)
-      if (result%ended /= ended_interrupted) admissible = admissible_bound(problem, compliance, system, now)
+      if (state%ended /= ended_interrupted) &
+        admissible = admissible_bound(qp, compliance, theta, system, now%lambda, now%y, rounding)
       ! A bound from half a solution is none.
       if (interrupted()) admissible = huge(norm)
-      result%error_bound = min(result%error_bound, admissible)
-      call problem%coarse%rounding(problem%operator, now%lambda, rounded)
-      result%error_bound = result%error_bound + rounded
-      ! Beyond 1e150 a bound is none.
-      if (norm > 0) result%error_bound = min(result%error_bound, 1.0e150_dp*norm)/norm
-      if (result%error_bound >= 0.99e150_dp) result%error_bound = huge(norm)
+      state%error_bound = min(state%error_bound, admissible)
+      call qp%coarse%rounding(qp%block, now%lambda, rounded)
+      state%error_bound = state%error_bound + rounded
+      if (norm > 0) state%error_bound = min(state%error_bound, largest_bound*norm)/norm
+      if (state%error_bound >= 0.99_dp*largest_bound) state%error_bound = huge(norm)
     end if
-    ! Loads whose squares overflow leave none either.
-    if (.not. result%error_bound <= huge(norm)) result%error_bound = huge(norm)
-    result%energy = problem%energy(result%m, result%y, now%alpha)
-    result%max_penetration = 0
-    if (size(result%y) > 0) result%max_penetration = max(0.0_dp, maxval(result%y))
-    if (result%history%n > 0) then
-      result%history%error_bound(result%history%n) = result%error_bound
-      result%history%energy(result%history%n) = result%energy
-      result%history%max_penetration(result%history%n) = result%max_penetration
+    ! There is none for loads whose squares overflow either.
+    if (.not. state%error_bound <= huge(norm)) state%error_bound = huge(norm)
+    state%energy = qp%energy(theta, state%m, state%y, now%alpha)
+    state%max_penetration = 0
+    if (size(state%y) > 0) state%max_penetration = max(0.0_dp, maxval(state%y))
+    if (state%history%n > 0) then
+      state%history%error_bound(state%history%n) = state%error_bound
+      state%history%energy(state%history%n) = state%energy
+      state%history%max_penetration(state%history%n) = state%max_penetration
     end if
-    if (result%ended == ended_converged .and. result%error_bound > settings%tolerance) &
-      result%ended = merge(ended_interrupted, ended_stalled, interrupted())
-    if (any(result%ended == [ended_limit, ended_interrupted]) .and. result%error_bound <= settings%tolerance) &
-      result%ended = ended_converged
+    if (state%ended == ended_converged .and. state%error_bound > tolerance) &
+      state%ended = merge(ended_interrupted, ended_stalled, interrupted())
+    if (any(state%ended == [ended_limit, ended_interrupted]) .and. state%error_bound <= tolerance) &
+      state%ended = ended_converged
   end subroutine finish
-
-  !> A bound of ||u - u_theta||_A that needs no theta: the norm of a displacement g, self-equilibrated forces and rigid motions, with
-  !> `B g = y - theta m` on the active points and `B g >= y` elsewhere. Then u solves exactly the problem whose gaps are larger by B g, in
-  !> which u_theta + g is as admissible as u_theta is here; both variational inequalities, each tried with the other's
-  !> solution, add up to `||u - u_theta||_A^2 <= A(u - u_theta, g)`, less `sum theta/w (lambda - lambda_theta)^2`. g comes from forces mu
-  !> that solve the active system with its theta, so B g is theta mu/w too large: that adds `theta mu^2/(4 w)`, the square completed. What
-  !> B g misses by rounding, r, adds `lambda.r` and its like with the forces of u_theta, which are as large to first order:
-  !> x^2 <= |g| x + sum theta mu^2/(4 w) + 2 lambda.r. [sqrt(energy)]
-  real(dp) function admissible_bound(problem, compliance, system, now) result(bound)
-    type(contact_problem_t), intent(inout) :: problem
-    type(explicit_compliance_t), intent(in) :: compliance
-    class(active_system_t), intent(in) :: system
-    type(iterate_t), intent(in) :: now
-    real(dp), allocatable :: residual(:), mu(:), beta(:), all_mu(:), z(:), motion(:), missing(:)
-    real(dp) :: left_over
-    logical, allocatable :: active(:)
-    bound = huge(bound)
-    associate (row => system%row, weight => problem%operator%weight, theta => problem%operator%theta)
-      if (size(now%y) == 0) then
-        bound = 0
-        return
-      end if
-      allocate (mu(size(row)), beta(problem%coarse%n), z(size(now%y)), motion(size(now%y)), missing(problem%coarse%n))
-      mu = 0
-      residual = now%y(row) - theta(row)/weight(row)*now%lambda(row)
-      call problem%coarse%resultant_of(problem%operator, now%lambda, missing)
-      missing = problem%coarse%resultant - missing
-      call system%solve(problem, compliance, -residual, 0*missing, mu, beta)
-      allocate (all_mu(size(now%y)), source=0.0_dp)
-      all_mu(row) = -mu
-      call compliance%multiply(problem, all_mu, z)
-      call problem%coarse%displacement(problem%operator, beta, motion)
-      allocate (active(size(now%y)), source=.false.)
-      active(row) = .true.
-      ! B g = z + G beta.
-      if (any(.not. active .and. now%y > z + motion .and. now%y > rounding*maxval(abs(problem%y_free)))) return
-      left_over = 2*sum(abs(now%lambda(row)*(z(row) + motion(row) - residual - theta(row)/weight(row)*mu))) &
-                  + sum(theta(row)/weight(row)*mu**2)/4
-      bound = sqrt(max(0.0_dp, sum(all_mu*z) + dot_product(beta, problem%coarse%springs(beta)))) + sqrt(left_over)
-    end associate
-  end function admissible_bound
 end module dotyk_scheme_dual

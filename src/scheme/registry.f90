@@ -1,0 +1,36 @@
+!> The schemes by the names of the input.
+module dotyk_scheme_registry
+  use dotyk_base_options, only: scheme_anderson, scheme_nesterov, scheme_neumann, scheme_robin, scheme_secant
+  use dotyk_scheme_accelerated, only: anderson_t, secant_t
+  use dotyk_scheme_dual, only: dual_t
+  use dotyk_scheme_nesterov, only: nesterov_t
+  use dotyk_scheme_neumann, only: neumann_t
+  use dotyk_scheme_robin, only: robin_t
+  use dotyk_scheme_scheme, only: scheme_t
+  implicit none
+  private
+  public :: make_scheme
+
+contains
+
+  !> The scheme with a name; for 'auto' the best one, which is the dual scheme.
+  subroutine make_scheme(name, scheme)
+    !> One of `scheme_*` of dotyk_base_options.
+    integer, intent(in) :: name
+    class(scheme_t), allocatable, intent(out) :: scheme
+    select case (name)
+    case (scheme_neumann)
+      allocate (neumann_t :: scheme)
+    case (scheme_nesterov)
+      allocate (nesterov_t :: scheme)
+    case (scheme_anderson)
+      allocate (anderson_t :: scheme)
+    case (scheme_secant)
+      allocate (secant_t :: scheme)
+    case (scheme_robin)
+      allocate (robin_t :: scheme)
+    case default
+      allocate (dual_t :: scheme)
+    end select
+  end subroutine make_scheme
+end module dotyk_scheme_registry
