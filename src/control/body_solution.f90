@@ -1,0 +1,88 @@
+!> Displacements and stresses of all bodies, once the contact pressures are known.
+module dotyk_control_body_solution
+  use dotyk_base_kinds, only: dp
+  use dotyk_control_contact_problem, only: contact_problem_t, first_mode
+  use dotyk_control_parallel, only: largest_first, set_blas_threads
+  use dotyk_elasticity_stress, only: element_stress
+  use dotyk_scheme_body_compliance, only: body_compliance_t
+  use dotyk_scheme_contact_qp, only: contact_qp_t
+  implicit none
+  private
+
+  !> One body under its loads and contact pressures.
+  type, public :: body_solution_t
+    !> Displacements of the nodes (dimension, n_nodes) [length]; not allocated where nobody needs them.
+    real(dp), allocatable :: displacement(:, :)
+    !> Mean stress of the elements, xx yy zz xy yz xz (6, n_elements) [pressure]; not allocated where nobody asked.
+    real(dp), allocatable :: stress(:, :)
+  end type body_solution_t
+
+  public :: recover_bodies
+
+contains
+
+  !> Recover all bodies, side by side.
+  subroutine recover_bodies(problem, qp, compliance, m, alpha, want_stress, solution)
+    type(contact_problem_t), intent(in) :: problem
+    type(contact_qp_t), intent(in) :: qp
+    type(body_compliance_t), intent(in) :: compliance
+    !> Contact pressures (n_rows) [pressure].
+    real(dp), intent(in) :: m(:)
+    !> Amplitudes of the modes of all bodies, body after body; of size 0 where there are none [length].
+    real(dp), intent(in) :: alpha(:)
+    !> Whether stresses are wanted.
+    logical, intent(in) :: want_stress
+    !> (n_bodies).
+    type(body_solution_t), allocatable, intent(out) :: solution(:)
+    integer :: i, b, order(size(problem%body)), first(size(problem%body) + 1)
+    allocate (solution(size(problem%body)))
+    first = first_mode(problem%modes)
+    order = largest_first(real(problem%body%constraint%n_equations, dp))
+    call set_blas_threads(problem%n_blas)
+    !$omp parallel do default(none) shared(problem, qp, compliance, m, alpha, first, want_stress, solution, order) private(b) &
+    !$omp& schedule(dynamic, 1) if (compliance%side_by_side)
+    do i = 1, size(solution)
+      b = order(i)
+      call recover_body(problem, qp, compliance, b, m, alpha(first(b):first(b + 1) - 1), want_stress, solution(b))
+    end do
+    !$omp end parallel do
+    call set_blas_threads(1)
+  end subroutine recover_bodies
+
+  !> Recover one body: one solve, unless it touches no other.
+  subroutine recover_body(problem, qp, compliance, b, m, alpha, want_stress, solution)
+    type(contact_problem_t), intent(in) :: problem
+    type(contact_qp_t), intent(in) :: qp
+    type(body_compliance_t), intent(in) :: compliance
+    !> The body.
+    integer, intent(in) :: b
+    !> (n_rows) [pressure].
+    real(dp), intent(in) :: m(:)
+    !> Amplitudes of the modes of the body (n_modes) [length].
+    real(dp), intent(in) :: alpha(:)
+    logical, intent(in) :: want_stress
+    type(body_solution_t), intent(inout) :: solution
+    real(dp), allocatable :: force(:, :), x(:)
+    integer :: k
+    associate (body => problem%body(b), isolated => problem%isolated(b))
+      if (allocated(isolated%displacement)) then
+        solution%displacement = isolated%displacement
+      else
+        allocate (solution%displacement(body%dimension, body%mesh%n_nodes()), source=0.0_dp)
+        allocate (x(body%constraint%n_equations))
+        call qp%body_force(b, m, force)
+        solution%displacement(:, qp%block(b)%contact_node) = force
+        call body%constraint%reduce(solution%displacement, x)
+        x = x + body%rhs
+        call compliance%solve(b, x)
+        call body%constraint%expand(x, solution%displacement, .true.)
+      end if
+      do k = 1, size(alpha)
+        solution%displacement = solution%displacement + alpha(k)*problem%modes(b)%shape(:, :, k)
+      end do
+      if (.not. want_stress) return
+      allocate (solution%stress(6, body%mesh%n_elements()))
+      call element_stress(body, solution%displacement, solution%stress)
+    end associate
+  end subroutine recover_body
+end module dotyk_control_body_solution

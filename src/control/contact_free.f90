@@ -1,0 +1,134 @@
+!> The solution without contact, u_0: one solve of every body that has loads or prescribed displacements. Every scheme starts from it, and
+!> for bodies that touch no other it is the solution.
+!>
+!> A floating body does not move by its rigid body modes in u_0: loads are taken without their resultants on these modes, which are
+!> the schemes' to balance.
+module dotyk_control_contact_free
+  use dotyk_base_kinds, only: dp
+  use dotyk_contact_operator, only: contact_block_t
+  use dotyk_control_contact_problem, only: isolated_body_t
+  use dotyk_control_parallel, only: largest_first, set_blas_threads
+  use dotyk_elasticity_body, only: body_t, strain_energy
+  use dotyk_response_response, only: response_slot_t, response_t
+  implicit none
+  private
+  public :: solve_without_contact
+
+  !> What the QP is made of.
+  type, public :: contact_free_t
+    !> y_0 = B u_0 - d, and B K^+ f (n_rows) [length].
+    real(dp), allocatable :: initial_penetration(:), load_displacement(:)
+    !> A(u_0,u_0)/2 - L(u_0), and A(u_0,u_0) [energy].
+    real(dp) :: energy = 0, norm_square = 0
+    !> Solves that it took.
+    integer :: n_solves = 0
+  end type contact_free_t
+
+  !> What one body adds.
+  type :: contribution_t
+    !> Displacements of the contact nodes without contact, and those by the loads alone with supports at rest (dimension*n) [length].
+    real(dp), allocatable :: u_0(:), u_load(:)
+    !> A(u_0,u_0)/2 and L(u_0) [energy].
+    real(dp) :: strain_energy = 0, work = 0
+    !> Solves that it took.
+    integer :: n_solves = 0
+  end type contribution_t
+
+contains
+
+  !> Solve.
+  subroutine solve_without_contact(body, block, gap, response, representative, side_by_side, n_blas, solution, isolated)
+    !> Assembled (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    !> Rows of B (n_bodies), and gaps (n_rows) [length].
+    type(contact_block_t), intent(in) :: block(:)
+    real(dp), intent(in) :: gap(:)
+    !> Compliance operators of the representatives, and the representative of each body (n_bodies).
+    type(response_slot_t), intent(in) :: response(:)
+    integer, intent(in) :: representative(:)
+    !> Whether bodies are solved at the same time, and BLAS threads of each solve.
+    logical, intent(in) :: side_by_side
+    integer, intent(in) :: n_blas
+    type(contact_free_t), intent(out) :: solution
+    !> Bodies that touch no other (n_bodies).
+    type(isolated_body_t), allocatable, intent(out) :: isolated(:)
+    type(contribution_t), allocatable :: part(:)
+    real(dp), allocatable :: row_displacement(:)
+    integer :: i, b, order(size(body))
+    allocate (part(size(body)), isolated(size(body)))
+    order = largest_first(real(body%constraint%n_equations, dp))
+    call set_blas_threads(n_blas)
+    !$omp parallel do default(none) shared(body, block, response, representative, part, isolated, order, side_by_side) private(b) &
+    !$omp& schedule(dynamic, 1) if (side_by_side)
+    do i = 1, size(body)
+      b = order(i)
+      call solve_body(body(b), response(representative(b))%form, block(b)%contact_node, part(b), isolated(b))
+    end do
+    !$omp end parallel do
+    call set_blas_threads(1)
+
+    solution%initial_penetration = -gap
+    allocate (solution%load_displacement(size(gap)), source=0.0_dp)
+    do b = 1, size(body)
+      solution%energy = solution%energy + part(b)%strain_energy - part(b)%work
+      solution%norm_square = solution%norm_square + 2*part(b)%strain_energy
+      solution%n_solves = solution%n_solves + part(b)%n_solves
+      associate (row => block(b)%row)
+        if (size(row) == 0) cycle
+        if (allocated(row_displacement)) deallocate (row_displacement)
+        allocate (row_displacement(size(row)))
+        call block(b)%matrix%multiply(part(b)%u_0, row_displacement)
+        solution%initial_penetration(row) = solution%initial_penetration(row) + row_displacement
+        call block(b)%matrix%multiply(part(b)%u_load, row_displacement)
+        solution%load_displacement(row) = solution%load_displacement(row) + row_displacement
+      end associate
+    end do
+  end subroutine solve_without_contact
+
+  !> One body without contact.
+  subroutine solve_body(body, response, contact_node, part, isolated)
+    type(body_t), intent(in) :: body
+    class(response_t), intent(in) :: response
+    !> Nodes of the body that may touch another (n).
+    integer, intent(in) :: contact_node(:)
+    type(contribution_t), intent(out) :: part
+    !> Gets the displacement of a body without contact nodes.
+    type(isolated_body_t), intent(inout) :: isolated
+    real(dp), allocatable :: x(:), u(:, :)
+    logical :: is_moved
+    is_moved = any(abs(body%constraint%prescribed) > 0)
+    x = body%rhs
+    call solve_if_loaded(response, x, part%n_solves)
+    allocate (u(body%dimension, size(body%mesh%x, 2)))
+    call body%constraint%expand(x, u, .true.)
+    if (is_moved) then
+      part%strain_energy = strain_energy(body, u)
+    else
+      part%strain_energy = dot_product(x, body%rhs)/2
+    end if
+    part%work = sum(body%load*u)
+    part%u_0 = reshape(u(:, contact_node), [body%dimension*size(contact_node)])
+    if (size(contact_node) == 0) then
+      call move_alloc(u, isolated%displacement)
+    else if (is_moved) then
+      call body%constraint%reduce(body%load, x)
+      call solve_if_loaded(response, x, part%n_solves)
+      call body%constraint%expand(x, u, .false.)
+      part%u_load = reshape(u(:, contact_node), [body%dimension*size(contact_node)])
+    else
+      part%u_load = part%u_0
+    end if
+  end subroutine solve_body
+
+  !> A solve, unless the right-hand side is zero: most bodies of many scenes have neither loads nor prescribed displacements.
+  subroutine solve_if_loaded(response, x, n_solves)
+    class(response_t), intent(in) :: response
+    !> Right-hand side [force] in, solution [length] out (n_equations).
+    real(dp), intent(inout) :: x(:)
+    !> Counts.
+    integer, intent(inout) :: n_solves
+    if (.not. any(abs(x) > 0)) return
+    call response%solve(x)
+    n_solves = n_solves + 1
+  end subroutine solve_if_loaded
+end module dotyk_control_contact_free

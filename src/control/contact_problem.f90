@@ -1,0 +1,52 @@
+!> All that is known of a contact problem before it is solved, but for the QP: bodies, their modes and factorizations, contact pairs.
+module dotyk_control_contact_problem
+  use dotyk_contact_pair, only: contact_pair_t
+  use dotyk_control_congruence_classes, only: congruence_classes_t
+  use dotyk_elasticity_body, only: body_t
+  use dotyk_elasticity_body_modes, only: body_modes_t
+  use dotyk_mesh_surface, only: surface_t
+  use dotyk_response_stiffness_factor, only: factorization_report_t
+  implicit none
+  private
+
+  !> Displacements of a body that touches no other.
+  type, public :: isolated_body_t
+    !> (dimension, n_nodes) [length]; not allocated where it touches another.
+    real(dp), allocatable :: displacement(:, :)
+  end type isolated_body_t
+
+  !> The problem.
+  type, public :: contact_problem_t
+    !> Assembled (n_bodies).
+    type(body_t), allocatable :: body(:)
+    !> Which bodies are congruent.
+    type(congruence_classes_t) :: classes
+    !> Modes that the schemes solve for (n_bodies).
+    type(body_modes_t), allocatable :: modes(:)
+    !> What the factorizations of the representatives found out (n_bodies).
+    type(factorization_report_t), allocatable :: report(:)
+    !> Contact rows by pairs, and their surfaces (n_pairs).
+    type(contact_pair_t), allocatable :: pair(:)
+    type(surface_t), allocatable :: surface_a(:), surface_b(:)
+    !> Bodies that touch no other (n_bodies).
+    type(isolated_body_t), allocatable :: isolated(:)
+    !> BLAS threads of each solve.
+    integer :: n_blas = 1
+  end type contact_problem_t
+
+  public :: first_mode
+
+contains
+
+  !> Index of the first mode of each body among all modes, and one more (n_bodies + 1).
+  pure function first_mode(modes) result(first)
+    !> (n_bodies).
+    type(body_modes_t), intent(in) :: modes(:)
+    integer :: first(size(modes) + 1)
+    integer :: b
+    first(1) = 1
+    do b = 1, size(modes)
+      first(b + 1) = first(b) + modes(b)%n
+    end do
+  end function first_mode
+end module dotyk_control_contact_problem

@@ -1,0 +1,84 @@
+!> Contact of ill-conditioned bodies: refined displacements correct the initial penetration, and the QP is solved again.
+module dotyk_control_correction
+  use dotyk_base_error, only: error_t
+  use dotyk_base_interrupt, only: interrupted
+  use dotyk_base_kinds, only: dp
+  use dotyk_control_body_solution, only: body_solution_t, recover_bodies
+  use dotyk_control_conditioning, only: conditioning_t
+  use dotyk_control_contact_problem, only: contact_problem_t
+  use dotyk_control_refinement, only: penetrations, refine_bodies
+  use dotyk_control_scheme_run, only: scheme_run_t
+  use dotyk_scheme_body_compliance, only: body_compliance_t
+  use dotyk_scheme_contact_qp, only: contact_qp_t
+  use dotyk_scheme_monitor, only: monitor_t
+  use dotyk_scheme_solver_state, only: solver_state_t, ended_interrupted
+  implicit none
+  private
+  public :: correct_contact
+
+  !> Corrections at most, and the least factor between two of them.
+  integer, parameter :: most_corrections = 8
+  real(dp), parameter :: least_contraction = 0.3_dp
+  !> Corrections below this fraction of the tolerance, and below this one of the solution, end the iteration.
+  real(dp), parameter :: small_correction = 0.01_dp, least_correction = 1.0e-15_dp
+
+contains
+
+  !> The difference of the penetrations by refined displacements and by the scheme is added to the initial penetration, and the scheme
+  !> continues from its state, until that changes nothing any more.
+  subroutine correct_contact(problem, qp, compliance, theta, run, monitor, conditioning, solution, state, rounding, error)
+    type(contact_problem_t), intent(in) :: problem
+    !> Its initial penetration is corrected.
+    type(contact_qp_t), intent(inout) :: qp
+    type(body_compliance_t), intent(inout) :: compliance
+    !> (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    !> The scheme and its settings.
+    type(scheme_run_t), intent(in) :: run
+    class(monitor_t), intent(inout) :: monitor
+    !> Counts steps of refinement (n_bodies).
+    type(conditioning_t), intent(inout) :: conditioning(:)
+    !> Room for displacements (n_bodies).
+    type(body_solution_t), allocatable, intent(inout) :: solution(:)
+    !> That of the scheme, then the corrected one.
+    type(solver_state_t), intent(inout) :: state
+    !> The last change, and what is left of the residuals: relative, in the energy norm [].
+    real(dp), intent(out) :: rounding
+    !> Allocated where no significant digit of a body is left, or the scheme fails.
+    type(error_t), allocatable, intent(out) :: error
+    type(solver_state_t) :: last
+    real(dp), allocatable :: y(:)
+    real(dp) :: left, before
+    integer :: k
+    rounding = 0
+    if (size(state%m) == 0 .or. .not. any(conditioning%needs_refinement())) return
+    if (state%ended == ended_interrupted) then
+      ! Rounding is not known.
+      state%error_bound = huge(before)
+      return
+    end if
+    allocate (y(size(state%m)))
+    before = huge(before)
+    do k = 1, most_corrections
+      call recover_bodies(problem, qp, compliance, state%m, state%alpha, .false., solution)
+      call refine_bodies(problem, qp, compliance, state%m, state%alpha, conditioning, solution, left, error)
+      if (allocated(error)) return
+      call penetrations(qp, solution, y)
+      call qp%shift_penetration(y - state%y)
+      last = state
+      call run%solve(qp, compliance, theta, problem%n_blas, monitor, state, error)
+      if (allocated(error)) return
+      if (.not. allocated(state%m)) return
+      if (interrupted()) then
+        ! Rounding is not known.
+        state%error_bound = huge(rounding)
+        return
+      end if
+      rounding = (compliance%distance(qp, state%m - last%m, state%alpha - last%alpha) + left)/ &
+                 max(tiny(left), qp%energy_norm(state%m, state%y, state%alpha/qp%coarse%scale))
+      if (rounding <= max(least_correction, small_correction*run%settings%tolerance) .or. &
+          .not. rounding < least_contraction*before) exit
+      before = rounding
+    end do
+  end subroutine correct_contact
+end module dotyk_control_correction

@@ -1,0 +1,213 @@
+!> The rounding error of the displacements, measured by the forces that they leave unbalanced.
+!>
+!> A displacement u that leaves the forces r is the exact solution for loads changed by r: its distance to the exact solution for the
+!> same contact forces is `sqrt(r^T K^{-1} r)` in the energy norm, and solutions with contact are no farther from each other than that.
+!> r includes everything: inaccurate factors, digits that doubles do not have, rounded pressures. It is computed from the elements
+!> (`dotyk_elasticity_internal_force`), K^{-1} is the compliance operator of the body.
+module dotyk_control_rounding
+  use dotyk_base_error, only: error_t, add_context
+  use dotyk_base_kinds, only: dp, qp
+  use dotyk_control_body_solution, only: body_solution_t
+  use dotyk_control_conditioning, only: conditioning_t
+  use dotyk_control_contact_problem, only: contact_problem_t
+  use dotyk_control_parallel, only: largest_first, set_blas_threads
+  use dotyk_control_refinement, only: penetrations
+  use dotyk_elasticity_body, only: body_t, strain_energy
+  use dotyk_elasticity_internal_force, only: internal_force
+  use dotyk_scheme_body_compliance, only: body_compliance_t
+  use dotyk_scheme_contact_qp, only: contact_qp_t
+  implicit none
+  private
+  public :: expect_rounding, measure_rounding, flag_rounded, relative_rounding, gap_rounding, storage_rounding
+
+  !> Bodies with more rounding than this fraction of the tolerance are refined.
+  real(dp), parameter :: worth_refining = 0.2_dp
+  !> Where more than this fraction of it is expected, rounding is measured.
+  real(dp), parameter, public :: worth_measuring = 1.0e-3_dp
+  !> Safety factor of the expected rounding: least eigenvalues are smaller than displacements tell, and may be the square of the pivots.
+  real(dp), parameter :: margin = 10
+  !> Upper limit of sqrt(u^T D u)/||u||_A; beyond it u is treated as strain-free.
+  real(dp), parameter :: most_stretched = 1.0e30_dp
+  !> A stiffness whose condition was not worth a measurement does not let more than this fraction of a solution be rounding.
+  real(dp), parameter :: all_rounding = 0.01_dp
+
+contains
+
+  !> An upper limit of rounding, of each body: u is wrong by no more than epsilon of `sqrt(u^T D u)`, D the diagonal of the stiffness, over
+  !> the root of the least eigenvalue with respect to D; u itself bounds that eigenvalue from above.
+  subroutine expect_rounding(problem, solution, norm, distance)
+    type(contact_problem_t), intent(in) :: problem
+    !> Recovered (n_bodies).
+    type(body_solution_t), intent(in) :: solution(:)
+    !> Energy norm of the solution [sqrt(energy)].
+    real(dp), intent(in) :: norm
+    !> In the energy norm (n_bodies) [sqrt(energy)].
+    real(dp), intent(out) :: distance(:)
+    real(dp), allocatable :: x(:)
+    real(dp) :: size_of_u
+    integer :: b
+    distance = 0
+    do b = 1, size(solution)
+      associate (constraint => problem%body(b)%constraint, report => problem%report(problem%classes%first(b)))
+        if (constraint%n_equations == 0) cycle
+        allocate (x(constraint%n_equations))
+        call constraint%reduce(solution(b)%displacement, x)
+        size_of_u = norm2(sqrt(report%diagonal)*x)
+        distance(b) = margin*epsilon(norm)*size_of_u*max(report%condition_left, &
+                                                         size_of_u/max(tiny(norm), norm, size_of_u/most_stretched))
+        deallocate (x)
+      end associate
+    end do
+  end subroutine expect_rounding
+
+  !> The rounding error of each body.
+  subroutine measure_rounding(problem, rows, compliance, m, solution, distance, error)
+    type(contact_problem_t), intent(in) :: problem
+    type(contact_qp_t), intent(in) :: rows
+    type(body_compliance_t), intent(in) :: compliance
+    !> Contact pressures (n_rows) [pressure].
+    real(dp), intent(in) :: m(:)
+    !> Recovered (n_bodies).
+    type(body_solution_t), intent(in) :: solution(:)
+    !> In the energy norm (n_bodies) [sqrt(energy)].
+    real(dp), intent(out) :: distance(:)
+    !> Allocated where a formula of a material cannot be evaluated.
+    type(error_t), allocatable, intent(out) :: error
+    type(error_t), allocatable :: failed
+    integer :: order(size(solution)), i, b
+    order = largest_first(real(problem%body%constraint%n_equations, dp))
+    call set_blas_threads(problem%n_blas)
+    !$omp parallel do default(none) shared(problem, rows, compliance, m, solution, distance, order, error) private(b, failed) &
+    !$omp& schedule(dynamic, 1) if (compliance%side_by_side)
+    do i = 1, size(solution)
+      b = order(i)
+      call measure_body(problem%body(b), rows, compliance, b, m, solution(b)%displacement, distance(b), failed)
+      if (.not. allocated(failed)) cycle
+      !$omp critical (rounding_error)
+      if (.not. allocated(error)) call move_alloc(failed, error)
+      !$omp end critical (rounding_error)
+    end do
+    !$omp end parallel do
+    call set_blas_threads(1)
+  end subroutine measure_rounding
+
+  !> One body.
+  subroutine measure_body(body, rows, compliance, b, m, u, distance, error)
+    type(body_t), intent(in) :: body
+    type(contact_qp_t), intent(in) :: rows
+    type(body_compliance_t), intent(in) :: compliance
+    !> Index of the body.
+    integer, intent(in) :: b
+    !> (n_rows) [pressure].
+    real(dp), intent(in) :: m(:)
+    !> Displacement (dim, n_nodes) [length].
+    real(dp), intent(in) :: u(:, :)
+    !> [sqrt(energy)].
+    real(dp), intent(out) :: distance
+    !> As in `measure_rounding`.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp), allocatable :: force(:, :), contact(:, :), r(:), z(:)
+    real(dp) :: energy
+    distance = 0
+    if (body%constraint%n_equations == 0) return
+    allocate (force, mold=u)
+    call internal_force(body%mesh, body%analysis, body%material, real(u, qp), force, energy, error)
+    if (allocated(error)) then
+      call add_context(error, "body '"//body%name//"': ")
+      return
+    end if
+    force = body%load - force
+    call rows%body_force(b, m, contact)
+    associate (node => rows%block(b)%contact_node)
+      force(:, node) = force(:, node) + contact
+    end associate
+    allocate (r(body%constraint%n_equations))
+    call body%constraint%reduce(force, r)
+    z = r
+    call compliance%solve(b, z)
+    distance = sqrt(max(0.0_dp, dot_product(r, z)))
+  end subroutine measure_body
+
+  !> Energy of a displacement that closes the difference of the gaps by displacements and by the scheme, where there is pressure: the nodes
+  !> at each row move alone, against their nodal stiffness.
+  real(dp) function gap_rounding(rows, theta, compliance, solution, m, y) result(distance)
+    type(contact_qp_t), intent(in) :: rows
+    !> (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    type(body_compliance_t), intent(in) :: compliance
+    !> Recovered (n_bodies).
+    type(body_solution_t), intent(in) :: solution(:)
+    !> Contact pressures (n_rows) [pressure], B u - d of the scheme (n_rows) [length].
+    real(dp), intent(in) :: m(:), y(:)
+    real(dp), allocatable :: difference(:), yields(:)
+    allocate (difference(size(y)), yields(size(y)))
+    call penetrations(rows, solution, difference)
+    difference = difference - y
+    call compliance%nodal_diagonal(rows, yields)
+    yields = yields + theta/rows%weight
+    distance = sqrt(sum(difference**2/max(tiny(distance), yields), mask=m > 0 .and. yields > 0))
+  end function gap_rounding
+
+  !> The energy norm of half a unit in the last place of the displacements, of each body: no result stored in double precision is more
+  !> accurate.
+  subroutine storage_rounding(body, solution, distance)
+    !> (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    !> Recovered (n_bodies).
+    type(body_solution_t), intent(in) :: solution(:)
+    !> In the energy norm (n_bodies) [sqrt(energy)].
+    real(dp), intent(out) :: distance(:)
+    real(dp), allocatable :: unit(:, :)
+    integer :: b, i, k
+    do b = 1, size(body)
+      unit = spacing(solution(b)%displacement)
+      do i = 1, size(unit, 2)
+        do k = 1, size(unit, 1)
+          if (is_negative(i, k)) unit(k, i) = -unit(k, i)
+        end do
+      end do
+      distance(b) = sqrt(2*strain_energy(body(b), unit))
+    end do
+  end subroutine storage_rounding
+
+  !> A pattern of signs without order: neighbours are not rounded alike. i enters modulo 7, so that no product overflows.
+  elemental logical function is_negative(i, k)
+    !> Node and component.
+    integer, intent(in) :: i, k
+    integer :: j
+    j = mod(i, 7)
+    is_negative = mod(j*(j + 3) + 5*k*j, 7) < 3
+  end function is_negative
+
+  !> Have bodies refined whose rounding keeps the solution from the tolerance.
+  subroutine flag_rounded(distance, norm, tolerance, conditioning)
+    !> (n_bodies) [sqrt(energy)].
+    real(dp), intent(in) :: distance(:)
+    !> Of the solution [sqrt(energy)].
+    real(dp), intent(in) :: norm
+    !> Relative, in the energy norm [].
+    real(dp), intent(in) :: tolerance
+    !> (n_bodies).
+    type(conditioning_t), intent(inout) :: conditioning(:)
+    if (.not. is_strain_free(distance, norm, conditioning)) &
+      conditioning%is_rounded = conditioning%is_rounded .or. distance > worth_refining*tolerance*norm
+  end subroutine flag_rounded
+
+  !> Rounding as a fraction of the solution [].
+  pure real(dp) function relative_rounding(distance, norm, conditioning) result(rounding)
+    !> Contributions, of the solution [sqrt(energy)].
+    real(dp), intent(in) :: distance(:), norm
+    !> (n_bodies).
+    type(conditioning_t), intent(in) :: conditioning(:)
+    rounding = 0
+    if (.not. is_strain_free(distance, norm, conditioning)) rounding = norm2(distance)/max(tiny(norm), norm)
+  end function relative_rounding
+
+  !> Whether all bodies move without strain, so that the energy of their displacements is nothing but rounding.
+  pure logical function is_strain_free(distance, norm, conditioning)
+    !> As in `relative_rounding`.
+    real(dp), intent(in) :: distance(:), norm
+    type(conditioning_t), intent(in) :: conditioning(:)
+    is_strain_free = .not. (any(conditioning%is_measured) .or. norm2(distance) < all_rounding*norm)
+  end function is_strain_free
+end module dotyk_control_rounding
