@@ -1,7 +1,7 @@
 !> The kinds of bodies of a scene: bodies of one kind differ by their place, and by loads and values of given displacements.
 !>
 !> The first body of a kind is assembled, ordered and factorized; the others make their right-hand sides and use its factor.
-module dotyk_driver_congruence_classes
+module dotyk_control_congruence_classes
   use dotyk_base_kinds, only: dp
   use dotyk_contact_operator, only: contact_block_t
   use dotyk_elasticity_body, only: body_t
@@ -116,4 +116,4 @@ contains
     end do
     node = pack([(i, i=1, size(touched))], touched)
   end subroutine congruence_classes_contact_nodes
-end module dotyk_driver_congruence_classes
+end module dotyk_control_congruence_classes

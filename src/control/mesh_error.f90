@@ -1,33 +1,40 @@
-!> Errors of the mesh of all bodies: those of one kind together, in the axes of the first of them.
-module dotyk_driver_mesh_error
+!> Discretization errors of all bodies: congruent ones together, in the axes of the representative.
+module dotyk_control_mesh_error
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_driver_congruence_classes, only: congruence_classes_t
-  use dotyk_driver_pressures, only: nodal_field_t
-  use dotyk_driver_body_solution, only: body_solution_t
+  use dotyk_control_congruence_classes, only: congruence_classes_t
+  use dotyk_control_body_solution, only: body_solution_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_discretization_error, only: estimate_discretization_errors
   implicit none
   private
+
+  !> One number for each element of a body.
+  type, public :: element_field_t
+    !> In the order of the blocks (n_elements).
+    real(dp), allocatable :: value(:)
+  end type element_field_t
+
   public :: estimate_mesh_errors
 
-  !> Bodies of a kind that are looked at together, at most: what depends on the mesh alone is little work beside that for so many, and
-  !> what is kept of them is little memory beside a factor.
+  !> Congruent bodies in one pass at most: the work that depends on the mesh alone is small beside that for so many, and the memory is
+  !> small beside a factor.
   integer, parameter :: most_bodies = 16
 
 contains
 
-  !> Squared errors of all elements, and the squared norm of the answer.
+  !> Squared errors of all elements, and the squared norm of the solution.
   subroutine estimate_mesh_errors(body, classes, solution, of_element, norm_square, error)
     !> (n_bodies).
     type(body_t), intent(in) :: body(:)
     type(congruence_classes_t), intent(in) :: classes
     !> With displacements (n_bodies).
     type(body_solution_t), intent(in) :: solution(:)
-    !> Elements in the order of the blocks (n_bodies) [force length].
-    type(nodal_field_t), allocatable, intent(out) :: of_element(:)
-    !> [force length].
+    !> Elements in the order of the blocks (n_bodies) [energy].
+    type(element_field_t), allocatable, intent(out) :: of_element(:)
+    !> [energy].
     real(dp), intent(out) :: norm_square
+    !> Allocated where a formula of a material cannot be evaluated.
     type(error_t), allocatable, intent(out) :: error
     integer, allocatable :: alike(:)
     real(dp) :: of_body(size(body))
@@ -44,17 +51,17 @@ contains
     norm_square = sum(of_body)
   end subroutine estimate_mesh_errors
 
-  !> Some bodies of one kind.
+  !> Some congruent bodies.
   subroutine estimate_some(first, classes, alike, solution, of_element, norm_square, error)
-    !> The first body of the kind.
+    !> Their representative.
     type(body_t), intent(in) :: first
     type(congruence_classes_t), intent(in) :: classes
     !> The bodies.
     integer, intent(in) :: alike(:)
     !> Of all bodies (n_bodies), as in `estimate_mesh_errors`.
     type(body_solution_t), intent(in) :: solution(:)
-    type(nodal_field_t), intent(inout) :: of_element(:)
-    !> Of each body (n_bodies) [force length].
+    type(element_field_t), intent(inout) :: of_element(:)
+    !> Of each body (n_bodies) [energy].
     real(dp), intent(inout) :: norm_square(:)
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: u(:, :, :), square(:, :)
@@ -78,4 +85,4 @@ contains
       norm_square(alike(i)) = of_body(i)
     end do
   end subroutine estimate_some
-end module dotyk_driver_mesh_error
+end module dotyk_control_mesh_error

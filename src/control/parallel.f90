@@ -2,7 +2,7 @@
 !>
 !> Bodies are worked on side by side, one thread and one BLAS thread each, the largest first. Threads that no body is left for help
 !> with the factorizations of the others, which are cut into tasks.
-module dotyk_driver_parallel
+module dotyk_control_parallel
   use omp_lib, only: omp_get_num_procs, omp_set_num_threads, omp_get_max_threads
   use dotyk_base_kinds, only: dp
   use dotyk_linalg_blas, only: reserve_blas, set_blas_threads
@@ -63,4 +63,4 @@ contains
       order(k) = i
     end do
   end function largest_first
-end module dotyk_driver_parallel
+end module dotyk_control_parallel

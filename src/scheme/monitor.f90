@@ -5,12 +5,16 @@ module dotyk_scheme_monitor
   implicit none
   private
 
+  !> Phases of a solution, as the timing of a run tells them apart.
+  integer, parameter, public :: phase_iterate = 1, phase_recover = 2, phase_estimate = 3
+
   !> Watches nothing: the base of all monitors.
   type, public :: monitor_t
   contains
     procedure :: step => monitor_step
     procedure :: note => monitor_note
     procedure :: finish => monitor_finish
+    procedure :: begin_phase => monitor_begin_phase
   end type monitor_t
 
 contains
@@ -34,6 +38,15 @@ contains
     associate (not_needed => same_type_as(self, self), nor_this => text)
     end associate
   end subroutine monitor_note
+
+  !> Another phase begins.
+  subroutine monitor_begin_phase(self, phase)
+    class(monitor_t), intent(inout) :: self
+    !> One of `phase_*`.
+    integer, intent(in) :: phase
+    associate (not_needed => same_type_as(self, self), nor_this => phase)
+    end associate
+  end subroutine monitor_begin_phase
 
   !> The iteration ended.
   subroutine monitor_finish(self)

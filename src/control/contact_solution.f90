@@ -1,0 +1,203 @@
+!> The outer loop: solve the contact, recover the displacements, estimate the errors; again where the error budget asks for it.
+!>
+!> Where the user gave neither theta nor a tolerance, both follow from the estimated errors: theta becomes smaller until the error of the
+!> penalty is small beside that of the mesh, and the iteration ends where its bound is small beside both.
+module dotyk_control_contact_solution
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
+  use dotyk_base_error, only: error_t
+  use dotyk_base_interrupt, only: interrupted
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: discretization_quadrature
+  use dotyk_base_text, only: to_text
+  use dotyk_control_conditioning, only: conditioning_t, collect_conditioning
+  use dotyk_control_contact_problem, only: contact_problem_t
+  use dotyk_control_displacements, only: displacements_t, find_displacements
+  use dotyk_control_error_budget, only: error_budget_t, estimate_errors
+  use dotyk_control_scheme_run, only: scheme_run_t
+  use dotyk_scheme_body_compliance, only: body_compliance_t
+  use dotyk_scheme_contact_qp, only: contact_qp_t
+  use dotyk_scheme_monitor, only: monitor_t, phase_estimate, phase_iterate, phase_recover
+  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_interrupted, ended_rounds, ended_stalled
+  implicit none
+  private
+  public :: solve_contact
+
+  !> What is asked of a solution.
+  type, public :: solution_goal_t
+    !> Whether the iteration ends by the error budget, and its fraction of the other errors that is allowed [].
+    logical :: by_budget = .false.
+    real(dp) :: budget_fraction = 0.1_dp
+    !> Whether the user gave theta (n_pairs).
+    logical, allocatable :: theta_given(:)
+    !> Output that was asked for.
+    logical :: displacement = .true., stress = .true., mesh_error = .true., penalty_error = .true.
+  contains
+    procedure :: depends_on_errors => goal_depends_on_errors
+    procedure :: needs_mesh_error => goal_needs_mesh_error
+    procedure :: needs_penalty_error => goal_needs_penalty_error
+    procedure :: needs_displacements => goal_needs_displacements
+  end type solution_goal_t
+
+  !> The solution.
+  type, public :: contact_solution_t
+    !> Pressures, amplitudes of the modes, and how the scheme ended; without pressures where there is no solution.
+    type(solver_state_t) :: state
+    !> Penalty parameters that it belongs to (n_rows) [length/pressure], and their factor over those that it began with (n_pairs) [].
+    real(dp), allocatable :: theta(:), theta_factor(:)
+    !> Tolerance that was to be reached [].
+    real(dp) :: tolerance = 0
+    !> Displacements and stresses.
+    type(displacements_t) :: displacements
+    !> Of the stiffness of each body (n_bodies).
+    type(conditioning_t), allocatable :: conditioning(:)
+    type(error_budget_t) :: budget
+  end type contact_solution_t
+
+  !> Solutions of one scene at most: a rough one, one with a smaller theta, one with the tolerance that its errors ask for, and that again.
+  integer, parameter :: most_rounds = 5
+  !> Tolerance of the first solution where the budget decides: good enough to estimate the other errors from.
+  real(dp), parameter :: rough = 0.02_dp
+  !> A theta that was not given becomes smaller where its error is more than this fraction of the mesh's; the aim is half of that.
+  real(dp), parameter :: most_penalty = 0.3_dp
+  !> At most by this factor.
+  real(dp), parameter :: least_factor = 1.0e-3_dp
+  !> Tolerances of later rounds are smaller than what is needed by this factor, as the next solution has slightly different errors.
+  real(dp), parameter :: safety = 0.7_dp
+  !> Errors of the mesh below this count as this for schemes whose number of steps grows like 1/theta: on meshes that are exact, a theta
+  !> that follows their error would need endless steps.
+  real(dp), parameter :: no_mesh_error = 1.0e-3_dp
+  !> Errors below this count as none.
+  real(dp), parameter :: no_error = 1.0e-8_dp
+
+contains
+
+  !> Whether the solution depends on its errors: the iteration ends by them, or a theta that was not given becomes smaller.
+  pure logical function goal_depends_on_errors(self) result(depends)
+    class(solution_goal_t), intent(in) :: self
+    depends = self%by_budget .or. .not. all(self%theta_given)
+  end function goal_depends_on_errors
+
+  !> Whether the error of the mesh is estimated: asked for, or needed by a rule.
+  pure logical function goal_needs_mesh_error(self) result(needs)
+    class(solution_goal_t), intent(in) :: self
+    needs = self%mesh_error .or. self%depends_on_errors()
+  end function goal_needs_mesh_error
+
+  !> Whether the error of the penalty is: the same.
+  pure logical function goal_needs_penalty_error(self) result(needs)
+    class(solution_goal_t), intent(in) :: self
+    needs = self%penalty_error .or. self%depends_on_errors()
+  end function goal_needs_penalty_error
+
+  !> Whether the displacements of all nodes are needed.
+  pure logical function goal_needs_displacements(self) result(needs)
+    class(solution_goal_t), intent(in) :: self
+    needs = self%displacement .or. self%stress .or. self%needs_mesh_error()
+  end function goal_needs_displacements
+
+  !> Solve.
+  subroutine solve_contact(problem, qp, compliance, run, goal, monitor, solution, error)
+    type(contact_problem_t), intent(in) :: problem
+    !> Its initial penetration is corrected where bodies are ill-conditioned.
+    type(contact_qp_t), intent(inout) :: qp
+    type(body_compliance_t), intent(inout) :: compliance
+    !> The scheme, and its settings with the tolerance that the user gave.
+    type(scheme_run_t), intent(in) :: run
+    type(solution_goal_t), intent(in) :: goal
+    class(monitor_t), intent(inout) :: monitor
+    !> theta is given, and a state if there is one to begin with.
+    type(contact_solution_t), intent(inout) :: solution
+    !> Allocated where no significant digit of a body is left, or the scheme fails.
+    type(error_t), allocatable, intent(out) :: error
+    type(scheme_run_t) :: now
+    integer :: round
+    allocate (solution%theta_factor(size(problem%pair)), source=1.0_dp)
+    call collect_conditioning(problem%classes, problem%report, solution%conditioning)
+    now = run
+    if (goal%by_budget) now%settings%tolerance = rough
+    do round = 1, most_rounds
+      call monitor%begin_phase(phase_iterate)
+      call now%solve(qp, compliance, solution%theta, problem%n_blas, monitor, solution%state, error)
+      if (allocated(error)) return
+      if (.not. allocated(solution%state%m)) return
+      call find_displacements(problem, qp, compliance, solution%theta, now, monitor, goal%needs_displacements(), goal%stress, &
+                              solution%conditioning, solution%displacements, solution%state, error)
+      if (allocated(error)) return
+      if (.not. allocated(solution%state%m)) return
+      call monitor%begin_phase(phase_estimate)
+      call estimate_errors(problem, qp, compliance, solution%theta, now%settings%linear_solver, &
+                           now%scheme%allows_zero_theta(), goal%needs_mesh_error(), goal%needs_penalty_error(), &
+                           solution%displacements%body, solution%state, solution%budget, error)
+      if (allocated(error)) return
+      if (goal%depends_on_errors() .and. solution%state%ended == ended_converged) then
+        if (interrupted()) solution%state%ended = ended_interrupted
+      end if
+      if (.not. asks_for_more(goal, round == most_rounds, problem, qp, now%scheme%allows_zero_theta(), monitor, solution, &
+                              now%settings%tolerance)) exit
+    end do
+    solution%tolerance = now%settings%tolerance
+    call monitor%begin_phase(phase_recover)
+  end subroutine solve_contact
+
+  !> Whether the QP is to be solved again from where it is, with a smaller theta or to another tolerance; and the outcome of the error
+  !> budget where not.
+  logical function asks_for_more(goal, last, problem, qp, is_exact, monitor, solution, tolerance) result(more)
+    type(solution_goal_t), intent(in) :: goal
+    !> There is no more: the solution stays as it is.
+    logical, intent(in) :: last
+    type(contact_problem_t), intent(in) :: problem
+    type(contact_qp_t), intent(in) :: qp
+    !> Whether the scheme takes any theta at the same cost.
+    logical, intent(in) :: is_exact
+    class(monitor_t), intent(inout) :: monitor
+    !> Its theta may change; it knows no L then.
+    type(contact_solution_t), intent(inout) :: solution
+    !> The one that was to be reached, and the next one [].
+    real(dp), intent(inout) :: tolerance
+    real(dp) :: factor, target, mesh_error
+    integer :: k
+    more = .false.
+    associate (state => solution%state, budget => solution%budget)
+      if (all(state%ended /= [ended_converged, ended_stalled]) .or. size(state%m) == 0) return
+      if (.not. goal%depends_on_errors()) return
+      factor = 1
+      ! An error that is not known changes nothing.
+      if (.not. (last .or. ieee_is_nan(budget%penalty) .or. ieee_is_nan(budget%discretization))) then
+        mesh_error = max(budget%discretization, merge(no_error, no_mesh_error, is_exact))
+        if (budget%penalty > most_penalty*mesh_error) &
+          factor = max(least_factor, 0.5_dp*most_penalty*mesh_error/budget%penalty)
+        ! A theta that was given may cause the penalty's error: no more than one attempt beside it.
+        if (any(goal%theta_given) .and. any(solution%theta_factor < 1)) factor = 1
+      end if
+      if (factor < 1) then
+        do k = 1, size(problem%pair)
+          if (goal%theta_given(k)) cycle
+          ! Single pressures at quadrature points would become noise.
+          if (problem%pair(k)%discretization == discretization_quadrature .and. &
+              solution%theta_factor(k)*factor < least_factor) cycle
+          more = .true.
+          solution%theta_factor(k) = factor*solution%theta_factor(k)
+          associate (first => qp%pair_first_row(k), behind => qp%pair_first_row(k + 1) - 1)
+            solution%theta(first:behind) = factor*solution%theta(first:behind)
+          end associate
+        end do
+        if (more) then
+          state%lambda_max = 0
+          call monitor%note('theta            times '//to_text(factor, 2)//': the penalty error, '// &
+                            to_text(100*budget%penalty, 2)//' %, would dominate')
+          return
+        end if
+      end if
+      if (.not. goal%by_budget) return
+      target = max(goal%budget_fraction*budget%others(), no_error)
+      if (state%error_bound <= target) then
+        state%ended = ended_converged
+        tolerance = target
+      else
+        more = state%ended == ended_converged .and. .not. last
+        tolerance = merge(safety, 1.0_dp, more)*target
+        if (last .and. state%ended == ended_converged) state%ended = ended_rounds
+      end if
+    end associate
+  end function asks_for_more
+end module dotyk_control_contact_solution
