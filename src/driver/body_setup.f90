@@ -149,7 +149,7 @@ contains
       call placement%init(given%axis, given%angle, given%at)
       body%mesh = volume%mesh
       call placement%apply(body%mesh%x)
-      if (placement%turned .and. .not. body%material%isotropic) &
+      if (placement%rotated .and. .not. body%material%isotropic) &
         body%material%stiffness = rotate_stiffness(body%material%stiffness, placement%rotation)
     end subroutine place
 

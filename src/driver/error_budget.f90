@@ -2,7 +2,7 @@
 !>
 !> The part of the iteration is the guaranteed bound of the scheme. That of the penalty is the distance to the solution without it
 !> (`dotyk_scheme_penalty`), that of the mesh an asymptotically exact estimate (`dotyk_elasticity_discretization_error`). Beside them
-!> stands what the contact conditions, met in the mean, are missed by in single places (`dotyk_contact_violation`).
+!> stands what the contact conditions, met in the mean, are missed by in single places (`dotyk_contact_complementarity`).
 module dotyk_driver_error_budget
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan, ieee_quiet_nan, ieee_value
   use dotyk_base_error, only: error_t
@@ -11,7 +11,7 @@ module dotyk_driver_error_budget
   use dotyk_base_log, only: log_t
   use dotyk_base_text, only: to_text
   use dotyk_contact_pair, only: contact_pair_t, points_quadrature
-  use dotyk_contact_violation, only: contact_violation
+  use dotyk_contact_complementarity, only: complementarity_error
   use dotyk_driver_congruence_classes, only: congruence_classes_t
   use dotyk_driver_mesh_error, only: estimate_mesh_errors
   use dotyk_driver_pressures, only: nodal_field_t
@@ -258,7 +258,7 @@ contains
     if (allocated(error)) return
     work = 0
     do k = 1, size(pair)
-      work = work + contact_violation(pair(k), surface_a(k), surface_b(k), solution(pair(k)%body_a)%displacement, &
+      work = work + complementarity_error(pair(k), surface_a(k), surface_b(k), solution(pair(k)%body_a)%displacement, &
                                       solution(pair(k)%body_b)%displacement, m(first_row(k):first_row(k + 1) - 1))
     end do
     budget%contact = 0

@@ -12,7 +12,7 @@ module dotyk_driver_locking
   use dotyk_elasticity_material, only: material_t
   use dotyk_input_case, only: case_t
   use dotyk_input_names, only: input_plane_stress => analysis_plane_stress, locking_auto, locking_ignore
-  use dotyk_mesh_second_order, only: has_linear_simplices
+  use dotyk_mesh_order_elevation, only: has_linear_simplices
   implicit none
   private
   public :: would_lock, show_locking
@@ -97,7 +97,7 @@ contains
       line = '  warning: '//line//"it may lock, and locking='ignore' lets it"
     else
       line = '  '//line//'projected dilatation'
-      if (body%mesh%promoted) then
+      if (body%mesh%order_elevated) then
         line = line//'; linear elements, which would lock, made quadratic: '//to_text(size(body%mesh%mesh_node))// &
           ' nodes in the mesh, '//to_text(body%mesh%n_nodes())//' now'
       else if (has_linear_simplices(body%mesh)) then

@@ -5,9 +5,9 @@ module dotyk_driver_pairs
   use dotyk_base_formula, only: formula_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
-  use dotyk_contact_geometry, only: contact_geometry_smooth => geometry_smooth, contact_geometry_elements => geometry_elements, &
-    contact_geometry_straight => geometry_straight
-  use dotyk_contact_pair, only: contact_pair_t, pair_settings_t, find_pair, contact_gap_geometry => gap_geometry, &
+  use dotyk_contact_smooth_surface, only: contact_geometry_smooth => geometry_smooth, &
+    contact_geometry_elements => geometry_elements, contact_geometry_straight => geometry_straight
+  use dotyk_contact_pair, only: contact_pair_t, pair_settings_t, discretize_pair, contact_gap_geometry => gap_geometry, &
     contact_gap_constant => gap_constant, contact_gap_formula => gap_formula, contact_points_nodes => points_nodes, &
     contact_points_quadrature => points_quadrature, contact_quadrature_segments => quadrature_segments, &
     contact_quadrature_plain => quadrature_plain
@@ -93,7 +93,7 @@ contains
     settings%quadrature = merge(contact_quadrature_segments, contact_quadrature_plain, given%quadrature == quadrature_segments)
     settings%theta = given%theta
     if (given%theta_kind == theta_relative) settings%theta = given%theta*(compliance(body_a) + compliance(body_b))
-    call find_pair(body_a%mesh, surface_a, body_b%mesh, surface_b, settings, formula, pair, error)
+    call discretize_pair(body_a%mesh, surface_a, body_b%mesh, surface_b, settings, formula, pair, error)
     call formula%destroy()
     if (allocated(error)) return
     if (given%theta_kind == theta_mesh) call set_mesh_theta(given%theta, body_a, surface_a, body_b, surface_b, pair, error)

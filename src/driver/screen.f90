@@ -107,7 +107,7 @@ contains
       call warn_of_noise(log, body, pair(k), surface_a(k)%n_facets)
     end do
     if (size(pair) > most_shown) call log%line(pair_line(to_text(size(pair))//' pairs', sum(pair%n_rows), &
-      sum(pair%n_without_partner), least, most, maxval(pair%theta)))
+      sum(pair%n_unprojected), least, most, maxval(pair%theta)))
     n = 0
     do k = 1, size(body)
       if (.not. any(pair%body_a == k .or. pair%body_b == k)) n = n + 1
@@ -121,10 +121,10 @@ contains
     type(body_t), intent(in) :: body(:)
     type(contact_pair_t), intent(in) :: pair
     type(surface_t), intent(in) :: surface_a, surface_b
-    call log%line(pair_line(pair%name, pair%n_rows, pair%n_without_partner, minval(pair%row_gap), maxval(pair%row_gap), pair%theta))
+    call log%line(pair_line(pair%name, pair%n_rows, pair%n_unprojected, minval(pair%row_gap), maxval(pair%row_gap), pair%theta))
     call log%line('    '//body(pair%body_a)%name//':'//surface_a%name//' ('//plural(surface_a%n_facets, 'facet', 'facets')// &
                   ') on '//body(pair%body_b)%name//':'//surface_b%name//' ('//plural(surface_b%n_facets, 'facet', 'facets')//')')
-    if (pair%n_without_partner > 0) call log%line('    left out: '//plural(pair%n_outside, 'integration point', &
+    if (pair%n_unprojected > 0) call log%line('    left out: '//plural(pair%n_outside, 'integration point', &
       'integration points')//' beside the other surface, '//to_text(pair%n_not_facing)//' that it does not face, '// &
       to_text(pair%n_too_far)//' too far')
   end subroutine show_pair

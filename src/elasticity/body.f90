@@ -141,7 +141,7 @@ contains
     integer :: i, k
     if (.not. allocated(self%load)) allocate (self%load(self%dimension, self%mesh%n_nodes()), source=0.0_dp)
     self%rigid_mode = first%rigid_mode
-    if (motion%turned) then
+    if (motion%rotated) then
       associate (rotation => motion%rotation(:self%dimension, :self%dimension))
         do k = 1, size(self%rigid_mode, 3)
           do i = 1, size(self%rigid_mode, 2)
