@@ -7,7 +7,7 @@ The grid is a namelist file with a group &grid; further &grid groups add points 
 Every combination of the lists is a point of the grid:
   size                         of the mesh, from coarse to fine: numbers, or formulas of the .geo file as texts
   order                        of the elements
-  points, quadrature, geometry keys of every &contact
+  discretization, quadrature, geometry keys of every &contact
   theta_relative, theta, theta_rule, stop_rule, tolerance, scheme, linear_solver      keys of &solver
   threads
 What is absent is as in the scene. Who names one of theta_relative, theta, theta_rule means none of the others; so it is with
@@ -54,7 +54,7 @@ import energy_norm  # noqa: E402
 import namelist  # noqa: E402
 import work_precision_report as report  # noqa: E402
 
-CONTACT = {'points': str, 'quadrature': str, 'geometry': str}
+CONTACT = {'discretization': str, 'quadrature': str, 'geometry': str}
 SOLVER = {'theta_relative': float, 'theta': float, 'theta_rule': str, 'stop_rule': str, 'tolerance': float, 'scheme': str,
           'linear_solver': str}
 DIMENSIONS = {'size': None, 'order': int, **CONTACT, **SOLVER, 'threads': int}

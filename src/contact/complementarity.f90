@@ -6,8 +6,9 @@
 !> pressures of the rows, linear between vertices.
 module dotyk_contact_complementarity
   use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: discretization_quadrature
   use dotyk_contact_corner_interpolation, only: corner_interpolation_t
-  use dotyk_contact_pair, only: contact_pair_t, points_quadrature
+  use dotyk_contact_pair, only: contact_pair_t
   use dotyk_mesh_element, only: kind_nodes, max_facet_nodes, shape_functions
   use dotyk_mesh_surface, only: surface_t
   implicit none
@@ -29,7 +30,7 @@ contains
     real(dp) :: closing(size(u_a, 1)), p, theta
     integer :: i, k, n, first, last
     allocate (work(pair%n_points))
-    if (pair%points /= points_quadrature) then
+    if (pair%discretization /= discretization_quadrature) then
       call corners%init(surface_a, pair%facet_a, pair%xi_a)
       allocate (at_corner(corners%n), theta_at_corner(corners%n), source=0.0_dp)
       ! Both lists ascend; vertices without a row have next to no area.
@@ -43,7 +44,7 @@ contains
       end do
     end if
     do i = 1, pair%n_points
-      if (pair%points == points_quadrature) then
+      if (pair%discretization == discretization_quadrature) then
         p = pressure(i)
         theta = pair%row_theta(i)
       else

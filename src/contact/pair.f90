@@ -10,13 +10,15 @@ module dotyk_contact_pair
   use dotyk_base_formula, only: formula_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_magnitude, only: is_too_large, size_rule
+  use dotyk_base_options, only: default_discretization, default_gap, default_geometry, default_quadrature, &
+    discretization_mortar, discretization_quadrature, gap_constant, gap_formula, geometry_elements, &
+    quadrature_segments
   use dotyk_base_text, only: quoted, to_text
   use dotyk_contact_dual_mortar, only: dual_mortar_rows
   use dotyk_contact_segment_quadrature, only: quadrature_rule_t
   use dotyk_contact_corner_interpolation, only: corner_interpolation_t
   use dotyk_contact_integration_points, only: whole_facet_rules, project_points
   use dotyk_contact_facet_set, only: facet_set_t
-  use dotyk_contact_smooth_surface, only: geometry_elements
   use dotyk_contact_local_origin, only: choose_origin, shift_origin
   use dotyk_contact_broad_phase, only: facets_near_candidates, candidate_facets
   use dotyk_contact_projection, only: projection_found, projection_not_facing, projection_outside, projection_t, &
@@ -30,18 +32,6 @@ module dotyk_contact_pair
   implicit none
   private
 
-  !> Where the gap comes from.
-  integer, parameter, public :: gap_geometry = 1  !< the distance between the surfaces
-  integer, parameter, public :: gap_constant = 2  !< a given number
-  integer, parameter, public :: gap_formula = 3   !< a formula, evaluated at x
-
-  !> What the rows are.
-  integer, parameter, public :: points_nodes = 1       !< dual means at the vertices of surface_a
-  integer, parameter, public :: points_quadrature = 2  !< the integration points
-
-  !> Where the integration points are.
-  integer, parameter, public :: quadrature_segments = 1  !< on the pieces that the facets of surface_b cut out of those of a
-  integer, parameter, public :: quadrature_plain = 2     !< on whole facets of surface_a
 
   !> What the user says of a pair.
   type, public :: pair_settings_t
@@ -51,20 +41,20 @@ module dotyk_contact_pair
     integer :: body_a = 0, body_b = 0
     !> Weights contain 2 pi r.
     logical :: axisymmetric = .false.
-    !> One of `gap_geometry`, `gap_constant`, `gap_formula`.
-    integer :: gap_kind = gap_geometry
+    !> One of `gap_*`.
+    integer :: gap_kind = default_gap
     !> The given gap [length].
     real(dp) :: gap = 0
     !> Greatest distance of partners [length]; not positive: the size of the smaller body.
     real(dp) :: search_radius = 0
     !> Penalty parameter [length/pressure].
     real(dp) :: theta = 0
-    !> One of `points_nodes`, `points_quadrature`.
-    integer :: points = points_quadrature
-    !> What gaps and normals are taken from, one of `geometry_*` of smooth_surface.f90.
-    integer :: geometry = geometry_elements
-    !> One of `quadrature_segments`, `quadrature_plain`.
-    integer :: quadrature = quadrature_segments
+    !> One of `discretization_*`.
+    integer :: discretization = default_discretization
+    !> What gaps and normals are taken from, one of `geometry_*`.
+    integer :: geometry = default_geometry
+    !> One of `quadrature_*`.
+    integer :: quadrature = default_quadrature
   end type pair_settings_t
 
   !> The contact points of a pair.
@@ -75,8 +65,8 @@ module dotyk_contact_pair
     integer :: body_a = 0, body_b = 0
     !> Dimension of space.
     integer :: dimension = 0
-    !> What the rows are: one of `points_nodes`, `points_quadrature`.
-    integer :: points = points_quadrature
+    !> What the rows are: one of `discretization_*`.
+    integer :: discretization = default_discretization
     !> Number of integration points that have a partner.
     integer :: n_points = 0
     !> Number of points that have none, and why: not facing, beside the surface, too far.
@@ -180,11 +170,12 @@ contains
     call target%init(mesh_b%x, surface_b)
     call set_a%init(mesh_a%x, surface_a)
     near = candidate_facets(set_a, target%set, target%tree, radius)
-    call whole_facet_rules(surface_a%kind(1:surface_a%n_facets), settings%points == points_nodes, settings%axisymmetric, rule)
+    call whole_facet_rules(surface_a%kind(1:surface_a%n_facets), &
+                           settings%discretization == discretization_mortar, settings%axisymmetric, rule)
     allocate (offset(surface_a%n_facets + 1))
     if (settings%quadrature == quadrature_segments) then
       call build_segment_rules(mesh_a, surface_a, set_a, near, mesh_b, surface_b, target, radius, &
-                         settings%points == points_nodes, settings%axisymmetric, rule, own)
+                         settings%discretization == discretization_mortar, settings%axisymmetric, rule, own)
     else
       allocate (own(surface_a%n_facets))
     end if
@@ -208,7 +199,7 @@ contains
     pair%body_a = settings%body_a
     pair%body_b = settings%body_b
     pair%theta = settings%theta
-    pair%points = settings%points
+    pair%discretization = settings%discretization
     if (pair%n_points == 0) then
       call explain_no_projection(pair, surface_a%name, surface_b%name, target, x, radius, error)
       return
@@ -269,7 +260,7 @@ contains
     type(contact_pair_t), intent(inout) :: pair
     type(corner_interpolation_t) :: corners
     integer :: c, i
-    if (pair%points == points_quadrature) then
+    if (pair%discretization == discretization_quadrature) then
       pair%n_rows = pair%n_points
       call pair%average%set_identity(pair%n_points)
       pair%row_position = pair%position

@@ -15,9 +15,10 @@
 module dotyk_contact_pressure_projection
   use dotyk_base_error, only: add_context, error_t, exit_not_solvable, set_error
   use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_options, only: discretization_quadrature
   use dotyk_base_text, only: quoted
   use dotyk_contact_corner_interpolation, only: corner_interpolation_t
-  use dotyk_contact_pair, only: contact_pair_t, points_quadrature
+  use dotyk_contact_pair, only: contact_pair_t
   use dotyk_linalg_cholesky, only: cholesky_t
   use dotyk_linalg_ordering, only: nested_dissection
   use dotyk_linalg_sparse, only: sparse_rows_t, sparse_symmetric_t
@@ -54,7 +55,7 @@ contains
     call self%destroy()
     call self%side_a%init(surface_a, pair%facet_a, pair%xi_a)
     call self%side_b%init(surface_b, pair%facet_b, pair%xi_b)
-    if (pair%points /= points_quadrature) return
+    if (pair%discretization /= discretization_quadrature) return
     call mass_matrix(self%side_a, pair%facet_a, pair%weight, mass)
     call node_graph(mass, start, neighbour)
     allocate (permutation(mass%n))
@@ -173,7 +174,7 @@ contains
     allocate (at_points(pair%n_points), corner(self%side_a%n))
     call pair%average%multiply_transposed(pair%row_weight*pressure, at_points)
     call self%side_a%moments(at_points, corner)
-    if (pair%points == points_quadrature) then
+    if (pair%discretization == discretization_quadrature) then
       call self%factor%solve(corner)
     else
       allocate (total(self%side_a%n), flat(self%side_a%n))

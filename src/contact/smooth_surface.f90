@@ -11,6 +11,7 @@
 !> Patches give gaps and directions only. The points x and x' where forces act lie on the elements, because displacements do.
 module dotyk_contact_smooth_surface
   use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: geometry_elements, geometry_smooth, geometry_straight
   use dotyk_contact_adjacency, only: adjacency_t
   use dotyk_contact_facet_set, only: evaluate_facet, facet_set_t
   use dotyk_contact_sub_facets, only: split_facets, sub_facets_t
@@ -20,11 +21,6 @@ module dotyk_contact_smooth_surface
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
-
-  !> Which geometry.
-  integer, parameter, public :: geometry_smooth = 1    !< quadratic patches with fitted normals
-  integer, parameter, public :: geometry_elements = 2  !< that of the elements
-  integer, parameter, public :: geometry_straight = 3  !< that of the corners
 
   !> Another geometry of the facets of a surface.
   type, public :: smooth_surface_t

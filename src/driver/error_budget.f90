@@ -9,8 +9,9 @@ module dotyk_driver_error_budget
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
+  use dotyk_base_options, only: discretization_quadrature, scheme_dual, stop_budget
   use dotyk_base_text, only: to_text
-  use dotyk_contact_pair, only: contact_pair_t, points_quadrature
+  use dotyk_contact_pair, only: contact_pair_t
   use dotyk_contact_complementarity, only: complementarity_error
   use dotyk_driver_congruence_classes, only: congruence_classes_t
   use dotyk_driver_mesh_error, only: estimate_mesh_errors
@@ -19,7 +20,6 @@ module dotyk_driver_error_budget
   use dotyk_driver_scheme, only: scheme_of
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t, solver_input_t
-  use dotyk_input_names, only: scheme_dual, stop_budget
   use dotyk_mesh_surface, only: surface_t
   use dotyk_scheme_explicit, only: explicit_compliance_t
   use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_interrupted, ended_rounds, ended_stalled
@@ -207,7 +207,7 @@ contains
       do k = 1, size(pair)
         if (case%contact(k)%theta_given) cycle
         ! Single pressures at quadrature points would become noise.
-        if (pair(k)%points == points_quadrature .and. pair(k)%theta_factor*factor < least_factor) cycle
+        if (pair(k)%discretization == discretization_quadrature .and. pair(k)%theta_factor*factor < least_factor) cycle
         more = .true.
         pair(k)%theta_factor = factor*pair(k)%theta_factor
         pair(k)%theta = factor*pair(k)%theta

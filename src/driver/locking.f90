@@ -3,15 +3,14 @@ module dotyk_driver_locking
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
+  use dotyk_base_options, only: analysis_plane_stress, locking_auto, locking_ignore
   use dotyk_base_text, only: to_text
   use dotyk_driver_congruence_classes, only: congruence_classes_t
   use dotyk_driver_materials, only: build_material
-  use dotyk_elasticity_analysis, only: analysis_plane_stress
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_projected_dilatation, only: unprojected_bulk_ratio
   use dotyk_elasticity_material, only: material_t
   use dotyk_input_case, only: case_t
-  use dotyk_input_names, only: input_plane_stress => analysis_plane_stress, locking_auto, locking_ignore
   use dotyk_mesh_order_elevation, only: has_linear_simplices
   implicit none
   private
@@ -32,7 +31,7 @@ contains
     type(material_t) :: material
     type(error_t), allocatable :: failed
     locks = .false.
-    if (case%solver%locking /= locking_auto .or. case%scene%analysis == input_plane_stress) return
+    if (case%solver%locking /= locking_auto .or. case%scene%analysis == analysis_plane_stress) return
     ! Errors are reported where the body is built.
     call build_material(case%material(case%body(b)%material), case%solver%locking, material, failed)
     if (.not. allocated(failed)) locks = material%incompressibility >= linear_simplices_lock

@@ -6,11 +6,11 @@
 module dotyk_driver_refinement
   use dotyk_base_error, only: error_t, add_context, set_error, exit_not_solvable
   use dotyk_base_kinds, only: dp, qp
+  use dotyk_base_options, only: analysis_plane_stress
   use dotyk_base_text, only: quoted, to_text
   use dotyk_driver_congruence_classes, only: congruence_classes_t
   use dotyk_driver_digits, only: body_digits_t
   use dotyk_driver_body_solution, only: body_solution_t
-  use dotyk_elasticity_analysis, only: analysis_plane_stress
   use dotyk_elasticity_body, only: body_t, strain_energy
   use dotyk_elasticity_internal_force, only: internal_force
   use dotyk_elasticity_conditioning_diagnosis, only: diagnose_conditioning

@@ -4,7 +4,7 @@
 !> the axes of the first of its kind. Loads and the values of given displacements may differ.
 module dotyk_elasticity_congruence
   use dotyk_base_kinds, only: dp
-  use dotyk_elasticity_analysis, only: analysis_axisymmetric
+  use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_constraint, only: constraint_t, held
   use dotyk_elasticity_material, only: material_t, rotate_stiffness

@@ -16,6 +16,7 @@
 module dotyk_response_full
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_options, only: response_auto, response_compliance, response_condensed, response_full
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_node_ordering, only: fill_reducing_order
   use dotyk_linalg_cholesky, only: cholesky_t
@@ -84,12 +85,6 @@ module dotyk_response_full
     procedure :: destroy => full_response_destroy
   end type full_response_t
 
-  !> Forms of the response (`response` of the input).
-  integer, parameter, public :: form_auto = 1        !< the cheapest
-  integer, parameter, public :: form_full = 2        !< solves with the whole factor
-  integer, parameter, public :: form_condensed = 3   !< contact unknowns last, solves with their part of the factor
-  integer, parameter, public :: form_compliance = 4  !< the compliance as a matrix, from the whole factor
-
   !> Bytes that a matrix may take which is not asked for.
   real(dp), parameter :: most_bytes = 1.0e9_dp
 
@@ -154,15 +149,15 @@ contains
     entries = real(n, dp)*(n + 1)/2
     solves = cost_of_solves(demand, [real(self%factor%factor_entries, dp), entries])
     matrix = cost_of_matrix(demand, [self%forward%path_entries(self%factor, last), entries])
-    self%is_explicit = form == form_compliance
-    if (form == form_auto .and. demand%n_steps > 0 .and. 8*real(demand%n_rows, dp)**2/demand%n_bodies < most_bytes) then
+    self%is_explicit = form == response_compliance
+    if (form == response_auto .and. demand%n_steps > 0 .and. 8*real(demand%n_rows, dp)**2/demand%n_bodies < most_bytes) then
       self%is_explicit = minval(matrix) < minval(solves)
     end if
     if (self%is_explicit .or. demand%n_steps == 0) solves = matrix
     self%is_explicit = self%is_explicit .and. demand%n_steps > 0
-    if (any(form == [form_full, form_compliance])) return
+    if (any(form == [response_full, response_compliance])) return
     ! The last block alone takes n^3/3.
-    if (form == form_auto .and. solves(2) + real(n, dp)**3/3 > solves(1) + self%factor%flops) return
+    if (form == response_auto .and. solves(2) + real(n, dp)**3/3 > solves(1) + self%factor%flops) return
     allocate (is_last(size(permutation)), source=.false.)
     is_last(last) = .true.
     allocate (other)
@@ -172,7 +167,7 @@ contains
       deallocate (other)
       return
     end if
-    self%is_condensed = form == form_condensed .or. solves(2) + other%flops < solves(1) + self%factor%flops
+    self%is_condensed = form == response_condensed .or. solves(2) + other%flops < solves(1) + self%factor%flops
     if (self%is_condensed) then
       call self%factor%destroy()
       call self%forward%destroy()

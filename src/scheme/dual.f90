@@ -12,12 +12,13 @@ module dotyk_scheme_dual
   use dotyk_base_interrupt, only: interrupted, stop_if_interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
+  use dotyk_base_options, only: default_linear_solver, default_tolerance
   use dotyk_base_text, only: to_text
   use dotyk_scheme_active_set, only: iterate_t, find_active_set, is_balanced, reference_norm, &
     rest_on_winkler_foundation, rounding, update_penetrations
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_bounds, only: duality_gap
-  use dotyk_scheme_choice, only: choose_solver, solver_auto
+  use dotyk_scheme_choice, only: choose_solver
   use dotyk_scheme_explicit, only: explicit_compliance_t
   use dotyk_scheme_history, only: history_t, scheme_result_t, ended_converged, ended_interrupted, ended_limit, &
     ended_no_equilibrium, ended_rigid_constraint, ended_stalled
@@ -31,11 +32,11 @@ module dotyk_scheme_dual
   !> What the user may choose.
   type, public :: dual_settings_t
     !> Relative error in the energy norm.
-    real(dp) :: tolerance = 1.0e-6_dp
+    real(dp) :: tolerance = default_tolerance
     !> Active sets at most.
     integer :: max_iterations = 100
-    !> One of `solver_*` of `dotyk_scheme_choice`.
-    integer :: linear_solver = solver_auto
+    !> One of `linear_solver_*`.
+    integer :: linear_solver = default_linear_solver
   end type dual_settings_t
 
   public :: solve_dual

@@ -8,10 +8,11 @@ module dotyk_scheme_nested
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
+  use dotyk_base_options, only: linear_solver_auto
   use dotyk_contact_operator, only: contact_block_t
   use dotyk_scheme_active_set, only: iterate_t, find_active_set, rest_on_winkler_foundation
   use dotyk_scheme_active_system, only: active_system_t
-  use dotyk_scheme_choice, only: choose_solver, solver_auto
+  use dotyk_scheme_choice, only: choose_solver
   use dotyk_scheme_explicit, only: explicit_compliance_t
   use dotyk_scheme_history, only: scheme_result_t
   use dotyk_scheme_part, only: give_back, join_rows
@@ -71,7 +72,7 @@ contains
     allocate (closed(n_groups))
     call silent%init(.true.)
     call rest_on_winkler_foundation(joined, start, closed)
-    call choose_solver(joined, solver_auto, closed, joined_compliance, system)
+    call choose_solver(joined, linear_solver_auto, closed, joined_compliance, system)
     call joined_compliance%form(joined)
     call find_start(joined, joined_compliance, start, closed, error)
     if (.not. allocated(error)) &

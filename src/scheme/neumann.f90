@@ -7,12 +7,13 @@ module dotyk_scheme_neumann
   use dotyk_base_error, only: error_t, set_error
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
+  use dotyk_base_options, only: stop_paper
   use dotyk_base_text, only: to_text
   use dotyk_scheme_bounds, only: contraction, bound_of_paper, gamma_limit, gamma_limit_of_paper
   use dotyk_scheme_history, only: scheme_result_t, ended_converged
   use dotyk_scheme_problem, only: contact_problem_t
   use dotyk_scheme_relaxation, only: estimate_lambda_max, relaxation_parameter
-  use dotyk_scheme_stopping, only: iteration_settings_t, stopping_t, stop_paper
+  use dotyk_scheme_stopping, only: iteration_settings_t, stopping_t
   implicit none
   private
 

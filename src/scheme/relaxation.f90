@@ -2,15 +2,11 @@
 module dotyk_scheme_relaxation
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: gamma_fixed, gamma_theory
   use dotyk_linalg_spectrum, only: largest_eigenvalue
   use dotyk_scheme_problem, only: contact_problem_t
   implicit none
   private
-
-  !> How gamma is chosen (`gamma_rule` of the input).
-  integer, parameter, public :: gamma_spectral = 1  !< 2/(2+L), the best one
-  integer, parameter, public :: gamma_theory = 2    !< 1/(1+L)^2, the best one of Theorem 4 in the energy norm
-  integer, parameter, public :: gamma_fixed = 3     !< given
 
   public :: estimate_lambda_max, relaxation_parameter
 
@@ -40,7 +36,7 @@ contains
 
   !> gamma by one of the rules.
   pure real(dp) function relaxation_parameter(rule, lambda_max, given) result(gamma)
-    !> One of the parameters above.
+    !> One of `gamma_*`.
     integer, intent(in) :: rule
     !> L [].
     real(dp), intent(in) :: lambda_max

@@ -9,13 +9,14 @@ module dotyk_scheme_robin
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
+  use dotyk_base_options, only: stop_residual
   use dotyk_linalg_dense, only: solve_dense
   use dotyk_scheme_bounds, only: duality_gap
   use dotyk_scheme_explicit, only: explicit_compliance_t
   use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_limit, ended_stalled
   use dotyk_scheme_neumann, only: begin_at_free_scene, answer, finish_iteration
   use dotyk_scheme_problem, only: contact_problem_t
-  use dotyk_scheme_stopping, only: iteration_settings_t, stopping_t, stop_residual, relative
+  use dotyk_scheme_stopping, only: iteration_settings_t, stopping_t, relative
   implicit none
   private
   public :: solve_robin

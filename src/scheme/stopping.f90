@@ -4,6 +4,8 @@ module dotyk_scheme_stopping
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
+  use dotyk_base_options, only: default_gamma_rule, default_max_iterations, default_stop_rule, default_tolerance, &
+    stop_increment, stop_paper
   use dotyk_base_timer, only: wall_time
   use dotyk_scheme_bounds, only: duality_gap
   use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_limit, ended_diverged, ended_interrupted, &
@@ -13,21 +15,16 @@ module dotyk_scheme_stopping
   implicit none
   private
 
-  !> What ends the iteration (`stop_rule` of the input).
-  integer, parameter, public :: stop_residual = 1   !< the guaranteed bound is below the tolerance
-  integer, parameter, public :: stop_paper = 2      !< (41) is below the tolerance; the Neumann scheme only
-  integer, parameter, public :: stop_increment = 3  !< the last step is below the tolerance
-
   !> What the user may choose for an iteration.
   type, public :: iteration_settings_t
-    !> Rule for gamma, of `dotyk_scheme_relaxation`, and its value where it is given.
-    integer :: gamma_rule = 1
+    !> One of `gamma_*`, and gamma where it is `gamma_fixed` [].
+    integer :: gamma_rule = default_gamma_rule
     real(dp) :: gamma = 0
     !> Rule that ends the iteration, and its tolerance (relative, energy norm).
-    integer :: stop_rule = stop_residual
-    real(dp) :: tolerance = 1.0e-6_dp
+    integer :: stop_rule = default_stop_rule
+    real(dp) :: tolerance = default_tolerance
     !> Steps at most.
-    integer :: max_iterations = 100000
+    integer :: max_iterations = default_max_iterations
     !> Pressures to begin with; u0 where not allocated (n_rows) [pressure].
     real(dp), allocatable :: start(:)
     !> L where it is known already, else 0.

@@ -82,7 +82,7 @@ class Examples(dotyk_case.Case):
     def test_wavy_at_quadrature_points(self):
         self.copy("wavy")
         # Quadrature points need a penalty: without it their single pressures are not determined.
-        self.edit("wavy/wavy.nml", (r"theta_relative=[^,]+", "theta_relative=2e-3"), (r"name='wave',", "name='wave', points='quadrature',"))
+        self.edit("wavy/wavy.nml", (r"theta_relative=[^,]+", "theta_relative=2e-3"), (r"name='wave',", "name='wave', discretization='quadrature',"))
         file = self.run_example("wavy")
         errors = check_of("wavy").errors(self.folder / "wavy/wavy.vtkhdf")
         self.assertLess(abs(errors["a_error"]), 0.02)

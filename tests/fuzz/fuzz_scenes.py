@@ -66,7 +66,7 @@ def column(rng):
     text += "&support body='lower', surface='low', fix='%s' /\n" % up(d)
     text += "&support body='upper', surface='high', fix='%s', value=%s /\n" % (up(d), vector(d, "-1e-3"))
     text += "&contact name='joint', surface_a='upper:low', surface_b='lower:high'%s /\n" % rng.choice(
-        ["", ", gap=1e-4", ", gap_formula='1e-4*x^2'", ", points='quadrature'", ", geometry='elements'", ", quadrature='plain'"])
+        ["", ", gap=1e-4", ", gap_formula='1e-4*x^2'", ", discretization='quadrature'", ", geometry='elements'", ", quadrature='plain'"])
     text += SOLVER % ("scheme='%s', %s" % (rng.choice(SCHEMES), rng.choice(["theta_relative=1e-2,", "tolerance=1e-8,",
                                                                             "locking='project',", "locking='ignore',", ""])))
     text += rng.choice(OUTPUTS)

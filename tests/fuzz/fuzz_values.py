@@ -18,7 +18,7 @@ NUMBERS = {
     "angle": ["0", "90", "180", "360", "1e-300", "45", "1e16", "1e300", "1e308", "-30"]}
 NAMES = {
     "scheme": ["auto", "dual", "neumann", "robin", "nesterov", "anderson", "secant"], "gamma_rule": ["spectral", "theory", "fixed"],
-    "stop_rule": ["residual", "paper", "increment", "budget"], "points": ["nodes", "quadrature"],
+    "stop_rule": ["residual", "paper", "increment", "budget"], "discretization": ["mortar", "quadrature"],
     "geometry": ["smooth", "elements", "straight"], "quadrature": ["segments", "plain"], "theta_rule": ["mesh"],
     "linear_solver": ["auto", "direct", "iterative"], "response": ["auto", "full", "condensed", "compliance"],
     "analysis": ["3d", "plane_strain", "plane_stress", "axisymmetric"], "fix": ["x", "xy", "xyz", "n", "t", "nt", "xi", "z", "y"],
@@ -28,7 +28,7 @@ LOGICALS = {"share_factors", "reproducible"}
 OF_GROUP = {
     "material": ["young", "poisson", "young", "poisson"], "solver": ["theta", "theta_relative", "theta_mesh", "tolerance", "gamma", "scheme",
                  "gamma_rule", "stop_rule", "budget_fraction", "theta_rule", "linear_solver", "response", "reproducible", "share_factors", "locking", "max_iterations"],
-    "contact": ["theta", "theta_relative", "theta_mesh", "gap", "search_radius", "points", "geometry", "quadrature"],
+    "contact": ["theta", "theta_relative", "theta_mesh", "gap", "search_radius", "discretization", "geometry", "quadrature"],
     "support": ["fix", "value"], "load": ["pressure"], "body": ["at", "angle", "axis"], "output": ["fields", "error_parts"],
     "scene": ["analysis"]}
 FORMULAS = ["0", "x", "1e300*x", "1/x", "1e-3*sin(50*x)", "sqrt(x-1)", "-x", "log(x)", "1e308*1e308", "exp(-1000*x^2)", "1e-320", "x>0.5 ? 1 : 0",
