@@ -1,6 +1,6 @@
 """Exact pressures on the mesh of a contact surface, for scripts that compare results with theory. Needs h5py and numpy.
 
-With points='nodes' the pressure of row i is a mean, (integral of p phi_i)/w_i, phi_i the linear shape function of a vertex of
+With discretization='mortar' the pressure of row i is a mean, (integral of p phi_i)/w_i, phi_i the linear shape function of a vertex of
 surface_a and w_i its integral. On curved or coarse meshes a mean is not the value at the vertex, so theory is taken to the rows
 here: `means` are the rows that an exact pressure would have, and `projection` is the function of the shape functions nearest to a
 given one in the mean square. As (integral of p f) = (integral of p times the projection of f) + (the product of two small errors),

@@ -18,7 +18,7 @@ module dotyk_base_text
     module procedure text_of_integer, text_of_long, text_of_real
   end interface to_text
 
-  public :: to_text, lower, nearest_name, edit_distance, join, quoted
+  public :: to_text, lower, nearest_name, edit_distance, suggestion, join, split_words, quoted, shown, visible
 
 contains
 
@@ -166,4 +166,76 @@ contains
     character(:), allocatable :: text
     text = "'"//trim(name)//"'"
   end function quoted
+
+  !> What the user wrote, fit for a message: between quotes, not too long, without control characters.
+  pure function shown(text) result(quoted_text)
+    character(*), intent(in) :: text
+    character(:), allocatable :: quoted_text
+    integer, parameter :: most = 48
+    integer :: i, n
+    n = len(text)
+    if (n > most) then
+      n = most
+      ! Do not cut a letter of several bytes in two: its later bytes are 128 to 191.
+      do while (n > 1 .and. iachar(text(n + 1:n + 1)) >= 128 .and. iachar(text(n + 1:n + 1)) < 192)
+        n = n - 1
+      end do
+    end if
+    quoted_text = "'"//text(:n)
+    do i = 2, len(quoted_text)
+      if (iachar(quoted_text(i:i)) < 32 .or. iachar(quoted_text(i:i)) == 127) quoted_text(i:i) = '?'
+    end do
+    if (n < len(text)) quoted_text = quoted_text//'...'
+    quoted_text = quoted_text//"'"
+  end function shown
+
+  !> Like `shown`, without the quotes around.
+  pure function visible(text) result(rest)
+    character(*), intent(in) :: text
+    character(:), allocatable :: rest
+    rest = shown(text)
+    rest = rest(2:len(rest) - 1)
+  end function visible
+
+  !> " (did you mean 'young'?)", or nothing where no name is near.
+  pure function suggestion(name, names) result(hint)
+    character(*), intent(in) :: name
+    type(text_t), intent(in) :: names(:)
+    character(:), allocatable :: hint
+    hint = nearest_name(name, names)
+    if (len(hint) > 0) hint = ' (did you mean '//shown(hint)//'?)'
+  end function suggestion
+
+  !> The words of a text that blanks separate.
+  pure subroutine split_words(text, words)
+    !> Words separated by blanks.
+    character(*), intent(in) :: text
+    !> Its words, none where the text is blank.
+    type(text_t), allocatable, intent(out) :: words(:)
+    integer :: i, n, first
+    n = 0
+    do i = 1, len(text)
+      if (starts_word(text, i)) n = n + 1
+    end do
+    allocate (words(n))
+    n = 0
+    first = 1
+    do i = 1, len(text)
+      if (starts_word(text, i)) first = i
+      if (text(i:i) == ' ') cycle
+      if (i < len(text)) then
+        if (text(i + 1:i + 1) /= ' ') cycle
+      end if
+      n = n + 1
+      words(n)%s = text(first:i)
+    end do
+  end subroutine split_words
+
+  !> Does a word start at this place?
+  pure logical function starts_word(text, i) result(starts)
+    character(*), intent(in) :: text
+    integer, intent(in) :: i
+    starts = text(i:i) /= ' '
+    if (starts .and. i > 1) starts = text(i - 1:i - 1) == ' '
+  end function starts_word
 end module dotyk_base_text

@@ -5,7 +5,7 @@ module dotyk_contact_local_origin
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
-  public :: local_origin, move
+  public :: choose_origin, shift_origin
 
   !> A surface is far from the origin where it is so many of its sizes away.
   real(dp), parameter :: far = 16
@@ -14,7 +14,7 @@ contains
 
   !> Where to measure from: zero, but for a surface that is many times its size away. Coordinates would then lose the digits of
   !> the gaps in every sum; differences of theirs do not.
-  pure subroutine local_origin(x, surface, origin)
+  pure subroutine choose_origin(x, surface, origin)
     !> Coordinates of the body (dimension, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
     type(surface_t), intent(in) :: surface
@@ -33,15 +33,15 @@ contains
     origin = 0
     if (surface%n_facets == 0) return
     if (maxval(abs(low + high)/2) > far*maxval(high - low)) origin = x(:, surface%node(1, 1))
-  end subroutine local_origin
+  end subroutine choose_origin
 
   !> Coordinates from another origin.
-  pure subroutine move(x, origin)
+  pure subroutine shift_origin(x, origin)
     real(dp), intent(inout) :: x(:, :)
     real(dp), intent(in) :: origin(3)
     integer :: i
     do i = 1, size(x, 2)
       x(:, i) = x(:, i) - origin(1:size(x, 1))
     end do
-  end subroutine move
+  end subroutine shift_origin
 end module dotyk_contact_local_origin

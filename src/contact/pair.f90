@@ -10,19 +10,21 @@ module dotyk_contact_pair
   use dotyk_base_formula, only: formula_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_magnitude, only: is_too_large, size_rule
+  use dotyk_base_options, only: default_discretization, default_gap, default_geometry, default_quadrature, &
+    discretization_mortar, discretization_quadrature, gap_constant, gap_formula, geometry_elements, &
+    quadrature_segments
   use dotyk_base_text, only: quoted, to_text
-  use dotyk_contact_average, only: average_at_vertices
-  use dotyk_contact_cell_rule, only: facet_rule_t
-  use dotyk_contact_corner_field, only: corner_field_t
-  use dotyk_contact_facet_points, only: prepare_rules, project_points
+  use dotyk_contact_dual_mortar, only: dual_mortar_rows
+  use dotyk_contact_segment_quadrature, only: quadrature_rule_t
+  use dotyk_contact_corner_interpolation, only: corner_interpolation_t
+  use dotyk_contact_integration_points, only: whole_facet_rules, project_points
   use dotyk_contact_facet_set, only: facet_set_t
-  use dotyk_contact_geometry, only: geometry_elements
-  use dotyk_contact_local_origin, only: local_origin, move
-  use dotyk_contact_near, only: facets_around, near_facets
-  use dotyk_contact_projection, only: partner_found, partner_not_facing, partner_outside, partner_t, &
-    partner_too_far, target_surface_t
-  use dotyk_contact_segments, only: divide_facets
-  use dotyk_contact_smooth_partner, only: smooth_partners
+  use dotyk_contact_local_origin, only: choose_origin, shift_origin
+  use dotyk_contact_broad_phase, only: facets_near_candidates, candidate_facets
+  use dotyk_contact_projection, only: projection_found, projection_not_facing, projection_outside, projection_t, &
+    projection_too_far, master_surface_t
+  use dotyk_contact_mortar_segments, only: build_segment_rules
+  use dotyk_contact_smooth_projection, only: smooth_projections
   use dotyk_linalg_sparse, only: sparse_rows_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: n_element_kinds
@@ -30,18 +32,6 @@ module dotyk_contact_pair
   implicit none
   private
 
-  !> Where the gap comes from.
-  integer, parameter, public :: gap_geometry = 1  !< the distance between the surfaces
-  integer, parameter, public :: gap_constant = 2  !< a given number
-  integer, parameter, public :: gap_formula = 3   !< a formula, evaluated at x
-
-  !> What the rows are.
-  integer, parameter, public :: points_nodes = 1       !< dual means at the vertices of surface_a
-  integer, parameter, public :: points_quadrature = 2  !< the integration points
-
-  !> Where the integration points are.
-  integer, parameter, public :: quadrature_segments = 1  !< on the pieces that the facets of surface_b cut out of those of a
-  integer, parameter, public :: quadrature_plain = 2     !< on whole facets of surface_a
 
   !> What the user says of a pair.
   type, public :: pair_settings_t
@@ -51,20 +41,20 @@ module dotyk_contact_pair
     integer :: body_a = 0, body_b = 0
     !> Weights contain 2 pi r.
     logical :: axisymmetric = .false.
-    !> One of `gap_geometry`, `gap_constant`, `gap_formula`.
-    integer :: gap_kind = gap_geometry
+    !> One of `gap_*`.
+    integer :: gap_kind = default_gap
     !> The given gap [length].
     real(dp) :: gap = 0
     !> Greatest distance of partners [length]; not positive: the size of the smaller body.
     real(dp) :: search_radius = 0
     !> Penalty parameter [length/pressure].
     real(dp) :: theta = 0
-    !> One of `points_nodes`, `points_quadrature`.
-    integer :: points = points_quadrature
-    !> What gaps and normals are taken from, one of `geometry_*` of geometry.f90.
-    integer :: geometry = geometry_elements
-    !> One of `quadrature_segments`, `quadrature_plain`.
-    integer :: quadrature = quadrature_segments
+    !> One of `discretization_*`.
+    integer :: discretization = default_discretization
+    !> What gaps and normals are taken from, one of `geometry_*`.
+    integer :: geometry = default_geometry
+    !> One of `quadrature_*`.
+    integer :: quadrature = default_quadrature
   end type pair_settings_t
 
   !> The contact points of a pair.
@@ -75,12 +65,12 @@ module dotyk_contact_pair
     integer :: body_a = 0, body_b = 0
     !> Dimension of space.
     integer :: dimension = 0
-    !> What the rows are: one of `points_nodes`, `points_quadrature`.
-    integer :: points = points_quadrature
+    !> What the rows are: one of `discretization_*`.
+    integer :: discretization = default_discretization
     !> Number of integration points that have a partner.
     integer :: n_points = 0
     !> Number of points that have none, and why: not facing, beside the surface, too far.
-    integer :: n_without_partner = 0, n_not_facing = 0, n_outside = 0, n_too_far = 0
+    integer :: n_unprojected = 0, n_not_facing = 0, n_outside = 0, n_too_far = 0
     !> Penalty parameter, in the mean of the rows [length/pressure].
     real(dp) :: theta = 0
     !> Points x on surface_a (dimension, n_points) [length].
@@ -117,12 +107,12 @@ module dotyk_contact_pair
     real(dp) :: theta_factor = 1
   end type contact_pair_t
 
-  public :: find_pair, pair_force
+  public :: discretize_pair, pair_force
 
 contains
 
   !> Find the contact points of a pair.
-  subroutine find_pair(mesh_a, surface_a, mesh_b, surface_b, settings, formula, pair, error)
+  subroutine discretize_pair(mesh_a, surface_a, mesh_b, surface_b, settings, formula, pair, error)
     !> Body a and its surface, which carries the points.
     type(body_mesh_t), intent(in) :: mesh_a
     type(surface_t), intent(in) :: surface_a
@@ -140,18 +130,18 @@ contains
     type(body_mesh_t) :: near_a, near_b
     real(dp) :: origin(3)
     origin = 0
-    call local_origin(mesh_a%x, surface_a, origin(1:mesh_a%dimension))
+    call choose_origin(mesh_a%x, surface_a, origin(1:mesh_a%dimension))
     if (settings%axisymmetric) origin(1) = 0
     if (.not. any(abs(origin) > 0)) then
       call search_pair(mesh_a, surface_a, mesh_b, surface_b, origin, settings, formula, pair, error)
     else
       near_a = mesh_a
       near_b = mesh_b
-      call move(near_a%x, origin)
-      call move(near_b%x, origin)
+      call shift_origin(near_a%x, origin)
+      call shift_origin(near_b%x, origin)
       call search_pair(near_a, surface_a, near_b, surface_b, origin, settings, formula, pair, error)
     end if
-  end subroutine find_pair
+  end subroutine discretize_pair
 
   !> Find the contact points of two bodies whose coordinates count from an origin.
   subroutine search_pair(mesh_a, surface_a, mesh_b, surface_b, origin, settings, formula, pair, error)
@@ -165,11 +155,11 @@ contains
     type(formula_t), intent(inout) :: formula
     type(contact_pair_t), intent(out) :: pair
     type(error_t), allocatable, intent(out) :: error
-    type(target_surface_t) :: target
+    type(master_surface_t) :: target
     type(facet_set_t) :: set_a
-    type(facet_rule_t) :: rule(n_element_kinds)
-    type(facet_rule_t), allocatable :: own(:)
-    type(partner_t), allocatable :: partner(:)
+    type(quadrature_rule_t) :: rule(n_element_kinds)
+    type(quadrature_rule_t), allocatable :: own(:)
+    type(projection_t), allocatable :: partner(:)
     real(dp), allocatable :: x(:, :), weight(:), xi(:, :)
     integer, allocatable :: offset(:)
     logical :: near(surface_a%n_facets)
@@ -179,12 +169,13 @@ contains
     if (.not. radius > 0) radius = min(mesh_a%size(), mesh_b%size())
     call target%init(mesh_b%x, surface_b)
     call set_a%init(mesh_a%x, surface_a)
-    near = near_facets(set_a, target%set, target%tree, radius)
-    call prepare_rules(surface_a%kind(1:surface_a%n_facets), settings%points == points_nodes, settings%axisymmetric, rule)
+    near = candidate_facets(set_a, target%set, target%tree, radius)
+    call whole_facet_rules(surface_a%kind(1:surface_a%n_facets), &
+                           settings%discretization == discretization_mortar, settings%axisymmetric, rule)
     allocate (offset(surface_a%n_facets + 1))
     if (settings%quadrature == quadrature_segments) then
-      call divide_facets(mesh_a, surface_a, set_a, near, mesh_b, surface_b, target, radius, &
-                         settings%points == points_nodes, settings%axisymmetric, rule, own)
+      call build_segment_rules(mesh_a, surface_a, set_a, near, mesh_b, surface_b, target, radius, &
+                         settings%discretization == discretization_mortar, settings%axisymmetric, rule, own)
     else
       allocate (own(surface_a%n_facets))
     end if
@@ -196,24 +187,24 @@ contains
     n = offset(surface_a%n_facets + 1)
     allocate (partner(n), x(3, n), weight(n), xi(2, n))
     call project_points(mesh_a, surface_a, own, offset, settings%axisymmetric, target, near, radius, x, xi, weight, partner)
-    if (.not. any(partner%status == partner_found)) then
+    if (.not. any(partner%status == projection_found)) then
       ! To say why, look at all.
       near = .true.
       call project_points(mesh_a, surface_a, own, offset, settings%axisymmetric, target, near, radius, x, xi, weight, partner)
     end if
-    if (settings%geometry /= geometry_elements) call smooth_partners(settings%geometry, mesh_a%x, surface_a, near, mesh_b%x, &
-      surface_b, facets_around(target%set, set_a, near, radius), radius, offset, x, xi, partner)
+    if (settings%geometry /= geometry_elements) call smooth_projections(settings%geometry, mesh_a%x, surface_a, near, mesh_b%x, &
+      surface_b, facets_near_candidates(target%set, set_a, near, radius), radius, offset, x, xi, partner)
     call collect(mesh_a%dimension, offset, x, xi, weight, partner, pair)
     pair%name = settings%name
     pair%body_a = settings%body_a
     pair%body_b = settings%body_b
     pair%theta = settings%theta
-    pair%points = settings%points
+    pair%discretization = settings%discretization
     if (pair%n_points == 0) then
-      call explain_no_partner(pair, surface_a%name, surface_b%name, target, x, radius, error)
+      call explain_no_projection(pair, surface_a%name, surface_b%name, target, x, radius, error)
       return
     end if
-    call move(pair%position, -origin)
+    call shift_origin(pair%position, -origin)
     call given_gap(settings, formula, pair, error)
     if (allocated(error)) return
     call set_rows(mesh_a, surface_a, origin, pair)
@@ -228,23 +219,23 @@ contains
     integer, intent(in) :: offset(:)
     !> As in facet_points, for all facets.
     real(dp), intent(in) :: x(:, :), xi(:, :), weight(:)
-    type(partner_t), intent(in) :: partner(:)
+    type(projection_t), intent(in) :: partner(:)
     !> The points.
     type(contact_pair_t), intent(inout) :: pair
     integer :: f, i, k, n
-    n = count(partner%status == partner_found)
+    n = count(partner%status == projection_found)
     pair%dimension = d
     pair%n_points = n
-    pair%n_without_partner = size(partner) - n
-    pair%n_not_facing = count(partner%status == partner_not_facing)
-    pair%n_outside = count(partner%status == partner_outside)
-    pair%n_too_far = count(partner%status == partner_too_far)
+    pair%n_unprojected = size(partner) - n
+    pair%n_not_facing = count(partner%status == projection_not_facing)
+    pair%n_outside = count(partner%status == projection_outside)
+    pair%n_too_far = count(partner%status == projection_too_far)
     allocate (pair%position(d, n), pair%normal(d, n), pair%weight(n), pair%gap(n), pair%facet_a(n), &
               pair%xi_a(d - 1, n), pair%facet_b(n), pair%xi_b(d - 1, n))
     k = 0
     do f = 1, size(offset) - 1
       do i = offset(f) + 1, offset(f + 1)
-        if (partner(i)%status /= partner_found) cycle
+        if (partner(i)%status /= projection_found) cycle
         k = k + 1
         pair%position(:, k) = x(1:d, i)
         pair%normal(:, k) = partner(i)%normal(1:d)
@@ -267,9 +258,9 @@ contains
     !> Where coordinates of the mesh count from [length].
     real(dp), intent(in) :: origin(3)
     type(contact_pair_t), intent(inout) :: pair
-    type(corner_field_t) :: corners
+    type(corner_interpolation_t) :: corners
     integer :: c, i
-    if (pair%points == points_quadrature) then
+    if (pair%discretization == discretization_quadrature) then
       pair%n_rows = pair%n_points
       call pair%average%set_identity(pair%n_points)
       pair%row_position = pair%position
@@ -279,10 +270,10 @@ contains
       return
     end if
     call corners%init(surface_a, pair%facet_a, pair%xi_a)
-    call average_at_vertices(corners, pair%facet_a, pair%weight, pair%row_vertex, pair%row_weight, pair%average)
+    call dual_mortar_rows(corners, pair%facet_a, pair%weight, pair%row_vertex, pair%row_weight, pair%average)
     pair%n_rows = size(pair%row_vertex)
     pair%row_position = mesh_a%x(:, pair%row_vertex)
-    call move(pair%row_position, -origin)
+    call shift_origin(pair%row_position, -origin)
     allocate (pair%row_normal(pair%dimension, pair%n_rows), pair%row_gap(pair%n_rows))
     call pair%average%multiply(pair%gap, pair%row_gap)
     do c = 1, pair%dimension
@@ -321,11 +312,11 @@ contains
   end subroutine given_gap
 
   !> The error of a pair without any partner: which reason prevails and what to do.
-  subroutine explain_no_partner(pair, name_a, name_b, target, x, radius, error)
+  subroutine explain_no_projection(pair, name_a, name_b, target, x, radius, error)
     type(contact_pair_t), intent(in) :: pair
     !> Names of the surfaces.
     character(*), intent(in) :: name_a, name_b
-    type(target_surface_t), intent(in) :: target
+    type(master_surface_t), intent(in) :: target
     !> All points (3, n) [length].
     real(dp), intent(in) :: x(:, :)
     !> Greatest distance allowed [length].
@@ -350,12 +341,12 @@ contains
       reason = 'at '//to_text(most)//' no part of it faces them (n_a . n_b < -0.5)'
       advice = 'check that the two surfaces are the ones that look at each other'
     end if
-    call set_error(error, '&contact '//quoted(pair%name)//': none of the '//to_text(pair%n_without_partner)// &
+    call set_error(error, '&contact '//quoted(pair%name)//': none of the '//to_text(pair%n_unprojected)// &
                    ' points of surface_a '//quoted(name_a)//' has a partner on surface_b '//quoted(name_b)//': '// &
                    reason//'; the smallest distance between the surfaces is '//to_text(smallest)//'; '//advice, &
                    exit_bad_input)
     !$omp end critical (message)
-  end subroutine explain_no_partner
+  end subroutine explain_no_projection
 
   !> Resultant of the contact pressure on body a: the forces of the rows, dealt out to their points, along the normals there.
   pure function pair_force(pair, pressure) result(force)

@@ -10,36 +10,36 @@
 module dotyk_contact_projection
   use dotyk_base_kinds, only: dp
   use dotyk_contact_adjacency, only: adjacency_t
-  use dotyk_contact_facet_projection, only: closest_on_facet, edges_at
+  use dotyk_contact_closest_point, only: closest_point_on_facet, edges_at
   use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
-  use dotyk_contact_search, only: facet_tree_t, facing_cosine, nearest_facet
+  use dotyk_contact_bounding_volume_tree, only: bounding_volume_tree_t, facing_cosine, nearest_facet
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
 
   !> A surface that points are projected on.
-  type, public :: target_surface_t
+  type, public :: master_surface_t
     !> Its facets.
     type(facet_set_t) :: set
     !> Their tree.
-    type(facet_tree_t) :: tree
+    type(bounding_volume_tree_t) :: tree
     !> Their neighbours.
     type(adjacency_t) :: adjacency
   contains
     procedure :: init => target_init
     procedure :: smallest_distance
-  end type target_surface_t
+  end type master_surface_t
 
   !> What became of a point.
-  integer, parameter, public :: partner_found = 0       !< it has a partner
-  integer, parameter, public :: partner_not_facing = 1  !< no facet faces it
-  integer, parameter, public :: partner_outside = 2     !< it projects beside the surface
-  integer, parameter, public :: partner_too_far = 3     !< farther than search_radius
+  integer, parameter, public :: projection_found = 0       !< it has a partner
+  integer, parameter, public :: projection_not_facing = 1  !< no facet faces it
+  integer, parameter, public :: projection_outside = 2     !< it projects beside the surface
+  integer, parameter, public :: projection_too_far = 3     !< farther than search_radius
 
   !> The partner of a point.
-  type, public :: partner_t
+  type, public :: projection_t
     !> One of the constants above.
-    integer :: status = partner_not_facing
+    integer :: status = projection_not_facing
     !> Facet of the surface.
     integer :: facet = 0
     !> Reference coordinates on it (2).
@@ -50,9 +50,9 @@ module dotyk_contact_projection
     real(dp) :: normal(3) = 0
     !> Signed distance n.(x' - x) [length].
     real(dp) :: distance = 0
-  end type partner_t
+  end type projection_t
 
-  public :: find_partner
+  public :: project_point
 
   !> A point this near to an edge lies on it, relative to the facet's size (DESIGN.md, section 4).
   real(dp), parameter :: edge_tolerance = 1e-8_dp
@@ -65,7 +65,7 @@ contains
 
   !> Prepare a surface.
   subroutine target_init(self, x, surface)
-    class(target_surface_t), intent(out) :: self
+    class(master_surface_t), intent(out) :: self
     !> Nodal coordinates of the body (dimension, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
     !> The surface.
@@ -76,8 +76,8 @@ contains
   end subroutine target_init
 
   !> Find the partner of a point.
-  pure subroutine find_partner(self, x, normal_a, hint, search_radius, partner)
-    type(target_surface_t), intent(in) :: self
+  pure subroutine project_point(self, x, normal_a, hint, search_radius, partner)
+    type(master_surface_t), intent(in) :: self
     !> The point (3) [length].
     real(dp), intent(in) :: x(3)
     !> Outward normal of body a there (3).
@@ -87,7 +87,7 @@ contains
     !> Greatest distance [length].
     real(dp), intent(in) :: search_radius
     !> The partner.
-    type(partner_t), intent(out) :: partner
+    type(projection_t), intent(out) :: partner
     real(dp) :: square, normal(3), r(3), xu(3), xv(3)
     integer :: facet, n_edges, edges(2)
     logical :: inside, ridge
@@ -106,18 +106,18 @@ contains
     partner%normal = -normal
     partner%distance = dot_product(normal, r)
     if (.not. inside) then
-      partner%status = partner_outside
+      partner%status = projection_outside
     else if (abs(partner%distance) > search_radius) then
-      partner%status = partner_too_far
+      partner%status = projection_too_far
     else
-      partner%status = partner_found
+      partner%status = projection_found
     end if
-  end subroutine find_partner
+  end subroutine project_point
 
   !> Choose among the facets around a point of an edge or corner, and find out whether x really projects inside their
   !> union.
   pure subroutine settle_on_edge(self, x, normal_a, n_edges, edges, facet, xi, position, normal, ridge, inside)
-    type(target_surface_t), intent(in) :: self
+    type(master_surface_t), intent(in) :: self
     !> The point, and the normal of body a there (3).
     real(dp), intent(in) :: x(3), normal_a(3)
     !> The edges of the facet that its closest point lies on.
@@ -141,7 +141,7 @@ contains
       if (around(i) == facet) then
         its_xi(:, k) = xi
       else
-        call closest_on_facet(self%set, around(i), position, its_xi(:, k), square)
+        call closest_point_on_facet(self%set, around(i), position, its_xi(:, k), square)
         if (square > (edge_tolerance*self%set%size(around(i)))**2) cycle
       end if
       call facet_position_and_normal(self%set, around(i), its_xi(:, k), its_position(:, k), its_normal(:, k), &
@@ -152,7 +152,7 @@ contains
       n_kept = k
       ! A curved facet may face x on its edge and not at its closest point, where it was passed over: that is beside.
       if (around(i) == facet) cycle
-      call closest_on_facet(self%set, around(i), x, its_closest, square)
+      call closest_point_on_facet(self%set, around(i), x, its_closest, square)
       call facet_position_and_normal(self%set, around(i), its_closest, closest, dummy, dummy_u, dummy_v)
       if (norm2(closest - position) > same_point*self%set%size(around(i))) inside = .false.
     end do
@@ -263,7 +263,7 @@ contains
 
   !> Distance of a point to the surface, whatever its normals [length].
   pure real(dp) function smallest_distance(self, x) result(distance)
-    class(target_surface_t), intent(in) :: self
+    class(master_surface_t), intent(in) :: self
     !> The point (3) [length].
     real(dp), intent(in) :: x(3)
     real(dp) :: xi(2), square

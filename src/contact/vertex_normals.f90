@@ -12,7 +12,7 @@ module dotyk_contact_vertex_normals
   use dotyk_mesh_facet, only: cross
   implicit none
   private
-  public :: find_sheets, own_corner_normals, smooth_corner_normals
+  public :: find_smooth_sheets, own_corner_normals, smooth_corner_normals
 
   !> Cosine of the angle between neighbouring facets beyond which the edge is sharp: 40 degrees.
   real(dp), parameter :: sharp_cosine = 0.766_dp
@@ -26,7 +26,7 @@ module dotyk_contact_vertex_normals
 contains
 
   !> The facets whose surface is smooth across an edge, and those that are parts of planes.
-  pure subroutine find_sheets(set, adjacency, x, joined, flat)
+  pure subroutine find_smooth_sheets(set, adjacency, x, joined, flat)
     type(facet_set_t), intent(in) :: set
     type(adjacency_t), intent(in) :: adjacency
     !> Positions of the vertices, numbered as in adjacency (3, n_vertices) [length].
@@ -78,7 +78,7 @@ contains
         if (flat(f) .and. flat(other) .and. norm2(normal(:, f) - normal(:, other)) > flat_angle) joined(e, f) = 0
       end do
     end do
-  end subroutine find_sheets
+  end subroutine find_smooth_sheets
 
   !> Does a vertex lie inside the surface, with facets all around it?
   pure logical function inside(set, adjacency, joined, v)
@@ -102,7 +102,7 @@ contains
     type(adjacency_t), intent(in) :: adjacency
     !> The facets at a vertex.
     integer, intent(in) :: around(:)
-    !> As in find_sheets (n), (3, n).
+    !> As in find_smooth_sheets (n), (3, n).
     logical, intent(in) :: planar(:)
     real(dp), intent(in) :: normal(:, :)
     integer :: i, c, k, v, f
@@ -196,7 +196,7 @@ contains
     type(adjacency_t), intent(in) :: adjacency
     !> Positions of the vertices (3, n_vertices) [length].
     real(dp), intent(in) :: x(:, :)
-    !> As in find_sheets.
+    !> As in find_smooth_sheets.
     logical, intent(in) :: flat(:)
     integer, intent(in) :: joined(:, :)
     !> The vertices where normals are wanted (n_vertices).

@@ -71,7 +71,7 @@ contains
     allocate (u(size(alike), d, first%mesh%n_nodes()), square(size(alike), first%mesh%n_elements()))
     do i = 1, size(alike)
       associate (motion => classes%motion(alike(i)), displacement => solution(alike(i))%displacement)
-        if (motion%turned) then
+        if (motion%rotated) then
           u(i, :, :) = matmul(transpose(motion%rotation(:d, :d)), displacement)
         else
           u(i, :, :) = displacement

@@ -10,7 +10,7 @@ module dotyk_control_refinement
   use dotyk_control_body_solution, only: body_solution_t
   use dotyk_control_conditioning, only: conditioning_t
   use dotyk_control_contact_problem, only: contact_problem_t, first_mode
-  use dotyk_elasticity_analysis, only: analysis_plane_stress
+  use dotyk_base_options, only: analysis_plane_stress
   use dotyk_elasticity_body, only: body_t, strain_energy
   use dotyk_elasticity_conditioning_diagnosis, only: diagnose_conditioning
   use dotyk_elasticity_internal_force, only: internal_force

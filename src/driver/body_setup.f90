@@ -4,20 +4,18 @@ module dotyk_driver_body_setup
   use dotyk_base_error, only: error_t, problem_list_t, add_context, set_error, exit_not_solvable
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: load_force_density, option_name, scheme_names
   use dotyk_base_text, only: to_text
   use dotyk_driver_congruence_classes, only: congruence_classes_t
   use dotyk_driver_locking, only: would_lock
   use dotyk_driver_materials, only: build_material
   use dotyk_driver_parallel, only: largest_first
   use dotyk_driver_volumes, only: volume_t
-  use dotyk_elasticity_analysis, only: analysis_3d, analysis_plane_strain, analysis_plane_stress, analysis_axisymmetric
   use dotyk_elasticity_body, only: body_t, free_rigid_modes
-  use dotyk_elasticity_load, only: load_t, load_traction, load_pressure, load_local_traction, load_force_density, &
-    add_surface_load, add_volume_load
+  use dotyk_elasticity_load, only: load_t, add_surface_load, add_volume_load
   use dotyk_elasticity_material, only: rotate_stiffness
   use dotyk_elasticity_support, only: support_t, collect_supports
   use dotyk_input_case, only: body_input_t, case_t, load_input_t
-  use dotyk_input_names, only: name_at, scheme_names
   use dotyk_mesh_gmsh, only: read_gmsh
   use dotyk_mesh_gmsh_run, only: mesh_geometry
   use dotyk_mesh_mesh, only: mesh_t
@@ -26,10 +24,6 @@ module dotyk_driver_body_setup
   implicit none
   private
   public :: build_bodies, check_held, assemble_bodies
-
-  !> What the names of the input are called in elasticity, in the order of the input's lists.
-  integer, parameter :: analysis_of(4) = [analysis_3d, analysis_plane_strain, analysis_plane_stress, analysis_axisymmetric]
-  integer, parameter :: load_kind_of(4) = [load_traction, load_pressure, load_local_traction, load_force_density]
 
   !> A place for one body's error.
   type :: error_slot_t
@@ -111,7 +105,7 @@ contains
     integer :: k, before
     before = problems%count
     body%name = case%body(b)%name
-    body%analysis = analysis_of(case%scene%analysis)
+    body%analysis = case%scene%analysis
     body%dimension = case%scene%dimension
     call build_material(case%material(case%body(b)%material), case%solver%locking, body%material, failed)
     call note(case%material(case%body(b)%material)%line, failed)
@@ -149,7 +143,7 @@ contains
       call placement%init(given%axis, given%angle, given%at)
       body%mesh = volume%mesh
       call placement%apply(body%mesh%x)
-      if (placement%turned .and. .not. body%material%isotropic) &
+      if (placement%rotated .and. .not. body%material%isotropic) &
         body%material%stiffness = rotate_stiffness(body%material%stiffness, placement%rotation)
     end subroutine place
 
@@ -178,7 +172,7 @@ contains
       type(error_t), allocatable, intent(out) :: failed
       type(load_t) :: load
       type(surface_t) :: surface
-      load%kind = load_kind_of(given%kind)
+      load%kind = given%kind
       load%value = given%value
       load%formula = given%formula
       if (load%kind == load_force_density) then
@@ -213,7 +207,7 @@ contains
     character(:), allocatable :: scheme, motions
     logical :: free(size(body))
     integer :: b, n_free
-    scheme = name_at(scheme_names, case%solver%scheme)
+    scheme = option_name(scheme_names, case%solver%scheme)
     free = .true.
     do b = 1, size(body)
       ! All bodies of a kind are as free as the first.

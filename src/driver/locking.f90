@@ -3,16 +3,15 @@ module dotyk_driver_locking
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
+  use dotyk_base_options, only: analysis_plane_stress, locking_auto, locking_ignore
   use dotyk_base_text, only: to_text
   use dotyk_driver_congruence_classes, only: congruence_classes_t
   use dotyk_driver_materials, only: build_material
-  use dotyk_elasticity_analysis, only: analysis_plane_stress
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_projected_dilatation, only: unprojected_bulk_ratio
   use dotyk_elasticity_material, only: material_t
   use dotyk_input_case, only: case_t
-  use dotyk_input_names, only: input_plane_stress => analysis_plane_stress, locking_auto, locking_ignore
-  use dotyk_mesh_second_order, only: has_linear_simplices
+  use dotyk_mesh_order_elevation, only: has_linear_simplices
   implicit none
   private
   public :: would_lock, show_locking
@@ -32,7 +31,7 @@ contains
     type(material_t) :: material
     type(error_t), allocatable :: failed
     locks = .false.
-    if (case%solver%locking /= locking_auto .or. case%scene%analysis == input_plane_stress) return
+    if (case%solver%locking /= locking_auto .or. case%scene%analysis == analysis_plane_stress) return
     ! Errors are reported where the body is built.
     call build_material(case%material(case%body(b)%material), case%solver%locking, material, failed)
     if (.not. allocated(failed)) locks = material%incompressibility >= linear_simplices_lock
@@ -97,7 +96,7 @@ contains
       line = '  warning: '//line//"it may lock, and locking='ignore' lets it"
     else
       line = '  '//line//'projected dilatation'
-      if (body%mesh%promoted) then
+      if (body%mesh%order_elevated) then
         line = line//'; linear elements, which would lock, made quadratic: '//to_text(size(body%mesh%mesh_node))// &
           ' nodes in the mesh, '//to_text(body%mesh%n_nodes())//' now'
       else if (has_linear_simplices(body%mesh)) then

@@ -1,9 +1,9 @@
 !> From the input to materials.
 module dotyk_driver_materials
   use dotyk_base_error, only: error_t
+  use dotyk_base_options, only: locking_ignore, material_isotropic, material_orthotropic
   use dotyk_elasticity_material, only: material_t
   use dotyk_input_case, only: material_input_t
-  use dotyk_input_names, only: locking_ignore, material_isotropic, material_orthotropic
   implicit none
   private
   public :: build_material

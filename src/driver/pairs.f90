@@ -4,18 +4,12 @@ module dotyk_driver_pairs
   use dotyk_base_error, only: error_t, problem_list_t
   use dotyk_base_formula, only: formula_t
   use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: analysis_axisymmetric, gap_formula, theta_mesh, theta_relative
   use dotyk_base_text, only: to_text
-  use dotyk_contact_geometry, only: contact_geometry_smooth => geometry_smooth, contact_geometry_elements => geometry_elements, &
-    contact_geometry_straight => geometry_straight
-  use dotyk_contact_pair, only: contact_pair_t, pair_settings_t, find_pair, contact_gap_geometry => gap_geometry, &
-    contact_gap_constant => gap_constant, contact_gap_formula => gap_formula, contact_points_nodes => points_nodes, &
-    contact_points_quadrature => points_quadrature, contact_quadrature_segments => quadrature_segments, &
-    contact_quadrature_plain => quadrature_plain
+  use dotyk_contact_pair, only: contact_pair_t, pair_settings_t, discretize_pair
   use dotyk_driver_mesh_theta, only: set_mesh_theta
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t, contact_input_t
-  use dotyk_input_names, only: analysis_axisymmetric, gap_constant, gap_formula, geometry_elements, geometry_smooth, &
-    points_nodes, quadrature_segments, theta_mesh, theta_relative
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
@@ -78,34 +72,23 @@ contains
     settings%body_a = given%body_a
     settings%body_b = given%body_b
     settings%axisymmetric = case%scene%analysis == analysis_axisymmetric
-    settings%gap_kind = contact_gap_geometry
-    if (given%gap_kind == gap_constant) then
-      settings%gap_kind = contact_gap_constant
-      settings%gap = given%gap
-    else if (given%gap_kind == gap_formula) then
-      settings%gap_kind = contact_gap_formula
+    settings%gap_kind = given%gap_kind
+    settings%gap = given%gap
+    if (given%gap_kind == gap_formula) then
       call formula%init(given%gap_formula, error)
       if (allocated(error)) return
     end if
     if (given%has_search_radius) settings%search_radius = given%search_radius
-    settings%points = merge(contact_points_nodes, contact_points_quadrature, given%points == points_nodes)
-    settings%geometry = contact_geometry(given%geometry)
-    settings%quadrature = merge(contact_quadrature_segments, contact_quadrature_plain, given%quadrature == quadrature_segments)
+    settings%discretization = given%discretization
+    settings%geometry = given%geometry
+    settings%quadrature = given%quadrature
     settings%theta = given%theta
     if (given%theta_kind == theta_relative) settings%theta = given%theta*(compliance(body_a) + compliance(body_b))
-    call find_pair(body_a%mesh, surface_a, body_b%mesh, surface_b, settings, formula, pair, error)
+    call discretize_pair(body_a%mesh, surface_a, body_b%mesh, surface_b, settings, formula, pair, error)
     call formula%destroy()
     if (allocated(error)) return
     if (given%theta_kind == theta_mesh) call set_mesh_theta(given%theta, body_a, surface_a, body_b, surface_b, pair, error)
   end subroutine search_pair
-
-  !> The contact layer's number of a geometry of the input.
-  pure integer function contact_geometry(geometry)
-    integer, intent(in) :: geometry
-    contact_geometry = contact_geometry_straight
-    if (geometry == geometry_smooth) contact_geometry = contact_geometry_smooth
-    if (geometry == geometry_elements) contact_geometry = contact_geometry_elements
-  end function contact_geometry
 
   !> Compliance of an elastic foundation for each row of the operator, a scheme's first guess (n_rows) [length/pressure].
   subroutine foundation_compliance(body, pair, foundation)

@@ -3,7 +3,7 @@ module dotyk_driver_pressures
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_contact_pair, only: contact_pair_t, pair_force
-  use dotyk_contact_pressure, only: pressure_projection_t
+  use dotyk_contact_pressure_projection, only: pressure_projection_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_mesh_surface, only: surface_t
   use dotyk_scheme_problem, only: contact_problem_t

@@ -86,7 +86,7 @@ contains
       call file%put_array(group, 'pressure_projected', solution(k)%projected)
       call file%put_attribute(group, 'force', solution(k)%force)
       call file%put_attribute(group, 'theta', pair(k)%theta)
-      call file%put_attribute(group, 'points_without_partner', pair(k)%n_without_partner)
+      call file%put_attribute(group, 'points_without_partner', pair(k)%n_unprojected)
     end do
   end subroutine write_pairs
 

@@ -6,6 +6,7 @@ module dotyk_driver_run_case
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
   use dotyk_base_memory, only: set_stage
+  use dotyk_base_options, only: scheme_dual
   use dotyk_contact_operator, only: build_operator
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_driver_arguments, only: arguments_t
@@ -32,7 +33,6 @@ module dotyk_driver_run_case
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t
   use dotyk_input_help, only: help_text
-  use dotyk_input_names, only: scheme_dual
   use dotyk_input_parse, only: read_case
   use dotyk_mesh_surface, only: surface_t
   use dotyk_output_file_system, only: check_replaceable, check_writable

@@ -3,13 +3,13 @@ module dotyk_driver_scheme
   use dotyk_base_error, only: error_t, add_context, set_error, exit_not_solvable
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
+  use dotyk_base_options, only: option_name, scheme_anderson, scheme_auto, scheme_dual, scheme_names, scheme_nesterov, &
+    scheme_neumann, scheme_robin, scheme_secant, stop_budget, stop_residual
   use dotyk_base_text, only: quoted, to_text
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_driver_pairs, only: foundation_compliance
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t
-  use dotyk_input_names, only: name_at, scheme_anderson, scheme_auto, scheme_dual, scheme_names, scheme_nesterov, scheme_neumann, &
-    scheme_robin, scheme_secant, stop_budget
   use dotyk_scheme_accelerated, only: solve_anderson, solve_secant
   use dotyk_scheme_dual, only: dual_settings_t, solve_dual
   use dotyk_scheme_explicit, only: explicit_compliance_t
@@ -17,7 +17,7 @@ module dotyk_driver_scheme
   use dotyk_scheme_neumann, only: solve_neumann
   use dotyk_scheme_nesterov, only: solve_nesterov
   use dotyk_scheme_robin, only: solve_robin
-  use dotyk_scheme_stopping, only: iteration_settings_t, stop_residual
+  use dotyk_scheme_stopping, only: iteration_settings_t
   use dotyk_scheme_problem, only: contact_problem_t
   implicit none
   private
@@ -36,7 +36,7 @@ contains
   pure function scheme_name(case) result(name)
     type(case_t), intent(in) :: case
     character(:), allocatable :: name
-    name = name_at(scheme_names, scheme_of(case))
+    name = option_name(scheme_names, scheme_of(case))
   end function scheme_name
 
   !> Whether it is for bodies that their supports hold.

@@ -3,18 +3,17 @@ module dotyk_driver_screen
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_log, only: log_t
+  use dotyk_base_options, only: analysis_axisymmetric, analysis_names, discretization_quadrature, option_name
   use dotyk_base_text, only: to_text
-  use dotyk_contact_pair, only: contact_pair_t, points_quadrature
+  use dotyk_contact_pair, only: contact_pair_t
   use dotyk_driver_congruence_classes, only: congruence_classes_t
   use dotyk_driver_error_budget, only: error_budget_t, estimates_mesh_error, estimates_penalty_error, needs_displacements
   use dotyk_driver_factorization, only: factor_size_t
   use dotyk_driver_pressures, only: pair_solution_t
   use dotyk_driver_timing, only: timing_t
   use dotyk_driver_version, only: version
-  use dotyk_elasticity_analysis, only: analysis_axisymmetric
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t, output_input_t
-  use dotyk_input_names, only: analysis_names, name_at
   use dotyk_mesh_surface, only: surface_t
   use dotyk_scheme_bounds, only: gamma_limit
   use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_limit, ended_diverged, ended_interrupted, &
@@ -39,7 +38,7 @@ contains
     title = case%scene%title
     if (len(title) == 0) title = case%file
     call log%line('dotyk '//version//' - '//title)
-    call log%line('  '//case%file//', '//name_at(analysis_names, case%scene%analysis)//', '// &
+    call log%line('  '//case%file//', '//option_name(analysis_names, case%scene%analysis)//', '// &
                   plural(size(case%body), 'body', 'bodies')//', '//plural(size(case%contact), 'contact pair', 'contact pairs')// &
                   ', '//plural(threads, 'thread', 'threads'))
   end subroutine show_scene
@@ -107,7 +106,7 @@ contains
       call warn_of_noise(log, body, pair(k), surface_a(k)%n_facets)
     end do
     if (size(pair) > most_shown) call log%line(pair_line(to_text(size(pair))//' pairs', sum(pair%n_rows), &
-      sum(pair%n_without_partner), least, most, maxval(pair%theta)))
+      sum(pair%n_unprojected), least, most, maxval(pair%theta)))
     n = 0
     do k = 1, size(body)
       if (.not. any(pair%body_a == k .or. pair%body_b == k)) n = n + 1
@@ -121,10 +120,10 @@ contains
     type(body_t), intent(in) :: body(:)
     type(contact_pair_t), intent(in) :: pair
     type(surface_t), intent(in) :: surface_a, surface_b
-    call log%line(pair_line(pair%name, pair%n_rows, pair%n_without_partner, minval(pair%row_gap), maxval(pair%row_gap), pair%theta))
+    call log%line(pair_line(pair%name, pair%n_rows, pair%n_unprojected, minval(pair%row_gap), maxval(pair%row_gap), pair%theta))
     call log%line('    '//body(pair%body_a)%name//':'//surface_a%name//' ('//plural(surface_a%n_facets, 'facet', 'facets')// &
                   ') on '//body(pair%body_b)%name//':'//surface_b%name//' ('//plural(surface_b%n_facets, 'facet', 'facets')//')')
-    if (pair%n_without_partner > 0) call log%line('    left out: '//plural(pair%n_outside, 'integration point', &
+    if (pair%n_unprojected > 0) call log%line('    left out: '//plural(pair%n_outside, 'integration point', &
       'integration points')//' beside the other surface, '//to_text(pair%n_not_facing)//' that it does not face, '// &
       to_text(pair%n_too_far)//' too far')
   end subroutine show_pair
@@ -147,14 +146,14 @@ contains
     integer, intent(in) :: n_facets
     real(dp) :: size, compliance
     real(dp), parameter :: far_below = 1.0e-3_dp
-    if (pair%points /= points_quadrature) return
+    if (pair%discretization /= discretization_quadrature) return
     ! The mean size of a facet; circles about the axis do not make it larger.
     size = sum(pair%row_weight)
     if (body(pair%body_a)%analysis == analysis_axisymmetric) size = sum(pair%row_weight/(2*acos(-1.0_dp)*pair%row_position(1, :)))
     size = (size/n_facets)**(1.0_dp/(pair%dimension - 1))
     compliance = size/body(pair%body_a)%young() + size/body(pair%body_b)%young()
     if (pair%theta < far_below*compliance) call log%line('    warning: theta is far below h/E = '//to_text(compliance, 2)// &
-      ": single pressures at quadrature points are not determined, only their means are; use points='nodes'")
+      ": single pressures at quadrature points are not determined, only their means are; use discretization='mortar'")
   end subroutine warn_of_noise
 
   !> How fast the factorization was.

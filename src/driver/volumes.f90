@@ -3,7 +3,7 @@ module dotyk_driver_volumes
   use dotyk_base_error, only: error_t
   use dotyk_mesh_body_mesh, only: body_mesh_t, extract_body
   use dotyk_mesh_mesh, only: mesh_t
-  use dotyk_mesh_second_order, only: has_linear_simplices, make_second_order
+  use dotyk_mesh_order_elevation, only: has_linear_simplices, elevate_order
   use dotyk_mesh_surface, only: surface_t, extract_surface
   implicit none
   private
@@ -36,7 +36,7 @@ contains
     logical, intent(in) :: locks
     call extract_body(mesh, name, dimension, self%mesh, self%error)
     if (locks .and. .not. allocated(self%error)) then
-      if (has_linear_simplices(self%mesh)) call make_second_order(self%mesh)
+      if (has_linear_simplices(self%mesh)) call elevate_order(self%mesh)
     end if
     allocate (self%surface(4))
   end subroutine volume_take

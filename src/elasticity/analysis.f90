@@ -5,17 +5,9 @@
 !> radius and zz the hoop direction. A gradient has one slot for each derivative, and a third one in axisymmetric
 !> analyses for N/r: the strain is the sum of `gradient slot k of component i` over all (i, k) that name it.
 module dotyk_elasticity_analysis
+  use dotyk_base_options, only: analysis_3d, analysis_axisymmetric, analysis_plane_strain, analysis_plane_stress
   implicit none
   private
-
-  !> Three dimensions.
-  integer, parameter, public :: analysis_3d = 1
-  !> Plane strain: strains zz, yz, xz are zero; forces are per unit thickness.
-  integer, parameter, public :: analysis_plane_strain = 2
-  !> Plane stress: stresses zz, yz, xz are zero; forces are per unit thickness.
-  integer, parameter, public :: analysis_plane_stress = 3
-  !> Axisymmetric about y: forces are those of the full turn.
-  integer, parameter, public :: analysis_axisymmetric = 4
 
   public :: analysis_dimension, gradient_slots, strain_index
 
@@ -23,21 +15,21 @@ contains
 
   !> Number of displacement components, which is that of coordinates.
   pure integer function analysis_dimension(analysis) result(dimension)
-    !> One of the constants above.
+    !> One of `analysis_*`.
     integer, intent(in) :: analysis
     dimension = merge(3, 2, analysis == analysis_3d)
   end function analysis_dimension
 
   !> Number of slots of a gradient.
   pure integer function gradient_slots(analysis) result(slots)
-    !> One of the constants above.
+    !> One of `analysis_*`.
     integer, intent(in) :: analysis
     slots = merge(2, 3, analysis == analysis_plane_strain .or. analysis == analysis_plane_stress)
   end function gradient_slots
 
   !> The strain to which a slot of the gradient of a displacement component belongs, 0 for none.
   pure integer function strain_index(analysis, component, slot) result(strain)
-    !> One of the constants above.
+    !> One of `analysis_*`.
     integer, intent(in) :: analysis
     !> Displacement component, 1 to 3.
     integer, intent(in) :: component

@@ -3,7 +3,7 @@ module dotyk_elasticity_assembly
   use omp_lib, only: omp_get_max_threads, omp_in_parallel
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_elasticity_analysis, only: analysis_3d
+  use dotyk_base_options, only: analysis_3d
   use dotyk_elasticity_constraint, only: constraint_t
   use dotyk_elasticity_projected_dilatation, only: add_projected_stiffness
   use dotyk_elasticity_element_ordering, only: morton_order

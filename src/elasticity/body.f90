@@ -2,7 +2,7 @@
 module dotyk_elasticity_body
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_elasticity_analysis, only: analysis_3d
+  use dotyk_base_options, only: analysis_3d
   use dotyk_elasticity_assembly, only: assemble_elements => assemble_stiffness
   use dotyk_elasticity_constraint, only: constraint_t
   use dotyk_elasticity_node_graph, only: node_graph

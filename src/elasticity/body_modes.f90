@@ -63,7 +63,7 @@ contains
     integer :: i, k
     self%n = first%n
     self%shape = first%shape
-    if (motion%turned) then
+    if (motion%rotated) then
       associate (rotation => motion%rotation(:body%dimension, :body%dimension))
         do k = 1, size(self%shape, 3)
           do i = 1, size(self%shape, 2)

@@ -4,7 +4,7 @@
 !> the axes of the first of its kind. Loads and the values of given displacements may differ.
 module dotyk_elasticity_congruence
   use dotyk_base_kinds, only: dp
-  use dotyk_elasticity_analysis, only: analysis_axisymmetric
+  use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_constraint, only: constraint_t, held
   use dotyk_elasticity_material, only: material_t, rotate_stiffness
@@ -113,7 +113,7 @@ contains
     is_moved = .false.
     do i = 1, n
       x = from(:, i)
-      if (motion%turned) then
+      if (motion%rotated) then
         x = 0
         do k = 1, d
           x = x + motion%rotation(:d, k)*from(k, i)
@@ -155,7 +155,7 @@ contains
     end if
     axes = triad(d, to(:, far) - to_centre, to(:, wide) - to_centre)
     motion%rotation = matmul(axes, transpose(triad(d, from(:, far) - from_centre, from(:, wide) - from_centre)))
-    motion%turned = .true.
+    motion%rotated = .true.
     motion%shift = 0
     motion%shift(:d) = to_centre - matmul(motion%rotation(:d, :d), from_centre)
   end subroutine find_rotation
@@ -183,7 +183,7 @@ contains
     type(placement_t), intent(in) :: motion
     real(dp) :: moved(6, 6)
     moved = first%stiffness
-    if (motion%turned .and. .not. first%isotropic) moved = rotate_stiffness(moved, motion%rotation)
+    if (motion%rotated .and. .not. first%isotropic) moved = rotate_stiffness(moved, motion%rotation)
     same = (first%isotropic .eqv. other%isotropic) .and. &
            abs(first%incompressibility - other%incompressibility) <= same_ratio*first%incompressibility .and. &
            all(abs(moved - other%stiffness) <= same_material*maxval(abs(moved)))
@@ -213,7 +213,7 @@ contains
     do i = 1, size(first%equation, 2)
       if (count(first%equation(:, i) == held) /= count(other%equation(:, i) == held)) return
       if (all(first%equation(:, i) == held) .or. .not. any(first%equation(:, i) == held)) cycle
-      if (.not. motion%turned .and. first%frame_of(i) == 0 .and. other%frame_of(i) == 0) then
+      if (.not. motion%rotated .and. first%frame_of(i) == 0 .and. other%frame_of(i) == 0) then
         if (any((first%equation(:, i) == held) .neqv. (other%equation(:, i) == held))) return
         cycle
       end if
@@ -258,14 +258,14 @@ contains
     real(dp) :: u(size(first%equation, 1)), axes(size(first%equation, 1), size(first%equation, 1))
     real(dp), parameter :: dust = 4*epsilon(1.0_dp)
     integer :: i, k, d, n
-    if (.not. motion%turned .and. size(first%frame, 3) == 0 .and. size(constraint%frame, 3) == 0) return
+    if (.not. motion%rotated .and. size(first%frame, 3) == 0 .and. size(constraint%frame, 3) == 0) return
     d = size(first%equation, 1)
     n = size(first%frame, 3)
-    allocate (frame(d, d, n + merge(1, 0, motion%turned)))
+    allocate (frame(d, d, n + merge(1, 0, motion%rotated)))
     do k = 1, n
       frame(:, :, k) = matmul(motion%rotation(:d, :d), first%frame(:, :, k))
     end do
-    if (motion%turned) frame(:, :, n + 1) = motion%rotation(:d, :d)
+    if (motion%rotated) frame(:, :, n + 1) = motion%rotation(:d, :d)
     do i = 1, size(first%equation, 2)
       if (any(abs(constraint%prescribed(:, i)) > 0)) then
         u = matmul(axes_of(d, constraint, i), constraint%prescribed(:, i))
@@ -274,7 +274,7 @@ contains
         where (first%equation(:, i) /= held .or. abs(constraint%prescribed(:, i)) <= dust*norm2(u)) constraint%prescribed(:, i) = 0
       end if
       constraint%frame_of(i) = first%frame_of(i)
-      if (motion%turned .and. first%frame_of(i) == 0) constraint%frame_of(i) = n + 1
+      if (motion%rotated .and. first%frame_of(i) == 0) constraint%frame_of(i) = n + 1
     end do
     constraint%equation = first%equation
     call move_alloc(frame, constraint%frame)

@@ -6,7 +6,8 @@
 !> quadrilaterals and hexahedra with a constant dilatation may have, fall out of the fit: `smooth_pressures` takes them off stresses.
 module dotyk_elasticity_dilatation_fit
   use dotyk_base_kinds, only: dp
-  use dotyk_elasticity_analysis, only: analysis_plane_stress, gradient_slots
+  use dotyk_base_options, only: analysis_plane_stress
+  use dotyk_elasticity_analysis, only: gradient_slots
   use dotyk_elasticity_projected_dilatation, only: unprojected_bulk_ratio
   use dotyk_elasticity_shape_table, only: shape_table_t, map_element
   use dotyk_elasticity_node_graph, only: incidence_t

@@ -6,7 +6,7 @@
 module dotyk_elasticity_internal_force
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, qp
-  use dotyk_elasticity_analysis, only: analysis_axisymmetric
+  use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_elasticity_element_quadrature, only: element_quadrature_t
   use dotyk_elasticity_material, only: material_t
   use dotyk_mesh_body_mesh, only: body_mesh_t

@@ -6,8 +6,9 @@
 module dotyk_elasticity_load
   use dotyk_base_error, only: add_context, error_t
   use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: analysis_axisymmetric, load_local_traction, load_pressure, load_traction
   use dotyk_base_text, only: quoted, text_t
-  use dotyk_elasticity_analysis, only: analysis_axisymmetric, gradient_slots
+  use dotyk_elasticity_analysis, only: gradient_slots
   use dotyk_elasticity_element_quadrature, only: inverted_element_error
   use dotyk_elasticity_shape_table, only: shape_table_t, load_degree, map_element, shape_table_pair_t
   use dotyk_elasticity_vector_field, only: vector_field_t
@@ -19,18 +20,9 @@ module dotyk_elasticity_load
   implicit none
   private
 
-  !> Force per area, global axes.
-  integer, parameter, public :: load_traction = 1
-  !> Force per area along the inward normal.
-  integer, parameter, public :: load_pressure = 2
-  !> Force per area along xi, eta, n of the surface.
-  integer, parameter, public :: load_local_traction = 3
-  !> Force per volume, global axes.
-  integer, parameter, public :: load_force_density = 4
-
   !> One load; where it acts is said apart.
   type, public :: load_t
-    !> One of the constants above.
+    !> One of `load_*`.
     integer :: kind = load_traction
     !> Its value: a pressure in the first component, else a vector (3) [pressure, or force/volume].
     real(dp) :: value(3) = 0

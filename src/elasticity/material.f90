@@ -6,8 +6,8 @@
 module dotyk_elasticity_material
   use dotyk_base_error, only: add_context, error_t, exit_bad_input, set_error
   use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: analysis_plane_stress
   use dotyk_base_text, only: quoted, to_text
-  use dotyk_elasticity_analysis, only: analysis_plane_stress
   use dotyk_linalg_dense, only: symmetric_eigen
   implicit none
   private

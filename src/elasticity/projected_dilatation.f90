@@ -10,7 +10,7 @@
 !> - the mean on quad4 and hex8, in displacements (pressures of single elements may alternate: output takes their neighbours' mean);
 !> - the mean on tri6, tet10 and prisms of order two; polynomials of degree one on quad9 and hex27 (Boffi, Brezzi, Fortin, Mixed
 !>   Finite Element Methods and Applications, 2013, chapter 8; Chapelle and Bathe, Comput. Struct. 47, 1993);
-!> - nothing on linear simplices and prisms: these are made quadratic first (`dotyk_mesh_second_order`).
+!> - nothing on linear simplices and prisms: these are made quadratic first (`dotyk_mesh_order_elevation`).
 !>
 !> C' keeps a bulk modulus of its own, as much as the element stands without locking: what is below that is not split at all, so that
 !> answers depend on the material without a jump. It matters where the mean of a quadratic element is projected: the rest of

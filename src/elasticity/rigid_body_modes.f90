@@ -4,8 +4,8 @@
 !> so that they are rigid to round-off however thin the body is.
 module dotyk_elasticity_rigid_body_modes
   use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: analysis_3d
   use dotyk_base_text, only: text_t
-  use dotyk_elasticity_analysis, only: analysis_3d
   use dotyk_elasticity_constraint, only: constraint_t
   use dotyk_elasticity_rigid_motion, only: describe_rigid_motions, rigid_null_space, component_text, rigid_displacement
   use dotyk_linalg_dense, only: orthonormal_range

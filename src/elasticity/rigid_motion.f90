@@ -2,8 +2,8 @@
 module dotyk_elasticity_rigid_motion
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: analysis_3d, analysis_axisymmetric
   use dotyk_base_text, only: to_text
-  use dotyk_elasticity_analysis, only: analysis_3d, analysis_axisymmetric
   use dotyk_elasticity_constraint, only: constraint_t
   use dotyk_elasticity_vector_field, only: point_text, vector_text
   use dotyk_linalg_dense, only: right_singular_vectors

@@ -4,7 +4,7 @@
 !> elements.
 module dotyk_elasticity_shape_table
   use dotyk_base_kinds, only: dp
-  use dotyk_elasticity_analysis, only: analysis_axisymmetric
+  use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_mesh_element, only: element_kind, element_kind_t, element_tet4, element_tri3, element_prism6, &
     quadrature_rule, reference_nodes, shape_functions, shape_gradients
   implicit none

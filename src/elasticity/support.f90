@@ -5,8 +5,8 @@
 module dotyk_elasticity_support
   use dotyk_base_error, only: add_context, error_t, exit_bad_input, set_error
   use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_base_text, only: quoted, text_t, to_text
-  use dotyk_elasticity_analysis, only: analysis_axisymmetric
   use dotyk_elasticity_constraint, only: constraint_t, held
   use dotyk_elasticity_face_normals, only: add_face_normals, group_normals
   use dotyk_elasticity_vector_field, only: vector_field_t, point_text, vector_text

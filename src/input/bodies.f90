@@ -1,10 +1,10 @@
 !> From checked groups to plain data: `&material` and `&body`.
 module dotyk_input_bodies
   use dotyk_base_kinds, only: dp
-  use dotyk_base_text, only: to_text
+  use dotyk_base_options, only: analysis_axisymmetric, material_anisotropic, material_isotropic, material_orthotropic
+  use dotyk_base_text, only: shown, to_text
   use dotyk_input_case, only: body_input_t, material_input_t, scene_input_t
-  use dotyk_input_names, only: analysis_axisymmetric, material_anisotropic, material_isotropic, material_orthotropic
-  use dotyk_input_problems, only: problems_t, shown
+  use dotyk_input_problems, only: problems_t
   use dotyk_input_reader, only: group_t
   use dotyk_input_settings, only: read_mesh_path
   use dotyk_input_values, only: count_of, is_given, is_usable, names_t, number_of, numbers_of, refer, report, text_of

@@ -1,10 +1,10 @@
 !> From checked groups to plain data: `&support` and `&load`.
 module dotyk_input_boundary
   use dotyk_base_kinds, only: dp
-  use dotyk_base_text, only: join, lower, text_t, to_text
+  use dotyk_base_options, only: load_force_density, load_local_traction, load_names, load_pressure
+  use dotyk_base_text, only: join, lower, shown, split_words, text_t, to_text
   use dotyk_input_case, only: load_input_t, support_input_t
-  use dotyk_input_names, only: load_force_density, load_kind_names, load_local_traction, load_pressure, split_words
-  use dotyk_input_problems, only: problems_t, shown
+  use dotyk_input_problems, only: problems_t
   use dotyk_input_reader, only: group_t
   use dotyk_input_values, only: count_of, is_given, is_usable, names_t, number_of, numbers_of, refer, report, text_of, &
     texts_of
@@ -151,7 +151,7 @@ contains
     call refer(group, 'body', text_of(group, 'body'), bodies, problems, load%body)
     load%surface = text_of(group, 'surface')
     allocate (load%formula(0))
-    call split_words(load_kind_names, kinds)
+    call split_words(load_names, kinds)
     given = ''
     n = 0
     do k = 1, size(kinds)

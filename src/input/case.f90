@@ -7,9 +7,11 @@
 !> the group begins.
 module dotyk_input_case
   use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: default_analysis, default_budget_fraction, default_discretization, default_gamma_rule, &
+    default_gap, default_geometry, default_linear_solver, default_locking, default_max_iterations, default_quadrature, &
+    default_response, default_scheme, default_stop_rule, default_theta, default_tolerance, load_traction, &
+    material_isotropic
   use dotyk_base_text, only: text_t
-  use dotyk_input_names, only: analysis_3d, gamma_spectral, gap_geometry, geometry_smooth, linear_solver_auto, load_traction, &
-    locking_auto, material_isotropic, points_nodes, quadrature_segments, response_auto, scheme_auto, stop_residual, theta_relative
   implicit none
   private
 
@@ -24,7 +26,7 @@ module dotyk_input_case
     !> Results file.
     character(:), allocatable :: output
     !> One of `analysis_*`.
-    integer :: analysis = analysis_3d
+    integer :: analysis = default_analysis
     !> 2 or 3.
     integer :: dimension = 3
   end type scene_input_t
@@ -116,13 +118,13 @@ module dotyk_input_case
     !> Physical names of the two surfaces.
     character(:), allocatable :: surface_a, surface_b
     !> One of `gap_*`.
-    integer :: gap_kind = gap_geometry
+    integer :: gap_kind = default_gap
     !> The gap where it is constant [length].
     real(dp) :: gap = 0
     !> The gap where it is a formula; else empty.
     character(:), allocatable :: gap_formula
     !> One of `theta_*`; that of `&solver` where the pair has none of its own.
-    integer :: theta_kind = theta_relative
+    integer :: theta_kind = default_theta
     !> Penalty parameter [length/pressure], or the factor of the relative one [1].
     real(dp) :: theta = 0
     !> Was it given, for the pair or for all? If not, it may be made smaller.
@@ -131,12 +133,12 @@ module dotyk_input_case
     logical :: has_search_radius = .false.
     !> Greatest distance of partners [length].
     real(dp) :: search_radius = 0
-    !> One of `points_*`.
-    integer :: points = points_nodes
+    !> One of `discretization_*`.
+    integer :: discretization = default_discretization
     !> One of `geometry_*`.
-    integer :: geometry = geometry_smooth
+    integer :: geometry = default_geometry
     !> One of `quadrature_*`.
-    integer :: quadrature = quadrature_segments
+    integer :: quadrature = default_quadrature
   end type contact_input_t
 
   !> `&solver`.
@@ -144,31 +146,31 @@ module dotyk_input_case
     !> Line of the group; 0 where it is not in the file.
     integer :: line = 0
     !> One of `scheme_*`.
-    integer :: scheme = scheme_auto
+    integer :: scheme = default_scheme
     !> One of `theta_*`.
-    integer :: theta_kind = theta_relative
+    integer :: theta_kind = default_theta
     !> Penalty parameter [length/pressure], or the factor of the relative one [1].
     real(dp) :: theta = 0
     !> Was it given?
     logical :: theta_given = .false.
     !> One of `gamma_*`.
-    integer :: gamma_rule = gamma_spectral
+    integer :: gamma_rule = default_gamma_rule
     !> One of `linear_solver_*`.
-    integer :: linear_solver = linear_solver_auto
+    integer :: linear_solver = default_linear_solver
     !> One of `response_*`.
-    integer :: response = response_auto
+    integer :: response = default_response
     !> Relaxation parameter [1]; 0 where the rule is not `gamma_fixed`.
     real(dp) :: gamma = 0
     !> One of `stop_*`.
-    integer :: stop_rule = stop_residual
+    integer :: stop_rule = default_stop_rule
     !> Part of the other errors that the iteration may add where the rule is `stop_budget` [1].
-    real(dp) :: budget_fraction = 0.1_dp
+    real(dp) :: budget_fraction = default_budget_fraction
     !> Where to stop [1].
-    real(dp) :: tolerance = 0
+    real(dp) :: tolerance = default_tolerance
     !> Most iterations.
-    integer :: max_iterations = 0
+    integer :: max_iterations = default_max_iterations
     !> One of `locking_*`.
-    integer :: locking = locking_auto
+    integer :: locking = default_locking
     !> Have bodies that differ by their place alone one factorization?
     logical :: share_factors = .true.
     !> The same digits on any number of threads?

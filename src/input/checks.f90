@@ -4,18 +4,18 @@ module dotyk_input_checks
   use dotyk_base_formula, only: formula_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_magnitude, only: has_usual_size, size_rule
-  use dotyk_base_text, only: join, nearest_name, text_t, to_text
+  use dotyk_base_options, only: find_option
+  use dotyk_base_text, only: join, nearest_name, shown, split_words, suggestion, text_t, to_text, visible
   use dotyk_input_conversion, only: number_good, number_malformed, number_out_of_range, read_integer, &
     read_logical, read_real
   use dotyk_input_keywords, only: at_least_one, at_most_one, exactly_one, group_keyword_t, &
     keys_of_group, keyword_t, kind_formula, kind_integer, kind_logical, kind_name, kind_names, kind_real, &
     kind_text, place_of_keyword
-  use dotyk_input_names, only: place_of_name, split_words
-  use dotyk_input_problems, only: no_line, problems_t, shown, visible
+  use dotyk_input_problems, only: no_line, problems_t
   use dotyk_input_reader, only: add_entry, add_value, entry_t, group_t, value_t
   implicit none
   private
-  public :: check_group_names, check_occurrences, check_group, suggestion
+  public :: check_group_names, check_occurrences, check_group
 
 contains
 
@@ -138,15 +138,6 @@ contains
     call problems%add(entry%line, '&'//group%name//': unknown key '//shown(entry%key)//hint)
   end subroutine report_unknown_key
 
-  !> " (did you mean 'young'?)", or nothing where no name is near.
-  function suggestion(name, names) result(hint)
-    character(*), intent(in) :: name
-    type(text_t), intent(in) :: names(:)
-    character(:), allocatable :: hint
-    hint = nearest_name(name, names)
-    if (len(hint) > 0) hint = ' (did you mean '//shown(hint)//'?)'
-  end function suggestion
-
   !> Check the values of one key and convert them.
   subroutine check_entry(group_name, entry, row, problems)
     character(*), intent(in) :: group_name
@@ -236,10 +227,11 @@ contains
     !> The places of its names, where it consists of names.
     real(dp), intent(inout) :: places(:)
     character(:), allocatable :: message
-    type(text_t), allocatable :: words(:), allowed(:)
+    type(text_t), allocatable :: words(:)
+    character(:), allocatable :: reason
     type(formula_t) :: formula
     type(error_t), allocatable :: error
-    integer :: i, place
+    integer :: i, option
     message = ''
     if (.not. value%quoted) then
       message = ' needs a text in quotes, got '//visible(value%text)
@@ -261,16 +253,15 @@ contains
         allocate (words(1))
         words(1)%s = trim(adjustl(value%text))
       end if
-      call split_words(row%names, allowed)
       do i = 1, size(words)
-        place = place_of_name(row%names, words(i)%s)
-        if (place == 0) then
-          message = ': '//shown(words(i)%s)//' must be one of: '//join(allowed, ', ')//suggestion(words(i)%s, allowed)
-        else if (any(nint(places(:min(i - 1, size(places)))) == place)) then
+        call find_option(row%names, words(i)%s, option, reason)
+        if (option == 0) then
+          message = ': '//shown(words(i)%s)//' '//reason
+        else if (any(nint(places(:min(i - 1, size(places)))) == option)) then
           message = ': '//shown(words(i)%s)//' is named twice'
         end if
         if (len(message) > 0) return
-        if (i <= size(places)) places(i) = place
+        if (i <= size(places)) places(i) = option
       end do
     end select
   end function text_message

@@ -1,10 +1,9 @@
 !> The text of `--help`: command line, exit codes, and every group and key from the table that checks them.
 module dotyk_input_help
-  use dotyk_base_text, only: join, text_t, to_text
+  use dotyk_base_text, only: join, split_words, text_t, to_text
   use dotyk_input_keywords, only: at_least_one, at_most_one, exactly_one, group_keyword_t, &
     keyword_t, kind_formula, kind_integer, kind_logical, kind_name, kind_names, kind_real, list_groups, &
     list_keywords
-  use dotyk_input_names, only: split_words
   implicit none
   private
   public :: help_text

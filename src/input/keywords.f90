@@ -1,9 +1,11 @@
 !> THE table of groups and keys: what is checked, what defaults are and what `--help` prints all come from here.
 module dotyk_input_keywords
-  use dotyk_base_text, only: text_t
-  use dotyk_input_names, only: analysis_names, error_part_names, field_names, gamma_rule_names, geometry_names, &
-    linear_solver_names, locking_names, points_names, quadrature_names, response_names, scheme_names, stop_rule_names, &
-    theta_rule_names
+  use dotyk_base_options, only: analysis_names, default_analysis, default_budget_fraction, default_discretization, &
+    default_gamma_rule, default_geometry, default_linear_solver, default_locking, default_max_iterations, &
+    default_quadrature, default_response, default_scheme, default_tolerance, discretization_names, error_part_names, &
+    field_names, gamma_rule_names, geometry_names, linear_solver_names, locking_names, option_name, quadrature_names, &
+    response_names, scheme_names, stop_rule_names
+  use dotyk_base_text, only: text_t, to_text
   implicit none
   private
 
@@ -94,7 +96,8 @@ contains
     call t%add('scene', 'output', kind_text, &
                'results file, relative to the namelist file; if absent, the name of the namelist file '// &
                'with .vtkhdf')
-    call t%add('scene', 'analysis', kind_name, names=analysis_names, default='3d', &
+    call t%add('scene', 'analysis', kind_name, names=analysis_names, &
+               default=option_name(analysis_names, default_analysis), &
                meaning='kind of problem; axisymmetric is about y with x as the radius')
 
     call t%add('material', 'name', kind_text, required=.true., &
@@ -185,18 +188,22 @@ contains
                meaning='the same, times h_a/E_a + h_b/E_b, point by point; h is the size of the facet there')
     call t%add('contact', 'search_radius', kind_real, unit='length', positive=.true., &
                meaning='greatest distance of partners; if absent, the smaller body''s size')
-    call t%add('contact', 'points', kind_name, names=points_names, default='nodes', &
-               meaning='contact points: nodes is one for each vertex of surface_a, with gap and displacement in the mean of '// &
-               'the facets around it (stable for every theta); quadrature is the integration points')
-    call t%add('contact', 'geometry', kind_name, names=geometry_names, default='smooth', &
+    call t%add('contact', 'discretization', kind_name, names=discretization_names, &
+               default=option_name(discretization_names, default_discretization), &
+               meaning='contact constraints: mortar, dual mortar with one weighted gap per vertex of surface_a (stable for '// &
+               'every theta); quadrature, one gap per quadrature point (point-wise penalty)')
+    call t%add('contact', 'geometry', kind_name, names=geometry_names, &
+               default=option_name(geometry_names, default_geometry), &
                meaning='what gaps and normals are taken from: smooth puts patches with continuous normals over the facets '// &
                '(edges of more than 40 degrees stay sharp, planes flat); elements: the facets as they are; '// &
                'straight: the corners of the elements alone, to compare')
-    call t%add('contact', 'quadrature', kind_name, names=quadrature_names, default='segments', &
+    call t%add('contact', 'quadrature', kind_name, names=quadrature_names, &
+               default=option_name(quadrature_names, default_quadrature), &
                meaning='integration points: segments puts them on the pieces that the facets of surface_b cut out of those '// &
                'of surface_a, exact on flat faces whatever their meshes; plain puts them on whole facets of surface_a')
 
-    call t%add('solver', 'scheme', kind_name, names=scheme_names, default='auto', &
+    call t%add('solver', 'scheme', kind_name, names=scheme_names, &
+               default=option_name(scheme_names, default_scheme), &
                meaning='auto: dual, or neumann where gamma, gamma_rule or stop_rule=''paper'' say so; '// &
                'neumann: the parallel Neumann scheme, for held bodies; '// &
                'dual: contact forces as unknowns, any theta and free bodies; the others are there to compare: '// &
@@ -210,16 +217,19 @@ contains
                meaning='the same, times h_a/E_a + h_b/E_b, point by point; h is the size of the facet there; if no theta '// &
                'is given, 0.01 (other schemes than dual: 0.1), and less where the error of the penalty would dominate '// &
                'that of the mesh')
-    call t%add('solver', 'theta_rule', kind_name, names=theta_rule_names, &
+    call t%add('solver', 'theta_rule', kind_name, names='mesh', &
                meaning='mesh: theta as if none were given')
-    call t%add('solver', 'linear_solver', kind_name, names=linear_solver_names, default='auto', &
+    call t%add('solver', 'linear_solver', kind_name, names=linear_solver_names, &
+               default=option_name(linear_solver_names, default_linear_solver), &
                meaning='how the dual scheme solves for the forces of closed points: direct forms their compliance, '// &
                'iterative is by conjugate gradients, auto what is cheaper')
-    call t%add('solver', 'response', kind_name, names=response_names, default='auto', &
+    call t%add('solver', 'response', kind_name, names=response_names, &
+               default=option_name(response_names, default_response), &
                meaning='how a body answers to contact forces: full solves with its whole factor; condensed orders the contact '// &
                'unknowns last, and solves with their part of the factor; compliance makes a matrix of the answers of '// &
                'all contact points; auto is, body by body, what is cheapest')
-    call t%add('solver', 'gamma_rule', kind_name, names=gamma_rule_names, default='spectral', &
+    call t%add('solver', 'gamma_rule', kind_name, names=gamma_rule_names, &
+               default=option_name(gamma_rule_names, default_gamma_rule), &
                meaning='relaxation parameter: spectral is 2/(2+L), theory is 1/(1+L)^2, fixed is gamma')
     call t%add('solver', 'gamma', kind_real, positive=.true., &
                meaning='relaxation parameter where gamma_rule is ''fixed''')
@@ -227,13 +237,14 @@ contains
                meaning='residual: the guaranteed error bound is below tolerance; paper: the bound (41) is; increment: the '// &
                'last step is; budget: the guaranteed error bound is below budget_fraction times the error of penalty '// &
                'and mesh; if absent, budget where neither tolerance nor any theta is given, else residual')
-    call t%add('solver', 'budget_fraction', kind_real, default='0.1', positive=.true., &
+    call t%add('solver', 'budget_fraction', kind_real, default=to_text(default_budget_fraction), positive=.true., &
                meaning='part of the other errors that the iteration may add where stop_rule is ''budget''')
-    call t%add('solver', 'tolerance', kind_real, default='1e-6', positive=.true., &
+    call t%add('solver', 'tolerance', kind_real, default=to_text(default_tolerance), positive=.true., &
                meaning='relative error in the energy norm at which the iteration stops')
-    call t%add('solver', 'max_iterations', kind_integer, default='100000', positive=.true., &
+    call t%add('solver', 'max_iterations', kind_integer, default=to_text(default_max_iterations), positive=.true., &
                meaning='most iterations')
-    call t%add('solver', 'locking', kind_name, names=locking_names, default='auto', &
+    call t%add('solver', 'locking', kind_name, names=locking_names, &
+               default=option_name(locking_names, default_locking), &
                meaning='against locking in nearly incompressible bodies (Poisson''s ratio above 0.4; not in plane stress): '// &
                'auto takes the projected dilatation, and makes linear triangles, tetrahedra and prisms quadratic from 0.45 on; '// &
                'project leaves the elements as they are; ignore does nothing')

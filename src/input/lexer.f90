@@ -1,7 +1,7 @@
 !> The tokens of the namelist syntax. Comments, blanks, tabs, line ends and a byte order mark are left out.
 module dotyk_input_lexer
-  use dotyk_base_text, only: lower, to_text
-  use dotyk_input_problems, only: problems_t, shown, visible
+  use dotyk_base_text, only: lower, shown, to_text, visible
+  use dotyk_input_problems, only: problems_t
   implicit none
   private
 

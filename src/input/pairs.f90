@@ -1,9 +1,11 @@
 !> From checked groups to plain data: `&contact`.
 module dotyk_input_pairs
   use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: gap_constant, gap_formula, gap_geometry, option_name, scheme_auto, scheme_dual, &
+    scheme_names
+  use dotyk_base_text, only: shown
   use dotyk_input_case, only: contact_input_t, solver_input_t
-  use dotyk_input_names, only: gap_constant, gap_formula, gap_geometry, name_at, scheme_auto, scheme_dual, scheme_names
-  use dotyk_input_problems, only: problems_t, shown
+  use dotyk_input_problems, only: problems_t
   use dotyk_input_reader, only: group_t
   use dotyk_input_settings, only: read_theta
   use dotyk_input_values, only: is_given, is_usable, names_t, number_of, refer, report, text_of
@@ -56,11 +58,11 @@ contains
       theta_key = 'theta_relative'
       if (is_given(group, 'theta')) theta_key = 'theta'
       call report(problems, group, theta_key, 'theta = 0 needs scheme=''dual'', got '''// &
-                  name_at(scheme_names, solver%scheme)//'''')
+                  option_name(scheme_names, solver%scheme)//'''')
     end if
     contact%has_search_radius = is_usable(group, 'search_radius')
     contact%search_radius = number_of(group, 'search_radius')
-    contact%points = nint(number_of(group, 'points'))
+    contact%discretization = nint(number_of(group, 'discretization'))
     contact%geometry = nint(number_of(group, 'geometry'))
     contact%quadrature = nint(number_of(group, 'quadrature'))
   end subroutine read_contact

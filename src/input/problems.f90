@@ -26,8 +26,6 @@ module dotyk_input_problems
   !> The line of a problem that belongs to no line; it is reported after the others.
   integer, parameter, public :: no_line = huge(1)
 
-  public :: shown, visible
-
 contains
 
   !> Start an empty list.
@@ -85,34 +83,4 @@ contains
     end do
     call list%raise(error)
   end subroutine problems_raise
-
-  !> What the user wrote, fit for a message: between quotes, not too long, without control characters.
-  pure function shown(text) result(quoted_text)
-    character(*), intent(in) :: text
-    character(:), allocatable :: quoted_text
-    integer, parameter :: most = 48
-    integer :: i, n
-    n = len(text)
-    if (n > most) then
-      n = most
-      ! Do not cut a letter of several bytes in two: its later bytes are 128 to 191.
-      do while (n > 1 .and. iachar(text(n + 1:n + 1)) >= 128 .and. iachar(text(n + 1:n + 1)) < 192)
-        n = n - 1
-      end do
-    end if
-    quoted_text = "'"//text(:n)
-    do i = 2, len(quoted_text)
-      if (iachar(quoted_text(i:i)) < 32 .or. iachar(quoted_text(i:i)) == 127) quoted_text(i:i) = '?'
-    end do
-    if (n < len(text)) quoted_text = quoted_text//'...'
-    quoted_text = quoted_text//"'"
-  end function shown
-
-  !> Like `shown`, without the quotes around.
-  pure function visible(text) result(rest)
-    character(*), intent(in) :: text
-    character(:), allocatable :: rest
-    rest = shown(text)
-    rest = rest(2:len(rest) - 1)
-  end function visible
 end module dotyk_input_problems

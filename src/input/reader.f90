@@ -1,10 +1,10 @@
 !> From text to groups, keys and values: the namelist syntax, without what the names mean.
 module dotyk_input_reader
   use dotyk_base_kinds, only: dp
-  use dotyk_base_text, only: lower, to_text
+  use dotyk_base_text, only: lower, shown, to_text
   use dotyk_input_lexer, only: lexer_t, most_repeats, split_repeat, token_close, token_comma, token_end, token_equals, &
     token_group, token_quoted, token_t, token_word
-  use dotyk_input_problems, only: problems_t, shown
+  use dotyk_input_problems, only: problems_t
   implicit none
   private
 

@@ -1,13 +1,14 @@
 !> From checked groups to plain data: `&scene`, `&solver`, `&output`, and the penalty parameter of a group.
 module dotyk_input_settings
   use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: analysis_3d, error_part_discretization, error_part_penalty, field_contact, &
+    field_displacement, field_error, field_stress, gamma_fixed, option_name, scheme_auto, scheme_dual, scheme_neumann, &
+    stop_paper, theta_absolute, theta_mesh, theta_names
+  use dotyk_base_text, only: shown
   use dotyk_input_case, only: output_input_t, scene_input_t, solver_input_t
   use dotyk_input_files, only: directory_of, extension_of, is_directory, resolve_path, why_not_readable, &
     without_extension
-  use dotyk_input_names, only: analysis_3d, error_part_discretization, error_part_penalty, field_contact, field_displacement, &
-    field_error, field_stress, gamma_fixed, name_at, scheme_auto, scheme_dual, scheme_neumann, stop_paper, &
-    theta_absolute, theta_kind_names, theta_mesh
-  use dotyk_input_problems, only: problems_t, shown
+  use dotyk_input_problems, only: problems_t
   use dotyk_input_reader, only: group_t
   use dotyk_input_values, only: is_given, is_usable, number_of, numbers_of, report, text_of
   implicit none
@@ -117,15 +118,15 @@ contains
     theta = 0
     given = .false.
     do k = theta_absolute, theta_mesh
-      if (.not. is_given(group, name_at(theta_kind_names, k))) cycle
+      if (.not. is_given(group, option_name(theta_names, k))) cycle
       if (given) then
-        call report(problems, group, name_at(theta_kind_names, k), name_at(theta_kind_names, kind)//' and '// &
-                    name_at(theta_kind_names, k)//' are both given: only one can be meant')
+        call report(problems, group, option_name(theta_names, k), option_name(theta_names, kind)//' and '// &
+                    option_name(theta_names, k)//' are both given: only one can be meant')
         cycle
       end if
       given = .true.
       kind = k
-      theta = number_of(group, name_at(theta_kind_names, k))
+      theta = number_of(group, option_name(theta_names, k))
     end do
   end subroutine read_theta
 

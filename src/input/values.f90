@@ -1,9 +1,8 @@
 !> Checked values of a group, by key; and names that other groups refer to.
 module dotyk_input_values
   use dotyk_base_kinds, only: dp
-  use dotyk_base_text, only: text_t, to_text
-  use dotyk_input_checks, only: suggestion
-  use dotyk_input_problems, only: problems_t, shown, visible
+  use dotyk_base_text, only: shown, suggestion, text_t, to_text, visible
+  use dotyk_input_problems, only: problems_t
   use dotyk_input_reader, only: group_t
   implicit none
   private

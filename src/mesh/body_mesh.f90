@@ -4,7 +4,7 @@ module dotyk_mesh_body_mesh
   use dotyk_base_error, only: error_t, set_error
   use dotyk_base_text, only: quoted
   use dotyk_mesh_element, only: kind_dimension, kind_nodes, n_element_kinds
-  use dotyk_mesh_group, only: groups_named, unknown_group
+  use dotyk_mesh_physical_group, only: groups_named, unknown_group
   use dotyk_mesh_mesh, only: element_block_t, mesh_t
   use dotyk_mesh_mesh_check, only: check_size, check_nodes, check_plane, check_repeated_elements, orient_elements
   implicit none
@@ -24,8 +24,8 @@ module dotyk_mesh_body_mesh
     integer, allocatable :: mesh_node(:)
     !> Elements, one block for each kind; nodes are numbers of this body, volumes are positive; `group` is not used.
     type(element_block_t), allocatable :: block(:)
-    !> The mesh has linear elements, on whose edges and faces these are quadratic (`dotyk_mesh_second_order`).
-    logical :: promoted = .false.
+    !> The mesh has linear elements, on whose edges and faces these are quadratic (`dotyk_mesh_order_elevation`).
+    logical :: order_elevated = .false.
   contains
     procedure :: n_nodes => body_mesh_n_nodes
     procedure :: n_elements => body_mesh_n_elements

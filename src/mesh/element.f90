@@ -10,7 +10,7 @@ module dotyk_mesh_element
   use dotyk_mesh_hexahedron, only: hexahedron_kind, hexahedron_node
   use dotyk_mesh_line, only: line_kind, line_node
   use dotyk_mesh_prism, only: prism_gradients, prism_kind, prism_node, prism_values
-  use dotyk_mesh_product, only: lagrange_gradients, lagrange_values, serendipity_gradients, serendipity_values
+  use dotyk_mesh_tensor_product, only: lagrange_gradients, lagrange_values, serendipity_gradients, serendipity_values
   use dotyk_mesh_quadrilateral, only: quadrilateral_kind, quadrilateral_node
   use dotyk_mesh_quadrature, only: quadrature_rule
   use dotyk_mesh_simplex, only: simplex_gradients, simplex_values

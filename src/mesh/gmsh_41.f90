@@ -2,7 +2,7 @@
 module dotyk_mesh_gmsh_41
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_text, only: to_text
-  use dotyk_mesh_bytes, only: byte_cursor_t
+  use dotyk_base_byte_cursor, only: byte_cursor_t
   use dotyk_mesh_gmsh_common, only: allocate_nodes, index_nodes, find_nodes, type_nodes, type_kind
   use dotyk_mesh_gmsh_type, only: gmsh_point
   use dotyk_mesh_mesh_builder, only: mesh_builder_t

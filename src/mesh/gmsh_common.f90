@@ -2,7 +2,7 @@
 module dotyk_mesh_gmsh_common
   use dotyk_base_kinds, only: int64
   use dotyk_base_text, only: to_text
-  use dotyk_mesh_bytes, only: byte_cursor_t
+  use dotyk_base_byte_cursor, only: byte_cursor_t
   use dotyk_mesh_element, only: kind_of_gmsh_type
   use dotyk_mesh_gmsh_type, only: gmsh_type_nodes, gmsh_type_name, gmsh_type_help
   use dotyk_mesh_mesh_builder, only: mesh_builder_t

@@ -10,9 +10,9 @@ module dotyk_mesh_gmsh_run
   use dotyk_base_interrupt, only: run_shell => run_command, interrupted, stop_if_interrupted
   use dotyk_base_memory, only: set_stage, stage_text
   use dotyk_base_text, only: to_text
-  use dotyk_mesh_bytes, only: byte_cursor_t
-  use dotyk_mesh_content_hash, only: content_hash_t
-  use dotyk_mesh_system, only: make_directory, is_writable_directory, rename_file, remove_file, shell_quoted, &
+  use dotyk_base_byte_cursor, only: byte_cursor_t
+  use dotyk_base_content_hash, only: content_hash_t
+  use dotyk_base_operating_system, only: make_directory, is_writable_directory, rename_file, remove_file, shell_quoted, &
                                directory_of, environment_value
   implicit none
   private

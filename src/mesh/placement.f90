@@ -12,7 +12,7 @@ module dotyk_mesh_placement
     !> [length].
     real(dp) :: shift(3) = 0
     !> Whether the rotation is none.
-    logical :: turned = .false.
+    logical :: rotated = .false.
   contains
     procedure :: init => placement_init
     procedure :: apply => placement_apply
@@ -33,8 +33,8 @@ contains
     integer :: k
     self%shift = shift
     call cosine_and_sine(angle, c, s)
-    self%turned = .not. c >= 1
-    if (.not. self%turned) return
+    self%rotated = .not. c >= 1
+    if (.not. self%rotated) return
     unit = axis/maxval(abs(axis))
     unit = unit/norm2(unit)
     ! Rodrigues' formula, column by column.
@@ -67,7 +67,7 @@ contains
     integer :: i, d
     d = size(x, 1)
     do i = 1, size(x, 2)
-      if (self%turned) x(:, i) = matmul(self%rotation(:d, :d), x(:, i))
+      if (self%rotated) x(:, i) = matmul(self%rotation(:d, :d), x(:, i))
       x(:, i) = x(:, i) + self%shift(:d)
     end do
   end subroutine placement_apply

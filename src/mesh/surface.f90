@@ -9,7 +9,7 @@ module dotyk_mesh_surface
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_corner_table, only: corner_table_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, kind_dimension, max_facet_nodes
-  use dotyk_mesh_group, only: group_names, groups_named, names_text, unknown_group
+  use dotyk_mesh_physical_group, only: group_names, groups_named, names_text, unknown_group
   use dotyk_mesh_mesh, only: mesh_t
   implicit none
   private
@@ -31,7 +31,7 @@ module dotyk_mesh_surface
     !> Element tag of each facet in the file (n_facets).
     integer(int64), allocatable :: tag(:)
     !> Facets are quadratic in displacements only: the nodes between the corners lie on straight edges because nobody drew them.
-    logical :: promoted = .false.
+    logical :: order_elevated = .false.
   end type surface_t
 
   public :: extract_surface, surface_nodes, surface_names
@@ -63,7 +63,7 @@ contains
       call gather_facets(mesh, body_mesh, wanted, table, tag)
       surface%name = trim(surface_name)
       surface%dimension = body_mesh%dimension
-      surface%promoted = body_mesh%promoted
+      surface%order_elevated = body_mesh%order_elevated
       call find_parents(body_mesh, table, surface, parents)
       inner = findloc(parents > 1, .true., dim=1)
       if (inner > 0) then

@@ -4,6 +4,7 @@
 module dotyk_scheme_choice
   use dotyk_base_kinds, only: dp
   use dotyk_base_memory, only: memory_now, memory_t
+  use dotyk_base_options, only: linear_solver_direct, linear_solver_iterative
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_direct_system, only: direct_system_t
   use dotyk_scheme_explicit, only: explicit_compliance_t
@@ -13,11 +14,6 @@ module dotyk_scheme_choice
   use dotyk_scheme_saddle_system, only: saddle_system_t
   implicit none
   private
-
-  !> What the user may choose (`linear_solver` of the input).
-  integer, parameter, public :: solver_auto = 1       !< what is cheaper
-  integer, parameter, public :: solver_direct = 2     !< matrices and factorizations
-  integer, parameter, public :: solver_iterative = 3  !< conjugate gradients
 
   public :: choose_solver, room_for_matrices
 
@@ -70,8 +66,8 @@ contains
     end do
     memory = memory_now()
     by_sweeps = direct_cost > iterative_cost .or. bytes > room_for_matrices(memory)
-    if (wish == solver_direct) by_sweeps = .false.
-    if (wish == solver_iterative) by_sweeps = .true.
+    if (wish == linear_solver_direct) by_sweeps = .false.
+    if (wish == linear_solver_iterative) by_sweeps = .true.
     ! Conjugate gradients keep to the equilibrium of free bodies, not to springs that are softer than contact by many powers of ten.
     if (allocated(problem%coarse%stiffness)) by_sweeps = .false.
     if (allocated(compliance%body)) then

@@ -7,7 +7,7 @@
 module dotyk_scheme_multilevel_start
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: solver_auto
+  use dotyk_base_options, only: linear_solver_auto
   use dotyk_contact_operator, only: contact_block_t
   use dotyk_scheme_active_set, only: iterate_t, find_active_set, rest_on_winkler_foundation, update_penetrations
   use dotyk_scheme_active_system, only: active_system_t
@@ -73,10 +73,10 @@ contains
     allocate (all_rows(n_groups), source=.true.)
     if (compliance%is_formed(qp)) then
       call aggregate_compliance(qp, compliance, group, fraction, coarse, of_groups)
-      call choose_solver(coarse, of_groups, solver_auto, all_rows, system)
+      call choose_solver(coarse, of_groups, linear_solver_auto, all_rows, system)
       call solve_groups(coarse, of_groups, coarse_theta, system, start, indentation, error)
     else
-      call choose_solver(coarse, compliance, solver_auto, all_rows, system)
+      call choose_solver(coarse, compliance, linear_solver_auto, all_rows, system)
       if (system%needs_entries()) then
         call form_groups(coarse, compliance, of_groups)
         call solve_groups(coarse, of_groups, coarse_theta, system, start, indentation, error)

@@ -6,6 +6,7 @@
 module dotyk_scheme_neumann
   use dotyk_base_error, only: error_t, set_error
   use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: stop_paper
   use dotyk_base_text, only: to_text
   use dotyk_scheme_bounds, only: contraction, bound_of_paper, gamma_limit, gamma_limit_of_paper
   use dotyk_scheme_compliance, only: compliance_t
@@ -14,7 +15,7 @@ module dotyk_scheme_neumann
   use dotyk_scheme_relaxation, only: estimate_lambda_max, relaxation_parameter
   use dotyk_scheme_scheme, only: scheme_t
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged
-  use dotyk_scheme_stopping, only: solver_settings_t, stopping_t, stop_paper
+  use dotyk_scheme_stopping, only: solver_settings_t, stopping_t
   implicit none
   private
 

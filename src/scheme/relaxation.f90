@@ -2,16 +2,12 @@
 module dotyk_scheme_relaxation
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: gamma_fixed, gamma_theory
   use dotyk_linalg_spectrum, only: largest_eigenvalue, linear_operator_t
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   implicit none
   private
-
-  !> How gamma is chosen (`gamma_rule` of the input).
-  integer, parameter, public :: gamma_spectral = 1  !< 2/(2+L), the best one
-  integer, parameter, public :: gamma_theory = 2    !< 1/(1+L)^2, the best one of Theorem 4 in the energy norm
-  integer, parameter, public :: gamma_fixed = 3     !< given
 
   !> `Theta^{-1/2} W^{1/2} C W^{1/2} Theta^{-1/2}`: symmetric, with the spectrum of `Theta^{-1} C W`. The pointers are to dummy arguments
   !> of the procedure that has it as a local variable.
@@ -70,7 +66,7 @@ contains
 
   !> gamma by one of the rules.
   pure real(dp) function relaxation_parameter(rule, lambda_max, given) result(gamma)
-    !> One of the parameters above.
+    !> One of `gamma_*` of dotyk_base_options.
     integer, intent(in) :: rule
     !> L [].
     real(dp), intent(in) :: lambda_max

@@ -9,6 +9,7 @@ module dotyk_scheme_robin
   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: stop_residual
   use dotyk_linalg_dense, only: solve_dense
   use dotyk_scheme_bounds, only: duality_gap
   use dotyk_scheme_compliance, only: compliance_t, entries_t
@@ -17,7 +18,7 @@ module dotyk_scheme_robin
   use dotyk_scheme_neumann, only: begin_iteration, evaluate_step, finish_iteration
   use dotyk_scheme_scheme, only: scheme_t
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_limit, ended_stalled
-  use dotyk_scheme_stopping, only: solver_settings_t, stopping_t, stop_residual, relative
+  use dotyk_scheme_stopping, only: solver_settings_t, stopping_t, relative
   implicit none
   private
 

@@ -3,6 +3,8 @@ module dotyk_scheme_stopping
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite, ieee_is_nan, ieee_quiet_nan, ieee_value
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: default_gamma_rule, default_linear_solver, default_max_iterations, default_stop_rule, &
+    default_tolerance, stop_increment, stop_paper
   use dotyk_base_timer, only: wall_time
   use dotyk_scheme_bounds, only: duality_gap
   use dotyk_scheme_contact_qp, only: contact_qp_t
@@ -12,23 +14,18 @@ module dotyk_scheme_stopping
   implicit none
   private
 
-  !> What ends the iteration (`stop_rule` of the input).
-  integer, parameter, public :: stop_residual = 1   !< the guaranteed bound is below the tolerance
-  integer, parameter, public :: stop_paper = 2      !< (41) is below the tolerance; the Neumann scheme only
-  integer, parameter, public :: stop_increment = 3  !< the last step is below the tolerance
-
   !> What the user may choose for a scheme.
   type, public :: solver_settings_t
-    !> Rule for gamma, of `dotyk_scheme_relaxation`, and its value where it is given [].
-    integer :: gamma_rule = 1
+    !> Rule for gamma, one of `gamma_*` of dotyk_base_options, and its value where it is given [].
+    integer :: gamma_rule = default_gamma_rule
     real(dp) :: gamma = 0
-    !> Rule that ends the iteration, and its tolerance (relative, energy norm) [].
-    integer :: stop_rule = stop_residual
-    real(dp) :: tolerance = 1.0e-6_dp
+    !> Rule that ends the iteration, one of `stop_*`, and its tolerance (relative, energy norm) [].
+    integer :: stop_rule = default_stop_rule
+    real(dp) :: tolerance = default_tolerance
     !> Steps at most.
-    integer :: max_iterations = 100000
-    !> How the linear systems of active sets are solved: one of `solver_*` of `dotyk_scheme_choice`.
-    integer :: linear_solver = 1
+    integer :: max_iterations = default_max_iterations
+    !> How the linear systems of active sets are solved: one of `linear_solver_*`.
+    integer :: linear_solver = default_linear_solver
   end type solver_settings_t
 
   !> Watches an iteration.

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""tools/benchmark: its stiffness matrices have the unknowns and the energy of dotyk's, for all elements that it knows; its tables."""
+"""benchmarks/speed.py: its stiffness matrices have the unknowns and the energy of dotyk's, for all elements that it knows; its tables."""
 import csv
 import os
 import subprocess
@@ -9,10 +9,10 @@ import numpy as np
 
 import dotyk_case
 
-TOOLS = dotyk_case.ROOT / "tools"
-sys.path.insert(0, str(TOOLS))
-import benchmark_matrix  # noqa: E402
-import benchmark_scenes  # noqa: E402
+BENCHMARKS = dotyk_case.ROOT / "benchmarks"
+sys.path.insert(0, str(BENCHMARKS))
+import stiffness_matrices  # noqa: E402
+import speed_scenes  # noqa: E402
 
 
 class Benchmark(dotyk_case.Case):
@@ -23,13 +23,13 @@ class Benchmark(dotyk_case.Case):
         file = self.results("run.vtkhdf")
         displacement, materials = file["VTKHDF/PointData/displacement"][:], scene.materials()
         unknowns = energy = first = 0
-        bodies = list(benchmark_matrix.bodies(self.folder / "run.vtkhdf"))
+        bodies = list(stiffness_matrices.bodies(self.folder / "run.vtkhdf"))
         self.assertEqual(len(bodies), len(scene.supports()))
         for (points, kind, element), (material, supports) in zip(bodies, scene.supports()):
-            dimension = benchmark_matrix.KINDS[kind][1]
+            dimension = stiffness_matrices.KINDS[kind][1]
             unknowns += np.count_nonzero(~scene.fixed(points, dimension, supports))
             free = np.zeros((len(points), dimension), dtype=bool)
-            matrix = benchmark_matrix.stiffness(points, kind, element, *materials[material], free)
+            matrix = stiffness_matrices.stiffness(points, kind, element, *materials[material], free)
             u = displacement[first:first + len(points), :dimension].ravel()
             first += len(points)
             energy += 2*(u @ (matrix @ u)) - u @ (matrix.diagonal()*u)
@@ -39,17 +39,17 @@ class Benchmark(dotyk_case.Case):
         self.assertAlmostEqual(np.sqrt(energy)/summary["energy_norm"], 1, delta=1e-6)
 
     def test_matrices(self):
-        scenes = benchmark_scenes.scenes()
+        scenes = speed_scenes.scenes()
         wavy, composite = scenes["wavy"].planes, scenes["composite"].planes
-        for scene in (benchmark_scenes.changed_input("wave", "", "wavy", "wavy", [("h = l/80;", "h = l/16;")], wavy),
-                      benchmark_scenes.changed_input("plates", "", "composite", "composite", [], composite),
-                      benchmark_scenes.chain("boxes", "", 2, 0.5), benchmark_scenes.chain("bricks", "", 2, None, layers=2)):
+        for scene in (speed_scenes.changed_input("wave", "", "wavy", "wavy", [("h = l/80;", "h = l/16;")], wavy),
+                      speed_scenes.changed_input("plates", "", "composite", "composite", [], composite),
+                      speed_scenes.chain("boxes", "", 2, 0.5), speed_scenes.chain("bricks", "", 2, None, layers=2)):
             with self.subTest(scene.name):
                 self.check_matrix(scene)
 
     def test_planes_of_supports(self):
         """A body whose matrix is not that of the scene is seen: another plane, another number of unknowns."""
-        scene = benchmark_scenes.chain("bricks", "", 1, None, layers=2)
+        scene = speed_scenes.chain("bricks", "", 1, None, layers=2)
         points = np.array(np.meshgrid(*[np.linspace(0, 1, 3)]*3)).reshape(3, -1).T
         supports = scene.supports()[0][1]
         self.assertEqual(np.count_nonzero(scene.fixed(points, 3, supports)), 3*18)
@@ -57,11 +57,11 @@ class Benchmark(dotyk_case.Case):
 
     def test_tables(self):
         """All columns of a small scene, against the reference and on two threads."""
-        program = ("import runpy, sys; sys.path.insert(0, %r); import benchmark_scenes as s; "
+        program = ("import runpy, sys; sys.path.insert(0, %r); import speed_scenes as s; "
                    "small = s.chain('small', 'two boxes', 2, 0.4, bound=1, threads=0.9); s.scenes = lambda: {'small': small}; "
                    "sys.argv = ['benchmark', '--dotyk', %r, '--repeat', '2', '--theta', '1e-2', 'default', '--', "
                    "'ratios', 'threads']; "
-                   "runpy.run_path(%r, run_name='__main__')" % (str(TOOLS), os.environ["DOTYK"], str(TOOLS / "benchmark")))
+                   "runpy.run_path(%r, run_name='__main__')" % (str(BENCHMARKS), os.environ["DOTYK"], str(BENCHMARKS / "speed.py")))
         done = subprocess.run([sys.executable, "-B", "-c", program], cwd=self.folder, text=True, stdout=subprocess.PIPE,
                               stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL)
         self.assertEqual(done.returncode, 0, done.stdout)

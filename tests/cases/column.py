@@ -78,7 +78,7 @@ class Column(dotyk_case.Case):
     def test_quadrature_points(self):
         """The paper's literal form is exact too."""
         for kind in ("tet4", "hex20", "tri6"):
-            file = self.check_exact(kind, contact=", points='quadrature'")
+            file = self.check_exact(kind, contact=", discretization='quadrature'")
             # 8 triangles of 3 points, 4 quadrilaterals of 9, 2 lines of 3
             self.assertEqual(file["dotyk/contact/joint/weight"].shape[0], {"tet4": 24, "hex20": 36, "tri6": 6}[kind])
 
@@ -127,9 +127,9 @@ Physical Surface("sides y") = {Surface In BoundingBox {-e, -e, -e, 1 + e, e, 2 +
 
     def check_cut(self, kinds, divisions, analysis=None, left=0.0, warp=0.0, **options):
         """Facets that those of the other mesh cut are as exact as facets that match: 1e-10, with a layer and without."""
-        points = options.get("points", "nodes")
-        for theta in (1, 0) if points == "nodes" else (1,):
-            contact = ", theta_relative=%r, points='%s'" % (theta, points)
+        discretization = options.get("discretization", "mortar")
+        for theta in (1, 0) if discretization == "mortar" else (1,):
+            contact = ", theta_relative=%r, discretization='%s'" % (theta, discretization)
             file, pressure, exact = self.column(kinds, divisions, analysis, contact=contact, left=left, warp=warp)
             d = dimension(kinds[0])
             joint = file["dotyk/contact/joint"]
@@ -145,7 +145,7 @@ Physical Surface("sides y") = {Surface In BoundingBox {-e, -e, -e, 1 + e, e, 2 +
 
     def test_not_matching_quadrature_points(self):
         for kinds in (("hex20", "tet10"), ("tet4", "hex8"), ("hex27", "prism6")):
-            self.check_cut(kinds, (2, 3), points="quadrature")
+            self.check_cut(kinds, (2, 3), discretization="quadrature")
 
     def test_not_matching_kinds(self):
         self.check_cut(("hex20", "tet10"), (2, 3))
@@ -157,7 +157,7 @@ Physical Surface("sides y") = {Surface In BoundingBox {-e, -e, -e, 1 + e, e, 2 +
     def test_not_matching_in_the_plane(self):
         for kinds in (("tri3", "quad8"), ("quad9", "tri6"), ("quad4", "quad4")):
             self.check_cut(kinds, (5, 4))
-            self.check_cut(kinds, (3, 4), points="quadrature")
+            self.check_cut(kinds, (3, 4), discretization="quadrature")
 
     def test_not_matching_rings(self):
         self.check_cut(("tri6", "quad4"), (3, 4), "axisymmetric", left=0.5)
@@ -165,14 +165,14 @@ Physical Surface("sides y") = {Surface In BoundingBox {-e, -e, -e, 1 + e, e, 2 +
     def test_facets_of_any_shape(self):
         """Quadrilaterals that are no parallelograms: their shape functions are no polynomials on the pieces."""
         for kinds in (("hex8", "hex8"), ("tet4", "hex8")):
-            for points in ("nodes", "quadrature"):
-                self.check_cut(kinds, (3, 4), points=points, warp=0.15)
+            for discretization in ("mortar", "quadrature"):
+                self.check_cut(kinds, (3, 4), discretization=discretization, warp=0.15)
 
     def test_nearly_matching(self):
         """Slivers between facets, of all widths."""
         for warp in (1e-4, 1e-9):
-            for points in ("nodes", "quadrature"):
-                self.check_cut(("tet4", "hex8"), (3, 3), points=points, warp=warp)
+            for discretization in ("mortar", "quadrature"):
+                self.check_cut(("tet4", "hex8"), (3, 3), discretization=discretization, warp=warp)
 
     def test_plain_quadrature(self):
         """Points on whole facets: in the mean 4e-4 in displacement and pressure, single nodes 2e-3, and single pressures

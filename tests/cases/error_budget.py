@@ -7,9 +7,9 @@ import numpy as np
 
 import dotyk_case
 
-sys.path.insert(0, str(dotyk_case.ROOT / "tools"))
+sys.path.insert(0, str(dotyk_case.ROOT / "studies"))
 import energy_norm  # noqa: E402
-import study  # noqa: E402
+import convergence  # noqa: E402
 
 
 class ErrorBudget(dotyk_case.Case):
@@ -20,7 +20,7 @@ class ErrorBudget(dotyk_case.Case):
             self.copy(name)
         geo = (dotyk_case.INPUTS / name / (name + ".geo")).read_text()
         if name != "column":
-            geo = study.set_parameter(study.set_parameter(geo, "h", "%g*({})" % refine), "order", str(order))
+            geo = convergence.set_parameter(convergence.set_parameter(geo, "h", "%g*({})" % refine), "order", str(order))
         (folder / (name + ".geo")).write_text(geo)
         text, n = re.subn(r"(?m)^&solver .*$", "&solver %s /" % solver if solver else "",
                           (dotyk_case.INPUTS / name / (name + ".nml")).read_text())
@@ -37,7 +37,7 @@ class ErrorBudget(dotyk_case.Case):
         for name, order, refine, low, high in (("wavy", 1, 1, 0.9, 1.1), ("wavy", 2, 1, 0.9, 1.15), ("groove_row", 1, 2, 0.9, 1.1),
                                                ("groove_row", 2, 2, 0.9, 1.15), ("press_fit", 1, 0.5, 0.9, 1.1), ("press_fit", 2, 0.5, 0.9, 1.1)):
             file = self.example(name, "theta_relative=0", refine, order)
-            check = study.load(self.folder / name / "check.py")
+            check = convergence.load(self.folder / name / "check.py")
             truth = energy_norm.error(self.path, check.exact_stress) / energy_norm.energy_norm(self.path)
             ratio = file["dotyk/summary"].attrs["error_discretization"] / truth
             self.assertTrue(low < ratio < high, (name, order, ratio))
@@ -53,7 +53,7 @@ class ErrorBudget(dotyk_case.Case):
         self.assertAlmostEqual(np.linalg.norm(of_bodies) / summary["error_discretization"], 1, delta=1e-12)
         self.assertAlmostEqual(summary["energy_norm"] / energy_norm.energy_norm(self.path), 1, delta=1e-9)
         # True errors of the cells: the same ones are large.
-        check = study.load(self.folder / "wavy" / "check.py")
+        check = convergence.load(self.folder / "wavy" / "check.py")
         _, true = energy_norm.error(self.path, check.exact_stress, cells=True)
         self.assertGreater(np.corrcoef(true, cells)[0, 1], 0.9)
 

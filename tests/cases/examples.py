@@ -82,7 +82,7 @@ class Examples(dotyk_case.Case):
     def test_wavy_at_quadrature_points(self):
         self.copy("wavy")
         # Quadrature points need a penalty: without it their single pressures are not determined.
-        self.edit("wavy/wavy.nml", (r"theta_relative=[^,]+", "theta_relative=2e-3"), (r"name='wave',", "name='wave', points='quadrature',"))
+        self.edit("wavy/wavy.nml", (r"theta_relative=[^,]+", "theta_relative=2e-3"), (r"name='wave',", "name='wave', discretization='quadrature',"))
         file = self.run_example("wavy")
         errors = check_of("wavy").errors(self.folder / "wavy/wavy.vtkhdf")
         self.assertLess(abs(errors["a_error"]), 0.02)
@@ -306,10 +306,10 @@ class Examples(dotyk_case.Case):
         np.testing.assert_allclose(around / step**2, 0, atol=1e-2 * size / np.ptp(x))
 
     def test_study(self):
-        """The table of tools/study.py: sizes, unknowns, errors and orders."""
+        """The table of studies/convergence.py: sizes, unknowns, errors and orders."""
         import subprocess
         import sys
-        command = [sys.executable, dotyk_case.ROOT / "tools/study.py", "press_fit", "--orders", "1", "--factors", "2,1", "--more", "match=1"]
+        command = [sys.executable, dotyk_case.ROOT / "studies/convergence.py", "press_fit", "--orders", "1", "--factors", "2,1", "--more", "match=1"]
         done = subprocess.run(command, check=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         lines = done.stdout.splitlines()
         self.assertEqual(len(lines), 4)

@@ -315,7 +315,7 @@ class Free(dotyk_case.Case):
         # The bound of redundant rows is that of rounding errors to the power 1/2: 1e-8.
         self.column(["hex8"] * 2, [3] * 2, solver="theta_relative=0, tolerance=1e-6")
         text = (self.folder / "case.nml").read_text()
-        self.write("case.nml", text.replace("surface_b='b0:top'", "surface_b='b0:top', points='quadrature'"))
+        self.write("case.nml", text.replace("surface_b='b0:top'", "surface_b='b0:top', discretization='quadrature'"))
         log, file = self.solve()
         self.assertIn("single pressures at quadrature points are not determined", log)
         self.assertAlmostEqual(file["dotyk/contact/joint 1"].attrs["force"][2], 1, delta=1e-9)

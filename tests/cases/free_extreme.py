@@ -9,7 +9,7 @@ import numpy as np
 import dotyk_case
 from blocks import block_geo
 
-sys.path.insert(0, str(dotyk_case.ROOT / "tools"))
+sys.path.insert(0, str(dotyk_case.ROOT / "benchmarks"))
 import balls  # noqa: E402
 
 YOUNG = 200.0

@@ -1,11 +1,11 @@
 #!/usr/bin/python3
-"""tools/fuzz: a short run without a fault, and that it sees faults."""
+"""tests/fuzz/fuzz.py: a short run without a fault, and that it sees faults."""
 import os
 import subprocess
 
 import dotyk_case
 
-FUZZ = dotyk_case.ROOT / "tools" / "fuzz"
+FUZZ = dotyk_case.ROOT / "tests" / "fuzz" / "fuzz.py"
 # An executable that does all that it must not.
 WRONG = """#!/bin/sh
 case "$*" in *--version*) echo wrong; exit 0;; esac

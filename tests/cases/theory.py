@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""tools/theory.py --quick: Theorems 1, 3 and 4 on small scenes, the bounds, and what depends on the mesh."""
+"""studies/theory.py --quick: Theorems 1, 3 and 4 on small scenes, the bounds, and what depends on the mesh."""
 import copy
 import os
 import pathlib
@@ -10,7 +10,7 @@ import numpy as np
 
 import dotyk_case
 
-sys.path.insert(0, str(dotyk_case.ROOT / "tools"))
+sys.path.insert(0, str(dotyk_case.ROOT / "studies"))
 import theory  # noqa: E402
 
 

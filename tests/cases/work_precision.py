@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""tools/work_precision on a small grid: table, figures, omissions with their reasons, what is done before is not run again."""
+"""studies/work_precision.py on a small grid: table, figures, omissions with their reasons, what is done before is not run again."""
 import csv
 import os
 import signal
@@ -11,7 +11,7 @@ import numpy as np
 
 import dotyk_case
 
-TOOL = dotyk_case.ROOT / "tools/work_precision"
+TOOL = dotyk_case.ROOT / "studies/work_precision.py"
 GRID = """! two sizes and orders; no scheme but dual does without a penalty, and five steps are too few for neumann
 &grid scene='wavy/wavy.nml', check='plain.py', title='small wave', size=0.125,0.0625, order=1,2, threads=1
   theta_relative=0, scheme='dual', repeat=2, error='a_error','energy', reference_size=0.03125, reference_order=2 /

@@ -1,4 +1,4 @@
-"""Extreme scenes: what one is, how it is run, and how its answer is judged. Used by tests/cases/extreme and by tools/extreme.
+"""Extreme scenes: what one is, how it is run, and how its answer is judged. Used by tests/extreme and by tests/extreme/run_all.py.
 
 A module of scenes has a function `scenes(grid)`: the scenes that run in seconds, with grid=True all. Its last line is
 `extreme.main(scenes)`, which makes a test of each.

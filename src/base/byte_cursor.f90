@@ -1,0 +1,379 @@
+!> A file in memory and a cursor over its bytes: numbers as text or in binary, words and lines.
+!>
+!> The first fault is kept with its place and makes the cursor `broken`; after it every reading gives zeros, so that callers
+!> look at `broken` once a record and not at every number. No reading goes beyond the file.
+module dotyk_base_byte_cursor
+  use dotyk_base_kinds, only: dp, int32, int64
+  use dotyk_base_error, only: error_t, set_error, exit_bad_input
+  use dotyk_base_files, only: why_no_file
+  use dotyk_base_text, only: to_text
+  use dotyk_base_number_text, only: scan_integer, scan_real, ends_word, most_digits
+  implicit none
+  private
+
+  !> Bytes read at once: the run-time library asks the system for all of it in one call, which takes 2 GB at most.
+  integer(int64), parameter :: chunk = 2_int64**29
+  !> Longest piece of a file that a message shows.
+  integer, parameter :: longest_shown = 40
+
+  !> A file in memory and the place of the next reading.
+  type, public :: byte_cursor_t
+    !> Name of the file, for messages.
+    character(:), allocatable :: file
+    !> The bytes of the file and a NUL behind them.
+    character(:), allocatable :: text
+    !> Number of bytes of the file.
+    integer(int64) :: size = 0
+    !> The byte that is read next; size + 1 at the end.
+    integer(int64) :: position = 1
+    !> Whether `get_int`, `get_size` and `get_real` read binary numbers, and places are byte offsets rather than lines.
+    logical :: binary = .false.
+    !> The section that is being read, as '$Nodes'; empty between sections.
+    character(:), allocatable :: section
+    !> Whether anything went wrong.
+    logical :: broken = .false.
+    !> Message of the first fault, with its place.
+    character(:), allocatable :: fault
+  contains
+    procedure :: load => cursor_load
+    procedure :: use_text => cursor_use_text
+    procedure :: get_int => cursor_get_int
+    procedure :: get_size => cursor_get_size
+    procedure :: get_real => cursor_get_real
+    procedure :: get_text_integer => cursor_get_text_integer
+    procedure :: get_word => cursor_get_word
+    procedure :: get_line => cursor_get_line
+    procedure :: end_line => cursor_end_line
+    procedure :: skip_blanks => cursor_skip_blanks
+    procedure :: at_end => cursor_at_end
+    procedure :: require => cursor_require
+    procedure :: fail => cursor_fail
+    procedure :: place => cursor_place
+  end type byte_cursor_t
+
+contains
+
+  !> Read a whole file.
+  subroutine cursor_load(self, file, error)
+    class(byte_cursor_t), intent(inout) :: self
+    !> Path of the file.
+    character(*), intent(in) :: file
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: text
+    character(256) :: message
+    integer(int64) :: n_bytes, first
+    integer :: unit, status
+    logical :: found
+    inquire (file=file, exist=found)
+    if (.not. found) then
+      call set_error(error, file//': there is no such file', exit_bad_input)
+      return
+    end if
+    text = why_no_file(file)
+    if (len(text) > 0) then
+      call set_error(error, file//': it '//text, exit_bad_input)
+      return
+    end if
+    deallocate (text)
+    open (newunit=unit, file=file, access='stream', form='unformatted', action='read', status='old', iostat=status, iomsg=message)
+    if (status /= 0) then
+      call set_error(error, file//': cannot be opened: '//trim(message), exit_bad_input)
+      return
+    end if
+    inquire (unit=unit, size=n_bytes)
+    if (n_bytes < 0) n_bytes = 0
+    allocate (character(n_bytes + 1) :: text, stat=status)
+    if (status /= 0) then
+      close (unit)
+      call set_error(error, file//': not enough memory for its '//to_text(n_bytes)//' bytes', exit_bad_input)
+      return
+    end if
+    do first = 1, n_bytes, chunk
+      read (unit, iostat=status, iomsg=message) text(first:min(first + chunk - 1, n_bytes))
+      if (status /= 0) exit
+    end do
+    close (unit)
+    if (status /= 0) then
+      call set_error(error, file//': cannot be read: '//trim(message), exit_bad_input)
+      return
+    end if
+    text(n_bytes + 1:) = achar(0)
+    call set_up(self, file, text)
+  end subroutine cursor_load
+
+  !> Use bytes that are in memory already, as if they had been read from a file.
+  subroutine cursor_use_text(self, file, bytes)
+    class(byte_cursor_t), intent(inout) :: self
+    !> Name for messages.
+    character(*), intent(in) :: file
+    !> What the file would hold.
+    character(*), intent(in) :: bytes
+    character(:), allocatable :: text
+    text = bytes//achar(0)
+    call set_up(self, file, text)
+  end subroutine cursor_use_text
+
+  !> Start at the first byte.
+  subroutine set_up(self, file, text)
+    type(byte_cursor_t), intent(inout) :: self
+    character(*), intent(in) :: file
+    !> Bytes and a NUL behind them; taken away from the caller.
+    character(:), allocatable, intent(inout) :: text
+    call move_alloc(text, self%text)
+    self%file = file
+    self%section = ''
+    self%size = len(self%text, int64) - 1
+    self%position = 1
+    self%binary = .false.
+    self%broken = .false.
+    if (allocated(self%fault)) deallocate (self%fault)
+  end subroutine set_up
+
+  !> The next integer: text or 4 bytes.
+  subroutine cursor_get_int(self, value)
+    class(byte_cursor_t), intent(inout) :: self
+    integer(int64), intent(out) :: value
+    if (.not. self%binary) then
+      call cursor_get_text_integer(self, value)
+      return
+    end if
+    value = 0
+    if (self%broken) return
+    if (self%size - self%position + 1 < 4) then
+      call report_end(self)
+      return
+    end if
+    value = int(transfer(self%text(self%position:self%position + 3), 0_int32), int64)
+    self%position = self%position + 4
+  end subroutine cursor_get_int
+
+  !> The next integer: text or 8 bytes (C's size_t; a negative value is a corrupt one).
+  subroutine cursor_get_size(self, value)
+    class(byte_cursor_t), intent(inout) :: self
+    integer(int64), intent(out) :: value
+    if (.not. self%binary) then
+      call cursor_get_text_integer(self, value)
+      return
+    end if
+    value = 0
+    if (self%broken) return
+    if (self%size - self%position + 1 < 8) then
+      call report_end(self)
+      return
+    end if
+    value = transfer(self%text(self%position:self%position + 7), 0_int64)
+    self%position = self%position + 8
+  end subroutine cursor_get_size
+
+  !> The next real, text or 8 bytes; not finite is a fault.
+  subroutine cursor_get_real(self, value)
+    class(byte_cursor_t), intent(inout) :: self
+    real(dp), intent(out) :: value
+    !> Exponent bits: all set in infinities and NaN. Compared as bits, for a signalling NaN traps in any other comparison.
+    integer(int64), parameter :: exponent_bits = int(z'7FF0000000000000', int64)
+    integer(int64) :: bits
+    logical :: good
+    value = 0
+    if (self%broken) return
+    if (self%binary) then
+      if (self%size - self%position + 1 < 8) then
+        call report_end(self)
+        return
+      end if
+      bits = transfer(self%text(self%position:self%position + 7), 0_int64)
+      if (iand(bits, exponent_bits) == exponent_bits) then
+        call self%fail('a number is not finite')
+        return
+      end if
+      value = transfer(bits, 0.0_dp)
+      self%position = self%position + 8
+    else
+      call cursor_skip_blanks(self)
+      call scan_real(self%text, self%position, value, good)
+      if (.not. good) call report_word(self, 'a finite number')
+    end if
+  end subroutine cursor_get_real
+
+  !> The next integer, written as text in binary files too.
+  subroutine cursor_get_text_integer(self, value)
+    class(byte_cursor_t), intent(inout) :: self
+    integer(int64), intent(out) :: value
+    logical :: good
+    value = 0
+    if (self%broken) return
+    call cursor_skip_blanks(self)
+    call scan_integer(self%text, self%position, value, good)
+    if (good) return
+    value = 0
+    if (is_long_integer(self)) then
+      call report_word(self, 'an integer of at most '//to_text(most_digits)//' digits')
+    else
+      call report_word(self, 'an integer')
+    end if
+  end subroutine cursor_get_text_integer
+
+  !> Whether an integer stands here that is too large.
+  pure logical function is_long_integer(self) result(is_long)
+    class(byte_cursor_t), intent(in) :: self
+    integer(int64) :: first, last
+    first = self%position
+    if (scan('+-', self%text(first:first)) > 0) first = first + 1
+    ! A NUL stands behind the last byte.
+    last = first
+    do while (scan('0123456789', self%text(last:last)) > 0)
+      last = last + 1
+    end do
+    is_long = last - first > most_digits .and. ends_word(self%text(last:last))
+  end function is_long_integer
+
+  !> The next word; empty at the end of the file.
+  subroutine cursor_get_word(self, word)
+    class(byte_cursor_t), intent(inout) :: self
+    character(:), allocatable, intent(out) :: word
+    integer(int64) :: first
+    call cursor_skip_blanks(self)
+    first = self%position
+    do while (self%position <= self%size)
+      if (ends_word(self%text(self%position:self%position))) exit
+      self%position = self%position + 1
+    end do
+    word = self%text(first:self%position - 1)
+  end subroutine cursor_get_word
+
+  !> The rest of the line, without its end.
+  subroutine cursor_get_line(self, line)
+    class(byte_cursor_t), intent(inout) :: self
+    character(:), allocatable, intent(out) :: line
+    integer(int64) :: first, last
+    first = self%position
+    do while (self%position <= self%size)
+      if (self%text(self%position:self%position) == achar(10)) exit
+      self%position = self%position + 1
+    end do
+    last = self%position - 1
+    self%position = min(self%position + 1, self%size + 1)
+    if (last >= first) then
+      if (self%text(last:last) == achar(13)) last = last - 1
+    end if
+    line = self%text(first:last)
+  end subroutine cursor_get_line
+
+  !> Go behind the end of a line of which nothing but blanks may be left: binary numbers begin there.
+  subroutine cursor_end_line(self)
+    class(byte_cursor_t), intent(inout) :: self
+    character :: letter
+    if (self%broken) return
+    do
+      if (self%position > self%size) then
+        call report_end(self)
+        return
+      end if
+      letter = self%text(self%position:self%position)
+      if (letter == achar(10)) exit
+      if (.not. ends_word(letter)) then
+        call report_word(self, 'the end of the line')
+        return
+      end if
+      self%position = self%position + 1
+    end do
+    self%position = self%position + 1
+  end subroutine cursor_end_line
+
+  !> Go to the next character that is no blank and no line end.
+  subroutine cursor_skip_blanks(self)
+    class(byte_cursor_t), intent(inout) :: self
+    integer(int64) :: p
+    do p = self%position, self%size
+      if (.not. ends_word(self%text(p:p))) exit
+    end do
+    self%position = p
+  end subroutine cursor_skip_blanks
+
+  !> Whether nothing but blanks is left.
+  logical function cursor_at_end(self) result(at_end)
+    class(byte_cursor_t), intent(inout) :: self
+    call cursor_skip_blanks(self)
+    at_end = self%position > self%size
+  end function cursor_at_end
+
+  !> A count must be possible: not negative, and what it counts must fit in the rest of the file.
+  subroutine cursor_require(self, count, least_bytes, what, position)
+    class(byte_cursor_t), intent(inout) :: self
+    !> The count as read.
+    integer(int64), intent(in) :: count
+    !> Fewest bytes that each of them takes.
+    integer, intent(in) :: least_bytes
+    !> What is counted, for the message.
+    character(*), intent(in) :: what
+    !> Where the count stands.
+    integer(int64), intent(in) :: position
+    integer(int64) :: left
+    if (self%broken) return
+    left = self%size - self%position + 1
+    ! The last text number needs no blank behind it.
+    if (count >= 0 .and. count <= (left + 1)/least_bytes .and. count < huge(0)) return
+    call self%fail('the number of '//what//', '//to_text(count)//', cannot be right: '//to_text(left)// &
+                   ' bytes of the file are left; it is truncated or corrupt', position)
+  end subroutine cursor_require
+
+  !> Keep a fault, if it is the first, with its place.
+  subroutine cursor_fail(self, message, position)
+    class(byte_cursor_t), intent(inout) :: self
+    !> What is wrong.
+    character(*), intent(in) :: message
+    !> Byte where it is wrong; the next one if absent.
+    integer(int64), intent(in), optional :: position
+    integer(int64) :: where
+    if (self%broken) return
+    where = self%position
+    if (present(position)) where = position
+    self%broken = .true.
+    self%fault = self%place(where)//': '
+    if (len(self%section) > 0) self%fault = self%fault//self%section//': '
+    self%fault = self%fault//message
+  end subroutine cursor_fail
+
+  !> A place for messages: 'file:line' of a text, 'file: byte offset' of a binary file, where the first byte has offset 0.
+  function cursor_place(self, position) result(place)
+    class(byte_cursor_t), intent(in) :: self
+    integer(int64), intent(in) :: position
+    character(:), allocatable :: place
+    integer(int64) :: p, line
+    if (self%binary) then
+      place = self%file//': byte '//to_text(position - 1)
+      return
+    end if
+    line = 1
+    do p = 1, min(position - 1, self%size)
+      if (self%text(p:p) == achar(10)) line = line + 1
+    end do
+    place = self%file//':'//to_text(line)
+  end function cursor_place
+
+  !> The file ended inside something.
+  subroutine report_end(self)
+    class(byte_cursor_t), intent(inout) :: self
+    call self%fail('the file ends here, too early: it is truncated')
+  end subroutine report_end
+
+  !> Something else stands where a number is expected.
+  subroutine report_word(self, expected)
+    class(byte_cursor_t), intent(inout) :: self
+    !> What is expected.
+    character(*), intent(in) :: expected
+    character(:), allocatable :: word
+    integer(int64) :: first
+    integer :: i
+    if (self%at_end()) then
+      call report_end(self)
+      return
+    end if
+    first = self%position
+    call self%get_word(word)
+    if (len(word) > longest_shown) word = word(:longest_shown)//'...'
+    do i = 1, len(word)
+      if (iachar(word(i:i)) > 126) word(i:i) = '?'
+    end do
+    call self%fail('expected '//expected//", found '"//word//"'", first)
+  end subroutine report_word
+end module dotyk_base_byte_cursor

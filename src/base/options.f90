@@ -1,0 +1,169 @@
+!> The enumerations of the program, each with its names and its default: values of namelist keys that all layers use.
+!>
+!> An enumeration consists of named integers 1, 2, ... and one list of names, separated by blanks, in the same order.
+!> Enumerations that follow from the presence of keys (of materials, loads, gaps, theta) have names as well.
+module dotyk_base_options
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_text, only: join, lower, split_words, suggestion, text_t
+  implicit none
+  private
+
+  !> `&scene analysis`: dimension and kinematics.
+  character(*), parameter, public :: analysis_names = '3d plane_strain plane_stress axisymmetric'
+  integer, parameter, public :: analysis_3d = 1            !< three-dimensional
+  integer, parameter, public :: analysis_plane_strain = 2  !< strains zz, yz, xz are zero; forces per unit thickness
+  integer, parameter, public :: analysis_plane_stress = 3  !< stresses zz, yz, xz are zero; forces per unit thickness
+  integer, parameter, public :: analysis_axisymmetric = 4  !< about y, x is the radius; forces are those of 2 pi
+  integer, parameter, public :: default_analysis = analysis_3d
+
+  !> Symmetry of a material; follows from the keys of `&material`.
+  character(*), parameter, public :: material_names = 'isotropic orthotropic anisotropic'
+  integer, parameter, public :: material_isotropic = 1    !< one Young's modulus, one Poisson's ratio
+  integer, parameter, public :: material_orthotropic = 2  !< three each of young, poisson and shear, two axes
+  integer, parameter, public :: material_anisotropic = 3  !< 21 components of the stiffness
+
+  !> Kinds of loads: keys of `&load`, each with its `_formula`.
+  character(*), parameter, public :: load_names = 'traction pressure local_traction force_density'
+  integer, parameter, public :: load_traction = 1        !< force per area, global axes
+  integer, parameter, public :: load_pressure = 2        !< force per area along the inward normal
+  integer, parameter, public :: load_local_traction = 3  !< force per area along xi, eta, n of the surface
+  integer, parameter, public :: load_force_density = 4   !< force per volume, global axes
+
+  !> Initial gap of a contact pair; follows from the keys of `&contact`.
+  character(*), parameter, public :: gap_names = 'geometry constant formula'
+  integer, parameter, public :: gap_geometry = 1  !< distance between the surfaces along the normal
+  integer, parameter, public :: gap_constant = 2  !< `gap`
+  integer, parameter, public :: gap_formula = 3   !< `gap_formula`, evaluated on surface_a
+  integer, parameter, public :: default_gap = gap_geometry
+
+  !> Forms of the penalty parameter: keys of `&solver` and `&contact`.
+  character(*), parameter, public :: theta_names = 'theta theta_relative theta_mesh'
+  integer, parameter, public :: theta_absolute = 1  !< length over pressure
+  integer, parameter, public :: theta_relative = 2  !< factor of size_a/E_a + size_b/E_b
+  integer, parameter, public :: theta_mesh = 3      !< factor of h_a/E_a + h_b/E_b, point by point
+  integer, parameter, public :: default_theta = theta_mesh
+
+  !> `&contact discretization`: rows of the contact operator.
+  character(*), parameter, public :: discretization_names = 'mortar quadrature'
+  integer, parameter, public :: discretization_mortar = 1      !< dual mortar: weighted gaps at vertices of surface_a
+  integer, parameter, public :: discretization_quadrature = 2  !< gaps at the quadrature points of surface_a
+  integer, parameter, public :: default_discretization = discretization_mortar
+
+  !> `&contact geometry`: surfaces that gaps and normals are taken from.
+  character(*), parameter, public :: geometry_names = 'smooth elements straight'
+  integer, parameter, public :: geometry_smooth = 1    !< patches with continuous normals over the facets
+  integer, parameter, public :: geometry_elements = 2  !< facets of the elements
+  integer, parameter, public :: geometry_straight = 3  !< flat facets on the corners of the elements
+  integer, parameter, public :: default_geometry = geometry_smooth
+
+  !> `&contact quadrature`: quadrature points of a contact pair.
+  character(*), parameter, public :: quadrature_names = 'segments plain'
+  integer, parameter, public :: quadrature_segments = 1  !< on mortar segments, overlaps of facets of both surfaces
+  integer, parameter, public :: quadrature_plain = 2     !< on whole facets of surface_a
+  integer, parameter, public :: default_quadrature = quadrature_segments
+
+  !> `&solver scheme`.
+  character(*), parameter, public :: scheme_names = 'auto neumann dual robin nesterov anderson secant'
+  integer, parameter, public :: scheme_auto = 1      !< dual, unless other keys ask for neumann
+  integer, parameter, public :: scheme_neumann = 2   !< parallel Neumann scheme, equations (43) to (46)
+  integer, parameter, public :: scheme_dual = 3      !< primal-dual active set on the Lagrange multipliers
+  integer, parameter, public :: scheme_robin = 4     !< Robin conditions on both sides
+  integer, parameter, public :: scheme_nesterov = 5  !< neumann with Nesterov's momentum
+  integer, parameter, public :: scheme_anderson = 6  !< neumann with Anderson acceleration
+  integer, parameter, public :: scheme_secant = 7    !< neumann with crossed secants
+  integer, parameter, public :: default_scheme = scheme_auto
+
+  !> `&solver response`: form of a body's compliance operator.
+  character(*), parameter, public :: response_names = 'auto full condensed compliance'
+  integer, parameter, public :: response_auto = 1        !< the cheapest form
+  integer, parameter, public :: response_full = 2        !< solves with the whole factor
+  integer, parameter, public :: response_condensed = 3   !< contact unknowns last, solves with their part of the factor
+  integer, parameter, public :: response_compliance = 4  !< dense compliance matrix of the contact unknowns
+  integer, parameter, public :: default_response = response_auto
+
+  !> `&solver linear_solver`: systems of the active set.
+  character(*), parameter, public :: linear_solver_names = 'auto direct iterative'
+  integer, parameter, public :: linear_solver_auto = 1       !< the cheaper one
+  integer, parameter, public :: linear_solver_direct = 2     !< columns of the compliance and a factorization
+  integer, parameter, public :: linear_solver_iterative = 3  !< conjugate gradients
+  integer, parameter, public :: default_linear_solver = linear_solver_auto
+
+  !> `&solver gamma_rule`: relaxation parameter gamma of (44).
+  character(*), parameter, public :: gamma_rule_names = 'spectral theory fixed'
+  integer, parameter, public :: gamma_spectral = 1  !< 2/(2+L), the best one
+  integer, parameter, public :: gamma_theory = 2    !< 1/(1+L)^2, the best one of Theorem 4 in the energy norm
+  integer, parameter, public :: gamma_fixed = 3     !< `gamma`
+  integer, parameter, public :: default_gamma_rule = gamma_spectral
+
+  !> `&solver stop_rule`: quantity that ends the iteration.
+  character(*), parameter, public :: stop_rule_names = 'residual paper increment budget'
+  integer, parameter, public :: stop_residual = 1   !< guaranteed error bound below the tolerance
+  integer, parameter, public :: stop_paper = 2      !< bound (41) below the tolerance; Neumann scheme only
+  integer, parameter, public :: stop_increment = 3  !< relative change of the displacements below the tolerance
+  integer, parameter, public :: stop_budget = 4     !< guaranteed error bound below a fraction of the other errors
+  integer, parameter, public :: default_stop_rule = stop_residual
+
+  !> `&solver locking`: nearly incompressible bodies.
+  character(*), parameter, public :: locking_names = 'auto project ignore'
+  integer, parameter, public :: locking_auto = 1     !< projected dilatation, and order elevation of linear simplices
+  integer, parameter, public :: locking_project = 2  !< projected dilatation
+  integer, parameter, public :: locking_ignore = 3   !< elements as they are
+  integer, parameter, public :: default_locking = locking_auto
+
+  !> `&output fields`.
+  character(*), parameter, public :: field_names = 'displacement stress contact error'
+  integer, parameter, public :: field_displacement = 1  !< displacement of the nodes
+  integer, parameter, public :: field_stress = 2        !< stress of the elements
+  integer, parameter, public :: field_contact = 3       !< contact pressure
+  integer, parameter, public :: field_error = 4         !< discretization error of the elements
+
+  !> `&output error_parts`.
+  character(*), parameter, public :: error_part_names = 'penalty discretization'
+  integer, parameter, public :: error_part_penalty = 1         !< distance to the solution with theta = 0
+  integer, parameter, public :: error_part_discretization = 2  !< discretization error
+
+  !> Default of `&solver tolerance` [].
+  real(dp), parameter, public :: default_tolerance = 1.0e-6_dp
+  !> Default of `&solver budget_fraction` [].
+  real(dp), parameter, public :: default_budget_fraction = 0.1_dp
+  !> Default of `&solver max_iterations`.
+  integer, parameter, public :: default_max_iterations = 100000
+
+  public :: find_option, option_name
+
+contains
+
+  !> Name of an option; empty where the list has no such option.
+  pure function option_name(names, option) result(name)
+    !> One of the lists above.
+    character(*), intent(in) :: names
+    !> Option, from 1.
+    integer, intent(in) :: option
+    character(:), allocatable :: name
+    type(text_t), allocatable :: words(:)
+    call split_words(names, words)
+    name = ''
+    if (option >= 1 .and. option <= size(words)) name = words(option)%s
+  end function option_name
+
+  !> Option of a name, in upper or lower case.
+  pure subroutine find_option(names, name, option, message)
+    !> One of the lists above.
+    character(*), intent(in) :: names
+    !> Name to look up, without blanks around it.
+    character(*), intent(in) :: name
+    !> Its option; 0 where the list has no such name.
+    integer, intent(out) :: option
+    !> "must be one of: ...", with the nearest name; empty where the name is in the list.
+    character(:), allocatable, intent(out), optional :: message
+    type(text_t), allocatable :: words(:)
+    call split_words(names, words)
+    do option = 1, size(words)
+      if (words(option)%s == lower(name) .and. len(words(option)%s) == len(name)) exit
+    end do
+    if (option > size(words)) option = 0
+    if (.not. present(message)) return
+    message = ''
+    if (option == 0) message = 'must be one of: '//join(words, ', ')//suggestion(name, words)
+  end subroutine find_option
+end module dotyk_base_options

@@ -1,0 +1,87 @@
+!> What single places of a surface miss the contact conditions by, which rows meet in the mean.
+!>
+!> For the exact pressure p and any admissible displacement u_h, the distance of the energies has two parts:
+!> `2 (J(u_h) - J(u)) = ||u - u_h||_A^2 + 2 int p (d - B u_h) dS`. The second, the work of p on the gap that u_h leaves under it, is no part
+!> of the energy norm of the error, but says as much of how well the contact is met. It is taken facet by facet here, with the
+!> pressures of the rows, linear between vertices.
+module dotyk_contact_complementarity
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: discretization_quadrature
+  use dotyk_contact_corner_interpolation, only: corner_interpolation_t
+  use dotyk_contact_pair, only: contact_pair_t
+  use dotyk_mesh_element, only: kind_nodes, max_facet_nodes, shape_functions
+  use dotyk_mesh_surface, only: surface_t
+  implicit none
+  private
+  public :: complementarity_error
+
+contains
+
+  !> Work of the pressures on what gap there is under them, the layer of theta taken out; the sum of the facets' absolute values [energy].
+  real(dp) function complementarity_error(pair, surface_a, surface_b, u_a, u_b, pressure) result(total)
+    type(contact_pair_t), intent(in) :: pair
+    type(surface_t), intent(in) :: surface_a, surface_b
+    !> Displacements of the two bodies (dimension, n_nodes) [length].
+    real(dp), intent(in) :: u_a(:, :), u_b(:, :)
+    !> Of the rows (n_rows) [pressure].
+    real(dp), intent(in) :: pressure(:)
+    type(corner_interpolation_t) :: corners
+    real(dp), allocatable :: at_corner(:), theta_at_corner(:), work(:)
+    real(dp) :: closing(size(u_a, 1)), p, theta
+    integer :: i, k, n, first, last
+    allocate (work(pair%n_points))
+    if (pair%discretization /= discretization_quadrature) then
+      call corners%init(surface_a, pair%facet_a, pair%xi_a)
+      allocate (at_corner(corners%n), theta_at_corner(corners%n), source=0.0_dp)
+      ! Both lists ascend; vertices without a row have next to no area.
+      i = 1
+      do k = 1, corners%n
+        if (i > pair%n_rows) exit
+        if (corners%corner_node(k) /= pair%row_vertex(i)) cycle
+        at_corner(k) = pressure(i)
+        theta_at_corner(k) = pair%row_theta(i)
+        i = i + 1
+      end do
+    end if
+    do i = 1, pair%n_points
+      if (pair%discretization == discretization_quadrature) then
+        p = pressure(i)
+        theta = pair%row_theta(i)
+      else
+        n = count(corners%corner(:, i) > 0)
+        p = dot_product(corners%shape(:n, i), at_corner(corners%corner(:n, i)))
+        theta = dot_product(corners%shape(:n, i), theta_at_corner(corners%corner(:n, i)))
+      end if
+      closing = displacement(surface_a, pair%facet_a(i), pair%xi_a(:, i), u_a) - &
+                displacement(surface_b, pair%facet_b(i), pair%xi_b(:, i), u_b)
+      work(i) = pair%weight(i)*p*(pair%gap(i) + theta*p - dot_product(pair%normal(:, i), closing))
+    end do
+    total = 0
+    first = 1
+    do while (first <= pair%n_points)
+      last = first
+      do while (last < pair%n_points)
+        if (pair%facet_a(last + 1) /= pair%facet_a(first)) exit
+        last = last + 1
+      end do
+      total = total + abs(sum(work(first:last)))
+      first = last + 1
+    end do
+  end function complementarity_error
+
+  !> Displacement at a point of a facet.
+  pure function displacement(surface, facet, xi, u) result(value)
+    type(surface_t), intent(in) :: surface
+    integer, intent(in) :: facet
+    real(dp), intent(in) :: xi(:), u(:, :)
+    real(dp) :: value(size(u, 1))
+    real(dp) :: shape(max_facet_nodes)
+    integer :: n, i
+    n = kind_nodes(surface%kind(facet))
+    call shape_functions(surface%kind(facet), xi, shape(:n))
+    value = 0
+    do i = 1, n
+      value = value + shape(i)*u(:, surface%node(i, facet))
+    end do
+  end function displacement
+end module dotyk_contact_complementarity

@@ -1,0 +1,208 @@
+!> The pressure that users look at: a field of the continuous linear shape functions of surface_a.
+!>
+!> Where the rows are vertices, row i holds p_i = (moment of the pressure with N_i)/w_i, a mean with the weight N_i, which
+!> flattens curves. One step P = p + (p - W^{-1} M p), M = sum_q w_q N_q N_q^T, W = diag(w), takes that back to the fourth
+!> order, keeps the force, and doubles noise at most. The whole inverse, P = M^{-1} W p, makes noise 3 (lines) to 9 times
+!> (quadrilaterals) as large, and overshoots where the pressure ends as a square root: for a sphere with 3 elements over
+!> the contact radius its mean square error is 15 % in place of 10 %.
+!>
+!> Where the rows are the points, nodal values P minimise sum_i w_i (N_i P - p_i)^2. A facet on the rim of the contact
+!> surface may carry fewer points than corners, and then this does not determine its corners. To it is added
+!> smoothing * (sum of w on the facet) * sum over pairs of its corners (P_j - P_k)^2, which makes the matrix positive
+!> definite, as every corner is joined to a point, and gives undetermined corners the values of their neighbours. With
+!> smoothing = 1e-11 determined values move by less than 1e-9 of the differences between neighbours (the least
+!> eigenvalue of a facet's mass matrix is 1/36 of its area), and undetermined ones keep 5 digits of 16.
+module dotyk_contact_pressure_projection
+  use dotyk_base_error, only: add_context, error_t, exit_not_solvable, set_error
+  use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_options, only: discretization_quadrature
+  use dotyk_base_text, only: quoted
+  use dotyk_contact_corner_interpolation, only: corner_interpolation_t
+  use dotyk_contact_pair, only: contact_pair_t
+  use dotyk_linalg_cholesky, only: cholesky_t
+  use dotyk_linalg_ordering, only: nested_dissection
+  use dotyk_linalg_sparse, only: sparse_rows_t, sparse_symmetric_t
+  use dotyk_mesh_surface, only: surface_t
+  implicit none
+  private
+
+  !> The projection of one pair. It owns a factor: never copy it, destroy it in the end.
+  type, public :: pressure_projection_t
+    !> Fields on surface_a and surface_b; their `node` tells which nodes have values.
+    type(corner_interpolation_t) :: side_a, side_b
+    !> Factor of the weighted mass matrix of side_a, where the rows are the points.
+    type(cholesky_t) :: factor
+  contains
+    procedure :: init => projection_init
+    procedure :: project => projection_project
+    procedure :: destroy => projection_destroy
+  end type pressure_projection_t
+
+  !> See above.
+  real(dp), parameter :: smoothing = 1e-11_dp
+
+contains
+
+  !> Prepare the projection of a pair.
+  subroutine projection_init(self, pair, surface_a, surface_b, error)
+    class(pressure_projection_t), intent(inout) :: self
+    type(contact_pair_t), intent(in) :: pair
+    type(surface_t), intent(in) :: surface_a, surface_b
+    type(error_t), allocatable, intent(out) :: error
+    type(sparse_symmetric_t) :: mass
+    integer, allocatable :: start(:), neighbour(:), permutation(:)
+    integer :: failed
+    call self%destroy()
+    call self%side_a%init(surface_a, pair%facet_a, pair%xi_a)
+    call self%side_b%init(surface_b, pair%facet_b, pair%xi_b)
+    if (pair%discretization /= discretization_quadrature) return
+    call mass_matrix(self%side_a, pair%facet_a, pair%weight, mass)
+    call node_graph(mass, start, neighbour)
+    allocate (permutation(mass%n))
+    call nested_dissection(start, neighbour, permutation, error)
+    if (.not. allocated(error)) call self%factor%analyze(mass, permutation, error)
+    if (.not. allocated(error)) then
+      call self%factor%factorize(mass, failed, error)
+      if (failed > 0) call set_error(error, 'the mass matrix is not positive definite', exit_not_solvable)
+    end if
+    call mass%destroy()
+    call add_context(error, 'projection of the pressure of &contact '//quoted(pair%name)//': ')
+  end subroutine projection_init
+
+  !> Weighted mass matrix of the linear shape functions, with the smoothing.
+  subroutine mass_matrix(side, facet, weight, mass)
+    type(corner_interpolation_t), intent(in) :: side
+    !> Facets of the points, points of one facet in a row.
+    integer, intent(in) :: facet(:)
+    !> Weights of the points.
+    real(dp), intent(in) :: weight(:)
+    type(sparse_symmetric_t), intent(out) :: mass
+    type(sparse_rows_t) :: upper
+    integer, allocatable :: row(:), column(:)
+    real(dp), allocatable :: value(:)
+    real(dp) :: m(4, 4), area
+    integer :: i, j, k, first, n
+    allocate (row(10*size(facet)), column(10*size(facet)), value(10*size(facet)))
+    n = 0
+    first = 1
+    do while (first <= size(facet))
+      m = 0
+      area = 0
+      i = first
+      do
+        do k = 1, 4
+          m(:, k) = m(:, k) + weight(i)*side%shape(k, i)*side%shape(:, i)
+        end do
+        area = area + weight(i)
+        if (i == size(facet)) exit
+        if (facet(i + 1) /= facet(first)) exit
+        i = i + 1
+      end do
+      do k = 1, count(side%corner(:, first) > 0)
+        do j = 1, count(side%corner(:, first) > 0)
+          if (j /= k) m(j, k) = m(j, k) - smoothing*area
+          if (j /= k) m(k, k) = m(k, k) + smoothing*area
+        end do
+      end do
+      do k = 1, count(side%corner(:, first) > 0)
+        do j = 1, k
+          n = n + 1
+          row(n) = min(side%corner(j, first), side%corner(k, first))
+          column(n) = max(side%corner(j, first), side%corner(k, first))
+          value(n) = m(j, k)
+        end do
+      end do
+      first = i + 1
+    end do
+    ! The upper triangle by rows is the lower one by columns.
+    call upper%init_from_triplets(side%n, side%n, row(1:n), column(1:n), value(1:n))
+    mass%n = side%n
+    mass%column_start = int(upper%row_start, int64) - 1
+    mass%row = int(upper%column, int64) - 1
+    call move_alloc(upper%value, mass%value)
+    call upper%destroy()
+  end subroutine mass_matrix
+
+  !> The graph of a symmetric matrix.
+  subroutine node_graph(matrix, start, neighbour)
+    type(sparse_symmetric_t), intent(in) :: matrix
+    !> Neighbours of i: neighbour(start(i):start(i+1)-1), without i.
+    integer, allocatable, intent(out) :: start(:), neighbour(:)
+    integer, allocatable :: next(:)
+    integer :: i, j
+    integer(int64) :: k
+    allocate (start(matrix%n + 1), next(matrix%n))
+    next = 0
+    do j = 1, matrix%n
+      do k = matrix%column_start(j) + 1, matrix%column_start(j + 1)
+        i = int(matrix%row(k)) + 1
+        if (i == j) cycle
+        next(i) = next(i) + 1
+        next(j) = next(j) + 1
+      end do
+    end do
+    start(1) = 1
+    do i = 1, matrix%n
+      start(i + 1) = start(i) + next(i)
+      next(i) = start(i)
+    end do
+    allocate (neighbour(start(matrix%n + 1) - 1))
+    do j = 1, matrix%n
+      do k = matrix%column_start(j) + 1, matrix%column_start(j + 1)
+        i = int(matrix%row(k)) + 1
+        if (i == j) cycle
+        neighbour(next(i)) = j
+        neighbour(next(j)) = i
+        next(i) = next(i) + 1
+        next(j) = next(j) + 1
+      end do
+    end do
+  end subroutine node_graph
+
+  !> Project a pressure.
+  subroutine projection_project(self, pair, pressure, projected, on_nodes_a, on_nodes_b)
+    class(pressure_projection_t), intent(in) :: self
+    !> The pair that it was prepared for.
+    type(contact_pair_t), intent(in) :: pair
+    !> Pressure of the rows (n_rows).
+    real(dp), intent(in) :: pressure(:)
+    !> Projected pressure of the rows (n_rows).
+    real(dp), intent(out) :: projected(:)
+    !> Projected pressure at side_a%node, and its weighted means at side_b%node.
+    real(dp), intent(out) :: on_nodes_a(:), on_nodes_b(:)
+    real(dp), allocatable :: at_points(:), corner(:), total(:), flat(:)
+    allocate (at_points(pair%n_points), corner(self%side_a%n))
+    call pair%average%multiply_transposed(pair%row_weight*pressure, at_points)
+    call self%side_a%moments(at_points, corner)
+    if (pair%discretization == discretization_quadrature) then
+      call self%factor%solve(corner)
+    else
+      allocate (total(self%side_a%n), flat(self%side_a%n))
+      call self%side_a%moments(pair%weight, total)
+      corner = corner/total
+      call self%side_a%at_points(corner, at_points)
+      call self%side_a%moments(pair%weight*at_points, flat)
+      corner = 2*corner - flat/total
+      deallocate (total)
+    end if
+    call self%side_a%at_points(corner, at_points)
+    call pair%average%multiply(at_points, projected)
+    call self%side_a%at_nodes(corner, on_nodes_a)
+    deallocate (corner)
+    allocate (corner(self%side_b%n), total(self%side_b%n))
+    call self%side_b%moments(pair%weight, total)
+    call self%side_b%moments(pair%weight*at_points, corner)
+    where (total > 0)
+      corner = corner/total
+    elsewhere
+      corner = 0
+    end where
+    call self%side_b%at_nodes(corner, on_nodes_b)
+  end subroutine projection_project
+
+  !> Give the memory back.
+  subroutine projection_destroy(self)
+    class(pressure_projection_t), intent(inout) :: self
+    call self%factor%destroy()
+  end subroutine projection_destroy
+end module dotyk_contact_pressure_projection

@@ -1,0 +1,167 @@
+!> Elements of order two in the place of linear ones, on the same straight edges: for materials in which linear triangles, tetrahedra
+!> and prisms lock.
+!>
+!> New nodes lie where the linear element has them: in the middle of edges, of quadrilateral faces, of quadrilaterals and hexahedra. Elements
+!> share those of a common edge or face, so that a mesh of several kinds stays without gaps. Elements keep their order and tags, nodes their
+!> numbers; new ones come after them.
+module dotyk_mesh_order_elevation
+  use dotyk_base_kinds, only: dp, int64
+  use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_mesh_corner_table, only: corner_table_t
+  use dotyk_mesh_element, only: element_hex8, element_hex27, element_kind, element_kind_t, element_prism18, element_prism6, &
+    element_quad4, element_quad9, element_tet10, element_tet4, element_tri3, element_tri6, reference_nodes, shape_functions
+  use dotyk_mesh_mesh, only: element_block_t
+  implicit none
+  private
+  public :: has_linear_simplices, elevate_order
+
+  !> Linear kinds, and what they become.
+  integer, parameter :: linear(5) = [element_tri3, element_quad4, element_tet4, element_hex8, element_prism6]
+  integer, parameter :: quadratic(5) = [element_tri6, element_quad9, element_tet10, element_hex27, element_prism18]
+
+contains
+
+  !> Whether a body has linear triangles, tetrahedra or prisms.
+  pure logical function has_linear_simplices(mesh) result(has)
+    type(body_mesh_t), intent(in) :: mesh
+    integer :: b
+    has = .false.
+    do b = 1, size(mesh%block)
+      has = has .or. any(mesh%block(b)%kind == [element_tri3, element_tet4, element_prism6])
+    end do
+  end function has_linear_simplices
+
+  !> Make all elements of a body quadratic; those that are so already stay as they are.
+  subroutine elevate_order(mesh)
+    type(body_mesh_t), intent(inout) :: mesh
+    type(corner_table_t) :: table
+    type(element_block_t), allocatable :: block(:)
+    integer :: b, place, n_old, n_centres, room
+    n_old = mesh%n_nodes()
+    room = 0
+    do b = 1, size(mesh%block)
+      place = findloc(linear, mesh%block(b)%kind, dim=1)
+      ! At most: most are shared.
+      if (place > 0) room = room + new_nodes(quadratic(place))*size(mesh%block(b)%tag)
+    end do
+    call table%init(4, room)
+    allocate (block(size(mesh%block)))
+    n_centres = 0
+    do b = 1, size(mesh%block)
+      block(b) = mesh%block(b)
+      place = findloc(linear, mesh%block(b)%kind, dim=1)
+      if (place == 0) cycle
+      block(b)%kind = quadratic(place)
+      call number_new_nodes(mesh%block(b)%node, quadratic(place), n_old, table, n_centres, block(b)%node)
+    end do
+    call number_centres(n_old + table%n, block)
+    call place_nodes(mesh, n_old, table%n + n_centres, block)
+    mesh%block = block
+    mesh%order_elevated = .true.
+  end subroutine elevate_order
+
+  !> Number of nodes of a kind that are not corners.
+  pure integer function new_nodes(kind)
+    integer, intent(in) :: kind
+    type(element_kind_t) :: properties
+    properties = element_kind(kind)
+    new_nodes = properties%n_nodes - properties%n_corners
+  end function new_nodes
+
+  !> Number the new nodes of a block on edges and faces; the centres of hexahedra get negative numbers.
+  subroutine number_new_nodes(corner, kind, n_old, table, n_centres, node)
+    !> Nodes of the linear elements (n_corners, n_elements).
+    integer, intent(in) :: corner(:, :)
+    !> The kind that they become.
+    integer, intent(in) :: kind
+    !> Number of nodes of the body.
+    integer, intent(in) :: n_old
+    !> New nodes by the corners between which they lie.
+    type(corner_table_t), intent(inout) :: table
+    integer, intent(inout) :: n_centres
+    !> Nodes of the quadratic elements (n_nodes, n_elements).
+    integer, allocatable, intent(out) :: node(:, :)
+    integer, allocatable :: between(:, :), count_of(:)
+    integer :: e, a, n, entry
+    call list_corners(kind, between, count_of)
+    n = size(corner, 1)
+    allocate (node(size(count_of), size(corner, 2)))
+    node(:n, :) = corner
+    do e = 1, size(corner, 2)
+      do a = n + 1, size(count_of)
+        if (count_of(a) > 4) then
+          n_centres = n_centres + 1
+          node(a, e) = -n_centres
+        else
+          call table%add(corner(between(:count_of(a), a), e), entry)
+          node(a, e) = n_old + entry
+        end if
+      end do
+    end do
+  end subroutine number_new_nodes
+
+  !> The corners between which each node of a kind lies.
+  subroutine list_corners(kind, between, count_of)
+    integer, intent(in) :: kind
+    !> Local numbers (n_corners, n_nodes), and how many.
+    integer, allocatable, intent(out) :: between(:, :), count_of(:)
+    type(element_kind_t) :: properties
+    real(dp), allocatable :: xi(:, :), shape(:)
+    integer :: a, c
+    properties = element_kind(kind)
+    allocate (xi(properties%dimension, properties%n_nodes), shape(properties%n_corners))
+    allocate (between(properties%n_corners, properties%n_nodes), count_of(properties%n_nodes), source=0)
+    call reference_nodes(kind, xi)
+    do a = 1, properties%n_nodes
+      call shape_functions(properties%corner_kind, xi(:, a), shape)
+      do c = 1, properties%n_corners
+        if (.not. shape(c) > 0.01_dp) cycle
+        count_of(a) = count_of(a) + 1
+        between(count_of(a), a) = c
+      end do
+    end do
+  end subroutine list_corners
+
+  !> Centres of hexahedra come after all other nodes.
+  pure subroutine number_centres(n_before, block)
+    integer, intent(in) :: n_before
+    type(element_block_t), intent(inout) :: block(:)
+    integer :: b
+    do b = 1, size(block)
+      where (block(b)%node < 0) block(b)%node = n_before - block(b)%node
+    end do
+  end subroutine number_centres
+
+  !> Coordinates and tags of the new nodes.
+  subroutine place_nodes(mesh, n_old, n_new, block)
+    type(body_mesh_t), intent(inout) :: mesh
+    integer, intent(in) :: n_old, n_new
+    !> The new elements.
+    type(element_block_t), intent(in) :: block(:)
+    integer(int64), allocatable :: tag(:)
+    integer, allocatable :: between(:, :), count_of(:)
+    real(dp), allocatable :: x(:, :)
+    integer :: b, e, a, i, n
+    allocate (x(mesh%dimension, n_old + n_new), tag(n_old + n_new))
+    x(:, :n_old) = mesh%x
+    tag(:n_old) = mesh%node_tag
+    ! Tags that no other node of the body has.
+    tag(n_old + 1:) = [(maxval(mesh%node_tag) + i, i=1, n_new)]
+    do b = 1, size(block)
+      call list_corners(block(b)%kind, between, count_of)
+      do e = 1, size(block(b)%tag)
+        associate (node => block(b)%node(:, e))
+          do a = 1, size(node)
+            n = count_of(a)
+            if (node(a) <= n_old) cycle
+            do i = 1, mesh%dimension
+              x(i, node(a)) = sum(mesh%x(i, node(between(:n, a))))/n
+            end do
+          end do
+        end associate
+      end do
+    end do
+    call move_alloc(x, mesh%x)
+    call move_alloc(tag, mesh%node_tag)
+  end subroutine place_nodes
+end module dotyk_mesh_order_elevation

@@ -1,0 +1,106 @@
+!> Physical groups of a mesh, by name.
+module dotyk_mesh_physical_group
+  use dotyk_base_text, only: join, nearest_name, quoted, text_t
+  use dotyk_mesh_mesh, only: mesh_t
+  implicit none
+  private
+  public :: group_names, groups_named, unknown_group, names_text
+
+contains
+
+  !> Names of the groups of a dimension, each once, in the order of the file.
+  pure subroutine group_names(mesh, dimension, names)
+    type(mesh_t), intent(in) :: mesh
+    !> 1 curves, 2 surfaces, 3 volumes.
+    integer, intent(in) :: dimension
+    !> The names.
+    type(text_t), allocatable, intent(out) :: names(:)
+    logical :: chosen(size(mesh%group))
+    integer :: i, j, n
+    do i = 1, size(chosen)
+      chosen(i) = mesh%group(i)%dimension == dimension
+      do j = 1, i - 1
+        if (chosen(j)) then
+          if (mesh%group(j)%name == mesh%group(i)%name) chosen(i) = .false.
+        end if
+      end do
+    end do
+    allocate (names(count(chosen)))
+    n = 0
+    do i = 1, size(chosen)
+      if (.not. chosen(i)) cycle
+      n = n + 1
+      names(n)%s = mesh%group(i)%name
+    end do
+  end subroutine group_names
+
+  !> Which groups bear a name; more than one may.
+  pure function groups_named(mesh, name, dimension) result(chosen)
+    type(mesh_t), intent(in) :: mesh
+    character(*), intent(in) :: name
+    !> 1 curves, 2 surfaces, 3 volumes.
+    integer, intent(in) :: dimension
+    !> True for the groups of that name and dimension (n_groups).
+    logical :: chosen(size(mesh%group))
+    integer :: i
+    do i = 1, size(chosen)
+      chosen(i) = mesh%group(i)%dimension == dimension .and. mesh%group(i)%name == name
+    end do
+  end function groups_named
+
+  !> Message for a name that no group of the dimension bears.
+  pure function unknown_group(mesh, name, dimension) result(message)
+    type(mesh_t), intent(in) :: mesh
+    !> The name that was asked for.
+    character(*), intent(in) :: name
+    !> 1 curves, 2 surfaces, 3 volumes.
+    integer, intent(in) :: dimension
+    character(:), allocatable :: message
+    type(text_t), allocatable :: names(:)
+    character(:), allocatable :: near, kind
+    integer :: other
+    kind = trim(kind_name(dimension))
+    call group_names(mesh, dimension, names)
+    near = nearest_name(name, names)
+    message = 'mesh '//quoted(mesh%file)//' has no physical '//kind//' '//quoted(name)
+    if (near /= '') message = message//' (did you mean '//quoted(near)//'?)'
+    if (size(names) > 0) then
+      message = message//'; its physical '//kind//'s: '//names_text(names)
+    else
+      message = message//', nor any other: name them in gmsh, as Physical '//capital_name(dimension)//'("name") = {1};'
+    end if
+    do other = 1, 3
+      if (other == dimension) cycle
+      if (.not. any(groups_named(mesh, name, other))) cycle
+      message = message//'; '//quoted(name)//' is a physical '//trim(kind_name(other))
+    end do
+  end function unknown_group
+
+  !> Names in quotes, separated by commas; 'none' where there is none.
+  pure function names_text(names) result(text)
+    type(text_t), intent(in) :: names(:)
+    character(:), allocatable :: text
+    type(text_t) :: in_quotes(size(names))
+    integer :: i
+    do i = 1, size(names)
+      in_quotes(i)%s = quoted(names(i)%s)
+    end do
+    text = join(in_quotes, ', ')
+    if (size(names) == 0) text = 'none'
+  end function names_text
+
+  !> What gmsh calls a group of a dimension.
+  pure character(7) function kind_name(dimension)
+    integer, intent(in) :: dimension
+    character(7), parameter :: names(0:3) = ['point  ', 'curve  ', 'surface', 'volume ']
+    kind_name = names(dimension)
+  end function kind_name
+
+  !> The same as a word of gmsh's language.
+  pure function capital_name(dimension) result(name)
+    integer, intent(in) :: dimension
+    character(:), allocatable :: name
+    name = trim(kind_name(dimension))
+    name(1:1) = achar(iachar(name(1:1)) - 32)
+  end function capital_name
+end module dotyk_mesh_physical_group

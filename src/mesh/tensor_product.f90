@@ -1,0 +1,144 @@
+!> Shape functions on [-1,1]^d, from the coordinates of their nodes: what lines, quadrilaterals and hexahedra share.
+!>
+!> Nodes have integer coordinates -1, 0, 1. Two families: products of Lagrange polynomials of one variable, and the
+!> quadratic serendipity functions (corners and middles of edges only).
+module dotyk_mesh_tensor_product
+  use dotyk_base_kinds, only: dp
+  implicit none
+  private
+  public :: lagrange_line, lagrange_values, lagrange_gradients, serendipity_values, serendipity_gradients
+
+contains
+
+  !> Lagrange polynomials of one variable and their derivatives; the index is the node's coordinate.
+  pure subroutine lagrange_line(order, x, value, derivative)
+    !> Order, 1 (nodes -1 and 1; entry 0 is zero) or 2.
+    integer, intent(in) :: order
+    !> Coordinate in [-1,1].
+    real(dp), intent(in) :: x
+    !> Values.
+    real(dp), intent(out) :: value(-1:1)
+    !> Derivatives.
+    real(dp), intent(out) :: derivative(-1:1)
+    if (order == 1) then
+      value = [0.5_dp*(1 - x), 0.0_dp, 0.5_dp*(1 + x)]
+      derivative = [-0.5_dp, 0.0_dp, 0.5_dp]
+    else
+      value = [0.5_dp*x*(x - 1), (1 - x)*(1 + x), 0.5_dp*x*(x + 1)]
+      derivative = [x - 0.5_dp, -2*x, x + 0.5_dp]
+    end if
+  end subroutine lagrange_line
+
+  !> Products of Lagrange polynomials.
+  pure subroutine lagrange_values(order, d, n, node, xi, values)
+    !> Order of the polynomials, 1 or 2.
+    integer, intent(in) :: order
+    !> Dimension and number of nodes.
+    integer, intent(in) :: d, n
+    !> Coordinates of the nodes.
+    integer, intent(in) :: node(d, n)
+    !> Where to evaluate.
+    real(dp), intent(in) :: xi(d)
+    !> Values of the shape functions.
+    real(dp), intent(out) :: values(n)
+    real(dp) :: value(-1:1), derivative(-1:1)
+    integer :: k
+    values = 1
+    do k = 1, d
+      call lagrange_line(order, xi(k), value, derivative)
+      values = values*value(node(k, :))
+    end do
+  end subroutine lagrange_values
+
+  !> Gradients of products of Lagrange polynomials.
+  pure subroutine lagrange_gradients(order, d, n, node, xi, gradients)
+    !> Order of the polynomials, 1 or 2.
+    integer, intent(in) :: order
+    !> Dimension and number of nodes.
+    integer, intent(in) :: d, n
+    !> Coordinates of the nodes.
+    integer, intent(in) :: node(d, n)
+    !> Where to evaluate.
+    real(dp), intent(in) :: xi(d)
+    !> Gradients of the shape functions.
+    real(dp), intent(out) :: gradients(d, n)
+    real(dp) :: value(-1:1), derivative(-1:1)
+    integer :: k, j
+    gradients = 1
+    do k = 1, d
+      call lagrange_line(order, xi(k), value, derivative)
+      do j = 1, d
+        if (j == k) then
+          gradients(j, :) = gradients(j, :)*derivative(node(k, :))
+        else
+          gradients(j, :) = gradients(j, :)*value(node(k, :))
+        end if
+      end do
+    end do
+  end subroutine lagrange_gradients
+
+  !> Quadratic serendipity functions.
+  pure subroutine serendipity_values(d, n, node, xi, values)
+    !> Dimension (2 or 3) and number of nodes.
+    integer, intent(in) :: d, n
+    !> Coordinates of the nodes: corners, then middles of edges.
+    integer, intent(in) :: node(d, n)
+    !> Where to evaluate.
+    real(dp), intent(in) :: xi(d)
+    !> Values of the shape functions.
+    real(dp), intent(out) :: values(n)
+    real(dp) :: factor, total
+    integer :: i, k
+    do i = 1, n
+      factor = 1
+      total = 1 - d
+      do k = 1, d
+        if (node(k, i) == 0) then
+          factor = factor*(1 - xi(k))*(1 + xi(k))
+          total = 1
+        else
+          factor = 0.5_dp*factor*(1 + node(k, i)*xi(k))
+        end if
+      end do
+      if (all(node(:, i) /= 0)) total = total + sum(node(:, i)*xi)
+      values(i) = factor*total
+    end do
+  end subroutine serendipity_values
+
+  !> Gradients of the quadratic serendipity functions.
+  pure subroutine serendipity_gradients(d, n, node, xi, gradients)
+    !> Dimension (2 or 3) and number of nodes.
+    integer, intent(in) :: d, n
+    !> Coordinates of the nodes: corners, then middles of edges.
+    integer, intent(in) :: node(d, n)
+    !> Where to evaluate.
+    real(dp), intent(in) :: xi(d)
+    !> Gradients of the shape functions.
+    real(dp), intent(out) :: gradients(d, n)
+    real(dp) :: others
+    integer :: i, j, k
+    logical :: corner
+    do i = 1, n
+      corner = all(node(:, i) /= 0)
+      do j = 1, d
+        others = 1
+        do k = 1, d
+          if (k == j) cycle
+          if (node(k, i) == 0) then
+            others = others*(1 - xi(k))*(1 + xi(k))
+          else
+            others = 0.5_dp*others*(1 + node(k, i)*xi(k))
+          end if
+        end do
+        if (node(j, i) == 0) then
+          gradients(j, i) = -2*xi(j)*others
+        else if (corner) then
+          ! d/dx [(1 + a x)(a x + rest)] / 2 with a = +-1, a**2 = 1.
+          gradients(j, i) = 0.5_dp*others*node(j, i)*(node(j, i)*xi(j) + sum(node(:, i)*xi) + 2 - d)
+        else
+          gradients(j, i) = 0.5_dp*others*node(j, i)
+        end if
+      end do
+    end do
+  end subroutine serendipity_gradients
+end module dotyk_mesh_tensor_product

@@ -1,0 +1,143 @@
+#!/usr/bin/python3
+"""The errors that dotyk reports over the true ones, on examples with known answers; tables in Markdown.
+
+usage: studies/error_calibration.py [mesh] [penalty] [iteration] [--dotyk FILE] [--quick]
+
+mesh       error_discretization over the distance to the exact stresses, in the energy norm, on finer and finer meshes of linear and
+           quadratic elements (theta = 0); where only some finer mesh is known, over the distance to that
+penalty    error_penalty over the distance of the answer from that with theta = 0 on the same mesh
+iteration  error_bound over the distance of an answer that was stopped early from one that was not
+"""
+import argparse
+import os
+import pathlib
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+
+import h5py
+
+ROOT = pathlib.Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT/'tools'))
+import convergence  # noqa: E402
+import energy_norm  # noqa: E402
+
+# examples with exact stresses, and the factors on h of the meshes
+EXACT = {'wavy': (4, 2, 1, 0.5), 'groove_row': (4, 2, 1, 0.5), 'press_fit': (4, 2, 1, 0.5)}
+# examples compared with a finer mesh of quadratic elements: factors, and that of the finer mesh
+FINER = {'cylinder': ((4, 2, 1), 0.5), 'punch': ((4, 2, 1), 0.5), 'groove': ((4, 2, 1), 0.5), 'hertz_axisymmetric': ((4, 2, 1), 0.5),
+         'hertz': ((4, 2), 1)}
+THETAS = {'wavy': (1, 1e-1, 1e-2, 1e-3, 1e-4), 'column': (1, 1e-1, 1e-2), 'press_fit': (1, 1e-1, 1e-2), 'hertz': (1e-1, 1e-2),
+          'receding': (1e-1, 1e-2), 'free_stack': (1e-1, 1e-2)}
+STOPS = {'neumann': (10, 100, 1000), 'nesterov': (10, 100), 'anderson': (10, 100), 'secant': (10, 100), 'robin': (10, 100)}
+
+
+def scene(folder, name, solver, output):
+    """Run an example with another &solver group; its results file."""
+    text = (folder/(name + '.nml')).read_text()
+    text, n = re.subn(r'(?m)^&solver .*$', "&solver %s /" % solver, text)
+    assert n == 1
+    (folder/'case.nml').write_text(text)
+    done = subprocess.run([OPTIONS.dotyk, 'case.nml', '--quiet', '--output', output], cwd=folder, text=True,
+                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+    if done.returncode not in (0, 1):
+        sys.exit('calibration: %s: %s' % (name, done.stdout))
+    return str(folder/output)
+
+
+def copy(name, scratch):
+    """The example in a folder of its own."""
+    folder = pathlib.Path(scratch)/name
+    if not folder.exists():
+        shutil.copytree(ROOT/'inputs'/name, folder, ignore=shutil.ignore_patterns('.dotyk', '*.vtkhdf', '__pycache__'))
+    return folder
+
+
+def summary(path):
+    """The attributes of /dotyk/summary."""
+    with h5py.File(path) as file:
+        return dict(file['dotyk/summary'].attrs)
+
+
+def refined(name, folder, order, factor):
+    """An example on another mesh: results file under a name of its own."""
+    original = ROOT/'inputs'/name/(name + '.geo')
+    text = convergence.set_parameter(convergence.set_parameter(original.read_text(), 'h', '%g*({})' % factor), 'order', str(order))
+    (folder/(name + '.geo')).write_text(text)
+    return scene(folder, name, 'theta_relative=0, tolerance=1e-8', '%s_%d_%g.vtkhdf' % (name, order, factor))
+
+
+def mesh(scratch):
+    """Rows of the table of the mesh's part."""
+    yield '| example | elements | size | unknowns | true error | estimate | estimate/true |\n|---|---|---:|---:|---:|---:|---:|'
+    for name in list(EXACT) + list(FINER):
+        if OPTIONS.only and name not in OPTIONS.only:
+            continue
+        folder = copy(name, scratch)
+        finest = None
+        if name in FINER:
+            finest = refined(name, folder, 2, FINER[name][1])
+        for order in (1, 2):
+            for factor in (EXACT.get(name) or FINER[name][0]):
+                path = refined(name, folder, order, factor)
+                if finest:
+                    true = energy_norm.distance_meshes(path, finest)
+                else:
+                    true = energy_norm.error(path, convergence.load(folder/'check.py').exact_stress)
+                true /= energy_norm.energy_norm(path)
+                found = summary(path)
+                yield '| %s | %s | %g h | %s | %.2e | %.2e | %.2f |' % (
+                    name, ('linear', 'quadratic')[order - 1], factor, format(int(found['unknowns']), ','), true,
+                    found['error_discretization'], found['error_discretization']/true)
+
+
+def penalty(scratch):
+    """Rows of the table of the penalty's part."""
+    yield '| example | theta E/h | true error | estimate | estimate/true |\n|---|---:|---:|---:|---:|'
+    for name, thetas in THETAS.items():
+        folder = copy(name, scratch)
+        exact = scene(folder, name, 'theta_relative=0, tolerance=1e-10', 'exact.vtkhdf')
+        for theta in thetas:
+            path = scene(folder, name, 'theta_mesh=%g, tolerance=1e-10' % theta, 'penalty.vtkhdf')
+            true = energy_norm.distance(path, exact)/energy_norm.energy_norm(path)
+            estimate = summary(path)['error_penalty']
+            yield '| %s | %g | %.3e | %.3e | %.4f |' % (name, theta, true, estimate, estimate/true)
+
+
+def iteration(scratch):
+    """Rows of the table of the iteration's part."""
+    yield '| example | scheme | steps | true error | bound | bound/true |\n|---|---|---:|---:|---:|---:|'
+    for name in ('wavy', 'column'):
+        folder = copy(name, scratch)
+        exact = scene(folder, name, "scheme='dual', theta_mesh=0.3, tolerance=1e-12", 'exact.vtkhdf')
+        for scheme, steps in STOPS.items():
+            for step in steps:
+                path = scene(folder, name, "scheme='%s', theta_mesh=0.3, tolerance=1e-9, max_iterations=%d" % (scheme, step), 'a.vtkhdf')
+                true = energy_norm.distance(path, exact)/energy_norm.energy_norm(path)
+                bound = summary(path)['error_bound']
+                yield '| %s | %s | %d | %.2e | %.2e | %.2f |' % (name, scheme, summary(path)['iterations'], true, bound, bound/true)
+
+
+PARTS = {'mesh': mesh, 'penalty': penalty, 'iteration': iteration}
+
+
+def main():
+    """The command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('parts', nargs='*', choices=[[], *PARTS], metavar='PART')
+    parser.add_argument('--dotyk', default=os.environ.get('DOTYK', str(ROOT/'build/release/dotyk')), help='executable')
+    parser.add_argument('--only', nargs='*', help='examples of the table of the mesh')
+    global OPTIONS
+    OPTIONS = parser.parse_args()
+    OPTIONS.dotyk = str(pathlib.Path(OPTIONS.dotyk).resolve())
+    for part in OPTIONS.parts or PARTS:
+        with tempfile.TemporaryDirectory(prefix='dotyk-calibration-') as scratch:
+            print('\n## %s\n' % part)
+            for row in PARTS[part](scratch):
+                print(row, flush=True)
+
+
+if __name__ == '__main__':
+    main()
