@@ -82,12 +82,7 @@ contains
     end if
     inquire (unit=unit, size=n_bytes)
     if (n_bytes < 0) n_bytes = 0
-    allocate (character(n_bytes + 1) :: text, stat=status)
-    if (status /= 0) then
-      close (unit)
-      call set_error(error, file//': not enough memory for its '//to_text(n_bytes)//' bytes', exit_bad_input)
-      return
-    end if
+    allocate (character(n_bytes + 1) :: text)
     do first = 1, n_bytes, chunk
       read (unit, iostat=status, iomsg=message) text(first:min(first + chunk - 1, n_bytes))
       if (status /= 0) exit

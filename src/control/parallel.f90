@@ -24,13 +24,12 @@ contains
     integer, intent(in) :: n
     !> What will be used.
     integer, intent(out) :: used
-    integer :: ready
     used = n
     if (n == 0) used = min(omp_get_num_procs(), omp_get_max_threads())
     call omp_set_num_threads(used)
     call set_blas_threads(1)
     ! Where there is no room the program ends with a message.
-    call reserve_blas(used, ready)
+    call reserve_blas(used)
   end subroutine use_threads
 
   !> How the solves of one sweep over all bodies are shared out.

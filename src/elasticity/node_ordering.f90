@@ -24,7 +24,7 @@ contains
     integer, intent(in) :: start(:), neighbour(:)
     !> The node that comes k-th (n_nodes).
     integer, intent(out) :: order(:)
-    !> Out of memory.
+    !> METIS refuses the graph, or has no memory.
     type(error_t), allocatable, intent(out) :: error
     integer, allocatable :: vertex(:), vertex_start(:), vertex_neighbour(:), vertex_order(:), position(:), first(:), key(:)
     integer :: i

@@ -48,10 +48,10 @@ module dotyk_linalg_blas
       real(dp), intent(inout) :: b(ldb, *)
     end subroutine dtrsm
 
-    integer(c_int) function c_reserve_blas(n) bind(c, name='dotyk_reserve_blas')
+    subroutine c_reserve_blas(n) bind(c, name='dotyk_reserve_blas')
       import :: c_int
       integer(c_int), value :: n
-    end function c_reserve_blas
+    end subroutine c_reserve_blas
 
     subroutine openblas_set_num_threads(n) bind(c, name='openblas_set_num_threads')
       import :: c_int
@@ -74,11 +74,10 @@ module dotyk_linalg_blas
 contains
 
   !> Take the room that so many calls at the same time work in: where there is none later, OpenBLAS tries for ever.
-  subroutine reserve_blas(n, taken)
+  subroutine reserve_blas(n)
+    !> Number of concurrent calls.
     integer, intent(in) :: n
-    !> How many there is room for.
-    integer, intent(out) :: taken
-    taken = int(c_reserve_blas(int(n, c_int)))
+    call c_reserve_blas(int(n, c_int))
   end subroutine reserve_blas
 
   !> C <- C + factor A B.

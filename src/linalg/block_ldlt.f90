@@ -7,9 +7,8 @@
 !> `dotyk_linalg_block_ldlt_solution`.
 module dotyk_linalg_block_ldlt
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
-  use dotyk_base_error, only: error_t, set_error, exit_not_solvable
+  use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_base_text, only: to_text
   use dotyk_linalg_blas, only: dgemm, dsyrk, dtrsm
   use dotyk_linalg_block_tree, only: block_tree_t
   use dotyk_linalg_dense, only: symmetric_eigen
@@ -53,29 +52,23 @@ module dotyk_linalg_block_ldlt
 contains
 
   !> A matrix of zeros.
-  subroutine saddle_init(self, sizes, sign, start, neighbour, order, error)
+  subroutine saddle_init(self, sizes, sign, start, neighbour, order)
     class(block_ldlt_t), intent(inout) :: self
     !> As in `block_tree_t`; no block of H may come before a block of M that it touches.
     integer, intent(in) :: sizes(:), sign(:), start(:), neighbour(:), order(:)
-    !> Out of memory.
-    type(error_t), allocatable, intent(out) :: error
-    integer :: g, k, at, status
+    integer :: g, k, at
     call self%destroy()
     call self%tree%init(sizes, start, neighbour, order)
     self%sign = sign
     allocate (self%panel(self%tree%n_groups), self%root(self%tree%n_blocks), self%offset(self%tree%n_blocks))
-    status = 0
     do g = 1, self%tree%n_groups
       at = 0
       do k = self%tree%begin(g), self%tree%begin(g + 1) - 1
         self%offset(k) = at
         at = at + sizes(self%tree%order(k))
       end do
-      allocate (self%panel(g)%x(self%tree%height(g), self%tree%width(g)), source=0.0_dp, stat=status)
-      if (status /= 0) exit
+      allocate (self%panel(g)%x(self%tree%height(g), self%tree%width(g)), source=0.0_dp)
     end do
-    if (status /= 0) call set_error(error, 'out of memory for a factor of '//to_text(self%tree%entries())//' entries', &
-                                    exit_not_solvable)
     call find_runs(self)
   end subroutine saddle_init
 

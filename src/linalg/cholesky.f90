@@ -68,7 +68,7 @@ contains
     type(sparse_symmetric_t), intent(in) :: matrix
     !> The equation that comes k-th (n), from nested dissection; CHOLMOD may postorder it, which costs no fill.
     integer, intent(in) :: permutation(:)
-    !> Out of memory, or a factor beyond what the machine can address.
+    !> CHOLMOD has no memory, or the factor is beyond its integers.
     type(error_t), allocatable, intent(out) :: error
     !> Equations at the end of the permutation that stay there, see `trailing`; none if absent.
     integer, intent(in), optional :: n_trailing
@@ -84,10 +84,6 @@ contains
     last = 0
     if (present(n_trailing)) last = n_trailing
     self%handle = dotyk_cholmod_new()
-    if (.not. c_associated(self%handle)) then
-      call raise(code_out_of_memory, 'analysis', self, error)
-      return
-    end if
     call raise(dotyk_cholmod_analyze(self%handle, int(self%n, c_int64_t), matrix%column_start, matrix%row, &
       int(permutation, c_int64_t) - 1_c_int64_t, last, statistics), 'analysis', self, error)
     if (allocated(error)) return
@@ -105,7 +101,7 @@ contains
     type(sparse_symmetric_t), intent(in) :: matrix
     !> Equation whose pivot was not positive, so that there is no factor; 0 if all is well. It is not an error here.
     integer, intent(out) :: failed_column
-    !> Out of memory.
+    !> CHOLMOD has no memory, or the matrix is not the one that was analyzed.
     type(error_t), allocatable, intent(out) :: error
     failed_column = 0
     call take_matrix(self, matrix, error)
@@ -134,7 +130,7 @@ contains
     class(cholesky_t), intent(inout) :: self
     !> The matrix.
     type(sparse_symmetric_t), intent(in) :: matrix
-    !> Out of memory, or another matrix than the one that was analyzed.
+    !> CHOLMOD has no memory, or the matrix is not the one that was analyzed.
     type(error_t), allocatable, intent(out) :: error
     self%factorized = .false.
     self%weakest_pivot = 1
@@ -153,7 +149,7 @@ contains
     class(cholesky_t), intent(inout) :: self
     !> As in `cholesky_factorize`.
     integer, intent(out) :: failed_column
-    !> Out of memory, or interrupted.
+    !> CHOLMOD has no memory, or an interrupt.
     type(error_t), allocatable, intent(out) :: error
     !> As in `cholesky_factorize_and_discard`.
     logical, intent(in), optional :: may_stop
@@ -162,7 +158,6 @@ contains
     integer(int64), pointer, contiguous :: start(:), row(:)
     real(dp), pointer, contiguous :: value(:)
     real(dp), allocatable :: diagonal(:)
-    logical :: out_of_memory
     failed_column = 0
     if (self%n > 0) then
       call raise(dotyk_cholmod_begin(self%handle, address(1), address(2), address(3)), 'factorization', self, error)
@@ -172,9 +167,8 @@ contains
       call c_f_pointer(address(3), value, [start(self%n + 1)])
       call self%supernodes(supernodes)
       diagonal = diagonal_of(self%n, start, row, value)
-      call factor_supernodes(supernodes, start, row, value, failed_column, out_of_memory, may_stop)
+      call factor_supernodes(supernodes, start, row, value, failed_column, may_stop)
       call dotyk_cholmod_end(self%handle)
-      if (out_of_memory) call raise(code_out_of_memory, 'factorization', self, error)
       if (present(may_stop)) then
         if (may_stop) call stop_if_interrupted(error)
       end if
@@ -200,7 +194,7 @@ contains
     is_factorized = self%factorized
   end function cholesky_is_factorized
 
-  !> x <- K^-1 x. NaN where there is no factor, or no memory for a copy of x.
+  !> x <- K^-1 x. NaN where there is no factor.
   subroutine cholesky_solve(self, x)
     class(cholesky_t), intent(in) :: self
     !> Right-hand side, then solution (n).

@@ -2,7 +2,8 @@
  *
  * The struct layouts of cholmod.h are known here and nowhere else. Every function returns one of the codes below. A
  * handle is changed by analyze, permute, begin and end, one thread at a time; solves only read it, so that several
- * threads may solve with one factor at the same time. */
+ * threads may solve with one factor at the same time. CHOLMOD reports memory that it cannot get; malloc and calloc of this file end the
+ * program with a message (src/out_of_memory.c). */
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
@@ -60,12 +61,8 @@ void dotyk_cholmod_free(void *handle) {
 
 void *dotyk_cholmod_new(void) {
   handle_t *h = calloc(1, sizeof *h);
-  if (!h) return NULL;
-  if (!cholmod_l_start(&h->common)) {
-    free(h);
-    return NULL;
-  }
   cholmod_common *c = &h->common;
+  cholmod_l_start(c);
   c->print = 0;
   c->error_handler = NULL;
   c->useGPU = 0;
@@ -146,13 +143,9 @@ int dotyk_cholmod_permute(void *handle, const int64_t *start, const int64_t *row
   int64_t n = h->n;
   const SuiteSparse_long *permutation = h->L->Perm;
   cholmod_l_free_sparse(&h->permuted, c);
+  cholmod_sparse *s = cholmod_l_allocate_sparse((size_t)n, (size_t)n, (size_t)start[n], 0, 1, -1, CHOLMOD_REAL, c);
+  if (!s) return OUT_OF_MEMORY;
   int64_t *place = malloc((size_t)(n + 1) * sizeof *place);
-  cholmod_sparse *s =
-      place ? cholmod_l_allocate_sparse((size_t)n, (size_t)n, (size_t)start[n], 0, 1, -1, CHOLMOD_REAL, c) : NULL;
-  if (!s) {
-    free(place);
-    return OUT_OF_MEMORY;
-  }
   for (int64_t k = 0; k < n; k++) place[permutation[k]] = k;
   int64_t *first = s->p, *s_row = s->i;
   double *s_value = s->x;
@@ -278,7 +271,6 @@ int dotyk_cholmod_solve(const void *handle, int64_t n, int64_t m, double *x) {
   common.status = CHOLMOD_OK;
   size_t more = L->maxesize > 0 ? L->maxesize : 1;
   double *work = malloc(sizeof(double) * (size_t)m * ((size_t)n + more));
-  if (!work) return OUT_OF_MEMORY;
   cholmod_dense y = {.nrow = (size_t)n, .ncol = (size_t)m, .nzmax = (size_t)(n * m), .d = (size_t)n, .x = work,
                      .xtype = CHOLMOD_REAL, .dtype = CHOLMOD_DOUBLE};
   cholmod_dense e = {.nrow = (size_t)m, .ncol = more, .nzmax = (size_t)m * more, .d = (size_t)m,

@@ -37,7 +37,6 @@ module dotyk_linalg_multifrontal
     logical :: is_ready = .false.
     !> Column that failed; 0 if none.
     integer :: failed = 0
-    logical :: out_of_memory = .false.
   end type remainder_t
 
   !> A factorization at work.
@@ -68,7 +67,7 @@ module dotyk_linalg_multifrontal
 contains
 
   !> Factorize.
-  subroutine factor_supernodes(supernodes, start, row, value, failed, out_of_memory, may_stop)
+  subroutine factor_supernodes(supernodes, start, row, value, failed, may_stop)
     !> With memory for the values.
     type(supernodes_t), intent(in) :: supernodes
     !> Lower triangle of P K P^T by columns, all 0-based; rows in any order.
@@ -76,11 +75,10 @@ contains
     real(dp), pointer, contiguous, intent(in) :: value(:)
     !> First column (from 1) whose pivot is not positive, 0 if there is none.
     integer, intent(out) :: failed
-    logical, intent(out) :: out_of_memory
     !> Whether it ends, with values that mean nothing, as soon as somebody asks the program to stop; not if absent.
     logical, intent(in), optional :: may_stop
     type(work_t) :: work
-    integer :: status, threads
+    integer :: threads
     failed = 0
     if (present(may_stop)) work%may_stop = may_stop
     work%supernodes = supernodes
@@ -92,9 +90,7 @@ contains
     if (omp_in_parallel()) threads = omp_get_num_threads()
     allocate (work%map(0:size(start) - 2, 0:threads - 1), work%tile(tile_rows*tile_columns, 0:threads - 1), &
               work%place(0:supernodes%n - 1), work%side(0:supernodes%n - 1), &
-              work%remainder(size(work%tree%first)), work%stack(size(work%tree%first)), stat=status)
-    out_of_memory = status /= 0
-    if (out_of_memory) return
+              work%remainder(size(work%tree%first)), work%stack(size(work%tree%first)))
     call omp_init_lock(work%lock)
     if (omp_in_parallel() .or. threads == 1 .or. size(work%tree%top) == 0) then
       call factor_all(work, failed)
@@ -106,7 +102,6 @@ contains
       !$omp end parallel
     end if
     call omp_destroy_lock(work%lock)
-    out_of_memory = any(work%remainder%out_of_memory)
   end subroutine factor_supernodes
 
   !> Subtrees, then the top. One thread comes here and makes tasks for the others.
@@ -129,7 +124,7 @@ contains
     !$omp taskwait
     failed = 0
     if (any(work%remainder%failed > 0)) failed = minval(work%remainder%failed, mask=work%remainder%failed > 0)
-    if (failed > 0 .or. any(work%remainder%out_of_memory)) return
+    if (failed > 0) return
     do i = 1, size(work%tree%top)
       if (has_to_stop(work)) return
       call factor_top(work, work%tree%top(i), work%supernodes%value, failed)
@@ -175,7 +170,6 @@ contains
     integer :: i, s
     call plan_stack(work%supernodes, work%tree, t, work%place, work%side, needed)
     call take_stack(work, needed, work%remainder(t))
-    if (work%remainder(t)%out_of_memory) return
     do i = work%tree%first(t), work%tree%last(t)
       s = work%tree%order(i)
       if (has_to_stop(work)) exit
@@ -192,22 +186,19 @@ contains
     !> Root of the subtree.
     integer, intent(in) :: s
     type(remainder_t), intent(inout) :: remainder
-    integer :: n, j, status
+    integer :: n, j
     integer(int64) :: from, to
     n = work%supernodes%rows(s) - work%supernodes%columns(s)
     if (remainder%failed > 0) n = 0
     if (has_to_stop(work)) n = 0
-    allocate (remainder%update(int(n, int64)*(n + 1)/2), stat=status)
-    remainder%out_of_memory = status /= 0
-    if (.not. remainder%out_of_memory) then
-      from = work%place(s)
-      to = 0
-      do j = 1, n
-        remainder%update(to + 1:to + n - j + 1) = work%stack(remainder%stack)%x(from + j:from + n)
-        from = from + n
-        to = to + n - j + 1
-      end do
-    end if
+    allocate (remainder%update(int(n, int64)*(n + 1)/2))
+    from = work%place(s)
+    to = 0
+    do j = 1, n
+      remainder%update(to + 1:to + n - j + 1) = work%stack(remainder%stack)%x(from + j:from + n)
+      from = from + n
+      to = to + n - j + 1
+    end do
     call omp_set_lock(work%lock)
     work%stack(remainder%stack)%is_free = .true.
     call omp_unset_lock(work%lock)
@@ -219,7 +210,7 @@ contains
     !> Entries.
     integer(int64), intent(in) :: needed
     type(remainder_t), intent(inout) :: remainder
-    integer :: i, status
+    integer :: i
     call omp_set_lock(work%lock)
     do i = 1, size(work%stack)
       if (.not. work%stack(i)%is_free) cycle
@@ -231,9 +222,7 @@ contains
     work%stack(i)%is_free = .false.
     call omp_unset_lock(work%lock)
     remainder%stack = i
-    if (allocated(work%stack(i)%x)) return
-    allocate (work%stack(i)%x(needed + 1), stat=status)
-    remainder%out_of_memory = status /= 0
+    if (.not. allocated(work%stack(i)%x)) allocate (work%stack(i)%x(needed + 1))
   end subroutine take_stack
 
   !> Assemble a front from what its children have left, eliminate its columns, and leave its update.
@@ -286,7 +275,7 @@ contains
         rows_at = work%supernodes%row_start(s) + work%supernodes%columns(s)
         n = int(work%supernodes%row_start(s + 1) - rows_at)
         if (has_to_stop(work)) n = 0
-        if (n > 0 .and. left%failed == 0 .and. .not. left%out_of_memory) then
+        if (n > 0 .and. left%failed == 0) then
           associate (row => work%supernodes%row(rows_at:rows_at + n - 1))
             call add_to_ancestors(work, n, n, row, row, .true., .true., left%update, work%supernodes%value)
           end associate

@@ -41,7 +41,7 @@ contains
     integer, intent(in) :: neighbour(:)
     !> The node that comes k-th (n).
     integer, intent(out) :: permutation(:)
-    !> Out of memory, or a graph that METIS refuses.
+    !> METIS has no memory, or refuses the graph.
     type(error_t), allocatable, intent(out) :: error
     !> Seed of METIS's random numbers; a fixed one if absent.
     integer, intent(in), optional :: seed

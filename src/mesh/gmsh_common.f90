@@ -20,10 +20,8 @@ contains
     integer(int64), intent(in) :: n_nodes
     !> Where each node stands in the file, to be filled (n_nodes).
     integer(int64), allocatable, intent(out) :: position(:)
-    integer :: status
     if (cursor%broken) return
-    allocate (builder%x(3, n_nodes), builder%node_tag(n_nodes), position(n_nodes), stat=status)
-    if (status /= 0) call cursor%fail('not enough memory for '//to_text(n_nodes)//' nodes')
+    allocate (builder%x(3, n_nodes), builder%node_tag(n_nodes), position(n_nodes))
   end subroutine allocate_nodes
 
   !> Make the nodes known by their tags, each of which must be positive and occur once.

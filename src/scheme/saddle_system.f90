@@ -50,9 +50,8 @@ contains
     call make_body_graph(problem, active, self%graph, error)
     if (allocated(error)) return
     associate (graph => self%graph)
-      call self%factor%init(graph%size, graph%sign, graph%start, graph%neighbour, graph%order, error)
+      call self%factor%init(graph%size, graph%sign, graph%start, graph%neighbour, graph%order)
     end associate
-    if (allocated(error)) return
     self%diagonal = self%layer
     call add_compliance(self, compliance)
     call add_motions(self, problem)

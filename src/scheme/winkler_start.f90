@@ -190,13 +190,10 @@ contains
     logical, intent(out) :: failed
     !> A block for each body (coarse%n, coarse%n).
     real(dp), intent(in), optional :: springs(:, :)
-    type(error_t), allocatable :: error
     integer :: n(size(order)), b, i, j, p, q, block
     real(dp), allocatable :: own(:, :), g_p(:, :), g_q(:, :)
     n = coarse%first(2:) - coarse%first(:size(order))
-    call factor%init(n, [(1, b=1, size(order))], start, neighbour, order, error)
-    failed = allocated(error)
-    if (failed) return
+    call factor%init(n, [(1, b=1, size(order))], start, neighbour, order)
     do b = 1, size(order)
       allocate (own(n(b), n(b)), source=0.0_dp)
       if (present(springs)) own = springs(coarse%first(b):coarse%first(b + 1) - 1, coarse%first(b):coarse%first(b + 1) - 1)
