@@ -32,14 +32,10 @@ module dotyk_contact_operator
     integer :: dimension = 0
     !> Rows of pair k are pair_first_row(k) .. pair_first_row(k+1)-1 (n_pairs+1).
     integer, allocatable :: pair_first_row(:)
-    !> Number of each row in the operator that it comes from, where some rows were left out (n_rows).
-    integer, allocatable :: origin(:)
     !> Weights w (n_rows) [length^2].
     real(dp), allocatable :: weight(:)
     !> Gaps d (n_rows) [length].
     real(dp), allocatable :: gap(:)
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), allocatable :: theta(:)
     !> One block per body; empty where nothing touches the body.
     type(contact_block_t), allocatable :: block(:)
   end type contact_operator_t
@@ -68,13 +64,11 @@ contains
       operator%pair_first_row(k + 1) = operator%pair_first_row(k) + pairs(k)%n_rows
     end do
     operator%n_rows = operator%pair_first_row(size(pairs) + 1) - 1
-    operator%origin = [(k, k=1, operator%n_rows)]
-    allocate (operator%weight(operator%n_rows), operator%gap(operator%n_rows), operator%theta(operator%n_rows))
+    allocate (operator%weight(operator%n_rows), operator%gap(operator%n_rows))
     do k = 1, size(pairs)
       associate (first => operator%pair_first_row(k), last => operator%pair_first_row(k + 1) - 1)
         operator%weight(first:last) = pairs(k)%row_weight
         operator%gap(first:last) = pairs(k)%row_gap
-        operator%theta(first:last) = pairs(k)%row_theta
       end associate
     end do
     !$omp parallel do default(none) shared(n_bodies, dimension, pairs, surfaces_a, surfaces_b, operator) schedule(dynamic, 1)

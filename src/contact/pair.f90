@@ -103,8 +103,6 @@ module dotyk_contact_pair
     real(dp), allocatable :: row_gap(:)
     !> Penalty parameters (n_rows), `theta` unless they are set otherwise [length/pressure].
     real(dp), allocatable :: row_theta(:)
-    !> By what they were multiplied since [1].
-    real(dp) :: theta_factor = 1
   end type contact_pair_t
 
   public :: discretize_pair, pair_force

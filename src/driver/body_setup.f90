@@ -6,12 +6,13 @@ module dotyk_driver_body_setup
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: load_force_density, option_name, scheme_names
   use dotyk_base_text, only: to_text
-  use dotyk_driver_congruence_classes, only: congruence_classes_t
+  use dotyk_control_congruence_classes, only: congruence_classes_t
   use dotyk_driver_locking, only: would_lock
   use dotyk_driver_materials, only: build_material
   use dotyk_driver_parallel, only: largest_first
   use dotyk_driver_volumes, only: volume_t
-  use dotyk_elasticity_body, only: body_t, free_rigid_modes
+  use dotyk_elasticity_body, only: body_t, free_rigid_modes, stiffness_t
+  use dotyk_elasticity_body_modes, only: body_modes_t
   use dotyk_elasticity_load, only: load_t, add_surface_load, add_volume_load
   use dotyk_elasticity_material, only: rotate_stiffness
   use dotyk_elasticity_support, only: support_t, collect_supports
@@ -225,18 +226,23 @@ contains
 
   !> Assemble all bodies: the ones that are much larger than the rest with all threads, then the others side by side; all problems are
   !> reported together.
-  subroutine assemble_bodies(case, classes, body, error)
+  subroutine assemble_bodies(case, classes, body, modes, stiffness, error)
     type(case_t), intent(in) :: case
     type(congruence_classes_t), intent(in) :: classes
     !> Those that are not the first of their kind get no stiffness (n_bodies).
     type(body_t), intent(inout) :: body(:)
+    !> Rigid body modes that the supports leave (n_bodies).
+    type(body_modes_t), allocatable, intent(out) :: modes(:)
+    !> Of the representatives (n_bodies).
+    type(stiffness_t), allocatable, intent(out) :: stiffness(:)
+    !> Allocated where elements or formulas are wrong; names the bodies.
     type(error_t), allocatable, intent(out) :: error
     type(problem_list_t) :: problems
     type(error_slot_t), allocatable :: failed(:)
     integer :: i, b, order(size(body))
     logical :: alone(size(body))
     real(dp) :: share
-    allocate (failed(size(body)))
+    allocate (failed(size(body)), modes(size(body)), stiffness(size(body)))
     order = largest_first(real(body%constraint%n_equations, dp))
     ! Larger than one thread's share of all: the others would wait for it.
     share = sum(real(body%constraint%n_equations, dp), mask=[(classes%is_representative(b), b=1, size(body))])/omp_get_max_threads()
@@ -246,14 +252,14 @@ contains
     end if
     do b = 1, size(body)
       if (interrupted()) cycle
-      if (alone(b)) call body(b)%assemble(failed(b)%error)
+      if (alone(b)) call assemble_first(body(b), modes(b), stiffness(b), failed(b)%error)
     end do
-    !$omp parallel default(none) shared(body, classes, failed, order, alone) private(b)
+    !$omp parallel default(none) shared(body, classes, modes, stiffness, failed, order, alone) private(b)
     !$omp do schedule(dynamic, 1)
     do i = 1, size(body)
       b = order(i)
       if (interrupted()) cycle
-      if (classes%is_representative(b) .and. .not. alone(b)) call body(b)%assemble(failed(b)%error)
+      if (classes%is_representative(b) .and. .not. alone(b)) call assemble_first(body(b), modes(b), stiffness(b), failed(b)%error)
     end do
     !$omp end do
     !$omp do schedule(dynamic, 1)
@@ -261,7 +267,8 @@ contains
       b = order(i)
       if (interrupted()) cycle
       if (classes%is_representative(b) .or. allocated(failed(classes%first(b))%error)) cycle
-      call body(b)%assemble_like(body(classes%first(b)), classes%motion(b), failed(b)%error)
+      call body(b)%assemble_like(body(classes%first(b)), failed(b)%error)
+      call modes(b)%move(modes(classes%first(b)), classes%motion(b), body(b))
     end do
     !$omp end do
     !$omp end parallel
@@ -271,4 +278,15 @@ contains
     end do
     call problems%raise(error)
   end subroutine assemble_bodies
+
+  !> Assemble a representative.
+  subroutine assemble_first(body, modes, stiffness, error)
+    type(body_t), intent(inout) :: body
+    type(body_modes_t), intent(inout) :: modes
+    type(stiffness_t), intent(inout) :: stiffness
+    !> As in `assemble_bodies`.
+    type(error_t), allocatable, intent(out) :: error
+    call body%assemble(stiffness, error)
+    call modes%find(body)
+  end subroutine assemble_first
 end module dotyk_driver_body_setup

@@ -1,24 +1,28 @@
-!> From assembled bodies to responses: order, analyse, factorize.
+!> From assembled bodies to compliance operators: order, analyse, factorize, and split off near-null-space modes.
 module dotyk_driver_factorization
   use dotyk_base_error, only: error_t, problem_list_t, add_context, exit_machine, set_error
   use dotyk_base_interrupt, only: interrupted, stop_if_interrupted
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_log, only: log_t
   use dotyk_base_memory, only: memory_now, memory_t, memory_text, set_item
+  use dotyk_base_options, only: response_auto, response_compliance
   use dotyk_contact_operator, only: contact_block_t
-  use dotyk_driver_congruence_classes, only: congruence_classes_t
-  use dotyk_driver_parallel, only: largest_first, set_blas_threads
-  use dotyk_elasticity_body, only: body_t
-  use dotyk_response_definite, only: digits_t
-  use dotyk_response_demand, only: response_demand_t
-  use dotyk_response_full, only: full_response_t
+  use dotyk_control_congruence_classes, only: congruence_classes_t
+  use dotyk_control_parallel, only: largest_first, set_blas_threads
+  use dotyk_elasticity_body, only: body_t, stiffness_t
+  use dotyk_elasticity_body_modes, only: body_modes_t
+  use dotyk_response_cost_model, only: matrix_is_cheaper, workload_t
+  use dotyk_response_direct, only: direct_response_t
+  use dotyk_response_near_null_modes, only: separate_by_contact
   use dotyk_response_response, only: response_slot_t
-  use dotyk_response_soft_motions, only: tell_apart
+  use dotyk_response_stiffness_factor, only: factorization_report_t
+  use dotyk_scheme_body_compliance, only: body_operator_t
+  use dotyk_scheme_coarse_space, only: contact_modes_t
   implicit none
   private
 
-  !> What is known of a factor before it is made. It is that of the first body of a kind; the others have but what their responses go
-  !> through.
+  !> What is known of a factor before it is made. It is that of the representative of a class; other bodies have the last three
+  !> components only.
   type, public :: factor_size_t
     !> Entries that are stored, and their memory [bytes].
     integer(int64) :: entries = 0, bytes = 0
@@ -26,59 +30,65 @@ module dotyk_driver_factorization
     integer(int64) :: stiffness_bytes = 0
     !> Floating-point operations of the factorization.
     real(dp) :: flops = 0
-    !> Contact unknowns come last in the order of elimination, and responses go through the last block alone.
-    logical :: is_condensed = .false.
-    !> Responses go by the compliance as a matrix.
-    logical :: is_explicit = .false.
-    !> Entries that a response goes through.
-    integer(int64) :: response_entries = 0
-    !> Operations and entries in the order that is best without regard to contact.
-    real(dp) :: whole_flops = 0
-    integer(int64) :: whole_entries = 0
+    !> Whether the entries of the compliance are formed before the iteration.
+    logical :: forms_matrix = .false.
+    !> Entries that a product goes through.
+    integer(int64) :: product_entries = 0
+    !> Entries of the factor of the class.
+    integer(int64) :: class_entries = 0
   end type factor_size_t
+
+  !> The compliance operator of a representative on the way.
+  type, public :: direct_slot_t
+    !> Allocated for representatives.
+    type(direct_response_t), allocatable :: response
+  end type direct_slot_t
 
   !> A place for one body's error.
   type :: error_slot_t
     type(error_t), allocatable :: error
   end type error_slot_t
 
-  public :: analyze_bodies, attach_bodies, check_memory, factorize_bodies
-
-  !> Steps that schemes take which ask for one response in each.
-  integer, parameter :: typical_steps = 300
+  public :: analyze_bodies, check_memory, factorize_bodies, find_modes, make_operators
 
 contains
 
-  !> Order and analyse the first bodies of all kinds, side by side.
-  subroutine analyze_bodies(body, classes, block, form, single_solves, response, size_of, error)
-    !> Assembled (n_bodies); without the graph of their nodes on return.
-    type(body_t), intent(inout) :: body(:)
+  !> Order and analyse the representatives, side by side.
+  subroutine analyze_bodies(body, modes, stiffness, classes, block, form, n_products, direct, size_of, error)
+    !> Assembled, with the modes that supports leave (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    type(body_modes_t), intent(in) :: modes(:)
+    !> Of the representatives; without the graphs of their nodes on return (n_bodies).
+    type(stiffness_t), intent(inout) :: stiffness(:)
     type(congruence_classes_t), intent(in) :: classes
-    !> Where they may touch (n_bodies).
+    !> Rows of B (n_bodies).
     type(contact_block_t), intent(in) :: block(:)
-    !> Form of the responses, one of `form_*` of dotyk_response_full.
+    !> One of `response_*` of dotyk_base_options.
     integer, intent(in) :: form
-    !> Whether a scheme solves once in each of many steps, not for one contact point after the other.
-    logical, intent(in) :: single_solves
-    !> Analysed on return (n_bodies).
-    type(response_slot_t), allocatable, intent(out) :: response(:)
+    !> Products with the compliance that the scheme takes one by one, about; 0: it forms entries.
+    integer, intent(in) :: n_products
+    !> Analysed (n_bodies).
+    type(direct_slot_t), allocatable, intent(out) :: direct(:)
     !> Sizes of the factors to come (n_bodies).
     type(factor_size_t), allocatable, intent(out) :: size_of(:)
+    !> Allocated where an analysis fails or an interrupt came; names the bodies.
     type(error_t), allocatable, intent(out) :: error
     type(error_slot_t), allocatable :: failed(:)
     integer, allocatable :: node(:)
-    integer :: i, b, n_points, order(size(body))
-    allocate (response(size(body)), size_of(size(body)), failed(size(body)))
+    type(workload_t) :: work
+    integer :: i, b, order(size(body))
+    allocate (direct(size(body)), size_of(size(body)), failed(size(body)))
     order = largest_first(real(body%constraint%n_equations, dp))
-    !$omp parallel do default(none) shared(body, classes, block, form, single_solves, response, size_of, failed, order) &
-    !$omp& private(b, node, n_points) schedule(dynamic, 1)
+    !$omp parallel do default(none) shared(body, modes, stiffness, classes, block, form, n_products, direct, size_of, failed, order) &
+    !$omp& private(b, node, work) schedule(dynamic, 1)
     do i = 1, size(body)
       b = order(i)
       if (interrupted()) cycle
       if (.not. classes%is_representative(b)) cycle
-      call classes%contact_nodes(b, block, node, n_points)
-      call analyze_body(body(b), node, n_points, count(classes%first == b), form, single_solves, response(b), size_of(b), &
-                        failed(b)%error)
+      call classes%contact_nodes(b, block, node, work%n_rows)
+      work%n_bodies = count(classes%first == b)
+      work%n_steps = n_products
+      call analyze_body(body(b), modes(b), stiffness(b), node, work, form, direct(b), size_of(b), failed(b)%error)
     end do
     !$omp end parallel do
     call stop_if_interrupted(error)
@@ -86,86 +96,58 @@ contains
     if (allocated(error)) return
     do b = 1, size(body)
       if (classes%is_representative(b)) cycle
-      call share_response(response(classes%first(b)), size_of(classes%first(b)), response(b), size_of(b))
+      associate (first => size_of(classes%first(b)))
+        size_of(b)%forms_matrix = first%forms_matrix
+        size_of(b)%product_entries = first%product_entries
+        size_of(b)%class_entries = first%class_entries
+      end associate
     end do
   end subroutine analyze_bodies
 
-  !> Order and analyse the first body of a kind.
-  subroutine analyze_body(body, contact_node, n_points, n_bodies, form, single_solves, slot, size_of, error)
-    type(body_t), intent(inout) :: body
-    !> Nodes where any body of the kind may touch, and the contact points of all of them.
-    integer, intent(in) :: contact_node(:), n_points
-    !> Bodies of the kind.
-    integer, intent(in) :: n_bodies
+  !> Order and analyse a representative, and choose how products with its compliance are made.
+  subroutine analyze_body(body, modes, stiffness, contact_node, work, form, slot, size_of, error)
+    type(body_t), intent(in) :: body
+    type(body_modes_t), intent(in) :: modes
+    type(stiffness_t), intent(inout) :: stiffness
+    !> Nodes where any body of the class may touch another (n).
+    integer, intent(in) :: contact_node(:)
+    !> Products to come.
+    type(workload_t), intent(in) :: work
     integer, intent(in) :: form
-    logical, intent(in) :: single_solves
-    type(response_slot_t), intent(inout) :: slot
+    type(direct_slot_t), intent(inout) :: slot
     type(factor_size_t), intent(out) :: size_of
+    !> As in `analyze_bodies`.
     type(error_t), allocatable, intent(out) :: error
-    type(full_response_t), allocatable :: full
-    allocate (full)
     call set_item("body '"//body%name//"'")
-    call full%prepare(body, error, contact_node, form, &
-                      response_demand_t(n_points, n_bodies, merge(typical_steps, 0, single_solves)))
+    allocate (slot%response)
+    call slot%response%analyze(body, modes, stiffness, error)
     if (allocated(error)) return
-    size_of%is_condensed = full%is_condensed
-    size_of%is_explicit = full%is_explicit
-    size_of%entries = full%factor%factor_entries
-    size_of%bytes = full%factor%factor_bytes
-    size_of%flops = full%factor%flops
-    size_of%response_entries = full%response_entries()
-    if (size_of%is_explicit) size_of%response_entries = (int(n_points, int64)/n_bodies)**2/2
-    size_of%whole_flops = full%whole_flops
-    size_of%whole_entries = full%whole_entries
-    size_of%stiffness_bytes = 16*size(body%stiffness%row, kind=int64)
-    call move_alloc(full, slot%form)
-    deallocate (body%graph_start, body%graph_neighbour)
+    associate (factor => slot%response%factor, equation => body%constraint%equation(:, contact_node))
+      size_of%entries = factor%factor_entries
+      size_of%bytes = factor%factor_bytes
+      size_of%flops = factor%flops
+      if (work%n_steps > 0 .and. any(equation > 0)) then
+        size_of%forms_matrix = form == response_compliance
+        if (form == response_auto) size_of%forms_matrix = matrix_is_cheaper(work, real(factor%factor_entries, dp), &
+          slot%response%path_entries(pack(equation, equation > 0)))
+      end if
+    end associate
+    size_of%class_entries = size_of%entries
+    size_of%product_entries = size_of%entries
+    if (size_of%forms_matrix) size_of%product_entries = (int(work%n_rows, int64)/work%n_bodies)**2/2
+    size_of%stiffness_bytes = 16*size(stiffness%matrix%row, kind=int64)
+    call stiffness%forget_graph()
     call set_item('')
   end subroutine analyze_body
 
-  !> The response of another body of the same kind.
-  subroutine share_response(first, size_of_first, slot, size_of)
-    type(response_slot_t), intent(in) :: first
-    type(factor_size_t), intent(in) :: size_of_first
-    type(response_slot_t), intent(inout) :: slot
-    type(factor_size_t), intent(out) :: size_of
-    type(full_response_t), allocatable :: full
-    allocate (full)
-    select type (form => first%form)
-    type is (full_response_t)
-      call full%share(form)
-    end select
-    call move_alloc(full, slot%form)
-    size_of%is_condensed = size_of_first%is_condensed
-    size_of%is_explicit = size_of_first%is_explicit
-    size_of%response_entries = size_of_first%response_entries
-    size_of%whole_entries = size_of_first%whole_entries
-  end subroutine share_response
-
-  !> Say where contact forces act on the bodies: before the factorization, which takes the stiffnesses away.
-  subroutine attach_bodies(body, classes, block, response)
-    !> Assembled (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    type(congruence_classes_t), intent(in) :: classes
-    !> Where they may touch (n_bodies).
-    type(contact_block_t), intent(in) :: block(:)
-    !> Analysed (n_bodies).
-    type(response_slot_t), intent(inout) :: response(:)
-    integer :: b
-    do b = 1, size(body)
-      select type (full => response(b)%form)
-      type is (full_response_t)
-        call full%attach(body(b), block(b)%contact_node, body(classes%first(b)))
-      end select
-    end do
-  end subroutine attach_bodies
-
-  !> Refuse what plainly cannot be: factors that are larger than all memory that is left; warn where it will be scarce.
+  !> Refuse factors that are larger than the memory that is left; warn where it will be scarce.
   subroutine check_memory(size_of, log, error)
+    !> (n_bodies).
     type(factor_size_t), intent(in) :: size_of(:)
     type(log_t), intent(inout) :: log
+    !> Allocated where the memory does not suffice; says how much is left.
     type(error_t), allocatable, intent(out) :: error
-    !> What a run takes beside the factors, as a part of them.
+    !> Memory beside the factors, as a fraction of theirs.
     real(dp), parameter :: beside = 0.15_dp
     type(memory_t) :: memory
     real(dp) :: factors, stiffnesses
@@ -184,109 +166,139 @@ contains
     end if
   end subroutine check_memory
 
-  !> Factorize the first bodies of all kinds, the largest first: as many side by side as there are threads, and threads that no
-  !> body is left for help the others with theirs. Their stiffnesses are given back one by one. The digits are the same on any
-  !> number of threads.
-  subroutine factorize_bodies(body, classes, block, take_apart, response, size_of, error)
-    !> Assembled (n_bodies); without stiffness on return.
-    type(body_t), intent(inout) :: body(:)
+  !> Factorize the representatives, the largest first: as many side by side as there are threads; threads without a body of their own
+  !> help the others. Stiffnesses are given back one by one. The digits are the same on any number of threads.
+  subroutine factorize_bodies(body, classes, split_near_null, size_of, stiffness, direct, report, error)
+    !> Assembled (n_bodies).
+    type(body_t), intent(in) :: body(:)
     type(congruence_classes_t), intent(in) :: classes
-    !> Where they may touch (n_bodies).
-    type(contact_block_t), intent(in) :: block(:)
-    !> Whether the scheme can treat soft motions apart.
-    logical, intent(in) :: take_apart
-    !> Analysed (n_bodies).
-    type(response_slot_t), intent(inout) :: response(:)
+    !> Whether the scheme can solve for near-null-space modes.
+    logical, intent(in) :: split_near_null
     !> Sizes of the factors (n_bodies).
     type(factor_size_t), intent(in) :: size_of(:)
+    !> Of the representatives; empty on return (n_bodies).
+    type(stiffness_t), intent(inout) :: stiffness(:)
+    !> Analysed (n_bodies).
+    type(direct_slot_t), intent(inout) :: direct(:)
+    !> Of the representatives (n_bodies).
+    type(factorization_report_t), allocatable, intent(out) :: report(:)
+    !> Allocated where a stiffness is not positive definite, memory runs out, or an interrupt came; names the bodies.
     type(error_t), allocatable, intent(out) :: error
     type(error_slot_t), allocatable :: failed(:)
     integer :: i, b, order(size(body))
-    allocate (failed(size(body)))
+    allocate (failed(size(body)), report(size(body)))
     order = largest_first(size_of%flops)
     call set_blas_threads(1)
-    !$omp parallel default(none) shared(body, classes, take_apart, response, failed, order) private(i, b)
+    !$omp parallel default(none) shared(body, classes, split_near_null, stiffness, direct, report, failed, order) private(i, b)
     !$omp single
     do i = 1, size(body)
       b = order(i)
       if (interrupted()) cycle
       if (.not. classes%is_representative(b)) cycle
-      !$omp task default(none) shared(body, take_apart, response, failed) firstprivate(b)
-      call factorize_body(body(b), take_apart, response(b), failed(b)%error)
+      !$omp task default(none) shared(body, split_near_null, stiffness, direct, report, failed) firstprivate(b)
+      call set_item("body '"//body(b)%name//"'")
+      call direct(b)%response%factorize(body(b), stiffness(b), split_near_null, report(b), failed(b)%error)
+      call set_item('')
       !$omp end task
     end do
     !$omp end single
     !$omp end parallel
     call stop_if_interrupted(error)
     if (.not. allocated(error)) call collect(body, failed, error)
-    if (allocated(error)) return
-    do b = 1, size(body)
-      if (.not. classes%is_representative(b)) call share_condensed(response(classes%first(b)), response(b))
-      call adopt_near_null_modes(response(classes%first(b)), block(b), response(b), body(b), error)
-      if (allocated(error)) return
-    end do
   end subroutine factorize_bodies
 
-  !> Take what the first body's response has after its factorization.
-  subroutine share_condensed(first, slot)
-    type(response_slot_t), intent(in) :: first
-    type(response_slot_t), intent(inout) :: slot
-    select type (owner => first%form)
-    type is (full_response_t)
-      select type (full => slot%form)
-      type is (full_response_t)
-        call full%share_condensed(owner)
-      end select
-    end select
-  end subroutine share_condensed
+  !> The modes that the scheme solves for: near-null-space modes where the factorization found them, rigid body modes elsewhere.
+  subroutine find_modes(body, classes, block, report, modes, at_contact, error)
+    !> Assembled (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    type(congruence_classes_t), intent(in) :: classes
+    !> Rows of B (n_bodies).
+    type(contact_block_t), intent(in) :: block(:)
+    !> Of the representatives (n_bodies).
+    type(factorization_report_t), intent(in) :: report(:)
+    !> Rigid body modes; those that are near-null-space modes are replaced (n_bodies).
+    type(body_modes_t), intent(inout) :: modes(:)
+    !> The modes at the contact nodes (n_bodies).
+    type(contact_modes_t), allocatable, intent(out) :: at_contact(:)
+    !> Allocated where LAPACK's singular value decomposition does not converge.
+    type(error_t), allocatable, intent(out) :: error
+    integer :: b
+    allocate (at_contact(size(body)))
+    do b = 1, size(body)
+      associate (of_class => report(classes%first(b)))
+        if (allocated(of_class%near_null)) call take_near_null(body(b), block(b), of_class, modes(b), error)
+        if (allocated(error)) return
+      end associate
+      at_contact(b)%displacement = reshape(modes(b)%shape(:, block(b)%contact_node, :), &
+                                           [size(modes(b)%shape, 1)*size(block(b)%contact_node), modes(b)%n])
+      at_contact(b)%resultant = modes(b)%resultant
+      if (.not. modes(b)%is_near_null()) cycle
+      at_contact(b)%stiffness = modes(b)%stiffness
+      at_contact(b)%lift_resultant = modes(b)%lift_resultant
+      at_contact(b)%resultant_size = modes(b)%resultant_size
+    end do
+  end subroutine find_modes
 
-  !> Take the soft motions of the first body of the kind, if it has any.
-  subroutine adopt_near_null_modes(first, block, slot, body, error)
-    type(response_slot_t), intent(in) :: first
+  !> The near-null-space modes of one body, separated by what its contact rows feel.
+  subroutine take_near_null(body, block, report, modes, error)
+    type(body_t), intent(in) :: body
     type(contact_block_t), intent(in) :: block
-    type(response_slot_t), intent(inout) :: slot
-    type(body_t), intent(inout) :: body
+    !> Of the representative.
+    type(factorization_report_t), intent(in) :: report
+    type(body_modes_t), intent(inout) :: modes
+    !> As in `find_modes`.
     type(error_t), allocatable, intent(out) :: error
-    type(digits_t) :: digits
-    real(dp), allocatable :: at_rows(:, :)
+    real(dp), allocatable :: mode(:, :), stiffness(:, :), at_rows(:, :), u(:, :)
     integer :: k
-    select type (owner => first%form)
-    type is (full_response_t)
-      if (.not. allocated(owner%digits%motion)) return
-      digits = owner%digits
-    end select
-    select type (full => slot%form)
-    type is (full_response_t)
-      call full%adopt_near_null_modes(digits)
-      allocate (at_rows(size(block%row), full%n_motions))
-      do k = 1, full%n_motions
-        if (size(block%row) > 0) call block%matrix%multiply(full%motion(:, k), at_rows(:, k))
-      end do
-      call tell_apart(at_rows, digits%motion, digits%stiffness, error)
-      if (allocated(error)) return
-      call full%adopt_near_null_modes(digits)
-    end select
-    call body%adopt_near_null_modes(digits%motion)
-  end subroutine adopt_near_null_modes
+    mode = report%near_null
+    stiffness = report%near_null_stiffness
+    allocate (at_rows(size(block%row), size(mode, 2)), u(body%dimension, body%mesh%n_nodes()))
+    do k = 1, size(mode, 2)
+      if (size(block%row) == 0) cycle
+      call body%constraint%expand(mode(:, k), u, .false.)
+      call block%matrix%multiply(reshape(u(:, block%contact_node), [body%dimension*size(block%contact_node)]), at_rows(:, k))
+    end do
+    call separate_by_contact(at_rows, mode, stiffness, error)
+    if (.not. allocated(error)) call modes%take_near_null(body, mode, stiffness)
+  end subroutine take_near_null
 
-  !> Factorize one body.
-  subroutine factorize_body(body, take_apart, slot, error)
-    type(body_t), intent(inout) :: body
-    logical, intent(in) :: take_apart
-    type(response_slot_t), intent(inout) :: slot
-    type(error_t), allocatable, intent(out) :: error
-    select type (full => slot%form)
-    type is (full_response_t)
-      call set_item("body '"//body%name//"'")
-      call full%factorize(body, error, take_apart)
-      call set_item('')
-    end select
-  end subroutine factorize_body
+  !> What the compliance of all bodies is made of.
+  subroutine make_operators(body, classes, block, report, size_of, direct, response, operators)
+    !> Assembled (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    type(congruence_classes_t), intent(in) :: classes
+    !> Rows of B (n_bodies).
+    type(contact_block_t), intent(in) :: block(:)
+    !> Of the representatives (n_bodies).
+    type(factorization_report_t), intent(in) :: report(:)
+    !> (n_bodies).
+    type(factor_size_t), intent(in) :: size_of(:)
+    !> Factorized; empty on return (n_bodies).
+    type(direct_slot_t), intent(inout) :: direct(:)
+    !> Of the representatives (n_bodies).
+    type(response_slot_t), allocatable, intent(out) :: response(:)
+    !> (n_bodies).
+    type(body_operator_t), allocatable, intent(out) :: operators(:)
+    integer :: b
+    allocate (response(size(body)), operators(size(body)))
+    do b = 1, size(body)
+      if (allocated(direct(b)%response)) call move_alloc(direct(b)%response, response(b)%form)
+      associate (own => operators(b), d => body(b)%dimension)
+        own%representative = classes%first(b)
+        own%rotation = classes%motion(b)%rotation(:d, :d)
+        call own%map%init(body(b)%constraint, block(b)%contact_node)
+        own%nodal_stiffness = own%map%diagonal(report(classes%first(b))%diagonal)
+        own%cost = real(size_of(b)%product_entries, dp)
+      end associate
+    end do
+  end subroutine make_operators
 
   !> All bodies' errors as one.
   subroutine collect(body, failed, error)
+    !> (n_bodies).
     type(body_t), intent(in) :: body(:)
     type(error_slot_t), intent(inout) :: failed(:)
+    !> Allocated where one of them is.
     type(error_t), allocatable, intent(out) :: error
     type(problem_list_t) :: problems
     integer :: b

@@ -5,10 +5,10 @@ module dotyk_driver_finite
   use dotyk_base_text, only: quoted, to_text
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_driver_pressures, only: pair_solution_t
-  use dotyk_driver_body_solution, only: body_solution_t
+  use dotyk_control_body_solution, only: body_solution_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t
-  use dotyk_scheme_history, only: scheme_result_t
+  use dotyk_scheme_solver_state, only: solver_state_t
   implicit none
   private
   public :: refuse_overflow
@@ -19,7 +19,7 @@ module dotyk_driver_finite
 contains
 
   !> Refuse an answer whose displacements, stresses, pressures or energy overflowed.
-  subroutine refuse_overflow(case, body, pair, solution, pair_solution, result, error)
+  subroutine refuse_overflow(case, body, pair, solution, pair_solution, state, error)
     type(case_t), intent(in) :: case
     !> (n_bodies).
     type(body_t), intent(in) :: body(:)
@@ -27,7 +27,7 @@ contains
     !> (n_pairs).
     type(contact_pair_t), intent(in) :: pair(:)
     type(pair_solution_t), intent(in) :: pair_solution(:)
-    type(scheme_result_t), intent(in) :: result
+    type(solver_state_t), intent(in) :: state
     !> Names the first body or pair; exit code `exit_not_solvable`.
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: what
@@ -54,6 +54,6 @@ contains
                      ': its pressures are'//reason, exit_not_solvable)
       return
     end do
-    if (.not. ieee_is_finite(result%energy)) call set_error(error, case%file//': the energy is'//reason, exit_not_solvable)
+    if (.not. ieee_is_finite(state%energy)) call set_error(error, case%file//': the energy is'//reason, exit_not_solvable)
   end subroutine refuse_overflow
 end module dotyk_driver_finite

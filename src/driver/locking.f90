@@ -5,7 +5,7 @@ module dotyk_driver_locking
   use dotyk_base_log, only: log_t
   use dotyk_base_options, only: analysis_plane_stress, locking_auto, locking_ignore
   use dotyk_base_text, only: to_text
-  use dotyk_driver_congruence_classes, only: congruence_classes_t
+  use dotyk_control_congruence_classes, only: congruence_classes_t
   use dotyk_driver_materials, only: build_material
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_projected_dilatation, only: unprojected_bulk_ratio

@@ -28,7 +28,7 @@ module dotyk_driver_pairs
 contains
 
   !> Search the contact points of all pairs; all problems are reported together.
-  subroutine find_pairs(case, body, surface_a, surface_b, pair, error)
+  subroutine find_pairs(case, body, surface_a, surface_b, pair, theta, error)
     type(case_t), intent(in) :: case
     !> Assembled (n_bodies).
     type(body_t), intent(in) :: body(:)
@@ -36,6 +36,9 @@ contains
     type(surface_t), intent(in) :: surface_a(:), surface_b(:)
     !> (n_pairs).
     type(contact_pair_t), allocatable, intent(out) :: pair(:)
+    !> Penalty parameters of all rows, pair by pair (n_rows) [length/pressure].
+    real(dp), allocatable, intent(out) :: theta(:)
+    !> Allocated where a pair has no contact rows, or a formula is wrong; names the lines.
     type(error_t), allocatable, intent(out) :: error
     type(problem_list_t) :: problems
     type(error_slot_t), allocatable :: failed(:)
@@ -56,6 +59,7 @@ contains
       call problems%add_error(failed(k)%error)
     end do
     call problems%raise(error)
+    if (.not. allocated(error)) theta = [(pair(k)%row_theta, k=1, size(pair))]
   end subroutine find_pairs
 
   !> Search the contact points of one pair.

@@ -2,11 +2,9 @@
 module dotyk_driver_pressures
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_contact_pair, only: contact_pair_t, pair_force
+  use dotyk_contact_pair, only: pair_force
   use dotyk_contact_pressure_projection, only: pressure_projection_t
-  use dotyk_elasticity_body, only: body_t
-  use dotyk_mesh_surface, only: surface_t
-  use dotyk_scheme_problem, only: contact_problem_t
+  use dotyk_control_contact_problem, only: contact_problem_t
   implicit none
   private
 
@@ -31,14 +29,11 @@ module dotyk_driver_pressures
 contains
 
   !> Pressures of all pairs. A node on several pairs gets the sum.
-  subroutine project_pressures(body, pair, surface_a, surface_b, problem, m, y, solution, nodal, error)
-    !> (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Contact points and surfaces (n_pairs).
-    type(contact_pair_t), intent(in) :: pair(:)
-    type(surface_t), intent(in) :: surface_a(:), surface_b(:)
+  subroutine project_pressures(problem, first_row, m, y, solution, nodal, error)
     type(contact_problem_t), intent(in) :: problem
-    !> State [pressure] and B u - d [length] of the scheme (n_rows).
+    !> Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
+    integer, intent(in) :: first_row(:)
+    !> Contact pressures [pressure] and B u - d [length] (n_rows).
     real(dp), intent(in) :: m(:), y(:)
     !> (n_pairs).
     type(pair_solution_t), allocatable, intent(out) :: solution(:)
@@ -48,22 +43,22 @@ contains
     type(pressure_projection_t) :: projection
     real(dp), allocatable :: on_a(:), on_b(:)
     integer :: k, b, first, last
-    allocate (solution(size(pair)), nodal(size(body)))
-    do b = 1, size(body)
-      allocate (nodal(b)%value(body(b)%mesh%n_nodes()), source=0.0_dp)
+    allocate (solution(size(problem%pair)), nodal(size(problem%body)))
+    do b = 1, size(problem%body)
+      allocate (nodal(b)%value(problem%body(b)%mesh%n_nodes()), source=0.0_dp)
     end do
-    do k = 1, size(pair)
-      first = problem%operator%pair_first_row(k)
-      last = problem%operator%pair_first_row(k + 1) - 1
+    do k = 1, size(problem%pair)
+      first = first_row(k)
+      last = first_row(k + 1) - 1
       solution(k)%pressure = m(first:last)
       solution(k)%gap = -y(first:last)
-      solution(k)%force = pair_force(pair(k), solution(k)%pressure)
-      call projection%init(pair(k), surface_a(k), surface_b(k), error)
+      solution(k)%force = pair_force(problem%pair(k), solution(k)%pressure)
+      call projection%init(problem%pair(k), problem%surface_a(k), problem%surface_b(k), error)
       if (allocated(error)) return
       allocate (solution(k)%projected(last - first + 1), on_a(size(projection%side_a%node)), on_b(size(projection%side_b%node)))
-      call projection%project(pair(k), solution(k)%pressure, solution(k)%projected, on_a, on_b)
-      call add_at(nodal(pair(k)%body_a)%value, projection%side_a%node, on_a)
-      call add_at(nodal(pair(k)%body_b)%value, projection%side_b%node, on_b)
+      call projection%project(problem%pair(k), solution(k)%pressure, solution(k)%projected, on_a, on_b)
+      call add_at(nodal(problem%pair(k)%body_a)%value, projection%side_a%node, on_a)
+      call add_at(nodal(problem%pair(k)%body_b)%value, projection%side_b%node, on_b)
       call projection%destroy()
       deallocate (on_a, on_b)
     end do

@@ -1,15 +1,16 @@
-!> Everything that a run leaves behind, into the results file (DESIGN.md, section 5).
+!> Everything that a run leaves behind, into the results file (docs/results.md).
 module dotyk_driver_results
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
   use dotyk_contact_pair, only: contact_pair_t
+  use dotyk_base_options, only: option_name, scheme_names
+  use dotyk_control_body_solution, only: body_solution_t
+  use dotyk_control_contact_problem, only: contact_problem_t
+  use dotyk_control_contact_solution, only: contact_solution_t
+  use dotyk_control_error_budget, only: error_budget_t
   use dotyk_driver_arguments, only: command_line_text
-  use dotyk_driver_congruence_classes, only: congruence_classes_t
-  use dotyk_driver_digits, only: body_digits_t
-  use dotyk_driver_error_budget, only: error_budget_t
   use dotyk_driver_factorization, only: factor_size_t
   use dotyk_driver_pressures, only: pair_solution_t, nodal_field_t
-  use dotyk_driver_body_solution, only: body_solution_t
   use dotyk_driver_timing, only: timing_t
   use dotyk_driver_version, only: version, compiler, build_type
   use dotyk_elasticity_body, only: body_t
@@ -17,8 +18,8 @@ module dotyk_driver_results
   use dotyk_input_case, only: case_t
   use dotyk_linalg_blas, only: blas_name
   use dotyk_output_results, only: results_file_t, connectivity_length, contact_group
-  use dotyk_scheme_history, only: scheme_result_t, ending_name, ended_converged
-  use dotyk_scheme_problem, only: contact_problem_t
+  use dotyk_scheme_contact_qp, only: contact_qp_t
+  use dotyk_scheme_solver_state, only: ending_name, ended_converged
   implicit none
   private
   public :: write_fields, write_pairs, write_summary, write_provenance, write_timing
@@ -26,9 +27,8 @@ module dotyk_driver_results
 contains
 
   !> Create the file; meshes, displacements, contact pressures and stresses of all bodies.
-  subroutine write_fields(file, path, case, body, solution, contact_pressure, budget, error)
+  subroutine write_fields(file, case, body, solution, contact_pressure, budget, error)
     type(results_file_t), intent(inout) :: file
-    character(*), intent(in) :: path
     type(case_t), intent(in) :: case
     !> (n_bodies).
     type(body_t), intent(in) :: body(:)
@@ -44,7 +44,7 @@ contains
       n_cells(b) = body(b)%mesh%n_elements()
       n_connectivity(b) = connectivity_length(body(b)%mesh)
     end do
-    call file%create(path, n_points, n_cells, n_connectivity, case%output%displacement, case%output%stress, &
+    call file%create(case%scene%output, n_points, n_cells, n_connectivity, case%output%displacement, case%output%stress, &
                      case%output%contact, case%output%error, error)
     if (allocated(error)) return
     do b = 1, size(body)
@@ -65,12 +65,17 @@ contains
     end do
   end subroutine write_fields
 
-  !> Contact points of all pairs.
-  subroutine write_pairs(file, pair, solution)
+  !> Contact rows of all pairs.
+  subroutine write_pairs(file, pair, first_row, solution, pair_solution)
     type(results_file_t), intent(inout) :: file
     !> (n_pairs).
     type(contact_pair_t), intent(in) :: pair(:)
-    type(pair_solution_t), intent(in) :: solution(:)
+    !> Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
+    integer, intent(in) :: first_row(:)
+    !> With the penalty parameters.
+    type(contact_solution_t), intent(in) :: solution
+    !> (n_pairs).
+    type(pair_solution_t), intent(in) :: pair_solution(:)
     character(:), allocatable :: group
     integer :: k
     do k = 1, size(pair)
@@ -79,69 +84,69 @@ contains
       call file%put_array(group, 'position', pair(k)%row_position)
       call file%put_array(group, 'normal', pair(k)%row_normal)
       call file%put_array(group, 'weight', pair(k)%row_weight)
-      call file%put_array(group, 'theta', pair(k)%row_theta)
+      call file%put_array(group, 'theta', solution%theta(first_row(k):first_row(k + 1) - 1))
       call file%put_array(group, 'gap_initial', pair(k)%row_gap)
-      call file%put_array(group, 'gap', solution(k)%gap)
-      call file%put_array(group, 'pressure', solution(k)%pressure)
-      call file%put_array(group, 'pressure_projected', solution(k)%projected)
-      call file%put_attribute(group, 'force', solution(k)%force)
-      call file%put_attribute(group, 'theta', pair(k)%theta)
+      call file%put_array(group, 'gap', pair_solution(k)%gap)
+      call file%put_array(group, 'pressure', pair_solution(k)%pressure)
+      call file%put_array(group, 'pressure_projected', pair_solution(k)%projected)
+      call file%put_attribute(group, 'force', pair_solution(k)%force)
+      call file%put_attribute(group, 'theta', solution%theta_factor(k)*pair(k)%theta)
       call file%put_attribute(group, 'points_without_partner', pair(k)%n_unprojected)
     end do
   end subroutine write_pairs
 
   !> How the scheme ended, and its history.
-  subroutine write_summary(file, body, classes, size_of, problem, result, budget, digits, scheme)
+  subroutine write_summary(file, case, problem, size_of, qp, n_sweeps, n_full_solves, solution)
     type(results_file_t), intent(inout) :: file
-    !> (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    type(congruence_classes_t), intent(in) :: classes
-    type(factor_size_t), intent(in) :: size_of(:)
+    !> With the scheme.
+    type(case_t), intent(in) :: case
     type(contact_problem_t), intent(in) :: problem
-    type(scheme_result_t), intent(in) :: result
-    type(error_budget_t), intent(in) :: budget
     !> (n_bodies).
-    type(body_digits_t), intent(in) :: digits(:)
-    !> Name of the scheme.
-    character(*), intent(in) :: scheme
-    integer :: undetermined
-    call file%put_attribute('summary', 'converged', result%ended == ended_converged)
-    call file%put_attribute('summary', 'status', ending_name(result%ended))
-    call file%put_attribute('summary', 'scheme', scheme)
-    call file%put_attribute('summary', 'iterations', result%iterations)
-    call file%put_attribute('summary', 'body_solves', problem%body_solves)
-    call file%put_attribute('summary', 'full_solves', problem%full_solves)
-    call file%put_attribute('summary', 'gamma', result%gamma)
-    call file%put_attribute('summary', 'lambda_max', result%lambda_max)
-    call file%put_attribute('summary', 'q_predicted', result%q_predicted)
-    call file%put_attribute('summary', 'q_measured', result%q_measured)
-    call file%put_attribute('summary', 'error_bound', result%error_bound)
-    call file%put_attribute('summary', 'error_bound_paper', result%error_bound_paper)
-    call file%put_attribute('summary', 'error_penalty', budget%penalty)
-    call file%put_attribute('summary', 'error_discretization', budget%discretization)
-    call file%put_attribute('summary', 'error_contact', budget%contact)
-    if (allocated(budget%of_body)) call file%put_attribute('summary', 'error_discretization_bodies', budget%of_body)
-    call file%put_attribute('summary', 'energy_norm', budget%norm)
-    call file%put_attribute('summary', 'energy', result%energy)
-    call file%put_attribute('summary', 'max_penetration', result%max_penetration)
-    call file%put_attribute('summary', 'unknowns', sum(body%constraint%n_equations))
-    call file%put_attribute('summary', 'contact_points', problem%operator%n_rows)
-    call file%put_attribute('summary', 'contact_points_left_out', result%left_out)
-    call file%put_attribute('summary', 'free_motions', problem%coarse%n - sum(digits%n_soft))
-    call file%put_attribute('summary', 'soft_motions', sum(digits%n_soft))
-    call file%put_array('summary', 'condition', digits%condition)
-    call file%put_array('summary', 'digits_lost', digits%lost())
-    call file%put_array('summary', 'refinement_steps', digits%steps)
-    undetermined = 0
-    if (allocated(result%undetermined)) undetermined = size(result%undetermined, 2)
-    call file%put_attribute('summary', 'undetermined_motions', undetermined)
-    call file%put_attribute('summary', 'factorizations', classes%n())
-    call file%put_array('summary', 'kind', classes%first)
+    type(factor_size_t), intent(in) :: size_of(:)
+    type(contact_qp_t), intent(in) :: qp
+    !> Solves of every body, and solves with whole factors for displacements.
+    integer, intent(in) :: n_sweeps, n_full_solves
+    type(contact_solution_t), intent(in) :: solution
+    integer :: indeterminate
+    associate (state => solution%state, budget => solution%budget, conditioning => solution%conditioning)
+      call file%put_attribute('summary', 'converged', state%ended == ended_converged)
+      call file%put_attribute('summary', 'status', ending_name(state%ended))
+      call file%put_attribute('summary', 'scheme', option_name(scheme_names, case%solver%scheme))
+      call file%put_attribute('summary', 'iterations', state%iterations)
+      call file%put_attribute('summary', 'body_solves', n_sweeps)
+      call file%put_attribute('summary', 'full_solves', n_full_solves)
+      call file%put_attribute('summary', 'gamma', state%gamma)
+      call file%put_attribute('summary', 'lambda_max', state%lambda_max)
+      call file%put_attribute('summary', 'q_predicted', state%q_predicted)
+      call file%put_attribute('summary', 'q_measured', state%q_measured)
+      call file%put_attribute('summary', 'error_bound', state%error_bound)
+      call file%put_attribute('summary', 'error_bound_paper', state%error_bound_paper)
+      call file%put_attribute('summary', 'error_penalty', budget%penalty)
+      call file%put_attribute('summary', 'error_discretization', budget%discretization)
+      call file%put_attribute('summary', 'error_contact', budget%contact)
+      if (allocated(budget%of_body)) call file%put_attribute('summary', 'error_discretization_bodies', budget%of_body)
+      call file%put_attribute('summary', 'energy_norm', budget%norm)
+      call file%put_attribute('summary', 'energy', state%energy)
+      call file%put_attribute('summary', 'max_penetration', state%max_penetration)
+      call file%put_attribute('summary', 'unknowns', sum(problem%body%constraint%n_equations))
+      call file%put_attribute('summary', 'contact_points', qp%n_rows)
+      call file%put_attribute('summary', 'contact_points_left_out', state%screened)
+      call file%put_attribute('summary', 'free_motions', qp%coarse%n - sum(conditioning%n_near_null))
+      call file%put_attribute('summary', 'soft_motions', sum(conditioning%n_near_null))
+      call file%put_array('summary', 'condition', conditioning%condition)
+      call file%put_array('summary', 'digits_lost', conditioning%lost_digits())
+      call file%put_array('summary', 'refinement_steps', conditioning%n_steps)
+      indeterminate = 0
+      if (allocated(state%indeterminate)) indeterminate = size(state%indeterminate, 2)
+      call file%put_attribute('summary', 'undetermined_motions', indeterminate)
+    end associate
+    call file%put_attribute('summary', 'factorizations', problem%classes%n())
+    call file%put_array('summary', 'kind', problem%classes%first)
     call file%put_attribute('summary', 'factor_entries', sum(size_of%entries))
     call file%put_attribute('summary', 'factor_bytes', sum(size_of%bytes))
     call file%put_attribute('summary', 'stiffness_bytes', sum(size_of%stiffness_bytes))
     call file%put_attribute('summary', 'flops', sum(size_of%flops))
-    associate (history => result%history)
+    associate (history => solution%state%history)
       call file%put_array('history', 'iteration', counted(history%n))
       call file%put_array('history', 'seconds', history%seconds)
       call file%put_array('history', 'increment', history%increment)

@@ -6,23 +6,27 @@ module dotyk_driver_screen
   use dotyk_base_options, only: analysis_axisymmetric, analysis_names, discretization_quadrature, option_name
   use dotyk_base_text, only: to_text
   use dotyk_contact_pair, only: contact_pair_t
-  use dotyk_driver_congruence_classes, only: congruence_classes_t
-  use dotyk_driver_error_budget, only: error_budget_t, estimates_mesh_error, estimates_penalty_error, needs_displacements
+  use dotyk_control_conditioning, only: conditioning_t
+  use dotyk_control_congruence_classes, only: congruence_classes_t
+  use dotyk_control_contact_problem, only: contact_problem_t
+  use dotyk_control_contact_solution, only: solution_goal_t
+  use dotyk_control_error_budget, only: error_budget_t
   use dotyk_driver_factorization, only: factor_size_t
   use dotyk_driver_pressures, only: pair_solution_t
+  use dotyk_driver_locking, only: show_locking
+  use dotyk_driver_progress, only: duration
   use dotyk_driver_timing, only: timing_t
   use dotyk_driver_version, only: version
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t, output_input_t
   use dotyk_mesh_surface, only: surface_t
   use dotyk_scheme_bounds, only: gamma_limit
-  use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_limit, ended_diverged, ended_interrupted, &
+  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_limit, ended_diverged, ended_interrupted, &
     ended_rounds
-  use dotyk_scheme_progress, only: duration
   implicit none
   private
-  public :: show_scene, show_bodies, show_pairs, show_factorization, show_memory, show_budget, show_responses, &
-    show_left_out, show_result, show_pair_results, show_timing, outcome
+  public :: show_scene, show_structure, show_factorization, show_memory, show_budget, show_not_computed, show_state, &
+    show_pair_results, show_conditioning, show_timing
 
   !> More kinds of bodies, or contact pairs, than this are only summed up.
   integer, parameter :: most_shown = 20
@@ -43,7 +47,20 @@ contains
                   ', '//plural(threads, 'thread', 'threads'))
   end subroutine show_scene
 
-  !> One line per kind of bodies; many kinds are summed up.
+  !> Bodies, treatment of locking, and contact pairs.
+  subroutine show_structure(log, case, problem, size_of)
+    type(log_t), intent(inout) :: log
+    type(case_t), intent(in) :: case
+    type(contact_problem_t), intent(in) :: problem
+    !> (n_bodies).
+    type(factor_size_t), intent(in) :: size_of(:)
+    call show_bodies(log, case, problem%body, problem%classes, size_of)
+    call show_locking(log, case, problem%body, problem%classes)
+    call show_pairs(log, problem%body, problem%pair, problem%surface_a, problem%surface_b)
+    call log%line('')
+  end subroutine show_structure
+
+  !> One line per class of congruent bodies; many classes are summed up.
   subroutine show_bodies(log, case, body, classes, size_of)
     type(log_t), intent(inout) :: log
     type(case_t), intent(in) :: case
@@ -164,35 +181,22 @@ contains
     real(dp), intent(in) :: seconds
     call log%line('  factorized       in '//duration(seconds)//', '//mebibytes(real(sum(size_of%bytes), dp))//', '// &
                   to_text(sum(size_of%flops)/max(seconds, tiny(seconds))/1.0e9_dp, 3)//' Gflop/s')
+    call show_matrices(log, size_of)
   end subroutine show_factorization
 
-  !> Bodies that answer in another way than by solves with their whole factor.
-  subroutine show_responses(log, size_of)
+  !> Bodies whose compliance is formed before the iteration.
+  subroutine show_matrices(log, size_of)
     type(log_t), intent(inout) :: log
+    !> (n_bodies).
     type(factor_size_t), intent(in) :: size_of(:)
-    real(dp) :: more
-    associate (chosen => size_of%is_condensed)
-      if (any(chosen)) then
-        more = sum(size_of%flops, mask=chosen)/max(sum(size_of%whole_flops, mask=chosen), 1.0_dp) - 1
-        call log%line('  condensed        '//plural(count(chosen), 'body', 'bodies')//': factorization '//to_text(100*more, 2)// &
-                      ' % more, '//response_of(size_of, chosen))
-      end if
+    real(dp) :: fraction
+    associate (chosen => size_of%forms_matrix)
+      if (.not. any(chosen)) return
+      fraction = sum(size_of%product_entries, mask=chosen)/max(1.0_dp, real(sum(size_of%class_entries, mask=chosen), dp))
+      call log%line('  compliance       '//plural(count(chosen), 'body', 'bodies')//': a matrix of the contact points, a response '// &
+                    to_text(100*fraction, 2)//' % of one with the whole factor')
     end associate
-    associate (chosen => size_of%is_explicit)
-      if (any(chosen)) call log%line('  compliance       '//plural(count(chosen), 'body', 'bodies')// &
-                                     ': a matrix of the contact points, '//response_of(size_of, chosen))
-    end associate
-  end subroutine show_responses
-
-  !> What a response costs.
-  function response_of(size_of, chosen) result(text)
-    type(factor_size_t), intent(in) :: size_of(:)
-    logical, intent(in) :: chosen(:)
-    character(:), allocatable :: text
-    real(dp) :: part
-    part = sum(size_of%response_entries, mask=chosen)/max(1.0_dp, real(sum(size_of%whole_entries, mask=chosen), dp))
-    text = 'a response '//to_text(100*part, 2)//' % of one with the whole factor'
-  end function response_of
+  end subroutine show_matrices
 
   !> Memory that a run would take.
   subroutine show_memory(log, size_of)
@@ -206,9 +210,9 @@ contains
   end subroutine show_memory
 
   !> How the scheme ended.
-  subroutine show_result(log, result, tolerance, body_solves, seconds)
+  subroutine show_state(log, state, tolerance, body_solves, seconds)
     type(log_t), intent(inout) :: log
-    type(scheme_result_t), intent(in) :: result
+    type(solver_state_t), intent(in) :: state
     !> What was to be reached.
     real(dp), intent(in) :: tolerance
     !> Sweeps over all bodies.
@@ -217,37 +221,37 @@ contains
     real(dp), intent(in) :: seconds
     character(:), allocatable :: predicted
     call log%line('')
-    if (size(result%m) == 0) then
+    if (size(state%m) == 0) then
       call log%line('  solved without contact, '//duration(seconds))
-      call log%line('  energy           '//to_text(result%energy, 10))
+      call log%line('  energy           '//to_text(state%energy, 10))
       return
     end if
-    call log%line('  '//outcome(result)//' after '//plural(result%iterations, 'step', 'steps')//' ('// &
+    call log%line('  '//outcome(state)//' after '//plural(state%iterations, 'step', 'steps')//' ('// &
                   plural(body_solves, 'solve', 'solves')//' of each body at most), '//duration(seconds))
-    call log%line('  error bound      '//to_text(result%error_bound, 3)//' of the energy norm, guaranteed (tolerance '// &
+    call log%line('  error bound      '//to_text(state%error_bound, 3)//' of the energy norm, guaranteed (tolerance '// &
                   to_text(tolerance)//')')
-    if (result%ended == ended_converged .and. result%error_bound > tolerance) call log%line('  rounding         puts the bound '// &
+    if (state%ended == ended_converged .and. state%error_bound > tolerance) call log%line('  rounding         puts the bound '// &
       'above the tolerance: the last digits of the displacements are worth as much, and no answer is nearer')
-    if (.not. ieee_is_nan(result%error_bound_paper)) call log%line('  bound (41)       '//to_text(result%error_bound_paper, 3))
+    if (.not. ieee_is_nan(state%error_bound_paper)) call log%line('  bound (41)       '//to_text(state%error_bound_paper, 3))
     predicted = ''
-    if (.not. ieee_is_nan(result%q_predicted)) predicted = ', at most '//to_text(result%q_predicted, 6)//' predicted'
-    if (.not. ieee_is_nan(result%q_measured)) call log%line('  factor per step  '//to_text(result%q_measured, 6)//' measured'// &
+    if (.not. ieee_is_nan(state%q_predicted)) predicted = ', at most '//to_text(state%q_predicted, 6)//' predicted'
+    if (.not. ieee_is_nan(state%q_measured)) call log%line('  factor per step  '//to_text(state%q_measured, 6)//' measured'// &
                                                             predicted)
-    call log%line('  penetration      '//to_text(result%max_penetration, 4)//' at most')
-    call log%line('  energy           '//to_text(result%energy, 10))
-    if (result%ended == ended_diverged) call log%line('  gamma = '//to_text(result%gamma)//' is too large: the iteration '// &
-      'converges for 0 < gamma < 2/(1+L) = '//to_text(gamma_limit(result%lambda_max)))
-  end subroutine show_result
+    call log%line('  penetration      '//to_text(state%max_penetration, 4)//' at most')
+    call log%line('  energy           '//to_text(state%energy, 10))
+    if (state%ended == ended_diverged) call log%line('  gamma = '//to_text(state%gamma)//' is too large: the iteration '// &
+      'converges for 0 < gamma < 2/(1+L) = '//to_text(gamma_limit(state%lambda_max)))
+  end subroutine show_state
 
   !> What the error is made of, as far as it was asked for.
-  subroutine show_budget(log, output, body, result, budget)
+  subroutine show_budget(log, output, body, state, budget)
     type(log_t), intent(inout) :: log
     type(output_input_t), intent(in) :: output
     type(body_t), intent(in) :: body(:)
-    type(scheme_result_t), intent(in) :: result
+    type(solver_state_t), intent(in) :: state
     type(error_budget_t), intent(in) :: budget
     character(:), allocatable :: line
-    line = '  error            iteration '//part(result%error_bound)
+    line = '  error            iteration '//part(state%error_bound)
     if (output%error_penalty .or. .not. ieee_is_nan(budget%penalty)) line = line//', penalty '//part(budget%penalty)
     if (allocated(budget%of_body)) then
       line = line//', mesh '//part(budget%discretization)
@@ -266,17 +270,18 @@ contains
   end subroutine show_budget
 
   !> What was not computed.
-  subroutine show_left_out(log, case, result)
+  subroutine show_not_computed(log, goal, state)
     type(log_t), intent(inout) :: log
-    type(case_t), intent(in) :: case
-    type(scheme_result_t), intent(in) :: result
+    !> What was asked for.
+    type(solution_goal_t), intent(in) :: goal
+    type(solver_state_t), intent(in) :: state
     character(:), allocatable :: line
     line = ''
-    if (result%left_out > 0) call add(plural(result%left_out, 'contact point that stays', 'contact points that stay')//' open')
-    if (.not. needs_displacements(case)) call add('displacements')
-    if (.not. case%output%stress) call add('stresses')
-    if (.not. estimates_mesh_error(case)) call add('error of the mesh')
-    if (.not. estimates_penalty_error(case)) call add('error of the penalty')
+    if (state%screened > 0) call add(plural(state%screened, 'contact point that stays', 'contact points that stay')//' open')
+    if (.not. goal%needs_displacements()) call add('displacements')
+    if (.not. goal%stress) call add('stresses')
+    if (.not. goal%needs_mesh_error()) call add('error of the mesh')
+    if (.not. goal%needs_penalty_error()) call add('error of the penalty')
     if (len(line) > 0) call log%line('  left out         '//line)
   contains
     subroutine add(text)
@@ -284,7 +289,7 @@ contains
       if (len(line) > 0) line = line//', '
       line = line//text
     end subroutine add
-  end subroutine show_left_out
+  end subroutine show_not_computed
 
   !> One line for each pair's result; many pairs are summed up.
   subroutine show_pair_results(log, pair, solution)
@@ -324,11 +329,44 @@ contains
                   duration(timing%write)//'; total '//duration(timing%total))
   end subroutine show_timing
 
-  !> How a scheme ended, in words.
-  function outcome(result) result(text)
-    type(scheme_result_t), intent(in) :: result
+  !> One line for each kind of bodies that loses digits.
+  subroutine show_conditioning(log, body, classes, conditioning)
+    type(log_t), intent(inout) :: log
+    !> (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    type(congruence_classes_t), intent(in) :: classes
+    type(conditioning_t), intent(in) :: conditioning(:)
+    character(:), allocatable :: line
+    integer :: b
+    do b = 1, size(body)
+      if (.not. classes%is_representative(b)) cycle
+      line = '  digits           '//quoted(body(b)%name)//': '
+      if (.not. conditioning(b)%is_measured) then
+        if (conditioning(b)%n_steps > 0) call log%line(line//steps_of_refinement(conditioning(b)%n_steps))
+        cycle
+      end if
+      line = line//'condition '//to_text(conditioning(b)%condition, 2)
+      if (conditioning(b)%n_near_null > 0) line = line//', '//to_text(conditioning(b)%condition_left, 2)//' without '// &
+                                       to_text(conditioning(b)%n_near_null)//' soft '// &
+                                       trim(merge('motion ', 'motions', conditioning(b)%n_near_null == 1))//' treated apart'
+      line = line//': '//to_text(conditioning(b)%lost_digits())//' of 16 digits lost'
+      if (conditioning(b)%n_steps > 0) line = line//', '//steps_of_refinement(conditioning(b)%n_steps)
+      call log%line(line)
+    end do
+  end subroutine show_conditioning
+
+  !> How many, in words.
+  pure function steps_of_refinement(n) result(text)
+    integer, intent(in) :: n
     character(:), allocatable :: text
-    select case (result%ended)
+    text = to_text(n)//' '//trim(merge('step ', 'steps', n == 1))//' of refinement'
+  end function steps_of_refinement
+
+  !> How a scheme ended, in words.
+  function outcome(state) result(text)
+    type(solver_state_t), intent(in) :: state
+    character(:), allocatable :: text
+    select case (state%ended)
     case (ended_converged)
       text = 'converged'
     case (ended_limit)

@@ -183,7 +183,7 @@ contains
     if (is_balanced(qp, theta, now%lambda, now%alpha)) return
     allocate (missing(qp%coarse%n))
     call qp%mode_resultant(now%lambda, missing)
-    missing = qp%coarse%resultant - missing - qp%coarse%springs(now%alpha)
+    missing = qp%coarse%resultant - missing - qp%coarse%stiffness_forces(now%alpha)
     allocate (alpha(qp%coarse%n), motion(size(active)))
     call winkler_equilibrium(qp, missing, foundation_stiffness(qp, theta), now%y, alpha)
     call qp%mode_displacement(alpha, motion)
@@ -199,7 +199,7 @@ contains
     real(dp), intent(in) :: lambda(:), alpha(:)
     real(dp) :: missing(qp%coarse%n), scale
     call qp%mode_resultant(lambda, missing)
-    missing = qp%coarse%resultant - missing - qp%coarse%springs(alpha)
+    missing = qp%coarse%resultant - missing - qp%coarse%stiffness_forces(alpha)
     ! Where nothing is loaded all forces are rounding errors of those that the initial penetrations would cause.
     scale = maxval([0.0_dp, abs(lambda)])
     if (size(lambda) > 0) &

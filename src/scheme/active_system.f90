@@ -10,8 +10,8 @@
 module dotyk_scheme_active_system
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_scheme_explicit, only: explicit_compliance_t
-  use dotyk_scheme_problem, only: contact_problem_t
+  use dotyk_scheme_compliance, only: compliance_t
+  use dotyk_scheme_contact_qp, only: contact_qp_t
   implicit none
   private
 
@@ -32,20 +32,22 @@ module dotyk_scheme_active_system
     procedure(init_interface), deferred :: init
     !> Solve to rounding. Null modes get amplitude 0; the part of c that excites them remains in the residual.
     procedure(solve_interface), deferred :: solve
+    !> Whether it needs the entries of the compliance at the active rows.
+    procedure(needs_entries_interface), deferred :: needs_entries
     !> Free all memory.
     procedure(destroy_interface), deferred :: destroy
   end type active_system_t
 
   abstract interface
     !> Prepare the system.
-    subroutine init_interface(self, problem, compliance, theta, active, error)
-      import :: active_system_t, contact_problem_t, explicit_compliance_t, error_t, dp
+    subroutine init_interface(self, qp, compliance, theta, active, error)
+      import :: active_system_t, contact_qp_t, compliance_t, error_t, dp
       !> The system.
       class(active_system_t), intent(inout) :: self
       !> Contact rows and rigid body modes.
-      type(contact_problem_t), intent(in) :: problem
+      type(contact_qp_t), intent(in) :: qp
       !> Of all active rows, or matrix-free.
-      type(explicit_compliance_t), intent(in) :: compliance
+      class(compliance_t), intent(inout) :: compliance
       !> Penalty parameters (n_rows) [length/pressure].
       real(dp), intent(in) :: theta(:)
       !> The active set (n_rows).
@@ -55,14 +57,14 @@ module dotyk_scheme_active_system
     end subroutine init_interface
 
     !> Solve the system.
-    subroutine solve_interface(self, problem, compliance, b, c, lambda, alpha)
-      import :: active_system_t, contact_problem_t, explicit_compliance_t, dp
+    subroutine solve_interface(self, qp, compliance, b, c, lambda, alpha)
+      import :: active_system_t, contact_qp_t, compliance_t, dp
       !> The system.
       class(active_system_t), intent(in) :: self
       !> The problem that it was made for.
-      type(contact_problem_t), intent(inout) :: problem
+      type(contact_qp_t), intent(in) :: qp
       !> The compliance that it was made for.
-      type(explicit_compliance_t), intent(in) :: compliance
+      class(compliance_t), intent(inout) :: compliance
       !> Right-hand side of the contact rows (n) [length].
       real(dp), intent(in) :: b(:)
       !> Right-hand side of the equilibrium of the modes (coarse%n) [force].
@@ -72,6 +74,13 @@ module dotyk_scheme_active_system
       !> Amplitudes of the modes (coarse%n) [length].
       real(dp), intent(out) :: alpha(:)
     end subroutine solve_interface
+
+    !> Whether it needs the entries of the compliance.
+    pure logical function needs_entries_interface(self)
+      import :: active_system_t
+      !> The system.
+      class(active_system_t), intent(in) :: self
+    end function needs_entries_interface
 
     !> Free all memory.
     subroutine destroy_interface(self)
@@ -83,19 +92,19 @@ module dotyk_scheme_active_system
 
 contains
 
-  !> Take the active rows of a problem.
-  subroutine system_take_points(self, problem, theta, active)
+  !> Take the active rows of a qp.
+  subroutine system_take_points(self, qp, theta, active)
     !> The system.
     class(active_system_t), intent(inout) :: self
     !> With the weights of the rows.
-    type(contact_problem_t), intent(in) :: problem
+    type(contact_qp_t), intent(in) :: qp
     !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> The active set (n_rows).
     logical, intent(in) :: active(:)
     integer :: i
     self%row = pack([(i, i=1, size(active))], active)
-    self%layer = theta(self%row)/problem%operator%weight(self%row)
+    self%layer = theta(self%row)/qp%weight(self%row)
   end subroutine system_take_points
 
   !> Free what all systems have.

@@ -53,7 +53,7 @@ contains
       if (any(.not. active .and. y > z + motion .and. y > rounding*maxval(abs(qp%initial_penetration)))) return
       remainder = 2*sum(abs(lambda(row)*(z(row) + motion(row) - residual - theta(row)/weight(row)*mu))) &
                   + sum(theta(row)/weight(row)*mu**2)/4
-      bound = sqrt(max(0.0_dp, sum(all_mu*z) + dot_product(beta, qp%coarse%springs(beta)))) + sqrt(remainder)
+      bound = sqrt(max(0.0_dp, sum(all_mu*z) + dot_product(beta, qp%coarse%stiffness_forces(beta)))) + sqrt(remainder)
     end associate
   end function admissible_bound
 end module dotyk_scheme_admissible_bound

@@ -8,11 +8,23 @@
 module dotyk_scheme_coarse_space
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_contact_operator, only: contact_operator_t
+  use dotyk_contact_operator, only: contact_block_t
   use dotyk_linalg_dense, only: solve_dense
-  use dotyk_response_response, only: response_slot_t
   implicit none
   private
+
+  !> The modes of one body at its contact nodes.
+  type, public :: contact_modes_t
+    !> In Cartesian components (dimension*n_contact_nodes, n) [].
+    real(dp), allocatable :: displacement(:, :)
+    !> Resultants of the loads on them (n) [force].
+    real(dp), allocatable :: resultant(:)
+    !> Stiffness of near-null-space modes; not allocated for rigid body modes (n, n) [force/length].
+    real(dp), allocatable :: stiffness(:, :)
+    !> Of near-null-space modes: contribution of prescribed displacements to the resultants, and the sum of the absolute values that they
+    !> are made up of (n) [force].
+    real(dp), allocatable :: lift_resultant(:), resultant_size(:)
+  end type contact_modes_t
 
   !> A dense block of one body.
   type, public :: mode_block_t
@@ -34,7 +46,7 @@ module dotyk_scheme_coarse_space
     real(dp), allocatable :: lift(:)
     !> Sum of the absolute values that e is made up of, for its rounding error; allocated with S (n) [force].
     real(dp), allocatable :: resultant_size(:)
-    !> Amplitudes of the modes of the compliances per amplitude of these (n).
+    !> Amplitudes of the modes of the bodies per amplitude of these (n).
     real(dp), allocatable :: scale(:)
     !> G by bodies (n_bodies).
     type(mode_block_t), allocatable :: block(:)
@@ -44,8 +56,7 @@ module dotyk_scheme_coarse_space
     integer, allocatable :: place(:, :)
   contains
     procedure :: init => coarse_init
-    procedure :: displacement => coarse_displacement
-    procedure :: resultant_of => coarse_resultant_of
+    procedure :: take_rows => coarse_take_rows
     procedure :: stiffness_forces => coarse_stiffness_forces
     procedure :: has_stiffness => coarse_has_stiffness
     procedure :: rounding => coarse_rounding
@@ -64,76 +75,87 @@ module dotyk_scheme_coarse_space
 contains
 
   !> Make the coarse space.
-  subroutine coarse_init(self, operator, response, resultant, lift)
+  subroutine coarse_init(self, block, n_rows, modes)
     !> The coarse space.
     class(coarse_space_t), intent(inout) :: self
-    !> Contact rows.
-    type(contact_operator_t), intent(in) :: operator
-    !> Compliances, with their modes at the contact nodes (n_bodies).
-    type(response_slot_t), intent(in) :: response(:)
-    !> Resultants of the loads on the modes of the compliances, body after body (n) [force].
-    real(dp), intent(in) :: resultant(:)
-    !> Contribution of prescribed displacements to them; 0 where absent (n) [force].
-    real(dp), intent(in), allocatable, optional :: lift(:)
+    !> Rows of B (n_bodies), and their number.
+    type(contact_block_t), intent(in) :: block(:)
+    integer, intent(in) :: n_rows
+    !> Modes at the contact nodes (n_bodies).
+    type(contact_modes_t), intent(in) :: modes(:)
     real(dp) :: most
-    integer :: b, i, j, k
+    integer :: b, j
     call self%destroy()
-    allocate (self%first(size(response) + 1), self%block(size(response)))
-    allocate (self%body(2, operator%n_rows), self%place(2, operator%n_rows), source=0)
+    call self%take_rows(block, n_rows)
+    allocate (self%first(size(block) + 1), self%block(size(block)))
     self%first(1) = 1
-    do b = 1, size(response)
-      self%first(b + 1) = self%first(b) + response(b)%form%n_motions
-      do i = 1, size(operator%block(b)%row)
-        j = operator%block(b)%row(i)
+    do b = 1, size(block)
+      self%first(b + 1) = self%first(b) + size(modes(b)%resultant)
+    end do
+    self%n = self%first(size(block) + 1) - 1
+    allocate (self%scale(self%n), self%resultant(self%n))
+    do b = 1, size(block)
+      associate (own => modes(b), first => self%first(b))
+        allocate (self%block(b)%value(size(block(b)%row), size(own%resultant)))
+        do j = 1, size(own%resultant)
+          self%scale(first + j - 1) = 1
+          self%resultant(first + j - 1) = own%resultant(j)
+          if (size(block(b)%row) == 0) cycle
+          ! A mode of a part without contact nodes moves none.
+          most = maxval(abs(own%displacement(:, j)))
+          if (most > rounding) self%scale(first + j - 1) = 1/most
+          self%resultant(first + j - 1) = self%scale(first + j - 1)*own%resultant(j)
+          call block(b)%matrix%multiply(self%scale(first + j - 1)*own%displacement(:, j), self%block(b)%value(:, j))
+          ! Near-null-space modes are not exactly rigid: small entries may be true, as small as the stiffness.
+          if (allocated(own%stiffness)) cycle
+          where (abs(self%block(b)%value(:, j)) < rounding) self%block(b)%value(:, j) = 0
+        end do
+      end associate
+    end do
+    if (any([(allocated(modes(b)%stiffness), b=1, size(modes))])) call take_stiffness(self, modes)
+  end subroutine coarse_init
+
+  !> The bodies of each row.
+  subroutine coarse_take_rows(self, block, n_rows)
+    !> Gets `body` and `place`.
+    class(coarse_space_t), intent(inout) :: self
+    !> Rows of B (n_bodies), and their number.
+    type(contact_block_t), intent(in) :: block(:)
+    integer, intent(in) :: n_rows
+    integer :: b, i, j, k
+    if (allocated(self%body)) deallocate (self%body, self%place)
+    allocate (self%body(2, n_rows), self%place(2, n_rows), source=0)
+    do b = 1, size(block)
+      do i = 1, size(block(b)%row)
+        j = block(b)%row(i)
         k = merge(1, 2, self%body(1, j) == 0)
         self%body(k, j) = b
         self%place(k, j) = i
       end do
     end do
-    self%n = self%first(size(response) + 1) - 1
-    allocate (self%scale(self%n))
-    do b = 1, size(response)
-      associate (matrix => operator%block(b)%matrix, form => response(b)%form, first => self%first(b))
-        allocate (self%block(b)%value(size(operator%block(b)%row), form%n_motions))
-        do j = 1, form%n_motions
-          self%scale(first + j - 1) = 1
-          if (size(operator%block(b)%row) == 0) cycle
-          ! A mode of a part without contact nodes moves none.
-          most = maxval(abs(form%motion(:, j)))
-          if (most > rounding) self%scale(first + j - 1) = 1/most
-          call matrix%multiply(self%scale(first + j - 1)*form%motion(:, j), self%block(b)%value(:, j))
-          ! Near-null-space modes are not exactly rigid: small entries may be true, as small as the stiffness.
-          if (allocated(form%motion_stiffness)) cycle
-          where (abs(self%block(b)%value(:, j)) < rounding) self%block(b)%value(:, j) = 0
-        end do
-      end associate
-    end do
-    self%resultant = self%scale*resultant
-    call take_stiffness(self, response)
-    if (.not. allocated(self%stiffness)) return
-    self%lift = 0*resultant
-    self%resultant_size = abs(self%resultant)
-    if (.not. present(lift)) return
-    if (allocated(lift)) self%lift = self%scale*lift
-  end subroutine coarse_init
+  end subroutine coarse_take_rows
 
-  !> Stiffness of the near-null-space modes.
-  subroutine take_stiffness(self, response)
-    !> Sets `stiffness` where a body has one.
+  !> Stiffness of the near-null-space modes, and what their resultants consist of.
+  subroutine take_stiffness(self, modes)
+    !> Sets `stiffness`, `lift` and `resultant_size`.
     class(coarse_space_t), intent(inout) :: self
-    !> Compliances (n_bodies).
-    type(response_slot_t), intent(in) :: response(:)
+    !> Of which at least one has a stiffness (n_bodies).
+    type(contact_modes_t), intent(in) :: modes(:)
     integer :: b, j, n
-    if (.not. any([(allocated(response(b)%form%motion_stiffness), b=1, size(response))])) return
-    allocate (self%stiffness(size(response)))
-    do b = 1, size(response)
-      associate (form => response(b)%form, scale => self%scale(self%first(b):self%first(b + 1) - 1))
+    allocate (self%stiffness(size(modes)))
+    allocate (self%lift(self%n), source=0.0_dp)
+    self%resultant_size = abs(self%resultant)
+    do b = 1, size(modes)
+      associate (own => modes(b), first => self%first(b), last => self%first(b + 1) - 1, &
+                 scale => self%scale(self%first(b):self%first(b + 1) - 1))
         n = size(scale)
         allocate (self%stiffness(b)%value(n, n), source=0.0_dp)
-        if (.not. allocated(form%motion_stiffness)) cycle
+        if (.not. allocated(own%stiffness)) cycle
         do j = 1, n
-          self%stiffness(b)%value(:, j) = scale*form%motion_stiffness(:, j)*scale(j)
+          self%stiffness(b)%value(:, j) = scale*own%stiffness(:, j)*scale(j)
         end do
+        self%lift(first:last) = scale*own%lift_resultant
+        self%resultant_size(first:last) = scale*own%resultant_size
       end associate
     end do
   end subroutine take_stiffness
@@ -171,51 +193,12 @@ contains
     end do
   end function multiply_blocks
 
-  !> z = G alpha.
-  pure subroutine coarse_displacement(self, operator, alpha, z)
-    !> The coarse space.
-    class(coarse_space_t), intent(in) :: self
-    !> Contact rows.
-    type(contact_operator_t), intent(in) :: operator
-    !> Amplitudes (n) [length].
-    real(dp), intent(in) :: alpha(:)
-    !> Normal displacements of the contact points (n_rows) [length].
-    real(dp), intent(out) :: z(:)
-    integer :: b, j
-    z = 0
-    do b = 1, size(self%block)
-      do j = 1, size(self%block(b)%value, 2)
-        associate (row => operator%block(b)%row)
-          z(row) = z(row) + alpha(self%first(b) + j - 1)*self%block(b)%value(:, j)
-        end associate
-      end do
-    end do
-  end subroutine coarse_displacement
-
-  !> e = G^T lambda.
-  pure subroutine coarse_resultant_of(self, operator, lambda, e)
-    !> The coarse space.
-    class(coarse_space_t), intent(in) :: self
-    !> Contact rows.
-    type(contact_operator_t), intent(in) :: operator
-    !> Contact forces: pressures times weights (n_rows) [force].
-    real(dp), intent(in) :: lambda(:)
-    !> Resultants (n) [force].
-    real(dp), intent(out) :: e(:)
-    integer :: b, j
-    do b = 1, size(self%block)
-      do j = 1, size(self%block(b)%value, 2)
-        e(self%first(b) + j - 1) = sum(self%block(b)%value(:, j)*lambda(operator%block(b)%row))
-      end do
-    end do
-  end subroutine coarse_resultant_of
-
   !> Energy norm of the amplitudes that rounding errors of forces and resultants excite against the stiffness S alone.
-  subroutine coarse_rounding(self, operator, lambda, norm)
+  subroutine coarse_rounding(self, block, lambda, norm)
     !> The coarse space.
     class(coarse_space_t), intent(in) :: self
-    !> Contact rows.
-    type(contact_operator_t), intent(in) :: operator
+    !> Rows of B (n_bodies).
+    type(contact_block_t), intent(in) :: block(:)
     !> Contact forces (n_rows) [force].
     real(dp), intent(in) :: lambda(:)
     !> 0 without a stiffness, `huge` where S is singular [sqrt(energy)].
@@ -230,7 +213,7 @@ contains
         if (last < first) cycle
         if (.not. stiffness(1, 1) > 0) cycle
         force = rounding_of_sums*(self%resultant_size(first:last) + &
-                                  matmul(abs(lambda(operator%block(b)%row)), abs(self%block(b)%value)))
+                                  matmul(abs(lambda(block(b)%row)), abs(self%block(b)%value)))
         allocate (inverse(size(force), size(force)), source=0.0_dp)
         do i = 1, size(force)
           inverse(i, i) = 1

@@ -153,6 +153,6 @@ contains
     allocate (z(size(m)))
     call self%multiply(qp, qp%weight*m, z)
     amplitude = alpha/qp%coarse%scale
-    distance = sqrt(max(0.0_dp, sum(qp%weight*m*z) + dot_product(amplitude, qp%coarse%springs(amplitude))))
+    distance = sqrt(max(0.0_dp, sum(qp%weight*m*z) + dot_product(amplitude, qp%coarse%stiffness_forces(amplitude))))
   end function compliance_distance
 end module dotyk_scheme_compliance

@@ -9,7 +9,7 @@ module dotyk_scheme_contact_graph
   use dotyk_linalg_block_tree, only: block_tree_t
   use dotyk_linalg_clique_graph, only: make_clique_graph
   use dotyk_linalg_ordering, only: nested_dissection
-  use dotyk_scheme_problem, only: contact_problem_t
+  use dotyk_scheme_contact_qp, only: contact_qp_t
   implicit none
   private
   public :: make_contact_graph, elimination_cost
@@ -55,9 +55,9 @@ module dotyk_scheme_contact_graph
 contains
 
   !> Blocks, couplings and elimination order for some of the contact rows.
-  subroutine make_contact_graph(problem, chosen, graph, error)
+  subroutine make_contact_graph(qp, chosen, graph, error)
     !> Contact rows and rigid body modes.
-    type(contact_problem_t), intent(in) :: problem
+    type(contact_qp_t), intent(in) :: qp
     !> The rows (n_rows).
     logical, intent(in) :: chosen(:)
     !> The graph.
@@ -66,13 +66,13 @@ contains
     type(error_t), allocatable, intent(out) :: error
     integer, allocatable :: block_of_pair(:), pair_order(:), start(:), neighbour(:)
     integer :: b, k, n_bodies, n_blocks
-    n_bodies = size(problem%operator%block)
-    call number_rows(problem%operator%pair_first_row, chosen, graph, block_of_pair)
+    n_bodies = size(qp%block)
+    call number_rows(qp%pair_first_row, chosen, graph, block_of_pair)
     allocate (graph%body(n_bodies))
     n_blocks = graph%n_pairs
     do b = 1, n_bodies
-      call find_rows(problem%operator%block(b)%row, problem%operator%pair_first_row, chosen, block_of_pair, graph%body(b))
-      if (problem%coarse%first(b + 1) == problem%coarse%first(b)) cycle
+      call find_rows(qp%block(b)%row, qp%pair_first_row, chosen, block_of_pair, graph%body(b))
+      if (qp%coarse%first(b + 1) == qp%coarse%first(b)) cycle
       n_blocks = n_blocks + 1
       graph%body(b)%modes = n_blocks
     end do
@@ -82,7 +82,7 @@ contains
     do b = 1, n_bodies
       k = graph%body(b)%modes
       if (k == 0) cycle
-      graph%size(k) = problem%coarse%first(b + 1) - problem%coarse%first(b)
+      graph%size(k) = qp%coarse%first(b + 1) - qp%coarse%first(b)
       graph%sign(k) = -1
       graph%body_of(k) = b
     end do
@@ -246,9 +246,9 @@ contains
   end subroutine insert_bodies
 
   !> Cost of one factorization with the given rows active.
-  subroutine elimination_cost(problem, active, flops, entries)
+  subroutine elimination_cost(qp, active, flops, entries)
     !> Contact rows and rigid body modes.
-    type(contact_problem_t), intent(in) :: problem
+    type(contact_qp_t), intent(in) :: qp
     !> The rows (n_rows).
     logical, intent(in) :: active(:)
     !> Floating-point operations.
@@ -260,7 +260,7 @@ contains
     type(block_tree_t) :: tree
     flops = 0
     entries = 0
-    call make_contact_graph(problem, active, graph, error)
+    call make_contact_graph(qp, active, graph, error)
     ! A graph that cannot be ordered is reported when the system is factorized.
     if (allocated(error)) return
     call tree%init(graph%size, graph%start, graph%neighbour, graph%order)

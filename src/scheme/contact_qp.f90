@@ -59,8 +59,8 @@ contains
   !> Make the QP.
   subroutine qp_init(self, operator, initial_penetration, load_displacement, energy_0, norm_square_0, foundation, coarse)
     class(contact_qp_t), intent(out) :: self
-    !> Rows of B and weights.
-    type(contact_operator_t), intent(in) :: operator
+    !> Rows of B, weights and gaps; without its blocks on return.
+    type(contact_operator_t), intent(inout) :: operator
     !> y_0 and B K^+ f (n_rows) [length].
     real(dp), intent(in) :: initial_penetration(:), load_displacement(:)
     !> Of the solution without contact [energy].
@@ -76,7 +76,7 @@ contains
     self%parent_row = [(i, i=1, operator%n_rows)]
     self%weight = operator%weight
     self%gap = operator%gap
-    self%block = operator%block
+    call move_alloc(operator%block, self%block)
     self%initial_penetration = initial_penetration
     self%load_displacement = load_displacement
     self%energy_0 = energy_0
@@ -154,7 +154,7 @@ contains
     call find_compliance_product(self, y, product, alpha)
     norm = self%norm_square_0 + sum(self%weight*m*(product - 2*self%load_displacement))
     if (present(alpha) .and. allocated(self%coarse%stiffness)) &
-      norm = norm + dot_product(alpha, self%coarse%springs(alpha) - 2*self%coarse%lift)
+      norm = norm + dot_product(alpha, self%coarse%stiffness_forces(alpha) - 2*self%coarse%lift)
     norm = sqrt(max(0.0_dp, norm))
   end function qp_energy_norm
 
@@ -175,7 +175,7 @@ contains
     call find_compliance_product(self, y, product, alpha)
     energy = self%energy_0 + 0.5_dp*sum(self%weight*m*product) + &
       0.5_dp*sum(self%weight*max(0.0_dp, y)**2/theta, mask=theta > 0)
-    if (present(alpha)) energy = energy + dot_product(alpha, 0.5_dp*self%coarse%springs(alpha) - self%coarse%resultant)
+    if (present(alpha)) energy = energy + dot_product(alpha, 0.5_dp*self%coarse%stiffness_forces(alpha) - self%coarse%resultant)
   end function qp_energy
 
   !> Nodal contact forces on one body, - B_b^T W m.

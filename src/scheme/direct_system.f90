@@ -19,8 +19,8 @@ module dotyk_scheme_direct_system
   use dotyk_linalg_block_ldlt_solution, only: expand_null_vector, solve_block_ldlt
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_contact_graph, only: contact_graph_t, make_contact_graph
-  use dotyk_scheme_explicit, only: explicit_compliance_t
-  use dotyk_scheme_problem, only: contact_problem_t
+  use dotyk_scheme_compliance, only: compliance_t
+  use dotyk_scheme_contact_qp, only: contact_qp_t
   implicit none
   private
 
@@ -37,6 +37,7 @@ module dotyk_scheme_direct_system
   contains
     procedure :: init => direct_system_init
     procedure :: solve => direct_system_solve
+    procedure :: needs_entries => direct_system_needs_entries
     procedure :: destroy => direct_system_destroy
   end type direct_system_t
 
@@ -55,14 +56,23 @@ module dotyk_scheme_direct_system
 
 contains
 
+  !> The matrix is made of them.
+  pure logical function direct_system_needs_entries(self) result(needed)
+    !> The system.
+    class(direct_system_t), intent(in) :: self
+    needed = .true.
+    associate (not_needed => same_type_as(self, self))
+    end associate
+  end function direct_system_needs_entries
+
   !> Assemble and factorize.
-  subroutine direct_system_init(self, problem, compliance, theta, active, error)
+  subroutine direct_system_init(self, qp, compliance, theta, active, error)
     !> The system.
     class(direct_system_t), intent(inout) :: self
     !> Contact rows and rigid body modes.
-    type(contact_problem_t), intent(in) :: problem
+    type(contact_qp_t), intent(in) :: qp
     !> Of all active rows.
-    type(explicit_compliance_t), intent(in) :: compliance
+    class(compliance_t), intent(inout) :: compliance
     !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> The active set (n_rows).
@@ -71,42 +81,45 @@ contains
     type(error_t), allocatable, intent(out) :: error
     integer :: failed
     call self%destroy()
-    call self%take_points(problem, theta, active)
-    call make_contact_graph(problem, active, self%graph, error)
+    call self%take_points(qp, theta, active)
+    call make_contact_graph(qp, active, self%graph, error)
     if (allocated(error)) return
     associate (graph => self%graph)
       call self%factor%init(graph%size, graph%sign, graph%start, graph%neighbour, graph%order)
     end associate
-    call add_compliance(self, compliance)
-    call add_modes(self, problem)
-    call self%factor%factorize(contact_stiffness_of_modes(self, problem), failed)
+    call add_compliance(self, qp, compliance)
+    call add_modes(self, qp)
+    call self%factor%factorize(contact_stiffness_of_modes(self, qp), failed)
     if (failed > 0) call set_error(error, 'the compliance of the active contact points is not positive definite', &
                                    exit_not_solvable)
-    if (.not. allocated(error)) call find_null_modes(self, problem)
+    if (.not. allocated(error)) call find_null_modes(self, qp)
   end subroutine direct_system_init
 
   !> M: the compliance of each body couples its pairs; Winkler layers and the proximal term stand on the diagonal.
-  subroutine add_compliance(self, compliance)
+  subroutine add_compliance(self, qp, compliance)
     !> Sets the blocks of pairs and the diagonal.
     type(direct_system_t), intent(inout) :: self
+    !> The rows.
+    type(contact_qp_t), intent(in) :: qp
     !> Of all active rows.
-    type(explicit_compliance_t), intent(in) :: compliance
-    integer, allocatable :: number(:)
+    class(compliance_t), intent(inout) :: compliance
+    real(dp), allocatable :: entries(:, :)
     integer :: b, i, k, l
     self%diagonal = self%layer
     associate (graph => self%graph)
-      do b = 1, size(compliance%body)
-        associate (body => graph%body(b), value => compliance%body(b)%value)
-          number = compliance%body(b)%number(body%place)
-          do i = 1, size(number)
+      do b = 1, size(graph%body)
+        associate (body => graph%body(b))
+          if (size(body%row) == 0) cycle
+          call compliance%get_entries(qp, b, body%row, entries)
+          do i = 1, size(body%row)
             associate (entry => self%diagonal(graph%number(body%row(i))))
-              entry = entry + value(number(i), number(i))
+              entry = entry + entries(i, i)
             end associate
           end do
           do k = 1, size(body%block)
             do l = 1, k
-              call self%factor%add(body%block(k), body%block(l), value(number(body%first(k):body%first(k + 1) - 1), &
-                                                                       number(body%first(l):body%first(l + 1) - 1)))
+              call self%factor%add(body%block(k), body%block(l), entries(body%first(k):body%first(k + 1) - 1, &
+                                                                         body%first(l):body%first(l + 1) - 1))
             end do
           end do
         end associate
@@ -120,20 +133,20 @@ contains
   end subroutine add_compliance
 
   !> -G and -S.
-  subroutine add_modes(self, problem)
+  subroutine add_modes(self, qp)
     !> Sets the blocks of modes.
     type(direct_system_t), intent(inout) :: self
     !> With the coarse space.
-    type(contact_problem_t), intent(in) :: problem
+    type(contact_qp_t), intent(in) :: qp
     integer :: b, k
     do b = 1, size(self%graph%body)
-      associate (body => self%graph%body(b), g => problem%coarse%block(b)%value)
+      associate (body => self%graph%body(b), g => qp%coarse%block(b)%value)
         if (body%modes == 0) cycle
         do k = 1, size(body%block)
           call self%factor%add(body%block(k), body%modes, -g(body%place(body%first(k):body%first(k + 1) - 1), :))
         end do
-        if (allocated(problem%coarse%stiffness)) &
-          call self%factor%add(body%modes, body%modes, -problem%coarse%stiffness(b)%value)
+        if (allocated(qp%coarse%stiffness)) &
+          call self%factor%add(body%modes, body%modes, -qp%coarse%stiffness(b)%value)
       end associate
     end do
   end subroutine add_modes
@@ -141,19 +154,19 @@ contains
   !> Stiffness of the contact of each body against its best restrained mode, if each active point yielded on its own:
   !> the reference of null directions. 0 where all modes of a body have a stiffness of their own: none is a null
   !> direction, however soft.
-  function contact_stiffness_of_modes(self, problem) result(stiffness)
+  function contact_stiffness_of_modes(self, qp) result(stiffness)
     !> With the diagonal.
     type(direct_system_t), intent(in) :: self
     !> With the coarse space.
-    type(contact_problem_t), intent(in) :: problem
+    type(contact_qp_t), intent(in) :: qp
     !> By blocks (n_blocks) [force/length].
     real(dp), allocatable :: stiffness(:)
     integer :: b, j
     allocate (stiffness(size(self%graph%size)), source=0.0_dp)
     do b = 1, size(self%graph%body)
-      associate (body => self%graph%body(b), g => problem%coarse%block(b)%value)
+      associate (body => self%graph%body(b), g => qp%coarse%block(b)%value)
         if (body%modes == 0) cycle
-        if (problem%coarse%has_stiffness(b)) cycle
+        if (qp%coarse%has_stiffness(b)) cycle
         do j = 1, size(g, 2)
           stiffness(body%modes) = max(stiffness(body%modes), &
                                       sum(g(body%place, j)**2/self%diagonal(self%graph%number(body%row))))
@@ -163,24 +176,24 @@ contains
   end function contact_stiffness_of_modes
 
   !> Modes that the active points do not restrain: of single bodies, and of several in contact with each other only.
-  subroutine find_null_modes(self, problem)
+  subroutine find_null_modes(self, qp)
     !> Factorized; sets the null modes.
     type(direct_system_t), intent(inout) :: self
     !> With the coarse space.
-    type(contact_problem_t), intent(in) :: problem
+    type(contact_qp_t), intent(in) :: qp
     real(dp), allocatable :: x(:), joint(:, :)
     real(dp) :: motion
     integer :: i, j, b, n, n_joint
     n = size(self%row)
-    allocate (x(n + problem%coarse%n))
-    allocate (self%null_mode(problem%coarse%n, size(self%factor%null_block)), source=0.0_dp)
-    allocate (joint(problem%coarse%n, size(self%factor%null_block)))
+    allocate (x(n + qp%coarse%n))
+    allocate (self%null_mode(qp%coarse%n, size(self%factor%null_block)), source=0.0_dp)
+    allocate (joint(qp%coarse%n, size(self%factor%null_block)))
     n_joint = 0
     do i = 1, size(self%factor%null_block)
       b = self%graph%body_of(self%factor%null_block(i))
-      associate (first => problem%coarse%first(b), last => problem%coarse%first(b + 1) - 1, place => self%graph%body(b)%place)
+      associate (first => qp%coarse%first(b), last => qp%coarse%first(b + 1) - 1, place => self%graph%body(b)%place)
         self%null_mode(first:last, i) = self%factor%null_direction(:last - first + 1, i)
-        motion = maxval([0.0_dp, abs(matmul(problem%coarse%block(b)%value(place, :), self%null_mode(first:last, i)))])
+        motion = maxval([0.0_dp, abs(matmul(qp%coarse%block(b)%value(place, :), self%null_mode(first:last, i)))])
       end associate
       if (motion > least_motion) then
         call expand_null_vector(self%factor, i, x)
@@ -200,13 +213,13 @@ contains
 
   !> Solve with iterative refinement, until rounding allows no more. Null modes get amplitude 0; the part of c that
   !> excites them remains in the residual.
-  subroutine direct_system_solve(self, problem, compliance, b, c, lambda, alpha)
+  subroutine direct_system_solve(self, qp, compliance, b, c, lambda, alpha)
     !> Factorized.
     class(direct_system_t), intent(in) :: self
     !> The problem that it was made for.
-    type(contact_problem_t), intent(inout) :: problem
+    type(contact_qp_t), intent(in) :: qp
     !> Of all active rows.
-    type(explicit_compliance_t), intent(in) :: compliance
+    class(compliance_t), intent(inout) :: compliance
     !> Right-hand side of the contact rows (n) [length].
     real(dp), intent(in) :: b(:)
     !> Right-hand side of the equilibrium of the modes (coarse%n) [force].
@@ -219,8 +232,8 @@ contains
     real(dp) :: residual, previous, imbalance, previous_imbalance
     integer :: k, n
     n = size(self%row)
-    allocate (all_forces(problem%operator%n_rows), z(problem%operator%n_rows), motion(problem%operator%n_rows), source=0.0_dp)
-    allocate (x(n + problem%coarse%n))
+    allocate (all_forces(qp%n_rows), z(qp%n_rows), motion(qp%n_rows), source=0.0_dp)
+    allocate (x(n + qp%coarse%n))
     r_b = b
     r_c = c
     lambda = 0
@@ -234,11 +247,11 @@ contains
       step = x(:n)
       step_alpha = x(n + 1:)
       all_forces(self%row) = lambda + step
-      call compliance%multiply(problem, all_forces, z)
-      call problem%coarse%displacement(problem%operator, alpha + step_alpha, motion)
+      call compliance%multiply(qp, all_forces, z)
+      call qp%mode_displacement(alpha + step_alpha, motion)
       r_b = b - z(self%row) - self%layer*(lambda + step) + motion(self%row)
-      call problem%coarse%resultant_of(problem%operator, all_forces, r_c)
-      r_c = c - r_c - problem%coarse%stiffness_forces(alpha + step_alpha)
+      call qp%mode_resultant(all_forces, r_c)
+      r_c = c - r_c - qp%coarse%stiffness_forces(alpha + step_alpha)
       residual = sum(r_b**2/self%diagonal)
       imbalance = sum(r_c**2)
       ! Where rounding dominates, residuals do not fall, and the step is not taken.

@@ -11,8 +11,8 @@ module dotyk_scheme_interior
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_scheme_active_system, only: active_system_t
-  use dotyk_scheme_explicit, only: explicit_compliance_t
-  use dotyk_scheme_problem, only: contact_problem_t
+  use dotyk_scheme_compliance, only: compliance_t
+  use dotyk_scheme_contact_qp, only: contact_qp_t
   implicit none
   private
   public :: interior_points
@@ -38,9 +38,11 @@ module dotyk_scheme_interior
 contains
 
   !> Forces and amplitudes next to the solution, and what is closed there.
-  subroutine interior_points(problem, compliance, system, soft, usable, lambda, alpha, closed, steps, error)
-    type(contact_problem_t), intent(inout) :: problem
-    type(explicit_compliance_t), intent(in) :: compliance
+  subroutine interior_points(qp, compliance, theta, system, soft, usable, lambda, alpha, closed, steps, error)
+    type(contact_qp_t), intent(in) :: qp
+    class(compliance_t), intent(inout) :: compliance
+    !> Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
     !> Another one on return.
     class(active_system_t), intent(inout) :: system
     !> How much points yield to forces on them, about (n_rows) [length/force].
@@ -68,26 +70,26 @@ contains
     steps = 0
     if (n == 0) return
     ! Products of forces and gaps go with the areas.
-    part = problem%operator%weight(row)/sum(problem%operator%weight(row))
-    call begin(problem, compliance, system, usable, row, soft, part, now, error)
+    part = qp%weight(row)/sum(qp%weight(row))
+    call begin(qp, compliance, theta, system, usable, row, soft, part, now, error)
     if (allocated(error)) return
-    allocate (step%lambda(n), step%s(n), step%alpha(problem%coarse%n))
+    allocate (step%lambda(n), step%s(n), step%alpha(qp%coarse%n))
     do steps = 1, most_steps
       if (interrupted()) exit
-      call residuals(problem, compliance, row, now, r_dual, r_balance)
+      call residuals(qp, compliance, theta, row, now, r_dual, r_balance)
       mu = sum(now%lambda*now%s)
-      energy = abs(sum(now%lambda*(now%s + problem%y_free(row)))) + abs(sum(now%alpha*problem%coarse%resultant))
-      if (mu <= least_product*energy .and. is_small(problem, now, r_balance)) exit
-      call make_system(problem, compliance, system, usable, row, now%s/now%lambda, error)
+      energy = abs(sum(now%lambda*(now%s + qp%initial_penetration(row)))) + abs(sum(now%alpha*qp%coarse%resultant))
+      if (mu <= least_product*energy .and. is_small(qp, now, r_balance)) exit
+      call make_system(qp, compliance, theta, system, usable, row, now%s/now%lambda, error)
       if (allocated(error)) return
       product = -now%lambda*now%s
-      call newton_step(problem, compliance, system, now, r_dual, r_balance, product, step)
+      call newton_step(qp, compliance, system, now, r_dual, r_balance, product, step)
       along = min(way(now%lambda, step%lambda), way(now%s, step%s))
       mu_ahead = sum((now%lambda + along*step%lambda)*(now%s + along*step%s))
       sigma = min(1.0_dp, max(1.0e-6_dp, (mu_ahead/mu)**3))
       product = sigma*mu*part - now%lambda*now%s - step%lambda*step%s
-      call newton_step(problem, compliance, system, now, r_dual, r_balance, product, step)
-      call centre(problem, compliance, system, now, sigma*mu*part, step)
+      call newton_step(qp, compliance, system, now, r_dual, r_balance, product, step)
+      call centre(qp, compliance, system, now, sigma*mu*part, step)
       along = min(1.0_dp, most_of_the_way*min(way(now%lambda, step%lambda), way(now%s, step%s)))
       now%lambda = now%lambda + along*step%lambda
       now%s = now%s + along*step%s
@@ -102,9 +104,11 @@ contains
   end subroutine interior_points
 
   !> The first point: as if all contact points stuck to foundations, forces and gaps then shifted to be positive.
-  subroutine begin(problem, compliance, system, usable, row, soft, part, now, error)
-    type(contact_problem_t), intent(inout) :: problem
-    type(explicit_compliance_t), intent(in) :: compliance
+  subroutine begin(qp, compliance, theta, system, usable, row, soft, part, now, error)
+    type(contact_qp_t), intent(in) :: qp
+    class(compliance_t), intent(inout) :: compliance
+    !> Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
     class(active_system_t), intent(inout) :: system
     logical, intent(in) :: usable(:)
     integer, intent(in) :: row(:)
@@ -115,11 +119,11 @@ contains
     type(point_t), intent(out) :: now
     type(error_t), allocatable, intent(out) :: error
     real(dp) :: force, gap, product
-    allocate (now%lambda(size(row)), now%alpha(problem%coarse%n))
-    call make_system(problem, compliance, system, usable, row, soft(row), error)
+    allocate (now%lambda(size(row)), now%alpha(qp%coarse%n))
+    call make_system(qp, compliance, theta, system, usable, row, soft(row), error)
     if (allocated(error)) return
     now%lambda = 0
-    call system%solve(problem, compliance, problem%y_free(row), problem%coarse%resultant, now%lambda, now%alpha)
+    call system%solve(qp, compliance, qp%initial_penetration(row), qp%coarse%resultant, now%lambda, now%alpha)
     now%s = -soft(row)*now%lambda
     ! Forces go with the areas, gaps are the same everywhere.
     force = max(0.0_dp, -1.5_dp*minval(now%lambda/part))
@@ -134,53 +138,55 @@ contains
   end subroutine begin
 
   !> The system with layers that yield more than the true ones.
-  subroutine make_system(problem, compliance, system, usable, row, yields, error)
-    type(contact_problem_t), intent(inout) :: problem
-    type(explicit_compliance_t), intent(in) :: compliance
+  subroutine make_system(qp, compliance, theta, system, usable, row, yields, error)
+    type(contact_qp_t), intent(in) :: qp
+    class(compliance_t), intent(inout) :: compliance
+    !> Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
     class(active_system_t), intent(inout) :: system
     logical, intent(in) :: usable(:)
     integer, intent(in) :: row(:)
     !> By that much (size of row) [length/force].
     real(dp), intent(in) :: yields(:)
     type(error_t), allocatable, intent(out) :: error
-    real(dp) :: theta(problem%operator%n_rows)
-    theta = problem%operator%theta
-    theta(row) = theta(row) + problem%operator%weight(row)*yields
-    call system%init(problem, compliance, theta, usable, error)
+    real(dp) :: softer(qp%n_rows)
+    softer = theta
+    softer(row) = theta(row) + qp%weight(row)*yields
+    call system%init(qp, compliance, softer, usable, error)
   end subroutine make_system
 
   !> What is missing: M lambda - G alpha - y - s, and G^T lambda - e.
-  subroutine residuals(problem, compliance, row, now, r_dual, r_balance)
-    type(contact_problem_t), intent(inout) :: problem
-    type(explicit_compliance_t), intent(in) :: compliance
+  subroutine residuals(qp, compliance, theta, row, now, r_dual, r_balance)
+    type(contact_qp_t), intent(in) :: qp
+    class(compliance_t), intent(inout) :: compliance
+    !> Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
     integer, intent(in) :: row(:)
     type(point_t), intent(in) :: now
     real(dp), allocatable, intent(out) :: r_dual(:), r_balance(:)
     real(dp), allocatable :: lambda(:), z(:), motion(:)
-    allocate (lambda(problem%operator%n_rows), z(problem%operator%n_rows), motion(problem%operator%n_rows), source=0.0_dp)
-    allocate (r_balance(problem%coarse%n))
+    allocate (lambda(qp%n_rows), z(qp%n_rows), motion(qp%n_rows), source=0.0_dp)
+    allocate (r_balance(qp%coarse%n))
     lambda(row) = now%lambda
-    call compliance%multiply(problem, lambda, z)
-    call problem%coarse%displacement(problem%operator, now%alpha, motion)
-    associate (operator => problem%operator)
-      r_dual = z(row) + operator%theta(row)/operator%weight(row)*now%lambda - motion(row) - problem%y_free(row) - now%s
-    end associate
-    call problem%coarse%resultant_of(problem%operator, lambda, r_balance)
-    r_balance = r_balance + problem%coarse%stiffness_forces(now%alpha) - problem%coarse%resultant
+    call compliance%multiply(qp, lambda, z)
+    call qp%mode_displacement(now%alpha, motion)
+    r_dual = z(row) + theta(row)/qp%weight(row)*now%lambda - motion(row) - qp%initial_penetration(row) - now%s
+    call qp%mode_resultant(lambda, r_balance)
+    r_balance = r_balance + qp%coarse%stiffness_forces(now%alpha) - qp%coarse%resultant
   end subroutine residuals
 
   !> Whether forces balance the loads.
-  logical function is_small(problem, now, r_balance)
-    type(contact_problem_t), intent(in) :: problem
+  logical function is_small(qp, now, r_balance)
+    type(contact_qp_t), intent(in) :: qp
     type(point_t), intent(in) :: now
     real(dp), intent(in) :: r_balance(:)
-    is_small = .not. any(abs(r_balance) > balanced*max(maxval(now%lambda), maxval([0.0_dp, abs(problem%coarse%resultant)])))
+    is_small = .not. any(abs(r_balance) > balanced*max(maxval(now%lambda), maxval([0.0_dp, abs(qp%coarse%resultant)])))
   end function is_small
 
   !> Newton's step for given changes of the products of forces and gaps.
-  subroutine newton_step(problem, compliance, system, now, r_dual, r_balance, product, step)
-    type(contact_problem_t), intent(inout) :: problem
-    type(explicit_compliance_t), intent(in) :: compliance
+  subroutine newton_step(qp, compliance, system, now, r_dual, r_balance, product, step)
+    type(contact_qp_t), intent(in) :: qp
+    class(compliance_t), intent(inout) :: compliance
     class(active_system_t), intent(in) :: system
     type(point_t), intent(in) :: now
     real(dp), intent(in) :: r_dual(:), r_balance(:)
@@ -188,14 +194,14 @@ contains
     real(dp), intent(in) :: product(:)
     type(point_t), intent(inout) :: step
     step%lambda = 0
-    call system%solve(problem, compliance, product/now%lambda - r_dual, -r_balance, step%lambda, step%alpha)
+    call system%solve(qp, compliance, product/now%lambda - r_dual, -r_balance, step%lambda, step%alpha)
     step%s = (product - now%s*step%lambda)/now%lambda
   end subroutine newton_step
 
   !> Change a step while it can go farther: products that would become far too small or too large there are brought back.
-  subroutine centre(problem, compliance, system, now, wanted, step)
-    type(contact_problem_t), intent(inout) :: problem
-    type(explicit_compliance_t), intent(in) :: compliance
+  subroutine centre(qp, compliance, system, now, wanted, step)
+    type(contact_qp_t), intent(in) :: qp
+    class(compliance_t), intent(inout) :: compliance
     class(active_system_t), intent(in) :: system
     type(point_t), intent(in) :: now
     !> What the products should become (size of now%lambda) [force*length].
@@ -213,7 +219,7 @@ contains
       farther = min(1.0_dp, along + farther_by)
       product = (now%lambda + farther*step%lambda)*(now%s + farther*step%s)
       product = max(-largest_product*wanted, min(largest_product*wanted, max(smallest_product*wanted, product)) - product)
-      call newton_step(problem, compliance, system, now, none, 0*now%alpha, product, other)
+      call newton_step(qp, compliance, system, now, none, 0*now%alpha, product, other)
       other%lambda = other%lambda + step%lambda
       other%s = other%s + step%s
       other%alpha = other%alpha + step%alpha

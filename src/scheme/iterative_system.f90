@@ -3,7 +3,7 @@
 !>
 !> As in total FETI (Dostal, Horak, Kucera, Commun. Numer. Meth. Engng 22, 2006) contact forces stay in equilibrium with
 !> the loads of the floating bodies: the start satisfies `G^T lambda = c`, steps are projected on `G^T lambda = 0`, the
-!> coarse problem. The preconditioner is diagonal: the compliance of each contact point from the diagonals of the
+!> coarse qp. The preconditioner is diagonal: the compliance of each contact point from the diagonals of the
 !> stiffnesses of its bodies, and its Winkler layer. (The lumped preconditioner, the stiffness of the surfaces, took as
 !> many steps or twice as many.)
 module dotyk_scheme_iterative_system
@@ -12,8 +12,8 @@ module dotyk_scheme_iterative_system
   use dotyk_base_kinds, only: dp
   use dotyk_linalg_dense, only: symmetric_eigen
   use dotyk_scheme_active_system, only: active_system_t
-  use dotyk_scheme_explicit, only: explicit_compliance_t
-  use dotyk_scheme_problem, only: contact_problem_t
+  use dotyk_scheme_compliance, only: compliance_t
+  use dotyk_scheme_contact_qp, only: contact_qp_t
   implicit none
   private
 
@@ -28,6 +28,7 @@ module dotyk_scheme_iterative_system
   contains
     procedure :: init => iterative_system_init
     procedure :: solve => iterative_system_solve
+    procedure :: needs_entries => iterative_system_needs_entries
     procedure :: destroy => iterative_system_destroy
   end type iterative_system_t
 
@@ -40,14 +41,23 @@ module dotyk_scheme_iterative_system
 
 contains
 
-  !> Prepare preconditioner and coarse problem.
-  subroutine iterative_system_init(self, problem, compliance, theta, active, error)
+  !> Products are all that it needs.
+  pure logical function iterative_system_needs_entries(self) result(needed)
+    !> The system.
+    class(iterative_system_t), intent(in) :: self
+    needed = .false.
+    associate (not_needed => same_type_as(self, self))
+    end associate
+  end function iterative_system_needs_entries
+
+  !> Prepare preconditioner and coarse qp.
+  subroutine iterative_system_init(self, qp, compliance, theta, active, error)
     !> The system.
     class(iterative_system_t), intent(inout) :: self
     !> Contact rows, rigid body modes and compliances of the bodies.
-    type(contact_problem_t), intent(in) :: problem
+    type(contact_qp_t), intent(in) :: qp
     !> Not used.
-    type(explicit_compliance_t), intent(in) :: compliance
+    class(compliance_t), intent(inout) :: compliance
     !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> The active set (n_rows).
@@ -55,34 +65,24 @@ contains
     !> The eigenvalues of the Gram matrix cannot be found.
     type(error_t), allocatable, intent(out) :: error
     call self%destroy()
-    call self%take_points(problem, theta, active)
-    call prepare_preconditioner(self, problem)
-    allocate (self%g(size(self%row), problem%coarse%n))
-    call problem%coarse%rows(self%row, self%g)
-    call invert_gram(problem%coarse%first, matmul(transpose(self%g), self%g), self%gram_inverse, self%null_mode, error)
-    associate (not_needed => compliance)
-    end associate
+    call self%take_points(qp, theta, active)
+    call prepare_preconditioner(self, qp, compliance)
+    allocate (self%g(size(self%row), qp%coarse%n))
+    call qp%coarse%rows(self%row, self%g)
+    call invert_gram(qp%coarse%first, matmul(transpose(self%g), self%g), self%gram_inverse, self%null_mode, error)
   end subroutine iterative_system_init
 
   !> The inverse diagonal of `B D^{-1} B^T + Theta W^{-1}`, D the diagonals of the stiffnesses.
-  subroutine prepare_preconditioner(self, problem)
+  subroutine prepare_preconditioner(self, qp, compliance)
     !> Sets `stiffness`.
     type(iterative_system_t), intent(inout) :: self
-    !> Contact rows and the diagonals.
-    type(contact_problem_t), intent(in) :: problem
+    !> Contact rows.
+    type(contact_qp_t), intent(in) :: qp
+    !> With the nodal stiffness of the bodies.
+    class(compliance_t), intent(inout) :: compliance
     real(dp), allocatable :: yields(:)
-    integer :: b, i, k
-    allocate (yields(problem%operator%n_rows), source=0.0_dp)
-    do b = 1, size(problem%operator%block)
-      associate (diagonal => problem%response(b)%form%diagonal, row => problem%operator%block(b)%row, &
-                 matrix => problem%operator%block(b)%matrix)
-        do i = 1, size(row)
-          do k = matrix%row_start(i), matrix%row_start(i + 1) - 1
-            if (diagonal(matrix%column(k)) > 0) yields(row(i)) = yields(row(i)) + matrix%value(k)**2/diagonal(matrix%column(k))
-          end do
-        end do
-      end associate
-    end do
+    allocate (yields(qp%n_rows))
+    call compliance%nodal_diagonal(qp, yields)
     self%stiffness = 1/max(tiny(1.0_dp), yields(self%row) + self%layer)
     ! Points between prescribed displacements get no force.
     where (.not. yields(self%row) + self%layer > 0) self%stiffness = 0
@@ -130,22 +130,22 @@ contains
   end subroutine invert_gram
 
   !> q = M x on the active rows: the compliance of every body once.
-  subroutine apply_matrix(self, problem, compliance, x, q)
+  subroutine apply_matrix(self, qp, compliance, x, q)
     !> The system.
     type(iterative_system_t), intent(in) :: self
     !> The problem that it was made for.
-    type(contact_problem_t), intent(inout) :: problem
+    type(contact_qp_t), intent(in) :: qp
     !> Matrix-free.
-    type(explicit_compliance_t), intent(in) :: compliance
+    class(compliance_t), intent(inout) :: compliance
     !> Contact forces (n) [force].
     real(dp), intent(in) :: x(:)
     !> (n) [length].
     real(dp), intent(out) :: q(:)
     real(dp), allocatable :: force(:), z(:)
-    allocate (force(problem%operator%n_rows), z(problem%operator%n_rows))
+    allocate (force(qp%n_rows), z(qp%n_rows))
     force = 0
     force(self%row) = x
-    call compliance%multiply(problem, force, z)
+    call compliance%multiply(qp, force, z)
     q = z(self%row) + self%layer*x
   end subroutine apply_matrix
 
@@ -160,13 +160,13 @@ contains
 
   !> Projected preconditioned conjugate gradients from lambda, its resultants corrected to c. An interrupt ends them
   !> early.
-  subroutine iterative_system_solve(self, problem, compliance, b, c, lambda, alpha)
+  subroutine iterative_system_solve(self, qp, compliance, b, c, lambda, alpha)
     !> The system.
     class(iterative_system_t), intent(in) :: self
     !> The problem that it was made for.
-    type(contact_problem_t), intent(inout) :: problem
+    type(contact_qp_t), intent(in) :: qp
     !> Matrix-free.
-    type(explicit_compliance_t), intent(in) :: compliance
+    class(compliance_t), intent(inout) :: compliance
     !> Right-hand side of the contact rows (n) [length].
     real(dp), intent(in) :: b(:)
     !> Right-hand side of the equilibrium of the modes (coarse%n) [force].
@@ -183,7 +183,7 @@ contains
     lambda = lambda + matmul(self%g, matmul(self%gram_inverse, c - matmul(lambda, self%g)))
     r = b
     if (any(abs(lambda) > 0)) then
-      call apply_matrix(self, problem, compliance, lambda, q)
+      call apply_matrix(self, qp, compliance, lambda, q)
       r = r - q
     end if
     rz_first = 0
@@ -202,7 +202,7 @@ contains
       ! The formula of Polak and Ribiere is less sensitive to rounding than that of Fletcher and Reeves.
       if (k > 1) p = z + max(0.0_dp, (rz - dot_product(r_old, z))/rz_old)*p
       if (k == 1) p = z
-      call apply_matrix(self, problem, compliance, p, q)
+      call apply_matrix(self, qp, compliance, p, q)
       step = dot_product(p, q)
       if (.not. step > 0) exit
       step = dot_product(p, r)/step
@@ -211,7 +211,7 @@ contains
       r = r - step*q
       rz_old = rz
     end do
-    call apply_matrix(self, problem, compliance, lambda, q)
+    call apply_matrix(self, qp, compliance, lambda, q)
     alpha = matmul(self%gram_inverse, matmul(q - b, self%g))
   end subroutine iterative_system_solve
 

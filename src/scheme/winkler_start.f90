@@ -7,12 +7,12 @@
 module dotyk_scheme_winkler_start
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_contact_operator, only: contact_operator_t
   use dotyk_linalg_block_ldlt, only: block_ldlt_t
   use dotyk_linalg_block_ldlt_solution, only: solve_block_ldlt
   use dotyk_linalg_clique_graph, only: make_clique_graph
   use dotyk_linalg_ordering, only: nested_dissection
   use dotyk_scheme_coarse_space, only: coarse_space_t, mode_block_t, multiply_blocks
+  use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_line_search, only: line_minimum
   implicit none
   private
@@ -46,33 +46,29 @@ module dotyk_scheme_winkler_start
 contains
 
   !> Equilibrium of the floating bodies, rigid, on Winkler foundations at the contact points.
-  subroutine winkler_equilibrium(operator, coarse, resultant, stiffness, y, alpha)
-    !> Contact rows.
-    type(contact_operator_t), intent(in) :: operator
-    !> Rigid body modes.
-    type(coarse_space_t), intent(in) :: coarse
-    !> Resultants that the contact forces have to balance (coarse%n) [force].
+  subroutine winkler_equilibrium(qp, resultant, stiffness, y, alpha)
+    !> Contact rows and rigid body modes, with the resultants of the loads.
+    type(contact_qp_t), intent(in) :: qp
+    !> Resultants that the contact forces have to balance (qp%coarse%n) [force].
     real(dp), intent(in) :: resultant(:)
     !> Stiffness of the foundation at the contact points (n_rows) [force/length].
     real(dp), intent(in) :: stiffness(:)
     !> Penetrations at alpha = 0 (n_rows) [length].
     real(dp), intent(in) :: y(:)
-    !> Amplitudes (coarse%n) [length].
+    !> Amplitudes (qp%coarse%n) [length].
     real(dp), intent(out) :: alpha(:)
     alpha = 0
-    if (coarse%n == 0 .or. operator%n_rows == 0) return
-    call minimize(operator, coarse, resultant, weak*sum(stiffness)/operator%n_rows, stiffness, y, alpha, coarse%stiffness)
+    if (qp%coarse%n == 0 .or. qp%n_rows == 0) return
+    call minimize(qp, resultant, weak*sum(stiffness)/qp%n_rows, stiffness, y, alpha, qp%coarse%stiffness)
   end subroutine winkler_equilibrium
 
   !> Find an unbounded direction: a motion that the loads excite and no contact resists. It is the part of e that no
   !> contact pressures balance, the projection of e on the motions with G alpha <= 0: `min |alpha - e|^2/2`, these
   !> conditions by a penalty.
-  subroutine find_unbounded_direction(operator, coarse, motion, found)
-    !> Contact rows.
-    type(contact_operator_t), intent(in) :: operator
-    !> Rigid body modes, with the resultants of the loads.
-    type(coarse_space_t), intent(in) :: coarse
-    !> Amplitudes of the direction (coarse%n).
+  subroutine find_unbounded_direction(qp, motion, found)
+    !> Contact rows and rigid body modes, with the resultants of the loads.
+    type(contact_qp_t), intent(in) :: qp
+    !> Amplitudes of the direction (qp%coarse%n).
     real(dp), intent(out) :: motion(:)
     !> Whether there is one: no equilibrium exists then.
     logical, intent(out) :: found
@@ -82,17 +78,17 @@ contains
     integer :: b, i
     motion = 0
     found = .false.
-    if (coarse%n == 0) return
-    length = maxval(abs(coarse%resultant))
+    if (qp%coarse%n == 0) return
+    length = maxval(abs(qp%coarse%resultant))
     if (.not. length > 0) return
-    e = coarse%resultant/length
-    allocate (none(operator%n_rows), source=0.0_dp)
-    allocate (penalty(operator%n_rows), source=stiff)
-    if (allocated(coarse%stiffness)) then
+    e = qp%coarse%resultant/length
+    allocate (none(qp%n_rows), source=0.0_dp)
+    allocate (penalty(qp%n_rows), source=stiff)
+    if (allocated(qp%coarse%stiffness)) then
       ! A stiffness resists a motion too, however small it is.
-      allocate (springs(size(coarse%stiffness)))
+      allocate (springs(size(qp%coarse%stiffness)))
       do b = 1, size(springs)
-        associate (value => coarse%stiffness(b)%value)
+        associate (value => qp%coarse%stiffness(b)%value)
           allocate (springs(b)%value(size(value, 1), size(value, 1)), source=0.0_dp)
           do i = 1, size(value, 1)
             if (value(i, i) > 0) springs(b)%value(i, i) = stiff
@@ -100,17 +96,15 @@ contains
         end associate
       end do
     end if
-    call minimize(operator, coarse, e, 1.0_dp, penalty, none, motion, springs)
+    call minimize(qp, e, 1.0_dp, penalty, none, motion, springs)
     found = maxval(abs(motion)) > imbalance
   end subroutine find_unbounded_direction
 
   !> The minimum of the function in the header of this module. Where the factorization fails alpha is the last iterate.
-  subroutine minimize(operator, coarse, e, mu, k, y, alpha, springs)
-    !> Contact rows.
-    type(contact_operator_t), intent(in) :: operator
-    !> Rigid body modes.
-    type(coarse_space_t), intent(in) :: coarse
-    !> Resultants of the loads (coarse%n).
+  subroutine minimize(qp, e, mu, k, y, alpha, springs)
+    !> Contact rows and rigid body modes, with the resultants of the loads.
+    type(contact_qp_t), intent(in) :: qp
+    !> Resultants of the loads (qp%coarse%n).
     real(dp), intent(in) :: e(:)
     !> Stiffness against all modes.
     real(dp), intent(in) :: mu
@@ -118,7 +112,7 @@ contains
     real(dp), intent(in) :: k(:)
     !> Penetrations at alpha = 0 (n_rows).
     real(dp), intent(in) :: y(:)
-    !> Amplitudes; the start on entry (coarse%n).
+    !> Amplitudes; the start on entry (qp%coarse%n).
     real(dp), intent(inout) :: alpha(:)
     !> S by bodies; none if not allocated (n_bodies).
     type(mode_block_t), intent(in), allocatable :: springs(:)
@@ -127,36 +121,35 @@ contains
     type(body_graph_t) :: graph
     real(dp) :: largest, t
     integer :: i, failed
-    allocate (gradient(coarse%n), position(size(y)), change(size(y)))
-    call couple_bodies(coarse, graph)
-    call coarse%displacement(operator, alpha, position)
+    allocate (gradient(qp%coarse%n), position(size(y)), change(size(y)))
+    call couple_bodies(qp%coarse, graph)
+    call qp%mode_displacement(alpha, position)
     position = y + position
     largest = maxval(abs(e))
     do i = 1, most_steps
-      call coarse%resultant_of(operator, k*max(0.0_dp, position), gradient)
+      call qp%mode_resultant(k*max(0.0_dp, position), gradient)
       gradient = gradient + resisted(alpha) - e
       if (maxval(abs(gradient)) <= balanced*largest) exit
-      call factorize_hessian(coarse, graph, mu, k, position, factor, failed, springs)
+      call factorize_hessian(qp%coarse, graph, mu, k, position, factor, failed, springs)
       if (failed > 0) exit
       step = -gradient
       call solve_block_ldlt(factor, step)
-      call coarse%displacement(operator, step, change)
+      call qp%mode_displacement(step, change)
       t = line_minimum(dot_product(resisted(alpha) - e, step), dot_product(step, resisted(step)), k, position, change)
       t = min(t, longest_step)
       alpha = alpha + t*step
       position = position + t*change
     end do
-    print *, "min", i, failed, maxval(abs(gradient))/largest, sum(abs(alpha)), coarse%n, mu
     call factor%destroy()
   contains
     !> Forces of mu and S against a motion.
     function resisted(motion) result(force)
-      !> Amplitudes (coarse%n).
+      !> Amplitudes (qp%coarse%n).
       real(dp), intent(in) :: motion(:)
-      !> (coarse%n).
+      !> (qp%coarse%n).
       real(dp) :: force(size(motion))
       force = mu*motion
-      if (allocated(springs)) force = force + multiply_blocks(coarse%first, springs, motion)
+      if (allocated(springs)) force = force + multiply_blocks(qp%coarse%first, springs, motion)
     end function resisted
   end subroutine minimize
 
@@ -231,15 +224,6 @@ contains
         end do
       end do
     end do
-    open(77,file='/tmp/sysH.txt')
-    write(77,*) size(factor%panel), sum(n)
-    do b=1,size(factor%panel)
-      write(77,*) shape(factor%panel(b)%x)
-      write(77,*) factor%tree%row(factor%tree%row_start(b):factor%tree%row_start(b+1)-1)
-      write(77,*) factor%panel(b)%x
-    end do
-    close(77)
     call factor%factorize([(0.0_dp, b=1, size(n))], failed)
-    if (failed>0) stop 9
   end subroutine factorize_hessian
 end module dotyk_scheme_winkler_start

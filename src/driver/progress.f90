@@ -1,5 +1,5 @@
 !> The live line of an iteration.
-module dotyk_scheme_progress
+module dotyk_driver_progress
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
@@ -47,4 +47,4 @@ contains
       text = to_text(seconds/3600, 2)//' h'
     end if
   end function duration
-end module dotyk_scheme_progress
+end module dotyk_driver_progress

@@ -1,0 +1,84 @@
+!> The monitor of a run: steps as a live line, notes as lines of the log, phases as the timing of the run.
+module dotyk_driver_log_monitor
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_log, only: log_t
+  use dotyk_base_memory, only: set_stage
+  use dotyk_driver_progress, only: progress_line
+  use dotyk_driver_timing, only: timing_t, stopwatch_t
+  use dotyk_scheme_history, only: history_t
+  use dotyk_scheme_monitor, only: monitor_t, phase_estimate, phase_iterate, phase_recover
+  implicit none
+  private
+
+  !> Owns log and watch of the run while it solves.
+  type, extends(monitor_t), public :: log_monitor_t
+    type(log_t) :: log
+    type(stopwatch_t) :: watch
+    type(timing_t) :: timing
+    !> The phase under way, one of `phase_*`; 0: none.
+    integer, private :: phase = 0
+  contains
+    procedure :: step => log_monitor_step
+    procedure :: note => log_monitor_note
+    procedure :: finish => log_monitor_finish
+    procedure :: begin_phase => log_monitor_begin_phase
+    procedure :: end_phase => log_monitor_end_phase
+  end type log_monitor_t
+
+contains
+
+  !> Show a step, if it is time for another line.
+  subroutine log_monitor_step(self, history, tolerance, measure)
+    class(log_monitor_t), intent(inout) :: self
+    !> Up to now.
+    type(history_t), intent(in) :: history
+    !> What is to be reached, and what has been [].
+    real(dp), intent(in) :: tolerance, measure
+    if (self%log%due()) call self%log%progress(progress_line(history, tolerance, measure))
+  end subroutine log_monitor_step
+
+  !> A line of the log.
+  subroutine log_monitor_note(self, text)
+    class(log_monitor_t), intent(inout) :: self
+    !> Label and text.
+    character(*), intent(in) :: text
+    call self%log%line('  '//text)
+  end subroutine log_monitor_note
+
+  !> End the live line.
+  subroutine log_monitor_finish(self)
+    class(log_monitor_t), intent(inout) :: self
+    call self%log%end_progress()
+  end subroutine log_monitor_finish
+
+  !> Another phase begins: the time since the last one is added to that.
+  subroutine log_monitor_begin_phase(self, phase)
+    class(log_monitor_t), intent(inout) :: self
+    !> One of `phase_*`.
+    integer, intent(in) :: phase
+    call self%end_phase()
+    self%phase = phase
+    select case (phase)
+    case (phase_iterate)
+      call set_stage('iterating')
+    case (phase_recover)
+      call set_stage('recovering displacements')
+    case (phase_estimate)
+      call set_stage('estimating errors')
+    end select
+  end subroutine log_monitor_begin_phase
+
+  !> The phase under way ends.
+  subroutine log_monitor_end_phase(self)
+    class(log_monitor_t), intent(inout) :: self
+    select case (self%phase)
+    case (phase_iterate)
+      call self%watch%lap(self%timing%iterate)
+    case (phase_recover)
+      call self%watch%lap(self%timing%recover)
+    case (phase_estimate)
+      call self%watch%lap(self%timing%estimate)
+    end select
+    self%phase = 0
+  end subroutine log_monitor_end_phase
+end module dotyk_driver_log_monitor

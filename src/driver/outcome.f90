@@ -1,0 +1,199 @@
+!> What is said of a solution, or of a scene that has none, in words of the scene.
+module dotyk_driver_outcome
+  use dotyk_base_error, only: error_t, set_error, exit_not_solvable
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_log, only: log_t
+  use dotyk_base_text, only: quoted, to_text
+  use dotyk_control_contact_problem, only: contact_problem_t, first_mode
+  use dotyk_elasticity_body, only: body_t
+  use dotyk_elasticity_body_modes, only: body_modes_t
+  use dotyk_input_case, only: case_t
+  use dotyk_scheme_contact_qp, only: contact_qp_t
+  use dotyk_scheme_solver_state, only: solver_state_t, ended_no_equilibrium, ended_rigid_constraint
+  implicit none
+  private
+  public :: refuse_unsolvable, note_modes
+
+contains
+
+  !> Refuse a scene without a solution: loads that no contact balances, or supports on both sides of contact rows.
+  subroutine refuse_unsolvable(case, problem, qp, state, error)
+    type(case_t), intent(in) :: case
+    type(contact_problem_t), intent(in) :: problem
+    type(contact_qp_t), intent(in) :: qp
+    !> Where the scheme ended.
+    type(solver_state_t), intent(in) :: state
+    !> Allocated where there is no solution; names body or pair, with its line.
+    type(error_t), allocatable, intent(out) :: error
+    if (state%ended == ended_no_equilibrium) call refuse_motion(case, problem%body, problem%modes, qp, state%unbounded, error)
+    if (state%ended == ended_rigid_constraint) call refuse_rigid_constraint(case, qp, error)
+  end subroutine refuse_unsolvable
+
+  !> Say which modes are indeterminate, and which bodies rotate too far.
+  subroutine note_modes(problem, state, log)
+    type(contact_problem_t), intent(in) :: problem
+    type(solver_state_t), intent(in) :: state
+    type(log_t), intent(inout) :: log
+    if (allocated(state%indeterminate)) call note_indeterminate(problem%body, problem%modes, state%indeterminate, log)
+    if (allocated(state%alpha)) call note_rotations(problem%body, problem%modes, state%alpha, log)
+  end subroutine note_modes
+
+  !> An unbounded direction: a motion of one body or more that the loads excite and no contact can stop.
+  subroutine refuse_motion(case, body, modes, qp, amplitude, error)
+    type(case_t), intent(in) :: case
+    !> (n_bodies), with their modes (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    type(body_modes_t), intent(in) :: modes(:)
+    type(contact_qp_t), intent(in) :: qp
+    !> Amplitudes of the modes of all bodies (n_modes) [length].
+    real(dp), intent(in) :: amplitude(:)
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: others
+    real(dp) :: work(size(body)), own_work(size(body))
+    logical :: moved(size(body))
+    integer :: b, worst, n_named, first(size(body) + 1)
+    integer, parameter :: most_named = 3
+    ! A body moves if its loads do at least this fraction of the work of the body moved most, or of their own where nothing is in the way.
+    real(dp), parameter :: much = 1.0e-3_dp, something = 1.0e-6_dp
+    work = 0
+    own_work = 0
+    first = first_mode(modes)
+    do b = 1, size(body)
+      if (modes(b)%is_near_null()) cycle
+      associate (one => first(b), last => first(b + 1) - 1)
+        work(b) = dot_product(amplitude(one:last), modes(b)%resultant)
+        own_work(b) = sum(qp%coarse%resultant(one:last)**2)/maxval(abs(qp%coarse%resultant))
+      end associate
+    end do
+    ! The first of several that are moved as much.
+    worst = findloc(work > (1 - something)*maxval(work), .true., 1)
+    moved = work > 0 .and. (work > much*work(worst) .or. work > something*own_work)
+    others = ''
+    n_named = 0
+    do b = 1, size(body)
+      if (.not. moved(b) .or. b == worst) cycle
+      n_named = n_named + 1
+      if (n_named <= most_named) others = others//'; nor body '//quoted(body(b)%name)//' (line '// &
+        to_text(case%body(b)%line)//'): '//motion_of(b)
+    end do
+    if (n_named > most_named) others = others//'; nor '//to_text(n_named - most_named)//' more'
+    call set_error(error, case%file//':'//to_text(case%body(worst)%line)//': body '//quoted(body(worst)%name)// &
+      ': its loads move it and no contact can stop it: '//motion_of(worst)//others// &
+      '; add a &support, a &contact in the way, or another &load', exit_not_solvable)
+  contains
+    !> How a body moves, and the force or moment that moves it.
+    function motion_of(which) result(text)
+      integer, intent(in) :: which
+      character(:), allocatable :: text
+      associate (own => amplitude(first(which):first(which + 1) - 1))
+        text = modes(which)%combination_text(own)//', resultant '// &
+          to_text(dot_product(own, modes(which)%resultant)/largest_displacement(modes(which), own), 4)
+      end associate
+    end function motion_of
+  end subroutine refuse_motion
+
+  !> Largest displacement of a node in a combination of modes.
+  real(dp) function largest_displacement(modes, amplitude) result(largest)
+    type(body_modes_t), intent(in) :: modes
+    !> Of each mode (n) [length].
+    real(dp), intent(in) :: amplitude(:)
+    real(dp) :: u(size(modes%shape, 1))
+    integer :: i, k
+    largest = tiny(largest)
+    do i = 1, size(modes%shape, 2)
+      u = 0
+      do k = 1, size(amplitude)
+        u = u + amplitude(k)*modes%shape(:, i, k)
+      end do
+      largest = max(largest, norm2(u))
+    end do
+  end function largest_displacement
+
+  !> Supports on both sides press contact rows together.
+  subroutine refuse_rigid_constraint(case, qp, error)
+    type(case_t), intent(in) :: case
+    type(contact_qp_t), intent(in) :: qp
+    type(error_t), allocatable, intent(out) :: error
+    integer :: k, n
+    n = maxloc(qp%initial_penetration, 1)
+    k = count(qp%pair_first_row <= n)
+    call set_error(error, case%file//':'//to_text(case%contact(k)%line)//': &contact '//quoted(case%contact(k)%name)// &
+      ': supports on both sides press its points together by '//to_text(qp%initial_penetration(n))//', and theta = 0 allows no '// &
+      'penetration; take the supports off the contact surfaces or give theta a value above 0', exit_not_solvable)
+  end subroutine refuse_rigid_constraint
+
+  !> Say which bodies rotate so far that small displacements are no good approximation.
+  subroutine note_rotations(body, modes, amplitude, log)
+    !> (n_bodies), with their modes (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    type(body_modes_t), intent(in) :: modes(:)
+    !> Amplitudes of the modes of all bodies (n_modes) [length].
+    real(dp), intent(in) :: amplitude(:)
+    type(log_t), intent(inout) :: log
+    integer :: b, n_far, farthest, first(size(body) + 1)
+    real(dp) :: ratio, most
+    ! Displacements by rotation, relative to the size of the body.
+    real(dp), parameter :: far = 0.05_dp
+    if (size(amplitude) == 0) return
+    first = first_mode(modes)
+    n_far = 0
+    farthest = 0
+    most = 0
+    do b = 1, size(body)
+      if (modes(b)%n == 0) cycle
+      ratio = rotation_ratio(body(b), modes(b), amplitude(first(b):first(b + 1) - 1))
+      if (.not. ratio > far) cycle
+      n_far = n_far + 1
+      if (ratio > most) farthest = b
+      most = max(most, ratio)
+    end do
+    if (n_far == 0) return
+    call log%line('  turns far        '//quoted(body(farthest)%name)//': points move by '//to_text(100*most, 2)// &
+                  ' % of its size as it turns; small displacements are assumed')
+    if (n_far > 1) call log%line('  turns far        '//to_text(n_far - 1)//' more bodies, by less')
+  end subroutine note_rotations
+
+  !> How far nodes move against their mean, relative to the size of the body [].
+  real(dp) function rotation_ratio(body, modes, amplitude) result(ratio)
+    type(body_t), intent(in) :: body
+    type(body_modes_t), intent(in) :: modes
+    !> Of each mode (n) [length].
+    real(dp), intent(in) :: amplitude(:)
+    real(dp) :: u(body%dimension, size(modes%shape, 2)), mean(body%dimension), length
+    integer :: i, k
+    u = 0
+    do k = 1, size(amplitude)
+      u = u + amplitude(k)*modes%shape(:, :, k)
+    end do
+    mean = sum(u, 2)/size(u, 2)
+    length = norm2(maxval(body%mesh%x, 2) - minval(body%mesh%x, 2))
+    ratio = 0
+    do i = 1, size(u, 2)
+      ratio = max(ratio, norm2(u(:, i) - mean)/length)
+    end do
+  end function rotation_ratio
+
+  !> Say which rigid body modes neither loads nor contact determine.
+  subroutine note_indeterminate(body, modes, amplitude, log)
+    !> (n_bodies), with their modes (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    type(body_modes_t), intent(in) :: modes(:)
+    !> As columns of amplitudes of the modes of all bodies (n_modes, number of them) [length].
+    real(dp), intent(in) :: amplitude(:, :)
+    type(log_t), intent(inout) :: log
+    character(:), allocatable :: text
+    integer :: b, n_named, first(size(body) + 1)
+    integer, parameter :: most_named = 20
+    first = first_mode(modes)
+    n_named = 0
+    do b = 1, size(body)
+      if (modes(b)%n == 0 .or. modes(b)%is_near_null()) cycle
+      text = modes(b)%span_text(amplitude(first(b):first(b + 1) - 1, :))
+      if (len(text) == 0) cycle
+      n_named = n_named + 1
+      if (n_named <= most_named) &
+        call log%line('  not determined   '//quoted(body(b)%name)//': '//text//'; the least motion is taken')
+    end do
+    if (n_named > most_named) call log%line('  not determined   motions of '//to_text(n_named - most_named)//' more bodies')
+  end subroutine note_indeterminate
+end module dotyk_driver_outcome

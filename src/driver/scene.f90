@@ -1,0 +1,139 @@
+!> From the input to a contact problem: bodies, contact rows, factorizations, QP and compliance.
+module dotyk_driver_scene
+  use dotyk_base_error, only: error_t
+  use dotyk_base_interrupt, only: stop_if_interrupted
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_memory, only: set_stage
+  use dotyk_contact_operator, only: build_operator, contact_operator_t
+  use dotyk_control_contact_free, only: contact_free_t, solve_without_contact
+  use dotyk_control_contact_problem, only: contact_problem_t
+  use dotyk_control_parallel, only: set_blas_threads, share_solves
+  use dotyk_driver_body_setup, only: assemble_bodies, build_bodies, check_held
+  use dotyk_driver_factorization, only: analyze_bodies, check_memory, direct_slot_t, factor_size_t, factorize_bodies, find_modes, &
+    make_operators
+  use dotyk_driver_log_monitor, only: log_monitor_t
+  use dotyk_driver_pairs, only: find_pairs, foundation_compliance
+  use dotyk_driver_screen, only: show_factorization
+  use dotyk_elasticity_body, only: stiffness_t
+  use dotyk_input_case, only: case_t
+  use dotyk_response_response, only: response_slot_t
+  use dotyk_scheme_body_compliance, only: body_compliance_t, body_operator_t
+  use dotyk_scheme_coarse_space, only: coarse_space_t, contact_modes_t
+  use dotyk_scheme_contact_qp, only: contact_qp_t
+  use dotyk_scheme_scheme, only: scheme_t
+  implicit none
+  private
+
+  !> A scene on the way to its QP.
+  type, public :: scene_t
+    !> Bodies, modes, contact pairs.
+    type(contact_problem_t) :: problem
+    !> Stiffnesses of the representatives, until they are factorized (n_bodies).
+    type(stiffness_t), allocatable :: stiffness(:)
+    !> Rows of B, weights and gaps, until the QP has them.
+    type(contact_operator_t) :: operator
+    !> Penalty parameters that the input asks for (n_rows) [length/pressure].
+    real(dp), allocatable :: theta(:)
+    !> Compliance operators of the representatives, until the compliance has them (n_bodies).
+    type(direct_slot_t), allocatable :: direct(:)
+    !> Sizes of the factors (n_bodies).
+    type(factor_size_t), allocatable :: size_of(:)
+    !> Solves with whole factors so far.
+    integer :: n_full_solves = 0
+  end type scene_t
+
+  public :: build_scene, factorize_scene
+
+contains
+
+  !> Meshes to bodies, contact rows, and the sizes of the factors: all that can be checked before anything is solved.
+  subroutine build_scene(case, scheme, scene, monitor, error)
+    type(case_t), intent(in) :: case
+    !> The scheme that will solve it.
+    class(scheme_t), intent(in) :: scheme
+    type(scene_t), intent(inout) :: scene
+    !> For the timing.
+    type(log_monitor_t), intent(inout) :: monitor
+    !> Allocated where a mesh, a material, a support, a load or a pair is wrong; names file and line.
+    type(error_t), allocatable, intent(out) :: error
+    associate (problem => scene%problem)
+      call set_stage('reading meshes')
+      call build_bodies(case, problem%body, problem%surface_a, problem%surface_b, error)
+      call stop_if_interrupted(error)
+      if (allocated(error)) return
+      call monitor%watch%lap(monitor%timing%read)
+      call problem%classes%init(size(problem%body))
+      call problem%classes%find(problem%body)
+      if (scheme%needs_held_bodies()) call check_held(case, problem%body, problem%classes, error)
+      if (allocated(error)) return
+      call set_stage('assembling')
+      call assemble_bodies(case, problem%classes, problem%body, problem%modes, scene%stiffness, error)
+      call stop_if_interrupted(error)
+      if (allocated(error)) return
+      call monitor%watch%lap(monitor%timing%assemble)
+      call set_stage('searching for contact')
+      call find_pairs(case, problem%body, problem%surface_a, problem%surface_b, problem%pair, scene%theta, error)
+      call stop_if_interrupted(error)
+      if (allocated(error)) return
+      call build_operator(case%scene%dimension, size(problem%body), problem%pair, problem%surface_a, problem%surface_b, &
+                          scene%operator)
+      call monitor%watch%lap(monitor%timing%search)
+      call set_stage('ordering the equations')
+      call analyze_bodies(problem%body, problem%modes, scene%stiffness, problem%classes, scene%operator%block, &
+                          case%solver%response, scheme%expected_products(), scene%direct, scene%size_of, error)
+      call stop_if_interrupted(error)
+      if (allocated(error)) return
+      call monitor%watch%lap(monitor%timing%order)
+    end associate
+  end subroutine build_scene
+
+  !> Factorize, and solve without contact: the QP and its compliance.
+  subroutine factorize_scene(case, scheme, scene, qp, compliance, monitor, error)
+    type(case_t), intent(in) :: case
+    class(scheme_t), intent(in) :: scheme
+    !> Built; without stiffnesses, operator and compliance operators on return.
+    type(scene_t), intent(inout) :: scene
+    type(contact_qp_t), intent(out) :: qp
+    type(body_compliance_t), intent(inout) :: compliance
+    type(log_monitor_t), intent(inout) :: monitor
+    !> Allocated where a body is not held, memory does not suffice, or an interrupt came.
+    type(error_t), allocatable, intent(out) :: error
+    type(response_slot_t), allocatable :: response(:)
+    type(body_operator_t), allocatable :: operators(:)
+    type(contact_modes_t), allocatable :: modes(:)
+    type(coarse_space_t) :: coarse
+    type(contact_free_t) :: free
+    real(dp), allocatable :: foundation(:)
+    logical :: side_by_side
+    associate (problem => scene%problem, block => scene%operator%block)
+      call check_memory(scene%size_of, monitor%log, error)
+      if (allocated(error)) return
+      call set_stage('factorizing')
+      call factorize_bodies(problem%body, problem%classes, .not. scheme%needs_held_bodies(), scene%size_of, scene%stiffness, &
+                            scene%direct, problem%report, error)
+      call stop_if_interrupted(error)
+      if (allocated(error)) return
+      call monitor%watch%lap(monitor%timing%factorize)
+      call show_factorization(monitor%log, scene%size_of, monitor%timing%factorize)
+      call find_modes(problem%body, problem%classes, block, problem%report, problem%modes, modes, error)
+      if (allocated(error)) return
+      call make_operators(problem%body, problem%classes, block, problem%report, scene%size_of, scene%direct, response, operators)
+      call share_solves(operators%cost, case%solver%reproducible, side_by_side, problem%n_blas)
+      call set_stage('solving without contact')
+      call solve_without_contact(problem%body, block, scene%operator%gap, response, problem%classes%first, side_by_side, &
+                                 problem%n_blas, free, problem%isolated)
+      scene%n_full_solves = free%n_solves
+      call coarse%init(block, scene%operator%n_rows, modes)
+      call foundation_compliance(problem%body, problem%pair, foundation)
+    end associate
+    call qp%init(scene%operator, free%initial_penetration, free%load_displacement, free%energy, free%norm_square, foundation, coarse)
+    call compliance%init(qp, response, operators, side_by_side)
+    if (any(scene%size_of%forms_matrix)) then
+      call set_blas_threads(scene%problem%n_blas)
+      call compliance%form_bodies(qp, scene%size_of%forms_matrix, may_stop=.true.)
+      call set_blas_threads(1)
+    end if
+    call stop_if_interrupted(error)
+    call monitor%watch%lap(monitor%timing%iterate)
+  end subroutine factorize_scene
+end module dotyk_driver_scene
