@@ -142,7 +142,7 @@ contains
     if (allocated(error)) return
     call run%watch%lap(run%timing%read)
     call run%classes%init(size(run%body))
-    if (run%case%solver%share_factors) call run%classes%find(run%body)
+    call run%classes%find(run%body)
     if (needs_held_bodies(run%case)) call check_held(run%case, run%body, run%classes, error)
     if (allocated(error)) return
     call set_stage('assembling')
