@@ -63,7 +63,7 @@ for format in "${formats[@]}"; do
   read -r time elements nodes < <("$folder/benchmark" "$file")
   cat_time=$(seconds cat "$file")
   numpy_ratio=-
-  if [[ $format != *.bin ]] && python=$(/usr/bin/python3 -W ignore -c "$numpy_reading" "$file" 2> /dev/null); then
+  if [[ $format != *.bin ]] && python=$("$root/tools/python.sh" -W ignore -c "$numpy_reading" "$file" 2> /dev/null); then
     numpy_ratio=$(awk -v a="$time" -v b="$python" 'BEGIN { printf "%.2f", a/b }')
   fi
   printf '%-10s %8.1f %9.3f %10d %10d %8.3f %9.1f %9s\n' "$format" "$(awk -v b="$(stat -c %s "$file")" 'BEGIN { print b/1e6 }')" \

@@ -19,7 +19,7 @@ import numpy as np
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 YOUNG, POISSON, THETA = 200.0, 0.3, 1e-5
-GEOMETRIES = ('straight', 'elements', 'smooth')
+GEOMETRIES = ('elements', 'smooth')
 TUBE = """
 Mesh.ElementOrder = %d;  Mesh.SecondOrderIncomplete = 1;
 Point(1) = {%r, 0, 0};
@@ -112,7 +112,7 @@ def tubes(dotyk, folder):
             for name, inner, outer, radial, around in (('inner', radii[0], radii[1] + overlap, 3, 13),
                                                        ('outer', *radii[1:], 4, 10)):
                 (folder/(name + '.geo')).write_text(TUBE % (order, inner, outer - inner, fine*radial, fine*around, recombine))
-            for geometry in GEOMETRIES[2 - order:]:
+            for geometry in GEOMETRIES:
                 show([kind, geometry], fit(dotyk, folder, 'plane_strain', geometry, pressure, overlap))
 
 
@@ -125,7 +125,7 @@ def spheres(dotyk, folder):
             for name, inner, outer, size, algorithm in (('inner', radii[0], radii[1] + overlap/2, h, 6),
                                                         ('outer', radii[1] - overlap/2, radii[2], 0.83*h, 5)):
                 (folder/(name + '.geo')).write_text(SPHERE % (order, size, size, algorithm, *3*(inner,), *3*(outer,)))
-            for geometry in GEOMETRIES[2 - order:]:
+            for geometry in GEOMETRIES:
                 show(['tet4' if order == 1 else 'tet10', geometry], fit(dotyk, folder, '3d', geometry, pressure, overlap))
 
 
@@ -139,7 +139,7 @@ def hertz(dotyk, folder):
             text = re.sub(r'DefineConstant\[n = \d+\];', 'n = %d;' % n, geo)
             text = re.sub(r'^order = \d;', 'order = %d;' % order, text, flags=re.M)
             (folder/'hertz.geo').write_text(text)
-            for geometry in GEOMETRIES[2 - order:]:
+            for geometry in GEOMETRIES:
                 (folder/'hertz.nml').write_text(scene.replace("'block:up'", "'block:up', geometry='%s'" % geometry))
                 e = check.errors(run(dotyk, folder, 'hertz.nml'))
                 show(['tet4' if order == 1 else 'tet10', geometry],

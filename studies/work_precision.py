@@ -8,9 +8,10 @@ Every combination of the lists is a point of the grid:
   size                         of the mesh, from coarse to fine: numbers, or formulas of the .geo file as texts
   order                        of the elements
   discretization, quadrature, geometry keys of every &contact
-  theta_relative, theta, theta_rule, stop_rule, tolerance, scheme, linear_solver      keys of &solver
+  theta_relative, theta, stop_rule, tolerance, scheme, linear_solver      keys of &solver
+  theta_default                'yes': no theta is given, the program chooses it
   threads
-What is absent is as in the scene. Who names one of theta_relative, theta, theta_rule means none of the others; so it is with
+What is absent is as in the scene. Who names one of theta_relative, theta, theta_default means none of the others; so it is with
 tolerance and stop_rule.
 In the first group:
   scene               namelist file of the scene, relative to the grid's file, as all names (required)
@@ -55,13 +56,12 @@ import namelist  # noqa: E402
 import work_precision_report as report  # noqa: E402
 
 CONTACT = {'discretization': str, 'quadrature': str, 'geometry': str}
-SOLVER = {'theta_relative': float, 'theta': float, 'theta_rule': str, 'stop_rule': str, 'tolerance': float, 'scheme': str,
-          'linear_solver': str}
-DIMENSIONS = {'size': None, 'order': int, **CONTACT, **SOLVER, 'threads': int}
+SOLVER = {'theta_relative': float, 'theta': float, 'stop_rule': str, 'tolerance': float, 'scheme': str, 'linear_solver': str}
+DIMENSIONS = {'size': None, 'order': int, **CONTACT, 'theta_default': str, **SOLVER, 'threads': int}
 SETTINGS = {'scene': str, 'geometry_parameter': str, 'repeat': int, 'limit_seconds': float, 'check': str, 'title': str,
             'output': str, 'reference_size': None, 'reference_order': int, 'reference_theta_relative': float,
             'max_iterations': int, 'along': str}
-EITHER = [('theta_relative', 'theta', 'theta_rule'), ('tolerance', 'stop_rule')]  # who says one means none of the others
+EITHER = [('theta_relative', 'theta', 'theta_default'), ('tolerance', 'stop_rule')]  # who says one means none of the others
 PARAMETER = r'(?m)(^[ \t]*%s[ \t]*=)([^;\n]+)(?=;)|(^[ \t]*DefineConstant[ \t]*\[[ \t]*%s[ \t]*=)([^\]\n]+)(?=\])'
 LISTS = {'error': str, 'error_label': str, 'scale_with': str, 'without': str}
 
@@ -204,7 +204,7 @@ class Scene:
         text = replace_meshes(text, [str(self.mesh(file, point['size'], point['order'])) for file in self.meshes])
         solver = {key: point[key] for key in SOLVER if point[key] is not None}
         without = list(self.grid.without)
-        if 'theta' in solver or 'theta_relative' in solver or 'theta_rule' in solver:
+        if 'theta' in solver or 'theta_relative' in solver or point['theta_default'] is not None:
             without += ['theta', 'theta_relative']
             text = namelist.changed(text, 'contact', {}, ['theta', 'theta_relative'])
         if solver.get('stop_rule') == 'budget' and 'tolerance' not in solver:

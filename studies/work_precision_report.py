@@ -13,11 +13,11 @@ LINES = ['-', '--', ':', '-.', (0, (5, 1, 1, 1, 1, 1))]
 # the first that varies is told by colour, the second by the marker, the third by the line, the others by size and filling
 DISPLAYED = ['scheme', 'order', 'quadrature', 'geometry', 'discretization', 'theta_relative', 'stop rule', 'linear_solver',
              'threads', 'size']
-SAME = {'theta_relative': ['theta_relative', 'theta', 'theta_rule'], 'stop rule': ['tolerance', 'stop_rule']}
+SAME = {'theta_relative': ['theta_relative', 'theta', 'theta_default'], 'stop rule': ['tolerance', 'stop_rule']}
 NOT_SAID = 'as in the scene'
 PARTS = {'error_bound': 'iteration (guaranteed bound)', 'error_penalty': 'penalty (estimate)',
          'error_discretization': 'discretization (estimate)'}
-COLUMNS = ['size', 'order', 'discretization', 'quadrature', 'geometry', 'theta_relative', 'theta', 'theta_rule', 'stop_rule', 'tolerance',
+COLUMNS = ['size', 'order', 'discretization', 'quadrature', 'geometry', 'theta_relative', 'theta', 'theta_default', 'stop_rule', 'tolerance',
            'scheme', 'linear_solver', 'threads', 'elements', 'unknowns', 'contact_points', 'exit', 'converged', 'scheme_used',
            'iterations', 'body_solves', 'seconds', 'seconds_min', 'seconds_max', 'repeats', 'seconds_process']
 KNOWN_LABELS = {'energy': 'relative error, energy norm', 'a_error': 'relative error, contact size',

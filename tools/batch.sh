@@ -8,4 +8,4 @@ if [[ -z ${DOTYK:-} && " $* " != *" --help "* ]]; then
   "$tools/setup.sh" --run
   "$tools/build.sh" release
 fi
-DOTYK=${DOTYK:-$tools/../build/release/dotyk} exec /usr/bin/python3 -B "$tools/batch.py" "$@"
+DOTYK=${DOTYK:-$tools/../build/release/dotyk} exec "$tools/python.sh" "$tools/batch.py" "$@"

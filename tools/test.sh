@@ -17,5 +17,5 @@ code=0
 rm -f "$build/Testing/Temporary/LastTest.log"
 OMP_WAIT_POLICY=passive ctest --test-dir "$build" --output-on-failure --parallel "$(nproc)" "$@" || code=$?
 # The very last line is "N passed, N failed", over the single tests of all executables.
-/usr/bin/python3 -B "$tools/count_tests.py" "$build" || code=$?
+"$tools/python.sh" "$tools/count_tests.py" "$build" || code=$?
 exit "$code"

@@ -50,10 +50,9 @@ module dotyk_base_options
   integer, parameter, public :: default_discretization = discretization_mortar
 
   !> `&contact geometry`: surfaces that gaps and normals are taken from.
-  character(*), parameter, public :: geometry_names = 'smooth elements straight'
+  character(*), parameter, public :: geometry_names = 'smooth elements'
   integer, parameter, public :: geometry_smooth = 1    !< patches with continuous normals over the facets
   integer, parameter, public :: geometry_elements = 2  !< facets of the elements
-  integer, parameter, public :: geometry_straight = 3  !< flat facets on the corners of the elements
   integer, parameter, public :: default_geometry = geometry_smooth
 
   !> `&contact quadrature`: quadrature points of a contact pair.
@@ -103,10 +102,9 @@ module dotyk_base_options
   integer, parameter, public :: default_stop_rule = stop_residual
 
   !> `&solver locking`: nearly incompressible bodies.
-  character(*), parameter, public :: locking_names = 'auto project ignore'
-  integer, parameter, public :: locking_auto = 1     !< projected dilatation, and order elevation of linear simplices
-  integer, parameter, public :: locking_project = 2  !< projected dilatation
-  integer, parameter, public :: locking_ignore = 3   !< elements as they are
+  character(*), parameter, public :: locking_names = 'auto ignore'
+  integer, parameter, public :: locking_auto = 1    !< projected dilatation, and order elevation of linear simplices
+  integer, parameter, public :: locking_ignore = 2  !< elements as they are
   integer, parameter, public :: default_locking = locking_auto
 
   !> `&output fields`.

@@ -11,7 +11,7 @@ module dotyk_contact_pair
   use dotyk_base_kinds, only: dp
   use dotyk_base_magnitude, only: is_too_large, size_rule
   use dotyk_base_options, only: default_discretization, default_gap, default_geometry, default_quadrature, &
-    discretization_mortar, discretization_quadrature, gap_constant, gap_formula, geometry_elements, &
+    discretization_mortar, discretization_quadrature, gap_constant, gap_formula, geometry_smooth, &
     quadrature_segments
   use dotyk_base_text, only: quoted, to_text
   use dotyk_contact_dual_mortar, only: dual_mortar_rows
@@ -190,7 +190,7 @@ contains
       near = .true.
       call project_points(mesh_a, surface_a, own, offset, settings%axisymmetric, target, near, radius, x, xi, weight, partner)
     end if
-    if (settings%geometry /= geometry_elements) call smooth_projections(settings%geometry, mesh_a%x, surface_a, near, mesh_b%x, &
+    if (settings%geometry == geometry_smooth) call smooth_projections(mesh_a%x, surface_a, near, mesh_b%x, &
       surface_b, facets_near_candidates(target%set, set_a, near, radius), radius, offset, x, xi, partner)
     call collect(mesh_a%dimension, offset, x, xi, weight, partner, pair)
     pair%name = settings%name

@@ -26,9 +26,7 @@ module dotyk_contact_smooth_projection
 contains
 
   !> Correct the partners of all points for another geometry than that of the elements.
-  subroutine smooth_projections(geometry, x_a, surface_a, near_a, x_b, surface_b, near_b, search_radius, offset, x, xi, partner)
-    !> One of `geometry_*`.
-    integer, intent(in) :: geometry
+  subroutine smooth_projections(x_a, surface_a, near_a, x_b, surface_b, near_b, search_radius, offset, x, xi, partner)
     !> Nodal coordinates of body a (dimension, n_nodes) [length], its surface, and the facets that may have partners (n_facets).
     real(dp), intent(in) :: x_a(:, :)
     type(surface_t), intent(in) :: surface_a
@@ -46,8 +44,8 @@ contains
     type(projection_t), intent(inout) :: partner(:)
     type(smooth_surface_t) :: geometry_a, geometry_b
     integer :: f, i
-    call geometry_a%init(geometry, x_a, surface_a, near_a)
-    call geometry_b%init(geometry, x_b, surface_b, near_b)
+    call geometry_a%init(x_a, surface_a, near_a)
+    call geometry_b%init(x_b, surface_b, near_b)
     if (.not. (geometry_a%active .or. geometry_b%active)) return
     !$omp parallel do default(none) schedule(dynamic, 64) private(i) &
     !$omp shared(surface_a, offset, geometry_a, geometry_b, search_radius, x, xi, partner)

@@ -6,16 +6,15 @@
 !> the normal there) is x = (x0+x1)/2 + abs(D) (t0-t1)/(4 + 2 abs(t0+t1)), which lies on the circle where the ends and the
 !> tangents are those of a circle. Between the corners the normal is interpolated: so it is continuous. Facets of quadratic
 !> elements are cut through their mid nodes into two or four pieces (sub_facets.f90), whose corners are nodes of the surface
-!> too. Flat pieces stay what they are. The straight geometry, to compare, is that of the corners of the elements alone.
+!> too. Flat pieces stay what they are.
 !>
 !> Patches give gaps and directions only. The points x and x' where forces act lie on the elements, because displacements do.
 module dotyk_contact_smooth_surface
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: geometry_elements, geometry_smooth, geometry_straight
   use dotyk_contact_adjacency, only: adjacency_t
   use dotyk_contact_facet_set, only: evaluate_facet, facet_set_t
   use dotyk_contact_sub_facets, only: split_facets, sub_facets_t
-  use dotyk_contact_vertex_normals, only: find_smooth_sheets, flat_angle, own_corner_normals, smooth_corner_normals
+  use dotyk_contact_vertex_normals, only: find_smooth_sheets, flat_angle, smooth_corner_normals
   use dotyk_mesh_element, only: element_kind, element_kind_t, element_line3, element_quad8, element_tri6, kind_nodes, &
     max_facet_nodes
   use dotyk_mesh_surface, only: surface_t
@@ -48,10 +47,8 @@ module dotyk_contact_smooth_surface
 contains
 
   !> Set up for a surface.
-  subroutine geometry_init(self, geometry, x, surface, near)
+  subroutine geometry_init(self, x, surface, near)
     class(smooth_surface_t), intent(out) :: self
-    !> One of `geometry_*`.
-    integer, intent(in) :: geometry
     !> Nodal coordinates of the body (dimension, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
     type(surface_t), intent(in) :: surface
@@ -62,8 +59,7 @@ contains
     real(dp), allocatable :: vertex(:, :)
     logical, allocatable :: flat(:), wanted(:)
     integer :: f, k
-    if (geometry == geometry_elements) return
-    call split_facets(x, surface, geometry == geometry_smooth, self%pieces)
+    call split_facets(x, surface, self%pieces)
     associate (pieces => self%pieces)
       call set%init(pieces%x, pieces%surface)
       call adjacency%init(set)
@@ -76,30 +72,22 @@ contains
       end do
       allocate (self%changed(set%n), self%corner_normal(3, 4, set%n), self%joined(4, set%n))
       self%rim = adjacency%neighbour == 0
-      if (geometry == geometry_straight) then
-        do f = 1, set%n
-          self%changed(f) = kind_nodes(surface%kind(pieces%parent(f))) > set%corners(f)
-        end do
-        self%joined = adjacency%neighbour
-        call own_corner_normals(set, adjacency, vertex, self%corner_normal)
-      else
-        flat = pieces%flat
-        call find_smooth_sheets(set, adjacency, vertex, self%joined, flat)
-        allocate (wanted(size(vertex, 2)), source=.false.)
-        do f = 1, set%n
-          if (near(pieces%parent(f))) wanted(adjacency%vertex(1:set%corners(f), f)) = .true.
-        end do
-        call smooth_corner_normals(set, adjacency, vertex, self%joined, flat, wanted, self%corner_normal)
-        do f = 1, set%n
-          self%changed(f) = .not. flat(f) .and. all(wanted(adjacency%vertex(1:set%corners(f), f)))
-          if (.not. self%changed(f)) cycle
-          if (kind_nodes(surface%kind(pieces%parent(f))) == set%corners(f) .or. surface%order_elevated) self%changed(f) = &
-            is_curved(set%corners(f), vertex(:, adjacency%vertex(1:set%corners(f), f)), self%corner_normal(:, :, f))
-        end do
-      end if
+      flat = pieces%flat
+      call find_smooth_sheets(set, adjacency, vertex, self%joined, flat)
+      allocate (wanted(size(vertex, 2)), source=.false.)
+      do f = 1, set%n
+        if (near(pieces%parent(f))) wanted(adjacency%vertex(1:set%corners(f), f)) = .true.
+      end do
+      call smooth_corner_normals(set, adjacency, vertex, self%joined, flat, wanted, self%corner_normal)
+      do f = 1, set%n
+        self%changed(f) = .not. flat(f) .and. all(wanted(adjacency%vertex(1:set%corners(f), f)))
+        if (.not. self%changed(f)) cycle
+        if (kind_nodes(surface%kind(pieces%parent(f))) == set%corners(f) .or. surface%order_elevated) self%changed(f) = &
+          is_curved(set%corners(f), vertex(:, adjacency%vertex(1:set%corners(f), f)), self%corner_normal(:, :, f))
+      end do
     end associate
     self%active = any(self%changed)
-    if (self%active) call make_patches(self, geometry, surface%dimension)
+    if (self%active) call make_patches(self, surface%dimension)
   end subroutine geometry_init
 
   !> Do the normals at the corners differ from those of the facet? Their components along the edges tell.
@@ -117,10 +105,10 @@ contains
   end function is_curved
 
   !> The elements' geometry and the patches as facets of elements of their own.
-  subroutine make_patches(self, geometry, dimension)
+  subroutine make_patches(self, dimension)
     class(smooth_surface_t), intent(inout) :: self
-    !> One of `geometry_*`, and the dimension of space.
-    integer, intent(in) :: geometry, dimension
+    !> Dimension of space.
+    integer, intent(in) :: dimension
     type(surface_t) :: patches
     type(element_kind_t) :: kind
     real(dp) :: nodes(dimension, max_facet_nodes*size(self%changed))
@@ -133,10 +121,9 @@ contains
       kind = element_kind(patches%kind(f))
       n = kind%n_corners
       j = max_facet_nodes*(f - 1)
-      patches%kind(f) = merge(quadratic(n), kind%corner_kind, geometry == geometry_smooth)
+      patches%kind(f) = quadratic(n)
       patches%node(:, f) = 0
       patches%node(1:kind_nodes(patches%kind(f)), f) = [(j + i, i=1, kind_nodes(patches%kind(f)))]
-      if (geometry == geometry_straight) cycle
       do i = 1, merge(1, n, n == 2)
         nodes(:, j + n + i) = middle(nodes(:, j + i), nodes(:, j + modulo(i, n) + 1), self%corner_normal(:dimension, i, f), &
                                      self%corner_normal(:dimension, modulo(i, n) + 1, f))

@@ -46,19 +46,17 @@ module dotyk_contact_sub_facets
 contains
 
   !> Cut the facets of a surface.
-  subroutine split_facets(x, surface, cut, pieces)
+  subroutine split_facets(x, surface, pieces)
     !> Nodal coordinates of the body (dimension, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
     type(surface_t), intent(in) :: surface
-    !> Cut facets of quadratic elements; else every facet is one piece.
-    logical, intent(in) :: cut
     type(sub_facets_t), intent(out) :: pieces
     type(element_kind_t) :: kind
     real(dp) :: shape(max_facet_nodes)
     integer :: f, k, n, n_extra, node(max_facet_nodes), count_of(surface%n_facets), corners
     do f = 1, surface%n_facets
       kind = element_kind(surface%kind(f))
-      count_of(f) = merge(merge(2, 4, kind%n_corners == 2), 1, cut .and. kind%order == 2 .and. .not. surface%order_elevated)
+      count_of(f) = merge(merge(2, 4, kind%n_corners == 2), 1, kind%order == 2 .and. .not. surface%order_elevated)
     end do
     n = sum(count_of)
     allocate (pieces%first(surface%n_facets + 1), pieces%parent(n), pieces%base(2, n), pieces%factor(n), pieces%flat(n))

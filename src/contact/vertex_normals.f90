@@ -12,7 +12,7 @@ module dotyk_contact_vertex_normals
   use dotyk_mesh_facet, only: cross
   implicit none
   private
-  public :: find_smooth_sheets, own_corner_normals, smooth_corner_normals
+  public :: find_smooth_sheets, smooth_corner_normals
 
   !> Cosine of the angle between neighbouring facets beyond which the edge is sharp: 40 degrees.
   real(dp), parameter :: sharp_cosine = 0.766_dp
@@ -147,27 +147,6 @@ contains
       planar = planar .and. abs(dot_product(normal, x(:, k) - x(:, 1))) <= flat_angle*norm2(x(:, k) - x(:, 1))
     end do
   end subroutine mean_normal
-
-  !> Normals of the straight facets at their corners, of one length in each: what lies between is linear (bilinear) in them.
-  pure subroutine own_corner_normals(set, adjacency, x, normal)
-    type(facet_set_t), intent(in) :: set
-    type(adjacency_t), intent(in) :: adjacency
-    !> Positions of the vertices (3, n_vertices) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Outward, of about length 1 (3, 4, n).
-    real(dp), intent(out) :: normal(:, :, :)
-    real(dp) :: weight
-    integer :: f, k
-    normal = 0
-    do f = 1, set%n
-      associate (n => set%corners(f))
-        do k = 1, n
-          call corner_normal(n, k, x(:, adjacency%vertex(1:n, f)), normal(:, k, f), weight)
-        end do
-        normal(:, :n, f) = normal(:, :n, f)/max(maxval(norm2(normal(:, :n, f), dim=1)), tiny(1.0_dp))
-      end associate
-    end do
-  end subroutine own_corner_normals
 
   !> Normal of a straight facet at a corner, as long as the area that its edges there span, and the weight that makes the weighted
   !> sum of these normals at a vertex of a sphere the sphere's normal (Max, Weights for computing vertex normals from

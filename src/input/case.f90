@@ -171,8 +171,6 @@ module dotyk_input_case
     integer :: max_iterations = default_max_iterations
     !> One of `locking_*`.
     integer :: locking = default_locking
-    !> Have bodies that differ by their place alone one factorization?
-    logical :: share_factors = .true.
     !> The same digits on any number of threads?
     logical :: reproducible = .false.
   end type solver_input_t

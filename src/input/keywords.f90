@@ -195,8 +195,7 @@ contains
     call t%add('contact', 'geometry', kind_name, names=geometry_names, &
                default=option_name(geometry_names, default_geometry), &
                meaning='what gaps and normals are taken from: smooth puts patches with continuous normals over the facets '// &
-               '(edges of more than 40 degrees stay sharp, planes flat); elements: the facets as they are; '// &
-               'straight: the corners of the elements alone, to compare')
+               '(edges of more than 40 degrees stay sharp, planes flat); elements: the facets as they are')
     call t%add('contact', 'quadrature', kind_name, names=quadrature_names, &
                default=option_name(quadrature_names, default_quadrature), &
                meaning='integration points: segments puts them on the pieces that the facets of surface_b cut out of those '// &
@@ -217,17 +216,14 @@ contains
                meaning='the same, times h_a/E_a + h_b/E_b, point by point; h is the size of the facet there; if no theta '// &
                'is given, 0.01 (other schemes than dual: 0.1), and less where the error of the penalty would dominate '// &
                'that of the mesh')
-    call t%add('solver', 'theta_rule', kind_name, names='mesh', &
-               meaning='mesh: theta as if none were given')
     call t%add('solver', 'linear_solver', kind_name, names=linear_solver_names, &
                default=option_name(linear_solver_names, default_linear_solver), &
                meaning='how the dual scheme solves for the forces of closed points: direct forms their compliance, '// &
                'iterative is by conjugate gradients, auto what is cheaper')
     call t%add('solver', 'response', kind_name, names=response_names, &
                default=option_name(response_names, default_response), &
-               meaning='how a body answers to contact forces: full solves with its whole factor; condensed orders the contact '// &
-               'unknowns last, and solves with their part of the factor; compliance makes a matrix of the answers of '// &
-               'all contact points; auto is, body by body, what is cheapest')
+               meaning='products with the compliance of a body in iterative schemes: full by solves with its factor, '// &
+               'compliance by its dense compliance matrix, formed once; auto is, body by body, what is cheaper')
     call t%add('solver', 'gamma_rule', kind_name, names=gamma_rule_names, &
                default=option_name(gamma_rule_names, default_gamma_rule), &
                meaning='relaxation parameter: spectral is 2/(2+L), theory is 1/(1+L)^2, fixed is gamma')
@@ -247,9 +243,7 @@ contains
                default=option_name(locking_names, default_locking), &
                meaning='against locking in nearly incompressible bodies (Poisson''s ratio above 0.4; not in plane stress): '// &
                'auto takes the projected dilatation, and makes linear triangles, tetrahedra and prisms quadratic from 0.45 on; '// &
-               'project leaves the elements as they are; ignore does nothing')
-    call t%add('solver', 'share_factors', kind_logical, default='.true.', &
-               meaning='bodies that differ by their place alone have one factorization')
+               'ignore does nothing')
     call t%add('solver', 'reproducible', kind_logical, default='.false.', &
                meaning='the same digits on any number of threads')
 

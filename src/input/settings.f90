@@ -74,8 +74,6 @@ contains
     solver%line = group%line
     solver%scheme = nint(number_of(group, 'scheme'))
     call read_theta(group, problems, solver%theta_given, solver%theta_kind, solver%theta)
-    if (is_given(group, 'theta_rule') .and. solver%theta_given) &
-      call report(problems, group, 'theta_rule', 'theta_rule and a theta are both given: only one can be meant')
     solver%linear_solver = nint(number_of(group, 'linear_solver'))
     solver%response = nint(number_of(group, 'response'))
     solver%gamma_rule = nint(number_of(group, 'gamma_rule'))
@@ -98,7 +96,6 @@ contains
     solver%tolerance = number_of(group, 'tolerance')
     solver%max_iterations = nint(number_of(group, 'max_iterations'))
     solver%locking = nint(number_of(group, 'locking'))
-    solver%share_factors = number_of(group, 'share_factors') > 0
     solver%reproducible = number_of(group, 'reproducible') > 0
   end subroutine read_solver
 

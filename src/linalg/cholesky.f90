@@ -7,8 +7,9 @@ module dotyk_linalg_cholesky
   use dotyk_base_error, only: error_t, set_error, exit_machine, exit_not_solvable
   use dotyk_base_text, only: to_text
   use dotyk_linalg_cholmod, only: code_ok, code_out_of_memory, code_too_large, dotyk_cholmod_new, dotyk_cholmod_free, &
-    dotyk_cholmod_analyze, dotyk_cholmod_permute, dotyk_cholmod_begin, dotyk_cholmod_end, dotyk_cholmod_solve, &
-    dotyk_cholmod_supernodes, dotyk_cholmod_trailing, dotyk_cholmod_solve_trailing, dotyk_cholmod_rcond, statistics_t
+    dotyk_cholmod_analyze, dotyk_cholmod_permute, dotyk_cholmod_begin, dotyk_cholmod_factorize, dotyk_cholmod_end, &
+    dotyk_cholmod_solve, dotyk_cholmod_supernodes, dotyk_cholmod_trailing, dotyk_cholmod_solve_trailing, &
+    dotyk_cholmod_rcond, statistics_t
   use dotyk_linalg_multifrontal, only: factor_supernodes
   use dotyk_linalg_ordering, only: is_permutation
   use dotyk_linalg_sparse, only: sparse_symmetric_t
@@ -46,6 +47,7 @@ module dotyk_linalg_cholesky
     procedure :: analyze => cholesky_analyze
     procedure :: factorize => cholesky_factorize
     procedure :: factorize_and_discard => cholesky_factorize_and_discard
+    procedure :: factorize_by_cholmod => cholesky_factorize_by_cholmod
     procedure :: is_factorized => cholesky_is_factorized
     procedure :: solve => cholesky_solve
     procedure :: solve_block => cholesky_solve_block
@@ -125,6 +127,46 @@ contains
     if (.not. allocated(error)) call factorize_taken(self, failed_column, error, may_stop)
   end subroutine cholesky_factorize_and_discard
 
+  !> The same by `cholmod_factorize`, on the calling thread alone: the reference that tests and the benchmark compare with.
+  subroutine cholesky_factorize_by_cholmod(self, matrix, failed_column, error)
+    class(cholesky_t), intent(inout) :: self
+    !> The matrix.
+    type(sparse_symmetric_t), intent(in) :: matrix
+    !> As in `factorize`.
+    integer, intent(out) :: failed_column
+    !> As in `factorize`.
+    type(error_t), allocatable, intent(out) :: error
+    type(supernodes_t) :: supernodes
+    real(dp), allocatable :: diagonal(:)
+    integer(c_int64_t) :: column
+    failed_column = 0
+    call begin(self, matrix, error)
+    if (allocated(error) .or. self%n == 0) return
+    call raise(dotyk_cholmod_factorize(self%handle, matrix%column_start, matrix%row, matrix%value, column), 'factorization', &
+               self, error)
+    if (allocated(error)) return
+    call self%supernodes(supernodes)
+    diagonal = diagonal_of(self%n, matrix%column_start, matrix%row, matrix%value)
+    call finish(self, supernodes, diagonal(supernodes%permutation + 1), int(column), failed_column)
+  end subroutine cholesky_factorize_by_cholmod
+
+  !> Forget the last factor, and see whether a matrix may be factorized.
+  subroutine begin(self, matrix, error)
+    class(cholesky_t), intent(inout) :: self
+    !> The matrix.
+    type(sparse_symmetric_t), intent(in) :: matrix
+    !> Another matrix than the one that was analyzed.
+    type(error_t), allocatable, intent(out) :: error
+    self%factorized = .false.
+    self%weakest_pivot = 1
+    self%weakest_equation = 0
+    if (self%n == 0 .and. matrix%n == 0) then
+      self%factorized = .true.
+    else if (.not. c_associated(self%handle) .or. self%n /= matrix%n .or. .not. allocated(matrix%value)) then
+      call set_error(error, 'the matrix to factorize is not the one that was analyzed', exit_not_solvable)
+    end if
+  end subroutine begin
+
   !> Make the permuted copy of the matrix that is going to be factorized.
   subroutine take_matrix(self, matrix, error)
     class(cholesky_t), intent(inout) :: self
@@ -132,14 +174,8 @@ contains
     type(sparse_symmetric_t), intent(in) :: matrix
     !> CHOLMOD has no memory, or the matrix is not the one that was analyzed.
     type(error_t), allocatable, intent(out) :: error
-    self%factorized = .false.
-    self%weakest_pivot = 1
-    self%weakest_equation = 0
-    if (self%n == 0 .and. matrix%n == 0) return
-    if (.not. c_associated(self%handle) .or. self%n /= matrix%n .or. .not. allocated(matrix%value)) then
-      call set_error(error, 'the matrix to factorize is not the one that was analyzed', exit_not_solvable)
-      return
-    end if
+    call begin(self, matrix, error)
+    if (allocated(error) .or. self%n == 0) return
     call raise(dotyk_cholmod_permute(self%handle, matrix%column_start, matrix%row, matrix%value), 'factorization', &
       self, error)
   end subroutine take_matrix
@@ -158,35 +194,46 @@ contains
     integer(int64), pointer, contiguous :: start(:), row(:)
     real(dp), pointer, contiguous :: value(:)
     real(dp), allocatable :: diagonal(:)
+    integer :: column
     failed_column = 0
-    if (self%n > 0) then
-      call raise(dotyk_cholmod_begin(self%handle, address(1), address(2), address(3)), 'factorization', self, error)
-      if (allocated(error)) return
-      call c_f_pointer(address(1), start, [self%n + 1])
-      call c_f_pointer(address(2), row, [start(self%n + 1)])
-      call c_f_pointer(address(3), value, [start(self%n + 1)])
-      call self%supernodes(supernodes)
-      diagonal = diagonal_of(self%n, start, row, value)
-      call factor_supernodes(supernodes, start, row, value, failed_column, may_stop)
-      call dotyk_cholmod_end(self%handle)
-      if (present(may_stop)) then
-        if (may_stop) call stop_if_interrupted(error)
-      end if
-      if (allocated(error)) return
-      if (failed_column > 0) then
-        self%weakest_equation = int(supernodes%permutation(failed_column - 1)) + 1
-      else
-        call find_weakest_pivot(supernodes, diagonal, self%weakest_pivot, self%weakest_equation)
-        if (.not. self%weakest_pivot > 0) failed_column = 1
-      end if
-      if (failed_column > 0) then
-        failed_column = self%weakest_equation
-        self%weakest_pivot = 0
-        return
-      end if
+    if (self%n == 0) return
+    call raise(dotyk_cholmod_begin(self%handle, address(1), address(2), address(3)), 'factorization', self, error)
+    if (allocated(error)) return
+    call c_f_pointer(address(1), start, [self%n + 1])
+    call c_f_pointer(address(2), row, [start(self%n + 1)])
+    call c_f_pointer(address(3), value, [start(self%n + 1)])
+    call self%supernodes(supernodes)
+    diagonal = diagonal_of(self%n, start, row, value)
+    call factor_supernodes(supernodes, start, row, value, column, may_stop)
+    call dotyk_cholmod_end(self%handle)
+    if (present(may_stop)) then
+      if (may_stop) call stop_if_interrupted(error)
     end if
-    self%factorized = .true.
+    if (allocated(error)) return
+    call finish(self, supernodes, diagonal, column, failed_column)
   end subroutine factorize_taken
+
+  !> See whether all pivots are positive.
+  subroutine finish(self, supernodes, diagonal, column, failed_column)
+    class(cholesky_t), intent(inout) :: self
+    !> Of the factor.
+    type(supernodes_t), intent(in) :: supernodes
+    !> Diagonal of P K P^T (n).
+    real(dp), intent(in) :: diagonal(:)
+    !> First column of L whose pivot is not positive, 0 if none was found.
+    integer, intent(in) :: column
+    !> As in `cholesky_factorize`.
+    integer, intent(out) :: failed_column
+    if (column > 0) then
+      self%weakest_pivot = 0
+      self%weakest_equation = int(supernodes%permutation(column - 1)) + 1
+    else
+      call find_weakest_pivot(supernodes, diagonal, self%weakest_pivot, self%weakest_equation)
+    end if
+    ! NaN too.
+    self%factorized = self%weakest_pivot > 0
+    failed_column = merge(0, self%weakest_equation, self%factorized)
+  end subroutine finish
 
   !> Whether there is a factor to solve with.
   pure logical function cholesky_is_factorized(self) result(is_factorized)

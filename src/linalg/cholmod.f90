@@ -3,9 +3,9 @@ module dotyk_linalg_cholmod
   use, intrinsic :: iso_c_binding, only: c_ptr, c_int, c_int64_t, c_double
   implicit none
   private
-  public :: dotyk_cholmod_new, dotyk_cholmod_free, dotyk_cholmod_analyze, dotyk_cholmod_permute, &
-    dotyk_cholmod_begin, dotyk_cholmod_end, dotyk_cholmod_solve, dotyk_cholmod_supernodes, &
-    dotyk_cholmod_trailing, dotyk_cholmod_solve_trailing, dotyk_cholmod_rcond
+  public :: dotyk_cholmod_new, dotyk_cholmod_free, dotyk_cholmod_analyze, dotyk_cholmod_permute, dotyk_cholmod_begin, &
+    dotyk_cholmod_factorize, dotyk_cholmod_end, dotyk_cholmod_solve, dotyk_cholmod_supernodes, dotyk_cholmod_trailing, &
+    dotyk_cholmod_solve_trailing, dotyk_cholmod_rcond
 
   ! What the shim returns.
   integer(c_int), parameter, public :: code_ok = 0, code_out_of_memory = 1, code_too_large = 3
@@ -50,6 +50,14 @@ module dotyk_linalg_cholmod
       type(c_ptr), value :: handle
       type(c_ptr), intent(out) :: start, row, value
     end function dotyk_cholmod_begin
+
+    integer(c_int) function dotyk_cholmod_factorize(handle, start, row, value, failed) bind(c)
+      import :: c_ptr, c_int, c_int64_t, c_double
+      type(c_ptr), value :: handle
+      integer(c_int64_t), intent(in) :: start(*), row(*)
+      real(c_double), intent(in) :: value(*)
+      integer(c_int64_t), intent(out) :: failed
+    end function dotyk_cholmod_factorize
 
     subroutine dotyk_cholmod_end(handle) bind(c)
       import :: c_ptr

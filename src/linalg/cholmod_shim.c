@@ -75,6 +75,24 @@ void *dotyk_cholmod_new(void) {
   return h;
 }
 
+/* The lower triangle of a symmetric matrix, read where its arrays are; without values where there are none. */
+static cholmod_sparse lower_triangle(int64_t n, int64_t *start, int64_t *row, double *value) {
+  cholmod_sparse a;
+  memset(&a, 0, sizeof a);
+  a.nrow = a.ncol = (size_t)n;
+  a.nzmax = (size_t)start[n];
+  a.p = start;
+  a.i = row;
+  a.x = value;
+  a.stype = -1;
+  a.itype = CHOLMOD_LONG;
+  a.xtype = value ? CHOLMOD_REAL : CHOLMOD_PATTERN;
+  a.dtype = CHOLMOD_DOUBLE;
+  a.sorted = 1;
+  a.packed = 1;
+  return a;
+}
+
 /* Symbolic analysis. start (n+1), row: pattern of the lower triangle by columns, rows ascending, 0-based;
  * permutation (n): the equation that comes k-th, 0-based; its last `trailing` ones stay last. The arrays are read where
  * they are. */
@@ -84,18 +102,7 @@ int dotyk_cholmod_analyze(void *handle, int64_t n, int64_t *start, int64_t *row,
   cholmod_common *c = &h->common;
   cholmod_l_free_factor(&h->L, c);
   h->n = n;
-  cholmod_sparse a;
-  memset(&a, 0, sizeof a);
-  a.nrow = a.ncol = (size_t)n;
-  a.nzmax = (size_t)start[n];
-  a.p = start;
-  a.i = row;
-  a.stype = -1;
-  a.itype = CHOLMOD_LONG;
-  a.xtype = CHOLMOD_PATTERN;
-  a.dtype = CHOLMOD_DOUBLE;
-  a.sorted = 1;
-  a.packed = 1;
+  cholmod_sparse a = lower_triangle(n, start, row, NULL);
   int levels = forbid_threads();
   c->postorder = 1;
   h->L = cholmod_l_analyze_p(&a, (SuiteSparse_long *)permutation, NULL, 0, c);
@@ -183,6 +190,22 @@ int dotyk_cholmod_begin(void *handle, void **start, void **row, void **value) {
   *row = h->permuted->i;
   *value = h->permuted->x;
   return OK;
+}
+
+/* CHOLMOD's own numeric phase, cholmod_factorize, by the calling thread alone; nothing is permuted beforehand. failed: the first column (from
+ * 1) whose pivot is not positive, 0 if there is none. */
+int dotyk_cholmod_factorize(void *handle, int64_t *start, int64_t *row, double *value, int64_t *failed) {
+  handle_t *h = handle;
+  cholmod_common *c = &h->common;
+  cholmod_sparse a = lower_triangle(h->n, start, row, value);
+  int levels = forbid_threads();
+  int good = cholmod_l_factorize(&a, h->L, c);
+  omp_set_max_active_levels(levels);
+  cholmod_l_free_work(c);
+  int code = code_of_status(c);
+  *failed = code == NOT_POSITIVE ? (int64_t)h->L->minor + 1 : 0;
+  if (code == NOT_POSITIVE) return OK;
+  return code == OK && !good ? INVALID : code;
 }
 
 /* Give back what permute left. */

@@ -41,9 +41,10 @@ def repeated(msh, n, shift):
 
 class Congruence(dotyk_case.Case):
     def run_scene(self, lines, solver, share=True, scene=""):
-        """Solve; everything that is to be the same with and without shared factors."""
-        text = ["&scene %s /" % scene, "&material name='m', young=%r, poisson=%r /" % (E, V), *lines]
-        text.append("&solver share_factors=.%s., %s /" % (str(share).lower(), solver))
+        """Solve; everything that is to be the same with and without shared factors. Bodies with a modulus field share none."""
+        text = ["&scene %s /" % scene, "&material name='m', young=%r, poisson=%r /" % (E, V), *lines, "&solver %s /" % solver]
+        if not share:
+            text = [line.replace("&material ", "&material young_formula='1', ") for line in text]
         self.write("case.nml", "\n".join(text) + "\n")
         self.printed = self.dotyk("case.nml", "--output", "shared.vtkhdf" if share else "own.vtkhdf")
         file = self.results("shared.vtkhdf" if share else "own.vtkhdf")

@@ -2,6 +2,7 @@
 """tests/fuzz/fuzz.py: a short run without a fault, and that it sees faults."""
 import os
 import subprocess
+import sys
 
 import dotyk_case
 
@@ -24,7 +25,7 @@ esac
 class Fuzz(dotyk_case.Case):
     def fuzz(self, executable, *arguments):
         """Exit code and output of a run."""
-        done = subprocess.run([FUZZ, "--dotyk", executable, "--keep", self.folder / "kept", *arguments], text=True, timeout=300,
+        done = subprocess.run([sys.executable, "-B", FUZZ, "--dotyk", executable, "--keep", self.folder / "kept", *arguments], text=True, timeout=300,
                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
         return done.returncode, done.stdout
 

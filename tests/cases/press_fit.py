@@ -107,11 +107,5 @@ class PressFit(dotyk_case.Case):
         file, pressure = self.fit(0.0, ", gap=-%r" % INTERFERENCE, around=(13, 10), order=1)
         self.check(file, pressure, 8e-3, 2e-2)
 
-    def test_corners_alone(self):
-        """Quadratic elements taken for straight: a hundred and eighty percent too much."""
-        file, pressure = self.fit(INTERFERENCE, ", geometry='straight'", around=(13, 10))
-        fit = file["dotyk/contact/fit"]
-        self.assertGreater(np.average(fit["pressure_projected"][:], weights=fit["weight"][:]), 2 * pressure)
-
 
 dotyk_case.main()

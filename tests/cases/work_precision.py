@@ -4,6 +4,7 @@ import csv
 import os
 import signal
 import subprocess
+import sys
 import time
 
 import h5py
@@ -29,7 +30,7 @@ class WorkPrecision(dotyk_case.Case):
     def run_grid(self, text, code=0):
         """Write the grid, run it; what was printed."""
         self.write("grid.nml", text)
-        done = subprocess.run([TOOL, "grid.nml"], cwd=self.folder, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        done = subprocess.run([sys.executable, "-B", TOOL, "grid.nml"], cwd=self.folder, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                               stdin=subprocess.DEVNULL)
         self.assertEqual(done.returncode, code, done.stdout)
         return done.stdout
@@ -100,7 +101,7 @@ class WorkPrecision(dotyk_case.Case):
         """An interrupted run goes on where it stopped."""
         text = ("&grid scene='wavy/wavy.nml', check='plain.py', size=0.125, order=1,2, repeat=2, error='a_error', threads=1,2 /")
         self.write("grid.nml", text)
-        process = subprocess.Popen([TOOL, "grid.nml"], cwd=self.folder, text=True, stdin=subprocess.DEVNULL,
+        process = subprocess.Popen([sys.executable, "-B", TOOL, "grid.nml"], cwd=self.folder, text=True, stdin=subprocess.DEVNULL,
                                    stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
         until = time.monotonic() + 60
         while not list((self.folder / "grid").glob("points/*.json")) and time.monotonic() < until and process.poll() is None:

@@ -68,7 +68,7 @@ def column(rng):
     text += "&contact name='joint', surface_a='upper:low', surface_b='lower:high'%s /\n" % rng.choice(
         ["", ", gap=1e-4", ", gap_formula='1e-4*x^2'", ", discretization='quadrature'", ", geometry='elements'", ", quadrature='plain'"])
     text += SOLVER % ("scheme='%s', %s" % (rng.choice(SCHEMES), rng.choice(["theta_relative=1e-2,", "tolerance=1e-8,",
-                                                                            "locking='project',", "locking='ignore',", ""])))
+                                                                            "locking='ignore',", ""])))
     text += rng.choice(OUTPUTS)
     return Scene("column", text, {"a.msh": blocks(kind, n, rng.choice([0, 0, 0.05]), rng.choice([0, 0, 1e-4, -1e-4]))})
 
@@ -117,7 +117,7 @@ def placed(rng):
 &load body='c', force_density_formula='0','0','-1e-3*exp(-x^2)' /
 &contact name='one', surface_a='b:low', surface_b='a:high', theta_relative=1e-3 /
 &contact name='two', surface_a='c:sides y', surface_b='b:high', search_radius=0.5 /
-""" % material + SOLVER % rng.choice(["", "share_factors=.false.,", "reproducible=.true.,"])
+""" % material + SOLVER % rng.choice(["", "reproducible=.true.,"])
     return Scene("placed", text, {"a.msh": mesh})
 
 

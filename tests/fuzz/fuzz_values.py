@@ -19,15 +19,15 @@ NUMBERS = {
 NAMES = {
     "scheme": ["auto", "dual", "neumann", "robin", "nesterov", "anderson", "secant"], "gamma_rule": ["spectral", "theory", "fixed"],
     "stop_rule": ["residual", "paper", "increment", "budget"], "discretization": ["mortar", "quadrature"],
-    "geometry": ["smooth", "elements", "straight"], "quadrature": ["segments", "plain"], "theta_rule": ["mesh"],
+    "geometry": ["smooth", "elements"], "quadrature": ["segments", "plain"],
     "linear_solver": ["auto", "direct", "iterative"], "response": ["auto", "full", "condensed", "compliance"],
     "analysis": ["3d", "plane_strain", "plane_stress", "axisymmetric"], "fix": ["x", "xy", "xyz", "n", "t", "nt", "xi", "z", "y"],
-    "locking": ["auto", "project", "ignore"],
+    "locking": ["auto", "ignore"],
     "fields": ["", "displacement", "stress", "contact"], "error_parts": ["", "penalty", "discretization"]}
-LOGICALS = {"share_factors", "reproducible"}
+LOGICALS = {"reproducible"}
 OF_GROUP = {
     "material": ["young", "poisson", "young", "poisson"], "solver": ["theta", "theta_relative", "theta_mesh", "tolerance", "gamma", "scheme",
-                 "gamma_rule", "stop_rule", "budget_fraction", "theta_rule", "linear_solver", "response", "reproducible", "share_factors", "locking", "max_iterations"],
+                 "gamma_rule", "stop_rule", "budget_fraction", "linear_solver", "response", "reproducible", "locking", "max_iterations"],
     "contact": ["theta", "theta_relative", "theta_mesh", "gap", "search_radius", "discretization", "geometry", "quadrature"],
     "support": ["fix", "value"], "load": ["pressure"], "body": ["at", "angle", "axis"], "output": ["fields", "error_parts"],
     "scene": ["analysis"]}
