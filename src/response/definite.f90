@@ -10,7 +10,7 @@ module dotyk_response_definite
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_conditioning_diagnosis, only: diagnose_conditioning
   use dotyk_linalg_cholesky, only: cholesky_t
-  use dotyk_linalg_condition, only: scaled_norm, softest_shapes
+  use dotyk_linalg_condition, only: scaled_norm, smallest_eigenpairs
   use dotyk_response_hold, only: add_springs, choose_holds, is_mechanism
   use dotyk_response_soft_motions, only: count_soft, find_near_null_modes
   implicit none
@@ -80,7 +80,7 @@ contains
     if (factor%weakest_pivot > small_pivot) return
     n = min(n_shapes, size(diagonal))
     allocate (shapes(size(diagonal), n), values(n))
-    call softest_shapes(factor, diagonal, values, shapes, error)
+    call smallest_eigenpairs(factor, diagonal, values, shapes, error)
     if (allocated(error)) return
     call assemble_again(body, hold, spring, error)
     if (allocated(error)) return
