@@ -8,8 +8,8 @@ module dotyk_control_conditioning
 
   !> The conditioning of one body.
   type, public :: conditioning_t
-    !> Condition number of the scaled stiffness, and of what is left of it without near-null-space modes; lower bounds where not
-    !> measured [].
+    !> Condition number of the scaled stiffness, and of what is left of it without near-null-space modes; lower bounds
+    !> where not measured [].
     real(dp) :: condition = 1, condition_left = 1
     !> Whether they were measured.
     logical :: is_measured = .false.

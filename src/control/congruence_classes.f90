@@ -1,6 +1,8 @@
-!> The kinds of bodies of a scene: bodies of one kind differ by their place, and by loads and values of given displacements.
+!> The kinds of bodies of a scene: bodies of one kind differ by their place, and by loads and values of given
+!> displacements.
 !>
-!> The first body of a kind is assembled, ordered and factorized; the others make their right-hand sides and use its factor.
+!> The first body of a kind is assembled, ordered and factorized; the others make their right-hand sides and use its
+!> factor.
 module dotyk_control_congruence_classes
   use dotyk_base_kinds, only: dp
   use dotyk_contact_operator, only: contact_block_t
@@ -91,7 +93,8 @@ contains
     end do
   end subroutine congruence_classes_copy
 
-  !> Nodes where any body of a kind may touch, in the numbers that all of them have, and the contact points of all of them.
+  !> Nodes where any body of a kind may touch, in the numbers that all of them have, and the contact points of all of
+  !> them.
   subroutine congruence_classes_contact_nodes(self, first, block, node, n_points)
     class(congruence_classes_t), intent(in) :: self
     !> First body of the kind.

@@ -1,8 +1,8 @@
-!> The solution without contact, u_0: one solve of every body that has loads or prescribed displacements. Every scheme starts from it, and
-!> for bodies that touch no other it is the solution.
+!> The solution without contact, u_0: one solve of every body that has loads or prescribed displacements. Every scheme
+!> starts from it, and for bodies that touch no other it is the solution.
 !>
-!> A floating body does not move by its rigid body modes in u_0: loads are taken without their resultants on these modes, which are
-!> the schemes' to balance.
+!> A floating body does not move by its rigid body modes in u_0: loads are taken without their resultants on these
+!> modes, which are the schemes' to balance.
 module dotyk_control_contact_free
   use dotyk_base_kinds, only: dp
   use dotyk_contact_operator, only: contact_block_t
@@ -26,7 +26,8 @@ module dotyk_control_contact_free
 
   !> What one body adds.
   type :: contribution_t
-    !> Displacements of the contact nodes without contact, and those by the loads alone with supports at rest (dimension*n) [length].
+    !> Displacements of the contact nodes without contact, and those by the loads alone with supports at rest
+    !> (dimension*n) [length].
     real(dp), allocatable :: u_0(:), u_load(:)
     !> A(u_0,u_0)/2 and L(u_0) [energy].
     real(dp) :: strain_energy = 0, work = 0
@@ -120,7 +121,8 @@ contains
     end if
   end subroutine solve_body
 
-  !> A solve, unless the right-hand side is zero: most bodies of many scenes have neither loads nor prescribed displacements.
+  !> A solve, unless the right-hand side is zero: most bodies of many scenes have neither loads nor prescribed
+  !> displacements.
   subroutine solve_if_loaded(response, x, n_solves)
     class(response_t), intent(in) :: response
     !> Right-hand side [force] in, solution [length] out (n_equations).

@@ -1,5 +1,7 @@
-!> All that is known of a contact problem before it is solved, but for the QP: bodies, their modes and factorizations, contact pairs.
+!> All that is known of a contact problem before it is solved, but for the QP: bodies, their modes and factorizations,
+!> contact pairs.
 module dotyk_control_contact_problem
+  use dotyk_base_kinds, only: dp
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_control_congruence_classes, only: congruence_classes_t
   use dotyk_elasticity_body, only: body_t

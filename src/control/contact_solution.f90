@@ -1,7 +1,9 @@
-!> The outer loop: solve the contact, recover the displacements, estimate the errors; again where the error budget asks for it.
+!> The outer loop: solve the contact, recover the displacements, estimate the errors; again where the error budget asks
+!> for it.
 !>
-!> Where the user gave neither theta nor a tolerance, both follow from the estimated errors: theta becomes smaller until the error of the
-!> penalty is small beside that of the mesh, and the iteration ends where its bound is small beside both.
+!> Where the user gave neither theta nor a tolerance, both follow from the estimated errors: theta becomes smaller until
+!> the error of the penalty is small beside that of the mesh, and the iteration ends where its bound is small beside
+!> both.
 module dotyk_control_contact_solution
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dotyk_base_error, only: error_t
@@ -42,7 +44,8 @@ module dotyk_control_contact_solution
   type, public :: contact_solution_t
     !> Pressures, amplitudes of the modes, and how the scheme ended; without pressures where there is no solution.
     type(solver_state_t) :: state
-    !> Penalty parameters that it belongs to (n_rows) [length/pressure], and their factor over those that it began with (n_pairs) [].
+    !> Penalty parameters that it belongs to (n_rows) [length/pressure], and their factor over those that it began with
+    !> (n_pairs) [].
     real(dp), allocatable :: theta(:), theta_factor(:)
     !> Tolerance that was to be reached [].
     real(dp) :: tolerance = 0
@@ -53,25 +56,29 @@ module dotyk_control_contact_solution
     type(error_budget_t) :: budget
   end type contact_solution_t
 
-  !> Solutions of one scene at most: a rough one, one with a smaller theta, one with the tolerance that its errors ask for, and that again.
+  !> Solutions of one scene at most: a rough one, one with a smaller theta, one with the tolerance that its errors ask
+  !> for, and that again.
   integer, parameter :: most_rounds = 5
   !> Tolerance of the first solution where the budget decides: good enough to estimate the other errors from.
   real(dp), parameter :: rough = 0.02_dp
-  !> A theta that was not given becomes smaller where its error is more than this fraction of the mesh's; the aim is half of that.
+  !> A theta that was not given becomes smaller where its error is more than this fraction of the mesh's; the aim is
+  !> half of that.
   real(dp), parameter :: most_penalty = 0.3_dp
   !> At most by this factor.
   real(dp), parameter :: least_factor = 1.0e-3_dp
-  !> Tolerances of later rounds are smaller than what is needed by this factor, as the next solution has slightly different errors.
+  !> Tolerances of later rounds are smaller than what is needed by this factor, as the next solution has slightly
+  !> different errors.
   real(dp), parameter :: safety = 0.7_dp
-  !> Errors of the mesh below this count as this for schemes whose number of steps grows like 1/theta: on meshes that are exact, a theta
-  !> that follows their error would need endless steps.
+  !> Errors of the mesh below this count as this for schemes whose number of steps grows like 1/theta: on meshes that
+  !> are exact, a theta that follows their error would need endless steps.
   real(dp), parameter :: no_mesh_error = 1.0e-3_dp
   !> Errors below this count as none.
   real(dp), parameter :: no_error = 1.0e-8_dp
 
 contains
 
-  !> Whether the solution depends on its errors: the iteration ends by them, or a theta that was not given becomes smaller.
+  !> Whether the solution depends on its errors: the iteration ends by them, or a theta that was not given becomes
+  !> smaller.
   pure logical function goal_depends_on_errors(self) result(depends)
     class(solution_goal_t), intent(in) :: self
     depends = self%by_budget .or. .not. all(self%theta_given)
@@ -120,7 +127,8 @@ contains
       call now%solve(qp, compliance, solution%theta, problem%n_blas, monitor, solution%state, error)
       if (allocated(error)) return
       if (.not. allocated(solution%state%m)) return
-      call find_displacements(problem, qp, compliance, solution%theta, now, monitor, goal%needs_displacements(), goal%stress, &
+      call find_displacements(problem, qp, compliance, solution%theta, now, monitor, goal%needs_displacements(), &
+        goal%stress, &
                               solution%conditioning, solution%displacements, solution%state, error)
       if (allocated(error)) return
       if (.not. allocated(solution%state%m)) return
@@ -132,15 +140,16 @@ contains
       if (goal%depends_on_errors() .and. solution%state%ended == ended_converged) then
         if (interrupted()) solution%state%ended = ended_interrupted
       end if
-      if (.not. asks_for_more(goal, round == most_rounds, problem, qp, now%scheme%allows_zero_theta(), monitor, solution, &
+      if (.not. asks_for_more(goal, round == most_rounds, problem, qp, now%scheme%allows_zero_theta(), monitor, &
+        solution, &
                               now%settings%tolerance)) exit
     end do
     solution%tolerance = now%settings%tolerance
     call monitor%begin_phase(phase_recover)
   end subroutine solve_contact
 
-  !> Whether the QP is to be solved again from where it is, with a smaller theta or to another tolerance; and the outcome of the error
-  !> budget where not.
+  !> Whether the QP is to be solved again from where it is, with a smaller theta or to another tolerance; and the
+  !> outcome of the error budget where not.
   logical function asks_for_more(goal, last, problem, qp, is_exact, monitor, solution, tolerance) result(more)
     type(solution_goal_t), intent(in) :: goal
     !> There is no more: the solution stays as it is.

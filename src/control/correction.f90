@@ -24,9 +24,10 @@ module dotyk_control_correction
 
 contains
 
-  !> The difference of the penetrations by refined displacements and by the scheme is added to the initial penetration, and the scheme
-  !> continues from its state, until that changes nothing any more.
-  subroutine correct_contact(problem, qp, compliance, theta, run, monitor, conditioning, solution, state, rounding, error)
+  !> The difference of the penetrations by refined displacements and by the scheme is added to the initial penetration,
+  !> and the scheme continues from its state, until that changes nothing any more.
+  subroutine correct_contact(problem, qp, compliance, theta, run, monitor, conditioning, solution, state, rounding, &
+    error)
     type(contact_problem_t), intent(in) :: problem
     !> Its initial penetration is corrected.
     type(contact_qp_t), intent(inout) :: qp

@@ -48,7 +48,8 @@ contains
     !> Counts steps of refinement (n_bodies).
     type(conditioning_t), intent(inout) :: conditioning(:)
     type(displacements_t), intent(inout) :: displacements
-    !> That of the scheme; its bound includes rounding on return. Without pressures where the scheme found no solution after a correction.
+    !> That of the scheme; its bound includes rounding on return. Without pressures where the scheme found no solution
+    !> after a correction.
     type(solver_state_t), intent(inout) :: state
     !> Allocated where no significant digit of a body is left, or the scheme fails.
     type(error_t), allocatable, intent(out) :: error
@@ -65,7 +66,8 @@ contains
       end if
       if (any(conditioning%needs_refinement())) then
         call monitor%begin_phase(phase_iterate)
-        call correct_contact(problem, qp, compliance, theta, run, monitor, conditioning, displacements%body, state, rounding, error)
+        call correct_contact(problem, qp, compliance, theta, run, monitor, conditioning, displacements%body, state, &
+          rounding, error)
         if (allocated(error)) return
         if (.not. allocated(state%m)) return
         call monitor%begin_phase(phase_recover)

@@ -1,14 +1,16 @@
-!> The error budget of a solution: iteration, penalty, discretization; all in the energy norm, relative to that of the solution.
+!> The error budget of a solution: iteration, penalty, discretization; all in the energy norm, relative to that of the
+!> solution.
 !>
-!> The part of the iteration is the guaranteed bound of the scheme. That of the penalty is the distance to the solution without it
-!> (`dotyk_control_penalty_error`), that of the mesh an asymptotically exact estimate (`dotyk_elasticity_discretization_error`). Beside them
-!> stands the violation of the contact conditions, which hold in the mean, at single points (`dotyk_contact_violation`).
+!> The part of the iteration is the guaranteed bound of the scheme. That of the penalty is the distance to the solution
+!> without it (`dotyk_control_penalty_error`), that of the mesh an asymptotically exact estimate
+!> (`dotyk_elasticity_discretization_error`). Beside them stands the violation of the contact conditions, which hold in
+!> the mean, at single points (`dotyk_contact_complementarity`).
 module dotyk_control_error_budget
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan, ieee_quiet_nan, ieee_value
   use dotyk_base_error, only: error_t
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
-  use dotyk_contact_violation, only: contact_violation
+  use dotyk_contact_complementarity, only: complementarity_error
   use dotyk_control_body_solution, only: body_solution_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_mesh_error, only: element_field_t, estimate_mesh_errors
@@ -26,7 +28,8 @@ module dotyk_control_error_budget
     real(dp) :: contact = 0
     !> Energy norm ||u||_A of the solution [sqrt(energy)].
     real(dp) :: norm = 0
-    !> Discretization, of each body, and of each element of each body; not allocated where nobody asked (n_bodies) []. Squares add up.
+    !> Discretization, of each body, and of each element of each body; not allocated where nobody asked (n_bodies) [].
+    !> Squares add up.
     real(dp), allocatable :: of_body(:)
     type(element_field_t), allocatable :: of_element(:)
   contains
@@ -59,7 +62,8 @@ contains
   end function budget_others
 
   !> Estimate the errors of a solution.
-  subroutine estimate_errors(problem, qp, compliance, theta, linear_solver, is_exact, want_mesh, want_penalty, solution, state, &
+  subroutine estimate_errors(problem, qp, compliance, theta, linear_solver, is_exact, want_mesh, want_penalty, &
+    solution, state, &
                              budget, error)
     type(contact_problem_t), intent(in) :: problem
     type(contact_qp_t), intent(in) :: qp
@@ -143,7 +147,8 @@ contains
     work = 0
     do k = 1, size(problem%pair)
       associate (pair => problem%pair(k))
-        work = work + contact_violation(pair, problem%surface_a(k), problem%surface_b(k), solution(pair%body_a)%displacement, &
+        work = work + complementarity_error(pair, problem%surface_a(k), problem%surface_b(k), &
+          solution(pair%body_a)%displacement, &
                                         solution(pair%body_b)%displacement, m(first_row(k):first_row(k + 1) - 1))
       end associate
     end do

@@ -17,8 +17,8 @@ module dotyk_control_mesh_error
 
   public :: estimate_mesh_errors
 
-  !> Congruent bodies in one pass at most: the work that depends on the mesh alone is small beside that for so many, and the memory is
-  !> small beside a factor.
+  !> Congruent bodies in one pass at most: the work that depends on the mesh alone is small beside that for so many, and
+  !> the memory is small beside a factor.
   integer, parameter :: most_bodies = 16
 
 contains
@@ -44,7 +44,8 @@ contains
       if (.not. classes%is_representative(b)) cycle
       alike = pack([(c, c=1, size(body))], classes%first == b)
       do i = 1, size(alike), most_bodies
-        call estimate_some(body(b), classes, alike(i:min(i + most_bodies - 1, size(alike))), solution, of_element, of_body, error)
+        call estimate_some(body(b), classes, alike(i:min(i + most_bodies - 1, size(alike))), solution, of_element, &
+          of_body, error)
         if (allocated(error)) return
       end do
     end do

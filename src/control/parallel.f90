@@ -1,7 +1,7 @@
 !> How the machine is shared out over the bodies.
 !>
-!> Bodies are worked on side by side, one thread and one BLAS thread each, the largest first. Threads that no body is left for help
-!> with the factorizations of the others, which are cut into tasks.
+!> Bodies are worked on side by side, one thread and one BLAS thread each, the largest first. Threads that no body is
+!> left for help with the factorizations of the others, which are cut into tasks.
 module dotyk_control_parallel
   use omp_lib, only: omp_get_num_procs, omp_set_num_threads, omp_get_max_threads
   use dotyk_base_kinds, only: dp
@@ -10,8 +10,8 @@ module dotyk_control_parallel
   private
   public :: use_threads, largest_first, share_solves, set_blas_threads
 
-  !> Entries of the other bodies' factors from which on solving them meanwhile pays: below, waiting for the other threads costs more,
-  !> and much more on a busy machine.
+  !> Entries of the other bodies' factors from which on solving them meanwhile pays: below, waiting for the other
+  !> threads costs more, and much more on a busy machine.
   real(dp), parameter :: worth_a_region = 5.0e5_dp
   !> Entries of a body's factor from which on BLAS threads help its solves.
   real(dp), parameter :: worth_blas_threads = 5.0e6_dp
@@ -43,7 +43,8 @@ contains
     integer, intent(out) :: n_blas
     n_blas = 1
     side_by_side = sum(entries) - maxval(entries) > worth_a_region
-    if (.not. side_by_side .and. maxval(entries) > worth_blas_threads .and. .not. reproducible) n_blas = omp_get_max_threads()
+    if (.not. side_by_side .and. maxval(entries) > worth_blas_threads .and. &
+      .not. reproducible) n_blas = omp_get_max_threads()
   end subroutine share_solves
 
   !> Indices by falling cost; equal costs keep their order.

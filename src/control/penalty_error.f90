@@ -1,10 +1,11 @@
 !> How far the solution with penalty is from that without: ||u_theta - u_0||_A, by solving for u_0.
 !>
-!> From the active set of u_theta, the dual scheme needs a step or two to that of theta = 0, and the entries of the compliance that it works
-!> with are formed already, or cost less than the iteration of another scheme. So the estimate is no asymptotic one: it is the distance
-!> itself, up to the guaranteed bounds of both solutions, which are added to it. Rows that are inactive with the penalty may be active without
-!> it: those that were screened are looked at too. A duality gap between u_theta and an admissible displacement would cost as much (to
-!> make it admissible is the same problem), and be too large by the energy of the correction.
+!> From the active set of u_theta, the dual scheme needs a step or two to that of theta = 0, and the entries of the
+!> compliance that it works with are formed already, or cost less than the iteration of another scheme. So the estimate
+!> is no asymptotic one: it is the distance itself, up to the guaranteed bounds of both solutions, which are added to
+!> it. Rows that are inactive with the penalty may be active without it: those that were screened are looked at too. A
+!> duality gap between u_theta and an admissible displacement would cost as much (to make it admissible is the same
+!> problem), and be too large by the energy of the correction.
 module dotyk_control_penalty_error
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan, ieee_quiet_nan, ieee_value
   use dotyk_base_error, only: error_t

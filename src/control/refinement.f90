@@ -1,8 +1,9 @@
 !> Iterative refinement of the displacements of ill-conditioned bodies, and what it changes at the contact rows.
 !>
-!> The residual is computed from the elements, to the accuracy of the forces themselves (`dotyk_elasticity_internal_force`); the factor
-!> is the preconditioner of conjugate gradients, which tolerate that it is inaccurate in a few modes. The energy norm of what is left
-!> of the residual is known. Rigid body and near-null-space modes are not refined: they are the scheme's.
+!> The residual is computed from the elements, to the accuracy of the forces themselves
+!> (`dotyk_elasticity_internal_force`); the factor is the preconditioner of conjugate gradients, which tolerate that it
+!> is inaccurate in a few modes. The energy norm of what is left of the residual is known. Rigid body and
+!> near-null-space modes are not refined: they are the scheme's.
 module dotyk_control_refinement
   use dotyk_base_error, only: error_t, add_context, set_error, exit_not_solvable
   use dotyk_base_kinds, only: dp, qp
@@ -18,7 +19,7 @@ module dotyk_control_refinement
   use dotyk_response_response, only: response_t
   use dotyk_response_stiffness_factor, only: factorization_report_t
   use dotyk_scheme_body_compliance, only: body_compliance_t
-  use dotyk_scheme_contact_qp, only: contact_rowst
+  use dotyk_scheme_contact_qp, only: contact_qp_t
   implicit none
   private
   public :: energy_of, refine_bodies, refuse_lost_pressures, penetrations
@@ -39,7 +40,7 @@ contains
   !> Refine the displacements of the bodies that need it.
   subroutine refine_bodies(problem, rows, compliance, m, alpha, conditioning, solution, left, error)
     type(contact_problem_t), intent(in) :: problem
-    type(contact_rowst), intent(in) :: rows
+    type(contact_qp_t), intent(in) :: rows
     type(body_compliance_t), intent(in) :: compliance
     !> Contact pressures (n_rows) [pressure], amplitudes of the modes of all bodies [length].
     real(dp), intent(in) :: m(:), alpha(:)
@@ -78,8 +79,9 @@ contains
     end do
   end subroutine refine_bodies
 
-  !> Displacements of nearly incompressible bodies may be accurate where the pressures inside, bulk modulus times the rounding of the
-  !> dilatation, are not: their relative error is larger than that in the energy norm by the root of bulk over shear modulus.
+  !> Displacements of nearly incompressible bodies may be accurate where the pressures inside, bulk modulus times the
+  !> rounding of the dilatation, are not: their relative error is larger than that in the energy norm by the root of
+  !> bulk over shear modulus.
   subroutine refuse_lost_pressures(body, conditioning, distance, norm, error)
     !> (n_bodies).
     type(body_t), intent(in) :: body(:)
@@ -95,9 +97,12 @@ contains
       ratio = body(b)%material%bulk_over_shear()
       if (distance(b)*sqrt(max(1.0_dp, ratio)) <= no_pressure*norm) cycle
       if (ratio < nearly_incompressible) cycle
-      call set_error(error, 'body '//quoted(body(b)%name)//': rounding leaves no significant digit of the pressures in material '// &
-                     quoted(body(b)%material%name)//', which is nearly incompressible: its bulk modulus is '//to_text(ratio, 2)// &
-                     " times the shear modulus; a Poisson's ratio of 0.499999 gives the same displacements", exit_not_solvable)
+      call set_error(error, 'body '//quoted(body(b)%name)// &
+        ': rounding leaves no significant digit of the pressures in material '// &
+                     quoted(body(b)%material%name)//', which is nearly incompressible: its bulk modulus is '// &
+                     to_text(ratio, 2)// &
+                     " times the shear modulus; a Poisson's ratio of 0.499999 gives the same displacements", &
+                     exit_not_solvable)
       return
     end do
   end subroutine refuse_lost_pressures
@@ -111,13 +116,14 @@ contains
     character(:), allocatable :: cause
     call diagnose_conditioning(body%mesh, body%analysis, body%material, cause)
     if (len(cause) == 0) cause = 'supports that hardly resist some of its motions, or a very slender shape'
-    call set_error(error, 'no significant digit of its displacement is left, the condition number of its stiffness is '// &
+    call set_error(error, &
+      'no significant digit of its displacement is left, the condition number of its stiffness is '// &
                    to_text(condition, 2)//'; the likely cause: '//cause, exit_not_solvable)
   end subroutine refuse
 
   !> Penetrations of the contact rows, from the displacements.
   subroutine penetrations(rows, solution, y)
-    type(contact_rowst), intent(in) :: rows
+    type(contact_qp_t), intent(in) :: rows
     !> (n_bodies).
     type(body_solution_t), intent(in) :: solution(:)
     !> B u - d (n_rows) [length].
@@ -141,7 +147,7 @@ contains
   real(dp) function energy_of(body, rows, theta, solution, y) result(energy)
     !> (n_bodies).
     type(body_t), intent(in) :: body(:)
-    type(contact_rowst), intent(in) :: rows
+    type(contact_qp_t), intent(in) :: rows
     !> (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> (n_bodies).

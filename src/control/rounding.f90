@@ -1,9 +1,10 @@
 !> The rounding error of the displacements, measured by the forces that they leave unbalanced.
 !>
-!> A displacement u that leaves the forces r is the exact solution for loads changed by r: its distance to the exact solution for the
-!> same contact forces is `sqrt(r^T K^{-1} r)` in the energy norm, and solutions with contact are no farther from each other than that.
-!> r includes everything: inaccurate factors, digits that doubles do not have, rounded pressures. It is computed from the elements
-!> (`dotyk_elasticity_internal_force`), K^{-1} is the compliance operator of the body.
+!> A displacement u that leaves the forces r is the exact solution for loads changed by r: its distance to the exact
+!> solution for the same contact forces is `sqrt(r^T K^{-1} r)` in the energy norm, and solutions with contact are no
+!> farther from each other than that. r includes everything: inaccurate factors, digits that doubles do not have,
+!> rounded pressures. It is computed from the elements (`dotyk_elasticity_internal_force`), K^{-1} is the compliance
+!> operator of the body.
 module dotyk_control_rounding
   use dotyk_base_error, only: error_t, add_context
   use dotyk_base_kinds, only: dp, qp
@@ -24,17 +25,19 @@ module dotyk_control_rounding
   real(dp), parameter :: worth_refining = 0.2_dp
   !> Where more than this fraction of it is expected, rounding is measured.
   real(dp), parameter, public :: worth_measuring = 1.0e-3_dp
-  !> Safety factor of the expected rounding: least eigenvalues are smaller than displacements tell, and may be the square of the pivots.
+  !> Safety factor of the expected rounding: least eigenvalues are smaller than displacements tell, and may be the
+  !> square of the pivots.
   real(dp), parameter :: margin = 10
   !> Upper limit of sqrt(u^T D u)/||u||_A; beyond it u is treated as strain-free.
   real(dp), parameter :: most_stretched = 1.0e30_dp
-  !> A stiffness whose condition was not worth a measurement does not let more than this fraction of a solution be rounding.
+  !> A stiffness whose condition was not worth a measurement does not let more than this fraction of a solution be
+  !> rounding.
   real(dp), parameter :: all_rounding = 0.01_dp
 
 contains
 
-  !> An upper limit of rounding, of each body: u is wrong by no more than epsilon of `sqrt(u^T D u)`, D the diagonal of the stiffness, over
-  !> the root of the least eigenvalue with respect to D; u itself bounds that eigenvalue from above.
+  !> An upper limit of rounding, of each body: u is wrong by no more than epsilon of `sqrt(u^T D u)`, D the diagonal of
+  !> the stiffness, over the root of the least eigenvalue with respect to D; u itself bounds that eigenvalue from above.
   subroutine expect_rounding(problem, solution, norm, distance)
     type(contact_problem_t), intent(in) :: problem
     !> Recovered (n_bodies).
@@ -128,8 +131,8 @@ contains
     distance = sqrt(max(0.0_dp, dot_product(r, z)))
   end subroutine measure_body
 
-  !> Energy of a displacement that closes the difference of the gaps by displacements and by the scheme, where there is pressure: the nodes
-  !> at each row move alone, against their nodal stiffness.
+  !> Energy of a displacement that closes the difference of the gaps by displacements and by the scheme, where there is
+  !> pressure: the nodes at each row move alone, against their nodal stiffness.
   real(dp) function gap_rounding(rows, theta, compliance, solution, m, y) result(distance)
     type(contact_qp_t), intent(in) :: rows
     !> (n_rows) [length/pressure].
@@ -148,8 +151,8 @@ contains
     distance = sqrt(sum(difference**2/max(tiny(distance), yields), mask=m > 0 .and. yields > 0))
   end function gap_rounding
 
-  !> The energy norm of half a unit in the last place of the displacements, of each body: no result stored in double precision is more
-  !> accurate.
+  !> The energy norm of half a unit in the last place of the displacements, of each body: no result stored in double
+  !> precision is more accurate.
   subroutine storage_rounding(body, solution, distance)
     !> (n_bodies).
     type(body_t), intent(in) :: body(:)
@@ -170,7 +173,8 @@ contains
     end do
   end subroutine storage_rounding
 
-  !> A pattern of signs without order: neighbours are not rounded alike. i enters modulo 7, so that no product overflows.
+  !> A pattern of signs without order: neighbours are not rounded alike. i enters modulo 7, so that no product
+  !> overflows.
   elemental logical function is_negative(i, k)
     !> Node and component.
     integer, intent(in) :: i, k

@@ -92,7 +92,8 @@ contains
           error%message = error%message//'; dotyk --help lists the options'
           return
         else if (len(arguments%case_file) > 0) then
-          call set_error(error, "one case at a time: '"//arguments%case_file//"' or '"//words(i)%s//"'? (tools/batch.sh runs many)")
+          call set_error(error, "one case at a time: '"//arguments%case_file//"' or '"//words(i)%s// &
+            "'? (tools/batch.sh runs many)")
           return
         end if
         arguments%case_file = words(i)%s

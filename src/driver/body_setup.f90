@@ -216,16 +216,18 @@ contains
       call free_rigid_modes(body(b), n_free, motions)
       free(b) = n_free > 0
       if (n_free == 0) cycle
-      call set_error(failed, case%file//':'//to_text(case%body(b)%line)//": body '"//body(b)%name//"': scheme '"//scheme// &
-                     "' needs held bodies, and the supports leave this one free: "//motions//'; add a &support that stops it, '// &
+      call set_error(failed, case%file//':'//to_text(case%body(b)%line)//": body '"//body(b)%name//"': scheme '"// &
+        scheme// &
+                     "' needs held bodies, and the supports leave this one free: "//motions// &
+                     '; add a &support that stops it, '// &
                      "or use scheme='dual', which does not need it", exit_not_solvable)
       call problems%add_error(failed)
     end do
     call problems%raise(error)
   end subroutine check_held
 
-  !> Assemble all bodies: the ones that are much larger than the rest with all threads, then the others side by side; all problems are
-  !> reported together.
+  !> Assemble all bodies: the ones that are much larger than the rest with all threads, then the others side by side;
+  !> all problems are reported together.
   subroutine assemble_bodies(case, classes, body, modes, stiffness, error)
     type(case_t), intent(in) :: case
     type(congruence_classes_t), intent(in) :: classes
@@ -245,7 +247,8 @@ contains
     allocate (failed(size(body)), modes(size(body)), stiffness(size(body)))
     order = largest_first(real(body%constraint%n_equations, dp))
     ! Larger than one thread's share of all: the others would wait for it.
-    share = sum(real(body%constraint%n_equations, dp), mask=[(classes%is_representative(b), b=1, size(body))])/omp_get_max_threads()
+    share = sum(real(body%constraint%n_equations, dp), mask=[(classes%is_representative(b), b=1, &
+      size(body))])/omp_get_max_threads()
     alone = .false.
     if (omp_get_max_threads() > 1) then
       alone = [(classes%is_representative(b) .and. body(b)%constraint%n_equations > 1.2_dp*share, b=1, size(body))]
@@ -259,7 +262,8 @@ contains
     do i = 1, size(body)
       b = order(i)
       if (interrupted()) cycle
-      if (classes%is_representative(b) .and. .not. alone(b)) call assemble_first(body(b), modes(b), stiffness(b), failed(b)%error)
+      if (classes%is_representative(b) .and. .not. alone(b)) call assemble_first(body(b), modes(b), stiffness(b), &
+        failed(b)%error)
     end do
     !$omp end do
     !$omp do schedule(dynamic, 1)

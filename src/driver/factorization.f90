@@ -21,8 +21,8 @@ module dotyk_driver_factorization
   implicit none
   private
 
-  !> What is known of a factor before it is made. It is that of the representative of a class; other bodies have the last three
-  !> components only.
+  !> What is known of a factor before it is made. It is that of the representative of a class; other bodies have the
+  !> last three components only.
   type, public :: factor_size_t
     !> Entries that are stored, and their memory [bytes].
     integer(int64) :: entries = 0, bytes = 0
@@ -161,13 +161,15 @@ contains
         memory_text(memory%left)//' are left '//memory%limit//' (in use: '//memory_text(memory%used)// &
         '); nothing was solved: give it more memory, or take a coarser mesh or elements of first order', exit_machine)
     else if ((1 + beside)*factors - stiffnesses > memory%left) then
-      call log%line('  warning: memory is scarce: the factors take '//memory_text(factors)//', and '//memory_text(memory%left)// &
+      call log%line('  warning: memory is scarce: the factors take '//memory_text(factors)//', and '// &
+        memory_text(memory%left)// &
                     ' are left '//memory%limit)
     end if
   end subroutine check_memory
 
-  !> Factorize the representatives, the largest first: as many side by side as there are threads; threads without a body of their own
-  !> help the others. Stiffnesses are given back one by one. The digits are the same on any number of threads.
+  !> Factorize the representatives, the largest first: as many side by side as there are threads; threads without a body
+  !> of their own help the others. Stiffnesses are given back one by one. The digits are the same on any number of
+  !> threads.
   subroutine factorize_bodies(body, classes, split_near_null, size_of, stiffness, direct, report, error)
     !> Assembled (n_bodies).
     type(body_t), intent(in) :: body(:)
@@ -207,7 +209,8 @@ contains
     if (.not. allocated(error)) call collect(body, failed, error)
   end subroutine factorize_bodies
 
-  !> The modes that the scheme solves for: near-null-space modes where the factorization found them, rigid body modes elsewhere.
+  !> The modes that the scheme solves for: near-null-space modes where the factorization found them, rigid body modes
+  !> elsewhere.
   subroutine find_modes(body, classes, block, report, modes, at_contact, error)
     !> Assembled (n_bodies).
     type(body_t), intent(in) :: body(:)
@@ -256,7 +259,8 @@ contains
     do k = 1, size(mode, 2)
       if (size(block%row) == 0) cycle
       call body%constraint%expand(mode(:, k), u, .false.)
-      call block%matrix%multiply(reshape(u(:, block%contact_node), [body%dimension*size(block%contact_node)]), at_rows(:, k))
+      call block%matrix%multiply(reshape(u(:, block%contact_node), [body%dimension*size(block%contact_node)]), &
+        at_rows(:, k))
     end do
     call separate_by_contact(at_rows, mode, stiffness, error)
     if (.not. allocated(error)) call modes%take_near_null(body, mode, stiffness)

@@ -13,7 +13,8 @@ module dotyk_driver_finite
   private
   public :: refuse_overflow
 
-  character(*), parameter :: reason = ' not finite: the numbers of the scene are too large or too small for each other; '// &
+  character(*), &
+    parameter :: reason = ' not finite: the numbers of the scene are too large or too small for each other; '// &
                                       'check their units'
 
 contains
@@ -41,19 +42,22 @@ contains
         if (len(what) == 0 .and. .not. all(ieee_is_finite(solution(b)%stress))) what = 'stresses'
       end if
       if (len(what) == 0) cycle
-      call set_error(error, case%file//':'//to_text(case%body(b)%line)//': body '//quoted(body(b)%name)//': its '//what//' are'// &
+      call set_error(error, case%file//':'//to_text(case%body(b)%line)//': body '//quoted(body(b)%name)//': its '// &
+        what//' are'// &
                      reason, exit_not_solvable)
       return
     end do
     do k = 1, size(pair)
       associate (found => pair_solution(k))
-        if (all(ieee_is_finite(found%pressure)) .and. all(ieee_is_finite(found%projected)) .and. all(ieee_is_finite(found%gap)) &
+        if (all(ieee_is_finite(found%pressure)) .and. all(ieee_is_finite(found%projected)) .and. &
+          all(ieee_is_finite(found%gap)) &
           .and. all(ieee_is_finite(found%force))) cycle
       end associate
       call set_error(error, case%file//':'//to_text(case%contact(k)%line)//': &contact '//quoted(pair(k)%name)// &
                      ': its pressures are'//reason, exit_not_solvable)
       return
     end do
-    if (.not. ieee_is_finite(state%energy)) call set_error(error, case%file//': the energy is'//reason, exit_not_solvable)
+    if (.not. ieee_is_finite(state%energy)) call set_error(error, case%file//': the energy is'//reason, &
+      exit_not_solvable)
   end subroutine refuse_overflow
 end module dotyk_driver_finite

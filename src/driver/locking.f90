@@ -16,7 +16,8 @@ module dotyk_driver_locking
   private
   public :: would_lock, show_locking
 
-  !> Bulk over shear modulus from which on linear triangles, tetrahedra and prisms are made quadratic: a Poisson's ratio of 0.45.
+  !> Bulk over shear modulus from which on linear triangles, tetrahedra and prisms are made quadratic: a Poisson's ratio
+  !> of 0.45.
   real(dp), parameter :: linear_simplices_lock = 29.0_dp/3
   !> More kinds of bodies than this are only summed up.
   integer, parameter :: most_shown = 20
@@ -61,6 +62,7 @@ contains
       call log%line('  warning: '//to_text(n)//" bodies are nearly incompressible, and may lock (locking='ignore')")
     else
       call log%line('  nearly incompressible: '//to_text(n)//' bodies, projected dilatation; nodes '//to_text(before)// &
+        &
                     ' in the mesh, '//to_text(after)//' now')
     end if
   end subroutine show_locking

@@ -21,7 +21,8 @@ contains
     case (material_isotropic)
       call material%init_isotropic(given%name, given%young(1), given%poisson(1), error)
     case (material_orthotropic)
-      call material%init_orthotropic(given%name, given%young, given%poisson, given%shear, given%axis_1, given%axis_2, error)
+      call material%init_orthotropic(given%name, given%young, given%poisson, given%shear, given%axis_1, given%axis_2, &
+        error)
     case default
       call material%init_anisotropic(given%name, given%stiffness, error)
     end select

@@ -1,5 +1,6 @@
-!> Penalty parameters after the mesh: theta = factor (h_a/E_a + h_b/E_b) at every contact point, h the size of the facet and E Young's
-!> modulus there. With theta ~ h/E the order of convergence in h stays (Chouly and Hild, Appl. Numer. Math. 65, 2013).
+!> Penalty parameters after the mesh: theta = factor (h_a/E_a + h_b/E_b) at every contact point, h the size of the facet
+!> and E Young's modulus there. With theta ~ h/E the order of convergence in h stays (Chouly and Hild, Appl. Numer.
+!> Math. 65, 2013).
 module dotyk_driver_mesh_theta
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
@@ -39,7 +40,8 @@ contains
         do k = average%row_start(i), average%row_start(i + 1) - 1
           pair%row_theta(i) = pair%row_theta(i) + abs(average%value(k))*at_points(average%column(k))
         end do
-        pair%row_theta(i) = factor*pair%row_theta(i)/sum(abs(average%value(average%row_start(i):average%row_start(i + 1) - 1)))
+        pair%row_theta(i) = factor*pair%row_theta(i)/sum(abs(average%value(average%row_start(i):average%row_start(i + &
+          1) - 1)))
       end do
     end associate
     pair%theta = sum(pair%row_weight*pair%row_theta)/sum(pair%row_weight)

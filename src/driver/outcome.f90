@@ -25,7 +25,8 @@ contains
     type(solver_state_t), intent(in) :: state
     !> Allocated where there is no solution; names body or pair, with its line.
     type(error_t), allocatable, intent(out) :: error
-    if (state%ended == ended_no_equilibrium) call refuse_motion(case, problem%body, problem%modes, qp, state%unbounded, error)
+    if (state%ended == ended_no_equilibrium) call refuse_motion(case, problem%body, problem%modes, qp, &
+      state%unbounded, error)
     if (state%ended == ended_rigid_constraint) call refuse_rigid_constraint(case, qp, error)
   end subroutine refuse_unsolvable
 
@@ -53,7 +54,8 @@ contains
     logical :: moved(size(body))
     integer :: b, worst, n_named, first(size(body) + 1)
     integer, parameter :: most_named = 3
-    ! A body moves if its loads do at least this fraction of the work of the body moved most, or of their own where nothing is in the way.
+    ! A body moves if its loads do at least this fraction of the work of the body moved most, or of their own where
+    ! nothing is in the way.
     real(dp), parameter :: much = 1.0e-3_dp, something = 1.0e-6_dp
     work = 0
     own_work = 0
@@ -118,7 +120,8 @@ contains
     n = maxloc(qp%initial_penetration, 1)
     k = count(qp%pair_first_row <= n)
     call set_error(error, case%file//':'//to_text(case%contact(k)%line)//': &contact '//quoted(case%contact(k)%name)// &
-      ': supports on both sides press its points together by '//to_text(qp%initial_penetration(n))//', and theta = 0 allows no '// &
+      ': supports on both sides press its points together by '//to_text(qp%initial_penetration(n))// &
+      ', and theta = 0 allows no '// &
       'penetration; take the supports off the contact surfaces or give theta a value above 0', exit_not_solvable)
   end subroutine refuse_rigid_constraint
 
@@ -194,6 +197,7 @@ contains
       if (n_named <= most_named) &
         call log%line('  not determined   '//quoted(body(b)%name)//': '//text//'; the least motion is taken')
     end do
-    if (n_named > most_named) call log%line('  not determined   motions of '//to_text(n_named - most_named)//' more bodies')
+    if (n_named > most_named) call log%line('  not determined   motions of '//to_text(n_named - most_named)// &
+      ' more bodies')
   end subroutine note_indeterminate
 end module dotyk_driver_outcome

@@ -15,7 +15,8 @@ module dotyk_driver_pairs
   private
   public :: find_pairs, foundation_compliance
 
-  !> Depth of the elastic layer that stands for a body's compliance, relative to the body's size: about that of a contact zone.
+  !> Depth of the elastic layer that stands for a body's compliance, relative to the body's size: about that of a
+  !> contact zone.
   real(dp), parameter :: foundation_depth = 0.1_dp
   !> So many pairs for each thread are many.
   integer, parameter :: many = 8
@@ -49,7 +50,8 @@ contains
     !$omp& if (size(pair) >= many*omp_get_max_threads())
     do k = 1, size(pair)
       associate (given => case%contact(k))
-        call search_pair(case, given, body(given%body_a), surface_a(k), body(given%body_b), surface_b(k), pair(k), failed(k)%error)
+        call search_pair(case, given, body(given%body_a), surface_a(k), body(given%body_b), surface_b(k), pair(k), &
+          failed(k)%error)
       end associate
     end do
     !$omp end parallel do
@@ -91,10 +93,12 @@ contains
     call discretize_pair(body_a%mesh, surface_a, body_b%mesh, surface_b, settings, formula, pair, error)
     call formula%destroy()
     if (allocated(error)) return
-    if (given%theta_kind == theta_mesh) call set_mesh_theta(given%theta, body_a, surface_a, body_b, surface_b, pair, error)
+    if (given%theta_kind == theta_mesh) call set_mesh_theta(given%theta, body_a, surface_a, body_b, surface_b, pair, &
+      error)
   end subroutine search_pair
 
-  !> Compliance of an elastic foundation for each row of the operator, a scheme's first guess (n_rows) [length/pressure].
+  !> Compliance of an elastic foundation for each row of the operator, a scheme's first guess (n_rows)
+  !> [length/pressure].
   subroutine foundation_compliance(body, pair, foundation)
     !> (n_bodies), (n_pairs).
     type(body_t), intent(in) :: body(:)

@@ -55,7 +55,8 @@ contains
       solution(k)%force = pair_force(problem%pair(k), solution(k)%pressure)
       call projection%init(problem%pair(k), problem%surface_a(k), problem%surface_b(k), error)
       if (allocated(error)) return
-      allocate (solution(k)%projected(last - first + 1), on_a(size(projection%side_a%node)), on_b(size(projection%side_b%node)))
+      allocate (solution(k)%projected(last - first + 1), on_a(size(projection%side_a%node)), &
+        on_b(size(projection%side_b%node)))
       call projection%project(problem%pair(k), solution(k)%pressure, solution(k)%projected, on_a, on_b)
       call add_at(nodal(problem%pair(k)%body_a)%value, projection%side_a%node, on_a)
       call add_at(nodal(problem%pair(k)%body_b)%value, projection%side_b%node, on_b)

@@ -55,7 +55,8 @@ contains
     type(results_file_t) :: file
     associate (problem => scene%problem, displacements => solution%displacements%body)
       call set_stage('projecting contact pressures')
-      call project_pressures(problem, qp%pair_first_row, solution%state%m, solution%state%y, pair_solution, contact_pressure, error)
+      call project_pressures(problem, qp%pair_first_row, solution%state%m, solution%state%y, pair_solution, &
+        contact_pressure, error)
       if (.not. allocated(error)) call refuse_overflow(case, problem%body, problem%pair, displacements, pair_solution, &
                                                        solution%state, error)
       if (allocated(error)) return

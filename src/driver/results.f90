@@ -44,14 +44,16 @@ contains
       n_cells(b) = body(b)%mesh%n_elements()
       n_connectivity(b) = connectivity_length(body(b)%mesh)
     end do
-    call file%create(case%scene%output, n_points, n_cells, n_connectivity, case%output%displacement, case%output%stress, &
+    call file%create(case%scene%output, n_points, n_cells, n_connectivity, case%output%displacement, &
+      case%output%stress, &
                      case%output%contact, case%output%error, error)
     if (allocated(error)) return
     do b = 1, size(body)
       call file%write_part(b, body(b)%mesh, error)
       if (.not. allocated(error) .and. case%output%displacement) &
         call file%write_displacement(b, solution(b)%displacement, error)
-      if (.not. allocated(error) .and. case%output%contact) call file%write_contact_pressure(b, contact_pressure(b)%value, error)
+      if (.not. allocated(error) .and. case%output%contact) call file%write_contact_pressure(b, &
+        contact_pressure(b)%value, error)
       if (.not. allocated(error) .and. case%output%stress) then
         mises = [(von_mises(solution(b)%stress(:, e)), e=1, size(solution(b)%stress, 2))]
         call file%write_stress(b, solution(b)%stress, mises, error)

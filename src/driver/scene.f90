@@ -9,7 +9,8 @@ module dotyk_driver_scene
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_parallel, only: set_blas_threads, share_solves
   use dotyk_driver_body_setup, only: assemble_bodies, build_bodies, check_held
-  use dotyk_driver_factorization, only: analyze_bodies, check_memory, direct_slot_t, factor_size_t, factorize_bodies, find_modes, &
+  use dotyk_driver_factorization, only: analyze_bodies, check_memory, direct_slot_t, factor_size_t, factorize_bodies, &
+    find_modes, &
     make_operators
   use dotyk_driver_log_monitor, only: log_monitor_t
   use dotyk_driver_pairs, only: find_pairs, foundation_compliance
@@ -75,7 +76,8 @@ contains
       call find_pairs(case, problem%body, problem%surface_a, problem%surface_b, problem%pair, scene%theta, error)
       call stop_if_interrupted(error)
       if (allocated(error)) return
-      call build_operator(case%scene%dimension, size(problem%body), problem%pair, problem%surface_a, problem%surface_b, &
+      call build_operator(case%scene%dimension, size(problem%body), problem%pair, problem%surface_a, &
+        problem%surface_b, &
                           scene%operator)
       call monitor%watch%lap(monitor%timing%search)
       call set_stage('ordering the equations')
@@ -109,7 +111,8 @@ contains
       call check_memory(scene%size_of, monitor%log, error)
       if (allocated(error)) return
       call set_stage('factorizing')
-      call factorize_bodies(problem%body, problem%classes, .not. scheme%needs_held_bodies(), scene%size_of, scene%stiffness, &
+      call factorize_bodies(problem%body, problem%classes, .not. scheme%needs_held_bodies(), scene%size_of, &
+        scene%stiffness, &
                             scene%direct, problem%report, error)
       call stop_if_interrupted(error)
       if (allocated(error)) return
@@ -117,16 +120,19 @@ contains
       call show_factorization(monitor%log, scene%size_of, monitor%timing%factorize)
       call find_modes(problem%body, problem%classes, block, problem%report, problem%modes, modes, error)
       if (allocated(error)) return
-      call make_operators(problem%body, problem%classes, block, problem%report, scene%size_of, scene%direct, response, operators)
+      call make_operators(problem%body, problem%classes, block, problem%report, scene%size_of, scene%direct, response, &
+        operators)
       call share_solves(operators%cost, case%solver%reproducible, side_by_side, problem%n_blas)
       call set_stage('solving without contact')
-      call solve_without_contact(problem%body, block, scene%operator%gap, response, problem%classes%first, side_by_side, &
+      call solve_without_contact(problem%body, block, scene%operator%gap, response, problem%classes%first, &
+        side_by_side, &
                                  problem%n_blas, free, problem%isolated)
       scene%n_full_solves = free%n_solves
       call coarse%init(block, scene%operator%n_rows, modes)
       call foundation_compliance(problem%body, problem%pair, foundation)
     end associate
-    call qp%init(scene%operator, free%initial_penetration, free%load_displacement, free%energy, free%norm_square, foundation, coarse)
+    call qp%init(scene%operator, free%initial_penetration, free%load_displacement, free%energy, free%norm_square, &
+      foundation, coarse)
     call compliance%init(qp, response, operators, side_by_side)
     if (any(scene%size_of%forms_matrix)) then
       call set_blas_threads(scene%problem%n_blas)

@@ -21,7 +21,8 @@ module dotyk_driver_screen
   use dotyk_input_case, only: case_t, output_input_t
   use dotyk_mesh_surface, only: surface_t
   use dotyk_scheme_bounds, only: gamma_limit
-  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_limit, ended_diverged, ended_interrupted, &
+  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_limit, ended_diverged, &
+    ended_interrupted, &
     ended_rounds
   implicit none
   private
@@ -43,7 +44,8 @@ contains
     if (len(title) == 0) title = case%file
     call log%line('dotyk '//version//' - '//title)
     call log%line('  '//case%file//', '//option_name(analysis_names, case%scene%analysis)//', '// &
-                  plural(size(case%body), 'body', 'bodies')//', '//plural(size(case%contact), 'contact pair', 'contact pairs')// &
+                  plural(size(case%body), 'body', 'bodies')//', '//plural(size(case%contact), 'contact pair', &
+                  'contact pairs')// &
                   ', '//plural(threads, 'thread', 'threads'))
   end subroutine show_scene
 
@@ -86,7 +88,8 @@ contains
     end do
     if (size(body) > 1) call log%line(body_line(plural(size(body), 'body', 'bodies'), '', elements, nodes, unknowns, &
                                                 sum(size_of%entries), sum(size_of%flops)))
-    if (classes%n() < size(body)) call log%line('  '//plural(classes%n(), 'kind', 'kinds')//' of bodies: '//to_text(size(body))// &
+    if (classes%n() < size(body)) call log%line('  '//plural(classes%n(), 'kind', 'kinds')//' of bodies: '// &
+      to_text(size(body))// &
                                               ' bodies, '//plural(classes%n(), 'factorization', 'factorizations'))
     if (size(case%contact) == 0) call log%line('  no contact pairs: no search, one solve per body')
   end subroutine show_bodies
@@ -98,7 +101,8 @@ contains
     integer(int64), intent(in) :: entries
     real(dp), intent(in) :: flops
     character(120) :: line
-    write (line, '(2x,a20,1x,a14,i11,i11,i11,es17.2,f10.2)') name, material, elements, nodes, unknowns, real(entries, dp), &
+    write (line, '(2x,a20,1x,a14,i11,i11,i11,es17.2,f10.2)') name, material, elements, nodes, unknowns, real(entries, &
+      dp), &
       flops/1.0e9_dp
   end function body_line
 
@@ -137,9 +141,12 @@ contains
     type(body_t), intent(in) :: body(:)
     type(contact_pair_t), intent(in) :: pair
     type(surface_t), intent(in) :: surface_a, surface_b
-    call log%line(pair_line(pair%name, pair%n_rows, pair%n_unprojected, minval(pair%row_gap), maxval(pair%row_gap), pair%theta))
-    call log%line('    '//body(pair%body_a)%name//':'//surface_a%name//' ('//plural(surface_a%n_facets, 'facet', 'facets')// &
-                  ') on '//body(pair%body_b)%name//':'//surface_b%name//' ('//plural(surface_b%n_facets, 'facet', 'facets')//')')
+    call log%line(pair_line(pair%name, pair%n_rows, pair%n_unprojected, minval(pair%row_gap), maxval(pair%row_gap), &
+      pair%theta))
+    call log%line('    '//body(pair%body_a)%name//':'//surface_a%name//' ('//plural(surface_a%n_facets, 'facet', &
+      'facets')// &
+                  ') on '//body(pair%body_b)%name//':'//surface_b%name//' ('//plural(surface_b%n_facets, 'facet', &
+                  'facets')//')')
     if (pair%n_unprojected > 0) call log%line('    left out: '//plural(pair%n_outside, 'integration point', &
       'integration points')//' beside the other surface, '//to_text(pair%n_not_facing)//' that it does not face, '// &
       to_text(pair%n_too_far)//' too far')
@@ -166,10 +173,12 @@ contains
     if (pair%discretization /= discretization_quadrature) return
     ! The mean size of a facet; circles about the axis do not make it larger.
     size = sum(pair%row_weight)
-    if (body(pair%body_a)%analysis == analysis_axisymmetric) size = sum(pair%row_weight/(2*acos(-1.0_dp)*pair%row_position(1, :)))
+    if (body(pair%body_a)%analysis == analysis_axisymmetric) size = &
+      sum(pair%row_weight/(2*acos(-1.0_dp)*pair%row_position(1, :)))
     size = (size/n_facets)**(1.0_dp/(pair%dimension - 1))
     compliance = size/body(pair%body_a)%young() + size/body(pair%body_b)%young()
-    if (pair%theta < far_below*compliance) call log%line('    warning: theta is far below h/E = '//to_text(compliance, 2)// &
+    if (pair%theta < far_below*compliance) call log%line('    warning: theta is far below h/E = '//to_text(compliance, &
+      2)// &
       ": single pressures at quadrature points are not determined, only their means are; use discretization='mortar'")
   end subroutine warn_of_noise
 
@@ -192,8 +201,10 @@ contains
     real(dp) :: fraction
     associate (chosen => size_of%forms_matrix)
       if (.not. any(chosen)) return
-      fraction = sum(size_of%product_entries, mask=chosen)/max(1.0_dp, real(sum(size_of%class_entries, mask=chosen), dp))
-      call log%line('  compliance       '//plural(count(chosen), 'body', 'bodies')//': a matrix of the contact points, a response '// &
+      fraction = sum(size_of%product_entries, mask=chosen)/max(1.0_dp, real(sum(size_of%class_entries, mask=chosen), &
+        dp))
+      call log%line('  compliance       '//plural(count(chosen), 'body', 'bodies')// &
+        ': a matrix of the contact points, a response '// &
                     to_text(100*fraction, 2)//' % of one with the whole factor')
     end associate
   end subroutine show_matrices
@@ -205,7 +216,8 @@ contains
     real(dp) :: matrices
     matrices = sum(size_of%stiffness_bytes)
     call log%line('')
-    call log%line('  estimated memory: factors '//mebibytes(real(sum(size_of%bytes), dp))//', stiffnesses '//mebibytes(matrices)// &
+    call log%line('  estimated memory: factors '//mebibytes(real(sum(size_of%bytes), dp))//', stiffnesses '// &
+      mebibytes(matrices)// &
                   ', in all about '//mebibytes(1.15_dp*(sum(size_of%bytes) + matrices)))
   end subroutine show_memory
 
@@ -229,17 +241,22 @@ contains
     call log%line('  '//outcome(state)//' after '//plural(state%iterations, 'step', 'steps')//' ('// &
                   plural(body_solves, 'solve', 'solves')//' of each body at most), '//duration(seconds))
     call log%line('  error bound      '//to_text(state%error_bound, 3)//' of the energy norm, guaranteed (tolerance '// &
+      &
                   to_text(tolerance)//')')
-    if (state%ended == ended_converged .and. state%error_bound > tolerance) call log%line('  rounding         puts the bound '// &
+    if (state%ended == ended_converged .and. &
+      state%error_bound > tolerance) call log%line('  rounding         puts the bound '// &
       'above the tolerance: the last digits of the displacements are worth as much, and no answer is nearer')
-    if (.not. ieee_is_nan(state%error_bound_paper)) call log%line('  bound (41)       '//to_text(state%error_bound_paper, 3))
+    if (.not. ieee_is_nan(state%error_bound_paper)) call log%line('  bound (41)       '// &
+      to_text(state%error_bound_paper, 3))
     predicted = ''
     if (.not. ieee_is_nan(state%q_predicted)) predicted = ', at most '//to_text(state%q_predicted, 6)//' predicted'
-    if (.not. ieee_is_nan(state%q_measured)) call log%line('  factor per step  '//to_text(state%q_measured, 6)//' measured'// &
+    if (.not. ieee_is_nan(state%q_measured)) call log%line('  factor per step  '//to_text(state%q_measured, 6)// &
+      ' measured'// &
                                                             predicted)
     call log%line('  penetration      '//to_text(state%max_penetration, 4)//' at most')
     call log%line('  energy           '//to_text(state%energy, 10))
-    if (state%ended == ended_diverged) call log%line('  gamma = '//to_text(state%gamma)//' is too large: the iteration '// &
+    if (state%ended == ended_diverged) call log%line('  gamma = '//to_text(state%gamma)// &
+      ' is too large: the iteration '// &
       'converges for 0 < gamma < 2/(1+L) = '//to_text(gamma_limit(state%lambda_max)))
   end subroutine show_state
 
@@ -277,7 +294,8 @@ contains
     type(solver_state_t), intent(in) :: state
     character(:), allocatable :: line
     line = ''
-    if (state%screened > 0) call add(plural(state%screened, 'contact point that stays', 'contact points that stay')//' open')
+    if (state%screened > 0) call add(plural(state%screened, 'contact point that stays', 'contact points that stay')// &
+      ' open')
     if (.not. goal%needs_displacements()) call add('displacements')
     if (.not. goal%stress) call add('stresses')
     if (.not. goal%needs_mesh_error()) call add('error of the mesh')
@@ -306,7 +324,8 @@ contains
       active = active + count(solution(k)%pressure > 0)
       if (maxval(solution(k)%projected) > maxval(solution(worst)%projected)) worst = k
       if (size(pair) > most_shown) cycle
-      what = pair(k)%name//': '//to_text(count(solution(k)%pressure > 0))//' of '//plural(pair(k)%n_rows, 'point', 'points')
+      what = pair(k)%name//': '//to_text(count(solution(k)%pressure > 0))//' of '//plural(pair(k)%n_rows, 'point', &
+        'points')
       associate (force => solution(k)%force)
         call log%line('  '//what//' in contact, force ('//to_text(force(1), 5)//', '//to_text(force(2), 5)//', '// &
                       to_text(force(3), 5)//') on body a, peak pressure '//to_text(maxval(solution(k)%projected), 5))
@@ -322,9 +341,12 @@ contains
   subroutine show_timing(log, timing)
     type(log_t), intent(inout) :: log
     type(timing_t), intent(in) :: timing
-    call log%line('  time             read '//duration(timing%read)//', assemble '//duration(timing%assemble)//', order '// &
-                  duration(timing%order)//', factorize '//duration(timing%factorize)//', search '//duration(timing%search)// &
-                  ', iterate '//duration(timing%iterate)//', recover '//duration(timing%recover)//', estimate errors '// &
+    call log%line('  time             read '//duration(timing%read)//', assemble '//duration(timing%assemble)// &
+      ', order '// &
+                  duration(timing%order)//', factorize '//duration(timing%factorize)//', search '// &
+                  duration(timing%search)// &
+                  ', iterate '//duration(timing%iterate)//', recover '//duration(timing%recover)// &
+                  ', estimate errors '// &
                   duration(timing%estimate)//', write '// &
                   duration(timing%write)//'; total '//duration(timing%total))
   end subroutine show_timing
@@ -347,8 +369,10 @@ contains
       end if
       line = line//'condition '//to_text(conditioning(b)%condition, 2)
       if (conditioning(b)%n_near_null > 0) line = line//', '//to_text(conditioning(b)%condition_left, 2)//' without '// &
+        &
                                        to_text(conditioning(b)%n_near_null)//' soft '// &
-                                       trim(merge('motion ', 'motions', conditioning(b)%n_near_null == 1))//' treated apart'
+                                       trim(merge('motion ', 'motions', conditioning(b)%n_near_null == 1))// &
+                                       ' treated apart'
       line = line//': '//to_text(conditioning(b)%lost_digits())//' of 16 digits lost'
       if (conditioning(b)%n_steps > 0) line = line//', '//steps_of_refinement(conditioning(b)%n_steps)
       call log%line(line)

@@ -9,8 +9,8 @@ module dotyk_driver_timing
   type, public :: timing_t
     !> Input and meshes; stiffness and loads; fill-reducing order and symbolic analysis; factorization.
     real(dp) :: read = 0, assemble = 0, order = 0, factorize = 0
-    !> Contact search; the scheme, its estimate of L and the scene without contact; displacements and stresses; results file; error
-    !> of penalty and mesh.
+    !> Contact search; the scheme, its estimate of L and the scene without contact; displacements and stresses; results
+    !> file; error of penalty and mesh.
     real(dp) :: search = 0, iterate = 0, recover = 0, write = 0, estimate = 0
     !> All of it.
     real(dp) :: total = 0

@@ -16,8 +16,8 @@ module dotyk_elasticity_body
   implicit none
   private
 
-  !> A body. The first seven components are set by its user, the rest by `assemble`. Its stiffness and its rigid body modes
-  !> (`dotyk_elasticity_body_modes`) are values of their own.
+  !> A body. The first seven components are set by its user, the rest by `assemble`. Its stiffness and its rigid body
+  !> modes (`dotyk_elasticity_body_modes`) are values of their own.
   type, public :: body_t
     !> Its name in the input.
     character(:), allocatable :: name
@@ -98,9 +98,11 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(block_positions_t) :: places
     call node_graph(body%mesh, stiffness%graph_start, stiffness%graph_neighbour)
-    call build_pattern(body%dimension, body%constraint%equation, stiffness%graph_start, stiffness%graph_neighbour, places, &
+    call build_pattern(body%dimension, body%constraint%equation, stiffness%graph_start, stiffness%graph_neighbour, &
+      places, &
                        stiffness%matrix)
-    call assemble_elements(body%mesh, body%analysis, body%material, body%constraint, places, stiffness%matrix, rhs, volume, &
+    call assemble_elements(body%mesh, body%analysis, body%material, body%constraint, places, stiffness%matrix, rhs, &
+      volume, &
                            mean_modulus_factor, error)
   end subroutine assemble_matrix
 

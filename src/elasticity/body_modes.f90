@@ -1,8 +1,8 @@
-!> The modes of a body that its compliance operator leaves to the schemes: rigid body modes that the supports leave (floating bodies), or
-!> near-null-space modes, which the supports hardly resist.
+!> The modes of a body that its compliance operator leaves to the schemes: rigid body modes that the supports leave
+!> (floating bodies), or near-null-space modes, which the supports hardly resist.
 !>
-!> Rigid body modes are a basis of the null space of the stiffness; near-null-space modes come from its factorization, with springs that
-!> are the scheme's. A body has the one or the other.
+!> Rigid body modes are a basis of the null space of the stiffness; near-null-space modes come from its factorization,
+!> with springs that are the scheme's. A body has the one or the other.
 module dotyk_elasticity_body_modes
   use dotyk_base_kinds, only: dp
   use dotyk_elasticity_body, only: body_t
@@ -15,15 +15,15 @@ module dotyk_elasticity_body_modes
   type, public :: body_modes_t
     !> Number of modes.
     integer :: n = 0
-    !> Displacements of the nodes in global axes, zero along prescribed unknowns; rigid body modes are orthonormal in the sum over nodes
-    !> and components (dim, n_nodes, n) [].
+    !> Displacements of the nodes in global axes, zero along prescribed unknowns; rigid body modes are orthonormal in
+    !> the sum over nodes and components (dim, n_nodes, n) [].
     real(dp), allocatable :: shape(:, :, :)
     !> Resultants of the loads on them (n) [force].
     real(dp), allocatable :: resultant(:)
     !> Springs of near-null-space modes; not allocated for rigid body modes (n, n) [force/length].
     real(dp), allocatable :: stiffness(:, :)
-    !> Of near-null-space modes: what prescribed displacements contribute to the resultants, and the sum of the absolute values of all
-    !> contributions (n) [force].
+    !> Of near-null-space modes: what prescribed displacements contribute to the resultants, and the sum of the absolute
+    !> values of all contributions (n) [force].
     real(dp), allocatable :: lift_resultant(:), resultant_size(:)
     !> Rigid body modes as translations and rotations, for messages.
     type(rigid_body_modes_t), private :: rigid

@@ -12,7 +12,7 @@ module dotyk_linalg_condition
   use dotyk_linalg_sparse, only: sparse_symmetric_t
   implicit none
   private
-  public :: scaled_norm, softest_shapes
+  public :: scaled_norm, smallest_eigenpairs
 
   !> Inverse iterations: each makes the part of other shapes smaller by the ratio of their eigenvalues.
   integer, parameter :: n_steps = 3
@@ -42,7 +42,7 @@ contains
   end function scaled_norm
 
   !> The least eigenvalues of the scaled matrix, and their shapes.
-  subroutine softest_shapes(factor, diagonal, values, shapes, error)
+  subroutine smallest_eigenpairs(factor, diagonal, values, shapes, error)
     !> Factor of K.
     type(cholesky_t), intent(in) :: factor
     !> Diagonal of K (n).
@@ -81,7 +81,7 @@ contains
       call make_orthonormal(diagonal, shapes)
     end do
     values = 1/inverse(m:1:-1)
-  end subroutine softest_shapes
+  end subroutine smallest_eigenpairs
 
   !> Columns with x^T D x = 1, orthogonal in D: Gram and Schmidt, twice.
   pure subroutine make_orthonormal(diagonal, x)

@@ -7,7 +7,7 @@ module dotyk_linalg_dense
   implicit none
   private
   public :: symmetric_eigen, right_singular_vectors, solve_dense, least_squares, orthonormal_range, complete_basis, &
-    tridiagonal_top
+    largest_tridiagonal_eigenpair
 
 contains
 
@@ -195,7 +195,7 @@ contains
   end subroutine complete_basis
 
   !> Largest eigenvalue of a symmetric tridiagonal matrix and its eigenvector.
-  subroutine tridiagonal_top(diagonal, off_diagonal, value, vector)
+  subroutine largest_tridiagonal_eigenpair(diagonal, off_diagonal, value, vector)
     !> Diagonal (n).
     real(dp), intent(in) :: diagonal(:)
     !> Entries beside it (n-1, more are ignored).
@@ -230,5 +230,5 @@ contains
       value = maxval(diagonal + abs(e)*scale + abs(eoshift(e, -1))*scale)
       vector = 1
     end if
-  end subroutine tridiagonal_top
+  end subroutine largest_tridiagonal_eigenpair
 end module dotyk_linalg_dense

@@ -1,15 +1,19 @@
-!> Adding small dense matrices where their rows and columns are in larger ones.
+!> Adding update matrices to the fronts of their parents (the extend-add of the multifrontal method: I. S. Duff and J.
+!> K. Reid, ACM Trans. Math. Softw. 9, 1983).
 module dotyk_linalg_extend_add
   use dotyk_base_kinds, only: dp, int64
+  use dotyk_linalg_supernodes, only: supernodes_t
   implicit none
   private
-  public :: add_update, clear_lower, locate
+  public :: add_to_ancestors, add_update, clear_lower
 
 contains
 
-  !> The lower triangle of a square, zero.
+  !> Set the lower triangle of a square matrix to zero.
   pure subroutine clear_lower(n, square)
+    !> Order.
     integer, intent(in) :: n
+    !> The matrix (n, n); entries above the diagonal are not touched.
     real(dp), intent(inout) :: square(n, n)
     integer :: j
     do j = 1, n
@@ -17,33 +21,93 @@ contains
     end do
   end subroutine clear_lower
 
-  !> Add a child's update to its parent's panel and update.
-  pure subroutine add_update(n, place, child, columns, rows, panel, update)
-    !> Order of the child's update, columns and rows of the parent.
-    integer, intent(in) :: n, columns, rows
-    !> Where its rows are in the parent, ascending from 0 (n).
-    integer, intent(in) :: place(n)
+  !> Add the update matrix of a child to the front of its parent, which consists of a panel (own columns) and an update
+  !> matrix.
+  pure subroutine add_update(n, position, child, columns, rows, panel, update)
+    !> Order of the child's update matrix.
+    integer, intent(in) :: n
+    !> Row of the parent's front for each row of the child's update matrix, ascending from 0 (n).
+    integer, intent(in) :: position(n)
+    !> Update matrix of the child (n, n); the lower triangle is read.
     real(dp), intent(in) :: child(n, n)
-    real(dp), intent(inout) :: panel(0:rows - 1, 0:columns - 1), update(columns:rows - 1, columns:rows - 1)
+    !> Columns of the parent's panel.
+    integer, intent(in) :: columns
+    !> Rows of the parent's front.
+    integer, intent(in) :: rows
+    !> Panel of the parent (0:rows-1, 0:columns-1).
+    real(dp), intent(inout) :: panel(0:rows - 1, 0:columns - 1)
+    !> Update matrix of the parent (columns:rows-1, columns:rows-1), lower triangle.
+    real(dp), intent(inout) :: update(columns:rows - 1, columns:rows - 1)
     integer :: i, j
     do j = 1, n
-      if (place(j) < columns) then
+      if (position(j) < columns) then
         do i = j, n
-          panel(place(i), place(j)) = panel(place(i), place(j)) + child(i, j)
+          panel(position(i), position(j)) = panel(position(i), position(j)) + child(i, j)
         end do
       else
         do i = j, n
-          update(place(i), place(j)) = update(place(i), place(j)) + child(i, j)
+          update(position(i), position(j)) = update(position(i), position(j)) + child(i, j)
         end do
       end if
     end do
   end subroutine add_update
 
-  !> Places (from 0) of some numbers in a longer list, both ascending.
-  pure subroutine locate(m, number, n, list, place)
-    integer, intent(in) :: m, n
-    integer(int64), intent(in) :: number(m), list(n)
-    integer, intent(out) :: place(m)
+  !> Add a block to the panels of the supernodes that its columns belong to.
+  subroutine add_to_ancestors(supernodes, of_column, m, n, row, column, is_lower, is_packed, block, x)
+    !> Structure of the factor.
+    type(supernodes_t), intent(in) :: supernodes
+    !> Supernode of each column (0:order-1).
+    integer, intent(in) :: of_column(0:)
+    !> Rows of the block.
+    integer, intent(in) :: m
+    !> Columns of the block.
+    integer, intent(in) :: n
+    !> Row of P K P^T for each row of the block, ascending from 0 (m).
+    integer(int64), intent(in) :: row(m)
+    !> Column of P K P^T for each column of the block, ascending from 0; the rows again if the block is a lower triangle
+    !> (n).
+    integer(int64), intent(in) :: column(n)
+    !> Whether the block is a lower triangle.
+    logical, intent(in) :: is_lower
+    !> Whether the triangle is packed.
+    logical, intent(in) :: is_packed
+    !> The block by columns (m*n; n*(n+1)/2 if packed).
+    real(dp), intent(in) :: block(*)
+    !> Values of the factor (0:factor_entries-1).
+    real(dp), intent(inout) :: x(0:*)
+    integer :: position(m), j, s, i, i_first
+    integer(int64) :: at, from
+    s = -1
+    from = 0
+    do j = 1, n
+      i_first = 1
+      if (is_lower) i_first = j
+      if (of_column(column(j)) /= s) then
+        s = of_column(column(j))
+        associate (list => supernodes%row(supernodes%row_start(s):supernodes%row_start(s + 1) - 1))
+          call locate(m - i_first + 1, row(i_first:), size(list), list, position(i_first:))
+        end associate
+      end if
+      at = supernodes%value_start(s) + (column(j) - supernodes%column_start(s))*supernodes%rows(s)
+      do i = i_first, m
+        x(at + position(i)) = x(at + position(i)) + block(from + i)
+      end do
+      from = from + merge(n - j, m, is_packed)
+    end do
+  end subroutine add_to_ancestors
+
+  !> Positions (from 0) of some numbers in a longer list that contains them, both ascending.
+  pure subroutine locate(m, number, n, list, position)
+    !> How many numbers.
+    integer, intent(in) :: m
+    !> The numbers, ascending (m).
+    integer(int64), intent(in) :: number(m)
+    !> Length of the list.
+    integer, intent(in) :: n
+    !> The list, ascending (n).
+    integer(int64), intent(in) :: list(n)
+    !> Position of each number in the list, from 0 (m).
+    integer, intent(out) :: position(m)
     integer :: i, low, high, middle
     low = 1
     high = n
@@ -59,7 +123,7 @@ contains
       do while (list(low) < number(i))
         low = low + 1
       end do
-      place(i) = low - 1
+      position(i) = low - 1
     end do
   end subroutine locate
 end module dotyk_linalg_extend_add

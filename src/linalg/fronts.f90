@@ -1,7 +1,7 @@
-!> Dense blocks of a supernodal factorization by columns, cut into tiles that OpenMP tasks share out.
+!> Dense kernels of the numeric factorization: fronts by columns, cut into tiles that are OpenMP tasks.
 !>
-!> The tiles depend on the sizes of a block only, and every tile is one call of a BLAS that uses one thread: results are
-!> the same on any number of threads.
+!> The tiles depend on the size of a front alone, and each is one call of BLAS on one thread: the results are the same
+!> to the bit on any number of threads.
 module dotyk_linalg_fronts
   use dotyk_base_kinds, only: dp
   use dotyk_linalg_blas, only: dgemm, dsyrk, dtrsm
@@ -10,31 +10,39 @@ module dotyk_linalg_fronts
   private
   public :: factor_panel, subtract_square, product_tile, tile_rows, tile_columns
 
-  !> Columns that LAPACK factorizes at a time.
+  !> Columns that LAPACK factorizes at a time: its diagonal block fits the second cache (128 KiB).
   integer, parameter :: leaf_columns = 128
-  !> Rows of a task that solves for a leaf's rows below the diagonal block.
+  !> Rows of a task that solves for the rows below the diagonal block of a leaf: two blocks of DTRSM's kernel.
   integer, parameter :: leaf_rows = 256
-  !> Rows and columns of a tile of a product, at which DGEMM has reached its full rate.
-  integer, parameter :: tile_rows = 512, tile_columns = 256
+  !> Rows of the tile of a product. DGEMM copies both factors before it multiplies: at 512 x 256 the copies take 15 % of
+  !> the time.
+  integer, parameter :: tile_rows = 512
+  !> Columns of the tile of a product.
+  integer, parameter :: tile_columns = 256
 
 contains
 
-  !> The first columns of a symmetric matrix, assembled, become those of its Cholesky factor.
+  !> Cholesky factorization of the first columns of a symmetric matrix, by recursive halving of the columns.
   subroutine factor_panel(m, n, a, shared_out, failed)
-    !> Rows and columns, n <= m.
-    integer, intent(in) :: m, n
-    !> Lower trapezoid (m,n); what is above the diagonal is not touched.
+    !> Rows.
+    integer, intent(in) :: m
+    !> Columns, n <= m.
+    integer, intent(in) :: n
+    !> Lower trapezoid of the matrix, then of the factor (m, n); entries above the diagonal are not touched.
     real(dp), intent(inout) :: a(m, n)
-    !> Cut the rows of leaves too, and share all tiles out as tasks to the threads of the team.
+    !> Whether rows are cut too and all tiles are tasks.
     logical, intent(in) :: shared_out
-    !> Column whose pivot is not positive; 0 if there is none.
+    !> First column whose pivot is not positive, 0 if there is none.
     integer, intent(out) :: failed
     failed = 0
     call factor_columns(1, n)
   contains
-    !> Columns first..last, from whose rows first..m all columns before them have been eliminated.
+    !> Factorize some columns; all columns before them are eliminated.
     recursive subroutine factor_columns(first, last)
-      integer, intent(in) :: first, last
+      !> First column.
+      integer, intent(in) :: first
+      !> Last column.
+      integer, intent(in) :: last
       integer :: middle
       if (last - first < leaf_columns) then
         call factor_leaf(m, first, last, a, shared_out, failed)
@@ -48,11 +56,19 @@ contains
     end subroutine factor_columns
   end subroutine factor_panel
 
-  !> A few columns: the diagonal block by LAPACK, then the rows below it.
+  !> Factorize a few columns: the diagonal block by LAPACK, then the rows below it.
   subroutine factor_leaf(m, first, last, a, shared_out, failed)
-    integer, intent(in) :: m, first, last
+    !> Rows of the front.
+    integer, intent(in) :: m
+    !> First column.
+    integer, intent(in) :: first
+    !> Last column.
+    integer, intent(in) :: last
+    !> The front (m, at least last).
     real(dp), intent(inout) :: a(m, *)
+    !> As in `factor_panel`.
     logical, intent(in) :: shared_out
+    !> As in `factor_panel`.
     integer, intent(out) :: failed
     integer :: n, row, rows
     n = last - first + 1
@@ -75,10 +91,20 @@ contains
     !$omp taskwait
   end subroutine factor_leaf
 
-  !> Columns middle+1..last, rows middle+1..m, minus the product of columns first..middle with themselves.
+  !> Eliminate columns: A(middle+1:m, middle+1:last) <- itself - A(middle+1:m, first:middle) A(middle+1:last,
+  !> first:middle)^T.
   subroutine eliminate(m, first, middle, last, a, shared_out)
-    integer, intent(in) :: m, first, middle, last
+    !> Rows of the front.
+    integer, intent(in) :: m
+    !> First column to eliminate.
+    integer, intent(in) :: first
+    !> Last column to eliminate.
+    integer, intent(in) :: middle
+    !> Last column to change.
+    integer, intent(in) :: last
+    !> The front (m, at least last).
     real(dp), intent(inout) :: a(m, *)
+    !> As in `factor_panel`.
     logical, intent(in) :: shared_out
     integer :: column, columns, row, rows, k
     k = middle - first + 1
@@ -90,7 +116,8 @@ contains
       do row = column + columns, m, tile_rows
         rows = min(tile_rows, m - row + 1)
         !$omp task default(none) shared(a) firstprivate(rows, row, columns, column, k, m, first) if(shared_out)
-        call dgemm('N', 'T', rows, columns, k, -1.0_dp, a(row, first), m, a(column, first), m, 1.0_dp, a(row, column), m)
+        call dgemm('N', 'T', rows, columns, k, -1.0_dp, a(row, first), m, a(column, first), m, 1.0_dp, &
+                   a(row, column), m)
         !$omp end task
       end do
     end do
@@ -101,19 +128,36 @@ contains
 
   !> C <- C - A A^T, lower triangle.
   subroutine subtract_square(n, k, a, m, c)
-    !> Order, columns of A, rows of the block that A is the upper left part of.
-    integer, intent(in) :: n, k, m
+    !> Order of C.
+    integer, intent(in) :: n
+    !> Columns of A.
+    integer, intent(in) :: k
+    !> Rows of the array that holds A.
+    integer, intent(in) :: m
+    !> A in the first n rows (m, k).
     real(dp), intent(in) :: a(m, *)
+    !> C (n, n).
     real(dp), intent(inout) :: c(n, n)
     call dsyrk('L', 'N', n, k, -1.0_dp, a, m, 1.0_dp, c, n)
   end subroutine subtract_square
 
-  !> C = - A B^T, of which only the lower triangle where A and B are the same rows.
+  !> C = - A B^T, or the lower triangle of C = - A A^T.
   subroutine product_tile(rows, columns, k, a, b, m, same, c)
-    !> Rows of A and of B, their columns, rows of the block that both are parts of.
-    integer, intent(in) :: rows, columns, k, m
-    real(dp), intent(in) :: a(m, *), b(m, *)
+    !> Rows of A.
+    integer, intent(in) :: rows
+    !> Rows of B.
+    integer, intent(in) :: columns
+    !> Columns of A and B.
+    integer, intent(in) :: k
+    !> Rows of the array that holds A and B.
+    integer, intent(in) :: m
+    !> A in the first rows (m, k).
+    real(dp), intent(in) :: a(m, *)
+    !> B in the first rows (m, k).
+    real(dp), intent(in) :: b(m, *)
+    !> Whether B is A.
     logical, intent(in) :: same
+    !> C (rows, columns).
     real(dp), intent(out) :: c(rows, columns)
     if (same) then
       call dsyrk('L', 'N', rows, k, -1.0_dp, a, m, 0.0_dp, c, rows)

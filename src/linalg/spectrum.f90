@@ -2,7 +2,7 @@
 module dotyk_linalg_spectrum
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp, int64
-  use dotyk_linalg_dense, only: tridiagonal_top
+  use dotyk_linalg_dense, only: largest_tridiagonal_eigenpair
   implicit none
   private
   public :: largest_eigenvalue
@@ -78,7 +78,7 @@ contains
       ! What is left of an invariant subspace is round-off.
       if (length <= 16*epsilon(1.0_dp)*scale .or. steps == n) length = 0
       beta(steps) = length
-      call tridiagonal_top(alpha(:steps), beta(:steps - 1), value, top(:steps))
+      call largest_tridiagonal_eigenpair(alpha(:steps), beta(:steps - 1), value, top(:steps))
       residual = length*abs(top(steps))
       if (residual <= tolerance*value .or. .not. length > 0) exit
       if (interrupted()) exit

@@ -1,24 +1,28 @@
-!> The supernodes of a sparse Cholesky factor, and the tree that they are eliminated along.
+!> The supernodes of a sparse Cholesky factor, and their elimination tree.
 module dotyk_linalg_supernodes
   use dotyk_base_kinds, only: dp, int64
   implicit none
   private
   public :: make_tree, diagonal_of, find_weakest_pivot
 
-  !> The supernodes of a factor where CHOLMOD keeps them, as long as the factor is neither analyzed again nor destroyed.
-  !> All numbers and places are 0-based. Supernode s has the columns column_start(s)..column_start(s+1)-1 in the order of
-  !> elimination, the rows row(row_start(s)..row_start(s+1)-1), ascending, its own columns first, and the values from
-  !> value_start(s) on, a dense block by columns.
+  !> The supernodes of a factor, in the memory of CHOLMOD: valid until the factor is analyzed again or destroyed. All
+  !> numbers and positions are 0-based. Supernode s has the columns column_start(s)..column_start(s+1)-1 of L, and the
+  !> rows row(row_start(s)..row_start(s+1)-1), ascending, its own columns first. Its values are a dense block by columns
+  !> from value_start(s) on.
   type, public :: supernodes_t
     !> Number of supernodes.
     integer(int64) :: n = 0
-    !> (0:n)
-    integer(int64), pointer, contiguous :: column_start(:) => null(), row_start(:) => null(), value_start(:) => null()
-    !> (0:number of rows - 1)
+    !> First column of each supernode (0:n).
+    integer(int64), pointer, contiguous :: column_start(:) => null()
+    !> Position of the first row of each supernode in `row` (0:n).
+    integer(int64), pointer, contiguous :: row_start(:) => null()
+    !> Position of the first value of each supernode in `value` (0:n).
+    integer(int64), pointer, contiguous :: value_start(:) => null()
+    !> Rows of the supernodes (0:sum of their rows - 1).
     integer(int64), pointer, contiguous :: row(:) => null()
-    !> The equation that comes k-th (0:order - 1).
+    !> Equation of each row of L (0:order-1).
     integer(int64), pointer, contiguous :: permutation(:) => null()
-    !> (0:factor_entries - 1); not associated before the factorization.
+    !> Values of L (0:factor_entries-1); not associated before the factorization.
     real(dp), pointer, contiguous :: value(:) => null()
   contains
     procedure :: columns => supernodes_columns
@@ -26,42 +30,53 @@ module dotyk_linalg_supernodes
     procedure :: work => supernodes_work
   end type supernodes_t
 
-  !> A tree of supernodes cut into subtrees and a top. Subtree t has the supernodes order(first(t)..last(t)), children before
-  !> parents; those of the top are top(:), likewise.
+  !> An elimination tree of supernodes, cut into subtrees and a top. Subtree t has the supernodes
+  !> order(first(t)..last(t)), children before parents. The supernodes of the top are top(:), children before parents
+  !> too.
   type, public :: supernode_tree_t
-    !> Supernode that the first row below a supernode belongs to; -1 at a root (0:n-1).
+    !> Supernode of the first row below the own columns; -1 at a root (0:n-1).
     integer, allocatable :: parent(:)
-    !> Children, linked: first_child(s) and next_sibling(s), -1 where there are no more (0:n-1).
-    integer, allocatable :: first_child(:), next_sibling(:)
+    !> First child of each supernode; -1 if there is none (0:n-1).
+    integer, allocatable :: first_child(:)
+    !> Next child of the same parent; -1 if there is none (0:n-1).
+    integer, allocatable :: next_sibling(:)
     !> Supernode of each column (0:order-1).
     integer, allocatable :: of_column(:)
-    !> Supernodes, subtree after subtree.
+    !> Supernodes of the subtrees, one subtree after the other (number of supernodes in subtrees).
     integer, allocatable :: order(:)
-    !> Where each subtree is in `order`; the one with the most work first.
-    integer, allocatable :: first(:), last(:)
-    !> Supernodes that belong to no subtree, ascending.
+    !> Position of the first supernode of each subtree in `order`; subtrees by falling work (number of subtrees).
+    integer, allocatable :: first(:)
+    !> Position of the last supernode of each subtree in `order`, its root (number of subtrees).
+    integer, allocatable :: last(:)
+    !> Supernodes of the top, ascending.
     integer, allocatable :: top(:)
   end type supernode_tree_t
 
 contains
 
-  !> Columns of a supernode.
+  !> Number of columns of a supernode.
   pure integer function supernodes_columns(self, s) result(columns)
+    !> The supernodes.
     class(supernodes_t), intent(in) :: self
+    !> Number of a supernode, from 0.
     integer, intent(in) :: s
     columns = int(self%column_start(s + 1) - self%column_start(s))
   end function supernodes_columns
 
-  !> Rows of a supernode, its own columns' among them.
+  !> Number of rows of a supernode, those of its own columns included.
   pure integer function supernodes_rows(self, s) result(rows)
+    !> The supernodes.
     class(supernodes_t), intent(in) :: self
+    !> Number of a supernode, from 0.
     integer, intent(in) :: s
     rows = int(self%row_start(s + 1) - self%row_start(s))
   end function supernodes_rows
 
-  !> Operations that eliminate a supernode.
+  !> Work of eliminating a supernode [floating-point operations].
   pure real(dp) function supernodes_work(self, s) result(work)
+    !> The supernodes.
     class(supernodes_t), intent(in) :: self
+    !> Number of a supernode, from 0.
     integer, intent(in) :: s
     real(dp) :: own, below
     own = self%columns(s)
@@ -69,11 +84,15 @@ contains
     work = own**3/3 + own**2*below + own*below**2
   end function supernodes_work
 
-  !> Cut the tree where no subtree has more than a share of all the work.
-  subroutine make_tree(supernodes, share, least_work, tree)
+  !> Find the elimination tree, and cut it into subtrees that are as large as allowed, and a top.
+  subroutine make_tree(supernodes, fraction, least_work, tree)
+    !> The supernodes.
     type(supernodes_t), intent(in) :: supernodes
-    !> Most work of a subtree, as a part of all, and what it may have in any case.
-    real(dp), intent(in) :: share, least_work
+    !> Greatest work of a subtree, as a fraction of all work.
+    real(dp), intent(in) :: fraction
+    !> Work that a subtree may have in any case [floating-point operations].
+    real(dp), intent(in) :: least_work
+    !> The tree.
     type(supernode_tree_t), intent(out) :: tree
     real(dp), allocatable :: work(:)
     real(dp) :: most
@@ -88,7 +107,7 @@ contains
       p = tree%parent(s)
       if (p >= 0) work(p) = work(p) + work(s)
     end do
-    most = max(least_work, share*sum(pack(work, tree%parent < 0)))
+    most = max(least_work, fraction*sum(pack(work, tree%parent < 0)))
     allocate (root(n), tree%top(count(work > most)), tree%order(n - count(work > most)))
     tree%top = pack([(s, s=0, n - 1)], work > most)
     n_roots = 0
@@ -116,9 +135,11 @@ contains
     end do
   end subroutine make_tree
 
-  !> Parents and children.
+  !> Find parents and children.
   subroutine link(supernodes, tree)
+    !> The supernodes.
     type(supernodes_t), intent(in) :: supernodes
+    !> The tree; `parent`, `first_child`, `next_sibling` and `of_column` are set.
     type(supernode_tree_t), intent(inout) :: tree
     integer :: n, s, p, columns
     n = int(supernodes%n)
@@ -139,9 +160,11 @@ contains
 
   !> Append a subtree to the order, children before parents.
   pure subroutine postorder(root, tree, n)
+    !> Root of the subtree.
     integer, intent(in) :: root
+    !> The tree; `order` grows.
     type(supernode_tree_t), intent(inout) :: tree
-    !> Entries of the order.
+    !> Number of supernodes in the order.
     integer, intent(inout) :: n
     integer :: s
     s = deepest(root)
@@ -156,8 +179,9 @@ contains
       end if
     end do
   contains
-    !> First descendant without children, always along first children.
+    !> Leaf of a subtree that comes first in postorder.
     pure integer function deepest(from)
+      !> Root of the subtree.
       integer, intent(in) :: from
       deepest = from
       do while (tree%first_child(deepest) >= 0)
@@ -166,10 +190,15 @@ contains
     end function deepest
   end subroutine postorder
 
-  !> Diagonal of a matrix by columns, 0-based.
+  !> Diagonal of a sparse symmetric matrix.
   pure function diagonal_of(n, start, row, value) result(diagonal)
+    !> Order.
     integer, intent(in) :: n
-    integer(int64), intent(in) :: start(0:n), row(0:*)
+    !> Position of the first entry of each column of the lower triangle, 0-based (0:n).
+    integer(int64), intent(in) :: start(0:n)
+    !> Row of each entry, 0-based (0:entries-1).
+    integer(int64), intent(in) :: row(0:*)
+    !> Value of each entry (0:entries-1).
     real(dp), intent(in) :: value(0:*)
     real(dp) :: diagonal(0:n - 1)
     integer :: j
@@ -182,32 +211,34 @@ contains
     end do
   end function diagonal_of
 
-  !> The pivot that is the least part of its diagonal entry; if one is not positive or not a number, the first such one, with
-  !> part 0.
+  !> Find the pivot that is the smallest fraction of its diagonal entry. If a pivot is not positive or not a number, the
+  !> first such one is reported with fraction 0.
   pure subroutine find_weakest_pivot(supernodes, diagonal, weakest, equation)
+    !> The factor, with values.
     type(supernodes_t), intent(in) :: supernodes
-    !> Of the matrix, in the order of elimination (0:order-1).
+    !> Diagonal of P K P^T (0:order-1).
     real(dp), intent(in) :: diagonal(0:)
+    !> Pivot over diagonal entry, 0 to 1 [].
     real(dp), intent(out) :: weakest
-    !> Its equation.
+    !> Equation of that pivot, from 1.
     integer, intent(out) :: equation
     integer :: s, rows
     integer(int64) :: k, at
-    real(dp) :: part
+    real(dp) :: fraction
     weakest = 1
     equation = 0
     do s = 0, int(supernodes%n) - 1
       rows = supernodes%rows(s)
       at = supernodes%value_start(s)
       do k = supernodes%column_start(s), supernodes%column_start(s + 1) - 1
-        part = supernodes%value(at)**2/diagonal(k)
-        if (.not. part > 0) then ! NaN too: LAPACK does not always see it
+        fraction = supernodes%value(at)**2/diagonal(k)
+        if (.not. fraction > 0) then ! NaN too: LAPACK does not always see it
           weakest = 0
           equation = int(supernodes%permutation(k)) + 1
           return
         end if
-        if (part < weakest .or. equation == 0) then
-          weakest = part
+        if (fraction < weakest .or. equation == 0) then
+          weakest = fraction
           equation = int(supernodes%permutation(k)) + 1
         end if
         at = at + rows + 1

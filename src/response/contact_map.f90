@@ -1,7 +1,7 @@
 !> Between Cartesian components at the contact nodes of a body and its equations.
 !>
-!> Equations of a node may be in rotated axes (local supports), and prescribed components have none. Rows of B know the contact nodes
-!> alone: column (i-1)*dimension + component of contact node i.
+!> Equations of a node may be in rotated axes (local supports), and prescribed components have none. Rows of B know the
+!> contact nodes alone: column (i-1)*dimension + component of contact node i.
 module dotyk_response_contact_map
   use dotyk_base_kinds, only: dp
   use dotyk_elasticity_constraint, only: constraint_t

@@ -1,7 +1,9 @@
-!> What an iterative scheme's products with the compliance of a body cost: by triangular solves, or with the matrix formed.
+!> What an iterative scheme's products with the compliance of a body cost: by triangular solves, or with the matrix
+!> formed.
 !>
-!> Costs are floating-point operations at the speed of a factorization. They are compared before anything is factorized, so the speeds
-!> of everything else are fractions of it: fixed ones, because the choice must be the same from run to run.
+!> Costs are floating-point operations at the speed of a factorization. They are compared before anything is factorized,
+!> so the speeds of everything else are fractions of it: fixed ones, because the choice must be the same from run to
+!> run.
 module dotyk_response_cost_model
   use dotyk_base_kinds, only: dp
   implicit none
@@ -48,6 +50,7 @@ contains
     real(dp), intent(in) :: path
     real(dp) :: n
     n = real(work%n_rows, dp)/work%n_bodies
-    cost = work%n_bodies*(slowness_of_substitution*(2*path*n + sqrt(2*path)*n**2) + slowness_of_solves*2*n**2*work%n_steps)
+    cost = work%n_bodies*(slowness_of_substitution*(2*path*n + sqrt(2*path)*n**2) + &
+      slowness_of_solves*2*n**2*work%n_steps)
   end function cost_of_matrix
 end module dotyk_response_cost_model

@@ -1,10 +1,10 @@
 !> The compliance operator of a body through a sparse Cholesky factor of its stiffness.
 !>
-!> Built in two steps, because a driver runs them for many bodies with different shares of the machine: `analyze` (fill-reducing order and
-!> symbolic factorization; fill and operations are known then) and `factorize`.
+!> Built in two steps, because a driver runs them for many bodies with different shares of the machine: `analyze`
+!> (fill-reducing order and symbolic factorization; fill and operations are known then) and `factorize`.
 !>
-!> A body with rigid body modes R is factorized with springs on a few unknowns (`dotyk_response_regularization`), K_s; then
-!> `K^+ = P K_s^{-1} P`, `P = I - R R^T`.
+!> A body with rigid body modes R is factorized with springs on a few unknowns (`dotyk_response_regularization`), K_s;
+!> then `K^+ = P K_s^{-1} P`, `P = I - R R^T`.
 module dotyk_response_direct
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp

@@ -1,13 +1,15 @@
 !> Near-null-space modes: motions that the supports of a body hardly resist, split off its compliance operator.
 !>
-!> The stiffness of a body on a weak support holds the stiffness of its near-null-space modes, nearly rigid as a rule, as the difference of
-!> large numbers. Springs at as many equations E as there are such modes make it `K_s = K + E s E^T`, as for floating bodies. With the
-!> solutions Z of `K_s Z = E s`, which are the modes, and their own stiffness S,
+!> The stiffness of a body on a weak support holds the stiffness of its near-null-space modes, nearly rigid as a rule,
+!> as the difference of large numbers. Springs at as many equations E as there are such modes make it
+!> `K_s = K + E s E^T`, as for floating bodies. With the solutions Z of `K_s Z = E s`, which are the modes, and their
+!> own stiffness S,
 !>
 !>     K^{-1} = K_s^{-1} + Z S^{-1} Z^T,    S = (E^T Z)^{-T} Z^T K Z,
 !>
-!> exactly. K_s is well conditioned, and S is stationary in Z, so that it is as accurate as the energy `Z^T K Z`, which is computed from
-!> the elements (`dotyk_elasticity_internal_force`). For the schemes Z are rigid body modes with springs S.
+!> exactly. K_s is well conditioned, and S is stationary in Z, so that it is as accurate as the energy `Z^T K Z`, which
+!> is computed from the elements (`dotyk_elasticity_internal_force`). For the schemes Z are rigid body modes with
+!> springs S.
 module dotyk_response_near_null_modes
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, qp
@@ -96,8 +98,8 @@ contains
     stiffness = (stiffness + transpose(stiffness))/2
   end subroutine find_near_null
 
-  !> Recombine the modes so that those which move contact rows and those which do not are separate: rounding errors of large contact
-  !> forces must not excite the latter.
+  !> Recombine the modes so that those which move contact rows and those which do not are separate: rounding errors of
+  !> large contact forces must not excite the latter.
   subroutine separate_by_contact(at_rows, mode, stiffness, error)
     !> The modes at the contact rows, B Z (n_rows, n) [].
     real(dp), intent(in) :: at_rows(:, :)

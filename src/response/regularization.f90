@@ -1,7 +1,9 @@
-!> Regularization of the stiffness of a floating body by springs at fixing degrees of freedom, and detection of mechanisms.
+!> Regularization of the stiffness of a floating body by springs at fixing degrees of freedom, and detection of
+!> mechanisms.
 !>
-!> Springs at as many unknowns as there are rigid body modes hold the body in a statically determinate way: forces in equilibrium
-!> leave the springs without force, so that the displacements are exact up to a rigid body motion (as in FETI: Farhat, Roux 1991).
+!> Springs at as many unknowns as there are rigid body modes hold the body in a statically determinate way: forces in
+!> equilibrium leave the springs without force, so that the displacements are exact up to a rigid body motion (as in
+!> FETI: Farhat, Roux 1991).
 module dotyk_response_regularization
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use dotyk_base_kinds, only: dp, int64
@@ -11,9 +13,9 @@ module dotyk_response_regularization
   private
   public :: choose_fixing_equations, add_springs, is_mechanism
 
-  !> A displacement with less than this part of the energy that its nodes would have one by one, all others at rest, strains
-  !> nothing. Elements know it to the square of round-off: mechanisms have 1e-25 and less, a bar 1000 times longer than thick
-  !> 1e-13, a ribbon of 10000 by 100 by 1 3e-17.
+  !> A displacement with less than this part of the energy that its nodes would have one by one, all others at rest,
+  !> strains nothing. Elements know it to the square of round-off: mechanisms have 1e-25 and less, a bar 1000 times
+  !> longer than thick 1e-13, a ribbon of 10000 by 100 by 1 3e-17.
   real(dp), parameter :: least_energy = 1.0e-20_dp
   !> A pivot must be larger than the best one so far by this factor, so that the choice does not depend on round-off.
   real(dp), parameter :: pivot_margin = 1.001_dp

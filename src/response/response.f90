@@ -1,9 +1,10 @@
 !> The compliance operator of a body: loads over its equations to displacements.
 !>
-!> It is the inverse of the stiffness K or, where the supports leave rigid body modes R, its Moore-Penrose inverse `K^+ = P K_s^{-1} P`,
-!> `P = I - R R^T`, with K_s the stiffness regularized by springs (`dotyk_response_regularization`). Restricted to the contact nodes
-!> (`dotyk_response_contact_map`) it is the Neumann-to-Dirichlet map (inverse Steklov-Poincare operator) that the schemes ask for.
-!> Congruent bodies share one operator: equations and modes over them are the same.
+!> It is the inverse of the stiffness K or, where the supports leave rigid body modes R, its Moore-Penrose inverse
+!> `K^+ = P K_s^{-1} P`, `P = I - R R^T`, with K_s the stiffness regularized by springs
+!> (`dotyk_response_regularization`). Restricted to the contact nodes (`dotyk_response_contact_map`) it is the
+!> Neumann-to-Dirichlet map (inverse Steklov-Poincare operator) that the schemes ask for. Congruent bodies share one
+!> operator: equations and modes over them are the same.
 module dotyk_response_response
   use dotyk_base_kinds, only: dp
   use dotyk_linalg_forward_substitution, only: forward_solution_t
@@ -13,14 +14,16 @@ module dotyk_response_response
 
   !> The compliance operator of a class of congruent bodies, in one of its forms.
   type, abstract, public :: response_t
-    !> Rigid body modes over the equations, orthonormal (n_equations, n_modes) []; without columns for a body that is held.
+    !> Rigid body modes over the equations, orthonormal (n_equations, n_modes) []; without columns for a body that is
+    !> held.
     real(dp), allocatable :: mode(:, :)
   contains
     !> x := K^+ x.
     procedure(solve_interface), deferred :: solve
     !> Make ready for forward substitutions; one thread at a time.
     procedure(prepare_interface), deferred :: prepare_substitution
-    !> Entries of the factor that the forward substitution of one row goes through, on average; before the factorization too.
+    !> Entries of the factor that the forward substitution of one row goes through, on average; before the factorization
+    !> too.
     procedure(path_entries_interface), deferred :: path_entries
     !> Forward substitution of rows of B; many threads may do this with one operator.
     procedure(substitute_interface), deferred :: substitute

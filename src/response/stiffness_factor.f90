@@ -1,8 +1,9 @@
-!> Factorization of the stiffness of a body: regularized where rigid body modes are left, and its condition measured where that matters.
+!> Factorization of the stiffness of a body: regularized where rigid body modes are left, and its condition measured
+!> where that matters.
 !>
-!> The smallest pivot, relative to the diagonal entry of its equation, is known at no cost, and the condition number is at least its
-!> inverse. Only where it is small are the lowest eigenmodes of the scaled stiffness computed: they give the condition, and tell whether
-!> a few near-null-space modes are the only cause (`dotyk_response_near_null_modes`).
+!> The smallest pivot, relative to the diagonal entry of its equation, is known at no cost, and the condition number is
+!> at least its inverse. Only where it is small are the lowest eigenmodes of the scaled stiffness computed: they give
+!> the condition, and tell whether a few near-null-space modes are the only cause (`dotyk_response_near_null_modes`).
 module dotyk_response_stiffness_factor
   use dotyk_base_error, only: error_t, set_error, exit_not_solvable
   use dotyk_base_kinds, only: dp
@@ -10,7 +11,7 @@ module dotyk_response_stiffness_factor
   use dotyk_elasticity_body, only: body_t, stiffness_t, assemble_stiffness
   use dotyk_elasticity_conditioning_diagnosis, only: diagnose_conditioning
   use dotyk_linalg_cholesky, only: cholesky_t
-  use dotyk_linalg_condition, only: scaled_norm, softest_shapes
+  use dotyk_linalg_condition, only: scaled_norm, smallest_eigenpairs
   use dotyk_response_near_null_modes, only: count_near_null, find_near_null
   use dotyk_response_regularization, only: add_springs, choose_fixing_equations, is_mechanism
   implicit none
@@ -29,17 +30,18 @@ module dotyk_response_stiffness_factor
     !> Equations with springs, against rigid body or near-null-space modes, and the springs (n_springs) [force/length].
     integer, allocatable :: fixing_equation(:)
     real(dp), allocatable :: spring(:)
-    !> Near-null-space modes over the equations (n_equations, n) [], and their stiffness (n, n) [force/length]; not allocated where
-    !> there are none.
+    !> Near-null-space modes over the equations (n_equations, n) [], and their stiffness (n, n) [force/length]; not
+    !> allocated where there are none.
     real(dp), allocatable :: near_null(:, :), near_null_stiffness(:, :)
   end type factorization_report_t
 
   public :: factorize_stiffness
 
-  !> A pivot below this fraction of its diagonal entry may be round-off. (Thin bodies have small ones too, and round-off leaves 1e-16 to
-  !> 1e-13: the energy of the displacement that belongs to it decides.)
+  !> A pivot below this fraction of its diagonal entry may be round-off. (Thin bodies have small ones too, and round-off
+  !> leaves 1e-16 to 1e-13: the energy of the displacement that belongs to it decides.)
   real(dp), parameter :: suspicious_pivot = 1.0e-8_dp
-  !> Below this fraction the condition is worth a measurement: compact bodies have 1e-2, plates 1e-4 at about 20 times their thickness.
+  !> Below this fraction the condition is worth a measurement: compact bodies have 1e-2, plates 1e-4 at about 20 times
+  !> their thickness.
   real(dp), parameter :: small_pivot = 1.0e-4_dp
   !> Number of eigenmodes: six rigid body modes, and what comes after them.
   integer, parameter :: n_eigenmodes = 8
@@ -85,7 +87,7 @@ contains
     if (factor%weakest_pivot > small_pivot) return
     n = min(n_eigenmodes, size(diagonal))
     allocate (shapes(size(diagonal), n), values(n))
-    call softest_shapes(factor, diagonal, values, shapes, error)
+    call smallest_eigenpairs(factor, diagonal, values, shapes, error)
     if (allocated(error)) return
     ! The factor has taken the place of the matrix.
     call assemble_stiffness(body, stiffness, error)
@@ -132,7 +134,8 @@ contains
       call refuse(body, failed_column, error)
       return
     end if
-    call find_near_null(body, factor, report%fixing_equation, report%spring, report%near_null, report%near_null_stiffness, error)
+    call find_near_null(body, factor, report%fixing_equation, report%spring, report%near_null, &
+      report%near_null_stiffness, error)
   end subroutine split_off
 
   !> Whether the displacement that belongs to the weakest pivot is a mechanism.

@@ -1,7 +1,7 @@
 !> Compliance entries by forward substitution with sparse right-hand sides, rigid body modes included.
 !>
-!> With modes R, K_s the regularized stiffness and `Z = K_s^{-1} R`, `K^+ = K_s^{-1} - Z R^T - R Z^T + R (R^T Z) R^T`: rows of B need
-!> their products with R and Z beside L^{-1} B^T.
+!> With modes R, K_s the regularized stiffness and `Z = K_s^{-1} R`, `K^+ = K_s^{-1} - Z R^T - R Z^T + R (R^T Z) R^T`:
+!> rows of B need their products with R and Z beside L^{-1} B^T.
 module dotyk_response_substitution
   use dotyk_base_kinds, only: dp
   use dotyk_linalg_blas, only: transposed_product

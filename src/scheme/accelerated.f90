@@ -1,9 +1,9 @@
 !> Accelerated Neumann schemes: Anderson's mixing and the crossed secant method.
 !>
-!> Both extrapolate the fixed-point iteration `m := g(m)` of `dotyk_scheme_neumann` from the changes of `f = g(m) - m` and of `g(m)` over
-!> the last steps, with the energy product `<a, b> = a W C W b`. They differ in the extrapolation alone, which is an argument of
-!> the iteration. No convergence theorem covers either: where the residual grows, the history is dropped and the iteration continues
-!> from the best iterate.
+!> Both extrapolate the fixed-point iteration `m := g(m)` of `dotyk_scheme_neumann` from the changes of `f = g(m) - m`
+!> and of `g(m)` over the last steps, with the energy product `<a, b> = a W C W b`. They differ in the extrapolation
+!> alone, which is an argument of the iteration. No convergence theorem covers either: where the residual grows, the
+!> history is dropped and the iteration continues from the best iterate.
 module dotyk_scheme_accelerated
   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
   use dotyk_base_error, only: error_t
@@ -65,8 +65,8 @@ module dotyk_scheme_accelerated
   integer, parameter :: window = 10
   !> Relative regularization of the diagonal of its least-squares problem.
   real(dp), parameter :: regularization = 1.0e-12_dp
-  !> Growth of the residual over the least one at which the history is dropped: mixing many steps goes wrong at once, one secant recovers
-  !> from a residual many times larger.
+  !> Growth of the residual over the least one at which the history is dropped: mixing many steps goes wrong at once,
+  !> one secant recovers from a residual many times larger.
   real(dp), parameter :: most_growth_anderson = 2, most_growth_secant = 100
 
 contains
@@ -136,7 +136,8 @@ contains
       least = huge(least)
       ! No contraction factor is proven.
       state%q_predicted = ieee_value(residual, ieee_quiet_nan)
-      ! A gamma that is too large is reduced by the safeguard, which takes steps: hence the patience of a contracting iteration.
+      ! A gamma that is too large is reduced by the safeguard, which takes steps: hence the patience of a contracting
+      ! iteration.
       call stopping%begin(settings, contraction(2/(2 + state%lambda_max), state%lambda_max), safeguarded=.true.)
       do
         call evaluate_step(qp, compliance, theta, state%m, state%y, p, z, residual)

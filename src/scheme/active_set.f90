@@ -1,9 +1,10 @@
 !> The primal-dual active set (semismooth Newton) iteration of the dual scheme, with its safeguards.
 !>
-!> The active rows give a linear system for their forces and the rigid body modes; rows in tension leave the active set, and penetrating rows
-!> enter it (Hueber, Wohlmuth 2005). Where the active rows cannot carry a floating body, the rows on which it comes to rest on a Winkler
-!> foundation are added. Should active sets cycle, the interior point method (`dotyk_scheme_interior`) finds one next to the solution. Should
-!> they cycle even from there, by rows whose gaps and forces nearly vanish, that one is the solution, and its bound says how accurate it is.
+!> The active rows give a linear system for their forces and the rigid body modes; rows in tension leave the active set,
+!> and penetrating rows enter it (Hueber, Wohlmuth 2005). Where the active rows cannot carry a floating body, the rows
+!> on which it comes to rest on a Winkler foundation are added. Should active sets cycle, the interior point method
+!> (`dotyk_scheme_interior`) finds one next to the solution. Should they cycle even from there, by rows whose gaps and
+!> forces nearly vanish, that one is the solution, and its bound says how accurate it is.
 module dotyk_scheme_active_set
   use dotyk_base_error, only: error_t
   use dotyk_base_interrupt, only: interrupted
@@ -16,7 +17,8 @@ module dotyk_scheme_active_set
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_interior, only: interior_points
   use dotyk_scheme_monitor, only: monitor_t
-  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_interrupted, ended_limit, ended_rigid_constraint
+  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_interrupted, ended_limit, &
+    ended_rigid_constraint
   use dotyk_scheme_winkler_start, only: winkler_equilibrium
   implicit none
   private
@@ -29,29 +31,33 @@ module dotyk_scheme_active_set
 
   public :: find_active_set, rest_on_winkler_foundation, update_penetrations, reference_norm, is_balanced
 
-  !> Forces and penetrations below this fraction of the largest are rounding errors, not a reason to change the active set.
+  !> Forces and penetrations below this fraction of the largest are rounding errors, not a reason to change the active
+  !> set.
   real(dp), parameter, public :: rounding = 1.0e-12_dp
-  !> Active sets after which the interior point method finds a better one: Newton's method needs less than ten, or cycles.
+  !> Active sets after which the interior point method finds a better one: Newton's method needs less than ten, or
+  !> cycles.
   integer, parameter :: most_first_steps = 9
   !> Active sets after that at most.
   integer, parameter :: most_last_steps = 16
-  !> Resultants of the contact forces balance the loads up to this fraction of the forces: far above round-off of the linear systems, far
-  !> below what matters for a bound.
+  !> Resultants of the contact forces balance the loads up to this fraction of the forces: far above round-off of the
+  !> linear systems, far below what matters for a bound.
   real(dp), parameter :: balanced = 1.0e-8_dp
-  !> Scale of the forces of an unloaded scene, as a fraction of what its initial penetrations would cause on the Winkler foundation.
+  !> Scale of the forces of an unloaded scene, as a fraction of what its initial penetrations would cause on the Winkler
+  !> foundation.
   real(dp), parameter :: scale_of_unloaded = 1.0e-4_dp
   !> Rows whose diagonal entry of C is below this fraction of the largest are rigid: all their nodes are held.
   real(dp), parameter :: rigid_row = 1.0e-13_dp
   !> Rows that rigid body modes move by more than this are not rigid constraints: modes are scaled to 1.
   real(dp), parameter :: moved_row = 1.0e-10_dp
-  !> The energy norm that errors are relative to is at least this fraction of that of the initial penetrations on the Winkler foundation, so
-  !> that rounding errors of a scene at rest are not compared with each other.
+  !> The energy norm that errors are relative to is at least this fraction of that of the initial penetrations on the
+  !> Winkler foundation, so that rounding errors of a scene at rest are not compared with each other.
   real(dp), parameter :: least_norm = 1.0e-8_dp
 
 contains
 
   !> Iterate until the active set does not change.
-  subroutine find_active_set(qp, compliance, theta, max_iterations, tolerance, monitor, system, now, active, state, error, &
+  subroutine find_active_set(qp, compliance, theta, max_iterations, tolerance, monitor, system, now, active, state, &
+    error, &
                              start_inside)
     type(contact_qp_t), intent(in) :: qp
     !> Formed at all rows, unless the linear system needs no entries.
@@ -99,7 +105,8 @@ contains
         last_k = min(max_iterations, k + most_last_steps)
         call find_inside(qp, compliance, theta, system, is_rigid, now, active, steps, error)
         if (allocated(error)) return
-        call monitor%note(trim(merge('active-set iteration cycled; interior', 'interior                             ', k > 1))// &
+        call monitor%note(trim(merge('active-set iteration cycled; interior', 'interior                             ', &
+          k > 1))// &
                           ' point method used ('//to_text(steps)//' systems)')
       end if
       call drop_rigid_constraints(qp, compliance, theta, yields, active, is_rigid)
@@ -123,7 +130,8 @@ contains
       call monitor%step(state%history, tolerance, state%error_bound)
 
       ! Rows may be active without any force, such as those that push a floating body away.
-      largest_force = max(maxval(abs(now%lambda)), maxval(foundation_stiffness(qp, theta)*max(0.0_dp, qp%initial_penetration)))
+      largest_force = max(maxval(abs(now%lambda)), maxval(foundation_stiffness(qp, theta)*max(0.0_dp, &
+        qp%initial_penetration)))
       largest_gap = max(maxval(abs(now%y)), maxval(abs(qp%initial_penetration)))
       next = merge(now%lambda >= -rounding*largest_force, now%y > rounding*largest_gap, active)
       next = next .and. .not. is_rigid
@@ -165,7 +173,8 @@ contains
     real(dp), allocatable :: motion(:)
     allocate (now%lambda(qp%n_rows), now%alpha(qp%coarse%n), motion(qp%n_rows))
     now%lambda = 0
-    call winkler_equilibrium(qp, qp%coarse%resultant, foundation_stiffness(qp, theta), qp%initial_penetration, now%alpha)
+    call winkler_equilibrium(qp, qp%coarse%resultant, foundation_stiffness(qp, theta), qp%initial_penetration, &
+      now%alpha)
     call qp%mode_displacement(now%alpha, motion)
     now%y = qp%initial_penetration + motion
     active = now%y > 0
@@ -190,7 +199,8 @@ contains
     active = active .or. now%y + motion > 0
   end subroutine add_support
 
-  !> Whether the contact forces balance the loads of the floating bodies, up to rounding: there is no bound of the error otherwise.
+  !> Whether the contact forces balance the loads of the floating bodies, up to rounding: there is no bound of the error
+  !> otherwise.
   logical function is_balanced(qp, theta, lambda, alpha)
     type(contact_qp_t), intent(in) :: qp
     !> (n_rows) [length/pressure].
@@ -234,7 +244,8 @@ contains
     integer, intent(out) :: steps
     !> As in `find_active_set`.
     type(error_t), allocatable, intent(out) :: error
-    call interior_points(qp, compliance, theta, system, 1/foundation_stiffness(qp, theta), .not. is_rigid, now%lambda, now%alpha, &
+    call interior_points(qp, compliance, theta, system, 1/foundation_stiffness(qp, theta), .not. is_rigid, now%lambda, &
+      now%alpha, &
                          active, steps, error)
     if (.not. allocated(error)) call update_penetrations(qp, compliance, now)
   end subroutine find_inside
@@ -267,7 +278,8 @@ contains
     now%y = qp%initial_penetration - z + motion
   end subroutine update_penetrations
 
-  !> Take rigid constraints out of the active set: rows that no force moves, because all their nodes are held by supports.
+  !> Take rigid constraints out of the active set: rows that no force moves, because all their nodes are held by
+  !> supports.
   subroutine drop_rigid_constraints(qp, compliance, theta, yields, active, is_rigid)
     type(contact_qp_t), intent(in) :: qp
     class(compliance_t), intent(inout) :: compliance
@@ -315,7 +327,8 @@ contains
     yields = abs(yields)
   end subroutine press_all
 
-  !> ||u||_A for relative errors; at least `least_norm` of what the initial penetrations would store in the foundation [sqrt(energy)].
+  !> ||u||_A for relative errors; at least `least_norm` of what the initial penetrations would store in the foundation
+  !> [sqrt(energy)].
   real(dp) function reference_norm(qp, theta, now) result(norm)
     type(contact_qp_t), intent(in) :: qp
     !> (n_rows) [length/pressure].

@@ -10,14 +10,15 @@ module dotyk_scheme_admissible_bound
 
 contains
 
-  !> A bound of ||u - u_theta||_A: the norm of a displacement g, of self-equilibrated forces and rigid body modes, with `B g = y - theta m` on
-  !> the active rows and `B g >= y` elsewhere. `huge` where g misses one of these conditions.
+  !> A bound of ||u - u_theta||_A: the norm of a displacement g, of self-equilibrated forces and rigid body modes, with
+  !> `B g = y - theta m` on the active rows and `B g >= y` elsewhere. `huge` where g misses one of these conditions.
   !>
-  !> u solves exactly the problem whose gaps are larger by B g, in which u_theta + g is as admissible as u_theta is here; both variational
-  !> inequalities, each tested with the solution of the other, add up to `||u - u_theta||_A^2 <= A(u - u_theta, g)`, less
-  !> `sum theta/w (lambda - lambda_theta)^2`. g comes from forces mu that solve the active system with its theta, so that B g is theta mu/w too
-  !> large: that adds `theta mu^2/(4 w)`, the square completed. What rounding leaves of B g, r, adds `lambda.r` and the like with the forces
-  !> of u_theta, which are equal to first order: `x^2 <= |g| x + sum theta mu^2/(4 w) + 2 lambda.r`. [sqrt(energy)]
+  !> u solves exactly the problem whose gaps are larger by B g, in which u_theta + g is as admissible as u_theta is
+  !> here; both variational inequalities, each tested with the solution of the other, add up to
+  !> `||u - u_theta||_A^2 <= A(u - u_theta, g)`, less `sum theta/w (lambda - lambda_theta)^2`. g comes from forces mu
+  !> that solve the active system with its theta, so that B g is theta mu/w too large: that adds `theta mu^2/(4 w)`, the
+  !> square completed. What rounding leaves of B g, r, adds `lambda.r` and the like with the forces of u_theta, which
+  !> are equal to first order: `x^2 <= |g| x + sum theta mu^2/(4 w) + 2 lambda.r`. [sqrt(energy)]
   real(dp) function admissible_bound(qp, compliance, theta, system, lambda, y, rounding) result(bound)
     type(contact_qp_t), intent(in) :: qp
     class(compliance_t), intent(inout) :: compliance

@@ -1,8 +1,10 @@
-!> The compliance of bodies with compliance operators of their own: matrix-free by solves, or as matrices where these are formed.
+!> The compliance of bodies with compliance operators of their own: matrix-free by solves, or as matrices where these
+!> are formed.
 !>
-!> A product without entries solves every body once, side by side. Entries are formed when a scheme asks for them, many rows at a time:
-!> forward substitution gives L^{-1} B^T, and its products the matrices (`dotyk_response_substitution`), in parallel over bodies and blocks
-!> of rows. Congruent bodies have one operator; those that touch in the same way have one matrix (`dotyk_scheme_congruent_rows`).
+!> A product without entries solves every body once, side by side. Entries are formed when a scheme asks for them, many
+!> rows at a time: forward substitution gives L^{-1} B^T, and its products the matrices (`dotyk_response_substitution`),
+!> in parallel over bodies and blocks of rows. Congruent bodies have one operator; those that touch in the same way have
+!> one matrix (`dotyk_scheme_congruent_rows`).
 module dotyk_scheme_body_compliance
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
@@ -26,8 +28,8 @@ module dotyk_scheme_body_compliance
     real(dp), allocatable :: rotation(:, :)
     !> Its contact nodes and their equations.
     type(contact_map_t) :: map
-    !> Diagonal of the stiffness at the contact nodes, in Cartesian components, 0 where not known (dimension*n_contact_nodes)
-    !> [force/length].
+    !> Diagonal of the stiffness at the contact nodes, in Cartesian components, 0 where not known
+    !> (dimension*n_contact_nodes) [force/length].
     real(dp), allocatable :: nodal_stiffness(:)
     !> Entries that a solve goes through twice.
     real(dp) :: cost = 0
@@ -120,7 +122,8 @@ contains
     call self%response(self%body(b)%representative)%form%solve(x)
   end subroutine compliance_solve
 
-  !> z = C lambda: by the matrices of bodies that have all entries, by one solve of every other body that the rows touch.
+  !> z = C lambda: by the matrices of bodies that have all entries, by one solve of every other body that the rows
+  !> touch.
   subroutine compliance_multiply(self, qp, lambda, z)
     class(body_compliance_t), intent(inout) :: self
     !> The rows.
@@ -144,7 +147,8 @@ contains
       if (formed(b)) then
         call multiply_matrix(self%matrix, qp, b, lambda, moved(b)%value)
       else
-        call solve_body(self%response(self%body(b)%representative)%form, self%body(b), qp%block(b), lambda, moved(b)%value)
+        call solve_body(self%response(self%body(b)%representative)%form, self%body(b), qp%block(b), lambda, &
+          moved(b)%value)
       end if
     end do
     !$omp end parallel do
@@ -336,7 +340,8 @@ contains
     do i = 1, size(substitution)
       if (has_to_stop(may_stop)) cycle
       b = substitution(i)%body
-      call substitute_block(response(body(b)%representative)%form, body(b)%map, contact(b), substitution(i)%block, blocks(b))
+      call substitute_block(response(body(b)%representative)%form, body(b)%map, contact(b), substitution(i)%block, &
+        blocks(b))
     end do
     !$omp end do
     !$omp do schedule(dynamic, 1)

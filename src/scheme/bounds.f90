@@ -1,4 +1,5 @@
-!> How far an iterate can be from the solution of the penalty problem (19): three bounds in the energy norm (DESIGN.md, section 2).
+!> How far an iterate can be from the solution of the penalty problem (19): three bounds in the energy norm (DESIGN.md,
+!> section 2).
 module dotyk_scheme_bounds
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use dotyk_base_kinds, only: dp
@@ -10,8 +11,9 @@ contains
 
   !> G >= ||u - u_theta||_A^2 for an iterate with state m >= 0 [energy]; guaranteed, and costs no solve.
   !>
-  !> `G = sum w [(y^+)^2/(2 theta) + theta m^2/2 - m y]`, evaluated as the squares that it is made of; `huge` where some m < 0, because
-  !> the bound does not hold there, and where y > 0 with theta = 0. Free bodies must be in equilibrium with m.
+  !> `G = sum w [(y^+)^2/(2 theta) + theta m^2/2 - m y]`, evaluated as the squares that it is made of; `huge` where some
+  !> m < 0, because the bound does not hold there, and where y > 0 with theta = 0. Free bodies must be in equilibrium
+  !> with m.
   pure real(dp) function duality_gap(weight, theta, m, y) result(gap)
     !> Weights of the contact points (n_rows) [area].
     real(dp), intent(in) :: weight(:)

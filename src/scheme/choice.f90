@@ -48,8 +48,8 @@ contains
     matrix_free = wish == linear_solver_iterative
     if (wish /= linear_solver_direct .and. .not. matrix_free .and. .not. compliance%is_formed(qp)) &
       matrix_free = is_matrix_free_cheaper(qp, compliance, rows)
-    ! Conjugate gradients project on the equilibrium of floating bodies; near-null-space modes are softer than contact by many orders of
-    ! magnitude, and take a factorization.
+    ! Conjugate gradients project on the equilibrium of floating bodies; near-null-space modes are softer than contact
+    ! by many orders of magnitude, and take a factorization.
     if (allocated(qp%coarse%stiffness)) matrix_free = .false.
     if (matrix_free) then
       allocate (iterative)

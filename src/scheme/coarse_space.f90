@@ -21,8 +21,8 @@ module dotyk_scheme_coarse_space
     real(dp), allocatable :: resultant(:)
     !> Stiffness of near-null-space modes; not allocated for rigid body modes (n, n) [force/length].
     real(dp), allocatable :: stiffness(:, :)
-    !> Of near-null-space modes: contribution of prescribed displacements to the resultants, and the sum of the absolute values that they
-    !> are made up of (n) [force].
+    !> Of near-null-space modes: contribution of prescribed displacements to the resultants, and the sum of the absolute
+    !> values that they are made up of (n) [force].
     real(dp), allocatable :: lift_resultant(:), resultant_size(:)
   end type contact_modes_t
 

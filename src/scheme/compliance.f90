@@ -1,8 +1,8 @@
 !> The compliance operator C = B K^+ B^T of all bodies at the rows of a contact QP, as the schemes see it.
 !>
-!> B lives in the QP (`dotyk_scheme_contact_qp`), K^+ here; a restriction of a QP to some of its rows, or an aggregation of them, is passed to
-!> the same operator. Products are always possible. Entries are where they were formed: what forms them, and what it costs, is up to the
-!> extension (`dotyk_scheme_dense_compliance`, `dotyk_scheme_body_compliance`).
+!> B lives in the QP (`dotyk_scheme_contact_qp`), K^+ here; a restriction of a QP to some of its rows, or an aggregation
+!> of them, is passed to the same operator. Products are always possible. Entries are where they were formed: what forms
+!> them, and what it costs, is up to the extension (`dotyk_scheme_dense_compliance`, `dotyk_scheme_body_compliance`).
 module dotyk_scheme_compliance
   use dotyk_base_kinds, only: dp
   use dotyk_scheme_contact_qp, only: contact_qp_t

@@ -1,5 +1,5 @@
-!> Congruent bodies whose rows of B are the same, as in a row of equal bodies that touch in the same way: their compliances
-!> `B_b K_b^+ B_b^T` are one matrix.
+!> Congruent bodies whose rows of B are the same, as in a row of equal bodies that touch in the same way: their
+!> compliances `B_b K_b^+ B_b^T` are one matrix.
 module dotyk_scheme_congruent_rows
   use dotyk_base_kinds, only: dp
   use dotyk_contact_operator, only: contact_block_t

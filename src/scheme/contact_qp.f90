@@ -1,14 +1,15 @@
 !> The contact problem as a quadratic programme: what a scheme is given, and nobody changes.
 !>
-!> In the displacements it is `min u^T K u/2 - f^T u + penalty` subject to the contact rows `B u - d <= 0`; in the Lagrange multipliers, the
-!> contact forces `lambda = W p >= 0`,
+!> In the displacements it is `min u^T K u/2 - f^T u + penalty` subject to the contact rows `B u - d <= 0`; in the
+!> Lagrange multipliers, the contact forces `lambda = W p >= 0`,
 !>
 !>     min lambda^T (C + Theta W^{-1}) lambda/2 - lambda^T y_0    subject to  lambda >= 0,  G^T lambda + S alpha = e,
 !>
-!> with `C = B K^+ B^T` (`dotyk_scheme_compliance`), the initial penetration `y_0 = B u_0 - d` of the solution without contact u_0, and the
-!> rigid body modes `G = B R` of floating bodies, their resultants e and springs S (`dotyk_scheme_coarse_space`). Every iterate is
-!> `u = u_0 - K^+ B^T W m + R alpha`: its state is one pressure m per row, and the amplitudes alpha. Then `y = B u - d = y_0 - C W m + G alpha`.
-!> The penalty parameter theta and the tolerance are arguments of a solve. (docs/theory.md)
+!> with `C = B K^+ B^T` (`dotyk_scheme_compliance`), the initial penetration `y_0 = B u_0 - d` of the solution without
+!> contact u_0, and the rigid body modes `G = B R` of floating bodies, their resultants e and springs S
+!> (`dotyk_scheme_coarse_space`). Every iterate is `u = u_0 - K^+ B^T W m + R alpha`: its state is one pressure m per
+!> row, and the amplitudes alpha. Then `y = B u - d = y_0 - C W m + G alpha`. The penalty parameter theta and the
+!> tolerance are arguments of a solve. (docs/theory.md)
 module dotyk_scheme_contact_qp
   use dotyk_base_kinds, only: dp
   use dotyk_contact_operator, only: contact_block_t, contact_operator_t
@@ -24,8 +25,8 @@ module dotyk_scheme_contact_qp
     integer :: dimension = 0
     !> Rows of pair k are pair_first_row(k) .. pair_first_row(k+1)-1 (n_pairs+1).
     integer, allocatable :: pair_first_row(:)
-    !> Aggregations that the QP has gone through, and row of the QP of the same level that each row is: a restriction is an index set over
-    !> the rows of that one (n_rows).
+    !> Aggregations that the QP has gone through, and row of the QP of the same level that each row is: a restriction is
+    !> an index set over the rows of that one (n_rows).
     integer :: level = 0
     integer, allocatable :: parent_row(:)
     !> Weights w (n_rows) [area].
@@ -36,9 +37,11 @@ module dotyk_scheme_contact_qp
     type(contact_block_t), allocatable :: block(:)
     !> y_0 = B u_0 - d (n_rows) [length].
     real(dp), allocatable :: initial_penetration(:)
-    !> B K^+ f with supports at rest (n_rows) [length]: `sum w m load_displacement` is the work of the loads on K^+ B^T W m.
+    !> B K^+ f with supports at rest (n_rows) [length]: `sum w m load_displacement` is the work of the loads on K^+ B^T
+    !> W m.
     real(dp), allocatable :: load_displacement(:)
-    !> Compliance of the Winkler foundation that stands for the bodies where a scheme needs a first guess (n_rows) [length/pressure].
+    !> Compliance of the Winkler foundation that stands for the bodies where a scheme needs a first guess (n_rows)
+    !> [length/pressure].
     real(dp), allocatable :: foundation(:)
     !> Rigid body modes that the supports leave.
     type(coarse_space_t) :: coarse
@@ -57,7 +60,8 @@ module dotyk_scheme_contact_qp
 contains
 
   !> Make the QP.
-  subroutine qp_init(self, operator, initial_penetration, load_displacement, energy_0, norm_square_0, foundation, coarse)
+  subroutine qp_init(self, operator, initial_penetration, load_displacement, energy_0, norm_square_0, foundation, &
+    coarse)
     class(contact_qp_t), intent(out) :: self
     !> Rows of B, weights and gaps; without its blocks on return.
     type(contact_operator_t), intent(inout) :: operator
@@ -158,8 +162,8 @@ contains
     norm = sqrt(max(0.0_dp, norm))
   end function qp_energy_norm
 
-  !> F_theta(u) of (19) [energy]; without the energy of penetrations where theta = 0. The work of the loads cancels, because u_0 is in
-  !> equilibrium with them, except for the work on rigid body modes.
+  !> F_theta(u) of (19) [energy]; without the energy of penetrations where theta = 0. The work of the loads cancels,
+  !> because u_0 is in equilibrium with them, except for the work on rigid body modes.
   real(dp) function qp_energy(self, theta, m, y, alpha) result(energy)
     class(contact_qp_t), intent(in) :: self
     !> Penalty parameters (n_rows) [length/pressure].
@@ -175,7 +179,8 @@ contains
     call find_compliance_product(self, y, product, alpha)
     energy = self%energy_0 + 0.5_dp*sum(self%weight*m*product) + &
       0.5_dp*sum(self%weight*max(0.0_dp, y)**2/theta, mask=theta > 0)
-    if (present(alpha)) energy = energy + dot_product(alpha, 0.5_dp*self%coarse%stiffness_forces(alpha) - self%coarse%resultant)
+    if (present(alpha)) energy = energy + dot_product(alpha, 0.5_dp*self%coarse%stiffness_forces(alpha) - &
+      self%coarse%resultant)
   end function qp_energy
 
   !> Nodal contact forces on one body, - B_b^T W m.

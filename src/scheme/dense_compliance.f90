@@ -1,7 +1,7 @@
 !> The compliance of the bodies as dense matrices, one for each body, at those rows where they were formed.
 !>
-!> Congruent bodies that touch in the same way share one matrix. Rows are numbered as in the QP that the operator was made for; QPs that
-!> are restrictions of it know their rows there (`parent_row`).
+!> Congruent bodies that touch in the same way share one matrix. Rows are numbered as in the QP that the operator was
+!> made for; QPs that are restrictions of it know their rows there (`parent_row`).
 module dotyk_scheme_dense_compliance
   use dotyk_base_kinds, only: dp
   use dotyk_scheme_compliance, only: compliance_t, entries_t

@@ -1,18 +1,20 @@
 !> The dual scheme: Lagrange multipliers lambda = W p >= 0 as unknowns, any theta >= 0, held and floating bodies.
 !>
-!> It minimises `lambda^T (C + Theta W^{-1}) lambda/2 - lambda^T y_0` over `lambda >= 0` with `G^T lambda = e`, the equilibrium of the floating
-!> bodies, by a primal-dual active set iteration (`dotyk_scheme_active_set`) that begins with the solution on groups of rows
-!> (`dotyk_scheme_multilevel_start`).
+!> It minimises `lambda^T (C + Theta W^{-1}) lambda/2 - lambda^T y_0` over `lambda >= 0` with `G^T lambda = e`, the
+!> equilibrium of the floating bodies, by a primal-dual active set iteration (`dotyk_scheme_active_set`) that begins
+!> with the solution on groups of rows (`dotyk_scheme_multilevel_start`).
 !>
-!> Rows that would stay inactive if the bodies were rigid on a Winkler foundation are screened: they are not in the working set. At the end
-!> the displacement tells which of them are violated; these are added to the working set, and the problem is solved again.
+!> Rows that would stay inactive if the bodies were rigid on a Winkler foundation are screened: they are not in the
+!> working set. At the end the displacement tells which of them are violated; these are added to the working set, and
+!> the problem is solved again.
 module dotyk_scheme_dual
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use dotyk_base_error, only: error_t
   use dotyk_base_interrupt, only: interrupted, stop_if_interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
-  use dotyk_scheme_active_set, only: iterate_t, find_active_set, is_balanced, reference_norm, rest_on_winkler_foundation, rounding, &
+  use dotyk_scheme_active_set, only: iterate_t, find_active_set, is_balanced, reference_norm, &
+    rest_on_winkler_foundation, rounding, &
     update_penetrations
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_admissible_bound, only: admissible_bound
@@ -25,7 +27,8 @@ module dotyk_scheme_dual
   use dotyk_scheme_multilevel_start, only: few_rows, find_start
   use dotyk_scheme_restriction, only: restrict_qp
   use dotyk_scheme_scheme, only: scheme_t
-  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_interrupted, ended_limit, ended_no_equilibrium, &
+  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_interrupted, ended_limit, &
+    ended_no_equilibrium, &
     ended_rigid_constraint, ended_stalled
   use dotyk_scheme_stopping, only: solver_settings_t
   use dotyk_scheme_winkler_start, only: find_unbounded_direction
@@ -49,7 +52,8 @@ module dotyk_scheme_dual
   integer, parameter :: most_widenings = 10
   !> Rows enter it that this direction closes by more than this fraction of the most.
   real(dp), parameter :: closing = 1.0e-3_dp
-  !> Scenes of more rigid body modes than this, and fewer rows for each, are solved with all rows, by the interior point method first.
+  !> Scenes of more rigid body modes than this, and fewer rows for each, are solved with all rows, by the interior point
+  !> method first.
   integer, parameter :: many_modes = 60, rows_per_mode = 30
   !> A fraction of all rows that is not worth screening: to look at them in the end takes a solve.
   real(dp), parameter :: not_worth_screening = 0.2_dp
@@ -91,10 +95,11 @@ contains
     real(dp), intent(in) :: theta(:)
     type(solver_settings_t), intent(in) :: settings
     class(monitor_t), intent(inout) :: monitor
-    !> Where to begin if it has pressures, such as a state with another theta; without pressures on return where the scheme ended before
-    !> the first step.
+    !> Where to begin if it has pressures, such as a state with another theta; without pressures on return where the
+    !> scheme ended before the first step.
     type(solver_state_t), intent(inout) :: state
-    !> Allocated where the system of an active set is not positive definite, or an interrupt came before there was a state.
+    !> Allocated where the system of an active set is not positive definite, or an interrupt came before there was a
+    !> state.
     type(error_t), allocatable, intent(out) :: error
     class(active_system_t), allocatable :: system
     type(contact_qp_t) :: part
@@ -112,7 +117,8 @@ contains
       if (state%ended == ended_no_equilibrium) return
     end if
     call choose_solver(qp, compliance, settings%linear_solver, working, system)
-    if (.not. system%needs_entries()) call monitor%note('active sets      by conjugate gradients, '//to_text(count(working))// &
+    if (.not. system%needs_entries()) call monitor%note('active sets      by conjugate gradients, '// &
+      to_text(count(working))// &
                                                         ' rows in the working set')
     do round = 1, most_rounds
       if (.not. all(working) .and. qp%coarse%n > 0) call keep_what_carries(qp, working)
@@ -142,7 +148,8 @@ contains
       ! Rows within as much again of being violated enter too.
       working = working .or. state%y > -2*maxval(state%y, mask=violated)
       earlier = state%history
-      ! A start from a near state is kept; a start from groups of rows is made anew, unless active sets are hard to find.
+      ! A start from a near state is kept; a start from groups of rows is made anew, unless active sets are hard to
+      ! find.
       warm = warm .or. qp%coarse%n > 0 .and. state%ended == ended_converged
     end do
     call system%destroy()
@@ -192,8 +199,8 @@ contains
     working = working .or. abs(now%y) < touching*maxval(abs(now%y))
   end subroutine screen_rows
 
-  !> Many bodies with few rows each: they roll and tilt farther than groups of rows or rigid bodies tell, active sets cycle, and more rows
-  !> cost little.
+  !> Many bodies with few rows each: they roll and tilt farther than groups of rows or rigid bodies tell, active sets
+  !> cycle, and more rows cost little.
   pure logical function has_many_modes(qp)
     type(contact_qp_t), intent(in) :: qp
     has_many_modes = qp%coarse%n > many_modes .and. qp%n_rows < rows_per_mode*qp%coarse%n
@@ -289,7 +296,8 @@ contains
         call system%solve(qp, compliance, 0*now%lambda, qp%coarse%resultant, now%lambda, now%alpha)
       state%ended = ended_converged
     else
-      call find_active_set(qp, compliance, theta, settings%max_iterations, settings%tolerance, monitor, system, now, active, state, &
+      call find_active_set(qp, compliance, theta, settings%max_iterations, settings%tolerance, monitor, system, now, &
+        active, state, &
                            error, start_inside=.not. warm .and. has_many_modes(qp))
     end if
     if (.not. allocated(error) .and. state%ended /= ended_rigid_constraint) &

@@ -8,10 +8,11 @@ module dotyk_scheme_line_search
 
 contains
 
-  !> The minimum t >= 0 of `t slope + t^2 curvature/2 + sum k max(0, position + t change)^2/2`; `huge` where it has none.
+  !> The minimum t >= 0 of `t slope + t^2 curvature/2 + sum k max(0, position + t change)^2/2`; `huge` where it has
+  !> none.
   !>
-  !> The derivative never falls and is linear between kinks, where a position goes through zero: bisection over the sorted kinks finds
-  !> the interval, interpolation the zero.
+  !> The derivative never falls and is linear between kinks, where a position goes through zero: bisection over the
+  !> sorted kinks finds the interval, interpolation the zero.
   pure real(dp) function line_minimum(slope, curvature, k, position, change) result(t)
     !> Derivative of the smooth part at t = 0, and its second derivative (not negative).
     real(dp), intent(in) :: slope, curvature

@@ -1,4 +1,5 @@
-!> Who watches an iteration: schemes tell it each step, and what is worth a line. How that is shown is up to its extensions.
+!> Who watches an iteration: schemes tell it each step, and what is worth a line. How that is shown is up to its
+!> extensions.
 module dotyk_scheme_monitor
   use dotyk_base_kinds, only: dp
   use dotyk_scheme_history, only: history_t

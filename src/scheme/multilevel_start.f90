@@ -1,9 +1,9 @@
 !> Where the active-set iteration begins: the solution of the same contact problem on groups of rows, level by level.
 !>
-!> Neighbouring contact rows are aggregated to groups of a few (weighted mean gap and displacement, one force distributed over the rows).
-!> Their active set is found first, on groups of groups if they are many, and so on; it costs next to nothing, and the forces of the groups
-!> tell which rows start active. Without it, active sets would shrink ring by ring from far too large ones, and entries of the compliance
-!> be formed for rows that are never active.
+!> Neighbouring contact rows are aggregated to groups of a few (weighted mean gap and displacement, one force
+!> distributed over the rows). Their active set is found first, on groups of groups if they are many, and so on; it
+!> costs next to nothing, and the forces of the groups tell which rows start active. Without it, active sets would
+!> shrink ring by ring from far too large ones, and entries of the compliance be formed for rows that are never active.
 module dotyk_scheme_multilevel_start
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
@@ -29,8 +29,8 @@ module dotyk_scheme_multilevel_start
   integer, parameter :: most_rows = 6
   !> Active sets of the groups at most: a start need not be exact.
   integer, parameter :: most_steps = 12
-  !> A row of an active group starts active unless its gap exceeds this fraction of the group's self-indentation, the displacement by the
-  !> group's own force.
+  !> A row of an active group starts active unless its gap exceeds this fraction of the group's self-indentation, the
+  !> displacement by the group's own force.
   real(dp), parameter :: gap_over_indentation = 0.5_dp
 
 contains
@@ -139,8 +139,8 @@ contains
     indentation = max(0.0_dp, now%lambda)*indentation
   end subroutine solve_groups
 
-  !> Group each row that is still single with its single neighbours: rows of a pair that share a node. Rows that are left over join a
-  !> neighbouring group.
+  !> Group each row that is still single with its single neighbours: rows of a pair that share a node. Rows that are
+  !> left over join a neighbouring group.
   subroutine group_rows(qp, group, n_groups)
     type(contact_qp_t), intent(in) :: qp
     !> Of each row; groups are numbered pair by pair (n_rows), and their number.

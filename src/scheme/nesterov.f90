@@ -1,8 +1,8 @@
 !> The Neumann iteration with Nesterov's momentum, restarted when it points uphill.
 !>
-!> With G = A a step of (32) is a gradient step for F_theta, which is 1-strongly convex and (1+L)-smooth in the energy norm. Momentum makes
-!> of the factor 1 - 2/(2+L) one of about 1 - 1/sqrt(1+L); the restart (O'Donoghue, Candes 2015) finds it without knowing how convex F_theta
-!> is near the solution.
+!> With G = A a step of (32) is a gradient step for F_theta, which is 1-strongly convex and (1+L)-smooth in the energy
+!> norm. Momentum makes of the factor 1 - 2/(2+L) one of about 1 - 1/sqrt(1+L); the restart (O'Donoghue, Candes 2015)
+!> finds it without knowing how convex F_theta is near the solution.
 module dotyk_scheme_nesterov
   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
   use dotyk_base_error, only: error_t

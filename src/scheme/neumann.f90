@@ -1,8 +1,9 @@
 !> The parallel Neumann scheme (43)-(46).
 !>
-!> On every body at once a linear problem with the last known contact pressure as traction, then a relaxation. With the state of
-!> `dotyk_scheme_contact_qp`: `p = max(0, y)/theta`, `z = C W p` (one solve of every body), `m := gamma p + (1-gamma) m`, and
-!> `y := gamma (y_0 - z) + (1-gamma) y`, which forgets its rounding errors in the course of the iteration.
+!> On every body at once a linear problem with the last known contact pressure as traction, then a relaxation. With the
+!> state of `dotyk_scheme_contact_qp`: `p = max(0, y)/theta`, `z = C W p` (one solve of every body),
+!> `m := gamma p + (1-gamma) m`, and `y := gamma (y_0 - z) + (1-gamma) y`, which forgets its rounding errors in the
+!> course of the iteration.
 module dotyk_scheme_neumann
   use dotyk_base_error, only: error_t, set_error
   use dotyk_base_kinds, only: dp
@@ -58,8 +59,8 @@ contains
     end associate
   end subroutine neumann_solve
 
-  !> The first iterate of any form of the scheme, u_0 unless the state has pressures, with L and gamma. Without contact rows it is the
-  !> solution.
+  !> The first iterate of any form of the scheme, u_0 unless the state has pressures, with L and gamma. Without contact
+  !> rows it is the solution.
   subroutine begin_iteration(qp, compliance, theta, settings, state)
     type(contact_qp_t), intent(in) :: qp
     class(compliance_t), intent(inout) :: compliance
@@ -121,7 +122,8 @@ contains
       state%m = gamma*p + (1 - gamma)*state%m
       state%y = gamma*(qp%initial_penetration - z) + (1 - gamma)*state%y
       ! The new iterate has q times the error of the last at most.
-      if (stopping%check(qp, theta, state%q_predicted*residual, gamma*residual, gamma >= gamma_limit(state%lambda_max), monitor, &
+      if (stopping%check(qp, theta, state%q_predicted*residual, gamma*residual, &
+        gamma >= gamma_limit(state%lambda_max), monitor, &
                          state, bound_of_paper(gamma, state%lambda_max, gamma*residual))) exit
     end do
   end subroutine iterate
@@ -151,7 +153,8 @@ contains
     !> With L and gamma.
     type(solver_state_t), intent(in) :: state
     call monitor%note('relaxation       gamma '//to_text(state%gamma, 4)//', largest eigenvalue L <= '// &
-                      to_text(state%lambda_max, 4)//', contraction factor per step at most '//to_text(state%q_predicted, 6))
+                      to_text(state%lambda_max, 4)//', contraction factor per step at most '// &
+                      to_text(state%q_predicted, 6))
     if (state%gamma >= gamma_limit(state%lambda_max)) call monitor%note('warning: gamma = '//to_text(state%gamma)// &
       ' may diverge; gamma below 2/(1+L) = '//to_text(gamma_limit(state%lambda_max))//' converges')
   end subroutine announce

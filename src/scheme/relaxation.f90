@@ -9,8 +9,8 @@ module dotyk_scheme_relaxation
   implicit none
   private
 
-  !> `Theta^{-1/2} W^{1/2} C W^{1/2} Theta^{-1/2}`: symmetric, with the spectrum of `Theta^{-1} C W`. The pointers are to dummy arguments
-  !> of the procedure that has it as a local variable.
+  !> `Theta^{-1/2} W^{1/2} C W^{1/2} Theta^{-1/2}`: symmetric, with the spectrum of `Theta^{-1} C W`. The pointers are
+  !> to dummy arguments of the procedure that has it as a local variable.
   type, extends(linear_operator_t), public :: penalty_compliance_t
     class(compliance_t), pointer :: compliance => null()
     type(contact_qp_t), pointer :: qp => null()
@@ -22,7 +22,8 @@ module dotyk_scheme_relaxation
 
   public :: estimate_lambda_max, relaxation_parameter
 
-  !> Stands for an L that an interrupt left unknown: no L is larger, so that all bounds made with it hold, and no step is too long.
+  !> Stands for an L that an interrupt left unknown: no L is larger, so that all bounds made with it hold, and no step
+  !> is too long.
   real(dp), parameter, public :: lambda_max_unknown = 1.0e100_dp
 
   !> Relative residual at which the Ritz value is taken for converged.
@@ -34,7 +35,8 @@ module dotyk_scheme_relaxation
 
 contains
 
-  !> Upper estimate of L = lambda_max(Theta^{-1} C W), `1.02 (Ritz value + residual)`: gamma = 2/(2+L) diverges already when L is short by 1.
+  !> Upper estimate of L = lambda_max(Theta^{-1} C W), `1.02 (Ritz value + residual)`: gamma = 2/(2+L) diverges already
+  !> when L is short by 1.
   subroutine estimate_lambda_max(qp, compliance, theta, lambda_max)
     type(contact_qp_t), intent(in), target :: qp
     class(compliance_t), intent(inout), target :: compliance

@@ -1,7 +1,7 @@
 !> A contact QP on fewer rows: restricted to some of them, or with rows aggregated to groups.
 !>
-!> A restriction leaves out rows that stay inactive; it has the same compliance operator. A group of an aggregation is one row: weighted
-!> mean gap and displacement of its rows, one force distributed over them by weight.
+!> A restriction leaves out rows that stay inactive; it has the same compliance operator. A group of an aggregation is
+!> one row: weighted mean gap and displacement of its rows, one force distributed over them by weight.
 module dotyk_scheme_restriction
   use dotyk_base_kinds, only: dp
   use dotyk_contact_operator, only: contact_block_t

@@ -1,10 +1,11 @@
-!> The parallel Robin scheme: G = A + X in (32), X the penalty form of each body by itself on the rows that are likely to be active.
+!> The parallel Robin scheme: G = A + X in (32), X the penalty form of each body by itself on the rows that are likely
+!> to be active.
 !>
-!> On every body at once `(K_a + B_a^T D B_a)(u_a^{k+1} - u_a^k) = -gamma (K_a u_a^k - f_a + B_a^T W p^k)`, `D = Theta^{-1} W` on those rows:
-!> each side of a row lies on a spring whose other end is held where the other side was. With the body's own compliance
-!> `C_a = B_a K_a^{-1} B_a^T` and its own forces, `u_a = u0_a - K_a^{-1} B_a^T lambda_a`, this is
-!> `lambda_a += gamma (I + D C_a)^{-1} (W p - lambda_a)`: no solve of a body once the entries of C_a are there. Both sides agree on the
-!> force at the solution only.
+!> On every body at once `(K_a + B_a^T D B_a)(u_a^{k+1} - u_a^k) = -gamma (K_a u_a^k - f_a + B_a^T W p^k)`,
+!> `D = Theta^{-1} W` on those rows: each side of a row lies on a spring whose other end is held where the other side
+!> was. With the body's own compliance `C_a = B_a K_a^{-1} B_a^T` and its own forces,
+!> `u_a = u0_a - K_a^{-1} B_a^T lambda_a`, this is `lambda_a += gamma (I + D C_a)^{-1} (W p - lambda_a)`: no solve of a
+!> body once the entries of C_a are there. Both sides agree on the force at the solution only.
 module dotyk_scheme_robin
   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
   use dotyk_base_error, only: error_t

@@ -1,6 +1,7 @@
 !> What every scheme is: a solver of a contact QP for a given penalty parameter, with properties that others ask for.
 !>
-!> A new scheme is an extension in a file of its own, a name in `dotyk_base_options`, and a line in `dotyk_scheme_registry`.
+!> A new scheme is an extension in a file of its own, a name in `dotyk_base_options`, and a line in
+!> `dotyk_scheme_registry`.
 module dotyk_scheme_scheme
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp

@@ -1,6 +1,7 @@
 !> The state of a scheme: Lagrange multipliers, amplitudes of the rigid body modes, history, and how the scheme ended.
 !>
-!> A state with pressures is where a scheme begins (a warm start), one without them begins at the solution without contact.
+!> A state with pressures is where a scheme begins (a warm start), one without them begins at the solution without
+!> contact.
 module dotyk_scheme_solver_state
   use dotyk_base_kinds, only: dp
   use dotyk_scheme_history, only: history_t
@@ -25,10 +26,11 @@ module dotyk_scheme_solver_state
     real(dp), allocatable :: y(:)
     !> Amplitudes of the rigid body modes, body after body; of size 0 where all bodies are held [length].
     real(dp), allocatable :: alpha(:)
-    !> Indeterminate rigid body modes, which neither contact nor loads determine, as columns of amplitudes (size of alpha, number of
-    !> them).
+    !> Indeterminate rigid body modes, which neither contact nor loads determine, as columns of amplitudes (size of
+    !> alpha, number of them).
     real(dp), allocatable :: indeterminate(:, :)
-    !> Where ended_no_equilibrium: amplitudes of an unbounded direction, a motion that the loads excite and no contact can stop.
+    !> Where ended_no_equilibrium: amplitudes of an unbounded direction, a motion that the loads excite and no contact
+    !> can stop.
     real(dp), allocatable :: unbounded(:)
     !> How it ended: one of the parameters above.
     integer :: ended = ended_limit
@@ -40,7 +42,8 @@ module dotyk_scheme_solver_state
     real(dp) :: gamma = 0
     !> Upper estimate of L; 0 where not known [].
     real(dp) :: lambda_max = 0
-    !> Contraction factor per step that the theory promises at worst (sharp), and the one that was measured at the end [].
+    !> Contraction factor per step that the theory promises at worst (sharp), and the one that was measured at the end
+    !> [].
     real(dp) :: q_predicted = 0, q_measured = 0
     !> Guaranteed bound of the relative error in the energy norm, and the one of (41) [].
     real(dp) :: error_bound = 0, error_bound_paper = 0
@@ -58,8 +61,8 @@ module dotyk_scheme_solver_state
 
 contains
 
-  !> Add rounding to the error bound. Where rounding alone exceeds the tolerance, the tolerance has not been reached, unless no result in
-  !> double precision could be more accurate.
+  !> Add rounding to the error bound. Where rounding alone exceeds the tolerance, the tolerance has not been reached,
+  !> unless no result in double precision could be more accurate.
   subroutine state_add_rounding(self, rounding, unavoidable, tolerance)
     class(solver_state_t), intent(inout) :: self
     !> Relative, in the energy norm: of this solution, and of any displacements that are stored in double precision [].

@@ -9,7 +9,8 @@ module dotyk_scheme_stopping
   use dotyk_scheme_bounds, only: duality_gap
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_monitor, only: monitor_t
-  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_limit, ended_diverged, ended_interrupted, &
+  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_limit, ended_diverged, &
+    ended_interrupted, &
     ended_stalled
   implicit none
   private
@@ -67,7 +68,8 @@ contains
     type(solver_settings_t), intent(in) :: settings
     !> Factor per step that the theory promises; 1 or more where it promises none [].
     real(dp), intent(in) :: q
-    !> Whether the scheme takes back steps that lead away, and whether the two sides of its rows have states of their own; not if absent.
+    !> Whether the scheme takes back steps that lead away, and whether the two sides of its rows have states of their
+    !> own; not if absent.
     logical, intent(in), optional :: safeguarded, split
     self%settings = settings
     if (present(safeguarded)) self%safeguarded = safeguarded
@@ -85,12 +87,14 @@ contains
   end subroutine stopping_tighten
 
   !> Record a step, and say whether it was the last.
-  logical function stopping_check(self, qp, theta, bound, length, diverges, monitor, state, bound_of_paper) result(finished)
+  logical function stopping_check(self, qp, theta, bound, length, diverges, monitor, state, &
+    bound_of_paper) result(finished)
     class(stopping_t), intent(inout) :: self
     type(contact_qp_t), intent(in) :: qp
     !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
-    !> A guaranteed bound of ||u - u_theta||_A besides that of the duality gap, and the length of the step [sqrt(energy)].
+    !> A guaranteed bound of ||u - u_theta||_A besides that of the duality gap, and the length of the step
+    !> [sqrt(energy)].
     real(dp), intent(in) :: bound, length
     !> Whether no gain means divergence (gamma is too large) and not rounding.
     logical, intent(in) :: diverges
@@ -112,7 +116,8 @@ contains
       if (present(bound_of_paper)) state%error_bound_paper = relative(bound_of_paper, norm)
       state%energy = qp%energy(theta, m, y)
       state%max_penetration = max(0.0_dp, maxval(y))
-      call state%history%add(wall_time() - self%start, length, relative(length, norm), state%error_bound, state%energy, &
+      call state%history%add(wall_time() - self%start, length, relative(length, norm), state%error_bound, &
+        state%energy, &
                              state%max_penetration, count(y > 0))
     end associate
     k = state%history%n
