@@ -39,8 +39,8 @@ contains
     first = first_mode(problem%modes)
     order = largest_first(real(problem%body%constraint%n_equations, dp))
     call set_blas_threads(problem%n_blas)
-    !$omp parallel do default(none) shared(problem, qp, compliance, m, alpha, first, want_stress, solution, order) private(b) &
-    !$omp& schedule(dynamic, 1) if (compliance%side_by_side)
+    !$omp parallel do default(none) private(b) schedule(dynamic, 1) &
+    !$omp& shared(problem, qp, compliance, m, alpha, first, want_stress, solution, order) if (compliance%side_by_side)
     do i = 1, size(solution)
       b = order(i)
       call recover_body(problem, qp, compliance, b, m, alpha(first(b):first(b + 1) - 1), want_stress, solution(b))

@@ -59,8 +59,8 @@ contains
     allocate (part(size(body)), isolated(size(body)))
     order = largest_first(real(body%constraint%n_equations, dp))
     call set_blas_threads(n_blas)
-    !$omp parallel do default(none) shared(body, block, response, representative, part, isolated, order, side_by_side) private(b) &
-    !$omp& schedule(dynamic, 1) if (side_by_side)
+    !$omp parallel do default(none) private(b) schedule(dynamic, 1) &
+    !$omp& shared(body, block, response, representative, part, isolated, order, side_by_side) if (side_by_side)
     do i = 1, size(body)
       b = order(i)
       call solve_body(body(b), response(representative(b))%form, block(b)%contact_node, part(b), isolated(b))

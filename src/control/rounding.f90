@@ -80,8 +80,8 @@ contains
     integer :: order(size(solution)), i, b
     order = largest_first(real(problem%body%constraint%n_equations, dp))
     call set_blas_threads(problem%n_blas)
-    !$omp parallel do default(none) shared(problem, rows, compliance, m, solution, distance, order, error) private(b, failed) &
-    !$omp& schedule(dynamic, 1) if (compliance%side_by_side)
+    !$omp parallel do default(none) private(b, failed) schedule(dynamic, 1) &
+    !$omp& shared(problem, rows, compliance, m, solution, distance, order, error) if (compliance%side_by_side)
     do i = 1, size(solution)
       b = order(i)
       call measure_body(problem%body(b), rows, compliance, b, m, solution(b)%displacement, distance(b), failed)

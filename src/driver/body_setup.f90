@@ -9,7 +9,7 @@ module dotyk_driver_body_setup
   use dotyk_control_congruence_classes, only: congruence_classes_t
   use dotyk_driver_locking, only: would_lock
   use dotyk_driver_materials, only: build_material
-  use dotyk_driver_parallel, only: largest_first
+  use dotyk_control_parallel, only: largest_first
   use dotyk_driver_volumes, only: volume_t
   use dotyk_elasticity_body, only: body_t, free_rigid_modes, stiffness_t
   use dotyk_elasticity_body_modes, only: body_modes_t

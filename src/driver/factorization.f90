@@ -79,8 +79,8 @@ contains
     integer :: i, b, order(size(body))
     allocate (direct(size(body)), size_of(size(body)), failed(size(body)))
     order = largest_first(real(body%constraint%n_equations, dp))
-    !$omp parallel do default(none) shared(body, modes, stiffness, classes, block, form, n_products, direct, size_of, failed, order) &
-    !$omp& private(b, node, work) schedule(dynamic, 1)
+    !$omp parallel do default(none) schedule(dynamic, 1) private(b, node, work) &
+    !$omp& shared(body, modes, stiffness, classes, block, form, n_products, direct, size_of, failed, order)
     do i = 1, size(body)
       b = order(i)
       if (interrupted()) cycle
@@ -191,7 +191,8 @@ contains
     allocate (failed(size(body)), report(size(body)))
     order = largest_first(size_of%flops)
     call set_blas_threads(1)
-    !$omp parallel default(none) shared(body, classes, split_near_null, stiffness, direct, report, failed, order) private(i, b)
+    !$omp parallel default(none) private(i, b) &
+    !$omp& shared(body, classes, split_near_null, stiffness, direct, report, failed, order)
     !$omp single
     do i = 1, size(body)
       b = order(i)

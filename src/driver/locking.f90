@@ -61,8 +61,8 @@ contains
     if (case%solver%locking == locking_ignore) then
       call log%line('  warning: '//to_text(n)//" bodies are nearly incompressible, and may lock (locking='ignore')")
     else
-      call log%line('  nearly incompressible: '//to_text(n)//' bodies, projected dilatation; nodes '//to_text(before)// &
-        &
+      call log%line('  nearly incompressible: '//to_text(n)//' bodies, projected dilatation; nodes '// &
+        to_text(before)// &
                     ' in the mesh, '//to_text(after)//' now')
     end if
   end subroutine show_locking

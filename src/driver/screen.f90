@@ -4,7 +4,7 @@ module dotyk_driver_screen
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_log, only: log_t
   use dotyk_base_options, only: analysis_axisymmetric, analysis_names, discretization_quadrature, option_name
-  use dotyk_base_text, only: to_text
+  use dotyk_base_text, only: quoted, to_text
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_control_conditioning, only: conditioning_t
   use dotyk_control_congruence_classes, only: congruence_classes_t
@@ -240,8 +240,8 @@ contains
     end if
     call log%line('  '//outcome(state)//' after '//plural(state%iterations, 'step', 'steps')//' ('// &
                   plural(body_solves, 'solve', 'solves')//' of each body at most), '//duration(seconds))
-    call log%line('  error bound      '//to_text(state%error_bound, 3)//' of the energy norm, guaranteed (tolerance '// &
-      &
+    call log%line('  error bound      '//to_text(state%error_bound, 3)// &
+      ' of the energy norm, guaranteed (tolerance '// &
                   to_text(tolerance)//')')
     if (state%ended == ended_converged .and. &
       state%error_bound > tolerance) call log%line('  rounding         puts the bound '// &
@@ -368,8 +368,8 @@ contains
         cycle
       end if
       line = line//'condition '//to_text(conditioning(b)%condition, 2)
-      if (conditioning(b)%n_near_null > 0) line = line//', '//to_text(conditioning(b)%condition_left, 2)//' without '// &
-        &
+      if (conditioning(b)%n_near_null > 0) line = line//', '//to_text(conditioning(b)%condition_left, 2)// &
+        ' without '// &
                                        to_text(conditioning(b)%n_near_null)//' soft '// &
                                        trim(merge('motion ', 'motions', conditioning(b)%n_near_null == 1))// &
                                        ' treated apart'

@@ -140,7 +140,8 @@ contains
       call self%matrix%multiply(qp, lambda, z)
       return
     end if
-    !$omp parallel do default(none) shared(self, qp, lambda, moved, formed) private(b) schedule(dynamic, 1) if (self%side_by_side)
+    !$omp parallel do default(none) shared(self, qp, lambda, moved, formed) private(b) schedule(dynamic, 1) &
+    !$omp& if (self%side_by_side)
     do i = 1, size(self%sequence)
       b = self%sequence(i)
       if (size(qp%block(b)%row) == 0) cycle
@@ -334,8 +335,9 @@ contains
     end do
     n_blas = blas_threads()
     if (size(substitution) > 1) call set_blas_threads(1)
-    !$omp parallel default(none) shared(response, body, contact, blocks, may_stop, matrix, substitution, product) private(b) &
-    !$omp if (size(substitution) > 1)
+    !$omp parallel default(none) private(b) &
+    !$omp& shared(response, body, contact, blocks, may_stop, matrix, substitution, product) &
+    !$omp& if (size(substitution) > 1)
     !$omp do schedule(dynamic, 1)
     do i = 1, size(substitution)
       if (has_to_stop(may_stop)) cycle
