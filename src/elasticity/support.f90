@@ -3,6 +3,7 @@
 !> Values are three numbers whatever the dimension: along x, y, z, or along xi, eta, n where `fix` names axes of the
 !> surface (in two dimensions z and eta are not used). n is the outward normal.
 module dotyk_elasticity_support
+  use dotyk_base_directions, only: directions_t
   use dotyk_base_error, only: add_context, error_t, exit_bad_input, set_error
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric
@@ -22,68 +23,17 @@ module dotyk_elasticity_support
   type, public :: support_t
     !> Where.
     type(surface_t) :: surface
-    !> What is held: letters x, y, z; or xi, eta, n, t (both tangents).
-    character(:), allocatable :: fix
+    !> Directions of prescribed displacements.
+    type(directions_t) :: fix
     !> Given displacement (3) [length].
     real(dp) :: value(3) = 0
     !> Formulas of the given displacement (3); an empty one leaves the value. None where not allocated.
     type(text_t), allocatable :: formula(:)
   end type support_t
 
-  public :: collect_supports, parse_fix
+  public :: collect_supports
 
 contains
-
-  !> What the letters of `fix` hold.
-  subroutine parse_fix(fix, dim, local, fixed, error)
-    !> Letters x, y, z; or xi, eta, n, t; blanks and commas do not count.
-    character(*), intent(in) :: fix
-    !> Dimension.
-    integer, intent(in) :: dim
-    !> Whether the axes are those of the surface.
-    logical, intent(out) :: local
-    !> Whether displacements along x, y, z or xi, eta, n are given.
-    logical, intent(out) :: fixed(3)
-    !> Allocated where the text is something else.
-    type(error_t), allocatable, intent(out) :: error
-    logical :: global
-    integer :: i
-    local = .false.
-    global = .false.
-    fixed = .false.
-    i = 1
-    do while (i <= len_trim(fix))
-      if (fix(i:min(i + 1, len(fix))) == 'xi') then
-        local = .true.
-        fixed(1) = .true.
-        i = i + 1
-      else if (fix(i:min(i + 2, len(fix))) == 'eta') then
-        local = .true.
-        fixed(2) = .true.
-        i = i + 2
-      else if (fix(i:i) == 't') then
-        local = .true.
-        fixed(1:dim - 1) = .true.
-      else if (fix(i:i) == 'n') then
-        local = .true.
-        fixed(3) = .true.
-      else if (index('xyz', fix(i:i)) > 0) then
-        global = .true.
-        fixed(index('xyz', fix(i:i))) = .true.
-      else if (index(' ,', fix(i:i)) == 0) then
-        global = .true.
-        local = .true.
-      end if
-      i = i + 1
-    end do
-    if ((local .and. global) .or. .not. any(fixed)) then
-      call set_error(error, 'fix = '//quoted(fix)//' must have letters of x, y, z, or of xi, eta, n, t (both tangents)')
-    else if (dim == 2 .and. local .and. fixed(2)) then
-      call set_error(error, 'fix = '//quoted(fix)//': there is no eta in two dimensions')
-    else if (dim == 2 .and. .not. local .and. fixed(3)) then
-      call set_error(error, 'fix = '//quoted(fix)//': there is no z in two dimensions')
-    end if
-  end subroutine parse_fix
 
   !> Free and given unknowns of a body from all its supports.
   !>
@@ -103,19 +53,18 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(nodal_vector_list_t) :: conditions, faces
     type(vector_field_t) :: fields(size(supports))
-    logical :: local(size(supports)), fixed(3, size(supports))
     integer :: s
     call constraint%init(mesh%dimension, mesh%n_nodes())
     call conditions%init(mesh%dimension)
     call faces%init(mesh%dimension)
     do s = 1, size(supports)
-      call parse_fix(supports(s)%fix, mesh%dimension, local(s), fixed(:, s), error)
-      if (.not. allocated(error)) call fields(s)%init(supports(s)%value, error, supports(s)%formula)
+      call fields(s)%init(supports(s)%value, error, supports(s)%formula)
       if (.not. allocated(error)) then
-        if (local(s)) then
+        if (supports(s)%fix%local) then
           call add_face_normals(mesh%x, supports(s)%surface, s, faces)
         else
-          call add_global_conditions(mesh%x, supports(s)%surface, s, fixed(:, s), fields(s), conditions, error)
+          call add_global_conditions(mesh%x, supports(s)%surface, s, supports(s)%fix%fixed, fields(s), conditions, &
+                                     error)
         end if
       end if
       if (allocated(error)) then
@@ -123,7 +72,7 @@ contains
         exit
       end if
     end do
-    if (.not. allocated(error)) call add_local_conditions(mesh%x, supports, fixed, fields, faces, conditions, error)
+    if (.not. allocated(error)) call add_local_conditions(mesh%x, supports, fields, faces, conditions, error)
     do s = 1, size(supports)
       call fields(s)%destroy()
     end do
@@ -164,12 +113,10 @@ contains
   end subroutine add_global_conditions
 
   !> Add the Dirichlet conditions of the supports in axes of their surfaces, face by face.
-  subroutine add_local_conditions(x, supports, fixed, fields, faces, conditions, error)
+  subroutine add_local_conditions(x, supports, fields, faces, conditions, error)
     !> Nodes of the body (dim, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
     type(support_t), intent(in) :: supports(:)
-    !> Whether the displacements along xi, eta, n are given (3, n_supports).
-    logical, intent(in) :: fixed(:, :)
     !> The displacements [length].
     type(vector_field_t), intent(in) :: fields(:)
     !> Normals of the faces at the nodes.
@@ -187,7 +134,7 @@ contains
       associate (here => order(first(node):first(node + 1) - 1))
         normal = faces%direction(:, here)
         area = faces%value(here)
-        signature = [(sum(merge([1, 2, 4], 0, fixed(:, faces%source(here(i))))), i=1, n)]
+        signature = [(sum(merge([1, 2, 4], 0, supports(faces%source(here(i)))%fix%fixed)), i=1, n)]
         if (allocated(group)) deallocate (group, mean)
         allocate (group(n), mean(dim, n))
         call group_normals(dim, n, normal, area, signature, group, n_groups, mean)
@@ -197,7 +144,7 @@ contains
             ! Each support of a group once.
             if (any(group(:i - 1) == g .and. faces%source(here(:i - 1)) == faces%source(here(i)))) cycle
             call add_face_conditions(x(:, node), node, mean(:, g), faces%source(here(i)), &
-              fixed(:, faces%source(here(i))), fields(faces%source(here(i))), conditions, error)
+              supports(faces%source(here(i)))%fix%fixed, fields(faces%source(here(i))), conditions, error)
             if (allocated(error)) then
               call add_context(error, 'support of surface '//quoted(supports(faces%source(here(i)))%surface%name)//': ')
               return

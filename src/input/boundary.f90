@@ -2,7 +2,7 @@
 module dotyk_input_boundary
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: load_force_density, load_local_traction, load_names, load_pressure
-  use dotyk_base_text, only: join, lower, shown, split_words, text_t, to_text
+  use dotyk_base_text, only: join, shown, split_words, text_t, to_text
   use dotyk_input_case, only: load_input_t, support_input_t
   use dotyk_input_problems, only: problems_t
   use dotyk_input_reader, only: group_t
@@ -11,9 +11,6 @@ module dotyk_input_boundary
   implicit none
   private
   public :: read_support, read_load
-
-  !> Names of the directions of a support.
-  character(*), parameter :: global_directions = 'x y z', local_directions = 'xi eta n'
 
 contains
 
@@ -30,107 +27,36 @@ contains
     support%line = group%line
     call refer(group, 'body', text_of(group, 'body'), bodies, problems, support%body)
     support%surface = text_of(group, 'surface')
-    support%fix = ''
     allocate (support%value_formula(0))
     if (is_given(group, 'value') .and. is_given(group, 'value_formula')) &
       call report(problems, group, 'value', 'value and value_formula are both given: only one can be meant')
     if (.not. is_usable(group, 'fix')) return
-    call read_directions(text_of(group, 'fix'), dimension, support%local, support%fixed, message)
+    call support%fix%parse(text_of(group, 'fix'), dimension, message)
     if (len(message) > 0) then
       call report(problems, group, 'fix', 'fix: '//message)
       return
     end if
-    support%fix = names_of_directions(support%local, support%fixed)
-    call read_vector(group, 'value', support%local, dimension, problems, support%value)
-    call read_formulas(group, 'value_formula', support%local, dimension, problems, support%value_formula)
+    call read_vector(group, 'value', support%fix%local, dimension, problems, support%value)
+    call read_formulas(group, 'value_formula', support%fix%local, dimension, problems, support%value_formula)
     call refuse_values_not_held(group, support, problems)
   end subroutine read_support
-
-  !> What a support holds.
-  subroutine read_directions(text, dimension, local, fixed, message)
-    !> As written, as in 'xyz', 'nt', 'xi n'.
-    character(*), intent(in) :: text
-    !> 2 or 3; 0 where it is not known.
-    integer, intent(in) :: dimension
-    !> Are they the axes of the surface?
-    logical, intent(out) :: local
-    !> Which directions: x, y, z or xi, eta, n.
-    logical, intent(out) :: fixed(3)
-    !> What is wrong; empty where nothing is.
-    character(:), allocatable, intent(out) :: message
-    ! 'xi' before 'x': the longer name wins.
-    character(3), parameter :: name(8) = ['eta', 'xi ', 'n  ', 't  ', 'x  ', 'y  ', 'z  ', ',  ']
-    logical :: seen(8), named(3)
-    integer :: i, k
-    local = .false.
-    fixed = .false.
-    message = ''
-    seen = .false.
-    i = 1
-    do while (i <= len(text))
-      if (text(i:i) == ' ' .or. text(i:i) == ',') then
-        i = i + 1
-        cycle
-      end if
-      do k = 1, 7
-        if (index(lower(text(i:)), trim(name(k))) == 1) exit
-      end do
-      if (k > 7) then
-        message = shown(text)//' must consist of letters of ''xyz'', or of n, t, xi, eta'
-        return
-      end if
-      named(1) = k == 2 .or. k == 4 .or. k == 5
-      named(2) = k == 1 .or. (k == 4 .and. dimension /= 2) .or. k == 6
-      named(3) = k == 3 .or. k == 7
-      if (any(fixed .and. named) .and. (any(seen(:4)) .eqv. k <= 4)) then
-        message = shown(text)//' names a direction twice'
-        return
-      end if
-      seen(k) = .true.
-      fixed = fixed .or. named
-      i = i + len_trim(name(k))
-    end do
-    local = any(seen(:4))
-    if (local .and. any(seen(5:7))) then
-      message = shown(text)//' mixes global axes (x, y, z) with axes of the surface (n, t, xi, eta)'
-    else if (dimension == 2 .and. (seen(1) .or. seen(7))) then
-      message = shown(text)//': there is no '//trim(merge('eta', 'z  ', seen(1)))//' in two dimensions'
-    else if (.not. any(fixed)) then
-      message = shown(text)//' names no direction'
-    end if
-  end subroutine read_directions
-
-  !> 'xz', or 'xi n'.
-  function names_of_directions(local, fixed) result(text)
-    logical, intent(in) :: local, fixed(3)
-    character(:), allocatable :: text
-    type(text_t), allocatable :: names(:)
-    integer :: i
-    call split_words(merge(local_directions, global_directions//'   ', local), names)
-    text = ''
-    do i = 1, 3
-      if (.not. fixed(i)) cycle
-      if (local .and. len(text) > 0) text = text//' '
-      text = text//names(i)%s
-    end do
-  end function names_of_directions
 
   !> A value in a direction that is not held is a mistake.
   subroutine refuse_values_not_held(group, support, problems)
     type(group_t), intent(in) :: group
     type(support_input_t), intent(in) :: support
     type(problems_t), intent(inout) :: problems
-    type(text_t), allocatable :: names(:)
+    character(:), allocatable :: name
     integer :: i
-    call split_words(merge(local_directions, global_directions//'   ', support%local), names)
     do i = 1, 3
-      if (support%fixed(i)) cycle
-      if (abs(support%value(i)) > 0) call report(problems, group, 'value', 'value has '//names(i)%s//' = '// &
-                                                 to_text(support%value(i))//', but fix does not hold '//names(i)%s)
+      if (support%fix%fixed(i)) cycle
+      name = support%fix%name(i)
+      if (abs(support%value(i)) > 0) call report(problems, group, 'value', 'value has '//name//' = '// &
+                                                 to_text(support%value(i))//', but fix does not hold '//name)
       if (size(support%value_formula) == 0) cycle
       if (support%value_formula(i)%s /= '0') &
-        call report(problems, group, 'value_formula', 'value_formula has '//names(i)%s//' = '// &
-                    shown(support%value_formula(i)%s)//', but fix does not hold '//names(i)%s//' (write ''0'')')
+        call report(problems, group, 'value_formula', 'value_formula has '//name//' = '// &
+                    shown(support%value_formula(i)%s)//', but fix does not hold '//name//' (write ''0'')')
     end do
   end subroutine refuse_values_not_held
 

@@ -6,6 +6,7 @@
 !> an empty text; one that is given was parsed once without an error. `line` is the line of the namelist file where
 !> the group begins.
 module dotyk_input_case
+  use dotyk_base_directions, only: directions_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: default_analysis, default_budget_fraction, default_discretization, default_gamma_rule, &
     default_gap, default_geometry, default_linear_solver, default_locking, default_max_iterations, default_quadrature, &
@@ -80,13 +81,9 @@ module dotyk_input_case
     integer :: body = 0
     !> Physical name of the surface.
     character(:), allocatable :: surface
-    !> What is held: letters of 'xyz', or words of 'xi eta n', in this order ('t' is resolved).
-    character(:), allocatable :: fix
-    !> Is it held in the axes of the surface, not in global axes?
-    logical :: local = .false.
-    !> Directions that are held: x, y, z, or xi, eta, n where `local`.
-    logical :: fixed(3) = .false.
-    !> Given displacement in these axes [length]; zero in directions that are not held.
+    !> Directions of prescribed displacements.
+    type(directions_t) :: fix
+    !> Prescribed displacement in the axes of `fix` (3) [length]; zero in other directions.
     real(dp) :: value(3) = 0
     !> Formulas of the given displacement (3), or none.
     type(text_t), allocatable :: value_formula(:)

@@ -258,8 +258,10 @@ contains
     character(*), intent(in) :: fix
     real(dp), intent(in), optional :: value(3)
     type(support_t) :: support
+    character(:), allocatable :: message
     support%surface = surface
-    support%fix = fix
+    call support%fix%parse(fix, surface%dimension, message)
+    if (len(message) > 0) error stop 'make_support: fix'
     if (present(value)) support%value = value
   end function make_support
 
