@@ -55,6 +55,7 @@ module dotyk_scheme_body_compliance
     procedure :: form_bodies => compliance_form_bodies
     procedure :: form_all => compliance_form_all
     procedure :: is_formed => compliance_is_formed
+    procedure :: has_entries => compliance_has_entries
     procedure :: get_entries => compliance_get_entries
     procedure :: get_diagonal => compliance_get_diagonal
     procedure :: nodal_diagonal => compliance_nodal_diagonal
@@ -436,6 +437,12 @@ contains
     type(contact_qp_t), intent(in) :: qp
     is_formed = self%matrix%is_formed(qp)
   end function compliance_is_formed
+
+  !> Whether any entries are there.
+  pure logical function compliance_has_entries(self) result(has_entries)
+    class(body_compliance_t), intent(in) :: self
+    has_entries = self%matrix%has_entries()
+  end function compliance_has_entries
 
   !> Entries between some rows of a body.
   subroutine compliance_get_entries(self, qp, b, row, entries)

@@ -30,7 +30,7 @@ module dotyk_scheme_choice
 
 contains
 
-  !> Choose for the rows of a QP; where their entries are formed already, they are used.
+  !> Choose for the rows of a QP; where entries are formed already, they are used.
   subroutine choose_solver(qp, compliance, wish, rows, system)
     !> The rows.
     type(contact_qp_t), intent(in) :: qp
@@ -46,7 +46,7 @@ contains
     type(iterative_system_t), allocatable :: iterative
     logical :: matrix_free
     matrix_free = wish == linear_solver_iterative
-    if (wish /= linear_solver_direct .and. .not. matrix_free .and. .not. compliance%is_formed(qp)) &
+    if (wish /= linear_solver_direct .and. .not. matrix_free .and. .not. compliance%has_entries()) &
       matrix_free = is_matrix_free_cheaper(qp, compliance, rows)
     ! Conjugate gradients project on the equilibrium of floating bodies; near-null-space modes are softer than contact
     ! by many orders of magnitude, and take a factorization.

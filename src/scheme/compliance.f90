@@ -26,6 +26,8 @@ module dotyk_scheme_compliance
     procedure(form_interface), deferred :: form
     !> Whether all entries at the rows of a QP are there.
     procedure(is_formed_interface), deferred :: is_formed
+    !> Whether entries at any rows are there.
+    procedure(has_entries_interface), deferred :: has_entries
     !> Entries between some rows of one body.
     procedure(get_entries_interface), deferred :: get_entries
     !> Diagonal entries at some rows.
@@ -72,6 +74,12 @@ module dotyk_scheme_compliance
       !> The rows.
       type(contact_qp_t), intent(in) :: qp
     end function is_formed_interface
+
+    !> Whether any entries are there.
+    pure logical function has_entries_interface(self)
+      import :: compliance_t
+      class(compliance_t), intent(in) :: self
+    end function has_entries_interface
 
     !> Entries of one body's part of C.
     subroutine get_entries_interface(self, qp, b, row, entries)

@@ -38,6 +38,7 @@ module dotyk_scheme_dense_compliance
     procedure :: multiply => dense_multiply
     procedure :: form => dense_form
     procedure :: is_formed => dense_is_formed
+    procedure :: has_entries => dense_has_entries
     procedure :: is_body_formed => dense_is_body_formed
     procedure :: get_entries => dense_get_entries
     procedure :: get_diagonal => dense_get_diagonal
@@ -145,6 +146,12 @@ contains
     is_formed = allocated(self%body)
     if (is_formed) is_formed = all([(self%is_body_formed(qp, b), b=1, size(self%body))])
   end function dense_is_formed
+
+  !> Whether any entries are there.
+  pure logical function dense_has_entries(self) result(has_entries)
+    class(dense_compliance_t), intent(in) :: self
+    has_entries = any(self%body%n > 0)
+  end function dense_has_entries
 
   !> Whether the entries of one body are there.
   pure logical function dense_is_body_formed(self, qp, b) result(is_formed)

@@ -59,7 +59,8 @@ contains
     real(dp), intent(out) :: alpha(:)
     alpha = 0
     if (qp%coarse%n == 0 .or. qp%n_rows == 0) return
-    call minimize(qp, resultant, weak*sum(stiffness)/qp%n_rows, stiffness, y, alpha, qp%coarse%stiffness)
+    call minimize(qp, resultant, weak*sum(stiffness)/qp%n_rows, stiffness, y, alpha, &
+                  qp%coarse%stiffness)
   end subroutine winkler_equilibrium
 
   !> Find an unbounded direction: a motion that the loads excite and no contact resists. It is the part of e that no
