@@ -1,61 +1,84 @@
-!> Factorization of symmetric saddle point matrices of dense blocks, `A = [M -G; -G^T -H]` in any order of its blocks.
+!> Block-sparse LDL^T factorization, without pivoting, of a symmetric quasi-definite or saddle point matrix
+!> `A = [M -G; -G^T -H]` whose blocks stand in any order.
 !>
-!> M is positive definite, H is not negative; columns of G may depend on each other. Nothing is pivoted: a block of H that comes after all
-!> blocks of M that it touches has become `-H - G^T M^{-1} G`, not positive, and what is left of it where it vanishes touches nothing any more.
-!> These directions are told apart by its eigenvalues, and stay out: a generalized inverse. The factor is `L D L^T`, D = 1 for the
-!> columns of M and -1 for those of H; in place of a triangle blocks of H have the root of their inverse. Systems are solved by
-!> `dotyk_linalg_block_ldlt_solution`.
+!> M is positive definite, H positive semidefinite; columns of G may be linearly dependent. A matrix without blocks of H
+!> is positive definite, and the factorization is Cholesky's. Pivoting is not needed (Vanderbei, SIAM J. Optim. 5, 1995,
+!> for definite H): a block of H that is eliminated after all blocks of M that it couples to is then the negative Schur
+!> complement `-(H + G^T M^{-1} G)`. Where this is singular, its null directions couple to nothing that remains; they
+!> are detected by eigenvalues and left out, so that the factor gives a generalized inverse and, by
+!> `dotyk_linalg_block_ldlt_solution`, the null space of A.
+!>
+!> The factor is `L D L^T` with D = 1 for columns of M and -1 for columns of H. The numeric phase is multifrontal: dense
+!> panels along the elimination tree of the blocks (`dotyk_linalg_block_tree`). A diagonal block of M holds its Cholesky
+!> factor, a block of H the root of its generalized inverse. No library is used: sparse LDL^T codes pivot by entries and
+!> compare null pivots with one threshold for the whole matrix (MUMPS); here the eigenvalues of a whole block are
+!> compared with a magnitude of its own, so that bodies of very different stiffness are told apart.
 module dotyk_linalg_block_ldlt
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
-  use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_linalg_blas, only: dgemm, dsyrk, dtrsm
+  use dotyk_linalg_block_extend_add, only: add_update, find_places
   use dotyk_linalg_block_tree, only: block_tree_t
-  use dotyk_linalg_dense, only: symmetric_eigen
+  use dotyk_linalg_inverse_root, only: find_inverse_root
   use dotyk_linalg_lapack, only: dpotrf
   implicit none
   private
 
   !> A dense matrix.
   type, public :: dense_t
+    !> Entries (rows, columns).
     real(dp), allocatable :: x(:, :)
   end type dense_t
 
-  !> The matrix, then its factor.
+  !> The matrix, and after `factorize` its factor.
   type, public :: block_ldlt_t
+    !> Order of elimination and structure of the factor.
     type(block_tree_t) :: tree
-    !> 1 for blocks of M, -1 for those of H (n_blocks).
+    !> 1 for blocks of M, -1 for blocks of H (n_blocks).
     integer, allocatable :: sign(:)
-    !> Row of its group's panel before each block, from 0, by times (n_blocks).
+    !> Rows of the group's panel before the block, by elimination times (n_blocks).
     integer, allocatable :: offset(:)
-    !> First time of each run, blocks of M that are eliminated at once or a block of H; first run of each group (n_runs + 1),
-    !> (n_groups + 1).
-    integer, allocatable :: run(:), first_run(:)
-    !> Panels, and roots of the inverses of blocks of H by times (n_groups), (n_blocks).
-    type(dense_t), allocatable :: panel(:), root(:)
-    !> Directions that stay out: block of each, and their components as columns (largest block, number).
+    !> First time of each run: blocks of M that are eliminated by one call of LAPACK, or one block of H (n_runs + 1).
+    integer, allocatable :: run(:)
+    !> First run of each group (n_groups + 1).
+    integer, allocatable :: first_run(:)
+    !> Panels: the columns of a group, lower trapezoid (n_groups).
+    type(dense_t), allocatable :: panel(:)
+    !> Roots R of the generalized inverses of the blocks of H, `(-A_kk)^+ = R R^T`, by elimination times (n_blocks).
+    type(dense_t), allocatable :: root(:)
+    !> Block of each null direction (n_null).
     integer, allocatable :: null_block(:)
+    !> Components of the null directions in their blocks, as columns (largest block, n_null).
     real(dp), allocatable :: null_direction(:, :)
   contains
-    procedure :: init => saddle_init
-    procedure :: add => saddle_add
-    procedure :: factorize => saddle_factorize
-    procedure :: columns => saddle_columns
-    procedure :: destroy => saddle_destroy
+    procedure :: init => block_ldlt_init
+    procedure :: add => block_ldlt_add
+    procedure :: add_diagonal => block_ldlt_add_diagonal
+    procedure :: factorize => block_ldlt_factorize
+    procedure :: columns => block_ldlt_columns
+    procedure :: destroy => block_ldlt_destroy
   end type block_ldlt_t
 
-  !> Directions of a block of H whose eigenvalue is below this part of what it would be with the diagonal of M alone have none.
-  real(dp), parameter :: least_eigenvalue = 1.0e-12_dp
-  !> Columns that are eliminated run by run at a time, and those of runs of several blocks.
-  integer, parameter :: columns_of_lot = 64
+  !> Columns of a panel that are updated together by level 3 BLAS, and columns of a run of several blocks at most.
+  integer, parameter :: chunk_columns = 64
 
 contains
 
-  !> A matrix of zeros.
-  subroutine saddle_init(self, sizes, sign, start, neighbour, order)
+  !> A zero matrix of the given structure.
+  subroutine block_ldlt_init(self, sizes, sign, start, neighbour, order)
+    !> The matrix.
     class(block_ldlt_t), intent(inout) :: self
-    !> As in `block_tree_t`; no block of H may come before a block of M that it touches.
-    integer, intent(in) :: sizes(:), sign(:), start(:), neighbour(:), order(:)
+    !> Rows of each block (n_blocks).
+    integer, intent(in) :: sizes(:)
+    !> 1 for blocks of M, -1 for blocks of H (n_blocks).
+    integer, intent(in) :: sign(:)
+    !> Coupled blocks of block p without p itself: neighbour(start(p):start(p+1)-1); symmetric (n_blocks + 1).
+    integer, intent(in) :: start(:)
+    !> See `start`.
+    integer, intent(in) :: neighbour(:)
+    !> The block that is eliminated k-th, but for the order of independent ones. No block of H comes before a block of M
+    !> that it couples to (n_blocks).
+    integer, intent(in) :: order(:)
     integer :: g, k, at
     call self%destroy()
     call self%tree%init(sizes, start, neighbour, order)
@@ -70,26 +93,30 @@ contains
       allocate (self%panel(g)%x(self%tree%height(g), self%tree%width(g)), source=0.0_dp)
     end do
     call find_runs(self)
-  end subroutine saddle_init
+  end subroutine block_ldlt_init
 
-  !> Put blocks of M that come one after the other together.
+  !> Divide the groups into runs: successive blocks of M together, blocks of H alone.
   subroutine find_runs(self)
+    !> Sets `run` and `first_run`.
     class(block_ldlt_t), intent(inout) :: self
+    logical :: is_new
     integer :: g, k, n, columns
     allocate (self%run(self%tree%n_blocks + 1), self%first_run(self%tree%n_groups + 1))
     n = 0
     do g = 1, self%tree%n_groups
       self%first_run(g) = n + 1
-      columns = columns_of_lot
       do k = self%tree%begin(g), self%tree%begin(g + 1) - 1
         associate (block => self%tree%order(k))
-          columns = columns + self%tree%size(block)
-          if (columns > columns_of_lot .or. self%sign(block) < 0) then
+          ! Blocks may be empty: the first one of a group begins a run all the same.
+          is_new = k == self%tree%begin(g)
+          if (.not. is_new) is_new = self%sign(block) < 0 .or. self%sign(self%tree%order(k - 1)) < 0 .or. &
+            columns + self%tree%size(block) > chunk_columns
+          if (is_new) then
             n = n + 1
             self%run(n) = k
-            columns = self%tree%size(block)
+            columns = 0
           end if
-          if (self%sign(block) < 0) columns = columns_of_lot
+          columns = columns + self%tree%size(block)
         end associate
       end do
     end do
@@ -98,19 +125,26 @@ contains
     self%run = self%run(:n + 1)
   end subroutine find_runs
 
-  !> Columns of the blocks eliminated from one time to another, of the same group.
-  pure integer function saddle_columns(self, first, last) result(columns)
+  !> Columns of the blocks eliminated from one time to another, both in one group.
+  pure integer function block_ldlt_columns(self, first, last) result(columns)
+    !> The matrix.
     class(block_ldlt_t), intent(in) :: self
-    integer, intent(in) :: first, last
+    !> First elimination time.
+    integer, intent(in) :: first
+    !> Last elimination time.
+    integer, intent(in) :: last
     columns = self%offset(last) + self%tree%size(self%tree%order(last)) - self%offset(first)
-  end function saddle_columns
+  end function block_ldlt_columns
 
-  !> Add to a block; its mirror image is added to by itself.
-  subroutine saddle_add(self, p, q, part)
+  !> Add to the blocks (p, q) and (q, p).
+  subroutine block_ldlt_add(self, p, q, part)
+    !> The matrix, not factorized.
     class(block_ldlt_t), intent(inout) :: self
-    !> The block: row and column.
-    integer, intent(in) :: p, q
-    !> (rows of block p, rows of block q)
+    !> Block row.
+    integer, intent(in) :: p
+    !> Block column.
+    integer, intent(in) :: q
+    !> Added to block (p, q), its transpose to block (q, p) (rows of block p, rows of block q).
     real(dp), intent(in) :: part(:, :)
     integer :: k, l, g, row, column
     k = min(self%tree%time(p), self%tree%time(q))
@@ -131,20 +165,39 @@ contains
           x(row + 1:row + size(part, 2), column + 1:column + size(part, 1)) + transpose(part)
       end if
     end associate
-  end subroutine saddle_add
+  end subroutine block_ldlt_add
+
+  !> Add to the diagonal of a block.
+  subroutine block_ldlt_add_diagonal(self, p, part)
+    !> The matrix, not factorized.
+    class(block_ldlt_t), intent(inout) :: self
+    !> The block.
+    integer, intent(in) :: p
+    !> (rows of block p).
+    real(dp), intent(in) :: part(:)
+    integer :: i
+    associate (at => self%offset(self%tree%time(p)), x => self%panel(self%tree%group(self%tree%time(p)))%x)
+      do i = 1, size(part)
+        x(at + i, at + i) = x(at + i, at + i) + part(i)
+      end do
+    end associate
+  end subroutine block_ldlt_add_diagonal
 
   !> Factorize in place.
-  subroutine saddle_factorize(self, reference, failed)
+  subroutine block_ldlt_factorize(self, reference, failed)
+    !> The matrix; its factor on return.
     class(block_ldlt_t), intent(inout) :: self
-    !> What eigenvalues of blocks of H are compared with, 0 where they are positive; not looked at for blocks of M (n_blocks).
+    !> Magnitude that eigenvalues of each block of H are compared with to find null directions; where it is 0 the block
+    !> is regular. Not used for blocks of M (n_blocks).
     real(dp), intent(in) :: reference(:)
-    !> A block whose pivots are not positive; 0 if all is well.
+    !> A block whose pivots do not have its sign; 0 if there is none.
     integer, intent(out) :: failed
     type(dense_t), allocatable :: update(:)
     integer, allocatable :: place(:), child(:), next(:)
     integer :: g, c, below
     allocate (update(self%tree%n_groups), place(self%tree%n_blocks), child(self%tree%n_groups), next(self%tree%n_groups))
     allocate (self%null_block(0), self%null_direction(maxval([0, self%tree%size]), 0))
+    failed = 0
     child = 0
     do g = self%tree%n_groups, 1, -1
       if (self%tree%parent(g) == 0) cycle
@@ -154,7 +207,7 @@ contains
     do g = 1, self%tree%n_groups
       below = self%tree%height(g) - self%tree%width(g)
       allocate (update(g)%x(below, below), source=0.0_dp)
-      call find_places(self, g, place)
+      call find_places(self%tree, self%offset, g, place)
       c = child(g)
       do while (c > 0)
         call add_update(self%tree, c, place, update(c)%x, self%panel(g)%x, update(g)%x)
@@ -165,58 +218,17 @@ contains
       if (failed > 0) return
       if (below > 0) call subtract_products(self, g, update(g)%x)
     end do
-  end subroutine saddle_factorize
+  end subroutine block_ldlt_factorize
 
-  !> Row of a group's panel before each of its blocks, from 0, by times.
-  subroutine find_places(self, g, place)
-    type(block_ldlt_t), intent(in) :: self
-    integer, intent(in) :: g
-    integer, intent(inout) :: place(:)
-    integer :: i
-    do i = self%tree%begin(g), self%tree%begin(g + 1) - 1
-      place(i) = self%offset(i)
-    end do
-    do i = self%tree%under_start(g), self%tree%under_start(g + 1) - 1
-      place(self%tree%under(i)) = self%tree%under_row(i)
-    end do
-  end subroutine find_places
-
-  !> Add what a child leaves to its parent's panel and update.
-  subroutine add_update(tree, c, place, left, panel, update)
-    type(block_tree_t), intent(in) :: tree
-    !> The child.
-    integer, intent(in) :: c
-    !> In the parent's panel, by times.
-    integer, intent(in) :: place(:)
-    real(dp), intent(in) :: left(:, :)
-    real(dp), intent(inout) :: panel(:, :), update(:, :)
-    integer :: to(size(left, 1)), i, j, n, width
-    n = 0
-    do i = tree%under_start(c), tree%under_start(c + 1) - 1
-      associate (rows => tree%size(tree%order(tree%under(i))))
-        to(n + 1:n + rows) = [(place(tree%under(i)) + j, j=1, rows)]
-        n = n + rows
-      end associate
-    end do
-    width = size(panel, 2)
-    do j = 1, n
-      if (to(j) <= width) then
-        do i = j, n
-          panel(to(i), to(j)) = panel(to(i), to(j)) + left(i, j)
-        end do
-      else
-        do i = j, n
-          update(to(i) - width, to(j) - width) = update(to(i) - width, to(j) - width) + left(i, j)
-        end do
-      end if
-    end do
-  end subroutine add_update
-
-  !> Eliminate the columns of a panel: runs in lots, so that most products are of many columns.
+  !> Eliminate the columns of a panel, in chunks of runs so that most products have many columns.
   subroutine factor_group(self, g, reference, failed)
+    !> The matrix; the factor of the group on return.
     type(block_ldlt_t), intent(inout) :: self
+    !> The group.
     integer, intent(in) :: g
+    !> See `block_ldlt_factorize` (n_blocks).
     real(dp), intent(in) :: reference(:)
+    !> See `block_ldlt_factorize`.
     integer, intent(out) :: failed
     integer :: first, last, k
     failed = 0
@@ -224,7 +236,7 @@ contains
     do while (first < self%first_run(g + 1))
       last = first
       do while (last + 1 < self%first_run(g + 1))
-        if (self%columns(self%run(first), self%run(last + 2) - 1) > columns_of_lot) exit
+        if (self%columns(self%run(first), self%run(last + 2) - 1) > chunk_columns) exit
         last = last + 1
       end do
       call subtract_columns(self, g, self%tree%begin(g), self%run(first), self%run(last + 1) - 1)
@@ -237,11 +249,18 @@ contains
     end do
   end subroutine factor_group
 
-  !> Subtract the products of the columns of the blocks from `from` to `first` - 1 from those of the blocks first .. last.
+  !> Subtract the contribution of earlier columns of a panel, `L D L^T`, from later ones.
   subroutine subtract_columns(self, g, from, first, last)
+    !> The matrix.
     type(block_ldlt_t), intent(inout) :: self
-    !> Group, and times.
-    integer, intent(in) :: g, from, first, last
+    !> The group.
+    integer, intent(in) :: g
+    !> First time of the eliminated blocks from .. first - 1.
+    integer, intent(in) :: from
+    !> First time of the blocks first .. last that are updated.
+    integer, intent(in) :: first
+    !> See `first`.
+    integer, intent(in) :: last
     real(dp), allocatable :: signed(:, :)
     integer :: at, begin, k, n, i, j
     begin = self%offset(from)
@@ -263,10 +282,17 @@ contains
 
   !> Eliminate the columns of one run.
   subroutine factor_run(self, g, first, last, reference, failed)
+    !> The matrix.
     type(block_ldlt_t), intent(inout) :: self
-    !> Group and times.
-    integer, intent(in) :: g, first, last
+    !> The group.
+    integer, intent(in) :: g
+    !> First elimination time of the run.
+    integer, intent(in) :: first
+    !> Last elimination time of the run.
+    integer, intent(in) :: last
+    !> See `block_ldlt_factorize` (n_blocks).
     real(dp), intent(in) :: reference(:)
+    !> See `block_ldlt_factorize`.
     integer, intent(out) :: failed
     integer :: at, n, rows, info, k
     failed = 0
@@ -281,7 +307,7 @@ contains
           call dtrsm('R', 'L', 'T', 'N', rows, n, 1.0_dp, x(at + 1, at + 1), m, x(at + n + 1, at + 1), m)
         if (info == 0 .and. .not. ieee_is_finite(x(at + n, at + n))) info = n
       else
-        call take_root(self, first, reference(self%tree%order(first)), x(at + 1:at + n, at + 1:at + n), info)
+        call factor_schur_block(self, first, reference(self%tree%order(first)), x(at + 1:at + n, at + 1:at + n), info)
         if (info == 0) x(at + n + 1:, at + 1:at + n) = -matmul(x(at + n + 1:, at + 1:at + n), self%root(first)%x)
       end if
       if (info == 0) return
@@ -292,79 +318,44 @@ contains
     end associate
   end subroutine factor_run
 
-  !> The root R of the generalized inverse of a block of H, `(-A)^+ = R R^T`, and the directions that stay out. None does where the
-  !> reference is zero, and elimination keeps directions apart that have nothing to do with each other.
-  subroutine take_root(self, k, reference, a, failed)
+  !> The root of the generalized inverse of a block of H, and its null directions.
+  subroutine factor_schur_block(self, k, reference, a, failed)
+    !> Sets `root`, adds to the null directions.
     type(block_ldlt_t), intent(inout) :: self
-    !> Time of the block.
+    !> Elimination time of the block.
     integer, intent(in) :: k
+    !> Of this block, see `block_ldlt_factorize`.
     real(dp), intent(in) :: reference
-    !> Lower triangle.
+    !> The negative Schur complement, lower triangle (rows of the block, the same).
     real(dp), intent(in) :: a(:, :)
+    !> Not 0 where the block cannot be factorized.
     integer, intent(out) :: failed
-    type(error_t), allocatable :: error
-    real(dp) :: full(size(a, 1), size(a, 1)), values(size(a, 1)), vectors(size(a, 1), size(a, 1))
-    real(dp), allocatable :: direction(:, :)
-    integer :: i, n
-    n = size(a, 1)
-    do i = 1, n
-      full(i:, i) = -a(i:, i)
-      full(i, i:) = -a(i:, i)
-    end do
-    failed = 1
-    if (.not. all(ieee_is_finite(full))) return
-    if (.not. reference > 0) then
-      call invert_root(full, vectors, failed)
-      if (failed == 0) self%root(k)%x = vectors
-      if (failed == 0) return
-    end if
-    call symmetric_eigen(full, values, vectors, error)
-    if (allocated(error)) return
-    failed = 0
-    do i = 1, n
-      if (values(i) > least_eigenvalue*reference .and. values(i) > tiny(1.0_dp)) then
-        vectors(:, i) = vectors(:, i)/sqrt(values(i))
-      else
-        allocate (direction(size(self%null_direction, 1), size(self%null_block) + 1), source=0.0_dp)
-        direction(:, :size(self%null_block)) = self%null_direction
-        direction(:n, size(self%null_block) + 1) = vectors(:, i)
-        call move_alloc(direction, self%null_direction)
-        self%null_block = [self%null_block, self%tree%order(k)]
-        vectors(:, i) = 0
-      end if
-    end do
-    self%root(k)%x = vectors
-  end subroutine take_root
-
-  !> The root of the inverse of a positive definite matrix, `L^{-T}`.
-  subroutine invert_root(a, root, failed)
-    real(dp), intent(in) :: a(:, :)
-    real(dp), intent(out) :: root(:, :)
-    !> 0 if all is well.
-    integer, intent(out) :: failed
-    real(dp) :: factor(size(a, 1), size(a, 1))
-    integer :: i, n
-    n = size(a, 1)
-    factor = a
-    call dpotrf('L', n, factor, n, failed)
+    real(dp), allocatable :: null(:, :), all_null(:, :)
+    integer :: n_old
+    call find_inverse_root(-a, reference, self%root(k)%x, null, failed)
     if (failed /= 0) return
-    root = 0
-    do i = 1, n
-      root(i, i) = 1
-    end do
-    call dtrsm('L', 'L', 'T', 'N', n, n, 1.0_dp, factor, n, root, n)
-  end subroutine invert_root
+    n_old = size(self%null_block)
+    allocate (all_null(size(self%null_direction, 1), n_old + size(null, 2)), source=0.0_dp)
+    all_null(:, :n_old) = self%null_direction
+    all_null(:size(a, 1), n_old + 1:) = null
+    call move_alloc(all_null, self%null_direction)
+    self%null_block = [self%null_block, spread(self%tree%order(k), 1, size(null, 2))]
+  end subroutine factor_schur_block
 
-  !> Subtract L D L^T of a panel's lower part: columns of M and of H for themselves.
+  !> Subtract `L D L^T` of a panel's rows below the group from its update matrix.
   subroutine subtract_products(self, g, update)
+    !> The matrix, the group eliminated.
     type(block_ldlt_t), intent(in) :: self
+    !> The group.
     integer, intent(in) :: g
+    !> Lower triangle (height - width, height - width).
     real(dp), intent(inout) :: update(:, :)
     real(dp), allocatable :: columns(:, :)
     integer :: k, n, s, below, width
     below = size(update, 1)
     width = self%tree%width(g)
     allocate (columns(below, width))
+    ! Columns of M, then columns of H: dsyrk knows one sign only.
     do s = 1, -1, -2
       n = 0
       do k = self%tree%begin(g), self%tree%begin(g + 1) - 1
@@ -378,12 +369,13 @@ contains
     end do
   end subroutine subtract_products
 
-  !> Give back all memory.
-  subroutine saddle_destroy(self)
+  !> Free all memory.
+  subroutine block_ldlt_destroy(self)
+    !> The matrix or its factor.
     class(block_ldlt_t), intent(inout) :: self
     if (allocated(self%panel)) deallocate (self%panel, self%root, self%offset)
     if (allocated(self%run)) deallocate (self%run, self%first_run)
     if (allocated(self%null_block)) deallocate (self%null_block, self%null_direction)
     self%tree%n_blocks = 0
-  end subroutine saddle_destroy
+  end subroutine block_ldlt_destroy
 end module dotyk_linalg_block_ldlt

@@ -1,4 +1,5 @@
-!> Systems with a factorized saddle point matrix (`dotyk_linalg_block_ldlt`), and the vectors that it maps to zero.
+!> Solutions of linear systems with a block LDL^T factor (`dotyk_linalg_block_ldlt`), and the null vectors of its
+!> matrix.
 module dotyk_linalg_block_ldlt_solution
   use dotyk_base_kinds, only: dp
   use dotyk_linalg_blas, only: dgemv, dtrsv
@@ -9,61 +10,66 @@ module dotyk_linalg_block_ldlt_solution
 
 contains
 
-  !> x <- A^+ x.
+  !> x <- A^+ x: exact where x is in the range of A; components along null directions come out as 0.
   subroutine solve_block_ldlt(factor, x)
     !> Factorized.
     type(block_ldlt_t), intent(in) :: factor
-    !> In the order of the blocks (n).
+    !> Right-hand side, the solution on return; by blocks (n).
     real(dp), intent(inout) :: x(:)
     integer :: g, k
     associate (tree => factor%tree)
       do g = 1, tree%n_groups
-        call forwards(factor, g, x)
+        call substitute_forward(factor, g, x)
       end do
       do k = 1, tree%n_blocks
         if (factor%sign(k) < 0) x(tree%first(k):tree%first(k + 1) - 1) = -x(tree%first(k):tree%first(k + 1) - 1)
       end do
       do g = tree%n_groups, 1, -1
-        call backwards(factor, g, factor%first_run(g + 1) - 1, x)
+        call substitute_backward(factor, g, factor%first_run(g + 1) - 1, x)
       end do
     end associate
   end subroutine solve_block_ldlt
 
-  !> The vector of a direction that stays out: A maps it to zero.
+  !> The null vector of A that belongs to a null direction: `A x = 0`.
   subroutine expand_null_vector(factor, i, x)
     !> Factorized.
     type(block_ldlt_t), intent(in) :: factor
-    !> Which one.
+    !> Number of the null direction.
     integer, intent(in) :: i
-    !> (n)
+    !> By blocks (n).
     real(dp), intent(out) :: x(:)
     integer :: g, r
     x = 0
     associate (tree => factor%tree, block => factor%null_block(i))
       x(tree%first(block):tree%first(block + 1) - 1) = factor%null_direction(:tree%size(block), i)
       g = tree%group(tree%time(block))
-      ! Its own run has no other block.
+      ! The run of a block of H has no other block; substitution begins at the run before it.
       r = factor%first_run(g)
       do while (factor%run(r) < tree%time(block))
         r = r + 1
       end do
-      call backwards(factor, g, r - 1, x)
-      ! Groups of the subtree come one after the other; nothing else changes.
+      call substitute_backward(factor, g, r - 1, x)
+      ! The groups of the subtree are numbered successively; x vanishes on all others.
       do g = g - 1, tree%first_below(g), -1
-        call backwards(factor, g, factor%first_run(g + 1) - 1, x)
+        call substitute_backward(factor, g, factor%first_run(g + 1) - 1, x)
       end do
     end associate
   end subroutine expand_null_vector
 
-  !> x <- L^{-1} x for the columns of a group.
-  subroutine forwards(factor, g, x)
+  !> x <- L^{-1} x, the columns of one group.
+  subroutine substitute_forward(factor, g, x)
+    !> Factorized.
     type(block_ldlt_t), intent(in) :: factor
+    !> The group.
     integer, intent(in) :: g
+    !> By blocks (n).
     real(dp), intent(inout) :: x(:)
-    real(dp) :: front(factor%tree%height(g))
+    real(dp), allocatable :: front(:)
     integer :: r, at, n, m
     m = factor%tree%height(g)
-    associate (panel => factor%panel(g)%x, row => factor%tree%row(factor%tree%row_start(g):factor%tree%row_start(g + 1) - 1))
+    allocate (front(m))
+    associate (panel => factor%panel(g)%x, &
+               row => factor%tree%row(factor%tree%row_start(g):factor%tree%row_start(g + 1) - 1))
       front = x(row)
       do r = factor%first_run(g), factor%first_run(g + 1) - 1
         at = factor%offset(factor%run(r))
@@ -74,30 +80,36 @@ contains
         else
           front(at + 1:at + n) = matmul(front(at + 1:at + n), factor%root(factor%run(r))%x)
         end if
-        if (at + n < m) call dgemv('N', m - at - n, n, -1.0_dp, panel(at + n + 1, at + 1), m, front(at + 1), 1, 1.0_dp, &
-                                   front(at + n + 1), 1)
+        if (at + n < m) call dgemv('N', m - at - n, n, -1.0_dp, panel(at + n + 1, at + 1), m, front(at + 1), 1, &
+                                   1.0_dp, front(at + n + 1), 1)
       end do
       x(row) = front
     end associate
-  end subroutine forwards
+  end subroutine substitute_forward
 
-  !> x <- L^{-T} x for the columns of a group, from a run down.
-  subroutine backwards(factor, g, last, x)
+  !> x <- L^{-T} x, the columns of one group from a given run to its first.
+  subroutine substitute_backward(factor, g, last, x)
+    !> Factorized.
     type(block_ldlt_t), intent(in) :: factor
-    !> Group and run.
-    integer, intent(in) :: g, last
+    !> The group.
+    integer, intent(in) :: g
+    !> The run to begin with.
+    integer, intent(in) :: last
+    !> By blocks (n).
     real(dp), intent(inout) :: x(:)
-    real(dp) :: front(factor%tree%height(g))
+    real(dp), allocatable :: front(:)
     integer :: r, at, n, m
     m = factor%tree%height(g)
-    associate (panel => factor%panel(g)%x, row => factor%tree%row(factor%tree%row_start(g):factor%tree%row_start(g + 1) - 1))
+    allocate (front(m))
+    associate (panel => factor%panel(g)%x, &
+               row => factor%tree%row(factor%tree%row_start(g):factor%tree%row_start(g + 1) - 1))
       front = x(row)
       do r = last, factor%first_run(g), -1
         at = factor%offset(factor%run(r))
         n = factor%columns(factor%run(r), factor%run(r + 1) - 1)
         if (n == 0) cycle
-        if (at + n < m) call dgemv('T', m - at - n, n, -1.0_dp, panel(at + n + 1, at + 1), m, front(at + n + 1), 1, 1.0_dp, &
-                                   front(at + 1), 1)
+        if (at + n < m) call dgemv('T', m - at - n, n, -1.0_dp, panel(at + n + 1, at + 1), m, front(at + n + 1), 1, &
+                                   1.0_dp, front(at + 1), 1)
         if (factor%sign(factor%tree%order(factor%run(r))) > 0) then
           call dtrsv('L', 'T', 'N', n, panel(at + 1, at + 1), m, front(at + 1), 1)
         else
@@ -106,5 +118,5 @@ contains
       end do
       x(row) = front
     end associate
-  end subroutine backwards
+  end subroutine substitute_backward
 end module dotyk_linalg_block_ldlt_solution

@@ -1,7 +1,8 @@
-!> How a symmetric matrix of small dense blocks, most of them zero, is eliminated: what fills in, and in which order.
+!> Symbolic factorization of a block-sparse symmetric matrix: fill-in, elimination tree, and the panels of the factor.
 !>
-!> Blocks that are eliminated one after the other and have nearly the same ones under them are a group: one panel, dense by columns, zeros
-!> included, so that products are of large matrices. Groups are the nodes of a tree, children before parents.
+!> Successive blocks with nearly the same structure below the diagonal are amalgamated to a group (a relaxed supernode):
+!> one dense panel, explicit zeros included, so that products are of large matrices. Groups are the nodes of the
+!> elimination tree, in postorder.
 module dotyk_linalg_block_tree
   use dotyk_base_kinds, only: dp, int64
   implicit none
@@ -9,25 +10,41 @@ module dotyk_linalg_block_tree
 
   !> The order of elimination and the structure of the factor.
   type, public :: block_tree_t
-    !> Number of blocks, of groups, and order of the matrix.
-    integer :: n_blocks = 0, n_groups = 0, n = 0
-    !> Rows of each block, and the first of them (n_blocks), (n_blocks + 1).
-    integer, allocatable :: size(:), first(:)
-    !> The block that is eliminated k-th, and when each is (n_blocks).
-    integer, allocatable :: order(:), time(:)
-    !> Times of group g: begin(g) .. begin(g+1)-1 (n_groups + 1); group of each time (n_blocks).
-    integer, allocatable :: begin(:), group(:)
-    !> Times of the blocks under group g, ascending: under(under_start(g):under_start(g+1)-1) (n_groups + 1).
-    integer, allocatable :: under_start(:), under(:)
-    !> Row of the group's panel before each of them, from 0 (size of under).
+    !> Number of blocks.
+    integer :: n_blocks = 0
+    !> Number of groups.
+    integer :: n_groups = 0
+    !> Order of the matrix.
+    integer :: n = 0
+    !> Rows of each block (n_blocks).
+    integer, allocatable :: size(:)
+    !> First row of each block (n_blocks + 1).
+    integer, allocatable :: first(:)
+    !> The block that is eliminated k-th (n_blocks).
+    integer, allocatable :: order(:)
+    !> Elimination time of each block: the inverse of `order` (n_blocks).
+    integer, allocatable :: time(:)
+    !> Times of group g: begin(g) .. begin(g+1)-1 (n_groups + 1).
+    integer, allocatable :: begin(:)
+    !> Group of each time (n_blocks).
+    integer, allocatable :: group(:)
+    !> Start of the list of each group in `under` (n_groups + 1).
+    integer, allocatable :: under_start(:)
+    !> Times of the blocks below the diagonal block of group g, ascending: under(under_start(g):under_start(g+1)-1).
+    integer, allocatable :: under(:)
+    !> Rows of the group's panel before each of them (size of under).
     integer, allocatable :: under_row(:)
-    !> Rows of the matrix that the panel of group g has: row(row_start(g):row_start(g+1)-1) (n_groups + 1).
-    integer, allocatable :: row_start(:), row(:)
-    !> Columns and rows of the panels (n_groups).
-    integer, allocatable :: width(:), height(:)
-    !> Group that the first block under a group belongs to, 0 at roots (n_groups).
+    !> Start of the list of each group in `row` (n_groups + 1).
+    integer, allocatable :: row_start(:)
+    !> Rows of the matrix in the panel of group g: row(row_start(g):row_start(g+1)-1).
+    integer, allocatable :: row(:)
+    !> Columns of the panels (n_groups).
+    integer, allocatable :: width(:)
+    !> Rows of the panels (n_groups).
+    integer, allocatable :: height(:)
+    !> Group of the first block below each group, 0 at roots (n_groups).
     integer, allocatable :: parent(:)
-    !> First group of the subtree of each group: it ends with the group itself (n_groups).
+    !> First group of the subtree of each group, which ends with the group itself (n_groups).
     integer, allocatable :: first_below(:)
   contains
     procedure :: init => tree_init
@@ -36,24 +53,31 @@ module dotyk_linalg_block_tree
     procedure :: operations => tree_operations
   end type block_tree_t
 
-  !> A list of times.
+  !> A list of elimination times.
   type :: list_t
+    !> Times (n).
     integer, allocatable :: item(:)
   end type list_t
 
-  !> Zeros that a group may take in: this part of its entries, and so many anyway.
-  real(dp), parameter :: most_zeros = 0.2_dp, few_zeros = 500
+  !> Explicit zeros that amalgamation may store, as a fraction of the entries of a group.
+  real(dp), parameter :: most_zeros = 0.2_dp
+  !> Explicit zeros that are always accepted: a call of BLAS costs more.
+  real(dp), parameter :: few_zeros = 500
 
 contains
 
-  !> Find the structure.
+  !> Symbolic factorization.
   subroutine tree_init(self, sizes, start, neighbour, order)
+    !> The structure.
     class(block_tree_t), intent(out) :: self
     !> Rows of each block (n_blocks).
     integer, intent(in) :: sizes(:)
-    !> Blocks that are not zero beside the diagonal: neighbour(start(p):start(p+1)-1) of block p; symmetric (n_blocks + 1).
-    integer, intent(in) :: start(:), neighbour(:)
-    !> The block that comes k-th, but for the order of independent ones (n_blocks).
+    !> Coupled blocks of block p, without p itself: neighbour(start(p):start(p+1)-1); symmetric (n_blocks + 1).
+    integer, intent(in) :: start(:)
+    !> See `start`.
+    integer, intent(in) :: neighbour(:)
+    !> The block that is eliminated k-th, but for the order of independent ones: postorder keeps subtrees together
+    !> (n_blocks).
     integer, intent(in) :: order(:)
     type(list_t), allocatable :: under(:)
     integer, allocatable :: parent(:), sequence(:), rank(:)
@@ -70,7 +94,6 @@ contains
     self%order = order
     self%time(order) = [(k, k=1, n)]
     call eliminate(self, start, neighbour, under, parent)
-    ! Blocks of a subtree one after the other.
     call sort_tree(parent, sequence)
     allocate (rank(n))
     rank(sequence) = [(k, k=1, n)]
@@ -79,13 +102,17 @@ contains
     call collect_groups(self, under, rank, sequence)
   end subroutine tree_init
 
-  !> What is under each block once those before it are eliminated.
+  !> Fill-in by elimination, and the elimination tree of the blocks.
   subroutine eliminate(self, start, neighbour, under, parent)
+    !> With sizes and order.
     type(block_tree_t), intent(in) :: self
-    integer, intent(in) :: start(:), neighbour(:)
-    !> By times (n_blocks); in no order.
+    !> See `tree_init` (n_blocks + 1).
+    integer, intent(in) :: start(:)
+    !> See `tree_init`.
+    integer, intent(in) :: neighbour(:)
+    !> Times of the blocks below the diagonal of each block column, not sorted; by times (n_blocks).
     type(list_t), allocatable, intent(out) :: under(:)
-    !> The first of them, 0 for none (n_blocks).
+    !> The first of them, 0 where there is none (n_blocks).
     integer, allocatable, intent(out) :: parent(:)
     integer :: last_child(self%n_blocks), next_child(self%n_blocks), mark(self%n_blocks), buffer(self%n_blocks)
     integer :: k, i, c, n
@@ -114,8 +141,9 @@ contains
       last_child(parent(k)) = k
     end do
   contains
-    !> Add a time to those under block k, once.
+    !> Add a block to column k, once.
     subroutine take(time)
+      !> Its elimination time.
       integer, intent(in) :: time
       if (time < k) return
       if (mark(time) == k) return
@@ -125,10 +153,11 @@ contains
     end subroutine take
   end subroutine eliminate
 
-  !> Nodes of a forest, children before parents, subtrees together.
+  !> Postorder of a forest.
   pure subroutine sort_tree(parent, sequence)
-    !> Larger than the child's number, 0 at roots (n).
+    !> Parent of each node, larger than its number; 0 at roots (n).
     integer, intent(in) :: parent(:)
+    !> The node that comes k-th (n).
     integer, allocatable, intent(out) :: sequence(:)
     integer :: first_child(0:size(parent)), next(size(parent)), k, n
     first_child = 0
@@ -154,13 +183,16 @@ contains
     end do
   end subroutine sort_tree
 
-  !> Put blocks together to groups, and say what each has under it.
+  !> Amalgamate blocks to groups.
   subroutine collect_groups(self, under, rank, sequence)
+    !> In postorder; sets the groups.
     type(block_tree_t), intent(inout) :: self
-    !> By former times (n_blocks).
+    !> Fill-in by former times; by new times on return (n_blocks).
     type(list_t), intent(inout) :: under(:)
-    !> New time of each former one, and the former of each new one (n_blocks).
-    integer, intent(in) :: rank(:), sequence(:)
+    !> New time of each former time (n_blocks).
+    integer, intent(in) :: rank(:)
+    !> Former time of each new time (n_blocks).
+    integer, intent(in) :: sequence(:)
     integer :: rows_under(self%n_blocks), k, n, width, more, last
     real(dp) :: zeros, added
     do k = 1, self%n_blocks
@@ -178,7 +210,7 @@ contains
       associate (own => self%size(self%order(k)))
         if (last > 0) then
           if (any(under(sequence(last))%item == k)) then
-            ! Rows that the columns before do not have.
+            ! Rows that the columns of the group so far do not have.
             more = own + rows_under(k) - rows_under(last)
             added = real(width, dp)*more
             if (zeros + added <= max(few_zeros, most_zeros*real(width + own, dp)*(width + own + rows_under(k)))) then
@@ -204,12 +236,16 @@ contains
     call describe_groups(self, under, rows_under, sequence)
   end subroutine collect_groups
 
-  !> Sizes, parents and what is under the groups: what is under the last block of each.
+  !> Sizes, parents and rows of the groups; the last block of a group has the structure of all.
   subroutine describe_groups(self, under, rows_under, sequence)
+    !> With the times of the groups; completed on return.
     type(block_tree_t), intent(inout) :: self
+    !> Fill-in, items by new times, lists by former times (n_blocks).
     type(list_t), intent(in) :: under(:)
-    !> Rows under each block (n_blocks).
-    integer, intent(in) :: rows_under(:), sequence(:)
+    !> Rows below the diagonal of each block column, by new times (n_blocks).
+    integer, intent(in) :: rows_under(:)
+    !> Former time of each new time (n_blocks).
+    integer, intent(in) :: sequence(:)
     logical :: marked(self%n_blocks)
     integer :: g, last, i, k, row
     allocate (self%width(self%n_groups), self%height(self%n_groups), self%parent(self%n_groups), source=0)
@@ -247,6 +283,7 @@ contains
 
   !> The rows of the panels.
   subroutine find_rows(self)
+    !> Sets `row` and `row_start`.
     type(block_tree_t), intent(inout) :: self
     integer :: g, k, n
     allocate (self%row_start(self%n_groups + 1), self%row(sum(self%height)))
@@ -262,8 +299,9 @@ contains
     end do
     self%row_start(self%n_groups + 1) = n + 1
   contains
-    !> The rows of a block.
+    !> Append the rows of a block.
     subroutine add(block)
+      !> The block.
       integer, intent(in) :: block
       integer :: i
       do i = self%first(block), self%first(block + 1) - 1
@@ -273,10 +311,14 @@ contains
     end subroutine add
   end subroutine find_rows
 
-  !> Row of a group's panel before the block of a time that is under it, from 0.
+  !> Rows of a group's panel before a block below its diagonal.
   pure integer function tree_row_under(self, g, time) result(row)
+    !> The structure.
     class(block_tree_t), intent(in) :: self
-    integer, intent(in) :: g, time
+    !> The group.
+    integer, intent(in) :: g
+    !> Elimination time of the block.
+    integer, intent(in) :: time
     integer :: low, high, middle
     low = self%under_start(g)
     high = self%under_start(g + 1) - 1
@@ -293,12 +335,14 @@ contains
 
   !> Entries of all panels.
   pure integer(int64) function tree_entries(self) result(entries)
+    !> The structure.
     class(block_tree_t), intent(in) :: self
     entries = sum(int(self%width, int64)*self%height)
   end function tree_entries
 
-  !> Floating-point operations of a factorization.
+  !> Floating-point operations of the numeric factorization.
   pure real(dp) function tree_operations(self) result(operations)
+    !> The structure.
     class(block_tree_t), intent(in) :: self
     real(dp) :: w(self%n_groups), h(self%n_groups)
     w = self%width

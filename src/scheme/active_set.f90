@@ -33,6 +33,18 @@ module dotyk_scheme_active_set
 
   !> Forces and penetrations below this part of the largest are rounding errors, not a reason to change the active set.
   real(dp), parameter, public :: rounding = 1.0e-12_dp
+  !> Forces balance the loads where resultants differ by less than this fraction of the largest load or force: rounding of
+  !> sums over thousands of points, magnified by the condition of the compliances.
+  real(dp), parameter :: balanced = 1.0e-8_dp
+  !> Without loads, imbalance is compared with this fraction of the forces that the initial penetrations would cause in the
+  !> foundations.
+  real(dp), parameter :: fraction_of_initial_forces = 1.0e-4_dp
+  !> A contact row is rigid where its compliance is below this fraction of the largest, and rigid body modes move it by less
+  !> than `no_motion` (of 1, the scale of modes): both are rounding errors.
+  real(dp), parameter :: no_compliance = 1.0e-13_dp, no_motion = 1.0e-10_dp
+  !> The norm that errors are relative to is at least this fraction of what the initial penetrations would store in the
+  !> foundations: rounding errors of bodies at rest are not compared with each other.
+  real(dp), parameter :: least_norm = 1.0e-8_dp
   !> Active sets after which the interior point method finds a better one to go on from: Newton's method needs less than ten, or cycles.
   integer, parameter :: most_first_steps = 9
   !> Active sets after that at most.
@@ -165,7 +177,7 @@ contains
     if (is_balanced(problem, now%lambda, now%alpha)) return
     allocate (missing(problem%coarse%n))
     call problem%coarse%resultant_of(problem%operator, now%lambda, missing)
-    missing = problem%coarse%resultant - missing - problem%coarse%springs(now%alpha)
+    missing = problem%coarse%resultant - missing - problem%coarse%stiffness_forces(now%alpha)
     allocate (alpha(problem%coarse%n), motion(size(active)))
     call winkler_equilibrium(problem%operator, problem%coarse, missing, foundation_stiffness(problem), now%y, alpha)
     call problem%coarse%displacement(problem%operator, alpha, motion)
@@ -178,12 +190,13 @@ contains
     real(dp), intent(in) :: lambda(:), alpha(:)
     real(dp) :: missing(problem%coarse%n), scale
     call problem%coarse%resultant_of(problem%operator, lambda, missing)
-    missing = problem%coarse%resultant - missing - problem%coarse%springs(alpha)
+    missing = problem%coarse%resultant - missing - problem%coarse%stiffness_forces(alpha)
     ! Where nothing is loaded all forces are rounding errors of those that the free scene's penetrations would cause.
     scale = maxval([0.0_dp, abs(lambda)])
-    if (size(lambda) > 0) scale = max(scale, maxval(1.0e-4_dp*foundation_stiffness(problem)*max(0.0_dp, problem%y_free)))
+    if (size(lambda) > 0) scale = max(scale, fraction_of_initial_forces* &
+                                         maxval(foundation_stiffness(problem)*max(0.0_dp, problem%y_free)))
     if (problem%coarse%n > 0) scale = max(scale, maxval(abs(problem%coarse%resultant)))
-    is_balanced = .not. any(abs(missing) > 1.0e-8_dp*scale)
+    is_balanced = .not. any(abs(missing) > balanced*scale)
   end function is_balanced
 
   !> Stiffness of the elastic foundation that stands for the bodies (n_rows) [force/length].
@@ -265,9 +278,9 @@ contains
     end do
     largest = maxval(diagonal)
     do i = 1, size(active)
-      if (.not. active(i) .or. diagonal(i) > 1.0e-13_dp*largest .or. problem%operator%theta(i) > 0) cycle
+      if (.not. active(i) .or. diagonal(i) > no_compliance*largest .or. problem%operator%theta(i) > 0) cycle
       call problem%coarse%rows([i], g)
-      if (any(abs(g) > 1.0e-10_dp)) cycle
+      if (any(abs(g) > no_motion)) cycle
       active(i) = .false.
       is_rigid(i) = .true.
     end do
@@ -290,7 +303,7 @@ contains
     type(contact_problem_t), intent(in) :: problem
     type(iterate_t), intent(in) :: now
     norm = problem%norm(now%lambda/problem%operator%weight, now%y, now%alpha)
-    norm = max(norm, 1.0e-8_dp*sqrt(sum(foundation_stiffness(problem)*problem%y_free**2)))
+    norm = max(norm, least_norm*sqrt(sum(foundation_stiffness(problem)*problem%y_free**2)))
   end function reference_norm
 
   !> An entry of the history. Forces that pull cannot be the state of a bound: there is none then.

@@ -1,4 +1,5 @@
-!> How the systems of the active sets are solved: with the compliance as a matrix and factorizations, or by conjugate gradients.
+!> How the systems of the active sets are solved: with the compliance as a matrix and factorizations, or by conjugate
+!> gradients.
 !>
 !> Cost and memory of both are known beforehand, from the number of closed points and the factors of the bodies.
 module dotyk_scheme_choice
@@ -6,12 +7,11 @@ module dotyk_scheme_choice
   use dotyk_base_memory, only: memory_now, memory_t
   use dotyk_base_options, only: linear_solver_direct, linear_solver_iterative
   use dotyk_scheme_active_system, only: active_system_t
+  use dotyk_scheme_contact_graph, only: elimination_cost
   use dotyk_scheme_direct_system, only: direct_system_t
   use dotyk_scheme_explicit, only: explicit_compliance_t
   use dotyk_scheme_iterative_system, only: iterative_system_t
-  use dotyk_scheme_pair_graph, only: elimination_cost
   use dotyk_scheme_problem, only: contact_problem_t
-  use dotyk_scheme_saddle_system, only: saddle_system_t
   implicit none
   private
 
@@ -21,18 +21,17 @@ module dotyk_scheme_choice
   real(dp), parameter :: typical_solves = 600
   !> Factorizations of active systems, about.
   real(dp), parameter :: typical_systems = 6
-  !> How much faster the operations of forward substitutions, their products and dense factorizations are than those of single
-  !> solves.
+  !> How much faster the operations of forward substitutions, their products and dense factorizations are than those of
+  !> single solves.
   real(dp), parameter :: gain_of_blocks = 8
-  !> Bytes that matrices, solutions of L y = P b and active systems may take, and that as a part of the memory that is left.
+  !> Bytes that matrices, solutions of L y = P b and active systems may take, and that as a part of the memory that is
+  !> left.
   real(dp), parameter :: most_bytes = 8.0e9_dp, most_of_memory = 0.5_dp
-
-  !> More free motions than this are no dense border any more; so many where some have springs, which a border keeps apart better.
-  integer, parameter :: many_motions = 60, many_with_springs = 300
 
 contains
 
-  !> Choose for the rows of a problem, all of which get into the matrices; where there are some already, the choice is that of before.
+  !> Choose for the rows of a problem, all of which get into the matrices; where there are some already, the choice is
+  !> that of before.
   subroutine choose_solver(problem, wish, rows, compliance, system)
     type(contact_problem_t), intent(inout) :: problem
     !> One of `solver_*`.
@@ -43,15 +42,12 @@ contains
     class(active_system_t), allocatable, intent(out) :: system
     type(direct_system_t), allocatable :: direct
     type(iterative_system_t), allocatable :: iterative
-    type(saddle_system_t), allocatable :: saddle
     type(memory_t) :: memory
     real(dp) :: direct_cost, iterative_cost, bytes, n, path
     logical :: by_sweeps
-    integer :: b, k
+    integer :: b
     ! In floating-point operations at the speed of single solves: 4 for each entry of a factor.
-    associate (first => problem%operator%pair_first_row)
-      call elimination_cost(problem, [(count(rows(first(k):first(k + 1) - 1)), k=1, size(first) - 1)], direct_cost, bytes)
-    end associate
+    call elimination_cost(problem, rows, direct_cost, bytes)
     direct_cost = typical_systems*direct_cost/gain_of_blocks
     iterative_cost = 0
     bytes = 24*bytes
@@ -78,9 +74,6 @@ contains
     if (by_sweeps) then
       allocate (iterative)
       call move_alloc(iterative, system)
-    else if (problem%coarse%n > merge(many_with_springs, many_motions, allocated(problem%coarse%stiffness))) then
-      allocate (saddle)
-      call move_alloc(saddle, system)
     else
       allocate (direct)
       call move_alloc(direct, system)

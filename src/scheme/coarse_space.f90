@@ -1,77 +1,79 @@
-!> The coarse space of a scene: rigid motions that the supports leave to its bodies, as the contact points see them.
+!> The coarse space of the contact problem, as in FETI: rigid body modes of floating bodies at the contact rows.
 !>
-!> With R_b the free motions of body b and B_b its columns of B, the blocks are `G_b = B_b R_b`: amplitudes `alpha` move the contact
-!> points by `G alpha`, and forces `lambda` at the points have the resultants `G^T lambda` on the motions. Free bodies are in
-!> equilibrium where `G^T lambda = e`, the resultants of their loads. Soft motions, which supports hardly resist, have springs S:
-!> `G^T lambda + S alpha = e`. Motions are scaled so that the contact nodes of the body move by
-!> 1 at most: amplitudes are lengths, resultants are forces.
+!> With R_b the rigid body modes of body b and B_b its columns of B, the blocks are `G_b = B_b R_b`: amplitudes `alpha`
+!> move the contact points by `G alpha`, and contact forces `lambda` have the resultants `G^T lambda` on the modes.
+!> Floating bodies are in equilibrium where `G^T lambda = e`, the resultants of their loads. Near-null-space modes,
+!> which supports hardly restrain, have a stiffness S: `G^T lambda + S alpha = e`. Modes are scaled to move the contact
+!> nodes of the body by 1 at most: amplitudes are lengths, resultants are forces.
 module dotyk_scheme_coarse_space
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_contact_operator, only: contact_operator_t
-  use dotyk_linalg_dense, only: solve_dense, symmetric_eigen
+  use dotyk_linalg_dense, only: solve_dense
   use dotyk_response_response, only: response_slot_t
   implicit none
   private
 
-  !> One body's motions at its rows.
-  type, public :: motion_block_t
-    !> G_b (n_rows of the block, number of motions).
+  !> A dense block of one body.
+  type, public :: mode_block_t
+    !> G_b (rows of the body, modes) or S_b (modes, modes) [force/length].
     real(dp), allocatable :: value(:, :)
-  end type motion_block_t
+  end type mode_block_t
 
-  !> All motions, body after body.
+  !> All modes, body after body.
   type, public :: coarse_space_t
-    !> Number of motions.
+    !> Number of modes.
     integer :: n = 0
-    !> Motions of body b are first(b) .. first(b+1)-1 (n_bodies+1).
+    !> Modes of body b are first(b) .. first(b+1)-1 (n_bodies + 1).
     integer, allocatable :: first(:)
     !> Resultants e of the loads (n) [force].
     real(dp), allocatable :: resultant(:)
-    !> S, and what given displacements have added to e; not allocated where no motion has a spring (n, n) [force/length], (n) [force].
-    real(dp), allocatable :: stiffness(:, :), lift(:)
-    !> What e is made up of, without signs, for motions with springs (n) [force].
+    !> S by bodies, 0 for exact rigid body modes; not allocated where no mode has a stiffness (n_bodies).
+    type(mode_block_t), allocatable :: stiffness(:)
+    !> Contribution of prescribed displacements to e; allocated with S (n) [force].
+    real(dp), allocatable :: lift(:)
+    !> Sum of the absolute values that e is made up of, for its rounding error; allocated with S (n) [force].
     real(dp), allocatable :: resultant_size(:)
-    !> Amplitudes of the response's motions per amplitude of these (n).
+    !> Amplitudes of the modes of the compliances per amplitude of these (n).
     real(dp), allocatable :: scale(:)
     !> G by bodies (n_bodies).
-    type(motion_block_t), allocatable :: block(:)
-    !> Bodies that each row touches, and its place among their rows; 0 where there is no second one (2, n_rows).
-    integer, allocatable :: body(:, :), place(:, :)
+    type(mode_block_t), allocatable :: block(:)
+    !> The two bodies of each row, 0 where there is no second one (2, n_rows).
+    integer, allocatable :: body(:, :)
+    !> Position of each row among the rows of these bodies (2, n_rows).
+    integer, allocatable :: place(:, :)
   contains
     procedure :: init => coarse_init
     procedure :: displacement => coarse_displacement
     procedure :: resultant_of => coarse_resultant_of
-    procedure :: springs => coarse_springs
-    procedure :: is_sprung => coarse_is_sprung
-    procedure :: by_bodies => coarse_by_bodies
+    procedure :: stiffness_forces => coarse_stiffness_forces
+    procedure :: has_stiffness => coarse_has_stiffness
     procedure :: rounding => coarse_rounding
     procedure :: rows => coarse_rows
-    procedure :: invert => coarse_invert
     procedure :: destroy => coarse_destroy
   end type coarse_space_t
 
-  !> Motions along a surface move its points by this part of the motion, by rounding.
+  public :: multiply_blocks
+
+  !> Entries of G below this are rounding errors: modes along a surface.
   real(dp), parameter :: rounding = 1.0e-12_dp
-  !> Eigenvalues of a scaled matrix below this belong to motions that nothing holds.
-  real(dp), parameter :: least_hold = 1.0e-13_dp
-  !> Rounding errors of sums of forces over a body, as a part of what they are made up of: they come with all signs, so that one is as
-  !> much as many.
+  !> Rounding errors of sums of forces over a body, as a fraction of the sum of their absolute values: errors have all
+  !> signs, so that many add up to no more than one.
   real(dp), parameter :: rounding_of_sums = epsilon(1.0_dp)
-  !> Springs below this part of what contact resists are none.
-  real(dp), parameter :: tiny_spring = 1.0e-25_dp
 
 contains
 
   !> Make the coarse space.
   subroutine coarse_init(self, operator, response, resultant, lift)
+    !> The coarse space.
     class(coarse_space_t), intent(inout) :: self
+    !> Contact rows.
     type(contact_operator_t), intent(in) :: operator
-    !> Responses, attached (n_bodies).
+    !> Compliances, with their modes at the contact nodes (n_bodies).
     type(response_slot_t), intent(in) :: response(:)
-    !> Resultants of the loads on the motions of the responses, body after body [force].
+    !> Resultants of the loads on the modes of the compliances, body after body (n) [force].
     real(dp), intent(in) :: resultant(:)
-    !> What given displacements have added to them; 0 where absent.
+    !> Contribution of prescribed displacements to them; 0 where absent (n) [force].
     real(dp), intent(in), allocatable, optional :: lift(:)
     real(dp) :: most
     integer :: b, i, j, k
@@ -96,18 +98,18 @@ contains
         do j = 1, form%n_motions
           self%scale(first + j - 1) = 1
           if (size(operator%block(b)%row) == 0) cycle
-          ! A part of the body that has no contact nodes moves none.
+          ! A mode of a part without contact nodes moves none.
           most = maxval(abs(form%motion(:, j)))
           if (most > rounding) self%scale(first + j - 1) = 1/most
           call matrix%multiply(self%scale(first + j - 1)*form%motion(:, j), self%block(b)%value(:, j))
-          ! Soft motions are not quite rigid, and what they strain is as small as their springs.
+          ! Near-null-space modes are not exactly rigid: small entries may be true, as small as the stiffness.
           if (allocated(form%motion_stiffness)) cycle
           where (abs(self%block(b)%value(:, j)) < rounding) self%block(b)%value(:, j) = 0
         end do
       end associate
     end do
     self%resultant = self%scale*resultant
-    call take_springs(self, response)
+    call take_stiffness(self, response)
     if (.not. allocated(self%stiffness)) return
     self%lift = 0*resultant
     self%resultant_size = abs(self%resultant)
@@ -115,55 +117,65 @@ contains
     if (allocated(lift)) self%lift = self%scale*lift
   end subroutine coarse_init
 
-  !> Springs of the bodies' motions.
-  subroutine take_springs(self, response)
+  !> Stiffness of the near-null-space modes.
+  subroutine take_stiffness(self, response)
+    !> Sets `stiffness` where a body has one.
     class(coarse_space_t), intent(inout) :: self
+    !> Compliances (n_bodies).
     type(response_slot_t), intent(in) :: response(:)
-    integer :: b, j
+    integer :: b, j, n
+    if (.not. any([(allocated(response(b)%form%motion_stiffness), b=1, size(response))])) return
+    allocate (self%stiffness(size(response)))
     do b = 1, size(response)
-      associate (form => response(b)%form, first => self%first(b), last => self%first(b + 1) - 1)
+      associate (form => response(b)%form, scale => self%scale(self%first(b):self%first(b + 1) - 1))
+        n = size(scale)
+        allocate (self%stiffness(b)%value(n, n), source=0.0_dp)
         if (.not. allocated(form%motion_stiffness)) cycle
-        if (.not. allocated(self%stiffness)) allocate (self%stiffness(self%n, self%n), source=0.0_dp)
-        do j = first, last
-          self%stiffness(first:last, j) = self%scale(first:last)*form%motion_stiffness(:, j - first + 1)*self%scale(j)
+        do j = 1, n
+          self%stiffness(b)%value(:, j) = scale*form%motion_stiffness(:, j)*scale(j)
         end do
       end associate
     end do
-  end subroutine take_springs
+  end subroutine take_stiffness
 
-  !> S alpha, 0 where there are no springs.
-  pure function coarse_springs(self, alpha) result(force)
+  !> S alpha, 0 where there is no stiffness.
+  pure function coarse_stiffness_forces(self, alpha) result(force)
+    !> The coarse space.
     class(coarse_space_t), intent(in) :: self
     !> Amplitudes (n) [length].
     real(dp), intent(in) :: alpha(:)
     !> (n) [force]
     real(dp) :: force(size(alpha))
     force = 0
-    if (allocated(self%stiffness)) force = self%by_bodies(self%stiffness, alpha)
-  end function coarse_springs
+    if (allocated(self%stiffness)) force = multiply_blocks(self%first, self%stiffness, alpha)
+  end function coarse_stiffness_forces
 
-  !> A matrix that has a block for each body times amplitudes.
-  pure function coarse_by_bodies(self, matrix, alpha) result(product)
-    class(coarse_space_t), intent(in) :: self
-    !> (n, n), 0 but for the bodies' own blocks.
-    real(dp), intent(in) :: matrix(:, :)
-    !> (n)
+  !> Product of a block diagonal matrix with amplitudes.
+  pure function multiply_blocks(first, block, alpha) result(product)
+    !> Modes of body b are first(b) .. first(b+1)-1 (n_bodies + 1).
+    integer, intent(in) :: first(:)
+    !> Diagonal blocks (n_bodies).
+    type(mode_block_t), intent(in) :: block(:)
+    !> Amplitudes (n).
     real(dp), intent(in) :: alpha(:)
+    !> (n)
     real(dp) :: product(size(alpha))
     integer :: b, j
-    do b = 1, size(self%block)
-      associate (first => self%first(b), last => self%first(b + 1) - 1)
-        product(first:last) = 0
-        do j = first, last
-          product(first:last) = product(first:last) + alpha(j)*matrix(first:last, j)
+    do b = 1, size(block)
+      associate (own => product(first(b):first(b + 1) - 1))
+        own = 0
+        do j = 1, size(own)
+          own = own + alpha(first(b) + j - 1)*block(b)%value(:, j)
         end do
       end associate
     end do
-  end function coarse_by_bodies
+  end function multiply_blocks
 
   !> z = G alpha.
   pure subroutine coarse_displacement(self, operator, alpha, z)
+    !> The coarse space.
     class(coarse_space_t), intent(in) :: self
+    !> Contact rows.
     type(contact_operator_t), intent(in) :: operator
     !> Amplitudes (n) [length].
     real(dp), intent(in) :: alpha(:)
@@ -182,9 +194,11 @@ contains
 
   !> e = G^T lambda.
   pure subroutine coarse_resultant_of(self, operator, lambda, e)
+    !> The coarse space.
     class(coarse_space_t), intent(in) :: self
+    !> Contact rows.
     type(contact_operator_t), intent(in) :: operator
-    !> Forces at the contact points, weights included (n_rows) [force].
+    !> Contact forces: pressures times weights (n_rows) [force].
     real(dp), intent(in) :: lambda(:)
     !> Resultants (n) [force].
     real(dp), intent(out) :: e(:)
@@ -196,35 +210,37 @@ contains
     end do
   end subroutine coarse_resultant_of
 
-  !> Energy norm of the motions that rounding errors of forces and their resultants excite against the springs alone.
+  !> Energy norm of the amplitudes that rounding errors of forces and resultants excite against the stiffness S alone.
   subroutine coarse_rounding(self, operator, lambda, norm)
+    !> The coarse space.
     class(coarse_space_t), intent(in) :: self
+    !> Contact rows.
     type(contact_operator_t), intent(in) :: operator
-    !> Forces at the contact points (n_rows) [force].
+    !> Contact forces (n_rows) [force].
     real(dp), intent(in) :: lambda(:)
-    !> [sqrt(energy)].
+    !> 0 without a stiffness, `huge` where S is singular [sqrt(energy)].
     real(dp), intent(out) :: norm
     type(error_t), allocatable :: error
-    real(dp), allocatable :: rest(:), inverse(:, :)
+    real(dp), allocatable :: force(:), inverse(:, :)
     integer :: b, i, j
     norm = 0
     if (.not. allocated(self%stiffness)) return
     do b = 1, size(self%block)
-      associate (first => self%first(b), last => self%first(b + 1) - 1)
+      associate (first => self%first(b), last => self%first(b + 1) - 1, stiffness => self%stiffness(b)%value)
         if (last < first) cycle
-        if (.not. self%stiffness(first, first) > 0) cycle
-        rest = rounding_of_sums*(self%resultant_size(first:last) + &
-                                 matmul(abs(lambda(operator%block(b)%row)), abs(self%block(b)%value)))
-        allocate (inverse(size(rest), size(rest)), source=0.0_dp)
-        do i = 1, size(rest)
+        if (.not. stiffness(1, 1) > 0) cycle
+        force = rounding_of_sums*(self%resultant_size(first:last) + &
+                                  matmul(abs(lambda(operator%block(b)%row)), abs(self%block(b)%value)))
+        allocate (inverse(size(force), size(force)), source=0.0_dp)
+        do i = 1, size(force)
           inverse(i, i) = 1
         end do
-        call solve_dense(self%stiffness(first:last, first:last), inverse, error)
+        call solve_dense(stiffness, inverse, error)
         if (allocated(error)) then
           norm = huge(norm)
           return
         end if
-        norm = norm + sum([((rest(i)*abs(inverse(i, j))*rest(j), i=1, size(rest)), j=1, size(rest))])
+        norm = norm + sum([((force(i)*abs(inverse(i, j))*force(j), i=1, size(force)), j=1, size(force))])
         deallocate (inverse)
       end associate
     end do
@@ -233,10 +249,11 @@ contains
 
   !> Some rows of G as a dense matrix.
   pure subroutine coarse_rows(self, row, g)
+    !> The coarse space.
     class(coarse_space_t), intent(in) :: self
-    !> Which rows (m).
+    !> The rows (m).
     integer, intent(in) :: row(:)
-    !> G there (m, n).
+    !> G (m, n).
     real(dp), intent(out) :: g(:, :)
     integer :: i, k, b
     g = 0
@@ -249,105 +266,21 @@ contains
     end do
   end subroutine coarse_rows
 
-  !> Pseudo-inverse of a matrix that says how the motions are held, and its null space: what is not held.
-  subroutine coarse_invert(self, matrix, inverse, null_mode, error)
-    class(coarse_space_t), intent(in) :: self
-    !> Symmetric, not negative (n, n).
-    real(dp), intent(in) :: matrix(:, :)
-    real(dp), allocatable, intent(out) :: inverse(:, :)
-    !> As columns, the largest amplitude of each is 1 (n, number of them).
-    real(dp), allocatable, intent(out) :: null_mode(:, :)
-    type(error_t), allocatable, intent(out) :: error
-    real(dp), allocatable :: scaled(:, :), scale(:), values(:), vectors(:, :), part(:, :)
-    real(dp) :: most
-    logical :: is_held(self%n)
-    integer :: i, b, n_null
-    if (all_sprung(self)) then
-      ! Elimination keeps motions apart that have nothing to do with each other, however different their springs.
-      allocate (inverse(self%n, self%n), null_mode(self%n, 0))
-      inverse = 0
-      do i = 1, self%n
-        inverse(i, i) = 1
-      end do
-      call solve_dense(matrix, inverse, error)
-      return
-    end if
-    allocate (scale(self%n), values(self%n), vectors(self%n, self%n), scaled(self%n, self%n))
-    ! All motions of a body are measured by the one that is held best: they move it by the same lengths.
-    scale = 1
-    do b = 1, size(self%first) - 1
-      associate (first => self%first(b), last => self%first(b + 1) - 1)
-        most = maxval([0.0_dp, (matrix(i, i), i=first, last)])
-        if (most > 0) scale(first:last) = 1/sqrt(most)
-      end associate
-    end do
-    do i = 1, self%n
-      scaled(:, i) = scale*matrix(:, i)*scale(i)
-    end do
-    call symmetric_eigen(scaled, values, vectors, error)
-    if (allocated(error)) return
-    is_held = values > least_hold
-    call count_springs(self, scale, vectors, is_held, values)
-    n_null = count(.not. is_held)
-    associate (held => pack([(i, i=1, self%n)], is_held))
-      part = vectors(:, held)
-      do i = 1, size(held)
-        part(:, i) = part(:, i)/values(held(i))
-      end do
-      inverse = matmul(part, transpose(vectors(:, held)))
-    end associate
-    do i = 1, self%n
-      inverse(:, i) = scale*inverse(:, i)*scale(i)
-    end do
-    null_mode = vectors(:, pack([(i, i=1, self%n)], .not. is_held))
-    do i = 1, n_null
-      null_mode(:, i) = scale*null_mode(:, i)
-      null_mode(:, i) = null_mode(:, i)/maxval(abs(null_mode(:, i)))
-    end do
-  end subroutine coarse_invert
-
-  !> Whether every motion has a spring.
-  pure logical function all_sprung(self)
-    class(coarse_space_t), intent(in) :: self
-    integer :: b
-    all_sprung = allocated(self%stiffness)
-    if (all_sprung) all_sprung = all([(self%is_sprung(b), b=1, size(self%block))])
-  end function all_sprung
-
-  !> Whether every motion of a body has a spring.
-  pure logical function coarse_is_sprung(self, b) result(is_sprung)
+  !> Whether every mode of a body has a stiffness of its own.
+  pure logical function coarse_has_stiffness(self, b) result(has_stiffness)
+    !> The coarse space.
     class(coarse_space_t), intent(in) :: self
     !> The body.
     integer, intent(in) :: b
     integer :: i
-    is_sprung = allocated(self%stiffness)
-    if (is_sprung) is_sprung = all([(self%stiffness(i, i) > 0, i=self%first(b), self%first(b + 1) - 1)])
-  end function coarse_is_sprung
+    has_stiffness = allocated(self%stiffness)
+    if (has_stiffness) &
+      has_stiffness = all([(self%stiffness(b)%value(i, i) > 0, i=1, size(self%stiffness(b)%value, 1))])
+  end function coarse_has_stiffness
 
-  !> Motions with springs are held, however soft these are; a matrix that has them is no softer than they are.
-  subroutine count_springs(self, scale, vectors, is_held, values)
-    class(coarse_space_t), intent(in) :: self
-    !> Of the matrix (n).
-    real(dp), intent(in) :: scale(:)
-    !> Eigenvectors of the scaled matrix (n, n).
-    real(dp), intent(in) :: vectors(:, :)
-    logical, intent(inout) :: is_held(:)
-    !> Its eigenvalues (n).
-    real(dp), intent(inout) :: values(:)
-    real(dp) :: spring
-    integer :: i
-    if (.not. allocated(self%stiffness)) return
-    do i = 1, self%n
-      spring = dot_product(scale*vectors(:, i), self%springs(scale*vectors(:, i)))
-      ! What rounding mixes of other motions into a free one is no spring.
-      if (.not. spring > tiny_spring) cycle
-      values(i) = max(values(i), spring)
-      is_held(i) = .true.
-    end do
-  end subroutine count_springs
-
-  !> Give all memory back.
+  !> Free all memory.
   subroutine coarse_destroy(self)
+    !> The coarse space.
     class(coarse_space_t), intent(inout) :: self
     self%n = 0
     if (allocated(self%first)) deallocate (self%first, self%block, self%body, self%place)

@@ -1,211 +1,268 @@
-!> The system of an active set by factorization.
+!> The linear system of an active set by factorization: contact compliances and rigid body modes as one saddle point
+!> matrix.
 !>
-!> M consists of one dense block per couple of pairs that share a body. It is factorized block by block, pairs ordered by nested
-!> dissection, and the border goes by its Schur complement `S = G^T M^{-1} G`, whose null space are the motions that the active points
-!> do not hold. With theta = 0 points can say the same thing twice, and M is singular: what is factorized is M plus a small part of
-!> its diagonal, and the solution is refined with the true M. This is the proximal point method: it keeps the consistent part exact
-!> and gives redundant points the forces of least norm.
+!> With M = C + Theta W^{-1} on the active rows, G their rows of the coarse space and S the stiffness of near-null-space
+!> modes,
+!>
+!>     [M  -G; -G^T  -S] (lambda, alpha) = (b, -c).
+!>
+!> Blocks are the pairs with active rows and the modes of the bodies (`dotyk_scheme_contact_graph`); the block LDL^T
+!> factorization (`dotyk_linalg_block_ldlt`) fills in little where bodies touch few others, and finds the modes that the
+!> active rows do not restrain. With theta = 0 rows can be linearly dependent and M singular: M plus a small fraction of
+!> its diagonal is factorized, and the solution refined with the true matrix. This is the proximal point method
+!> (Rockafellar, SIAM J. Control Optim. 14, 1976): consistent equations are solved exactly, redundant rows share the
+!> force of least norm.
 module dotyk_scheme_direct_system
   use dotyk_base_error, only: error_t, set_error, exit_not_solvable
   use dotyk_base_kinds, only: dp
-  use dotyk_linalg_block_cholesky, only: block_cholesky_t
-  use dotyk_scheme_active_system, only: active_system_t, proximal_part
+  use dotyk_linalg_block_ldlt, only: block_ldlt_t
+  use dotyk_linalg_block_ldlt_solution, only: expand_null_vector, solve_block_ldlt
+  use dotyk_scheme_active_system, only: active_system_t
+  use dotyk_scheme_contact_graph, only: contact_graph_t, make_contact_graph
   use dotyk_scheme_explicit, only: explicit_compliance_t
-  use dotyk_scheme_pair_graph, only: couple_pairs, order_pairs
   use dotyk_scheme_problem, only: contact_problem_t
   implicit none
   private
 
   !> The factorized system. It owns a factor: never copy it, destroy it in the end.
   type, extends(active_system_t), public :: direct_system_t
-    type(block_cholesky_t), private :: factor
+    !> The factor.
+    type(block_ldlt_t), private :: factor
+    !> Blocks of the factor.
+    type(contact_graph_t), private :: graph
     !> Diagonal of M (n) [length/force].
     real(dp), allocatable, private :: diagonal(:)
-    !> G on the active points and M^{-1} G (n, coarse%n).
-    real(dp), allocatable, private :: g(:, :), x(:, :)
-    !> S^{-1}, pseudo-inverse where S is singular (coarse%n, coarse%n).
-    real(dp), allocatable, private :: schur_inverse(:, :)
+    !> Orthonormal null modes of several bodies together, as columns (coarse%n, number of them).
+    real(dp), allocatable, private :: joint_null(:, :)
   contains
     procedure :: init => direct_system_init
     procedure :: solve => direct_system_solve
     procedure :: destroy => direct_system_destroy
   end type direct_system_t
 
+  !> Proximal term: the fraction of the diagonal of M that is added before the factorization. Far above the rounding of
+  !> M (1e-16 of it), far below what slows down the refinement: each step gains nine digits where rows are independent.
+  real(dp), parameter :: proximal_fraction = 1.0e-9_dp
+  !> A null direction of one body that moves an active point by more than this (of 1, the scale of modes) restrains that
+  !> point against another body: the null vector has components there. Null directions are known to the square root of
+  !> `least_eigenvalue`, 1e-6, at worst and to rounding where bodies do not touch.
+  real(dp), parameter :: least_motion = 1.0e-9_dp
+  !> Steps of iterative refinement at most.
+  integer, parameter :: most_refinements = 8
+  !> Refinement goes on while the squared residual falls to this fraction (of contact rows, of equilibrium); equilibrium
+  !> is exact but for rounding after one step, unless springs are soft.
+  real(dp), parameter :: worthwhile_gain = 0.1_dp, worthwhile_gain_of_equilibrium = 0.01_dp
+
 contains
 
   !> Assemble and factorize.
   subroutine direct_system_init(self, problem, compliance, theta, active, error)
+    !> The system.
     class(direct_system_t), intent(inout) :: self
+    !> Contact rows and rigid body modes.
     type(contact_problem_t), intent(in) :: problem
-    !> Of all rows.
+    !> Of all active rows.
     type(explicit_compliance_t), intent(in) :: compliance
     !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
-    !> (n_rows).
+    !> The active set (n_rows).
     logical, intent(in) :: active(:)
-    !> Out of memory.
+    !> The compliance is not positive definite, by rounding or not a number.
     type(error_t), allocatable, intent(out) :: error
     integer :: failed
     call self%destroy()
     call self%take_points(problem, theta, active)
-    call assemble(self, problem, compliance, active, error)
+    call make_contact_graph(problem, active, self%graph, error)
     if (allocated(error)) return
-    allocate (self%diagonal(size(self%row)))
-    call self%factor%add_diagonal(self%layer)
-    call self%factor%get_diagonal(self%diagonal)
-    call self%factor%add_diagonal(proximal_part*self%diagonal)
-    call self%factor%factorize(failed)
-    if (failed > 0) call set_error(error, 'the compliance of the active contact points is '// &
-      'not positive definite', exit_not_solvable)
-    if (allocated(error)) return
-    call eliminate_border(self, problem, error)
+    associate (graph => self%graph)
+      call self%factor%init(graph%size, graph%sign, graph%start, graph%neighbour, graph%order)
+    end associate
+    call add_compliance(self, compliance)
+    call add_modes(self, problem)
+    call self%factor%factorize(contact_stiffness_of_modes(self, problem), failed)
+    if (failed > 0) call set_error(error, 'the compliance of the active contact points is not positive definite', &
+                                   exit_not_solvable)
+    if (.not. allocated(error)) call find_null_modes(self, problem)
   end subroutine direct_system_init
 
-  !> C on the active points: what the bodies of two pairs that share them contribute to the pairs' block.
-  subroutine assemble(self, problem, compliance, active, error)
+  !> M: the compliance of each body couples its pairs; Winkler layers and the proximal term stand on the diagonal.
+  subroutine add_compliance(self, compliance)
+    !> Sets the blocks of pairs and the diagonal.
     type(direct_system_t), intent(inout) :: self
-    type(contact_problem_t), intent(in) :: problem
+    !> Of all active rows.
     type(explicit_compliance_t), intent(in) :: compliance
-    !> (n_rows).
-    logical, intent(in) :: active(:)
-    type(error_t), allocatable, intent(out) :: error
-    logical, allocatable :: coupled(:, :)
-    integer, allocatable :: order(:), member(:), first(:), pair(:), start(:), neighbour(:), n_points(:)
-    integer :: n_pairs, b, k, l
-    associate (pair_first => problem%operator%pair_first_row)
-      n_pairs = size(pair_first) - 1
-      allocate (n_points(n_pairs))
-      do k = 1, n_pairs
-        n_points(k) = count(active(pair_first(k):pair_first(k + 1) - 1))
-      end do
-      call couple_pairs(problem, start, neighbour)
-      call order_pairs(start, neighbour, n_points, order, error)
-      if (allocated(error)) return
-      allocate (coupled(n_pairs, n_pairs), source=.false.)
-      do k = 1, n_pairs
-        coupled(k, k) = .true.
-        coupled(neighbour(start(k):start(k + 1) - 1), k) = .true.
-      end do
-      call self%factor%init(n_points, coupled, order, error)
-      if (allocated(error)) return
+    integer, allocatable :: number(:)
+    integer :: b, i, k, l
+    self%diagonal = self%layer
+    associate (graph => self%graph)
       do b = 1, size(compliance%body)
-        associate (row => problem%operator%block(b)%row, number => compliance%body(b)%number)
-          ! The body's active rows, pair by pair, as numbers in its matrix.
-          member = pack(number, active(row))
-          call find_runs(pack(row, active(row)), pair_first, pair, first)
-        end associate
-        do k = 1, size(pair)
-          do l = 1, k
-            call self%factor%add(pair(k), pair(l), &
-                                 compliance%body(b)%value(member(first(k):first(k + 1) - 1), member(first(l):first(l + 1) - 1)))
+        associate (body => graph%body(b), value => compliance%body(b)%value)
+          number = compliance%body(b)%number(body%place)
+          do i = 1, size(number)
+            associate (entry => self%diagonal(graph%number(body%row(i))))
+              entry = entry + value(number(i), number(i))
+            end associate
           end do
-        end do
+          do k = 1, size(body%block)
+            do l = 1, k
+              call self%factor%add(body%block(k), body%block(l), value(number(body%first(k):body%first(k + 1) - 1), &
+                                                                       number(body%first(l):body%first(l + 1) - 1)))
+            end do
+          end do
+        end associate
+      end do
+      do k = 1, graph%n_pairs
+        associate (first => graph%first(k), last => graph%first(k + 1) - 1)
+          call self%factor%add_diagonal(k, self%layer(first:last) + proximal_fraction*self%diagonal(first:last))
+        end associate
       end do
     end associate
-  end subroutine assemble
+  end subroutine add_compliance
 
-  !> Where the rows of each pair stand in a list of rows.
-  subroutine find_runs(row, pair_first, pair, first)
-    !> Ascending.
-    integer, intent(in) :: row(:)
-    !> First row of each pair (n_pairs + 1).
-    integer, intent(in) :: pair_first(:)
-    !> Pairs that are there (n), and the place of the first row of each (n + 1).
-    integer, allocatable, intent(out) :: pair(:), first(:)
-    integer :: i, k
-    allocate (pair(0), first(0))
-    k = 0
-    do i = 1, size(row)
-      if (k > 0) then
-        if (row(i) < pair_first(k + 1)) cycle
-      end if
-      do
-        k = k + 1
-        if (row(i) < pair_first(k + 1)) exit
-      end do
-      pair = [pair, k]
-      first = [first, i]
-    end do
-    first = [first, size(row) + 1]
-  end subroutine find_runs
-
-  !> The Schur complement of the border and its pseudo-inverse.
-  subroutine eliminate_border(self, problem, error)
+  !> -G and -S.
+  subroutine add_modes(self, problem)
+    !> Sets the blocks of modes.
     type(direct_system_t), intent(inout) :: self
+    !> With the coarse space.
     type(contact_problem_t), intent(in) :: problem
-    type(error_t), allocatable, intent(out) :: error
-    real(dp), allocatable :: schur(:, :)
-    integer :: n, r
-    n = size(self%row)
-    r = problem%coarse%n
-    allocate (self%g(n, r))
-    call problem%coarse%rows(self%row, self%g)
-    self%x = self%g
-    if (n > 0 .and. r > 0) call self%factor%solve(self%x)
-    schur = matmul(transpose(self%g), self%x)
-    if (allocated(problem%coarse%stiffness)) schur = schur + problem%coarse%stiffness
-    call problem%coarse%invert(schur, self%schur_inverse, self%null_mode, error)
-  end subroutine eliminate_border
+    integer :: b, k
+    do b = 1, size(self%graph%body)
+      associate (body => self%graph%body(b), g => problem%coarse%block(b)%value)
+        if (body%modes == 0) cycle
+        do k = 1, size(body%block)
+          call self%factor%add(body%block(k), body%modes, -g(body%place(body%first(k):body%first(k + 1) - 1), :))
+        end do
+        if (allocated(problem%coarse%stiffness)) &
+          call self%factor%add(body%modes, body%modes, -problem%coarse%stiffness(b)%value)
+      end associate
+    end do
+  end subroutine add_modes
 
-  !> Solve, and refine the solution until rounding allows no more. Motions that nothing holds stay at rest; the part of c that excites
-  !> them is left over.
+  !> Stiffness of the contact of each body against its best restrained mode, if each active point yielded on its own:
+  !> the reference of null directions. 0 where all modes of a body have a stiffness of their own: none is a null
+  !> direction, however soft.
+  function contact_stiffness_of_modes(self, problem) result(stiffness)
+    !> With the diagonal.
+    type(direct_system_t), intent(in) :: self
+    !> With the coarse space.
+    type(contact_problem_t), intent(in) :: problem
+    !> By blocks (n_blocks) [force/length].
+    real(dp), allocatable :: stiffness(:)
+    integer :: b, j
+    allocate (stiffness(size(self%graph%size)), source=0.0_dp)
+    do b = 1, size(self%graph%body)
+      associate (body => self%graph%body(b), g => problem%coarse%block(b)%value)
+        if (body%modes == 0) cycle
+        if (problem%coarse%has_stiffness(b)) cycle
+        do j = 1, size(g, 2)
+          stiffness(body%modes) = max(stiffness(body%modes), &
+                                      sum(g(body%place, j)**2/self%diagonal(self%graph%number(body%row))))
+        end do
+      end associate
+    end do
+  end function contact_stiffness_of_modes
+
+  !> Modes that the active points do not restrain: of single bodies, and of several in contact with each other only.
+  subroutine find_null_modes(self, problem)
+    !> Factorized; sets the null modes.
+    type(direct_system_t), intent(inout) :: self
+    !> With the coarse space.
+    type(contact_problem_t), intent(in) :: problem
+    real(dp), allocatable :: x(:), joint(:, :)
+    real(dp) :: motion
+    integer :: i, j, b, n, n_joint
+    n = size(self%row)
+    allocate (x(n + problem%coarse%n))
+    allocate (self%null_mode(problem%coarse%n, size(self%factor%null_block)), source=0.0_dp)
+    allocate (joint(problem%coarse%n, size(self%factor%null_block)))
+    n_joint = 0
+    do i = 1, size(self%factor%null_block)
+      b = self%graph%body_of(self%factor%null_block(i))
+      associate (first => problem%coarse%first(b), last => problem%coarse%first(b + 1) - 1, place => self%graph%body(b)%place)
+        self%null_mode(first:last, i) = self%factor%null_direction(:last - first + 1, i)
+        motion = maxval([0.0_dp, abs(matmul(problem%coarse%block(b)%value(place, :), self%null_mode(first:last, i)))])
+      end associate
+      if (motion > least_motion) then
+        call expand_null_vector(self%factor, i, x)
+        ! Blocks of modes follow those of pairs, body after body.
+        self%null_mode(:, i) = x(n + 1:)
+        n_joint = n_joint + 1
+        joint(:, n_joint) = self%null_mode(:, i)
+        do j = 1, n_joint - 1
+          joint(:, n_joint) = joint(:, n_joint) - dot_product(joint(:, j), joint(:, n_joint))*joint(:, j)
+        end do
+        joint(:, n_joint) = joint(:, n_joint)/norm2(joint(:, n_joint))
+      end if
+      self%null_mode(:, i) = self%null_mode(:, i)/maxval(abs(self%null_mode(:, i)))
+    end do
+    self%joint_null = joint(:, :n_joint)
+  end subroutine find_null_modes
+
+  !> Solve with iterative refinement, until rounding allows no more. Null modes get amplitude 0; the part of c that
+  !> excites them remains in the residual.
   subroutine direct_system_solve(self, problem, compliance, b, c, lambda, alpha)
+    !> Factorized.
     class(direct_system_t), intent(in) :: self
+    !> The problem that it was made for.
     type(contact_problem_t), intent(inout) :: problem
+    !> Of all active rows.
     type(explicit_compliance_t), intent(in) :: compliance
-    !> Right-hand sides: (n) [length], (coarse%n) [force].
-    real(dp), intent(in) :: b(:), c(:)
-    !> Forces at the active points; what they are on entry does not matter (n) [force].
+    !> Right-hand side of the contact rows (n) [length].
+    real(dp), intent(in) :: b(:)
+    !> Right-hand side of the equilibrium of the modes (coarse%n) [force].
+    real(dp), intent(in) :: c(:)
+    !> Contact forces; the value on entry is not used (n) [force].
     real(dp), intent(inout) :: lambda(:)
-    !> Amplitudes of the free motions (coarse%n) [length].
+    !> Amplitudes of the modes (coarse%n) [length].
     real(dp), intent(out) :: alpha(:)
-    real(dp), allocatable :: r_b(:), r_c(:), step(:), step_alpha(:), all_forces(:), z(:)
-    real(dp) :: residual, previous
-    integer :: k
-    integer, parameter :: most_steps = 8
-    allocate (all_forces(problem%operator%n_rows), z(problem%operator%n_rows), source=0.0_dp)
+    real(dp), allocatable :: r_b(:), r_c(:), x(:), all_forces(:), z(:), motion(:), step(:), step_alpha(:)
+    real(dp) :: residual, previous, imbalance, previous_imbalance
+    integer :: k, n
+    n = size(self%row)
+    allocate (all_forces(problem%operator%n_rows), z(problem%operator%n_rows), motion(problem%operator%n_rows), source=0.0_dp)
+    allocate (x(n + problem%coarse%n))
     r_b = b
     r_c = c
     lambda = 0
     alpha = 0
     previous = huge(previous)
-    do k = 1, most_steps
-      step = solve_one(self%factor, r_b)
-      step_alpha = matmul(self%schur_inverse, r_c - matmul(step, self%g))
-      step = step + matmul(self%x, step_alpha)
+    previous_imbalance = huge(previous_imbalance)
+    do k = 1, most_refinements
+      x(:n) = r_b
+      x(n + 1:) = -r_c
+      call solve_block_ldlt(self%factor, x)
+      step = x(:n)
+      step_alpha = x(n + 1:)
       all_forces(self%row) = lambda + step
       call compliance%multiply(problem, all_forces, z)
-      r_b = b - z(self%row) - self%layer*(lambda + step) + matmul(self%g, alpha + step_alpha)
-      r_c = c - matmul(lambda + step, self%g) - problem%coarse%springs(alpha + step_alpha)
+      call problem%coarse%displacement(problem%operator, alpha + step_alpha, motion)
+      r_b = b - z(self%row) - self%layer*(lambda + step) + motion(self%row)
+      call problem%coarse%resultant_of(problem%operator, all_forces, r_c)
+      r_c = c - r_c - problem%coarse%stiffness_forces(alpha + step_alpha)
       residual = sum(r_b**2/self%diagonal)
-      if (allocated(problem%coarse%stiffness)) residual = residual + dot_product(r_c, matmul(self%schur_inverse, r_c))
-      ! Rounding errors do not get smaller.
-      if (k > 1 .and. .not. residual < previous) exit
+      imbalance = sum(r_c**2)
+      ! Where rounding dominates, residuals do not fall, and the step is not taken.
+      if (k > 1 .and. .not. (residual < previous .or. &
+                             imbalance < worthwhile_gain_of_equilibrium*previous_imbalance)) exit
       lambda = lambda + step
       alpha = alpha + step_alpha
-      if (.not. residual < 0.1_dp*previous) exit
+      if (.not. (residual < worthwhile_gain*previous .or. &
+                 imbalance < worthwhile_gain_of_equilibrium*previous_imbalance)) exit
       previous = residual
+      previous_imbalance = imbalance
+    end do
+    do k = 1, size(self%joint_null, 2)
+      alpha = alpha - dot_product(self%joint_null(:, k), alpha)*self%joint_null(:, k)
     end do
   end subroutine direct_system_solve
 
-  !> The solution for one right-hand side.
-  function solve_one(factor, b) result(x)
-    type(block_cholesky_t), intent(in) :: factor
-    real(dp), intent(in) :: b(:)
-    real(dp) :: x(size(b)), column(size(b), 1)
-    column(:, 1) = b
-    call factor%solve(column)
-    x = column(:, 1)
-  end function solve_one
-
-  !> Give all memory back.
+  !> Free all memory.
   subroutine direct_system_destroy(self)
+    !> The system.
     class(direct_system_t), intent(inout) :: self
     call self%factor%destroy()
     call self%forget()
+    if (allocated(self%joint_null)) deallocate (self%joint_null)
     if (allocated(self%diagonal)) deallocate (self%diagonal)
-    if (allocated(self%g)) deallocate (self%g)
-    if (allocated(self%x)) deallocate (self%x)
-    if (allocated(self%schur_inverse)) deallocate (self%schur_inverse)
   end subroutine direct_system_destroy
 end module dotyk_scheme_direct_system

@@ -47,6 +47,11 @@ module dotyk_scheme_dual
   integer, parameter :: most_rounds = 4
   !> How often rows are kept that motions run into which the others do not stop; then all of them are.
   integer, parameter :: most_widenings = 10
+  !> Rows join the working set that an unbounded direction moves into contact by more than this fraction of the largest such
+  !> motion: others hardly resist it.
+  real(dp), parameter :: resisting = 1.0e-3_dp
+  !> Relative error bounds from here on are reported as none: squares of larger ones overflow.
+  real(dp), parameter :: no_bound = 1.0e150_dp
   !> Scenes of more free motions than this, and fewer points for each, are solved with all points, from inside.
   integer, parameter :: many_motions = 60, points_per_motion = 30
   !> A part of all points that is not worth leaving out: to look at them in the end takes a solve.
@@ -178,7 +183,7 @@ contains
       ! Rows that the motion runs into.
       call problem%coarse%displacement(problem%operator, motion, way)
       if (.not. any(way > 0 .and. .not. keep)) exit
-      keep = keep .or. way > 1.0e-3_dp*maxval(way)
+      keep = keep .or. way > resisting*maxval(way)
       if (all(keep)) return
     end do
     keep = .true.
@@ -297,8 +302,8 @@ contains
       call problem%coarse%rounding(problem%operator, now%lambda, rounded)
       result%error_bound = result%error_bound + rounded
       ! Beyond 1e150 a bound is none.
-      if (norm > 0) result%error_bound = min(result%error_bound, 1.0e150_dp*norm)/norm
-      if (result%error_bound >= 0.99e150_dp) result%error_bound = huge(norm)
+      if (norm > 0) result%error_bound = min(result%error_bound, no_bound*norm)/norm
+      if (result%error_bound >= 0.99_dp*no_bound) result%error_bound = huge(norm)
     end if
     ! Loads whose squares overflow leave none either.
     if (.not. result%error_bound <= huge(norm)) result%error_bound = huge(norm)
@@ -353,7 +358,8 @@ contains
       if (any(.not. active .and. now%y > z + motion .and. now%y > rounding*maxval(abs(problem%y_free)))) return
       left_over = 2*sum(abs(now%lambda(row)*(z(row) + motion(row) - residual - theta(row)/weight(row)*mu))) &
                   + sum(theta(row)/weight(row)*mu**2)/4
-      bound = sqrt(max(0.0_dp, sum(all_mu*z) + dot_product(beta, problem%coarse%springs(beta)))) + sqrt(left_over)
+      bound = sqrt(max(0.0_dp, sum(all_mu*z) + dot_product(beta, problem%coarse%stiffness_forces(beta))))
+      bound = bound + sqrt(left_over)
     end associate
   end function admissible_bound
 end module dotyk_scheme_dual

@@ -166,7 +166,7 @@ contains
       r_dual = z(row) + operator%theta(row)/operator%weight(row)*now%lambda - motion(row) - problem%y_free(row) - now%s
     end associate
     call problem%coarse%resultant_of(problem%operator, lambda, r_balance)
-    r_balance = r_balance + problem%coarse%springs(now%alpha) - problem%coarse%resultant
+    r_balance = r_balance + problem%coarse%stiffness_forces(now%alpha) - problem%coarse%resultant
   end subroutine residuals
 
   !> Whether forces balance the loads.

@@ -1,12 +1,16 @@
-!> The system of an active set by conjugate gradients: no column of the compliance is formed, each step is one solve of every body.
+!> The linear system of an active set by conjugate gradients, matrix-free: each step applies the compliance of every
+!> body once.
 !>
-!> As in total FETI, forces keep to the equilibrium of the free bodies: they start with it, and steps are projected on `G^T lambda = 0`,
-!> the coarse problem. The preconditioner is the diagonal: how much each point yields, its nodes taken for alone, and its layer. (The lumped
-!> preconditioner of domain decomposition, the stiffness of the surfaces, needed as many steps or twice as many.)
+!> As in total FETI (Dostal, Horak, Kucera, Commun. Numer. Meth. Engng 22, 2006) contact forces stay in equilibrium with
+!> the loads of the floating bodies: the start satisfies `G^T lambda = c`, steps are projected on `G^T lambda = 0`, the
+!> coarse problem. The preconditioner is diagonal: the compliance of each contact point from the diagonals of the
+!> stiffnesses of its bodies, and its Winkler layer. (The lumped preconditioner, the stiffness of the surfaces, took as
+!> many steps or twice as many.)
 module dotyk_scheme_iterative_system
   use dotyk_base_error, only: error_t
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
+  use dotyk_linalg_dense, only: symmetric_eigen
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_explicit, only: explicit_compliance_t
   use dotyk_scheme_problem, only: contact_problem_t
@@ -15,46 +19,56 @@ module dotyk_scheme_iterative_system
 
   !> The system.
   type, extends(active_system_t), public :: iterative_system_t
-    !> Stiffness of each point by the diagonals of its bodies, layer included: the preconditioner (n) [force/length].
+    !> Preconditioner: inverse diagonal compliance of each point, Winkler layer included (n) [force/length].
     real(dp), allocatable, private :: stiffness(:)
-    !> G on the active points (n, coarse%n), and the pseudo-inverse of G^T G (coarse%n, coarse%n).
-    real(dp), allocatable, private :: g(:, :), gram_inverse(:, :)
+    !> G on the active rows (n, coarse%n).
+    real(dp), allocatable, private :: g(:, :)
+    !> Pseudo-inverse of G^T G (coarse%n, coarse%n).
+    real(dp), allocatable, private :: gram_inverse(:, :)
   contains
     procedure :: init => iterative_system_init
     procedure :: solve => iterative_system_solve
     procedure :: destroy => iterative_system_destroy
   end type iterative_system_t
 
-  !> Steps end when the residual, in the norm of the preconditioner, is this part of the first one.
+  !> Steps end when the residual, in the norm of the preconditioner, is this fraction of the first one.
   real(dp), parameter :: tolerance = 1.0e-13_dp
   !> Steps at most.
   integer, parameter :: most_steps = 2000
+  !> Eigenvalues of the scaled Gram matrix G^T G below this belong to null modes: a factor of 500 above rounding.
+  real(dp), parameter :: least_eigenvalue = 1.0e-13_dp
 
 contains
 
   !> Prepare preconditioner and coarse problem.
   subroutine iterative_system_init(self, problem, compliance, theta, active, error)
+    !> The system.
     class(iterative_system_t), intent(inout) :: self
+    !> Contact rows, rigid body modes and compliances of the bodies.
     type(contact_problem_t), intent(in) :: problem
-    !> Not looked at.
+    !> Not used.
     type(explicit_compliance_t), intent(in) :: compliance
+    !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
+    !> The active set (n_rows).
     logical, intent(in) :: active(:)
+    !> The eigenvalues of the Gram matrix cannot be found.
     type(error_t), allocatable, intent(out) :: error
     call self%destroy()
     call self%take_points(problem, theta, active)
     call prepare_preconditioner(self, problem)
     allocate (self%g(size(self%row), problem%coarse%n))
     call problem%coarse%rows(self%row, self%g)
-    call problem%coarse%invert(matmul(transpose(self%g), self%g), self%gram_inverse, self%null_mode, error)
-    ! The columns are for the other way.
+    call invert_gram(problem%coarse%first, matmul(transpose(self%g), self%g), self%gram_inverse, self%null_mode, error)
     associate (not_needed => compliance)
     end associate
   end subroutine iterative_system_init
 
-  !> 1 over the diagonal of `B D^{-1} B^T + Theta W^{-1}`, D the diagonals of the stiffnesses.
+  !> The inverse diagonal of `B D^{-1} B^T + Theta W^{-1}`, D the diagonals of the stiffnesses.
   subroutine prepare_preconditioner(self, problem)
+    !> Sets `stiffness`.
     type(iterative_system_t), intent(inout) :: self
+    !> Contact rows and the diagonals.
     type(contact_problem_t), intent(in) :: problem
     real(dp), allocatable :: yields(:)
     integer :: b, i, k
@@ -70,16 +84,62 @@ contains
       end associate
     end do
     self%stiffness = 1/max(tiny(1.0_dp), yields(self%row) + self%layer)
-    ! Points that nothing moves get no force.
+    ! Points between prescribed displacements get no force.
     where (.not. yields(self%row) + self%layer > 0) self%stiffness = 0
   end subroutine prepare_preconditioner
 
-  !> q = M x on active points: one solve of every body.
+  !> Pseudo-inverse and null space of the Gram matrix G^T G.
+  subroutine invert_gram(first, gram, inverse, null_mode, error)
+    !> Modes of body b are first(b) .. first(b+1)-1 (n_bodies + 1).
+    integer, intent(in) :: first(:)
+    !> G^T G (n, n).
+    real(dp), intent(in) :: gram(:, :)
+    !> (n, n).
+    real(dp), allocatable, intent(out) :: inverse(:, :)
+    !> As columns, the largest amplitude of each is 1 (n, number of them).
+    real(dp), allocatable, intent(out) :: null_mode(:, :)
+    !> No convergence of the eigenvalue iteration.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp), allocatable :: scaled(:, :), scale(:), values(:), vectors(:, :)
+    real(dp) :: most
+    integer :: i, b, n
+    n = size(gram, 1)
+    allocate (scale(n), values(n), vectors(n, n), scaled(n, n))
+    ! One scale for all modes of a body, by the best restrained one: all modes have the same lengths.
+    scale = 1
+    do b = 1, size(first) - 1
+      most = maxval([0.0_dp, (gram(i, i), i=first(b), first(b + 1) - 1)])
+      if (most > 0) scale(first(b):first(b + 1) - 1) = 1/sqrt(most)
+    end do
+    do i = 1, n
+      scaled(:, i) = scale*gram(:, i)*scale(i)
+    end do
+    call symmetric_eigen(scaled, values, vectors, error)
+    if (allocated(error)) return
+    do i = 1, n
+      vectors(:, i) = scale*vectors(:, i)
+    end do
+    null_mode = vectors(:, pack([(i, i=1, n)], .not. values > least_eigenvalue))
+    do i = 1, size(null_mode, 2)
+      null_mode(:, i) = null_mode(:, i)/maxval(abs(null_mode(:, i)))
+    end do
+    do i = 1, n
+      vectors(:, i) = merge(vectors(:, i)/sqrt(max(values(i), least_eigenvalue)), 0.0_dp, values(i) > least_eigenvalue)
+    end do
+    inverse = matmul(vectors, transpose(vectors))
+  end subroutine invert_gram
+
+  !> q = M x on the active rows: the compliance of every body once.
   subroutine apply_matrix(self, problem, compliance, x, q)
+    !> The system.
     type(iterative_system_t), intent(in) :: self
+    !> The problem that it was made for.
     type(contact_problem_t), intent(inout) :: problem
+    !> Matrix-free.
     type(explicit_compliance_t), intent(in) :: compliance
+    !> Contact forces (n) [force].
     real(dp), intent(in) :: x(:)
+    !> (n) [length].
     real(dp), intent(out) :: q(:)
     real(dp), allocatable :: force(:), z(:)
     allocate (force(problem%operator%n_rows), z(problem%operator%n_rows))
@@ -89,20 +149,31 @@ contains
     q = z(self%row) + self%layer*x
   end subroutine apply_matrix
 
-  !> x without its resultants: x - G (G^T G)^{-1} G^T x.
+  !> Projection on self-equilibrated forces: x - G (G^T G)^{-1} G^T x.
   subroutine project(self, x)
+    !> The system.
     type(iterative_system_t), intent(in) :: self
+    !> (n).
     real(dp), intent(inout) :: x(:)
     if (size(self%g, 2) > 0) x = x - matmul(self%g, matmul(self%gram_inverse, matmul(x, self%g)))
   end subroutine project
 
-  !> Preconditioned conjugate gradients on `G^T x = 0`, from the given lambda with its resultants corrected to c.
+  !> Projected preconditioned conjugate gradients from lambda, its resultants corrected to c. An interrupt ends them
+  !> early.
   subroutine iterative_system_solve(self, problem, compliance, b, c, lambda, alpha)
+    !> The system.
     class(iterative_system_t), intent(in) :: self
+    !> The problem that it was made for.
     type(contact_problem_t), intent(inout) :: problem
+    !> Matrix-free.
     type(explicit_compliance_t), intent(in) :: compliance
-    real(dp), intent(in) :: b(:), c(:)
+    !> Right-hand side of the contact rows (n) [length].
+    real(dp), intent(in) :: b(:)
+    !> Right-hand side of the equilibrium of the modes (coarse%n) [force].
+    real(dp), intent(in) :: c(:)
+    !> Contact forces; the start on entry (n) [force].
     real(dp), intent(inout) :: lambda(:)
+    !> Amplitudes of the modes (coarse%n) [length].
     real(dp), intent(out) :: alpha(:)
     real(dp), allocatable :: r(:), z(:), p(:), q(:), r_old(:)
     real(dp) :: rz, rz_first, rz_old, step
@@ -120,7 +191,7 @@ contains
     rz_old = 0
     r_old = 0
     do k = 1, most_steps
-      ! Who asks for this solution asks for interrupts too.
+      ! The caller checks for interrupts too.
       if (interrupted()) exit
       call project(self, r)
       z = self%stiffness*r
@@ -128,7 +199,7 @@ contains
       rz = dot_product(r, z)
       if (k == 1) rz_first = max(rz, dot_product(self%stiffness, b**2))
       if (.not. rz > tolerance**2*rz_first) exit
-      ! Polak and Ribiere's form forgives rounding errors.
+      ! The formula of Polak and Ribiere is less sensitive to rounding than that of Fletcher and Reeves.
       if (k > 1) p = z + max(0.0_dp, (rz - dot_product(r_old, z))/rz_old)*p
       if (k == 1) p = z
       call apply_matrix(self, problem, compliance, p, q)
@@ -144,8 +215,9 @@ contains
     alpha = matmul(self%gram_inverse, matmul(q - b, self%g))
   end subroutine iterative_system_solve
 
-  !> Give all memory back.
+  !> Free all memory.
   subroutine iterative_system_destroy(self)
+    !> The system.
     class(iterative_system_t), intent(inout) :: self
     call self%forget()
     if (allocated(self%stiffness)) deallocate (self%stiffness)

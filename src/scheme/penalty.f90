@@ -61,7 +61,7 @@ contains
     change = problem%operator%weight*(penalized%m - exact%m)
     call compliance%multiply(problem, change, z)
     alpha = (penalized%alpha - exact%alpha)/problem%coarse%scale
-    distance = sqrt(max(0.0_dp, dot_product(change, z) + dot_product(alpha, problem%coarse%springs(alpha))))
+    distance = sqrt(max(0.0_dp, dot_product(change, z) + dot_product(alpha, problem%coarse%stiffness_forces(alpha))))
     uncertainty = exact%error_bound*problem%norm(exact%m, exact%y, exact%alpha/problem%coarse%scale) + &
                   penalized%error_bound*problem%norm(penalized%m, penalized%y, penalized%alpha/problem%coarse%scale)
     distance = distance + uncertainty

@@ -193,7 +193,7 @@ contains
     call find_rest(self, rest, alpha)
     norm = self%norm_free + sum(self%operator%weight*m*((rest - y) - 2*self%y_load))
     if (present(alpha) .and. allocated(self%coarse%stiffness)) &
-      norm = norm + dot_product(alpha, self%coarse%springs(alpha) - 2*self%coarse%lift)
+      norm = norm + dot_product(alpha, self%coarse%stiffness_forces(alpha) - 2*self%coarse%lift)
     norm = sqrt(max(0.0_dp, norm))
   end function problem_norm
 
@@ -208,7 +208,7 @@ contains
     allocate (z(size(m)))
     call self%compliance(self%operator%weight*m, z)
     amplitude = alpha/self%coarse%scale
-    distance = sqrt(max(0.0_dp, sum(self%operator%weight*m*z) + dot_product(amplitude, self%coarse%springs(amplitude))))
+    distance = sqrt(max(0.0_dp, sum(self%operator%weight*m*z) + dot_product(amplitude, self%coarse%stiffness_forces(amplitude))))
   end function problem_distance
 
   !> F_theta(u) of (19) [energy]; without penetrations where theta = 0. The work of the loads cancels, because u0 is in equilibrium
@@ -226,7 +226,7 @@ contains
     call find_rest(self, rest, alpha)
     energy = self%energy_free + 0.5_dp*sum(self%operator%weight*m*(rest - y)) + &
       0.5_dp*sum(self%operator%weight*max(0.0_dp, y)**2/self%operator%theta, mask=self%operator%theta > 0)
-    if (present(alpha)) energy = energy + dot_product(alpha, 0.5_dp*self%coarse%springs(alpha) - self%coarse%resultant)
+    if (present(alpha)) energy = energy + dot_product(alpha, 0.5_dp*self%coarse%stiffness_forces(alpha) - self%coarse%resultant)
   end function problem_energy
 
   !> Nodal contact forces on one body, - B_b^T W m [force].
