@@ -99,24 +99,25 @@ contains
   subroutine find_runs(self)
     !> Sets `run` and `first_run`.
     class(block_ldlt_t), intent(inout) :: self
-    logical :: is_new
+    logical :: is_last
     integer :: g, k, n, columns
     allocate (self%run(self%tree%n_blocks + 1), self%first_run(self%tree%n_groups + 1))
     n = 0
+    columns = 0
+    is_last = .false.
     do g = 1, self%tree%n_groups
       self%first_run(g) = n + 1
       do k = self%tree%begin(g), self%tree%begin(g + 1) - 1
         associate (block => self%tree%order(k))
           ! Blocks may be empty: the first one of a group begins a run all the same.
-          is_new = k == self%tree%begin(g)
-          if (.not. is_new) is_new = self%sign(block) < 0 .or. self%sign(self%tree%order(k - 1)) < 0 .or. &
-            columns + self%tree%size(block) > chunk_columns
-          if (is_new) then
+          if (k == self%tree%begin(g) .or. self%sign(block) < 0 .or. is_last .or. &
+              columns + self%tree%size(block) > chunk_columns) then
             n = n + 1
             self%run(n) = k
             columns = 0
           end if
           columns = columns + self%tree%size(block)
+          is_last = self%sign(block) < 0
         end associate
       end do
     end do
@@ -195,7 +196,9 @@ contains
     type(dense_t), allocatable :: update(:)
     integer, allocatable :: place(:), child(:), next(:)
     integer :: g, c, below
-    allocate (update(self%tree%n_groups), place(self%tree%n_blocks), child(self%tree%n_groups), next(self%tree%n_groups))
+    associate (n_groups => self%tree%n_groups)
+      allocate (update(n_groups), place(self%tree%n_blocks), child(n_groups), next(n_groups))
+    end associate
     allocate (self%null_block(0), self%null_direction(maxval([0, self%tree%size]), 0))
     failed = 0
     child = 0

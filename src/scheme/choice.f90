@@ -64,7 +64,8 @@ contains
     by_sweeps = direct_cost > iterative_cost .or. bytes > room_for_matrices(memory)
     if (wish == linear_solver_direct) by_sweeps = .false.
     if (wish == linear_solver_iterative) by_sweeps = .true.
-    ! Conjugate gradients keep to the equilibrium of free bodies, not to springs that are softer than contact by many powers of ten.
+    ! Conjugate gradients keep to the equilibrium of free bodies, not to springs that are softer than contact by many
+    ! powers of ten.
     if (allocated(problem%coarse%stiffness)) by_sweeps = .false.
     if (allocated(compliance%body)) then
       by_sweeps = compliance%by_sweeps

@@ -71,7 +71,8 @@ contains
     allocate (graph%body(n_bodies))
     n_blocks = graph%n_pairs
     do b = 1, n_bodies
-      call find_rows(problem%operator%block(b)%row, problem%operator%pair_first_row, chosen, block_of_pair, graph%body(b))
+      call find_rows(problem%operator%block(b)%row, problem%operator%pair_first_row, chosen, block_of_pair, &
+                     graph%body(b))
       if (problem%coarse%first(b + 1) == problem%coarse%first(b)) cycle
       n_blocks = n_blocks + 1
       graph%body(b)%modes = n_blocks
@@ -231,18 +232,25 @@ contains
       due(last) = graph%body(b)%modes
     end do
     n = 0
-    do k = 0, graph%n_pairs
-      if (k > 0) then
-        n = n + 1
-        graph%order(n) = pair_order(k)
-      end if
-      b = due(k)
-      do while (b > 0)
-        n = n + 1
-        graph%order(n) = b
-        b = next(b)
-      end do
+    call append_bodies(0)
+    do k = 1, graph%n_pairs
+      n = n + 1
+      graph%order(n) = pair_order(k)
+      call append_bodies(k)
     end do
+  contains
+    !> The bodies whose last pair comes at a time.
+    subroutine append_bodies(time_of_pair)
+      !> Position of the pair in `pair_order`, 0 for bodies without pairs.
+      integer, intent(in) :: time_of_pair
+      integer :: block
+      block = due(time_of_pair)
+      do while (block > 0)
+        n = n + 1
+        graph%order(n) = block
+        block = next(block)
+      end do
+    end subroutine append_bodies
   end subroutine insert_bodies
 
   !> Cost of one factorization with the given rows active.

@@ -178,7 +178,8 @@ contains
     n_joint = 0
     do i = 1, size(self%factor%null_block)
       b = self%graph%body_of(self%factor%null_block(i))
-      associate (first => problem%coarse%first(b), last => problem%coarse%first(b + 1) - 1, place => self%graph%body(b)%place)
+      associate (first => problem%coarse%first(b), last => problem%coarse%first(b + 1) - 1, &
+                 place => self%graph%body(b)%place)
         self%null_mode(first:last, i) = self%factor%null_direction(:last - first + 1, i)
         motion = maxval([0.0_dp, abs(matmul(problem%coarse%block(b)%value(place, :), self%null_mode(first:last, i)))])
       end associate
@@ -219,7 +220,9 @@ contains
     real(dp) :: residual, previous, imbalance, previous_imbalance
     integer :: k, n
     n = size(self%row)
-    allocate (all_forces(problem%operator%n_rows), z(problem%operator%n_rows), motion(problem%operator%n_rows), source=0.0_dp)
+    associate (n_rows => problem%operator%n_rows)
+      allocate (all_forces(n_rows), z(n_rows), motion(n_rows), source=0.0_dp)
+    end associate
     allocate (x(n + problem%coarse%n))
     r_b = b
     r_c = c

@@ -1,11 +1,12 @@
-!> The interior point method, for scenes in which active sets would come back: nearly rigid bodies on many contact points, most of which
-!> have forces that others could have as well.
+!> The interior point method, for scenes in which active sets would come back: nearly rigid bodies on many contact
+!> points, most of which have forces that others could have as well.
 !>
-!> With gaps `s = M lambda - G alpha - y >= 0` at the contact points, forces `lambda >= 0` and equilibrium `G^T lambda = e`, Newton's method
-!> goes along the points with `lambda_i s_i = mu w_i` towards mu = 0 (Mehrotra's predictor and corrector, SIAM J. Optim. 2, 1992;
-!> Gondzio's correctors of centrality, Comput. Optim. Appl. 6, 1996, as solutions cost little against factorizations). It takes ten to
-!> forty linear systems, whatever the number of points: each is that of an active set of all points with softer layers, `s_i/lambda_i` in
-!> addition to theirs. In the end forces or gaps are next to nothing at each point, which says what is closed.
+!> With gaps `s = M lambda - G alpha - y >= 0` at the contact points, forces `lambda >= 0` and equilibrium `G^T lambda =
+!> e`, Newton's method goes along the points with `lambda_i s_i = mu w_i` towards mu = 0 (Mehrotra's predictor and
+!> corrector, SIAM J. Optim. 2, 1992; Gondzio's correctors of centrality, Comput. Optim. Appl. 6, 1996, as solutions
+!> cost little against factorizations). It takes ten to forty linear systems, whatever the number of points: each is
+!> that of an active set of all points with softer layers, `s_i/lambda_i` in addition to theirs. In the end forces or
+!> gaps are next to nothing at each point, which says what is closed.
 module dotyk_scheme_interior
   use dotyk_base_error, only: error_t
   use dotyk_base_interrupt, only: interrupted
@@ -23,7 +24,8 @@ module dotyk_scheme_interior
   real(dp), parameter :: least_product = 1.0e-14_dp, balanced = 1.0e-9_dp
   !> Part of the way to the boundary that a step goes.
   real(dp), parameter :: most_of_the_way = 0.995_dp
-  !> Steps are centred so often at most, as long as each goes farther by this part of what it tries; longer ones are not.
+  !> Steps are centred so often at most, as long as each goes farther by this part of what it tries; longer ones are
+  !> not.
   integer, parameter :: most_corrections = 8
   real(dp), parameter :: worth_it = 0.1_dp, farther_by = 0.5_dp, far_enough = 0.95_dp
   !> Products between these parts of those that are wanted are left alone.
@@ -192,7 +194,8 @@ contains
     step%s = (product - now%s*step%lambda)/now%lambda
   end subroutine newton_step
 
-  !> Change a step while it can go farther: products that would become far too small or too large there are brought back.
+  !> Change a step while it can go farther: products that would become far too small or too large there are brought
+  !> back.
   subroutine centre(problem, compliance, system, now, wanted, step)
     type(contact_problem_t), intent(inout) :: problem
     type(explicit_compliance_t), intent(in) :: compliance

@@ -78,7 +78,8 @@ contains
                  matrix => problem%operator%block(b)%matrix)
         do i = 1, size(row)
           do k = matrix%row_start(i), matrix%row_start(i + 1) - 1
-            if (diagonal(matrix%column(k)) > 0) yields(row(i)) = yields(row(i)) + matrix%value(k)**2/diagonal(matrix%column(k))
+            if (.not. diagonal(matrix%column(k)) > 0) cycle
+            yields(row(i)) = yields(row(i)) + matrix%value(k)**2/diagonal(matrix%column(k))
           end do
         end do
       end associate

@@ -61,7 +61,8 @@ contains
     real(dp), intent(out) :: alpha(:)
     alpha = 0
     if (coarse%n == 0 .or. operator%n_rows == 0) return
-    call minimize(operator, coarse, resultant, weak*sum(stiffness)/operator%n_rows, stiffness, y, alpha, coarse%stiffness)
+    call minimize(operator, coarse, resultant, weak*sum(stiffness)/operator%n_rows, stiffness, y, alpha, &
+                  coarse%stiffness)
   end subroutine winkler_equilibrium
 
   !> Find an unbounded direction: a motion that the loads excite and no contact resists. It is the part of e that no
