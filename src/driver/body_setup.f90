@@ -13,7 +13,7 @@ module dotyk_driver_body_setup
   use dotyk_driver_volumes, only: volume_t
   use dotyk_elasticity_body, only: body_t, free_rigid_modes
   use dotyk_elasticity_load, only: load_t, add_surface_load, add_volume_load
-  use dotyk_elasticity_material, only: rotate_stiffness
+  use dotyk_elasticity_stiffness_tensor, only: rotate_stiffness
   use dotyk_elasticity_support, only: support_t, collect_supports
   use dotyk_input_case, only: body_input_t, case_t, load_input_t
   use dotyk_mesh_gmsh, only: read_gmsh

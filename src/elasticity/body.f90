@@ -1,61 +1,67 @@
-!> One elastic body: its elements, material, supports and loads, and the linear system that they make.
+!> One elastic body: elements, material, Dirichlet conditions and loads, and the linear system K u = f that they
+!> define.
 module dotyk_elasticity_body
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_3d
   use dotyk_elasticity_assembly, only: assemble_stiffness
   use dotyk_elasticity_constraint, only: constraint_t
-  use dotyk_elasticity_rigid_body_modes, only: rigid_body_modes_t
-  use dotyk_elasticity_node_graph, only: node_graph
   use dotyk_elasticity_dirichlet_lift, only: subtract_dirichlet_lift
   use dotyk_elasticity_material, only: material_t
+  use dotyk_elasticity_node_graph, only: node_graph
+  use dotyk_elasticity_rigid_body_modes, only: rigid_body_modes_t
+  use dotyk_elasticity_rigid_motion, only: find_free_rigid_modes
   use dotyk_elasticity_sparsity_pattern, only: block_positions_t, build_pattern
   use dotyk_elasticity_stress_energy, only: stresses_and_energy
-  use dotyk_elasticity_rigid_motion, only: find_free_rigid_modes
   use dotyk_linalg_sparse, only: sparse_symmetric_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_placement, only: placement_t
   implicit none
   private
 
-  !> A body. The first seven components are set by its user, the rest by `assemble`.
+  !> A body. Its user sets the components from `name` to `load`; `assemble` sets the others.
   type, public :: body_t
-    !> Its name in the input.
+    !> Name in the input.
     character(:), allocatable :: name
-    !> One of dotyk_elasticity_analysis' constants.
+    !> Type of analysis: one of the `analysis_*` constants.
     integer :: analysis = analysis_3d
-    !> Number of displacement components.
+    !> Number of displacement components, 2 or 3.
     integer :: dimension = 3
-    !> Its elements.
+    !> Elements and nodes.
     type(body_mesh_t) :: mesh
-    !> Its material.
+    !> Material.
     type(material_t) :: material
-    !> Its free and given unknowns.
+    !> Equations, prescribed displacements and nodal axes.
     type(constraint_t) :: constraint
-    !> Nodal forces of its loads in global axes; zero where not allocated (dim, n_nodes) [force].
+    !> Nodal forces of the loads in global axes; zero where not allocated (dim, n_nodes) [force].
     real(dp), allocatable :: load(:, :)
-    !> Stiffness over the free equations [force/length].
+    !> Stiffness matrix over the free equations [force/length].
     type(sparse_symmetric_t) :: stiffness
-    !> Load minus the forces of given displacements, over the free equations (n_equations) [force].
+    !> Loads minus the forces of prescribed displacements, over the free equations (n_equations) [force].
     real(dp), allocatable :: rhs(:)
-    !> Rigid motions that the supports leave free, in Cartesian components: an orthonormal basis in the sum over nodes and
-    !> components, zero along given unknowns (dim, n_nodes, n_motions) [1].
+    !> Rigid body modes that the supports leave free, in global axes: an orthonormal basis in the Euclidean product
+    !> over nodes and components, zero along prescribed unknowns; near-null-space modes where `has_near_null_modes`
+    !> (dim, n_nodes, n_modes) [].
     real(dp), allocatable :: rigid_mode(:, :, :)
-    !> Resultants of the loads on them (n_motions) [force].
+    !> Resultants of the loads on these modes (n_modes) [force].
     real(dp), allocatable :: resultant(:)
-    !> Whether they are not quite free: motions that the supports hardly resist, which schemes treat apart.
+    !> Whether the modes are near-null-space modes, which the supports hardly resist, and not exactly free ones.
     logical :: has_near_null_modes = .false.
-    !> What given displacements add to the resultants, of soft motions (n_motions) [force].
+    !> Contribution of prescribed displacements to the resultants on near-null-space modes (n_modes) [force].
     real(dp), allocatable :: lift_resultant(:)
-    !> What the resultants on soft motions are made up of, without signs (n_motions) [force].
+    !> Sum of the absolute terms of the resultants on near-null-space modes (n_modes) [force].
     real(dp), allocatable :: resultant_size(:)
-    !> The same motions as translations and rotations, to say them; their number alone where they are soft.
+    !> The same modes as translations and rotations, for messages; only their number where they are near-null-space
+    !> modes.
     type(rigid_body_modes_t) :: modes
-    !> Adjacency of the nodes, see `node_graph`; may be deallocated when no longer needed.
-    integer, allocatable :: graph_start(:), graph_neighbour(:)
-    !> Volume; that of the full turn where axisymmetric [length^dim].
+    !> First neighbour of each node in `graph_neighbour`, see `node_graph`; may be deallocated after use
+    !> (n_nodes + 1).
+    integer, allocatable :: graph_start(:)
+    !> Neighbours of the nodes, one node after the other (graph_start(n_nodes + 1) - 1).
+    integer, allocatable :: graph_neighbour(:)
+    !> Volume [volume].
     real(dp) :: volume = 0
-    !> Mean over the volume of the factor on the stiffness [1].
+    !> Mean of the modulus field over the volume [].
     real(dp) :: mean_modulus_factor = 1
   contains
     procedure :: find_rigid_modes => body_find_rigid_modes
@@ -69,33 +75,34 @@ module dotyk_elasticity_body
 
   public :: node_graph, strain_energy, free_rigid_modes
 
-  !> Resultants below this part of what makes them up are rounding errors.
+  !> Resultants below this fraction of the sum of their absolute terms are rounding errors: 450 epsilon, the
+  !> rounding of a sum of 2e5 terms of mixed signs.
   real(dp), parameter :: rounding = 1.0e-13_dp
 
 contains
 
-  !> Find the free rigid motions. `assemble` does it where it was not done before.
+  !> Find the rigid body modes that the supports leave free. `assemble` does so where it was not done before.
   subroutine body_find_rigid_modes(self)
     class(body_t), intent(inout) :: self
     call self%modes%init(self%mesh, self%analysis, self%constraint, self%rigid_mode)
   end subroutine body_find_rigid_modes
 
-  !> A combination of the free motions in words, such as "translation along (0, 0, 1)"; empty for none.
+  !> Describe a combination of the rigid body modes, as in "translation along (0, 0, 1)"; empty for none. The modes
+  !> must have been found.
   function body_mode_text(self, amplitude) result(text)
-    !> With motions found.
     class(body_t), intent(in) :: self
-    !> Amplitude of each of `rigid_mode` (n_motions), any unit.
+    !> Amplitudes of the modes of `rigid_mode` (n_modes) [any unit].
     real(dp), intent(in) :: amplitude(:)
     character(:), allocatable :: text
     text = self%modes%combination_text(amplitude)
   end function body_mode_text
 
-  !> Make the stiffness matrix and the right-hand side.
+  !> Assemble the stiffness matrix and the right-hand side.
   subroutine body_assemble(self, error)
     class(body_t), intent(inout) :: self
-    !> Allocated where an element is inverted or the factor on the stiffness is not positive.
+    !> Allocated where an element is inverted or the modulus field is not positive at a quadrature point.
     type(error_t), allocatable, intent(out) :: error
-    type(block_positions_t) :: places
+    type(block_positions_t) :: positions
     if (.not. allocated(self%graph_start)) call node_graph(self%mesh, self%graph_start, self%graph_neighbour)
     if (.not. allocated(self%load)) allocate (self%load(self%dimension, self%mesh%n_nodes()), source=0.0_dp)
     if (.not. allocated(self%rigid_mode)) call self%find_rigid_modes()
@@ -103,17 +110,17 @@ contains
     if (allocated(self%rhs)) deallocate (self%rhs)
     allocate (self%rhs(self%constraint%n_equations))
     call self%constraint%reduce(self%load, self%rhs)
-    call build_pattern(self%dimension, self%constraint%equation, self%graph_start, self%graph_neighbour, places, &
+    call build_pattern(self%dimension, self%constraint%equation, self%graph_start, self%graph_neighbour, positions, &
       self%stiffness)
-    call assemble_stiffness(self%mesh, self%analysis, self%material, self%constraint, places, self%stiffness, &
+    call assemble_stiffness(self%mesh, self%analysis, self%material, self%constraint, positions, self%stiffness, &
       self%rhs, self%volume, self%mean_modulus_factor, error)
   end subroutine body_assemble
 
-  !> Resultants of loads on motions; rounding errors of loads that balance each other are none.
+  !> Resultants of loads on modes. Rounding errors of loads that balance each other are set to zero.
   pure function resultants(motion, load) result(resultant)
-    !> (dimension, n_nodes, n_motions) [].
+    !> Modes (dim, n_nodes, n_modes) [].
     real(dp), intent(in) :: motion(:, :, :)
-    !> (dimension, n_nodes) [force].
+    !> Nodal forces (dim, n_nodes) [force].
     real(dp), intent(in) :: load(:, :)
     real(dp) :: resultant(size(motion, 3))
     real(dp) :: largest
@@ -128,15 +135,17 @@ contains
     end do
   end function resultants
 
-  !> Make the right-hand side alone, of a body that is another one, moved: it has no stiffness of its own.
+  !> Assemble only the right-hand side of a body that is congruent to another one and uses its stiffness.
+  !>
+  !> The constraint of the body has the equations and axes of the representative, see `adopt_congruent_constraint`.
   subroutine body_assemble_like(self, first, motion, error)
     !> Its constraint has the equations and axes of the first one, see `adopt_congruent_constraint`.
     class(body_t), intent(inout) :: self
-    !> Assembled.
+    !> The representative, assembled.
     type(body_t), intent(in) :: first
-    !> From the first to this one.
+    !> Rigid motion from the representative to this body.
     type(placement_t), intent(in) :: motion
-    !> As in `assemble`.
+    !> Allocated as in `assemble`.
     type(error_t), allocatable, intent(out) :: error
     integer :: i, k
     if (.not. allocated(self%load)) allocate (self%load(self%dimension, self%mesh%n_nodes()), source=0.0_dp)
@@ -161,11 +170,11 @@ contains
     call subtract_dirichlet_lift(self%mesh, self%analysis, self%material, self%constraint, self%rhs, error)
   end subroutine body_assemble_like
 
-  !> Treat motions that the supports hardly resist as if they were free; springs on them are the scheme's.
+  !> Replace the rigid body modes by near-null-space modes, which the supports hardly resist. The scheme adds their
+  !> springs.
   subroutine body_adopt_near_null_modes(self, motion)
-    !> Assembled, held.
     class(body_t), intent(inout) :: self
-    !> The motions over the equations (n_equations, n_motions).
+    !> The modes over the equations of the assembled body (n_equations, n_modes) [].
     real(dp), intent(in) :: motion(:, :)
     real(dp), allocatable :: load(:)
     integer :: k
@@ -178,18 +187,18 @@ contains
     end do
     call self%constraint%reduce(self%load, load)
     self%lift_resultant = matmul(self%rhs - load, motion)
-    ! Resultants as small as the springs are do count.
+    ! No resultant is set to zero here: small resultants divided by small spring stiffnesses are finite displacements.
     self%resultant = matmul(self%rhs, motion)
     self%resultant_size = matmul(abs(self%rhs), abs(motion))
   end subroutine body_adopt_near_null_modes
 
-  !> Young's modulus for scales: of the softest global direction, mean over the body [pressure].
+  !> Young's modulus for scaling: that of the softest material axis, averaged over the body [pressure].
   real(dp) function body_young(self) result(young)
     class(body_t), intent(in) :: self
     young = self%material%least_young*self%mean_modulus_factor
   end function body_young
 
-  !> Give all memory back.
+  !> Free the memory of matrix, vectors, modes and graph.
   subroutine body_destroy(self)
     class(body_t), intent(inout) :: self
     call self%stiffness%destroy()
@@ -200,9 +209,9 @@ contains
     if (allocated(self%graph_start)) deallocate (self%graph_start, self%graph_neighbour)
   end subroutine body_destroy
 
-  !> Strain energy A(u,u)/2 of a displacement, given displacements included [force length].
+  !> Strain energy A(u,u)/2 of a displacement, prescribed displacements included [energy].
   real(dp) function strain_energy(body, u) result(energy)
-    !> The body; assembled before, so that its elements and formulas are known to be sound.
+    !> The body; assembled before, so that its elements and formulas are known to be valid.
     type(body_t), intent(in) :: body
     !> Displacements in global axes (dim, n_nodes) [length].
     real(dp), intent(in) :: u(:, :)
@@ -212,13 +221,13 @@ contains
     call stresses_and_energy(body%mesh, body%analysis, body%material, u, stress, energy, error)
   end function strain_energy
 
-  !> The rigid motions that the supports of a body leave free.
+  !> Number and description of the rigid body modes that the supports of a body leave free.
   subroutine free_rigid_modes(body, n_free, text)
     !> The body; it need not be assembled.
     type(body_t), intent(in) :: body
-    !> Number of independent free motions, of all its connected parts together.
+    !> Number of independent modes, summed over the connected components of the body.
     integer, intent(out) :: n_free
-    !> They in words; empty for none.
+    !> Description of the modes; empty for none.
     character(:), allocatable, intent(out) :: text
     call find_free_rigid_modes(body%mesh, body%analysis, body%constraint, n_free, text)
   end subroutine free_rigid_modes
