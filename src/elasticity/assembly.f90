@@ -146,7 +146,7 @@ contains
     integer, intent(in) :: part
     !> Whether a node has local axes or a nonzero prescribed displacement (n_nodes).
     logical, intent(in) :: needs_transform(:)
-    !> The element that comes k-th.
+    !> Index of the k-th element of the ordering (n_elements).
     integer, intent(in) :: order(:)
     !> Matrix K_ff with its sparsity pattern; values are added to [force/length].
     type(sparse_symmetric_t), intent(inout) :: matrix

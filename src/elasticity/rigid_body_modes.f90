@@ -146,7 +146,7 @@ contains
 
   !> Nodal displacements of a rigid motion of a component; other nodes do not move.
   pure subroutine evaluate(x, constraint, component, p, centre, radius, coefficient, mode)
-    !> As in `make_orthonormal`.
+    !> Nodes of the body (dim, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
     !> Equations, prescribed displacements and nodal axes of the body.
     type(constraint_t), intent(in) :: constraint
