@@ -12,9 +12,9 @@ module dotyk_elasticity_support
   use dotyk_base_text, only: quoted, text_t, to_text
   use dotyk_elasticity_constraint, only: constraint_t, held
   use dotyk_elasticity_face_normals, only: add_face_normals, group_normals
-  use dotyk_elasticity_vector_field, only: vector_field_t, point_text, vector_text
-  use dotyk_elasticity_node_axes, only: combine_conditions, node_axes_t
   use dotyk_elasticity_nodal_vector_list, only: nodal_vector_list_t
+  use dotyk_elasticity_node_axes, only: combine_conditions, node_axes_t
+  use dotyk_elasticity_vector_field, only: vector_field_t, point_text, vector_text
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_facet, only: frame_of_normal
   use dotyk_mesh_surface, only: surface_nodes, surface_t
@@ -286,9 +286,8 @@ contains
     if (maxval(unit) < maxval(abs(unit))) sign = -1
     unit = sign*unit
     call set_error(error, 'supports contradict each other at node '//to_text(mesh%node_tag(node))//' at '// &
-                   point_text(mesh%x(:, node))//' (surfaces '//names//'): the displacement along '//vector_text(unit, &
-                   1.0_dp)// &
-                   ' is given as '//to_text(sign*axes%implied_value)//' and as '//to_text(sign*axes%conflicting_value), &
-                   exit_bad_input)
+                   point_text(mesh%x(:, node))//' (surfaces '//names//'): the displacement along '// &
+                   vector_text(unit, 1.0_dp)//' is given as '//to_text(sign*axes%implied_value)//' and as '// &
+                   to_text(sign*axes%conflicting_value), exit_bad_input)
   end subroutine contradiction_error
 end module dotyk_elasticity_support
