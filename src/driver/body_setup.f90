@@ -1,7 +1,7 @@
 !> From the input to bodies: meshes, materials, supports, loads, and the surfaces of the contact pairs.
 module dotyk_driver_body_setup
   use omp_lib, only: omp_get_max_threads
-  use dotyk_base_error, only: error_t, problem_list_t, add_context, set_error, exit_not_solvable
+  use dotyk_base_error, only: error_slot_t, error_t, problem_list_t, add_context, set_error, exit_not_solvable
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: load_force_density, option_name, scheme_names
@@ -24,11 +24,6 @@ module dotyk_driver_body_setup
   implicit none
   private
   public :: build_bodies, check_held, assemble_bodies
-
-  !> A place for one body's error.
-  type :: error_slot_t
-    type(error_t), allocatable :: error
-  end type error_slot_t
 
 contains
 
@@ -266,8 +261,7 @@ contains
     !$omp end do
     !$omp end parallel
     do b = 1, size(body)
-      call add_context(failed(b)%error, case%file//':'//to_text(case%body(b)%line)//": body '"//body(b)%name//"': ")
-      call problems%add_error(failed(b)%error)
+      call problems%add_error(failed(b)%error, case%file//':'//to_text(case%body(b)%line)//": body '"//body(b)%name//"': ")
     end do
     call problems%raise(error)
   end subroutine assemble_bodies

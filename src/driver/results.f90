@@ -16,7 +16,7 @@ module dotyk_driver_results
   use dotyk_elasticity_stress, only: von_mises
   use dotyk_input_case, only: case_t
   use dotyk_linalg_blas, only: blas_name
-  use dotyk_output_results, only: results_file_t, connectivity_length, contact_group
+  use dotyk_output_results_file, only: results_file_t, connectivity_length, contact_group
   use dotyk_scheme_history, only: scheme_result_t, ending_name, ended_converged
   use dotyk_scheme_problem, only: contact_problem_t
   implicit none

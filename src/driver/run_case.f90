@@ -36,7 +36,7 @@ module dotyk_driver_run_case
   use dotyk_input_parse, only: read_case
   use dotyk_mesh_surface, only: surface_t
   use dotyk_output_file_system, only: check_replaceable, check_writable
-  use dotyk_output_results, only: results_file_t
+  use dotyk_output_results_file, only: results_file_t
   use dotyk_scheme_explicit, only: explicit_compliance_t
   use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_interrupted
   use dotyk_scheme_problem, only: contact_problem_t
