@@ -7,7 +7,7 @@ module dotyk_base_error
   implicit none
   private
 
-  !> Exit codes (DESIGN.md, section 4).
+  !> Exit codes of the program.
   integer, parameter, public :: exit_converged = 0      !< solved to the tolerance
   integer, parameter, public :: exit_not_converged = 1  !< stopped before the tolerance; results written and marked
   integer, parameter, public :: exit_bad_input = 2      !< something the user wrote cannot be read or used
@@ -22,6 +22,12 @@ module dotyk_base_error
     !> One of the exit codes above, never `exit_converged`.
     integer :: code = exit_bad_input
   end type error_t
+
+  !> Error of one item of a parallel loop.
+  type, public :: error_slot_t
+    !> Allocated where the item failed.
+    type(error_t), allocatable :: error
+  end type error_slot_t
 
   !> All the problems of one stage, reported together.
   type, public :: problem_list_t
@@ -83,11 +89,14 @@ contains
   end subroutine problem_list_add
 
   !> Add an error to the list, where there is one; it is deallocated.
-  subroutine problem_list_add_error(self, error)
+  subroutine problem_list_add_error(self, error, context)
     class(problem_list_t), intent(inout) :: self
     !> The error, not allocated on return.
     type(error_t), allocatable, intent(inout) :: error
+    !> Text to put in front of its message, as in "body 'upper': "; nothing if absent.
+    character(*), intent(in), optional :: context
     if (.not. allocated(error)) return
+    if (present(context)) call add_context(error, context)
     call self%add(error%message, error%code)
     deallocate (error)
   end subroutine problem_list_add_error

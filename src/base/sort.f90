@@ -1,23 +1,34 @@
-!> Sorting: a stable merge sort, N log N.
+!> Sorting: a stable merge sort of order N log N, with insertion sort on short runs.
 module dotyk_base_sort
   use dotyk_base_kinds, only: dp
   implicit none
   private
+
+  !> The permutation that sorts numbers; equal numbers keep their order.
+  interface sort_order
+    module procedure sort_order_of_reals, sort_order_of_integers
+  end interface sort_order
+
   public :: sort_order
+
+  !> Length of the runs that are sorted by insertion: short lists need no workspace.
+  integer, parameter :: short = 16
 
 contains
 
-  !> The permutation that sorts: order(1) is the place of the least. Equal values stay in their order.
-  pure subroutine sort_order(values, order)
-    !> What to sort (n).
+  !> The permutation that sorts reals: values(order) ascends.
+  pure subroutine sort_order_of_reals(values, order)
+    !> Numbers to sort (n).
     real(dp), intent(in) :: values(:)
     !> The permutation (n).
     integer, intent(out) :: order(size(values))
     integer, allocatable :: from(:)
-    integer :: n, width, start, i
+    integer :: n, width, start
     n = size(values)
-    order = [(i, i=1, n)]
-    width = 1
+    do start = 1, n, short
+      call insert_run(values, start, min(start + short - 1, n), order)
+    end do
+    width = short
     do while (width < n)
       from = order
       do start = 1, n, 2*width
@@ -25,15 +36,47 @@ contains
       end do
       width = 2*width
     end do
-  end subroutine sort_order
+  end subroutine sort_order_of_reals
+
+  !> The permutation that sorts integers: values(order) ascends.
+  pure subroutine sort_order_of_integers(values, order)
+    !> Numbers to sort (n).
+    integer, intent(in) :: values(:)
+    !> The permutation (n).
+    integer, intent(out) :: order(size(values))
+    ! Doubles hold all 32-bit integers exactly.
+    call sort_order_of_reals(real(values, dp), order)
+  end subroutine sort_order_of_integers
+
+  !> Sort the run first .. last by insertion.
+  pure subroutine insert_run(values, first, last, order)
+    !> Numbers to sort (n).
+    real(dp), intent(in) :: values(:)
+    !> First and last place of the run.
+    integer, intent(in) :: first, last
+    !> The permutation (n); entries outside of the run are kept.
+    integer, intent(inout) :: order(:)
+    integer :: i, k
+    do i = first, last
+      k = i
+      do while (k > first)
+        if (values(order(k - 1)) <= values(i)) exit
+        order(k) = order(k - 1)
+        k = k - 1
+      end do
+      order(k) = i
+    end do
+  end subroutine insert_run
 
   !> Merge the sorted runs start .. middle-1 and middle .. last-1.
   pure subroutine merge_runs(values, from, start, middle, last, order)
+    !> Numbers to sort (n).
     real(dp), intent(in) :: values(:)
-    !> The order before.
+    !> The order before (n).
     integer, intent(in) :: from(:)
+    !> First places of the two runs and of what follows them.
     integer, intent(in) :: start, middle, last
-    !> The order after; entries outside of the runs are kept.
+    !> The order after (n); entries outside of the runs are kept.
     integer, intent(inout) :: order(:)
     logical :: first
     integer :: i, j, k

@@ -5,6 +5,7 @@
 !> stored body by body: the block of a body has the rows that touch it.
 module dotyk_contact_operator
   use dotyk_base_kinds, only: dp
+  use dotyk_base_sort, only: sort_order
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_linalg_sparse, only: sparse_rows_t
   use dotyk_mesh_element, only: kind_nodes, max_facet_nodes, shape_functions
@@ -190,7 +191,7 @@ contains
       kind = surface%kind(facet(i))
       n = kind_nodes(kind)
       call shape_functions(kind, xi(:, i), shape(1:n))
-      call sort_positions(column_of(surface%node(1:n, facet(i))), order(1:n))
+      call sort_order(column_of(surface%node(1:n, facet(i))), order(1:n))
       entry = matrix%row_start(i)
       do j = 1, n
         do c = 1, d
@@ -201,19 +202,4 @@ contains
       end do
     end do
   end subroutine point_rows
-
-  !> Positions of a few numbers in ascending order.
-  pure subroutine sort_positions(number, order)
-    integer, intent(in) :: number(:)
-    integer, intent(out) :: order(:)
-    integer :: i, j, current
-    do i = 1, size(number)
-      current = i
-      do j = i - 1, 1, -1
-        if (number(order(j)) < number(current)) exit
-        order(j + 1) = order(j)
-      end do
-      order(j + 1) = current
-    end do
-  end subroutine sort_positions
 end module dotyk_contact_operator

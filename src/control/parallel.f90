@@ -5,6 +5,7 @@
 module dotyk_control_parallel
   use omp_lib, only: omp_get_num_procs, omp_set_num_threads, omp_get_max_threads
   use dotyk_base_kinds, only: dp
+  use dotyk_base_sort, only: sort_order
   use dotyk_linalg_blas, only: reserve_blas, set_blas_threads
   implicit none
   private
@@ -52,15 +53,6 @@ contains
     !> Any unit.
     real(dp), intent(in) :: cost(:)
     integer :: order(size(cost))
-    integer :: i, k
-    do i = 1, size(cost)
-      k = i
-      do while (k > 1)
-        if (cost(order(k - 1)) >= cost(i)) exit
-        order(k) = order(k - 1)
-        k = k - 1
-      end do
-      order(k) = i
-    end do
+    call sort_order(-cost, order)
   end function largest_first
 end module dotyk_control_parallel

@@ -1,7 +1,7 @@
 !> From the input to bodies: meshes, materials, supports, loads, and the surfaces of the contact pairs.
 module dotyk_driver_body_setup
   use omp_lib, only: omp_get_max_threads
-  use dotyk_base_error, only: error_t, problem_list_t, add_context, set_error, exit_not_solvable
+  use dotyk_base_error, only: error_slot_t, error_t, problem_list_t, add_context, set_error, exit_not_solvable
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: load_force_density, option_name, scheme_names
@@ -14,7 +14,7 @@ module dotyk_driver_body_setup
   use dotyk_elasticity_body, only: body_t, free_rigid_modes, stiffness_t
   use dotyk_elasticity_body_modes, only: body_modes_t
   use dotyk_elasticity_load, only: load_t, add_surface_load, add_volume_load
-  use dotyk_elasticity_material, only: rotate_stiffness
+  use dotyk_elasticity_stiffness_tensor, only: rotate_stiffness
   use dotyk_elasticity_support, only: support_t, collect_supports
   use dotyk_input_case, only: body_input_t, case_t, load_input_t
   use dotyk_mesh_gmsh, only: read_gmsh
@@ -25,11 +25,6 @@ module dotyk_driver_body_setup
   implicit none
   private
   public :: build_bodies, check_held, assemble_bodies
-
-  !> A place for one body's error.
-  type :: error_slot_t
-    type(error_t), allocatable :: error
-  end type error_slot_t
 
 contains
 
@@ -277,8 +272,7 @@ contains
     !$omp end do
     !$omp end parallel
     do b = 1, size(body)
-      call add_context(failed(b)%error, case%file//':'//to_text(case%body(b)%line)//": body '"//body(b)%name//"': ")
-      call problems%add_error(failed(b)%error)
+      call problems%add_error(failed(b)%error, case%file//':'//to_text(case%body(b)%line)//": body '"//body(b)%name//"': ")
     end do
     call problems%raise(error)
   end subroutine assemble_bodies

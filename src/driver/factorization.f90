@@ -1,6 +1,6 @@
 !> From assembled bodies to compliance operators: order, analyse, factorize, and split off near-null-space modes.
 module dotyk_driver_factorization
-  use dotyk_base_error, only: error_t, problem_list_t, add_context, exit_machine, set_error
+  use dotyk_base_error, only: error_slot_t, error_t, problem_list_t, exit_machine, set_error
   use dotyk_base_interrupt, only: interrupted, stop_if_interrupted
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_log, only: log_t
@@ -43,11 +43,6 @@ module dotyk_driver_factorization
     !> Allocated for representatives.
     type(direct_response_t), allocatable :: response
   end type direct_slot_t
-
-  !> A place for one body's error.
-  type :: error_slot_t
-    type(error_t), allocatable :: error
-  end type error_slot_t
 
   public :: analyze_bodies, check_memory, factorize_bodies, find_modes, make_operators
 
@@ -308,8 +303,7 @@ contains
     type(problem_list_t) :: problems
     integer :: b
     do b = 1, size(body)
-      call add_context(failed(b)%error, "body '"//body(b)%name//"': ")
-      call problems%add_error(failed(b)%error)
+      call problems%add_error(failed(b)%error, "body '"//body(b)%name//"': ")
     end do
     call problems%raise(error)
   end subroutine collect

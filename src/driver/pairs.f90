@@ -1,7 +1,7 @@
 !> Contact pairs of the input to contact points and the contact operator.
 module dotyk_driver_pairs
   use omp_lib, only: omp_get_max_threads
-  use dotyk_base_error, only: error_t, problem_list_t
+  use dotyk_base_error, only: error_slot_t, error_t, problem_list_t
   use dotyk_base_formula, only: formula_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric, gap_formula, theta_mesh, theta_relative
@@ -20,11 +20,6 @@ module dotyk_driver_pairs
   real(dp), parameter :: foundation_depth = 0.1_dp
   !> So many pairs for each thread are many.
   integer, parameter :: many = 8
-
-  !> A place for one pair's error.
-  type :: error_slot_t
-    type(error_t), allocatable :: error
-  end type error_slot_t
 
 contains
 
@@ -56,9 +51,7 @@ contains
     end do
     !$omp end parallel do
     do k = 1, size(pair)
-      if (allocated(failed(k)%error)) &
-        failed(k)%error%message = case%file//':'//to_text(case%contact(k)%line)//': '//failed(k)%error%message
-      call problems%add_error(failed(k)%error)
+      call problems%add_error(failed(k)%error, case%file//':'//to_text(case%contact(k)%line)//': ')
     end do
     call problems%raise(error)
     if (.not. allocated(error)) theta = [(pair(k)%row_theta, k=1, size(pair))]

@@ -11,7 +11,7 @@ module dotyk_driver_report
   use dotyk_driver_scene, only: scene_t
   use dotyk_driver_screen, only: show_budget, show_conditioning, show_not_computed, show_pair_results, show_state
   use dotyk_input_case, only: case_t
-  use dotyk_output_results, only: results_file_t
+  use dotyk_output_results_file, only: results_file_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   implicit none
   private

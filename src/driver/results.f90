@@ -17,7 +17,7 @@ module dotyk_driver_results
   use dotyk_elasticity_stress, only: von_mises
   use dotyk_input_case, only: case_t
   use dotyk_linalg_blas, only: blas_name
-  use dotyk_output_results, only: results_file_t, connectivity_length, contact_group
+  use dotyk_output_results_file, only: results_file_t, connectivity_length, contact_group
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_solver_state, only: ending_name, ended_converged
   implicit none

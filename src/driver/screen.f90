@@ -3,6 +3,7 @@ module dotyk_driver_screen
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_log, only: log_t
+  use dotyk_base_memory, only: memory_text
   use dotyk_base_options, only: analysis_axisymmetric, analysis_names, discretization_quadrature, option_name
   use dotyk_base_text, only: quoted, to_text
   use dotyk_contact_pair, only: contact_pair_t
@@ -188,7 +189,7 @@ contains
     type(factor_size_t), intent(in) :: size_of(:)
     !> [s].
     real(dp), intent(in) :: seconds
-    call log%line('  factorized       in '//duration(seconds)//', '//mebibytes(real(sum(size_of%bytes), dp))//', '// &
+    call log%line('  factorized       in '//duration(seconds)//', '//memory_text(real(sum(size_of%bytes), dp))//', '// &
                   to_text(sum(size_of%flops)/max(seconds, tiny(seconds))/1.0e9_dp, 3)//' Gflop/s')
     call show_matrices(log, size_of)
   end subroutine show_factorization
@@ -216,9 +217,9 @@ contains
     real(dp) :: matrices
     matrices = sum(size_of%stiffness_bytes)
     call log%line('')
-    call log%line('  estimated memory: factors '//mebibytes(real(sum(size_of%bytes), dp))//', stiffnesses '// &
-      mebibytes(matrices)// &
-                  ', in all about '//mebibytes(1.15_dp*(sum(size_of%bytes) + matrices)))
+    call log%line('  estimated memory: factors '//memory_text(real(sum(size_of%bytes), dp))//', stiffnesses '// &
+      memory_text(matrices)// &
+                  ', in all about '//memory_text(1.15_dp*(sum(size_of%bytes) + matrices)))
   end subroutine show_memory
 
   !> How the scheme ended.
@@ -417,11 +418,4 @@ contains
       text = to_text(n)//' '//many
     end if
   end function plural
-
-  !> Memory for people.
-  function mebibytes(bytes) result(text)
-    real(dp), intent(in) :: bytes
-    character(:), allocatable :: text
-    text = to_text(max(1, nint(bytes/1048576)))//' MiB'
-  end function mebibytes
 end module dotyk_driver_screen

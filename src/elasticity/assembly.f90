@@ -1,17 +1,22 @@
-!> Stiffness matrix of a body: element by element into the pattern, without intermediate lists.
+!> Assembly of the stiffness matrix of a body, element by element, directly into its sparsity pattern.
+!>
+!> Elements are visited along a Morton curve (`dotyk_elasticity_element_ordering`) and distributed over threads so
+!> that every sum has the same order on any number of threads (`dotyk_elasticity_element_partition`). Dirichlet
+!> conditions are eliminated during assembly: with free unknowns f and prescribed unknowns c, the matrix is K_ff, and
+!> K_fc z is subtracted from the right-hand side (Dirichlet lifting).
 module dotyk_elasticity_assembly
   use omp_lib, only: omp_get_max_threads, omp_in_parallel
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_3d
   use dotyk_elasticity_constraint, only: constraint_t
-  use dotyk_elasticity_projected_dilatation, only: add_projected_stiffness
   use dotyk_elasticity_element_ordering, only: morton_order
-  use dotyk_elasticity_element_quadrature, only: element_quadrature_t
   use dotyk_elasticity_element_partition, only: element_partition_t
-  use dotyk_elasticity_stiffness_kernel, only: gradient_products, rotate_blocks, stiffness_general, stiffness_isotropic
+  use dotyk_elasticity_element_quadrature, only: element_quadrature_t
   use dotyk_elasticity_material, only: material_t
+  use dotyk_elasticity_projected_dilatation, only: add_projected_stiffness
   use dotyk_elasticity_sparsity_pattern, only: block_positions_t, scatter
+  use dotyk_elasticity_stiffness_kernel, only: gradient_products, rotate_blocks, stiffness_general, stiffness_isotropic
   use dotyk_linalg_sparse, only: sparse_symmetric_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   implicit none
@@ -20,126 +25,160 @@ module dotyk_elasticity_assembly
 
 contains
 
-  !> Add the stiffness of all elements to a matrix of zeros, and the forces of given displacements to the right-hand
-  !> side.
-  subroutine assemble_stiffness(mesh, analysis, material, constraint, places, matrix, rhs, volume, mean_modulus_factor, error)
+  !> Add the stiffness of all elements to a matrix of zeros, and subtract the forces of prescribed displacements from
+  !> the right-hand side.
+  subroutine assemble_stiffness(mesh, analysis, material, constraint, positions, matrix, rhs, volume, &
+      mean_modulus_factor, error)
+    !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
-    !> One of dotyk_elasticity_analysis' constants.
+    !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
+    !> Material of the body.
     type(material_t), intent(in) :: material
+    !> Equations, prescribed displacements and nodal axes of the body.
     type(constraint_t), intent(in) :: constraint
-    !> Places of the blocks.
-    type(block_positions_t), intent(in) :: places
-    !> The matrix with its pattern.
+    !> Positions of the nodal blocks in the matrix.
+    type(block_positions_t), intent(in) :: positions
+    !> Matrix K_ff with its sparsity pattern; values are added to [force/length].
     type(sparse_symmetric_t), intent(inout) :: matrix
     !> Right-hand side, from which K_fc z is subtracted (n_equations) [force].
     real(dp), intent(inout) :: rhs(:)
-    !> Volume of the body, that of the full turn in axisymmetric analyses [length^dim].
+    !> Volume of the body [volume].
     real(dp), intent(out) :: volume
-    !> Mean over the volume of the factor on the stiffness [1].
+    !> Mean of the modulus field over the volume [].
     real(dp), intent(out) :: mean_modulus_factor
-    !> Allocated where an element is inverted or the factor is not positive.
+    !> Allocated where an element is inverted or the modulus field is not positive at a quadrature point.
     type(error_t), allocatable, intent(out) :: error
-    real(dp), allocatable :: of_element(:), factor_of_element(:)
+    real(dp), allocatable :: element_volume(:), element_integral(:)
     integer :: i, first, last
-    allocate (of_element(mesh%n_elements()), factor_of_element(mesh%n_elements()))
+    allocate (element_volume(mesh%n_elements()), element_integral(mesh%n_elements()))
     volume = 0
     mean_modulus_factor = 0
     last = 0
     do i = 1, size(mesh%block)
       first = last + 1
       last = last + size(mesh%block(i)%node, 2)
-      call assemble_block(mesh, i, analysis, material, constraint, places, matrix, rhs, of_element(first:last), &
-                          factor_of_element(first:last), error)
+      call assemble_block(mesh, i, analysis, material, constraint, positions, matrix, rhs, &
+                          element_volume(first:last), element_integral(first:last), error)
       if (allocated(error)) return
     end do
-    volume = sum(of_element)
-    mean_modulus_factor = sum(factor_of_element)/volume
+    volume = sum(element_volume)
+    mean_modulus_factor = sum(element_integral)/volume
   end subroutine assemble_stiffness
 
-  !> The elements of one block, shared out over the threads.
-  subroutine assemble_block(mesh, i_block, analysis, material, constraint, places, matrix, rhs, volume, factor_integral, error)
+  !> Assemble the elements of one block, distributed over the threads.
+  subroutine assemble_block(mesh, i_block, analysis, material, constraint, positions, matrix, rhs, volume, &
+      modulus_integral, error)
+    !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
-    integer, intent(in) :: i_block, analysis
+    !> Index of the element block.
+    integer, intent(in) :: i_block
+    !> Type of analysis: one of the `analysis_*` constants.
+    integer, intent(in) :: analysis
+    !> Material of the body.
     type(material_t), intent(in) :: material
+    !> Equations, prescribed displacements and nodal axes of the body.
     type(constraint_t), intent(in) :: constraint
-    type(block_positions_t), intent(in) :: places
+    !> Positions of the nodal blocks in the matrix.
+    type(block_positions_t), intent(in) :: positions
+    !> Matrix K_ff with its sparsity pattern; values are added to [force/length].
     type(sparse_symmetric_t), intent(inout) :: matrix
+    !> Right-hand side, from which K_fc z is subtracted (n_equations) [force].
     real(dp), intent(inout) :: rhs(:)
-    !> Of the elements [length^dim].
-    real(dp), intent(inout) :: volume(:), factor_integral(:)
+    !> Volumes of the elements of the block (n_elements) [volume].
+    real(dp), intent(inout) :: volume(:)
+    !> Integrals of the modulus field over the elements (n_elements) [volume].
+    real(dp), intent(inout) :: modulus_integral(:)
+    !> Allocated as in `assemble_stiffness`: the first failing element of the ordering is named.
     type(error_t), allocatable, intent(out) :: error
-    type(element_partition_t) :: shares
+    type(element_partition_t) :: partition
     type(error_t), allocatable :: failed
-    logical, allocatable :: special(:)
+    logical, allocatable :: needs_transform(:)
     integer, allocatable :: order(:)
-    integer :: i, s, place, first_failed
-    ! Nodes that are neither plainly free nor held at zero.
-    allocate (special(mesh%n_nodes()))
-    special(:) = constraint%frame_of > 0
-    do i = 1, size(special)
-      if (any(abs(constraint%prescribed(:, i)) > 0)) special(i) = .true.
+    integer :: i, s, position, first_failure
+    ! Nodes with local axes or with a nonzero prescribed displacement.
+    allocate (needs_transform(mesh%n_nodes()))
+    needs_transform(:) = constraint%frame_of > 0
+    do i = 1, size(needs_transform)
+      if (any(abs(constraint%prescribed(:, i)) > 0)) needs_transform(i) = .true.
     end do
     allocate (order(size(mesh%block(i_block)%node, 2)))
     call morton_order(mesh%dimension, mesh%x, mesh%block(i_block)%node, order)
-    call shares%init(mesh%n_nodes(), mesh%block(i_block)%node, order, merge(1, omp_get_max_threads(), omp_in_parallel()))
-    first_failed = huge(first_failed)
-    !$omp parallel do default(none) schedule(static, 1) private(failed, place) &
-    !$omp& shared(mesh, i_block, analysis, material, constraint, places, matrix, rhs, volume, factor_integral, shares, special, &
-    !$omp& order, first_failed, error)
-    do s = 1, shares%n
-      call assemble_share(mesh, i_block, analysis, material, constraint, places, shares, s, special, order, matrix, rhs, &
-                          volume, factor_integral, place, failed)
+    call partition%init(mesh%n_nodes(), mesh%block(i_block)%node, order, &
+                        merge(1, omp_get_max_threads(), omp_in_parallel()))
+    first_failure = huge(first_failure)
+    !$omp parallel do default(none) schedule(static, 1) private(failed, position) &
+    !$omp& shared(mesh, i_block, analysis, material, constraint, positions, matrix, rhs, volume, modulus_integral) &
+    !$omp& shared(partition, needs_transform, order, first_failure, error)
+    do s = 1, partition%n
+      call assemble_part(mesh, i_block, analysis, material, constraint, positions, partition, s, needs_transform, &
+                         order, matrix, rhs, volume, modulus_integral, position, failed)
       if (.not. allocated(failed)) cycle
-      ! The first one in the order, as with one thread.
-      !$omp critical(dotyk_assembly)
-      if (place < first_failed) then
-        first_failed = place
+      ! The error of the first element in the ordering is reported, as on one thread.
+      !$omp critical (dotyk_assembly)
+      if (position < first_failure) then
+        first_failure = position
         call move_alloc(failed, error)
       end if
-      !$omp end critical(dotyk_assembly)
+      !$omp end critical (dotyk_assembly)
     end do
     !$omp end parallel do
   end subroutine assemble_block
 
-  !> One thread's elements of a block.
-  subroutine assemble_share(mesh, i_block, analysis, material, constraint, places, shares, share, special, order, matrix, rhs, &
-      volume, factor_integral, place, error)
+  !> Assemble the elements of one part of a block: the work of one thread.
+  subroutine assemble_part(mesh, i_block, analysis, material, constraint, positions, partition, part, needs_transform, &
+      order, matrix, rhs, volume, modulus_integral, position, error)
+    !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
-    integer, intent(in) :: i_block, analysis
+    !> Index of the element block.
+    integer, intent(in) :: i_block
+    !> Type of analysis: one of the `analysis_*` constants.
+    integer, intent(in) :: analysis
+    !> Material of the body.
     type(material_t), intent(in) :: material
+    !> Equations, prescribed displacements and nodal axes of the body.
     type(constraint_t), intent(in) :: constraint
-    type(block_positions_t), intent(in) :: places
-    type(element_partition_t), intent(in) :: shares
-    integer, intent(in) :: share
-    !> Nodes that are neither plainly free nor held at zero (n_nodes).
-    logical, intent(in) :: special(:)
-    !> The element that comes k-th.
+    !> Positions of the nodal blocks in the matrix.
+    type(block_positions_t), intent(in) :: positions
+    !> Distribution of the elements of the block over the threads.
+    type(element_partition_t), intent(in) :: partition
+    !> Index of the part.
+    integer, intent(in) :: part
+    !> Whether a node has local axes or a nonzero prescribed displacement (n_nodes).
+    logical, intent(in) :: needs_transform(:)
+    !> Index of the k-th element of the ordering (n_elements).
     integer, intent(in) :: order(:)
+    !> Matrix K_ff with its sparsity pattern; values are added to [force/length].
     type(sparse_symmetric_t), intent(inout) :: matrix
-    real(dp), intent(inout) :: rhs(:), volume(:), factor_integral(:)
-    !> Place of the element that is wrong.
-    integer, intent(out) :: place
+    !> Right-hand side, from which K_fc z is subtracted (n_equations) [force].
+    real(dp), intent(inout) :: rhs(:)
+    !> Volumes of the elements; those of this part's own elements are set (n_elements) [volume].
+    real(dp), intent(inout) :: volume(:)
+    !> Integrals of the modulus field over the same elements (n_elements) [volume].
+    real(dp), intent(inout) :: modulus_integral(:)
+    !> Position in the ordering of the element that was visited last; on failure, that of the failing element.
+    integer, intent(out) :: position
+    !> Allocated where an element is inverted, or where the modulus field is no formula or not positive.
     type(error_t), allocatable, intent(out) :: error
     type(element_quadrature_t) :: points
     real(dp), allocatable :: products(:), k(:)
     integer, allocatable :: frame_of(:)
     integer :: e, i
     logical :: fast
-    place = 0
+    position = 0
     call points%init(mesh, i_block, analysis, material, error)
     if (allocated(error)) return
     fast = material%isotropic .and. analysis == analysis_3d
     associate (n => points%n, dim => points%dim)
       allocate (products((n*points%slots)**2), k((n*dim)**2), frame_of(n))
-      do i = shares%first(share), shares%first(share + 1) - 1
-        place = shares%place(i)
-        e = order(place)
+      do i = partition%first(part), partition%first(part + 1) - 1
+        position = partition%position(i)
+        e = order(position)
         call points%move_to(mesh, i_block, e, error)
         if (allocated(error)) exit
-        if (i <= shares%own(share)) then
+        if (i <= partition%last_own(part)) then
           volume(e) = sum(points%w(:points%n_points))
-          factor_integral(e) = sum(points%stiffness(:points%n_points))
+          modulus_integral(e) = sum(points%stiffness(:points%n_points))
         end if
         call gradient_products(n, points%slots, points%n_points, points%g, points%stiffness, products)
         if (fast) then
@@ -147,32 +186,44 @@ contains
         else
           call stiffness_general(n, dim, points%slots, points%strain, points%matrix, products, k)
         end if
-        if (points%bulk > 0) call add_projected_stiffness(n, dim, points%n_functions, points%bulk, points%dilatation, k)
-        if (any(special(points%node))) then
+        if (points%bulk > 0) then
+          call add_projected_stiffness(n, dim, points%n_functions, points%bulk, points%dilatation, k)
+        end if
+        if (any(needs_transform(points%node))) then
           frame_of(:) = constraint%frame_of(points%node)
           call rotate_blocks(n, dim, size(constraint%frame, 3), frame_of, constraint%frame, k)
-          call move_prescribed(n, dim, size(special), points%node, k, share, shares%owner, constraint%equation, &
-                               constraint%prescribed, rhs)
+          call subtract_prescribed_forces(n, dim, size(needs_transform), points%node, k, part, partition%owner, &
+                                          constraint%equation, constraint%prescribed, rhs)
         end if
-        call scatter(n, dim, size(special), points%node, k, share, shares%owner, constraint%equation, places%n_free, &
-                     places%first, places%neighbour, places%offset, matrix%column_start, matrix%value)
+        call scatter(n, dim, size(needs_transform), points%node, k, part, partition%owner, constraint%equation, &
+                     positions%n_free, positions%first, positions%neighbour, positions%offset, matrix%column_start, &
+                     matrix%value)
       end do
     end associate
     call points%destroy()
-  end subroutine assemble_share
+  end subroutine assemble_part
 
-  !> Subtract the forces of given displacements from the right-hand side.
-  pure subroutine move_prescribed(n, dim, n_nodes, node, k, share, owner, equation, prescribed, rhs)
-    integer, intent(in) :: n, dim, n_nodes
-    !> Nodes of the element.
+  !> Subtract the forces K_fc z of prescribed displacements of one element from the right-hand side.
+  pure subroutine subtract_prescribed_forces(n, dim, n_nodes, node, k, part, owner, equation, prescribed, rhs)
+    !> Number of nodes of the element.
+    integer, intent(in) :: n
+    !> Number of displacement components, 2 or 3.
+    integer, intent(in) :: dim
+    !> Number of nodes of the body.
+    integer, intent(in) :: n_nodes
+    !> Nodes of the element (n).
     integer, intent(in) :: node(n)
-    !> Stiffness along the nodes' axes: node a, node b, component i, component j.
+    !> Element stiffness in nodal axes: node a, node b, component i, component j (n, n, dim, dim) [force/length].
     real(dp), intent(in) :: k(n, n, dim, dim)
-    !> A share, and the one that each node belongs to: forces on nodes of others are left to these.
-    integer, intent(in) :: share, owner(n_nodes)
+    !> Index of the part.
+    integer, intent(in) :: part
+    !> Part that owns each node (n_nodes); forces on nodes of other parts are left to their owners.
+    integer, intent(in) :: owner(n_nodes)
+    !> Equation of each nodal component, 0 where its displacement is prescribed (dim, n_nodes).
     integer, intent(in) :: equation(dim, n_nodes)
-    !> Given displacements along the nodes' axes, zero where free.
+    !> Prescribed displacements in nodal axes, 0 where free (dim, n_nodes) [length].
     real(dp), intent(in) :: prescribed(dim, n_nodes)
+    !> Right-hand side (n_equations) [force].
     real(dp), intent(inout) :: rhs(*)
     integer :: a, b, i, j, row
     do b = 1, n
@@ -180,12 +231,12 @@ contains
         if (.not. abs(prescribed(j, node(b))) > 0) cycle
         do i = 1, dim
           do a = 1, n
-            if (owner(node(a)) /= share) cycle
+            if (owner(node(a)) /= part) cycle
             row = equation(i, node(a))
             if (row > 0) rhs(row) = rhs(row) - k(a, b, i, j)*prescribed(j, node(b))
           end do
         end do
       end do
     end do
-  end subroutine move_prescribed
+  end subroutine subtract_prescribed_forces
 end module dotyk_elasticity_assembly

@@ -1,4 +1,4 @@
-!> One elastic body: its elements, material, supports and loads, and the linear system that they make.
+!> One elastic body: elements, material, Dirichlet conditions and loads, and the linear system K u = f that they define.
 module dotyk_elasticity_body
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
@@ -19,25 +19,25 @@ module dotyk_elasticity_body
   !> A body. The first seven components are set by its user, the rest by `assemble`. Its stiffness and its rigid body
   !> modes (`dotyk_elasticity_body_modes`) are values of their own.
   type, public :: body_t
-    !> Its name in the input.
+    !> Name in the input.
     character(:), allocatable :: name
-    !> One of dotyk_elasticity_analysis' constants.
+    !> Type of analysis: one of `analysis_*` of dotyk_base_options.
     integer :: analysis = analysis_3d
-    !> Number of displacement components.
+    !> Number of displacement components, 2 or 3.
     integer :: dimension = 3
-    !> Its elements.
+    !> Elements and nodes.
     type(body_mesh_t) :: mesh
-    !> Its material.
+    !> Material.
     type(material_t) :: material
-    !> Its free and given unknowns.
+    !> Equations, prescribed displacements and nodal axes.
     type(constraint_t) :: constraint
     !> Nodal forces of its loads in global axes; zero where not allocated (dim, n_nodes) [force].
     real(dp), allocatable :: load(:, :)
-    !> Load minus the forces of given displacements, over the free equations (n_equations) [force].
+    !> Loads minus the forces of prescribed displacements, over the free equations (n_equations) [force].
     real(dp), allocatable :: rhs(:)
-    !> Volume; that of the full turn where axisymmetric [length^dim].
+    !> Volume; that of 2 pi where axisymmetric [length^dim].
     real(dp) :: volume = 0
-    !> Mean over the volume of the factor on the stiffness [1].
+    !> Mean of the modulus field over the volume [].
     real(dp) :: mean_modulus_factor = 1
   contains
     procedure :: assemble => body_assemble

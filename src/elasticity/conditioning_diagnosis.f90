@@ -1,13 +1,17 @@
-!> Why the stiffness of a body is ill-conditioned, as far as mesh and material tell.
+!> Diagnosis of an ill-conditioned stiffness matrix: causes in the mesh and in the material.
+!>
+!> The condition number of a stiffness matrix grows like the square of the aspect ratio of its elements, and
+!> proportionally to the ratio of the largest to the smallest stiffness: large Young's moduli beside small ones,
+!> anisotropy, near incompressibility.
 module dotyk_elasticity_conditioning_diagnosis
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: quoted, to_text
   use dotyk_elasticity_analysis, only: gradient_slots
-  use dotyk_elasticity_shape_table, only: map_element, shape_table_pair_t
-  use dotyk_elasticity_vector_field, only: vector_field_t
   use dotyk_elasticity_material, only: material_t
   use dotyk_elasticity_modulus_field, only: apply_modulus_field, read_modulus_field
+  use dotyk_elasticity_shape_table, only: map_element, shape_table_pair_t
+  use dotyk_elasticity_vector_field, only: vector_field_t
   use dotyk_linalg_dense, only: symmetric_eigen
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t
@@ -15,45 +19,57 @@ module dotyk_elasticity_conditioning_diagnosis
   private
   public :: diagnose_conditioning
 
-  !> Flatness of elements, and contrasts of stiffnesses, that cost digits by themselves: the condition grows like the square of the first.
-  real(dp), parameter :: flat = 1.0e3_dp, contrast = 1.0e5_dp
+  !> Aspect ratio from which on elements alone bring the condition number to 1e6 and more.
+  real(dp), parameter :: max_aspect_ratio = 1.0e3_dp
+  !> Ratio of stiffnesses from which on a material alone brings the condition number to 1e5 and more.
+  real(dp), parameter :: max_stiffness_ratio = 1.0e5_dp
 
 contains
 
-  !> The causes in words.
+  !> Describe the likely causes of ill-conditioning.
   subroutine diagnose_conditioning(mesh, analysis, material, text)
+    !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
-    !> One of dotyk_elasticity_analysis' constants.
+    !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
+    !> Material of the body.
     type(material_t), intent(in) :: material
-    !> Empty where none is found.
+    !> The causes, separated by semicolons; empty where none is found.
     character(:), allocatable, intent(out) :: text
-    real(dp) :: flatness, least, most, ratio
+    real(dp) :: aspect_ratio, smallest_factor, largest_factor, ratio
     integer :: block, element
     text = ''
-    call look_at_elements(mesh, analysis, material, flatness, block, element, least, most)
+    call examine_elements(mesh, analysis, material, aspect_ratio, block, element, smallest_factor, largest_factor)
     ratio = stiffness_ratio(material)
     !$omp critical (message)
-    if (flatness > flat) call add('elements as flat as 1 : '//to_text(flatness, 2)//', such as '// &
-                                  to_text(mesh%block(block)%tag(element)))
-    if (most > contrast*least) call add('young_formula of material '//quoted(material%name)//', from '// &
-                                        to_text(least, 2)//' to '//to_text(most, 2))
-    if (ratio > contrast .and. material%isotropic) then
+    if (aspect_ratio > max_aspect_ratio) then
+      call add('elements of aspect ratio '//to_text(aspect_ratio, 2)//', such as element '// &
+               to_text(mesh%block(block)%tag(element)))
+    end if
+    if (largest_factor > max_stiffness_ratio*smallest_factor) then
+      call add('young_formula of material '//quoted(material%name)//', with values from '// &
+               to_text(smallest_factor, 2)//' to '//to_text(largest_factor, 2))
+    end if
+    if (ratio > max_stiffness_ratio .and. material%isotropic) then
       call add('material '//quoted(material%name)//', which is nearly incompressible')
-    else if (ratio > contrast) then
-      call add('material '//quoted(material%name)//', whose stiffest and softest direction are as 1 : '//to_text(ratio, 2))
+    else if (ratio > max_stiffness_ratio) then
+      call add('material '//quoted(material%name)//', with a ratio of largest to smallest stiffness of '// &
+               to_text(ratio, 2))
     end if
     !$omp end critical (message)
   contains
+    !> Append a cause to the text.
     subroutine add(cause)
+      !> Description of the cause.
       character(*), intent(in) :: cause
       if (len(text) > 0) text = text//'; '
       text = text//cause
     end subroutine add
   end subroutine diagnose_conditioning
 
-  !> Largest over least eigenvalue of a material's stiffness.
+  !> Ratio of the largest to the smallest eigenvalue of the stiffness of a material [].
   real(dp) function stiffness_ratio(material) result(ratio)
+    !> The material.
     type(material_t), intent(in) :: material
     type(error_t), allocatable :: error
     real(dp) :: values(6), vectors(6, 6)
@@ -66,15 +82,24 @@ contains
     if (.not. allocated(error)) ratio = values(6)/max(tiny(ratio), values(1))
   end function stiffness_ratio
 
-  !> The flattest element, and the range of the factor on the stiffness.
-  subroutine look_at_elements(mesh, analysis, material, flatness, block, element, least, most)
+  !> Find the largest aspect ratio of the elements and the range of the modulus field.
+  subroutine examine_elements(mesh, analysis, material, aspect_ratio, block, element, smallest_factor, largest_factor)
+    !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
+    !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
+    !> Material of the body.
     type(material_t), intent(in) :: material
-    !> Longest over shortest way across the element, and where: block, and element of the block.
-    real(dp), intent(out) :: flatness
-    integer, intent(out) :: block, element
-    real(dp), intent(out) :: least, most
+    !> Largest ratio of diameter to height of the elements [].
+    real(dp), intent(out) :: aspect_ratio
+    !> Index of the block of the element with this ratio.
+    integer, intent(out) :: block
+    !> Index of this element in its block.
+    integer, intent(out) :: element
+    !> Smallest value of the modulus field at the quadrature points [].
+    real(dp), intent(out) :: smallest_factor
+    !> Largest value of the modulus field at the quadrature points [].
+    real(dp), intent(out) :: largest_factor
     type(vector_field_t) :: factor
     type(shape_table_pair_t) :: tables
     type(error_t), allocatable :: error
@@ -82,11 +107,11 @@ contains
     real(dp), allocatable :: x(:, :), g(:), w(:), factors(:)
     real(dp) :: worst, now
     integer :: i, e, n, dim, slots
-    flatness = 1
+    aspect_ratio = 1
     block = 1
     element = 1
-    least = huge(least)
-    most = 0
+    smallest_factor = huge(smallest_factor)
+    largest_factor = 0
     call read_modulus_field(material, factor, error)
     if (allocated(error)) return
     dim = mesh%dimension
@@ -101,34 +126,43 @@ contains
           x(:, :) = mesh%x(:, mesh%block(i)%node(:, e))
           call map_element(n, dim, slots, table%n_points, table%shape, table%gradient, table%weight, x, g, w, worst)
           if (.not. worst > 0) cycle
-          now = flatness_of(n, dim, slots, x, g)
-          if (now > flatness) then
-            flatness = now
+          now = aspect_ratio_of(n, dim, slots, x, g)
+          if (now > aspect_ratio) then
+            aspect_ratio = now
             block = i
             element = e
           end if
           factors = 0*w + 1
-          if (.not. factor%constant) call apply_modulus_field(factor, table%shape, x, mesh%block(i)%tag(e), factors, error)
-          least = min(least, minval(factors))
-          most = max(most, maxval(factors))
+          if (.not. factor%constant) then
+            call apply_modulus_field(factor, table%shape, x, mesh%block(i)%tag(e), factors, error)
+          end if
+          smallest_factor = min(smallest_factor, minval(factors))
+          largest_factor = max(largest_factor, maxval(factors))
         end do
         deallocate (x, g, w)
       end associate
     end do
     call factor%destroy()
-  end subroutine look_at_elements
+  end subroutine examine_elements
 
-  !> Longest extent of an element times its steepest gradient.
-  pure real(dp) function flatness_of(n, dim, slots, x, g) result(flatness)
-    integer, intent(in) :: n, dim, slots
+  !> Aspect ratio of an element: diameter of its bounding box times the largest gradient of its shape functions, which
+  !> is the reciprocal of its smallest height [].
+  pure real(dp) function aspect_ratio_of(n, dim, slots, x, g) result(aspect_ratio)
+    !> Number of nodes of the element.
+    integer, intent(in) :: n
+    !> Number of displacement components, 2 or 3.
+    integer, intent(in) :: dim
+    !> Number of gradient slots: `dim`, or 3 in axisymmetric analyses.
+    integer, intent(in) :: slots
+    !> Nodes (dim, n) [length].
     real(dp), intent(in) :: x(dim, n)
-    !> At the first point [1/length].
+    !> Gradients of the shape functions at the first quadrature point (n, slots) [1/length].
     real(dp), intent(in) :: g(n, slots)
     integer :: a
-    flatness = 0
+    aspect_ratio = 0
     do a = 1, n
-      flatness = max(flatness, norm2(g(a, :dim)))
+      aspect_ratio = max(aspect_ratio, norm2(g(a, :dim)))
     end do
-    flatness = flatness*norm2(maxval(x, dim=2) - minval(x, dim=2))
-  end function flatness_of
+    aspect_ratio = aspect_ratio*norm2(maxval(x, dim=2) - minval(x, dim=2))
+  end function aspect_ratio_of
 end module dotyk_elasticity_conditioning_diagnosis

@@ -1,13 +1,16 @@
-!> Bodies of one kind: they differ by a rigid motion, and have the same elements, material and supports in their own axes.
+!> Congruent bodies: bodies that a rigid motion maps onto each other, with the same elements, and with the same
+!> material and supports in axes that move with the body.
 !>
-!> Such bodies have one stiffness, over unknowns along axes that move with the body: `adopt_congruent_constraint` gives a body the equations and
-!> the axes of the first of its kind. Loads and the values of given displacements may differ.
+!> Congruent bodies have one stiffness matrix over unknowns along axes that move with the body, so that one
+!> factorization serves all. `adopt_congruent_constraint` gives a body the equations and the moved axes of the
+!> representative of its class. Loads and the values of prescribed displacements may differ.
 module dotyk_elasticity_congruence
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_constraint, only: constraint_t, held
-  use dotyk_elasticity_material, only: material_t, rotate_stiffness
+  use dotyk_elasticity_material, only: material_t
+  use dotyk_elasticity_stiffness_tensor, only: rotate_stiffness
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_facet, only: cross
   use dotyk_mesh_placement, only: placement_t
@@ -15,32 +18,53 @@ module dotyk_elasticity_congruence
   private
   public :: are_congruent, adopt_congruent_constraint
 
-  !> What bodies of one kind have in common and is seen at a glance.
+  !> Properties that congruent bodies share and that cost little to compare.
   type, public :: congruence_invariants_t
-    !> Whether the body can be one of a kind at all.
+    !> Whether the body can be congruent to another one at all: a modulus field in global coordinates excludes it.
     logical :: usable = .false.
-    integer :: dimension = 0, analysis = 0, n_nodes = 0, n_elements = 0, n_blocks = 0, n_equations = 0
-    !> Root mean square distance of the nodes from their centre [length].
+    !> Number of displacement components.
+    integer :: dimension = 0
+    !> Type of analysis.
+    integer :: analysis = 0
+    !> Number of nodes.
+    integer :: n_nodes = 0
+    !> Number of elements.
+    integer :: n_elements = 0
+    !> Number of element blocks.
+    integer :: n_blocks = 0
+    !> Number of free equations.
+    integer :: n_equations = 0
+    !> Root mean square distance of the nodes from their centroid [length].
     real(dp) :: spread = 0
-    !> The centre [length].
+    !> Centroid of the nodes; not compared (3) [length].
     real(dp) :: centre(3) = 0
   contains
     procedure :: init => congruence_invariants_init
     procedure :: matches => congruence_invariants_match
   end type congruence_invariants_t
 
-  !> Places that differ by less than this, relative to the body, are the same; so are those that differ by round-off of coordinates.
-  real(dp), parameter :: same_place = 1.0e-12_dp, round_off = 16*epsilon(1.0_dp)
-  !> Spreads, directions of supports, and materials (relative) that differ by less are the same.
-  real(dp), parameter :: same_spread = 1.0e-9_dp, same_direction = 1.0e-10_dp, same_material = 1.0e-13_dp
-  !> The same for how nearly incompressible they are, which stiffnesses hardly tell.
-  real(dp), parameter :: same_ratio = 1.0e-6_dp
+  !> Positions that differ by less than this fraction of the size of the body are equal: rounding of a rotation, times a
+  !> margin for coordinates that were written with 13 digits.
+  real(dp), parameter :: position_tolerance = 1.0e-12_dp
+  !> Positions that differ by less than this fraction of the largest coordinate are equal: rounding of the coordinates.
+  real(dp), parameter :: coordinate_rounding = 16*epsilon(1.0_dp)
+  !> Relative tolerance for the spread of the nodes: a sum over all nodes, compared before anything else.
+  real(dp), parameter :: spread_tolerance = 1.0e-9_dp
+  !> Largest cosine between a held and a free direction that count as perpendicular: normals follow rotated coordinates.
+  real(dp), parameter :: direction_tolerance = 1.0e-10_dp
+  !> Relative tolerance for stiffnesses of materials: rounding of a rotation of the tensor.
+  real(dp), parameter :: stiffness_tolerance = 1.0e-13_dp
+  !> Relative tolerance for the ratio of bulk to shear modulus, a quotient of eigenvalues of the stiffness.
+  real(dp), parameter :: bulk_ratio_tolerance = 1.0e-6_dp
+  !> Prescribed displacements below this fraction of their vector are rounding errors of the change of axes.
+  real(dp), parameter :: displacement_rounding = 4*epsilon(1.0_dp)
 
 contains
 
-  !> The set of invariants of a body, with supports; it need not be assembled.
+  !> Compute the invariants of a body.
   subroutine congruence_invariants_init(self, body)
     class(congruence_invariants_t), intent(out) :: self
+    !> The body with its supports; it need not be assembled.
     type(body_t), intent(in) :: body
     integer :: i, d, n
     d = body%dimension
@@ -64,23 +88,32 @@ contains
     self%spread = sqrt(self%spread/n)
   end subroutine congruence_invariants_init
 
-  !> Whether two bodies may be of one kind.
+  !> Whether two bodies may be congruent.
   pure logical function congruence_invariants_match(self, other) result(matches)
     class(congruence_invariants_t), intent(in) :: self
+    !> Invariants of the other body.
     type(congruence_invariants_t), intent(in) :: other
-    matches = self%usable .and. other%usable .and. self%dimension == other%dimension .and. self%analysis == other%analysis &
-              .and. self%n_nodes == other%n_nodes .and. self%n_elements == other%n_elements .and. &
-              self%n_blocks == other%n_blocks .and. self%n_equations == other%n_equations .and. &
-              abs(self%spread - other%spread) <= same_spread*self%spread
+    matches = self%usable .and. other%usable .and. self%dimension == other%dimension .and. &
+              self%analysis == other%analysis .and. self%n_nodes == other%n_nodes .and. &
+              self%n_elements == other%n_elements .and. self%n_blocks == other%n_blocks .and. &
+              self%n_equations == other%n_equations .and. &
+              abs(self%spread - other%spread) <= spread_tolerance*self%spread
   end function congruence_invariants_match
 
-  !> Whether a body is another one, moved.
+  !> Whether two bodies are congruent, and the rigid motion between them.
+  !>
+  !> A pure translation is tried first, then the rotation that maps a triad of two distant nodes onto that of the same
+  !> nodes of the other body; axisymmetric bodies can only move along their axis.
   logical function are_congruent(first, first_invariants, other, other_invariants, motion) result(congruent)
-    !> With supports; they need not be assembled.
-    type(body_t), intent(in) :: first, other
-    !> Their invariants, which match.
-    type(congruence_invariants_t), intent(in) :: first_invariants, other_invariants
-    !> The motion that takes the first to the other.
+    !> First body, with supports; it need not be assembled.
+    type(body_t), intent(in) :: first
+    !> Other body, with supports; it need not be assembled.
+    type(body_t), intent(in) :: other
+    !> Invariants of the first body.
+    type(congruence_invariants_t), intent(in) :: first_invariants
+    !> Invariants of the other body, which match those of the first.
+    type(congruence_invariants_t), intent(in) :: other_invariants
+    !> Rigid motion that maps the first body onto the other.
     type(placement_t), intent(out) :: motion
     integer :: d
     d = first%dimension
@@ -88,7 +121,7 @@ contains
       call motion%init([0.0_dp, 0.0_dp, 1.0_dp], 0.0_dp, other_invariants%centre - first_invariants%centre)
       congruent = is_moved(d, size(a, 2), a, b, radius, motion)
       if (first%analysis == analysis_axisymmetric) then
-        congruent = congruent .and. abs(motion%shift(1)) <= same_place*radius
+        congruent = congruent .and. abs(motion%shift(1)) <= position_tolerance*radius
       else if (.not. congruent) then
         call find_rotation(d, size(a, 2), a, b, first_invariants%centre(:d), other_invariants%centre(:d), motion)
         congruent = is_moved(d, size(a, 2), a, b, radius, motion)
@@ -99,17 +132,23 @@ contains
     if (congruent) congruent = same_supports(first%constraint, other%constraint, motion)
   end function are_congruent
 
-  !> Whether points are where a motion takes others.
+  !> Whether a rigid motion maps points onto others.
   pure logical function is_moved(d, n, from, to, radius, motion)
-    integer, intent(in) :: d, n
-    !> Points [length].
-    real(dp), intent(in) :: from(d, n), to(d, n)
-    !> Their size [length].
+    !> Number of coordinates.
+    integer, intent(in) :: d
+    !> Number of points.
+    integer, intent(in) :: n
+    !> Points before the motion (d, n) [length].
+    real(dp), intent(in) :: from(d, n)
+    !> Points after the motion (d, n) [length].
+    real(dp), intent(in) :: to(d, n)
+    !> Size of the body [length].
     real(dp), intent(in) :: radius
+    !> The rigid motion.
     type(placement_t), intent(in) :: motion
     real(dp) :: x(d), tolerance
     integer :: i, k
-    tolerance = same_place*radius + round_off*max(maxval(abs(from)), maxval(abs(to)))
+    tolerance = position_tolerance*radius + coordinate_rounding*max(maxval(abs(from)), maxval(abs(to)))
     is_moved = .false.
     do i = 1, n
       x = from(:, i)
@@ -124,74 +163,96 @@ contains
     is_moved = .true.
   end function is_moved
 
-  !> The rotation that takes the triad of two far nodes to that of the same nodes of another body, with the shift of the centres.
+  !> Find the rigid motion that maps the triad of two distant nodes onto that of the same nodes of another body.
   pure subroutine find_rotation(d, n, from, to, from_centre, to_centre, motion)
-    integer, intent(in) :: d, n
-    !> Nodes [length].
-    real(dp), intent(in) :: from(d, n), to(d, n)
-    !> Their centres [length].
-    real(dp), intent(in) :: from_centre(d), to_centre(d)
+    !> Number of coordinates.
+    integer, intent(in) :: d
+    !> Number of nodes.
+    integer, intent(in) :: n
+    !> Nodes of the first body (d, n) [length].
+    real(dp), intent(in) :: from(d, n)
+    !> Nodes of the other body (d, n) [length].
+    real(dp), intent(in) :: to(d, n)
+    !> Centroid of the first body (d) [length].
+    real(dp), intent(in) :: from_centre(d)
+    !> Centroid of the other body (d) [length].
+    real(dp), intent(in) :: to_centre(d)
+    !> The rigid motion.
     type(placement_t), intent(inout) :: motion
     real(dp) :: axes(3, 3), u(3), now, best
-    integer :: far, wide, i
-    far = 1
+    integer :: farthest, off_axis, i
+    farthest = 1
     best = 0
     do i = 1, n
       now = sum((from(:, i) - from_centre)**2)
       if (now <= best) cycle
       best = now
-      far = i
+      farthest = i
     end do
-    wide = far
+    off_axis = farthest
     if (d == 3) then
-      u = (from(:, far) - from_centre)/sqrt(best)
+      u = (from(:, farthest) - from_centre)/sqrt(best)
       best = 0
       do i = 1, n
         now = norm2(cross(u, from(:, i) - from_centre))
         if (now <= best) cycle
         best = now
-        wide = i
+        off_axis = i
       end do
     end if
-    axes = triad(d, to(:, far) - to_centre, to(:, wide) - to_centre)
-    motion%rotation = matmul(axes, transpose(triad(d, from(:, far) - from_centre, from(:, wide) - from_centre)))
+    axes = triad(d, to(:, farthest) - to_centre, to(:, off_axis) - to_centre)
+    motion%rotation = matmul(axes, transpose(triad(d, from(:, farthest) - from_centre, &
+                                                   from(:, off_axis) - from_centre)))
     motion%rotated = .true.
     motion%shift = 0
     motion%shift(:d) = to_centre - matmul(motion%rotation(:d, :d), from_centre)
   end subroutine find_rotation
 
-  !> Right-handed axes: the first along a direction, the second in the plane of both; in two dimensions the third is z.
-  pure function triad(d, along, beside) result(axes)
+  !> Right-handed axes as columns: the first along a direction, the second in the plane of two; in two dimensions the
+  !> third is z.
+  pure function triad(d, first, second) result(axes)
+    !> Number of coordinates.
     integer, intent(in) :: d
-    real(dp), intent(in) :: along(d), beside(d)
+    !> Direction of the first axis (d) [length].
+    real(dp), intent(in) :: first(d)
+    !> Second direction; not used in two dimensions (d) [length].
+    real(dp), intent(in) :: second(d)
     real(dp) :: axes(3, 3)
     axes = 0
-    axes(:d, 1) = along/norm2(along)
+    axes(:d, 1) = first/norm2(first)
     if (d == 2) then
       axes(:2, 2) = [-axes(2, 1), axes(1, 1)]
       axes(3, 3) = 1
     else
-      axes(:, 2) = beside - dot_product(beside, axes(:, 1))*axes(:, 1)
+      axes(:, 2) = second - dot_product(second, axes(:, 1))*axes(:, 1)
       axes(:, 2) = axes(:, 2)/norm2(axes(:, 2))
       axes(:, 3) = cross(axes(:, 1), axes(:, 2))
     end if
   end function triad
 
-  !> Whether two materials are the same but for a rotation.
+  !> Whether two materials are equal but for a rotation.
   pure logical function same_materials(first, other, motion) result(same)
-    type(material_t), intent(in) :: first, other
+    !> Material of the first body.
+    type(material_t), intent(in) :: first
+    !> Material of the other body.
+    type(material_t), intent(in) :: other
+    !> Rigid motion from the first body to the other.
     type(placement_t), intent(in) :: motion
     real(dp) :: moved(6, 6)
     moved = first%stiffness
     if (motion%rotated .and. .not. first%isotropic) moved = rotate_stiffness(moved, motion%rotation)
     same = (first%isotropic .eqv. other%isotropic) .and. &
-           abs(first%incompressibility - other%incompressibility) <= same_ratio*first%incompressibility .and. &
-           all(abs(moved - other%stiffness) <= same_material*maxval(abs(moved)))
+           abs(first%incompressibility - other%incompressibility) <= &
+           bulk_ratio_tolerance*first%incompressibility .and. &
+           all(abs(moved - other%stiffness) <= stiffness_tolerance*maxval(abs(moved)))
   end function same_materials
 
-  !> Whether two bodies have the same elements, in the same order.
+  !> Whether two bodies have the same elements in the same order.
   pure logical function same_elements(first, other) result(same)
-    type(body_mesh_t), intent(in) :: first, other
+    !> Mesh of the first body.
+    type(body_mesh_t), intent(in) :: first
+    !> Mesh of the other body.
+    type(body_mesh_t), intent(in) :: other
     integer :: b
     same = .false.
     do b = 1, size(first%block)
@@ -204,7 +265,11 @@ contains
 
   !> Whether supports hold the same directions but for a rotation.
   pure logical function same_supports(first, other, motion) result(same)
-    type(constraint_t), intent(in) :: first, other
+    !> Constraint of the first body.
+    type(constraint_t), intent(in) :: first
+    !> Constraint of the other body.
+    type(constraint_t), intent(in) :: other
+    !> Rigid motion from the first body to the other.
     type(placement_t), intent(in) :: motion
     real(dp), dimension(size(first%equation, 1), size(first%equation, 1)) :: a, b
     integer :: i, j, k, d
@@ -217,23 +282,26 @@ contains
         if (any((first%equation(:, i) == held) .neqv. (other%equation(:, i) == held))) return
         cycle
       end if
-      ! What is free in one is across what is held in the other.
+      ! Free directions of one body are perpendicular to the held directions of the other.
       a = matmul(motion%rotation(:d, :d), axes_of(d, first, i))
       b = axes_of(d, other, i)
       do k = 1, d
         if (first%equation(k, i) == held) cycle
         do j = 1, d
-          if (other%equation(j, i) == held .and. abs(dot_product(a(:, k), b(:, j))) > same_direction) return
+          if (other%equation(j, i) == held .and. abs(dot_product(a(:, k), b(:, j))) > direction_tolerance) return
         end do
       end do
     end do
     same = .true.
   end function same_supports
 
-  !> The axes of a node, as columns.
+  !> Axes of a node, as columns (d, d).
   pure function axes_of(d, constraint, i) result(axes)
+    !> Number of displacement components.
     integer, intent(in) :: d
+    !> Equations and nodal axes.
     type(constraint_t), intent(in) :: constraint
+    !> Index of the node.
     integer, intent(in) :: i
     real(dp) :: axes(d, d)
     integer :: k
@@ -247,16 +315,16 @@ contains
     end if
   end function axes_of
 
-  !> Give a body the equations and, moved with it, the axes of another one of its kind.
+  !> Give a body the equations and, moved with the body, the nodal axes of the representative of its congruence class.
   subroutine adopt_congruent_constraint(first, motion, constraint)
+    !> Constraint of the representative.
     type(constraint_t), intent(in) :: first
-    !> From the first to this one.
+    !> Rigid motion from the representative to the body.
     type(placement_t), intent(in) :: motion
-    !> Its given displacements stay what they are.
+    !> Constraint of the body; its prescribed displacements are transformed to the new axes.
     type(constraint_t), intent(inout) :: constraint
     real(dp), allocatable :: frame(:, :, :)
     real(dp) :: u(size(first%equation, 1)), axes(size(first%equation, 1), size(first%equation, 1))
-    real(dp), parameter :: dust = 4*epsilon(1.0_dp)
     integer :: i, k, d, n
     if (.not. motion%rotated .and. size(first%frame, 3) == 0 .and. size(constraint%frame, 3) == 0) return
     d = size(first%equation, 1)
@@ -271,7 +339,9 @@ contains
         u = matmul(axes_of(d, constraint, i), constraint%prescribed(:, i))
         axes = matmul(motion%rotation(:d, :d), axes_of(d, first, i))
         constraint%prescribed(:, i) = matmul(u, axes)
-        where (first%equation(:, i) /= held .or. abs(constraint%prescribed(:, i)) <= dust*norm2(u)) constraint%prescribed(:, i) = 0
+        where (first%equation(:, i) /= held .or. abs(constraint%prescribed(:, i)) <= displacement_rounding*norm2(u))
+          constraint%prescribed(:, i) = 0
+        end where
       end if
       constraint%frame_of(i) = first%frame_of(i)
       if (motion%rotated .and. first%frame_of(i) == 0) constraint%frame_of(i) = n + 1

@@ -1,23 +1,24 @@
-!> Which displacement components of a body are free, and in what axes.
+!> Dirichlet conditions of a body: equations of the free unknowns, prescribed displacements, and nodal axes.
 !>
-!> A node has the global axes or axes of its own (columns of a frame); its unknowns are the displacements along them.
-!> Free unknowns are numbered by nodes, in the order of nodes and axes. Vectors outside are always in global axes.
+!> A node has the global axes or local axes (columns of a frame, "rotated unknowns"); its unknowns are the
+!> displacements along them. Free unknowns are numbered node by node, along the axes of each node. Vectors outside of
+!> this module are in global axes.
 module dotyk_elasticity_constraint
   use dotyk_base_kinds, only: dp, qp
   implicit none
   private
 
-  !> Equations and given displacements of a body's nodes.
+  !> Equations and prescribed displacements of the nodes of a body.
   type, public :: constraint_t
-    !> Equation of each node's axis, 0 where its displacement is given (dim, n_nodes).
+    !> Equation of each nodal unknown, `held` (0) where its displacement is prescribed (dim, n_nodes).
     integer, allocatable :: equation(:, :)
     !> Number of free equations.
     integer :: n_equations = 0
-    !> Given displacement along the node's axes, 0 where free (dim, n_nodes) [length].
+    !> Prescribed displacement along the nodal axes, 0 where free (dim, n_nodes) [length].
     real(dp), allocatable :: prescribed(:, :)
-    !> Axes of each node: 0 for the global ones, else an index of `frame` (n_nodes).
+    !> Index in `frame` of the local axes of each node, 0 for the global axes (n_nodes).
     integer, allocatable :: frame_of(:)
-    !> Axes as columns (dim, dim, n_frames).
+    !> Local axes as columns (dim, dim, n_frames) [].
     real(dp), allocatable :: frame(:, :, :)
   contains
     procedure :: init => constraint_init
@@ -27,12 +28,12 @@ module dotyk_elasticity_constraint
     procedure :: expand_long => constraint_expand_long
   end type constraint_t
 
-  !> Mark of an unknown that is given, in `equation` before `number_equations`.
+  !> Value of `equation` for a prescribed unknown.
   integer, parameter, public :: held = 0
 
 contains
 
-  !> All nodes free, in global axes.
+  !> Create a constraint without supports: all unknowns free, in global axes.
   subroutine constraint_init(self, dim, n_nodes)
     class(constraint_t), intent(out) :: self
     !> Number of displacement components.
@@ -61,7 +62,7 @@ contains
     self%n_equations = n
   end subroutine constraint_number_equations
 
-  !> Nodal forces to a right-hand side.
+  !> Restrict nodal forces to the free equations.
   pure subroutine constraint_reduce(self, force, rhs)
     class(constraint_t), intent(in) :: self
     !> Forces in global axes (dim, n_nodes) [force].
@@ -79,14 +80,14 @@ contains
     end do
   end subroutine constraint_reduce
 
-  !> Free unknowns to displacements.
+  !> Expand free unknowns to nodal displacements.
   pure subroutine constraint_expand(self, x, u, with_prescribed)
     class(constraint_t), intent(in) :: self
     !> Free unknowns (n_equations) [length].
     real(dp), intent(in) :: x(:)
     !> Displacements in global axes (dim, n_nodes) [length].
     real(dp), intent(out) :: u(:, :)
-    !> Whether given displacements are put in; zeros are otherwise.
+    !> Whether prescribed displacements are inserted; otherwise these unknowns are zero.
     logical, intent(in) :: with_prescribed
     real(dp) :: local(size(u, 1))
     integer :: i, k
@@ -105,12 +106,14 @@ contains
     end do
   end subroutine constraint_expand
 
-  !> The same in more digits.
+  !> Expand free unknowns to nodal displacements in quadruple precision.
   pure subroutine constraint_expand_long(self, x, u, with_prescribed)
     class(constraint_t), intent(in) :: self
-    !> As in `expand`.
+    !> Free unknowns (n_equations) [length].
     real(qp), intent(in) :: x(:)
+    !> Displacements in global axes (dim, n_nodes) [length].
     real(qp), intent(out) :: u(:, :)
+    !> Whether prescribed displacements are inserted; otherwise these unknowns are zero.
     logical, intent(in) :: with_prescribed
     integer :: i, k
     do i = 1, size(u, 2)

@@ -1,17 +1,17 @@
-!> The dilatation of a body as a continuous function, from its means over elements: what pressures of nearly incompressible bodies are
-!> compared with, and output from.
+!> Recovered dilatation: a continuous function fitted to the mean dilatations of the elements.
 !>
-!> Around each vertex a linear function is fitted to the means of the elements, weighted with their volumes: those that have the vertex, or two
-!> rings where these do not determine it (at boundaries); where these do not either, a constant. Alternating errors, as pressures of
-!> quadrilaterals and hexahedra with a constant dilatation may have, fall out of the fit: `smooth_pressures` takes them off stresses.
+!> Around each vertex a linear function is fitted to the means of the elements by least squares, weighted with their
+!> volumes: the elements of the vertex, or two rings where these do not determine the function (at boundaries), or a
+!> constant where two rings do not either. Alternating errors, such as the checkerboard pressures of quadrilaterals
+!> and hexahedra with a constant dilatation, cancel in the fit: `smooth_pressures` removes them from element stresses.
+!> The error estimate of nearly incompressible bodies compares projected dilatations with the fit
+!> (`dotyk_elasticity_discretization_error`).
 module dotyk_elasticity_dilatation_fit
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: analysis_plane_stress
-  use dotyk_elasticity_analysis, only: gradient_slots
-  use dotyk_elasticity_projected_dilatation, only: unprojected_bulk_ratio
-  use dotyk_elasticity_shape_table, only: shape_table_t, map_element
-  use dotyk_elasticity_node_graph, only: incidence_t
   use dotyk_elasticity_material, only: material_t
+  use dotyk_elasticity_mean_dilatation, only: is_projected, mean_dilatations
+  use dotyk_elasticity_node_graph, only: incidence_t
+  use dotyk_elasticity_projected_dilatation, only: unprojected_bulk_ratio
   use dotyk_elasticity_recovery_patch, only: diagonalize
   use dotyk_linalg_normal_equations, only: factorize_gram, solve_gram
   use dotyk_mesh_body_mesh, only: body_mesh_t
@@ -21,7 +21,7 @@ module dotyk_elasticity_dilatation_fit
 
   !> A linear function at each vertex.
   type, public :: dilatation_fit_t
-    !> Value at the vertex [], and slopes [1/length]; zero at nodes that are no vertices (1 + dimension, n_nodes).
+    !> Value at the vertex [] and gradient [1/length]; zero at nodes that are no vertices (1 + dim, n_nodes).
     real(dp), allocatable :: coefficient(:, :)
   contains
     procedure :: init => dilatation_fit_init
@@ -30,22 +30,25 @@ module dotyk_elasticity_dilatation_fit
 
   public :: fit_dilatations, smooth_pressures
 
-  !> Inverse condition of the least squares from which on a function counts as determined.
+  !> Smallest inverse condition number of the least squares for which the linear function counts as determined: with
+  !> less, extrapolation to the vertex amplifies alternating errors.
   real(dp), parameter :: determined = 1.0e-2_dp
-  !> Rings of elements around a vertex at most.
+  !> Largest number of rings of elements around a vertex.
   integer, parameter :: most_rings = 2
 
 contains
 
-  !> Fit the dilatations of some bodies of one mesh and material, where a part of it is projected on some element.
+  !> Fit the dilatations of several bodies of one mesh and material, where a part of the dilatation is projected.
   subroutine fit_dilatations(mesh, analysis, material, u, fits)
+    !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
-    !> One of dotyk_elasticity_analysis' constants.
+    !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
+    !> Material of the body.
     type(material_t), intent(in) :: material
-    !> Displacements in the mesh's axes (n_bodies, dim, n_nodes) [length].
+    !> Displacements in the axes of the mesh (n_bodies, dim, n_nodes) [length].
     real(dp), intent(in) :: u(:, :, :)
-    !> (n_bodies), or none.
+    !> One fit per body; empty where no dilatation is projected (n_bodies).
     type(dilatation_fit_t), allocatable, intent(out) :: fits(:)
     real(dp), allocatable :: mean(:), centre(:, :), volume(:)
     integer :: i
@@ -55,22 +58,24 @@ contains
     end if
     allocate (fits(size(u, 1)))
     do i = 1, size(fits)
-      call all_mean_dilatations(mesh, analysis, u(i, :, :), mean, centre, volume)
+      call mean_dilatations(mesh, analysis, u(i, :, :), mean, centre, volume)
       call fits(i)%init(mesh, mean, centre, volume)
     end do
   end subroutine fit_dilatations
 
-  !> Take alternating errors off the mean stresses of linear quadrilaterals and hexahedra.
+  !> Replace the pressures of linear quadrilaterals and hexahedra by those of the fit, which do not alternate.
   subroutine smooth_pressures(mesh, analysis, material, u, factor, stress)
+    !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
-    !> One of dotyk_elasticity_analysis' constants.
+    !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
+    !> Material of the body.
     type(material_t), intent(in) :: material
     !> Displacements in global axes (dim, n_nodes) [length].
     real(dp), intent(in) :: u(:, :)
-    !> Mean of the factor on the stiffness over each element (n_elements).
+    !> Mean of the modulus field over each element (n_elements) [].
     real(dp), intent(in) :: factor(:)
-    !> xx, yy, zz come first (6, n_elements) [pressure].
+    !> Mean stresses of the elements, of which xx, yy, zz change (6, n_elements) [pressure].
     real(dp), intent(inout) :: stress(:, :)
     type(dilatation_fit_t) :: fit
     type(element_kind_t) :: kind
@@ -78,7 +83,7 @@ contains
     real(dp) :: matrix(6, 6), lambda, bulk, smooth(1)
     integer :: b, e, first, last
     if (.not. is_projected(mesh, analysis, material)) return
-    call all_mean_dilatations(mesh, analysis, u, mean, centre, volume)
+    call mean_dilatations(mesh, analysis, u, mean, centre, volume)
     call fit%init(mesh, mean, centre, volume)
     last = 0
     do b = 1, size(mesh%block)
@@ -86,7 +91,8 @@ contains
       last = last + size(mesh%block(b)%node, 2)
       kind = element_kind(mesh%block(b)%kind)
       if (kind%order > 1) cycle
-      call material%split(analysis, unprojected_bulk_ratio(mesh%block(b)%kind, material%incompressibility), matrix, lambda, bulk)
+      call material%split(analysis, unprojected_bulk_ratio(mesh%block(b)%kind, material%incompressibility), matrix, &
+                          lambda, bulk)
       do e = first, last
         associate (node => mesh%block(b)%node(:, e - first + 1))
           call fit%values(mesh%x(:, node), node, spread([1.0_dp/size(node)], 2, size(node)), &
@@ -97,91 +103,17 @@ contains
     end do
   end subroutine smooth_pressures
 
-  !> Whether a part of the dilatation is projected on some element.
-  pure logical function is_projected(mesh, analysis, material)
-    type(body_mesh_t), intent(in) :: mesh
-    integer, intent(in) :: analysis
-    type(material_t), intent(in) :: material
-    integer :: b
-    is_projected = .false.
-    if (analysis == analysis_plane_stress) return
-    do b = 1, size(mesh%block)
-      if (material%incompressibility > unprojected_bulk_ratio(mesh%block(b)%kind, material%incompressibility)) is_projected = .true.
-    end do
-  end function is_projected
-
-  !> Mean dilatations of all elements, their centres and volumes.
-  subroutine all_mean_dilatations(mesh, analysis, u, mean, centre, volume)
-    type(body_mesh_t), intent(in) :: mesh
-    integer, intent(in) :: analysis
-    !> Displacements (dim, n_nodes) [length].
-    real(dp), intent(in) :: u(:, :)
-    !> As in `mean_dilatations`.
-    real(dp), allocatable, intent(out) :: mean(:), centre(:, :), volume(:)
-    integer :: b, first, last
-    allocate (mean(mesh%n_elements()), centre(mesh%dimension, mesh%n_elements()), volume(mesh%n_elements()))
-    last = 0
-    do b = 1, size(mesh%block)
-      first = last + 1
-      last = last + size(mesh%block(b)%node, 2)
-      call mean_dilatations(mesh, b, analysis, u, mean(first:last), centre(:, first:last), volume(first:last))
-    end do
-  end subroutine all_mean_dilatations
-
-  !> Mean dilatations of the elements of a block, their centres and volumes.
-  subroutine mean_dilatations(mesh, i_block, analysis, u, mean, centre, volume)
-    type(body_mesh_t), intent(in) :: mesh
-    integer, intent(in) :: i_block, analysis
-    !> Displacements (dim, n_nodes) [length].
-    real(dp), intent(in) :: u(:, :)
-    !> (n_elements), (dim, n_elements) [length], (n_elements) [length^dim]; volumes are 0 where elements tell nothing.
-    real(dp), intent(out) :: mean(:), centre(:, :), volume(:)
-    type(shape_table_t) :: table
-    type(element_kind_t) :: kind
-    integer :: e
-    kind = element_kind(mesh%block(i_block)%kind)
-    call table%init(mesh%block(i_block)%kind, 2*kind%order)
-    !$omp parallel do default(none) schedule(static) shared(mesh, i_block, analysis, table, u, mean, centre, volume)
-    do e = 1, size(mean)
-      associate (node => mesh%block(i_block)%node(:, e))
-        call mean_dilatation(table%n_nodes, mesh%dimension, gradient_slots(analysis), table%n_points, table, mesh%x(:, node), &
-                             u(:, node), mean(e), centre(:, e), volume(e))
-      end associate
-    end do
-    !$omp end parallel do
-  end subroutine mean_dilatations
-
-  !> Mean dilatation of an element.
-  pure subroutine mean_dilatation(n, dim, slots, n_points, table, x, u, mean, centre, volume)
-    integer, intent(in) :: n, dim, slots, n_points
-    type(shape_table_t), intent(in) :: table
-    !> Nodes, and their displacements [length].
-    real(dp), intent(in) :: x(dim, n), u(dim, n)
-    real(dp), intent(out) :: mean, centre(dim), volume
-    real(dp) :: g(n, slots, n_points), w(n_points), worst
-    integer :: i, q
-    mean = 0
-    centre = x(:, 1)
-    volume = 0
-    call map_element(n, dim, slots, n_points, table%shape, table%gradient, table%weight, x, g, w, worst)
-    if (.not. worst > 0) return
-    volume = sum(w)
-    do q = 1, n_points
-      do i = 1, dim
-        mean = mean + w(q)*dot_product(g(:, i, q), u(i, :))
-      end do
-      if (slots > dim) mean = mean + w(q)*dot_product(g(:, 3, q), u(1, :))
-    end do
-    mean = mean/volume
-    centre = matmul(x, matmul(table%shape, w))/volume
-  end subroutine mean_dilatation
-
-  !> Fit the functions.
+  !> Fit a linear function around each vertex.
   subroutine dilatation_fit_init(self, mesh, mean, centre, volume)
     class(dilatation_fit_t), intent(out) :: self
+    !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
-    !> From `all_mean_dilatations`.
-    real(dp), intent(in) :: mean(:), centre(:, :), volume(:)
+    !> Mean dilatation of each element (n_elements) [].
+    real(dp), intent(in) :: mean(:)
+    !> Centroid of each element (dim, n_elements) [length].
+    real(dp), intent(in) :: centre(:, :)
+    !> Volume of each element (n_elements) [volume].
+    real(dp), intent(in) :: volume(:)
     type(incidence_t) :: elements
     integer, allocatable :: mark(:), list(:)
     logical, allocatable :: is_vertex(:)
@@ -195,7 +127,8 @@ contains
       end do
     end do
     call elements%init(mesh)
-    !$omp parallel default(none) shared(self, mesh, mean, centre, volume, elements, is_vertex) private(i, ring, n, done, mark, list)
+    !$omp parallel default(none) shared(self, mesh, mean, centre, volume, elements, is_vertex) &
+    !$omp& private(i, ring, n, done, mark, list)
     allocate (mark(size(mean)), source=0)
     allocate (list(size(mean)))
     !$omp do schedule(dynamic, 64)
@@ -214,8 +147,9 @@ contains
     !$omp end parallel
   end subroutine dilatation_fit_init
 
-  !> Number of corners of a kind.
+  !> Number of corners of an element kind.
   pure integer function corners_of(kind)
+    !> Element kind: one of the `element_*` constants.
     integer, intent(in) :: kind
     type(element_kind_t) :: properties
     properties = element_kind(kind)
@@ -224,11 +158,17 @@ contains
 
   !> Add the elements of a node to a list.
   pure subroutine add_elements(elements, node, centre, mark, list, n)
+    !> Incidence of nodes and elements.
     type(incidence_t), intent(in) :: elements
+    !> The node.
     integer, intent(in) :: node
-    !> The vertex whose list it is.
+    !> The vertex of the list.
     integer, intent(in) :: centre
-    integer, intent(inout) :: mark(:), list(:)
+    !> Vertex whose list an element entered last (n_elements).
+    integer, intent(inout) :: mark(:)
+    !> Elements of the list (n_elements).
+    integer, intent(inout) :: list(:)
+    !> Number of elements in the list.
     integer, intent(inout) :: n
     integer :: k
     do k = elements%first(node), elements%first(node + 1) - 1
@@ -241,11 +181,17 @@ contains
     end do
   end subroutine add_elements
 
-  !> Add the elements of all nodes of those in a list.
+  !> Add one ring: the elements of all nodes of the elements in a list.
   pure subroutine add_neighbours(elements, centre, mark, list, n)
+    !> Incidence of nodes and elements.
     type(incidence_t), intent(in) :: elements
+    !> The vertex of the list.
     integer, intent(in) :: centre
-    integer, intent(inout) :: mark(:), list(:)
+    !> Vertex whose list an element entered last (n_elements).
+    integer, intent(inout) :: mark(:)
+    !> Elements of the list (n_elements).
+    integer, intent(inout) :: list(:)
+    !> Number of elements in the list.
     integer, intent(inout) :: n
     integer :: i, p
     do i = 1, n
@@ -255,13 +201,25 @@ contains
     end do
   end subroutine add_neighbours
 
-  !> A linear function of least squares, or the mean where the elements do not determine one.
+  !> Fit a linear function by least squares, or a constant where the elements do not determine a linear one.
   subroutine fit(dim, n, list, vertex, mean, centre, volume, coefficient, done)
-    integer, intent(in) :: dim, n
+    !> Number of coordinates.
+    integer, intent(in) :: dim
+    !> Number of elements.
+    integer, intent(in) :: n
+    !> Elements (n).
     integer, intent(in) :: list(n)
-    real(dp), intent(in) :: vertex(dim), mean(:), centre(:, :), volume(:)
+    !> Position of the vertex (dim) [length].
+    real(dp), intent(in) :: vertex(dim)
+    !> Mean dilatation of each element of the body (n_elements) [].
+    real(dp), intent(in) :: mean(:)
+    !> Centroid of each element of the body (dim, n_elements) [length].
+    real(dp), intent(in) :: centre(:, :)
+    !> Volume of each element of the body (n_elements) [volume].
+    real(dp), intent(in) :: volume(:)
+    !> Value at the vertex [] and gradient [1/length] (1 + dim).
     real(dp), intent(out) :: coefficient(1 + dim)
-    !> The elements determine it.
+    !> Whether the elements determine the linear function.
     logical, intent(out) :: done
     real(dp), dimension(1 + dim, 1 + dim) :: gram, r
     real(dp) :: row(1 + dim), moment(1, 1 + dim), axes(dim, dim)
@@ -291,12 +249,19 @@ contains
     coefficient(2:) = matmul(moment(1, 2:), axes)
   end subroutine fit
 
-  !> Axes in which the centres of some elements are about as far along as across.
+  !> Principal axes of the centroids of elements, scaled so that all principal moments are equal.
   pure subroutine own_axes(dim, n, list, vertex, centre, axes)
-    integer, intent(in) :: dim, n
+    !> Number of coordinates.
+    integer, intent(in) :: dim
+    !> Number of elements.
+    integer, intent(in) :: n
+    !> Elements (n).
     integer, intent(in) :: list(n)
-    real(dp), intent(in) :: vertex(dim), centre(:, :)
-    !> [1/length].
+    !> Position of the vertex (dim) [length].
+    real(dp), intent(in) :: vertex(dim)
+    !> Centroid of each element of the body (dim, n_elements) [length].
+    real(dp), intent(in) :: centre(:, :)
+    !> Axes as rows (dim, dim) [1/length].
     real(dp), intent(out) :: axes(dim, dim)
     real(dp) :: moment(dim, dim), vectors(dim, dim), x(dim), largest
     integer :: i, k
@@ -319,17 +284,18 @@ contains
     end do
   end subroutine own_axes
 
-  !> The mean of the functions of some vertices, each weighted with a function, at some points.
+  !> Evaluate the weighted sum of the functions of some vertices at points.
   pure subroutine dilatation_fit_values(self, vertex, node, weight, x, value)
     class(dilatation_fit_t), intent(in) :: self
-    !> Places of the vertices (dimension, n_vertices) [length], and their nodes (n_vertices).
+    !> Positions of the vertices (dim, n_vertices) [length].
     real(dp), intent(in) :: vertex(:, :)
+    !> Nodes of the vertices (n_vertices).
     integer, intent(in) :: node(:)
-    !> (n_points, n_vertices).
+    !> Weight of each vertex at each point (n_points, n_vertices) [].
     real(dp), intent(in) :: weight(:, :)
-    !> Places (n_points, dimension) [length].
+    !> Points (n_points, dim) [length].
     real(dp), intent(in) :: x(:, :)
-    !> (n_points) [].
+    !> Values (n_points) [].
     real(dp), intent(out) :: value(:)
     integer :: v, q
     value = 0

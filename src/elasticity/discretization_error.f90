@@ -1,25 +1,30 @@
-!> Error of a displacement that comes from the mesh: the energy of the difference between recovered and computed strains.
+!> Discretization error of a displacement: the Zienkiewicz-Zhu estimate, the energy norm of the difference between
+!> recovered and computed strains.
 !>
-!> The recovered gradient is the mean of the gradients of the polynomials of an element's vertices
-!> (`dotyk_elasticity_gradient_recovery`), weighted with the linear shape functions. Asymptotically exact where the displacement is
-!> smooth and the mesh not too irregular; at corners and edges of contact it sees most of the error, if not all. Of a nearly
-!> incompressible body what counts of the dilatation is mostly its projection (`dotyk_elasticity_projected_dilatation`), and the recovered one is a
-!> fit to its means (`dotyk_elasticity_dilatation_fit`).
+!> The recovered gradient is that of the polynomials of the vertices of an element
+!> (`dotyk_elasticity_gradient_recovery`: polynomial-preserving recovery), weighted with the linear shape functions.
+!> The estimate (Zienkiewicz and Zhu, Int. J. Numer. Methods Eng. 24, 1987) is asymptotically exact where the
+!> displacement is smooth and the mesh not too irregular; at corners and at edges of contact it sees most of the
+!> error, if not all. In nearly incompressible bodies the projected part of the dilatation
+!> (`dotyk_elasticity_projected_dilatation`) is compared with a fit to its element means
+!> (`dotyk_elasticity_dilatation_fit`).
 !>
-!> Several bodies of one mesh and material are looked at together: what depends on the mesh is made once.
+!> Several bodies of one mesh and material are estimated together: quantities that depend on the mesh are computed
+!> once.
 module dotyk_elasticity_discretization_error
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
   use dotyk_elasticity_analysis, only: gradient_slots
-  use dotyk_elasticity_projected_dilatation, only: unprojected_bulk_ratio, n_projection_functions, project_onto_functions
   use dotyk_elasticity_dilatation_fit, only: dilatation_fit_t, fit_dilatations
-  use dotyk_elasticity_shape_table, only: shape_table_t
   use dotyk_elasticity_energy_form, only: energy_form_t
-  use dotyk_elasticity_vector_field, only: vector_field_t
-  use dotyk_elasticity_material, only: material_t
   use dotyk_elasticity_gradient_recovery, only: gradient_recovery_t, vertex_functions
-  use dotyk_elasticity_isoparametric_map, only: interpolate, map_points, point_shape_table_t, to_space
+  use dotyk_elasticity_isoparametric_map, only: interpolate, map_points, point_shape_table_t, physical_gradients
+  use dotyk_elasticity_material, only: material_t
   use dotyk_elasticity_modulus_field, only: apply_modulus_field, read_modulus_field
+  use dotyk_elasticity_projected_dilatation, only: unprojected_bulk_ratio, n_projection_functions, &
+    project_onto_functions
+  use dotyk_elasticity_shape_table, only: shape_table_t
+  use dotyk_elasticity_vector_field, only: vector_field_t
   use dotyk_linalg_blas, only: dgemm
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, element_prism6, element_tet4, element_tri3
@@ -27,24 +32,27 @@ module dotyk_elasticity_discretization_error
   private
   public :: estimate_discretization_error, estimate_discretization_errors
 
-  !> Strains below this, relative to what displacements give without cancellation, are rounding errors.
+  !> Strains below this fraction of the sum of their absolute terms are rounding errors: displacements of an
+  !> ill-conditioned system carry some hundred epsilon themselves.
   real(dp), parameter :: rounding = 1.0e3_dp*epsilon(1.0_dp)
 
 contains
 
   !> Squared error of each element in the energy norm, A(e,e), and the squared norm A(u,u) of the displacement.
   subroutine estimate_discretization_error(mesh, analysis, material, u, square, norm_square, error)
+    !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
-    !> One of dotyk_elasticity_analysis' constants.
+    !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
+    !> Material of the body.
     type(material_t), intent(in) :: material
     !> Displacements in global axes (dim, n_nodes) [length].
     real(dp), intent(in), contiguous :: u(:, :)
-    !> Elements in the order of the blocks (n_elements) [force length].
+    !> Squared errors of the elements, in the order of the blocks (n_elements) [energy].
     real(dp), intent(out) :: square(:)
-    !> [force length].
+    !> Squared energy norm of the displacement [energy].
     real(dp), intent(out) :: norm_square
-    !> Allocated where an element or the factor on the stiffness is wrong; assembly finds that first.
+    !> Allocated where the modulus field is no formula or not positive; assembly finds this first.
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: all_u(:, :, :), all_square(:, :)
     real(dp) :: all_norms(1)
@@ -55,22 +63,26 @@ contains
     norm_square = all_norms(1)
   end subroutine estimate_discretization_error
 
-  !> The same for several bodies of one mesh and material.
+  !> Squared errors and norms, as in `estimate_discretization_error`, of several bodies of one mesh and material.
   subroutine estimate_discretization_errors(mesh, analysis, material, u, square, norm_square, error)
+    !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
+    !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
+    !> Material of the body.
     type(material_t), intent(in) :: material
-    !> Displacements in the mesh's axes (n_bodies, dim, n_nodes) [length].
+    !> Displacements in the axes of the mesh (n_bodies, dim, n_nodes) [length].
     real(dp), intent(in), contiguous :: u(:, :, :)
-    !> (n_bodies, n_elements) [force length].
+    !> Squared errors of the elements, in the order of the blocks (n_bodies, n_elements) [energy].
     real(dp), intent(out) :: square(:, :)
-    !> (n_bodies) [force length].
+    !> Squared energy norms of the displacements (n_bodies) [energy].
     real(dp), intent(out) :: norm_square(:)
+    !> Allocated where the modulus field is no formula or not positive; assembly finds this first.
     type(error_t), allocatable, intent(out) :: error
     type(gradient_recovery_t) :: fit
     type(dilatation_fit_t), allocatable :: dilatation(:)
     type(vector_field_t) :: factor
-    real(dp), allocatable :: of_element(:, :), of_rounding(:, :)
+    real(dp), allocatable :: element_norm(:, :), element_rounding(:, :)
     integer :: b, i, first, last
     square = 0
     norm_square = 0
@@ -78,40 +90,55 @@ contains
     if (allocated(error)) return
     call fit%init(mesh, u)
     call fit_dilatations(mesh, analysis, material, u, dilatation)
-    allocate (of_element(size(square, 1), size(square, 2)), of_rounding(size(square, 1), size(square, 2)), source=0.0_dp)
+    allocate (element_norm(size(square, 1), size(square, 2)), source=0.0_dp)
+    allocate (element_rounding(size(square, 1), size(square, 2)), source=0.0_dp)
     last = 0
     do b = 1, size(mesh%block)
       first = last + 1
       last = last + size(mesh%block(b)%node, 2)
       call estimate_block(mesh, b, analysis, material, factor, fit, dilatation, u, square(:, first:last), &
-                          of_element(:, first:last), of_rounding(:, first:last), error)
+                          element_norm(:, first:last), element_rounding(:, first:last), error)
       if (allocated(error)) exit
     end do
     call factor%destroy()
     do i = 1, size(norm_square)
-      ! In the order of the elements: the same digits on any number of threads.
-      norm_square(i) = sum(of_element(i, :))
-      ! Bodies that move and have no strain have no error either.
-      if (norm_square(i) > sum(of_rounding(i, :))) cycle
+      ! Summed in the order of the elements: the same rounding on any number of threads.
+      norm_square(i) = sum(element_norm(i, :))
+      ! A rigid motion has no strain, and no error.
+      if (norm_square(i) > sum(element_rounding(i, :))) cycle
       square(i, :) = 0
       norm_square(i) = 0
     end do
   end subroutine estimate_discretization_errors
 
-  !> The elements of one block.
-  subroutine estimate_block(mesh, i_block, analysis, material, factor, fit, dilatation, u, square, norm_square, rounding_square, &
-      error)
+  !> Estimate the elements of one block.
+  subroutine estimate_block(mesh, i_block, analysis, material, factor, fit, dilatation, u, square, norm_square, &
+      rounding_square, error)
+    !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
-    integer, intent(in) :: i_block, analysis
+    !> Index of the element block.
+    integer, intent(in) :: i_block
+    !> Type of analysis: one of the `analysis_*` constants.
+    integer, intent(in) :: analysis
+    !> Material of the body.
     type(material_t), intent(in) :: material
+    !> Modulus field.
     type(vector_field_t), intent(in) :: factor
+    !> Recovered strains around the vertices.
     type(gradient_recovery_t), intent(in) :: fit
+    !> Recovered dilatations, one per body; empty where no dilatation is projected (n_bodies).
     type(dilatation_fit_t), intent(in) :: dilatation(:)
+    !> Displacements in the axes of the mesh (n_bodies, dim, n_nodes) [length].
     real(dp), intent(in), contiguous :: u(:, :, :)
-    !> Squared errors, squared norms of the displacement, and what of these may be rounding (n_bodies, n_elements).
-    real(dp), intent(out), contiguous :: square(:, :), norm_square(:, :), rounding_square(:, :)
+    !> Squared errors of the elements of the block (n_bodies, n_elements) [energy].
+    real(dp), intent(out), contiguous :: square(:, :)
+    !> Squared energy norms of the displacement on the elements (n_bodies, n_elements) [energy].
+    real(dp), intent(out), contiguous :: norm_square(:, :)
+    !> Bounds of the rounding errors of these norms (n_bodies, n_elements) [energy].
+    real(dp), intent(out), contiguous :: rounding_square(:, :)
+    !> Allocated where the modulus field is not positive at a quadrature point.
     type(error_t), allocatable, intent(out) :: error
-    type(error_t), allocatable :: of_element
+    type(error_t), allocatable :: element_failure
     type(shape_table_t) :: table
     type(point_shape_table_t) :: rule, corners
     type(element_kind_t) :: kind
@@ -126,55 +153,88 @@ contains
     call corners%init(table)
     call table%init(mesh%block(i_block)%kind, rule_degree(kind))
     call rule%init(table)
-    ! One formula serves one thread.
-    !$omp parallel do default(none) schedule(static) if (factor%constant) private(of_element) &
+    ! A formula serves one thread: serial where the modulus varies.
+    !$omp parallel do default(none) schedule(static) if (factor%constant) private(element_failure) &
     !$omp& shared(mesh, i_block, analysis, form, bulk, factor, fit, dilatation, kind, table, rule, corners, u, square, &
     !$omp& norm_square, rounding_square, error)
     do e = 1, size(square, 2)
       associate (node => mesh%block(i_block)%node(:, e))
         call estimate_element(kind%n_nodes, kind%n_corners, mesh%dimension, gradient_slots(analysis), rule%n_points, &
                               fit%n_bodies, fit%n_strains, fit%monomials%n_lower, &
-                              n_projection_functions(mesh%block(i_block)%kind, mesh%dimension), form, bulk, factor, table, rule, &
-                              corners%shape, fit, dilatation, mesh%block(i_block)%tag(e), node, mesh%x, u, square(:, e), &
-                              norm_square(:, e), rounding_square(:, e), of_element)
+                              n_projection_functions(mesh%block(i_block)%kind, mesh%dimension), form, bulk, factor, &
+                              table, rule, corners%shape, fit, dilatation, mesh%block(i_block)%tag(e), node, mesh%x, &
+                              u, square(:, e), norm_square(:, e), rounding_square(:, e), element_failure)
       end associate
-      if (allocated(of_element)) then
+      if (allocated(element_failure)) then
         !$omp critical
-        if (.not. allocated(error)) call move_alloc(of_element, error)
+        if (.not. allocated(error)) call move_alloc(element_failure, error)
         !$omp end critical
       end if
     end do
     !$omp end parallel do
   end subroutine estimate_block
 
-  !> One element.
-  subroutine estimate_element(n, n_corners, dim, slots, n_points, n_bodies, n_smooth, n_lower, n_functions, form, bulk, &
-      factor, table, rule, corner_shape, fit, dilatation, tag, node, all_x, all_u, square, norm_square, rounding_square, error)
-    !> Number of nodes and corners of the element; dimension; gradient slots; points; bodies; recovered strains; monomials of these;
-    !> functions that the dilatation is projected on.
-    integer, intent(in) :: n, n_corners, dim, slots, n_points, n_bodies, n_smooth, n_lower, n_functions
+  !> Estimate one element.
+  subroutine estimate_element(n, n_corners, dim, slots, n_points, n_bodies, n_smooth, n_lower, n_functions, form, &
+      bulk, factor, table, rule, corner_shape, fit, dilatation, tag, node, all_x, all_u, square, norm_square, &
+      rounding_square, error)
+    !> Number of nodes of the element.
+    integer, intent(in) :: n
+    !> Number of corners of the element.
+    integer, intent(in) :: n_corners
+    !> Number of displacement components, 2 or 3.
+    integer, intent(in) :: dim
+    !> Number of gradient slots: `dim`, or 3 in axisymmetric analyses.
+    integer, intent(in) :: slots
+    !> Number of quadrature points.
+    integer, intent(in) :: n_points
+    !> Number of bodies.
+    integer, intent(in) :: n_bodies
+    !> Number of recovered strains.
+    integer, intent(in) :: n_smooth
+    !> Number of monomials of the recovered strains.
+    integer, intent(in) :: n_lower
+    !> Number of projection functions.
+    integer, intent(in) :: n_functions
+    !> Strain energy of the unprojected part of the material.
     type(energy_form_t), intent(in) :: form
-    !> Bulk modulus of the projected dilatation [pressure].
+    !> Projected part of the bulk modulus [pressure].
     real(dp), intent(in) :: bulk
+    !> Modulus field.
     type(vector_field_t), intent(in) :: factor
-    !> Shape functions at the points, in two forms, and the linear ones.
+    !> Shape functions at the quadrature points, by nodes.
     type(shape_table_t), intent(in) :: table
+    !> The same shape functions, by points.
     type(point_shape_table_t), intent(in) :: rule
+    !> Linear shape functions at the points (n_points, n_corners) [].
     real(dp), intent(in) :: corner_shape(n_points, n_corners)
+    !> Recovered strains around the vertices.
     type(gradient_recovery_t), intent(in) :: fit
+    !> Recovered dilatations, one per body; empty where no dilatation is projected (n_bodies).
     type(dilatation_fit_t), intent(in) :: dilatation(:)
-    !> For messages.
+    !> Tag of the element, for messages.
     integer(int64), intent(in) :: tag
-    !> Its nodes, and coordinates and displacements of all nodes of the bodies [length].
+    !> Nodes of the element (n).
     integer, intent(in) :: node(n)
-    real(dp), intent(in) :: all_x(dim, *), all_u(n_bodies, dim, *)
-    real(dp), intent(out) :: square(n_bodies), norm_square(n_bodies), rounding_square(n_bodies)
+    !> Nodes of the body (dim, n_nodes) [length].
+    real(dp), intent(in) :: all_x(dim, *)
+    !> Displacements of the bodies (n_bodies, dim, n_nodes) [length].
+    real(dp), intent(in) :: all_u(n_bodies, dim, *)
+    !> Squared errors of the element (n_bodies) [energy].
+    real(dp), intent(out) :: square(n_bodies)
+    !> Squared energy norms of the displacement on the element (n_bodies) [energy].
+    real(dp), intent(out) :: norm_square(n_bodies)
+    !> Bounds of the rounding errors of these norms (n_bodies) [energy].
+    real(dp), intent(out) :: rounding_square(n_bodies)
+    !> Allocated where the modulus field is not positive at a quadrature point.
     type(error_t), allocatable, intent(out) :: error
     real(dp) :: x(dim, n), u(n_bodies, dim, n), place(n_points, dim)
     real(dp), dimension(n_points) :: radius, g_square, stiffness
-    real(dp) :: inverse(n_points, dim, dim), by_reference(n_points, n_bodies, dim, dim), displacement(n_points, n_bodies, dim)
+    real(dp) :: inverse(n_points, dim, dim), by_reference(n_points, n_bodies, dim, dim)
+    real(dp) :: displacement(n_points, n_bodies, dim)
     real(dp) :: functions(n_points, n_lower, n_corners), coefficient(n_bodies, n_smooth, n_lower, n_corners)
-    real(dp) :: recovered(n_points, n_bodies, n_smooth), slope(n_points, dim, slots), strain(n_points, form%n_strains), worst
+    real(dp) :: recovered(n_points, n_bodies, n_smooth), slope(n_points, dim, slots), strain(n_points, form%n_strains)
+    real(dp) :: worst
     real(dp) :: projected(n_points), fitted(n_points)
     integer :: b, i, s
     square = 0
@@ -184,9 +244,10 @@ contains
       x(:, i) = all_x(:, node(i))
       u(:, :, i) = all_u(:, :, node(i))
     end do
-    call map_points(n, dim, slots, n_points, rule%shape, rule%shape_square, rule%gradient, rule%products, rule%weight, x, inverse, &
-                    radius, g_square, stiffness, worst)
-    ! Elements that are inverted at a point of this rule, of a higher degree than that of the stiffness, tell nothing.
+    call map_points(n, dim, slots, n_points, rule%shape, rule%shape_square, rule%gradient, rule%products, rule%weight, &
+                    x, inverse, radius, g_square, stiffness, worst)
+    ! Elements that are inverted at a point of this rule, which has a higher degree than that of the stiffness, are
+    ! skipped.
     if (.not. worst > 0) return
     if (.not. factor%constant) call apply_modulus_field(factor, table%shape, x, tag, stiffness(:table%n_points), error)
     if (allocated(error)) return
@@ -202,14 +263,14 @@ contains
     end do
     call values_at_points(n_points, n_bodies*n_smooth, n_lower*n_corners, functions, coefficient, recovered)
     do b = 1, n_bodies
-      call to_space(dim, slots, n_points, n_bodies, b, by_reference, inverse, displacement, radius, slope)
+      call physical_gradients(dim, slots, n_points, n_bodies, b, by_reference, inverse, displacement, radius, slope)
       call form%strains(n_points, slope, strain)
       norm_square(b) = form%energy(stiffness, strain)
       rounding_square(b) = (form%largest + bulk)*rounding**2*sum(u(b, :, :)**2)*dot_product(stiffness, g_square)
       do s = 1, n_smooth
         strain(:, s) = strain(:, s) - recovered(:, b, s)
       end do
-      ! The strain zz of axisymmetric analyses is that of the displacement itself, which is of a higher order.
+      ! The hoop strain of axisymmetric analyses contains no derivative: its error is of a higher order.
       strain(:, n_smooth + 1:) = 0
       square(b) = form%energy(stiffness, strain)
       if (.not. bulk > 0) cycle
@@ -222,19 +283,27 @@ contains
     end do
   end subroutine estimate_element
 
-  !> Values of functions at the points of an element.
+  !> Values at the points of an element of functions that are combinations of basis functions.
   subroutine values_at_points(n_points, n_functions, n, shape, f, values)
-    integer, intent(in) :: n_points, n_functions, n
-    !> What the functions are made of.
+    !> Number of quadrature points.
+    integer, intent(in) :: n_points
+    !> Number of functions.
+    integer, intent(in) :: n_functions
+    !> Number of basis functions.
+    integer, intent(in) :: n
+    !> Basis functions at the points (n_points, n) [].
     real(dp), intent(in) :: shape(n_points, n)
-    !> Coefficients of the functions.
+    !> Coefficients of the functions (n_functions, n) [any unit].
     real(dp), intent(in) :: f(n_functions, n)
+    !> Values of the functions (n_points, n_functions) [unit of f].
     real(dp), intent(out) :: values(n_points, n_functions)
     call dgemm('N', 'T', n_points, n_functions, n, 1.0_dp, shape, n_points, f, n_functions, 0.0_dp, values, n_points)
   end subroutine values_at_points
 
-  !> Degree of the quadrature: more than that of the stiffness, whose points are those where computed strains are best.
+  !> Degree of the quadrature of the estimate: higher than that of the stiffness, whose points are the superconvergent
+  !> ones.
   pure integer function rule_degree(kind) result(degree)
+    !> Properties of the element kind.
     type(element_kind_t), intent(in) :: kind
     degree = 2*kind%order + 1
     if (any(kind%corner_kind == [element_tri3, element_tet4, element_prism6])) degree = 2*kind%order

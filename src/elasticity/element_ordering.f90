@@ -1,27 +1,27 @@
-!> An order of elements in which neighbours in space are near each other: along a Morton curve.
+!> Ordering of elements along a Morton (Z-order) curve, on which consecutive elements are near each other in space.
 !>
-!> Mesh generators number elements and nodes with little regard for that, and then assembly waits for memory most of
-!> the time.
+!> Mesh generators number elements and nodes with little regard to locality; assembly in their order is bound by
+!> memory latency. The sort is a radix sort of the keys, ten bits at a time: linear in the number of elements.
 module dotyk_elasticity_element_ordering
   use dotyk_base_kinds, only: dp
   implicit none
   private
   public :: morton_order
 
-  !> Bits of the curve per axis.
+  !> Bits of the curve per axis: 30 bits of three axes fit in a default integer.
   integer, parameter :: bits = 10
 
 contains
 
-  !> Sort elements by the place of their first node on the curve; equal places keep their order.
+  !> Sort elements by the position of their first node on the curve; equal positions keep their order.
   pure subroutine morton_order(dim, x, node, order)
-    !> Dimension, 2 or 3.
+    !> Number of coordinates, 2 or 3.
     integer, intent(in) :: dim
     !> Nodes of the body (dim, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
     !> Nodes of the elements (n, n_elements).
     integer, intent(in) :: node(:, :)
-    !> The element that comes k-th (n_elements).
+    !> Index of the k-th element (n_elements).
     integer, intent(out) :: order(size(node, 2))
     integer, allocatable :: key(:), other(:)
     integer :: spread_bits(0:2**bits - 1), start(0:2**bits), low_bits, pass, i, k, d, e
@@ -49,7 +49,7 @@ contains
       end do
       order(e) = e
     end do
-    ! Counting sorts by ten bits at a time, lowest first.
+    ! Radix sort: counting sorts by `bits` bits at a time, lowest first.
     do pass = 1, dim
       low_bits = bits*(pass - 1)
       start = 0

@@ -1,42 +1,46 @@
-!> Elements shared out over threads so that sums over the elements of a node have one order, whatever the number of threads.
+!> Partition of elements over threads with a fixed order of summation at each node, whatever the number of threads.
 !>
-!> Elements are given in an order; each thread gets a run of them, and owns the nodes that no run before touches. What elements add to a
-!> node is added by its owner, in their order: its own run holds the first ones, and it works on the few elements of later runs that
-!> touch its nodes as well.
+!> The elements come in an ordering; each part (thread) gets a run of consecutive elements, and owns the nodes that no
+!> earlier run touches. Contributions to a node are added by its owner in the order of the elements: the owner's run
+!> holds the first of them, and the owner also evaluates the few elements of later runs that touch its nodes. Hence no
+!> atomic updates, no colouring, and the same rounding on any number of threads.
 module dotyk_elasticity_element_partition
   implicit none
   private
 
-  !> The shares.
+  !> The parts.
   type, public :: element_partition_t
-    !> Number of shares.
+    !> Number of parts.
     integer :: n = 0
-    !> Share that owns each node; 0 for nodes of no element (n_nodes).
+    !> Part that owns each node; 0 for nodes of no element (n_nodes).
     integer, allocatable :: owner(:)
-    !> Elements of share s, as places in the order, ascending: place(first(s) : first(s + 1) - 1).
-    integer, allocatable :: first(:), place(:)
-    !> Those up to own(s) are its run; the others are in other shares' runs (n).
-    integer, allocatable :: own(:)
+    !> First entry of each part in `position` (n + 1).
+    integer, allocatable :: first(:)
+    !> Elements of part s, as ascending positions in the ordering: position(first(s) : first(s + 1) - 1).
+    integer, allocatable :: position(:)
+    !> Last entry in `position` of the part's own run; later entries belong to the runs of other parts (n).
+    integer, allocatable :: last_own(:)
   contains
     procedure :: init => element_partition_init
   end type element_partition_t
 
 contains
 
-  !> Share out elements.
-  subroutine element_partition_init(self, n_nodes, node, order, n_shares)
+  !> Partition the elements of a block.
+  subroutine element_partition_init(self, n_nodes, node, order, n_parts)
     class(element_partition_t), intent(out) :: self
+    !> Number of nodes of the body.
     integer, intent(in) :: n_nodes
     !> Nodes of the elements (n, n_elements).
     integer, intent(in) :: node(:, :)
-    !> The element that comes k-th (n_elements).
+    !> Index of the k-th element of the ordering (n_elements).
     integer, intent(in) :: order(:)
-    !> Number of shares, at least 1.
-    integer, intent(in) :: n_shares
+    !> Number of parts, at least 1.
+    integer, intent(in) :: n_parts
     integer, allocatable :: last(:)
     integer :: i, k, s, pass
-    self%n = n_shares
-    allocate (self%owner(n_nodes), self%first(n_shares + 1), self%own(n_shares), last(0:n_shares), source=0)
+    self%n = n_parts
+    allocate (self%owner(n_nodes), self%first(n_parts + 1), self%last_own(n_parts), last(0:n_parts), source=0)
     do k = 1, size(order)
       do i = 1, size(node, 1)
         associate (owner => self%owner(node(i, order(k))))
@@ -44,7 +48,7 @@ contains
         end associate
       end do
     end do
-    ! Count, then list.
+    ! The first pass counts the elements of each part, the second one lists them.
     do pass = 1, 2
       do k = 1, size(order)
         call add(run_of(k), k)
@@ -57,28 +61,32 @@ contains
       end do
       if (pass == 2) exit
       self%first(1) = 1
-      do s = 1, n_shares
+      do s = 1, n_parts
         self%first(s + 1) = self%first(s) + last(s)
         last(s) = self%first(s) - 1
       end do
-      allocate (self%place(self%first(n_shares + 1) - 1))
+      allocate (self%position(self%first(n_parts + 1) - 1))
     end do
 
   contains
 
-    !> The run of the element that comes k-th.
+    !> Part whose run contains a position in the ordering.
     pure integer function run_of(k)
+      !> Position in the ordering.
       integer, intent(in) :: k
-      run_of = int((int(k, kind=selected_int_kind(18)) - 1)*n_shares/size(order)) + 1
+      run_of = int((int(k, kind=selected_int_kind(18)) - 1)*n_parts/size(order)) + 1
     end function run_of
 
-    !> One more element of a share.
-    subroutine add(share, k)
-      integer, intent(in) :: share, k
-      last(share) = last(share) + 1
+    !> Add an element to a part.
+    subroutine add(part, k)
+      !> Index of the part.
+      integer, intent(in) :: part
+      !> Position of the element in the ordering.
+      integer, intent(in) :: k
+      last(part) = last(part) + 1
       if (pass == 1) return
-      self%place(last(share)) = k
-      if (share == run_of(k)) self%own(share) = last(share)
+      self%position(last(part)) = k
+      if (part == run_of(k)) self%last_own(part) = last(part)
     end subroutine add
   end subroutine element_partition_init
 end module dotyk_elasticity_element_partition

@@ -1,63 +1,81 @@
-!> The quadrature points of one element after another: what stiffness, stresses and forces of the elements are integrated with.
+!> Numerical integration over elements: quadrature points, gradients and weights of one element after another, for
+!> stiffness, stresses and internal forces.
 module dotyk_elasticity_element_quadrature
   use dotyk_base_error, only: error_t, exit_not_solvable, set_error
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
   use dotyk_elasticity_analysis, only: gradient_slots, strain_index
-  use dotyk_elasticity_projected_dilatation, only: max_projection_functions, n_projection_functions, projected_dilatations, &
-    projection_functions, unprojected_bulk_ratio
-  use dotyk_elasticity_shape_table, only: shape_table_t, map_element, shape_table_pair_t
-  use dotyk_elasticity_vector_field, only: vector_field_t, point_text
   use dotyk_elasticity_material, only: material_t
   use dotyk_elasticity_modulus_field, only: apply_modulus_field, read_modulus_field
+  use dotyk_elasticity_projected_dilatation, only: max_projection_functions, n_projection_functions, &
+    projected_dilatations, projection_functions, unprojected_bulk_ratio
+  use dotyk_elasticity_shape_table, only: shape_table_t, map_element, shape_table_pair_t
+  use dotyk_elasticity_vector_field, only: vector_field_t, point_text
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t
   implicit none
   private
 
-  !> For the elements of one block of a body, and one thread (formulas and buffers are its own).
+  !> Quadrature data of the elements of one block, for one thread: formulas and buffers are its own.
   type, public :: element_quadrature_t
-    !> Numbers of nodes, displacement components, gradient slots, and functions that the dilatation is projected on.
-    integer :: n = 0, dim = 0, slots = 0, n_functions = 0
-    !> Strain of each component and slot, 0 for none (dim, slots).
+    !> Number of nodes of an element.
+    integer :: n = 0
+    !> Number of displacement components.
+    integer :: dim = 0
+    !> Number of gradient slots.
+    integer :: slots = 0
+    !> Number of projection functions of the dilatation.
+    integer :: n_functions = 0
+    !> Strain index of each component and slot, 0 for none (dim, slots).
     integer, allocatable :: strain(:, :)
-    !> Stiffness of the material but for what projected dilatations get: from strains to stresses, and Lame's first parameter [pressure].
-    real(dp) :: matrix(6, 6) = 0, lambda = 0
-    !> Bulk modulus that the projected dilatation gets; 0 where none is projected [pressure].
+    !> Unprojected part of the stiffness of the material: from strains to stresses (6, 6) [pressure].
+    real(dp) :: matrix(6, 6) = 0
+    !> Lame's first parameter of this part [pressure].
+    real(dp) :: lambda = 0
+    !> Projected part of the bulk modulus; 0 where no dilatation is projected [pressure].
     real(dp) :: bulk = 0
-    !> Number of points of the element.
+    !> Number of quadrature points of the current element.
     integer :: n_points = 0
-    !> Its nodes (n), and where they are (dim, n) [length].
+    !> Nodes of the current element (n).
     integer, allocatable :: node(:)
+    !> Positions of these nodes (dim, n) [length].
     real(dp), allocatable :: x(:, :)
-    !> Gradients of the shape functions (n, slots, n_points), in the first places [1/length].
+    !> Gradients of the shape functions, of shape (n, slots, n_points) in the first entries [1/length].
     real(dp), allocatable :: g(:)
-    !> Weights, and weights times the factor on the stiffness: the first n_points [volume].
-    real(dp), allocatable :: w(:), stiffness(:)
-    !> Projected dilatations (n, dim, n_functions) where bulk > 0, for the points' stiffness.
+    !> Quadrature weights, in the first n_points entries [volume].
+    real(dp), allocatable :: w(:)
+    !> Weights times the modulus field, in the first n_points entries [volume].
+    real(dp), allocatable :: stiffness(:)
+    !> Linear forms of the projected dilatation, of shape (n, dim, n_functions), where bulk > 0 [sqrt(volume)/length].
     real(dp), allocatable :: dilatation(:)
+    !> Shape functions at the points of the rules.
     type(shape_table_pair_t), private :: tables
+    !> Modulus field.
     type(vector_field_t), private :: factor
+    !> Projection functions at the points, of shape (n_points, n_functions) [1/sqrt(volume)].
     real(dp), allocatable, private :: value(:)
   contains
-    procedure :: init => element_points_init
-    procedure :: move_to
-    procedure :: destroy
+    procedure :: init => element_quadrature_init
+    procedure :: move_to => element_quadrature_move_to
+    procedure :: destroy => element_quadrature_destroy
   end type element_quadrature_t
 
   public :: inverted_element_error
 
 contains
 
-  !> Prepare for a block; `destroy` is to be called at the end.
-  subroutine element_points_init(self, mesh, i_block, analysis, material, error)
+  !> Prepare for the elements of a block. `destroy` frees the formula.
+  subroutine element_quadrature_init(self, mesh, i_block, analysis, material, error)
     class(element_quadrature_t), intent(out) :: self
+    !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
+    !> Index of the element block.
     integer, intent(in) :: i_block
-    !> One of dotyk_elasticity_analysis' constants.
+    !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
+    !> Material of the body.
     type(material_t), intent(in) :: material
-    !> Allocated where the factor on the stiffness is no formula.
+    !> Allocated where the modulus field is no formula.
     type(error_t), allocatable, intent(out) :: error
     type(element_kind_t) :: kind
     integer :: i, s, most_points
@@ -76,15 +94,18 @@ contains
     allocate (self%node(self%n), self%x(self%dim, self%n), self%g(self%n*self%slots*most_points), self%w(most_points), &
               self%stiffness(most_points), self%value(most_points*max_projection_functions), &
               self%dilatation(self%n*self%dim*max_projection_functions))
-  end subroutine element_points_init
+  end subroutine element_quadrature_init
 
-  !> Go to an element of the block.
-  subroutine move_to(self, mesh, i_block, e, error)
+  !> Evaluate an element of the block.
+  subroutine element_quadrature_move_to(self, mesh, i_block, e, error)
     class(element_quadrature_t), intent(inout) :: self
+    !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
-    !> The block of `init`, and the element in it.
-    integer, intent(in) :: i_block, e
-    !> Allocated where the element is inverted, or the factor on the stiffness not positive.
+    !> Index of the block given to `init`.
+    integer, intent(in) :: i_block
+    !> Index of the element in its block.
+    integer, intent(in) :: e
+    !> Allocated where the element is inverted, or the modulus field is not positive at a quadrature point.
     type(error_t), allocatable, intent(out) :: error
     self%node(:) = mesh%block(i_block)%node(:, e)
     self%x(:, :) = mesh%x(:, self%node)
@@ -96,50 +117,58 @@ contains
 
   contains
 
+    !> Evaluate the element at the points of a rule.
     subroutine evaluate(table)
+      !> Shape functions at the points of the rule.
       type(shape_table_t), intent(in) :: table
       real(dp) :: worst
       integer :: m
       m = table%n_points
       self%n_points = m
-      call map_element(self%n, self%dim, self%slots, m, table%shape, table%gradient, table%weight, self%x, self%g, self%w, worst)
+      call map_element(self%n, self%dim, self%slots, m, table%shape, table%gradient, table%weight, self%x, self%g, &
+                       self%w, worst)
       if (.not. worst > 0) then
         call inverted_element_error(mesh, i_block, e, error)
         return
       end if
       self%stiffness(:m) = self%w(:m)
       if (.not. self%factor%constant) then
-        call apply_modulus_field(self%factor, table%shape, self%x, mesh%block(i_block)%tag(e), self%stiffness(:m), error)
+        call apply_modulus_field(self%factor, table%shape, self%x, mesh%block(i_block)%tag(e), self%stiffness(:m), &
+                                 error)
         if (allocated(error)) return
       end if
       if (.not. self%bulk > 0) return
       call projection_functions(self%n, self%dim, m, self%n_functions, table%shape, self%x, self%stiffness, self%value)
-      call projected_dilatations(self%n, self%dim, self%slots, m, self%n_functions, self%g, self%stiffness, self%value, &
-                                 self%dilatation)
+      call projected_dilatations(self%n, self%dim, self%slots, m, self%n_functions, self%g, self%stiffness, &
+                                 self%value, self%dilatation)
     end subroutine evaluate
-  end subroutine move_to
+  end subroutine element_quadrature_move_to
 
-  !> Give the formula back.
-  subroutine destroy(self)
+  !> Free the formula of the modulus field.
+  subroutine element_quadrature_destroy(self)
     class(element_quadrature_t), intent(inout) :: self
     call self%factor%destroy()
-  end subroutine destroy
+  end subroutine element_quadrature_destroy
 
-  !> The error of an element that cannot be mapped.
+  !> Create the error of an inverted element.
   subroutine inverted_element_error(mesh, i_block, e, error)
+    !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
-    !> The block, and the element in it.
-    integer, intent(in) :: i_block, e
+    !> Index of the element block.
+    integer, intent(in) :: i_block
+    !> Index of the element in its block.
+    integer, intent(in) :: e
+    !> Allocated on return; names the element, its kind and its position.
     type(error_t), allocatable, intent(out) :: error
     type(element_kind_t) :: kind
-    character(:), allocatable :: what
+    character(:), allocatable :: reason
     kind = element_kind(mesh%block(i_block)%kind)
-    what = ' is inverted or has no volume'
+    reason = ' is inverted or has no volume'
     if (mesh%dimension == 2) then
-      if (any(mesh%x(1, mesh%block(i_block)%node(:, e)) < 0)) what = ' is inverted, or lies beyond the axis x = 0'
+      if (any(mesh%x(1, mesh%block(i_block)%node(:, e)) < 0)) reason = ' is inverted, or lies beyond the axis x = 0'
     end if
     !$omp critical (message)
-    call set_error(error, 'element '//to_text(mesh%block(i_block)%tag(e))//' ('//trim(kind%name)//')'//what// &
+    call set_error(error, 'element '//to_text(mesh%block(i_block)%tag(e))//' ('//trim(kind%name)//')'//reason// &
       ' near '//point_text(mesh%x(:, mesh%block(i_block)%node(1, e))), exit_not_solvable)
     !$omp end critical (message)
   end subroutine inverted_element_error

@@ -1,23 +1,26 @@
-!> Twice the strain energy as a sum over the strains that an analysis has, without the zeros of its matrix.
+!> Twice the strain energy density as a quadratic form of the strains of an analysis, without the zeros of its matrix.
 !>
-!> In three dimensions the strains are xx yy zz yz xz xy, in plane analyses xx yy xy, in axisymmetric ones xx yy xy zz. An isotropic
-!> body has nine terms in three dimensions, four in two.
+!> The strains are xx yy zz yz xz xy in three dimensions, xx yy xy in plane analyses, xx yy xy zz in axisymmetric
+!> ones. The form of an isotropic body has nine terms in three dimensions, four in plane analyses.
 module dotyk_elasticity_energy_form
   use dotyk_base_kinds, only: dp
   use dotyk_elasticity_analysis, only: analysis_dimension, gradient_slots, strain_index
   implicit none
   private
 
-  !> The terms.
+  !> The terms of the form.
   type, public :: energy_form_t
-    !> Number of strains, and of terms.
-    integer :: n_strains = 0, n_terms = 0
-    !> Strain that a slot of the gradient of a component belongs to, 0 for none (dimension, slots).
-    integer, allocatable :: place(:, :)
-    !> The two strains of each term (2, n_terms), and their coefficients (n_terms) [pressure].
+    !> Number of strains.
+    integer :: n_strains = 0
+    !> Number of terms.
+    integer :: n_terms = 0
+    !> Strain to which a gradient slot of a component contributes, 0 for none (dim, slots).
+    integer, allocatable :: index(:, :)
+    !> The two strains of each term (2, n_terms).
     integer, allocatable :: pair(:, :)
+    !> Coefficient of each term (n_terms) [pressure].
     real(dp), allocatable :: coefficient(:)
-    !> Largest entry of the matrix [pressure].
+    !> Largest entry of the material matrix [pressure].
     real(dp) :: largest = 0
   contains
     procedure :: init => energy_form_init
@@ -27,26 +30,26 @@ module dotyk_elasticity_energy_form
 
 contains
 
-  !> List the terms.
+  !> List the terms of a material.
   subroutine energy_form_init(self, analysis, matrix)
     class(energy_form_t), intent(out) :: self
-    !> One of dotyk_elasticity_analysis' constants.
+    !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
-    !> From the six strains to stresses [pressure].
+    !> Stiffness of the material: from strains to stresses (6, 6) [pressure].
     real(dp), intent(in) :: matrix(6, 6)
-    integer :: strain(6), i, s, t, of
+    integer :: strain(6), i, s, t, strain_of_slot
     real(dp) :: c
-    allocate (self%place(analysis_dimension(analysis), gradient_slots(analysis)), source=0)
+    allocate (self%index(analysis_dimension(analysis), gradient_slots(analysis)), source=0)
     strain = [1, 2, 3, 4, 5, 6]
     self%n_strains = 6
     if (analysis_dimension(analysis) == 2) then
       strain(:4) = [1, 2, 6, 3]
       self%n_strains = merge(4, 3, gradient_slots(analysis) == 3)
     end if
-    do s = 1, size(self%place, 2)
-      do i = 1, size(self%place, 1)
-        of = strain_index(analysis, i, s)
-        if (of > 0) self%place(i, s) = findloc(strain(:self%n_strains), of, dim=1)
+    do s = 1, size(self%index, 2)
+      do i = 1, size(self%index, 1)
+        strain_of_slot = strain_index(analysis, i, s)
+        if (strain_of_slot > 0) self%index(i, s) = findloc(strain(:self%n_strains), strain_of_slot, dim=1)
       end do
     end do
     allocate (self%pair(2, 21), self%coefficient(21))
@@ -66,27 +69,29 @@ contains
   !> Strains of displacement gradients.
   pure subroutine energy_form_strains(self, n_points, slope, strain)
     class(energy_form_t), intent(in) :: self
+    !> Number of points.
     integer, intent(in) :: n_points
-    !> Slots of the gradients of the components [].
-    real(dp), intent(in) :: slope(n_points, size(self%place, 1), size(self%place, 2))
+    !> Slots of the gradients of the components (n_points, dim, slots) [].
+    real(dp), intent(in) :: slope(n_points, size(self%index, 1), size(self%index, 2))
+    !> Strains (n_points, n_strains) [].
     real(dp), intent(out) :: strain(n_points, self%n_strains)
     integer :: i, s
     strain = 0
     do s = 1, size(slope, 3)
       do i = 1, size(slope, 2)
-        associate (k => self%place(i, s))
+        associate (k => self%index(i, s))
           if (k > 0) strain(:, k) = strain(:, k) + slope(:, i, s)
         end associate
       end do
     end do
   end subroutine energy_form_strains
 
-  !> Twice the energy of some points.
+  !> Twice the strain energy, summed over points [energy].
   pure real(dp) function energy_form_energy(self, weight, strain) result(energy)
     class(energy_form_t), intent(in) :: self
-    !> Volumes (n_points).
+    !> Volumes of the points (n_points) [volume].
     real(dp), intent(in) :: weight(:)
-    !> (n_points, n_strains).
+    !> Strains (n_points, n_strains) [].
     real(dp), intent(in), contiguous :: strain(:, :)
     real(dp) :: density(size(weight))
     integer :: k, q

@@ -1,4 +1,5 @@
-!> Normals of surfaces at their nodes: faces that meet smoothly are averaged, edges keep both sides.
+!> Normals of surfaces at their nodes: normals of faces that meet smoothly are averaged, edges keep one normal per
+!> side.
 module dotyk_elasticity_face_normals
   use dotyk_base_kinds, only: dp
   use dotyk_elasticity_nodal_vector_list, only: nodal_vector_list_t
@@ -10,18 +11,23 @@ module dotyk_elasticity_face_normals
   private
   public :: add_face_normals, group_normals
 
-  !> Normals within 20 degrees belong to one smooth face.
+  !> Smallest cosine of the angle of two normals of one smooth face: 20 degrees. Facets of coarse meshes of curved
+  !> surfaces meet at smaller angles, edges of machine parts at larger ones.
   real(dp), parameter :: least_cosine = 0.939692620785908_dp
+  !> Mean normals shorter than this fraction cancelled out.
+  real(dp), parameter :: cancelled = 1.0e-6_dp
 
 contains
 
-  !> Add the outward normal of each facet at each of its nodes to a list, with its area as the number.
+  !> Add the outward normal of each facet at each of its nodes to a list, with the area of the facet as value.
   subroutine add_face_normals(x, surface, source, faces)
     !> Nodes of the body (dim, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
+    !> The surface.
     type(surface_t), intent(in) :: surface
-    !> Number of the surface for the list.
+    !> Index of the support, stored with each normal.
     integer, intent(in) :: source
+    !> List of normals.
     type(nodal_vector_list_t), intent(inout) :: faces
     integer :: f, a, n, d, dim, kind, node(max_facet_nodes)
     real(dp) :: xi(2*max_facet_nodes), corners(size(x, 1), max_facet_nodes)
@@ -43,8 +49,9 @@ contains
     end do
   end subroutine add_face_normals
 
-  !> Area of the reference domain of a facet's kind.
+  !> Area of the reference facet [].
   pure real(dp) function reference_area(properties) result(area)
+    !> Properties of the facet's kind.
     type(element_kind_t), intent(in) :: properties
     select case (properties%n_corners)
     case (2)
@@ -56,19 +63,23 @@ contains
     end select
   end function reference_area
 
-  !> Group normals: two within 20 degrees belong together, and so do those that a chain of such pairs joins.
+  !> Group normals: two within 20 degrees are in one group, and so are those connected by a chain of such pairs.
   pure subroutine group_normals(dim, n, normal, area, signature, group, n_groups, mean)
-    integer, intent(in) :: dim, n
-    !> Unit normals.
+    !> Number of coordinates.
+    integer, intent(in) :: dim
+    !> Number of normals.
+    integer, intent(in) :: n
+    !> Unit normals (dim, n) [].
     real(dp), intent(in) :: normal(dim, n)
-    !> Areas of their faces.
+    !> Areas of their facets (n) [length^(dim-1)].
     real(dp), intent(in) :: area(n)
-    !> Only normals of equal signature are joined.
+    !> Normals of different signatures are never in one group (n).
     integer, intent(in) :: signature(n)
-    !> Group of each normal, numbered by their first normals.
+    !> Group of each normal; groups are numbered in the order of their first normals (n).
     integer, intent(out) :: group(n)
+    !> Number of groups.
     integer, intent(out) :: n_groups
-    !> Mean unit normal of each group, weighted by area; n_groups columns are set.
+    !> Mean unit normal of each group, weighted with the areas; n_groups columns are set (dim, n) [].
     real(dp), intent(out) :: mean(dim, n)
     integer :: i, j, member, stack(n), height
     group = 0
@@ -92,8 +103,8 @@ contains
           stack(height) = j
         end do
       end do
-      ! A chain may close round, as the sides of a needle do: then its first normal stands for it.
-      if (.not. norm2(mean(:, n_groups)) > 1.0e-6_dp*area(i)) mean(:, n_groups) = normal(:, i)
+      ! Chains may go round, as the sides of a needle do, and their normals cancel: the first normal represents them.
+      if (.not. norm2(mean(:, n_groups)) > cancelled*area(i)) mean(:, n_groups) = normal(:, i)
       mean(:, n_groups) = mean(:, n_groups)/norm2(mean(:, n_groups))
     end do
   end subroutine group_normals

@@ -1,21 +1,21 @@
-!> Polynomials that fit a displacement around each vertex of a body: polynomial-preserving recovery (Zhang and Naga, SIAM J. Sci.
+!> Gradient recovery: polynomial-preserving recovery of the strains of a displacement (Zhang and Naga, SIAM J. Sci.
 !> Comput. 26, 2005).
 !>
-!> On the patch of elements around a vertex, a polynomial of one degree more than the elements' is fitted to the nodal
-!> values by least squares, near ones counting more than far ones. Where the displacement is such a polynomial and the patch
-!> determines it, its gradient is exact, on any mesh and up to the boundary; where it is smooth, it is of a higher order than that of
-!> the elements. Bodies of a layer or two of elements do not determine all of it: there polynomials of lower degree are fitted first,
-!> so that these at least are exact. The fit is in axes in which the patch is about as long as wide: flat elements are no worse than
-!> others.
+!> On the patch of elements around a vertex, a polynomial of one degree more than that of the elements is fitted to
+!> the nodal displacements by weighted least squares. Where the displacement is such a polynomial and the patch
+!> determines it, the gradient of the fit is exact, on any mesh and up to the boundary; where it is smooth, the
+!> gradient is superconvergent. Bodies of one or two layers of elements do not determine the whole polynomial:
+!> polynomials of lower degrees are then fitted first, so that at least these are reproduced. The fit uses axes in
+!> which the patch is about as long as wide: flat elements do not deteriorate it.
 !>
 !> Patches, monomials and factors depend on the mesh alone: several displacements of one mesh are fitted together.
 module dotyk_elasticity_gradient_recovery
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_elasticity_node_graph, only: incidence_t
-  use dotyk_elasticity_monomials, only: evaluate_monomials, lanes, monomials_t
-  use dotyk_elasticity_recovery_patch, only: add_ring, recovery_patch_t
   use dotyk_elasticity_isoparametric_map, only: points_in_row
+  use dotyk_elasticity_monomials, only: evaluate_monomials, lanes, monomials_t
+  use dotyk_elasticity_node_graph, only: incidence_t
+  use dotyk_elasticity_recovery_patch, only: add_ring, recovery_patch_t
   use dotyk_linalg_blas, only: dgemm
   use dotyk_linalg_dense, only: least_squares
   use dotyk_linalg_normal_equations, only: factorize_gram, solve_gram
@@ -24,21 +24,24 @@ module dotyk_elasticity_gradient_recovery
   implicit none
   private
 
-  !> Strains of the polynomials of some bodies that have one mesh.
+  !> Recovered strains of several bodies of one mesh: polynomials around the vertices.
   type, public :: gradient_recovery_t
-    !> Of the polynomials.
+    !> Monomials of the fitted displacements.
     type(monomials_t) :: monomials
     !> Number of bodies.
     integer :: n_bodies = 0
-    !> Number of vertices; of strains: xx yy zz yz xz xy in three dimensions, xx yy xy in two; shear strains are engineering ones.
-    integer :: n_vertices = 0, n_strains = 0
-    !> Vertex of each node, 0 for nodes that are none (n_nodes).
+    !> Number of vertices.
+    integer :: n_vertices = 0
+    !> Number of strains: xx yy zz yz xz xy in three dimensions, xx yy xy in two, with engineering shear strains.
+    integer :: n_strains = 0
+    !> Vertex of each node, 0 for nodes that are no vertices (n_nodes).
     integer, allocatable :: vertex(:)
-    !> Centres of the patches (dimension, n_vertices) [length].
+    !> Positions of the vertices (dim, n_vertices) [length].
     real(dp), allocatable :: centre(:, :)
-    !> To their own axes, in which no node is farther from the centre than 1 (dimension, dimension, n_vertices) [1/length].
+    !> Axes of the patches, as rows, in which no node is farther from the vertex than 1 (dim, dim, n_vertices)
+    !> [1/length].
     real(dp), allocatable :: axes(:, :, :)
-    !> Strains in the mesh's axes: coefficients in axes (x - centre) (n_bodies, n_strains, n_lower, n_vertices) [].
+    !> Coefficients of the strains in axes (x - centre) (n_bodies, n_strains, n_lower, n_vertices) [].
     real(dp), allocatable :: strain(:, :, :, :)
   contains
     procedure :: init => gradient_recovery_init
@@ -46,23 +49,26 @@ module dotyk_elasticity_gradient_recovery
 
   public :: vertex_functions
 
-  !> Rings of elements around a vertex at most: bodies of a few elements have few nodes.
+  !> Largest number of rings of elements around a vertex: bodies of a few elements have few nodes.
   integer, parameter :: most_rings = 4
-  !> Inverse condition of the least squares from which on a polynomial counts as determined: by one ring of elements, and by two, where
-  !> what they do not determine is left out. (More rings are no help: in a plate of one layer of elements they took the error for three
-  !> times what it was.)
-  real(dp), parameter :: well_determined = 3.0e-3_dp, determined = 3.0e-4_dp
-  !> Which strain a derivative belongs to (component, variable).
+  !> Smallest inverse condition number of the least squares for which one ring of elements determines the polynomial.
+  real(dp), parameter :: well_determined = 3.0e-3_dp
+  !> The same for two rings, beyond which undetermined terms are dropped. More rings do not help: in a plate of one
+  !> layer of elements they overestimated the error by a factor of three.
+  real(dp), parameter :: determined = 3.0e-4_dp
+  !> Strain of a derivative in three dimensions (component, variable).
   integer, parameter :: strain_3d(3, 3) = reshape([1, 6, 5, 6, 2, 4, 5, 4, 3], [3, 3])
+  !> Strain of a derivative in two dimensions (component, variable).
   integer, parameter :: strain_2d(2, 2) = reshape([1, 3, 3, 2], [2, 2])
 
 contains
 
-  !> Fit the polynomials.
+  !> Recover the strains of displacements.
   subroutine gradient_recovery_init(self, mesh, u)
     class(gradient_recovery_t), intent(out) :: self
+    !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
-    !> Displacements in the mesh's axes (n_bodies, dimension, n_nodes) [length].
+    !> Displacements in the axes of the mesh (n_bodies, dim, n_nodes) [length].
     real(dp), intent(in), contiguous :: u(:, :, :)
     type(element_kind_t) :: kind
     type(incidence_t) :: elements
@@ -106,27 +112,30 @@ contains
     !$omp end parallel
   end subroutine gradient_recovery_init
 
-  !> The polynomial of one vertex. Rings of elements are added until the nodes determine it: one inside the body,
-  !> two at most places of the boundary.
+  !> Fit the polynomial of one vertex. Rings of elements are added until the nodes determine it: one ring in the
+  !> interior, two at most places of the boundary.
   subroutine fit_vertex(monomials, elements, vertex, x, n_values, values, node, mark, patch, axes, coefficient)
+    !> Monomials of the fit.
     type(monomials_t), intent(in) :: monomials
+    !> Incidence of nodes and elements.
     type(incidence_t), intent(in) :: elements
-    !> Vertices of the nodes, 0 for none (n_nodes).
+    !> Vertex of each node, 0 for none (n_nodes).
     integer, intent(in) :: vertex(:)
-    !> Nodes (dimension, n_nodes) [length].
+    !> Nodes of the body (dim, n_nodes) [length].
     real(dp), intent(in), contiguous :: x(:, :)
-    !> What is fitted: displacements of all bodies.
+    !> Number of fitted values per node: displacement components of all bodies.
     integer, intent(in) :: n_values
+    !> Fitted values (n_values, n_nodes) [length].
     real(dp), intent(in) :: values(n_values, size(vertex))
-    !> The vertex.
+    !> Node of the vertex.
     integer, intent(in) :: node
-    !> Work array (n_nodes): last vertex whose patch a node was in.
+    !> Work array: last vertex whose patch contained a node (n_nodes).
     integer, intent(inout) :: mark(:)
     !> Work space.
     type(recovery_patch_t), intent(inout) :: patch
-    !> As in gradient_recovery_t.
+    !> Axes of the patch, as rows (dim, dim) [1/length].
     real(dp), intent(out) :: axes(:, :)
-    !> Of the values in these axes.
+    !> Coefficients of the fitted values in these axes (n_values, monomials%n) [length].
     real(dp), intent(out) :: coefficient(n_values, monomials%n)
     real(dp), allocatable :: power(:)
     integer :: ring, inner, rank
@@ -135,8 +144,8 @@ contains
     mark(node) = node
     inner = 0
     do ring = 1, most_rings
-      call add_ring(elements%start, elements%node, elements%first, elements%element, vertex, node, mark, patch%node, inner, &
-                    patch%n)
+      call add_ring(elements%start, elements%node, elements%first, elements%element, vertex, node, mark, patch%node, &
+                    inner, patch%n)
       if (ring < most_rings .and. patch%n < monomials%n + 1) cycle
       call patch%fill(monomials%dimension, x, axes)
       associate (n => monomials%n, rows => lanes*patch%n_blocks)
@@ -144,7 +153,8 @@ contains
         allocate (power(rows*n))
         call evaluate_monomials(monomials%dimension, n, patch%n_blocks, monomials%parent, monomials%axis, patch%t, &
                                 patch%root_weight, power)
-        call fit_all(n, rows, power, patch, values, merge(well_determined, determined, ring == 1), coefficient, rank)
+        call fit_full_degree(n, rows, power, patch, values, merge(well_determined, determined, ring == 1), &
+                             coefficient, rank)
         if (rank == n) exit
         if (ring == 1) cycle
         call patch%take(values)
@@ -154,22 +164,25 @@ contains
     end do
   end subroutine fit_vertex
 
-  !> Fit polynomials of the full degree.
-  subroutine fit_all(n, rows, power, patch, values, tolerance, coefficient, rank)
-    !> Number of monomials, and of rows of their values.
-    integer, intent(in) :: n, rows
-    !> Values of the monomials times the roots of the weights.
+  !> Fit polynomials of the full degree by normal equations.
+  subroutine fit_full_degree(n, rows, power, patch, values, tolerance, coefficient, rank)
+    !> Number of monomials.
+    integer, intent(in) :: n
+    !> Number of rows of their values.
+    integer, intent(in) :: rows
+    !> Values of the monomials times the square roots of the weights (rows, n) [].
     real(dp), intent(in) :: power(rows, n)
+    !> The patch; its values are replaced by residuals.
     type(recovery_patch_t), intent(inout) :: patch
-    !> As in fit_vertex.
+    !> Fitted values (n_values, n_nodes) [length].
     real(dp), intent(in), contiguous :: values(:, :)
-    !> Inverse condition of the least squares at least.
+    !> Smallest inverse condition number of the least squares [].
     real(dp), intent(in) :: tolerance
-    !> (n_values, n); set where the rank is n.
+    !> Coefficients; set where the rank is n (n_values, n) [length].
     real(dp), intent(out) :: coefficient(size(values, 1), n)
-    !> What of the monomials the nodes determine.
+    !> Number of monomials that the nodes determine.
     integer, intent(out) :: rank
-    real(dp) :: gram(n, n), r(n, n), rest(size(values, 1), n)
+    real(dp) :: gram(n, n), r(n, n), correction(size(values, 1), n)
     integer :: pivot(n), m
     m = size(values, 1)
     call dgemm('T', 'N', n, n, patch%n, 1.0_dp, power, rows, power, rows, 0.0_dp, gram, n)
@@ -178,23 +191,27 @@ contains
     call patch%take(values)
     call dgemm('N', 'N', m, n, patch%n, 1.0_dp, patch%value, m, power, rows, 0.0_dp, coefficient, m)
     call solve_gram(n, m, r, pivot, coefficient)
-    ! The normal equations square the condition; one correction makes up for it.
+    ! The normal equations square the condition number; one step of iterative refinement makes up for it.
     call dgemm('N', 'T', m, patch%n, n, -1.0_dp, coefficient, m, power, rows, 1.0_dp, patch%value, m)
-    call dgemm('N', 'N', m, n, patch%n, 1.0_dp, patch%value, m, power, rows, 0.0_dp, rest, m)
-    call solve_gram(n, m, r, pivot, rest)
-    coefficient = coefficient + rest
-  end subroutine fit_all
+    call dgemm('N', 'N', m, n, patch%n, 1.0_dp, patch%value, m, power, rows, 0.0_dp, correction, m)
+    call solve_gram(n, m, r, pivot, correction)
+    coefficient = coefficient + correction
+  end subroutine fit_full_degree
 
-  !> Fit polynomials of lower degrees first, so that these are exact, and leave out what the nodes do not determine.
+  !> Fit polynomials of rising degree to the residuals of the degrees before, so that low degrees are reproduced, and
+  !> drop undetermined terms.
   subroutine fit_by_degrees(monomials, rows, power, n_nodes, value, coefficient)
+    !> Monomials of the fit.
     type(monomials_t), intent(in) :: monomials
-    !> Rows of the values of the monomials, and those that are nodes.
-    integer, intent(in) :: rows, n_nodes
-    !> Values of the monomials times the roots of the weights.
+    !> Number of rows of the values of the monomials.
+    integer, intent(in) :: rows
+    !> Number of nodes of the patch.
+    integer, intent(in) :: n_nodes
+    !> Values of the monomials times the square roots of the weights (rows, monomials%n) [].
     real(dp), intent(in) :: power(rows, monomials%n)
-    !> What is fitted, times the same roots (n_values, >= n_nodes).
+    !> Fitted values times the same square roots (n_values, >= n_nodes) [length].
     real(dp), intent(in) :: value(:, :)
-    !> (n_values, n).
+    !> Coefficients (n_values, monomials%n) [length].
     real(dp), intent(out) :: coefficient(:, :)
     real(dp), allocatable :: b(:, :)
     integer :: k, degree, rank
@@ -207,17 +224,17 @@ contains
     end do
   end subroutine fit_by_degrees
 
-  !> Add the polynomial that fits what is left, and take it off.
+  !> Add the polynomial that fits the residuals, and subtract it from them.
   subroutine add_fit(a, b, tolerance, coefficient, rank)
-    !> Monomials at the nodes (n_nodes, n).
+    !> Monomials at the nodes, weighted (n_nodes, n) [].
     real(dp), intent(in) :: a(:, :)
-    !> What is left (n_nodes, n_components).
+    !> Residuals (n_nodes, n_values) [length].
     real(dp), intent(inout) :: b(:, :)
-    !> As in least_squares.
+    !> Smallest inverse condition number, see `least_squares` [].
     real(dp), intent(in) :: tolerance
-    !> (n_components, n).
+    !> Coefficients (n_values, n) [length].
     real(dp), intent(inout) :: coefficient(:, :)
-    !> What of the monomials the nodes determine.
+    !> Number of monomials that the nodes determine.
     integer, intent(out) :: rank
     type(error_t), allocatable :: error
     real(dp), allocatable :: c(:, :)
@@ -231,15 +248,17 @@ contains
     b = b - matmul(a, c(:n, :))
   end subroutine add_fit
 
-  !> Strains of polynomials.
+  !> Strains of the fitted polynomials.
   pure subroutine differentiate(monomials, n_bodies, coefficient, axes, strain)
+    !> Monomials of the fit.
     type(monomials_t), intent(in) :: monomials
+    !> Number of bodies.
     integer, intent(in) :: n_bodies
-    !> Of the displacements in axes of the patch [length].
+    !> Coefficients of the displacements (n_bodies, dim, monomials%n) [length].
     real(dp), intent(in) :: coefficient(n_bodies, monomials%dimension, monomials%n)
-    !> (dimension, dimension) [1/length].
+    !> Axes of the patch, as rows (dim, dim) [1/length].
     real(dp), intent(in) :: axes(:, :)
-    !> In the mesh's axes, coefficients in those of the patch (n_bodies, n_strains, n_lower) [].
+    !> Coefficients of the strains in the axes of the mesh (n_bodies, n_strains, n_lower) [].
     real(dp), intent(out) :: strain(:, :, :)
     integer :: i, j, k, lower, s
     strain = 0
@@ -258,18 +277,33 @@ contains
     end do
   end subroutine differentiate
 
-  !> The functions whose sum, each times its coefficient, is the mean of the polynomials of some vertices, each weighted by a function.
-  pure subroutine vertex_functions(dim, n_lower, n_vertices, n_points, vertex, parent, axis, centre, axes, weight, x, values)
-    integer, intent(in) :: dim, n_lower, n_vertices
-    !> A multiple of `points`.
+  !> Monomials around vertices at points, each times the weight of its vertex: the basis of the recovered strains of
+  !> an element.
+  pure subroutine vertex_functions(dim, n_lower, n_vertices, n_points, vertex, parent, axis, centre, axes, weight, x, &
+      values)
+    !> Number of coordinates.
+    integer, intent(in) :: dim
+    !> Number of monomials of the strains.
+    integer, intent(in) :: n_lower
+    !> Number of vertices.
+    integer, intent(in) :: n_vertices
+    !> Number of points, a multiple of `points_in_row`.
     integer, intent(in) :: n_points
+    !> The vertices (n_vertices).
     integer, intent(in) :: vertex(n_vertices)
-    !> As in monomials_t.
-    integer, intent(in) :: parent(n_lower), axis(n_lower)
-    !> As in gradient_recovery_t, of all vertices.
-    real(dp), intent(in) :: centre(dim, *), axes(dim, dim, *)
-    !> Places [length], and weights there.
-    real(dp), intent(in) :: x(n_points, dim), weight(n_points, n_vertices)
+    !> Earlier monomial of each product, see `monomials_t` (n_lower).
+    integer, intent(in) :: parent(n_lower)
+    !> Variable of each product, see `monomials_t` (n_lower).
+    integer, intent(in) :: axis(n_lower)
+    !> Positions of all vertices of the body (dim, *) [length].
+    real(dp), intent(in) :: centre(dim, *)
+    !> Axes of all patches of the body (dim, dim, *) [1/length].
+    real(dp), intent(in) :: axes(dim, dim, *)
+    !> Points (n_points, dim) [length].
+    real(dp), intent(in) :: x(n_points, dim)
+    !> Weights of the vertices at the points (n_points, n_vertices) [].
+    real(dp), intent(in) :: weight(n_points, n_vertices)
+    !> Values of the basis (n_points, n_lower, n_vertices) [].
     real(dp), intent(out) :: values(n_points, n_lower, n_vertices)
     real(dp) :: t(points_in_row, dim), line(points_in_row)
     integer :: i, k, q, v

@@ -1,8 +1,9 @@
-!> The forces of a displacement on the nodes, K u, without the loss of digits that the assembled matrix has.
+!> Internal forces K u of a displacement, element by element, without the cancellation of the assembled matrix.
 !>
-!> K u is small where u is nearly rigid, and then it is what rounding leaves of products that cancel. Here every element first gives up its own
-!> translation and rotation, in more digits than doubles have; what is left is strain, and its forces are as good as the strain is. Forces
-!> of an element balance each other to rounding of their own size, so that those of a soft support are not lost beside a stiff body.
+!> Where u is nearly rigid, K u is small and computed with the assembled matrix it is the rounding of products that
+!> cancel. Here every element first subtracts its own translation and rotation in quadruple precision; the remainder
+!> is strain, and its forces are as accurate as the strain. The forces of an element balance each other up to their
+!> own rounding, so that forces of a soft support are not lost beside a stiff body.
 module dotyk_elasticity_internal_force
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, qp
@@ -16,19 +17,21 @@ module dotyk_elasticity_internal_force
 
 contains
 
-  !> Forces on all nodes, supports included.
+  !> Internal forces on all nodes, those at supports included.
   subroutine internal_force(mesh, analysis, material, u, force, energy, error)
+    !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
-    !> One of dotyk_elasticity_analysis' constants.
+    !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
+    !> Material of the body.
     type(material_t), intent(in) :: material
     !> Displacements in global axes (dim, n_nodes) [length].
     real(qp), intent(in) :: u(:, :)
-    !> (dim, n_nodes) [force].
+    !> Internal forces in global axes (dim, n_nodes) [force].
     real(dp), intent(out) :: force(:, :)
-    !> A(u,u) [force length].
+    !> Twice the strain energy, A(u,u) [energy].
     real(dp), intent(out) :: energy
-    !> As of assembly, which finds it first.
+    !> Allocated where an element is inverted or the modulus field is not positive; assembly finds this first.
     type(error_t), allocatable, intent(out) :: error
     integer :: i
     force = 0
@@ -39,29 +42,42 @@ contains
     end do
   end subroutine internal_force
 
-  !> The elements of one block.
+  !> Add the internal forces of one block.
   subroutine add_block(mesh, i_block, analysis, material, u, force, energy, error)
+    !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
-    integer, intent(in) :: i_block, analysis
+    !> Index of the element block.
+    integer, intent(in) :: i_block
+    !> Type of analysis: one of the `analysis_*` constants.
+    integer, intent(in) :: analysis
+    !> Material of the body.
     type(material_t), intent(in) :: material
+    !> Displacements in global axes (dim, n_nodes) [length].
     real(qp), intent(in) :: u(:, :)
-    real(dp), intent(inout) :: force(:, :), energy
+    !> Internal forces in global axes, added to (dim, n_nodes) [force].
+    real(dp), intent(inout) :: force(:, :)
+    !> Twice the strain energy, added to [energy].
+    real(dp), intent(inout) :: energy
+    !> Allocated where an element is inverted or the modulus field is not positive at a quadrature point.
     type(error_t), allocatable, intent(out) :: error
     type(element_quadrature_t) :: points
-    real(dp), allocatable :: rest(:, :), element_force(:, :)
+    real(dp), allocatable :: strained(:, :), element_force(:, :)
     integer :: e, a
     call points%init(mesh, i_block, analysis, material, error)
     if (allocated(error)) return
     associate (n => points%n, dim => points%dim, slots => points%slots)
-      allocate (rest(dim, n), element_force(dim, n))
+      allocate (strained(dim, n), element_force(dim, n))
       do e = 1, size(mesh%block(i_block)%node, 2)
         call points%move_to(mesh, i_block, e, error)
         if (allocated(error)) exit
-        call take_rigid_part(n, dim, slots, analysis == analysis_axisymmetric, points%g, points%x, u(:, points%node), rest)
-        call forces_of_strain(n, dim, slots, points%n_points, points%g, points%stiffness, points%strain, points%matrix, rest, &
-                              element_force, energy)
-        if (points%bulk > 0) call add_dilatation(n, dim, points%n_functions, points%bulk, points%dilatation, rest, &
-                                                 element_force, energy)
+        call subtract_rigid_motion(n, dim, slots, analysis == analysis_axisymmetric, points%g, points%x, &
+                                   u(:, points%node), strained)
+        call forces_of_strain(n, dim, slots, points%n_points, points%g, points%stiffness, points%strain, &
+                              points%matrix, strained, element_force, energy)
+        if (points%bulk > 0) then
+          call add_dilatation(n, dim, points%n_functions, points%bulk, points%dilatation, strained, element_force, &
+                              energy)
+        end if
         do a = 1, n
           force(:, points%node(a)) = force(:, points%node(a)) + element_force(:, a)
         end do
@@ -70,19 +86,25 @@ contains
     call points%destroy()
   end subroutine add_block
 
-  !> Displacements of an element's nodes without the translation of the first one, and without the rotation at the first point.
-  pure subroutine take_rigid_part(n, dim, slots, axisymmetric, g, x, u, rest)
-    !> Numbers of nodes, components and gradient slots.
-    integer, intent(in) :: n, dim, slots
-    !> Only the translation along the axis, y, is rigid then.
+  !> Displacements of the nodes of an element minus the translation of its first node and the rotation at the first
+  !> quadrature point.
+  pure subroutine subtract_rigid_motion(n, dim, slots, axisymmetric, g, x, u, strained)
+    !> Number of nodes of the element.
+    integer, intent(in) :: n
+    !> Number of displacement components, 2 or 3.
+    integer, intent(in) :: dim
+    !> Number of gradient slots: `dim`, or 3 in axisymmetric analyses.
+    integer, intent(in) :: slots
+    !> Whether only the translation along the axis y is rigid.
     logical, intent(in) :: axisymmetric
-    !> Gradients of the shape functions at the first point [1/length].
+    !> Gradients of the shape functions at the first point (n, slots) [1/length].
     real(dp), intent(in) :: g(n, slots)
-    !> Nodes [length].
+    !> Nodes (dim, n) [length].
     real(dp), intent(in) :: x(dim, n)
-    !> Displacements [length].
+    !> Displacements (dim, n) [length].
     real(qp), intent(in) :: u(dim, n)
-    real(dp), intent(out) :: rest(dim, n)
+    !> Displacements without the rigid motion (dim, n) [length].
+    real(dp), intent(out) :: strained(dim, n)
     real(qp) :: v(dim, n)
     real(dp) :: slope(dim, dim), rotation
     integer :: a, i, j
@@ -90,9 +112,9 @@ contains
     do i = merge(2, 1, axisymmetric), dim
       v(i, :) = v(i, :) - u(i, 1)
     end do
-    rest = real(v, dp)
+    strained = real(v, dp)
     if (axisymmetric) return
-    slope = matmul(rest, g(:, :dim))
+    slope = matmul(strained, g(:, :dim))
     do j = 1, dim
       do i = 1, dim
         if (i == j) cycle
@@ -102,26 +124,32 @@ contains
         end do
       end do
     end do
-    rest = real(v, dp)
-  end subroutine take_rigid_part
+    strained = real(v, dp)
+  end subroutine subtract_rigid_motion
 
-  !> Forces of an element, and its part of the energy.
+  !> Internal forces of an element, and its energy.
   pure subroutine forces_of_strain(n, dim, slots, n_points, g, w, strain_of, matrix, u, force, energy)
-    !> Numbers of nodes, displacement components, gradient slots, quadrature points.
-    integer, intent(in) :: n, dim, slots, n_points
-    !> Gradients of the shape functions [1/length].
+    !> Number of nodes of the element.
+    integer, intent(in) :: n
+    !> Number of displacement components, 2 or 3.
+    integer, intent(in) :: dim
+    !> Number of gradient slots: `dim`, or 3 in axisymmetric analyses.
+    integer, intent(in) :: slots
+    !> Number of quadrature points.
+    integer, intent(in) :: n_points
+    !> Gradients of the shape functions (n, slots, n_points) [1/length].
     real(dp), intent(in) :: g(n, slots, n_points)
-    !> Weights times the factor on the stiffness [volume].
+    !> Weights times the modulus field (n_points) [volume].
     real(dp), intent(in) :: w(n_points)
-    !> Strain of each component and slot, 0 for none.
+    !> Strain index of each component and slot, 0 for none (dim, slots).
     integer, intent(in) :: strain_of(dim, slots)
-    !> From strains to stresses [pressure].
+    !> Unprojected part of the material: from strains to stresses (6, 6) [pressure].
     real(dp), intent(in) :: matrix(6, 6)
-    !> Displacements [length].
+    !> Displacements (dim, n) [length].
     real(dp), intent(in) :: u(dim, n)
-    !> [force].
+    !> Internal forces (dim, n) [force].
     real(dp), intent(out) :: force(dim, n)
-    !> Grows [force length].
+    !> Twice the strain energy, added to [energy].
     real(dp), intent(inout) :: energy
     real(dp) :: strain(6), stress(6)
     integer :: q, i, s
@@ -143,18 +171,24 @@ contains
     end do
   end subroutine forces_of_strain
 
-  !> Add what the projected dilatation gives.
+  !> Add the forces and the energy of the projected dilatation.
   pure subroutine add_dilatation(n, dim, n_functions, bulk, d, u, force, energy)
-    !> Numbers of nodes, displacement components, functions.
-    integer, intent(in) :: n, dim, n_functions
+    !> Number of nodes of the element.
+    integer, intent(in) :: n
+    !> Number of displacement components, 2 or 3.
+    integer, intent(in) :: dim
+    !> Number of projection functions.
+    integer, intent(in) :: n_functions
     !> Projected part of the bulk modulus [pressure].
     real(dp), intent(in) :: bulk
-    !> From `projected_dilatations`.
+    !> Linear forms from `projected_dilatations` (n, dim, n_functions) [sqrt(volume)/length].
     real(dp), intent(in) :: d(n, dim, n_functions)
-    !> Displacements [length].
+    !> Displacements (dim, n) [length].
     real(dp), intent(in) :: u(dim, n)
-    !> Grow [force], [force length].
-    real(dp), intent(inout) :: force(dim, n), energy
+    !> Internal forces, added to (dim, n) [force].
+    real(dp), intent(inout) :: force(dim, n)
+    !> Twice the strain energy, added to [energy].
+    real(dp), intent(inout) :: energy
     real(dp) :: amplitude
     integer :: j
     do j = 1, n_functions

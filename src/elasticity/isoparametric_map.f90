@@ -1,39 +1,51 @@
-!> Maps to an element and displacement gradients at all its quadrature points at a time, without the gradients of its shape functions.
+!> Isoparametric map and displacement gradients at all quadrature points of an element at once, without shape function
+!> gradients in space.
 !>
-!> The same as `map_element`, with the points as the first index of all arrays, four of them in a row: sums over nodes run over all points
-!> in step. The last block is filled up with repetitions of the last point, of weight 0.
+!> The same map as `map_element`, with the points as the first index of all arrays so that loops over points
+!> vectorize: sums over nodes run over four points in step. The last group of four is filled with repetitions of the
+!> last point, with weight 0.
 module dotyk_elasticity_isoparametric_map
   use dotyk_base_kinds, only: dp
+  use dotyk_elasticity_analysis, only: two_pi
   use dotyk_elasticity_shape_table, only: shape_table_t
   implicit none
   private
 
-  !> Points in a row.
+  !> Number of points in a group: the length of the innermost loops.
   integer, parameter, public :: points_in_row = 4
 
-  !> Values at the points of one quadrature rule.
+  !> Shape functions of an element kind at the points of a quadrature rule, by points.
   type, public :: point_shape_table_t
-    !> Numbers of nodes and dimensions; of points, a multiple of four, and of those that are no repetitions.
-    integer :: n_nodes = 0, dimension = 0, n_points = 0, n_true = 0
-    !> Shape functions (n_points, n_nodes).
+    !> Number of nodes.
+    integer :: n_nodes = 0
+    !> Number of coordinates.
+    integer :: dimension = 0
+    !> Number of points, with repetitions: a multiple of `points_in_row`.
+    integer :: n_points = 0
+    !> Number of points without repetitions.
+    integer :: n_true = 0
+    !> Shape functions (n_points, n_nodes) [].
     real(dp), allocatable :: shape(:, :)
-    !> Their derivatives by reference coordinates (n_points, n_nodes, dimension).
+    !> Derivatives by reference coordinates (n_points, n_nodes, dimension) [].
     real(dp), allocatable :: gradient(:, :, :)
-    !> Sums over the nodes of products of two derivatives (n_points, dimension, dimension), and of squares of shape functions (n_points).
-    real(dp), allocatable :: products(:, :, :), shape_square(:)
-    !> Reference weights (n_points).
+    !> Sums over the nodes of products of two derivatives (n_points, dimension, dimension) [].
+    real(dp), allocatable :: products(:, :, :)
+    !> Sums over the nodes of squares of shape functions (n_points) [].
+    real(dp), allocatable :: shape_square(:)
+    !> Reference weights; 0 for repetitions (n_points) [].
     real(dp), allocatable :: weight(:)
   contains
     procedure :: init => point_shape_table_init
   end type point_shape_table_t
 
-  public :: map_points, to_space, interpolate
+  public :: map_points, physical_gradients, interpolate
 
 contains
 
-  !> Take the values from a table.
+  !> Rearrange a table by points.
   subroutine point_shape_table_init(self, table)
     class(point_shape_table_t), intent(out) :: self
+    !> Shape functions by nodes.
     type(shape_table_t), intent(in) :: table
     integer :: q, p, i, k
     self%n_nodes = table%n_nodes
@@ -56,27 +68,40 @@ contains
     self%shape_square = sum(self%shape**2, dim=2)
   end subroutine point_shape_table_init
 
-  !> The map to an element: what its gradients and weights are made of.
-  pure subroutine map_points(n, dim, slots, n_points, shape, shape_square, gradient, products, weight, x, inverse, radius, &
-      g_square, w, worst)
-    !> Numbers of nodes, dimensions, gradient slots and points.
-    integer, intent(in) :: n, dim, slots, n_points
-    !> As in point_shape_table_t.
-    real(dp), intent(in) :: shape(n_points, n), shape_square(n_points), gradient(n_points, n, dim)
-    real(dp), intent(in) :: products(n_points, dim, dim), weight(n_points)
-    !> Nodes [length].
+  !> The isoparametric map at all points: inverse Jacobians, radii, weights.
+  pure subroutine map_points(n, dim, slots, n_points, shape, shape_square, gradient, products, weight, x, inverse, &
+      radius, g_square, w, worst)
+    !> Number of nodes of the element.
+    integer, intent(in) :: n
+    !> Number of coordinates.
+    integer, intent(in) :: dim
+    !> Number of gradient slots: `dim`, or 3 in axisymmetric analyses.
+    integer, intent(in) :: slots
+    !> Number of points, a multiple of `points_in_row`.
+    integer, intent(in) :: n_points
+    !> Shape functions (n_points, n) [].
+    real(dp), intent(in) :: shape(n_points, n)
+    !> Sums of squares of shape functions (n_points) [].
+    real(dp), intent(in) :: shape_square(n_points)
+    !> Derivatives by reference coordinates (n_points, n, dim) [].
+    real(dp), intent(in) :: gradient(n_points, n, dim)
+    !> Sums of products of two derivatives (n_points, dim, dim) [].
+    real(dp), intent(in) :: products(n_points, dim, dim)
+    !> Reference weights (n_points) [].
+    real(dp), intent(in) :: weight(n_points)
+    !> Nodes (dim, n) [length].
     real(dp), intent(in) :: x(dim, n)
-    !> Inverses of the Jacobians: derivatives of reference coordinate m by coordinate k [1/length].
+    !> Inverse Jacobians: derivative of reference coordinate m by coordinate k (n_points, dim, dim) [1/length].
     real(dp), intent(out) :: inverse(n_points, dim, dim)
-    !> Radius in axisymmetric analyses, 1 in others [length].
+    !> Radius in axisymmetric analyses, 1 in others (n_points) [length].
     real(dp), intent(out) :: radius(n_points)
-    !> Sum over nodes and slots of the squares of the shape functions' gradients [1/length^2].
+    !> Sums over nodes and slots of the squares of the shape functions' gradients (n_points) [1/length^2].
     real(dp), intent(out) :: g_square(n_points)
-    !> Weights: volume, area, or volume of the full turn [length^dim].
+    !> Quadrature weights (n_points) [volume].
     real(dp), intent(out) :: w(n_points)
-    !> Least value of the determinants, of the radius too in axisymmetric analyses; not positive: the rest means nothing.
+    !> Smallest Jacobian determinant, or radius in axisymmetric analyses; where it is not positive the other results
+    !> are undefined [volume].
     real(dp), intent(out) :: worst
-    real(dp), parameter :: two_pi = 6.283185307179586477_dp
     real(dp) :: jacobian(n_points, dim, dim), determinant(n_points)
     integer :: k, m, l, q
     radius = 1
@@ -109,18 +134,29 @@ contains
     w = w*two_pi*radius
   end subroutine map_points
 
-  !> Displacement gradients in space of one of some bodies, from those by reference coordinates.
-  pure subroutine to_space(dim, slots, n_points, n_bodies, body, by_reference, inverse, displacement, radius, slope)
-    integer, intent(in) :: dim, slots, n_points, n_bodies
-    !> The body.
+  !> Displacement gradients in space of one of several bodies, from those by reference coordinates.
+  pure subroutine physical_gradients(dim, slots, n_points, n_bodies, body, by_reference, inverse, displacement, &
+      radius, slope)
+    !> Number of displacement components, 2 or 3.
+    integer, intent(in) :: dim
+    !> Number of gradient slots: `dim`, or 3 in axisymmetric analyses.
+    integer, intent(in) :: slots
+    !> Number of quadrature points.
+    integer, intent(in) :: n_points
+    !> Number of bodies.
+    integer, intent(in) :: n_bodies
+    !> Index of the body.
     integer, intent(in) :: body
-    !> Derivatives of displacement i of all bodies by reference coordinate m [length].
+    !> Derivatives of displacement i of all bodies by reference coordinate m (n_points, n_bodies, dim, dim) [length].
     real(dp), intent(in) :: by_reference(n_points, n_bodies, dim, dim)
-    !> As in map_points.
-    real(dp), intent(in) :: inverse(n_points, dim, dim), radius(n_points)
-    !> Displacements of all bodies; read in axisymmetric analyses only [length].
+    !> Inverse Jacobians from `map_points` (n_points, dim, dim) [1/length].
+    real(dp), intent(in) :: inverse(n_points, dim, dim)
+    !> Radius in axisymmetric analyses (n_points) [length].
+    real(dp), intent(in) :: radius(n_points)
+    !> Displacements of all bodies; used in axisymmetric analyses only (n_points, n_bodies, dim) [length].
     real(dp), intent(in) :: displacement(n_points, n_bodies, dim)
-    !> Derivatives of displacement i by coordinate k; u/r as the third slot of the first one in axisymmetric analyses [].
+    !> Derivatives of displacement i by coordinate k; u_r/r in the third slot of the first component in axisymmetric
+    !> analyses (n_points, dim, slots) [].
     real(dp), intent(out) :: slope(n_points, dim, slots)
     integer :: i, k, m, q
     slope = 0
@@ -134,15 +170,21 @@ contains
       end do
     end do
     if (slots > dim) slope(:, 1, 3) = displacement(:, body, 1)/radius
-  end subroutine to_space
+  end subroutine physical_gradients
 
   !> Derivatives of functions by reference coordinates.
   pure subroutine reference_slopes(n, dim, n_points, gradient, f, slope)
-    integer, intent(in) :: n, dim, n_points
+    !> Number of nodes of the element.
+    integer, intent(in) :: n
+    !> Number of functions and of coordinates.
+    integer, intent(in) :: dim
+    !> Number of points, a multiple of `points_in_row`.
+    integer, intent(in) :: n_points
+    !> Derivatives of the shape functions by reference coordinates (n_points, n, dim) [].
     real(dp), intent(in) :: gradient(n_points, n, dim)
-    !> Values at the nodes.
+    !> Values at the nodes (dim, n) [any unit].
     real(dp), intent(in) :: f(dim, n)
-    !> Of function i by coordinate m.
+    !> Derivative of function i by reference coordinate m (n_points, dim, dim) [unit of f].
     real(dp), intent(out) :: slope(n_points, dim, dim)
     integer :: m
     do m = 1, dim
@@ -152,11 +194,17 @@ contains
 
   !> Values of functions at the points.
   pure subroutine interpolate(n, n_functions, n_points, shape, f, values)
-    integer, intent(in) :: n, n_functions, n_points
-    !> Shape functions or one of their derivatives.
+    !> Number of nodes of the element.
+    integer, intent(in) :: n
+    !> Number of functions.
+    integer, intent(in) :: n_functions
+    !> Number of points, a multiple of `points_in_row`.
+    integer, intent(in) :: n_points
+    !> Shape functions or one of their derivatives (n_points, n) [].
     real(dp), intent(in) :: shape(n_points, n)
-    !> Values at the nodes.
+    !> Values at the nodes (n_functions, n) [any unit].
     real(dp), intent(in) :: f(n_functions, n)
+    !> Values at the points (n_points, n_functions) [unit of f].
     real(dp), intent(out) :: values(n_points, n_functions)
     real(dp), dimension(points_in_row) :: s1, s2, s3
     integer :: a, i, q
@@ -185,11 +233,18 @@ contains
     end do
   end subroutine interpolate
 
-  !> Inverses of Jacobians d x_k / d xi_m, those of singular ones times 0, and their determinants.
+  !> Determinants and inverses of Jacobians d x_k / d xi_m; the inverses of singular ones are zero.
   pure subroutine invert(dim, n_points, jacobian, inverse, determinant)
-    integer, intent(in) :: dim, n_points
+    !> Number of coordinates.
+    integer, intent(in) :: dim
+    !> Number of quadrature points.
+    integer, intent(in) :: n_points
+    !> Jacobians (n_points, dim, dim) [length].
     real(dp), intent(in) :: jacobian(n_points, dim, dim)
-    real(dp), intent(out) :: inverse(n_points, dim, dim), determinant(n_points)
+    !> Inverses (n_points, dim, dim) [1/length].
+    real(dp), intent(out) :: inverse(n_points, dim, dim)
+    !> Determinants (n_points) [volume].
+    real(dp), intent(out) :: determinant(n_points)
     integer :: i, k, i1, i2, k1, k2, q
     real(dp) :: factor(n_points)
     if (dim == 2) then
@@ -210,7 +265,8 @@ contains
           end do
         end do
       end do
-      determinant = jacobian(:, 1, 1)*inverse(:, 1, 1) + jacobian(:, 1, 2)*inverse(:, 2, 1) + jacobian(:, 1, 3)*inverse(:, 3, 1)
+      determinant = jacobian(:, 1, 1)*inverse(:, 1, 1) + jacobian(:, 1, 2)*inverse(:, 2, 1) + &
+                    jacobian(:, 1, 3)*inverse(:, 3, 1)
     end if
     where (abs(determinant) > 0)
       factor = 1/determinant

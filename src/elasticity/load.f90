@@ -1,14 +1,14 @@
-!> Loads: tractions and pressures on surfaces, force densities in bodies, as consistent nodal forces.
+!> Loads as consistent nodal forces: tractions and pressures on surfaces, force densities in bodies.
 !>
-!> A pressure > 0 pushes into the body. A local traction has its components along xi, eta, n, n being the outward
-!> normal (eta is not used in two dimensions). Plane bodies have unit thickness; forces on axisymmetric ones are
-!> those of the full turn.
+!> A positive pressure pushes into the body. A local traction has its components along xi, eta, n of the surface with
+!> n the outward normal; eta is not used in two dimensions. Forces on plane bodies are per unit thickness, forces on
+!> axisymmetric ones are those on the full circumference.
 module dotyk_elasticity_load
   use dotyk_base_error, only: add_context, error_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric, load_local_traction, load_pressure, load_traction
   use dotyk_base_text, only: quoted, text_t
-  use dotyk_elasticity_analysis, only: gradient_slots
+  use dotyk_elasticity_analysis, only: gradient_slots, two_pi
   use dotyk_elasticity_element_quadrature, only: inverted_element_error
   use dotyk_elasticity_shape_table, only: shape_table_t, load_degree, map_element, shape_table_pair_t
   use dotyk_elasticity_vector_field, only: vector_field_t
@@ -20,44 +20,43 @@ module dotyk_elasticity_load
   implicit none
   private
 
-  !> One load; where it acts is said apart.
+  !> One load. The place where it acts is an argument of the procedures.
   type, public :: load_t
-    !> One of `load_*`.
+    !> Kind of the load: one of the `load_*` constants.
     integer :: kind = load_traction
-    !> Its value: a pressure in the first component, else a vector (3) [pressure, or force/volume].
+    !> Value: a pressure in the first component, else a vector (3) [pressure] or [force/volume].
     real(dp) :: value(3) = 0
-    !> Formulas of the components; an empty one leaves the value. None where not allocated.
+    !> Formulas of the components; an empty one keeps the value; no formulas where not allocated (3).
     type(text_t), allocatable :: formula(:)
   end type load_t
 
-  !> Shape functions at the points of a facet kind's rule.
+  !> Shape functions of a facet kind at the points of its quadrature rule.
   type :: facet_rule_t
-    !> Reference coordinates (dim-1, n_points).
+    !> Reference coordinates (dim - 1, n_points) [].
     real(dp), allocatable :: point(:, :)
-    !> Reference weights (n_points).
+    !> Reference weights (n_points) [].
     real(dp), allocatable :: weight(:)
-    !> Shape functions (n_nodes, n_points).
+    !> Shape functions (n_nodes, n_points) [].
     real(dp), allocatable :: shape(:, :)
   end type facet_rule_t
 
   public :: add_surface_load, add_volume_load
 
-  real(dp), parameter :: two_pi = 6.283185307179586477_dp
-
 contains
 
   !> Add the nodal forces of a load on a surface.
   subroutine add_surface_load(mesh, analysis, surface, load, force, error)
-    !> The body's elements.
+    !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
-    !> One of dotyk_elasticity_analysis' constants.
+    !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
+    !> The surface.
     type(surface_t), intent(in) :: surface
     !> Traction, pressure or local traction.
     type(load_t), intent(in) :: load
-    !> Nodal forces (dim, n_nodes) [force].
+    !> Nodal forces, added to (dim, n_nodes) [force].
     real(dp), intent(inout) :: force(:, :)
-    !> Allocated where a formula is wrong.
+    !> Allocated where a formula does not parse, or has no value at a quadrature point; names the surface.
     type(error_t), allocatable, intent(out) :: error
     type(facet_rule_t) :: rule(n_element_kinds)
     type(vector_field_t) :: field
@@ -77,9 +76,11 @@ contains
     call add_context(error, 'load on surface '//quoted(surface%name)//': ')
   end subroutine add_surface_load
 
-  !> Quadrature of a facet kind.
+  !> Quadrature rule of a facet kind.
   subroutine make_rule(kind, rule)
+    !> Facet kind: one of the `element_*` constants.
     integer, intent(in) :: kind
+    !> Shape functions at the points of the rule.
     type(facet_rule_t), intent(out) :: rule
     type(element_kind_t) :: properties
     integer :: q
@@ -93,18 +94,27 @@ contains
 
   !> Add the nodal forces on one facet.
   subroutine add_facet(kind, dim, n, x, node, rule, axisymmetric, load_kind, field, force, error)
-    integer, intent(in) :: kind, dim, n
+    !> Facet kind: one of the `element_*` constants.
+    integer, intent(in) :: kind
+    !> Number of coordinates.
+    integer, intent(in) :: dim
+    !> Number of nodes of the facet.
+    integer, intent(in) :: n
     !> Nodes of the body (dim, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
-    !> Nodes of the facet.
+    !> Nodes of the facet (n).
     integer, intent(in) :: node(n)
+    !> Shape functions at the points of the rule.
     type(facet_rule_t), intent(in) :: rule
+    !> Whether the analysis is axisymmetric.
     logical, intent(in) :: axisymmetric
-    !> One of the load kinds on surfaces.
+    !> Kind of the load: one of those on surfaces.
     integer, intent(in) :: load_kind
     !> Value of the load.
     type(vector_field_t), intent(in) :: field
+    !> Nodal forces, added to (dim, n_nodes) [force].
     real(dp), intent(inout) :: force(:, :)
+    !> Allocated where a formula has no value at a quadrature point.
     type(error_t), allocatable, intent(out) :: error
     real(dp) :: corners(dim, n), position(dim), normal(dim), frame(dim, dim), traction(dim), value(3), area
     integer :: q, a
@@ -133,15 +143,16 @@ contains
 
   !> Add the nodal forces of a force density.
   subroutine add_volume_load(mesh, analysis, load, force, error)
-    !> The body's elements.
+    !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
-    !> One of dotyk_elasticity_analysis' constants.
+    !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
     !> Force density.
     type(load_t), intent(in) :: load
-    !> Nodal forces (dim, n_nodes) [force].
+    !> Nodal forces, added to (dim, n_nodes) [force].
     real(dp), intent(inout) :: force(:, :)
-    !> Allocated where a formula is wrong or an element inverted.
+    !> Allocated where a formula does not parse or has no value at a quadrature point, or where an element is
+    !> inverted.
     type(error_t), allocatable, intent(out) :: error
     type(vector_field_t) :: field
     integer :: i
@@ -158,10 +169,17 @@ contains
 
   !> Add the nodal forces of a force density on one block of elements.
   subroutine add_block(mesh, i_block, analysis, field, force, error)
+    !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
-    integer, intent(in) :: i_block, analysis
+    !> Index of the element block.
+    integer, intent(in) :: i_block
+    !> Type of analysis: one of the `analysis_*` constants.
+    integer, intent(in) :: analysis
+    !> Force density.
     type(vector_field_t), intent(in) :: field
+    !> Nodal forces, added to (dim, n_nodes) [force].
     real(dp), intent(inout) :: force(:, :)
+    !> Allocated where a formula has no value at a quadrature point, or where an element is inverted.
     type(error_t), allocatable, intent(out) :: error
     type(shape_table_pair_t) :: tables
     type(element_kind_t) :: kind
@@ -188,7 +206,9 @@ contains
 
   contains
 
+    !> Add the nodal forces on the current element.
     subroutine add_element(table)
+      !> Shape functions at the points of the rule.
       type(shape_table_t), intent(in) :: table
       real(dp) :: value(3), worst
       integer :: q, a

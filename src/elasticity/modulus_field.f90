@@ -1,22 +1,24 @@
-!> The factor on the stiffness of a material, `young_formula`: a function of the place.
+!> Modulus field: the factor on the stiffness of a material that varies in space, `young_formula` in the input.
 module dotyk_elasticity_modulus_field
   use dotyk_base_error, only: add_context, error_t, exit_bad_input, set_error
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_magnitude, only: size_rule, smallest_number
   use dotyk_base_text, only: text_t, to_text
-  use dotyk_elasticity_vector_field, only: vector_field_t, point_text
   use dotyk_elasticity_material, only: material_t
+  use dotyk_elasticity_vector_field, only: vector_field_t, point_text
   implicit none
   private
   public :: read_modulus_field, apply_modulus_field
 
 contains
 
-  !> Parse the factor on the stiffness of a material: 1 where it has none.
+  !> Parse the modulus field of a material: 1 where the material has none.
   subroutine read_modulus_field(material, factor, error)
+    !> The material.
     type(material_t), intent(in) :: material
-    !> The factor is the first component.
+    !> The modulus field, in the first component.
     type(vector_field_t), intent(inout) :: factor
+    !> Allocated where the formula does not parse.
     type(error_t), allocatable, intent(out) :: error
     type(text_t), allocatable :: text(:)
     if (material%has_modulus_field()) then
@@ -27,36 +29,38 @@ contains
     call add_context(error, 'young_formula: ')
   end subroutine read_modulus_field
 
-  !> Multiply the weights of an element's points by the factor on the stiffness.
+  !> Multiply the quadrature weights of an element by the modulus field.
   subroutine apply_modulus_field(factor, shape, x, tag, w, error)
+    !> The modulus field, in the first component.
     type(vector_field_t), intent(in) :: factor
-    !> Shape functions at the points (n_nodes, n_points).
+    !> Shape functions at the points (n_nodes, n_points) [].
     real(dp), intent(in) :: shape(:, :)
     !> Nodes of the element (dim, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
     !> Tag of the element, for messages.
     integer(int64), intent(in) :: tag
-    !> Weights (n_points).
+    !> Weights (n_points) [volume].
     real(dp), intent(inout) :: w(:)
-    !> Allocated where the factor is not a positive number.
+    !> Allocated where the modulus field has no value, is not positive, or is too large or too small at a point.
     type(error_t), allocatable, intent(out) :: error
-    real(dp) :: place(size(x, 1)), value(3)
+    real(dp) :: position(size(x, 1)), value(3)
     integer :: q
     do q = 1, size(w)
-      place = matmul(x, shape(:, q))
-      call factor%evaluate(place, value, error)
+      position = matmul(x, shape(:, q))
+      call factor%evaluate(position, value, error)
       if (.not. allocated(error) .and. value(1) >= smallest_number) then
         w(q) = w(q)*value(1)
         cycle
       end if
       !$omp critical (message)
       if (allocated(error)) then
-        continue   ! no number
+        continue   ! The formula has no value there: the message exists.
       else if (.not. value(1) > 0) then
-        call set_error(error, 'the factor on the stiffness must be positive, it is '//to_text(value(1))//' at '// &
-                       point_text(place), exit_bad_input)
+        call set_error(error, 'the modulus factor must be positive, it is '//to_text(value(1))//' at '// &
+                       point_text(position), exit_bad_input)
       else
-        call set_error(error, 'the formula is '//to_text(value(1))//' at '//point_text(place)//'; '//size_rule, exit_bad_input)
+        call set_error(error, 'the formula is '//to_text(value(1))//' at '//point_text(position)//'; '//size_rule, &
+                       exit_bad_input)
       end if
       call add_context(error, 'young_formula: ')
       error%message = error%message//' (element '//to_text(tag)//')'

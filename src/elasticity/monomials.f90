@@ -1,6 +1,6 @@
 !> Monomials in two or three variables, and their values at nodes.
 !>
-!> Each monomial is an earlier one times a variable: a value costs one multiplication.
+!> Each monomial is an earlier one times a variable, so that a value costs one multiplication.
 module dotyk_elasticity_monomials
   use dotyk_base_kinds, only: dp
   implicit none
@@ -8,22 +8,28 @@ module dotyk_elasticity_monomials
 
   !> All monomials up to a degree, lower degrees first.
   type, public :: monomials_t
-    !> Number of variables; degree.
-    integer :: dimension = 0, degree = 0
-    !> Number of monomials, and of those of one degree less.
-    integer :: n = 0, n_lower = 0
+    !> Number of variables.
+    integer :: dimension = 0
+    !> Degree.
+    integer :: degree = 0
+    !> Number of monomials.
+    integer :: n = 0
+    !> Number of monomials of one degree less.
+    integer :: n_lower = 0
     !> Exponents (dimension, n).
     integer, allocatable :: exponent(:, :)
-    !> Monomial k is monomial parent(k) times variable axis(k); the first one, 1, has none (n).
-    integer, allocatable :: parent(:), axis(:)
-    !> The derivative of a monomial by a variable is its exponent times this one; 0 for none (dimension, n).
+    !> Monomial k is monomial parent(k) times variable axis(k); the first one, 1, has no parent (n).
+    integer, allocatable :: parent(:)
+    !> Variable of this product (n).
+    integer, allocatable :: axis(:)
+    !> The derivative of a monomial by a variable is its exponent times this monomial; 0 for none (dimension, n).
     integer, allocatable :: derivative(:, :)
   contains
     procedure :: init => monomials_init
     procedure :: up_to => monomials_up_to
   end type monomials_t
 
-  !> Nodes that are worked on at a time.
+  !> Number of nodes that are processed together: the length of the inner loops, a multiple of any vector length.
   integer, parameter, public :: lanes = 8
 
   public :: evaluate_monomials
@@ -35,7 +41,7 @@ contains
     class(monomials_t), intent(out) :: self
     !> Number of variables, 2 or 3.
     integer, intent(in) :: dimension
-    !> At least 1.
+    !> Degree, at least 1.
     integer, intent(in) :: degree
     integer :: k, i, e(dimension)
     self%dimension = dimension
@@ -64,20 +70,27 @@ contains
   !> Number of the monomials up to a degree.
   pure integer function monomials_up_to(self, degree) result(n)
     class(monomials_t), intent(in) :: self
+    !> Degree, at most that of the list.
     integer, intent(in) :: degree
     n = number_up_to(self%dimension, degree)
   end function monomials_up_to
 
   !> Number of monomials up to a degree.
   pure integer function number_up_to(dimension, degree) result(n)
-    integer, intent(in) :: dimension, degree
+    !> Number of variables, 2 or 3.
+    integer, intent(in) :: dimension
+    !> Degree.
+    integer, intent(in) :: degree
     n = (degree + 1)*(degree + 2)/2
     if (dimension == 3) n = n*(degree + 3)/3
   end function number_up_to
 
-  !> Where exponents stand in a list, 0 where they do not.
+  !> Position of exponents in a list, 0 where they are not in it.
   pure integer function position_of(list, exponent) result(place)
-    integer, intent(in) :: list(:, :), exponent(:)
+    !> Exponents of monomials (dimension, n).
+    integer, intent(in) :: list(:, :)
+    !> The exponents searched for (dimension).
+    integer, intent(in) :: exponent(:)
     do place = size(list, 2), 1, -1
       if (all(list(:, place) == exponent)) return
     end do
@@ -85,8 +98,11 @@ contains
 
   !> Exponents of all monomials up to a degree, lower degrees first.
   pure subroutine list_exponents(dimension, degree, exponent)
-    integer, intent(in) :: dimension, degree
-    !> (dimension, number).
+    !> Number of variables, 2 or 3.
+    integer, intent(in) :: dimension
+    !> Degree.
+    integer, intent(in) :: degree
+    !> Exponents (dimension, n).
     integer, allocatable, intent(out) :: exponent(:, :)
     integer :: total, i, j, n
     allocate (exponent(dimension, number_up_to(dimension, degree)))
@@ -106,13 +122,23 @@ contains
     end do
   end subroutine list_exponents
 
-  !> Values at nodes, times the roots of the nodes' weights.
+  !> Values of monomials at nodes, times the square roots of the nodes' weights.
   pure subroutine evaluate_monomials(dim, n, n_blocks, parent, axis, t, root_weight, power)
-    integer, intent(in) :: dim, n, n_blocks
-    !> As in monomials_t.
-    integer, intent(in) :: parent(n), axis(n)
-    !> Nodes, and the roots of their weights.
-    real(dp), intent(in) :: t(lanes, dim, n_blocks), root_weight(lanes, n_blocks)
+    !> Number of variables.
+    integer, intent(in) :: dim
+    !> Number of monomials.
+    integer, intent(in) :: n
+    !> Number of blocks of `lanes` nodes.
+    integer, intent(in) :: n_blocks
+    !> Earlier monomial of each product, see `monomials_t` (n).
+    integer, intent(in) :: parent(n)
+    !> Variable of each product, see `monomials_t` (n).
+    integer, intent(in) :: axis(n)
+    !> Scaled positions of the nodes (lanes, dim, n_blocks) [].
+    real(dp), intent(in) :: t(lanes, dim, n_blocks)
+    !> Square roots of the weights (lanes, n_blocks) [].
+    real(dp), intent(in) :: root_weight(lanes, n_blocks)
+    !> Values (lanes, n_blocks, n) [].
     real(dp), intent(out) :: power(lanes, n_blocks, n)
     integer :: b, k
     power(:, :, 1) = root_weight

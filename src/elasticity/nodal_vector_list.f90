@@ -1,4 +1,6 @@
-!> A growing list of unit vectors at nodes, each with a number and the support it comes from, and its order by nodes.
+!> A growing list of unit vectors at nodes, each with a value and the support of its origin, and its order by nodes.
+!>
+!> The lists of `dotyk_elasticity_support`: normals of faces, and Dirichlet conditions `direction . u = value`.
 module dotyk_elasticity_nodal_vector_list
   use dotyk_base_kinds, only: dp
   implicit none
@@ -8,13 +10,13 @@ module dotyk_elasticity_nodal_vector_list
   type, public :: nodal_vector_list_t
     !> Number of entries; the arrays may be longer.
     integer :: n = 0
-    !> Node of each entry.
+    !> Node of each entry (>= n).
     integer, allocatable :: node(:)
-    !> Where the entry comes from.
+    !> Index of the support of each entry (>= n).
     integer, allocatable :: source(:)
-    !> Unit vectors (dim, n).
+    !> Unit vectors (dim, >= n) [].
     real(dp), allocatable :: direction(:, :)
-    !> A number for each.
+    !> Value of each entry: an area [length^(dim-1)] or a displacement [length] (>= n).
     real(dp), allocatable :: value(:)
   contains
     procedure :: init => nodal_vector_list_init
@@ -24,11 +26,12 @@ module dotyk_elasticity_nodal_vector_list
 
 contains
 
-  !> An empty list.
+  !> Create an empty list.
   subroutine nodal_vector_list_init(self, dim)
     class(nodal_vector_list_t), intent(out) :: self
     !> Number of components of the vectors.
     integer, intent(in) :: dim
+    !> Length of the arrays at first; they double when they are full.
     integer, parameter :: few = 64
     allocate (self%node(few), self%source(few), self%direction(dim, few), self%value(few))
   end subroutine nodal_vector_list_init
@@ -36,8 +39,14 @@ contains
   !> Add an entry.
   subroutine nodal_vector_list_add(self, node, source, direction, value)
     class(nodal_vector_list_t), intent(inout) :: self
-    integer, intent(in) :: node, source
-    real(dp), intent(in) :: direction(:), value
+    !> Node.
+    integer, intent(in) :: node
+    !> Index of the support.
+    integer, intent(in) :: source
+    !> Unit vector (dim) [].
+    real(dp), intent(in) :: direction(:)
+    !> Value [length], or [length^(dim-1)] of normals.
+    real(dp), intent(in) :: value
     integer :: more
     integer, allocatable :: integers(:)
     real(dp), allocatable :: reals(:), vectors(:, :)
@@ -63,11 +72,12 @@ contains
     self%value(self%n) = value
   end subroutine nodal_vector_list_add
 
-  !> The entries of each node, in the order in which they were added.
+  !> List the entries of each node, in the order in which they were added.
   subroutine nodal_vector_list_by_node(self, n_nodes, first, order)
     class(nodal_vector_list_t), intent(in) :: self
+    !> Number of nodes.
     integer, intent(in) :: n_nodes
-    !> First entry of each node in `order` (n_nodes + 1).
+    !> First entry of each node in `order` (n_nodes + 2).
     integer, allocatable, intent(out) :: first(:)
     !> Entries by nodes (n).
     integer, allocatable, intent(out) :: order(:)

@@ -1,67 +1,75 @@
-!> The axes of one node from all the directions in which its displacement is given.
+!> Nodal axes and prescribed displacements of one node from all its Dirichlet conditions.
+!>
+!> Conditions are `direction . u = value` with unit vectors of any direction. Gram-Schmidt with pivoting finds the
+!> independent ones, which become axes of the node (rotated unknowns), and checks the others for contradictions.
 module dotyk_elasticity_node_axes
   use dotyk_base_kinds, only: dp
   use dotyk_mesh_facet, only: frame_of_normal
   implicit none
   private
 
-  !> What is given at a node.
+  !> Axes and prescribed displacements of a node.
   type, public :: node_axes_t
-    !> Number of independent directions.
+    !> Number of independent conditions.
     integer :: rank = 0
     !> Whether the axes are the global ones.
     logical :: is_global = .true.
-    !> Axes as columns (3, 3); only (dim, dim) means something.
+    !> Axes as columns; of two-dimensional bodies in the first (2, 2) entries (3, 3) [].
     real(dp) :: frame(3, 3) = 0
-    !> Whether the displacement along each axis is given.
+    !> Whether the displacement along each axis is prescribed (3).
     logical :: is_given(3) = .false.
-    !> The displacement along each axis that is given, else 0 [length].
+    !> Prescribed displacement along each axis, else 0 (3) [length].
     real(dp) :: value(3) = 0
-    !> Condition that contradicts the others, 0 for none.
+    !> Index of a condition that contradicts the others, 0 for none.
     integer :: contradiction = 0
-    !> Value of the contradicting condition, and the value that the other conditions imply for its direction [length].
-    real(dp) :: conflicting_value = 0, implied_value = 0
+    !> Value of the contradicting condition [length].
+    real(dp) :: conflicting_value = 0
+    !> Value that the other conditions imply for its direction [length].
+    real(dp) :: implied_value = 0
   end type node_axes_t
 
   public :: combine_conditions
 
-  !> A direction with less than this beside the others (a sine) adds nothing to them. Mesh files with few digits stay
-  !> below it; edges of real bodies stay above.
+  !> Smallest sine between a direction and the span of others for which it is independent of them. Coordinates of mesh
+  !> files with few digits stay below it; edges of real bodies stay above.
   real(dp), parameter :: least_sine = 1.0e-3_dp
-  !> Components below this of a unit vector are round-off: flat faces along the global axes need no axes of their own.
+  !> Components of a unit vector below this are rounding errors: faces normal to a global axis need no local axes.
   real(dp), parameter :: round_off = 1.0e-12_dp
+  !> Directions whose lengths differ by less than this fraction are equal pivots, of which the first one is taken, so
+  !> that the choice does not depend on rounding.
+  real(dp), parameter :: equal_pivot = 1.0e-9_dp
 
 contains
 
-  !> Combine the conditions `direction . u = value` of one node.
+  !> Combine the Dirichlet conditions `direction . u = value` of one node.
   pure function combine_conditions(dim, n, direction, value, tolerance) result(axes)
     !> Number of displacement components.
     integer, intent(in) :: dim
     !> Number of conditions.
     integer, intent(in) :: n
-    !> Unit vectors (dim, n).
+    !> Unit vectors (dim, n) [].
     real(dp), intent(in) :: direction(dim, n)
-    !> Given displacements along them (n) [length].
+    !> Prescribed displacements along them (n) [length].
     real(dp), intent(in) :: value(n)
-    !> Differences of displacements below this are round-off [length].
+    !> Differences of displacements below this are rounding errors [length].
     real(dp), intent(in) :: tolerance
     type(node_axes_t) :: axes
-    real(dp) :: q(dim, dim), z(dim), rest(dim, n), left(n), length, greatest, u(dim)
+    real(dp) :: q(dim, dim), z(dim), remainder(dim, n), residual(n), length, greatest, u(dim)
     logical :: used(n)
     integer :: i, k, best
     q = 0
     z = 0
     used = .false.
-    rest = direction
-    left = value
-    ! Gram-Schmidt, always with the direction that adds most; the first of equals.
+    remainder = direction
+    residual = value
+    ! Gram-Schmidt with pivoting: always the direction with the largest remainder; the first of equals.
     do k = 1, dim
       best = 0
       greatest = least_sine
       do i = 1, n
         if (used(i)) cycle
-        length = norm2(rest(:, i))
-        if (length > greatest*(1 + 1.0e-9_dp)) then
+        length = norm2(remainder(:, i))
+        if (length > greatest*(1 + equal_pivot)) then
           greatest = length
           best = i
         end if
@@ -69,22 +77,22 @@ contains
       if (best == 0) exit
       used(best) = .true.
       axes%rank = k
-      q(:, k) = rest(:, best)/greatest
-      z(k) = left(best)/greatest
+      q(:, k) = remainder(:, best)/greatest
+      z(k) = residual(best)/greatest
       do i = 1, n
         if (used(i)) cycle
-        length = dot_product(rest(:, i), q(:, k))
-        rest(:, i) = rest(:, i) - length*q(:, k)
-        left(i) = left(i) - length*z(k)
+        length = dot_product(remainder(:, i), q(:, k))
+        remainder(:, i) = remainder(:, i) - length*q(:, k)
+        residual(i) = residual(i) - length*z(k)
       end do
     end do
     do i = 1, n
       if (used(i)) cycle
-      ! What is left of a direction that adds nothing may still be up to `least_sine` of it.
-      if (abs(left(i)) > tolerance + norm2(rest(:, i))*maxval(abs(value))) then
+      ! The remainder of a dependent direction has a length of up to `least_sine`: its value is uncertain by as much.
+      if (abs(residual(i)) > tolerance + norm2(remainder(:, i))*maxval(abs(value))) then
         axes%contradiction = i
         axes%conflicting_value = value(i)
-        axes%implied_value = value(i) - left(i)
+        axes%implied_value = value(i) - residual(i)
         return
       end if
     end do
@@ -102,10 +110,12 @@ contains
     end if
   end function combine_conditions
 
-  !> Complete the axes, and find out whether the global axes serve as well.
+  !> Complete the axes, and find out whether the global axes can be used.
   pure subroutine choose_axes(dim, q, axes)
+    !> Number of displacement components, 2 or 3.
     integer, intent(in) :: dim
-    !> Orthonormal directions in the first `rank` columns; completed on return unless the global axes serve.
+    !> Orthonormal directions in the first `rank` columns; completed on return unless the global axes are used
+    !> (dim, dim) [].
     real(dp), intent(inout) :: q(dim, dim)
     !> `rank` on entry; `is_global`, `is_given` and `frame` on return.
     type(node_axes_t), intent(inout) :: axes
@@ -142,7 +152,9 @@ contains
 
   !> A vector without one of its components.
   pure function without(vector, i) result(others)
+    !> The vector (n) [].
     real(dp), intent(in) :: vector(:)
+    !> Index of the component that is left out.
     integer, intent(in) :: i
     real(dp) :: others(size(vector) - 1)
     others = [vector(:i - 1), vector(i + 1:)]

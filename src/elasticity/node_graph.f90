@@ -1,16 +1,19 @@
-!> Which nodes of a body share elements.
+!> Graph of the nodes of a body: nodes are adjacent where they share an element. Incidence of nodes and elements.
 module dotyk_elasticity_node_graph
-  use omp_lib, only: omp_get_max_threads, omp_in_parallel
   use dotyk_mesh_body_mesh, only: body_mesh_t
   implicit none
   private
 
-  !> Elements of all kinds one after the other, and the elements of each node.
+  !> Incidence of nodes and elements: nodes of all elements, of all kinds, and elements of all nodes.
   type, public :: incidence_t
+    !> First entry of each element in `node` (n_elements + 1).
+    integer, allocatable :: start(:)
     !> Nodes of element e: node(start(e) : start(e + 1) - 1).
-    integer, allocatable :: start(:), node(:)
+    integer, allocatable :: node(:)
+    !> First entry of each node in `element` (n_nodes + 2).
+    integer, allocatable :: first(:)
     !> Elements of node i: element(first(i) : first(i + 1) - 1), ascending.
-    integer, allocatable :: first(:), element(:)
+    integer, allocatable :: element(:)
   contains
     procedure :: init => incidence_init
   end type incidence_t
@@ -19,10 +22,10 @@ module dotyk_elasticity_node_graph
 
 contains
 
-  !> List the elements of all nodes.
+  !> List the nodes of all elements and the elements of all nodes.
   subroutine incidence_init(self, mesh)
     class(incidence_t), intent(out) :: self
-    !> The body's elements.
+    !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
     integer :: i, n_elements, n_entries
     n_elements = 0
@@ -42,27 +45,26 @@ contains
     call elements_of_nodes(mesh%n_nodes(), n_elements, self%start, self%node, self%first, self%element)
   end subroutine incidence_init
 
-  !> Nodal adjacency: the nodes that share an element with each node, ascending, without the node itself.
+  !> Adjacency of the nodes of a body: neighbours in ascending order, without the node itself.
   subroutine node_graph(mesh, start, neighbour)
-    !> The body's elements.
+    !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
     !> First neighbour of each node (n_nodes + 1).
     integer, allocatable, intent(out) :: start(:)
-    !> Neighbours.
+    !> Neighbours, one node after the other (start(n_nodes + 1) - 1).
     integer, allocatable, intent(out) :: neighbour(:)
-    type(incidence_t) :: of
+    type(incidence_t) :: incidence
     integer, allocatable :: mark(:)
     integer :: n, i
-    logical :: serial
     n = mesh%n_nodes()
-    call of%init(mesh)
+    call incidence%init(mesh)
     allocate (start(n + 1))
     start(1) = 1
-    !$omp parallel default(none) shared(n, of, start) private(mark, i)
+    !$omp parallel default(none) shared(n, incidence, start) private(mark, i)
     allocate (mark(n), source=0)
     !$omp do schedule(dynamic, 512)
     do i = 1, n
-      call count_neighbours(i, of%start, of%node, of%first, of%element, mark, start(i + 1))
+      call count_neighbours(i, incidence%start, incidence%node, incidence%first, incidence%element, mark, start(i + 1))
     end do
     !$omp end do
     deallocate (mark)
@@ -71,49 +73,63 @@ contains
       start(i + 1) = start(i) + start(i + 1)
     end do
     allocate (neighbour(start(n + 1) - 1))
-    serial = omp_in_parallel()
-    if (.not. serial) serial = omp_get_max_threads() == 1
-    !$omp parallel default(none) shared(n, of, start, neighbour, serial) private(mark, i)
+    !$omp parallel default(none) shared(n, incidence, start, neighbour) private(mark, i)
     allocate (mark(n), source=0)
     !$omp do schedule(dynamic, 512)
     do i = 1, n
-      call list_neighbours(i, of%start, of%node, of%first, of%element, mark, neighbour(start(i):start(i + 1) - 1))
-      if (.not. serial) call sort_ascending(neighbour(start(i):start(i + 1) - 1))
+      call list_neighbours(i, incidence%start, incidence%node, incidence%first, incidence%element, mark, &
+                           neighbour(start(i):start(i + 1) - 1))
     end do
     !$omp end do
     deallocate (mark)
     !$omp end parallel
-    if (serial) call sort_by_transposing(n, start, neighbour)
+    call sort_by_transposing(n, start, neighbour)
   end subroutine node_graph
 
-  !> Append the elements of a block to the list of all.
-  pure subroutine append(n, m, node, n_elements, n_entries, flat_start, flat)
-    integer, intent(in) :: n, m
+  !> Append the elements of a block to the list of all elements.
+  pure subroutine append(n, m, node, n_elements, n_entries, element_start, element_node)
+    !> Number of nodes of the element.
+    integer, intent(in) :: n
+    !> Number of elements of the block.
+    integer, intent(in) :: m
+    !> Nodes of the elements (n, m).
     integer, intent(in) :: node(n, m)
-    integer, intent(inout) :: n_elements, n_entries
-    integer, intent(inout) :: flat_start(:), flat(:)
+    !> Number of elements in the list.
+    integer, intent(inout) :: n_elements
+    !> Number of nodes in the list.
+    integer, intent(inout) :: n_entries
+    !> First entry of each element in `element_node` (n_elements + 1).
+    integer, intent(inout) :: element_start(:)
+    !> Nodes of the elements, one element after the other (n_entries).
+    integer, intent(inout) :: element_node(:)
     integer :: e
     do e = 1, m
-      flat(n_entries + 1:n_entries + n) = node(:, e)
+      element_node(n_entries + 1:n_entries + n) = node(:, e)
       n_entries = n_entries + n
       n_elements = n_elements + 1
-      flat_start(n_elements + 1) = n_entries + 1
+      element_start(n_elements + 1) = n_entries + 1
     end do
   end subroutine append
 
-  !> The elements of each node.
-  pure subroutine elements_of_nodes(n, n_elements, flat_start, flat, first, of_node)
-    integer, intent(in) :: n, n_elements
-    integer, intent(in) :: flat_start(:), flat(:)
-    !> First element of each node (n + 1).
+  !> List the elements of each node.
+  pure subroutine elements_of_nodes(n, n_elements, element_start, element_node, first, node_element)
+    !> Number of nodes.
+    integer, intent(in) :: n
+    !> Number of elements.
+    integer, intent(in) :: n_elements
+    !> First entry of each element in `element_node` (n_elements + 1).
+    integer, intent(in) :: element_start(:)
+    !> Nodes of the elements, one element after the other (n_entries).
+    integer, intent(in) :: element_node(:)
+    !> First entry of each node in `node_element` (n + 2).
     integer, allocatable, intent(out) :: first(:)
     !> Elements.
-    integer, allocatable, intent(out) :: of_node(:)
+    integer, allocatable, intent(out) :: node_element(:)
     integer :: e, k
     allocate (first(n + 2), source=0)
-    allocate (of_node(size(flat)))
-    do k = 1, size(flat)
-      first(flat(k) + 2) = first(flat(k) + 2) + 1
+    allocate (node_element(size(element_node)))
+    do k = 1, size(element_node)
+      first(element_node(k) + 2) = first(element_node(k) + 2) + 1
     end do
     first(1) = 1
     first(2) = 1
@@ -121,57 +137,78 @@ contains
       first(k + 2) = first(k + 2) + first(k + 1)
     end do
     do e = 1, n_elements
-      do k = flat_start(e), flat_start(e + 1) - 1
-        of_node(first(flat(k) + 1)) = e
-        first(flat(k) + 1) = first(flat(k) + 1) + 1
+      do k = element_start(e), element_start(e + 1) - 1
+        node_element(first(element_node(k) + 1)) = e
+        first(element_node(k) + 1) = first(element_node(k) + 1) + 1
       end do
     end do
   end subroutine elements_of_nodes
 
   !> Count the neighbours of a node.
-  pure subroutine count_neighbours(i, flat_start, flat, first, of_node, mark, degree)
+  pure subroutine count_neighbours(i, element_start, element_node, first, node_element, mark, degree)
+    !> The node.
     integer, intent(in) :: i
-    integer, intent(in), contiguous :: flat_start(:), flat(:), first(:), of_node(:)
-    !> Work array, nowhere i (n).
+    !> First entry of each element in `element_node` (n_elements + 1).
+    integer, intent(in), contiguous :: element_start(:)
+    !> Nodes of the elements, one element after the other (n_entries).
+    integer, intent(in), contiguous :: element_node(:)
+    !> First entry of each node in `node_element` (n_nodes + 1).
+    integer, intent(in), contiguous :: first(:)
+    !> Elements of the nodes, one node after the other (n_entries).
+    integer, intent(in), contiguous :: node_element(:)
+    !> Work array without the value i (n_nodes).
     integer, intent(inout), contiguous :: mark(:)
+    !> Number of neighbours.
     integer, intent(out) :: degree
     integer :: k, p
     degree = 0
     mark(i) = i
     do k = first(i), first(i + 1) - 1
-      do p = flat_start(of_node(k)), flat_start(of_node(k) + 1) - 1
-        if (mark(flat(p)) == i) cycle
-        mark(flat(p)) = i
+      do p = element_start(node_element(k)), element_start(node_element(k) + 1) - 1
+        if (mark(element_node(p)) == i) cycle
+        mark(element_node(p)) = i
         degree = degree + 1
       end do
     end do
   end subroutine count_neighbours
 
   !> List the neighbours of a node, in any order.
-  pure subroutine list_neighbours(i, flat_start, flat, first, of_node, mark, neighbour)
+  pure subroutine list_neighbours(i, element_start, element_node, first, node_element, mark, neighbour)
+    !> The node.
     integer, intent(in) :: i
-    integer, intent(in), contiguous :: flat_start(:), flat(:), first(:), of_node(:)
-    !> Work array, nowhere i (n).
+    !> First entry of each element in `element_node` (n_elements + 1).
+    integer, intent(in), contiguous :: element_start(:)
+    !> Nodes of the elements, one element after the other (n_entries).
+    integer, intent(in), contiguous :: element_node(:)
+    !> First entry of each node in `node_element` (n_nodes + 1).
+    integer, intent(in), contiguous :: first(:)
+    !> Elements of the nodes, one node after the other (n_entries).
+    integer, intent(in), contiguous :: node_element(:)
+    !> Work array without the value i (n_nodes).
     integer, intent(inout), contiguous :: mark(:)
+    !> Neighbours (degree).
     integer, intent(out), contiguous :: neighbour(:)
     integer :: k, p, last
     last = 0
     mark(i) = i
     do k = first(i), first(i + 1) - 1
-      do p = flat_start(of_node(k)), flat_start(of_node(k) + 1) - 1
-        if (mark(flat(p)) == i) cycle
-        mark(flat(p)) = i
+      do p = element_start(node_element(k)), element_start(node_element(k) + 1) - 1
+        if (mark(element_node(p)) == i) cycle
+        mark(element_node(p)) = i
         last = last + 1
-        neighbour(last) = flat(p)
+        neighbour(last) = element_node(p)
       end do
     end do
   end subroutine list_neighbours
 
-  !> Sort the neighbours of all nodes: a graph is symmetric, so that its transpose is itself with sorted rows. Faster than sorting each
-  !> row, but for one thread.
+  !> Sort the neighbours of all nodes: the transpose of a symmetric graph is the graph itself with sorted rows.
+  !> Serial, but linear in the number of neighbours: faster than sorting each row on up to about four threads.
   pure subroutine sort_by_transposing(n, start, neighbour)
+    !> Number of nodes.
     integer, intent(in) :: n
+    !> First neighbour of each node (n + 1).
     integer, intent(in) :: start(n + 1)
+    !> Neighbours of the nodes (start(n + 1) - 1).
     integer, allocatable, intent(inout) :: neighbour(:)
     integer, allocatable :: next(:), sorted(:)
     integer :: i, k
@@ -185,22 +222,4 @@ contains
     end do
     call move_alloc(sorted, neighbour)
   end subroutine sort_by_transposing
-
-  !> Sort some tens of numbers (Shell's method, gaps of M. Ciura, FCT 2001).
-  pure subroutine sort_ascending(list)
-    integer, intent(inout), contiguous :: list(:)
-    integer, parameter :: gap(8) = [701, 301, 132, 57, 23, 10, 4, 1]
-    integer :: g, i, k, value
-    do g = 1, size(gap)
-      if (gap(g) >= size(list)) cycle
-      do i = 1 + gap(g), size(list)
-        value = list(i)
-        do k = i - gap(g), 1, -gap(g)
-          if (list(k) <= value) exit
-          list(k + gap(g)) = list(k)
-        end do
-        list(k + gap(g)) = value
-      end do
-    end do
-  end subroutine sort_ascending
 end module dotyk_elasticity_node_graph

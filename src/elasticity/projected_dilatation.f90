@@ -1,24 +1,28 @@
-!> Projected dilatation: what keeps nearly incompressible materials from locking.
+!> Projected dilatation: the B-bar method against volumetric locking of nearly incompressible materials.
 !>
-!> The energy density is e.C e/2 with the strain e. Of a nearly incompressible material most of C is b m m^T, m = (1 1 1 0 0 0) and b
-!> a part of its bulk modulus: then the dilatation m.e must nearly vanish wherever it is evaluated, and there are not enough
-!> displacements for so many conditions. So the material is split, C = C' + b m m^T with C' positive semidefinite
-!> (`dotyk_elasticity_material`), and of the second part only the projection of m.e onto a few functions on each element counts: its mean,
-!> or a polynomial of degree one in space. It is the mixed method with discontinuous pressures, with these eliminated (Malkus and
-!> Hughes, Comput. Methods Appl. Mech. Eng. 15, 1978), and the B-bar method for isotropic materials. Stable are
+!> The energy density is e.C e/2 with the strain e. Most of the stiffness C of a nearly incompressible material is b m
+!> m^T, m = (1 1 1 0 0 0), with b a part of the bulk modulus. The dilatation m.e must then nearly vanish at every
+!> quadrature point, and the elements have too few displacements for so many conditions: they lock. The material is
+!> split, C = C' + b m m^T with C' positive semidefinite (`material_split` in `dotyk_elasticity_material`), and of the
+!> second term only the L2 projection of m.e onto a few functions on each element counts: its mean, or a polynomial of
+!> degree one in space. This is the mixed displacement-pressure method with discontinuous pressures, eliminated
+!> element by element (Malkus and Hughes, Comput. Methods Appl. Mech. Eng. 15, 1978), and the B-bar method (Hughes,
+!> Int. J. Numer. Methods Eng. 15, 1980) for isotropic materials. Stable pairs are
 !>
-!> - the mean on quad4 and hex8, in displacements (pressures of single elements may alternate: output takes their neighbours' mean);
-!> - the mean on tri6, tet10 and prisms of order two; polynomials of degree one on quad9 and hex27 (Boffi, Brezzi, Fortin, Mixed
-!>   Finite Element Methods and Applications, 2013, chapter 8; Chapelle and Bathe, Comput. Struct. 47, 1993);
-!> - nothing on linear simplices and prisms: these are made quadratic first (`dotyk_mesh_order_elevation`).
+!> - the mean on quad4 and hex8, as far as displacements go (element pressures may alternate:
+!>   `dotyk_elasticity_dilatation_fit`);
+!> - the mean on tri6, tet10 and prisms of order two; polynomials of degree one on quad9 and hex27 (Boffi, Brezzi and
+!>   Fortin, Mixed Finite Element Methods and Applications, 2013, chapter 8; Chapelle and Bathe, Comput. Struct. 47,
+!>   1993);
+!> - none on linear simplices and prisms: order elevation comes first (`dotyk_mesh_order_elevation`).
 !>
-!> C' keeps a bulk modulus of its own, as much as the element stands without locking: what is below that is not split at all, so that
-!> answers depend on the material without a jump. It matters where the mean of a quadratic element is projected: the rest of
-!> its dilatation would cost no energy, and displacements would be ten times worse (a grad-div term; Olshanskii and Reusken, Math. Comput.
-!> 73, 2004).
+!> C' keeps as much of the bulk modulus as the element bears without locking; materials below that are not split, so
+!> that solutions depend continuously on the material. The kept part is needed where only the mean is projected on a
+!> quadratic element: otherwise the rest of its dilatation would cost no energy, and displacement errors would be ten
+!> times larger (grad-div stabilization; Olshanskii and Reusken, Math. Comput. 73, 2004).
 !>
-!> The projection is that of the stiffness's quadrature, weighted with the factor on the stiffness. In axisymmetric analyses u_r/r is part
-!> of the dilatation.
+!> The projection uses the quadrature of the stiffness, weighted with the modulus field. In axisymmetric analyses
+!> u_r/r is part of the dilatation.
 module dotyk_elasticity_projected_dilatation
   use dotyk_base_kinds, only: dp
   use dotyk_mesh_element, only: element_hex27, element_kind, element_kind_t, element_quad9
@@ -27,71 +31,89 @@ module dotyk_elasticity_projected_dilatation
   public :: unprojected_bulk_ratio, n_projection_functions, project_onto_functions, projection_functions
   public :: projected_dilatations, add_projected_stiffness
 
-  !> Most functions on an element.
+  !> Largest number of projection functions on an element.
   integer, parameter, public :: max_projection_functions = 4
 
-  !> Bulk over shear modulus that elements stand: Poisson's ratios of 0.4 and, for quadratic ones of which the mean is projected, 0.45.
-  real(dp), parameter :: bulk_of_linear = 14.0_dp/3, bulk_of_mean = 29.0_dp/3
+  !> Ratio of bulk to shear modulus that elements bear without locking: that of Poisson's ratio 0.4.
+  real(dp), parameter :: locking_free_ratio = 14.0_dp/3
+  !> The same for quadratic elements of which only the mean dilatation is projected: Poisson's ratio 0.45.
+  real(dp), parameter :: locking_free_ratio_of_mean = 29.0_dp/3
 
-  !> A function of which less than this is left, when those before it are taken off, is none.
-  real(dp), parameter :: nothing_left = 1.0e-8_dp
+  !> A function that keeps less than this fraction of its norm when the functions before it are projected out depends on
+  !> them linearly: the square root of the rounding of its squared norm.
+  real(dp), parameter :: dependent = 1.0e-8_dp
 
 contains
 
-  !> Bulk over shear modulus that goes with the strains as they are.
+  !> Part of the ratio of bulk to shear modulus that is not projected [].
   pure real(dp) function unprojected_bulk_ratio(kind, incompressibility) result(kept)
+    !> Element kind: one of the `element_*` constants.
     integer, intent(in) :: kind
-    !> Bulk over shear modulus of the material.
+    !> Ratio of bulk to shear modulus of the material [].
     real(dp), intent(in) :: incompressibility
     type(element_kind_t) :: properties
     properties = element_kind(kind)
     if (properties%order == 1) then
-      ! Less and less: linear elements want none.
-      kept = bulk_of_linear
-      if (incompressibility > bulk_of_linear) kept = bulk_of_linear**2/incompressibility
+      ! Decreasing with the ratio: linear elements are best without any.
+      kept = locking_free_ratio
+      if (incompressibility > locking_free_ratio) kept = locking_free_ratio**2/incompressibility
     else if (n_projection_functions(kind, properties%dimension) > 1) then
-      kept = bulk_of_linear
+      kept = locking_free_ratio
     else
-      kept = bulk_of_mean
+      kept = locking_free_ratio_of_mean
     end if
   end function unprojected_bulk_ratio
 
-  !> Number of functions on an element of a kind.
+  !> Number of projection functions on an element.
   pure integer function n_projection_functions(kind, dimension) result(n)
-    integer, intent(in) :: kind, dimension
+    !> Element kind: one of the `element_*` constants.
+    integer, intent(in) :: kind
+    !> Number of coordinates.
+    integer, intent(in) :: dimension
     n = 1
     if (kind == element_quad9 .or. kind == element_hex27) n = 1 + dimension
   end function n_projection_functions
 
-  !> The functions at the quadrature points of an element: orthonormal in the sum over these.
+  !> Evaluate the projection functions at the quadrature points of an element: orthonormal in the weighted sum over
+  !> them.
   pure subroutine projection_functions(n, dim, n_points, n_functions, shape, x, w, value)
-    !> Numbers of nodes, dimensions, points and functions.
-    integer, intent(in) :: n, dim, n_points, n_functions
-    !> Shape functions.
+    !> Number of nodes of the element.
+    integer, intent(in) :: n
+    !> Number of coordinates.
+    integer, intent(in) :: dim
+    !> Number of quadrature points.
+    integer, intent(in) :: n_points
+    !> Number of projection functions.
+    integer, intent(in) :: n_functions
+    !> Shape functions (n, n_points) [].
     real(dp), intent(in) :: shape(n, n_points)
-    !> Nodes [length].
+    !> Nodes (dim, n) [length].
     real(dp), intent(in) :: x(dim, n)
-    !> Weights times the factor on the stiffness [volume].
+    !> Weights times the modulus field (n_points) [volume].
     real(dp), intent(in) :: w(n_points)
-    !> [1/sqrt(volume)].
+    !> Values of the functions (n_points, n_functions) [1/sqrt(volume)].
     real(dp), intent(out) :: value(n_points, n_functions)
     integer :: j
-    ! From the first node, so that elements far from the origin lose no digits.
+    ! Relative to the first node: no cancellation in elements far from the origin.
     do j = 2, n_functions
       value(:, j) = matmul(x(j - 1, :) - x(j - 1, 1), shape)
     end do
     call orthonormalize(n_points, n_functions, w, value)
   end subroutine projection_functions
 
-  !> The projection of a function on those of an element.
+  !> Replace a function by its L2 projection onto the projection functions of an element.
   pure subroutine project_onto_functions(dim, n_points, n_functions, place, w, f)
-    !> Numbers of dimensions, points and functions.
-    integer, intent(in) :: dim, n_points, n_functions
-    !> The points [length].
+    !> Number of coordinates.
+    integer, intent(in) :: dim
+    !> Number of quadrature points.
+    integer, intent(in) :: n_points
+    !> Number of projection functions.
+    integer, intent(in) :: n_functions
+    !> Quadrature points (n_points, dim) [length].
     real(dp), intent(in) :: place(n_points, dim)
-    !> Weights times the factor on the stiffness [volume].
+    !> Weights times the modulus field (n_points) [volume].
     real(dp), intent(in) :: w(n_points)
-    !> Its values at the points; the projection's on return.
+    !> Values of the function, replaced by those of its projection (n_points) [].
     real(dp), intent(inout) :: f(n_points)
     real(dp) :: value(n_points, n_functions)
     integer :: j
@@ -102,25 +124,29 @@ contains
     f = matmul(value, matmul(w*f, value))
   end subroutine project_onto_functions
 
-  !> Make functions orthonormal, the first of which is 1.
+  !> Orthonormalize functions in the weighted sum over the points; the first one becomes constant.
   pure subroutine orthonormalize(n_points, n_functions, w, value)
-    integer, intent(in) :: n_points, n_functions
+    !> Number of quadrature points.
+    integer, intent(in) :: n_points
+    !> Number of projection functions.
+    integer, intent(in) :: n_functions
+    !> Weights (n_points) [volume].
     real(dp), intent(in) :: w(n_points)
-    !> The first one need not be set.
+    !> Values of the functions, of which the first is set here (n_points, n_functions) [1/sqrt(volume)] on return.
     real(dp), intent(inout) :: value(n_points, n_functions)
     real(dp) :: length, before
     integer :: j, k, pass
     value(:, 1) = 1
     do j = 1, n_functions
       before = sqrt(sum(w*value(:, j)**2))
-      ! Twice: flat elements across the axes make functions that are nearly the same.
+      ! Gram-Schmidt twice: in flat elements oblique to the axes the functions are nearly dependent.
       do pass = 1, 2
         do k = 1, j - 1
           value(:, j) = value(:, j) - sum(w*value(:, k)*value(:, j))*value(:, k)
         end do
       end do
       length = sqrt(sum(w*value(:, j)**2))
-      if (length > nothing_left*before) then
+      if (length > dependent*before) then
         value(:, j) = value(:, j)/length
       else
         value(:, j) = 0
@@ -128,17 +154,25 @@ contains
     end do
   end subroutine orthonormalize
 
-  !> Components of the dilatation along the functions, from displacements.
+  !> Coefficients of the projected dilatation as linear forms of the nodal displacements.
   pure subroutine projected_dilatations(n, dim, slots, n_points, n_functions, g, w, value, d)
-    !> Numbers of nodes, displacement components, gradient slots, points and functions.
-    integer, intent(in) :: n, dim, slots, n_points, n_functions
-    !> Gradients of the shape functions; third slot N/r in axisymmetric analyses [1/length].
+    !> Number of nodes of the element.
+    integer, intent(in) :: n
+    !> Number of displacement components, 2 or 3.
+    integer, intent(in) :: dim
+    !> Number of gradient slots: `dim`, or 3 in axisymmetric analyses.
+    integer, intent(in) :: slots
+    !> Number of quadrature points.
+    integer, intent(in) :: n_points
+    !> Number of projection functions.
+    integer, intent(in) :: n_functions
+    !> Gradients of the shape functions; third slot N/r in axisymmetric analyses (n, slots, n_points) [1/length].
     real(dp), intent(in) :: g(n, slots, n_points)
-    !> Weights times the factor on the stiffness [volume].
+    !> Weights times the modulus field (n_points) [volume].
     real(dp), intent(in) :: w(n_points)
-    !> The functions at the points.
+    !> Projection functions at the points (n_points, n_functions) [1/sqrt(volume)].
     real(dp), intent(in) :: value(n_points, n_functions)
-    !> Of a node's displacement, component by component [sqrt(volume)/length].
+    !> Coefficient of each function per nodal displacement (n, dim, n_functions) [sqrt(volume)/length].
     real(dp), intent(out) :: d(n, dim, n_functions)
     integer :: i, j, q
     d = 0
@@ -152,15 +186,19 @@ contains
     end do
   end subroutine projected_dilatations
 
-  !> Add the stiffness of the projected dilatation.
+  !> Add the stiffness of the projected dilatation to an element stiffness.
   pure subroutine add_projected_stiffness(n, dim, n_functions, bulk, d, k)
-    !> Numbers of nodes, displacement components and functions.
-    integer, intent(in) :: n, dim, n_functions
-    !> The part of the bulk modulus that belongs to it [pressure].
+    !> Number of nodes of the element.
+    integer, intent(in) :: n
+    !> Number of displacement components, 2 or 3.
+    integer, intent(in) :: dim
+    !> Number of projection functions.
+    integer, intent(in) :: n_functions
+    !> Projected part of the bulk modulus [pressure].
     real(dp), intent(in) :: bulk
-    !> From `projected_dilatations`.
+    !> Linear forms from `projected_dilatations` (n, dim, n_functions) [sqrt(volume)/length].
     real(dp), intent(in) :: d(n, dim, n_functions)
-    !> Stiffness: node a, node b, component i, component j [force/length].
+    !> Element stiffness: node a, node b, component i, component j (n, n, dim, dim) [force/length].
     real(dp), intent(inout) :: k(n, n, dim, dim)
     integer :: i, j, b, f
     do j = 1, dim

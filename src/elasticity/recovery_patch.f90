@@ -1,19 +1,28 @@
-!> The nodes around a vertex of a body: rings of elements, and axes in which these are about as long as wide.
+!> Recovery patch: the nodes in rings of elements around a vertex, in axes in which the patch is about as long as
+!> wide.
 module dotyk_elasticity_recovery_patch
   use dotyk_base_kinds, only: dp
   use dotyk_elasticity_monomials, only: lanes
   implicit none
   private
 
-  !> The nodes of a patch in their own axes, eight at a time.
+  !> Added to the squared distance from the vertex, relative to the farthest node, in the reciprocal of a node's
+  !> weight: near nodes count more, up to a hundredfold.
+  real(dp), parameter :: weight_floor = 0.01_dp
+
+  !> The nodes of a patch in scaled axes, in blocks of `lanes` nodes.
   type, public :: recovery_patch_t
-    !> Number of nodes, and of blocks of them.
-    integer :: n = 0, n_blocks = 0
-    !> Nodes (any number >= n).
+    !> Number of nodes.
+    integer :: n = 0
+    !> Number of blocks.
+    integer :: n_blocks = 0
+    !> Nodes; the first one is the vertex (>= n).
     integer, allocatable :: node(:)
-    !> Places (lanes, dimension, >= n_blocks) [], and roots of the weights in the sum of squares (lanes, >= n_blocks).
-    real(dp), allocatable :: t(:, :, :), root_weight(:, :)
-    !> Values, relative to those of the vertex, times these roots (n_values, >= n).
+    !> Scaled positions relative to the vertex (lanes, dim, >= n_blocks) [].
+    real(dp), allocatable :: t(:, :, :)
+    !> Square roots of the weights of the least squares; 0 beyond the last node (lanes, >= n_blocks) [].
+    real(dp), allocatable :: root_weight(:, :)
+    !> Values relative to those of the vertex, times these square roots (n_values, >= n) [length].
     real(dp), allocatable :: value(:, :)
   contains
     procedure :: fill => recovery_patch_fill
@@ -24,16 +33,28 @@ module dotyk_elasticity_recovery_patch
 
 contains
 
-  !> Add the nodes of all elements that vertices of a patch belong to.
+  !> Add one ring: the nodes of all elements of the vertices of a patch.
   pure subroutine add_ring(start, node, first, element, vertex, centre, mark, patch, inner, n)
-    !> As in incidence_t.
-    integer, intent(in) :: start(:), node(:), first(:), element(:)
+    !> First entry of each element in `node` (n_elements + 1).
+    integer, intent(in) :: start(:)
+    !> Nodes of the elements, one element after the other (n_entries).
+    integer, intent(in) :: node(:)
+    !> First entry of each node in `element` (n_nodes + 1).
+    integer, intent(in) :: first(:)
+    !> Elements of the nodes, one node after the other (n_entries).
+    integer, intent(in) :: element(:)
+    !> Vertex of each node, 0 for none (n_nodes).
     integer, intent(in) :: vertex(:)
-    !> The vertex whose patch it is.
+    !> Node of the vertex of the patch.
     integer, intent(in) :: centre
-    integer, intent(inout) :: mark(:), patch(:)
-    !> Number of nodes whose elements are in the patch already, and of all nodes of the patch.
-    integer, intent(inout) :: inner, n
+    !> Last vertex whose patch contained a node (n_nodes).
+    integer, intent(inout) :: mark(:)
+    !> Nodes of the patch (n_nodes).
+    integer, intent(inout) :: patch(:)
+    !> Number of nodes whose elements are in the patch already.
+    integer, intent(inout) :: inner
+    !> Number of nodes of the patch.
+    integer, intent(inout) :: n
     integer :: i, k, p, last
     last = n
     do i = inner + 1, last
@@ -50,27 +71,31 @@ contains
     inner = last
   end subroutine add_ring
 
-  !> Take places of the nodes of a patch, the first of which is its vertex, and find its axes.
+  !> Take the positions of the nodes of the patch, and find its axes.
   subroutine recovery_patch_fill(self, dim, x, axes)
     class(recovery_patch_t), intent(inout) :: self
+    !> Number of displacement components, 2 or 3.
     integer, intent(in) :: dim
-    !> Nodes (dimension, n_nodes) [length].
+    !> Nodes of the body (dim, n_nodes) [length].
     real(dp), intent(in), contiguous :: x(:, :)
+    !> Axes of the patch, as rows (dim, dim) [1/length].
     real(dp), intent(out) :: axes(dim, dim)
     self%n_blocks = (self%n + lanes - 1)/lanes
     if (allocated(self%t)) then
       if (size(self%root_weight, 2) < self%n_blocks) deallocate (self%t, self%root_weight)
     end if
-    if (.not. allocated(self%t)) allocate (self%t(lanes, dim, 2*self%n_blocks), self%root_weight(lanes, 2*self%n_blocks))
+    if (.not. allocated(self%t)) then
+      allocate (self%t(lanes, dim, 2*self%n_blocks), self%root_weight(lanes, 2*self%n_blocks))
+    end if
     call gather(self%n, dim, self%n_blocks, self%node, x, self%t)
     call own_axes(dim, self%n_blocks, self%t, axes)
     call to_axes(self%n, dim, self%n_blocks, axes, self%t, self%root_weight)
   end subroutine recovery_patch_fill
 
-  !> Take values at the nodes of a patch that is filled.
+  !> Take values at the nodes of the patch, whose positions were taken before.
   subroutine recovery_patch_take(self, values)
     class(recovery_patch_t), intent(inout) :: self
-    !> (n_values, n_nodes).
+    !> Values at the nodes of the body (n_values, n_nodes) [length].
     real(dp), intent(in), contiguous :: values(:, :)
     real(dp) :: root
     integer :: i
@@ -84,11 +109,19 @@ contains
     end do
   end subroutine recovery_patch_take
 
-  !> Vectors of the nodes of a patch, relative to that of the first one; zeros fill the last block up.
+  !> Vectors at the nodes of a patch relative to that of the first node; zeros fill the last block.
   pure subroutine gather(n, dim, n_blocks, node, of_nodes, relative)
-    integer, intent(in) :: n, dim, n_blocks
+    !> Number of nodes of the patch.
+    integer, intent(in) :: n
+    !> Number of displacement components, 2 or 3.
+    integer, intent(in) :: dim
+    !> Number of blocks.
+    integer, intent(in) :: n_blocks
+    !> Nodes of the patch (n).
     integer, intent(in) :: node(n)
+    !> Vectors at the nodes of the body (dim, *) [length].
     real(dp), intent(in) :: of_nodes(dim, *)
+    !> Relative vectors (lanes, dim, n_blocks) [length].
     real(dp), intent(out) :: relative(lanes, dim, n_blocks)
     real(dp) :: origin(dim)
     integer :: b, i, k, l
@@ -107,12 +140,15 @@ contains
     end do
   end subroutine gather
 
-  !> Axes of a patch, along which the mean squares of its nodes' coordinates are the same.
+  !> Principal axes of a patch, scaled so that the mean squares of its nodes' coordinates are equal.
   subroutine own_axes(dim, n_blocks, x, axes)
-    integer, intent(in) :: dim, n_blocks
-    !> Nodes, from the centre [length].
+    !> Number of coordinates.
+    integer, intent(in) :: dim
+    !> Number of blocks.
+    integer, intent(in) :: n_blocks
+    !> Nodes relative to the vertex (lanes, dim, n_blocks) [length].
     real(dp), intent(in) :: x(lanes, dim, n_blocks)
-    !> To coordinates of any length [1/length].
+    !> Axes as rows (dim, dim) [1/length].
     real(dp), intent(out) :: axes(dim, dim)
     real(dp) :: total(lanes, dim, dim), moment(dim, dim), vectors(dim, dim), largest
     integer :: b, i, k
@@ -136,22 +172,26 @@ contains
     moment = moment/largest
     call diagonalize(dim, moment, vectors)
     do k = 1, dim
-      ! Elements have volume: only rounding makes a patch flatter than this.
+      ! Elements have volume: only rounding makes a patch flatter than epsilon.
       axes(k, :) = vectors(:, k)/(sqrt(max(moment(k, k), epsilon(largest)**2))*sqrt(largest))
     end do
   end subroutine own_axes
 
-  !> Eigenvectors of a small symmetric matrix by Jacobi's rotations: fewer operations than a call of LAPACK, always in the same order.
+  !> Eigenvalues and eigenvectors of a small symmetric matrix by Jacobi rotations: fewer operations than a call of
+  !> LAPACK, always in the same order.
   pure subroutine diagonalize(n, a, vectors)
+    !> Order of the matrix.
     integer, intent(in) :: n
-    !> The matrix; its eigenvalues on the diagonal on return.
+    !> The matrix; its eigenvalues on the diagonal on return (n, n) [any unit].
     real(dp), intent(inout) :: a(n, n)
-    !> Columns.
+    !> Eigenvectors as columns (n, n) [].
     real(dp), intent(out) :: vectors(n, n)
-    !> Sweeps at most; three or four are enough.
+    !> Largest number of sweeps; three or four are enough.
     integer, parameter :: sweeps = 12
-    !> Entries below this part of the diagonal are none.
-    real(dp), parameter :: nothing = 1.0e-100_dp
+    !> Entries below this fraction of the diagonal are zero: the square of t must not overflow.
+    real(dp), parameter :: negligible = 1.0e-100_dp
+    !> Off-diagonal entries below this fraction of the diagonal do not change it.
+    real(dp), parameter :: converged = 0.1_dp*epsilon(1.0_dp)
     real(dp) :: t, c, s, line(n), size_of_diagonal
     integer :: i, k, sweep
     vectors = 0
@@ -165,8 +205,7 @@ contains
       end do
       do k = 2, n
         do i = 1, k - 1
-          ! The square of t must not overflow.
-          if (.not. abs(a(i, k)) > nothing*size_of_diagonal) cycle
+          if (.not. abs(a(i, k)) > negligible*size_of_diagonal) cycle
           t = (a(k, k) - a(i, i))/(2*a(i, k))
           t = sign(1.0_dp, t)/(abs(t) + sqrt(1 + t**2))
           c = 1/sqrt(1 + t**2)
@@ -186,17 +225,23 @@ contains
       do k = 2, n
         t = max(t, maxval(abs(a(:k - 1, k))))
       end do
-      if (t <= 0.1_dp*epsilon(t)*size_of_diagonal) exit
+      if (t <= converged*size_of_diagonal) exit
     end do
   end subroutine diagonalize
 
-  !> Turn the nodes into axes in which none is farther from the centre than 1, and weigh them.
+  !> Transform the nodes to axes in which none is farther from the vertex than 1, and weight them.
   pure subroutine to_axes(n, dim, n_blocks, axes, t, root_weight)
-    integer, intent(in) :: n, dim, n_blocks
-    !> To coordinates of any length, then of 1 at most [1/length].
+    !> Number of nodes of the patch.
+    integer, intent(in) :: n
+    !> Number of coordinates.
+    integer, intent(in) :: dim
+    !> Number of blocks.
+    integer, intent(in) :: n_blocks
+    !> Axes of the patch, scaled on return (dim, dim) [1/length].
     real(dp), intent(inout) :: axes(dim, dim)
-    !> Places [length], then [].
+    !> Positions relative to the vertex [length], scaled on return [] (lanes, dim, n_blocks).
     real(dp), intent(inout) :: t(lanes, dim, n_blocks)
+    !> Square roots of the weights (lanes, n_blocks) [].
     real(dp), intent(out) :: root_weight(lanes, n_blocks)
     real(dp) :: line(lanes, dim), square(lanes), farthest(lanes), scale
     integer :: b, i, k
@@ -218,8 +263,8 @@ contains
     axes = scale*axes
     do b = 1, n_blocks
       t(:, :, b) = scale*t(:, :, b)
-      ! Far nodes of one-sided patches would bend the polynomial.
-      root_weight(:, b) = 1/(0.01_dp + scale**2*root_weight(:, b))
+      ! Weights: distant nodes of one-sided patches would dominate the fit.
+      root_weight(:, b) = 1/(weight_floor + scale**2*root_weight(:, b))
     end do
     do i = lanes, lanes - (lanes*n_blocks - n) + 1, -1
       root_weight(i, n_blocks) = 0

@@ -1,7 +1,8 @@
-!> An orthonormal basis of the rigid motions that the supports of a body leave free, as displacements of its nodes.
+!> Rigid body modes: an orthonormal basis of the rigid motions that the supports of a body leave free, as nodal
+!> displacements.
 !>
-!> The basis is kept as translations and rotations beside the displacements: these are evaluated from those and from nothing else,
-!> so that they are rigid to round-off however thin the body is.
+!> The basis is stored as translations and rotations beside the displacements, which are evaluated from these alone:
+!> they are rigid to rounding, however thin the body is.
 module dotyk_elasticity_rigid_body_modes
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_3d
@@ -14,20 +15,22 @@ module dotyk_elasticity_rigid_body_modes
   implicit none
   private
 
-  !> Free rigid motions of all connected parts of a body.
+  !> Free rigid body modes of all connected components of a body.
   type, public :: rigid_body_modes_t
-    !> Number of motions.
+    !> Number of modes.
     integer :: n = 0
-    !> One of dotyk_elasticity_analysis' constants.
+    !> Type of analysis: one of the `analysis_*` constants.
     integer, private :: analysis = analysis_3d
-    !> The part that each motion moves (n).
-    integer, allocatable, private :: part(:)
-    !> Translation, and rotation times the part's radius, about the part's centre (6, n).
+    !> Connected component that each mode moves (n).
+    integer, allocatable, private :: component(:)
+    !> Translation, and rotation times the radius of the component, about its centre (6, n) [].
     real(dp), allocatable, private :: coefficient(:, :)
-    !> Centre (3, n_parts) and radius (n_parts) of each part [length].
-    real(dp), allocatable, private :: centre(:, :), radius(:)
-    !> What comes before the motions of each part (n_parts).
-    type(text_t), allocatable, private :: part_name(:)
+    !> Centre of each component (3, n_components) [length].
+    real(dp), allocatable, private :: centre(:, :)
+    !> Radius of each component (n_components) [length].
+    real(dp), allocatable, private :: radius(:)
+    !> Text in front of the modes of each component (n_components).
+    type(text_t), allocatable, private :: component_name(:)
   contains
     procedure :: init => rigid_body_modes_init
     procedure :: move => rigid_body_modes_move
@@ -35,169 +38,188 @@ module dotyk_elasticity_rigid_body_modes
     procedure :: span_text => rigid_body_modes_span_text
   end type rigid_body_modes_t
 
-  !> Parts whose share of a motion is less than this are not named.
-  real(dp), parameter :: least_share = 1.0e-9_dp
+  !> Modes whose amplitude is below this fraction of the largest one are rounding errors, and not described.
+  real(dp), parameter :: least_fraction = 1.0e-9_dp
 
 contains
 
-  !> Find the motions.
-  subroutine rigid_body_modes_init(self, mesh, analysis, constraint, field)
+  !> Find the modes.
+  subroutine rigid_body_modes_init(self, mesh, analysis, constraint, mode)
     class(rigid_body_modes_t), intent(out) :: self
+    !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
-    !> One of dotyk_elasticity_analysis' constants.
+    !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
+    !> Equations, prescribed displacements and nodal axes of the body.
     type(constraint_t), intent(in) :: constraint
-    !> Displacements of the nodes in global axes, orthonormal in the sum over nodes and components, exactly zero along held
-    !> unknowns (dim, n_nodes, n).
-    real(dp), allocatable, intent(out) :: field(:, :, :)
-    integer, allocatable :: part(:)
+    !> Nodal displacements in global axes, orthonormal in the Euclidean product over nodes and components, exactly
+    !> zero along held unknowns (dim, n_nodes, n) [].
+    real(dp), allocatable, intent(out) :: mode(:, :, :)
+    integer, allocatable :: component(:)
     real(dp), allocatable :: free(:, :, :)
-    integer, allocatable :: n_of_part(:)
-    integer :: p, n_parts, first
-    allocate (part(mesh%n_nodes()))
-    call connected_components(mesh, part, n_parts)
+    integer, allocatable :: n_of_component(:)
+    integer :: p, n_components, first
+    allocate (component(mesh%n_nodes()))
+    call connected_components(mesh, component, n_components)
     self%analysis = analysis
-    allocate (self%centre(3, n_parts), self%radius(n_parts), self%part_name(n_parts), free(6, 6, n_parts), n_of_part(n_parts))
-    do p = 1, n_parts
-      call rigid_null_space(mesh, analysis, constraint, part, p, self%centre(:, p), self%radius(p), free(:, :, p), n_of_part(p))
-      ! See dotyk_base_text.
+    allocate (self%centre(3, n_components), self%radius(n_components), self%component_name(n_components))
+    allocate (free(6, 6, n_components), n_of_component(n_components))
+    do p = 1, n_components
+      call rigid_null_space(mesh, analysis, constraint, component, p, self%centre(:, p), self%radius(p), free(:, :, &
+                            p), n_of_component(p))
+      ! Texts of allocatable length are made by one thread at a time, see dotyk_base_text.
       !$omp critical (message)
-      self%part_name(p)%s = component_text(mesh, part, p, n_parts)
+      self%component_name(p)%s = component_text(mesh, component, p, n_components)
       !$omp end critical (message)
     end do
-    self%n = sum(n_of_part)
-    allocate (self%part(self%n), self%coefficient(6, self%n), field(mesh%dimension, mesh%n_nodes(), self%n))
+    self%n = sum(n_of_component)
+    allocate (self%component(self%n), self%coefficient(6, self%n), mode(mesh%dimension, mesh%n_nodes(), self%n))
     first = 1
-    do p = 1, n_parts
-      associate (last => first + n_of_part(p) - 1)
-        self%part(first:last) = p
-        self%coefficient(:, first:last) = free(:, :n_of_part(p), p)
-        call make_orthonormal(mesh%x, constraint, part, p, self%centre(:, p), self%radius(p), &
-          self%coefficient(:, first:last), field(:, :, first:last))
+    do p = 1, n_components
+      associate (last => first + n_of_component(p) - 1)
+        self%component(first:last) = p
+        self%coefficient(:, first:last) = free(:, :n_of_component(p), p)
+        call make_orthonormal(mesh%x, constraint, component, p, self%centre(:, p), self%radius(p), &
+          self%coefficient(:, first:last), mode(:, :, first:last))
         first = last + 1
       end associate
     end do
   end subroutine rigid_body_modes_init
 
-  !> The motions of the same body at another place.
+  !> The modes of a congruent body.
   subroutine rigid_body_modes_move(self, mesh, placement)
     class(rigid_body_modes_t), intent(inout) :: self
-    !> The body there.
+    !> Mesh of the congruent body.
     type(body_mesh_t), intent(in) :: mesh
-    !> How it came there.
+    !> Rigid motion from the body of the modes to the congruent one.
     type(placement_t), intent(in) :: placement
-    integer, allocatable :: part(:)
-    integer :: p, n_parts, k
+    integer, allocatable :: component(:)
+    integer :: p, n_components, k
     do k = 1, self%n
       self%coefficient(1:3, k) = matmul(placement%rotation, self%coefficient(1:3, k))
       self%coefficient(4:6, k) = matmul(placement%rotation, self%coefficient(4:6, k))
     end do
     call placement%apply(self%centre)
     if (size(self%radius) == 1) return
-    allocate (part(mesh%n_nodes()))
-    call connected_components(mesh, part, n_parts)
-    do p = 1, n_parts
+    allocate (component(mesh%n_nodes()))
+    call connected_components(mesh, component, n_components)
+    do p = 1, n_components
       !$omp critical (message)
-      self%part_name(p)%s = component_text(mesh, part, p, n_parts)
+      self%component_name(p)%s = component_text(mesh, component, p, n_components)
       !$omp end critical (message)
     end do
   end subroutine rigid_body_modes_move
 
-  !> Make the motions of a part orthonormal by Gram-Schmidt, done on the coefficients.
-  subroutine make_orthonormal(x, constraint, part, p, centre, radius, coefficient, field)
+  !> Orthonormalize the modes of a component by Gram-Schmidt on their coefficients.
+  subroutine make_orthonormal(x, constraint, component, p, centre, radius, coefficient, mode)
     !> Coordinates (dim, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
+    !> Equations, prescribed displacements and nodal axes of the body.
     type(constraint_t), intent(in) :: constraint
-    !> Part of each node (n_nodes), and the part that is meant.
-    integer, intent(in) :: part(:), p
-    real(dp), intent(in) :: centre(3), radius
-    !> Independent motions in, orthonormal ones out (6, n).
+    !> Connected component of each node (n_nodes).
+    integer, intent(in) :: component(:)
+    !> Index of the component.
+    integer, intent(in) :: p
+    !> Centre of the component (3) [length].
+    real(dp), intent(in) :: centre(3)
+    !> Radius of the component [length].
+    real(dp), intent(in) :: radius
+    !> Independent motions, orthonormal ones on return (6, n) [].
     real(dp), intent(inout) :: coefficient(:, :)
-    !> Their displacements (dim, n_nodes, n).
-    real(dp), intent(out) :: field(:, :, :)
+    !> Their nodal displacements (dim, n_nodes, n) [].
+    real(dp), intent(out) :: mode(:, :, :)
     integer :: j, k, pass
     do j = 1, size(coefficient, 2)
-      ! The second pass takes off what scaling up a short rest has brought back, the third is sure to find nothing.
+      ! The second pass removes the components that normalization of a short remainder has amplified; the third one
+      ! changes nothing but the last digit.
       do pass = 1, 3
-        call evaluate(x, constraint, part, p, centre, radius, coefficient(:, j), field(:, :, j))
+        call evaluate(x, constraint, component, p, centre, radius, coefficient(:, j), mode(:, :, j))
         do k = 1, j - 1
-          coefficient(:, j) = coefficient(:, j) - sum(field(:, :, k)*field(:, :, j))*coefficient(:, k)
+          coefficient(:, j) = coefficient(:, j) - sum(mode(:, :, k)*mode(:, :, j))*coefficient(:, k)
         end do
-        call evaluate(x, constraint, part, p, centre, radius, coefficient(:, j), field(:, :, j))
-        coefficient(:, j) = coefficient(:, j)/sqrt(sum(field(:, :, j)**2))
+        call evaluate(x, constraint, component, p, centre, radius, coefficient(:, j), mode(:, :, j))
+        coefficient(:, j) = coefficient(:, j)/sqrt(sum(mode(:, :, j)**2))
       end do
-      call evaluate(x, constraint, part, p, centre, radius, coefficient(:, j), field(:, :, j))
+      call evaluate(x, constraint, component, p, centre, radius, coefficient(:, j), mode(:, :, j))
     end do
   end subroutine make_orthonormal
 
-  !> Displacements of the nodes of a part in one motion; the other nodes rest.
-  pure subroutine evaluate(x, constraint, part, p, centre, radius, coefficient, field)
-    !> As in `make_orthonormal`.
+  !> Nodal displacements of a rigid motion of a component; other nodes do not move.
+  pure subroutine evaluate(x, constraint, component, p, centre, radius, coefficient, mode)
+    !> Nodes of the body (dim, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
+    !> Equations, prescribed displacements and nodal axes of the body.
     type(constraint_t), intent(in) :: constraint
-    integer, intent(in) :: part(:), p
-    real(dp), intent(in) :: centre(3), radius
-    !> The motion (6).
+    !> Connected component of each node (n_nodes).
+    integer, intent(in) :: component(:)
+    !> Index of the component.
+    integer, intent(in) :: p
+    !> Centre of the component (3) [length].
+    real(dp), intent(in) :: centre(3)
+    !> Radius of the component [length].
+    real(dp), intent(in) :: radius
+    !> The motion (6) [].
     real(dp), intent(in) :: coefficient(:)
-    !> Displacements (dim, n_nodes).
-    real(dp), intent(out) :: field(:, :)
+    !> Nodal displacements (dim, n_nodes) [].
+    real(dp), intent(out) :: mode(:, :)
     real(dp) :: u(size(x, 1))
     integer :: i
     do i = 1, size(x, 2)
       u = 0
-      if (part(i) == p) u = rigid_displacement(coefficient, centre, radius, x(:, i))
+      if (component(i) == p) u = rigid_displacement(coefficient, centre, radius, x(:, i))
       if (any(constraint%equation(:, i) == 0)) then
-        ! Round-off only, but forces of supports are large.
+        ! Only rounding is set to zero here, but it would be multiplied by large support forces.
         if (constraint%frame_of(i) > 0) u = matmul(u, constraint%frame(:, :, constraint%frame_of(i)))
         where (constraint%equation(:, i) == 0) u = 0
         if (constraint%frame_of(i) > 0) u = matmul(constraint%frame(:, :, constraint%frame_of(i)), u)
       end if
-      field(:, i) = u
+      mode(:, i) = u
     end do
   end subroutine evaluate
 
-  !> A combination of the motions in words, such as "translation along (0, 0, 1)"; empty for none.
+  !> Describe a combination of the modes, as in "translation along (0, 0, 1)"; empty for none.
   function rigid_body_modes_combination_text(self, amplitude) result(text)
     class(rigid_body_modes_t), intent(in) :: self
-    !> Amplitude of each motion (n), any unit.
+    !> Amplitude of each mode (n) [any unit].
     real(dp), intent(in) :: amplitude(:)
     character(:), allocatable :: text
     character(:), allocatable :: motion
     real(dp) :: combined(6, 1), most
     integer :: p, k
     text = ''
-    most = least_share*maxval([0.0_dp, abs(amplitude)])
+    most = least_fraction*maxval([0.0_dp, abs(amplitude)])
     do p = 1, size(self%radius)
       combined = 0
       do k = 1, self%n
-        if (self%part(k) /= p .or. .not. abs(amplitude(k)) > most) cycle
+        if (self%component(k) /= p .or. .not. abs(amplitude(k)) > most) cycle
         combined(:, 1) = combined(:, 1) + amplitude(k)*self%coefficient(:, k)
       end do
       if (.not. maxval(abs(combined)) > 0) cycle
       combined = combined/maxval(abs(combined))
       call describe_rigid_motions(self%analysis, combined, self%centre(:, p), self%radius(p), motion)
       if (len(text) > 0) text = text//'; '
-      text = text//self%part_name(p)%s//motion
+      text = text//self%component_name(p)%s//motion
     end do
   end function rigid_body_modes_combination_text
 
-  !> All combinations of some combinations of the motions in words, such as "translation along (1, 0, 0) and translation along
+  !> Describe the span of several combinations of the modes, as in "translation along (1, 0, 0) and translation along
   !> (0, 1, 0)"; empty for none.
   function rigid_body_modes_span_text(self, amplitude) result(text)
     class(rigid_body_modes_t), intent(in) :: self
-    !> Amplitudes of each combination as columns (n, number of them), any unit. Columns that are small beside the others count as none.
+    !> Amplitudes of each combination as columns; small columns count as zero (n, n_combinations) [any unit].
     real(dp), intent(in) :: amplitude(:, :)
     character(:), allocatable :: text
     character(:), allocatable :: motion
     real(dp) :: combined(6, size(amplitude, 2)), basis(6, 6)
     integer :: p, k, j, n
+    !> Entries and singular values below this fraction of the largest one are rounding errors.
     real(dp), parameter :: small = 1.0e-6_dp
     text = ''
     do p = 1, size(self%radius)
       combined = 0
       do j = 1, size(amplitude, 2)
         do k = 1, self%n
-          if (self%part(k) == p) combined(:, j) = combined(:, j) + amplitude(k, j)*self%coefficient(:, k)
+          if (self%component(k) == p) combined(:, j) = combined(:, j) + amplitude(k, j)*self%coefficient(:, k)
         end do
       end do
       where (abs(combined) <= small*maxval(abs(combined))) combined = 0
@@ -205,7 +227,7 @@ contains
       if (n == 0) cycle
       call describe_rigid_motions(self%analysis, basis(:, :n), self%centre(:, p), self%radius(p), motion)
       if (len(text) > 0) text = text//'; '
-      text = text//self%part_name(p)%s//motion
+      text = text//self%component_name(p)%s//motion
     end do
   end function rigid_body_modes_span_text
 end module dotyk_elasticity_rigid_body_modes

@@ -1,4 +1,8 @@
-!> Rigid motions that the supports of a body leave free, and how to say them.
+!> Rigid body modes that the supports of a body leave free: null space of the held unknowns, and descriptions for
+!> messages.
+!>
+!> A rigid motion is a translation and a rotation times the radius of the component, both about its centre: six
+!> numbers of one unit.
 module dotyk_elasticity_rigid_motion
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
@@ -11,61 +15,81 @@ module dotyk_elasticity_rigid_motion
   use dotyk_mesh_facet, only: cross
   implicit none
   private
+
+  !> Rotations and translations of a normalized motion below this are rounding errors of the null space.
+  real(dp), parameter :: negligible = 1.0e-5_dp
+  !> Shifts along the axis of a rotation below this fraction of the radius are no screw motion.
+  real(dp), parameter :: screw_shift = 1.0e-6_dp
+  !> Components of a direction that differ by less than this fraction are equal: the sign of a direction does not
+  !> depend on rounding.
+  real(dp), parameter :: equal_components = 1.0e-9_dp
   public :: find_free_rigid_modes, rigid_null_space, describe_rigid_motions, component_text, rigid_displacement
 
-  !> A motion that moves the held points by less than this, relative to the others, is free.
+  !> A motion that moves the held points by less than this fraction of the others is free: more than the rounding of
+  !> coordinates in mesh files, less than the motion that a real support stops.
   real(dp), parameter :: least_hold = 1.0e-6_dp
 
 contains
 
-  !> Free rigid motions of all connected parts of a body.
+  !> Number and description of the free rigid body modes of all connected components of a body.
   subroutine find_free_rigid_modes(mesh, analysis, constraint, n_free, text)
+    !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
-    !> One of dotyk_elasticity_analysis' constants.
+    !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
+    !> Equations, prescribed displacements and nodal axes of the body.
     type(constraint_t), intent(in) :: constraint
-    !> Number of independent free motions.
+    !> Number of independent free modes.
     integer, intent(out) :: n_free
-    !> They, as "translation along (0, 0, 1) and rotation about the axis (0, 1, 0) through (1, 0, 0)"; empty for none.
+    !> Description, as in "translation along (0, 0, 1) and rotation about the axis (0, 1, 0) through (1, 0, 0)"; empty
+    !> for none.
     character(:), allocatable, intent(out) :: text
-    integer, allocatable :: part(:)
+    integer, allocatable :: component(:)
     character(:), allocatable :: motions
     real(dp) :: free(6, 6), centre(3), radius
-    integer :: p, n_parts, n
-    allocate (part(mesh%n_nodes()))
-    call connected_components(mesh, part, n_parts)
+    integer :: p, n_components, n
+    allocate (component(mesh%n_nodes()))
+    call connected_components(mesh, component, n_components)
     n_free = 0
     text = ''
-    do p = 1, n_parts
-      call rigid_null_space(mesh, analysis, constraint, part, p, centre, radius, free, n)
+    do p = 1, n_components
+      call rigid_null_space(mesh, analysis, constraint, component, p, centre, radius, free, n)
       if (n == 0) cycle
       n_free = n_free + n
       call describe_rigid_motions(analysis, free(:, :n), centre, radius, motions)
       if (len(text) > 0) text = text//'; '
-      text = text//component_text(mesh, part, p, n_parts)//motions
+      text = text//component_text(mesh, component, p, n_components)//motions
     end do
   end subroutine find_free_rigid_modes
 
-  !> What comes before the motions of a part; empty where the body is all one.
-  function component_text(mesh, part, p, n_parts) result(text)
+  !> Text in front of the modes of a connected component; empty where the body has only one.
+  function component_text(mesh, component, p, n_components) result(text)
+    !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
-    !> Part of each node (n_nodes), the part that is meant, and their number.
-    integer, intent(in) :: part(:), p, n_parts
+    !> Connected component of each node (n_nodes).
+    integer, intent(in) :: component(:)
+    !> Index of the component.
+    integer, intent(in) :: p
+    !> Number of connected components.
+    integer, intent(in) :: n_components
     character(:), allocatable :: text
     integer :: first
     text = ''
-    if (n_parts == 1) return
-    first = findloc(part, p, 1)
-    text = 'part '//to_text(p)//' of '//to_text(n_parts)//' that do not hang together (node '// &
-      to_text(mesh%node_tag(first))//' at '//point_text(mesh%x(:, first))//'): '
+    if (n_components == 1) return
+    first = findloc(component, p, 1)
+    text = 'connected component '//to_text(p)//' of '//to_text(n_components)//' (node '// &
+           to_text(mesh%node_tag(first))//' at '//point_text(mesh%x(:, first))//'): '
   end function component_text
 
-  !> Displacement of a place in a rigid motion [the unit of the motion].
+  !> Displacement of a point in a rigid motion (dim) [unit of the motion].
   pure function rigid_displacement(motion, centre, radius, x) result(u)
-    !> Translation, and rotation times the radius, about the centre (6).
+    !> Translation, and rotation times the radius, about the centre (6) [any unit].
     real(dp), intent(in) :: motion(6)
-    real(dp), intent(in) :: centre(3), radius
-    !> The place, two or three coordinates [length].
+    !> Centre of the component (3) [length].
+    real(dp), intent(in) :: centre(3)
+    !> Radius of the component [length].
+    real(dp), intent(in) :: radius
+    !> The point, two or three coordinates (dim) [length].
     real(dp), intent(in) :: x(:)
     real(dp) :: u(size(x)), arm(3), moved(3)
     arm = 0
@@ -74,21 +98,28 @@ contains
     u = moved(:size(x))
   end function rigid_displacement
 
-  !> Motions (translation, rotation times radius, both about the centre) of a part that its held unknowns leave at rest.
-  subroutine rigid_null_space(mesh, analysis, constraint, part, p, centre, radius, free, n)
+  !> Rigid motions of a connected component that leave its held unknowns at rest.
+  subroutine rigid_null_space(mesh, analysis, constraint, component, p, centre, radius, free, n)
+    !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
-    !> One of dotyk_elasticity_analysis' constants.
+    !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
+    !> Equations, prescribed displacements and nodal axes of the body.
     type(constraint_t), intent(in) :: constraint
-    !> Part of each node (n_nodes), and the part that is meant.
-    integer, intent(in) :: part(:), p
-    !> Middle of the part's box, and half of its diagonal [length].
-    real(dp), intent(out) :: centre(3), radius
-    !> Orthonormal free motions in the first n columns.
+    !> Connected component of each node (n_nodes).
+    integer, intent(in) :: component(:)
+    !> Index of the component.
+    integer, intent(in) :: p
+    !> Centre of the bounding box of the component; the origin in axisymmetric analyses (3) [length].
+    real(dp), intent(out) :: centre(3)
+    !> Half of the diagonal of this box [length].
+    real(dp), intent(out) :: radius
+    !> Orthonormal free motions in the first n columns (6, 6) [].
     real(dp), intent(out) :: free(6, 6)
+    !> Number of free motions.
     integer, intent(out) :: n
     type(error_t), allocatable :: error
-    real(dp), allocatable :: hold(:, :)
+    real(dp), allocatable :: held_displacement(:, :)
     real(dp) :: values(6), vectors(6, 6), low(3), high(3), row(6), axis(3), arm(3), least
     integer, allocatable :: exists(:)
     integer :: i, k, j, dim, m
@@ -97,8 +128,8 @@ contains
     high = -huge(1.0_dp)
     if (dim == 2) low(3) = 0
     if (dim == 2) high(3) = 0
-    do i = 1, size(part)
-      if (part(i) /= p) cycle
+    do i = 1, size(component)
+      if (component(i) /= p) cycle
       low(:dim) = min(low(:dim), mesh%x(:, i))
       high(:dim) = max(high(:dim), mesh%x(:, i))
     end do
@@ -112,11 +143,11 @@ contains
     else
       exists = [1, 2, 6]
     end if
-    ! A row for each held unknown: how far the motions would move it. Their square would lose half of the digits.
-    allocate (hold(count(constraint%equation == 0), size(exists)))
+    ! One row per held unknown: its displacement in each motion. Normal equations would lose half of the digits.
+    allocate (held_displacement(count(constraint%equation == 0), size(exists)))
     m = 0
-    do i = 1, size(part)
-      if (part(i) /= p) cycle
+    do i = 1, size(component)
+      if (component(i) /= p) cycle
       do k = 1, dim
         if (constraint%equation(k, i) > 0) cycle
         axis = 0
@@ -130,13 +161,14 @@ contains
         arm = (arm - centre)/radius
         row = [axis, cross(arm, axis)]
         m = m + 1
-        hold(m, :) = row(exists)
+        held_displacement(m, :) = row(exists)
       end do
     end do
-    least = least_hold*sqrt(1 + sum(hold(:m, :)**2))
+    least = least_hold*sqrt(1 + sum(held_displacement(:m, :)**2))
     n = 0
     free = 0
-    call right_singular_vectors(hold(:m, :), values(:size(exists)), vectors(:size(exists), :size(exists)), error)
+    call right_singular_vectors(held_displacement(:m, :), values(:size(exists)), vectors(:size(exists), &
+                                :size(exists)), error)
     if (allocated(error)) return
     do j = size(exists), 1, -1
       if (values(j) > least) cycle
@@ -145,28 +177,33 @@ contains
     end do
   end subroutine rigid_null_space
 
-  !> Say a space of rigid motions.
+  !> Describe a space of rigid motions.
   subroutine describe_rigid_motions(analysis, free, centre, radius, text)
+    !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
-    !> Independent motions (6, n).
+    !> Independent motions (6, n) [].
     real(dp), intent(in) :: free(:, :)
-    real(dp), intent(in) :: centre(3), radius
+    !> Centre of the component (3) [length].
+    real(dp), intent(in) :: centre(3)
+    !> Radius of the component [length].
+    real(dp), intent(in) :: radius
+    !> Description.
     character(:), allocatable, intent(out) :: text
     real(dp) :: motion(6, size(free, 2)), axis(3), shift(3), along(3), through(3)
     integer :: n, j, dim, n_rotations, i
     n = size(free, 2)
     dim = merge(3, 2, analysis == analysis_3d)
     motion = free
-    ! Rotations first: columns in echelon form by rotation components, then what is left are translations.
+    ! Columns in echelon form, rotation components first: the columns without rotation are translations.
     call echelon(motion, [4, 5, 6, 1, 2, 3])
     n_rotations = 0
     do j = 1, n
-      if (norm2(motion(4:6, j)) > 1.0e-5_dp) n_rotations = n_rotations + 1
+      if (norm2(motion(4:6, j)) > negligible) n_rotations = n_rotations + 1
     end do
     call remove_translations(motion, n_rotations)
     text = ''
     do i = 1, n
-      ! Translations are said first.
+      ! Translations are described first.
       j = mod(i - 1 + n_rotations, n) + 1
       if (i > 1) text = text//merge(' and ', ',    ', i == n)
       if (i > 1 .and. i < n) text = trim(text)//' '
@@ -180,7 +217,7 @@ contains
         if (dim == 2) then
           text = text//'rotation about '//vector_text(through(:2), radius)
         else
-          if (norm2(along) > 1.0e-6_dp*radius) then
+          if (norm2(along) > screw_shift*radius) then
             text = text//'screw motion (pitch '//to_text(dot_product(shift, axis))//' per radian)'
           else
             text = text//'rotation'
@@ -191,10 +228,12 @@ contains
     end do
   end subroutine describe_rigid_motions
 
-  !> Gauss-Jordan elimination of the columns of a matrix with the rows in a given order, largest pivot first in each
-  !> row.
+  !> Gauss-Jordan elimination of the columns of a matrix, with the rows in a given order and the largest pivot first
+  !> in each row.
   pure subroutine echelon(motion, rows)
+    !> Motions as columns; in echelon form on return (6, n) [].
     real(dp), intent(inout) :: motion(:, :)
+    !> Order of the rows (6).
     integer, intent(in) :: rows(:)
     real(dp) :: column(size(motion, 1))
     integer :: r, j, k, next
@@ -202,7 +241,7 @@ contains
     do r = 1, size(rows)
       if (next > size(motion, 2)) exit
       k = next - 1 + maxloc(abs(motion(rows(r), next:)), 1)
-      if (abs(motion(rows(r), k)) < 1.0e-5_dp) then
+      if (abs(motion(rows(r), k)) < negligible) then
         motion(rows(r), next:) = 0
         cycle
       end if
@@ -216,10 +255,11 @@ contains
     end do
   end subroutine echelon
 
-  !> Take from rotations the translations that are free anyway, so that their axes go as near to the centre as can be.
+  !> Subtract free translations from rotations, so that their axes pass as near to the centre as possible.
   pure subroutine remove_translations(motion, n_rotations)
+    !> Motions as columns (6, n) [].
     real(dp), intent(inout) :: motion(:, :)
-    !> Rotations are the first columns, translations the rest.
+    !> Number of rotations, the first columns; the others are translations.
     integer, intent(in) :: n_rotations
     real(dp) :: q(3, 3)
     integer :: i, j, n
@@ -239,14 +279,15 @@ contains
     end do
   end subroutine remove_translations
 
-  !> A direction as a unit vector, along an axis rather than against it.
+  !> A direction as a unit vector for messages, along a global axis rather than against it.
   pure function direction_text(vector) result(text)
+    !> The direction (dim) [any unit].
     real(dp), intent(in) :: vector(:)
     character(:), allocatable :: text
     real(dp) :: unit(size(vector))
     unit = vector/norm2(vector)
-    where (abs(unit) < 1.0e-5_dp) unit = 0
-    if (maxval(unit) < maxval(abs(unit))*(1 - 1.0e-9_dp)) unit = -unit
+    where (abs(unit) < negligible) unit = 0
+    if (maxval(unit) < maxval(abs(unit))*(1 - equal_components)) unit = -unit
     text = vector_text(unit, 1.0_dp)
   end function direction_text
 end module dotyk_elasticity_rigid_motion

@@ -1,51 +1,60 @@
-!> Shape functions and their gradients at the quadrature points of an element kind, and the map to an element in space.
+!> Shape functions and their gradients at the quadrature points of an element kind, and the isoparametric map of an
+!> element.
 !>
-!> Simplices of order two have two tables: one that is exact where edges are straight, and a richer one for curved
-!> elements.
+!> Quadratic simplices have two tables: one that is exact where edges are straight, and one of a higher degree for
+!> curved elements.
 module dotyk_elasticity_shape_table
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric
+  use dotyk_elasticity_analysis, only: two_pi
   use dotyk_mesh_element, only: element_kind, element_kind_t, element_tet4, element_tri3, element_prism6, &
     quadrature_rule, reference_nodes, shape_functions, shape_gradients
   implicit none
   private
 
-  !> Values at the points of one quadrature rule.
+  !> Shape functions at the points of one quadrature rule.
   type, public :: shape_table_t
-    !> Numbers of nodes, dimensions and points.
-    integer :: n_nodes = 0, dimension = 0, n_points = 0
-    !> Shape functions (n_nodes, n_points).
+    !> Number of nodes.
+    integer :: n_nodes = 0
+    !> Number of coordinates.
+    integer :: dimension = 0
+    !> Number of points.
+    integer :: n_points = 0
+    !> Shape functions (n_nodes, n_points) [].
     real(dp), allocatable :: shape(:, :)
-    !> Their derivatives by reference coordinates (n_nodes, dimension, n_points).
+    !> Derivatives by reference coordinates (n_nodes, dimension, n_points) [].
     real(dp), allocatable :: gradient(:, :, :)
-    !> Reference weights (n_points).
+    !> Reference weights (n_points) [].
     real(dp), allocatable :: weight(:)
   contains
     procedure :: init => shape_table_init
   end type shape_table_t
 
-  !> The tables of one kind of elements.
+  !> The tables of one element kind.
   type, public :: shape_table_pair_t
-    !> For straight elements, and for curved ones; the second one is not set where the first serves both.
-    type(shape_table_t) :: straight, curved
-    !> Whether there are two.
+    !> Table for straight elements, or for all where one serves both.
+    type(shape_table_t) :: straight
+    !> Table for curved elements; not set where one table serves both.
+    type(shape_table_t) :: curved
+    !> Whether there are two tables.
     logical :: two = .false.
-    !> Linear shape functions at the nodes that are not corners (n_corners, n_nodes - n_corners).
+    !> Linear shape functions at the nodes that are not corners (n_corners, n_nodes - n_corners) [].
     real(dp), allocatable :: corner_shape(:, :)
   contains
-    procedure :: init_stiffness
-    procedure :: init_load
+    procedure :: init_stiffness => shape_table_pair_init_stiffness
+    procedure :: init_load => shape_table_pair_init_load
     procedure :: is_curved => shape_table_pair_is_curved
   end type shape_table_pair_t
 
   public :: map_element, load_degree
 
-  !> A node further than this from its place on the straight element, relative to the element's size, makes it curved.
+  !> A node farther from its position on the straight element than this fraction of the element's size makes the element
+  !> curved: the error of the cheaper rule is of the same order.
   real(dp), parameter :: straightness = 1.0e-8_dp
 
 contains
 
-  !> Evaluate the shape functions of a kind at the points of a rule.
+  !> Evaluate the shape functions of an element kind at the points of a rule.
   subroutine shape_table_init(self, kind, degree)
     class(shape_table_t), intent(out) :: self
     !> Element kind.
@@ -69,30 +78,30 @@ contains
     end do
   end subroutine shape_table_init
 
-  !> Tables for the stiffness of a kind.
-  subroutine init_stiffness(self, kind, analysis, varying)
+  !> Tables for the stiffness of an element kind.
+  subroutine shape_table_pair_init_stiffness(self, kind, analysis, varying)
     class(shape_table_pair_t), intent(out) :: self
     !> Element kind.
     integer, intent(in) :: kind
-    !> One of dotyk_elasticity_analysis' constants.
+    !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
-    !> Whether the stiffness varies within elements.
+    !> Whether the modulus varies within elements.
     logical, intent(in) :: varying
     type(element_kind_t) :: properties
     integer :: degree
     properties = element_kind(kind)
     degree = stiffness_degree(properties%corner_kind, properties%order, analysis)
-    ! A varying factor counts as a polynomial of degree 2.
+    ! A modulus field counts as a polynomial of degree 2.
     if (varying) degree = degree + 2
-    call init_pair(self, kind, properties, degree, degree + 2)
-  end subroutine init_stiffness
+    call init_tables(self, kind, properties, degree, degree + 2)
+  end subroutine shape_table_pair_init_stiffness
 
-  !> Tables for the forces of a force density.
-  subroutine init_load(self, kind, analysis, varying)
+  !> Tables for the nodal forces of a force density.
+  subroutine shape_table_pair_init_load(self, kind, analysis, varying)
     class(shape_table_pair_t), intent(out) :: self
     !> Element kind.
     integer, intent(in) :: kind
-    !> One of dotyk_elasticity_analysis' constants.
+    !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
     !> Whether the force density varies.
     logical, intent(in) :: varying
@@ -104,16 +113,21 @@ contains
       ! A shape function, and the radius.
       degree = properties%order + merge(1, 0, analysis == analysis_axisymmetric)
     end if
-    call init_pair(self, kind, properties, degree, load_degree(properties%order))
-  end subroutine init_load
+    call init_tables(self, kind, properties, degree, load_degree(properties%order))
+  end subroutine shape_table_pair_init_load
 
-  !> The two tables.
-  subroutine init_pair(self, kind, properties, degree, curved_degree)
+  !> Create both tables.
+  subroutine init_tables(self, kind, properties, degree, curved_degree)
+    !> The tables.
     class(shape_table_pair_t), intent(inout) :: self
+    !> Element kind: one of the `element_*` constants.
     integer, intent(in) :: kind
+    !> Properties of the element kind.
     type(element_kind_t), intent(in) :: properties
-    !> Degrees of quadrature on straight and on curved elements; that of straight ones serves all but simplices.
-    integer, intent(in) :: degree, curved_degree
+    !> Degree of quadrature on straight elements, and on all elements that are no simplices.
+    integer, intent(in) :: degree
+    !> Degree of quadrature on curved simplices.
+    integer, intent(in) :: curved_degree
     real(dp), allocatable :: xi(:, :)
     integer :: i
     call self%straight%init(kind, degree)
@@ -126,15 +140,15 @@ contains
     do i = 1, properties%n_nodes - properties%n_corners
       call shape_functions(properties%corner_kind, xi(:, properties%n_corners + i), self%corner_shape(:, i))
     end do
-  end subroutine init_pair
+  end subroutine init_tables
 
-  !> Degree of the quadrature of a stiffness: exact on straight elements with a constant material.
+  !> Degree of the quadrature of the stiffness: exact on straight elements with a constant material.
   pure integer function stiffness_degree(corner_kind, order, analysis) result(degree)
-    !> The linear kind of the same family.
+    !> Linear kind of the same family.
     integer, intent(in) :: corner_kind
     !> Order of the element.
     integer, intent(in) :: order
-    !> One of dotyk_elasticity_analysis' constants.
+    !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
     if (is_simplex(corner_kind)) then
       degree = 2*(order - 1)
@@ -150,21 +164,23 @@ contains
 
   !> Whether the reference element is a simplex.
   pure logical function is_simplex(corner_kind)
+    !> Linear kind of the family.
     integer, intent(in) :: corner_kind
     is_simplex = corner_kind == element_tri3 .or. corner_kind == element_tet4
   end function is_simplex
 
-  !> Degree of the quadrature of loads on elements or facets of an order.
+  !> Degree of the quadrature of loads on elements or facets.
   pure integer function load_degree(order) result(degree)
+    !> Order of the element or facet.
     integer, intent(in) :: order
-    ! Shape function, area or volume of a curved element, and two or more degrees for the load.
+    ! Shape function, Jacobian of a curved element, and two or more degrees for the load.
     degree = merge(6, 4, order == 2)
   end function load_degree
 
-  !> Whether an element is curved, so that it needs the second table.
+  !> Whether an element is curved and needs the second table.
   pure logical function shape_table_pair_is_curved(self, x) result(is_curved)
     class(shape_table_pair_t), intent(in) :: self
-    !> Its nodes (dimension, n_nodes) [length].
+    !> Nodes of the element (dim, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
     real(dp) :: size_squared, deviation_squared, middle
     integer :: i, k, corners, c
@@ -188,31 +204,31 @@ contains
     end do
   end function shape_table_pair_is_curved
 
-  !> Gradients in space and quadrature weights of one element.
+  !> Gradients of the shape functions in space and quadrature weights of one element.
   pure subroutine map_element(n, dim, slots, n_points, shape, gradient, weight, x, g, w, worst)
     !> Number of nodes.
     integer, intent(in) :: n
-    !> Dimension, 2 or 3.
+    !> Number of coordinates, 2 or 3.
     integer, intent(in) :: dim
     !> Gradient slots: `dim`, or 3 with `dim` 2 in axisymmetric analyses.
     integer, intent(in) :: slots
     !> Number of quadrature points.
     integer, intent(in) :: n_points
-    !> Shape functions.
+    !> Shape functions (n, n_points) [].
     real(dp), intent(in) :: shape(n, n_points)
-    !> Derivatives by reference coordinates.
+    !> Derivatives by reference coordinates (n, dim, n_points) [].
     real(dp), intent(in) :: gradient(n, dim, n_points)
-    !> Reference weights.
+    !> Reference weights (n_points) [].
     real(dp), intent(in) :: weight(n_points)
-    !> Nodes [length].
+    !> Nodes (dim, n) [length].
     real(dp), intent(in) :: x(dim, n)
-    !> Gradients of the shape functions; third slot N/r in axisymmetric analyses [1/length].
+    !> Gradients of the shape functions; third slot N/r in axisymmetric analyses (n, slots, n_points) [1/length].
     real(dp), intent(out) :: g(n, slots, n_points)
-    !> Weights: volume, area, or volume of the full turn [length^dim].
+    !> Quadrature weights (n_points) [volume].
     real(dp), intent(out) :: w(n_points)
-    !> Least value of the determinants, of the radius too in axisymmetric analyses; not positive: g and w mean nothing.
+    !> Smallest Jacobian determinant, or radius in axisymmetric analyses; where it is not positive g and w are
+    !> undefined [volume].
     real(dp), intent(out) :: worst
-    real(dp), parameter :: two_pi = 6.283185307179586477_dp
     real(dp) :: jacobian(dim, dim), inverse(dim, dim), determinant, radius
     integer :: q, k, m, a
     worst = huge(1.0_dp)
@@ -260,12 +276,15 @@ contains
     end do
   end subroutine map_element
 
-  !> Determinant and inverse of a small matrix; the inverse is that of a singular one times 0.
+  !> Determinant and inverse of a small matrix; of a singular one, the adjugate.
   pure subroutine invert(dim, matrix, inverse, determinant)
-    !> 2 or 3.
+    !> Order of the matrix, 2 or 3.
     integer, intent(in) :: dim
+    !> The matrix (dim, dim) [length].
     real(dp), intent(in) :: matrix(dim, dim)
+    !> The inverse (dim, dim) [1/length].
     real(dp), intent(out) :: inverse(dim, dim)
+    !> The determinant [volume].
     real(dp), intent(out) :: determinant
     if (dim == 2) then
       inverse(1, 1) = matrix(2, 2)

@@ -1,20 +1,21 @@
-!> The pattern of a stiffness matrix, and the place of nodal blocks in it.
+!> Sparsity pattern of a stiffness matrix, and positions of its nodal blocks.
 !>
-!> Equations are numbered by nodes, so that the column of an equation of node b holds the later equations of b, then
-!> those of its neighbours a > b, block after block. One offset per pair of nodes finds a block in all columns of b.
+!> Equations are numbered node by node: the column of an equation of node b holds the later equations of b, then those
+!> of its neighbours a > b, block after block. One offset per pair of nodes locates a block in all columns of b.
 module dotyk_elasticity_sparsity_pattern
   use dotyk_base_kinds, only: dp, int64
   use dotyk_linalg_sparse, only: sparse_symmetric_t
   implicit none
   private
 
-  !> Where the blocks are. Neighbours of node b beyond it: `neighbour(first(b) : first(b + 1) - 1)`, ascending.
+  !> Positions of the nodal blocks. Node b has the greater neighbours neighbour(first(b) : first(b + 1) - 1),
+  !> ascending.
   type, public :: block_positions_t
     !> First greater neighbour of each node (n_nodes + 1).
     integer, allocatable :: first(:)
-    !> Greater neighbours.
+    !> Greater neighbours, one node after the other (first(n_nodes + 1) - 1).
     integer, allocatable :: neighbour(:)
-    !> Number of rows between the block of a node with itself and that with the neighbour.
+    !> Number of rows between the diagonal block of a node and its block with the neighbour (first(n_nodes + 1) - 1).
     integer, allocatable :: offset(:)
     !> Number of equations of each node (n_nodes).
     integer, allocatable :: n_free(:)
@@ -25,62 +26,68 @@ module dotyk_elasticity_sparsity_pattern
 contains
 
   !> Pattern of the lower triangle of a matrix over the equations of the nodes of a graph.
-  subroutine build_pattern(dim, equation, start, neighbour, places, matrix)
+  subroutine build_pattern(dim, equation, start, neighbour, positions, matrix)
     !> Number of components of a node.
     integer, intent(in) :: dim
     !> Equations by nodes, ascending, 0 for none (dim, n_nodes).
     integer, intent(in), contiguous :: equation(:, :)
-    !> Adjacency as of `node_graph`.
-    integer, intent(in) :: start(:), neighbour(:)
-    !> Where the blocks are.
-    type(block_positions_t), intent(out) :: places
-    !> The matrix with zeros as values.
+    !> First neighbour of each node, see `node_graph` (n_nodes + 1).
+    integer, intent(in) :: start(:)
+    !> Neighbours of the nodes, ascending (start(n_nodes + 1) - 1).
+    integer, intent(in) :: neighbour(:)
+    !> Positions of the nodal blocks.
+    type(block_positions_t), intent(out) :: positions
+    !> The matrix, with zeros as values [force/length].
     type(sparse_symmetric_t), intent(inout) :: matrix
     integer, allocatable :: rows(:)
     integer :: n, b, k, last
     n = size(equation, 2)
-    allocate (places%first(n + 1), places%n_free(n))
-    allocate (places%neighbour(size(neighbour)/2), places%offset(size(neighbour)/2))
+    allocate (positions%first(n + 1), positions%n_free(n))
+    allocate (positions%neighbour(size(neighbour)/2), positions%offset(size(neighbour)/2))
     last = 0
     do b = 1, n
-      places%n_free(b) = count(equation(:, b) > 0)
-      places%first(b) = last + 1
+      positions%n_free(b) = count(equation(:, b) > 0)
+      positions%first(b) = last + 1
       do k = start(b), start(b + 1) - 1
         if (neighbour(k) > b) last = last + 1
       end do
     end do
-    places%first(n + 1) = last + 1
+    positions%first(n + 1) = last + 1
     call matrix%destroy()
-    matrix%n = sum(places%n_free)
+    matrix%n = sum(positions%n_free)
     allocate (rows(n), matrix%column_start(matrix%n + 1))
-    !$omp parallel do default(none) shared(n, start, neighbour, places, rows) private(k, last) schedule(static)
+    !$omp parallel do default(none) shared(n, start, neighbour, positions, rows) private(k, last) schedule(static)
     do b = 1, n
       rows(b) = 0
-      last = places%first(b)
+      last = positions%first(b)
       do k = start(b), start(b + 1) - 1
         if (neighbour(k) < b) cycle
-        places%neighbour(last) = neighbour(k)
-        places%offset(last) = rows(b)
-        rows(b) = rows(b) + places%n_free(neighbour(k))
+        positions%neighbour(last) = neighbour(k)
+        positions%offset(last) = rows(b)
+        rows(b) = rows(b) + positions%n_free(neighbour(k))
         last = last + 1
       end do
     end do
     !$omp end parallel do
-    call start_columns(n, places%n_free, rows, matrix%column_start)
+    call start_columns(n, positions%n_free, rows, matrix%column_start)
     allocate (matrix%row(matrix%column_start(matrix%n + 1)), matrix%value(matrix%column_start(matrix%n + 1)))
-    !$omp parallel do default(none) shared(n, dim, equation, places, matrix) schedule(static)
+    !$omp parallel do default(none) shared(n, dim, equation, positions, matrix) schedule(static)
     do b = 1, n
-      call fill_rows(b, n, dim, equation, places%first, places%neighbour, matrix%column_start, matrix%row, matrix%value)
+      call fill_rows(b, n, dim, equation, positions%first, positions%neighbour, matrix%column_start, matrix%row, &
+                     matrix%value)
     end do
     !$omp end parallel do
   end subroutine build_pattern
 
-  !> Lengths of the columns.
+  !> Starts of the columns.
   pure subroutine start_columns(n, n_free, rows, column_start)
+    !> Number of nodes.
     integer, intent(in) :: n
-    !> Equations of each node, and those of its greater neighbours (n).
-    integer, intent(in) :: n_free(n), rows(n)
-    !> 0-based.
+    !> Number of equations of each node (n).
+    integer, intent(in) :: n_free(n)
+    !> Number of equations of the greater neighbours of each node (n).
+    integer, intent(in) :: rows(n)
+    !> First entry of each column, 0-based (n_equations + 1).
     integer(int64), intent(out) :: column_start(:)
     integer :: b, k, column
     column = 0
@@ -93,15 +100,25 @@ contains
     end do
   end subroutine start_columns
 
-  !> The rows of the columns of a node, and zeros as values.
+  !> Rows of the columns of a node, and zeros as values.
   pure subroutine fill_rows(b, n, dim, equation, first, neighbour, column_start, row, value)
-    integer, intent(in) :: b, n, dim
+    !> The node.
+    integer, intent(in) :: b
+    !> Number of nodes.
+    integer, intent(in) :: n
+    !> Number of displacement components, 2 or 3.
+    integer, intent(in) :: dim
+    !> Equations by nodes, 0 for none (dim, n).
     integer, intent(in) :: equation(dim, n)
-    integer, intent(in) :: first(:), neighbour(:)
-    !> 0-based.
+    !> First greater neighbour of each node (n + 1).
+    integer, intent(in) :: first(:)
+    !> Greater neighbours (first(n + 1) - 1).
+    integer, intent(in) :: neighbour(:)
+    !> First entry of each column, 0-based (n_equations + 1).
     integer(int64), intent(in) :: column_start(:)
-    !> 0-based.
+    !> Row of each entry, 0-based (n_entries).
     integer(int64), intent(inout) :: row(:)
+    !> Value of each entry (n_entries) [force/length].
     real(dp), intent(inout) :: value(:)
     integer(int64) :: last, diagonal, next, source
     integer :: i, j, k, column
@@ -112,7 +129,7 @@ contains
       if (column == 0) cycle
       last = column_start(column)
       if (diagonal > 0) then
-        ! Each further column of a node is the one before without its first entry.
+        ! Each further column of a node is the previous one without its first entry.
         do source = diagonal + 1, next
           last = last + 1
           row(last) = row(source)
@@ -137,43 +154,55 @@ contains
     end do
   end subroutine fill_rows
 
-  !> Add an element's stiffness to the matrix.
-  pure subroutine scatter(n, dim, n_nodes, node, k, share, owner, equation, n_free, first, neighbour, offset, &
+  !> Add an element stiffness to the matrix.
+  pure subroutine scatter(n, dim, n_nodes, node, k, part, owner, equation, n_free, first, neighbour, offset, &
       column_start, value)
-    !> Number of nodes of the element, components of a node, nodes of the body.
-    integer, intent(in) :: n, dim, n_nodes
-    !> Nodes of the element.
+    !> Number of nodes of the element.
+    integer, intent(in) :: n
+    !> Number of displacement components, 2 or 3.
+    integer, intent(in) :: dim
+    !> Number of nodes of the body.
+    integer, intent(in) :: n_nodes
+    !> Nodes of the element (n).
     integer, intent(in) :: node(n)
-    !> Stiffness: node a, node b, component i, component j.
+    !> Element stiffness: node a, node b, component i, component j (n, n, dim, dim) [force/length].
     real(dp), intent(in) :: k(n, n, dim, dim)
-    !> A share, and the one that each node belongs to: columns of nodes of others are left to these.
-    integer, intent(in) :: share, owner(n_nodes)
-    !> Equations by nodes, 0 for none.
+    !> Index of the part, see `element_partition_t`.
+    integer, intent(in) :: part
+    !> Part that owns each node (n_nodes); columns of nodes of other parts are left to their owners.
+    integer, intent(in) :: owner(n_nodes)
+    !> Equations by nodes, 0 for none (dim, n_nodes).
     integer, intent(in) :: equation(dim, n_nodes)
-    !> Places of the blocks; see `block_positions_t`.
-    integer, intent(in) :: n_free(n_nodes), first(n_nodes + 1), neighbour(*), offset(*)
-    !> Column starts, 0-based.
+    !> Number of equations of each node (n_nodes).
+    integer, intent(in) :: n_free(n_nodes)
+    !> First greater neighbour of each node (n_nodes + 1).
+    integer, intent(in) :: first(n_nodes + 1)
+    !> Greater neighbours, see `block_positions_t` (n_blocks).
+    integer, intent(in) :: neighbour(*)
+    !> Row offsets of the blocks, see `block_positions_t` (n_blocks).
+    integer, intent(in) :: offset(*)
+    !> First entry of each column, 0-based (n_equations + 1).
     integer(int64), intent(in) :: column_start(*)
-    !> Values of the matrix.
+    !> Values of the matrix (n_entries) [force/length].
     real(dp), intent(inout) :: value(*)
     integer :: order(n), ia, ib, a, b, i, j, p, rank
-    integer(int64) :: base(dim), place
+    integer(int64) :: base(dim), position
     call sort_nodes(n, node, order)
     do ib = 1, n
       b = order(ib)
-      if (n_free(node(b)) == 0 .or. owner(node(b)) /= share) cycle
+      if (n_free(node(b)) == 0 .or. owner(node(b)) /= part) cycle
       rank = 0
       base = 0
       do j = 1, dim
         if (equation(j, node(b)) == 0) cycle
-        place = column_start(equation(j, node(b)))
+        position = column_start(equation(j, node(b)))
         do i = j, dim
           if (equation(i, node(b)) == 0) cycle
-          place = place + 1
-          value(place) = value(place) + k(b, b, i, j)
+          position = position + 1
+          value(position) = value(position) + k(b, b, i, j)
         end do
         rank = rank + 1
-        base(j) = place
+        base(j) = position
       end do
       p = first(node(b))
       do ia = ib + 1, n
@@ -183,19 +212,19 @@ contains
         end do
         if (rank == dim .and. n_free(node(a)) == dim) then
           do j = 1, dim
-            place = base(j) + offset(p)
+            position = base(j) + offset(p)
             do i = 1, dim
-              value(place + i) = value(place + i) + k(a, b, i, j)
+              value(position + i) = value(position + i) + k(a, b, i, j)
             end do
           end do
         else
           do j = 1, dim
             if (equation(j, node(b)) == 0) cycle
-            place = base(j) + offset(p)
+            position = base(j) + offset(p)
             do i = 1, dim
               if (equation(i, node(a)) == 0) cycle
-              place = place + 1
-              value(place) = value(place) + k(a, b, i, j)
+              position = position + 1
+              value(position) = value(position) + k(a, b, i, j)
             end do
           end do
         end if
@@ -203,10 +232,13 @@ contains
     end do
   end subroutine scatter
 
-  !> The order of an element's nodes by their numbers.
+  !> Order of the nodes of an element by their numbers: insertion sort of at most 27 numbers in the innermost kernel.
   pure subroutine sort_nodes(n, node, order)
+    !> Number of nodes of the element.
     integer, intent(in) :: n
+    !> Nodes of the element (n).
     integer, intent(in) :: node(n)
+    !> Local index of the k-th node (n).
     integer, intent(out) :: order(n)
     integer :: i, k
     do i = 1, n

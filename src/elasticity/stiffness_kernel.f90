@@ -1,8 +1,8 @@
-!> Element stiffness matrices.
+!> Kernels of element stiffness matrices.
 !>
-!> With M(ak,bl) = sum over points of w g_ak g_bl, g_ak the gradient slot k of shape function a, every linear elastic
-!> stiffness is K(ai,bj) = sum_kl C(ik,jl) M(ak,bl), in whatever analysis; an isotropic body in three dimensions needs
-!> K(ai,bj) = lambda M(ai,bj) + mu M(aj,bi) + mu delta_ij sum_k M(ak,bk) only.
+!> With M(ak,bl) = sum over points of w g_ak g_bl, where g_ak is gradient slot k of shape function a, every linear
+!> elastic stiffness is K(ai,bj) = sum_kl C(ik,jl) M(ak,bl) in any analysis; an isotropic body in three dimensions
+!> needs only K(ai,bj) = lambda M(ai,bj) + mu M(aj,bi) + mu delta_ij sum_k M(ak,bk).
 module dotyk_elasticity_stiffness_kernel
   use dotyk_base_kinds, only: dp
   implicit none
@@ -11,7 +11,7 @@ module dotyk_elasticity_stiffness_kernel
 
 contains
 
-  !> Products of gradients summed over the points: blocks k >= l of M, a of slot k by b of slot l.
+  !> Products of gradients, summed over the points: the blocks of M on and below the diagonal.
   pure subroutine gradient_products(n, slots, n_points, g, w, products)
     !> Number of nodes.
     integer, intent(in) :: n
@@ -19,11 +19,11 @@ contains
     integer, intent(in) :: slots
     !> Number of quadrature points.
     integer, intent(in) :: n_points
-    !> Gradients, node and slot in one index [1/length].
+    !> Gradients, node and slot in one index (n*slots, n_points) [1/length].
     real(dp), intent(in) :: g(n*slots, n_points)
-    !> Weights [volume].
+    !> Quadrature weights times the modulus field (n_points) [volume].
     real(dp), intent(in) :: w(n_points)
-    !> M; only blocks on and below the diagonal are set [length^(dim-2)].
+    !> M; blocks above the diagonal are not set (n*slots, n*slots) [length^(dim-2)].
     real(dp), intent(out) :: products(n*slots, n*slots)
     integer :: first, last, column, row, q
     real(dp) :: c1, c2, c3, c4
@@ -55,11 +55,13 @@ contains
   pure subroutine stiffness_isotropic(n, lambda, mu, m, k)
     !> Number of nodes.
     integer, intent(in) :: n
-    !> Lame's constants [pressure].
-    real(dp), intent(in) :: lambda, mu
-    !> Products of gradients from `gradient_products` [length].
+    !> Lame's first parameter [pressure].
+    real(dp), intent(in) :: lambda
+    !> Shear modulus [pressure].
+    real(dp), intent(in) :: mu
+    !> Products of gradients from `gradient_products` (n, 3, n, 3) [length].
     real(dp), intent(in) :: m(n, 3, n, 3)
-    !> Stiffness: node a, node b, component i, component j [force/length].
+    !> Element stiffness: node a, node b, component i, component j (n, n, 3, 3) [force/length].
     real(dp), intent(out) :: k(n, n, 3, 3)
     integer :: i, j, a, b
     do b = 1, n
@@ -98,13 +100,14 @@ contains
     integer, intent(in) :: dim
     !> Number of gradient slots.
     integer, intent(in) :: slots
-    !> Strain to which slot s of component i belongs, 0 for none.
+    !> Strain index of each component and slot, 0 for none (dim, slots).
     integer, intent(in) :: strain(dim, slots)
-    !> From strains to stresses [pressure].
+    !> Material matrix: from strains to stresses (6, 6) [pressure].
     real(dp), intent(in) :: material(6, 6)
-    !> Products of gradients from `gradient_products`; completed by the blocks above the diagonal on return.
+    !> Products of gradients from `gradient_products`; blocks above the diagonal are set on return
+    !> (n, slots, n, slots) [length^(dim-2)].
     real(dp), intent(inout) :: m(n, slots, n, slots)
-    !> Stiffness: node a, node b, component i, component j [force/length].
+    !> Element stiffness: node a, node b, component i, component j (n, n, dim, dim) [force/length].
     real(dp), intent(out) :: k(n, n, dim, dim)
     integer :: i, j, s, t, a, b
     real(dp) :: c
@@ -138,7 +141,7 @@ contains
     end do
   end subroutine stiffness_general
 
-  !> Turn the unknowns of nodes into axes of their own: K_ab <- R_a^T K_ab R_b.
+  !> Rotate the unknowns of nodes into their local axes: K_ab <- R_a^T K_ab R_b.
   pure subroutine rotate_blocks(n, dim, n_frames, frame_of, frame, k)
     !> Number of nodes of the element.
     integer, intent(in) :: n
@@ -146,11 +149,11 @@ contains
     integer, intent(in) :: dim
     !> Number of sets of axes.
     integer, intent(in) :: n_frames
-    !> Axes of each node, 0 for the global ones.
+    !> Local axes of each node of the element, 0 for the global axes (n).
     integer, intent(in) :: frame_of(n)
-    !> Axes as columns.
+    !> Axes as columns (dim, dim, n_frames) [].
     real(dp), intent(in) :: frame(dim, dim, n_frames)
-    !> Stiffness: node a, node b, component i, component j.
+    !> Element stiffness: node a, node b, component i, component j (n, n, dim, dim) [force/length].
     real(dp), intent(inout) :: k(n, n, dim, dim)
     real(dp) :: line(n, dim)
     integer :: a, i, j

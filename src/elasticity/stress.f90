@@ -1,4 +1,4 @@
-!> Stresses for output.
+!> Element stresses for output.
 module dotyk_elasticity_stress
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
@@ -11,9 +11,10 @@ module dotyk_elasticity_stress
 
 contains
 
-  !> Mean stress of each element over its volume; of nearly incompressible linear elements with a pressure that does not alternate.
+  !> Mean stress of each element; nearly incompressible linear elements get a smoothed pressure, which does not
+  !> alternate.
   subroutine element_stress(body, u, stress)
-    !> The body; assembled before, so that its elements and formulas are known to be sound.
+    !> The body; assembled before, so that its elements and formulas are known to be valid.
     type(body_t), intent(in) :: body
     !> Displacements in global axes (dim, n_nodes) [length].
     real(dp), intent(in) :: u(:, :)
@@ -32,7 +33,7 @@ contains
     end do
   end subroutine element_stress
 
-  !> Equivalent stress after von Mises [pressure].
+  !> Equivalent stress of von Mises [pressure].
   pure real(dp) function von_mises(stress)
     !> Stresses xx yy zz and the three shear stresses in any order (6) [pressure].
     real(dp), intent(in) :: stress(6)

@@ -1,4 +1,4 @@
-!> From displacements to stresses and energy, with the quadrature of the stiffness.
+!> Mean stresses of elements and strain energy of a displacement, with the quadrature of the stiffness.
 module dotyk_elasticity_stress_energy
   use omp_lib, only: omp_get_max_threads, omp_in_parallel
   use dotyk_base_error, only: error_t
@@ -12,56 +12,69 @@ module dotyk_elasticity_stress_energy
 
 contains
 
-  !> Mean stress of each element, and the energy of all.
+  !> Mean stress of each element, and the strain energy.
   subroutine stresses_and_energy(mesh, analysis, material, u, stress, energy, error, mean_modulus_factor)
+    !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
-    !> One of dotyk_elasticity_analysis' constants.
+    !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
+    !> Material of the body.
     type(material_t), intent(in) :: material
     !> Displacements in global axes (dim, n_nodes) [length].
     real(dp), intent(in) :: u(:, :)
-    !> Stresses, order xx yy zz yz xz xy (6, n_elements) [pressure].
+    !> Mean stresses, order xx yy zz yz xz xy (6, n_elements) [pressure].
     real(dp), intent(out) :: stress(:, :)
-    !> Strain energy [force length].
+    !> Strain energy [energy].
     real(dp), intent(out) :: energy
-    !> Allocated where an element or the factor on the stiffness is wrong; assembly finds that first.
+    !> Allocated where an element is inverted or the modulus field is not positive; assembly finds this first.
     type(error_t), allocatable, intent(out) :: error
-    !> Mean of the factor on the stiffness over each element (n_elements).
+    !> Mean of the modulus field over each element (n_elements) [].
     real(dp), intent(out), optional :: mean_modulus_factor(:)
-    real(dp), allocatable :: of_element(:), factor(:)
+    real(dp), allocatable :: element_energy(:), factor(:)
     integer :: i, first, last
     stress = 0
-    allocate (of_element(size(stress, 2)), factor(size(stress, 2)), source=0.0_dp)
+    allocate (element_energy(size(stress, 2)), factor(size(stress, 2)), source=0.0_dp)
     last = 0
     do i = 1, size(mesh%block)
       first = last + 1
       last = last + size(mesh%block(i)%node, 2)
-      call recover_block(mesh, i, analysis, material, u, stress(:, first:last), of_element(first:last), &
-                         factor(first:last), error)
+      call evaluate_block(mesh, i, analysis, material, u, stress(:, first:last), element_energy(first:last), &
+                          factor(first:last), error)
       if (allocated(error)) exit
     end do
-    ! In the order of the elements: the same digits on any number of threads.
-    energy = sum(of_element)
+    ! Summed in the order of the elements: the same rounding on any number of threads.
+    energy = sum(element_energy)
     if (present(mean_modulus_factor)) mean_modulus_factor = factor
   end subroutine stresses_and_energy
 
-  !> The elements of one block, shared out over the threads.
-  subroutine recover_block(mesh, i_block, analysis, material, u, stress, energy, mean_modulus_factor, error)
+  !> Evaluate the elements of one block, distributed over the threads.
+  subroutine evaluate_block(mesh, i_block, analysis, material, u, stress, energy, mean_modulus_factor, error)
+    !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
-    integer, intent(in) :: i_block, analysis
+    !> Index of the element block.
+    integer, intent(in) :: i_block
+    !> Type of analysis: one of the `analysis_*` constants.
+    integer, intent(in) :: analysis
+    !> Material of the body.
     type(material_t), intent(in) :: material
+    !> Displacements in global axes (dim, n_nodes) [length].
     real(dp), intent(in) :: u(:, :)
-    !> Of the elements of the block.
-    real(dp), intent(inout) :: stress(:, :), energy(:), mean_modulus_factor(:)
+    !> Mean stresses of the elements of the block (6, n_elements) [pressure].
+    real(dp), intent(inout) :: stress(:, :)
+    !> Strain energies of the elements of the block (n_elements) [energy].
+    real(dp), intent(inout) :: energy(:)
+    !> Mean of the modulus field over each element of the block (n_elements) [].
+    real(dp), intent(inout) :: mean_modulus_factor(:)
+    !> Allocated where an element is inverted or the modulus field is not positive at a quadrature point.
     type(error_t), allocatable, intent(out) :: error
     type(error_t), allocatable :: failed
-    integer :: n, s, n_shares
+    integer :: n, s, n_parts
     n = size(energy)
-    n_shares = merge(1, min(n, omp_get_max_threads()), omp_in_parallel())
+    n_parts = merge(1, min(n, omp_get_max_threads()), omp_in_parallel())
     !$omp parallel do default(none) schedule(static, 1) private(failed) &
-    !$omp& shared(mesh, i_block, analysis, material, u, stress, energy, mean_modulus_factor, error, n, n_shares)
-    do s = 1, n_shares
-      call recover_elements(mesh, i_block, analysis, material, u, (n*(s - 1))/n_shares + 1, (n*s)/n_shares, stress, &
+    !$omp& shared(mesh, i_block, analysis, material, u, stress, energy, mean_modulus_factor, error, n, n_parts)
+    do s = 1, n_parts
+      call evaluate_elements(mesh, i_block, analysis, material, u, (n*(s - 1))/n_parts + 1, (n*s)/n_parts, stress, &
                             energy, mean_modulus_factor, failed)
       if (.not. allocated(failed)) cycle
       !$omp critical(dotyk_recovery)
@@ -69,18 +82,32 @@ contains
       !$omp end critical(dotyk_recovery)
     end do
     !$omp end parallel do
-  end subroutine recover_block
+  end subroutine evaluate_block
 
-  !> Some elements of a block.
-  subroutine recover_elements(mesh, i_block, analysis, material, u, first, last, stress, energy, mean_modulus_factor, error)
+  !> Evaluate a range of elements of a block.
+  subroutine evaluate_elements(mesh, i_block, analysis, material, u, first, last, stress, energy, mean_modulus_factor, &
+      error)
+    !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
-    integer, intent(in) :: i_block, analysis
+    !> Index of the element block.
+    integer, intent(in) :: i_block
+    !> Type of analysis: one of the `analysis_*` constants.
+    integer, intent(in) :: analysis
+    !> Material of the body.
     type(material_t), intent(in) :: material
+    !> Displacements in global axes (dim, n_nodes) [length].
     real(dp), intent(in) :: u(:, :)
-    !> From the first to the last of these.
-    integer, intent(in) :: first, last
-    !> Of all elements of the block.
-    real(dp), intent(inout) :: stress(:, :), energy(:), mean_modulus_factor(:)
+    !> First element.
+    integer, intent(in) :: first
+    !> Last element.
+    integer, intent(in) :: last
+    !> Mean stresses of the elements of the block (6, n_elements) [pressure].
+    real(dp), intent(inout) :: stress(:, :)
+    !> Strain energies of the elements of the block (n_elements) [energy].
+    real(dp), intent(inout) :: energy(:)
+    !> Mean of the modulus field over each element of the block (n_elements) [].
+    real(dp), intent(inout) :: mean_modulus_factor(:)
+    !> Allocated where an element is inverted or the modulus field is not positive at a quadrature point.
     type(error_t), allocatable, intent(out) :: error
     type(element_quadrature_t) :: points
     real(dp), allocatable :: ue(:, :)
@@ -94,35 +121,45 @@ contains
         call points%move_to(mesh, i_block, e, error)
         if (allocated(error)) exit
         ue(:, :) = u(:, points%node)
-        call element_stress_energy(n, dim, points%slots, m, points%g, points%w, points%stiffness, points%strain, points%matrix, &
-                                   ue, stress(:, e), energy(e))
+        call element_stress_energy(n, dim, points%slots, m, points%g, points%w, points%stiffness, points%strain, &
+                                   points%matrix, ue, stress(:, e), energy(e))
         volume = sum(points%w(:m))
         stiffness = sum(points%stiffness(:m))
         mean_modulus_factor(e) = stiffness/volume
-        if (points%bulk > 0) call add_dilatation(n, dim, points%n_functions, points%bulk, points%dilatation, volume, stiffness, &
-                                                 ue, stress(1:3, e), energy(e))
+        if (points%bulk > 0) then
+          call add_dilatation(n, dim, points%n_functions, points%bulk, points%dilatation, volume, stiffness, ue, &
+                              stress(1:3, e), energy(e))
+        end if
       end do
     end associate
     call points%destroy()
-  end subroutine recover_elements
+  end subroutine evaluate_elements
 
   !> Mean stress of an element, and its energy.
   pure subroutine element_stress_energy(n, dim, slots, n_points, g, w, stiffness, strain_of, matrix, u, stress, energy)
-    !> Numbers of nodes, displacement components, gradient slots, quadrature points.
-    integer, intent(in) :: n, dim, slots, n_points
-    !> Gradients of the shape functions [1/length].
+    !> Number of nodes of the element.
+    integer, intent(in) :: n
+    !> Number of displacement components, 2 or 3.
+    integer, intent(in) :: dim
+    !> Number of gradient slots: `dim`, or 3 in axisymmetric analyses.
+    integer, intent(in) :: slots
+    !> Number of quadrature points.
+    integer, intent(in) :: n_points
+    !> Gradients of the shape functions (n, slots, n_points) [1/length].
     real(dp), intent(in) :: g(n, slots, n_points)
-    !> Weights, and weights times the factor on the stiffness [volume].
-    real(dp), intent(in) :: w(n_points), stiffness(n_points)
-    !> Strain of each component and slot, 0 for none.
+    !> Quadrature weights (n_points) [volume].
+    real(dp), intent(in) :: w(n_points)
+    !> Weights times the modulus field (n_points) [volume].
+    real(dp), intent(in) :: stiffness(n_points)
+    !> Strain index of each component and slot, 0 for none (dim, slots).
     integer, intent(in) :: strain_of(dim, slots)
-    !> From strains to stresses [pressure].
+    !> Unprojected part of the material: from strains to stresses (6, 6) [pressure].
     real(dp), intent(in) :: matrix(6, 6)
-    !> Displacements [length].
+    !> Displacements (dim, n) [length].
     real(dp), intent(in) :: u(dim, n)
-    !> Mean stress [pressure].
+    !> Mean stress (6) [pressure].
     real(dp), intent(out) :: stress(6)
-    !> [force length].
+    !> Strain energy [energy].
     real(dp), intent(out) :: energy
     real(dp) :: strain(6), total(6), slope
     integer :: q, i, s, a
@@ -147,25 +184,31 @@ contains
     stress = total/sum(w)
   end subroutine element_stress_energy
 
-  !> Add the part of the projected dilatation to the mean stress of an element and its energy.
+  !> Add the contribution of the projected dilatation to the mean stress of an element and to its energy.
   pure subroutine add_dilatation(n, dim, n_functions, bulk, d, volume, stiffness, u, normal_stress, energy)
-    !> Numbers of nodes, displacement components, functions.
-    integer, intent(in) :: n, dim, n_functions
+    !> Number of nodes of the element.
+    integer, intent(in) :: n
+    !> Number of displacement components, 2 or 3.
+    integer, intent(in) :: dim
+    !> Number of projection functions.
+    integer, intent(in) :: n_functions
     !> Projected part of the bulk modulus [pressure].
     real(dp), intent(in) :: bulk
-    !> From `projected_dilatations`.
+    !> Linear forms from `projected_dilatations` (n*dim, n_functions) [sqrt(volume)/length].
     real(dp), intent(in) :: d(n*dim, n_functions)
-    !> Volume, and the same weighted with the factor on the stiffness [volume].
-    real(dp), intent(in) :: volume, stiffness
-    !> Displacements [length].
+    !> Volume of the element [volume].
+    real(dp), intent(in) :: volume
+    !> Integral of the modulus field over the element [volume].
+    real(dp), intent(in) :: stiffness
+    !> Displacements (dim, n) [length].
     real(dp), intent(in) :: u(dim, n)
-    !> Mean stresses xx, yy, zz [pressure].
+    !> Mean stresses xx, yy, zz, added to (3) [pressure].
     real(dp), intent(inout) :: normal_stress(3)
-    !> [force length].
+    !> Strain energy, added to [energy].
     real(dp), intent(inout) :: energy
     real(dp) :: amplitude(n_functions)
     amplitude = matmul(reshape(transpose(u), [n*dim]), d)
-    ! The functions after the first, which is constant, have no mean.
+    ! Only the first function, a constant, has a mean.
     normal_stress = normal_stress + bulk*amplitude(1)*sqrt(stiffness)/volume
     energy = energy + 0.5_dp*bulk*sum(amplitude**2)
   end subroutine add_dilatation

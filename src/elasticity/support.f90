@@ -1,7 +1,9 @@
-!> Supports: given displacements on surfaces, in global axes or in those of the surface.
+!> Supports: prescribed displacements on surfaces, along global axes or along those of the surface.
 !>
-!> Values are three numbers whatever the dimension: along x, y, z, or along xi, eta, n where `fix` names axes of the
-!> surface (in two dimensions z and eta are not used). n is the outward normal.
+!> Values are three numbers in any dimension: along x, y, z, or along xi, eta, n where `fix` names axes of the surface
+!> (z and eta are not used in two dimensions); n is the outward normal. Each support contributes Dirichlet conditions
+!> `direction . u = value` at the nodes of its surface; the conditions of each node are combined to nodal axes
+!> (`dotyk_elasticity_node_axes`).
 module dotyk_elasticity_support
   use dotyk_base_directions, only: directions_t
   use dotyk_base_error, only: add_context, error_t, exit_bad_input, set_error
@@ -10,9 +12,9 @@ module dotyk_elasticity_support
   use dotyk_base_text, only: quoted, text_t, to_text
   use dotyk_elasticity_constraint, only: constraint_t, held
   use dotyk_elasticity_face_normals, only: add_face_normals, group_normals
-  use dotyk_elasticity_vector_field, only: vector_field_t, point_text, vector_text
-  use dotyk_elasticity_node_axes, only: combine_conditions, node_axes_t
   use dotyk_elasticity_nodal_vector_list, only: nodal_vector_list_t
+  use dotyk_elasticity_node_axes, only: combine_conditions, node_axes_t
+  use dotyk_elasticity_vector_field, only: vector_field_t, point_text, vector_text
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_facet, only: frame_of_normal
   use dotyk_mesh_surface, only: surface_nodes, surface_t
@@ -21,35 +23,40 @@ module dotyk_elasticity_support
 
   !> One support.
   type, public :: support_t
-    !> Where.
+    !> The surface.
     type(surface_t) :: surface
     !> Directions of prescribed displacements.
     type(directions_t) :: fix
-    !> Given displacement (3) [length].
+    !> Prescribed displacement (3) [length].
     real(dp) :: value(3) = 0
-    !> Formulas of the given displacement (3); an empty one leaves the value. None where not allocated.
+    !> Formulas of the components; an empty one keeps the value; no formulas where not allocated (3).
     type(text_t), allocatable :: formula(:)
   end type support_t
+
+  !> Differences of prescribed displacements below this fraction of the largest one are rounding errors.
+  real(dp), parameter :: displacement_tolerance = 1.0e-9_dp
+  !> Nodes of axisymmetric bodies nearer to the axis than this fraction of the body's size are on the axis.
+  real(dp), parameter :: axis_tolerance = 1.0e-9_dp
 
   public :: collect_supports
 
 contains
 
-  !> Free and given unknowns of a body from all its supports.
+  !> Equations and prescribed displacements of a body from all its supports.
   !>
-  !> At a node on several surfaces, or on several faces of one, all directions count. Normals of a surface, or of
-  !> surfaces with the same `fix`, that are within 20 degrees are averaged; others count separately. In axisymmetric
-  !> analyses nodes on the axis do not move off it.
+  !> At a node on several surfaces, or on several faces of one, the conditions of all directions count. Normals of a
+  !> surface, or of surfaces with the same `fix`, that are within 20 degrees are averaged; others count separately. In
+  !> axisymmetric analyses nodes on the axis have no radial displacement.
   subroutine collect_supports(mesh, analysis, supports, constraint, error)
-    !> The body's elements.
+    !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
-    !> One of dotyk_elasticity_analysis' constants.
+    !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
-    !> Its supports.
+    !> Supports of the body (n_supports).
     type(support_t), intent(in) :: supports(:)
-    !> Free and given unknowns, numbered.
+    !> Equations, prescribed displacements and nodal axes.
     type(constraint_t), intent(out) :: constraint
-    !> Allocated where a support cannot be used, or two contradict.
+    !> Allocated where a formula does not parse or has no value at a node, or where supports contradict each other.
     type(error_t), allocatable, intent(out) :: error
     type(nodal_vector_list_t) :: conditions, faces
     type(vector_field_t) :: fields(size(supports))
@@ -87,14 +94,17 @@ contains
   subroutine add_global_conditions(x, surface, s, fixed, field, conditions, error)
     !> Nodes of the body (dim, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
+    !> Surface of the support.
     type(surface_t), intent(in) :: surface
     !> Index of the support.
     integer, intent(in) :: s
-    !> Whether the displacements along x, y, z are given.
+    !> Whether the displacements along x, y, z are prescribed (3).
     logical, intent(in) :: fixed(3)
-    !> The displacement [length].
+    !> Prescribed displacement [length].
     type(vector_field_t), intent(in) :: field
+    !> Dirichlet conditions, added to.
     type(nodal_vector_list_t), intent(inout) :: conditions
+    !> Allocated where a formula has no value at a node.
     type(error_t), allocatable, intent(out) :: error
     integer, allocatable :: nodes(:)
     real(dp) :: value(3), axis(size(x, 1))
@@ -112,16 +122,19 @@ contains
     end do
   end subroutine add_global_conditions
 
-  !> Add the Dirichlet conditions of the supports in axes of their surfaces, face by face.
+  !> Add the Dirichlet conditions of supports in axes of their surfaces, face by face.
   subroutine add_local_conditions(x, supports, fields, faces, conditions, error)
     !> Nodes of the body (dim, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
+    !> Supports of the body (n_supports).
     type(support_t), intent(in) :: supports(:)
-    !> The displacements [length].
+    !> Prescribed displacements (n_supports) [length].
     type(vector_field_t), intent(in) :: fields(:)
-    !> Normals of the faces at the nodes.
+    !> Normals of the facets at the nodes.
     type(nodal_vector_list_t), intent(in) :: faces
+    !> Dirichlet conditions, added to.
     type(nodal_vector_list_t), intent(inout) :: conditions
+    !> Allocated where a formula has no value at a node; names the surface.
     type(error_t), allocatable, intent(out) :: error
     integer, allocatable :: first(:), order(:), signature(:), group(:)
     real(dp), allocatable :: normal(:, :), area(:), mean(:, :)
@@ -141,7 +154,7 @@ contains
         do g = 1, n_groups
           do i = 1, n
             if (group(i) /= g) cycle
-            ! Each support of a group once.
+            ! Each support of a group contributes once.
             if (any(group(:i - 1) == g .and. faces%source(here(:i - 1)) == faces%source(here(i)))) cycle
             call add_face_conditions(x(:, node), node, mean(:, g), faces%source(here(i)), &
               supports(faces%source(here(i)))%fix%fixed, fields(faces%source(here(i))), conditions, error)
@@ -157,18 +170,21 @@ contains
 
   !> Add the Dirichlet conditions of one support at a node on one smooth face.
   subroutine add_face_conditions(x, node, normal, s, fixed, field, conditions, error)
-    !> Place of the node (dim) [length].
+    !> Position of the node (dim) [length].
     real(dp), intent(in) :: x(:)
+    !> The node.
     integer, intent(in) :: node
-    !> Unit normal of the face.
+    !> Unit normal of the face (dim) [].
     real(dp), intent(in) :: normal(:)
     !> Index of the support.
     integer, intent(in) :: s
-    !> Whether the displacements along xi, eta, n are given.
+    !> Whether the displacements along xi, eta, n are prescribed (3).
     logical, intent(in) :: fixed(3)
-    !> The displacement along xi, eta, n [length].
+    !> Prescribed displacement along xi, eta, n [length].
     type(vector_field_t), intent(in) :: field
+    !> Dirichlet conditions, added to.
     type(nodal_vector_list_t), intent(inout) :: conditions
+    !> Allocated where a formula has no value at the node.
     type(error_t), allocatable, intent(out) :: error
     real(dp) :: value(3), frame(size(x), size(x))
     call field%evaluate(x, value, error)
@@ -179,25 +195,31 @@ contains
     if (fixed(3)) call conditions%add(node, s, frame(:, size(x)), value(3))
   end subroutine add_face_conditions
 
-  !> Nodes on the axis of an axisymmetric body do not move off it.
+  !> Add the conditions of symmetry: nodes on the axis of an axisymmetric body have no radial displacement.
   subroutine add_axis_conditions(x, conditions)
     !> Nodes of the body (2, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
+    !> Dirichlet conditions, added to.
     type(nodal_vector_list_t), intent(inout) :: conditions
     real(dp) :: body_size
     integer :: i
     body_size = max(maxval(abs(x(1, :))), maxval(x(2, :)) - minval(x(2, :)))
     do i = 1, size(x, 2)
-      if (abs(x(1, i)) <= 1.0e-9_dp*body_size) call conditions%add(i, 0, [1.0_dp, 0.0_dp], 0.0_dp)
+      if (abs(x(1, i)) <= axis_tolerance*body_size) call conditions%add(i, 0, [1.0_dp, 0.0_dp], 0.0_dp)
     end do
   end subroutine add_axis_conditions
 
-  !> Turn the conditions into given unknowns, node by node.
+  !> Combine the conditions node by node to nodal axes and prescribed displacements.
   subroutine apply_conditions(mesh, supports, conditions, constraint, error)
+    !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
+    !> Supports of the body, for messages (n_supports).
     type(support_t), intent(in) :: supports(:)
+    !> Dirichlet conditions.
     type(nodal_vector_list_t), intent(in) :: conditions
+    !> Equations, prescribed displacements and nodal axes.
     type(constraint_t), intent(inout) :: constraint
+    !> Allocated where supports contradict each other.
     type(error_t), allocatable, intent(out) :: error
     type(node_axes_t) :: axes
     integer, allocatable :: first(:), order(:)
@@ -206,7 +228,7 @@ contains
     integer :: node, n, n_frames, dim
     dim = mesh%dimension
     tolerance = 0
-    if (conditions%n > 0) tolerance = 1.0e-9_dp*maxval(abs(conditions%value(:conditions%n)))
+    if (conditions%n > 0) tolerance = displacement_tolerance*maxval(abs(conditions%value(:conditions%n)))
     call conditions%by_node(mesh%n_nodes(), first, order)
     n_frames = 0
     allocate (frame(dim, dim, count(first(2:mesh%n_nodes() + 1) > first(:mesh%n_nodes()))))
@@ -217,8 +239,8 @@ contains
       value = conditions%value(order(first(node):first(node + 1) - 1))
       axes = combine_conditions(dim, n, direction, value, tolerance)
       if (axes%contradiction > 0) then
-        call contradiction_error(mesh, supports, node, conditions%source(order(first(node):first(node + 1) - 1)), axes, &
-          direction(:, axes%contradiction), error)
+        call contradiction_error(mesh, supports, node, conditions%source(order(first(node):first(node + 1) - 1)), &
+                                 axes, direction(:, axes%contradiction), error)
         return
       end if
       where (axes%is_given(:dim)) constraint%equation(:, node) = held
@@ -231,16 +253,21 @@ contains
     constraint%frame = frame(:, :, :n_frames)
   end subroutine apply_conditions
 
-  !> The error of supports that contradict each other at a node.
+  !> Create the error of supports that contradict each other at a node.
   subroutine contradiction_error(mesh, supports, node, source, axes, direction, error)
+    !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
+    !> Supports of the body (n_supports).
     type(support_t), intent(in) :: supports(:)
+    !> The node.
     integer, intent(in) :: node
-    !> Supports of all conditions at the node.
+    !> Supports of all conditions at the node; 0 for the axis of symmetry (n_conditions).
     integer, intent(in) :: source(:)
+    !> Nodal axes with the contradicting condition.
     type(node_axes_t), intent(in) :: axes
-    !> Direction of the demand that contradicts the others.
+    !> Direction of this condition (dim) [].
     real(dp), intent(in) :: direction(:)
+    !> Allocated on return; names node, surfaces, direction and both displacements.
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: names, name
     real(dp) :: unit(size(direction)), sign
@@ -259,7 +286,8 @@ contains
     if (maxval(unit) < maxval(abs(unit))) sign = -1
     unit = sign*unit
     call set_error(error, 'supports contradict each other at node '//to_text(mesh%node_tag(node))//' at '// &
-      point_text(mesh%x(:, node))//' (surfaces '//names//'): the displacement along '//vector_text(unit, 1.0_dp)// &
-      ' is given as '//to_text(sign*axes%implied_value)//' and as '//to_text(sign*axes%conflicting_value), exit_bad_input)
+                   point_text(mesh%x(:, node))//' (surfaces '//names//'): the displacement along '// &
+                   vector_text(unit, 1.0_dp)//' is given as '//to_text(sign*axes%implied_value)//' and as '// &
+                   to_text(sign*axes%conflicting_value), exit_bad_input)
   end subroutine contradiction_error
 end module dotyk_elasticity_support

@@ -1,6 +1,6 @@
-!> A vector that depends on the place: constants, formulas, or some of each.
+!> A vector field in space: constant components, components by formula, or both.
 !>
-!> Formulas are parsed here from their text, for one field serves one thread: no two bodies share one.
+!> Formulas are parsed here from their text, because a formula serves one thread: no two users share a field.
 module dotyk_elasticity_vector_field
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use dotyk_base_error, only: error_t, exit_bad_input, set_error
@@ -11,13 +11,16 @@ module dotyk_elasticity_vector_field
   implicit none
   private
 
-  !> A vector field. Never copy it; destroy it in the end.
+  !> Numbers below this fraction of the scale of a text are rounding errors, and written as zero.
+  real(dp), parameter :: text_rounding = 1.0e-9_dp
+
+  !> A vector field. It owns formulas: never copy it, and destroy it in the end.
   type, public :: vector_field_t
-    !> Components that have no formula (3).
+    !> Components without a formula (3) [any unit].
     real(dp) :: value(3) = 0
-    !> Whether the value is the same everywhere.
+    !> Whether no component has a formula.
     logical :: constant = .true.
-    !> Formulas of the components; not set: the constant (3).
+    !> Formulas of the components; not set where the component is constant (3).
     type(formula_t) :: formula(3)
   contains
     procedure :: init => vector_field_init
@@ -32,11 +35,11 @@ contains
   !> Parse the formulas of a field.
   subroutine vector_field_init(self, value, error, text)
     class(vector_field_t), intent(inout) :: self
-    !> Constant components (3).
+    !> Constant components (3) [any unit].
     real(dp), intent(in) :: value(3)
     !> Allocated where a formula does not parse.
     type(error_t), allocatable, intent(out) :: error
-    !> Formulas of the first components; an empty one leaves the constant. None where not allocated.
+    !> Formulas of the first components; an empty one keeps the constant; no formulas where not allocated (<= 3).
     type(text_t), intent(in), allocatable, optional :: text(:)
     integer :: i
     call self%destroy()
@@ -55,23 +58,23 @@ contains
     end do
   end subroutine vector_field_init
 
-  !> The vector at a place.
+  !> Value of the field at a point.
   subroutine vector_field_evaluate(self, x, value, error)
     class(vector_field_t), intent(in) :: self
-    !> Coordinates, two or three [length].
+    !> Coordinates of the point, two or three (dim) [length].
     real(dp), intent(in) :: x(:)
-    !> The vector (3).
+    !> The vector (3) [any unit].
     real(dp), intent(out) :: value(3)
-    !> Allocated where a component is no number, or too large a one, there.
+    !> Allocated where a component has no finite value there, or one that is too large or too small.
     type(error_t), allocatable, intent(out) :: error
-    real(dp) :: place(3)
+    real(dp) :: position(3)
     integer :: i
     value = self%value
     if (self%constant) return
-    place = 0
-    place(:size(x)) = x
+    position = 0
+    position(:size(x)) = x
     do i = 1, 3
-      if (self%formula(i)%is_set()) value(i) = self%formula(i)%evaluate(place)
+      if (self%formula(i)%is_set()) value(i) = self%formula(i)%evaluate(position)
       if (.not. is_too_large(value(i))) cycle
       !$omp critical (message)
       call set_error(error, 'the formula is '//to_text(value(i))//' at '//point_text(x), exit_bad_input)
@@ -81,7 +84,7 @@ contains
     end do
   end subroutine vector_field_evaluate
 
-  !> Give the formulas back; the field is constantly zero then.
+  !> Free the formulas; the field is constantly zero afterwards.
   subroutine vector_field_destroy(self)
     class(vector_field_t), intent(inout) :: self
     integer :: i
@@ -92,8 +95,9 @@ contains
     self%constant = .true.
   end subroutine vector_field_destroy
 
-  !> A place for messages, as "(1.5, 0, 2)".
+  !> A point for messages, as in "(1.5, 0, 2)".
   pure function point_text(x) result(text)
+    !> Coordinates of the point (dim) [length].
     real(dp), intent(in) :: x(:)
     character(:), allocatable :: text
     integer :: i
@@ -105,15 +109,16 @@ contains
     text = text//')'
   end function point_text
 
-  !> A vector of numbers for messages, without the dust of round-off.
+  !> A vector for messages, without rounding errors.
   pure function vector_text(vector, scale) result(text)
+    !> The vector (n) [any unit].
     real(dp), intent(in) :: vector(:)
-    !> Numbers below 1e-9 of this are written as zero.
+    !> Size of numbers that are not rounding errors [any unit].
     real(dp), intent(in) :: scale
     character(:), allocatable :: text
     real(dp) :: clean(size(vector))
     clean = vector
-    where (abs(clean) < 1.0e-9_dp*abs(scale)) clean = 0
+    where (abs(clean) < text_rounding*abs(scale)) clean = 0
     text = point_text(clean)
   end function vector_text
 end module dotyk_elasticity_vector_field

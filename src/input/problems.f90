@@ -1,7 +1,6 @@
 !> The problems of a namelist file: gathered in any order, reported in the order of its lines.
 module dotyk_input_problems
   use dotyk_base_error, only: error_t, problem_list_t
-  use dotyk_base_kinds, only: dp
   use dotyk_base_sort, only: sort_order
   use dotyk_base_text, only: text_t, to_text
   implicit none
@@ -72,7 +71,7 @@ contains
     integer, allocatable :: order(:)
     integer :: i, k
     allocate (order(self%count))
-    call sort_order(real(self%line(:self%count), dp), order)
+    call sort_order(self%line(:self%count), order)
     do i = 1, self%count
       k = order(i)
       if (self%line(k) == no_line) then

@@ -6,7 +6,7 @@ module dotyk_input_settings
     stop_paper, theta_absolute, theta_mesh, theta_names
   use dotyk_base_text, only: shown
   use dotyk_input_case, only: output_input_t, scene_input_t, solver_input_t
-  use dotyk_input_files, only: directory_of, extension_of, is_directory, resolve_path, why_not_readable, &
+  use dotyk_input_paths, only: directory_of, extension_of, is_directory, resolve_path, why_not_readable, &
     without_extension
   use dotyk_input_problems, only: problems_t
   use dotyk_input_reader, only: group_t

@@ -123,7 +123,7 @@ class FlatElements(dotyk_case.Case):
         text = self.dotyk(self.scene(1e-9), code=3)
         self.assertIn("body 'upper'", text)
         self.assertRegex(text, "no digit")
-        self.assertIn("elements as flat as", text)
+        self.assertIn("elements of aspect ratio", text)
 
     def test_plate_of_a_hundredth(self):
         # Held against sliding alone, it gives the block what lies on it.

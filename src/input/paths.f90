@@ -1,5 +1,5 @@
 !> Files and paths: whole texts, places next to the namelist file, what stands in the way of reading.
-module dotyk_input_files
+module dotyk_input_paths
   use dotyk_base_error, only: error_t, set_error
   use dotyk_base_files, only: nature_of, why_no_file
   use dotyk_base_text, only: lower, quoted
@@ -113,4 +113,4 @@ contains
     character(*), intent(in) :: path
     inquire (file=path//'/.', exist=is_directory)
   end function is_directory
-end module dotyk_input_files
+end module dotyk_input_paths

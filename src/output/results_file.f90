@@ -2,7 +2,7 @@
 !>
 !> Written to a temporary name and renamed by `commit`: a results file is whole or absent, and an older one stays until
 !> then. Bodies are written one at a time. Every error has the exit code `exit_not_written`. One thread at a time.
-module dotyk_output_results
+module dotyk_output_results_file
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int32, int64
   use dotyk_mesh_body_mesh, only: body_mesh_t
@@ -394,4 +394,4 @@ contains
     call self%file%close(ignored)
     if (allocated(self%temporary)) call delete_file(self%temporary)
   end subroutine results_discard
-end module dotyk_output_results
+end module dotyk_output_results_file

@@ -1,5 +1,5 @@
 !> From checked groups to plain data: `&contact`.
-module dotyk_input_pairs
+module dotyk_input_contacts
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: gap_constant, gap_formula, gap_geometry, option_name, scheme_auto, scheme_dual, &
     scheme_names
@@ -91,4 +91,4 @@ contains
     end if
     call refer(group, key, trim(text(:colon - 1)), bodies, problems, body)
   end subroutine read_side
-end module dotyk_input_pairs
+end module dotyk_input_contacts
