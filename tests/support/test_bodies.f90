@@ -3,7 +3,7 @@ module test_bodies
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
   use dotyk_elasticity_analysis, only: analysis_dimension
-  use dotyk_elasticity_body, only: body_t
+  use dotyk_elasticity_body, only: body_t, stiffness_t
   use dotyk_elasticity_material, only: material_t
   use dotyk_elasticity_support, only: collect_supports, support_t
   use dotyk_linalg_cholesky, only: cholesky_t
@@ -33,7 +33,7 @@ module test_bodies
     procedure :: repeat => box_repeat
   end type box_t
 
-  public :: make_support, make_body, solve, rotation, body_force_of, steel
+  public :: make_support, make_body, solve, rotation, nodal_forces, steel
 
 contains
 
@@ -288,15 +288,16 @@ contains
     !> Displacements in global axes (dim, n_nodes).
     real(dp), allocatable, intent(out) :: u(:, :)
     type(error_t), allocatable, intent(out) :: error
+    type(stiffness_t) :: stiffness
     type(cholesky_t) :: factor
     real(dp), allocatable :: x(:)
     integer :: i, failed
     allocate (u(body%dimension, body%mesh%n_nodes()))
-    call body%assemble(error)
+    call body%assemble(stiffness, error)
     if (allocated(error)) return
-    call factor%analyze(body%stiffness, [(i, i=1, body%stiffness%n)], error)
+    call factor%analyze(stiffness%matrix, [(i, i=1, stiffness%matrix%n)], error)
     if (allocated(error)) return
-    call factor%factorize(body%stiffness, failed, error)
+    call factor%factorize(stiffness%matrix, failed, error)
     if (.not. allocated(error)) then
       x = body%rhs
       call factor%solve(x)
@@ -306,16 +307,19 @@ contains
   end subroutine solve
 
   !> Forces K u of all nodes in global axes, for a body without supports.
-  subroutine body_force_of(body, u, force)
-    type(body_t), intent(in) :: body
+  subroutine nodal_forces(stiffness, u, force)
+    !> Of the body.
+    type(stiffness_t), intent(in) :: stiffness
+    !> Displacements (dim, n_nodes) [length].
     real(dp), intent(in) :: u(:, :)
+    !> (dim, n_nodes) [force].
     real(dp), allocatable, intent(out) :: force(:, :)
     real(dp), allocatable :: x(:), y(:)
     x = reshape(u, [size(u)])
     allocate (y(size(u)))
-    call body%stiffness%multiply(x, y)
+    call stiffness%matrix%multiply(x, y)
     force = reshape(y, shape(u))
-  end subroutine body_force_of
+  end subroutine nodal_forces
 
   !> A rotation about a skew axis in three dimensions, in the plane in two.
   function rotation(dim, angle) result(matrix)
