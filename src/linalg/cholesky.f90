@@ -162,7 +162,7 @@ contains
     if (self%n == 0 .and. matrix%n == 0) then
       self%factorized = .true.
     else if (.not. c_associated(self%handle) .or. self%n /= matrix%n .or. .not. allocated(matrix%value)) then
-      call set_error(error, 'the matrix to factorize is not the one that was analyzed', exit_not_solvable)
+      call set_error(error, 'the matrix differs from the one analyzed symbolically', exit_not_solvable)
     end if
   end subroutine begin
 
