@@ -101,8 +101,10 @@ def main():
     parser.add_argument('--directory', default=os.path.join(ROOT, 'build', 'benchmarks'))
     options = parser.parse_args()
     os.makedirs(options.directory, exist_ok=True)
-    subprocess.run([os.path.join(ROOT, 'tools', 'build.sh'), 'release'], check=True)
-    program = os.path.join(ROOT, 'build', 'release', 'benchmarks', 'benchmark_factorization')
+    build = os.path.join(ROOT, 'build', 'release')
+    for arguments in (['--preset', 'release'], ['--build', build, '--target', 'benchmark_factorization']):
+        subprocess.run(['cmake', *arguments], cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
+    program = os.path.join(build, 'benchmarks', 'benchmark_factorization')
     print('| case | bodies | unknowns | largest | Gflop | threads | wall | cpu | cholmod: wall | cpu | blas: wall | cpu | memory | '
           'cholmod: memory |\n|' + '---|'*14, flush=True)
     for name in options.case:

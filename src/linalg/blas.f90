@@ -1,4 +1,5 @@
-!> Products of dense matrices by BLAS, and OpenBLAS's own threads: how many, and which library it is. Interfaces of BLAS and OpenBLAS are declared here and nowhere else.
+!> Products of dense matrices by BLAS, and the threads of OpenBLAS. BLAS and OpenBLAS are declared here and nowhere
+!> else; names and arguments are those of their manuals.
 module dotyk_linalg_blas
   use, intrinsic :: iso_c_binding, only: c_int, c_char, c_ptr, c_null_char, c_f_pointer, c_associated
   use dotyk_base_kinds, only: dp
@@ -8,64 +9,96 @@ module dotyk_linalg_blas
     dgemm, dgemv, dsyrk, dtrsm, dtrsv
 
   interface
+    !> C <- alpha op(A) op(B) + beta C.
     subroutine dgemm(transa, transb, m, n, k, alpha, a, lda, b, ldb, beta, c, ldc)
       import :: dp
+      !> op: 'N' none, 'T' transpose.
       character(1), intent(in) :: transa, transb
+      !> Rows of C, columns of C, columns of op(A); leading dimensions.
       integer, intent(in) :: m, n, k, lda, ldb, ldc
+      !> Scalars, A and B (lda, *), (ldb, *).
       real(dp), intent(in) :: alpha, beta, a(lda, *), b(ldb, *)
+      !> C (ldc, n).
       real(dp), intent(inout) :: c(ldc, *)
     end subroutine dgemm
 
+    !> y <- alpha op(A) x + beta y.
     subroutine dgemv(trans, m, n, alpha, a, lda, x, incx, beta, y, incy)
       import :: dp
+      !> op: 'N' none, 'T' transpose.
       character(1), intent(in) :: trans
+      !> Rows and columns of A, leading dimension, strides.
       integer, intent(in) :: m, n, lda, incx, incy
+      !> Scalars, A (lda, n), x.
       real(dp), intent(in) :: alpha, beta, a(lda, *), x(*)
+      !> y.
       real(dp), intent(inout) :: y(*)
     end subroutine dgemv
 
+    !> Solve op(A) x = b with a triangular matrix.
     subroutine dtrsv(uplo, trans, diag, n, a, lda, x, incx)
       import :: dp
+      !> Triangle 'L' or 'U'; op 'N' or 'T'; diagonal 'N' or unit 'U'.
       character(1), intent(in) :: uplo, trans, diag
+      !> Order, leading dimension, stride.
       integer, intent(in) :: n, lda, incx
+      !> A (lda, n).
       real(dp), intent(in) :: a(lda, *)
+      !> b, then x.
       real(dp), intent(inout) :: x(*)
     end subroutine dtrsv
 
+    !> C <- alpha A A^T + beta C or alpha A^T A + beta C, one triangle.
     subroutine dsyrk(uplo, trans, n, k, alpha, a, lda, beta, c, ldc)
       import :: dp
+      !> Triangle 'L' or 'U'; 'N' for A A^T, 'T' for A^T A.
       character(1), intent(in) :: uplo, trans
+      !> Order of C, terms of the sums, leading dimensions.
       integer, intent(in) :: n, k, lda, ldc
+      !> Scalars, A (lda, *).
       real(dp), intent(in) :: alpha, beta, a(lda, *)
+      !> C (ldc, n).
       real(dp), intent(inout) :: c(ldc, *)
     end subroutine dsyrk
 
+    !> Solve op(A) X = alpha B or X op(A) = alpha B with a triangular matrix.
     subroutine dtrsm(side, uplo, transa, diag, m, n, alpha, a, lda, b, ldb)
       import :: dp
+      !> Side 'L' or 'R' of A; triangle 'L' or 'U'; op 'N' or 'T'; diagonal 'N' or unit 'U'.
       character(1), intent(in) :: side, uplo, transa, diag
+      !> Rows and columns of B, leading dimensions.
       integer, intent(in) :: m, n, lda, ldb
+      !> Scalar, A (lda, *).
       real(dp), intent(in) :: alpha, a(lda, *)
+      !> B, then X (ldb, n).
       real(dp), intent(inout) :: b(ldb, *)
     end subroutine dtrsm
 
+    !> Allocate OpenBLAS's buffers for n concurrent calls, see blas_memory.c.
     subroutine c_reserve_blas(n) bind(c, name='dotyk_reserve_blas')
       import :: c_int
+      !> Number of concurrent calls.
       integer(c_int), value :: n
     end subroutine c_reserve_blas
 
+    !> Set the number of threads of all later calls.
     subroutine openblas_set_num_threads(n) bind(c, name='openblas_set_num_threads')
       import :: c_int
+      !> Number of threads.
       integer(c_int), value :: n
     end subroutine openblas_set_num_threads
 
+    !> Number of threads of a call.
     integer(c_int) function openblas_get_num_threads() bind(c, name='openblas_get_num_threads')
       import :: c_int
     end function openblas_get_num_threads
 
+    !> Name, version and options of the library.
     type(c_ptr) function openblas_get_config() bind(c, name='openblas_get_config')
       import :: c_ptr
     end function openblas_get_config
 
+    !> Processor that the kernels are made for.
     type(c_ptr) function openblas_get_corename() bind(c, name='openblas_get_corename')
       import :: c_ptr
     end function openblas_get_corename
@@ -73,7 +106,7 @@ module dotyk_linalg_blas
 
 contains
 
-  !> Take the room that so many calls at the same time work in: where there is none later, OpenBLAS tries for ever.
+  !> Allocate OpenBLAS's buffers for concurrent calls. Without memory for a buffer later, OpenBLAS retries for ever.
   subroutine reserve_blas(n)
     !> Number of concurrent calls.
     integer, intent(in) :: n
@@ -82,39 +115,46 @@ contains
 
   !> C <- C + factor A B.
   subroutine add_product(factor, a, b, c)
+    !> Factor of the product.
     real(dp), intent(in) :: factor
-    !> (n,r) and (r,m).
-    real(dp), intent(in), contiguous :: a(:, :), b(:, :)
-    !> (n,m)
+    !> A (n, r).
+    real(dp), intent(in), contiguous :: a(:, :)
+    !> B (r, m).
+    real(dp), intent(in), contiguous :: b(:, :)
+    !> C (n, m).
     real(dp), intent(inout), contiguous :: c(:, :)
     if (size(a) == 0 .or. size(b) == 0) return
-    call dgemm('N', 'N', size(a, 1), size(b, 2), size(a, 2), factor, a, size(a, 1), b, size(b, 1), 1.0_dp, c, size(c, 1))
+    call dgemm('N', 'N', size(a, 1), size(b, 2), size(a, 2), factor, a, size(a, 1), b, size(b, 1), 1.0_dp, &
+               c, size(c, 1))
   end subroutine add_product
 
   !> C = A^T B.
   subroutine transposed_product(a, b, c)
-    !> (n,r) and (n,m).
-    real(dp), intent(in), contiguous :: a(:, :), b(:, :)
-    !> (r,m)
+    !> A (n, r).
+    real(dp), intent(in), contiguous :: a(:, :)
+    !> B (n, m).
+    real(dp), intent(in), contiguous :: b(:, :)
+    !> C (r, m).
     real(dp), intent(out), contiguous :: c(:, :)
     c = 0
     if (size(a) == 0 .or. size(b) == 0) return
-    call dgemm('T', 'N', size(a, 2), size(b, 2), size(a, 1), 1.0_dp, a, size(a, 1), b, size(b, 1), 0.0_dp, c, size(c, 1))
+    call dgemm('T', 'N', size(a, 2), size(b, 2), size(a, 1), 1.0_dp, a, size(a, 1), b, size(b, 1), 0.0_dp, &
+               c, size(c, 1))
   end subroutine transposed_product
 
-  !> Let every BLAS call of the process use n threads. To be called outside parallel regions.
+  !> Set the number of threads of all BLAS calls of the process. Not inside parallel regions.
   subroutine set_blas_threads(n)
     !> Number of threads, at least 1.
     integer, intent(in) :: n
     call openblas_set_num_threads(int(max(1, n), c_int))
   end subroutine set_blas_threads
 
-  !> Threads that a BLAS call uses.
+  !> Number of threads of a BLAS call.
   integer function blas_threads()
     blas_threads = int(openblas_get_num_threads())
   end function blas_threads
 
-  !> Name, version and options of the BLAS library, and the processor that it chose its kernels for.
+  !> Name, version and options of the BLAS library, and the processor that its kernels are made for.
   function blas_name() result(name)
     character(:), allocatable :: name
     name = text_of_c(openblas_get_config())//' ['//text_of_c(openblas_get_corename())//']'
@@ -122,8 +162,10 @@ contains
 
   !> A C string as text.
   function text_of_c(string) result(text)
+    !> Ends with a null character.
     type(c_ptr), intent(in) :: string
     character(:), allocatable :: text
+    ! OpenBLAS's texts have about 100 letters.
     integer, parameter :: most = 256
     character(kind=c_char), pointer :: letter(:)
     integer :: i

@@ -1,5 +1,6 @@
-!> Sparse Cholesky factorization: CHOLMOD's symbolic analysis and solves, with 64-bit indices, and a numeric factorization in its
-!> structure by dotyk_linalg_multifrontal.
+!> Sparse Cholesky factorization P K P^T = L L^T: symbolic analysis and solves by CHOLMOD with 64-bit indices (Y. Chen,
+!> T. A. Davis, W. W. Hager and S. Rajamanickam, ACM Trans. Math. Softw. 35, 2008), the numeric phase by
+!> dotyk_linalg_multifrontal in CHOLMOD's structure.
 module dotyk_linalg_cholesky
   use, intrinsic :: iso_c_binding, only: c_ptr, c_null_ptr, c_associated, c_f_pointer, c_int, c_int64_t, c_double
   use dotyk_base_interrupt, only: stop_if_interrupted
@@ -8,8 +9,7 @@ module dotyk_linalg_cholesky
   use dotyk_base_text, only: to_text
   use dotyk_linalg_cholmod, only: code_ok, code_out_of_memory, code_too_large, dotyk_cholmod_new, dotyk_cholmod_free, &
     dotyk_cholmod_analyze, dotyk_cholmod_permute, dotyk_cholmod_begin, dotyk_cholmod_factorize, dotyk_cholmod_end, &
-    dotyk_cholmod_solve, dotyk_cholmod_supernodes, dotyk_cholmod_trailing, dotyk_cholmod_solve_trailing, &
-    dotyk_cholmod_rcond, statistics_t
+    dotyk_cholmod_solve, dotyk_cholmod_supernodes, dotyk_cholmod_trailing, dotyk_cholmod_solve_trailing, statistics_t
   use dotyk_linalg_multifrontal, only: factor_supernodes
   use dotyk_linalg_ordering, only: is_permutation
   use dotyk_linalg_sparse, only: sparse_symmetric_t
@@ -18,30 +18,29 @@ module dotyk_linalg_cholesky
   private
   public :: supernodes_t
 
-  !> Factor P K P^T = L L^T of a symmetric positive definite matrix K. It owns memory of CHOLMOD's: never assign one to
-  !> another, and call `destroy` at the end. A factor is analyzed and factorized by one thread; after that any number of
-  !> threads may solve with it at the same time.
+  !> Cholesky factor of a symmetric positive definite matrix K. It owns memory of CHOLMOD: never assign one to another,
+  !> and call `destroy` at the end. One thread analyzes and factorizes; after that any number of threads may solve with
+  !> the factor at the same time.
   type, public :: cholesky_t
-    !> Order of the matrix.
+    !> Order of K.
     integer :: n = 0
-    !> Entries of L that are stored, the zeros inside supernodes counted in. Known from `analyze` on, as are the next
-    !> four.
+    !> Stored entries of L, zeros inside supernodes included. Known from `analyze` on, as are the next three.
     integer(int64) :: factor_entries = 0
-    !> Number of supernodes.
-    integer(int64) :: n_supernodes = 0
     !> Memory of the factor [bytes].
     integer(int64) :: factor_bytes = 0
-    !> Memory that a factorization needs beside the factor and K: a permuted copy of K and updates, about [bytes].
+    !> Memory of a factorization beside the factor and K: a permuted copy of K and update matrices; an estimate [bytes].
     integer(int64) :: workspace_bytes = 0
     !> Floating-point operations of a factorization.
     real(dp) :: flops = 0
-    !> Least part of a diagonal entry of K that elimination left as its pivot, 0 < weakest_pivot <= 1. A body that is
-    !> not held may pass the factorization by round-off: this is then about 1e-16 to 1e-13. Compact bodies are orders of
-    !> magnitude above, thin ones have about (thickness/length)^3. Independent of units.
+    !> Smallest pivot as a fraction of its diagonal entry of K, 0 < weakest_pivot <= 1 []. A body that is not held may
+    !> pass the factorization by rounding: the fraction is then 1e-16 to 1e-13. Compact bodies have 1e-2, thin ones
+    !> about (thickness/length)^3.
     real(dp) :: weakest_pivot = 0
-    !> Equation of that pivot.
+    !> Equation of that pivot, from 1; 0 before the factorization.
     integer :: weakest_equation = 0
+    !> The shim's handle of the factor.
     type(c_ptr), private :: handle = c_null_ptr
+    !> Whether there is a factor to solve with.
     logical, private :: factorized = .false.
   contains
     procedure :: analyze => cholesky_analyze
@@ -54,23 +53,23 @@ module dotyk_linalg_cholesky
     procedure :: trailing => cholesky_trailing
     procedure :: supernodes => cholesky_supernodes
     procedure :: solve_trailing => cholesky_solve_trailing
-    procedure :: condition_estimate => cholesky_condition_estimate
     procedure :: destroy => cholesky_destroy
   end type cholesky_t
 
-  !> Right-hand sides that are solved for at a time.
+  !> Right-hand sides of a solve by CHOLMOD: dense products have reached their full rate, and the copies stay small.
   integer, parameter :: block_size = 64
 
 contains
 
-  !> Symbolic analysis: the structure, size and cost of the factor. Values are not looked at and may be missing.
+  !> Symbolic analysis: structure, size and cost of the factor. The values of the matrix are not read and may be
+  !> missing.
   subroutine cholesky_analyze(self, matrix, permutation, error, n_trailing)
     class(cholesky_t), intent(inout) :: self
     !> Pattern of the matrix.
     type(sparse_symmetric_t), intent(in) :: matrix
-    !> The equation that comes k-th (n), from nested dissection; CHOLMOD may postorder it, which costs no fill.
+    !> Fill-reducing order: the equation that is eliminated k-th (n). CHOLMOD may postorder it, which changes no fill.
     integer, intent(in) :: permutation(:)
-    !> CHOLMOD has no memory, or the factor is beyond its integers.
+    !> The order is not a permutation, CHOLMOD has no memory, or the factor exceeds 64-bit integers.
     type(error_t), allocatable, intent(out) :: error
     !> Equations at the end of the permutation that stay there, see `trailing`; none if absent.
     integer, intent(in), optional :: n_trailing
@@ -90,18 +89,17 @@ contains
       int(permutation, c_int64_t) - 1_c_int64_t, last, statistics), 'analysis', self, error)
     if (allocated(error)) return
     self%factor_entries = statistics%entries
-    self%n_supernodes = statistics%supernodes
     self%factor_bytes = statistics%factor_bytes
     self%workspace_bytes = statistics%workspace_bytes
     self%flops = statistics%flops
   end subroutine cholesky_analyze
 
-  !> Numeric factorization, of the matrix that was analyzed or one of the same pattern.
+  !> Numeric factorization of the matrix that was analyzed, or of one with the same pattern.
   subroutine cholesky_factorize(self, matrix, failed_column, error)
     class(cholesky_t), intent(inout) :: self
-    !> The matrix.
+    !> The matrix K.
     type(sparse_symmetric_t), intent(in) :: matrix
-    !> Equation whose pivot was not positive, so that there is no factor; 0 if all is well. It is not an error here.
+    !> First equation whose pivot is not positive: there is no factor then, which is no error here; 0 if there is none.
     integer, intent(out) :: failed_column
     !> CHOLMOD has no memory, or the matrix is not the one that was analyzed.
     type(error_t), allocatable, intent(out) :: error
@@ -110,16 +108,17 @@ contains
     if (.not. allocated(error)) call factorize_taken(self, failed_column, error)
   end subroutine cholesky_factorize
 
-  !> The same for a matrix that is not needed any more: its memory is given back before the factor's is taken.
+  !> Numeric factorization of a matrix that is not needed any more: its memory is freed before that of the factor is
+  !> allocated.
   subroutine cholesky_factorize_and_discard(self, matrix, failed_column, error, may_stop)
     class(cholesky_t), intent(inout) :: self
-    !> The matrix, destroyed on return.
+    !> The matrix K, destroyed on return.
     type(sparse_symmetric_t), intent(inout) :: matrix
     !> As in `factorize`.
     integer, intent(out) :: failed_column
-    !> As in `factorize`; and that of an interrupt.
+    !> CHOLMOD has no memory, the matrix is not the one that was analyzed, or an interrupt came.
     type(error_t), allocatable, intent(out) :: error
-    !> Whether an interrupt ends it: with an error, and without a factor; not if absent.
+    !> Whether an interrupt ends the factorization, without a factor; not if absent.
     logical, intent(in), optional :: may_stop
     failed_column = 0
     call take_matrix(self, matrix, error)
@@ -127,14 +126,14 @@ contains
     if (.not. allocated(error)) call factorize_taken(self, failed_column, error, may_stop)
   end subroutine cholesky_factorize_and_discard
 
-  !> The same by `cholmod_factorize`, on the calling thread alone: the reference that tests and the benchmark compare with.
+  !> Numeric factorization by `cholmod_factorize` on the calling thread: the reference for tests and the benchmark.
   subroutine cholesky_factorize_by_cholmod(self, matrix, failed_column, error)
     class(cholesky_t), intent(inout) :: self
-    !> The matrix.
+    !> The matrix K.
     type(sparse_symmetric_t), intent(in) :: matrix
     !> As in `factorize`.
     integer, intent(out) :: failed_column
-    !> As in `factorize`.
+    !> CHOLMOD has no memory, or the matrix is not the one that was analyzed.
     type(error_t), allocatable, intent(out) :: error
     type(supernodes_t) :: supernodes
     real(dp), allocatable :: diagonal(:)
@@ -142,20 +141,20 @@ contains
     failed_column = 0
     call begin(self, matrix, error)
     if (allocated(error) .or. self%n == 0) return
-    call raise(dotyk_cholmod_factorize(self%handle, matrix%column_start, matrix%row, matrix%value, column), 'factorization', &
-               self, error)
+    call raise(dotyk_cholmod_factorize(self%handle, matrix%column_start, matrix%row, matrix%value, column), &
+               'factorization', self, error)
     if (allocated(error)) return
     call self%supernodes(supernodes)
     diagonal = diagonal_of(self%n, matrix%column_start, matrix%row, matrix%value)
     call finish(self, supernodes, diagonal(supernodes%permutation + 1), int(column), failed_column)
   end subroutine cholesky_factorize_by_cholmod
 
-  !> Forget the last factor, and see whether a matrix may be factorized.
+  !> Discard the last factor, and check the matrix that will be factorized.
   subroutine begin(self, matrix, error)
     class(cholesky_t), intent(inout) :: self
-    !> The matrix.
+    !> The matrix K.
     type(sparse_symmetric_t), intent(in) :: matrix
-    !> Another matrix than the one that was analyzed.
+    !> The matrix is not the one that was analyzed.
     type(error_t), allocatable, intent(out) :: error
     self%factorized = .false.
     self%weakest_pivot = 1
@@ -163,14 +162,14 @@ contains
     if (self%n == 0 .and. matrix%n == 0) then
       self%factorized = .true.
     else if (.not. c_associated(self%handle) .or. self%n /= matrix%n .or. .not. allocated(matrix%value)) then
-      call set_error(error, 'the matrix to factorize is not the one that was analyzed', exit_not_solvable)
+      call set_error(error, 'the matrix differs from the one analyzed symbolically', exit_not_solvable)
     end if
   end subroutine begin
 
-  !> Make the permuted copy of the matrix that is going to be factorized.
+  !> Make the permuted copy P K P^T.
   subroutine take_matrix(self, matrix, error)
     class(cholesky_t), intent(inout) :: self
-    !> The matrix.
+    !> The matrix K.
     type(sparse_symmetric_t), intent(in) :: matrix
     !> CHOLMOD has no memory, or the matrix is not the one that was analyzed.
     type(error_t), allocatable, intent(out) :: error
@@ -180,12 +179,12 @@ contains
       self, error)
   end subroutine take_matrix
 
-  !> Factorize the copy that was taken, and give it back.
+  !> Factorize the permuted copy, and free it.
   subroutine factorize_taken(self, failed_column, error, may_stop)
     class(cholesky_t), intent(inout) :: self
     !> As in `cholesky_factorize`.
     integer, intent(out) :: failed_column
-    !> CHOLMOD has no memory, or an interrupt.
+    !> CHOLMOD has no memory, or an interrupt came.
     type(error_t), allocatable, intent(out) :: error
     !> As in `cholesky_factorize_and_discard`.
     logical, intent(in), optional :: may_stop
@@ -213,10 +212,10 @@ contains
     call finish(self, supernodes, diagonal, column, failed_column)
   end subroutine factorize_taken
 
-  !> See whether all pivots are positive.
+  !> Find the weakest pivot, and decide whether there is a factor.
   subroutine finish(self, supernodes, diagonal, column, failed_column)
     class(cholesky_t), intent(inout) :: self
-    !> Of the factor.
+    !> Supernodes of the factor, with values.
     type(supernodes_t), intent(in) :: supernodes
     !> Diagonal of P K P^T (n).
     real(dp), intent(in) :: diagonal(:)
@@ -230,7 +229,7 @@ contains
     else
       call find_weakest_pivot(supernodes, diagonal, self%weakest_pivot, self%weakest_equation)
     end if
-    ! NaN too.
+    ! False for NaN, too.
     self%factorized = self%weakest_pivot > 0
     failed_column = merge(0, self%weakest_equation, self%factorized)
   end subroutine finish
@@ -241,28 +240,28 @@ contains
     is_factorized = self%factorized
   end function cholesky_is_factorized
 
-  !> x <- K^-1 x. NaN where there is no factor.
+  !> Solve K x = b. The solution is NaN where there is no factor.
   subroutine cholesky_solve(self, x)
     class(cholesky_t), intent(in) :: self
-    !> Right-hand side, then solution (n).
+    !> Right-hand side b, then solution x (n).
     real(dp), intent(inout), contiguous :: x(:)
     call solve_columns(self, 1, x)
   end subroutine cholesky_solve
 
-  !> X <- K^-1 X, four to six times cheaper per column than one by one. NaN as in `solve`.
+  !> Solve K X = B, four to six times cheaper per column than one by one. NaN as in `solve`.
   subroutine cholesky_solve_block(self, x)
     class(cholesky_t), intent(in) :: self
-    !> Right-hand sides, then solutions (n,m).
+    !> Right-hand sides B, then solutions X (n, m).
     real(dp), intent(inout), contiguous :: x(:, :)
     call solve_columns(self, size(x, 2), x)
   end subroutine cholesky_solve_block
 
-  !> Solves in blocks of columns.
+  !> Solve for blocks of columns.
   subroutine solve_columns(self, m, x)
     class(cholesky_t), intent(in) :: self
     !> Number of columns.
     integer, intent(in) :: m
-    !> Right-hand sides, then results (n,m).
+    !> Right-hand sides, then solutions (n, m).
     real(dp), intent(inout) :: x(self%n, m)
     integer :: first, last
     integer(c_int) :: code
@@ -294,30 +293,34 @@ contains
     equation = int(number)
   end subroutine cholesky_trailing
 
-  !> Where the supernodes are; none for a matrix of order 0.
+  !> The supernodes, in the memory of the factor; none for a matrix of order 0.
   subroutine cholesky_supernodes(self, supernodes)
     !> Analyzed.
     class(cholesky_t), intent(in) :: self
+    !> Structure of the factor, and its values if it is factorized.
     type(supernodes_t), intent(out) :: supernodes
     integer(c_int64_t) :: counts(2)
-    type(c_ptr) :: place(6)
+    type(c_ptr) :: address(6)
     real(dp), pointer, contiguous :: values(:)
     if (.not. c_associated(self%handle)) return
-    call dotyk_cholmod_supernodes(self%handle, counts, place)
+    call dotyk_cholmod_supernodes(self%handle, counts, address)
     supernodes%n = counts(1)
-    call take(place(1), counts(1) + 1, supernodes%column_start)
-    call take(place(2), counts(1) + 1, supernodes%row_start)
-    call take(place(3), counts(1) + 1, supernodes%value_start)
-    call take(place(4), counts(2), supernodes%row)
-    call take(place(5), int(self%n, int64), supernodes%permutation)
-    if (.not. c_associated(place(6))) return
-    call c_f_pointer(place(6), values, [self%factor_entries])
+    call take(address(1), counts(1) + 1, supernodes%column_start)
+    call take(address(2), counts(1) + 1, supernodes%row_start)
+    call take(address(3), counts(1) + 1, supernodes%value_start)
+    call take(address(4), counts(2), supernodes%row)
+    call take(address(5), int(self%n, int64), supernodes%permutation)
+    if (.not. c_associated(address(6))) return
+    call c_f_pointer(address(6), values, [self%factor_entries])
     supernodes%value(0:self%factor_entries - 1) => values
   contains
-    !> n integers from an address on, counted from 0.
+    !> A list of integers at an address, with lower bound 0.
     subroutine take(address, n, list)
+      !> The address.
       type(c_ptr), intent(in) :: address
+      !> Length of the list.
       integer(int64), intent(in) :: n
+      !> The list (0:n-1).
       integer(int64), pointer, contiguous, intent(out) :: list(:)
       integer(int64), pointer, contiguous :: numbers(:)
       call c_f_pointer(address, numbers, [n])
@@ -325,8 +328,8 @@ contains
     end subroutine take
   end subroutine cholesky_supernodes
 
-  !> X <- S^{-1} X with S what is left of K for the last equations, all others eliminated (their Schur complement), whose Cholesky factor
-  !> are the last rows and columns of L. NaN as in `solve`.
+  !> X <- S^{-1} X with S what is left of K for the last equations, all others eliminated (their Schur complement),
+  !> whose Cholesky factor are the last rows and columns of L. NaN as in `solve`.
   subroutine cholesky_solve_trailing(self, x)
     class(cholesky_t), intent(in) :: self
     !> Right-hand sides, then solutions, in the order that `trailing` gives (m, number of them).
@@ -338,23 +341,13 @@ contains
     if (code /= code_ok) x = not_a_number()
   end subroutine cholesky_solve_trailing
 
-  !> Estimate of the reciprocal condition number, (least/largest diagonal entry of L)^2; 0 where there is no factor.
-  real(dp) function cholesky_condition_estimate(self) result(rcond)
-    class(cholesky_t), intent(in) :: self
-    rcond = 0
-    if (.not. self%factorized) return
-    rcond = 1
-    if (self%n > 0) rcond = dotyk_cholmod_rcond(self%handle)
-  end function cholesky_condition_estimate
-
-  !> Give all memory back.
+  !> Free all memory.
   subroutine cholesky_destroy(self)
     class(cholesky_t), intent(inout) :: self
     if (c_associated(self%handle)) call dotyk_cholmod_free(self%handle)
     self%handle = c_null_ptr
     self%n = 0
     self%factor_entries = 0
-    self%n_supernodes = 0
     self%factor_bytes = 0
     self%workspace_bytes = 0
     self%flops = 0
@@ -365,20 +358,20 @@ contains
 
   !> Turn a code of the shim into an error.
   subroutine raise(code, what, factor, error)
-    !> One of the codes above.
+    !> One of `code_*`.
     integer(c_int), intent(in) :: code
-    !> What was being done.
+    !> Step that failed, as in "out of memory in the factorization".
     character(*), intent(in) :: what
-    !> For its size.
+    !> Factor whose size the message gives.
     class(cholesky_t), intent(in) :: factor
-    !> Allocated unless the code is `code_ok`.
+    !> Set unless the code is `code_ok`.
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: size_text
     if (code == code_ok) return
     !$omp critical (message)
     size_text = to_text(factor%n)//' unknowns'
     if (factor%factor_bytes > 0) size_text = size_text//': the factor takes '// &
-      to_text(real(factor%factor_bytes, dp)*1.0e-9_dp)//' GB, the work on it '// &
+      to_text(real(factor%factor_bytes, dp)*1.0e-9_dp)//' GB, its factorization '// &
       to_text(real(factor%workspace_bytes, dp)*1.0e-9_dp)//' GB more'
     !$omp end critical (message)
     select case (code)

@@ -1,100 +1,153 @@
-!> The C interface of `cholmod_shim.c`: CHOLMOD behind an opaque handle. The only Fortran module that names CHOLMOD.
+!> Interface of `cholmod_shim.c`: CHOLMOD behind an opaque handle, named by no other module. Functions return one of
+!> `code_*`, or a code that CHOLMOD does not explain.
 module dotyk_linalg_cholmod
   use, intrinsic :: iso_c_binding, only: c_ptr, c_int, c_int64_t, c_double
   implicit none
   private
   public :: dotyk_cholmod_new, dotyk_cholmod_free, dotyk_cholmod_analyze, dotyk_cholmod_permute, dotyk_cholmod_begin, &
     dotyk_cholmod_factorize, dotyk_cholmod_end, dotyk_cholmod_solve, dotyk_cholmod_supernodes, dotyk_cholmod_trailing, &
-    dotyk_cholmod_solve_trailing, dotyk_cholmod_rcond
+    dotyk_cholmod_solve_trailing
 
-  ! What the shim returns.
-  integer(c_int), parameter, public :: code_ok = 0, code_out_of_memory = 1, code_too_large = 3
+  !> No error.
+  integer(c_int), parameter, public :: code_ok = 0
+  !> CHOLMOD has no memory.
+  integer(c_int), parameter, public :: code_out_of_memory = 1
+  !> The factor exceeds 64-bit integers.
+  integer(c_int), parameter, public :: code_too_large = 3
 
-  !> The shim's struct of the same name.
+  !> Result of the symbolic analysis; the struct of the same name in the shim.
   type, bind(c), public :: statistics_t
+    !> Stored entries of the factor, zeros inside supernodes included.
     integer(c_int64_t) :: entries
-    integer(c_int64_t) :: supernodes
+    !> Memory of the factor [bytes].
     integer(c_int64_t) :: factor_bytes
+    !> Memory of a factorization beside the factor and the matrix, an estimate [bytes].
     integer(c_int64_t) :: workspace_bytes
+    !> Floating-point operations of a factorization.
     real(c_double) :: flops
   end type statistics_t
 
   interface
+    !> Make an empty handle.
     type(c_ptr) function dotyk_cholmod_new() bind(c)
       import :: c_ptr
     end function dotyk_cholmod_new
 
+    !> Free a handle and all that belongs to it.
     subroutine dotyk_cholmod_free(handle) bind(c)
       import :: c_ptr
+      !> Handle of the factor.
       type(c_ptr), value :: handle
     end subroutine dotyk_cholmod_free
 
+    !> Symbolic analysis.
     integer(c_int) function dotyk_cholmod_analyze(handle, n, start, row, permutation, trailing, statistics) bind(c)
       import :: c_ptr, c_int, c_int64_t, statistics_t
+      !> Handle of the factor.
       type(c_ptr), value :: handle
+      !> Order of K.
       integer(c_int64_t), value :: n
-      integer(c_int64_t), intent(in) :: start(*), row(*), permutation(*)
+      !> Position of the first entry of each column of the lower triangle, 0-based (n+1).
+      integer(c_int64_t), intent(in) :: start(*)
+      !> Row of each entry, ascending in each column, 0-based (entries).
+      integer(c_int64_t), intent(in) :: row(*)
+      !> The equation that is eliminated k-th, 0-based (n).
+      integer(c_int64_t), intent(in) :: permutation(*)
+      !> Equations at the end of the permutation that stay there.
       integer(c_int64_t), value :: trailing
+      !> Size and cost of the factor.
       type(statistics_t), intent(out) :: statistics
     end function dotyk_cholmod_analyze
 
+    !> Make the lower triangle of P K P^T.
     integer(c_int) function dotyk_cholmod_permute(handle, start, row, value) bind(c)
       import :: c_ptr, c_int, c_int64_t, c_double
+      !> Handle of the factor.
       type(c_ptr), value :: handle
-      integer(c_int64_t), intent(in) :: start(*), row(*)
+      !> Position of the first entry of each column of the lower triangle of K, 0-based (n+1).
+      integer(c_int64_t), intent(in) :: start(*)
+      !> Row of each entry, 0-based (entries).
+      integer(c_int64_t), intent(in) :: row(*)
+      !> Value of each entry (entries).
       real(c_double), intent(in) :: value(*)
     end function dotyk_cholmod_permute
 
+    !> Allocate the values of the factor.
     integer(c_int) function dotyk_cholmod_begin(handle, start, row, value) bind(c)
       import :: c_ptr, c_int
+      !> Handle of the factor.
       type(c_ptr), value :: handle
-      type(c_ptr), intent(out) :: start, row, value
+      !> Address of the starts of the columns of P K P^T, 0-based (n+1).
+      type(c_ptr), intent(out) :: start
+      !> Address of its rows, 0-based (entries).
+      type(c_ptr), intent(out) :: row
+      !> Address of its values (entries).
+      type(c_ptr), intent(out) :: value
     end function dotyk_cholmod_begin
 
+    !> Numeric factorization by `cholmod_factorize`.
     integer(c_int) function dotyk_cholmod_factorize(handle, start, row, value, failed) bind(c)
       import :: c_ptr, c_int, c_int64_t, c_double
+      !> Handle of the factor.
       type(c_ptr), value :: handle
-      integer(c_int64_t), intent(in) :: start(*), row(*)
+      !> Position of the first entry of each column of the lower triangle of K, 0-based (n+1).
+      integer(c_int64_t), intent(in) :: start(*)
+      !> Row of each entry, 0-based (entries).
+      integer(c_int64_t), intent(in) :: row(*)
+      !> Value of each entry (entries).
       real(c_double), intent(in) :: value(*)
+      !> First column of L (from 1) whose pivot is not positive, 0 if there is none.
       integer(c_int64_t), intent(out) :: failed
     end function dotyk_cholmod_factorize
 
+    !> Free the lower triangle of P K P^T.
     subroutine dotyk_cholmod_end(handle) bind(c)
       import :: c_ptr
+      !> Handle of the factor.
       type(c_ptr), value :: handle
     end subroutine dotyk_cholmod_end
 
+    !> Solve K X = B.
     integer(c_int) function dotyk_cholmod_solve(handle, n, m, x) bind(c)
       import :: c_ptr, c_int, c_int64_t, c_double
+      !> Handle of the factor.
       type(c_ptr), value :: handle
-      integer(c_int64_t), value :: n, m
+      !> Order of K.
+      integer(c_int64_t), value :: n
+      !> Number of right-hand sides.
+      integer(c_int64_t), value :: m
+      !> Right-hand sides, then solutions (n, m).
       real(c_double), intent(inout) :: x(*)
     end function dotyk_cholmod_solve
 
+    !> The arrays of the supernodes.
     subroutine dotyk_cholmod_supernodes(handle, counts, pointers) bind(c)
       import :: c_ptr, c_int64_t
+      !> Handle of the factor.
       type(c_ptr), value :: handle
+      !> Number of supernodes, length of the list of rows.
       integer(c_int64_t), intent(out) :: counts(2)
+      !> Addresses of: first column of each supernode, position of its first row, position of its first value, list of
+      !> rows, permutation, values (null before the factorization); all 0-based.
       type(c_ptr), intent(out) :: pointers(6)
     end subroutine dotyk_cholmod_supernodes
 
+    !> The equations of the last columns of L.
     subroutine dotyk_cholmod_trailing(handle, m, equation) bind(c)
       import :: c_ptr, c_int64_t
+      !> Handle of the factor.
       type(c_ptr), value :: handle
       integer(c_int64_t), value :: m
       integer(c_int64_t), intent(out) :: equation(*)
     end subroutine dotyk_cholmod_trailing
 
+    !> Solve with the last rows and columns of L.
     integer(c_int) function dotyk_cholmod_solve_trailing(handle, m, columns, x) bind(c)
       import :: c_ptr, c_int, c_int64_t, c_double
+      !> Handle of the factor.
       type(c_ptr), value :: handle
       integer(c_int64_t), value :: m, columns
       real(c_double), intent(inout) :: x(*)
     end function dotyk_cholmod_solve_trailing
-
-    real(c_double) function dotyk_cholmod_rcond(handle) bind(c)
-      import :: c_ptr, c_double
-      type(c_ptr), value :: handle
-    end function dotyk_cholmod_rcond
   end interface
 end module dotyk_linalg_cholmod

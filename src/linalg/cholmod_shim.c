@@ -1,9 +1,9 @@
 /* CHOLMOD behind an opaque handle: one cholmod_common and one supernodal factor each, 64-bit indices.
  *
- * The struct layouts of cholmod.h are known here and nowhere else. Every function returns one of the codes below. A
- * handle is changed by analyze, permute, begin and end, one thread at a time; solves only read it, so that several
- * threads may solve with one factor at the same time. CHOLMOD reports memory that it cannot get; malloc and calloc of this file end the
- * program with a message (src/out_of_memory.c). */
+ * The struct layouts of cholmod.h are known here and nowhere else. Functions that may fail return one of the codes
+ * below. analyze, permute, begin, factorize and end change a handle, one thread at a time. Solves only read it: several
+ * threads may solve with one factor at the same time. CHOLMOD reports memory that it cannot get; malloc and calloc of
+ * this file end the program with a message (src/out_of_memory.c). */
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
@@ -16,16 +16,15 @@ enum { OK = 0, OUT_OF_MEMORY = 1, NOT_POSITIVE = 2, TOO_LARGE = 3, INVALID = 4 }
 typedef struct {
   cholmod_common common;
   cholmod_factor *L;
-  cholmod_sparse *permuted; /* lower triangle of P K P^T, from permute to factorize */
+  cholmod_sparse *permuted; /* lower triangle of P K P^T, from permute to end */
   int64_t n;
 } handle_t;
 
-/* What Fortran mirrors as statistics_t of dotyk_linalg_cholesky. */
+/* Mirrored as statistics_t in dotyk_linalg_cholmod. */
 typedef struct {
-  int64_t entries;         /* entries of the factor that are stored, zeros inside supernodes included */
-  int64_t supernodes;      /* number of supernodes */
-  int64_t factor_bytes;    /* memory of the factor */
-  int64_t workspace_bytes; /* memory that a factorization needs beside the factor and the matrix, about */
+  int64_t entries;         /* stored entries of the factor, zeros inside supernodes included */
+  int64_t factor_bytes;    /* memory of the factor [bytes] */
+  int64_t workspace_bytes; /* memory of a factorization beside the factor and the matrix, an estimate [bytes] */
   double flops;            /* floating-point operations of a factorization */
 } statistics_t;
 
@@ -42,8 +41,8 @@ static int code_of_status(const cholmod_common *common) {
   }
 }
 
-/* CHOLMOD has parallel loops with num_threads(4) fixed at compile time; started outside a parallel region they make
- * threads that fight for the cores. The limit belongs to the calling task only. */
+/* Debian's CHOLMOD has parallel loops with num_threads(4) fixed at compile time. Outside a parallel region they start
+ * threads that compete for the cores. The limit belongs to the calling task alone. */
 static int forbid_threads(void) {
   int levels = omp_get_max_active_levels();
   omp_set_max_active_levels(0);
@@ -75,7 +74,7 @@ void *dotyk_cholmod_new(void) {
   return h;
 }
 
-/* The lower triangle of a symmetric matrix, read where its arrays are; without values where there are none. */
+/* View of the lower triangle of a symmetric matrix by columns, 0-based: start (n+1), row, value (null: the pattern). */
 static cholmod_sparse lower_triangle(int64_t n, int64_t *start, int64_t *row, double *value) {
   cholmod_sparse a;
   memset(&a, 0, sizeof a);
@@ -135,15 +134,14 @@ int dotyk_cholmod_analyze(void *handle, int64_t n, int64_t *start, int64_t *row,
   cholmod_l_free_work(c);
   const cholmod_factor *L = h->L;
   statistics->entries = (int64_t)L->xsize;
-  statistics->supernodes = (int64_t)L->nsuper;
   statistics->factor_bytes = 8 * (int64_t)(L->xsize + L->ssize + 3 * (L->nsuper + 1) + 2 * L->n);
   statistics->workspace_bytes = 8 * ((int64_t)L->maxcsize + 2 * start[n] + 6 * n);
   statistics->flops = c->fl;
   return OK;
 }
 
-/* Make the lower triangle of P K P^T, so that the caller may give K back before the factor is allocated. CHOLMOD itself
- * would make two such copies at a time, and keep K's. */
+/* Make the lower triangle of P K P^T, so that the caller may free K before the factor is allocated. CHOLMOD makes
+ * two such copies at a time, and reads K to the end. */
 int dotyk_cholmod_permute(void *handle, const int64_t *start, const int64_t *row, const double *value) {
   handle_t *h = handle;
   cholmod_common *c = &h->common;
@@ -152,33 +150,33 @@ int dotyk_cholmod_permute(void *handle, const int64_t *start, const int64_t *row
   cholmod_l_free_sparse(&h->permuted, c);
   cholmod_sparse *s = cholmod_l_allocate_sparse((size_t)n, (size_t)n, (size_t)start[n], 0, 1, -1, CHOLMOD_REAL, c);
   if (!s) return OUT_OF_MEMORY;
-  int64_t *place = malloc((size_t)(n + 1) * sizeof *place);
-  for (int64_t k = 0; k < n; k++) place[permutation[k]] = k;
+  int64_t *position = malloc((size_t)(n + 1) * sizeof *position);
+  for (int64_t k = 0; k < n; k++) position[permutation[k]] = k;
   int64_t *first = s->p, *s_row = s->i;
   double *s_value = s->x;
   for (int64_t k = 0; k <= n; k++) first[k] = 0;
   for (int64_t j = 0; j < n; j++) {
     for (int64_t p = start[j]; p < start[j + 1]; p++) {
-      int64_t a = place[row[p]], b = place[j];
+      int64_t a = position[row[p]], b = position[j];
       first[a < b ? a : b]++;
     }
   }
-  /* Backwards from the end of each column: afterwards first[k] is where column k starts. */
+  /* Columns are filled from their ends: afterwards first[k] is the position of the first entry of column k. */
   for (int64_t k = 0, sum = 0; k <= n; k++) first[k] = sum += (k < n ? first[k] : 0);
   for (int64_t j = n - 1; j >= 0; j--) {
     for (int64_t p = start[j + 1] - 1; p >= start[j]; p--) {
-      int64_t a = place[row[p]], b = place[j];
+      int64_t a = position[row[p]], b = position[j];
       int64_t q = --first[a < b ? a : b];
       s_row[q] = a < b ? b : a;
       s_value[q] = value[p];
     }
   }
-  free(place);
+  free(position);
   h->permuted = s;
   return OK;
 }
 
-/* Take memory for the values of the factor, and tell where they and what permute left are. */
+/* Allocate the values of the factor. start, row, value: the arrays that permute has made. */
 int dotyk_cholmod_begin(void *handle, void **start, void **row, void **value) {
   handle_t *h = handle;
   if (!h->permuted) return INVALID;
@@ -192,8 +190,9 @@ int dotyk_cholmod_begin(void *handle, void **start, void **row, void **value) {
   return OK;
 }
 
-/* CHOLMOD's own numeric phase, cholmod_factorize, by the calling thread alone; nothing is permuted beforehand. failed: the first column (from
- * 1) whose pivot is not positive, 0 if there is none. */
+/* Numeric factorization by cholmod_factorize on the calling thread; permute is not needed. start (n+1), row, value:
+ * lower triangle of K, as for analyze. failed: first column of L (from 1) whose pivot is not positive, 0 if there is
+ * none. */
 int dotyk_cholmod_factorize(void *handle, int64_t *start, int64_t *row, double *value, int64_t *failed) {
   handle_t *h = handle;
   cholmod_common *c = &h->common;
@@ -208,7 +207,7 @@ int dotyk_cholmod_factorize(void *handle, int64_t *start, int64_t *row, double *
   return code == OK && !good ? INVALID : code;
 }
 
-/* Give back what permute left. */
+/* Free the arrays that permute has made. */
 void dotyk_cholmod_end(void *handle) {
   handle_t *h = handle;
   cholmod_l_free_sparse(&h->permuted, &h->common);
@@ -221,9 +220,9 @@ void dotyk_cholmod_trailing(const void *handle, int64_t m, int64_t *equation) {
   for (int64_t k = 0; k < m; k++) equation[k] = permutation[h->n - m + k] + 1;
 }
 
-/* Where the supernodes are: counts (2) = {supernodes, entries of the lists of rows}, and pointers (6) to first column, first place among the
- * rows, first place among the values, rows, permutation (all 0-based), values (null before the factorization). They stay valid
- * until the next analysis. */
+/* The arrays of the supernodes, valid until the next analysis. counts (2): number of supernodes, length of the list of
+ * rows. pointers (6), all 0-based: first column of each supernode, position of its first row, position of its first
+ * value, list of rows, permutation, values (null before the factorization). */
 void dotyk_cholmod_supernodes(const void *handle, int64_t *counts, void **pointers) {
   const handle_t *h = handle;
   const cholmod_factor *L = h->L;
@@ -261,19 +260,19 @@ int dotyk_cholmod_solve_trailing(const void *handle, int64_t m, int64_t columns,
       int below = rows - own - (int)skip;
       const double *diagonal = value + px[s] + skip * rows + skip;
       const double *under = diagonal + own;
-      const int64_t *place = row + pi[s] + skip + own;
+      const int64_t *position = row + pi[s] + skip + own;
       double *part = x + super[s] + skip - front;
       if (pass == 0) {
         dtrsm_("L", "L", "N", "N", &own, &count, &one, diagonal, &rows, part, &lead);
         if (below == 0) continue;
         dgemm_("N", "N", &below, &count, &own, &one, under, &rows, part, &lead, &zero, work, &below);
         for (int j = 0; j < count; j++) {
-          for (int k = 0; k < below; k++) x[place[k] - front + (int64_t)j * m] -= work[k + (int64_t)j * below];
+          for (int k = 0; k < below; k++) x[position[k] - front + (int64_t)j * m] -= work[k + (int64_t)j * below];
         }
       } else {
         if (below > 0) {
           for (int j = 0; j < count; j++) {
-            for (int k = 0; k < below; k++) work[k + (int64_t)j * below] = x[place[k] - front + (int64_t)j * m];
+            for (int k = 0; k < below; k++) work[k + (int64_t)j * below] = x[position[k] - front + (int64_t)j * m];
           }
           dgemm_("T", "N", &own, &count, &below, &minus, under, &rows, work, &below, &one, part, &lead);
         }
@@ -285,7 +284,7 @@ int dotyk_cholmod_solve_trailing(const void *handle, int64_t m, int64_t columns,
   return OK;
 }
 
-/* In place on x (n,m): x <- K^-1 x, where P K P^T = L L^T. */
+/* Solve K X = B by forward and back substitution, in place on x (n,m). */
 int dotyk_cholmod_solve(const void *handle, int64_t n, int64_t m, double *x) {
   const handle_t *h = handle;
   cholmod_factor *L = h->L; /* the solves read it only */
@@ -309,11 +308,4 @@ int dotyk_cholmod_solve(const void *handle, int64_t n, int64_t m, double *x) {
   }
   free(work);
   return good ? OK : INVALID;
-}
-
-/* A rough estimate of the reciprocal condition number: the square of least over largest diagonal entry of L. */
-double dotyk_cholmod_rcond(const void *handle) {
-  const handle_t *h = handle;
-  cholmod_common common = h->common;
-  return cholmod_l_rcond(h->L, &common);
 }

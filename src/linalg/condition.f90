@@ -1,8 +1,9 @@
-!> What a factorization loses: the condition of a stiffness, and the shapes that it hardly resists.
+!> Condition number of a stiffness matrix, and its near-null-space modes.
 !>
-!> All is said of the matrix whose diagonal is scaled to 1, `D^{-1/2} K D^{-1/2}`: neither units nor sizes of elements count, as they do not
-!> for Cholesky's method. Its eigenvalues are the stationary values of `x^T K x/x^T D x`; the least ones come from inverse iteration with
-!> some vectors at a time, which is as cheap as solves in blocks are, and tells a few soft shapes apart from a stiffness that is soft in
+!> Both refer to the matrix with unit diagonal, `D^{-1/2} K D^{-1/2}`: units and element sizes play no part then, as
+!> they play none in the rounding errors of Cholesky's method (A. van der Sluis, Numer. Math. 14, 1969). Its eigenvalues
+!> are the stationary values of `x^T K x/x^T D x`. The smallest ones come from inverse subspace iteration, at the low
+!> cost per vector of block solves. They tell a few near-null-space modes from a stiffness that is ill-conditioned in
 !> many ways.
 module dotyk_linalg_condition
   use dotyk_base_error, only: error_t
@@ -14,14 +15,15 @@ module dotyk_linalg_condition
   private
   public :: scaled_norm, smallest_eigenpairs
 
-  !> Inverse iterations: each makes the part of other shapes smaller by the ratio of their eigenvalues.
+  !> Steps of inverse iteration. Each reduces the error of a mode by the ratio of its eigenvalue to the first one left
+  !> out: 100 and more for the near-null-space modes that are deflated.
   integer, parameter :: n_steps = 3
 
 contains
 
-  !> Largest column sum of the scaled matrix: at least its largest eigenvalue, at most the entries of a column.
+  !> 1-norm of the scaled matrix: an upper bound of its largest eigenvalue, at most the entries of a column [].
   pure real(dp) function scaled_norm(matrix) result(norm)
-    !> With a positive diagonal.
+    !> K, with a positive diagonal.
     type(sparse_symmetric_t), intent(in) :: matrix
     real(dp), allocatable :: column(:), scale(:)
     real(dp) :: entry
@@ -41,51 +43,53 @@ contains
     if (matrix%n > 0) norm = maxval(column)
   end function scaled_norm
 
-  !> The least eigenvalues of the scaled matrix, and their shapes.
-  subroutine smallest_eigenpairs(factor, diagonal, values, shapes, error)
+  !> Smallest eigenvalues of the scaled matrix, and their modes.
+  subroutine smallest_eigenpairs(factor, diagonal, values, modes, error)
     !> Factor of K.
     type(cholesky_t), intent(in) :: factor
     !> Diagonal of K (n).
     real(dp), intent(in) :: diagonal(:)
-    !> Eigenvalues, ascending; as many as the matrix has at most (m).
+    !> Eigenvalues, ascending; at most the order of the matrix (m) [].
     real(dp), intent(out) :: values(:)
-    !> Unscaled, `x^T D x = 1` (n, m).
-    real(dp), intent(out) :: shapes(:, :)
-    !> Not finite.
+    !> Modes x, unscaled and with `x^T D x = 1` (n, m).
+    real(dp), intent(out) :: modes(:, :)
+    !> A solution is not finite, or LAPACK's iteration has not converged.
     type(error_t), allocatable, intent(out) :: error
-    real(dp), allocatable :: answer(:, :), projected(:, :), inverse(:), vectors(:, :)
+    real(dp), allocatable :: solution(:, :), projected(:, :), inverse(:), vectors(:, :)
     integer :: m, i, j, step
     m = size(values)
-    allocate (answer, mold=shapes)
+    allocate (solution, mold=modes)
     allocate (projected(m, m), vectors(m, m), inverse(m))
-    ! A start that is the same on every machine.
+    ! A pseudo-random start, the same on every machine.
     do j = 1, m
-      do i = 1, size(shapes, 1)
-        shapes(i, j) = (mod(i*int(7919 + 104729*j, int64) + int(i, int64)**2, 10007_int64) - 5003)/sqrt(diagonal(i))
+      do i = 1, size(modes, 1)
+        modes(i, j) = (mod(i*int(7919 + 104729*j, int64) + int(i, int64)**2, 10007_int64) - 5003)/sqrt(diagonal(i))
       end do
     end do
-    call make_orthonormal(diagonal, shapes)
+    call make_orthonormal(diagonal, modes)
     do step = 1, n_steps
       do j = 1, m
-        answer(:, j) = diagonal*shapes(:, j)
+        solution(:, j) = diagonal*modes(:, j)
       end do
-      call factor%solve_block(answer)
+      call factor%solve_block(solution)
       do j = 1, m
         do i = 1, m
-          projected(i, j) = sum(shapes(:, i)*diagonal*answer(:, j))
+          projected(i, j) = sum(modes(:, i)*diagonal*solution(:, j))
         end do
       end do
       call symmetric_eigen(projected, inverse, vectors, error)
       if (allocated(error)) return
-      shapes = matmul(answer, vectors(:, m:1:-1))
-      call make_orthonormal(diagonal, shapes)
+      modes = matmul(solution, vectors(:, m:1:-1))
+      call make_orthonormal(diagonal, modes)
     end do
     values = 1/inverse(m:1:-1)
   end subroutine smallest_eigenpairs
 
-  !> Columns with x^T D x = 1, orthogonal in D: Gram and Schmidt, twice.
+  !> Make columns orthonormal in the inner product of D, by Gram-Schmidt twice.
   pure subroutine make_orthonormal(diagonal, x)
+    !> Diagonal D (n).
     real(dp), intent(in) :: diagonal(:)
+    !> Columns, linearly independent (n, m).
     real(dp), intent(inout) :: x(:, :)
     integer :: j, k, pass
     do j = 1, size(x, 2)

@@ -11,15 +11,15 @@ module dotyk_linalg_dense
 
 contains
 
-  !> Eigenvalues, ascending, and eigenvectors of a symmetric matrix.
+  !> Eigenvalues and eigenvectors of a symmetric matrix.
   subroutine symmetric_eigen(a, values, vectors, error)
-    !> The matrix (n,n), its lower triangle is read.
+    !> The matrix (n, n); its lower triangle is read.
     real(dp), intent(in) :: a(:, :)
     !> Eigenvalues, ascending (n).
     real(dp), intent(out) :: values(:)
-    !> Orthonormal eigenvectors as columns (n,n).
+    !> Orthonormal eigenvectors as columns (n, n).
     real(dp), intent(out) :: vectors(:, :)
-    !> The matrix is not finite, or LAPACK did not converge.
+    !> An entry is not finite, or LAPACK's iteration has not converged.
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: v(:, :), w(:), work(:)
     integer :: n, info
@@ -28,7 +28,7 @@ contains
     allocate (v(n, n), w(n), work(max(1, 34*n)))
     v(:, :) = a
     info = 1
-    ! LAPACK may not return from a matrix with a NaN or an infinity.
+    ! LAPACK may iterate for ever on a matrix with a NaN or an infinity.
     if (all(abs(a) <= huge(1.0_dp))) call dsyev('V', 'L', n, v, n, w, work, size(work), info)
     if (info /= 0) then
       call set_error(error, 'the eigenvalues of a matrix of order '//to_text(n)//' cannot be computed', &
@@ -39,15 +39,16 @@ contains
     vectors(:, :) = v
   end subroutine symmetric_eigen
 
-  !> Singular values, falling, and right singular vectors of a matrix with few columns: its null space to full accuracy.
+  !> Singular values and right singular vectors of a matrix with few columns, which give its null space to full
+  !> accuracy.
   subroutine right_singular_vectors(a, values, vectors, error)
-    !> The matrix (m,n), m may be 0.
+    !> The matrix (m, n); m may be 0.
     real(dp), intent(in) :: a(:, :)
-    !> Singular values, falling; zero from the (m+1)-th on (n).
+    !> Singular values, descending; zero from the (m+1)-th on (n).
     real(dp), intent(out) :: values(:)
-    !> Orthonormal vectors as columns (n,n).
+    !> Orthonormal right singular vectors as columns (n, n).
     real(dp), intent(out) :: vectors(:, :)
-    !> The matrix is not finite, or LAPACK did not converge.
+    !> An entry is not finite, or LAPACK's iteration has not converged.
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: b(:, :), s(:), vt(:, :), work(:)
     real(dp) :: none(1, 1)
@@ -59,7 +60,7 @@ contains
       vectors(j, j) = 1
     end do
     if (n == 0 .or. size(a, 1) == 0) return
-    ! Rows of zeros do no harm, and LAPACK then gives all n values.
+    ! With rows of zeros appended LAPACK returns all n values.
     m = max(n, size(a, 1))
     allocate (b(m, n), source=0.0_dp)
     b(:size(a, 1), :) = a
@@ -75,13 +76,13 @@ contains
     vectors(:, :) = transpose(vt)
   end subroutine right_singular_vectors
 
-  !> X with A X = B, in place.
+  !> Solve A X = B, in place.
   subroutine solve_dense(a, x, error)
-    !> The matrix (n,n).
+    !> The matrix A (n, n).
     real(dp), intent(in) :: a(:, :)
-    !> Right-hand sides, then solutions (n,m).
+    !> Right-hand sides B, then solutions X (n, m).
     real(dp), intent(inout) :: x(:, :)
-    !> The matrix is singular.
+    !> A pivot is exactly zero: the matrix is singular.
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: lu(:, :), b(:, :)
     integer, allocatable :: pivot(:)
@@ -99,17 +100,17 @@ contains
     x(:, :) = b
   end subroutine solve_dense
 
-  !> X of least norm among those that make norm(A X - B) least, in place.
+  !> Least squares: the X of minimum norm that minimizes the norm of A X - B, in place.
   subroutine least_squares(a, b, tolerance, rank, error)
-    !> The matrix (m,n).
+    !> The matrix A (m, n).
     real(dp), intent(in) :: a(:, :)
-    !> Right-hand sides (m,k), then solutions in the first n rows; at least n rows.
+    !> Right-hand sides B in the first m rows, then solutions X in the first n rows (at least max(m, n), k).
     real(dp), intent(inout) :: b(:, :)
-    !> Parts of A whose condition is worse than the inverse of this count as zero.
+    !> Reciprocal of the greatest condition number of the part of A that counts []; the rest is taken for zero.
     real(dp), intent(in) :: tolerance
     !> Rank of A to that tolerance.
     integer, intent(out) :: rank
-    !> A number is not finite.
+    !> An entry of A is not finite.
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: qr(:, :), x(:, :), work(:)
     integer, allocatable :: pivot(:)
@@ -124,7 +125,9 @@ contains
     x(:m, :) = b(:m, :)
     pivot = 0
     info = 1
-    if (all(abs(a) <= huge(1.0_dp))) call dgelsy(m, n, k, qr, m, x, max(m, n), pivot, tolerance, rank, work, size(work), info)
+    if (all(abs(a) <= huge(1.0_dp))) then
+      call dgelsy(m, n, k, qr, m, x, max(m, n), pivot, tolerance, rank, work, size(work), info)
+    end if
     if (info /= 0) then
       call set_error(error, 'least squares with '//to_text(n)//' unknowns cannot be computed', exit_not_solvable)
       return
@@ -132,18 +135,18 @@ contains
     b(:n, :) = x(:n, :)
   end subroutine least_squares
 
-  !> Orthonormal basis of the range of A by modified Gram-Schmidt, columns taken in their order: the first one keeps its
-  !> direction, a column that is nearly in the span of those before it adds nothing.
+  !> Orthonormal basis of the range of A by modified Gram-Schmidt with reorthogonalization. Columns are taken in their
+  !> order: the first keeps its direction, and a column that is nearly in the span of its predecessors adds nothing.
   pure subroutine orthonormal_range(a, tolerance, q, rank)
-    !> Vectors as columns (n,m).
+    !> A (n, m).
     real(dp), intent(in) :: a(:, :)
-    !> A column counts when more than this part of its length is new.
+    !> A column counts if its component normal to its predecessors exceeds this fraction of its norm [].
     real(dp), intent(in) :: tolerance
-    !> Basis as columns (n, at least min(n,m)); columns beyond `rank` are zero.
+    !> Basis as columns (n, at least min(n, m)); columns beyond `rank` are zero.
     real(dp), intent(out) :: q(:, :)
     !> Number of columns of the basis.
     integer, intent(out) :: rank
-    real(dp) :: v(size(a, 1)), length, rest
+    real(dp) :: v(size(a, 1)), length, remainder
     integer :: j, k, pass
     q = 0
     rank = 0
@@ -157,11 +160,11 @@ contains
           v = v - dot_product(q(:, k), v)*q(:, k)
         end do
       end do
-      rest = norm2(v)
-      if (rest <= tolerance) cycle
+      remainder = norm2(v)
+      if (remainder <= tolerance) cycle
       rank = rank + 1
-      ! Once more after scaling: what was nearly dependent has lost its orthogonality to round-off.
-      v = v/rest
+      ! Once more after scaling: cancellation has magnified the loss of orthogonality of a nearly dependent column.
+      v = v/remainder
       do k = 1, rank - 1
         v = v - dot_product(q(:, k), v)*q(:, k)
       end do
@@ -169,11 +172,12 @@ contains
     end do
   end subroutine orthonormal_range
 
-  !> Complete an orthonormal basis to one of the whole space, with the axes that are farthest from it.
+  !> Complete an orthonormal basis to one of the whole space, each time with the axis that is farthest from the span so
+  !> far.
   pure subroutine complete_basis(q, rank)
-    !> The first `rank` columns are given, the others are filled in (n,n).
+    !> Basis as columns; the first `rank` are given, the others are filled in (n, n).
     real(dp), intent(inout) :: q(:, :)
-    !> Number of columns that are given.
+    !> Number of given columns.
     integer, intent(in) :: rank
     real(dp) :: v(size(q, 1)), best(size(q, 1))
     integer :: i, j, k, pass
@@ -187,7 +191,7 @@ contains
             v = v - dot_product(q(:, k), v)*q(:, k)
           end do
         end do
-        ! The margin keeps the choice from hanging on round-off.
+        ! The margin makes the choice independent of rounding.
         if (norm2(v) > 1.001_dp*norm2(best)) best = v
       end do
       q(:, j) = best/norm2(best)
@@ -198,11 +202,11 @@ contains
   subroutine largest_tridiagonal_eigenpair(diagonal, off_diagonal, value, vector)
     !> Diagonal (n).
     real(dp), intent(in) :: diagonal(:)
-    !> Entries beside it (n-1, more are ignored).
+    !> Entries beside the diagonal (at least n-1; further ones are ignored).
     real(dp), intent(in) :: off_diagonal(:)
     !> Largest eigenvalue.
     real(dp), intent(out) :: value
-    !> Its eigenvector of length 1 (n).
+    !> Its eigenvector of norm 1 (n).
     real(dp), intent(out) :: vector(:)
     real(dp), allocatable :: d(:), e(:), w(:), z(:, :), work(:)
     integer, allocatable :: iwork(:), ifail(:)
@@ -226,7 +230,7 @@ contains
       value = w(1)*scale
       vector = z(:, 1)
     else
-      ! Inverse iteration failed: a bound by Gershgorin, and a vector whose residual claims nothing.
+      ! Inverse iteration failed: Gershgorin's bound, and a vector whose residual promises nothing.
       value = maxval(diagonal + abs(e)*scale + abs(eoshift(e, -1))*scale)
       vector = 1
     end if

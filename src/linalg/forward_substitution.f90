@@ -1,9 +1,9 @@
 !> Forward substitution with sparse right-hand sides: y = L^{-1} P b, so that b^T K^{-1} b' = y^T y'.
 !>
-!> The nonzeros of y lie on the elimination-tree paths from the nonzeros of b to the root (the reach of b: J. R. Gilbert and T. Peierls,
-!> SIAM J. Sci. Stat. Comput. 9, 1988). Each supernode holds a dense block with the right-hand sides whose reach contains the supernode,
-!> and no others. The cost is that of eliminating as many further rows of the matrix, a small part of a full solve, at the rate of
-!> dense products.
+!> The nonzeros of y lie on the elimination-tree paths from the nonzeros of b to the root (the reach of b: J. R. Gilbert
+!> and T. Peierls, SIAM J. Sci. Stat. Comput. 9, 1988). Each supernode holds a dense block with the right-hand sides
+!> whose reach contains the supernode, and no others. The cost is that of eliminating as many further rows of the
+!> matrix, a small part of a full solve, at the rate of dense products.
 module dotyk_linalg_forward_substitution
   use dotyk_base_kinds, only: dp, int64
   use dotyk_linalg_blas, only: dgemm, dsyrk, dtrsm, transposed_product
@@ -13,31 +13,36 @@ module dotyk_linalg_forward_substitution
   private
   public :: forward_product
 
-  !> The elimination tree of the supernodes, and the way from each equation into the tree.
+  !> The elimination tree of the supernodes; they count from 1 here.
   type, public :: elimination_tree_t
-    !> The factor's supernodes, where they are.
+    !> Supernodes of the factor, in its memory.
     type(supernodes_t) :: list
-    !> The supernode that comes after each, 0 at a root (n); supernodes count from 1 here.
+    !> Parent of each supernode, 0 at a root (n).
     integer, allocatable :: parent(:)
-    !> Place of each equation in the order of elimination, from 0, and the supernode of each place (order), (0:order-1).
-    integer, allocatable :: place(:), supernode_of(:)
-    !> Entries of L from each supernode to the root (n).
-    integer(int64), allocatable :: entries_above(:)
+    !> Row of L for each equation, from 0 (order).
+    integer, allocatable :: row_of(:)
+    !> Supernode of each row of L (0:order-1).
+    integer, allocatable :: supernode_of(:)
+    !> Entries of L on the path from each supernode to its root (n).
+    integer(int64), allocatable :: path_entries_of(:)
   contains
     procedure :: init => tree_init
     procedure :: path_entries => tree_path_entries
   end type elimination_tree_t
 
-  !> Solutions of L y = P b for some right-hand sides.
+  !> Solutions of L y = P b for some right-hand sides, supernode by supernode.
   type, public :: forward_solution_t
     !> Number of right-hand sides.
     integer :: n = 0
-    !> Supernodes that they come through, ascending (n_supernodes).
+    !> Supernodes that are in the reach of a right-hand side, ascending (n_supernodes).
     integer, allocatable :: supernode(:)
-    !> Of the k-th of them: right-hand sides column(first_column(k):first_column(k+1)-1), ascending; values from first_value(k) on, a
-    !> block (own columns of the supernode, its right-hand sides) (n_supernodes + 1).
-    integer, allocatable :: first_column(:), column(:)
+    !> Position of the first right-hand side of each of them in `column` (n_supernodes + 1).
+    integer, allocatable :: first_column(:)
+    !> Right-hand sides that reach each of them, ascending.
+    integer, allocatable :: column(:)
+    !> Position of the first value of each of them in `value` (n_supernodes + 1).
     integer(int64), allocatable :: first_value(:)
+    !> Values of each of them: a block (own columns of the supernode, right-hand sides that reach it).
     real(dp), allocatable :: value(:)
   contains
     procedure :: init => forward_init
@@ -45,19 +50,19 @@ module dotyk_linalg_forward_substitution
 
 contains
 
-  !> Look at a factor.
+  !> Find the elimination tree of a factor.
   subroutine tree_init(self, factor)
     class(elimination_tree_t), intent(out) :: self
-    !> Analyzed. The tree is of no use once the factor is gone.
+    !> Analyzed. The tree is valid as long as the factor is.
     type(cholesky_t), intent(in) :: factor
     integer(int64) :: k, s, own
     integer :: n
     call factor%supernodes(self%list)
     n = int(self%list%n)
-    allocate (self%parent(n), self%place(factor%n), self%supernode_of(0:factor%n - 1), self%entries_above(n))
+    allocate (self%parent(n), self%row_of(factor%n), self%supernode_of(0:factor%n - 1), self%path_entries_of(n))
     associate (list => self%list)
       do k = 0, factor%n - 1
-        self%place(list%permutation(k) + 1) = int(k)
+        self%row_of(list%permutation(k) + 1) = int(k)
       end do
       do s = 0, n - 1
         self%supernode_of(list%column_start(s):list%column_start(s + 1) - 1) = int(s) + 1
@@ -65,32 +70,33 @@ contains
       do s = n - 1, 0, -1
         own = list%column_start(s + 1) - list%column_start(s)
         self%parent(s + 1) = 0
-        self%entries_above(s + 1) = own*(list%row_start(s + 1) - list%row_start(s))
+        self%path_entries_of(s + 1) = own*(list%row_start(s + 1) - list%row_start(s))
         if (list%row_start(s) + own == list%row_start(s + 1)) cycle
         self%parent(s + 1) = self%supernode_of(list%row(list%row_start(s) + own))
-        self%entries_above(s + 1) = self%entries_above(s + 1) + self%entries_above(self%parent(s + 1))
+        self%path_entries_of(s + 1) = self%path_entries_of(s + 1) + self%path_entries_of(self%parent(s + 1))
       end do
     end associate
   end subroutine tree_init
 
-  !> Entries of L that forward substitutions for single equations go through, in the mean.
+  !> Mean number of entries of L on the elimination-tree path of one equation.
   real(dp) function tree_path_entries(self, equation) result(entries)
     class(elimination_tree_t), intent(in) :: self
+    !> Equations (any number).
     integer, intent(in) :: equation(:)
     integer :: i
     entries = 0
     do i = 1, size(equation)
-      entries = entries + real(self%entries_above(self%supernode_of(self%place(equation(i)))), dp)
+      entries = entries + real(self%path_entries_of(self%supernode_of(self%row_of(equation(i)))), dp)
     end do
     if (size(equation) > 0) entries = entries/size(equation)
   end function tree_path_entries
 
-  !> Solve.
+  !> Solve L y = P b.
   subroutine forward_init(self, tree, rhs)
     class(forward_solution_t), intent(out) :: self
-    !> Of a factorized matrix.
+    !> Elimination tree of a factorized matrix.
     type(elimination_tree_t), intent(in) :: tree
-    !> Right-hand sides as rows; their columns are the equations.
+    !> Right-hand sides b as rows; columns are equations.
     type(sparse_rows_t), intent(in) :: rhs
     integer, allocatable :: number(:)
     integer :: k
@@ -103,12 +109,14 @@ contains
     end do
   end subroutine forward_init
 
-  !> Which right-hand sides come through which supernodes, and room for the values.
+  !> Find the reach of every right-hand side, and allocate the values.
   subroutine find_columns(self, tree, rhs, number)
     type(forward_solution_t), intent(inout) :: self
+    !> Elimination tree.
     type(elimination_tree_t), intent(in) :: tree
+    !> Right-hand sides as rows.
     type(sparse_rows_t), intent(in) :: rhs
-    !> Number of each supernode among those that are come through, 0 if it is not one of them (size of tree%parent).
+    !> Position of each supernode in self%supernode, 0 for those in no reach (number of supernodes).
     integer, intent(out) :: number(:)
     integer, allocatable :: next(:), last(:)
     integer :: pass, j, k, s, n
@@ -119,7 +127,7 @@ contains
       last = 0
       do j = 1, rhs%n_rows
         do k = rhs%row_start(j), rhs%row_start(j + 1) - 1
-          s = tree%supernode_of(tree%place(rhs%column(k)))
+          s = tree%supernode_of(tree%row_of(rhs%column(k)))
           do while (s > 0)
             if (last(s) == j) exit
             last(s) = j
@@ -151,30 +159,36 @@ contains
     end do
   end subroutine find_columns
 
-  !> The right-hand sides themselves.
+  !> Put the right-hand sides into the values.
   subroutine place_values(self, tree, rhs, number)
     type(forward_solution_t), intent(inout) :: self
+    !> Elimination tree.
     type(elimination_tree_t), intent(in) :: tree
+    !> Right-hand sides as rows.
     type(sparse_rows_t), intent(in) :: rhs
+    !> As from `find_columns`.
     integer, intent(in) :: number(:)
     integer :: j, k, m, s, column
     integer(int64) :: own, at
     self%value = 0
     do j = 1, rhs%n_rows
       do k = rhs%row_start(j), rhs%row_start(j + 1) - 1
-        s = tree%supernode_of(tree%place(rhs%column(k)))
+        s = tree%supernode_of(tree%row_of(rhs%column(k)))
         m = number(s)
         own = tree%list%column_start(s) - tree%list%column_start(s - 1)
         column = position(j, self%column(self%first_column(m):self%first_column(m + 1) - 1))
-        at = self%first_value(m) + (column - 1)*own + tree%place(rhs%column(k)) - tree%list%column_start(s - 1)
+        at = self%first_value(m) + (column - 1)*own + tree%row_of(rhs%column(k)) - tree%list%column_start(s - 1)
         self%value(at) = self%value(at) + rhs%value(k)
       end do
     end do
   end subroutine place_values
 
-  !> Position of a number in an ascending list that has it.
+  !> Position of a number in an ascending list that contains it.
   pure integer function position(number, list)
-    integer, intent(in) :: number, list(:)
+    !> The number.
+    integer, intent(in) :: number
+    !> The list (any length).
+    integer, intent(in) :: list(:)
     integer :: low, high, middle
     low = 1
     high = size(list)
@@ -189,14 +203,16 @@ contains
     position = low
   end function position
 
-  !> One supernode: solve with its own block, and take its part from the supernodes after it.
+  !> Solve with the diagonal block of a supernode, and subtract its contribution from its ancestors.
   subroutine eliminate(self, tree, number, k)
     type(forward_solution_t), intent(inout) :: self
+    !> Elimination tree.
     type(elimination_tree_t), intent(in) :: tree
+    !> As from `find_columns`.
     integer, intent(in) :: number(:)
-    !> Number of the supernode among those that are come through.
+    !> Position of the supernode in self%supernode.
     integer, intent(in) :: k
-    real(dp), allocatable :: part(:, :)
+    real(dp), allocatable :: product(:, :)
     integer :: s, own, rows, n
     integer(int64) :: first
     s = self%supernode(k)
@@ -207,23 +223,27 @@ contains
       n = self%first_column(k + 1) - self%first_column(k)
       call dtrsm('L', 'L', 'N', 'N', own, n, 1.0_dp, list%value(first:), rows, self%value(self%first_value(k):), own)
       if (rows == own) return
-      allocate (part(rows - own, n))
-      call dgemm('N', 'N', rows - own, n, own, 1.0_dp, list%value(first + own:), rows, self%value(self%first_value(k):), own, &
-                 0.0_dp, part, rows - own)
-      call subtract_part(self, tree, number, list%row(list%row_start(s - 1) + own:list%row_start(s) - 1), &
-                         self%column(self%first_column(k):self%first_column(k + 1) - 1), part)
+      allocate (product(rows - own, n))
+      call dgemm('N', 'N', rows - own, n, own, 1.0_dp, list%value(first + own:), rows, &
+                 self%value(self%first_value(k):), own, 0.0_dp, product, rows - own)
+      call subtract_product(self, tree, number, list%row(list%row_start(s - 1) + own:list%row_start(s) - 1), &
+                         self%column(self%first_column(k):self%first_column(k + 1) - 1), product)
     end associate
   end subroutine eliminate
 
-  !> Subtract what a supernode contributes to others.
-  subroutine subtract_part(self, tree, number, row, column, part)
+  !> Subtract the contribution of a supernode from its ancestors.
+  subroutine subtract_product(self, tree, number, row, column, product)
     type(forward_solution_t), intent(inout) :: self
+    !> Elimination tree.
     type(elimination_tree_t), intent(in) :: tree
+    !> As from `find_columns`.
     integer, intent(in) :: number(:)
-    !> Places in the order of elimination (from 0, ascending) and right-hand sides of the part.
+    !> Rows of L that the contribution belongs to, ascending from 0 (m).
     integer(int64), intent(in) :: row(0:)
+    !> Right-hand sides that it belongs to, ascending (n).
     integer, intent(in) :: column(:)
-    real(dp), intent(in) :: part(0:, :)
+    !> The contribution (m, n).
+    real(dp), intent(in) :: product(0:, :)
     integer :: first, last, s, m, i, j, own
     integer(int64) :: at, begin
     first = 0
@@ -239,27 +259,31 @@ contains
       m = self%first_column(number(s)) - 1
       at = self%first_value(number(s)) - own
       do j = 1, size(column)
-        ! The right-hand sides of a supernode are among those of all that come after it.
+        ! Right-hand sides that reach a supernode reach all its ancestors.
         do
           m = m + 1
           at = at + own
           if (self%column(m) == column(j)) exit
         end do
         do i = first, last
-          self%value(at + row(i) - begin) = self%value(at + row(i) - begin) - part(i, j)
+          self%value(at + row(i) - begin) = self%value(at + row(i) - begin) - product(i, j)
         end do
       end do
       first = last + 1
     end do
-  end subroutine subtract_part
+  end subroutine subtract_product
 
-  !> c = Y_a^T Y_b, products of all right-hand sides of two lots with K^{-1} between them.
+  !> C = Y_a^T Y_b = B_a^T K^{-1} B_b for two blocks of right-hand sides.
   subroutine forward_product(tree, a, b, same, c)
+    !> Elimination tree.
     type(elimination_tree_t), intent(in) :: tree
-    type(forward_solution_t), intent(in) :: a, b
-    !> Whether a and b are one and the same.
+    !> Solutions Y_a.
+    type(forward_solution_t), intent(in) :: a
+    !> Solutions Y_b.
+    type(forward_solution_t), intent(in) :: b
+    !> Whether b is a.
     logical, intent(in) :: same
-    !> (a%n, b%n)
+    !> C (a%n, b%n).
     real(dp), intent(out) :: c(:, :)
     integer :: k, l, s, own, i, j
     c = 0
@@ -285,24 +309,33 @@ contains
     end do
   end subroutine forward_product
 
-  !> What one supernode adds to the products; where a and b are the same, to the lower triangle alone.
+  !> Add the products of one supernode; of the lower triangle alone where b is a.
   subroutine add_products(own, a, b, column_a, column_b, same, c)
+    !> Columns of the supernode.
     integer, intent(in) :: own
-    integer, intent(in) :: column_a(:), column_b(:)
-    real(dp), intent(in) :: a(own, size(column_a)), b(own, size(column_b))
+    !> Right-hand sides of a that reach it, ascending (m).
+    integer, intent(in) :: column_a(:)
+    !> Right-hand sides of b that reach it, ascending (n).
+    integer, intent(in) :: column_b(:)
+    !> Values of a (own, m).
+    real(dp), intent(in) :: a(own, size(column_a))
+    !> Values of b (own, n).
+    real(dp), intent(in) :: b(own, size(column_b))
+    !> Whether b is a.
     logical, intent(in) :: same
+    !> C (right-hand sides of a, right-hand sides of b).
     real(dp), intent(inout) :: c(:, :)
-    real(dp), allocatable :: part(:, :)
+    real(dp), allocatable :: product(:, :)
     integer :: i, j
-    allocate (part(size(column_a), size(column_b)))
+    allocate (product(size(column_a), size(column_b)))
     if (same) then
-      call dsyrk('L', 'T', size(column_a), own, 1.0_dp, a, own, 0.0_dp, part, size(column_a))
+      call dsyrk('L', 'T', size(column_a), own, 1.0_dp, a, own, 0.0_dp, product, size(column_a))
     else
-      call transposed_product(a, b, part)
+      call transposed_product(a, b, product)
     end if
     do j = 1, size(column_b)
       do i = merge(j, 1, same), size(column_a)
-        c(column_a(i), column_b(j)) = c(column_a(i), column_b(j)) + part(i, j)
+        c(column_a(i), column_b(j)) = c(column_a(i), column_b(j)) + product(i, j)
       end do
     end do
   end subroutine add_products

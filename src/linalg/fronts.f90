@@ -3,12 +3,13 @@
 !> The tiles depend on the size of a front alone, and each is one call of BLAS on one thread: the results are the same
 !> to the bit on any number of threads.
 module dotyk_linalg_fronts
+  use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_linalg_blas, only: dgemm, dsyrk, dtrsm
   use dotyk_linalg_lapack, only: dpotrf
   implicit none
   private
-  public :: factor_panel, subtract_square, product_tile, tile_rows, tile_columns
+  public :: factor_panel, must_stop, subtract_square, product_tile, tile_rows, tile_columns
 
   !> Columns that LAPACK factorizes at a time: its diagonal block fits the second cache (128 KiB).
   integer, parameter :: leaf_columns = 128
@@ -23,7 +24,7 @@ module dotyk_linalg_fronts
 contains
 
   !> Cholesky factorization of the first columns of a symmetric matrix, by recursive halving of the columns.
-  subroutine factor_panel(m, n, a, shared_out, failed)
+  subroutine factor_panel(m, n, a, shared_out, may_stop, failed)
     !> Rows.
     integer, intent(in) :: m
     !> Columns, n <= m.
@@ -32,6 +33,8 @@ contains
     real(dp), intent(inout) :: a(m, n)
     !> Whether rows are cut too and all tiles are tasks.
     logical, intent(in) :: shared_out
+    !> Whether an interrupt ends the factorization, with values that mean nothing.
+    logical, intent(in) :: may_stop
     !> First column whose pivot is not positive, 0 if there is none.
     integer, intent(out) :: failed
     failed = 0
@@ -44,6 +47,7 @@ contains
       !> Last column.
       integer, intent(in) :: last
       integer :: middle
+      if (must_stop(may_stop)) return
       if (last - first < leaf_columns) then
         call factor_leaf(m, first, last, a, shared_out, failed)
         return
@@ -51,7 +55,7 @@ contains
       middle = first + 8*((last - first + 1)/16) - 1
       call factor_columns(first, middle)
       if (failed > 0) return
-      call eliminate(m, first, middle, last, a, shared_out)
+      call eliminate(m, first, middle, last, a, shared_out, may_stop)
       call factor_columns(middle + 1, last)
     end subroutine factor_columns
   end subroutine factor_panel
@@ -93,7 +97,7 @@ contains
 
   !> Eliminate columns: A(middle+1:m, middle+1:last) <- itself - A(middle+1:m, first:middle) A(middle+1:last,
   !> first:middle)^T.
-  subroutine eliminate(m, first, middle, last, a, shared_out)
+  subroutine eliminate(m, first, middle, last, a, shared_out, may_stop)
     !> Rows of the front.
     integer, intent(in) :: m
     !> First column to eliminate.
@@ -106,18 +110,25 @@ contains
     real(dp), intent(inout) :: a(m, *)
     !> As in `factor_panel`.
     logical, intent(in) :: shared_out
+    !> As in `factor_panel`.
+    logical, intent(in) :: may_stop
     integer :: column, columns, row, rows, k
     k = middle - first + 1
     do column = middle + 1, last, tile_columns
       columns = min(tile_columns, last - column + 1)
-      !$omp task default(none) shared(a) firstprivate(columns, column, k, m, first) if(shared_out)
-      call dsyrk('L', 'N', columns, k, -1.0_dp, a(column, first), m, 1.0_dp, a(column, column), m)
+      !$omp task default(none) shared(a) firstprivate(columns, column, k, m, first, may_stop) if(shared_out)
+      if (.not. must_stop(may_stop)) then
+        call dsyrk('L', 'N', columns, k, -1.0_dp, a(column, first), m, 1.0_dp, a(column, column), m)
+      end if
       !$omp end task
       do row = column + columns, m, tile_rows
         rows = min(tile_rows, m - row + 1)
-        !$omp task default(none) shared(a) firstprivate(rows, row, columns, column, k, m, first) if(shared_out)
-        call dgemm('N', 'T', rows, columns, k, -1.0_dp, a(row, first), m, a(column, first), m, 1.0_dp, &
-                   a(row, column), m)
+        !$omp task default(none) shared(a) firstprivate(rows, row, columns, column, k, m, first, may_stop) &
+        !$omp& if(shared_out)
+        if (.not. must_stop(may_stop)) then
+          call dgemm('N', 'T', rows, columns, k, -1.0_dp, a(row, first), m, a(column, first), m, 1.0_dp, &
+                     a(row, column), m)
+        end if
         !$omp end task
       end do
     end do
@@ -125,6 +136,14 @@ contains
       !$omp taskwait
     end if
   end subroutine eliminate
+
+  !> Whether an interrupt has come that ends the factorization.
+  logical function must_stop(may_stop)
+    !> Whether it may.
+    logical, intent(in) :: may_stop
+    must_stop = may_stop
+    if (must_stop) must_stop = interrupted()
+  end function must_stop
 
   !> C <- C - A A^T, lower triangle.
   subroutine subtract_square(n, k, a, m, c)

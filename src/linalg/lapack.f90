@@ -6,70 +6,103 @@ module dotyk_linalg_lapack
   public :: dgelsy, dgesv, dgesvd, dlaic1, dpotrf, dstevx, dsyev
 
   interface
-    !> Eigenvalues and eigenvectors of a symmetric matrix by the QR algorithm.
-    subroutine dsyev(jobz, uplo, n, a, lda, w, work, lwork, info)
+    !> Cholesky factorization.
+    subroutine dpotrf(uplo, n, a, lda, info)
       import :: dp
-      character(1), intent(in) :: jobz, uplo
-      integer, intent(in) :: n, lda, lwork
+      !> Triangle 'L' or 'U'.
+      character(1), intent(in) :: uplo
+      !> Order, leading dimension.
+      integer, intent(in) :: n, lda
+      !> The matrix, then its factor (lda, n).
       real(dp), intent(inout) :: a(lda, *)
-      real(dp), intent(out) :: w(*), work(*)
+      !> First column whose pivot is not positive; 0 if there is none.
       integer, intent(out) :: info
-    end subroutine dsyev
-
-    !> Singular value decomposition by the QR algorithm.
-    subroutine dgesvd(jobu, jobvt, m, n, a, lda, s, u, ldu, vt, ldvt, work, lwork, info)
-      import :: dp
-      character(1), intent(in) :: jobu, jobvt
-      integer, intent(in) :: m, n, lda, ldu, ldvt, lwork
-      real(dp), intent(inout) :: a(lda, *)
-      real(dp), intent(out) :: s(*), u(ldu, *), vt(ldvt, *), work(*)
-      integer, intent(out) :: info
-    end subroutine dgesvd
+    end subroutine dpotrf
 
     !> Linear equations by LU factorization with partial pivoting.
     subroutine dgesv(n, nrhs, a, lda, ipiv, b, ldb, info)
       import :: dp
+      !> Order, right-hand sides, leading dimensions.
       integer, intent(in) :: n, nrhs, lda, ldb
+      !> The matrix, then its factors (lda, n); right-hand sides, then solutions (ldb, nrhs).
       real(dp), intent(inout) :: a(lda, *), b(ldb, *)
+      !> Row exchanges (n); first pivot that is zero, or 0.
       integer, intent(out) :: ipiv(*), info
     end subroutine dgesv
 
     !> Least squares of minimum norm by QR factorization with column pivoting.
     subroutine dgelsy(m, n, nrhs, a, lda, b, ldb, jpvt, rcond, rank, work, lwork, info)
       import :: dp
+      !> Rows, columns, right-hand sides, leading dimensions, length of `work`.
       integer, intent(in) :: m, n, nrhs, lda, ldb, lwork
+      !> The matrix, then its factors (lda, n); right-hand sides, then solutions (ldb, nrhs).
       real(dp), intent(inout) :: a(lda, *), b(ldb, *)
+      !> Columns to keep in front, then the order of the columns (n).
       integer, intent(inout) :: jpvt(*)
+      !> Reciprocal of the greatest condition number of the part that counts.
       real(dp), intent(in) :: rcond
+      !> Order of that part; 0 for success.
       integer, intent(out) :: rank, info
+      !> Workspace (lwork).
       real(dp), intent(out) :: work(*)
     end subroutine dgelsy
 
-    !> Selected eigenvalues and eigenvectors of a symmetric tridiagonal matrix.
+    !> Eigenvalues and eigenvectors of a symmetric matrix by the QR algorithm.
+    subroutine dsyev(jobz, uplo, n, a, lda, w, work, lwork, info)
+      import :: dp
+      !> 'V' for eigenvectors, 'N' for none; triangle 'L' or 'U'.
+      character(1), intent(in) :: jobz, uplo
+      !> Order, leading dimension, length of `work`.
+      integer, intent(in) :: n, lda, lwork
+      !> The matrix, then its eigenvectors (lda, n).
+      real(dp), intent(inout) :: a(lda, *)
+      !> Eigenvalues, ascending (n); workspace (lwork).
+      real(dp), intent(out) :: w(*), work(*)
+      !> 0 for success.
+      integer, intent(out) :: info
+    end subroutine dsyev
+
+    !> Selected eigenvalues and eigenvectors of a symmetric tridiagonal matrix by bisection and inverse iteration.
     subroutine dstevx(jobz, range, n, d, e, vl, vu, il, iu, abstol, m, w, z, ldz, work, iwork, ifail, info)
       import :: dp
+      !> 'V' for eigenvectors, 'N' for none; 'A' for all, 'V' for those in (vl, vu], 'I' for the il-th to the iu-th.
       character(1), intent(in) :: jobz, range
+      !> Order, first and last eigenvalue, leading dimension.
       integer, intent(in) :: n, il, iu, ldz
+      !> Diagonal (n); entries beside it (n-1).
       real(dp), intent(inout) :: d(*), e(*)
+      !> Interval; tolerance of the eigenvalues.
       real(dp), intent(in) :: vl, vu, abstol
+      !> Eigenvalues found; workspace (5 n); eigenvectors that failed (n); 0 for success.
       integer, intent(out) :: m, iwork(*), ifail(*), info
+      !> Eigenvalues, ascending (n); eigenvectors (ldz, m); workspace (5 n).
       real(dp), intent(out) :: w(*), z(ldz, *), work(*)
     end subroutine dstevx
 
-    !> Cholesky factorization.
-    subroutine dpotrf(uplo, n, a, lda, info)
+    !> Singular value decomposition by the QR algorithm.
+    subroutine dgesvd(jobu, jobvt, m, n, a, lda, s, u, ldu, vt, ldvt, work, lwork, info)
       import :: dp
-      character(1), intent(in) :: uplo
-      integer, intent(in) :: n, lda
+      !> 'A' for all singular vectors, 'N' for none.
+      character(1), intent(in) :: jobu, jobvt
+      !> Rows, columns, leading dimensions, length of `work`.
+      integer, intent(in) :: m, n, lda, ldu, ldvt, lwork
+      !> The matrix, destroyed (lda, n).
       real(dp), intent(inout) :: a(lda, *)
+      !> Singular values, falling; left and transposed right singular vectors; workspace (lwork).
+      real(dp), intent(out) :: s(*), u(ldu, *), vt(ldvt, *), work(*)
+      !> 0 for success.
       integer, intent(out) :: info
-    end subroutine dpotrf
+    end subroutine dgesvd
 
     !> One step of incremental condition estimation.
     subroutine dlaic1(job, j, x, sest, w, gamma, sestpr, s, c)
       import :: dp
+      !> 1 for the largest, 2 for the smallest singular value; order of the triangle so far.
       integer, intent(in) :: job, j
+      !> Its approximate singular vector (j) and value; new row: entries before the diagonal (j), and the diagonal
+      !> entry.
       real(dp), intent(in) :: x(*), sest, w(*), gamma
+      !> Estimate for the larger triangle; factor of x in its singular vector, and the last component.
       real(dp), intent(out) :: sestpr, s, c
     end subroutine dlaic1
   end interface

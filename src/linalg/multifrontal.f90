@@ -17,10 +17,9 @@
 module dotyk_linalg_multifrontal
   use omp_lib, only: omp_in_parallel, omp_get_max_threads, omp_get_num_threads, omp_get_thread_num, omp_lock_kind, &
                      omp_init_lock, omp_destroy_lock, omp_set_lock, omp_unset_lock
-  use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp, int64
   use dotyk_linalg_extend_add, only: add_to_ancestors, add_update, clear_lower
-  use dotyk_linalg_fronts, only: factor_panel, subtract_square, product_tile, tile_rows, tile_columns
+  use dotyk_linalg_fronts, only: factor_panel, must_stop, subtract_square, product_tile, tile_rows, tile_columns
   use dotyk_linalg_stack_plan, only: plan_stack
   use dotyk_linalg_supernodes, only: supernodes_t, supernode_tree_t, make_tree
   implicit none
@@ -151,19 +150,11 @@ contains
     if (any(self%subtree%failed > 0)) failed = minval(self%subtree%failed, mask=self%subtree%failed > 0)
     if (failed > 0) return
     do i = 1, size(self%tree%top)
-      if (must_stop(self)) return
+      if (must_stop(self%may_stop)) return
       call factor_top(self, self%tree%top(i), self%supernodes%value, failed)
       if (failed > 0) return
     end do
   end subroutine factor_all
-
-  !> Whether an interrupt has come that ends the factorization.
-  logical function must_stop(self)
-    !> The factorization.
-    type(factorization_t), intent(in) :: self
-    must_stop = self%may_stop
-    if (must_stop) must_stop = interrupted()
-  end function must_stop
 
   !> Fill the panel of a supernode with the entries of P K P^T.
   subroutine assemble_panel(self, s, x)
@@ -202,7 +193,7 @@ contains
     call take_stack(self, needed, self%subtree(t)%stack)
     do i = self%tree%first(t), self%tree%last(t)
       s = self%tree%order(i)
-      if (must_stop(self)) exit
+      if (must_stop(self%may_stop)) exit
       call assemble_panel(self, s, self%supernodes%value)
       call factor_front(self, s, self%stack(self%subtree(t)%stack)%x, self%supernodes%value, self%subtree(t)%failed)
       if (self%subtree(t)%failed > 0) exit
@@ -247,7 +238,7 @@ contains
     integer(int64) :: from, to
     n = self%supernodes%rows(s) - self%supernodes%columns(s)
     if (subtree%failed > 0) n = 0
-    if (must_stop(self)) n = 0
+    if (must_stop(self%may_stop)) n = 0
     allocate (subtree%update(int(n, int64)*(n + 1)/2))
     from = self%position(s)
     to = 0
@@ -292,7 +283,7 @@ contains
       end associate
       child = self%tree%next_sibling(child)
     end do
-    call factor_panel(rows, columns, x(at), .false., failed)
+    call factor_panel(rows, columns, x(at), .false., self%may_stop, failed)
     if (failed > 0) then
       failed = failed + int(self%supernodes%column_start(s))
     else if (below > 0) then
@@ -317,7 +308,7 @@ contains
         s = self%tree%order(self%tree%last(self%next))
         rows_at = self%supernodes%row_start(s) + self%supernodes%columns(s)
         n = int(self%supernodes%row_start(s + 1) - rows_at)
-        if (must_stop(self)) n = 0
+        if (must_stop(self%may_stop)) n = 0
         if (n > 0 .and. subtree%failed == 0) then
           associate (row => self%supernodes%row(rows_at:rows_at + n - 1))
             call add_to_ancestors(self%supernodes, self%tree%of_column, n, n, row, row, .true., .true., &
@@ -346,7 +337,7 @@ contains
     columns = self%supernodes%columns(s)
     rows = self%supernodes%rows(s)
     at = self%supernodes%value_start(s)
-    call factor_panel(rows, columns, x(at), .true., failed)
+    call factor_panel(rows, columns, x(at), .true., self%may_stop, failed)
     if (failed > 0) then
       failed = failed + int(self%supernodes%column_start(s))
       return
@@ -383,7 +374,7 @@ contains
     rows = self%supernodes%rows(s)
     m = min(most_rows, rows - i)
     n = min(tile_columns, rows - j)
-    if (must_stop(self)) return
+    if (must_stop(self%may_stop)) return
     at = self%supernodes%value_start(s)
     rows_at = self%supernodes%row_start(s)
     associate (tile => self%tile(:, omp_get_thread_num()), row => self%supernodes%row(rows_at:rows_at + rows - 1))

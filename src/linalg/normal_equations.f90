@@ -1,9 +1,10 @@
-!> Small least squares by their normal equations, for matrices of which only the products of columns are formed.
+!> Small least-squares problems by their normal equations, for many matrices A of which only G = A^T A is formed.
 !>
-!> The rank is that of a QR factorization with column pivoting and incremental estimates of the condition (LAPACK's dgelsy): R of a
-!> pivoted Cholesky factorization of A^T A is R of that of A. Its smallest entries have errors of the root of epsilon, so that it tells
-!> conditions up to about 1e6, and solutions have errors of epsilon times the condition's square; those that matter want a step of
-!> refinement.
+!> The rank is that of a QR factorization with column pivoting and incremental condition estimation, as in LAPACK's
+!> dgelsy: R of a pivoted Cholesky factorization of A^T A is R of that of A. The smallest entries of R have errors of
+!> sqrt(epsilon), so condition numbers are told up to about 1e6. Solutions have errors of epsilon times the square of
+!> the condition number; where that matters, add a step of refinement. Faster than dgelsy for the thousands of small
+!> fits of an error estimate.
 module dotyk_linalg_normal_equations
   use dotyk_base_kinds, only: dp
   use dotyk_linalg_blas, only: dtrsm
@@ -14,16 +15,17 @@ module dotyk_linalg_normal_equations
 
 contains
 
-  !> Cholesky factorization R^T R = P^T G P with pivots, as far as the rank goes.
+  !> Pivoted Cholesky factorization R^T R = P^T G P, up to the numerical rank.
   subroutine factorize_gram(n, gram, tolerance, r, pivot, rank)
+    !> Order.
     integer, intent(in) :: n
-    !> G = A^T A, its lower triangle is read.
+    !> G = A^T A (n, n); its lower triangle is read.
     real(dp), intent(in) :: gram(n, n)
-    !> Parts of A whose condition is worse than the inverse of this count as zero.
+    !> Reciprocal of the greatest condition number of the part of A that counts []; the rest is taken for zero.
     real(dp), intent(in) :: tolerance
-    !> R^T in its lower triangle, the first `rank` columns.
+    !> R^T in the lower triangle of the first `rank` columns (n, n).
     real(dp), intent(out) :: r(n, n)
-    !> The column of A that comes k-th.
+    !> Column of A that is eliminated k-th (n).
     integer, intent(out) :: pivot(n)
     !> Rank of A to that tolerance.
     integer, intent(out) :: rank
@@ -66,9 +68,12 @@ contains
 
   contains
 
-    !> Exchange two rows and columns; the rest of the matrix is in the lower triangle.
+    !> Exchange two rows and columns of the lower triangle.
     subroutine swap(a, b)
-      integer, intent(in) :: a, b
+      !> The one, smaller.
+      integer, intent(in) :: a
+      !> The other.
+      integer, intent(in) :: b
       real(dp) :: line(n), value
       line(:a - 1) = r(a, :a - 1)
       r(a, :a - 1) = r(b, :a - 1)
@@ -86,13 +91,17 @@ contains
     end subroutine swap
   end subroutine factorize_gram
 
-  !> Solve G x = b for some right-hand sides, with a factor of full rank.
+  !> Solve G x = b with a factor of full rank.
   subroutine solve_gram(n, m, r, pivot, b)
-    integer, intent(in) :: n, m
-    !> From `factorize_gram`.
+    !> Order.
+    integer, intent(in) :: n
+    !> Number of right-hand sides.
+    integer, intent(in) :: m
+    !> Factor of `factorize_gram` (n, n).
     real(dp), intent(in) :: r(n, n)
+    !> Pivots of `factorize_gram` (n).
     integer, intent(in) :: pivot(n)
-    !> Right-hand sides as rows, then solutions.
+    !> Right-hand sides as rows, then solutions (m, n).
     real(dp), intent(inout) :: b(m, n)
     real(dp) :: x(m, n)
     x = b(:, pivot)

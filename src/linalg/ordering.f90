@@ -1,4 +1,5 @@
-!> Fill-reducing orderings by METIS's nested dissection. The only module that names METIS.
+!> Fill-reducing orders by nested dissection with METIS (G. Karypis and V. Kumar, SIAM J. Sci. Comput. 20, 1998), which
+!> is declared here and nowhere else.
 module dotyk_linalg_ordering
   use, intrinsic :: iso_c_binding, only: c_int, c_int32_t, c_loc, c_null_ptr, c_ptr
   use dotyk_base_error, only: error_t, set_error, exit_machine, exit_not_solvable
@@ -7,45 +8,61 @@ module dotyk_linalg_ordering
   private
   public :: nested_dissection, expand_permutation, is_permutation
 
-  !> Graphs of fewer nodes keep their order: there is nothing to gain.
+  !> Graphs of fewer nodes keep their order: their factors are nearly dense in any order.
   integer, parameter :: least_nodes = 50
-  ! Positions in METIS 5.1's array of options, counted from 1, and what METIS_NodeND returns.
+  !> Length of METIS 5.1's array of options.
   integer, parameter :: n_options = 40
+  !> Position of the seed in that array, from 1.
   integer, parameter :: option_seed = 9
-  integer, parameter :: metis_ok = 1, metis_error_memory = -3
+  !> METIS_NodeND succeeded.
+  integer, parameter :: metis_ok = 1
+  !> METIS_NodeND had no memory.
+  integer, parameter :: metis_error_memory = -3
 
   interface
+    !> Set all options to their defaults.
     integer(c_int) function metis_set_default_options(options) bind(c, name='METIS_SetDefaultOptions')
       import :: c_int, c_int32_t
+      !> Options (n_options).
       integer(c_int32_t), intent(out) :: options(*)
     end function metis_set_default_options
 
+    !> Nested dissection of a graph with 0-based numbers.
     integer(c_int) function metis_node_nd(n, start, neighbour, weight, options, permutation, inverse) &
       bind(c, name='METIS_NodeND')
       import :: c_int, c_int32_t, c_ptr
+      !> Number of nodes.
       integer(c_int32_t), intent(in) :: n
-      integer(c_int32_t), intent(inout) :: start(*), neighbour(*)
+      !> Position of the first neighbour of each node (n+1).
+      integer(c_int32_t), intent(inout) :: start(*)
+      !> Neighbours of the nodes.
+      integer(c_int32_t), intent(inout) :: neighbour(*)
+      !> Address of the weights of the nodes (n), or null.
       type(c_ptr), value :: weight
+      !> Options (n_options).
       integer(c_int32_t), intent(in) :: options(*)
-      integer(c_int32_t), intent(out) :: permutation(*), inverse(*)
+      !> Node that is eliminated k-th (n).
+      integer(c_int32_t), intent(out) :: permutation(*)
+      !> Position of each node in that order (n).
+      integer(c_int32_t), intent(out) :: inverse(*)
     end function metis_node_nd
   end interface
 
 contains
 
-  !> Nested dissection of a graph. The same graph and seed give the same ordering, whatever else runs at the same time.
+  !> Nested dissection of a graph. The same graph and seed give the same order, whatever other threads do.
   subroutine nested_dissection(start, neighbour, permutation, error, seed, weight)
     !> Position of the first neighbour of each node (n+1), 1-based.
     integer, intent(in) :: start(:)
-    !> Neighbours of each node, without the node itself; the graph is symmetric.
+    !> Neighbours of each node, without the node itself; the graph is symmetric (number of neighbours of all nodes).
     integer, intent(in) :: neighbour(:)
-    !> The node that comes k-th (n).
+    !> Node that is eliminated k-th (n).
     integer, intent(out) :: permutation(:)
     !> METIS has no memory, or refuses the graph.
     type(error_t), allocatable, intent(out) :: error
     !> Seed of METIS's random numbers; a fixed one if absent.
     integer, intent(in), optional :: seed
-    !> Equations of each node, where they differ: nodes that part the graph have few in all (n).
+    !> Number of equations of each node, which separators minimize (n); all equal if absent.
     integer, intent(in), optional :: weight(:)
     integer(c_int32_t), allocatable, target :: weight_c(:)
     type(c_ptr) :: weights
@@ -57,7 +74,7 @@ contains
     permutation = [(i, i=1, n)]
     ! METIS 5.1 does not survive a graph without edges.
     if (n < least_nodes .or. size(neighbour) == 0) return
-    ! METIS works on its own 0-based copies; it may write to them.
+    ! METIS may write to its arguments.
     allocate (start_c(n + 1), neighbour_c(size(neighbour)), permutation_c(n), inverse(n))
     start_c = int(start, c_int32_t) - 1_c_int32_t
     neighbour_c = int(neighbour, c_int32_t) - 1_c_int32_t
@@ -66,7 +83,7 @@ contains
       weight_c = int(weight, c_int32_t)
       weights = c_loc(weight_c)
     end if
-    ! libmetis draws from the C library's rand(), which all threads share.
+    ! METIS uses the C library's rand(), whose state all threads share.
     !$omp critical(dotyk_metis)
     status = metis_set_default_options(options)
     options(option_seed) = 1
@@ -87,13 +104,13 @@ contains
     !$omp end critical (message)
   end subroutine nested_dissection
 
-  !> Ordering of equations from an ordering of nodes: the equations of a node stay together.
+  !> Order of equations from an order of nodes; the equations of a node stay together.
   pure subroutine expand_permutation(node_permutation, equation, permutation)
-    !> The node that comes k-th (n_nodes).
+    !> Node that is eliminated k-th (n_nodes).
     integer, intent(in) :: node_permutation(:)
     !> Equation of each component of each node (dimension, n_nodes), 0 where there is none.
     integer, intent(in) :: equation(:, :)
-    !> The equation that comes k-th (number of equations).
+    !> Equation that is eliminated k-th (number of equations).
     integer, intent(out) :: permutation(:)
     integer :: i, k, n
     n = 0
@@ -106,10 +123,11 @@ contains
     end do
   end subroutine expand_permutation
 
-  !> Whether each of 1..n stands in the list once.
+  !> Whether a list contains each of 1..n once.
   pure logical function is_permutation(n, list)
+    !> Greatest number.
     integer, intent(in) :: n
-    !> The list.
+    !> The list (any length).
     integer, intent(in) :: list(:)
     logical, allocatable :: seen(:)
     integer :: k

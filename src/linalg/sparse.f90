@@ -1,20 +1,19 @@
-!> Sparse matrices: the symmetric one that CHOLMOD reads, and a general one by rows.
+!> Sparse matrices: a symmetric one as CHOLMOD reads it, and a general one by rows (compressed sparse rows).
 module dotyk_linalg_sparse
   use dotyk_base_kinds, only: dp, int64
   implicit none
   private
 
-  !> Symmetric matrix: lower triangle with the diagonal, by columns, rows ascending in each column. Indices are 64-bit
-  !> and 0-based, because CHOLMOD reads these very arrays. The diagonal entry of every column is stored and comes
-  !> first.
+  !> Symmetric matrix: lower triangle with the diagonal by columns, rows ascending in each column. Indices are 64-bit
+  !> and 0-based, because CHOLMOD reads these arrays. Every diagonal entry is stored, as the first entry of its column.
   type, public :: sparse_symmetric_t
     !> Order of the matrix.
     integer :: n = 0
-    !> 0-based position of the first entry of each column (n+1); the last one is the number of entries.
+    !> Position of the first entry of each column, 0-based, and the number of entries (n+1).
     integer(int64), allocatable :: column_start(:)
-    !> 0-based row of each entry (number of entries).
+    !> Row of each entry, 0-based (number of entries).
     integer(int64), allocatable :: row(:)
-    !> Value of each entry (number of entries); not allocated where only the pattern is known.
+    !> Value of each entry; not allocated while only the pattern is known (number of entries).
     real(dp), allocatable :: value(:)
   contains
     procedure :: multiply => symmetric_multiply
@@ -29,7 +28,7 @@ module dotyk_linalg_sparse
     integer :: n_rows = 0
     !> Number of columns.
     integer :: n_columns = 0
-    !> Position of the first entry of each row (n_rows+1).
+    !> Position of the first entry of each row, and the number of entries + 1 (n_rows+1).
     integer, allocatable :: row_start(:)
     !> Column of each entry (number of entries).
     integer, allocatable :: column(:)
@@ -50,26 +49,26 @@ contains
   !> y = A x.
   subroutine symmetric_multiply(self, x, y)
     class(sparse_symmetric_t), intent(in) :: self
-    !> Factor (n).
+    !> Vector x (n).
     real(dp), intent(in) :: x(:)
-    !> Product (n).
+    !> Product y (n).
     real(dp), intent(out) :: y(:)
     call multiply_lower(self%n, self%column_start, self%row, self%value, x, y)
   end subroutine symmetric_multiply
 
-  !> Product with a symmetric matrix of which the lower triangle is stored.
+  !> y = A x from the lower triangle of A.
   pure subroutine multiply_lower(n, start, row, value, x, y)
     !> Order.
     integer, intent(in) :: n
-    !> Column starts (n+1), 0-based.
+    !> Position of the first entry of each column, 0-based (n+1).
     integer(int64), intent(in) :: start(:)
-    !> Rows, 0-based.
+    !> Row of each entry, 0-based (number of entries).
     integer(int64), intent(in) :: row(:)
-    !> Values.
+    !> Value of each entry (number of entries).
     real(dp), intent(in) :: value(:)
-    !> Factor (n).
+    !> Vector x (n).
     real(dp), intent(in) :: x(:)
-    !> Product (n).
+    !> Product y (n).
     real(dp), intent(out) :: y(:)
     integer :: i, j
     integer(int64) :: k
@@ -104,7 +103,7 @@ contains
     if (allocated(self%value)) bytes = bytes + 8_int64*size(self%value, kind=int64)
   end function symmetric_bytes
 
-  !> Give the memory back.
+  !> Free the memory.
   subroutine symmetric_destroy(self)
     class(sparse_symmetric_t), intent(inout) :: self
     self%n = 0
@@ -113,7 +112,8 @@ contains
     if (allocated(self%value)) deallocate (self%value)
   end subroutine symmetric_destroy
 
-  !> Build the matrix from entries in any order; entries at the same place are added in the order of the list.
+  !> Build the matrix from triplets in any order; triplets with the same row and column are added in the order of the
+  !> list.
   subroutine rows_init_from_triplets(self, n_rows, n_columns, rows, columns, values)
     class(sparse_rows_t), intent(inout) :: self
     !> Number of rows.
@@ -165,13 +165,13 @@ contains
 
   !> Stable counting sort of entries by a key.
   pure subroutine counting_sort(n_keys, key, order, sorted, first)
-    !> Keys are 1..n_keys.
+    !> Greatest key; keys are 1..n_keys.
     integer, intent(in) :: n_keys
-    !> Key of each entry.
+    !> Key of each entry (n).
     integer, intent(in) :: key(:)
-    !> Entries in the order that ties keep.
+    !> Entries in the order that equal keys keep (n).
     integer, intent(in) :: order(:)
-    !> Entries sorted by key.
+    !> Entries sorted by key (n).
     integer, intent(out) :: sorted(:)
     !> Position of the first entry of each key in `sorted` (n_keys+1).
     integer, intent(out) :: first(:)
@@ -197,9 +197,9 @@ contains
   !> y = A x.
   pure subroutine rows_multiply(self, x, y)
     class(sparse_rows_t), intent(in) :: self
-    !> Factor (n_columns).
+    !> Vector x (n_columns).
     real(dp), intent(in) :: x(:)
-    !> Product (n_rows).
+    !> Product y (n_rows).
     real(dp), intent(out) :: y(:)
     integer :: i, k
     real(dp) :: sum
@@ -215,9 +215,9 @@ contains
   !> y = A^T x.
   pure subroutine rows_multiply_transposed(self, x, y)
     class(sparse_rows_t), intent(in) :: self
-    !> Factor (n_rows).
+    !> Vector x (n_rows).
     real(dp), intent(in) :: x(:)
-    !> Product (n_columns).
+    !> Product y (n_columns).
     real(dp), intent(out) :: y(:)
     integer :: i, j, k
     y(1:self%n_columns) = 0
@@ -229,7 +229,7 @@ contains
     end do
   end subroutine rows_multiply_transposed
 
-  !> The identity.
+  !> Make this the identity.
   subroutine rows_set_identity(self, n)
     class(sparse_rows_t), intent(inout) :: self
     !> Order.
@@ -242,79 +242,81 @@ contains
     self%value = spread(1.0_dp, 1, n)
   end subroutine rows_set_identity
 
-  !> The product A B.
+  !> Make this the product A B.
   subroutine rows_set_product(self, a, b)
     class(sparse_rows_t), intent(inout) :: self
-    !> Factors; a%n_columns = b%n_rows.
-    type(sparse_rows_t), intent(in) :: a, b
-    integer, allocatable :: place(:), row(:), column(:)
+    !> A.
+    type(sparse_rows_t), intent(in) :: a
+    !> B, with as many rows as A has columns.
+    type(sparse_rows_t), intent(in) :: b
+    integer, allocatable :: position(:), row(:), column(:)
     real(dp), allocatable :: value(:)
     integer :: i, j, k, l, n, before
-    allocate (place(b%n_columns))
-    place = 0
+    allocate (position(b%n_columns))
+    position = 0
     n = 0
     do i = 1, a%n_rows
       do k = a%row_start(i), a%row_start(i + 1) - 1
         do l = b%row_start(a%column(k)), b%row_start(a%column(k) + 1) - 1
           j = b%column(l)
-          if (place(j) == i) cycle
-          place(j) = i
+          if (position(j) == i) cycle
+          position(j) = i
           n = n + 1
         end do
       end do
     end do
     allocate (row(n), column(n), value(n))
-    place = 0
+    position = 0
     n = 0
     do i = 1, a%n_rows
       before = n
       do k = a%row_start(i), a%row_start(i + 1) - 1
         do l = b%row_start(a%column(k)), b%row_start(a%column(k) + 1) - 1
           j = b%column(l)
-          if (place(j) <= before) then
+          if (position(j) <= before) then
             n = n + 1
-            place(j) = n
+            position(j) = n
             row(n) = i
             column(n) = j
             value(n) = 0
           end if
-          value(place(j)) = value(place(j)) + a%value(k)*b%value(l)
+          value(position(j)) = value(position(j)) + a%value(k)*b%value(l)
         end do
       end do
     end do
-    ! It sorts the columns of each row.
+    ! The columns of each row are sorted there.
     call self%init_from_triplets(a%n_rows, b%n_columns, row, column, value)
   end subroutine rows_set_product
 
-  !> The rows of several matrices with the same columns, one matrix below the other.
-  subroutine rows_set_stacked(self, n_columns, part)
+  !> Make this several matrices with the same columns, one below the other.
+  subroutine rows_set_stacked(self, n_columns, block)
     class(sparse_rows_t), intent(inout) :: self
-    !> Number of columns of all parts.
+    !> Number of columns.
     integer, intent(in) :: n_columns
-    !> From top to bottom.
-    type(sparse_rows_t), intent(in) :: part(:)
+    !> The matrices, from top to bottom (any number).
+    type(sparse_rows_t), intent(in) :: block(:)
     integer :: k, n, n_entries
     call self%destroy()
     self%n_columns = n_columns
-    self%n_rows = sum(part%n_rows)
+    self%n_rows = sum(block%n_rows)
     n_entries = 0
-    do k = 1, size(part)
-      n_entries = n_entries + size(part(k)%column)
+    do k = 1, size(block)
+      n_entries = n_entries + size(block(k)%column)
     end do
     allocate (self%row_start(self%n_rows + 1), self%column(n_entries), self%value(n_entries))
     n = 0
     n_entries = 0
-    do k = 1, size(part)
-      self%row_start(n + 1:n + part(k)%n_rows) = part(k)%row_start(1:part(k)%n_rows) + n_entries
-      self%column(n_entries + 1:n_entries + size(part(k)%column)) = part(k)%column
-      self%value(n_entries + 1:n_entries + size(part(k)%column)) = part(k)%value
-      n = n + part(k)%n_rows
-      n_entries = n_entries + size(part(k)%column)
+    do k = 1, size(block)
+      self%row_start(n + 1:n + block(k)%n_rows) = block(k)%row_start(1:block(k)%n_rows) + n_entries
+      self%column(n_entries + 1:n_entries + size(block(k)%column)) = block(k)%column
+      self%value(n_entries + 1:n_entries + size(block(k)%column)) = block(k)%value
+      n = n + block(k)%n_rows
+      n_entries = n_entries + size(block(k)%column)
     end do
     self%row_start(n + 1) = n_entries + 1
   end subroutine rows_set_stacked
 
-  !> Give the memory back.
+  !> Free the memory.
   subroutine rows_destroy(self)
     class(sparse_rows_t), intent(inout) :: self
     self%n_rows = 0

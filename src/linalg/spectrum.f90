@@ -1,4 +1,5 @@
-!> Largest eigenvalue of a symmetric positive semidefinite operator by Lanczos's method.
+!> Largest eigenvalue of a symmetric positive semidefinite operator by the Lanczos method with full reorthogonalization
+!> (Y. Saad, Numerical Methods for Large Eigenvalue Problems, chapter 6).
 module dotyk_linalg_spectrum
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp, int64
@@ -7,7 +8,7 @@ module dotyk_linalg_spectrum
   private
   public :: largest_eigenvalue
 
-  !> A linear operator of which only the action is known.
+  !> A linear operator that is known by its action only.
   type, abstract, public :: linear_operator_t
   contains
     procedure(apply_operator), deferred :: apply
@@ -18,38 +19,39 @@ module dotyk_linalg_spectrum
     subroutine apply_operator(self, x, y)
       import :: linear_operator_t, dp
       class(linear_operator_t), intent(inout) :: self
-      !> Factor (n).
+      !> Vector x (n).
       real(dp), intent(in) :: x(:)
-      !> Product (n).
+      !> Product y (n).
       real(dp), intent(out) :: y(:)
     end subroutine apply_operator
   end interface
 
-  !> Basis vectors are allocated in groups of this many.
+  !> Basis vectors in an allocation: most runs need one or two groups.
   integer, parameter :: group_size = 16
 
-  !> A group of basis vectors (n, group_size).
+  !> A group of basis vectors.
   type :: group_t
+    !> The vectors as columns (n, group_size).
     real(dp), allocatable :: v(:, :)
   end type group_t
 
 contains
 
-  !> Lanczos with full reorthogonalisation and a start that is the same on every machine. The result is a lower bound
-  !> of the largest eigenvalue, up to round-off, and some eigenvalue lies within the residual of it: as a rule the
-  !> largest one. An interrupt ends it with what it has.
+  !> The result is a lower bound of the largest eigenvalue, up to rounding. Some eigenvalue lies within the residual of
+  !> it: as a rule the largest one. The start vector is the same on every machine. An interrupt ends the iteration with
+  !> the result so far.
   subroutine largest_eigenvalue(operator, n, tolerance, most_steps, value, residual, steps)
-    !> Symmetric and positive semidefinite.
+    !> The operator, symmetric and positive semidefinite.
     class(linear_operator_t), intent(inout) :: operator
-    !> Its order.
+    !> Order of the operator.
     integer, intent(in) :: n
-    !> Stop when residual <= tolerance*value.
+    !> Relative residual to stop at: residual <= tolerance*value [].
     real(dp), intent(in) :: tolerance
-    !> Stop after so many applications of the operator.
+    !> Greatest number of applications of the operator.
     integer, intent(in) :: most_steps
-    !> Largest Ritz value.
+    !> Largest Ritz value [of the operator].
     real(dp), intent(out) :: value
-    !> Norm of its residual.
+    !> Norm of its residual [of the operator].
     real(dp), intent(out) :: residual
     !> Applications of the operator.
     integer, intent(out) :: steps
@@ -73,9 +75,9 @@ contains
       call operator%apply(v, w)
       alpha(steps) = dot(v, w)
       scale = max(scale, norm(w))
-      call orthogonalise(basis, steps, w)
+      call orthogonalize(basis, steps, w)
       length = norm(w)
-      ! What is left of an invariant subspace is round-off.
+      ! The basis spans an invariant subspace: the remainder is rounding.
       if (length <= 16*epsilon(1.0_dp)*scale .or. steps == n) length = 0
       beta(steps) = length
       call largest_tridiagonal_eigenpair(alpha(:steps), beta(:steps - 1), value, top(:steps))
@@ -87,7 +89,8 @@ contains
     value = max(value, 0.0_dp)
   end subroutine largest_eigenvalue
 
-  !> Pseudo-random vector of length 1 by a linear congruential generator (Lehmer's, 48271 modulo 2^31-1).
+  !> Pseudo-random vector of norm 1 by Lehmer's congruential generator, 48271 modulo 2^31-1 (S. K. Park and K. W.
+  !> Miller, Comm. ACM 31, 1988).
   subroutine fixed_start(v)
     !> The vector (n).
     real(dp), intent(out), contiguous :: v(:)
@@ -97,7 +100,7 @@ contains
     state = 20240229_int64
     do i = 1, size(v)
       state = modulo(factor*state, modulus)
-      ! Between 1/2 and 3/2 in size, with either sign: no component is small.
+      ! Of absolute value 1/2 to 3/2: no component is small.
       v(i) = 0.5_dp + real(state, dp)/real(modulus, dp)
       state = modulo(factor*state, modulus)
       if (2*state > modulus) v(i) = -v(i)
@@ -105,11 +108,11 @@ contains
     v = v/norm(v)
   end subroutine fixed_start
 
-  !> Take the components along the basis out of a vector, twice.
-  subroutine orthogonalise(basis, n_vectors, w)
-    !> Groups of orthonormal vectors.
+  !> Make a vector orthogonal to the basis, by Gram-Schmidt twice.
+  subroutine orthogonalize(basis, n_vectors, w)
+    !> Orthonormal vectors (number of groups).
     type(group_t), intent(in) :: basis(:)
-    !> Number of vectors in them.
+    !> Number of vectors.
     integer, intent(in) :: n_vectors
     !> The vector (n).
     real(dp), intent(inout), contiguous :: w(:)
@@ -120,15 +123,15 @@ contains
         call take_out(size(w), n, basis(group)%v, w)
       end do
     end do
-  end subroutine orthogonalise
+  end subroutine orthogonalize
 
-  !> w <- w - V V^T w, in one order of summation whatever the number of threads.
+  !> w <- w - V V^T w, summed in one order whatever the number of threads.
   pure subroutine take_out(n, m, v, w)
     !> Length of the vectors.
     integer, intent(in) :: n
     !> Number of vectors.
     integer, intent(in) :: m
-    !> Orthonormal vectors (n,m).
+    !> Orthonormal vectors V (n, m).
     real(dp), intent(in) :: v(n, m)
     !> The vector (n).
     real(dp), intent(inout) :: w(n)
@@ -142,10 +145,12 @@ contains
     end do
   end subroutine take_out
 
-  !> Scalar product, summed in eight strands so that it vectorizes, always in the same order.
+  !> Scalar product, summed in eight strands that the compiler vectorizes, always in the same order.
   pure real(dp) function dot(x, y)
-    !> Vectors (n).
-    real(dp), intent(in), contiguous :: x(:), y(:)
+    !> The one vector (n).
+    real(dp), intent(in), contiguous :: x(:)
+    !> The other vector (n).
+    real(dp), intent(in), contiguous :: y(:)
     real(dp) :: strand(8)
     integer :: i, n
     n = size(x)
@@ -161,7 +166,7 @@ contains
 
   !> Euclidean norm.
   pure real(dp) function norm(x)
-    !> Vector (n).
+    !> The vector (n).
     real(dp), intent(in), contiguous :: x(:)
     norm = sqrt(dot(x, x))
   end function norm

@@ -1,4 +1,5 @@
-!> Bodies for tests: the unit square or cube, or an image of it, from elements of any kind, without a mesh file.
+!> Bodies for tests: the unit square or cube, or its image under a map, from elements of any kind, without a mesh
+!> file.
 module test_bodies
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
@@ -14,16 +15,20 @@ module test_bodies
   implicit none
   private
 
-  !> Distortions of the mesh: none; corners inside moved about, edges straight; a smooth map, edges curved.
-  integer, parameter, public :: undistorted = 0, straight = 1, curved = 2
+  !> Regular mesh.
+  integer, parameter, public :: undistorted = 0
+  !> Interior corners are displaced irregularly, edges stay straight.
+  integer, parameter, public :: straight = 1
+  !> A smooth map of the box onto itself: edges are curved.
+  integer, parameter, public :: curved = 2
 
   !> A meshed unit square or cube.
   type, public :: box_t
-    !> Its elements.
+    !> Elements and nodes.
     type(body_mesh_t) :: mesh
     !> Number of cells along each axis.
     integer :: cells = 0
-    !> Place of each node in a lattice of half cells (dim, n_nodes).
+    !> Position of each node in a lattice of half cells (dim, n_nodes).
     integer, allocatable :: lattice(:, :)
   contains
     procedure :: init => box_init
@@ -42,14 +47,14 @@ contains
     class(box_t), intent(out) :: self
     !> Element kind.
     integer, intent(in) :: kind
-    !> Number of cells along each axis; one of triangles has two elements, of tetrahedra six, of prisms two.
+    !> Number of cells along each axis; a cell is divided into two triangles, six tetrahedra or two prisms.
     integer, intent(in) :: cells
-    !> One of the constants above.
+    !> Distortion: one of the constants above.
     integer, intent(in) :: distortion
     type(element_kind_t) :: properties
     real(dp), allocatable :: xi(:, :), corner(:, :, :), x(:), linear(:)
     integer, allocatable :: number(:), place(:, :), node(:, :)
-    integer :: dim, n, pieces, cell, piece, a, e, key, n_nodes, origin(3), d
+    integer :: dim, n, n_pieces, cell, piece, a, e, key, n_nodes, origin(3), d
     properties = element_kind(kind)
     dim = properties%dimension
     n = properties%n_nodes
@@ -57,15 +62,15 @@ contains
     allocate (xi(dim, n))
     call reference_nodes(kind, xi)
     call split_cell(properties, corner)
-    pieces = size(corner, 3)
+    n_pieces = size(corner, 3)
     allocate (number(0:(2*cells + 1)**dim - 1), source=0)
-    allocate (place(dim, (2*cells + 1)**dim), node(n, pieces*cells**dim), x(dim))
+    allocate (place(dim, (2*cells + 1)**dim), node(n, n_pieces*cells**dim), x(dim))
     allocate (linear(properties%n_corners))
     n_nodes = 0
     e = 0
     do cell = 0, cells**dim - 1
       origin = [mod(cell, cells), mod(cell/cells, cells), cell/cells**2]
-      do piece = 1, pieces
+      do piece = 1, n_pieces
         e = e + 1
         do a = 1, n
           call shape_functions(properties%corner_kind, xi(:, a), linear)
@@ -96,10 +101,11 @@ contains
     if (distortion == curved) call bend(self)
   end subroutine box_init
 
-  !> Corners of the elements of a unit cell.
+  !> Divide a unit cell into elements.
   subroutine split_cell(properties, corner)
+    !> Properties of the element kind.
     type(element_kind_t), intent(in) :: properties
-    !> (dim, n_corners, n_pieces)
+    !> Corners of the elements (dim, n_corners, n_pieces) [].
     real(dp), allocatable, intent(out) :: corner(:, :, :)
     integer, parameter :: order(3, 6) = reshape([1, 2, 3, 2, 3, 1, 3, 1, 2, 1, 3, 2, 3, 2, 1, 2, 1, 3], [3, 6])
     real(dp), allocatable :: xi(:, :)
@@ -126,9 +132,11 @@ contains
     end select
   end subroutine split_cell
 
-  !> Move the corners inside the box about, and put the other nodes where they belong on straight elements.
+  !> Displace the interior corners, and put the other nodes at their positions on straight elements.
   subroutine move_corners(self, properties)
+    !> The box.
     type(box_t), intent(inout) :: self
+    !> Properties of the element kind.
     type(element_kind_t), intent(in) :: properties
     real(dp), allocatable :: xi(:, :), linear(:)
     integer :: i, e, a, d
@@ -152,8 +160,9 @@ contains
     end do
   end subroutine move_corners
 
-  !> Map the box smoothly on itself.
+  !> Map the box smoothly onto itself.
   subroutine bend(self)
+    !> The box.
     type(box_t), intent(inout) :: self
     real(dp), parameter :: pi = acos(-1.0_dp), direction(3) = [1.0_dp, -0.7_dp, 0.4_dp]
     real(dp) :: bump
@@ -167,9 +176,9 @@ contains
   !> One side of the box.
   function box_side(self, axis, far) result(surface)
     class(box_t), intent(in) :: self
-    !> Axis to which it is normal.
+    !> Axis to which the side is normal.
     integer, intent(in) :: axis
-    !> Whether it is the side at 1; else that at 0.
+    !> Whether the side is that at 1, else that at 0.
     logical, intent(in) :: far
     type(surface_t) :: surface
     surface = self%sides([merge(axis, -axis, far)])
@@ -178,7 +187,7 @@ contains
   !> Several sides of the box as one surface.
   function box_sides(self, chosen) result(surface)
     class(box_t), intent(in) :: self
-    !> Axes, negative for the sides at 0.
+    !> Axes normal to the sides, negative for the sides at 0 (n_sides).
     integer, intent(in) :: chosen(:)
     type(surface_t) :: surface
     type(element_kind_t) :: properties, face
@@ -216,16 +225,20 @@ contains
   !> Map all nodes linearly: x <- matrix x + shift.
   subroutine box_transform(self, matrix, shift)
     class(box_t), intent(inout) :: self
-    real(dp), intent(in) :: matrix(:, :), shift(:)
+    !> Linear map (dim, dim) [].
+    real(dp), intent(in) :: matrix(:, :)
+    !> Translation (dim) [length].
+    real(dp), intent(in) :: shift(:)
     integer :: i
     do i = 1, size(self%mesh%x, 2)
       self%mesh%x(:, i) = matmul(matrix, self%mesh%x(:, i)) + shift
     end do
   end subroutine box_transform
 
-  !> Add a copy of all elements, moved; nodes that meet become one. (Sides are those of the box as it was.)
+  !> Add a translated copy of all elements; coinciding nodes are merged. Sides remain those of the first box.
   subroutine box_repeat(self, shift)
     class(box_t), intent(inout) :: self
+    !> Translation (dim) [length].
     real(dp), intent(in) :: shift(:)
     real(dp), allocatable :: x(:, :)
     integer, allocatable :: number(:), flat(:)
@@ -254,8 +267,11 @@ contains
 
   !> A support.
   function make_support(surface, fix, value) result(support)
+    !> Surface.
     type(surface_t), intent(in) :: surface
+    !> Directions of prescribed displacements, as in the input.
     character(*), intent(in) :: fix
+    !> Prescribed displacement; zero if absent (3) [length].
     real(dp), intent(in), optional :: value(3)
     type(support_t) :: support
     character(:), allocatable :: message
@@ -265,13 +281,19 @@ contains
     if (present(value)) support%value = value
   end function make_support
 
-  !> A body from a box, its supports collected.
+  !> Create a body from a box, with its supports.
   subroutine make_body(box, analysis, material, supports, body, error)
+    !> The box.
     type(box_t), intent(in) :: box
+    !> Type of analysis: one of the `analysis_*` constants.
     integer, intent(in) :: analysis
+    !> Material.
     type(material_t), intent(in) :: material
+    !> Supports (n_supports).
     type(support_t), intent(in) :: supports(:)
+    !> The body, not assembled, with loads of zero.
     type(body_t), intent(out) :: body
+    !> Allocated where the supports cannot be used.
     type(error_t), allocatable, intent(out) :: error
     body%name = 'box'
     body%analysis = analysis
@@ -282,11 +304,13 @@ contains
     call collect_supports(body%mesh, analysis, supports, body%constraint, error)
   end subroutine make_body
 
-  !> Assemble and solve.
+  !> Assemble, factorize and solve.
   subroutine solve(body, u, error)
+    !> The body; assembled on return.
     type(body_t), intent(inout) :: body
-    !> Displacements in global axes (dim, n_nodes).
+    !> Displacements in global axes (dim, n_nodes) [length].
     real(dp), allocatable, intent(out) :: u(:, :)
+    !> Allocated where the body cannot be assembled or factorized.
     type(error_t), allocatable, intent(out) :: error
     type(stiffness_t) :: stiffness
     type(cholesky_t) :: factor
@@ -321,10 +345,11 @@ contains
     force = reshape(y, shape(u))
   end subroutine nodal_forces
 
-  !> A rotation about a skew axis in three dimensions, in the plane in two.
+  !> Rotation about an oblique axis in three dimensions, in the plane in two (dim, dim) [].
   function rotation(dim, angle) result(matrix)
+    !> Number of coordinates, 2 or 3.
     integer, intent(in) :: dim
-    !> [radian]
+    !> Angle [radian].
     real(dp), intent(in) :: angle
     real(dp) :: matrix(dim, dim)
     real(dp) :: axis(3), k(3, 3)
