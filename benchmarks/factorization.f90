@@ -18,7 +18,7 @@ program factorization
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_timer, only: wall_time
   use dotyk_driver_body_setup, only: assemble_bodies, build_bodies
-  use dotyk_driver_congruence_classes, only: congruence_classes_t
+  use dotyk_control_congruence_classes, only: congruence_classes_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_node_ordering, only: fill_reducing_order
   use dotyk_input_case, only: case_t
@@ -119,18 +119,18 @@ contains
     if (allocated(error)) return
     call classes%init(size(body))
     call classes%find(body)
-    call assemble_bodies(case, classes, body, error)
+    call assemble_bodies(case, classes, body, modes, stiffness, error)
     if (allocated(error)) return
     allocate (matrix(count([(classes%is_representative(b), b=1, size(body))])))
     n = 0
     do b = 1, size(body)
       if (.not. classes%is_representative(b)) cycle
       n = n + 1
-      allocate (node_order(size(body(b)%graph_start) - 1), matrix(n)%permutation(body(b)%constraint%n_equations))
-      call fill_reducing_order(body(b)%mesh, body(b)%graph_start, body(b)%graph_neighbour, node_order, error)
+      allocate (node_order(size(stiffness(b)%graph_start) - 1), matrix(n)%permutation(body(b)%constraint%n_equations))
+      call fill_reducing_order(body(b)%mesh, stiffness(b)%graph_start, stiffness(b)%graph_neighbour, node_order, error)
       if (allocated(error)) return
       call expand_permutation(node_order, body(b)%constraint%equation, matrix(n)%permutation)
-      matrix(n)%stiffness = body(b)%stiffness
+      matrix(n)%stiffness = stiffness(b)%matrix
       associate (k => matrix(n)%stiffness)
         k%value(k%column_start(:k%n) + 1) = (1 + hold)*k%value(k%column_start(:k%n) + 1)
       end associate
