@@ -15,7 +15,7 @@ module dotyk_driver_correction
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t
   use dotyk_scheme_explicit, only: explicit_compliance_t
-  use dotyk_scheme_history, only: scheme_result_t, ended_interrupted
+  use dotyk_scheme_history, only: scheme_result_t, ended_interrupted, ended_time
   use dotyk_scheme_problem, only: contact_problem_t
   implicit none
   private
@@ -58,7 +58,7 @@ contains
     integer, parameter :: most_corrections = 8
     rounding = 0
     if (size(result%m) == 0 .or. .not. any(digits%needs_refinement())) return
-    if (result%ended == ended_interrupted) then
+    if (any(result%ended == [ended_interrupted, ended_time])) then
       ! What rounding has left is not known.
       result%error_bound = huge(before)
       return

@@ -22,7 +22,7 @@ module dotyk_driver_error_budget
   use dotyk_input_case, only: case_t, solver_input_t
   use dotyk_mesh_surface, only: surface_t
   use dotyk_scheme_explicit, only: explicit_compliance_t
-  use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_interrupted, ended_rounds, ended_stalled
+  use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_interrupted, ended_rounds, ended_stalled, ended_time
   use dotyk_scheme_penalty, only: estimate_penalty_error
   use dotyk_scheme_problem, only: contact_problem_t
   implicit none
@@ -138,7 +138,7 @@ contains
       if (.not. is_near(result)) call forget_mesh_error(budget)
     end if
     ! It takes another solution.
-    if (estimates_penalty_error(case) .and. is_near(result) .and. result%ended /= ended_interrupted) then
+    if (estimates_penalty_error(case) .and. is_near(result) .and. all(result%ended /= [ended_interrupted, ended_time])) then
       call estimate_penalty_error(problem, case%solver%linear_solver, scheme_of(case) == scheme_dual, compliance, result, &
                                   distance, error)
       if (allocated(error)) return

@@ -4,9 +4,11 @@ module dotyk_driver_run_case
   use dotyk_base_files, only: behind_links, print_text
   use dotyk_base_interrupt, only: interrupted, stop_if_interrupted
   use dotyk_base_kinds, only: dp
-  use dotyk_base_log, only: log_t
+  use dotyk_base_log, only: log_t, print_error
   use dotyk_base_memory, only: set_stage
   use dotyk_base_options, only: scheme_dual
+  use dotyk_base_text, only: to_text
+  use dotyk_base_timer, only: wall_time
   use dotyk_contact_operator, only: build_operator
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_driver_arguments, only: arguments_t
@@ -30,6 +32,7 @@ module dotyk_driver_run_case
     show_budget, show_left_out, show_memory, show_responses, show_result, show_pair_results, show_timing
   use dotyk_driver_timing, only: timing_t, stopwatch_t
   use dotyk_driver_version, only: version, compiler, build_type
+  use dotyk_driver_warm_start, only: read_pressures, start_from_pressures
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t
   use dotyk_input_help, only: help_text
@@ -38,7 +41,7 @@ module dotyk_driver_run_case
   use dotyk_output_file_system, only: check_replaceable, check_writable
   use dotyk_output_results_file, only: results_file_t
   use dotyk_scheme_explicit, only: explicit_compliance_t
-  use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_interrupted
+  use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_interrupted, ended_time
   use dotyk_scheme_problem, only: contact_problem_t
   implicit none
   private
@@ -67,12 +70,18 @@ module dotyk_driver_run_case
     !> What bodies do that touch nothing (n_bodies).
     type(free_body_t), allocatable :: alone(:)
     type(explicit_compliance_t) :: compliance
+    !> Contact pressures that the scheme starts from (n_rows) [pressure]; not allocated: from the scene without contact.
+    real(dp), allocatable :: start_pressure(:)
     type(scheme_result_t) :: result
     type(error_budget_t) :: budget
     !> Displacements and stresses (n_bodies), pressures (n_pairs), pressures at the nodes (n_bodies).
     type(body_solution_t), allocatable :: solution(:)
     type(pair_solution_t), allocatable :: pair_solution(:)
     type(nodal_field_t), allocatable :: contact_pressure(:)
+    !> Results could not be written on the way, which is said once.
+    logical :: has_warned = .false.
+    !> Wall time of the last results, or of the start of the scheme [s].
+    real(dp) :: written_at = 0
   end type run_t
 
 contains
@@ -104,6 +113,8 @@ contains
     run%case%scene%output = behind_links(run%case%scene%output)
     call show_scene(run%log, run%case, run%threads)
     call build(run, error)
+    if (.not. allocated(error) .and. len(arguments%restart) > 0) &
+      call read_pressures(arguments%restart, run%body, run%pair, run%log, run%start_pressure, error)
     if (allocated(error) .or. arguments%check) then
       if (.not. allocated(error)) call show_memory(run%log, run%size_of)
       if (.not. allocated(error)) call run%log%line('  checked; nothing was solved')
@@ -112,6 +123,7 @@ contains
     end if
     call solve(run, error)
     if (.not. allocated(error)) call recover(run, error)
+    if (.not. allocated(error)) call show_pair_results(run%log, run%pair, run%pair_solution)
     if (.not. allocated(error)) call write_results(run, error)
     call run%problem%destroy()
     if (allocated(error)) return
@@ -207,21 +219,32 @@ contains
     type(run_t), intent(inout) :: run
     type(error_t), allocatable, intent(out) :: error
     type(scheme_result_t) :: last
-    real(dp) :: tolerance
+    real(dp) :: tolerance, time_limit
     integer :: round
+    logical :: continues
     tolerance = first_tolerance(run%case%solver)
-    do round = 1, most_rounds
+    time_limit = huge(time_limit)
+    if (run%case%output%interval > 0) time_limit = run%case%output%interval
+    run%written_at = wall_time()
+    continues = .false.
+    if (allocated(run%start_pressure)) continues = any(run%start_pressure > 0)
+    if (continues) call start_from_pressures(run%start_pressure, run%problem, run%result)
+    round = 1
+    do
       call set_blas_threads(run%n_blas)
       call set_stage('iterating')
-      if (round == 1) then
-        call solve_scheme(run%case, run%body, run%pair, run%problem, tolerance, run%log, run%compliance, run%result, error)
-      else
+      if (continues) then
         last = run%result
-        call solve_scheme(run%case, run%body, run%pair, run%problem, tolerance, run%log, run%compliance, run%result, error, last)
+        call solve_scheme(run%case, run%body, run%pair, run%problem, tolerance, run%log, run%compliance, run%result, error, &
+                          last, time_limit)
         if (.not. allocated(error)) call run%result%history%put_behind(last%history)
+      else
+        call solve_scheme(run%case, run%body, run%pair, run%problem, tolerance, run%log, run%compliance, run%result, error, &
+                          time_limit=time_limit)
       end if
       call set_blas_threads(1)
       if (allocated(error)) return
+      continues = .true.
       call run%watch%lap(run%timing%iterate)
       call find_displacements(run%case, run%body, run%classes, run%pair, run%problem, run%compliance, run%alone, run%n_blas, &
                               tolerance, run%log, run%watch, run%timing, run%digits, run%solution, run%result, error)
@@ -233,11 +256,17 @@ contains
                            run%compliance, run%result, run%budget, error)
       call run%watch%lap(run%timing%estimate)
       if (allocated(error)) return
+      if (run%result%ended == ended_time) then
+        call write_on_the_way(run)
+        cycle
+      end if
+      if (is_due(run)) call write_on_the_way(run)
       if (errors_decide(run%case) .and. run%result%ended == ended_converged) then
         if (interrupted()) run%result%ended = ended_interrupted
       end if
       if (.not. ask_for_more(run%case, round == most_rounds, run%pair, run%budget, run%problem, run%result, tolerance, &
                              run%log)) exit
+      round = round + 1
     end do
     call show_result(run%log, run%result, tolerance, run%problem%body_solves, run%timing%iterate)
     call show_budget(run%log, run%case%output, run%body, run%result, run%budget)
@@ -255,10 +284,34 @@ contains
                            run%pair_solution, run%contact_pressure, error)
     if (.not. allocated(error)) call refuse_overflow(run%case, run%body, run%pair, run%solution, run%pair_solution, run%result, &
                                                      error)
-    if (allocated(error)) return
-    call show_pair_results(run%log, run%pair, run%pair_solution)
     call run%watch%lap(run%timing%recover)
   end subroutine recover
+
+  !> Whether it is time to write results that the error budget may ask to improve.
+  logical function is_due(run)
+    type(run_t), intent(in) :: run
+    is_due = run%case%output%interval > 0 .and. errors_decide(run%case)
+    if (is_due) is_due = wall_time() - run%written_at >= run%case%output%interval
+  end function is_due
+
+  !> Write the results of a run that continues. A failure is no reason to end it.
+  subroutine write_on_the_way(run)
+    type(run_t), intent(inout) :: run
+    type(error_t), allocatable :: error
+    integer :: ended
+    ended = run%result%ended
+    run%result%ended = ended_time
+    call recover(run, error)
+    if (.not. allocated(error)) call write_results(run, error)
+    if (.not. allocated(error)) then
+      call run%log%line('  written          '//run%case%scene%output//' after '//to_text(run%result%iterations)//' iterations')
+    else if (.not. run%has_warned) then
+      call print_error('warning: '//error%message//'; the run continues')
+      run%has_warned = .true.
+    end if
+    run%result%ended = ended
+    run%written_at = wall_time()
+  end subroutine write_on_the_way
 
   !> Write the results file.
   subroutine write_results(run, error)

@@ -72,7 +72,8 @@ contains
   end subroutine prepare_coarse_space
 
   !> Solve.
-  subroutine solve_scheme(case, body, pair, problem, tolerance, log, compliance, result, error, start)
+  subroutine solve_scheme(case, body, pair, problem, tolerance, log, compliance, result, error, start, &
+                          time_limit)
     type(case_t), intent(in) :: case
     !> (n_bodies), (n_pairs).
     type(body_t), intent(in) :: body(:)
@@ -87,6 +88,8 @@ contains
     type(error_t), allocatable, intent(out) :: error
     !> State to go on from; L is taken from it too, if it has one.
     type(scheme_result_t), intent(in), optional :: start
+    !> Wall time after which an iterative scheme ends with `ended_time`; none if absent [s].
+    real(dp), intent(in), optional :: time_limit
     type(iteration_settings_t) :: iteration
     type(dual_settings_t) :: dual
     iteration%gamma_rule = case%solver%gamma_rule
@@ -95,6 +98,7 @@ contains
     if (iteration%stop_rule == stop_budget) iteration%stop_rule = stop_residual
     iteration%tolerance = tolerance
     iteration%max_iterations = case%solver%max_iterations
+    if (present(time_limit)) iteration%time_limit = time_limit
     if (present(start)) then
       iteration%start = start%m
       ! max_iterations is for all steps together.

@@ -26,11 +26,14 @@ contains
     call list_keywords(table)
     text = &
       'dotyk computes the frictionless unilateral contact of linear elastic bodies.'//end_line//end_line// &
-      'usage: dotyk case.nml [--check] [--threads N] [--output FILE] [--quiet]'//end_line// &
+      'usage: dotyk case.nml [--check] [--threads N] [--output FILE] [--restart RESULTS.vtkhdf] [--quiet]'//end_line// &
       '       dotyk --version | --help'//end_line// &
       '  --check        read and check everything, print a summary of the scene, solve nothing'//end_line// &
       '  --threads N    threads to use; if absent, all'//end_line// &
       '  --output FILE  results file, in place of that of &scene; relative to the working directory'//end_line// &
+      '  --restart RESULTS.vtkhdf'//end_line// &
+      '                 start the scheme from the contact pressures of an earlier results file with the same'//end_line// &
+      '                 contact rows; materials, loads, theta and scheme may differ'//end_line// &
       '  --quiet        print errors only'//end_line// &
       '  --version      print the version'//end_line// &
       '  --help         print this text'//end_line//end_line// &

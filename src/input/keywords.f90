@@ -253,6 +253,9 @@ contains
     call t%add('output', 'error_parts', kind_names, names=error_part_names, default=error_part_names, may_be_empty=.true., &
                meaning='what is estimated besides the bound of the iteration: penalty, the distance to the solution '// &
                'without it; discretization, the error of the mesh')
+    call t%add('output', 'interval', kind_real, default='0', unit='seconds', not_negative=.true., &
+               meaning='time between results that are written while an iterative scheme runs, with status ''running''; '// &
+               '0: results are written at the end')
     allocate (table(t%n))
     do i = 1, t%n
       table(i) = t%row(i)

@@ -143,5 +143,6 @@ contains
     output%error_penalty = any(nint(fields) == error_part_penalty)
     output%error_discretization = any(nint(fields) == error_part_discretization) .or. (output%error .and. is_given(group, 'fields'))
     output%error = output%error .and. output%error_discretization
+    output%interval = number_of(group, 'interval')
   end subroutine read_output
 end module dotyk_input_settings

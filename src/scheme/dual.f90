@@ -76,14 +76,19 @@ contains
     type(scheme_result_t), allocatable :: state
     type(history_t) :: earlier
     logical, allocatable :: keep(:), late(:)
+    logical :: is_checked
     integer :: round
 
+    ! A state with a history is one of this problem; loads may have changed since another.
+    is_checked = .false.
+    if (present(start)) is_checked = start%history%n > 0
+    if (.not. is_checked) call check_equilibrium(problem, result)
+    if (result%ended == ended_no_equilibrium) return
     if (present(start)) then
       keep = start%m > 0
       state = start
     else
-      call rows_to_begin_with(problem, keep, result)
-      if (result%ended == ended_no_equilibrium) return
+      call rows_to_begin_with(problem, keep)
     end if
     call choose_solver(problem, settings%linear_solver, keep, compliance, system)
     if (compliance%by_sweeps) call log%line('  active sets      by conjugate gradients, '//to_text(count(keep))// &
@@ -124,24 +129,28 @@ contains
     result%left_out = count(.not. keep)
   end subroutine solve_dual
 
+  !> Whether contact can balance the loads of the floating bodies.
+  subroutine check_equilibrium(problem, result)
+    type(contact_problem_t), intent(in) :: problem
+    !> Ended where loads excite a motion that no contact stops.
+    type(scheme_result_t), intent(inout) :: result
+    real(dp), allocatable :: motion(:)
+    logical :: found
+    allocate (motion(problem%coarse%n))
+    call find_unbounded_direction(problem%operator, problem%coarse, motion, found)
+    if (.not. found) return
+    call leave_out(result)
+    result%ended = ended_no_equilibrium
+    result%unbounded_direction = problem%coarse%scale*motion
+  end subroutine check_equilibrium
+
   !> Points that close where the bodies are rigid on elastic foundations.
-  subroutine rows_to_begin_with(problem, keep, result)
+  subroutine rows_to_begin_with(problem, keep)
     type(contact_problem_t), intent(in) :: problem
     !> (n_rows).
     logical, allocatable, intent(out) :: keep(:)
-    !> Ended where loads excite a motion that no contact stops.
-    type(scheme_result_t), intent(inout) :: result
     type(iterate_t) :: now
-    real(dp), allocatable :: motion(:)
-    logical :: found
-    allocate (motion(problem%coarse%n), keep(problem%operator%n_rows))
-    call find_unbounded_direction(problem%operator, problem%coarse, motion, found)
-    if (found) then
-      call leave_out(result)
-      result%ended = ended_no_equilibrium
-      result%unbounded_direction = problem%coarse%scale*motion
-      return
-    end if
+    allocate (keep(problem%operator%n_rows))
     keep = .true.
     if (size(keep) == 0 .or. has_many_motions(problem)) return
     call rest_on_winkler_foundation(problem, now, keep)

@@ -14,6 +14,7 @@ module dotyk_scheme_history
   integer, parameter, public :: ended_rounds = 7     !< no answer met the budget, of as many as a scene gets
   integer, parameter, public :: ended_rigid_constraint = 6  !< supports press contact points together that cannot give way
   integer, parameter, public :: ended_interrupted = 8  !< somebody asked the program to stop
+  integer, parameter, public :: ended_time = 9       !< time to write results: the iteration continues from there
 
   !> One entry per iteration; arrays are longer than `n` while the iteration goes on.
   type, public :: history_t
@@ -110,6 +111,8 @@ contains
       name = 'budget'
     case (ended_interrupted)
       name = 'interrupted'
+    case (ended_time)
+      name = 'running'
     case default
       name = 'not solvable'
     end select

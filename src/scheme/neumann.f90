@@ -36,7 +36,7 @@ contains
           "; use gamma_rule='theory' or another stop_rule")
         return
       end if
-      call announce(log, result)
+      if (.not. settings%lambda_max > 0) call announce(log, result)
       call iterate(problem, settings, log, result)
     end if
     call finish_iteration(log, result)

@@ -9,7 +9,7 @@ module dotyk_scheme_stopping
   use dotyk_base_timer, only: wall_time
   use dotyk_scheme_bounds, only: duality_gap
   use dotyk_scheme_history, only: scheme_result_t, ended_converged, ended_limit, ended_diverged, ended_interrupted, &
-    ended_stalled
+    ended_stalled, ended_time
   use dotyk_scheme_problem, only: contact_problem_t
   use dotyk_scheme_progress, only: progress_line
   implicit none
@@ -25,6 +25,8 @@ module dotyk_scheme_stopping
     real(dp) :: tolerance = default_tolerance
     !> Steps at most.
     integer :: max_iterations = default_max_iterations
+    !> Wall time after which it ends with `ended_time` [s].
+    real(dp) :: time_limit = huge(1.0_dp)
     !> Pressures to begin with; u0 where not allocated (n_rows) [pressure].
     real(dp), allocatable :: start(:)
     !> L where it is known already, else 0.
@@ -96,7 +98,7 @@ contains
     type(scheme_result_t), intent(inout) :: result
     !> (41); not given where it means nothing [sqrt(energy)].
     real(dp), intent(in), optional :: bound_of_paper
-    real(dp) :: norm, gap, measure
+    real(dp) :: norm, gap, measure, seconds
     integer :: k
     finished = .true.
     associate (m => result%m, y => result%y)
@@ -141,8 +143,10 @@ contains
       return
     end if
     result%ended = ended_limit
+    seconds = wall_time() - self%start
+    if (k < self%settings%max_iterations .and. seconds >= self%settings%time_limit) result%ended = ended_time
     if (interrupted()) result%ended = ended_interrupted
-    finished = k >= self%settings%max_iterations .or. result%ended == ended_interrupted
+    finished = k >= self%settings%max_iterations .or. result%ended /= ended_limit
     if (finished) return
     if (log%due()) call log%progress(progress_line(result%history, self%settings%tolerance, measure))
   end function stopping_check
