@@ -1,7 +1,8 @@
-!> How the systems of the active sets are solved: with the compliance as a matrix and factorizations, or by conjugate
+!> The choice of a linear solver for active sets: explicit compliances and factorization, or matrix-free conjugate
 !> gradients.
 !>
-!> Cost and memory of both are known beforehand, from the number of closed points and the factors of the bodies.
+!> Cost and memory of both follow from the number of contact rows and the factors of the bodies, before anything is
+!> solved.
 module dotyk_scheme_choice
   use dotyk_base_kinds, only: dp
   use dotyk_base_memory, only: memory_now, memory_t
@@ -17,28 +18,34 @@ module dotyk_scheme_choice
 
   public :: choose_solver, room_for_matrices
 
-  !> Solves of each body that conjugate gradients take for all active sets together, about: 50 to 150 for each.
+  !> Solves of each body that conjugate gradients take for all active sets together: 50 to 150 for each active set.
   real(dp), parameter :: typical_solves = 600
-  !> Factorizations of active systems, about.
+  !> Factorizations for all active sets together.
   real(dp), parameter :: typical_systems = 6
-  !> How much faster the operations of forward substitutions, their products and dense factorizations are than those of
-  !> single solves.
+  !> Speed of level 3 BLAS (forward substitution with blocks of right-hand sides, factorization) relative to solves with
+  !> a single right-hand side.
   real(dp), parameter :: gain_of_blocks = 8
-  !> Bytes that matrices, solutions of L y = P b and active systems may take, and that as a part of the memory that is
-  !> left.
-  real(dp), parameter :: most_bytes = 8.0e9_dp, most_of_memory = 0.5_dp
+  !> Bytes for an entry of the factor: 8 in the panel, as many in the update matrices and in copies of compliance
+  !> blocks.
+  real(dp), parameter :: bytes_of_entry = 24
+  !> Bytes that compliances, forward substitutions and the factor may take,
+  real(dp), parameter :: most_bytes = 8.0e9_dp
+  !> also as a fraction of the available memory.
+  real(dp), parameter :: most_of_memory = 0.5_dp
 
 contains
 
-  !> Choose for the rows of a problem, all of which get into the matrices; where there are some already, the choice is
-  !> that of before.
+  !> Choose. Explicit compliances that exist already, or their absence, decide.
   subroutine choose_solver(problem, wish, rows, compliance, system)
+    !> The contact problem.
     type(contact_problem_t), intent(inout) :: problem
-    !> One of `solver_*`.
+    !> One of `linear_solver_*` of `dotyk_base_options`.
     integer, intent(in) :: wish
-    !> The rows that will be needed (n_rows).
+    !> The working set: rows whose explicit compliance would be needed (n_rows).
     logical, intent(in) :: rows(:)
+    !> Initialized where it is empty.
     type(explicit_compliance_t), intent(inout) :: compliance
+    !> The solver, not initialized.
     class(active_system_t), allocatable, intent(out) :: system
     type(direct_system_t), allocatable :: direct
     type(iterative_system_t), allocatable :: iterative
@@ -46,16 +53,16 @@ contains
     real(dp) :: direct_cost, iterative_cost, bytes, n, path
     logical :: by_sweeps
     integer :: b
-    ! In floating-point operations at the speed of single solves: 4 for each entry of a factor.
-    call elimination_cost(problem, rows, direct_cost, bytes)
+    ! In floating-point operations at the speed of single solves: 4 for each entry of the factor of a body.
+    call elimination_cost(problem%operator, problem%coarse, rows, direct_cost, bytes)
     direct_cost = typical_systems*direct_cost/gain_of_blocks
     iterative_cost = 0
-    bytes = 24*bytes
+    bytes = bytes_of_entry*bytes
     do b = 1, size(problem%operator%block)
       n = count(rows(problem%operator%block(b)%row))
       if (.not. n > 0) cycle
       path = problem%response(b)%form%path_entries()
-      ! The unknowns of a path are about the root of its entries.
+      ! A path of the elimination tree is about a dense triangle: its unknowns are the root of twice its entries.
       direct_cost = direct_cost + (2*path*n + sqrt(2*path)*n**2)/gain_of_blocks
       iterative_cost = iterative_cost + 4*problem%cost(b)*typical_solves
       bytes = bytes + 8*n**2 + 8*n*sqrt(2*path)
@@ -64,8 +71,8 @@ contains
     by_sweeps = direct_cost > iterative_cost .or. bytes > room_for_matrices(memory)
     if (wish == linear_solver_direct) by_sweeps = .false.
     if (wish == linear_solver_iterative) by_sweeps = .true.
-    ! Conjugate gradients keep to the equilibrium of free bodies, not to springs that are softer than contact by many
-    ! powers of ten.
+    ! The projection of conjugate gradients treats exact rigid body modes, not near-null-space modes, whose stiffness is
+    ! softer than contact by many powers of ten.
     if (allocated(problem%coarse%stiffness)) by_sweeps = .false.
     if (allocated(compliance%body)) then
       by_sweeps = compliance%by_sweeps
@@ -81,9 +88,9 @@ contains
     end if
   end subroutine choose_solver
 
-  !> Bytes that matrices may take here.
+  !> Bytes for explicit compliances and factors on this machine.
   pure real(dp) function room_for_matrices(memory) result(bytes)
-    !> What there is.
+    !> Available memory.
     type(memory_t), intent(in) :: memory
     bytes = most_bytes
     if (memory%is_known) bytes = min(bytes, most_of_memory*memory%left)

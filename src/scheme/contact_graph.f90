@@ -6,10 +6,11 @@
 module dotyk_scheme_contact_graph
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
+  use dotyk_contact_operator, only: contact_operator_t
   use dotyk_linalg_block_tree, only: block_tree_t
   use dotyk_linalg_clique_graph, only: make_clique_graph
   use dotyk_linalg_ordering, only: nested_dissection
-  use dotyk_scheme_problem, only: contact_problem_t
+  use dotyk_scheme_coarse_space, only: coarse_space_t
   implicit none
   private
   public :: make_contact_graph, elimination_cost
@@ -55,9 +56,11 @@ module dotyk_scheme_contact_graph
 contains
 
   !> Blocks, couplings and elimination order for some of the contact rows.
-  subroutine make_contact_graph(problem, chosen, graph, error)
-    !> Contact rows and rigid body modes.
-    type(contact_problem_t), intent(in) :: problem
+  subroutine make_contact_graph(operator, coarse, chosen, graph, error)
+    !> Contact rows.
+    type(contact_operator_t), intent(in) :: operator
+    !> Rigid body modes.
+    type(coarse_space_t), intent(in) :: coarse
     !> The rows (n_rows).
     logical, intent(in) :: chosen(:)
     !> The graph.
@@ -66,14 +69,14 @@ contains
     type(error_t), allocatable, intent(out) :: error
     integer, allocatable :: block_of_pair(:), pair_order(:), start(:), neighbour(:)
     integer :: b, k, n_bodies, n_blocks
-    n_bodies = size(problem%operator%block)
-    call number_rows(problem%operator%pair_first_row, chosen, graph, block_of_pair)
+    n_bodies = size(operator%block)
+    call number_rows(operator%pair_first_row, chosen, graph, block_of_pair)
     allocate (graph%body(n_bodies))
     n_blocks = graph%n_pairs
     do b = 1, n_bodies
-      call find_rows(problem%operator%block(b)%row, problem%operator%pair_first_row, chosen, block_of_pair, &
+      call find_rows(operator%block(b)%row, operator%pair_first_row, chosen, block_of_pair, &
                      graph%body(b))
-      if (problem%coarse%first(b + 1) == problem%coarse%first(b)) cycle
+      if (coarse%first(b + 1) == coarse%first(b)) cycle
       n_blocks = n_blocks + 1
       graph%body(b)%modes = n_blocks
     end do
@@ -83,7 +86,7 @@ contains
     do b = 1, n_bodies
       k = graph%body(b)%modes
       if (k == 0) cycle
-      graph%size(k) = problem%coarse%first(b + 1) - problem%coarse%first(b)
+      graph%size(k) = coarse%first(b + 1) - coarse%first(b)
       graph%sign(k) = -1
       graph%body_of(k) = b
     end do
@@ -254,9 +257,11 @@ contains
   end subroutine insert_bodies
 
   !> Cost of one factorization with the given rows active.
-  subroutine elimination_cost(problem, active, flops, entries)
-    !> Contact rows and rigid body modes.
-    type(contact_problem_t), intent(in) :: problem
+  subroutine elimination_cost(operator, coarse, active, flops, entries)
+    !> Contact rows.
+    type(contact_operator_t), intent(in) :: operator
+    !> Rigid body modes.
+    type(coarse_space_t), intent(in) :: coarse
     !> The rows (n_rows).
     logical, intent(in) :: active(:)
     !> Floating-point operations.
@@ -268,7 +273,7 @@ contains
     type(block_tree_t) :: tree
     flops = 0
     entries = 0
-    call make_contact_graph(problem, active, graph, error)
+    call make_contact_graph(operator, coarse, active, graph, error)
     ! A graph that cannot be ordered is reported when the system is factorized.
     if (allocated(error)) return
     call tree%init(graph%size, graph%start, graph%neighbour, graph%order)

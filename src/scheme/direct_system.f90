@@ -72,7 +72,7 @@ contains
     integer :: failed
     call self%destroy()
     call self%take_points(problem, theta, active)
-    call make_contact_graph(problem, active, self%graph, error)
+    call make_contact_graph(problem%operator, problem%coarse, active, self%graph, error)
     if (allocated(error)) return
     associate (graph => self%graph)
       call self%factor%init(graph%size, graph%sign, graph%start, graph%neighbour, graph%order)

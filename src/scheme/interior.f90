@@ -1,12 +1,12 @@
-!> The interior point method, for scenes in which active sets would come back: nearly rigid bodies on many contact
-!> points, most of which have forces that others could have as well.
+!> The interior-point method for contact: where the active-set iteration cycles, as for nearly rigid bodies with many
+!> contact points, whose contact forces are almost indeterminate.
 !>
 !> With gaps `s = M lambda - G alpha - y >= 0` at the contact points, forces `lambda >= 0` and equilibrium `G^T lambda =
-!> e`, Newton's method goes along the points with `lambda_i s_i = mu w_i` towards mu = 0 (Mehrotra's predictor and
-!> corrector, SIAM J. Optim. 2, 1992; Gondzio's correctors of centrality, Comput. Optim. Appl. 6, 1996, as solutions
-!> cost little against factorizations). It takes ten to forty linear systems, whatever the number of points: each is
-!> that of an active set of all points with softer layers, `s_i/lambda_i` in addition to theirs. In the end forces or
-!> gaps are next to nothing at each point, which says what is closed.
+!> e`, Newton's method follows the central path `lambda_i s_i = mu w_i` towards mu = 0: Mehrotra's predictor and
+!> corrector (SIAM J. Optim. 2, 1992), and Gondzio's centrality correctors (Comput. Optim. Appl. 6, 1996), since
+!> solutions are cheap against factorizations. It takes ten to forty linear systems, whatever the number of points: each
+!> is that of the active set of all points, their Winkler layers softened by `s_i/lambda_i`. In the end either the force
+!> or the gap of each point is next to nothing, which gives the active set.
 module dotyk_scheme_interior
   use dotyk_base_error, only: error_t
   use dotyk_base_interrupt, only: interrupted
@@ -20,146 +20,191 @@ module dotyk_scheme_interior
 
   !> Linear systems at most.
   integer, parameter :: most_steps = 60
-  !> Where it ends: gaps times forces, as a part of what they were at first; resultants, as a part of the loads.
-  real(dp), parameter :: least_product = 1.0e-14_dp, balanced = 1.0e-9_dp
-  !> Part of the way to the boundary that a step goes.
-  real(dp), parameter :: most_of_the_way = 0.995_dp
-  !> Steps are centred so often at most, as long as each goes farther by this part of what it tries; longer ones are
-  !> not.
+  !> The method ends where the complementarity products are this fraction of the energy, and
+  real(dp), parameter :: least_product = 1.0e-14_dp
+  !> the imbalance is this fraction of the loads.
+  real(dp), parameter :: balanced = 1.0e-9_dp
+  !> Fraction of the distance to the boundary that a step goes.
+  real(dp), parameter :: fraction_to_boundary = 0.995_dp
+  !> Centring parameter at least (Mehrotra's cubic rule gives 0 where the predictor reaches the solution).
+  real(dp), parameter :: least_centring = 1.0e-6_dp
+  !> The first iterate is shifted inside by this multiple of the largest violation (Mehrotra).
+  real(dp), parameter :: shift = 1.5_dp
+  !> A shorter step than this is stopped by rounding errors.
+  real(dp), parameter :: shortest_step = 1.0e-8_dp
+  !> Centrality corrections of a step at most.
   integer, parameter :: most_corrections = 8
-  real(dp), parameter :: worth_it = 0.1_dp, farther_by = 0.5_dp, far_enough = 0.95_dp
-  !> Products between these parts of those that are wanted are left alone.
+  !> A correction aims at a step longer by this, and is taken
+  real(dp), parameter :: longer_by = 0.5_dp
+  !> where it gains this fraction of it.
+  real(dp), parameter :: worthwhile_gain = 0.1_dp
+  !> Steps longer than this are not corrected.
+  real(dp), parameter :: long_enough = 0.95_dp
+  !> Complementarity products between these multiples of their targets are not corrected.
   real(dp), parameter :: smallest_product = 0.5_dp, largest_product = 2.0_dp
 
-  !> A point inside.
+  !> An iterate, or a step.
   type :: point_t
-    !> Forces (n), gaps (n), amplitudes (coarse%n).
-    real(dp), allocatable :: lambda(:), s(:), alpha(:)
+    !> Contact forces (n) [force].
+    real(dp), allocatable :: lambda(:)
+    !> Gaps (n) [length].
+    real(dp), allocatable :: s(:)
+    !> Amplitudes of the rigid body modes (coarse%n) [length].
+    real(dp), allocatable :: alpha(:)
   end type point_t
 
 contains
 
-  !> Forces and amplitudes next to the solution, and what is closed there.
-  subroutine interior_points(problem, compliance, system, soft, usable, lambda, alpha, closed, steps, error)
+  !> Forces, amplitudes and active set near the solution.
+  subroutine interior_points(problem, compliance, system, foundation, usable, lambda, alpha, active, steps, error)
+    !> The contact problem.
     type(contact_problem_t), intent(inout) :: problem
+    !> Of all usable rows.
     type(explicit_compliance_t), intent(in) :: compliance
-    !> Another one on return.
+    !> Work space: the system of the last step on return.
     class(active_system_t), intent(inout) :: system
-    !> How much points yield to forces on them, about (n_rows) [length/force].
-    real(dp), intent(in) :: soft(:)
+    !> Compliance of a Winkler foundation in place of the bodies, for the start and the active set (n_rows)
+    !> [length/force].
+    real(dp), intent(in) :: foundation(:)
     !> Points that may have a force (n_rows).
     logical, intent(in) :: usable(:)
-    !> (n_rows) [force], (coarse%n) [length].
-    real(dp), intent(out) :: lambda(:), alpha(:)
-    !> (n_rows).
-    logical, intent(out) :: closed(:)
+    !> Contact forces, positive at all usable points (n_rows) [force].
+    real(dp), intent(out) :: lambda(:)
+    !> Amplitudes of the rigid body modes (coarse%n) [length].
+    real(dp), intent(out) :: alpha(:)
+    !> Points whose force, on the foundation, exceeds their gap (n_rows).
+    logical, intent(out) :: active(:)
     !> Linear systems that were solved.
     integer, intent(out) :: steps
-    !> Out of memory.
+    !> A system cannot be factorized.
     type(error_t), allocatable, intent(out) :: error
     type(point_t) :: now, step
-    real(dp), allocatable :: part(:), r_dual(:), r_balance(:), product(:)
+    real(dp), allocatable :: fraction(:), r_dual(:), r_balance(:), product(:)
     integer, allocatable :: row(:)
-    real(dp) :: mu, mu_ahead, sigma, along, energy
+    real(dp) :: mu, mu_ahead, sigma, length, energy
     integer :: i, n
     row = pack([(i, i=1, size(usable))], usable)
     n = size(row)
     lambda = 0
     alpha = 0
-    closed = .false.
+    active = .false.
     steps = 0
     if (n == 0) return
-    ! Products of forces and gaps go with the areas.
-    part = problem%operator%weight(row)/sum(problem%operator%weight(row))
-    call begin(problem, compliance, system, usable, row, soft, part, now, error)
+    ! Complementarity products are proportional to the weights.
+    fraction = problem%operator%weight(row)/sum(problem%operator%weight(row))
+    call find_start(problem, compliance, system, usable, row, foundation(row), fraction, now, error)
     if (allocated(error)) return
     allocate (step%lambda(n), step%s(n), step%alpha(problem%coarse%n))
     do steps = 1, most_steps
       if (interrupted()) exit
-      call residuals(problem, compliance, row, now, r_dual, r_balance)
+      call find_residuals(problem, compliance, row, now, r_dual, r_balance)
       mu = sum(now%lambda*now%s)
       energy = abs(sum(now%lambda*(now%s + problem%y_free(row)))) + abs(sum(now%alpha*problem%coarse%resultant))
-      if (mu <= least_product*energy .and. is_small(problem, now, r_balance)) exit
+      if (mu <= least_product*energy .and. is_balanced(problem, now, r_balance)) exit
       call make_system(problem, compliance, system, usable, row, now%s/now%lambda, error)
       if (allocated(error)) return
+      ! Predictor, then corrector.
       product = -now%lambda*now%s
       call newton_step(problem, compliance, system, now, r_dual, r_balance, product, step)
-      along = min(way(now%lambda, step%lambda), way(now%s, step%s))
-      mu_ahead = sum((now%lambda + along*step%lambda)*(now%s + along*step%s))
-      sigma = min(1.0_dp, max(1.0e-6_dp, (mu_ahead/mu)**3))
-      product = sigma*mu*part - now%lambda*now%s - step%lambda*step%s
+      length = min(longest_step(now%lambda, step%lambda), longest_step(now%s, step%s))
+      mu_ahead = sum((now%lambda + length*step%lambda)*(now%s + length*step%s))
+      sigma = min(1.0_dp, max(least_centring, (mu_ahead/mu)**3))
+      product = sigma*mu*fraction - now%lambda*now%s - step%lambda*step%s
       call newton_step(problem, compliance, system, now, r_dual, r_balance, product, step)
-      call centre(problem, compliance, system, now, sigma*mu*part, step)
-      along = min(1.0_dp, most_of_the_way*min(way(now%lambda, step%lambda), way(now%s, step%s)))
-      now%lambda = now%lambda + along*step%lambda
-      now%s = now%s + along*step%s
-      now%alpha = now%alpha + along*step%alpha
-      ! Rounding errors end it too.
-      if (along < 1.0e-8_dp) exit
+      call correct_centrality(problem, compliance, system, now, sigma*mu*fraction, step)
+      length = min(longest_step(now%lambda, step%lambda), longest_step(now%s, step%s))
+      length = min(1.0_dp, fraction_to_boundary*length)
+      now%lambda = now%lambda + length*step%lambda
+      now%s = now%s + length*step%s
+      now%alpha = now%alpha + length*step%alpha
+      if (length < shortest_step) exit
     end do
     steps = min(steps, most_steps)
     lambda(row) = now%lambda
     alpha = now%alpha
-    closed(row) = soft(row)*now%lambda > now%s
+    active(row) = foundation(row)*now%lambda > now%s
   end subroutine interior_points
 
-  !> The first point: as if all contact points stuck to foundations, forces and gaps then shifted to be positive.
-  subroutine begin(problem, compliance, system, usable, row, soft, part, now, error)
+  !> The first iterate: all contact points tied to foundations, then forces and gaps shifted to be positive.
+  subroutine find_start(problem, compliance, system, usable, row, foundation, fraction, now, error)
+    !> The contact problem.
     type(contact_problem_t), intent(inout) :: problem
+    !> Of all usable rows.
     type(explicit_compliance_t), intent(in) :: compliance
+    !> Work space.
     class(active_system_t), intent(inout) :: system
+    !> Points that may have a force (n_rows).
     logical, intent(in) :: usable(:)
+    !> These (n).
     integer, intent(in) :: row(:)
-    !> (n_rows).
-    real(dp), intent(in) :: soft(:)
-    !> Share of each point in all areas (size of row).
-    real(dp), intent(in) :: part(:)
+    !> Compliance of the foundation there (n) [length/force].
+    real(dp), intent(in) :: foundation(:)
+    !> Fraction of each point in the sum of the weights (n) [].
+    real(dp), intent(in) :: fraction(:)
+    !> The iterate.
     type(point_t), intent(out) :: now
+    !> The system cannot be factorized.
     type(error_t), allocatable, intent(out) :: error
     real(dp) :: force, gap, product
     allocate (now%lambda(size(row)), now%alpha(problem%coarse%n))
-    call make_system(problem, compliance, system, usable, row, soft(row), error)
+    call make_system(problem, compliance, system, usable, row, foundation, error)
     if (allocated(error)) return
     now%lambda = 0
     call system%solve(problem, compliance, problem%y_free(row), problem%coarse%resultant, now%lambda, now%alpha)
-    now%s = -soft(row)*now%lambda
-    ! Forces go with the areas, gaps are the same everywhere.
-    force = max(0.0_dp, -1.5_dp*minval(now%lambda/part))
-    gap = max(0.0_dp, -1.5_dp*minval(now%s))
-    now%lambda = now%lambda + force*part
+    now%s = -foundation*now%lambda
+    ! Forces are shifted in proportion to the weights, gaps by the same length everywhere.
+    force = max(0.0_dp, -shift*minval(now%lambda/fraction))
+    gap = max(0.0_dp, -shift*minval(now%s))
+    now%lambda = now%lambda + force*fraction
     now%s = now%s + gap
     product = sum(now%lambda*now%s)
-    force = max(product/(2*max(tiny(1.0_dp), sum(part*now%s))), tiny(1.0_dp))
+    force = max(product/(2*max(tiny(1.0_dp), sum(fraction*now%s))), tiny(1.0_dp))
     gap = max(product/(2*max(tiny(1.0_dp), sum(now%lambda))), tiny(1.0_dp))
-    now%lambda = now%lambda + force*part
+    now%lambda = now%lambda + force*fraction
     now%s = now%s + gap
-  end subroutine begin
+  end subroutine find_start
 
-  !> The system with layers that yield more than the true ones.
-  subroutine make_system(problem, compliance, system, usable, row, yields, error)
+  !> The system of all usable points with softer Winkler layers.
+  subroutine make_system(problem, compliance, system, usable, row, softer, error)
+    !> The contact problem.
     type(contact_problem_t), intent(inout) :: problem
+    !> Of all usable rows.
     type(explicit_compliance_t), intent(in) :: compliance
+    !> Factorized on return.
     class(active_system_t), intent(inout) :: system
+    !> Points that may have a force (n_rows).
     logical, intent(in) :: usable(:)
+    !> These (n).
     integer, intent(in) :: row(:)
-    !> By that much (size of row) [length/force].
-    real(dp), intent(in) :: yields(:)
+    !> Compliance added to the layers (n) [length/force].
+    real(dp), intent(in) :: softer(:)
+    !> The system cannot be factorized.
     type(error_t), allocatable, intent(out) :: error
-    real(dp) :: theta(problem%operator%n_rows)
+    real(dp), allocatable :: theta(:)
+    allocate (theta(problem%operator%n_rows))
     theta = problem%operator%theta
-    theta(row) = theta(row) + problem%operator%weight(row)*yields
+    theta(row) = theta(row) + problem%operator%weight(row)*softer
     call system%init(problem, compliance, theta, usable, error)
   end subroutine make_system
 
-  !> What is missing: M lambda - G alpha - y - s, and G^T lambda - e.
-  subroutine residuals(problem, compliance, row, now, r_dual, r_balance)
+  !> Residuals `M lambda - G alpha - y - s` and `G^T lambda + S alpha - e`.
+  subroutine find_residuals(problem, compliance, row, now, r_dual, r_balance)
+    !> The contact problem.
     type(contact_problem_t), intent(inout) :: problem
+    !> Of all usable rows.
     type(explicit_compliance_t), intent(in) :: compliance
+    !> Usable rows (n).
     integer, intent(in) :: row(:)
+    !> The iterate.
     type(point_t), intent(in) :: now
-    real(dp), allocatable, intent(out) :: r_dual(:), r_balance(:)
+    !> Of the contact rows (n) [length].
+    real(dp), allocatable, intent(out) :: r_dual(:)
+    !> Of equilibrium (coarse%n) [force].
+    real(dp), allocatable, intent(out) :: r_balance(:)
     real(dp), allocatable :: lambda(:), z(:), motion(:)
-    allocate (lambda(problem%operator%n_rows), z(problem%operator%n_rows), motion(problem%operator%n_rows), source=0.0_dp)
+    associate (n_rows => problem%operator%n_rows)
+      allocate (lambda(n_rows), z(n_rows), motion(n_rows), source=0.0_dp)
+    end associate
     allocate (r_balance(problem%coarse%n))
     lambda(row) = now%lambda
     call compliance%multiply(problem, lambda, z)
@@ -169,69 +214,90 @@ contains
     end associate
     call problem%coarse%resultant_of(problem%operator, lambda, r_balance)
     r_balance = r_balance + problem%coarse%stiffness_forces(now%alpha) - problem%coarse%resultant
-  end subroutine residuals
+  end subroutine find_residuals
 
-  !> Whether forces balance the loads.
-  logical function is_small(problem, now, r_balance)
+  !> Whether contact forces balance the loads.
+  pure logical function is_balanced(problem, now, r_balance)
+    !> With the resultants of the loads.
     type(contact_problem_t), intent(in) :: problem
+    !> The iterate.
     type(point_t), intent(in) :: now
+    !> Residual of equilibrium (coarse%n) [force].
     real(dp), intent(in) :: r_balance(:)
-    is_small = .not. any(abs(r_balance) > balanced*max(maxval(now%lambda), maxval([0.0_dp, abs(problem%coarse%resultant)])))
-  end function is_small
+    real(dp) :: largest
+    largest = max(maxval(now%lambda), maxval([0.0_dp, abs(problem%coarse%resultant)]))
+    is_balanced = .not. any(abs(r_balance) > balanced*largest)
+  end function is_balanced
 
-  !> Newton's step for given changes of the products of forces and gaps.
+  !> Newton's step for given changes of the complementarity products.
   subroutine newton_step(problem, compliance, system, now, r_dual, r_balance, product, step)
+    !> The contact problem.
     type(contact_problem_t), intent(inout) :: problem
+    !> Of all usable rows.
     type(explicit_compliance_t), intent(in) :: compliance
+    !> Layers softened by s/lambda.
     class(active_system_t), intent(in) :: system
+    !> The iterate.
     type(point_t), intent(in) :: now
-    real(dp), intent(in) :: r_dual(:), r_balance(:)
-    !> Changes, to first order (size of now%lambda) [force*length].
+    !> See `find_residuals` (n) [length].
+    real(dp), intent(in) :: r_dual(:)
+    !> See `find_residuals` (coarse%n) [force].
+    real(dp), intent(in) :: r_balance(:)
+    !> Changes of `lambda_i s_i`, to first order (n) [force*length].
     real(dp), intent(in) :: product(:)
+    !> The step.
     type(point_t), intent(inout) :: step
     step%lambda = 0
     call system%solve(problem, compliance, product/now%lambda - r_dual, -r_balance, step%lambda, step%alpha)
     step%s = (product - now%s*step%lambda)/now%lambda
   end subroutine newton_step
 
-  !> Change a step while it can go farther: products that would become far too small or too large there are brought
-  !> back.
-  subroutine centre(problem, compliance, system, now, wanted, step)
+  !> Gondzio's centrality corrections: products that a longer step would make far too small or too large are brought
+  !> back to their targets, while the step gets longer.
+  subroutine correct_centrality(problem, compliance, system, now, wanted, step)
+    !> The contact problem.
     type(contact_problem_t), intent(inout) :: problem
+    !> Of all usable rows.
     type(explicit_compliance_t), intent(in) :: compliance
+    !> Layers softened by s/lambda.
     class(active_system_t), intent(in) :: system
+    !> The iterate.
     type(point_t), intent(in) :: now
-    !> What the products should become (size of now%lambda) [force*length].
+    !> Targets of the products (n) [force*length].
     real(dp), intent(in) :: wanted(:)
+    !> Corrected on return.
     type(point_t), intent(inout) :: step
     type(point_t) :: other
     real(dp), allocatable :: product(:), none(:)
-    real(dp) :: along, farther, new
+    real(dp) :: length, longer, new
     integer :: k
     allocate (none(size(wanted)), source=0.0_dp)
     other = step
-    along = min(1.0_dp, min(way(now%lambda, step%lambda), way(now%s, step%s)))
+    length = min(1.0_dp, longest_step(now%lambda, step%lambda), longest_step(now%s, step%s))
     do k = 1, most_corrections
-      if (along > far_enough) exit
-      farther = min(1.0_dp, along + farther_by)
-      product = (now%lambda + farther*step%lambda)*(now%s + farther*step%s)
-      product = max(-largest_product*wanted, min(largest_product*wanted, max(smallest_product*wanted, product)) - product)
+      if (length > long_enough) exit
+      longer = min(1.0_dp, length + longer_by)
+      product = (now%lambda + longer*step%lambda)*(now%s + longer*step%s)
+      product = max(-largest_product*wanted, &
+                    min(largest_product*wanted, max(smallest_product*wanted, product)) - product)
       call newton_step(problem, compliance, system, now, none, 0*now%alpha, product, other)
       other%lambda = other%lambda + step%lambda
       other%s = other%s + step%s
       other%alpha = other%alpha + step%alpha
-      new = min(1.0_dp, min(way(now%lambda, other%lambda), way(now%s, other%s)))
-      if (new < along + worth_it*farther_by) exit
-      along = new
+      new = min(1.0_dp, longest_step(now%lambda, other%lambda), longest_step(now%s, other%s))
+      if (new < length + worthwhile_gain*longer_by) exit
+      length = new
       step = other
     end do
-  end subroutine centre
+  end subroutine correct_centrality
 
-  !> How far a step may go, at most 1/most_of_the_way.
-  pure real(dp) function way(x, step)
-    !> Positive.
-    real(dp), intent(in) :: x(:), step(:)
-    way = 1/most_of_the_way
-    if (any(step < 0)) way = min(way, minval(-x/step, mask=step < 0))
-  end function way
+  !> Length of a step to the boundary, at most 1/fraction_to_boundary.
+  pure real(dp) function longest_step(x, step)
+    !> Positive (n).
+    real(dp), intent(in) :: x(:)
+    !> Direction (n).
+    real(dp), intent(in) :: step(:)
+    longest_step = 1/fraction_to_boundary
+    if (any(step < 0)) longest_step = min(longest_step, minval(-x/step, mask=step < 0))
+  end function longest_step
 end module dotyk_scheme_interior
