@@ -19,8 +19,8 @@ module dotyk_driver_arguments
     logical :: check = .false.
     !> Print errors only.
     logical :: quiet = .false.
-    !> Print the version, or the help, and stop.
-    logical :: version = .false., help = .false.
+    !> Print the version, the help, or the input reference in Markdown, and stop.
+    logical :: version = .false., help = .false., reference = .false.
   end type arguments_t
 
   public :: read_arguments, parse_arguments, command_line_text
@@ -72,6 +72,8 @@ contains
         arguments%version = .true.
       case ('--help', '-h')
         arguments%help = .true.
+      case ('--help=markdown')
+        arguments%reference = .true.
       case ('--threads', '--output', '--restart')
         if (i == size(words)) then
           call set_error(error, 'option '//words(i)%s//' needs a value')
@@ -106,7 +108,7 @@ contains
         arguments%case_file = words(i)%s
       end select
     end do
-    if (len(arguments%case_file) == 0 .and. .not. (arguments%help .or. arguments%version)) &
+    if (len(arguments%case_file) == 0 .and. .not. (arguments%help .or. arguments%version .or. arguments%reference)) &
       call set_error(error, 'no case given: dotyk CASE.nml [--check] [--threads N] [--output FILE] '// &
                      '[--restart RESULTS.vtkhdf] [--quiet], or dotyk --help')
   end subroutine parse_arguments

@@ -37,6 +37,7 @@ module dotyk_driver_run_case
   use dotyk_input_case, only: case_t
   use dotyk_input_help, only: help_text
   use dotyk_input_parse, only: read_case
+  use dotyk_input_reference, only: reference_text
   use dotyk_mesh_surface, only: surface_t
   use dotyk_output_file_system, only: check_replaceable, check_writable
   use dotyk_output_results_file, only: results_file_t
@@ -96,6 +97,9 @@ contains
     code = exit_converged
     if (arguments%help) then
       call print_answer(help_text(), error)
+      return
+    else if (arguments%reference) then
+      call print_answer(reference_text(), error)
       return
     else if (arguments%version) then
       call print_answer('dotyk '//version//' ('//compiler//', '//build_type//')', error)
