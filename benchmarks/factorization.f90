@@ -1,25 +1,27 @@
-!> Times the numeric factorization of the bodies of a scene by the multifrontal code of `linalg` and by CHOLMOD, from the same symbolic
-!> analysis, in turns:
+!> Times the numeric factorization of the bodies of a scene by the multifrontal code of `linalg` and by
+!> cholmod_factorize, from the same symbolic analysis, in turns:
 !>
-!>     factorization THREADS ROUNDS COPIES FILE.nml [PHASE...]
+!>     benchmark_factorization THREADS ROUNDS COPIES FILE.nml [PHASE...]
 !>
-!> One line for each factorization of all bodies: file, copies of the scene, bodies that are factorized, unknowns of all and of the
-!> largest body, operations, entries of the factors, threads, round, numeric phase, wall seconds, processor seconds, peak memory
-!> beside K [bytes], relative residual of a solution. Congruent bodies are factorized once, as in a run.
+!> One line for each factorization of all bodies: file, copies of the scene, factorized bodies, unknowns of all bodies
+!> and of the largest one, operations, entries and bytes of the factors, threads, round, numeric phase, wall seconds,
+!> processor seconds, peak memory beside K [bytes], relative residual of a solution. Congruent bodies are factorized
+!> once, as in a run. The numeric phases:
 !>
-!>   multifrontal   bodies side by side, threads that have no body help the others, as in a run
+!>   multifrontal   bodies side by side, idle threads help with the bodies of others, as in a run
 !>   cholmod        bodies side by side, one thread and one BLAS thread each
 !>   cholmod_blas   bodies one after the other, BLAS on all threads
 !>
-!> All three if none is named.
+!> All three unless PHASE names some.
 program factorization
   use omp_lib, only: omp_set_num_threads
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_timer, only: wall_time
-  use dotyk_driver_body_setup, only: assemble_bodies, build_bodies
   use dotyk_control_congruence_classes, only: congruence_classes_t
-  use dotyk_elasticity_body, only: body_t
+  use dotyk_driver_body_setup, only: assemble_bodies, build_bodies
+  use dotyk_elasticity_body, only: body_t, stiffness_t
+  use dotyk_elasticity_body_modes, only: body_modes_t
   use dotyk_elasticity_node_ordering, only: fill_reducing_order
   use dotyk_input_case, only: case_t
   use dotyk_input_parse, only: read_case
@@ -30,7 +32,8 @@ program factorization
   use dotyk_mesh_surface, only: surface_t
   implicit none
 
-  !> A part of the diagonal that holds bodies which their supports do not hold: values play no part in times.
+  !> Relative increase of the diagonal that makes the stiffness of floating bodies definite; values play no part in
+  !> times.
   real(dp), parameter :: hold = 1.0e-6_dp
   character(12), parameter :: phase_name(3) = [character(12) :: 'multifrontal', 'cholmod', 'cholmod_blas']
 
@@ -100,18 +103,20 @@ contains
     stop 2, quiet=.true.
   end function phase_of
 
-  !> Stiffnesses and orders of elimination, as in a run.
+  !> Stiffness matrices and fill-reducing orders, as in a run.
   subroutine read_matrices(file, matrix, error)
     !> Input file.
     character(*), intent(in) :: file
     !> Bodies that have a factor of their own.
     type(matrix_t), allocatable, intent(out) :: matrix(:)
-    !> What the program would say.
+    !> As in a run: a problem with the input, a mesh or the memory.
     type(error_t), allocatable, intent(out) :: error
     type(case_t) :: case
     type(body_t), allocatable :: body(:)
     type(surface_t), allocatable :: surface_a(:), surface_b(:)
     type(congruence_classes_t) :: classes
+    type(body_modes_t), allocatable :: modes(:)
+    type(stiffness_t), allocatable :: stiffness(:)
     integer, allocatable :: node_order(:)
     integer :: b, n
     call read_case(file, case, error)
@@ -181,9 +186,10 @@ contains
     processor = processor - begun
     peak = memory_of('VmHWM:') - memory
     call set_blas_threads(1)
-    write (*, '(a, 4(1x, i0), 1x, es12.5, 3(1x, i0), 1x, i0, 1x, a, 2(1x, f0.4), 1x, i0, 1x, es8.1)') file, copies, size(factor), &
-      sum(factor%n), maxval(factor%n), sum(factor%flops), sum(factor%factor_entries), sum(factor%factor_bytes), threads, round, &
-      trim(phase_name(phase)), wall, processor, peak, residual(factor(size(factor)), matrix(n)%stiffness)
+    write (*, '(a, 4(1x, i0), 1x, es12.5, 4(1x, i0), 1x, a, 2(1x, f0.4), 1x, i0, 1x, es8.1)') file, copies, &
+      size(factor), sum(factor%n), maxval(factor%n), sum(factor%flops), sum(factor%factor_entries), &
+      sum(factor%factor_bytes), threads, round, trim(phase_name(phase)), wall, processor, peak, &
+      residual(factor(size(factor)), matrix(n)%stiffness)
     do i = 1, size(factor)
       call factor(i)%destroy()
     end do
@@ -238,7 +244,7 @@ contains
     end do
   end subroutine sort_by_work
 
-  !> Let the peak of the resident memory begin anew.
+  !> Reset the peak of the resident memory.
   subroutine reset_peak()
     integer :: unit, status
     open (newunit=unit, file='/proc/self/clear_refs', action='write', status='old', iostat=status)

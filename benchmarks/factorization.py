@@ -1,14 +1,15 @@
 #!/usr/bin/python3
-"""The numeric factorization of linalg against CHOLMOD's, from the same symbolic analysis: benchmarks/factorization.py [CASE...]
+"""The numeric factorization of linalg against cholmod_factorize, from the same symbolic analysis:
+benchmarks/factorization.py [CASE...]
 
-CASE is a scene of inputs/ or a cube of tet10: 40, 100 or 200 thousand unknowns, 100x4 for four of them side by side. All cases of the
-documentation if none is named: a quarter of an hour. The numeric phases take turns (rounds); medians count. For each case and number
-of threads:
+CASE is a scene of inputs/, or a cube of tet10 with 40, 100 or 200 thousand unknowns; 100x4 is four of them side by
+side. Without CASE: the cases of docs/speed.md, half an hour on an idle machine. The numeric phases take turns; medians
+count. For each case and number of threads:
   wall, cpu   seconds of the multifrontal code of linalg, wall and processor time
-  cholmod     ratio to cholmod_factorize, bodies side by side, one thread each: the median of the ratios of neighbouring runs
+  cholmod     ratio to cholmod_factorize, bodies side by side, one thread each: median of the ratios of paired runs
   blas        ratio to cholmod_factorize, bodies one after the other, BLAS on all threads
-  memory      peak memory beside the stiffness, over that of the factors
-On a busy machine only processor times mean something; --threads 1 leaves out what depends on an idle machine.
+  memory      peak memory beside the stiffness matrices, relative to the factors
+On a busy machine only processor times on one thread are meaningful (--threads 1).
 """
 import argparse
 import os
@@ -21,6 +22,8 @@ ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
 SIZES = {40: 0.0788, 100: 0.0602, 200: 0.0462}
 CASES = ['hertz', 'wavy', 'composite', 'press_fit', 'tunnel', 'free_stack', 'bearing', 'punch', 'bricks',
          '40', '40x2', '40x4', '40x8', '100', '100x2', '100x4', '200', '200x2']
+HEAD = ['case', 'bodies', 'unknowns', 'largest', 'Gflop', 'threads', 'wall', 'cpu', 'cholmod: wall', 'cpu',
+        'blas: wall', 'cpu', 'memory', 'cholmod: memory']
 GEOMETRY = """SetFactory("OpenCASCADE");
 Mesh.ElementOrder = 2;
 Box(1) = {{0, 0, 0, 1, 1, 1}};
@@ -89,7 +92,8 @@ def row(name, threads, found):
     for phase in ('cholmod', 'cholmod_blas'):
         other = found.get(phase)
         cells += [ratio(own, other, 'wall') if other else '', ratio(own, other, 'cpu') if other else '']
-    cells += ['%.2f' % (median(run.memory for run in found[phase])/some.factor_bytes) for phase in ('multifrontal', 'cholmod')]
+    cells += ['%.2f' % (median(run.memory for run in found[phase])/some.factor_bytes)
+              for phase in ('multifrontal', 'cholmod')]
     return '| ' + ' | '.join(cells) + ' |'
 
 
@@ -97,7 +101,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('case', nargs='*', default=CASES)
     parser.add_argument('--threads', type=int, nargs='+', default=[1, 2])
-    parser.add_argument('--rounds', type=int, default=5, help='of a case that takes a second or more; three times as many of others')
+    parser.add_argument('--rounds', type=int, default=5, help='three times as many where a round takes less than 1 s')
     parser.add_argument('--directory', default=os.path.join(ROOT, 'build', 'benchmarks'))
     options = parser.parse_args()
     os.makedirs(options.directory, exist_ok=True)
@@ -105,8 +109,7 @@ def main():
     for arguments in (['--preset', 'release'], ['--build', build, '--target', 'benchmark_factorization']):
         subprocess.run(['cmake', *arguments], cwd=ROOT, check=True, stdout=subprocess.DEVNULL)
     program = os.path.join(build, 'benchmarks', 'benchmark_factorization')
-    print('| case | bodies | unknowns | largest | Gflop | threads | wall | cpu | cholmod: wall | cpu | blas: wall | cpu | memory | '
-          'cholmod: memory |\n|' + '---|'*14, flush=True)
+    print('| ' + ' | '.join(HEAD) + ' |\n|' + '---|'*len(HEAD), flush=True)
     for name in options.case:
         path, copies = write_case(name, options.directory)
         for threads in options.threads:

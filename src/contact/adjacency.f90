@@ -1,25 +1,28 @@
-!> Which facets of a surface share an edge and which share a corner.
+!> Neighbours of the facets of one surface: across each edge, and at each vertex.
 module dotyk_contact_adjacency
   use dotyk_contact_facet_set, only: facet_set_t
   implicit none
   private
+  public :: corner_of, edges_of_corner
 
   !> Neighbours of the facets of one surface.
   type, public :: adjacency_t
-    !> The facet beyond each edge (end point in two dimensions), 0 where the surface ends (4, n). Edge i goes from
-    !> corner i to the next.
+    !> Facet across each edge (in two dimensions: at each end point), 0 at the boundary of the surface (4, n). Edge i
+    !> goes from corner i to the next one.
     integer, allocatable :: neighbour(:, :)
     !> Vertex number of each corner (4, n).
     integer, allocatable :: vertex(:, :)
-    !> Facets at vertex v: facet(start(v):start(v+1)-1), ascending.
-    integer, allocatable :: start(:), facet(:)
+    !> Facets at vertex v are facet(start(v):start(v+1)-1) (n_vertices + 1).
+    integer, allocatable :: start(:)
+    !> Facets of all vertices, ascending for each vertex (sum of the numbers of corners).
+    integer, allocatable :: facet(:)
   contains
     procedure :: init => adjacency_init
   end type adjacency_t
 
 contains
 
-  !> Find the neighbours.
+  !> Find the neighbours of all facets.
   subroutine adjacency_init(self, set)
     class(adjacency_t), intent(out) :: self
     !> Facets.
@@ -66,19 +69,23 @@ contains
     do f = 1, set%n
       do i = 1, set%corners(f)
         next_corner = merge(1, i + 1, i == set%corners(f))
-        self%neighbour(i, f) = beyond(self, f, self%vertex(i, f), self%vertex(next_corner, f), set%corners(f) == 2)
+        self%neighbour(i, f) = facet_across(self, f, self%vertex(i, f), self%vertex(next_corner, f), &
+                                            set%corners(f) == 2)
       end do
     end do
   end subroutine adjacency_init
 
-  !> The first other facet at vertex a that has vertex b too; at an end point of a line, the first other one.
-  pure integer function beyond(self, f, a, b, is_line) result(other)
+  !> First other facet at vertex a that has vertex b too; for lines, the first other facet at vertex a. 0 if there is
+  !> none.
+  pure integer function facet_across(self, f, a, b, is_line) result(other)
     type(adjacency_t), intent(in) :: self
-    !> The facet itself.
+    !> Facet on this side of the edge.
     integer, intent(in) :: f
-    !> Vertices of the edge.
-    integer, intent(in) :: a, b
-    !> Lines share end points.
+    !> First vertex of the edge.
+    integer, intent(in) :: a
+    !> Second vertex of the edge.
+    integer, intent(in) :: b
+    !> Facets are lines, which share end points.
     logical, intent(in) :: is_line
     integer :: k
     do k = self%start(a), self%start(a + 1) - 1
@@ -88,5 +95,33 @@ contains
       if (any(self%vertex(:, other) == b)) return
     end do
     other = 0
-  end function beyond
+  end function facet_across
+
+  !> Corner of a facet at a vertex.
+  pure integer function corner_of(set, adjacency, v, f) result(corner)
+    !> Facets of the surface.
+    type(facet_set_t), intent(in) :: set
+    !> Neighbours of the facets.
+    type(adjacency_t), intent(in) :: adjacency
+    !> Vertex number.
+    integer, intent(in) :: v
+    !> Facet number.
+    integer, intent(in) :: f
+    corner = findloc(adjacency%vertex(1:set%corners(f), f), v, dim=1)
+  end function corner_of
+
+  !> The two edges that meet at a corner; in two dimensions the end point, twice.
+  pure function edges_of_corner(corners, corner) result(edge)
+    !> Number of corners of the facet: 2 line, 3 triangle, 4 quadrilateral.
+    integer, intent(in) :: corners
+    !> Corner.
+    integer, intent(in) :: corner
+    !> Edge numbers (2).
+    integer :: edge(2)
+    if (corners == 2) then
+      edge = corner
+    else
+      edge = [corner, modulo(corner - 2, corners) + 1]
+    end if
+  end function edges_of_corner
 end module dotyk_contact_adjacency

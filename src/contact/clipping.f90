@@ -1,56 +1,68 @@
-!> The facets of surface_b drawn on a facet of surface_a: polygons, or segments in two dimensions.
+!> Narrow phase of the contact search: master facets are projected on a slave facet and clipped; the overlap polygons
+!> (in two dimensions: intervals) are the mortar segments.
 module dotyk_contact_clipping
   use dotyk_base_kinds, only: dp
   use dotyk_contact_auxiliary_plane, only: auxiliary_plane_t
   use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
-  use dotyk_contact_polygon, only: append_corner, clip_polygon, most_corners, polygon_t, signed_area, tidy_polygon
+  use dotyk_contact_polygon, only: append_corner, clip_polygon, max_corners, polygon_t, signed_area, &
+    remove_degenerate_corners
   use dotyk_contact_projection, only: master_surface_t
-  use dotyk_contact_bounding_volume_tree, only: facets_in_box, nearest_facet
+  use dotyk_contact_tree_search, only: facets_in_region, nearest_facet, oriented_box_t
   use dotyk_mesh_element, only: kind_nodes
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
   public :: segments_of_facet, segments_of_line
 
-  !> What one facet of b covers of a facet of a.
+  !> Mortar segment: overlap of a master facet with a slave facet.
   type, public :: mortar_segment_t
-    !> Facet of b.
+    !> Master facet.
     integer :: facet = 0
-    !> In the chart.
+    !> Overlap polygon in clip coordinates.
     type(polygon_t) :: polygon
-    !> Its area there.
+    !> Area of the polygon [as the square of the clip coordinates].
     real(dp) :: area = 0
   end type mortar_segment_t
 
-  !> Cells below this part of the facet's area are left out.
-  real(dp), parameter :: sliver = 1e-14_dp
-  !> Edges that bend by less than this part of their length are drawn straight.
-  real(dp), parameter :: bend = 3e-3_dp
-  !> Facets of b are looked for this far from the nearest one along the normal, in sizes of the facet of a: surfaces that face
-  !> each other lean by less than 60 degrees.
-  real(dp), parameter :: depth = 2
+  !> Overlap polygons below this fraction of the area of the slave facet are dropped.
+  real(dp), parameter :: min_area_fraction = 1.0e-14_dp
+  !> Projected edges whose middle is off by less than this fraction of their length are taken as straight.
+  real(dp), parameter :: straightness = 3.0e-3_dp
+  !> Master facets are searched within this distance of the nearest one along the normal, in sizes of the slave facet:
+  !> surfaces in contact are inclined by less than 60 degrees.
+  real(dp), parameter :: search_depth = 2
+  !> The search box is wider than the nodes by this fraction of its size: edges of curved facets may bulge beyond nodes.
+  real(dp), parameter :: bulge = 0.1_dp
+  !> Inverse maps are reliable within this distance of a curved slave facet, in sizes of the facet.
+  real(dp), parameter :: reliable_distance = 0.2_dp
+  !> Distances below this fraction of the size of the slave facet are round-off of clipping, and of repeated corners.
+  real(dp), parameter :: clip_tolerance = 1.0e-14_dp, corner_tolerance = 1.0e-13_dp
+  !> A line folds back along its mean normal unless its linear coefficient is larger than twice the quadratic one, with
+  !> a margin for round-off.
+  real(dp), parameter :: no_fold = 2.001_dp
 
-  !> Stands for half of an edge.
-  integer, parameter :: half = -1
+  !> Marks half of an edge with a mid-side node.
+  integer, parameter :: half_edge = -1
 
 contains
 
-  !> Cells of a facet in three dimensions.
-  subroutine segments_of_facet(coefficient, chart, x, surface, target, n, cell, ok)
-    !> The facet's polynomial (3, 9).
+  !> Mortar segments of a slave facet in three dimensions.
+  subroutine segments_of_facet(coefficient, plane, x, surface, master, n, segment, ok)
+    !> Polynomial of the slave facet (3, 9) [length].
     real(dp), intent(in) :: coefficient(3, 9)
     !> Its chart.
-    type(auxiliary_plane_t), intent(in) :: chart
-    !> Coordinates of the nodes of body b (3, n_nodes) [length].
+    type(auxiliary_plane_t), intent(in) :: plane
+    !> Nodal coordinates of the master body (3, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
-    !> Surface b, as it is and for the search.
+    !> Master surface.
     type(surface_t), intent(in) :: surface
-    type(master_surface_t), intent(in) :: target
-    !> Number of cells.
+    !> Master surface, prepared for projections.
+    type(master_surface_t), intent(in) :: master
+    !> Number of mortar segments.
     integer, intent(out) :: n
-    !> (>= n).
-    type(mortar_segment_t), allocatable, intent(out) :: cell(:)
-    !> All facets could be drawn.
+    !> Mortar segments; the first n are set (number of opposite facets).
+    type(mortar_segment_t), allocatable, intent(out) :: segment(:)
+    !> All opposite facets could be projected.
     logical, intent(out) :: ok
     integer, allocatable :: list(:)
     type(polygon_t) :: polygon
@@ -58,164 +70,187 @@ contains
     integer :: i, k
     n = 0
     ok = .true.
-    low = chart%low
-    high = chart%high
-    call facets_near(target, chart%origin, chart%axes, low, high, list)
-    allocate (cell(size(list)))
+    low = plane%low
+    high = plane%high
+    call opposite_facets(master, plane%origin, plane%axes, low, high, list)
+    allocate (segment(size(list)))
     do i = 1, size(list)
       k = surface%kind(list(i))
-      call draw_facet(coefficient, chart, target%set%corners(list(i)), x(:, surface%node(1:kind_nodes(k), list(i))), &
-                      polygon, ok)
+      call project_facet(coefficient, plane, master%set%corners(list(i)), &
+                         x(:, surface%node(1:kind_nodes(k), list(i))), polygon, ok)
       if (.not. ok) return
       if (polygon%n < 3) cycle
       area = signed_area(polygon)
-      if (area <= 0) cycle   ! its back
-      call clip_polygon(polygon, chart%window, 1e-14_dp*sqrt(chart%area), ok)
+      if (area <= 0) cycle   ! seen from behind
+      call clip_polygon(polygon, plane%clip_window, clip_tolerance*sqrt(plane%area), ok)
       if (.not. ok) return
-      call tidy_polygon(polygon, 1e-13_dp*sqrt(chart%area))
+      call remove_degenerate_corners(polygon, corner_tolerance*sqrt(plane%area))
       area = signed_area(polygon)
-      if (area <= sliver*chart%area) cycle
+      if (area <= min_area_fraction*plane%area) cycle
       n = n + 1
-      cell(n)%facet = list(i)
-      cell(n)%polygon = polygon
-      cell(n)%area = area
+      segment(n)%facet = list(i)
+      segment(n)%polygon = polygon
+      segment(n)%area = area
     end do
   end subroutine segments_of_facet
 
-  !> Facets of b above a box, near the one that is nearest to its centre.
-  subroutine facets_near(target, origin, axes, low, high, list)
-    type(master_surface_t), intent(in) :: target
-    !> Origin (3) and axes (3, 3) of the box, the third the outward normal of the facet of a.
-    real(dp), intent(in) :: origin(3), axes(3, 3)
-    !> The box along the axes, relative to the origin (3); along the normal, where the facets were looked for on return.
-    real(dp), intent(inout) :: low(3), high(3)
-    !> Facets, ascending.
+  !> Master facets above a box that lie near the one nearest to its centre, by the bounding-volume tree.
+  subroutine opposite_facets(master, origin, axes, low, high, list)
+    !> Master surface, prepared for projections.
+    type(master_surface_t), intent(in) :: master
+    !> Origin of the box (3) [length].
+    real(dp), intent(in) :: origin(3)
+    !> Axes of the box, the third the outward normal of the slave facet (3, 3) [].
+    real(dp), intent(in) :: axes(3, 3)
+    !> Lower corner of the box along the axes, relative to the origin; on return with the range of the search along the
+    !> normal (3) [length].
+    real(dp), intent(inout) :: low(3)
+    !> Upper corner of the box, likewise (3) [length].
+    real(dp), intent(inout) :: high(3)
+    !> Master facets, ascending (n).
     integer, allocatable, intent(out) :: list(:)
+    type(oriented_box_t) :: box
     real(dp) :: size, centre(3), xi(2), square, z
     real(dp), dimension(3) :: position, normal, xu, xv
     integer :: facet
     size = norm2(high - low)
     centre = origin + matmul(axes, (low + high)/2)
-    call nearest_facet(target%tree, target%set, centre, -axes(:, 3), .false., 0, facet, xi, square)
+    call nearest_facet(master%tree, master%set, centre, -axes(:, 3), .false., 0, facet, xi, square)
     if (facet == 0) then
       allocate (list(0))
       return
     end if
-    call facet_position_and_normal(target%set, facet, xi, position, normal, xu, xv)
+    call facet_position_and_normal(master%set, facet, xi, position, normal, xu, xv)
     z = dot_product(position - origin, axes(:, 3))
-    low(3) = z - depth*size
-    high(3) = z + depth*size
-    ! Edges of curved facets may bulge beyond their nodes.
-    low(1:2) = low(1:2) - 0.1_dp*size
-    high(1:2) = high(1:2) + 0.1_dp*size
-    call facets_in_box(target%tree, target%set, -axes(:, 3), origin, axes, low, high, list)
-  end subroutine facets_near
+    low(3) = z - search_depth*size
+    high(3) = z + search_depth*size
+    low(1:2) = low(1:2) - bulge*size
+    high(1:2) = high(1:2) + bulge*size
+    box = oriented_box_t(-axes(:, 3), origin, axes, low, high)
+    call facets_in_region(master%tree, box, list)
+  end subroutine opposite_facets
 
-  !> A facet of b in a chart, counter-clockwise where it faces the chart; empty where it lies beside it.
+  !> Project a master facet along the normal of the auxiliary plane; counter-clockwise where it faces the plane, empty
+  !> where it lies beside the slave facet.
   !>
-  !> What is drawn of an edge depends on the edge alone, so that its two facets have the same line between them.
-  pure subroutine draw_facet(coefficient, chart, corners, x, polygon, ok)
+  !> The projection of an edge depends on the edge alone, so that its two facets share the same projected line.
+  pure subroutine project_facet(coefficient, plane, corners, x, polygon, ok)
+    !> Polynomial of the slave facet (3, 9) [length].
     real(dp), intent(in) :: coefficient(3, 9)
-    type(auxiliary_plane_t), intent(in) :: chart
-    !> Number of corners.
+    !> Auxiliary plane of the slave facet.
+    type(auxiliary_plane_t), intent(in) :: plane
+    !> Number of corners of the master facet.
     integer, intent(in) :: corners
-    !> Its nodes (3, n_nodes) [length].
+    !> Nodes of the master facet (3, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
+    !> Projected facet in clip coordinates.
     type(polygon_t), intent(out) :: polygon
+    !> The projection is reliable.
     logical, intent(out) :: ok
-    type(polygon_t) :: plane, all, window
-    real(dp) :: low(2), high(2), here(2), next(2), middle(2), between(2)
-    integer :: i, k, edge(most_corners)
+    type(polygon_t) :: projected, unclipped, clip_window
+    real(dp) :: low(2), high(2), current(2), next(2), middle(2), between(2)
+    integer :: i, k, edge(max_corners)
     ok = .true.
-    ! In the plane, backwards, as the facet looks at the chart: edge k and its first corner.
+    ! In the plane, corners in reverse order, as the facets face each other: edge k and its first corner.
     do i = 1, corners
       k = corners + 1 - i
-      here = chart%to_plane(x(:, mod(k, corners) + 1))
-      next = chart%to_plane(x(:, k))
-      call append_corner(plane, here)
-      edge(plane%n) = k
+      current = plane%to_plane(x(:, mod(k, corners) + 1))
+      next = plane%to_plane(x(:, k))
+      call append_corner(projected, current)
+      edge(projected%n) = k
       if (size(x, 2) < 2*corners) cycle
-      middle = chart%to_plane(x(:, corners + k))
-      if (.not. bends(here, middle, next)) cycle
-      edge(plane%n) = half
-      call append_corner(plane, middle)
-      edge(plane%n) = half
+      middle = plane%to_plane(x(:, corners + k))
+      if (.not. is_bent(current, middle, next)) cycle
+      edge(projected%n) = half_edge
+      call append_corner(projected, middle)
+      edge(projected%n) = half_edge
     end do
-    if (chart%straight) then
-      polygon = plane
+    if (plane%is_polygon) then
+      polygon = projected
       return
     end if
-    ! Reference coordinates are to be trusted near the facet only.
-    low = chart%low(1:2) - 0.2_dp*chart%size
-    high = chart%high(1:2) + 0.2_dp*chart%size
-    window%n = 4
-    window%x(:, 1:4) = reshape([low(1), low(2), high(1), low(2), high(1), high(2), low(1), high(2)], [2, 4])
-    all = plane
-    call clip_polygon(plane, window, 1e-14_dp*chart%size, ok)
-    if (.not. ok .or. plane%n < 3) return
-    call chart%draw(coefficient, plane%x(:, 1), here, ok)
-    do i = 1, plane%n
+    low = plane%low(1:2) - reliable_distance*plane%size
+    high = plane%high(1:2) + reliable_distance*plane%size
+    clip_window%n = 4
+    clip_window%x(:, 1:4) = reshape([low(1), low(2), high(1), low(2), high(1), high(2), low(1), high(2)], [2, 4])
+    unclipped = projected
+    call clip_polygon(projected, clip_window, clip_tolerance*plane%size, ok)
+    if (.not. ok .or. projected%n < 3) return
+    call plane%to_clip_coordinates(coefficient, projected%x(:, 1), current, ok)
+    do i = 1, projected%n
       if (.not. ok) return
-      call append_corner(polygon, here)
-      associate (first => plane%x(:, i), last => plane%x(:, mod(i, plane%n) + 1))
-        call chart%draw(coefficient, last, next, ok)
+      call append_corner(polygon, current)
+      associate (first => projected%x(:, i), last => projected%x(:, mod(i, projected%n) + 1))
+        call plane%to_clip_coordinates(coefficient, last, next, ok)
         if (.not. ok) return
-        k = whole_edge(all, edge, first, last)
-        if (k == half) then
-          here = next
+        k = unclipped_edge(unclipped, edge, first, last)
+        if (k == half_edge) then
+          current = next
           cycle
         else if (k == 0) then
           middle = (first + last)/2
         else if (size(x, 2) >= 2*corners) then
-          middle = chart%to_plane(x(:, corners + k))
+          middle = plane%to_plane(x(:, corners + k))
         else
-          middle = chart%to_plane((x(:, k) + x(:, mod(k, corners) + 1))/2)
+          middle = plane%to_plane((x(:, k) + x(:, mod(k, corners) + 1))/2)
         end if
       end associate
-      call chart%draw(coefficient, middle, between, ok)
-      if (ok .and. bends(here, between, next)) call append_corner(polygon, between)
-      here = next
+      call plane%to_clip_coordinates(coefficient, middle, between, ok)
+      if (ok .and. is_bent(current, between, next)) call append_corner(polygon, between)
+      current = next
     end do
-    ok = ok .and. polygon%n <= most_corners
-  end subroutine draw_facet
+    ok = ok .and. polygon%n <= max_corners
+  end subroutine project_facet
 
-  !> The edge between two points, or that it is half of one, if it was not clipped; else 0.
-  pure integer function whole_edge(polygon, edge, first, last)
-    !> Before clipping.
+  !> Edge between two consecutive corners if clipping left it whole, `half_edge` for half of one; otherwise 0.
+  pure integer function unclipped_edge(polygon, edge, first, last)
+    !> Polygon before clipping.
     type(polygon_t), intent(in) :: polygon
-    !> Edges that begin at its corners; `half` for halves.
+    !> Edge that begins at each of its corners, `half_edge` for halves (polygon%n).
     integer, intent(in) :: edge(:)
-    !> (2).
-    real(dp), intent(in) :: first(2), last(2)
+    !> First corner (2) [length].
+    real(dp), intent(in) :: first(2)
+    !> Second corner (2) [length].
+    real(dp), intent(in) :: last(2)
     integer :: i
-    whole_edge = 0
+    unclipped_edge = 0
     do i = 1, polygon%n
       if (any(abs(polygon%x(:, i) - first) > 0)) cycle
-      if (.not. any(abs(polygon%x(:, mod(i, polygon%n) + 1) - last) > 0)) whole_edge = edge(i)
+      if (.not. any(abs(polygon%x(:, mod(i, polygon%n) + 1) - last) > 0)) unclipped_edge = edge(i)
     end do
-  end function whole_edge
+  end function unclipped_edge
 
-  !> An edge is not straight.
-  pure logical function bends(first, middle, last)
-    !> Its ends and a point between them (2).
-    real(dp), intent(in) :: first(2), middle(2), last(2)
+  !> Whether a projected edge is not straight.
+  pure logical function is_bent(first, middle, last)
+    !> First end (2) [any].
+    real(dp), intent(in) :: first(2)
+    !> Point between the ends (2) [any].
+    real(dp), intent(in) :: middle(2)
+    !> Second end (2) [any].
+    real(dp), intent(in) :: last(2)
     real(dp) :: along(2), off(2)
     along = last - first
     off = middle - (first + last)/2
-    bends = abs(along(1)*off(2) - along(2)*off(1)) > bend*sum(along**2)
-  end function bends
+    is_bent = abs(along(1)*off(2) - along(2)*off(1)) > straightness*sum(along**2)
+  end function is_bent
 
-  !> Cells of a facet in two dimensions.
-  subroutine segments_of_line(set, f, target, n, facet, first, last, ok)
-    !> Facets of a, and the one to divide.
+  !> Mortar segments of a slave facet in two dimensions.
+  subroutine segments_of_line(set, f, master, n, facet, first, last, ok)
+    !> Facets of the slave surface.
     type(facet_set_t), intent(in) :: set
+    !> Slave facet.
     integer, intent(in) :: f
-    type(master_surface_t), intent(in) :: target
-    !> Number of cells, their facets of b, and where they begin and end in the reference domain [-1, 1].
+    !> Master surface, prepared for projections.
+    type(master_surface_t), intent(in) :: master
+    !> Number of mortar segments.
     integer, intent(out) :: n
+    !> Master facet of each segment; the first n are set (number of opposite facets).
     integer, allocatable, intent(out) :: facet(:)
-    real(dp), allocatable, intent(out) :: first(:), last(:)
-    !> The facet does not fold back along its mean normal.
+    !> Beginning of each segment in the reference domain [-1, 1] (number of opposite facets) [].
+    real(dp), allocatable, intent(out) :: first(:)
+    !> End of each segment (number of opposite facets) [].
+    real(dp), allocatable, intent(out) :: last(:)
+    !> The slave facet does not fold back along its mean normal.
     logical, intent(out) :: ok
     real(dp) :: axes(3, 3), c(0:2), low(3), high(3), ends(2), a, b
     real(dp), dimension(3) :: x, normal, xu, xv
@@ -226,22 +261,22 @@ contains
     axes(1:2, 1) = [-axes(2, 3), axes(1, 3)]
     axes(3, 2) = 1
     c = matmul(axes(:, 1), set%coefficient(:, 1:3, f))
-    ok = c(1) > 2.001_dp*abs(c(2))
+    ok = c(1) > no_fold*abs(c(2))
     if (.not. ok) return
     ends = [c(0) - c(1) + c(2), c(0) + c(1) + c(2)]
     a = dot_product(set%coefficient(:, 2, f), axes(:, 3))
     b = dot_product(set%coefficient(:, 1, f), axes(:, 3))
     low = [ends(1), 0.0_dp, b - abs(a)]
     high = [ends(2), 0.0_dp, b + abs(a)]
-    call facets_near(target, set%origin(:, f), axes, low, high, facet)
+    call opposite_facets(master, set%origin(:, f), axes, low, high, facet)
     allocate (first(size(facet)), last(size(facet)))
     do i = 1, size(facet)
       k = facet(i)
-      call facet_position_and_normal(target%set, k, [1.0_dp, 0.0_dp], x, normal, xu, xv)
-      a = line_point(c, ends, dot_product(x - set%origin(:, f), axes(:, 1)))
-      call facet_position_and_normal(target%set, k, [-1.0_dp, 0.0_dp], x, normal, xu, xv)
-      b = line_point(c, ends, dot_product(x - set%origin(:, f), axes(:, 1)))
-      if (.not. b - a > 2*sliver) cycle
+      call facet_position_and_normal(master%set, k, [1.0_dp, 0.0_dp], x, normal, xu, xv)
+      a = inverse_line_map(c, ends, dot_product(x - set%origin(:, f), axes(:, 1)))
+      call facet_position_and_normal(master%set, k, [-1.0_dp, 0.0_dp], x, normal, xu, xv)
+      b = inverse_line_map(c, ends, dot_product(x - set%origin(:, f), axes(:, 1)))
+      if (.not. b - a > 2*min_area_fraction) cycle
       n = n + 1
       facet(n) = k
       first(n) = a
@@ -249,12 +284,16 @@ contains
     end do
   end subroutine segments_of_line
 
-  !> The point of a line above p, or its nearer end.
-  pure real(dp) function line_point(c, ends, p) result(xi)
-    !> Its polynomial along the plane (3) and where it ends [length].
-    real(dp), intent(in) :: c(0:2), ends(2), p
+  !> Reference coordinate of the point of a line that is projected on p; its nearer end outside.
+  pure real(dp) function inverse_line_map(c, ends, p) result(xi)
+    !> Coefficients of the position along the plane (0:2) [length].
+    real(dp), intent(in) :: c(0:2)
+    !> Positions of the ends (2) [length].
+    real(dp), intent(in) :: ends(2)
+    !> Position along the plane [length].
+    real(dp), intent(in) :: p
     real(dp) :: tolerance
-    tolerance = 1e-14_dp*(ends(2) - ends(1))
+    tolerance = clip_tolerance*(ends(2) - ends(1))
     if (p <= ends(1) + tolerance) then
       xi = -1
     else if (p >= ends(2) - tolerance) then
@@ -263,5 +302,5 @@ contains
       xi = 2*(p - c(0))/(c(1) + sqrt(max(0.0_dp, c(1)**2 + 4*c(2)*(p - c(0)))))
       xi = max(-1.0_dp, min(1.0_dp, xi))
     end if
-  end function line_point
+  end function inverse_line_map
 end module dotyk_contact_clipping

@@ -1,28 +1,43 @@
-!> The closest point of one facet to a given point, edges and corners included.
+!> Closest point of one facet to a given point, edges and corners included.
 !>
-!> The distance to an edge, a quadratic curve, is minimised exactly: its derivative is a cubic, whose roots are
-!> isolated by those of its derivative. In the interior a safeguarded Newton method runs on the squared distance: from
-!> one start where that is convex on the facet, from several where it is not. The least of all candidates is the
-!> closest point.
+!> The distance to an edge, a quadratic curve, is minimized exactly (closest_on_curve.f90). In the interior a
+!> safeguarded Newton method minimizes the squared distance: from one start where that is convex on the facet, from
+!> several where it is not. The least of all candidates is the closest point.
 module dotyk_contact_closest_point
   use dotyk_base_kinds, only: dp
-  use dotyk_contact_facet_set, only: evaluate_facet, facet_set_t
+  use dotyk_contact_closest_on_curve, only: closest_on_curve
+  use dotyk_contact_facet_polynomial, only: evaluate_facet
+  use dotyk_contact_facet_set, only: facet_set_t
   implicit none
   private
   public :: closest_point_on_facet, edges_at
 
-  !> Steps of Newton's method from one start; it needs 3 to 6.
-  integer, parameter :: most_steps = 40
+  !> Newton steps from one start; the method needs 3 to 6.
+  integer, parameter :: max_steps = 40
+  !> Halvings of one step in the line search, and steps that end at the boundary, before the edges take over.
+  integer, parameter :: max_halvings = 30, max_clipped = 4
+  !> The Hessian is positive definite enough for Newton's step where its determinant exceeds this fraction of the
+  !> determinant of J^T J; otherwise Gauss-Newton's step is taken.
+  real(dp), parameter :: min_determinant = 1.0e-3_dp
+  !> A step along which the reference domain ends within this fraction of its length has no length.
+  real(dp), parameter :: no_step = 1.0e-12_dp
+  !> A full Newton step below this, in reference coordinates, is the last: it converges quadratically.
+  real(dp), parameter :: converged_step = 1.0e-9_dp
+  !> More starts on facets that are not convex: corners of a square of this half width around the centre of a
+  !> quadrilateral and of a triangle, and a point near the corner 1 of a triangle, where that square would leave it.
+  real(dp), parameter :: quadrilateral_start = 0.6_dp, triangle_start = 0.15_dp, corner_start = 0.1_dp
 
 contains
 
-  !> Closest point of a facet.
+  !> Closest point of a facet to a given point.
   pure subroutine closest_point_on_facet(set, facet, x, xi, square)
+    !> Facets of the surface.
     type(facet_set_t), intent(in) :: set
+    !> Facet number.
     integer, intent(in) :: facet
     !> Given point (3) [length].
     real(dp), intent(in) :: x(3)
-    !> Reference coordinates of the closest point (2).
+    !> Reference coordinates of the closest point (2) [].
     real(dp), intent(out) :: xi(2)
     !> Squared distance [length^2].
     real(dp), intent(out) :: square
@@ -37,21 +52,24 @@ contains
     end if
     farthest = norm2(max(abs(x - set%lo(:, facet)), abs(x - set%hi(:, facet))))
     convex = farthest < set%reach(facet)
-    call closest_on_patch(set%corners(facet), set%coefficient(:, :, facet), set%affine(facet), convex, q, xi, square)
+    call closest_on_face(set%corners(facet), set%coefficient(:, :, facet), set%affine(facet), convex, q, xi, square)
   end subroutine closest_point_on_facet
 
   !> Closest point of a triangle or quadrilateral.
-  pure subroutine closest_on_patch(corners, c, affine, convex, q, xi, square)
+  pure subroutine closest_on_face(corners, c, affine, convex, q, xi, square)
+    !> Number of corners, 3 or 4.
     integer, intent(in) :: corners
-    !> Coefficients (3, 9).
+    !> Coefficients of the facet polynomial (3, 9) [length].
     real(dp), intent(in) :: c(3, 9)
     !> The map is affine.
     logical, intent(in) :: affine
-    !> The squared distance is convex on the facet: one minimum.
+    !> The squared distance is convex on the facet: there is one minimum.
     logical, intent(in) :: convex
-    !> Given point relative to the facet's origin (3).
+    !> Given point relative to the origin of the facet (3) [length].
     real(dp), intent(in) :: q(3)
+    !> Reference coordinates of the closest point (2) [].
     real(dp), intent(out) :: xi(2)
+    !> Squared distance [length^2].
     real(dp), intent(out) :: square
     real(dp) :: trial(2), value, centre(2)
     integer :: edge, best_edge, i, j
@@ -72,69 +90,74 @@ contains
     if (affine) return
     if (best_edge > 0) then
       trial = xi
-      call keep_better(corners, c, q, trial, xi, square)
+      call descend_and_keep(corners, c, q, trial, xi, square)
     end if
     if (convex) return
     do j = -1, 1, 2
       do i = -1, 1, 2
         if (corners == 4) then
-          trial = [0.6_dp*i, 0.6_dp*j]
+          trial = [quadrilateral_start*i, quadrilateral_start*j]
         else if (i + j < 2) then
-          trial = centre + 0.15_dp*[real(i, dp), real(j, dp)]
+          trial = centre + triangle_start*[real(i, dp), real(j, dp)]
         else
-          trial = [0.1_dp, 0.1_dp]
+          trial = [corner_start, corner_start]
         end if
-        call keep_better(corners, c, q, trial, xi, square)
+        call descend_and_keep(corners, c, q, trial, xi, square)
       end do
     end do
-  end subroutine closest_on_patch
+  end subroutine closest_on_face
 
-  !> Descend from one more start and keep what is better.
-  pure subroutine keep_better(corners, c, q, start, xi, square)
+  !> Descend from one more start and keep the result if it is closer.
+  pure subroutine descend_and_keep(corners, c, q, start, xi, square)
+    !> Number of corners, 3 or 4.
     integer, intent(in) :: corners
-    !> Coefficients (3, 9).
+    !> Coefficients of the facet polynomial (3, 9) [length].
     real(dp), intent(in) :: c(3, 9)
-    !> Given point relative to the facet's origin (3).
+    !> Given point relative to the origin of the facet (3) [length].
     real(dp), intent(in) :: q(3)
-    !> Where to start (2).
+    !> Start in reference coordinates (2) [].
     real(dp), intent(in) :: start(2)
-    !> The best point so far (2) and its squared distance.
-    real(dp), intent(inout) :: xi(2), square
-    real(dp) :: its_square, point(2)
+    !> Closest point so far in reference coordinates (2) [].
+    real(dp), intent(inout) :: xi(2)
+    !> Its squared distance [length^2].
+    real(dp), intent(inout) :: square
+    real(dp) :: trial_square, point(2)
     logical :: inside
     point = start
-    call descend(corners, c, .false., q, point, its_square, inside)
-    if (its_square < square) then
+    call descend(corners, c, .false., q, point, trial_square, inside)
+    if (trial_square < square) then
       xi = point
-      square = its_square
+      square = trial_square
     end if
-  end subroutine keep_better
+  end subroutine descend_and_keep
 
-  !> Newton's method on half the squared distance, inside the reference domain. Ends at a stationary point inside, or
-  !> on the boundary where the step leads out (there the closest points of the edges take over). Never ends higher
-  !> than it began.
+  !> Newton's method on half the squared distance, inside the reference domain. It ends at a stationary point inside, or
+  !> at the boundary if the step leads out (the closest points of the edges take over there). The distance never
+  !> increases.
   pure subroutine descend(corners, c, affine, q, xi, square, inside)
+    !> Number of corners, 3 or 4.
     integer, intent(in) :: corners
-    !> Coefficients (3, 9).
+    !> Coefficients of the facet polynomial (3, 9) [length].
     real(dp), intent(in) :: c(3, 9)
+    !> The map is affine: one step is exact.
     logical, intent(in) :: affine
-    !> Given point relative to the facet's origin (3).
+    !> Given point relative to the origin of the facet (3) [length].
     real(dp), intent(in) :: q(3)
-    !> Start on entry, last point on return (2).
+    !> Start on entry, last point on return, in reference coordinates (2) [].
     real(dp), intent(inout) :: xi(2)
-    !> Squared distance there.
+    !> Squared distance of the last point [length^2].
     real(dp), intent(out) :: square
-    !> Ended at a stationary point.
+    !> The last point is a stationary point.
     logical, intent(out) :: inside
-    real(dp) :: x(3), xu(3), xv(3), xuu(3), xuv(3), xvv(3), g(2), a, b, d, a0, b0, d0, determinant, s(2), longest, part
-    real(dp) :: trial(2), value
-    integer :: step, halving, clipped
+    real(dp) :: x(3), xu(3), xv(3), xuu(3), xuv(3), xvv(3), g(2), a, b, d, a0, b0, d0, determinant, s(2), trial(2)
+    real(dp) :: longest, fraction, value
+    integer :: step, halving, n_clipped
     inside = .false.
-    clipped = 0
+    n_clipped = 0
     call evaluate_facet(c, xi(1), xi(2), x, xu, xv, xuu, xuv, xvv)
     x = x - q
     square = dot_product(x, x)
-    do step = 1, most_steps
+    do step = 1, max_steps
       g = [dot_product(x, xu), dot_product(x, xv)]
       a0 = dot_product(xu, xu)
       b0 = dot_product(xu, xv)
@@ -143,76 +166,84 @@ contains
       b = b0 + dot_product(x, xuv)
       d = d0 + dot_product(x, xvv)
       determinant = a*d - b*b
-      if (.not. (a + d > 0 .and. determinant > 1e-3_dp*(a0*d0 - b0*b0))) then
-        a = a0   ! Gauss-Newton, always downhill
+      if (.not. (a + d > 0 .and. determinant > min_determinant*(a0*d0 - b0*b0))) then
+        a = a0   ! Gauss-Newton: always a descent direction
         b = b0
         d = d0
         determinant = a*d - b*b
       end if
       if (.not. determinant > 0) return
       s = [b*g(2) - d*g(1), b*g(1) - a*g(2)]/determinant
-      longest = most_step(corners, xi, s)
+      longest = longest_step(corners, xi, s)
       if (affine) then
-        ! The squared distance is a quadratic polynomial: one step is exact.
         inside = longest >= 1
         if (.not. inside) return
       end if
       if (longest < 1) then
-        clipped = clipped + 1
-        if (clipped > 4) return
-        if (longest < 1e-12_dp) then
+        n_clipped = n_clipped + 1
+        if (n_clipped > max_clipped) return
+        if (longest < no_step) then
           s = -g/(a0 + d0)
-          longest = most_step(corners, xi, s)
-          if (longest < 1e-12_dp) return
+          longest = longest_step(corners, xi, s)
+          if (longest < no_step) return
         end if
       end if
-      part = min(1.0_dp, longest)
-      do halving = 1, 30
-        trial = xi + part*s
+      fraction = min(1.0_dp, longest)
+      do halving = 1, max_halvings
+        trial = xi + fraction*s
         call evaluate_facet(c, trial(1), trial(2), x, xu, xv, xuu, xuv, xvv)
         x = x - q
         value = dot_product(x, x)
         if (value <= square*(1 + 4*epsilon(square))) exit
-        part = part/2
+        fraction = fraction/2
       end do
-      if (halving > 30) return
+      if (halving > max_halvings) return
       xi = trial
       square = value
       if (affine) return
-      if (part >= 1 .and. maxval(abs(s)) < 1e-9_dp) then
+      if (fraction >= 1 .and. maxval(abs(s)) < converged_step) then
         inside = .true.
         return
       end if
     end do
   end subroutine descend
 
-  !> The greatest part, at most 1, of a step that stays in the reference domain.
-  pure real(dp) function most_step(corners, xi, s) result(part)
+  !> Greatest fraction, at most 1, of a step that stays in the reference domain [].
+  pure real(dp) function longest_step(corners, xi, s) result(fraction)
+    !> Number of corners, 3 or 4.
     integer, intent(in) :: corners
-    real(dp), intent(in) :: xi(2), s(2)
+    !> Reference coordinates (2) [].
+    real(dp), intent(in) :: xi(2)
+    !> Step (2) [].
+    real(dp), intent(in) :: s(2)
     integer :: i
-    part = 1
+    fraction = 1
     if (corners == 3) then
       do i = 1, 2
-        if (xi(i) + s(i) < 0) part = min(part, xi(i)/(-s(i)))
+        if (xi(i) + s(i) < 0) fraction = min(fraction, xi(i)/(-s(i)))
       end do
-      if (sum(xi + s) > 1) part = min(part, (1 - sum(xi))/sum(s))
+      if (sum(xi + s) > 1) fraction = min(fraction, (1 - sum(xi))/sum(s))
     else
       do i = 1, 2
-        if (abs(xi(i) + s(i)) > 1) part = min(part, (sign(1.0_dp, s(i)) - xi(i))/s(i))
+        if (abs(xi(i) + s(i)) > 1) fraction = min(fraction, (sign(1.0_dp, s(i)) - xi(i))/s(i))
       end do
     end if
-    part = max(part, 0.0_dp)
-  end function most_step
+    fraction = max(fraction, 0.0_dp)
+  end function longest_step
 
-  !> Closest point of an edge; edges are numbered as gmsh's, edge i from corner i to the next one.
+  !> Closest point of an edge. Edges are numbered as by gmsh: edge i goes from corner i to the next one.
   pure subroutine closest_on_edge(corners, edge, c, q, xi, square)
-    integer, intent(in) :: corners, edge
-    !> Coefficients (3, 9).
+    !> Number of corners, 3 or 4.
+    integer, intent(in) :: corners
+    !> Edge number.
+    integer, intent(in) :: edge
+    !> Coefficients of the facet polynomial (3, 9) [length].
     real(dp), intent(in) :: c(3, 9)
-    !> Given point (3).
+    !> Given point relative to the origin of the facet (3) [length].
     real(dp), intent(in) :: q(3)
+    !> Reference coordinates of the closest point (2) [].
     real(dp), intent(out) :: xi(2)
+    !> Squared distance [length^2].
     real(dp), intent(out) :: square
     real(dp) :: t
     integer :: s
@@ -242,112 +273,17 @@ contains
     end if
   end subroutine closest_on_edge
 
-  !> The point of a0 + a1 t + a2 t^2, first <= t <= 1, that is closest to the origin.
-  pure subroutine closest_on_curve(a0, a1, a2, first, t, square)
-    !> Coefficients (3).
-    real(dp), intent(in) :: a0(3), a1(3), a2(3)
-    !> Lower end of t.
-    real(dp), intent(in) :: first
-    real(dp), intent(out) :: t
-    real(dp), intent(out) :: square
-    real(dp) :: b(0:3), ends(4), discriminant, root, q, low, high
-    integer :: n, i
-    b = [dot_product(a0, a1), dot_product(a1, a1) + 2*dot_product(a0, a2), 3*dot_product(a1, a2), 2*dot_product(a2, a2)]
-    ! Where a2 is below round-off of a1 the edge is straight.
-    if (b(3) <= 1e-29_dp*dot_product(a1, a1)) then
-      t = first
-      if (dot_product(a1, a1) > 0) t = max(first, min(1.0_dp, -b(0)/dot_product(a1, a1)))
-      square = sum((a0 + t*a1)**2)
-      return
-    end if
-    n = 1
-    ends(1) = first
-    discriminant = b(2)**2 - 3*b(1)*b(3)
-    if (discriminant > 0) then
-      ! Roots of b1 + 2 b2 t + 3 b3 t^2 without cancellation.
-      q = -(b(2) + sign(sqrt(discriminant), b(2)))
-      low = q/(3*b(3))
-      high = low
-      if (abs(q) > 0) high = b(1)/q
-      do i = 1, 2
-        root = merge(min(low, high), max(low, high), i == 1)
-        if (root > ends(n) .and. root < 1) then
-          n = n + 1
-          ends(n) = root
-        end if
-      end do
-    end if
-    ends(n + 1) = 1
-    t = first
-    square = sum((a0 + t*(a1 + t*a2))**2)
-    call take_if_closer(a0, a1, a2, 1.0_dp, t, square)
-    do i = 1, n
-      if (.not. (cubic(b, ends(i)) < 0 .and. cubic(b, ends(i + 1)) > 0)) cycle
-      root = root_between(b, ends(i), ends(i + 1))
-      call take_if_closer(a0, a1, a2, root, t, square)
-    end do
-  end subroutine closest_on_curve
-
-  !> Value of a cubic.
-  pure real(dp) function cubic(b, t)
-    !> Coefficients.
-    real(dp), intent(in) :: b(0:3)
-    real(dp), intent(in) :: t
-    cubic = b(0) + t*(b(1) + t*(b(2) + t*b(3)))
-  end function cubic
-
-  !> Keep a point of a curve that is closer to the origin.
-  pure subroutine take_if_closer(a0, a1, a2, at, t, square)
-    !> Coefficients of the curve (3).
-    real(dp), intent(in) :: a0(3), a1(3), a2(3)
-    !> The point.
-    real(dp), intent(in) :: at
-    !> The best point so far and its squared distance.
-    real(dp), intent(inout) :: t, square
-    real(dp) :: value
-    value = sum((a0 + at*(a1 + at*a2))**2)
-    if (value < square) then
-      square = value
-      t = at
-    end if
-  end subroutine take_if_closer
-
-  !> The root of a cubic that rises through zero between two points, monotone there: Newton's method kept in the
-  !> bracket.
-  pure real(dp) function root_between(b, first, last) result(t)
-    !> Coefficients.
-    real(dp), intent(in) :: b(0:3)
-    real(dp), intent(in) :: first, last
-    real(dp) :: low, high, value, derivative, previous
-    integer :: step
-    low = first
-    high = last
-    t = (low + high)/2
-    do step = 1, 100
-      value = cubic(b, t)
-      if (value < 0) then
-        low = t
-      else
-        high = t
-      end if
-      derivative = b(1) + t*(2*b(2) + t*3*b(3))
-      previous = t
-      if (derivative > 0) t = t - value/derivative
-      if (.not. (derivative > 0 .and. t > low .and. t < high)) t = (low + high)/2
-      if (abs(t - previous) <= 2*epsilon(t)) exit
-    end do
-  end function root_between
-
-  !> Which edges of a facet (end points of a line: 1 first, 2 last) contain a point, to a tolerance.
+  !> Edges of a facet (for a line: end points, 1 first, 2 last) that contain a point, up to a tolerance.
   pure subroutine edges_at(corners, xi, tolerance, n, edges)
+    !> Number of corners of the facet: 2 line, 3 triangle, 4 quadrilateral.
     integer, intent(in) :: corners
-    !> Reference coordinates (2).
+    !> Reference coordinates (2) []; the second is 0 for lines.
     real(dp), intent(in) :: xi(2)
-    !> In reference coordinates.
+    !> Tolerance in reference coordinates [].
     real(dp), intent(in) :: tolerance
     !> Number of such edges: 0 inside, 2 at a corner.
     integer, intent(out) :: n
-    !> Their numbers, in the order of the numbers.
+    !> Edge numbers, ascending (2); the first n are set.
     integer, intent(out) :: edges(2)
     logical :: on(4)
     integer :: i

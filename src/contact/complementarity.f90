@@ -1,9 +1,10 @@
-!> What single places of a surface miss the contact conditions by, which rows meet in the mean.
+!> Complementarity error: the work of the contact pressure on the gaps that remain under it between the mortar rows,
+!> which meet the contact conditions in the mean only.
 !>
-!> For the exact pressure p and any admissible displacement u_h, the distance of the energies has two parts:
-!> `2 (J(u_h) - J(u)) = ||u - u_h||_A^2 + 2 int p (d - B u_h) dS`. The second, the work of p on the gap that u_h leaves under it, is no part
-!> of the energy norm of the error, but says as much of how well the contact is met. It is taken facet by facet here, with the
-!> pressures of the rows, linear between vertices.
+!> For the exact pressure p and any admissible displacement u_h, the energy exceeds its minimum by two terms: `2 (F(u_h)
+!> - F(u)) = ||u - u_h||_A^2 + 2 int p (d - B u_h) dS`. The second term is not part of the energy norm of the error, but
+!> measures how well the contact is resolved. It is computed facet by facet, with the row pressures interpolated
+!> linearly between vertices.
 module dotyk_contact_complementarity
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: discretization_quadrature
@@ -17,23 +18,30 @@ module dotyk_contact_complementarity
 
 contains
 
-  !> Work of the pressures on what gap there is under them, the layer of theta taken out; the sum of the facets' absolute values [energy].
+  !> Sum over the slave facets of the absolute work of the pressure on the gap under it, the compression of the penalty
+  !> layer deducted [energy].
   real(dp) function complementarity_error(pair, surface_a, surface_b, u_a, u_b, pressure) result(total)
+    !> Contact pair.
     type(contact_pair_t), intent(in) :: pair
-    type(surface_t), intent(in) :: surface_a, surface_b
-    !> Displacements of the two bodies (dimension, n_nodes) [length].
-    real(dp), intent(in) :: u_a(:, :), u_b(:, :)
-    !> Of the rows (n_rows) [pressure].
+    !> Slave surface (surface_a).
+    type(surface_t), intent(in) :: surface_a
+    !> Master surface (surface_b).
+    type(surface_t), intent(in) :: surface_b
+    !> Displacements of body a (dimension, n_nodes) [length].
+    real(dp), intent(in) :: u_a(:, :)
+    !> Displacements of body b (dimension, n_nodes) [length].
+    real(dp), intent(in) :: u_b(:, :)
+    !> Row pressures (n_rows) [pressure].
     real(dp), intent(in) :: pressure(:)
     type(corner_interpolation_t) :: corners
     real(dp), allocatable :: at_corner(:), theta_at_corner(:), work(:)
-    real(dp) :: closing(size(u_a, 1)), p, theta
+    real(dp) :: relative(size(u_a, 1)), p, theta
     integer :: i, k, n, first, last
     allocate (work(pair%n_points))
     if (pair%discretization /= discretization_quadrature) then
       call corners%init(surface_a, pair%facet_a, pair%xi_a)
       allocate (at_corner(corners%n), theta_at_corner(corners%n), source=0.0_dp)
-      ! Both lists ascend; vertices without a row have next to no area.
+      ! Both lists ascend; vertices without a row have almost no area.
       i = 1
       do k = 1, corners%n
         if (i > pair%n_rows) exit
@@ -52,9 +60,9 @@ contains
         p = dot_product(corners%shape(:n, i), at_corner(corners%corner(:n, i)))
         theta = dot_product(corners%shape(:n, i), theta_at_corner(corners%corner(:n, i)))
       end if
-      closing = displacement(surface_a, pair%facet_a(i), pair%xi_a(:, i), u_a) - &
+      relative = displacement(surface_a, pair%facet_a(i), pair%xi_a(:, i), u_a) - &
                 displacement(surface_b, pair%facet_b(i), pair%xi_b(:, i), u_b)
-      work(i) = pair%weight(i)*p*(pair%gap(i) + theta*p - dot_product(pair%normal(:, i), closing))
+      work(i) = pair%weight(i)*p*(pair%gap(i) + theta*p - dot_product(pair%normal(:, i), relative))
     end do
     total = 0
     first = 1
@@ -71,9 +79,15 @@ contains
 
   !> Displacement at a point of a facet.
   pure function displacement(surface, facet, xi, u) result(value)
+    !> Surface.
     type(surface_t), intent(in) :: surface
+    !> Facet number.
     integer, intent(in) :: facet
-    real(dp), intent(in) :: xi(:), u(:, :)
+    !> Reference coordinates (dimension-1) [].
+    real(dp), intent(in) :: xi(:)
+    !> Nodal displacements of the body (dimension, n_nodes) [length].
+    real(dp), intent(in) :: u(:, :)
+    !> Displacement (dimension) [length].
     real(dp) :: value(size(u, 1))
     real(dp) :: shape(max_facet_nodes)
     integer :: n, i

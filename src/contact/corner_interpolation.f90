@@ -1,4 +1,5 @@
-!> Continuous linear fields on one side of a pair: values at the corners of the facets that carry contact points.
+!> Interpolation with continuous linear shape functions on one side of a contact pair: values at the corners of the
+!> facets that carry contact points.
 module dotyk_contact_corner_interpolation
   use dotyk_base_kinds, only: dp
   use dotyk_mesh_element, only: element_kind, element_kind_t, kind_nodes, n_element_kinds, shape_functions
@@ -6,23 +7,25 @@ module dotyk_contact_corner_interpolation
   implicit none
   private
 
-  !> One side of a pair.
+  !> Linear interpolation on one side of a pair.
   type, public :: corner_interpolation_t
     !> Number of corner nodes.
     integer :: n = 0
-    !> Their body-local numbers (n), ascending.
+    !> Body-local numbers of the corner nodes, ascending (n).
     integer, allocatable :: corner_node(:)
-    !> Corners of the facet of each point as numbers 1..n (4, n_points), 0 padded.
+    !> Corners of the facet of each point as numbers 1..n, padded with 0 (4, n_points).
     integer, allocatable :: corner(:, :)
-    !> Linear shape functions at the points (4, n_points), 0 padded.
+    !> Linear shape functions of these corners at the points, padded with 0 (4, n_points) [].
     real(dp), allocatable :: shape(:, :)
-    !> Body-local numbers of all nodes of those facets, ascending.
+    !> Body-local numbers of all nodes of those facets, ascending (n_nodes).
     integer, allocatable :: node(:)
-    !> A node's value is the mean of the values at corners from(1:n_from(i), i): itself, or the ends of its edge, or
-    !> all corners of its face.
-    integer, allocatable :: from(:, :), n_from(:)
+    !> The value of node i is the mean of the values at corners from(1:n_from(i), i): the corner itself, the ends of its
+    !> edge, or all corners of its face (4, n_nodes).
+    integer, allocatable :: from(:, :)
+    !> Number of corners that each node takes its value from (n_nodes).
+    integer, allocatable :: n_from(:)
   contains
-    procedure :: init => corner_field_init
+    procedure :: init => corner_interpolation_init
     procedure :: at_points
     procedure :: at_nodes
     procedure :: moments
@@ -31,12 +34,13 @@ module dotyk_contact_corner_interpolation
 contains
 
   !> Number the corners and evaluate the shape functions.
-  subroutine corner_field_init(self, surface, facet, xi)
+  subroutine corner_interpolation_init(self, surface, facet, xi)
     class(corner_interpolation_t), intent(out) :: self
+    !> Surface of this side.
     type(surface_t), intent(in) :: surface
-    !> Facets of the points (n_points).
+    !> Facet of each point (n_points).
     integer, intent(in) :: facet(:)
-    !> Reference coordinates (dimension-1, n_points).
+    !> Reference coordinates of the points (dimension-1, n_points) [].
     real(dp), intent(in) :: xi(:, :)
     type(element_kind_t) :: kind(n_element_kinds)
     integer, allocatable :: corner_number(:), node_number(:)
@@ -52,8 +56,8 @@ contains
       corner_number(surface%node(1:kind(k)%n_corners, facet(i))) = 1
       node_number(surface%node(1:kind_nodes(k), facet(i))) = 1
     end do
-    call count_up(corner_number, self%n)
-    call count_up(node_number, n)
+    call number_marked(corner_number, self%n)
+    call number_marked(node_number, n)
     self%corner_node = pack([(i, i=1, size(corner_number))], corner_number > 0)
     self%node = pack([(i, i=1, size(node_number))], node_number > 0)
     allocate (self%corner(4, size(facet)), self%shape(4, size(facet)), self%from(4, n), self%n_from(n))
@@ -69,16 +73,16 @@ contains
       call shape_functions(kind(k)%corner_kind, xi(:, i), self%shape(1:n, i))
       if (facet(i) == previous) cycle
       previous = facet(i)
-      call set_means(n, kind_nodes(k), self%corner(:, i), node_number(surface%node(1:kind_nodes(k), facet(i))), &
-                     self%from, self%n_from)
+      call set_node_interpolation(n, kind_nodes(k), self%corner(:, i), &
+                                  node_number(surface%node(1:kind_nodes(k), facet(i))), self%from, self%n_from)
     end do
-  end subroutine corner_field_init
+  end subroutine corner_interpolation_init
 
-  !> Turn marks into ascending numbers.
-  pure subroutine count_up(mark, n)
-    !> Positive where marked; numbers on return.
+  !> Replace marks by ascending numbers.
+  pure subroutine number_marked(mark, n)
+    !> Positive where marked; numbers on return (:).
     integer, intent(inout) :: mark(:)
-    !> How many are marked.
+    !> Number of marked entries.
     integer, intent(out) :: n
     integer :: i
     n = 0
@@ -87,16 +91,22 @@ contains
       n = n + 1
       mark(i) = n
     end do
-  end subroutine count_up
+  end subroutine number_marked
 
-  !> Which corners the nodes of one facet take their values from.
-  pure subroutine set_means(n_corners, n_nodes, corner, node, from, n_from)
-    integer, intent(in) :: n_corners, n_nodes
-    !> Corner numbers of the facet (>= n_corners).
+  !> Corners from which the nodes of one facet take their values.
+  pure subroutine set_node_interpolation(n_corners, n_nodes, corner, node, from, n_from)
+    !> Number of corners of the facet.
+    integer, intent(in) :: n_corners
+    !> Number of nodes of the facet.
+    integer, intent(in) :: n_nodes
+    !> Corner numbers of the facet (at least n_corners).
     integer, intent(in) :: corner(:)
-    !> Positions of the facet's nodes in the tables (n_nodes).
+    !> Positions of the nodes of the facet in the tables (n_nodes).
     integer, intent(in) :: node(:)
-    integer, intent(inout) :: from(:, :), n_from(:)
+    !> Corners of each node (4, number of nodes).
+    integer, intent(inout) :: from(:, :)
+    !> Number of corners of each node (number of nodes).
+    integer, intent(inout) :: n_from(:)
     integer :: j, edge
     do j = 1, n_nodes
       if (j <= n_corners) then
@@ -112,43 +122,43 @@ contains
         from(1:n_corners, node(j)) = corner(1:n_corners)
       end if
     end do
-  end subroutine set_means
+  end subroutine set_node_interpolation
 
-  !> Values at the points.
-  pure subroutine at_points(self, value, found)
+  !> Interpolate at the contact points.
+  pure subroutine at_points(self, value, interpolated)
     class(corner_interpolation_t), intent(in) :: self
-    !> Values at the corners (n).
+    !> Values at the corners (n) [any].
     real(dp), intent(in) :: value(:)
-    !> Values at the points (n_points).
-    real(dp), intent(out) :: found(:)
+    !> Values at the points (n_points) [any].
+    real(dp), intent(out) :: interpolated(:)
     integer :: i, j
-    do i = 1, size(found)
-      found(i) = 0
+    do i = 1, size(interpolated)
+      interpolated(i) = 0
       do j = 1, 4
-        if (self%corner(j, i) > 0) found(i) = found(i) + self%shape(j, i)*value(self%corner(j, i))
+        if (self%corner(j, i) > 0) interpolated(i) = interpolated(i) + self%shape(j, i)*value(self%corner(j, i))
       end do
     end do
   end subroutine at_points
 
-  !> Values at all nodes.
-  pure subroutine at_nodes(self, value, found)
+  !> Interpolate at all nodes.
+  pure subroutine at_nodes(self, value, interpolated)
     class(corner_interpolation_t), intent(in) :: self
-    !> Values at the corners (n).
+    !> Values at the corners (n) [any].
     real(dp), intent(in) :: value(:)
-    !> Values at the nodes (size(node)).
-    real(dp), intent(out) :: found(:)
+    !> Values at the nodes (size(node)) [any].
+    real(dp), intent(out) :: interpolated(:)
     integer :: i
-    do i = 1, size(found)
-      found(i) = sum(value(self%from(1:self%n_from(i), i)))/self%n_from(i)
+    do i = 1, size(interpolated)
+      interpolated(i) = sum(value(self%from(1:self%n_from(i), i)))/self%n_from(i)
     end do
   end subroutine at_nodes
 
   !> Sums over the points of values times shape functions.
   pure subroutine moments(self, value, moment)
     class(corner_interpolation_t), intent(in) :: self
-    !> Values at the points, weights included (n_points).
+    !> Values at the points, weights included (n_points) [any].
     real(dp), intent(in) :: value(:)
-    !> Sums at the corners (n).
+    !> Sums at the corners (n) [any].
     real(dp), intent(out) :: moment(:)
     integer :: i, j, k
     moment = 0

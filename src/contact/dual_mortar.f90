@@ -1,16 +1,21 @@
-!> Rows at the vertices of surface_a as weighted means of the integration points around them, with dual shape functions.
+!> Dual mortar rows: the contact conditions at the vertices of the slave surface as integrals with dual (biorthogonal)
+!> shape functions.
 !>
-!> On one facet, over those of its points that have a partner, the linear corner shape functions phi have the mass matrix
-!> M = sum_q w_q phi phi^T and the areas D = diag(sum_q w_q phi). The dual functions psi = D M^{-1} phi fulfil
-!> sum_q w_q psi_i phi_j = D_i delta_ij and sum_i psi_i = 1, however many of the points have a partner (Cichosz and
-!> Bischoff, Comput. Methods Appl. Mech. Engrg. 200, 2011). The row of vertex i is the mean
-!> sum_q w_q psi_i(x_q) (.) / w_i, w_i = sum_q w_q psi_i(x_q) over all facets at i: a field that is linear on each facet and
-!> continuous has its value at the vertex as its mean, and the weights are positive and add up to the area.
+!> The dual Lagrange multiplier basis is that of Wohlmuth (SIAM J. Numer. Anal. 38, 2000), used for contact by Popp, Gee
+!> and Wall (Int. J. Numer. Methods Engrg. 79, 2009). On one slave facet, over those of its integration points that have
+!> a projection, the linear shape functions phi of the corners have the mass matrix M = sum_q w_q phi phi^T and the
+!> areas D = diag(sum_q w_q phi). The dual functions psi = D M^{-1} phi fulfil sum_q w_q psi_i phi_j = D_i delta_ij and
+!> sum_i psi_i = 1. The sums run over the covered part of the facet only: the consistent treatment of the boundary of
+!> the contact zone (Cichosz and Bischoff, Comput. Methods Appl. Mech. Engrg. 200, 2011).
 !>
-!> A vertex beyond the rim of the other surface may have next to no area. Its row would be all but a combination of its
-!> neighbours' and its pressure noise, so it gets none: on its facets, its phi is added to those of its neighbours before the
-!> dual functions are made. Where M is singular all the same (too few points), phi takes the place of psi: that has the same
-!> areas.
+!> The row of vertex i is the weighted mean sum_q w_q psi_i(x_q) (.) / w_i with w_i = sum_q w_q psi_i(x_q) over all
+!> facets at i: weighted gap, weighted normal and weighted relative displacement. A continuous field that is linear on
+!> each facet has its value at the vertex as its weighted mean; the weights w_i are positive, and their sum is the area.
+!>
+!> A vertex outside the boundary of the master surface may have next to no area. Its row would be almost a combination
+!> of its neighbours' rows and its pressure noise, so that it gets none: on its facets, its phi is added to those of its
+!> neighbours before the dual functions are formed. Where M is still singular (too few points), phi replaces psi; the
+!> areas are the same.
 module dotyk_contact_dual_mortar
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
@@ -21,36 +26,36 @@ module dotyk_contact_dual_mortar
   private
   public :: dual_mortar_rows
 
-  !> Vertices of less than this part of the weight of one of their neighbours get no row. (Least eigenvalues of the compliance
-  !> go with the root of this ratio.)
-  real(dp), parameter :: least_weight = 0.02_dp
-  !> Least eigenvalue of D^{-1/2} M D^{-1/2}, whose largest is 1, that counts as regular: a whole facet has 1/3 (line), 1/4
-  !> (triangle), 1/9 (quadrilateral), a strip along the edge of a facet 1/6 of its relative width.
-  real(dp), parameter :: regular = 1e-3_dp
+  !> Vertices with less than this fraction of the weight of one of their neighbours get no row. (The smallest
+  !> eigenvalues of the compliance are proportional to the square root of this ratio.)
+  real(dp), parameter :: min_weight_ratio = 0.02_dp
+  !> M is singular where the smallest eigenvalue of D^{-1/2} M D^{-1/2} is below this (the largest is 1). A whole facet
+  !> has 1/3 (line), 1/4 (triangle), 1/9 (quadrilateral), a strip along the edge of a facet 1/6 of its relative width.
+  real(dp), parameter :: min_eigenvalue = 1.0e-3_dp
 
 contains
 
-  !> The rows of all vertices of facets that carry points.
-  subroutine dual_mortar_rows(corners, facet, weight, vertex, row_weight, average)
-    !> Corners and shape functions of the points.
+  !> Dual mortar rows at all vertices of facets that carry integration points.
+  subroutine dual_mortar_rows(corners, facet, weight, vertex, row_weight, mortar)
+    !> Corners of the facets and their shape functions at the points.
     type(corner_interpolation_t), intent(in) :: corners
-    !> Facets of the points (n_points), ascending.
+    !> Slave facet of each point, ascending (n_points).
     integer, intent(in) :: facet(:)
-    !> Areas of the points (n_points).
+    !> Quadrature weights of the points (n_points) [length^2; length in two dimensions].
     real(dp), intent(in) :: weight(:)
-    !> Body-local node number of each row (n_rows), ascending.
+    !> Body-local node number of the vertex of each row, ascending (n_rows).
     integer, allocatable, intent(out) :: vertex(:)
-    !> Areas of the rows (n_rows).
+    !> Weights w of the rows (n_rows) [length^2; length in two dimensions].
     real(dp), allocatable, intent(out) :: row_weight(:)
-    !> The means (n_rows x n_points).
-    type(sparse_rows_t), intent(inout) :: average
+    !> Coefficients w_q psi_i(x_q) / w_i of the points in the rows (n_rows x n_points) [].
+    type(sparse_rows_t), intent(inout) :: mortar
     real(dp), allocatable :: dual(:, :), total(:), value(:)
     integer, allocatable :: row_of(:), row(:), column(:)
-    logical, allocatable :: light(:)
+    logical, allocatable :: dropped(:)
     integer :: first, last, n, i, j, k
     allocate (dual(4, size(facet)), source=0.0_dp)
     allocate (total(corners%n), row_of(corners%n))
-    call find_light(corners, weight, light)
+    call find_vertices_without_row(corners, weight, dropped)
     total = 0
     first = 1
     do while (first <= size(facet))
@@ -61,7 +66,7 @@ contains
       end do
       n = count(corners%corner(:, first) > 0)
       associate (corner => corners%corner(1:n, first))
-        call facet_functions(light(corner), weight(first:last), corners%shape(1:n, first:last), dual(1:n, first:last))
+        call facet_functions(dropped(corner), weight(first:last), corners%shape(1:n, first:last), dual(1:n, first:last))
         total(corner) = total(corner) + matmul(dual(1:n, first:last), weight(first:last))
       end associate
       first = last + 1
@@ -69,12 +74,12 @@ contains
     row_of = 0
     n = 0
     do k = 1, corners%n
-      if (light(k)) cycle
+      if (dropped(k)) cycle
       n = n + 1
       row_of(k) = n
     end do
-    vertex = pack(corners%corner_node, .not. light)
-    row_weight = pack(total, .not. light)
+    vertex = pack(corners%corner_node, .not. dropped)
+    row_weight = pack(total, .not. dropped)
     allocate (row(4*size(facet)), column(4*size(facet)), value(4*size(facet)))
     n = 0
     do i = 1, size(facet)
@@ -87,16 +92,17 @@ contains
         value(n) = weight(i)*dual(j, i)/row_weight(k)
       end do
     end do
-    call average%init_from_triplets(size(vertex), size(facet), row(1:n), column(1:n), value(1:n))
+    call mortar%init_from_triplets(size(vertex), size(facet), row(1:n), column(1:n), value(1:n))
   end subroutine dual_mortar_rows
 
-  !> The vertices that get no row; of each facet one does.
-  subroutine find_light(corners, weight, light)
+  !> Vertices that get no row; each facet keeps at least one vertex with a row.
+  subroutine find_vertices_without_row(corners, weight, dropped)
+    !> Corners of the facets and their shape functions at the points.
     type(corner_interpolation_t), intent(in) :: corners
-    !> Areas of the points (n_points).
+    !> Quadrature weights of the points (n_points) [length^2; length in two dimensions].
     real(dp), intent(in) :: weight(:)
-    !> (corners%n).
-    logical, allocatable, intent(out) :: light(:)
+    !> Vertices without a row (corners%n).
+    logical, allocatable, intent(out) :: dropped(:)
     real(dp), allocatable :: total(:), heaviest(:)
     integer :: i, n
     allocate (total(corners%n), heaviest(corners%n))
@@ -108,55 +114,55 @@ contains
         heaviest(corner) = max(heaviest(corner), maxval(total(corner)))
       end associate
     end do
-    light = total < least_weight*heaviest
+    dropped = total < min_weight_ratio*heaviest
     do i = 1, size(weight)
       n = count(corners%corner(:, i) > 0)
       associate (corner => corners%corner(1:n, i))
-        if (all(light(corner))) light(corner(maxloc(total(corner), 1))) = .false.
+        if (all(dropped(corner))) dropped(corner(maxloc(total(corner), 1))) = .false.
       end associate
     end do
-  end subroutine find_light
+  end subroutine find_vertices_without_row
 
-  !> Dual shape functions of the corners of one facet that have rows, 0 at the others.
-  subroutine facet_functions(light, weight, shape, dual)
-    !> Corners without row (n_corners); not all of them.
-    logical, intent(in) :: light(:)
-    !> Areas (n_points).
+  !> Dual shape functions of the corners of one facet that have rows; zero at the other corners.
+  subroutine facet_functions(dropped, weight, shape, dual)
+    !> Corners without a row (n_corners); at least one has a row.
+    logical, intent(in) :: dropped(:)
+    !> Quadrature weights of the points of the facet (n_points) [length^2; length in two dimensions].
     real(dp), intent(in) :: weight(:)
-    !> Linear shape functions (n_corners, n_points).
+    !> Linear shape functions at the points (n_corners, n_points) [].
     real(dp), intent(in) :: shape(:, :)
-    !> Dual ones (n_corners, n_points).
+    !> Dual shape functions at the points (n_corners, n_points) [].
     real(dp), intent(out) :: dual(:, :)
-    real(dp) :: share(size(light), size(light))
-    logical :: heir(size(light))
+    real(dp) :: distribution(size(dropped), size(dropped))
+    logical :: receiver(size(dropped))
     integer, allocatable :: kept(:)
     integer :: i, n
-    n = size(light)
-    share = 0
+    n = size(dropped)
+    distribution = 0
     do i = 1, n
-      heir = .false.
-      if (light(i)) then
-        ! Neighbours on the two edges at this corner, else all corners.
-        heir([modulo(i - 2, n) + 1, modulo(i, n) + 1]) = .true.
-        heir = heir .and. .not. light
-        if (.not. any(heir)) heir = .not. light
+      receiver = .false.
+      if (dropped(i)) then
+        ! To the neighbours on the two edges at this corner; to all corners where these have no row.
+        receiver([modulo(i - 2, n) + 1, modulo(i, n) + 1]) = .true.
+        receiver = receiver .and. .not. dropped
+        if (.not. any(receiver)) receiver = .not. dropped
       else
-        heir(i) = .true.
+        receiver(i) = .true.
       end if
-      share(:, i) = merge(1.0_dp/count(heir), 0.0_dp, heir)
+      distribution(:, i) = merge(1.0_dp/count(receiver), 0.0_dp, receiver)
     end do
-    kept = pack([(i, i=1, n)], .not. light)
+    kept = pack([(i, i=1, n)], .not. dropped)
     dual = 0
-    dual(kept, :) = dual_functions(weight, matmul(share(kept, :), shape))
+    dual(kept, :) = dual_functions(weight, matmul(distribution(kept, :), shape))
   end subroutine facet_functions
 
-  !> Dual shape functions at the points of one facet.
+  !> Dual shape functions psi = D M^{-1} phi at the points of one facet; phi where M is singular.
   function dual_functions(weight, shape) result(dual)
-    !> Areas (n_points).
+    !> Quadrature weights of the points of the facet (n_points) [length^2; length in two dimensions].
     real(dp), intent(in) :: weight(:)
-    !> Linear shape functions (n, n_points).
+    !> Linear shape functions phi at the points (n, n_points) [].
     real(dp), intent(in) :: shape(:, :)
-    !> Dual ones (n, n_points).
+    !> Dual shape functions psi at the points (n, n_points) [].
     real(dp) :: dual(size(shape, 1), size(shape, 2))
     type(error_t), allocatable :: error
     real(dp), dimension(size(shape, 1), size(shape, 1)) :: mass, vectors
@@ -171,7 +177,7 @@ contains
     dual = shape
     call symmetric_eigen(mass, values, vectors, error)
     if (allocated(error)) return
-    if (values(1) < regular) return
+    if (values(1) < min_eigenvalue) return
     do i = 1, size(weight)
       dual(:, i) = root*matmul(vectors, matmul(shape(:, i)/root, vectors)/values)
     end do

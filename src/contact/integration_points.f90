@@ -1,4 +1,4 @@
-!> Integration points on facets of surface_a, and their partners on surface_b.
+!> Integration points on slave facets and their projections on the master surface.
 module dotyk_contact_integration_points
   use dotyk_base_kinds, only: dp
   use dotyk_contact_segment_quadrature, only: quadrature_rule_t
@@ -11,24 +11,25 @@ module dotyk_contact_integration_points
   private
   public :: whole_facet_rules, project_points
 
-  !> Degree of the plain rule that means at vertices are made with. The edges of surface_b cut the facets, and the mean must
-  !> see where: errors of columns of blocks that do not match are a third to a tenth of those with twice the order of the
-  !> elements, and points that are not rows cost next to nothing. (On segments the mean is exact, see mortar_segments.f90.)
-  integer, parameter :: mean_degree = 8
+  !> Degree of rules on whole facets for dual mortar rows. The edges of the master surface cut the slave facets, which
+  !> the rule has to resolve: with this degree the errors of columns of non-matching blocks are a third to a tenth of
+  !> those with twice the order of the elements, and integration points that are not rows cost little. (On mortar
+  !> segments the integrals are exact, see mortar_segments.f90.)
+  integer, parameter :: mortar_degree = 8
   real(dp), parameter :: pi = acos(-1.0_dp)
 
 contains
 
-  !> Quadrature rules of the facet kinds in use. Where the points are the rows: of twice the order of the element, one
-  !> more with the radius in the weight.
-  subroutine whole_facet_rules(kinds, for_means, axisymmetric, rule)
-    !> Kinds of the facets.
+  !> Quadrature rules on whole facets of the kinds in use. Where integration points are rows: twice the order of the
+  !> element, one degree more with the radius in the weights.
+  subroutine whole_facet_rules(kinds, mortar, axisymmetric, rule)
+    !> Element kinds of the facets (n_facets).
     integer, intent(in) :: kinds(:)
-    !> Whether the points are for means at vertices, not rows themselves.
-    logical, intent(in) :: for_means
+    !> The rows are dual mortar rows; otherwise the integration points are rows.
+    logical, intent(in) :: mortar
     !> Weights contain 2 pi r.
     logical, intent(in) :: axisymmetric
-    !> Rules (n_element_kinds).
+    !> Rules, by element kind (n_element_kinds).
     type(quadrature_rule_t), intent(inout) :: rule(:)
     type(element_kind_t) :: kind
     integer :: k, degree
@@ -36,31 +37,40 @@ contains
       if (.not. any(kinds == k)) cycle
       kind = element_kind(k)
       degree = 2*kind%order + merge(1, 0, axisymmetric)
-      if (for_means) degree = mean_degree
+      if (mortar) degree = mortar_degree
       call quadrature_rule(k, degree, rule(k)%xi, rule(k)%weight)
     end do
   end subroutine whole_facet_rules
 
-  !> Points of one facet and their partners.
-  pure subroutine facet_points(kind, d, x_nodes, points, weights, axisymmetric, target, near, radius, x, xi, &
-                              weight, partner)
-    !> Kind of the facet and dimension of space.
-    integer, intent(in) :: kind, d
-    !> Coordinates of its nodes (d, n_nodes) [length].
+  !> Integration points of one slave facet and their projections.
+  pure subroutine points_of_facet(kind, d, x_nodes, points, weights, axisymmetric, master, candidate, radius, x, xi, &
+                                  weight, projection)
+    !> Element kind of the facet.
+    integer, intent(in) :: kind
+    !> Dimension of space, 2 or 3.
+    integer, intent(in) :: d
+    !> Coordinates of the nodes of the facet (d, n_nodes) [length].
     real(dp), intent(in) :: x_nodes(:, :)
-    !> The rule: (d-1, n), (n).
-    real(dp), intent(in) :: points(:, :), weights(:)
+    !> Points of the rule (d-1, n) [].
+    real(dp), intent(in) :: points(:, :)
+    !> Weights of the rule (n) [].
+    real(dp), intent(in) :: weights(:)
     !> Weights contain 2 pi r.
     logical, intent(in) :: axisymmetric
     !> The other surface.
-    type(master_surface_t), intent(in) :: target
-    !> The facet may have partners within the greatest distance.
-    logical, intent(in) :: near
+    type(master_surface_t), intent(in) :: master
+    !> The facet is within the search radius of the master surface, from the broad phase.
+    logical, intent(in) :: candidate
     !> Greatest distance [length].
     real(dp), intent(in) :: radius
-    !> Positions (3, n), reference coordinates (2, n), areas (n), partners (n).
-    real(dp), intent(out) :: x(:, :), xi(:, :), weight(:)
-    type(projection_t), intent(out) :: partner(:)
+    !> Positions (3, n) [length].
+    real(dp), intent(out) :: x(:, :)
+    !> Reference coordinates (2, n) [].
+    real(dp), intent(out) :: xi(:, :)
+    !> Weights: areas of the points (n) [length^2; length in two dimensions].
+    real(dp), intent(out) :: weight(:)
+    !> Projections on the master surface (n).
+    type(projection_t), intent(out) :: projection(:)
     real(dp) :: normal(3), jacobian
     integer :: i, hint
     hint = 0
@@ -72,39 +82,49 @@ contains
       xi(1:d - 1, i) = points(:, i)
       weight(i) = weights(i)*jacobian
       if (axisymmetric) weight(i) = weight(i)*2*pi*x(1, i)
-      if (near) then
-        call project_point(target, x(:, i), normal, hint, radius, partner(i))
+      if (candidate) then
+        call project_point(master, x(:, i), normal, hint, radius, projection(i))
       else
-        partner(i)%status = projection_too_far
+        projection(i)%status = projection_too_far
       end if
     end do
-  end subroutine facet_points
+  end subroutine points_of_facet
 
-  !> Points of all facets and their partners by the elements' geometry.
-  subroutine project_points(mesh_a, surface_a, rule, offset, axisymmetric, target, near, radius, x, xi, weight, partner)
+  !> Integration points of all slave facets and their closest-point projections on the master surface.
+  subroutine project_points(mesh_a, surface_a, rule, offset, axisymmetric, master, candidate, radius, x, xi, weight, &
+                            projection)
+    !> Body of the slave surface.
     type(body_mesh_t), intent(in) :: mesh_a
+    !> Slave surface (surface_a).
     type(surface_t), intent(in) :: surface_a
-    !> The facets' rules (n_facets); points of facet f are offset(f)+1 .. offset(f+1).
+    !> Quadrature rules of the facets (n_facets).
     type(quadrature_rule_t), intent(in) :: rule(:)
+    !> Points of facet f are offset(f)+1 .. offset(f+1) (n_facets+1).
     integer, intent(in) :: offset(:)
     !> Weights contain 2 pi r.
     logical, intent(in) :: axisymmetric
-    type(master_surface_t), intent(in) :: target
-    !> Facets that may have partners (n_facets).
-    logical, intent(in) :: near(:)
+    !> Master surface, prepared for projections.
+    type(master_surface_t), intent(in) :: master
+    !> Facets within the search radius of the master surface, from the broad phase (n_facets).
+    logical, intent(in) :: candidate(:)
     !> Greatest distance [length].
     real(dp), intent(in) :: radius
-    !> As in facet_points, for all facets.
-    real(dp), intent(out) :: x(:, :), xi(:, :), weight(:)
-    type(projection_t), intent(out) :: partner(:)
+    !> Positions (3, n) [length].
+    real(dp), intent(out) :: x(:, :)
+    !> Reference coordinates (2, n) [].
+    real(dp), intent(out) :: xi(:, :)
+    !> Weights: areas of the points (n) [length^2; length in two dimensions].
+    real(dp), intent(out) :: weight(:)
+    !> Projections on the master surface (n).
+    type(projection_t), intent(out) :: projection(:)
     integer :: f
     !$omp parallel do default(none) schedule(dynamic, 64) &
-    !$omp shared(surface_a, mesh_a, rule, offset, axisymmetric, target, near, radius, x, xi, weight, partner)
+    !$omp shared(surface_a, mesh_a, rule, offset, axisymmetric, master, candidate, radius, x, xi, weight, projection)
     do f = 1, surface_a%n_facets
       associate (first => offset(f) + 1, last => offset(f + 1), kind => surface_a%kind(f))
-        call facet_points(kind, mesh_a%dimension, mesh_a%x(:, surface_a%node(1:kind_nodes(kind), f)), rule(f)%xi, &
-                          rule(f)%weight, axisymmetric, target, near(f), radius, x(:, first:last), &
-                          xi(:, first:last), weight(first:last), partner(first:last))
+        call points_of_facet(kind, mesh_a%dimension, mesh_a%x(:, surface_a%node(1:kind_nodes(kind), f)), rule(f)%xi, &
+                             rule(f)%weight, axisymmetric, master, candidate(f), radius, x(:, first:last), &
+                             xi(:, first:last), weight(first:last), projection(first:last))
       end associate
     end do
     !$omp end parallel do

@@ -1,4 +1,4 @@
-!> Where coordinates of a pair of surfaces count from.
+!> Local origin of the coordinates of a pair of surfaces, so that scenes far from the global origin keep their accuracy.
 module dotyk_contact_local_origin
   use dotyk_base_kinds, only: dp
   use dotyk_mesh_element, only: kind_nodes
@@ -7,16 +7,17 @@ module dotyk_contact_local_origin
   private
   public :: choose_origin, shift_origin
 
-  !> A surface is far from the origin where it is so many of its sizes away.
-  real(dp), parameter :: far = 16
+  !> A surface is far from the origin where its distance exceeds this multiple of its size.
+  real(dp), parameter :: far_ratio = 16
 
 contains
 
-  !> Where to measure from: zero, but for a surface that is many times its size away. Coordinates would then lose the digits of
-  !> the gaps in every sum; differences of theirs do not.
+  !> Local origin: zero, except for a surface that is far from the origin, where sums of coordinates would lose the
+  !> significant digits of the gaps; differences of coordinates do not.
   pure subroutine choose_origin(x, surface, origin)
-    !> Coordinates of the body (dimension, n_nodes) [length].
+    !> Nodal coordinates of the body (dimension, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
+    !> Surface.
     type(surface_t), intent(in) :: surface
     !> A node of the surface, or zero (dimension) [length].
     real(dp), intent(out) :: origin(:)
@@ -32,12 +33,14 @@ contains
     end do
     origin = 0
     if (surface%n_facets == 0) return
-    if (maxval(abs(low + high)/2) > far*maxval(high - low)) origin = x(:, surface%node(1, 1))
+    if (maxval(abs(low + high)/2) > far_ratio*maxval(high - low)) origin = x(:, surface%node(1, 1))
   end subroutine choose_origin
 
-  !> Coordinates from another origin.
+  !> Subtract an origin from coordinates.
   pure subroutine shift_origin(x, origin)
+    !> Coordinates (dimension, n) [length].
     real(dp), intent(inout) :: x(:, :)
+    !> Origin (3) [length].
     real(dp), intent(in) :: origin(3)
     integer :: i
     do i = 1, size(x, 2)

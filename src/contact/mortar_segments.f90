@@ -1,14 +1,17 @@
-!> Integration points on the cells that the facets of surface_b cut out of the facets of surface_a.
+!> Quadrature on mortar segments: segment-to-segment integration of the coupling between slave and master surface (Puso
+!> and Laursen, Comput. Methods Appl. Mech. Engrg. 193, 2004; Popp, Gitterle, Gee and Wall, Int. J. Numer. Methods
+!> Engrg. 83, 2010).
 !>
-!> The shape functions of b have kinks at the edges of its facets, and a rule for a whole facet of a does not see where
-!> they are. Here every facet of a is divided: the facets of b are drawn on it along its mean normal, as polygons in its
-!> chart (auxiliary_plane.f90), clipped to it, and each polygon gets a rule of its own. Along one direction the facets of b cover
-!> their surface once, so the polygons neither overlap nor leave gaps, whatever the gap and the angle between the surfaces;
-!> on flat parallel surfaces the cuts are exact and every integral of products of shape functions is, on curved ones they
-!> lie near the kinks. Which point of b a point of a touches is still for the projection to say.
+!> The master shape functions have kinks at facet edges, which a rule on a whole slave facet does not resolve. Here the
+!> master facets are projected on each slave facet along its mean normal and clipped (clipping.f90), and each overlap
+!> polygon gets a rule of its own. Along one direction the master facets cover their surface once: the segments neither
+!> overlap nor leave gaps, whatever the gap and the angle between the surfaces. On flat parallel surfaces the
+!> segmentation is exact and so is every integral of products of shape functions; on curved surfaces the segment
+!> boundaries lie near the kinks. The master point of a quadrature point is found afterwards, by projection.
 !>
-!> Facets of a where this fails - b folds back or lies in several layers, or a point of the plain rule that lies in no
-!> polygon has a partner - keep the plain rule. So do those that no facet of b covers, whose points are to be counted.
+!> Slave facets on which segmentation fails keep the rule on the whole facet: where the master surface folds back or has
+!> several layers, or where a point of the rule on the whole facet outside all segments has a projection. So do slave
+!> facets that no master facet covers; their points are counted as unprojected.
 module dotyk_contact_mortar_segments
   use dotyk_base_kinds, only: dp
   use dotyk_contact_segment_quadrature, only: append_points, quadrature_rule_t, polygon_rule, rule_table_t, shape_degree
@@ -25,129 +28,163 @@ module dotyk_contact_mortar_segments
   private
   public :: build_segment_rules, segment_degree
 
-  !> Areas that add up to more or less than the facet's by this part of it are more or less than the facet.
-  real(dp), parameter :: area_tolerance = 1e-9_dp
-  !> Greatest degree that is tried for weights that fit.
-  integer, parameter :: most_fit_degree = 12
+  !> Segments cover a slave facet, or overlap, where the sum of their areas differs from its area by this fraction.
+  real(dp), parameter :: area_tolerance = 1.0e-9_dp
+  !> One segment covers the whole slave facet up to this fraction of its area.
+  real(dp), parameter :: whole_tolerance = 1.0e-13_dp
+  !> Greatest degree that is tried for moment fitting.
+  integer, parameter :: max_fit_degree = 12
+  !> Points within this distance of a segment, relative to the size of the slave facet, lie in it.
+  real(dp), parameter :: boundary_tolerance = 1.0e-6_dp
+  !> Least degree of mortar rules on curved or distorted slave facets, whose map is not affine; and where one segment
+  !> covers the whole slave facet.
+  integer, parameter :: curved_degree = 5, whole_degree = 4
+  !> Least degrees of mortar rules on lines: straight with the mid-side node in the middle, and other ones. There the
+  !> shape functions of the master facet are not polynomials of the slave coordinate.
+  integer, parameter :: line_degree = 4, curved_line_degree = 8
+  !> A line is curved where its quadratic coefficient is above this fraction of its size.
+  real(dp), parameter :: line_flatness = 1.0e-10_dp
 
 contains
 
-  !> The rules of all facets of surface_a that are divided or covered by one facet of b; the others have none.
-  subroutine build_segment_rules(mesh_a, surface_a, set, near, mesh_b, surface_b, target, radius, by_nodes, &
-                                 axisymmetric, plain, rule)
+  !> Quadrature rules of all slave facets that are segmented; the other facets get none.
+  subroutine build_segment_rules(mesh_a, surface_a, set, candidate, mesh_b, surface_b, master, radius, mortar, &
+                                 axisymmetric, whole_rule, rule)
     !> Body a and its surface.
     type(body_mesh_t), intent(in) :: mesh_a
+    !> Slave surface (surface_a).
     type(surface_t), intent(in) :: surface_a
-    !> Its facets, and those that are looked at (n_facets).
+    !> Facets of the slave surface.
     type(facet_set_t), intent(in) :: set
-    logical, intent(in) :: near(:)
+    !> Facets to segment, from the broad phase (n_facets).
+    logical, intent(in) :: candidate(:)
     !> Body b and its surface.
     type(body_mesh_t), intent(in) :: mesh_b
+    !> Master surface (surface_b).
     type(surface_t), intent(in) :: surface_b
     !> Surface b for the projection.
-    type(master_surface_t), intent(in) :: target
+    type(master_surface_t), intent(in) :: master
     !> Greatest distance of partners [length].
     real(dp), intent(in) :: radius
-    !> The rows are means at the vertices.
-    logical, intent(in) :: by_nodes
+    !> The rows are dual mortar rows; otherwise the integration points are rows.
+    logical, intent(in) :: mortar
     !> Weights contain 2 pi r.
     logical, intent(in) :: axisymmetric
-    !> Plain rules of the facet kinds (n_element_kinds).
-    type(quadrature_rule_t), intent(in) :: plain(:)
-    !> (n_facets).
+    !> Rules on whole facets, by facet kind (n_element_kinds).
+    type(quadrature_rule_t), intent(in) :: whole_rule(:)
+    !> Rules of the slave facets; not allocated where there is no segmentation (n_facets).
     type(quadrature_rule_t), allocatable, intent(out) :: rule(:)
     type(rule_table_t) :: table
     integer :: f
     allocate (rule(surface_a%n_facets))
     call table%init()
     !$omp parallel do default(none) schedule(dynamic, 16) &
-    !$omp shared(surface_a, mesh_a, surface_b, mesh_b, set, near, target, table, radius, by_nodes, axisymmetric, plain, rule)
+    !$omp shared(surface_a, mesh_a, surface_b, mesh_b, set, candidate, master, table, radius, mortar, axisymmetric) &
+    !$omp shared(whole_rule, rule)
     do f = 1, surface_a%n_facets
-      if (.not. near(f)) cycle
+      if (.not. candidate(f)) cycle
       if (set%dimension == 2) then
-        call divide_line(set, f, surface_a%kind(f), surface_b, target, table, radius, by_nodes, axisymmetric, &
-                         plain(surface_a%kind(f)), rule(f))
+        call segment_rule_2d(set, f, surface_a%kind(f), surface_b, master, table, radius, mortar, axisymmetric, &
+                             whole_rule(surface_a%kind(f)), rule(f))
       else
-        call divide_facet(set, f, surface_a%kind(f), mesh_a%x(:, surface_a%node(1:kind_nodes(surface_a%kind(f)), f)), &
-                          mesh_b, surface_b, target, table, radius, by_nodes, plain(surface_a%kind(f)), rule(f))
+        call segment_rule_3d(set, f, surface_a%kind(f), &
+                             mesh_a%x(:, surface_a%node(1:kind_nodes(surface_a%kind(f)), f)), mesh_b, surface_b, &
+                             master, table, radius, mortar, whole_rule(surface_a%kind(f)), rule(f))
       end if
     end do
     !$omp end parallel do
   end subroutine build_segment_rules
 
-  !> Degree of the rules on cells: of the shape functions of either side times the dual functions, which are linear; where
-  !> points are rows, twice the order of the element and enough for the shape functions of b.
-  pure integer function segment_degree(kind_a, kind_b, by_nodes) result(degree)
-    integer, intent(in) :: kind_a, kind_b
-    logical, intent(in) :: by_nodes
+  !> Degree of the rules on segments. Dual mortar rows: shape functions of either side times the dual functions, which
+  !> are linear. Integration points as rows: twice the order of the slave element, and at least the shape functions of
+  !> the master facet.
+  pure integer function segment_degree(kind_a, kind_b, mortar) result(degree)
+    !> Element kind of the slave facet.
+    integer, intent(in) :: kind_a
+    !> Element kind of the master facet.
+    integer, intent(in) :: kind_b
+    !> The rows are dual mortar rows.
+    logical, intent(in) :: mortar
     type(element_kind_t) :: kind
     kind = element_kind(kind_a)
     degree = max(shape_degree(kind_a), shape_degree(kind_b))
-    if (by_nodes) then
+    if (mortar) then
       degree = degree + shape_degree(kind%corner_kind)
     else
       degree = max(degree, 2*kind%order)
     end if
   end function segment_degree
 
-  !> The rule of a facet in three dimensions.
-  subroutine divide_facet(set, f, kind, x, mesh_b, surface_b, target, table, radius, by_nodes, plain, rule)
+  !> Quadrature rule of a slave facet in three dimensions.
+  subroutine segment_rule_3d(set, f, kind, x, mesh_b, surface_b, master, table, radius, mortar, whole_rule, rule)
+    !> Facets of the slave surface.
     type(facet_set_t), intent(in) :: set
-    !> Facet and its kind.
-    integer, intent(in) :: f, kind
-    !> Coordinates of its nodes (3, n_nodes) [length].
+    !> Slave facet.
+    integer, intent(in) :: f
+    !> Element kind of the facet.
+    integer, intent(in) :: kind
+    !> Coordinates of the nodes of the slave facet (3, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
+    !> Body of the master surface.
     type(body_mesh_t), intent(in) :: mesh_b
+    !> Master surface (surface_b).
     type(surface_t), intent(in) :: surface_b
-    type(master_surface_t), intent(in) :: target
+    !> Master surface, prepared for projections.
+    type(master_surface_t), intent(in) :: master
+    !> Quadrature rules on reference domains, by degree.
     type(rule_table_t), intent(in) :: table
+    !> Search radius: greatest distance of a projection [length].
     real(dp), intent(in) :: radius
-    logical, intent(in) :: by_nodes
-    type(quadrature_rule_t), intent(in) :: plain
+    !> The rows are dual mortar rows.
+    logical, intent(in) :: mortar
+    !> Rule on the whole facet.
+    type(quadrature_rule_t), intent(in) :: whole_rule
+    !> Rule; not allocated where segmentation fails.
     type(quadrature_rule_t), intent(inout) :: rule
-    type(auxiliary_plane_t) :: chart
-    type(mortar_segment_t), allocatable :: cell(:)
+    type(auxiliary_plane_t) :: plane
+    type(mortar_segment_t), allocatable :: segment(:)
     real(dp), allocatable :: points(:, :), weights(:)
     real(dp) :: covered
-    integer :: n_cells, n, i, m, degree, kind_b
-    logical :: ok, whole, fit, fits
-    call chart%init(set, f, x)
-    if (.not. chart%area > 0) return
-    call segments_of_facet(set%coefficient(:, :, f), chart, mesh_b%x, surface_b, target, n_cells, cell, ok)
-    if (.not. ok .or. n_cells == 0) return
-    covered = sum([(cell(i)%area, i=1, n_cells)])
-    if (covered > (1 + area_tolerance)*chart%area) return
-    if (covered < (1 - area_tolerance)*chart%area) then
-      if (partners_beside(set, f, chart, cell(1:n_cells), target, radius, plain)) return
+    integer :: n_segments, n, i, m, degree, kind_b
+    logical :: ok, covers_facet, needs_fit, fits
+    call plane%init(set, f, x)
+    if (.not. plane%area > 0) return
+    call segments_of_facet(set%coefficient(:, :, f), plane, mesh_b%x, surface_b, master, n_segments, segment, ok)
+    if (.not. ok .or. n_segments == 0) return
+    covered = sum([(segment(i)%area, i=1, n_segments)])
+    if (covered > (1 + area_tolerance)*plane%area) return
+    if (covered < (1 - area_tolerance)*plane%area) then
+      if (has_uncovered_projection(set, f, plane, segment(1:n_segments), master, radius, whole_rule)) return
     end if
     n = 0
-    do i = 1, n_cells
-      kind_b = surface_b%kind(cell(i)%facet)
-      degree = segment_degree(kind, kind_b, by_nodes)
-      if (by_nodes .and. .not. chart%straight) degree = max(degree, 5)
-      whole = cell(i)%area >= (1 - 1e-13_dp)*chart%area
-      if (whole .and. by_nodes) degree = max(degree, 4)
-      ! Flat facets of which one is a quadrilateral that is no parallelogram.
-      fit = chart%straight .and. .not. (chart%affine .and. is_affine(target%set%coefficient(:, :, cell(i)%facet)))
-      if (fit) fit = is_plane_polygon(target%set%corners(cell(i)%facet), &
-                                 mesh_b%x(:, surface_b%node(1:kind_nodes(kind_b), cell(i)%facet)), chart%axes(:, 3))
+    do i = 1, n_segments
+      kind_b = surface_b%kind(segment(i)%facet)
+      degree = segment_degree(kind, kind_b, mortar)
+      if (mortar .and. .not. plane%is_polygon) degree = max(degree, curved_degree)
+      covers_facet = segment(i)%area >= (1 - whole_tolerance)*plane%area
+      if (covers_facet .and. mortar) degree = max(degree, whole_degree)
+      ! Moment fitting: flat facets, of which one is a quadrilateral but not a parallelogram.
+      needs_fit = plane%is_polygon .and. &
+        .not. (plane%affine .and. is_affine(master%set%coefficient(:, :, segment(i)%facet)))
+      if (needs_fit) needs_fit = is_plane_polygon(master%set%corners(segment(i)%facet), &
+                                 mesh_b%x(:, surface_b%node(1:kind_nodes(kind_b), segment(i)%facet)), plane%axes(:, 3))
       do
-        if (whole .and. chart%corners == 3) then
+        if (covers_facet .and. plane%corners == 3) then
           points = table%triangle(degree)%xi
           weights = table%triangle(degree)%weight
-        else if (whole) then
+        else if (covers_facet) then
           points = table%square(degree)%xi
           weights = table%square(degree)%weight
         else
-          call polygon_rule(cell(i)%polygon, table, degree, m, points, weights, ok)
-          if (ok) call map_points(chart, set%coefficient(:, :, f), points, weights, ok)
+          call polygon_rule(segment(i)%polygon, table, degree, m, points, weights, ok)
+          if (ok) call to_reference(plane, set%coefficient(:, :, f), points, weights, ok)
         end if
-        if (.not. ok .or. .not. fit) exit
-        ! At least as many points as conditions: three functions of the plane are shared.
+        if (.not. ok .or. .not. needs_fit) exit
+        ! At least as many points as moments: both sets of shape functions contain the three linear functions.
         if (size(weights) >= kind_nodes(kind) + kind_nodes(kind_b) - 3) then
-          call fit_segment_weights(chart, set, f, kind, target%set, cell(i)%facet, kind_b, cell(i)%polygon, table, &
-                                   points, weights, fits)
-          if (fits .or. degree >= most_fit_degree) exit
+          call fit_segment_weights(plane, set, f, kind, master%set, segment(i)%facet, kind_b, segment(i)%polygon, &
+                                   table, points, weights, fits)
+          if (fits .or. degree >= max_fit_degree) exit
         end if
         degree = degree + 1
       end do
@@ -160,101 +197,128 @@ contains
     else
       if (allocated(rule%weight)) deallocate (rule%xi, rule%weight)
     end if
-  end subroutine divide_facet
+  end subroutine segment_rule_3d
 
-  !> From the chart to reference coordinates.
-  pure subroutine map_points(chart, coefficient, points, weights, ok)
-    type(auxiliary_plane_t), intent(in) :: chart
-    !> The facet's polynomial (3, 9).
+  !> Transform a rule from clip coordinates to reference coordinates of the slave facet.
+  pure subroutine to_reference(plane, coefficient, points, weights, ok)
+    !> Auxiliary plane of the slave facet.
+    type(auxiliary_plane_t), intent(in) :: plane
+    !> Coefficients of the facet polynomial (3, 9) [length].
     real(dp), intent(in) :: coefficient(3, 9)
-    !> Points (2, n) and weights (n).
-    real(dp), intent(inout) :: points(:, :), weights(:)
+    !> Points in clip coordinates; in reference coordinates on return (2, n) [length, then none].
+    real(dp), intent(inout) :: points(:, :)
+    !> Weights, transformed on return (n) [length^2, then none].
+    real(dp), intent(inout) :: weights(:)
+    !> All inverse maps were found.
     logical, intent(out) :: ok
     real(dp) :: xi(2), determinant
     integer :: i
     ok = .true.
-    if (.not. chart%straight) return
-    xi = reference_centre(chart%corners)
+    if (.not. plane%is_polygon) return
+    xi = reference_centre(plane%corners)
     do i = 1, size(weights)
-      call inverse_map(coefficient, [0.0_dp, 0.0_dp], chart%axes, chart%size, points(:, i), xi, determinant, ok)
+      call inverse_map(coefficient, [0.0_dp, 0.0_dp], plane%axes, plane%size, points(:, i), xi, determinant, ok)
       if (.not. ok) return
       points(:, i) = xi
       weights(i) = weights(i)/determinant
     end do
-  end subroutine map_points
+  end subroutine to_reference
 
-  !> Do points of the plain rule that no cell contains have partners?
-  pure logical function partners_beside(set, f, chart, cell, target, radius, plain) result(beside)
+  !> Whether a point of the rule on the whole facet that lies in no segment has a projection.
+  pure logical function has_uncovered_projection(set, f, plane, segment, master, radius, whole_rule) result(found)
+    !> Facets of the slave surface.
     type(facet_set_t), intent(in) :: set
+    !> Slave facet.
     integer, intent(in) :: f
-    type(auxiliary_plane_t), intent(in) :: chart
-    type(mortar_segment_t), intent(in) :: cell(:)
-    type(master_surface_t), intent(in) :: target
+    !> Auxiliary plane of the slave facet.
+    type(auxiliary_plane_t), intent(in) :: plane
+    !> Mortar segments of the facet (n_segments).
+    type(mortar_segment_t), intent(in) :: segment(:)
+    !> Master surface, prepared for projections.
+    type(master_surface_t), intent(in) :: master
+    !> Search radius: greatest distance of a projection [length].
     real(dp), intent(in) :: radius
-    type(quadrature_rule_t), intent(in) :: plain
-    type(projection_t) :: partner
+    !> Rule on the whole facet.
+    type(quadrature_rule_t), intent(in) :: whole_rule
+    type(projection_t) :: projection
     real(dp), dimension(3) :: x, normal, xu, xv
     real(dp) :: s(2)
     integer :: i, k, hint
     logical :: inside
-    beside = .false.
+    found = .false.
     hint = 0
-    do i = 1, size(plain%weight)
-      call facet_position_and_normal(set, f, plain%xi(:, i), x, normal, xu, xv)
-      s = plain%xi(:, i)
-      if (chart%straight) s = chart%to_plane(x)
+    do i = 1, size(whole_rule%weight)
+      call facet_position_and_normal(set, f, whole_rule%xi(:, i), x, normal, xu, xv)
+      s = whole_rule%xi(:, i)
+      if (plane%is_polygon) s = plane%to_plane(x)
       inside = .false.
-      do k = 1, size(cell)
-        inside = contains_point(cell(k)%polygon, s, 1e-6_dp*sqrt(chart%area))
+      do k = 1, size(segment)
+        inside = contains_point(segment(k)%polygon, s, boundary_tolerance*sqrt(plane%area))
         if (inside) exit
       end do
       if (inside) cycle
-      call project_point(target, x, normal, hint, radius, partner)
-      beside = partner%status == projection_found
-      if (beside) return
+      call project_point(master, x, normal, hint, radius, projection)
+      found = projection%status == projection_found
+      if (found) return
     end do
-  end function partners_beside
+  end function has_uncovered_projection
 
-  !> The rule of a facet in two dimensions.
-  subroutine divide_line(set, f, kind, surface_b, target, table, radius, by_nodes, axisymmetric, plain, rule)
+  !> Quadrature rule of a slave facet in two dimensions.
+  subroutine segment_rule_2d(set, f, kind, surface_b, master, table, radius, mortar, axisymmetric, whole_rule, rule)
+    !> Facets of the slave surface.
     type(facet_set_t), intent(in) :: set
-    integer, intent(in) :: f, kind
+    !> Slave facet.
+    integer, intent(in) :: f
+    !> Element kind of the facet.
+    integer, intent(in) :: kind
+    !> Master surface (surface_b).
     type(surface_t), intent(in) :: surface_b
-    type(master_surface_t), intent(in) :: target
+    !> Master surface, prepared for projections.
+    type(master_surface_t), intent(in) :: master
+    !> Quadrature rules on reference domains, by degree.
     type(rule_table_t), intent(in) :: table
+    !> Search radius: greatest distance of a projection [length].
     real(dp), intent(in) :: radius
-    logical, intent(in) :: by_nodes, axisymmetric
-    type(quadrature_rule_t), intent(in) :: plain
+    !> The rows are dual mortar rows.
+    logical, intent(in) :: mortar
+    !> Weights include the circumference 2 pi r.
+    logical, intent(in) :: axisymmetric
+    !> Rule on the whole facet.
+    type(quadrature_rule_t), intent(in) :: whole_rule
+    !> Rule; not allocated where segmentation fails.
     type(quadrature_rule_t), intent(inout) :: rule
     integer, allocatable :: facet(:)
     real(dp), allocatable :: first(:), last(:)
     real(dp), dimension(3) :: x, normal, xu, xv
-    type(projection_t) :: partner
+    type(projection_t) :: projection
     real(dp) :: covered
-    integer :: n_cells, n, i, degree, hint
+    integer :: n_segments, n, i, degree, hint
     logical :: ok
-    call segments_of_line(set, f, target, n_cells, facet, first, last, ok)
-    if (.not. ok .or. n_cells == 0) return
-    call reach_end(set, f, target, radius, facet(minloc(first(1:n_cells), 1)), -1.0_dp, first(minloc(first(1:n_cells), 1)))
-    call reach_end(set, f, target, radius, facet(maxloc(last(1:n_cells), 1)), 1.0_dp, last(maxloc(last(1:n_cells), 1)))
-    covered = sum(last(1:n_cells) - first(1:n_cells))
+    call segments_of_line(set, f, master, n_segments, facet, first, last, ok)
+    if (.not. ok .or. n_segments == 0) return
+    i = minloc(first(1:n_segments), 1)
+    call extend_to_end(set, f, master, radius, facet(i), -1.0_dp, first(i))
+    i = maxloc(last(1:n_segments), 1)
+    call extend_to_end(set, f, master, radius, facet(i), 1.0_dp, last(i))
+    covered = sum(last(1:n_segments) - first(1:n_segments))
     if (covered > 2*(1 + area_tolerance)) return
     if (covered < 2*(1 - area_tolerance)) then
       hint = 0
-      do i = 1, size(plain%weight)
-        associate (xi => plain%xi(1, i))
-          if (any(first(1:n_cells) - 1e-6_dp < xi .and. xi < last(1:n_cells) + 1e-6_dp)) cycle
+      do i = 1, size(whole_rule%weight)
+        associate (xi => whole_rule%xi(1, i))
+          if (any(first(1:n_segments) - boundary_tolerance < xi .and. &
+                  xi < last(1:n_segments) + boundary_tolerance)) cycle
           call facet_position_and_normal(set, f, [xi, 0.0_dp], x, normal, xu, xv)
         end associate
-        call project_point(target, x, normal, hint, radius, partner)
-        if (partner%status == projection_found) return
+        call project_point(master, x, normal, hint, radius, projection)
+        if (projection%status == projection_found) return
       end do
     end if
     n = 0
-    do i = 1, n_cells
-      degree = segment_degree(kind, surface_b%kind(facet(i)), by_nodes) + merge(1, 0, axisymmetric)
-      ! Along a curve, or with the middle node out of the middle, the shape functions of b are no polynomials of a's degree.
-      if (by_nodes) degree = max(degree, merge(8, 4, maxval(abs(set%coefficient(:, 3, f))) > 1e-10_dp*set%size(f)))
+    do i = 1, n_segments
+      degree = segment_degree(kind, surface_b%kind(facet(i)), mortar) + merge(1, 0, axisymmetric)
+      if (mortar) degree = max(degree, merge(curved_line_degree, line_degree, &
+                                             maxval(abs(set%coefficient(:, 3, f))) > line_flatness*set%size(f)))
       associate (r => table%line(degree))
         call append_points((first(i) + last(i))/2 + (last(i) - first(i))/2*r%xi, (last(i) - first(i))/2*r%weight, n, &
                            rule%xi, rule%weight)
@@ -262,33 +326,39 @@ contains
     end do
     rule%xi = rule%xi(:, 1:n)
     rule%weight = rule%weight(1:n)
-  end subroutine divide_line
+  end subroutine segment_rule_2d
 
-  !> Where b ends above a facet along the facet's normal, it may still be met along its own: with a gap s and an angle h/(2R) the cells
-  !> end too early by s h/(2R). They reach the end of the facet if what lies beyond has partners on the same facet of b.
-  pure subroutine reach_end(set, f, target, radius, facet_b, end_of_facet, end_of_cell)
+  !> Extend the last segment to the end of a slave facet if the points beyond it have projections on the same master
+  !> facet. Where the master surface ends above a slave facet along the mean normal of the slave facet, it may still be
+  !> reached along its own normal: with a gap s and an angle h/(2R) segments end too early by s h/(2R).
+  pure subroutine extend_to_end(set, f, master, radius, facet_b, end_of_facet, end_of_segment)
+    !> Facets of the slave surface.
     type(facet_set_t), intent(in) :: set
+    !> Slave facet.
     integer, intent(in) :: f
-    type(master_surface_t), intent(in) :: target
+    !> Master surface, prepared for projections.
+    type(master_surface_t), intent(in) :: master
     !> Greatest distance of partners [length].
     real(dp), intent(in) :: radius
-    !> Facet of b of the cell next to the end.
+    !> Master facet of the segment next to the end.
     integer, intent(in) :: facet_b
-    !> -1 or 1.
+    !> End of the slave facet, -1 or 1 [].
     real(dp), intent(in) :: end_of_facet
-    real(dp), intent(inout) :: end_of_cell
-    !> Places between the ends of the cell and the facet.
-    real(dp), parameter :: place(3) = [0.05_dp, 0.5_dp, 0.95_dp]
-    type(projection_t) :: partner
+    !> End of the segment, `end_of_facet` on return if it was extended [].
+    real(dp), intent(inout) :: end_of_segment
+    !> Positions between the ends of the segment and the facet that are projected.
+    real(dp), parameter :: fraction(3) = [0.05_dp, 0.5_dp, 0.95_dp]
+    type(projection_t) :: projection
     real(dp), dimension(3) :: x, normal, xu, xv
     integer :: i, hint
-    if (.not. abs(end_of_facet - end_of_cell) > area_tolerance) return
+    if (.not. abs(end_of_facet - end_of_segment) > area_tolerance) return
     hint = facet_b
-    do i = 1, size(place)
-      call facet_position_and_normal(set, f, [end_of_cell + place(i)*(end_of_facet - end_of_cell), 0.0_dp], x, normal, xu, xv)
-      call project_point(target, x, normal, hint, radius, partner)
-      if (partner%status /= projection_found .or. partner%facet /= facet_b) return
+    do i = 1, size(fraction)
+      call facet_position_and_normal(set, f, [end_of_segment + fraction(i)*(end_of_facet - end_of_segment), 0.0_dp], &
+                                     x, normal, xu, xv)
+      call project_point(master, x, normal, hint, radius, projection)
+      if (projection%status /= projection_found .or. projection%facet /= facet_b) return
     end do
-    end_of_cell = end_of_facet
-  end subroutine reach_end
+    end_of_segment = end_of_facet
+  end subroutine extend_to_end
 end module dotyk_contact_mortar_segments

@@ -1,10 +1,10 @@
-!> The normal of a surface at a vertex, from the vertices around it.
+!> Surface normal at a vertex, fitted to the vertices around it.
 !>
-!> The surface is the graph of a function h of two tangential coordinates u, v, and passes through the vertex. Fitted, by
-!> least squares, is h = a u + b v + (c u^2 + d u v + e v^2) (1 + h^2/(u^2+v^2)). The last factor tends to 1 at the vertex,
-!> and makes the fit exact on spheres and circles through it: these obey h = a u + b v + c (u^2+v^2+h^2) in any frame. The
-!> error of the normal falls like the square of the distance of the vertices on every smooth surface, whether they lie
-!> around the vertex or, at the rim of the surface, on one side of it.
+!> The surface is the graph of a function h of two tangential coordinates u, v through the vertex. The fit by least
+!> squares is h = a u + b v + (c u^2 + d u v + e v^2) (1 + h^2/(u^2+v^2)). The last factor tends to 1 at the vertex and
+!> makes the fit exact on spheres and circles: these obey h = a u + b v + c (u^2+v^2+h^2) in any frame. On every smooth
+!> surface the error of the normal is of second order in the distance of the vertices, whether these lie around the
+!> vertex or, at the boundary of the surface, on one side of it.
 module dotyk_contact_normal_fit
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
@@ -13,28 +13,33 @@ module dotyk_contact_normal_fit
   private
   public :: fit_normal
 
-  !> Fits, each in the frame of the normal before.
-  integer, parameter :: fits = 3
-  !> Pivots of the normal equations below this: the vertices hardly determine the function.
-  real(dp), parameter :: least_pivot = 0.02_dp
-  !> Eigenvalues below this, of the largest, are taken for zero.
-  real(dp), parameter :: least_eigenvalue = 1e-6_dp
+  !> Number of fits, each in the frame of the previous normal.
+  integer, parameter :: n_fits = 3
+  !> With a pivot of the scaled normal equations below this the vertices hardly determine the function.
+  real(dp), parameter :: min_pivot = 0.02_dp
+  !> Eigenvalues below this fraction of the largest one count as zero.
+  real(dp), parameter :: min_eigenvalue = 1.0e-6_dp
+  !> Points are isotropic where their mixed moment is below this fraction of their polar moment: round-off.
+  real(dp), parameter :: isotropy_round_off = 1.0e-14_dp
+  !> Points have no extent along an axis where it is below this fraction of the greatest one.
+  real(dp), parameter :: min_extent = 1.0e-10_dp
 
 contains
 
-  !> Fit the normal. Without enough vertices `determined` is false; then the normal is that of the smallest coefficients that fit.
+  !> Fit the normal. Without enough vertices `determined` is false, and the normal is that of the minimum-norm fit.
   subroutine fit_normal(dimension, point, normal, determined)
     !> Of space, 2 or 3.
     integer, intent(in) :: dimension
     !> Vertices relative to the vertex itself, which is not among them (3, n) [length].
     real(dp), intent(in) :: point(:, :)
-    !> Unit vector (3): a guess, from which all heights are functions of the tangential coordinates; the fit on return.
+    !> Unit normal: on entry a guess, in whose frame all heights are functions of the tangential coordinates; the fit on
+    !> return (3) [].
     real(dp), intent(inout) :: normal(3)
     !> The vertices determine the function.
     logical, intent(out) :: determined
     real(dp) :: axis(3, 2), slope(2)
     integer :: k
-    do k = 1, fits
+    do k = 1, n_fits
       call tangents(dimension, normal, axis)
       call fit_slope(dimension, point, normal, axis, slope, determined)
       normal = normal - slope(1)*axis(:, 1) - slope(2)*axis(:, 2)
@@ -42,10 +47,13 @@ contains
     end do
   end subroutine fit_normal
 
-  !> Two unit vectors across a normal; in the plane, one, and zero.
+  !> Two unit vectors normal to a direction; in two dimensions one, and zero.
   pure subroutine tangents(dimension, normal, axis)
+    !> Dimension of space, 2 or 3.
     integer, intent(in) :: dimension
+    !> Direction (3) [].
     real(dp), intent(in) :: normal(3)
+    !> Unit vectors (3, 2) [].
     real(dp), intent(out) :: axis(3, 2)
     integer :: i
     axis = 0
@@ -62,16 +70,22 @@ contains
     axis(3, 2) = normal(1)*axis(2, 1) - normal(2)*axis(1, 1)
   end subroutine tangents
 
-  !> Slope of the surface at the vertex along the two axes.
+  !> Slopes of the surface at the vertex along the two tangential axes.
   subroutine fit_slope(dimension, point, normal, axis, slope, determined)
+    !> Dimension of space, 2 or 3.
     integer, intent(in) :: dimension
-    !> (3, n).
+    !> Vertices relative to the vertex (3, n) [length].
     real(dp), intent(in) :: point(:, :)
-    !> Frame (3), (3,2).
-    real(dp), intent(in) :: normal(3), axis(3, 2)
+    !> Normal of the frame (3) [].
+    real(dp), intent(in) :: normal(3)
+    !> Tangential axes of the frame (3, 2) [].
+    real(dp), intent(in) :: axis(3, 2)
+    !> Slopes along the axes (2) [].
     real(dp), intent(out) :: slope(2)
+    !> The vertices determine the function.
     logical, intent(out) :: determined
-    real(dp) :: p(2, size(point, 2)), h(size(point, 2)), row(5), gram(5, 5), right(5), scale(5), principal(2, 2), square, bend
+    real(dp) :: p(2, size(point, 2)), h(size(point, 2)), row(5), gram(5, 5), right(5), scale(5), principal(2, 2)
+    real(dp) :: square, curvature_factor
     integer :: i, n
     n = merge(2, 5, dimension == 2)
     p = matmul(transpose(axis), point)
@@ -82,14 +96,14 @@ contains
     do i = 1, size(h)
       square = sum(p(:, i)**2)
       if (.not. square > 0) cycle
-      bend = 1 + h(i)**2/square
+      curvature_factor = 1 + h(i)**2/square
       associate (q => matmul(transpose(principal), p(:, i)))
         if (dimension == 2) then
-          row(1:2) = [q(1), bend*q(1)**2]
+          row(1:2) = [q(1), curvature_factor*q(1)**2]
         else
-          row = [q(1), q(2), bend*q(1)**2, bend*q(1)*q(2), bend*q(2)**2]
+          row = [q(1), q(2), curvature_factor*q(1)**2, curvature_factor*q(1)*q(2), curvature_factor*q(2)**2]
         end if
-        ! near vertices count more
+        ! weight 1/distance^2
         gram(1:n, 1:n) = gram(1:n, 1:n) + spread(row(1:n), 2, n)*spread(row(1:n), 1, n)/sum(q**2)
         right(1:n) = right(1:n) + row(1:n)*h(i)/sum(q**2)
       end associate
@@ -101,19 +115,19 @@ contains
     gram = gram*spread(scale, 2, 5)*spread(scale, 1, 5)
     right = right*scale
     determined = size(h) >= n
-    if (determined) call solve(gram(1:n, 1:n), right(1:n), determined)
-    if (.not. determined) call solve_least(gram(1:n, 1:n), right(1:n))
+    if (determined) call solve_cholesky(gram(1:n, 1:n), right(1:n), determined)
+    if (.not. determined) call solve_min_norm(gram(1:n, 1:n), right(1:n))
     right = right*scale
     if (dimension == 2) right(2) = 0
     slope = matmul(principal, right(1:2))
   end subroutine fit_slope
 
-  !> Principal axes of points, over their root mean squares: coordinates along these are of the size of one. An axis along which
-  !> the points have no extent is zero.
+  !> Principal axes of points, divided by their root-mean-square extents: coordinates along them are of order one. An
+  !> axis along which the points have no extent is zero.
   pure subroutine principal_axes(p, axes)
-    !> (2, n).
+    !> Points (2, n) [length].
     real(dp), intent(in) :: p(:, :)
-    !> Columns (2,2).
+    !> Axes as columns (2, 2) [1/length].
     real(dp), intent(out) :: axes(2, 2)
     real(dp) :: xx, xy, yy, angle, extent(2)
     integer :: i
@@ -121,14 +135,14 @@ contains
     xy = sum(p(1, :)*p(2, :))/size(p, 2)
     yy = sum(p(2, :)**2)/size(p, 2)
     angle = 0
-    if (abs(xy) > 1e-14_dp*(xx + yy)) angle = atan2(2*xy, xx - yy)/2
+    if (abs(xy) > isotropy_round_off*(xx + yy)) angle = atan2(2*xy, xx - yy)/2
     axes(:, 1) = [cos(angle), sin(angle)]
     axes(:, 2) = [-sin(angle), cos(angle)]
     do i = 1, 2
       extent(i) = sqrt(sum(matmul(axes(:, i), p)**2)/size(p, 2))
     end do
     do i = 1, 2
-      if (extent(i) > 1e-10_dp*maxval(extent)) then
+      if (extent(i) > min_extent*maxval(extent)) then
         axes(:, i) = axes(:, i)/extent(i)
       else
         axes(:, i) = 0
@@ -136,12 +150,13 @@ contains
     end do
   end subroutine principal_axes
 
-  !> Solve by Cholesky's factorization; nothing happens to b where a pivot is too small.
-  pure subroutine solve(a, b, regular)
-    !> Symmetric with diagonal 1 (n,n).
+  !> Solve by Cholesky factorization; b is unchanged where a pivot is too small.
+  pure subroutine solve_cholesky(a, b, regular)
+    !> Symmetric matrix with diagonal 1 (n, n) [].
     real(dp), intent(in) :: a(:, :)
-    !> Right-hand side and solution (n).
+    !> Right-hand side; solution on return (n) [any].
     real(dp), intent(inout) :: b(:)
+    !> All pivots are large enough.
     logical, intent(out) :: regular
     real(dp) :: l(size(b), size(b)), y(size(b)), pivot
     integer :: i, j
@@ -149,7 +164,7 @@ contains
     l = 0
     do j = 1, size(b)
       pivot = a(j, j) - sum(l(j, :j - 1)**2)
-      if (.not. pivot > least_pivot) return
+      if (.not. pivot > min_pivot) return
       l(j, j) = sqrt(pivot)
       do i = j + 1, size(b)
         l(i, j) = (a(i, j) - sum(l(i, :j - 1)*l(j, :j - 1)))/l(j, j)
@@ -162,13 +177,13 @@ contains
       b(i) = (y(i) - sum(l(i + 1:, i)*b(i + 1:)))/l(i, i)
     end do
     regular = .true.
-  end subroutine solve
+  end subroutine solve_cholesky
 
-  !> The smallest solution of a singular system in the least squares.
-  subroutine solve_least(a, b)
-    !> Symmetric (n,n).
+  !> Minimum-norm least-squares solution of a singular system.
+  subroutine solve_min_norm(a, b)
+    !> Symmetric matrix (n, n) [].
     real(dp), intent(in) :: a(:, :)
-    !> Right-hand side and solution (n).
+    !> Right-hand side; solution on return (n) [any].
     real(dp), intent(inout) :: b(:)
     real(dp) :: values(size(b)), vectors(size(b), size(b)), c(size(b))
     type(error_t), allocatable :: error
@@ -178,11 +193,11 @@ contains
       return
     end if
     c = matmul(transpose(vectors), b)
-    where (values > least_eigenvalue*maxval(values))
+    where (values > min_eigenvalue*maxval(values))
       c = c/values
     elsewhere
       c = 0
     end where
     b = matmul(vectors, c)
-  end subroutine solve_least
+  end subroutine solve_min_norm
 end module dotyk_contact_normal_fit

@@ -1,8 +1,8 @@
-!> The contact operator: all that a scheme sees of contact (DESIGN.md, section 2).
+!> The contact operator B, the contact rows of the quadratic programme (docs/theory.md, sections 2 and 3).
 !>
-!> Row i has weight w_i, gap d_i, penalty parameter theta_i, and (B u)_i, which is n_q . (u_a(x_q) - u_b(x'_q)) in the mean
-!> of the points q of the pair's row: a combination of the Cartesian displacements of the nodes of their facets. B is
-!> stored body by body: the block of a body has the rows that touch it.
+!> Row i has the weight w_i, the weighted gap d_i, and (B u)_i, the weighted mean of n_q
+!> . (u_a(x_q) - u_b(x'_q)) over the integration points q of the row: a combination of the displacements of the nodes of
+!> their facets. B is stored body by body: the block of a body holds the rows that involve it.
 module dotyk_contact_operator
   use dotyk_base_kinds, only: dp
   use dotyk_base_sort, only: sort_order
@@ -13,15 +13,15 @@ module dotyk_contact_operator
   implicit none
   private
 
-  !> The columns of B that belong to one body.
+  !> Columns of B that belong to one body.
   type, public :: contact_block_t
-    !> Number of nodes.
+    !> Number of contact nodes.
     integer :: n_nodes = 0
-    !> Body-local numbers of the nodes that B touches (n_nodes), ascending.
+    !> Body-local numbers of the contact nodes, ascending (n_nodes).
     integer, allocatable :: contact_node(:)
-    !> Rows of the operator that touch the body (matrix%n_rows), ascending.
+    !> Rows of the operator that involve the body, ascending (matrix%n_rows).
     integer, allocatable :: row(:)
-    !> Those rows; column (i-1)*dimension + component of contact node i.
+    !> These rows; column (i-1)*dimension + component of contact node i (size(row) x dimension*n_nodes) [].
     type(sparse_rows_t) :: matrix
   end type contact_block_t
 
@@ -29,15 +29,15 @@ module dotyk_contact_operator
   type, public :: contact_operator_t
     !> Number of rows.
     integer :: n_rows = 0
-    !> Dimension of space.
+    !> Dimension of space, 2 or 3.
     integer :: dimension = 0
     !> Rows of pair k are pair_first_row(k) .. pair_first_row(k+1)-1 (n_pairs+1).
     integer, allocatable :: pair_first_row(:)
-    !> Weights w (n_rows) [length^2].
+    !> Weights w (n_rows) [length^2; length in two dimensions].
     real(dp), allocatable :: weight(:)
-    !> Gaps d (n_rows) [length].
+    !> Weighted gaps d (n_rows) [length].
     real(dp), allocatable :: gap(:)
-    !> One block per body; empty where nothing touches the body.
+    !> Blocks of the bodies; empty for bodies without contact (n_bodies).
     type(contact_block_t), allocatable :: block(:)
   end type contact_operator_t
 
@@ -53,9 +53,11 @@ contains
     integer, intent(in) :: n_bodies
     !> Pairs (n_pairs).
     type(contact_pair_t), intent(in) :: pairs(:)
-    !> Surfaces of each pair (n_pairs).
-    type(surface_t), intent(in) :: surfaces_a(:), surfaces_b(:)
-    !> The operator.
+    !> Slave surfaces of the pairs (n_pairs).
+    type(surface_t), intent(in) :: surfaces_a(:)
+    !> Master surfaces of the pairs (n_pairs).
+    type(surface_t), intent(in) :: surfaces_b(:)
+    !> Operator.
     type(contact_operator_t), intent(out) :: operator
     integer :: k, b
     operator%dimension = dimension
@@ -72,7 +74,8 @@ contains
         operator%gap(first:last) = pairs(k)%row_gap
       end associate
     end do
-    !$omp parallel do default(none) shared(n_bodies, dimension, pairs, surfaces_a, surfaces_b, operator) schedule(dynamic, 1)
+    !$omp parallel do default(none) schedule(dynamic, 1) &
+    !$omp shared(n_bodies, dimension, pairs, surfaces_a, surfaces_b, operator)
     do b = 1, n_bodies
       call build_block(dimension, b, pairs, surfaces_a, surfaces_b, operator%pair_first_row, operator%block(b))
     end do
@@ -81,24 +84,31 @@ contains
 
   !> Build the block of one body.
   subroutine build_block(d, body, pairs, surfaces_a, surfaces_b, pair_first_row, block)
-    !> Dimension of space and index of the body.
-    integer, intent(in) :: d, body
+    !> Dimension of space, 2 or 3.
+    integer, intent(in) :: d
+    !> Index of the body.
+    integer, intent(in) :: body
+    !> Pairs (n_pairs).
     type(contact_pair_t), intent(in) :: pairs(:)
-    type(surface_t), intent(in) :: surfaces_a(:), surfaces_b(:)
+    !> Slave surfaces of the pairs (n_pairs).
+    type(surface_t), intent(in) :: surfaces_a(:)
+    !> Master surfaces of the pairs (n_pairs).
+    type(surface_t), intent(in) :: surfaces_b(:)
     !> First row of each pair (n_pairs+1).
     integer, intent(in) :: pair_first_row(:)
+    !> Block.
     type(contact_block_t), intent(inout) :: block
-    type(sparse_rows_t), allocatable :: part(:)
+    type(sparse_rows_t), allocatable :: side_rows(:)
     integer, allocatable :: column_of(:)
-    integer :: k, i, n, most
-    most = 0
+    integer :: k, i, n, max_node
+    max_node = 0
     n = 0
     do k = 1, size(pairs)
-      if (pairs(k)%body_a == body) most = max(most, maxval(surfaces_a(k)%node))
-      if (pairs(k)%body_b == body) most = max(most, maxval(surfaces_b(k)%node))
+      if (pairs(k)%body_a == body) max_node = max(max_node, maxval(surfaces_a(k)%node))
+      if (pairs(k)%body_b == body) max_node = max(max_node, maxval(surfaces_b(k)%node))
       if (any([pairs(k)%body_a, pairs(k)%body_b] == body)) n = n + 1
     end do
-    allocate (column_of(most), part(n))
+    allocate (column_of(max_node), side_rows(n))
     column_of = 0
     do k = 1, size(pairs)
       if (pairs(k)%body_a == body) call mark_nodes(surfaces_a(k), pairs(k)%facet_a, column_of)
@@ -112,33 +122,37 @@ contains
       if (pairs(k)%body_a == body) call add_side(1.0_dp, pairs(k), surfaces_a(k), pairs(k)%facet_a, pairs(k)%xi_a)
       if (pairs(k)%body_b == body) call add_side(-1.0_dp, pairs(k), surfaces_b(k), pairs(k)%facet_b, pairs(k)%xi_b)
     end do
-    call block%matrix%set_stacked(d*block%n_nodes, part)
+    call block%matrix%set_stacked(d*block%n_nodes, side_rows)
 
   contains
 
     !> Append the rows of one side of a pair.
     subroutine add_side(factor, pair, surface, facet, xi)
-      !> 1 for body a, -1 for body b.
+      !> 1 for body a, -1 for body b [].
       real(dp), intent(in) :: factor
+      !> Contact pair.
       type(contact_pair_t), intent(in) :: pair
+      !> Surface of this side.
       type(surface_t), intent(in) :: surface
-      !> Facets of the points on this side, and reference coordinates.
+      !> Facets of the points on this side (n_points).
       integer, intent(in) :: facet(:)
+      !> Reference coordinates of the points (dimension-1, n_points) [].
       real(dp), intent(in) :: xi(:, :)
       type(sparse_rows_t) :: points
       call point_rows(d, factor, surface, pair%normal, facet, xi, column_of, points)
       n = n + 1
-      call part(n)%set_product(pair%average, points)
+      call side_rows(n)%set_product(pair%average, points)
       block%row = [block%row, [(i, i=pair_first_row(k), pair_first_row(k + 1) - 1)]]
     end subroutine add_side
   end subroutine build_block
 
   !> Mark the nodes of facets that carry contact points.
   pure subroutine mark_nodes(surface, facet, mark)
+    !> Surface.
     type(surface_t), intent(in) :: surface
-    !> Facets of the points.
+    !> Facets of the points (n_points).
     integer, intent(in) :: facet(:)
-    !> 1 at marked nodes.
+    !> 1 at marked nodes (greatest node number).
     integer, intent(inout) :: mark(:)
     integer :: i
     do i = 1, size(facet)
@@ -148,9 +162,9 @@ contains
 
   !> Number the marked nodes in ascending order.
   pure subroutine number_nodes(mark, node)
-    !> 1 at marked nodes on entry, their numbers on return.
+    !> 1 at marked nodes on entry, their numbers on return (greatest node number).
     integer, intent(inout) :: mark(:)
-    !> Marked nodes.
+    !> Marked nodes (n_nodes).
     integer, intent(out) :: node(:)
     integer :: i, n
     n = 0
@@ -166,16 +180,19 @@ contains
   pure subroutine point_rows(d, factor, surface, normal, facet, xi, column_of, matrix)
     !> Dimension of space.
     integer, intent(in) :: d
-    !> 1 for body a, -1 for body b.
+    !> 1 for body a, -1 for body b [].
     real(dp), intent(in) :: factor
+    !> Surface of this side.
     type(surface_t), intent(in) :: surface
-    !> Normals (d, n), facets (n) and reference coordinates (d-1, n) of the points.
+    !> Normals at the points (d, n) [].
     real(dp), intent(in) :: normal(:, :)
+    !> Facets of the points (n).
     integer, intent(in) :: facet(:)
+    !> Reference coordinates of the points (d-1, n) [].
     real(dp), intent(in) :: xi(:, :)
-    !> Contact node number of each node, 0 if none.
+    !> Contact node number of each node, 0 if none (greatest node number).
     integer, intent(in) :: column_of(:)
-    !> The rows.
+    !> The rows (n x d*n_nodes) [].
     type(sparse_rows_t), intent(inout) :: matrix
     real(dp) :: shape(max_facet_nodes)
     integer :: order(max_facet_nodes), i, j, c, n, kind, entry
@@ -186,7 +203,8 @@ contains
     do i = 1, size(facet)
       matrix%row_start(i + 1) = matrix%row_start(i) + d*kind_nodes(surface%kind(facet(i)))
     end do
-    allocate (matrix%column(matrix%row_start(size(facet) + 1) - 1), matrix%value(matrix%row_start(size(facet) + 1) - 1))
+    allocate (matrix%column(matrix%row_start(size(facet) + 1) - 1))
+    allocate (matrix%value(matrix%row_start(size(facet) + 1) - 1))
     do i = 1, size(facet)
       kind = surface%kind(facet(i))
       n = kind_nodes(kind)

@@ -1,34 +1,42 @@
-!> Polygons in the plane with few corners: clipping, clean-up, area, triangles.
+!> Polygons in the plane with few corners: clipping (Sutherland and Hodgman, Commun. ACM 17, 1974), removal of
+!> degenerate corners, area, triangulation by ear clipping.
 module dotyk_contact_polygon
   use dotyk_base_kinds, only: dp
   implicit none
   private
-  public :: signed_area, clip_polygon, tidy_polygon, triangulate, is_parallelogram, contains_point, append_corner
+  public :: append_corner, clip_polygon, contains_point, is_parallelogram, remove_degenerate_corners, signed_area, &
+    triangulate
 
-  !> Most corners of a polygon.
-  integer, parameter, public :: most_corners = 32
+  !> Greatest number of corners of a polygon.
+  integer, parameter, public :: max_corners = 32
+  !> The part that ear clipping leaves is degenerate where its area is below this fraction of the area of the polygon.
+  real(dp), parameter :: area_round_off = 1.0e-13_dp
+  !> A quadrilateral is a parallelogram where its diagonals bisect each other up to this fraction of their length.
+  real(dp), parameter :: parallelogram_tolerance = 1.0e-12_dp
 
-  !> A polygon.
+  !> Polygon.
   type, public :: polygon_t
-    !> Number of corners.
+    !> Number of corners; above `max_corners` where the polygon did not fit.
     integer :: n = 0
-    !> Corners, counter-clockwise where the area is positive (2, most_corners).
-    real(dp) :: x(2, most_corners) = 0
+    !> Corners, counter-clockwise where the area is positive (2, max_corners) [any].
+    real(dp) :: x(2, max_corners) = 0
   end type polygon_t
 
 contains
 
-  !> Add a corner at the end; what is too much is left out, and `n` tells.
+  !> Append a corner. A corner for which there is no room is dropped, which `n` shows.
   pure subroutine append_corner(polygon, x)
+    !> Polygon.
     type(polygon_t), intent(inout) :: polygon
-    !> (2).
+    !> Corner (2) [any].
     real(dp), intent(in) :: x(2)
     polygon%n = polygon%n + 1
-    if (polygon%n <= most_corners) polygon%x(:, polygon%n) = x
+    if (polygon%n <= max_corners) polygon%x(:, polygon%n) = x
   end subroutine append_corner
 
   !> Area, negative where the corners run clockwise.
   pure real(dp) function signed_area(polygon) result(area)
+    !> Polygon.
     type(polygon_t), intent(in) :: polygon
     integer :: i
     area = 0
@@ -37,18 +45,19 @@ contains
     end do
   end function signed_area
 
-  !> Cut off what lies outside a convex window (Sutherland and Hodgman). Corners within round-off of an edge of the window
-  !> lie on it. What the window parts into several pieces stays connected by edges that are run through twice.
+  !> Clip a polygon against a convex window (Sutherland and Hodgman). Corners within a tolerance of an edge of the
+  !> window lie on it. A polygon that the window cuts into several parts stays connected by edges that are passed twice.
   pure subroutine clip_polygon(polygon, window, tolerance, ok)
+    !> Polygon, clipped on return.
     type(polygon_t), intent(inout) :: polygon
-    !> Convex, counter-clockwise.
+    !> Convex window, counter-clockwise.
     type(polygon_t), intent(in) :: window
-    !> Distance that counts as none.
+    !> Distance that counts as zero [as the corners].
     real(dp), intent(in) :: tolerance
-    !> There was room for all corners.
+    !> All corners fit.
     logical, intent(out) :: ok
     type(polygon_t) :: old
-    real(dp) :: edge(2), side(most_corners)
+    real(dp) :: edge(2), side(max_corners)
     integer :: e, i, k
     ok = .true.
     do e = 1, window%n
@@ -68,116 +77,121 @@ contains
         if ((side(i) > 0 .and. side(k) < 0) .or. (side(i) < 0 .and. side(k) > 0)) &
           call append_corner(polygon, (side(i)*old%x(:, k) - side(k)*old%x(:, i))/(side(i) - side(k)))
       end do
-      ok = polygon%n <= most_corners
+      ok = polygon%n <= max_corners
       if (.not. ok) return
     end do
   end subroutine clip_polygon
 
-  !> Remove corners that repeat, and those on the straight line between their neighbours.
-  pure subroutine tidy_polygon(polygon, tolerance)
+  !> Remove repeated corners and corners on the straight line between their neighbours.
+  pure subroutine remove_degenerate_corners(polygon, tolerance)
+    !> Polygon; empty on return if it degenerates.
     type(polygon_t), intent(inout) :: polygon
-    !> Distance that counts as none.
+    !> Distance that counts as zero [as the corners].
     real(dp), intent(in) :: tolerance
-    real(dp) :: before(2), after(2)
+    real(dp) :: previous(2), next(2)
     integer :: i, kept
-    logical :: again
-    again = .true.
-    do while (again .and. polygon%n >= 3)
-      again = .false.
+    logical :: changed
+    changed = .true.
+    do while (changed .and. polygon%n >= 3)
+      changed = .false.
       do i = 1, polygon%n
-        before = polygon%x(:, i) - polygon%x(:, modulo(i - 2, polygon%n) + 1)
-        after = polygon%x(:, mod(i, polygon%n) + 1) - polygon%x(:, i)
-        if (norm2(before) > tolerance .and. norm2(after) > tolerance) then
-          if (abs(cross(before, after)) > tolerance*norm2(before + after)) cycle
+        previous = polygon%x(:, i) - polygon%x(:, modulo(i - 2, polygon%n) + 1)
+        next = polygon%x(:, mod(i, polygon%n) + 1) - polygon%x(:, i)
+        if (norm2(previous) > tolerance .and. norm2(next) > tolerance) then
+          if (abs(cross(previous, next)) > tolerance*norm2(previous + next)) cycle
         end if
         do kept = i, polygon%n - 1
           polygon%x(:, kept) = polygon%x(:, kept + 1)
         end do
         polygon%n = polygon%n - 1
-        again = .true.
+        changed = .true.
         exit
       end do
     end do
     if (polygon%n < 3) polygon%n = 0
-  end subroutine tidy_polygon
+  end subroutine remove_degenerate_corners
 
-  !> Triangles of a polygon by cutting off ears: of those there are, the one with the best shape, so that no needles arise
-  !> where they can be helped.
+  !> Triangulate a polygon by ear clipping: the ear of best shape first, to avoid slivers.
   pure subroutine triangulate(polygon, n, triangle, ok)
-    !> Counter-clockwise, without corners that repeat.
+    !> Polygon, counter-clockwise, without repeated corners.
     type(polygon_t), intent(in) :: polygon
     !> Number of triangles.
     integer, intent(out) :: n
-    !> Their corners (2, 3, n).
-    real(dp), intent(out) :: triangle(2, 3, most_corners)
-    !> They make up the whole polygon.
+    !> Corners of the triangles (2, 3, max_corners) [as the corners]; the first n triangles are set.
+    real(dp), intent(out) :: triangle(2, 3, max_corners)
+    !> The triangles cover the polygon.
     logical, intent(out) :: ok
-    type(polygon_t) :: rest
+    type(polygon_t) :: remainder
     real(dp) :: shape, best
     integer :: i, k
-    rest = polygon
+    remainder = polygon
     n = 0
-    ok = rest%n >= 3
-    do while (rest%n >= 3)
+    ok = remainder%n >= 3
+    do while (remainder%n >= 3)
       best = 0
       k = 0
-      do i = 1, rest%n
-        shape = ear(rest, i)
+      do i = 1, remainder%n
+        shape = ear_quality(remainder, i)
         if (shape <= best) cycle
         best = shape
         k = i
       end do
       if (k == 0) then
-        ok = abs(signed_area(rest)) <= 1e-13_dp*abs(signed_area(polygon))
+        ok = abs(signed_area(remainder)) <= area_round_off*abs(signed_area(polygon))
         return
       end if
       n = n + 1
-      triangle(:, 1, n) = rest%x(:, modulo(k - 2, rest%n) + 1)
-      triangle(:, 2, n) = rest%x(:, k)
-      triangle(:, 3, n) = rest%x(:, mod(k, rest%n) + 1)
-      do i = k, rest%n - 1
-        rest%x(:, i) = rest%x(:, i + 1)
+      triangle(:, 1, n) = remainder%x(:, modulo(k - 2, remainder%n) + 1)
+      triangle(:, 2, n) = remainder%x(:, k)
+      triangle(:, 3, n) = remainder%x(:, mod(k, remainder%n) + 1)
+      do i = k, remainder%n - 1
+        remainder%x(:, i) = remainder%x(:, i + 1)
       end do
-      rest%n = rest%n - 1
+      remainder%n = remainder%n - 1
     end do
   end subroutine triangulate
 
-  !> Quality of a corner as an ear: twice its area over the square of its longest side; 0 where it is none.
-  pure real(dp) function ear(polygon, i) result(shape)
+  !> Quality of a corner as an ear, twice the area over the square of the longest side; 0 where the corner is no ear.
+  pure real(dp) function ear_quality(polygon, i) result(shape)
+    !> Polygon.
     type(polygon_t), intent(in) :: polygon
+    !> Corner.
     integer, intent(in) :: i
     real(dp) :: a(2), b(2), c(2), p(2)
-    integer :: before, after, j
+    integer :: previous, next, j
     shape = 0
-    before = modulo(i - 2, polygon%n) + 1
-    after = mod(i, polygon%n) + 1
-    a = polygon%x(:, before)
+    previous = modulo(i - 2, polygon%n) + 1
+    next = mod(i, polygon%n) + 1
+    a = polygon%x(:, previous)
     b = polygon%x(:, i)
-    c = polygon%x(:, after)
+    c = polygon%x(:, next)
     if (cross(b - a, c - b) <= 0) return
     do j = 1, polygon%n
-      if (j == before .or. j == i .or. j == after) cycle
+      if (j == previous .or. j == i .or. j == next) cycle
       p = polygon%x(:, j)
       if (cross(b - a, p - a) > 0 .and. cross(c - b, p - b) > 0 .and. cross(a - c, p - c) > 0) return
     end do
     shape = cross(b - a, c - b)/max(sum((b - a)**2), sum((c - b)**2), sum((a - c)**2))
-  end function ear
+  end function ear_quality
 
-  !> Four corners, opposite sides parallel.
+  !> Whether a polygon is a parallelogram.
   pure logical function is_parallelogram(polygon)
+    !> Polygon.
     type(polygon_t), intent(in) :: polygon
     associate (x => polygon%x)
       is_parallelogram = polygon%n == 4
       if (is_parallelogram) is_parallelogram = norm2(x(:, 1) - x(:, 2) + x(:, 3) - x(:, 4)) &
-                                               <= 1e-12_dp*norm2(x(:, 3) - x(:, 1))
+                                               <= parallelogram_tolerance*norm2(x(:, 3) - x(:, 1))
     end associate
   end function is_parallelogram
 
-  !> A point lies in a polygon or nearer to it than a tolerance (crossings of a ray; then the distance to the edges).
+  !> Whether a point lies in a polygon or within a tolerance of its edges (even-odd rule).
   pure logical function contains_point(polygon, p, tolerance) result(inside)
+    !> Polygon.
     type(polygon_t), intent(in) :: polygon
-    !> (2).
+    !> Point (2) [as the corners].
     real(dp), intent(in) :: p(2)
+    !> Tolerance [as the corners].
     real(dp), intent(in) :: tolerance
     real(dp) :: a(2), b(2), t
     integer :: i
@@ -198,7 +212,10 @@ contains
 
   !> Vector product in the plane.
   pure real(dp) function cross(a, b)
-    real(dp), intent(in) :: a(2), b(2)
+    !> First vector (2) [any].
+    real(dp), intent(in) :: a(2)
+    !> Second vector (2) [any].
+    real(dp), intent(in) :: b(2)
     cross = a(1)*b(2) - a(2)*b(1)
   end function cross
 end module dotyk_contact_polygon

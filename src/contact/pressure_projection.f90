@@ -1,17 +1,18 @@
-!> The pressure that users look at: a field of the continuous linear shape functions of surface_a.
+!> Contact pressure for output: projection of the row pressures on the continuous linear shape functions N of the slave
+!> surface.
 !>
-!> Where the rows are vertices, row i holds p_i = (moment of the pressure with N_i)/w_i, a mean with the weight N_i, which
-!> flattens curves. One step P = p + (p - W^{-1} M p), M = sum_q w_q N_q N_q^T, W = diag(w), takes that back to the fourth
-!> order, keeps the force, and doubles noise at most. The whole inverse, P = M^{-1} W p, makes noise 3 (lines) to 9 times
-!> (quadrilaterals) as large, and overshoots where the pressure ends as a square root: for a sphere with 3 elements over
-!> the contact radius its mean square error is 15 % in place of 10 %.
+!> Dual mortar rows: row i has p_i = (moment of the pressure with N_i)/w_i, a mean with the weight N_i, which flattens
+!> curved distributions. One step P = p + (p - W^{-1} M p), M = sum_q w_q N_q N_q^T, W = diag(w), restores fourth order,
+!> conserves the force, and amplifies noise by 2 at most. The complete inverse, P = M^{-1} W p, amplifies noise by 3
+!> (lines) to 9 (quadrilaterals), and overshoots where the pressure ends as a square root: for a sphere with 3 elements
+!> over the contact radius its root-mean-square error is 15 % in place of 10 %.
 !>
-!> Where the rows are the points, nodal values P minimise sum_i w_i (N_i P - p_i)^2. A facet on the rim of the contact
-!> surface may carry fewer points than corners, and then this does not determine its corners. To it is added
-!> smoothing * (sum of w on the facet) * sum over pairs of its corners (P_j - P_k)^2, which makes the matrix positive
-!> definite, as every corner is joined to a point, and gives undetermined corners the values of their neighbours. With
-!> smoothing = 1e-11 determined values move by less than 1e-9 of the differences between neighbours (the least
-!> eigenvalue of a facet's mass matrix is 1/36 of its area), and undetermined ones keep 5 digits of 16.
+!> Integration points as rows: the nodal values P minimize sum_i w_i (N_i P - p_i)^2. A facet on the boundary of the
+!> contact surface may carry fewer points than corners, which do not determine the values at its corners. Added to the
+!> sum is smoothing * (sum of w on the facet) * sum over pairs of its corners (P_j - P_k)^2: the matrix is positive
+!> definite, as every corner is connected to a point, and undetermined corners take the values of their neighbours. With
+!> smoothing = 1e-11 determined values change by less than 1e-9 of the differences between neighbours (the least
+!> eigenvalue of the mass matrix of a facet is 1/36 of its area), and undetermined ones keep 5 of 16 digits.
 module dotyk_contact_pressure_projection
   use dotyk_base_error, only: add_context, error_t, exit_not_solvable, set_error
   use dotyk_base_kinds, only: dp, int64
@@ -26,11 +27,13 @@ module dotyk_contact_pressure_projection
   implicit none
   private
 
-  !> The projection of one pair. It owns a factor: never copy it, destroy it in the end.
+  !> Projection of the pressure of one pair. It owns a factor: it must not be copied, and `destroy` releases it.
   type, public :: pressure_projection_t
-    !> Fields on surface_a and surface_b; their `node` tells which nodes have values.
-    type(corner_interpolation_t) :: side_a, side_b
-    !> Factor of the weighted mass matrix of side_a, where the rows are the points.
+    !> Interpolation on the slave surface; its `node` lists the nodes that have values.
+    type(corner_interpolation_t) :: side_a
+    !> Interpolation on the master surface, likewise.
+    type(corner_interpolation_t) :: side_b
+    !> Factor of the weighted mass matrix of side_a, where integration points are rows.
     type(cholesky_t) :: factor
   contains
     procedure :: init => projection_init
@@ -38,16 +41,21 @@ module dotyk_contact_pressure_projection
     procedure :: destroy => projection_destroy
   end type pressure_projection_t
 
-  !> See above.
-  real(dp), parameter :: smoothing = 1e-11_dp
+  !> Factor of the smoothing term; see the header of the module.
+  real(dp), parameter :: smoothing = 1.0e-11_dp
 
 contains
 
   !> Prepare the projection of a pair.
   subroutine projection_init(self, pair, surface_a, surface_b, error)
     class(pressure_projection_t), intent(inout) :: self
+    !> Contact pair.
     type(contact_pair_t), intent(in) :: pair
-    type(surface_t), intent(in) :: surface_a, surface_b
+    !> Slave surface (surface_a).
+    type(surface_t), intent(in) :: surface_a
+    !> Master surface (surface_b).
+    type(surface_t), intent(in) :: surface_b
+    !> Set if the mass matrix cannot be ordered or factorized, or is not positive definite.
     type(error_t), allocatable, intent(out) :: error
     type(sparse_symmetric_t) :: mass
     integer, allocatable :: start(:), neighbour(:), permutation(:)
@@ -69,13 +77,15 @@ contains
     call add_context(error, 'projection of the pressure of &contact '//quoted(pair%name)//': ')
   end subroutine projection_init
 
-  !> Weighted mass matrix of the linear shape functions, with the smoothing.
+  !> Weighted mass matrix of the linear shape functions, with the smoothing term.
   subroutine mass_matrix(side, facet, weight, mass)
+    !> Interpolation on the slave surface.
     type(corner_interpolation_t), intent(in) :: side
-    !> Facets of the points, points of one facet in a row.
+    !> Slave facet of each point, ascending (n_points).
     integer, intent(in) :: facet(:)
-    !> Weights of the points.
+    !> Weights of the points (n_points) [length^2; length in two dimensions].
     real(dp), intent(in) :: weight(:)
+    !> Mass matrix (side%n, side%n).
     type(sparse_symmetric_t), intent(out) :: mass
     type(sparse_rows_t) :: upper
     integer, allocatable :: row(:), column(:)
@@ -123,11 +133,14 @@ contains
     call upper%destroy()
   end subroutine mass_matrix
 
-  !> The graph of a symmetric matrix.
+  !> Graph of a symmetric matrix.
   subroutine node_graph(matrix, start, neighbour)
+    !> Matrix, its lower triangle.
     type(sparse_symmetric_t), intent(in) :: matrix
-    !> Neighbours of i: neighbour(start(i):start(i+1)-1), without i.
-    integer, allocatable, intent(out) :: start(:), neighbour(:)
+    !> Neighbours of i are neighbour(start(i):start(i+1)-1) (n+1).
+    integer, allocatable, intent(out) :: start(:)
+    !> Neighbours of all nodes, themselves excluded (number of off-diagonal entries).
+    integer, allocatable, intent(out) :: neighbour(:)
     integer, allocatable :: next(:)
     integer :: i, j
     integer(int64) :: k
@@ -162,27 +175,29 @@ contains
   !> Project a pressure.
   subroutine projection_project(self, pair, pressure, projected, on_nodes_a, on_nodes_b)
     class(pressure_projection_t), intent(in) :: self
-    !> The pair that it was prepared for.
+    !> Pair for which the projection was prepared.
     type(contact_pair_t), intent(in) :: pair
-    !> Pressure of the rows (n_rows).
+    !> Row pressures (n_rows) [pressure].
     real(dp), intent(in) :: pressure(:)
-    !> Projected pressure of the rows (n_rows).
+    !> Projected pressure at the rows (n_rows) [pressure].
     real(dp), intent(out) :: projected(:)
-    !> Projected pressure at side_a%node, and its weighted means at side_b%node.
-    real(dp), intent(out) :: on_nodes_a(:), on_nodes_b(:)
-    real(dp), allocatable :: at_points(:), corner(:), total(:), flat(:)
+    !> Projected pressure at the nodes side_a%node (their number) [pressure].
+    real(dp), intent(out) :: on_nodes_a(:)
+    !> Weighted means of the projected pressure at the nodes side_b%node (their number) [pressure].
+    real(dp), intent(out) :: on_nodes_b(:)
+    real(dp), allocatable :: at_points(:), corner(:), total(:), smoothed(:)
     allocate (at_points(pair%n_points), corner(self%side_a%n))
     call pair%average%multiply_transposed(pair%row_weight*pressure, at_points)
     call self%side_a%moments(at_points, corner)
     if (pair%discretization == discretization_quadrature) then
       call self%factor%solve(corner)
     else
-      allocate (total(self%side_a%n), flat(self%side_a%n))
+      allocate (total(self%side_a%n), smoothed(self%side_a%n))
       call self%side_a%moments(pair%weight, total)
       corner = corner/total
       call self%side_a%at_points(corner, at_points)
-      call self%side_a%moments(pair%weight*at_points, flat)
-      corner = 2*corner - flat/total
+      call self%side_a%moments(pair%weight*at_points, smoothed)
+      corner = 2*corner - smoothed/total
       deallocate (total)
     end if
     call self%side_a%at_points(corner, at_points)
@@ -200,7 +215,7 @@ contains
     call self%side_b%at_nodes(corner, on_nodes_b)
   end subroutine projection_project
 
-  !> Give the memory back.
+  !> Release the memory of the factor.
   subroutine projection_destroy(self)
     class(pressure_projection_t), intent(inout) :: self
     call self%factor%destroy()

@@ -1,52 +1,52 @@
-!> Projection on a surface: the partner of a contact point (DESIGN.md, section 4).
+!> Closest-point projection of points of the slave surface on the master surface.
 !>
-!> The closest point x' is looked for among the facets that face the point. Where it lies on an edge or at a corner,
-!> the facets there that face the point count as one surface; where that surface ends, x has to project inside it. The
-!> facet is then the one that faces best, the lowest number of equal ones.
+!> The closest point x' is searched among the facets that face the point. Where it lies on an edge or at a corner, the
+!> facets there that face the point count as one surface; at the boundary of that surface x has to project inside it.
+!> The projection belongs to the facet that faces best, the lowest number of equal ones.
 !>
-!> Signs: `normal` n points from body a into body b, n = -n_b(x'), and the distance d = n.(x' - x) is negative where
-!> the bodies overlap. On an edge between two facets n_b(x') is the direction between their normals that x lies in:
-!> then x - x' and n are parallel everywhere, and the moments of the forces on the two sides cancel exactly.
+!> Signs: `normal` n points from body a into body b, n = -n_b(x'), and the distance d = n.(x' - x) is negative where the
+!> bodies overlap. On an edge between two facets n_b(x') is the direction between their normals in which x lies: x - x'
+!> and n are parallel everywhere, and the moments of the forces on the two sides cancel exactly.
 module dotyk_contact_projection
   use dotyk_base_kinds, only: dp
   use dotyk_contact_adjacency, only: adjacency_t
   use dotyk_contact_closest_point, only: closest_point_on_facet, edges_at
   use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
-  use dotyk_contact_bounding_volume_tree, only: bounding_volume_tree_t, facing_cosine, nearest_facet
+  use dotyk_contact_bounding_volume_tree, only: bounding_volume_tree_t, facing_cosine
+  use dotyk_contact_tree_search, only: nearest_facet
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
 
-  !> A surface that points are projected on.
+  !> Master surface, prepared for projections.
   type, public :: master_surface_t
-    !> Its facets.
+    !> Facets.
     type(facet_set_t) :: set
-    !> Their tree.
+    !> Bounding-volume tree of the facets.
     type(bounding_volume_tree_t) :: tree
-    !> Their neighbours.
+    !> Neighbours of the facets.
     type(adjacency_t) :: adjacency
   contains
-    procedure :: init => target_init
+    procedure :: init => master_surface_init
     procedure :: smallest_distance
   end type master_surface_t
 
-  !> What became of a point.
-  integer, parameter, public :: projection_found = 0       !< it has a partner
-  integer, parameter, public :: projection_not_facing = 1  !< no facet faces it
-  integer, parameter, public :: projection_outside = 2     !< it projects beside the surface
-  integer, parameter, public :: projection_too_far = 3     !< farther than search_radius
+  integer, parameter, public :: projection_found = 0       !< the point has a projection
+  integer, parameter, public :: projection_not_facing = 1  !< no facet faces the point
+  integer, parameter, public :: projection_outside = 2     !< the point projects beside the surface
+  integer, parameter, public :: projection_too_far = 3     !< the distance exceeds the search radius
 
-  !> The partner of a point.
+  !> Projection of a point of the slave surface on the master surface.
   type, public :: projection_t
-    !> One of the constants above.
+    !> One of the constants `projection_*`.
     integer :: status = projection_not_facing
-    !> Facet of the surface.
+    !> Master facet.
     integer :: facet = 0
-    !> Reference coordinates on it (2).
+    !> Reference coordinates of x' on it (2) [].
     real(dp) :: xi(2) = 0
-    !> Position x' (3) [length].
+    !> Position of x' (3) [length].
     real(dp) :: position(3) = 0
-    !> Unit vector from body a into body b (3).
+    !> Unit normal n from body a into body b (3) [].
     real(dp) :: normal(3) = 0
     !> Signed distance n.(x' - x) [length].
     real(dp) :: distance = 0
@@ -54,17 +54,25 @@ module dotyk_contact_projection
 
   public :: project_point
 
-  !> A point this near to an edge lies on it, relative to the facet's size (DESIGN.md, section 4).
-  real(dp), parameter :: edge_tolerance = 1e-8_dp
-  !> Closest points of two facets that share an edge are the same when nearer than this, relative to the facet's size.
-  real(dp), parameter :: same_point = 1e-6_dp
-  !> Facets at one corner that are looked at.
-  integer, parameter :: most_around = 64
+  !> A point lies on an edge where its distance is below this fraction of the size of the facet.
+  real(dp), parameter :: edge_tolerance = 1.0e-8_dp
+  !> Closest points of two facets that share an edge coincide where their distance is below this fraction of the size.
+  real(dp), parameter :: same_point = 1.0e-6_dp
+  !> Greatest number of facets at one corner that are considered.
+  integer, parameter :: max_around = 64
+  !> A facet faces better than another where the cosine is larger by more than round-off.
+  real(dp), parameter :: cosine_round_off = 1.0e-10_dp
+  !> x - x' is parallel to the normal, or of no direction, where its tangential part is below this fraction of the size.
+  real(dp), parameter :: parallel_tolerance = 1.0e-10_dp
+  !> Away from edges between facets the normal is corrected by no more than this angle [rad].
+  real(dp), parameter :: max_correction = 1.0e-3_dp
+  !> On an edge the normal is x - x' where its angle to the facet normal has a larger cosine than this.
+  real(dp), parameter :: min_alignment = 0.3_dp
 
 contains
 
   !> Prepare a surface.
-  subroutine target_init(self, x, surface)
+  subroutine master_surface_init(self, x, surface)
     class(master_surface_t), intent(out) :: self
     !> Nodal coordinates of the body (dimension, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
@@ -73,118 +81,137 @@ contains
     call self%set%init(x, surface)
     call self%tree%init(self%set)
     call self%adjacency%init(self%set)
-  end subroutine target_init
+  end subroutine master_surface_init
 
-  !> Find the partner of a point.
-  pure subroutine project_point(self, x, normal_a, hint, search_radius, partner)
+  !> Project a point.
+  pure subroutine project_point(self, x, normal_a, hint, search_radius, projection)
     type(master_surface_t), intent(in) :: self
-    !> The point (3) [length].
+    !> Point of the slave surface (3) [length].
     real(dp), intent(in) :: x(3)
-    !> Outward normal of body a there (3).
+    !> Outward normal of body a there (3) [].
     real(dp), intent(in) :: normal_a(3)
     !> A facet that is probably near, 0 if none; the nearest facet on return.
     integer, intent(inout) :: hint
     !> Greatest distance [length].
     real(dp), intent(in) :: search_radius
-    !> The partner.
-    type(projection_t), intent(out) :: partner
+    !> Projection.
+    type(projection_t), intent(out) :: projection
     real(dp) :: square, normal(3), r(3), xu(3), xv(3)
     integer :: facet, n_edges, edges(2)
     logical :: inside, ridge
-    call nearest_facet(self%tree, self%set, x, -normal_a, .false., hint, facet, partner%xi, square)
+    call nearest_facet(self%tree, self%set, x, -normal_a, .false., hint, facet, projection%xi, square)
     if (facet == 0) return
     hint = facet
-    call facet_position_and_normal(self%set, facet, partner%xi, partner%position, normal, xu, xv)
+    call facet_position_and_normal(self%set, facet, projection%xi, projection%position, normal, xu, xv)
     inside = .true.
     ridge = .false.
-    call edges_at(self%set%corners(facet), partner%xi, edge_tolerance, n_edges, edges)
-    if (n_edges > 0) call settle_on_edge(self, x, normal_a, n_edges, edges, facet, partner%xi, &
-                                         partner%position, normal, ridge, inside)
-    partner%facet = facet
-    r = x - partner%position
-    call align(r, self%set%size(facet), ridge, normal)
-    partner%normal = -normal
-    partner%distance = dot_product(normal, r)
+    call edges_at(self%set%corners(facet), projection%xi, edge_tolerance, n_edges, edges)
+    if (n_edges > 0) call resolve_edge(self, x, normal_a, n_edges, edges, facet, projection%xi, &
+                                       projection%position, normal, ridge, inside)
+    projection%facet = facet
+    r = x - projection%position
+    call align_normal(r, self%set%size(facet), ridge, normal)
+    projection%normal = -normal
+    projection%distance = dot_product(normal, r)
     if (.not. inside) then
-      partner%status = projection_outside
-    else if (abs(partner%distance) > search_radius) then
-      partner%status = projection_too_far
+      projection%status = projection_outside
+    else if (abs(projection%distance) > search_radius) then
+      projection%status = projection_too_far
     else
-      partner%status = projection_found
+      projection%status = projection_found
     end if
   end subroutine project_point
 
-  !> Choose among the facets around a point of an edge or corner, and find out whether x really projects inside their
-  !> union.
-  pure subroutine settle_on_edge(self, x, normal_a, n_edges, edges, facet, xi, position, normal, ridge, inside)
+  !> Choose among the facets around a closest point on an edge or at a corner, and find out whether x projects inside
+  !> their union.
+  pure subroutine resolve_edge(self, x, normal_a, n_edges, edges, facet, xi, position, normal, ridge, inside)
     type(master_surface_t), intent(in) :: self
-    !> The point, and the normal of body a there (3).
-    real(dp), intent(in) :: x(3), normal_a(3)
-    !> The edges of the facet that its closest point lies on.
-    integer, intent(in) :: n_edges, edges(2)
-    !> Facet with reference coordinates, position and normal of the closest point, before and after.
+    !> Point of the slave surface (3) [length].
+    real(dp), intent(in) :: x(3)
+    !> Outward normal of body a there (3) [].
+    real(dp), intent(in) :: normal_a(3)
+    !> Number of edges of the facet that contain the closest point, 1 or 2.
+    integer, intent(in) :: n_edges
+    !> These edges (2).
+    integer, intent(in) :: edges(2)
+    !> Facet of the closest point, before and after.
     integer, intent(inout) :: facet
-    real(dp), intent(inout) :: xi(2), position(3), normal(3)
-    !> More than one facet faces x there.
+    !> Its reference coordinates (2) [].
+    real(dp), intent(inout) :: xi(2)
+    !> Closest point (3) [length].
+    real(dp), intent(inout) :: position(3)
+    !> Normal of the facet there (3) [].
+    real(dp), intent(inout) :: normal(3)
+    !> More than one facet at the closest point faces x.
     logical, intent(out) :: ridge
-    !> x projects inside.
+    !> x projects inside the union of the facets.
     logical, intent(out) :: inside
-    integer :: around(most_around), kept(most_around), n_around, n_kept, i, k, other, n_on, on(2), best
-    real(dp) :: its_xi(2, most_around), its_position(3, most_around), its_normal(3, most_around), facing(most_around)
-    real(dp) :: xu(3, most_around), xv(3, most_around), square
-    real(dp) :: its_closest(2), closest(3), dummy(3), dummy_u(3), dummy_v(3)
-    call facets_around(self%adjacency, self%set%corners(facet), facet, n_edges, edges, n_around, around)
+    integer :: around(max_around), kept(max_around), n_around, n_kept, i, k, other, n_on, on(2), best
+    real(dp) :: xi_at(2, max_around), position_at(3, max_around), normal_at(3, max_around), facing(max_around)
+    real(dp) :: xu(3, max_around), xv(3, max_around), square
+    real(dp) :: closest_xi(2), closest(3), unused_normal(3), unused_u(3), unused_v(3)
+    call facets_at(self%adjacency, self%set%corners(facet), facet, n_edges, edges, n_around, around)
     n_kept = 0
     inside = .true.
     do i = 1, n_around
       k = n_kept + 1
       if (around(i) == facet) then
-        its_xi(:, k) = xi
+        xi_at(:, k) = xi
       else
-        call closest_point_on_facet(self%set, around(i), position, its_xi(:, k), square)
+        call closest_point_on_facet(self%set, around(i), position, xi_at(:, k), square)
         if (square > (edge_tolerance*self%set%size(around(i)))**2) cycle
       end if
-      call facet_position_and_normal(self%set, around(i), its_xi(:, k), its_position(:, k), its_normal(:, k), &
+      call facet_position_and_normal(self%set, around(i), xi_at(:, k), position_at(:, k), normal_at(:, k), &
                                      xu(:, k), xv(:, k))
-      facing(k) = -dot_product(its_normal(:, k), normal_a)
+      facing(k) = -dot_product(normal_at(:, k), normal_a)
       if (.not. facing(k) > facing_cosine) cycle
       kept(k) = around(i)
       n_kept = k
-      ! A curved facet may face x on its edge and not at its closest point, where it was passed over: that is beside.
+      ! A curved facet may face x on its edge but not at its own closest point, where it was rejected: x projects beside
+      ! it.
       if (around(i) == facet) cycle
-      call closest_point_on_facet(self%set, around(i), x, its_closest, square)
-      call facet_position_and_normal(self%set, around(i), its_closest, closest, dummy, dummy_u, dummy_v)
+      call closest_point_on_facet(self%set, around(i), x, closest_xi, square)
+      call facet_position_and_normal(self%set, around(i), closest_xi, closest, unused_normal, unused_u, unused_v)
       if (norm2(closest - position) > same_point*self%set%size(around(i))) inside = .false.
     end do
     ridge = n_kept > 1
     best = 1
     do i = 1, n_kept
-      if (facing(i) > facing(best) + 1e-10_dp) best = i   ! around(:) ascends: the lowest number of equal ones stays
-      call edges_at(self%set%corners(kept(i)), its_xi(:, i), 2*edge_tolerance, n_on, on)
+      if (facing(i) > facing(best) + cosine_round_off) best = i   ! around(:) ascends: ties keep the lowest number
+      call edges_at(self%set%corners(kept(i)), xi_at(:, i), 2*edge_tolerance, n_on, on)
       do k = 1, n_on
         other = self%adjacency%neighbour(on(k), kept(i))
         if (other > 0) then
           if (any(kept(1:n_kept) == other)) cycle
         end if
-        if (dot_product(x - position, outward(self%set%corners(kept(i)), on(k), xu(:, i), xv(:, i), its_normal(:, i))) &
+        if (dot_product(x - position, &
+                        conormal(self%set%corners(kept(i)), on(k), xu(:, i), xv(:, i), normal_at(:, i))) &
             > edge_tolerance*self%set%size(kept(i))) inside = .false.
       end do
     end do
     if (n_kept == 0) return
     facet = kept(best)
-    xi = its_xi(:, best)
-    position = its_position(:, best)
-    normal = its_normal(:, best)
-  end subroutine settle_on_edge
+    xi = xi_at(:, best)
+    position = position_at(:, best)
+    normal = normal_at(:, best)
+  end subroutine resolve_edge
 
-  !> The facets that share the edge or the corner that a closest point lies on, ascending, the facet itself included.
-  pure subroutine facets_around(adjacency, corners, facet, n_edges, edges, n, around)
+  !> Facets that share the edge or the corner on which a closest point lies, ascending, the facet itself included.
+  pure subroutine facets_at(adjacency, corners, facet, n_edges, edges, n, around)
+    !> Neighbours of the facets.
     type(adjacency_t), intent(in) :: adjacency
-    !> Corners of the facet, the facet, and its edges that contain the point.
-    integer, intent(in) :: corners, facet, n_edges, edges(2)
+    !> Number of corners of the facet.
+    integer, intent(in) :: corners
+    !> Facet number.
+    integer, intent(in) :: facet
+    !> Number of edges of the facet that contain the point, 1 or 2.
+    integer, intent(in) :: n_edges
+    !> These edges (2).
+    integer, intent(in) :: edges(2)
     !> Number of facets.
     integer, intent(out) :: n
-    integer, intent(out) :: around(most_around)
+    !> Facets (max_around); the first n are set.
+    integer, intent(out) :: around(max_around)
     integer :: corner, other, vertex
     around = 0
     if (n_edges == 1) then
@@ -201,16 +228,24 @@ contains
       corner = edges(2)
       if (edges(1) == 1 .and. edges(2) == corners) corner = 1
       vertex = adjacency%vertex(corner, facet)
-      n = min(most_around, adjacency%start(vertex + 1) - adjacency%start(vertex))
+      n = min(max_around, adjacency%start(vertex + 1) - adjacency%start(vertex))
       around(1:n) = adjacency%facet(adjacency%start(vertex):adjacency%start(vertex) + n - 1)
     end if
-  end subroutine facets_around
+  end subroutine facets_at
 
   !> Unit vector in the tangent plane that points out of a facet across an edge.
-  pure function outward(corners, edge, xu, xv, normal) result(m)
-    integer, intent(in) :: corners, edge
-    !> Tangents and unit normal (3).
-    real(dp), intent(in) :: xu(3), xv(3), normal(3)
+  pure function conormal(corners, edge, xu, xv, normal) result(m)
+    !> Number of corners of the facet: 2 line, 3 triangle, 4 quadrilateral.
+    integer, intent(in) :: corners
+    !> Edge number.
+    integer, intent(in) :: edge
+    !> Derivative of the position with respect to the first reference coordinate (3) [length].
+    real(dp), intent(in) :: xu(3)
+    !> Derivative with respect to the second one (3) [length].
+    real(dp), intent(in) :: xv(3)
+    !> Unit normal (3) [].
+    real(dp), intent(in) :: normal(3)
+    !> Conormal (3) [].
     real(dp) :: m(3)
     real(dp) :: t(3)
     if (corners == 2) then
@@ -238,28 +273,29 @@ contains
       m = [t(2)*normal(3) - t(3)*normal(2), t(3)*normal(1) - t(1)*normal(3), t(1)*normal(2) - t(2)*normal(1)]
     end if
     m = m/max(norm2(m), tiny(1.0_dp))
-  end function outward
+  end function conormal
 
-  !> Turn the normal of a point on an edge into the direction of x - x', which lies between the normals of the facets
-  !> there. Nothing happens where x - x' is parallel to the normal already, or too short to have a direction.
-  pure subroutine align(r, size, ridge, normal)
+  !> Rotate the normal at a point of an edge into the direction of x - x', which lies between the normals of the
+  !> adjacent facets. The normal is unchanged where x - x' is already parallel to it, or too short to define a
+  !> direction.
+  pure subroutine align_normal(r, size, ridge, normal)
     !> x - x' (3) [length].
     real(dp), intent(in) :: r(3)
     !> Size of the facet [length].
     real(dp), intent(in) :: size
-    !> On an edge between facets that face x; elsewhere only small angles are taken.
+    !> The point lies on an edge between facets that face x; elsewhere only small corrections are made.
     logical, intent(in) :: ridge
-    !> Normal of body b (3).
+    !> Normal of body b (3) [].
     real(dp), intent(inout) :: normal(3)
     real(dp) :: along, across, length
     along = dot_product(r, normal)
     across = norm2(r - along*normal)
-    if (across <= 1e-10_dp*size) return
+    if (across <= parallel_tolerance*size) return
     length = norm2(r)
-    if (across > 1e-3_dp*length .and. .not. ridge) return
-    if (abs(along) < 0.3_dp*length) return
+    if (across > max_correction*length .and. .not. ridge) return
+    if (abs(along) < min_alignment*length) return
     normal = sign(1.0_dp, along)*r/length
-  end subroutine align
+  end subroutine align_normal
 
   !> Distance of a point to the surface, whatever its normals [length].
   pure real(dp) function smallest_distance(self, x) result(distance)

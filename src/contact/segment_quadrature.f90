@@ -1,26 +1,31 @@
-!> Quadrature on the cells that the facets of two surfaces cut out of each other.
+!> Quadrature rules on mortar segments, the polygons in which facets of the slave and the master surface overlap.
 module dotyk_contact_segment_quadrature
   use dotyk_base_kinds, only: dp
-  use dotyk_contact_polygon, only: is_parallelogram, most_corners, polygon_t, triangulate
-  use dotyk_mesh_element, only: element_line2, element_line3, element_quad4, element_quad8, element_quad9, element_tri3, &
-    element_tri6, quadrature_rule
+  use dotyk_contact_polygon, only: is_parallelogram, max_corners, polygon_t, triangulate
+  use dotyk_mesh_element, only: element_line2, element_line3, element_quad4, element_quad8, element_quad9, &
+    element_tri3, element_tri6, quadrature_rule
   implicit none
   private
 
-  !> A quadrature rule; of a facet, or of a domain of reference.
+  !> Quadrature rule of a facet or of a reference domain.
   type, public :: quadrature_rule_t
-    !> Points (dimension-1, n).
+    !> Points (dimension-1, n) [].
     real(dp), allocatable :: xi(:, :)
-    !> Weights (n).
+    !> Weights (n) [].
     real(dp), allocatable :: weight(:)
   end type quadrature_rule_t
 
-  !> Greatest degree of the table.
-  integer, parameter, public :: most_degree = 20
+  !> Greatest degree of the rules in the table.
+  integer, parameter, public :: max_degree = 20
 
-  !> Rules of all degrees.
+  !> Rules of all degrees on the reference domains.
   type, public :: rule_table_t
-    type(quadrature_rule_t) :: line(0:most_degree), triangle(0:most_degree), square(0:most_degree)
+    !> On (0:max_degree) [-1,1], by degree.
+    type(quadrature_rule_t) :: line(0:max_degree)
+    !> On the unit triangle, by degree (0:max_degree).
+    type(quadrature_rule_t) :: triangle(0:max_degree)
+    !> On (0:max_degree) [-1,1]^2, by degree.
+    type(quadrature_rule_t) :: square(0:max_degree)
   contains
     procedure :: init => table_init
   end type rule_table_t
@@ -29,11 +34,11 @@ module dotyk_contact_segment_quadrature
 
 contains
 
-  !> Make the rules.
+  !> Compute the rules.
   subroutine table_init(self)
     class(rule_table_t), intent(out) :: self
     integer :: k
-    do k = 0, most_degree
+    do k = 0, max_degree
       call quadrature_rule(element_line2, k, self%line(k)%xi, self%line(k)%weight)
       call quadrature_rule(element_tri3, k, self%triangle(k)%xi, self%triangle(k)%weight)
       call quadrature_rule(element_quad4, k, self%square(k)%xi, self%square(k)%weight)
@@ -42,6 +47,7 @@ contains
 
   !> Total degree of the shape functions of a facet kind.
   pure integer function shape_degree(kind) result(degree)
+    !> Element kind of the facet.
     integer, intent(in) :: kind
     select case (kind)
     case (element_line2, element_tri3)
@@ -57,20 +63,23 @@ contains
     end select
   end function shape_degree
 
-  !> A rule for a polygon: a product rule where it is a parallelogram, rules on triangles else.
+  !> Quadrature rule on a polygon: a tensor-product rule on a parallelogram, rules on triangles otherwise.
   pure subroutine polygon_rule(polygon, table, degree, n, points, weights, ok)
-    !> Counter-clockwise.
+    !> Polygon, counter-clockwise.
     type(polygon_t), intent(in) :: polygon
+    !> Quadrature rules on reference domains, by degree.
     type(rule_table_t), intent(in) :: table
-    !> Total degree that is exact.
+    !> Total degree that is integrated exactly.
     integer, intent(in) :: degree
     !> Number of points.
     integer, intent(out) :: n
-    !> Points (2, n) and weights (n); their sum is the area.
-    real(dp), allocatable, intent(out) :: points(:, :), weights(:)
+    !> Points (2, n) [as the polygon].
+    real(dp), allocatable, intent(out) :: points(:, :)
+    !> Weights, whose sum is the area (n) [as the area of the polygon].
+    real(dp), allocatable, intent(out) :: weights(:)
     !> The polygon could be divided into triangles.
     logical, intent(out) :: ok
-    real(dp) :: triangle(2, 3, most_corners), u(2), v(2), area
+    real(dp) :: triangle(2, 3, max_corners), u(2), v(2), area
     integer :: n_triangles, i, k, m
     if (is_parallelogram(polygon)) then
       ok = .true.
@@ -106,12 +115,16 @@ contains
 
   !> Append points to a rule that grows.
   pure subroutine append_points(points, weights, n, xi, weight)
-    !> New points (d, m) and weights (m).
-    real(dp), intent(in) :: points(:, :), weights(:)
-    !> Number of points before and after.
+    !> New points (d, m) [].
+    real(dp), intent(in) :: points(:, :)
+    !> New weights (m) [].
+    real(dp), intent(in) :: weights(:)
+    !> Number of points in the buffers, before and after.
     integer, intent(inout) :: n
-    !> Buffers.
-    real(dp), allocatable, intent(inout) :: xi(:, :), weight(:)
+    !> Buffer of points (d, room) [].
+    real(dp), allocatable, intent(inout) :: xi(:, :)
+    !> Buffer of weights (room) [].
+    real(dp), allocatable, intent(inout) :: weight(:)
     real(dp), allocatable :: more(:, :), more_weight(:)
     integer :: m
     m = size(weights)

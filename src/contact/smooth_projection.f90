@@ -1,13 +1,14 @@
-!> Partners of contact points by another geometry than that of the elements.
+!> Projection along the continuous normals of the smooth master surface.
 !>
-!> The direction n is the geometry's normal. The partner x' of a point x lies on the element, where the line through x along the
-!> normal that belongs to x' meets it, so that x - x' is parallel to n: moments of the forces on the two sides cancel exactly,
-!> as they do for closest points. The distance is that of the geometry: n . (y' - y), where y and y' have the reference
-!> coordinates of x and x'.
+!> The direction n is the normal of the smooth surface. The projection x' of a point x lies on the element, where the
+!> line through x along the interpolated normal at x' meets it: x - x' is parallel to n, so that the moments of the
+!> forces on the two sides cancel exactly, as for closest points. The gap is that of the smooth surfaces, n . (y' - y),
+!> where y and y' have the reference coordinates of x and x'.
 module dotyk_contact_smooth_projection
   use dotyk_base_kinds, only: dp
   use dotyk_contact_closest_point, only: edges_at
-  use dotyk_contact_facet_set, only: evaluate_facet, facet_set_t
+  use dotyk_contact_facet_polynomial, only: evaluate_facet
+  use dotyk_contact_facet_set, only: facet_set_t
   use dotyk_contact_smooth_surface, only: smooth_surface_t
   use dotyk_contact_projection, only: projection_found, projection_outside, projection_t, projection_too_far
   use dotyk_mesh_surface, only: surface_t
@@ -15,94 +16,116 @@ module dotyk_contact_smooth_projection
   private
   public :: smooth_projections
 
-  !> Facets that are tried in turn, steps of Newton's method on each.
-  integer, parameter :: most_facets = 12, most_steps = 25
-  !> A point this near to an edge lies inside, in reference coordinates.
-  real(dp), parameter :: edge_tolerance = 1e-8_dp
-  !> Lines may meet a facet beyond its edge by so much, in reference coordinates: beyond a facet whose surface ends there, when
-  !> the closest point lies inside; and where normals are not continuous.
+  !> Sub-facets that are tried in turn, and Newton steps on each.
+  integer, parameter :: max_facets = 12, max_steps = 25
+  !> A point lies inside a sub-facet up to this distance beyond an edge, in reference coordinates.
+  real(dp), parameter :: edge_tolerance = 1.0e-8_dp
+  !> A closest point lies on an edge of a flat sub-facet up to this distance, in reference coordinates.
+  real(dp), parameter :: flat_edge_tolerance = 1.0e-6_dp
+  !> Intersections beyond an edge by up to this, in reference coordinates, are accepted at the boundary of the surface,
+  !> if the closest point lies inside, and where normals are discontinuous.
   real(dp), parameter :: overhang = 0.1_dp
+  !> The interpolated normal and the normal of the closest point differ by less than 60 degrees.
+  real(dp), parameter :: min_cosine = 0.5_dp
+  !> Newton's method diverges where a reference coordinate exceeds this.
+  real(dp), parameter :: divergence_limit = 4
+  !> A Newton step below this is the last: the method converges quadratically, and the error after it is round-off.
+  real(dp), parameter :: converged_step = 1.0e-9_dp
+  !> A matrix is singular where its determinant is below this fraction of the product of the lengths of its columns.
+  real(dp), parameter :: min_determinant = 1.0e-10_dp
 
 contains
 
-  !> Correct the partners of all points for another geometry than that of the elements.
-  subroutine smooth_projections(x_a, surface_a, near_a, x_b, surface_b, near_b, search_radius, offset, x, xi, partner)
-    !> Nodal coordinates of body a (dimension, n_nodes) [length], its surface, and the facets that may have partners (n_facets).
+  !> Replace the projections of all points by those along the normals of the smooth surfaces.
+  subroutine smooth_projections(x_a, surface_a, candidate_a, x_b, surface_b, candidate_b, search_radius, offset, x, &
+                                xi, projection)
+    !> Nodal coordinates of body a (dimension, n_nodes) [length].
     real(dp), intent(in) :: x_a(:, :)
+    !> Slave surface (surface_a).
     type(surface_t), intent(in) :: surface_a
-    logical, intent(in) :: near_a(:)
-    !> The same of body b.
+    !> Facets of the slave surface near the master surface (n_facets).
+    logical, intent(in) :: candidate_a(:)
+    !> Nodal coordinates of body b (dimension, n_nodes) [length].
     real(dp), intent(in) :: x_b(:, :)
+    !> Master surface (surface_b).
     type(surface_t), intent(in) :: surface_b
-    logical, intent(in) :: near_b(:)
+    !> Facets of the master surface near the slave surface (n_facets).
+    logical, intent(in) :: candidate_b(:)
     !> Greatest distance [length].
     real(dp), intent(in) :: search_radius
-    !> Points of facet f are offset(f)+1 .. offset(f+1).
+    !> Points of slave facet f are offset(f)+1 .. offset(f+1) (n_facets+1).
     integer, intent(in) :: offset(:)
-    !> Positions (3, n) [length] and reference coordinates (2, n) of the points.
-    real(dp), intent(in) :: x(:, :), xi(:, :)
-    type(projection_t), intent(inout) :: partner(:)
+    !> Positions of the points (3, n) [length].
+    real(dp), intent(in) :: x(:, :)
+    !> Reference coordinates of the points (2, n) [].
+    real(dp), intent(in) :: xi(:, :)
+    !> Closest-point projections on entry, smooth projections on return (n).
+    type(projection_t), intent(inout) :: projection(:)
     type(smooth_surface_t) :: geometry_a, geometry_b
     integer :: f, i
-    call geometry_a%init(x_a, surface_a, near_a)
-    call geometry_b%init(x_b, surface_b, near_b)
+    call geometry_a%init(x_a, surface_a, candidate_a)
+    call geometry_b%init(x_b, surface_b, candidate_b)
     if (.not. (geometry_a%active .or. geometry_b%active)) return
     !$omp parallel do default(none) schedule(dynamic, 64) private(i) &
-    !$omp shared(surface_a, offset, geometry_a, geometry_b, search_radius, x, xi, partner)
+    !$omp shared(surface_a, offset, geometry_a, geometry_b, search_radius, x, xi, projection)
     do f = 1, surface_a%n_facets
       do i = offset(f) + 1, offset(f + 1)
-        call smooth_projection(geometry_a, f, xi(:, i), geometry_b, x(:, i), search_radius, partner(i))
+        call smooth_projection(geometry_a, f, xi(:, i), geometry_b, x(:, i), search_radius, projection(i))
       end do
     end do
     !$omp end parallel do
   end subroutine smooth_projections
 
-  !> Correct the partner of a point for the geometries of the two surfaces.
-  pure subroutine smooth_projection(geometry_a, facet_a, xi_a, geometry_b, x, search_radius, partner)
-    !> The geometry of surface_a.
+  !> Replace the projection of a point.
+  pure subroutine smooth_projection(geometry_a, facet_a, xi_a, geometry_b, x, search_radius, projection)
+    !> Smooth slave surface.
     type(smooth_surface_t), intent(in) :: geometry_a
-    !> The point's facet and reference coordinates (2).
+    !> Slave facet of the point.
     integer, intent(in) :: facet_a
+    !> Its reference coordinates (2) [].
     real(dp), intent(in) :: xi_a(2)
-    !> The geometry of surface_b.
+    !> Smooth master surface.
     type(smooth_surface_t), intent(in) :: geometry_b
     !> The point (3) [length].
     real(dp), intent(in) :: x(3)
     !> Greatest distance [length].
     real(dp), intent(in) :: search_radius
-    !> By the elements on entry, by the geometries on return.
-    type(projection_t), intent(inout) :: partner
+    !> Closest-point projection on entry, smooth projection on return.
+    type(projection_t), intent(inout) :: projection
     real(dp) :: xi(2)
-    integer :: piece
-    if (all(partner%status /= [projection_found, projection_outside])) return
-    if (geometry_b%active) call along_normals(geometry_b, x, partner)
-    if (partner%status /= projection_found) return
+    integer :: sub_facet
+    if (all(projection%status /= [projection_found, projection_outside])) return
+    if (geometry_b%active) call project_along_normal(geometry_b, x, projection)
+    if (projection%status /= projection_found) return
     if (geometry_b%active) then
-      call geometry_b%pieces%locate(partner%facet, partner%xi, piece, xi)
-      partner%distance = partner%distance + dot_product(partner%normal, geometry_b%shift(piece, xi))
+      call geometry_b%sub_facets%locate(projection%facet, projection%xi, sub_facet, xi)
+      projection%distance = projection%distance + dot_product(projection%normal, geometry_b%shift(sub_facet, xi))
     end if
     if (geometry_a%active) then
-      call geometry_a%pieces%locate(facet_a, xi_a, piece, xi)
-      partner%distance = partner%distance - dot_product(partner%normal, geometry_a%shift(piece, xi))
+      call geometry_a%sub_facets%locate(facet_a, xi_a, sub_facet, xi)
+      projection%distance = projection%distance - dot_product(projection%normal, geometry_a%shift(sub_facet, xi))
     end if
-    if (abs(partner%distance) > search_radius) partner%status = projection_too_far
+    if (abs(projection%distance) > search_radius) projection%status = projection_too_far
   end subroutine smooth_projection
 
-  !> Move the partner to where the line along its normal meets the point. Nothing happens where there is no such place: beside
-  !> sharp edges.
-  pure subroutine along_normals(geometry, x, partner)
+  !> Move a projection to where the line along the interpolated normal meets the point. It is unchanged where there is
+  !> no such position: beside sharp edges.
+  pure subroutine project_along_normal(geometry, x, projection)
+    !> Smooth master surface.
     type(smooth_surface_t), intent(in) :: geometry
+    !> Point (3) [length].
     real(dp), intent(in) :: x(3)
-    type(projection_t), intent(inout) :: partner
+    !> Projection.
+    type(projection_t), intent(inout) :: projection
     real(dp) :: xi(2), normal(3), distance, beyond, best_xi(2), best_normal(3), best_distance, least
-    integer :: facet, best_facet, edge, n_edges, edges(2), i, k   ! facets are pieces here
-    logical :: met, ends
-    call geometry%pieces%locate(partner%facet, partner%xi, facet, xi)
+    integer :: facet, best_facet, edge, n_edges, edges(2), i, k   ! facets are sub-facets here
+    logical :: found, at_boundary
+    call geometry%sub_facets%locate(projection%facet, projection%xi, facet, xi)
     if (.not. geometry%changed(facet)) then
-      ! The closest point inside a flat facet stays; on its edge, a curved one may begin.
-      call edges_at(geometry%element%corners(facet), xi, 1e-6_dp, n_edges, edges)
+      ! A closest point inside a flat sub-facet is kept; at its edge a curved one may begin.
+      call edges_at(geometry%element%corners(facet), xi, flat_edge_tolerance, n_edges, edges)
       do k = 1, n_edges
-        i = geometry%joined(edges(k), facet)
+        i = geometry%smooth_neighbour(edges(k), facet)
         if (i == 0) cycle
         if (.not. geometry%changed(i)) cycle
         facet = i
@@ -113,11 +136,11 @@ contains
     end if
     least = huge(least)
     best_facet = 0
-    ends = .false.
-    do i = 1, most_facets
-      call meet(geometry, geometry%element, facet, x, xi, normal, distance, met)
-      if (.not. met) exit
-      if (dot_product(normal, partner%normal) > -0.5_dp) exit
+    at_boundary = .false.
+    do i = 1, max_facets
+      call intersect_normal_line(geometry, geometry%element, facet, x, xi, normal, distance, found)
+      if (.not. found) exit
+      if (dot_product(normal, projection%normal) > -min_cosine) exit
       call farthest_edge(geometry%element%corners(facet), xi, edge, beyond)
       if (beyond < least) then
         least = beyond
@@ -127,47 +150,52 @@ contains
         best_distance = distance
       end if
       if (beyond <= edge_tolerance) exit
-      ends = geometry%rim(edge, facet)
-      facet = geometry%joined(edge, facet)
+      at_boundary = geometry%boundary(edge, facet)
+      facet = geometry%smooth_neighbour(edge, facet)
       if (facet == 0) exit
       xi = merge(1/3.0_dp, 0.0_dp, geometry%element%corners(facet) == 3)
     end do
     if (best_facet == 0) return
     if (least > edge_tolerance) then
-      if (partner%status /= projection_found .or. least > overhang) return
-      ! beyond a sharp edge the direction of the closest point lies between the normals
-      if (facet == 0 .and. .not. ends) return
+      if (projection%status /= projection_found .or. least > overhang) return
+      ! Beyond a sharp edge the direction of the closest point lies between the normals.
+      if (facet == 0 .and. .not. at_boundary) return
     end if
-    partner%status = projection_found
-    partner%facet = geometry%pieces%parent(best_facet)
-    partner%xi = geometry%pieces%base(:, best_facet) + geometry%pieces%factor(best_facet)*best_xi
-    partner%normal = -best_normal
-    partner%distance = best_distance
-  end subroutine along_normals
+    projection%status = projection_found
+    projection%facet = geometry%sub_facets%parent(best_facet)
+    projection%xi = geometry%sub_facets%base(:, best_facet) + geometry%sub_facets%factor(best_facet)*best_xi
+    projection%normal = -best_normal
+    projection%distance = best_distance
+  end subroutine project_along_normal
 
-  !> Where the line through x along the normal meets a facet, continued beyond its edges: x = x'(xi) + t m(xi), by Newton's
-  !> method.
-  pure subroutine meet(geometry, set, facet, x, xi, normal, distance, met)
+  !> Point of a sub-facet, continued beyond its edges, whose normal line passes through x: x = x'(xi) + t m(xi), by
+  !> Newton's method.
+  pure subroutine intersect_normal_line(geometry, set, facet, x, xi, normal, distance, found)
+    !> Smooth master surface.
     type(smooth_surface_t), intent(in) :: geometry
+    !> Sub-facets with the element geometry.
     type(facet_set_t), intent(in) :: set
+    !> Sub-facet number.
     integer, intent(in) :: facet
     !> The point (3) [length].
     real(dp), intent(in) :: x(3)
-    !> Reference coordinates: where to begin; the solution (2).
+    !> Reference coordinates: start on entry, solution on return (2) [].
     real(dp), intent(inout) :: xi(2)
-    !> Unit normal there (3), and the distance along it [length].
-    real(dp), intent(out) :: normal(3), distance
+    !> Unit normal there (3) [].
+    real(dp), intent(out) :: normal(3)
+    !> Distance along it [length].
+    real(dp), intent(out) :: distance
     !> There is a solution.
-    logical, intent(out) :: met
+    logical, intent(out) :: found
     real(dp) :: position(3), xu(3), xv(3), xuu(3), xuv(3), xvv(3), m(3), mu(3), mv(3), a(3, 3), step(3), r(3), t, length
     integer :: i
-    met = .false.
+    found = .false.
     normal = 0
     distance = 0
     t = 0
-    do i = 1, most_steps
+    do i = 1, max_steps
       call evaluate_facet(set%coefficient(:, :, facet), xi(1), xi(2), position, xu, xv, xuu, xuv, xvv)
-      call normal_between(set%corners(facet), geometry%corner_normal(:, :, facet), xi, m, mu, mv)
+      call interpolate_normal(set%corners(facet), geometry%corner_normal(:, :, facet), xi, m, mu, mv)
       r = x - set%origin(:, facet) - position
       if (i == 1) t = dot_product(r, m)/max(dot_product(m, m), tiny(1.0_dp))
       if (set%corners(facet) == 2) then
@@ -177,34 +205,39 @@ contains
       a(:, 1) = xu + t*mu
       a(:, 2) = xv + t*mv
       a(:, 3) = m
-      call solve(a, r - t*m, step, met)
-      if (.not. met) return
+      call solve_3x3(a, r - t*m, step, found)
+      if (.not. found) return
       xi = xi + step(1:2)
       t = t + step(3)
-      met = .false.
-      if (.not. maxval(abs(xi)) < 4) return
-      ! converges quadratically: after a step this small the error is round-off
-      if (maxval(abs(step(1:2))) < 1e-9_dp) then
-        met = .true.
+      found = .false.
+      if (.not. maxval(abs(xi)) < divergence_limit) return
+      if (maxval(abs(step(1:2))) < converged_step) then
+        found = .true.
         exit
       end if
     end do
-    if (.not. met) return
-    call normal_between(set%corners(facet), geometry%corner_normal(:, :, facet), xi, m, mu, mv)
+    if (.not. found) return
+    call interpolate_normal(set%corners(facet), geometry%corner_normal(:, :, facet), xi, m, mu, mv)
     call evaluate_facet(set%coefficient(:, :, facet), xi(1), xi(2), position, xu, xv, xuu, xuv, xvv)
     length = norm2(m)
     normal = m/length
     distance = dot_product(normal, x - set%origin(:, facet) - position)
-  end subroutine meet
+  end subroutine intersect_normal_line
 
-  !> The normal between the corners of a facet, not of unit length, and its derivatives.
-  pure subroutine normal_between(corners, at_corner, xi, m, mu, mv)
+  !> Normal interpolated between the corners of a sub-facet, not of unit length, and its derivatives.
+  pure subroutine interpolate_normal(corners, at_corner, xi, m, mu, mv)
+    !> Number of corners of the facet: 2 line, 3 triangle, 4 quadrilateral.
     integer, intent(in) :: corners
-    !> (3, 4).
+    !> Normals at the corners (3, 4) [].
     real(dp), intent(in) :: at_corner(3, 4)
+    !> Reference coordinates (2) []; the second is 0 for lines.
     real(dp), intent(in) :: xi(2)
-    !> (3).
-    real(dp), intent(out) :: m(3), mu(3), mv(3)
+    !> Interpolated normal (3) [].
+    real(dp), intent(out) :: m(3)
+    !> Derivative with respect to the first reference coordinate (3) [].
+    real(dp), intent(out) :: mu(3)
+    !> Derivative with respect to the second one (3) [].
+    real(dp), intent(out) :: mv(3)
     associate (n => at_corner, u => xi(1), v => xi(2))
       select case (corners)
       case (2)
@@ -221,14 +254,17 @@ contains
         m = ((1 - u)*((1 - v)*n(:, 1) + (1 + v)*n(:, 4)) + (1 + u)*((1 - v)*n(:, 2) + (1 + v)*n(:, 3)))/4
       end select
     end associate
-  end subroutine normal_between
+  end subroutine interpolate_normal
 
-  !> The edge that a point lies farthest beyond.
+  !> The edge beyond which a point lies farthest.
   pure subroutine farthest_edge(corners, xi, edge, beyond)
+    !> Number of corners of the facet: 2 line, 3 triangle, 4 quadrilateral.
     integer, intent(in) :: corners
+    !> Reference coordinates (2) []; the second is 0 for lines.
     real(dp), intent(in) :: xi(2)
+    !> Edge number.
     integer, intent(out) :: edge
-    !> How far, in reference coordinates; negative inside.
+    !> Distance beyond the edge in reference coordinates, negative inside [].
     real(dp), intent(out) :: beyond
     select case (corners)
     case (2)
@@ -244,22 +280,32 @@ contains
   end subroutine farthest_edge
 
   !> Solve three equations by Cramer's rule.
-  pure subroutine solve(a, b, x, regular)
-    !> (3,3), (3).
-    real(dp), intent(in) :: a(3, 3), b(3)
+  pure subroutine solve_3x3(a, b, x, regular)
+    !> Matrix (3, 3) [any].
+    real(dp), intent(in) :: a(3, 3)
+    !> Right-hand side (3) [any].
+    real(dp), intent(in) :: b(3)
+    !> Solution, zero for a singular matrix (3) [any].
     real(dp), intent(out) :: x(3)
+    !> The matrix is regular.
     logical, intent(out) :: regular
     real(dp) :: determinant
-    determinant = triple(a(:, 1), a(:, 2), a(:, 3))
+    determinant = triple_product(a(:, 1), a(:, 2), a(:, 3))
     x = 0
-    regular = abs(determinant) > 1e-10_dp*norm2(a(:, 1))*norm2(a(:, 2))*norm2(a(:, 3))
+    regular = abs(determinant) > min_determinant*norm2(a(:, 1))*norm2(a(:, 2))*norm2(a(:, 3))
     if (.not. regular) return
-    x = [triple(b, a(:, 2), a(:, 3)), triple(a(:, 1), b, a(:, 3)), triple(a(:, 1), a(:, 2), b)]/determinant
-  end subroutine solve
+    x = [triple_product(b, a(:, 2), a(:, 3)), triple_product(a(:, 1), b, a(:, 3)), &
+         triple_product(a(:, 1), a(:, 2), b)]/determinant
+  end subroutine solve_3x3
 
   !> Triple product a . (b x c).
-  pure real(dp) function triple(a, b, c)
-    real(dp), intent(in) :: a(3), b(3), c(3)
-    triple = a(1)*(b(2)*c(3) - b(3)*c(2)) + a(2)*(b(3)*c(1) - b(1)*c(3)) + a(3)*(b(1)*c(2) - b(2)*c(1))
-  end function triple
+  pure real(dp) function triple_product(a, b, c)
+    !> First vector (3) [any].
+    real(dp), intent(in) :: a(3)
+    !> Second vector (3) [any].
+    real(dp), intent(in) :: b(3)
+    !> Third vector (3) [any].
+    real(dp), intent(in) :: c(3)
+    triple_product = a(1)*(b(2)*c(3) - b(3)*c(2)) + a(2)*(b(3)*c(1) - b(1)*c(3)) + a(3)*(b(1)*c(2) - b(2)*c(1))
+  end function triple_product
 end module dotyk_contact_smooth_projection

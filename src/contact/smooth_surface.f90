@@ -1,18 +1,20 @@
-!> The geometry that gaps and normals of contact are taken from, beside that of the elements.
+!> Smooth contact surfaces: quadratic patches with continuous normals over the facets, from which gaps and contact
+!> normals are taken (an interpolation from vertex normals, as that of Nagata, Comput. Aided Geom. Design 22, 2005).
 !>
-!> Linear elements approximate a curved surface by flat or bilinear facets: their normals are off by O(h), their points by
-!> O(h^2). The smooth geometry puts a quadratic patch over each facet. It has the normals of vertex_normals.f90 at the
-!> corners; the middle of each edge with ends x0, x1, D = x1 - x0, and unit tangents t0, t1 (D without its component along
-!> the normal there) is x = (x0+x1)/2 + abs(D) (t0-t1)/(4 + 2 abs(t0+t1)), which lies on the circle where the ends and the
-!> tangents are those of a circle. Between the corners the normal is interpolated: so it is continuous. Facets of quadratic
-!> elements are cut through their mid nodes into two or four pieces (sub_facets.f90), whose corners are nodes of the surface
-!> too. Flat pieces stay what they are.
+!> Linear elements approximate a curved surface by flat or bilinear facets: their normals are of first, their points of
+!> second order. A smooth patch has the fitted normals of vertex_normals.f90 at its corners. The middle of an edge with
+!> ends x0, x1, D = x1 - x0, and unit tangents t0, t1 (D without its component along the normal there) is x = (x0+x1)/2
+!> + abs(D) (t0-t1)/(4 + 2 abs(t0+t1)): a point of the circle where ends and tangents are those of a circle. Between the
+!> corners the normal is interpolated: it is continuous. Facets of quadratic elements are divided into sub-facets at
+!> their mid-side nodes first (sub_facets.f90). Planar sub-facets keep the element geometry.
 !>
-!> Patches give gaps and directions only. The points x and x' where forces act lie on the elements, because displacements do.
+!> Patches define gaps and directions only. The points x and x' where forces act lie on the elements, whose shape
+!> functions interpolate the displacements.
 module dotyk_contact_smooth_surface
   use dotyk_base_kinds, only: dp
   use dotyk_contact_adjacency, only: adjacency_t
-  use dotyk_contact_facet_set, only: evaluate_facet, facet_set_t
+  use dotyk_contact_facet_polynomial, only: evaluate_facet
+  use dotyk_contact_facet_set, only: facet_set_t
   use dotyk_contact_sub_facets, only: split_facets, sub_facets_t
   use dotyk_contact_vertex_normals, only: find_smooth_sheets, flat_angle, smooth_corner_normals
   use dotyk_mesh_element, only: element_kind, element_kind_t, element_line3, element_quad8, element_tri6, kind_nodes, &
@@ -21,24 +23,24 @@ module dotyk_contact_smooth_surface
   implicit none
   private
 
-  !> Another geometry of the facets of a surface.
+  !> Smooth geometry of a surface.
   type, public :: smooth_surface_t
-    !> Some piece has another geometry than its element. Else nothing below is set.
+    !> The geometry differs from that of the elements on some sub-facet. Otherwise nothing below is set.
     logical :: active = .false.
-    !> The pieces of the facets.
-    type(sub_facets_t) :: pieces
-    !> The elements' geometry on the pieces.
+    !> Sub-facets.
+    type(sub_facets_t) :: sub_facets
+    !> Element geometry on the sub-facets.
     type(facet_set_t) :: element
-    !> The other geometry on the pieces.
+    !> Smooth geometry on the sub-facets.
     type(facet_set_t) :: patch
-    !> Pieces where they differ (n).
+    !> Sub-facets on which the two differ (n).
     logical, allocatable :: changed(:)
-    !> Outward normals at the corners of the pieces, of about length 1 (3, 4, n).
+    !> Outward normals at the corners of the sub-facets, of about unit length (3, 4, n) [].
     real(dp), allocatable :: corner_normal(:, :, :)
-    !> The piece beyond each edge, 0 where the normal is not continuous (4, n).
-    integer, allocatable :: joined(:, :)
-    !> Nothing is beyond the edge: the surface ends (4, n).
-    logical, allocatable :: rim(:, :)
+    !> Sub-facet across each edge, 0 where the normal is discontinuous (4, n).
+    integer, allocatable :: smooth_neighbour(:, :)
+    !> Edges at which the surface ends (4, n).
+    logical, allocatable :: boundary(:, :)
   contains
     procedure :: init => geometry_init
     procedure :: shift
@@ -47,54 +49,60 @@ module dotyk_contact_smooth_surface
 contains
 
   !> Set up for a surface.
-  subroutine geometry_init(self, x, surface, near)
+  subroutine geometry_init(self, x, surface, candidate)
     class(smooth_surface_t), intent(out) :: self
     !> Nodal coordinates of the body (dimension, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
+    !> Surface.
     type(surface_t), intent(in) :: surface
-    !> The facets that may have partners (n_facets). Those far from them may keep the geometry of their elements.
-    logical, intent(in) :: near(:)
+    !> Facets near the other surface (n_facets); other facets may keep the geometry of their elements.
+    logical, intent(in) :: candidate(:)
     type(facet_set_t) :: set
     type(adjacency_t) :: adjacency
     real(dp), allocatable :: vertex(:, :)
     logical, allocatable :: flat(:), wanted(:)
     integer :: f, k
-    call split_facets(x, surface, self%pieces)
-    associate (pieces => self%pieces)
-      call set%init(pieces%x, pieces%surface)
+    call split_facets(x, surface, self%sub_facets)
+    associate (sub_facets => self%sub_facets)
+      call set%init(sub_facets%x, sub_facets%surface)
       call adjacency%init(set)
       allocate (vertex(3, size(adjacency%start) - 1), flat(set%n))
       vertex = 0
       do f = 1, set%n
         do k = 1, set%corners(f)
-          vertex(1:set%dimension, adjacency%vertex(k, f)) = pieces%x(:, set%corner_node(k, f))
+          vertex(1:set%dimension, adjacency%vertex(k, f)) = sub_facets%x(:, set%corner_node(k, f))
         end do
       end do
-      allocate (self%changed(set%n), self%corner_normal(3, 4, set%n), self%joined(4, set%n))
-      self%rim = adjacency%neighbour == 0
-      flat = pieces%flat
-      call find_smooth_sheets(set, adjacency, vertex, self%joined, flat)
+      allocate (self%changed(set%n), self%corner_normal(3, 4, set%n), self%smooth_neighbour(4, set%n))
+      self%boundary = adjacency%neighbour == 0
+      flat = sub_facets%flat
+      call find_smooth_sheets(set, adjacency, vertex, self%smooth_neighbour, flat)
       allocate (wanted(size(vertex, 2)), source=.false.)
       do f = 1, set%n
-        if (near(pieces%parent(f))) wanted(adjacency%vertex(1:set%corners(f), f)) = .true.
+        if (candidate(sub_facets%parent(f))) wanted(adjacency%vertex(1:set%corners(f), f)) = .true.
       end do
-      call smooth_corner_normals(set, adjacency, vertex, self%joined, flat, wanted, self%corner_normal)
+      call smooth_corner_normals(set, adjacency, vertex, self%smooth_neighbour, flat, wanted, self%corner_normal)
       do f = 1, set%n
         self%changed(f) = .not. flat(f) .and. all(wanted(adjacency%vertex(1:set%corners(f), f)))
         if (.not. self%changed(f)) cycle
-        if (kind_nodes(surface%kind(pieces%parent(f))) == set%corners(f) .or. surface%order_elevated) self%changed(f) = &
-          is_curved(set%corners(f), vertex(:, adjacency%vertex(1:set%corners(f), f)), self%corner_normal(:, :, f))
+        if (kind_nodes(surface%kind(sub_facets%parent(f))) == set%corners(f) .or. surface%order_elevated) &
+          self%changed(f) = is_curved(set%corners(f), vertex(:, adjacency%vertex(1:set%corners(f), f)), &
+                                      self%corner_normal(:, :, f))
       end do
     end associate
     self%active = any(self%changed)
     if (self%active) call make_patches(self, surface%dimension)
   end subroutine geometry_init
 
-  !> Do the normals at the corners differ from those of the facet? Their components along the edges tell.
+  !> Whether the normals at the corners of a facet differ from the facet normal: whether they have components along its
+  !> edges.
   pure logical function is_curved(corners, x, normal)
+    !> Number of corners of the facet: 2 line, 3 triangle, 4 quadrilateral.
     integer, intent(in) :: corners
-    !> (3, corners), (3, >= corners).
-    real(dp), intent(in) :: x(:, :), normal(:, :)
+    !> Corners (3, corners) [length].
+    real(dp), intent(in) :: x(:, :)
+    !> Normals at the corners (3, at least corners) [].
+    real(dp), intent(in) :: normal(:, :)
     integer :: k, l
     is_curved = .false.
     do k = 1, corners
@@ -104,7 +112,7 @@ contains
     end do
   end function is_curved
 
-  !> The elements' geometry and the patches as facets of elements of their own.
+  !> Element geometry and patches as facet polynomials.
   subroutine make_patches(self, dimension)
     class(smooth_surface_t), intent(inout) :: self
     !> Dimension of space.
@@ -113,35 +121,45 @@ contains
     type(element_kind_t) :: kind
     real(dp) :: nodes(dimension, max_facet_nodes*size(self%changed))
     integer :: f, n, i, j
-    call self%element%init(self%pieces%element_x, self%pieces%element)
-    patches = self%pieces%element
-    nodes = self%pieces%element_x
+    call self%element%init(self%sub_facets%element_x, self%sub_facets%element)
+    patches = self%sub_facets%element
+    nodes = self%sub_facets%element_x
     do f = 1, size(self%changed)
       if (.not. self%changed(f)) cycle
       kind = element_kind(patches%kind(f))
       n = kind%n_corners
       j = max_facet_nodes*(f - 1)
-      patches%kind(f) = quadratic(n)
+      patches%kind(f) = quadratic_kind(n)
       patches%node(:, f) = 0
       patches%node(1:kind_nodes(patches%kind(f)), f) = [(j + i, i=1, kind_nodes(patches%kind(f)))]
       do i = 1, merge(1, n, n == 2)
-        nodes(:, j + n + i) = middle(nodes(:, j + i), nodes(:, j + modulo(i, n) + 1), self%corner_normal(:dimension, i, f), &
-                                     self%corner_normal(:dimension, modulo(i, n) + 1, f))
+        nodes(:, j + n + i) = edge_middle(nodes(:, j + i), nodes(:, j + modulo(i, n) + 1), &
+                                          self%corner_normal(:dimension, i, f), &
+                                          self%corner_normal(:dimension, modulo(i, n) + 1, f))
       end do
     end do
     call self%patch%init(nodes, patches)
   end subroutine make_patches
 
-  !> The quadratic kind of facets with so many corners.
-  pure integer function quadratic(corners)
+  !> Quadratic element kind of a facet.
+  pure integer function quadratic_kind(corners)
+    !> Number of corners of the facet: 2 line, 3 triangle, 4 quadrilateral.
     integer, intent(in) :: corners
     integer, parameter :: kinds(2:4) = [element_line3, element_tri6, element_quad8]
-    quadratic = kinds(corners)
-  end function quadratic
+    quadratic_kind = kinds(corners)
+  end function quadratic_kind
 
-  !> The middle of an edge, from its ends and the normals there.
-  pure function middle(x0, x1, n0, n1) result(x)
-    real(dp), intent(in) :: x0(:), x1(:), n0(:), n1(:)
+  !> Middle of a smooth edge.
+  pure function edge_middle(x0, x1, n0, n1) result(x)
+    !> First end (dimension) [length].
+    real(dp), intent(in) :: x0(:)
+    !> Second end (dimension) [length].
+    real(dp), intent(in) :: x1(:)
+    !> Normal at the first end (dimension) [].
+    real(dp), intent(in) :: n0(:)
+    !> Normal at the second end (dimension) [].
+    real(dp), intent(in) :: n1(:)
+    !> Middle (dimension) [length].
     real(dp) :: x(size(x0))
     real(dp) :: d(size(x0)), t0(size(x0)), t1(size(x0))
     d = x1 - x0
@@ -150,19 +168,21 @@ contains
     t0 = t0/max(norm2(t0), tiny(1.0_dp))
     t1 = t1/max(norm2(t1), tiny(1.0_dp))
     x = (x0 + x1)/2 + norm2(d)*(t0 - t1)/(4 + 2*norm2(t0 + t1))
-  end function middle
+  end function edge_middle
 
-  !> From a point of the element to that of the other geometry [length].
-  pure function shift(self, piece, xi)
+  !> Vector from a point of the element to the point of the patch with the same reference coordinates [length].
+  pure function shift(self, sub_facet, xi)
     class(smooth_surface_t), intent(in) :: self
-    integer, intent(in) :: piece
-    !> Reference coordinates on the piece (2).
+    !> Sub-facet number.
+    integer, intent(in) :: sub_facet
+    !> Reference coordinates on the sub-facet (2) [].
     real(dp), intent(in) :: xi(2)
+    !> Vector (3) [length].
     real(dp) :: shift(3)
     real(dp) :: x(3), y(3), d(3, 5)
     shift = 0
-    if (.not. self%changed(piece)) return
-    associate (c => self%element%coefficient(:, :, piece), p => self%patch%coefficient(:, :, piece))
+    if (.not. self%changed(sub_facet)) return
+    associate (c => self%element%coefficient(:, :, sub_facet), p => self%patch%coefficient(:, :, sub_facet))
       call evaluate_facet(c, xi(1), xi(2), x, d(:, 1), d(:, 2), d(:, 3), d(:, 4), d(:, 5))
       call evaluate_facet(p, xi(1), xi(2), y, d(:, 1), d(:, 2), d(:, 3), d(:, 4), d(:, 5))
     end associate

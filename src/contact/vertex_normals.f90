@@ -1,12 +1,14 @@
-!> Normals of the surface that straight facets approximate, at the corners of the facets.
+!> Vertex normals of the smooth surface that linear facets approximate.
 !>
-!> Where neighbouring facets turn by more than `sharp_angle` an edge is taken for one of the body; the facets on its two sides are
-!> separate sheets. On each sheet the normal at a vertex comes from a fit (normal_fit.f90) to the vertices around it. Flat parts
-!> stay flat: facets are part of a plane where all facets at one of their vertices, inside the surface, lie in this plane (at its rim,
-!> which is everywhere in a slice of one element: the facets around these too), and so are their neighbours in it; they keep their normal, and curved facets beside them take it over at the vertices that they share.
+!> An edge whose facets differ in direction by more than 40 degrees is an edge of the body; the facets on its two sides
+!> belong to separate smooth sheets. On each sheet the normal at a vertex comes from a fit (normal_fit.f90) to the
+!> vertices around it. Planes stay planar: facets belong to a plane if all facets at one of their vertices inside the
+!> surface lie in this plane (at a boundary vertex, as everywhere in a mesh of one element layer: also the facets around
+!> these), and so do their neighbours in the plane. They keep their normal, and adjacent curved facets take it over at
+!> shared vertices.
 module dotyk_contact_vertex_normals
   use dotyk_base_kinds, only: dp
-  use dotyk_contact_adjacency, only: adjacency_t
+  use dotyk_contact_adjacency, only: adjacency_t, corner_of, edges_of_corner
   use dotyk_contact_facet_set, only: facet_set_t
   use dotyk_contact_normal_fit, only: fit_normal
   use dotyk_mesh_facet, only: cross
@@ -14,101 +16,112 @@ module dotyk_contact_vertex_normals
   private
   public :: find_smooth_sheets, smooth_corner_normals
 
-  !> Cosine of the angle between neighbouring facets beyond which the edge is sharp: 40 degrees.
+  !> Cosine of the angle between adjacent facets beyond which their edge is sharp: 40 degrees.
   real(dp), parameter :: sharp_cosine = 0.766_dp
-  !> Facets that turn by less than this lie in a plane [rad].
-  real(dp), parameter, public :: flat_angle = 1e-8_dp
-  !> Rings of facets around a vertex that a fit may use, and facets in all.
-  integer, parameter :: most_rings = 4, most_facets = 256
-  !> Facets of a fit see the vertex's normal under less than 60 degrees.
-  real(dp), parameter :: facing_cosine = 0.5_dp
+  !> Facets whose directions differ by less than this are coplanar [rad].
+  real(dp), parameter, public :: flat_angle = 1.0e-8_dp
+  !> Rings of facets around a vertex that a fit may use, and facets altogether.
+  integer, parameter :: max_rings = 4, max_facets = 256
+  !> Facets of a fit are inclined to the mean normal at the vertex by less than 60 degrees.
+  real(dp), parameter :: min_fit_cosine = 0.5_dp
 
 contains
 
-  !> The facets whose surface is smooth across an edge, and those that are parts of planes.
-  pure subroutine find_smooth_sheets(set, adjacency, x, joined, flat)
+  !> Edges across which the surface is smooth, and facets that belong to planes.
+  pure subroutine find_smooth_sheets(set, adjacency, x, smooth_neighbour, flat)
+    !> Facets of the surface.
     type(facet_set_t), intent(in) :: set
+    !> Neighbours of the facets.
     type(adjacency_t), intent(in) :: adjacency
-    !> Positions of the vertices, numbered as in adjacency (3, n_vertices) [length].
+    !> Positions of the vertices, numbered as in `adjacency` (3, n_vertices) [length].
     real(dp), intent(in) :: x(:, :)
-    !> The facet beyond each edge, 0 where the edge is sharp or the surface ends (4, n).
-    integer, intent(out) :: joined(:, :)
-    !> Parts of planes (n): those known on entry, all on return.
+    !> Facet across each edge, 0 where the edge is sharp or the surface ends (4, n).
+    integer, intent(out) :: smooth_neighbour(:, :)
+    !> Facets of planes: those known on entry, all on return (n).
     logical, intent(inout) :: flat(:)
     real(dp) :: normal(3, set%n)
-    logical :: planar(set%n), spreads
+    logical :: planar(set%n), changed
     integer :: f, e, v, other
     do f = 1, set%n
       call mean_normal(set%corners(f), x(:, adjacency%vertex(1:set%corners(f), f)), normal(:, f), planar(f))
     end do
-    joined = 0
+    smooth_neighbour = 0
     do f = 1, set%n
       do e = 1, set%corners(f)
         other = adjacency%neighbour(e, f)
         if (other == 0) cycle
-        if (dot_product(normal(:, f), normal(:, other)) > sharp_cosine) joined(e, f) = other
+        if (dot_product(normal(:, f), normal(:, other)) > sharp_cosine) smooth_neighbour(e, f) = other
       end do
     end do
     do v = 1, size(adjacency%start) - 1
       associate (around => adjacency%facet(adjacency%start(v):adjacency%start(v + 1) - 1))
         if (.not. all(planar(around))) cycle
         if (maxval(norm2(normal(:, around) - spread(normal(:, around(1)), 2, size(around)), dim=1)) > flat_angle) cycle
-        if (inside(set, adjacency, joined, v) .or. wide(set, adjacency, around, planar, normal)) flat(around) = .true.
+        if (is_interior_vertex(set, adjacency, smooth_neighbour, v) .or. &
+            is_extended_plane(set, adjacency, around, planar, normal)) flat(around) = .true.
       end associate
     end do
-    spreads = .true.
-    do while (spreads)
-      spreads = .false.
+    changed = .true.
+    do while (changed)
+      changed = .false.
       do f = 1, set%n
         if (flat(f) .or. .not. planar(f)) cycle
         do e = 1, set%corners(f)
-          other = joined(e, f)
+          other = smooth_neighbour(e, f)
           if (other == 0) cycle
           if (.not. flat(other) .or. norm2(normal(:, f) - normal(:, other)) > flat_angle) cycle
           flat(f) = .true.
-          spreads = .true.
+          changed = .true.
         end do
       end do
     end do
-    ! Two planes that meet keep their edge, however small its angle.
+    ! The edge between two planes stays sharp at any angle.
     do f = 1, set%n
       do e = 1, set%corners(f)
-        other = joined(e, f)
+        other = smooth_neighbour(e, f)
         if (other == 0) cycle
-        if (flat(f) .and. flat(other) .and. norm2(normal(:, f) - normal(:, other)) > flat_angle) joined(e, f) = 0
+        if (flat(f) .and. flat(other) .and. norm2(normal(:, f) - normal(:, other)) > flat_angle) &
+          smooth_neighbour(e, f) = 0
       end do
     end do
   end subroutine find_smooth_sheets
 
-  !> Does a vertex lie inside the surface, with facets all around it?
-  pure logical function inside(set, adjacency, joined, v)
+  !> Whether a vertex lies inside the surface, with smooth edges all around it.
+  pure logical function is_interior_vertex(set, adjacency, smooth_neighbour, v)
+    !> Facets of the surface.
     type(facet_set_t), intent(in) :: set
+    !> Neighbours of the facets.
     type(adjacency_t), intent(in) :: adjacency
-    integer, intent(in) :: joined(:, :)
-    !> The vertex.
+    !> Facet across each smooth edge, 0 at the others (4, n).
+    integer, intent(in) :: smooth_neighbour(:, :)
+    !> Vertex number.
     integer, intent(in) :: v
     integer :: k, f, edge(2)
-    inside = .true.
+    is_interior_vertex = .true.
     do k = adjacency%start(v), adjacency%start(v + 1) - 1
       f = adjacency%facet(k)
       edge = edges_of_corner(set%corners(f), corner_of(set, adjacency, v, f))
-      inside = inside .and. all(joined(edge, f) > 0)
+      is_interior_vertex = is_interior_vertex .and. all(smooth_neighbour(edge, f) > 0)
     end do
-  end function inside
+  end function is_interior_vertex
 
-  !> Are facets that lie in a plane surrounded by others in this plane? (Two triangles at the end of a coarse cylinder are not.)
-  pure logical function wide(set, adjacency, around, planar, normal)
+  !> Whether the coplanar facets at a vertex are surrounded by other facets of their plane. (Two triangles at the end of
+  !> a coarse cylinder are not.)
+  pure logical function is_extended_plane(set, adjacency, around, planar, normal)
+    !> Facets of the surface.
     type(facet_set_t), intent(in) :: set
+    !> Neighbours of the facets.
     type(adjacency_t), intent(in) :: adjacency
-    !> The facets at a vertex.
+    !> Facets at the vertex (number of facets there).
     integer, intent(in) :: around(:)
-    !> As in find_smooth_sheets (n), (3, n).
+    !> Facets whose corners are coplanar (n).
     logical, intent(in) :: planar(:)
+    !> Mean normals of the facets (3, n) [].
     real(dp), intent(in) :: normal(:, :)
     integer :: i, c, k, v, f
-    logical :: more
-    wide = .false.
-    more = .false.
+    logical :: has_neighbours
+    is_extended_plane = .false.
+    has_neighbours = .false.
     do i = 1, size(around)
       do c = 1, set%corners(around(i))
         v = adjacency%vertex(c, around(i))
@@ -116,21 +129,22 @@ contains
           f = adjacency%facet(k)
           if (any(f == around)) cycle
           if (.not. planar(f) .or. norm2(normal(:, f) - normal(:, around(1))) > flat_angle) return
-          more = .true.
+          has_neighbours = .true.
         end do
       end do
     end do
-    wide = more .and. size(around) > 1
-  end function wide
+    is_extended_plane = has_neighbours .and. size(around) > 1
+  end function is_extended_plane
 
-  !> Normal of a facet in the mean.
+  !> Mean normal of a facet.
   pure subroutine mean_normal(corners, x, normal, planar)
+    !> Number of corners of the facet: 2 line, 3 triangle, 4 quadrilateral.
     integer, intent(in) :: corners
-    !> Corners (3, corners).
+    !> Corners (3, corners) [length].
     real(dp), intent(in) :: x(:, :)
-    !> Unit vector (3); zero for a degenerate facet.
+    !> Unit normal; zero for a degenerate facet (3) [].
     real(dp), intent(out) :: normal(3)
-    !> All corners lie in a plane.
+    !> All corners are coplanar.
     logical, intent(out) :: planar
     integer :: k
     select case (corners)
@@ -148,15 +162,21 @@ contains
     end do
   end subroutine mean_normal
 
-  !> Normal of a straight facet at a corner, as long as the area that its edges there span, and the weight that makes the weighted
-  !> sum of these normals at a vertex of a sphere the sphere's normal (Max, Weights for computing vertex normals from
-  !> facet normals, Journal of Graphics Tools 4, 1999); in two dimensions likewise for a circle.
+  !> Normal of a linear facet at a corner, whose length is the area spanned by its edges there, and the weight with
+  !> which the weighted sum of these normals at a vertex of a sphere is the normal of the sphere (Max, Weights for
+  !> computing vertex normals from facet normals, Journal of Graphics Tools 4, 1999); in two dimensions likewise for a
+  !> circle.
   pure subroutine corner_normal(corners, k, x, normal, weight)
-    !> Number of corners, and the corner.
-    integer, intent(in) :: corners, k
-    !> Corners (3, corners).
+    !> Number of corners of the facet.
+    integer, intent(in) :: corners
+    !> Corner.
+    integer, intent(in) :: k
+    !> Corners (3, corners) [length].
     real(dp), intent(in) :: x(:, :)
-    real(dp), intent(out) :: normal(3), weight
+    !> Normal (3) [length^2; length in two dimensions].
+    real(dp), intent(out) :: normal(3)
+    !> Weight [1/length^4; 1/length^2 in two dimensions].
+    real(dp), intent(out) :: weight
     real(dp) :: a(3), b(3)
     if (corners == 2) then
       normal = [x(2, 2) - x(2, 1), x(1, 1) - x(1, 2), 0.0_dp]
@@ -170,37 +190,46 @@ contains
   end subroutine corner_normal
 
   !> Unit normals of the smooth surface at the corners of linear facets.
-  subroutine smooth_corner_normals(set, adjacency, x, joined, flat, wanted, normal)
+  subroutine smooth_corner_normals(set, adjacency, x, smooth_neighbour, flat, wanted, normal)
+    !> Facets of the surface.
     type(facet_set_t), intent(in) :: set
+    !> Neighbours of the facets.
     type(adjacency_t), intent(in) :: adjacency
     !> Positions of the vertices (3, n_vertices) [length].
     real(dp), intent(in) :: x(:, :)
-    !> As in find_smooth_sheets.
+    !> Facets of planes (n).
     logical, intent(in) :: flat(:)
-    integer, intent(in) :: joined(:, :)
-    !> The vertices where normals are wanted (n_vertices).
+    !> Facet across each smooth edge, 0 at the others (4, n).
+    integer, intent(in) :: smooth_neighbour(:, :)
+    !> Vertices at which normals are wanted (n_vertices).
     logical, intent(in) :: wanted(:)
-    !> Outward (3, 4, n), 0 at the others.
+    !> Outward normals, 0 at the other vertices (3, 4, n) [].
     real(dp), intent(out) :: normal(:, :, :)
     integer :: v
     normal = 0
-    !$omp parallel do default(none) schedule(dynamic, 64) shared(set, adjacency, x, joined, flat, wanted, normal)
+    !$omp parallel do default(none) schedule(dynamic, 64) &
+    !$omp shared(set, adjacency, x, smooth_neighbour, flat, wanted, normal)
     do v = 1, size(adjacency%start) - 1
-      if (wanted(v)) call normals_at_vertex(set, adjacency, x, joined, flat, v, normal)
+      if (wanted(v)) call normals_at_vertex(set, adjacency, x, smooth_neighbour, flat, v, normal)
     end do
     !$omp end parallel do
   end subroutine smooth_corner_normals
 
-  !> The normals at one vertex, sheet by sheet.
-  subroutine normals_at_vertex(set, adjacency, x, joined, flat, v, normal)
+  !> Normals at one vertex, sheet by sheet.
+  subroutine normals_at_vertex(set, adjacency, x, smooth_neighbour, flat, v, normal)
+    !> Facets of the surface.
     type(facet_set_t), intent(in) :: set
+    !> Neighbours of the facets.
     type(adjacency_t), intent(in) :: adjacency
+    !> Positions of the vertices (3, n_vertices) [length].
     real(dp), intent(in) :: x(:, :)
+    !> Facets of planes (n).
     logical, intent(in) :: flat(:)
-    integer, intent(in) :: joined(:, :)
-    !> The vertex.
+    !> Facet across each smooth edge, 0 at the others (4, n).
+    integer, intent(in) :: smooth_neighbour(:, :)
+    !> Vertex number.
     integer, intent(in) :: v
-    !> Only the facets' corners at the vertex are set.
+    !> Normals at the corners of the facets; those at the vertex are set (3, 4, n) [].
     real(dp), intent(inout) :: normal(:, :, :)
     integer :: first, last, i, j, k, n, f, edge(2)
     integer, allocatable :: sheet(:), corner(:)
@@ -215,12 +244,12 @@ contains
         sheet(i) = i
         corner(i) = corner_of(set, adjacency, v, around(i))
       end do
-      ! facets joined across edges at the vertex are one sheet: the least number spreads
+      ! Facets with a common smooth edge at the vertex belong to one sheet: the least number propagates.
       do k = 1, n
         do i = 1, n
           edge = edges_of_corner(set%corners(around(i)), corner(i))
           do j = 1, n
-            if (any(joined(edge, around(i)) == around(j))) sheet(i) = min(sheet(i), sheet(j))
+            if (any(smooth_neighbour(edge, around(i)) == around(j))) sheet(i) = min(sheet(i), sheet(j))
           end do
         end do
       end do
@@ -244,7 +273,7 @@ contains
           mean = plane/max(norm2(plane), tiny(1.0_dp))
         else
           mean = mean/norm2(mean)
-          call fit_around(set, adjacency, x, joined, flat, v, pack(around, sheet == k), mean)
+          call fit_normal_around(set, adjacency, x, smooth_neighbour, flat, v, pack(around, sheet == k), mean)
         end if
         do i = 1, n
           if (sheet(i) == k .and. .not. flat(around(i))) normal(:, corner(i), around(i)) = mean
@@ -253,32 +282,40 @@ contains
     end associate
   end subroutine normals_at_vertex
 
-  !> Fit the normal at a vertex to the vertices of the facets of one sheet around it: as many rings as the fit needs. A fit that
-  !> differs from the mean by more than twice what the facets of the fit and beside do is none.
-  subroutine fit_around(set, adjacency, x, joined, flat, v, start, normal)
+  !> Fit the normal at a vertex to the vertices of the facets of one sheet around it, with as many rings of facets as
+  !> the fit needs. A fit is rejected if it differs from the mean by more than twice the greatest angle between the mean
+  !> and the facets around.
+  subroutine fit_normal_around(set, adjacency, x, smooth_neighbour, flat, v, start, normal)
+    !> Facets of the surface.
     type(facet_set_t), intent(in) :: set
+    !> Neighbours of the facets.
     type(adjacency_t), intent(in) :: adjacency
+    !> Positions of the vertices (3, n_vertices) [length].
     real(dp), intent(in) :: x(:, :)
-    integer, intent(in) :: joined(:, :)
+    !> Facet across each smooth edge, 0 at the others (4, n).
+    integer, intent(in) :: smooth_neighbour(:, :)
+    !> Facets of planes (n).
     logical, intent(in) :: flat(:)
-    !> The vertex, and the facets of the sheet there.
-    integer, intent(in) :: v, start(:)
-    !> A mean (3); the fit on return.
+    !> Vertex number.
+    integer, intent(in) :: v
+    !> Facets of the sheet at the vertex (number of these facets).
+    integer, intent(in) :: start(:)
+    !> Weighted mean of the facet normals on entry, fitted normal on return (3) [].
     real(dp), intent(inout) :: normal(3)
-    integer :: facet(most_facets), vertex(4*most_facets), n, n_vertices, ring, i, e, k, last, other
-    real(dp) :: mean(3), its(3), widest
+    integer :: facet(max_facets), vertex(4*max_facets), n, n_vertices, ring, i, e, k, last, other
+    real(dp) :: mean(3), facet_normal(3), least_cosine
     logical :: determined, planar
     mean = normal
-    n = min(size(start), most_facets)
+    n = min(size(start), max_facets)
     facet(:n) = start(:n)
-    widest = 1
+    least_cosine = 1
     do i = 1, n
       do e = 1, set%corners(facet(i))
-        if (joined(e, facet(i)) > 0) widest = min(widest, facing(joined(e, facet(i))))
+        if (smooth_neighbour(e, facet(i)) > 0) least_cosine = min(least_cosine, facing(smooth_neighbour(e, facet(i))))
       end do
-      widest = min(widest, facing(facet(i)))
+      least_cosine = min(least_cosine, facing(facet(i)))
     end do
-    do ring = 1, most_rings
+    do ring = 1, max_rings
       n_vertices = 0
       do i = 1, n
         do k = 1, set%corners(facet(i))
@@ -294,45 +331,27 @@ contains
       last = n
       do i = 1, last
         do e = 1, set%corners(facet(i))
-          other = joined(e, facet(i))
-          if (other == 0 .or. n == most_facets) cycle
+          other = smooth_neighbour(e, facet(i))
+          if (other == 0 .or. n == max_facets) cycle
           if (flat(other) .or. any(facet(:n) == other)) cycle
-          if (facing(other) < facing_cosine) cycle
-          widest = min(widest, facing(other))
+          if (facing(other) < min_fit_cosine) cycle
+          least_cosine = min(least_cosine, facing(other))
           n = n + 1
           facet(n) = other
         end do
       end do
       if (n == last) exit
     end do
-    if (dot_product(normal, mean) < 2*widest**2 - 1) normal = mean
+    if (dot_product(normal, mean) < 2*least_cosine**2 - 1) normal = mean
 
   contains
 
-    !> Cosine of the angle of a facet to the mean.
+    !> Cosine of the angle between a facet and the mean normal [].
     real(dp) function facing(f)
+      !> Facet number.
       integer, intent(in) :: f
-      call mean_normal(set%corners(f), x(:, adjacency%vertex(1:set%corners(f), f)), its, planar)
-      facing = dot_product(its, mean)
+      call mean_normal(set%corners(f), x(:, adjacency%vertex(1:set%corners(f), f)), facet_normal, planar)
+      facing = dot_product(facet_normal, mean)
     end function facing
-  end subroutine fit_around
-
-  !> The corner of a facet that is a vertex.
-  pure integer function corner_of(set, adjacency, v, f) result(corner)
-    type(facet_set_t), intent(in) :: set
-    type(adjacency_t), intent(in) :: adjacency
-    integer, intent(in) :: v, f
-    corner = findloc(adjacency%vertex(1:set%corners(f), f), v, dim=1)
-  end function corner_of
-
-  !> The two edges that meet at a corner; in two dimensions the end itself, twice.
-  pure function edges_of_corner(corners, corner) result(edge)
-    integer, intent(in) :: corners, corner
-    integer :: edge(2)
-    if (corners == 2) then
-      edge = corner
-    else
-      edge = [corner, modulo(corner - 2, corners) + 1]
-    end if
-  end function edges_of_corner
+  end subroutine fit_normal_around
 end module dotyk_contact_vertex_normals

@@ -11,6 +11,7 @@ module dotyk_control_contact_solution
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: discretization_quadrature
   use dotyk_base_text, only: to_text
+  use dotyk_base_timer, only: wall_time
   use dotyk_control_conditioning, only: conditioning_t, collect_conditioning
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_displacements, only: displacements_t, find_displacements
@@ -19,7 +20,9 @@ module dotyk_control_contact_solution
   use dotyk_scheme_body_compliance, only: body_compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_monitor, only: monitor_t, phase_estimate, phase_iterate, phase_recover
-  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_interrupted, ended_rounds, ended_stalled
+  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_interrupted, ended_rounds, &
+    ended_stalled, &
+    ended_time
   implicit none
   private
   public :: solve_contact
@@ -47,8 +50,10 @@ module dotyk_control_contact_solution
     !> Penalty parameters that it belongs to (n_rows) [length/pressure], and their factor over those that it began with
     !> (n_pairs) [].
     real(dp), allocatable :: theta(:), theta_factor(:)
-    !> Tolerance that was to be reached [].
+    !> Tolerance that was to be reached, or is next where the time limit ended the run [].
     real(dp) :: tolerance = 0
+    !> How often the QP has been solved, the present time included.
+    integer :: round = 0
     !> Displacements and stresses.
     type(displacements_t) :: displacements
     !> Of the stiffness of each body (n_bodies).
@@ -102,7 +107,7 @@ contains
     needs = self%displacement .or. self%stress .or. self%needs_mesh_error()
   end function goal_needs_displacements
 
-  !> Solve.
+  !> Solve. A solution that ended with `ended_time` is continued.
   subroutine solve_contact(problem, qp, compliance, run, goal, monitor, solution, error)
     type(contact_problem_t), intent(in) :: problem
     !> Its initial penetration is corrected where bodies are ill-conditioned.
@@ -112,17 +117,23 @@ contains
     type(scheme_run_t), intent(in) :: run
     type(solution_goal_t), intent(in) :: goal
     class(monitor_t), intent(inout) :: monitor
-    !> theta is given, and a state if there is one to begin with.
+    !> theta is given, and a state if there is one to begin with, or it is to be continued.
     type(contact_solution_t), intent(inout) :: solution
     !> Allocated where no significant digit of a body is left, or the scheme fails.
     type(error_t), allocatable, intent(out) :: error
     type(scheme_run_t) :: now
-    integer :: round
-    allocate (solution%theta_factor(size(problem%pair)), source=1.0_dp)
-    call collect_conditioning(problem%classes, problem%report, solution%conditioning)
+    real(dp) :: began
+    began = wall_time()
     now = run
-    if (goal%by_budget) now%settings%tolerance = rough
-    do round = 1, most_rounds
+    if (solution%state%ended == ended_time) then
+      now%settings%tolerance = solution%tolerance
+    else
+      allocate (solution%theta_factor(size(problem%pair)), source=1.0_dp)
+      call collect_conditioning(problem%classes, problem%report, solution%conditioning)
+      if (goal%by_budget) now%settings%tolerance = rough
+      solution%round = 1
+    end if
+    do
       call monitor%begin_phase(phase_iterate)
       call now%solve(qp, compliance, solution%theta, problem%n_blas, monitor, solution%state, error)
       if (allocated(error)) return
@@ -140,9 +151,12 @@ contains
       if (goal%depends_on_errors() .and. solution%state%ended == ended_converged) then
         if (interrupted()) solution%state%ended = ended_interrupted
       end if
-      if (.not. asks_for_more(goal, round == most_rounds, problem, qp, now%scheme%allows_zero_theta(), monitor, &
-        solution, &
-                              now%settings%tolerance)) exit
+      if (.not. asks_for_more(goal, solution%round == most_rounds, problem, qp, now%scheme%allows_zero_theta(), &
+                              monitor, solution, now%settings%tolerance)) exit
+      solution%round = solution%round + 1
+      if (wall_time() - began < now%settings%time_limit) cycle
+      solution%state%ended = ended_time
+      exit
     end do
     solution%tolerance = now%settings%tolerance
     call monitor%begin_phase(phase_recover)

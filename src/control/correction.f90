@@ -11,7 +11,7 @@ module dotyk_control_correction
   use dotyk_scheme_body_compliance, only: body_compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_monitor, only: monitor_t
-  use dotyk_scheme_solver_state, only: solver_state_t, ended_interrupted
+  use dotyk_scheme_solver_state, only: solver_state_t, ended_interrupted, ended_time
   implicit none
   private
   public :: correct_contact
@@ -53,7 +53,7 @@ contains
     integer :: k
     rounding = 0
     if (size(state%m) == 0 .or. .not. any(conditioning%needs_refinement())) return
-    if (state%ended == ended_interrupted) then
+    if (any(state%ended == [ended_interrupted, ended_time])) then
       ! Rounding is not known.
       state%error_bound = huge(before)
       return

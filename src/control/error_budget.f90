@@ -17,7 +17,7 @@ module dotyk_control_error_budget
   use dotyk_control_penalty_error, only: estimate_penalty_error
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
-  use dotyk_scheme_solver_state, only: solver_state_t, ended_interrupted
+  use dotyk_scheme_solver_state, only: solver_state_t, ended_interrupted, ended_time
   implicit none
   private
 
@@ -91,7 +91,7 @@ contains
       if (.not. is_near(state)) call forget_mesh_error(budget)
     end if
     ! The error of the penalty takes another solution.
-    if (want_penalty .and. is_near(state) .and. state%ended /= ended_interrupted) then
+    if (want_penalty .and. is_near(state) .and. all(state%ended /= [ended_interrupted, ended_time])) then
       call estimate_penalty_error(qp, compliance, theta, linear_solver, is_exact, state, distance, error)
       if (allocated(error)) return
       budget%penalty = 0

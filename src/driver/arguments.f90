@@ -11,14 +11,16 @@ module dotyk_driver_arguments
     character(:), allocatable :: case_file
     !> Results file in place of the scene's; empty where not given.
     character(:), allocatable :: output
+    !> Results file whose contact pressures the scheme starts from; empty: from the scene without contact.
+    character(:), allocatable :: restart
     !> Number of threads; 0: all processors.
     integer :: threads = 0
     !> Check everything and solve nothing.
     logical :: check = .false.
     !> Print errors only.
     logical :: quiet = .false.
-    !> Print the version, or the help, and stop.
-    logical :: version = .false., help = .false.
+    !> Print the version, the help, or the input reference in Markdown, and stop.
+    logical :: version = .false., help = .false., reference = .false.
   end type arguments_t
 
   public :: read_arguments, parse_arguments, command_line_text
@@ -46,7 +48,7 @@ contains
     type(text_t), intent(in) :: words(:)
     type(arguments_t), intent(out) :: arguments
     type(error_t), allocatable, intent(out) :: error
-    type(text_t) :: options(6)
+    type(text_t) :: options(7)
     integer :: i, status
     options(1)%s = '--check'
     options(2)%s = '--threads'
@@ -54,8 +56,10 @@ contains
     options(4)%s = '--quiet'
     options(5)%s = '--version'
     options(6)%s = '--help'
+    options(7)%s = '--restart'
     arguments%case_file = ''
     arguments%output = ''
+    arguments%restart = ''
     i = 0
     do while (i < size(words))
       i = i + 1
@@ -68,20 +72,26 @@ contains
         arguments%version = .true.
       case ('--help', '-h')
         arguments%help = .true.
-      case ('--threads', '--output')
+      case ('--help=markdown')
+        arguments%reference = .true.
+      case ('--threads', '--output', '--restart')
         if (i == size(words)) then
           call set_error(error, 'option '//words(i)%s//' needs a value')
           return
         end if
-        if (words(i)%s == '--output') then
+        select case (words(i)%s)
+        case ('--output')
           arguments%output = words(i + 1)%s
-          if (len(arguments%output) == 0) call set_error(error, 'option --output needs the name of a file')
-        else
+        case ('--restart')
+          arguments%restart = words(i + 1)%s
+        case default
           read (words(i + 1)%s, *, iostat=status) arguments%threads
           if (verify(words(i + 1)%s, '0123456789') > 0) status = 1
           if (status /= 0 .or. arguments%threads < 1 .or. arguments%threads > 1024) &
             call set_error(error, "option --threads needs a number from 1 to 1024, not '"//words(i + 1)%s//"'")
-        end if
+        end select
+        if (len(words(i + 1)%s) == 0 .and. words(i)%s /= '--threads') &
+          call set_error(error, 'option '//words(i)%s//' needs the name of a file')
         if (allocated(error)) return
         i = i + 1
       case default
@@ -99,8 +109,9 @@ contains
         arguments%case_file = words(i)%s
       end select
     end do
-    if (len(arguments%case_file) == 0 .and. .not. (arguments%help .or. arguments%version)) &
-      call set_error(error, 'no case given: dotyk CASE.nml [--check] [--threads N] [--output FILE], or dotyk --help')
+    if (len(arguments%case_file) == 0 .and. .not. (arguments%help .or. arguments%version .or. arguments%reference)) &
+      call set_error(error, 'no case given: dotyk CASE.nml [--check] [--threads N] [--output FILE] '// &
+                     '[--restart RESULTS.vtkhdf] [--quiet], or dotyk --help')
   end subroutine parse_arguments
 
   !> The whole command line, for the results file.

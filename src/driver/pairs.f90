@@ -6,7 +6,8 @@ module dotyk_driver_pairs
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric, gap_formula, theta_mesh, theta_relative
   use dotyk_base_text, only: to_text
-  use dotyk_contact_pair, only: contact_pair_t, pair_settings_t, discretize_pair
+  use dotyk_contact_pair, only: contact_pair_t, pair_settings_t
+  use dotyk_contact_pair_discretization, only: discretize_pair
   use dotyk_driver_mesh_theta, only: set_mesh_theta
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t, contact_input_t

@@ -13,6 +13,7 @@ module dotyk_driver_report
   use dotyk_input_case, only: case_t
   use dotyk_output_results_file, only: results_file_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
+  use dotyk_scheme_solver_state, only: ended_time
   implicit none
   private
   public :: show_solution, write_results
@@ -60,7 +61,7 @@ contains
       if (.not. allocated(error)) call refuse_overflow(case, problem%body, problem%pair, displacements, pair_solution, &
                                                        solution%state, error)
       if (allocated(error)) return
-      call show_pair_results(monitor%log, problem%pair, pair_solution)
+      if (solution%state%ended /= ended_time) call show_pair_results(monitor%log, problem%pair, pair_solution)
       call monitor%watch%lap(monitor%timing%recover)
       call set_stage('writing results')
       call write_fields(file, case, problem%body, displacements, contact_pressure, solution%budget, error)

@@ -2,8 +2,11 @@
 module dotyk_driver_run_case
   use dotyk_base_error, only: error_t, set_error, exit_converged, exit_not_converged, exit_not_written
   use dotyk_base_files, only: behind_links, print_text
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_log, only: print_error
   use dotyk_base_memory, only: set_stage
   use dotyk_base_options, only: scheme_auto, scheme_dual, stop_budget, stop_residual
+  use dotyk_base_text, only: to_text
   use dotyk_control_contact_solution, only: contact_solution_t, solution_goal_t, solve_contact
   use dotyk_control_scheme_run, only: scheme_run_t
   use dotyk_driver_arguments, only: arguments_t
@@ -14,6 +17,7 @@ module dotyk_driver_run_case
   use dotyk_driver_screen, only: show_memory, show_scene, show_structure, show_timing
   use dotyk_control_parallel, only: use_threads
   use dotyk_driver_version, only: version, compiler, build_type
+  use dotyk_driver_warm_start, only: read_pressures, start_from_pressures
   use dotyk_input_case, only: case_t
   use dotyk_input_help, only: help_text
   use dotyk_input_parse, only: read_case
@@ -21,7 +25,7 @@ module dotyk_driver_run_case
   use dotyk_scheme_body_compliance, only: body_compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_registry, only: make_scheme
-  use dotyk_scheme_solver_state, only: ended_converged
+  use dotyk_scheme_solver_state, only: ended_converged, ended_time
   implicit none
   private
   public :: run_case
@@ -59,7 +63,9 @@ contains
     type(contact_solution_t) :: solution
     type(log_monitor_t) :: monitor
     character(:), allocatable :: started
+    real(dp), allocatable :: pressure(:)
     integer :: threads
+    logical :: has_warned
     call monitor%watch%start()
     started = date_and_time_text()
     call monitor%log%init(arguments%quiet)
@@ -79,6 +85,10 @@ contains
     call build_scene(case, run%scheme, scene, monitor, error)
     if (allocated(error)) return
     call show_structure(monitor%log, case, scene%problem, scene%size_of)
+    if (len(arguments%restart) > 0) then
+      call read_pressures(arguments%restart, scene%problem%body, scene%problem%pair, monitor%log, pressure, error)
+      if (allocated(error)) return
+    end if
     if (arguments%check) then
       call show_memory(monitor%log, scene%size_of)
       call monitor%log%line('  checked; nothing was solved')
@@ -87,8 +97,14 @@ contains
     call factorize_scene(case, run%scheme, scene, qp, compliance, monitor, error)
     if (.not. allocated(error)) then
       solution%theta = scene%theta
-      call solve_contact(scene%problem, qp, compliance, run, goal_of(case), monitor, solution, error)
-      call monitor%end_phase()
+      if (allocated(pressure)) call start_from_pressures(pressure, qp, compliance, solution%state)
+      has_warned = .false.
+      do
+        call solve_contact(scene%problem, qp, compliance, run, goal_of(case), monitor, solution, error)
+        call monitor%end_phase()
+        if (allocated(error) .or. solution%state%ended /= ended_time) exit
+        call write_on_the_way(case, scene, qp, compliance%n_sweeps, solution, threads, started, monitor, has_warned)
+      end do
       if (.not. allocated(error)) call refuse_unsolvable(case, scene%problem, qp, solution%state, error)
     end if
     call compliance%destroy()
@@ -101,6 +117,31 @@ contains
     call monitor%log%line('  results          '//case%scene%output)
     if (solution%state%ended /= ended_converged) code = exit_not_converged
   end subroutine solve_case
+
+  !> Write the results of a run that continues. A failure is no reason to end it.
+  subroutine write_on_the_way(case, scene, qp, n_sweeps, solution, threads, started, monitor, has_warned)
+    type(case_t), intent(in) :: case
+    type(scene_t), intent(in) :: scene
+    type(contact_qp_t), intent(in) :: qp
+    !> As in `write_results`.
+    integer, intent(in) :: n_sweeps
+    type(contact_solution_t), intent(in) :: solution
+    !> As in `write_results`.
+    integer, intent(in) :: threads
+    character(*), intent(in) :: started
+    type(log_monitor_t), intent(inout) :: monitor
+    !> Whether a failure has been reported, which happens once.
+    logical, intent(inout) :: has_warned
+    type(error_t), allocatable :: error
+    call write_results(case, scene, qp, n_sweeps, solution, threads, started, monitor, error)
+    if (.not. allocated(error)) then
+      call monitor%log%line('  written          '//case%scene%output//' after '//to_text(solution%state%iterations)// &
+                            ' iterations')
+    else if (.not. has_warned) then
+      call print_error('warning: '//error%message//'; the run continues')
+      has_warned = .true.
+    end if
+  end subroutine write_on_the_way
 
   !> The scheme and its settings.
   subroutine choose_scheme(case, run)
@@ -115,6 +156,7 @@ contains
     run%settings%tolerance = case%solver%tolerance
     run%settings%max_iterations = case%solver%max_iterations
     run%settings%linear_solver = case%solver%linear_solver
+    if (case%output%interval > 0) run%settings%time_limit = case%output%interval
   end subroutine choose_scheme
 
   !> What is asked of the solution.

@@ -7,7 +7,7 @@ module dotyk_input_bodies
   use dotyk_input_problems, only: problems_t
   use dotyk_input_reader, only: group_t
   use dotyk_input_settings, only: read_mesh_path
-  use dotyk_input_values, only: count_of, is_given, is_usable, names_t, number_of, numbers_of, refer, report, text_of
+  use dotyk_input_values, only: count_of, is_given, is_usable, names_t, real_of, reals_of, refer, report, text_of
   implicit none
   private
   public :: read_material, read_body
@@ -95,7 +95,7 @@ contains
     real(dp), intent(inout) :: values(:)
     real(dp), allocatable :: numbers(:)
     integer :: n
-    call numbers_of(group, key, numbers)
+    call reals_of(group, key, numbers)
     n = min(size(numbers), size(values))
     values(:n) = numbers(:n)
   end subroutine read_numbers
@@ -157,7 +157,7 @@ contains
       end if
     end if
     if (is_given(group, 'angle')) then
-      body%angle = number_of(group, 'angle')
+      body%angle = real_of(group, 'angle')
       if (scene%analysis == analysis_axisymmetric) &
         call report(problems, group, 'angle', 'axisymmetric bodies are not turned: remove angle')
     end if

@@ -6,7 +6,7 @@ module dotyk_input_boundary
   use dotyk_input_case, only: load_input_t, support_input_t
   use dotyk_input_problems, only: problems_t
   use dotyk_input_reader, only: group_t
-  use dotyk_input_values, only: count_of, is_given, is_usable, names_t, number_of, numbers_of, refer, report, text_of, &
+  use dotyk_input_values, only: count_of, is_given, is_usable, names_t, real_of, reals_of, refer, report, text_of, &
     texts_of
   implicit none
   private
@@ -104,7 +104,7 @@ contains
       call problems%add(group%line, '&load: ''surface'' is missing')
     end if
     if (load%kind == load_pressure) then
-      load%value(1) = number_of(group, key)
+      load%value(1) = real_of(group, key)
       call texts_of(group, key//'_formula', load%formula)
     else
       call read_vector(group, key, load%kind == load_local_traction, dimension, problems, load%value)
@@ -126,7 +126,7 @@ contains
     real(dp), allocatable :: numbers(:)
     integer :: across
     vector = 0
-    call numbers_of(group, key, numbers)
+    call reals_of(group, key, numbers)
     if (.not. right_count(group, key, size(numbers), dimension, problems)) return
     across = merge(2, 3, local)
     if (size(numbers) == 3) then

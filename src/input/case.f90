@@ -186,6 +186,8 @@ module dotyk_input_case
     logical :: error = .false.
     !> Which errors are to be estimated?
     logical :: error_penalty = .false., error_discretization = .false.
+    !> Iteration time between results that are written on the way; 0: none are [s].
+    real(dp) :: interval = 0
   end type output_input_t
 
   !> The whole scene.

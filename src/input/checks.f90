@@ -140,42 +140,54 @@ contains
 
   !> Check the values of one key and convert them.
   subroutine check_entry(group_name, entry, row, problems)
+    !> Name of the group, for messages.
     character(*), intent(in) :: group_name
+    !> Key with its values as written; converted on return, not usable where a value is wrong.
     type(entry_t), intent(inout) :: entry
+    !> Row of the key in the table of keywords.
     type(keyword_t), intent(in) :: row
+    !> Mistakes are added.
     type(problems_t), intent(inout) :: problems
     character(:), allocatable :: message, place
-    type(text_t), allocatable :: words(:)
     integer :: i
     if (entry%n_values < row%least .or. entry%n_values > row%most) then
       call problems%add(entry%line, '&'//group_name//': '//row%key//' needs '//needed_count(row)//', got '// &
                         to_text(entry%n_values))
       entry%usable = .false.
     end if
-    if (row%kind == kind_names .and. entry%n_values == 1) then
-      call split_words(entry%value(1)%text, words)
-      allocate (entry%number(size(words)))
-    else
-      allocate (entry%number(entry%n_values))
-    end if
-    entry%number = 0
+    allocate (entry%reals(entry%n_values), source=0.0_dp)
+    allocate (entry%logicals(entry%n_values), source=.false.)
+    allocate (entry%integers(merge(0, entry%n_values, takes_options(row))), source=0)
     do i = 1, entry%n_values
-      place = ''
-      if (row%most > 1 .and. row%kind == kind_formula) place = '('//to_text(i)//')'
       select case (row%kind)
-      case (kind_real, kind_integer, kind_logical)
-        message = number_message(entry%value(i), row, entry%number(i))
+      case (kind_real)
+        message = real_message(entry%value(i), row, entry%reals(i))
+      case (kind_integer)
+        message = integer_message(entry%value(i), row, entry%integers(i))
+      case (kind_logical)
+        message = logical_message(entry%value(i), entry%logicals(i))
       case default
-        message = text_message(entry%value(i), row, entry%number)
+        message = text_message(entry%value(i), row)
+        if (len(message) == 0 .and. takes_options(row)) message = options_message(entry%value(i), row, entry%integers)
       end select
       if (len(message) == 0) cycle
+      place = ''
+      if (row%most > 1 .and. row%kind == kind_formula) place = '('//to_text(i)//')'
       call problems%add(entry%value(i)%line, '&'//group_name//': '//row%key//place//message)
       entry%usable = .false.
     end do
   end subroutine check_entry
 
-  !> "1 or 3 values".
+  !> Whether the values of a key are names of options.
+  pure logical function takes_options(row)
+    !> Row of the key.
+    type(keyword_t), intent(in) :: row
+    takes_options = row%kind == kind_name .or. row%kind == kind_names
+  end function takes_options
+
+  !> Number of values that a key needs: "1 or 3 values".
   pure function needed_count(row) result(text)
+    !> Row of the key.
     type(keyword_t), intent(in) :: row
     character(:), allocatable :: text
     text = to_text(row%least)
@@ -184,85 +196,133 @@ contains
     if (row%most > 1) text = text//'s'
   end function needed_count
 
-  !> Convert a number and say what is wrong with it; an empty message where nothing is.
-  function number_message(value, row, number) result(message)
+  !> Convert a real; the message says what is wrong, and is empty where nothing is.
+  function real_message(value, row, number) result(message)
+    !> The value as written.
     type(value_t), intent(in) :: value
+    !> Row of the key.
     type(keyword_t), intent(in) :: row
     !> The number; 0 where there is none.
     real(dp), intent(out) :: number
     character(:), allocatable :: message
-    character(:), allocatable :: needed
-    integer :: status, whole
-    number = 0
-    message = ''
-    needed = 'a real number'
-    select case (row%kind)
-    case (kind_real)
-      call read_real(value%text, number, status)
-    case (kind_integer)
-      needed = 'an integer'
-      call read_integer(value%text, whole, status)
-      number = whole
-    case default
-      needed = '.true. or .false.'
-      call read_logical(value%text, whole, status)
-      number = whole
-    end select
-    if (value%quoted) status = number_malformed
-    if (status == number_malformed) message = ' needs '//needed//', got '//shown(value%text)
-    if (status == number_out_of_range) message = ': '//shown(value%text)//' is beyond the range of numbers'
-    if (status == number_good .and. row%positive .and. .not. number > 0) &
-      message = ' must be above 0, got '//shown(value%text)
-    if (status == number_good .and. row%not_negative .and. .not. number >= 0) &
-      message = ' must not be below 0, got '//shown(value%text)
-    if (status == number_good .and. len(message) == 0 .and. row%kind == kind_real .and. row%measured) then
-      if (.not. has_usual_size(number)) message = ': '//shown(value%text)//' is too large or too small: '//size_rule
-    end if
-  end function number_message
+    integer :: status
+    call read_real(value%text, number, status)
+    message = status_message(value, status, 'a real number')
+    if (len(message) == 0) message = sign_message(value, row, number)
+    if (len(message) > 0 .or. .not. row%measured) return
+    if (.not. has_usual_size(number)) message = ': '//shown(value%text)//' is too large or too small: '//size_rule
+  end function real_message
 
-  !> Say what is wrong with a text; an empty message where nothing is.
-  function text_message(value, row, places) result(message)
+  !> Convert an integer; the message says what is wrong, and is empty where nothing is.
+  function integer_message(value, row, number) result(message)
+    !> The value as written.
     type(value_t), intent(in) :: value
+    !> Row of the key.
     type(keyword_t), intent(in) :: row
-    !> The places of its names, where it consists of names.
-    real(dp), intent(inout) :: places(:)
+    !> The number; 0 where there is none.
+    integer, intent(out) :: number
     character(:), allocatable :: message
-    type(text_t), allocatable :: words(:)
-    character(:), allocatable :: reason
+    integer :: status
+    call read_integer(value%text, number, status)
+    message = status_message(value, status, 'an integer')
+    if (len(message) == 0) message = sign_message(value, row, real(number, dp))
+  end function integer_message
+
+  !> Convert a logical; the message says what is wrong, and is empty where nothing is.
+  function logical_message(value, truth) result(message)
+    !> The value as written.
+    type(value_t), intent(in) :: value
+    !> The logical; false where there is none.
+    logical, intent(out) :: truth
+    character(:), allocatable :: message
+    integer :: status
+    call read_logical(value%text, truth, status)
+    message = status_message(value, status, '.true. or .false.')
+  end function logical_message
+
+  !> The message for a value that cannot be converted; empty where it can.
+  function status_message(value, status, needed) result(message)
+    !> The value as written.
+    type(value_t), intent(in) :: value
+    !> One of `number_*`.
+    integer, intent(in) :: status
+    !> What is needed, as in "an integer".
+    character(*), intent(in) :: needed
+    character(:), allocatable :: message
+    message = ''
+    if (value%quoted .or. status == number_malformed) then
+      message = ' needs '//needed//', got '//shown(value%text)
+    else if (status == number_out_of_range) then
+      message = ': '//shown(value%text)//' is beyond the range of numbers'
+    end if
+  end function status_message
+
+  !> The message for a number of the wrong sign; empty where it is right.
+  function sign_message(value, row, number) result(message)
+    !> The value as written.
+    type(value_t), intent(in) :: value
+    !> Row of the key.
+    type(keyword_t), intent(in) :: row
+    !> Its number, in the unit of the key.
+    real(dp), intent(in) :: number
+    character(:), allocatable :: message
+    message = ''
+    if (row%positive .and. .not. number > 0) message = ' must be above 0, got '//shown(value%text)
+    if (row%not_negative .and. .not. number >= 0) message = ' must not be below 0, got '//shown(value%text)
+  end function sign_message
+
+  !> What is wrong with a text or formula; empty where nothing is.
+  function text_message(value, row) result(message)
+    !> The value as written.
+    type(value_t), intent(in) :: value
+    !> Row of the key.
+    type(keyword_t), intent(in) :: row
+    character(:), allocatable :: message
     type(formula_t) :: formula
     type(error_t), allocatable :: error
-    integer :: i, option
     message = ''
     if (.not. value%quoted) then
       message = ' needs a text in quotes, got '//visible(value%text)
-      return
-    end if
-    if (len_trim(value%text) == 0) then
+    else if (len_trim(value%text) == 0) then
       if (.not. row%may_be_empty) message = ' is empty'
-      return
-    end if
-    select case (row%kind)
-    case (kind_formula)
+    else if (row%kind == kind_formula) then
       call formula%init(value%text, error)
       if (allocated(error)) message = ': '//error%message
       call formula%destroy()
-    case (kind_name, kind_names)
-      call split_words(value%text, words)
-      if (row%kind == kind_name) then
+    end if
+  end function text_message
+
+  !> Convert names to options; the message says what is wrong, and is empty where nothing is.
+  function options_message(value, row, options) result(message)
+    !> The value as written: one name, or names separated by blanks.
+    type(value_t), intent(in) :: value
+    !> Row of the key, with the names that are allowed.
+    type(keyword_t), intent(in) :: row
+    !> The options are added (n_names).
+    integer, allocatable, intent(inout) :: options(:)
+    character(:), allocatable :: message
+    type(text_t), allocatable :: words(:)
+    character(:), allocatable :: reason
+    integer :: i, option
+    message = ''
+    call split_words(value%text, words)
+    if (row%kind == kind_name) then
+      ! One name: blanks inside it are a mistake of the name.
+      if (size(words) > 1) then
         deallocate (words)
         allocate (words(1))
-        words(1)%s = trim(adjustl(value%text))
       end if
-      do i = 1, size(words)
-        call find_option(row%names, words(i)%s, option, reason)
-        if (option == 0) then
-          message = ': '//shown(words(i)%s)//' '//reason
-        else if (any(nint(places(:min(i - 1, size(places)))) == option)) then
-          message = ': '//shown(words(i)%s)//' is named twice'
-        end if
-        if (len(message) > 0) return
-        if (i <= size(places)) places(i) = option
-      end do
-    end select
-  end function text_message
+      if (size(words) == 1) words(1)%s = trim(adjustl(value%text))
+    end if
+    do i = 1, size(words)
+      call find_option(row%names, words(i)%s, option, reason)
+      if (option == 0) then
+        message = ': '//shown(words(i)%s)//' '//reason
+      else if (any(options == option)) then
+        message = ': '//shown(words(i)%s)//' is named twice'
+      end if
+      if (len(message) > 0) return
+      options = [options, option]
+    end do
+  end function options_message
 end module dotyk_input_checks

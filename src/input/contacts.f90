@@ -8,7 +8,7 @@ module dotyk_input_contacts
   use dotyk_input_problems, only: problems_t
   use dotyk_input_reader, only: group_t
   use dotyk_input_settings, only: read_theta
-  use dotyk_input_values, only: is_given, is_usable, names_t, number_of, refer, report, text_of
+  use dotyk_input_values, only: integer_of, is_given, is_usable, names_t, real_of, refer, report, text_of
   implicit none
   private
   public :: read_contact
@@ -39,7 +39,7 @@ contains
       call report(problems, group, 'surface_b', 'a pair needs two different bodies, got '// &
                   shown(bodies%name(contact%body_a)%s)//' twice')
     contact%gap_kind = gap_geometry
-    contact%gap = number_of(group, 'gap')
+    contact%gap = real_of(group, 'gap')
     contact%gap_formula = text_of(group, 'gap_formula')
     if (is_given(group, 'gap')) contact%gap_kind = gap_constant
     if (is_given(group, 'gap_formula')) contact%gap_kind = gap_formula
@@ -61,10 +61,10 @@ contains
                   option_name(scheme_names, solver%scheme)//'''')
     end if
     contact%has_search_radius = is_usable(group, 'search_radius')
-    contact%search_radius = number_of(group, 'search_radius')
-    contact%discretization = nint(number_of(group, 'discretization'))
-    contact%geometry = nint(number_of(group, 'geometry'))
-    contact%quadrature = nint(number_of(group, 'quadrature'))
+    contact%search_radius = real_of(group, 'search_radius')
+    contact%discretization = integer_of(group, 'discretization')
+    contact%geometry = integer_of(group, 'geometry')
+    contact%quadrature = integer_of(group, 'quadrature')
   end subroutine read_contact
 
   !> One side of a pair: 'body:surface'.

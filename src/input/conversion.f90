@@ -79,17 +79,17 @@ contains
   !> A logical: .true., t, true and their opposites, in any case.
   pure subroutine read_logical(text, value, status)
     character(*), intent(in) :: text
-    !> 1 for true, 0 for false.
-    integer, intent(out) :: value
+    !> The logical; false where there is none.
+    logical, intent(out) :: value
     !> `number_good` or `number_malformed`.
     integer, intent(out) :: status
-    value = 0
+    value = .false.
     status = number_good
     select case (lower(text))
     case ('.true.', 'true', 't', '.t.')
-      value = 1
+      value = .true.
     case ('.false.', 'false', 'f', '.f.')
-      value = 0
+      value = .false.
     case default
       status = number_malformed
     end select

@@ -1,18 +1,18 @@
 !> The text of `--help`: command line, exit codes, and every group and key from the table that checks them.
 module dotyk_input_help
   use dotyk_base_text, only: join, split_words, text_t, to_text
-  use dotyk_input_keywords, only: at_least_one, at_most_one, exactly_one, group_keyword_t, &
-    keyword_t, kind_formula, kind_integer, kind_logical, kind_name, kind_names, kind_real, list_groups, &
-    list_keywords
+  use dotyk_input_keyword_table, only: list_groups, list_keywords
+  use dotyk_input_keywords, only: at_least_one, at_most_one, exactly_one, group_keyword_t, keyword_t, kind_formula, &
+    kind_integer, kind_logical, kind_name, kind_names, kind_real
   implicit none
   private
-  public :: help_text
+  public :: help_text, occurrence, values_text
 
   !> Widest line.
   integer, parameter :: width = 110
   !> Where the keys, the descriptions of their values and their meanings begin.
   integer, parameter :: indent = 2, values_column = 27, meaning_column = 50
-  character(*), parameter :: end_line = new_line('a')
+  character, parameter :: lf = new_line('a')
 
 contains
 
@@ -25,29 +25,29 @@ contains
     call list_groups(groups)
     call list_keywords(table)
     text = &
-      'dotyk computes the frictionless unilateral contact of linear elastic bodies.'//end_line//end_line// &
-      'usage: dotyk case.nml [--check] [--threads N] [--output FILE] [--quiet]'//end_line// &
-      '       dotyk --version | --help'//end_line// &
-      '  --check        read and check everything, print a summary of the scene, solve nothing'//end_line// &
-      '  --threads N    threads to use; if absent, all'//end_line// &
-      '  --output FILE  results file, in place of that of &scene; relative to the working directory'//end_line// &
-      '  --quiet        print errors only'//end_line// &
-      '  --version      print the version'//end_line// &
-      '  --help         print this text'//end_line//end_line// &
-      'exit codes: 0 converged; 1 stopped before the tolerance (results written and marked); 2 bad input;'//end_line// &
-      '  3 the problem cannot be solved as posed; 4 a file could not be written;'//end_line// &
-      '  5 out of memory, or another failure of the machine'//end_line// &
-      'An interrupt (Ctrl-C, SIGTERM) ends a run at its next step with code 1, a second one at once.'// &
-      end_line//end_line// &
-      'The input file consists of groups, such as &body name=''block'', volume=''block'', material=''steel'' /'// &
-      end_line// &
-      '  Commas or blanks separate values, 3*0 stands for 0, 0, 0, texts are in quotes, and ! begins a comment.'// &
-      end_line// &
-      '  Formulas are texts in x, y, z with pi, e, + - * / ^ ( ), comparisons, a ? b : c and functions such as sin,'// &
-      end_line//'  exp, sqrt, abs, min, max, log (natural). Units are yours, but must fit together.'//end_line
+      'dotyk computes the frictionless unilateral contact of linear elastic bodies.'//lf//lf// &
+      'usage: dotyk case.nml [--check] [--threads N] [--output FILE] [--restart RESULTS.vtkhdf] [--quiet]'//lf// &
+      '       dotyk --version | --help'//lf// &
+      '  --check        read and check everything, print a summary of the scene, solve nothing'//lf// &
+      '  --threads N    number of threads; if absent, one per processor'//lf// &
+      '  --output FILE  results file, in place of that of &scene; relative to the working directory'//lf// &
+      '  --restart RESULTS.vtkhdf'//lf// &
+      '                 start the scheme from the contact pressures of an earlier results file with the same'//lf// &
+      '                 contact rows; materials, loads, theta and scheme may differ'//lf// &
+      '  --quiet        print errors only'//lf// &
+      '  --version      print the version'//lf// &
+      '  --help         print this text (--help=markdown: the input reference, docs/input.md)'//lf//lf// &
+      'exit codes: 0 converged; 1 stopped before the tolerance (results written and marked); 2 bad input;'//lf// &
+      '  3 the problem cannot be solved as posed; 4 a file could not be written;'//lf// &
+      '  5 out of memory, or another failure of the machine'//lf// &
+      'An interrupt (Ctrl-C, SIGTERM) ends a run after the current step with code 1, a second one at once.'//lf//lf// &
+      'The input file consists of groups, such as &body name=''block'', volume=''block'', material=''steel'' /'//lf// &
+      '  Commas or blanks separate values, 3*0 stands for 0, 0, 0, texts are in quotes, and ! begins a comment.'//lf// &
+      '  Formulas are texts in x, y, z with pi, e, + - * / ^ ( ), comparisons, a ? b : c and functions such as '// &
+      'sin,'//lf//'  exp, sqrt, abs, min, max, log (natural). Units are free, but must be consistent.'//lf
     do i = 1, size(groups)
-      text = text//end_line//'&'//groups(i)%name//'  ('//occurrence(groups(i)%occurs)//') '// &
-             wrapped(groups(i)%meaning, len(groups(i)%name) + len(occurrence(groups(i)%occurs)) + 6, 6)//end_line
+      text = text//lf//'&'//groups(i)%name//'  ('//occurrence(groups(i)%occurs)//') '// &
+             wrapped(groups(i)%meaning, len(groups(i)%name) + len(occurrence(groups(i)%occurs)) + 6, 6)//lf
       do k = 1, size(table)
         if (table(k)%group == groups(i)%name) text = text//key_text(table(k))
       end do
@@ -89,7 +89,7 @@ contains
     if (len(row%default) > 0) meaning = meaning//' (default: '//row%default//')'
     text = padded(repeat(' ', indent)//row%key, values_column - 1)
     text = text//padded(values_text(row), meaning_column - values_column)
-    text = text//wrapped(meaning, meaning_column - 1, meaning_column - 1)//end_line
+    text = text//wrapped(meaning, meaning_column - 1, meaning_column - 1)//lf
   end function key_text
 
   !> What the values of a key are: "2 or 3 reals", "text".
@@ -142,7 +142,7 @@ contains
     used = first
     do i = 1, size(words)
       if (i > 1 .and. used + 1 + len(words(i)%s) > width) then
-        lines = lines//end_line//repeat(' ', next)
+        lines = lines//lf//repeat(' ', next)
         used = next
       else if (i > 1) then
         lines = lines//' '

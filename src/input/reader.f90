@@ -31,8 +31,12 @@ module dotyk_input_reader
     logical :: usable = .true.
     !> Does it come from the table of keywords, not from the file?
     logical :: from_default = .false.
-    !> Values as numbers, once they were checked: reals, integers, places of names, 1 for true and 0 for false.
-    real(dp), allocatable :: number(:)
+    !> Checked values of a real key (n_values).
+    real(dp), allocatable :: reals(:)
+    !> Checked values of an integer key (n_values), or the options that its names stand for (n_names).
+    integer, allocatable :: integers(:)
+    !> Checked values of a logical key (n_values).
+    logical, allocatable :: logicals(:)
   end type entry_t
 
   !> One group.

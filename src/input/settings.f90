@@ -10,7 +10,7 @@ module dotyk_input_settings
     without_extension
   use dotyk_input_problems, only: problems_t
   use dotyk_input_reader, only: group_t
-  use dotyk_input_values, only: is_given, is_usable, number_of, numbers_of, report, text_of
+  use dotyk_input_values, only: has_option, integer_of, is_given, is_usable, logical_of, real_of, report, text_of
   implicit none
   private
   public :: read_scene, read_solver, read_output, read_theta, read_mesh_path
@@ -30,7 +30,7 @@ contains
     type(scene_input_t), intent(out) :: scene
     scene%line = group%line
     scene%title = text_of(group, 'title')
-    scene%analysis = nint(number_of(group, 'analysis'))
+    scene%analysis = integer_of(group, 'analysis')
     ! Where the analysis cannot be used, no number of dimensions is known: nothing is checked against it.
     scene%dimension = 0
     if (scene%analysis > 0) scene%dimension = merge(3, 2, scene%analysis == analysis_3d)
@@ -72,19 +72,19 @@ contains
     type(problems_t), intent(inout) :: problems
     type(solver_input_t), intent(out) :: solver
     solver%line = group%line
-    solver%scheme = nint(number_of(group, 'scheme'))
+    solver%scheme = integer_of(group, 'scheme')
     call read_theta(group, problems, solver%theta_given, solver%theta_kind, solver%theta)
-    solver%linear_solver = nint(number_of(group, 'linear_solver'))
-    solver%response = nint(number_of(group, 'response'))
-    solver%gamma_rule = nint(number_of(group, 'gamma_rule'))
-    solver%gamma = number_of(group, 'gamma')
+    solver%linear_solver = integer_of(group, 'linear_solver')
+    solver%response = integer_of(group, 'response')
+    solver%gamma_rule = integer_of(group, 'gamma_rule')
+    solver%gamma = real_of(group, 'gamma')
     if (is_usable(group, 'gamma_rule')) then
       if (is_given(group, 'gamma') .and. solver%gamma_rule /= gamma_fixed) &
         call report(problems, group, 'gamma', 'gamma is given, but gamma_rule is not ''fixed''')
       if (.not. is_given(group, 'gamma') .and. solver%gamma_rule == gamma_fixed) &
         call report(problems, group, 'gamma_rule', '''gamma'' is missing: gamma_rule is ''fixed''')
     end if
-    solver%stop_rule = nint(number_of(group, 'stop_rule'))
+    solver%stop_rule = integer_of(group, 'stop_rule')
     ! These keys mean the Neumann scheme and nothing else.
     if (solver%scheme == scheme_auto .and. (is_given(group, 'gamma') .or. is_given(group, 'gamma_rule') .or. &
                                             solver%stop_rule == stop_paper)) solver%scheme = scheme_neumann
@@ -92,11 +92,11 @@ contains
                                                        solver%scheme == scheme_auto .or. solver%scheme == scheme_dual)
     if (solver%stop_rule == stop_paper .and. is_usable(group, 'scheme') .and. solver%scheme /= scheme_neumann) &
       call report(problems, group, 'stop_rule', 'stop_rule=''paper'' is for scheme=''neumann'', which (41) is about')
-    solver%budget_fraction = number_of(group, 'budget_fraction')
-    solver%tolerance = number_of(group, 'tolerance')
-    solver%max_iterations = nint(number_of(group, 'max_iterations'))
-    solver%locking = nint(number_of(group, 'locking'))
-    solver%reproducible = number_of(group, 'reproducible') > 0
+    solver%budget_fraction = real_of(group, 'budget_fraction')
+    solver%tolerance = real_of(group, 'tolerance')
+    solver%max_iterations = integer_of(group, 'max_iterations')
+    solver%locking = integer_of(group, 'locking')
+    solver%reproducible = logical_of(group, 'reproducible')
   end subroutine read_solver
 
   !> The penalty parameter of a group.
@@ -123,7 +123,7 @@ contains
       end if
       given = .true.
       kind = k
-      theta = number_of(group, option_name(theta_names, k))
+      theta = real_of(group, option_name(theta_names, k))
     end do
   end subroutine read_theta
 
@@ -132,16 +132,16 @@ contains
     !> The group; one with nothing but defaults where the file has none.
     type(group_t), intent(in) :: group
     type(output_input_t), intent(out) :: output
-    real(dp), allocatable :: fields(:)
-    call numbers_of(group, 'fields', fields)
     output%line = group%line
-    output%displacement = any(nint(fields) == field_displacement)
-    output%stress = any(nint(fields) == field_stress)
-    output%contact = any(nint(fields) == field_contact)
-    output%error = any(nint(fields) == field_error)
-    call numbers_of(group, 'error_parts', fields)
-    output%error_penalty = any(nint(fields) == error_part_penalty)
-    output%error_discretization = any(nint(fields) == error_part_discretization) .or. (output%error .and. is_given(group, 'fields'))
+    output%displacement = has_option(group, 'fields', field_displacement)
+    output%stress = has_option(group, 'fields', field_stress)
+    output%contact = has_option(group, 'fields', field_contact)
+    output%error = has_option(group, 'fields', field_error)
+    output%error_penalty = has_option(group, 'error_parts', error_part_penalty)
+    ! Who asks for the field asks for the estimate.
+    output%error_discretization = has_option(group, 'error_parts', error_part_discretization) .or. &
+                                  (output%error .and. is_given(group, 'fields'))
     output%error = output%error .and. output%error_discretization
+    output%interval = real_of(group, 'interval')
   end subroutine read_output
 end module dotyk_input_settings

@@ -19,7 +19,7 @@ module dotyk_input_values
     logical :: incomplete = .false.
   end type names_t
 
-  public :: is_given, is_usable, line_of, count_of, text_of, number_of, texts_of, numbers_of
+  public :: is_given, is_usable, line_of, count_of, text_of, texts_of, real_of, reals_of, integer_of, has_option, logical_of
   public :: pick_groups, gather_names, find_name, refer, report
 
 contains
@@ -98,25 +98,62 @@ contains
     end do
   end subroutine texts_of
 
-  !> Number of a key (an integer, the place of a name, 1 for true); 0 where it has none that can be used.
-  pure real(dp) function number_of(group, key) result(number)
+  !> Real of a key [its unit]; 0 where it has none that can be used.
+  pure real(dp) function real_of(group, key) result(value)
+    !> Checked group.
     type(group_t), intent(in) :: group
+    !> Name of the key.
     character(*), intent(in) :: key
-    number = 0
-    if (is_usable(group, key)) number = group%entry(place_of(group, key))%number(1)
-  end function number_of
+    value = 0
+    if (is_usable(group, key)) value = group%entry(place_of(group, key))%reals(1)
+  end function real_of
 
-  !> All numbers of a key; none where it has none that can be used.
-  pure subroutine numbers_of(group, key, numbers)
+  !> All reals of a key; none where it has none that can be used.
+  pure subroutine reals_of(group, key, values)
+    !> Checked group.
     type(group_t), intent(in) :: group
+    !> Name of the key.
     character(*), intent(in) :: key
-    real(dp), allocatable, intent(out) :: numbers(:)
+    !> The reals (n_values) [unit of the key].
+    real(dp), allocatable, intent(out) :: values(:)
     if (is_usable(group, key)) then
-      numbers = group%entry(place_of(group, key))%number
+      values = group%entry(place_of(group, key))%reals
     else
-      allocate (numbers(0))
+      allocate (values(0))
     end if
-  end subroutine numbers_of
+  end subroutine reals_of
+
+  !> Integer of a key, or the option of its name; 0 where it has none that can be used.
+  pure integer function integer_of(group, key) result(value)
+    !> Checked group.
+    type(group_t), intent(in) :: group
+    !> Name of the key.
+    character(*), intent(in) :: key
+    value = 0
+    if (is_usable(group, key)) value = group%entry(place_of(group, key))%integers(1)
+  end function integer_of
+
+  !> Whether an option is among the names of a key.
+  pure logical function has_option(group, key, option) result(has)
+    !> Checked group.
+    type(group_t), intent(in) :: group
+    !> Name of the key.
+    character(*), intent(in) :: key
+    !> Option, from 1.
+    integer, intent(in) :: option
+    has = .false.
+    if (is_usable(group, key)) has = any(group%entry(place_of(group, key))%integers == option)
+  end function has_option
+
+  !> Logical of a key; false where it has none that can be used.
+  pure logical function logical_of(group, key) result(value)
+    !> Checked group.
+    type(group_t), intent(in) :: group
+    !> Name of the key.
+    character(*), intent(in) :: key
+    value = .false.
+    if (is_usable(group, key)) value = group%entry(place_of(group, key))%logicals(1)
+  end function logical_of
 
   !> Report a problem of a key, at its line.
   subroutine report(problems, group, key, message)

@@ -109,12 +109,16 @@ contains
     integer :: round
 
     warm = allocated(state%m)
+    ! A state with a history is one of this problem; the loads may have changed since any other.
+    if (state%history%n == 0) then
+      call check_equilibrium(qp, state)
+      if (state%ended == ended_no_equilibrium) return
+    end if
     if (warm) then
       call complete_start(qp, state)
       working = state%m > 0
     else
-      call screen_rows(qp, theta, working, state)
-      if (state%ended == ended_no_equilibrium) return
+      call screen_rows(qp, theta, working)
     end if
     call choose_solver(qp, compliance, settings%linear_solver, working, system)
     if (.not. system%needs_entries()) call monitor%note('active sets      by conjugate gradients, '// &
@@ -171,27 +175,30 @@ contains
     allocate (state%alpha(qp%coarse%n), source=0.0_dp)
   end subroutine complete_start
 
+  !> Whether contact can balance the loads of the floating bodies.
+  subroutine check_equilibrium(qp, state)
+    type(contact_qp_t), intent(in) :: qp
+    !> Ended where the loads excite a motion that no contact stops.
+    type(solver_state_t), intent(inout) :: state
+    real(dp), allocatable :: motion(:)
+    logical :: found
+    allocate (motion(qp%coarse%n))
+    call find_unbounded_direction(qp, motion, found)
+    if (.not. found) return
+    call clear(state)
+    state%ended = ended_no_equilibrium
+    state%unbounded = qp%coarse%scale*motion
+  end subroutine check_equilibrium
+
   !> The first working set: rows that are active where the bodies are rigid on a Winkler foundation, or nearly so.
-  subroutine screen_rows(qp, theta, working, state)
+  subroutine screen_rows(qp, theta, working)
     type(contact_qp_t), intent(in) :: qp
     !> (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> (n_rows).
     logical, allocatable, intent(out) :: working(:)
-    !> Ended where the loads excite a motion that no contact stops.
-    type(solver_state_t), intent(inout) :: state
     type(iterate_t) :: now
-    real(dp), allocatable :: motion(:)
-    logical :: found
-    allocate (motion(qp%coarse%n), working(qp%n_rows))
-    call find_unbounded_direction(qp, motion, found)
-    if (found) then
-      call clear(state)
-      state%ended = ended_no_equilibrium
-      state%unbounded = qp%coarse%scale*motion
-      return
-    end if
-    working = .true.
+    allocate (working(qp%n_rows), source=.true.)
     if (qp%n_rows == 0 .or. has_many_modes(qp)) return
     call rest_on_winkler_foundation(qp, theta, now, working)
     ! Floating bodies sink in more than the foundation tells, or tilt.

@@ -43,6 +43,8 @@ contains
     type(solver_state_t), intent(inout) :: state
     !> Allocated where the rule of the paper is to end the iteration, and gamma is beyond Theorem 3.
     type(error_t), allocatable, intent(out) :: error
+    logical :: is_first
+    is_first = .not. state%lambda_max > 0
     call begin_iteration(qp, compliance, theta, settings, state)
     if (qp%n_rows > 0) then
       if (settings%stop_rule == stop_paper .and. .not. state%gamma < gamma_limit_of_paper(state%lambda_max)) then
@@ -51,7 +53,7 @@ contains
           "; use gamma_rule='theory' or another stop_rule")
         return
       end if
-      call announce(monitor, state)
+      if (is_first) call announce(monitor, state)
       call iterate(qp, compliance, theta, settings, monitor, state)
     end if
     call finish_iteration(monitor, state)

@@ -17,6 +17,7 @@ module dotyk_scheme_solver_state
   integer, parameter, public :: ended_rigid_constraint = 6  !< supports on both sides press contact rows together
   integer, parameter, public :: ended_rounds = 7  !< no solution met the error budget, of as many as a scene gets
   integer, parameter, public :: ended_interrupted = 8  !< the program was asked to stop
+  integer, parameter, public :: ended_time = 9  !< the time limit: the iteration continues from the state
 
   !> The state.
   type, public :: solver_state_t
@@ -92,6 +93,8 @@ contains
       name = 'budget'
     case (ended_interrupted)
       name = 'interrupted'
+    case (ended_time)
+      name = 'running'
     case default
       name = 'not solvable'
     end select

@@ -11,7 +11,7 @@ module dotyk_scheme_stopping
   use dotyk_scheme_monitor, only: monitor_t
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_limit, ended_diverged, &
     ended_interrupted, &
-    ended_stalled
+    ended_stalled, ended_time
   implicit none
   private
 
@@ -25,6 +25,8 @@ module dotyk_scheme_stopping
     real(dp) :: tolerance = default_tolerance
     !> Steps at most.
     integer :: max_iterations = default_max_iterations
+    !> Wall time after which an iteration ends with `ended_time` [s].
+    real(dp) :: time_limit = huge(1.0_dp)
     !> How the linear systems of active sets are solved: one of `linear_solver_*`.
     integer :: linear_solver = default_linear_solver
   end type solver_settings_t
@@ -148,8 +150,10 @@ contains
       return
     end if
     state%ended = ended_limit
+    if (k < self%settings%max_iterations .and. wall_time() - self%start >= self%settings%time_limit) &
+      state%ended = ended_time
     if (interrupted()) state%ended = ended_interrupted
-    finished = k >= self%settings%max_iterations .or. state%ended == ended_interrupted
+    finished = k >= self%settings%max_iterations .or. state%ended /= ended_limit
     if (.not. finished) call monitor%step(state%history, self%settings%tolerance, measure)
   end function stopping_check
 

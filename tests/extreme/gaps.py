@@ -154,7 +154,7 @@ def overhang(overlap, theta):
     """The upper block stands on the edge of the lower one with so much of its width; walls keep it upright."""
     blocks = [Block("lower", even(0, 1, 4), even(0, 1, 3), even(0, 1, 2)),
               Block("upper", even(1 - overlap, 2 - overlap, 3), even(0, 1, 2), even(1, 2, 2))]
-    refused = {"code": 2, "message": "'joint'.*none of the .* points.*has a partner"} if overlap <= 0 else {}
+    refused = {"code": 2, "message": "'joint'.*none of the .* points.*has a projection"} if overlap <= 0 else {}
     return pressed("overhang, %g of the width stands, theta %s" % (overlap, theta), blocks, "hex8",
                    [("joint", "upper:bottom", "lower:top")], 1e-3, theta,
                    ["&load body='upper', surface='top', pressure=1e-3 /"], **refused)

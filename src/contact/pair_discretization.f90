@@ -1,0 +1,310 @@
+!> Discretization of a contact pair by a segment-to-segment dual mortar method (Wohlmuth, SIAM J. Numer. Anal. 38, 2000;
+!> Popp, Gee and Wall, Int. J. Numer. Methods Engrg. 79, 2009), or by a quadrature-point penalty.
+!>
+!> The contact search has a broad phase (bounding-volume tree) and a narrow phase (clipping of the master facets on the
+!> slave facets to mortar segments, projection of the integration points). The rows, at which the contact conditions are
+!> imposed, are weighted means of the integration points: weighted gaps at the vertices of the slave surface with dual
+!> shape functions, or each point by itself.
+module dotyk_contact_pair_discretization
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+  use dotyk_base_error, only: error_t, exit_bad_input, set_error
+  use dotyk_base_formula, only: formula_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_magnitude, only: is_too_large, size_rule
+  use dotyk_base_options, only: discretization_mortar, discretization_quadrature, gap_constant, gap_formula, &
+    geometry_smooth, quadrature_segments
+  use dotyk_base_text, only: quoted, to_text
+  use dotyk_contact_dual_mortar, only: dual_mortar_rows
+  use dotyk_contact_segment_quadrature, only: quadrature_rule_t
+  use dotyk_contact_corner_interpolation, only: corner_interpolation_t
+  use dotyk_contact_integration_points, only: whole_facet_rules, project_points
+  use dotyk_contact_facet_set, only: facet_set_t
+  use dotyk_contact_local_origin, only: choose_origin, shift_origin
+  use dotyk_contact_broad_phase, only: facets_near_candidates, candidate_facets
+  use dotyk_contact_projection, only: projection_found, projection_not_facing, projection_outside, projection_t, &
+    projection_too_far, master_surface_t
+  use dotyk_contact_pair, only: contact_pair_t, pair_settings_t
+  use dotyk_contact_mortar_segments, only: build_segment_rules
+  use dotyk_contact_smooth_projection, only: smooth_projections
+  use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_mesh_element, only: n_element_kinds
+  use dotyk_mesh_surface, only: surface_t
+  implicit none
+  private
+  public :: discretize_pair
+
+  !> Round-off of a gap, relative to the greatest coordinate: a few units in the last place.
+  real(dp), parameter :: gap_round_off = 8*epsilon(1.0_dp)
+
+contains
+
+  !> Discretize a pair.
+  subroutine discretize_pair(mesh_a, surface_a, mesh_b, surface_b, settings, formula, pair, error)
+    !> Mesh of the slave body.
+    type(body_mesh_t), intent(in) :: mesh_a
+    !> Slave surface (surface_a).
+    type(surface_t), intent(in) :: surface_a
+    !> Mesh of the master body.
+    type(body_mesh_t), intent(in) :: mesh_b
+    !> Master surface (surface_b).
+    type(surface_t), intent(in) :: surface_b
+    !> What the user says.
+    type(pair_settings_t), intent(in) :: settings
+    !> The gap where settings%gap_kind is `gap_formula`.
+    type(formula_t), intent(inout) :: formula
+    !> Discretized pair.
+    type(contact_pair_t), intent(out) :: pair
+    !> Set if no integration point has a projection, or if the gap formula gives no number or one that is too large.
+    type(error_t), allocatable, intent(out) :: error
+    type(body_mesh_t) :: shifted_a, shifted_b
+    real(dp) :: origin(3)
+    origin = 0
+    call choose_origin(mesh_a%x, surface_a, origin(1:mesh_a%dimension))
+    if (settings%axisymmetric) origin(1) = 0
+    if (.not. any(abs(origin) > 0)) then
+      call discretize_shifted(mesh_a, surface_a, mesh_b, surface_b, origin, settings, formula, pair, error)
+    else
+      shifted_a = mesh_a
+      shifted_b = mesh_b
+      call shift_origin(shifted_a%x, origin)
+      call shift_origin(shifted_b%x, origin)
+      call discretize_shifted(shifted_a, surface_a, shifted_b, surface_b, origin, settings, formula, pair, error)
+    end if
+  end subroutine discretize_pair
+
+  !> Discretize a pair with coordinates relative to a local origin.
+  subroutine discretize_shifted(mesh_a, surface_a, mesh_b, surface_b, origin, settings, formula, pair, error)
+    !> Mesh of the slave body, in shifted coordinates.
+    type(body_mesh_t), intent(in) :: mesh_a
+    !> Slave surface (surface_a).
+    type(surface_t), intent(in) :: surface_a
+    !> Mesh of the master body, in shifted coordinates.
+    type(body_mesh_t), intent(in) :: mesh_b
+    !> Master surface (surface_b).
+    type(surface_t), intent(in) :: surface_b
+    !> Local origin (3) [length].
+    real(dp), intent(in) :: origin(3)
+    !> Settings of the pair.
+    type(pair_settings_t), intent(in) :: settings
+    !> Gap formula, evaluated where settings%gap_kind is `gap_formula`.
+    type(formula_t), intent(inout) :: formula
+    !> Discretized pair, in global coordinates.
+    type(contact_pair_t), intent(out) :: pair
+    !> Set if no integration point has a projection, or if the gap formula gives no number or one that is too large.
+    type(error_t), allocatable, intent(out) :: error
+    type(master_surface_t) :: master
+    type(facet_set_t) :: set_a
+    type(quadrature_rule_t) :: kind_rule(n_element_kinds)
+    type(quadrature_rule_t), allocatable :: facet_rule(:)
+    type(projection_t), allocatable :: projection(:)
+    real(dp), allocatable :: x(:, :), weight(:), xi(:, :)
+    integer, allocatable :: offset(:)
+    logical :: candidate(surface_a%n_facets)
+    real(dp) :: radius
+    integer :: f, n
+    radius = settings%search_radius
+    if (.not. radius > 0) radius = min(mesh_a%size(), mesh_b%size())
+    call master%init(mesh_b%x, surface_b)
+    call set_a%init(mesh_a%x, surface_a)
+    candidate = candidate_facets(set_a, master%tree, radius)
+    call whole_facet_rules(surface_a%kind(1:surface_a%n_facets), &
+                           settings%discretization == discretization_mortar, settings%axisymmetric, kind_rule)
+    allocate (offset(surface_a%n_facets + 1))
+    if (settings%quadrature == quadrature_segments) then
+      call build_segment_rules(mesh_a, surface_a, set_a, candidate, mesh_b, surface_b, master, radius, &
+                               settings%discretization == discretization_mortar, settings%axisymmetric, kind_rule, &
+                               facet_rule)
+    else
+      allocate (facet_rule(surface_a%n_facets))
+    end if
+    offset(1) = 0
+    do f = 1, surface_a%n_facets
+      if (.not. allocated(facet_rule(f)%weight)) facet_rule(f) = kind_rule(surface_a%kind(f))
+      offset(f + 1) = offset(f) + size(facet_rule(f)%weight)
+    end do
+    n = offset(surface_a%n_facets + 1)
+    allocate (projection(n), x(3, n), weight(n), xi(2, n))
+    call project_points(mesh_a, surface_a, facet_rule, offset, settings%axisymmetric, master, candidate, radius, x, &
+                        xi, weight, projection)
+    if (.not. any(projection%status == projection_found)) then
+      ! Project all points, for the reasons in the message.
+      candidate = .true.
+      call project_points(mesh_a, surface_a, facet_rule, offset, settings%axisymmetric, master, candidate, radius, x, &
+                          xi, weight, projection)
+    end if
+    if (settings%geometry == geometry_smooth) then
+      call smooth_projections(mesh_a%x, surface_a, candidate, mesh_b%x, surface_b, &
+                              facets_near_candidates(master%set, set_a, candidate, radius), radius, offset, x, xi, &
+                              projection)
+    end if
+    call keep_projected(mesh_a%dimension, offset, x, xi, weight, projection, pair)
+    pair%name = settings%name
+    pair%body_a = settings%body_a
+    pair%body_b = settings%body_b
+    pair%theta = settings%theta
+    pair%discretization = settings%discretization
+    if (pair%n_points == 0) then
+      call explain_no_projection(pair, surface_a%name, surface_b%name, master, x, radius, error)
+      return
+    end if
+    call shift_origin(pair%position, -origin)
+    call set_given_gap(settings, formula, pair, error)
+    if (allocated(error)) return
+    call set_rows(mesh_a, surface_a, origin, pair)
+    allocate (pair%row_theta(pair%n_rows), source=pair%theta)
+  end subroutine discretize_shifted
+
+  !> Keep the integration points that have a projection and count the others.
+  pure subroutine keep_projected(d, offset, x, xi, weight, projection, pair)
+    !> Dimension of space.
+    integer, intent(in) :: d
+    !> Points of slave facet f are offset(f)+1 .. offset(f+1) (n_facets+1).
+    integer, intent(in) :: offset(:)
+    !> Positions of all points (3, n) [length].
+    real(dp), intent(in) :: x(:, :)
+    !> Reference coordinates of all points (2, n) [].
+    real(dp), intent(in) :: xi(:, :)
+    !> Weights of all points (n) [length^2; length in two dimensions].
+    real(dp), intent(in) :: weight(:)
+    !> Projections of all points (n).
+    type(projection_t), intent(in) :: projection(:)
+    !> Pair; its points are set.
+    type(contact_pair_t), intent(inout) :: pair
+    integer :: f, i, k, n
+    n = count(projection%status == projection_found)
+    pair%dimension = d
+    pair%n_points = n
+    pair%n_unprojected = size(projection) - n
+    pair%n_not_facing = count(projection%status == projection_not_facing)
+    pair%n_outside = count(projection%status == projection_outside)
+    pair%n_too_far = count(projection%status == projection_too_far)
+    allocate (pair%position(d, n), pair%normal(d, n), pair%weight(n), pair%gap(n), pair%facet_a(n), &
+              pair%xi_a(d - 1, n), pair%facet_b(n), pair%xi_b(d - 1, n))
+    k = 0
+    do f = 1, size(offset) - 1
+      do i = offset(f) + 1, offset(f + 1)
+        if (projection(i)%status /= projection_found) cycle
+        k = k + 1
+        pair%position(:, k) = x(1:d, i)
+        pair%normal(:, k) = projection(i)%normal(1:d)
+        pair%weight(k) = weight(i)
+        pair%gap(k) = projection(i)%distance
+        pair%facet_a(k) = f
+        pair%xi_a(:, k) = xi(1:d - 1, i)
+        pair%facet_b(k) = projection(i)%facet
+        pair%xi_b(:, k) = projection(i)%xi(1:d - 1)
+      end do
+    end do
+    ! Surfaces that touch have a gap of 0, not of the round-off of the coordinates.
+    where (abs(pair%gap) <= gap_round_off*maxval(abs(x))) pair%gap = 0
+  end subroutine keep_projected
+
+  !> Set the rows from the integration points.
+  subroutine set_rows(mesh_a, surface_a, origin, pair)
+    !> Mesh of the slave body, in shifted coordinates.
+    type(body_mesh_t), intent(in) :: mesh_a
+    !> Slave surface (surface_a).
+    type(surface_t), intent(in) :: surface_a
+    !> Local origin (3) [length].
+    real(dp), intent(in) :: origin(3)
+    !> Pair; its points are given, its rows are set.
+    type(contact_pair_t), intent(inout) :: pair
+    type(corner_interpolation_t) :: corners
+    integer :: c, i
+    if (pair%discretization == discretization_quadrature) then
+      pair%n_rows = pair%n_points
+      call pair%average%set_identity(pair%n_points)
+      pair%row_position = pair%position
+      pair%row_weight = pair%weight
+      pair%row_normal = pair%normal
+      pair%row_gap = pair%gap
+      return
+    end if
+    call corners%init(surface_a, pair%facet_a, pair%xi_a)
+    call dual_mortar_rows(corners, pair%facet_a, pair%weight, pair%row_vertex, pair%row_weight, pair%average)
+    pair%n_rows = size(pair%row_vertex)
+    pair%row_position = mesh_a%x(:, pair%row_vertex)
+    call shift_origin(pair%row_position, -origin)
+    allocate (pair%row_normal(pair%dimension, pair%n_rows), pair%row_gap(pair%n_rows))
+    call pair%average%multiply(pair%gap, pair%row_gap)
+    do c = 1, pair%dimension
+      call pair%average%multiply(pair%normal(c, :), pair%row_normal(c, :))
+    end do
+    do i = 1, pair%n_rows
+      pair%row_normal(:, i) = pair%row_normal(:, i)/max(norm2(pair%row_normal(:, i)), tiny(1.0_dp))
+    end do
+  end subroutine set_rows
+
+  !> Replace the distance between the surfaces by a given gap.
+  subroutine set_given_gap(settings, formula, pair, error)
+    !> Settings of the pair.
+    type(pair_settings_t), intent(in) :: settings
+    !> Gap formula, evaluated where settings%gap_kind is `gap_formula`.
+    type(formula_t), intent(inout) :: formula
+    !> Pair; its gaps are set.
+    type(contact_pair_t), intent(inout) :: pair
+    !> Set if the gap formula gives no number or one that is too large.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp) :: x(3)
+    integer :: i
+    select case (settings%gap_kind)
+    case (gap_constant)
+      pair%gap = settings%gap
+    case (gap_formula)
+      x = 0
+      do i = 1, pair%n_points
+        x(1:pair%dimension) = pair%position(:, i)
+        pair%gap(i) = formula%evaluate(x)
+        if (.not. is_too_large(pair%gap(i))) cycle
+        !$omp critical (message)
+        call set_error(error, '&contact '//quoted(settings%name)//': gap_formula is '//to_text(pair%gap(i))//' at ('// &
+                       to_text(x(1))//', '//to_text(x(2))//', '//to_text(x(3))//')', exit_bad_input)
+        !$omp end critical (message)
+        if (ieee_is_finite(pair%gap(i))) error%message = error%message//'; '//size_rule
+        return
+      end do
+    end select
+  end subroutine set_given_gap
+
+  !> Error for a pair without projections: the most frequent reason, and advice.
+  subroutine explain_no_projection(pair, name_a, name_b, master, x, radius, error)
+    !> Contact pair.
+    type(contact_pair_t), intent(in) :: pair
+    !> Name of the slave surface.
+    character(*), intent(in) :: name_a
+    !> Name of the master surface.
+    character(*), intent(in) :: name_b
+    !> Master surface, prepared for projections.
+    type(master_surface_t), intent(in) :: master
+    !> All integration points (3, n) [length].
+    real(dp), intent(in) :: x(:, :)
+    !> Greatest distance allowed [length].
+    real(dp), intent(in) :: radius
+    !> Always set.
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: reason, advice
+    real(dp) :: smallest
+    integer :: i, n_most
+    smallest = huge(smallest)
+    do i = 1, size(x, 2)
+      smallest = min(smallest, master%smallest_distance(x(:, i)))
+    end do
+    n_most = max(pair%n_not_facing, pair%n_outside, pair%n_too_far)
+    !$omp critical (message)
+    if (pair%n_too_far == n_most) then
+      reason = to_text(n_most)//' are farther away than search_radius = '//to_text(radius)
+      advice = 'raise search_radius, or check the positions of the bodies'
+    else if (pair%n_outside == n_most) then
+      reason = to_text(n_most)//' project beside the surface'
+      advice = 'check that the surfaces lie opposite each other, or extend surface_b'
+    else
+      reason = 'no facet faces '//to_text(n_most)//' of them (n_a . n_b < -0.5)'
+      advice = 'check that the two surfaces are the ones that face each other'
+    end if
+    call set_error(error, '&contact '//quoted(pair%name)//': none of the '//to_text(pair%n_unprojected)// &
+                   ' integration points of surface_a '//quoted(name_a)//' has a projection on surface_b '// &
+                   quoted(name_b)//': '//reason//'; the smallest distance between the surfaces is '// &
+                   to_text(smallest)//'; '//advice, exit_bad_input)
+    !$omp end critical (message)
+  end subroutine explain_no_projection
+end module dotyk_contact_pair_discretization

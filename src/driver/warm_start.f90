@@ -1,0 +1,173 @@
+!> Warm start: the scheme starts from the contact pressures of an earlier results file (`--restart RESULTS.vtkhdf`).
+!>
+!> The contact rows must be those of the file: the same pairs, with as many rows at the same positions. Materials,
+!> loads, theta and scheme may differ, as the pressures are an initial iterate and no solution. The amplitudes of rigid
+!> body modes are found by the scheme.
+module dotyk_driver_warm_start
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+  use dotyk_base_error, only: error_t, add_context, set_error
+  use dotyk_base_files, only: why_no_file
+  use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_log, only: log_t
+  use dotyk_base_text, only: quoted, to_text
+  use dotyk_contact_pair, only: contact_pair_t
+  use dotyk_elasticity_body, only: body_t
+  use dotyk_output_hdf5_read, only: hdf5_source_t
+  use dotyk_output_results_file, only: contact_group
+  use dotyk_scheme_compliance, only: compliance_t
+  use dotyk_scheme_contact_qp, only: contact_qp_t
+  use dotyk_scheme_solver_state, only: solver_state_t
+  implicit none
+  private
+  public :: read_pressures, start_from_pressures
+
+  !> Distance between rows that counts as none, relative to the size of the scene.
+  real(dp), parameter :: same_position = 1.0e-6_dp
+  !> Larger pressures are those of a diverged run: numbers of the input are below 1e40.
+  real(dp), parameter :: largest_pressure = 1.0e60_dp
+
+contains
+
+  !> Read the contact pressures of a results file. All errors lead to exit code 2.
+  subroutine read_pressures(path, body, pair, log, pressure, error)
+    !> The results file.
+    character(*), intent(in) :: path
+    !> Their meshes say how large the scene is (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    !> Contact rows of this case (n_pairs).
+    type(contact_pair_t), intent(in) :: pair(:)
+    type(log_t), intent(inout) :: log
+    !> Lagrange multipliers of all rows, pair after pair (n_rows) [pressure].
+    real(dp), allocatable, intent(out) :: pressure(:)
+    !> The file is missing or none of this program, or has other contact rows.
+    type(error_t), allocatable, intent(out) :: error
+    type(hdf5_source_t) :: source
+    character(:), allocatable :: reason
+    reason = why_no_file(path)
+    if (len(reason) > 0) then
+      call set_error(error, '--restart: '//quoted(path)//' '//reason)
+      return
+    end if
+    call source%open(path, error)
+    if (.not. allocated(error)) call read_pairs(source, scene_size(body), pair, pressure, error)
+    call source%close()
+    call add_context(error, '--restart: ')
+    if (allocated(error)) return
+    call log%line('  warm start       from '//path//': '//to_text(count(pressure > 0))//' of '// &
+      to_text(size(pressure))// &
+                  ' contact rows under pressure')
+  end subroutine read_pressures
+
+  !> Diagonal of the box around all bodies [length].
+  pure real(dp) function scene_size(body)
+    !> (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    real(dp) :: low(3), high(3)
+    integer :: b, d
+    low = huge(low)
+    high = -huge(high)
+    d = 0
+    do b = 1, size(body)
+      d = body(b)%dimension
+      low(:d) = min(low(:d), minval(body(b)%mesh%x, 2))
+      high(:d) = max(high(:d), maxval(body(b)%mesh%x, 2))
+    end do
+    scene_size = norm2(high(:d) - low(:d))
+  end function scene_size
+
+  !> Compare the contact pairs of the file with those of the case, and read their pressures.
+  subroutine read_pairs(source, length, pair, pressure, error)
+    !> Open.
+    type(hdf5_source_t), intent(in) :: source
+    !> Size of the scene [length].
+    real(dp), intent(in) :: length
+    !> (n_pairs).
+    type(contact_pair_t), intent(in) :: pair(:)
+    !> (n_rows) [pressure].
+    real(dp), allocatable, intent(out) :: pressure(:)
+    !> There is no contact in the file, or it has other rows.
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: what
+    integer :: k, n
+    allocate (pressure(sum(pair%n_rows)), source=0.0_dp)
+    if (.not. source%has('/dotyk')) then
+      call set_error(error, quoted(source%path)//' is no results file of dotyk')
+      return
+    else if (source%n_members('/dotyk/contact') /= size(pair)) then
+      call set_error(error, quoted(source%path)//' has '//to_text(source%n_members('/dotyk/contact'))// &
+                     ' contact pairs, and the case has '//to_text(size(pair)))
+      return
+    end if
+    n = 0
+    do k = 1, size(pair)
+      call read_pair(source, same_position*length, pair(k), pressure(n + 1:n + pair(k)%n_rows), what, error)
+      if (len(what) > 0) call set_error(error, quoted(source%path)//' has other contact rows: '//what// &
+                                        '; a warm start needs the same meshes and contact settings')
+      if (allocated(error)) return
+      n = n + pair(k)%n_rows
+    end do
+  end subroutine read_pairs
+
+  !> Compare one contact pair, and read its pressures.
+  subroutine read_pair(source, tolerance, pair, pressure, what, error)
+    !> Open.
+    type(hdf5_source_t), intent(in) :: source
+    !> Largest distance between the row of the file and that of the case [length].
+    real(dp), intent(in) :: tolerance
+    type(contact_pair_t), intent(in) :: pair
+    !> (n_rows) [pressure].
+    real(dp), contiguous, intent(out) :: pressure(:)
+    !> The difference between the rows, in words; empty: none.
+    character(:), allocatable, intent(out) :: what
+    !> The file cannot be read, or holds pressures of a diverged run.
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: group
+    real(dp), allocatable :: position(:)
+    real(dp) :: distance
+    integer :: i
+    what = ''
+    pressure = 0
+    group = '/dotyk/'//contact_group(pair%name)
+    if (.not. source%has(group)) then
+      what = 'pair '//quoted(pair%name)//' is not there'
+      return
+    else if (source%n_values(group//'/pressure') /= pair%n_rows) then
+      what = 'pair '//quoted(pair%name)//' has '//to_text(max(0_int64, source%n_values(group//'/pressure')))// &
+        ' rows there and '// &
+        to_text(pair%n_rows)//' here'
+      return
+    end if
+    allocate (position(3*pair%n_rows))
+    call source%read_reals(group//'/position', position, error)
+    if (.not. allocated(error)) call source%read_reals(group//'/pressure', pressure, error)
+    if (allocated(error)) return
+    do i = 1, pair%n_rows
+      associate (there => position(3*i - 2:3*i))
+        distance = norm2([there(:pair%dimension) - pair%row_position(:, i), there(pair%dimension + 1:)])
+      end associate
+      if (distance <= tolerance) cycle
+      what = 'row '//to_text(i)//' of pair '//quoted(pair%name)//' is at a distance of '//to_text(distance, 3)// &
+        ' from here'
+      return
+    end do
+    if (.not. (all(ieee_is_finite(pressure)) .and. all(abs(pressure) <= largest_pressure))) &
+      call set_error(error, quoted(source%path)//': the pressures of pair '//quoted(pair%name)// &
+      ' are those of a diverged run')
+  end subroutine read_pair
+
+  !> The state that a scheme starts from.
+  subroutine start_from_pressures(pressure, qp, compliance, state)
+    !> Lagrange multipliers; where all are 0, the scheme starts without a state (n_rows) [pressure].
+    real(dp), intent(in) :: pressure(:)
+    type(contact_qp_t), intent(in) :: qp
+    !> One product is asked of it.
+    class(compliance_t), intent(inout) :: compliance
+    !> Without history, L and amplitudes of rigid body modes.
+    type(solver_state_t), intent(inout) :: state
+    if (.not. any(pressure > 0)) return
+    state%m = pressure
+    allocate (state%alpha(qp%coarse%n), state%y(qp%n_rows), source=0.0_dp)
+    call compliance%multiply(qp, qp%weight*pressure, state%y)
+    state%y = qp%initial_penetration - state%y
+  end subroutine start_from_pressures
+end module dotyk_driver_warm_start

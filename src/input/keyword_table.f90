@@ -1,0 +1,306 @@
+!> THE table of groups and keys: checks, defaults, `--help` and docs/input.md (`dotyk --help=markdown`) come from here.
+module dotyk_input_keyword_table
+  use dotyk_base_options, only: analysis_names, default_analysis, default_budget_fraction, default_discretization, &
+    default_gamma_rule, default_geometry, default_linear_solver, default_locking, default_max_iterations, &
+    default_quadrature, default_response, default_scheme, default_tolerance, discretization_names, error_part_names, &
+    field_names, gamma_rule_names, geometry_names, linear_solver_names, locking_names, option_name, quadrature_names, &
+    response_names, scheme_names, stop_rule_names
+  use dotyk_base_text, only: to_text
+  use dotyk_input_keywords, only: any_number, at_least_one, at_most_one, exactly_one, group_keyword_t, keyword_list_t, &
+    keyword_t, kind_formula, kind_integer, kind_logical, kind_name, kind_names, kind_real, kind_text
+  implicit none
+  private
+  public :: list_groups, list_keywords
+
+contains
+
+  !> All groups, in the order of the reference.
+  pure subroutine list_groups(groups)
+    !> The groups.
+    type(group_keyword_t), allocatable, intent(out) :: groups(:)
+    character, parameter :: lf = new_line('a')
+    allocate (groups(8))
+    groups(1) = group('scene', exactly_one, 'the scene as a whole', &
+                      "&scene title='ball on a block', mesh='hertz.geo', analysis='3d' /")
+    groups(2) = group('material', at_least_one, 'an elastic material: young and poisson (isotropic), three each of '// &
+                      'young, poisson and shear (orthotropic), or stiffness (anisotropic)', &
+                      "&material name='steel', young=210e9, poisson=0.3 /"//lf// &
+                      "&material name='spruce', young=11e9,0.7e9,0.4e9, poisson=0.4,0.45,0.5,"//lf// &
+                      "          shear=0.7e9,0.6e9,0.04e9, axis_1=1,0,0, axis_2=0,1,0 /")
+    groups(3) = group('body', at_least_one, 'an elastic body', &
+                      "&body name='block', volume='block', material='steel' /"//lf// &
+                      "&body name='roller 2', mesh='roller.msh', volume='roller', material='steel',"//lf// &
+                      "      at=0.1,0,0, axis=0,0,1, angle=15 /")
+    groups(4) = group('support', any_number, 'prescribed displacement (Dirichlet condition) on a body surface, '// &
+                      'zero where no value is given', &
+                      "&support body='block', surface='bottom', fix='xyz' /"//lf// &
+                      "&support body='ball', surface='cut', fix='n', value=0,0,-3e-5 /")
+    groups(5) = group('load', any_number, 'a load on a body: exactly one of traction, pressure, local_traction, '// &
+                      'force_density or their formulas', &
+                      "&load body='block', surface='side', pressure=1e6 /"//lf// &
+                      "&load body='block', force_density_formula='0', '0', '-7850*9.81' /")
+    groups(6) = group('contact', any_number, 'a pair of surfaces that may touch', &
+                      "&contact name='touch', surface_a='ball:low', surface_b='block:up' /"//lf// &
+                      "&contact name='fit', surface_a='shaft:outside', surface_b='hub:inside', gap=-2e-5 /")
+    groups(7) = group('solver', at_most_one, 'how the contact problem is solved', &
+                      "&solver theta=0, tolerance=1e-8 /"//lf// &
+                      "&solver scheme='neumann', theta_mesh=0.1, stop_rule='paper', gamma_rule='theory' /")
+    groups(8) = group('output', at_most_one, 'contents of the results file', &
+                      "&output fields='displacement contact', error_parts='', interval=600 /")
+  end subroutine list_groups
+
+  !> One group.
+  pure function group(name, occurs, meaning, example) result(row)
+    !> Its name in lower case.
+    character(*), intent(in) :: name
+    !> How often it may stand in a file, one of `exactly_one`, `at_most_one`, `at_least_one`, `any_number`.
+    integer, intent(in) :: occurs
+    !> What it describes.
+    character(*), intent(in) :: meaning
+    !> A typical group.
+    character(*), intent(in) :: example
+    type(group_keyword_t) :: row
+    row%name = name
+    row%occurs = occurs
+    row%meaning = meaning
+    row%example = example
+  end function group
+
+  !> All keys, those of a group together, in the order of the groups.
+  pure subroutine list_keywords(table)
+    !> The keys.
+    type(keyword_t), allocatable, intent(out) :: table(:)
+    type(keyword_list_t) :: list
+    call list%init()
+    call add_scene(list)
+    call add_material(list)
+    call add_body(list)
+    call add_support(list)
+    call add_load(list)
+    call add_contact(list)
+    call add_solver(list)
+    call add_output(list)
+    call move_alloc(list%row, table)
+  end subroutine list_keywords
+
+  !> Keys of `&scene`.
+  pure subroutine add_scene(list)
+    !> The table so far.
+    type(keyword_list_t), intent(inout) :: list
+    call list%begin_group('scene')
+    call list%add('title', kind_text, may_be_empty=.true., &
+                  meaning='title')
+    call list%add('mesh', kind_text, &
+                  'mesh file of the bodies that name none of their own: .msh (gmsh 2.2 or 4.1) or .geo (meshed by '// &
+                  'gmsh); relative to the namelist file')
+    call list%add('output', kind_text, &
+                  'results file, relative to the namelist file; if absent, the name of the namelist file with .vtkhdf')
+    call list%add('analysis', kind_name, names=analysis_names, default=option_name(analysis_names, default_analysis), &
+                  meaning='dimension and kinematics; axisymmetric is about y with x as the radius')
+  end subroutine add_scene
+
+  !> Keys of `&material`.
+  pure subroutine add_material(list)
+    !> The table so far.
+    type(keyword_list_t), intent(inout) :: list
+    call list%begin_group('material')
+    call list%add('name', kind_text, required=.true., &
+                  meaning='name of the material')
+    call list%add('young', kind_real, most=3, unit='pressure', positive=.true., &
+                  meaning='Young''s modulus; orthotropic: three, along the axes 1, 2, 3')
+    call list%add('poisson', kind_real, most=3, &
+                  meaning='Poisson''s ratio, above -1 and below 0.5; orthotropic: three, 12, 13, 23')
+    call list%add('shear', kind_real, least=3, most=3, unit='pressure', positive=.true., &
+                  meaning='shear moduli 12, 13, 23 of an orthotropic material')
+    call list%add('axis_1', kind_real, least=3, most=3, default='1 0 0', &
+                  meaning='axis 1 of an orthotropic material')
+    call list%add('axis_2', kind_real, least=3, most=3, default='0 1 0', &
+                  meaning='a direction in the plane of its axes 1 and 2')
+    call list%add('stiffness', kind_real, least=21, most=21, unit='pressure', &
+                  meaning='anisotropic: upper triangle of the elasticity matrix by rows, order xx yy zz yz xz xy')
+    call list%add('young_formula', kind_formula, &
+                  'modulus field: dimensionless factor of the elasticity matrix')
+  end subroutine add_material
+
+  !> Keys of `&body`.
+  pure subroutine add_body(list)
+    !> The table so far.
+    type(keyword_list_t), intent(inout) :: list
+    call list%begin_group('body')
+    call list%add('name', kind_text, required=.true., &
+                  meaning='name of the body')
+    call list%add('volume', kind_text, required=.true., &
+                  meaning='physical group of its elements in the mesh (of surfaces in two dimensions)')
+    call list%add('material', kind_text, required=.true., &
+                  meaning='name of its material')
+    call list%add('mesh', kind_text, &
+                  'its own mesh file; if absent, that of &scene')
+    call list%add('at', kind_real, least=2, most=3, unit='length', &
+                  meaning='position of the origin of its mesh in the scene (if absent, 0): one meshed volume may '// &
+                  'be used for many bodies; in axisymmetric analyses along y only')
+    call list%add('axis', kind_real, least=3, most=3, &
+                  meaning='axis through the origin of its mesh about which it is rotated first (if absent, z); '// &
+                  'material axes rotate with the body; supports, loads and formulas in x, y, z are in global axes')
+    call list%add('angle', kind_real, unit='degrees', &
+                  meaning='angle of that rotation; not in axisymmetric analyses')
+  end subroutine add_body
+
+  !> Keys of `&support`.
+  pure subroutine add_support(list)
+    !> The table so far.
+    type(keyword_list_t), intent(inout) :: list
+    call list%begin_group('support')
+    call list%add('body', kind_text, required=.true., &
+                  meaning='name of the body')
+    call list%add('surface', kind_text, required=.true., &
+                  meaning='physical group of the surface (of curves in two dimensions)')
+    call list%add('fix', kind_text, required=.true., &
+                  meaning='directions with prescribed displacement: letters of ''xyz'' (global axes), or of n, t '// &
+                  '(both tangents), xi, eta (axes of the surface: n is the outward normal, xi the global x axis '// &
+                  'projected on the surface, y where that vanishes, eta = n x xi)')
+    call list%add('value', kind_real, least=2, most=3, unit='length', &
+                  meaning='prescribed displacement in the axes that fix names: x, y, z or xi, eta, n (in two '// &
+                  'dimensions x, y or xi, n)')
+    call list%add('value_formula', kind_formula, least=2, most=3, unit='length', &
+                  meaning='value as formulas')
+  end subroutine add_support
+
+  !> Keys of `&load`.
+  pure subroutine add_load(list)
+    !> The table so far.
+    type(keyword_list_t), intent(inout) :: list
+    call list%begin_group('load')
+    call list%add('body', kind_text, required=.true., &
+                  meaning='name of the body')
+    call list%add('surface', kind_text, &
+                  'physical group of the surface; not with force_density')
+    call list%add('traction', kind_real, least=2, most=3, unit='pressure', &
+                  meaning='force per area in global axes')
+    call list%add('pressure', kind_real, unit='pressure', &
+                  meaning='force per area along the inward normal: a positive pressure pushes into the body')
+    call list%add('local_traction', kind_real, least=2, most=3, unit='pressure', &
+                  meaning='force per area in the axes of the surface: xi, eta, n (in two dimensions xi, n)')
+    call list%add('force_density', kind_real, least=2, most=3, unit='force/volume', &
+                  meaning='force per volume in global axes')
+    call list%add('traction_formula', kind_formula, least=2, most=3, unit='pressure', &
+                  meaning='traction as formulas')
+    call list%add('pressure_formula', kind_formula, unit='pressure', &
+                  meaning='pressure as a formula')
+    call list%add('local_traction_formula', kind_formula, least=2, most=3, unit='pressure', &
+                  meaning='local_traction as formulas')
+    call list%add('force_density_formula', kind_formula, least=2, most=3, unit='force/volume', &
+                  meaning='force_density as formulas')
+  end subroutine add_load
+
+  !> Keys of `&contact`.
+  pure subroutine add_contact(list)
+    !> The table so far.
+    type(keyword_list_t), intent(inout) :: list
+    call list%begin_group('contact')
+    call list%add('name', kind_text, required=.true., &
+                  meaning='name of the contact pair')
+    call list%add('surface_a', kind_text, required=.true., &
+                  meaning='slave (non-mortar) side, as ''body:surface'': contact pressures belong to its vertices '// &
+                  'or quadrature points; take the surface with the finer mesh, else the curved one or that of the '// &
+                  'softer body')
+    call list%add('surface_b', kind_text, required=.true., &
+                  meaning='master (mortar) side, as ''body:surface'' of another body: points of surface_a are '// &
+                    'projected on it')
+    call list%add('gap', kind_real, unit='length', &
+                  meaning='initial gap, the same everywhere; if absent, the distance between the surfaces')
+    call list%add('gap_formula', kind_formula, unit='length', &
+                  meaning='initial gap as a formula, evaluated on surface_a')
+    call list%add('theta', kind_real, unit='length/pressure', not_negative=.true., &
+                  meaning='penalty parameter of this pair; if absent, that of &solver')
+    call list%add('theta_relative', kind_real, not_negative=.true., &
+                  meaning='penalty parameter as a factor of size_a/E_a + size_b/E_b; size is the shortest edge of '// &
+                  'the bounding box of the body')
+    call list%add('theta_mesh', kind_real, not_negative=.true., &
+                  meaning='penalty parameter as a factor of h_a/E_a + h_b/E_b, point by point; h is the size of '// &
+                    'the facet')
+    call list%add('search_radius', kind_real, unit='length', positive=.true., &
+                  meaning='greatest distance between a point and its projection; if absent, the size of the '// &
+                    'smaller body')
+    call list%add('discretization', kind_name, names=discretization_names, &
+                  default=option_name(discretization_names, default_discretization), &
+                  meaning='contact constraints: mortar, dual (biorthogonal) mortar with one weighted gap per '// &
+                  'vertex of surface_a, stable for every theta; quadrature, one gap per quadrature point, with a '// &
+                  'penalty')
+    call list%add('geometry', kind_name, names=geometry_names, default=option_name(geometry_names, default_geometry), &
+                  meaning='surfaces that gaps and normals are taken from: smooth, patches with continuous normals '// &
+                  'over the facets (edges of more than 40 degrees stay sharp, planes flat); elements, the facets '// &
+                  'as they are')
+    call list%add('quadrature', kind_name, names=quadrature_names, &
+                  default=option_name(quadrature_names, default_quadrature), &
+                  meaning='quadrature points: segments, on the mortar segments (overlaps of facets of the two '// &
+                  'surfaces), exact on flat faces with any meshes; plain, on whole facets of surface_a')
+  end subroutine add_contact
+
+  !> Keys of `&solver`.
+  pure subroutine add_solver(list)
+    !> The table so far.
+    type(keyword_list_t), intent(inout) :: list
+    call list%begin_group('solver')
+    call list%add('scheme', kind_name, names=scheme_names, default=option_name(scheme_names, default_scheme), &
+                  meaning='auto: dual, or neumann where gamma, gamma_rule or stop_rule=''paper'' is given; dual: '// &
+                  'primal-dual active set on the Lagrange multipliers, any theta, floating bodies; neumann: the '// &
+                  'parallel Neumann scheme (43)-(46), for supported bodies and theta > 0; nesterov, anderson, '// &
+                  'secant: accelerations of neumann; robin: Robin conditions on both sides; the last four are for '// &
+                  'comparison')
+    call list%add('theta', kind_real, unit='length/pressure', not_negative=.true., &
+                  meaning='penalty parameter, the compliance of a Winkler layer between the bodies; 0: no penetration')
+    call list%add('theta_relative', kind_real, not_negative=.true., &
+                  meaning='penalty parameter as a factor of size_a/E_a + size_b/E_b of each pair; size is the '// &
+                  'shortest edge of the bounding box of the body')
+    call list%add('theta_mesh', kind_real, not_negative=.true., &
+                  meaning='penalty parameter as a factor of h_a/E_a + h_b/E_b, point by point; h is the size of '// &
+                  'the facet; if no theta is given, 0.01 (schemes other than dual: 0.1), reduced where the '// &
+                  'penalty error would exceed the discretization error')
+    call list%add('linear_solver', kind_name, names=linear_solver_names, &
+                  default=option_name(linear_solver_names, default_linear_solver), &
+                  meaning='linear systems of the active set in the dual scheme: direct, columns of the compliance '// &
+                  'and a factorization; iterative, conjugate gradients; auto, the cheaper one')
+    call list%add('response', kind_name, names=response_names, default=option_name(response_names, default_response), &
+                  meaning='compliance operator of a body: full, solves with the factor of its stiffness; '// &
+                  'compliance, its dense compliance matrix at the contact unknowns, formed once; auto, the cheaper '// &
+                  'one for each body')
+    call list%add('gamma_rule', kind_name, names=gamma_rule_names, &
+                  default=option_name(gamma_rule_names, default_gamma_rule), &
+                  meaning='relaxation parameter of the neumann scheme: spectral, 2/(2+L); theory, 1/(1+L)^2; '// &
+                  'fixed, gamma; L is the largest eigenvalue of compliance over theta')
+    call list%add('gamma', kind_real, positive=.true., &
+                  meaning='relaxation parameter where gamma_rule is ''fixed''')
+    call list%add('stop_rule', kind_name, names=stop_rule_names, &
+                  meaning='the iteration stops when this is below tolerance: residual, the guaranteed error '// &
+                  'bound; paper, the bound (41); increment, the last step; or, budget, when the guaranteed error '// &
+                  'bound is below budget_fraction times the penalty and discretization errors; if absent, budget '// &
+                  'where neither tolerance nor any theta is given, else residual')
+    call list%add('budget_fraction', kind_real, default=to_text(default_budget_fraction), positive=.true., &
+                  meaning='iteration error as a fraction of the other errors where stop_rule is ''budget''')
+    call list%add('tolerance', kind_real, default=to_text(default_tolerance), positive=.true., &
+                  meaning='relative error in the energy norm at which the iteration stops')
+    call list%add('max_iterations', kind_integer, default=to_text(default_max_iterations), positive=.true., &
+                  meaning='greatest number of iterations')
+    call list%add('locking', kind_name, names=locking_names, default=option_name(locking_names, default_locking), &
+                  meaning='nearly incompressible bodies (Poisson''s ratio above 0.4; not in plane stress): auto '// &
+                  'projects the dilatation, and elevates linear triangles, tetrahedra and prisms to order 2 from '// &
+                  '0.45 on; ignore leaves the elements as they are')
+    call list%add('reproducible', kind_logical, default='.false.', &
+                  meaning='the same digits on any number of threads')
+  end subroutine add_solver
+
+  !> Keys of `&output`.
+  pure subroutine add_output(list)
+    !> The table so far.
+    type(keyword_list_t), intent(inout) :: list
+    call list%begin_group('output')
+    call list%add('fields', kind_names, names=field_names, default=field_names, may_be_empty=.true., &
+                  meaning='fields to compute and write')
+    call list%add('error_parts', kind_names, names=error_part_names, default=error_part_names, may_be_empty=.true., &
+                  meaning='errors to estimate besides the iteration error: penalty, the distance to the solution '// &
+                  'with theta = 0; discretization, the error of the mesh')
+    call list%add('interval', kind_real, default='0', unit='seconds', not_negative=.true., &
+                  meaning='time between results that are written while an iterative scheme runs, with status '// &
+                  '''running''; 0: results are written at the end')
+  end subroutine add_output
+end module dotyk_input_keyword_table
