@@ -21,6 +21,7 @@ module dotyk_driver_run_case
   use dotyk_input_case, only: case_t
   use dotyk_input_help, only: help_text
   use dotyk_input_parse, only: read_case
+  use dotyk_input_reference, only: reference_text
   use dotyk_output_file_system, only: check_replaceable, check_writable
   use dotyk_scheme_body_compliance, only: body_compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
@@ -42,6 +43,8 @@ contains
     code = exit_converged
     if (arguments%help) then
       call print_output(help_text(), error)
+    else if (arguments%reference) then
+      call print_output(reference_text(), error)
     else if (arguments%version) then
       call print_output('dotyk '//version//' ('//compiler//', '//build_type//')', error)
     else

@@ -119,7 +119,7 @@ class Congruence(dotyk_case.Case):
 
     def test_chain(self):
         self.check_chain("hex8", "response='full'")
-        self.check_chain("tet10", "response='condensed'", theta=1e-3)
+        self.check_chain("tet10", "response='compliance'", theta=1e-3)
         self.check_chain("tet4", "linear_solver='iterative'", theta=1e-3)
         self.check_chain("quad8", "response='full'")
 
@@ -135,7 +135,7 @@ class Congruence(dotyk_case.Case):
     def test_turned_pair(self):
         """Turned about a horizontal axis; then about a skew one too, so that the faces do not match."""
         self.write("block.geo", block_geo("tet10", 2, (-0.5, -0.5, 0), (1, 1, 1)))
-        for solver in ("response='full'", "response='condensed'", "scheme='neumann'", "scheme='robin'"):
+        for solver in ("response='full'", "response='compliance'", "scheme='neumann'", "scheme='robin'"):
             theta = "theta_relative=1, tolerance=1e-11, " if "scheme" in solver else "theta_relative=1e-3, tolerance=1e-12, "
             found = self.check(self.pair(3, "at=0, 0, 2, axis=1, 0.3, 0, angle=180", "0, 0, -1e-3"), 1, theta + solver,
                                1e-10 if "scheme" not in solver else 1e-9)
@@ -182,7 +182,7 @@ class Congruence(dotyk_case.Case):
                   "&support body='b0', surface='bottom', fix='xyz' /", "&support body='b4', surface='bottom', fix='xyz' /"]
         lines += ["&contact name='c%d', surface_a='b%d:top', surface_b='b%d:%s' /" % (k, k - 1, k, "top" if k == 4 else "bottom")
                   for k in range(1, 5)]
-        for response in ("full", "condensed"):
+        for response in ("full", "compliance"):
             found = self.check(lines, 2, "theta_relative=1e-3, tolerance=1e-12, response='%s'" % response, 1e-9)
             forces = found["forces"]  # on the lower body
             self.assertLess(forces[0][2], -1e-3)

@@ -88,7 +88,7 @@ def stack(rng):
         if i > 0:
             text += "&contact name='%s', surface_a='%s:low', surface_b='%s:high' /\n" % (name, name, names[i - 1])
     text += SOLVER % rng.choice(["theta=0, tolerance=1e-8,", "theta_mesh=1e-3,", "scheme='dual', linear_solver='iterative',",
-                                 "response='condensed', theta=0,", "response='full',", ""])
+                                 "response='compliance', theta=0,", "response='full',", ""])
     text += rng.choice(OUTPUTS)
     return Scene("stack", text, {"a.msh": blocks(kind, rng.choice([1, 2]), rng.choice([0, 0.05]), 0.0, names)})
 

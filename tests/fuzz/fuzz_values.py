@@ -20,7 +20,7 @@ NAMES = {
     "scheme": ["auto", "dual", "neumann", "robin", "nesterov", "anderson", "secant"], "gamma_rule": ["spectral", "theory", "fixed"],
     "stop_rule": ["residual", "paper", "increment", "budget"], "discretization": ["mortar", "quadrature"],
     "geometry": ["smooth", "elements"], "quadrature": ["segments", "plain"],
-    "linear_solver": ["auto", "direct", "iterative"], "response": ["auto", "full", "condensed", "compliance"],
+    "linear_solver": ["auto", "direct", "iterative"], "response": ["auto", "full", "compliance"],
     "analysis": ["3d", "plane_strain", "plane_stress", "axisymmetric"], "fix": ["x", "xy", "xyz", "n", "t", "nt", "xi", "z", "y"],
     "locking": ["auto", "ignore"],
     "fields": ["", "displacement", "stress", "contact"], "error_parts": ["", "penalty", "discretization"]}
