@@ -168,7 +168,7 @@ contains
     type(solution_goal_t) :: goal
     goal%by_budget = case%solver%stop_rule == stop_budget
     goal%budget_fraction = case%solver%budget_fraction
-    goal%theta_given = case%contact%theta_given
+    allocate (goal%theta_given, source=case%contact%theta_given)
     goal%displacement = case%output%displacement
     goal%stress = case%output%stress
     goal%mesh_error = case%output%error_discretization
