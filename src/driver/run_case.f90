@@ -1,6 +1,6 @@
 !> A run from the namelist file to the results file: the sequence of its steps.
 module dotyk_driver_run_case
-  use dotyk_base_error, only: error_t, set_error, exit_converged, exit_not_converged, exit_not_written
+  use dotyk_base_error, only: error_t, add_context, set_error, exit_converged, exit_not_converged, exit_not_written
   use dotyk_base_files, only: behind_links, print_text
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: print_error
@@ -105,9 +105,15 @@ contains
       do
         call solve_contact(scene%problem, qp, compliance, run, goal_of(case), monitor, solution, error)
         call monitor%end_phase()
-        if (allocated(error) .or. solution%state%ended /= ended_time) exit
+        if (allocated(error)) exit
+        if (solution%state%ended /= ended_time) exit
         call write_on_the_way(case, scene, qp, compliance%n_sweeps, solution, threads, started, monitor, has_warned)
       end do
+      if (allocated(error)) then
+        ! The scheme does not know the line of its settings.
+        if (index(error%message, '&solver') == 1) &
+          call add_context(error, case%file//':'//to_text(case%solver%line)//': ')
+      end if
       if (.not. allocated(error)) call refuse_unsolvable(case, scene%problem, qp, solution%state, error)
     end if
     call compliance%destroy()
@@ -168,7 +174,7 @@ contains
     type(solution_goal_t) :: goal
     goal%by_budget = case%solver%stop_rule == stop_budget
     goal%budget_fraction = case%solver%budget_fraction
-    allocate (goal%theta_given, source=case%contact%theta_given)
+    goal%theta_given = case%contact%theta_given
     goal%displacement = case%output%displacement
     goal%stress = case%output%stress
     goal%mesh_error = case%output%error_discretization

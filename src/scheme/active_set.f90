@@ -2,7 +2,7 @@
 !>
 !> The active rows give a linear system for their forces and the rigid body modes; rows in tension leave the active set,
 !> and penetrating rows enter it (Hueber, Wohlmuth 2005). Where the active rows cannot carry a floating body, the rows
-!> on which it comes to rest on a Winkler foundation are added. Should active sets cycle, the interior point method
+!> on which it comes to rest on a Winkler foundation are added. Should active sets cycle, the interior-point method
 !> (`dotyk_scheme_interior`) finds one next to the solution. Should they cycle even from there, by rows whose gaps and
 !> forces nearly vanish, that one is the solution, and its bound says how accurate it is.
 module dotyk_scheme_active_set
@@ -34,7 +34,7 @@ module dotyk_scheme_active_set
   !> Forces and penetrations below this fraction of the largest are rounding errors, not a reason to change the active
   !> set.
   real(dp), parameter, public :: rounding = 1.0e-12_dp
-  !> Active sets after which the interior point method finds a better one: Newton's method needs less than ten, or
+  !> Active sets after which the interior-point method finds a better one: Newton's method needs less than ten, or
   !> cycles.
   integer, parameter :: most_first_steps = 9
   !> Active sets after that at most.
@@ -79,7 +79,7 @@ contains
     type(solver_state_t), intent(inout) :: state
     !> Allocated where the system of an active set is not positive definite.
     type(error_t), allocatable, intent(out) :: error
-    !> True: the interior point method begins, without any active set; false if absent.
+    !> True: the interior-point method begins, without any active set; false if absent.
     logical, intent(in), optional :: start_inside
     logical :: next(size(active)), is_rigid(size(active)), cycles, tried
     integer :: changes(most_first_steps + most_last_steps)
@@ -105,9 +105,11 @@ contains
         last_k = min(max_iterations, k + most_last_steps)
         call find_inside(qp, compliance, theta, system, is_rigid, now, active, steps, error)
         if (allocated(error)) return
-        call monitor%note(trim(merge('active-set iteration cycled; interior', 'interior                             ', &
-          k > 1))// &
-                          ' point method used ('//to_text(steps)//' systems)')
+        if (k > 1) then
+          call monitor%note('active-set iteration cycled; interior-point method used ('//to_text(steps)//' systems)')
+        else
+          call monitor%note('interior-point method used ('//to_text(steps)//' systems)')
+        end if
       end if
       call drop_rigid_constraints(qp, compliance, theta, yields, active, is_rigid)
       if (any(is_rigid .and. qp%initial_penetration > 0 .and. .not. theta > 0)) then
@@ -227,7 +229,7 @@ contains
     stiffness = qp%weight/(qp%foundation + theta)
   end function foundation_stiffness
 
-  !> The solution of the interior point method, close to the solution wherever that is.
+  !> The solution of the interior-point method, close to the solution wherever that is.
   subroutine find_inside(qp, compliance, theta, system, is_rigid, now, active, steps, error)
     type(contact_qp_t), intent(in) :: qp
     class(compliance_t), intent(inout) :: compliance

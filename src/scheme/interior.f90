@@ -1,4 +1,4 @@
-!> The interior point method, for scenes in which active sets would come back: nearly rigid bodies on many contact
+!> The interior-point method, for scenes in which active sets would come back: nearly rigid bodies on many contact
 !> points, most of which have forces that others could have as well.
 !>
 !> With gaps `s = M lambda - G alpha - y >= 0` at the contact points, forces `lambda >= 0` and equilibrium

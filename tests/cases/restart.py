@@ -173,7 +173,8 @@ class Restart(dotyk_case.Case):
             self.dotyk("case.nml", "--output", "plain.vtkhdf")
             self.scene(solver % scheme, output="interval=0.005")
             text = self.dotyk("case.nml")
-            self.assertIn("written          case.vtkhdf after ", text)
+            if scheme == "neumann":
+                self.assertIn("written          case.vtkhdf after ", text)
             (plain, before), (written, after) = self.solution("plain.vtkhdf"), self.solution()
             self.assertEqual(after["status"], b"converged")
             if scheme == "neumann":

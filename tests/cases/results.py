@@ -140,7 +140,7 @@ class Results(dotyk_case.Case):
         self.assertEqual([path.name for path in self.folder.iterdir() if "tmp" in path.name], [])
 
     def test_layout_of_the_neumann_scheme(self):
-        self.column(("hex8", "tet10"), solver="scheme='neumann', theta_relative=1e-1")
+        self.column(("hex8", "tet10"), solver="scheme='neumann', response='full', theta_relative=1e-1")
         self.check_layout(3, "neumann")
 
     def test_layout_in_the_plane(self):
