@@ -1,4 +1,4 @@
-!> The results file (DESIGN.md, section 5): `/VTKHDF` as VTK and ParaView read it, one partition per body, and `/dotyk`.
+!> The results file: `/VTKHDF` as VTK and ParaView read it, one partition per body, and `/dotyk`.
 !>
 !> Written to a temporary name and renamed by `commit`: a results file is whole or absent, and an older one stays until
 !> then. Bodies are written one at a time. Every error has the exit code `exit_not_written`. One thread at a time.

@@ -1,5 +1,5 @@
-!> How far an iterate can be from the solution of the penalty problem (19): three bounds in the energy norm (DESIGN.md,
-!> section 2).
+!> How far an iterate can be from the solution of the penalty problem (19): three bounds in the energy norm
+!> (docs/theory.md).
 module dotyk_scheme_bounds
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use dotyk_base_kinds, only: dp
