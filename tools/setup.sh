@@ -1,13 +1,16 @@
 #!/bin/bash
 # Installs the Debian packages that are missing; asks nothing; quick when nothing is missing.
-# usage: tools/setup.sh [--run]      --run: only what building and running need, without what tests and plots need
+# usage: tools/setup.sh [--run] [PACKAGE...]      --run: only what building and running need, without what tests and plots need
 set -euo pipefail
 
 packages=(gcc gfortran cmake ninja-build libsuitesparse-dev libmetis-dev libhdf5-dev libopenblas-pthread-dev libmuparser-dev
   gmsh python3 python3-h5py)
-if [[ ${1:-} != --run ]]; then
+if [[ ${1:-} == --run ]]; then
+  shift
+else
   packages+=(python3-numpy python3-scipy python3-matplotlib python3-vtk9 xvfb xauth)
 fi
+packages+=("$@")
 
 if ! command -v dpkg-query > /dev/null; then
   echo "setup: this is not Debian; needed are the equivalents of: ${packages[*]}" >&2

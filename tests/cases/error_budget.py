@@ -40,7 +40,7 @@ class ErrorBudget(dotyk_case.Case):
             check = convergence.load(self.folder / name / "check.py")
             truth = energy_norm.error(self.path, check.exact_stress) / energy_norm.energy_norm(self.path)
             ratio = file["dotyk/summary"].attrs["error_discretization"] / truth
-            self.assertTrue(low < ratio < high, (name, order, ratio))
+            self.assertBetween(low, ratio, high, (name, order))
 
     def test_discretization_field(self):
         """Squares of the elements add up to those of the bodies, and these to the whole; it is largest where the mesh is too coarse."""
@@ -101,9 +101,9 @@ class ErrorBudget(dotyk_case.Case):
         # Estimated on the way and at the end, in one history.
         estimated = np.isfinite(history["error_penalty"][:])
         self.assertGreaterEqual(np.count_nonzero(estimated), 2)
-        self.assertTrue(estimated[-1])
+        self.assertGreater(history["error_penalty"][-1], 0)
         self.assertEqual(len(estimated), summary["iterations"])
-        self.assertTrue(np.all(np.diff(history["seconds"][:]) >= 0))
+        self.assertGreaterEqual(np.diff(history["seconds"][:]).min(), 0)
         path, budget = self.path, self.path.replace("case", "budget")
         (self.folder / "wavy/case.vtkhdf").rename(budget)
         steps = summary["iterations"]
@@ -135,12 +135,12 @@ class ErrorBudget(dotyk_case.Case):
         file = self.example("wavy", "theta_mesh=0.1, tolerance=1e-9", output="fields='displacement', error_parts=''")
         summary = file["dotyk/summary"].attrs
         for name in ("error_penalty", "error_discretization", "error_contact"):
-            self.assertTrue(np.isnan(summary[name]), name)
+            self.assertUnknown(summary[name], name)
         self.assertNotIn("discretization_error", file["VTKHDF/CellData"])
         self.assertLess(file["dotyk/timing"].attrs["estimate"], 1e-3)
         self.assertRegex(self.printed, r"\n  error  +iteration \S+ %\n")
         file = self.example("wavy", "theta_mesh=0.1, tolerance=1e-9", output="error_parts='penalty'")
-        self.assertTrue(np.isnan(file["dotyk/summary"].attrs["error_discretization"]))
+        self.assertUnknown(file["dotyk/summary"].attrs["error_discretization"])
         self.assertGreater(file["dotyk/summary"].attrs["error_penalty"], 0)
 
     def test_far_from_the_end(self):
@@ -152,9 +152,9 @@ class ErrorBudget(dotyk_case.Case):
             printed = self.dotyk("wavy/case.nml", code=1)
             self.assertRegex(printed, "penalty unknown, mesh unknown\n")
             file = self.results("wavy/case.vtkhdf")
-            self.assertTrue(np.isnan(file["dotyk/summary"].attrs["error_penalty"]))
-            self.assertTrue(np.isnan(file["dotyk/summary"].attrs["error_discretization"]))
-            self.assertTrue(np.all(np.isnan(file["VTKHDF/CellData/discretization_error"][:])))
+            self.assertUnknown(file["dotyk/summary"].attrs["error_penalty"])
+            self.assertUnknown(file["dotyk/summary"].attrs["error_discretization"])
+            self.assertUnknown(file["VTKHDF/CellData/discretization_error"][:])
             file.close()
 
     def test_steps_of_all_rounds(self):

@@ -70,7 +70,7 @@ class Faults(dotyk_case.Case):
             self.assertEqual(summary["converged"], 0)
             self.assertEqual(summary["status"], b"interrupted")
             self.assertEqual(summary["iterations"], steps)
-            self.assertTrue(summary["error_bound"] > 1e-12)
+            self.assertGreater(summary["error_bound"], 1e-12)
 
     def test_signals_at_the_same_time_are_one(self):
         """timeout(1) sends its signal to the process and to its group."""

@@ -278,7 +278,7 @@ class FreeExtreme(dotyk_case.Case):
         for n, part in ((50, 1e-4), (120, 1e-3)):
             force = self.hung_blocks(n, "&load body='h0', surface='left', pressure=1e-2 /\n")
             np.testing.assert_allclose(force, -1.75e-2, rtol=part)
-            self.assertTrue(np.all(np.diff(force) > 0))
+            self.assertIncreasing(force)
         n = 50
         force = self.hung_blocks(n, "".join("&load body='h%d', force_density=1e-3,0 /\n" % k for k in range(n)))
         np.testing.assert_allclose(force, -1.75e-3 * np.arange(1, n + 1), rtol=1e-3)

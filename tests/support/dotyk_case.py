@@ -47,6 +47,21 @@ class Case(unittest.TestCase):
             self.assertEqual(done.returncode, code, "dotyk %s:\n%s" % (" ".join(map(str, arguments)), done.stdout))
         return done.stdout
 
+    def assertBetween(self, low, value, high, message=None):
+        """low < value < high."""
+        self.assertLess(low, value, message)
+        self.assertLess(value, high, message)
+
+    def assertUnknown(self, values, message=None):
+        """A value that is not known, or all values of an array: NaN."""
+        import numpy as np
+        np.testing.assert_array_equal(values, np.full(np.shape(values), np.nan), err_msg=str(message or ""))
+
+    def assertIncreasing(self, values, least=0.0, message=None):
+        """Each value is above the one before it, or above it by more than `least`, which may be negative."""
+        steps = [float(after - before) for before, after in zip(values, values[1:])]
+        self.assertGreater(min(steps), least, "%s: %s" % (message or "not increasing", list(values)))
+
     def results(self, name):
         """A results file of the folder, opened with h5py."""
         import h5py

@@ -15,7 +15,8 @@ module funit
   end type value_t
 
   interface funit_value
-    module procedure value_of_int32, value_of_int64, value_of_real, value_of_text
+    module procedure int32_scalar, int32_vector, int32_matrix, int64_scalar, int64_vector, int64_matrix
+    module procedure real_scalar, real_vector, real_matrix, value_of_text
   end interface funit_value
 
   public :: assertEqual, assertLessThan, assertLessThanOrEqual, assertGreaterThan, assertGreaterThanOrEqual
@@ -194,7 +195,7 @@ contains
       if (same) cycle
       what = 'expected '//as_text(expected, j)//', found '//as_text(found, i)
       if (size(found%shape) > 0) what = what//' at'//as_list(place(i, found%shape))
-      if (present(tolerance)) what = what//', tolerance '//as_text(value_of_real(allowed), 1)
+      if (present(tolerance)) what = what//', tolerance '//as_text(real_scalar(allowed), 1)
       call fail(what, message, line)
       return
     end do
@@ -245,40 +246,68 @@ contains
     end do
   end function place
 
-  function value_of_int32(x) result(v)
-    integer(int32), intent(in) :: x(..)
-    type(value_t) :: v
-    select rank (x)
-    rank (0); v = value_of_int64(int(x, int64))
-    rank (1); v = value_of_int64(int(x, int64))
-    rank (2); v = value_of_int64(int(x, int64))
-    rank default; error stop 'no comparison of arrays of rank 3'
-    end select
-  end function value_of_int32
-
-  function value_of_int64(x) result(v)
-    integer(int64), intent(in) :: x(..)
+  function int32_scalar(x) result(v)
+    integer(int32), intent(in) :: x
     type(value_t) :: v
     v%shape = shape(x)
-    select rank (x)
-    rank (0); v%integers = [x]
-    rank (1); v%integers = reshape(x, [size(x)])
-    rank (2); v%integers = reshape(x, [size(x)])
-    rank default; error stop 'no comparison of arrays of rank 3'
-    end select
-  end function value_of_int64
+    v%integers = [int(x, int64)]
+  end function int32_scalar
 
-  function value_of_real(x) result(v)
-    real(real64), intent(in) :: x(..)
+  function int32_vector(x) result(v)
+    integer(int32), intent(in) :: x(:)
     type(value_t) :: v
     v%shape = shape(x)
-    select rank (x)
-    rank (0); v%reals = [x]
-    rank (1); v%reals = reshape(x, [size(x)])
-    rank (2); v%reals = reshape(x, [size(x)])
-    rank default; error stop 'no comparison of arrays of rank 3'
-    end select
-  end function value_of_real
+    v%integers = int(x, int64)
+  end function int32_vector
+
+  function int32_matrix(x) result(v)
+    integer(int32), intent(in) :: x(:, :)
+    type(value_t) :: v
+    v%shape = shape(x)
+    v%integers = reshape(int(x, int64), [size(x)])
+  end function int32_matrix
+
+  function int64_scalar(x) result(v)
+    integer(int64), intent(in) :: x
+    type(value_t) :: v
+    v%shape = shape(x)
+    v%integers = [x]
+  end function int64_scalar
+
+  function int64_vector(x) result(v)
+    integer(int64), intent(in) :: x(:)
+    type(value_t) :: v
+    v%shape = shape(x)
+    v%integers = x
+  end function int64_vector
+
+  function int64_matrix(x) result(v)
+    integer(int64), intent(in) :: x(:, :)
+    type(value_t) :: v
+    v%shape = shape(x)
+    v%integers = reshape(x, [size(x)])
+  end function int64_matrix
+
+  function real_scalar(x) result(v)
+    real(real64), intent(in) :: x
+    type(value_t) :: v
+    v%shape = shape(x)
+    v%reals = [x]
+  end function real_scalar
+
+  function real_vector(x) result(v)
+    real(real64), intent(in) :: x(:)
+    type(value_t) :: v
+    v%shape = shape(x)
+    v%reals = x
+  end function real_vector
+
+  function real_matrix(x) result(v)
+    real(real64), intent(in) :: x(:, :)
+    type(value_t) :: v
+    v%shape = shape(x)
+    v%reals = reshape(x, [size(x)])
+  end function real_matrix
 
   function value_of_text(x) result(v)
     character(*), intent(in) :: x

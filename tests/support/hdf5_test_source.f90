@@ -184,8 +184,9 @@ contains
     integer(hsize_t) :: extent(1)
     call open_dataset(self, name, 1, dataset, extent, error)
     allocate (values(extent(1)))
-    if (.not. allocated(error)) &
+    if (.not. allocated(error)) then
       call read_values(name, dataset, h5t_native_double, extent(1), c_loc(values), error)
+    end if
   end subroutine dataset_reals
 
   subroutine dataset_vectors(self, name, values, error)
@@ -197,7 +198,8 @@ contains
     integer(hsize_t) :: extent(2)
     call open_dataset(self, name, 2, dataset, extent, error)
     allocate (values(extent(1), extent(2)))
-    if (.not. allocated(error)) &
+    if (.not. allocated(error)) then
       call read_values(name, dataset, h5t_native_double, product(extent), c_loc(values), error)
+    end if
   end subroutine dataset_vectors
 end module hdf5_test_source

@@ -1,0 +1,80 @@
+#!/bin/bash
+# Checks that are slower or stricter than tools/test.sh, each in a build folder of its own; what they need goes to build/venv.
+# usage: tools/check.sh [PART...]      all parts without any; exit code 1 where one fails
+#   lint      fortitude, with the rules of fortitude.toml
+#   werror    all warnings of the compiler are errors
+#   api       the pages that FORD makes of the comments, without a warning: build/api/index.html
+#   flang     LLVM's flang builds all layers that need no module file of gfortran, and runs unit tests
+#   debug     all tests with run-time checks, traps of invalid operations, and signalling NaN
+#   asan      all tests with the address and undefined-behaviour sanitizers
+#   coverage  lines of src/ that the tests reach: build/coverage/coverage.html
+set -uo pipefail
+
+tools=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
+cd "$tools/.."
+parts=(lint werror api flang debug asan coverage)
+
+# A Python environment with the tools of check_requirements.txt.
+environment() {
+  [[ build/venv/done -nt tools/check_requirements.txt ]] && return
+  "$tools/setup.sh" --run python3-venv && /usr/bin/python3 -m venv --clear build/venv \
+    && build/venv/bin/pip --quiet install --requirement tools/check_requirements.txt && touch build/venv/done
+}
+
+lint() {
+  environment && build/venv/bin/fortitude check src tests
+}
+
+werror() {
+  "$tools/setup.sh" --run && "$tools/build.sh" werror
+}
+
+api() {
+  environment || return
+  rm -rf build/api
+  build/venv/bin/ford --quiet tools/ford.md > build/api.log 2>&1 || { cat build/api.log; return 1; }
+  if grep -i warning build/api.log; then return 1; fi
+}
+
+flang() {
+  "$tools/setup.sh" --run flang-19 libomp-19-dev && cmake --preset flang > build/flang.log || return
+  local layers=(base input mesh linalg elasticity contact response scheme)
+  cmake --build build/flang --target "${layers[@]/#/dotyk_}" "${layers[@]/#/test_}" > build/flang.log 2>&1 || { tail -n 50 build/flang.log; return 1; }
+  # flang 19 loses its way in parallel regions of these sources (CONTRIBUTING.md): one thread, and the tests that need no more.
+  OMP_NUM_THREADS=1 ctest --test-dir build/flang --output-on-failure -R '^test_(base|input|elasticity|response|scheme)$'
+}
+
+debug() {
+  "$tools/test.sh" --preset debug
+}
+
+asan() {
+  ASAN_OPTIONS=allocator_may_return_null=1 LSAN_OPTIONS=print_suppressions=0:suppressions=$PWD/tests/support/lsan.supp "$tools/test.sh" --preset asan
+}
+
+coverage() {
+  environment || return
+  find build/coverage -name '*.gcda' -delete 2> /dev/null
+  "$tools/test.sh" --preset coverage || return
+  build/venv/bin/gcovr --root . --filter src/ --gcov-ignore-parse-errors=all --exclude-unreachable-branches \
+    --html-nested build/coverage/coverage.html --txt-summary build/coverage
+}
+
+(($# > 0)) || set -- "${parts[@]}"
+for part in "$@"; do
+  if [[ " ${parts[*]} " != *" $part "* ]]; then
+    echo "check: no part '$part'; the parts are ${parts[*]}" >&2
+    exit 2
+  fi
+done
+mkdir -p build
+failed=()
+for part in "$@"; do
+  echo "check: $part" >&2
+  "$part" || failed+=("$part")
+done
+if ((${#failed[@]} > 0)); then
+  echo "check: failed: ${failed[*]}" >&2
+  exit 1
+fi
+echo "check: all passed" >&2
