@@ -3,8 +3,8 @@
 !> The active rows give a linear system for their forces and the rigid body modes; rows in tension leave the active set,
 !> and penetrating rows enter it (Hueber, Wohlmuth 2005). Where the active rows cannot carry a floating body, the rows
 !> on which it comes to rest on a Winkler foundation are added. Should active sets cycle, the interior-point method
-!> (`dotyk_scheme_interior`) finds one next to the solution. Should they cycle even from there, by rows whose gaps and
-!> forces nearly vanish, that one is the solution, and its bound says how accurate it is.
+!> (`dotyk_scheme_interior_point`) finds one next to the solution. Should they cycle even from there, by rows whose gaps
+!> and forces nearly vanish, that one is the solution, and its bound says how accurate it is.
 module dotyk_scheme_active_set
   use dotyk_base_error, only: error_t
   use dotyk_base_interrupt, only: interrupted
@@ -15,7 +15,7 @@ module dotyk_scheme_active_set
   use dotyk_scheme_bounds, only: duality_gap
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
-  use dotyk_scheme_interior, only: interior_points
+  use dotyk_scheme_interior_point, only: interior_point_method
   use dotyk_scheme_monitor, only: monitor_t
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_interrupted, ended_limit, &
     ended_rigid_constraint
@@ -246,9 +246,8 @@ contains
     integer, intent(out) :: steps
     !> As in `find_active_set`.
     type(error_t), allocatable, intent(out) :: error
-    call interior_points(qp, compliance, theta, system, 1/foundation_stiffness(qp, theta), .not. is_rigid, now%lambda, &
-      now%alpha, &
-                         active, steps, error)
+    call interior_point_method(qp, compliance, theta, system, 1/foundation_stiffness(qp, theta), .not. is_rigid, &
+                               now%lambda, now%alpha, active, steps, error)
     if (.not. allocated(error)) call update_penetrations(qp, compliance, now)
   end subroutine find_inside
 

@@ -92,7 +92,7 @@ module dotyk_scheme_active_system
 
 contains
 
-  !> Take the active rows of a qp.
+  !> Take the active rows of a problem.
   subroutine system_take_points(self, qp, theta, active)
     !> The system.
     class(active_system_t), intent(inout) :: self

@@ -21,9 +21,10 @@ module dotyk_scheme_coarse_space
     real(dp), allocatable :: resultant(:)
     !> Stiffness of near-null-space modes; not allocated for rigid body modes (n, n) [force/length].
     real(dp), allocatable :: stiffness(:, :)
-    !> Of near-null-space modes: contribution of prescribed displacements to the resultants, and the sum of the absolute
-    !> values that they are made up of (n) [force].
-    real(dp), allocatable :: lift_resultant(:), resultant_size(:)
+    !> Contribution of prescribed displacements to the resultants of near-null-space modes (n) [force].
+    real(dp), allocatable :: lift_resultant(:)
+    !> Sum of the absolute values that these resultants are made up of (n) [force].
+    real(dp), allocatable :: resultant_size(:)
   end type contact_modes_t
 
   !> A dense block of one body.
@@ -78,8 +79,9 @@ contains
   subroutine coarse_init(self, block, n_rows, modes)
     !> The coarse space.
     class(coarse_space_t), intent(inout) :: self
-    !> Rows of B (n_bodies), and their number.
+    !> Rows of B by bodies (n_bodies).
     type(contact_block_t), intent(in) :: block(:)
+    !> Number of contact rows.
     integer, intent(in) :: n_rows
     !> Modes at the contact nodes (n_bodies).
     type(contact_modes_t), intent(in) :: modes(:)
@@ -117,10 +119,11 @@ contains
 
   !> The bodies of each row.
   subroutine coarse_take_rows(self, block, n_rows)
-    !> Gets `body` and `place`.
+    !> Sets `body` and `place`.
     class(coarse_space_t), intent(inout) :: self
-    !> Rows of B (n_bodies), and their number.
+    !> Rows of B by bodies (n_bodies).
     type(contact_block_t), intent(in) :: block(:)
+    !> Number of contact rows.
     integer, intent(in) :: n_rows
     integer :: b, i, j, k
     if (allocated(self%body)) deallocate (self%body, self%place)
@@ -135,11 +138,11 @@ contains
     end do
   end subroutine coarse_take_rows
 
-  !> Stiffness of the near-null-space modes, and what their resultants consist of.
+  !> Stiffness of the near-null-space modes, and the parts of their resultants.
   subroutine take_stiffness(self, modes)
     !> Sets `stiffness`, `lift` and `resultant_size`.
     class(coarse_space_t), intent(inout) :: self
-    !> Of which at least one has a stiffness (n_bodies).
+    !> Modes of the bodies; at least one has a stiffness (n_bodies).
     type(contact_modes_t), intent(in) :: modes(:)
     integer :: b, j, n
     allocate (self%stiffness(size(modes)))

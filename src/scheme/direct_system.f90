@@ -56,7 +56,7 @@ module dotyk_scheme_direct_system
 
 contains
 
-  !> The matrix is made of them.
+  !> True: the matrix is made of entries.
   pure logical function direct_system_needs_entries(self) result(needed)
     !> The system.
     class(direct_system_t), intent(in) :: self

@@ -19,7 +19,7 @@ module dotyk_scheme_dual
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_admissible_bound, only: admissible_bound
   use dotyk_scheme_bounds, only: duality_gap
-  use dotyk_scheme_choice, only: choose_solver
+  use dotyk_scheme_linear_solver_choice, only: choose_solver
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_history, only: history_t

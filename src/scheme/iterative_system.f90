@@ -3,7 +3,7 @@
 !>
 !> As in total FETI (Dostal, Horak, Kucera, Commun. Numer. Meth. Engng 22, 2006) contact forces stay in equilibrium with
 !> the loads of the floating bodies: the start satisfies `G^T lambda = c`, steps are projected on `G^T lambda = 0`, the
-!> coarse qp. The preconditioner is diagonal: the compliance of each contact point from the diagonals of the
+!> coarse problem. The preconditioner is diagonal: the compliance of each contact point from the diagonals of the
 !> stiffnesses of its bodies, and its Winkler layer. (The lumped preconditioner, the stiffness of the surfaces, took as
 !> many steps or twice as many.)
 module dotyk_scheme_iterative_system
@@ -41,7 +41,7 @@ module dotyk_scheme_iterative_system
 
 contains
 
-  !> Products are all that it needs.
+  !> False: products with the compliance are enough.
   pure logical function iterative_system_needs_entries(self) result(needed)
     !> The system.
     class(iterative_system_t), intent(in) :: self
@@ -50,7 +50,7 @@ contains
     end associate
   end function iterative_system_needs_entries
 
-  !> Prepare preconditioner and coarse qp.
+  !> Prepare preconditioner and coarse problem.
   subroutine iterative_system_init(self, qp, compliance, theta, active, error)
     !> The system.
     class(iterative_system_t), intent(inout) :: self

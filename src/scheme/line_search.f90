@@ -8,16 +8,22 @@ module dotyk_scheme_line_search
 
 contains
 
-  !> The minimum t >= 0 of `t slope + t^2 curvature/2 + sum k max(0, position + t change)^2/2`; `huge` where it has
+  !> The minimum t >= 0 of `t slope + t^2 curvature/2 + sum k max(0, position + t change)^2/2`; `huge` where there is
   !> none.
   !>
-  !> The derivative never falls and is linear between kinks, where a position goes through zero: bisection over the
-  !> sorted kinks finds the interval, interpolation the zero.
+  !> The derivative is monotone, and linear between kinks, the zeros of the positions: bisection over the sorted kinks
+  !> finds the interval, interpolation the zero of the derivative.
   pure real(dp) function line_minimum(slope, curvature, k, position, change) result(t)
-    !> Derivative of the smooth part at t = 0, and its second derivative (not negative).
-    real(dp), intent(in) :: slope, curvature
-    !> Stiffnesses, positions at t = 0 and their changes per t (n).
-    real(dp), intent(in) :: k(:), position(:), change(:)
+    !> Derivative of the smooth part at t = 0.
+    real(dp), intent(in) :: slope
+    !> Second derivative of the smooth part, not negative.
+    real(dp), intent(in) :: curvature
+    !> Stiffnesses (n).
+    real(dp), intent(in) :: k(:)
+    !> Positions at t = 0 (n).
+    real(dp), intent(in) :: position(:)
+    !> Changes of the positions per t (n).
+    real(dp), intent(in) :: change(:)
     real(dp), allocatable :: kink(:)
     integer, allocatable :: order(:), moving(:)
     real(dp) :: low, high, d_low, d_high
@@ -48,7 +54,9 @@ contains
     t = huge(t)
     if (d_high > d_low) t = low - d_low*(high - low)/(d_high - d_low)
   contains
+    !> Derivative along the line.
     pure real(dp) function derivative(t)
+      !> Step length.
       real(dp), intent(in) :: t
       derivative = slope + t*curvature + sum(k*change*max(0.0_dp, position + t*change))
     end function derivative

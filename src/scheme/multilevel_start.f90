@@ -11,7 +11,7 @@ module dotyk_scheme_multilevel_start
   use dotyk_contact_operator, only: contact_block_t
   use dotyk_scheme_active_set, only: iterate_t, find_active_set, rest_on_winkler_foundation, update_penetrations
   use dotyk_scheme_active_system, only: active_system_t
-  use dotyk_scheme_choice, only: choose_solver
+  use dotyk_scheme_linear_solver_choice, only: choose_solver
   use dotyk_scheme_compliance, only: compliance_t, entries_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_dense_compliance, only: dense_compliance_t

@@ -1,8 +1,9 @@
-!> How the systems of the active sets are solved: with the compliance as a matrix and factorizations, or by conjugate
+!> The choice of a linear solver for active sets: entries of the compliance and factorization, or matrix-free conjugate
 !> gradients.
 !>
-!> Cost and memory of both are known beforehand, from the number of closed points and the factors of the bodies.
-module dotyk_scheme_choice
+!> Cost and memory of both follow from the number of contact rows and the factors of the bodies, before anything is
+!> solved.
+module dotyk_scheme_linear_solver_choice
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: linear_solver_direct, linear_solver_iterative
   use dotyk_base_memory, only: memory_now, memory_t
@@ -17,16 +18,20 @@ module dotyk_scheme_choice
 
   public :: choose_solver, room_for_matrices
 
-  !> Solves of each body that conjugate gradients take for all active sets together, about: 50 to 150 for each.
+  !> Solves of each body that conjugate gradients take for all active sets together: 50 to 150 for each active set.
   real(dp), parameter :: typical_solves = 600
-  !> Factorizations of active systems, about.
+  !> Factorizations for all active sets together.
   real(dp), parameter :: typical_systems = 6
-  !> How much faster the operations of forward substitutions, their products and dense factorizations are than those of
-  !> single solves.
+  !> Speed of level 3 BLAS (forward substitution with blocks of right-hand sides, factorization) relative to solves with
+  !> a single right-hand side.
   real(dp), parameter :: gain_of_blocks = 8
-  !> Bytes that matrices, solutions of L y = P b and active systems may take, and that as a part of the memory that is
-  !> left.
-  real(dp), parameter :: most_bytes = 8.0e9_dp, most_of_memory = 0.5_dp
+  !> Bytes for an entry of the factor: 8 in the panel, as many in the update matrices and in copies of compliance
+  !> blocks.
+  real(dp), parameter :: bytes_of_entry = 24
+  !> Bytes that compliances, forward substitutions and the factor may take,
+  real(dp), parameter :: most_bytes = 8.0e9_dp
+  !> also as a fraction of the available memory.
+  real(dp), parameter :: most_of_memory = 0.5_dp
 
 contains
 
@@ -71,16 +76,16 @@ contains
     type(memory_t) :: memory
     real(dp) :: direct_cost, iterative_cost, bytes, n, path, solve
     integer :: b
-    ! In floating-point operations at the speed of single solves: 4 for each entry of a factor.
+    ! In floating-point operations at the speed of single solves: 4 for each entry of the factor of a body.
     call elimination_cost(qp, rows, direct_cost, bytes)
     direct_cost = typical_systems*direct_cost/gain_of_blocks
     iterative_cost = 0
-    bytes = 24*bytes
+    bytes = bytes_of_entry*bytes
     do b = 1, size(qp%block)
       n = count(rows(qp%block(b)%row))
       if (.not. n > 0) cycle
       call compliance%get_costs(b, path, solve)
-      ! The unknowns of a path are about the root of its entries.
+      ! A path of the elimination tree is about a dense triangle: its unknowns are the root of twice its entries.
       direct_cost = direct_cost + (2*path*n + sqrt(2*path)*n**2)/gain_of_blocks
       iterative_cost = iterative_cost + 4*solve*typical_solves
       bytes = bytes + 8*n**2 + 8*n*sqrt(2*path)
@@ -89,11 +94,11 @@ contains
     cheaper = direct_cost > iterative_cost .or. bytes > room_for_matrices(memory)
   end function is_matrix_free_cheaper
 
-  !> Bytes that matrices may take here.
+  !> Bytes for compliances and factors on this machine.
   pure real(dp) function room_for_matrices(memory) result(bytes)
-    !> What there is.
+    !> Available memory.
     type(memory_t), intent(in) :: memory
     bytes = most_bytes
     if (memory%is_known) bytes = min(bytes, most_of_memory*memory%left)
   end function room_for_matrices
-end module dotyk_scheme_choice
+end module dotyk_scheme_linear_solver_choice
