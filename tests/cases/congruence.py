@@ -76,7 +76,9 @@ class Congruence(dotyk_case.Case):
         shared = self.run_scene(lines, solver, True, **options)
         self.assertEqual(self.summary["factorizations"], kinds)
         self.assertEqual(len(set(self.kind)), kinds)
-        self.assertTrue(all(first <= k and self.kind[first - 1] == first for k, first in enumerate(self.kind, 1)))
+        for body, first in enumerate(self.kind, 1):
+            self.assertLessEqual(first, body, self.kind)
+            self.assertEqual(self.kind[first - 1], first, self.kind)
         self.assertIn("%d kind%s of bodies: %d bodies, %d factorization" % (kinds, "s"[:kinds > 1], n, kinds), self.printed)
         if "response='full'" in solver:
             self.assertAlmostEqual(self.summary["factor_entries"] / entries, kinds / n, delta=0.5 * kinds / n)

@@ -62,7 +62,7 @@ class WeakSupports(dotyk_case.Case):
         self.assertLess(summary.attrs["error_bound"], 1e-8)
         condition = summary["condition"][1]
         if soft < 1e-3:
-            self.assertTrue(1 < condition*soft < 1e3, "condition %g with a layer of %g" % (condition, soft))
+            self.assertBetween(1, condition*soft, 1e3, "condition %g with a layer of %g" % (condition, soft))
 
     def test_soft_layers_hold_a_block_against_contact(self):
         for soft in (1e-2, 1e-6, 1e-10, 1e-14):
@@ -163,7 +163,7 @@ class Incompressible(dotyk_case.Case):
             self.assertGreaterEqual(lost, 12)
             self.assertLess(abs(found - coarse).max(), 2e-7*abs(coarse).max())
             # The bulk modulus times the last digits of the displacement: sqrt(K/G) 1e-16.
-            self.assertTrue(1e-14 < bound < 1e-8, bound)
+            self.assertBetween(1e-14, bound, 1e-8)
 
     def test_no_digit_of_the_pressures(self):
         text = self.solve("0.4999999999999999", code=3)

@@ -140,7 +140,7 @@ class Examples(dotyk_case.Case):
         forces = np.array([joint.attrs["force"] for joint in joints])
         load = 50e6 * 0.15**2
         # Clamped edges take a part of the load in every plate: the force grows from below to above and stays below the load.
-        self.assertTrue(np.all(np.diff(forces[:, 2]) > 0), forces)
+        self.assertIncreasing(forces[:, 2])
         self.assertGreater(forces[0, 2], 0)
         self.assertLess(forces[-1, 2], load)
         # Flat joints without friction: no force along them.
@@ -189,7 +189,7 @@ class Examples(dotyk_case.Case):
     def test_free_stack(self):
         figures, = self.limits("free_stack")
         # The load does not spread over the whole plates in any joint, and spreads from above to below.
-        self.assertTrue(np.all(np.diff(figures["open"]) > -0.02), figures["open"])
+        self.assertIncreasing(figures["open"], -0.02)
 
     def test_nearly_rigid_bricks(self):
         """Bricks 5e5 times as stiff as the ground touch on edges and corners: active sets cycle, and the interior-point method finds the solution."""
@@ -206,7 +206,8 @@ class Examples(dotyk_case.Case):
     def test_bricks(self):
         reaction, = self.limits("bricks")
         # Each reaction acts where the bridging brick lies on another one.
-        self.assertTrue(230 < reaction["x1"] < 290 and 380 < reaction["x2"] < 470, reaction)
+        self.assertBetween(230, reaction["x1"], 290)
+        self.assertBetween(380, reaction["x2"], 470)
 
     def test_bearing(self):
         self.limits("bearing")

@@ -138,7 +138,7 @@ class Invariance(dotyk_case.Case):
         self.check_equal(self.scene("one")[0], self.scene("two")[0])
 
     def test_reproducible(self):
-        """The same digits on one thread and on two; that BLAS threads are not taken: tests/unit/driver/test_parallel.pf."""
+        """The same digits on one thread and on two; that BLAS threads are not taken: tests/unit/control/test_parallel.pf."""
         solver = "theta_relative=0.3, tolerance=1e-6, reproducible=.true."
         files = [self.scene("threads%d" % n, threads=n, solver=solver)[0] for n in (1, 2)]
         self.assertEqual([file["dotyk"].attrs["threads"] for file in files], [1, 2])

@@ -86,7 +86,7 @@ class Results(dotyk_case.Case):
             self.assertGreater(summary["body_solves"], n)
             self.assertAlmostEqual(summary["gamma"], 2 / (2 + summary["lambda_max"]), delta=1e-12)
         else:
-            self.assertTrue(np.isnan(summary["gamma"]))
+            self.assertUnknown(summary["gamma"])
 
         history = own["history"]
         self.check_shapes(history, {"iteration": ((n,), "i"), "active": ((n,), "i"), **{
@@ -95,10 +95,10 @@ class Results(dotyk_case.Case):
         self.assertEqual(history["iteration"][:].tolist(), list(range(1, n + 1)))
         for name in ("error_bound", "error_penalty", "error_discretization", "energy", "max_penetration"):
             self.assertEqual(history[name][-1], summary[name], name)
-        self.assertTrue(np.all(np.diff(history["seconds"][:]) >= 0))
+        self.assertGreaterEqual(np.diff(history["seconds"][:]).min(initial=0), 0)
         # F falls to its minimum.
         energy = history["energy"][:]
-        self.assertTrue(np.all(np.diff(energy) <= 1e-9 * abs(energy[-1])))
+        self.assertLessEqual(np.diff(energy).max(initial=0), 1e-9 * abs(energy[-1]))
 
         self.assertEqual(set(own["contact"]), {"joint"})
         joint = own["contact/joint"]
