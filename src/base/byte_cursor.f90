@@ -1,7 +1,7 @@
 !> A file in memory and a cursor over its bytes: numbers as text or in binary, words and lines.
 !>
-!> The first fault is kept with its place and makes the cursor `broken`; after it every reading gives zeros, so that callers
-!> look at `broken` once a record and not at every number. No reading goes beyond the file.
+!> The first fault is kept with its position and marks the cursor as `broken`; afterwards all reads return zeros, so
+!> that callers test `broken` once a record instead of after each number. No read goes beyond the end of the file.
 module dotyk_base_byte_cursor
   use dotyk_base_kinds, only: dp, int32, int64
   use dotyk_base_error, only: error_t, set_error, exit_bad_input
@@ -11,28 +11,29 @@ module dotyk_base_byte_cursor
   implicit none
   private
 
-  !> Bytes read at once: the run-time library asks the system for all of it in one call, which takes 2 GB at most.
+  !> Bytes per read: the run-time library passes a read to the system in one call, which is limited to 2 GB.
   integer(int64), parameter :: chunk = 2_int64**29
-  !> Longest piece of a file that a message shows.
+  !> Greatest number of letters of the file in a message.
   integer, parameter :: longest_shown = 40
 
-  !> A file in memory and the place of the next reading.
+  !> File in memory and the position of the next read.
   type, public :: byte_cursor_t
     !> Name of the file, for messages.
     character(:), allocatable :: file
-    !> The bytes of the file and a NUL behind them.
+    !> Bytes of the file, followed by a NUL.
     character(:), allocatable :: text
     !> Number of bytes of the file.
     integer(int64) :: size = 0
-    !> The byte that is read next; size + 1 at the end.
+    !> Next byte to be read; size + 1 at the end.
     integer(int64) :: position = 1
-    !> Whether `get_int`, `get_size` and `get_real` read binary numbers, and places are byte offsets rather than lines.
+    !> Whether `get_int`, `get_size` and `get_real` read binary numbers; positions in messages are then byte offsets
+    !> instead of lines.
     logical :: binary = .false.
-    !> The section that is being read, as '$Nodes'; empty between sections.
+    !> Section that is being read, as '$Nodes'; empty between sections.
     character(:), allocatable :: section
-    !> Whether anything went wrong.
+    !> Whether a fault was found.
     logical :: broken = .false.
-    !> Message of the first fault, with its place.
+    !> Message of the first fault, with its position.
     character(:), allocatable :: fault
   contains
     procedure :: load => cursor_load
@@ -58,6 +59,7 @@ contains
     class(byte_cursor_t), intent(inout) :: self
     !> Path of the file.
     character(*), intent(in) :: file
+    !> Set if the file does not exist, is not a regular file, or cannot be opened or read.
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: text
     character(256) :: message
@@ -75,7 +77,8 @@ contains
       return
     end if
     deallocate (text)
-    open (newunit=unit, file=file, access='stream', form='unformatted', action='read', status='old', iostat=status, iomsg=message)
+    open (newunit=unit, file=file, access='stream', form='unformatted', action='read', status='old', &
+          iostat=status, iomsg=message)
     if (status /= 0) then
       call set_error(error, file//': cannot be opened: '//trim(message), exit_bad_input)
       return
@@ -93,26 +96,27 @@ contains
       return
     end if
     text(n_bytes + 1:) = achar(0)
-    call set_up(self, file, text)
+    call start(self, file, text)
   end subroutine cursor_load
 
-  !> Use bytes that are in memory already, as if they had been read from a file.
+  !> Use bytes in memory as the content of a file.
   subroutine cursor_use_text(self, file, bytes)
     class(byte_cursor_t), intent(inout) :: self
-    !> Name for messages.
+    !> Name, for messages.
     character(*), intent(in) :: file
-    !> What the file would hold.
+    !> Content.
     character(*), intent(in) :: bytes
     character(:), allocatable :: text
     text = bytes//achar(0)
-    call set_up(self, file, text)
+    call start(self, file, text)
   end subroutine cursor_use_text
 
   !> Start at the first byte.
-  subroutine set_up(self, file, text)
+  subroutine start(self, file, text)
     type(byte_cursor_t), intent(inout) :: self
+    !> Name, for messages.
     character(*), intent(in) :: file
-    !> Bytes and a NUL behind them; taken away from the caller.
+    !> Bytes and a NUL behind them; moved from the caller.
     character(:), allocatable, intent(inout) :: text
     call move_alloc(text, self%text)
     self%file = file
@@ -122,11 +126,12 @@ contains
     self%binary = .false.
     self%broken = .false.
     if (allocated(self%fault)) deallocate (self%fault)
-  end subroutine set_up
+  end subroutine start
 
-  !> The next integer: text or 4 bytes.
+  !> Read an integer: text or 4 bytes.
   subroutine cursor_get_int(self, value)
     class(byte_cursor_t), intent(inout) :: self
+    !> Integer; 0 after a fault.
     integer(int64), intent(out) :: value
     if (.not. self%binary) then
       call cursor_get_text_integer(self, value)
@@ -142,9 +147,10 @@ contains
     self%position = self%position + 4
   end subroutine cursor_get_int
 
-  !> The next integer: text or 8 bytes (C's size_t; a negative value is a corrupt one).
+  !> Read an integer: text or 8 bytes (size_t of C; a negative value is corrupt).
   subroutine cursor_get_size(self, value)
     class(byte_cursor_t), intent(inout) :: self
+    !> Integer; 0 after a fault.
     integer(int64), intent(out) :: value
     if (.not. self%binary) then
       call cursor_get_text_integer(self, value)
@@ -160,11 +166,12 @@ contains
     self%position = self%position + 8
   end subroutine cursor_get_size
 
-  !> The next real, text or 8 bytes; not finite is a fault.
+  !> Read a real: text or 8 bytes; a value that is not finite is a fault.
   subroutine cursor_get_real(self, value)
     class(byte_cursor_t), intent(inout) :: self
+    !> Real; 0 after a fault [any].
     real(dp), intent(out) :: value
-    !> Exponent bits: all set in infinities and NaN. Compared as bits, for a signalling NaN traps in any other comparison.
+    !> Exponent bits: all set in infinities and NaN. Compared as bits, as a signalling NaN traps in other comparisons.
     integer(int64), parameter :: exponent_bits = int(z'7FF0000000000000', int64)
     integer(int64) :: bits
     logical :: good
@@ -185,13 +192,14 @@ contains
     else
       call cursor_skip_blanks(self)
       call scan_real(self%text, self%position, value, good)
-      if (.not. good) call report_word(self, 'a finite number')
+      if (.not. good) call report_unexpected(self, 'a finite number')
     end if
   end subroutine cursor_get_real
 
-  !> The next integer, written as text in binary files too.
+  !> Read an integer that is text in binary files too.
   subroutine cursor_get_text_integer(self, value)
     class(byte_cursor_t), intent(inout) :: self
+    !> Integer; 0 after a fault.
     integer(int64), intent(out) :: value
     logical :: good
     value = 0
@@ -200,30 +208,31 @@ contains
     call scan_integer(self%text, self%position, value, good)
     if (good) return
     value = 0
-    if (is_long_integer(self)) then
-      call report_word(self, 'an integer of at most '//to_text(most_digits)//' digits')
+    if (is_oversized_integer(self)) then
+      call report_unexpected(self, 'an integer of at most '//to_text(most_digits)//' digits')
     else
-      call report_word(self, 'an integer')
+      call report_unexpected(self, 'an integer')
     end if
   end subroutine cursor_get_text_integer
 
-  !> Whether an integer stands here that is too large.
-  pure logical function is_long_integer(self) result(is_long)
+  !> Whether the next word is an integer with too many digits.
+  pure logical function is_oversized_integer(self) result(oversized)
     class(byte_cursor_t), intent(in) :: self
     integer(int64) :: first, last
     first = self%position
     if (scan('+-', self%text(first:first)) > 0) first = first + 1
-    ! A NUL stands behind the last byte.
+    ! The last byte is followed by a NUL.
     last = first
     do while (scan('0123456789', self%text(last:last)) > 0)
       last = last + 1
     end do
-    is_long = last - first > most_digits .and. ends_word(self%text(last:last))
-  end function is_long_integer
+    oversized = last - first > most_digits .and. ends_word(self%text(last:last))
+  end function is_oversized_integer
 
-  !> The next word; empty at the end of the file.
+  !> Read a word; empty at the end of the file.
   subroutine cursor_get_word(self, word)
     class(byte_cursor_t), intent(inout) :: self
+    !> Word.
     character(:), allocatable, intent(out) :: word
     integer(int64) :: first
     call cursor_skip_blanks(self)
@@ -235,9 +244,10 @@ contains
     word = self%text(first:self%position - 1)
   end subroutine cursor_get_word
 
-  !> The rest of the line, without its end.
+  !> Read the rest of the line, without its end.
   subroutine cursor_get_line(self, line)
     class(byte_cursor_t), intent(inout) :: self
+    !> Rest of the line.
     character(:), allocatable, intent(out) :: line
     integer(int64) :: first, last
     first = self%position
@@ -253,7 +263,7 @@ contains
     line = self%text(first:last)
   end subroutine cursor_get_line
 
-  !> Go behind the end of a line of which nothing but blanks may be left: binary numbers begin there.
+  !> Skip the end of a line that has only blanks left: binary numbers begin there.
   subroutine cursor_end_line(self)
     class(byte_cursor_t), intent(inout) :: self
     character :: letter
@@ -266,7 +276,7 @@ contains
       letter = self%text(self%position:self%position)
       if (letter == achar(10)) exit
       if (.not. ends_word(letter)) then
-        call report_word(self, 'the end of the line')
+        call report_unexpected(self, 'the end of the line')
         return
       end if
       self%position = self%position + 1
@@ -274,7 +284,7 @@ contains
     self%position = self%position + 1
   end subroutine cursor_end_line
 
-  !> Go to the next character that is no blank and no line end.
+  !> Skip blanks and line ends.
   subroutine cursor_skip_blanks(self)
     class(byte_cursor_t), intent(inout) :: self
     integer(int64) :: p
@@ -284,23 +294,23 @@ contains
     self%position = p
   end subroutine cursor_skip_blanks
 
-  !> Whether nothing but blanks is left.
+  !> Whether only blanks are left.
   logical function cursor_at_end(self) result(at_end)
     class(byte_cursor_t), intent(inout) :: self
     call cursor_skip_blanks(self)
     at_end = self%position > self%size
   end function cursor_at_end
 
-  !> A count must be possible: not negative, and what it counts must fit in the rest of the file.
+  !> Check a count: not negative, and the counted items fit in the rest of the file.
   subroutine cursor_require(self, count, least_bytes, what, position)
     class(byte_cursor_t), intent(inout) :: self
-    !> The count as read.
+    !> Count as read.
     integer(int64), intent(in) :: count
-    !> Fewest bytes that each of them takes.
+    !> Fewest bytes of one item.
     integer, intent(in) :: least_bytes
-    !> What is counted, for the message.
+    !> Name of the items, for messages.
     character(*), intent(in) :: what
-    !> Where the count stands.
+    !> Position of the count.
     integer(int64), intent(in) :: position
     integer(int64) :: left
     if (self%broken) return
@@ -311,12 +321,12 @@ contains
                    ' bytes of the file are left; it is truncated or corrupt', position)
   end subroutine cursor_require
 
-  !> Keep a fault, if it is the first, with its place.
+  !> Keep a fault with its position, if it is the first.
   subroutine cursor_fail(self, message, position)
     class(byte_cursor_t), intent(inout) :: self
-    !> What is wrong.
+    !> Description of the fault.
     character(*), intent(in) :: message
-    !> Byte where it is wrong; the next one if absent.
+    !> Position of the fault; that of the next byte if absent.
     integer(int64), intent(in), optional :: position
     integer(int64) :: where
     if (self%broken) return
@@ -328,10 +338,13 @@ contains
     self%fault = self%fault//message
   end subroutine cursor_fail
 
-  !> A place for messages: 'file:line' of a text, 'file: byte offset' of a binary file, where the first byte has offset 0.
+  !> Position for messages: 'file:line' of a text, 'file: byte offset' of a binary file, where the first byte has offset
+  !> 0.
   function cursor_place(self, position) result(place)
     class(byte_cursor_t), intent(in) :: self
+    !> Byte number.
     integer(int64), intent(in) :: position
+    !> Text.
     character(:), allocatable :: place
     integer(int64) :: p, line
     if (self%binary) then
@@ -345,16 +358,16 @@ contains
     place = self%file//':'//to_text(line)
   end function cursor_place
 
-  !> The file ended inside something.
+  !> Fault: the file ends too early.
   subroutine report_end(self)
     class(byte_cursor_t), intent(inout) :: self
     call self%fail('the file ends here, too early: it is truncated')
   end subroutine report_end
 
-  !> Something else stands where a number is expected.
-  subroutine report_word(self, expected)
+  !> Fault: another word than expected.
+  subroutine report_unexpected(self, expected)
     class(byte_cursor_t), intent(inout) :: self
-    !> What is expected.
+    !> Description of the expected word.
     character(*), intent(in) :: expected
     character(:), allocatable :: word
     integer(int64) :: first
@@ -370,5 +383,5 @@ contains
       if (iachar(word(i:i)) > 126) word(i:i) = '?'
     end do
     call self%fail('expected '//expected//", found '"//word//"'", first)
-  end subroutine report_word
+  end subroutine report_unexpected
 end module dotyk_base_byte_cursor

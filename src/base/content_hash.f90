@@ -1,5 +1,5 @@
-!> A hash of what a geometry file says, files that it names included: FNV-1a with 64 bits
-!> (Fowler, Noll, Vo; draft-eastlake-fnv).
+!> Hash of the content of a geometry file and of the files that it includes: FNV-1a with 64 bits (Fowler, Noll, Vo;
+!> draft-eastlake-fnv).
 module dotyk_base_content_hash
   use dotyk_base_kinds, only: int64
   use dotyk_base_error, only: error_t
@@ -12,10 +12,12 @@ module dotyk_base_content_hash
   !> Lower half of a 64-bit word.
   integer(int64), parameter :: low_half = 2_int64**32 - 1
 
-  !> A hash that takes in bytes. The two halves are kept apart: products of 64-bit words would overflow.
+  !> Hash that accumulates bytes. The two halves are separate, as products of 64-bit words would overflow.
   type, public :: content_hash_t
-    !> Upper and lower 32 bits.
-    integer(int64) :: high = int(z'cbf29ce4', int64), low = int(z'84222325', int64)
+    !> Upper 32 bits (z'cbf29ce4', int64).
+    integer(int64) :: high = int(z'cbf29ce4', int64)
+    !> Lower 32 bits (z'84222325', int64).
+    integer(int64) :: low = int(z'84222325', int64)
   contains
     procedure :: add => hash_add
     procedure :: add_file => hash_add_file
@@ -24,9 +26,10 @@ module dotyk_base_content_hash
 
 contains
 
-  !> Take in bytes.
+  !> Add bytes.
   pure subroutine hash_add(self, bytes)
     class(content_hash_t), intent(inout) :: self
+    !> Bytes.
     character(*), intent(in) :: bytes
     integer(int64) :: high, low, product, i
     high = self%high
@@ -41,12 +44,13 @@ contains
     self%low = low
   end subroutine hash_add
 
-  !> Take in a file and every file that it, or one of those, names between double quotes, as in `Include "part.geo"`,
-  !> `Merge "part.step"` or `Field[1].FileName = "sizes.dat"`. Names are relative to the file that names them.
+  !> Add a file and, recursively, every existing file that it names between double quotes, as in `Include "part.geo"`,
+  !> `Merge "part.step"` or `Field[1].FileName = "sizes.dat"`. Names are relative to the file that contains them.
   subroutine hash_add_file(self, file, error)
     class(content_hash_t), intent(inout) :: self
     !> Path of the file.
     character(*), intent(in) :: file
+    !> Set if the file cannot be read.
     type(error_t), allocatable, intent(out) :: error
     type(text_t), allocatable :: files(:)
     type(byte_cursor_t) :: cursor
@@ -60,7 +64,7 @@ contains
       i = i + 1
       call cursor%load(files(i)%s, not_read)
       if (allocated(not_read)) then
-        ! Only the first must exist: not everything between quotes is a file.
+        ! Only the first file must exist: not every quoted text is a file name.
         if (i > 1) cycle
         call move_alloc(not_read, error)
         return
@@ -73,8 +77,9 @@ contains
 
   !> Add the existing files that a text names between double quotes.
   subroutine add_named_files(text, directory, files, n)
+    !> Text.
     character(*), intent(in) :: text
-    !> Directory that relative names start from, with its slash.
+    !> Directory of relative names, with its slash.
     character(*), intent(in) :: directory
     !> Paths so far, each once (room).
     type(text_t), allocatable, intent(inout) :: files(:)
@@ -100,30 +105,34 @@ contains
     end do
   end subroutine add_named_files
 
-  !> Add a path if it is not there yet.
+  !> Add a path if it is new.
   subroutine add_path(path, files, n)
+    !> Path.
     character(*), intent(in) :: path
+    !> Paths so far, each once (room).
     type(text_t), allocatable, intent(inout) :: files(:)
+    !> Number of paths.
     integer, intent(inout) :: n
-    type(text_t), allocatable :: wider(:)
+    type(text_t), allocatable :: larger(:)
     integer :: i
     do i = 1, n
       if (files(i)%s == path) return
     end do
     if (n == size(files)) then
-      allocate (wider(2*n))
+      allocate (larger(2*n))
       do i = 1, n
-        call move_alloc(files(i)%s, wider(i)%s)
+        call move_alloc(files(i)%s, larger(i)%s)
       end do
-      call move_alloc(wider, files)
+      call move_alloc(larger, files)
     end if
     n = n + 1
     files(n)%s = path
   end subroutine add_path
 
-  !> The hash as 16 hexadecimal digits.
+  !> Hash as 16 hexadecimal digits.
   pure function hash_digits(self) result(digits)
     class(content_hash_t), intent(in) :: self
+    !> Digits.
     character(16) :: digits
     write (digits, '(2z8.8)') self%high, self%low
   end function hash_digits

@@ -1,7 +1,7 @@
-!> Numbers written as text, read fast and rounded correctly.
+!> Conversion of text to numbers, fast and correctly rounded.
 !>
-!> Both scanners start at the first character of a number and stop behind it; the text must go on for at least one character
-!> after that (the buffers of dotyk_base_byte_cursor end with a NUL).
+!> Both procedures start at the first character of a number and stop behind it; the text must have at least one more
+!> character after that (the buffers of `dotyk_base_byte_cursor` end with a NUL).
 module dotyk_base_number_text
   use dotyk_base_kinds, only: dp, int64
   use, intrinsic :: iso_c_binding, only: c_char, c_double, c_null_ptr, c_ptr
@@ -9,25 +9,29 @@ module dotyk_base_number_text
   private
   public :: scan_integer, scan_real, ends_word
 
-  !> The powers of ten that are doubles exactly.
-  integer, parameter :: largest_exact_power = 22
-  real(dp), parameter :: power_of_ten(0:largest_exact_power) = [1e0_dp, 1e1_dp, 1e2_dp, 1e3_dp, 1e4_dp, 1e5_dp, 1e6_dp, 1e7_dp, &
-                                                                1e8_dp, 1e9_dp, 1e10_dp, 1e11_dp, 1e12_dp, 1e13_dp, 1e14_dp, &
-                                                                1e15_dp, 1e16_dp, 1e17_dp, 1e18_dp, 1e19_dp, 1e20_dp, 1e21_dp, &
-                                                                1e22_dp]
-  !> Every integer up to here is a double exactly.
-  integer(int64), parameter :: largest_exact_mantissa = 2_int64**53
-  !> So many decimal digits fit in 64 bits.
+  !> Powers of ten up to this one are exact doubles.
+  integer, parameter :: max_exact_power = 22
+  !> The exact powers of ten [].
+  real(dp), parameter :: power_of_ten(0:max_exact_power) = &
+    [1.0e0_dp, 1.0e1_dp, 1.0e2_dp, 1.0e3_dp, 1.0e4_dp, 1.0e5_dp, 1.0e6_dp, 1.0e7_dp, 1.0e8_dp, 1.0e9_dp, 1.0e10_dp, &
+     1.0e11_dp, 1.0e12_dp, 1.0e13_dp, 1.0e14_dp, 1.0e15_dp, 1.0e16_dp, 1.0e17_dp, 1.0e18_dp, 1.0e19_dp, 1.0e20_dp, &
+     1.0e21_dp, 1.0e22_dp]
+  !> All integers up to this one are exact doubles.
+  integer(int64), parameter :: max_exact_mantissa = 2_int64**53
+  !> Decimal digits that fit in 64 bits.
   integer, parameter, public :: most_digits = 18
-  !> A number of this many digits before the point may be beyond the range of doubles.
-  integer, parameter :: largest_magnitude = 308
+  !> Numbers with more digits before the decimal point may exceed the range of doubles.
+  integer, parameter :: max_magnitude = 308
 
   interface
-    !> The C library's conversion, correctly rounded; Fortran programs run in the locale "C".
+    !> Conversion by the C library, correctly rounded; Fortran programs run in the locale "C".
     function strtod(text, end) result(value) bind(c, name='strtod')
       import :: c_char, c_double, c_ptr
+      !> Text, which ends behind the number (:).
       character(kind=c_char), intent(in) :: text(*)
+      !> Address for the end of the number; null.
       type(c_ptr), value :: end
+      !> Value [any].
       real(c_double) :: value
     end function strtod
   end interface
@@ -36,18 +40,21 @@ contains
 
   !> Whether a character ends a word: blank, tabulator, line end or the end of the text.
   pure logical function ends_word(letter)
+    !> Character.
     character, intent(in) :: letter
     ends_word = iachar(letter) <= iachar(' ')
   end function ends_word
 
   !> Read an integer.
-  pure subroutine scan_integer(text, position, value, good)
+  pure subroutine scan_integer(text, position, value, valid)
+    !> Text.
     character(*), intent(in) :: text
-    !> First character of the number, then the one behind it; unchanged where it is not good.
+    !> Position of the first character of the number; behind the number on return, unchanged if it is not valid.
     integer(int64), intent(inout) :: position
+    !> Integer.
     integer(int64), intent(out) :: value
-    !> Whether an integer of at most 18 digits stood there, followed by a blank.
-    logical, intent(out) :: good
+    !> Whether an integer of at most 18 digits was found, followed by a blank.
+    logical, intent(out) :: valid
     integer(int64) :: first, p
     integer :: digit
     logical :: negative
@@ -63,25 +70,27 @@ contains
       value = 10*value + digit
       p = p + 1
     end do
-    good = p > first .and. ends_word(text(p:p))
-    if (.not. good) return
+    valid = p > first .and. ends_word(text(p:p))
+    if (.not. valid) return
     if (negative) value = -value
     position = p
   end subroutine scan_integer
 
-  !> Read a real: exact where mantissa and power of ten are doubles, by the C library otherwise.
-  subroutine scan_real(text, position, value, good)
+  !> Read a real: exact if mantissa and power of ten are exact doubles, by the C library otherwise.
+  subroutine scan_real(text, position, value, valid)
+    !> Text.
     character(*), intent(in) :: text
-    !> First character of the number, then the one behind it; unchanged where it is not good.
+    !> Position of the first character of the number; behind the number on return, unchanged if it is not valid.
     integer(int64), intent(inout) :: position
+    !> Real [any].
     real(dp), intent(out) :: value
-    !> Whether a number below 1e308 stood there, followed by a blank.
-    logical, intent(out) :: good
+    !> Whether a number below 1e308 was found, followed by a blank.
+    logical, intent(out) :: valid
     integer(int64) :: p, mantissa, exponent
     integer :: digit, n_kept, n_dropped, n_decimals, n_read
     logical :: negative, decimals
     value = 0
-    good = .false.
+    valid = .false.
     p = position
     negative = text(p:p) == '-'
     if (negative .or. text(p:p) == '+') p = p + 1
@@ -102,7 +111,7 @@ contains
         else if (.not. decimals) then
           n_dropped = n_dropped + 1
         else
-          ! Digits that do not fit count only for the C library's conversion.
+          ! Digits that do not fit matter only for the conversion by the C library.
           n_kept = n_kept + 1
         end if
       else if (text(p:p) == '.' .and. .not. decimals) then
@@ -116,18 +125,18 @@ contains
     exponent = 0
     if (scan(text(p:p), 'eE') == 1) then
       p = p + 1
-      ! Nothing that long is an exponent of ours; it also keeps sums of exponents far from overflow.
-      call scan_integer(text, p, exponent, good)
-      if (.not. good) return
+      ! Longer exponents are out of range; the limit keeps sums of exponents far from overflow.
+      call scan_integer(text, p, exponent, valid)
+      if (.not. valid) return
       exponent = max(-1000000000_int64, min(exponent, 1000000000_int64))
     end if
-    good = ends_word(text(p:p))
-    if (.not. good) return
+    valid = ends_word(text(p:p))
+    if (.not. valid) return
     exponent = exponent - n_decimals + n_dropped
     if (mantissa == 0) then
       value = 0
-    else if (mantissa <= largest_exact_mantissa .and. n_kept <= most_digits .and. n_dropped == 0 .and. &
-             abs(exponent) <= largest_exact_power) then
+    else if (mantissa <= max_exact_mantissa .and. n_kept <= most_digits .and. n_dropped == 0 .and. &
+             abs(exponent) <= max_exact_power) then
       value = real(mantissa, dp)
       if (exponent < 0) then
         value = value/power_of_ten(-exponent)
@@ -135,8 +144,8 @@ contains
         value = value*power_of_ten(exponent)
       end if
       if (negative) value = -value
-    else if (min(n_kept, most_digits) + exponent > largest_magnitude) then
-      good = .false.
+    else if (min(n_kept, most_digits) + exponent > max_magnitude) then
+      valid = .false.
       return
     else
       value = strtod(text(position:), c_null_ptr)

@@ -1,4 +1,4 @@
-!> The few services of the operating system that running another program takes.
+!> Services of the operating system for running another program: directories, files, shell words, environment.
 module dotyk_base_operating_system
   use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char
   implicit none
@@ -6,38 +6,51 @@ module dotyk_base_operating_system
   public :: make_directory, is_writable_directory, process_id, rename_file, remove_file, shell_quoted, directory_of, &
             environment_value
 
-  !> rwxrwxrwx, less what the user's umask takes away.
-  integer(c_int), parameter :: all_rights = int(o'777', c_int)
+  !> Permissions rwxrwxrwx, reduced by the umask of the user.
+  integer(c_int), parameter :: all_permissions = int(o'777', c_int)
   !> W_OK and X_OK of access(2).
-  integer(c_int), parameter :: may_write_and_enter = 3_c_int
+  integer(c_int), parameter :: write_and_search = 3_c_int
 
   interface
+    !> mkdir(2).
     function c_mkdir(path, mode) result(status) bind(c, name='mkdir')
       import :: c_char, c_int
+      !> Path, NUL-terminated (:).
       character(kind=c_char), intent(in) :: path(*)
+      !> Permissions.
       integer(c_int), value :: mode
       integer(c_int) :: status
     end function c_mkdir
 
+    !> access(2).
     function c_access(path, mode) result(status) bind(c, name='access')
       import :: c_char, c_int
+      !> Path, NUL-terminated (:).
       character(kind=c_char), intent(in) :: path(*)
+      !> Requested permissions.
       integer(c_int), value :: mode
       integer(c_int) :: status
     end function c_access
 
+    !> rename(2).
     function c_rename(old, new) result(status) bind(c, name='rename')
       import :: c_char, c_int
-      character(kind=c_char), intent(in) :: old(*), new(*)
+      !> Old path, NUL-terminated (:).
+      character(kind=c_char), intent(in) :: old(*)
+      !> New path, NUL-terminated (:).
+      character(kind=c_char), intent(in) :: new(*)
       integer(c_int) :: status
     end function c_rename
 
+    !> unlink(2).
     function c_unlink(path) result(status) bind(c, name='unlink')
       import :: c_char, c_int
+      !> Path, NUL-terminated (:).
       character(kind=c_char), intent(in) :: path(*)
       integer(c_int) :: status
     end function c_unlink
 
+    !> getpid(2).
     function c_getpid() result(id) bind(c, name='getpid')
       import :: c_int
       integer(c_int) :: id
@@ -46,42 +59,50 @@ module dotyk_base_operating_system
 
 contains
 
-  !> Make a directory, whose parent exists; nothing happens where it exists already.
+  !> Make a directory whose parent exists; nothing happens if it exists already.
   subroutine make_directory(path)
+    !> Path.
     character(*), intent(in) :: path
     integer(c_int) :: status
-    ! Whether it exists and can be used is asked afterwards: another process may make it at the same time.
-    status = c_mkdir(path//c_null_char, all_rights)
+    ! The caller checks afterwards that it can be used: another process may make it at the same time.
+    status = c_mkdir(path//c_null_char, all_permissions)
   end subroutine make_directory
 
-  !> Whether files can be made in a directory.
+  !> Whether files can be created in a directory.
   logical function is_writable_directory(path) result(writable)
+    !> Path.
     character(*), intent(in) :: path
-    ! A plain file cannot be entered by this name.
-    writable = c_access(path//'/.'//c_null_char, may_write_and_enter) == 0
+    ! The name is invalid for a regular file.
+    writable = c_access(path//'/.'//c_null_char, write_and_search) == 0
   end function is_writable_directory
 
-  !> The number of this process.
+  !> Identifier of this process.
   integer function process_id() result(id)
     id = int(c_getpid())
   end function process_id
 
-  !> Rename a file at once, over another of the new name.
-  logical function rename_file(old, new) result(good)
-    character(*), intent(in) :: old, new
-    good = c_rename(old//c_null_char, new//c_null_char) == 0
+  !> Rename a file atomically, replacing an existing one.
+  logical function rename_file(old, new) result(success)
+    !> Old path.
+    character(*), intent(in) :: old
+    !> New path.
+    character(*), intent(in) :: new
+    success = c_rename(old//c_null_char, new//c_null_char) == 0
   end function rename_file
 
-  !> Remove a file; nothing happens where it does not exist.
+  !> Remove a file; nothing happens if it does not exist.
   subroutine remove_file(path)
+    !> Path.
     character(*), intent(in) :: path
     integer(c_int) :: status
     status = c_unlink(path//c_null_char)
   end subroutine remove_file
 
-  !> A text as one word of the shell, whatever is in it.
+  !> A text as one word of the shell, whatever characters it has.
   pure function shell_quoted(text) result(word)
+    !> Text.
     character(*), intent(in) :: text
+    !> Word.
     character(:), allocatable :: word
     integer :: i
     word = "'"
@@ -95,20 +116,25 @@ contains
     word = word//"'"
   end function shell_quoted
 
-  !> The directory of a file with its slash; empty for a plain name.
+  !> Directory of a file with its slash; empty for a plain name.
   pure function directory_of(path) result(directory)
+    !> Path of the file.
     character(*), intent(in) :: path
+    !> Directory.
     character(:), allocatable :: directory
     directory = path(:index(path, '/', back=.true.))
   end function directory_of
 
-  !> The value of an environment variable, empty where it is not set.
+  !> Value of an environment variable, empty if it is not set.
   function environment_value(name) result(value)
+    !> Name.
     character(*), intent(in) :: name
+    !> Value.
     character(:), allocatable :: value
     integer :: length, status
     call get_environment_variable(name, length=length, status=status)
     if (status /= 0) length = 0
+    !> Value.
     allocate (character(length) :: value)
     if (length > 0) call get_environment_variable(name, value)
   end function environment_value

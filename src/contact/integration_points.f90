@@ -27,7 +27,7 @@ contains
     integer, intent(in) :: kinds(:)
     !> The rows are dual mortar rows; otherwise the integration points are rows.
     logical, intent(in) :: mortar
-    !> Weights contain 2 pi r.
+    !> Weights include the circumference 2 pi r.
     logical, intent(in) :: axisymmetric
     !> Rules, by element kind (n_element_kinds).
     type(quadrature_rule_t), intent(inout) :: rule(:)
@@ -55,13 +55,13 @@ contains
     real(dp), intent(in) :: points(:, :)
     !> Weights of the rule (n) [].
     real(dp), intent(in) :: weights(:)
-    !> Weights contain 2 pi r.
+    !> Weights include the circumference 2 pi r.
     logical, intent(in) :: axisymmetric
     !> The other surface.
     type(master_surface_t), intent(in) :: master
     !> The facet is within the search radius of the master surface, from the broad phase.
     logical, intent(in) :: candidate
-    !> Greatest distance [length].
+    !> Search radius: greatest distance of a projection [length].
     real(dp), intent(in) :: radius
     !> Positions (3, n) [length].
     real(dp), intent(out) :: x(:, :)
@@ -101,13 +101,13 @@ contains
     type(quadrature_rule_t), intent(in) :: rule(:)
     !> Points of facet f are offset(f)+1 .. offset(f+1) (n_facets+1).
     integer, intent(in) :: offset(:)
-    !> Weights contain 2 pi r.
+    !> Weights include the circumference 2 pi r.
     logical, intent(in) :: axisymmetric
     !> Master surface, prepared for projections.
     type(master_surface_t), intent(in) :: master
     !> Facets within the search radius of the master surface, from the broad phase (n_facets).
     logical, intent(in) :: candidate(:)
-    !> Greatest distance [length].
+    !> Search radius: greatest distance of a projection [length].
     real(dp), intent(in) :: radius
     !> Positions (3, n) [length].
     real(dp), intent(out) :: x(:, :)

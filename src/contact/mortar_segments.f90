@@ -50,7 +50,7 @@ contains
   !> Quadrature rules of all slave facets that are segmented; the other facets get none.
   subroutine build_segment_rules(mesh_a, surface_a, set, candidate, mesh_b, surface_b, master, radius, mortar, &
                                  axisymmetric, whole_rule, rule)
-    !> Body a and its surface.
+    !> Mesh of the slave body.
     type(body_mesh_t), intent(in) :: mesh_a
     !> Slave surface (surface_a).
     type(surface_t), intent(in) :: surface_a
@@ -58,17 +58,17 @@ contains
     type(facet_set_t), intent(in) :: set
     !> Facets to segment, from the broad phase (n_facets).
     logical, intent(in) :: candidate(:)
-    !> Body b and its surface.
+    !> Mesh of the master body.
     type(body_mesh_t), intent(in) :: mesh_b
     !> Master surface (surface_b).
     type(surface_t), intent(in) :: surface_b
-    !> Surface b for the projection.
+    !> Master surface, prepared for projections.
     type(master_surface_t), intent(in) :: master
-    !> Greatest distance of partners [length].
+    !> Search radius: greatest distance of a projection [length].
     real(dp), intent(in) :: radius
     !> The rows are dual mortar rows; otherwise the integration points are rows.
     logical, intent(in) :: mortar
-    !> Weights contain 2 pi r.
+    !> Weights include the circumference 2 pi r.
     logical, intent(in) :: axisymmetric
     !> Rules on whole facets, by facet kind (n_element_kinds).
     type(quadrature_rule_t), intent(in) :: whole_rule(:)
@@ -338,7 +338,7 @@ contains
     integer, intent(in) :: f
     !> Master surface, prepared for projections.
     type(master_surface_t), intent(in) :: master
-    !> Greatest distance of partners [length].
+    !> Search radius: greatest distance of a projection [length].
     real(dp), intent(in) :: radius
     !> Master facet of the segment next to the end.
     integer, intent(in) :: facet_b

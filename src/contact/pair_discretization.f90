@@ -50,7 +50,7 @@ contains
     type(surface_t), intent(in) :: surface_b
     !> What the user says.
     type(pair_settings_t), intent(in) :: settings
-    !> The gap where settings%gap_kind is `gap_formula`.
+    !> Gap formula, evaluated where settings%gap_kind is `gap_formula`.
     type(formula_t), intent(inout) :: formula
     !> Discretized pair.
     type(contact_pair_t), intent(out) :: pair
@@ -278,7 +278,7 @@ contains
     type(master_surface_t), intent(in) :: master
     !> All integration points (3, n) [length].
     real(dp), intent(in) :: x(:, :)
-    !> Greatest distance allowed [length].
+    !> Search radius: greatest distance of a projection [length].
     real(dp), intent(in) :: radius
     !> Always set.
     type(error_t), allocatable, intent(out) :: error

@@ -92,7 +92,7 @@ contains
     real(dp), intent(in) :: normal_a(3)
     !> A facet that is probably near, 0 if none; the nearest facet on return.
     integer, intent(inout) :: hint
-    !> Greatest distance [length].
+    !> Search radius: greatest distance of a projection [length].
     real(dp), intent(in) :: search_radius
     !> Projection.
     type(projection_t), intent(out) :: projection
@@ -300,7 +300,7 @@ contains
   !> Distance of a point to the surface, whatever its normals [length].
   pure real(dp) function smallest_distance(self, x) result(distance)
     class(master_surface_t), intent(in) :: self
-    !> The point (3) [length].
+    !> Point (3) [length].
     real(dp), intent(in) :: x(3)
     real(dp) :: xi(2), square
     integer :: facet

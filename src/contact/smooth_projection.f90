@@ -51,7 +51,7 @@ contains
     type(surface_t), intent(in) :: surface_b
     !> Facets of the master surface near the slave surface (n_facets).
     logical, intent(in) :: candidate_b(:)
-    !> Greatest distance [length].
+    !> Search radius: greatest distance of a projection [length].
     real(dp), intent(in) :: search_radius
     !> Points of slave facet f are offset(f)+1 .. offset(f+1) (n_facets+1).
     integer, intent(in) :: offset(:)
@@ -86,9 +86,9 @@ contains
     real(dp), intent(in) :: xi_a(2)
     !> Smooth master surface.
     type(smooth_surface_t), intent(in) :: geometry_b
-    !> The point (3) [length].
+    !> Point (3) [length].
     real(dp), intent(in) :: x(3)
-    !> Greatest distance [length].
+    !> Search radius: greatest distance of a projection [length].
     real(dp), intent(in) :: search_radius
     !> Closest-point projection on entry, smooth projection on return.
     type(projection_t), intent(inout) :: projection
@@ -177,7 +177,7 @@ contains
     type(facet_set_t), intent(in) :: set
     !> Sub-facet number.
     integer, intent(in) :: facet
-    !> The point (3) [length].
+    !> Point (3) [length].
     real(dp), intent(in) :: x(3)
     !> Reference coordinates: start on entry, solution on return (2) [].
     real(dp), intent(inout) :: xi(2)

@@ -1,4 +1,4 @@
-!> One body's part of a mesh: its elements, with node numbers of their own.
+!> The mesh of one body: its elements, with nodes numbered within the body.
 module dotyk_mesh_body_mesh
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_error, only: error_t, set_error
@@ -16,15 +16,18 @@ module dotyk_mesh_body_mesh
     character(:), allocatable :: file
     !> Dimension of space and of the elements.
     integer :: dimension = 0
-    !> Coordinates (dimension, n_nodes) [length].
+    !> Nodal coordinates (dimension, n_nodes) [length].
     real(dp), allocatable :: x(:, :)
-    !> Node tags of the file (n_nodes).
+    !> Node tags in the file (n_nodes).
     integer(int64), allocatable :: node_tag(:)
-    !> Index of each node in the mesh, ascending; nodes made here come after these, and have none (n_nodes).
+    !> Index of each node in the mesh, ascending (nodes of the file). Nodes from order elevation follow these and have
+    !> no index.
     integer, allocatable :: mesh_node(:)
-    !> Elements, one block for each kind; nodes are numbers of this body, volumes are positive; `group` is not used.
+    !> Elements, one block for each kind (n_blocks); nodes are body-local numbers, volumes are positive; `group` is not
+    !> used.
     type(element_block_t), allocatable :: block(:)
-    !> The mesh has linear elements, on whose edges and faces these are quadratic (`dotyk_mesh_order_elevation`).
+    !> The elements are quadratic on the straight edges and faces of the linear elements of the file
+    !> (`dotyk_mesh_order_elevation`).
     logical :: order_elevated = .false.
   contains
     procedure :: n_nodes => body_mesh_n_nodes
@@ -53,29 +56,34 @@ contains
   !> Bounding box of the nodes.
   pure subroutine body_mesh_box(self, lo, hi)
     class(body_mesh_t), intent(in) :: self
-    !> Its corners [length].
-    real(dp), intent(out) :: lo(self%dimension), hi(self%dimension)
+    !> Lower corner (dimension) [length].
+    real(dp), intent(out) :: lo(self%dimension)
+    !> Upper corner (dimension) [length].
+    real(dp), intent(out) :: hi(self%dimension)
     lo = minval(self%x, dim=2)
     hi = maxval(self%x, dim=2)
   end subroutine body_mesh_box
 
-  !> Characteristic size: the smallest edge of the bounding box [length].
+  !> Characteristic size: the shortest edge of the bounding box [length].
   pure real(dp) function body_mesh_size(self) result(edge)
     class(body_mesh_t), intent(in) :: self
     edge = minval(maxval(self%x, dim=2) - minval(self%x, dim=2))
   end function body_mesh_size
 
-  !> Take the elements of the physical groups of one name out of a mesh, and check them.
+  !> Extract the elements of the physical groups of one name from a mesh, and check them.
   !>
-  !> Elements of other dimensions are left alone. A body whose elements are all inverted is reoriented.
+  !> Elements of other dimensions are ignored. A body whose elements are all inverted is reoriented.
   subroutine extract_body(mesh, volume_name, dimension, body_mesh, error)
+    !> Mesh.
     type(mesh_t), intent(in) :: mesh
     !> Name of the physical groups.
     character(*), intent(in) :: volume_name
     !> Dimension of space: 3, or 2 for plane and axisymmetric analyses.
     integer, intent(in) :: dimension
+    !> Mesh of the body.
     type(body_mesh_t), intent(out) :: body_mesh
-    !> Exit code 2 for names and duplicates, 3 for inverted and degenerate elements.
+    !> Set for an unknown name, an empty group, coordinates out of range, nodes off the plane or coincident, and
+    !> repeated elements (exit code 2); for inverted or degenerate elements (exit code 3).
     type(error_t), allocatable, intent(out) :: error
     logical :: wanted(size(mesh%group))
     wanted = groups_named(mesh, trim(volume_name), dimension)
@@ -103,14 +111,15 @@ contains
 
   !> Copy the elements of some groups, one block for each kind.
   subroutine gather_elements(mesh, wanted, dimension, block)
+    !> Mesh.
     type(mesh_t), intent(in) :: mesh
-    !> Which groups (n_groups).
+    !> Groups to copy (n_groups).
     logical, intent(in) :: wanted(:)
     !> Dimension of the elements.
     integer, intent(in) :: dimension
-    !> The elements, with the mesh's node numbers.
+    !> Elements, with node numbers of the mesh (n_blocks).
     type(element_block_t), allocatable, intent(out) :: block(:)
-    integer :: n_of_kind(n_element_kinds), place(n_element_kinds), b, i, kind, n
+    integer :: n_of_kind(n_element_kinds), block_of_kind(n_element_kinds), b, i, kind, n
     n_of_kind = 0
     do b = 1, size(mesh%block)
       if (.not. is_wanted(mesh%block(b))) cycle
@@ -119,11 +128,11 @@ contains
     end do
     allocate (block(count(n_of_kind > 0)))
     i = 0
-    place = 0
+    block_of_kind = 0
     do kind = 1, n_element_kinds
       if (n_of_kind(kind) == 0) cycle
       i = i + 1
-      place(kind) = i
+      block_of_kind(kind) = i
       block(i)%kind = kind
       allocate (block(i)%node(kind_nodes(kind), n_of_kind(kind)), block(i)%tag(n_of_kind(kind)))
     end do
@@ -133,8 +142,8 @@ contains
       kind = mesh%block(b)%kind
       i = n_of_kind(kind)
       n = size(mesh%block(b)%tag)
-      block(place(kind))%node(:, i + 1:i + n) = mesh%block(b)%node
-      block(place(kind))%tag(i + 1:i + n) = mesh%block(b)%tag
+      block(block_of_kind(kind))%node(:, i + 1:i + n) = mesh%block(b)%node
+      block(block_of_kind(kind))%tag(i + 1:i + n) = mesh%block(b)%tag
       n_of_kind(kind) = i + n
     end do
 
@@ -142,16 +151,18 @@ contains
 
     !> Whether a block of the mesh has the dimension and belongs to one of the groups.
     pure logical function is_wanted(candidate)
+      !> Block of the mesh.
       type(element_block_t), intent(in) :: candidate
       is_wanted = .false.
       if (kind_dimension(candidate%kind) == dimension) is_wanted = any(wanted(candidate%group))
     end function is_wanted
   end subroutine gather_elements
 
-  !> Give the nodes of the body numbers of their own, in the order of the mesh.
+  !> Number the nodes of the body in the order of the mesh.
   subroutine number_nodes(mesh, body_mesh)
+    !> Mesh.
     type(mesh_t), intent(in) :: mesh
-    !> Its blocks have the mesh's node numbers on entry.
+    !> Mesh of the body; on entry its blocks have node numbers of the mesh.
     type(body_mesh_t), intent(inout) :: body_mesh
     integer, allocatable :: number(:)
     integer :: b, e, i, n
@@ -184,8 +195,9 @@ contains
     body_mesh%node_tag = mesh%node_tag(body_mesh%mesh_node)
   end subroutine number_nodes
 
-  !> Parts of a body that hang together: nodes of one element are in one component.
+  !> Connected components of a body: nodes of one element belong to one component.
   subroutine connected_components(body_mesh, component, n_components)
+    !> Mesh of the body.
     type(body_mesh_t), intent(in) :: body_mesh
     !> Component of each node (n_nodes), numbered in the order of their first nodes.
     integer, intent(out) :: component(:)
@@ -215,9 +227,12 @@ contains
     end do
   end subroutine connected_components
 
-  !> The lowest node of a component as known so far. (Not pure: it shortens the ways.)
+  !> Root of a node in the union-find forest: the lowest node of its component as known so far. Paths are shortened by
+  !> halving.
   integer function root(parent, node)
+    !> Parent of each node (n_nodes); paths are shortened.
     integer, intent(inout) :: parent(:)
+    !> Node.
     integer, intent(in) :: node
     root = node
     do while (parent(root) /= root)

@@ -1,16 +1,16 @@
-!> Finds elements and facets by their corners, whatever the order of these: a hash table.
+!> Hash table of elements and facets by their corners, regardless of the order of the corners.
 module dotyk_mesh_corner_table
   use dotyk_base_kinds, only: int64
   implicit none
   private
 
-  !> A set of entries 1..n, each with its corners.
+  !> Set of entries 1..n, each with its corners.
   type, public :: corner_table_t
     !> Number of entries.
     integer :: n = 0
-    !> Sorted corners of each entry, padded with zeros in front (most corners, room).
+    !> Sorted corners of each entry, padded with zeros in front (max_corners, room).
     integer, allocatable :: key(:, :)
-    !> Entry in each slot, 0 where it is empty; the number of slots is a power of 2.
+    !> Entry in each slot, 0 where it is empty (n_slots); the number of slots is a power of 2.
     integer, allocatable :: slot(:)
   contains
     procedure :: init => table_init
@@ -20,55 +20,58 @@ module dotyk_mesh_corner_table
 
 contains
 
-  !> An empty table.
-  subroutine table_init(self, most_corners, room)
+  !> Empty table.
+  subroutine table_init(self, max_corners, room)
     class(corner_table_t), intent(out) :: self
-    !> Most corners of an entry.
-    integer, intent(in) :: most_corners
-    !> Most entries.
+    !> Greatest number of corners of an entry.
+    integer, intent(in) :: max_corners
+    !> Greatest number of entries.
     integer, intent(in) :: room
     integer :: n_slots
     n_slots = 4
     do while (n_slots < 2*room)
       n_slots = 2*n_slots
     end do
-    allocate (self%key(most_corners, room), self%slot(n_slots))
+    allocate (self%key(max_corners, room), self%slot(n_slots))
     self%slot = 0
   end subroutine table_init
 
-  !> Add an entry, unless it is there.
+  !> Add an entry unless it exists.
   subroutine table_add(self, corners, entry)
     class(corner_table_t), intent(inout) :: self
-    !> Its corners, in any order.
+    !> Corners in any order (number of corners).
     integer, intent(in) :: corners(:)
-    !> The entry: n if it is new, less if it was there.
+    !> The entry: n if it is new, less if it existed.
     integer, intent(out) :: entry
-    integer :: key(size(self%key, 1)), place
+    integer :: key(size(self%key, 1)), slot
     key = sorted(size(key), corners)
-    call locate(self, key, place)
-    if (self%slot(place) == 0) then
+    call locate(self, key, slot)
+    if (self%slot(slot) == 0) then
       self%n = self%n + 1
       self%key(:, self%n) = key
-      self%slot(place) = self%n
+      self%slot(slot) = self%n
     end if
-    entry = self%slot(place)
+    entry = self%slot(slot)
   end subroutine table_add
 
-  !> The entry with given corners; 0 if there is none.
+  !> Entry with given corners, 0 if there is none.
   pure integer function table_find(self, corners) result(entry)
     class(corner_table_t), intent(in) :: self
-    !> Corners, in any order.
+    !> Corners in any order (number of corners).
     integer, intent(in) :: corners(:)
-    integer :: place
-    call locate(self, sorted(size(self%key, 1), corners), place)
-    entry = self%slot(place)
+    integer :: slot
+    call locate(self, sorted(size(self%key, 1), corners), slot)
+    entry = self%slot(slot)
   end function table_find
 
-  !> The slot that holds a key, or the empty one where it belongs.
-  pure subroutine locate(table, key, place)
+  !> Slot that holds a key, or the empty slot where it belongs.
+  pure subroutine locate(table, key, slot)
+    !> Table.
     type(corner_table_t), intent(in) :: table
+    !> Sorted corners (max_corners).
     integer, intent(in) :: key(:)
-    integer, intent(out) :: place
+    !> Slot.
+    integer, intent(out) :: slot
     integer(int64), parameter :: mask = int(z'7fffffff', int64)
     integer(int64) :: hash
     integer :: i
@@ -77,16 +80,20 @@ contains
       hash = iand(hash*1000003 + key(i), mask)
       hash = ieor(hash, ishft(hash, -15))
     end do
-    place = int(iand(hash, int(size(table%slot) - 1, int64))) + 1
-    do while (table%slot(place) /= 0)
-      if (all(table%key(:, table%slot(place)) == key)) return
-      place = mod(place, size(table%slot)) + 1
+    slot = int(iand(hash, int(size(table%slot) - 1, int64))) + 1
+    do while (table%slot(slot) /= 0)
+      if (all(table%key(:, table%slot(slot)) == key)) return
+      slot = mod(slot, size(table%slot)) + 1
     end do
   end subroutine locate
 
-  !> Corners in ascending order, zeros in front.
+  !> Corners in ascending order, padded with zeros in front.
   pure function sorted(m, corners) result(key)
-    integer, intent(in) :: m, corners(:)
+    !> Length of the key.
+    integer, intent(in) :: m
+    !> Corners (number of corners).
+    integer, intent(in) :: corners(:)
+    !> Key (m).
     integer :: key(m)
     integer :: i, j
     key(:m - size(corners)) = 0

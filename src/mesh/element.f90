@@ -1,6 +1,6 @@
 !> Element kinds: one table, and the dispatch to the families.
 !>
-!> Reference domains: unit simplex, [-1,1]^d, unit triangle x [-1,1] (gmsh's). Node order is gmsh's.
+!> Reference domains: unit simplex, [-1,1]^d, unit triangle x [-1,1] (as gmsh). The node order is that of gmsh.
 module dotyk_mesh_element
   use dotyk_base_kinds, only: dp
   use dotyk_mesh_element_kind, only: element_hex20, element_hex27, element_hex8, element_kind_t, element_line2, &
@@ -27,7 +27,7 @@ module dotyk_mesh_element
 
 contains
 
-  !> What is known of a kind.
+  !> Properties of an element kind.
   pure function element_kind(id) result(kind)
     !> One of `element_line2` .. `element_prism18`.
     integer, intent(in) :: id
@@ -48,53 +48,25 @@ contains
     end select
   end function element_kind
 
-  !> The kind of an element type of gmsh; 0 where dotyk does not have it.
+  !> Element kind of an element type of gmsh; 0 if the type is not supported.
   pure integer function kind_of_gmsh_type(gmsh_type) result(id)
-    !> Element type in gmsh's files.
+    !> Type number of gmsh.
     integer, intent(in) :: gmsh_type
-    select case (gmsh_type)
-    case (1)
-      id = element_line2
-    case (8)
-      id = element_line3
-    case (2)
-      id = element_tri3
-    case (9)
-      id = element_tri6
-    case (3)
-      id = element_quad4
-    case (16)
-      id = element_quad8
-    case (10)
-      id = element_quad9
-    case (4)
-      id = element_tet4
-    case (11)
-      id = element_tet10
-    case (5)
-      id = element_hex8
-    case (17)
-      id = element_hex20
-    case (12)
-      id = element_hex27
-    case (6)
-      id = element_prism6
-    case (18)
-      id = element_prism15
-    case (13)
-      id = element_prism18
-    case default
-      id = 0
-    end select
+    type(element_kind_t) :: kind
+    do id = 1, n_element_kinds
+      kind = element_kind(id)
+      if (kind%gmsh_type == gmsh_type) return
+    end do
+    id = 0
   end function kind_of_gmsh_type
 
   !> Values of the shape functions at a point of the reference domain.
   pure subroutine shape_functions(kind, xi, values)
     !> Element kind.
     integer, intent(in) :: kind
-    !> Reference coordinates.
+    !> Reference coordinates (kind_dimension(kind)) [].
     real(dp), intent(in) :: xi(kind_dimension(kind))
-    !> One value per node.
+    !> Values of the shape functions (n_nodes) [].
     real(dp), intent(out) :: values(kind_nodes(kind))
     select case (kind)
     case (element_line2)
@@ -130,9 +102,9 @@ contains
   pure subroutine shape_gradients(kind, xi, gradients)
     !> Element kind.
     integer, intent(in) :: kind
-    !> Reference coordinates.
+    !> Reference coordinates (kind_dimension(kind)) [].
     real(dp), intent(in) :: xi(kind_dimension(kind))
-    !> Derivatives with respect to xi, (dimension, n_nodes).
+    !> Derivatives with respect to xi (dimension, n_nodes) [].
     real(dp), intent(out) :: gradients(kind_dimension(kind), kind_nodes(kind))
     select case (kind)
     case (element_line2)
@@ -168,7 +140,7 @@ contains
   pure subroutine reference_nodes(kind, xi)
     !> Element kind.
     integer, intent(in) :: kind
-    !> Coordinates, (dimension, n_nodes).
+    !> Coordinates (dimension, n_nodes) [].
     real(dp), intent(out) :: xi(kind_dimension(kind), kind_nodes(kind))
     integer :: n, i
     n = kind_nodes(kind)

@@ -1,17 +1,17 @@
-!> The names of the element kinds and what the program knows of each: the type behind the table.
+!> Element kinds: named integers, and the type of the properties of a kind.
 !>
-!> Users of the table take all of this from `dotyk_mesh_element`; the families (one file each) fill it.
+!> Other layers import these from `dotyk_mesh_element`; the families (one file each) fill in the properties.
 module dotyk_mesh_element_kind
   implicit none
   private
 
   !> Number of element kinds.
   integer, parameter, public :: n_element_kinds = 15
-  !> Most nodes of an element.
+  !> Greatest number of nodes of an element.
   integer, parameter, public :: max_element_nodes = 27
-  !> Most nodes of a face of an element.
+  !> Greatest number of nodes of a face of an element.
   integer, parameter, public :: max_facet_nodes = 9
-  !> Most faces of an element.
+  !> Greatest number of faces of an element.
   integer, parameter, public :: max_faces = 6
 
   integer, parameter, public :: element_line2 = 1    !< straight edge
@@ -30,16 +30,16 @@ module dotyk_mesh_element_kind
   integer, parameter, public :: element_prism15 = 14 !< quadratic prism, serendipity
   integer, parameter, public :: element_prism18 = 15 !< biquadratic prism
 
-  !> Dimension of the reference domain of each kind; here so that dummies can be declared with it.
+  !> Dimension of the reference domain of each kind; a constant, so that dummies can be declared with it.
   integer, parameter, public :: kind_dimension(n_element_kinds) = [1, 1, 2, 2, 2, 2, 2, 3, 3, 3, 3, 3, 3, 3, 3]
   !> Number of nodes of each kind.
   integer, parameter, public :: kind_nodes(n_element_kinds) = [2, 3, 3, 6, 4, 8, 9, 4, 10, 8, 20, 27, 6, 15, 18]
 
-  !> One element kind. The order of the nodes is gmsh's: corners first, then edges, faces, interior.
+  !> One element kind. The node order is that of gmsh: corners, edges, faces, interior.
   type, public :: element_kind_t
     !> Name for messages, as 'tet10'.
     character(8) :: name = ''
-    !> Element type in gmsh's files.
+    !> Type number of gmsh.
     integer :: gmsh_type = 0
     !> Cell type of VTK.
     integer :: vtk_type = 0
@@ -57,11 +57,11 @@ module dotyk_mesh_element_kind
     integer :: n_faces = 0
     !> Kind of each face, 0 beyond n_faces.
     integer :: face_kind(max_faces) = 0
-    !> Local node numbers of each face in gmsh's order of the face's kind, 0 padded. Faces are oriented outward: the
+    !> Local node numbers of each face in the node order of its kind, padded with 0. Faces are oriented outward: the
     !> right-hand normal points out; in two dimensions edges run counter-clockwise, so that the outward normal of
     !> the tangent t is (t_y, -t_x).
     integer :: face_node(max_facet_nodes, max_faces) = 0
-    !> Node i of VTK's cell is node vtk_order(i); 0 padded.
+    !> Node i of the VTK cell is node vtk_order(i); padded with 0.
     integer :: vtk_order(max_element_nodes) = 0
   end type element_kind_t
 end module dotyk_mesh_element_kind

@@ -1,7 +1,6 @@
-!> Geometry of a facet, a face of an element seen in space: lines in two dimensions, triangles and quadrilaterals in
-!> three.
+!> Geometry of facets, the faces of elements in space: lines in two dimensions, triangles and quadrilaterals in three.
 !>
-!> Facets are oriented as the face tables of the element kinds are: the normal points out of the body.
+!> Facets are oriented as in the face tables of the element kinds: the normal points out of the body.
 module dotyk_mesh_facet
   use dotyk_base_kinds, only: dp
   use dotyk_mesh_element, only: kind_dimension, kind_nodes, max_facet_nodes, shape_functions, shape_gradients
@@ -9,26 +8,26 @@ module dotyk_mesh_facet
   private
   public :: facet_geometry, facet_frame, frame_of_normal, facet_tangents, cross
 
-  !> A projection of the x axis on the surface shorter than this counts as vanishing.
-  real(dp), parameter :: least_projection = 1.0e-6_dp
+  !> The projection of the unit vector x on the surface vanishes where it is shorter than this [].
+  real(dp), parameter :: min_projection = 1.0e-6_dp
 
 contains
 
   !> Position, unit outward normal and area per reference area at a point of a facet.
   pure subroutine facet_geometry(kind, dimension, x, xi, position, normal, jacobian)
-    !> Kind of the facet: its dimension is one less than that of space.
+    !> Element kind of the facet, whose dimension is one less than that of space.
     integer, intent(in) :: kind
     !> Dimension of space.
     integer, intent(in) :: dimension
-    !> Coordinates of the facet's nodes [length].
+    !> Coordinates of the nodes of the facet (dimension, kind_nodes(kind)) [length].
     real(dp), intent(in) :: x(dimension, kind_nodes(kind))
-    !> Reference coordinates.
+    !> Reference coordinates (kind_dimension(kind)) [].
     real(dp), intent(in) :: xi(kind_dimension(kind))
-    !> Position [length].
+    !> Position (dimension) [length].
     real(dp), intent(out) :: position(dimension)
-    !> Unit outward normal; zero where the facet is degenerate.
+    !> Unit outward normal; zero where the facet is degenerate (dimension) [].
     real(dp), intent(out) :: normal(dimension)
-    !> Area (length in two dimensions) per reference area.
+    !> Area per reference area [length^2; length in two dimensions].
     real(dp), intent(out) :: jacobian
     real(dp) :: a(3), b(3), n(3)
     call tangents(kind, dimension, x, xi, position, a, b)
@@ -38,19 +37,19 @@ contains
     if (jacobian > 0) normal = normal/jacobian
   end subroutine facet_geometry
 
-  !> Position and derivatives of the position with respect to the reference coordinates.
+  !> Position and its derivatives with respect to the reference coordinates.
   pure subroutine facet_tangents(kind, dimension, x, xi, position, tangent)
-    !> Kind of the facet.
+    !> Element kind of the facet.
     integer, intent(in) :: kind
     !> Dimension of space.
     integer, intent(in) :: dimension
-    !> Coordinates of the facet's nodes [length].
+    !> Coordinates of the nodes of the facet (dimension, kind_nodes(kind)) [length].
     real(dp), intent(in) :: x(dimension, kind_nodes(kind))
-    !> Reference coordinates.
+    !> Reference coordinates (kind_dimension(kind)) [].
     real(dp), intent(in) :: xi(kind_dimension(kind))
-    !> Position [length].
+    !> Position (dimension) [length].
     real(dp), intent(out) :: position(dimension)
-    !> Column k is the derivative with respect to xi(k) [length].
+    !> Column k is the derivative with respect to xi(k) (dimension, dimension-1) [length].
     real(dp), intent(out) :: tangent(dimension, kind_dimension(kind))
     real(dp) :: a(3), b(3)
     call tangents(kind, dimension, x, xi, position, a, b)
@@ -58,48 +57,56 @@ contains
     if (dimension == 3) tangent(:, 2) = b(:dimension)
   end subroutine facet_tangents
 
-  !> Position and tangents in three components: in two dimensions the second tangent is the z axis, so that a x b is the
-  !> normal in both.
+  !> Position and tangents in three components: in two dimensions the second tangent is the unit vector z, so that a x b
+  !> is a normal in both.
   pure subroutine tangents(kind, dimension, x, xi, position, a, b)
-    !> As in `facet_geometry`.
-    integer, intent(in) :: kind, dimension
-    real(dp), intent(in) :: x(dimension, kind_nodes(kind)), xi(kind_dimension(kind))
+    !> Element kind of the facet.
+    integer, intent(in) :: kind
+    !> Dimension of space, 2 or 3.
+    integer, intent(in) :: dimension
+    !> Coordinates of the nodes of the facet (dimension, kind_nodes(kind)) [length].
+    real(dp), intent(in) :: x(dimension, kind_nodes(kind))
+    !> Reference coordinates (kind_dimension(kind)) [].
+    real(dp), intent(in) :: xi(kind_dimension(kind))
+    !> Position (dimension) [length].
     real(dp), intent(out) :: position(dimension)
-    !> Derivatives with respect to xi(1) and xi(2) [length].
-    real(dp), intent(out) :: a(3), b(3)
-    real(dp) :: value(max_facet_nodes), slope(2*max_facet_nodes)
+    !> Derivative with respect to xi(1) (3) [length].
+    real(dp), intent(out) :: a(3)
+    !> Derivative with respect to xi(2) (3) [length].
+    real(dp), intent(out) :: b(3)
+    real(dp) :: value(max_facet_nodes), gradient(2*max_facet_nodes)
     integer :: i
     call shape_functions(kind, xi, value)
-    call shape_gradients(kind, xi, slope)
+    call shape_gradients(kind, xi, gradient)
     position = 0
     a = 0
     b = 0
     if (dimension == 2) then
       do i = 1, kind_nodes(kind)
         position = position + value(i)*x(:, i)
-        a(:2) = a(:2) + slope(i)*x(:, i)
+        a(:2) = a(:2) + gradient(i)*x(:, i)
       end do
       b(3) = 1
     else
       do i = 1, kind_nodes(kind)
         position = position + value(i)*x(:, i)
-        a = a + slope(2*i - 1)*x(:3, i)
-        b = b + slope(2*i)*x(:3, i)
+        a = a + gradient(2*i - 1)*x(:3, i)
+        b = b + gradient(2*i)*x(:3, i)
       end do
     end if
   end subroutine tangents
 
   !> Local axes of the surface at a point of a facet; see `frame_of_normal`.
   pure subroutine facet_frame(kind, dimension, x, xi, frame)
-    !> Kind of the facet.
+    !> Element kind of the facet.
     integer, intent(in) :: kind
     !> Dimension of space.
     integer, intent(in) :: dimension
-    !> Coordinates of the facet's nodes [length].
+    !> Coordinates of the nodes of the facet (dimension, kind_nodes(kind)) [length].
     real(dp), intent(in) :: x(dimension, kind_nodes(kind))
-    !> Reference coordinates.
+    !> Reference coordinates (kind_dimension(kind)) [].
     real(dp), intent(in) :: xi(kind_dimension(kind))
-    !> Columns are the axes.
+    !> Unit vectors as columns (dimension, dimension) [].
     real(dp), intent(out) :: frame(dimension, dimension)
     real(dp) :: position(3), normal(3), jacobian
     call facet_geometry(kind, dimension, x, xi, position, normal, jacobian)
@@ -108,20 +115,20 @@ contains
 
   !> Local axes of a surface with a given outward normal n.
   !>
-  !> xi is the global x axis projected on the surface, the y axis where that vanishes; in three dimensions eta = n x xi, so that
-  !> (xi, eta, n) is right-handed. In two dimensions (xi, n) is right-handed on upper sides only.
+  !> xi is the global x axis projected on the surface, the y axis where that projection vanishes; in three dimensions
+  !> eta = n x xi, so that (xi, eta, n) is right-handed. In two dimensions (xi, n) is right-handed on upper sides only.
   pure subroutine frame_of_normal(dimension, normal, frame)
     !> Dimension of space.
     integer, intent(in) :: dimension
-    !> Unit outward normal.
+    !> Unit outward normal (dimension) [].
     real(dp), intent(in) :: normal(dimension)
-    !> Columns are the axes: xi, eta, n in three dimensions; xi, n in two.
+    !> Unit vectors as columns: xi, eta, n in three dimensions; xi, n in two (dimension, dimension) [].
     real(dp), intent(out) :: frame(dimension, dimension)
     real(dp) :: axis(dimension)
     frame(:, dimension) = normal
     axis = -normal(1)*normal
     axis(1) = axis(1) + 1
-    if (norm2(axis) < least_projection) then
+    if (norm2(axis) < min_projection) then
       axis = -normal(2)*normal
       axis(2) = axis(2) + 1
     end if
@@ -131,7 +138,11 @@ contains
 
   !> Vector product.
   pure function cross(a, b) result(c)
-    real(dp), intent(in) :: a(3), b(3)
+    !> First vector (3) [any].
+    real(dp), intent(in) :: a(3)
+    !> Second vector (3) [any].
+    real(dp), intent(in) :: b(3)
+    !> Product (3) [any].
     real(dp) :: c(3)
     c = [a(2)*b(3) - a(3)*b(2), a(3)*b(1) - a(1)*b(3), a(1)*b(2) - a(2)*b(1)]
   end function cross

@@ -1,4 +1,4 @@
-!> Gauss-Jacobi rules on the line, computed to full precision.
+!> Gauss-Jacobi quadrature rules on an interval, to full precision.
 module dotyk_mesh_gauss
   use dotyk_base_kinds, only: dp
   implicit none
@@ -15,57 +15,59 @@ contains
     integer, intent(in) :: n
     !> Exponent of the weight, 0 or above.
     integer, intent(in) :: alpha
-    !> Points, ascending.
+    !> Points, ascending (n) [].
     real(dp), intent(out) :: x(n)
-    !> Weights; their sum is 1/(alpha+1).
+    !> Weights, whose sum is 1/(alpha+1) (n) [].
     real(dp), intent(out) :: w(n)
     real(dp), parameter :: pi = acos(-1.0_dp)
     integer, parameter :: most_steps = 100
-    real(dp) :: t, p, slope, change, last
+    real(dp) :: t, p, derivative, change, last
     integer :: i, step
     last = -1
     do i = 1, n
       t = -cos(pi*(2*i - 1)/(2*n))
-      ! Chebyshev's point, and from the second on its mean with the root before, where the roots lie closer to -1.
+      ! Start: Chebyshev point; from the second root on its mean with the previous root, as roots lie closer to -1.
       if (i > 1) t = 0.5_dp*(t + last)
       do step = 1, most_steps
-        call jacobi(n, alpha, t, p, slope)
-        change = -p/(slope - p*sum(1/(t - (2*x(:i - 1) - 1))))
+        call jacobi(n, alpha, t, p, derivative)
+        change = -p/(derivative - p*sum(1/(t - (2*x(:i - 1) - 1))))
         t = t + change
         if (abs(change) <= epsilon(t)) exit
       end do
-      call jacobi(n, alpha, t, p, slope)
+      call jacobi(n, alpha, t, p, derivative)
       last = t
       x(i) = 0.5_dp*(1 + t)
-      w(i) = 1/((1 - t)*(1 + t)*slope**2)
+      w(i) = 1/((1 - t)*(1 + t)*derivative**2)
     end do
-    ! Takes away what the round-off of the roots did to the weights.
+    ! Removes the effect of the round-off of the roots on the weights.
     w = w/((alpha + 1)*sum(w))
   end subroutine gauss_jacobi
 
-  !> The Jacobi polynomial P_n^(alpha,0) and its derivative, by the recurrence of three terms (Abramowitz and Stegun
-  !> 22.7.1, 22.8.1).
-  pure subroutine jacobi(n, alpha, t, p, slope)
+  !> Jacobi polynomial P_n^(alpha,0) and its derivative, by the three-term recurrence (Abramowitz and Stegun 22.7.1,
+  !> 22.8.1).
+  pure subroutine jacobi(n, alpha, t, p, derivative)
     !> Degree, 1 or above.
     integer, intent(in) :: n
     !> Exponent alpha.
     integer, intent(in) :: alpha
-    !> Where to evaluate, inside (-1,1).
+    !> Argument, inside (-1,1) [].
     real(dp), intent(in) :: t
-    !> Value and derivative.
-    real(dp), intent(out) :: p, slope
-    real(dp) :: before, next, a, two
+    !> Value [].
+    real(dp), intent(out) :: p
+    !> Derivative [].
+    real(dp), intent(out) :: derivative
+    real(dp) :: previous, next, a, two
     integer :: k
     a = alpha
-    before = 1
+    previous = 1
     p = 0.5_dp*(a + (a + 2)*t)
     do k = 2, n
       two = 2*k + a
-      next = ((two - 1)*(two*(two - 2)*t + a**2)*p - 2*(k + a - 1)*(k - 1)*two*before)/(2*k*(k + a)*(two - 2))
-      before = p
+      next = ((two - 1)*(two*(two - 2)*t + a**2)*p - 2*(k + a - 1)*(k - 1)*two*previous)/(2*k*(k + a)*(two - 2))
+      previous = p
       p = next
     end do
     two = 2*n + a
-    slope = (n*(a - two*t)*p + 2*(n + a)*n*before)/(two*(1 - t)*(1 + t))
+    derivative = (n*(a - two*t)*p + 2*(n + a)*n*previous)/(two*(1 - t)*(1 + t))
   end subroutine jacobi
 end module dotyk_mesh_gauss

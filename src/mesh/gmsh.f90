@@ -1,7 +1,7 @@
-!> Reads a gmsh mesh file: MSH 2.2 and 4.1, text and binary (little endian).
+!> Reader of gmsh mesh files: MSH 2.2 and 4.1, text and binary (little endian).
 !>
-!> Format and sections; the numbered formats have modules of their own. Elements without a physical group are dropped, and so
-!> are point elements; nodes are kept whether elements use them or not.
+!> This module reads the format and the frame of the sections; the numbered formats have modules of their own. Elements
+!> without a physical group and point elements are dropped; nodes are kept whether elements use them or not.
 module dotyk_mesh_gmsh
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_error, only: error_t, set_error, exit_bad_input
@@ -15,18 +15,27 @@ module dotyk_mesh_gmsh
   private
   public :: read_gmsh, read_gmsh_text
 
-  !> What the format line says, and which sections were met.
+  !> Format of the file, and the sections read so far.
   type :: sections_t
     !> 22 or 41; 0 before $MeshFormat.
     integer :: version = 0
-    !> Sections met so far.
-    logical :: names = .false., entities = .false., nodes = .false., elements = .false.
+    !> $PhysicalNames was read.
+    logical :: names = .false.
+    !> $Entities was read.
+    logical :: entities = .false.
+    !> $Nodes was read.
+    logical :: nodes = .false.
+    !> $Elements was read.
+    logical :: elements = .false.
     !> Elements in the file, kept or not.
     integer(int64) :: n_elements = 0
   end type sections_t
 
-  !> How to get a file that can be read.
-  character(*), parameter :: convert_help = 'convert it with: gmsh -save -format msh41 -o new.msh old.msh'
+  !> Advice for files of other formats.
+  character(*), parameter :: conversion_advice = 'convert it with: gmsh -save -format msh41 -o new.msh old.msh'
+
+  !> Version numbers are equal up to this: they have one decimal.
+  real(dp), parameter :: version_tolerance = 1.0e-6_dp
 
 contains
 
@@ -34,32 +43,41 @@ contains
   subroutine read_gmsh(file, mesh, error)
     !> Path of the file.
     character(*), intent(in) :: file
+    !> Mesh.
     type(mesh_t), intent(out) :: mesh
+    !> Set if the file cannot be opened or read, is truncated or corrupt, or has no mesh; the message names the
+    !> position.
     type(error_t), allocatable, intent(out) :: error
     type(byte_cursor_t) :: cursor
     call cursor%load(file, error)
     if (allocated(error)) return
-    call read_cursor(cursor, mesh, error)
+    call read_sections(cursor, mesh, error)
   end subroutine read_gmsh
 
   !> Read a mesh from bytes in memory.
   subroutine read_gmsh_text(file, bytes, mesh, error)
-    !> Name for messages.
+    !> File name, for messages.
     character(*), intent(in) :: file
-    !> What the file would hold.
+    !> Content of the file.
     character(*), intent(in) :: bytes
+    !> Mesh.
     type(mesh_t), intent(out) :: mesh
+    !> Set if the file cannot be opened or read, is truncated or corrupt, or has no mesh; the message names the
+    !> position.
     type(error_t), allocatable, intent(out) :: error
     type(byte_cursor_t) :: cursor
     call cursor%use_text(file, bytes)
-    call read_cursor(cursor, mesh, error)
+    call read_sections(cursor, mesh, error)
   end subroutine read_gmsh_text
 
   !> Read all sections.
-  subroutine read_cursor(cursor, mesh, error)
-    !> At the first byte.
+  subroutine read_sections(cursor, mesh, error)
+    !> Cursor at the first byte.
     type(byte_cursor_t), intent(inout) :: cursor
+    !> Mesh.
     type(mesh_t), intent(inout) :: mesh
+    !> Set if the file cannot be opened or read, is truncated or corrupt, or has no mesh; the message names the
+    !> position.
     type(error_t), allocatable, intent(out) :: error
     type(mesh_builder_t) :: builder
     type(entities_t) :: entities
@@ -68,28 +86,34 @@ contains
       if (cursor%at_end()) exit
       call read_section(cursor, builder, entities, sections)
     end do
-    call check_whole(cursor, builder, sections)
+    call check_complete(cursor, builder, sections)
     if (cursor%broken) then
       call set_error(error, cursor%fault, exit_bad_input)
       return
     end if
     mesh%file = cursor%file
     call builder%finish(mesh)
-  end subroutine read_cursor
+  end subroutine read_sections
 
-  !> What a file is that is no mesh, for messages; empty where that is not known.
-  pure function what_it_is(bytes) result(text)
+  !> Kind of a file that is not a mesh, for messages; empty if unknown.
+  pure function content_name(bytes) result(text)
+    !> Content of the file.
     character(*), intent(in) :: bytes
+    !> Text, as "is an HDF5 file and ".
     character(:), allocatable :: text
     text = nature_of(bytes)
     if (len(text) > 0) text = 'is '//text//' and '
-  end function what_it_is
+  end function content_name
 
   !> Read one section, from '$Name' to '$EndName'.
   subroutine read_section(cursor, builder, entities, sections)
+    !> Cursor over the bytes of the file.
     type(byte_cursor_t), intent(inout) :: cursor
+    !> Mesh under construction.
     type(mesh_builder_t), intent(inout) :: builder
+    !> Geometric entities.
     type(entities_t), intent(inout) :: entities
+    !> Format and sections read so far.
     type(sections_t), intent(inout) :: sections
     character(:), allocatable :: word
     integer(int64) :: first
@@ -97,7 +121,8 @@ contains
     call cursor%get_word(word)
     if (word(1:1) /= '$') then
       if (sections%version == 0) then
-        call cursor%fail('this is not a gmsh mesh file: it '//what_it_is(cursor%text)//'does not begin with $MeshFormat', first)
+        call cursor%fail('this is not a gmsh mesh file: it '//content_name(cursor%text)// &
+                         'does not begin with $MeshFormat', first)
       else
         call cursor%fail('expected a section, as $Nodes, found other text', first)
       end if
@@ -109,7 +134,7 @@ contains
       if (sections%version > 0) call cursor%fail('this section occurs a second time', first)
       call read_format(cursor, sections%version)
     case ('$NOD', '$ELM')
-      call cursor%fail('gmsh''s format 1 is not read: '//convert_help, first)
+      call cursor%fail('gmsh''s format 1 is not read: '//conversion_advice, first)
     case ('$ParametricNodes')
       call cursor%fail('parametric nodes of format 2.2 are not read: save without Mesh.SaveParametric', first)
     case ('$PhysicalNames', '$Entities', '$Nodes', '$Elements', '$PartitionedEntities')
@@ -119,29 +144,34 @@ contains
         call read_known_section(cursor, builder, entities, sections, word, first)
       end if
     case default
-      call pass_over(cursor, word, first)
+      call skip_section(cursor, word, first)
       cursor%section = ''
       return
     end select
-    call close_section(cursor, word)
+    call read_end(cursor, word)
     cursor%section = ''
   end subroutine read_section
 
-  !> Read a section that has parts of the mesh.
+  !> Read a section that carries parts of the mesh.
   subroutine read_known_section(cursor, builder, entities, sections, name, first)
+    !> Cursor over the bytes of the file.
     type(byte_cursor_t), intent(inout) :: cursor
+    !> Mesh under construction.
     type(mesh_builder_t), intent(inout) :: builder
+    !> Geometric entities.
     type(entities_t), intent(inout) :: entities
+    !> Format and sections read so far.
     type(sections_t), intent(inout) :: sections
-    !> Name of the section, and where it stands.
+    !> Name of the section, as '$Nodes'.
     character(*), intent(in) :: name
+    !> Position of the section in the file.
     integer(int64), intent(in) :: first
     select case (name)
     case ('$PhysicalNames')
-      call once(cursor, sections%names, first)
+      call check_first(cursor, sections%names, first)
       call read_names(cursor, builder)
     case ('$Entities')
-      call once(cursor, sections%entities, first)
+      call check_first(cursor, sections%entities, first)
       if (sections%version == 22) then
         call cursor%fail('a file of format 2.2 cannot have this section', first)
       end if
@@ -149,11 +179,11 @@ contains
       call read_entities_41(cursor, builder, entities)
     case ('$PartitionedEntities')
       entities%partitioned = .true.
-      call pass_over(cursor, name, first)
-      ! The end is read again by the caller.
+      call skip_section(cursor, name, first)
+      ! The caller reads the end of the section again.
       cursor%position = cursor%position - len('$End'//name(2:))
     case ('$Nodes')
-      call once(cursor, sections%nodes, first)
+      call check_first(cursor, sections%nodes, first)
       if (sections%version == 22) then
         call read_nodes_22(cursor, builder)
       else
@@ -161,7 +191,7 @@ contains
         call read_nodes_41(cursor, builder)
       end if
     case ('$Elements')
-      call once(cursor, sections%elements, first)
+      call check_first(cursor, sections%elements, first)
       if (.not. sections%nodes) call cursor%fail('$Nodes must come before $Elements', first)
       if (cursor%broken) return
       if (sections%version == 22) then
@@ -173,8 +203,9 @@ contains
     end select
   end subroutine read_known_section
 
-  !> $MeshFormat: version, 0 for text or 1 for binary, size of reals; then the binary integer 1 in a binary file.
+  !> Read $MeshFormat: version, 0 for text or 1 for binary, size of reals; then the binary integer 1 in a binary file.
   subroutine read_format(cursor, version)
+    !> Cursor over the bytes of the file.
     type(byte_cursor_t), intent(inout) :: cursor
     !> 22 or 41.
     integer, intent(inout) :: version
@@ -187,19 +218,19 @@ contains
     cursor%position = first
     call cursor%get_real(number)
     if (cursor%broken) return
-    if (abs(number - 2.2_dp) < 1e-6_dp) then
+    if (abs(number - 2.2_dp) < version_tolerance) then
       version = 22
-    else if (abs(number - 4.1_dp) < 1e-6_dp) then
+    else if (abs(number - 4.1_dp) < version_tolerance) then
       version = 41
     else
-      call cursor%fail('format '//word//' is not read, only 2.2 and 4.1: '//convert_help, first)
+      call cursor%fail('format '//word//' is not read, only 2.2 and 4.1: '//conversion_advice, first)
       return
     end if
     call cursor%get_text_integer(kind)
     call cursor%get_text_integer(n_bytes)
     if (cursor%broken) return
     if (kind /= 0 .and. kind /= 1) call cursor%fail('the file type must be 0 (text) or 1 (binary)', first)
-    if (n_bytes /= 8) call cursor%fail('only files with numbers of 8 bytes are read: '//convert_help, first)
+    if (n_bytes /= 8) call cursor%fail('only files with numbers of 8 bytes are read: '//conversion_advice, first)
     if (kind /= 1) return
     call cursor%end_line
     if (cursor%broken) return
@@ -208,15 +239,18 @@ contains
     call cursor%get_int(one)
     if (cursor%broken .or. one == 1) return
     if (one == 2_int64**24) then
-      call cursor%fail('the file has the byte order of another kind of machine: save it there as text (gmsh without -bin)', first)
+      call cursor%fail('the file has the byte order of another kind of machine: save it there as text '// &
+                       '(gmsh without -bin)', first)
     else
       call cursor%fail('the binary number 1 is missing: the file is corrupt', first)
     end if
   end subroutine read_format
 
-  !> $PhysicalNames: a count, then dimension, tag and "name" of each group, as text in binary files too.
+  !> Read $PhysicalNames: a count, then dimension, tag and "name" of each group, as text in binary files too.
   subroutine read_names(cursor, builder)
+    !> Cursor over the bytes of the file.
     type(byte_cursor_t), intent(inout) :: cursor
+    !> Mesh under construction.
     type(mesh_builder_t), intent(inout) :: builder
     character(:), allocatable :: line
     integer(int64) :: n, dimension, tag, first, i
@@ -243,19 +277,21 @@ contains
     end do
   end subroutine read_names
 
-  !> A section must not come twice.
-  subroutine once(cursor, met, position)
+  !> Check that a section occurs once.
+  subroutine check_first(cursor, met, position)
+    !> Cursor over the bytes of the file.
     type(byte_cursor_t), intent(inout) :: cursor
-    !> Whether it was met; true on return.
+    !> Whether the section was read before; true on return.
     logical, intent(inout) :: met
-    !> Where it stands.
+    !> Position of the section in the file.
     integer(int64), intent(in) :: position
     if (met) call cursor%fail('this section occurs a second time', position)
     met = .true.
-  end subroutine once
+  end subroutine check_first
 
-  !> The end of a section that was read.
-  subroutine close_section(cursor, name)
+  !> Read the end of a section.
+  subroutine read_end(cursor, name)
+    !> Cursor over the bytes of the file.
     type(byte_cursor_t), intent(inout) :: cursor
     !> Name of the section, as '$Nodes'.
     character(*), intent(in) :: name
@@ -275,13 +311,15 @@ contains
     else
       call cursor%fail('expected '//end_word//', found other text: a count is wrong or the file is corrupt', first)
     end if
-  end subroutine close_section
+  end subroutine read_end
 
-  !> Pass over a section that is not needed, its end included.
-  subroutine pass_over(cursor, name, position)
+  !> Skip a section that is not needed, including its end.
+  subroutine skip_section(cursor, name, position)
+    !> Cursor over the bytes of the file.
     type(byte_cursor_t), intent(inout) :: cursor
-    !> Name of the section, as '$Periodic', and where it stands.
+    !> Name of the section, as '$Periodic'.
     character(*), intent(in) :: name
+    !> Position of the section in the file.
     integer(int64), intent(in) :: position
     character(:), allocatable :: end_word
     integer(int64) :: distance
@@ -292,18 +330,21 @@ contains
       return
     end if
     cursor%position = cursor%position + distance - 1 + len(end_word)
-  end subroutine pass_over
+  end subroutine skip_section
 
-  !> What the file must have had.
-  subroutine check_whole(cursor, builder, sections)
+  !> Check that the file has all that a mesh needs.
+  subroutine check_complete(cursor, builder, sections)
+    !> Cursor over the bytes of the file.
     type(byte_cursor_t), intent(inout) :: cursor
+    !> Mesh under construction.
     type(mesh_builder_t), intent(in) :: builder
+    !> Format and sections read.
     type(sections_t), intent(in) :: sections
     if (cursor%broken) return
     if (cursor%size == 0) then
       call cursor%fail('the file is empty')
     else if (sections%version == 0) then
-      call cursor%fail('this is not a gmsh mesh file: it '//what_it_is(cursor%text)//'has no $MeshFormat')
+      call cursor%fail('this is not a gmsh mesh file: it '//content_name(cursor%text)//'has no $MeshFormat')
     else if (.not. sections%nodes) then
       call cursor%fail('the file ends without $Nodes: it has no mesh or is truncated')
     else if (size(builder%node_tag) == 0) then
@@ -313,8 +354,9 @@ contains
     else if (sections%n_elements == 0) then
       call cursor%fail('the mesh has no elements')
     else if (builder%n_blocks == 0) then
-      call cursor%fail('no element belongs to a physical group: add Physical Volume("name") and Physical Surface("name") '// &
-                       '(in two dimensions Physical Surface and Physical Curve) to the geometry and mesh it again')
+      call cursor%fail('no element belongs to a physical group: add Physical Volume("name") and '// &
+                       'Physical Surface("name") (in two dimensions Physical Surface and Physical Curve) to the '// &
+                       'geometry and mesh it again')
     end if
-  end subroutine check_whole
+  end subroutine check_complete
 end module dotyk_mesh_gmsh

@@ -1,4 +1,4 @@
-!> Nodes and elements of gmsh's MSH format 2.2, text and binary.
+!> Nodes and elements of the gmsh format MSH 2.2, text and binary.
 module dotyk_mesh_gmsh_22
   use dotyk_base_kinds, only: int64
   use dotyk_base_text, only: to_text
@@ -10,18 +10,18 @@ module dotyk_mesh_gmsh_22
   private
   public :: read_nodes_22, read_elements_22
 
-  !> More tags than gmsh ever writes for an element (partitions follow the first three).
-  integer, parameter :: most_tags = 1000
-  !> The largest type that can be passed over.
-  integer, parameter :: most_nodes = 125
+  !> Upper limit of the number of tags of an element (partitions follow the first three).
+  integer, parameter :: max_tags = 1000
+  !> Nodes of the largest known element type.
+  integer, parameter :: max_nodes = 125
 
 contains
 
-  !> $Nodes: a count, then tag and coordinates of each node.
+  !> Read $Nodes: a count, then tag and coordinates of each node.
   subroutine read_nodes_22(cursor, builder)
-    !> Behind the word '$Nodes'.
+    !> Cursor behind the word '$Nodes'.
     type(byte_cursor_t), intent(inout) :: cursor
-    !> Receives the nodes.
+    !> Mesh under construction; its nodes are set.
     type(mesh_builder_t), intent(inout) :: builder
     integer(int64), allocatable :: position(:)
     integer(int64) :: n_nodes, first, i
@@ -40,17 +40,17 @@ contains
     call index_nodes(cursor, builder, position)
   end subroutine read_nodes_22
 
-  !> $Elements: a count, then tag, type, tags (the first is the physical group) and nodes of each element; in binary files
-  !> under headers of type, number of elements and number of tags.
+  !> Read $Elements: a count, then tag, type, tags (the first is the physical group) and nodes of each element; in
+  !> binary files under headers of type, number of elements and number of tags.
   subroutine read_elements_22(cursor, builder, n_elements)
-    !> Behind the word '$Elements'.
+    !> Cursor behind the word '$Elements'.
     type(byte_cursor_t), intent(inout) :: cursor
-    !> Has the nodes, receives blocks and groups.
+    !> Mesh under construction; it has the nodes, its blocks are set.
     type(mesh_builder_t), intent(inout) :: builder
     !> Number of elements in the file, points included.
     integer(int64), intent(out) :: n_elements
-    integer(int64) :: tag(most_nodes), element, type, n_tags, physical, last_type, last_physical, n_left, first, i
-    integer :: node(most_nodes), n_nodes, block
+    integer(int64) :: tag(max_nodes), element, type, n_tags, physical, last_type, last_physical, n_left, first, i
+    integer :: node(max_nodes), n_nodes, block
     call read_count(cursor, merge(12, 6, cursor%binary), 'elements', n_elements)
     last_type = 0
     last_physical = 0
@@ -85,7 +85,7 @@ contains
         block = 0
       end if
       call read_physical(cursor, element, first, n_tags, physical)
-      call get_tags(cursor, n_nodes, tag)
+      call read_tags(cursor, n_nodes, tag)
       if (cursor%broken) return
       if (physical == 0 .or. type == gmsh_point) cycle
       if (block == 0 .or. physical /= last_physical) then
@@ -99,14 +99,15 @@ contains
     end do
   end subroutine read_elements_22
 
-  !> A count on a line of its own, written as text in binary files too, after which binary numbers begin.
+  !> Read a count on a line of its own, as text in binary files too, after which binary numbers begin.
   subroutine read_count(cursor, least_bytes, what, count)
+    !> Cursor over the bytes of the file.
     type(byte_cursor_t), intent(inout) :: cursor
-    !> Fewest bytes that each of what is counted takes.
+    !> Fewest bytes of one counted item.
     integer, intent(in) :: least_bytes
-    !> What is counted.
+    !> Name of the items, for messages.
     character(*), intent(in) :: what
-    !> The count; 0 after a fault.
+    !> Count; 0 after a fault.
     integer(int64), intent(out) :: count
     integer(int64) :: first
     call cursor%skip_blanks
@@ -117,17 +118,21 @@ contains
     if (cursor%broken) count = 0
   end subroutine read_count
 
-  !> The tags of an element, of which the first is the physical group.
+  !> Read the tags of an element, the first of which is the physical group.
   subroutine read_physical(cursor, element, position, n_tags, physical)
+    !> Cursor over the bytes of the file.
     type(byte_cursor_t), intent(inout) :: cursor
-    !> Tag of the element, and where it stands in the file.
-    integer(int64), intent(in) :: element, position
+    !> Tag of the element, for messages.
+    integer(int64), intent(in) :: element
+    !> Position of the element in the file, for messages.
+    integer(int64), intent(in) :: position
+    !> Number of tags.
     integer(int64), intent(in) :: n_tags
-    !> Tag of the physical group, 0 if there is none. gmsh marks reversed orientation by a minus.
+    !> Tag of the physical group, 0 if there is none. A minus sign in the file marks reversed orientation.
     integer(int64), intent(out) :: physical
     integer(int64) :: ignored, i
     physical = 0
-    if (n_tags < 0 .or. n_tags > most_tags) then
+    if (n_tags < 0 .or. n_tags > max_tags) then
       call cursor%fail('element '//to_text(element)//' has '//to_text(n_tags)//' tags, which cannot be right', position)
       return
     end if
@@ -135,33 +140,40 @@ contains
       call cursor%get_int(ignored)
       if (i == 1) physical = abs(ignored)
     end do
-    if (physical > huge(0)) call cursor%fail('element '//to_text(element)//' has the physical tag '//to_text(physical)// &
-                                             ', which cannot be right', position)
+    if (physical > huge(0)) call cursor%fail('element '//to_text(element)//' has the physical tag '// &
+                                             to_text(physical)//', which cannot be right', position)
   end subroutine read_physical
 
-  !> The node tags of an element.
-  subroutine get_tags(cursor, n, tag)
+  !> Read the node tags of an element.
+  subroutine read_tags(cursor, n, tag)
+    !> Cursor over the bytes of the file.
     type(byte_cursor_t), intent(inout) :: cursor
+    !> Number of nodes.
     integer, intent(in) :: n
+    !> Node tags (at least n).
     integer(int64), intent(inout) :: tag(:)
     integer :: i
     do i = 1, n
       call cursor%get_int(tag(i))
     end do
-  end subroutine get_tags
+  end subroutine read_tags
 
-  !> The block of a type and a physical group.
+  !> Find or add the block of an element type and a physical group.
   subroutine find_block(cursor, builder, type, n_nodes, physical, element, position, block)
+    !> Cursor over the bytes of the file.
     type(byte_cursor_t), intent(inout) :: cursor
+    !> Mesh under construction.
     type(mesh_builder_t), intent(inout) :: builder
-    !> gmsh's number of the type.
+    !> Type number of gmsh.
     integer(int64), intent(in) :: type
     !> Number of nodes of the type.
     integer, intent(in) :: n_nodes
     !> Tag of the physical group.
     integer(int64), intent(in) :: physical
-    !> Tag of the element, and where it stands in the file.
-    integer(int64), intent(in) :: element, position
+    !> Tag of the element, for messages.
+    integer(int64), intent(in) :: element
+    !> Position of the element in the file, for messages.
+    integer(int64), intent(in) :: position
     !> Index of the block.
     integer, intent(out) :: block
     integer :: kind, group

@@ -1,4 +1,4 @@
-!> Entities, nodes and elements of gmsh's MSH format 4.1, text and binary.
+!> Entities, nodes and elements of the gmsh format MSH 4.1, text and binary.
 module dotyk_mesh_gmsh_41
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_text, only: to_text
@@ -11,37 +11,38 @@ module dotyk_mesh_gmsh_41
   private
   public :: read_entities_41, read_nodes_41, read_elements_41
 
-  !> The largest type that can be passed over.
-  integer, parameter :: most_nodes = 125
+  !> Nodes of the largest known element type.
+  integer, parameter :: max_nodes = 125
 
-  !> The physical groups of the entities of one dimension.
+  !> Physical groups of the entities of one dimension.
   type :: entity_groups_t
-    !> Index by entity tag.
+    !> Index of an entity by its tag.
     type(tag_map_t) :: index
-    !> Where the groups of entity i begin in `group` (n_entities + 1).
+    !> Start of the groups of each entity in `group` (n_entities + 1).
     integer, allocatable :: start(:)
-    !> Group indices, ascending and without repetition for each entity; room may be left.
+    !> Group indices, ascending and without repetition for each entity (room).
     integer, allocatable :: group(:)
   end type entity_groups_t
 
   !> Geometric entities by dimension: points, curves, surfaces, volumes.
   type, public :: entities_t
-    !> Whether the file has told them.
+    !> Whether $Entities was read.
     logical :: known = .false.
-    !> Whether the mesh is cut into partitions, whose entities are others.
+    !> Whether the mesh is partitioned, with entities of another section.
     logical :: partitioned = .false.
-    !> Groups by dimension.
+    !> Groups by dimension (0:3).
     type(entity_groups_t) :: dimension(0:3)
   end type entities_t
 
 contains
 
-  !> $Entities: counts by dimension, then tag, box, physical tags and boundary of each entity.
+  !> Read $Entities: counts by dimension, then tag, box, physical tags and boundary of each entity.
   subroutine read_entities_41(cursor, builder, entities)
-    !> Behind '$Entities' and, in a binary file, its line.
+    !> Cursor behind '$Entities' and, in a binary file, its line.
     type(byte_cursor_t), intent(inout) :: cursor
-    !> Receives groups that have no name.
+    !> Mesh under construction; groups without a name are added.
     type(mesh_builder_t), intent(inout) :: builder
+    !> Geometric entities.
     type(entities_t), intent(inout) :: entities
     integer(int64) :: count(0:3), first
     integer :: d
@@ -59,16 +60,20 @@ contains
     entities%known = .not. cursor%broken
   end subroutine read_entities_41
 
-  !> The entities of one dimension.
+  !> Read the entities of one dimension.
   subroutine read_entities_of_dimension(cursor, builder, dimension, n, groups)
+    !> Cursor over the bytes of the file.
     type(byte_cursor_t), intent(inout) :: cursor
+    !> Mesh under construction.
     type(mesh_builder_t), intent(inout) :: builder
+    !> Dimension of the entities, 0 to 3.
     integer, intent(in) :: dimension
     !> Number of entities.
     integer, intent(in) :: n
+    !> Physical groups of the entities.
     type(entity_groups_t), intent(inout) :: groups
     integer(int64), allocatable :: tag(:), position(:)
-    integer, allocatable :: wider(:)
+    integer, allocatable :: larger(:)
     integer(int64) :: count, ignored, j
     real(dp) :: coordinate
     integer :: i, k, twice, n_groups
@@ -87,9 +92,9 @@ contains
       if (cursor%broken) return
       n_groups = groups%start(i) - 1
       if (n_groups + count > size(groups%group)) then
-        allocate (wider(2*(n_groups + int(count))))
-        wider(:n_groups) = groups%group(:n_groups)
-        call move_alloc(wider, groups%group)
+        allocate (larger(2*(n_groups + int(count))))
+        larger(:n_groups) = groups%group(:n_groups)
+        call move_alloc(larger, groups%group)
       end if
       call read_groups(cursor, builder, dimension, int(count), groups%group(n_groups + 1:), k)
       groups%start(i + 1) = groups%start(i) + k
@@ -107,14 +112,18 @@ contains
                                     ' occurs a second time', position(twice))
   end subroutine read_entities_of_dimension
 
-  !> The physical groups of one entity, ascending and without repetition. gmsh marks reversed orientation by a minus.
+  !> Read the physical groups of one entity, ascending and without repetition. A minus sign in the file marks reversed
+  !> orientation.
   subroutine read_groups(cursor, builder, dimension, count, group, n)
+    !> Cursor over the bytes of the file.
     type(byte_cursor_t), intent(inout) :: cursor
+    !> Mesh under construction.
     type(mesh_builder_t), intent(inout) :: builder
+    !> Dimension of the entity, 0 to 3.
     integer, intent(in) :: dimension
     !> Number of physical tags.
     integer, intent(in) :: count
-    !> Group indices, the first n are set (at least count).
+    !> Group indices; the first n are set (at least count).
     integer, intent(inout) :: group(:)
     !> Number of groups.
     integer, intent(out) :: n
@@ -138,11 +147,11 @@ contains
     end do
   end subroutine read_groups
 
-  !> $Nodes: blocks by entity, each with the tags first and the coordinates after them.
+  !> Read $Nodes: blocks by entity, each with the tags first and the coordinates after them.
   subroutine read_nodes_41(cursor, builder)
-    !> Behind '$Nodes' and, in a binary file, its line.
+    !> Cursor behind '$Nodes' and, in a binary file, its line.
     type(byte_cursor_t), intent(inout) :: cursor
-    !> Receives the nodes.
+    !> Mesh under construction; its nodes are set.
     type(mesh_builder_t), intent(inout) :: builder
     integer(int64), allocatable :: position(:)
     integer(int64) :: n_nodes, n_blocks, n_read, n, dimension, entity, parametric, ignored, first, i, j
@@ -187,12 +196,13 @@ contains
     call index_nodes(cursor, builder, position)
   end subroutine read_nodes_41
 
-  !> $Elements: blocks by entity and type.
+  !> Read $Elements: blocks by entity and type.
   subroutine read_elements_41(cursor, builder, entities, n_elements)
-    !> Behind '$Elements' and, in a binary file, its line.
+    !> Cursor behind '$Elements' and, in a binary file, its line.
     type(byte_cursor_t), intent(inout) :: cursor
-    !> Has the nodes, receives blocks.
+    !> Mesh under construction; it has the nodes, its blocks are set.
     type(mesh_builder_t), intent(inout) :: builder
+    !> Geometric entities.
     type(entities_t), intent(in) :: entities
     !> Number of elements in the file, points included.
     integer(int64), intent(out) :: n_elements
@@ -232,21 +242,24 @@ contains
       call read_block(cursor, builder, block, n, n_nodes)
       n_read = n_read + n
     end do
-    if (n_read < n_elements) call cursor%fail(to_text(n_elements)//' elements are announced, the blocks have '//to_text(n_read))
+    if (n_read < n_elements) call cursor%fail(to_text(n_elements)//' elements are announced, the blocks have '// &
+                                              to_text(n_read))
   end subroutine read_elements_41
 
-  !> The elements of one block of the file.
+  !> Read the elements of one block of the file.
   subroutine read_block(cursor, builder, block, n, n_nodes)
+    !> Cursor over the bytes of the file.
     type(byte_cursor_t), intent(inout) :: cursor
+    !> Mesh under construction.
     type(mesh_builder_t), intent(inout) :: builder
-    !> Block of the builder that receives them, 0 for none.
+    !> Block of the builder that receives the elements, 0 for none.
     integer, intent(in) :: block
     !> Number of elements.
     integer(int64), intent(in) :: n
-    !> Nodes of each.
+    !> Number of nodes of each element.
     integer, intent(in) :: n_nodes
-    integer(int64) :: tag(most_nodes), element, first, i
-    integer :: node(most_nodes), k
+    integer(int64) :: tag(max_nodes), element, first, i
+    integer :: node(max_nodes), k
     do i = 1, n
       if (.not. cursor%binary) call cursor%skip_blanks
       first = cursor%position
@@ -262,15 +275,18 @@ contains
     end do
   end subroutine read_block
 
-  !> The four numbers at the head of $Nodes and $Elements: blocks, items, least and largest tag.
+  !> Read the four numbers at the head of $Nodes and $Elements: blocks, items, least and largest tag.
   subroutine read_counts(cursor, least_bytes, what, n_blocks, count)
+    !> Cursor over the bytes of the file.
     type(byte_cursor_t), intent(inout) :: cursor
-    !> Fewest bytes that each item takes.
+    !> Fewest bytes of one item.
     integer, intent(in) :: least_bytes
-    !> What the items are.
+    !> Name of the items, for messages.
     character(*), intent(in) :: what
-    !> Number of blocks and of items; 0 after a fault.
-    integer(int64), intent(out) :: n_blocks, count
+    !> Number of blocks; 0 after a fault.
+    integer(int64), intent(out) :: n_blocks
+    !> Number of items; 0 after a fault.
+    integer(int64), intent(out) :: count
     integer(int64) :: ignored, first
     if (.not. cursor%binary) call cursor%skip_blanks
     first = cursor%position
@@ -285,44 +301,54 @@ contains
     count = 0
   end subroutine read_counts
 
-  !> A block must not have more items than are left of those announced.
+  !> Check that a block has no more items than are left of those announced.
   subroutine check_block(cursor, what, n, n_read, n_all, position)
+    !> Cursor over the bytes of the file.
     type(byte_cursor_t), intent(inout) :: cursor
-    !> What the items are.
+    !> Name of the items, for messages.
     character(*), intent(in) :: what
-    !> Items of the block, those before it, all that are announced.
-    integer(int64), intent(in) :: n, n_read, n_all
-    !> Where the block begins.
+    !> Items of the block.
+    integer(int64), intent(in) :: n
+    !> Items of the previous blocks.
+    integer(int64), intent(in) :: n_read
+    !> Items that are announced.
+    integer(int64), intent(in) :: n_all
+    !> Position of the block in the file.
     integer(int64), intent(in) :: position
     if (n >= 0 .and. n <= n_all - n_read) return
     call cursor%fail('a block announces '//to_text(n)//' '//what//', where '//to_text(n_all - n_read)//' of '// &
                      to_text(n_all)//' are left', position)
   end subroutine check_block
 
-  !> Where an entity stands among those of its dimension, 0 if the file does not tell of entities.
+  !> Index of an entity among those of its dimension, 0 if the file has no entities.
   subroutine find_entity(cursor, entities, dimension, tag, position, place)
+    !> Cursor over the bytes of the file.
     type(byte_cursor_t), intent(inout) :: cursor
+    !> Geometric entities.
     type(entities_t), intent(in) :: entities
+    !> Dimension of the entity, 0 to 3.
     integer, intent(in) :: dimension
     !> Tag of the entity.
     integer(int64), intent(in) :: tag
-    !> Where the block begins that names it.
+    !> Position of the block that names it.
     integer(int64), intent(in) :: position
+    !> Index of the entity.
     integer, intent(out) :: place
     place = 0
     if (.not. entities%known) return
     place = entities%dimension(dimension)%index%find(tag)
     if (place > 0) return
     if (entities%partitioned) then
-      call cursor%fail('the mesh is cut into partitions: save it whole (gmsh without -part)', position)
+      call cursor%fail('the mesh is partitioned: save it without partitions (gmsh without -part)', position)
     else
       call cursor%fail('elements belong to the entity of dimension '//to_text(dimension)//' and tag '//to_text(tag)// &
                        ', which $Entities does not have', position)
     end if
   end subroutine find_entity
 
-  !> The number that comes next, for messages: the tag of a block's first element.
+  !> The next number, which stays unread: the tag of the first element of a block, for messages.
   integer(int64) function next_tag(cursor) result(tag)
+    !> Cursor over the bytes of the file.
     type(byte_cursor_t), intent(inout) :: cursor
     integer(int64) :: position
     position = cursor%position

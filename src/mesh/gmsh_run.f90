@@ -1,8 +1,9 @@
-!> Meshes a geometry with the gmsh executable, once for each content of the geometry.
+!> Meshing of a geometry with the gmsh executable, once for each content of the geometry.
 !>
-!> The mesh is kept in `.dotyk/` beside the geometry (in the user's cache directory where that cannot be written), under a name
-!> with a hash of the geometry, of the files that it names, of the dimension and of gmsh's version. It is written under another
-!> name and renamed, so that runs at the same time do not meet half a mesh. DOTYK_GMSH names another executable than `gmsh`.
+!> The mesh is cached in `.dotyk/` beside the geometry (in the cache directory of the user where that cannot be
+!> written), under a name with a hash of the geometry, of the files that it includes, of the dimension and of the
+!> version of gmsh. It is written under a temporary name and renamed, so that concurrent runs never read an incomplete
+!> mesh. The environment variable DOTYK_GMSH names another executable than `gmsh`.
 module dotyk_mesh_gmsh_run
   use dotyk_base_kinds, only: int64
   use dotyk_base_files, only: own_mark, remove_leftovers
@@ -12,20 +13,20 @@ module dotyk_mesh_gmsh_run
   use dotyk_base_text, only: to_text
   use dotyk_base_byte_cursor, only: byte_cursor_t
   use dotyk_base_content_hash, only: content_hash_t
-  use dotyk_base_operating_system, only: make_directory, is_writable_directory, rename_file, remove_file, shell_quoted, &
-                               directory_of, environment_value
-  implicit none
+  use dotyk_base_operating_system, only: make_directory, is_writable_directory, rename_file, remove_file, &
+    shell_quoted, directory_of, environment_value
+  implicit ignored
   private
   public :: mesh_geometry
 
   !> Exit status of the shell for a program that it does not find or cannot run.
   integer, parameter :: status_not_executable = 126, status_not_found = 127
-  !> Most lines of gmsh's log in a message.
-  integer, parameter :: most_lines = 6
+  !> Greatest number of lines of the gmsh log in a message.
+  integer, parameter :: max_lines = 6
 
 contains
 
-  !> Mesh a geometry, unless that was done before.
+  !> Mesh a geometry, unless its mesh is cached.
   subroutine mesh_geometry(geo_file, dimension, msh_file, error)
     !> Path of the geometry.
     character(*), intent(in) :: geo_file
@@ -33,11 +34,12 @@ contains
     integer, intent(in) :: dimension
     !> Path of the mesh.
     character(:), allocatable, intent(out) :: msh_file
+    !> Set if the geometry cannot be read or meshed, gmsh is not found, or no directory for the mesh can be written.
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: base
     character(:), allocatable :: stage
     logical :: found
-    ! Two threads would take the same temporary names.
+    ! Threads of one process would use the same temporary names.
     !$omp critical (dotyk_mesh_geometry)
     stage = stage_text()
     call set_stage('meshing '//geo_file//' with gmsh')
@@ -51,18 +53,22 @@ contains
     !$omp end critical (dotyk_mesh_geometry)
   end subroutine mesh_geometry
 
-  !> The path, without extension, that the mesh of this content has.
+  !> Path, without extension, of the mesh for the present content of a geometry.
   subroutine name_mesh(geo_file, dimension, base, error)
+    !> Path of the geometry.
     character(*), intent(in) :: geo_file
+    !> Largest dimension of the elements, 2 or 3.
     integer, intent(in) :: dimension
+    !> Path of the mesh without its extension.
     character(:), allocatable, intent(out) :: base
+    !> Set if the geometry cannot be read, gmsh is not found, or no directory for the mesh can be written.
     type(error_t), allocatable, intent(out) :: error
     type(content_hash_t) :: hash
     character(:), allocatable :: directory, name, version, options
     logical :: found
     call hash%add_file(geo_file, error)
     if (allocated(error)) return
-    ! gmsh reads the options beside a geometry by itself.
+    ! gmsh reads this file of options by itself.
     options = geo_file//'.opt'
     inquire (file=options, exist=found)
     if (found) call hash%add_file(options, error)
@@ -77,10 +83,13 @@ contains
     base = directory//name//'-'//to_text(dimension)//'d-'//hash%digits()
   end subroutine name_mesh
 
-  !> The directory for meshes, with its slash; it is made where it does not exist.
+  !> Directory for meshes, with its slash; it is created if it does not exist.
   subroutine find_directory(geo_file, directory, error)
+    !> Path of the geometry.
     character(*), intent(in) :: geo_file
+    !> Path of the directory.
     character(:), allocatable, intent(out) :: directory
+    !> Set, with the exit code `exit_not_written`, if no directory can be written.
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: cache
     integer :: unit, status
@@ -96,7 +105,7 @@ contains
       call make_directory(cache)
       call make_directory(cache//'/dotyk')
       if (.not. is_writable_directory(cache//'/dotyk')) then
-        call set_error(error, geo_file//': no place for its mesh: neither '//directory//' nor '//cache// &
+        call set_error(error, geo_file//': no directory for its mesh: neither '//directory//' nor '//cache// &
                        '/dotyk can be written; set XDG_CACHE_HOME to a directory that can', exit_not_written)
         return
       end if
@@ -104,7 +113,7 @@ contains
       return
     end if
     directory = directory//'/'
-    ! What is in there is of no interest to git.
+    ! The contents are not for version control.
     inquire (file=directory//'.gitignore', exist=found)
     if (found) return
     open (newunit=unit, file=directory//'.gitignore', action='write', iostat=status)
@@ -113,28 +122,30 @@ contains
     close (unit, iostat=status)
   end subroutine find_directory
 
-  !> The version of gmsh: what it said when it was last asked, in the same directory, if it is still the same file. (To start gmsh takes a
-  !> tenth of a second.)
+  !> Version of gmsh. The result of the last query is cached in the directory for meshes and used while the executable
+  !> is the same file: starting gmsh takes a tenth of a second.
   subroutine find_version(directory, log_file, version, error)
     !> Directory for meshes, with its slash.
     character(*), intent(in) :: directory
     !> Path for output, removed afterwards.
     character(*), intent(in) :: log_file
+    !> Version.
     character(:), allocatable, intent(out) :: version
+    !> Set if gmsh is not found or fails.
     type(error_t), allocatable, intent(out) :: error
-    type(error_t), allocatable :: none
+    type(error_t), allocatable :: ignored
     type(byte_cursor_t) :: note
     character(:), allocatable :: identity, line
     integer :: unit, status
     logical :: found
     identity = ''
     call run_command('stat -L -c "%n %s %y" "$(command -v '//shell_quoted(executable())//')"', log_file, status)
-    if (status == 0) call note%load(log_file, none)
-    if (status == 0 .and. .not. allocated(none)) call note%get_line(identity)
+    if (status == 0) call note%load(log_file, ignored)
+    if (status == 0 .and. .not. allocated(ignored)) call note%get_line(identity)
     inquire (file=directory//'gmsh.version', exist=found)
     if (found .and. len(identity) > 0) then
-      call note%load(directory//'gmsh.version', none)
-      if (.not. allocated(none)) then
+      call note%load(directory//'gmsh.version', ignored)
+      if (.not. allocated(ignored)) then
         call note%get_line(line)
         call note%get_word(version)
         if (line == identity .and. len(version) > 0) then
@@ -143,7 +154,7 @@ contains
         end if
       end if
     end if
-    call ask_version(log_file, version, error)
+    call query_version(log_file, version, error)
     if (allocated(error) .or. len(identity) == 0) return
     open (newunit=unit, file=log_file, action='write', status='replace', iostat=status)
     if (status /= 0) return
@@ -153,11 +164,13 @@ contains
     if (status /= 0) call remove_file(log_file)
   end subroutine find_version
 
-  !> What gmsh says is its version.
-  subroutine ask_version(log_file, version, error)
+  !> Version of gmsh, from the executable.
+  subroutine query_version(log_file, version, error)
     !> Path for its output, removed afterwards.
     character(*), intent(in) :: log_file
+    !> Version.
     character(:), allocatable, intent(out) :: version
+    !> Set if gmsh is not found or fails, or on an interrupt.
     type(error_t), allocatable, intent(out) :: error
     type(byte_cursor_t) :: log
     integer :: status
@@ -166,8 +179,8 @@ contains
     if (allocated(error)) then
       continue
     else if (status == status_not_found .or. status == status_not_executable) then
-      call set_error(error, executable()//', which meshes .geo files, was not found: install it (Debian: apt install gmsh), '// &
-                     'set DOTYK_GMSH to its path, or give a .msh file', exit_bad_input)
+      call set_error(error, executable()//', which meshes .geo files, was not found: install it '// &
+                     '(Debian: apt install gmsh), set DOTYK_GMSH to its path, or give a .msh file', exit_bad_input)
     else if (status /= 0) then
       call set_error(error, executable()//' --version failed with exit status '//to_text(status), exit_bad_input)
     else
@@ -176,35 +189,42 @@ contains
     call remove_file(log_file)
     if (allocated(error)) return
     call log%get_word(version)
-  end subroutine ask_version
+  end subroutine query_version
 
-  !> The gmsh executable.
+  !> Path of the gmsh executable.
   function executable() result(path)
+    !> Path.
     character(:), allocatable :: path
     path = environment_value('DOTYK_GMSH')
     if (len(path) == 0) path = 'gmsh'
   end function executable
 
-  !> Run a command of the shell without input, its output in a file.
+  !> Run a shell command without input, its output in a file.
   subroutine run_command(command, log_file, status)
-    character(*), intent(in) :: command, log_file
+    !> Command.
+    character(*), intent(in) :: command
+    !> Path of the output.
+    character(*), intent(in) :: log_file
     !> Exit status; that of a program not found where there is no shell.
     integer, intent(out) :: status
     status = run_shell('exec '//command//' < /dev/null > '//shell_quoted(log_file)//' 2>&1')
   end subroutine run_command
 
-  !> Make the mesh `base`.msh; what gmsh says is kept in `base`.log.
+  !> Make the mesh `base`.msh; the output of gmsh is kept in `base`.log.
   subroutine run_gmsh(geo_file, dimension, base, error)
+    !> Path of the geometry.
     character(*), intent(in) :: geo_file
+    !> Largest dimension of the elements, 2 or 3.
     integer, intent(in) :: dimension
     !> Path of the mesh without its extension.
     character(*), intent(in) :: base
+    !> Set if gmsh fails or makes no complete mesh, if the mesh cannot be renamed, or on an interrupt.
     type(error_t), allocatable, intent(out) :: error
     type(byte_cursor_t) :: log
     character(:), allocatable :: path, temporary, errors, counts
     integer :: status
     path = geo_file
-    ! A name with a minus in front would be an option.
+    ! gmsh would read a name with a leading minus as an option.
     if (path(1:1) == '-') path = './'//path
     call remove_leftovers(base)
     temporary = base//own_mark()
@@ -223,11 +243,12 @@ contains
     call read_log(log, errors, counts)
     if (status /= 0 .or. len(errors) > 0) then
       if (len(errors) == 0) errors = new_line('a')//'  exit status '//to_text(status)
-      call set_error(error, geo_file//': gmsh could not mesh it:'//errors//new_line('a')//'  (all it said is in '//base//'.log)')
+      call set_error(error, geo_file//': gmsh could not mesh it:'//errors//new_line('a')//'  (full log: '//base// &
+                     '.log)')
     else if (index(counts, ' 0 elements') > 0) then
       call set_error(error, geo_file//': gmsh made no elements: the geometry is empty')
-    else if (.not. is_whole(temporary//'.msh')) then
-      call set_error(error, geo_file//': gmsh did not write a whole mesh to '//directory_of(base)// &
+    else if (.not. is_complete(temporary//'.msh')) then
+      call set_error(error, geo_file//': gmsh did not write a complete mesh to '//directory_of(base)// &
                      ': does the geometry set Mesh.Format or call Exit, or is the disk full?')
     else if (.not. rename_file(temporary//'.msh', base//'.msh')) then
       call set_error(error, base//'.msh: cannot be written', exit_not_written)
@@ -235,8 +256,9 @@ contains
     if (allocated(error)) call remove_file(temporary//'.msh')
   end subroutine run_gmsh
 
-  !> The lines of gmsh's log that matter.
+  !> Extract errors and counts from the gmsh log.
   subroutine read_log(log, errors, counts)
+    !> Cursor over the log.
     type(byte_cursor_t), intent(inout) :: log
     !> The first errors, each on a line of its own, empty where there is none.
     character(:), allocatable, intent(out) :: errors
@@ -252,31 +274,32 @@ contains
       if (index(line, ' nodes ') > 0 .and. index(line, ' elements') > 0) counts = line
       if (index(line, 'Error   : ') /= 1) cycle
       line = line(len('Error   : ') + 1:)
-      ! A frame around numbers of errors that gmsh puts at its end.
+      ! Lines of the summary of errors at the end of the log.
       if (index(line, '---') == 1 .or. index(line, 'Mesh generation error') == 1 .or. index(line, '  ') == 1 .or. &
           index(line, 'Check the full log') == 1) cycle
       if (index(errors//new_line('a'), new_line('a')//'  '//line//new_line('a')) > 0) cycle
       n = n + 1
-      if (n <= most_lines) errors = errors//new_line('a')//'  '//line
+      if (n <= max_lines) errors = errors//new_line('a')//'  '//line
     end do
   end subroutine read_log
 
   !> Whether a mesh file ends with the end of a section.
-  logical function is_whole(file) result(whole)
+  logical function is_complete(file) result(complete)
+    !> Path of the mesh.
     character(*), intent(in) :: file
     !> Longer than any '$EndPeriodic' or '$EndElements'.
     integer, parameter :: tail_length = 32
     character(tail_length) :: tail
     integer(int64) :: n_bytes
     integer :: unit, status
-    whole = .false.
+    complete = .false.
     open (newunit=unit, file=file, access='stream', form='unformatted', action='read', status='old', iostat=status)
     if (status /= 0) return
     inquire (unit=unit, size=n_bytes)
     if (n_bytes > tail_length) then
       read (unit, pos=n_bytes - tail_length + 1, iostat=status) tail
-      whole = status == 0 .and. index(tail, '$End') > 0 .and. tail(tail_length:) == achar(10)
+      complete = status == 0 .and. index(tail, '$End') > 0 .and. tail(tail_length:) == achar(10)
     end if
     close (unit)
-  end function is_whole
+  end function is_complete
 end module dotyk_mesh_gmsh_run

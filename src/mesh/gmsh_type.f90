@@ -1,23 +1,26 @@
-!> gmsh's element types: how many nodes they have and what they are called, ours and others.
-!>
-!> A reader must know the size of elements that it passes over.
+!> Element types of gmsh, supported or not: numbers of nodes and names. A reader must know the size of elements that it
+!> skips.
 module dotyk_mesh_gmsh_type
   implicit none
   private
   public :: gmsh_type_nodes, gmsh_type_dimension, gmsh_type_name, gmsh_type_help
 
-  !> gmsh's type of a point, which is never kept.
+  !> Type number of a point, which is never kept.
   integer, parameter, public :: gmsh_point = 15
 
-  !> An element type of gmsh.
+  !> Element type of gmsh.
   type :: gmsh_type_t
+    !> Type number.
     integer :: number
+    !> Number of nodes.
     integer :: n_nodes
+    !> Dimension.
     integer :: dimension
+    !> Name, for messages.
     character(34) :: name
   end type gmsh_type_t
 
-  !> The types of gmsh's reference manual (section "MSH file format"), without those of order 5 and more.
+  !> The types of the gmsh reference manual (section "MSH file format"), except those of order 5 and more.
   type(gmsh_type_t), parameter :: types(*) = [ &
                                   gmsh_type_t(1, 2, 1, 'line with 2 nodes'), &
                                   gmsh_type_t(2, 3, 2, 'triangle with 3 nodes'), &
@@ -55,54 +58,57 @@ module dotyk_mesh_gmsh_type
 
 contains
 
-  !> Place of a type in the table, 0 if it is unknown.
-  pure integer function place_of(number) result(place)
+  !> Index of a type in the table, 0 if it is unknown.
+  pure integer function index_of(number) result(index)
+    !> Type number of gmsh.
     integer, intent(in) :: number
-    do place = 1, size(types)
-      if (types(place)%number == number) return
+    do index = 1, size(types)
+      if (types(index)%number == number) return
     end do
-    place = 0
-  end function place_of
+    index = 0
+  end function index_of
 
   !> Number of nodes of a type, 0 if it is unknown.
   pure integer function gmsh_type_nodes(number) result(n_nodes)
-    !> gmsh's number of the type.
+    !> Type number of gmsh.
     integer, intent(in) :: number
-    integer :: place
-    place = place_of(number)
+    integer :: index
+    index = index_of(number)
     n_nodes = 0
-    if (place > 0) n_nodes = types(place)%n_nodes
+    if (index > 0) n_nodes = types(index)%n_nodes
   end function gmsh_type_nodes
 
   !> Dimension of a type, -1 if it is unknown.
   pure integer function gmsh_type_dimension(number) result(dimension)
-    !> gmsh's number of the type.
+    !> Type number of gmsh.
     integer, intent(in) :: number
-    integer :: place
-    place = place_of(number)
+    integer :: index
+    index = index_of(number)
     dimension = -1
-    if (place > 0) dimension = types(place)%dimension
+    if (index > 0) dimension = types(index)%dimension
   end function gmsh_type_dimension
 
-  !> What a type is called.
+  !> Name of a type.
   pure function gmsh_type_name(number) result(name)
-    !> gmsh's number of the type.
+    !> Type number of gmsh.
     integer, intent(in) :: number
+    !> Name.
     character(:), allocatable :: name
-    integer :: place
-    place = place_of(number)
+    integer :: index
+    index = index_of(number)
     name = 'unknown type'
-    if (place > 0) name = trim(types(place)%name)
+    if (index > 0) name = trim(types(index)%name)
   end function gmsh_type_name
 
-  !> What to do about a type that is not supported.
+  !> Advice for a type that is not supported.
   pure function gmsh_type_help(number) result(help)
-    !> gmsh's number of the type.
+    !> Type number of gmsh.
     integer, intent(in) :: number
+    !> Advice.
     character(:), allocatable :: help
     if (index(gmsh_type_name(number), 'pyramid') > 0) then
-      help = 'pyramids are not supported: mesh with tetrahedra only, or with hexahedra or prisms throughout a volume '// &
-             '(Recombine and transfinite or extruded meshes)'
+      help = 'pyramids are not supported: mesh with tetrahedra only, or with hexahedra or prisms throughout a '// &
+             'volume (Recombine and transfinite or extruded meshes)'
     else
       help = 'only elements of order 1 and 2 are supported: mesh with Mesh.ElementOrder = 1 or 2'
     end if

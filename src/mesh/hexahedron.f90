@@ -24,7 +24,7 @@ module dotyk_mesh_hexahedron
 
 contains
 
-  !> The table's entry of a hexahedron.
+  !> Properties of a hexahedron.
   pure function hexahedron_kind(id) result(kind)
     !> `element_hex8`, `element_hex20` or `element_hex27`.
     integer, intent(in) :: id

@@ -1,4 +1,4 @@
-!> The sign of the jacobian determinant of elements, and their mirror images.
+!> Jacobian determinants of elements, whose sign tells inverted and degenerate elements, and mirror images of elements.
 module dotyk_mesh_jacobian
   use dotyk_base_kinds, only: dp
   use dotyk_mesh_element, only: element_hex8, element_kind, element_kind_t, element_prism6, element_quad4, &
@@ -7,44 +7,47 @@ module dotyk_mesh_jacobian
   private
   public :: jacobian_range, mirror_order
 
-  !> So few elements are not worth a team of threads.
-  integer, parameter :: few = 1000
+  !> Loops over fewer elements are faster on one thread.
+  integer, parameter :: min_parallel = 1000
 
-  !> A determinant smaller than this times the element's diameter**dimension counts as zero.
-  real(dp), parameter :: vanishing = 1.0e-14_dp
-  !> Elements whose nodes are this near to the affine image, relative to the diameter, have one jacobian.
-  real(dp), parameter :: almost_affine = 1.0e-9_dp
+  !> A determinant below this fraction of diameter**dimension of the element counts as zero.
+  real(dp), parameter :: zero_determinant = 1.0e-14_dp
+  !> An element is affine, with one Jacobian determinant, where its nodes deviate from the affine image of the reference
+  !> domain by less than this fraction of its diameter.
+  real(dp), parameter :: affine_tolerance = 1.0e-9_dp
 
 contains
 
-  !> The least and the largest jacobian determinant of each element, over the quadrature points and nodes.
+  !> Smallest and largest Jacobian determinant of each element, over the quadrature points and nodes.
   !>
-  !> One point does for elements that are affine images of the reference domain.
-  subroutine jacobian_range(kind, n, node, d, n_nodes, x, least, most)
+  !> For elements that are affine images of the reference domain one point suffices.
+  subroutine jacobian_range(kind, n, node, d, n_nodes, x, smallest, largest)
     !> Element kind.
     integer, intent(in) :: kind
     !> Number of elements.
     integer, intent(in) :: n
-    !> Their nodes.
+    !> Nodes of the elements (kind_nodes(kind), n).
     integer, intent(in) :: node(kind_nodes(kind), n)
     !> Dimension of space and of the kind.
     integer, intent(in) :: d
     !> Number of nodes.
     integer, intent(in) :: n_nodes
-    !> Coordinates [length].
+    !> Nodal coordinates (d, n_nodes) [length].
     real(dp), intent(in) :: x(d, n_nodes)
-    !> Range of the determinant; exactly 0 where it is as good as zero [length**d].
-    real(dp), intent(out) :: least(n), most(n)
+    !> Smallest determinant; 0 where it is round-off (n) [length^d].
+    real(dp), intent(out) :: smallest(n)
+    !> Largest determinant, likewise (n) [length^d].
+    real(dp), intent(out) :: largest(n)
     type(element_kind_t) :: info
-    real(dp), allocatable :: gradient(:, :, :), affine(:, :)
+    real(dp), allocatable :: gradient(:, :, :), barycentric(:, :)
     real(dp) :: xe(3, max_element_nodes), det, diameter
     integer :: e, p, m, nn, nc, base(4)
     info = element_kind(kind)
     nn = info%n_nodes
     nc = info%n_corners
-    call sample(info, kind, gradient, base, affine)
-    !$omp parallel do default(none) schedule(static) if (n > few) private(e, p, m, xe, det, diameter) &
-    !$omp shared(n, nn, nc, d, node, x, least, most, gradient, affine, base)
+    call sampling(info, kind, gradient, base, barycentric)
+    !$omp parallel do default(none) schedule(static) if (n > min_parallel) private(e, p, m, xe, det, diameter) &
+    !$omp shared(n, nn, nc, d, node, x, smallest, largest, gradient, barycentric, base)
     do e = 1, n
       xe(3, :nn) = 0
       do p = 1, nn
@@ -56,29 +59,31 @@ contains
       end do
       diameter = sqrt(diameter)
       m = size(gradient, 3)
-      if (is_affine(nn, xe, base, affine, almost_affine*diameter)) m = 1
-      least(e) = huge(det)
-      most(e) = -huge(det)
+      if (is_affine(nn, xe, base, barycentric, affine_tolerance*diameter)) m = 1
+      smallest(e) = huge(det)
+      largest(e) = -huge(det)
       do p = 1, m
         det = determinant(d, nn, xe, gradient(:, :, p))
-        if (abs(det) <= vanishing*diameter**d) det = 0
-        least(e) = min(least(e), det)
-        most(e) = max(most(e), det)
+        if (abs(det) <= zero_determinant*diameter**d) det = 0
+        smallest(e) = min(smallest(e), det)
+        largest(e) = max(largest(e), det)
       end do
     end do
     !$omp end parallel do
   end subroutine jacobian_range
 
-  !> Gradients where the determinant is sampled, and the affine image of the reference domain.
-  subroutine sample(info, kind, gradient, base, affine)
+  !> Gradients at the points where the determinant is evaluated, and the affine image of the reference domain.
+  subroutine sampling(info, kind, gradient, base, barycentric)
+    !> Properties of the element kind.
     type(element_kind_t), intent(in) :: info
+    !> Element kind.
     integer, intent(in) :: kind
-    !> Gradients (3, n_nodes, n_points), 0 beyond the dimension: at quadrature points, then at nodes.
+    !> Gradients at quadrature points, then at nodes, 0 beyond the dimension (3, n_nodes, n_points) [].
     real(dp), allocatable, intent(out) :: gradient(:, :, :)
-    !> The corners that span the affine image; the last is 1 in two dimensions.
+    !> Corners that span the affine image (4); the last is 1 in two dimensions.
     integer, intent(out) :: base(4)
-    !> Weights of these corners for the place of each node (4, n_nodes).
-    real(dp), allocatable, intent(out) :: affine(:, :)
+    !> Weights of these corners in the position of each node (4, n_nodes) [].
+    real(dp), allocatable, intent(out) :: barycentric(:, :)
     real(dp), allocatable :: points(:, :), weights(:)
     real(dp) :: nodes(info%dimension, info%n_nodes)
     integer :: i, m, d
@@ -86,7 +91,7 @@ contains
     call quadrature_rule(kind, 2*info%order, points, weights)
     call reference_nodes(kind, nodes)
     m = size(weights)
-    allocate (gradient(3, info%n_nodes, m + info%n_nodes), affine(4, info%n_nodes))
+    allocate (gradient(3, info%n_nodes, m + info%n_nodes), barycentric(4, info%n_nodes))
     gradient = 0
     do i = 1, m
       call gradients_at(points(:, i), gradient(:d, :, i))
@@ -95,57 +100,73 @@ contains
       call gradients_at(nodes(:, i), gradient(:d, :, m + i))
     end do
     ! Coordinates from 0 to 1 along the edges from corner 1.
-    affine = 0
-    affine(2:d + 1, :) = nodes
+    barycentric = 0
+    barycentric(2:d + 1, :) = nodes
     select case (info%corner_kind)
     case (element_quad4, element_hex8)
       base = [1, 2, 4, 5]
-      affine(2:d + 1, :) = 0.5_dp*(1 + nodes)
+      barycentric(2:d + 1, :) = 0.5_dp*(1 + nodes)
     case (element_prism6)
       base = [1, 2, 3, 4]
-      affine(4, :) = 0.5_dp*(1 + nodes(3, :))
+      barycentric(4, :) = 0.5_dp*(1 + nodes(3, :))
     case default
       base = [1, 2, 3, 4]
     end select
     if (d == 2) base(4) = 1
-    affine(1, :) = 1 - sum(affine(2:, :), dim=1)
+    barycentric(1, :) = 1 - sum(barycentric(2:, :), dim=1)
 
   contains
 
+    !> Gradients of the shape functions at a point.
     subroutine gradients_at(xi, values)
+      !> Reference coordinates (dimension) [].
       real(dp), intent(in) :: xi(:)
+      !> Gradients (dimension, n_nodes) [].
       real(dp), intent(out) :: values(:, :)
       real(dp) :: found(info%dimension, info%n_nodes)
       call shape_gradients(kind, xi, found)
       values = found
     end subroutine gradients_at
-  end subroutine sample
+  end subroutine sampling
 
-  !> Whether all nodes are where an affine map of the reference domain has them.
-  pure logical function is_affine(nn, xe, base, affine, tolerance)
-    integer, intent(in) :: nn, base(4)
-    real(dp), intent(in) :: xe(3, nn), affine(4, nn), tolerance
-    real(dp) :: corner(3, 4), off(3)
+  !> Whether all nodes are at their positions under an affine map of the reference domain.
+  pure logical function is_affine(nn, xe, base, barycentric, tolerance)
+    !> Number of nodes.
+    integer, intent(in) :: nn
+    !> Corners that span the affine image (4).
+    integer, intent(in) :: base(4)
+    !> Nodal coordinates (3, nn) [length].
+    real(dp), intent(in) :: xe(3, nn)
+    !> Weights of these corners (4, nn) [].
+    real(dp), intent(in) :: barycentric(4, nn)
+    !> Greatest deviation [length].
+    real(dp), intent(in) :: tolerance
+    real(dp) :: corner(3, 4), deviation(3)
     integer :: i, k
     is_affine = .false.
     do k = 1, 4
       corner(:, k) = xe(:, base(k))
     end do
     do i = 1, nn
-      off = -xe(:, i)
+      deviation = -xe(:, i)
       do k = 1, 4
-        off = off + affine(k, i)*corner(:, k)
+        deviation = deviation + barycentric(k, i)*corner(:, k)
       end do
-      if (any(abs(off) > tolerance)) return
+      if (any(abs(deviation) > tolerance)) return
     end do
     is_affine = .true.
   end function is_affine
 
-  !> Determinant of the derivatives of the position.
+  !> Jacobian determinant [length^d].
   pure real(dp) function determinant(d, nn, xe, gradient) result(det)
-    integer, intent(in) :: d, nn
-    !> Coordinates and gradients; their third components are 0 in two dimensions.
-    real(dp), intent(in) :: xe(3, nn), gradient(3, nn)
+    !> Dimension.
+    integer, intent(in) :: d
+    !> Number of nodes.
+    integer, intent(in) :: nn
+    !> Nodal coordinates, the third 0 in two dimensions (3, nn) [length].
+    real(dp), intent(in) :: xe(3, nn)
+    !> Gradients of the shape functions, likewise (3, nn) [].
+    real(dp), intent(in) :: gradient(3, nn)
     real(dp) :: a(3), b(3), c(3)
     integer :: i
     a = 0
@@ -160,13 +181,14 @@ contains
     det = a(1)*(b(2)*c(3) - b(3)*c(2)) + a(2)*(b(3)*c(1) - b(1)*c(3)) + a(3)*(b(1)*c(2) - b(2)*c(1))
   end function determinant
 
-  !> The order of the nodes of an element's mirror image: node i of the image is node order(i).
+  !> Node order of the mirror image of an element: node i of the image is node order(i).
   !>
-  !> Every reference domain of two or three dimensions is symmetric in its first two variables: nodes that their
-  !> exchange carries into one another are exchanged.
+  !> Every reference domain of two or three dimensions is symmetric in its first two coordinates: nodes that swap under
+  !> the exchange of these coordinates are exchanged.
   pure function mirror_order(kind) result(order)
     !> Element kind, not a line.
     integer, intent(in) :: kind
+    !> Permutation (n_nodes).
     integer :: order(kind_nodes(kind))
     real(dp) :: nodes(kind_dimension(kind), kind_nodes(kind)), image(kind_dimension(kind))
     integer :: i, j

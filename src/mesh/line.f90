@@ -10,7 +10,7 @@ module dotyk_mesh_line
 
 contains
 
-  !> The table's entry of a line.
+  !> Properties of a line.
   pure function line_kind(id) result(kind)
     !> `element_line2` or `element_line3`.
     integer, intent(in) :: id

@@ -1,4 +1,4 @@
-!> Builds a mesh piece by piece while a file is read: nodes, physical groups, growing blocks of elements.
+!> Incremental construction of a mesh while a file is read: nodes, physical groups, growing blocks of elements.
 module dotyk_mesh_mesh_builder
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_text, only: to_text
@@ -7,9 +7,9 @@ module dotyk_mesh_mesh_builder
   implicit none
   private
 
-  !> A block of elements with room for more.
+  !> Block of elements with room for more.
   type :: growing_block_t
-    !> Element kind of dotyk_mesh_element.
+    !> Element kind of `dotyk_mesh_element`.
     integer :: kind = 0
     !> Number of elements so far.
     integer :: n = 0
@@ -17,21 +17,23 @@ module dotyk_mesh_mesh_builder
     integer, allocatable :: node(:, :)
     !> Element tags (room).
     integer(int64), allocatable :: tag(:)
-    !> Indices of groups, ascending.
+    !> Indices of physical groups, ascending (n_groups).
     integer, allocatable :: group(:)
   end type growing_block_t
 
-  !> A mesh that grows.
+  !> Mesh under construction.
   type, public :: mesh_builder_t
-    !> Number of physical groups and of blocks so far.
-    integer :: n_groups = 0, n_blocks = 0
-    !> Node coordinates (3, n_nodes) [length].
+    !> Number of physical groups so far.
+    integer :: n_groups = 0
+    !> Number of blocks so far.
+    integer :: n_blocks = 0
+    !> Nodal coordinates (3, n_nodes) [length].
     real(dp), allocatable :: x(:, :)
     !> Node tags (n_nodes).
     integer(int64), allocatable :: node_tag(:)
     !> Node index by tag.
     type(tag_map_t) :: node_of_tag
-    !> Groups (room).
+    !> Physical groups (room).
     type(physical_group_t), allocatable :: group(:)
     !> Blocks (room).
     type(growing_block_t), allocatable :: block(:)
@@ -45,28 +47,31 @@ module dotyk_mesh_mesh_builder
 
 contains
 
-  !> The index of the physical group of a dimension and tag; it is made where it does not exist.
+  !> Index of the physical group of a dimension and tag; it is added if it does not exist.
   subroutine builder_add_group(self, dimension, tag, index, name)
     class(mesh_builder_t), intent(inout) :: self
-    integer, intent(in) :: dimension, tag
+    !> Dimension of its elements, 0 to 3.
+    integer, intent(in) :: dimension
+    !> Tag in the file.
+    integer, intent(in) :: tag
     !> Index of the group.
     integer, intent(out) :: index
-    !> Name of a group that is made; the tag's digits if absent or blank.
+    !> Name of an added group; the digits of the tag if absent or blank.
     character(*), intent(in), optional :: name
-    type(physical_group_t), allocatable :: wider(:)
+    type(physical_group_t), allocatable :: larger(:)
     integer :: i
     do index = 1, self%n_groups
       if (self%group(index)%dimension == dimension .and. self%group(index)%tag == tag) return
     end do
     if (.not. allocated(self%group)) allocate (self%group(16))
     if (self%n_groups == size(self%group)) then
-      allocate (wider(2*self%n_groups))
+      allocate (larger(2*self%n_groups))
       do i = 1, self%n_groups
-        wider(i)%dimension = self%group(i)%dimension
-        wider(i)%tag = self%group(i)%tag
-        call move_alloc(self%group(i)%name, wider(i)%name)
+        larger(i)%dimension = self%group(i)%dimension
+        larger(i)%tag = self%group(i)%tag
+        call move_alloc(self%group(i)%name, larger(i)%name)
       end do
-      call move_alloc(wider, self%group)
+      call move_alloc(larger, self%group)
     end if
     self%n_groups = self%n_groups + 1
     index = self%n_groups
@@ -78,16 +83,18 @@ contains
     end if
   end subroutine builder_add_group
 
-  !> The index of the block of a kind whose elements belong to these groups; it is made where it does not exist.
+  !> Index of the block of a kind whose elements belong to given groups; it is added if it does not exist.
   subroutine builder_add_block(self, kind, n_nodes, group, index)
     class(mesh_builder_t), intent(inout) :: self
-    !> Element kind and its number of nodes.
-    integer, intent(in) :: kind, n_nodes
-    !> Indices of groups, ascending.
+    !> Element kind.
+    integer, intent(in) :: kind
+    !> Number of nodes of the kind.
+    integer, intent(in) :: n_nodes
+    !> Indices of physical groups, ascending (n_groups).
     integer, intent(in) :: group(:)
     !> Index of the block.
     integer, intent(out) :: index
-    type(growing_block_t), allocatable :: wider(:)
+    type(growing_block_t), allocatable :: larger(:)
     integer :: i
     do index = 1, self%n_blocks
       if (self%block(index)%kind /= kind .or. size(self%block(index)%group) /= size(group)) cycle
@@ -95,15 +102,15 @@ contains
     end do
     if (.not. allocated(self%block)) allocate (self%block(16))
     if (self%n_blocks == size(self%block)) then
-      allocate (wider(2*self%n_blocks))
+      allocate (larger(2*self%n_blocks))
       do i = 1, self%n_blocks
-        wider(i)%kind = self%block(i)%kind
-        wider(i)%n = self%block(i)%n
-        call move_alloc(self%block(i)%node, wider(i)%node)
-        call move_alloc(self%block(i)%tag, wider(i)%tag)
-        call move_alloc(self%block(i)%group, wider(i)%group)
+        larger(i)%kind = self%block(i)%kind
+        larger(i)%n = self%block(i)%n
+        call move_alloc(self%block(i)%node, larger(i)%node)
+        call move_alloc(self%block(i)%tag, larger(i)%tag)
+        call move_alloc(self%block(i)%group, larger(i)%group)
       end do
-      call move_alloc(wider, self%block)
+      call move_alloc(larger, self%block)
     end if
     self%n_blocks = self%n_blocks + 1
     index = self%n_blocks
@@ -112,12 +119,12 @@ contains
     allocate (self%block(index)%node(n_nodes, 0), self%block(index)%tag(0))
   end subroutine builder_add_block
 
-  !> Make room in a block.
+  !> Reserve room in a block.
   subroutine builder_reserve(self, index, n_more)
     class(mesh_builder_t), intent(inout) :: self
     !> Index of the block.
     integer, intent(in) :: index
-    !> Number of elements to come; one more than there is room for doubles the block.
+    !> Number of further elements; the room at least doubles when it grows.
     integer, intent(in) :: n_more
     integer(int64) :: room
     associate (block => self%block(index))
@@ -127,14 +134,14 @@ contains
     end associate
   end subroutine builder_reserve
 
-  !> Add an element; `reserve` was called before.
+  !> Add an element, for which room is reserved.
   subroutine builder_add_element(self, index, tag, node)
     class(mesh_builder_t), intent(inout) :: self
     !> Index of the block.
     integer, intent(in) :: index
     !> Tag of the element.
     integer(int64), intent(in) :: tag
-    !> Node indices of the element.
+    !> Node indices of the element (n_nodes of the kind).
     integer, intent(in) :: node(:)
     integer :: n
     n = self%block(index)%n + 1
@@ -143,10 +150,10 @@ contains
     self%block(index)%node(:, n) = node
   end subroutine builder_add_element
 
-  !> Hand over to a mesh; the builder is empty afterwards.
+  !> Move the contents to a mesh; the builder is empty afterwards.
   subroutine builder_finish(self, mesh)
     class(mesh_builder_t), intent(inout) :: self
-    !> The mesh; `file` is not touched.
+    !> Mesh; `file` is unchanged.
     type(mesh_t), intent(inout) :: mesh
     integer :: i
     call move_alloc(self%x, mesh%x)
@@ -172,8 +179,9 @@ contains
 
   !> Change the room of a block.
   subroutine resize(block, room)
+    !> Block.
     type(growing_block_t), intent(inout) :: block
-    !> Number of elements that it can hold then, at least those that it has.
+    !> New room, at least the number of elements.
     integer, intent(in) :: room
     integer, allocatable :: node(:, :)
     integer(int64), allocatable :: tag(:)

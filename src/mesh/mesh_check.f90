@@ -1,4 +1,5 @@
-!> Faults of one body's mesh: nodes off the plane or at the same place, elements given twice, inverted or degenerate.
+!> Checks of the mesh of one body: range of coordinates, nodes off the plane, coincident nodes, repeated elements,
+!> inverted and degenerate elements.
 module dotyk_mesh_mesh_check
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use dotyk_base_kinds, only: dp, int64
@@ -13,36 +14,43 @@ module dotyk_mesh_mesh_check
   private
   public :: check_size, check_plane, check_nodes, check_repeated_elements, orient_elements
 
-  !> Nodes nearer than this times the body's size lie at the same place.
-  real(dp), parameter :: same_place = 1.0e-12_dp
-  !> Nodes of a plane mesh may be this far off the plane, relative to the body's size.
-  real(dp), parameter :: off_plane = 1.0e-9_dp
-  !> Most tags that a message lists.
-  integer, parameter :: most_listed = 10
+  !> Nodes coincide where their distance is below this fraction of the size of the body.
+  real(dp), parameter :: coincidence_tolerance = 1.0e-12_dp
+  !> Nodes of a plane mesh may deviate from the plane by this fraction of the size of the body.
+  real(dp), parameter :: plane_tolerance = 1.0e-9_dp
+  !> Greatest number of tags in a message.
+  integer, parameter :: max_listed = 10
 
-  !> What the sign of the jacobian says of the elements of one or all blocks.
+  !> Numbers of elements by the sign of their Jacobian determinant.
   type :: census_t
-    !> Numbers of elements of positive and of negative volume, and of others.
-    integer :: n_up = 0, n_down = 0, n_bad = 0
+    !> Elements of positive volume.
+    integer :: n_positive = 0
+    !> Elements of negative volume.
+    integer :: n_negative = 0
+    !> Other elements.
+    integer :: n_degenerate = 0
   end type census_t
 
 contains
 
-  !> Coordinates are numbers, and neither they nor the whole body too large or too small to compute with.
+  !> Check that coordinates are finite, and neither they nor the size of the body too large or too small to compute
+  !> with.
   subroutine check_size(x, tag, error)
-    !> Coordinates (dimension, n_nodes) [length].
+    !> Nodal coordinates (dimension, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
     !> Node tags (n_nodes).
     integer(int64), intent(in) :: tag(:)
+    !> Set for the first node out of range, or for a body that is too small.
     type(error_t), allocatable, intent(out) :: error
     real(dp) :: edge
     integer :: i
     do i = 1, size(tag)
       if (.not. any(is_too_large(x(:, i)))) cycle
       if (all(ieee_is_finite(x(:, i)))) then
-        call set_error(error, 'node '//to_text(tag(i))//' is too far away, at '//place_text(x(:, i))//'; '//size_rule)
+        call set_error(error, 'node '//to_text(tag(i))//' is too far away, at '//position_text(x(:, i))//'; '// &
+                       size_rule)
       else
-        call set_error(error, 'the coordinates of node '//to_text(tag(i))//' are not finite: '//place_text(x(:, i)))
+        call set_error(error, 'the coordinates of node '//to_text(tag(i))//' are not finite: '//position_text(x(:, i)))
       end if
       return
     end do
@@ -51,34 +59,37 @@ contains
     call set_error(error, 'the body is too small, its longest edge is '//to_text(edge)//'; '//size_rule)
   end subroutine check_size
 
-  !> A plane analysis needs all nodes at the same z.
+  !> Check that all nodes have the same z, for a plane analysis.
   subroutine check_plane(x, tag, error)
-    !> Coordinates (3, n_nodes) [length].
+    !> Nodal coordinates (3, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
     !> Node tags (n_nodes).
     integer(int64), intent(in) :: tag(:)
+    !> Set if a node is off the plane of the first node.
     type(error_t), allocatable, intent(out) :: error
     integer :: worst
     worst = maxloc(abs(x(3, :) - x(3, 1)), dim=1)
-    if (abs(x(3, worst) - x(3, 1)) <= off_plane*norm2(maxval(x(:2, :), dim=2) - minval(x(:2, :), dim=2))) return
-    call set_error(error, 'node '//to_text(tag(worst))//' at '//place_text(x(:, worst))//' and node '//to_text(tag(1)) &
-      //' at '//place_text(x(:, 1))//' do not lie in one plane z = const, as an analysis in two dimensions needs')
+    if (abs(x(3, worst) - x(3, 1)) <= plane_tolerance*norm2(maxval(x(:2, :), dim=2) - minval(x(:2, :), dim=2))) return
+    call set_error(error, 'node '//to_text(tag(worst))//' at '//position_text(x(:, worst))//' and node '// &
+                   to_text(tag(1))//' at '//position_text(x(:, 1))// &
+                   ' do not lie in one plane z = const, as an analysis in two dimensions needs')
   end subroutine check_plane
 
-  !> Two nodes at the same place are a slit that nobody meant.
+  !> Check that no two nodes coincide: the body would be disconnected there.
   subroutine check_nodes(x, tag, error)
-    !> Coordinates (dimension, n_nodes) [length].
+    !> Nodal coordinates (dimension, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
     !> Node tags (n_nodes).
     integer(int64), intent(in) :: tag(:)
+    !> Set if two nodes coincide.
     type(error_t), allocatable, intent(out) :: error
-    ! Some direction: planes of a regular mesh do not lie across it.
+    ! A generic direction: not normal to the planes of a regular mesh, whose nodes would all be close along it.
     real(dp), parameter :: direction(3) = [0.5453920137_dp, 0.6180339887_dp, 0.5663117921_dp]
     real(dp), allocatable :: along(:)
     integer, allocatable :: order(:)
     real(dp) :: tolerance
     integer :: i, j, n, first(2)
-    tolerance = same_place*norm2(maxval(x, dim=2) - minval(x, dim=2))
+    tolerance = coincidence_tolerance*norm2(maxval(x, dim=2) - minval(x, dim=2))
     along = matmul(direction(:size(x, 1)), x)
     allocate (order(size(along)))
     call sort_order(along, order)
@@ -92,17 +103,19 @@ contains
       end do
     end do
     if (n == 0) return
-    call set_error(error, 'nodes '//to_text(tag(first(1)))//' and '//to_text(tag(first(2)))//' lie at the same place ' &
-      //place_text(x(:, first(1)))//' ('//counted(n, 'such pair')//'): the body falls apart there. Join its parts in ' &
-      //'gmsh: `Coherence;` after the geometry or `Coherence Mesh;` after the mesh; or make them bodies of their own')
+    call set_error(error, 'nodes '//to_text(tag(first(1)))//' and '//to_text(tag(first(2)))// &
+                   ' lie at the same place '//position_text(x(:, first(1)))//' ('//counted(n, 'such pair')// &
+                   '): the body is disconnected there. Join its parts in gmsh: `Coherence;` after the geometry or '// &
+                   '`Coherence Mesh;` after the mesh; or make them separate bodies')
   end subroutine check_nodes
 
-  !> An element that is given twice would be twice as stiff.
+  !> Check that no element is repeated, which would double its stiffness.
   subroutine check_repeated_elements(block, error)
     !> Elements (n_blocks).
     type(element_block_t), intent(in) :: block(:)
+    !> Set if two elements of a kind have the same corners.
     type(error_t), allocatable, intent(out) :: error
-    ! Elements with the same lowest corner are in one chain: first(corner), then next(element).
+    ! Elements with the same lowest corner form a chain: first(corner), then next(element).
     integer, allocatable :: first(:), next(:)
     integer :: b, e, other, nc, low
     type(element_kind_t) :: kind
@@ -129,9 +142,14 @@ contains
     end do
   end subroutine check_repeated_elements
 
-  !> Whether two lists of different numbers are the same but for the order.
+  !> Whether two lists of distinct numbers are permutations of each other.
   pure logical function same_set(n, a, b)
-    integer, intent(in) :: n, a(n), b(n)
+    !> Length of the lists.
+    integer, intent(in) :: n
+    !> First list (n).
+    integer, intent(in) :: a(n)
+    !> Second list (n).
+    integer, intent(in) :: b(n)
     integer :: i
     same_set = sum(a) == sum(b)
     do i = 1, n
@@ -139,123 +157,142 @@ contains
     end do
   end function same_set
 
-  !> Make all volumes positive where all are negative; refuse a mixture, and elements whose jacobian vanishes or changes
-  !> its sign.
+  !> Reverse all elements if all volumes are negative; refuse a mixture, and elements whose Jacobian determinant
+  !> vanishes or changes its sign.
   subroutine orient_elements(x, block, error)
-    !> Coordinates (dimension, n_nodes) [length].
+    !> Nodal coordinates (dimension, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
-    !> Elements (n_blocks); the nodes of all are permuted where all are inverted.
+    !> Elements (n_blocks); the nodes of all are permuted if all are inverted.
     type(element_block_t), intent(inout) :: block(:)
-    !> Exit code `exit_not_solvable`.
+    !> Set, with the exit code `exit_not_solvable`, for a mixture of orientations and for degenerate elements.
     type(error_t), allocatable, intent(out) :: error
-    real(dp), allocatable :: least(:), most(:)
+    real(dp), allocatable :: smallest(:), largest(:)
     type(census_t) :: census
     integer :: b
     do b = 1, size(block)
-      call measure(x, block(b), least, most)
-      census%n_up = census%n_up + count(least > 0)
-      census%n_down = census%n_down + count(most < 0)
-      census%n_bad = census%n_bad + count(.not. (least > 0 .or. most < 0))
+      call block_jacobians(x, block(b), smallest, largest)
+      census%n_positive = census%n_positive + count(smallest > 0)
+      census%n_negative = census%n_negative + count(largest < 0)
+      census%n_degenerate = census%n_degenerate + count(.not. (smallest > 0 .or. largest < 0))
     end do
-    if (census%n_bad > 0) then
+    if (census%n_degenerate > 0) then
       call report_degenerate(x, block, census, error)
-    else if (census%n_up > 0 .and. census%n_down > 0) then
+    else if (census%n_positive > 0 .and. census%n_negative > 0) then
       call report_mixture(x, block, census, error)
-    else if (census%n_down > 0) then
+    else if (census%n_negative > 0) then
       do b = 1, size(block)
         block(b)%node = block(b)%node(mirror_order(block(b)%kind), :)
       end do
     end if
   end subroutine orient_elements
 
-  !> Least and largest jacobian of each element of a block.
-  subroutine measure(x, block, least, most)
+  !> Smallest and largest Jacobian determinant of each element of a block.
+  subroutine block_jacobians(x, block, smallest, largest)
+    !> Nodal coordinates (dimension, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
+    !> Elements.
     type(element_block_t), intent(in) :: block
-    real(dp), allocatable, intent(out) :: least(:), most(:)
-    allocate (least(size(block%tag)), most(size(block%tag)))
-    call jacobian_range(block%kind, size(block%tag), block%node, size(x, 1), size(x, 2), x, least, most)
-  end subroutine measure
+    !> Smallest determinants (n_elements) [length^dimension].
+    real(dp), allocatable, intent(out) :: smallest(:)
+    !> Largest determinants (n_elements) [length^dimension].
+    real(dp), allocatable, intent(out) :: largest(:)
+    allocate (smallest(size(block%tag)), largest(size(block%tag)))
+    call jacobian_range(block%kind, size(block%tag), block%node, size(x, 1), size(x, 2), x, smallest, largest)
+  end subroutine block_jacobians
 
-  !> Some elements are degenerate: name the worst.
+  !> Error for degenerate elements, which names the worst.
   subroutine report_degenerate(x, block, census, error)
+    !> Nodal coordinates (dimension, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
+    !> Elements (n_blocks).
     type(element_block_t), intent(in) :: block(:)
+    !> Numbers of elements by orientation.
     type(census_t), intent(in) :: census
+    !> Always set.
     type(error_t), allocatable, intent(out) :: error
-    real(dp), allocatable :: least(:), most(:), middle(:)
+    real(dp), allocatable :: smallest(:), largest(:), middle(:)
     real(dp) :: badness, worst, range(2)
     character(:), allocatable :: advice
-    integer :: b, e, place(2), n
+    integer :: b, e, worst_element(2), n
     type(element_kind_t) :: kind
     worst = -1
-    place = 0
+    worst_element = 0
     range = 0
     do b = 1, size(block)
-      call measure(x, block(b), least, most)
-      do e = 1, size(least)
-        if (least(e) > 0 .or. most(e) < 0) cycle
-        ! How far the jacobian reaches to the wrong side, relative to the right one: 0 .. 1; no element, 1.
+      call block_jacobians(x, block(b), smallest, largest)
+      do e = 1, size(smallest)
+        if (smallest(e) > 0 .or. largest(e) < 0) cycle
+        ! Ratio of the determinant of the wrong sign to that of the right one: 0 .. 1; 1 for a vanishing element.
         badness = 1
-        if (most(e) > least(e)) badness = min(-least(e), most(e))/max(-least(e), most(e))
+        if (largest(e) > smallest(e)) badness = min(-smallest(e), largest(e))/max(-smallest(e), largest(e))
         if (badness <= worst) cycle
         worst = badness
-        place = [b, e]
-        range = [least(e), most(e)]
+        worst_element = [b, e]
+        range = [smallest(e), largest(e)]
       end do
     end do
-    if (census%n_down > census%n_up) range = -range([2, 1])
-    kind = element_kind(block(place(1))%kind)
+    if (census%n_negative > census%n_positive) range = -range([2, 1])
+    kind = element_kind(block(worst_element(1))%kind)
     n = kind%n_corners
-    middle = sum(x(:, block(place(1))%node(:n, place(2))), dim=2)/n
+    middle = sum(x(:, block(worst_element(1))%node(:n, worst_element(2))), dim=2)/n
     advice = ''
-    if (kind%order > 1) advice = '; gmsh mends quadratic elements with Mesh.HighOrderOptimize = 2;'
-    call set_error(error, 'element '//to_text(block(place(1))%tag(place(2)))//' ('//trim(kind%name)//') near ' &
-      //place_text(middle)//' is degenerate: its jacobian determinant goes from '//to_text(range(1))//' to ' &
-      //to_text(range(2))//' ('//counted(census%n_bad, 'such element')//'): refine the mesh there'//advice, &
-      exit_not_solvable)
+    if (kind%order > 1) advice = '; gmsh repairs quadratic elements with Mesh.HighOrderOptimize = 2;'
+    call set_error(error, 'element '//to_text(block(worst_element(1))%tag(worst_element(2)))//' ('//trim(kind%name)// &
+                   ') near '//position_text(middle)//' is degenerate: its Jacobian determinant ranges from '// &
+                   to_text(range(1))//' to '//to_text(range(2))//' ('// &
+                   counted(census%n_degenerate, 'such element')//'): refine the mesh there'//advice, exit_not_solvable)
   end subroutine report_degenerate
 
-  !> Some elements are inverted, some are not: name those of the smaller party.
+  !> Error for a mixture of orientations, which names the elements of the minority.
   subroutine report_mixture(x, block, census, error)
+    !> Nodal coordinates (dimension, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
+    !> Elements (n_blocks).
     type(element_block_t), intent(in) :: block(:)
+    !> Numbers of elements by orientation.
     type(census_t), intent(in) :: census
+    !> Always set.
     type(error_t), allocatable, intent(out) :: error
-    real(dp), allocatable :: least(:), most(:)
+    real(dp), allocatable :: smallest(:), largest(:)
     character(:), allocatable :: tags, hint
-    logical :: down
+    logical :: negative
     integer :: b, e, n
-    down = census%n_down <= census%n_up
+    negative = census%n_negative <= census%n_positive
     n = 0
     tags = ''
     do b = 1, size(block)
-      call measure(x, block(b), least, most)
-      do e = 1, size(least)
-        if (down .neqv. most(e) < 0) cycle
+      call block_jacobians(x, block(b), smallest, largest)
+      do e = 1, size(smallest)
+        if (negative .neqv. largest(e) < 0) cycle
         n = n + 1
-        if (n <= most_listed) tags = tags//trim(merge(', ', '  ', n > 1))//' '//to_text(block(b)%tag(e))
+        if (n <= max_listed) tags = tags//trim(merge(', ', '  ', n > 1))//' '//to_text(block(b)%tag(e))
       end do
     end do
-    if (n > most_listed) tags = tags//', ...'
+    if (n > max_listed) tags = tags//', ...'
     hint = ''
-    if (size(x, 1) == 2) hint = ' (gmsh turns surfaces with `ReverseMesh Surface {...};`)'
-    call set_error(error, to_text(n)//' of '//to_text(census%n_up + census%n_down)//' elements are inverted against ' &
-      //'the others (their volumes have the other sign):'//tags//hint, exit_not_solvable)
+    if (size(x, 1) == 2) hint = ' (gmsh reverses surfaces with `ReverseMesh Surface {...};`)'
+    call set_error(error, to_text(n)//' of '//to_text(census%n_positive + census%n_negative)// &
+                   ' elements are inverted against the others (their volumes have the other sign):'//tags//hint, &
+                   exit_not_solvable)
   end subroutine report_mixture
 
-  !> A number and a noun.
+  !> A number and a noun, in the plural where needed.
   pure function counted(n, noun) result(text)
+    !> Number.
     integer, intent(in) :: n
+    !> Noun in the singular.
     character(*), intent(in) :: noun
+    !> Text.
     character(:), allocatable :: text
     text = to_text(n)//' '//noun
     if (n /= 1) text = text//'s'
   end function counted
 
-  !> Coordinates for messages.
-  pure function place_text(x) result(text)
+  !> Coordinates, for messages.
+  pure function position_text(x) result(text)
+    !> Coordinates (dimension) [length].
     real(dp), intent(in) :: x(:)
+    !> Text.
     character(:), allocatable :: text
     integer :: k
     text = '('//to_text(x(1))
@@ -263,5 +300,5 @@ contains
       text = text//', '//to_text(x(k))
     end do
     text = text//')'
-  end function place_text
+  end function position_text
 end module dotyk_mesh_mesh_check

@@ -1,28 +1,34 @@
-!> Elements of order two in the place of linear ones, on the same straight edges: for materials in which linear triangles, tetrahedra
-!> and prisms lock.
+!> Order elevation: quadratic elements in place of linear ones, on the same straight edges, for materials in which
+!> linear triangles, tetrahedra and prisms lock.
 !>
-!> New nodes lie where the linear element has them: in the middle of edges, of quadrilateral faces, of quadrilaterals and hexahedra. Elements
-!> share those of a common edge or face, so that a mesh of several kinds stays without gaps. Elements keep their order and tags, nodes their
-!> numbers; new ones come after them.
+!> New nodes lie at the centres of edges, of quadrilateral faces, of quadrilaterals and of hexahedra. Elements share the
+!> nodes of common edges and faces, so that a mesh of several kinds stays conforming. Elements keep their order and
+!> tags, nodes their numbers; new nodes follow the old ones.
 module dotyk_mesh_order_elevation
   use dotyk_base_kinds, only: dp, int64
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_corner_table, only: corner_table_t
-  use dotyk_mesh_element, only: element_hex8, element_hex27, element_kind, element_kind_t, element_prism18, element_prism6, &
-    element_quad4, element_quad9, element_tet10, element_tet4, element_tri3, element_tri6, reference_nodes, shape_functions
+  use dotyk_mesh_element, only: element_hex8, element_hex27, element_kind, element_kind_t, element_prism18, &
+    element_prism6, element_quad4, element_quad9, element_tet10, element_tet4, element_tri3, element_tri6, &
+    reference_nodes, shape_functions
   use dotyk_mesh_mesh, only: element_block_t
   implicit none
   private
   public :: has_linear_simplices, elevate_order
 
-  !> Linear kinds, and what they become.
+  !> Linear kinds, and the quadratic kinds that replace them.
   integer, parameter :: linear(5) = [element_tri3, element_quad4, element_tet4, element_hex8, element_prism6]
   integer, parameter :: quadratic(5) = [element_tri6, element_quad9, element_tet10, element_hex27, element_prism18]
+
+  !> A linear shape function is positive at a node between corners where it exceeds this; its values are 1/2, 1/4 or
+  !> 1/8.
+  real(dp), parameter :: shape_tolerance = 0.01_dp
 
 contains
 
   !> Whether a body has linear triangles, tetrahedra or prisms.
   pure logical function has_linear_simplices(mesh) result(has)
+    !> Mesh of the body.
     type(body_mesh_t), intent(in) :: mesh
     integer :: b
     has = .false.
@@ -31,28 +37,29 @@ contains
     end do
   end function has_linear_simplices
 
-  !> Make all elements of a body quadratic; those that are so already stay as they are.
+  !> Replace all linear elements of a body by quadratic ones; quadratic elements are unchanged.
   subroutine elevate_order(mesh)
+    !> Mesh of the body.
     type(body_mesh_t), intent(inout) :: mesh
     type(corner_table_t) :: table
     type(element_block_t), allocatable :: block(:)
-    integer :: b, place, n_old, n_centres, room
+    integer :: b, position, n_old, n_centres, max_new
     n_old = mesh%n_nodes()
-    room = 0
+    max_new = 0
     do b = 1, size(mesh%block)
-      place = findloc(linear, mesh%block(b)%kind, dim=1)
-      ! At most: most are shared.
-      if (place > 0) room = room + new_nodes(quadratic(place))*size(mesh%block(b)%tag)
+      position = findloc(linear, mesh%block(b)%kind, dim=1)
+      ! An upper limit: most new nodes are shared.
+      if (position > 0) max_new = max_new + new_nodes(quadratic(position))*size(mesh%block(b)%tag)
     end do
-    call table%init(4, room)
+    call table%init(4, max_new)
     allocate (block(size(mesh%block)))
     n_centres = 0
     do b = 1, size(mesh%block)
       block(b) = mesh%block(b)
-      place = findloc(linear, mesh%block(b)%kind, dim=1)
-      if (place == 0) cycle
-      block(b)%kind = quadratic(place)
-      call number_new_nodes(mesh%block(b)%node, quadratic(place), n_old, table, n_centres, block(b)%node)
+      position = findloc(linear, mesh%block(b)%kind, dim=1)
+      if (position == 0) cycle
+      block(b)%kind = quadratic(position)
+      call number_new_nodes(mesh%block(b)%node, quadratic(position), n_old, table, n_centres, block(b)%node)
     end do
     call number_centres(n_old + table%n, block)
     call place_nodes(mesh, n_old, table%n + n_centres, block)
@@ -62,6 +69,7 @@ contains
 
   !> Number of nodes of a kind that are not corners.
   pure integer function new_nodes(kind)
+    !> Element kind.
     integer, intent(in) :: kind
     type(element_kind_t) :: properties
     properties = element_kind(kind)
@@ -72,12 +80,13 @@ contains
   subroutine number_new_nodes(corner, kind, n_old, table, n_centres, node)
     !> Nodes of the linear elements (n_corners, n_elements).
     integer, intent(in) :: corner(:, :)
-    !> The kind that they become.
+    !> The quadratic kind.
     integer, intent(in) :: kind
-    !> Number of nodes of the body.
+    !> Number of nodes of the linear mesh.
     integer, intent(in) :: n_old
     !> New nodes by the corners between which they lie.
     type(corner_table_t), intent(inout) :: table
+    !> Number of centres of hexahedra so far.
     integer, intent(inout) :: n_centres
     !> Nodes of the quadratic elements (n_nodes, n_elements).
     integer, allocatable, intent(out) :: node(:, :)
@@ -100,11 +109,14 @@ contains
     end do
   end subroutine number_new_nodes
 
-  !> The corners between which each node of a kind lies.
+  !> Corners between which each node of a kind lies.
   subroutine list_corners(kind, between, count_of)
+    !> Element kind.
     integer, intent(in) :: kind
-    !> Local numbers (n_corners, n_nodes), and how many.
-    integer, allocatable, intent(out) :: between(:, :), count_of(:)
+    !> Local corner numbers; the first count_of(a) of node a are set (n_corners, n_nodes).
+    integer, allocatable, intent(out) :: between(:, :)
+    !> Number of these corners (n_nodes).
+    integer, allocatable, intent(out) :: count_of(:)
     type(element_kind_t) :: properties
     real(dp), allocatable :: xi(:, :), shape(:)
     integer :: a, c
@@ -115,16 +127,18 @@ contains
     do a = 1, properties%n_nodes
       call shape_functions(properties%corner_kind, xi(:, a), shape)
       do c = 1, properties%n_corners
-        if (.not. shape(c) > 0.01_dp) cycle
+        if (.not. shape(c) > shape_tolerance) cycle
         count_of(a) = count_of(a) + 1
         between(count_of(a), a) = c
       end do
     end do
   end subroutine list_corners
 
-  !> Centres of hexahedra come after all other nodes.
+  !> Number the centres of hexahedra after all other nodes.
   pure subroutine number_centres(n_before, block)
+    !> Number of other nodes.
     integer, intent(in) :: n_before
+    !> Elements (n_blocks); negative node numbers are replaced.
     type(element_block_t), intent(inout) :: block(:)
     integer :: b
     do b = 1, size(block)
@@ -134,9 +148,13 @@ contains
 
   !> Coordinates and tags of the new nodes.
   subroutine place_nodes(mesh, n_old, n_new, block)
+    !> Mesh of the body; the new nodes are appended.
     type(body_mesh_t), intent(inout) :: mesh
-    integer, intent(in) :: n_old, n_new
-    !> The new elements.
+    !> Number of old nodes.
+    integer, intent(in) :: n_old
+    !> Number of new nodes.
+    integer, intent(in) :: n_new
+    !> Quadratic elements (n_blocks).
     type(element_block_t), intent(in) :: block(:)
     integer(int64), allocatable :: tag(:)
     integer, allocatable :: between(:, :), count_of(:)
@@ -145,7 +163,7 @@ contains
     allocate (x(mesh%dimension, n_old + n_new), tag(n_old + n_new))
     x(:, :n_old) = mesh%x
     tag(:n_old) = mesh%node_tag
-    ! Tags that no other node of the body has.
+    ! Tags above those of all nodes of the body.
     tag(n_old + 1:) = [(maxval(mesh%node_tag) + i, i=1, n_new)]
     do b = 1, size(block)
       call list_corners(block(b)%kind, between, count_of)

@@ -10,10 +10,11 @@ contains
 
   !> Names of the groups of a dimension, each once, in the order of the file.
   pure subroutine group_names(mesh, dimension, names)
+    !> Mesh.
     type(mesh_t), intent(in) :: mesh
     !> 1 curves, 2 surfaces, 3 volumes.
     integer, intent(in) :: dimension
-    !> The names.
+    !> Names (n_names).
     type(text_t), allocatable, intent(out) :: names(:)
     logical :: chosen(size(mesh%group))
     integer :: i, j, n
@@ -34,9 +35,11 @@ contains
     end do
   end subroutine group_names
 
-  !> Which groups bear a name; more than one may.
+  !> Groups that bear a name; there may be several.
   pure function groups_named(mesh, name, dimension) result(chosen)
+    !> Mesh.
     type(mesh_t), intent(in) :: mesh
+    !> Name.
     character(*), intent(in) :: name
     !> 1 curves, 2 surfaces, 3 volumes.
     integer, intent(in) :: dimension
@@ -50,20 +53,22 @@ contains
 
   !> Message for a name that no group of the dimension bears.
   pure function unknown_group(mesh, name, dimension) result(message)
+    !> Mesh.
     type(mesh_t), intent(in) :: mesh
-    !> The name that was asked for.
+    !> Requested name.
     character(*), intent(in) :: name
     !> 1 curves, 2 surfaces, 3 volumes.
     integer, intent(in) :: dimension
+    !> Message.
     character(:), allocatable :: message
     type(text_t), allocatable :: names(:)
-    character(:), allocatable :: near, kind
+    character(:), allocatable :: suggestion, kind
     integer :: other
     kind = trim(kind_name(dimension))
     call group_names(mesh, dimension, names)
-    near = nearest_name(name, names)
+    suggestion = nearest_name(name, names)
     message = 'mesh '//quoted(mesh%file)//' has no physical '//kind//' '//quoted(name)
-    if (near /= '') message = message//' (did you mean '//quoted(near)//'?)'
+    if (suggestion /= '') message = message//' (did you mean '//quoted(suggestion)//'?)'
     if (size(names) > 0) then
       message = message//'; its physical '//kind//'s: '//names_text(names)
     else
@@ -76,9 +81,11 @@ contains
     end do
   end function unknown_group
 
-  !> Names in quotes, separated by commas; 'none' where there is none.
+  !> Quoted names, separated by commas; 'none' where there is none.
   pure function names_text(names) result(text)
+    !> Names (n_names).
     type(text_t), intent(in) :: names(:)
+    !> Text.
     character(:), allocatable :: text
     type(text_t) :: in_quotes(size(names))
     integer :: i
@@ -89,16 +96,19 @@ contains
     if (size(names) == 0) text = 'none'
   end function names_text
 
-  !> What gmsh calls a group of a dimension.
+  !> Name of gmsh for a group of a dimension.
   pure character(7) function kind_name(dimension)
+    !> 0 points, 1 curves, 2 surfaces, 3 volumes.
     integer, intent(in) :: dimension
     character(7), parameter :: names(0:3) = ['point  ', 'curve  ', 'surface', 'volume ']
     kind_name = names(dimension)
   end function kind_name
 
-  !> The same as a word of gmsh's language.
+  !> The same as a keyword of the gmsh language.
   pure function capital_name(dimension) result(name)
+    !> 0 points, 1 curves, 2 surfaces, 3 volumes.
     integer, intent(in) :: dimension
+    !> Keyword.
     character(:), allocatable :: name
     name = trim(kind_name(dimension))
     name(1:1) = achar(iachar(name(1:1)) - 32)

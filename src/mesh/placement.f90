@@ -1,17 +1,18 @@
-!> Where a body is placed: a rotation about the origin of its mesh, then a translation.
+!> Placement of a body: a rotation about the origin of its mesh, then a translation.
 module dotyk_mesh_placement
   use dotyk_base_kinds, only: dp
   use dotyk_mesh_facet, only: cross
   implicit none
   private
 
-  !> A rigid motion x -> rotation x + shift.
+  !> Rigid motion x -> rotation x + shift.
   type, public :: placement_t
-    !> (3, 3); in two dimensions about z.
-    real(dp) :: rotation(3, 3) = reshape([1.0_dp, 0.0_dp, 0.0_dp, 0.0_dp, 1.0_dp, 0.0_dp, 0.0_dp, 0.0_dp, 1.0_dp], [3, 3])
-    !> [length].
+    !> Rotation matrix; in two dimensions about z (3, 3) [].
+    real(dp) :: rotation(3, 3) = &
+      reshape([1.0_dp, 0.0_dp, 0.0_dp, 0.0_dp, 1.0_dp, 0.0_dp, 0.0_dp, 0.0_dp, 1.0_dp], [3, 3])
+    !> Translation (3) [length].
     real(dp) :: shift(3) = 0
-    !> Whether the rotation is none.
+    !> Whether the rotation differs from the identity.
     logical :: rotated = .false.
   contains
     procedure :: init => placement_init
@@ -20,14 +21,14 @@ module dotyk_mesh_placement
 
 contains
 
-  !> From what users say.
+  !> Set up from the input.
   subroutine placement_init(self, axis, angle, shift)
     class(placement_t), intent(out) :: self
-    !> Axis, of any length but 0.
+    !> Axis of rotation, of any length but 0 (3) [].
     real(dp), intent(in) :: axis(3)
-    !> [degrees].
+    !> Angle of rotation [degrees].
     real(dp), intent(in) :: angle
-    !> [length].
+    !> Translation (3) [length].
     real(dp), intent(in) :: shift(3)
     real(dp) :: unit(3), c, s, basis(3)
     integer :: k
@@ -45,24 +46,30 @@ contains
     end do
   end subroutine placement_init
 
-  !> Cosine and sine of an angle in degrees; exact for quarters of a turn, so that what lies along an axis does so after them.
+  !> Cosine and sine of an angle in degrees; exact for multiples of 90 degrees, so that axis-parallel lines stay
+  !> axis-parallel.
   pure subroutine cosine_and_sine(angle, c, s)
+    !> Angle [degrees].
     real(dp), intent(in) :: angle
-    real(dp), intent(out) :: c, s
-    real(dp), parameter :: degree = acos(-1.0_dp)/180, quarter_cosine(0:3) = [1, 0, -1, 0], quarter_sine(0:3) = [0, 1, 0, -1]
-    real(dp) :: reduced, rest
+    !> Cosine [].
+    real(dp), intent(out) :: c
+    !> Sine [].
+    real(dp), intent(out) :: s
+    real(dp), parameter :: degree = acos(-1.0_dp)/180
+    real(dp), parameter :: quarter_cosine(0:3) = [1, 0, -1, 0], quarter_sine(0:3) = [0, 1, 0, -1]
+    real(dp) :: reduced, remainder
     integer :: quarter
     reduced = modulo(angle, 360.0_dp)
     quarter = modulo(nint(reduced/90), 4)
-    rest = (reduced - 90*nint(reduced/90))*degree
-    c = quarter_cosine(quarter)*cos(rest) - quarter_sine(quarter)*sin(rest)
-    s = quarter_sine(quarter)*cos(rest) + quarter_cosine(quarter)*sin(rest)
+    remainder = (reduced - 90*nint(reduced/90))*degree
+    c = quarter_cosine(quarter)*cos(remainder) - quarter_sine(quarter)*sin(remainder)
+    s = quarter_sine(quarter)*cos(remainder) + quarter_cosine(quarter)*sin(remainder)
   end subroutine cosine_and_sine
 
-  !> Places of points.
+  !> Move points.
   pure subroutine placement_apply(self, x)
     class(placement_t), intent(in) :: self
-    !> (dimension, n) [length].
+    !> Positions (dimension, n) [length].
     real(dp), intent(inout) :: x(:, :)
     integer :: i, d
     d = size(x, 1)

@@ -25,7 +25,7 @@ module dotyk_mesh_prism
 
 contains
 
-  !> The table's entry of a prism.
+  !> Properties of a prism.
   pure function prism_kind(id) result(kind)
     !> `element_prism6`, `element_prism15` or `element_prism18`.
     integer, intent(in) :: id
@@ -61,16 +61,17 @@ contains
     kind%face_node(:n, :2) = triangle(:n, :)
     n = kind_nodes(kind%face_kind(3))
     kind%face_node(:n, 3:5) = quadrilateral(:n, :)
-    ! VTK's wedge is the other way round: the normal of its nodes 1 2 3 points away from 4 5 6. (Its parametric
+    ! The wedge of VTK is reversed: the normal of its nodes 1 2 3 points away from 4 5 6. (Its parametric
     ! coordinates say the opposite; its faces, volumes and documentation do not.)
     kind%vtk_order(:18) = [1, 3, 2, 4, 6, 5, 8, 10, 7, 14, 15, 13, 9, 12, 11, 17, 18, 16]
     kind%vtk_order(kind%n_nodes + 1:) = 0
   end function prism_kind
 
-  !> Coordinates of a node.
+  !> Reference coordinates of a node.
   pure function prism_node(i) result(xi)
-    !> Its number, 1..18.
+    !> Node number, 1..18.
     integer, intent(in) :: i
+    !> Reference coordinates (3) [].
     real(dp) :: xi(3)
     xi = [triangle_node(:, base(i)), real(height(i), dp)]
   end function prism_node
@@ -79,9 +80,9 @@ contains
   pure subroutine prism_values(n, xi, values)
     !> Number of nodes: 6, 15 or 18.
     integer, intent(in) :: n
-    !> Where to evaluate.
+    !> Reference coordinates (3) [].
     real(dp), intent(in) :: xi(3)
-    !> Values of the shape functions.
+    !> Values of the shape functions (n) [].
     real(dp), intent(out) :: values(n)
     real(dp) :: flat(6), line(-1:1), slope(-1:1), l(3), z
     integer :: i, b
@@ -114,9 +115,9 @@ contains
   pure subroutine prism_gradients(n, xi, gradients)
     !> Number of nodes: 6, 15 or 18.
     integer, intent(in) :: n
-    !> Where to evaluate.
+    !> Reference coordinates (3) [].
     real(dp), intent(in) :: xi(3)
-    !> Gradients of the shape functions.
+    !> Gradients of the shape functions (3, n) [].
     real(dp), intent(out) :: gradients(3, n)
     real(dp) :: flat(6), flat_slope(2, 6), line(-1:1), slope(-1:1)
     integer :: i, edges, order
@@ -137,9 +138,9 @@ contains
 
   !> Gradients of the shape functions of prism15.
   pure subroutine serendipity_gradients(xi, gradients)
-    !> Where to evaluate.
+    !> Reference coordinates (3) [].
     real(dp), intent(in) :: xi(3)
-    !> Gradients of the shape functions.
+    !> Gradients of the shape functions (3, 15) [].
     real(dp), intent(out) :: gradients(3, 15)
     real(dp) :: l(3), l_slope(2, 3), z
     integer :: i, b, p, q

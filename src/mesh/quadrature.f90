@@ -1,6 +1,6 @@
 !> Quadrature rules on the reference domains: positive weights, points inside, any degree.
 !>
-!> Lines, quadrilaterals and hexahedra: products of Gauss-Legendre rules, exact for the degree in each variable.
+!> Lines, quadrilaterals and hexahedra: tensor products of Gauss-Legendre rules, exact for the degree in each variable.
 !> Triangles and tetrahedra: symmetric rules where short ones are known, conical products of Gauss-Jacobi rules beyond,
 !> exact for the total degree. Prisms: triangle x line.
 module dotyk_mesh_quadrature
@@ -15,15 +15,15 @@ module dotyk_mesh_quadrature
 
 contains
 
-  !> The rule of least cost that is exact for a degree.
+  !> The rule with the fewest points that is exact for a degree.
   pure subroutine quadrature_rule(kind, degree, points, weights)
     !> Element kind.
     integer, intent(in) :: kind
     !> Polynomial degree that is integrated exactly: total on simplices, in each variable on products.
     integer, intent(in) :: degree
-    !> Reference coordinates, (dimension, n).
+    !> Reference coordinates (dimension, n) [].
     real(dp), allocatable, intent(out) :: points(:, :)
-    !> Weights (n); their sum is the measure of the reference domain.
+    !> Weights, whose sum is the measure of the reference domain (n) [].
     real(dp), allocatable, intent(out) :: weights(:)
     real(dp), allocatable :: flat(:, :), flat_weights(:)
     real(dp) :: x(degree/2 + 1), w(degree/2 + 1)
@@ -56,26 +56,28 @@ contains
     end select
   end subroutine quadrature_rule
 
-  !> Product of a rule on the line with itself; the first variable runs fastest.
+  !> Tensor product of a rule on the line with itself; the first variable runs fastest.
   pure subroutine product_rule(d, n, x, w, points, weights)
     !> Dimension.
     integer, intent(in) :: d
     !> Number of points of the rule on the line.
     integer, intent(in) :: n
-    !> Points and weights on the line.
-    real(dp), intent(in) :: x(n), w(n)
-    !> Points of the product, (d, n**d).
+    !> Points on the line (n) [].
+    real(dp), intent(in) :: x(n)
+    !> Weights on the line (n) [].
+    real(dp), intent(in) :: w(n)
+    !> Points of the product (d, n**d) [].
     real(dp), allocatable, intent(out) :: points(:, :)
-    !> Weights of the product (n**d).
+    !> Weights of the product (n**d) [].
     real(dp), allocatable, intent(out) :: weights(:)
-    integer :: i, k, place, digit
+    integer :: i, k, index, digit
     allocate (points(d, n**d), weights(n**d))
     do i = 1, n**d
-      place = i - 1
+      index = i - 1
       weights(i) = 1
       do k = 1, d
-        digit = mod(place, n) + 1
-        place = place/n
+        digit = mod(index, n) + 1
+        index = index/n
         points(k, i) = x(digit)
         weights(i) = weights(i)*w(digit)
       end do

@@ -15,7 +15,7 @@ module dotyk_mesh_quadrilateral
 
 contains
 
-  !> The table's entry of a quadrilateral.
+  !> Properties of a quadrilateral.
   pure function quadrilateral_kind(id) result(kind)
     !> `element_quad4`, `element_quad8` or `element_quad9`.
     integer, intent(in) :: id

@@ -1,7 +1,7 @@
-!> Shape functions on the unit simplex: what triangles and tetrahedra share.
+!> Shape functions on the unit simplex: common to triangles and tetrahedra.
 !>
-!> Barycentric coordinates L_1 = 1 - sum(xi), L_(k+1) = xi_k. Quadratic functions are L (2 L - 1) at corners and
-!> 4 L_i L_j in the middle of the edge i-j.
+!> Barycentric coordinates L_1 = 1 - sum(xi), L_(k+1) = xi_k. Quadratic functions are L (2 L - 1) at corners and 4 L_i
+!> L_j at the middle of the edge i-j.
 module dotyk_mesh_simplex
   use dotyk_base_kinds, only: dp
   implicit none
@@ -16,11 +16,11 @@ contains
     integer, intent(in) :: d
     !> Number of edges that have a node: none for linear functions.
     integer, intent(in) :: n_edges
-    !> Corners of each edge.
+    !> Corners of each edge (2, n_edges).
     integer, intent(in) :: edge(2, n_edges)
-    !> Where to evaluate.
+    !> Reference coordinates (d) [].
     real(dp), intent(in) :: xi(d)
-    !> Values of the shape functions.
+    !> Values of the shape functions (d+1+n_edges) [].
     real(dp), intent(out) :: values(d + 1 + n_edges)
     real(dp) :: l(d + 1)
     integer :: i
@@ -42,11 +42,11 @@ contains
     integer, intent(in) :: d
     !> Number of edges that have a node: none for linear functions.
     integer, intent(in) :: n_edges
-    !> Corners of each edge.
+    !> Corners of each edge (2, n_edges).
     integer, intent(in) :: edge(2, n_edges)
-    !> Where to evaluate.
+    !> Reference coordinates (d) [].
     real(dp), intent(in) :: xi(d)
-    !> Gradients of the shape functions.
+    !> Gradients of the shape functions (d, d+1+n_edges) [].
     real(dp), intent(out) :: gradients(d, d + 1 + n_edges)
     real(dp) :: l(d + 1), slope(d, d + 1)
     integer :: i

@@ -1,9 +1,10 @@
-!> Quadrature on the unit triangle and the unit tetrahedron: total degree, positive weights, points inside.
+!> Quadrature on the unit triangle and the unit tetrahedron: exact for the total degree, positive weights, points
+!> inside.
 !>
 !> Symmetric rules are written as orbits of one point in barycentric coordinates under the permutations of the corners.
-!> Sources: triangle, Radon (degree 5), Strang and Fix, Dunavant 1985 (4, 6, 8); tetrahedron, Walkington 2000 (5),
-!> Keast 1986 (6), and for degree 3 the rule of 8 points of Felippa 2004. Their numbers were refined to 20 digits by
-!> Newton's method on the moment equations.
+!> Sources: triangle, Radon (degree 5), Strang and Fix, Dunavant 1985 (4, 6, 8); tetrahedron, Walkington 2000 (5), Keast
+!> 1986 (6), and for degree 3 the rule of 8 points of Felippa 2004. Their numbers were refined to 20 digits by Newton's
+!> method on the moment equations.
 module dotyk_mesh_simplex_rule
   use dotyk_base_kinds, only: dp
   use dotyk_mesh_gauss, only: gauss_jacobi
@@ -11,18 +12,18 @@ module dotyk_mesh_simplex_rule
   private
   public :: triangle_rule, tetrahedron_rule
 
-  !> A third and a quarter: the centres.
+  !> Barycentric coordinates of the centres.
   real(dp), parameter :: third = 1/3.0_dp, quarter = 0.25_dp
 
 contains
 
-  !> Rule on the unit triangle; weights add up to 1/2.
+  !> Rule on the unit triangle; the sum of the weights is 1/2.
   pure subroutine triangle_rule(degree, points, weights)
     !> Total degree.
     integer, intent(in) :: degree
-    !> Points (2, n).
+    !> Points (2, n) [].
     real(dp), allocatable, intent(out) :: points(:, :)
-    !> Weights (n).
+    !> Weights (n) [].
     real(dp), allocatable, intent(out) :: weights(:)
     real(dp) :: r
     allocate (points(2, 0), weights(0))
@@ -58,13 +59,13 @@ contains
     weights = weights/2
   end subroutine triangle_rule
 
-  !> Rule on the unit tetrahedron; weights add up to 1/6.
+  !> Rule on the unit tetrahedron; the sum of the weights is 1/6.
   pure subroutine tetrahedron_rule(degree, points, weights)
     !> Total degree.
     integer, intent(in) :: degree
-    !> Points (3, n).
+    !> Points (3, n) [].
     real(dp), allocatable, intent(out) :: points(:, :)
-    !> Weights (n).
+    !> Weights (n) [].
     real(dp), allocatable, intent(out) :: weights(:)
     real(dp) :: a, b, r
     allocate (points(3, 0), weights(0))
@@ -97,28 +98,34 @@ contains
     weights = weights/6
   end subroutine tetrahedron_rule
 
-  !> Orbit of the point on a median with all barycentric coordinates a but one.
+  !> Add the orbit of a point on a median, with the barycentric coordinates a, ..., a and the remainder.
   pure subroutine add_opposite(a, weight, points, weights)
-    !> The coordinate.
+    !> Repeated coordinate [].
     real(dp), intent(in) :: a
-    !> Weight of each point.
+    !> Weight of each point [].
     real(dp), intent(in) :: weight
-    !> Points and weights so far.
-    real(dp), allocatable, intent(inout) :: points(:, :), weights(:)
+    !> Points so far, extended on return (d, n) [].
+    real(dp), allocatable, intent(inout) :: points(:, :)
+    !> Weights so far, extended on return (n) [].
+    real(dp), allocatable, intent(inout) :: weights(:)
     real(dp) :: bary(size(points, 1) + 1)
     bary = a
     bary(1) = 1 - size(points, 1)*a
     call add_orbit(bary, weight, points, weights)
   end subroutine add_opposite
 
-  !> Orbit of the point with the barycentric coordinates a, ..., a, b and the rest.
+  !> Add the orbit of a point with the barycentric coordinates a, ..., a, b and the remainder.
   pure subroutine add_general(a, b, weight, points, weights)
-    !> The coordinates.
-    real(dp), intent(in) :: a, b
-    !> Weight of each point.
+    !> Repeated coordinate [].
+    real(dp), intent(in) :: a
+    !> Single coordinate [].
+    real(dp), intent(in) :: b
+    !> Weight of each point [].
     real(dp), intent(in) :: weight
-    !> Points and weights so far.
-    real(dp), allocatable, intent(inout) :: points(:, :), weights(:)
+    !> Points so far, extended on return (d, n) [].
+    real(dp), allocatable, intent(inout) :: points(:, :)
+    !> Weights so far, extended on return (n) [].
+    real(dp), allocatable, intent(inout) :: weights(:)
     real(dp) :: bary(size(points, 1) + 1)
     bary = a
     bary(1) = 1 - b - (size(points, 1) - 1)*a
@@ -126,14 +133,16 @@ contains
     call add_orbit(bary, weight, points, weights)
   end subroutine add_general
 
-  !> Add all the different permutations of a point. Its equal coordinates are equal to the bit.
+  !> Add all distinct permutations of a point. Its equal coordinates are equal to the bit.
   pure subroutine add_orbit(bary, weight, points, weights)
-    !> Barycentric coordinates of one point.
+    !> Barycentric coordinates of one point (d+1) [].
     real(dp), intent(in) :: bary(:)
-    !> Weight of each point.
+    !> Weight of each point [].
     real(dp), intent(in) :: weight
-    !> Points and weights so far.
-    real(dp), allocatable, intent(inout) :: points(:, :), weights(:)
+    !> Points so far, extended on return (d, n) [].
+    real(dp), allocatable, intent(inout) :: points(:, :)
+    !> Weights so far, extended on return (n) [].
+    real(dp), allocatable, intent(inout) :: weights(:)
     real(dp) :: permuted(size(bary)), orbit(size(bary), 24)
     integer :: order(size(bary)), n, d, code, digit, i, k
     d = size(bary)
@@ -161,25 +170,25 @@ contains
     integer, intent(in) :: d
     !> Number of points on the line.
     integer, intent(in) :: n
-    !> Points (d, n**d).
+    !> Points (d, n**d) [].
     real(dp), allocatable, intent(out) :: points(:, :)
-    !> Weights (n**d).
+    !> Weights (n**d) [].
     real(dp), allocatable, intent(out) :: weights(:)
-    real(dp) :: x(n, d), w(n, d), rest
-    integer :: i, k, place, digit
+    real(dp) :: x(n, d), w(n, d), remainder
+    integer :: i, k, index, digit
     do k = 1, d
       call gauss_jacobi(n, d - k, x(:, k), w(:, k))
     end do
     allocate (points(d, n**d), weights(n**d))
     do i = 1, n**d
-      place = i - 1
-      rest = 1
+      index = i - 1
+      remainder = 1
       weights(i) = 1
       do k = 1, d
-        digit = mod(place, n) + 1
-        place = place/n
-        points(k, i) = rest*x(digit, k)
-        rest = rest*(1 - x(digit, k))
+        digit = mod(index, n) + 1
+        index = index/n
+        points(k, i) = remainder*x(digit, k)
+        remainder = remainder*(1 - x(digit, k))
         weights(i) = weights(i)*w(digit, k)
       end do
     end do

@@ -1,7 +1,7 @@
 !> Surfaces of a body: the boundary faces of its elements that a physical group names.
 !>
-!> A name may be shared by bodies: the body's own faces are meant. Facets take their nodes from the face table of the
-!> parent element, so that their normals point out of the body whatever the file says.
+!> Bodies may share a group name, which then stands for the faces of each body. Facets take their nodes from the face
+!> table of the parent element, so that their normals point out of the body whatever the orientation in the file.
 module dotyk_mesh_surface
   use dotyk_base_kinds, only: int64
   use dotyk_base_error, only: error_t, set_error
@@ -24,32 +24,37 @@ module dotyk_mesh_surface
     integer :: n_facets = 0
     !> Element kind of each facet (n_facets).
     integer, allocatable :: kind(:)
-    !> Nodes of each facet, numbers of the body, 0 padded, oriented outward (max_facet_nodes, n_facets).
+    !> Nodes of each facet, body-local numbers, padded with 0, oriented outward (max_facet_nodes, n_facets).
     integer, allocatable :: node(:, :)
-    !> Parent element of each facet: block of the body's mesh and number in it (n_facets).
-    integer, allocatable :: block(:), element(:)
+    !> Block of the body mesh to which the parent element of each facet belongs (n_facets).
+    integer, allocatable :: block(:)
+    !> Number of the parent element in its block (n_facets).
+    integer, allocatable :: element(:)
     !> Element tag of each facet in the file (n_facets).
     integer(int64), allocatable :: tag(:)
-    !> Facets are quadratic in displacements only: the nodes between the corners lie on straight edges because nobody drew them.
+    !> The facets were linear in the file: mid-side nodes lie on straight edges and carry no information about the
+    !> shape.
     logical :: order_elevated = .false.
   end type surface_t
 
   public :: extract_surface, surface_nodes, surface_names
 
-  !> Most corners of a facet.
-  integer, parameter :: most_corners = 4
+  !> Greatest number of corners of a facet.
+  integer, parameter :: max_corners = 4
 
 contains
 
-  !> The facets of a body that a name means.
+  !> Facets of a body that a name stands for.
   subroutine extract_surface(mesh, body_mesh, surface_name, surface, error)
-    !> The mesh that the body was taken from.
+    !> Mesh from which the body was extracted.
     type(mesh_t), intent(in) :: mesh
+    !> Mesh of the body.
     type(body_mesh_t), intent(in) :: body_mesh
     !> Name of the physical groups.
     character(*), intent(in) :: surface_name
     !> Facets in the order of the file.
     type(surface_t), intent(out) :: surface
+    !> Set for an unknown name, a group without facets on the body, and facets inside the body.
     type(error_t), allocatable, intent(out) :: error
     logical :: wanted(size(mesh%group))
     type(corner_table_t) :: table
@@ -72,7 +77,7 @@ contains
           //to_text(tag(inner))//')')
         return
       end if
-      call keep(surface, tag, parents == 1)
+      call keep_facets(surface, tag, parents == 1)
       if (surface%n_facets > 0) return
       message = 'mesh '//quoted(mesh%file)//': '//quoted(surface_name)//' has no facet on this body'
     else
@@ -84,17 +89,19 @@ contains
 
   !> Collect the facets of some groups whose corners are all nodes of the body, each once.
   subroutine gather_facets(mesh, body_mesh, wanted, table, tag)
+    !> Mesh.
     type(mesh_t), intent(in) :: mesh
+    !> Mesh of the body.
     type(body_mesh_t), intent(in) :: body_mesh
-    !> Which groups (n_groups).
+    !> Groups to collect (n_groups).
     logical, intent(in) :: wanted(:)
-    !> Facets by their corners, numbers of the body.
+    !> Facets by their corners, body-local numbers.
     type(corner_table_t), intent(out) :: table
-    !> Element tags of the facets.
+    !> Element tags of the facets (table%n).
     integer(int64), allocatable, intent(out) :: tag(:)
     integer, allocatable :: number(:)
     type(element_kind_t) :: kind
-    integer :: b, e, i, n, entry, corner(most_corners)
+    integer :: b, e, i, n, entry, corner(max_corners)
     allocate (number(size(mesh%x, 2)))
     number = 0
     number(body_mesh%mesh_node) = [(i, i=1, size(body_mesh%mesh_node))]
@@ -102,7 +109,7 @@ contains
     do b = 1, size(mesh%block)
       if (any(wanted(mesh%block(b)%group))) n = n + size(mesh%block(b)%tag)
     end do
-    call table%init(most_corners, n)
+    call table%init(max_corners, n)
     allocate (tag(n))
     do b = 1, size(mesh%block)
       if (.not. any(wanted(mesh%block(b)%group))) cycle
@@ -119,13 +126,15 @@ contains
     tag = tag(:table%n)
   end subroutine gather_facets
 
-  !> Find the elements' faces that the facets of a table are; count how many each facet has.
+  !> Find the element faces that coincide with the facets of a table, and count the parents of each facet.
   subroutine find_parents(body_mesh, table, surface, parents)
+    !> Mesh of the body.
     type(body_mesh_t), intent(in) :: body_mesh
+    !> Facets by their corners.
     type(corner_table_t), intent(in) :: table
-    !> Gets one facet for each entry of the table; those without a parent are left at 0.
+    !> Surface; it gets one facet for each entry of the table, 0 for those without a parent.
     type(surface_t), intent(inout) :: surface
-    !> Number of elements that have each facet (n_facets).
+    !> Number of parent elements of each facet (n_facets).
     integer, allocatable, intent(out) :: parents(:)
     logical, allocatable :: touched(:)
     type(element_kind_t) :: kind
@@ -168,11 +177,12 @@ contains
   end subroutine find_parents
 
   !> Keep some facets.
-  subroutine keep(surface, tag, kept)
+  subroutine keep_facets(surface, tag, kept)
+    !> Surface.
     type(surface_t), intent(inout) :: surface
-    !> Element tags of all facets.
+    !> Element tags of all facets (number of facets before).
     integer(int64), intent(in) :: tag(:)
-    !> Which to keep.
+    !> Facets to keep (number of facets before).
     logical, intent(in) :: kept(:)
     integer, allocatable :: chosen(:)
     integer :: i
@@ -183,12 +193,13 @@ contains
     surface%block = surface%block(chosen)
     surface%element = surface%element(chosen)
     surface%tag = tag(chosen)
-  end subroutine keep
+  end subroutine keep_facets
 
-  !> The body's nodes that lie on a surface, ascending, each once.
+  !> Nodes of the body on a surface, ascending, each once.
   pure subroutine surface_nodes(surface, nodes)
+    !> Surface.
     type(surface_t), intent(in) :: surface
-    !> Numbers of the body.
+    !> Body-local node numbers (n).
     integer, allocatable, intent(out) :: nodes(:)
     logical, allocatable :: on_surface(:)
     integer :: i
@@ -202,9 +213,11 @@ contains
 
   !> Names of the physical groups that have a facet on a body.
   subroutine surface_names(mesh, body_mesh, names)
+    !> Mesh from which the body was extracted.
     type(mesh_t), intent(in) :: mesh
+    !> Mesh of the body.
     type(body_mesh_t), intent(in) :: body_mesh
-    !> The names.
+    !> Names (n_names).
     type(text_t), allocatable, intent(out) :: names(:)
     type(text_t), allocatable :: all_names(:)
     logical, allocatable :: found(:), in_body(:)
@@ -225,12 +238,13 @@ contains
     end do
   end subroutine surface_names
 
-  !> Whether an element of some groups has all its nodes among some nodes.
+  !> Whether some element of some groups has all its nodes in the body.
   pure logical function touches(mesh, wanted, in_body)
+    !> Mesh.
     type(mesh_t), intent(in) :: mesh
-    !> Which groups (n_groups).
+    !> Groups (n_groups).
     logical, intent(in) :: wanted(:)
-    !> Which nodes (n_nodes).
+    !> Nodes of the body (n_nodes of the mesh).
     logical, intent(in) :: in_body(:)
     integer :: b, e
     touches = .false.

@@ -1,18 +1,20 @@
-!> From the tags of a file, which may have gaps, to indices 1..n.
+!> Map from the tags of a file, which may have gaps, to indices 1..n.
 module dotyk_mesh_tag_map
   use dotyk_base_kinds, only: dp, int64
   implicit none
   private
 
-  !> A table over the range of the tags where they are compact, a hash table otherwise.
+  !> Direct table over the range of the tags if they are compact, a hash table otherwise.
   type, public :: tag_map_t
-    !> Whether `index` is a table over the range; otherwise it belongs to the hash table `key`.
+    !> Whether `index` is a direct table; otherwise it belongs to the hash table `key`.
     logical :: compact = .true.
-    !> Least and largest tag.
-    integer(int64) :: first = 0, last = -1
-    !> Tags by hash slot (0:n_slots-1), a power of two; meaningful where `index` is not 0.
+    !> Smallest tag.
+    integer(int64) :: first = 0
+    !> Largest tag.
+    integer(int64) :: last = -1
+    !> Tags by hash slot (0:n_slots-1), n_slots a power of two; set where `index` is not 0.
     integer(int64), allocatable :: key(:)
-    !> Index of the tag, or 0 (0:).
+    !> Index of the tag in each slot, or 0 (0:).
     integer, allocatable :: index(:)
   contains
     procedure :: init => tag_map_init
@@ -21,17 +23,17 @@ module dotyk_mesh_tag_map
 
 contains
 
-  !> Take in tags; tag(i) gets the index i.
-  pure subroutine tag_map_init(self, tag, twice)
+  !> Set up from tags; tag(i) gets the index i.
+  pure subroutine tag_map_init(self, tag, repeated)
     class(tag_map_t), intent(inout) :: self
     !> Tags (n).
     integer(int64), intent(in) :: tag(:)
-    !> Index of the first tag that occurred before, or 0; the map is of no use then.
-    integer, intent(out) :: twice
+    !> Index of the first tag that occurred before, or 0; the map is not usable then.
+    integer, intent(out) :: repeated
     integer(int64) :: n_slots, slot
     real(dp) :: range
     integer :: i, n
-    twice = 0
+    repeated = 0
     n = size(tag)
     if (allocated(self%key)) deallocate (self%key)
     if (allocated(self%index)) deallocate (self%index)
@@ -52,7 +54,7 @@ contains
       do i = 1, n
         slot = tag(i) - self%first
         if (self%index(slot) /= 0) then
-          twice = i
+          repeated = i
           return
         end if
         self%index(slot) = i
@@ -67,7 +69,7 @@ contains
       do i = 1, n
         slot = slot_of(self%key, self%index, n_slots, tag(i))
         if (self%index(slot) /= 0) then
-          twice = i
+          repeated = i
           return
         end if
         self%key(slot) = tag(i)
@@ -76,9 +78,10 @@ contains
     end if
   end subroutine tag_map_init
 
-  !> The index of a tag, 0 where it is unknown.
+  !> Index of a tag, 0 if it is unknown.
   pure integer function tag_map_find(self, tag) result(index)
     class(tag_map_t), intent(in) :: self
+    !> Tag.
     integer(int64), intent(in) :: tag
     integer(int64) :: slot
     index = 0
@@ -91,11 +94,15 @@ contains
     index = self%index(slot)
   end function tag_map_find
 
-  !> The slot that holds a tag, or the free one where it belongs (open addressing).
+  !> Slot that holds a tag, or the free slot where it belongs (open addressing).
   pure integer(int64) function slot_of(key, index, n_slots, tag) result(slot)
+    !> Number of slots, a power of two.
     integer(int64), intent(in) :: n_slots
+    !> Tags by slot (0:n_slots-1).
     integer(int64), intent(in) :: key(0:n_slots - 1)
+    !> Index by slot, 0 where free (0:n_slots-1).
     integer, intent(in) :: index(0:n_slots - 1)
+    !> Tag.
     integer(int64), intent(in) :: tag
     !> 31 bits of the golden ratio: the product of two such numbers does not overflow.
     integer(int64), parameter :: factor = 1327217885_int64, low_bits = 2_int64**31 - 1

@@ -1,7 +1,7 @@
-!> Shape functions on [-1,1]^d, from the coordinates of their nodes: what lines, quadrilaterals and hexahedra share.
+!> Shape functions on [-1,1]^d, from the coordinates of the nodes: common to lines, quadrilaterals and hexahedra.
 !>
-!> Nodes have integer coordinates -1, 0, 1. Two families: products of Lagrange polynomials of one variable, and the
-!> quadratic serendipity functions (corners and middles of edges only).
+!> Nodes have integer coordinates -1, 0, 1. Two families: tensor products of Lagrange polynomials, and the quadratic
+!> serendipity functions (nodes at corners and mid-sides only).
 module dotyk_mesh_tensor_product
   use dotyk_base_kinds, only: dp
   implicit none
@@ -10,15 +10,15 @@ module dotyk_mesh_tensor_product
 
 contains
 
-  !> Lagrange polynomials of one variable and their derivatives; the index is the node's coordinate.
+  !> Lagrange polynomials of one variable and their derivatives; the index is the coordinate of the node.
   pure subroutine lagrange_line(order, x, value, derivative)
     !> Order, 1 (nodes -1 and 1; entry 0 is zero) or 2.
     integer, intent(in) :: order
-    !> Coordinate in [-1,1].
+    !> Coordinate in [-1,1] [].
     real(dp), intent(in) :: x
-    !> Values.
+    !> Values (-1:1) [].
     real(dp), intent(out) :: value(-1:1)
-    !> Derivatives.
+    !> Derivatives (-1:1) [].
     real(dp), intent(out) :: derivative(-1:1)
     if (order == 1) then
       value = [0.5_dp*(1 - x), 0.0_dp, 0.5_dp*(1 + x)]
@@ -29,17 +29,19 @@ contains
     end if
   end subroutine lagrange_line
 
-  !> Products of Lagrange polynomials.
+  !> Tensor products of Lagrange polynomials.
   pure subroutine lagrange_values(order, d, n, node, xi, values)
     !> Order of the polynomials, 1 or 2.
     integer, intent(in) :: order
-    !> Dimension and number of nodes.
-    integer, intent(in) :: d, n
-    !> Coordinates of the nodes.
+    !> Dimension.
+    integer, intent(in) :: d
+    !> Number of nodes.
+    integer, intent(in) :: n
+    !> Coordinates of the nodes (d, n).
     integer, intent(in) :: node(d, n)
-    !> Where to evaluate.
+    !> Reference coordinates (d) [].
     real(dp), intent(in) :: xi(d)
-    !> Values of the shape functions.
+    !> Values of the shape functions (n) [].
     real(dp), intent(out) :: values(n)
     real(dp) :: value(-1:1), derivative(-1:1)
     integer :: k
@@ -50,17 +52,19 @@ contains
     end do
   end subroutine lagrange_values
 
-  !> Gradients of products of Lagrange polynomials.
+  !> Gradients of tensor products of Lagrange polynomials.
   pure subroutine lagrange_gradients(order, d, n, node, xi, gradients)
     !> Order of the polynomials, 1 or 2.
     integer, intent(in) :: order
-    !> Dimension and number of nodes.
-    integer, intent(in) :: d, n
-    !> Coordinates of the nodes.
+    !> Dimension.
+    integer, intent(in) :: d
+    !> Number of nodes.
+    integer, intent(in) :: n
+    !> Coordinates of the nodes (d, n).
     integer, intent(in) :: node(d, n)
-    !> Where to evaluate.
+    !> Reference coordinates (d) [].
     real(dp), intent(in) :: xi(d)
-    !> Gradients of the shape functions.
+    !> Gradients of the shape functions (d, n) [].
     real(dp), intent(out) :: gradients(d, n)
     real(dp) :: value(-1:1), derivative(-1:1)
     integer :: k, j
@@ -79,13 +83,15 @@ contains
 
   !> Quadratic serendipity functions.
   pure subroutine serendipity_values(d, n, node, xi, values)
-    !> Dimension (2 or 3) and number of nodes.
-    integer, intent(in) :: d, n
-    !> Coordinates of the nodes: corners, then middles of edges.
+    !> Dimension, 2 or 3.
+    integer, intent(in) :: d
+    !> Number of nodes.
+    integer, intent(in) :: n
+    !> Coordinates of the nodes: corners, then mid-sides (d, n).
     integer, intent(in) :: node(d, n)
-    !> Where to evaluate.
+    !> Reference coordinates (d) [].
     real(dp), intent(in) :: xi(d)
-    !> Values of the shape functions.
+    !> Values of the shape functions (n) [].
     real(dp), intent(out) :: values(n)
     real(dp) :: factor, total
     integer :: i, k
@@ -107,13 +113,15 @@ contains
 
   !> Gradients of the quadratic serendipity functions.
   pure subroutine serendipity_gradients(d, n, node, xi, gradients)
-    !> Dimension (2 or 3) and number of nodes.
-    integer, intent(in) :: d, n
-    !> Coordinates of the nodes: corners, then middles of edges.
+    !> Dimension, 2 or 3.
+    integer, intent(in) :: d
+    !> Number of nodes.
+    integer, intent(in) :: n
+    !> Coordinates of the nodes: corners, then mid-sides (d, n).
     integer, intent(in) :: node(d, n)
-    !> Where to evaluate.
+    !> Reference coordinates (d) [].
     real(dp), intent(in) :: xi(d)
-    !> Gradients of the shape functions.
+    !> Gradients of the shape functions (d, n) [].
     real(dp), intent(out) :: gradients(d, n)
     real(dp) :: others
     integer :: i, j, k

@@ -6,7 +6,7 @@ module dotyk_mesh_tetrahedron
   private
   public :: tetrahedron_kind
 
-  !> Corners of the edges, in the order of the nodes in their middles; VTK has the last two the other way round.
+  !> Corners of the edges, in the order of the mid-side nodes; in VTK the last two are exchanged.
   integer, parameter, public :: tetrahedron_edge(2, 6) = reshape([1, 2, 2, 3, 3, 1, 4, 1, 4, 3, 4, 2], [2, 6])
   !> Twice the coordinates of the nodes.
   integer, parameter :: twice(3, 10) = reshape([ &
@@ -23,7 +23,7 @@ module dotyk_mesh_tetrahedron
 
 contains
 
-  !> The table's entry of a tetrahedron.
+  !> Properties of a tetrahedron.
   pure function tetrahedron_kind(id) result(kind)
     !> `element_tet4` or `element_tet10`.
     integer, intent(in) :: id

@@ -7,7 +7,7 @@ module dotyk_mesh_triangle
   private
   public :: triangle_kind
 
-  !> Corners of the edges, in the order of the nodes in their middles.
+  !> Corners of the edges, in the order of the mid-side nodes.
   integer, parameter, public :: triangle_edge(2, 3) = reshape([1, 2, 2, 3, 3, 1], [2, 3])
   !> Twice the coordinates of the nodes.
   integer, parameter :: twice(2, 6) = reshape([0, 0, 2, 0, 0, 2, 1, 0, 1, 1, 0, 1], [2, 6])
@@ -18,7 +18,7 @@ module dotyk_mesh_triangle
 
 contains
 
-  !> The table's entry of a triangle.
+  !> Properties of a triangle.
   pure function triangle_kind(id) result(kind)
     !> `element_tri3` or `element_tri6`.
     integer, intent(in) :: id
