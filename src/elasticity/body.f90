@@ -5,23 +5,23 @@ module dotyk_elasticity_body
   use dotyk_base_options, only: analysis_3d
   use dotyk_elasticity_assembly, only: assemble_elements => assemble_stiffness
   use dotyk_elasticity_constraint, only: constraint_t
-  use dotyk_elasticity_node_graph, only: node_graph
   use dotyk_elasticity_dirichlet_lift, only: subtract_dirichlet_lift
   use dotyk_elasticity_material, only: material_t
+  use dotyk_elasticity_node_graph, only: node_graph
+  use dotyk_elasticity_rigid_motion, only: find_free_rigid_modes
   use dotyk_elasticity_sparsity_pattern, only: block_positions_t, build_pattern
   use dotyk_elasticity_stress_energy, only: stresses_and_energy
-  use dotyk_elasticity_rigid_motion, only: find_free_rigid_modes
   use dotyk_linalg_sparse, only: sparse_symmetric_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   implicit none
   private
 
-  !> A body. The first seven components are set by its user, the rest by `assemble`. Its stiffness and its rigid body
+  !> A body. Its user sets the components from `name` to `load`; `assemble` sets the others. Its stiffness and its
   !> modes (`dotyk_elasticity_body_modes`) are values of their own.
   type, public :: body_t
     !> Name in the input.
     character(:), allocatable :: name
-    !> Type of analysis: one of `analysis_*` of dotyk_base_options.
+    !> Type of analysis: one of the `analysis_*` constants.
     integer :: analysis = analysis_3d
     !> Number of displacement components, 2 or 3.
     integer :: dimension = 3
@@ -31,11 +31,11 @@ module dotyk_elasticity_body
     type(material_t) :: material
     !> Equations, prescribed displacements and nodal axes.
     type(constraint_t) :: constraint
-    !> Nodal forces of its loads in global axes; zero where not allocated (dim, n_nodes) [force].
+    !> Nodal forces of the loads in global axes; zero where not allocated (dim, n_nodes) [force].
     real(dp), allocatable :: load(:, :)
     !> Loads minus the forces of prescribed displacements, over the free equations (n_equations) [force].
     real(dp), allocatable :: rhs(:)
-    !> Volume; that of 2 pi where axisymmetric [length^dim].
+    !> Volume [volume].
     real(dp) :: volume = 0
     !> Mean of the modulus field over the volume [].
     real(dp) :: mean_modulus_factor = 1
@@ -48,10 +48,12 @@ module dotyk_elasticity_body
 
   !> The stiffness of a body, until it is factorized.
   type, public :: stiffness_t
-    !> Over the free equations [force/length].
+    !> Matrix over the free equations [force/length].
     type(sparse_symmetric_t) :: matrix
-    !> Adjacency of the nodes, see `node_graph`.
-    integer, allocatable :: graph_start(:), graph_neighbour(:)
+    !> First neighbour of each node in `graph_neighbour`, see `node_graph` (n_nodes + 1).
+    integer, allocatable :: graph_start(:)
+    !> Neighbours of the nodes, one node after the other (graph_start(n_nodes + 1) - 1).
+    integer, allocatable :: graph_neighbour(:)
   contains
     procedure :: forget_graph => stiffness_forget_graph
     procedure :: destroy => stiffness_destroy
@@ -61,11 +63,12 @@ module dotyk_elasticity_body
 
 contains
 
-  !> Make the stiffness and the right-hand side.
+  !> Assemble the stiffness and the right-hand side.
   subroutine body_assemble(self, stiffness, error)
     class(body_t), intent(inout) :: self
+    !> Stiffness over the free equations, with the node graph [force/length].
     type(stiffness_t), intent(inout) :: stiffness
-    !> Allocated where an element is inverted or the modulus field is not positive.
+    !> Allocated where an element is inverted or the modulus field is not positive at a quadrature point.
     type(error_t), allocatable, intent(out) :: error
     if (.not. allocated(self%load)) allocate (self%load(self%dimension, self%mesh%n_nodes()), source=0.0_dp)
     if (allocated(self%rhs)) deallocate (self%rhs)
@@ -74,11 +77,13 @@ contains
     call assemble_matrix(self, stiffness, self%rhs, self%volume, self%mean_modulus_factor, error)
   end subroutine body_assemble
 
-  !> The stiffness alone, of a body that was assembled before.
+  !> Assemble only the stiffness of a body that was assembled before.
   subroutine assemble_stiffness(body, stiffness, error)
+    !> The body.
     type(body_t), intent(in) :: body
+    !> Stiffness over the free equations, with the node graph [force/length].
     type(stiffness_t), intent(inout) :: stiffness
-    !> As in `assemble`.
+    !> Allocated where an element is inverted or the modulus field is not positive at a quadrature point.
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: rhs(:)
     real(dp) :: volume, mean_modulus_factor
@@ -86,33 +91,36 @@ contains
     call assemble_matrix(body, stiffness, rhs, volume, mean_modulus_factor, error)
   end subroutine assemble_stiffness
 
-  !> Pattern and values of the stiffness.
+  !> Sparsity pattern and values of the stiffness.
   subroutine assemble_matrix(body, stiffness, rhs, volume, mean_modulus_factor, error)
+    !> The body.
     type(body_t), intent(in) :: body
+    !> Stiffness over the free equations, with the node graph [force/length].
     type(stiffness_t), intent(inout) :: stiffness
-    !> Forces of prescribed displacements are subtracted (n_equations) [force].
+    !> Right-hand side, from which forces of prescribed displacements are subtracted (n_equations) [force].
     real(dp), intent(inout) :: rhs(:)
-    !> As in `body_t` [length^dim], [].
-    real(dp), intent(out) :: volume, mean_modulus_factor
-    !> As in `assemble`.
+    !> Volume of the body [volume].
+    real(dp), intent(out) :: volume
+    !> Mean of the modulus field over the volume [].
+    real(dp), intent(out) :: mean_modulus_factor
+    !> Allocated where an element is inverted or the modulus field is not positive at a quadrature point.
     type(error_t), allocatable, intent(out) :: error
-    type(block_positions_t) :: places
+    type(block_positions_t) :: positions
     call node_graph(body%mesh, stiffness%graph_start, stiffness%graph_neighbour)
     call build_pattern(body%dimension, body%constraint%equation, stiffness%graph_start, stiffness%graph_neighbour, &
-      places, &
-                       stiffness%matrix)
-    call assemble_elements(body%mesh, body%analysis, body%material, body%constraint, places, stiffness%matrix, rhs, &
-      volume, &
-                           mean_modulus_factor, error)
+                       positions, stiffness%matrix)
+    call assemble_elements(body%mesh, body%analysis, body%material, body%constraint, positions, stiffness%matrix, rhs, &
+                           volume, mean_modulus_factor, error)
   end subroutine assemble_matrix
 
-  !> Make the right-hand side alone, of a body that is another one, moved: it has the same stiffness.
+  !> Assemble only the right-hand side of a body that is congruent to another one and has its stiffness.
+  !>
+  !> The constraint of the body has the equations and axes of the representative, see `adopt_congruent_constraint`.
   subroutine body_assemble_like(self, first, error)
-    !> Its constraint has the equations and axes of the first one, see `adopt_congruent_constraint`.
     class(body_t), intent(inout) :: self
-    !> Assembled.
+    !> The representative, assembled.
     type(body_t), intent(in) :: first
-    !> As in `assemble`.
+    !> Allocated where an element next to a prescribed displacement is inverted, or the modulus field is not positive.
     type(error_t), allocatable, intent(out) :: error
     if (.not. allocated(self%load)) allocate (self%load(self%dimension, self%mesh%n_nodes()), source=0.0_dp)
     self%volume = first%volume
@@ -123,35 +131,35 @@ contains
     call subtract_dirichlet_lift(self%mesh, self%analysis, self%material, self%constraint, self%rhs, error)
   end subroutine body_assemble_like
 
-  !> Young's modulus for scales: of the softest global direction, mean over the body [pressure].
+  !> Young's modulus for scaling: that of the softest material axis, averaged over the body [pressure].
   real(dp) function body_young(self) result(young)
     class(body_t), intent(in) :: self
     young = self%material%least_young*self%mean_modulus_factor
   end function body_young
 
-  !> Give all memory back.
+  !> Free the memory of the vectors.
   subroutine body_destroy(self)
     class(body_t), intent(inout) :: self
     if (allocated(self%rhs)) deallocate (self%rhs)
     if (allocated(self%load)) deallocate (self%load)
   end subroutine body_destroy
 
-  !> Give back the memory of the graph.
+  !> Free the memory of the graph.
   subroutine stiffness_forget_graph(self)
     class(stiffness_t), intent(inout) :: self
     if (allocated(self%graph_start)) deallocate (self%graph_start, self%graph_neighbour)
   end subroutine stiffness_forget_graph
 
-  !> Give all memory back.
+  !> Free the memory of the matrix and the graph.
   subroutine stiffness_destroy(self)
     class(stiffness_t), intent(inout) :: self
     call self%matrix%destroy()
     call self%forget_graph()
   end subroutine stiffness_destroy
 
-  !> Strain energy A(u,u)/2 of a displacement, given displacements included [force length].
+  !> Strain energy A(u,u)/2 of a displacement, prescribed displacements included [energy].
   real(dp) function strain_energy(body, u) result(energy)
-    !> The body; assembled before, so that its elements and formulas are known to be sound.
+    !> The body; assembled before, so that its elements and formulas are known to be valid.
     type(body_t), intent(in) :: body
     !> Displacements in global axes (dim, n_nodes) [length].
     real(dp), intent(in) :: u(:, :)
@@ -161,13 +169,13 @@ contains
     call stresses_and_energy(body%mesh, body%analysis, body%material, u, stress, energy, error)
   end function strain_energy
 
-  !> The rigid motions that the supports of a body leave free.
+  !> Number and description of the rigid body modes that the supports of a body leave free.
   subroutine free_rigid_modes(body, n_free, text)
     !> The body; it need not be assembled.
     type(body_t), intent(in) :: body
-    !> Number of independent free motions, of all its connected parts together.
+    !> Number of independent modes, summed over the connected components of the body.
     integer, intent(out) :: n_free
-    !> They in words; empty for none.
+    !> Description of the modes; empty for none.
     character(:), allocatable, intent(out) :: text
     call find_free_rigid_modes(body%mesh, body%analysis, body%constraint, n_free, text)
   end subroutine free_rigid_modes

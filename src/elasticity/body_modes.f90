@@ -1,8 +1,8 @@
-!> The modes of a body that its compliance operator leaves to the schemes: rigid body modes that the supports leave
+!> Modes of a body that its compliance operator leaves to the schemes: rigid body modes that the supports leave free
 !> (floating bodies), or near-null-space modes, which the supports hardly resist.
 !>
-!> Rigid body modes are a basis of the null space of the stiffness; near-null-space modes come from its factorization,
-!> with springs that are the scheme's. A body has the one or the other.
+!> Rigid body modes are a basis of the null space of the stiffness. Near-null-space modes come from its factorization,
+!> with spring stiffnesses that the scheme adds. A body has modes of one kind.
 module dotyk_elasticity_body_modes
   use dotyk_base_kinds, only: dp
   use dotyk_elasticity_body, only: body_t
@@ -15,16 +15,17 @@ module dotyk_elasticity_body_modes
   type, public :: body_modes_t
     !> Number of modes.
     integer :: n = 0
-    !> Displacements of the nodes in global axes, zero along prescribed unknowns; rigid body modes are orthonormal in
-    !> the sum over nodes and components (dim, n_nodes, n) [].
+    !> Nodal displacements in global axes, zero along prescribed unknowns; rigid body modes are orthonormal in the
+    !> Euclidean product over nodes and components (dim, n_nodes, n) [].
     real(dp), allocatable :: shape(:, :, :)
-    !> Resultants of the loads on them (n) [force].
+    !> Resultants of the loads on the modes (n) [force].
     real(dp), allocatable :: resultant(:)
-    !> Springs of near-null-space modes; not allocated for rigid body modes (n, n) [force/length].
+    !> Spring stiffnesses of near-null-space modes; not allocated for rigid body modes (n, n) [force/length].
     real(dp), allocatable :: stiffness(:, :)
-    !> Of near-null-space modes: what prescribed displacements contribute to the resultants, and the sum of the absolute
-    !> values of all contributions (n) [force].
-    real(dp), allocatable :: lift_resultant(:), resultant_size(:)
+    !> Contribution of prescribed displacements to the resultants on near-null-space modes (n) [force].
+    real(dp), allocatable :: lift_resultant(:)
+    !> Sum of the absolute terms of the resultants on near-null-space modes (n) [force].
+    real(dp), allocatable :: resultant_size(:)
     !> Rigid body modes as translations and rotations, for messages.
     type(rigid_body_modes_t), private :: rigid
   contains
@@ -36,29 +37,30 @@ module dotyk_elasticity_body_modes
     procedure :: span_text => modes_span_text
   end type body_modes_t
 
-  !> Resultants below this fraction of the sum of the absolute values of their contributions are rounding errors.
+  !> Resultants below this fraction of the sum of their absolute terms are rounding errors: 450 epsilon, the rounding
+  !> of a sum of 2e5 terms of mixed signs.
   real(dp), parameter :: rounding = 1.0e-13_dp
 
 contains
 
-  !> Find the rigid body modes that the supports leave.
+  !> Find the rigid body modes that the supports leave free.
   subroutine modes_find(self, body)
     class(body_modes_t), intent(out) :: self
-    !> With supports and loads.
+    !> The body, with supports and loads.
     type(body_t), intent(in) :: body
     call self%rigid%init(body%mesh, body%analysis, body%constraint, self%shape)
     self%n = self%rigid%n
     self%resultant = resultants(self%shape, body%load)
   end subroutine modes_find
 
-  !> The rigid body modes of a body that is another one, moved.
+  !> Rigid body modes of a congruent body, from those of the representative.
   subroutine modes_move(self, first, motion, body)
     class(body_modes_t), intent(out) :: self
-    !> Rigid body modes of the other one.
+    !> Rigid body modes of the representative.
     type(body_modes_t), intent(in) :: first
-    !> From the other one to this one.
+    !> Rigid motion from the representative to the body.
     type(placement_t), intent(in) :: motion
-    !> With its loads.
+    !> The body, with its loads.
     type(body_t), intent(in) :: body
     integer :: i, k
     self%n = first%n
@@ -77,13 +79,15 @@ contains
     self%resultant = resultants(self%shape, body%load)
   end subroutine modes_move
 
-  !> The near-null-space modes of a body that its supports hold.
+  !> Near-null-space modes of a body that its supports hold.
   subroutine modes_take_near_null(self, body, mode, stiffness)
     class(body_modes_t), intent(out) :: self
-    !> Assembled.
+    !> The body, assembled.
     type(body_t), intent(in) :: body
-    !> The modes over the equations (n_equations, n) [], and their springs (n, n) [force/length].
-    real(dp), intent(in) :: mode(:, :), stiffness(:, :)
+    !> The modes over the equations (n_equations, n) [].
+    real(dp), intent(in) :: mode(:, :)
+    !> Their spring stiffnesses (n, n) [force/length].
+    real(dp), intent(in) :: stiffness(:, :)
     real(dp), allocatable :: load(:)
     integer :: k
     self%n = size(mode, 2)
@@ -94,40 +98,40 @@ contains
     end do
     call body%constraint%reduce(body%load, load)
     self%lift_resultant = matmul(body%rhs - load, mode)
-    ! Resultants as small as the springs count: none is taken for rounding.
+    ! No resultant is set to zero here: small resultants over small spring stiffnesses are finite displacements.
     self%resultant = matmul(body%rhs, mode)
     self%resultant_size = matmul(abs(body%rhs), abs(mode))
   end subroutine modes_take_near_null
 
-  !> Whether they are near-null-space modes.
+  !> Whether the modes are near-null-space modes.
   elemental logical function modes_is_near_null(self) result(is_near_null)
     class(body_modes_t), intent(in) :: self
     is_near_null = allocated(self%stiffness)
   end function modes_is_near_null
 
-  !> A combination of rigid body modes in words, such as "translation along (0, 0, 1)"; empty for none.
+  !> Describe a combination of rigid body modes, as in "translation along (0, 0, 1)"; empty for none.
   function modes_combination_text(self, amplitude) result(text)
     class(body_modes_t), intent(in) :: self
-    !> Of each mode (n), any unit.
+    !> Amplitude of each mode (n) [any unit].
     real(dp), intent(in) :: amplitude(:)
     character(:), allocatable :: text
     text = self%rigid%combination_text(amplitude)
   end function modes_combination_text
 
-  !> The space of some combinations of rigid body modes in words; empty for none.
+  !> Describe the span of several combinations of rigid body modes; empty for none.
   function modes_span_text(self, amplitude) result(text)
     class(body_modes_t), intent(in) :: self
-    !> As columns (n, number of combinations), any unit.
+    !> Amplitudes of each combination as columns (n, n_combinations) [any unit].
     real(dp), intent(in) :: amplitude(:, :)
     character(:), allocatable :: text
     text = self%rigid%span_text(amplitude)
   end function modes_span_text
 
-  !> Resultants of loads on modes; rounding errors of self-equilibrated loads are set to zero.
+  !> Resultants of loads on modes (n) [force]. Rounding errors of self-equilibrated loads are set to zero.
   pure function resultants(shape, load) result(resultant)
-    !> (dim, n_nodes, n) [].
+    !> Modes (dim, n_nodes, n) [].
     real(dp), intent(in) :: shape(:, :, :)
-    !> (dim, n_nodes) [force].
+    !> Nodal forces (dim, n_nodes) [force].
     real(dp), intent(in) :: load(:, :)
     !> (n) [force]
     real(dp) :: resultant(size(shape, 3))

@@ -123,7 +123,7 @@ contains
     integer, intent(in) :: element_node(:)
     !> First entry of each node in `node_element` (n + 2).
     integer, allocatable, intent(out) :: first(:)
-    !> Elements.
+    !> Elements of the nodes, one node after the other (n_entries).
     integer, allocatable, intent(out) :: node_element(:)
     integer :: e, k
     allocate (first(n + 2), source=0)
