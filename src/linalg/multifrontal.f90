@@ -135,7 +135,7 @@ contains
     integer :: i, t
     do i = 1, size(self%tree%top)
       !$omp task default(none) shared(self) firstprivate(i)
-      call assemble_panel(self, self%tree%top(i), self%supernodes%value)
+      if (.not. must_stop(self%may_stop)) call assemble_panel(self, self%tree%top(i), self%supernodes%value)
       !$omp end task
     end do
     !$omp taskwait
