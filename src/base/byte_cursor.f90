@@ -1,7 +1,7 @@
 !> A file in memory and a cursor over its bytes: numbers as text or in binary, words and lines.
 !>
-!> The first fault is kept with its place and makes the cursor `broken`; after it every reading gives zeros, so that callers
-!> look at `broken` once a record and not at every number. No reading goes beyond the file.
+!> The first fault is kept with its place and makes the cursor `broken`; later readings give zeros, so that
+!> callers check `broken` once a record. No reading goes beyond the file.
 module dotyk_base_byte_cursor
   use dotyk_base_kinds, only: dp, int32, int64
   use dotyk_base_error, only: error_t, set_error, exit_bad_input
@@ -58,6 +58,7 @@ contains
     class(byte_cursor_t), intent(inout) :: self
     !> Path of the file.
     character(*), intent(in) :: file
+    !> Allocated where the file cannot be read.
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: text
     character(256) :: message
@@ -75,7 +76,8 @@ contains
       return
     end if
     deallocate (text)
-    open (newunit=unit, file=file, access='stream', form='unformatted', action='read', status='old', iostat=status, iomsg=message)
+    open (newunit=unit, file=file, access='stream', form='unformatted', action='read', status='old', &
+          iostat=status, iomsg=message)
     if (status /= 0) then
       call set_error(error, file//': cannot be opened: '//trim(message), exit_bad_input)
       return
@@ -111,6 +113,7 @@ contains
   !> Start at the first byte.
   subroutine set_up(self, file, text)
     type(byte_cursor_t), intent(inout) :: self
+    !> Path of the file.
     character(*), intent(in) :: file
     !> Bytes and a NUL behind them; taken away from the caller.
     character(:), allocatable, intent(inout) :: text
@@ -127,6 +130,7 @@ contains
   !> The next integer: text or 4 bytes.
   subroutine cursor_get_int(self, value)
     class(byte_cursor_t), intent(inout) :: self
+    !> The integer.
     integer(int64), intent(out) :: value
     if (.not. self%binary) then
       call cursor_get_text_integer(self, value)
@@ -145,6 +149,7 @@ contains
   !> The next integer: text or 8 bytes (C's size_t; a negative value is a corrupt one).
   subroutine cursor_get_size(self, value)
     class(byte_cursor_t), intent(inout) :: self
+    !> The count.
     integer(int64), intent(out) :: value
     if (.not. self%binary) then
       call cursor_get_text_integer(self, value)
@@ -163,8 +168,9 @@ contains
   !> The next real, text or 8 bytes; not finite is a fault.
   subroutine cursor_get_real(self, value)
     class(byte_cursor_t), intent(inout) :: self
+    !> The real.
     real(dp), intent(out) :: value
-    !> Exponent bits: all set in infinities and NaN. Compared as bits, for a signalling NaN traps in any other comparison.
+    !> Exponent bits, all set in infinities and NaN; compared as bits, as a signalling NaN traps in other comparisons.
     integer(int64), parameter :: exponent_bits = int(z'7FF0000000000000', int64)
     integer(int64) :: bits
     logical :: good
@@ -192,6 +198,7 @@ contains
   !> The next integer, written as text in binary files too.
   subroutine cursor_get_text_integer(self, value)
     class(byte_cursor_t), intent(inout) :: self
+    !> The integer.
     integer(int64), intent(out) :: value
     logical :: good
     value = 0
@@ -328,9 +335,10 @@ contains
     self%fault = self%fault//message
   end subroutine cursor_fail
 
-  !> A place for messages: 'file:line' of a text, 'file: byte offset' of a binary file, where the first byte has offset 0.
+  !> Place for messages: 'file:line' of a text, 'file: byte offset' of a binary file, whose first byte has offset 0.
   function cursor_place(self, position) result(place)
     class(byte_cursor_t), intent(in) :: self
+    !> Byte of the file, from 1.
     integer(int64), intent(in) :: position
     character(:), allocatable :: place
     integer(int64) :: p, line

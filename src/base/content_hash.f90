@@ -27,6 +27,7 @@ contains
   !> Take in bytes.
   pure subroutine hash_add(self, bytes)
     class(content_hash_t), intent(inout) :: self
+    !> Bytes to add.
     character(*), intent(in) :: bytes
     integer(int64) :: high, low, product, i
     high = self%high
@@ -47,6 +48,7 @@ contains
     class(content_hash_t), intent(inout) :: self
     !> Path of the file.
     character(*), intent(in) :: file
+    !> Allocated where the file cannot be read.
     type(error_t), allocatable, intent(out) :: error
     type(text_t), allocatable :: files(:)
     type(byte_cursor_t) :: cursor
@@ -73,6 +75,7 @@ contains
 
   !> Add the existing files that a text names between double quotes.
   subroutine add_named_files(text, directory, files, n)
+    !> Text of the geometry.
     character(*), intent(in) :: text
     !> Directory that relative names start from, with its slash.
     character(*), intent(in) :: directory
@@ -102,8 +105,11 @@ contains
 
   !> Add a path if it is not there yet.
   subroutine add_path(path, files, n)
+    !> Path to add.
     character(*), intent(in) :: path
+    !> Paths; the first `n` are in use.
     type(text_t), allocatable, intent(inout) :: files(:)
+    !> Number of paths.
     integer, intent(inout) :: n
     type(text_t), allocatable :: wider(:)
     integer :: i

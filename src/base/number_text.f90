@@ -1,7 +1,7 @@
 !> Numbers written as text, read fast and rounded correctly.
 !>
-!> Both scanners start at the first character of a number and stop behind it; the text must go on for at least one character
-!> after that (the buffers of dotyk_base_byte_cursor end with a NUL).
+!> Both scanners start at the first character of a number and stop behind it; the text must have at least one more
+!> character there (the buffers of dotyk_base_byte_cursor end with a NUL).
 module dotyk_base_number_text
   use dotyk_base_kinds, only: dp, int64
   use, intrinsic :: iso_c_binding, only: c_char, c_double, c_null_ptr, c_ptr
@@ -9,15 +9,14 @@ module dotyk_base_number_text
   private
   public :: scan_integer, scan_real, ends_word
 
-  !> The powers of ten that are doubles exactly.
+  !> Powers of ten that doubles hold exactly.
   integer, parameter :: largest_exact_power = 22
-  real(dp), parameter :: power_of_ten(0:largest_exact_power) = [1e0_dp, 1e1_dp, 1e2_dp, 1e3_dp, 1e4_dp, 1e5_dp, 1e6_dp, 1e7_dp, &
-                                                                1e8_dp, 1e9_dp, 1e10_dp, 1e11_dp, 1e12_dp, 1e13_dp, 1e14_dp, &
-                                                                1e15_dp, 1e16_dp, 1e17_dp, 1e18_dp, 1e19_dp, 1e20_dp, 1e21_dp, &
-                                                                1e22_dp]
-  !> Every integer up to here is a double exactly.
+  real(dp), parameter :: power_of_ten(0:largest_exact_power) = &
+    [1e0_dp, 1e1_dp, 1e2_dp, 1e3_dp, 1e4_dp, 1e5_dp, 1e6_dp, 1e7_dp, 1e8_dp, 1e9_dp, 1e10_dp, 1e11_dp, 1e12_dp, &
+     1e13_dp, 1e14_dp, 1e15_dp, 1e16_dp, 1e17_dp, 1e18_dp, 1e19_dp, 1e20_dp, 1e21_dp, 1e22_dp]
+  !> Doubles hold all integers up to this exactly.
   integer(int64), parameter :: largest_exact_mantissa = 2_int64**53
-  !> So many decimal digits fit in 64 bits.
+  !> Decimal digits that always fit in 64 bits.
   integer, parameter, public :: most_digits = 18
   !> A number of this many digits before the point may be beyond the range of doubles.
   integer, parameter :: largest_magnitude = 308
@@ -26,7 +25,9 @@ module dotyk_base_number_text
     !> The C library's conversion, correctly rounded; Fortran programs run in the locale "C".
     function strtod(text, end) result(value) bind(c, name='strtod')
       import :: c_char, c_double, c_ptr
+      !> Text, ended by a null character.
       character(kind=c_char), intent(in) :: text(*)
+      !> Where to put the address behind the number; null for nowhere.
       type(c_ptr), value :: end
       real(c_double) :: value
     end function strtod
@@ -36,15 +37,18 @@ contains
 
   !> Whether a character ends a word: blank, tabulator, line end or the end of the text.
   pure logical function ends_word(letter)
+    !> Letter to look at.
     character, intent(in) :: letter
     ends_word = iachar(letter) <= iachar(' ')
   end function ends_word
 
   !> Read an integer.
   pure subroutine scan_integer(text, position, value, good)
+    !> Text to read.
     character(*), intent(in) :: text
     !> First character of the number, then the one behind it; unchanged where it is not good.
     integer(int64), intent(inout) :: position
+    !> The integer; 0 where there is none.
     integer(int64), intent(out) :: value
     !> Whether an integer of at most 18 digits stood there, followed by a blank.
     logical, intent(out) :: good
@@ -71,9 +75,11 @@ contains
 
   !> Read a real: exact where mantissa and power of ten are doubles, by the C library otherwise.
   subroutine scan_real(text, position, value, good)
+    !> Text to read.
     character(*), intent(in) :: text
     !> First character of the number, then the one behind it; unchanged where it is not good.
     integer(int64), intent(inout) :: position
+    !> The real; 0 where there is none.
     real(dp), intent(out) :: value
     !> Whether a number below 1e308 stood there, followed by a blank.
     logical, intent(out) :: good
