@@ -1,7 +1,7 @@
 !> Errors as values: a message for the user and the exit code that it leads to.
 !>
-!> A procedure that can fail has `type(error_t), allocatable, intent(out) :: error` as its last argument; it is allocated
-!> exactly when the procedure failed. Context is added on the way up; only `main` stops the program.
+!> A procedure that can fail has `type(error_t), allocatable, intent(out) :: error` as its last argument; it is
+!> allocated exactly when the procedure failed. Callers add context; only `main` stops the program.
 module dotyk_base_error
   use dotyk_base_text, only: to_text
   implicit none
@@ -17,7 +17,7 @@ module dotyk_base_error
 
   !> What went wrong.
   type, public :: error_t
-    !> For the user: names file, line, body, surface or element, and says what to do. May have several lines.
+    !> Text for the user with file, line, body, surface or element, and with advice; maybe of several lines.
     character(:), allocatable :: message
     !> One of the exit codes above, never `exit_converged`.
     integer :: code = exit_bad_input
@@ -31,7 +31,7 @@ module dotyk_base_error
 
   !> All the problems of one stage, reported together.
   type, public :: problem_list_t
-    !> How many problems were added.
+    !> Number of problems.
     integer :: count = 0
     !> Their messages, one a line.
     character(:), allocatable :: messages
@@ -45,7 +45,7 @@ module dotyk_base_error
 
   public :: set_error, add_context
 
-  !> More problems than this are counted, not listed.
+  !> Greatest number of problems in the message; further ones are counted.
   integer, parameter :: most_listed = 50
 
 contains

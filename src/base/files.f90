@@ -1,5 +1,5 @@
-!> Files: those that are written under another name first, so that one that is there is whole; what a path or a content is, where it is
-!> not what it should be; the standard output.
+!> Files: temporary names for files that are being written, reasons why a path or its contents cannot be used, and the
+!> standard output. The only module that knows files.c.
 module dotyk_base_files
   use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_f_pointer, c_int, c_long, c_null_char, c_ptr, c_size_t
   implicit none
@@ -13,57 +13,70 @@ module dotyk_base_files
   interface
     subroutine c_own_mark(mark, length) bind(c, name='dotyk_own_mark')
       import :: c_char, c_int
+      !> The mark, ended by a null character.
       character(kind=c_char), intent(out) :: mark(*)
+      !> Length of `mark`.
       integer(c_int), value :: length
     end subroutine c_own_mark
 
     subroutine c_remove_leftovers(path) bind(c, name='dotyk_remove_leftovers')
       import :: c_char
+      !> Path, ended by a null character.
       character(kind=c_char), intent(in) :: path(*)
     end subroutine c_remove_leftovers
 
     type(c_ptr) function c_sync_file(path) bind(c, name='dotyk_sync_file')
       import :: c_char, c_ptr
+      !> Path, ended by a null character.
       character(kind=c_char), intent(in) :: path(*)
     end function c_sync_file
 
     integer(c_int) function c_path_kind(path) bind(c, name='dotyk_path_kind')
       import :: c_char, c_int
+      !> Path, ended by a null character.
       character(kind=c_char), intent(in) :: path(*)
     end function c_path_kind
 
     integer(c_int) function c_is_protected(path) bind(c, name='dotyk_is_protected')
       import :: c_char, c_int
+      !> Path, ended by a null character.
       character(kind=c_char), intent(in) :: path(*)
     end function c_is_protected
 
     subroutine c_behind_links(path, target, length) bind(c, name='dotyk_behind_links')
       import :: c_char, c_int
+      !> Path, ended by a null character.
       character(kind=c_char), intent(in) :: path(*)
+      !> Path behind links, ended by a null character.
       character(kind=c_char), intent(out) :: target(*)
+      !> Length of `target`.
       integer(c_int), value :: length
     end subroutine c_behind_links
 
     integer(c_int) function c_print(descriptor, text, length) bind(c, name='dotyk_print')
       import :: c_char, c_int, c_long
+      !> File descriptor: 1, standard output; 2, standard error.
       integer(c_int), value :: descriptor
+      !> Text to print.
       character(kind=c_char), intent(in) :: text(*)
+      !> Length of the text.
       integer(c_long), value :: length
     end function c_print
 
-    !> See to it that there are a standard input, output and error.
+    !> Open standard input, output and error where they are closed.
     subroutine hold_standard_files() bind(c, name='dotyk_hold_standard_files')
     end subroutine hold_standard_files
 
     pure integer(c_size_t) function c_strlen(text) bind(c, name='strlen')
       import :: c_ptr, c_size_t
+      !> Text, ended by a null character.
       type(c_ptr), value, intent(in) :: text
     end function c_strlen
   end interface
 
 contains
 
-  !> What this process puts behind names of files that are for itself alone: '.machine-process'.
+  !> Mark behind the names of temporary files of this process: '.machine-process'.
   function own_mark() result(mark)
     character(:), allocatable :: mark
     character(kind=c_char) :: letters(mark_length)
@@ -71,16 +84,18 @@ contains
     call take_text(letters, mark)
   end function own_mark
 
-  !> Delete files of the names path.machine-process.* that processes of this machine left which are no more.
+  !> Delete files path.machine-process.* of processes of this machine that have ended.
   subroutine remove_leftovers(path)
+    !> Path of the file.
     character(*), intent(in) :: path
     call c_remove_leftovers(path//c_null_char)
   end subroutine remove_leftovers
 
-  !> Have a file on the disk.
+  !> Write a file through to the disk.
   subroutine sync_file(path, reason)
+    !> Path of the file.
     character(*), intent(in) :: path
-    !> Why it is not there, in the system's words; empty if all is well.
+    !> Why that failed, in the words of the system; empty where it did not.
     character(:), allocatable, intent(out) :: reason
     character(kind=c_char), pointer :: letters(:)
     type(c_ptr) :: text
@@ -94,8 +109,9 @@ contains
     end do
   end subroutine sync_file
 
-  !> Why a path is none of a file that can be read: "does not exist", "is a directory", "is a pipe, not a file"; empty where it is one.
+  !> Why a path is no regular file: "does not exist", "is a directory", "is a pipe, not a file"; empty where it is one.
   function why_no_file(path) result(reason)
+    !> Path of the file.
     character(*), intent(in) :: path
     character(:), allocatable :: reason
     select case (c_path_kind(path//c_null_char))
@@ -114,14 +130,16 @@ contains
     end select
   end function why_no_file
 
-  !> Whether there is a file that may not be written.
+  !> Whether a file exists and is write-protected.
   logical function is_protected(path)
+    !> Path of the file.
     character(*), intent(in) :: path
     is_protected = c_is_protected(path//c_null_char) /= 0
   end function is_protected
 
-  !> The path that links lead to; the same one where it is no link.
+  !> Path behind symbolic links; the path itself where it is no link.
   function behind_links(path) result(target)
+    !> Path, maybe of a link.
     character(*), intent(in) :: path
     character(:), allocatable :: target
     character(kind=c_char) :: letters(path_length)
@@ -129,9 +147,11 @@ contains
     call take_text(letters, target)
   end function behind_links
 
-  !> The text that C has left, up to its end.
+  !> Text of C up to its null character.
   pure subroutine take_text(letters, text)
+    !> Letters, ended by a null character.
     character(kind=c_char), intent(in) :: letters(:)
+    !> The text.
     character(:), allocatable, intent(out) :: text
     integer :: i
     text = ''
@@ -141,12 +161,13 @@ contains
     end do
   end subroutine take_text
 
-  !> Print a text on the standard output, or error.
+  !> Print a text on standard output or standard error.
   subroutine print_text(text, status, to_error)
+    !> Text to print.
     character(*), intent(in) :: text
-    !> 0 if all of it is there.
+    !> 0 if all of it is written.
     integer, intent(out) :: status
-    !> On the standard error; not if absent.
+    !> Whether it goes to standard error; not if absent.
     logical, intent(in), optional :: to_error
     integer(c_int) :: descriptor
     descriptor = 1
@@ -154,8 +175,9 @@ contains
     status = int(c_print(descriptor, text, len(text, c_long)))
   end subroutine print_text
 
-  !> What a content is that nobody means: "UTF-16 text", "an HDF5 file"; empty where it may be text.
+  !> Kind of contents that are no plain text: "UTF-16 text", "an HDF5 file"; empty where they may be text.
   pure function nature_of(bytes) result(nature)
+    !> Contents of the file.
     character(*), intent(in) :: bytes
     character(:), allocatable :: nature
     !> Bytes to look at, and zeros among them that no text has.

@@ -1,4 +1,4 @@
-!> Formulas in x, y, z that the user writes, such as '1e6*exp(-(x^2+y^2)/0.01)'. The only module that knows muParser.
+!> Formulas in x, y, z, such as '1e6*exp(-(x^2+y^2)/0.01)'. The only module that knows muParser.
 !>
 !> Constants are pi and e; `^` is power. A formula is one value: assignments and lists are refused.
 module dotyk_base_formula
@@ -11,7 +11,7 @@ module dotyk_base_formula
   implicit none
   private
 
-  !> A formula that was parsed. It owns its parser: never copy it, destroy it in the end. One thread at a time.
+  !> A parsed formula. It owns its parser: it must not be copied, must be destroyed, and serves one thread at a time.
   type, public :: formula_t
     private
     !> muParser's parser.
@@ -27,43 +27,54 @@ module dotyk_base_formula
 
   !> Base type of muParser: real numbers.
   integer(c_int), parameter :: base_type_real = 0
-  !> muParser's codes of errors that we explain in our own words.
+  !> Error codes of muParser that get a message of ours.
   integer(c_int), parameter :: unassignable_token = 1, unexpected_end = 2
 
-  !> Longest formula; muParser keeps what it opens on the stack.
+  !> Longest formula; muParser's recursion is on the stack.
   integer, parameter :: longest = 20000
-  !> muParser's messages name the rest of the formula, in a buffer of 2048 bytes that longer ones overflow.
+  !> Longest formula with a message of muParser, which quotes the formula in a buffer of 2048 bytes.
   integer, parameter :: longest_described = 900
   character(*), parameter :: letters = 'abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_'
 
   interface
     type(c_ptr) function mup_create(base_type) bind(c, name='mupCreate')
       import :: c_int, c_ptr
+      !> Type of the values, `base_type_real`.
       integer(c_int), value :: base_type
     end function mup_create
     subroutine mup_release(handle) bind(c, name='mupRelease')
       import :: c_ptr
+      !> Parser of muParser.
       type(c_ptr), value :: handle
     end subroutine mup_release
     subroutine mup_set_expression(handle, text) bind(c, name='mupSetExpr')
       import :: c_char, c_ptr
+      !> Parser of muParser.
       type(c_ptr), value :: handle
+      !> Formula, ended by a null character.
       character(c_char), intent(in) :: text(*)
     end subroutine mup_set_expression
     subroutine mup_define_variable(handle, name, variable) bind(c, name='mupDefineVar')
       import :: c_char, c_double, c_ptr
+      !> Parser of muParser.
       type(c_ptr), value :: handle
+      !> Name, ended by a null character.
       character(c_char), intent(in) :: name(*)
+      !> Where the parser finds the value.
       real(c_double) :: variable
     end subroutine mup_define_variable
     subroutine mup_clear_constants(handle) bind(c, name='mupClearConst')
       import :: c_ptr
+      !> Parser of muParser.
       type(c_ptr), value :: handle
     end subroutine mup_clear_constants
     subroutine mup_define_constant(handle, name, number) bind(c, name='mupDefineConst')
       import :: c_char, c_double, c_ptr
+      !> Parser of muParser.
       type(c_ptr), value :: handle
+      !> Name, ended by a null character.
       character(c_char), intent(in) :: name(*)
+      !> Value.
       real(c_double), value :: number
     end subroutine mup_define_constant
     real(c_double) function mup_evaluate(handle) bind(c, name='mupEval')
@@ -72,27 +83,34 @@ module dotyk_base_formula
     end function mup_evaluate
     type(c_ptr) function mup_evaluate_list(handle, n) bind(c, name='mupEvalMulti')
       import :: c_int, c_ptr
+      !> Parser of muParser.
       type(c_ptr), value :: handle
+      !> Number of values.
       integer(c_int), intent(out) :: n
     end function mup_evaluate_list
     integer(c_int) function mup_error(handle) bind(c, name='mupError')
       import :: c_int, c_ptr
+      !> Parser of muParser.
       type(c_ptr), value :: handle
     end function mup_error
     integer(c_int) function mup_error_code(handle) bind(c, name='mupGetErrorCode')
       import :: c_int, c_ptr
+      !> Parser of muParser.
       type(c_ptr), value :: handle
     end function mup_error_code
     integer(c_int) function mup_error_position(handle) bind(c, name='mupGetErrorPos')
       import :: c_int, c_ptr
+      !> Parser of muParser.
       type(c_ptr), value :: handle
     end function mup_error_position
     type(c_ptr) function mup_error_message(handle) bind(c, name='mupGetErrorMsg')
       import :: c_ptr
+      !> Parser of muParser.
       type(c_ptr), value :: handle
     end function mup_error_message
     integer(c_size_t) function c_strlen(text) bind(c, name='strlen')
       import :: c_ptr, c_size_t
+      !> Text, ended by a null character.
       type(c_ptr), value :: text
     end function c_strlen
   end interface
@@ -104,7 +122,7 @@ contains
     class(formula_t), intent(inout) :: self
     !> The formula.
     character(*), intent(in) :: text
-    !> Says what is wrong, and at which column of the text; the formula is not set then.
+    !> Allocated where the formula has a mistake, with its column; the formula is not set then.
     type(error_t), allocatable, intent(out) :: error
     real(c_double), parameter :: pi = acos(-1.0_dp)
     logical :: halting(3)
@@ -118,7 +136,7 @@ contains
     call mup_define_variable(self%handle, 'x'//c_null_char, self%x(1))
     call mup_define_variable(self%handle, 'y'//c_null_char, self%x(2))
     call mup_define_variable(self%handle, 'z'//c_null_char, self%x(3))
-    ! muParser's own _pi is cut off after 12 digits.
+    ! The constant _pi of muParser has 12 digits.
     call mup_clear_constants(self%handle)
     call mup_define_constant(self%handle, 'pi'//c_null_char, pi)
     call mup_define_constant(self%handle, 'e'//c_null_char, exp(1.0_c_double))
@@ -135,13 +153,13 @@ contains
     if (allocated(error)) call self%destroy()
   end subroutine init
 
-  !> Was a formula parsed?
+  !> Whether a formula is set.
   pure logical function is_set(self)
     class(formula_t), intent(in) :: self
     is_set = c_associated(self%handle)
   end function is_set
 
-  !> Value of the formula at a point. It need not be finite: callers check.
+  !> Value of the formula at a point; it may be infinite or NaN, which callers check.
   real(dp) function evaluate(self, x) result(value)
     class(formula_t), intent(in) :: self
     !> The point (3) [length].
@@ -153,7 +171,7 @@ contains
     call resume_halting(halting)
   end function evaluate
 
-  !> Give back what the formula holds; it is not set then.
+  !> Release the parser; the formula is not set then.
   subroutine destroy(self)
     class(formula_t), intent(inout) :: self
     if (c_associated(self%handle)) call mup_release(self%handle)
@@ -161,9 +179,9 @@ contains
     if (associated(self%x)) deallocate (self%x)
   end subroutine destroy
 
-  !> A value that is not finite is a result here, not a reason to stop: let no trap catch it.
+  !> Suspend floating-point traps: values that are not finite are results.
   subroutine pause_halting(halting)
-    !> Which exceptions halted before.
+    !> Whether each usual exception halts (3).
     logical, intent(out) :: halting(3)
     call ieee_get_halting_mode(ieee_usual, halting)
     if (any(halting)) call ieee_set_halting_mode(ieee_usual, .false.)
@@ -171,16 +189,18 @@ contains
 
   !> Undo `pause_halting`.
   subroutine resume_halting(halting)
-    !> Which exceptions halt again.
+    !> Exceptions that halt again (3).
     logical, intent(in) :: halting(3)
     if (.not. any(halting)) return
     call ieee_set_flag(ieee_usual, .false.)
     call ieee_set_halting_mode(ieee_usual, halting)
   end subroutine resume_halting
 
-  !> Refuse what muParser would take for something else than one value of x, y, z.
+  !> Report what is no single value of x, y, z: assignments, lists, texts.
   subroutine check_characters(text, error)
+    !> The formula.
     character(*), intent(in) :: text
+    !> Allocated where the formula is something else than one value of x, y, z.
     type(error_t), allocatable, intent(out) :: error
     integer :: i
     if (len_trim(text) == 0) then
@@ -209,20 +229,24 @@ contains
     end do
   end subroutine check_characters
 
-  !> Is this '=' part of '==', '<=', '>=' or '!='?
+  !> Whether a '=' is part of '==', '<=', '>=' or '!='.
   pure logical function in_comparison(text, i) result(inside)
+    !> The formula.
     character(*), intent(in) :: text
+    !> Place of the '='.
     integer, intent(in) :: i
     inside = .false.
     if (i > 1) inside = scan(text(i - 1:i - 1), '=<>!') > 0
     if (i < len(text)) inside = inside .or. text(i + 1:i + 1) == '='
   end function in_comparison
 
-  !> What muParser did not like, in words for the user.
+  !> Message for an error of muParser.
   subroutine describe_error(handle, text, error)
+    !> Parser with an error.
     type(c_ptr), intent(in) :: handle
     !> The formula.
     character(*), intent(in) :: text
+    !> The message; always allocated.
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: message
     integer :: column, mark
@@ -237,7 +261,7 @@ contains
       message = 'the formula cannot be read from here on'
       if (len(text) <= longest_described) message = text_of_c(mup_error_message(handle))
       message = lower(message(:1))//message(2:)
-      ! Its positions count from 0, and ours is in front already.
+      ! Its positions count from 0; the column is in front already.
       mark = max(index(message, ' at position '), index(message, ' at expression position '))
       if (mark > 0) message = message(:mark - 1)
     end select
@@ -246,7 +270,9 @@ contains
 
   !> The name that begins at a column, or the sign there.
   pure function word_at(text, column) result(word)
+    !> The formula.
     character(*), intent(in) :: text
+    !> Column, from 1.
     integer, intent(in) :: column
     character(:), allocatable :: word
     integer, parameter :: most = 40
@@ -260,7 +286,9 @@ contains
 
   !> "column 3 of 'x+*y'", or of the part of a long formula that is near.
   pure function at_column(column, text) result(place)
+    !> Column, from 1.
     integer, intent(in) :: column
+    !> The formula.
     character(*), intent(in) :: text
     character(:), allocatable :: place
     integer, parameter :: most = 60  ! letters on each side of the column
@@ -275,6 +303,7 @@ contains
 
   !> A copy of a C text.
   function text_of_c(pointer) result(text)
+    !> Text of C, ended by a null character.
     type(c_ptr), intent(in) :: pointer
     character(:), allocatable :: text
     character(c_char), pointer :: letters(:)

@@ -1,4 +1,4 @@
-!> The number kinds of the whole program.
+!> Number kinds of the program.
 module dotyk_base_kinds
   use, intrinsic :: iso_fortran_env, only: int32, int64, real64
   implicit none

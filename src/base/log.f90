@@ -1,4 +1,4 @@
-!> What the user sees while the program works: plain lines, and one live line on a terminal.
+!> The log on standard output: plain lines, and one live line of progress on a terminal.
 module dotyk_base_log
   use, intrinsic :: iso_c_binding, only: c_int
   use dotyk_base_files, only: print_text
@@ -9,15 +9,15 @@ module dotyk_base_log
 
   !> Lines to standard output, unless quiet.
   type, public :: log_t
-    !> True: print nothing but errors.
+    !> Whether only errors are printed.
     logical :: quiet = .false.
-    !> True: standard output is a terminal, where a live line can be redrawn.
+    !> Whether standard output is a terminal, where a live line can be redrawn.
     logical :: terminal = .false.
-    !> True: the last thing printed is a live line that the next line replaces.
+    !> Whether the last line is a live line, which the next one replaces.
     logical, private :: live = .false.
-    !> When the last live line was drawn [s].
+    !> Wall time of the last live line [s].
     real(dp), private :: drawn = -huge(1.0_dp)
-    !> Seconds to the next live line where standard output is not a terminal.
+    !> Time to the next line of progress where standard output is no terminal [s].
     real(dp), private :: pause = 2
   contains
     procedure :: init => log_init
@@ -29,22 +29,23 @@ module dotyk_base_log
 
   public :: print_error
 
-  !> Seconds between redrawings on a terminal.
+  !> Time between live lines on a terminal [s].
   real(dp), parameter :: redraw = 0.1_dp
-  !> Where there is no terminal the pause between progress lines doubles up to this [s].
+  !> Without a terminal the time between lines of progress doubles up to this [s].
   real(dp), parameter :: longest_pause = 60
 
   interface
     !> C library: is a file descriptor a terminal?
     integer(c_int) function c_isatty(descriptor) bind(c, name='isatty')
       import :: c_int
+      !> File descriptor.
       integer(c_int), value :: descriptor
     end function c_isatty
   end interface
 
 contains
 
-  !> Look at standard output.
+  !> Begin a log.
   subroutine log_init(self, quiet)
     class(log_t), intent(inout) :: self
     !> Print errors only.
@@ -68,16 +69,17 @@ contains
     call look(self, status)
   end subroutine log_line
 
-  !> A log that cannot be written (a full disk, a terminal that was closed) is no reason to lose the results.
+  !> Turn the log off where it cannot be written (full disk, closed terminal): the run goes on.
   subroutine look(self, status)
     class(log_t), intent(inout) :: self
+    !> Status of the last output; 0 if all is written.
     integer, intent(in) :: status
     if (status == 0) return
     self%quiet = .true.
     call print_error('warning: the log cannot be written; the run goes on without it')
   end subroutine look
 
-  !> Is it time for the next progress line? Asked first, so that its text is made only when it is shown.
+  !> Whether the next line of progress is due; callers ask before they make its text.
   logical function log_due(self) result(due)
     class(log_t), intent(in) :: self
     due = .false.
@@ -104,7 +106,7 @@ contains
     self%drawn = wall_time()
   end subroutine log_progress
 
-  !> Leave the live line: wipe it.
+  !> Clear the live line.
   subroutine log_end_progress(self)
     class(log_t), intent(inout) :: self
     integer :: status
@@ -112,7 +114,7 @@ contains
     self%live = .false.
   end subroutine log_end_progress
 
-  !> An error, to standard error, whatever the verbosity. Names of files and meshes may hold control characters: a terminal gets none.
+  !> Print an error on standard error, also where the log is quiet. Control characters of names are replaced.
   subroutine print_error(message)
     !> Message, possibly of several lines.
     character(*), intent(in) :: message
@@ -120,7 +122,8 @@ contains
     integer :: i, status
     printable = message
     do i = 1, len(message)
-      if ((iachar(message(i:i)) < 32 .and. message(i:i) /= new_line('a')) .or. iachar(message(i:i)) == 127) printable(i:i) = '?'
+      if (message(i:i) == new_line('a')) cycle
+      if (iachar(message(i:i)) < 32 .or. iachar(message(i:i)) == 127) printable(i:i) = '?'
     end do
     call print_text(printable//new_line('a'), status, to_error=.true.)
   end subroutine print_error

@@ -1,30 +1,32 @@
-!> How large and how small the numbers of a scene may be.
+!> Limits of the magnitude of input numbers.
 !>
-!> What is computed from them, energies and their squares, must fit in real numbers, whose range ends at 1e308: a scene of micrometres
-!> and gigapascals is far from these limits, and one beyond them wants other units.
+!> Energies and their squares must fit in double precision, whose range ends at 1e308. Micrometres and gigapascals are
+!> far from the limits; a scene beyond them needs other units.
 module dotyk_base_magnitude
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use dotyk_base_kinds, only: dp
   implicit none
   private
 
-  !> Lengths, pressures and what is made of them: 0, or of a size between these.
+  !> Input numbers are 0 or of a magnitude between these [any unit].
   real(dp), parameter, public :: smallest_number = 1.0e-40_dp, largest_number = 1.0e40_dp
-  !> The same for messages.
+  !> The rule, for messages.
   character(*), parameter, public :: size_rule = 'numbers must be 0 or from 1e-40 to 1e40 in size: choose other units'
 
   public :: has_usual_size, is_too_large
 
 contains
 
-  !> Is a finite number 0 or between the limits?
+  !> Whether a finite number is 0 or within the limits.
   elemental logical function has_usual_size(number) result(usual)
+    !> Finite number.
     real(dp), intent(in) :: number
     usual = (abs(number) >= smallest_number .and. abs(number) <= largest_number) .or. abs(number) <= 0
   end function has_usual_size
 
-  !> Is a number above the limit, infinite or NaN? Without a trap for any of them.
+  !> Whether a number is above the limit, infinite or NaN, without a floating-point trap.
   elemental logical function is_too_large(number) result(too_large)
+    !> Any number.
     real(dp), intent(in) :: number
     too_large = .not. ieee_is_finite(number)
     if (.not. too_large) too_large = abs(number) > largest_number

@@ -1,4 +1,4 @@
-!> What the program is doing, for messages about its end; how much memory there is.
+!> Memory of the machine, and the current stage of work for messages about an unexpected end.
 module dotyk_base_memory
   use, intrinsic :: iso_c_binding, only: c_char, c_double, c_f_pointer, c_int, c_null_char, c_ptr, c_size_t
   use dotyk_base_kinds, only: dp
@@ -6,12 +6,15 @@ module dotyk_base_memory
   implicit none
   private
 
-  !> What there is, of `memory_now`.
+  !> Memory in use and left.
   type, public :: memory_t
-    !> In use by this process, and what it can still get [bytes].
-    real(dp) :: used = 0, left = 0
-    !> Whether the latter is known, and by which limit: "of the machine".
+    !> Memory in use by this process [bytes].
+    real(dp) :: used = 0
+    !> Memory that it can still get [bytes].
+    real(dp) :: left = 0
+    !> Whether `left` is known.
     logical :: is_known = .false.
+    !> Limit of the memory, as in "of the machine".
     character(:), allocatable :: limit
   end type memory_t
 
@@ -20,12 +23,17 @@ module dotyk_base_memory
   interface
     subroutine c_memory(used, left, limit) bind(c, name='dotyk_memory')
       import :: c_double, c_int
-      real(c_double), intent(out) :: used, left
+      !> Memory in use [bytes].
+      real(c_double), intent(out) :: used
+      !> Memory that is left [bytes].
+      real(c_double), intent(out) :: left
+      !> Limit that ends it: 0 unknown, 1 machine, 2 container or batch job, 3 process.
       integer(c_int), intent(out) :: limit
     end subroutine c_memory
 
     subroutine c_set_stage(text) bind(c, name='dotyk_set_stage')
       import :: c_char
+      !> Text, ended by a null character.
       character(kind=c_char), intent(in) :: text(*)
     end subroutine c_set_stage
 
@@ -35,26 +43,28 @@ module dotyk_base_memory
 
     pure integer(c_size_t) function c_strlen(text) bind(c, name='strlen')
       import :: c_ptr, c_size_t
+      !> Text, ended by a null character.
       type(c_ptr), value, intent(in) :: text
     end function c_strlen
 
     subroutine c_set_item(text) bind(c, name='dotyk_set_item')
       import :: c_char
+      !> Text, ended by a null character.
       character(kind=c_char), intent(in) :: text(*)
     end subroutine c_set_item
 
-    !> From here on an end of the program that it did not expect gets a message and an exit code.
+    !> From here on an unexpected end of the program gets a message and an exit code.
     subroutine watch_ends() bind(c, name='dotyk_watch_ends')
     end subroutine watch_ends
 
-    !> The program is about to end by itself.
+    !> The program is about to end as planned.
     subroutine end_expected() bind(c, name='dotyk_end_expected')
     end subroutine end_expected
   end interface
 
 contains
 
-  !> Memory in use, and left.
+  !> Memory in use and left.
   function memory_now() result(memory)
     type(memory_t) :: memory
     integer(c_int) :: limit
@@ -72,8 +82,9 @@ contains
     end select
   end function memory_now
 
-  !> Memory for people.
+  !> Memory in MiB or GiB.
   function memory_text(bytes) result(text)
+    !> Memory [bytes].
     real(dp), intent(in) :: bytes
     character(:), allocatable :: text
     if (bytes < 1.0e4_dp*1048576) then
@@ -83,13 +94,14 @@ contains
     end if
   end function memory_text
 
-  !> What is being done from now on, as in "while assembling".
+  !> Set the stage of work, as in "assembling".
   subroutine set_stage(what)
+    !> Work of the program, as in "assembling".
     character(*), intent(in) :: what
     call c_set_stage(what//c_null_char)
   end subroutine set_stage
 
-  !> What is being done.
+  !> Stage of work.
   function stage_text() result(text)
     character(:), allocatable :: text
     character(kind=c_char), pointer :: letters(:)
@@ -101,8 +113,9 @@ contains
     end do
   end function stage_text
 
-  !> What this thread works on, such as "body 'upper'"; empty: nothing of its own.
+  !> Set the item that this thread works on.
   subroutine set_item(what)
+    !> Work of the thread, as in "body 'upper'"; empty for none.
     character(*), intent(in) :: what
     call c_set_item(what//c_null_char)
   end subroutine set_item

@@ -52,8 +52,10 @@ contains
   pure subroutine insert_run(values, first, last, order)
     !> Numbers to sort (n).
     real(dp), intent(in) :: values(:)
-    !> First and last place of the run.
-    integer, intent(in) :: first, last
+    !> First place of the run.
+    integer, intent(in) :: first
+    !> Last place of the run.
+    integer, intent(in) :: last
     !> The permutation (n); entries outside of the run are kept.
     integer, intent(inout) :: order(:)
     integer :: i, k
@@ -74,8 +76,12 @@ contains
     real(dp), intent(in) :: values(:)
     !> The order before (n).
     integer, intent(in) :: from(:)
-    !> First places of the two runs and of what follows them.
-    integer, intent(in) :: start, middle, last
+    !> First place of the first run.
+    integer, intent(in) :: start
+    !> First place of the second run.
+    integer, intent(in) :: middle
+    !> Place behind the second run.
+    integer, intent(in) :: last
     !> The order after (n); entries outside of the runs are kept.
     integer, intent(inout) :: order(:)
     logical :: first

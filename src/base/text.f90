@@ -1,7 +1,7 @@
-!> Small text tools: numbers to text, comparison of names, joining.
+!> Text tools: numbers to text, comparison of names, splitting and joining, quoting for messages.
 !>
-!> gfortran 12 keeps the length of a text that a function returns in one place for all threads, at every call. What may be called by
-!> several threads makes its texts in `!$omp critical (message)`, always of this name, and only where something is wrong.
+!> gfortran 12 keeps the length of a text that a function returns in one place for all threads. Procedures that several
+!> threads call make texts only for errors, and in `!$omp critical (message)`, always of this name.
 module dotyk_base_text
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dotyk_base_kinds, only: dp, int64
@@ -10,6 +10,7 @@ module dotyk_base_text
 
   !> A text of its own length, for arrays of texts.
   type, public :: text_t
+    !> The text.
     character(:), allocatable :: s
   end type text_t
 
@@ -24,6 +25,7 @@ contains
 
   !> An integer as text.
   pure function text_of_integer(value) result(text)
+    !> The integer.
     integer, intent(in) :: value
     character(:), allocatable :: text
     character(24) :: buffer
@@ -33,6 +35,7 @@ contains
 
   !> A 64-bit integer as text.
   pure function text_of_long(value) result(text)
+    !> The integer.
     integer(int64), intent(in) :: value
     character(:), allocatable :: text
     character(24) :: buffer
@@ -42,6 +45,7 @@ contains
 
   !> A real as text: plain for moderate sizes, with an exponent otherwise; no trailing zeros.
   pure function text_of_real(value, digits) result(text)
+    !> The real; NaN and infinity are named.
     real(dp), intent(in) :: value
     !> Significant digits, 1 to 17; 6 if absent.
     integer, intent(in), optional :: digits
@@ -82,6 +86,7 @@ contains
 
   !> "1.500" to "1.5", "2." to "2".
   pure function without_trailing_zeros(digits) result(text)
+    !> Decimal digits, maybe with a point.
     character(*), intent(in) :: digits
     character(:), allocatable :: text
     integer :: last
@@ -97,6 +102,7 @@ contains
 
   !> ASCII lower case.
   pure function lower(text) result(lowered)
+    !> Any text.
     character(*), intent(in) :: text
     character(len(text)) :: lowered
     integer :: i, code
@@ -107,11 +113,11 @@ contains
     end do
   end function lower
 
-  !> The name of a list that is nearest to a misspelled one; empty where none is near.
+  !> Name of a list that is nearest to a misspelled one; empty where none is near.
   pure function nearest_name(name, names) result(nearest)
-    !> What was written.
+    !> Name as written.
     character(*), intent(in) :: name
-    !> What could have been meant.
+    !> Names that may be meant (n).
     type(text_t), intent(in) :: names(:)
     character(:), allocatable :: nearest
     integer :: i, distance, least
@@ -129,7 +135,10 @@ contains
 
   !> Optimal string alignment distance: insertions, deletions, changes and swaps of neighbours, each counted as 1.
   pure integer function edit_distance(a, b) result(distance)
-    character(*), intent(in) :: a, b
+    !> First word.
+    character(*), intent(in) :: a
+    !> Second word.
+    character(*), intent(in) :: b
     integer :: d(0:len(a), 0:len(b))
     integer :: i, j, p, q, cost
     d(:, 0) = [(i, i=0, len(a))]
@@ -149,7 +158,9 @@ contains
 
   !> Texts joined with a separator.
   pure function join(texts, separator) result(joined)
+    !> Texts to join (n).
     type(text_t), intent(in) :: texts(:)
+    !> Text between two of them.
     character(*), intent(in) :: separator
     character(:), allocatable :: joined
     integer :: i
@@ -162,13 +173,15 @@ contains
 
   !> A name between single quotes, for messages.
   pure function quoted(name) result(text)
+    !> Name; trailing blanks are dropped.
     character(*), intent(in) :: name
     character(:), allocatable :: text
     text = "'"//trim(name)//"'"
   end function quoted
 
-  !> What the user wrote, fit for a message: between quotes, not too long, without control characters.
+  !> Text of the user for a message: in quotes, not too long, without control characters.
   pure function shown(text) result(quoted_text)
+    !> Text of the user.
     character(*), intent(in) :: text
     character(:), allocatable :: quoted_text
     integer, parameter :: most = 48
@@ -191,6 +204,7 @@ contains
 
   !> Like `shown`, without the quotes around.
   pure function visible(text) result(rest)
+    !> Text of the user.
     character(*), intent(in) :: text
     character(:), allocatable :: rest
     rest = shown(text)
@@ -199,18 +213,20 @@ contains
 
   !> " (did you mean 'young'?)", or nothing where no name is near.
   pure function suggestion(name, names) result(hint)
+    !> Name as written.
     character(*), intent(in) :: name
+    !> Names that are known (n).
     type(text_t), intent(in) :: names(:)
     character(:), allocatable :: hint
     hint = nearest_name(name, names)
     if (len(hint) > 0) hint = ' (did you mean '//shown(hint)//'?)'
   end function suggestion
 
-  !> The words of a text that blanks separate.
+  !> Split a text at blanks.
   pure subroutine split_words(text, words)
     !> Words separated by blanks.
     character(*), intent(in) :: text
-    !> Its words, none where the text is blank.
+    !> Its words (n); none where the text is blank.
     type(text_t), allocatable, intent(out) :: words(:)
     integer :: i, n, first
     n = 0
@@ -231,9 +247,11 @@ contains
     end do
   end subroutine split_words
 
-  !> Does a word start at this place?
+  !> Whether a word starts at a place.
   pure logical function starts_word(text, i) result(starts)
+    !> Words separated by blanks.
     character(*), intent(in) :: text
+    !> Place in the text.
     integer, intent(in) :: i
     starts = text(i:i) /= ' '
     if (starts .and. i > 1) starts = text(i - 1:i - 1) == ' '

@@ -1,11 +1,11 @@
-!> From the input to bodies: meshes, materials, supports, loads, and the surfaces of the contact pairs.
+!> Builds bodies from the input: meshes, materials, supports, loads, and the surfaces of the contact pairs.
 module dotyk_driver_body_setup
   use omp_lib, only: omp_get_max_threads
-  use dotyk_base_error, only: error_slot_t, error_t, problem_list_t, add_context, set_error, exit_not_solvable
+  use dotyk_base_error, only: error_slot_t, error_t, problem_list_t, set_error, exit_not_solvable
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: load_force_density, option_name, scheme_names
-  use dotyk_base_text, only: to_text
+  use dotyk_base_text, only: quoted, to_text
   use dotyk_control_congruence_classes, only: congruence_classes_t
   use dotyk_driver_locking, only: would_lock
   use dotyk_driver_materials, only: build_material
@@ -28,13 +28,17 @@ module dotyk_driver_body_setup
 
 contains
 
-  !> Read every mesh once, take every volume out of it once and build its bodies; all problems are reported together.
+  !> Read every mesh once, extract every volume once, and build the bodies; all problems are reported together.
   subroutine build_bodies(case, body, surface_a, surface_b, error)
+    !> The case.
     type(case_t), intent(in) :: case
-    !> (n_bodies).
+    !> Bodies, not yet assembled (n_bodies).
     type(body_t), allocatable, intent(out) :: body(:)
-    !> The two surfaces of each contact pair (n_pairs).
-    type(surface_t), allocatable, intent(out) :: surface_a(:), surface_b(:)
+    !> Slave surface of each contact pair (n_pairs).
+    type(surface_t), allocatable, intent(out) :: surface_a(:)
+    !> Master surface of each contact pair (n_pairs).
+    type(surface_t), allocatable, intent(out) :: surface_b(:)
+    !> Allocated where meshes, materials, supports or loads cannot be used: all problems, one per line.
     type(error_t), allocatable, intent(out) :: error
     type(problem_list_t) :: problems
     type(mesh_t) :: mesh
@@ -68,12 +72,15 @@ contains
     call problems%raise(error)
   end subroutine build_bodies
 
-  !> A .msh file, or a .geo file by way of gmsh.
+  !> Read a .msh file, or a .geo file that gmsh meshes.
   subroutine read_mesh(path, dimension, mesh, error)
+    !> Path of the mesh or geometry.
     character(*), intent(in) :: path
-    !> 2 or 3: for gmsh.
+    !> Dimension of space, for gmsh.
     integer, intent(in) :: dimension
+    !> The mesh.
     type(mesh_t), intent(out) :: mesh
+    !> Allocated where the file cannot be read or meshed.
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: msh
     msh = path
@@ -81,20 +88,27 @@ contains
       if (path(len(path) - 3:) == '.geo') call mesh_geometry(path, dimension, msh, error)
     end if
     if (.not. allocated(error)) call read_gmsh(msh, mesh, error)
-    ! Messages name the file that the user knows.
+    ! Messages name the file of the namelist.
     if (.not. allocated(error)) mesh%file = path
   end subroutine read_mesh
 
-  !> One body and the surfaces of its contact pairs.
+  !> Build one body and the surfaces of its contact pairs.
   subroutine build_body(case, mesh, volume, b, body, surface_a, surface_b, problems)
+    !> The case.
     type(case_t), intent(in) :: case
+    !> Mesh of the body's volume.
     type(mesh_t), intent(in) :: mesh
-    !> The body's volume in the mesh.
+    !> Volume of the body in the mesh; its surfaces are kept.
     type(volume_t), intent(inout) :: volume
     !> Index of the body.
     integer, intent(in) :: b
+    !> The body, not yet assembled.
     type(body_t), intent(inout) :: body
-    type(surface_t), intent(inout) :: surface_a(:), surface_b(:)
+    !> Slave surfaces (n_pairs); those of the body are set.
+    type(surface_t), intent(inout) :: surface_a(:)
+    !> Master surfaces (n_pairs); those of the body are set.
+    type(surface_t), intent(inout) :: surface_b(:)
+    !> Problems so far; those of the body are added.
     type(problem_list_t), intent(inout) :: problems
     type(error_t), allocatable :: failed
     type(support_t), allocatable :: support(:)
@@ -132,8 +146,9 @@ contains
 
   contains
 
-    !> Put the body, with the axes of its material, where it is to be.
+    !> Rotate and shift the body with the axes of its material.
     subroutine place(given)
+      !> `&body`.
       type(body_input_t), intent(in) :: given
       type(placement_t) :: placement
       call placement%init(given%axis, given%angle, given%at)
@@ -143,8 +158,9 @@ contains
         body%material%stiffness = rotate_stiffness(body%material%stiffness, placement%rotation)
     end subroutine place
 
-    !> The supports of this body.
+    !> Collect the supports of the body.
     subroutine build_supports(support)
+      !> Supports of the body (n_supports).
       type(support_t), allocatable, intent(out) :: support(:)
       integer :: i, n
       allocate (support(count(case%support%body == b)))
@@ -162,9 +178,11 @@ contains
       end do
     end subroutine build_supports
 
-    !> Nodal forces of one load.
+    !> Add the nodal forces of one load.
     subroutine build_load(given, failed)
+      !> `&load`.
       type(load_input_t), intent(in) :: given
+      !> Allocated where the load cannot be used.
       type(error_t), allocatable, intent(out) :: failed
       type(load_t) :: load
       type(surface_t) :: surface
@@ -180,23 +198,27 @@ contains
       end if
     end subroutine build_load
 
-    !> A problem of a line of the input.
+    !> Add a problem of a line of the namelist file, if there is one.
     subroutine note(line, failed)
+      !> Line of the namelist file.
       integer, intent(in) :: line
+      !> Problem; not allocated on return.
       type(error_t), allocatable, intent(inout) :: failed
-      ! Asked for every body and pair.
+      ! Asked for every body and pair: no text where there is no problem.
       if (.not. allocated(failed)) return
-      call add_context(failed, case%file//':'//to_text(line)//': ')
-      call problems%add_error(failed)
+      call problems%add_error(failed, case%file//':'//to_text(line)//': ')
     end subroutine note
   end subroutine build_body
 
-  !> For schemes that need held bodies: refuse those that the supports leave free; all are reported together.
+  !> For schemes that need supported bodies: refuse floating bodies; all are reported together.
   subroutine check_held(case, body, classes, error)
+    !> The case.
     type(case_t), intent(in) :: case
-    !> With supports (n_bodies).
+    !> Bodies with supports (n_bodies).
     type(body_t), intent(in) :: body(:)
+    !> Congruence classes of the bodies.
     type(congruence_classes_t), intent(in) :: classes
+    !> Allocated where bodies float: all of them, one per line.
     type(error_t), allocatable, intent(out) :: error
     type(problem_list_t) :: problems
     type(error_t), allocatable :: failed
@@ -206,33 +228,33 @@ contains
     scheme = option_name(scheme_names, case%solver%scheme)
     free = .true.
     do b = 1, size(body)
-      ! All bodies of a kind are as free as the first.
+      ! Congruent bodies float alike.
       if (.not. free(classes%first(b))) cycle
       call free_rigid_modes(body(b), n_free, motions)
       free(b) = n_free > 0
       if (n_free == 0) cycle
-      call set_error(failed, case%file//':'//to_text(case%body(b)%line)//": body '"//body(b)%name//"': scheme '"// &
-        scheme// &
-                     "' needs held bodies, and the supports leave this one free: "//motions// &
-                     '; add a &support that stops it, '// &
-                     "or use scheme='dual', which does not need it", exit_not_solvable)
-      call problems%add_error(failed)
+      call set_error(failed, "scheme '"//scheme//"' needs supported bodies, and this body floats: "//motions// &
+                     "; add a &support against this motion, or use scheme='dual', which allows floating bodies", &
+                     exit_not_solvable)
+      call problems%add_error(failed, body_context(case, b))
     end do
     call problems%raise(error)
   end subroutine check_held
 
-  !> Assemble all bodies: the ones that are much larger than the rest with all threads, then the others side by side;
-  !> all problems are reported together.
+  !> Assemble all bodies: much larger ones with all threads, then the others in parallel; all problems are reported
+  !> together.
   subroutine assemble_bodies(case, classes, body, modes, stiffness, error)
+    !> The case.
     type(case_t), intent(in) :: case
+    !> Congruence classes of the bodies.
     type(congruence_classes_t), intent(in) :: classes
-    !> Those that are not the first of their kind get no stiffness (n_bodies).
+    !> Bodies (n_bodies); only the first one of each congruence class gets a stiffness matrix.
     type(body_t), intent(inout) :: body(:)
     !> Rigid body modes that the supports leave (n_bodies).
     type(body_modes_t), allocatable, intent(out) :: modes(:)
     !> Of the representatives (n_bodies).
     type(stiffness_t), allocatable, intent(out) :: stiffness(:)
-    !> Allocated where elements or formulas are wrong; names the bodies.
+    !> Allocated where bodies cannot be assembled: all problems, one per line.
     type(error_t), allocatable, intent(out) :: error
     type(problem_list_t) :: problems
     type(error_slot_t), allocatable :: failed(:)
@@ -241,9 +263,9 @@ contains
     real(dp) :: share
     allocate (failed(size(body)), modes(size(body)), stiffness(size(body)))
     order = largest_first(real(body%constraint%n_equations, dp))
-    ! Larger than one thread's share of all: the others would wait for it.
-    share = sum(real(body%constraint%n_equations, dp), mask=[(classes%is_representative(b), b=1, &
-      size(body))])/omp_get_max_threads()
+    ! The other threads would wait for a body that exceeds the share of one thread.
+    share = sum(real(body%constraint%n_equations, dp), mask=[(classes%is_representative(b), b=1, size(body))])
+    share = share/omp_get_max_threads()
     alone = .false.
     if (omp_get_max_threads() > 1) then
       alone = [(classes%is_representative(b) .and. body(b)%constraint%n_equations > 1.2_dp*share, b=1, size(body))]
@@ -272,7 +294,7 @@ contains
     !$omp end do
     !$omp end parallel
     do b = 1, size(body)
-      call problems%add_error(failed(b)%error, case%file//':'//to_text(case%body(b)%line)//": body '"//body(b)%name//"': ")
+      call problems%add_error(failed(b)%error, body_context(case, b))
     end do
     call problems%raise(error)
   end subroutine assemble_bodies
@@ -287,4 +309,14 @@ contains
     call body%assemble(stiffness, error)
     call modes%find(body)
   end subroutine assemble_first
+
+  !> Context of the errors of a body: "file:line: body 'upper': ".
+  function body_context(case, b) result(text)
+    !> The case.
+    type(case_t), intent(in) :: case
+    !> Index of the body.
+    integer, intent(in) :: b
+    character(:), allocatable :: text
+    text = case%file//':'//to_text(case%body(b)%line)//': body '//quoted(case%body(b)%name)//': '
+  end function body_context
 end module dotyk_driver_body_setup

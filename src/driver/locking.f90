@@ -1,4 +1,4 @@
-!> What is done against locking in nearly incompressible bodies, and what the log says of it.
+!> Treatment of volumetric locking in nearly incompressible bodies, and its lines in the log.
 module dotyk_driver_locking
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
@@ -16,16 +16,17 @@ module dotyk_driver_locking
   private
   public :: would_lock, show_locking
 
-  !> Bulk over shear modulus from which on linear triangles, tetrahedra and prisms are made quadratic: a Poisson's ratio
-  !> of 0.45.
+  !> Bulk over shear modulus from which on linear triangles, tetrahedra and prisms are elevated to order 2: Poisson's
+  !> ratio 0.45 [].
   real(dp), parameter :: linear_simplices_lock = 29.0_dp/3
-  !> More kinds of bodies than this are only summed up.
+  !> Greatest number of congruence classes with a line each.
   integer, parameter :: most_shown = 20
 
 contains
 
-  !> Whether linear triangles, tetrahedra and prisms would lock in a body, and are to be made quadratic.
+  !> Whether linear triangles, tetrahedra and prisms would lock in a body, so that they are elevated to order 2.
   logical function would_lock(case, b) result(locks)
+    !> The case.
     type(case_t), intent(in) :: case
     !> Index of the body.
     integer, intent(in) :: b
@@ -38,12 +39,15 @@ contains
     if (.not. allocated(failed)) locks = material%incompressibility >= linear_simplices_lock
   end function would_lock
 
-  !> One line per kind of nearly incompressible bodies; many kinds are summed up.
+  !> Log one line per congruence class of nearly incompressible bodies; many classes are summed up.
   subroutine show_locking(log, case, body, classes)
+    !> The log.
     type(log_t), intent(inout) :: log
+    !> The case.
     type(case_t), intent(in) :: case
-    !> (n_bodies).
+    !> Bodies (n_bodies).
     type(body_t), intent(in) :: body(:)
+    !> Congruence classes of the bodies.
     type(congruence_classes_t), intent(in) :: classes
     integer :: b, n, before, after
     n = 0
@@ -62,13 +66,13 @@ contains
       call log%line('  warning: '//to_text(n)//" bodies are nearly incompressible, and may lock (locking='ignore')")
     else
       call log%line('  nearly incompressible: '//to_text(n)//' bodies, projected dilatation; nodes '// &
-        to_text(before)// &
-                    ' in the mesh, '//to_text(after)//' now')
+                    to_text(before)//' in the mesh, '//to_text(after)//' now')
     end if
   end subroutine show_locking
 
   !> Whether a body is nearly incompressible.
   logical function asks_for_it(body, locking) result(asks)
+    !> The body.
     type(body_t), intent(in) :: body
     !> One of `locking_*`.
     integer, intent(in) :: locking
@@ -83,10 +87,11 @@ contains
     end do
   end function asks_for_it
 
-  !> What was done to a body, and why.
+  !> Line of the log for one class.
   function line_of(body, number, locking) result(line)
+    !> First body of the class.
     type(body_t), intent(in) :: body
-    !> Of bodies of its kind.
+    !> Number of bodies of the class.
     integer, intent(in) :: number
     !> One of `locking_*`.
     integer, intent(in) :: locking
@@ -95,14 +100,14 @@ contains
     if (number > 1) line = line//' and '//to_text(number - 1)//' like it'
     line = line//' (bulk over shear modulus '//to_text(body%material%bulk_over_shear(), 3)//'): '
     if (locking == locking_ignore) then
-      line = '  warning: '//line//"it may lock, and locking='ignore' lets it"
+      line = '  warning: '//line//"it may lock (locking='ignore')"
     else
       line = '  '//line//'projected dilatation'
       if (body%mesh%order_elevated) then
-        line = line//'; linear elements, which would lock, made quadratic: '//to_text(size(body%mesh%mesh_node))// &
+        line = line//'; linear elements elevated to order 2: '//to_text(size(body%mesh%mesh_node))// &
           ' nodes in the mesh, '//to_text(body%mesh%n_nodes())//' now'
       else if (has_linear_simplices(body%mesh)) then
-        line = line//'; linear triangles, tetrahedra and prisms lock all the same'
+        line = line//'; linear triangles, tetrahedra and prisms may lock'
       end if
     end if
   end function line_of

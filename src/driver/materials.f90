@@ -1,4 +1,4 @@
-!> From the input to materials.
+!> Builds materials from the input.
 module dotyk_driver_materials
   use dotyk_base_error, only: error_t
   use dotyk_base_options, only: locking_ignore, material_isotropic, material_orthotropic
@@ -10,19 +10,22 @@ module dotyk_driver_materials
 
 contains
 
-  !> One material.
+  !> Build one material.
   subroutine build_material(given, locking, material, error)
+    !> `&material`.
     type(material_input_t), intent(in) :: given
     !> One of `locking_*`.
     integer, intent(in) :: locking
+    !> The material.
     type(material_t), intent(out) :: material
+    !> Allocated where the constants are not those of a stable material.
     type(error_t), allocatable, intent(out) :: error
     select case (given%kind)
     case (material_isotropic)
       call material%init_isotropic(given%name, given%young(1), given%poisson(1), error)
     case (material_orthotropic)
       call material%init_orthotropic(given%name, given%young, given%poisson, given%shear, given%axis_1, given%axis_2, &
-        error)
+                                     error)
     case default
       call material%init_anisotropic(given%name, given%stiffness, error)
     end select

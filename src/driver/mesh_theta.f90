@@ -1,6 +1,6 @@
-!> Penalty parameters after the mesh: theta = factor (h_a/E_a + h_b/E_b) at every contact point, h the size of the facet
-!> and E Young's modulus there. With theta ~ h/E the order of convergence in h stays (Chouly and Hild, Appl. Numer.
-!> Math. 65, 2013).
+!> Penalty parameters by mesh size: theta = factor (h_a/E_a + h_b/E_b) at every quadrature point, with the size h of the
+!> facet and Young's modulus E at the point. With theta ~ h/E the penalty keeps the order of convergence in h
+!> (Chouly and Hild, Appl. Numer. Math. 65, 2013).
 module dotyk_driver_mesh_theta
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
@@ -19,12 +19,19 @@ contains
 
   !> Set the penalty parameters of a pair.
   subroutine set_mesh_theta(factor, body_a, surface_a, body_b, surface_b, pair, error)
-    !> What h/E is multiplied with [1].
+    !> Factor of h/E [].
     real(dp), intent(in) :: factor
-    type(body_t), intent(in) :: body_a, body_b
-    type(surface_t), intent(in) :: surface_a, surface_b
+    !> Body of the slave side.
+    type(body_t), intent(in) :: body_a
+    !> Body of the master side.
+    type(body_t), intent(in) :: body_b
+    !> Slave surface.
+    type(surface_t), intent(in) :: surface_a
+    !> Master surface.
+    type(surface_t), intent(in) :: surface_b
+    !> The contact pair; its penalty parameters are set.
     type(contact_pair_t), intent(inout) :: pair
-    !> Allocated where the factor on a stiffness is wrong; assembly finds that first.
+    !> Allocated where a modulus field cannot be evaluated; assembly finds that first.
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: at_points(:)
     integer :: i, k
@@ -33,15 +40,15 @@ contains
     if (allocated(error)) return
     call add_side(body_b, surface_b, pair%facet_b, pair%position, at_points, error)
     if (allocated(error)) return
-    ! Weights of dual functions may be negative: a row gets a mean of its points by what they weigh.
+    ! Weights of dual shape functions may be negative: theta of a row is the mean by their magnitudes.
     associate (average => pair%average)
       do i = 1, pair%n_rows
         pair%row_theta(i) = 0
         do k = average%row_start(i), average%row_start(i + 1) - 1
           pair%row_theta(i) = pair%row_theta(i) + abs(average%value(k))*at_points(average%column(k))
         end do
-        pair%row_theta(i) = factor*pair%row_theta(i)/sum(abs(average%value(average%row_start(i):average%row_start(i + &
-          1) - 1)))
+        pair%row_theta(i) = factor*pair%row_theta(i)/ &
+                            sum(abs(average%value(average%row_start(i):average%row_start(i + 1) - 1)))
       end do
     end associate
     pair%theta = sum(pair%row_weight*pair%row_theta)/sum(pair%row_weight)
@@ -49,19 +56,23 @@ contains
 
   !> Add h/E of one side at the points.
   subroutine add_side(body, surface, facet, position, at_points, error)
+    !> Body of the side.
     type(body_t), intent(in) :: body
+    !> Surface of the side.
     type(surface_t), intent(in) :: surface
     !> Facet of each point (n_points).
     integer, intent(in) :: facet(:)
-    !> Where the points are (dimension, n_points) [length].
+    !> Positions of the points (dimension, n_points) [length].
     real(dp), intent(in) :: position(:, :)
+    !> Sum of h/E at the points (n_points) [length/pressure]; that of the side is added.
     real(dp), intent(inout) :: at_points(:)
+    !> Allocated where the modulus field cannot be evaluated.
     type(error_t), allocatable, intent(out) :: error
     type(vector_field_t) :: stiffness
     real(dp), allocatable :: size_of(:)
     real(dp) :: value(3), young
     integer :: i
-    ! Most facets may have no points.
+    ! Sizes are computed when needed: most facets may have no points.
     allocate (size_of(surface%n_facets), source=-1.0_dp)
     call read_modulus_field(body%material, stiffness, error)
     if (allocated(error)) return
@@ -73,7 +84,7 @@ contains
       end associate
       if (.not. stiffness%constant) call stiffness%evaluate(position(:, i), value, error)
       if (allocated(error)) exit
-      ! A factor that vanishes on the surface makes no theta infinite.
+      ! A modulus that vanishes on the surface must not make theta infinite.
       at_points(i) = at_points(i) + size_of(facet(i))/(young*max(value(1)/body%mean_modulus_factor, 1.0e-3_dp))
     end do
     call stiffness%destroy()
@@ -81,8 +92,9 @@ contains
 
   !> Size of a facet: its length, or the root of its area [length].
   real(dp) function facet_size(kind, x) result(length)
+    !> Element kind of the facet.
     integer, intent(in) :: kind
-    !> Its nodes (dimension, n_nodes) [length].
+    !> Nodes of the facet (dimension, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
     real(dp), allocatable :: point(:, :), weight(:)
     real(dp) :: position(size(x, 1)), normal(size(x, 1)), jacobian

@@ -1,4 +1,4 @@
-!> Contact pairs of the input to contact points and the contact operator.
+!> Discretizes the contact pairs of the input.
 module dotyk_driver_pairs
   use omp_lib, only: omp_get_max_threads
   use dotyk_base_error, only: error_slot_t, error_t, problem_list_t
@@ -16,38 +16,41 @@ module dotyk_driver_pairs
   private
   public :: find_pairs, foundation_compliance
 
-  !> Depth of the elastic layer that stands for a body's compliance, relative to the body's size: about that of a
-  !> contact zone.
+  !> Depth of the Winkler foundation that approximates the compliance of a body, relative to the size of the body: about
+  !> that of a contact zone [].
   real(dp), parameter :: foundation_depth = 0.1_dp
-  !> So many pairs for each thread are many.
+  !> From this number of pairs per thread on, pairs are searched in parallel.
   integer, parameter :: many = 8
 
 contains
 
-  !> Search the contact points of all pairs; all problems are reported together.
+  !> Discretize all contact pairs; all problems are reported together.
   subroutine find_pairs(case, body, surface_a, surface_b, pair, theta, error)
+    !> The case.
     type(case_t), intent(in) :: case
-    !> Assembled (n_bodies).
+    !> Assembled bodies (n_bodies).
     type(body_t), intent(in) :: body(:)
-    !> The two surfaces of each pair (n_pairs).
-    type(surface_t), intent(in) :: surface_a(:), surface_b(:)
-    !> (n_pairs).
+    !> Slave surface of each pair (n_pairs).
+    type(surface_t), intent(in) :: surface_a(:)
+    !> Master surface of each pair (n_pairs).
+    type(surface_t), intent(in) :: surface_b(:)
+    !> Contact pairs (n_pairs).
     type(contact_pair_t), allocatable, intent(out) :: pair(:)
     !> Penalty parameters of all rows, pair by pair (n_rows) [length/pressure].
     real(dp), allocatable, intent(out) :: theta(:)
-    !> Allocated where a pair has no contact rows, or a formula is wrong; names the lines.
+    !> Allocated where pairs cannot be discretized: all problems, one per line.
     type(error_t), allocatable, intent(out) :: error
     type(problem_list_t) :: problems
     type(error_slot_t), allocatable :: failed(:)
     integer :: k
     allocate (pair(size(case%contact)), failed(size(case%contact)))
-    ! A few pairs share out their points, many are shared out themselves.
+    ! Few pairs: threads share the points of each. Many pairs: threads share the pairs.
     !$omp parallel do default(none) shared(case, body, surface_a, surface_b, pair, failed) schedule(dynamic, 1) &
     !$omp& if (size(pair) >= many*omp_get_max_threads())
     do k = 1, size(pair)
       associate (given => case%contact(k))
         call search_pair(case, given, body(given%body_a), surface_a(k), body(given%body_b), surface_b(k), pair(k), &
-          failed(k)%error)
+                         failed(k)%error)
       end associate
     end do
     !$omp end parallel do
@@ -58,13 +61,23 @@ contains
     if (.not. allocated(error)) theta = [(pair(k)%row_theta, k=1, size(pair))]
   end subroutine find_pairs
 
-  !> Search the contact points of one pair.
+  !> Discretize one contact pair.
   subroutine search_pair(case, given, body_a, surface_a, body_b, surface_b, pair, error)
+    !> The case.
     type(case_t), intent(in) :: case
+    !> `&contact`.
     type(contact_input_t), intent(in) :: given
-    type(body_t), intent(in) :: body_a, body_b
-    type(surface_t), intent(in) :: surface_a, surface_b
+    !> Body of the slave side.
+    type(body_t), intent(in) :: body_a
+    !> Body of the master side.
+    type(body_t), intent(in) :: body_b
+    !> Slave surface.
+    type(surface_t), intent(in) :: surface_a
+    !> Master surface.
+    type(surface_t), intent(in) :: surface_b
+    !> The contact pair.
     type(contact_pair_t), intent(out) :: pair
+    !> Allocated where the gap formula, the surfaces or theta cannot be used.
     type(error_t), allocatable, intent(out) :: error
     type(pair_settings_t) :: settings
     type(formula_t) :: formula
@@ -87,16 +100,17 @@ contains
     call discretize_pair(body_a%mesh, surface_a, body_b%mesh, surface_b, settings, formula, pair, error)
     call formula%destroy()
     if (allocated(error)) return
-    if (given%theta_kind == theta_mesh) call set_mesh_theta(given%theta, body_a, surface_a, body_b, surface_b, pair, &
-      error)
+    if (given%theta_kind == theta_mesh) &
+      call set_mesh_theta(given%theta, body_a, surface_a, body_b, surface_b, pair, error)
   end subroutine search_pair
 
-  !> Compliance of an elastic foundation for each row of the operator, a scheme's first guess (n_rows)
-  !> [length/pressure].
+  !> Compliance of a Winkler foundation for each row of the operator, the initial guess of a scheme.
   subroutine foundation_compliance(body, pair, foundation)
-    !> (n_bodies), (n_pairs).
+    !> Bodies (n_bodies).
     type(body_t), intent(in) :: body(:)
+    !> Contact pairs (n_pairs).
     type(contact_pair_t), intent(in) :: pair(:)
+    !> Compliance of each row (n_rows) [length/pressure].
     real(dp), allocatable, intent(out) :: foundation(:)
     integer :: k, n
     allocate (foundation(sum(pair%n_rows)))
@@ -110,6 +124,7 @@ contains
 
   !> Size over Young's modulus of a body, the measure of `theta_relative` [length/pressure].
   real(dp) function compliance(body)
+    !> The body.
     type(body_t), intent(in) :: body
     compliance = minval(maxval(body%mesh%x, dim=2) - minval(body%mesh%x, dim=2))/body%young()
   end function compliance

@@ -1,4 +1,4 @@
-!> A volume of a mesh as it is drawn, with its surfaces: taken out once, however many bodies it is.
+!> A volume of a mesh and its surfaces, extracted once for all bodies that use it.
 module dotyk_driver_volumes
   use dotyk_base_error, only: error_t
   use dotyk_mesh_body_mesh, only: body_mesh_t, extract_body
@@ -8,14 +8,15 @@ module dotyk_driver_volumes
   implicit none
   private
 
-  !> A volume and those of its surfaces that were asked for.
+  !> A volume and its extracted surfaces.
   type, public :: volume_t
-    !> Where it is drawn.
+    !> Its elements, at the position in the mesh file.
     type(body_mesh_t) :: mesh
-    !> Why there is none.
+    !> Allocated where the mesh has no such volume.
     type(error_t), allocatable :: error
-    !> The first n are in use.
+    !> Number of extracted surfaces.
     integer, private :: n = 0
+    !> Extracted surfaces; the first n are in use.
     type(surface_t), allocatable, private :: surface(:)
   contains
     procedure :: take => volume_take
@@ -24,15 +25,16 @@ module dotyk_driver_volumes
 
 contains
 
-  !> Take a volume out of a mesh.
+  !> Extract a volume from a mesh.
   subroutine volume_take(self, mesh, name, dimension, locks)
     class(volume_t), intent(out) :: self
+    !> The mesh.
     type(mesh_t), intent(in) :: mesh
-    !> Its physical name.
+    !> Physical group of the volume.
     character(*), intent(in) :: name
-    !> Of space.
+    !> Dimension of space.
     integer, intent(in) :: dimension
-    !> Linear triangles, tetrahedra and prisms would lock.
+    !> Whether linear triangles, tetrahedra and prisms would lock: then they are elevated to order 2.
     logical, intent(in) :: locks
     call extract_body(mesh, name, dimension, self%mesh, self%error)
     if (locks .and. .not. allocated(self%error)) then
@@ -41,14 +43,16 @@ contains
     allocate (self%surface(4))
   end subroutine volume_take
 
-  !> One of its surfaces.
+  !> Extract a surface of the volume, or copy it where it is extracted already.
   subroutine volume_take_surface(self, mesh, name, surface, error)
     class(volume_t), intent(inout) :: self
-    !> The same mesh.
+    !> Mesh of the volume.
     type(mesh_t), intent(in) :: mesh
-    !> Physical name of the surface.
+    !> Physical group of the surface.
     character(*), intent(in) :: name
+    !> The surface.
     type(surface_t), intent(out) :: surface
+    !> Allocated where the volume has no such surface.
     type(error_t), allocatable, intent(out) :: error
     type(surface_t), allocatable :: more(:)
     integer :: i

@@ -1,4 +1,4 @@
-!> From checked groups to plain data: `&material` and `&body`.
+!> Reads `&material` and `&body` from checked groups.
 module dotyk_input_bodies
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric, material_anisotropic, material_isotropic, material_orthotropic
@@ -14,10 +14,13 @@ module dotyk_input_bodies
 
 contains
 
-  !> `&material`.
+  !> Read `&material`.
   subroutine read_material(group, problems, material)
+    !> Checked group.
     type(group_t), intent(in) :: group
+    !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
+    !> The material; incomplete where the group has mistakes.
     type(material_input_t), intent(out) :: material
     material%line = group%line
     material%name = text_of(group, 'name')
@@ -49,10 +52,13 @@ contains
     end if
   end subroutine read_material
 
-  !> What an orthotropic material has beyond young and poisson.
+  !> Read shear moduli and axes of an orthotropic material.
   subroutine read_orthotropic(group, problems, material)
+    !> Checked group.
     type(group_t), intent(in) :: group
+    !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
+    !> The material; its shear moduli and axes are set.
     type(material_input_t), intent(inout) :: material
     real(dp) :: a(3), b(3), normal(3)
     if (is_usable(group, 'young') .and. is_usable(group, 'poisson') .and. &
@@ -80,18 +86,26 @@ contains
     end if
   end subroutine read_orthotropic
 
-  !> Refuse a key that another one excludes.
+  !> Report a key that another one excludes.
   subroutine refuse(group, key, other, problems)
+    !> Checked group.
     type(group_t), intent(in) :: group
-    character(*), intent(in) :: key, other
+    !> The excluded key.
+    character(*), intent(in) :: key
+    !> The key that excludes it.
+    character(*), intent(in) :: other
+    !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
     if (is_given(group, key)) call report(problems, group, key, key//' does not go together with '//other)
   end subroutine refuse
 
-  !> Copy the numbers of a key as far as there are any; the others stay as they are.
+  !> Copy the numbers of a key; components that the key does not have keep their values.
   subroutine read_numbers(group, key, values)
+    !> Checked group.
     type(group_t), intent(in) :: group
+    !> Name of the key.
     character(*), intent(in) :: key
+    !> Values of the key (at least as many as the key has) [unit of the key].
     real(dp), intent(inout) :: values(:)
     real(dp), allocatable :: numbers(:)
     integer :: n
@@ -100,18 +114,21 @@ contains
     values(:n) = numbers(:n)
   end subroutine read_numbers
 
-  !> `&body`.
+  !> Read `&body`.
   subroutine read_body(group, materials, scene, directory, mesh_expected, problems, body)
+    !> Checked group.
     type(group_t), intent(in) :: group
     !> Names of the materials.
     type(names_t), intent(in) :: materials
-    !> Its mesh is that of bodies without one of their own.
+    !> The scene: its mesh is that of bodies without their own.
     type(scene_input_t), intent(in) :: scene
     !> Directory of the namelist file.
     character(*), intent(in) :: directory
-    !> Is a body without a mesh to be reported?
+    !> Whether a body without a mesh is a mistake; not where the mesh of the scene has one itself.
     logical, intent(in) :: mesh_expected
+    !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
+    !> The body; incomplete where the group has mistakes.
     type(body_input_t), intent(out) :: body
     body%line = group%line
     body%name = text_of(group, 'name')
@@ -131,20 +148,26 @@ contains
     call read_placement(group, scene, problems, body)
   end subroutine read_body
 
-  !> Where a body is placed.
+  !> Read the position and rotation of a body.
   subroutine read_placement(group, scene, problems, body)
+    !> Checked group.
     type(group_t), intent(in) :: group
+    !> The scene, for its dimension and analysis.
     type(scene_input_t), intent(in) :: scene
+    !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
+    !> The body; its placement is set.
     type(body_input_t), intent(inout) :: body
     if (is_given(group, 'at') .and. is_usable(group, 'at')) then
       if (scene%dimension == 3 .and. count_of(group, 'at') < 3) &
-        call report(problems, group, 'at', 'at needs 3 values in three dimensions, got '//to_text(count_of(group, 'at')))
+        call report(problems, group, 'at', 'at needs 3 values in three dimensions, got '// &
+                    to_text(count_of(group, 'at')))
       call read_numbers(group, 'at', body%at)
       if (scene%dimension == 2 .and. abs(body%at(3)) > 0) &
         call report(problems, group, 'at', 'at has z = '//to_text(body%at(3))//', but there is no z in two dimensions')
       if (scene%analysis == analysis_axisymmetric .and. abs(body%at(1)) > 0) &
-        call report(problems, group, 'at', 'at has x = '//to_text(body%at(1))//', but axisymmetric bodies move along y only')
+        call report(problems, group, 'at', 'at has x = '//to_text(body%at(1))// &
+                    ', but axisymmetric bodies are shifted along y only')
     end if
     if (is_given(group, 'axis') .and. .not. is_given(group, 'angle')) &
       call report(problems, group, 'axis', 'axis is given without an angle')
@@ -153,13 +176,13 @@ contains
       if (.not. maxval(abs(body%axis)) > 0) then
         call report(problems, group, 'axis', 'axis has no direction: all its components are 0')
       else if (scene%dimension == 2 .and. maxval(abs(body%axis(:2))) > 0) then
-        call report(problems, group, 'axis', 'in two dimensions bodies are turned about z only')
+        call report(problems, group, 'axis', 'in two dimensions bodies are rotated about z only')
       end if
     end if
     if (is_given(group, 'angle')) then
       body%angle = real_of(group, 'angle')
       if (scene%analysis == analysis_axisymmetric) &
-        call report(problems, group, 'angle', 'axisymmetric bodies are not turned: remove angle')
+        call report(problems, group, 'angle', 'axisymmetric bodies cannot be rotated: remove angle')
     end if
   end subroutine read_placement
 end module dotyk_input_bodies

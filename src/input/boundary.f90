@@ -1,4 +1,4 @@
-!> From checked groups to plain data: `&support` and `&load`.
+!> Reads `&support` and `&load` from checked groups.
 module dotyk_input_boundary
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: load_force_density, load_local_traction, load_names, load_pressure
@@ -14,14 +14,17 @@ module dotyk_input_boundary
 
 contains
 
-  !> `&support`.
+  !> Read `&support`.
   subroutine read_support(group, bodies, dimension, problems, support)
+    !> Checked group.
     type(group_t), intent(in) :: group
     !> Names of the bodies.
     type(names_t), intent(in) :: bodies
-    !> 2 or 3; 0 where it is not known.
+    !> Dimension of space, 2 or 3; 0 where it is unknown.
     integer, intent(in) :: dimension
+    !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
+    !> The support; incomplete where the group has mistakes.
     type(support_input_t), intent(out) :: support
     character(:), allocatable :: message
     support%line = group%line
@@ -38,13 +41,16 @@ contains
     end if
     call read_vector(group, 'value', support%fix%local, dimension, problems, support%value)
     call read_formulas(group, 'value_formula', support%fix%local, dimension, problems, support%value_formula)
-    call refuse_values_not_held(group, support, problems)
+    call refuse_values_not_fixed(group, support, problems)
   end subroutine read_support
 
-  !> A value in a direction that is not held is a mistake.
-  subroutine refuse_values_not_held(group, support, problems)
+  !> Report values in directions without prescribed displacement.
+  subroutine refuse_values_not_fixed(group, support, problems)
+    !> Checked group.
     type(group_t), intent(in) :: group
+    !> The support, with directions and values.
     type(support_input_t), intent(in) :: support
+    !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
     character(:), allocatable :: name
     integer :: i
@@ -52,22 +58,25 @@ contains
       if (support%fix%fixed(i)) cycle
       name = support%fix%name(i)
       if (abs(support%value(i)) > 0) call report(problems, group, 'value', 'value has '//name//' = '// &
-                                                 to_text(support%value(i))//', but fix does not hold '//name)
+                                                 to_text(support%value(i))//', but fix does not name '//name)
       if (size(support%value_formula) == 0) cycle
       if (support%value_formula(i)%s /= '0') &
         call report(problems, group, 'value_formula', 'value_formula has '//name//' = '// &
-                    shown(support%value_formula(i)%s)//', but fix does not hold '//name//' (write ''0'')')
+                    shown(support%value_formula(i)%s)//', but fix does not name '//name//' (write ''0'')')
     end do
-  end subroutine refuse_values_not_held
+  end subroutine refuse_values_not_fixed
 
-  !> `&load`.
+  !> Read `&load`.
   subroutine read_load(group, bodies, dimension, problems, load)
+    !> Checked group.
     type(group_t), intent(in) :: group
     !> Names of the bodies.
     type(names_t), intent(in) :: bodies
-    !> 2 or 3; 0 where it is not known.
+    !> Dimension of space, 2 or 3; 0 where it is unknown.
     integer, intent(in) :: dimension
+    !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
+    !> The load; incomplete where the group has mistakes.
     type(load_input_t), intent(out) :: load
     type(text_t), allocatable :: kinds(:)
     character(:), allocatable :: given, key
@@ -112,16 +121,19 @@ contains
     end if
   end subroutine read_load
 
-  !> A vector with three components from two or three numbers.
+  !> Read a vector with three components from two or three numbers.
   subroutine read_vector(group, key, local, dimension, problems, vector)
+    !> Checked group.
     type(group_t), intent(in) :: group
+    !> Name of the key.
     character(*), intent(in) :: key
-    !> Is it in the axes of a surface: xi, eta, n?
+    !> Whether the vector is in the axes of a surface: xi, eta, n.
     logical, intent(in) :: local
-    !> 2 or 3; 0 where it is not known.
+    !> Dimension of space, 2 or 3; 0 where it is unknown.
     integer, intent(in) :: dimension
+    !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
-    !> The vector; 0 where it is not given.
+    !> The vector (3) [unit of the key]; 0 where it is not given.
     real(dp), intent(out) :: vector(3)
     real(dp), allocatable :: numbers(:)
     integer :: across
@@ -138,13 +150,19 @@ contains
     end if
   end subroutine read_vector
 
-  !> The same for formulas: three, or none where none is given.
+  !> Read a vector of formulas from two or three texts.
   subroutine read_formulas(group, key, local, dimension, problems, formulas)
+    !> Checked group.
     type(group_t), intent(in) :: group
+    !> Name of the key.
     character(*), intent(in) :: key
+    !> Whether the formulas are in the axes of a surface: xi, eta, n.
     logical, intent(in) :: local
+    !> Dimension of space, 2 or 3; 0 where it is unknown.
     integer, intent(in) :: dimension
+    !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
+    !> Formulas of the components (3), or none.
     type(text_t), allocatable, intent(out) :: formulas(:)
     type(text_t), allocatable :: texts(:)
     integer :: i, across
@@ -167,13 +185,17 @@ contains
     end if
   end subroutine read_formulas
 
-  !> Does a vector have as many values as there are dimensions?
+  !> Whether a vector is given with as many values as the space has dimensions; too few are reported.
   logical function right_count(group, key, n, dimension, problems) result(right)
+    !> Checked group.
     type(group_t), intent(in) :: group
+    !> Name of the key.
     character(*), intent(in) :: key
-    !> How many it has; 0 where it is not given or not usable.
+    !> Number of its values; 0 where it is not given or not usable.
     integer, intent(in) :: n
+    !> Dimension of space, 2 or 3; 0 where it is unknown.
     integer, intent(in) :: dimension
+    !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
     right = n > 0
     if (n /= 2 .or. dimension /= 3) return
@@ -181,11 +203,15 @@ contains
     right = .false.
   end function right_count
 
-  !> A component across the plane in two dimensions.
+  !> Report a component across the plane in two dimensions.
   subroutine report_across(group, key, local, problems)
+    !> Checked group.
     type(group_t), intent(in) :: group
+    !> Name of the key.
     character(*), intent(in) :: key
+    !> Whether the vector is in the axes of a surface: xi, eta, n.
     logical, intent(in) :: local
+    !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
     call report(problems, group, key, key//': the '//trim(merge('eta', 'z  ', local))// &
                 ' component must be 0 in two dimensions')

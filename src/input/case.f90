@@ -1,10 +1,10 @@
-!> A scene as plain data: what a namelist file says, checked as far as that goes without a mesh.
+!> A namelist file as plain data, checked as far as possible without a mesh.
 !>
-!> Conventions. Paths are resolved: they lead from the working directory to the file. References are resolved to
-!> indices. Vectors have three components: x, y, z in global axes, xi, eta, n in the axes of a surface; in two
-!> dimensions the third (global) or second (local, eta) is zero. A formula that is not given is an array of size 0 or
-!> an empty text; one that is given was parsed once without an error. `line` is the line of the namelist file where
-!> the group begins.
+!> Conventions. Paths lead from the working directory to the file. References are indices. Vectors have three
+!> components: x, y, z in global axes, xi, eta, n in the axes of a surface; in two dimensions the third (global) or
+!> second (local, eta) is zero. A formula that is not given is an array of size 0 or an empty text; one that is given is
+!> correct.
+!> `line` is the line of the namelist file where the group begins.
 module dotyk_input_case
   use dotyk_base_directions, only: directions_t
   use dotyk_base_kinds, only: dp
@@ -20,15 +20,15 @@ module dotyk_input_case
   type, public :: scene_input_t
     !> Line of the group.
     integer :: line = 0
-    !> For people; may be empty.
+    !> Title; may be empty.
     character(:), allocatable :: title
-    !> Mesh of the bodies that name none of their own; empty where there is none.
+    !> Mesh of the bodies that name none of their own; empty where it is not given.
     character(:), allocatable :: mesh
     !> Results file.
     character(:), allocatable :: output
     !> One of `analysis_*`.
     integer :: analysis = default_analysis
-    !> 2 or 3.
+    !> Dimension of space, 2 or 3; 0 where the analysis has a mistake.
     integer :: dimension = 3
   end type scene_input_t
 
@@ -36,12 +36,13 @@ module dotyk_input_case
   type, public :: material_input_t
     !> Line of the group.
     integer :: line = 0
+    !> Name that bodies refer to.
     character(:), allocatable :: name
-    !> One of `material_*`: which of the components below mean something.
+    !> One of `material_*`: decides which of the components below are used.
     integer :: kind = material_isotropic
     !> Young's modulus [pressure]; isotropic: the first; orthotropic: along the axes 1, 2, 3.
     real(dp) :: young(3) = 0
-    !> Poisson's ratio [1]; isotropic: the first; orthotropic: 12, 13, 23.
+    !> Poisson's ratio []; isotropic: the first; orthotropic: 12, 13, 23.
     real(dp) :: poisson(3) = 0
     !> Shear moduli 12, 13, 23 of an orthotropic material [pressure].
     real(dp) :: shear(3) = 0
@@ -49,9 +50,9 @@ module dotyk_input_case
     real(dp) :: axis_1(3) = [1.0_dp, 0.0_dp, 0.0_dp]
     !> A direction in the plane of its axes 1 and 2, as written; not parallel to axis 1.
     real(dp) :: axis_2(3) = [0.0_dp, 1.0_dp, 0.0_dp]
-    !> Upper triangle of the stiffness by rows, order xx yy zz yz xz xy [pressure].
+    !> Upper triangle of the elasticity matrix by rows (21), order xx yy zz yz xz xy [pressure].
     real(dp) :: stiffness(21) = 0
-    !> Factor on the stiffness; empty where there is none.
+    !> Modulus field: factor of the elasticity matrix; empty where there is none.
     character(:), allocatable :: young_formula
   end type material_input_t
 
@@ -59,17 +60,19 @@ module dotyk_input_case
   type, public :: body_input_t
     !> Line of the group.
     integer :: line = 0
+    !> Name that other groups refer to.
     character(:), allocatable :: name
-    !> Physical name of its elements in the mesh.
+    !> Physical group of its elements in the mesh.
     character(:), allocatable :: volume
     !> Index of its material.
     integer :: material = 0
     !> Its mesh: its own, or that of the scene.
     character(:), allocatable :: mesh
-    !> Where the origin of the mesh is placed [length].
+    !> Position of the origin of its mesh (3) [length].
     real(dp) :: at(3) = 0
-    !> Axis through the origin of the mesh, as written, about which the body is turned before, and the angle [degrees].
+    !> Axis through the origin of the mesh about which the body is rotated first, as written (3).
     real(dp) :: axis(3) = [0.0_dp, 0.0_dp, 1.0_dp]
+    !> Angle of that rotation [degrees].
     real(dp) :: angle = 0
   end type body_input_t
 
@@ -79,7 +82,7 @@ module dotyk_input_case
     integer :: line = 0
     !> Index of the body.
     integer :: body = 0
-    !> Physical name of the surface.
+    !> Physical group of the surface.
     character(:), allocatable :: surface
     !> Directions of prescribed displacements.
     type(directions_t) :: fix
@@ -95,13 +98,13 @@ module dotyk_input_case
     integer :: line = 0
     !> Index of the body.
     integer :: body = 0
-    !> Physical name of the surface; empty for a force density.
+    !> Physical group of the surface; empty for a force density.
     character(:), allocatable :: surface
     !> One of `load_*`.
     integer :: kind = load_traction
-    !> Its constant value [pressure, or force per volume]: a pressure in the first component, else a vector.
+    !> Constant value, a pressure in the first component or a vector (3) [pressure, or force/volume].
     real(dp) :: value(3) = 0
-    !> Its formulas: 1 for a pressure, 3 else; or none.
+    !> Formulas: 1 for a pressure, 3 for vectors, or none.
     type(text_t), allocatable :: formula(:)
   end type load_input_t
 
@@ -109,26 +112,31 @@ module dotyk_input_case
   type, public :: contact_input_t
     !> Line of the group.
     integer :: line = 0
+    !> Name of the contact pair.
     character(:), allocatable :: name
-    !> Indices of the two bodies; never equal.
-    integer :: body_a = 0, body_b = 0
-    !> Physical names of the two surfaces.
-    character(:), allocatable :: surface_a, surface_b
+    !> Index of the body of the slave side.
+    integer :: body_a = 0
+    !> Index of the body of the master side; another one.
+    integer :: body_b = 0
+    !> Physical group of the slave surface.
+    character(:), allocatable :: surface_a
+    !> Physical group of the master surface.
+    character(:), allocatable :: surface_b
     !> One of `gap_*`.
     integer :: gap_kind = default_gap
-    !> The gap where it is constant [length].
+    !> Initial gap where it is constant [length].
     real(dp) :: gap = 0
-    !> The gap where it is a formula; else empty.
+    !> Initial gap where it is a formula; else empty.
     character(:), allocatable :: gap_formula
     !> One of `theta_*`; that of `&solver` where the pair has none of its own.
     integer :: theta_kind = default_theta
-    !> Penalty parameter [length/pressure], or the factor of the relative one [1].
+    !> Penalty parameter [length/pressure], or its factor [] where it is relative.
     real(dp) :: theta = 0
-    !> Was it given, for the pair or for all? If not, it may be made smaller.
+    !> Whether theta is given, for this pair or in `&solver`; the error budget may reduce a default.
     logical :: theta_given = .false.
-    !> Is there a search radius?
+    !> Whether a search radius is given.
     logical :: has_search_radius = .false.
-    !> Greatest distance of partners [length].
+    !> Greatest distance between a point and its projection [length].
     real(dp) :: search_radius = 0
     !> One of `discretization_*`.
     integer :: discretization = default_discretization
@@ -146,9 +154,9 @@ module dotyk_input_case
     integer :: scheme = default_scheme
     !> One of `theta_*`.
     integer :: theta_kind = default_theta
-    !> Penalty parameter [length/pressure], or the factor of the relative one [1].
+    !> Penalty parameter [length/pressure], or its factor [] where it is relative.
     real(dp) :: theta = 0
-    !> Was it given?
+    !> Whether theta is given.
     logical :: theta_given = .false.
     !> One of `gamma_*`.
     integer :: gamma_rule = default_gamma_rule
@@ -156,19 +164,19 @@ module dotyk_input_case
     integer :: linear_solver = default_linear_solver
     !> One of `response_*`.
     integer :: response = default_response
-    !> Relaxation parameter [1]; 0 where the rule is not `gamma_fixed`.
+    !> Relaxation parameter []; 0 where the rule is not `gamma_fixed`.
     real(dp) :: gamma = 0
     !> One of `stop_*`.
     integer :: stop_rule = default_stop_rule
-    !> Part of the other errors that the iteration may add where the rule is `stop_budget` [1].
+    !> Iteration error as a fraction of the other errors where the rule is `stop_budget` [].
     real(dp) :: budget_fraction = default_budget_fraction
-    !> Where to stop [1].
+    !> Relative error in the energy norm at which the iteration stops [].
     real(dp) :: tolerance = default_tolerance
-    !> Most iterations.
+    !> Greatest number of iterations.
     integer :: max_iterations = default_max_iterations
     !> One of `locking_*`.
     integer :: locking = default_locking
-    !> The same digits on any number of threads?
+    !> Whether results have the same digits on any number of threads.
     logical :: reproducible = .false.
   end type solver_input_t
 
@@ -176,37 +184,45 @@ module dotyk_input_case
   type, public :: output_input_t
     !> Line of the group; 0 where it is not in the file.
     integer :: line = 0
-    !> Is the displacement wanted?
+    !> Whether the displacement is written.
     logical :: displacement = .false.
-    !> Is the stress wanted?
+    !> Whether the stress is written.
     logical :: stress = .false.
-    !> Is the contact pressure wanted?
+    !> Whether the contact pressure is written.
     logical :: contact = .false.
-    !> Is the discretization error of the elements wanted?
+    !> Whether the discretization error of the elements is written.
     logical :: error = .false.
-    !> Which errors are to be estimated?
-    logical :: error_penalty = .false., error_discretization = .false.
-    !> Iteration time between results that are written on the way; 0: none are [s].
+    !> Whether the penalty error is estimated.
+    logical :: error_penalty = .false.
+    !> Whether the discretization error is estimated.
+    logical :: error_discretization = .false.
+    !> Iteration time between intermediate results [s]; 0: results are written at the end.
     real(dp) :: interval = 0
   end type output_input_t
 
-  !> The whole scene.
+  !> The whole file.
   type, public :: case_t
-    !> The namelist file, as named by the user.
+    !> Path of the namelist file, as named by the user.
     character(:), allocatable :: file
     !> Its directory with a slash at the end; empty for the working directory.
     character(:), allocatable :: directory
     !> The whole text of the file.
     character(:), allocatable :: text
+    !> `&scene`.
     type(scene_input_t) :: scene
-    !> At least one each of materials and bodies.
+    !> Materials in the order of the file, at least one.
     type(material_input_t), allocatable :: material(:)
+    !> Bodies in the order of the file, at least one.
     type(body_input_t), allocatable :: body(:)
-    !> Any number of the others, in the order of the file.
+    !> Supports in the order of the file.
     type(support_input_t), allocatable :: support(:)
+    !> Loads in the order of the file.
     type(load_input_t), allocatable :: load(:)
+    !> Contact pairs in the order of the file.
     type(contact_input_t), allocatable :: contact(:)
+    !> `&solver`; defaults where the file has none.
     type(solver_input_t) :: solver
+    !> `&output`; defaults where the file has none.
     type(output_input_t) :: output
   end type case_t
 end module dotyk_input_case

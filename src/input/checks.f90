@@ -1,4 +1,4 @@
-!> Groups against the table of keywords: unknown and missing names, numbers of values, types, ranges.
+!> Checks groups against the table of keywords: unknown and missing names, numbers of values, types, ranges.
 module dotyk_input_checks
   use dotyk_base_error, only: error_t
   use dotyk_base_formula, only: formula_t
@@ -6,8 +6,8 @@ module dotyk_input_checks
   use dotyk_base_magnitude, only: has_usual_size, size_rule
   use dotyk_base_options, only: find_option
   use dotyk_base_text, only: join, nearest_name, shown, split_words, suggestion, text_t, to_text, visible
-  use dotyk_input_conversion, only: number_good, number_malformed, number_out_of_range, read_integer, &
-    read_logical, read_real
+  use dotyk_input_conversion, only: number_malformed, number_out_of_range, read_integer, read_logical, &
+    read_real
   use dotyk_input_keywords, only: at_least_one, at_most_one, exactly_one, group_keyword_t, &
     keys_of_group, keyword_t, kind_formula, kind_integer, kind_logical, kind_name, kind_names, kind_real, &
     kind_text, place_of_keyword
@@ -21,12 +21,13 @@ contains
 
   !> Report unknown groups.
   subroutine check_group_names(groups, known, problems, meant)
-    !> The groups of the file.
+    !> Groups of the file.
     type(group_t), intent(in) :: groups(:)
-    !> The groups that there are.
+    !> Groups that the program knows.
     type(group_keyword_t), intent(in) :: known(:)
+    !> Problems of the file; unknown groups are added.
     type(problems_t), intent(inout) :: problems
-    !> For each known group: may one of the unknown ones be a misspelling of it?
+    !> Whether an unknown group may be a misspelling of a known one (n_known).
     logical, intent(out) :: meant(:)
     type(text_t) :: names(size(known))
     character(:), allocatable :: nearest, hint
@@ -48,12 +49,15 @@ contains
     end do
   end subroutine check_group_names
 
-  !> Report groups that are missing or stand there too often.
+  !> Report missing groups and groups that occur too often.
   subroutine check_occurrences(groups, known, meant, problems)
+    !> Groups of the file.
     type(group_t), intent(in) :: groups(:)
+    !> Groups that the program knows.
     type(group_keyword_t), intent(in) :: known(:)
-    !> Known groups that may be there, but misspelled.
+    !> Whether a known group may be in the file, misspelled (n_known).
     logical, intent(in) :: meant(:)
+    !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
     integer :: i, k, n, first
     do k = 1, size(known)
@@ -72,10 +76,13 @@ contains
     end do
   end subroutine check_occurrences
 
-  !> Check the keys and values of one group, convert its values, and complete it with the defaults of the table.
+  !> Check keys and values of a group, convert its values, and add the defaults of the table.
   subroutine check_group(group, table, problems)
+    !> Group as read; its values are converted, its defaults added.
     type(group_t), intent(inout) :: group
+    !> All keys.
     type(keyword_t), intent(in) :: table(:)
+    !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
     type(text_t), allocatable :: words(:)
     integer :: i, j, k, n
@@ -118,11 +125,15 @@ contains
     end do
   end subroutine check_group
 
-  !> An unknown key: was another one meant, or another group?
+  !> Report an unknown key, with the nearest key or the group that has it.
   subroutine report_unknown_key(group, entry, table, problems)
+    !> Group of the key.
     type(group_t), intent(in) :: group
+    !> The unknown key.
     type(entry_t), intent(in) :: entry
+    !> All keys.
     type(keyword_t), intent(in) :: table(:)
+    !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
     type(text_t), allocatable :: keys(:)
     character(:), allocatable :: hint

@@ -1,4 +1,4 @@
-!> From checked groups to plain data: `&contact`.
+!> Reads `&contact` from checked groups.
 module dotyk_input_contacts
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: gap_constant, gap_formula, gap_geometry, option_name, scheme_auto, scheme_dual, &
@@ -15,14 +15,17 @@ module dotyk_input_contacts
 
 contains
 
-  !> `&contact`.
+  !> Read `&contact`.
   subroutine read_contact(group, bodies, solver, problems, contact)
+    !> Checked group.
     type(group_t), intent(in) :: group
     !> Names of the bodies.
     type(names_t), intent(in) :: bodies
-    !> Its penalty parameter is that of pairs without one of their own.
+    !> Settings of the solver: its penalty parameter is that of pairs without their own.
     type(solver_input_t), intent(in) :: solver
+    !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
+    !> The contact pair; incomplete where the group has mistakes.
     type(contact_input_t), intent(out) :: contact
     real(dp) :: theta
     integer :: theta_kind
@@ -67,15 +70,19 @@ contains
     contact%quadrature = integer_of(group, 'quadrature')
   end subroutine read_contact
 
-  !> One side of a pair: 'body:surface'.
+  !> Read one side of a pair: 'body:surface'.
   subroutine read_side(group, key, bodies, problems, body, surface)
+    !> Checked group.
     type(group_t), intent(in) :: group
+    !> Name of the key.
     character(*), intent(in) :: key
+    !> Names of the bodies.
     type(names_t), intent(in) :: bodies
+    !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
-    !> Index of the body; 0 where it is not known.
+    !> Index of the body; 0 where it is unknown.
     integer, intent(out) :: body
-    !> Physical name of the surface.
+    !> Physical group of the surface.
     character(:), allocatable, intent(out) :: surface
     character(:), allocatable :: text
     integer :: colon

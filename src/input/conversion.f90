@@ -1,4 +1,4 @@
-!> Values as written to numbers: strict, with nothing guessed and nothing left over.
+!> Converts values as written to numbers and logicals, strictly: nothing is guessed, nothing is left over.
 module dotyk_input_conversion
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: lower
@@ -6,7 +6,7 @@ module dotyk_input_conversion
   private
   public :: read_real, read_integer, read_logical
 
-  !> Why a text is no number.
+  !> Status of a conversion.
   integer, parameter, public :: number_good = 0, number_malformed = 1, number_out_of_range = 2
 
   character(*), parameter :: digits = '0123456789'
@@ -15,6 +15,7 @@ contains
 
   !> A real number: digits with at most one point, maybe an exponent after e or d.
   pure subroutine read_real(text, value, status)
+    !> Text of the value, without blanks.
     character(*), intent(in) :: text
     !> The number; 0 where there is none.
     real(dp), intent(out) :: value
@@ -37,7 +38,7 @@ contains
     if (point /= index(mantissa, '.', back=.true.) .or. mantissa == '.') return
     call read_integer(exponent, power, status)
     if (status == number_malformed) return
-    ! The power of ten of the leading digit tells whether the number can be represented, before anything overflows.
+    ! The power of ten of the leading digit shows overflow and underflow before the conversion.
     first = scan(mantissa, digits(2:))
     if (first == 0) then
       status = number_good
@@ -55,6 +56,7 @@ contains
 
   !> An integer: digits, maybe with a sign.
   pure subroutine read_integer(text, value, status)
+    !> Text of the value, without blanks.
     character(*), intent(in) :: text
     !> The number; 0 where there is none.
     integer, intent(out) :: value
@@ -78,6 +80,7 @@ contains
 
   !> A logical: .true., t, true and their opposites, in any case.
   pure subroutine read_logical(text, value, status)
+    !> Text of the value, without blanks.
     character(*), intent(in) :: text
     !> The logical; false where there is none.
     logical, intent(out) :: value
@@ -95,7 +98,7 @@ contains
     end select
   end subroutine read_logical
 
-  !> Leave out the sign in front of a number.
+  !> Remove the sign in front of a number.
   pure subroutine drop_sign(number)
     character(:), allocatable, intent(inout) :: number
     if (len(number) == 0) return

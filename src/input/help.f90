@@ -1,4 +1,4 @@
-!> The text of `--help`: command line, exit codes, and every group and key from the table that checks them.
+!> The text of `--help`: command line, exit codes, and the groups and keys of the table that checks them.
 module dotyk_input_help
   use dotyk_base_text, only: join, split_words, text_t, to_text
   use dotyk_input_keyword_table, only: list_groups, list_keywords
@@ -8,15 +8,15 @@ module dotyk_input_help
   private
   public :: help_text, occurrence, values_text
 
-  !> Widest line.
+  !> Longest line.
   integer, parameter :: width = 110
-  !> Where the keys, the descriptions of their values and their meanings begin.
+  !> Columns of keys, values and meanings.
   integer, parameter :: indent = 2, values_column = 27, meaning_column = 50
   character, parameter :: lf = new_line('a')
 
 contains
 
-  !> All of it, lines of at most 110 letters.
+  !> The whole text, in lines of at most 110 letters.
   function help_text() result(text)
     character(:), allocatable :: text
     type(group_keyword_t), allocatable :: groups(:)
@@ -54,9 +54,9 @@ contains
     end do
   end function help_text
 
-  !> How often a group may stand in the file.
+  !> How often a group may occur in a file, in words.
   pure function occurrence(occurs) result(text)
-    !> One of `exactly_one`, ...
+    !> One of `exactly_one`, `at_most_one`, `at_least_one`, `any_number`.
     integer, intent(in) :: occurs
     character(:), allocatable :: text
     select case (occurs)
@@ -73,6 +73,7 @@ contains
 
   !> The lines of one key.
   function key_text(row) result(text)
+    !> The key.
     type(keyword_t), intent(in) :: row
     character(:), allocatable :: text
     character(:), allocatable :: meaning
@@ -92,8 +93,9 @@ contains
     text = text//wrapped(meaning, meaning_column - 1, meaning_column - 1)//lf
   end function key_text
 
-  !> What the values of a key are: "2 or 3 reals", "text".
+  !> Number and type of the values of a key: "2 or 3 reals", "text".
   pure function values_text(row) result(text)
+    !> The key.
     type(keyword_t), intent(in) :: row
     character(:), allocatable :: text
     select case (row%kind)
@@ -121,9 +123,11 @@ contains
     end if
   end function values_text
 
-  !> A text filled up with blanks, with at least one behind it.
+  !> A text filled up with blanks, at least one.
   pure function padded(text, length) result(longer)
+    !> Text to fill up.
     character(*), intent(in) :: text
+    !> Length with blanks.
     integer, intent(in) :: length
     character(:), allocatable :: longer
     longer = text//repeat(' ', max(1, length - len(text)))
@@ -131,9 +135,12 @@ contains
 
   !> A text broken between words into lines of `width` letters.
   pure function wrapped(text, first, next) result(lines)
+    !> Words to break into lines.
     character(*), intent(in) :: text
-    !> Letters that stand in front of it in the first line, and blanks to put in front of the next lines.
-    integer, intent(in) :: first, next
+    !> Letters in front of the text in the first line.
+    integer, intent(in) :: first
+    !> Blanks in front of the next lines.
+    integer, intent(in) :: next
     character(:), allocatable :: lines
     type(text_t), allocatable :: words(:)
     integer :: i, used

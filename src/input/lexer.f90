@@ -1,4 +1,4 @@
-!> The tokens of the namelist syntax. Comments, blanks, tabs, line ends and a byte order mark are left out.
+!> Splits a namelist into tokens; comments, blanks, tabs, line ends and a byte order mark are skipped.
 module dotyk_input_lexer
   use dotyk_base_text, only: lower, shown, to_text, visible
   use dotyk_input_problems, only: problems_t
@@ -16,25 +16,26 @@ module dotyk_input_lexer
 
   !> One token.
   type, public :: token_t
-    !> One of the kinds above.
+    !> One of `token_*`.
     integer :: kind = token_end
     !> Line of the file.
     integer :: line = 0
-    !> How often a text in quotes stands here, as in 3*'0'.
+    !> Repeat count of a text in quotes, as in 3*'0'.
     integer :: repeat = 1
-    !> Was a text in quotes cut off by the end of its line?
+    !> Whether the closing quote is missing in the line.
     logical :: cut = .false.
+    !> Its text: name of a group, word, or contents of the quotes.
     character(:), allocatable :: text
   end type token_t
 
-  !> A place in a text that is read token by token.
+  !> Position in a text that is read token by token.
   type, public :: lexer_t
     private
-    !> Next byte to look at.
+    !> Next byte.
     integer :: next = 1
     !> Its line.
     integer :: line = 1
-    !> Is this place inside a group?
+    !> Whether the position is inside a group.
     logical :: inside = .false.
   contains
     procedure :: read_token
@@ -57,8 +58,9 @@ contains
     class(lexer_t), intent(inout) :: self
     !> The whole text, the same at each call.
     character(*), intent(in) :: text
-    !> What is wrong is added here.
+    !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
+    !> The token; `token_end` behind the end of the text.
     type(token_t), intent(out) :: token
     token%text = ''
     do
@@ -94,9 +96,10 @@ contains
     end select
   end subroutine read_token
 
-  !> Go on to the next byte that means something.
+  !> Skip blanks, line ends and comments.
   subroutine skip_blanks(self, text)
     type(lexer_t), intent(inout) :: self
+    !> The whole text.
     character(*), intent(in) :: text
     if (self%next == 1 .and. len(text) >= 3) then
       ! The byte order mark of UTF-8.
@@ -120,10 +123,12 @@ contains
     end do
   end subroutine skip_blanks
 
-  !> Between the groups there is nothing but comments: report the rest of the line, up to a group or a comment.
+  !> Report text between groups, up to the next group, comment or line end.
   subroutine skip_outside(self, text, problems)
     type(lexer_t), intent(inout) :: self
+    !> The whole text.
     character(*), intent(in) :: text
+    !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
     integer :: first
     first = self%next
@@ -134,9 +139,10 @@ contains
     call problems%add(self%line, 'text outside the groups: '//shown(trim(text(first:self%next - 1))))
   end subroutine skip_outside
 
-  !> The word that begins at this place, maybe an empty one.
+  !> The word at the position, maybe empty; the position moves behind it.
   function word_at(self, text) result(word)
     type(lexer_t), intent(inout) :: self
+    !> The whole text.
     character(*), intent(in) :: text
     character(:), allocatable :: word
     integer :: first
@@ -148,11 +154,14 @@ contains
     word = text(first:self%next - 1)
   end function word_at
 
-  !> A word, or a text in quotes with a repeat count in front.
+  !> Read a word, or a text in quotes with a repeat count in front.
   subroutine read_word(self, text, problems, token)
     type(lexer_t), intent(inout) :: self
+    !> The whole text.
     character(*), intent(in) :: text
+    !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
+    !> The token; kind and text are set.
     type(token_t), intent(inout) :: token
     character(:), allocatable :: rest
     integer :: count
@@ -170,11 +179,14 @@ contains
     end if
   end subroutine read_word
 
-  !> A text between quotes; a doubled quote stands for one.
+  !> Read a text in quotes; a doubled quote stands for one.
   subroutine read_quoted(self, text, problems, token)
     type(lexer_t), intent(inout) :: self
+    !> The whole text.
     character(*), intent(in) :: text
+    !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
+    !> The token; kind and text are set.
     type(token_t), intent(inout) :: token
     character :: quote
     integer :: first
@@ -213,10 +225,11 @@ contains
 
   !> Split "3*0" into 3 and "0".
   pure subroutine split_repeat(word, count, rest)
+    !> Word, maybe with a repeat count.
     character(*), intent(in) :: word
     !> The count; -1 where there is none, 0 where it is not from 1 to `most_repeats`.
     integer, intent(out) :: count
-    !> What stands behind the star; the whole word where there is no count.
+    !> Part behind the star; the whole word where there is no count.
     character(:), allocatable, intent(out) :: rest
     integer :: star
     count = -1
@@ -233,6 +246,7 @@ contains
 
   !> The message for a bad repeat count.
   pure function repeat_message(word) result(message)
+    !> Word with the count.
     character(*), intent(in) :: word
     character(:), allocatable :: message
     message = 'a repeat count must be from 1 to '//to_text(most_repeats)//', got '//shown(word)

@@ -1,12 +1,13 @@
-!> A namelist file as a scene: everything that can be checked without a mesh is, and all problems are reported together.
+!> Reads a namelist file into a case. All that needs no mesh is checked, and all problems are reported together.
 module dotyk_input_parse
   use dotyk_base_error, only: error_t
+  use dotyk_base_operating_system, only: directory_of
   use dotyk_base_options, only: stop_budget, stop_residual
   use dotyk_input_bodies, only: read_body, read_material
   use dotyk_input_boundary, only: read_load, read_support
   use dotyk_input_case, only: case_t
   use dotyk_input_checks, only: check_group, check_group_names, check_occurrences
-  use dotyk_input_paths, only: directory_of, read_text, refuse_other_content
+  use dotyk_input_paths, only: read_text, refuse_other_content
   use dotyk_input_keyword_table, only: list_groups, list_keywords
   use dotyk_input_keywords, only: group_keyword_t, keyword_t
   use dotyk_input_contacts, only: read_contact
@@ -24,9 +25,9 @@ contains
   subroutine read_case(file, case, error)
     !> Path.
     character(*), intent(in) :: file
-    !> The scene; incomplete where there is an error.
+    !> The case; incomplete where there is an error.
     type(case_t), intent(out) :: case
-    !> All problems of the file, one a line.
+    !> Allocated where the file has mistakes: all of them, one per line.
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: text
     call read_text(file, text, error)
@@ -37,13 +38,13 @@ contains
 
   !> Read the text of a namelist file.
   subroutine parse_case(file, text, case, error)
-    !> Path of the file: named in messages, and relative paths start from its directory.
+    !> Path of the file, for messages and relative paths.
     character(*), intent(in) :: file
-    !> Its text.
+    !> Text of the file.
     character(*), intent(in) :: text
-    !> The scene; incomplete where there is an error.
+    !> The case; incomplete where there is an error.
     type(case_t), intent(out) :: case
-    !> All problems of the file, one a line.
+    !> Allocated where the file has mistakes: all of them, one per line.
     type(error_t), allocatable, intent(out) :: error
     type(problems_t) :: problems
     type(group_keyword_t), allocatable :: known(:)
@@ -73,15 +74,19 @@ contains
     call problems%raise(error)
   end subroutine parse_case
 
-  !> From checked groups to plain data.
+  !> Make plain data of checked groups.
   subroutine convert(groups, known, misspelled, table, problems, case)
+    !> Groups of the file.
     type(group_t), intent(in) :: groups(:)
+    !> Groups that the program knows.
     type(group_keyword_t), intent(in) :: known(:)
-    !> Which of the known groups may stand in the file with a misspelled name.
+    !> Whether a known group may be in the file, misspelled (n_known).
     logical, intent(in) :: misspelled(:)
+    !> All keys.
     type(keyword_t), intent(in) :: table(:)
+    !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
-    !> File and directory are there already.
+    !> The case, with file and directory; all else is set.
     type(case_t), intent(inout) :: case
     type(names_t) :: materials, bodies, contacts
     type(group_t) :: solver, output
@@ -139,8 +144,9 @@ contains
 
   contains
 
-    !> Place of a group in the table.
+    !> Place of a group in the table; 0 where it is unknown.
     pure integer function place(name)
+      !> Name of the group.
       character(*), intent(in) :: name
       do place = 1, size(known)
         if (known(place)%name == name) return
@@ -149,12 +155,17 @@ contains
     end function place
   end subroutine convert
 
-  !> The first group of a name; where there is none, one with nothing but the defaults of the table, in line 0.
+  !> The first group of a name; where the file has none, one with the defaults of the table, in line 0.
   subroutine single_group(groups, name, table, problems, group)
+    !> Groups of the file.
     type(group_t), intent(in) :: groups(:)
+    !> Name of the group.
     character(*), intent(in) :: name
+    !> All keys.
     type(keyword_t), intent(in) :: table(:)
+    !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
+    !> The group.
     type(group_t), intent(out) :: group
     integer, allocatable :: picked(:)
     call pick_groups(groups, name, picked)

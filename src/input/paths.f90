@@ -1,11 +1,11 @@
-!> Files and paths: whole texts, places next to the namelist file, what stands in the way of reading.
+!> Input files and their paths: whole texts, paths relative to the namelist file, why a file cannot be read.
 module dotyk_input_paths
   use dotyk_base_error, only: error_t, set_error
   use dotyk_base_files, only: nature_of, why_no_file
   use dotyk_base_text, only: lower, quoted
   implicit none
   private
-  public :: read_text, refuse_other_content, directory_of, resolve_path, extension_of, without_extension, &
+  public :: read_text, refuse_other_content, resolve_path, extension_of, without_extension, &
             why_not_readable, is_directory
 
 contains
@@ -16,7 +16,7 @@ contains
     character(*), intent(in) :: file
     !> Its bytes.
     character(:), allocatable, intent(out) :: text
-    !> Where it cannot be read.
+    !> Allocated where the file cannot be read.
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: reason
     integer :: unit, status, size
@@ -37,12 +37,13 @@ contains
     close (unit, iostat=status)
   end subroutine read_text
 
-  !> Refuse a file that is plainly something else, in a few words.
+  !> Refuse a file that is plainly no namelist.
   subroutine refuse_other_content(file, text, error)
+    !> Path, for the message.
     character(*), intent(in) :: file
     !> Its bytes.
     character(*), intent(in) :: text
-    !> Left as it is where all is well.
+    !> Allocated on return where the file is something else; unchanged otherwise.
     type(error_t), allocatable, intent(inout) :: error
     character(:), allocatable :: nature, advice
     nature = nature_of(text)
@@ -54,17 +55,11 @@ contains
     call set_error(error, quoted(file)//' is '//nature//', no namelist file'//advice)
   end subroutine refuse_other_content
 
-  !> Directory of a file, with a slash at the end; empty where the path has none.
-  pure function directory_of(file) result(directory)
-    character(*), intent(in) :: file
-    character(:), allocatable :: directory
-    directory = file(:index(file, '/', back=.true.))
-  end function directory_of
-
   !> A path relative to a directory, unless it is absolute.
   pure function resolve_path(directory, path) result(resolved)
     !> With a slash at the end, or empty.
     character(*), intent(in) :: directory
+    !> Path, absolute or relative.
     character(*), intent(in) :: path
     character(:), allocatable :: resolved
     resolved = directory//path
@@ -72,15 +67,17 @@ contains
     if (index(path, '/') == 1) resolved = path
   end function resolve_path
 
-  !> Where the extension of a file begins: its last point, or one behind the end.
+  !> Place of the last point of a file name, where its extension begins; behind the end where it has none.
   pure integer function extension_start(file) result(start)
+    !> Path of the file.
     character(*), intent(in) :: file
     start = index(file, '.', back=.true.)
     if (start <= index(file, '/', back=.true.) + 1) start = len(file) + 1
   end function extension_start
 
-  !> The extension of a file in lower case, with its point; empty where it has none.
+  !> Extension of a file in lower case, with its point; empty where it has none.
   pure function extension_of(file) result(extension)
+    !> Path of the file.
     character(*), intent(in) :: file
     character(:), allocatable :: extension
     extension = lower(file(extension_start(file):))
@@ -88,13 +85,15 @@ contains
 
   !> A path without its extension.
   pure function without_extension(file) result(stem)
+    !> Path of the file.
     character(*), intent(in) :: file
     character(:), allocatable :: stem
     stem = file(:extension_start(file) - 1)
   end function without_extension
 
-  !> Why a file cannot be read: "cannot be opened", or what `why_no_file` says; empty where it can.
+  !> Why a file cannot be read, as in "does not exist" or "cannot be opened"; empty where it can.
   function why_not_readable(file) result(reason)
+    !> Path of the file.
     character(*), intent(in) :: file
     character(:), allocatable :: reason
     integer :: unit, status
@@ -108,8 +107,9 @@ contains
     end if
   end function why_not_readable
 
-  !> Is there a directory of this path?
+  !> Whether a path is a directory.
   logical function is_directory(path)
+    !> Path to look at.
     character(*), intent(in) :: path
     inquire (file=path//'/.', exist=is_directory)
   end function is_directory

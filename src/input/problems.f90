@@ -1,4 +1,4 @@
-!> The problems of a namelist file: gathered in any order, reported in the order of its lines.
+!> Problems of a namelist file, gathered in any order and reported in the order of its lines.
 module dotyk_input_problems
   use dotyk_base_error, only: error_t, problem_list_t
   use dotyk_base_sort, only: sort_order
@@ -10,11 +10,11 @@ module dotyk_input_problems
   type, public :: problems_t
     !> Name of the file, as in the messages.
     character(:), allocatable :: file
-    !> How many there are.
+    !> Number of problems.
     integer :: count = 0
-    !> Line of each; the first `count` mean something.
+    !> Lines; the first `count` are in use.
     integer, allocatable :: line(:)
-    !> Message of each, without file and line.
+    !> Messages without file and line; the first `count` are in use.
     type(text_t), allocatable :: message(:)
   contains
     procedure :: init => problems_init
@@ -22,7 +22,7 @@ module dotyk_input_problems
     procedure :: raise => problems_raise
   end type problems_t
 
-  !> The line of a problem that belongs to no line; it is reported after the others.
+  !> Line of a problem that belongs to the whole file; it is reported last.
   integer, parameter, public :: no_line = huge(1)
 
 contains
@@ -62,7 +62,7 @@ contains
     self%message(self%count)%s = message
   end subroutine problems_add
 
-  !> Turn the list into one error, if it has any problem.
+  !> Make one error of the list.
   subroutine problems_raise(self, error)
     class(problems_t), intent(in) :: self
     !> Allocated where the list is not empty.

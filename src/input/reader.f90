@@ -1,4 +1,4 @@
-!> From text to groups, keys and values: the namelist syntax, without what the names mean.
+!> Reads groups, keys and values from a text: the syntax of the namelist, not the meaning of names.
 module dotyk_input_reader
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: lower, shown, to_text
@@ -10,10 +10,11 @@ module dotyk_input_reader
 
   !> One value as written.
   type, public :: value_t
+    !> Its text, without quotes.
     character(:), allocatable :: text
     !> Line of the file.
     integer :: line = 0
-    !> Did it stand in quotes?
+    !> Whether it is in quotes.
     logical :: quoted = .false.
   end type value_t
 
@@ -23,13 +24,13 @@ module dotyk_input_reader
     character(:), allocatable :: key
     !> Line of the key.
     integer :: line = 0
-    !> How many values there are.
+    !> Number of values.
     integer :: n_values = 0
-    !> The values; the first `n_values` mean something.
+    !> Values as written; the first `n_values` are in use.
     type(value_t), allocatable :: value(:)
-    !> Is it free of mistakes so far? What depends on others that are not is not checked.
+    !> Whether it has no mistake so far. Checks skip what depends on unusable keys.
     logical :: usable = .true.
-    !> Does it come from the table of keywords, not from the file?
+    !> Whether it is a default of the table of keywords, not given in the file.
     logical :: from_default = .false.
     !> Checked values of a real key (n_values).
     real(dp), allocatable :: reals(:)
@@ -43,19 +44,19 @@ module dotyk_input_reader
   type, public :: group_t
     !> Its name in lower case.
     character(:), allocatable :: name
-    !> Line where it begins.
+    !> Line of its beginning.
     integer :: line = 0
-    !> How many keys there are.
+    !> Number of keys.
     integer :: n_entries = 0
-    !> The keys; the first `n_entries` mean something.
+    !> Keys; the first `n_entries` are in use.
     type(entry_t), allocatable :: entry(:)
-    !> Were there more keys, which were not kept?
+    !> Whether further keys were dropped.
     logical, private :: full = .false.
   end type group_t
 
   public :: read_groups, add_entry, add_value
 
-  !> More groups than any scene has, more keys in a group than any has, and more values than any key has: the rest is not kept.
+  !> Greatest numbers of groups, keys of a group and values of a key, far above any real input: the rest is dropped.
   integer, parameter :: most_groups = 200000, most_keys = 200, most_values = 1000
 
 contains
@@ -64,9 +65,9 @@ contains
   subroutine read_groups(text, problems, groups)
     !> The text of the file.
     character(*), intent(in) :: text
-    !> What is wrong with the syntax is added here.
+    !> Problems of the file; mistakes of syntax are added.
     type(problems_t), intent(inout) :: problems
-    !> The groups in the order of the file.
+    !> Groups in the order of the file.
     type(group_t), allocatable, intent(out) :: groups(:)
     type(group_t), allocatable :: longer(:)
     type(lexer_t) :: lexer
@@ -82,7 +83,8 @@ contains
         cycle
       end if
       if (n == most_groups) then
-        call problems%add(token%line, 'more than '//to_text(most_groups)//' groups; those from here on are not looked at')
+        call problems%add(token%line, 'more than '//to_text(most_groups)// &
+                          ' groups; those from here on are not looked at')
         exit
       end if
       if (n == size(groups)) then
@@ -93,7 +95,7 @@ contains
         call move_alloc(longer, groups)
       end if
       n = n + 1
-      ! Outside a group the lexer gives nothing but the beginning of one.
+      ! Outside a group the lexer gives only the beginning of one.
       call read_group(lexer, text, problems, token, groups(n))
     end do
     allocate (longer(n))
@@ -105,7 +107,9 @@ contains
 
   !> Move a group without copying its keys.
   subroutine move_group(from, to)
+    !> Group to move; empty on return.
     type(group_t), intent(inout) :: from
+    !> The moved group.
     type(group_t), intent(inout) :: to
     to%line = from%line
     to%n_entries = from%n_entries
@@ -115,11 +119,15 @@ contains
 
   !> Read one group.
   subroutine read_group(lexer, text, problems, token, group)
+    !> Position in the text.
     type(lexer_t), intent(inout) :: lexer
+    !> The text of the file.
     character(*), intent(in) :: text
+    !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
-    !> Its first token; on return the first one behind the group.
+    !> Its first token; on return the first token behind the group.
     type(token_t), intent(inout) :: token
+    !> The group; keys and values as written are added.
     type(group_t), intent(inout) :: group
     type(token_t) :: word
     logical :: cut, after_comma
@@ -128,7 +136,7 @@ contains
     allocate (group%entry(0))
     if (len(group%name) == 0) call problems%add(token%line, 'the name of a group is missing after ''&''')
     cut = .false.
-    ! No value may be missing before a comma: none at the beginning, none between two of them.
+    ! A value is missing before a comma at the beginning and between two commas.
     after_comma = .true.
     call lexer%read_token(text, problems, token)
     do
@@ -175,15 +183,18 @@ contains
     end do
   end subroutine read_group
 
-  !> A new key begins.
+  !> Begin a key.
   subroutine begin_key(group, word, problems)
+    !> Group of the key.
     type(group_t), intent(inout) :: group
+    !> Token with the name of the key.
     type(token_t), intent(in) :: word
+    !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
     integer :: mark
     if (group%n_entries == most_keys .and. .not. group%full) then
-      call problems%add(word%line, '&'//group%name//': more than '//to_text(most_keys)//' keys; those from '//shown(word%text)// &
-                        ' on are not looked at')
+      call problems%add(word%line, '&'//group%name//': more than '//to_text(most_keys)//' keys; those from '// &
+                        shown(word%text)//' on are not looked at')
       group%full = .true.
     end if
     if (group%full) return
@@ -198,10 +209,13 @@ contains
     end if
   end subroutine begin_key
 
-  !> A word that is a value, maybe with a repeat count.
+  !> Add a word as value, maybe with a repeat count.
   subroutine add_word(group, word, problems)
+    !> Group; the value is added to its last key.
     type(group_t), intent(inout) :: group
+    !> Token with the value.
     type(token_t), intent(in) :: word
+    !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
     character(:), allocatable :: rest
     integer :: count
@@ -217,14 +231,17 @@ contains
     end if
   end subroutine add_word
 
-  !> Add a value to the last key.
+  !> Add a value to the last key, once or more often.
   subroutine add_values(group, token, count, text, problems)
+    !> Group; the value is added to its last key.
     type(group_t), intent(inout) :: group
+    !> Token with the value, for its line.
     type(token_t), intent(in) :: token
-    !> How often.
+    !> Repeat count.
     integer, intent(in) :: count
-    !> The value.
+    !> Value as written.
     character(*), intent(in) :: text
+    !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
     integer :: i
     if (group%full) return
@@ -235,14 +252,17 @@ contains
     do i = 1, count
       call add_value(group%entry(group%n_entries), text, token%line, token%kind == token_quoted)
     end do
-    ! A text that was cut off is reported already.
+    ! The lexer has reported a text without closing quote.
     if (token%cut) call spoil_last(group)
   end subroutine add_values
 
-  !> Nothing where a value should be.
+  !> Report a missing value.
   subroutine report_missing_value(group, line, problems)
+    !> Group; its last key becomes unusable.
     type(group_t), intent(inout) :: group
+    !> Line of the missing value.
     integer, intent(in) :: line
+    !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
     if (group%n_entries == 0) then
       call problems%add(line, '&'//group%name//': a value without a key before it: '',''')
@@ -252,16 +272,20 @@ contains
     end if
   end subroutine report_missing_value
 
-  !> The last key has a mistake that was reported.
+  !> Mark the last key as unusable, because of a mistake that is reported already.
   subroutine spoil_last(group)
+    !> Group; its last key becomes unusable.
     type(group_t), intent(inout) :: group
     if (group%n_entries > 0) group%entry(group%n_entries)%usable = .false.
   end subroutine spoil_last
 
   !> Add a key without values to a group.
   subroutine add_entry(group, key, line)
+    !> Group; the key is added.
     type(group_t), intent(inout) :: group
+    !> Name of the key.
     character(*), intent(in) :: key
+    !> Line of the key.
     integer, intent(in) :: line
     type(entry_t), allocatable :: longer(:)
     integer :: i
@@ -280,12 +304,15 @@ contains
     end associate
   end subroutine add_entry
 
-  !> Add a value to a key that has not more than enough of them.
+  !> Add a value to a key, up to the greatest number.
   subroutine add_value(entry, text, line, quoted)
+    !> Key; the value is added.
     type(entry_t), intent(inout) :: entry
+    !> Value as written.
     character(*), intent(in) :: text
+    !> Line of the value.
     integer, intent(in) :: line
-    !> Did it stand in quotes?
+    !> Whether it is in quotes.
     logical, intent(in) :: quoted
     type(value_t), allocatable :: longer(:)
     integer :: i

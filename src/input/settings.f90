@@ -1,12 +1,13 @@
-!> From checked groups to plain data: `&scene`, `&solver`, `&output`, and the penalty parameter of a group.
+!> Reads `&scene`, `&solver`, `&output` and the penalty parameter of a group from checked groups.
 module dotyk_input_settings
   use dotyk_base_kinds, only: dp
+  use dotyk_base_operating_system, only: directory_of
   use dotyk_base_options, only: analysis_3d, error_part_discretization, error_part_penalty, field_contact, &
     field_displacement, field_error, field_stress, gamma_fixed, option_name, scheme_auto, scheme_dual, scheme_neumann, &
     stop_paper, theta_absolute, theta_mesh, theta_names
   use dotyk_base_text, only: shown
   use dotyk_input_case, only: output_input_t, scene_input_t, solver_input_t
-  use dotyk_input_paths, only: directory_of, extension_of, is_directory, resolve_path, why_not_readable, &
+  use dotyk_input_paths, only: extension_of, is_directory, resolve_path, why_not_readable, &
     without_extension
   use dotyk_input_problems, only: problems_t
   use dotyk_input_reader, only: group_t
@@ -15,23 +16,26 @@ module dotyk_input_settings
   private
   public :: read_scene, read_solver, read_output, read_theta, read_mesh_path
 
-  !> Factor of h/E where no theta is given: for the dual scheme, which does not mind a small one, and for the others, whose steps grow
-  !> like 1/theta.
-  real(dp), parameter :: default_theta_mesh(2) = [1.0e-2_dp, 1.0e-1_dp]
+  !> theta_mesh where no theta is given: for the dual scheme, which is insensitive to theta, and for the others, whose
+  !> number of iterations grows like 1/theta [].
+  real(dp), parameter :: default_theta_dual = 1.0e-2_dp, default_theta_other = 1.0e-1_dp
 
 contains
 
-  !> `&scene`.
+  !> Read `&scene`.
   subroutine read_scene(group, file, problems, scene)
+    !> Checked group.
     type(group_t), intent(in) :: group
-    !> The namelist file.
+    !> Path of the namelist file.
     character(*), intent(in) :: file
+    !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
+    !> The scene; incomplete where the group has mistakes.
     type(scene_input_t), intent(out) :: scene
     scene%line = group%line
     scene%title = text_of(group, 'title')
     scene%analysis = integer_of(group, 'analysis')
-    ! Where the analysis cannot be used, no number of dimensions is known: nothing is checked against it.
+    ! A wrong analysis leaves the dimension unknown: nothing is checked against it.
     scene%dimension = 0
     if (scene%analysis > 0) scene%dimension = merge(3, 2, scene%analysis == analysis_3d)
     call read_mesh_path(group, directory_of(file), problems, scene%mesh)
@@ -48,13 +52,15 @@ contains
     end if
   end subroutine read_scene
 
-  !> The mesh of a group: a file that is there, with an extension that means something.
+  !> Read the mesh of a group: a readable file with a known extension.
   subroutine read_mesh_path(group, directory, problems, path)
+    !> `&scene` or `&body`.
     type(group_t), intent(in) :: group
     !> Directory of the namelist file.
     character(*), intent(in) :: directory
+    !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
-    !> The path; empty where there is none.
+    !> Path of the mesh; empty where it is not given.
     character(:), allocatable, intent(out) :: path
     character(:), allocatable :: reason
     path = resolve_path(directory, text_of(group, 'mesh'))
@@ -65,11 +71,13 @@ contains
     if (len(reason) > 0) call report(problems, group, 'mesh', 'mesh: '//shown(path)//' '//reason)
   end subroutine read_mesh_path
 
-  !> `&solver`.
+  !> Read `&solver`.
   subroutine read_solver(group, problems, solver)
-    !> The group; one with nothing but defaults where the file has none.
+    !> Checked group; only defaults where the file has none.
     type(group_t), intent(in) :: group
+    !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
+    !> Settings of the solver; incomplete where the group has mistakes.
     type(solver_input_t), intent(out) :: solver
     solver%line = group%line
     solver%scheme = integer_of(group, 'scheme')
@@ -85,10 +93,10 @@ contains
         call report(problems, group, 'gamma_rule', '''gamma'' is missing: gamma_rule is ''fixed''')
     end if
     solver%stop_rule = integer_of(group, 'stop_rule')
-    ! These keys mean the Neumann scheme and nothing else.
+    ! These keys exist for the Neumann scheme alone.
     if (solver%scheme == scheme_auto .and. (is_given(group, 'gamma') .or. is_given(group, 'gamma_rule') .or. &
                                             solver%stop_rule == stop_paper)) solver%scheme = scheme_neumann
-    if (.not. solver%theta_given) solver%theta = merge(default_theta_mesh(1), default_theta_mesh(2), &
+    if (.not. solver%theta_given) solver%theta = merge(default_theta_dual, default_theta_other, &
                                                        solver%scheme == scheme_auto .or. solver%scheme == scheme_dual)
     if (solver%stop_rule == stop_paper .and. is_usable(group, 'scheme') .and. solver%scheme /= scheme_neumann) &
       call report(problems, group, 'stop_rule', 'stop_rule=''paper'' is for scheme=''neumann'', which (41) is about')
@@ -99,12 +107,13 @@ contains
     solver%reproducible = logical_of(group, 'reproducible')
   end subroutine read_solver
 
-  !> The penalty parameter of a group.
+  !> Read the penalty parameter of a group.
   subroutine read_theta(group, problems, given, kind, theta)
     !> `&solver` or `&contact`.
     type(group_t), intent(in) :: group
+    !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
-    !> Does the group have one?
+    !> Whether the group has one.
     logical, intent(out) :: given
     !> One of `theta_*`.
     integer, intent(out) :: kind
@@ -127,10 +136,11 @@ contains
     end do
   end subroutine read_theta
 
-  !> `&output`.
+  !> Read `&output`.
   subroutine read_output(group, output)
-    !> The group; one with nothing but defaults where the file has none.
+    !> Checked group; only defaults where the file has none.
     type(group_t), intent(in) :: group
+    !> Contents of the results file.
     type(output_input_t), intent(out) :: output
     output%line = group%line
     output%displacement = has_option(group, 'fields', field_displacement)

@@ -1,4 +1,4 @@
-!> Checked values of a group, by key; and names that other groups refer to.
+!> Checked values of a group by key, and names that other groups refer to.
 module dotyk_input_values
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: shown, suggestion, text_t, to_text, visible
@@ -7,26 +7,29 @@ module dotyk_input_values
   implicit none
   private
 
-  !> The names of all groups of one kind, such as the bodies.
+  !> Names of all groups of one kind, such as the bodies.
   type, public :: names_t
-    !> What they name, for messages: 'body'.
+    !> Kind of the groups, for messages: 'body'.
     character(:), allocatable :: what
-    !> The names; empty where one cannot be used.
+    !> The names (n); empty where one cannot be used.
     type(text_t), allocatable :: name(:)
-    !> Lines of the groups.
+    !> Lines of the groups (n).
     integer, allocatable :: line(:)
-    !> May some be missing from the list, because of mistakes that were reported?
+    !> Whether names may be missing because of mistakes that are reported already.
     logical :: incomplete = .false.
   end type names_t
 
-  public :: is_given, is_usable, line_of, count_of, text_of, texts_of, real_of, reals_of, integer_of, has_option, logical_of
+  public :: is_given, is_usable, line_of, count_of
+  public :: text_of, texts_of, real_of, reals_of, integer_of, has_option, logical_of
   public :: pick_groups, gather_names, find_name, refer, report
 
 contains
 
-  !> Place of a key in a group; 0 where it is neither given nor a default. The first one where it is given twice.
+  !> Place of a key in a group; 0 where it is neither given nor a default; the first one where it is given twice.
   pure integer function place_of(group, key) result(place)
+    !> Checked group.
     type(group_t), intent(in) :: group
+    !> Name of the key.
     character(*), intent(in) :: key
     do place = 1, group%n_entries
       if (group%entry(place)%key == key) return
@@ -34,9 +37,11 @@ contains
     place = 0
   end function place_of
 
-  !> Does the key stand in the file?
+  !> Whether a key is in the file.
   pure logical function is_given(group, key) result(given)
+    !> Checked group.
     type(group_t), intent(in) :: group
+    !> Name of the key.
     character(*), intent(in) :: key
     integer :: i
     i = place_of(group, key)
@@ -44,9 +49,11 @@ contains
     if (given) given = .not. group%entry(i)%from_default
   end function is_given
 
-  !> Is there a value, given or by default, without a mistake?
+  !> Whether a key has values without mistakes, given or by default.
   pure logical function is_usable(group, key) result(usable)
+    !> Checked group.
     type(group_t), intent(in) :: group
+    !> Name of the key.
     character(*), intent(in) :: key
     integer :: i
     i = place_of(group, key)
@@ -54,9 +61,11 @@ contains
     if (usable) usable = group%entry(i)%usable
   end function is_usable
 
-  !> Line of the key, or of its group where it is not given.
+  !> Line of a key, or of its group where it is not given.
   pure integer function line_of(group, key) result(line)
+    !> Checked group.
     type(group_t), intent(in) :: group
+    !> Name of the key.
     character(*), intent(in) :: key
     integer :: i
     i = place_of(group, key)
@@ -64,9 +73,11 @@ contains
     if (i > 0) line = group%entry(i)%line
   end function line_of
 
-  !> How many values a key has.
+  !> Number of values of a key.
   pure integer function count_of(group, key) result(n)
+    !> Checked group.
     type(group_t), intent(in) :: group
+    !> Name of the key.
     character(*), intent(in) :: key
     integer :: i
     i = place_of(group, key)
@@ -76,7 +87,9 @@ contains
 
   !> Text of a key without blanks around it; empty where it has none that can be used.
   pure function text_of(group, key) result(text)
+    !> Checked group.
     type(group_t), intent(in) :: group
+    !> Name of the key.
     character(*), intent(in) :: key
     character(:), allocatable :: text
     text = ''
@@ -85,8 +98,11 @@ contains
 
   !> All texts of a key; none where it has none that can be used.
   pure subroutine texts_of(group, key, texts)
+    !> Checked group.
     type(group_t), intent(in) :: group
+    !> Name of the key.
     character(*), intent(in) :: key
+    !> The texts (n_values).
     type(text_t), allocatable, intent(out) :: texts(:)
     integer :: i, k, n
     n = 0
@@ -157,33 +173,40 @@ contains
 
   !> Report a problem of a key, at its line.
   subroutine report(problems, group, key, message)
+    !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
+    !> Checked group.
     type(group_t), intent(in) :: group
     !> The key; the line is that of the group where it is not given.
     character(*), intent(in) :: key
-    !> What is wrong.
+    !> What is wrong, after '&group: '.
     character(*), intent(in) :: message
     call problems%add(line_of(group, key), '&'//group%name//': '//message)
   end subroutine report
 
   !> Indices of the groups of a name.
   pure subroutine pick_groups(groups, name, picked)
+    !> Groups of the file.
     type(group_t), intent(in) :: groups(:)
+    !> Name of the groups.
     character(*), intent(in) :: name
+    !> Their indices, ascending.
     integer, allocatable, intent(out) :: picked(:)
     integer :: i
     picked = pack([(i, i=1, size(groups))], [(groups(i)%name == name, i=1, size(groups))])
   end subroutine pick_groups
 
-  !> Gather the names of some groups and report those that are there twice.
+  !> Gather the names of groups of one kind and report duplicates.
   subroutine gather_names(groups, what, misspelled, problems, names)
     !> All groups of the file.
     type(group_t), intent(in) :: groups(:)
-    !> Name of the groups to look at.
+    !> Name of the groups.
     character(*), intent(in) :: what
-    !> May one of them stand in the file with its name misspelled?
+    !> Whether the file may have such a group under a misspelled name.
     logical, intent(in) :: misspelled
+    !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
+    !> Their names.
     type(names_t), intent(out) :: names
     integer, allocatable :: picked(:)
     integer :: i, j
@@ -207,9 +230,11 @@ contains
     end do
   end subroutine gather_names
 
-  !> Index of a name; 0 where it is not there.
+  !> Index of a name; 0 where it is unknown.
   pure integer function find_name(names, name) result(place)
+    !> Names to search.
     type(names_t), intent(in) :: names
+    !> Name to look up.
     character(*), intent(in) :: name
     do place = 1, size(names%name)
       if (names%name(place)%s == name .and. len(names%name(place)%s) == len(name)) return
@@ -217,16 +242,19 @@ contains
     place = 0
   end function find_name
 
-  !> Resolve a name that a key refers to; an unknown one is reported.
+  !> Find the group that a key refers to; an unknown name is reported.
   subroutine refer(group, key, name, names, problems, place)
+    !> Checked group.
     type(group_t), intent(in) :: group
-    !> The key that names it.
+    !> Key of the reference.
     character(*), intent(in) :: key
-    !> The name; nothing is reported where it is empty.
+    !> Name that it refers to; nothing is reported where it is empty.
     character(*), intent(in) :: name
+    !> Names that the key may refer to.
     type(names_t), intent(in) :: names
+    !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
-    !> Index, 0 where it is unknown.
+    !> Index of the name; 0 where it is unknown.
     integer, intent(out) :: place
     character(:), allocatable :: hint
     place = 0
@@ -238,8 +266,9 @@ contains
     call report(problems, group, key, key//': unknown '//names%what//' '//shown(name)//hint)
   end subroutine refer
 
-  !> The first few of some names.
+  !> The first names of a list, for messages.
   function first_names(name) result(text)
+    !> The names, at least one.
     type(text_t), intent(in) :: name(:)
     character(:), allocatable :: text
     integer, parameter :: most = 10

@@ -15,7 +15,7 @@ module dotyk_mesh_gmsh_run
   use dotyk_base_content_hash, only: content_hash_t
   use dotyk_base_operating_system, only: make_directory, is_writable_directory, rename_file, remove_file, &
     shell_quoted, directory_of, environment_value
-  implicit ignored
+  implicit none
   private
   public :: mesh_geometry
 

@@ -1,4 +1,4 @@
-!> Elements of a body as VTK's cells.
+!> Elements of a body as cells of VTK.
 module dotyk_output_cells
   use, intrinsic :: iso_fortran_env, only: int8
   use dotyk_base_kinds, only: int64
@@ -7,13 +7,13 @@ module dotyk_output_cells
   implicit none
   private
 
-  !> The cells of one part, in the order of the body's blocks.
+  !> Cells of one part, in the order of the blocks of its body.
   type, public :: cells_t
-    !> Node numbers of all cells, one cell after the other, from 0, in VTK's order (n_connectivity).
+    !> Nodes of all cells, one cell after the other, from 0, in the order of VTK (n_connectivity).
     integer(int64), allocatable :: connectivity(:)
-    !> Where each cell begins in `connectivity`, from 0, and the end (n_cells + 1).
+    !> Offsets of the cells in `connectivity`, from 0, and its length (n_cells + 1).
     integer(int64), allocatable :: offset(:)
-    !> VTK's cell types (n_cells).
+    !> Cell types of VTK (n_cells).
     integer(int8), allocatable :: vtk_type(:)
     !> Element tags of the mesh file (n_cells).
     integer(int64), allocatable :: tag(:)
@@ -23,8 +23,9 @@ module dotyk_output_cells
 
 contains
 
-  !> Length of the connectivity of a body's cells.
+  !> Sum of the nodes of all elements of a body.
   pure integer(int64) function connectivity_length(mesh) result(length)
+    !> Mesh of the body.
     type(body_mesh_t), intent(in) :: mesh
     integer :: k
     length = 0
@@ -35,7 +36,9 @@ contains
 
   !> The cells of a body.
   subroutine cells_of_body(mesh, cells)
+    !> Mesh of the body.
     type(body_mesh_t), intent(in) :: mesh
+    !> Its cells.
     type(cells_t), intent(out) :: cells
     type(element_kind_t) :: kind
     integer(int64) :: first_node, node_count
@@ -68,15 +71,17 @@ contains
   pure subroutine fill_connectivity(n_nodes, n_cells, node, vtk_order, first_node, connectivity, last)
     !> Nodes per cell.
     integer, intent(in) :: n_nodes
+    !> Number of elements.
     integer, intent(in) :: n_cells
-    !> Nodes of the elements, from 1, in gmsh's order.
+    !> Nodes of the elements, from 1, in the order of gmsh (nodes per cell, n_cells).
     integer, intent(in) :: node(n_nodes, n_cells)
-    !> Our local node for each of VTK's.
+    !> Local node of gmsh for each node of VTK.
     integer, intent(in) :: vtk_order(n_nodes)
-    !> Length of the connectivity of the blocks before.
+    !> Length of the connectivity of earlier blocks.
     integer(int64), intent(in) :: first_node
+    !> Nodes of all cells, one after the other, counted from 0.
     integer(int64), intent(out) :: connectivity(n_nodes, n_cells)
-    !> Where each cell ends.
+    !> Offsets of the ends of the cells.
     integer(int64), intent(out) :: last(n_cells)
     integer :: i, j
     do j = 1, n_cells

@@ -1,32 +1,22 @@
-!> The few calls into the operating system that safe writing needs.
+!> Safe writing of files: checks before the run, temporary names, replacement in one step.
 module dotyk_output_file_system
-  use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char
   use dotyk_base_error, only: error_t, exit_not_written, set_error
   use dotyk_base_files, only: is_protected, own_mark, remove_leftovers, sync_file, why_no_file
+  use dotyk_base_operating_system, only: rename_file
   use dotyk_base_text, only: quoted
   implicit none
   private
 
-  interface
-    integer(c_int) function c_rename(old, new) bind(c, name='rename')
-      import :: c_char, c_int
-      character(kind=c_char), intent(in) :: old(*), new(*)
-    end function c_rename
-    integer(c_int) function c_unlink(path) bind(c, name='unlink')
-      import :: c_char, c_int
-      character(kind=c_char), intent(in) :: path(*)
-    end function c_unlink
-  end interface
-
-  public :: check_writable, check_replaceable, temporary_name, replace_file, delete_file
+  public :: check_writable, check_replaceable, temporary_name, replace_file
 
 contains
 
-  !> Whether a file can be created at a path, found out by creating one of a temporary name beside it; what is there
-  !> already stays untouched. What killed runs left beside it is deleted.
+  !> Check that a file can be created at a path, by creating one of a temporary name beside it; an existing file stays
+  !> untouched. Leftovers of killed runs are deleted.
   subroutine check_writable(path, error)
+    !> Path of the file.
     character(*), intent(in) :: path
-    !> Exit code `exit_not_written`.
+    !> Allocated where it cannot, with exit code `exit_not_written`.
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: reason
     character(300) :: message
@@ -63,11 +53,13 @@ contains
     end if
   end subroutine check_writable
 
-  !> Refuse to put results in the place of a file that is something else: the input, a mesh, somebody's notes.
+  !> Refuse to replace a file that is no HDF5 file: the input, a mesh, notes.
   subroutine check_replaceable(path, error)
+    !> Path of the file.
     character(*), intent(in) :: path
+    !> Allocated where the file is there and no results file.
     type(error_t), allocatable, intent(out) :: error
-    !> What files of HDF5 begin with, after one byte.
+    !> Second to fourth byte of HDF5 files.
     character(*), parameter :: signature = 'HDF'
     character(4) :: head
     integer :: unit, status, length
@@ -81,30 +73,28 @@ contains
       ' is there already and is no results file: give another name, or delete it', exit_not_written)
   end subroutine check_replaceable
 
-  !> A name beside a path that no other running program uses.
+  !> Name beside a path that no other process uses.
   function temporary_name(path) result(name)
+    !> Path of the file.
     character(*), intent(in) :: path
     character(:), allocatable :: name
     name = path//own_mark()//'.tmp'
   end function temporary_name
 
-  !> Give a file another name in the same folder, in place of what may be there, in one step, once it is on the disk.
+  !> Write a file through to the disk and rename it in one step, in place of an existing file.
   subroutine replace_file(temporary, path, error)
-    character(*), intent(in) :: temporary, path
+    !> Path of the finished file.
+    character(*), intent(in) :: temporary
+    !> Its final path.
+    character(*), intent(in) :: path
+    !> Allocated where the file cannot be written.
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: reason
     call sync_file(temporary, reason)
     if (len(reason) > 0) then
       call set_error(error, quoted(path)//' cannot be written: '//reason, exit_not_written)
-    else if (c_rename(temporary//c_null_char, path//c_null_char) /= 0) then
+    else if (.not. rename_file(temporary, path)) then
       call set_error(error, quoted(temporary)//' cannot be renamed to '//quoted(path), exit_not_written)
     end if
   end subroutine replace_file
-
-  !> Delete a file, if it is there.
-  subroutine delete_file(path)
-    character(*), intent(in) :: path
-    integer(c_int) :: ignored
-    ignored = c_unlink(path//c_null_char)
-  end subroutine delete_file
 end module dotyk_output_file_system

@@ -1,4 +1,4 @@
-!> HDF5's own account of what went wrong, as text for the user.
+!> Reasons of failed calls of HDF5, as text for the user.
 module dotyk_output_hdf5_reason
   use, intrinsic :: iso_c_binding, only: c_char, c_f_pointer, c_funloc, c_funptr, c_int, c_int64_t, c_loc, &
     c_null_char, c_ptr, c_size_t
@@ -16,7 +16,7 @@ module dotyk_output_hdf5_reason
   !> Longest text that is kept.
   integer, parameter :: reason_length = 200
 
-  !> Where the walk along HDF5's error stack keeps what it found.
+  !> Text that the walk along the error stack of HDF5 has found.
   type, bind(c) :: reason_t
     character(kind=c_char) :: text(reason_length)
     integer(c_int) :: from_system
@@ -25,18 +25,27 @@ module dotyk_output_hdf5_reason
   interface
     integer(c_int) function h5ewalk2(stack, direction, visit, client) bind(c, name='H5Ewalk2')
       import :: c_int, c_int64_t, c_funptr, c_ptr
+      !> Error stack.
       integer(c_int64_t), value :: stack
+      !> Upward or downward.
       integer(c_int), value :: direction
+      !> Callback for each record.
       type(c_funptr), value :: visit
+      !> Argument of the callback.
       type(c_ptr), value :: client
     end function h5ewalk2
     integer(c_int) function c_setenv(name, value, overwrite) bind(c, name='setenv')
       import :: c_char, c_int
-      character(kind=c_char), intent(in) :: name(*), value(*)
+      !> Name, ended by a null character.
+      character(kind=c_char), intent(in) :: name(*)
+      !> Value, ended by a null character.
+      character(kind=c_char), intent(in) :: value(*)
+      !> Whether an existing value is replaced.
       integer(c_int), value :: overwrite
     end function c_setenv
     pure integer(c_size_t) function c_strlen(text) bind(c, name='strlen')
       import :: c_size_t, c_ptr
+      !> Text, ended by a null character.
       type(c_ptr), value, intent(in) :: text
     end function c_strlen
   end interface
@@ -45,19 +54,19 @@ module dotyk_output_hdf5_reason
 
 contains
 
-  !> Prepare the library: its own messages are off (every status is checked) and it does nothing at the end of the
-  !> program (a file that could not be written is not tried again).
+  !> Prepare the library: its own messages are off, as every status is checked, and it does nothing at the end of the
+  !> program, as a failed write is not repeated.
   subroutine start_hdf5()
     integer :: status
-    ! Files are written to names of their own: nobody else has them. File systems that know no locks (Lustre, some NFS) would refuse.
+    ! No other process opens the temporary files. File systems without locks (Lustre, some NFS) would refuse.
     status = int(c_setenv('HDF5_USE_FILE_LOCKING'//c_null_char, 'FALSE'//c_null_char, 0_c_int))
     call h5dont_atexit_f(status)
     call h5open_f(status)
     call h5eset_auto_f(0, status)
   end subroutine start_hdf5
 
-  !> Why the last call failed: the operating system's words where there are any, HDF5's otherwise. To be asked at once,
-  !> for the next call into HDF5 forgets it.
+  !> Why the last call has failed, in the words of the operating system where there are any, else of HDF5. The next call
+  !> of HDF5 clears it.
   function hdf5_reason() result(text)
     character(:), allocatable :: text
     type(reason_t), target :: reason
@@ -73,10 +82,13 @@ contains
     if (len(text) == 0) text = 'unknown reason'
   end function hdf5_reason
 
-  !> One record of HDF5's error stack, the innermost first.
+  !> Visit one record of the error stack of HDF5, the innermost first.
   integer(c_int) function visit_error(number, record, client) result(status) bind(c)
+    !> Place in the stack, from 0.
     integer(c_int), value :: number
+    !> Record of the stack.
     type(error_record_t), intent(in) :: record
+    !> Not used.
     type(c_ptr), value :: client
     character(*), parameter :: mark = "error message = '"
     character(kind=c_char), pointer :: letters(:)

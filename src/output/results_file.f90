@@ -1,22 +1,25 @@
-!> The results file: `/VTKHDF` as VTK and ParaView read it, one partition per body, and `/dotyk`.
+!> The results file (docs/results.md): `/VTKHDF` for VTK and ParaView, one partition per body, and `/dotyk`.
 !>
-!> Written to a temporary name and renamed by `commit`: a results file is whole or absent, and an older one stays until
-!> then. Bodies are written one at a time. Every error has the exit code `exit_not_written`. One thread at a time.
+!> It is written under a temporary name and renamed by `commit`: a results file is complete or absent, and an older one
+!> stays until then. Bodies are written one at a time. All errors have the exit code `exit_not_written`. One thread at a
+!> time.
 module dotyk_output_results_file
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int32, int64
+  use dotyk_base_operating_system, only: remove_file
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_output_cells, only: cells_of_body, cells_t, connectivity_length
-  use dotyk_output_file_system, only: check_writable, delete_file, replace_file, temporary_name
-  use dotyk_output_hdf5, only: hdf5_file_t, hdf5_int32, hdf5_int64, hdf5_real, hdf5_uint8
+  use dotyk_output_file_system, only: check_writable, replace_file, temporary_name
+  use dotyk_output_hdf5, only: hdf5_file_t
+  use dotyk_output_results_layout, only: create_fields, create_geometry, create_groups, with_three_components
   implicit none
   private
 
   !> A results file being written.
   type, public :: results_file_t
-    !> Where it will be.
+    !> Path of the finished file.
     character(:), allocatable :: path
-    !> Where it is until `commit`.
+    !> Its path until `commit`.
     character(:), allocatable :: temporary
     type(hdf5_file_t) :: file
     !> Points, cells and connectivity entries before each part (n_parts + 1).
@@ -48,15 +51,27 @@ module dotyk_output_results_file
 
 contains
 
-  !> Create the file with the layout of all parts. Nothing is at `path` until `commit`.
+  !> Create the file with the layout of all parts, under a temporary name.
   subroutine results_create(self, path, n_points, n_cells, n_connectivity, want_displacement, want_stress, &
     want_contact, want_error, error)
     class(results_file_t), intent(inout) :: self
+    !> Path of the file.
     character(*), intent(in) :: path
-    !> Nodes, elements and the sum of the nodes of all elements (`connectivity_length`) of each body (n_parts).
-    integer(int64), intent(in), contiguous :: n_points(:), n_cells(:), n_connectivity(:)
-    !> Which fields will be written.
-    logical, intent(in) :: want_displacement, want_stress, want_contact, want_error
+    !> Nodes of each body (n_parts).
+    integer(int64), intent(in), contiguous :: n_points(:)
+    !> Elements of each body (n_parts).
+    integer(int64), intent(in), contiguous :: n_cells(:)
+    !> Sum of the nodes of all elements of each body, of `connectivity_length` (n_parts).
+    integer(int64), intent(in), contiguous :: n_connectivity(:)
+    !> Whether displacements will be written.
+    logical, intent(in) :: want_displacement
+    !> Whether stresses will be written.
+    logical, intent(in) :: want_stress
+    !> Whether contact pressures will be written.
+    logical, intent(in) :: want_contact
+    !> Whether discretization errors of the elements will be written.
+    logical, intent(in) :: want_error
+    !> Allocated where the file cannot be written.
     type(error_t), allocatable, intent(out) :: error
     if (allocated(self%failure)) deallocate (self%failure)
     self%path = path
@@ -66,13 +81,16 @@ contains
     self%first_id = running_sum(n_connectivity)
     call self%file%create(self%temporary, error, label=path)
     if (.not. allocated(error)) call create_groups(self%file, error)
-    if (.not. allocated(error)) call create_geometry(self, n_points, n_cells, n_connectivity, error)
-    if (.not. allocated(error)) call create_fields(self, want_displacement, want_stress, want_contact, want_error, error)
+    if (.not. allocated(error)) call create_geometry(self%file, n_points, n_cells, n_connectivity, error)
+    if (.not. allocated(error)) &
+      call create_fields(self%file, sum(n_points), sum(n_cells), want_displacement, want_stress, want_contact, &
+                         want_error, error)
     if (allocated(error)) call self%discard()
   end subroutine results_create
 
-  !> 0, n(1), n(1) + n(2), ...
+  !> Offsets of parts: 0, n(1), n(1) + n(2), ...
   pure function running_sum(n) result(total)
+    !> Numbers (n_parts).
     integer(int64), intent(in) :: n(:)
     integer(int64) :: total(size(n) + 1)
     integer :: i
@@ -82,80 +100,14 @@ contains
     end do
   end function running_sum
 
-  !> The groups, and what tells VTK how to read them.
-  subroutine create_groups(file, error)
-    type(hdf5_file_t), intent(in) :: file
-    type(error_t), allocatable, intent(out) :: error
-    character(*), parameter :: names(*) = [character(20) :: '/VTKHDF', '/VTKHDF/PointData', '/VTKHDF/CellData', &
-      '/dotyk', '/dotyk/summary', '/dotyk/history', '/dotyk/contact', '/dotyk/timing']
-    integer :: i
-    do i = 1, size(names)
-      call file%add_group(trim(names(i)), error)
-      if (allocated(error)) return
-    end do
-    call file%put_attribute('/VTKHDF', 'Version', [2_int64, 0_int64], error)
-    if (.not. allocated(error)) call file%put_attribute('/VTKHDF', 'Type', 'UnstructuredGrid', error)
-  end subroutine create_groups
-
-  !> The datasets of the geometry.
-  subroutine create_geometry(self, n_points, n_cells, n_connectivity, error)
-    class(results_file_t), intent(in) :: self
-    integer(int64), intent(in), contiguous :: n_points(:), n_cells(:), n_connectivity(:)
-    type(error_t), allocatable, intent(out) :: error
-    integer(int64) :: points, cells, ids
-    integer :: n_parts
-    n_parts = size(n_points)
-    points = self%first_point(n_parts + 1)
-    cells = self%first_cell(n_parts + 1)
-    ids = self%first_id(n_parts + 1)
-    associate (file => self%file)
-      call file%put_dataset('/VTKHDF/NumberOfPoints', n_points, error)
-      if (.not. allocated(error)) call file%put_dataset('/VTKHDF/NumberOfCells', n_cells, error)
-      if (.not. allocated(error)) call file%put_dataset('/VTKHDF/NumberOfConnectivityIds', n_connectivity, error)
-      if (.not. allocated(error)) call file%new_dataset('/VTKHDF/Points', hdf5_real, [3_int64, points], error)
-      if (.not. allocated(error)) call file%new_dataset('/VTKHDF/Connectivity', hdf5_int64, [ids], error)
-      ! One more than the cells of each part: every part has its beginning and its end.
-      if (.not. allocated(error)) call file%new_dataset('/VTKHDF/Offsets', hdf5_int64, [cells + n_parts], error)
-      if (.not. allocated(error)) call file%new_dataset('/VTKHDF/Types', hdf5_uint8, [cells], error)
-      if (.not. allocated(error)) call file%new_dataset('/VTKHDF/PointData/node_tag', hdf5_int64, [points], error)
-      if (.not. allocated(error)) call file%new_dataset('/VTKHDF/CellData/body', hdf5_int32, [cells], error)
-      if (.not. allocated(error)) call file%new_dataset('/VTKHDF/CellData/element_tag', hdf5_int64, [cells], error)
-    end associate
-  end subroutine create_geometry
-
-  !> The datasets of the fields that were asked for; parts that are never written are zero.
-  subroutine create_fields(self, want_displacement, want_stress, want_contact, want_error, error)
-    class(results_file_t), intent(in) :: self
-    logical, intent(in) :: want_displacement, want_stress, want_contact, want_error
-    type(error_t), allocatable, intent(out) :: error
-    integer(int64) :: points, cells
-    points = self%first_point(size(self%first_point))
-    cells = self%first_cell(size(self%first_cell))
-    associate (file => self%file)
-      if (want_displacement) then
-        call file%new_dataset('/VTKHDF/PointData/displacement', hdf5_real, [3_int64, points], error, zero=.true.)
-        if (allocated(error)) return
-      end if
-      if (want_contact) then
-        call file%new_dataset('/VTKHDF/PointData/contact_pressure', hdf5_real, [points], error, zero=.true.)
-        if (allocated(error)) return
-      end if
-      if (want_stress) then
-        call file%new_dataset('/VTKHDF/CellData/stress', hdf5_real, [6_int64, cells], error, zero=.true.)
-        if (allocated(error)) return
-        call file%new_dataset('/VTKHDF/CellData/von_mises', hdf5_real, [cells], error, zero=.true.)
-        if (allocated(error)) return
-      end if
-      if (want_error) call file%new_dataset('/VTKHDF/CellData/discretization_error', hdf5_real, [cells], error, zero=.true.)
-    end associate
-  end subroutine create_fields
-
   !> Write the geometry of one body.
   subroutine results_write_part(self, part, mesh, error)
     class(results_file_t), intent(in) :: self
-    !> Number of the body, from 1.
+    !> Index of the body.
     integer, intent(in) :: part
+    !> Mesh of the body.
     type(body_mesh_t), intent(in) :: mesh
+    !> Allocated where the file cannot be written.
     type(error_t), allocatable, intent(out) :: error
     type(cells_t) :: cells
     integer(int32), allocatable :: body(:)
@@ -177,37 +129,27 @@ contains
     end associate
   end subroutine results_write_part
 
-  !> Vectors with three components; those of the plane get z = 0.
-  pure function with_three_components(x) result(y)
-    !> Shape (2 or 3, n).
-    real(dp), intent(in) :: x(:, :)
-    real(dp), allocatable :: y(:, :)
-    integer :: i, dimension
-    dimension = min(3, size(x, 1))
-    allocate (y(3, size(x, 2)))
-    do i = 1, size(x, 2)
-      y(:dimension, i) = x(:dimension, i)
-      y(dimension + 1:, i) = 0
-    end do
-  end function with_three_components
-
   !> Write the displacements of one body.
   subroutine results_write_displacement(self, part, displacement, error)
     class(results_file_t), intent(in) :: self
+    !> Index of the body.
     integer, intent(in) :: part
-    !> At the nodes (dimension, n_nodes) [length].
+    !> Displacements of the nodes (dimension, n_nodes) [length].
     real(dp), intent(in), contiguous :: displacement(:, :)
+    !> Allocated where the file cannot be written.
     type(error_t), allocatable, intent(out) :: error
     call self%file%put_part('/VTKHDF/PointData/displacement', self%first_point(part), &
       with_three_components(displacement), error)
   end subroutine results_write_displacement
 
-  !> Write the contact pressure of one body; a body that touches nothing need not be written.
+  !> Write the contact pressure of one body; bodies without contact may be skipped.
   subroutine results_write_contact_pressure(self, part, pressure, error)
     class(results_file_t), intent(in) :: self
+    !> Index of the body.
     integer, intent(in) :: part
-    !> At the nodes, 0 off the contact surfaces (n_nodes) [pressure].
+    !> Contact pressures of the nodes, 0 off the contact surfaces (n_nodes) [pressure].
     real(dp), intent(in), contiguous :: pressure(:)
+    !> Allocated where the file cannot be written.
     type(error_t), allocatable, intent(out) :: error
     call self%file%put_part('/VTKHDF/PointData/contact_pressure', self%first_point(part), pressure, error)
   end subroutine results_write_contact_pressure
@@ -215,11 +157,13 @@ contains
   !> Write the stresses of one body.
   subroutine results_write_stress(self, part, stress, von_mises, error)
     class(results_file_t), intent(in) :: self
+    !> Index of the body.
     integer, intent(in) :: part
-    !> Means of the elements, xx yy zz xy yz xz, elements in the order of the blocks (6, n_elements) [pressure].
+    !> Mean stresses xx yy zz xy yz xz of the elements, in the order of the blocks (6, n_elements) [pressure].
     real(dp), intent(in), contiguous :: stress(:, :)
-    !> Their von Mises stress (n_elements) [pressure].
+    !> Von Mises stresses of the means (n_elements) [pressure].
     real(dp), intent(in), contiguous :: von_mises(:)
+    !> Allocated where the file cannot be written.
     type(error_t), allocatable, intent(out) :: error
     integer(int64) :: cell
     cell = self%first_cell(part)
@@ -227,19 +171,21 @@ contains
     if (.not. allocated(error)) call self%file%put_part('/VTKHDF/CellData/von_mises', cell, von_mises, error)
   end subroutine results_write_stress
 
-  !> Write the discretization errors of one body's elements.
+  !> Write the discretization errors of the elements of one body.
   subroutine results_write_discretization_error(self, part, value, error)
     class(results_file_t), intent(in) :: self
+    !> Index of the body.
     integer, intent(in) :: part
-    !> Relative, in the energy norm; elements in the order of the blocks (n_elements) [].
+    !> Relative errors in the energy norm, elements in the order of the blocks (n_elements) [].
     real(dp), intent(in), contiguous :: value(:)
+    !> Allocated where the file cannot be written.
     type(error_t), allocatable, intent(out) :: error
     call self%file%put_part('/VTKHDF/CellData/discretization_error', self%first_cell(part), value, error)
   end subroutine results_write_discretization_error
 
-  !> Group of a contact, relative to `/dotyk`.
+  !> Group of a contact pair below `/dotyk`.
   pure function contact_group(name) result(group)
-    !> Name of the contact.
+    !> Name of the contact pair.
     character(*), intent(in) :: name
     character(:), allocatable :: group
     integer :: i
@@ -252,10 +198,10 @@ contains
     group = 'contact/'//group
   end function contact_group
 
-  !> Add the group of a contact; a failure is reported by `commit`.
+  !> Add the group of a contact pair; `commit` reports a failure.
   subroutine results_add_contact(self, name)
     class(results_file_t), intent(inout) :: self
-    !> Name of the contact.
+    !> Name of the contact pair.
     character(*), intent(in) :: name
     type(error_t), allocatable :: error
     if (allocated(self%failure)) return
@@ -263,26 +209,38 @@ contains
     call self%keep_failure(error)
   end subroutine results_add_contact
 
-  !> Path in the file of a group relative to `/dotyk`.
+  !> Path in the file of a group below `/dotyk`.
   pure function dotyk_path(group) result(path)
+    !> Path of the group below /dotyk; empty for /dotyk itself.
     character(*), intent(in) :: group
     character(:), allocatable :: path
     path = '/dotyk'
     if (len(group) > 0) path = path//'/'//group
   end function dotyk_path
 
+  !> Write a text as attribute.
   subroutine put_text(self, group, name, value)
     class(results_file_t), intent(inout) :: self
-    character(*), intent(in) :: group, name, value
+    !> Group below /dotyk.
+    character(*), intent(in) :: group
+    !> Name of the attribute.
+    character(*), intent(in) :: name
+    !> Its text.
+    character(*), intent(in) :: value
     type(error_t), allocatable :: error
     if (allocated(self%failure)) return
     call self%file%put_attribute(dotyk_path(group), name, value, error)
     call self%keep_failure(error)
   end subroutine put_text
 
+  !> Write an integer as attribute.
   subroutine put_integer(self, group, name, value)
     class(results_file_t), intent(inout) :: self
-    character(*), intent(in) :: group, name
+    !> Group below /dotyk.
+    character(*), intent(in) :: group
+    !> Name of the attribute.
+    character(*), intent(in) :: name
+    !> Its value.
     integer(int32), intent(in) :: value
     type(error_t), allocatable :: error
     if (allocated(self%failure)) return
@@ -290,9 +248,14 @@ contains
     call self%keep_failure(error)
   end subroutine put_integer
 
+  !> Write a 64-bit integer as attribute.
   subroutine put_long(self, group, name, value)
     class(results_file_t), intent(inout) :: self
-    character(*), intent(in) :: group, name
+    !> Group below /dotyk.
+    character(*), intent(in) :: group
+    !> Name of the attribute.
+    character(*), intent(in) :: name
+    !> Its value.
     integer(int64), intent(in) :: value
     type(error_t), allocatable :: error
     if (allocated(self%failure)) return
@@ -300,9 +263,14 @@ contains
     call self%keep_failure(error)
   end subroutine put_long
 
+  !> Write a real as attribute.
   subroutine put_real(self, group, name, value)
     class(results_file_t), intent(inout) :: self
-    character(*), intent(in) :: group, name
+    !> Group below /dotyk.
+    character(*), intent(in) :: group
+    !> Name of the attribute.
+    character(*), intent(in) :: name
+    !> Its value.
     real(dp), intent(in) :: value
     type(error_t), allocatable :: error
     if (allocated(self%failure)) return
@@ -310,16 +278,26 @@ contains
     call self%keep_failure(error)
   end subroutine put_real
 
+  !> Write a logical as attribute.
   subroutine put_logical(self, group, name, value)
     class(results_file_t), intent(inout) :: self
-    character(*), intent(in) :: group, name
+    !> Group below /dotyk.
+    character(*), intent(in) :: group
+    !> Name of the attribute.
+    character(*), intent(in) :: name
+    !> Its value; 1 for true in the file.
     logical, intent(in) :: value
     call self%put_integer(group, name, merge(1, 0, value))
   end subroutine put_logical
 
+  !> Write reals as attribute.
   subroutine put_reals(self, group, name, value)
     class(results_file_t), intent(inout) :: self
-    character(*), intent(in) :: group, name
+    !> Group below /dotyk.
+    character(*), intent(in) :: group
+    !> Name of the attribute.
+    character(*), intent(in) :: name
+    !> Its values (n).
     real(dp), intent(in), contiguous :: value(:)
     type(error_t), allocatable :: error
     if (allocated(self%failure)) return
@@ -327,9 +305,14 @@ contains
     call self%keep_failure(error)
   end subroutine put_reals
 
+  !> Write a dataset of reals.
   subroutine array_real(self, group, name, values)
     class(results_file_t), intent(inout) :: self
-    character(*), intent(in) :: group, name
+    !> Group below /dotyk.
+    character(*), intent(in) :: group
+    !> Name of the dataset.
+    character(*), intent(in) :: name
+    !> Values (n).
     real(dp), intent(in), contiguous :: values(:)
     type(error_t), allocatable :: error
     if (allocated(self%failure)) return
@@ -337,9 +320,14 @@ contains
     call self%keep_failure(error)
   end subroutine array_real
 
+  !> Write a dataset of 32-bit integers.
   subroutine array_integer(self, group, name, values)
     class(results_file_t), intent(inout) :: self
-    character(*), intent(in) :: group, name
+    !> Group below /dotyk.
+    character(*), intent(in) :: group
+    !> Name of the dataset.
+    character(*), intent(in) :: name
+    !> Values (n).
     integer(int32), intent(in), contiguous :: values(:)
     type(error_t), allocatable :: error
     if (allocated(self%failure)) return
@@ -347,9 +335,14 @@ contains
     call self%keep_failure(error)
   end subroutine array_integer
 
+  !> Write a dataset of 64-bit integers.
   subroutine array_long(self, group, name, values)
     class(results_file_t), intent(inout) :: self
-    character(*), intent(in) :: group, name
+    !> Group below /dotyk.
+    character(*), intent(in) :: group
+    !> Name of the dataset.
+    character(*), intent(in) :: name
+    !> Values (n).
     integer(int64), intent(in), contiguous :: values(:)
     type(error_t), allocatable :: error
     if (allocated(self%failure)) return
@@ -357,9 +350,14 @@ contains
     call self%keep_failure(error)
   end subroutine array_long
 
+  !> Write a dataset of vectors, with three components.
   subroutine array_vectors(self, group, name, values)
     class(results_file_t), intent(inout) :: self
-    character(*), intent(in) :: group, name
+    !> Group below /dotyk.
+    character(*), intent(in) :: group
+    !> Name of the dataset.
+    character(*), intent(in) :: name
+    !> Vectors (width, n).
     real(dp), intent(in), contiguous :: values(:, :)
     type(error_t), allocatable :: error
     if (allocated(self%failure)) return
@@ -370,13 +368,15 @@ contains
   !> Keep the first failure for `commit`.
   subroutine keep_failure(self, error)
     class(results_file_t), intent(inout) :: self
+    !> Failure of a write; not allocated on return.
     type(error_t), allocatable, intent(inout) :: error
     if (allocated(error)) call move_alloc(error, self%failure)
   end subroutine keep_failure
 
-  !> Finish the file and give it its name, in place of an older one; where anything failed, nothing of it remains.
+  !> Finish the file and rename it, in place of an older one; where a write has failed, the file is deleted.
   subroutine results_commit(self, error)
     class(results_file_t), intent(inout) :: self
+    !> Allocated where the file cannot be written.
     type(error_t), allocatable, intent(out) :: error
     if (allocated(self%failure)) then
       call move_alloc(self%failure, error)
@@ -387,11 +387,11 @@ contains
     if (allocated(error)) call self%discard()
   end subroutine results_commit
 
-  !> Give up: what was written is deleted. Safe to call at any time, also when nothing was created.
+  !> Delete an unfinished file; nothing happens where there is none.
   subroutine results_discard(self)
     class(results_file_t), intent(inout) :: self
     type(error_t), allocatable :: ignored
     call self%file%close(ignored)
-    if (allocated(self%temporary)) call delete_file(self%temporary)
+    if (allocated(self%temporary)) call remove_file(self%temporary)
   end subroutine results_discard
 end module dotyk_output_results_file

@@ -223,7 +223,7 @@ class Free(dotyk_case.Case):
 
     def test_a_scheme_that_needs_more(self):
         self.column(["hex8"] * 2, [2] * 2, solver="scheme='neumann'")
-        self.refuse("scheme 'neumann' needs held bodies", "body 'b1'", "translation along (0, 0, 1)", "scheme='dual'")
+        self.refuse("scheme 'neumann' needs supported bodies", "body 'b1'", "translation along (0, 0, 1)", "scheme='dual'")
         self.column(["hex8"] * 2, [2] * 2, solver="scheme='robin', theta=0")
         self.refuse("case.nml:", "theta = 0 needs scheme='dual', got 'robin'", code=2)
 

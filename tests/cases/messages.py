@@ -176,8 +176,8 @@ class Messages(dotyk_case.Case):
 
     def test_not_held(self):
         self.scene(("surface='bottom', fix='z'", "surface='bottom', fix='x'"), ("tolerance=1e-8", "scheme='neumann'"))
-        self.refuse(3, "case.nml:%d: body 'lower': scheme 'neumann' needs held bodies, and the supports leave this one free: "
-                    "translation along (0, 0, 1); add a &support that stops it, or use scheme='dual', which does not need it"
+        self.refuse(3, "case.nml:%d: body 'lower': scheme 'neumann' needs supported bodies, and this body floats: "
+                    "translation along (0, 0, 1); add a &support against this motion, or use scheme='dual', which allows floating bodies"
                     % self.line_of("&body name='lower'"))
 
     def test_not_held_either(self):

@@ -1,0 +1,243 @@
+!> An open HDF5 file and its untyped writes, by addresses and types; dotyk_output_hdf5 adds the interface of Fortran arrays.
+module dotyk_output_hdf5_handle
+  use, intrinsic :: iso_c_binding, only: c_ptr
+  use dotyk_base_error, only: error_t, exit_not_written, set_error
+  use dotyk_base_kinds, only: int64
+  use dotyk_base_text, only: quoted
+  use dotyk_output_hdf5_reason, only: hdf5_reason, start_hdf5
+  use hdf5, only: h5acreate_by_name_f, h5awrite_f, h5aclose_f, h5dclose_f, h5dcreate_f, h5dget_space_f, h5dopen_f, &
+    h5dwrite_f, h5f_acc_trunc_f, h5f_close_strong_f, h5f_libver_v18_f, h5fclose_f, h5fcreate_f, h5gclose_f, &
+    h5gcreate_f, h5p_dataset_create_f, h5p_file_access_f, h5pclose_f, h5pcreate_f, h5pset_fclose_degree_f, &
+    h5pset_fill_value_f, h5pset_libver_bounds_f, h5s_scalar_f, h5s_select_set_f, h5sclose_f, h5screate_f, &
+    h5screate_simple_f, h5sselect_hyperslab_f, h5t_ieee_f64le, h5t_native_integer, h5t_std_i32le, h5t_std_i64le, &
+    h5t_std_u8le, hid_t, hsize_t
+  implicit none
+  private
+
+  !> Kinds of numbers that a dataset may hold.
+  integer, parameter, public :: hdf5_real = 1   !< 64-bit real
+  integer, parameter, public :: hdf5_int32 = 2  !< 32-bit integer
+  integer, parameter, public :: hdf5_int64 = 3  !< 64-bit integer
+  integer, parameter, public :: hdf5_uint8 = 4  !< unsigned 8-bit integer; in memory `int8` values 0..127
+
+  !> A file open for writing.
+  type, public :: hdf5_handle_t
+    !> Name of the file in messages.
+    character(:), allocatable :: label
+    !> Handle of HDF5.
+    integer(hid_t) :: id = -1
+    !> Whether the file is open.
+    logical :: is_open = .false.
+  contains
+    procedure :: create => file_create
+    procedure :: close => file_close
+    procedure :: add_group => file_add_group
+    procedure :: new_dataset => file_new_dataset
+  end type hdf5_handle_t
+
+  public :: write_rows, write_dataset, write_attribute
+
+contains
+
+  !> Make the error of a failed call.
+  subroutine fail(self, what, error)
+    class(hdf5_handle_t), intent(in) :: self
+    !> Name of what is written, or empty.
+    character(*), intent(in) :: what
+    !> Allocated where the file cannot be written.
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: reason
+    reason = hdf5_reason()
+    if (len(what) > 0) reason = reason//' (at '//what//')'
+    call set_error(error, quoted(self%label)//' cannot be written: '//reason, exit_not_written)
+  end subroutine fail
+
+  !> Create a file, in place of one of the same name.
+  subroutine file_create(self, path, error, label)
+    class(hdf5_handle_t), intent(inout) :: self
+    !> Path of the file.
+    character(*), intent(in) :: path
+    !> Allocated where the file cannot be written.
+    type(error_t), allocatable, intent(out) :: error
+    !> Name of the file in messages; `path` if absent.
+    character(*), intent(in), optional :: label
+    integer(hid_t) :: access
+    integer :: status
+    call start_hdf5()
+    self%label = path
+    if (present(label)) self%label = label
+    call h5pcreate_f(h5p_file_access_f, access, status)
+    ! Closing the file closes whatever a failed call left open in it.
+    call h5pset_fclose_degree_f(access, h5f_close_strong_f, status)
+    ! The format of HDF5 1.8 and later has no limit of 64 kB on attributes, which the input text may exceed.
+    call h5pset_libver_bounds_f(access, h5f_libver_v18_f, h5f_libver_v18_f, status)
+    call h5fcreate_f(path, h5f_acc_trunc_f, self%id, status, access_prp=access)
+    self%is_open = status >= 0
+    if (.not. self%is_open) call fail(self, '', error)
+    call h5pclose_f(access, status)
+  end subroutine file_create
+
+  !> Flush and close the file.
+  subroutine file_close(self, error)
+    class(hdf5_handle_t), intent(inout) :: self
+    !> Allocated where the file cannot be written.
+    type(error_t), allocatable, intent(out) :: error
+    integer :: status
+    if (.not. self%is_open) return
+    call h5fclose_f(self%id, status)
+    self%is_open = .false.
+    if (status < 0) call fail(self, '', error)
+  end subroutine file_close
+
+  !> Add a group to an existing one.
+  subroutine file_add_group(self, name, error)
+    class(hdf5_handle_t), intent(in) :: self
+    !> Path in the file.
+    character(*), intent(in) :: name
+    !> Allocated where the file cannot be written.
+    type(error_t), allocatable, intent(out) :: error
+    integer(hid_t) :: group
+    integer :: status
+    call h5gcreate_f(self%id, name, group, status)
+    if (status < 0) then
+      call fail(self, name, error)
+      return
+    end if
+    call h5gclose_f(group, status)
+  end subroutine file_add_group
+
+  !> Make a dataset of full size, which is filled by parts.
+  subroutine file_new_dataset(self, name, number_kind, extent, error, zero)
+    class(hdf5_handle_t), intent(in) :: self
+    !> Path in the file.
+    character(*), intent(in) :: name
+    !> One of `hdf5_real`, `hdf5_int32`, `hdf5_int64`, `hdf5_uint8`.
+    integer, intent(in) :: number_kind
+    !> Fortran shape, of one or two dimensions; the last one is filled by parts.
+    integer(int64), intent(in) :: extent(:)
+    !> Allocated where the file cannot be written.
+    type(error_t), allocatable, intent(out) :: error
+    !> Whether rows that are not written are zero; undefined if absent.
+    logical, intent(in), optional :: zero
+    integer(hid_t) :: space, dataset, creation
+    integer :: status
+    call h5screate_simple_f(size(extent), int(extent, hsize_t), space, status)
+    call h5pcreate_f(h5p_dataset_create_f, creation, status)
+    if (present(zero)) then
+      if (zero) call h5pset_fill_value_f(creation, h5t_native_integer, 0, status)
+    end if
+    call h5dcreate_f(self%id, name, file_type(number_kind), space, dataset, status, creation)
+    if (status < 0) then
+      call fail(self, name, error)
+    else
+      call h5dclose_f(dataset, status)
+      if (status < 0) call fail(self, name, error)
+    end if
+    call h5pclose_f(creation, status)
+    call h5sclose_f(space, status)
+  end subroutine file_new_dataset
+
+  !> Type of numbers in the file.
+  integer(hid_t) function file_type(number_kind) result(type_id)
+    !> One of `hdf5_real`, `hdf5_int32`, `hdf5_int64`, `hdf5_uint8`.
+    integer, intent(in) :: number_kind
+    select case (number_kind)
+    case (hdf5_int32)
+      type_id = h5t_std_i32le
+    case (hdf5_int64)
+      type_id = h5t_std_i64le
+    case (hdf5_uint8)
+      type_id = h5t_std_u8le
+    case default
+      type_id = h5t_ieee_f64le
+    end select
+  end function file_type
+
+  !> Write rows of a dataset. Memory has the types of the file: all machines are little-endian.
+  subroutine write_rows(self, name, number_kind, first, extent, values, error)
+    class(hdf5_handle_t), intent(in) :: self
+    !> Name of the dataset or attribute, with its path.
+    character(*), intent(in) :: name
+    !> One of `hdf5_real`, `hdf5_int32`, `hdf5_int64`, `hdf5_uint8`.
+    integer, intent(in) :: number_kind
+    !> Number of rows before the first one.
+    integer(int64), intent(in) :: first
+    !> Shape of the values.
+    integer(int64), intent(in) :: extent(:)
+    !> Address of the first value.
+    type(c_ptr), intent(in) :: values
+    !> Allocated where the file cannot be written.
+    type(error_t), allocatable, intent(out) :: error
+    integer(hid_t) :: dataset, space, memory
+    integer(hsize_t) :: offset(size(extent))
+    integer :: status, ignored
+    if (product(extent) == 0) return
+    call h5dopen_f(self%id, name, dataset, status)
+    if (status < 0) then
+      call fail(self, name, error)
+      return
+    end if
+    offset = 0
+    offset(size(extent)) = first
+    call h5dget_space_f(dataset, space, status)
+    call h5screate_simple_f(size(extent), int(extent, hsize_t), memory, status)
+    call h5sselect_hyperslab_f(space, h5s_select_set_f, offset, int(extent, hsize_t), status)
+    if (status >= 0) call h5dwrite_f(dataset, file_type(number_kind), values, status, memory, space)
+    if (status < 0) call fail(self, name, error)
+    call h5sclose_f(memory, ignored)
+    call h5sclose_f(space, ignored)
+    call h5dclose_f(dataset, ignored)
+    if (ignored < 0 .and. status >= 0) call fail(self, name, error)
+  end subroutine write_rows
+
+  !> Write a whole dataset.
+  subroutine write_dataset(self, name, number_kind, extent, values, error)
+    class(hdf5_handle_t), intent(in) :: self
+    !> Name of the dataset or attribute, with its path.
+    character(*), intent(in) :: name
+    !> One of `hdf5_real`, `hdf5_int32`, `hdf5_int64`, `hdf5_uint8`.
+    integer, intent(in) :: number_kind
+    !> Shape of the values.
+    integer(int64), intent(in) :: extent(:)
+    !> Address of the first value.
+    type(c_ptr), intent(in) :: values
+    !> Allocated where the file cannot be written.
+    type(error_t), allocatable, intent(out) :: error
+    call self%new_dataset(name, number_kind, extent, error)
+    if (allocated(error)) return
+    call write_rows(self, name, number_kind, 0_int64, extent, values, error)
+  end subroutine write_dataset
+
+  !> Write an attribute.
+  subroutine write_attribute(self, object, name, type_id, extent, values, error)
+    class(hdf5_handle_t), intent(in) :: self
+    !> Path of the group or dataset.
+    character(*), intent(in) :: object
+    !> Name of the dataset or attribute, with its path.
+    character(*), intent(in) :: name
+    !> Type in memory and in the file.
+    integer(hid_t), intent(in) :: type_id
+    !> Shape: of size 0 for a scalar.
+    integer(hsize_t), intent(in) :: extent(:)
+    !> Address of the first value.
+    type(c_ptr), intent(in) :: values
+    !> Allocated where the file cannot be written.
+    type(error_t), allocatable, intent(out) :: error
+    integer(hid_t) :: space, attribute
+    integer :: status, ignored
+    if (size(extent) == 0) then
+      call h5screate_f(h5s_scalar_f, space, status)
+    else
+      call h5screate_simple_f(size(extent), extent, space, status)
+    end if
+    call h5acreate_by_name_f(self%id, object, name, type_id, space, attribute, status)
+    if (status >= 0) then
+      if (product(extent) > 0) call h5awrite_f(attribute, type_id, values, status)
+      if (status < 0) call fail(self, object//'@'//name, error)
+      call h5aclose_f(attribute, ignored)
+    else
+      call fail(self, object//'@'//name, error)
+    end if
+    call h5sclose_f(space, ignored)
+  end subroutine write_attribute
+end module dotyk_output_hdf5_handle

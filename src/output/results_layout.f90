@@ -1,0 +1,109 @@
+!> Layout of the results file: groups, attributes and datasets, before any body is written.
+module dotyk_output_results_layout
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp, int64
+  use dotyk_output_hdf5, only: hdf5_file_t, hdf5_int32, hdf5_int64, hdf5_real, hdf5_uint8
+  implicit none
+  private
+  public :: create_groups, create_geometry, create_fields, with_three_components
+
+contains
+
+  !> Create the groups and the attributes for VTK.
+  subroutine create_groups(file, error)
+    !> The results file.
+    type(hdf5_file_t), intent(in) :: file
+    !> Allocated where the file cannot be written.
+    type(error_t), allocatable, intent(out) :: error
+    character(*), parameter :: names(*) = [character(20) :: '/VTKHDF', '/VTKHDF/PointData', '/VTKHDF/CellData', &
+      '/dotyk', '/dotyk/summary', '/dotyk/history', '/dotyk/contact', '/dotyk/timing']
+    integer :: i
+    do i = 1, size(names)
+      call file%add_group(trim(names(i)), error)
+      if (allocated(error)) return
+    end do
+    call file%put_attribute('/VTKHDF', 'Version', [2_int64, 0_int64], error)
+    if (.not. allocated(error)) call file%put_attribute('/VTKHDF', 'Type', 'UnstructuredGrid', error)
+  end subroutine create_groups
+
+  !> Create the datasets of the geometry.
+  subroutine create_geometry(file, n_points, n_cells, n_connectivity, error)
+    !> The results file.
+    type(hdf5_file_t), intent(in) :: file
+    !> Nodes of each body (n_parts).
+    integer(int64), intent(in), contiguous :: n_points(:)
+    !> Elements of each body (n_parts).
+    integer(int64), intent(in), contiguous :: n_cells(:)
+    !> Sum of the nodes of all elements of each body (n_parts).
+    integer(int64), intent(in), contiguous :: n_connectivity(:)
+    !> Allocated where the file cannot be written.
+    type(error_t), allocatable, intent(out) :: error
+    integer(int64) :: points, cells, ids
+    integer :: n_parts
+    n_parts = size(n_points)
+    points = sum(n_points)
+    cells = sum(n_cells)
+    ids = sum(n_connectivity)
+    call file%put_dataset('/VTKHDF/NumberOfPoints', n_points, error)
+    if (.not. allocated(error)) call file%put_dataset('/VTKHDF/NumberOfCells', n_cells, error)
+    if (.not. allocated(error)) call file%put_dataset('/VTKHDF/NumberOfConnectivityIds', n_connectivity, error)
+    if (.not. allocated(error)) call file%new_dataset('/VTKHDF/Points', hdf5_real, [3_int64, points], error)
+    if (.not. allocated(error)) call file%new_dataset('/VTKHDF/Connectivity', hdf5_int64, [ids], error)
+    ! One more than the cells of each part: every part has its beginning and its end.
+    if (.not. allocated(error)) call file%new_dataset('/VTKHDF/Offsets', hdf5_int64, [cells + n_parts], error)
+    if (.not. allocated(error)) call file%new_dataset('/VTKHDF/Types', hdf5_uint8, [cells], error)
+    if (.not. allocated(error)) call file%new_dataset('/VTKHDF/PointData/node_tag', hdf5_int64, [points], error)
+    if (.not. allocated(error)) call file%new_dataset('/VTKHDF/CellData/body', hdf5_int32, [cells], error)
+    if (.not. allocated(error)) call file%new_dataset('/VTKHDF/CellData/element_tag', hdf5_int64, [cells], error)
+  end subroutine create_geometry
+
+  !> Create the datasets of the fields; parts that are not written are zero.
+  subroutine create_fields(file, points, cells, want_displacement, want_stress, want_contact, want_error, error)
+    !> The results file.
+    type(hdf5_file_t), intent(in) :: file
+    !> Number of nodes of all bodies.
+    integer(int64), intent(in) :: points
+    !> Number of elements of all bodies.
+    integer(int64), intent(in) :: cells
+    !> Whether displacements will be written.
+    logical, intent(in) :: want_displacement
+    !> Whether stresses will be written.
+    logical, intent(in) :: want_stress
+    !> Whether contact pressures will be written.
+    logical, intent(in) :: want_contact
+    !> Whether discretization errors will be written.
+    logical, intent(in) :: want_error
+    !> Allocated where the file cannot be written.
+    type(error_t), allocatable, intent(out) :: error
+    if (want_displacement) then
+      call file%new_dataset('/VTKHDF/PointData/displacement', hdf5_real, [3_int64, points], error, zero=.true.)
+      if (allocated(error)) return
+    end if
+    if (want_contact) then
+      call file%new_dataset('/VTKHDF/PointData/contact_pressure', hdf5_real, [points], error, zero=.true.)
+      if (allocated(error)) return
+    end if
+    if (want_stress) then
+      call file%new_dataset('/VTKHDF/CellData/stress', hdf5_real, [6_int64, cells], error, zero=.true.)
+      if (allocated(error)) return
+      call file%new_dataset('/VTKHDF/CellData/von_mises', hdf5_real, [cells], error, zero=.true.)
+      if (allocated(error)) return
+    end if
+    if (want_error) &
+      call file%new_dataset('/VTKHDF/CellData/discretization_error', hdf5_real, [cells], error, zero=.true.)
+  end subroutine create_fields
+
+  !> Vectors with three components; plane vectors get z = 0.
+  pure function with_three_components(x) result(y)
+    !> Shape (2 or 3, n).
+    real(dp), intent(in) :: x(:, :)
+    real(dp), allocatable :: y(:, :)
+    integer :: i, dimension
+    dimension = min(3, size(x, 1))
+    allocate (y(3, size(x, 2)))
+    do i = 1, size(x, 2)
+      y(:dimension, i) = x(:dimension, i)
+      y(dimension + 1:, i) = 0
+    end do
+  end function with_three_components
+end module dotyk_output_results_layout
