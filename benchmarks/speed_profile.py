@@ -12,7 +12,7 @@ PHASES = [('estimate', 'estimate_errors'), ('recover', 'recover_bodies|project_p
           ('iterate', 'solve_scheme|solve_free_scene|prepare_coarse_space|share_solves|problem_prepare'),
           ('factorize', 'factorize_bodies'), ('order', 'analyze_bodies'), ('search', 'find_pairs|build_operator|full_attach'),
           ('assemble', 'assemble_bodies'), ('read', 'build_bodies|read_case'), ('write', 'write_')]
-PHASES = [(name, re.compile(r'dotyk_driver_\w+_MOD_(%s)|problem_MOD_(%s)|full_MOD_(%s)' % (words, words, words)))
+PHASES = [(name, re.compile(r'dotyk_(?:driver|control|model)_\w+_MOD_(?:%s)' % words))
           for name, words in PHASES]
 
 

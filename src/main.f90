@@ -6,7 +6,7 @@ program dotyk
   use dotyk_base_memory, only: end_expected, watch_ends
   use dotyk_base_log, only: print_error
   use dotyk_driver_arguments, only: arguments_t, read_arguments
-  use dotyk_driver_run_case, only: run_case
+  use dotyk_driver_command, only: execute_command
   implicit none
   type(arguments_t) :: arguments
   type(error_t), allocatable :: error
@@ -15,7 +15,7 @@ program dotyk
   call watch_ends()
   call watch_interrupts()
   call read_arguments(arguments, error)
-  if (.not. allocated(error)) call run_case(arguments, code, error)
+  if (.not. allocated(error)) call execute_command(arguments, code, error)
   if (allocated(error)) then
     call print_error(error%message)
     code = error%code

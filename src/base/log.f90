@@ -76,7 +76,7 @@ contains
     integer, intent(in) :: status
     if (status == 0) return
     self%quiet = .true.
-    call print_error('warning: the log cannot be written; the run goes on without it')
+    call print_error('warning: the log cannot be written; the run continues without it')
   end subroutine look
 
   !> Whether the next line of progress is due; callers ask before they make its text.

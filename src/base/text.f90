@@ -19,7 +19,7 @@ module dotyk_base_text
     module procedure text_of_integer, text_of_long, text_of_real
   end interface to_text
 
-  public :: to_text, lower, nearest_name, edit_distance, suggestion, join, split_words, quoted, shown, visible
+  public :: to_text, lower, nearest_name, edit_distance, suggestion, join, split_words, counted, quoted, shown, visible
 
 contains
 
@@ -170,6 +170,24 @@ contains
       joined = joined//texts(i)%s
     end do
   end function join
+
+  !> A number with its noun: "1 body", "2 bodies".
+  pure function counted(n, one, many) result(text)
+    !> The number.
+    integer, intent(in) :: n
+    !> Singular.
+    character(*), intent(in) :: one
+    !> Plural; the singular with an s if absent.
+    character(*), intent(in), optional :: many
+    character(:), allocatable :: text
+    if (n == 1) then
+      text = '1 '//one
+    else if (present(many)) then
+      text = text_of_integer(n)//' '//many
+    else
+      text = text_of_integer(n)//' '//one//'s'
+    end if
+  end function counted
 
   !> A name between single quotes, for messages.
   pure function quoted(name) result(text)

@@ -1,8 +1,8 @@
 !> Bounding-volume tree over the facets of a surface, for the broad phase and the projection (cf. Yang and Laursen, A
 !> contact searching algorithm including bounding volume trees, Comput. Mech. 41, 2008).
 !>
-!> The volume of a node bounds positions by a box and normals by a cone, so that parts of the surface that are too far away
-!> or face another way are skipped together. Building the tree costs O(N log N).
+!> The volume of a node bounds positions by a box and normals by a cone, so that parts of the surface that are too far
+!> away or face another way are skipped together. Building the tree costs O(N log N).
 module dotyk_contact_bounding_volume_tree
   use dotyk_base_kinds, only: dp
   use dotyk_contact_facet_set, only: facet_set_t

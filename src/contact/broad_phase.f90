@@ -1,6 +1,6 @@
-!> Broad phase of the contact search: the candidate facets, those whose bounding boxes are within the search radius of the
-!> other surface (bounding-volume tree; cf. Yang and Laursen, Comput. Mech. 41, 2008). The narrow phase, clipping and
-!> projection, examines no other facets.
+!> Broad phase of the contact search: the candidate facets, those whose bounding boxes are within the search radius of
+!> the other surface (bounding-volume tree; cf. Yang and Laursen, Comput. Mech. 41, 2008). The narrow phase, clipping
+!> and projection, examines no other facets.
 !>
 !> Where a body touches many others, or a large body a small one, most facets of a pair are no candidates.
 module dotyk_contact_broad_phase
@@ -12,8 +12,8 @@ module dotyk_contact_broad_phase
   private
   public :: candidate_facets, facets_near_candidates
 
-  !> Projections along a smooth normal may be nearer than closest points by the height of the arc of a facet, relative to
-  !> its size.
+  !> Projections along a smooth normal may be nearer than closest points by the height of the arc of a facet, relative
+  !> to its size.
   real(dp), parameter :: arc_margin = 0.25_dp
 
 contains

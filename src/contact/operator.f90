@@ -1,8 +1,8 @@
 !> The contact operator B, the contact rows of the quadratic programme (docs/theory.md, sections 2 and 3).
 !>
-!> Row i has the weight w_i, the weighted gap d_i, and (B u)_i, the weighted mean of n_q . (u_a(x_q) - u_b(x'_q)) over the
-!> integration points q of the row: a combination of the displacements of the nodes of their facets. B is stored body by
-!> body: the block of a body holds the rows that involve it.
+!> Row i has the weight w_i, the weighted gap d_i, and (B u)_i, the weighted mean of n_q . (u_a(x_q) - u_b(x'_q)) over
+!> the integration points q of the row: a combination of the displacements of the nodes of their facets. B is stored
+!> body by body: the block of a body holds the rows that involve it.
 module dotyk_contact_operator
   use dotyk_base_kinds, only: dp
   use dotyk_base_sort, only: sort_order

@@ -293,13 +293,13 @@ contains
     !$omp critical (message)
     if (pair%n_too_far == n_most) then
       reason = to_text(n_most)//' are farther away than search_radius = '//to_text(radius)
-      advice = 'raise search_radius, or check the positions of the bodies'
+      advice = 'increase search_radius, or check the positions of the bodies'
     else if (pair%n_outside == n_most) then
-      reason = to_text(n_most)//' project beside the surface'
-      advice = 'check that the surfaces lie opposite each other, or extend surface_b'
+      reason = to_text(n_most)//' project beyond its edge'
+      advice = 'check that the surfaces lie opposite each other, or extend surface_b beyond surface_a'
     else
       reason = 'no facet faces '//to_text(n_most)//' of them (n_a . n_b < -0.5)'
-      advice = 'check that the two surfaces are the ones that face each other'
+      advice = 'check that the two surfaces face each other'
     end if
     call set_error(error, '&contact '//quoted(pair%name)//': none of the '//to_text(pair%n_unprojected)// &
                    ' integration points of surface_a '//quoted(name_a)//' has a projection on surface_b '// &

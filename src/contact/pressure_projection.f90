@@ -71,7 +71,8 @@ contains
     if (.not. allocated(error)) call self%factor%analyze(mass, permutation, error)
     if (.not. allocated(error)) then
       call self%factor%factorize(mass, failed, error)
-      if (failed > 0) call set_error(error, 'the mass matrix is not positive definite', exit_not_solvable)
+      if (failed > 0) &
+        call set_error(error, 'the mass matrix of the surface is not positive definite', exit_not_solvable)
     end if
     call mass%destroy()
     call add_context(error, 'projection of the pressure of &contact '//quoted(pair%name)//': ')

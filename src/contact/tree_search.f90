@@ -1,9 +1,10 @@
 !> Searches in the bounding-volume tree of a surface: the facets in a region, and the nearest facet to a point.
 !>
-!> A region is visited by one depth-first traversal (`tree_walk_t`), which the broad phase stops at the first facet and the
-!> narrow phase runs to the end. The nearest facet is found by branch and bound, nearest child first (Roussopoulos, Kelley
-!> and Vincent, Nearest neighbor queries, SIGMOD 1995). Its result is the least in the order (distance, facet number),
-!> which depends neither on the shape of the tree nor on where the search starts nor on threads.
+!> A region is visited by one depth-first traversal (`tree_walk_t`), which the broad phase stops at the first facet
+!> and the narrow phase runs to the end. The nearest facet is found by branch and bound, nearest child first
+!> (Roussopoulos, Kelley and Vincent, Nearest neighbor queries, SIGMOD 1995). Its result is the least in the order
+!> (distance, facet number), which depends neither on the shape of the tree nor on where the search starts nor on
+!> threads.
 module dotyk_contact_tree_search
   use dotyk_base_kinds, only: dp
   use dotyk_contact_bounding_volume_tree, only: bounding_volume_t, bounding_volume_tree_t, &

@@ -206,8 +206,8 @@ contains
         end do
         if (more) then
           state%lambda_max = 0
-          call monitor%note('theta            times '//to_text(factor, 2)//': the penalty error, '// &
-                            to_text(100*budget%penalty, 2)//' %, would dominate')
+          call monitor%note('theta            multiplied by '//to_text(factor, 2)//': the penalty error, '// &
+                            to_text(100*budget%penalty, 2)//' %, would exceed its share of the discretization error')
           return
         end if
       end if

@@ -97,11 +97,9 @@ contains
       ratio = body(b)%material%bulk_over_shear()
       if (distance(b)*sqrt(max(1.0_dp, ratio)) <= no_pressure*norm) cycle
       if (ratio < nearly_incompressible) cycle
-      call set_error(error, 'body '//quoted(body(b)%name)// &
-        ': rounding leaves no significant digit of the pressures in material '// &
-                     quoted(body(b)%material%name)//', which is nearly incompressible: its bulk modulus is '// &
-                     to_text(ratio, 2)// &
-                     " times the shear modulus; a Poisson's ratio of 0.499999 gives the same displacements", &
+      call set_error(error, 'body '//quoted(body(b)%name)//': no significant digit remains in the pressures '// &
+                     'of the nearly incompressible material '//quoted(body(b)%material%name)//' (K/G = '// &
+                     to_text(ratio, 2)//"); a Poisson's ratio of 0.499999 gives the same displacements", &
                      exit_not_solvable)
       return
     end do
@@ -115,10 +113,10 @@ contains
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: cause
     call diagnose_conditioning(body%mesh, body%analysis, body%material, cause)
-    if (len(cause) == 0) cause = 'supports that hardly resist some of its motions, or a very slender shape'
+    if (len(cause) == 0) cause = 'supports that hardly resist some rigid body mode, or a very slender shape'
     call set_error(error, &
-      'no significant digit of its displacement is left, the condition number of its stiffness is '// &
-                   to_text(condition, 2)//'; the likely cause: '//cause, exit_not_solvable)
+      'no significant digit of the displacement remains: the condition number of the stiffness matrix is '// &
+                   to_text(condition, 2)//'; likely cause: '//cause, exit_not_solvable)
   end subroutine refuse
 
   !> Penetrations of the contact rows, from the displacements.

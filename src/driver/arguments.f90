@@ -91,7 +91,7 @@ contains
             call set_error(error, "option --threads needs a number from 1 to 1024, not '"//words(i + 1)%s//"'")
         end select
         if (len(words(i + 1)%s) == 0 .and. words(i)%s /= '--threads') &
-          call set_error(error, 'option '//words(i)%s//' needs the name of a file')
+          call set_error(error, 'option '//words(i)%s//' needs a file name')
         if (allocated(error)) return
         i = i + 1
       case default
@@ -103,7 +103,7 @@ contains
           return
         else if (len(arguments%case_file) > 0) then
           call set_error(error, "one case at a time: '"//arguments%case_file//"' or '"//words(i)%s// &
-            "'? (tools/batch.sh runs many)")
+            "'? (tools/batch.sh runs several)")
           return
         end if
         arguments%case_file = words(i)%s

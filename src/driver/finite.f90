@@ -4,7 +4,7 @@ module dotyk_driver_finite
   use dotyk_base_error, only: error_t, exit_not_solvable, set_error
   use dotyk_base_text, only: quoted, to_text
   use dotyk_contact_pair, only: contact_pair_t
-  use dotyk_driver_pressures, only: pair_solution_t
+  use dotyk_control_pressures, only: pair_solution_t
   use dotyk_control_body_solution, only: body_solution_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t
@@ -14,8 +14,7 @@ module dotyk_driver_finite
   public :: refuse_overflow
 
   character(*), &
-    parameter :: reason = ' not finite: the numbers of the scene are too large or too small for each other; '// &
-                                      'check their units'
+    parameter :: reason = ' not finite: overflow, input values of incompatible magnitude; check their units'
 
 contains
 
@@ -42,7 +41,7 @@ contains
         if (len(what) == 0 .and. .not. all(ieee_is_finite(solution(b)%stress))) what = 'stresses'
       end if
       if (len(what) == 0) cycle
-      call set_error(error, case%file//':'//to_text(case%body(b)%line)//': body '//quoted(body(b)%name)//': its '// &
+      call set_error(error, case%file//':'//to_text(case%body(b)%line)//': body '//quoted(body(b)%name)//': the '// &
         what//' are'// &
                      reason, exit_not_solvable)
       return
@@ -54,7 +53,7 @@ contains
           .and. all(ieee_is_finite(found%force))) cycle
       end associate
       call set_error(error, case%file//':'//to_text(case%contact(k)%line)//': &contact '//quoted(pair(k)%name)// &
-                     ': its pressures are'//reason, exit_not_solvable)
+                     ': the pressures are'//reason, exit_not_solvable)
       return
     end do
     if (.not. ieee_is_finite(state%energy)) call set_error(error, case%file//': the energy is'//reason, &

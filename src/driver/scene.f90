@@ -1,4 +1,4 @@
-!> From the input to a contact problem: bodies, contact rows, factorizations, QP and compliance.
+!> From the input to a contact problem: bodies, contact rows, factorizations, quadratic programme and compliance.
 module dotyk_driver_scene
   use dotyk_base_error, only: error_t
   use dotyk_base_interrupt, only: stop_if_interrupted
@@ -8,13 +8,13 @@ module dotyk_driver_scene
   use dotyk_control_contact_free, only: contact_free_t, solve_without_contact
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_parallel, only: set_blas_threads, share_solves
-  use dotyk_driver_body_setup, only: assemble_bodies, build_bodies, check_held
-  use dotyk_driver_factorization, only: analyze_bodies, check_memory, direct_slot_t, factor_size_t, factorize_bodies, &
+  use dotyk_model_body_setup, only: assemble_bodies, build_bodies, check_held
+  use dotyk_control_factorization, only: analyze_bodies, check_memory, direct_slot_t, factor_size_t, factorize_bodies, &
     find_modes, &
     make_operators
-  use dotyk_driver_log_monitor, only: log_monitor_t
-  use dotyk_driver_pairs, only: find_pairs, foundation_compliance
-  use dotyk_driver_screen, only: show_factorization
+  use dotyk_log_run_monitor, only: log_monitor_t
+  use dotyk_model_pairs, only: find_pairs, foundation_compliance
+  use dotyk_log_scene_tables, only: show_factorization
   use dotyk_elasticity_body, only: stiffness_t
   use dotyk_input_case, only: case_t
   use dotyk_response_response, only: response_slot_t
@@ -25,7 +25,7 @@ module dotyk_driver_scene
   implicit none
   private
 
-  !> A scene on the way to its QP.
+  !> The parts of a contact problem, in the order in which they are made.
   type, public :: scene_t
     !> Bodies, modes, contact pairs.
     type(contact_problem_t) :: problem
@@ -41,6 +41,10 @@ module dotyk_driver_scene
     type(factor_size_t), allocatable :: size_of(:)
     !> Solves with whole factors so far.
     integer :: n_full_solves = 0
+    !> The quadratic programme.
+    type(contact_qp_t) :: qp
+    !> Its compliance.
+    type(body_compliance_t) :: compliance
   end type scene_t
 
   public :: build_scene, factorize_scene
@@ -90,13 +94,11 @@ contains
   end subroutine build_scene
 
   !> Factorize, and solve without contact: the QP and its compliance.
-  subroutine factorize_scene(case, scheme, scene, qp, compliance, monitor, error)
+  subroutine factorize_scene(case, scheme, scene, monitor, error)
     type(case_t), intent(in) :: case
     class(scheme_t), intent(in) :: scheme
     !> Built; without stiffnesses, operator and compliance operators on return.
     type(scene_t), intent(inout) :: scene
-    type(contact_qp_t), intent(out) :: qp
-    type(body_compliance_t), intent(inout) :: compliance
     type(log_monitor_t), intent(inout) :: monitor
     !> Allocated where a body is not held, memory does not suffice, or an interrupt came.
     type(error_t), allocatable, intent(out) :: error
@@ -106,10 +108,12 @@ contains
     type(coarse_space_t) :: coarse
     type(contact_free_t) :: free
     real(dp), allocatable :: foundation(:)
+    character(:), allocatable :: warning
     logical :: side_by_side
-    associate (problem => scene%problem, block => scene%operator%block)
-      call check_memory(scene%size_of, monitor%log, error)
+    associate (problem => scene%problem, block => scene%operator%block, qp => scene%qp, compliance => scene%compliance)
+      call check_memory(scene%size_of, warning, error)
       if (allocated(error)) return
+      if (len(warning) > 0) call monitor%log%line('  warning: '//warning)
       call set_stage('factorizing')
       call factorize_bodies(problem%body, problem%classes, .not. scheme%needs_held_bodies(), scene%size_of, &
         scene%stiffness, &
@@ -130,15 +134,15 @@ contains
       scene%n_full_solves = free%n_solves
       call coarse%init(block, scene%operator%n_rows, modes)
       call foundation_compliance(problem%body, problem%pair, foundation)
+      call qp%init(scene%operator, free%initial_penetration, free%load_displacement, free%energy, free%norm_square, &
+        foundation, coarse)
+      call compliance%init(qp, response, operators, side_by_side)
+      if (any(scene%size_of%forms_matrix)) then
+        call set_blas_threads(scene%problem%n_blas)
+        call compliance%form_bodies(qp, scene%size_of%forms_matrix, may_stop=.true.)
+        call set_blas_threads(1)
+      end if
     end associate
-    call qp%init(scene%operator, free%initial_penetration, free%load_displacement, free%energy, free%norm_square, &
-      foundation, coarse)
-    call compliance%init(qp, response, operators, side_by_side)
-    if (any(scene%size_of%forms_matrix)) then
-      call set_blas_threads(scene%problem%n_blas)
-      call compliance%form_bodies(qp, scene%size_of%forms_matrix, may_stop=.true.)
-      call set_blas_threads(1)
-    end if
     call stop_if_interrupted(error)
     call monitor%watch%lap(monitor%timing%iterate)
   end subroutine factorize_scene

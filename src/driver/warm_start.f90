@@ -9,7 +9,7 @@ module dotyk_driver_warm_start
   use dotyk_base_files, only: why_no_file
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_log, only: log_t
-  use dotyk_base_text, only: quoted, to_text
+  use dotyk_base_text, only: counted, quoted, to_text
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_output_hdf5_read, only: hdf5_source_t
@@ -54,8 +54,7 @@ contains
     call add_context(error, '--restart: ')
     if (allocated(error)) return
     call log%line('  warm start       from '//path//': '//to_text(count(pressure > 0))//' of '// &
-      to_text(size(pressure))// &
-                  ' contact rows under pressure')
+                  counted(size(pressure), 'constraint')//' active')
   end subroutine read_pressures
 
   !> Diagonal of the box around all bodies [length].
@@ -91,7 +90,7 @@ contains
     integer :: k, n
     allocate (pressure(sum(pair%n_rows)), source=0.0_dp)
     if (.not. source%has('/dotyk')) then
-      call set_error(error, quoted(source%path)//' is no results file of dotyk')
+      call set_error(error, quoted(source%path)//' is not a results file of dotyk')
       return
     else if (source%n_members('/dotyk/contact') /= size(pair)) then
       call set_error(error, quoted(source%path)//' has '//to_text(source%n_members('/dotyk/contact'))// &
@@ -129,12 +128,11 @@ contains
     pressure = 0
     group = '/dotyk/'//contact_group(pair%name)
     if (.not. source%has(group)) then
-      what = 'pair '//quoted(pair%name)//' is not there'
+      what = 'pair '//quoted(pair%name)//' is missing'
       return
     else if (source%n_values(group//'/pressure') /= pair%n_rows) then
       what = 'pair '//quoted(pair%name)//' has '//to_text(max(0_int64, source%n_values(group//'/pressure')))// &
-        ' rows there and '// &
-        to_text(pair%n_rows)//' here'
+        ' rows in the file and '//to_text(pair%n_rows)//' in the case'
       return
     end if
     allocate (position(3*pair%n_rows))
@@ -146,8 +144,7 @@ contains
         distance = norm2([there(:pair%dimension) - pair%row_position(:, i), there(pair%dimension + 1:)])
       end associate
       if (distance <= tolerance) cycle
-      what = 'row '//to_text(i)//' of pair '//quoted(pair%name)//' is at a distance of '//to_text(distance, 3)// &
-        ' from here'
+      what = 'row '//to_text(i)//' of pair '//quoted(pair%name)//' is displaced by '//to_text(distance, 3)
       return
     end do
     if (.not. (all(ieee_is_finite(pressure)) .and. all(abs(pressure) <= largest_pressure))) &

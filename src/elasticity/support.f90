@@ -285,9 +285,9 @@ contains
     sign = 1
     if (maxval(unit) < maxval(abs(unit))) sign = -1
     unit = sign*unit
-    call set_error(error, 'supports contradict each other at node '//to_text(mesh%node_tag(node))//' at '// &
+    call set_error(error, 'contradictory supports at node '//to_text(mesh%node_tag(node))//' at '// &
                    point_text(mesh%x(:, node))//' (surfaces '//names//'): the displacement along '// &
-                   vector_text(unit, 1.0_dp)//' is given as '//to_text(sign*axes%implied_value)//' and as '// &
+                   vector_text(unit, 1.0_dp)//' is prescribed as '//to_text(sign*axes%implied_value)//' and as '// &
                    to_text(sign*axes%conflicting_value), exit_bad_input)
   end subroutine contradiction_error
 end module dotyk_elasticity_support

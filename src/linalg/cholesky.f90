@@ -337,7 +337,8 @@ contains
     integer(c_int) :: code
     if (size(x) == 0) return
     code = code_out_of_memory
-    if (self%factorized) code = dotyk_cholmod_solve_trailing(self%handle, size(x, 1, c_int64_t), size(x, 2, c_int64_t), x)
+    if (self%factorized) &
+      code = dotyk_cholmod_solve_trailing(self%handle, size(x, 1, c_int64_t), size(x, 2, c_int64_t), x)
     if (code /= code_ok) x = not_a_number()
   end subroutine cholesky_solve_trailing
 

@@ -6,7 +6,7 @@ module dotyk_mesh_mesh_check
   use dotyk_base_magnitude, only: is_too_large, size_rule, smallest_number
   use dotyk_base_error, only: error_t, exit_not_solvable, set_error
   use dotyk_base_sort, only: sort_order
-  use dotyk_base_text, only: to_text
+  use dotyk_base_text, only: counted, to_text
   use dotyk_mesh_element, only: element_kind, element_kind_t
   use dotyk_mesh_jacobian, only: jacobian_range, mirror_order
   use dotyk_mesh_mesh, only: element_block_t
@@ -275,18 +275,6 @@ contains
                    ' elements are inverted against the others (their volumes have the other sign):'//tags//hint, &
                    exit_not_solvable)
   end subroutine report_mixture
-
-  !> A number and a noun, in the plural where needed.
-  pure function counted(n, noun) result(text)
-    !> Number.
-    integer, intent(in) :: n
-    !> Noun in the singular.
-    character(*), intent(in) :: noun
-    !> Text.
-    character(:), allocatable :: text
-    text = to_text(n)//' '//noun
-    if (n /= 1) text = text//'s'
-  end function counted
 
   !> Coordinates, for messages.
   pure function position_text(x) result(text)

@@ -1,4 +1,5 @@
-!> An open HDF5 file and its untyped writes, by addresses and types; dotyk_output_hdf5 adds the interface of Fortran arrays.
+!> An open HDF5 file and its untyped writes, by addresses and types; dotyk_output_hdf5 adds the interface of Fortran
+!> arrays.
 module dotyk_output_hdf5_handle
   use, intrinsic :: iso_c_binding, only: c_ptr
   use dotyk_base_error, only: error_t, exit_not_written, set_error

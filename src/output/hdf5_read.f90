@@ -5,7 +5,8 @@ module dotyk_output_hdf5_read
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_text, only: quoted, to_text
   use dotyk_output_hdf5_reason, only: hdf5_reason, start_hdf5
-  use hdf5, only: h5dclose_f, h5dget_space_f, h5dopen_f, h5dread_f, h5f_acc_rdonly_f, h5f_close_strong_f, h5fclose_f, h5fopen_f, &
+  use hdf5, only: h5dclose_f, h5dget_space_f, h5dopen_f, h5dread_f, h5f_acc_rdonly_f, h5f_close_strong_f, &
+    h5fclose_f, h5fopen_f, &
     h5gn_members_f, h5lexists_f, h5p_file_access_f, h5pclose_f, h5pcreate_f, h5pset_fclose_degree_f, h5sclose_f, &
     h5sget_simple_extent_npoints_f, h5t_native_double, hid_t, hsize_t
   implicit none
@@ -109,7 +110,8 @@ contains
     call h5dclose_f(dataset, ignored)
   end function source_n_values
 
-  !> Read a dataset, whatever its shape. The array has the size that the caller expects: what a damaged file says of its size makes none.
+  !> Read a dataset, whatever its shape. The array has the size that the caller expects: what a damaged file says of
+  !> its size makes none.
   subroutine source_read_reals(self, name, values, error)
     !> Open.
     class(hdf5_source_t), intent(in) :: self
@@ -124,7 +126,8 @@ contains
     integer :: status, ignored
     values = 0
     if (self%n_values(name) /= size(values, kind=int64)) then
-      call set_error(error, quoted(self%path)//' cannot be read: '//name//' does not hold '//to_text(size(values))//' numbers')
+      call set_error(error, quoted(self%path)//' cannot be read: '//name//' does not hold '// &
+                     to_text(size(values))//' numbers')
       return
     end if
     if (size(values) == 0) return

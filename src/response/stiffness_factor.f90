@@ -163,12 +163,14 @@ contains
     character(:), allocatable :: cause
     integer :: place(2)
     call diagnose_conditioning(body%mesh, body%analysis, body%material, cause)
-    if (len(cause) > 0) cause = '; or no significant digit is left of it, and the likely cause is: '//cause
+    if (len(cause) > 0) cause = '; or no significant digit of it remains, likely cause: '//cause
     place = findloc(body%constraint%equation, equation)
     !$omp critical (message)
-    call set_error(error, 'the stiffness is not positive definite (node '// &
-      to_text(body%mesh%node_tag(place(2)))//', direction '//to_text(place(1))//'): the body, or a part of it that '// &
-      'hangs on single nodes or edges, is not held; add a &support'//cause, exit_not_solvable)
+    call set_error(error, 'the stiffness matrix is not positive definite (node '// &
+                   to_text(body%mesh%node_tag(place(2)))//', direction '//to_text(place(1))// &
+                   '): the body, or a part of it that '// &
+                   'is connected by single nodes or edges only, has a free rigid body mode; add a &support'//cause, &
+                   exit_not_solvable)
     !$omp end critical (message)
   end subroutine refuse
 end module dotyk_response_stiffness_factor

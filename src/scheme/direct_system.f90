@@ -90,7 +90,8 @@ contains
     call add_compliance(self, qp, compliance)
     call add_modes(self, qp)
     call self%factor%factorize(contact_stiffness_of_modes(self, qp), failed)
-    if (failed > 0) call set_error(error, 'the compliance of the active contact points is not positive definite', &
+    if (failed > 0) call set_error(error, 'the compliance matrix of the active constraints is not positive '// &
+      'definite (constraints are linearly dependent to rounding); give theta a value above 0', &
                                    exit_not_solvable)
     if (.not. allocated(error)) call find_null_modes(self, qp)
   end subroutine direct_system_init

@@ -121,9 +121,9 @@ contains
       call screen_rows(qp, theta, working)
     end if
     call choose_solver(qp, compliance, settings%linear_solver, working, system)
-    if (.not. system%needs_entries()) call monitor%note('active sets      by conjugate gradients, '// &
-      to_text(count(working))// &
-                                                        ' rows in the working set')
+    if (.not. system%needs_entries()) &
+      call monitor%note('active sets      matrix-free, projected conjugate gradients; '//to_text(count(working))// &
+                        ' constraints in the first working set')
     do round = 1, most_rounds
       if (.not. all(working) .and. qp%coarse%n > 0) call keep_what_carries(qp, working)
       if (.not. system%needs_entries() .or. round == most_rounds .or. qp%n_rows < few_rows .or. &

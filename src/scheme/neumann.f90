@@ -48,8 +48,8 @@ contains
     call begin_iteration(qp, compliance, theta, settings, state)
     if (qp%n_rows > 0) then
       if (settings%stop_rule == stop_paper .and. .not. state%gamma < gamma_limit_of_paper(state%lambda_max)) then
-        call set_error(error, "&solver: stop_rule='paper' needs gamma below gamma_2 = "// &
-          to_text(gamma_limit_of_paper(state%lambda_max))//' of Theorem 3, and gamma is '//to_text(state%gamma)// &
+        call set_error(error, "&solver: stop_rule='paper' needs gamma < gamma_2 = "// &
+          to_text(gamma_limit_of_paper(state%lambda_max))//' (Theorem 3), and gamma is '//to_text(state%gamma)// &
           "; use gamma_rule='theory' or another stop_rule")
         return
       end if
@@ -154,10 +154,10 @@ contains
     class(monitor_t), intent(inout) :: monitor
     !> With L and gamma.
     type(solver_state_t), intent(in) :: state
-    call monitor%note('relaxation       gamma '//to_text(state%gamma, 4)//', largest eigenvalue L <= '// &
-                      to_text(state%lambda_max, 4)//', contraction factor per step at most '// &
+    call monitor%note('relaxation       gamma '//to_text(state%gamma, 4)//', spectral radius L <= '// &
+                      to_text(state%lambda_max, 4)//', convergence factor at most '// &
                       to_text(state%q_predicted, 6))
     if (state%gamma >= gamma_limit(state%lambda_max)) call monitor%note('warning: gamma = '//to_text(state%gamma)// &
-      ' may diverge; gamma below 2/(1+L) = '//to_text(gamma_limit(state%lambda_max))//' converges')
+      ' may diverge: the stability limit is 2/(1+L) = '//to_text(gamma_limit(state%lambda_max)))
   end subroutine announce
 end module dotyk_scheme_neumann

@@ -7,7 +7,7 @@ module test_problem
   use dotyk_contact_operator, only: contact_operator_t
   use dotyk_control_contact_free, only: contact_free_t, solve_without_contact
   use dotyk_control_contact_problem, only: contact_problem_t
-  use dotyk_driver_factorization, only: analyze_bodies, direct_slot_t, factor_size_t, factorize_bodies, find_modes, &
+  use dotyk_control_factorization, only: analyze_bodies, direct_slot_t, factor_size_t, factorize_bodies, find_modes, &
     make_operators
   use dotyk_elasticity_body, only: stiffness_t
   use dotyk_response_response, only: response_slot_t

@@ -1,5 +1,5 @@
 !> Builds bodies from the input: meshes, materials, supports, loads, and the surfaces of the contact pairs.
-module dotyk_driver_body_setup
+module dotyk_model_body_setup
   use omp_lib, only: omp_get_max_threads
   use dotyk_base_error, only: error_slot_t, error_t, problem_list_t, set_error, exit_not_solvable
   use dotyk_base_interrupt, only: interrupted
@@ -7,10 +7,10 @@ module dotyk_driver_body_setup
   use dotyk_base_options, only: load_force_density, option_name, scheme_names
   use dotyk_base_text, only: quoted, to_text
   use dotyk_control_congruence_classes, only: congruence_classes_t
-  use dotyk_driver_locking, only: would_lock
-  use dotyk_driver_materials, only: build_material
+  use dotyk_model_locking, only: would_lock
+  use dotyk_model_materials, only: build_material
   use dotyk_control_parallel, only: largest_first
-  use dotyk_driver_volumes, only: volume_t
+  use dotyk_model_volumes, only: volume_t
   use dotyk_elasticity_body, only: body_t, free_rigid_modes, stiffness_t
   use dotyk_elasticity_body_modes, only: body_modes_t
   use dotyk_elasticity_load, only: load_t, add_surface_load, add_volume_load
@@ -319,4 +319,4 @@ contains
     character(:), allocatable :: text
     text = case%file//':'//to_text(case%body(b)%line)//': body '//quoted(case%body(b)%name)//': '
   end function body_context
-end module dotyk_driver_body_setup
+end module dotyk_model_body_setup

@@ -1,7 +1,7 @@
 !> Penalty parameters by mesh size: theta = factor (h_a/E_a + h_b/E_b) at every quadrature point, with the size h of the
 !> facet and Young's modulus E at the point. With theta ~ h/E the penalty keeps the order of convergence in h
 !> (Chouly and Hild, Appl. Numer. Math. 65, 2013).
-module dotyk_driver_mesh_theta
+module dotyk_model_mesh_theta
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_contact_pair, only: contact_pair_t
@@ -107,4 +107,4 @@ contains
     end do
     if (size(x, 1) == 3) length = sqrt(length)
   end function facet_size
-end module dotyk_driver_mesh_theta
+end module dotyk_model_mesh_theta

@@ -1,5 +1,5 @@
 !> Discretizes the contact pairs of the input.
-module dotyk_driver_pairs
+module dotyk_model_pairs
   use omp_lib, only: omp_get_max_threads
   use dotyk_base_error, only: error_slot_t, error_t, problem_list_t
   use dotyk_base_formula, only: formula_t
@@ -8,7 +8,7 @@ module dotyk_driver_pairs
   use dotyk_base_text, only: to_text
   use dotyk_contact_pair, only: contact_pair_t, pair_settings_t
   use dotyk_contact_pair_discretization, only: discretize_pair
-  use dotyk_driver_mesh_theta, only: set_mesh_theta
+  use dotyk_model_mesh_theta, only: set_mesh_theta
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t, contact_input_t
   use dotyk_mesh_surface, only: surface_t
@@ -128,4 +128,4 @@ contains
     type(body_t), intent(in) :: body
     compliance = minval(maxval(body%mesh%x, dim=2) - minval(body%mesh%x, dim=2))/body%young()
   end function compliance
-end module dotyk_driver_pairs
+end module dotyk_model_pairs

@@ -1,5 +1,5 @@
 !> Contact pressures as users look at them: projected, with resultants, and as a field of the nodes.
-module dotyk_driver_pressures
+module dotyk_control_pressures
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_contact_pair, only: pair_force
@@ -72,4 +72,4 @@ contains
     real(dp), intent(in) :: value(:)
     total(node) = total(node) + value
   end subroutine add_at
-end module dotyk_driver_pressures
+end module dotyk_control_pressures

@@ -1,5 +1,5 @@
 !> The live line of an iteration.
-module dotyk_driver_progress
+module dotyk_log_progress
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
@@ -19,16 +19,16 @@ contains
     character(:), allocatable :: line
     real(dp) :: steps, rate
     character(80) :: buffer
-    write (buffer, '(a,i8,a,i8)') '  step ', history%n, '   in contact ', history%active(history%n)
+    write (buffer, '(a,i6,a,i8)') '  iteration ', history%n, '   active ', history%active(history%n)
     if (history%error_bound(history%n) < huge(1.0_dp)) &
-      write (buffer, '(a,i8,a,es9.2,a,i8)') '  step ', history%n, '   error bound ', history%error_bound(history%n), &
-      '   in contact ', history%active(history%n)
+      write (buffer, '(a,i6,a,es9.2,a,i8)') '  iteration ', history%n, '   error bound ', &
+      history%error_bound(history%n), '   active ', history%active(history%n)
     line = trim(buffer)
     rate = history%measured_contraction()
     if (ieee_is_nan(rate)) return
     if (rate > 0 .and. rate < 1 .and. measure > tolerance .and. tolerance > 0) then
       steps = log(tolerance/measure)/log(rate)
-      line = line//'   left '//duration(steps*history%seconds(history%n)/history%n)
+      line = line//'   remaining '//duration(steps*history%seconds(history%n)/history%n)
     end if
   end function progress_line
 
@@ -47,4 +47,4 @@ contains
       text = to_text(seconds/3600, 2)//' h'
     end if
   end function duration
-end module dotyk_driver_progress
+end module dotyk_log_progress

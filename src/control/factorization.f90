@@ -1,9 +1,8 @@
 !> From assembled bodies to compliance operators: order, analyse, factorize, and split off near-null-space modes.
-module dotyk_driver_factorization
+module dotyk_control_factorization
   use dotyk_base_error, only: error_slot_t, error_t, problem_list_t, exit_machine, set_error
   use dotyk_base_interrupt, only: interrupted, stop_if_interrupted
   use dotyk_base_kinds, only: dp, int64
-  use dotyk_base_log, only: log_t
   use dotyk_base_memory, only: memory_now, memory_t, memory_text, set_item
   use dotyk_base_options, only: response_auto, response_compliance
   use dotyk_contact_operator, only: contact_block_t
@@ -135,30 +134,32 @@ contains
     call set_item('')
   end subroutine analyze_body
 
-  !> Refuse factors that are larger than the memory that is left; warn where it will be scarce.
-  subroutine check_memory(size_of, log, error)
-    !> (n_bodies).
+  !> Refuse factors that are larger than the available memory; warn where it will be nearly exhausted.
+  subroutine check_memory(size_of, warning, error)
+    !> Sizes of the factors (n_bodies).
     type(factor_size_t), intent(in) :: size_of(:)
-    type(log_t), intent(inout) :: log
-    !> Allocated where the memory does not suffice; says how much is left.
+    !> Text of the warning; empty where there is none.
+    character(:), allocatable, intent(out) :: warning
+    !> Allocated where the memory does not suffice; says how much is available.
     type(error_t), allocatable, intent(out) :: error
     !> Memory beside the factors, as a fraction of theirs.
     real(dp), parameter :: beside = 0.15_dp
     type(memory_t) :: memory
     real(dp) :: factors, stiffnesses
+    warning = ''
     memory = memory_now()
     if (.not. memory%is_known) return
     factors = real(sum(size_of%bytes), dp)
     ! They are given back on the way.
     stiffnesses = real(sum(size_of%stiffness_bytes), dp)
     if (factors - stiffnesses > memory%left) then
-      call set_error(error, 'not enough memory: the factors of the bodies take '//memory_text(factors)//', and '// &
-        memory_text(memory%left)//' are left '//memory%limit//' (in use: '//memory_text(memory%used)// &
-        '); nothing was solved: give it more memory, or take a coarser mesh or elements of first order', exit_machine)
+      call set_error(error, 'not enough memory: the factors need '//memory_text(factors)//', and '// &
+                     memory_text(memory%left)//' are available '//memory%limit//' (in use: '// &
+                     memory_text(memory%used)//'); nothing was solved; use a machine with more memory, '// &
+                     'a coarser mesh, or linear elements', exit_machine)
     else if ((1 + beside)*factors - stiffnesses > memory%left) then
-      call log%line('  warning: memory is scarce: the factors take '//memory_text(factors)//', and '// &
-        memory_text(memory%left)// &
-                    ' are left '//memory%limit)
+      warning = 'memory is nearly exhausted: the factors need '//memory_text(factors)//', and '// &
+                memory_text(memory%left)//' are available '//memory%limit
     end if
   end subroutine check_memory
 
@@ -307,4 +308,4 @@ contains
     end do
     call problems%raise(error)
   end subroutine collect
-end module dotyk_driver_factorization
+end module dotyk_control_factorization

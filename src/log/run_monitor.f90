@@ -1,10 +1,10 @@
 !> The monitor of a run: steps as a live line, notes as lines of the log, phases as the timing of the run.
-module dotyk_driver_log_monitor
+module dotyk_log_run_monitor
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
   use dotyk_base_memory, only: set_stage
-  use dotyk_driver_progress, only: progress_line
-  use dotyk_driver_timing, only: timing_t, stopwatch_t
+  use dotyk_log_progress, only: progress_line
+  use dotyk_log_timing, only: timing_t, stopwatch_t
   use dotyk_scheme_history, only: history_t
   use dotyk_scheme_monitor, only: monitor_t, phase_estimate, phase_iterate, phase_recover
   implicit none
@@ -60,7 +60,7 @@ contains
     self%phase = phase
     select case (phase)
     case (phase_iterate)
-      call set_stage('iterating')
+      call set_stage('solving the contact problem')
     case (phase_recover)
       call set_stage('recovering displacements')
     case (phase_estimate)
@@ -81,4 +81,4 @@ contains
     end select
     self%phase = 0
   end subroutine log_monitor_end_phase
-end module dotyk_driver_log_monitor
+end module dotyk_log_run_monitor

@@ -1,5 +1,5 @@
 !> Builds materials from the input.
-module dotyk_driver_materials
+module dotyk_model_materials
   use dotyk_base_error, only: error_t
   use dotyk_base_options, only: locking_ignore, material_isotropic, material_orthotropic
   use dotyk_elasticity_material, only: material_t
@@ -32,4 +32,4 @@ contains
     if (len(given%young_formula) > 0) material%modulus_formula = given%young_formula
     if (locking /= locking_ignore .and. .not. allocated(error)) call material%project_dilatation()
   end subroutine build_material
-end module dotyk_driver_materials
+end module dotyk_model_materials

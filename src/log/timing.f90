@@ -1,5 +1,5 @@
 !> Wall time of the stages of a run.
-module dotyk_driver_timing
+module dotyk_log_timing
   use dotyk_base_kinds, only: dp
   use dotyk_base_timer, only: wall_time
   implicit none
@@ -18,8 +18,12 @@ module dotyk_driver_timing
 
   !> A watch that is read at the end of each stage.
   type, public :: stopwatch_t
-    !> When the run, and the stage, began [s].
-    real(dp), private :: started = 0, lap_started = 0
+    !> Date and time of the start, as 2026-01-31T12:00:00+0100.
+    character(24) :: date = ''
+    !> Wall time at the start of the run [s].
+    real(dp), private :: started = 0
+    !> Wall time at the start of the stage [s].
+    real(dp), private :: lap_started = 0
   contains
     procedure :: start => stopwatch_start
     procedure :: lap => stopwatch_lap
@@ -33,6 +37,7 @@ contains
     class(stopwatch_t), intent(inout) :: self
     self%started = wall_time()
     self%lap_started = self%started
+    self%date = date_and_time_text()
   end subroutine stopwatch_start
 
   !> End a stage: the time since the last lap is added to its seconds.
@@ -51,4 +56,12 @@ contains
     class(stopwatch_t), intent(in) :: self
     seconds = wall_time() - self%started
   end function stopwatch_since_start
-end module dotyk_driver_timing
+
+  !> Now, as 2026-01-31T12:00:00+0100.
+  function date_and_time_text() result(text)
+    character(24) :: text
+    character(10) :: date, time, zone
+    call date_and_time(date, time, zone)
+    text = date(1:4)//'-'//date(5:6)//'-'//date(7:8)//'T'//time(1:2)//':'//time(3:4)//':'//time(5:6)//trim(zone)
+  end function date_and_time_text
+end module dotyk_log_timing

@@ -1,5 +1,5 @@
 !> A volume of a mesh and its surfaces, extracted once for all bodies that use it.
-module dotyk_driver_volumes
+module dotyk_model_volumes
   use dotyk_base_error, only: error_t
   use dotyk_mesh_body_mesh, only: body_mesh_t, extract_body
   use dotyk_mesh_mesh, only: mesh_t
@@ -71,4 +71,4 @@ contains
     self%n = self%n + 1
     self%surface(self%n) = surface
   end subroutine volume_take_surface
-end module dotyk_driver_volumes
+end module dotyk_model_volumes

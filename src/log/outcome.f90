@@ -1,9 +1,9 @@
 !> What is said of a solution, or of a scene that has none, in words of the scene.
-module dotyk_driver_outcome
+module dotyk_log_outcome
   use dotyk_base_error, only: error_t, set_error, exit_not_solvable
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
-  use dotyk_base_text, only: quoted, to_text
+  use dotyk_base_text, only: counted, quoted, to_text
   use dotyk_control_contact_problem, only: contact_problem_t, first_mode
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_body_modes, only: body_modes_t
@@ -75,13 +75,14 @@ contains
     do b = 1, size(body)
       if (.not. moved(b) .or. b == worst) cycle
       n_named = n_named + 1
-      if (n_named <= most_named) others = others//'; nor body '//quoted(body(b)%name)//' (line '// &
+      if (n_named <= most_named) others = others//'; likewise body '//quoted(body(b)%name)//' (line '// &
         to_text(case%body(b)%line)//'): '//motion_of(b)
     end do
-    if (n_named > most_named) others = others//'; nor '//to_text(n_named - most_named)//' more'
+    if (n_named > most_named) others = others//'; likewise '//to_text(n_named - most_named)//' more'
     call set_error(error, case%file//':'//to_text(case%body(worst)%line)//': body '//quoted(body(worst)%name)// &
-      ': its loads move it and no contact can stop it: '//motion_of(worst)//others// &
-      '; add a &support, a &contact in the way, or another &load', exit_not_solvable)
+                   ': no equilibrium: the loads do work on a rigid body mode that neither supports nor contact '// &
+                   'resist: '//motion_of(worst)//others// &
+                   '; add a &support, a &contact that resists the motion, or another &load', exit_not_solvable)
   contains
     !> How a body moves, and the force or moment that moves it.
     function motion_of(which) result(text)
@@ -120,9 +121,9 @@ contains
     n = maxloc(qp%initial_penetration, 1)
     k = count(qp%pair_first_row <= n)
     call set_error(error, case%file//':'//to_text(case%contact(k)%line)//': &contact '//quoted(case%contact(k)%name)// &
-      ': supports on both sides press its points together by '//to_text(qp%initial_penetration(n))// &
-      ', and theta = 0 allows no '// &
-      'penetration; take the supports off the contact surfaces or give theta a value above 0', exit_not_solvable)
+                   ': prescribed displacements of both bodies make the surfaces overlap by '// &
+                   to_text(qp%initial_penetration(n))//', and theta = 0 allows no penetration; '// &
+                   'remove the supports from the contact surfaces or set theta > 0', exit_not_solvable)
   end subroutine refuse_rigid_constraint
 
   !> Say which bodies rotate so far that small displacements are no good approximation.
@@ -151,9 +152,10 @@ contains
       most = max(most, ratio)
     end do
     if (n_far == 0) return
-    call log%line('  turns far        '//quoted(body(farthest)%name)//': points move by '//to_text(100*most, 2)// &
-                  ' % of its size as it turns; small displacements are assumed')
-    if (n_far > 1) call log%line('  turns far        '//to_text(n_far - 1)//' more bodies, by less')
+    call log%line('  large rotation   '//quoted(body(farthest)%name)//': rotation moves nodes by up to '// &
+                  to_text(100*most, 2)//' % of its size; the theory assumes small displacements, '// &
+                  'the results are qualitative')
+    if (n_far > 1) call log%line('  large rotation   '//counted(n_far - 1, 'more body', 'more bodies')//', smaller')
   end subroutine note_rotations
 
   !> How far nodes move against their mean, relative to the size of the body [].
@@ -195,9 +197,10 @@ contains
       if (len(text) == 0) cycle
       n_named = n_named + 1
       if (n_named <= most_named) &
-        call log%line('  not determined   '//quoted(body(b)%name)//': '//text//'; the least motion is taken')
+        call log%line('  indeterminate    '//quoted(body(b)%name)//': '//text// &
+                      ' (neither loads nor contact determine it; minimum-norm solution)')
     end do
-    if (n_named > most_named) call log%line('  not determined   motions of '//to_text(n_named - most_named)// &
-      ' more bodies')
+    if (n_named > most_named) call log%line('  indeterminate    rigid body modes of '// &
+                                             counted(n_named - most_named, 'more body', 'more bodies'))
   end subroutine note_indeterminate
-end module dotyk_driver_outcome
+end module dotyk_log_outcome

@@ -1,0 +1,46 @@
+!> What the command line asks for: a text about the program, or the run of a case.
+module dotyk_driver_command
+  use dotyk_base_error, only: error_t, set_error, exit_converged, exit_not_written
+  use dotyk_base_files, only: print_text
+  use dotyk_base_version, only: version, compiler, build_type
+  use dotyk_driver_arguments, only: arguments_t
+  use dotyk_driver_run_case, only: run_case
+  use dotyk_input_help, only: help_text
+  use dotyk_input_reference, only: reference_text
+  implicit none
+  private
+  public :: execute_command
+
+contains
+
+  !> Print help, reference or version, or run a case.
+  subroutine execute_command(arguments, code, error)
+    !> The command line.
+    type(arguments_t), intent(in) :: arguments
+    !> Exit code where there is no error.
+    integer, intent(out) :: code
+    !> Allocated where the run has no results, or the standard output cannot be written; with its exit code.
+    type(error_t), allocatable, intent(out) :: error
+    code = exit_converged
+    if (arguments%help) then
+      call print_output(help_text(), error)
+    else if (arguments%reference) then
+      call print_output(reference_text(), error)
+    else if (arguments%version) then
+      call print_output('dotyk '//version//' ('//compiler//', '//build_type//')', error)
+    else
+      call run_case(arguments, code, error)
+    end if
+  end subroutine execute_command
+
+  !> Print a text that the command line asked for.
+  subroutine print_output(text, error)
+    !> The text.
+    character(*), intent(in) :: text
+    !> Allocated where the standard output cannot be written.
+    type(error_t), allocatable, intent(out) :: error
+    integer :: status
+    call print_text(text//new_line('a'), status)
+    if (status /= 0) call set_error(error, 'standard output cannot be written', exit_not_written)
+  end subroutine print_output
+end module dotyk_driver_command

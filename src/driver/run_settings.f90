@@ -1,0 +1,47 @@
+!> From the input to the settings of a run: the scheme with its parameters, and what is asked of the solution.
+module dotyk_driver_run_settings
+  use dotyk_base_options, only: scheme_auto, scheme_dual, stop_budget, stop_residual
+  use dotyk_control_contact_solution, only: solution_goal_t
+  use dotyk_control_scheme_run, only: scheme_run_t
+  use dotyk_input_case, only: case_t
+  use dotyk_scheme_registry, only: make_scheme
+  implicit none
+  private
+  public :: choose_scheme, goal_of
+
+contains
+
+  !> The scheme and its settings.
+  subroutine choose_scheme(case, run)
+    !> The case; its automatic choice of the scheme is replaced.
+    type(case_t), intent(inout) :: case
+    !> Scheme and settings.
+    type(scheme_run_t), intent(out) :: run
+    if (case%solver%scheme == scheme_auto) case%solver%scheme = scheme_dual
+    call make_scheme(case%solver%scheme, run%scheme)
+    run%settings%gamma_rule = case%solver%gamma_rule
+    run%settings%gamma = case%solver%gamma
+    run%settings%stop_rule = case%solver%stop_rule
+    ! The budget sets the tolerance of the residual.
+    if (case%solver%stop_rule == stop_budget) run%settings%stop_rule = stop_residual
+    run%settings%tolerance = case%solver%tolerance
+    run%settings%max_iterations = case%solver%max_iterations
+    run%settings%linear_solver = case%solver%linear_solver
+    if (case%output%interval > 0) run%settings%time_limit = case%output%interval
+  end subroutine choose_scheme
+
+  !> What is asked of the solution.
+  pure function goal_of(case) result(goal)
+    !> The case.
+    type(case_t), intent(in) :: case
+    type(solution_goal_t) :: goal
+    goal%by_budget = case%solver%stop_rule == stop_budget
+    goal%budget_fraction = case%solver%budget_fraction
+    allocate (goal%theta_given(size(case%contact)))
+    goal%theta_given(:) = case%contact%theta_given
+    goal%displacement = case%output%displacement
+    goal%stress = case%output%stress
+    goal%mesh_error = case%output%error_discretization
+    goal%penalty_error = case%output%error_penalty
+  end function goal_of
+end module dotyk_driver_run_settings

@@ -1,0 +1,258 @@
+!> The head of the log: title, tables of bodies and contact pairs, factorization and memory.
+module dotyk_log_scene_tables
+  use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_log, only: log_t
+  use dotyk_base_memory, only: memory_text
+  use dotyk_base_options, only: analysis_axisymmetric, analysis_names, discretization_quadrature, option_name
+  use dotyk_base_text, only: counted, to_text
+  use dotyk_base_version, only: version
+  use dotyk_contact_pair, only: contact_pair_t
+  use dotyk_control_congruence_classes, only: congruence_classes_t
+  use dotyk_control_contact_problem, only: contact_problem_t
+  use dotyk_control_factorization, only: factor_size_t
+  use dotyk_elasticity_body, only: body_t
+  use dotyk_input_case, only: case_t
+  use dotyk_log_incompressibility, only: show_locking
+  use dotyk_log_progress, only: duration
+  use dotyk_mesh_surface, only: surface_t
+  implicit none
+  private
+  public :: show_title, show_scene, show_factorization, show_memory
+
+  !> Greatest number of congruence classes, or of contact pairs, with a line each; more are summed up.
+  integer, parameter :: most_shown = 20
+
+contains
+
+  !> Program, title, and size of the scene.
+  subroutine show_title(log, case, threads)
+    !> The log.
+    type(log_t), intent(inout) :: log
+    !> The case.
+    type(case_t), intent(in) :: case
+    !> Number of threads.
+    integer, intent(in) :: threads
+    character(:), allocatable :: title
+    title = case%scene%title
+    if (len(title) == 0) title = case%file
+    call log%line('dotyk '//version//' - '//title)
+    call log%line('  '//case%file//', '//option_name(analysis_names, case%scene%analysis)//', '// &
+                  counted(size(case%body), 'body', 'bodies')//', '// &
+                  counted(size(case%contact), 'contact pair')//', '// &
+                  counted(threads, 'thread'))
+  end subroutine show_title
+
+  !> Bodies, treatment of locking, and contact pairs.
+  subroutine show_scene(log, case, problem, size_of)
+    !> The log.
+    type(log_t), intent(inout) :: log
+    !> The case.
+    type(case_t), intent(in) :: case
+    !> Bodies and contact pairs of the case.
+    type(contact_problem_t), intent(in) :: problem
+    !> Sizes of the factors (n_bodies).
+    type(factor_size_t), intent(in) :: size_of(:)
+    call show_bodies(log, case, problem%body, problem%classes, size_of)
+    call show_locking(log, case, problem%body, problem%classes)
+    call show_pairs(log, problem%body, problem%pair, problem%surface_a, problem%surface_b)
+    call log%line('')
+  end subroutine show_scene
+
+  !> One line per class of congruent bodies; many classes are summed up.
+  subroutine show_bodies(log, case, body, classes, size_of)
+    !> The log.
+    type(log_t), intent(inout) :: log
+    !> The case.
+    type(case_t), intent(in) :: case
+    !> Bodies (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    !> Congruence classes of the bodies.
+    type(congruence_classes_t), intent(in) :: classes
+    !> Sizes of the factors (n_bodies).
+    type(factor_size_t), intent(in) :: size_of(:)
+    character(:), allocatable :: name
+    integer :: b, elements, nodes, unknowns
+    call log%line('')
+    call log%line('  body                 material         elements      nodes   unknowns  factor nonzeros     Gflop')
+    elements = 0
+    nodes = 0
+    unknowns = 0
+    do b = 1, size(body)
+      elements = elements + body(b)%mesh%n_elements()
+      nodes = nodes + body(b)%mesh%n_nodes()
+      unknowns = unknowns + body(b)%constraint%n_equations
+      if (classes%n() > most_shown .or. .not. classes%is_representative(b)) cycle
+      name = body(b)%name
+      if (count(classes%first == b) > 1) name = to_text(count(classes%first == b))//' x '//name
+      call log%line(body_line(name, body(b)%material%name, body(b)%mesh%n_elements(), body(b)%mesh%n_nodes(), &
+                              body(b)%constraint%n_equations, size_of(b)%entries, size_of(b)%flops))
+    end do
+    if (size(body) > 1) call log%line(body_line(counted(size(body), 'body', 'bodies'), '', elements, nodes, unknowns, &
+                                                sum(size_of%entries), sum(size_of%flops)))
+    if (classes%n() < size(body)) call log%line('  '//counted(size(body), 'body', 'bodies')//' in '// &
+                                                counted(classes%n(), 'congruence class', 'congruence classes')//': '// &
+                                                counted(classes%n(), 'factorization'))
+    if (size(case%contact) == 0) call log%line('  no contact pairs: one linear solve per body')
+  end subroutine show_bodies
+
+  !> A line of the table of bodies.
+  function body_line(name, material, elements, nodes, unknowns, entries, flops) result(line)
+    !> Name of the body.
+    character(*), intent(in) :: name
+    !> Name of its material.
+    character(*), intent(in) :: material
+    !> Number of elements.
+    integer, intent(in) :: elements
+    !> Number of nodes.
+    integer, intent(in) :: nodes
+    !> Number of unknowns.
+    integer, intent(in) :: unknowns
+    !> Nonzeros of the factor.
+    integer(int64), intent(in) :: entries
+    !> Operations of the factorization [flop].
+    real(dp), intent(in) :: flops
+    character(120) :: line
+    write (line, '(2x,a20,1x,a14,i11,i11,i11,es17.2,f10.2)') name, material, elements, nodes, unknowns, &
+      real(entries, dp), flops/1.0e9_dp
+  end function body_line
+
+  !> Lines for each contact pair; many pairs are summed up.
+  subroutine show_pairs(log, body, pair, surface_a, surface_b)
+    !> The log.
+    type(log_t), intent(inout) :: log
+    !> Bodies (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    !> Contact pairs (n_pairs).
+    type(contact_pair_t), intent(in) :: pair(:)
+    !> Slave surfaces (n_pairs).
+    type(surface_t), intent(in) :: surface_a(:)
+    !> Master surfaces (n_pairs).
+    type(surface_t), intent(in) :: surface_b(:)
+    real(dp) :: least, most
+    integer :: k, n
+    if (size(pair) == 0) return
+    call log%line('')
+    call log%line('  contact pair         constraints     not projected   smallest gap    largest gap          theta')
+    least = huge(least)
+    most = -huge(most)
+    do k = 1, size(pair)
+      least = min(least, minval(pair(k)%row_gap))
+      most = max(most, maxval(pair(k)%row_gap))
+      if (size(pair) <= most_shown) call show_pair(log, body, pair(k), surface_a(k), surface_b(k))
+      call warn_of_oscillation(log, body, pair(k), surface_a(k)%n_facets)
+    end do
+    if (size(pair) > most_shown) &
+      call log%line(pair_line(to_text(size(pair))//' contact pairs', sum(pair%n_rows), sum(pair%n_unprojected), least, &
+                              most, maxval(pair%theta)))
+    n = 0
+    do k = 1, size(body)
+      if (.not. any(pair%body_a == k .or. pair%body_b == k)) n = n + 1
+    end do
+    if (n > 0) call log%line('  '//counted(n, 'body', 'bodies')//' without contact: solved once')
+  end subroutine show_pairs
+
+  !> The lines of one contact pair.
+  subroutine show_pair(log, body, pair, surface_a, surface_b)
+    !> The log.
+    type(log_t), intent(inout) :: log
+    !> Bodies (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    !> The contact pair.
+    type(contact_pair_t), intent(in) :: pair
+    !> Slave surface.
+    type(surface_t), intent(in) :: surface_a
+    !> Master surface.
+    type(surface_t), intent(in) :: surface_b
+    call log%line(pair_line(pair%name, pair%n_rows, pair%n_unprojected, minval(pair%row_gap), maxval(pair%row_gap), &
+                            pair%theta))
+    call log%line('    slave '//body(pair%body_a)%name//':'//surface_a%name//' ('// &
+                  counted(surface_a%n_facets, 'facet')//'), master '//body(pair%body_b)%name//':'// &
+                  surface_b%name//' ('//counted(surface_b%n_facets, 'facet')//')')
+    if (pair%n_unprojected > 0) &
+      call log%line('    not projected: '//counted(pair%n_outside, 'integration point')// &
+                    ' beyond the edge of the master surface, '//to_text(pair%n_not_facing)//' facing away from it, '// &
+                    to_text(pair%n_too_far)//' beyond search_radius')
+  end subroutine show_pair
+
+  !> A line of the table of contact pairs.
+  function pair_line(name, rows, unprojected, least, most, theta) result(line)
+    !> Name of the pair.
+    character(*), intent(in) :: name
+    !> Number of contact rows.
+    integer, intent(in) :: rows
+    !> Integration points that have no projection on the master surface.
+    integer, intent(in) :: unprojected
+    !> Smallest gap [length].
+    real(dp), intent(in) :: least
+    !> Largest gap [length].
+    real(dp), intent(in) :: most
+    !> Penalty parameter [length/pressure].
+    real(dp), intent(in) :: theta
+    character(120) :: line
+    write (line, '(2x,a20,i12,i18,es15.3,es15.3,es15.3)') name, rows, unprojected, least, most, theta
+  end function pair_line
+
+  !> Quadrature points outnumber the unknowns of their surface: with theta far below h/E the constraints at single
+  !> points are over-determined, and their pressures oscillate.
+  subroutine warn_of_oscillation(log, body, pair, n_facets)
+    !> The log.
+    type(log_t), intent(inout) :: log
+    !> Bodies (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    !> The contact pair.
+    type(contact_pair_t), intent(in) :: pair
+    !> Number of facets of the slave surface.
+    integer, intent(in) :: n_facets
+    real(dp) :: size, compliance
+    !> Fraction of h/E below which theta counts as far smaller.
+    real(dp), parameter :: far_below = 1.0e-3_dp
+    if (pair%discretization /= discretization_quadrature) return
+    ! The mean size of a facet; a circumference does not make it larger.
+    size = sum(pair%row_weight)
+    if (body(pair%body_a)%analysis == analysis_axisymmetric) &
+      size = sum(pair%row_weight/(2*acos(-1.0_dp)*pair%row_position(1, :)))
+    size = (size/n_facets)**(1.0_dp/(pair%dimension - 1))
+    compliance = size/body(pair%body_a)%young() + size/body(pair%body_b)%young()
+    if (pair%theta < far_below*compliance) &
+      call log%line('    warning: theta is far below h/E = '//to_text(compliance, 2)//': the pressures at single '// &
+                    'quadrature points oscillate, only their averages converge; '// &
+                    "use discretization='mortar'")
+  end subroutine warn_of_oscillation
+
+  !> Time and size of the factorization, and the bodies with an explicit compliance matrix.
+  subroutine show_factorization(log, size_of, seconds)
+    !> The log.
+    type(log_t), intent(inout) :: log
+    !> Sizes of the factors (n_bodies).
+    type(factor_size_t), intent(in) :: size_of(:)
+    !> Wall time [s].
+    real(dp), intent(in) :: seconds
+    real(dp) :: fraction
+    call log%line('  factorization    '//duration(seconds)//', '//memory_text(real(sum(size_of%bytes), dp))//', '// &
+                  to_text(sum(size_of%flops)/max(seconds, tiny(seconds))/1.0e9_dp, 3)//' Gflop/s')
+    associate (chosen => size_of%forms_matrix)
+      if (.not. any(chosen)) return
+      fraction = sum(size_of%product_entries, mask=chosen)/ &
+                 max(1.0_dp, real(sum(size_of%class_entries, mask=chosen), dp))
+      call log%line('  compliance       '//counted(count(chosen), 'body', 'bodies')// &
+                    ' with an explicit compliance matrix: a product costs '//to_text(100*fraction, 2)// &
+                    ' % of a solve with the factor')
+    end associate
+  end subroutine show_factorization
+
+  !> Memory that a run would take.
+  subroutine show_memory(log, size_of)
+    !> The log.
+    type(log_t), intent(inout) :: log
+    !> Sizes of the factors (n_bodies).
+    type(factor_size_t), intent(in) :: size_of(:)
+    !> Memory beside factors and stiffness matrices, as a fraction of theirs.
+    real(dp), parameter :: beside = 0.15_dp
+    real(dp) :: matrices
+    matrices = sum(size_of%stiffness_bytes)
+    call log%line('')
+    call log%line('  estimated memory: factors '//memory_text(real(sum(size_of%bytes), dp))//', stiffness matrices '// &
+                  memory_text(matrices)//', total about '// &
+                  memory_text((1 + beside)*(sum(size_of%bytes) + matrices)))
+  end subroutine show_memory
+end module dotyk_log_scene_tables

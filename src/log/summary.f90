@@ -1,0 +1,250 @@
+!> The end of the log: how the scheme ended, the error budget, contact forces, conditioning, times.
+module dotyk_log_summary
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_log, only: log_t
+  use dotyk_base_text, only: counted, quoted, to_text
+  use dotyk_contact_pair, only: contact_pair_t
+  use dotyk_control_conditioning, only: conditioning_t
+  use dotyk_control_congruence_classes, only: congruence_classes_t
+  use dotyk_control_contact_problem, only: contact_problem_t
+  use dotyk_control_contact_solution, only: contact_solution_t, solution_goal_t
+  use dotyk_control_error_budget, only: error_budget_t
+  use dotyk_control_pressures, only: pair_solution_t
+  use dotyk_elasticity_body, only: body_t
+  use dotyk_input_case, only: output_input_t
+  use dotyk_log_progress, only: duration
+  use dotyk_log_timing, only: timing_t
+  use dotyk_scheme_bounds, only: gamma_limit
+  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_limit, ended_diverged, &
+    ended_interrupted, ended_rounds
+  implicit none
+  private
+  public :: show_solution, show_pair_results, show_timing
+
+  !> Greatest number of contact pairs with a line each; more are summed up.
+  integer, parameter :: most_shown = 20
+
+contains
+
+  !> How the scheme ended, the error budget, what was not computed, and the conditioning of the bodies.
+  subroutine show_solution(log, output, goal, problem, n_sweeps, solution, seconds)
+    !> The log.
+    type(log_t), intent(inout) :: log
+    !> `&output`.
+    type(output_input_t), intent(in) :: output
+    !> What was asked for.
+    type(solution_goal_t), intent(in) :: goal
+    !> The problem.
+    type(contact_problem_t), intent(in) :: problem
+    !> Right-hand sides of the body that had most.
+    integer, intent(in) :: n_sweeps
+    !> Solution with errors and conditioning.
+    type(contact_solution_t), intent(in) :: solution
+    !> Time of the scheme [s].
+    real(dp), intent(in) :: seconds
+    call show_state(log, solution%state, solution%tolerance, n_sweeps, seconds)
+    call show_budget(log, output, problem%body, solution%state, solution%budget)
+    call show_not_computed(log, goal, solution%state)
+    call show_conditioning(log, problem%body, problem%classes, solution%conditioning)
+  end subroutine show_solution
+
+  !> How the scheme ended.
+  subroutine show_state(log, state, tolerance, n_sweeps, seconds)
+    !> The log.
+    type(log_t), intent(inout) :: log
+    !> State of the scheme.
+    type(solver_state_t), intent(in) :: state
+    !> Tolerance of the error bound [].
+    real(dp), intent(in) :: tolerance
+    !> Right-hand sides of the body that had most.
+    integer, intent(in) :: n_sweeps
+    !> Time of the scheme [s].
+    real(dp), intent(in) :: seconds
+    character(:), allocatable :: predicted
+    call log%line('')
+    if (size(state%m) == 0) then
+      call log%line('  solved           no contact, '//duration(seconds))
+      call log%line('  potential energy '//to_text(state%energy, 10))
+      return
+    end if
+    call log%line('  '//outcome(state)//' after '//counted(state%iterations, 'iteration')// &
+                  ' (at most '//counted(n_sweeps, 'right-hand side')//' per body), '// &
+                  duration(seconds))
+    call log%line('  error bound      '//to_text(state%error_bound, 3)// &
+                  ' of the energy norm of the solution, guaranteed (tolerance '//to_text(tolerance)//')')
+    if (state%ended == ended_converged .and. state%error_bound > tolerance) &
+      call log%line('  rounding         the error bound exceeds the tolerance by rounding of the displacements: '// &
+                    'double precision has no better solution')
+    if (.not. ieee_is_nan(state%error_bound_paper)) &
+      call log%line('  bound (41)       '//to_text(state%error_bound_paper, 3)//' (a priori, Theorem 4)')
+    predicted = ''
+    if (.not. ieee_is_nan(state%q_predicted)) predicted = ', at most '//to_text(state%q_predicted, 6)//' predicted'
+    if (.not. ieee_is_nan(state%q_measured)) &
+      call log%line('  convergence      factor '//to_text(state%q_measured, 6)//' per iteration measured'//predicted)
+    call log%line('  max penetration  '//to_text(state%max_penetration, 4))
+    call log%line('  potential energy '//to_text(state%energy, 10))
+    if (state%ended == ended_diverged) &
+      call log%line('  diverged         gamma = '//to_text(state%gamma)//' exceeds the stability limit 2/(1+L) = '// &
+                    to_text(gamma_limit(state%lambda_max))//"; use gamma_rule='spectral' or a smaller gamma")
+  end subroutine show_state
+
+  !> The contributions to the error, as far as they were asked for.
+  subroutine show_budget(log, output, body, state, budget)
+    !> The log.
+    type(log_t), intent(inout) :: log
+    !> `&output`.
+    type(output_input_t), intent(in) :: output
+    !> Bodies (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    !> State of the scheme.
+    type(solver_state_t), intent(in) :: state
+    !> The errors.
+    type(error_budget_t), intent(in) :: budget
+    character(:), allocatable :: line
+    line = '  relative error   iteration '//part('<=', state%error_bound)
+    if (output%error_penalty .or. .not. ieee_is_nan(budget%penalty)) &
+      line = line//', penalty '//part('<=', budget%penalty)
+    if (allocated(budget%of_body)) then
+      line = line//', discretization '//part('~', budget%discretization)
+      if (size(body) > 1 .and. .not. ieee_is_nan(budget%discretization)) &
+        line = line//', largest in '//quoted(body(maxloc(budget%of_body, 1))%name)
+    end if
+    call log%line(line)
+  contains
+    !> A bound or an estimate in per cent.
+    function part(relation, value) result(text)
+      !> '<=' of a bound, '~' of an estimate.
+      character(*), intent(in) :: relation
+      !> Error relative to the energy norm [].
+      real(dp), intent(in) :: value
+      character(:), allocatable :: text
+      !> Errors from here on say nothing.
+      real(dp), parameter :: largest = 1.0e100_dp
+      text = 'unknown'
+      if (ieee_is_nan(value)) return
+      if (value < largest) text = relation//' '//to_text(100*value, 2)//' %'
+    end function part
+  end subroutine show_budget
+
+  !> What was not computed.
+  subroutine show_not_computed(log, goal, state)
+    !> The log.
+    type(log_t), intent(inout) :: log
+    !> What was asked for.
+    type(solution_goal_t), intent(in) :: goal
+    !> State of the scheme.
+    type(solver_state_t), intent(in) :: state
+    character(:), allocatable :: line
+    line = ''
+    if (state%screened > 0) &
+      call add(counted(state%screened, 'inactive constraint')//' (screened out)')
+    if (.not. goal%needs_displacements()) call add('displacements')
+    if (.not. goal%stress) call add('stresses')
+    if (.not. goal%needs_mesh_error()) call add('discretization error')
+    if (.not. goal%needs_penalty_error()) call add('penalty error')
+    if (len(line) > 0) call log%line('  not computed     '//line)
+  contains
+    !> Add an item.
+    subroutine add(text)
+      !> The item.
+      character(*), intent(in) :: text
+      if (len(line) > 0) line = line//', '
+      line = line//text
+    end subroutine add
+  end subroutine show_not_computed
+
+  !> One line for the result of each contact pair; many pairs are summed up.
+  subroutine show_pair_results(log, pair, solution)
+    !> The log.
+    type(log_t), intent(inout) :: log
+    !> Contact pairs (n_pairs).
+    type(contact_pair_t), intent(in) :: pair(:)
+    !> Their pressures and forces (n_pairs).
+    type(pair_solution_t), intent(in) :: solution(:)
+    real(dp) :: peak
+    integer :: k, active, worst
+    active = 0
+    worst = 1
+    do k = 1, size(pair)
+      active = active + count(solution(k)%pressure > 0)
+      if (maxval(solution(k)%projected) > maxval(solution(worst)%projected)) worst = k
+      if (size(pair) > most_shown) cycle
+      associate (force => solution(k)%force)
+        call log%line('  '//pair(k)%name//': '//to_text(count(solution(k)%pressure > 0))//' of '// &
+                      counted(pair(k)%n_rows, 'constraint')//' active, contact force ('// &
+                      to_text(force(1), 5)//', '//to_text(force(2), 5)//', '//to_text(force(3), 5)// &
+                      ') on the slave body, peak pressure '//to_text(maxval(solution(k)%projected), 5))
+      end associate
+    end do
+    if (size(pair) <= most_shown) return
+    peak = maxval(solution(worst)%projected)
+    call log%line('  '//to_text(size(pair))//' contact pairs: '//to_text(active)//' of '//to_text(sum(pair%n_rows))// &
+                  ' constraints active, peak pressure '//to_text(peak, 5)//' in '//quoted(pair(worst)%name))
+  end subroutine show_pair_results
+
+  !> Wall times of the stages.
+  subroutine show_timing(log, timing)
+    !> The log.
+    type(log_t), intent(inout) :: log
+    !> The times.
+    type(timing_t), intent(in) :: timing
+    call log%line('  time             read '//duration(timing%read)//', assemble '//duration(timing%assemble)// &
+                  ', order '//duration(timing%order)//', factorize '//duration(timing%factorize)// &
+                  ', search '//duration(timing%search)//', iterate '//duration(timing%iterate)// &
+                  ', recover '//duration(timing%recover)//', estimate errors '//duration(timing%estimate)// &
+                  ', write '//duration(timing%write)//'; total '//duration(timing%total))
+  end subroutine show_timing
+
+  !> One line for each congruence class that loses digits.
+  subroutine show_conditioning(log, body, classes, conditioning)
+    !> The log.
+    type(log_t), intent(inout) :: log
+    !> Bodies (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    !> Congruence classes of the bodies.
+    type(congruence_classes_t), intent(in) :: classes
+    !> Conditioning of their stiffness matrices (n_bodies).
+    type(conditioning_t), intent(in) :: conditioning(:)
+    character(:), allocatable :: line
+    integer :: b
+    do b = 1, size(body)
+      if (.not. classes%is_representative(b)) cycle
+      line = '  conditioning     '//quoted(body(b)%name)//': '
+      associate (of_body => conditioning(b))
+        if (of_body%is_measured) then
+          line = line//'condition number '//to_text(of_body%condition, 2)
+          if (of_body%n_near_null > 0) &
+            line = line//', '//to_text(of_body%condition_left, 2)//' with '// &
+                   counted(of_body%n_near_null, 'near-null-space mode')//' deflated'
+          line = line//', '//to_text(of_body%lost_digits())//' of 16 digits lost'
+          if (of_body%n_steps > 0) line = line//'; '
+        end if
+        if (of_body%n_steps > 0) &
+          line = line//counted(of_body%n_steps, 'step')//' of iterative refinement'
+        if (of_body%is_measured .or. of_body%n_steps > 0) call log%line(line)
+      end associate
+    end do
+  end subroutine show_conditioning
+
+  !> How a scheme ended.
+  function outcome(state) result(text)
+    !> State of the scheme.
+    type(solver_state_t), intent(in) :: state
+    character(:), allocatable :: text
+    select case (state%ended)
+    case (ended_converged)
+      text = 'converged'
+    case (ended_limit)
+      text = 'not converged: stopped at max_iterations'
+    case (ended_diverged)
+      text = 'not converged: diverged'
+    case (ended_interrupted)
+      text = 'not converged: interrupted'
+    case (ended_rounds)
+      text = 'not converged: iteration error above its share (budget_fraction) of the other errors'
+    case default
+      text = 'not converged: stagnated at double-precision rounding'
+    end select
+  end function outcome
+end module dotyk_log_summary

@@ -1,0 +1,33 @@
+!> The decision whether linear elements are elevated to order 2 against volumetric locking.
+module dotyk_model_locking
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: analysis_plane_stress, locking_auto
+  use dotyk_model_materials, only: build_material
+  use dotyk_elasticity_material, only: material_t
+  use dotyk_input_case, only: case_t
+  implicit none
+  private
+  public :: would_lock
+
+  !> Bulk over shear modulus from which on linear triangles, tetrahedra and prisms are elevated to order 2: Poisson's
+  !> ratio 0.45 [].
+  real(dp), parameter :: linear_simplices_lock = 29.0_dp/3
+
+contains
+
+  !> Whether linear triangles, tetrahedra and prisms would lock in a body, so that they are elevated to order 2.
+  logical function would_lock(case, b) result(locks)
+    !> The case.
+    type(case_t), intent(in) :: case
+    !> Index of the body.
+    integer, intent(in) :: b
+    type(material_t) :: material
+    type(error_t), allocatable :: failed
+    locks = .false.
+    if (case%solver%locking /= locking_auto .or. case%scene%analysis == analysis_plane_stress) return
+    ! Errors are reported where the body is built.
+    call build_material(case%material(case%body(b)%material), case%solver%locking, material, failed)
+    if (.not. allocated(failed)) locks = material%incompressibility >= linear_simplices_lock
+  end function would_lock
+end module dotyk_model_locking
