@@ -19,7 +19,8 @@ program factorization
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_timer, only: wall_time
   use dotyk_control_congruence_classes, only: congruence_classes_t
-  use dotyk_model_body_setup, only: assemble_bodies, build_bodies
+  use dotyk_model_assembly, only: assemble_bodies
+  use dotyk_model_body_setup, only: build_bodies
   use dotyk_elasticity_body, only: body_t, stiffness_t
   use dotyk_elasticity_body_modes, only: body_modes_t
   use dotyk_elasticity_node_ordering, only: fill_reducing_order

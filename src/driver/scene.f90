@@ -8,7 +8,8 @@ module dotyk_driver_scene
   use dotyk_control_contact_free, only: contact_free_t, solve_without_contact
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_parallel, only: set_blas_threads, share_solves
-  use dotyk_model_body_setup, only: assemble_bodies, build_bodies, check_held
+  use dotyk_model_assembly, only: assemble_bodies, check_held
+  use dotyk_model_body_setup, only: build_bodies
   use dotyk_control_factorization, only: analyze_bodies, check_memory, direct_slot_t, factor_size_t, factorize_bodies, &
     find_modes, &
     make_operators

@@ -1,0 +1,132 @@
+!> Refuses floating bodies where the scheme needs supported ones, and assembles the bodies.
+module dotyk_model_assembly
+  use omp_lib, only: omp_get_max_threads
+  use dotyk_base_error, only: error_slot_t, error_t, exit_not_solvable, problem_list_t, set_error
+  use dotyk_base_interrupt, only: interrupted
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: option_name, scheme_names
+  use dotyk_base_text, only: quoted, to_text
+  use dotyk_control_congruence_classes, only: congruence_classes_t
+  use dotyk_control_parallel, only: largest_first
+  use dotyk_elasticity_body, only: body_t, free_rigid_modes, stiffness_t
+  use dotyk_elasticity_body_modes, only: body_modes_t
+  use dotyk_input_case, only: case_t
+  implicit none
+  private
+  public :: check_held, assemble_bodies
+
+contains
+
+  !> For schemes that need supported bodies: refuse floating bodies; all are reported together.
+  subroutine check_held(case, body, classes, error)
+    !> The case.
+    type(case_t), intent(in) :: case
+    !> Bodies with supports (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    !> Congruence classes of the bodies.
+    type(congruence_classes_t), intent(in) :: classes
+    !> Allocated where bodies float: all of them, one per line.
+    type(error_t), allocatable, intent(out) :: error
+    type(problem_list_t) :: problems
+    type(error_t), allocatable :: failed
+    character(:), allocatable :: scheme, motions
+    logical :: free(size(body))
+    integer :: b, n_free
+    scheme = option_name(scheme_names, case%solver%scheme)
+    free = .true.
+    do b = 1, size(body)
+      ! Congruent bodies float alike.
+      if (.not. free(classes%first(b))) cycle
+      call free_rigid_modes(body(b), n_free, motions)
+      free(b) = n_free > 0
+      if (n_free == 0) cycle
+      call set_error(failed, "scheme '"//scheme//"' needs supported bodies, and this body floats: "//motions// &
+                     "; add a &support against this motion, or use scheme='dual', which allows floating bodies", &
+                     exit_not_solvable)
+      call problems%add_error(failed, body_context(case, b))
+    end do
+    call problems%raise(error)
+  end subroutine check_held
+
+  !> Assemble all bodies: much larger ones with all threads, then the others in parallel; all problems are reported
+  !> together.
+  subroutine assemble_bodies(case, classes, body, modes, stiffness, error)
+    !> The case.
+    type(case_t), intent(in) :: case
+    !> Congruence classes of the bodies.
+    type(congruence_classes_t), intent(in) :: classes
+    !> Bodies (n_bodies); only the first one of each congruence class gets a stiffness matrix.
+    type(body_t), intent(inout) :: body(:)
+    !> Rigid body modes that the supports leave (n_bodies).
+    type(body_modes_t), allocatable, intent(out) :: modes(:)
+    !> Stiffness matrices of the representatives (n_bodies).
+    type(stiffness_t), allocatable, intent(out) :: stiffness(:)
+    !> Allocated where bodies cannot be assembled: all problems, one per line.
+    type(error_t), allocatable, intent(out) :: error
+    type(problem_list_t) :: problems
+    type(error_slot_t), allocatable :: failed(:)
+    integer :: i, b, order(size(body))
+    logical :: alone(size(body))
+    real(dp) :: share
+    allocate (failed(size(body)), modes(size(body)), stiffness(size(body)))
+    order = largest_first(real(body%constraint%n_equations, dp))
+    ! The other threads would wait for a body that exceeds the share of one thread.
+    share = sum(real(body%constraint%n_equations, dp), mask=[(classes%is_representative(b), b=1, size(body))])
+    share = share/omp_get_max_threads()
+    alone = .false.
+    if (omp_get_max_threads() > 1) then
+      alone = [(classes%is_representative(b) .and. body(b)%constraint%n_equations > 1.2_dp*share, b=1, size(body))]
+    end if
+    do b = 1, size(body)
+      if (interrupted()) cycle
+      if (alone(b)) call assemble_first(body(b), modes(b), stiffness(b), failed(b)%error)
+    end do
+    !$omp parallel default(none) shared(body, classes, modes, stiffness, failed, order, alone) private(b)
+    !$omp do schedule(dynamic, 1)
+    do i = 1, size(body)
+      b = order(i)
+      if (interrupted()) cycle
+      if (alone(b) .or. .not. classes%is_representative(b)) cycle
+      call assemble_first(body(b), modes(b), stiffness(b), failed(b)%error)
+    end do
+    !$omp end do
+    !$omp do schedule(dynamic, 1)
+    do i = 1, size(body)
+      b = order(i)
+      if (interrupted()) cycle
+      if (classes%is_representative(b) .or. allocated(failed(classes%first(b))%error)) cycle
+      call body(b)%assemble_like(body(classes%first(b)), failed(b)%error)
+      call modes(b)%move(modes(classes%first(b)), classes%motion(b), body(b))
+    end do
+    !$omp end do
+    !$omp end parallel
+    do b = 1, size(body)
+      call problems%add_error(failed(b)%error, body_context(case, b))
+    end do
+    call problems%raise(error)
+  end subroutine assemble_bodies
+
+  !> Assemble a representative.
+  subroutine assemble_first(body, modes, stiffness, error)
+    !> The body.
+    type(body_t), intent(inout) :: body
+    !> Rigid body modes that its supports leave.
+    type(body_modes_t), intent(inout) :: modes
+    !> Its stiffness matrix.
+    type(stiffness_t), intent(inout) :: stiffness
+    !> As in `assemble_bodies`.
+    type(error_t), allocatable, intent(out) :: error
+    call body%assemble(stiffness, error)
+    call modes%find(body)
+  end subroutine assemble_first
+
+  !> Context of the errors of a body: "file:line: body 'upper': ".
+  function body_context(case, b) result(text)
+    !> The case.
+    type(case_t), intent(in) :: case
+    !> Index of the body.
+    integer, intent(in) :: b
+    character(:), allocatable :: text
+    text = case%file//':'//to_text(case%body(b)%line)//': body '//quoted(case%body(b)%name)//': '
+  end function body_context
+end module dotyk_model_assembly
