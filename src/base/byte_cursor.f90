@@ -113,6 +113,7 @@ contains
 
   !> Start at the first byte.
   subroutine start(self, file, text)
+    !> The cursor; at the first byte on return.
     type(byte_cursor_t), intent(inout) :: self
     !> Name, for messages.
     character(*), intent(in) :: file

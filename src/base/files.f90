@@ -149,7 +149,7 @@ contains
 
   !> Text of C up to its null character.
   pure subroutine take_text(letters, text)
-    !> Letters, ended by a null character.
+    !> Letters, ended by a null character (n).
     character(kind=c_char), intent(in) :: letters(:)
     !> The text.
     character(:), allocatable, intent(out) :: text

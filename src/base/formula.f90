@@ -16,7 +16,7 @@ module dotyk_base_formula
     private
     !> muParser's parser.
     type(c_ptr) :: handle = c_null_ptr
-    !> Where the parser finds x, y, z.
+    !> Coordinates x, y, z, which the parser reads here (3) [length].
     real(c_double), pointer :: x(:) => null()
   contains
     procedure :: init
@@ -159,7 +159,7 @@ contains
     is_set = c_associated(self%handle)
   end function is_set
 
-  !> Value of the formula at a point; it may be infinite or NaN, which callers check.
+  !> Value of the formula at a point; it may be infinite or NaN, which callers check [any].
   real(dp) function evaluate(self, x) result(value)
     class(formula_t), intent(in) :: self
     !> The point (3) [length].

@@ -8,7 +8,7 @@ module dotyk_base_magnitude
   implicit none
   private
 
-  !> Input numbers are 0 or of a magnitude between these [any unit].
+  !> Input numbers are 0 or of a magnitude between these [any].
   real(dp), parameter, public :: smallest_number = 1.0e-40_dp, largest_number = 1.0e40_dp
   !> The rule, for messages.
   character(*), parameter, public :: size_rule = 'numbers must be 0 or from 1e-40 to 1e40 in size: choose other units'
@@ -19,14 +19,14 @@ contains
 
   !> Whether a finite number is 0 or within the limits.
   elemental logical function has_usual_size(number) result(usual)
-    !> Finite number.
+    !> Finite number [any].
     real(dp), intent(in) :: number
     usual = (abs(number) >= smallest_number .and. abs(number) <= largest_number) .or. abs(number) <= 0
   end function has_usual_size
 
   !> Whether a number is above the limit, infinite or NaN, without a floating-point trap.
   elemental logical function is_too_large(number) result(too_large)
-    !> Any number.
+    !> Any number [any].
     real(dp), intent(in) :: number
     too_large = .not. ieee_is_finite(number)
     if (.not. too_large) too_large = abs(number) > largest_number

@@ -127,14 +127,13 @@ contains
 
   !> Value of an environment variable, empty if it is not set.
   function environment_value(name) result(value)
-    !> Name.
+    !> Name of the variable.
     character(*), intent(in) :: name
-    !> Value.
+    !> Its value.
     character(:), allocatable :: value
     integer :: length, status
     call get_environment_variable(name, length=length, status=status)
     if (status /= 0) length = 0
-    !> Value.
     allocate (character(length) :: value)
     if (length > 0) call get_environment_variable(name, value)
   end function environment_value

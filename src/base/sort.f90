@@ -18,7 +18,7 @@ contains
 
   !> The permutation that sorts reals: values(order) ascends.
   pure subroutine sort_order_of_reals(values, order)
-    !> Numbers to sort (n).
+    !> Numbers to sort (n) [any].
     real(dp), intent(in) :: values(:)
     !> The permutation (n).
     integer, intent(out) :: order(size(values))
@@ -50,7 +50,7 @@ contains
 
   !> Sort the run first .. last by insertion.
   pure subroutine insert_run(values, first, last, order)
-    !> Numbers to sort (n).
+    !> Numbers to sort (n) [any].
     real(dp), intent(in) :: values(:)
     !> First place of the run.
     integer, intent(in) :: first
@@ -72,7 +72,7 @@ contains
 
   !> Merge the sorted runs start .. middle-1 and middle .. last-1.
   pure subroutine merge_runs(values, from, start, middle, last, order)
-    !> Numbers to sort (n).
+    !> Numbers to sort (n) [any].
     real(dp), intent(in) :: values(:)
     !> The order before (n).
     integer, intent(in) :: from(:)

@@ -45,7 +45,7 @@ contains
 
   !> A real as text: plain for moderate sizes, with an exponent otherwise; no trailing zeros.
   pure function text_of_real(value, digits) result(text)
-    !> The real; NaN and infinity are named.
+    !> The real; NaN and infinity are named [any].
     real(dp), intent(in) :: value
     !> Significant digits, 1 to 17; 6 if absent.
     integer, intent(in), optional :: digits

@@ -7,7 +7,7 @@ module dotyk_base_timer
 
 contains
 
-  !> Seconds since some fixed moment; only differences mean anything.
+  !> Seconds since some fixed moment; only differences mean anything [s].
   real(dp) function wall_time() result(seconds)
     integer(int64) :: count, rate
     call system_clock(count, rate)

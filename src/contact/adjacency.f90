@@ -78,6 +78,7 @@ contains
   !> First other facet at vertex a that has vertex b too; for lines, the first other facet at vertex a. 0 if there is
   !> none.
   pure integer function facet_across(self, f, a, b, is_line) result(other)
+    !> Adjacency, with the facets around each vertex.
     type(adjacency_t), intent(in) :: self
     !> Facet on this side of the edge.
     integer, intent(in) :: f

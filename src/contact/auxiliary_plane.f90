@@ -144,7 +144,7 @@ contains
   !> Coordinates of a point in the plane, projected along the normal.
   pure function to_plane(self, x) result(p)
     class(auxiliary_plane_t), intent(in) :: self
-    !> (3) [length].
+    !> Point (3) [length].
     real(dp), intent(in) :: x(3)
     !> Coordinates in the plane (2) [length].
     real(dp) :: p(2)

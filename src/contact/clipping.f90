@@ -284,7 +284,7 @@ contains
     end do
   end subroutine segments_of_line
 
-  !> Reference coordinate of the point of a line that is projected on p; its nearer end outside.
+  !> Reference coordinate of the point of a line that is projected on p; its nearer end outside [].
   pure real(dp) function inverse_line_map(c, ends, p) result(xi)
     !> Coefficients of the position along the plane (0:2) [length].
     real(dp), intent(in) :: c(0:2)

@@ -99,7 +99,7 @@ contains
   end subroutine keep_if_closer
 
   !> Root of a cubic that increases through zero between two points and is monotone there: Newton's method kept in the
-  !> bracket.
+  !> bracket [].
   pure real(dp) function root_between(b, first, last) result(t)
     !> Coefficients (0:3) [length^2].
     real(dp), intent(in) :: b(0:3)

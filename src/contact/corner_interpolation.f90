@@ -80,7 +80,7 @@ contains
 
   !> Replace marks by ascending numbers.
   pure subroutine number_marked(mark, n)
-    !> Positive where marked; numbers on return (:).
+    !> Positive where marked; numbers on return (n_nodes).
     integer, intent(inout) :: mark(:)
     !> Number of marked entries.
     integer, intent(out) :: n

@@ -170,6 +170,7 @@ contains
 
   !> Position, unit outward normal and tangents at a point of a facet; the normal is zero where the map is singular.
   pure subroutine facet_position_and_normal(self, facet, xi, position, normal, xu, xv)
+    !> Facets of the surface.
     type(facet_set_t), intent(in) :: self
     !> Facet number.
     integer, intent(in) :: facet

@@ -43,7 +43,7 @@ module dotyk_contact_moment_fitting
 contains
 
   !> Variation of the area per reference area over a facet, (max - min)/(max + min) of its corners; 0 for other facets
-  !> than quadrilaterals.
+  !> than quadrilaterals [].
   pure real(dp) function distortion(set, facet) result(ratio)
     !> Facets of the surface.
     type(facet_set_t), intent(in) :: set

@@ -28,9 +28,9 @@ contains
 
   !> Fit the normal. Without enough vertices `determined` is false, and the normal is that of the minimum-norm fit.
   subroutine fit_normal(dimension, point, normal, determined)
-    !> Of space, 2 or 3.
+    !> Dimension of space, 2 or 3.
     integer, intent(in) :: dimension
-    !> Vertices relative to the vertex itself, which is not among them (3, n) [length].
+    !> Vertices of the patch relative to the vertex itself, which is not among them (3, n) [length].
     real(dp), intent(in) :: point(:, :)
     !> Unit normal: on entry a guess, in whose frame all heights are functions of the tangential coordinates; the fit on
     !> return (3) [].

@@ -280,7 +280,7 @@ contains
     real(dp), intent(in) :: x(:, :)
     !> Search radius: greatest distance of a projection [length].
     real(dp), intent(in) :: radius
-    !> Always set.
+    !> Allocated on return: the commonest reason, and advice.
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: reason, advice
     real(dp) :: smallest

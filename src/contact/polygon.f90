@@ -34,7 +34,7 @@ contains
     if (polygon%n <= max_corners) polygon%x(:, polygon%n) = x
   end subroutine append_corner
 
-  !> Area, negative where the corners run clockwise.
+  !> Area, negative where the corners run clockwise [length^2].
   pure real(dp) function signed_area(polygon) result(area)
     !> Polygon.
     type(polygon_t), intent(in) :: polygon
@@ -151,7 +151,8 @@ contains
     end do
   end subroutine triangulate
 
-  !> Quality of a corner as an ear, twice the area over the square of the longest side; 0 where the corner is no ear.
+  !> Quality of a corner as an ear, twice the area over the square of the longest side; 0 where the corner is no ear
+  !> [].
   pure real(dp) function ear_quality(polygon, i) result(shape)
     !> Polygon.
     type(polygon_t), intent(in) :: polygon
@@ -210,7 +211,7 @@ contains
     end do
   end function contains_point
 
-  !> Vector product in the plane.
+  !> Vector product in the plane [any].
   pure real(dp) function cross(a, b)
     !> First vector (2) [any].
     real(dp), intent(in) :: a(2)

@@ -85,6 +85,7 @@ contains
 
   !> Project a point.
   pure subroutine project_point(self, x, normal_a, hint, search_radius, projection)
+    !> The master surface.
     type(master_surface_t), intent(in) :: self
     !> Point of the slave surface (3) [length].
     real(dp), intent(in) :: x(3)
@@ -106,8 +107,9 @@ contains
     inside = .true.
     ridge = .false.
     call edges_at(self%set%corners(facet), projection%xi, edge_tolerance, n_edges, edges)
-    if (n_edges > 0) call resolve_edge(self, x, normal_a, n_edges, edges, facet, projection%xi, &
-                                       projection%position, normal, ridge, inside)
+    if (n_edges > 0) &
+      call resolve_edge(self, x, normal_a, n_edges, edges, facet, projection%xi, projection%position, normal, ridge, &
+                        inside)
     projection%facet = facet
     r = x - projection%position
     call align_normal(r, self%set%size(facet), ridge, normal)
@@ -125,6 +127,7 @@ contains
   !> Choose among the facets around a closest point on an edge or at a corner, and find out whether x projects inside
   !> their union.
   pure subroutine resolve_edge(self, x, normal_a, n_edges, edges, facet, xi, position, normal, ridge, inside)
+    !> The master surface.
     type(master_surface_t), intent(in) :: self
     !> Point of the slave surface (3) [length].
     real(dp), intent(in) :: x(3)

@@ -298,7 +298,7 @@ contains
          triple_product(a(:, 1), a(:, 2), b)]/determinant
   end subroutine solve_3x3
 
-  !> Triple product a . (b x c).
+  !> Triple product a . (b x c) [any].
   pure real(dp) function triple_product(a, b, c)
     !> First vector (3) [any].
     real(dp), intent(in) :: a(3)

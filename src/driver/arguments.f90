@@ -9,7 +9,7 @@ module dotyk_driver_arguments
   type, public :: arguments_t
     !> Namelist file; empty where none is needed.
     character(:), allocatable :: case_file
-    !> Results file in place of the scene's; empty where not given.
+    !> Path of the results file in place of the scene's; empty where not given.
     character(:), allocatable :: output
     !> Results file whose contact pressures the scheme starts from; empty: from the scene without contact.
     character(:), allocatable :: restart
@@ -19,8 +19,12 @@ module dotyk_driver_arguments
     logical :: check = .false.
     !> Print errors only.
     logical :: quiet = .false.
-    !> Print the version, the help, or the input reference in Markdown, and stop.
-    logical :: version = .false., help = .false., reference = .false.
+    !> Print the version and stop.
+    logical :: version = .false.
+    !> Print the help and stop.
+    logical :: help = .false.
+    !> Print the input reference in Markdown and stop.
+    logical :: reference = .false.
   end type arguments_t
 
   public :: read_arguments, parse_arguments, command_line_text
@@ -29,7 +33,9 @@ contains
 
   !> The arguments of this run.
   subroutine read_arguments(arguments, error)
+    !> Arguments of the command line.
     type(arguments_t), intent(out) :: arguments
+    !> Allocated where they are wrong: an unknown option, a missing value, no case or several.
     type(error_t), allocatable, intent(out) :: error
     type(text_t), allocatable :: words(:)
     integer :: i, length
@@ -44,9 +50,11 @@ contains
 
   !> Words to arguments.
   subroutine parse_arguments(words, arguments, error)
-    !> The command line without the program's name.
+    !> Words of the command line without the program's name (n_words).
     type(text_t), intent(in) :: words(:)
+    !> Arguments that the words spell.
     type(arguments_t), intent(out) :: arguments
+    !> Allocated where they are wrong: an unknown option, a missing value, no case or several.
     type(error_t), allocatable, intent(out) :: error
     type(text_t) :: options(7)
     integer :: i, status
@@ -103,7 +111,7 @@ contains
           return
         else if (len(arguments%case_file) > 0) then
           call set_error(error, "one case at a time: '"//arguments%case_file//"' or '"//words(i)%s// &
-            "'? (tools/batch.sh runs several)")
+                         "'? (tools/batch.sh runs several)")
           return
         end if
         arguments%case_file = words(i)%s

@@ -1,4 +1,4 @@
-!> The last look at an answer before it is shown: none has infinities, or what is no number, in it.
+!> Refuses solutions with infinities or NaN before they are shown or written.
 module dotyk_driver_finite
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use dotyk_base_error, only: error_t, exit_not_solvable, set_error
@@ -13,22 +13,27 @@ module dotyk_driver_finite
   private
   public :: refuse_overflow
 
-  character(*), &
-    parameter :: reason = ' not finite: overflow, input values of incompatible magnitude; check their units'
+  !> Cause and remedy.
+  character(*), parameter :: reason = &
+    ' not finite: overflow, input values of incompatible magnitude; check their units'
 
 contains
 
-  !> Refuse an answer whose displacements, stresses, pressures or energy overflowed.
+  !> Refuse a solution whose displacements, stresses, pressures or energy overflowed.
   subroutine refuse_overflow(case, body, pair, solution, pair_solution, state, error)
+    !> The case.
     type(case_t), intent(in) :: case
-    !> (n_bodies).
+    !> Bodies (n_bodies).
     type(body_t), intent(in) :: body(:)
+    !> Displacements and stresses of the bodies (n_bodies).
     type(body_solution_t), intent(in) :: solution(:)
-    !> (n_pairs).
+    !> Contact pairs (n_pairs).
     type(contact_pair_t), intent(in) :: pair(:)
+    !> Contact pressures, gaps and resultants of the pairs (n_pairs).
     type(pair_solution_t), intent(in) :: pair_solution(:)
+    !> State of the scheme, with the energy.
     type(solver_state_t), intent(in) :: state
-    !> Names the first body or pair; exit code `exit_not_solvable`.
+    !> Allocated where a value is not finite; names the first body or pair; exit code `exit_not_solvable`.
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: what
     integer :: b, k
@@ -41,22 +46,20 @@ contains
         if (len(what) == 0 .and. .not. all(ieee_is_finite(solution(b)%stress))) what = 'stresses'
       end if
       if (len(what) == 0) cycle
-      call set_error(error, case%file//':'//to_text(case%body(b)%line)//': body '//quoted(body(b)%name)//': the '// &
-        what//' are'// &
-                     reason, exit_not_solvable)
+      call set_error(error, case%file//':'//to_text(case%body(b)%line)//': body '//quoted(body(b)%name)// &
+                     ': the '//what//' are'//reason, exit_not_solvable)
       return
     end do
     do k = 1, size(pair)
       associate (found => pair_solution(k))
         if (all(ieee_is_finite(found%pressure)) .and. all(ieee_is_finite(found%projected)) .and. &
-          all(ieee_is_finite(found%gap)) &
-          .and. all(ieee_is_finite(found%force))) cycle
+            all(ieee_is_finite(found%gap)) .and. all(ieee_is_finite(found%force))) cycle
       end associate
       call set_error(error, case%file//':'//to_text(case%contact(k)%line)//': &contact '//quoted(pair(k)%name)// &
                      ': the pressures are'//reason, exit_not_solvable)
       return
     end do
-    if (.not. ieee_is_finite(state%energy)) call set_error(error, case%file//': the energy is'//reason, &
-      exit_not_solvable)
+    if (.not. ieee_is_finite(state%energy)) &
+      call set_error(error, case%file//': the energy is'//reason, exit_not_solvable)
   end subroutine refuse_overflow
 end module dotyk_driver_finite

@@ -57,9 +57,9 @@ contains
     associate (problem => scene%problem, qp => scene%qp, displacements => solution%displacements%body)
       call set_stage('projecting contact pressures')
       call project_pressures(problem, qp%pair_first_row, solution%state%m, solution%state%y, pair_solution, &
-        contact_pressure, error)
-      if (.not. allocated(error)) call refuse_overflow(case, problem%body, problem%pair, displacements, pair_solution, &
-                                                       solution%state, error)
+                             contact_pressure, error)
+      if (allocated(error)) return
+      call refuse_overflow(case, problem%body, problem%pair, displacements, pair_solution, solution%state, error)
       if (allocated(error)) return
       if (solution%state%ended /= ended_time) call show_pair_results(monitor%log, problem%pair, pair_solution)
       call monitor%watch%lap(monitor%timing%recover)
@@ -104,7 +104,9 @@ contains
 
   !> Solves with whole factors: without contact, and one for each body in each recovery of displacements.
   pure integer function full_solves(scene, solution) result(n)
+    !> The scene, factorized.
     type(scene_t), intent(in) :: scene
+    !> The solution.
     type(contact_solution_t), intent(in) :: solution
     integer :: b
     n = count([(.not. allocated(scene%problem%isolated(b)%displacement), b=1, size(scene%problem%isolated))])

@@ -1,4 +1,4 @@
-!> Everything that a run leaves behind, into the results file (docs/results.md).
+!> Groups of the results file: fields, contact pairs, summary, provenance and timing (docs/results.md).
 module dotyk_driver_results_groups
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
@@ -28,13 +28,19 @@ contains
 
   !> Create the file; meshes, displacements, contact pressures and stresses of all bodies.
   subroutine write_fields(file, case, body, solution, contact_pressure, budget, error)
+    !> Results file; open on return.
     type(results_file_t), intent(inout) :: file
+    !> The case, with the fields to write.
     type(case_t), intent(in) :: case
-    !> (n_bodies).
+    !> Bodies (n_bodies).
     type(body_t), intent(in) :: body(:)
+    !> Displacements and stresses of the bodies (n_bodies).
     type(body_solution_t), intent(in) :: solution(:)
+    !> Contact pressures at the nodes of the bodies (n_bodies).
     type(nodal_field_t), intent(in) :: contact_pressure(:)
+    !> Error budget, with the discretization errors of the elements.
     type(error_budget_t), intent(in) :: budget
+    !> Allocated where the file cannot be written; it is discarded.
     type(error_t), allocatable, intent(out) :: error
     integer(int64), dimension(size(body)) :: n_points, n_cells, n_connectivity
     real(dp), allocatable :: mises(:)
@@ -45,15 +51,14 @@ contains
       n_connectivity(b) = connectivity_length(body(b)%mesh)
     end do
     call file%create(case%scene%output, n_points, n_cells, n_connectivity, case%output%displacement, &
-      case%output%stress, &
-                     case%output%contact, case%output%error, error)
+                     case%output%stress, case%output%contact, case%output%error, error)
     if (allocated(error)) return
     do b = 1, size(body)
       call file%write_part(b, body(b)%mesh, error)
       if (.not. allocated(error) .and. case%output%displacement) &
         call file%write_displacement(b, solution(b)%displacement, error)
-      if (.not. allocated(error) .and. case%output%contact) call file%write_contact_pressure(b, &
-        contact_pressure(b)%value, error)
+      if (.not. allocated(error) .and. case%output%contact) &
+        call file%write_contact_pressure(b, contact_pressure(b)%value, error)
       if (.not. allocated(error) .and. case%output%stress) then
         mises = [(von_mises(solution(b)%stress(:, e)), e=1, size(solution(b)%stress, 2))]
         call file%write_stress(b, solution(b)%stress, mises, error)
@@ -69,14 +74,15 @@ contains
 
   !> Contact rows of all pairs.
   subroutine write_pairs(file, pair, first_row, solution, pair_solution)
+    !> Results file, open.
     type(results_file_t), intent(inout) :: file
-    !> (n_pairs).
+    !> Contact pairs (n_pairs).
     type(contact_pair_t), intent(in) :: pair(:)
     !> Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
     integer, intent(in) :: first_row(:)
-    !> With the penalty parameters.
+    !> The solution, with the penalty parameters.
     type(contact_solution_t), intent(in) :: solution
-    !> (n_pairs).
+    !> Contact pressures, gaps and resultants of the pairs (n_pairs).
     type(pair_solution_t), intent(in) :: pair_solution(:)
     character(:), allocatable :: group
     integer :: k
@@ -99,15 +105,21 @@ contains
 
   !> How the scheme ended, and its history.
   subroutine write_summary(file, case, problem, size_of, qp, n_sweeps, n_full_solves, solution)
+    !> Results file, open.
     type(results_file_t), intent(inout) :: file
-    !> With the scheme.
+    !> The case, with the scheme.
     type(case_t), intent(in) :: case
+    !> Bodies and contact pairs.
     type(contact_problem_t), intent(in) :: problem
-    !> (n_bodies).
+    !> Sizes of the factors (n_bodies).
     type(factor_size_t), intent(in) :: size_of(:)
+    !> The quadratic programme.
     type(contact_qp_t), intent(in) :: qp
-    !> Solves of every body, and solves with whole factors for displacements.
-    integer, intent(in) :: n_sweeps, n_full_solves
+    !> Number of solves of every body.
+    integer, intent(in) :: n_sweeps
+    !> Number of solves with whole factors, for displacements.
+    integer, intent(in) :: n_full_solves
+    !> The solution.
     type(contact_solution_t), intent(in) :: solution
     integer :: indeterminate
     associate (state => solution%state, budget => solution%budget, conditioning => solution%conditioning)
@@ -161,12 +173,15 @@ contains
     end associate
   end subroutine write_summary
 
-  !> What made the file.
+  !> Version, command line, compiler, BLAS, threads and input.
   subroutine write_provenance(file, case, threads, started)
+    !> Results file, open.
     type(results_file_t), intent(inout) :: file
+    !> The case, with the text of its namelist file.
     type(case_t), intent(in) :: case
+    !> Number of threads.
     integer, intent(in) :: threads
-    !> Date and time.
+    !> Date and time of the start.
     character(*), intent(in) :: started
     call file%put_attribute('', 'version', version)
     call file%put_attribute('', 'command_line', command_line_text())
@@ -177,9 +192,11 @@ contains
     call file%put_attribute('', 'input', case%text)
   end subroutine write_provenance
 
-  !> Where the time went.
+  !> Wall times of the phases.
   subroutine write_timing(file, timing)
+    !> Results file, open.
     type(results_file_t), intent(inout) :: file
+    !> Wall times of the phases.
     type(timing_t), intent(in) :: timing
     call file%put_attribute('timing', 'read', timing%read)
     call file%put_attribute('timing', 'assemble', timing%assemble)
@@ -195,6 +212,7 @@ contains
 
   !> 1, 2, ..., n.
   pure function numbers_to(n) result(numbers)
+    !> Largest number.
     integer, intent(in) :: n
     integer :: numbers(n)
     integer :: i

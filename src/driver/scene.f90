@@ -11,8 +11,7 @@ module dotyk_driver_scene
   use dotyk_model_assembly, only: assemble_bodies, check_held
   use dotyk_model_body_setup, only: build_bodies
   use dotyk_control_factorization, only: analyze_bodies, check_memory, direct_slot_t, factor_size_t, factorize_bodies, &
-    find_modes, &
-    make_operators
+    find_modes, make_operators
   use dotyk_log_run_monitor, only: log_monitor_t
   use dotyk_model_pairs, only: find_pairs, foundation_compliance
   use dotyk_log_scene_tables, only: show_factorization
@@ -54,11 +53,13 @@ contains
 
   !> Meshes to bodies, contact rows, and the sizes of the factors: all that can be checked before anything is solved.
   subroutine build_scene(case, scheme, scene, monitor, error)
+    !> The case.
     type(case_t), intent(in) :: case
-    !> The scheme that will solve it.
+    !> Scheme of the run.
     class(scheme_t), intent(in) :: scheme
+    !> The scene: bodies, contact pairs, sizes of the factors.
     type(scene_t), intent(inout) :: scene
-    !> For the timing.
+    !> Log and watch; times are added.
     type(log_monitor_t), intent(inout) :: monitor
     !> Allocated where a mesh, a material, a support, a load or a pair is wrong; names file and line.
     type(error_t), allocatable, intent(out) :: error
@@ -82,8 +83,7 @@ contains
       call stop_if_interrupted(error)
       if (allocated(error)) return
       call build_operator(case%scene%dimension, size(problem%body), problem%pair, problem%surface_a, &
-        problem%surface_b, &
-                          scene%operator)
+                          problem%surface_b, scene%operator)
       call monitor%watch%lap(monitor%timing%search)
       call set_stage('ordering the equations')
       call analyze_bodies(problem%body, problem%modes, scene%stiffness, problem%classes, scene%operator%block, &
@@ -96,10 +96,13 @@ contains
 
   !> Factorize, and solve without contact: the QP and its compliance.
   subroutine factorize_scene(case, scheme, scene, monitor, error)
+    !> The case.
     type(case_t), intent(in) :: case
+    !> Scheme of the run.
     class(scheme_t), intent(in) :: scheme
     !> Built; without stiffnesses, operator and compliance operators on return.
     type(scene_t), intent(inout) :: scene
+    !> Log and watch; times are added.
     type(log_monitor_t), intent(inout) :: monitor
     !> Allocated where a body is not held, memory does not suffice, or an interrupt came.
     type(error_t), allocatable, intent(out) :: error
@@ -117,26 +120,24 @@ contains
       if (len(warning) > 0) call monitor%log%line('  warning: '//warning)
       call set_stage('factorizing')
       call factorize_bodies(problem%body, problem%classes, .not. scheme%needs_held_bodies(), scene%size_of, &
-        scene%stiffness, &
-                            scene%direct, problem%report, error)
+                            scene%stiffness, scene%direct, problem%report, error)
       call stop_if_interrupted(error)
       if (allocated(error)) return
       call monitor%watch%lap(monitor%timing%factorize)
       call show_factorization(monitor%log, scene%size_of, monitor%timing%factorize)
       call find_modes(problem%body, problem%classes, block, problem%report, problem%modes, modes, error)
       if (allocated(error)) return
-      call make_operators(problem%body, problem%classes, block, problem%report, scene%size_of, scene%direct, response, &
-        operators)
+      call make_operators(problem%body, problem%classes, block, problem%report, scene%size_of, scene%direct, &
+                          response, operators)
       call share_solves(operators%cost, case%solver%reproducible, side_by_side, problem%n_blas)
       call set_stage('solving without contact')
       call solve_without_contact(problem%body, block, scene%operator%gap, response, problem%classes%first, &
-        side_by_side, &
-                                 problem%n_blas, free, problem%isolated)
+                                 side_by_side, problem%n_blas, free, problem%isolated)
       scene%n_full_solves = free%n_solves
       call coarse%init(block, scene%operator%n_rows, modes)
       call foundation_compliance(problem%body, problem%pair, foundation)
-      call qp%init(scene%operator, free%initial_penetration, free%load_displacement, free%energy, free%norm_square, &
-        foundation, coarse)
+      call qp%init(scene%operator, free%initial_penetration, free%load_displacement, free%energy, &
+                   free%norm_square, foundation, coarse)
       call compliance%init(qp, response, operators, side_by_side)
       if (any(scene%size_of%forms_matrix)) then
         call set_blas_threads(scene%problem%n_blas)

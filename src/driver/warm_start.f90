@@ -30,16 +30,17 @@ contains
 
   !> Read the contact pressures of a results file. All errors lead to exit code 2.
   subroutine read_pressures(path, body, pair, log, pressure, error)
-    !> The results file.
+    !> Path of the results file.
     character(*), intent(in) :: path
-    !> Their meshes say how large the scene is (n_bodies).
+    !> Bodies; their meshes give the size of the scene (n_bodies).
     type(body_t), intent(in) :: body(:)
     !> Contact rows of this case (n_pairs).
     type(contact_pair_t), intent(in) :: pair(:)
+    !> The log.
     type(log_t), intent(inout) :: log
     !> Lagrange multipliers of all rows, pair after pair (n_rows) [pressure].
     real(dp), allocatable, intent(out) :: pressure(:)
-    !> The file is missing or none of this program, or has other contact rows.
+    !> Allocated where the file is missing, is no results file, or has other contact rows.
     type(error_t), allocatable, intent(out) :: error
     type(hdf5_source_t) :: source
     character(:), allocatable :: reason
@@ -59,7 +60,7 @@ contains
 
   !> Diagonal of the box around all bodies [length].
   pure real(dp) function scene_size(body)
-    !> (n_bodies).
+    !> Bodies (n_bodies).
     type(body_t), intent(in) :: body(:)
     real(dp) :: low(3), high(3)
     integer :: b, d
@@ -76,15 +77,15 @@ contains
 
   !> Compare the contact pairs of the file with those of the case, and read their pressures.
   subroutine read_pairs(source, length, pair, pressure, error)
-    !> Open.
+    !> Results file, open.
     type(hdf5_source_t), intent(in) :: source
     !> Size of the scene [length].
     real(dp), intent(in) :: length
-    !> (n_pairs).
+    !> Contact pairs of the case (n_pairs).
     type(contact_pair_t), intent(in) :: pair(:)
-    !> (n_rows) [pressure].
+    !> Lagrange multipliers of all rows, pair after pair (n_rows) [pressure].
     real(dp), allocatable, intent(out) :: pressure(:)
-    !> There is no contact in the file, or it has other rows.
+    !> Allocated where the file has no contact, or other contact rows.
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: what
     integer :: k, n
@@ -109,16 +110,17 @@ contains
 
   !> Compare one contact pair, and read its pressures.
   subroutine read_pair(source, tolerance, pair, pressure, what, error)
-    !> Open.
+    !> Results file, open.
     type(hdf5_source_t), intent(in) :: source
     !> Largest distance between the row of the file and that of the case [length].
     real(dp), intent(in) :: tolerance
+    !> Contact pair of the case.
     type(contact_pair_t), intent(in) :: pair
-    !> (n_rows) [pressure].
+    !> Lagrange multipliers of its rows (n_rows) [pressure].
     real(dp), contiguous, intent(out) :: pressure(:)
     !> The difference between the rows, in words; empty: none.
     character(:), allocatable, intent(out) :: what
-    !> The file cannot be read, or holds pressures of a diverged run.
+    !> Allocated where the file cannot be read, or holds pressures of a diverged run.
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: group
     real(dp), allocatable :: position(:)
@@ -132,7 +134,7 @@ contains
       return
     else if (source%n_values(group//'/pressure') /= pair%n_rows) then
       what = 'pair '//quoted(pair%name)//' has '//to_text(max(0_int64, source%n_values(group//'/pressure')))// &
-        ' rows in the file and '//to_text(pair%n_rows)//' in the case'
+             ' rows in the file and '//to_text(pair%n_rows)//' in the case'
       return
     end if
     allocate (position(3*pair%n_rows))
@@ -149,17 +151,18 @@ contains
     end do
     if (.not. (all(ieee_is_finite(pressure)) .and. all(abs(pressure) <= largest_pressure))) &
       call set_error(error, quoted(source%path)//': the pressures of pair '//quoted(pair%name)// &
-      ' are those of a diverged run')
+                     ' are those of a diverged run')
   end subroutine read_pair
 
   !> The state that a scheme starts from.
   subroutine start_from_pressures(pressure, qp, compliance, state)
     !> Lagrange multipliers; where all are 0, the scheme starts without a state (n_rows) [pressure].
     real(dp), intent(in) :: pressure(:)
+    !> The quadratic programme.
     type(contact_qp_t), intent(in) :: qp
-    !> One product is asked of it.
+    !> Compliance of the contact rows; one product is made.
     class(compliance_t), intent(inout) :: compliance
-    !> Without history, L and amplitudes of rigid body modes.
+    !> Initial state: pressures and penetrations, without history, L and amplitudes of rigid body modes.
     type(solver_state_t), intent(inout) :: state
     if (.not. any(pressure > 0)) return
     state%m = pressure

@@ -112,7 +112,7 @@ contains
   !> Describe a combination of rigid body modes, as in "translation along (0, 0, 1)"; empty for none.
   function modes_combination_text(self, amplitude) result(text)
     class(body_modes_t), intent(in) :: self
-    !> Amplitude of each mode (n) [any unit].
+    !> Amplitude of each mode (n) [any].
     real(dp), intent(in) :: amplitude(:)
     character(:), allocatable :: text
     text = self%rigid%combination_text(amplitude)
@@ -121,7 +121,7 @@ contains
   !> Describe the span of several combinations of rigid body modes; empty for none.
   function modes_span_text(self, amplitude) result(text)
     class(body_modes_t), intent(in) :: self
-    !> Amplitudes of each combination as columns (n, n_combinations) [any unit].
+    !> Amplitudes of each combination as columns (n, n_combinations) [any].
     real(dp), intent(in) :: amplitude(:, :)
     character(:), allocatable :: text
     text = self%rigid%span_text(amplitude)
@@ -133,7 +133,7 @@ contains
     real(dp), intent(in) :: shape(:, :, :)
     !> Nodal forces (dim, n_nodes) [force].
     real(dp), intent(in) :: load(:, :)
-    !> (n) [force]
+    !> Resultants (n) [force].
     real(dp) :: resultant(size(shape, 3))
     real(dp) :: largest
     integer :: i, k

@@ -209,7 +209,7 @@ contains
   end subroutine find_rotation
 
   !> Right-handed axes as columns: the first along a direction, the second in the plane of two; in two dimensions the
-  !> third is z.
+  !> third is z (3, 3) [].
   pure function triad(d, first, second) result(axes)
     !> Number of coordinates.
     integer, intent(in) :: d
@@ -295,7 +295,7 @@ contains
     same = .true.
   end function same_supports
 
-  !> Axes of a node, as columns (d, d).
+  !> Axes of a node, as columns (d, d) [].
   pure function axes_of(d, constraint, i) result(axes)
     !> Number of displacement components.
     integer, intent(in) :: d

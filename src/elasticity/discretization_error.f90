@@ -293,7 +293,7 @@ contains
     integer, intent(in) :: n
     !> Basis functions at the points (n_points, n) [].
     real(dp), intent(in) :: shape(n_points, n)
-    !> Coefficients of the functions (n_functions, n) [any unit].
+    !> Coefficients of the functions (n_functions, n) [any].
     real(dp), intent(in) :: f(n_functions, n)
     !> Values of the functions (n_points, n_functions) [unit of f].
     real(dp), intent(out) :: values(n_points, n_functions)

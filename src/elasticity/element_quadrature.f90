@@ -42,9 +42,9 @@ module dotyk_elasticity_element_quadrature
     real(dp), allocatable :: x(:, :)
     !> Gradients of the shape functions, of shape (n, slots, n_points) in the first entries [1/length].
     real(dp), allocatable :: g(:)
-    !> Quadrature weights, in the first n_points entries [volume].
+    !> Quadrature weights, in the first n_points entries (n_allocated) [volume].
     real(dp), allocatable :: w(:)
-    !> Weights times the modulus field, in the first n_points entries [volume].
+    !> Weights times the modulus field, in the first n_points entries (n_allocated) [volume].
     real(dp), allocatable :: stiffness(:)
     !> Linear forms of the projected dilatation, of shape (n, dim, n_functions), where bulk > 0 [sqrt(volume)/length].
     real(dp), allocatable :: dilatation(:)

@@ -182,7 +182,7 @@ contains
     integer, intent(in) :: n_points
     !> Derivatives of the shape functions by reference coordinates (n_points, n, dim) [].
     real(dp), intent(in) :: gradient(n_points, n, dim)
-    !> Values at the nodes (dim, n) [any unit].
+    !> Values at the nodes (dim, n) [any].
     real(dp), intent(in) :: f(dim, n)
     !> Derivative of function i by reference coordinate m (n_points, dim, dim) [unit of f].
     real(dp), intent(out) :: slope(n_points, dim, dim)
@@ -202,7 +202,7 @@ contains
     integer, intent(in) :: n_points
     !> Shape functions or one of their derivatives (n_points, n) [].
     real(dp), intent(in) :: shape(n_points, n)
-    !> Values at the nodes (n_functions, n) [any unit].
+    !> Values at the nodes (n_functions, n) [any].
     real(dp), intent(in) :: f(n_functions, n)
     !> Values at the points (n_points, n_functions) [unit of f].
     real(dp), intent(out) :: values(n_points, n_functions)

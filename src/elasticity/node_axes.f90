@@ -150,7 +150,7 @@ contains
     axes%is_global = .false.
   end subroutine choose_axes
 
-  !> A vector without one of its components.
+  !> A vector without one of its components (n-1) [].
   pure function without(vector, i) result(others)
     !> The vector (n) [].
     real(dp), intent(in) :: vector(:)

@@ -182,7 +182,7 @@ contains
   pure subroutine diagonalize(n, a, vectors)
     !> Order of the matrix.
     integer, intent(in) :: n
-    !> The matrix; its eigenvalues on the diagonal on return (n, n) [any unit].
+    !> The matrix; its eigenvalues on the diagonal on return (n, n) [any].
     real(dp), intent(inout) :: a(n, n)
     !> Eigenvectors as columns (n, n) [].
     real(dp), intent(out) :: vectors(n, n)

@@ -180,7 +180,7 @@ contains
   !> Describe a combination of the modes, as in "translation along (0, 0, 1)"; empty for none.
   function rigid_body_modes_combination_text(self, amplitude) result(text)
     class(rigid_body_modes_t), intent(in) :: self
-    !> Amplitude of each mode (n) [any unit].
+    !> Amplitude of each mode (n) [any].
     real(dp), intent(in) :: amplitude(:)
     character(:), allocatable :: text
     character(:), allocatable :: motion
@@ -206,7 +206,7 @@ contains
   !> (0, 1, 0)"; empty for none.
   function rigid_body_modes_span_text(self, amplitude) result(text)
     class(rigid_body_modes_t), intent(in) :: self
-    !> Amplitudes of each combination as columns; small columns count as zero (n, n_combinations) [any unit].
+    !> Amplitudes of each combination as columns; small columns count as zero (n, n_combinations) [any].
     real(dp), intent(in) :: amplitude(:, :)
     character(:), allocatable :: text
     character(:), allocatable :: motion

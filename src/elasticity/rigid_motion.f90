@@ -83,7 +83,7 @@ contains
 
   !> Displacement of a point in a rigid motion (dim) [unit of the motion].
   pure function rigid_displacement(motion, centre, radius, x) result(u)
-    !> Translation, and rotation times the radius, about the centre (6) [any unit].
+    !> Translation, and rotation times the radius, about the centre (6) [any].
     real(dp), intent(in) :: motion(6)
     !> Centre of the component (3) [length].
     real(dp), intent(in) :: centre(3)
@@ -281,7 +281,7 @@ contains
 
   !> A direction as a unit vector for messages, along a global axis rather than against it.
   pure function direction_text(vector) result(text)
-    !> The direction (dim) [any unit].
+    !> The direction (dim) [any].
     real(dp), intent(in) :: vector(:)
     character(:), allocatable :: text
     real(dp) :: unit(size(vector))

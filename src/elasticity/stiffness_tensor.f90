@@ -22,9 +22,9 @@ contains
 
   !> Orthonormal right-handed axes from two directions.
   subroutine material_axes(axis_1, axis_2, axes, error)
-    !> Direction of axis 1, of any length (3) [any unit].
+    !> Direction of axis 1, of any length (3) [any].
     real(dp), intent(in) :: axis_1(3)
-    !> A direction in the plane of axes 1 and 2 (3) [any unit].
+    !> A direction in the plane of axes 1 and 2 (3) [any].
     real(dp), intent(in) :: axis_2(3)
     !> Unit vectors along axes 1, 2, 3, as columns (3, 3) [].
     real(dp), intent(out) :: axes(3, 3)
@@ -50,9 +50,9 @@ contains
       axes(1, 1)*axes(2, 2) - axes(2, 1)*axes(1, 2)]
   end subroutine material_axes
 
-  !> A 6 by 6 matrix with rows and columns multiplied by weights.
+  !> A 6 by 6 matrix with rows and columns multiplied by weights (6, 6) [any].
   pure function scale_components(matrix, weight) result(product)
-    !> The matrix (6, 6) [any unit].
+    !> The matrix (6, 6) [any].
     real(dp), intent(in) :: matrix(6, 6)
     !> Weight of each row and column (6) [].
     real(dp), intent(in) :: weight(6)

@@ -16,7 +16,7 @@ module dotyk_elasticity_vector_field
 
   !> A vector field. It owns formulas: never copy it, and destroy it in the end.
   type, public :: vector_field_t
-    !> Components without a formula (3) [any unit].
+    !> Components without a formula (3) [any].
     real(dp) :: value(3) = 0
     !> Whether no component has a formula.
     logical :: constant = .true.
@@ -35,7 +35,7 @@ contains
   !> Parse the formulas of a field.
   subroutine vector_field_init(self, value, error, text)
     class(vector_field_t), intent(inout) :: self
-    !> Constant components (3) [any unit].
+    !> Constant components (3) [any].
     real(dp), intent(in) :: value(3)
     !> Allocated where a formula does not parse.
     type(error_t), allocatable, intent(out) :: error
@@ -63,7 +63,7 @@ contains
     class(vector_field_t), intent(in) :: self
     !> Coordinates of the point, two or three (dim) [length].
     real(dp), intent(in) :: x(:)
-    !> The vector (3) [any unit].
+    !> The vector (3) [any].
     real(dp), intent(out) :: value(3)
     !> Allocated where a component has no finite value there, or one that is too large or too small.
     type(error_t), allocatable, intent(out) :: error
@@ -111,9 +111,9 @@ contains
 
   !> A vector for messages, without rounding errors.
   pure function vector_text(vector, scale) result(text)
-    !> The vector (n) [any unit].
+    !> The vector (n) [any].
     real(dp), intent(in) :: vector(:)
-    !> Size of numbers that are not rounding errors [any unit].
+    !> Size of numbers that are not rounding errors [any].
     real(dp), intent(in) :: scale
     character(:), allocatable :: text
     real(dp) :: clean(size(vector))

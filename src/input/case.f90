@@ -40,15 +40,15 @@ module dotyk_input_case
     character(:), allocatable :: name
     !> One of `material_*`: decides which of the components below are used.
     integer :: kind = material_isotropic
-    !> Young's modulus [pressure]; isotropic: the first; orthotropic: along the axes 1, 2, 3.
+    !> Young's modulus; isotropic: the first; orthotropic: along the axes 1, 2, 3 (3) [pressure].
     real(dp) :: young(3) = 0
-    !> Poisson's ratio []; isotropic: the first; orthotropic: 12, 13, 23.
+    !> Poisson's ratio; isotropic: the first; orthotropic: 12, 13, 23 (3) [].
     real(dp) :: poisson(3) = 0
-    !> Shear moduli 12, 13, 23 of an orthotropic material [pressure].
+    !> Shear moduli 12, 13, 23 of an orthotropic material (3) [pressure].
     real(dp) :: shear(3) = 0
-    !> Axis 1 of an orthotropic material, as written (not of unit length).
+    !> Axis 1 of an orthotropic material, as written, not of unit length (3) [].
     real(dp) :: axis_1(3) = [1.0_dp, 0.0_dp, 0.0_dp]
-    !> A direction in the plane of its axes 1 and 2, as written; not parallel to axis 1.
+    !> A direction in the plane of its axes 1 and 2, as written; not parallel to axis 1 (3) [].
     real(dp) :: axis_2(3) = [0.0_dp, 1.0_dp, 0.0_dp]
     !> Upper triangle of the elasticity matrix by rows (21), order xx yy zz yz xz xy [pressure].
     real(dp) :: stiffness(21) = 0
@@ -70,7 +70,7 @@ module dotyk_input_case
     character(:), allocatable :: mesh
     !> Position of the origin of its mesh (3) [length].
     real(dp) :: at(3) = 0
-    !> Axis through the origin of the mesh about which the body is rotated first, as written (3).
+    !> Axis through the origin of the mesh about which the body is rotated first, as written (3) [].
     real(dp) :: axis(3) = [0.0_dp, 0.0_dp, 1.0_dp]
     !> Angle of that rotation [degrees].
     real(dp) :: angle = 0
@@ -104,7 +104,7 @@ module dotyk_input_case
     integer :: kind = load_traction
     !> Constant value, a pressure in the first component or a vector (3) [pressure, or force/volume].
     real(dp) :: value(3) = 0
-    !> Formulas: 1 for a pressure, 3 for vectors, or none.
+    !> Formulas: 1 for a pressure, 3 for vectors, or none (n_formulas).
     type(text_t), allocatable :: formula(:)
   end type load_input_t
 
@@ -210,15 +210,15 @@ module dotyk_input_case
     character(:), allocatable :: text
     !> `&scene`.
     type(scene_input_t) :: scene
-    !> Materials in the order of the file, at least one.
+    !> Materials in the order of the file, at least one (n_materials).
     type(material_input_t), allocatable :: material(:)
-    !> Bodies in the order of the file, at least one.
+    !> Bodies in the order of the file, at least one (n_bodies).
     type(body_input_t), allocatable :: body(:)
-    !> Supports in the order of the file.
+    !> Supports in the order of the file (n_supports).
     type(support_input_t), allocatable :: support(:)
-    !> Loads in the order of the file.
+    !> Loads in the order of the file (n_loads).
     type(load_input_t), allocatable :: load(:)
-    !> Contact pairs in the order of the file.
+    !> Contact pairs in the order of the file (n_pairs).
     type(contact_input_t), allocatable :: contact(:)
     !> `&solver`; defaults where the file has none.
     type(solver_input_t) :: solver

@@ -21,9 +21,9 @@ contains
 
   !> Report unknown groups.
   subroutine check_group_names(groups, known, problems, meant)
-    !> Groups of the file.
+    !> Groups of the file (n_groups).
     type(group_t), intent(in) :: groups(:)
-    !> Groups that the program knows.
+    !> Groups that the program knows (n_known).
     type(group_keyword_t), intent(in) :: known(:)
     !> Problems of the file; unknown groups are added.
     type(problems_t), intent(inout) :: problems
@@ -51,9 +51,9 @@ contains
 
   !> Report missing groups and groups that occur too often.
   subroutine check_occurrences(groups, known, meant, problems)
-    !> Groups of the file.
+    !> Groups of the file (n_groups).
     type(group_t), intent(in) :: groups(:)
-    !> Groups that the program knows.
+    !> Groups that the program knows (n_known).
     type(group_keyword_t), intent(in) :: known(:)
     !> Whether a known group may be in the file, misspelled (n_known).
     logical, intent(in) :: meant(:)
@@ -80,7 +80,7 @@ contains
   subroutine check_group(group, table, problems)
     !> Group as read; its values are converted, its defaults added.
     type(group_t), intent(inout) :: group
-    !> All keys.
+    !> Table of all keys (n_keys).
     type(keyword_t), intent(in) :: table(:)
     !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
@@ -131,7 +131,7 @@ contains
     type(group_t), intent(in) :: group
     !> The unknown key.
     type(entry_t), intent(in) :: entry
-    !> All keys.
+    !> Table of all keys (n_keys).
     type(keyword_t), intent(in) :: table(:)
     !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
@@ -213,7 +213,7 @@ contains
     type(value_t), intent(in) :: value
     !> Row of the key.
     type(keyword_t), intent(in) :: row
-    !> The number; 0 where there is none.
+    !> The number; 0 where there is none [unit of the key].
     real(dp), intent(out) :: number
     character(:), allocatable :: message
     integer :: status
@@ -274,7 +274,7 @@ contains
     type(value_t), intent(in) :: value
     !> Row of the key.
     type(keyword_t), intent(in) :: row
-    !> Its number, in the unit of the key.
+    !> Its number [unit of the key].
     real(dp), intent(in) :: number
     character(:), allocatable :: message
     message = ''

@@ -17,7 +17,7 @@ contains
   pure subroutine read_real(text, value, status)
     !> Text of the value, without blanks.
     character(*), intent(in) :: text
-    !> The number; 0 where there is none.
+    !> The number; 0 where there is none [any].
     real(dp), intent(out) :: value
     !> One of `number_*`.
     integer, intent(out) :: status
@@ -100,6 +100,7 @@ contains
 
   !> Remove the sign in front of a number.
   pure subroutine drop_sign(number)
+    !> Digits of a number, maybe with a sign; without it on return.
     character(:), allocatable, intent(inout) :: number
     if (len(number) == 0) return
     if (scan(number(1:1), '+-') > 0) number = number(2:)

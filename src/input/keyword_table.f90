@@ -16,7 +16,7 @@ contains
 
   !> All groups, in the order of the reference.
   pure subroutine list_groups(groups)
-    !> The groups.
+    !> The groups (n_groups).
     type(group_keyword_t), allocatable, intent(out) :: groups(:)
     character, parameter :: lf = new_line('a')
     allocate (groups(8))
@@ -68,7 +68,7 @@ contains
 
   !> All keys, those of a group together, in the order of the groups.
   pure subroutine list_keywords(table)
-    !> The keys.
+    !> The keys (n_keys).
     type(keyword_t), allocatable, intent(out) :: table(:)
     type(keyword_list_t) :: list
     call list%init()

@@ -62,7 +62,7 @@ module dotyk_input_keywords
 
   !> A table of keys that is being made.
   type, public :: keyword_list_t
-    !> The keys so far.
+    !> The keys so far (n_keys).
     type(keyword_t), allocatable :: row(:)
     !> Group of the keys to come.
     character(:), allocatable, private :: group
@@ -149,7 +149,7 @@ contains
 
   !> Place of a key in the table; 0 where the group has no such key.
   pure integer function place_of_keyword(table, group, key) result(place)
-    !> All keys.
+    !> Table of all keys (n_keys).
     type(keyword_t), intent(in) :: table(:)
     !> Name of the group, in lower case.
     character(*), intent(in) :: group
@@ -164,11 +164,11 @@ contains
 
   !> Names of the keys of a group.
   pure subroutine keys_of_group(table, group, keys)
-    !> All keys.
+    !> Table of all keys (n_keys).
     type(keyword_t), intent(in) :: table(:)
     !> Name of the group, in lower case.
     character(*), intent(in) :: group
-    !> Names of its keys, in the order of the table.
+    !> Names of its keys, in the order of the table (n_keys_of_group).
     type(text_t), allocatable, intent(out) :: keys(:)
     integer :: i, n
     n = 0

@@ -98,6 +98,7 @@ contains
 
   !> Skip blanks, line ends and comments.
   subroutine skip_blanks(self, text)
+    !> Position in the text; moved.
     type(lexer_t), intent(inout) :: self
     !> The whole text.
     character(*), intent(in) :: text
@@ -125,6 +126,7 @@ contains
 
   !> Report text between groups, up to the next group, comment or line end.
   subroutine skip_outside(self, text, problems)
+    !> Position in the text; moved.
     type(lexer_t), intent(inout) :: self
     !> The whole text.
     character(*), intent(in) :: text
@@ -141,6 +143,7 @@ contains
 
   !> The word at the position, maybe empty; the position moves behind it.
   function word_at(self, text) result(word)
+    !> Position in the text; moved.
     type(lexer_t), intent(inout) :: self
     !> The whole text.
     character(*), intent(in) :: text
@@ -156,6 +159,7 @@ contains
 
   !> Read a word, or a text in quotes with a repeat count in front.
   subroutine read_word(self, text, problems, token)
+    !> Position in the text; moved.
     type(lexer_t), intent(inout) :: self
     !> The whole text.
     character(*), intent(in) :: text
@@ -181,6 +185,7 @@ contains
 
   !> Read a text in quotes; a doubled quote stands for one.
   subroutine read_quoted(self, text, problems, token)
+    !> Position in the text; moved.
     type(lexer_t), intent(inout) :: self
     !> The whole text.
     character(*), intent(in) :: text

@@ -76,13 +76,13 @@ contains
 
   !> Make plain data of checked groups.
   subroutine convert(groups, known, misspelled, table, problems, case)
-    !> Groups of the file.
+    !> Groups of the file (n_groups).
     type(group_t), intent(in) :: groups(:)
-    !> Groups that the program knows.
+    !> Groups that the program knows (n_known).
     type(group_keyword_t), intent(in) :: known(:)
     !> Whether a known group may be in the file, misspelled (n_known).
     logical, intent(in) :: misspelled(:)
-    !> All keys.
+    !> Table of all keys (n_keys).
     type(keyword_t), intent(in) :: table(:)
     !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
@@ -157,11 +157,11 @@ contains
 
   !> The first group of a name; where the file has none, one with the defaults of the table, in line 0.
   subroutine single_group(groups, name, table, problems, group)
-    !> Groups of the file.
+    !> Groups of the file (n_groups).
     type(group_t), intent(in) :: groups(:)
     !> Name of the group.
     character(*), intent(in) :: name
-    !> All keys.
+    !> Table of all keys (n_keys).
     type(keyword_t), intent(in) :: table(:)
     !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems

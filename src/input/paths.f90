@@ -57,7 +57,7 @@ contains
 
   !> A path relative to a directory, unless it is absolute.
   pure function resolve_path(directory, path) result(resolved)
-    !> With a slash at the end, or empty.
+    !> Directory with a slash at the end, or empty.
     character(*), intent(in) :: directory
     !> Path, absolute or relative.
     character(*), intent(in) :: path

@@ -12,9 +12,9 @@ module dotyk_input_problems
     character(:), allocatable :: file
     !> Number of problems.
     integer :: count = 0
-    !> Lines; the first `count` are in use.
+    !> Lines of the file; the first `count` are in use (n_allocated).
     integer, allocatable :: line(:)
-    !> Messages without file and line; the first `count` are in use.
+    !> Messages without file and line; the first `count` are in use (n_allocated).
     type(text_t), allocatable :: message(:)
   contains
     procedure :: init => problems_init

@@ -26,13 +26,13 @@ module dotyk_input_reader
     integer :: line = 0
     !> Number of values.
     integer :: n_values = 0
-    !> Values as written; the first `n_values` are in use.
+    !> Values as written; the first `n_values` are in use (n_allocated).
     type(value_t), allocatable :: value(:)
     !> Whether it has no mistake so far. Checks skip what depends on unusable keys.
     logical :: usable = .true.
     !> Whether it is a default of the table of keywords, not given in the file.
     logical :: from_default = .false.
-    !> Checked values of a real key (n_values).
+    !> Checked values of a real key (n_values) [unit of the key].
     real(dp), allocatable :: reals(:)
     !> Checked values of an integer key (n_values), or the options that its names stand for (n_names).
     integer, allocatable :: integers(:)
@@ -48,7 +48,7 @@ module dotyk_input_reader
     integer :: line = 0
     !> Number of keys.
     integer :: n_entries = 0
-    !> Keys; the first `n_entries` are in use.
+    !> Keys; the first `n_entries` are in use (n_allocated).
     type(entry_t), allocatable :: entry(:)
     !> Whether further keys were dropped.
     logical, private :: full = .false.
@@ -67,7 +67,7 @@ contains
     character(*), intent(in) :: text
     !> Problems of the file; mistakes of syntax are added.
     type(problems_t), intent(inout) :: problems
-    !> Groups in the order of the file.
+    !> Groups in the order of the file (n_groups).
     type(group_t), allocatable, intent(out) :: groups(:)
     type(group_t), allocatable :: longer(:)
     type(lexer_t) :: lexer

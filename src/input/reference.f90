@@ -36,7 +36,7 @@ contains
 
   !> What stands before the groups: purpose, syntax, and the list of groups.
   function introduction(groups) result(text)
-    !> All groups.
+    !> All groups (n_groups).
     type(group_keyword_t), intent(in) :: groups(:)
     character(:), allocatable :: text
     integer :: i

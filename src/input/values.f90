@@ -186,11 +186,11 @@ contains
 
   !> Indices of the groups of a name.
   pure subroutine pick_groups(groups, name, picked)
-    !> Groups of the file.
+    !> Groups of the file (n_groups).
     type(group_t), intent(in) :: groups(:)
     !> Name of the groups.
     character(*), intent(in) :: name
-    !> Their indices, ascending.
+    !> Their indices, ascending (n_picked).
     integer, allocatable, intent(out) :: picked(:)
     integer :: i
     picked = pack([(i, i=1, size(groups))], [(groups(i)%name == name, i=1, size(groups))])
@@ -198,7 +198,7 @@ contains
 
   !> Gather the names of groups of one kind and report duplicates.
   subroutine gather_names(groups, what, misspelled, problems, names)
-    !> All groups of the file.
+    !> All groups of the file (n_groups).
     type(group_t), intent(in) :: groups(:)
     !> Name of the groups.
     character(*), intent(in) :: what
@@ -268,7 +268,7 @@ contains
 
   !> The first names of a list, for messages.
   function first_names(name) result(text)
-    !> The names, at least one.
+    !> The names, at least one (n_names).
     type(text_t), intent(in) :: name(:)
     character(:), allocatable :: text
     integer, parameter :: most = 10

@@ -18,22 +18,28 @@ contains
 
   !> Refuse a scene without a solution: loads that no contact balances, or supports on both sides of contact rows.
   subroutine refuse_unsolvable(case, problem, qp, state, error)
+    !> The case.
     type(case_t), intent(in) :: case
+    !> Bodies and contact pairs.
     type(contact_problem_t), intent(in) :: problem
+    !> The quadratic programme.
     type(contact_qp_t), intent(in) :: qp
-    !> Where the scheme ended.
+    !> State of the scheme at its end.
     type(solver_state_t), intent(in) :: state
     !> Allocated where there is no solution; names body or pair, with its line.
     type(error_t), allocatable, intent(out) :: error
-    if (state%ended == ended_no_equilibrium) call refuse_motion(case, problem%body, problem%modes, qp, &
-      state%unbounded, error)
+    if (state%ended == ended_no_equilibrium) &
+      call refuse_motion(case, problem%body, problem%modes, qp, state%unbounded, error)
     if (state%ended == ended_rigid_constraint) call refuse_rigid_constraint(case, qp, error)
   end subroutine refuse_unsolvable
 
   !> Say which modes are indeterminate, and which bodies rotate too far.
   subroutine note_modes(problem, state, log)
+    !> Bodies and contact pairs.
     type(contact_problem_t), intent(in) :: problem
+    !> State of the scheme at its end.
     type(solver_state_t), intent(in) :: state
+    !> The log.
     type(log_t), intent(inout) :: log
     if (allocated(state%indeterminate)) call note_indeterminate(problem%body, problem%modes, state%indeterminate, log)
     if (allocated(state%alpha)) call note_rotations(problem%body, problem%modes, state%alpha, log)
@@ -41,13 +47,17 @@ contains
 
   !> An unbounded direction: a motion of one body or more that the loads excite and no contact can stop.
   subroutine refuse_motion(case, body, modes, qp, amplitude, error)
+    !> The case.
     type(case_t), intent(in) :: case
-    !> (n_bodies), with their modes (n_bodies).
+    !> Bodies (n_bodies).
     type(body_t), intent(in) :: body(:)
+    !> Modes of the bodies (n_bodies).
     type(body_modes_t), intent(in) :: modes(:)
+    !> The quadratic programme.
     type(contact_qp_t), intent(in) :: qp
-    !> Amplitudes of the modes of all bodies (n_modes) [length].
+    !> Amplitudes of the unbounded direction: modes of all bodies, body after body (n_modes) [length].
     real(dp), intent(in) :: amplitude(:)
+    !> Allocated on return: names the bodies that move, and the resultants that move them.
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: others
     real(dp) :: work(size(body)), own_work(size(body))
@@ -75,8 +85,9 @@ contains
     do b = 1, size(body)
       if (.not. moved(b) .or. b == worst) cycle
       n_named = n_named + 1
-      if (n_named <= most_named) others = others//'; likewise body '//quoted(body(b)%name)//' (line '// &
-        to_text(case%body(b)%line)//'): '//motion_of(b)
+      if (n_named > most_named) cycle
+      others = others//'; likewise body '//quoted(body(b)%name)//' (line '//to_text(case%body(b)%line)//'): '// &
+               motion_of(b)
     end do
     if (n_named > most_named) others = others//'; likewise '//to_text(n_named - most_named)//' more'
     call set_error(error, case%file//':'//to_text(case%body(worst)%line)//': body '//quoted(body(worst)%name)// &
@@ -86,19 +97,21 @@ contains
   contains
     !> How a body moves, and the force or moment that moves it.
     function motion_of(which) result(text)
+      !> Index of the body.
       integer, intent(in) :: which
       character(:), allocatable :: text
       associate (own => amplitude(first(which):first(which + 1) - 1))
         text = modes(which)%combination_text(own)//', resultant '// &
-          to_text(dot_product(own, modes(which)%resultant)/largest_displacement(modes(which), own), 4)
+               to_text(dot_product(own, modes(which)%resultant)/largest_displacement(modes(which), own), 4)
       end associate
     end function motion_of
   end subroutine refuse_motion
 
-  !> Largest displacement of a node in a combination of modes.
+  !> Largest displacement of a node in a combination of modes [length].
   real(dp) function largest_displacement(modes, amplitude) result(largest)
+    !> Modes of a body.
     type(body_modes_t), intent(in) :: modes
-    !> Of each mode (n) [length].
+    !> Amplitude of each mode (n) [length].
     real(dp), intent(in) :: amplitude(:)
     real(dp) :: u(size(modes%shape, 1))
     integer :: i, k
@@ -114,8 +127,11 @@ contains
 
   !> Supports on both sides press contact rows together.
   subroutine refuse_rigid_constraint(case, qp, error)
+    !> The case.
     type(case_t), intent(in) :: case
+    !> The quadratic programme.
     type(contact_qp_t), intent(in) :: qp
+    !> Allocated on return: names the contact pair and the overlap.
     type(error_t), allocatable, intent(out) :: error
     integer :: k, n
     n = maxloc(qp%initial_penetration, 1)
@@ -128,11 +144,13 @@ contains
 
   !> Say which bodies rotate so far that small displacements are no good approximation.
   subroutine note_rotations(body, modes, amplitude, log)
-    !> (n_bodies), with their modes (n_bodies).
+    !> Bodies (n_bodies).
     type(body_t), intent(in) :: body(:)
+    !> Modes of the bodies (n_bodies).
     type(body_modes_t), intent(in) :: modes(:)
-    !> Amplitudes of the modes of all bodies (n_modes) [length].
+    !> Amplitudes of the modes of all bodies, body after body (n_modes) [length].
     real(dp), intent(in) :: amplitude(:)
+    !> The log.
     type(log_t), intent(inout) :: log
     integer :: b, n_far, farthest, first(size(body) + 1)
     real(dp) :: ratio, most
@@ -160,9 +178,11 @@ contains
 
   !> How far nodes move against their mean, relative to the size of the body [].
   real(dp) function rotation_ratio(body, modes, amplitude) result(ratio)
+    !> The body.
     type(body_t), intent(in) :: body
+    !> Its modes.
     type(body_modes_t), intent(in) :: modes
-    !> Of each mode (n) [length].
+    !> Amplitude of each mode (n) [length].
     real(dp), intent(in) :: amplitude(:)
     real(dp) :: u(body%dimension, size(modes%shape, 2)), mean(body%dimension), length
     integer :: i, k
@@ -180,11 +200,14 @@ contains
 
   !> Say which rigid body modes neither loads nor contact determine.
   subroutine note_indeterminate(body, modes, amplitude, log)
-    !> (n_bodies), with their modes (n_bodies).
+    !> Bodies (n_bodies).
     type(body_t), intent(in) :: body(:)
+    !> Modes of the bodies (n_bodies).
     type(body_modes_t), intent(in) :: modes(:)
-    !> As columns of amplitudes of the modes of all bodies (n_modes, number of them) [length].
+    !> Indeterminate combinations as columns: amplitudes of the modes of all bodies, body after body (n_modes,
+    !> n_combinations) [length].
     real(dp), intent(in) :: amplitude(:, :)
+    !> The log.
     type(log_t), intent(inout) :: log
     character(:), allocatable :: text
     integer :: b, n_named, first(size(body) + 1)

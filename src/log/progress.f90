@@ -12,10 +12,12 @@ contains
 
   !> Step, bound, points in contact, and an estimate of the time left.
   function progress_line(history, tolerance, measure) result(line)
-    !> Up to now.
+    !> History up to now.
     type(history_t), intent(in) :: history
-    !> What is to be reached, and what has been [].
-    real(dp), intent(in) :: tolerance, measure
+    !> Tolerance of the stopping criterion [].
+    real(dp), intent(in) :: tolerance
+    !> Error measure that the criterion compares with it [].
+    real(dp), intent(in) :: measure
     character(:), allocatable :: line
     real(dp) :: steps, rate
     character(80) :: buffer
@@ -32,9 +34,9 @@ contains
     end if
   end function progress_line
 
-  !> Seconds as a person says them.
+  !> A time with two digits in a convenient unit: ms, s, min or h.
   function duration(seconds) result(text)
-    !> [s].
+    !> Time [s].
     real(dp), intent(in) :: seconds
     character(:), allocatable :: text
     if (seconds < 0.095_dp) then

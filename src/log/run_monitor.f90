@@ -12,8 +12,11 @@ module dotyk_log_run_monitor
 
   !> Owns log and watch of the run while it solves.
   type, extends(monitor_t), public :: log_monitor_t
+    !> The log.
     type(log_t) :: log
+    !> Watch of the run.
     type(stopwatch_t) :: watch
+    !> Wall times of the phases so far.
     type(timing_t) :: timing
     !> The phase under way, one of `phase_*`; 0: none.
     integer, private :: phase = 0
@@ -30,10 +33,12 @@ contains
   !> Show a step, if it is time for another line.
   subroutine log_monitor_step(self, history, tolerance, measure)
     class(log_monitor_t), intent(inout) :: self
-    !> Up to now.
+    !> History up to now.
     type(history_t), intent(in) :: history
-    !> What is to be reached, and what has been [].
-    real(dp), intent(in) :: tolerance, measure
+    !> Tolerance of the stopping criterion [].
+    real(dp), intent(in) :: tolerance
+    !> Error measure that the criterion compares with it [].
+    real(dp), intent(in) :: measure
     if (self%log%due()) call self%log%progress(progress_line(history, tolerance, measure))
   end subroutine log_monitor_step
 

@@ -7,12 +7,25 @@ module dotyk_log_timing
 
   !> Seconds; the names are those of `/dotyk/timing` in the results file.
   type, public :: timing_t
-    !> Input and meshes; stiffness and loads; fill-reducing order and symbolic analysis; factorization.
-    real(dp) :: read = 0, assemble = 0, order = 0, factorize = 0
-    !> Contact search; the scheme, its estimate of L and the scene without contact; displacements and stresses; results
-    !> file; error of penalty and mesh.
-    real(dp) :: search = 0, iterate = 0, recover = 0, write = 0, estimate = 0
-    !> All of it.
+    !> Input and meshes [s].
+    real(dp) :: read = 0
+    !> Stiffness and loads [s].
+    real(dp) :: assemble = 0
+    !> Fill-reducing ordering and symbolic analysis [s].
+    real(dp) :: order = 0
+    !> Factorization [s].
+    real(dp) :: factorize = 0
+    !> Contact search [s].
+    real(dp) :: search = 0
+    !> The scheme, its estimate of L, and the solution without contact [s].
+    real(dp) :: iterate = 0
+    !> Displacements and stresses [s].
+    real(dp) :: recover = 0
+    !> Results file [s].
+    real(dp) :: write = 0
+    !> Penalty error and discretization error [s].
+    real(dp) :: estimate = 0
+    !> The whole run [s].
     real(dp) :: total = 0
   end type timing_t
 
@@ -51,7 +64,7 @@ contains
     self%lap_started = now
   end subroutine stopwatch_lap
 
-  !> Seconds since the beginning.
+  !> Seconds since the start of the run [s].
   real(dp) function stopwatch_since_start(self) result(seconds)
     class(stopwatch_t), intent(in) :: self
     seconds = wall_time() - self%started

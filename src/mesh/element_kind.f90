@@ -55,7 +55,7 @@ module dotyk_mesh_element_kind
     integer :: corner_kind = 0
     !> Number of faces (edges in two dimensions, none for lines).
     integer :: n_faces = 0
-    !> Kind of each face, 0 beyond n_faces.
+    !> Kind of each face, 0 beyond n_faces (max_faces).
     integer :: face_kind(max_faces) = 0
     !> Local node numbers of each face in the node order of its kind, padded with 0. Faces are oriented outward: the
     !> right-hand normal points out; in two dimensions edges run counter-clockwise, so that the outward normal of

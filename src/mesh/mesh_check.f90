@@ -208,7 +208,7 @@ contains
     type(element_block_t), intent(in) :: block(:)
     !> Numbers of elements by orientation.
     type(census_t), intent(in) :: census
-    !> Always set.
+    !> Allocated on return: names the worst element and the number of degenerate ones.
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: smallest(:), largest(:), middle(:)
     real(dp) :: badness, worst, range(2)
@@ -251,7 +251,7 @@ contains
     type(element_block_t), intent(in) :: block(:)
     !> Numbers of elements by orientation.
     type(census_t), intent(in) :: census
-    !> Always set.
+    !> Allocated on return: names the elements of the rarer orientation.
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: smallest(:), largest(:)
     character(:), allocatable :: tags, hint

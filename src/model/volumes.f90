@@ -16,7 +16,7 @@ module dotyk_model_volumes
     type(error_t), allocatable :: error
     !> Number of extracted surfaces.
     integer, private :: n = 0
-    !> Extracted surfaces; the first n are in use.
+    !> Extracted surfaces; the first n are in use (n_allocated).
     type(surface_t), allocatable, private :: surface(:)
   contains
     procedure :: take => volume_take

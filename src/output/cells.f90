@@ -75,13 +75,13 @@ contains
     integer, intent(in) :: n_cells
     !> Nodes of the elements, from 1, in the order of gmsh (nodes per cell, n_cells).
     integer, intent(in) :: node(n_nodes, n_cells)
-    !> Local node of gmsh for each node of VTK.
+    !> Local node of gmsh for each node of VTK (n_nodes).
     integer, intent(in) :: vtk_order(n_nodes)
     !> Length of the connectivity of earlier blocks.
     integer(int64), intent(in) :: first_node
-    !> Nodes of all cells, one after the other, counted from 0.
+    !> Nodes of all cells, counted from 0 (n_nodes, n_cells).
     integer(int64), intent(out) :: connectivity(n_nodes, n_cells)
-    !> Offsets of the ends of the cells.
+    !> Offsets of the ends of the cells (n_cells).
     integer(int64), intent(out) :: last(n_cells)
     integer :: i, j
     do j = 1, n_cells

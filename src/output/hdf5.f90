@@ -39,7 +39,7 @@ contains
     character(*), intent(in) :: name
     !> Number of rows before the first one.
     integer(int64), intent(in) :: first
-    !> Values (n).
+    !> Values (n) [any].
     real(dp), intent(in), contiguous, target :: values(:)
     !> Allocated where the file cannot be written.
     type(error_t), allocatable, intent(out) :: error
@@ -53,7 +53,7 @@ contains
     character(*), intent(in) :: name
     !> Number of rows before the first one.
     integer(int64), intent(in) :: first
-    !> Rows of values (width, n).
+    !> Rows of values (width, n) [any].
     real(dp), intent(in), contiguous, target :: values(:, :)
     !> Allocated where the file cannot be written.
     type(error_t), allocatable, intent(out) :: error
@@ -107,7 +107,7 @@ contains
     class(hdf5_file_t), intent(in) :: self
     !> Name of the dataset or attribute, with its path.
     character(*), intent(in) :: name
-    !> Values (n).
+    !> Values (n) [any].
     real(dp), intent(in), contiguous, target :: values(:)
     !> Allocated where the file cannot be written.
     type(error_t), allocatable, intent(out) :: error
@@ -119,7 +119,7 @@ contains
     class(hdf5_file_t), intent(in) :: self
     !> Name of the dataset or attribute, with its path.
     character(*), intent(in) :: name
-    !> Rows of values (width, n).
+    !> Rows of values (width, n) [any].
     real(dp), intent(in), contiguous, target :: values(:, :)
     !> Allocated where the file cannot be written.
     type(error_t), allocatable, intent(out) :: error
@@ -185,7 +185,7 @@ contains
     character(*), intent(in) :: object
     !> Name of the attribute.
     character(*), intent(in) :: name
-    !> Its value.
+    !> Value of the attribute.
     integer(int32), intent(in), target :: value
     !> Allocated where the file cannot be written.
     type(error_t), allocatable, intent(out) :: error
@@ -199,7 +199,7 @@ contains
     character(*), intent(in) :: object
     !> Name of the attribute.
     character(*), intent(in) :: name
-    !> Its value.
+    !> Value of the attribute.
     integer(int64), intent(in), target :: value
     !> Allocated where the file cannot be written.
     type(error_t), allocatable, intent(out) :: error
@@ -213,7 +213,7 @@ contains
     character(*), intent(in) :: object
     !> Name of the attribute.
     character(*), intent(in) :: name
-    !> Its value.
+    !> Value of the attribute [any].
     real(dp), intent(in), target :: value
     !> Allocated where the file cannot be written.
     type(error_t), allocatable, intent(out) :: error
@@ -255,7 +255,7 @@ contains
     character(*), intent(in) :: object
     !> Name of the attribute.
     character(*), intent(in) :: name
-    !> Its values (n).
+    !> Values of the attribute (n) [any].
     real(dp), intent(in), contiguous, target :: value(:)
     !> Allocated where the file cannot be written.
     type(error_t), allocatable, intent(out) :: error

@@ -114,7 +114,7 @@ contains
     character(*), intent(in) :: name
     !> One of `hdf5_real`, `hdf5_int32`, `hdf5_int64`, `hdf5_uint8`.
     integer, intent(in) :: number_kind
-    !> Fortran shape, of one or two dimensions; the last one is filled by parts.
+    !> Fortran shape of the dataset; the last extent is filled by parts (1 or 2).
     integer(int64), intent(in) :: extent(:)
     !> Allocated where the file cannot be written.
     type(error_t), allocatable, intent(out) :: error
@@ -163,7 +163,7 @@ contains
     integer, intent(in) :: number_kind
     !> Number of rows before the first one.
     integer(int64), intent(in) :: first
-    !> Shape of the values.
+    !> Shape of the values (1 or 2).
     integer(int64), intent(in) :: extent(:)
     !> Address of the first value.
     type(c_ptr), intent(in) :: values
@@ -198,7 +198,7 @@ contains
     character(*), intent(in) :: name
     !> One of `hdf5_real`, `hdf5_int32`, `hdf5_int64`, `hdf5_uint8`.
     integer, intent(in) :: number_kind
-    !> Shape of the values.
+    !> Shape of the values (1 or 2).
     integer(int64), intent(in) :: extent(:)
     !> Address of the first value.
     type(c_ptr), intent(in) :: values
@@ -214,11 +214,11 @@ contains
     class(hdf5_handle_t), intent(in) :: self
     !> Path of the group or dataset.
     character(*), intent(in) :: object
-    !> Name of the dataset or attribute, with its path.
+    !> Name of the attribute.
     character(*), intent(in) :: name
     !> Type in memory and in the file.
     integer(hid_t), intent(in) :: type_id
-    !> Shape: of size 0 for a scalar.
+    !> Shape of the values (0 for a scalar, 1 for a vector).
     integer(hsize_t), intent(in) :: extent(:)
     !> Address of the first value.
     type(c_ptr), intent(in) :: values

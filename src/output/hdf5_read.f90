@@ -43,8 +43,9 @@ contains
   !> Open a file.
   subroutine source_open(self, path, error)
     class(hdf5_source_t), intent(inout) :: self
+    !> Path of the file.
     character(*), intent(in) :: path
-    !> There is no such file, or it is no HDF5 file.
+    !> Allocated where there is no such file, or it is no HDF5 file.
     type(error_t), allocatable, intent(out) :: error
     integer(hid_t) :: access
     integer :: status
@@ -68,7 +69,7 @@ contains
 
   !> Whether a group or dataset exists; its parents do.
   logical function source_has(self, name) result(has)
-    !> Open.
+    !> The file, open.
     class(hdf5_source_t), intent(in) :: self
     !> Path in the file.
     character(*), intent(in) :: name
@@ -79,7 +80,7 @@ contains
 
   !> Number of groups and datasets in a group; 0 where it cannot be read.
   integer function source_n_members(self, group) result(n)
-    !> Open.
+    !> The file, open.
     class(hdf5_source_t), intent(in) :: self
     !> Path in the file.
     character(*), intent(in) :: group
@@ -90,7 +91,7 @@ contains
 
   !> Number of values of a dataset; -1 where there is none.
   integer(int64) function source_n_values(self, name) result(n)
-    !> Open.
+    !> The file, open.
     class(hdf5_source_t), intent(in) :: self
     !> Path in the file; its parents exist.
     character(*), intent(in) :: name
@@ -113,11 +114,11 @@ contains
   !> Read a dataset, whatever its shape. The array has the size that the caller expects: what a damaged file says of
   !> its size makes none.
   subroutine source_read_reals(self, name, values, error)
-    !> Open.
+    !> The file, open.
     class(hdf5_source_t), intent(in) :: self
     !> Path in the file; its parents exist.
     character(*), intent(in) :: name
-    !> Numbers of the file, converted to reals, in the order of the file (n).
+    !> Numbers of the file, converted to reals, in the order of the file (n) [any].
     real(dp), contiguous, target, intent(out) :: values(:)
     !> The dataset is missing, of another size, or unreadable.
     type(error_t), allocatable, intent(out) :: error

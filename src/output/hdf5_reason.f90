@@ -18,7 +18,9 @@ module dotyk_output_hdf5_reason
 
   !> Text that the walk along the error stack of HDF5 has found.
   type, bind(c) :: reason_t
+    !> The text, padded with blanks (reason_length).
     character(kind=c_char) :: text(reason_length)
+    !> 1 where the text is a message of the operating system, 0 otherwise.
     integer(c_int) :: from_system
   end type reason_t
 

@@ -21,9 +21,14 @@ module dotyk_output_results_file
     character(:), allocatable :: path
     !> Its path until `commit`.
     character(:), allocatable :: temporary
+    !> The open file.
     type(hdf5_file_t) :: file
-    !> Points, cells and connectivity entries before each part (n_parts + 1).
-    integer(int64), allocatable :: first_point(:), first_cell(:), first_id(:)
+    !> Points before each part (n_parts + 1).
+    integer(int64), allocatable :: first_point(:)
+    !> Cells before each part (n_parts + 1).
+    integer(int64), allocatable :: first_cell(:)
+    !> Connectivity entries before each part (n_parts + 1).
+    integer(int64), allocatable :: first_id(:)
     !> The first failure of a `put_...`, kept for `commit`.
     type(error_t), allocatable :: failure
   contains
@@ -240,7 +245,7 @@ contains
     character(*), intent(in) :: group
     !> Name of the attribute.
     character(*), intent(in) :: name
-    !> Its value.
+    !> Value of the attribute.
     integer(int32), intent(in) :: value
     type(error_t), allocatable :: error
     if (allocated(self%failure)) return
@@ -255,7 +260,7 @@ contains
     character(*), intent(in) :: group
     !> Name of the attribute.
     character(*), intent(in) :: name
-    !> Its value.
+    !> Value of the attribute.
     integer(int64), intent(in) :: value
     type(error_t), allocatable :: error
     if (allocated(self%failure)) return
@@ -270,7 +275,7 @@ contains
     character(*), intent(in) :: group
     !> Name of the attribute.
     character(*), intent(in) :: name
-    !> Its value.
+    !> Value of the attribute [any].
     real(dp), intent(in) :: value
     type(error_t), allocatable :: error
     if (allocated(self%failure)) return
@@ -297,7 +302,7 @@ contains
     character(*), intent(in) :: group
     !> Name of the attribute.
     character(*), intent(in) :: name
-    !> Its values (n).
+    !> Values of the attribute (n) [any].
     real(dp), intent(in), contiguous :: value(:)
     type(error_t), allocatable :: error
     if (allocated(self%failure)) return
@@ -312,7 +317,7 @@ contains
     character(*), intent(in) :: group
     !> Name of the dataset.
     character(*), intent(in) :: name
-    !> Values (n).
+    !> Values (n) [any].
     real(dp), intent(in), contiguous :: values(:)
     type(error_t), allocatable :: error
     if (allocated(self%failure)) return
@@ -357,7 +362,7 @@ contains
     character(*), intent(in) :: group
     !> Name of the dataset.
     character(*), intent(in) :: name
-    !> Vectors (width, n).
+    !> Vectors (width, n) [any].
     real(dp), intent(in), contiguous :: values(:, :)
     type(error_t), allocatable :: error
     if (allocated(self%failure)) return

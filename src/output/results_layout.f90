@@ -93,9 +93,9 @@ contains
       call file%new_dataset('/VTKHDF/CellData/discretization_error', hdf5_real, [cells], error, zero=.true.)
   end subroutine create_fields
 
-  !> Vectors with three components; plane vectors get z = 0.
+  !> Vectors with three components; plane vectors get z = 0 (3, n) [any].
   pure function with_three_components(x) result(y)
-    !> Shape (2 or 3, n).
+    !> Vectors (2 or 3, n) [any].
     real(dp), intent(in) :: x(:, :)
     real(dp), allocatable :: y(:, :)
     integer :: i, dimension
