@@ -65,23 +65,23 @@ class Congruence(dotyk_case.Case):
         for name in one:
             np.testing.assert_allclose(one[name], other[name], rtol=0, atol=tolerance * np.abs(one[name]).max(), err_msg=name)
 
-    def check(self, lines, kinds, solver, tolerance=1e-10, **options):
-        """The same with and without shared factors; `kinds` is the number of factorizations with them."""
+    def check(self, lines, classes, solver, tolerance=1e-10, **options):
+        """The same with and without shared factors; `classes` is the number of factorizations with them."""
         own = self.run_scene(lines, solver, False, **options)
         n = sum(line.startswith("&body") for line in lines)
         self.assertEqual(self.summary["factorizations"], n)
         self.assertEqual(self.kind, list(range(1, n + 1)))
-        self.assertNotIn(" of bodies: ", self.printed)
+        self.assertNotIn("congruence class", self.printed)
         entries = self.summary["factor_entries"]
         shared = self.run_scene(lines, solver, True, **options)
-        self.assertEqual(self.summary["factorizations"], kinds)
-        self.assertEqual(len(set(self.kind)), kinds)
+        self.assertEqual(self.summary["factorizations"], classes)
+        self.assertEqual(len(set(self.kind)), classes)
         for body, first in enumerate(self.kind, 1):
             self.assertLessEqual(first, body, self.kind)
             self.assertEqual(self.kind[first - 1], first, self.kind)
-        self.assertIn("%d kind%s of bodies: %d bodies, %d factorization" % (kinds, "s"[:kinds > 1], n, kinds), self.printed)
+        self.assertIn("%d bodies in %d congruence class%s: %d factorization" % (n, classes, "es"[:2*(classes > 1)], classes), self.printed)
         if "response='full'" in solver:
-            self.assertAlmostEqual(self.summary["factor_entries"] / entries, kinds / n, delta=0.5 * kinds / n)
+            self.assertAlmostEqual(self.summary["factor_entries"] / entries, classes / n, delta=0.5 * classes / n)
         self.compare(own, shared, tolerance)
         return shared
 

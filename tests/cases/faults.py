@@ -138,7 +138,7 @@ class Faults(dotyk_case.Case):
         with open("/dev/full", "w") as full:
             done = subprocess.run([os.environ["DOTYK"], "case.nml"], cwd=self.folder, stdout=full, stderr=subprocess.PIPE, text=True)
         self.assertEqual(done.returncode, 0, done.stderr)
-        self.assertEqual(done.stderr, "warning: the log cannot be written; the run goes on without it\n")
+        self.assertEqual(done.stderr, "warning: the log cannot be written; the run continues without it\n")
         self.assertEqual(self.answer()[1]["converged"], 1)
         for command in ("%s case.nml >&-", "%s case.nml <&- >&- 2>&-", "%s case.nml | true"):
             (self.folder/"case.vtkhdf").unlink()

@@ -129,7 +129,7 @@ class Locking(Case):
                      "&load body='%s', surface='top', traction=0.01, 0, -0.01 /" % name]
         self.write("three.nml", "\n".join(text) + "\n")
         log = self.dotyk("three.nml")
-        self.assertIn("'one' and 1 like it", log)
+        self.assertIn("'one' and 1 congruent body", log)
         with self.results("three.vtkhdf") as file:
             counts = file["VTKHDF/NumberOfPoints"][:]
             u = file["VTKHDF/PointData/displacement"][:]

@@ -26,7 +26,7 @@ class Responses(dotyk_case.Case):
         self.assertNotIn("\n  compliance ", self.printed)
         compliance = self.run_form(name, "compliance", solver)
         # The dual and the robin scheme form the matrices that they need themselves.
-        pattern = r"\n  compliance +\d+ bod(y|ies): a matrix of the contact points, a response \S+ % of"
+        pattern = r"\n  compliance +\d+ bod(y|ies) with an explicit compliance matrix: a product costs \S+ % of a solve"
         self.assertEqual(bool(re.search(pattern, self.printed)), "neumann" in solver)
         for one, two in zip(whole, compliance):
             np.testing.assert_allclose(one, two, rtol=0, atol=1e-10 * np.abs(one).max())

@@ -45,7 +45,7 @@ class Restart(dotyk_case.Case):
             self.dotyk("case.nml")
             cold, summary = self.solution()
             text = self.dotyk("case.nml", "--restart", "case.vtkhdf")
-            self.assertIn("warm start       from case.vtkhdf: %d of %d contact rows" % (np.count_nonzero(cold > 0), len(cold)), text)
+            self.assertIn("warm start       from case.vtkhdf: %d of %d constraints active" % (np.count_nonzero(cold > 0), len(cold)), text)
             warm, again = self.solution()
             self.assertEqual(again["converged"], 1)
             # The two sides of robin start from their mean.
@@ -113,7 +113,7 @@ class Restart(dotyk_case.Case):
         self.scene("theta_relative=1e-2")
         self.dotyk("case.nml", "--output", "first.vtkhdf")
         n = len(self.solution("first.vtkhdf")[0])
-        rows = "'first.vtkhdf' has other contact rows: pair 'joint' has %d rows there and " % n
+        rows = "'first.vtkhdf' has other contact rows: pair 'joint' has %d rows in the file and " % n
         geo = (self.folder/"column.geo").read_text()
         self.write("column.geo", geo + "\nMesh.MeshSizeFactor = 0.7;\n")
         self.assertIn(rows, self.dotyk("case.nml", "--restart", "first.vtkhdf", code=2))
@@ -121,9 +121,9 @@ class Restart(dotyk_case.Case):
         self.scene("theta_relative=1e-2", ("&contact ", "&contact discretization='quadrature', "))
         self.assertIn(rows, self.dotyk("case.nml", "--restart", "first.vtkhdf", "--check", code=2))
         self.scene("theta_relative=1e-2", ("name='joint'", "name='other'"))
-        self.assertIn("pair 'other' is not there", self.dotyk("case.nml", "--restart", "first.vtkhdf", code=2))
+        self.assertIn("pair 'other' is missing", self.dotyk("case.nml", "--restart", "first.vtkhdf", code=2))
         self.scene("theta_relative=1e-2", ("name='upper',", "name='upper', at=1e-4,0,0,"))
-        self.assertIn("row 1 of pair 'joint' is at a distance of 0.0001 from here",
+        self.assertIn("row 1 of pair 'joint' is displaced by 0.0001",
                       self.dotyk("case.nml", "--restart", "first.vtkhdf", code=2))
         self.scene("theta_relative=1e-2", ("name='upper',", "name='upper', at=1e-8,0,0,"))
         self.dotyk("case.nml", "--restart", "first.vtkhdf")
@@ -151,13 +151,13 @@ class Restart(dotyk_case.Case):
             refused("bad.vtkhdf", "cannot be read")
         with h5py.File(self.folder/"bad.vtkhdf", "w") as file:
             file["x"] = 1
-        refused("bad.vtkhdf", "is no results file of dotyk")
+        refused("bad.vtkhdf", "is not a results file of dotyk")
         damage(lambda contact: contact.create_group("more"))
         refused("bad.vtkhdf", "has 2 contact pairs, and the case has 1")
         damage(lambda contact: contact["joint"].pop("position"))
         refused("bad.vtkhdf", "position does not hold")
         damage(lambda contact: contact["joint"].pop("pressure"))
-        refused("bad.vtkhdf", "pair 'joint' has 0 rows there")
+        refused("bad.vtkhdf", "pair 'joint' has 0 rows in the file")
         for value in (np.nan, np.inf, 1e300):
             damage(lambda contact, v=value: contact["joint/pressure"].write_direct(np.full(len(contact["joint/pressure"]), v)))
             refused("bad.vtkhdf", "the pressures of pair 'joint' are those of a diverged run")

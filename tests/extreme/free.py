@@ -207,7 +207,7 @@ def edges(theta):
         lines = ["&support body='ridge', surface='bottom', fix='xy' /", "&load body='beam', force_density=0,-1 /",
                  "&contact name='joint', surface_a='ridge:sides', surface_b='beam:bottom' /"]
         # it tilts until points on the side of the ridge carry it, in small displacements
-        message = "turns far" if abs(beside) > 1e-8 else ()
+        message = "large rotation" if abs(beside) > 1e-8 else ()
 
         def balanced(answer):
             yield abs(answer.pairs["joint"]["force"][1] + 4), 1e-7, "weight"
@@ -235,13 +235,13 @@ def turned(theta):
 
     yield plane("disc in a socket", socket + weight, theta, {"disc": DISC, "socket": SOCKET}, check=carries)
     yield plane("disc in a socket, turned", socket + weight + torque, theta, {"disc": DISC, "socket": SOCKET}, code=3,
-                message=["body 'disc'", "rotation about", "no contact can stop"])
+                message=["body 'disc'", "rotation about", "a rigid body mode that neither supports nor contact resist"])
     floor = [Block("floor", even(-3, 3, 12), even(-1, 0, 2))]
     ground = ["&support body='floor', surface='bottom', fix='xy' /",
               "&contact name='joint', surface_a='disc:rim', surface_b='floor:top' /"]
     yield plane("disc on a floor", ground + weight, theta, {"disc": DISC}, floor, carries)
     yield plane("disc on a floor, pushed", ground + ["&load body='disc', force_density=0.1,-1 /"], theta, {"disc": DISC}, floor, code=3,
-                message=["body 'disc'", "translation along \\(1, 0\\)", "no contact can stop"])
+                message=["body 'disc'", "translation along \\(1, 0\\)", "a rigid body mode that neither supports nor contact resist"])
 
 
 def alone(theta):
@@ -256,12 +256,12 @@ def alone(theta):
             yield np.abs(answer.displacement).max(), 2/200*(1 + 10*float(theta)), "displacement"
 
         yield plane("two alone, loads differ by " + extra, lines, theta, {}, blocks, uniform, code=code,
-                    message=["translation along \\(0, 1\\)", "no contact can stop"] if code else [])
+                    message=["translation along \\(0, 1\\)", "a rigid body mode that neither supports nor contact resist"] if code else [])
 
     def nothing(answer):
         yield np.abs(answer.displacement).max(), 0.0, "displacement"
 
-    yield plane("one alone", [], theta, {}, blocks[:1], nothing, message="not determined")
+    yield plane("one alone", [], theta, {}, blocks[:1], nothing, message="indeterminate    '")
 
 
 def in_a_box(n, theta):
