@@ -1,5 +1,5 @@
-/* Before the libraries start: OpenBLAS starts its threads as it is loaded, and where there is no room for them it ends the program with a
- * signal, or lets them try for ever. */
+/* Check of the address space before the libraries are loaded: OpenBLAS starts its threads as it is loaded; where their
+ * buffers do not fit, it ends the program with a signal, or tries for ever. */
 #define _GNU_SOURCE
 #include <sched.h>
 #include <stdlib.h>
@@ -11,13 +11,14 @@
 _Noreturn void dotyk_out_of_memory(size_t bytes);
 void dotyk_memory(double *used, double *left, int *limit);
 
-/* Addresses for each thread: its buffer and its stack. */
+/* Address space of a thread: its buffer and its stack [byte]. */
 static const size_t room = (size_t)144 << 20;
 
 static int number_of(char **environment, const char *name) {
   size_t length = strlen(name);
   for (; *environment; environment++) {
-    if (strncmp(*environment, name, length) == 0 && (*environment)[length] == '=') return atoi(*environment + length + 1);
+    const char *entry = *environment;
+    if (strncmp(entry, name, length) == 0 && entry[length] == '=') return atoi(entry + length + 1);
   }
   return 0;
 }
@@ -36,8 +37,8 @@ static void look_for_room(int n_arguments, char **arguments, char **environment)
   if (wanted > 0 && wanted < threads) threads = wanted;
   dotyk_memory(&used, &left, &limit);
   if ((double)room * threads <= left) return;
-  static const char text[] = "OpenBLAS, which dotyk uses, takes 128 MiB of addresses for each of its threads; OPENBLAS_NUM_THREADS=1 "
-                             "makes it take less\n";
+  static const char text[] = "OpenBLAS, which dotyk uses, takes 128 MiB of addresses for each of its threads; "
+                             "OPENBLAS_NUM_THREADS=1 makes it take less\n";
   if (threads > 1 && write(STDERR_FILENO, text, sizeof text - 1) < 0) _exit(5);
   dotyk_out_of_memory(room * (size_t)threads);
 }

@@ -1,7 +1,8 @@
-/* Memory that cannot be had ends the program with a message and an exit code of its own.
+/* A failed allocation ends the program with a message and its own exit code.
  *
- * gfortran's ALLOCATE would end it with exit code 1, which says 'not converged' here, and arrays that it makes by itself are not checked at
- * all. The linker sends the calls of our own code to these (-Wl,--wrap); libraries keep theirs. */
+ * gfortran's ALLOCATE would end it with exit code 1, which means 'not converged' here, and temporary arrays of the
+ * compiler are not checked at all. The linker redirects the calls of the program's own code to these functions
+ * (-Wl,--wrap); libraries keep theirs. */
 #include <stddef.h>
 
 _Noreturn void dotyk_out_of_memory(size_t bytes);

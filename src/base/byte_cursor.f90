@@ -3,11 +3,11 @@
 !> The first fault is kept with its position and marks the cursor as `broken`; afterwards all reads return zeros, so
 !> that callers test `broken` once a record instead of after each number. No read goes beyond the end of the file.
 module dotyk_base_byte_cursor
-  use dotyk_base_kinds, only: dp, int32, int64
   use dotyk_base_error, only: error_t, set_error, exit_bad_input
   use dotyk_base_files, only: why_no_file
-  use dotyk_base_text, only: to_text
+  use dotyk_base_kinds, only: dp, int32, int64
   use dotyk_base_number_text, only: scan_integer, scan_real, ends_word, most_digits
+  use dotyk_base_text, only: to_text
   implicit none
   private
 

@@ -1,11 +1,11 @@
 !> Hash of the content of a geometry file and of the files that it includes: FNV-1a with 64 bits (Fowler, Noll, Vo;
 !> draft-eastlake-fnv).
 module dotyk_base_content_hash
-  use dotyk_base_kinds, only: int64
-  use dotyk_base_error, only: error_t
-  use dotyk_base_text, only: text_t
   use dotyk_base_byte_cursor, only: byte_cursor_t
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: int64
   use dotyk_base_operating_system, only: directory_of
+  use dotyk_base_text, only: text_t
   implicit none
   private
 

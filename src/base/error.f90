@@ -108,7 +108,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     if (self%count == 0) return
     call set_error(error, self%messages, self%code)
-    if (self%count > most_listed) error%message = error%message//new_line('a')// &
-      'and '//to_text(self%count - most_listed)//' more problems'
+    if (self%count > most_listed) &
+      error%message = error%message//new_line('a')//'and '//to_text(self%count - most_listed)//' more problems'
   end subroutine problem_list_raise
 end module dotyk_base_error

@@ -1,5 +1,5 @@
-/* Files that are written under another name first: what tells them from those of other runs, how they are made safe, and what becomes of
- * those that killed runs left behind. */
+/* Files that are written under a temporary name first: names that no other run uses, synchronization with the disk,
+ * and removal of the files that killed runs left behind. Also tests of paths, and printing. */
 #define _GNU_SOURCE
 #include <ctype.h>
 #include <dirent.h>
@@ -12,7 +12,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-/* Name of the machine, without what may not be in a name of a file. */
+/* Host name, with an underscore for each character that a file name must not contain. */
 static void machine_name(char *name, size_t length) {
   if (gethostname(name, length) != 0) snprintf(name, length, "localhost");
   name[length - 1] = 0;
@@ -21,14 +21,14 @@ static void machine_name(char *name, size_t length) {
   }
 }
 
-/* What this process puts behind a name: ".machine-process". */
+/* Suffix of the temporary files of this process: ".machine-process". */
 void dotyk_own_mark(char *mark, int length) {
   char name[65];
   machine_name(name, sizeof name);
   snprintf(mark, (size_t)length, ".%s-%ld", name, (long)getpid());
 }
 
-/* Delete the files path.machine-process.* of processes of this machine that are no more. */
+/* Delete the files path.machine-process.* of processes of this machine that have ended. */
 void dotyk_remove_leftovers(const char *path) {
   char name[65], start[600], file[1200];
   machine_name(name, sizeof name);
@@ -50,7 +50,7 @@ void dotyk_remove_leftovers(const char *path) {
   closedir(folder);
 }
 
-/* Have a file on the disk before it gets its name. 0, or why not. */
+/* Flush a file to the disk, before it gets its final name. NULL, or the reason of the failure. */
 const char *dotyk_sync_file(const char *path) {
   int file = open(path, O_RDONLY | O_CLOEXEC);
   if (file < 0) return strerror(errno);
@@ -59,8 +59,8 @@ const char *dotyk_sync_file(const char *path) {
   return failed ? strerror(failed) : NULL;
 }
 
-/* What stands at a path: 0 a file, 1 nothing, 2 a folder, 3 a pipe, 4 a device or the like, 5 nobody may look. Asked before a file is opened:
- * that of a pipe waits for somebody to write into it, for ever. */
+/* Kind of a path: 0 regular file, 1 missing, 2 directory, 3 pipe, 4 device or other, 5 no permission to look.
+ * Called before a file is opened: opening a pipe waits for a writer, maybe for ever. */
 int dotyk_path_kind(const char *path) {
   struct stat status;
   if (stat(path, &status) != 0) return errno == EACCES ? 5 : 1;
@@ -69,11 +69,10 @@ int dotyk_path_kind(const char *path) {
   return S_ISFIFO(status.st_mode) ? 3 : 4;
 }
 
-/* Whether a file that is there is protected from being written. */
+/* Whether a file exists and is write-protected. */
 int dotyk_is_protected(const char *path) { return access(path, F_OK) == 0 && access(path, W_OK) != 0; }
 
-/* Write to the standard output (1) or error (2), all of it. 0, or the number of the error: the Fortran library keeps those of FLUSH for
- * itself. */
+/* Write a whole text to the standard output (1) or error (2). 0, or errno, which Fortran's FLUSH does not report. */
 int dotyk_print(int descriptor, const char *text, long length) {
   while (length > 0) {
     ssize_t n = write(descriptor, text, (size_t)length);
@@ -86,15 +85,15 @@ int dotyk_print(int descriptor, const char *text, long length) {
   return 0;
 }
 
-/* The files that a program begins with are there, so that none of its own takes their place and gets what is printed: with
- * `dotyk case.nml >&-` that would be the results. */
+/* Open /dev/null for each standard stream that is closed. Otherwise the next file that is opened gets its descriptor
+ * and all that is printed: with `dotyk case.nml >&-` the results file. */
 void dotyk_hold_standard_files(void) {
   for (int i = 0; i < 3; i++) {
     if (fcntl(i, F_GETFD) == -1 && errno == EBADF && open("/dev/null", i == 0 ? O_WRONLY : O_RDONLY) != i) return;
   }
 }
 
-/* The file that a path leads to by way of links: the path itself where it is none. */
+/* Path of the file behind symbolic links; the path itself where it is no link. */
 void dotyk_behind_links(const char *path, char *target, int length) {
   enum { longest_chain = 16 };
   char next[4096];

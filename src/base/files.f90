@@ -5,7 +5,7 @@ module dotyk_base_files
   implicit none
   private
   public :: own_mark, remove_leftovers, sync_file, why_no_file, is_protected, behind_links, nature_of, &
-            print_text, hold_standard_files
+    print_text, hold_standard_files
 
   !> Longest mark, and longest path behind links.
   integer, parameter :: mark_length = 100, path_length = 8192

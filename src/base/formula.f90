@@ -2,9 +2,9 @@
 !>
 !> Constants are pi and e; `^` is power. A formula is one value: assignments and lists are refused.
 module dotyk_base_formula
+  use, intrinsic :: ieee_exceptions, only: ieee_get_halting_mode, ieee_set_flag, ieee_set_halting_mode, ieee_usual
   use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_double, c_f_pointer, c_int, c_null_char, c_null_ptr, &
     c_ptr, c_size_t
-  use, intrinsic :: ieee_exceptions, only: ieee_get_halting_mode, ieee_set_flag, ieee_set_halting_mode, ieee_usual
   use dotyk_base_error, only: error_t, set_error
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: lower, quoted, to_text

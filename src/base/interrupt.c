@@ -1,7 +1,8 @@
-/* Signals that ask the program to stop, and programs that it runs.
+/* Signals that ask the program to stop, and child processes.
  *
- * SIGINT, SIGTERM and SIGHUP set a flag, which the program asks at each step; the second of them ends it at once. A signal that is
- * ignored when the program starts (nohup) stays ignored. Programs that it runs get the signal too, and do not outlive it. */
+ * SIGINT, SIGTERM and SIGHUP set a flag, which the program checks at each step; a second signal ends the program at
+ * once. A signal that is ignored when the program starts (nohup) stays ignored. The signals are passed on to a running
+ * child process, which does not outlive the program. */
 #define _GNU_SOURCE
 #include <errno.h>
 #include <signal.h>
@@ -17,11 +18,11 @@
 static const int asking[] = {SIGINT, SIGTERM, SIGHUP};
 enum { n_asking = sizeof asking / sizeof *asking };
 
-static volatile sig_atomic_t signal_number; /* the first one that came; 0: none */
-static volatile sig_atomic_t child;         /* program that is being run; 0: none */
+static volatile sig_atomic_t signal_number; /* the first signal received; 0: none */
+static volatile sig_atomic_t child;         /* running child process; 0: none */
 static struct timespec first_time;
 
-/* timeout(1) and batch systems send their signal to the process and to its group: what comes at the same time is one. */
+/* Signals within this time count as one: timeout(1) and batch systems signal both the process and its group. */
 static const double same_time = 1; /* [s] */
 
 static void on_signal(int number) {
@@ -40,8 +41,8 @@ static void on_signal(int number) {
   errno = saved;
 }
 
-/* Begin to listen. Files beyond a limit of their size become errors of writing, as those on full disks, and so does what is printed when
- * nobody reads it any more. */
+/* Install the handlers. SIGXFSZ and SIGPIPE are ignored, so that a file above the size limit and a closed pipe give an
+ * error of the write, as a full disk does. */
 void dotyk_watch_interrupts(void) {
   struct sigaction action, before;
   memset(&action, 0, sizeof action);
@@ -56,18 +57,18 @@ void dotyk_watch_interrupts(void) {
   signal(SIGPIPE, SIG_IGN);
 }
 
-/* Number of the signal that came first; 0 where none did. */
+/* Number of the first signal received; 0: none. */
 int dotyk_interrupt_signal(void) { return signal_number; }
 
-/* As if that signal had come, or none. */
+/* For tests: set the first signal received, or 0. */
 void dotyk_set_interrupt(int number) {
   clock_gettime(CLOCK_MONOTONIC, &first_time);
   signal_number = number;
 }
 
-/* Run a command of the shell and wait for its end. Its exit status; 128 and more: ended by a signal; 127: there is no shell. */
+/* Run a shell command and wait for its end. Its exit status; 128 + n: ended by signal n; 127: no shell. */
 int dotyk_run_command(const char *command) {
-  /* What comes between fork and exec waits until the child takes signals as a new program does. */
+  /* Signals between fork and exec are blocked until the child has the default handlers. */
   sigset_t ours, before;
   sigemptyset(&ours);
   for (int i = 0; i < n_asking; i++) sigaddset(&ours, asking[i]);
@@ -94,7 +95,7 @@ int dotyk_run_command(const char *command) {
   }
   child = (sig_atomic_t)id;
   sigprocmask(SIG_SETMASK, &before, NULL);
-  if (signal_number) kill(id, signal_number); /* it came meanwhile */
+  if (signal_number) kill(id, signal_number); /* received while signals were blocked */
   int status = 0;
   while (waitpid(id, &status, 0) < 0) {
     if (errno != EINTR) {

@@ -1,6 +1,6 @@
-/* What the program is doing, how much memory is left, and the end of the program where there is none.
+/* Stage of the run for messages, available memory, and the end of the program when memory is exhausted.
  *
- * Nothing here takes memory: it must work when there is none. */
+ * Nothing here allocates: the code must work when no memory is left. */
 #define _GNU_SOURCE
 #include <fcntl.h>
 #include <signal.h>
@@ -18,10 +18,10 @@ static char stage[text_length] = "starting";
 static _Thread_local char item[text_length];
 static volatile int ending;
 
-/* Kinds of limits, of dotyk_memory. */
+/* Kinds of limits that dotyk_memory returns. */
 enum { NOT_KNOWN = 0, MACHINE = 1, CONTAINER = 2, PROCESS = 3 };
 
-/* The beginning of a small file, ended with a null. */
+/* Read the beginning of a small file, with a null character at the end. Whether it could be read. */
 static int read_small(const char *path, char *text, size_t length) {
   int file = open(path, O_RDONLY | O_CLOEXEC);
   if (file < 0) return 0;
@@ -32,7 +32,7 @@ static int read_small(const char *path, char *text, size_t length) {
   return 1;
 }
 
-/* The number behind a word of a text; -1 where it is not there or no number ("max"). */
+/* The number behind a word of a text; -1 where the word is missing or no number follows ("max"). */
 static double number_behind(const char *text, const char *word) {
   const char *place = strstr(text, word);
   char *end;
@@ -55,7 +55,7 @@ static void take_less(double value, int kind, double *left, int *limit) {
   }
 }
 
-/* What the control groups of this process leave; caches of files are given back. */
+/* Memory that the control groups of this process leave; reclaimable file caches count as free. */
 static void look_at_groups(double *left, int *limit) {
   char text[512], folder[560], statistics[4096];
   if (read_small("/proc/self/cgroup", text, sizeof text)) {
@@ -69,7 +69,8 @@ static void look_at_groups(double *left, int *limit) {
         if (most >= 0 && used >= 0) {
           char name[600];
           snprintf(name, sizeof name, "%s/memory.stat", folder);
-          double cache = read_small(name, statistics, sizeof statistics) ? number_behind(statistics, "inactive_file ") : 0;
+          double cache = 0;
+          if (read_small(name, statistics, sizeof statistics)) cache = number_behind(statistics, "inactive_file ");
           take_less(most - used + (cache > 0 ? cache : 0), CONTAINER, left, limit);
         }
         char *slash = strrchr(path, '/');
@@ -83,8 +84,8 @@ static void look_at_groups(double *left, int *limit) {
   if (most >= 0 && used >= 0) take_less(most - used, CONTAINER, left, limit);
 }
 
-/* Memory [bytes] that this process has in use, and that it can still get: the least of what machine, container and `ulimit -v` leave;
- * limit says which. */
+/* Memory that this process uses, and memory that it can still get [byte]: the least of what the machine, the container
+ * and `ulimit -v` leave; limit says which of them. */
 void dotyk_memory(double *used, double *left, int *limit) {
   char text[2048];
   struct rlimit most;
@@ -107,11 +108,11 @@ void dotyk_memory(double *used, double *left, int *limit) {
     take_less((double)most.rlim_cur - virtual, PROCESS, left, limit);
 }
 
-/* What the program does now. */
+/* Current stage of the run, for messages. */
 void dotyk_set_stage(const char *text) { snprintf(stage, sizeof stage, "%s", text); }
 const char *dotyk_stage(void) { return stage; }
 
-/* What this thread works on, such as the name of a body; empty: nothing of its own. */
+/* Object that this thread works on, such as the name of a body; empty: none. */
 void dotyk_set_item(const char *text) { snprintf(item, sizeof item, "%s", text); }
 
 static void say(const char *format, ...) {
@@ -135,13 +136,14 @@ static const char *with_unit(double bytes, char *text, size_t length) {
   return text;
 }
 
-/* End the program: so many bytes could not be had; 0: somebody else asked, and how many is not known. */
+/* End the program: an allocation of `bytes` failed; 0: of an unknown size, in a library. */
 _Noreturn void dotyk_out_of_memory(size_t bytes) {
-  static const char *const name[] = {"", "of the machine", "of the container or batch job", "of the process (ulimit -v)"};
+  static const char *const name[] = {"", "of the machine", "of the container or batch job",
+                                     "of the process (ulimit -v)"};
   char wanted[40], in_use[40], rest[40];
   double used, left;
   int limit;
-  /* One thread ends all: the others wait for it. */
+  /* One thread ends the program; the others wait. */
   if (__sync_lock_test_and_set(&ending, 1)) {
     for (;;) pause();
   }
@@ -155,22 +157,23 @@ _Noreturn void dotyk_out_of_memory(size_t bytes) {
   _exit(exit_machine);
 }
 
-/* A library ended the program by itself: those of the compiler do so where they find no memory or cannot start threads. What they had
- * to say stands on the standard error. */
+/* A library called exit. The libraries of the compiler do so when memory is exhausted or threads cannot be started,
+ * with a message on the standard error. */
 static void on_end(int status, void *none) {
   (void)none;
   if (ending || status == 0) return;
   if (status == 1) dotyk_out_of_memory(0);
-  say("ended by an error of a library or of dotyk itself while %s%s%s: no results were written; see the lines above\n", stage,
-      item[0] ? ", " : "", item);
+  say("ended by an error of a library or of dotyk itself while %s%s%s: no results were written; see the lines above\n",
+      stage, item[0] ? ", " : "", item);
   _exit(exit_machine);
 }
 
 static struct sigaction before_segv, before_bus;
 static char other_stack[65536];
 
-/* Libraries that do not look whether they got memory, and stacks that cannot grow, end here: where next to nothing is left, that is why.
- * Else the instruction is tried again, and the handler of before (the compiler's, a sanitizer's) has the word. */
+/* An invalid address: libraries that do not check their allocations, and stacks that cannot grow. Where hardly any
+ * memory is left, its lack is the cause. Otherwise the instruction is repeated under the previous handler (the
+ * compiler's, a sanitizer's). */
 static void on_bad_address(int number) {
   double used, left;
   int limit;
@@ -179,7 +182,7 @@ static void on_bad_address(int number) {
   sigaction(number, number == SIGBUS ? &before_bus : &before_segv, NULL);
 }
 
-/* From here on ends of the program are its own only after dotyk_end_expected. */
+/* From here on an exit without dotyk_end_expected counts as the failure of a library. */
 void dotyk_watch_ends(void) {
   struct sigaction action;
   stack_t stack = {.ss_sp = other_stack, .ss_size = sizeof other_stack};

@@ -3,8 +3,8 @@
 !> Both procedures start at the first character of a number and stop behind it; the text must have at least one more
 !> character after that (the buffers of `dotyk_base_byte_cursor` end with a NUL).
 module dotyk_base_number_text
-  use dotyk_base_kinds, only: dp, int64
   use, intrinsic :: iso_c_binding, only: c_char, c_double, c_null_ptr, c_ptr
+  use dotyk_base_kinds, only: dp, int64
   implicit none
   private
   public :: scan_integer, scan_real, ends_word

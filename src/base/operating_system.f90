@@ -4,7 +4,7 @@ module dotyk_base_operating_system
   implicit none
   private
   public :: make_directory, is_writable_directory, process_id, rename_file, remove_file, shell_quoted, directory_of, &
-            environment_value
+    environment_value
 
   !> Permissions rwxrwxrwx, reduced by the umask of the user.
   integer(c_int), parameter :: all_permissions = int(o'777', c_int)

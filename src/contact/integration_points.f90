@@ -1,8 +1,8 @@
 !> Integration points on slave facets and their projections on the master surface.
 module dotyk_contact_integration_points
   use dotyk_base_kinds, only: dp
-  use dotyk_contact_segment_quadrature, only: quadrature_rule_t
   use dotyk_contact_projection, only: project_point, projection_t, projection_too_far, master_surface_t
+  use dotyk_contact_segment_quadrature, only: quadrature_rule_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, kind_nodes, n_element_kinds, quadrature_rule
   use dotyk_mesh_facet, only: facet_geometry

@@ -8,11 +8,11 @@
 !> pressure then gives consistent nodal forces on both sides, whatever the meshes: the contact patch test.
 module dotyk_contact_moment_fitting
   use dotyk_base_kinds, only: dp
-  use dotyk_contact_segment_quadrature, only: max_degree, polygon_rule, rule_table_t
   use dotyk_contact_auxiliary_plane, only: auxiliary_plane_t, reference_centre, inverse_map
   use dotyk_contact_facet_polynomial, only: evaluate_facet
   use dotyk_contact_facet_set, only: facet_set_t
   use dotyk_contact_polygon, only: polygon_t
+  use dotyk_contact_segment_quadrature, only: max_degree, polygon_rule, rule_table_t
   use dotyk_mesh_element, only: kind_nodes, shape_functions
   implicit none
   private
@@ -142,8 +142,9 @@ contains
       do k = 1, size(p, 2)
         call inverse_map(set_a%coefficient(:, :, facet_a), [0.0_dp, 0.0_dp], plane%axes, plane%size, p(:, k), a, &
                          determinant, ok)
-        if (ok) call inverse_map(set_b%coefficient(:, :, facet_b), shift, plane%axes, set_b%size(facet_b), p(:, k), b, &
-                                 determinant, ok)
+        if (ok) &
+          call inverse_map(set_b%coefficient(:, :, facet_b), shift, plane%axes, set_b%size(facet_b), p(:, k), b, &
+                           determinant, ok)
         if (.not. ok) return
         call shape_functions(kind_a, a, shape(1:kind_nodes(kind_a), k))
         call shape_functions(kind_b, b, shape(kind_nodes(kind_a) + 1:, k))
@@ -184,8 +185,9 @@ contains
         remaining(k) = .false.
         ! A nearly dependent function has its integral with the others, or too small a component of its own to correct
         ! it.
-        if (length(k) < near_dependence*scale .and. (abs(residual(k)) < integral_round_off*total .or. &
-                                               abs(residual(k)) > max_dependent_change*length(k)*sqrt(total))) cycle
+        if (length(k) < near_dependence*scale .and. &
+            (abs(residual(k)) < integral_round_off*total .or. &
+             abs(residual(k)) > max_dependent_change*length(k)*sqrt(total))) cycle
         q = v(:, k)/length(k)
         change = change + residual(k)/length(k)*q
         do j = 1, n

@@ -14,13 +14,13 @@
 !> facets that no master facet covers; their points are counted as unprojected.
 module dotyk_contact_mortar_segments
   use dotyk_base_kinds, only: dp
-  use dotyk_contact_segment_quadrature, only: append_points, quadrature_rule_t, polygon_rule, rule_table_t, shape_degree
   use dotyk_contact_auxiliary_plane, only: is_affine, auxiliary_plane_t, is_plane_polygon, reference_centre, inverse_map
-  use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
   use dotyk_contact_clipping, only: mortar_segment_t, segments_of_facet, segments_of_line
+  use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
   use dotyk_contact_moment_fitting, only: fit_segment_weights
   use dotyk_contact_polygon, only: contains_point
   use dotyk_contact_projection, only: project_point, projection_found, projection_t, master_surface_t
+  use dotyk_contact_segment_quadrature, only: append_points, quadrature_rule_t, polygon_rule, rule_table_t, shape_degree
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, kind_nodes
   use dotyk_mesh_surface, only: surface_t
@@ -166,8 +166,10 @@ contains
       ! Moment fitting: flat facets, of which one is a quadrilateral but not a parallelogram.
       needs_fit = plane%is_polygon .and. &
         .not. (plane%affine .and. is_affine(master%set%coefficient(:, :, segment(i)%facet)))
-      if (needs_fit) needs_fit = is_plane_polygon(master%set%corners(segment(i)%facet), &
-                                 mesh_b%x(:, surface_b%node(1:kind_nodes(kind_b), segment(i)%facet)), plane%axes(:, 3))
+      if (needs_fit) &
+        needs_fit = is_plane_polygon(master%set%corners(segment(i)%facet), &
+                                     mesh_b%x(:, surface_b%node(1:kind_nodes(kind_b), segment(i)%facet)), &
+                                     plane%axes(:, 3))
       do
         if (covers_facet .and. plane%corners == 3) then
           points = table%triangle(degree)%xi
@@ -317,8 +319,9 @@ contains
     n = 0
     do i = 1, n_segments
       degree = segment_degree(kind, surface_b%kind(facet(i)), mortar) + merge(1, 0, axisymmetric)
-      if (mortar) degree = max(degree, merge(curved_line_degree, line_degree, &
-                                             maxval(abs(set%coefficient(:, 3, f))) > line_flatness*set%size(f)))
+      if (mortar) &
+        degree = max(degree, merge(curved_line_degree, line_degree, &
+                                   maxval(abs(set%coefficient(:, 3, f))) > line_flatness*set%size(f)))
       associate (r => table%line(degree))
         call append_points((first(i) + last(i))/2 + (last(i) - first(i))/2*r%xi, (last(i) - first(i))/2*r%weight, n, &
                            rule%xi, rule%weight)

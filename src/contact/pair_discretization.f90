@@ -14,17 +14,17 @@ module dotyk_contact_pair_discretization
   use dotyk_base_options, only: discretization_mortar, discretization_quadrature, gap_constant, gap_formula, &
     geometry_smooth, quadrature_segments
   use dotyk_base_text, only: quoted, to_text
-  use dotyk_contact_dual_mortar, only: dual_mortar_rows
-  use dotyk_contact_segment_quadrature, only: quadrature_rule_t
-  use dotyk_contact_corner_interpolation, only: corner_interpolation_t
-  use dotyk_contact_integration_points, only: whole_facet_rules, project_points
-  use dotyk_contact_facet_set, only: facet_set_t
-  use dotyk_contact_local_origin, only: choose_origin, shift_origin
   use dotyk_contact_broad_phase, only: facets_near_candidates, candidate_facets
+  use dotyk_contact_corner_interpolation, only: corner_interpolation_t
+  use dotyk_contact_dual_mortar, only: dual_mortar_rows
+  use dotyk_contact_facet_set, only: facet_set_t
+  use dotyk_contact_integration_points, only: whole_facet_rules, project_points
+  use dotyk_contact_local_origin, only: choose_origin, shift_origin
+  use dotyk_contact_mortar_segments, only: build_segment_rules
+  use dotyk_contact_pair, only: contact_pair_t, pair_settings_t
   use dotyk_contact_projection, only: projection_found, projection_not_facing, projection_outside, projection_t, &
     projection_too_far, master_surface_t
-  use dotyk_contact_pair, only: contact_pair_t, pair_settings_t
-  use dotyk_contact_mortar_segments, only: build_segment_rules
+  use dotyk_contact_segment_quadrature, only: quadrature_rule_t
   use dotyk_contact_smooth_projection, only: smooth_projections
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: n_element_kinds

@@ -181,8 +181,9 @@ contains
     type(polygon_t), intent(in) :: polygon
     associate (x => polygon%x)
       is_parallelogram = polygon%n == 4
-      if (is_parallelogram) is_parallelogram = norm2(x(:, 1) - x(:, 2) + x(:, 3) - x(:, 4)) &
-                                               <= parallelogram_tolerance*norm2(x(:, 3) - x(:, 1))
+      if (is_parallelogram) &
+        is_parallelogram = norm2(x(:, 1) - x(:, 2) + x(:, 3) - x(:, 4)) <= &
+                           parallelogram_tolerance*norm2(x(:, 3) - x(:, 1))
     end associate
   end function is_parallelogram
 

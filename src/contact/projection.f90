@@ -10,9 +10,9 @@
 module dotyk_contact_projection
   use dotyk_base_kinds, only: dp
   use dotyk_contact_adjacency, only: adjacency_t
+  use dotyk_contact_bounding_volume_tree, only: bounding_volume_tree_t, facing_cosine
   use dotyk_contact_closest_point, only: closest_point_on_facet, edges_at
   use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
-  use dotyk_contact_bounding_volume_tree, only: bounding_volume_tree_t, facing_cosine
   use dotyk_contact_tree_search, only: nearest_facet
   use dotyk_mesh_surface, only: surface_t
   implicit none

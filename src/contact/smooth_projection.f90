@@ -9,8 +9,8 @@ module dotyk_contact_smooth_projection
   use dotyk_contact_closest_point, only: edges_at
   use dotyk_contact_facet_polynomial, only: evaluate_facet
   use dotyk_contact_facet_set, only: facet_set_t
-  use dotyk_contact_smooth_surface, only: smooth_surface_t
   use dotyk_contact_projection, only: projection_found, projection_outside, projection_t, projection_too_far
+  use dotyk_contact_smooth_surface, only: smooth_surface_t
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private

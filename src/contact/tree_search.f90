@@ -7,8 +7,7 @@
 !> threads.
 module dotyk_contact_tree_search
   use dotyk_base_kinds, only: dp
-  use dotyk_contact_bounding_volume_tree, only: bounding_volume_t, bounding_volume_tree_t, &
-    facing_cosine, stack_size
+  use dotyk_contact_bounding_volume_tree, only: bounding_volume_t, bounding_volume_tree_t, facing_cosine, stack_size
   use dotyk_contact_closest_point, only: closest_point_on_facet
   use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
   implicit none

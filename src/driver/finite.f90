@@ -4,8 +4,8 @@ module dotyk_driver_finite
   use dotyk_base_error, only: error_t, exit_not_solvable, set_error
   use dotyk_base_text, only: quoted, to_text
   use dotyk_contact_pair, only: contact_pair_t
-  use dotyk_control_pressures, only: pair_solution_t
   use dotyk_control_body_solution, only: body_solution_t
+  use dotyk_control_pressures, only: pair_solution_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t
   use dotyk_scheme_solver_state, only: solver_state_t

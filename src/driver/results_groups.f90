@@ -2,21 +2,21 @@
 module dotyk_driver_results_groups
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
-  use dotyk_contact_pair, only: contact_pair_t
   use dotyk_base_options, only: option_name, scheme_names
+  use dotyk_base_version, only: version, compiler, build_type
+  use dotyk_contact_pair, only: contact_pair_t
   use dotyk_control_body_solution, only: body_solution_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_contact_solution, only: contact_solution_t
   use dotyk_control_error_budget, only: error_budget_t
-  use dotyk_driver_arguments, only: command_line_text
   use dotyk_control_factorization, only: factor_size_t
   use dotyk_control_pressures, only: pair_solution_t, nodal_field_t
-  use dotyk_log_timing, only: timing_t
-  use dotyk_base_version, only: version, compiler, build_type
+  use dotyk_driver_arguments, only: command_line_text
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_stress, only: von_mises
   use dotyk_input_case, only: case_t
   use dotyk_linalg_blas, only: blas_name
+  use dotyk_log_timing, only: timing_t
   use dotyk_output_results_file, only: results_file_t, connectivity_length, contact_group
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_solver_state, only: ending_name, ended_converged

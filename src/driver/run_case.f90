@@ -5,19 +5,19 @@ module dotyk_driver_run_case
   use dotyk_base_memory, only: set_stage
   use dotyk_base_text, only: to_text
   use dotyk_control_contact_solution, only: contact_solution_t, solve_contact
+  use dotyk_control_parallel, only: use_threads
   use dotyk_control_scheme_run, only: scheme_run_t
   use dotyk_driver_arguments, only: arguments_t
-  use dotyk_log_run_monitor, only: log_monitor_t
-  use dotyk_log_outcome, only: note_modes, refuse_unsolvable
   use dotyk_driver_results, only: prepare_output, write_on_the_way, write_results
   use dotyk_driver_run_settings, only: choose_scheme, goal_of
   use dotyk_driver_scene, only: build_scene, factorize_scene, scene_t
-  use dotyk_log_scene_tables, only: show_memory, show_scene, show_title
-  use dotyk_log_summary, only: show_solution, show_timing
-  use dotyk_control_parallel, only: use_threads
   use dotyk_driver_warm_start, only: read_pressures, start_from_pressures
   use dotyk_input_case, only: case_t
   use dotyk_input_parse, only: read_case
+  use dotyk_log_outcome, only: note_modes, refuse_unsolvable
+  use dotyk_log_run_monitor, only: log_monitor_t
+  use dotyk_log_scene_tables, only: show_memory, show_scene, show_title
+  use dotyk_log_summary, only: show_solution, show_timing
   use dotyk_scheme_solver_state, only: ended_converged, ended_time
   implicit none
   private

@@ -7,16 +7,16 @@ module dotyk_driver_scene
   use dotyk_contact_operator, only: build_operator, contact_operator_t
   use dotyk_control_contact_free, only: contact_free_t, solve_without_contact
   use dotyk_control_contact_problem, only: contact_problem_t
-  use dotyk_control_parallel, only: set_blas_threads, share_solves
-  use dotyk_model_assembly, only: assemble_bodies, check_held
-  use dotyk_model_body_setup, only: build_bodies
   use dotyk_control_factorization, only: analyze_bodies, check_memory, direct_slot_t, factor_size_t, factorize_bodies, &
     find_modes, make_operators
-  use dotyk_log_run_monitor, only: log_monitor_t
-  use dotyk_model_pairs, only: find_pairs, foundation_compliance
-  use dotyk_log_scene_tables, only: show_factorization
+  use dotyk_control_parallel, only: set_blas_threads, share_solves
   use dotyk_elasticity_body, only: stiffness_t
   use dotyk_input_case, only: case_t
+  use dotyk_log_run_monitor, only: log_monitor_t
+  use dotyk_log_scene_tables, only: show_factorization
+  use dotyk_model_assembly, only: assemble_bodies, check_held
+  use dotyk_model_body_setup, only: build_bodies
+  use dotyk_model_pairs, only: find_pairs, foundation_compliance
   use dotyk_response_response, only: response_slot_t
   use dotyk_scheme_body_compliance, only: body_compliance_t, body_operator_t
   use dotyk_scheme_coarse_space, only: coarse_space_t, contact_modes_t

@@ -101,8 +101,9 @@ contains
     n = 0
     do k = 1, size(pair)
       call read_pair(source, same_position*length, pair(k), pressure(n + 1:n + pair(k)%n_rows), what, error)
-      if (len(what) > 0) call set_error(error, quoted(source%path)//' has other contact rows: '//what// &
-                                        '; a warm start needs the same meshes and contact settings')
+      if (len(what) > 0) &
+        call set_error(error, quoted(source%path)//' has other contact rows: '//what// &
+                       '; a warm start needs the same meshes and contact settings')
       if (allocated(error)) return
       n = n + pair(k)%n_rows
     end do

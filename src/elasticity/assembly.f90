@@ -28,7 +28,7 @@ contains
   !> Add the stiffness of all elements to a matrix of zeros, and subtract the forces of prescribed displacements from
   !> the right-hand side.
   subroutine assemble_stiffness(mesh, analysis, material, constraint, positions, matrix, rhs, volume, &
-      mean_modulus_factor, error)
+                                mean_modulus_factor, error)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
     !> Type of analysis: one of the `analysis_*` constants.
@@ -68,7 +68,7 @@ contains
 
   !> Assemble the elements of one block, distributed over the threads.
   subroutine assemble_block(mesh, i_block, analysis, material, constraint, positions, matrix, rhs, volume, &
-      modulus_integral, error)
+                            modulus_integral, error)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
     !> Index of the element block.
@@ -127,7 +127,7 @@ contains
 
   !> Assemble the elements of one part of a block: the work of one thread.
   subroutine assemble_part(mesh, i_block, analysis, material, constraint, positions, partition, part, needs_transform, &
-      order, matrix, rhs, volume, modulus_integral, position, error)
+                           order, matrix, rhs, volume, modulus_integral, position, error)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
     !> Index of the element block.

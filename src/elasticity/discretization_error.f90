@@ -113,7 +113,7 @@ contains
 
   !> Estimate the elements of one block.
   subroutine estimate_block(mesh, i_block, analysis, material, factor, fit, dilatation, u, square, norm_square, &
-      rounding_square, error)
+                            rounding_square, error)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
     !> Index of the element block.
@@ -176,8 +176,8 @@ contains
 
   !> Estimate one element.
   subroutine estimate_element(n, n_corners, dim, slots, n_points, n_bodies, n_smooth, n_lower, n_functions, form, &
-      bulk, factor, table, rule, corner_shape, fit, dilatation, tag, node, all_x, all_u, square, norm_square, &
-      rounding_square, error)
+                              bulk, factor, table, rule, corner_shape, fit, dilatation, tag, node, all_x, all_u, &
+                              square, norm_square, rounding_square, error)
     !> Number of nodes of the element.
     integer, intent(in) :: n
     !> Number of corners of the element.

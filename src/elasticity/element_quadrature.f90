@@ -169,7 +169,7 @@ contains
     end if
     !$omp critical (message)
     call set_error(error, 'element '//to_text(mesh%block(i_block)%tag(e))//' ('//trim(kind%name)//')'//reason// &
-      ' near '//point_text(mesh%x(:, mesh%block(i_block)%node(1, e))), exit_not_solvable)
+                   ' near '//point_text(mesh%x(:, mesh%block(i_block)%node(1, e))), exit_not_solvable)
     !$omp end critical (message)
   end subroutine inverted_element_error
 end module dotyk_elasticity_element_quadrature

@@ -280,7 +280,7 @@ contains
   !> Monomials around vertices at points, each times the weight of its vertex: the basis of the recovered strains of
   !> an element.
   pure subroutine vertex_functions(dim, n_lower, n_vertices, n_points, vertex, parent, axis, centre, axes, weight, x, &
-      values)
+                                   values)
     !> Number of coordinates.
     integer, intent(in) :: dim
     !> Number of monomials of the strains.

@@ -70,7 +70,7 @@ contains
 
   !> The isoparametric map at all points: inverse Jacobians, radii, weights.
   pure subroutine map_points(n, dim, slots, n_points, shape, shape_square, gradient, products, weight, x, inverse, &
-      radius, g_square, w, worst)
+                             radius, g_square, w, worst)
     !> Number of nodes of the element.
     integer, intent(in) :: n
     !> Number of coordinates.
@@ -136,7 +136,7 @@ contains
 
   !> Displacement gradients in space of one of several bodies, from those by reference coordinates.
   pure subroutine physical_gradients(dim, slots, n_points, n_bodies, body, by_reference, inverse, displacement, &
-      radius, slope)
+                                     radius, slope)
     !> Number of displacement components, 2 or 3.
     integer, intent(in) :: dim
     !> Number of gradient slots: `dim`, or 3 in axisymmetric analyses.

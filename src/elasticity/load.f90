@@ -67,7 +67,7 @@ contains
         associate (kind => surface%kind(f))
           if (.not. allocated(rule(kind)%weight)) call make_rule(kind, rule(kind))
           call add_facet(kind, mesh%dimension, kind_nodes(kind), mesh%x, surface%node(:kind_nodes(kind), f), &
-            rule(kind), analysis == analysis_axisymmetric, load%kind, field, force, error)
+                         rule(kind), analysis == analysis_axisymmetric, load%kind, field, force, error)
         end associate
         if (allocated(error)) exit
       end do

@@ -70,7 +70,7 @@ contains
     end if
     if (.not. (poisson > -1 .and. poisson < 0.5_dp)) then
       call set_error(error, 'material '//quoted(name)//': poisson must lie between -1 and 0.5, not '// &
-        to_text(poisson), exit_bad_input)
+                     to_text(poisson), exit_bad_input)
       return
     end if
     self%least_young = young
@@ -103,10 +103,10 @@ contains
     real(dp) :: compliance(6, 6), axes(3, 3), stiffness(6, 6)
     integer :: i
     self%name = name
-    if (.not. (all(young > 0) .and. all(shear > 0) .and. all(young <= huge(1.0_dp)) &
-      .and. all(shear <= huge(1.0_dp)))) then
+    if (.not. (all(young > 0) .and. all(shear > 0) .and. &
+               all(young <= huge(1.0_dp)) .and. all(shear <= huge(1.0_dp)))) then
       call set_error(error, 'material '//quoted(name)//': all values of young and shear must be positive', &
-        exit_bad_input)
+                     exit_bad_input)
       return
     end if
     call material_axes(axis_1, axis_2, axes, error)
@@ -158,7 +158,7 @@ contains
     end do
     if (.not. all(abs(upper) <= huge(1.0_dp))) then
       call set_error(error, 'material '//quoted(name)//': all values of stiffness must be finite numbers', &
-        exit_bad_input)
+                     exit_bad_input)
       return
     end if
     call symmetric_eigen(scale_components(self%stiffness, kelvin), values, vectors, error)
@@ -180,7 +180,7 @@ contains
     !> Allocated on return; names the material and the eigenvalue.
     type(error_t), allocatable, intent(out) :: error
     call set_error(error, 'material '//quoted(name)//': the stiffness is not positive definite, '// &
-      'its least eigenvalue is '//to_text(eigenvalue), exit_bad_input)
+                   'its least eigenvalue is '//to_text(eigenvalue), exit_bad_input)
   end subroutine refuse
 
   !> Matrix that maps the strains of an analysis to its stresses (6, 6) [pressure].

@@ -139,7 +139,7 @@ contains
       q(:, 2:) = local(:, :dim - 1)
     else
       q(:, 3) = [q(2, 1)*q(3, 2) - q(3, 1)*q(2, 2), q(3, 1)*q(1, 2) - q(1, 1)*q(3, 2), &
-        q(1, 1)*q(2, 2) - q(2, 1)*q(1, 2)]
+                 q(1, 1)*q(2, 2) - q(2, 1)*q(1, 2)]
       free = maxloc(abs(q(:, 3)), 1)
       if (all(abs(without(q(:, 3), free)) < round_off)) then
         axes%is_given = .true.

@@ -40,7 +40,7 @@ contains
     n_entries = 0
     do i = 1, size(mesh%block)
       call append(size(mesh%block(i)%node, 1), size(mesh%block(i)%node, 2), mesh%block(i)%node, n_elements, n_entries, &
-        self%start, self%node)
+                  self%start, self%node)
     end do
     call elements_of_nodes(mesh%n_nodes(), n_elements, self%start, self%node, self%first, self%element)
   end subroutine incidence_init

@@ -65,8 +65,8 @@ contains
     allocate (self%centre(3, n_components), self%radius(n_components), self%component_name(n_components))
     allocate (free(6, 6, n_components), n_of_component(n_components))
     do p = 1, n_components
-      call rigid_null_space(mesh, analysis, constraint, component, p, self%centre(:, p), self%radius(p), free(:, :, &
-                            p), n_of_component(p))
+      call rigid_null_space(mesh, analysis, constraint, component, p, self%centre(:, p), self%radius(p), &
+                            free(:, :, p), n_of_component(p))
       ! Texts of allocatable length are made by one thread at a time, see dotyk_base_text.
       !$omp critical (message)
       self%component_name(p)%s = component_text(mesh, component, p, n_components)
@@ -80,7 +80,7 @@ contains
         self%component(first:last) = p
         self%coefficient(:, first:last) = free(:, :n_of_component(p), p)
         call make_orthonormal(mesh%x, constraint, component, p, self%centre(:, p), self%radius(p), &
-          self%coefficient(:, first:last), mode(:, :, first:last))
+                              self%coefficient(:, first:last), mode(:, :, first:last))
         first = last + 1
       end associate
     end do

@@ -167,8 +167,8 @@ contains
     least = least_hold*sqrt(1 + sum(held_displacement(:m, :)**2))
     n = 0
     free = 0
-    call right_singular_vectors(held_displacement(:m, :), values(:size(exists)), vectors(:size(exists), &
-                                :size(exists)), error)
+    call right_singular_vectors(held_displacement(:m, :), values(:size(exists)), &
+                                vectors(:size(exists), :size(exists)), error)
     if (allocated(error)) return
     do j = size(exists), 1, -1
       if (values(j) > least) cycle

@@ -156,7 +156,7 @@ contains
 
   !> Add an element stiffness to the matrix.
   pure subroutine scatter(n, dim, n_nodes, node, k, part, owner, equation, n_free, first, neighbour, offset, &
-      column_start, value)
+                          column_start, value)
     !> Number of nodes of the element.
     integer, intent(in) :: n
     !> Number of displacement components, 2 or 3.

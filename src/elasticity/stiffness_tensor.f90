@@ -47,7 +47,7 @@ contains
     end if
     axes(:, 2) = rest/norm2(rest)
     axes(:, 3) = [axes(2, 1)*axes(3, 2) - axes(3, 1)*axes(2, 2), axes(3, 1)*axes(1, 2) - axes(1, 1)*axes(3, 2), &
-      axes(1, 1)*axes(2, 2) - axes(2, 1)*axes(1, 2)]
+                  axes(1, 1)*axes(2, 2) - axes(2, 1)*axes(1, 2)]
   end subroutine material_axes
 
   !> A 6 by 6 matrix with rows and columns multiplied by weights (6, 6) [any].

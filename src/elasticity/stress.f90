@@ -37,7 +37,7 @@ contains
   pure real(dp) function von_mises(stress)
     !> Stresses xx yy zz and the three shear stresses in any order (6) [pressure].
     real(dp), intent(in) :: stress(6)
-    von_mises = sqrt(0.5_dp*((stress(1) - stress(2))**2 + (stress(2) - stress(3))**2 + (stress(3) - stress(1))**2) &
-      + 3*(stress(4)**2 + stress(5)**2 + stress(6)**2))
+    von_mises = sqrt(0.5_dp*((stress(1) - stress(2))**2 + (stress(2) - stress(3))**2 + (stress(3) - stress(1))**2) + &
+                     3*(stress(4)**2 + stress(5)**2 + stress(6)**2))
   end function von_mises
 end module dotyk_elasticity_stress

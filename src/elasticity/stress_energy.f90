@@ -75,7 +75,7 @@ contains
     !$omp& shared(mesh, i_block, analysis, material, u, stress, energy, mean_modulus_factor, error, n, n_parts)
     do s = 1, n_parts
       call evaluate_elements(mesh, i_block, analysis, material, u, (n*(s - 1))/n_parts + 1, (n*s)/n_parts, stress, &
-                            energy, mean_modulus_factor, failed)
+                             energy, mean_modulus_factor, failed)
       if (.not. allocated(failed)) cycle
       !$omp critical(dotyk_recovery)
       if (.not. allocated(error)) call move_alloc(failed, error)
@@ -86,7 +86,7 @@ contains
 
   !> Evaluate a range of elements of a block.
   subroutine evaluate_elements(mesh, i_block, analysis, material, u, first, last, stress, energy, mean_modulus_factor, &
-      error)
+                               error)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
     !> Index of the element block.

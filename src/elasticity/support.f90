@@ -157,7 +157,8 @@ contains
             ! Each support of a group contributes once.
             if (any(group(:i - 1) == g .and. faces%source(here(:i - 1)) == faces%source(here(i)))) cycle
             call add_face_conditions(x(:, node), node, mean(:, g), faces%source(here(i)), &
-              supports(faces%source(here(i)))%fix%fixed, fields(faces%source(here(i))), conditions, error)
+                                     supports(faces%source(here(i)))%fix%fixed, fields(faces%source(here(i))), &
+                                     conditions, error)
             if (allocated(error)) then
               call add_context(error, 'support of surface '//quoted(supports(faces%source(here(i)))%surface%name)//': ')
               return

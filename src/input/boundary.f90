@@ -57,8 +57,9 @@ contains
     do i = 1, 3
       if (support%fix%fixed(i)) cycle
       name = support%fix%name(i)
-      if (abs(support%value(i)) > 0) call report(problems, group, 'value', 'value has '//name//' = '// &
-                                                 to_text(support%value(i))//', but fix does not name '//name)
+      if (abs(support%value(i)) > 0) &
+        call report(problems, group, 'value', 'value has '//name//' = '//to_text(support%value(i))// &
+                    ', but fix does not name '//name)
       if (size(support%value_formula) == 0) cycle
       if (support%value_formula(i)%s /= '0') &
         call report(problems, group, 'value_formula', 'value_formula has '//name//' = '// &
@@ -93,8 +94,9 @@ contains
       is_constant = is_given(group, kinds(k)%s)
       is_formula = is_given(group, kinds(k)%s//'_formula')
       if (.not. (is_constant .or. is_formula)) cycle
-      if (is_constant .and. is_formula) call report(problems, group, kinds(k)%s, kinds(k)%s//' and '//kinds(k)%s// &
-                                                    '_formula are both given: only one can be meant')
+      if (is_constant .and. is_formula) &
+        call report(problems, group, kinds(k)%s, kinds(k)%s//' and '//kinds(k)%s// &
+                    '_formula are both given: only one can be meant')
       n = n + 1
       given = given//', '//kinds(k)%s
       load%kind = k

@@ -6,8 +6,7 @@ module dotyk_input_checks
   use dotyk_base_magnitude, only: has_usual_size, size_rule
   use dotyk_base_options, only: find_option
   use dotyk_base_text, only: join, nearest_name, shown, split_words, suggestion, text_t, to_text, visible
-  use dotyk_input_conversion, only: number_malformed, number_out_of_range, read_integer, read_logical, &
-    read_real
+  use dotyk_input_conversion, only: number_malformed, number_out_of_range, read_integer, read_logical, read_real
   use dotyk_input_keywords, only: at_least_one, at_most_one, exactly_one, group_keyword_t, &
     keys_of_group, keyword_t, kind_formula, kind_integer, kind_logical, kind_name, kind_names, kind_real, &
     kind_text, place_of_keyword

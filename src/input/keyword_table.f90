@@ -205,7 +205,7 @@ contains
                   'softer body')
     call list%add('surface_b', kind_text, required=.true., &
                   meaning='master (mortar) side, as ''body:surface'' of another body: points of surface_a are '// &
-                    'projected on it')
+                  'projected on it')
     call list%add('gap', kind_real, unit='length', &
                   meaning='initial gap, the same everywhere; if absent, the distance between the surfaces')
     call list%add('gap_formula', kind_formula, unit='length', &
@@ -217,10 +217,10 @@ contains
                   'the bounding box of the body')
     call list%add('theta_mesh', kind_real, not_negative=.true., &
                   meaning='penalty parameter as a factor of h_a/E_a + h_b/E_b, point by point; h is the size of '// &
-                    'the facet')
+                  'the facet')
     call list%add('search_radius', kind_real, unit='length', positive=.true., &
                   meaning='greatest distance between a point and its projection; if absent, the size of the '// &
-                    'smaller body')
+                  'smaller body')
     call list%add('discretization', kind_name, names=discretization_names, &
                   default=option_name(discretization_names, default_discretization), &
                   meaning='contact constraints: mortar, dual (biorthogonal) mortar with one weighted gap per '// &

@@ -7,10 +7,10 @@ module dotyk_input_parse
   use dotyk_input_boundary, only: read_load, read_support
   use dotyk_input_case, only: case_t
   use dotyk_input_checks, only: check_group, check_group_names, check_occurrences
-  use dotyk_input_paths, only: read_text, refuse_other_content
+  use dotyk_input_contacts, only: read_contact
   use dotyk_input_keyword_table, only: list_groups, list_keywords
   use dotyk_input_keywords, only: group_keyword_t, keyword_t
-  use dotyk_input_contacts, only: read_contact
+  use dotyk_input_paths, only: read_text, refuse_other_content
   use dotyk_input_problems, only: no_line, problems_t
   use dotyk_input_reader, only: group_t, read_groups
   use dotyk_input_settings, only: read_output, read_scene, read_solver

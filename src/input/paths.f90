@@ -6,7 +6,7 @@ module dotyk_input_paths
   implicit none
   private
   public :: read_text, refuse_other_content, resolve_path, extension_of, without_extension, &
-            why_not_readable, is_directory
+    why_not_readable, is_directory
 
 contains
 

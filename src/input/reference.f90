@@ -53,7 +53,7 @@ contains
       '`a ? b : c` and functions such as `sin`, `exp`, `sqrt`, `abs`, `min`, `max`, `log` (natural).'//lf// &
       '- Units are free, but must be consistent, as in N, m, Pa or N, mm, MPa.'//lf// &
       '- Paths are relative to the input file. Physical groups of the mesh are named in gmsh (`Physical '// &
-        'Surface("bottom")`).'//lf// &
+      'Surface("bottom")`).'//lf// &
       '- In two dimensions vectors have two values: x, y or xi, n.'//lf// &
       '- All mistakes are reported together, each with file and line, before anything is computed; `dotyk '// &
       'case.nml --check` stops there.'//lf//lf// &

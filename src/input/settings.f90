@@ -7,8 +7,7 @@ module dotyk_input_settings
     stop_paper, theta_absolute, theta_mesh, theta_names
   use dotyk_base_text, only: shown
   use dotyk_input_case, only: output_input_t, scene_input_t, solver_input_t
-  use dotyk_input_paths, only: extension_of, is_directory, resolve_path, why_not_readable, &
-    without_extension
+  use dotyk_input_paths, only: extension_of, is_directory, resolve_path, why_not_readable, without_extension
   use dotyk_input_problems, only: problems_t
   use dotyk_input_reader, only: group_t
   use dotyk_input_values, only: has_option, integer_of, is_given, is_usable, logical_of, real_of, report, text_of
@@ -96,8 +95,9 @@ contains
     ! These keys exist for the Neumann scheme alone.
     if (solver%scheme == scheme_auto .and. (is_given(group, 'gamma') .or. is_given(group, 'gamma_rule') .or. &
                                             solver%stop_rule == stop_paper)) solver%scheme = scheme_neumann
-    if (.not. solver%theta_given) solver%theta = merge(default_theta_dual, default_theta_other, &
-                                                       solver%scheme == scheme_auto .or. solver%scheme == scheme_dual)
+    if (.not. solver%theta_given) &
+      solver%theta = merge(default_theta_dual, default_theta_other, &
+                           solver%scheme == scheme_auto .or. solver%scheme == scheme_dual)
     if (solver%stop_rule == stop_paper .and. is_usable(group, 'scheme') .and. solver%scheme /= scheme_neumann) &
       call report(problems, group, 'stop_rule', 'stop_rule=''paper'' is for scheme=''neumann'', which (41) is about')
     solver%budget_fraction = real_of(group, 'budget_fraction')

@@ -223,7 +223,8 @@ contains
         call log%line('  indeterminate    '//quoted(body(b)%name)//': '//text// &
                       ' (neither loads nor contact determine it; minimum-norm solution)')
     end do
-    if (n_named > most_named) call log%line('  indeterminate    rigid body modes of '// &
-                                             counted(n_named - most_named, 'more body', 'more bodies'))
+    if (n_named > most_named) &
+      call log%line('  indeterminate    rigid body modes of '// &
+                    counted(n_named - most_named, 'more body', 'more bodies'))
   end subroutine note_indeterminate
 end module dotyk_log_outcome

@@ -87,11 +87,13 @@ contains
       call log%line(body_line(name, body(b)%material%name, body(b)%mesh%n_elements(), body(b)%mesh%n_nodes(), &
                               body(b)%constraint%n_equations, size_of(b)%entries, size_of(b)%flops))
     end do
-    if (size(body) > 1) call log%line(body_line(counted(size(body), 'body', 'bodies'), '', elements, nodes, unknowns, &
-                                                sum(size_of%entries), sum(size_of%flops)))
-    if (classes%n() < size(body)) call log%line('  '//counted(size(body), 'body', 'bodies')//' in '// &
-                                                counted(classes%n(), 'congruence class', 'congruence classes')//': '// &
-                                                counted(classes%n(), 'factorization'))
+    if (size(body) > 1) &
+      call log%line(body_line(counted(size(body), 'body', 'bodies'), '', elements, nodes, unknowns, &
+                              sum(size_of%entries), sum(size_of%flops)))
+    if (classes%n() < size(body)) &
+      call log%line('  '//counted(size(body), 'body', 'bodies')//' in '// &
+                    counted(classes%n(), 'congruence class', 'congruence classes')//': '// &
+                    counted(classes%n(), 'factorization'))
     if (size(case%contact) == 0) call log%line('  no contact pairs: one linear solve per body')
   end subroutine show_bodies
 
@@ -252,7 +254,6 @@ contains
     matrices = sum(size_of%stiffness_bytes)
     call log%line('')
     call log%line('  estimated memory: factors '//memory_text(real(sum(size_of%bytes), dp))//', stiffness matrices '// &
-                  memory_text(matrices)//', total about '// &
-                  memory_text((1 + beside)*(sum(size_of%bytes) + matrices)))
+                  memory_text(matrices)//', total about '//memory_text((1 + beside)*(sum(size_of%bytes) + matrices)))
   end subroutine show_memory
 end module dotyk_log_scene_tables

@@ -68,9 +68,8 @@ contains
       call log%line('  potential energy '//to_text(state%energy, 10))
       return
     end if
-    call log%line('  '//outcome(state)//' after '//counted(state%iterations, 'iteration')// &
-                  ' (at most '//counted(n_sweeps, 'right-hand side')//' per body), '// &
-                  duration(seconds))
+    call log%line('  '//outcome(state)//' after '//counted(state%iterations, 'iteration')//' (at most '// &
+                  counted(n_sweeps, 'right-hand side')//' per body), '//duration(seconds))
     call log%line('  error bound      '//to_text(state%error_bound, 3)// &
                   ' of the energy norm of the solution, guaranteed (tolerance '//to_text(tolerance)//')')
     if (state%ended == ended_converged .and. state%error_bound > tolerance) &
@@ -137,8 +136,7 @@ contains
     type(solver_state_t), intent(in) :: state
     character(:), allocatable :: line
     line = ''
-    if (state%screened > 0) &
-      call add(counted(state%screened, 'inactive constraint')//' (screened out)')
+    if (state%screened > 0) call add(counted(state%screened, 'inactive constraint')//' (screened out)')
     if (.not. goal%needs_displacements()) call add('displacements')
     if (.not. goal%stress) call add('stresses')
     if (.not. goal%needs_mesh_error()) call add('discretization error')
@@ -220,8 +218,7 @@ contains
           line = line//', '//to_text(of_body%lost_digits())//' of 16 digits lost'
           if (of_body%n_steps > 0) line = line//'; '
         end if
-        if (of_body%n_steps > 0) &
-          line = line//counted(of_body%n_steps, 'step')//' of iterative refinement'
+        if (of_body%n_steps > 0) line = line//counted(of_body%n_steps, 'step')//' of iterative refinement'
         if (of_body%is_measured .or. of_body%n_steps > 0) call log%line(line)
       end associate
     end do

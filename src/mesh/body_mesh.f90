@@ -1,12 +1,12 @@
 !> The mesh of one body: its elements, with nodes numbered within the body.
 module dotyk_mesh_body_mesh
-  use dotyk_base_kinds, only: dp, int64
   use dotyk_base_error, only: error_t, set_error
+  use dotyk_base_kinds, only: dp, int64
   use dotyk_base_text, only: quoted
   use dotyk_mesh_element, only: kind_dimension, kind_nodes, n_element_kinds
-  use dotyk_mesh_physical_group, only: groups_named, unknown_group
   use dotyk_mesh_mesh, only: element_block_t, mesh_t
   use dotyk_mesh_mesh_check, only: check_size, check_nodes, check_plane, check_repeated_elements, orient_elements
+  use dotyk_mesh_physical_group, only: groups_named, unknown_group
   implicit none
   private
 

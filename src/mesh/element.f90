@@ -10,10 +10,10 @@ module dotyk_mesh_element
   use dotyk_mesh_hexahedron, only: hexahedron_kind, hexahedron_node
   use dotyk_mesh_line, only: line_kind, line_node
   use dotyk_mesh_prism, only: prism_gradients, prism_kind, prism_node, prism_values
-  use dotyk_mesh_tensor_product, only: lagrange_gradients, lagrange_values, serendipity_gradients, serendipity_values
-  use dotyk_mesh_quadrilateral, only: quadrilateral_kind, quadrilateral_node
   use dotyk_mesh_quadrature, only: quadrature_rule
+  use dotyk_mesh_quadrilateral, only: quadrilateral_kind, quadrilateral_node
   use dotyk_mesh_simplex, only: simplex_gradients, simplex_values
+  use dotyk_mesh_tensor_product, only: lagrange_gradients, lagrange_values, serendipity_gradients, serendipity_values
   use dotyk_mesh_tetrahedron, only: tetrahedron_edge, tetrahedron_kind, tetrahedron_node
   use dotyk_mesh_triangle, only: triangle_edge, triangle_kind, triangle_node
   implicit none

@@ -3,10 +3,10 @@
 !> This module reads the format and the frame of the sections; the numbered formats have modules of their own. Elements
 !> without a physical group and point elements are dropped; nodes are kept whether elements use them or not.
 module dotyk_mesh_gmsh
-  use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_byte_cursor, only: byte_cursor_t
   use dotyk_base_error, only: error_t, set_error, exit_bad_input
   use dotyk_base_files, only: nature_of
-  use dotyk_base_byte_cursor, only: byte_cursor_t
+  use dotyk_base_kinds, only: dp, int64
   use dotyk_mesh_gmsh_22, only: read_nodes_22, read_elements_22
   use dotyk_mesh_gmsh_41, only: entities_t, read_entities_41, read_nodes_41, read_elements_41
   use dotyk_mesh_mesh, only: mesh_t

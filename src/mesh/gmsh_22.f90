@@ -1,8 +1,8 @@
 !> Nodes and elements of the gmsh format MSH 2.2, text and binary.
 module dotyk_mesh_gmsh_22
+  use dotyk_base_byte_cursor, only: byte_cursor_t
   use dotyk_base_kinds, only: int64
   use dotyk_base_text, only: to_text
-  use dotyk_base_byte_cursor, only: byte_cursor_t
   use dotyk_mesh_gmsh_common, only: allocate_nodes, index_nodes, find_nodes, type_nodes, type_kind
   use dotyk_mesh_gmsh_type, only: gmsh_point, gmsh_type_dimension
   use dotyk_mesh_mesh_builder, only: mesh_builder_t
@@ -65,8 +65,9 @@ contains
           call cursor%get_int(type)
           call cursor%get_int(n_left)
           call cursor%get_int(n_tags)
-          if (n_left < 1 .or. n_left > n_elements - i + 1) call cursor%fail('a header announces '//to_text(n_left)// &
-            ' elements, where '//to_text(n_elements - i + 1)//' of '//to_text(n_elements)//' are left', first)
+          if (n_left < 1 .or. n_left > n_elements - i + 1) &
+            call cursor%fail('a header announces '//to_text(n_left)//' elements, where '// &
+                             to_text(n_elements - i + 1)//' of '//to_text(n_elements)//' are left', first)
         end if
         n_left = n_left - 1
         first = cursor%position
@@ -140,8 +141,9 @@ contains
       call cursor%get_int(ignored)
       if (i == 1) physical = abs(ignored)
     end do
-    if (physical > huge(0)) call cursor%fail('element '//to_text(element)//' has the physical tag '// &
-                                             to_text(physical)//', which cannot be right', position)
+    if (physical > huge(0)) &
+      call cursor%fail('element '//to_text(element)//' has the physical tag '//to_text(physical)// &
+                       ', which cannot be right', position)
   end subroutine read_physical
 
   !> Read the node tags of an element.

@@ -1,8 +1,8 @@
 !> Entities, nodes and elements of the gmsh format MSH 4.1, text and binary.
 module dotyk_mesh_gmsh_41
+  use dotyk_base_byte_cursor, only: byte_cursor_t
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_text, only: to_text
-  use dotyk_base_byte_cursor, only: byte_cursor_t
   use dotyk_mesh_gmsh_common, only: allocate_nodes, index_nodes, find_nodes, type_nodes, type_kind
   use dotyk_mesh_gmsh_type, only: gmsh_point
   use dotyk_mesh_mesh_builder, only: mesh_builder_t
@@ -108,8 +108,9 @@ contains
     end do
     if (cursor%broken) return
     call groups%index%init(tag, twice)
-    if (twice > 0) call cursor%fail('the entity of dimension '//to_text(dimension)//' and tag '//to_text(tag(twice))// &
-                                    ' occurs a second time', position(twice))
+    if (twice > 0) &
+      call cursor%fail('the entity of dimension '//to_text(dimension)//' and tag '//to_text(tag(twice))// &
+                       ' occurs a second time', position(twice))
   end subroutine read_entities_of_dimension
 
   !> Read the physical groups of one entity, ascending and without repetition. A minus sign in the file marks reversed
@@ -168,8 +169,8 @@ contains
       call cursor%get_int(parametric)
       call cursor%get_size(n)
       if (dimension < 0 .or. dimension > 3) call cursor%fail('an entity has the dimension '//to_text(dimension), first)
-      if (parametric < 0 .or. parametric > 1) call cursor%fail('expected 0 or 1 for parametric nodes, found '// &
-                                                               to_text(parametric), first)
+      if (parametric < 0 .or. parametric > 1) &
+        call cursor%fail('expected 0 or 1 for parametric nodes, found '//to_text(parametric), first)
       call check_block(cursor, 'nodes', n, n_read, n_nodes, first)
       if (cursor%broken) return
       do j = n_read + 1, n_read + n
@@ -242,8 +243,8 @@ contains
       call read_block(cursor, builder, block, n, n_nodes)
       n_read = n_read + n
     end do
-    if (n_read < n_elements) call cursor%fail(to_text(n_elements)//' elements are announced, the blocks have '// &
-                                              to_text(n_read))
+    if (n_read < n_elements) &
+      call cursor%fail(to_text(n_elements)//' elements are announced, the blocks have '//to_text(n_read))
   end subroutine read_elements_41
 
   !> Read the elements of one block of the file.

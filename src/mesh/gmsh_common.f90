@@ -1,8 +1,8 @@
 !> Checks of nodes, element types and node tags that the readers of the gmsh formats 2.2 and 4.1 share.
 module dotyk_mesh_gmsh_common
+  use dotyk_base_byte_cursor, only: byte_cursor_t
   use dotyk_base_kinds, only: int64
   use dotyk_base_text, only: to_text
-  use dotyk_base_byte_cursor, only: byte_cursor_t
   use dotyk_mesh_element, only: kind_of_gmsh_type
   use dotyk_mesh_gmsh_type, only: gmsh_type_nodes, gmsh_type_name, gmsh_type_help
   use dotyk_mesh_mesh_builder, only: mesh_builder_t
@@ -42,8 +42,8 @@ contains
       return
     end do
     call builder%node_of_tag%init(builder%node_tag, repeated)
-    if (repeated > 0) call cursor%fail('node tag '//to_text(builder%node_tag(repeated))//' occurs a second time', &
-                                       position(repeated))
+    if (repeated > 0) &
+      call cursor%fail('node tag '//to_text(builder%node_tag(repeated))//' occurs a second time', position(repeated))
   end subroutine index_nodes
 
   !> Indices of the nodes of an element.
@@ -85,8 +85,9 @@ contains
     n_nodes = 0
     if (cursor%broken) return
     if (abs(type) < huge(0)) n_nodes = gmsh_type_nodes(int(type))
-    if (n_nodes == 0) call cursor%fail('element '//to_text(element)//' is of type '//to_text(type)// &
-                                       ', which is not known: only elements of order 1 and 2 are supported', position)
+    if (n_nodes == 0) &
+      call cursor%fail('element '//to_text(element)//' is of type '//to_text(type)// &
+                       ', which is not known: only elements of order 1 and 2 are supported', position)
   end subroutine type_nodes
 
   !> Element kind of an element that is kept, which must be supported.
@@ -104,7 +105,8 @@ contains
     kind = 0
     if (cursor%broken) return
     kind = kind_of_gmsh_type(int(type))
-    if (kind == 0) call cursor%fail('element '//to_text(element)//' is a '//gmsh_type_name(int(type))// &
-                                    ' (gmsh type '//to_text(type)//'): '//gmsh_type_help(int(type)), position)
+    if (kind == 0) &
+      call cursor%fail('element '//to_text(element)//' is a '//gmsh_type_name(int(type))//' (gmsh type '// &
+                       to_text(type)//'): '//gmsh_type_help(int(type)), position)
   end subroutine type_kind
 end module dotyk_mesh_gmsh_common

@@ -5,16 +5,16 @@
 !> version of gmsh. It is written under a temporary name and renamed, so that concurrent runs never read an incomplete
 !> mesh. The environment variable DOTYK_GMSH names another executable than `gmsh`.
 module dotyk_mesh_gmsh_run
-  use dotyk_base_kinds, only: int64
-  use dotyk_base_files, only: own_mark, remove_leftovers
-  use dotyk_base_error, only: error_t, set_error, exit_bad_input, exit_not_written
-  use dotyk_base_interrupt, only: run_shell => run_command, interrupted, stop_if_interrupted
-  use dotyk_base_memory, only: set_stage, stage_text
-  use dotyk_base_text, only: to_text
   use dotyk_base_byte_cursor, only: byte_cursor_t
   use dotyk_base_content_hash, only: content_hash_t
+  use dotyk_base_error, only: error_t, set_error, exit_bad_input, exit_not_written
+  use dotyk_base_files, only: own_mark, remove_leftovers
+  use dotyk_base_interrupt, only: run_shell => run_command, interrupted, stop_if_interrupted
+  use dotyk_base_kinds, only: int64
+  use dotyk_base_memory, only: set_stage, stage_text
   use dotyk_base_operating_system, only: make_directory, is_writable_directory, rename_file, remove_file, &
     shell_quoted, directory_of, environment_value
+  use dotyk_base_text, only: to_text
   implicit none
   private
   public :: mesh_geometry

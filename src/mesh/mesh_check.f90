@@ -2,9 +2,9 @@
 !> inverted and degenerate elements.
 module dotyk_mesh_mesh_check
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
+  use dotyk_base_error, only: error_t, exit_not_solvable, set_error
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_magnitude, only: is_too_large, size_rule, smallest_number
-  use dotyk_base_error, only: error_t, exit_not_solvable, set_error
   use dotyk_base_sort, only: sort_order
   use dotyk_base_text, only: counted, to_text
   use dotyk_mesh_element, only: element_kind, element_kind_t
@@ -129,8 +129,9 @@ contains
         other = first(low)
         do while (other > 0)
           if (same_set(nc, block(b)%node(:nc, e), block(b)%node(:nc, other))) then
-            call set_error(error, 'elements '//to_text(block(b)%tag(other))//' and '//to_text(block(b)%tag(e))//' (' &
-              //trim(kind%name)//') have the same corners: remove one, as gmsh does with `Coherence Mesh;`')
+            call set_error(error, 'elements '//to_text(block(b)%tag(other))//' and '//to_text(block(b)%tag(e))// &
+                           ' ('//trim(kind%name)//') have the same corners: remove one, as gmsh does with '// &
+                           '`Coherence Mesh;`')
             return
           end if
           other = next(other)

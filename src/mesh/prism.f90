@@ -3,8 +3,8 @@ module dotyk_mesh_prism
   use dotyk_base_kinds, only: dp
   use dotyk_mesh_element_kind, only: element_kind_t, element_prism15, element_prism18, element_prism6, element_quad4, &
     element_quad8, element_quad9, element_tri3, element_tri6, kind_nodes
-  use dotyk_mesh_tensor_product, only: lagrange_line
   use dotyk_mesh_simplex, only: simplex_gradients, simplex_values
+  use dotyk_mesh_tensor_product, only: lagrange_line
   use dotyk_mesh_triangle, only: triangle_edge, triangle_node
   implicit none
   private

@@ -44,14 +44,14 @@ contains
       call add_opposite(0.24928674517091042129_dp, 0.11678627572637936603_dp, points, weights)
       call add_opposite(0.063089014491502228340_dp, 0.050844906370206816921_dp, points, weights)
       call add_general(0.053145049844816947353_dp, 0.31035245103378440542_dp, 0.082851075618373575194_dp, &
-        points, weights)
+                       points, weights)
     case (7:8)
       call add_orbit([third, third, third], 0.14431560767778716825_dp, points, weights)
       call add_opposite(0.45929258829272315603_dp, 0.095091634267284624794_dp, points, weights)
       call add_opposite(0.17056930775176020662_dp, 0.10321737053471825028_dp, points, weights)
       call add_opposite(0.050547228317030975458_dp, 0.032458497623198080311_dp, points, weights)
       call add_general(0.0083947774099576053372_dp, 0.26311282963463811342_dp, 0.027230314174434994265_dp, &
-        points, weights)
+                       points, weights)
     case default
       call conical_rule(2, degree/2 + 1, points, weights)
       return

@@ -3,14 +3,14 @@
 !> Bodies may share a group name, which then stands for the faces of each body. Facets take their nodes from the face
 !> table of the parent element, so that their normals point out of the body whatever the orientation in the file.
 module dotyk_mesh_surface
-  use dotyk_base_kinds, only: int64
   use dotyk_base_error, only: error_t, set_error
+  use dotyk_base_kinds, only: int64
   use dotyk_base_text, only: quoted, text_t, to_text
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_corner_table, only: corner_table_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, kind_dimension, max_facet_nodes
-  use dotyk_mesh_physical_group, only: group_names, groups_named, names_text, unknown_group
   use dotyk_mesh_mesh, only: mesh_t
+  use dotyk_mesh_physical_group, only: group_names, groups_named, names_text, unknown_group
   implicit none
   private
 
@@ -72,9 +72,9 @@ contains
       call find_parents(body_mesh, table, surface, parents)
       inner = findloc(parents > 1, .true., dim=1)
       if (inner > 0) then
-        call set_error(error, 'mesh '//quoted(mesh%file)//': '//quoted(surface_name)//' lies inside the body, not on ' &
-          //'its surface, with '//to_text(count(parents > 1))//' of its facets (the first is element ' &
-          //to_text(tag(inner))//')')
+        call set_error(error, 'mesh '//quoted(mesh%file)//': '//quoted(surface_name)//' lies inside the body, '// &
+                       'not on its surface, with '//to_text(count(parents > 1))//' of its facets (the first is '// &
+                       'element '//to_text(tag(inner))//')')
         return
       end if
       call keep_facets(surface, tag, parents == 1)

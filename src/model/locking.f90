@@ -3,9 +3,9 @@ module dotyk_model_locking
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_plane_stress, locking_auto
-  use dotyk_model_materials, only: build_material
   use dotyk_elasticity_material, only: material_t
   use dotyk_input_case, only: case_t
+  use dotyk_model_materials, only: build_material
   implicit none
   private
   public :: would_lock

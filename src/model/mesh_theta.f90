@@ -6,8 +6,8 @@ module dotyk_model_mesh_theta
   use dotyk_base_kinds, only: dp
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_elasticity_body, only: body_t
-  use dotyk_elasticity_vector_field, only: vector_field_t
   use dotyk_elasticity_modulus_field, only: read_modulus_field
+  use dotyk_elasticity_vector_field, only: vector_field_t
   use dotyk_mesh_element, only: kind_nodes, quadrature_rule
   use dotyk_mesh_facet, only: facet_geometry
   use dotyk_mesh_surface, only: surface_t

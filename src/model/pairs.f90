@@ -8,10 +8,10 @@ module dotyk_model_pairs
   use dotyk_base_text, only: to_text
   use dotyk_contact_pair, only: contact_pair_t, pair_settings_t
   use dotyk_contact_pair_discretization, only: discretize_pair
-  use dotyk_model_mesh_theta, only: set_mesh_theta
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t, contact_input_t
   use dotyk_mesh_surface, only: surface_t
+  use dotyk_model_mesh_theta, only: set_mesh_theta
   implicit none
   private
   public :: find_pairs, foundation_compliance

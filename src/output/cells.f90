@@ -61,7 +61,8 @@ contains
       cells%tag(first + 1:first + n) = mesh%block(k)%tag
       n_ids = kind%n_nodes*int(n, int64)
       call fill_connectivity(kind%n_nodes, n, mesh%block(k)%node, kind%vtk_order(:kind%n_nodes), first_node, &
-        cells%connectivity(first_node + 1:first_node + n_ids), cells%offset(first + 2:first + n + 1))
+                             cells%connectivity(first_node + 1:first_node + n_ids), &
+                             cells%offset(first + 2:first + n + 1))
       first = first + n
       first_node = first_node + n_ids
     end do

@@ -69,8 +69,9 @@ contains
     head = ''
     read (unit, iostat=status) head
     close (unit, iostat=status)
-    if (length > 0 .and. head(2:) /= signature) call set_error(error, quoted(path)// &
-      ' is there already and is no results file: give another name, or delete it', exit_not_written)
+    if (length > 0 .and. head(2:) /= signature) &
+      call set_error(error, quoted(path)//' is there already and is no results file: give another name, or delete it', &
+                     exit_not_written)
   end subroutine check_replaceable
 
   !> Name beside a path that no other process uses.

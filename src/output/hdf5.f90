@@ -6,12 +6,12 @@
 module dotyk_output_hdf5
   use, intrinsic :: iso_c_binding, only: c_char, c_loc, c_ptr
   use, intrinsic :: iso_fortran_env, only: int8
+  use hdf5, only: h5t_c_s1, h5t_cset_utf8_f, h5t_ieee_f64le, h5t_std_i32le, h5t_std_i64le, h5t_str_nullpad_f, &
+    h5tclose_f, h5tcopy_f, h5tset_cset_f, h5tset_size_f, h5tset_strpad_f, hid_t, hsize_t, size_t
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int32, int64
   use dotyk_output_hdf5_handle, only: hdf5_handle_t, hdf5_int32, hdf5_int64, hdf5_real, hdf5_uint8, write_attribute, &
     write_dataset, write_rows
-  use hdf5, only: h5t_c_s1, h5t_cset_utf8_f, h5t_ieee_f64le, h5t_std_i32le, h5t_std_i64le, h5t_str_nullpad_f, &
-    h5tclose_f, h5tcopy_f, h5tset_cset_f, h5tset_size_f, h5tset_strpad_f, hid_t, hsize_t, size_t
   implicit none
   private
   public :: hdf5_real, hdf5_int32, hdf5_int64, hdf5_uint8

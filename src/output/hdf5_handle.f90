@@ -2,16 +2,16 @@
 !> arrays.
 module dotyk_output_hdf5_handle
   use, intrinsic :: iso_c_binding, only: c_ptr
-  use dotyk_base_error, only: error_t, exit_not_written, set_error
-  use dotyk_base_kinds, only: int64
-  use dotyk_base_text, only: quoted
-  use dotyk_output_hdf5_reason, only: hdf5_reason, start_hdf5
   use hdf5, only: h5acreate_by_name_f, h5awrite_f, h5aclose_f, h5dclose_f, h5dcreate_f, h5dget_space_f, h5dopen_f, &
     h5dwrite_f, h5f_acc_trunc_f, h5f_close_strong_f, h5f_libver_v18_f, h5fclose_f, h5fcreate_f, h5gclose_f, &
     h5gcreate_f, h5p_dataset_create_f, h5p_file_access_f, h5pclose_f, h5pcreate_f, h5pset_fclose_degree_f, &
     h5pset_fill_value_f, h5pset_libver_bounds_f, h5s_scalar_f, h5s_select_set_f, h5sclose_f, h5screate_f, &
     h5screate_simple_f, h5sselect_hyperslab_f, h5t_ieee_f64le, h5t_native_integer, h5t_std_i32le, h5t_std_i64le, &
     h5t_std_u8le, hid_t, hsize_t
+  use dotyk_base_error, only: error_t, exit_not_written, set_error
+  use dotyk_base_kinds, only: int64
+  use dotyk_base_text, only: quoted
+  use dotyk_output_hdf5_reason, only: hdf5_reason, start_hdf5
   implicit none
   private
 

@@ -1,14 +1,13 @@
 !> HDF5, thinly: reading datasets that `dotyk_output_hdf5` wrote.
 module dotyk_output_hdf5_read
   use, intrinsic :: iso_c_binding, only: c_loc, c_ptr
+  use hdf5, only: h5dclose_f, h5dget_space_f, h5dopen_f, h5dread_f, h5f_acc_rdonly_f, h5f_close_strong_f, &
+    h5fclose_f, h5fopen_f, h5gn_members_f, h5lexists_f, h5p_file_access_f, h5pclose_f, h5pcreate_f, &
+    h5pset_fclose_degree_f, h5sclose_f, h5sget_simple_extent_npoints_f, h5t_native_double, hid_t, hsize_t
   use dotyk_base_error, only: error_t, set_error
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_text, only: quoted, to_text
   use dotyk_output_hdf5_reason, only: hdf5_reason, start_hdf5
-  use hdf5, only: h5dclose_f, h5dget_space_f, h5dopen_f, h5dread_f, h5f_acc_rdonly_f, h5f_close_strong_f, &
-    h5fclose_f, h5fopen_f, &
-    h5gn_members_f, h5lexists_f, h5p_file_access_f, h5pclose_f, h5pcreate_f, h5pset_fclose_degree_f, h5sclose_f, &
-    h5sget_simple_extent_npoints_f, h5t_native_double, hid_t, hsize_t
   implicit none
   private
 
@@ -18,6 +17,7 @@ module dotyk_output_hdf5_read
     character(:), allocatable :: path
     !> HDF5's handle.
     integer(hid_t) :: id = -1
+    !> Whether the handle is that of an open file.
     logical :: is_open = .false.
   contains
     procedure :: open => source_open

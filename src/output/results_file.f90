@@ -58,7 +58,7 @@ contains
 
   !> Create the file with the layout of all parts, under a temporary name.
   subroutine results_create(self, path, n_points, n_cells, n_connectivity, want_displacement, want_stress, &
-    want_contact, want_error, error)
+                            want_contact, want_error, error)
     class(results_file_t), intent(inout) :: self
     !> Path of the file.
     character(*), intent(in) :: path
@@ -144,7 +144,7 @@ contains
     !> Allocated where the file cannot be written.
     type(error_t), allocatable, intent(out) :: error
     call self%file%put_part('/VTKHDF/PointData/displacement', self%first_point(part), &
-      with_three_components(displacement), error)
+                            with_three_components(displacement), error)
   end subroutine results_write_displacement
 
   !> Write the contact pressure of one body; bodies without contact may be skipped.

@@ -16,7 +16,8 @@ contains
     !> Allocated where the file cannot be written.
     type(error_t), allocatable, intent(out) :: error
     character(*), parameter :: names(*) = [character(20) :: '/VTKHDF', '/VTKHDF/PointData', '/VTKHDF/CellData', &
-      '/dotyk', '/dotyk/summary', '/dotyk/history', '/dotyk/contact', '/dotyk/timing']
+                                           '/dotyk', '/dotyk/summary', '/dotyk/history', '/dotyk/contact', &
+                                           '/dotyk/timing']
     integer :: i
     do i = 1, size(names)
       call file%add_group(trim(names(i)), error)
