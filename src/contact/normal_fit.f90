@@ -195,7 +195,7 @@ contains
     c = matmul(transpose(vectors), b)
     where (values > min_eigenvalue*maxval(values))
       c = c/values
-    elsewhere
+    else where
       c = 0
     end where
     b = matmul(vectors, c)

@@ -210,7 +210,7 @@ contains
     call self%side_b%moments(pair%weight*at_points, corner)
     where (total > 0)
       corner = corner/total
-    elsewhere
+    else where
       corner = 0
     end where
     call self%side_b%at_nodes(corner, on_nodes_b)

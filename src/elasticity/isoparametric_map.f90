@@ -270,7 +270,7 @@ contains
     end if
     where (abs(determinant) > 0)
       factor = 1/determinant
-    elsewhere
+    else where
       factor = 0
     end where
     do k = 1, dim

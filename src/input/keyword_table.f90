@@ -26,11 +26,11 @@ contains
                       'young, poisson and shear (orthotropic), or stiffness (anisotropic)', &
                       "&material name='steel', young=210e9, poisson=0.3 /"//lf// &
                       "&material name='spruce', young=11e9,0.7e9,0.4e9, poisson=0.4,0.45,0.5,"//lf// &
-                      "          shear=0.7e9,0.6e9,0.04e9, axis_1=1,0,0, axis_2=0,1,0 /")
+                      '          shear=0.7e9,0.6e9,0.04e9, axis_1=1,0,0, axis_2=0,1,0 /')
     groups(3) = group('body', at_least_one, 'an elastic body', &
                       "&body name='block', volume='block', material='steel' /"//lf// &
                       "&body name='roller 2', mesh='roller.msh', volume='roller', material='steel',"//lf// &
-                      "      at=0.1,0,0, axis=0,0,1, angle=15 /")
+                      '      at=0.1,0,0, axis=0,0,1, angle=15 /')
     groups(4) = group('support', any_number, 'prescribed displacement (Dirichlet condition) on a body surface, '// &
                       'zero where no value is given', &
                       "&support body='block', surface='bottom', fix='xyz' /"//lf// &
@@ -43,7 +43,7 @@ contains
                       "&contact name='touch', surface_a='ball:low', surface_b='block:up' /"//lf// &
                       "&contact name='fit', surface_a='shaft:outside', surface_b='hub:inside', gap=-2e-5 /")
     groups(7) = group('solver', at_most_one, 'how the contact problem is solved', &
-                      "&solver theta=0, tolerance=1e-8 /"//lf// &
+                      '&solver theta=0, tolerance=1e-8 /'//lf// &
                       "&solver scheme='neumann', theta_mesh=0.1, stop_rule='paper', gamma_rule='theory' /")
     groups(8) = group('output', at_most_one, 'contents of the results file', &
                       "&output fields='displacement contact', error_parts='', interval=600 /")

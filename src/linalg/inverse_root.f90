@@ -19,7 +19,7 @@ contains
 
   !> Root and null space. Without a reference A is regular and is factorized by elimination, which keeps directions of
   !> very different stiffness apart that an eigendecomposition would mix by rounding.
-  subroutine find_inverse_root(a, reference, root, null, failed)
+  subroutine find_inverse_root(a, reference, root, null_space, failed)
     !> Lower triangle (n, n).
     real(dp), intent(in) :: a(:, :)
     !> What eigenvalues of A are compared with; 0: A is regular.
@@ -27,7 +27,7 @@ contains
     !> R (n, n).
     real(dp), allocatable, intent(out) :: root(:, :)
     !> Orthonormal null directions as columns (n, n_null).
-    real(dp), allocatable, intent(out) :: null(:, :)
+    real(dp), allocatable, intent(out) :: null_space(:, :)
     !> 0, or 1 where A is not finite or the eigenvalues cannot be found.
     integer, intent(out) :: failed
     type(error_t), allocatable :: error
@@ -38,7 +38,7 @@ contains
       full(i:, i) = a(i:, i)
       full(i, i:) = a(i:, i)
     end do
-    allocate (root(n, n), null(n, 0))
+    allocate (root(n, n), null_space(n, 0))
     failed = 1
     if (.not. all(ieee_is_finite(full))) return
     if (.not. reference > 0) then
@@ -49,7 +49,7 @@ contains
     if (allocated(error)) return
     failed = 0
     associate (is_null => .not. (values > least_eigenvalue*reference .and. values > tiny(1.0_dp)))
-      null = root(:, pack([(i, i=1, n)], is_null))
+      null_space = root(:, pack([(i, i=1, n)], is_null))
       do i = 1, n
         if (is_null(i)) then
           root(:, i) = 0

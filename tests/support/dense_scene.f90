@@ -1,4 +1,5 @@
-!> Scenes of bodies with dense compliance operators, in one direction: what a test writes down, and the QP and compliance made of it.
+!> Scenes of bodies with dense compliance operators, in one direction: what a test writes down, and the QP and
+!> compliance made of it.
 module dense_scene
   use dense_response, only: dense_response_t
   use dotyk_base_kinds, only: dp

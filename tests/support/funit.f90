@@ -1,5 +1,5 @@
-!> The small test runner's half of pFUnit's interface: assertions under pFUnit's names. `pf.py` writes the calls, with each
-!> value wrapped in `funit_value` and the line number added. Arrays are compared element by element.
+!> The small test runner's half of pFUnit's interface: assertions under pFUnit's names. `pf.py` writes the calls, with
+!> each value wrapped in `funit_value` and the line number added. Arrays are compared element by element.
 module funit
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite, ieee_is_nan
   use, intrinsic :: iso_fortran_env, only: real64, int32, int64
@@ -110,7 +110,8 @@ contains
     call assert_order(lhs, 'greater than or equal to', rhs, message, line)
   end subroutine assertGreaterThanOrEqual
 
-  !> Compare element by element; the first pair out of order is shown. As in pFUnit, an array on the left needs one on the right.
+  !> Compare element by element; the first pair out of order is shown. As in pFUnit, an array on the left needs one on
+  !> the right.
   subroutine assert_order(lhs, relation, rhs, message, line)
     !> The two sides.
     type(value_t), intent(in) :: lhs, rhs
@@ -136,8 +137,8 @@ contains
     end do
   end subroutine assert_order
 
-  !> Whether an element of the left side has the relation to one of the right side. Integers are compared as integers. NaN is
-  !> in no order; builds that trap invalid operations come through.
+  !> Whether an element of the left side has the relation to one of the right side. Integers are compared as integers.
+  !> NaN is in no order; builds that trap invalid operations come through.
   logical function in_order(lhs, j, relation, rhs, i) result(holds)
     !> The two sides.
     type(value_t), intent(in) :: lhs, rhs
@@ -167,7 +168,8 @@ contains
     end select
   end function in_order
 
-  !> Texts and integers are equal exactly, reals within the absolute tolerance (0 if absent). A scalar stands for a whole array.
+  !> Texts and integers are equal exactly, reals within the absolute tolerance (0 if absent). A scalar stands for a
+  !> whole array.
   subroutine assertEqual(expected, found, tolerance, message, line)
     type(value_t), intent(in) :: expected, found
     real(real64), intent(in), optional :: tolerance

@@ -1,11 +1,13 @@
-!> Reading back all that a results file may hold, for the tests of what writes it. Numbers are converted to the kind that is asked for.
+!> Reading back all that a results file may hold, for the tests of what writes it. Numbers are converted to the kind
+!> that is asked for.
 module hdf5_test_source
   use, intrinsic :: iso_c_binding, only: c_char, c_loc, c_ptr
   use dotyk_base_error, only: error_t, set_error
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_text, only: quoted
   use dotyk_output_hdf5_read, only: hdf5_source_t
-  use hdf5, only: h5_integer_kind, h5aclose_f, h5aget_space_f, h5aget_type_f, h5aopen_by_name_f, h5aread_f, h5dclose_f, &
+  use hdf5, only: h5_integer_kind, h5aclose_f, h5aget_space_f, h5aget_type_f, h5aopen_by_name_f, h5aread_f, &
+    h5dclose_f, &
     h5dget_space_f, h5dopen_f, h5dread_f, h5kind_to_type, h5sclose_f, h5sget_simple_extent_dims_f, &
     h5sget_simple_extent_ndims_f, h5sget_simple_extent_npoints_f, h5t_native_double, h5tclose_f, h5tget_size_f, hid_t, &
     hsize_t, size_t

@@ -64,8 +64,8 @@ contains
       call coarse%init(block, operator%n_rows, modes)
     end associate
     allocate (foundation(operator%n_rows), source=0.0_dp)
-    call qp%init(operator, free%initial_penetration, free%load_displacement, free%energy, free%norm_square, foundation, &
-                 coarse)
+    call qp%init(operator, free%initial_penetration, free%load_displacement, free%energy, free%norm_square, &
+                 foundation,                  coarse)
     call compliance%init(qp, response, operators, .true.)
   end subroutine make_problem
 end module test_problem
