@@ -65,7 +65,7 @@ contains
     end associate
     allocate (foundation(operator%n_rows), source=0.0_dp)
     call qp%init(operator, free%initial_penetration, free%load_displacement, free%energy, free%norm_square, &
-                 foundation,                  coarse)
+                 foundation, coarse)
     call compliance%init(qp, response, operators, .true.)
   end subroutine make_problem
 end module test_problem
