@@ -1,5 +1,5 @@
-!> Exact solutions of small quadratic programmes of held bodies, by the active set method of Lawson and Hanson (Solving Least
-!> Squares Problems, 1974, chapter 23) on dense matrices: independent of the schemes, and finite.
+!> Exact solutions of small quadratic programmes of held bodies, by the active set method of Lawson and Hanson (Solving
+!> Least Squares Problems, 1974, chapter 23) on dense matrices: independent of the schemes, and finite.
 module dense_exact
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
