@@ -121,9 +121,9 @@ def main():
         if done.returncode > 1:
             sys.exit("balls: exit code %d" % done.returncode)
         weight, spread, floor, summary = check_statics(folder / "balls.vtkhdf")
-    print("balls  motions  pairs  points  steps  processor time [s]  memory [GiB]  bound    forces - weight  floor - weights")
-    print("%5d  %7d  %5d  %6d  %5d  %18.1f  %12.2f  %7.1e  %15.1e  %15.1e" % (
-        balls, summary["free_motions"], pairs, summary["contact_points"], summary["iterations"], used.ru_utime + used.ru_stime,
+    print("balls    modes  pairs  constraints  iterations  processor time [s]  memory [GiB]  bound    forces - weight  floor - weights")
+    print("%5d  %7d  %5d  %11d  %10d  %18.1f  %12.2f  %7.1e  %15.1e  %15.1e" % (
+        balls, summary["rigid_body_modes"], pairs, summary["constraints"], summary["iterations"], used.ru_utime + used.ru_stime,
         used.ru_maxrss / 2**20, summary["error_bound"], spread, floor))
     return 0 if done.returncode == 0 and spread < 1e-9 and floor < 1e-9 * balls else 1
 

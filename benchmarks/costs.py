@@ -53,7 +53,7 @@ def run(program, case, threads, folder):
     with h5py.File(output) as file:
         own = dict(file['dotyk/summary'].attrs)
         own.update({'time_' + key: float(value) for key, value in file['dotyk/timing'].attrs.items()})
-        own['bodies'] = len(file['dotyk/summary/condition'])
+        own['bodies'] = len(file['dotyk/summary/condition_number'])
     os.remove(output)
     return dict(own, wall=wall, processor=usage.ru_utime + usage.ru_stime, memory=usage.ru_maxrss/1024)
 
@@ -63,7 +63,7 @@ def row(name, single, double):
     def part(phase):
         return '%.0f' % (100*single['time_' + phase]/single['time_total'])
     return [name, '%d' % single['bodies'], '%d' % single['factorizations'], '%d' % single['unknowns'],
-            '%d' % single['contact_points'], '%.3g' % (single['flops']/1e9), '%.3g' % single['wall'],
+            '%d' % single['constraints'], '%.3g' % (single['flops']/1e9), '%.3g' % single['wall'],
             '%.3g' % double['wall'], '%.3g' % single['processor'], '%.0f' % single['memory'], part('factorize'),
             part('estimate')]
 

@@ -131,7 +131,7 @@ class Benchmark:
             sys.exit('benchmark: the reference does not solve %s' % scene.name)
         unknowns, entries, factor, size, flops, order, factorize, solve, processor = table[:, :9].sum(axis=0)
         return self.note(scene, 'cholmod', threads=threads, wall=order + factorize, processor=processor, peak=ended.peak,
-                         unknowns=int(unknowns), stiffness_entries=int(entries), factor_entries=int(factor),
+                         unknowns=int(unknowns), stiffness_entries=int(entries), factor_nonzeros=int(factor),
                          factor_bytes=int(size), flops=flops, phase_order=order, phase_factorize=factorize, solve=solve,
                          dgemm=float(lines[0][1]), condensed=float(lines[0][2]), bodies=len(table),
                          others=max(0.0, busy() - before - ended.processor)/ended.wall)

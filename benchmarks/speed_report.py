@@ -79,11 +79,11 @@ def reference(rows):
         rate = max(row['dgemm'] for row in chosen(rows, scene=name, program='cholmod'))
         row = {'scene': name, 'unknowns': int(plain['unknowns']), 'order': plain['phase_order'],
                'factorize': plain['phase_factorize'], 'Gflop': plain['flops']/1e9, 'DGEMM': rate/1e9,
-               'entries': '%.3gM' % (plain['factor_entries']/1e6),
+               'entries': '%.3gM' % (plain['factor_nonzeros']/1e6),
                'part of DGEMM': plain['flops']/plain['phase_factorize']/rate}
         if own:
             row.update({'own order': own['phase_order'], 'own factorize': own['phase_factorize'], 'own Gflop': own['flops']/1e9,
-                        'own entries': '%.3gM' % (own['factor_entries']/1e6),
+                        'own entries': '%.3gM' % (own['factor_nonzeros']/1e6),
                         'own part': own['flops']/own['phase_factorize']/rate})
         made.append(row)
     return made

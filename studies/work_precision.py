@@ -372,7 +372,7 @@ class Study:
                         row['elements'] = int(results['VTKHDF/Types'].shape[0])
                         own = attributes(results['dotyk'])
                     row['libraries'] = ', '.join(str(own[name]) for name in ('compiler', 'blas') if name in own)
-            for name in ('unknowns', 'contact_points', 'iterations', 'body_solves', 'error_bound', 'error_penalty',
+            for name in ('unknowns', 'constraints', 'iterations', 'body_solves', 'error_bound', 'error_penalty',
                          'error_discretization', 'energy_norm', 'max_penetration'):
                 if name in summary:
                     row[name] = summary[name]

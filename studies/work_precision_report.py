@@ -18,7 +18,7 @@ NOT_SAID = 'as in the scene'
 PARTS = {'error_bound': 'iteration (guaranteed bound)', 'error_penalty': 'penalty (estimate)',
          'error_discretization': 'discretization (estimate)'}
 COLUMNS = ['size', 'order', 'discretization', 'quadrature', 'geometry', 'theta_relative', 'theta', 'theta_default', 'stop_rule', 'tolerance',
-           'scheme', 'linear_solver', 'threads', 'elements', 'unknowns', 'contact_points', 'exit', 'converged', 'scheme_used',
+           'scheme', 'linear_solver', 'threads', 'elements', 'unknowns', 'constraints', 'exit', 'converged', 'scheme_used',
            'iterations', 'body_solves', 'seconds', 'seconds_min', 'seconds_max', 'repeats', 'seconds_process']
 KNOWN_LABELS = {'energy': 'relative error, energy norm', 'a_error': 'relative error, contact size',
                 'p0_error': 'relative error, peak pressure', 'profile_error': 'relative error, pressure (mean square)'}

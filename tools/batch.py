@@ -12,7 +12,7 @@ import sys
 import threading
 import time
 
-COLUMNS = ("case", "exit", "error_bound", "steps", "seconds", "memory_mib", "error_penalty", "error_discretization")
+COLUMNS = ("case", "exit", "error_bound", "iterations", "seconds", "memory_mib", "error_penalty", "error_discretization")
 
 
 def arguments():
@@ -65,12 +65,12 @@ def inputs_of(path):
 
 
 def summary_of(results):
-    """Errors and number of steps in a results file."""
+    """Errors and number of iterations in a results file."""
     try:
         import h5py
         with h5py.File(results, "r") as file:
             summary = file["dotyk/summary"].attrs
-            return {"error_bound": float(summary["error_bound"]), "steps": int(summary["iterations"]),
+            return {"error_bound": float(summary["error_bound"]), "iterations": int(summary["iterations"]),
                     **{part: float(summary[part]) for part in ("error_penalty", "error_discretization") if part in summary}}
     except (ImportError, OSError, KeyError, ValueError) as error:
         print("batch: %s: %s" % (results, error), file=sys.stderr)

@@ -48,7 +48,7 @@ def print_file(path, with_input):
             for field in ("pressure", "pressure_projected", "gap"):
                 if field in contact and len(contact[field]):
                     values = contact[field][:]
-                    print("  %-26s %.6g to %.6g at %d points" % (field, values.min(), values.max(), len(values)))
+                    print("  %-26s %.6g to %.6g in %d rows" % (field, values.min(), values.max(), len(values)))
         print_attributes("seconds", own["timing"])
         if with_input and "input" in own.attrs:
             print("input\n" + text_of(own.attrs["input"]))

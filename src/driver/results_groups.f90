@@ -99,7 +99,7 @@ contains
       call file%put_array(group, 'pressure_projected', pair_solution(k)%projected)
       call file%put_attribute(group, 'force', pair_solution(k)%force)
       call file%put_attribute(group, 'theta', solution%theta_factor(k)*pair(k)%theta)
-      call file%put_attribute(group, 'points_without_partner', pair(k)%n_unprojected)
+      call file%put_attribute(group, 'points_not_projected', pair(k)%n_unprojected)
     end do
   end subroutine write_pairs
 
@@ -143,20 +143,20 @@ contains
       call file%put_attribute('summary', 'energy', state%energy)
       call file%put_attribute('summary', 'max_penetration', state%max_penetration)
       call file%put_attribute('summary', 'unknowns', sum(problem%body%constraint%n_equations))
-      call file%put_attribute('summary', 'contact_points', qp%n_rows)
-      call file%put_attribute('summary', 'contact_points_left_out', state%screened)
-      call file%put_attribute('summary', 'free_motions', qp%coarse%n - sum(conditioning%n_near_null))
-      call file%put_attribute('summary', 'soft_motions', sum(conditioning%n_near_null))
-      call file%put_array('summary', 'condition', conditioning%condition)
+      call file%put_attribute('summary', 'constraints', qp%n_rows)
+      call file%put_attribute('summary', 'constraints_screened', state%screened)
+      call file%put_attribute('summary', 'rigid_body_modes', qp%coarse%n - sum(conditioning%n_near_null))
+      call file%put_attribute('summary', 'near_null_modes', sum(conditioning%n_near_null))
+      call file%put_array('summary', 'condition_number', conditioning%condition)
       call file%put_array('summary', 'digits_lost', conditioning%lost_digits())
       call file%put_array('summary', 'refinement_steps', conditioning%n_steps)
       indeterminate = 0
       if (allocated(state%indeterminate)) indeterminate = size(state%indeterminate, 2)
-      call file%put_attribute('summary', 'undetermined_motions', indeterminate)
+      call file%put_attribute('summary', 'indeterminate_modes', indeterminate)
     end associate
     call file%put_attribute('summary', 'factorizations', problem%classes%n())
-    call file%put_array('summary', 'kind', problem%classes%first)
-    call file%put_attribute('summary', 'factor_entries', sum(size_of%entries))
+    call file%put_array('summary', 'congruence_class', problem%classes%first)
+    call file%put_attribute('summary', 'factor_nonzeros', sum(size_of%entries))
     call file%put_attribute('summary', 'factor_bytes', sum(size_of%bytes))
     call file%put_attribute('summary', 'stiffness_bytes', sum(size_of%stiffness_bytes))
     call file%put_attribute('summary', 'flops', sum(size_of%flops))

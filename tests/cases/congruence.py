@@ -1,6 +1,5 @@
 #!/usr/bin/python3
-"""Bodies of one kind share a factorization: the same answers as without that, and one volume placed many times is what it would be if it
-were drawn many times."""
+"""Congruent bodies share a factorization: the same solution as without sharing, and as with a mesh that holds every body."""
 import numpy as np
 
 import dotyk_case
@@ -49,7 +48,7 @@ class Congruence(dotyk_case.Case):
         self.printed = self.dotyk("case.nml", "--output", "shared.vtkhdf" if share else "own.vtkhdf")
         file = self.results("shared.vtkhdf" if share else "own.vtkhdf")
         self.summary = dict(file["dotyk/summary"].attrs)
-        self.kind = file["dotyk/summary/kind"][:].tolist()
+        self.class_of = file["dotyk/summary/congruence_class"][:].tolist()
         found = {name: pair["pressure"][:] for name, pair in file["dotyk/contact"].items()}
         found["forces"] = np.array([pair.attrs["force"] for pair in file["dotyk/contact"].values()])
         found["displacement"] = file["VTKHDF/PointData/displacement"][:]
@@ -70,18 +69,18 @@ class Congruence(dotyk_case.Case):
         own = self.run_scene(lines, solver, False, **options)
         n = sum(line.startswith("&body") for line in lines)
         self.assertEqual(self.summary["factorizations"], n)
-        self.assertEqual(self.kind, list(range(1, n + 1)))
+        self.assertEqual(self.class_of, list(range(1, n + 1)))
         self.assertNotIn("congruence class", self.printed)
-        entries = self.summary["factor_entries"]
+        entries = self.summary["factor_nonzeros"]
         shared = self.run_scene(lines, solver, True, **options)
         self.assertEqual(self.summary["factorizations"], classes)
-        self.assertEqual(len(set(self.kind)), classes)
-        for body, first in enumerate(self.kind, 1):
-            self.assertLessEqual(first, body, self.kind)
-            self.assertEqual(self.kind[first - 1], first, self.kind)
+        self.assertEqual(len(set(self.class_of)), classes)
+        for body, first in enumerate(self.class_of, 1):
+            self.assertLessEqual(first, body, self.class_of)
+            self.assertEqual(self.class_of[first - 1], first, self.class_of)
         self.assertIn("%d bodies in %d congruence class%s: %d factorization" % (n, classes, "es"[:2*(classes > 1)], classes), self.printed)
         if "response='full'" in solver:
-            self.assertAlmostEqual(self.summary["factor_entries"] / entries, classes / n, delta=0.5 * classes / n)
+            self.assertAlmostEqual(self.summary["factor_nonzeros"] / entries, classes / n, delta=0.5 * classes / n)
         self.compare(own, shared, tolerance)
         return shared
 
@@ -191,7 +190,7 @@ class Congruence(dotyk_case.Case):
             np.testing.assert_allclose(forces, forces[:1].repeat(4, 0), rtol=0, atol=1e-9 * abs(forces[0][2]))
 
     def test_refusals_name_every_body(self):
-        """A body that is not held is as loose as the first of its kind, and each is told."""
+        """The message names every floating body, also those that are congruent to another one."""
         self.write("block.geo", block_geo("tet4", 1))
         lines = self.chain(3, 3, lambda k: "volume='block', mesh='block.geo', at=0, 0, %d" % (k - 1))
         self.write("case.nml", "\n".join(["&scene /", "&material name='m', young=1, poisson=0 /", *lines, "&solver scheme='neumann' /"]))
