@@ -28,20 +28,22 @@ contains
       'dotyk computes the frictionless unilateral contact of linear elastic bodies.'//lf//lf// &
       'usage: dotyk case.nml [--check] [--threads N] [--output FILE] [--restart RESULTS.vtkhdf] [--quiet]'//lf// &
       '       dotyk --version | --help'//lf// &
-      '  --check        read and check everything, print a summary of the scene, solve nothing'//lf// &
+      '  --check        check the input and print a summary of the scene, without solving'//lf// &
       '  --threads N    number of threads; if absent, one per processor'//lf// &
-      '  --output FILE  results file, in place of that of &scene; relative to the working directory'//lf// &
+      '  --output FILE  results file, relative to the working directory; overrides output of &scene'//lf// &
       '  --restart RESULTS.vtkhdf'//lf// &
       '                 start the scheme from the contact pressures of an earlier results file with the same'//lf// &
       '                 contact rows; materials, loads, theta and scheme may differ'//lf// &
       '  --quiet        print errors only'//lf// &
       '  --version      print the version'//lf// &
       '  --help         print this text (--help=markdown: the input reference, docs/input.md)'//lf//lf// &
-      'exit codes: 0 converged; 1 stopped before the tolerance (results written and marked); 2 bad input;'//lf// &
+      'exit codes: 0 converged; 1 not converged (results are written and marked); 2 bad input;'//lf// &
       '  3 the problem cannot be solved as posed; 4 a file could not be written;'//lf// &
       '  5 out of memory, or another failure of the machine'//lf// &
-      'An interrupt (Ctrl-C, SIGTERM) ends a run after the current step with code 1, a second one at once.'//lf//lf// &
-      'The input file consists of groups, such as &body name=''block'', volume=''block'', material=''steel'' /'//lf// &
+      'An interrupt (Ctrl-C, SIGTERM) ends the run after the current iteration with exit code 1;'//lf// &
+      'a second interrupt ends the run at once.'//lf//lf// &
+      'The input file is a sequence of groups, such as'//lf// &
+      '  &body name=''block'', volume=''block'', material=''steel'' /'//lf// &
       '  Commas or blanks separate values, 3*0 stands for 0, 0, 0, texts are in quotes, and ! begins a comment.'//lf// &
       '  Formulas are texts in x, y, z with pi, e, + - * / ^ ( ), comparisons, a ? b : c and functions such as '// &
       'sin,'//lf//'  exp, sqrt, abs, min, max, log (natural). Units are free, but must be consistent.'//lf

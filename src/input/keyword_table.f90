@@ -91,12 +91,12 @@ contains
     call list%add('title', kind_text, may_be_empty=.true., &
                   meaning='title')
     call list%add('mesh', kind_text, &
-                  'mesh file of the bodies that name none of their own: .msh (gmsh 2.2 or 4.1) or .geo (meshed by '// &
-                  'gmsh); relative to the namelist file')
+                  'mesh file of all bodies without a mesh key: .msh (gmsh 2.2 or 4.1) or .geo (meshed by gmsh); '// &
+                  'relative to the namelist file')
     call list%add('output', kind_text, &
-                  'results file, relative to the namelist file; if absent, the name of the namelist file with .vtkhdf')
+                  'results file, relative to the namelist file; if absent, the namelist file with extension .vtkhdf')
     call list%add('analysis', kind_name, names=analysis_names, default=option_name(analysis_names, default_analysis), &
-                  meaning='dimension and kinematics; axisymmetric is about y with x as the radius')
+                  meaning='type of analysis; axisymmetric: y is the axis, x the radius')
   end subroutine add_scene
 
   !> Keys of `&material`.
@@ -115,11 +115,11 @@ contains
     call list%add('axis_1', kind_real, least=3, most=3, default='1 0 0', &
                   meaning='axis 1 of an orthotropic material')
     call list%add('axis_2', kind_real, least=3, most=3, default='0 1 0', &
-                  meaning='a direction in the plane of its axes 1 and 2')
+                  meaning='direction in the plane of axes 1 and 2, not parallel to axis_1')
     call list%add('stiffness', kind_real, least=21, most=21, unit='pressure', &
                   meaning='anisotropic: upper triangle of the elasticity matrix by rows, order xx yy zz yz xz xy')
     call list%add('young_formula', kind_formula, &
-                  'modulus field: dimensionless factor of the elasticity matrix')
+                  'modulus field: dimensionless factor of the elasticity matrix as a formula')
   end subroutine add_material
 
   !> Keys of `&body`.
@@ -130,19 +130,19 @@ contains
     call list%add('name', kind_text, required=.true., &
                   meaning='name of the body')
     call list%add('volume', kind_text, required=.true., &
-                  meaning='physical group of its elements in the mesh (of surfaces in two dimensions)')
+                  meaning='physical group of the elements in the mesh (in two dimensions a physical surface)')
     call list%add('material', kind_text, required=.true., &
-                  meaning='name of its material')
+                  meaning='name of the material')
     call list%add('mesh', kind_text, &
-                  'its own mesh file; if absent, that of &scene')
+                  'mesh file of the body; if absent, mesh of &scene')
     call list%add('at', kind_real, least=2, most=3, unit='length', &
-                  meaning='position of the origin of its mesh in the scene (if absent, 0): one meshed volume may '// &
-                  'be used for many bodies; in axisymmetric analyses along y only')
+                  meaning='translation of the mesh, after the rotation (if absent, 0): many bodies may use one '// &
+                  'meshed volume; in axisymmetric analyses along y only')
     call list%add('axis', kind_real, least=3, most=3, &
-                  meaning='axis through the origin of its mesh about which it is rotated first (if absent, z); '// &
-                  'material axes rotate with the body; supports, loads and formulas in x, y, z are in global axes')
+                  meaning='axis of rotation, through the origin of the mesh (if absent, z); material axes rotate '// &
+                  'with the body; supports, loads and formulas in x, y, z use global axes')
     call list%add('angle', kind_real, unit='degrees', &
-                  meaning='angle of that rotation; not in axisymmetric analyses')
+                  meaning='angle of rotation about axis; not in axisymmetric analyses')
   end subroutine add_body
 
   !> Keys of `&support`.
@@ -153,13 +153,13 @@ contains
     call list%add('body', kind_text, required=.true., &
                   meaning='name of the body')
     call list%add('surface', kind_text, required=.true., &
-                  meaning='physical group of the surface (of curves in two dimensions)')
+                  meaning='physical group of the surface (in two dimensions a physical curve)')
     call list%add('fix', kind_text, required=.true., &
                   meaning='directions with prescribed displacement: letters of ''xyz'' (global axes), or of n, t '// &
                   '(both tangents), xi, eta (axes of the surface: n is the outward normal, xi the global x axis '// &
                   'projected on the surface, y where that vanishes, eta = n x xi)')
     call list%add('value', kind_real, least=2, most=3, unit='length', &
-                  meaning='prescribed displacement in the axes that fix names: x, y, z or xi, eta, n (in two '// &
+                  meaning='prescribed displacement in the axes chosen by fix: x, y, z or xi, eta, n (in two '// &
                   'dimensions x, y or xi, n)')
     call list%add('value_formula', kind_formula, least=2, most=3, unit='length', &
                   meaning='value as formulas')
@@ -200,9 +200,9 @@ contains
     call list%add('name', kind_text, required=.true., &
                   meaning='name of the contact pair')
     call list%add('surface_a', kind_text, required=.true., &
-                  meaning='slave (non-mortar) side, as ''body:surface'': contact pressures belong to its vertices '// &
-                  'or quadrature points; take the surface with the finer mesh, else the curved one or that of the '// &
-                  'softer body')
+                  meaning='slave (non-mortar) side, as ''body:surface'': its vertices or quadrature points carry '// &
+                  'the contact pressures; choose the surface with the finer mesh, else the curved surface or '// &
+                  'that of the softer body')
     call list%add('surface_b', kind_text, required=.true., &
                   meaning='master (mortar) side, as ''body:surface'' of another body: points of surface_a are '// &
                   'projected on it')
@@ -211,7 +211,7 @@ contains
     call list%add('gap_formula', kind_formula, unit='length', &
                   meaning='initial gap as a formula, evaluated on surface_a')
     call list%add('theta', kind_real, unit='length/pressure', not_negative=.true., &
-                  meaning='penalty parameter of this pair; if absent, that of &solver')
+                  meaning='penalty parameter of this pair; if absent, theta of &solver')
     call list%add('theta_relative', kind_real, not_negative=.true., &
                   meaning='penalty parameter as a factor of size_a/E_a + size_b/E_b; size is the shortest edge of '// &
                   'the bounding box of the body')
@@ -219,7 +219,7 @@ contains
                   meaning='penalty parameter as a factor of h_a/E_a + h_b/E_b, point by point; h is the size of '// &
                   'the facet')
     call list%add('search_radius', kind_real, unit='length', positive=.true., &
-                  meaning='greatest distance between a point and its projection; if absent, the size of the '// &
+                  meaning='largest distance between a point and its projection; if absent, the size of the '// &
                   'smaller body')
     call list%add('discretization', kind_name, names=discretization_names, &
                   default=option_name(discretization_names, default_discretization), &
@@ -227,9 +227,9 @@ contains
                   'vertex of surface_a, stable for every theta; quadrature, one gap per quadrature point, with a '// &
                   'penalty')
     call list%add('geometry', kind_name, names=geometry_names, default=option_name(geometry_names, default_geometry), &
-                  meaning='surfaces that gaps and normals are taken from: smooth, patches with continuous normals '// &
-                  'over the facets (edges of more than 40 degrees stay sharp, planes flat); elements, the facets '// &
-                  'as they are')
+                  meaning='surface geometry for gaps and normals: smooth, patches with continuous normals over '// &
+                  'the facets (edges of more than 40 degrees stay sharp, planes flat); elements, the facets '// &
+                  'of the mesh')
     call list%add('quadrature', kind_name, names=quadrature_names, &
                   default=option_name(quadrature_names, default_quadrature), &
                   meaning='quadrature points: segments, on the mortar segments (overlaps of facets of the two '// &
@@ -244,9 +244,9 @@ contains
     call list%add('scheme', kind_name, names=scheme_names, default=option_name(scheme_names, default_scheme), &
                   meaning='auto: dual, or neumann where gamma, gamma_rule or stop_rule=''paper'' is given; dual: '// &
                   'primal-dual active set on the Lagrange multipliers, any theta, floating bodies; neumann: the '// &
-                  'parallel Neumann scheme (43)-(46), for supported bodies and theta > 0; nesterov, anderson, '// &
-                  'secant: accelerations of neumann; robin: Robin conditions on both sides; the last four are for '// &
-                  'comparison')
+                  'parallel Neumann scheme (43)-(46), for supported bodies and theta > 0; for '// &
+                  'comparison: nesterov, anderson and secant, accelerations of neumann, and robin, Robin '// &
+                  'conditions on both sides')
     call list%add('theta', kind_real, unit='length/pressure', not_negative=.true., &
                   meaning='penalty parameter, the compliance of a Winkler layer between the bodies; 0: no penetration')
     call list%add('theta_relative', kind_real, not_negative=.true., &
@@ -269,24 +269,25 @@ contains
                   meaning='relaxation parameter of the neumann scheme: spectral, 2/(2+L); theory, 1/(1+L)^2; '// &
                   'fixed, gamma; L is the largest eigenvalue of compliance over theta')
     call list%add('gamma', kind_real, positive=.true., &
-                  meaning='relaxation parameter where gamma_rule is ''fixed''')
+                  meaning='relaxation parameter for gamma_rule=''fixed''')
     call list%add('stop_rule', kind_name, names=stop_rule_names, &
-                  meaning='the iteration stops when this is below tolerance: residual, the guaranteed error '// &
-                  'bound; paper, the bound (41); increment, the last step; or, budget, when the guaranteed error '// &
-                  'bound is below budget_fraction times the penalty and discretization errors; if absent, budget '// &
-                  'where neither tolerance nor any theta is given, else residual')
+                  meaning='convergence criterion: residual, guaranteed error bound below tolerance; paper, bound '// &
+                  '(41) below tolerance; increment, last increment below tolerance; budget, guaranteed error bound '// &
+                  'below budget_fraction times the penalty and discretization errors; if absent, budget if neither '// &
+                  'tolerance nor any theta is given, else residual')
     call list%add('budget_fraction', kind_real, default=to_text(default_budget_fraction), positive=.true., &
-                  meaning='iteration error as a fraction of the other errors where stop_rule is ''budget''')
+                  meaning='largest iteration error as a fraction of the penalty and discretization errors, for '// &
+                  'stop_rule=''budget''')
     call list%add('tolerance', kind_real, default=to_text(default_tolerance), positive=.true., &
-                  meaning='relative error in the energy norm at which the iteration stops')
+                  meaning='relative tolerance of stop_rule in the energy norm')
     call list%add('max_iterations', kind_integer, default=to_text(default_max_iterations), positive=.true., &
-                  meaning='greatest number of iterations')
+                  meaning='largest number of iterations')
     call list%add('locking', kind_name, names=locking_names, default=option_name(locking_names, default_locking), &
-                  meaning='nearly incompressible bodies (Poisson''s ratio above 0.4; not in plane stress): auto '// &
-                  'projects the dilatation, and elevates linear triangles, tetrahedra and prisms to order 2 from '// &
-                  '0.45 on; ignore leaves the elements as they are')
+                  meaning='nearly incompressible bodies (Poisson''s ratio above 0.4; not in plane stress): auto, '// &
+                  'projected dilatation (B-bar), and from 0.45 on linear triangles, tetrahedra and prisms are '// &
+                  'elevated to order 2; ignore, standard elements')
     call list%add('reproducible', kind_logical, default='.false.', &
-                  meaning='the same digits on any number of threads')
+                  meaning='results that do not depend on the number of threads, to the bit')
   end subroutine add_solver
 
   !> Keys of `&output`.
@@ -297,10 +298,10 @@ contains
     call list%add('fields', kind_names, names=field_names, default=field_names, may_be_empty=.true., &
                   meaning='fields to compute and write')
     call list%add('error_parts', kind_names, names=error_part_names, default=error_part_names, may_be_empty=.true., &
-                  meaning='errors to estimate besides the iteration error: penalty, the distance to the solution '// &
-                  'with theta = 0; discretization, the error of the mesh')
+                  meaning='errors to compute besides the iteration error: penalty, the distance to the solution '// &
+                  'with theta = 0; discretization, the estimated error of the mesh')
     call list%add('interval', kind_real, default='0', unit='seconds', not_negative=.true., &
-                  meaning='time between results that are written while an iterative scheme runs, with status '// &
-                  '''running''; 0: results are written at the end')
+                  meaning='time between intermediate results of an iterative scheme, written with status '// &
+                  '''running''; 0: results at the end only')
   end subroutine add_output
 end module dotyk_input_keyword_table

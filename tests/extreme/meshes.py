@@ -49,7 +49,7 @@ def slivers(grid):
             lost = 10*float(least) if least == "1e-6" and kind == "tet4" else 0.0
             refused = (least, kind) == ("1e-8", "tet4")
             yield stack("slivers of %s, %s" % (least, kind), parts, 0.0, kind, solver="tolerance=1e-9", allowed=max(1e-7, lost),
-                        left_out=lost, code=3 if refused else 0, message="tet4.*degenerate" if refused else ())
+                        unprojected=lost, code=3 if refused else 0, message="tet4.*degenerate" if refused else ())
 
 
 def jumps(grid):

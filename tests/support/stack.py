@@ -37,10 +37,10 @@ def exact(layers, theta, gap=0.0):
 
 
 def stack(name, layers, theta_relative=0.0, kind="hex8", gap=0.0, solver="tolerance=1e-12", width=1.0, allowed=1e-9,
-          given_gap=None, swap=False, code=0, message=(), left_out=0.0):
+          given_gap=None, swap=False, code=0, message=(), unprojected=0.0):
     """The scene; `gap` is drawn between all layers (overlap where negative), `given_gap` is what the input says instead.
 
-    left_out: part of the contact that has no partner, where facets are narrower than the search tells.
+    unprojected: fraction of the contact without projection, where facets are narrower than the resolution of the search.
     """
     d = dimension(kind)
     up = "xyz"[d - 1]
@@ -86,7 +86,7 @@ def stack(name, layers, theta_relative=0.0, kind="hex8", gap=0.0, solver="tolera
             return [(answer.pressure_error(0.0), 1e-15*least, "pressure of no contact"),
                     (np.abs(answer.displacement - right).max(), 1e-15*bottoms[-1], "displacement")]
         return [(answer.pressure_error(pressure), allowed, "pressure"),
-                (error, max(answer.reported(), coordinates, left_out), "energy norm against the bound"),
+                (error, max(answer.reported(), coordinates, unprojected), "energy norm against the bound"),
                 (error, max(allowed, coordinates, 4*answer.rounding()), "energy norm")]
 
     return Scene(name, "\n".join(text) + "\n", lambda folder: write_mesh(folder/"stack.msh", blocks, kind),

@@ -1,5 +1,5 @@
 #!/usr/bin/python3
-"""A scene pays for what it uses: what is left out, by the log's and the results' account, and that the rest stays the same."""
+"""Nothing is computed that the input does not ask for: log and results file agree, and all other results stay the same."""
 import re
 
 import numpy as np
@@ -7,7 +7,7 @@ import numpy as np
 import dotyk_case
 
 
-class LeftOut(dotyk_case.Case):
+class NotComputed(dotyk_case.Case):
     def run_scene(self, name, replace=(), code=0):
         """Run an example with some of its lines replaced; log and results."""
         if not (self.folder / name).exists():
@@ -22,7 +22,7 @@ class LeftOut(dotyk_case.Case):
         return printed, file, file["dotyk/summary"].attrs
 
     def test_no_contact(self):
-        """No pairs: no search, one solve of the body with loads or given displacements, none of the other."""
+        """No contact pairs: one solve of the body with loads or prescribed displacements, no solve of the other body."""
         printed, file, summary = self.run_scene("wavy", [("&contact.*$", ""), ("&solver.*$", "")])
         self.assertIn("no contact pairs: one linear solve per body", printed)
         self.assertEqual(summary["constraints"], 0)
@@ -31,12 +31,12 @@ class LeftOut(dotyk_case.Case):
         self.assertGreater(np.abs(file["VTKHDF/PointData/displacement"]).max(), 0)
 
     def test_solves_of_a_contact_scene(self):
-        """One for the body that is loaded, and one of each body for the displacements in the end."""
+        """One solve of the loaded body, and one solve of each body that recovers the displacements."""
         _, _, summary = self.run_scene("wavy", [("&solver.*$", "&solver theta_relative=1e-2, tolerance=1e-8 /")])
         self.assertEqual(summary["full_solves"], 3)
 
     def test_only_what_was_asked_for(self):
-        """Nothing but contact: no displacements (no solve for them), no stresses, no estimates; the same pressures."""
+        """Contact fields only: no displacements (and no solve for them), no stresses, no estimates; the same pressures."""
         solver = ("&solver.*$", "&solver theta_relative=1e-2, tolerance=1e-8 /")
         printed, file, summary = self.run_scene("wavy", [solver])
         self.assertNotIn("discretization error", printed)
@@ -55,23 +55,23 @@ class LeftOut(dotyk_case.Case):
         np.testing.assert_allclose(file["dotyk/contact/wave/pressure"][:], pressure, rtol=0, atol=1e-12 * pressure.max())
 
     def test_estimates_that_a_rule_needs(self):
-        """Without theta the discretization error decides about it: it is computed all the same."""
+        """Without a given theta the discretization error determines theta, and is computed even with error_parts=''."""
         printed, _, summary = self.run_scene("wavy", [("&solver.*$", "&output fields='contact', error_parts='' /")])
         self.assertNotIn("discretization error", printed)
         self.assertBetween(0, summary["error_discretization"], np.inf)
         self.assertEqual(summary["full_solves"], 3)
 
-    def test_points_that_stay_open(self):
-        """Points of a groove that does not close down to its end are not in the systems, and the answer is that of all points."""
+    def test_screened_constraints(self):
+        """Constraints at the open end of a groove stay out of the linear systems; the solution equals that with all constraints."""
         solver = ("&solver.*$", "&solver theta_relative=1e-2, tolerance=1e-10, linear_solver='%s' /")
         few, many = ([(solver[0], solver[1] % kind)] for kind in ("direct", "iterative"))
         printed, file, summary = self.run_scene("groove_row", few)
-        left_out = summary["constraints_screened"]
-        self.assertGreater(left_out, 0)
-        self.assertIn("%d inactive constraints (screened out)" % left_out, printed)
+        screened = summary["constraints_screened"]
+        self.assertGreater(screened, 0)
+        self.assertIn("%d inactive constraints (screened out)" % screened, printed)
         pair = next(iter(file["dotyk/contact"].values()))
         pressure, gap = pair["pressure"][:], pair["gap"][:]
-        self.assertLessEqual(np.count_nonzero(pressure), len(pressure) - left_out)
+        self.assertLessEqual(np.count_nonzero(pressure), len(pressure) - screened)
         _, file, summary = self.run_scene("groove_row", many)
         self.assertEqual(summary["constraints_screened"], 0)
         pair = next(iter(file["dotyk/contact"].values()))
