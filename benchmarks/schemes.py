@@ -1,9 +1,9 @@
 #!/usr/bin/python3
 """Every scheme on every scene at every theta: benchmarks/schemes.py [--dotyk FILE] [--threads N] [--limit STEPS] [SCENE...]
 
-Prints a table in Markdown: steps, solves of each body, seconds of the iteration, and the error bound reached (tolerance 1e-6). Scenes with
-free bodies are for the dual scheme only; so is theta = 0. The last two scenes, refined, show what size costs. Seconds depend on the
-machine; steps and bounds do not.
+Prints a table in Markdown: iterations, solves per body, seconds of the iteration, and the error bound reached (tolerance 1e-6). Scenes with
+floating bodies are for the dual scheme only; so is theta = 0. The last two scenes, refined, show what size costs. Seconds depend on the
+machine; iterations and bounds do not.
 """
 import argparse
 import os
@@ -61,7 +61,7 @@ def main():
     for name in options.scenes:
         if name not in SCENES:
             sys.exit('%s: the scenes are %s' % (name, ', '.join(SCENES)))
-    print('| scene | theta_relative | scheme | unknowns | steps | solves | iterate [s] | total [s] | bound | converged |')
+    print('| scene | theta_relative | scheme | unknowns | iterations | solves | iterate [s] | total [s] | bound | converged |')
     print('|---|---|---|---|---|---|---|---|---|---|')
     with tempfile.TemporaryDirectory() as folder:
         for name in options.scenes or SCENES:

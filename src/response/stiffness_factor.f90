@@ -163,7 +163,7 @@ contains
     character(:), allocatable :: cause
     integer :: place(2)
     call diagnose_conditioning(body%mesh, body%analysis, body%material, cause)
-    if (len(cause) > 0) cause = '; or no significant digit of it remains, likely cause: '//cause
+    if (len(cause) > 0) cause = '; or no significant digit of the stiffness matrix remains, likely cause: '//cause
     place = findloc(body%constraint%equation, equation)
     !$omp critical (message)
     call set_error(error, 'the stiffness matrix is not positive definite (node '// &

@@ -75,7 +75,7 @@ class WeakSupports(dotyk_case.Case):
     def test_no_digit_left(self):
         text = self.dotyk(self.scene(1e-19, "z > 1.5 && z < 1.75"), code=3)
         self.assertIn("body 'upper'", text)
-        self.assertIn("no significant digit of it remains", text)
+        self.assertIn("no significant digit of the stiffness matrix remains", text)
         self.assertIn("young_formula", text)
 
 
