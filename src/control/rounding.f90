@@ -19,7 +19,8 @@ module dotyk_control_rounding
   use dotyk_scheme_contact_qp, only: contact_qp_t
   implicit none
   private
-  public :: expect_rounding, measure_rounding, flag_rounded, relative_rounding, gap_rounding, storage_rounding
+  public :: expect_rounding, measure_rounding, flag_rounded, relative_rounding, gap_rounding, storage_rounding, &
+    is_negative
 
   !> Bodies with more rounding than this fraction of the tolerance are refined.
   real(dp), parameter :: worth_refining = 0.2_dp

@@ -57,6 +57,7 @@ module test_stack
   contains
     procedure :: init => stack_init
     procedure :: direct_solution => stack_direct_solution
+    procedure :: exact_solution => stack_exact_solution
     procedure :: contact_forces => stack_contact_forces
     procedure :: destroy => stack_destroy
   end type stack_t
@@ -181,6 +182,27 @@ contains
       end do
     end associate
   end subroutine stack_direct_solution
+
+  !> As `direct_solution`, with the active set that belongs to it: rows are active where they penetrate.
+  subroutine stack_exact_solution(self, theta, active, solution, y)
+    class(stack_t), intent(in) :: self
+    !> Penalty parameters, all positive (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    !> Active rows (n_rows).
+    logical, intent(out) :: active(:)
+    !> Displacements (2).
+    type(body_solution_t), intent(out) :: solution(2)
+    !> B u - d (n_rows) [length].
+    real(dp), intent(out) :: y(:)
+    integer :: k
+    active = .true.
+    do k = 1, 20
+      call self%direct_solution(theta, active, solution, y)
+      if (all(active .eqv. y > 0)) return
+      active = y > 0
+    end do
+    error stop 'stack: no active set'
+  end subroutine stack_exact_solution
 
   !> Nodal contact forces of all nodes of a body, - B_b^T W m, from the columns of B.
   subroutine stack_contact_forces(self, b, m, force)
