@@ -27,7 +27,7 @@ contains
     type(contact_operator_t), intent(inout) :: operator
     !> With bodies that have supports and loads; the rest is set.
     type(contact_problem_t), intent(inout) :: problem
-    !> Without a Winkler foundation.
+    !> With a Winkler foundation: each row with the stiffness of its nodes alone.
     type(contact_qp_t), intent(out) :: qp
     type(body_compliance_t), intent(inout) :: compliance
     !> Allocated where a body cannot be assembled or factorized.
@@ -63,9 +63,12 @@ contains
                                  problem%isolated)
       call coarse%init(block, operator%n_rows, modes)
     end associate
-    allocate (foundation(operator%n_rows), source=0.0_dp)
+    allocate (foundation(operator%n_rows), source=1.0_dp)
     call qp%init(operator, free%initial_penetration, free%load_displacement, free%energy, free%norm_square, &
                  foundation, coarse)
     call compliance%init(qp, response, operators, .true.)
+    ! Schemes divide by it where theta is zero.
+    call compliance%nodal_diagonal(qp, foundation)
+    qp%foundation = foundation*qp%weight
   end subroutine make_problem
 end module test_problem

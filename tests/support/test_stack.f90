@@ -1,11 +1,9 @@
-!> Two elastic boxes on each other, in contact: a whole problem with its quadratic programme, and its solution by one
-!> dense system.
+!> Two elastic boxes on each other, in contact: a whole problem with its quadratic programme, and its solution by one dense system.
 module test_stack
   use dotyk_base_error, only: error_t
   use dotyk_base_formula, only: formula_t
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: analysis_plane_strain, default_discretization, gap_formula, geometry_elements, &
-    load_traction
+  use dotyk_base_options, only: analysis_plane_strain, default_discretization, gap_formula, geometry_elements, load_traction
   use dotyk_contact_operator, only: build_operator, contact_operator_t
   use dotyk_contact_pair, only: pair_settings_t
   use dotyk_contact_pair_discretization, only: discretize_pair
@@ -18,6 +16,7 @@ module test_stack
   use dotyk_linalg_dense, only: solve_dense
   use dotyk_linalg_sparse, only: sparse_symmetric_t
   use dotyk_mesh_element, only: element_quad4
+  use dotyk_mesh_surface, only: surface_t
   use dotyk_scheme_body_compliance, only: body_compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use test_bodies, only: box_t, make_body, make_support, steel, undistorted
@@ -29,8 +28,7 @@ module test_stack
   type, public :: stack_settings_t
     !> Element kind of both boxes, in two dimensions, and cells along each axis of the upper and the lower box.
     integer :: kind = element_quad4, cells(2) = [4, 3]
-    !> Whether the upper box can move up and down (one rigid body mode); otherwise its top is held and moved down by
-    !> `press`.
+    !> Whether the upper box can move up and down (one rigid body mode); otherwise its top is held and moved down by `press`.
     logical :: is_floating = .true.
     !> Pressure on the top of the floating upper box [pressure], or displacement of the top of the held one [length].
     real(dp) :: press = 0.2_dp
@@ -40,13 +38,15 @@ module test_stack
     integer :: discretization = default_discretization
     !> Penalty parameter of all rows [length/pressure].
     real(dp) :: theta = 0.01_dp
+    !> Number of pairs: the slave surface is cut into so many pieces of one size, from left to right.
+    integer :: n_pairs = 1
     !> Material of both boxes; `steel` of test_bodies if not allocated.
     type(material_t), allocatable :: material
   end type stack_settings_t
 
   !> A stack. Body 1 is the upper box and has the slave surface.
   type, public :: stack_t
-    !> The problem; the pair and its surfaces included.
+    !> The problem; pairs and their surfaces included.
     type(contact_problem_t) :: problem
     !> Its quadratic programme.
     type(contact_qp_t) :: qp
@@ -80,11 +80,13 @@ contains
     type(support_t) :: support
     type(load_t) :: load
     type(error_t), allocatable :: error
-    integer :: b
+    integer :: b, k, n
+    call self%destroy()
     material = steel()
     if (allocated(settings%material)) material = settings%material
     associate (problem => self%problem)
-      allocate (problem%body(2), problem%pair(1), problem%surface_a(1), problem%surface_b(1))
+      n = settings%n_pairs
+      allocate (problem%body(2), problem%pair(n), problem%surface_a(n), problem%surface_b(n))
       do b = 1, 2
         call box(b)%init(settings%kind, settings%cells(b), undistorted)
         if (b == 1) call box(b)%transform(identity, [0.0_dp, 1.0_dp])
@@ -99,14 +101,11 @@ contains
         if (.not. allocated(error) .and. b == 1 .and. settings%is_floating) then
           load%kind = load_traction
           load%value = [0.0_dp, -settings%press, 0.0_dp]
-          call add_surface_load(box(b)%mesh, analysis_plane_strain, box(b)%side(2, .true.), load, &
-                                problem%body(b)%load, error)
+          call add_surface_load(box(b)%mesh, analysis_plane_strain, box(b)%side(2, .true.), load, problem%body(b)%load, error)
         end if
         if (allocated(error)) error stop 'stack: body'
         problem%body(b)%name = trim(merge('upper', 'lower', b == 1))
       end do
-      problem%surface_a(1) = box(1)%side(2, .false.)
-      problem%surface_b(1) = box(2)%side(2, .true.)
       pair%name = 'joint'
       pair%body_a = 1
       pair%body_b = 2
@@ -115,20 +114,47 @@ contains
       pair%discretization = settings%discretization
       pair%gap_kind = gap_formula
       call formula%init(trim(settings%gap), error)
-      if (.not. allocated(error)) &
-        call discretize_pair(problem%body(1)%mesh, problem%surface_a(1), problem%body(2)%mesh, problem%surface_b(1), &
-                             pair, formula, problem%pair(1), error)
+      do k = 1, n
+        if (allocated(error)) error stop 'stack: pair'
+        problem%surface_a(k) = piece(box(1)%side(2, .false.), problem%body(1)%mesh%x(1, :), (k - 1.0_dp)/n, real(k, dp)/n)
+        problem%surface_b(k) = box(2)%side(2, .true.)
+        call discretize_pair(problem%body(1)%mesh, problem%surface_a(k), problem%body(2)%mesh, problem%surface_b(k), pair, &
+                             formula, problem%pair(k), error)
+      end do
       call formula%destroy()
       if (allocated(error)) error stop 'stack: pair'
       call build_operator(2, 2, problem%pair, problem%surface_a, problem%surface_b, operator)
       call make_problem(operator, problem, self%qp, self%compliance, error)
       if (allocated(error)) error stop 'stack: problem'
-      self%theta = problem%pair(1)%row_theta
+      self%theta = [(problem%pair(k)%row_theta, k=1, n)]
     end associate
   end subroutine stack_init
 
-  !> The displacements by one dense system of both bodies: no compliance, no Lagrange multipliers, no modes. Rows that
-  !> are active are springs: `(K + B^T W Theta^{-1} B) u = f + B^T W Theta^{-1} d` over these rows.
+  !> The facets of a surface between two places along x.
+  function piece(surface, x, from, to) result(part)
+    !> The surface.
+    type(surface_t), intent(in) :: surface
+    !> Of the nodes of the body (n_nodes) [length].
+    real(dp), intent(in) :: x(:)
+    !> Left and right end [length].
+    real(dp), intent(in) :: from, to
+    type(surface_t) :: part
+    real(dp), parameter :: rounding = 1.0e-9_dp
+    integer, allocatable :: f(:)
+    integer :: i
+    f = pack([(i, i=1, surface%n_facets)], [(all(x(surface%node(:2, i)) > from - rounding .and. &
+                                                 x(surface%node(:2, i)) < to + rounding), i=1, surface%n_facets)])
+    part = surface
+    part%n_facets = size(f)
+    part%kind = surface%kind(f)
+    part%node = surface%node(:, f)
+    part%block = surface%block(f)
+    part%element = surface%element(f)
+    part%tag = surface%tag(f)
+  end function piece
+
+  !> The displacements by one dense system of both bodies: no compliance, no Lagrange multipliers, no modes. Rows that are active
+  !> are springs: `(K + B^T W Theta^{-1} B) u = f + B^T W Theta^{-1} d` over these rows.
   subroutine stack_direct_solution(self, theta, active, solution, y)
     class(stack_t), intent(in) :: self
     !> Penalty parameters, positive where active (n_rows) [length/pressure].
@@ -248,5 +274,6 @@ contains
   subroutine stack_destroy(self)
     class(stack_t), intent(inout) :: self
     call self%compliance%destroy()
+    self%problem = contact_problem_t()
   end subroutine stack_destroy
 end module test_stack
