@@ -3,7 +3,7 @@ module dotyk_control_factorization
   use dotyk_base_error, only: error_slot_t, error_t, problem_list_t, exit_machine, set_error
   use dotyk_base_interrupt, only: interrupted, stop_if_interrupted
   use dotyk_base_kinds, only: dp, int64
-  use dotyk_base_memory, only: memory_now, memory_t, memory_text, set_item
+  use dotyk_base_memory, only: memory_t, memory_text, set_item
   use dotyk_base_options, only: response_auto, response_compliance
   use dotyk_contact_operator, only: contact_block_t
   use dotyk_control_congruence_classes, only: congruence_classes_t
@@ -135,7 +135,9 @@ contains
   end subroutine analyze_body
 
   !> Refuse factors that are larger than the available memory; warn where it will be nearly exhausted.
-  subroutine check_memory(size_of, warning, error)
+  subroutine check_memory(memory, size_of, warning, error)
+    !> What is in use and what is left.
+    type(memory_t), intent(in) :: memory
     !> Sizes of the factors (n_bodies).
     type(factor_size_t), intent(in) :: size_of(:)
     !> Text of the warning; empty where there is none.
@@ -144,10 +146,8 @@ contains
     type(error_t), allocatable, intent(out) :: error
     !> Memory beside the factors, as a fraction of theirs.
     real(dp), parameter :: beside = 0.15_dp
-    type(memory_t) :: memory
     real(dp) :: factors, stiffnesses
     warning = ''
-    memory = memory_now()
     if (.not. memory%is_known) return
     factors = real(sum(size_of%bytes), dp)
     ! They are given back on the way.

@@ -3,7 +3,7 @@ module dotyk_driver_scene
   use dotyk_base_error, only: error_t
   use dotyk_base_interrupt, only: stop_if_interrupted
   use dotyk_base_kinds, only: dp
-  use dotyk_base_memory, only: set_stage
+  use dotyk_base_memory, only: memory_now, set_stage
   use dotyk_contact_operator, only: build_operator, contact_operator_t
   use dotyk_control_contact_free, only: contact_free_t, solve_without_contact
   use dotyk_control_contact_problem, only: contact_problem_t
@@ -115,7 +115,7 @@ contains
     character(:), allocatable :: warning
     logical :: side_by_side
     associate (problem => scene%problem, block => scene%operator%block, qp => scene%qp, compliance => scene%compliance)
-      call check_memory(scene%size_of, warning, error)
+      call check_memory(memory_now(), scene%size_of, warning, error)
       if (allocated(error)) return
       if (len(warning) > 0) call monitor%log%line('  warning: '//warning)
       call set_stage('factorizing')

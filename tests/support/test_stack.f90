@@ -1,9 +1,11 @@
-!> Two elastic boxes on each other, in contact: a whole problem with its quadratic programme, and its solution by one dense system.
+!> Two elastic boxes on each other, in contact: a whole problem with its quadratic programme, and its solution by one
+!> dense system.
 module test_stack
   use dotyk_base_error, only: error_t
   use dotyk_base_formula, only: formula_t
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: analysis_plane_strain, default_discretization, gap_formula, geometry_elements, load_traction
+  use dotyk_base_options, only: analysis_plane_strain, default_discretization, gap_formula, geometry_elements, &
+    load_traction
   use dotyk_contact_operator, only: build_operator, contact_operator_t
   use dotyk_contact_pair, only: pair_settings_t
   use dotyk_contact_pair_discretization, only: discretize_pair
@@ -28,7 +30,8 @@ module test_stack
   type, public :: stack_settings_t
     !> Element kind of both boxes, in two dimensions, and cells along each axis of the upper and the lower box.
     integer :: kind = element_quad4, cells(2) = [4, 3]
-    !> Whether the upper box can move up and down (one rigid body mode); otherwise its top is held and moved down by `press`.
+    !> Whether the upper box can move up and down (one rigid body mode); otherwise its top is held and moved down by
+    !> `press`.
     logical :: is_floating = .true.
     !> Pressure on the top of the floating upper box [pressure], or displacement of the top of the held one [length].
     real(dp) :: press = 0.2_dp
@@ -101,7 +104,8 @@ contains
         if (.not. allocated(error) .and. b == 1 .and. settings%is_floating) then
           load%kind = load_traction
           load%value = [0.0_dp, -settings%press, 0.0_dp]
-          call add_surface_load(box(b)%mesh, analysis_plane_strain, box(b)%side(2, .true.), load, problem%body(b)%load, error)
+          call add_surface_load(box(b)%mesh, analysis_plane_strain, box(b)%side(2, .true.), load, &
+                                problem%body(b)%load, error)
         end if
         if (allocated(error)) error stop 'stack: body'
         problem%body(b)%name = trim(merge('upper', 'lower', b == 1))
@@ -116,10 +120,11 @@ contains
       call formula%init(trim(settings%gap), error)
       do k = 1, n
         if (allocated(error)) error stop 'stack: pair'
-        problem%surface_a(k) = piece(box(1)%side(2, .false.), problem%body(1)%mesh%x(1, :), (k - 1.0_dp)/n, real(k, dp)/n)
+        problem%surface_a(k) = piece(box(1)%side(2, .false.), problem%body(1)%mesh%x(1, :), (k - 1.0_dp)/n, &
+                                     real(k, dp)/n)
         problem%surface_b(k) = box(2)%side(2, .true.)
-        call discretize_pair(problem%body(1)%mesh, problem%surface_a(k), problem%body(2)%mesh, problem%surface_b(k), pair, &
-                             formula, problem%pair(k), error)
+        call discretize_pair(problem%body(1)%mesh, problem%surface_a(k), problem%body(2)%mesh, problem%surface_b(k), &
+                             pair, formula, problem%pair(k), error)
       end do
       call formula%destroy()
       if (allocated(error)) error stop 'stack: pair'
@@ -153,8 +158,8 @@ contains
     part%tag = surface%tag(f)
   end function piece
 
-  !> The displacements by one dense system of both bodies: no compliance, no Lagrange multipliers, no modes. Rows that are active
-  !> are springs: `(K + B^T W Theta^{-1} B) u = f + B^T W Theta^{-1} d` over these rows.
+  !> The displacements by one dense system of both bodies: no compliance, no Lagrange multipliers, no modes. Rows that
+  !> are active are springs: `(K + B^T W Theta^{-1} B) u = f + B^T W Theta^{-1} d` over these rows.
   subroutine stack_direct_solution(self, theta, active, solution, y)
     class(stack_t), intent(in) :: self
     !> Penalty parameters, positive where active (n_rows) [length/pressure].
