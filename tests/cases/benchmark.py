@@ -1,5 +1,6 @@
 #!/usr/bin/python3
-"""benchmarks/speed.py: its stiffness matrices have the unknowns and the energy of dotyk's, for all elements that it knows; its tables."""
+"""benchmarks/speed.py: its stiffness matrices have the unknowns and the energy of dotyk's, for all elements that it
+knows; its tables."""
 import csv
 import os
 import subprocess
@@ -58,10 +59,12 @@ class Benchmark(dotyk_case.Case):
     def test_tables(self):
         """All columns of a small scene, against the reference and on two threads."""
         program = ("import runpy, sys; sys.path.insert(0, %r); import speed_scenes as s; "
-                   "small = s.chain('small', 'two boxes', 2, 0.4, bound=1, threads=0.9); s.scenes = lambda: {'small': small}; "
+                   "small = s.chain('small', 'two boxes', 2, 0.4, bound=1, threads=0.9); "
+                   "s.scenes = lambda: {'small': small}; "
                    "sys.argv = ['benchmark', '--dotyk', %r, '--repeat', '2', '--theta', '1e-2', 'default', '--', "
                    "'ratios', 'threads']; "
-                   "runpy.run_path(%r, run_name='__main__')" % (str(BENCHMARKS), os.environ["DOTYK"], str(BENCHMARKS / "speed.py")))
+                   "runpy.run_path(%r, run_name='__main__')"
+                   % (str(BENCHMARKS), os.environ["DOTYK"], str(BENCHMARKS / "speed.py")))
         done = subprocess.run([sys.executable, "-B", "-c", program], cwd=self.folder, text=True, stdout=subprocess.PIPE,
                               stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL)
         self.assertEqual(done.returncode, 0, done.stdout)

@@ -11,8 +11,8 @@ VTK = {"tet4": 10, "tet10": 24, "prism6": 13, "prism15": 26, "prism18": 32, "hex
 
 class Column(dotyk_case.Case):
     def column(self, kinds, divisions, analysis=None, contact="", gap=0.0, left=0.0, warp=0.0):
-        """Solve the column; returns results, and the exact pressure and displacement of its nodes along the column. `warp` moves
-        the nodes within the cross section."""
+        """Solve the column; returns results, and the exact pressure and displacement of its nodes along the column.
+        `warp` moves the nodes within the cross section."""
         d = dimension(kinds[0])
         for name, kind, n, z in zip(("lower", "upper"), kinds, divisions, (0.0, 1.0)):
             origin = [left] + [0.0] * (d - 1)
@@ -126,7 +126,8 @@ Physical Surface("sides y") = {Surface In BoundingBox {-e, -e, -e, 1 + e, e, 2 +
         self.assertEqual(file["VTKHDF/NumberOfPoints"][:].tolist(), [27, 27])
 
     def check_cut(self, kinds, divisions, analysis=None, left=0.0, warp=0.0, **options):
-        """Facets that those of the other mesh cut are as exact as facets that match: 1e-10, with a layer and without."""
+        """Facets that those of the other mesh cut are as exact as facets that match: 1e-10, with a layer and
+        without."""
         discretization = options.get("discretization", "mortar")
         for theta in (1, 0) if discretization == "mortar" else (1,):
             contact = ", theta_relative=%r, discretization='%s'" % (theta, discretization)
@@ -175,8 +176,8 @@ Physical Surface("sides y") = {Surface In BoundingBox {-e, -e, -e, 1 + e, e, 2 +
                 self.check_cut(("tet4", "hex8"), (3, 3), discretization=discretization, warp=warp)
 
     def test_plain_quadrature(self):
-        """Points on whole facets: in the mean 4e-4 in displacement and pressure, single nodes 2e-3, and single pressures
-        5e-3 (found: 2.4e-4, 1.4e-3, 4.1e-3)."""
+        """Points on whole facets: in the mean 4e-4 in displacement and pressure, single nodes 2e-3, and single
+        pressures 5e-3 (found: 2.4e-4, 1.4e-3, 4.1e-3)."""
         for kinds, divisions in ((("hex8", "hex8"), (3, 4)), (("hex20", "tet10"), (2, 3)), (("tri3", "quad8"), (5, 4))):
             file, pressure, exact = self.column(kinds, divisions, contact=", quadrature='plain'")
             d = dimension(kinds[0])

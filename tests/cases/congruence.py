@@ -1,5 +1,6 @@
 #!/usr/bin/python3
-"""Congruent bodies share a factorization: the same solution as without sharing, and as with a mesh that holds every body."""
+"""Congruent bodies share a factorization: the same solution as without sharing, and as with a mesh that holds every
+body."""
 import numpy as np
 
 import dotyk_case
@@ -8,12 +9,14 @@ from blocks import block_geo, dimension, mesh
 E, V, PRESSURE = 30.0, 0.2, 0.06  # Young's modulus, Poisson's ratio, pressure on the chain
 
 def repeated(msh, n, shift):
-    """The text of a mesh (2.2, ASCII) with n copies, each moved by `shift` from the one before: volumes 'block1', 'block2', ..."""
+    """The text of a mesh (2.2, ASCII) with n copies, each moved by `shift` from the one before: volumes 'block1',
+    'block2', ..."""
     lines = msh.read_text().split("\n")
 
     def section(name):
         start = lines.index("$" + name)
-        return [line.split(None, 2 if name == "PhysicalNames" else -1) for line in lines[start + 2:lines.index("$End" + name)]]
+        return [line.split(None, 2 if name == "PhysicalNames" else -1)
+                for line in lines[start + 2:lines.index("$End" + name)]]
 
     names = {words[2]: words[:2] for words in section("PhysicalNames")}
     volume = names.pop('"block"')
@@ -40,8 +43,10 @@ def repeated(msh, n, shift):
 
 class Congruence(dotyk_case.Case):
     def run_scene(self, lines, solver, share=True, scene=""):
-        """Solve; everything that is to be the same with and without shared factors. Bodies with a modulus field share none."""
-        text = ["&scene %s /" % scene, "&material name='m', young=%r, poisson=%r /" % (E, V), *lines, "&solver %s /" % solver]
+        """Solve; everything that is to be the same with and without shared factors. Bodies with a modulus field share
+        none."""
+        text = ["&scene %s /" % scene, "&material name='m', young=%r, poisson=%r /" % (E, V), *lines,
+                "&solver %s /" % solver]
         if not share:
             text = [line.replace("&material ", "&material young_formula='1', ") for line in text]
         self.write("case.nml", "\n".join(text) + "\n")
@@ -62,7 +67,8 @@ class Congruence(dotyk_case.Case):
 
     def compare(self, one, other, tolerance=1e-10):
         for name in one:
-            np.testing.assert_allclose(one[name], other[name], rtol=0, atol=tolerance * np.abs(one[name]).max(), err_msg=name)
+            np.testing.assert_allclose(one[name], other[name], rtol=0, atol=tolerance * np.abs(one[name]).max(),
+                                       err_msg=name)
 
     def check(self, lines, classes, solver, tolerance=1e-10, **options):
         """The same with and without shared factors; `classes` is the number of factorizations with them."""
@@ -78,20 +84,23 @@ class Congruence(dotyk_case.Case):
         for body, first in enumerate(self.class_of, 1):
             self.assertLessEqual(first, body, self.class_of)
             self.assertEqual(self.class_of[first - 1], first, self.class_of)
-        self.assertIn("%d bodies in %d congruence class%s: %d factorization" % (n, classes, "es"[:2*(classes > 1)], classes), self.printed)
+        self.assertIn("%d bodies in %d congruence class%s: %d factorization"
+                      % (n, classes, "es"[:2*(classes > 1)], classes), self.printed)
         if "response='full'" in solver:
             self.assertAlmostEqual(self.summary["factor_nonzeros"] / entries, classes / n, delta=0.5 * classes / n)
         self.compare(own, shared, tolerance)
         return shared
 
     def chain(self, n, d, where):
-        """Blocks on top of each other between smooth walls, pressed at the end; `where` gives the keys that place a block."""
+        """Blocks on top of each other between smooth walls, pressed at the end; `where` gives the keys that place a
+        block."""
         up = "xyz"[d - 1]
         lines = []
         for k in range(1, n + 1):
             name = "b%d" % k
             lines.append("&body name='%s', material='m', %s /" % (name, where(k)))
-            lines += ["&support body='%s', surface='sides %s', fix='%s' /" % (name, axis, axis) for axis in "xy"[:d - 1]]
+            lines += ["&support body='%s', surface='sides %s', fix='%s' /" % (name, axis, axis)
+                      for axis in "xy"[:d - 1]]
             if k > 1:
                 lines.append("&contact name='c%02d', surface_a='b%d:top', surface_b='%s:bottom' /" % (k, k - 1, name))
         lines.append("&support body='b1', surface='bottom', fix='%s' /" % up)
@@ -125,7 +134,8 @@ class Congruence(dotyk_case.Case):
         self.check_chain("quad8", "response='full'")
 
     def pair(self, d, upper, value):
-        """A block on the ground and a block above it, upside down and turned, with its bottom pushed against the other."""
+        """A block on the ground and a block above it, upside down and turned, with its bottom pushed against the
+        other."""
         return ["&body name='a', volume='block', mesh='block.geo', material='m' /",
                 "&body name='b', volume='block', mesh='block.geo', material='m', %s /" % upper,
                 "&support body='a', surface='bottom', fix='n t' /",
@@ -137,7 +147,8 @@ class Congruence(dotyk_case.Case):
         """Turned about a horizontal axis; then about a skew one too, so that the faces do not match."""
         self.write("block.geo", block_geo("tet10", 2, (-0.5, -0.5, 0), (1, 1, 1)))
         for solver in ("response='full'", "response='compliance'", "scheme='neumann'", "scheme='robin'"):
-            theta = "theta_relative=1, tolerance=1e-11, " if "scheme" in solver else "theta_relative=1e-3, tolerance=1e-12, "
+            theta = ("theta_relative=1, tolerance=1e-11, " if "scheme" in solver
+                     else "theta_relative=1e-3, tolerance=1e-12, ")
             found = self.check(self.pair(3, "at=0, 0, 2, axis=1, 0.3, 0, angle=180", "0, 0, -1e-3"), 1, theta + solver,
                                1e-10 if "scheme" not in solver else 1e-9)
             self.assertGreater(abs(found["forces"][0][2]), 5e-3)
@@ -164,8 +175,10 @@ class Congruence(dotyk_case.Case):
     def test_orthotropic_material_turns(self):
         """The scene turned about z by a quarter: the soft axis of the plies goes with the bodies."""
         self.write("block.geo", block_geo("tet10", 2, (-0.5, -0.5, 0), (1, 1, 1)))
-        material = ["&material name='ply', young=30, 1, 3, poisson=0.2, 0.2, 0.3, shear=1, 1, 0.7, axis_1=1, 0.2, 0.1 /"]
-        lines = [line.replace("'m'", "'ply'") for line in self.pair(3, "at=0, 0, 2, axis=1, 0, 0, angle=180", "0, 0, -1e-3")]
+        material = ["&material name='ply', young=30, 1, 3, poisson=0.2, 0.2, 0.3, shear=1, 1, 0.7, "
+                    "axis_1=1, 0.2, 0.1 /"]
+        lines = [line.replace("'m'", "'ply'")
+                 for line in self.pair(3, "at=0, 0, 2, axis=1, 0, 0, angle=180", "0, 0, -1e-3")]
         solver = "theta=1e-4, tolerance=1e-12"
         straight = self.check(material + lines, 1, solver)
         lines[0] = lines[0].replace(" /", ", angle=90 /")
@@ -175,13 +188,18 @@ class Congruence(dotyk_case.Case):
         np.testing.assert_allclose(turned["displacement"], np.array([-y, x, z]).T, rtol=0, atol=1e-11)
 
     def test_free_blocks(self):
-        """Free blocks between two held ones, each turned otherwise, so that faces do not match: each passes the force on."""
+        """Free blocks between two held ones, each turned otherwise, so that faces do not match: each passes the force
+        on."""
         self.write("block.geo", block_geo("tet10", 2, (-0.5, -0.5, 0), (1, 1, 1)))
-        lines = ["&body name='b%d', volume='block', mesh='block.geo', material='m', at=0, 0, %d, angle=%d /" % (k, k, 37 * k)
+        lines = ["&body name='b%d', volume='block', mesh='block.geo', material='m', at=0, 0, %d, angle=%d /"
+                 % (k, k, 37 * k)
                  for k in range(4)]
-        lines += ["&body name='b4', volume='block', mesh='block.geo', material='m', at=0, 0, 4.999, axis=1, 0, 0, angle=180 /",
-                  "&support body='b0', surface='bottom', fix='xyz' /", "&support body='b4', surface='bottom', fix='xyz' /"]
-        lines += ["&contact name='c%d', surface_a='b%d:top', surface_b='b%d:%s' /" % (k, k - 1, k, "top" if k == 4 else "bottom")
+        lines += ["&body name='b4', volume='block', mesh='block.geo', material='m', at=0, 0, 4.999, axis=1, 0, 0, "
+                  "angle=180 /",
+                  "&support body='b0', surface='bottom', fix='xyz' /",
+                  "&support body='b4', surface='bottom', fix='xyz' /"]
+        lines += ["&contact name='c%d', surface_a='b%d:top', surface_b='b%d:%s' /"
+                  % (k, k - 1, k, "top" if k == 4 else "bottom")
                   for k in range(1, 5)]
         for response in ("full", "compliance"):
             found = self.check(lines, 2, "theta_relative=1e-3, tolerance=1e-12, response='%s'" % response, 1e-9)
@@ -193,7 +211,8 @@ class Congruence(dotyk_case.Case):
         """The message names every floating body, also those that are congruent to another one."""
         self.write("block.geo", block_geo("tet4", 1))
         lines = self.chain(3, 3, lambda k: "volume='block', mesh='block.geo', at=0, 0, %d" % (k - 1))
-        self.write("case.nml", "\n".join(["&scene /", "&material name='m', young=1, poisson=0 /", *lines, "&solver scheme='neumann' /"]))
+        self.write("case.nml", "\n".join(["&scene /", "&material name='m', young=1, poisson=0 /", *lines,
+                                          "&solver scheme='neumann' /"]))
         printed = self.dotyk("case.nml", code=3)
         self.assertEqual(printed.count("this body floats"), 2)
         self.assertIn("body 'b2'", printed)

@@ -10,8 +10,8 @@ N = 4  # elements along each edge
 
 
 def column_of(stiffness, pull):
-    """Pressure of the column: N elements of Young's modulus 1 below N elements of given ones, heights and sections 1, both
-    ends held, under a load per volume on the upper half; exactly."""
+    """Pressure of the column: N elements of Young's modulus 1 below N elements of given ones, heights and sections 1,
+    both ends held, under a load per volume on the upper half; exactly."""
     k = [Fraction(N)]*N + [Fraction(value)*N for value in stiffness]
     f = [Fraction(0)]*(2*N + 1)
     for i in range(N, 2*N):
@@ -39,14 +39,15 @@ class WeakSupports(dotyk_case.Case):
         for name, material in (("lower", "even"), ("upper", "hung")):
             lines += ["&body name='%s', mesh='%s.msh', volume='block', material='%s' /" % (name, name, material)]
         lines += ["&support body='lower', surface='sides %s', fix='%s' /" % (axis, axis) for axis in "xy"]
-        lines += ["&support body='lower', surface='bottom', fix='z' /", "&support body='upper', surface='top', fix='xyz' /",
-                  "&load body='upper', force_density=0,0,-1 /",
+        lines += ["&support body='lower', surface='bottom', fix='z' /",
+                  "&support body='upper', surface='top', fix='xyz' /", "&load body='upper', force_density=0,0,-1 /",
                   "&contact name='joint', surface_a='upper:bottom', surface_b='lower:top' /",
                   "&solver %s /" % solver]
         return self.write("case.nml", "\n".join(lines) + "\n")
 
     def check(self, soft, layer, where):
-        """Every pressure of the joint is that of the column, and nothing moves to the side; the motions are those of a rigid block."""
+        """Every pressure of the joint is that of the column, and nothing moves to the side; the motions are those of a
+        rigid block."""
         exact = float(column_of([soft if i == layer else 1 for i in range(N)], 1))
         self.dotyk(self.scene(soft, where))
         found = self.results("case.vtkhdf")
@@ -80,17 +81,20 @@ class WeakSupports(dotyk_case.Case):
 
 
 class FlatElements(dotyk_case.Case):
-    """A clamped plate of linear elements, pressed on a block with so flat elements that their stiffness loses digits."""
+    """A clamped plate of linear elements, pressed on a block with so flat elements that their stiffness loses
+    digits."""
 
     def scene(self, thickness, turn=None, tolerance=1e-10):
         turn = np.eye(3) if turn is None else turn
         for name, place in (("lower", lambda x: x), ("upper", lambda x: x*[1, 1, thickness] + [0, 0, 1])):
-            blocks.mesh(self.write(name + ".geo", blocks.block_geo("hex8", N, (0, 0, 0))), 3, lambda x: place(x) @ turn.T)
+            blocks.mesh(self.write(name + ".geo", blocks.block_geo("hex8", N, (0, 0, 0))), 3,
+                        lambda x: place(x) @ turn.T)
         lines = ["&scene output='case.vtkhdf' /", "&material name='even', young=1, poisson=0 /"]
         for name in ("lower", "upper"):
             lines += ["&body name='%s', mesh='%s.msh', volume='block', material='even' /" % (name, name)]
         lines += ["&support body='lower', surface='sides %s', fix='n' /" % axis for axis in "xy"]
-        lines += ["&support body='lower', surface='bottom', fix='n' /", "&support body='upper', surface='sides x', fix='xyz' /",
+        lines += ["&support body='lower', surface='bottom', fix='n' /",
+                  "&support body='upper', surface='sides x', fix='xyz' /",
                   "&load body='upper', surface='top', pressure=1e-3 /",
                   "&contact name='joint', surface_a='upper:bottom', surface_b='lower:top' /",
                   "&solver theta=0, tolerance=%r /" % tolerance]
@@ -101,7 +105,8 @@ class FlatElements(dotyk_case.Case):
         found = self.results("case.vtkhdf")
         force = np.linalg.norm(found["dotyk/contact/joint"].attrs["force"])
         summary = found["dotyk/summary"]
-        result = force, summary.attrs["energy"], summary.attrs["error_bound"], summary["refinement_steps"][1], summary["condition_number"][1]
+        result = (force, summary.attrs["energy"], summary.attrs["error_bound"], summary["refinement_steps"][1],
+                  summary["condition_number"][1])
         found.close()
         return result
 
@@ -133,8 +138,10 @@ class FlatElements(dotyk_case.Case):
         for name in ("lower", "upper"):
             lines += ["&body name='%s', mesh='%s.geo', volume='block', material='even' /" % (name, name)]
             lines += ["&support body='%s', surface='sides %s', fix='n' /" % (name, axis) for axis in "xy"]
-        lines += ["&support body='lower', surface='bottom', fix='n' /", "&load body='upper', surface='top', pressure=1e-3 /",
-                  "&contact name='joint', surface_a='upper:bottom', surface_b='lower:top' /", "&solver theta=0, tolerance=1e-8 /"]
+        lines += ["&support body='lower', surface='bottom', fix='n' /",
+                  "&load body='upper', surface='top', pressure=1e-3 /",
+                  "&contact name='joint', surface_a='upper:bottom', surface_b='lower:top' /",
+                  "&solver theta=0, tolerance=1e-8 /"]
         self.dotyk(self.write("case.nml", "\n".join(lines) + "\n"))
         np.testing.assert_allclose(self.results("case.vtkhdf")["dotyk/contact/joint/pressure"][()], 1e-3, rtol=1e-10)
 
@@ -151,7 +158,8 @@ class Incompressible(dotyk_case.Case):
             return text
         with self.results("tube.vtkhdf") as file:
             summary = file["dotyk/summary"]
-            return (file["VTKHDF/PointData/displacement"][()], summary["refinement_steps"][0], summary["digits_lost"][0],
+            return (file["VTKHDF/PointData/displacement"][()], summary["refinement_steps"][0],
+                    summary["digits_lost"][0],
                     summary.attrs["error_bound"])
 
     def test_refinement_alone(self):
@@ -167,7 +175,8 @@ class Incompressible(dotyk_case.Case):
 
     def test_no_digit_of_the_pressures(self):
         text = self.solve("0.4999999999999999", code=3)
-        self.assertIn("body 'tube': no significant digit remains in the pressures of the nearly incompressible material 'rubber'", text)
+        self.assertIn("body 'tube': no significant digit remains in the pressures of the nearly incompressible "
+                      "material 'rubber'", text)
 
 
 if __name__ == "__main__":

@@ -1,5 +1,6 @@
 #!/usr/bin/python3
-"""tools/energy_norm.py: linear and quadratic fields on every element kind, the energy of runs, differences of runs and meshes."""
+"""tools/energy_norm.py: linear and quadratic fields on every element kind, the energy of runs, differences of runs and
+meshes."""
 import subprocess
 import sys
 
@@ -63,7 +64,8 @@ class EnergyNorm(dotyk_case.Case):
         return self.folder / (name + ".vtkhdf")
 
     def check_field(self, results, field, close=1e-11):
-        """The norm of this field on the column against the same integral without a mesh; no error against its own stress.
+        """The norm of this field on the column against the same integral without a mesh; no error against its own
+        stress.
 
         gmsh's nodes are as good as 1e-12 of the size, so are the strains.
         """
@@ -146,7 +148,8 @@ class EnergyNorm(dotyk_case.Case):
         self.copy("wavy")
         self.dotyk("wavy/wavy.nml", "--threads", 1)
         energy = self.results("wavy/wavy.vtkhdf")["dotyk/summary"].attrs["energy"]
-        self.assertAlmostEqual(energy_norm.energy_norm(self.folder / "wavy/wavy.vtkhdf")**2 / (2 * energy), 1, delta=1e-9)
+        self.assertAlmostEqual(energy_norm.energy_norm(self.folder / "wavy/wavy.vtkhdf")**2 / (2 * energy), 1,
+                               delta=1e-9)
 
     def test_distance(self):
         """Two runs that differ in theta: their linear fields differ as their pressures do."""
@@ -165,13 +168,16 @@ class EnergyNorm(dotyk_case.Case):
         self.assertIn("distance", done.stdout)
 
     def test_distance_of_meshes(self):
-        """A field that both meshes hold: no distance; one that the coarse one does not hold: its interpolation error."""
-        for coarse_kinds, fine_kinds in ((("tri6", "quad9"), ("quad8", "tri6")), (("hex27", "tet10"), ("tet10", "prism15"))):
+        """A field that both meshes hold: no distance; one that the coarse one does not hold: its interpolation
+        error."""
+        for coarse_kinds, fine_kinds in ((("tri6", "quad9"), ("quad8", "tri6")),
+                                         (("hex27", "tet10"), ("tet10", "prism15"))):
             with self.subTest(coarse_kinds):
                 coarse = energy_norm.Results(self.column(coarse_kinds, name="coarse"))
                 fine = energy_norm.Results(self.column(fine_kinds, name="fine", divisions=(3, 2)))
                 for results in (coarse, fine):
-                    results.displacement = quadratic(results.points)[0] * ([1, 1, 1] if results.dimension == 3 else [1, 1, 0])
+                    results.displacement = quadratic(results.points)[0] * ([1, 1, 1] if results.dimension == 3
+                                                                           else [1, 1, 0])
                 distance, cells = energy_norm.distance_meshes(coarse, fine, cells=True)
                 self.assertEqual(len(cells), fine.n_cells)
                 self.assertLess(distance, 1e-11 * energy_norm.energy_norm(fine))
@@ -183,9 +189,11 @@ class EnergyNorm(dotyk_case.Case):
         x, w = gauss(1)
         # On one element: the quadratic through 0, 1/8, 1 at 0, 1/2, 1 is 3/2 x^2 - x/2.
         square = w @ (3 * x[:, 0]**2 - 3 * x[:, 0] + 0.5)**2
-        stiffness = sum(young * (1 - poisson) / ((1 + poisson) * (1 - 2 * poisson)) for young, poisson in (LOWER, UPPER))
+        stiffness = sum(young * (1 - poisson) / ((1 + poisson) * (1 - 2 * poisson))
+                        for young, poisson in (LOWER, UPPER))
         # 16 elements leave 16^-4 of the square.
-        self.assertAlmostEqual(energy_norm.distance_meshes(coarse, fine) / np.sqrt(stiffness * square), 1, delta=16.0**-4)
+        self.assertAlmostEqual(energy_norm.distance_meshes(coarse, fine) / np.sqrt(stiffness * square), 1,
+                               delta=16.0**-4)
 
     def test_materials(self):
         """An orthotropic material that is isotropic, along oblique axes; the stiffness as 21 numbers."""

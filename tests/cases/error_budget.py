@@ -20,7 +20,8 @@ class ErrorBudget(dotyk_case.Case):
             self.copy(name)
         geo = (dotyk_case.INPUTS / name / (name + ".geo")).read_text()
         if name != "column":
-            geo = convergence.set_parameter(convergence.set_parameter(geo, "h", "%g*({})" % refine), "order", str(order))
+            geo = convergence.set_parameter(convergence.set_parameter(geo, "h", "%g*({})" % refine), "order",
+                                            str(order))
         (folder / (name + ".geo")).write_text(geo)
         text, n = re.subn(r"(?m)^&solver .*$", "&solver %s /" % solver if solver else "",
                           (dotyk_case.INPUTS / name / (name + ".nml")).read_text())
@@ -34,8 +35,9 @@ class ErrorBudget(dotyk_case.Case):
 
     def test_discretization(self):
         """Against exact stresses; the estimate tends to the truth as h does to 0."""
-        for name, order, refine, low, high in (("wavy", 1, 1, 0.9, 1.1), ("wavy", 2, 1, 0.9, 1.15), ("groove_row", 1, 2, 0.9, 1.1),
-                                               ("groove_row", 2, 2, 0.9, 1.15), ("press_fit", 1, 0.5, 0.9, 1.1), ("press_fit", 2, 0.5, 0.9, 1.1)):
+        for name, order, refine, low, high in (("wavy", 1, 1, 0.9, 1.1), ("wavy", 2, 1, 0.9, 1.15),
+                                               ("groove_row", 1, 2, 0.9, 1.1), ("groove_row", 2, 2, 0.9, 1.15),
+                                               ("press_fit", 1, 0.5, 0.9, 1.1), ("press_fit", 2, 0.5, 0.9, 1.1)):
             file = self.example(name, "theta_relative=0", refine, order)
             check = convergence.load(self.folder / name / "check.py")
             truth = energy_norm.error(self.path, check.exact_stress) / energy_norm.energy_norm(self.path)
@@ -43,7 +45,8 @@ class ErrorBudget(dotyk_case.Case):
             self.assertBetween(low, ratio, high, (name, order))
 
     def test_discretization_field(self):
-        """Squares of the elements add up to those of the bodies, and these to the whole; it is largest where the mesh is too coarse."""
+        """Squares of the elements add up to those of the bodies, and these to the whole; it is largest where the mesh
+        is too coarse."""
         file = self.example("wavy", refine=2)
         summary = file["dotyk/summary"].attrs
         cells = file["VTKHDF/CellData/discretization_error"][:]
@@ -65,7 +68,8 @@ class ErrorBudget(dotyk_case.Case):
 
     def test_penalty(self):
         """The distance to the answer without penalty, for each kind of points and for another scheme."""
-        for solver in ("theta_mesh=1, tolerance=1e-10", "theta_mesh=0.1, tolerance=1e-10", "scheme='neumann', theta_mesh=0.3, tolerance=1e-9"):
+        for solver in ("theta_mesh=1, tolerance=1e-10", "theta_mesh=0.1, tolerance=1e-10",
+                       "scheme='neumann', theta_mesh=0.3, tolerance=1e-9"):
             self.example("wavy", "theta_relative=0, tolerance=1e-10", 2)
             exact = self.path.replace("case", "exact")
             (self.folder / "wavy/case.vtkhdf").rename(exact)
@@ -86,9 +90,12 @@ class ErrorBudget(dotyk_case.Case):
                 file = self.example(name)
             summary = file["dotyk/summary"].attrs
             self.assertEqual(summary["converged"], 1)
-            self.assertLessEqual(summary["error_bound"], 0.1 * (summary["error_penalty"] + summary["error_discretization"]))
+            self.assertLessEqual(summary["error_bound"],
+                                 0.1 * (summary["error_penalty"] + summary["error_discretization"]))
             self.assertLessEqual(summary["error_penalty"], max(0.3 * summary["error_discretization"], 1e-8))
-            self.assertRegex(self.printed, r"\n  relative error +iteration <= \S+ %, penalty <= \S+ %, discretization ~ \S+ %, largest in '")
+            self.assertRegex(self.printed,
+                             r"\n  relative error +iteration <= \S+ %, penalty <= \S+ %, discretization ~ \S+ %, "
+                             r"largest in '")
 
     def test_budget_ends_an_iteration(self):
         """The paper's scheme does no more steps than the mesh is worth, and what it leaves is what it says."""
@@ -120,7 +127,8 @@ class ErrorBudget(dotyk_case.Case):
         h = np.diff(np.sort(x)).mean()
         self.assertAlmostEqual(wave.attrs["theta"] / (0.2 * 2 * h), 1, delta=1e-6)
         np.testing.assert_allclose(theta, 0.2 * 2 * h, rtol=1e-6)
-        np.testing.assert_allclose(wave["pressure"][:], np.maximum(0, -wave["gap"][:]) / theta, atol=1e-9 * wave["pressure"][:].max())
+        np.testing.assert_allclose(wave["pressure"][:], np.maximum(0, -wave["gap"][:]) / theta,
+                                   atol=1e-9 * wave["pressure"][:].max())
         # E of one side times ten, by a formula.
         text = (self.folder / "wavy/case.nml").read_text()
         text = text.replace("&body     name='lower', volume='lower', material='unit' /",
@@ -128,7 +136,8 @@ class ErrorBudget(dotyk_case.Case):
                             "&body     name='lower', volume='lower', material='stiff' /")
         self.write("wavy/case.nml", text)
         self.dotyk("wavy/case.nml")
-        np.testing.assert_allclose(self.results("wavy/case.vtkhdf")["dotyk/contact/wave/theta"][:], 0.2 * 1.1 * h, rtol=1e-6)
+        np.testing.assert_allclose(self.results("wavy/case.vtkhdf")["dotyk/contact/wave/theta"][:], 0.2 * 1.1 * h,
+                                   rtol=1e-6)
 
     def test_what_is_not_asked_for(self):
         """No parts of the error, no time for them."""
@@ -147,7 +156,8 @@ class ErrorBudget(dotyk_case.Case):
         """An iteration that got nowhere: its answer's other errors are not known."""
         self.copy("wavy")
         text = (self.folder / "wavy/wavy.nml").read_text()
-        for solver in ("gamma_rule='fixed', gamma=10, theta_relative=1e-1", "scheme='neumann', theta_relative=1e-2, max_iterations=1"):
+        for solver in ("gamma_rule='fixed', gamma=10, theta_relative=1e-1",
+                       "scheme='neumann', theta_relative=1e-2, max_iterations=1"):
             self.write("wavy/case.nml", re.sub(r"(?m)^&solver .*$", "&solver %s /" % solver, text))
             printed = self.dotyk("wavy/case.nml", code=1)
             self.assertRegex(printed, "penalty unknown, discretization unknown\n")
@@ -161,7 +171,8 @@ class ErrorBudget(dotyk_case.Case):
         """max_iterations is for all rounds together."""
         self.copy("wavy")
         text = (self.folder / "wavy/wavy.nml").read_text()
-        self.write("wavy/case.nml", re.sub(r"(?m)^&solver .*$", "&solver scheme='neumann', stop_rule='budget', theta_mesh=0.3, "
+        self.write("wavy/case.nml", re.sub(r"(?m)^&solver .*$",
+                                           "&solver scheme='neumann', stop_rule='budget', theta_mesh=0.3, "
                                            "max_iterations=600 /", text))
         self.dotyk("wavy/case.nml", code=1)
         self.assertEqual(self.results("wavy/case.vtkhdf")["dotyk/summary"].attrs["iterations"], 600)

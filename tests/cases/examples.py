@@ -1,5 +1,6 @@
 #!/usr/bin/python3
-"""The examples: each runs to convergence and is as near to its exact answer as stated, by the functions of its check.py."""
+"""The examples: each runs to convergence and is as near to its exact answer as stated, by the functions of its
+check.py."""
 import importlib.util
 import re
 
@@ -82,7 +83,8 @@ class Examples(dotyk_case.Case):
     def test_wavy_at_quadrature_points(self):
         self.copy("wavy")
         # Quadrature points need a penalty: without it their single pressures are not determined.
-        self.edit("wavy/wavy.nml", (r"theta_relative=[^,]+", "theta_relative=2e-3"), (r"name='wave',", "name='wave', discretization='quadrature',"))
+        self.edit("wavy/wavy.nml", (r"theta_relative=[^,]+", "theta_relative=2e-3"),
+                  (r"name='wave',", "name='wave', discretization='quadrature',"))
         file = self.run_example("wavy")
         errors = check_of("wavy").errors(self.folder / "wavy/wavy.vtkhdf")
         self.assertLess(abs(errors["a_error"]), 0.02)
@@ -94,7 +96,8 @@ class Examples(dotyk_case.Case):
         np.testing.assert_allclose(wave["gap_initial"][:], 0.002 * (1 - np.cos(2 * np.pi * x)), rtol=0, atol=1e-15)
 
     def test_hertz_coarse(self):
-        """4 elements over the contact radius, for a quick test: six such meshes are within 0.7 % of a and p0, and 8 %."""
+        """4 elements over the contact radius, for a quick test: six such meshes are within 0.7 % of a and p0, and
+        8 %."""
         self.copy("hertz")
         self.edit("hertz/hertz.geo", (r"\[n = 10\]", "[n = 4]"), (r"\[s = 2.5\]", "[s = 1.6]"))
         self.run_example("hertz")
@@ -112,11 +115,13 @@ class Examples(dotyk_case.Case):
         self.edit("hertz_axisymmetric/hertz_axisymmetric.geo", (r"\[n = 40\]", "[n = 10]"), (r"\[s = 4\]", "[s = 2]"))
         self.run_example("hertz_axisymmetric")
         errors, _ = check_of("hertz_axisymmetric").errors(self.folder / "hertz_axisymmetric/hertz_axisymmetric.vtkhdf")
-        for name, limit in {"radius": 4e-3, "peak": 4e-3, "profile": 0.1, "depression": 1e-3, "approach": 3e-3, "force": 1e-9}.items():
+        for name, limit in {"radius": 4e-3, "peak": 4e-3, "profile": 0.1, "depression": 1e-3, "approach": 3e-3,
+                            "force": 1e-9}.items():
             self.assertLess(errors[name], limit, name)
 
     def test_ssnv104_coarse(self):
-        """Two hemispheres and half of them with 20 elements over the contact radius, a quarter with 5, against the finest meshes."""
+        """Two hemispheres and half of them with 20 elements over the contact radius, a quarter with 5, against the
+        finest meshes."""
         self.copy("ssnv104")
         self.edit("ssnv104/ssnv104.geo", (r"\[n = 40\]", "[n = 20]"))
         self.edit("ssnv104/quarter.geo", (r"\[n = 8\]", "[n = 5]"))
@@ -139,7 +144,8 @@ class Examples(dotyk_case.Case):
         joints = [file["dotyk/contact/joint %d" % k] for k in range(1, 8)]
         forces = np.array([joint.attrs["force"] for joint in joints])
         load = 50e6 * 0.15**2
-        # Clamped edges take a part of the load in every plate: the force grows from below to above and stays below the load.
+        # Clamped edges take a part of the load in every plate: the force grows from below to above and stays below the
+        # load.
         self.assertIncreasing(forces[:, 2])
         self.assertGreater(forces[0, 2], 0)
         self.assertLess(forces[-1, 2], load)
@@ -151,7 +157,8 @@ class Examples(dotyk_case.Case):
             self.assertAlmostEqual(np.sum(w * p) / joint.attrs["force"][2], 1, delta=1e-9)
             self.assertAlmostEqual(np.sum(w) / 0.25, 1, delta=1e-12)
             # p = penetration/theta
-            np.testing.assert_allclose(p, np.maximum(0, -joint["gap"][:]) / joint.attrs["theta"], rtol=0, atol=2e-3 * p.max())
+            np.testing.assert_allclose(p, np.maximum(0, -joint["gap"][:]) / joint.attrs["theta"], rtol=0,
+                                       atol=2e-3 * p.max())
         # The quarter, its mesh and its load do not change when x and y are swapped.
         x, u = file["VTKHDF/Points"][:], file["VTKHDF/PointData/displacement"][:]
         body = np.repeat(np.arange(8), file["VTKHDF/NumberOfPoints"][:])
@@ -162,9 +169,11 @@ class Examples(dotyk_case.Case):
         np.testing.assert_allclose(u[here], u[there][:, [1, 0, 2]], rtol=0, atol=1e-9 * np.abs(u).max())
 
     def test_ball_between_plates_coarse(self):
-        """4 elements over the contact radius, for a quick test: three such meshes are within 1.1 % of a, 0.5 % of p0, and 7 %."""
+        """4 elements over the contact radius, for a quick test: three such meshes are within 1.1 % of a, 0.5 % of p0,
+        and 7 %."""
         self.copy("ball_between_plates")
-        self.edit("ball_between_plates/ball_between_plates.geo", (r"\[n = 8\]", "[n = 4]"), (r"\[s = 2.5\]", "[s = 1.6]"))
+        self.edit("ball_between_plates/ball_between_plates.geo", (r"\[n = 8\]", "[n = 4]"),
+                  (r"\[s = 2.5\]", "[s = 1.6]"))
         self.run_example("ball_between_plates")
         check = check_of("ball_between_plates")
         errors = check.errors(self.folder / "ball_between_plates/ball_between_plates.vtkhdf")
@@ -192,7 +201,8 @@ class Examples(dotyk_case.Case):
         self.assertIncreasing(figures["open"], -0.02)
 
     def test_nearly_rigid_bricks(self):
-        """Bricks 5e5 times as stiff as the ground touch on edges and corners: active sets cycle, and the interior-point method finds the solution."""
+        """Bricks 5e5 times as stiff as the ground touch on edges and corners: active sets cycle, and the interior-point
+        method finds the solution."""
         self.copy("bricks")
         self.edit("bricks/bricks.nml", (r"young=15e3", "young=15e9"))
         text = self.dotyk("bricks/bricks.nml")
@@ -201,7 +211,8 @@ class Examples(dotyk_case.Case):
         self.assertLessEqual(file["dotyk/summary"].attrs["error_bound"], 1e-8)
         force = {name: pair.attrs["force"][2] for name, pair in file["dotyk/contact"].items()}
         # The beds carry three bricks, the bearings one.
-        self.assertAlmostEqual((force["left bed"] + force["right bed"]) / -(force["left bearing"] + force["right bearing"]), 3, delta=1e-8)
+        bearings = force["left bearing"] + force["right bearing"]
+        self.assertAlmostEqual((force["left bed"] + force["right bed"]) / -bearings, 3, delta=1e-8)
 
     def test_bricks(self):
         reaction, = self.limits("bricks")
@@ -229,7 +240,8 @@ class Examples(dotyk_case.Case):
         self.assertLess(scaled["pressure_error"], check.SCALED_ERROR)
 
     def coarse(self, example, h, factors, **measured):
-        """Run it on a coarse mesh, for a quick test: errors as measured there, times `factors`; for the others check.py's limits."""
+        """Run it on a coarse mesh, for a quick test: errors as measured there, times `factors`; for the others
+        check.py's limits."""
         self.copy(example)
         self.edit("%s/%s.geo" % (example, example), (r"^h = [^;]+;", "h = %s;" % h))
         self.run_example(example)
@@ -253,7 +265,8 @@ class Examples(dotyk_case.Case):
     def test_groove_row_coarse(self):
         """25 elements over each groove."""
         self.coarse("groove_row", "b/25", 2, c=4.2e-3, peak=7.6e-3, profile=2.1e-2)
-        # In the theory, pressure and gap leave the faces flat where they touch: an elastic displacement by Fourier's series.
+        # In the theory, pressure and gap leave the faces flat where they touch: an elastic displacement by Fourier's
+        # series.
         check = check_of("groove_row")
         n = 2**14
         x = (np.arange(n) + 0.5) / n * check.PERIOD - check.PERIOD / 2
@@ -265,7 +278,8 @@ class Examples(dotyk_case.Case):
         # The formula of the scene is that gap.
         with self.results("groove_row/groove_row.vtkhdf") as file:
             groove = file["dotyk/contact/groove"]
-            np.testing.assert_allclose(groove["gap_initial"][:], check.gap(groove["position"][:, 0]), rtol=0, atol=2e-3 * check.DEPTH)
+            np.testing.assert_allclose(groove["gap_initial"][:], check.gap(groove["position"][:, 0]), rtol=0,
+                                       atol=2e-3 * check.DEPTH)
 
     def test_cylinder_coarse(self):
         """10 elements over half the width of the contact."""
@@ -297,7 +311,8 @@ class Examples(dotyk_case.Case):
         self.assertLess(errors["hoop"], 8e-3)
 
     def in_equilibrium(self, stress, x, y):
-        """Differences of the exact stresses in single points: no forces, and a mean stress in the plane that is harmonic."""
+        """Differences of the exact stresses in single points: no forces, and a mean stress in the plane that is
+        harmonic."""
         step = 1e-4 * np.ptp(x)
         right, left, above, below = stress(x + step, y), stress(x - step, y), stress(x, y + step), stress(x, y - step)
         size = np.abs(right).max() / np.ptp(x)
@@ -310,7 +325,8 @@ class Examples(dotyk_case.Case):
         """The table of studies/convergence.py: sizes, unknowns, errors and orders."""
         import subprocess
         import sys
-        command = [sys.executable, dotyk_case.ROOT / "studies/convergence.py", "press_fit", "--orders", "1", "--factors", "2,1", "--more", "match=1"]
+        command = [sys.executable, dotyk_case.ROOT / "studies/convergence.py", "press_fit", "--orders", "1",
+                   "--factors", "2,1", "--more", "match=1"]
         done = subprocess.run(command, check=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         lines = done.stdout.splitlines()
         self.assertEqual(len(lines), 4)
@@ -324,7 +340,8 @@ class Examples(dotyk_case.Case):
         self.assertAlmostEqual(float(order), 1, delta=0.25)
 
     def test_exact_stresses(self):
-        """Westergaard's and Lame's fields, and that of the grooves, are in equilibrium and compatible, and have the pressures."""
+        """Westergaard's and Lame's fields, and that of the grooves, are in equilibrium and compatible, and have the
+        pressures."""
         check = check_of("wavy")
         x, y = (t.ravel() for t in np.meshgrid(np.linspace(0.02, 0.48, 9), [-1.4, -0.5, 0.1, 0.6, 1.4]))
         self.in_equilibrium(check.exact_stress, x, y)
@@ -343,7 +360,8 @@ class Examples(dotyk_case.Case):
             # the sides stay
             self.assertAlmostEqual(np.mean(stress[0] - check.POISSON * (stress[1] + stress[2])) / mean, 0, delta=1e-6)
             np.testing.assert_allclose(check.exact_stress(np.array([0, 0.5]), np.full(2, y))[3], 0, atol=1e-12 * mean)
-            np.testing.assert_allclose(check.exact_stress(middle, np.full_like(middle, check.DEPTH))[3], 0, atol=1e-12 * mean)
+            np.testing.assert_allclose(check.exact_stress(middle, np.full_like(middle, check.DEPTH))[3], 0,
+                                       atol=1e-12 * mean)
 
         check = check_of("groove_row")
         x, y = (t.ravel() for t in np.meshgrid(np.linspace(0.1, 1.9, 7), [-6, -1, 0.2, 3]))

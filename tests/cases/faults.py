@@ -13,7 +13,8 @@ ENDLESS = "scheme='neumann', theta_relative=1e-9, tolerance=1e-12, max_iteration
 
 
 class Faults(dotyk_case.Case):
-    """The column example with few elements on faces that do not match, its upper block bent by a load, so that points open."""
+    """The column example with few elements on faces that do not match, its upper block bent by a load, so that points
+    open."""
 
     def setUp(self):
         super().setUp()
@@ -30,7 +31,8 @@ class Faults(dotyk_case.Case):
 
     def start(self, *arguments, until=None):
         """Start the program, and wait for a text in what it prints."""
-        process = subprocess.Popen([os.environ["DOTYK"], *map(str, arguments)], cwd=self.folder, stdin=subprocess.DEVNULL,
+        process = subprocess.Popen([os.environ["DOTYK"], *map(str, arguments)], cwd=self.folder,
+                                   stdin=subprocess.DEVNULL,
                                    stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
         self.addCleanup(process.stdout.close)
         self.addCleanup(process.wait)
@@ -83,9 +85,11 @@ class Faults(dotyk_case.Case):
 
     def test_an_interrupt_of_gmsh_leaves_nothing(self):
         self.write("slow", "#!/bin/sh\ncase $1 in --version) echo 4.8.4 >&2; exit;; esac\n"
-                           "while [ $# -gt 1 ]; do [ $1 = -o ] && touch $2; shift; done\ntouch started\nexec sleep 60\n").chmod(0o755)
+                           "while [ $# -gt 1 ]; do [ $1 = -o ] && touch $2; shift; done\ntouch started\n"
+                           "exec sleep 60\n").chmod(0o755)
         self.scene("")
-        process = subprocess.Popen([os.environ["DOTYK"], "case.nml"], cwd=self.folder, stdout=subprocess.PIPE, text=True,
+        process = subprocess.Popen([os.environ["DOTYK"], "case.nml"], cwd=self.folder, stdout=subprocess.PIPE,
+                                   text=True,
                                    stderr=subprocess.STDOUT, env={**os.environ, "DOTYK_GMSH": str(self.folder/"slow")})
         limit = time.monotonic() + 60
         while not (self.folder/"started").exists() and time.monotonic() < limit:
@@ -101,8 +105,9 @@ class Faults(dotyk_case.Case):
 
     def limited(self, kind, value, *arguments):
         """Run with a limit: exit code and output."""
-        done = subprocess.run([os.environ["DOTYK"], "case.nml", "--threads", "1", *arguments], cwd=self.folder, timeout=120, text=True,
-                              errors="replace", preexec_fn=lambda: resource.setrlimit(kind, (value, value)), stdout=subprocess.PIPE,
+        done = subprocess.run([os.environ["DOTYK"], "case.nml", "--threads", "1", *arguments], cwd=self.folder,
+                              timeout=120, text=True, errors="replace",
+                              preexec_fn=lambda: resource.setrlimit(kind, (value, value)), stdout=subprocess.PIPE,
                               stderr=subprocess.STDOUT, env={**os.environ, "OPENBLAS_NUM_THREADS": "1"})
         return done.returncode, done.stdout
 
@@ -136,7 +141,8 @@ class Faults(dotyk_case.Case):
     def test_a_log_that_cannot_be_written_is_no_reason_to_stop(self):
         self.scene("theta_relative=1e-2")
         with open("/dev/full", "w") as full:
-            done = subprocess.run([os.environ["DOTYK"], "case.nml"], cwd=self.folder, stdout=full, stderr=subprocess.PIPE, text=True)
+            done = subprocess.run([os.environ["DOTYK"], "case.nml"], cwd=self.folder, stdout=full,
+                                  stderr=subprocess.PIPE, text=True)
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertEqual(done.stderr, "warning: the log cannot be written; the run continues without it\n")
         self.assertEqual(self.answer()[1]["converged"], 1)

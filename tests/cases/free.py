@@ -1,5 +1,6 @@
 #!/usr/bin/python3
-"""Bodies that only contact holds, and theta = 0: exact answers by statics, every refusal, and points that say too much."""
+"""Bodies that only contact holds, and theta = 0: exact answers by statics, every refusal, and points that say too
+much."""
 import os
 import subprocess
 
@@ -51,7 +52,8 @@ class Free(dotyk_case.Case):
             self.assertGreater(gap.min(), -1e-10)
             self.assertLess(np.max(np.minimum(p / max(p.max(), 1e-300), gap)), 1e-10)
 
-    def column(self, kinds, divisions, rollers=True, load="pressure=1", solver="theta_relative=0, tolerance=1e-8", transform=None,
+    def column(self, kinds, divisions, rollers=True, load="pressure=1", solver="theta_relative=0, tolerance=1e-8",
+               transform=None,
                analysis=None):
         """Blocks on top of each other, the lowest on the ground, pressed on top."""
         d = dimension(kinds[0])
@@ -59,10 +61,12 @@ class Free(dotyk_case.Case):
         for k, (kind, n) in enumerate(zip(kinds, divisions)):
             lines += self.block("b%d" % k, kind, n, (0.0,) * (d - 1) + (1.0 * k,), (1.0,) * d, transform)
             if rollers or k == 0:
-                lines += "".join("&support body='b%d', surface='sides %s', fix='n' /\n" % (k, axis) for axis in ROLLERS[d])
+                lines += "".join("&support body='b%d', surface='sides %s', fix='n' /\n" % (k, axis)
+                                 for axis in ROLLERS[d])
             if k > 0:
                 lines += "&contact name='joint %d', surface_a='b%d:bottom', surface_b='b%d:top' /\n" % (k, k, k - 1)
-        lines += "&support body='b0', surface='bottom', fix='n' /\n&load body='b%d', surface='top', %s /\n" % (len(kinds) - 1, load)
+        lines += ("&support body='b0', surface='bottom', fix='n' /\n&load body='b%d', surface='top', %s /\n"
+                  % (len(kinds) - 1, load))
         self.scene(lines, solver, analysis or ("3d" if d == 3 else "plane_strain"))
 
     def test_column_of_every_kind(self):
@@ -79,7 +83,8 @@ class Free(dotyk_case.Case):
                     self.assertAlmostEqual(pair.attrs["force"][d - 1], 1, delta=1e-10)
                 np.testing.assert_allclose(file["VTKHDF/CellData/stress"][:, d - 1], -1, rtol=1e-9)
                 z = file["VTKHDF/Points"][:, d - 1]
-                np.testing.assert_allclose(file["VTKHDF/PointData/displacement"][:, d - 1], -ONE_D * z, atol=1e-9 * 4 * ONE_D)
+                np.testing.assert_allclose(file["VTKHDF/PointData/displacement"][:, d - 1], -ONE_D * z,
+                                           atol=1e-9 * 4 * ONE_D)
 
     def test_every_theta(self):
         """The joint shortens by theta s besides; the same few steps at every theta."""
@@ -112,7 +117,8 @@ class Free(dotyk_case.Case):
         lines = [line for line in text.splitlines() if line.startswith("  indeterminate ")]
         self.assertEqual(len(lines), 2, text)
         for line in lines:
-            for part in ("translation along (1, 0, 0)", "translation along (0, 1, 0)", "rotation about the axis (0, 0, 1)"):
+            for part in ("translation along (1, 0, 0)", "translation along (0, 1, 0)",
+                         "rotation about the axis (0, 0, 1)"):
                 self.assertIn(part, line)
             self.assertNotIn("translation along (0, 0, 1)", line)
         # Symmetric about the axis of the column, as the load is: no drift.
@@ -145,7 +151,8 @@ class Free(dotyk_case.Case):
         rest = [line for line in text if not line.startswith(("&body", "&contact"))]
         self.write("case.nml", "\n".join(rest + body[::-1] + contact[::-1]) + "\n")
         other = self.solve()[1]
-        self.write("case.nml", "\n".join(text).replace("young=200.0", "young=200.0e9").replace("pressure=1 ", "pressure=1e9 ") + "\n")
+        text = "\n".join(text).replace("young=200.0", "young=200.0e9").replace("pressure=1 ", "pressure=1e9 ")
+        self.write("case.nml", text + "\n")
         scaled = self.solve()[1]
         for name in ("joint 1", "joint 2"):
             p = one["dotyk/contact"][name]["pressure"][:]
@@ -156,7 +163,8 @@ class Free(dotyk_case.Case):
 
     def test_axisymmetric_disc(self):
         """A disc on a disc, free along the axis; force over the full turn."""
-        lines = self.block("low", "quad4", 3, (0.0, 0.0), (1.0, 1.0)) + self.block("high", "quad4", 4, (0.0, 1.0), (1.0, 1.0))
+        lines = (self.block("low", "quad4", 3, (0.0, 0.0), (1.0, 1.0)) +
+                 self.block("high", "quad4", 4, (0.0, 1.0), (1.0, 1.0)))
         lines += ("&support body='low', surface='bottom', fix='y' /\n&load body='high', surface='top', pressure=2 /\n"
                   "&contact name='joint', surface_a='high:bottom', surface_b='low:top' /\n")
         self.scene(lines, analysis="axisymmetric")
@@ -166,7 +174,8 @@ class Free(dotyk_case.Case):
 
     def beam(self, n=6, load="traction_formula='0','-1/4'", more=""):
         """A beam of length 4 on two blocks at its ends, in the plane; nothing else holds it."""
-        lines = self.block("left", "quad8", 2, (0.0, 0.0), (1.0, 1.0)) + self.block("right", "quad8", 2, (3.0, 0.0), (1.0, 1.0))
+        lines = (self.block("left", "quad8", 2, (0.0, 0.0), (1.0, 1.0)) +
+                 self.block("right", "quad8", 2, (3.0, 0.0), (1.0, 1.0)))
         lines += self.block("beam", "quad8", n, (0.0, 1.0), (4.0, 1.0))
         lines += "".join("&support body='%s', surface='bottom', fix='xy' /\n" % name for name in ("left", "right"))
         lines += "&load body='beam', surface='top', %s /\n" % load
@@ -176,7 +185,8 @@ class Free(dotyk_case.Case):
 
     def test_beam_by_statics(self):
         """Forces and moments of a free body balance: load over x^k with a resultant of 1 off the middle."""
-        for load, force, moment in (("traction_formula='0','-1/4'", 1.0, 2.0), ("traction_formula='0','-x/8'", 1.0, 8 / 3)):
+        for load, force, moment in (("traction_formula='0','-1/4'", 1.0, 2.0),
+                                    ("traction_formula='0','-x/8'", 1.0, 8 / 3)):
             self.beam(load=load)
             file = self.solve()[1]
             self.check_good(file)
@@ -197,7 +207,8 @@ class Free(dotyk_case.Case):
 
     def test_refusals(self):
         """Up, and along the joint: no contact can stop it."""
-        for load, motion in (("pressure=-1", "translation along (0, 0, 1)"), ("traction=0.1,0,-1", "translation along (1, 0, 0)")):
+        for load, motion in (("pressure=-1", "translation along (0, 0, 1)"),
+                             ("traction=0.1,0,-1", "translation along (1, 0, 0)")):
             self.column(["hex8"] * 2, [2] * 2, rollers=False, load=load)
             self.refuse("body 'b1'", motion, "resultant", "case.nml:")
         # A free body that touches nothing, loaded.
@@ -211,11 +222,13 @@ class Free(dotyk_case.Case):
         self.assertIn("indeterminate    'loose'", self.solve()[0])
 
     def test_balanced_loads(self):
-        """A column that leans, its upper block free across: rounding errors of the pressure's direction push it nowhere."""
+        """A column that leans, its upper block free across: rounding errors of the pressure's direction push it
+        nowhere."""
         self.column(["quad8"] * 2, [3] * 2)
         text = (self.folder / "case.nml").read_text()
         text = text.replace("material='m' /", "material='m', angle=33 /")
-        text = text.replace("&support body='b1', surface='sides x', fix='n'", "&support body='b1', surface='sides x', fix='t'")
+        text = text.replace("&support body='b1', surface='sides x', fix='n'",
+                            "&support body='b1', surface='sides x', fix='t'")
         self.write("case.nml", text)
         printed, file = self.solve()
         self.check_good(file)
@@ -223,7 +236,8 @@ class Free(dotyk_case.Case):
 
     def test_a_scheme_that_needs_more(self):
         self.column(["hex8"] * 2, [2] * 2, solver="scheme='neumann'")
-        self.refuse("scheme 'neumann' needs supported bodies", "body 'b1'", "translation along (0, 0, 1)", "scheme='dual'")
+        self.refuse("scheme 'neumann' needs supported bodies", "body 'b1'", "translation along (0, 0, 1)",
+                    "scheme='dual'")
         self.column(["hex8"] * 2, [2] * 2, solver="scheme='robin', theta=0")
         self.refuse("case.nml:", "theta = 0 needs scheme='dual', got 'robin'", code=2)
 
@@ -231,7 +245,8 @@ class Free(dotyk_case.Case):
         """A support pushes a block that nothing else holds: it moves along without any force."""
         self.column(["hex8"] * 2, [2] * 2)
         text = (self.folder / "case.nml").read_text()
-        text = text.replace("&load body='b1', surface='top', pressure=1 /", "&support body='b1', surface='top', fix='z', value=0,0,-0.1 /")
+        text = text.replace("&load body='b1', surface='top', pressure=1 /",
+                            "&support body='b1', surface='top', fix='z', value=0,0,-0.1 /")
         self.write("case.nml", text.replace("&support body='b0', surface='bottom', fix='n' /", ""))
         file = self.solve()[1]
         self.check_good(file)
@@ -276,7 +291,8 @@ class Free(dotyk_case.Case):
         for side in ("left", "right"):
             lines += "&contact name='%s', surface_a='high:bottom', surface_b='%s:top' /\n" % (side, side)
         # Points of the seam say the same thing twice: the bound is the root of what rounding leaves, 1.5e-8.
-        self.scene(lines + "&load body='high', surface='top', pressure=1 /\n", solver="theta_relative=0, tolerance=1e-7")
+        self.scene(lines + "&load body='high', surface='top', pressure=1 /\n",
+                   solver="theta_relative=0, tolerance=1e-7")
         file = self.solve()[1]
         self.check_good(file, bound=1e-7)
         for side in ("left", "right"):
@@ -295,7 +311,8 @@ class Free(dotyk_case.Case):
     def test_supports_on_the_contact_surface(self):
         """Held on both sides points cannot give way: harmless where they just touch, refused where they are pressed."""
         self.column(["hex8"] * 2, [2] * 2)
-        held = "".join("&support body='b%d', surface='%s', fix='xyz' /\n" % (k, s) for k, s in ((0, "top"), (1, "bottom")))
+        held = "".join("&support body='b%d', surface='%s', fix='xyz' /\n" % (k, s)
+                       for k, s in ((0, "top"), (1, "bottom")))
         text = (self.folder / "case.nml").read_text() + held
         self.write("case.nml", text)
         self.check_good(self.solve()[1])
@@ -311,7 +328,8 @@ class Free(dotyk_case.Case):
         np.testing.assert_allclose(self.solve()[1]["dotyk/contact/joint 1/pressure"][:], 0.1, rtol=1e-9)
 
     def test_quadrature_points_without_a_layer(self):
-        """More points than unknowns: forces and means are right, and the log says that single pressures are not determined."""
+        """More points than unknowns: forces and means are right, and the log says that single pressures are not
+        determined."""
         # The bound of redundant rows is that of rounding errors to the power 1/2: 1e-8.
         self.column(["hex8"] * 2, [3] * 2, solver="theta_relative=0, tolerance=1e-6")
         text = (self.folder / "case.nml").read_text()
@@ -326,7 +344,8 @@ class Free(dotyk_case.Case):
         """Conjugate gradients and the factorization, free bodies and theta = 0."""
         energies = []
         for solver in ("direct", "iterative"):
-            self.column(["tet10", "hex8", "tet4"], [2, 3, 3], solver="theta_relative=0, tolerance=1e-8, linear_solver='%s'" % solver)
+            self.column(["tet10", "hex8", "tet4"], [2, 3, 3],
+                        solver="theta_relative=0, tolerance=1e-8, linear_solver='%s'" % solver)
             file = self.solve()[1]
             self.check_good(file)
             energies.append(file["dotyk/summary"].attrs["energy"])

@@ -1,5 +1,6 @@
 #!/usr/bin/python3
-"""Bodies that nothing holds at their worst: many of them, balanced on an edge, turned against nothing, pressing on each other alone."""
+"""Bodies that nothing holds at their worst: many of them, balanced on an edge, turned against nothing, pressing on each
+other alone."""
 import os
 import subprocess
 import sys
@@ -72,7 +73,8 @@ class FreeExtreme(dotyk_case.Case):
         return "&body name='%s', mesh='%s.geo', volume='block', material='m' /\n" % (name, name)
 
     def scene(self, text, solver="theta=0, tolerance=1e-8"):
-        self.write("case.nml", "&scene analysis='plane_strain' /\n&material name='m', young=%r, poisson=0.3 /\n%s&solver %s /\n"
+        self.write("case.nml", "&scene analysis='plane_strain' /\n&material name='m', young=%r, poisson=0.3 /\n"
+                   "%s&solver %s /\n"
                    "&output fields='displacement contact', error_parts='' /\n" % (YOUNG, text, solver))
 
     def solve(self):
@@ -105,11 +107,14 @@ class FreeExtreme(dotyk_case.Case):
                 self.assertLessEqual(summary["iterations"], 4)
 
     def test_row_of_a_hundred(self):
-        """A hundred blocks on a frictionless floor, pushed against a wall: the push arrives, and weight does not matter."""
+        """A hundred blocks on a frictionless floor, pushed against a wall: the push arrives, and weight does not
+        matter."""
         n = 100
         self.write("one.geo", block_geo("quad8", 1, (0, 0), (1, 1)).replace(
-            'Physical Surface("block")', 'l() = Curve In BoundingBox {-0.1, -0.1, -0.1, 0.1, 1.1, 0.1};\nPhysical Curve("left") = {l()};\n'
-            'r() = Curve In BoundingBox {0.9, -0.1, -0.1, 1.1, 1.1, 0.1};\nPhysical Curve("right") = {r()};\nPhysical Surface("block")'))
+            'Physical Surface("block")',
+            'l() = Curve In BoundingBox {-0.1, -0.1, -0.1, 0.1, 1.1, 0.1};\nPhysical Curve("left") = {l()};\n'
+            'r() = Curve In BoundingBox {0.9, -0.1, -0.1, 1.1, 1.1, 0.1};\nPhysical Curve("right") = {r()};\n'
+            'Physical Surface("block")'))
         text = self.block("floor", 4, (0, -1), (n, 1)) + self.block("wall", 1, (n, 0), (1, 1))
         text += "".join("&support body='%s', surface='bottom', fix='xy' /\n" % name for name in ("floor", "wall"))
         text += "&support body='wall', surface='top', fix='xy' /\n"
@@ -132,17 +137,20 @@ class FreeExtreme(dotyk_case.Case):
     def test_balanced_on_an_edge(self):
         """The weight exactly above the edge: the tilt is not determined, and there is none."""
         self.write("ridge.geo", RIDGE)
-        text = "&body name='ridge', mesh='ridge.geo', volume='ridge', material='m' /\n" + self.block("beam", 4, (-2, 1), (4, 1))
+        text = ("&body name='ridge', mesh='ridge.geo', volume='ridge', material='m' /\n" +
+                self.block("beam", 4, (-2, 1), (4, 1)))
         text += "&support body='ridge', surface='bottom', fix='xy' /\n&load body='beam', force_density=0,-1 /\n"
         text += "&contact name='edge', surface_a='ridge:sides', surface_b='beam:bottom' /\n"
         self.scene(text)
         log, file = self.solve()
-        self.assertIn("'beam': translation along (1, 0) and rotation about (0, 1.5) (neither loads nor contact determine it; minimum-norm solution)", log)
+        self.assertIn("'beam': translation along (1, 0) and rotation about (0, 1.5) (neither loads nor contact "
+                      "determine it; minimum-norm solution)", log)
         self.assertAlmostEqual(file["dotyk/contact/edge"].attrs["force"][1], -4, delta=1e-10)
         x, u = file["VTKHDF/Points"][:], file["VTKHDF/PointData/displacement"][:]
         ends = [np.argmin(np.abs(x[:, :2] - [side, 1.5]).sum(axis=1)) for side in (-2, 2)]
         self.assertAlmostEqual(u[ends[0], 1], u[ends[1], 1], delta=1e-9)
-        # The weight beside the edge: the beam tilts until it lies on a side of the ridge too, which is far, and the log says so.
+        # The weight beside the edge: the beam tilts until it lies on a side of the ridge too, which is far, and the log
+        # says so.
         self.scene(text.replace("ridge.geo'", "ridge.geo', at=1e-4,0"))
         log, file = self.solve()
         self.assertIn("large rotation   'beam'", log)
@@ -167,7 +175,8 @@ class FreeExtreme(dotyk_case.Case):
         """A disc in a frictionless socket: it carries the weight, and no torque."""
         self.write("disc.geo", DISC)
         self.write("socket.geo", SOCKET)
-        text = "".join("&body name='%s', mesh='%s.geo', volume='%s', material='m' /\n" % (name, name, name) for name in ("disc", "socket"))
+        text = "".join("&body name='%s', mesh='%s.geo', volume='%s', material='m' /\n" % (name, name, name)
+                       for name in ("disc", "socket"))
         text += "&support body='socket', surface='bottom', fix='xy' /\n&load body='disc', force_density=0,-1 /\n"
         text += "&contact name='joint', surface_a='disc:rim', surface_b='socket:hole' /\n"
         self.scene(text)
@@ -175,16 +184,19 @@ class FreeExtreme(dotyk_case.Case):
         self.assertAlmostEqual(self.solve()[1]["dotyk/contact/joint"].attrs["force"][1] / np.pi, 1, delta=1e-3)
         (self.folder / "case.vtkhdf").unlink()
         self.scene(text + "&load body='disc', surface='rim', traction_formula='-0.1*(y-1)','0.1*x' /\n")
-        self.refuse("body 'disc'", "rotation about", "resultant 0.628", "a rigid body mode that neither supports nor contact resist")
+        self.refuse("body 'disc'", "rotation about", "resultant 0.628",
+                    "a rigid body mode that neither supports nor contact resist")
 
     def test_pushed_along_the_floor(self):
         """Nothing stops a disc sideways. A torque rolls it until its next points carry it, and the log says how far."""
         self.write("disc.geo", DISC)
-        text = "&body name='disc', mesh='disc.geo', volume='disc', material='m' /\n" + self.block("floor", 6, (-3, -1), (6, 1))
+        text = ("&body name='disc', mesh='disc.geo', volume='disc', material='m' /\n" +
+                self.block("floor", 6, (-3, -1), (6, 1)))
         text += "&support body='floor', surface='bottom', fix='xy' /\n"
         text += "&contact name='joint', surface_a='disc:rim', surface_b='floor:top' /\n"
         self.scene(text + "&load body='disc', force_density=0.1,-1 /\n")
-        self.refuse("body 'disc'", "translation along (1, 0)", "a rigid body mode that neither supports nor contact resist")
+        self.refuse("body 'disc'", "translation along (1, 0)",
+                    "a rigid body mode that neither supports nor contact resist")
         self.scene(text + "&load body='disc', force_density=0,-1 /\n"
                    "&load body='disc', surface='rim', traction_formula='-0.1*(y-1)','0.1*x' /\n")
         log, file = self.solve()
@@ -201,13 +213,16 @@ class FreeExtreme(dotyk_case.Case):
         return self.solve()[0]
 
     def test_pressing_on_each_other_alone(self):
-        """Two free blocks under opposite loads: the joint's pressure is exact, where they are is not determined, and they stay."""
+        """Two free blocks under opposite loads: the joint's pressure is exact, where they are is not determined, and
+        they stay."""
         text = self.block("a", 3, (0, 0), (1, 1)) + self.block("b", 2, (0, 1), (1, 1))
-        text += "&contact name='joint', surface_a='b:bottom', surface_b='a:top' /\n&load body='a', surface='bottom', pressure=1 /\n"
+        text += ("&contact name='joint', surface_a='b:bottom', surface_b='a:top' /\n"
+                 "&load body='a', surface='bottom', pressure=1 /\n")
         self.scene(text + "&load body='b', surface='top', pressure=1 /\n")
         log, file = self.solve()
         for name in "ab":
-            self.assertIn("indeterminate    '%s': translation along (1, 0), translation along (0, 1) and rotation" % name, log)
+            self.assertIn("indeterminate    '%s': translation along (1, 0), translation along (0, 1) and rotation"
+                          % name, log)
         np.testing.assert_allclose(file["dotyk/contact/joint/pressure"][:], 1, rtol=1e-9)
         u = file["VTKHDF/PointData/displacement"][:]
         self.assertLess(np.abs(u).max(), 2 / YOUNG)
@@ -218,11 +233,13 @@ class FreeExtreme(dotyk_case.Case):
 
     def test_several_loose_bodies(self):
         """A message that names all of them, each with what moves it."""
-        text = self.block("held", 1, (0, 0), (1, 1)) + self.block("down", 1, (3, 0), (1, 1)) + self.block("side", 1, (6, 0), (1, 1))
+        text = (self.block("held", 1, (0, 0), (1, 1)) + self.block("down", 1, (3, 0), (1, 1)) +
+                self.block("side", 1, (6, 0), (1, 1)))
         text += "&support body='held', surface='bottom', fix='xy' /\n&load body='held', force_density=0,-5 /\n"
         text += "&load body='down', force_density=0,-1 /\n&load body='side', force_density=2,0 /\n"
         self.scene(text)
-        self.refuse("body 'side': no equilibrium: the loads do work on a rigid body mode that neither supports nor contact resist: "
+        self.refuse("body 'side': no equilibrium: the loads do work on a rigid body mode that neither supports nor "
+                    "contact resist: "
                     "translation along (1, 0), resultant 2;",
                     "likewise body 'down' (line 4): translation along (0, 1), resultant 1;")
         text = ""
@@ -236,17 +253,21 @@ class FreeExtreme(dotyk_case.Case):
     def test_held_by_one_node(self):
         """A part that hangs on one node can turn inside of its body: that is no free motion of a body, and refused."""
         self.write("hinge.geo", HINGE)
-        text = "&body name='hinge', mesh='hinge.geo', volume='hinge', material='m' /\n" + self.block("post", 2, (1.75, 0), (0.5, 1))
+        text = ("&body name='hinge', mesh='hinge.geo', volume='hinge', material='m' /\n" +
+                self.block("post", 2, (1.75, 0), (0.5, 1)))
         text += "".join("&support body='%s', surface='bottom', fix='xy' /\n" % name for name in ("hinge", "post"))
         text += "&contact name='stop', surface_a='hinge:low', surface_b='post:top' /\n"
         self.scene(text + "&load body='hinge', force_density=0,-1 /\n")
         self.refuse("body 'hinge'", "connected by single nodes or edges only", "add a &support")
 
     def test_held_by_one_facet(self):
-        """A support on a facet of 1e-5 bears all forces and no torque: contact does, and the other way round it hardly turns."""
+        """A support on a facet of 1e-5 bears all forces and no torque: contact does, and the other way round it hardly
+        turns."""
         self.write("pinned.geo", PINNED)
-        text = "&body name='pinned', mesh='pinned.geo', volume='pinned', material='m' /\n" + self.block("post", 2, (0.75, 0), (0.5, 1))
-        text += "&support body='pinned', surface='pin', fix='xy' /\n&support body='post', surface='bottom', fix='xy' /\n"
+        text = ("&body name='pinned', mesh='pinned.geo', volume='pinned', material='m' /\n" +
+                self.block("post", 2, (0.75, 0), (0.5, 1)))
+        text += ("&support body='pinned', surface='pin', fix='xy' /\n"
+                 "&support body='post', surface='bottom', fix='xy' /\n")
         text += "&contact name='stop', surface_a='pinned:low', surface_b='post:top' /\n"
         self.scene(text + "&load body='pinned', force_density=0,-1 /\n")
         joint = self.solve()[1]["dotyk/contact/stop"]
@@ -256,7 +277,8 @@ class FreeExtreme(dotyk_case.Case):
     def hung_blocks(self, n, load):
         """Forces from block to block of a row against a wall; each hangs on a layer of 1e-8 of its stiffness."""
         self.write("hung.geo", block_geo("quad8", 4, (0, 0), (1, 2)) + "".join(
-            'c() = Curve In BoundingBox {%g, -0.1, -0.1, %g, 2.1, 0.1};\nPhysical Curve("%s") = {c()};\n' % (x - 0.1, x + 0.1, name)
+            'c() = Curve In BoundingBox {%g, -0.1, -0.1, %g, 2.1, 0.1};\nPhysical Curve("%s") = {c()};\n'
+            % (x - 0.1, x + 0.1, name)
             for x, name in ((0, "left"), (1, "right"))))
         text = "&material name='s', young=%r, poisson=0, young_formula='(y > 1.5) ? 1e-8 : 1' /\n" % YOUNG
         text += self.block("wall", 2, (n, 0), (1, 2))
@@ -274,8 +296,8 @@ class FreeExtreme(dotyk_case.Case):
 
     def test_many_nearly_free_bodies(self):
         """Fifty blocks on supports of 1e-8 of their stiffness: a push arrives at the wall, and weights add up."""
-        # Layers take half of what acts on them: a push on 2 arrives as one on 1.75, and so does the weight of each block. The
-        # row of 120 has a sparse matrix of springs and contact, that of 50 a dense one.
+        # Layers take half of what acts on them: a push on 2 arrives as one on 1.75, and so does the weight of each
+        # block. The row of 120 has a sparse matrix of springs and contact, that of 50 a dense one.
         for n, part in ((50, 1e-4), (120, 1e-3)):
             force = self.hung_blocks(n, "&load body='h0', surface='left', pressure=1e-2 /\n")
             np.testing.assert_allclose(force, -1.75e-2, rtol=part)

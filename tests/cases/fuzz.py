@@ -25,7 +25,8 @@ esac
 class Fuzz(dotyk_case.Case):
     def fuzz(self, executable, *arguments):
         """Exit code and output of a run."""
-        done = subprocess.run([sys.executable, "-B", FUZZ, "--dotyk", executable, "--keep", self.folder / "kept", *arguments], text=True, timeout=300,
+        done = subprocess.run([sys.executable, "-B", FUZZ, "--dotyk", executable, "--keep", self.folder / "kept",
+                               *arguments], text=True, timeout=300,
                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
         return done.returncode, done.stdout
 
@@ -47,7 +48,8 @@ class Fuzz(dotyk_case.Case):
         wrong.chmod(0o755)
         code, text = self.fuzz(wrong, "--cases", "60", "--reduce", "--kinds", "namelist")
         self.assertEqual(code, 1)
-        for fault in ("no message", "Fortran runtime error: bad", "exit code -11", "files left", "control characters in the message"):
+        for fault in ("no message", "Fortran runtime error: bad", "exit code -11", "files left",
+                      "control characters in the message"):
             self.assertIn("  " + fault, text)
         self.assertRegex(text, r"\| all \| 60 \| \d \| 0 \| 0 \| 0 \| 0 \| 0 \| [45]\d \|")
         self.assertTrue(list((self.folder / "kept").glob("*/case-*/fault.txt")))

@@ -1,8 +1,9 @@
 #!/usr/bin/python3
-"""What must not change the answer: motions of the scene, units, the order of bodies and pairs, threads, and which side is a.
+"""What must not change the answer: motions of the scene, units, the order of bodies and pairs, threads, and which side
+is a.
 
-The scene: an orthotropic block, inclined below, pressed on another that is not meshed alike, under tractions, and a third beside
-it; partial contact, non-zero displacements in all directions.
+The scene: an orthotropic block, inclined below, pressed on another that is not meshed alike, under tractions, and a
+third beside it; partial contact, non-zero displacements in all directions.
 """
 import numpy as np
 
@@ -35,7 +36,8 @@ def vector(x):
 class Invariance(dotyk_case.Case):
     def scene(self, name="scene", turn=np.eye(3), shift=(0, 0, 0), length=1.0, stress=1.0, order=1, swap=False,
               solver="theta_relative=0.3, tolerance=1e-11", threads=2, divisions=(3, 2)):
-        """Solve the scene moved by turn and shift, in units in which lengths are multiplied by length and stresses by stress.
+        """Solve the scene moved by turn and shift, in units in which lengths are multiplied by length and stresses by
+        stress.
 
         Returns the results, and the displacements of the bodies in their first order, moved and scaled back.
         """
@@ -52,8 +54,10 @@ class Invariance(dotyk_case.Case):
             body, name, body, "wood" if body == "upper" else "stone") for body in blocks]
         held = ["&support body='lower', surface='bottom', fix='xyz' /",
                 "&support body='upper', surface='top', fix='n', value=0,0,%r /" % (-1.5e-4 * length),
-                "&support body='upper', surface='sides y', fix='n' /", "&support body='upper', surface='sides x', fix='n' /",
-                "&support body='other', surface='top', fix='xyz', value=%s /" % vector(length * turn @ [1e-5, 2e-5, -3e-4]),
+                "&support body='upper', surface='sides y', fix='n' /",
+                "&support body='upper', surface='sides x', fix='n' /",
+                "&support body='other', surface='top', fix='xyz', value=%s /"
+                % vector(length * turn @ [1e-5, 2e-5, -3e-4]),
                 "&load body='lower', surface='sides x', traction=%s /" % vector(stress * turn @ [0.01, 0.02, -0.015]),
                 "&load body='other', surface='sides y', pressure=%r /" % (0.01 * stress),
                 "&load body='lower', force_density=%s /" % vector(stress / length * turn @ [0, 0.004, -0.01])]
@@ -82,7 +86,8 @@ class Invariance(dotyk_case.Case):
         np.testing.assert_allclose(v, u, rtol=0, atol=close * np.abs(u).max())
         for pair in ("touch", "beside"):
             a, b = one["dotyk/contact/" + pair], two["dotyk/contact/" + pair]
-            np.testing.assert_allclose(b["pressure"][:] / stress, a["pressure"][:], rtol=0, atol=close * a["pressure"][:].max())
+            np.testing.assert_allclose(b["pressure"][:] / stress, a["pressure"][:], rtol=0,
+                                       atol=close * a["pressure"][:].max())
             self.assertAlmostEqual(b.attrs["theta"] * stress / length / a.attrs["theta"], 1, delta=1e-12)
         energies = [file["dotyk/summary"].attrs["energy"] for file in (one, two)]
         self.assertAlmostEqual(energies[1] / energies[0] / stress / length**3, 1, delta=close)
@@ -138,7 +143,8 @@ class Invariance(dotyk_case.Case):
         self.check_equal(self.scene("one")[0], self.scene("two")[0])
 
     def test_reproducible(self):
-        """The same digits on one thread and on two; that BLAS threads are not taken: tests/unit/control/test_parallel.pf."""
+        """The same digits on one thread and on two; that BLAS threads are not taken:
+        tests/unit/control/test_parallel.pf."""
         solver = "theta_relative=0.3, tolerance=1e-6, reproducible=.true."
         files = [self.scene("threads%d" % n, threads=n, solver=solver)[0] for n in (1, 2)]
         self.assertEqual([file["dotyk"].attrs["threads"] for file in files], [1, 2])

@@ -1,7 +1,9 @@
-"""Nearly incompressible bodies: no locking, no alternating pressures, in every kind of elements and every analysis that can lock.
+"""Nearly incompressible bodies: no locking, no alternating pressures, in every kind of elements and every analysis that
+can lock.
 
-The thick cylinder under inner pressure (Lame) has its exact answer at any Poisson's ratio: errors of linear elements stay below those that the
-same mesh has at 0.3, those of quadratic ones near them. Without the treatment they come to 5 to 100 %.
+The thick cylinder under inner pressure (Lame) has its exact answer at any Poisson's ratio: errors of linear elements
+stay below those that the same mesh has at 0.3, those of quadratic ones near them. Without the treatment they come to 5
+to 100 %.
 """
 import importlib.util
 import pathlib
@@ -32,7 +34,8 @@ class Locking(Case):
             mean = file["VTKHDF/CellData/stress"][:, :3].mean(axis=1)
             defect = 1 - file["dotyk/summary"].attrs["energy_norm"]**2 / cylinder.work(analysis, poisson)
             estimate = file["dotyk/summary"].attrs["error_discretization"]
-        return (cylinder.radial_error(x, u, analysis, poisson), np.max(np.abs(mean - cylinder.mean_stress(poisson))), log, defect,
+        return (cylinder.radial_error(x, u, analysis, poisson), np.max(np.abs(mean - cylinder.mean_stress(poisson))),
+                log, defect,
                 estimate)
 
     def against_ordinary(self, kind, analysis, n, most=(1.0, 1.0)):
@@ -50,14 +53,16 @@ class Locking(Case):
         return found
 
     def test_linear_elements(self):
-        for kind, analysis, n in (("quad4", "plane_strain", 4), ("tri3", "plane_strain", 4), ("quad4", "axisymmetric", 4),
-                                  ("tri3", "axisymmetric", 4), ("hex8", "3d", 3), ("tet4", "3d", 3), ("prism6", "3d", 2)):
+        for kind, analysis, n in (("quad4", "plane_strain", 4), ("tri3", "plane_strain", 4),
+                                  ("quad4", "axisymmetric", 4), ("tri3", "axisymmetric", 4), ("hex8", "3d", 3),
+                                  ("tet4", "3d", 3), ("prism6", "3d", 2)):
             self.against_ordinary(kind, analysis, n)
 
     def test_quadratic_elements(self):
         # Measured: 1.6 to 3.3 and 1.2 to 5.3 times the errors at 0.3; without the treatment, up to 1e4 times.
-        for kind, analysis, n in (("quad8", "plane_strain", 3), ("tri6", "axisymmetric", 4), ("quad9", "axisymmetric", 4),
-                                  ("hex20", "3d", 2), ("hex27", "3d", 2), ("tet10", "3d", 2), ("prism15", "3d", 2)):
+        for kind, analysis, n in (("quad8", "plane_strain", 3), ("tri6", "axisymmetric", 4),
+                                  ("quad9", "axisymmetric", 4), ("hex20", "3d", 2), ("hex27", "3d", 2),
+                                  ("tet10", "3d", 2), ("prism15", "3d", 2)):
             self.against_ordinary(kind, analysis, n, (4, 8))
 
     def test_estimate_of_the_mesh(self):
@@ -123,7 +128,8 @@ class Locking(Case):
         blocks.mesh(self.folder / "block.geo", 3)
         text = ["&scene mesh='block.msh' /", "&material name='rubber', young=1, poisson=0.4999 /",
                 "&material name='cork', young=1, poisson=0.0 /"]
-        for name, material, at in (("one", "rubber", "0, 0, 0"), ("other", "rubber", "3, 0, 0"), ("third", "cork", "6, 0, 0")):
+        for name, material, at in (("one", "rubber", "0, 0, 0"), ("other", "rubber", "3, 0, 0"),
+                                   ("third", "cork", "6, 0, 0")):
             text += ["&body name='%s', volume='block', material='%s', at=%s /" % (name, material, at),
                      "&support body='%s', surface='bottom', fix='xyz' /" % name,
                      "&load body='%s', surface='top', traction=0.01, 0, -0.01 /" % name]
@@ -139,7 +145,8 @@ class Locking(Case):
         np.testing.assert_allclose(u[:125], u[125:250], atol=1e-12)
 
     def test_hertz(self):
-        # The example of a ball on a half-space, of rubber and linear triangles, which become quadratic on straight edges.
+        # The example of a ball on a half-space, of rubber and linear triangles, which become quadratic on straight
+        # edges.
         folder = self.copy("hertz_axisymmetric")
         geo = folder / "hertz_axisymmetric.geo"
         geo.write_text(geo.read_text().replace("order = 2;", "order = 1;"))

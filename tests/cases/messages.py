@@ -1,5 +1,6 @@
 #!/usr/bin/python3
-"""Exit codes and messages of the program: bad input, scenes that cannot be solved, files that cannot be written, options."""
+"""Exit codes and messages of the program: bad input, scenes that cannot be solved, files that cannot be written,
+options."""
 import os
 import re
 import subprocess
@@ -31,7 +32,8 @@ class Messages(dotyk_case.Case):
         return 1 + next(i for i, line in enumerate(lines) if part in line)
 
     def refuse(self, code, *expected, options=()):
-        """The case is refused with this exit code; the messages are on the standard error, and no results are written."""
+        """The case is refused with this exit code; the messages are on the standard error, and no results are
+        written."""
         done = subprocess.run([os.environ["DOTYK"], "case.nml", *options], cwd=self.folder, text=True, timeout=60,
                               stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         self.assertEqual(done.returncode, code, done.stdout + done.stderr)
@@ -43,7 +45,8 @@ class Messages(dotyk_case.Case):
     # Bad input: 2
 
     def test_input_mistakes_in_one_go(self):
-        self.scene(("young=30.0", "yuong=30.0"), ("poisson=0.3", "poisson=0.7"), ("&body name='upper'", "&boddy name='upper'"),
+        self.scene(("young=30.0", "yuong=30.0"), ("poisson=0.3", "poisson=0.7"),
+                   ("&body name='upper'", "&boddy name='upper'"),
                    ("theta_relative=1", "theta_relative=-1"), ("fix='x'", "fix='q'"))
         at = self.line_of
         self.refuse(2, "case.nml:%d: &material: unknown key 'yuong' (did you mean 'young'?)" % at("yuong"),
@@ -54,14 +57,16 @@ class Messages(dotyk_case.Case):
 
     def test_unresolved_names_of_the_input(self):
         self.scene(("material='of lower'", "material='of loser'"), ("surface_b='lower:top'", "surface_b='lover:top'"))
-        self.refuse(2, "case.nml:%d: " % self.line_of("of loser"), "of loser", "case.nml:%d: " % self.line_of("lover:top"), "lover")
+        self.refuse(2, "case.nml:%d: " % self.line_of("of loser"), "of loser",
+                    "case.nml:%d: " % self.line_of("lover:top"), "lover")
 
     def test_physical_names_in_one_go(self):
         """Those of all meshes together, with the names that each mesh has."""
         self.scene(("lower.geo', volume='block'", "lower.geo', volume='blok'"), ("upper:bottom", "upper:botom"),
                    ("surface='top'", "surface='tip'"))
         message = self.refuse(2, "case.nml:%d: " % self.line_of("blok"), "'blok'", "(did you mean 'block'?)",
-                              "case.nml:%d: " % self.line_of("botom"), "'botom'", "case.nml:%d: " % self.line_of("'tip'"), "'tip'")
+                              "case.nml:%d: " % self.line_of("botom"), "'botom'",
+                              "case.nml:%d: " % self.line_of("'tip'"), "'tip'")
         for line in message.splitlines():
             if "botom" in line or "'tip'" in line:
                 for name in ("'bottom'", "'top'", "'sides x'", "'sides y'"):
@@ -79,7 +84,8 @@ class Messages(dotyk_case.Case):
         (self.folder / "results.msh").write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(100))
         self.write("mesh.msh", "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n")
         (self.folder / "zeros.msh").write_bytes(bytes(2000))
-        odd = [("pipe", "is a pipe, not a file", "is a pipe, not a file"), ("zero", "is a device, not a file", "is a device, not a file"),
+        odd = [("pipe", "is a pipe, not a file", "is a pipe, not a file"),
+               ("zero", "is a device, not a file", "is a device, not a file"),
                ("folder", "is a directory", "is a directory"), ("empty", "the file is empty", "the file has no groups"),
                ("wide", "it is UTF-16 text", "is UTF-16 text, no namelist file: save it as UTF-8"),
                ("results", "it is an HDF5 file", "is an HDF5 file, no namelist file"),
@@ -88,7 +94,8 @@ class Messages(dotyk_case.Case):
             self.write("case.nml", self.text.replace("lower.geo", name + ".msh"))
             self.assertEqual(self.refuse(2, of_mesh).count("\n"), 1)
             self.assertIn(of_input, self.dotyk(name + ".msh", code=2))
-        self.assertIn("is a mesh of gmsh, no namelist file: one names it in &scene mesh=", self.dotyk("mesh.msh", code=2))
+        self.assertIn("is a mesh of gmsh, no namelist file: one names it in &scene mesh=",
+                      self.dotyk("mesh.msh", code=2))
         self.assertIn("is a geometry of gmsh", self.dotyk("lower.geo", code=2))
 
     def test_results_take_the_place_of_results_only(self):
@@ -99,7 +106,8 @@ class Messages(dotyk_case.Case):
         os.mkfifo(self.folder / "pipe.vtkhdf")
         for name in ("case.nml", "./case.nml", "lower.geo", "notes.txt"):
             before = (self.folder / name).read_bytes()
-            self.assertIn("'%s' is there already and is no results file" % name, self.dotyk("case.nml", "--output", name, code=4))
+            self.assertIn("'%s' is there already and is no results file" % name,
+                          self.dotyk("case.nml", "--output", name, code=4))
             self.assertEqual((self.folder / name).read_bytes(), before)
         for name, reason in (("pipe.vtkhdf", "is a pipe"), ("/dev/null", "is a device"), ("far", "is a folder")):
             self.assertIn(reason, self.dotyk("case.nml", "--output", name, code=4))
@@ -113,7 +121,8 @@ class Messages(dotyk_case.Case):
 
     def test_very_many_groups(self):
         """They are read in seconds."""
-        for text, message in (("&x\n", "&x: the group is not ended with '/' before '&x' in line 2"), ("&body /\n", "&body: 'name' is missing"),
+        for text, message in (("&x\n", "&x: the group is not ended with '/' before '&x' in line 2"),
+                              ("&body /\n", "&body: 'name' is missing"),
                               ("x\n", "text outside the groups: 'x'")):
             self.write("many.nml", text*300000)
             done = subprocess.run([os.environ["DOTYK"], "many.nml", "--check"], cwd=self.folder, text=True, timeout=60,
@@ -127,14 +136,17 @@ class Messages(dotyk_case.Case):
         self.scene(("name='lower'", "name='low\x1b[31mer'"))
         message = self.refuse(2, "low?[31mer")
         self.assertNotIn("\x1b", message)
-        self.write("lower.msh", "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n1\n3 1 \"bl\x1b[2Jock\"\n$EndPhysicalNames\n"
-                   "$Nodes\n4\n1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n$EndNodes\n$Elements\n1\n1 4 2 1 1 1 2 3 4\n$EndElements\n")
+        self.write("lower.msh", "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n1\n3 1 \"bl\x1b[2Jock\"\n"
+                   "$EndPhysicalNames\n"
+                   "$Nodes\n4\n1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n$EndNodes\n$Elements\n1\n1 4 2 1 1 1 2 3 4\n"
+                   "$EndElements\n")
         self.scene(("mesh='lower.geo'", "mesh='lower.msh'"))
         self.assertNotIn("\x1b", self.refuse(2, "bl?[2Jock"))
 
     def test_numbers_that_do_not_fit(self):
         self.scene(("-0.001", "-1e300"))
-        self.refuse(2, "case.nml:%d: &support: value: '-1e300' is too large or too small" % self.line_of("-1e300"), "other units")
+        self.refuse(2, "case.nml:%d: &support: value: '-1e300' is too large or too small" % self.line_of("-1e300"),
+                    "other units")
 
     def test_formula(self):
         self.scene(("lower:top'", "lower:top', gap_formula='1e-3*(x'"))
@@ -161,7 +173,8 @@ class Messages(dotyk_case.Case):
     def test_stop_rule_of_the_paper(self):
         """(41) needs gamma below gamma_2, which the spectral rule does not heed."""
         self.scene(("tolerance=1e-8", "stop_rule='paper'"))
-        self.refuse(2, "case.nml:%d: &solver: " % self.line_of("&solver"), "stop_rule='paper'", "gamma_2", "gamma_rule='theory'")
+        self.refuse(2, "case.nml:%d: &solver: " % self.line_of("&solver"), "stop_rule='paper'", "gamma_2",
+                    "gamma_rule='theory'")
         self.scene(("tolerance=1e-8", "stop_rule='paper', gamma_rule='theory'"))
         self.dotyk("case.nml")
         summary = self.results("case.vtkhdf")["dotyk/summary"].attrs
@@ -177,7 +190,8 @@ class Messages(dotyk_case.Case):
     def test_not_held(self):
         self.scene(("surface='bottom', fix='z'", "surface='bottom', fix='x'"), ("tolerance=1e-8", "scheme='neumann'"))
         self.refuse(3, "case.nml:%d: body 'lower': scheme 'neumann' needs supported bodies, and this body floats: "
-                    "translation along (0, 0, 1); add a &support against this motion, or use scheme='dual', which allows floating bodies"
+                    "translation along (0, 0, 1); add a &support against this motion, or use scheme='dual', which "
+                    "allows floating bodies"
                     % self.line_of("&body name='lower'"))
 
     def test_not_held_either(self):

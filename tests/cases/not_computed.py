@@ -1,5 +1,6 @@
 #!/usr/bin/python3
-"""Nothing is computed that the input does not ask for: log and results file agree, and all other results stay the same."""
+"""Nothing is computed that the input does not ask for: log and results file agree, and all other results stay the
+same."""
 import re
 
 import numpy as np
@@ -22,7 +23,8 @@ class NotComputed(dotyk_case.Case):
         return printed, file, file["dotyk/summary"].attrs
 
     def test_no_contact(self):
-        """No contact pairs: one solve of the body with loads or prescribed displacements, no solve of the other body."""
+        """No contact pairs: one solve of the body with loads or prescribed displacements, no solve of the other
+        body."""
         printed, file, summary = self.run_scene("wavy", [("&contact.*$", ""), ("&solver.*$", "")])
         self.assertIn("no contact pairs: one linear solve per body", printed)
         self.assertEqual(summary["constraints"], 0)
@@ -36,7 +38,8 @@ class NotComputed(dotyk_case.Case):
         self.assertEqual(summary["full_solves"], 3)
 
     def test_only_what_was_asked_for(self):
-        """Contact fields only: no displacements (and no solve for them), no stresses, no estimates; the same pressures."""
+        """Contact fields only: no displacements (and no solve for them), no stresses, no estimates; the same
+        pressures."""
         solver = ("&solver.*$", "&solver theta_relative=1e-2, tolerance=1e-8 /")
         printed, file, summary = self.run_scene("wavy", [solver])
         self.assertNotIn("discretization error", printed)
@@ -52,7 +55,8 @@ class NotComputed(dotyk_case.Case):
         self.assertUnknown(summary["error_penalty"])
         self.assertNotIn("displacement", file["VTKHDF/PointData"])
         self.assertNotIn("stress", file["VTKHDF/CellData"])
-        np.testing.assert_allclose(file["dotyk/contact/wave/pressure"][:], pressure, rtol=0, atol=1e-12 * pressure.max())
+        np.testing.assert_allclose(file["dotyk/contact/wave/pressure"][:], pressure, rtol=0,
+                                   atol=1e-12 * pressure.max())
 
     def test_estimates_that_a_rule_needs(self):
         """Without a given theta the discretization error determines theta, and is computed even with error_parts=''."""
@@ -62,7 +66,8 @@ class NotComputed(dotyk_case.Case):
         self.assertEqual(summary["full_solves"], 3)
 
     def test_screened_constraints(self):
-        """Constraints at the open end of a groove stay out of the linear systems; the solution equals that with all constraints."""
+        """Constraints at the open end of a groove stay out of the linear systems; the solution equals that with all
+        constraints."""
         solver = ("&solver.*$", "&solver theta_relative=1e-2, tolerance=1e-10, linear_solver='%s' /")
         few, many = ([(solver[0], solver[1] % kind)] for kind in ("direct", "iterative"))
         printed, file, summary = self.run_scene("groove_row", few)

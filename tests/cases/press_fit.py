@@ -1,5 +1,6 @@
 #!/usr/bin/python3
-"""Press fit of two tubes, plane strain, quadratic and linear elements, against Lame's pressure (a quarter of them is computed)."""
+"""Press fit of two tubes, plane strain, quadratic and linear elements, against Lame's pressure (a quarter of them is
+computed)."""
 import numpy as np
 
 import dotyk_case
@@ -27,10 +28,12 @@ Physical Curve("plane x") = {ring(0)};
 
 class PressFit(dotyk_case.Case):
     def fit(self, overlap, contact, around=(12, 12), analysis="plane_strain", order=2):
-        """Solve; the inner tube is larger by `overlap`. Returns results, and Lame's pressure with the compliance of the layer."""
+        """Solve; the inner tube is larger by `overlap`. Returns results, and Lame's pressure with the compliance of the
+        layer."""
         self.write("inner.geo", tube_geo(A, B + overlap, 3, around[0], order))
         self.write("outer.geo", tube_geo(B, C, 4, around[1], order))
-        lines = ["&scene analysis='%s' /" % analysis, "&material name='steel', young=%r, poisson=%r /" % (YOUNG, POISSON)]
+        lines = ["&scene analysis='%s' /" % analysis,
+                 "&material name='steel', young=%r, poisson=%r /" % (YOUNG, POISSON)]
         for body in ("inner", "outer"):
             lines += ["&body name='%s', mesh='%s.geo', volume='tube', material='steel' /" % (body, body),
                       "&support body='%s', surface='plane x', fix='x' /" % body,
@@ -52,7 +55,8 @@ class PressFit(dotyk_case.Case):
         np.testing.assert_allclose(p, pressure, rtol=local)
         # The quarter is pushed along the diagonal by p times the projected length, the radius of surface_a.
         radius = np.sum(w) / (np.pi / 2)
-        np.testing.assert_allclose(np.abs(fit.attrs["force"]), [pressure * radius, pressure * radius, 0], rtol=2 * tolerance, atol=1e-12)
+        np.testing.assert_allclose(np.abs(fit.attrs["force"]), [pressure * radius, pressure * radius, 0],
+                                   rtol=2 * tolerance, atol=1e-12)
 
     def test_given_interference(self):
         """Matching meshes: the error is that of arcs of 7.5 degrees by parabolas."""
@@ -78,8 +82,8 @@ class PressFit(dotyk_case.Case):
         self.check(file, pressure, 3e-4, 1e-3)
 
     def test_ends_of_overlapping_arcs(self):
-        """Along the mean normal of the last facet of surface_a, surface_b ends s h/(2R) too early: the last row would weigh less by s/R
-        and have so much more pressure."""
+        """Along the mean normal of the last facet of surface_a, surface_b ends s h/(2R) too early: the last row would
+        weigh less by s/R and have so much more pressure."""
         overlap = 10 * INTERFERENCE
         for around in ((12, 12), (17, 20)):
             file, _ = self.fit(overlap, "", around=around)
@@ -94,8 +98,8 @@ class PressFit(dotyk_case.Case):
         self.check(file, pressure, 1e-4, 2e-2)
 
     def test_linear_elements(self):
-        """Chords of 13 and 10 elements are up to 2.7e-3 and 4.6e-3 from the arc, more than the overlap of 1e-3: by themselves
-        they give three times the pressure; with patches over them its error is that of linear elements."""
+        """Chords of 13 and 10 elements are up to 2.7e-3 and 4.6e-3 from the arc, more than the overlap of 1e-3: by
+        themselves they give three times the pressure; with patches over them its error is that of linear elements."""
         file, pressure = self.fit(INTERFERENCE, "", around=(13, 10), order=1)
         self.check(file, pressure, 8e-3, 2e-2)
         np.testing.assert_allclose(file["dotyk/contact/fit/gap_initial"][:], -INTERFERENCE, rtol=2e-3)

@@ -1,5 +1,6 @@
 #!/usr/bin/python3
-"""Compliance operators by solves with the factor and by their dense matrix: the same answers, and the log says which."""
+"""Compliance operators by solves with the factor and by their dense matrix: the same answers, and the log says
+which."""
 import re
 
 import numpy as np
@@ -42,7 +43,8 @@ class Responses(dotyk_case.Case):
         self.check("receding", "theta_relative=1e-3, tolerance=1e-10, linear_solver='iterative'")
 
     def test_the_cheapest(self):
-        """Many steps with few points: a matrix. The dual scheme, contact on both faces of thin plates: nothing but the whole factor."""
+        """Many steps with few points: a matrix. The dual scheme, contact on both faces of thin plates: nothing but the
+        whole factor."""
         self.copy("wavy")
         self.run_form("wavy", "auto", "scheme='neumann', theta_relative=1, tolerance=1e-8")
         self.assertIn("\n  compliance ", self.printed)

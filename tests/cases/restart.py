@@ -45,11 +45,13 @@ class Restart(dotyk_case.Case):
             self.dotyk("case.nml")
             cold, summary = self.solution()
             text = self.dotyk("case.nml", "--restart", "case.vtkhdf")
-            self.assertIn("warm start       from case.vtkhdf: %d of %d constraints active" % (np.count_nonzero(cold > 0), len(cold)), text)
+            self.assertIn("warm start       from case.vtkhdf: %d of %d constraints active"
+                          % (np.count_nonzero(cold > 0), len(cold)), text)
             warm, again = self.solution()
             self.assertEqual(again["converged"], 1)
             # The two sides of robin start from their mean.
-            self.assertLessEqual(again["iterations"], {"dual": 1, "robin": summary["iterations"]//2}.get(scheme, 2), scheme)
+            self.assertLessEqual(again["iterations"], {"dual": 1, "robin": summary["iterations"]//2}.get(scheme, 2),
+                                 scheme)
             np.testing.assert_allclose(warm, cold, atol=1e-6*cold.max(), err_msg=scheme)
 
     def test_schemes_start_from_the_pressures_of_others(self):
@@ -159,7 +161,8 @@ class Restart(dotyk_case.Case):
         damage(lambda contact: contact["joint"].pop("pressure"))
         refused("bad.vtkhdf", "pair 'joint' has 0 rows in the file")
         for value in (np.nan, np.inf, 1e300):
-            damage(lambda contact, v=value: contact["joint/pressure"].write_direct(np.full(len(contact["joint/pressure"]), v)))
+            damage(lambda contact, v=value:
+                   contact["joint/pressure"].write_direct(np.full(len(contact["joint/pressure"]), v)))
             refused("bad.vtkhdf", "the pressures of pair 'joint' are those of a diverged run")
         self.assertEqual((self.folder/"case.vtkhdf").read_bytes(), whole)
         self.assertIn("option --restart needs a value", self.dotyk("case.nml", "--restart", code=2))
@@ -183,9 +186,11 @@ class Restart(dotyk_case.Case):
             np.testing.assert_allclose(written, plain, atol=1e-7*plain.max(), err_msg=scheme)
 
     def test_a_run_that_is_killed_leaves_the_results_of_its_last_interval(self):
-        self.scene("scheme='neumann', theta_relative=1e-9, tolerance=1e-12, max_iterations=100000000", output="interval=0.1")
+        self.scene("scheme='neumann', theta_relative=1e-9, tolerance=1e-12, max_iterations=100000000",
+                   output="interval=0.1")
         for number, status in ((signal.SIGKILL, b"running"), (signal.SIGTERM, b"interrupted")):
-            process = subprocess.Popen([os.environ["DOTYK"], "case.nml"], cwd=self.folder, stdout=subprocess.PIPE, text=True)
+            process = subprocess.Popen([os.environ["DOTYK"], "case.nml"], cwd=self.folder, stdout=subprocess.PIPE,
+                                       text=True)
             self.addCleanup(process.stdout.close)
             while "written" not in process.stdout.readline():
                 self.assertIsNone(process.poll())

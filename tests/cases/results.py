@@ -1,5 +1,6 @@
 #!/usr/bin/python3
-"""The results file: its whole layout, read back with h5py and with VTK; what happens to older files; the choice of fields."""
+"""The results file: its whole layout, read back with h5py and with VTK; what happens to older files; the choice of
+fields."""
 import os
 import re
 import subprocess
@@ -48,12 +49,14 @@ class Results(dotyk_case.Case):
         ids = root["NumberOfConnectivityIds"][:].sum()
         self.check_shapes(root, {
             "NumberOfPoints": ((2,), "i"), "NumberOfCells": ((2,), "i"), "NumberOfConnectivityIds": ((2,), "i"),
-            "Points": ((points, 3), "f"), "Connectivity": ((ids,), "i"), "Offsets": ((cells + 2,), "i"), "Types": ((cells,), "u")})
+            "Points": ((points, 3), "f"), "Connectivity": ((ids,), "i"), "Offsets": ((cells + 2,), "i"),
+            "Types": ((cells,), "u")})
         self.assertEqual(root["Types"].dtype, np.uint8)
         self.check_shapes(root["PointData"], {
             "displacement": ((points, 3), "f"), "contact_pressure": ((points,), "f"), "node_tag": ((points,), "i")})
         self.check_shapes(root["CellData"], {
-            "body": ((cells,), "i"), "element_tag": ((cells,), "i"), "stress": ((cells, 6), "f"), "von_mises": ((cells,), "f"),
+            "body": ((cells,), "i"), "element_tag": ((cells,), "i"), "stress": ((cells, 6), "f"),
+            "von_mises": ((cells,), "f"),
             "discretization_error": ((cells,), "f")})
         self.assertEqual(root["CellData/body"][:].tolist(), np.repeat([1, 2], root["NumberOfCells"][:]).tolist())
         # von Mises of the mean stress, from its components xx yy zz xy yz xz
@@ -73,7 +76,8 @@ class Results(dotyk_case.Case):
         summary = own["summary"].attrs
         real, integer = np.floating, np.integer
         kinds = {"converged": integer, "iterations": integer, "body_solves": integer, "gamma": real, "lambda_max": real,
-                 "q_predicted": real, "q_measured": real, "error_bound": real, "error_bound_paper": real, "energy": real,
+                 "q_predicted": real, "q_measured": real, "error_bound": real, "error_bound_paper": real,
+                 "energy": real,
                  "error_penalty": real, "error_discretization": real, "error_contact": real, "energy_norm": real,
                  "max_penetration": real}
         for name, kind in kinds.items():
@@ -90,8 +94,8 @@ class Results(dotyk_case.Case):
 
         history = own["history"]
         self.check_shapes(history, {"iteration": ((n,), "i"), "active": ((n,), "i"), **{
-            name: ((n,), "f") for name in ("seconds", "increment", "error_bound", "error_penalty", "error_discretization",
-                                             "energy", "max_penetration")}})
+            name: ((n,), "f") for name in ("seconds", "increment", "error_bound", "error_penalty",
+                                           "error_discretization", "energy", "max_penetration")}})
         self.assertEqual(history["iteration"][:].tolist(), list(range(1, n + 1)))
         for name in ("error_bound", "error_penalty", "error_discretization", "energy", "max_penetration"):
             self.assertEqual(history[name][-1], summary[name], name)
@@ -104,7 +108,8 @@ class Results(dotyk_case.Case):
         joint = own["contact/joint"]
         m = joint["weight"].shape[0]
         self.check_shapes(joint, {
-            **{name: ((m,), "f") for name in ("weight", "theta", "gap_initial", "gap", "pressure", "pressure_projected")},
+            **{name: ((m,), "f") for name in ("weight", "theta", "gap_initial", "gap", "pressure",
+                                              "pressure_projected")},
             **{name: ((m, 3), "f") for name in ("position", "normal")}})
         self.assertEqual(joint.attrs["force"].shape, (3,))
         self.assertEqual(np.shape(joint.attrs["theta"]), ())
@@ -117,8 +122,8 @@ class Results(dotyk_case.Case):
             for array in (root["Points"], root["PointData/displacement"], joint["position"], joint["normal"]):
                 np.testing.assert_array_equal(array[:, 2], 0)
 
-        timing = {name: real for name in ("read", "assemble", "order", "factorize", "search", "iterate", "recover", "estimate", "write",
-                                          "total")}
+        timing = {name: real for name in ("read", "assemble", "order", "factorize", "search", "iterate", "recover",
+                                          "estimate", "write", "total")}
         self.check_attributes(own["timing"], timing)
         times = own["timing"].attrs
         parts = sum(times[name] for name in timing if name != "total")
@@ -166,7 +171,8 @@ class Results(dotyk_case.Case):
             self.assertNotEqual(os.stat(path).st_ino, node)
             file.seek(0)
             self.assertEqual(file.read(), older)
-        self.assertEqual(sorted(p.suffix for p in self.folder.iterdir() if p.name.startswith("column")), [".nml", ".vtkhdf"])
+        self.assertEqual(sorted(p.suffix for p in self.folder.iterdir() if p.name.startswith("column")),
+                         [".nml", ".vtkhdf"])
 
     def test_kept_after_a_failure(self):
         """Runs that fail leave older results as they are: bad input, a body that is not held."""
@@ -175,12 +181,14 @@ class Results(dotyk_case.Case):
         text = (self.folder / "column.nml").read_text()
         for pattern, new, code in (("volume='block'", "volume='blok'", 2),
                                    ("surface='bottom', fix='z' /",
-                                    "surface='bottom', fix='x' /\n&load body='lower', surface='bottom', pressure=-1 /", 3)):
+                                    "surface='bottom', fix='x' /\n&load body='lower', surface='bottom', pressure=-1 /",
+                                    3)):
             self.assertIn(pattern, text)
             self.write("column.nml", text.replace(pattern, new))
             self.dotyk("column.nml", code=code)
             self.assertEqual((self.folder / "column.vtkhdf").read_bytes(), older)
-        self.assertEqual(sorted(p.suffix for p in self.folder.iterdir() if p.name.startswith("column")), [".nml", ".vtkhdf"])
+        self.assertEqual(sorted(p.suffix for p in self.folder.iterdir() if p.name.startswith("column")),
+                         [".nml", ".vtkhdf"])
 
     def test_described(self):
         """docs/results.md has every group, dataset and attribute of the file in its tables, and no other."""
@@ -213,7 +221,8 @@ class Results(dotyk_case.Case):
         self.assertAlmostEqual(zz[0] / -pressure, 1, delta=1e-6)
 
     def test_named_output(self):
-        """--output is relative to the working directory, output to the namelist file; other folders, blanks in names."""
+        """--output is relative to the working directory, output to the namelist file; other folders, blanks in
+        names."""
         (self.folder / "my results").mkdir()
         self.column()
         self.dotyk("column.nml", "--output", "my results/a.vtkhdf")

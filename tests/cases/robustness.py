@@ -66,12 +66,17 @@ class Robustness(dotyk_case.Case):
 
     def test_a_loose_part_stays_where_it_is(self):
         """The upper body has a part that touches nothing and that nothing pushes."""
-        nodes = [(x, y) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1), (0, 1), (1, 1), (1, 2), (0, 2), (3, 3), (4, 3), (4, 4), (3, 4))]
-        elements = [(3, 1, "1 2 3 4"), (3, 2, "5 6 7 8"), (3, 2, "9 10 11 12"), (1, 3, "1 2"), (1, 4, "3 4"), (1, 5, "5 6"), (1, 6, "7 8")]
-        self.write("parts.msh", "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n6\n2 1 \"lower\"\n2 2 \"upper\"\n"
-                   "1 3 \"ground\"\n1 4 \"lower top\"\n1 5 \"upper bottom\"\n1 6 \"upper top\"\n$EndPhysicalNames\n$Nodes\n12\n"
+        nodes = [(x, y) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1), (0, 1), (1, 1), (1, 2), (0, 2), (3, 3), (4, 3),
+                                     (4, 4), (3, 4))]
+        elements = [(3, 1, "1 2 3 4"), (3, 2, "5 6 7 8"), (3, 2, "9 10 11 12"), (1, 3, "1 2"), (1, 4, "3 4"),
+                    (1, 5, "5 6"), (1, 6, "7 8")]
+        self.write("parts.msh", "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n6\n2 1 \"lower\"\n"
+                   "2 2 \"upper\"\n"
+                   "1 3 \"ground\"\n1 4 \"lower top\"\n1 5 \"upper bottom\"\n1 6 \"upper top\"\n$EndPhysicalNames\n"
+                   "$Nodes\n12\n"
                    + "".join("%d %d %d 0\n" % (i, *x) for i, x in enumerate(nodes, 1)) + "$EndNodes\n$Elements\n7\n"
-                   + "".join("%d %d 2 %d %d %s\n" % (i, kind, group, group, few) for i, (kind, group, few) in enumerate(elements, 1))
+                   + "".join("%d %d 2 %d %d %s\n" % (i, kind, group, group, few)
+                             for i, (kind, group, few) in enumerate(elements, 1))
                    + "$EndElements\n")
         self.write("parts.nml", """&scene mesh='parts.msh', analysis='plane_strain' /
 &material name='m', young=1000, poisson=0 /
@@ -112,20 +117,23 @@ class Robustness(dotyk_case.Case):
 
     def test_exact_meshes_ask_for_no_endless_iteration(self):
         for scheme in ("dual", "neumann", "nesterov", "anderson", "secant", "robin"):
-            self.dotyk(self.scene(change=lambda text: text.replace("theta_relative=1e-2, tolerance=1e-8", "scheme='%s'" % scheme)))
+            self.dotyk(self.scene(change=lambda text: text.replace("theta_relative=1e-2, tolerance=1e-8",
+                                                                   "scheme='%s'" % scheme)))
             summary = self.results("case.vtkhdf")["dotyk/summary"].attrs
             self.assertLess(summary["error_discretization"], 1e-10, scheme)
             self.assertLess(summary["error_penalty"], 4e-4, scheme)  # 0.3 of what counts as no error of the mesh
             self.assertLess(summary["iterations"], 20000, scheme)
 
     def test_robin_reaches_its_tolerance(self):
-        self.dotyk(self.scene(steps=3, change=lambda text: text.replace("theta_relative=1e-2", "scheme='robin', theta_mesh=1e-2")))
+        self.dotyk(self.scene(steps=3, change=lambda text: text.replace("theta_relative=1e-2",
+                                                                        "scheme='robin', theta_mesh=1e-2")))
         self.check_pressure(*self.pressure("case.vtkhdf")[1:])
 
     def test_what_is_written_does_not_change_the_answer(self):
         found = []
         for parts in ("", "penalty", "penalty discretization"):
-            self.dotyk(self.scene(steps=2, more="&output error_parts='%s' /\n" % parts, change=lambda text: text.replace(
+            self.dotyk(self.scene(steps=2, more="&output error_parts='%s' /\n" % parts,
+                                  change=lambda text: text.replace(
                 "theta_relative=1e-2, ", "")))
             found.append(self.pressure("case.vtkhdf"))
         self.assertEqual(found[0], found[1])

@@ -25,7 +25,8 @@ class Theory(dotyk_case.Case):
         self.assertEqual(theory.contradictions(self.figures), [])
 
     def test_penalty(self):
-        """Theorem 1: slope 1 where theta is small against the compliance of the bodies; the bend takes 3e-4 of it at 1e-3."""
+        """Theorem 1: slope 1 where theta is small against the compliance of the bodies; the bend takes 3e-4 of it at
+        1e-3."""
         for name in ("column", "wave"):
             self.assertAlmostEqual(self.figures["slope at small theta, " + name][0], 1, delta=1e-3)
         # the tolerance of the dual scheme is 1e-12 of the norm, the least error 1e-6
@@ -64,7 +65,8 @@ class Theory(dotyk_case.Case):
             for row in iteration["rows"]:
                 inside = row["gamma"] < iteration["limit_of_paper"]
                 known = np.isfinite(row["bounds_of_paper"][1:])
-                np.testing.assert_array_equal(known, np.full(known.shape, inside), err_msg="%s, gamma %g" % (name, row["gamma"]))
+                np.testing.assert_array_equal(known, np.full(known.shape, inside),
+                                              err_msg="%s, gamma %g" % (name, row["gamma"]))
 
     def test_bounds_of_all_schemes(self):
         """Never below the true error; how far above is the schemes' own affair."""
@@ -79,7 +81,8 @@ class Theory(dotyk_case.Case):
         self.assertLess(np.ptp([row["iterations"] for row in rows]) / rows[0]["iterations"], 0.03)
         rows = self.measured["meshes"]["wave, theta as h"]
         for key in ("lambda_max", "iterations"):
-            self.assertAlmostEqual(theory.slope([1 / row["h"] for row in rows], [row[key] for row in rows]), 1, delta=0.03)
+            self.assertAlmostEqual(theory.slope([1 / row["h"] for row in rows], [row[key] for row in rows]), 1,
+                                   delta=0.03)
 
     def test_contradictions_are_seen(self):
         """Figures with an error of the program put in."""

@@ -1,5 +1,6 @@
 #!/usr/bin/python3
-"""studies/work_precision.py on a small grid: table, figures, omissions with their reasons, what is done before is not run again."""
+"""studies/work_precision.py on a small grid: table, figures, omissions with their reasons, what is done before is not
+run again."""
 import csv
 import os
 import signal
@@ -25,12 +26,14 @@ class WorkPrecision(dotyk_case.Case):
         super().setUp()
         self.copy("wavy")
         # errors without exact stresses: 'energy' is measured against a finer run
-        self.write("plain.py", "import sys\nsys.path.insert(0, %r)\nfrom check import errors\n" % str(self.folder / "wavy"))
+        self.write("plain.py", "import sys\nsys.path.insert(0, %r)\nfrom check import errors\n"
+                   % str(self.folder / "wavy"))
 
     def run_grid(self, text, code=0):
         """Write the grid, run it; what was printed."""
         self.write("grid.nml", text)
-        done = subprocess.run([sys.executable, "-B", TOOL, "grid.nml"], cwd=self.folder, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+        done = subprocess.run([sys.executable, "-B", TOOL, "grid.nml"], cwd=self.folder, text=True,
+                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                               stdin=subprocess.DEVNULL)
         self.assertEqual(done.returncode, code, done.stdout)
         return done.stdout
@@ -46,7 +49,8 @@ class WorkPrecision(dotyk_case.Case):
         self.assertEqual(len(rows), 6)
         good = [row for row in rows if row["converged"] == "1"]
         self.assertEqual([(row["size"], row["order"], row["scheme"]) for row in good],
-                         [("0.125", "1", "dual"), ("0.125", "2", "dual"), ("0.0625", "1", "dual"), ("0.0625", "2", "dual")])
+                         [("0.125", "1", "dual"), ("0.125", "2", "dual"), ("0.0625", "1", "dual"),
+                          ("0.0625", "2", "dual")])
         for row in good:
             seconds = [float(row[key]) for key in ("seconds_min", "seconds", "seconds_max")]
             self.assertGreater(seconds[0], 0)
@@ -66,7 +70,8 @@ class WorkPrecision(dotyk_case.Case):
         report = (folder / "report.md").read_text()
         omissions = report[report.index("## Omissions"):]
         self.assertRegex(omissions, r"theta relative 0, scheme neumann \| 2 \| .*theta = 0")
-        self.assertRegex(omissions, r"theta relative 0.01, scheme neumann \| 1 \| not converged: error bound .* after 5 iter")
+        self.assertRegex(omissions, r"theta relative 0.01, scheme neumann \| 1 \| not converged: error bound .* after "
+                         r"5 iter")
         self.assertEqual(omissions.count("scheme neumann |"), 2)
         for name in ("time.png", "solves.png", "parts.png"):
             self.assertIn("(%s)" % name, report)
@@ -77,7 +82,8 @@ class WorkPrecision(dotyk_case.Case):
         self.assertEqual((folder / "table.csv").read_text(), before)
 
     def test_exact_stress(self):
-        """The error in the energy norm against exact stresses; a parameter that is a DefineConstant; a count of elements."""
+        """The error in the energy norm against exact stresses; a parameter that is a DefineConstant; a count of
+        elements."""
         geometry = self.folder / "wavy/wavy.geo"
         text = geometry.read_text()
         self.assertIn("h = l/80;", text)
@@ -93,20 +99,22 @@ class WorkPrecision(dotyk_case.Case):
 
     def test_out_of_time(self):
         """A run that takes too long is stopped, and finer ones are not tried."""
-        self.run_grid("&grid scene='wavy/wavy.nml', check='wavy/check.py', size=0.125,0.0625, repeat=1, limit_seconds=1e-3, "
-                      "error='a_error' /")
+        self.run_grid("&grid scene='wavy/wavy.nml', check='wavy/check.py', size=0.125,0.0625, repeat=1, "
+                      "limit_seconds=1e-3, error='a_error' /")
         report = (self.folder / "grid/report.md").read_text()
         self.assertIn("| size 0.125 | - | stopped after limit_seconds=0.001 |", report)
         self.assertIn("| size 0.0625 | - | not tried: out of time on a coarser mesh |", report)
 
     def test_interrupted(self):
         """An interrupted run goes on where it stopped."""
-        text = ("&grid scene='wavy/wavy.nml', check='plain.py', size=0.125, order=1,2, repeat=2, error='a_error', threads=1,2 /")
+        text = ("&grid scene='wavy/wavy.nml', check='plain.py', size=0.125, order=1,2, repeat=2, error='a_error', "
+                "threads=1,2 /")
         self.write("grid.nml", text)
-        process = subprocess.Popen([sys.executable, "-B", TOOL, "grid.nml"], cwd=self.folder, text=True, stdin=subprocess.DEVNULL,
-                                   stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+        process = subprocess.Popen([sys.executable, "-B", TOOL, "grid.nml"], cwd=self.folder, text=True,
+                                   stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
         until = time.monotonic() + 60
-        while not list((self.folder / "grid").glob("points/*.json")) and time.monotonic() < until and process.poll() is None:
+        points = self.folder / "grid/points"
+        while not list(points.glob("*.json")) and time.monotonic() < until and process.poll() is None:
             time.sleep(0.05)
         os.kill(process.pid, signal.SIGINT)
         self.assertIn("interrupted", process.communicate()[0])
@@ -122,7 +130,8 @@ class WorkPrecision(dotyk_case.Case):
                               ("&grd /", "grid.nml:1: &grd: the only group is &grid"),
                               ("&grid scene='wavy/wavy.nml',\n error='energy', check='plain.py' /",
                                "reference_size is not given"),
-                              ("&grid scene='wavy/wavy.nml', error='a_error', check='plain.py', size=1, geometry_parameter='k' /",
+                              ("&grid scene='wavy/wavy.nml', error='a_error', check='plain.py', size=1, "
+                               "geometry_parameter='k' /",
                                "no line 'k = ...;' in wavy.geo")):
             with self.subTest(message):
                 self.assertIn(message, self.run_grid(text, code=2))

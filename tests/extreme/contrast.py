@@ -1,5 +1,6 @@
 #!/usr/bin/python3
-"""Stiffness contrast from 1e-8 to 1e8, and theta_relative from 1e2 to 1e-12 and 0: a stack of two blocks of different meshes."""
+"""Stiffness contrast from 1e-8 to 1e8, and theta_relative from 1e2 to 1e-12 and 0: a stack of two blocks of different
+meshes."""
 import itertools
 
 import extreme
@@ -12,12 +13,14 @@ WAYS = ["response='full'", "response='compliance'", "linear_solver='iterative'"]
 
 def scenes(grid):
     """Contrast by theta; then the ways to solve, and the schemes where they converge."""
-    quick = [("1e-8", "0"), ("1e-8", "1e2"), ("1", "1e-12"), ("1e4", "1e-8"), ("1e8", "1e-12"), ("1e8", "1e-2"), ("1e8", "0")]
+    quick = [("1e-8", "0"), ("1e-8", "1e2"), ("1", "1e-12"), ("1e4", "1e-8"), ("1e8", "1e-12"), ("1e8", "1e-2"),
+             ("1e8", "0")]
     for contrast, theta in itertools.product(CONTRASTS, THETAS) if grid else quick:
         yield two_blocks("contrast %s theta %s" % (contrast, theta), contrast, theta)
     for contrast, theta in itertools.product(("1e-8", "1e8"), ("1e-12", "0") if grid else ("0",)):
         for way in WAYS:
-            yield two_blocks("contrast %s theta %s %s" % (contrast, theta, way), contrast, theta, "tolerance=1e-12, " + way)
+            yield two_blocks("contrast %s theta %s %s" % (contrast, theta, way), contrast, theta,
+                             "tolerance=1e-12, " + way)
     for contrast in ("1e-8", "1e8"):
         for scheme in ("neumann", "nesterov", "anderson", "robin") if grid else ("neumann", "robin"):
             yield two_blocks("contrast %s theta 1 %s" % (contrast, scheme), contrast, "1",

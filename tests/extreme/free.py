@@ -1,6 +1,7 @@
 #!/usr/bin/python3
-"""Bodies that nothing holds, and that hardly anything holds: chains of them, balanced, turned against nothing, held by one facet, hung on
-layers that are 1e18 times softer. Right by statics: forces, their moments, and uniaxial stress where Poisson's ratio is 0.
+"""Bodies that nothing holds, and that hardly anything holds: chains of them, balanced, turned against nothing, held by
+one facet, hung on layers that are 1e18 times softer. Right by statics: forces, their moments, and uniaxial stress where
+Poisson's ratio is 0.
 """
 import pathlib
 import sys
@@ -69,7 +70,8 @@ def tower(kind, many, contrast, theta):
     lines = ["&support body='0', surface='bottom', fix='%s' /" % "xyz"[:d],
              "&load body='%d', surface='top', pressure=%r /" % (many, pressure)]
     lines += ["&body name='%d', volume='%d', material='%d' /" % (k, k, k % 2) for k in range(many + 1)]
-    lines += ["&contact name='%d', surface_a='%d:bottom', surface_b='%d:top' /" % (k, k, k - 1) for k in range(1, many + 1)]
+    lines += ["&contact name='%d', surface_a='%d:bottom', surface_b='%d:top' /" % (k, k, k - 1)
+              for k in range(1, many + 1)]
     if weight > 0:
         lines += ["&load body='%d', force_density=%s%r /" % (k, "0,"*(d - 1), -weight) for k in range(many + 1)]
     materials = ["&material name='%d', young=%r, poisson=0 /" % (i, young[i]) for i in (0, 1)]
@@ -86,7 +88,8 @@ def tower(kind, many, contrast, theta):
         forces = [abs(answer.pairs[str(k)]["force"][d - 1]/joint[k] - 1) for k in range(1, many + 1)]
         yield max(forces), 1e-9, "forces along %s" % up
         wrong = [np.abs(answer.pairs[str(k)]["pressure"]/joint[k] - 1).max() for k in range(1, many + 1)]
-        # what alternates on the face of a stiff block does not move the soft one: last digits of gaps times the stiff modulus
+        # what alternates on the face of a stiff block does not move the soft one: last digits of gaps times the stiff
+        # modulus
         digit = np.spacing(np.abs(right).max())*max(young)/pressure
         yield max(wrong), 1e-9 + 20*digit, "pressure"
         error = answer.energy_error(right)
@@ -108,12 +111,14 @@ def row(many, theta):
                Block("wall", even(many, many + 1, 1), even(0, 1, 3), patches={
                    "left": lambda x: np.all(x[:, 0] == many), "right": lambda x: np.all(x[:, 0] == many + 1)})]
     lines = ["&body name='%s', volume='%s', material='m' /" % (block.name, block.name) for block in blocks]
-    lines += ["&support body='floor', surface='bottom', fix='xy' /", "&support body='wall', surface='right', fix='xy' /",
+    lines += ["&support body='floor', surface='bottom', fix='xy' /",
+              "&support body='wall', surface='right', fix='xy' /",
               "&load body='b0', surface='left', pressure=1e-2 /"]
     lines += ["&load body='b%d', force_density=0,-1e-3 /" % k for k in range(many)]
     lines += ["&contact name='on %d', surface_a='b%d:bottom', surface_b='floor:top' /" % (k, k) for k in range(many)]
     following = ["b%d" % k for k in range(1, many)] + ["wall"]
-    lines += ["&contact name='joint %d', surface_a='b%d:right', surface_b='%s:left' /" % (k, k, name) for k, name in enumerate(following)]
+    lines += ["&contact name='joint %d', surface_a='b%d:right', surface_b='%s:left' /" % (k, k, name)
+              for k, name in enumerate(following)]
 
     def check(answer):
         yield max(abs(answer.pairs["joint %d" % k]["force"][0] + 1e-2) for k in range(many)), 1e-11, "push"
@@ -131,12 +136,14 @@ def resultant(answer, name):
 
 
 def one_facet(kind, size, theta):
-    """A block under its weight on another, held sideways by one facet of this size near the ground, against a wind on its other side."""
+    """A block under its weight on another, held sideways by one facet of this size near the ground, against a wind on
+    its other side."""
     d, least = dimension(kind), float(size)
     up, wind, weight = d - 1, 0.1, 1.0
     tolerance = "1e-8" if least > 1e-5 else "1e-3"  # elements of aspect 1e6 leave 4 digits under a single force
     line, across = [0, least, 0.25, 0.5, 1], [0, 0.5, 1]
-    spot = {"spot": lambda x: np.all(x[:, 0] == 1) and np.all(x[:, up] <= 1 + least) and (d == 2 or np.all(x[:, 1] <= 0.5)),
+    spot = {"spot": lambda x: np.all(x[:, 0] == 1) and np.all(x[:, up] <= 1 + least)
+            and (d == 2 or np.all(x[:, 1] <= 0.5)),
             "lee": lambda x: np.all(x[:, 0] == 0)}
     high = Block("block", *[[0, 0.3, 0.7, 1], across][:d - 1], np.array(line) + 1, patches=spot)
     blocks = [Block("ground", *[even(-0.5, 1.5, 5)]*(d - 1), even(0, 1, 3)), high]
@@ -163,7 +170,8 @@ def hung(kind, soft, theta):
     d, n = dimension(kind), 4
     axis = "xyz"[d - 1]
     blocks = [Block(name, *[even(0, 1, 2)]*(d - 1), even(z, z + 1, n)) for z, name in enumerate(("lower", "upper"))]
-    lines = ["&body name='lower', volume='lower', material='m' /", "&body name='upper', volume='upper', material='hung' /",
+    lines = ["&body name='lower', volume='lower', material='m' /",
+             "&body name='upper', volume='upper', material='hung' /",
              "&support body='lower', surface='bottom', fix='%s' /" % "xyz"[:d],
              "&support body='upper', surface='top', fix='%s' /" % "xyz"[:d],
              "&load body='upper', force_density=%s-1 /" % ("0,"*(d - 1)),
@@ -172,7 +180,8 @@ def hung(kind, soft, theta):
                  "&material name='hung', young=1, poisson=0, young_formula='%s > 1.75 ? %s : 1' /" % (axis, soft)]
     springs = [1.0]*(n - 1) + [float(soft)]
     # beside 1, what is left of these
-    refused = {"code": (0, 3), "message": "body 'upper'.*no significant digit.*young_formula"} if float(soft) < 1e-15 else {}
+    refused = {"code": (0, 3),
+               "message": "body 'upper'.*no significant digit.*young_formula"} if float(soft) < 1e-15 else {}
 
     def check(answer):
         exact = float(column_of(springs, 1))
@@ -180,7 +189,8 @@ def hung(kind, soft, theta):
         yield np.abs(answer.displacement[:, :d - 1]).max(), 1e-11, "displacement to the side"
         yield answer.bound, 1e-7, "bound"
 
-    return Scene("hung on a layer of %s, %s, theta %s" % (soft, kind, theta), text_of(kind, lines, theta, "1e-7", materials),
+    return Scene("hung on a layer of %s, %s, theta %s" % (soft, kind, theta),
+                 text_of(kind, lines, theta, "1e-7", materials),
                  written(blocks, kind), check, moduli={"young": [1.0, 1.0], "poisson": [0.0, 0.0]}, **refused)
 
 
@@ -188,7 +198,8 @@ def plane(name, lines, theta, geometries, blocks=(), check=None, **others):
     """A plane scene of bodies that gmsh meshes, and of blocks."""
     text = ["&scene analysis='plane_strain' /", "&material name='m', young=200, poisson=0.3 /", *lines]
     text += ["&body name='%s', mesh='%s.geo', volume='%s', material='m' /" % (key, key, key) for key in geometries]
-    text += ["&body name='%s', mesh='blocks.msh', volume='%s', material='m' /" % (block.name, block.name) for block in blocks]
+    text += ["&body name='%s', mesh='blocks.msh', volume='%s', material='m' /" % (block.name, block.name)
+             for block in blocks]
     text += ["&solver theta_relative=%s, tolerance=1e-8 /" % theta]
 
     def write(folder):
@@ -213,9 +224,11 @@ def edges(theta):
             yield abs(answer.pairs["joint"]["force"][1] + 4), 1e-7, "weight"
             yield answer.bound, 1e-8, "bound"
 
-        yield plane("balanced on an edge, %g beside it" % beside, lines, theta, {"ridge": RIDGE}, [beam], balanced, message=message)
+        yield plane("balanced on an edge, %g beside it" % beside, lines, theta, {"ridge": RIDGE}, [beam], balanced,
+                    message=message)
     for beside in (-1e-3, 0.0, 1e-6, 0.1):
-        blocks = [Block("post", even(-0.5, 0.5, 2), even(0, 1, 2)), Block("beam", even(-1.5 + beside, 2.5 + beside, 4), even(1, 2, 4))]
+        blocks = [Block("post", even(-0.5, 0.5, 2), even(0, 1, 2)),
+                  Block("beam", even(-1.5 + beside, 2.5 + beside, 4), even(1, 2, 4))]
         lines = ["&support body='post', surface='bottom', fix='xy' /", "&load body='beam', force_density=0,-1 /",
                  "&contact name='joint', surface_a='post:top', surface_b='beam:bottom' /"]
         refused = {} if beside <= 0 else {"code": 3, "message": ["body 'beam'", "rotation about"]}
@@ -240,15 +253,18 @@ def turned(theta):
     ground = ["&support body='floor', surface='bottom', fix='xy' /",
               "&contact name='joint', surface_a='disc:rim', surface_b='floor:top' /"]
     yield plane("disc on a floor", ground + weight, theta, {"disc": DISC}, floor, carries)
-    yield plane("disc on a floor, pushed", ground + ["&load body='disc', force_density=0.1,-1 /"], theta, {"disc": DISC}, floor, code=3,
-                message=["body 'disc'", "translation along \\(1, 0\\)", "a rigid body mode that neither supports nor contact resist"])
+    yield plane("disc on a floor, pushed", ground + ["&load body='disc', force_density=0.1,-1 /"], theta,
+                {"disc": DISC}, floor, code=3,
+                message=["body 'disc'", "translation along \\(1, 0\\)",
+                         "a rigid body mode that neither supports nor contact resist"])
 
 
 def alone(theta):
     """Two blocks that press on each other and nothing else; loads that do not balance; a body that nothing touches."""
     blocks = [Block("a", even(0, 1, 3), even(0, 1, 3)), Block("b", even(0, 1, 2), even(1, 2, 2))]
     for extra, code in (("0", 0), ("1e-3", 3), ("1e-6", 3)):
-        lines = ["&contact name='joint', surface_a='b:bottom', surface_b='a:top' /", "&load body='a', surface='bottom', pressure=1 /",
+        lines = ["&contact name='joint', surface_a='b:bottom', surface_b='a:top' /",
+                 "&load body='a', surface='bottom', pressure=1 /",
                  "&load body='b', surface='top', pressure=%r /" % (1 + float(extra))]
 
         def uniform(answer):
@@ -256,7 +272,8 @@ def alone(theta):
             yield np.abs(answer.displacement).max(), 2/200*(1 + 10*float(theta)), "displacement"
 
         yield plane("two alone, loads differ by " + extra, lines, theta, {}, blocks, uniform, code=code,
-                    message=["translation along \\(0, 1\\)", "a rigid body mode that neither supports nor contact resist"] if code else [])
+                    message=["translation along \\(0, 1\\)",
+                             "a rigid body mode that neither supports nor contact resist"] if code else [])
 
     def nothing(answer):
         yield np.abs(answer.displacement).max(), 0.0, "displacement"

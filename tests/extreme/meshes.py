@@ -1,5 +1,6 @@
 #!/usr/bin/python3
-"""Extreme meshes: layers of aspect 1e4, slivers, jumps of the mesh size across a pair, one element against ten thousand.
+"""Extreme meshes: layers of aspect 1e4, slivers, jumps of the mesh size across a pair, one element against ten
+thousand.
 
 The answer is linear in each body, so every mesh has it exactly.
 """
@@ -21,8 +22,8 @@ def scenes(grid):
 def layers(grid):
     """A thin layer between two blocks, as soft, as stiff as they and stiffer; elements as flat as the layer is thin.
 
-    Where it is so thin and soft that it resists bending 1e12 times less than pressing, single forces on it have no digits: the
-    answer has those that are left, or says that there are none.
+    Where it is so thin and soft that it resists bending 1e12 times less than pressing, single forces on it have no
+    digits: the answer has those that are left, or says that there are none.
     """
     for thickness in ["1e-2", "1e-4", "1e-6"] if grid else ["1e-4"]:
         for kind in KINDS if grid else ["tri3", "hex8"]:
@@ -32,13 +33,15 @@ def layers(grid):
                 for theta in ["1e-4", "0"] if grid else ["0"]:
                     parts = [Layer(across=3), Layer(young=float(young), height=float(thickness), across=2, along=1),
                              Layer(across=1, along=1)]
-                    yield stack("layer of %s, E %s, %s, theta %s" % (thickness, young, kind, theta), parts, float(theta), kind,
-                                solver="tolerance=%g" % max(1e-9, 10*digits), allowed=1 if hopeless else max(1e-9, 10*digits),
+                    yield stack("layer of %s, E %s, %s, theta %s" % (thickness, young, kind, theta), parts,
+                                float(theta), kind, solver="tolerance=%g" % max(1e-9, 10*digits),
+                                allowed=1 if hopeless else max(1e-9, 10*digits),
                                 code=1 if hopeless else 0)
 
 
 def slivers(grid):
-    """Lines of the grid so near to each other that elements have hardly a volume left, in the bodies and on the faces that touch.
+    """Lines of the grid so near to each other that elements have hardly a volume left, in the bodies and on the faces
+    that touch.
 
     Facets narrower than 1e-6 of their length count as the edge that they are beside.
     """
@@ -48,7 +51,8 @@ def slivers(grid):
             parts = [Layer(across=lines, along=lines), Layer(across=3, along=2)]
             lost = 10*float(least) if least == "1e-6" and kind == "tet4" else 0.0
             refused = (least, kind) == ("1e-8", "tet4")
-            yield stack("slivers of %s, %s" % (least, kind), parts, 0.0, kind, solver="tolerance=1e-9", allowed=max(1e-7, lost),
+            yield stack("slivers of %s, %s" % (least, kind), parts, 0.0, kind, solver="tolerance=1e-9",
+                        allowed=max(1e-7, lost),
                         unprojected=lost, code=3 if refused else 0, message="tet4.*degenerate" if refused else ())
 
 
@@ -61,7 +65,8 @@ def jumps(grid):
                 for theta in ["1e-2", "1e-8", "0"] if grid else ["0"]:
                     fine = Layer(across=many, along=graded(many))
                     parts = [fine, Layer(young=3.0, across=1, along=1)]
-                    name = "1 against %d, %s, theta %s%s" % (many**(1 if kind in ("quad4", "tri3") else 2), kind, theta, ", swapped"*swap)
+                    name = "1 against %d, %s, theta %s%s" % (many**(1 if kind in ("quad4", "tri3") else 2), kind, theta,
+                                                             ", swapped"*swap)
                     yield stack(name, parts, float(theta), kind, swap=swap)
 
 

@@ -1,9 +1,10 @@
 #!/usr/bin/python3
-"""Extreme scenes, the whole grid: tests/extreme/run_all.py [NAME...] [--table FILE]      (all of them: three quarters of an hour)
+"""Extreme scenes, the whole grid: tests/extreme/run_all.py [NAME...] [--table FILE]      (all of them: three quarters
+of an hour)
 
-NAME is a module of tests/extreme, such as contrast, or a part of a scene's name. Prints a line for every scene: error, what is
-allowed, bound, steps, time, and what is wrong; then a table of the modules. What a scene is and what is right: the modules, and
-tests/support/extreme.py. Ends with 1 where anything is wrong.
+NAME is a module of tests/extreme, such as contrast, or a part of a scene's name. Prints a line for every scene: error,
+what is allowed, bound, steps, time, and what is wrong; then a table of the modules. What a scene is and what is right:
+the modules, and tests/support/extreme.py. Ends with 1 where anything is wrong.
 """
 import argparse
 import importlib.util
@@ -18,7 +19,8 @@ ROOT = HERE.parents[1]
 sys.path.insert(0, str(ROOT/"tests"/"support"))
 import extreme  # noqa: E402
 
-HEAD = "| %-58s | exit | %8s | %8s | %8s | %5s | %7s | wrong |" % ("scene", "error", "allowed", "bound", "steps", "seconds")
+HEAD = ("| %-58s | exit | %8s | %8s | %8s | %5s | %7s | wrong |"
+        % ("scene", "error", "allowed", "bound", "steps", "seconds"))
 
 
 def modules():
@@ -48,11 +50,13 @@ def summary(name, outcomes):
     answers = [o for o in outcomes if o.code == 0]
     right = [o for o in outcomes if not o.faults]
     worst = max((row[0]/row[1] for o in answers for row in o.judged if row[1] > 0), default=float("nan"))
-    bounds = max((error/allowed for o in answers for error, allowed, what in o.judged if "bound" in what and allowed > 0),
+    bounds = max((error/allowed for o in answers for error, allowed, what in o.judged if "bound" in what
+                  and allowed > 0),
                  default=float("nan"))
     return "| %s | %d | %d | %d | %.2g | %.2g | %d | %.3g |" % (
         name, len(outcomes), len(right), sum(o.code != 0 for o in outcomes), worst, bounds,
-        max((o.answer.summary["iterations"] for o in outcomes if o.answer), default=0), sum(o.seconds for o in outcomes))
+        max((o.answer.summary["iterations"] for o in outcomes if o.answer), default=0),
+        sum(o.seconds for o in outcomes))
 
 
 def main():
@@ -80,7 +84,8 @@ def main():
         if outcomes:
             rows.append(summary(name, outcomes))
         wrong += sum(bool(o.faults) for o in outcomes)
-    table = ["", "| module | scenes | right | of them refused | worst error over allowed | worst error over bound | most steps | seconds |",
+    table = ["", "| module | scenes | right | of them refused | worst error over allowed | worst error over bound | "
+             "most steps | seconds |",
              "|---|---|---|---|---|---|---|---|", *rows]
     print("\n".join(table))
     if options.table:

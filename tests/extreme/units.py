@@ -1,9 +1,9 @@
 #!/usr/bin/python3
 """Units, places, orders: the same scene again, which must give the same answer.
 
-The scene: an orthotropic block with a slope below, pressed on another that is not meshed alike, a third beside it; partial contact.
-Coordinates are whole numbers of 2^-20, so that moves by powers of two do not round them; rotations and other units do, and what
-that costs is allowed: gaps of 1e-4 from coordinates of size 1 keep 12 digits.
+The scene: an orthotropic block with a slope below, pressed on another that is not meshed alike, a third beside it;
+partial contact. Coordinates are whole numbers of 2^-20, so that moves by powers of two do not round them; rotations and
+other units do, and what that costs is allowed: gaps of 1e-4 from coordinates of size 1 keep 12 digits.
 """
 import numpy as np
 
@@ -12,7 +12,8 @@ from extreme import Scene
 from grid import Block, even, write_mesh
 
 GRAIN = 2.0**20
-# tolerance 1e-12 of the energy norm; pressures are less exact than that by the square root of a point's part of the energy
+# tolerance 1e-12 of the energy norm; pressures are less exact than that by the square root of a point's part of the
+# energy
 CLOSE = 1e-9
 
 
@@ -43,10 +44,12 @@ def slope(x):
 class Variant:
     """How the scene is written: x -> length (turn x + shift), stresses times stress, orders reversed, sides swapped."""
 
-    def __init__(self, name, turn=np.eye(3), shift=(0, 0, 0), length=1.0, stress=1.0, backwards=False, swap=False, close=CLOSE,
+    def __init__(self, name, turn=np.eye(3), shift=(0, 0, 0), length=1.0, stress=1.0, backwards=False, swap=False,
+                 close=CLOSE,
                  kind="hex8", solver="tolerance=1e-12", theta="theta=0.004"):
         self.name, self.turn, self.shift, self.length, self.stress = name, turn, np.array(shift, float), length, stress
-        self.backwards, self.swap, self.close, self.kind, self.solver, self.theta = backwards, swap, close, kind, solver, theta
+        self.backwards, self.swap, self.close, self.kind, self.solver, self.theta = (backwards, swap, close, kind,
+                                                                                     solver, theta)
 
     def blocks(self):
         """The bodies, moved."""
@@ -67,8 +70,10 @@ class Variant:
                   for body in ("lower", "upper", "other")]
         held = ["&support body='lower', surface='bottom', fix='xyz' /",
                 "&support body='upper', surface='top', fix='n', value=0,0,%r /" % (-1.5e-4*length),
-                "&support body='upper', surface='sides y', fix='n' /", "&support body='upper', surface='sides x', fix='n' /",
-                "&support body='other', surface='top', fix='xyz', value=%s /" % vector(length*turn @ [1e-5, 2e-5, -3e-4]),
+                "&support body='upper', surface='sides y', fix='n' /",
+                "&support body='upper', surface='sides x', fix='n' /",
+                "&support body='other', surface='top', fix='xyz', value=%s /"
+                % vector(length*turn @ [1e-5, 2e-5, -3e-4]),
                 "&load body='lower', surface='sides x', traction=%s /" % vector(stress*turn @ [0.01, 0.02, -0.015]),
                 "&load body='other', surface='sides y', pressure=%r /" % (0.01*stress),
                 "&load body='lower', force_density=%s /" % vector(stress/length*turn @ [0, 0.004, -0.01])]
@@ -129,16 +134,19 @@ def solved(reference):
 def scenes(grid):
     """Units; moves; orders; sides."""
     for kind in ("hex8", "tet4") if grid else ("hex8",):
-        for theta in ("theta=0.004", "theta_mesh=1e-2", "theta=1e-9", "theta=0") if grid else ("theta=0.004", "theta=0"):
+        thetas = ("theta=0.004", "theta_mesh=1e-2", "theta=1e-9", "theta=0") if grid else ("theta=0.004", "theta=0")
+        for theta in thetas:
             words = ", %s, %s" % (kind, theta)
             options = {"kind": kind, "theta": theta}
             # gaps of 1e-4 come from coordinates of 1: their digits are 1e-12 of the gaps
-            for name, length, stress in (("millimetres and megapascals", 1e3, 1e-6), ("micrometres and gigapascals", 1e6, 1e-9),
-                                         ("lengths of 1e-9", 1e-9, 1.0), ("lengths of 1e30", 1e30, 1.0),
-                                         ("stresses of 1e-30", 1.0, 1e-30), ("stresses of 1e30", 1.0, 1e30)):
+            for name, length, stress in (("millimetres and megapascals", 1e3, 1e-6),
+                                         ("micrometres and gigapascals", 1e6, 1e-9), ("lengths of 1e-9", 1e-9, 1.0),
+                                         ("lengths of 1e30", 1e30, 1.0), ("stresses of 1e-30", 1.0, 1e-30),
+                                         ("stresses of 1e30", 1.0, 1e30)):
                 yield Variant(name + words, length=length, stress=stress, **options).scene()
             if theta == "theta_mesh=1e-2" or grid is False or theta == "theta=0.004":
-                yield Variant("turned by a quarter" + words, turn=np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]), **options).scene()
+                yield Variant("turned by a quarter" + words, turn=np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]]),
+                              **options).scene()
             for angle in (0.7, 1e-3, 1e-9):
                 yield Variant("turned by %g%s" % (angle, words), turn=rotation(angle), **options).scene()
             for far in (2.0**10, 2.0**20):

@@ -1,12 +1,15 @@
 #!/usr/bin/python3
-"""What becomes of a run when the machine fails it: kills, interrupts, too little memory, files that do not grow, full disks.
+"""What becomes of a run when the machine fails it: kills, interrupts, too little memory, files that do not grow, full
+disks.
 
-usage: tests/faults/faults.py [--dotyk build/release/dotyk] [--scene inputs/hertz/hertz.nml] [--solver "scheme='neumann', theta_relative=1e-3"]
+usage: tests/faults/faults.py [--dotyk build/release/dotyk] [--scene inputs/hertz/hertz.nml]
+                              [--solver "scheme='neumann', theta_relative=1e-3"]
                     [--runs 40] [--seed 1] [--only kill,interrupt,memory,disk,tmpfs] [--verbose]
 
-Each campaign makes so many runs of the scene, in a folder of its own, and counts how they end. A run is right where it has converged, or
-said why not in words with one of the exit codes of --help, and where the results file beside it is the whole one of before or a whole
-new one. Prints a table in Markdown; exit code 1: something was wrong. Needs Debian's python3-h5py and python3-numpy.
+Each campaign makes so many runs of the scene, in a folder of its own, and counts how they end. A run is right where it
+has converged, or said why not in words with one of the exit codes of --help, and where the results file beside it is
+the whole one of before or a whole new one. Prints a table in Markdown; exit code 1: something was wrong. Needs Debian's
+python3-h5py and python3-numpy.
 """
 import argparse
 import collections
@@ -29,7 +32,8 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 LIMIT = 120  # [s]; more is a hang
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 # Exit codes that every run may end with, and what must stand in the output.
-SAID = {0: "", 1: "interrupted|not converged", 2: "is the disk full", 4: "cannot be written", 5: "out of memory|not enough memory",
+SAID = {0: "", 1: "interrupted|not converged", 2: "is the disk full", 4: "cannot be written",
+        5: "out of memory|not enough memory",
         127: "while loading shared libraries"}
 
 
@@ -186,7 +190,8 @@ def tmpfs(scene, runs, campaign):
     for k in range(runs):
         scene.reset()
         size = max(4096, int(2.5*scene.size*k/max(1, runs - 1)))
-        if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=%d" % size, "tmpfs", place], stderr=subprocess.DEVNULL).returncode != 0:
+        if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=%d" % size, "tmpfs", place],
+                          stderr=subprocess.DEVNULL).returncode != 0:
             return campaign.note("not run: this user may not mount")
         try:
             there = size > 1.2*scene.size
@@ -198,10 +203,13 @@ def tmpfs(scene, runs, campaign):
             old = there and hashlib.sha256((place/"case.vtkhdf").read_bytes()).hexdigest() == scene.old
             if process.returncode == 0:
                 shutil.copy(place/"case.vtkhdf", scene.folder)
-                campaign.note("exit 0, results " + scene.results(), scene.results() != "new" or left != ["case.vtkhdf"], text)
+                campaign.note("exit 0, results " + scene.results(), scene.results() != "new" or left != ["case.vtkhdf"],
+                              text)
             else:
-                wrong = process.returncode != 4 or not re.search("No space left on device", text) or left != ["case.vtkhdf"]*there or old != there
-                campaign.note("exit %d, %s" % (process.returncode, "results old" if there else "no results"), wrong, text)
+                wrong = (process.returncode != 4 or not re.search("No space left on device", text)
+                         or left != ["case.vtkhdf"]*there or old != there)
+                campaign.note("exit %d, %s" % (process.returncode, "results old" if there else "no results"), wrong,
+                              text)
         finally:
             subprocess.run(["umount", place], check=True)
 
@@ -232,8 +240,8 @@ def main():
                 rows.append((name, "longest time from the signal to the end", "%.2f s" % campaign.longest))
             rows += [(name, end, str(number)) for end, number in sorted(campaign.ends.items())]
             wrong += campaign.wrong
-    print("\n%s, %d runs of each campaign, seed %d, %.1f s a run\n" % (arguments.scene.name, arguments.runs, arguments.seed,
-                                                                       scene.seconds))
+    print("\n%s, %d runs of each campaign, seed %d, %.1f s a run\n"
+          % (arguments.scene.name, arguments.runs, arguments.seed, scene.seconds))
     print("| campaign | how runs ended | how many |\n|---|---|---|")
     for row in rows:
         print("| " + " | ".join(row) + " |")

@@ -1,13 +1,15 @@
 #!/usr/bin/python3
-"""Input that nobody expects: runs dotyk on mutated namelists, meshes and scenes, and holds every outcome against what it promises.
+"""Input that nobody expects: runs dotyk on mutated namelists, meshes and scenes, and holds every outcome against what
+it promises.
 
     tests/fuzz/fuzz.py --dotyk build/asan/dotyk --seed 1 --cases 2000
     tests/fuzz/fuzz.py --dotyk build/asan/dotyk --seed 1 --case 1234      # one of them again, with what it prints
 
-Promised: an exit code from 0 to 5; for 2 to 5 a message on the standard error, no results and no other file left, an older results file
-as it was; for 0 and 1 results with finite numbers that say which; never a report of a sanitizer or of gfortran's run-time
-library, a hang, or memory without bounds. A case is made from seed and number alone (and gmsh, with --examples).
-Exit code 1 where there was a fault. What failed is kept, made small, with the command that repeats it.
+Promised: an exit code from 0 to 5; for 2 to 5 a message on the standard error, no results and no other file left, an
+older results file as it was; for 0 and 1 results with finite numbers that say which; never a report of a sanitizer or
+of gfortran's run-time library, a hang, or memory without bounds. A case is made from seed and number alone (and gmsh,
+with --examples). Exit code 1 where there was a fault. What failed is kept, made small, with the command that repeats
+it.
 """
 import argparse
 import collections
@@ -96,10 +98,12 @@ def keep(folder, case, outcome, command):
 def table(counts, faults):
     """Cases by mutator and exit code, and faults."""
     codes = [0, 1, 2, 3, 4, 5]
-    lines = ["| what | cases | %s | faults |" % " | ".join("exit %d" % code for code in codes), "|---" * (len(codes) + 3) + "|"]
+    lines = ["| what | cases | %s | faults |" % " | ".join("exit %d" % code for code in codes),
+             "|---" * (len(codes) + 3) + "|"]
     for name in sorted(counts, key=lambda name: (name == "all", name)):
         count = counts[name]
-        lines.append("| %s | %d | %s | %d |" % (name, sum(count.values()), " | ".join(str(count[code]) for code in codes), count["fault"]))
+        lines.append("| %s | %d | %s | %d |"
+                     % (name, sum(count.values()), " | ".join(str(count[code]) for code in codes), count["fault"]))
     return "\n".join(lines + [""] + ["%6d  %s" % (len(numbers), fault) for fault, numbers in faults.most()])
 
 
@@ -137,7 +141,8 @@ def campaign(options, runner):
                 options.seed, number, " --kinds '%s'" % ",".join(options.kinds) if options.kinds != KINDS else "",
                 " --examples" * options.examples)
             small = reduce_case(runner, case, outcome.fault) if options.reduce and len(numbers) == 1 else case
-            print("%s: %s\n    kept in %s" % (command, outcome.fault, keep(folder, small, outcome, command)), flush=True)
+            print("%s: %s\n    kept in %s" % (command, outcome.fault, keep(folder, small, outcome, command)),
+                  flush=True)
     done = sum(counts["all"].values())
     print("\n%s\nseed %d, cases %d to %d\n" % (runner.version, options.seed, options.first, options.first + done - 1))
     print(table(counts, faults))
@@ -155,7 +160,8 @@ def replay(options, runner):
     for name, data in case.files.items():
         (place / name).write_bytes(data)
     outcome = runner.run(case)
-    print("%s of %s: %s\nfiles in %s: dotyk %s" % (case.kind, case.scene, " ".join(case.mutators), place, " ".join(case.arguments)))
+    print("%s of %s: %s\nfiles in %s: dotyk %s"
+          % (case.kind, case.scene, " ".join(case.mutators), place, " ".join(case.arguments)))
     print("exit code %s, %.2f s, %.0f MB\n%s" % (outcome.code, outcome.seconds, outcome.megabytes, outcome.message))
     print("fault: " + (outcome.fault or "none"), outcome.detail if outcome.detail != outcome.message else "")
     return bool(outcome.fault)
@@ -169,7 +175,8 @@ def main():
     parser.add_argument("--cases", type=int, default=1000, help="how many")
     parser.add_argument("--first", type=int, default=0, help="number of the first one")
     parser.add_argument("--case", type=int, help="run this one alone, and show it")
-    parser.add_argument("--kinds", default=",".join(KINDS), type=lambda text: text.split(","), help="of these: %(default)s")
+    parser.add_argument("--kinds", default=",".join(KINDS), type=lambda text: text.split(","),
+                        help="of these: %(default)s")
     parser.add_argument("--examples", action="store_true", help="begin with the examples too, meshed coarsely by gmsh")
     parser.add_argument("--seconds", type=float, default=20, help="processor time of a run at most")
     parser.add_argument("--megabytes", type=int, default=1500, help="limit of a run")

@@ -1,13 +1,15 @@
-"""Mutations of mesh files, for tests/fuzz/fuzz.py: tokens of text, bytes and numbers of binary files. Bytes in, bytes out."""
+"""Mutations of mesh files, for tests/fuzz/fuzz.py: tokens of text, bytes and numbers of binary files. Bytes in, bytes
+out."""
 import re
 import struct
 
 from fuzz_namelists import delete_bytes, duplicate_bytes, flip_bytes, insert_bytes, truncate
 
-INTEGERS = [0, 1, 2, 3, -1, -2, 7, 15, 16, 100, 255, 256, 1000, 65535, 10**6, 2**31 - 1, 2**31, -2**31, 2**32 - 1, 2**32, 2**53,
-            2**62, 2**63 - 1, -2**63, 2**63, 2**64 - 1, 2**64, 10**30]
-WORDS = ["nan", "NaN", "inf", "-inf", "1e400", "-1e400", "1e308", "-1e308", "1e-320", "0", "-0", "1e300", "1e150", "1e-150", "x", "1.5", "1e",
-         "0x1p3", "1.0d0", "", "1 2", "$End", "9" * 400, "0." + "0" * 400 + "1", "a" * 5000, "\x00", "\xff", "-", "+", ".", "1e5e5"]
+INTEGERS = [0, 1, 2, 3, -1, -2, 7, 15, 16, 100, 255, 256, 1000, 65535, 10**6, 2**31 - 1, 2**31, -2**31, 2**32 - 1,
+            2**32, 2**53, 2**62, 2**63 - 1, -2**63, 2**63, 2**64 - 1, 2**64, 10**30]
+WORDS = ["nan", "NaN", "inf", "-inf", "1e400", "-1e400", "1e308", "-1e308", "1e-320", "0", "-0", "1e300", "1e150",
+         "1e-150", "x", "1.5", "1e", "0x1p3", "1.0d0", "", "1 2", "$End", "9" * 400, "0." + "0" * 400 + "1", "a" * 5000,
+         "\x00", "\xff", "-", "+", ".", "1e5e5"]
 SECTION = re.compile(rb"\$(\w+)\n.*?\$End\1\n", re.S)
 NAME = re.compile(rb'"[^"\n]*"')
 
@@ -42,7 +44,8 @@ def change_count(rng, data):
     old = rng.choice(heads if heads and rng.random() < 0.6 else places)
     numbers = old[0].split()
     i = rng.randrange(len(numbers))
-    numbers[i] = rng.choice([b"%d" % rng.choice(INTEGERS), b"%d" % (int(numbers[i]) + 1), b"%d" % (int(numbers[i]) - 1)])
+    numbers[i] = rng.choice([b"%d" % rng.choice(INTEGERS), b"%d" % (int(numbers[i]) + 1),
+                             b"%d" % (int(numbers[i]) - 1)])
     return data[:old.start()] + b" ".join(numbers) + data[old.end():]
 
 
@@ -60,8 +63,10 @@ def change_sections(rng, data):
         data[:old.start()] + name + b"$End" + old[1] + b"\n" + data[old.end():],
         data[:old.start()] + name + b"0\n$End" + old[1] + b"\n" + data[old.end():],
         data[:old.start()] + old[0].replace(b"$End", b"$end") + data[old.end():],
-        data[:old.start()] + old[0].replace(old[1], rng.choice([b"Nodes", b"Elements", b"Periodic", b"NodeData", b"X" * 300]))
-        + data[old.end():], data.replace(b"\n", b"\r\n"), data.replace(b"\n", b" "), data.replace(b"\n", b"\n\n"), data.rstrip(b"\n"),
+        data[:old.start()] + old[0].replace(old[1],
+                                            rng.choice([b"Nodes", b"Elements", b"Periodic", b"NodeData", b"X" * 300]))
+        + data[old.end():], data.replace(b"\n", b"\r\n"), data.replace(b"\n", b" "), data.replace(b"\n", b"\n\n"),
+        data.rstrip(b"\n"),
         b"$Comments\n" + b"x" * 5000 + b"\n$EndComments\n" + data])
 
 
@@ -87,15 +92,17 @@ def change_names(rng, data):
     if not names:
         return data
     old = rng.choice(names)
-    new = rng.choice([b'"', b'""', b'"""', b"''", b'"a"b"', b'"' + b"a" * 5000 + b'"', b'"\x00"', b'"\xff\xfe"', b'" low "', b'"low"', b'"LOW"',
-                      b'"1"', b'"lower', b'lower"', b'"a\tb"', b'"%s"', b"", names[0][0], rng.choice(names)[0]])
+    new = rng.choice([b'"', b'""', b'"""', b"''", b'"a"b"', b'"' + b"a" * 5000 + b'"', b'"\x00"', b'"\xff\xfe"',
+                      b'" low "', b'"low"', b'"LOW"', b'"1"', b'"lower', b'lower"', b'"a\tb"', b'"%s"', b"",
+                      names[0][0], rng.choice(names)[0]])
     return data[:old.start()] + new + data[old.end():]
 
 
 def change_version(rng, data):
     """The format is another one."""
-    head = rng.choice([b"2.2 0 8", b"4.1 0 8", b"2.2 1 8", b"4.1 1 8", b"2 0 8", b"4 0 8", b"1 0 8", b"3 0 8", b"2.2 0 4", b"4.1 1 4", b"2.2 2 8",
-                       b"nan 0 8", b"1e400 0 8", b"2.2", b"", b"2.2 0 8 9", b"-4.1 0 8", b"4.10000001 0 8", b"2.2 -1 8", b"x"])
+    head = rng.choice([b"2.2 0 8", b"4.1 0 8", b"2.2 1 8", b"4.1 1 8", b"2 0 8", b"4 0 8", b"1 0 8", b"3 0 8",
+                       b"2.2 0 4", b"4.1 1 4", b"2.2 2 8", b"nan 0 8", b"1e400 0 8", b"2.2", b"", b"2.2 0 8 9",
+                       b"-4.1 0 8", b"4.10000001 0 8", b"2.2 -1 8", b"x"])
     return re.sub(rb"(?<=\$MeshFormat\n)[^\n]*", lambda _: head, data, count=1)
 
 
@@ -130,6 +137,7 @@ def binary_head(rng, data):
     return data[:i] + struct.pack(form, n - 2**(8 * size) if n >= 2**(8 * size - 1) else n) + data[i + size:]
 
 
-COMMON = [flip_bytes, delete_bytes, duplicate_bytes, insert_bytes, truncate, change_sections, change_names, change_version, change_count]
+COMMON = [flip_bytes, delete_bytes, duplicate_bytes, insert_bytes, truncate, change_sections, change_names,
+          change_version, change_count]
 TEXT_MUTATORS = COMMON + [odd_word, odd_word, odd_word, swap_words, change_lines, change_lines]
 BINARY_MUTATORS = COMMON + [binary_number, binary_number, binary_number, binary_head, binary_head]

@@ -1,4 +1,5 @@
-"""Small meshes for tests/fuzz/fuzz.py, made without gmsh: blocks of every element kind, in the formats 2.2 and 4.1, as text and in binary.
+"""Small meshes for tests/fuzz/fuzz.py, made without gmsh: blocks of every element kind, in the formats 2.2 and 4.1, as
+text and in binary.
 
 A mesh is a `Mesh` of nodes, physical groups and elements; `write(mesh, version, binary)` gives the bytes of a file.
 """
@@ -7,7 +8,8 @@ import struct
 
 
 class Mesh:
-    """nodes [[x, y, z]], groups [(dimension, tag, name)], elements [(gmsh type, dimension, group tag, [node numbers from 1])]."""
+    """nodes [[x, y, z]], groups [(dimension, tag, name)], elements [(gmsh type, dimension, group tag, [node numbers
+    from 1])]."""
 
     def __init__(self):
         self.nodes, self.groups, self.elements = [], [], []
@@ -28,7 +30,8 @@ class Mesh:
         return new
 
 
-# Corners of a cell, its cuts into elements (numbers of corners), and where the nodes behind the corners are: means of corners.
+# Corners of a cell, its cuts into elements (numbers of corners), and where the nodes behind the corners are: means of
+# corners.
 LINE = [(0, 1)]
 TRIANGLE = [(0, 1), (1, 2), (2, 0)]
 SQUARE = [(0, 1), (1, 2), (2, 3), (3, 0)]
@@ -44,7 +47,8 @@ HALVES = [(0, 1, 2), (0, 2, 3)]
 SIXTHS = [(0, 1, 2, 6), (0, 5, 1, 6), (0, 2, 3, 6), (0, 3, 7, 6), (0, 4, 5, 6), (0, 7, 4, 6)]
 WHOLE = {2: [(0, 1, 2, 3)], 3: [tuple(range(8))]}
 SLICES = [(0, 1, 2, 4, 5, 6), (0, 2, 3, 4, 6, 7)]
-# kind: gmsh's type, dimension, cuts, nodes behind the corners, faces, {corners of a face: (gmsh's type, nodes behind its corners)}
+# kind: gmsh's type, dimension, cuts, nodes behind the corners, faces, {corners of a face: (gmsh's type, nodes behind
+# its corners)}
 TRI_FACES, TET_FACES = [(0, 1), (1, 2), (2, 0)], [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]
 EVERY = [tuple(range(4))]
 KINDS = {
@@ -60,7 +64,8 @@ KINDS = {
     "hex27": (12, 3, WHOLE[3], CUBE + CUBE_FACES + [tuple(range(8))], CUBE_FACES, {4: (10, SQUARE + EVERY)}),
     "prism6": (6, 3, SLICES, [], PRISM_FACES + PRISM_ENDS, {3: (2, []), 4: (3, [])}),
     "prism15": (18, 3, SLICES, PRISM, PRISM_FACES + PRISM_ENDS, {3: (9, TRIANGLE), 4: (16, SQUARE)}),
-    "prism18": (13, 3, SLICES, PRISM + PRISM_FACES, PRISM_FACES + PRISM_ENDS, {3: (9, TRIANGLE), 4: (10, SQUARE + EVERY)}),
+    "prism18": (13, 3, SLICES, PRISM + PRISM_FACES, PRISM_FACES + PRISM_ENDS,
+                {3: (9, TRIANGLE), 4: (10, SQUARE + EVERY)}),
 }
 
 
@@ -70,7 +75,8 @@ def dimension(kind):
 
 
 def add_block(mesh, volume, kind, n, origin, size, shape=lambda x: x):
-    """Add a block of n divisions along each edge with the surfaces 'low', 'high' (of its last axis), 'sides x' and 'sides y'.
+    """Add a block of n divisions along each edge with the surfaces 'low', 'high' (of its last axis), 'sides x' and
+    'sides y'.
 
     shape maps places in the unit cube to others before they are scaled.
     """
@@ -151,7 +157,8 @@ def write_41(mesh, binary):
     by_dimension = [[g for g in mesh.groups if g[0] == d] for d in range(4)]
     out = [b"$Entities\n", packed(binary, "4Q", *map(len, by_dimension))]
     for d, tag, _ in (g for groups in by_dimension for g in groups):
-        out.append(packed(binary, "i%ddQi" % (3 if d == 0 else 6) + "Q" * (d > 0), tag, *box[:3 if d == 0 else 6], 1, tag,
+        out.append(packed(binary, "i%ddQi" % (3 if d == 0 else 6) + "Q" * (d > 0), tag, *box[:3 if d == 0 else 6], 1,
+                          tag,
                           *([0] if d > 0 else [])))
     out += [end, b"$EndEntities\n$Nodes\n"]
     d, tag, _ = max(mesh.groups)
@@ -161,7 +168,8 @@ def write_41(mesh, binary):
     blocks = {}
     for i, (kind, d, group, nodes) in enumerate(mesh.elements, 1):
         blocks.setdefault((d, group, kind), []).append((i, nodes))
-    out += [end, b"$EndNodes\n$Elements\n", packed(binary, "4Q", len(blocks), len(mesh.elements), 1, len(mesh.elements))]
+    out += [end, b"$EndNodes\n$Elements\n",
+            packed(binary, "4Q", len(blocks), len(mesh.elements), 1, len(mesh.elements))]
     for (d, group, kind), elements in blocks.items():
         out.append(packed(binary, "3iQ", d, group, kind, len(elements)))
         out += [packed(binary, "%dQ" % (1 + len(nodes)), i, *nodes) for i, nodes in elements]

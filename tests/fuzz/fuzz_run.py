@@ -16,13 +16,15 @@ import numpy as np
 CASE, RESULTS, OLDER = "c.nml", "c.vtkhdf", b"\x89HDF\r\n\x1a\nan older results file"
 # What no user should ever see: of the sanitizers, gfortran's run-time library, the C++ and the HDF5 library, LAPACK.
 SUPPRESSIONS = pathlib.Path(__file__).resolve().parents[1] / "support" / "lsan.supp"
-REPORTS = re.compile(r"AddressSanitizer|LeakSanitizer|ThreadSanitizer|: runtime error:|Fortran runtime error|Error termination|Error allocating"
-                     r"|Program received signal|Backtrace for this error|Program aborted|terminate called|HDF5-DIAG|On entry to|CHOLMOD")
+REPORTS = re.compile(r"AddressSanitizer|LeakSanitizer|ThreadSanitizer|: runtime error:|Fortran runtime error"
+                     r"|Error termination|Error allocating|Program received signal|Backtrace for this error"
+                     r"|Program aborted|terminate called|HDF5-DIAG|On entry to|CHOLMOD")
 WHERE = re.compile(r"(?:SUMMARY: |runtime error: |Fortran runtime error: |received signal |Error allocating )[^\n]*")
 SOURCE = re.compile(r"\b(?:in|at) \S*?(\w+) *(?:at )?\S*/(\w+\.(?:f90|c)):(\d+)")
 
 # NaN means unknown there (docs/errors.md), and history counts on it; nowhere may anything be infinite.
-MAY_BE_UNKNOWN = re.compile(r"dotyk/summary@(gamma|lambda_max|q_\w+|error_bound_paper|error_(penalty|discretization\w*|contact))$"
+MAY_BE_UNKNOWN = re.compile(r"dotyk/summary@(gamma|lambda_max|q_\w+|error_bound_paper"
+                            r"|error_(penalty|discretization\w*|contact))$"
                             r"|dotyk/history/error_(penalty|discretization)$|VTKHDF/CellData/discretization_error$")
 
 # A run that waits for something has no processor time: so many times its limit are its limit of time.
@@ -39,7 +41,8 @@ class Runner:
 
     def __init__(self, executable, seconds=20.0, megabytes=1500):
         self.executable, self.seconds, self.megabytes = os.path.abspath(executable), seconds, megabytes
-        self.version = subprocess.run([self.executable, "--version"], stdout=subprocess.PIPE, text=True, check=True).stdout.strip()
+        self.version = subprocess.run([self.executable, "--version"], stdout=subprocess.PIPE, text=True,
+                                      check=True).stdout.strip()
         self.sanitized = "Asan" in self.version
         self.environment = {
             **os.environ, "OMP_NUM_THREADS": "2", "LC_ALL": "C",
@@ -94,7 +97,8 @@ class Runner:
             pause = min(2 * pause, 0.02)
 
     def judge(self, case, folder, code, message, megabytes, older):
-        """What is wrong, in a few words that are the same for the same fault, and the text behind it; empty where nothing is."""
+        """What is wrong, in a few words that are the same for the same fault, and the text behind it; empty where
+        nothing is."""
         if code is None:
             return "hangs", ""
         if code == -signal.SIGXCPU:
@@ -115,7 +119,8 @@ class Runner:
             return "text on the standard error with exit code %d" % code, message
         if "--check" in case.arguments:
             return self.judge_files(case, folder, older, code)
-        found = [path for path in folder.rglob("*") if path.is_file() and str(path.relative_to(folder)) not in case.files]
+        found = [path for path in folder.rglob("*") if path.is_file()
+                 and str(path.relative_to(folder)) not in case.files]
         if older and len(found) == 2:
             found = [path for path in found if path.name != RESULTS]
         if len(found) != 1:

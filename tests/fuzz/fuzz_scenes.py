@@ -1,4 +1,5 @@
-"""The scenes that tests/fuzz/fuzz.py begins with: small ones with meshes of fuzz_meshes, and the examples on coarse meshes by gmsh.
+"""The scenes that tests/fuzz/fuzz.py begins with: small ones with meshes of fuzz_meshes, and the examples on coarse
+meshes by gmsh.
 
 A `Scene` is a namelist text and files, of which some are meshes that can be written again in another format.
 """
@@ -48,7 +49,8 @@ def blocks(kind, n, bump=0.0, gap=0.0, names=("lower", "upper")):
 
     for k, name in enumerate(names):
         origin = [0.0] * (d - 1) + [k * (1.0 + gap)]
-        fuzz_meshes.add_block(mesh, name, kind, n if k == 0 else max(1, n - 1), origin, [1.0] * d, bulge if k else lambda x: x)
+        fuzz_meshes.add_block(mesh, name, kind, n if k == 0 else max(1, n - 1), origin, [1.0] * d,
+                              bulge if k else lambda x: x)
     return mesh
 
 
@@ -66,7 +68,8 @@ def column(rng):
     text += "&support body='lower', surface='low', fix='%s' /\n" % up(d)
     text += "&support body='upper', surface='high', fix='%s', value=%s /\n" % (up(d), vector(d, "-1e-3"))
     text += "&contact name='joint', surface_a='upper:low', surface_b='lower:high'%s /\n" % rng.choice(
-        ["", ", gap=1e-4", ", gap_formula='1e-4*x^2'", ", discretization='quadrature'", ", geometry='elements'", ", quadrature='plain'"])
+        ["", ", gap=1e-4", ", gap_formula='1e-4*x^2'", ", discretization='quadrature'", ", geometry='elements'",
+         ", quadrature='plain'"])
     text += SOLVER % ("scheme='%s', %s" % (rng.choice(SCHEMES), rng.choice(["theta_relative=1e-2,", "tolerance=1e-8,",
                                                                             "locking='ignore',", ""])))
     text += rng.choice(OUTPUTS)
@@ -87,8 +90,9 @@ def stack(rng):
              "&load body='%s', force_density=%s /\n" % (name, vector(d, "-1"))])
         if i > 0:
             text += "&contact name='%s', surface_a='%s:low', surface_b='%s:high' /\n" % (name, name, names[i - 1])
-    text += SOLVER % rng.choice(["theta=0, tolerance=1e-8,", "theta_mesh=1e-3,", "scheme='dual', linear_solver='iterative',",
-                                 "response='compliance', theta=0,", "response='full',", ""])
+    text += SOLVER % rng.choice(["theta=0, tolerance=1e-8,", "theta_mesh=1e-3,",
+                                 "scheme='dual', linear_solver='iterative',", "response='compliance', theta=0,",
+                                 "response='full',", ""])
     text += rng.choice(OUTPUTS)
     return Scene("stack", text, {"a.msh": blocks(kind, rng.choice([1, 2]), rng.choice([0, 0.05]), 0.0, names)})
 
@@ -126,7 +130,8 @@ COARSE = {}  # example: Scene, or None where gmsh does not mesh it coarsely enou
 
 def example(rng):
     """An example of inputs/ on a mesh as coarse as gmsh makes it; a column where there is no gmsh."""
-    names = sorted(path.stem for path in INPUTS.glob("*/*.nml") if path.with_suffix(".geo").exists() and path.stem != "fine")
+    names = sorted(path.stem for path in INPUTS.glob("*/*.nml") if path.with_suffix(".geo").exists()
+                   and path.stem != "fine")
     name = rng.choice(names)
     if name not in COARSE:
         COARSE[name] = coarse(next(INPUTS.glob("*/%s.nml" % name)))
@@ -134,13 +139,15 @@ def example(rng):
 
 
 def coarse(case):
-    """The scene of an example with linear elements, about ten times as large; None where more than 400 nodes are left."""
+    """The scene of an example with linear elements, about ten times as large; None where more than 400 nodes are
+    left."""
     if not shutil.which("gmsh"):
         return None
     with tempfile.TemporaryDirectory() as folder:
         for path in case.parent.glob("*.geo"):
             text = re.sub(r"Mesh.ElementOrder *=[^;]*;", "Mesh.ElementOrder = 1;", path.read_text())
-            text = re.sub(r"(?m)^order *=.*?;", "order = 1;", re.sub(r"DefineConstant\[n = \d+\]", "DefineConstant[n = 1]", text))
+            text = re.sub(r"(?m)^order *=.*?;", "order = 1;",
+                          re.sub(r"DefineConstant\[n = \d+\]", "DefineConstant[n = 1]", text))
             pathlib.Path(folder, path.name).write_text(text)
         msh = pathlib.Path(folder, "a.msh")
         d = 2 if "analysis=" in case.read_text() else 3
@@ -165,7 +172,8 @@ def parse_22(text):
     def section(name):
         return lines[lines.index("$" + name) + 2:lines.index("$End" + name)]
 
-    mesh.groups = [(int(d), int(tag), name.strip('"')) for d, tag, name in (s.split(" ", 2) for s in section("PhysicalNames"))]
+    mesh.groups = [(int(d), int(tag), name.strip('"'))
+                   for d, tag, name in (s.split(" ", 2) for s in section("PhysicalNames"))]
     number = {}
     for line in section("Nodes"):
         tag, *x = line.split()

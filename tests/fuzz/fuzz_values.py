@@ -5,34 +5,41 @@ Each takes a random generator and a Scene, whose text and meshes it changes.
 import math
 import re
 
-SCALES = ["0", "-1", "1e-300", "1e-150", "1e-30", "1e-16", "1e-8", "1e-3", "0.5", "1", "3", "1e3", "1e8", "1e16", "1e30", "1e150", "1e300", "1e308",
-          "-1e300", "-1e-300", "-0.0", "2.2250738585072014e-308", "4.9e-324"]
+SCALES = ["0", "-1", "1e-300", "1e-150", "1e-30", "1e-16", "1e-8", "1e-3", "0.5", "1", "3", "1e3", "1e8", "1e16",
+          "1e30", "1e150", "1e300", "1e308", "-1e300", "-1e-300", "-0.0", "2.2250738585072014e-308", "4.9e-324"]
 NUMBERS = {
     "young": SCALES, "shear": SCALES, "stiffness": SCALES,
-    "poisson": ["0.5", "0.4999999999999999", "0.49999999", "0.499", "-1", "-0.999999999", "-0.5", "0", "1", "1e300", "1e-300"],
+    "poisson": ["0.5", "0.4999999999999999", "0.49999999", "0.499", "-1", "-0.999999999", "-0.5", "0", "1", "1e300",
+                "1e-300"],
     "theta": SCALES, "theta_relative": SCALES, "theta_mesh": SCALES, "search_radius": SCALES, "gap": SCALES,
     "tolerance": ["0", "1e-300", "1e-17", "1e-14", "1e-3", "0.5", "1", "2", "1e300", "-1"],
     "gamma": ["1e-300", "0.1", "1", "1.999", "2", "1e300"], "budget_fraction": ["1e-300", "1e-3", "1", "1e300"],
-    "max_iterations": ["1", "2", "0", "3", "500"], "value": SCALES, "pressure": SCALES, "traction": SCALES, "local_traction": SCALES,
+    "max_iterations": ["1", "2", "0", "3", "500"], "value": SCALES, "pressure": SCALES, "traction": SCALES,
+    "local_traction": SCALES,
     "force_density": SCALES, "at": SCALES, "axis": SCALES, "axis_1": SCALES, "axis_2": SCALES,
     "angle": ["0", "90", "180", "360", "1e-300", "45", "1e16", "1e300", "1e308", "-30"]}
 NAMES = {
-    "scheme": ["auto", "dual", "neumann", "robin", "nesterov", "anderson", "secant"], "gamma_rule": ["spectral", "theory", "fixed"],
+    "scheme": ["auto", "dual", "neumann", "robin", "nesterov", "anderson", "secant"],
+    "gamma_rule": ["spectral", "theory", "fixed"],
     "stop_rule": ["residual", "paper", "increment", "budget"], "discretization": ["mortar", "quadrature"],
     "geometry": ["smooth", "elements"], "quadrature": ["segments", "plain"],
     "linear_solver": ["auto", "direct", "iterative"], "response": ["auto", "full", "compliance"],
-    "analysis": ["3d", "plane_strain", "plane_stress", "axisymmetric"], "fix": ["x", "xy", "xyz", "n", "t", "nt", "xi", "z", "y"],
+    "analysis": ["3d", "plane_strain", "plane_stress", "axisymmetric"],
+    "fix": ["x", "xy", "xyz", "n", "t", "nt", "xi", "z", "y"],
     "locking": ["auto", "ignore"],
     "fields": ["", "displacement", "stress", "contact"], "error_parts": ["", "penalty", "discretization"]}
 LOGICALS = {"reproducible"}
 OF_GROUP = {
-    "material": ["young", "poisson", "young", "poisson"], "solver": ["theta", "theta_relative", "theta_mesh", "tolerance", "gamma", "scheme",
-                 "gamma_rule", "stop_rule", "budget_fraction", "linear_solver", "response", "reproducible", "locking", "max_iterations"],
-    "contact": ["theta", "theta_relative", "theta_mesh", "gap", "search_radius", "discretization", "geometry", "quadrature"],
-    "support": ["fix", "value"], "load": ["pressure"], "body": ["at", "angle", "axis"], "output": ["fields", "error_parts"],
+    "material": ["young", "poisson", "young", "poisson"],
+    "solver": ["theta", "theta_relative", "theta_mesh", "tolerance", "gamma", "scheme", "gamma_rule", "stop_rule",
+               "budget_fraction", "linear_solver", "response", "reproducible", "locking", "max_iterations"],
+    "contact": ["theta", "theta_relative", "theta_mesh", "gap", "search_radius", "discretization", "geometry",
+                "quadrature"],
+    "support": ["fix", "value"], "load": ["pressure"], "body": ["at", "angle", "axis"],
+    "output": ["fields", "error_parts"],
     "scene": ["analysis"]}
-FORMULAS = ["0", "x", "1e300*x", "1/x", "1e-3*sin(50*x)", "sqrt(x-1)", "-x", "log(x)", "1e308*1e308", "exp(-1000*x^2)", "1e-320", "x>0.5 ? 1 : 0",
-            "1/(x-0.5)", "tan(x*pi/2)", "0*x/0"]
+FORMULAS = ["0", "x", "1e300*x", "1/x", "1e-3*sin(50*x)", "sqrt(x-1)", "-x", "log(x)", "1e308*1e308", "exp(-1000*x^2)",
+            "1e-320", "x>0.5 ? 1 : 0", "1/(x-0.5)", "tan(x*pi/2)", "0*x/0"]
 
 
 def set_key(scene, i, key, value):
@@ -48,7 +55,8 @@ def set_key(scene, i, key, value):
 
 def groups(scene, *names):
     """Lines with groups of these names."""
-    return [i for i, line in enumerate(scene.text.split("\n")) if line.startswith(tuple("&" + name for name in names)) and "/" in line]
+    return [i for i, line in enumerate(scene.text.split("\n")) if line.startswith(tuple("&" + name for name in names))
+            and "/" in line]
 
 
 def odd_value(rng, scene):
@@ -95,7 +103,8 @@ def odd_formula(rng, scene):
         old = re.search(r"(value|traction|force_density|pressure)(_formula)?=", line)
         key = old[1] if old else "value" if line.startswith("&support") else "pressure"
         text = scene.text.split("\n")
-        text[i] = re.sub(r"(value|traction|force_density|pressure)(_formula)?=(?:'[^']*'|[^ ,=/]+)(?:, *(?:'[^']*'|[-+\d.]+[-+\w.]*))*", "",
+        text[i] = re.sub(r"(value|traction|force_density|pressure)(_formula)?=(?:'[^']*'|[^ ,=/]+)"
+                         r"(?:, *(?:'[^']*'|[-+\d.]+[-+\w.]*))*", "",
                          line)
         scene.text = "\n".join(text)
         set_key(scene, i, key + "_formula", formula if key == "pressure" else ",".join([formula] * n))
@@ -122,7 +131,8 @@ def change_groups(rng, scene):
         lines[i] = re.sub(r"surface_a='([^']*)'(.*)surface_b='([^']*)'", r"surface_a='\1'\2surface_b='\1'", lines[i])
     else:
         surfaces = re.findall(r"surface(?:_[ab])?='(?:[^':]*:)?([^']*)'", scene.text)
-        lines[i] = re.sub(r"(?<=[':])[^':]*(?='[^']*$)", lambda _: rng.choice(surfaces), lines[i]) if "fix" not in lines[i] else \
+        lines[i] = re.sub(r"(?<=[':])[^':]*(?='[^']*$)", lambda _: rng.choice(surfaces), lines[i]) \
+            if "fix" not in lines[i] else \
             re.sub(r"surface='[^']*'", lambda _: "surface='%s'" % rng.choice(surfaces), lines[i])
     scene.text = "\n".join(lines)
 
@@ -130,7 +140,8 @@ def change_groups(rng, scene):
 def hold_everything(rng, scene):
     """Supports on all surfaces of all bodies, with a value here and there."""
     bodies = re.findall(r"&body +name='([^']*)'", scene.text)
-    surfaces = sorted({name for mesh in scene.meshes.values() for d, _, name in mesh.groups if any(e[1] == d for e in mesh.elements)})
+    surfaces = sorted({name for mesh in scene.meshes.values() for d, _, name in mesh.groups
+                       if any(e[1] == d for e in mesh.elements)})
     fix = rng.choice(["xyz" if "analysis" not in scene.text or "'3d'" in scene.text else "xy", "n", "nt", "x"])
     value = rng.choice(["", "", "value=0,0,0", "value=1e-3,0,0", "value=1e300,0,0", "value=0,1e-300"])
     for body in bodies:
@@ -164,11 +175,13 @@ def change_nodes(rng, scene):
     elif action == 7:
         mesh.nodes[one] = list(mesh.nodes[other])
     else:
-        mesh.nodes[one] = [a + (b - a) * rng.choice([0.5, 0.999999, 1 - 1e-15]) for a, b in zip(mesh.nodes[one], mesh.nodes[other])]
+        mesh.nodes[one] = [a + (b - a) * rng.choice([0.5, 0.999999, 1 - 1e-15])
+                           for a, b in zip(mesh.nodes[one], mesh.nodes[other])]
 
 
 def change_elements(rng, scene):
-    """Elements with nodes changed over, doubled or missing, elements that come twice, are missing or belong to another group."""
+    """Elements with nodes changed over, doubled or missing, elements that come twice, are missing or belong to another
+    group."""
     mesh = rng.choice(list(scene.meshes.values()))
     for _ in range(rng.choice([1, 1, 1, 5])):
         if len(mesh.elements) < 2:
@@ -196,5 +209,5 @@ def change_elements(rng, scene):
         mesh.elements[i] = (kind, d, group, nodes)
 
 
-MUTATORS = [odd_value, odd_value, odd_value, odd_value, odd_formula, change_groups, change_groups, hold_everything, change_nodes,
-            change_nodes, change_elements, change_elements]
+MUTATORS = [odd_value, odd_value, odd_value, odd_value, odd_formula, change_groups, change_groups, hold_everything,
+            change_nodes, change_nodes, change_elements, change_elements]

@@ -1,7 +1,7 @@
 """Meshes of a block for the cases, and the column of two blocks with its exact solution.
 
-The surfaces of a block are 'bottom', 'top', 'sides x' and 'sides y' (two dimensions: 'sides x'), its elements 'block'. It stands
-along z, in two dimensions along y.
+The surfaces of a block are 'bottom', 'top', 'sides x' and 'sides y' (two dimensions: 'sides x'), its elements 'block'.
+It stands along z, in two dimensions along y.
 """
 import shutil
 import subprocess
@@ -23,7 +23,8 @@ def dimension(kind):
 
 
 def block_geo(kind, n, origin=(0, 0, 0), size=(1, 1, 1)):
-    """Geometry for gmsh of a block with n divisions along each edge; in two dimensions origin and size have two numbers."""
+    """Geometry for gmsh of a block with n divisions along each edge; in two dimensions origin and size have two
+    numbers."""
     d, order, incomplete, faces, volume = KINDS[kind]
     x, y, z = (*origin, 0)[:3]
     a, b, c = (*size, 0)[:3]
@@ -41,7 +42,8 @@ face() = Extrude {0, %r, 0} { Curve{line(1)}; Layers{%d}; %s };
         text += 'Physical Volume("block") = {body(1)};\n'
     entity = "Curve" if d == 2 else "Surface"
     low, high = np.array((x, y, z), float), np.array((x + a, y + b, z + (c if d == 3 else 0)), float)
-    for name, axis, sides in (("bottom", d - 1, "l"), ("top", d - 1, "h"), ("sides x", 0, "lh"), ("sides y", 1, "lh"))[:d + 1]:
+    for name, axis, sides in (("bottom", d - 1, "l"), ("top", d - 1, "h"), ("sides x", 0, "lh"),
+                              ("sides y", 1, "lh"))[:d + 1]:
         boxes = []
         for side in sides:
             corners = [low.copy(), high.copy()]
@@ -53,7 +55,8 @@ face() = Extrude {0, %r, 0} { Curve{line(1)}; Layers{%d}; %s };
 
 
 def mesh(geo, d, transform=None):
-    """Mesh a .geo file with gmsh to a .msh file beside it (2.2, ASCII); transform maps coordinates (n, 3) to new ones."""
+    """Mesh a .geo file with gmsh to a .msh file beside it (2.2, ASCII); transform maps coordinates (n, 3) to new
+    ones."""
     msh = geo.with_suffix(".msh")
     subprocess.run([shutil.which("gmsh"), "-%d" % d, "-format", "msh22", "-o", str(msh), str(geo)],
                    check=True, stdout=subprocess.DEVNULL)
@@ -90,7 +93,8 @@ def column_nml(d, analysis=None, contact="", solver="theta_relative=1, tolerance
 
 
 def column_exact(theta, analysis="3d", gap=0.0):
-    """Pressure of the column's joint, shortening per height of the lower and the upper block, and stress along x over pressure."""
+    """Pressure of the column's joint, shortening per height of the lower and the upper block, and stress along x over
+    pressure."""
     def compliance(young, poisson):
         if analysis == "plane_stress":
             return (1 - poisson**2) / young

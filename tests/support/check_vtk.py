@@ -74,7 +74,8 @@ def check_cells(cell, x, tolerance):
     size = np.zeros(len(x))
     least = np.full(len(x), np.inf)
     step = np.eye(3) / 1024  # differences are exact up to quadratics, but for round-off
-    # The base of VTK's wedge points out of it (vtkWedge's page before VTK 9.7), whatever its parametric coordinates say.
+    # The base of VTK's wedge points out of it (vtkWedge's page before VTK 9.7), whatever its parametric coordinates
+    # say.
     sign = -1 if linear == 13 else 1
     for p, weight in quadrature(linear):
         gradients = np.array([(shapes(p + h) - shapes(p - h)) * 512 for h in step[:dimension]])

@@ -1,4 +1,5 @@
-"""The thick cylinder under inner pressure (Lame), exact at any Poisson's ratio: meshes of a quarter or of its section, scene, answer."""
+"""The thick cylinder under inner pressure (Lame), exact at any Poisson's ratio: meshes of a quarter or of its section,
+scene, answer."""
 import blocks
 import numpy as np
 
@@ -15,17 +16,21 @@ def geometry(kind, n, axisymmetric=False, inner=INNER, outer=OUTER):
         return "%s In BoundingBox {%s}" % (entity, ", ".join("%r" % float(x) for x in box))
 
     text = "Mesh.ElementOrder = %d;  Mesh.SecondOrderIncomplete = %d;\n" % (order, incomplete)
-    text += "Point(1) = {%r, 0, 0};\nwall() = Extrude {%r, 0, 0} { Point{1}; Layers{%d}; };\n" % (inner, outer - inner, n)
+    text += ("Point(1) = {%r, 0, 0};\nwall() = Extrude {%r, 0, 0} { Point{1}; Layers{%d}; };\n"
+             % (inner, outer - inner, n))
     if axisymmetric:
-        text += "face() = Extrude {0, %r, 0} { Curve{wall(1)}; Layers{%d}; %s };\n" % (HEIGHT, max(1, n // 2), recombine)
+        text += ("face() = Extrude {0, %r, 0} { Curve{wall(1)}; Layers{%d}; %s };\n"
+                 % (HEIGHT, max(1, n // 2), recombine))
     else:
-        text += "face() = Extrude {{0, 0, 1}, {0, 0, 0}, Pi/2} { Curve{wall(1)}; Layers{%d}; %s };\n" % (2 * n, recombine)
+        text += ("face() = Extrude {{0, 0, 1}, {0, 0, 0}, Pi/2} { Curve{wall(1)}; Layers{%d}; %s };\n"
+                 % (2 * n, recombine))
     z, entity = 0.0, "Curve"
     if d == 2:
         text += 'Physical Surface("tube") = {face(1)};\n'
     else:
         z, entity = HEIGHT, "Surface"
-        text += "body() = Extrude {0, 0, %r} { Surface{face(1)}; Layers{%d}; %s };\n" % (z, max(1, n // 2), "Recombine;" * volume)
+        text += ("body() = Extrude {0, 0, %r} { Surface{face(1)}; Layers{%d}; %s };\n"
+                 % (z, max(1, n // 2), "Recombine;" * volume))
         text += 'Physical Volume("tube") = {body(1)};\n'
         text += 'Physical Surface("ends") = {face(1), %s};\n' % within(entity, (-3, -3, z), (3, 3, z))
     if axisymmetric:
@@ -52,7 +57,8 @@ def held(body, analysis):
     lines = []
     if analysis == "axisymmetric":
         return ["&support body='%s', surface='ends', fix='y' /" % body]
-    lines += ["&support body='%s', surface='along x', fix='y' /" % body, "&support body='%s', surface='along y', fix='x' /" % body]
+    lines += ["&support body='%s', surface='along x', fix='y' /" % body,
+              "&support body='%s', surface='along y', fix='x' /" % body]
     if analysis == "3d":
         lines += ["&support body='%s', surface='ends', fix='z' /" % body]
     return lines
@@ -60,9 +66,11 @@ def held(body, analysis):
 
 def scene(analysis, poisson, solver="", mesh="tube.msh"):
     """The input."""
-    lines = ["&scene analysis='%s', mesh='%s' /" % (analysis, mesh), "&material name='rubber', young=1, poisson=%r /" % poisson,
+    lines = ["&scene analysis='%s', mesh='%s' /" % (analysis, mesh),
+             "&material name='rubber', young=1, poisson=%r /" % poisson,
              "&body name='tube', volume='tube', material='rubber' /",
-             "&load body='tube', surface='inside', pressure=1 /", "&solver %s /" % solver, "&output /", *held("tube", analysis)]
+             "&load body='tube', surface='inside', pressure=1 /", "&solver %s /" % solver, "&output /",
+             *held("tube", analysis)]
     return "\n".join(lines) + "\n"
 
 

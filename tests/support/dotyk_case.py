@@ -39,7 +39,8 @@ class Case(unittest.TestCase):
         return target
 
     def dotyk(self, *arguments, code=0, timeout=600, **environment):
-        """Run the executable in the folder; its exit code must be `code` (None: any). Returns what it printed, as one text."""
+        """Run the executable in the folder; its exit code must be `code` (None: any). Returns what it printed, as one
+        text."""
         done = subprocess.run([os.environ["DOTYK"], *map(str, arguments)], cwd=self.folder, timeout=timeout, text=True,
                               env={**os.environ, **environment}, stdin=subprocess.DEVNULL,
                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT)

@@ -1,4 +1,5 @@
-"""Extreme scenes: what one is, how it is run, and how its answer is judged. Used by tests/extreme and by tests/extreme/run_all.py.
+"""Extreme scenes: what one is, how it is run, and how its answer is judged. Used by tests/extreme and by
+tests/extreme/run_all.py.
 
 A module of scenes has a function `scenes(grid)`: the scenes that run in seconds, with grid=True all. Its last line is
 `extreme.main(scenes)`, which makes a test of each.
@@ -26,9 +27,10 @@ LEAST = 4e-15
 class Scene:
     """A scene, and what is right.
 
-    write(folder) writes its meshes, and the input where text is None. check(answer) gives pairs (error, allowed, what of). Where code is not
-    0 the scene must be refused with this code (one of these codes, where rounding decides) and a message that all of `message` (regular
-    expressions) are found in. moduli: young and poisson of each body for the energy norm, where the input has a formula.
+    write(folder) writes its meshes, and the input where text is None. check(answer) gives pairs (error, allowed, what
+    of). Where code is not 0 the scene must be refused with this code (one of these codes, where rounding decides) and a
+    message that all of `message` (regular expressions) are found in. moduli: young and poisson of each body for the
+    energy norm, where the input has a formula.
     """
 
     def __init__(self, name, text, write, check=None, code=0, message=(), moduli=None):
@@ -84,7 +86,8 @@ class Answer:
         return energy_norm(self.results, self.displacement - exact)/norm if norm > 0 else energy_norm(self.results)
 
     def rounding(self):
-        """What the last digit of the displacements is worth in the energy norm, relative: no answer in doubles is better."""
+        """What the last digit of the displacements is worth in the energy norm, relative: no answer in doubles is
+        better."""
         norm = energy_norm(self.results)
         signs = np.random.default_rng(1).choice([-1.0, 1.0], self.displacement.shape)
         return energy_norm(self.results, signs*np.spacing(np.abs(self.displacement)))/norm if norm > 0 else 0.0
@@ -107,7 +110,8 @@ class Outcome:
 
     def worst(self):
         """(error, allowed, what) of the check that is nearest to failing."""
-        return max(self.judged, key=lambda row: row[0]/row[1] if row[1] > 0 else np.inf*row[0] if row[0] else 0, default=None)
+        return max(self.judged, key=lambda row: row[0]/row[1] if row[1] > 0 else np.inf*row[0] if row[0] else 0,
+                   default=None)
 
 
 def run(scene, folder, timeout=600, threads=2):
@@ -121,7 +125,8 @@ def run(scene, folder, timeout=600, threads=2):
     begun, faults, answer, judged = time.monotonic(), [], None, []
     try:
         done = subprocess.run([os.environ["DOTYK"], "scene.nml", "--threads", str(threads)], cwd=folder, text=True,
-                              timeout=timeout, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+                              timeout=timeout, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+                              stderr=subprocess.STDOUT)
         code, text = done.returncode, done.stdout
     except subprocess.TimeoutExpired:
         code, text = None, ""

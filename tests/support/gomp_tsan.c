@@ -1,5 +1,6 @@
-/* What a thread sanitizer must know of gfortran's OpenMP: libgomp is not instrumented, and its teams, barriers and locks would look like no
- * order at all. Each entry that the compiler calls tells the sanitizer what comes before what, and then calls libgomp's own. */
+/* Synchronization of gfortran's OpenMP for the thread sanitizer: libgomp is not instrumented, so that its teams,
+ * barriers and locks seem to order nothing. Each entry point that the compiler calls reports the order of events to the
+ * sanitizer, then calls that of libgomp. */
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <stdbool.h>
@@ -46,7 +47,8 @@ void GOMP_parallel(void (*body)(void *), void *data, unsigned threads, unsigned 
 }
 
 #define PARALLEL_LOOP(name) \
-  void name(void (*body)(void *), void *data, unsigned threads, long start, long end, long step, long chunk, unsigned flags) \
+  void name(void (*body)(void *), void *data, unsigned threads, long start, long end, long step, long chunk, \
+            unsigned flags) \
   { \
     TEAM(REAL(name)(run, &team, threads, start, end, step, chunk, flags)); \
   }
@@ -114,8 +116,8 @@ static void run_task(void *pointer)
   free(task);
 }
 
-void GOMP_task(void (*body)(void *), void *data, void (*copy)(void *, void *), long size, long align, bool now, unsigned flags,
-               void **depend, int priority)
+void GOMP_task(void (*body)(void *), void *data, void (*copy)(void *, void *), long size, long align, bool now,
+               unsigned flags, void **depend, int priority)
 {
   struct task *task = malloc(sizeof *task);
   if (!task || !(task->memory = malloc(size + align))) abort();

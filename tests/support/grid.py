@@ -1,7 +1,7 @@
 """Meshes of blocks on grids, written as gmsh 2.2 files: sizes, shapes and digits are those that a scene asks for.
 
-The surfaces of a block are 'bottom', 'top', 'sides x' and 'sides y' (two dimensions: 'sides x'), its elements have the name of the
-block. It stands along z, in two dimensions along y. gmsh makes quadratic elements from linear ones.
+The surfaces of a block are 'bottom', 'top', 'sides x' and 'sides y' (two dimensions: 'sides x'), its elements have the
+name of the block. It stands along z, in two dimensions along y. gmsh makes quadratic elements from linear ones.
 """
 import itertools
 import shutil
@@ -12,7 +12,8 @@ import numpy as np
 # nodes of a cell in gmsh's order, as offsets along x, y, z
 SQUARE = [(0, 0), (1, 0), (1, 1), (0, 1)]
 CUBE = [(*corner, z) for z in (0, 1) for corner in SQUARE]
-# how a cell is cut; simplices and prisms of neighbours fit each other (Kuhn's triangulation), squares and cubes as far as is said below
+# how a cell is cut; simplices and prisms of neighbours fit each other (Kuhn's triangulation), squares and cubes as far
+# as is said below
 WHOLE_SQUARE, WHOLE_CUBE = [(0, 1, 2, 3)], [tuple(range(8))]
 TRIANGLES = [(0, 1, 2), (0, 2, 3)]
 TETRAHEDRA = [(0, 1, 2, 6), (0, 2, 3, 6), (0, 3, 7, 6), (0, 7, 4, 6), (0, 4, 5, 6), (0, 5, 1, 6)]
@@ -46,9 +47,11 @@ KINDS = {"quad4": (SQUARE, [(WHOLE_SQUARE, each)], 1, 0), "tri3": (SQUARE, [(TRI
          "quad4 and tri3": (SQUARE, [(WHOLE_SQUARE, alternate), (TRIANGLES, others(alternate))], 1, 0),
          "hex8 and prism6": (CUBE, [(WHOLE_CUBE, alternate), (PRISMS, others(alternate))], 1, 0),
          "prism6 and tet4": (CUBE, [(PRISMS, layers), (TETRAHEDRA, others(layers))], 1, 0)}
-for linear, quadratic, incomplete in (("quad4", "quad8", 1), ("quad4", "quad9", 0), ("tri3", "tri6", 0), ("hex8", "hex20", 1),
-                                      ("hex8", "hex27", 0), ("tet4", "tet10", 0), ("prism6", "prism15", 1), ("prism6", "prism18", 0),
-                                      ("quad4 and tri3", "quad9 and tri6", 0), ("hex8 and prism6", "hex20 and prism15", 1),
+for linear, quadratic, incomplete in (("quad4", "quad8", 1), ("quad4", "quad9", 0), ("tri3", "tri6", 0),
+                                      ("hex8", "hex20", 1), ("hex8", "hex27", 0), ("tet4", "tet10", 0),
+                                      ("prism6", "prism15", 1), ("prism6", "prism18", 0),
+                                      ("quad4 and tri3", "quad9 and tri6", 0),
+                                      ("hex8 and prism6", "hex20 and prism15", 1),
                                       ("prism6 and tet4", "prism18 and tet10", 0)):
     KINDS[quadratic] = (*KINDS[linear][:2], 2, incomplete)
 
@@ -67,7 +70,8 @@ class Block:
     """
 
     def __init__(self, name, *lines, shape=None, patches=None):
-        self.name, self.lines, self.shape, self.patches = name, [np.asarray(line, float) for line in lines], shape, patches or {}
+        self.name, self.lines, self.shape, self.patches = name, [np.asarray(line, float)
+                                                                 for line in lines], shape, patches or {}
 
     def surfaces(self, place):
         """Names of the surfaces that a facet is on."""
@@ -76,7 +80,8 @@ class Block:
                 return [name]
         d = len(self.lines)
         return [("bottom", "top")[side] if axis == d - 1 else "sides " + "xy"[axis]
-                for axis, side in itertools.product(range(d), (0, 1)) if np.all(place[:, axis] == self.lines[axis][-side])]
+                for axis, side in itertools.product(range(d), (0, 1))
+                if np.all(place[:, axis] == self.lines[axis][-side])]
 
 
 def even(low, high, n):
@@ -108,7 +113,8 @@ def cut(block, kind):
     counts = [len(line) for line in block.lines]
     number = np.arange(np.prod(counts)).reshape(counts)
     x = np.stack(np.meshgrid(*block.lines, indexing="ij"), axis=-1).reshape(-1, len(counts))
-    corners = np.stack([number[tuple(slice(o, n - 1 + o) for o, n in zip(offset, counts))].ravel() for offset in cell], axis=1)
+    corners = np.stack([number[tuple(slice(o, n - 1 + o) for o, n in zip(offset, counts))].ravel() for offset in cell],
+                       axis=1)
     index = np.stack(np.unravel_index(np.arange(len(corners)), [n - 1 for n in counts]), axis=1)
     groups = [np.concatenate([corners[rule(index)][:, piece] for piece in pieces]) for pieces, rule in parts]
     return x, [group for group in groups if len(group)]
@@ -136,8 +142,10 @@ def write_mesh(path, blocks, kind):
         file.write("$EndPhysicalNames\n$Nodes\n%d\n" % len(x))
         file.writelines("%d %r %r %r\n" % (k + 1, *map(float, p)) for k, p in enumerate(x))
         file.write("$EndNodes\n$Elements\n%d\n" % len(lines))
-        file.writelines("%d %d 2 %d %d %s\n" % (k + 1, t, g, g, " ".join(map(str, n))) for k, (t, g, n) in enumerate(lines))
+        file.writelines("%d %d 2 %d %d %s\n" % (k + 1, t, g, g, " ".join(map(str, n)))
+                        for k, (t, g, n) in enumerate(lines))
         file.write("$EndElements\n")
     if order == 2:
-        subprocess.run([shutil.which("gmsh"), "-%d" % d, str(path), "-order", "2", "-setnumber", "Mesh.SecondOrderIncomplete",
-                        str(incomplete), "-format", "msh22", "-o", str(path)], check=True, stdout=subprocess.DEVNULL)
+        subprocess.run([shutil.which("gmsh"), "-%d" % d, str(path), "-order", "2", "-setnumber",
+                        "Mesh.SecondOrderIncomplete", str(incomplete), "-format", "msh22", "-o",
+                        str(path)], check=True, stdout=subprocess.DEVNULL)

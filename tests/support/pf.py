@@ -16,7 +16,8 @@ ASSERTIONS = {"assertTrue": (1, "message"), "assertFalse": (1, "message"), "asse
 
 
 def arguments(text):
-    """The arguments of a call, split at commas outside of brackets and strings; none where brackets or quotes do not match."""
+    """The arguments of a call, split at commas outside of brackets and strings; none where brackets or quotes do not
+    match."""
     parts, depth, quote = [""], 0, ""
     for c in text:
         if c in "'\"" and quote in ("", c):

@@ -1,4 +1,5 @@
-"""A stack of blocks between smooth walls, pushed together: uniaxial strain, so every mesh and every theta has an exact answer."""
+"""A stack of blocks between smooth walls, pushed together: uniaxial strain, so every mesh and every theta has an exact
+answer."""
 import numpy as np
 
 from extreme import Scene
@@ -8,7 +9,8 @@ SHORTENING = 1e-3
 
 
 class Layer:
-    """A block of a stack: height, Young's modulus, Poisson's ratio, lines of the grid (a number of divisions, or the line)."""
+    """A block of a stack: height, Young's modulus, Poisson's ratio, lines of the grid (a number of divisions, or the
+    line)."""
 
     def __init__(self, young=1.0, poisson=0.3, height=1.0, across=2, along=2, material=None, stiff=None):
         self.young, self.poisson, self.height, self.across, self.along = young, poisson, height, across, along
@@ -25,7 +27,8 @@ def line(divisions, low, high):
 
 
 def exact(layers, theta, gap=0.0):
-    """Pressure in a stack with these joints (theta absolute, one for all), and the displacements of the layers' ends."""
+    """Pressure in a stack with these joints (theta absolute, one for all), and the displacements of the layers'
+    ends."""
     pressure = (SHORTENING - gap*(len(layers) - 1))/(sum(q.height/q.stiff for q in layers) + (len(layers) - 1)*theta)
     if pressure < 0:  # the last layer comes down and touches nothing
         return 0.0, [(0.0, 0.0)]*(len(layers) - 1) + [(-SHORTENING, -SHORTENING)]
@@ -38,9 +41,11 @@ def exact(layers, theta, gap=0.0):
 
 def stack(name, layers, theta_relative=0.0, kind="hex8", gap=0.0, solver="tolerance=1e-12", width=1.0, allowed=1e-9,
           given_gap=None, swap=False, code=0, message=(), unprojected=0.0):
-    """The scene; `gap` is drawn between all layers (overlap where negative), `given_gap` is what the input says instead.
+    """The scene; `gap` is drawn between all layers (overlap where negative), `given_gap` is what the input says
+    instead.
 
-    unprojected: fraction of the contact without projection, where facets are narrower than the resolution of the search.
+    unprojected: fraction of the contact without projection, where facets are narrower than the resolution of the
+    search.
     """
     d = dimension(kind)
     up = "xyz"[d - 1]
@@ -64,7 +69,8 @@ def stack(name, layers, theta_relative=0.0, kind="hex8", gap=0.0, solver="tolera
     theta = theta_relative*max(a + b for a, b in zip(sizes, sizes[1:]))
     text.append("&solver theta=%r, %s /" % (theta, solver))
 
-    # Pointwise dilatations of rounding errors cost nearly incompressible elements, which project them, less than their bulk modulus says.
+    # Pointwise dilatations of rounding errors cost nearly incompressible elements, which project them, less than their
+    # bulk modulus says.
     moduli = {"young": [q.young for q in layers], "poisson": [min(q.poisson, 0.45) for q in layers]}
     if not any(q.poisson > 0.45 for q in layers):
         moduli = None

@@ -46,8 +46,10 @@ class Batch(dotyk_case.Case):
         for name in ("crash", "bad", "slow", "large"):
             self.write(name + ".nml", name)
         text, rows = self.batch("-j", "2", "crash.nml", "bad.nml", "slow.nml", "large.nml", code=1)
-        self.assertEqual({name: int(row["exit"]) for name, row in rows.items()}, {"crash": 134, "bad": 2, "slow": 1, "large": 0})
-        self.assertEqual([rows["large"]["iterations"], rows["slow"]["iterations"], rows["bad"]["iterations"]], ["42", "42", ""])
+        self.assertEqual({name: int(row["exit"]) for name, row in rows.items()},
+                         {"crash": 134, "bad": 2, "slow": 1, "large": 0})
+        self.assertEqual([rows["large"]["iterations"], rows["slow"]["iterations"], rows["bad"]["iterations"]],
+                         ["42", "42", ""])
         self.assertEqual(float(rows["large"]["error_bound"]), 2.5e-7)
         self.assertGreater(float(rows["large"]["memory_mib"]), float(rows["slow"]["memory_mib"]) + 90)
         self.assertIn("1 of 4 converged", text)

@@ -100,35 +100,41 @@ class Runner(dotyk_case.Case):
     def run_tests(self, text, *options):
         """Build and run the tests."""
         uses = "use, intrinsic :: ieee_arithmetic\nuse, intrinsic :: iso_fortran_env, only: dp => real64, int64\n"
-        source = self.write("sample.pf", "module sample\nuse funit\n%sinteger :: n = 0\ncontains\n%s\nend module\n" % (uses, text))
+        source = self.write("sample.pf",
+                            "module sample\nuse funit\n%sinteger :: n = 0\ncontains\n%s\nend module\n" % (uses, text))
         python = [sys.executable, "-B", str(SUPPORT / "pf.py")]
         subprocess.run([*python, source, "sample.f90"], cwd=self.folder, check=True)
         subprocess.run([*python, "--driver", "tests", "driver.f90", source], cwd=self.folder, check=True)
-        subprocess.run([os.environ.get("FC", "gfortran"), "-ffree-line-length-none", "-ffpe-trap=invalid", "-o", "tests",
-                        SUPPORT / "funit.f90", "sample.f90", "driver.f90"], cwd=self.folder, check=True)
+        subprocess.run([os.environ.get("FC", "gfortran"), "-ffree-line-length-none", "-ffpe-trap=invalid", "-o",
+                        "tests", SUPPORT / "funit.f90", "sample.f90", "driver.f90"], cwd=self.folder, check=True)
         return subprocess.run([self.folder / "tests", *options], capture_output=True, text=True)
 
     def test_failures_are_told(self):
         done = self.run_tests(TESTS)
         self.assertEqual(done.returncode, 1, done)
         self.assertEqual(done.stdout.splitlines()[-1], "tests: 12 tests, 11 failed")
-        for words in ("sample.pf:31: nan: expected NaN, found NaN", "sample.pf:35: place: expected 0, found 7 at (2,2)\n  look here\n",
+        for words in ("sample.pf:31: nan: expected NaN, found NaN",
+                      "sample.pf:35: place: expected 0, found 7 at (2,2)\n  look here\n",
                       "shape_differs: expected shape (2), found (3)", 'expected "true", found "false"',
-                      'text: expected "a", found "b"', "not_less: 2.5000000000000000 is not less than 1.5000000000000000",
-                      "order_nan: NaN is not less than or equal to 0.17976931348623157E+309", "1 is not greater than 1 at (2)\n  where\n",
-                      "order_equal: 2 is not less than 2", "4611686018427387904 is not greater than or equal to 4611686018427387905",
+                      'text: expected "a", found "b"',
+                      "not_less: 2.5000000000000000 is not less than 1.5000000000000000",
+                      "order_nan: NaN is not less than or equal to 0.17976931348623157E+309",
+                      "1 is not greater than 1 at (2)\n  where\n", "order_equal: 2 is not less than 2",
+                      "4611686018427387904 is not greater than or equal to 4611686018427387905",
                       "order_shape: shape (2) is compared with shape ()"):
             self.assertIn(words, done.stdout)
         self.assertNotIn("never reached", done.stdout)
         self.assertNotIn("disabled", done.stdout)
 
     def test_set_up_and_choice_of_tests(self):
-        text = ("@before\nsubroutine set_up()\nn = n + 1\nend subroutine\n@after\nsubroutine tear_down()\nn = n + 10\nend subroutine\n"
+        text = ("@before\nsubroutine set_up()\nn = n + 1\nend subroutine\n@after\nsubroutine tear_down()\n"
+                "n = n + 10\nend subroutine\n"
                 "@test\nsubroutine first()\n@assertEqual(1, n)\nend subroutine\n"
                 "@test\nsubroutine second()\n@assertEqual(12, n)\nend subroutine\n")
         done = self.run_tests(text)
         self.assertEqual((done.returncode, done.stdout), (0, "tests: 2 tests, 0 failed\n"))
-        for part, code, line in (("first", 0, "tests: 1 tests, 0 failed\n"), ("third", 1, "tests: 0 tests, 0 failed\n")):
+        for part, code, line in (("first", 0, "tests: 1 tests, 0 failed\n"),
+                                 ("third", 1, "tests: 0 tests, 0 failed\n")):
             done = subprocess.run([self.folder / "tests", "-f", part], capture_output=True, text=True)
             self.assertEqual((done.returncode, done.stdout), (code, line))
 
@@ -145,7 +151,8 @@ class Runner(dotyk_case.Case):
         self.refused("@test(ifdef=X)\nsubroutine one()", 4, "does not understand")
         self.refused("@test\ninteger function one()", 5, "a subroutine without arguments must follow @test")
         self.refused("@test\nsubroutine one(this)", 5, "a subroutine without arguments must follow @test")
-        self.refused("@before\nsubroutine a()\nend subroutine\n@before\nsubroutine b()", 7, "does not understand '@before'")
+        self.refused("@before\nsubroutine a()\nend subroutine\n@before\nsubroutine b()", 7,
+                     "does not understand '@before'")
         self.refused("subroutine one()\nend subroutine", 6, "at least one test")
         self.refused("@test\n", 6, "must follow @test")
         self.refused(test % "", 8, "named as the file is", name="another")

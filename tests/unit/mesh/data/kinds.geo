@@ -1,4 +1,4 @@
-// Three boxes of 1 x 1 x 0.5, meshed with tetrahedra, hexahedra and prisms: every element kind of dotyk in small meshes.
+// Three boxes of 1 x 1 x 0.5, meshed with tetrahedra, hexahedra and prisms: every element kind in small meshes.
 //   for o in 1 2; do for f in 22 41; do
 //     gmsh -3 -order $o -format msh$f -o kinds_$o.$f.msh kinds.geo
 //     gmsh -3 -order $o -format msh$f -bin -o kinds_$o.$f.bin.msh kinds.geo
