@@ -123,6 +123,11 @@ contains
     integer, intent(in) :: line
     character(:), allocatable :: what
     integer :: i, j
+    ! pFUnit has no such procedures.
+    if (allocated(lhs%integers) .neqv. allocated(rhs%integers)) then
+      call fail('an integer is compared with a real', message, line)
+      return
+    end if
     if (size(lhs%shape) > 0 .and. as_list(lhs%shape) /= as_list(rhs%shape)) then
       call fail('shape'//as_list(lhs%shape)//' is compared with shape'//as_list(rhs%shape), message, line)
       return
