@@ -23,8 +23,11 @@ contains
 
   !> Recover all bodies, side by side.
   subroutine recover_bodies(problem, qp, compliance, m, alpha, want_stress, solution)
+    !> Bodies, modes, factorization reports, pairs.
     type(contact_problem_t), intent(in) :: problem
+    !> The quadratic programme.
     type(contact_qp_t), intent(in) :: qp
+    !> Its compliance operator.
     type(body_compliance_t), intent(in) :: compliance
     !> Contact pressures (n_rows) [pressure].
     real(dp), intent(in) :: m(:)
@@ -51,8 +54,11 @@ contains
 
   !> Recover one body: one solve, unless it touches no other.
   subroutine recover_body(problem, qp, compliance, b, m, alpha, want_stress, solution)
+    !> Bodies, modes, factorization reports, pairs.
     type(contact_problem_t), intent(in) :: problem
+    !> The quadratic programme.
     type(contact_qp_t), intent(in) :: qp
+    !> Its compliance operator.
     type(body_compliance_t), intent(in) :: compliance
     !> The body.
     integer, intent(in) :: b
@@ -60,7 +66,9 @@ contains
     real(dp), intent(in) :: m(:)
     !> Amplitudes of the modes of the body (n_modes) [length].
     real(dp), intent(in) :: alpha(:)
+    !> Whether stresses are wanted.
     logical, intent(in) :: want_stress
+    !> Displacements, and stresses where wanted.
     type(body_solution_t), intent(inout) :: solution
     real(dp), allocatable :: force(:, :), x(:)
     integer :: k

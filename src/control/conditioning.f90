@@ -8,10 +8,11 @@ module dotyk_control_conditioning
 
   !> The conditioning of one body.
   type, public :: conditioning_t
-    !> Condition number of the scaled stiffness, and of what is left of it without near-null-space modes; lower bounds
-    !> where not measured [].
-    real(dp) :: condition = 1, condition_left = 1
-    !> Whether they were measured.
+    !> Condition number of the scaled stiffness; a lower bound where not measured [].
+    real(dp) :: condition = 1
+    !> That of the stiffness without the near-null-space modes that were split off, likewise [].
+    real(dp) :: condition_left = 1
+    !> Whether both were measured.
     logical :: is_measured = .false.
     !> Whether rounding of its displacement exceeds what the tolerance allows.
     logical :: is_rounded = .false.
@@ -45,6 +46,7 @@ contains
 
   !> From the factorizations.
   pure subroutine collect_conditioning(classes, report, conditioning)
+    !> Classes of congruent bodies.
     type(congruence_classes_t), intent(in) :: classes
     !> Of the representatives (n_bodies).
     type(factorization_report_t), intent(in) :: report(:)

@@ -16,21 +16,28 @@ module dotyk_control_contact_free
 
   !> What the QP is made of.
   type, public :: contact_free_t
-    !> y_0 = B u_0 - d, and B K^+ f (n_rows) [length].
-    real(dp), allocatable :: initial_penetration(:), load_displacement(:)
-    !> A(u_0,u_0)/2 - L(u_0), and A(u_0,u_0) [energy].
-    real(dp) :: energy = 0, norm_square = 0
+    !> y_0 = B u_0 - d (n_rows) [length].
+    real(dp), allocatable :: initial_penetration(:)
+    !> B K^+ f, with supports at rest (n_rows) [length].
+    real(dp), allocatable :: load_displacement(:)
+    !> F(u_0) = A(u_0,u_0)/2 - L(u_0) [energy].
+    real(dp) :: energy = 0
+    !> A(u_0,u_0) [energy].
+    real(dp) :: norm_square = 0
     !> Solves that it took.
     integer :: n_solves = 0
   end type contact_free_t
 
   !> What one body adds.
   type :: contribution_t
-    !> Displacements of the contact nodes without contact, and those by the loads alone with supports at rest
-    !> (dimension*n) [length].
-    real(dp), allocatable :: u_0(:), u_load(:)
-    !> A(u_0,u_0)/2 and L(u_0) [energy].
-    real(dp) :: strain_energy = 0, work = 0
+    !> Displacements of the contact nodes without contact (dimension*n) [length].
+    real(dp), allocatable :: u_0(:)
+    !> Those by the loads alone, with supports at rest (dimension*n) [length].
+    real(dp), allocatable :: u_load(:)
+    !> A(u_0,u_0)/2 [energy].
+    real(dp) :: strain_energy = 0
+    !> L(u_0) [energy].
+    real(dp) :: work = 0
     !> Solves that it took.
     integer :: n_solves = 0
   end type contribution_t
@@ -41,15 +48,19 @@ contains
   subroutine solve_without_contact(body, block, gap, response, representative, side_by_side, n_blas, solution, isolated)
     !> Assembled (n_bodies).
     type(body_t), intent(in) :: body(:)
-    !> Rows of B (n_bodies), and gaps (n_rows) [length].
+    !> Rows of B (n_bodies).
     type(contact_block_t), intent(in) :: block(:)
+    !> Gaps (n_rows) [length].
     real(dp), intent(in) :: gap(:)
-    !> Compliance operators of the representatives, and the representative of each body (n_bodies).
+    !> Compliance operators of the representatives (n_bodies).
     type(response_slot_t), intent(in) :: response(:)
+    !> Representative of each body (n_bodies).
     integer, intent(in) :: representative(:)
-    !> Whether bodies are solved at the same time, and BLAS threads of each solve.
+    !> Whether bodies are solved at the same time.
     logical, intent(in) :: side_by_side
+    !> BLAS threads of each solve.
     integer, intent(in) :: n_blas
+    !> Initial penetrations and energies of u_0.
     type(contact_free_t), intent(out) :: solution
     !> Bodies that touch no other (n_bodies).
     type(isolated_body_t), allocatable, intent(out) :: isolated(:)
@@ -88,10 +99,13 @@ contains
 
   !> One body without contact.
   subroutine solve_body(body, response, contact_node, part, isolated)
+    !> The body, assembled.
     type(body_t), intent(in) :: body
+    !> Compliance operator of its representative.
     class(response_t), intent(in) :: response
     !> Nodes of the body that may touch another (n).
     integer, intent(in) :: contact_node(:)
+    !> What it adds to the solution.
     type(contribution_t), intent(out) :: part
     !> Gets the displacement of a body without contact nodes.
     type(isolated_body_t), intent(inout) :: isolated
@@ -124,6 +138,7 @@ contains
   !> A solve, unless the right-hand side is zero: most bodies of many scenes have neither loads nor prescribed
   !> displacements.
   subroutine solve_if_loaded(response, x, n_solves)
+    !> Compliance operator.
     class(response_t), intent(in) :: response
     !> Right-hand side [force] in, solution [length] out (n_equations).
     real(dp), intent(inout) :: x(:)

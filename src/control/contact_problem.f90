@@ -27,9 +27,12 @@ module dotyk_control_contact_problem
     type(body_modes_t), allocatable :: modes(:)
     !> What the factorizations of the representatives found out (n_bodies).
     type(factorization_report_t), allocatable :: report(:)
-    !> Contact rows by pairs, and their surfaces (n_pairs).
+    !> Contact rows by pairs (n_pairs).
     type(contact_pair_t), allocatable :: pair(:)
-    type(surface_t), allocatable :: surface_a(:), surface_b(:)
+    !> Slave surfaces of the pairs (n_pairs).
+    type(surface_t), allocatable :: surface_a(:)
+    !> Master surfaces of the pairs (n_pairs).
+    type(surface_t), allocatable :: surface_b(:)
     !> Bodies that touch no other (n_bodies).
     type(isolated_body_t), allocatable :: isolated(:)
     !> BLAS threads of each solve.

@@ -21,21 +21,27 @@ module dotyk_control_contact_solution
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_monitor, only: monitor_t, phase_estimate, phase_iterate, phase_recover
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_interrupted, ended_rounds, &
-    ended_stalled, &
-    ended_time
+    ended_stalled, ended_time
   implicit none
   private
   public :: solve_contact
 
   !> What is asked of a solution.
   type, public :: solution_goal_t
-    !> Whether the iteration ends by the error budget, and its fraction of the other errors that is allowed [].
+    !> Whether the iteration ends by the error budget.
     logical :: by_budget = .false.
+    !> Error of the iteration that is allowed, as a fraction of the other errors [].
     real(dp) :: budget_fraction = 0.1_dp
     !> Whether the user gave theta (n_pairs).
     logical, allocatable :: theta_given(:)
-    !> Output that was asked for.
-    logical :: displacement = .true., stress = .true., mesh_error = .true., penalty_error = .true.
+    !> Whether displacements were asked for.
+    logical :: displacement = .true.
+    !> Whether stresses were asked for.
+    logical :: stress = .true.
+    !> Whether the error of the mesh was asked for.
+    logical :: mesh_error = .true.
+    !> Whether the error of the penalty was asked for.
+    logical :: penalty_error = .true.
   contains
     procedure :: depends_on_errors => goal_depends_on_errors
     procedure :: needs_mesh_error => goal_needs_mesh_error
@@ -47,9 +53,10 @@ module dotyk_control_contact_solution
   type, public :: contact_solution_t
     !> Pressures, amplitudes of the modes, and how the scheme ended; without pressures where there is no solution.
     type(solver_state_t) :: state
-    !> Penalty parameters that it belongs to (n_rows) [length/pressure], and their factor over those that it began with
-    !> (n_pairs) [].
-    real(dp), allocatable :: theta(:), theta_factor(:)
+    !> Penalty parameters that it belongs to (n_rows) [length/pressure].
+    real(dp), allocatable :: theta(:)
+    !> Their factor over those that it began with (n_pairs) [].
+    real(dp), allocatable :: theta_factor(:)
     !> Tolerance that was to be reached, or is next where the time limit ended the run [].
     real(dp) :: tolerance = 0
     !> How often the QP has been solved, the present time included.
@@ -58,6 +65,7 @@ module dotyk_control_contact_solution
     type(displacements_t) :: displacements
     !> Of the stiffness of each body (n_bodies).
     type(conditioning_t), allocatable :: conditioning(:)
+    !> Errors of the last round.
     type(error_budget_t) :: budget
   end type contact_solution_t
 
@@ -109,13 +117,17 @@ contains
 
   !> Solve. A solution that ended with `ended_time` is continued.
   subroutine solve_contact(problem, qp, compliance, run, goal, monitor, solution, error)
+    !> Bodies, modes, factorization reports, pairs.
     type(contact_problem_t), intent(in) :: problem
     !> Its initial penetration is corrected where bodies are ill-conditioned.
     type(contact_qp_t), intent(inout) :: qp
+    !> Its compliance operator; entries that schemes form stay there.
     type(body_compliance_t), intent(inout) :: compliance
     !> The scheme, and its settings with the tolerance that the user gave.
     type(scheme_run_t), intent(in) :: run
+    !> What is asked of the solution.
     type(solution_goal_t), intent(in) :: goal
+    !> Watches the iteration.
     class(monitor_t), intent(inout) :: monitor
     !> theta is given, and a state if there is one to begin with, or it is to be continued.
     type(contact_solution_t), intent(inout) :: solution
@@ -139,8 +151,7 @@ contains
       if (allocated(error)) return
       if (.not. allocated(solution%state%m)) return
       call find_displacements(problem, qp, compliance, solution%theta, now, monitor, goal%needs_displacements(), &
-        goal%stress, &
-                              solution%conditioning, solution%displacements, solution%state, error)
+                              goal%stress, solution%conditioning, solution%displacements, solution%state, error)
       if (allocated(error)) return
       if (.not. allocated(solution%state%m)) return
       call monitor%begin_phase(phase_estimate)
@@ -165,13 +176,17 @@ contains
   !> Whether the QP is to be solved again from where it is, with a smaller theta or to another tolerance; and the
   !> outcome of the error budget where not.
   logical function asks_for_more(goal, last, problem, qp, is_exact, monitor, solution, tolerance) result(more)
+    !> What is asked of the solution.
     type(solution_goal_t), intent(in) :: goal
     !> There is no more: the solution stays as it is.
     logical, intent(in) :: last
+    !> Bodies, modes, factorization reports, pairs.
     type(contact_problem_t), intent(in) :: problem
+    !> The quadratic programme.
     type(contact_qp_t), intent(in) :: qp
     !> Whether the scheme takes any theta at the same cost.
     logical, intent(in) :: is_exact
+    !> Gets a note where theta becomes smaller.
     class(monitor_t), intent(inout) :: monitor
     !> Its theta may change; it knows no L then.
     type(contact_solution_t), intent(inout) :: solution

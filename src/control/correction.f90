@@ -28,14 +28,17 @@ contains
   !> and the scheme continues from its state, until that changes nothing any more.
   subroutine correct_contact(problem, qp, compliance, theta, run, monitor, conditioning, solution, state, rounding, &
     error)
+    !> Bodies, modes, factorization reports, pairs.
     type(contact_problem_t), intent(in) :: problem
     !> Its initial penetration is corrected.
     type(contact_qp_t), intent(inout) :: qp
+    !> Its compliance operator; entries that the scheme forms stay there.
     type(body_compliance_t), intent(inout) :: compliance
     !> (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> The scheme and its settings.
     type(scheme_run_t), intent(in) :: run
+    !> Watches the iteration.
     class(monitor_t), intent(inout) :: monitor
     !> Counts steps of refinement (n_bodies).
     type(conditioning_t), intent(inout) :: conditioning(:)

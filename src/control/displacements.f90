@@ -34,19 +34,25 @@ contains
   !> Displacements from the state; where rounding matters, refined, and the contact corrected by them.
   subroutine find_displacements(problem, qp, compliance, theta, run, monitor, are_needed, want_stress, conditioning, &
                                 displacements, state, error)
+    !> Bodies, modes, factorization reports, pairs.
     type(contact_problem_t), intent(in) :: problem
     !> Its initial penetration is corrected where bodies are ill-conditioned.
     type(contact_qp_t), intent(inout) :: qp
+    !> Its compliance operator; entries that the scheme forms stay there.
     type(body_compliance_t), intent(inout) :: compliance
     !> (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> The scheme and its settings.
     type(scheme_run_t), intent(in) :: run
+    !> Watches the iteration.
     class(monitor_t), intent(inout) :: monitor
-    !> Whether displacements of all nodes are needed, and stresses with them.
-    logical, intent(in) :: are_needed, want_stress
+    !> Whether displacements of all nodes are needed.
+    logical, intent(in) :: are_needed
+    !> Whether stresses are wanted with them.
+    logical, intent(in) :: want_stress
     !> Counts steps of refinement (n_bodies).
     type(conditioning_t), intent(inout) :: conditioning(:)
+    !> Those of the state on return; counts recoveries.
     type(displacements_t), intent(inout) :: displacements
     !> That of the scheme; its bound includes rounding on return. Without pressures where the scheme found no solution
     !> after a correction.

@@ -23,14 +23,17 @@ module dotyk_control_error_budget
 
   !> Parts of the error, relative; NaN where a part is not known [].
   type, public :: error_budget_t
-    real(dp) :: penalty = 0, discretization = 0
+    !> Distance to the solution without penalty [].
+    real(dp) :: penalty = 0
+    !> Error of the mesh [].
+    real(dp) :: discretization = 0
     !> Work of the pressures on the remaining gaps under them, as the root of twice an energy: no part of the others [].
     real(dp) :: contact = 0
     !> Energy norm ||u||_A of the solution [sqrt(energy)].
     real(dp) :: norm = 0
-    !> Discretization, of each body, and of each element of each body; not allocated where nobody asked (n_bodies) [].
-    !> Squares add up.
+    !> Error of the mesh of each body; not allocated where nobody asked (n_bodies) []. Squares add up.
     real(dp), allocatable :: of_body(:)
+    !> That of each element of each body, likewise (n_bodies) [].
     type(element_field_t), allocatable :: of_element(:)
   contains
     procedure :: init => budget_init
@@ -63,22 +66,28 @@ contains
 
   !> Estimate the errors of a solution.
   subroutine estimate_errors(problem, qp, compliance, theta, linear_solver, is_exact, want_mesh, want_penalty, &
-    solution, state, &
-                             budget, error)
+                             solution, state, budget, error)
+    !> Bodies, modes, factorization reports, pairs.
     type(contact_problem_t), intent(in) :: problem
+    !> The quadratic programme.
     type(contact_qp_t), intent(in) :: qp
+    !> Its compliance operator; entries that the dual scheme forms stay there.
     class(compliance_t), intent(inout) :: compliance
     !> (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
-    !> As for the dual scheme; and whether the state is that of the dual scheme.
+    !> One of `linear_solver_*` of dotyk_base_options, for the dual scheme.
     integer, intent(in) :: linear_solver
+    !> Whether the state is that of the dual scheme.
     logical, intent(in) :: is_exact
-    !> Which errors are estimated.
-    logical, intent(in) :: want_mesh, want_penalty
+    !> Whether the error of the mesh is estimated.
+    logical, intent(in) :: want_mesh
+    !> Whether the error of the penalty is estimated.
+    logical, intent(in) :: want_penalty
     !> With displacements where the error of the mesh is wanted (n_bodies).
     type(body_solution_t), intent(in) :: solution(:)
     !> The end of its history gets the errors.
     type(solver_state_t), intent(inout) :: state
+    !> Parts that were not asked for, or are not known, are NaN.
     type(error_budget_t), intent(out) :: budget
     !> Allocated where a formula of a material cannot be evaluated, or an active set has no solution.
     type(error_t), allocatable, intent(out) :: error
@@ -107,6 +116,7 @@ contains
 
   !> Whether the iteration came near enough to its end for the other errors to be meaningful.
   pure logical function is_near(state)
+    !> Where the scheme ended.
     type(solver_state_t), intent(in) :: state
     is_near = size(state%m) == 0
     if (.not. (is_near .or. ieee_is_nan(state%error_bound))) is_near = state%error_bound < near_enough
@@ -114,6 +124,7 @@ contains
 
   !> The error of the mesh is not known.
   subroutine forget_mesh_error(budget)
+    !> With parts of the mesh; NaN on return.
     type(error_budget_t), intent(inout) :: budget
     real(dp) :: nan
     integer :: b
@@ -128,6 +139,7 @@ contains
 
   !> The error of the mesh.
   subroutine estimate_mesh_error(problem, solution, first_row, m, budget, error)
+    !> Bodies, modes, factorization reports, pairs.
     type(contact_problem_t), intent(in) :: problem
     !> With displacements (n_bodies).
     type(body_solution_t), intent(in) :: solution(:)
@@ -135,6 +147,7 @@ contains
     integer, intent(in) :: first_row(:)
     !> Pressures (n_rows) [pressure].
     real(dp), intent(in) :: m(:)
+    !> Gets discretization, contact and norm.
     type(error_budget_t), intent(inout) :: budget
     !> As in `estimate_errors`.
     type(error_t), allocatable, intent(out) :: error
@@ -148,8 +161,8 @@ contains
     do k = 1, size(problem%pair)
       associate (pair => problem%pair(k))
         work = work + complementarity_error(pair, problem%surface_a(k), problem%surface_b(k), &
-          solution(pair%body_a)%displacement, &
-                                        solution(pair%body_b)%displacement, m(first_row(k):first_row(k + 1) - 1))
+                                            solution(pair%body_a)%displacement, solution(pair%body_b)%displacement, &
+                                            m(first_row(k):first_row(k + 1) - 1))
       end associate
     end do
     budget%contact = 0

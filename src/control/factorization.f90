@@ -23,8 +23,10 @@ module dotyk_control_factorization
   !> What is known of a factor before it is made. It is that of the representative of a class; other bodies have the
   !> last three components only.
   type, public :: factor_size_t
-    !> Entries that are stored, and their memory [bytes].
-    integer(int64) :: entries = 0, bytes = 0
+    !> Entries that are stored.
+    integer(int64) :: entries = 0
+    !> Their memory [bytes].
+    integer(int64) :: bytes = 0
     !> Memory of the stiffness [bytes].
     integer(int64) :: stiffness_bytes = 0
     !> Floating-point operations of the factorization.
@@ -49,11 +51,13 @@ contains
 
   !> Order and analyse the representatives, side by side.
   subroutine analyze_bodies(body, modes, stiffness, classes, block, form, n_products, direct, size_of, error)
-    !> Assembled, with the modes that supports leave (n_bodies).
+    !> Assembled (n_bodies).
     type(body_t), intent(in) :: body(:)
+    !> Rigid body modes that supports leave (n_bodies).
     type(body_modes_t), intent(in) :: modes(:)
     !> Of the representatives; without the graphs of their nodes on return (n_bodies).
     type(stiffness_t), intent(inout) :: stiffness(:)
+    !> Classes of congruent bodies.
     type(congruence_classes_t), intent(in) :: classes
     !> Rows of B (n_bodies).
     type(contact_block_t), intent(in) :: block(:)
@@ -100,15 +104,21 @@ contains
 
   !> Order and analyse a representative, and choose how products with its compliance are made.
   subroutine analyze_body(body, modes, stiffness, contact_node, work, form, slot, size_of, error)
+    !> The representative, assembled.
     type(body_t), intent(in) :: body
+    !> Its rigid body modes.
     type(body_modes_t), intent(in) :: modes
+    !> Its stiffness; without the graph of the nodes on return.
     type(stiffness_t), intent(inout) :: stiffness
     !> Nodes where any body of the class may touch another (n).
     integer, intent(in) :: contact_node(:)
     !> Products to come.
     type(workload_t), intent(in) :: work
+    !> One of `response_*` of dotyk_base_options.
     integer, intent(in) :: form
+    !> Gets the analysed operator.
     type(direct_slot_t), intent(inout) :: slot
+    !> Size of the factor to come.
     type(factor_size_t), intent(out) :: size_of
     !> As in `analyze_bodies`.
     type(error_t), allocatable, intent(out) :: error
@@ -169,6 +179,7 @@ contains
   subroutine factorize_bodies(body, classes, split_near_null, size_of, stiffness, direct, report, error)
     !> Assembled (n_bodies).
     type(body_t), intent(in) :: body(:)
+    !> Classes of congruent bodies.
     type(congruence_classes_t), intent(in) :: classes
     !> Whether the scheme can solve for near-null-space modes.
     logical, intent(in) :: split_near_null
@@ -211,6 +222,7 @@ contains
   subroutine find_modes(body, classes, block, report, modes, at_contact, error)
     !> Assembled (n_bodies).
     type(body_t), intent(in) :: body(:)
+    !> Classes of congruent bodies.
     type(congruence_classes_t), intent(in) :: classes
     !> Rows of B (n_bodies).
     type(contact_block_t), intent(in) :: block(:)
@@ -241,10 +253,13 @@ contains
 
   !> The near-null-space modes of one body, separated by what its contact rows feel.
   subroutine take_near_null(body, block, report, modes, error)
+    !> The body, assembled.
     type(body_t), intent(in) :: body
+    !> Its rows of B.
     type(contact_block_t), intent(in) :: block
     !> Of the representative.
     type(factorization_report_t), intent(in) :: report
+    !> Replaced by the near-null-space modes.
     type(body_modes_t), intent(inout) :: modes
     !> As in `find_modes`.
     type(error_t), allocatable, intent(out) :: error
@@ -267,6 +282,7 @@ contains
   subroutine make_operators(body, classes, block, report, size_of, direct, response, operators)
     !> Assembled (n_bodies).
     type(body_t), intent(in) :: body(:)
+    !> Classes of congruent bodies.
     type(congruence_classes_t), intent(in) :: classes
     !> Rows of B (n_bodies).
     type(contact_block_t), intent(in) :: block(:)
@@ -298,6 +314,7 @@ contains
   subroutine collect(body, failed, error)
     !> (n_bodies).
     type(body_t), intent(in) :: body(:)
+    !> Errors of the bodies, not allocated on return (n_bodies).
     type(error_slot_t), intent(inout) :: failed(:)
     !> Allocated where one of them is.
     type(error_t), allocatable, intent(out) :: error

@@ -27,6 +27,7 @@ contains
   subroutine estimate_mesh_errors(body, classes, solution, of_element, norm_square, error)
     !> (n_bodies).
     type(body_t), intent(in) :: body(:)
+    !> Classes of congruent bodies.
     type(congruence_classes_t), intent(in) :: classes
     !> With displacements (n_bodies).
     type(body_solution_t), intent(in) :: solution(:)
@@ -56,14 +57,17 @@ contains
   subroutine estimate_some(first, classes, alike, solution, of_element, norm_square, error)
     !> Their representative.
     type(body_t), intent(in) :: first
+    !> Classes of congruent bodies.
     type(congruence_classes_t), intent(in) :: classes
     !> The bodies.
     integer, intent(in) :: alike(:)
     !> Of all bodies (n_bodies), as in `estimate_mesh_errors`.
     type(body_solution_t), intent(in) :: solution(:)
+    !> Squared errors; those of these bodies are set (n_bodies) [energy].
     type(element_field_t), intent(inout) :: of_element(:)
     !> Of each body (n_bodies) [energy].
     real(dp), intent(inout) :: norm_square(:)
+    !> As in `estimate_mesh_errors`.
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: u(:, :, :), square(:, :)
     real(dp) :: of_body(size(alike))

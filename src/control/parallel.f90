@@ -39,8 +39,9 @@ contains
     real(dp), intent(in) :: entries(:)
     !> The same digits on any number of threads: one BLAS thread.
     logical, intent(in) :: reproducible
-    !> Solve bodies at the same time, one thread each; otherwise one after the other, with so many BLAS threads.
+    !> Whether bodies are solved at the same time, one thread each; otherwise one after the other.
     logical, intent(out) :: side_by_side
+    !> BLAS threads of each solve.
     integer, intent(out) :: n_blas
     n_blas = 1
     side_by_side = sum(entries) - maxval(entries) > worth_a_region

@@ -24,14 +24,17 @@ contains
 
   !> Estimate from the state where a scheme ended.
   subroutine estimate_penalty_error(qp, compliance, theta, linear_solver, is_exact, state, distance, error)
+    !> The quadratic programme.
     type(contact_qp_t), intent(in) :: qp
+    !> Its compliance operator; entries that the dual scheme forms stay there.
     class(compliance_t), intent(inout) :: compliance
     !> Penalty parameters of the state (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
-    !> As for the dual scheme.
+    !> One of `linear_solver_*` of dotyk_base_options, for the dual scheme.
     integer, intent(in) :: linear_solver
     !> Whether the state is that of the dual scheme; that of another one is solved to the end first.
     logical, intent(in) :: is_exact
+    !> Where the scheme ended; used as a start.
     type(solver_state_t), intent(in) :: state
     !> ||u_theta - u_0||_A; NaN where theta = 0 has no solution, or none that was found [sqrt(energy)].
     real(dp), intent(out) :: distance
@@ -63,6 +66,7 @@ contains
 
   !> Whether a scheme found a solution.
   pure logical function is_usable(state)
+    !> Where a scheme ended.
     type(solver_state_t), intent(in) :: state
     is_usable = any(state%ended == [ended_converged, ended_stalled]) .and. allocated(state%m) .and. &
                 .not. ieee_is_nan(state%error_bound)

@@ -10,8 +10,10 @@ module dotyk_control_pressures
 
   !> Pressures of one pair.
   type, public :: pair_solution_t
-    !> Of the scheme, and projected on surface_a's linear shape functions (n_rows) [pressure].
-    real(dp), allocatable :: pressure(:), projected(:)
+    !> Pressure of the scheme (n_rows) [pressure].
+    real(dp), allocatable :: pressure(:)
+    !> The same, projected on the linear shape functions of surface_a (n_rows) [pressure].
+    real(dp), allocatable :: projected(:)
     !> Gap that is left, negative where the points penetrate (n_rows) [length].
     real(dp), allocatable :: gap(:)
     !> Resultant on body a (3) [force].
@@ -30,15 +32,19 @@ contains
 
   !> Pressures of all pairs. A node on several pairs gets the sum.
   subroutine project_pressures(problem, first_row, m, y, solution, nodal, error)
+    !> Bodies, pairs and their surfaces.
     type(contact_problem_t), intent(in) :: problem
     !> Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
     integer, intent(in) :: first_row(:)
-    !> Contact pressures [pressure] and B u - d [length] (n_rows).
-    real(dp), intent(in) :: m(:), y(:)
+    !> Contact pressures (n_rows) [pressure].
+    real(dp), intent(in) :: m(:)
+    !> B u - d (n_rows) [length].
+    real(dp), intent(in) :: y(:)
     !> (n_pairs).
     type(pair_solution_t), allocatable, intent(out) :: solution(:)
     !> Projected pressure at the nodes (n_bodies) [pressure].
     type(nodal_field_t), allocatable, intent(out) :: nodal(:)
+    !> Allocated where the mass matrix of a surface cannot be factorized; names the pair.
     type(error_t), allocatable, intent(out) :: error
     type(pressure_projection_t) :: projection
     real(dp), allocatable :: on_a(:), on_b(:)
@@ -67,8 +73,11 @@ contains
 
   !> total(node) += value.
   pure subroutine add_at(total, node, value)
+    !> Added to (n_nodes).
     real(dp), intent(inout) :: total(:)
+    !> Nodes, each once (n).
     integer, intent(in) :: node(:)
+    !> Values at these nodes (n).
     real(dp), intent(in) :: value(:)
     total(node) = total(node) + value
   end subroutine add_at

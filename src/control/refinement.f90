@@ -39,11 +39,16 @@ contains
 
   !> Refine the displacements of the bodies that need it.
   subroutine refine_bodies(problem, rows, compliance, m, alpha, conditioning, solution, left, error)
+    !> Bodies, modes, factorization reports, pairs.
     type(contact_problem_t), intent(in) :: problem
+    !> The quadratic programme, for its contact forces.
     type(contact_qp_t), intent(in) :: rows
+    !> Its compliance operator.
     type(body_compliance_t), intent(in) :: compliance
-    !> Contact pressures (n_rows) [pressure], amplitudes of the modes of all bodies [length].
-    real(dp), intent(in) :: m(:), alpha(:)
+    !> Contact pressures (n_rows) [pressure].
+    real(dp), intent(in) :: m(:)
+    !> Amplitudes of the modes of all bodies, body after body [length].
+    real(dp), intent(in) :: alpha(:)
     !> Counts steps (n_bodies).
     type(conditioning_t), intent(inout) :: conditioning(:)
     !> Recovered (n_bodies).
@@ -85,9 +90,12 @@ contains
   subroutine refuse_lost_pressures(body, conditioning, distance, norm, error)
     !> (n_bodies).
     type(body_t), intent(in) :: body(:)
+    !> Bodies that are not refined are not refused (n_bodies).
     type(conditioning_t), intent(in) :: conditioning(:)
-    !> Rounding of each body (n_bodies), and the solution, in the energy norm [sqrt(energy)].
-    real(dp), intent(in) :: distance(:), norm
+    !> Rounding of each body in the energy norm (n_bodies) [sqrt(energy)].
+    real(dp), intent(in) :: distance(:)
+    !> Energy norm of the solution [sqrt(energy)].
+    real(dp), intent(in) :: norm
     !> Allocated where no significant digit of the pressures in a body is left.
     type(error_t), allocatable, intent(out) :: error
     real(dp) :: ratio
@@ -107,9 +115,11 @@ contains
 
   !> The error of a body whose displacement has no significant digit.
   subroutine refuse(body, condition, error)
+    !> The body.
     type(body_t), intent(in) :: body
     !> Of its stiffness [].
     real(dp), intent(in) :: condition
+    !> Allocated on return; names a likely cause.
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: cause
     call diagnose_conditioning(body%mesh, body%analysis, body%material, cause)
@@ -121,6 +131,7 @@ contains
 
   !> Penetrations of the contact rows, from the displacements.
   subroutine penetrations(rows, solution, y)
+    !> Rows of B and gaps.
     type(contact_qp_t), intent(in) :: rows
     !> (n_bodies).
     type(body_solution_t), intent(in) :: solution(:)
@@ -145,6 +156,7 @@ contains
   real(dp) function energy_of(body, rows, theta, solution, y) result(energy)
     !> (n_bodies).
     type(body_t), intent(in) :: body(:)
+    !> Weights of the rows.
     type(contact_qp_t), intent(in) :: rows
     !> (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
@@ -161,9 +173,11 @@ contains
 
   !> Refine one body, without its modes.
   subroutine refine(body, report, response, load, u, steps, left, norm, error)
+    !> The body, assembled.
     type(body_t), intent(in) :: body
     !> Of the representative of its class.
     type(factorization_report_t), intent(in) :: report
+    !> Compliance operator of its representative, the preconditioner.
     class(response_t), intent(in) :: response
     !> All forces (dim, n_nodes) [force].
     real(dp), intent(in) :: load(:, :)
@@ -171,8 +185,11 @@ contains
     real(dp), intent(inout) :: u(:, :)
     !> Grows.
     integer, intent(inout) :: steps
-    !> Energy norms of what is left of the residual, and of the displacement [sqrt(energy)].
-    real(dp), intent(out) :: left, norm
+    !> Energy norm of what is left of the residual [sqrt(energy)].
+    real(dp), intent(out) :: left
+    !> Energy norm of the displacement [sqrt(energy)].
+    real(dp), intent(out) :: norm
+    !> Allocated where a formula of the material cannot be evaluated.
     type(error_t), allocatable, intent(out) :: error
     real(qp), allocatable :: x(:), best(:)
     real(dp), allocatable :: r(:), z(:), d(:), q(:)
@@ -225,6 +242,7 @@ contains
 
   !> The stiffness, with its springs against near-null-space modes, times a displacement.
   subroutine apply_stiffness(body, report, x, with_prescribed, product, energy, error)
+    !> The body.
     type(body_t), intent(in) :: body
     !> Of the representative of its class.
     type(factorization_report_t), intent(in) :: report
@@ -236,6 +254,7 @@ contains
     real(dp), intent(out) :: product(:)
     !> [force length].
     real(dp), intent(out) :: energy
+    !> As in `refine`.
     type(error_t), allocatable, intent(out) :: error
     real(qp), allocatable :: u(:, :)
     real(dp), allocatable :: force(:, :)

@@ -40,6 +40,7 @@ contains
   !> An upper limit of rounding, of each body: u is wrong by no more than epsilon of `sqrt(u^T D u)`, D the diagonal of
   !> the stiffness, over the root of the least eigenvalue with respect to D; u itself bounds that eigenvalue from above.
   subroutine expect_rounding(problem, solution, norm, distance)
+    !> Bodies, modes, factorization reports, pairs.
     type(contact_problem_t), intent(in) :: problem
     !> Recovered (n_bodies).
     type(body_solution_t), intent(in) :: solution(:)
@@ -66,8 +67,11 @@ contains
 
   !> The rounding error of each body.
   subroutine measure_rounding(problem, rows, compliance, m, solution, distance, error)
+    !> Bodies, modes, factorization reports, pairs.
     type(contact_problem_t), intent(in) :: problem
+    !> The quadratic programme, for its contact forces.
     type(contact_qp_t), intent(in) :: rows
+    !> Its compliance operator.
     type(body_compliance_t), intent(in) :: compliance
     !> Contact pressures (n_rows) [pressure].
     real(dp), intent(in) :: m(:)
@@ -97,8 +101,11 @@ contains
 
   !> One body.
   subroutine measure_body(body, rows, compliance, b, m, u, distance, error)
+    !> The body.
     type(body_t), intent(in) :: body
+    !> The quadratic programme, for its contact forces.
     type(contact_qp_t), intent(in) :: rows
+    !> Its compliance operator.
     type(body_compliance_t), intent(in) :: compliance
     !> Index of the body.
     integer, intent(in) :: b
@@ -135,14 +142,18 @@ contains
   !> Energy of a displacement that closes the difference of the gaps by displacements and by the scheme, where there is
   !> pressure: the nodes at each row move alone, against their nodal stiffness.
   real(dp) function gap_rounding(rows, theta, compliance, solution, m, y) result(distance)
+    !> Rows of B, weights and gaps.
     type(contact_qp_t), intent(in) :: rows
     !> (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
+    !> For the stiffness of the nodes.
     type(body_compliance_t), intent(in) :: compliance
     !> Recovered (n_bodies).
     type(body_solution_t), intent(in) :: solution(:)
-    !> Contact pressures (n_rows) [pressure], B u - d of the scheme (n_rows) [length].
-    real(dp), intent(in) :: m(:), y(:)
+    !> Contact pressures (n_rows) [pressure].
+    real(dp), intent(in) :: m(:)
+    !> B u - d of the scheme (n_rows) [length].
+    real(dp), intent(in) :: y(:)
     real(dp), allocatable :: difference(:), yields(:)
     allocate (difference(size(y)), yields(size(y)))
     call penetrations(rows, solution, difference)
@@ -177,8 +188,10 @@ contains
   !> A pattern of signs without order: neighbours are not rounded alike. i enters modulo 7, so that no product
   !> overflows.
   elemental logical function is_negative(i, k)
-    !> Node and component.
-    integer, intent(in) :: i, k
+    !> Node.
+    integer, intent(in) :: i
+    !> Component.
+    integer, intent(in) :: k
     integer :: j
     j = mod(i, 7)
     is_negative = mod(j*(j + 3) + 5*k*j, 7) < 3
@@ -200,8 +213,10 @@ contains
 
   !> Rounding as a fraction of the solution [].
   pure real(dp) function relative_rounding(distance, norm, conditioning) result(rounding)
-    !> Contributions, of the solution [sqrt(energy)].
-    real(dp), intent(in) :: distance(:), norm
+    !> Contributions (n) [sqrt(energy)].
+    real(dp), intent(in) :: distance(:)
+    !> Energy norm of the solution [sqrt(energy)].
+    real(dp), intent(in) :: norm
     !> (n_bodies).
     type(conditioning_t), intent(in) :: conditioning(:)
     rounding = 0
@@ -210,8 +225,11 @@ contains
 
   !> Whether all bodies move without strain, so that the energy of their displacements is nothing but rounding.
   pure logical function is_strain_free(distance, norm, conditioning)
+    !> Contributions (n) [sqrt(energy)].
+    real(dp), intent(in) :: distance(:)
+    !> Energy norm of the solution [sqrt(energy)].
+    real(dp), intent(in) :: norm
     !> As in `relative_rounding`.
-    real(dp), intent(in) :: distance(:), norm
     type(conditioning_t), intent(in) :: conditioning(:)
     is_strain_free = .not. (any(conditioning%is_measured) .or. norm2(distance) < all_rounding*norm)
   end function is_strain_free

@@ -15,7 +15,9 @@ module dotyk_control_scheme_run
 
   !> A scheme and its settings.
   type, public :: scheme_run_t
+    !> The scheme.
     class(scheme_t), allocatable :: scheme
+    !> What the user chose for it.
     type(solver_settings_t) :: settings
   contains
     procedure :: solve => run_solve
@@ -26,12 +28,15 @@ contains
   !> Solve a QP; the new steps are added to the history of the state, and max_iterations holds for all of them.
   subroutine run_solve(self, qp, compliance, theta, n_blas, monitor, state, error)
     class(scheme_run_t), intent(in) :: self
+    !> The quadratic programme.
     type(contact_qp_t), intent(in) :: qp
+    !> Its compliance operator; entries that the scheme forms stay there.
     class(compliance_t), intent(inout) :: compliance
     !> (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> BLAS threads of each solve.
     integer, intent(in) :: n_blas
+    !> Watches the iteration.
     class(monitor_t), intent(inout) :: monitor
     !> Where to begin if it has pressures; where the scheme ended.
     type(solver_state_t), intent(inout) :: state
