@@ -25,7 +25,8 @@ module dotyk_control_scheme_run
 
 contains
 
-  !> Solve a QP; the new steps are added to the history of the state, and max_iterations holds for all of them.
+  !> Solve a QP, or continue a paused iteration; the new steps are added to the history of the state, and
+  !> max_iterations holds for all of them.
   subroutine run_solve(self, qp, compliance, theta, n_blas, monitor, state, error)
     class(scheme_run_t), intent(in) :: self
     !> The quadratic programme.
@@ -44,14 +45,19 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(solver_settings_t) :: settings
     type(history_t) :: earlier
-    earlier = state%history
+    logical :: is_new
+    ! A paused iteration continues the history itself.
+    is_new = .not. allocated(state%paused)
     settings = self%settings
-    settings%max_iterations = max(1, settings%max_iterations - earlier%n)
+    if (is_new) then
+      earlier = state%history
+      settings%max_iterations = max(1, settings%max_iterations - earlier%n)
+    end if
     call set_blas_threads(n_blas)
     call self%scheme%solve(qp, compliance, theta, settings, monitor, state, error)
     call set_blas_threads(1)
     if (allocated(error)) return
-    call state%history%put_after(earlier)
+    if (is_new) call state%history%put_after(earlier)
     state%iterations = state%history%n
   end subroutine run_solve
 end module dotyk_control_scheme_run

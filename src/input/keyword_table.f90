@@ -302,6 +302,7 @@ contains
                   'with theta = 0; discretization, the estimated error of the mesh')
     call list%add('interval', kind_real, default='0', unit='seconds', not_negative=.true., &
                   meaning='time between intermediate results of an iterative scheme, written with status '// &
-                  '''running''; 0: results at the end only')
+                  '''running''; the iterates stay the same; scheme ''dual'' writes between the solutions for the '// &
+                  'error budget only; 0: results at the end only')
   end subroutine add_output
 end module dotyk_input_keyword_table

@@ -15,8 +15,8 @@ module dotyk_scheme_accelerated
   use dotyk_scheme_monitor, only: monitor_t
   use dotyk_scheme_neumann, only: begin_iteration, evaluate_step, finish_iteration
   use dotyk_scheme_scheme, only: scheme_t
-  use dotyk_scheme_solver_state, only: solver_state_t
-  use dotyk_scheme_stopping, only: solver_settings_t, stopping_t
+  use dotyk_scheme_solver_state, only: paused_t, solver_state_t
+  use dotyk_scheme_stopping, only: iteration_t, solver_settings_t, take_up
   implicit none
   private
 
@@ -45,6 +45,17 @@ module dotyk_scheme_accelerated
   contains
     procedure :: add => changes_add
   end type changes_t
+
+  !> The iteration with its memory.
+  type, extends(iteration_t) :: accelerated_t
+    type(changes_t) :: changes
+    !> max(0, y)/theta and C W p at the iterate (n_rows) [pressure], [length].
+    real(dp), allocatable :: p(:), z(:)
+    !> The iterate of the least residual since the history was dropped (n_rows) [pressure], [length].
+    real(dp), allocatable :: best_m(:), best_y(:)
+    !> Residual of the iterate, and the least one since the history was dropped [sqrt(energy)].
+    real(dp) :: residual = 0, least = huge(1.0_dp)
+  end type accelerated_t
 
   abstract interface
     !> Move an iterate to the next one.
@@ -107,7 +118,7 @@ contains
     end associate
   end subroutine secant_solve
 
-  !> The safeguarded iteration.
+  !> The safeguarded iteration: from u_0 or the state, or a paused one.
   subroutine iterate(qp, compliance, theta, settings, n_remembered, most_growth, extrapolate, monitor, state)
     type(contact_qp_t), intent(in) :: qp
     class(compliance_t), intent(inout) :: compliance
@@ -121,54 +132,110 @@ contains
     procedure(extrapolation) :: extrapolate
     class(monitor_t), intent(inout) :: monitor
     type(solver_state_t), intent(inout) :: state
-    type(stopping_t) :: stopping
-    type(changes_t) :: changes
-    real(dp), allocatable :: p(:), z(:), f_m(:), f_y(:), best_m(:), best_y(:)
-    real(dp) :: residual, least
-    integer :: n
+    class(paused_t), allocatable :: paused
+    logical :: finished
+    call take_up(settings, state, paused)
+    finished = .false.
+    if (.not. allocated(paused)) &
+      call begin(qp, compliance, theta, settings, n_remembered, monitor, state, paused, finished)
+    select type (paused)
+    type is (accelerated_t)
+      do while (.not. finished)
+        call step(qp, most_growth, extrapolate, paused, state)
+        call measure(qp, compliance, theta, paused, monitor, state, finished)
+      end do
+    end select
+    call finish_iteration(monitor, state, paused)
+  end subroutine iterate
 
+  !> The first iterate, without any change to remember.
+  subroutine begin(qp, compliance, theta, settings, n_remembered, monitor, state, paused, finished)
+    type(contact_qp_t), intent(in) :: qp
+    class(compliance_t), intent(inout) :: compliance
+    !> (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    type(solver_settings_t), intent(in) :: settings
+    !> Changes that the extrapolation uses at most.
+    integer, intent(in) :: n_remembered
+    class(monitor_t), intent(inout) :: monitor
+    !> As in `begin_iteration`.
+    type(solver_state_t), intent(inout) :: state
+    !> An `accelerated_t`.
+    class(paused_t), allocatable, intent(out) :: paused
+    !> Whether the first iterate is the last one.
+    logical, intent(out) :: finished
+    type(accelerated_t), allocatable :: now
+    integer :: n
     call begin_iteration(qp, compliance, theta, settings, state)
+    allocate (now)
+    finished = .true.
     n = size(state%m)
     if (n > 0) then
-      allocate (p(n), z(n))
-      allocate (changes%f_m(n, n_remembered), changes%f_y(n, n_remembered))
-      allocate (changes%g_m(n, n_remembered), changes%g_y(n, n_remembered))
-      least = huge(least)
+      allocate (now%p(n), now%z(n))
+      allocate (now%changes%f_m(n, n_remembered), now%changes%f_y(n, n_remembered))
+      allocate (now%changes%g_m(n, n_remembered), now%changes%g_y(n, n_remembered))
       ! No contraction factor is proven.
-      state%q_predicted = ieee_value(residual, ieee_quiet_nan)
+      state%q_predicted = ieee_value(state%q_predicted, ieee_quiet_nan)
       ! A gamma that is too large is reduced by the safeguard, which takes steps: hence the patience of a contracting
       ! iteration.
-      call stopping%begin(settings, contraction(2/(2 + state%lambda_max), state%lambda_max), safeguarded=.true.)
-      do
-        call evaluate_step(qp, compliance, theta, state%m, state%y, p, z, residual)
-        if (stopping%check(qp, theta, residual, state%gamma*residual, .false., monitor, state)) exit
-        if (residual/most_growth > least) then
-          state%m = best_m
-          state%y = best_y
-          least = huge(least)
-          ! The cause may be gamma.
-          state%gamma = min(state%gamma, 2/(2 + state%lambda_max))
-          changes%steps = -1
-          cycle
-        end if
-        if (residual < least) then
-          least = residual
-          best_m = state%m
-          best_y = state%y
-        end if
-        f_m = state%gamma*(p - state%m)
-        f_y = state%gamma*(qp%initial_penetration - z - state%y)
-        call changes%add(state%m, state%y, f_m, f_y)
-        if (changes%n > 0) then
-          call extrapolate(qp%weight, changes, f_m, f_y, state%m, state%y)
-        else
-          state%m = state%m + f_m
-          state%y = state%y + f_y
-        end if
-      end do
+      call now%stopping%begin(settings, contraction(2/(2 + state%lambda_max), state%lambda_max), safeguarded=.true.)
+      call measure(qp, compliance, theta, now, monitor, state, finished)
     end if
-    call finish_iteration(monitor, state)
-  end subroutine iterate
+    call move_alloc(now, paused)
+  end subroutine begin
+
+  !> Evaluate an iterate, and record it.
+  subroutine measure(qp, compliance, theta, now, monitor, state, finished)
+    type(contact_qp_t), intent(in) :: qp
+    class(compliance_t), intent(inout) :: compliance
+    !> (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    !> Gets p, z and the residual.
+    type(accelerated_t), intent(inout) :: now
+    class(monitor_t), intent(inout) :: monitor
+    !> With the iterate.
+    type(solver_state_t), intent(inout) :: state
+    !> Whether it is the last one.
+    logical, intent(out) :: finished
+    call evaluate_step(qp, compliance, theta, state%m, state%y, now%p, now%z, now%residual)
+    finished = now%stopping%check(qp, theta, now%residual, state%gamma*now%residual, .false., monitor, state)
+  end subroutine measure
+
+  !> Extrapolate to the next iterate; where the residual has grown, go back to the best one.
+  subroutine step(qp, most_growth, extrapolate, now, state)
+    type(contact_qp_t), intent(in) :: qp
+    !> As in `iterate` [].
+    real(dp), intent(in) :: most_growth
+    procedure(extrapolation) :: extrapolate
+    !> Evaluated.
+    type(accelerated_t), intent(inout) :: now
+    !> Gets the next iterate.
+    type(solver_state_t), intent(inout) :: state
+    real(dp), allocatable :: f_m(:), f_y(:)
+    if (now%residual/most_growth > now%least) then
+      state%m = now%best_m
+      state%y = now%best_y
+      now%least = huge(now%least)
+      ! The cause may be gamma.
+      state%gamma = min(state%gamma, 2/(2 + state%lambda_max))
+      now%changes%steps = -1
+      return
+    end if
+    if (now%residual < now%least) then
+      now%least = now%residual
+      now%best_m = state%m
+      now%best_y = state%y
+    end if
+    f_m = state%gamma*(now%p - state%m)
+    f_y = state%gamma*(qp%initial_penetration - now%z - state%y)
+    call now%changes%add(state%m, state%y, f_m, f_y)
+    if (now%changes%n > 0) then
+      call extrapolate(qp%weight, now%changes, f_m, f_y, state%m, state%y)
+    else
+      state%m = state%m + f_m
+      state%y = state%y + f_y
+    end if
+  end subroutine step
 
   !> Record a step; the oldest change makes room.
   subroutine changes_add(self, m, y, f_m, f_y)

@@ -25,6 +25,8 @@ module dotyk_scheme_history
     integer, allocatable :: active(:)
     !> Lengths of the last steps in the energy norm, newest first [sqrt(energy)].
     real(dp), private :: length(11) = 0
+    !> Steps that `length` has seen: those of this iteration, without earlier ones that were put before it.
+    integer, private :: n_lengths = 0
   contains
     procedure :: add => history_add
     procedure :: finish => history_finish
@@ -44,6 +46,7 @@ contains
     if (self%n == size(self%seconds)) call resize(self, 2*self%n)
     self%n = self%n + 1
     self%length = [length, self%length(:size(self%length) - 1)]
+    self%n_lengths = self%n_lengths + 1
     self%seconds(self%n) = seconds
     self%increment(self%n) = increment
     self%error_bound(self%n) = error_bound
@@ -107,7 +110,7 @@ contains
     class(history_t), intent(in) :: self
     integer :: span
     q = ieee_value(q, ieee_quiet_nan)
-    span = min(size(self%length), self%n) - 1
+    span = min(size(self%length), self%n_lengths) - 1
     if (span < 1) return
     if (.not. self%length(span + 1) > 0) return
     q = (self%length(1)/self%length(span + 1))**(1.0_dp/span)

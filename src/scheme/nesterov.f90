@@ -12,8 +12,8 @@ module dotyk_scheme_nesterov
   use dotyk_scheme_monitor, only: monitor_t
   use dotyk_scheme_neumann, only: begin_iteration, evaluate_step, finish_iteration
   use dotyk_scheme_scheme, only: scheme_t
-  use dotyk_scheme_solver_state, only: solver_state_t
-  use dotyk_scheme_stopping, only: solver_settings_t, stopping_t
+  use dotyk_scheme_solver_state, only: paused_t, solver_state_t
+  use dotyk_scheme_stopping, only: iteration_t, solver_settings_t, take_up
   implicit none
   private
 
@@ -23,9 +23,19 @@ module dotyk_scheme_nesterov
     procedure :: solve => nesterov_solve
   end type nesterov_t
 
+  !> The iteration with its momentum.
+  type, extends(iteration_t) :: momentum_t
+    !> max(0, y)/theta and C W p at the iterate (n_rows) [pressure], [length].
+    real(dp), allocatable :: p(:), z(:)
+    !> The last point without momentum (n_rows) [pressure], [length].
+    real(dp), allocatable :: m_old(:), y_old(:)
+    !> Nesterov's sequence t_k [].
+    real(dp) :: t = 1
+  end type momentum_t
+
 contains
 
-  !> Iterate from u_0 or the state; gamma is 1/(1+L) whatever the settings say.
+  !> Iterate from u_0 or the state, or continue a paused iteration; gamma is 1/(1+L) whatever the settings say.
   subroutine nesterov_solve(self, qp, compliance, theta, settings, monitor, state, error)
     class(nesterov_t), intent(in) :: self
     !> Of held bodies.
@@ -38,40 +48,94 @@ contains
     type(solver_state_t), intent(inout) :: state
     !> Never allocated.
     type(error_t), allocatable, intent(out) :: error
-    type(stopping_t) :: stopping
-    real(dp), allocatable :: p(:), z(:), m(:), y(:), m_old(:), y_old(:)
-    real(dp) :: residual, gamma, t, t_next, momentum
-
-    call begin_iteration(qp, compliance, theta, settings, state)
-    if (qp%n_rows > 0) then
-      gamma = 1/(1 + state%lambda_max)
-      state%gamma = gamma
-      ! Typical of momentum, but not proven for restarts.
-      state%q_predicted = ieee_value(gamma, ieee_quiet_nan)
-      allocate (p(size(state%m)), z(size(state%m)))
-      m_old = state%m
-      y_old = state%y
-      t = 1
-      call stopping%begin(settings, 1 - 1/sqrt(1 + state%lambda_max))
-      do
-        ! Evaluated at the point with momentum, which is the iterate that is measured: its bound is the residual.
-        call evaluate_step(qp, compliance, theta, state%m, state%y, p, z, residual)
-        if (stopping%check(qp, theta, residual, gamma*residual, .false., monitor, state)) exit
-        m = state%m + gamma*(p - state%m)
-        y = state%y + gamma*(qp%initial_penetration - z - state%y)
-        ! Energy product of the step and the last change; C W m = y_0 - y.
-        if (sum(qp%weight*(p - state%m)*(y_old - y)) < 0) t = 1
-        t_next = (1 + sqrt(1 + 4*t**2))/2
-        momentum = (t - 1)/t_next
-        t = t_next
-        state%m = m + momentum*(m - m_old)
-        state%y = y + momentum*(y - y_old)
-        m_old = m
-        y_old = y
+    class(paused_t), allocatable :: paused
+    logical :: finished
+    call take_up(settings, state, paused)
+    finished = .false.
+    if (.not. allocated(paused)) call begin(qp, compliance, theta, settings, monitor, state, paused, finished)
+    select type (paused)
+    type is (momentum_t)
+      do while (.not. finished)
+        call step(qp, paused, state)
+        call measure(qp, compliance, theta, paused, monitor, state, finished)
       end do
-    end if
-    call finish_iteration(monitor, state)
+    end select
+    call finish_iteration(monitor, state, paused)
     associate (not_needed => same_type_as(self, self), nor_this => allocated(error))
     end associate
   end subroutine nesterov_solve
+
+  !> The first iterate, without momentum.
+  subroutine begin(qp, compliance, theta, settings, monitor, state, paused, finished)
+    type(contact_qp_t), intent(in) :: qp
+    class(compliance_t), intent(inout) :: compliance
+    !> (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    type(solver_settings_t), intent(in) :: settings
+    class(monitor_t), intent(inout) :: monitor
+    !> As in `begin_iteration`.
+    type(solver_state_t), intent(inout) :: state
+    !> A `momentum_t`.
+    class(paused_t), allocatable, intent(out) :: paused
+    !> Whether the first iterate is the last one.
+    logical, intent(out) :: finished
+    type(momentum_t), allocatable :: momentum
+    call begin_iteration(qp, compliance, theta, settings, state)
+    allocate (momentum)
+    finished = .true.
+    if (qp%n_rows > 0) then
+      state%gamma = 1/(1 + state%lambda_max)
+      ! Typical of momentum, but not proven for restarts.
+      state%q_predicted = ieee_value(state%q_predicted, ieee_quiet_nan)
+      allocate (momentum%p(qp%n_rows), momentum%z(qp%n_rows))
+      momentum%m_old = state%m
+      momentum%y_old = state%y
+      call momentum%stopping%begin(settings, 1 - 1/sqrt(1 + state%lambda_max))
+      call measure(qp, compliance, theta, momentum, monitor, state, finished)
+    end if
+    call move_alloc(momentum, paused)
+  end subroutine begin
+
+  !> Evaluate an iterate, the point with momentum, and record it: its bound is the residual.
+  subroutine measure(qp, compliance, theta, momentum, monitor, state, finished)
+    type(contact_qp_t), intent(in) :: qp
+    class(compliance_t), intent(inout) :: compliance
+    !> (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    !> Gets p and z.
+    type(momentum_t), intent(inout) :: momentum
+    class(monitor_t), intent(inout) :: monitor
+    !> With the iterate.
+    type(solver_state_t), intent(inout) :: state
+    !> Whether it is the last one.
+    logical, intent(out) :: finished
+    real(dp) :: residual
+    call evaluate_step(qp, compliance, theta, state%m, state%y, momentum%p, momentum%z, residual)
+    finished = momentum%stopping%check(qp, theta, residual, state%gamma*residual, .false., monitor, state)
+  end subroutine measure
+
+  !> A gradient step from the iterate, and the momentum of the next one.
+  subroutine step(qp, momentum, state)
+    type(contact_qp_t), intent(in) :: qp
+    !> Evaluated.
+    type(momentum_t), intent(inout) :: momentum
+    !> Gets the next iterate.
+    type(solver_state_t), intent(inout) :: state
+    real(dp), allocatable :: m(:), y(:)
+    real(dp) :: t_next, share
+    allocate (m(size(state%m)), y(size(state%m)))
+    associate (gamma => state%gamma, p => momentum%p, z => momentum%z, t => momentum%t)
+      m = state%m + gamma*(p - state%m)
+      y = state%y + gamma*(qp%initial_penetration - z - state%y)
+      ! Energy product of the step and the last change; C W m = y_0 - y.
+      if (sum(qp%weight*(p - state%m)*(momentum%y_old - y)) < 0) t = 1
+      t_next = (1 + sqrt(1 + 4*t**2))/2
+      share = (t - 1)/t_next
+      t = t_next
+    end associate
+    state%m = m + share*(m - momentum%m_old)
+    state%y = y + share*(y - momentum%y_old)
+    call move_alloc(m, momentum%m_old)
+    call move_alloc(y, momentum%y_old)
+  end subroutine step
 end module dotyk_scheme_nesterov

@@ -15,8 +15,8 @@ module dotyk_scheme_neumann
   use dotyk_scheme_monitor, only: monitor_t
   use dotyk_scheme_relaxation, only: estimate_lambda_max, relaxation_parameter
   use dotyk_scheme_scheme, only: scheme_t
-  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged
-  use dotyk_scheme_stopping, only: solver_settings_t, stopping_t
+  use dotyk_scheme_solver_state, only: paused_t, solver_state_t, ended_converged, ended_time
+  use dotyk_scheme_stopping, only: iteration_t, solver_settings_t, stopping_t, take_up
   implicit none
   private
 
@@ -30,7 +30,7 @@ module dotyk_scheme_neumann
 
 contains
 
-  !> Iterate from u_0, the solution without contact, or from the state.
+  !> Iterate from u_0, the solution without contact, or from the state; continue a paused iteration.
   subroutine neumann_solve(self, qp, compliance, theta, settings, monitor, state, error)
     class(neumann_t), intent(in) :: self
     !> Of held bodies.
@@ -43,9 +43,40 @@ contains
     type(solver_state_t), intent(inout) :: state
     !> Allocated where the rule of the paper is to end the iteration, and gamma is beyond Theorem 3.
     type(error_t), allocatable, intent(out) :: error
+    class(paused_t), allocatable :: paused
+    call take_up(settings, state, paused)
+    if (.not. allocated(paused)) then
+      call begin(qp, compliance, theta, settings, monitor, state, paused, error)
+      if (allocated(error)) return
+    end if
+    select type (paused)
+    type is (iteration_t)
+      if (qp%n_rows > 0) call iterate(qp, compliance, theta, paused%stopping, monitor, state)
+    end select
+    call finish_iteration(monitor, state, paused)
+    associate (not_needed => same_type_as(self, self))
+    end associate
+  end subroutine neumann_solve
+
+  !> The first iterate, with gamma and the stopping criterion.
+  subroutine begin(qp, compliance, theta, settings, monitor, state, paused, error)
+    type(contact_qp_t), intent(in) :: qp
+    class(compliance_t), intent(inout) :: compliance
+    !> (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    type(solver_settings_t), intent(in) :: settings
+    class(monitor_t), intent(inout) :: monitor
+    !> As in `begin_iteration`.
+    type(solver_state_t), intent(inout) :: state
+    !> An `iteration_t`: a step depends on the last iterate alone.
+    class(paused_t), allocatable, intent(out) :: paused
+    !> As in `neumann_solve`.
+    type(error_t), allocatable, intent(out) :: error
+    type(iteration_t), allocatable :: iteration
     logical :: is_first
     is_first = .not. state%lambda_max > 0
     call begin_iteration(qp, compliance, theta, settings, state)
+    allocate (iteration)
     if (qp%n_rows > 0) then
       if (settings%stop_rule == stop_paper .and. .not. state%gamma < gamma_limit_of_paper(state%lambda_max)) then
         call set_error(error, "&solver: stop_rule='paper' needs gamma < gamma_2 = "// &
@@ -54,12 +85,10 @@ contains
         return
       end if
       if (is_first) call announce(monitor, state)
-      call iterate(qp, compliance, theta, settings, monitor, state)
+      call iteration%stopping%begin(settings, state%q_predicted)
     end if
-    call finish_iteration(monitor, state)
-    associate (not_needed => same_type_as(self, self))
-    end associate
-  end subroutine neumann_solve
+    call move_alloc(iteration, paused)
+  end subroutine begin
 
   !> The first iterate of any form of the scheme, u_0 unless the state has pressures, with L and gamma. Without contact
   !> rows it is the solution.
@@ -92,33 +121,37 @@ contains
     state%q_predicted = contraction(state%gamma, state%lambda_max)
   end subroutine begin_iteration
 
-  !> The end of an iteration: its history is cut, and its contraction measured.
-  subroutine finish_iteration(monitor, state)
+  !> The end of an iteration, or its pause at the time limit: its history is cut, and its contraction measured.
+  subroutine finish_iteration(monitor, state, paused)
     class(monitor_t), intent(inout) :: monitor
+    !> Gets the iteration where it pauses.
     type(solver_state_t), intent(inout) :: state
+    !> The iteration.
+    class(paused_t), allocatable, intent(inout) :: paused
     call monitor%finish()
     call state%history%finish()
     state%iterations = state%history%n
     state%q_measured = 0
     if (state%iterations > 0) state%q_measured = state%history%measured_contraction()
+    if (state%ended == ended_time) call move_alloc(paused, state%paused)
   end subroutine finish_iteration
 
   !> The steps of (43), (44).
-  subroutine iterate(qp, compliance, theta, settings, monitor, state)
+  subroutine iterate(qp, compliance, theta, stopping, monitor, state)
     type(contact_qp_t), intent(in) :: qp
     class(compliance_t), intent(inout) :: compliance
     !> (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
-    type(solver_settings_t), intent(in) :: settings
+    !> Begun.
+    type(stopping_t), intent(inout) :: stopping
     class(monitor_t), intent(inout) :: monitor
+    !> With L, gamma and an iterate.
     type(solver_state_t), intent(inout) :: state
-    type(stopping_t) :: stopping
     real(dp), allocatable :: p(:), z(:)
     real(dp) :: residual, gamma
 
     allocate (p(qp%n_rows), z(qp%n_rows))
     gamma = state%gamma
-    call stopping%begin(settings, state%q_predicted)
     do
       call evaluate_step(qp, compliance, theta, state%m, state%y, p, z, residual)
       state%m = gamma*p + (1 - gamma)*state%m

@@ -18,8 +18,8 @@ module dotyk_scheme_robin
   use dotyk_scheme_monitor, only: monitor_t
   use dotyk_scheme_neumann, only: begin_iteration, evaluate_step, finish_iteration
   use dotyk_scheme_scheme, only: scheme_t
-  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_limit, ended_stalled
-  use dotyk_scheme_stopping, only: solver_settings_t, stopping_t, relative
+  use dotyk_scheme_solver_state, only: paused_t, solver_state_t, ended_converged, ended_limit, ended_stalled
+  use dotyk_scheme_stopping, only: iteration_t, relative, solver_settings_t, take_up
   implicit none
   private
 
@@ -38,6 +38,19 @@ module dotyk_scheme_robin
     real(dp), allocatable :: compliance(:, :), inverse(:, :)
   end type side_t
 
+  !> The iteration on both sides of the rows. It keeps the matrices in a pause: to make them again would cost more than
+  !> many steps.
+  type, extends(iteration_t) :: two_sides_t
+    !> (n_bodies).
+    type(side_t), allocatable :: side(:)
+    !> Rows that the inverses have springs on (n_rows).
+    logical, allocatable :: likely(:)
+    !> Penetrations by the displacements of both sides (n_rows) [length].
+    real(dp), allocatable :: y(:)
+    !> Tolerance of the sides, which becomes smaller until their mean has the one that was asked for [].
+    real(dp) :: tolerance = 0
+  end type two_sides_t
+
   !> Relaxation: F'' <= A + 2 X on points that are glued on both sides, so that gamma < 1 converges; more is faster.
   real(dp), parameter :: relaxation = 0.9_dp
   !> The factor per step is not known beforehand; no gain for ten times 1/(1-q) steps is no hope.
@@ -55,7 +68,8 @@ contains
     end associate
   end function robin_expected_products
 
-  !> Iterate from u_0 or the state; rows count as likely to be active once they penetrated.
+  !> Iterate from u_0 or the state, or continue a paused iteration; rows count as likely to be active once they
+  !> penetrated.
   subroutine robin_solve(self, qp, compliance, theta, settings, monitor, state, error)
     class(robin_t), intent(in) :: self
     !> Of held bodies.
@@ -68,77 +82,134 @@ contains
     type(solver_state_t), intent(inout) :: state
     !> Allocated where the matrix of a body is singular.
     type(error_t), allocatable, intent(out) :: error
-    type(stopping_t) :: stopping
-    type(solver_state_t) :: mean
-    type(side_t), allocatable :: side(:)
-    real(dp), allocatable :: p(:), z(:)
-    logical, allocatable :: likely(:), last(:)
-    real(dp) :: residual, gamma, tolerance
-    integer :: b
-
-    call begin_iteration(qp, compliance, theta, settings, state)
-    if (qp%n_rows > 0) then
-      gamma = relaxation
-      state%gamma = gamma
-      state%q_predicted = ieee_value(gamma, ieee_quiet_nan)
-      allocate (p(qp%n_rows), z(qp%n_rows), last(qp%n_rows))
-      call prepare_sides(qp, compliance, side)
-      do b = 1, size(side)
-        side(b)%lambda = qp%weight(qp%block(b)%row)*state%m(qp%block(b)%row)
-      end do
-      last = state%m > 0 .or. state%y > 0
-      call invert_sides(qp, theta, last, side, error)
+    class(paused_t), allocatable :: paused
+    call take_up(settings, state, paused)
+    if (.not. allocated(paused)) then
+      call begin(qp, compliance, theta, settings, state, paused, error)
       if (allocated(error)) return
-      tolerance = settings%tolerance
-      call stopping%begin(settings, slowest, split=.true.)
-      do
-        likely = last .or. state%y > 0
-        if (any(likely .neqv. last)) then
-          call invert_sides(qp, theta, likely, side, error)
-          if (allocated(error)) return
-          last = likely
-        end if
-        p = max(0.0_dp, state%y)/theta
-        residual = 0
-        do b = 1, size(side)
-          associate (row => qp%block(b)%row, own => side(b))
-            if (size(row) == 0) cycle
-            own%change = qp%weight(row)*p(row) - own%lambda
-            residual = residual + dot_product(own%change, matmul(own%compliance, own%change))
-            own%change = gamma*matmul(own%inverse, own%change)
-            own%lambda = own%lambda + own%change
-            own%z = matmul(own%compliance, own%lambda)
-          end associate
-        end do
-        residual = sqrt(max(0.0_dp, residual))
-        z = 0
-        do b = 1, size(side)
-          z(qp%block(b)%row) = z(qp%block(b)%row) + side(b)%z
-        end do
-        ! What both sides would agree on, for the history: the pressures of the new penetrations.
-        state%y = qp%initial_penetration - z
-        state%m = max(0.0_dp, state%y)/theta
-        ! Twice, so that it is a bound of the mean of both sides too.
-        if (.not. stopping%check(qp, theta, 2*residual, residual, .true., monitor, state)) cycle
-        mean = state
-        call find_mean(qp, compliance, theta, side, mean)
-        if (state%ended /= ended_converged .or. settings%stop_rule /= stop_residual .or. &
-            mean%error_bound <= settings%tolerance) exit
-        ! The sides are near enough to the solution, and their mean is not: on to where it is.
-        mean%ended = merge(ended_limit, ended_stalled, state%history%n >= settings%max_iterations)
-        if (tolerance < least_tolerance .or. state%history%n >= settings%max_iterations) exit
-        tolerance = 0.5_dp*tolerance*settings%tolerance/mean%error_bound
-        call stopping%tighten(tolerance)
-      end do
-      state = mean
-      state%history%error_bound(state%history%n) = state%error_bound
-      state%energy = qp%energy(theta, state%m, state%y)
-      state%max_penetration = max(0.0_dp, maxval(state%y))
     end if
-    call finish_iteration(monitor, state)
+    select type (paused)
+    type is (two_sides_t)
+      if (qp%n_rows > 0) call iterate(qp, compliance, theta, settings, paused, monitor, state, error)
+      if (allocated(error)) return
+    end select
+    call finish_iteration(monitor, state, paused)
     associate (not_needed => same_type_as(self, self))
     end associate
   end subroutine robin_solve
+
+  !> The first iterate: both sides have the forces of the state.
+  subroutine begin(qp, compliance, theta, settings, state, paused, error)
+    type(contact_qp_t), intent(in) :: qp
+    class(compliance_t), intent(inout) :: compliance
+    !> (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    type(solver_settings_t), intent(in) :: settings
+    !> As in `begin_iteration`.
+    type(solver_state_t), intent(inout) :: state
+    !> A `two_sides_t`.
+    class(paused_t), allocatable, intent(out) :: paused
+    !> Allocated where the matrix of a body is singular.
+    type(error_t), allocatable, intent(out) :: error
+    type(two_sides_t), allocatable :: now
+    integer :: b
+    call begin_iteration(qp, compliance, theta, settings, state)
+    allocate (now)
+    if (qp%n_rows > 0) then
+      state%gamma = relaxation
+      state%q_predicted = ieee_value(state%q_predicted, ieee_quiet_nan)
+      call prepare_sides(qp, compliance, now%side)
+      do b = 1, size(now%side)
+        now%side(b)%lambda = qp%weight(qp%block(b)%row)*state%m(qp%block(b)%row)
+      end do
+      now%likely = state%m > 0 .or. state%y > 0
+      now%y = state%y
+      now%tolerance = settings%tolerance
+      call invert_sides(qp, theta, now%likely, now%side, error)
+      if (allocated(error)) return
+      call now%stopping%begin(settings, slowest, split=.true.)
+    end if
+    call move_alloc(now, paused)
+  end subroutine begin
+
+  !> The steps, until the mean of both sides is accurate enough.
+  subroutine iterate(qp, compliance, theta, settings, now, monitor, state, error)
+    type(contact_qp_t), intent(in) :: qp
+    class(compliance_t), intent(inout) :: compliance
+    !> (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    type(solver_settings_t), intent(in) :: settings
+    !> The sides.
+    type(two_sides_t), intent(inout) :: now
+    class(monitor_t), intent(inout) :: monitor
+    !> Gets the history; the mean of both sides on return.
+    type(solver_state_t), intent(inout) :: state
+    !> Allocated where the matrix of a body is singular.
+    type(error_t), allocatable, intent(out) :: error
+    type(solver_state_t) :: mean
+    real(dp) :: residual
+    do
+      call step(qp, theta, now, residual, error)
+      if (allocated(error)) return
+      ! What both sides would agree on, for the history: the pressures of the new penetrations.
+      state%y = now%y
+      state%m = max(0.0_dp, state%y)/theta
+      ! Twice, so that it is a bound of the mean of both sides too.
+      if (.not. now%stopping%check(qp, theta, 2*residual, residual, .true., monitor, state)) cycle
+      mean = state
+      call find_mean(qp, compliance, theta, now%side, mean)
+      if (state%ended /= ended_converged .or. settings%stop_rule /= stop_residual .or. &
+          mean%error_bound <= settings%tolerance) exit
+      ! The sides are near enough to the solution, and their mean is not: on to where it is.
+      mean%ended = merge(ended_limit, ended_stalled, state%history%n >= settings%max_iterations)
+      if (now%tolerance < least_tolerance .or. state%history%n >= settings%max_iterations) exit
+      now%tolerance = 0.5_dp*now%tolerance*settings%tolerance/mean%error_bound
+      call now%stopping%tighten(now%tolerance)
+    end do
+    state = mean
+    state%history%error_bound(state%history%n) = state%error_bound
+    state%energy = qp%energy(theta, state%m, state%y)
+    state%max_penetration = max(0.0_dp, maxval(state%y))
+  end subroutine iterate
+
+  !> One step of all bodies.
+  subroutine step(qp, theta, now, residual, error)
+    type(contact_qp_t), intent(in) :: qp
+    !> (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    !> The sides.
+    type(two_sides_t), intent(inout) :: now
+    !> Distance of the forces to those of the last penetrations, which bounds the error of both sides [sqrt(energy)].
+    real(dp), intent(out) :: residual
+    !> Allocated where the matrix of a body is singular.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp), allocatable :: p(:), z(:)
+    logical, allocatable :: likely(:)
+    integer :: b
+    allocate (likely(qp%n_rows))
+    likely = now%likely .or. now%y > 0
+    if (any(likely .neqv. now%likely)) then
+      call invert_sides(qp, theta, likely, now%side, error)
+      if (allocated(error)) return
+      now%likely = likely
+    end if
+    p = max(0.0_dp, now%y)/theta
+    residual = 0
+    allocate (z(qp%n_rows), source=0.0_dp)
+    do b = 1, size(now%side)
+      associate (row => qp%block(b)%row, own => now%side(b))
+        if (size(row) == 0) cycle
+        own%change = qp%weight(row)*p(row) - own%lambda
+        residual = residual + dot_product(own%change, matmul(own%compliance, own%change))
+        own%change = relaxation*matmul(own%inverse, own%change)
+        own%lambda = own%lambda + own%change
+        own%z = matmul(own%compliance, own%lambda)
+        z(row) = z(row) + own%z
+      end associate
+    end do
+    residual = sqrt(max(0.0_dp, residual))
+    now%y = qp%initial_penetration - z
+  end subroutine step
 
   !> One state for both sides, the mean of their forces, with a bound of its own.
   subroutine find_mean(qp, compliance, theta, side, mean)

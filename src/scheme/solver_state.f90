@@ -17,7 +17,12 @@ module dotyk_scheme_solver_state
   integer, parameter, public :: ended_rigid_constraint = 6  !< supports on both sides press contact rows together
   integer, parameter, public :: ended_rounds = 7  !< no solution met the error budget, of as many as a scene gets
   integer, parameter, public :: ended_interrupted = 8  !< the program was asked to stop
-  integer, parameter, public :: ended_time = 9  !< the time limit: the iteration continues from the state
+  integer, parameter, public :: ended_time = 9  !< the time limit: the next call continues
+
+  !> What a scheme needs beside the state to continue an iteration that the time limit stopped. Each scheme that can
+  !> continue has an extension.
+  type, abstract, public :: paused_t
+  end type paused_t
 
   !> The state.
   type, public :: solver_state_t
@@ -54,6 +59,9 @@ module dotyk_scheme_solver_state
     real(dp) :: max_penetration = 0
     !> Step by step.
     type(history_t) :: history
+    !> Allocated where the scheme ended with `ended_time` in the middle of an iteration: its next call continues with the
+    !> same iterates as without the interruption.
+    class(paused_t), allocatable :: paused
   contains
     procedure :: add_rounding => state_add_rounding
   end type solver_state_t

@@ -8,10 +8,10 @@ module dotyk_scheme_stopping
   use dotyk_base_timer, only: wall_time
   use dotyk_scheme_bounds, only: duality_gap
   use dotyk_scheme_contact_qp, only: contact_qp_t
+  use dotyk_scheme_history, only: history_t
   use dotyk_scheme_monitor, only: monitor_t
-  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_limit, ended_diverged, &
-    ended_interrupted, &
-    ended_stalled, ended_time
+  use dotyk_scheme_solver_state, only: paused_t, solver_state_t, ended_converged, ended_limit, ended_diverged, &
+    ended_interrupted, ended_stalled, ended_time
   implicit none
   private
 
@@ -25,7 +25,7 @@ module dotyk_scheme_stopping
     real(dp) :: tolerance = default_tolerance
     !> Steps at most.
     integer :: max_iterations = default_max_iterations
-    !> Wall time after which an iteration ends with `ended_time` [s].
+    !> Wall time after which an iteration pauses with `ended_time`, after one step at least [s].
     real(dp) :: time_limit = huge(1.0_dp)
     !> How the linear systems of active sets are solved: one of `linear_solver_*`.
     integer :: linear_solver = default_linear_solver
@@ -34,9 +34,11 @@ module dotyk_scheme_stopping
   !> Watches an iteration.
   type, public :: stopping_t
     type(solver_settings_t), private :: settings
-    !> Wall time of the start [s].
-    real(dp), private :: start = 0
-    !> Shortest step and best measure so far, and the step of the latter.
+    !> Wall time that counts as the start of the history, and that of the start or of the last continuation [s].
+    real(dp), private :: start = 0, resumed = 0
+    !> Steps of this iteration.
+    integer, private :: step = 0
+    !> Shortest step [sqrt(energy)] and best measure [] so far, and the step of the latter.
     real(dp), private :: shortest = huge(1.0_dp), best = huge(1.0_dp)
     integer, private :: best_step = 0
     !> Steps without any gain after which rounding is to blame.
@@ -49,9 +51,15 @@ module dotyk_scheme_stopping
     procedure :: begin => stopping_begin
     procedure :: check => stopping_check
     procedure :: tighten => stopping_tighten
+    procedure, private :: resume => stopping_resume
   end type stopping_t
 
-  public :: relative
+  !> An iteration that can pause. Schemes whose steps depend on more than the last iterate extend it by that.
+  type, extends(paused_t), public :: iteration_t
+    type(stopping_t) :: stopping
+  end type iteration_t
+
+  public :: relative, take_up
 
   !> A step this many times longer than the shortest so far: the iteration diverges.
   real(dp), parameter :: growth_of_divergence = 1.0e3_dp
@@ -77,8 +85,39 @@ contains
     if (present(safeguarded)) self%safeguarded = safeguarded
     if (present(split)) self%split = split
     self%start = wall_time()
+    self%resumed = self%start
     if (q < 1) self%patience = int(min(most_patience, max(least_patience, patience_factor/(1 - q))))
   end subroutine stopping_begin
+
+  !> Continue a paused iteration. Seconds of the history continue with those of its last entry; the tolerance stays, as
+  !> it may have been tightened.
+  subroutine stopping_resume(self, settings, history)
+    class(stopping_t), intent(inout) :: self
+    !> With the limits of the continuation: max_iterations holds for the whole history.
+    type(solver_settings_t), intent(in) :: settings
+    !> With at least one entry.
+    type(history_t), intent(in) :: history
+    self%settings%max_iterations = settings%max_iterations
+    self%settings%time_limit = settings%time_limit
+    self%resumed = wall_time()
+    self%start = self%resumed - history%seconds(history%n)
+  end subroutine stopping_resume
+
+  !> Take up the iteration of a state that the time limit stopped.
+  subroutine take_up(settings, state, iteration)
+    !> As in `stopping_resume`.
+    type(solver_settings_t), intent(in) :: settings
+    !> Without a paused iteration on return.
+    type(solver_state_t), intent(inout) :: state
+    !> Not allocated where nothing is paused: a new iteration begins.
+    class(paused_t), allocatable, intent(out) :: iteration
+    call move_alloc(state%paused, iteration)
+    if (.not. allocated(iteration)) return
+    select type (iteration)
+    class is (iteration_t)
+      call iteration%stopping%resume(settings, state%history)
+    end select
+  end subroutine take_up
 
   !> Continue to a smaller tolerance.
   subroutine stopping_tighten(self, tolerance)
@@ -105,8 +144,8 @@ contains
     type(solver_state_t), intent(inout) :: state
     !> (41); absent where it means nothing [sqrt(energy)].
     real(dp), intent(in), optional :: bound_of_paper
-    real(dp) :: norm, gap, measure
-    integer :: k
+    real(dp) :: norm, gap, measure, waited
+    logical :: at_limit
     finished = .true.
     associate (m => state%m, y => state%y)
       norm = qp%energy_norm(m, y)
@@ -119,10 +158,9 @@ contains
       state%energy = qp%energy(theta, m, y)
       state%max_penetration = max(0.0_dp, maxval(y))
       call state%history%add(wall_time() - self%start, length, relative(length, norm), state%error_bound, &
-        state%energy, &
-                             state%max_penetration, count(y > 0))
+                             state%energy, state%max_penetration, count(y > 0))
     end associate
-    k = state%history%n
+    self%step = self%step + 1
     select case (self%settings%stop_rule)
     case (stop_paper)
       measure = state%error_bound_paper
@@ -143,17 +181,18 @@ contains
     end if
     if (measure < least_gain*self%best) then
       self%best = measure
-      self%best_step = k
-    else if (k - self%best_step > self%patience) then
+      self%best_step = self%step
+    else if (self%step - self%best_step > self%patience) then
       ! Too large a gamma lets rows change between active and inactive for ever: no growth, but no gain either.
       state%ended = merge(ended_diverged, ended_stalled, diverges)
       return
     end if
     state%ended = ended_limit
-    if (k < self%settings%max_iterations .and. wall_time() - self%start >= self%settings%time_limit) &
-      state%ended = ended_time
+    at_limit = state%history%n >= self%settings%max_iterations
+    waited = wall_time() - self%resumed
+    if (.not. at_limit .and. waited >= self%settings%time_limit) state%ended = ended_time
     if (interrupted()) state%ended = ended_interrupted
-    finished = k >= self%settings%max_iterations .or. state%ended /= ended_limit
+    finished = at_limit .or. state%ended /= ended_limit
     if (.not. finished) call monitor%step(state%history, self%settings%tolerance, measure)
   end function stopping_check
 

@@ -169,21 +169,21 @@ class Restart(dotyk_case.Case):
 
     # Results on the way
 
-    def test_neumann_continues_as_if_nothing_had_been_written(self):
-        solver = "scheme='%s', theta_relative=1e-4, tolerance=1e-9, max_iterations=1000000"
-        for scheme in ("neumann", "nesterov", "robin"):
-            self.scene(solver % scheme)
-            self.dotyk("case.nml", "--output", "plain.vtkhdf")
-            self.scene(solver % scheme, output="interval=0.005")
-            text = self.dotyk("case.nml")
-            if scheme == "neumann":
-                self.assertIn("written          case.vtkhdf after ", text)
+    def test_schemes_continue_as_if_nothing_had_been_written(self):
+        solver = "scheme='%s', theta_relative=1e-4, tolerance=1e-9, max_iterations=%d"
+        # An interval of a few hundred steps, and one shorter than a step: each iterate is written.
+        for scheme, limit, interval in [("neumann", 1000000, 0.05)] + [(scheme, 30, 1e-9) for scheme in SCHEMES[1:]]:
+            code = int(limit == 30)
+            self.scene(solver % (scheme, limit))
+            self.dotyk("case.nml", "--output", "plain.vtkhdf", code=code)
+            self.scene(solver % (scheme, limit), output="interval=%g" % interval)
+            text = self.dotyk("case.nml", code=code)
+            self.assertIn("written          case.vtkhdf after ", text)
             (plain, before), (written, after) = self.solution("plain.vtkhdf"), self.solution()
-            self.assertEqual(after["status"], b"converged")
-            if scheme == "neumann":
-                self.assertEqual(after["iterations"], before["iterations"])
+            for name in ("status", "iterations", "q_measured", "energy"):
+                self.assertEqual(after[name], before[name], "%s: %s" % (scheme, name))
             self.assertEqual(after["iterations"], len(self.results("case.vtkhdf")["dotyk/history/energy"]))
-            np.testing.assert_allclose(written, plain, atol=1e-7*plain.max(), err_msg=scheme)
+            np.testing.assert_array_equal(written, plain, err_msg=scheme)
 
     def test_a_run_that_is_killed_leaves_the_results_of_its_last_interval(self):
         self.scene("scheme='neumann', theta_relative=1e-9, tolerance=1e-12, max_iterations=100000000",
