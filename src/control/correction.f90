@@ -25,9 +25,10 @@ module dotyk_control_correction
 contains
 
   !> The difference of the penetrations by refined displacements and by the scheme is added to the initial penetration,
-  !> and the scheme continues from its state, until that changes nothing any more.
-  subroutine correct_contact(problem, qp, compliance, theta, run, monitor, conditioning, solution, state, rounding, &
-    error)
+  !> and the scheme begins again from its state, until that changes nothing any more. The time limit of the settings
+  !> does not hold: a correction takes few steps, and a pause would lose it.
+  subroutine correct_contact(problem, qp, compliance, theta, run, monitor, conditioning, solution, n_recoveries, &
+                             state, rounding, error)
     !> Bodies, modes, factorization reports, pairs.
     type(contact_problem_t), intent(in) :: problem
     !> Its initial penetration is corrected.
@@ -44,12 +45,15 @@ contains
     type(conditioning_t), intent(inout) :: conditioning(:)
     !> Room for displacements (n_bodies).
     type(body_solution_t), allocatable, intent(inout) :: solution(:)
+    !> Counts recoveries of all bodies.
+    integer, intent(inout) :: n_recoveries
     !> That of the scheme, then the corrected one.
     type(solver_state_t), intent(inout) :: state
     !> The last change, and what is left of the residuals: relative, in the energy norm [].
     real(dp), intent(out) :: rounding
     !> Allocated where no significant digit of a body is left, or the scheme fails.
     type(error_t), allocatable, intent(out) :: error
+    type(scheme_run_t) :: now
     type(solver_state_t) :: last
     real(dp), allocatable :: y(:)
     real(dp) :: left, before
@@ -61,16 +65,19 @@ contains
       state%error_bound = huge(before)
       return
     end if
+    now = run
+    now%settings%time_limit = huge(now%settings%time_limit)
     allocate (y(size(state%m)))
     before = huge(before)
     do k = 1, most_corrections
       call recover_bodies(problem, qp, compliance, state%m, state%alpha, .false., solution)
+      n_recoveries = n_recoveries + 1
       call refine_bodies(problem, qp, compliance, state%m, state%alpha, conditioning, solution, left, error)
       if (allocated(error)) return
       call penetrations(qp, solution, y)
       call qp%shift_penetration(y - state%y)
       last = state
-      call run%solve(qp, compliance, theta, problem%n_blas, monitor, state, error)
+      call now%solve(qp, compliance, theta, problem%n_blas, monitor, state, error)
       if (allocated(error)) return
       if (.not. allocated(state%m)) return
       if (interrupted()) then

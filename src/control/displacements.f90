@@ -22,7 +22,7 @@ module dotyk_control_displacements
   type, public :: displacements_t
     !> Empty where neither displacements nor stresses are needed (n_bodies).
     type(body_solution_t), allocatable :: body(:)
-    !> Recoveries of all bodies that it took.
+    !> Recoveries of all bodies that it took, those of the corrections of ill-conditioned bodies included.
     integer :: n_recoveries = 0
   end type displacements_t
 
@@ -72,8 +72,8 @@ contains
       end if
       if (any(conditioning%needs_refinement())) then
         call monitor%begin_phase(phase_iterate)
-        call correct_contact(problem, qp, compliance, theta, run, monitor, conditioning, displacements%body, state, &
-          rounding, error)
+        call correct_contact(problem, qp, compliance, theta, run, monitor, conditioning, displacements%body, &
+                             displacements%n_recoveries, state, rounding, error)
         if (allocated(error)) return
         if (.not. allocated(state%m)) return
         call monitor%begin_phase(phase_recover)

@@ -106,7 +106,7 @@ class FlatElements(dotyk_case.Case):
         force = np.linalg.norm(found["dotyk/contact/joint"].attrs["force"])
         summary = found["dotyk/summary"]
         result = (force, summary.attrs["energy"], summary.attrs["error_bound"], summary["refinement_steps"][1],
-                  summary["condition_number"][1])
+                  summary["condition_number"][1], summary.attrs["full_solves"])
         found.close()
         return result
 
@@ -116,9 +116,11 @@ class FlatElements(dotyk_case.Case):
         turn = np.array([[1, 0, 0], [0, c, -s], [0, s, c]]) @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
         straight = self.run_scene(2.5e-5)
         turned = self.run_scene(2.5e-5, turn)
-        for force, energy, bound, steps, condition in (straight, turned):
+        for force, energy, bound, steps, condition, full_solves in (straight, turned):
             self.assertGreater(condition, 1e9)
             self.assertGreater(steps, 0)
+            # The loaded plate without contact; both bodies before, for and after each correction of the contact.
+            self.assertGreaterEqual(full_solves, 1 + 3*2)
             self.assertLess(bound, 1e-10)
             self.assertLess(abs(force/straight[0] - 1), 1e-9)
             self.assertLess(abs(energy/straight[1] - 1), 1e-9)
