@@ -265,6 +265,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: mode(:, :), stiffness(:, :), at_rows(:, :), u(:, :)
     integer :: k
+    allocate (mode, mold=report%near_null)
     mode = report%near_null
     stiffness = report%near_null_stiffness
     allocate (at_rows(size(block%row), size(mode, 2)), u(body%dimension, body%mesh%n_nodes()))

@@ -193,6 +193,7 @@ contains
     integer :: owner
     integer, allocatable :: number(:)
     owner = merge(self%body(b)%same_as, b, self%body(b)%same_as > 0)
+    allocate (number(size(row)))
     number = self%numbers(b, qp%parent_row(row))
     entries = self%body(owner)%value(number, number)
   end subroutine dense_get_entries
