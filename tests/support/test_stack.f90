@@ -80,7 +80,7 @@ contains
     type(pair_settings_t) :: pair
     type(formula_t) :: formula
     type(material_t) :: material
-    type(support_t) :: support
+    type(support_t) :: support(1)
     type(load_t) :: load
     type(error_t), allocatable :: error
     integer :: b, k, n
@@ -94,13 +94,13 @@ contains
         call box(b)%init(settings%kind, settings%cells(b), undistorted)
         if (b == 1) call box(b)%transform(identity, [0.0_dp, 1.0_dp])
         if (b == 2) then
-          support = make_support(box(b)%side(2, .false.), 'xy')
+          support(1) = make_support(box(b)%side(2, .false.), 'xy')
         else if (settings%is_floating) then
-          support = make_support(box(b)%side(1, .false.), 'x')
+          support(1) = make_support(box(b)%side(1, .false.), 'x')
         else
-          support = make_support(box(b)%side(2, .true.), 'xy', [0.0_dp, -settings%press, 0.0_dp])
+          support(1) = make_support(box(b)%side(2, .true.), 'xy', [0.0_dp, -settings%press, 0.0_dp])
         end if
-        call make_body(box(b), analysis_plane_strain, material, [support], problem%body(b), error)
+        call make_body(box(b), analysis_plane_strain, material, support, problem%body(b), error)
         if (.not. allocated(error) .and. b == 1 .and. settings%is_floating) then
           load%kind = load_traction
           load%value = [0.0_dp, -settings%press, 0.0_dp]
