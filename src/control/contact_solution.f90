@@ -131,7 +131,7 @@ contains
     class(monitor_t), intent(inout) :: monitor
     !> theta is given, and a state if there is one to begin with, or it is to be continued.
     type(contact_solution_t), intent(inout) :: solution
-    !> Allocated where no significant digit of a body is left, or the scheme fails.
+    !> As in `find_displacements` and `estimate_errors`, or the scheme fails.
     type(error_t), allocatable, intent(out) :: error
     type(scheme_run_t) :: now
     real(dp) :: began

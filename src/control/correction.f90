@@ -51,7 +51,8 @@ contains
     type(solver_state_t), intent(inout) :: state
     !> The last change, and what is left of the residuals: relative, in the energy norm [].
     real(dp), intent(out) :: rounding
-    !> Allocated where no significant digit of a body is left, or the scheme fails.
+    !> Allocated where no significant digit of the displacements of a body is left, a formula of a material cannot be
+    !> evaluated, or the scheme fails.
     type(error_t), allocatable, intent(out) :: error
     type(scheme_run_t) :: now
     type(solver_state_t) :: last

@@ -57,7 +57,8 @@ contains
     !> That of the scheme; its bound includes rounding on return. Without pressures where the scheme found no solution
     !> after a correction.
     type(solver_state_t), intent(inout) :: state
-    !> Allocated where no significant digit of a body is left, or the scheme fails.
+    !> Allocated where no significant digit of the displacements or pressures of a body is left, a formula of a material
+    !> cannot be evaluated, or the scheme fails.
     type(error_t), allocatable, intent(out) :: error
     real(dp) :: distance(size(problem%body)), stored(size(problem%body)), rounding, gaps, norm, left
     associate (tolerance => run%settings%tolerance)

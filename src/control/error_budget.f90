@@ -89,7 +89,8 @@ contains
     type(solver_state_t), intent(inout) :: state
     !> Parts that were not asked for, or are not known, are NaN.
     type(error_budget_t), intent(out) :: budget
-    !> Allocated where a formula of a material cannot be evaluated, or an active set has no solution.
+    !> Allocated where a formula of a material cannot be evaluated, or the compliance of an active set is not positive
+    !> definite.
     type(error_t), allocatable, intent(out) :: error
     real(dp) :: distance
     call budget%init()

@@ -69,7 +69,7 @@ contains
     type(direct_slot_t), allocatable, intent(out) :: direct(:)
     !> Sizes of the factors to come (n_bodies).
     type(factor_size_t), allocatable, intent(out) :: size_of(:)
-    !> Allocated where an analysis fails or an interrupt came; names the bodies.
+    !> Allocated where an analysis fails (`analyze` of `direct_response_t`) or an interrupt came; names the bodies.
     type(error_t), allocatable, intent(out) :: error
     type(error_slot_t), allocatable :: failed(:)
     integer, allocatable :: node(:)
@@ -191,7 +191,8 @@ contains
     type(direct_slot_t), intent(inout) :: direct(:)
     !> Of the representatives (n_bodies).
     type(factorization_report_t), allocatable, intent(out) :: report(:)
-    !> Allocated where a stiffness is not positive definite, memory runs out, or an interrupt came; names the bodies.
+    !> As in `factorize_stiffness`: a stiffness is not positive definite, memory runs out, an interrupt came, and rarer
+    !> ones; names the bodies.
     type(error_t), allocatable, intent(out) :: error
     type(error_slot_t), allocatable :: failed(:)
     integer :: i, b, order(size(body))
@@ -232,7 +233,8 @@ contains
     type(body_modes_t), intent(inout) :: modes(:)
     !> The modes at the contact nodes (n_bodies).
     type(contact_modes_t), allocatable, intent(out) :: at_contact(:)
-    !> Allocated where LAPACK's singular value decomposition does not converge.
+    !> Allocated where a mode at the contact rows is not finite, or LAPACK's singular value decomposition does not
+    !> converge.
     type(error_t), allocatable, intent(out) :: error
     integer :: b
     allocate (at_contact(size(body)))

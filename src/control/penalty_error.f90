@@ -38,7 +38,8 @@ contains
     type(solver_state_t), intent(in) :: state
     !> ||u_theta - u_0||_A; NaN where theta = 0 has no solution, or none that was found [sqrt(energy)].
     real(dp), intent(out) :: distance
-    !> Allocated where the system of an active set is not positive definite.
+    !> As in `dual_t`, from the solution with theta or that with theta = 0: the compliance of an active set is not
+    !> positive definite.
     type(error_t), allocatable, intent(out) :: error
     type(dual_t) :: dual
     type(solver_settings_t) :: settings

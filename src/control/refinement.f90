@@ -55,7 +55,8 @@ contains
     type(body_solution_t), intent(inout) :: solution(:)
     !> Energy norm of what is left of the residuals [sqrt(energy)].
     real(dp), intent(out) :: left
-    !> Allocated where no significant digit of the displacement of a body is left.
+    !> Allocated where no significant digit of the displacement of a body is left, or a formula of a material cannot be
+    !> evaluated.
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: force(:, :), load(:, :)
     real(dp) :: of_body, norm

@@ -1,7 +1,7 @@
 !> The command line.
 module dotyk_driver_arguments
   use dotyk_base_error, only: error_t, set_error
-  use dotyk_base_text, only: text_t, nearest_name
+  use dotyk_base_text, only: nearest_name, text_t, to_text
   implicit none
   private
 
@@ -28,6 +28,9 @@ module dotyk_driver_arguments
   end type arguments_t
 
   public :: read_arguments, parse_arguments, command_line_text
+
+  !> Threads at most: more than any machine for one body has; a larger number is a mistake.
+  integer, parameter :: most_threads = 1024
 
 contains
 
@@ -95,8 +98,9 @@ contains
         case default
           read (words(i + 1)%s, *, iostat=status) arguments%threads
           if (verify(words(i + 1)%s, '0123456789') > 0) status = 1
-          if (status /= 0 .or. arguments%threads < 1 .or. arguments%threads > 1024) &
-            call set_error(error, "option --threads needs a number from 1 to 1024, not '"//words(i + 1)%s//"'")
+          if (status /= 0 .or. arguments%threads < 1 .or. arguments%threads > most_threads) &
+            call set_error(error, 'option --threads needs a number from 1 to '//to_text(most_threads)//", not '"// &
+                           words(i + 1)%s//"'")
         end select
         if (len(words(i + 1)%s) == 0 .and. words(i)%s /= '--threads') &
           call set_error(error, 'option '//words(i)%s//' needs a file name')

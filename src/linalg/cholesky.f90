@@ -32,9 +32,8 @@ module dotyk_linalg_cholesky
     integer(int64) :: workspace_bytes = 0
     !> Floating-point operations of a factorization.
     real(dp) :: flops = 0
-    !> Smallest pivot as a fraction of its diagonal entry of K, 0 < weakest_pivot <= 1 []. A body that is not held may
-    !> pass the factorization by rounding: the fraction is then 1e-16 to 1e-13. Compact bodies have 1e-2, thin ones
-    !> about (thickness/length)^3.
+    !> Smallest pivot as a fraction of its diagonal entry of K []: 1e-2 for compact bodies, (thickness/length)^3
+    !> for thin ones, 1e-16 to 1e-13 for bodies that are not held and pass the factorization by rounding.
     real(dp) :: weakest_pivot = 0
     !> Equation of that pivot, from 1; 0 before the factorization.
     integer :: weakest_equation = 0
@@ -64,6 +63,7 @@ contains
   !> Symbolic analysis: structure, size and cost of the factor. The values of the matrix are not read and may be
   !> missing.
   subroutine cholesky_analyze(self, matrix, permutation, error, n_trailing)
+    !> The matrix or its factor.
     class(cholesky_t), intent(inout) :: self
     !> Pattern of the matrix.
     type(sparse_symmetric_t), intent(in) :: matrix
@@ -96,6 +96,7 @@ contains
 
   !> Numeric factorization of the matrix that was analyzed, or of one with the same pattern.
   subroutine cholesky_factorize(self, matrix, failed_column, error)
+    !> The matrix or its factor.
     class(cholesky_t), intent(inout) :: self
     !> The matrix K.
     type(sparse_symmetric_t), intent(in) :: matrix
@@ -111,6 +112,7 @@ contains
   !> Numeric factorization of a matrix that is not needed any more: its memory is freed before that of the factor is
   !> allocated.
   subroutine cholesky_factorize_and_discard(self, matrix, failed_column, error, may_stop)
+    !> The matrix or its factor.
     class(cholesky_t), intent(inout) :: self
     !> The matrix K, destroyed on return.
     type(sparse_symmetric_t), intent(inout) :: matrix
@@ -128,6 +130,7 @@ contains
 
   !> Numeric factorization by `cholmod_factorize` on the calling thread: the reference for tests and the benchmark.
   subroutine cholesky_factorize_by_cholmod(self, matrix, failed_column, error)
+    !> The matrix or its factor.
     class(cholesky_t), intent(inout) :: self
     !> The matrix K.
     type(sparse_symmetric_t), intent(in) :: matrix
@@ -151,6 +154,7 @@ contains
 
   !> Discard the last factor, and check the matrix that will be factorized.
   subroutine begin(self, matrix, error)
+    !> The matrix or its factor.
     class(cholesky_t), intent(inout) :: self
     !> The matrix K.
     type(sparse_symmetric_t), intent(in) :: matrix
@@ -168,6 +172,7 @@ contains
 
   !> Make the permuted copy P K P^T.
   subroutine take_matrix(self, matrix, error)
+    !> The matrix or its factor.
     class(cholesky_t), intent(inout) :: self
     !> The matrix K.
     type(sparse_symmetric_t), intent(in) :: matrix
@@ -181,6 +186,7 @@ contains
 
   !> Factorize the permuted copy, and free it.
   subroutine factorize_taken(self, failed_column, error, may_stop)
+    !> The matrix or its factor.
     class(cholesky_t), intent(inout) :: self
     !> As in `cholesky_factorize`.
     integer, intent(out) :: failed_column
@@ -214,6 +220,7 @@ contains
 
   !> Find the weakest pivot, and decide whether there is a factor.
   subroutine finish(self, supernodes, diagonal, column, failed_column)
+    !> The matrix or its factor.
     class(cholesky_t), intent(inout) :: self
     !> Supernodes of the factor, with values.
     type(supernodes_t), intent(in) :: supernodes
@@ -236,12 +243,14 @@ contains
 
   !> Whether there is a factor to solve with.
   pure logical function cholesky_is_factorized(self) result(is_factorized)
+    !> The matrix or its factor.
     class(cholesky_t), intent(in) :: self
     is_factorized = self%factorized
   end function cholesky_is_factorized
 
   !> Solve K x = b. The solution is NaN where there is no factor.
   subroutine cholesky_solve(self, x)
+    !> The matrix or its factor.
     class(cholesky_t), intent(in) :: self
     !> Right-hand side b, then solution x (n).
     real(dp), intent(inout), contiguous :: x(:)
@@ -250,6 +259,7 @@ contains
 
   !> Solve K X = B, four to six times cheaper per column than one by one. NaN as in `solve`.
   subroutine cholesky_solve_block(self, x)
+    !> The matrix or its factor.
     class(cholesky_t), intent(in) :: self
     !> Right-hand sides B, then solutions X (n, m).
     real(dp), intent(inout), contiguous :: x(:, :)
@@ -258,6 +268,7 @@ contains
 
   !> Solve for blocks of columns.
   subroutine solve_columns(self, m, x)
+    !> The matrix or its factor.
     class(cholesky_t), intent(in) :: self
     !> Number of columns.
     integer, intent(in) :: m
@@ -331,6 +342,7 @@ contains
   !> X <- S^{-1} X with S what is left of K for the last equations, all others eliminated (their Schur complement),
   !> whose Cholesky factor are the last rows and columns of L. NaN as in `solve`.
   subroutine cholesky_solve_trailing(self, x)
+    !> The matrix or its factor.
     class(cholesky_t), intent(in) :: self
     !> Right-hand sides, then solutions, in the order that `trailing` gives (m, number of them).
     real(dp), intent(inout), contiguous :: x(:, :)
@@ -344,6 +356,7 @@ contains
 
   !> Free all memory.
   subroutine cholesky_destroy(self)
+    !> The matrix or its factor.
     class(cholesky_t), intent(inout) :: self
     if (c_associated(self%handle)) call dotyk_cholmod_free(self%handle)
     self%handle = c_null_ptr

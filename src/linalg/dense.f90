@@ -9,6 +9,13 @@ module dotyk_linalg_dense
   public :: symmetric_eigen, right_singular_vectors, solve_dense, least_squares, orthonormal_range, complete_basis, &
     largest_tridiagonal_eigenpair
 
+  !> An axis replaces the best one so far where its part outside the span is longer by this factor: equal lengths differ
+  !> by rounding only, and the choice must not depend on that.
+  real(dp), parameter :: clearly_longer = 1.001_dp
+  !> Work space that LAPACK asks for, per row of a matrix: its largest block of columns, 32 for the tridiagonal form and
+  !> 64 for the QR factorization, and two or more vectors.
+  integer, parameter :: work_of_dsyev = 34, work_of_dgelsy = 64
+
 contains
 
   !> Eigenvalues and eigenvectors of a symmetric matrix.
@@ -25,7 +32,7 @@ contains
     integer :: n, info
     n = size(a, 1)
     if (n == 0) return
-    allocate (v(n, n), w(n), work(max(1, 34*n)))
+    allocate (v(n, n), w(n), work(max(1, work_of_dsyev*n)))
     v(:, :) = a
     info = 1
     ! LAPACK may iterate for ever on a matrix with a NaN or an infinity.
@@ -119,7 +126,7 @@ contains
     n = size(a, 2)
     k = size(b, 2)
     rank = 0
-    allocate (qr(m, n), x(max(m, n), k), pivot(n), work(max(4*n + 64*(n + 1), 2*n + 64*k)))
+    allocate (qr(m, n), x(max(m, n), k), pivot(n), work(max(4*n + work_of_dgelsy*(n + 1), 2*n + work_of_dgelsy*k)))
     qr(:, :) = a
     x = 0
     x(:m, :) = b(:m, :)
@@ -191,8 +198,7 @@ contains
             v = v - dot_product(q(:, k), v)*q(:, k)
           end do
         end do
-        ! The margin makes the choice independent of rounding.
-        if (norm2(v) > 1.001_dp*norm2(best)) best = v
+        if (norm2(v) > clearly_longer*norm2(best)) best = v
       end do
       q(:, j) = best/norm2(best)
     end do

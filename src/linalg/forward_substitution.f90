@@ -52,6 +52,7 @@ contains
 
   !> Find the elimination tree of a factor.
   subroutine tree_init(self, factor)
+    !> The elimination tree.
     class(elimination_tree_t), intent(out) :: self
     !> Analyzed. The tree is valid as long as the factor is.
     type(cholesky_t), intent(in) :: factor
@@ -80,6 +81,7 @@ contains
 
   !> Mean number of entries of L on the elimination-tree path of one equation.
   real(dp) function tree_path_entries(self, equation) result(entries)
+    !> The elimination tree.
     class(elimination_tree_t), intent(in) :: self
     !> Equations (any number).
     integer, intent(in) :: equation(:)
@@ -93,6 +95,7 @@ contains
 
   !> Solve L y = P b.
   subroutine forward_init(self, tree, rhs)
+    !> The solutions.
     class(forward_solution_t), intent(out) :: self
     !> Elimination tree of a factorized matrix.
     type(elimination_tree_t), intent(in) :: tree
@@ -111,6 +114,7 @@ contains
 
   !> Find the reach of every right-hand side, and allocate the values.
   subroutine find_columns(self, tree, rhs, number)
+    !> The solutions on the way.
     type(forward_solution_t), intent(inout) :: self
     !> Elimination tree.
     type(elimination_tree_t), intent(in) :: tree
@@ -161,6 +165,7 @@ contains
 
   !> Put the right-hand sides into the values.
   subroutine place_values(self, tree, rhs, number)
+    !> The solutions on the way.
     type(forward_solution_t), intent(inout) :: self
     !> Elimination tree.
     type(elimination_tree_t), intent(in) :: tree
@@ -205,6 +210,7 @@ contains
 
   !> Solve with the diagonal block of a supernode, and subtract its contribution from its ancestors.
   subroutine eliminate(self, tree, number, k)
+    !> The solutions on the way.
     type(forward_solution_t), intent(inout) :: self
     !> Elimination tree.
     type(elimination_tree_t), intent(in) :: tree
@@ -233,6 +239,7 @@ contains
 
   !> Subtract the contribution of a supernode from its ancestors.
   subroutine subtract_product(self, tree, number, row, column, product)
+    !> The solutions on the way.
     type(forward_solution_t), intent(inout) :: self
     !> Elimination tree.
     type(elimination_tree_t), intent(in) :: tree

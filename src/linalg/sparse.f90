@@ -48,6 +48,7 @@ contains
 
   !> y = A x.
   subroutine symmetric_multiply(self, x, y)
+    !> The matrix.
     class(sparse_symmetric_t), intent(in) :: self
     !> Vector x (n).
     real(dp), intent(in) :: x(:)
@@ -89,6 +90,7 @@ contains
 
   !> Number of stored entries.
   pure integer(int64) function symmetric_entries(self) result(n_entries)
+    !> The matrix.
     class(sparse_symmetric_t), intent(in) :: self
     n_entries = 0
     if (allocated(self%column_start)) n_entries = self%column_start(self%n + 1)
@@ -96,6 +98,7 @@ contains
 
   !> Memory of the arrays [bytes].
   pure integer(int64) function symmetric_bytes(self) result(bytes)
+    !> The matrix.
     class(sparse_symmetric_t), intent(in) :: self
     bytes = 0
     if (allocated(self%column_start)) bytes = bytes + 8_int64*size(self%column_start, kind=int64)
@@ -105,6 +108,7 @@ contains
 
   !> Free the memory.
   subroutine symmetric_destroy(self)
+    !> The matrix.
     class(sparse_symmetric_t), intent(inout) :: self
     self%n = 0
     if (allocated(self%column_start)) deallocate (self%column_start)
@@ -115,6 +119,7 @@ contains
   !> Build the matrix from triplets in any order; triplets with the same row and column are added in the order of the
   !> list.
   subroutine rows_init_from_triplets(self, n_rows, n_columns, rows, columns, values)
+    !> The matrix.
     class(sparse_rows_t), intent(inout) :: self
     !> Number of rows.
     integer, intent(in) :: n_rows
@@ -196,6 +201,7 @@ contains
 
   !> y = A x.
   pure subroutine rows_multiply(self, x, y)
+    !> The matrix.
     class(sparse_rows_t), intent(in) :: self
     !> Vector x (n_columns).
     real(dp), intent(in) :: x(:)
@@ -214,6 +220,7 @@ contains
 
   !> y = A^T x.
   pure subroutine rows_multiply_transposed(self, x, y)
+    !> The matrix.
     class(sparse_rows_t), intent(in) :: self
     !> Vector x (n_rows).
     real(dp), intent(in) :: x(:)
@@ -231,6 +238,7 @@ contains
 
   !> Make this the identity.
   subroutine rows_set_identity(self, n)
+    !> The matrix.
     class(sparse_rows_t), intent(inout) :: self
     !> Order.
     integer, intent(in) :: n
@@ -244,6 +252,7 @@ contains
 
   !> Make this the product A B.
   subroutine rows_set_product(self, a, b)
+    !> The matrix.
     class(sparse_rows_t), intent(inout) :: self
     !> A.
     type(sparse_rows_t), intent(in) :: a
@@ -290,6 +299,7 @@ contains
 
   !> Make this several matrices with the same columns, one below the other.
   subroutine rows_set_stacked(self, n_columns, block)
+    !> The matrix.
     class(sparse_rows_t), intent(inout) :: self
     !> Number of columns.
     integer, intent(in) :: n_columns
@@ -318,6 +328,7 @@ contains
 
   !> Free the memory.
   subroutine rows_destroy(self)
+    !> The matrix.
     class(sparse_rows_t), intent(inout) :: self
     self%n_rows = 0
     self%n_columns = 0

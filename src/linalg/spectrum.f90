@@ -18,6 +18,7 @@ module dotyk_linalg_spectrum
     !> y = A x.
     subroutine apply_operator(self, x, y)
       import :: linear_operator_t, dp
+      !> The operator.
       class(linear_operator_t), intent(inout) :: self
       !> Vector x (n).
       real(dp), intent(in) :: x(:)
@@ -28,6 +29,10 @@ module dotyk_linalg_spectrum
 
   !> Basis vectors in an allocation: most runs need one or two groups.
   integer, parameter :: group_size = 16
+
+  !> A remainder below this fraction of the largest image is rounding: that of the products and of two
+  !> orthogonalizations.
+  real(dp), parameter :: rounding = 16*epsilon(1.0_dp)
 
   !> A group of basis vectors.
   type :: group_t
@@ -78,7 +83,7 @@ contains
       call orthogonalize(basis, steps, w)
       length = norm(w)
       ! The basis spans an invariant subspace: the remainder is rounding.
-      if (length <= 16*epsilon(1.0_dp)*scale .or. steps == n) length = 0
+      if (length <= rounding*scale .or. steps == n) length = 0
       beta(steps) = length
       call largest_tridiagonal_eigenpair(alpha(:steps), beta(:steps - 1), value, top(:steps))
       residual = length*abs(top(steps))

@@ -31,6 +31,7 @@ contains
 
   !> Make the map.
   subroutine map_init(self, constraint, contact_node)
+    !> The map between unknowns and contact nodes.
     class(contact_map_t), intent(out) :: self
     !> Equations and local axes of the body.
     type(constraint_t), intent(in) :: constraint
@@ -55,6 +56,7 @@ contains
 
   !> Nodal forces to a right-hand side.
   pure subroutine map_scatter(self, force, x)
+    !> The map between unknowns and contact nodes.
     class(contact_map_t), intent(in) :: self
     !> Cartesian forces (dimension*n_nodes) [force].
     real(dp), intent(in) :: force(:)
@@ -74,6 +76,7 @@ contains
 
   !> A solution to displacements of the contact nodes.
   pure subroutine map_gather(self, x, displacement)
+    !> The map between unknowns and contact nodes.
     class(contact_map_t), intent(in) :: self
     !> Solution (n_equations) [length].
     real(dp), intent(in) :: x(:)
@@ -93,6 +96,7 @@ contains
 
   !> Rows of B to rows over the equations.
   subroutine map_rows(self, matrix, row, rows)
+    !> The map between unknowns and contact nodes.
     class(contact_map_t), intent(in) :: self
     !> Rows over the components of the contact nodes; all entries of a node stand together.
     type(sparse_rows_t), intent(in) :: matrix
@@ -136,6 +140,7 @@ contains
 
   !> Diagonal of the stiffness in Cartesian components; 0 along prescribed ones.
   pure function map_diagonal(self, diagonal) result(cartesian)
+    !> The map between unknowns and contact nodes.
     class(contact_map_t), intent(in) :: self
     !> Over the equations (n_equations) [force/length].
     real(dp), intent(in) :: diagonal(:)

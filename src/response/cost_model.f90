@@ -27,6 +27,7 @@ contains
 
   !> Whether forming the matrix pays, and it does not take too much memory.
   pure logical function matrix_is_cheaper(work, factor_entries, path_entries) result(cheaper)
+    !> Products to come.
     type(workload_t), intent(in) :: work
     !> Entries of the factor, and those from a contact unknown to the root of the elimination tree.
     real(dp), intent(in) :: factor_entries, path_entries
@@ -37,6 +38,7 @@ contains
 
   !> Triangular solves: each entry of the factor twice, an addition and a multiplication.
   pure real(dp) function cost_of_solves(work, entries) result(cost)
+    !> Products to come.
     type(workload_t), intent(in) :: work
     !> Entries of the factor.
     real(dp), intent(in) :: entries
@@ -45,6 +47,7 @@ contains
 
   !> Forming the matrix, and multiplying with it.
   pure real(dp) function cost_of_matrix(work, path) result(cost)
+    !> Products to come.
     type(workload_t), intent(in) :: work
     !> Entries from a contact unknown to the root; the unknowns on the path are about the root of twice as many.
     real(dp), intent(in) :: path

@@ -45,6 +45,7 @@ contains
 
   !> Order the equations and analyse the factorization.
   subroutine direct_analyze(self, body, modes, stiffness, error)
+    !> The compliance operator of the body.
     class(direct_response_t), intent(inout) :: self
     !> The body, assembled.
     type(body_t), intent(in) :: body
@@ -52,7 +53,7 @@ contains
     type(body_modes_t), intent(in) :: modes
     !> Its stiffness, with the graph of its nodes.
     type(stiffness_t), intent(in) :: stiffness
-    !> Allocated where METIS or CHOLMOD cannot do it: a matrix too large for them, or for the memory.
+    !> Allocated where METIS or CHOLMOD has no memory, METIS refuses the graph, or the factor exceeds 64-bit integers.
     type(error_t), allocatable, intent(out) :: error
     integer, allocatable :: node_order(:), permutation(:)
     integer :: k
@@ -72,6 +73,7 @@ contains
 
   !> Factorize. The memory of the stiffness is given back before that of the factor is taken.
   subroutine direct_factorize(self, body, stiffness, split_near_null, report, error)
+    !> The compliance operator of the body.
     class(direct_response_t), intent(inout) :: self
     !> The same body as in `analyze`.
     type(body_t), intent(in) :: body
@@ -81,13 +83,15 @@ contains
     logical, intent(in) :: split_near_null
     !> Condition, near-null-space modes.
     type(factorization_report_t), intent(out) :: report
-    !> Allocated where the stiffness is not positive definite (names a node), memory runs out, or an interrupt came.
+    !> As in `factorize_stiffness`: the stiffness is not positive definite (names a node), memory runs out, an interrupt
+    !> came, and rarer ones.
     type(error_t), allocatable, intent(out) :: error
     call factorize_stiffness(body, stiffness, self%factor, self%fixing_equation, split_near_null, report, error)
   end subroutine direct_factorize
 
   !> x := K^+ x.
   subroutine direct_solve(self, x)
+    !> The compliance operator of the body.
     class(direct_response_t), intent(in) :: self
     !> Right-hand side [force] in, solution [length] out (n_equations).
     real(dp), intent(inout) :: x(:)
@@ -98,12 +102,14 @@ contains
 
   !> Make ready for forward substitutions.
   subroutine direct_prepare_substitution(self)
+    !> The compliance operator of the body.
     class(direct_response_t), intent(inout) :: self
     call self%substitution%init(self%factor, self%mode)
   end subroutine direct_prepare_substitution
 
   !> Entries of the factor on the elimination-tree paths from some equations to the root, on average.
   real(dp) function direct_path_entries(self, equation) result(entries)
+    !> The compliance operator of the body.
     class(direct_response_t), intent(inout) :: self
     !> Where the paths begin (n).
     integer, intent(in) :: equation(:)
@@ -112,6 +118,7 @@ contains
 
   !> Forward substitution of rows.
   subroutine direct_substitute(self, rows, substituted)
+    !> The compliance operator of the body.
     class(direct_response_t), intent(in) :: self
     !> Rows over the equations.
     type(sparse_rows_t), intent(in) :: rows
@@ -122,6 +129,7 @@ contains
 
   !> c_ij = a_i K^+ b_j.
   subroutine direct_product(self, a, b, same, c)
+    !> The compliance operator of the body.
     class(direct_response_t), intent(in) :: self
     !> Rows of the two sides.
     type(substituted_rows_t), intent(in) :: a, b
@@ -134,6 +142,7 @@ contains
 
   !> Give back all memory.
   subroutine direct_destroy(self)
+    !> The compliance operator of the body.
     class(direct_response_t), intent(inout) :: self
     call self%factor%destroy()
     call self%substitution%destroy()

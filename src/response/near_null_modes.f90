@@ -52,14 +52,16 @@ contains
     type(body_t), intent(in) :: body
     !> Factor of K_s.
     type(cholesky_t), intent(in) :: factor
-    !> Equations with springs E (n), and the springs s (n) [force/length].
+    !> Equations with springs E (n).
     integer, intent(in) :: fixed(:)
+    !> The springs s (n) [force/length].
     real(dp), intent(in) :: spring(:)
     !> Z (n_equations, n) [].
     real(dp), allocatable, intent(out) :: mode(:, :)
     !> S (n, n) [force/length].
     real(dp), allocatable, intent(out) :: stiffness(:, :)
-    !> Allocated where a formula of the material cannot be evaluated, or the modes are dependent.
+    !> Allocated where a formula of the material cannot be evaluated, or the modes are linearly dependent at the
+    !> springs.
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: u(:, :, :), force(:, :), at_springs(:, :), residual(:)
     real(dp) :: energy
@@ -105,7 +107,7 @@ contains
     real(dp), intent(in) :: at_rows(:, :)
     !> Z (n_equations, n) [], S (n, n) [force/length].
     real(dp), intent(inout) :: mode(:, :), stiffness(:, :)
-    !> Allocated where LAPACK's singular value decomposition does not converge.
+    !> Allocated where an entry at the rows is not finite, or LAPACK's singular value decomposition does not converge.
     type(error_t), allocatable, intent(out) :: error
     real(dp) :: values(size(mode, 2)), vectors(size(mode, 2), size(mode, 2)), scaled(size(at_rows, 1), size(mode, 2))
     integer :: k

@@ -74,8 +74,9 @@ contains
     type(body_t), intent(in) :: body
     !> Diagonal of the stiffness, springs included (n_equations) [force/length].
     real(dp), intent(in) :: diagonal(:)
-    !> Equations with springs (n), and the springs (n) [force/length].
+    !> Equations with springs (n).
     integer, intent(in) :: fixed(:)
+    !> The springs (n) [force/length].
     real(dp), intent(in) :: spring(:)
     !> The displacement, in any unit (n_equations).
     real(dp), intent(in) :: x(:)

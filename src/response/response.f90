@@ -51,6 +51,7 @@ module dotyk_response_response
     !> x := K^+ x.
     subroutine solve_interface(self, x)
       import :: response_t, dp
+      !> The compliance operator of the body.
       class(response_t), intent(in) :: self
       !> Right-hand side [force] in, solution [length] out (n_equations).
       real(dp), intent(inout) :: x(:)
@@ -59,12 +60,14 @@ module dotyk_response_response
     !> Make ready.
     subroutine prepare_interface(self)
       import :: response_t
+      !> The compliance operator of the body.
       class(response_t), intent(inout) :: self
     end subroutine prepare_interface
 
     !> Entries of the factor on the elimination-tree paths.
     real(dp) function path_entries_interface(self, equation)
       import :: response_t, dp
+      !> The compliance operator of the body.
       class(response_t), intent(inout) :: self
       !> Equations where the paths begin (n).
       integer, intent(in) :: equation(:)
@@ -73,6 +76,7 @@ module dotyk_response_response
     !> Forward substitution.
     subroutine substitute_interface(self, rows, substituted)
       import :: response_t, sparse_rows_t, substituted_rows_t
+      !> The compliance operator of the body.
       class(response_t), intent(in) :: self
       !> Rows over the equations.
       type(sparse_rows_t), intent(in) :: rows
@@ -83,6 +87,7 @@ module dotyk_response_response
     !> c_ij = a_i K^+ b_j.
     subroutine product_interface(self, a, b, same, c)
       import :: response_t, substituted_rows_t, dp
+      !> The compliance operator of the body.
       class(response_t), intent(in) :: self
       !> Rows of the two sides.
       type(substituted_rows_t), intent(in) :: a, b
@@ -95,6 +100,7 @@ module dotyk_response_response
     !> Give back all memory.
     subroutine destroy_interface(self)
       import :: response_t
+      !> The compliance operator of the body.
       class(response_t), intent(inout) :: self
     end subroutine destroy_interface
   end interface

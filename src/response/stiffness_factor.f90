@@ -27,8 +27,9 @@ module dotyk_response_stiffness_factor
     logical :: is_measured = .false.
     !> Diagonal of the stiffness, without springs (n_equations) [force/length].
     real(dp), allocatable :: diagonal(:)
-    !> Equations with springs, against rigid body or near-null-space modes, and the springs (n_springs) [force/length].
+    !> Equations with springs, against rigid body or near-null-space modes (n_springs).
     integer, allocatable :: fixing_equation(:)
+    !> The springs (n_springs) [force/length].
     real(dp), allocatable :: spring(:)
     !> Near-null-space modes over the equations (n_equations, n) [], and their stiffness (n, n) [force/length]; not
     !> allocated where there are none.
@@ -60,8 +61,12 @@ contains
     integer, intent(in) :: fixing_equation(:)
     !> Whether near-null-space modes may be split off.
     logical, intent(in) :: split_near_null
+    !> Condition, springs, near-null-space modes.
     type(factorization_report_t), intent(out) :: report
     !> Allocated where the stiffness is not positive definite (names a node), memory runs out, or an interrupt came.
+    !> Where pivots are small also: a formula of the material cannot be evaluated again, the smallest eigenvalues are
+    !> not found (a solution is not finite, or LAPACK does not converge), or the near-null-space modes are linearly
+    !> dependent.
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: diagonal(:), spring(:), shapes(:, :), values(:)
     real(dp) :: norm
@@ -108,9 +113,11 @@ contains
 
   !> Factorize once more, regularized against the near-null-space modes.
   subroutine split_off(body, stiffness, factor, diagonal, shapes, report, error)
+    !> The body, assembled.
     type(body_t), intent(in) :: body
     !> Of a body that its supports hold; empty on return.
     type(stiffness_t), intent(inout) :: stiffness
+    !> Of the stiffness with springs on return.
     type(cholesky_t), intent(inout) :: factor
     !> Of the stiffness (n_equations) [force/length].
     real(dp), intent(in) :: diagonal(:)
@@ -140,12 +147,15 @@ contains
 
   !> Whether the displacement that belongs to the weakest pivot is a mechanism.
   logical function is_loose(body, factor, diagonal, fixing_equation, spring)
+    !> The body, assembled.
     type(body_t), intent(in) :: body
+    !> Of the stiffness with springs.
     type(cholesky_t), intent(in) :: factor
     !> Springs included (n_equations) [force/length].
     real(dp), intent(in) :: diagonal(:)
-    !> Equations with springs, and the springs (n_modes) [force/length].
+    !> Equations with springs (n_modes).
     integer, intent(in) :: fixing_equation(:)
+    !> The springs (n_modes) [force/length].
     real(dp), intent(in) :: spring(:)
     real(dp), allocatable :: x(:)
     allocate (x(size(diagonal)), source=0.0_dp)
@@ -156,9 +166,11 @@ contains
 
   !> The error of a stiffness that is not positive definite.
   subroutine refuse(body, equation, error)
+    !> The body, assembled.
     type(body_t), intent(in) :: body
     !> Where elimination found it out.
     integer, intent(in) :: equation
+    !> Always allocated.
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: cause
     integer :: place(2)

@@ -14,6 +14,7 @@ module dotyk_response_substitution
 
   !> What forward substitutions need beside the factor.
   type, public :: substitution_t
+    !> Elimination tree of the factor; not allocated before it is needed.
     type(elimination_tree_t), allocatable, private :: tree
     !> Z (n_equations, n_modes) and R^T Z (n_modes, n_modes) [length/force].
     real(dp), allocatable, private :: regularized(:, :), product_of_modes(:, :)
@@ -29,6 +30,7 @@ contains
 
   !> Make ready; nothing is done where it is ready already.
   subroutine substitution_init(self, factor, mode)
+    !> The substitution.
     class(substitution_t), intent(inout) :: self
     !> Factorized.
     type(cholesky_t), intent(in) :: factor
@@ -46,6 +48,7 @@ contains
 
   !> The elimination tree.
   subroutine find_tree(self, factor)
+    !> Gets the elimination tree, unless it has it.
     type(substitution_t), intent(inout) :: self
     !> Analysed.
     type(cholesky_t), intent(in) :: factor
@@ -56,6 +59,7 @@ contains
 
   !> Entries of the factor from an equation to the root of the elimination tree, on average over some equations.
   real(dp) function substitution_path_entries(self, factor, equation) result(entries)
+    !> The substitution.
     class(substitution_t), intent(inout) :: self
     !> Analysed.
     type(cholesky_t), intent(in) :: factor
@@ -67,6 +71,7 @@ contains
 
   !> Forward substitution of rows.
   subroutine substitution_substitute(self, rows, mode, substituted)
+    !> The substitution.
     class(substitution_t), intent(in) :: self
     !> Rows over the equations.
     type(sparse_rows_t), intent(in) :: rows
@@ -85,6 +90,7 @@ contains
 
   !> c_ij = a_i K^+ b_j.
   subroutine substitution_product(self, a, b, same, c)
+    !> The substitution.
     class(substitution_t), intent(in) :: self
     !> Rows of the two sides.
     type(substituted_rows_t), intent(in) :: a, b
@@ -100,6 +106,7 @@ contains
 
   !> Give back all memory.
   subroutine substitution_destroy(self)
+    !> The substitution.
     class(substitution_t), intent(inout) :: self
     if (allocated(self%tree)) deallocate (self%tree)
     if (allocated(self%regularized)) deallocate (self%regularized, self%product_of_modes)

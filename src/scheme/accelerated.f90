@@ -48,6 +48,7 @@ module dotyk_scheme_accelerated
 
   !> The iteration with its memory.
   type, extends(iteration_t) :: accelerated_t
+    !> Changes over the last steps.
     type(changes_t) :: changes
     !> max(0, y)/theta and C W p at the iterate (n_rows) [pressure], [length].
     real(dp), allocatable :: p(:), z(:)
@@ -84,14 +85,19 @@ contains
 
   !> Iterate with Anderson's mixing.
   subroutine anderson_solve(self, qp, compliance, theta, settings, monitor, state, error)
+    !> The scheme.
     class(anderson_t), intent(in) :: self
     !> Of held bodies.
     type(contact_qp_t), intent(in) :: qp
+    !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
     !> Above 0 (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
+    !> Settings of the user.
     type(solver_settings_t), intent(in) :: settings
+    !> Gets each step, and lines for the log.
     class(monitor_t), intent(inout) :: monitor
+    !> The start where it has pressures; the last iterate on return, with its history.
     type(solver_state_t), intent(inout) :: state
     !> Never allocated.
     type(error_t), allocatable, intent(out) :: error
@@ -102,14 +108,19 @@ contains
 
   !> Iterate with crossed secants.
   subroutine secant_solve(self, qp, compliance, theta, settings, monitor, state, error)
+    !> The scheme.
     class(secant_t), intent(in) :: self
     !> Of held bodies.
     type(contact_qp_t), intent(in) :: qp
+    !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
     !> Above 0 (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
+    !> Settings of the user.
     type(solver_settings_t), intent(in) :: settings
+    !> Gets each step, and lines for the log.
     class(monitor_t), intent(inout) :: monitor
+    !> The start where it has pressures; the last iterate on return, with its history.
     type(solver_state_t), intent(inout) :: state
     !> Never allocated.
     type(error_t), allocatable, intent(out) :: error
@@ -120,17 +131,23 @@ contains
 
   !> The safeguarded iteration: from u_0 or the state, or a paused one.
   subroutine iterate(qp, compliance, theta, settings, n_remembered, most_growth, extrapolate, monitor, state)
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
+    !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
     !> (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
+    !> Settings of the user.
     type(solver_settings_t), intent(in) :: settings
     !> Changes that the extrapolation uses at most.
     integer, intent(in) :: n_remembered
     !> A residual this many times the least one drops the history [].
     real(dp), intent(in) :: most_growth
+    !> Moves an iterate to the next one.
     procedure(extrapolation) :: extrapolate
+    !> Gets each step, and lines for the log.
     class(monitor_t), intent(inout) :: monitor
+    !> The start where it has pressures; the last iterate on return, with its history.
     type(solver_state_t), intent(inout) :: state
     class(paused_t), allocatable :: paused
     logical :: finished
@@ -150,13 +167,17 @@ contains
 
   !> The first iterate, without any change to remember.
   subroutine begin(qp, compliance, theta, settings, n_remembered, monitor, state, paused, finished)
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
+    !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
     !> (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
+    !> Settings of the user.
     type(solver_settings_t), intent(in) :: settings
     !> Changes that the extrapolation uses at most.
     integer, intent(in) :: n_remembered
+    !> Gets each step, and lines for the log.
     class(monitor_t), intent(inout) :: monitor
     !> As in `begin_iteration`.
     type(solver_state_t), intent(inout) :: state
@@ -186,12 +207,15 @@ contains
 
   !> Evaluate an iterate, and record it.
   subroutine measure(qp, compliance, theta, now, monitor, state, finished)
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
+    !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
     !> (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> Gets p, z and the residual.
     type(accelerated_t), intent(inout) :: now
+    !> Gets each step, and lines for the log.
     class(monitor_t), intent(inout) :: monitor
     !> With the iterate.
     type(solver_state_t), intent(inout) :: state
@@ -203,9 +227,11 @@ contains
 
   !> Extrapolate to the next iterate; where the residual has grown, go back to the best one.
   subroutine step(qp, most_growth, extrapolate, now, state)
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
     !> As in `iterate` [].
     real(dp), intent(in) :: most_growth
+    !> Moves an iterate to the next one.
     procedure(extrapolation) :: extrapolate
     !> Evaluated.
     type(accelerated_t), intent(inout) :: now
@@ -239,6 +265,7 @@ contains
 
   !> Record a step; the oldest change makes room.
   subroutine changes_add(self, m, y, f_m, f_y)
+    !> The changes.
     class(changes_t), intent(inout) :: self
     !> The iterate, and f there (n_rows) [pressure], [length].
     real(dp), intent(in) :: m(:), y(:), f_m(:), f_y(:)
@@ -260,9 +287,13 @@ contains
 
   !> `m := g - dg share`, with the shares that make `f - df share` least in the energy norm.
   subroutine mix(weight, changes, f_m, f_y, m, y)
+    !> Weights of the contact rows (n_rows) [area].
     real(dp), intent(in) :: weight(:)
+    !> Of the last steps, at least one.
     type(changes_t), intent(in) :: changes
+    !> f at the iterate (n_rows) [pressure], [length].
     real(dp), intent(in) :: f_m(:), f_y(:)
+    !> The iterate (n_rows) [pressure], [length].
     real(dp), intent(inout) :: m(:), y(:)
     type(error_t), allocatable :: error
     real(dp) :: gram(changes%n, changes%n), share(changes%n, 1)
@@ -285,9 +316,13 @@ contains
 
   !> `m := g - s f`, `s = <dg, df>/<df, df>`.
   subroutine cross(weight, changes, f_m, f_y, m, y)
+    !> Weights of the contact rows (n_rows) [area].
     real(dp), intent(in) :: weight(:)
+    !> Of the last steps, at least one.
     type(changes_t), intent(in) :: changes
+    !> f at the iterate (n_rows) [pressure], [length].
     real(dp), intent(in) :: f_m(:), f_y(:)
+    !> The iterate (n_rows) [pressure], [length].
     real(dp), intent(inout) :: m(:), y(:)
     real(dp) :: s, square
     s = 0

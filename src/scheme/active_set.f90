@@ -59,6 +59,7 @@ contains
   subroutine find_active_set(qp, compliance, theta, max_iterations, tolerance, monitor, system, now, active, state, &
     error, &
                              start_inside)
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
     !> Formed at all rows, unless the linear system needs no entries.
     class(compliance_t), intent(inout) :: compliance
@@ -68,6 +69,7 @@ contains
     integer, intent(in) :: max_iterations
     !> For the monitor [].
     real(dp), intent(in) :: tolerance
+    !> Gets each step, and lines for the log.
     class(monitor_t), intent(inout) :: monitor
     !> That of the last active set on return.
     class(active_system_t), intent(inout) :: system
@@ -77,7 +79,8 @@ contains
     logical, intent(inout) :: active(:)
     !> Gets the history, and how the iteration ended.
     type(solver_state_t), intent(inout) :: state
-    !> Allocated where the system of an active set is not positive definite.
+    !> Allocated where the linear system of an active set cannot be prepared (`init` of its type): factorized, its
+    !> compliance is not positive definite or METIS fails; matrix-free, the modes at the rows are not finite.
     type(error_t), allocatable, intent(out) :: error
     !> True: the interior-point method begins, without any active set; false if absent.
     logical, intent(in), optional :: start_inside
@@ -158,13 +161,17 @@ contains
   pure logical function is_not_decreasing(changes)
     !> Of all steps so far (n_steps).
     integer, intent(in) :: changes(:)
-    integer, parameter :: back = 2, first = 4
+    !> The first active sets may change by any number of rows. Later the numbers halve at least, over two steps since
+    !> rows can enter and leave by turns.
+    integer, parameter :: first = 4, back = 2
+    real(dp), parameter :: most_left = 0.5_dp
     is_not_decreasing = .false.
-    if (size(changes) >= first) is_not_decreasing = 2*changes(size(changes)) > changes(size(changes) - back)
+    if (size(changes) >= first) is_not_decreasing = changes(size(changes)) > most_left*changes(size(changes) - back)
   end function is_not_decreasing
 
   !> Floating bodies at rest on a Winkler foundation that stands for all bodies, and the rows that penetrate there.
   subroutine rest_on_winkler_foundation(qp, theta, now, active)
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
     !> (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
@@ -184,9 +191,11 @@ contains
 
   !> Where the active rows cannot carry a floating body, add the rows on which it comes to rest.
   subroutine add_support(qp, theta, now, active)
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
     !> (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
+    !> The iterate.
     type(iterate_t), intent(in) :: now
     !> (n_rows).
     logical, intent(inout) :: active(:)
@@ -204,6 +213,7 @@ contains
   !> Whether the contact forces balance the loads of the floating bodies, up to rounding: there is no bound of the error
   !> otherwise.
   logical function is_balanced(qp, theta, lambda, alpha)
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
     !> (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
@@ -222,6 +232,7 @@ contains
 
   !> Stiffness of the Winkler foundation that stands for the bodies (n_rows) [force/length].
   pure function foundation_stiffness(qp, theta) result(stiffness)
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
     !> (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
@@ -231,7 +242,9 @@ contains
 
   !> The solution of the interior-point method, close to the solution wherever that is.
   subroutine find_inside(qp, compliance, theta, system, is_rigid, now, active, steps, error)
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
+    !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
     !> (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
@@ -239,6 +252,7 @@ contains
     class(active_system_t), intent(inout) :: system
     !> Rows without force (n_rows).
     logical, intent(in) :: is_rigid(:)
+    !> The iterate.
     type(iterate_t), intent(inout) :: now
     !> (n_rows).
     logical, intent(out) :: active(:)
@@ -253,9 +267,13 @@ contains
 
   !> Solve the system of the active set for the new iterate.
   subroutine solve_active(qp, compliance, system, now)
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
+    !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
+    !> Linear system of the active set, prepared.
     class(active_system_t), intent(in) :: system
+    !> The iterate.
     type(iterate_t), intent(inout) :: now
     real(dp), allocatable :: lambda(:)
     allocate (lambda(size(system%row)))
@@ -268,7 +286,9 @@ contains
 
   !> y = y_0 - C lambda + G alpha.
   subroutine update_penetrations(qp, compliance, now)
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
+    !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
     !> Its forces and amplitudes are given.
     type(iterate_t), intent(inout) :: now
@@ -282,7 +302,9 @@ contains
   !> Take rigid constraints out of the active set: rows that no force moves, because all their nodes are held by
   !> supports.
   subroutine drop_rigid_constraints(qp, compliance, theta, yields, active, is_rigid)
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
+    !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
     !> (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
@@ -318,7 +340,9 @@ contains
 
   !> How much all rows yield to forces without any order, by one product: only rigid ones stay where they are.
   subroutine press_all(qp, compliance, yields)
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
+    !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
     !> (n_rows) [length].
     real(dp), allocatable, intent(out) :: yields(:)
@@ -331,9 +355,11 @@ contains
   !> ||u||_A for relative errors; at least `least_norm` of what the initial penetrations would store in the foundation
   !> [sqrt(energy)].
   real(dp) function reference_norm(qp, theta, now) result(norm)
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
     !> (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
+    !> The iterate.
     type(iterate_t), intent(in) :: now
     norm = qp%energy_norm(now%lambda/qp%weight, now%y, now%alpha)
     norm = max(norm, least_norm*sqrt(sum(foundation_stiffness(qp, theta)*qp%initial_penetration**2)))
@@ -341,9 +367,11 @@ contains
 
   !> An entry of the history. There is no bound where forces are tensile.
   subroutine add_to_history(qp, theta, now, seconds, length, n_active, state)
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
     !> (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
+    !> The iterate.
     type(iterate_t), intent(in) :: now
     !> Since the start [s].
     real(dp), intent(in) :: seconds
@@ -351,6 +379,7 @@ contains
     real(dp), intent(in) :: length
     !> Active rows.
     integer, intent(in) :: n_active
+    !> The start where it has pressures; the last iterate on return, with its history.
     type(solver_state_t), intent(inout) :: state
     real(dp) :: norm, gap, m(size(now%lambda))
     norm = reference_norm(qp, theta, now)

@@ -52,7 +52,7 @@ module dotyk_scheme_active_system
       real(dp), intent(in) :: theta(:)
       !> The active set (n_rows).
       logical, intent(in) :: active(:)
-      !> See the extensions.
+      !> The system cannot be prepared; the extensions say why.
       type(error_t), allocatable, intent(out) :: error
     end subroutine init_interface
 

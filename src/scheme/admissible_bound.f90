@@ -20,7 +20,9 @@ contains
   !> square completed. What rounding leaves of B g, r, adds `lambda.r` and the like with the forces of u_theta, which
   !> are equal to first order: `x^2 <= |g| x + sum theta mu^2/(4 w) + 2 lambda.r`. [sqrt(energy)]
   real(dp) function admissible_bound(qp, compliance, theta, system, lambda, y, rounding) result(bound)
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
+    !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
     !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)

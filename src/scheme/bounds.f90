@@ -51,18 +51,21 @@ contains
 
   !> Relaxation parameters below this converge (sharp).
   elemental real(dp) function gamma_limit(lambda_max) result(limit)
+    !> L, or an upper estimate [].
     real(dp), intent(in) :: lambda_max
     limit = 2/(1 + lambda_max)
   end function gamma_limit
 
   !> gamma_2 of Theorem 3 with the constants of the energy norm, B = M = 1 and D = L.
   elemental real(dp) function gamma_limit_of_paper(lambda_max) result(limit)
+    !> L, or an upper estimate [].
     real(dp), intent(in) :: lambda_max
     limit = 2/(1 + lambda_max)**2
   end function gamma_limit_of_paper
 
   !> q of (40) with the same constants; NaN where gamma is not in (0, gamma_2).
   elemental real(dp) function contraction_of_paper(gamma, lambda_max) result(q)
+    !> Relaxation parameter, and L or an upper estimate [].
     real(dp), intent(in) :: gamma, lambda_max
     if (gamma > 0 .and. gamma < gamma_limit_of_paper(lambda_max)) then
       q = sqrt(1 - gamma*(2 - gamma*(1 + lambda_max)**2))

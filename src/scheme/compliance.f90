@@ -48,6 +48,7 @@ module dotyk_scheme_compliance
     !> z = C lambda.
     subroutine multiply_interface(self, qp, lambda, z)
       import :: compliance_t, contact_qp_t, dp
+      !> The compliance of the bodies.
       class(compliance_t), intent(inout) :: self
       !> The rows.
       type(contact_qp_t), intent(in) :: qp
@@ -60,6 +61,7 @@ module dotyk_scheme_compliance
     !> Form entries.
     subroutine form_interface(self, qp, may_stop)
       import :: compliance_t, contact_qp_t
+      !> The compliance of the bodies.
       class(compliance_t), intent(inout) :: self
       !> The rows.
       type(contact_qp_t), intent(in) :: qp
@@ -70,6 +72,7 @@ module dotyk_scheme_compliance
     !> Whether all entries are there.
     pure logical function is_formed_interface(self, qp)
       import :: compliance_t, contact_qp_t
+      !> The compliance of the bodies.
       class(compliance_t), intent(in) :: self
       !> The rows.
       type(contact_qp_t), intent(in) :: qp
@@ -78,12 +81,14 @@ module dotyk_scheme_compliance
     !> Whether any entries are there.
     pure logical function has_entries_interface(self)
       import :: compliance_t
+      !> The compliance of the bodies.
       class(compliance_t), intent(in) :: self
     end function has_entries_interface
 
     !> Entries of one body's part of C.
     subroutine get_entries_interface(self, qp, b, row, entries)
       import :: compliance_t, contact_qp_t, dp
+      !> The compliance of the bodies.
       class(compliance_t), intent(in) :: self
       !> Formed.
       type(contact_qp_t), intent(in) :: qp
@@ -98,6 +103,7 @@ module dotyk_scheme_compliance
     !> Diagonal of C.
     subroutine get_diagonal_interface(self, qp, row, diagonal)
       import :: compliance_t, contact_qp_t, dp
+      !> The compliance of the bodies.
       class(compliance_t), intent(in) :: self
       !> Formed at the rows.
       type(contact_qp_t), intent(in) :: qp
@@ -110,6 +116,7 @@ module dotyk_scheme_compliance
     !> `B D^{-1} B^T`, D the diagonal of the stiffness: each row with its nodes alone.
     subroutine nodal_diagonal_interface(self, qp, diagonal)
       import :: compliance_t, contact_qp_t, dp
+      !> The compliance of the bodies.
       class(compliance_t), intent(in) :: self
       !> The rows.
       type(contact_qp_t), intent(in) :: qp
@@ -120,6 +127,7 @@ module dotyk_scheme_compliance
     !> Costs of one body.
     subroutine get_costs_interface(self, b, path, solve)
       import :: compliance_t, dp
+      !> The compliance of the bodies.
       class(compliance_t), intent(inout) :: self
       !> The body.
       integer, intent(in) :: b
@@ -130,6 +138,7 @@ module dotyk_scheme_compliance
     !> Mark rows with entries.
     subroutine mark_formed_interface(self, formed)
       import :: compliance_t
+      !> The compliance of the bodies.
       class(compliance_t), intent(in) :: self
       !> Set true where entries are there, unchanged elsewhere (rows of the QP that all others are restrictions of).
       logical, intent(inout) :: formed(:)
@@ -138,6 +147,7 @@ module dotyk_scheme_compliance
     !> Entries at all rows.
     subroutine form_all_interface(self, qp, entries)
       import :: compliance_t, contact_qp_t, entries_t
+      !> The compliance of the bodies.
       class(compliance_t), intent(inout) :: self
       !> Any QP over the same bodies.
       type(contact_qp_t), intent(in) :: qp
@@ -150,6 +160,7 @@ contains
 
   !> The energy norm of the difference of two states `u = u0 - K^+ B^T W m + R alpha`; one product.
   real(dp) function compliance_distance(self, qp, m, alpha) result(distance)
+    !> The compliance of the bodies.
     class(compliance_t), intent(inout) :: self
     !> The rows.
     type(contact_qp_t), intent(in) :: qp

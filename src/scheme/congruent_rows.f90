@@ -41,6 +41,7 @@ contains
 
   !> Add a row in the axes of the representative.
   pure subroutine add_row(block, row, axes, factor, sum, largest)
+    !> One body's rows of B.
     type(contact_block_t), intent(in) :: block
     !> Which of its rows.
     integer, intent(in) :: row
@@ -64,10 +65,13 @@ contains
 
   !> Whether the nodes of a row have small entries.
   pure logical function is_small(block, row, values, limit)
+    !> One body's rows of B.
     type(contact_block_t), intent(in) :: block
+    !> Which of its rows.
     integer, intent(in) :: row
     !> (dimension, n_nodes).
     real(dp), intent(in) :: values(:, :)
+    !> Largest absolute value that is small [].
     real(dp), intent(in) :: limit
     integer :: k
     is_small = .false.
@@ -79,7 +83,9 @@ contains
 
   !> Set the nodes of a row to zero.
   pure subroutine clear(block, row, values)
+    !> One body's rows of B.
     type(contact_block_t), intent(in) :: block
+    !> Which of its rows.
     integer, intent(in) :: row
     !> (dimension, n_nodes).
     real(dp), intent(inout) :: values(:, :)

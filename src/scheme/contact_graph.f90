@@ -62,7 +62,7 @@ contains
     logical, intent(in) :: chosen(:)
     !> The graph.
     type(contact_graph_t), intent(out) :: graph
-    !> METIS cannot order the pairs.
+    !> METIS has no memory to order the pairs, or refuses their graph.
     type(error_t), allocatable, intent(out) :: error
     integer, allocatable :: block_of_pair(:), pair_order(:), start(:), neighbour(:)
     integer :: b, k, n_bodies, n_blocks

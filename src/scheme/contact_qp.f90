@@ -26,9 +26,9 @@ module dotyk_scheme_contact_qp
     integer :: dimension = 0
     !> Rows of pair k are pair_first_row(k) .. pair_first_row(k+1)-1 (n_pairs+1).
     integer, allocatable :: pair_first_row(:)
-    !> Aggregations that the QP has gone through, and row of the QP of the same level that each row is: a restriction is
-    !> an index set over the rows of that one (n_rows).
+    !> Aggregations that the QP has gone through.
     integer :: level = 0
+    !> Row of the whole QP of the same level that each row is: a restriction is an index set over those (n_rows).
     integer, allocatable :: parent_row(:)
     !> Weights w (n_rows) [area].
     real(dp), allocatable :: weight(:)
@@ -63,6 +63,7 @@ contains
   !> Make the QP.
   subroutine qp_init(self, operator, initial_penetration, load_displacement, energy_0, norm_square_0, foundation, &
     coarse)
+    !> The QP.
     class(contact_qp_t), intent(out) :: self
     !> Rows of B, weights and gaps; without its blocks on return.
     type(contact_operator_t), intent(inout) :: operator
@@ -92,6 +93,7 @@ contains
 
   !> The QP with another initial penetration, as more accurate displacements tell it.
   subroutine qp_shift_penetration(self, change)
+    !> The QP.
     class(contact_qp_t), intent(inout) :: self
     !> Added to the initial penetration (n_rows) [length].
     real(dp), intent(in) :: change(:)
@@ -100,6 +102,7 @@ contains
 
   !> z = G alpha.
   pure subroutine qp_mode_displacement(self, alpha, z)
+    !> The QP.
     class(contact_qp_t), intent(in) :: self
     !> Amplitudes (coarse%n) [length].
     real(dp), intent(in) :: alpha(:)
@@ -118,6 +121,7 @@ contains
 
   !> e = G^T lambda.
   pure subroutine qp_mode_resultant(self, lambda, e)
+    !> The QP.
     class(contact_qp_t), intent(in) :: self
     !> Contact forces, weights included (n_rows) [force].
     real(dp), intent(in) :: lambda(:)
@@ -133,6 +137,7 @@ contains
 
   !> C W m = y_0 + G alpha - y, which costs no product.
   subroutine find_compliance_product(self, y, product, alpha)
+    !> The QP.
     class(contact_qp_t), intent(in) :: self
     !> B u - d (n_rows) [length].
     real(dp), intent(in) :: y(:)
@@ -147,6 +152,7 @@ contains
 
   !> The energy norm ||u||_A of u = u_0 - K^+ B^T W m + R alpha [sqrt(energy)].
   real(dp) function qp_energy_norm(self, m, y, alpha) result(norm)
+    !> The QP.
     class(contact_qp_t), intent(in) :: self
     !> Pressures (n_rows) [pressure].
     real(dp), intent(in) :: m(:)
@@ -166,6 +172,7 @@ contains
   !> F_theta(u) of (19) [energy]; without the energy of penetrations where theta = 0. The work of the loads cancels,
   !> because u_0 is in equilibrium with them, except for the work on rigid body modes.
   real(dp) function qp_energy(self, theta, m, y, alpha) result(energy)
+    !> The QP.
     class(contact_qp_t), intent(in) :: self
     !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
@@ -186,6 +193,7 @@ contains
 
   !> Nodal contact forces on one body, - B_b^T W m.
   subroutine qp_body_force(self, b, m, force)
+    !> The QP.
     class(contact_qp_t), intent(in) :: self
     !> The body.
     integer, intent(in) :: b

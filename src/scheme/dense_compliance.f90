@@ -53,6 +53,7 @@ contains
 
   !> No entries yet.
   subroutine dense_init(self, qp)
+    !> The compliance matrices.
     class(dense_compliance_t), intent(out) :: self
     !> The rows.
     type(contact_qp_t), intent(in) :: qp
@@ -69,6 +70,7 @@ contains
 
   !> Give the matrix of one body at all of its rows.
   subroutine dense_set(self, qp, b, value)
+    !> The compliance matrices.
     class(dense_compliance_t), intent(inout) :: self
     !> The rows, as in `init`.
     type(contact_qp_t), intent(in) :: qp
@@ -88,6 +90,7 @@ contains
 
   !> Displacements of one body's rows by forces on them. Entries of rows that are not formed count as zero.
   pure subroutine dense_multiply_body(self, b, force, displacement)
+    !> The compliance matrices.
     class(dense_compliance_t), intent(in) :: self
     !> The body.
     integer, intent(in) :: b
@@ -108,6 +111,7 @@ contains
 
   !> z = C lambda.
   subroutine dense_multiply(self, qp, lambda, z)
+    !> The compliance matrices.
     class(dense_compliance_t), intent(inout) :: self
     !> The rows.
     type(contact_qp_t), intent(in) :: qp
@@ -129,9 +133,11 @@ contains
 
   !> Nothing: entries are given by `set`.
   subroutine dense_form(self, qp, may_stop)
+    !> The compliance matrices.
     class(dense_compliance_t), intent(inout) :: self
     !> The rows.
     type(contact_qp_t), intent(in) :: qp
+    !> Not used.
     logical, intent(in), optional :: may_stop
     associate (not_needed => self%n_sweeps, nor_this => qp%n_rows, nor_that => present(may_stop))
     end associate
@@ -139,6 +145,7 @@ contains
 
   !> Whether the entries of all bodies are there.
   pure logical function dense_is_formed(self, qp) result(is_formed)
+    !> The compliance matrices.
     class(dense_compliance_t), intent(in) :: self
     !> The rows.
     type(contact_qp_t), intent(in) :: qp
@@ -149,12 +156,14 @@ contains
 
   !> Whether any entries are there.
   pure logical function dense_has_entries(self) result(has_entries)
+    !> The compliance matrices.
     class(dense_compliance_t), intent(in) :: self
     has_entries = any(self%body%n > 0)
   end function dense_has_entries
 
   !> Whether the entries of one body are there.
   pure logical function dense_is_body_formed(self, qp, b) result(is_formed)
+    !> The compliance matrices.
     class(dense_compliance_t), intent(in) :: self
     !> The rows.
     type(contact_qp_t), intent(in) :: qp
@@ -166,6 +175,7 @@ contains
 
   !> Rows of the matrix of a body.
   pure function dense_numbers(self, b, row) result(number)
+    !> The compliance matrices.
     class(dense_compliance_t), intent(in) :: self
     !> The body.
     integer, intent(in) :: b
@@ -181,6 +191,7 @@ contains
 
   !> Entries between some rows of a body.
   subroutine dense_get_entries(self, qp, b, row, entries)
+    !> The compliance matrices.
     class(dense_compliance_t), intent(in) :: self
     !> The rows.
     type(contact_qp_t), intent(in) :: qp
@@ -200,6 +211,7 @@ contains
 
   !> Diagonal entries.
   subroutine dense_get_diagonal(self, qp, row, diagonal)
+    !> The compliance matrices.
     class(dense_compliance_t), intent(in) :: self
     !> The rows.
     type(contact_qp_t), intent(in) :: qp
@@ -224,6 +236,7 @@ contains
 
   !> The diagonal itself.
   subroutine dense_nodal_diagonal(self, qp, diagonal)
+    !> The compliance matrices.
     class(dense_compliance_t), intent(in) :: self
     !> The rows.
     type(contact_qp_t), intent(in) :: qp
@@ -235,6 +248,7 @@ contains
 
   !> Nothing is left to be formed, and a product costs twice the entries.
   subroutine dense_get_costs(self, b, path, solve)
+    !> The compliance matrices.
     class(dense_compliance_t), intent(inout) :: self
     !> The body.
     integer, intent(in) :: b
@@ -246,6 +260,7 @@ contains
 
   !> Mark rows with entries.
   subroutine dense_mark_formed(self, formed)
+    !> The compliance matrices.
     class(dense_compliance_t), intent(in) :: self
     !> (all rows of the QP of `init`).
     logical, intent(inout) :: formed(:)
@@ -257,6 +272,7 @@ contains
 
   !> Entries at all rows of a QP, which must be a restriction here.
   subroutine dense_form_all(self, qp, entries)
+    !> The compliance matrices.
     class(dense_compliance_t), intent(inout) :: self
     !> Formed.
     type(contact_qp_t), intent(in) :: qp

@@ -77,7 +77,8 @@ contains
     real(dp), intent(in) :: theta(:)
     !> The active set (n_rows).
     logical, intent(in) :: active(:)
-    !> The compliance is not positive definite, by rounding or not a number.
+    !> The compliance of the active rows is not positive definite: rows are linearly dependent to rounding with theta =
+    !> 0, or an entry is not a number. Or METIS cannot order the pairs.
     type(error_t), allocatable, intent(out) :: error
     integer :: failed
     call self%destroy()

@@ -13,8 +13,7 @@ module dotyk_scheme_dual
   use dotyk_base_interrupt, only: interrupted, stop_if_interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
-  use dotyk_scheme_active_set, only: iterate_t, find_active_set, is_balanced, reference_norm, &
-    rest_on_winkler_foundation, rounding, &
+  use dotyk_scheme_active_set, only: iterate_t, find_active_set, is_balanced, reference_norm, rounding, &
     update_penetrations
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_admissible_bound, only: admissible_bound
@@ -28,10 +27,10 @@ module dotyk_scheme_dual
   use dotyk_scheme_restriction, only: restrict_qp
   use dotyk_scheme_scheme, only: scheme_t
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_interrupted, ended_limit, &
-    ended_no_equilibrium, &
-    ended_rigid_constraint, ended_stalled
+    ended_no_equilibrium, ended_rigid_constraint, ended_stalled
   use dotyk_scheme_stopping, only: solver_settings_t
   use dotyk_scheme_winkler_start, only: find_unbounded_direction
+  use dotyk_scheme_working_set, only: has_many_modes, keep_what_carries, screen_rows
   implicit none
   private
 
@@ -44,26 +43,23 @@ module dotyk_scheme_dual
     procedure :: expected_products => dual_expected_products
   end type dual_t
 
-  !> Gaps that count as zero, as a fraction of the largest penetration or gap: faces that just touch.
-  real(dp), parameter :: touching = 1.0e-9_dp
   !> How often violated rows enter the working set; then all rows do.
   integer, parameter :: most_rounds = 4
-  !> How often rows enter it that stop an otherwise unbounded direction; then all rows do.
-  integer, parameter :: most_widenings = 10
-  !> Rows enter it that this direction closes by more than this fraction of the most.
-  real(dp), parameter :: closing = 1.0e-3_dp
-  !> Scenes of more rigid body modes than this, and fewer rows for each, are solved with all rows, by the interior point
-  !> method first.
-  integer, parameter :: many_modes = 60, rows_per_mode = 30
   !> A fraction of all rows that is not worth screening: to look at them in the end takes a solve.
   real(dp), parameter :: not_worth_screening = 0.2_dp
   !> Bounds beyond this many times the norm are none: squares of larger numbers overflow.
   real(dp), parameter :: largest_bound = 1.0e150_dp
+  !> A relative bound above this fraction of `largest_bound` was cut there, but for the rounding of the quotient.
+  real(dp), parameter :: cut_fraction = 0.99_dp
+  !> Rows enter with the violated ones whose gaps are smaller than this multiple of the largest violation: the next
+  !> solution closes gaps by about as much.
+  real(dp), parameter :: near_violation = 2
 
 contains
 
   !> Floating bodies are allowed.
   pure logical function dual_needs_held_bodies(self) result(needed)
+    !> The scheme.
     class(dual_t), intent(in) :: self
     needed = .false.
     associate (not_needed => same_type_as(self, self))
@@ -72,6 +68,7 @@ contains
 
   !> Contact without penetration is allowed.
   pure logical function dual_allows_zero_theta(self) result(allowed)
+    !> The scheme.
     class(dual_t), intent(in) :: self
     allowed = .true.
     associate (not_needed => same_type_as(self, self))
@@ -80,6 +77,7 @@ contains
 
   !> It forms the entries that it needs.
   pure integer function dual_expected_products(self) result(n)
+    !> The scheme.
     class(dual_t), intent(in) :: self
     n = 0
     associate (not_needed => same_type_as(self, self))
@@ -88,18 +86,23 @@ contains
 
   !> Solve.
   subroutine dual_solve(self, qp, compliance, theta, settings, monitor, state, error)
+    !> The scheme.
     class(dual_t), intent(in) :: self
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
+    !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
     !> At least 0 (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
+    !> Settings of the user.
     type(solver_settings_t), intent(in) :: settings
+    !> Gets each step, and lines for the log.
     class(monitor_t), intent(inout) :: monitor
     !> Where to begin if it has pressures, such as a state with another theta; without pressures on return where the
     !> scheme ended before the first step.
     type(solver_state_t), intent(inout) :: state
-    !> Allocated where the system of an active set is not positive definite, or an interrupt came before there was a
-    !> state.
+    !> Allocated where the linear system of an active set cannot be prepared (see `find_active_set`), or an interrupt
+    !> came before there was a state.
     type(error_t), allocatable, intent(out) :: error
     class(active_system_t), allocatable :: system
     type(contact_qp_t) :: part
@@ -149,8 +152,7 @@ contains
         state%error_bound = huge(state%error_bound)
         exit
       end if
-      ! Rows within as much again of being violated enter too.
-      working = working .or. state%y > -2*maxval(state%y, mask=violated)
+      working = working .or. state%y > -near_violation*maxval(state%y, mask=violated)
       earlier = state%history
       ! A start from a near state is kept; a start from groups of rows is made anew, unless active sets are hard to
       ! find.
@@ -165,7 +167,9 @@ contains
 
   !> A warm start may have pressures alone.
   subroutine complete_start(qp, state)
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
+    !> The start where it has pressures; the last iterate on return, with its history.
     type(solver_state_t), intent(inout) :: state
     if (.not. allocated(state%y)) state%y = qp%initial_penetration
     if (allocated(state%alpha)) then
@@ -177,6 +181,7 @@ contains
 
   !> Whether contact can balance the loads of the floating bodies.
   subroutine check_equilibrium(qp, state)
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
     !> Ended where the loads excite a motion that no contact stops.
     type(solver_state_t), intent(inout) :: state
@@ -190,66 +195,25 @@ contains
     state%unbounded = qp%coarse%scale*motion
   end subroutine check_equilibrium
 
-  !> The first working set: rows that are active where the bodies are rigid on a Winkler foundation, or nearly so.
-  subroutine screen_rows(qp, theta, working)
-    type(contact_qp_t), intent(in) :: qp
-    !> (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> (n_rows).
-    logical, allocatable, intent(out) :: working(:)
-    type(iterate_t) :: now
-    allocate (working(qp%n_rows), source=.true.)
-    if (qp%n_rows == 0 .or. has_many_modes(qp)) return
-    call rest_on_winkler_foundation(qp, theta, now, working)
-    ! Floating bodies sink in more than the foundation tells, or tilt.
-    if (qp%coarse%n > 0) working = now%y > -maxval(now%y)
-    working = working .or. abs(now%y) < touching*maxval(abs(now%y))
-  end subroutine screen_rows
-
-  !> Many bodies with few rows each: they roll and tilt farther than groups of rows or rigid bodies tell, active sets
-  !> cycle, and more rows cost little.
-  pure logical function has_many_modes(qp)
-    type(contact_qp_t), intent(in) :: qp
-    has_many_modes = qp%coarse%n > many_modes .and. qp%n_rows < rows_per_mode*qp%coarse%n
-  end function has_many_modes
-
   !> The solution without contact.
   subroutine begin_without_contact(qp, now)
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
+    !> The iterate.
     type(iterate_t), intent(out) :: now
     allocate (now%lambda(qp%n_rows), now%alpha(qp%coarse%n), source=0.0_dp)
     now%y = qp%initial_penetration
   end subroutine begin_without_contact
 
-  !> Add rows to a working set that cannot carry the floating bodies.
-  subroutine keep_what_carries(qp, working)
-    type(contact_qp_t), intent(in) :: qp
-    !> (n_rows).
-    logical, intent(inout) :: working(:)
-    type(contact_qp_t) :: part
-    real(dp), allocatable :: motion(:), penetration(:)
-    logical :: found
-    integer :: k
-    allocate (motion(qp%coarse%n), penetration(size(working)))
-    do k = 1, most_widenings
-      call restrict_qp(qp, working, part)
-      call find_unbounded_direction(part, motion, found)
-      if (.not. found) return
-      ! Rows that the motion closes.
-      call qp%mode_displacement(motion, penetration)
-      if (.not. any(penetration > 0 .and. .not. working)) exit
-      working = working .or. penetration > closing*maxval(penetration)
-      if (all(working)) return
-    end do
-    working = .true.
-  end subroutine keep_what_carries
-
   !> The state on all rows, from that on the working set.
   subroutine complete(qp, compliance, working, state)
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
+    !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
     !> (n_rows).
     logical, intent(in) :: working(:)
+    !> The start where it has pressures; the last iterate on return, with its history.
     type(solver_state_t), intent(inout) :: state
     real(dp), allocatable :: z(:), motion(:)
     allocate (z(size(working)), motion(size(working)), source=0.0_dp)
@@ -261,15 +225,21 @@ contains
 
   !> Solve with all rows of a QP in the working set.
   subroutine solve_working_set(qp, compliance, theta, settings, monitor, system, warm, state, error)
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
+    !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
     !> (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
+    !> Settings of the user.
     type(solver_settings_t), intent(in) :: settings
+    !> Gets each step, and lines for the log.
     class(monitor_t), intent(inout) :: monitor
+    !> Linear system of an active set: work space.
     class(active_system_t), intent(inout) :: system
     !> Whether to begin with the state.
     logical, intent(in) :: warm
+    !> The start where it has pressures; the last iterate on return, with its history.
     type(solver_state_t), intent(inout) :: state
     !> As in `dual_solve`.
     type(error_t), allocatable, intent(out) :: error
@@ -313,6 +283,7 @@ contains
 
   !> A new state, in which the quantities of other schemes are no numbers.
   subroutine clear(state)
+    !> The new state.
     type(solver_state_t), intent(out) :: state
     real(dp) :: nan
     nan = ieee_value(nan, ieee_quiet_nan)
@@ -325,7 +296,9 @@ contains
 
   !> The state that is returned: no force is tensile, and the bound is the least one that is available.
   subroutine finish(qp, compliance, theta, tolerance, system, now, state)
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
+    !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
     !> (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
@@ -333,7 +306,9 @@ contains
     real(dp), intent(in) :: tolerance
     !> Of the last active set.
     class(active_system_t), intent(in) :: system
+    !> The iterate.
     type(iterate_t), intent(inout) :: now
+    !> The start where it has pressures; the last iterate on return, with its history.
     type(solver_state_t), intent(inout) :: state
     real(dp) :: norm, admissible, rounded
     integer :: i
@@ -363,7 +338,7 @@ contains
       call qp%coarse%rounding(qp%block, now%lambda, rounded)
       state%error_bound = state%error_bound + rounded
       if (norm > 0) state%error_bound = min(state%error_bound, largest_bound*norm)/norm
-      if (state%error_bound >= 0.99_dp*largest_bound) state%error_bound = huge(norm)
+      if (state%error_bound >= cut_fraction*largest_bound) state%error_bound = huge(norm)
     end if
     ! There is none for loads whose squares overflow either.
     if (.not. state%error_bound <= huge(norm)) state%error_bound = huge(norm)

@@ -5,6 +5,11 @@ module dotyk_scheme_history
   implicit none
   private
 
+  !> Steps over which the contraction is measured, and the one before them.
+  integer, parameter :: n_measured = 11
+  !> Entries of new arrays; they double where they are full.
+  integer, parameter :: first_size = 128
+
   !> One entry per iteration; arrays are longer than `n` while the iteration goes on.
   type, public :: history_t
     !> Number of entries.
@@ -24,7 +29,7 @@ module dotyk_scheme_history
     !> Number of active contact rows.
     integer, allocatable :: active(:)
     !> Lengths of the last steps in the energy norm, newest first [sqrt(energy)].
-    real(dp), private :: length(11) = 0
+    real(dp), private :: length(n_measured) = 0
     !> Steps that `length` has seen: those of this iteration, without earlier ones that were put before it.
     integer, private :: n_lengths = 0
   contains
@@ -38,11 +43,13 @@ contains
 
   !> Add an entry; `length` is the increment before it was divided by the norm of the iterate.
   subroutine history_add(self, seconds, length, increment, error_bound, energy, max_penetration, active)
+    !> The history.
     class(history_t), intent(inout) :: self
     !> As the components of `history_t`, of one step; the length [sqrt(energy)].
     real(dp), intent(in) :: seconds, length, increment, error_bound, energy, max_penetration
+    !> Number of active contact rows.
     integer, intent(in) :: active
-    if (.not. allocated(self%seconds)) call resize(self, 128)
+    if (.not. allocated(self%seconds)) call resize(self, first_size)
     if (self%n == size(self%seconds)) call resize(self, 2*self%n)
     self%n = self%n + 1
     self%length = [length, self%length(:size(self%length) - 1)]
@@ -59,12 +66,14 @@ contains
 
   !> Cut the arrays to the entries that there are.
   subroutine history_finish(self)
+    !> The history.
     class(history_t), intent(inout) :: self
     call resize(self, self%n)
   end subroutine history_finish
 
   !> Put this history after an earlier one, both finished.
   subroutine history_put_after(self, earlier)
+    !> The history.
     class(history_t), intent(inout) :: self
     !> Of the same scheme, ended before this one began.
     type(history_t), intent(in) :: earlier
@@ -82,7 +91,9 @@ contains
 
   !> Arrays of another length.
   subroutine resize(self, length)
+    !> The history.
     class(history_t), intent(inout) :: self
+    !> Entries of the new arrays, at least those in use.
     integer, intent(in) :: length
     integer, allocatable :: active(:)
     call resize_real(self%seconds)
@@ -97,6 +108,7 @@ contains
     call move_alloc(active, self%active)
   contains
     subroutine resize_real(values)
+      !> The old array, then the new one; new entries are 0.
       real(dp), allocatable, intent(inout) :: values(:)
       real(dp), allocatable :: longer(:)
       allocate (longer(length), source=0.0_dp)
@@ -107,6 +119,7 @@ contains
 
   !> Mean factor between the last increments (up to ten of them); NaN where there are fewer than two.
   pure real(dp) function history_measured_contraction(self) result(q)
+    !> The history.
     class(history_t), intent(in) :: self
     integer :: span
     q = ieee_value(q, ieee_quiet_nan)

@@ -79,7 +79,7 @@ contains
     logical, intent(out) :: active(:)
     !> Linear systems that were solved.
     integer, intent(out) :: steps
-    !> A system cannot be factorized.
+    !> The linear system cannot be prepared (`init` of its type).
     type(error_t), allocatable, intent(out) :: error
     type(point_t) :: now, step
     real(dp), allocatable :: fraction(:), r_dual(:), r_balance(:), product(:)
@@ -148,7 +148,7 @@ contains
     real(dp), intent(in) :: fraction(:)
     !> The iterate.
     type(point_t), intent(out) :: now
-    !> The system cannot be factorized.
+    !> The linear system cannot be prepared (`init` of its type).
     type(error_t), allocatable, intent(out) :: error
     real(dp) :: force, gap, product
     allocate (now%lambda(size(row)), now%alpha(qp%coarse%n))
@@ -185,7 +185,7 @@ contains
     integer, intent(in) :: row(:)
     !> Compliance added to the layers (n) [length/force].
     real(dp), intent(in) :: softer(:)
-    !> The system cannot be factorized.
+    !> The linear system cannot be prepared (`init` of its type).
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: soft_theta(:)
     allocate (soft_theta(qp%n_rows))

@@ -62,7 +62,7 @@ contains
     real(dp), intent(in) :: theta(:)
     !> The active set (n_rows).
     logical, intent(in) :: active(:)
-    !> The eigenvalues of the Gram matrix cannot be found.
+    !> The eigenvalues of the Gram matrix G^T G cannot be found: an entry is not finite, or LAPACK does not converge.
     type(error_t), allocatable, intent(out) :: error
     call self%destroy()
     call self%take_points(qp, theta, active)
@@ -98,7 +98,7 @@ contains
     real(dp), allocatable, intent(out) :: inverse(:, :)
     !> As columns, the largest amplitude of each is 1 (n, number of them).
     real(dp), allocatable, intent(out) :: null_mode(:, :)
-    !> No convergence of the eigenvalue iteration.
+    !> An entry is not finite, or LAPACK's eigenvalue iteration does not converge.
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: scaled(:, :), scale(:), values(:), vectors(:, :)
     real(dp) :: most

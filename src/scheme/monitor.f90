@@ -22,6 +22,7 @@ contains
 
   !> A step was done.
   subroutine monitor_step(self, history, tolerance, measure)
+    !> The monitor.
     class(monitor_t), intent(inout) :: self
     !> Up to now.
     type(history_t), intent(in) :: history
@@ -33,6 +34,7 @@ contains
 
   !> Something is worth a line of the log.
   subroutine monitor_note(self, text)
+    !> The monitor.
     class(monitor_t), intent(inout) :: self
     !> A label of at most 16 letters, and the text.
     character(*), intent(in) :: text
@@ -42,6 +44,7 @@ contains
 
   !> Another phase begins.
   subroutine monitor_begin_phase(self, phase)
+    !> The monitor.
     class(monitor_t), intent(inout) :: self
     !> One of `phase_*`.
     integer, intent(in) :: phase
@@ -51,6 +54,7 @@ contains
 
   !> The iteration ended.
   subroutine monitor_finish(self)
+    !> The monitor.
     class(monitor_t), intent(inout) :: self
     associate (not_needed => same_type_as(self, self))
     end associate

@@ -33,19 +33,30 @@ module dotyk_scheme_multilevel_start
   !> displacement by the group's own force.
   real(dp), parameter :: gap_over_indentation = 0.5_dp
 
+  !> Groups of fewer rows than this in the mean are not worth a solution: rows without common nodes.
+  integer, parameter :: least_mean = 2
+  !> A row makes a group where at least one in so many of its neighbours is single; otherwise it joins another one, so
+  !> that no group is tiny.
+  integer, parameter :: neighbours_per_single = 3
+  !> Rows share a node where both have entries there of at least this fraction of the largest: those of a mortar row far
+  !> from its node are small.
+  real(dp), parameter :: large_entry = 0.5_dp
+
 contains
 
   !> A first iterate and its active set.
   recursive subroutine find_start(qp, compliance, theta, now, active, error)
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
     !> Formed at all rows, or matrix-free.
     class(compliance_t), intent(inout) :: compliance
     !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
+    !> The iterate.
     type(iterate_t), intent(out) :: now
     !> (n_rows).
     logical, intent(out) :: active(:)
-    !> Allocated where the system of an active set is not positive definite.
+    !> As in `find_active_set`, for the groups.
     type(error_t), allocatable, intent(out) :: error
     type(contact_qp_t) :: coarse
     type(dense_compliance_t) :: of_groups
@@ -61,7 +72,7 @@ contains
     if (qp%n_rows < few_rows) return
     allocate (group(qp%n_rows))
     call group_rows(qp, group, n_groups)
-    if (2*n_groups > qp%n_rows) return
+    if (least_mean*n_groups > qp%n_rows) return
     call aggregate_qp(qp, group, n_groups, coarse, fraction)
     coarse_theta = aggregate_values(group, n_groups, fraction, theta)
     ! Mean normals may not carry what the rows carry.
@@ -95,9 +106,11 @@ contains
 
   !> The entries of groups whose rows have none.
   subroutine form_groups(coarse, compliance, of_groups)
+    !> The groups.
     type(contact_qp_t), intent(in) :: coarse
     !> Of the bodies.
     class(compliance_t), intent(inout) :: compliance
+    !> Their compliance.
     type(dense_compliance_t), intent(out) :: of_groups
     type(entries_t), allocatable :: entries(:)
     integer :: b
@@ -112,9 +125,11 @@ contains
   recursive subroutine solve_groups(qp, compliance, theta, system, now, indentation, error)
     !> Of the groups.
     type(contact_qp_t), intent(in) :: qp
+    !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
     !> (n_groups) [length/pressure].
     real(dp), intent(in) :: theta(:)
+    !> Linear system of an active set: work space.
     class(active_system_t), intent(inout) :: system
     !> The last iterate.
     type(iterate_t), intent(out) :: now
@@ -142,9 +157,11 @@ contains
   !> Group each row that is still single with its single neighbours: rows of a pair that share a node. Rows that are
   !> left over join a neighbouring group.
   subroutine group_rows(qp, group, n_groups)
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
     !> Of each row; groups are numbered pair by pair (n_rows), and their number.
     integer, intent(out) :: group(:)
+    !> Number of groups.
     integer, intent(out) :: n_groups
     integer, allocatable :: start(:), row_of(:), neighbour(:)
     integer :: k, i, j, n, b
@@ -161,7 +178,7 @@ contains
             call neighbours(block, qp%dimension, qp%coarse%place(1, i), start, row_of, neighbour)
             neighbour = pack(neighbour, neighbour >= first(k) .and. neighbour < first(k + 1))
             n = count(group(neighbour) == 0)
-            if (3*n >= size(neighbour)) then
+            if (neighbours_per_single*n >= size(neighbour)) then
               n_groups = n_groups + 1
               group(i) = n_groups
               n = 1
@@ -182,7 +199,9 @@ contains
 
   !> Rows that touch each node of a block.
   subroutine rows_of_nodes(block, dimension, start, row)
+    !> One body's rows of B.
     type(contact_block_t), intent(in) :: block
+    !> Dimension of the scene, 2 or 3.
     integer, intent(in) :: dimension
     !> Rows of node i: row(start(i):start(i+1)-1), as numbers in the operator, ascending; a row stands once per entry.
     integer, allocatable, intent(out) :: start(:), row(:)
@@ -210,12 +229,15 @@ contains
 
   !> Rows that share the nodes of the largest entries of one row, itself among them.
   subroutine neighbours(block, dimension, i, start, row, list)
+    !> One body's rows of B.
     type(contact_block_t), intent(in) :: block
+    !> Dimension of the scene, 2 or 3.
     integer, intent(in) :: dimension
     !> Place of the row in the block.
     integer, intent(in) :: i
     !> Of `rows_of_nodes`.
     integer, intent(in) :: start(:), row(:)
+    !> The rows, each once, as numbers in the operator.
     integer, allocatable, intent(out) :: list(:)
     integer, allocatable :: found(:)
     integer :: k, j, node, n
@@ -224,7 +246,7 @@ contains
       largest = maxval(abs(matrix%value(matrix%row_start(i):matrix%row_start(i + 1) - 1)))
       allocate (found(0))
       do k = matrix%row_start(i), matrix%row_start(i + 1) - 1
-        if (abs(matrix%value(k)) < 0.5_dp*largest) cycle
+        if (abs(matrix%value(k)) < large_entry*largest) cycle
         node = (matrix%column(k) - 1)/dimension + 1
         found = [found, row(start(node):start(node + 1) - 1)]
       end do

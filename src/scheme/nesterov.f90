@@ -37,14 +37,19 @@ contains
 
   !> Iterate from u_0 or the state, or continue a paused iteration; gamma is 1/(1+L) whatever the settings say.
   subroutine nesterov_solve(self, qp, compliance, theta, settings, monitor, state, error)
+    !> The scheme.
     class(nesterov_t), intent(in) :: self
     !> Of held bodies.
     type(contact_qp_t), intent(in) :: qp
+    !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
     !> Above 0 (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
+    !> Settings of the user.
     type(solver_settings_t), intent(in) :: settings
+    !> Gets each step, and lines for the log.
     class(monitor_t), intent(inout) :: monitor
+    !> The start where it has pressures; the last iterate on return, with its history.
     type(solver_state_t), intent(inout) :: state
     !> Never allocated.
     type(error_t), allocatable, intent(out) :: error
@@ -67,11 +72,15 @@ contains
 
   !> The first iterate, without momentum.
   subroutine begin(qp, compliance, theta, settings, monitor, state, paused, finished)
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
+    !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
     !> (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
+    !> Settings of the user.
     type(solver_settings_t), intent(in) :: settings
+    !> Gets each step, and lines for the log.
     class(monitor_t), intent(inout) :: monitor
     !> As in `begin_iteration`.
     type(solver_state_t), intent(inout) :: state
@@ -98,12 +107,15 @@ contains
 
   !> Evaluate an iterate, the point with momentum, and record it: its bound is the residual.
   subroutine measure(qp, compliance, theta, momentum, monitor, state, finished)
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
+    !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
     !> (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> Gets p and z.
     type(momentum_t), intent(inout) :: momentum
+    !> Gets each step, and lines for the log.
     class(monitor_t), intent(inout) :: monitor
     !> With the iterate.
     type(solver_state_t), intent(inout) :: state
@@ -116,6 +128,7 @@ contains
 
   !> A gradient step from the iterate, and the momentum of the next one.
   subroutine step(qp, momentum, state)
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
     !> Evaluated.
     type(momentum_t), intent(inout) :: momentum

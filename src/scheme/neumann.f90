@@ -32,14 +32,19 @@ contains
 
   !> Iterate from u_0, the solution without contact, or from the state; continue a paused iteration.
   subroutine neumann_solve(self, qp, compliance, theta, settings, monitor, state, error)
+    !> The scheme.
     class(neumann_t), intent(in) :: self
     !> Of held bodies.
     type(contact_qp_t), intent(in) :: qp
+    !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
     !> Above 0 (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
+    !> Settings of the user.
     type(solver_settings_t), intent(in) :: settings
+    !> Gets each step, and lines for the log.
     class(monitor_t), intent(inout) :: monitor
+    !> The start where it has pressures; the last iterate on return, with its history.
     type(solver_state_t), intent(inout) :: state
     !> Allocated where the rule of the paper is to end the iteration, and gamma is beyond Theorem 3.
     type(error_t), allocatable, intent(out) :: error
@@ -60,11 +65,15 @@ contains
 
   !> The first iterate, with gamma and the stopping criterion.
   subroutine begin(qp, compliance, theta, settings, monitor, state, paused, error)
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
+    !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
     !> (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
+    !> Settings of the user.
     type(solver_settings_t), intent(in) :: settings
+    !> Gets each step, and lines for the log.
     class(monitor_t), intent(inout) :: monitor
     !> As in `begin_iteration`.
     type(solver_state_t), intent(inout) :: state
@@ -93,10 +102,13 @@ contains
   !> The first iterate of any form of the scheme, u_0 unless the state has pressures, with L and gamma. Without contact
   !> rows it is the solution.
   subroutine begin_iteration(qp, compliance, theta, settings, state)
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
+    !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
     !> Above 0 (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
+    !> Settings of the user.
     type(solver_settings_t), intent(in) :: settings
     !> L is not estimated again where the state has it.
     type(solver_state_t), intent(inout) :: state
@@ -123,6 +135,7 @@ contains
 
   !> The end of an iteration, or its pause at the time limit: its history is cut, and its contraction measured.
   subroutine finish_iteration(monitor, state, paused)
+    !> Gets each step, and lines for the log.
     class(monitor_t), intent(inout) :: monitor
     !> Gets the iteration where it pauses.
     type(solver_state_t), intent(inout) :: state
@@ -138,12 +151,15 @@ contains
 
   !> The steps of (43), (44).
   subroutine iterate(qp, compliance, theta, stopping, monitor, state)
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
+    !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
     !> (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> Begun.
     type(stopping_t), intent(inout) :: stopping
+    !> Gets each step, and lines for the log.
     class(monitor_t), intent(inout) :: monitor
     !> With L, gamma and an iterate.
     type(solver_state_t), intent(inout) :: state
@@ -166,7 +182,9 @@ contains
   !> Pressures by the penetrations of an iterate, the displacements of the rows under them, and the residual
   !> `||K^{-1} F'_theta(u)||_A^2 = (p-m)^T W C W (p-m)`, which bounds the error of the iterate. One product.
   subroutine evaluate_step(qp, compliance, theta, m, y, p, z, residual)
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
+    !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
     !> (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
@@ -184,6 +202,7 @@ contains
 
   !> How fast the iteration will be, and where it would not converge.
   subroutine announce(monitor, state)
+    !> Gets each step, and lines for the log.
     class(monitor_t), intent(inout) :: monitor
     !> With L and gamma.
     type(solver_state_t), intent(in) :: state

@@ -17,6 +17,7 @@ contains
   subroutine make_scheme(name, scheme)
     !> One of `scheme_*` of dotyk_base_options.
     integer, intent(in) :: name
+    !> The scheme of that name.
     class(scheme_t), allocatable, intent(out) :: scheme
     select case (name)
     case (scheme_neumann)

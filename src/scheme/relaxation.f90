@@ -12,7 +12,9 @@ module dotyk_scheme_relaxation
   !> `Theta^{-1/2} W^{1/2} C W^{1/2} Theta^{-1/2}`: symmetric, with the spectrum of `Theta^{-1} C W`. The pointers are
   !> to dummy arguments of the procedure that has it as a local variable.
   type, extends(linear_operator_t), public :: penalty_compliance_t
+    !> C.
     class(compliance_t), pointer :: compliance => null()
+    !> The rows.
     type(contact_qp_t), pointer :: qp => null()
     !> W^{1/2} Theta^{-1/2} (n_rows).
     real(dp), allocatable :: scale(:)
@@ -38,7 +40,9 @@ contains
   !> Upper estimate of L = lambda_max(Theta^{-1} C W), `1.02 (Ritz value + residual)`: gamma = 2/(2+L) diverges already
   !> when L is short by 1.
   subroutine estimate_lambda_max(qp, compliance, theta, lambda_max)
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in), target :: qp
+    !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout), target :: compliance
     !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
@@ -57,6 +61,7 @@ contains
 
   !> y = Theta^{-1/2} W^{1/2} C W^{1/2} Theta^{-1/2} x.
   subroutine penalty_compliance_apply(self, x, y)
+    !> The operator.
     class(penalty_compliance_t), intent(inout) :: self
     !> Factor (n_rows).
     real(dp), intent(in) :: x(:)

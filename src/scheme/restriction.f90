@@ -17,9 +17,11 @@ contains
 
   !> The QP on some of its rows.
   subroutine restrict_qp(qp, keep, part)
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
     !> (n_rows).
     logical, intent(in) :: keep(:)
+    !> The QP of these rows.
     type(contact_qp_t), intent(out) :: part
     real(dp), allocatable :: fraction(:)
     integer, allocatable :: group(:)
@@ -34,9 +36,11 @@ contains
 
   !> The QP on groups of its rows.
   subroutine aggregate_qp(qp, group, n_groups, aggregated, fraction)
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
     !> Group of each row; groups are numbered pair by pair (n_rows), and their number.
     integer, intent(in) :: group(:), n_groups
+    !> The QP of the groups.
     type(contact_qp_t), intent(out) :: aggregated
     !> Fraction of each row in the weight of its group (n_rows) [].
     real(dp), allocatable, intent(out) :: fraction(:)
@@ -48,11 +52,13 @@ contains
 
   !> The compliance of groups of rows from that of the rows, `S C S^T` with the fractions S.
   subroutine aggregate_compliance(qp, compliance, group, fraction, aggregated, of_groups)
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
     !> Formed at the rows of `qp`.
     class(compliance_t), intent(in) :: compliance
     !> As in `aggregate_qp` (n_rows).
     integer, intent(in) :: group(:)
+    !> Fraction of each row in the weight of its group (n_rows) [].
     real(dp), intent(in) :: fraction(:)
     !> The QP of the groups.
     type(contact_qp_t), intent(in) :: aggregated
@@ -89,9 +95,11 @@ contains
 
   !> The QP on groups of rows, of one row or of several; level and parent rows are left to the caller.
   subroutine join_rows(qp, group, n_groups, joined, fraction)
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
     !> Group of each row, 0 where it is left out (n_rows), and their number.
     integer, intent(in) :: group(:), n_groups
+    !> The QP of the groups.
     type(contact_qp_t), intent(out) :: joined
     !> Fraction of each row in the weight of its group (n_rows) [].
     real(dp), allocatable, intent(out) :: fraction(:)
@@ -130,6 +138,7 @@ contains
   pure function aggregate_values(group, n_groups, fraction, value) result(mean)
     !> As in `aggregate_qp` (n_rows), and their number.
     integer, intent(in) :: group(:), n_groups
+    !> Fraction of each row in the weight of its group (n_rows) [].
     real(dp), intent(in) :: fraction(:)
     !> Of the rows, any unit (n_rows).
     real(dp), intent(in) :: value(:)
@@ -144,10 +153,13 @@ contains
 
   !> One body's rows of B, joined.
   subroutine join_block(fine, group, n_groups, fraction, joined)
+    !> The body's rows.
     type(contact_block_t), intent(in) :: fine
     !> As in `join_rows`.
     integer, intent(in) :: group(:), n_groups
+    !> Fraction of each row in the weight of its group (n_rows) [].
     real(dp), intent(in) :: fraction(:)
+    !> The body's groups.
     type(contact_block_t), intent(inout) :: joined
     integer, allocatable :: row(:), column(:), number(:)
     real(dp), allocatable :: value(:)
@@ -177,13 +189,17 @@ contains
 
   !> The rigid body modes at the joined rows; scales and resultants are those of the bodies.
   subroutine join_modes(qp, group, fraction, block, n_groups, coarse)
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
     !> As in `join_rows`.
     integer, intent(in) :: group(:)
+    !> Fraction of each row in the weight of its group (n_rows) [].
     real(dp), intent(in) :: fraction(:)
     !> Joined rows of B (n_bodies).
     type(contact_block_t), intent(in) :: block(:)
+    !> Number of groups.
     integer, intent(in) :: n_groups
+    !> The modes at the groups.
     type(coarse_space_t), intent(out) :: coarse
     integer, allocatable :: place_of(:)
     integer :: b, i

@@ -55,6 +55,9 @@ module dotyk_scheme_robin
   real(dp), parameter :: relaxation = 0.9_dp
   !> The factor per step is not known beforehand; no gain for ten times 1/(1-q) steps is no hope.
   real(dp), parameter :: slowest = 0.999_dp
+  !> Where the mean of both sides is farther from the solution than the sides, their next tolerance is this fraction of
+  !> the one that the ratio of the bounds asks for.
+  real(dp), parameter :: tightening = 0.5_dp
   !> Bounds below this are not to be had with rounding errors.
   real(dp), parameter :: least_tolerance = 1.0e-12_dp
 
@@ -62,6 +65,7 @@ contains
 
   !> The scheme forms the entries of the compliance.
   pure integer function robin_expected_products(self) result(n)
+    !> The scheme.
     class(robin_t), intent(in) :: self
     n = 0
     associate (not_needed => same_type_as(self, self))
@@ -71,16 +75,21 @@ contains
   !> Iterate from u_0 or the state, or continue a paused iteration; rows count as likely to be active once they
   !> penetrated.
   subroutine robin_solve(self, qp, compliance, theta, settings, monitor, state, error)
+    !> The scheme.
     class(robin_t), intent(in) :: self
     !> Of held bodies.
     type(contact_qp_t), intent(in) :: qp
+    !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
     !> Above 0 (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
+    !> Settings of the user.
     type(solver_settings_t), intent(in) :: settings
+    !> Gets each step, and lines for the log.
     class(monitor_t), intent(inout) :: monitor
+    !> The start where it has pressures; the last iterate on return, with its history.
     type(solver_state_t), intent(inout) :: state
-    !> Allocated where the matrix of a body is singular.
+    !> Allocated where I + D C_a of a body is singular.
     type(error_t), allocatable, intent(out) :: error
     class(paused_t), allocatable :: paused
     call take_up(settings, state, paused)
@@ -100,16 +109,19 @@ contains
 
   !> The first iterate: both sides have the forces of the state.
   subroutine begin(qp, compliance, theta, settings, state, paused, error)
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
+    !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
     !> (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
+    !> Settings of the user.
     type(solver_settings_t), intent(in) :: settings
     !> As in `begin_iteration`.
     type(solver_state_t), intent(inout) :: state
     !> A `two_sides_t`.
     class(paused_t), allocatable, intent(out) :: paused
-    !> Allocated where the matrix of a body is singular.
+    !> Allocated where I + D C_a of a body is singular.
     type(error_t), allocatable, intent(out) :: error
     type(two_sides_t), allocatable :: now
     integer :: b
@@ -134,17 +146,21 @@ contains
 
   !> The steps, until the mean of both sides is accurate enough.
   subroutine iterate(qp, compliance, theta, settings, now, monitor, state, error)
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
+    !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
     !> (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
+    !> Settings of the user.
     type(solver_settings_t), intent(in) :: settings
     !> The sides.
     type(two_sides_t), intent(inout) :: now
+    !> Gets each step, and lines for the log.
     class(monitor_t), intent(inout) :: monitor
     !> Gets the history; the mean of both sides on return.
     type(solver_state_t), intent(inout) :: state
-    !> Allocated where the matrix of a body is singular.
+    !> Allocated where I + D C_a of a body is singular.
     type(error_t), allocatable, intent(out) :: error
     type(solver_state_t) :: mean
     real(dp) :: residual
@@ -163,7 +179,7 @@ contains
       ! The sides are near enough to the solution, and their mean is not: on to where it is.
       mean%ended = merge(ended_limit, ended_stalled, state%history%n >= settings%max_iterations)
       if (now%tolerance < least_tolerance .or. state%history%n >= settings%max_iterations) exit
-      now%tolerance = 0.5_dp*now%tolerance*settings%tolerance/mean%error_bound
+      now%tolerance = tightening*now%tolerance*settings%tolerance/mean%error_bound
       call now%stopping%tighten(now%tolerance)
     end do
     state = mean
@@ -174,6 +190,7 @@ contains
 
   !> One step of all bodies.
   subroutine step(qp, theta, now, residual, error)
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
     !> (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
@@ -181,7 +198,7 @@ contains
     type(two_sides_t), intent(inout) :: now
     !> Distance of the forces to those of the last penetrations, which bounds the error of both sides [sqrt(energy)].
     real(dp), intent(out) :: residual
-    !> Allocated where the matrix of a body is singular.
+    !> Allocated where I + D C_a of a body is singular.
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: p(:), z(:)
     logical, allocatable :: likely(:)
@@ -213,7 +230,9 @@ contains
 
   !> One state for both sides, the mean of their forces, with a bound of its own.
   subroutine find_mean(qp, compliance, theta, side, mean)
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
+    !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
     !> (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
@@ -240,7 +259,9 @@ contains
 
   !> The bodies' own compliances.
   subroutine prepare_sides(qp, compliance, side)
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
+    !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
     !> (n_bodies).
     type(side_t), allocatable, intent(out) :: side(:)
@@ -257,6 +278,7 @@ contains
 
   !> (I + D C_a)^{-1} of all bodies, with springs on the rows that are likely to be active.
   subroutine invert_sides(qp, theta, likely, side, error)
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
     !> (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
@@ -264,7 +286,7 @@ contains
     logical, intent(in) :: likely(:)
     !> (n_bodies).
     type(side_t), intent(inout) :: side(:)
-    !> Allocated where a matrix is singular.
+    !> Allocated where I + D C_a of a body is singular: C_a is not positive semidefinite then.
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: matrix(:, :)
     integer :: b, i, n

@@ -30,6 +30,7 @@ module dotyk_scheme_scheme
     !> Solve.
     subroutine solve_interface(self, qp, compliance, theta, settings, monitor, state, error)
       import :: scheme_t, contact_qp_t, compliance_t, solver_settings_t, monitor_t, solver_state_t, error_t, dp
+      !> The scheme.
       class(scheme_t), intent(in) :: self
       !> The rows, the initial penetration, the rigid body modes.
       type(contact_qp_t), intent(in) :: qp
@@ -39,10 +40,12 @@ module dotyk_scheme_scheme
       real(dp), intent(in) :: theta(:)
       !> What the user chose.
       type(solver_settings_t), intent(in) :: settings
+      !> Gets each step, and lines for the log.
       class(monitor_t), intent(inout) :: monitor
       !> Where to begin if it has pressures; where the scheme ended, and how.
       type(solver_state_t), intent(inout) :: state
-      !> Allocated where the settings contradict each other, or a linear system cannot be solved.
+      !> Allocated where the settings contradict each other, the matrix of a linear system is singular or not positive
+      !> definite, or an interrupt came before there was a state.
       type(error_t), allocatable, intent(out) :: error
     end subroutine solve_interface
   end interface
@@ -54,6 +57,7 @@ contains
 
   !> Whether all bodies must be held by their supports.
   pure logical function scheme_needs_held_bodies(self) result(needed)
+    !> The scheme.
     class(scheme_t), intent(in) :: self
     needed = .true.
     associate (not_needed => same_type_as(self, self))
@@ -62,6 +66,7 @@ contains
 
   !> Whether theta = 0 is allowed.
   pure logical function scheme_allows_zero_theta(self) result(allowed)
+    !> The scheme.
     class(scheme_t), intent(in) :: self
     allowed = .false.
     associate (not_needed => same_type_as(self, self))
@@ -70,6 +75,7 @@ contains
 
   !> Products one by one.
   pure integer function scheme_expected_products(self) result(n)
+    !> The scheme.
     class(scheme_t), intent(in) :: self
     n = typical_products
     associate (not_needed => same_type_as(self, self))

@@ -59,8 +59,8 @@ module dotyk_scheme_solver_state
     real(dp) :: max_penetration = 0
     !> Step by step.
     type(history_t) :: history
-    !> Allocated where the scheme ended with `ended_time` in the middle of an iteration: its next call continues with the
-    !> same iterates as without the interruption.
+    !> Allocated where the scheme ended with `ended_time` in the middle of an iteration: its next call continues with
+    !> the same iterates as without the interruption.
     class(paused_t), allocatable :: paused
   contains
     procedure :: add_rounding => state_add_rounding
@@ -73,6 +73,7 @@ contains
   !> Add rounding to the error bound. Where rounding alone exceeds the tolerance, the tolerance has not been reached,
   !> unless no result in double precision could be more accurate.
   subroutine state_add_rounding(self, rounding, unavoidable, tolerance)
+    !> The state.
     class(solver_state_t), intent(inout) :: self
     !> Relative, in the energy norm: of this solution, and of any displacements that are stored in double precision [].
     real(dp), intent(in) :: rounding, unavoidable

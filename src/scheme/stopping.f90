@@ -17,11 +17,13 @@ module dotyk_scheme_stopping
 
   !> What the user may choose for a scheme.
   type, public :: solver_settings_t
-    !> Rule for gamma, one of `gamma_*` of dotyk_base_options, and its value where it is given [].
+    !> Rule for gamma, one of `gamma_*` of dotyk_base_options.
     integer :: gamma_rule = default_gamma_rule
+    !> gamma for the rule `gamma_fixed` [].
     real(dp) :: gamma = 0
-    !> Rule that ends the iteration, one of `stop_*`, and its tolerance (relative, energy norm) [].
+    !> Rule that ends the iteration, one of `stop_*` of dotyk_base_options.
     integer :: stop_rule = default_stop_rule
+    !> Tolerance of that rule, relative, in the energy norm [].
     real(dp) :: tolerance = default_tolerance
     !> Steps at most.
     integer :: max_iterations = default_max_iterations
@@ -33,13 +35,17 @@ module dotyk_scheme_stopping
 
   !> Watches an iteration.
   type, public :: stopping_t
+    !> Settings of the user; limits are those of the last continuation.
     type(solver_settings_t), private :: settings
     !> Wall time that counts as the start of the history, and that of the start or of the last continuation [s].
     real(dp), private :: start = 0, resumed = 0
     !> Steps of this iteration.
     integer, private :: step = 0
-    !> Shortest step [sqrt(energy)] and best measure [] so far, and the step of the latter.
-    real(dp), private :: shortest = huge(1.0_dp), best = huge(1.0_dp)
+    !> Shortest step so far [sqrt(energy)].
+    real(dp), private :: shortest = huge(1.0_dp)
+    !> Best measure so far [].
+    real(dp), private :: best = huge(1.0_dp)
+    !> Step of the best measure.
     integer, private :: best_step = 0
     !> Steps without any gain after which rounding is to blame.
     integer, private :: patience = 200
@@ -56,6 +62,7 @@ module dotyk_scheme_stopping
 
   !> An iteration that can pause. Schemes whose steps depend on more than the last iterate extend it by that.
   type, extends(paused_t), public :: iteration_t
+    !> When it ends.
     type(stopping_t) :: stopping
   end type iteration_t
 
@@ -74,7 +81,9 @@ contains
 
   !> Begin.
   subroutine stopping_begin(self, settings, q, safeguarded, split)
+    !> The stopping criterion.
     class(stopping_t), intent(out) :: self
+    !> Settings of the user.
     type(solver_settings_t), intent(in) :: settings
     !> Factor per step that the theory promises; 1 or more where it promises none [].
     real(dp), intent(in) :: q
@@ -92,6 +101,7 @@ contains
   !> Continue a paused iteration. Seconds of the history continue with those of its last entry; the tolerance stays, as
   !> it may have been tightened.
   subroutine stopping_resume(self, settings, history)
+    !> The stopping criterion.
     class(stopping_t), intent(inout) :: self
     !> With the limits of the continuation: max_iterations holds for the whole history.
     type(solver_settings_t), intent(in) :: settings
@@ -121,6 +131,7 @@ contains
 
   !> Continue to a smaller tolerance.
   subroutine stopping_tighten(self, tolerance)
+    !> The stopping criterion.
     class(stopping_t), intent(inout) :: self
     !> Relative, in the energy norm [].
     real(dp), intent(in) :: tolerance
@@ -130,7 +141,9 @@ contains
   !> Record a step, and say whether it was the last.
   logical function stopping_check(self, qp, theta, bound, length, diverges, monitor, state, &
     bound_of_paper) result(finished)
+    !> The stopping criterion.
     class(stopping_t), intent(inout) :: self
+    !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
     !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
@@ -139,6 +152,7 @@ contains
     real(dp), intent(in) :: bound, length
     !> Whether no gain means divergence (gamma is too large) and not rounding.
     logical, intent(in) :: diverges
+    !> Gets each step, and lines for the log.
     class(monitor_t), intent(inout) :: monitor
     !> With the new iterate m, y.
     type(solver_state_t), intent(inout) :: state

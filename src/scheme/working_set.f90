@@ -1,0 +1,72 @@
+!> The first working set of the dual scheme: the rows that may be active, and enough of them to carry floating bodies.
+module dotyk_scheme_working_set
+  use dotyk_base_kinds, only: dp
+  use dotyk_scheme_active_set, only: iterate_t, rest_on_winkler_foundation
+  use dotyk_scheme_contact_qp, only: contact_qp_t
+  use dotyk_scheme_restriction, only: restrict_qp
+  use dotyk_scheme_winkler_start, only: find_unbounded_direction
+  implicit none
+  private
+  public :: screen_rows, has_many_modes, keep_what_carries
+
+  !> Gaps that count as zero, as a fraction of the largest penetration or gap: faces that just touch.
+  real(dp), parameter :: touching = 1.0e-9_dp
+  !> How often rows enter a working set that stop an otherwise unbounded direction; then all rows do.
+  integer, parameter :: most_widenings = 10
+  !> Rows enter it that this direction closes by more than this fraction of the most.
+  real(dp), parameter :: closing = 1.0e-3_dp
+  !> Scenes of more rigid body modes than this, and fewer rows for each, are solved with all rows, by the interior point
+  !> method first.
+  integer, parameter :: many_modes = 60, rows_per_mode = 30
+
+contains
+
+  !> The first working set: rows that are active where the bodies are rigid on a Winkler foundation, or nearly so.
+  subroutine screen_rows(qp, theta, working)
+    !> Contact rows, initial penetrations, rigid body modes.
+    type(contact_qp_t), intent(in) :: qp
+    !> (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    !> (n_rows).
+    logical, allocatable, intent(out) :: working(:)
+    type(iterate_t) :: now
+    allocate (working(qp%n_rows), source=.true.)
+    if (qp%n_rows == 0 .or. has_many_modes(qp)) return
+    call rest_on_winkler_foundation(qp, theta, now, working)
+    ! Floating bodies sink in more than the foundation tells, or tilt.
+    if (qp%coarse%n > 0) working = now%y > -maxval(now%y)
+    working = working .or. abs(now%y) < touching*maxval(abs(now%y))
+  end subroutine screen_rows
+
+  !> Many bodies with few rows each: they roll and tilt farther than groups of rows or rigid bodies tell, active sets
+  !> cycle, and more rows cost little.
+  pure logical function has_many_modes(qp)
+    !> Contact rows, initial penetrations, rigid body modes.
+    type(contact_qp_t), intent(in) :: qp
+    has_many_modes = qp%coarse%n > many_modes .and. qp%n_rows < rows_per_mode*qp%coarse%n
+  end function has_many_modes
+
+  !> Add rows to a working set that cannot carry the floating bodies.
+  subroutine keep_what_carries(qp, working)
+    !> Contact rows, initial penetrations, rigid body modes.
+    type(contact_qp_t), intent(in) :: qp
+    !> (n_rows).
+    logical, intent(inout) :: working(:)
+    type(contact_qp_t) :: part
+    real(dp), allocatable :: motion(:), penetration(:)
+    logical :: found
+    integer :: k
+    allocate (motion(qp%coarse%n), penetration(size(working)))
+    do k = 1, most_widenings
+      call restrict_qp(qp, working, part)
+      call find_unbounded_direction(part, motion, found)
+      if (.not. found) return
+      ! Rows that the motion closes.
+      call qp%mode_displacement(motion, penetration)
+      if (.not. any(penetration > 0 .and. .not. working)) exit
+      working = working .or. penetration > closing*maxval(penetration)
+      if (all(working)) return
+    end do
+    working = .true.
+  end subroutine keep_what_carries
+end module dotyk_scheme_working_set
