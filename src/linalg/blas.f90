@@ -16,9 +16,15 @@ module dotyk_linalg_blas
       character(1), intent(in) :: transa, transb
       !> Rows of C, columns of C, columns of op(A); leading dimensions.
       integer, intent(in) :: m, n, k, lda, ldb, ldc
-      !> Scalars, A and B (lda, *), (ldb, *).
-      real(dp), intent(in) :: alpha, beta, a(lda, *), b(ldb, *)
-      !> C (ldc, n).
+      !> Factor of the product [any].
+      real(dp), intent(in) :: alpha
+      !> Factor of the old C []; with 0 C is not read.
+      real(dp), intent(in) :: beta
+      !> A (lda, *) [any].
+      real(dp), intent(in) :: a(lda, *)
+      !> B (ldb, *) [any].
+      real(dp), intent(in) :: b(ldb, *)
+      !> C (ldc, n) [alpha A B].
       real(dp), intent(inout) :: c(ldc, *)
     end subroutine dgemm
 
@@ -29,9 +35,15 @@ module dotyk_linalg_blas
       character(1), intent(in) :: trans
       !> Rows and columns of A, leading dimension, strides.
       integer, intent(in) :: m, n, lda, incx, incy
-      !> Scalars, A (lda, n), x.
-      real(dp), intent(in) :: alpha, beta, a(lda, *), x(*)
-      !> y.
+      !> Factor of the product [any].
+      real(dp), intent(in) :: alpha
+      !> Factor of the old y []; with 0 y is not read.
+      real(dp), intent(in) :: beta
+      !> A (lda, n) [any].
+      real(dp), intent(in) :: a(lda, *)
+      !> Vector x (*) [any].
+      real(dp), intent(in) :: x(*)
+      !> Vector y (*) [alpha A x].
       real(dp), intent(inout) :: y(*)
     end subroutine dgemv
 
@@ -42,9 +54,9 @@ module dotyk_linalg_blas
       character(1), intent(in) :: uplo, trans, diag
       !> Order, leading dimension, stride.
       integer, intent(in) :: n, lda, incx
-      !> A (lda, n).
+      !> A (lda, n) [any].
       real(dp), intent(in) :: a(lda, *)
-      !> b, then x.
+      !> b [any], then x (*) [b/A].
       real(dp), intent(inout) :: x(*)
     end subroutine dtrsv
 
@@ -55,9 +67,13 @@ module dotyk_linalg_blas
       character(1), intent(in) :: uplo, trans
       !> Order of C, terms of the sums, leading dimensions.
       integer, intent(in) :: n, k, lda, ldc
-      !> Scalars, A (lda, *).
-      real(dp), intent(in) :: alpha, beta, a(lda, *)
-      !> C (ldc, n).
+      !> Factor of the product [any].
+      real(dp), intent(in) :: alpha
+      !> Factor of the old C []; with 0 C is not read.
+      real(dp), intent(in) :: beta
+      !> A (lda, *) [any].
+      real(dp), intent(in) :: a(lda, *)
+      !> C (ldc, n) [alpha A^2].
       real(dp), intent(inout) :: c(ldc, *)
     end subroutine dsyrk
 
@@ -68,9 +84,11 @@ module dotyk_linalg_blas
       character(1), intent(in) :: side, uplo, transa, diag
       !> Rows and columns of B, leading dimensions.
       integer, intent(in) :: m, n, lda, ldb
-      !> Scalar, A (lda, *).
-      real(dp), intent(in) :: alpha, a(lda, *)
-      !> B, then X (ldb, n).
+      !> Factor of B [any].
+      real(dp), intent(in) :: alpha
+      !> A (lda, *) [any].
+      real(dp), intent(in) :: a(lda, *)
+      !> B [any], then X (ldb, n) [alpha B/A].
       real(dp), intent(inout) :: b(ldb, *)
     end subroutine dtrsm
 
@@ -115,13 +133,13 @@ contains
 
   !> C <- C + factor A B.
   subroutine add_product(factor, a, b, c)
-    !> Factor of the product.
+    !> Factor of the product [any].
     real(dp), intent(in) :: factor
-    !> A (n, r).
+    !> A (n, r) [any].
     real(dp), intent(in), contiguous :: a(:, :)
-    !> B (r, m).
+    !> B (r, m) [any].
     real(dp), intent(in), contiguous :: b(:, :)
-    !> C (n, m).
+    !> C (n, m) [factor A B].
     real(dp), intent(inout), contiguous :: c(:, :)
     if (size(a) == 0 .or. size(b) == 0) return
     call dgemm('N', 'N', size(a, 1), size(b, 2), size(a, 2), factor, a, size(a, 1), b, size(b, 1), 1.0_dp, &
@@ -130,11 +148,11 @@ contains
 
   !> C = A^T B.
   subroutine transposed_product(a, b, c)
-    !> A (n, r).
+    !> A (n, r) [any].
     real(dp), intent(in), contiguous :: a(:, :)
-    !> B (n, m).
+    !> B (n, m) [any].
     real(dp), intent(in), contiguous :: b(:, :)
-    !> C (r, m).
+    !> C (r, m) [A B].
     real(dp), intent(out), contiguous :: c(:, :)
     c = 0
     if (size(a) == 0 .or. size(b) == 0) return

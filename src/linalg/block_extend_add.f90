@@ -36,11 +36,11 @@ contains
     integer, intent(in) :: c
     !> `find_places` of the parent (n_blocks).
     integer, intent(in) :: place(:)
-    !> Update matrix of the child, lower triangle (rows below the child, the same).
+    !> Update matrix of the child, lower triangle (rows below the child, the same) [as the matrix].
     real(dp), intent(in) :: child_update(:, :)
-    !> Panel of the parent (height, width).
+    !> Panel of the parent (height, width) [as the matrix].
     real(dp), intent(inout) :: panel(:, :)
-    !> Update matrix of the parent, lower triangle (height - width, height - width).
+    !> Update matrix of the parent, lower triangle (height - width, height - width) [as the matrix].
     real(dp), intent(inout) :: update(:, :)
     integer :: to(size(child_update, 1)), i, j, n, width
     n = 0

@@ -74,7 +74,7 @@ contains
     integer, intent(in) :: sign(:)
     !> Coupled blocks of block p without p itself: neighbour(start(p):start(p+1)-1); symmetric (n_blocks + 1).
     integer, intent(in) :: start(:)
-    !> See `start`.
+    !> See `start` (number of couplings).
     integer, intent(in) :: neighbour(:)
     !> The block that is eliminated k-th, but for the order of independent ones. No block of H comes before a block of M
     !> that it couples to (n_blocks).
@@ -145,7 +145,7 @@ contains
     integer, intent(in) :: p
     !> Block column.
     integer, intent(in) :: q
-    !> Added to block (p, q), its transpose to block (q, p) (rows of block p, rows of block q).
+    !> Added to block (p, q), its transpose to block (q, p) (rows of block p, rows of block q) [any].
     real(dp), intent(in) :: part(:, :)
     integer :: k, l, g, row, column
     k = min(self%tree%time(p), self%tree%time(q))
@@ -174,7 +174,7 @@ contains
     class(block_ldlt_t), intent(inout) :: self
     !> The block.
     integer, intent(in) :: p
-    !> (rows of block p).
+    !> Added to the diagonal of block (p, p) (rows of block p) [any].
     real(dp), intent(in) :: part(:)
     integer :: i
     associate (at => self%offset(self%tree%time(p)), x => self%panel(self%tree%group(self%tree%time(p)))%x)
@@ -188,8 +188,8 @@ contains
   subroutine block_ldlt_factorize(self, reference, failed)
     !> The matrix; its factor on return.
     class(block_ldlt_t), intent(inout) :: self
-    !> Magnitude that eigenvalues of each block of H are compared with to find null directions; where it is 0 the block
-    !> is regular. Not used for blocks of M (n_blocks).
+    !> Magnitude that eigenvalues of each block of H are compared with to find null directions (n_blocks) [as H]; where
+    !> it is 0 the block is regular. Not used for blocks of M.
     real(dp), intent(in) :: reference(:)
     !> A block whose pivots do not have its sign; 0 if there is none.
     integer, intent(out) :: failed
@@ -229,7 +229,7 @@ contains
     type(block_ldlt_t), intent(inout) :: self
     !> The group.
     integer, intent(in) :: g
-    !> See `block_ldlt_factorize` (n_blocks).
+    !> See `block_ldlt_factorize` (n_blocks) [as H].
     real(dp), intent(in) :: reference(:)
     !> See `block_ldlt_factorize`.
     integer, intent(out) :: failed
@@ -293,7 +293,7 @@ contains
     integer, intent(in) :: first
     !> Last elimination time of the run.
     integer, intent(in) :: last
-    !> See `block_ldlt_factorize` (n_blocks).
+    !> See `block_ldlt_factorize` (n_blocks) [as H].
     real(dp), intent(in) :: reference(:)
     !> See `block_ldlt_factorize`.
     integer, intent(out) :: failed
@@ -327,9 +327,9 @@ contains
     type(block_ldlt_t), intent(inout) :: self
     !> Elimination time of the block.
     integer, intent(in) :: k
-    !> Of this block, see `block_ldlt_factorize`.
+    !> Magnitude for the null directions of this block, see `block_ldlt_factorize` [as H].
     real(dp), intent(in) :: reference
-    !> The negative Schur complement, lower triangle (rows of the block, the same).
+    !> The negative Schur complement, lower triangle (rows of the block, the same) [as H].
     real(dp), intent(in) :: a(:, :)
     !> Not 0 where the block cannot be factorized.
     integer, intent(out) :: failed
@@ -351,7 +351,7 @@ contains
     type(block_ldlt_t), intent(in) :: self
     !> The group.
     integer, intent(in) :: g
-    !> Lower triangle (height - width, height - width).
+    !> Update matrix of the group, lower triangle (height - width, height - width) [as the matrix].
     real(dp), intent(inout) :: update(:, :)
     real(dp), allocatable :: columns(:, :)
     integer :: k, n, s, below, width

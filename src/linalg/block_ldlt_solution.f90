@@ -14,7 +14,7 @@ contains
   subroutine solve_block_ldlt(factor, x)
     !> Factorized.
     type(block_ldlt_t), intent(in) :: factor
-    !> Right-hand side, the solution on return; by blocks (n).
+    !> Right-hand side [any], the solution on return [that over the matrix]; by blocks (n).
     real(dp), intent(inout) :: x(:)
     integer :: g, k
     associate (tree => factor%tree)
@@ -36,7 +36,7 @@ contains
     type(block_ldlt_t), intent(in) :: factor
     !> Number of the null direction.
     integer, intent(in) :: i
-    !> By blocks (n).
+    !> Null vector, by blocks (n) [].
     real(dp), intent(out) :: x(:)
     integer :: g, r
     x = 0
@@ -62,7 +62,7 @@ contains
     type(block_ldlt_t), intent(in) :: factor
     !> The group.
     integer, intent(in) :: g
-    !> By blocks (n).
+    !> Right-hand side; overwritten, by blocks (n) [any].
     real(dp), intent(inout) :: x(:)
     real(dp), allocatable :: front(:)
     integer :: r, at, n, m
@@ -95,7 +95,7 @@ contains
     integer, intent(in) :: g
     !> The run to begin with.
     integer, intent(in) :: last
-    !> By blocks (n).
+    !> Result of the forward substitution, the solution on return; by blocks (n) [any].
     real(dp), intent(inout) :: x(:)
     real(dp), allocatable :: front(:)
     integer :: r, at, n, m

@@ -74,7 +74,7 @@ contains
     integer, intent(in) :: sizes(:)
     !> Coupled blocks of block p, without p itself: neighbour(start(p):start(p+1)-1); symmetric (n_blocks + 1).
     integer, intent(in) :: start(:)
-    !> See `start`.
+    !> See `start` (number of couplings).
     integer, intent(in) :: neighbour(:)
     !> The block that is eliminated k-th, but for the order of independent ones: postorder keeps subtrees together
     !> (n_blocks).
@@ -108,7 +108,7 @@ contains
     type(block_tree_t), intent(in) :: self
     !> See `tree_init` (n_blocks + 1).
     integer, intent(in) :: start(:)
-    !> See `tree_init`.
+    !> See `tree_init` (number of couplings).
     integer, intent(in) :: neighbour(:)
     !> Times of the blocks below the diagonal of each block column, not sorted; by times (n_blocks).
     type(list_t), allocatable, intent(out) :: under(:)

@@ -86,7 +86,8 @@ contains
     if (present(n_trailing)) last = n_trailing
     self%handle = dotyk_cholmod_new()
     call raise(dotyk_cholmod_analyze(self%handle, int(self%n, c_int64_t), matrix%column_start, matrix%row, &
-      int(permutation, c_int64_t) - 1_c_int64_t, last, statistics), 'analysis', self, error)
+                                     int(permutation, c_int64_t) - 1_c_int64_t, last, statistics), &
+               'analysis', self, error)
     if (allocated(error)) return
     self%factor_entries = statistics%entries
     self%factor_bytes = statistics%factor_bytes
@@ -181,7 +182,7 @@ contains
     call begin(self, matrix, error)
     if (allocated(error) .or. self%n == 0) return
     call raise(dotyk_cholmod_permute(self%handle, matrix%column_start, matrix%row, matrix%value), 'factorization', &
-      self, error)
+               self, error)
   end subroutine take_matrix
 
   !> Factorize the permuted copy, and free it.
@@ -224,7 +225,7 @@ contains
     class(cholesky_t), intent(inout) :: self
     !> Supernodes of the factor, with values.
     type(supernodes_t), intent(in) :: supernodes
-    !> Diagonal of P K P^T (n).
+    !> Diagonal of P K P^T (n) [as K].
     real(dp), intent(in) :: diagonal(:)
     !> First column of L whose pivot is not positive, 0 if none was found.
     integer, intent(in) :: column
@@ -252,7 +253,7 @@ contains
   subroutine cholesky_solve(self, x)
     !> The matrix or its factor.
     class(cholesky_t), intent(in) :: self
-    !> Right-hand side b, then solution x (n).
+    !> Right-hand side b [any], then solution x (n) [b/K].
     real(dp), intent(inout), contiguous :: x(:)
     call solve_columns(self, 1, x)
   end subroutine cholesky_solve
@@ -261,7 +262,7 @@ contains
   subroutine cholesky_solve_block(self, x)
     !> The matrix or its factor.
     class(cholesky_t), intent(in) :: self
-    !> Right-hand sides B, then solutions X (n, m).
+    !> Right-hand sides B [any], then solutions X (n, m) [B/K].
     real(dp), intent(inout), contiguous :: x(:, :)
     call solve_columns(self, size(x, 2), x)
   end subroutine cholesky_solve_block
@@ -272,7 +273,7 @@ contains
     class(cholesky_t), intent(in) :: self
     !> Number of columns.
     integer, intent(in) :: m
-    !> Right-hand sides, then solutions (n, m).
+    !> Right-hand sides [any], then solutions (n, m) [those over K].
     real(dp), intent(inout) :: x(self%n, m)
     integer :: first, last
     integer(c_int) :: code
@@ -344,7 +345,7 @@ contains
   subroutine cholesky_solve_trailing(self, x)
     !> The matrix or its factor.
     class(cholesky_t), intent(in) :: self
-    !> Right-hand sides, then solutions, in the order that `trailing` gives (m, number of them).
+    !> Right-hand sides [any], then solutions [those over K], in the order that `trailing` gives (m, number of them).
     real(dp), intent(inout), contiguous :: x(:, :)
     integer(c_int) :: code
     if (size(x) == 0) return

@@ -68,7 +68,7 @@ module dotyk_linalg_cholmod
       integer(c_int64_t), intent(in) :: start(*)
       !> Row of each entry, 0-based (entries).
       integer(c_int64_t), intent(in) :: row(*)
-      !> Value of each entry (entries).
+      !> Value of each entry (entries) [any].
       real(c_double), intent(in) :: value(*)
     end function dotyk_cholmod_permute
 
@@ -94,7 +94,7 @@ module dotyk_linalg_cholmod
       integer(c_int64_t), intent(in) :: start(*)
       !> Row of each entry, 0-based (entries).
       integer(c_int64_t), intent(in) :: row(*)
-      !> Value of each entry (entries).
+      !> Value of each entry (entries) [any].
       real(c_double), intent(in) :: value(*)
       !> First column of L (from 1) whose pivot is not positive, 0 if there is none.
       integer(c_int64_t), intent(out) :: failed
@@ -116,7 +116,7 @@ module dotyk_linalg_cholmod
       integer(c_int64_t), value :: n
       !> Number of right-hand sides.
       integer(c_int64_t), value :: m
-      !> Right-hand sides, then solutions (n, m).
+      !> Right-hand sides [any], then solutions (n, m) [those over K].
       real(c_double), intent(inout) :: x(*)
     end function dotyk_cholmod_solve
 
@@ -137,7 +137,9 @@ module dotyk_linalg_cholmod
       import :: c_ptr, c_int64_t
       !> Handle of the factor.
       type(c_ptr), value :: handle
+      !> Number of columns.
       integer(c_int64_t), value :: m
+      !> Equations of the last m columns (m).
       integer(c_int64_t), intent(out) :: equation(*)
     end subroutine dotyk_cholmod_trailing
 
@@ -146,7 +148,11 @@ module dotyk_linalg_cholmod
       import :: c_ptr, c_int, c_int64_t, c_double
       !> Handle of the factor.
       type(c_ptr), value :: handle
-      integer(c_int64_t), value :: m, columns
+      !> Number of rows and columns of L.
+      integer(c_int64_t), value :: m
+      !> Number of right-hand sides.
+      integer(c_int64_t), value :: columns
+      !> Right-hand sides [any], then solutions (m, columns) [those over K].
       real(c_double), intent(inout) :: x(*)
     end function dotyk_cholmod_solve_trailing
   end interface

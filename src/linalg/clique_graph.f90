@@ -11,13 +11,13 @@ contains
   pure subroutine make_clique_graph(first, member, n, start, neighbour)
     !> List l is member(first(l):first(l+1)-1) (n_lists + 1).
     integer, intent(in) :: first(:)
-    !> Items of the lists, each once in a list.
+    !> Items of the lists, each once in a list (length of all lists).
     integer, intent(in) :: member(:)
     !> Number of items.
     integer, intent(in) :: n
     !> Neighbours of item k, without k itself: neighbour(start(k):start(k+1)-1) (n + 1).
     integer, allocatable, intent(out) :: start(:)
-    !> See `start`.
+    !> See `start` (number of couplings).
     integer, allocatable, intent(out) :: neighbour(:)
     integer :: list_start(n + 1), next(n), list(size(member)), mark(n), pass, k, l, i, degree
     list_start = 0

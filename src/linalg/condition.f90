@@ -47,11 +47,11 @@ contains
   subroutine smallest_eigenpairs(factor, diagonal, values, modes, error)
     !> Factor of K.
     type(cholesky_t), intent(in) :: factor
-    !> Diagonal of K (n).
+    !> Diagonal of K (n) [as K].
     real(dp), intent(in) :: diagonal(:)
     !> Eigenvalues, ascending; at most the order of the matrix (m) [].
     real(dp), intent(out) :: values(:)
-    !> Modes x, unscaled and with `x^T D x = 1` (n, m).
+    !> Modes x, unscaled and with `x^T D x = 1` (n, m) [1/sqrt(K)].
     real(dp), intent(out) :: modes(:, :)
     !> A solution is not finite, or LAPACK's iteration has not converged.
     type(error_t), allocatable, intent(out) :: error
@@ -87,9 +87,9 @@ contains
 
   !> Make columns orthonormal in the inner product of D, by Gram-Schmidt twice.
   pure subroutine make_orthonormal(diagonal, x)
-    !> Diagonal D (n).
+    !> Diagonal D (n) [any].
     real(dp), intent(in) :: diagonal(:)
-    !> Columns, linearly independent (n, m).
+    !> Columns, linearly independent (n, m) [any]; orthonormal on return [1/sqrt(D)].
     real(dp), intent(inout) :: x(:, :)
     integer :: j, k, pass
     do j = 1, size(x, 2)

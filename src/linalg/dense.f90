@@ -20,11 +20,11 @@ contains
 
   !> Eigenvalues and eigenvectors of a symmetric matrix.
   subroutine symmetric_eigen(a, values, vectors, error)
-    !> The matrix (n, n); its lower triangle is read.
+    !> The matrix (n, n) [any]; its lower triangle is read.
     real(dp), intent(in) :: a(:, :)
-    !> Eigenvalues, ascending (n).
+    !> Eigenvalues, ascending (n) [as `a`].
     real(dp), intent(out) :: values(:)
-    !> Orthonormal eigenvectors as columns (n, n).
+    !> Orthonormal eigenvectors as columns (n, n) [].
     real(dp), intent(out) :: vectors(:, :)
     !> An entry is not finite, or LAPACK's iteration has not converged.
     type(error_t), allocatable, intent(out) :: error
@@ -39,7 +39,7 @@ contains
     if (all(abs(a) <= huge(1.0_dp))) call dsyev('V', 'L', n, v, n, w, work, size(work), info)
     if (info /= 0) then
       call set_error(error, 'the eigenvalues of a matrix of order '//to_text(n)//' cannot be computed', &
-        exit_not_solvable)
+                     exit_not_solvable)
       return
     end if
     values(:) = w
@@ -49,11 +49,11 @@ contains
   !> Singular values and right singular vectors of a matrix with few columns, which give its null space to full
   !> accuracy.
   subroutine right_singular_vectors(a, values, vectors, error)
-    !> The matrix (m, n); m may be 0.
+    !> The matrix (m, n) [any]; m may be 0.
     real(dp), intent(in) :: a(:, :)
-    !> Singular values, descending; zero from the (m+1)-th on (n).
+    !> Singular values, descending; zero from the (m+1)-th on (n) [as `a`].
     real(dp), intent(out) :: values(:)
-    !> Orthonormal right singular vectors as columns (n, n).
+    !> Orthonormal right singular vectors as columns (n, n) [].
     real(dp), intent(out) :: vectors(:, :)
     !> An entry is not finite, or LAPACK's iteration has not converged.
     type(error_t), allocatable, intent(out) :: error
@@ -76,7 +76,7 @@ contains
     if (all(abs(a) <= huge(1.0_dp))) call dgesvd('N', 'A', m, n, b, m, s, none, 1, vt, n, work, size(work), info)
     if (info /= 0) then
       call set_error(error, 'the singular values of a matrix with '//to_text(n)//' columns cannot be computed', &
-        exit_not_solvable)
+                     exit_not_solvable)
       return
     end if
     values(:) = s
@@ -85,9 +85,9 @@ contains
 
   !> Solve A X = B, in place.
   subroutine solve_dense(a, x, error)
-    !> The matrix A (n, n).
+    !> The matrix A (n, n) [any].
     real(dp), intent(in) :: a(:, :)
-    !> Right-hand sides B, then solutions X (n, m).
+    !> Right-hand sides B [any], then solutions X (n, m) [B/A].
     real(dp), intent(inout) :: x(:, :)
     !> A pivot is exactly zero: the matrix is singular.
     type(error_t), allocatable, intent(out) :: error
@@ -109,9 +109,9 @@ contains
 
   !> Least squares: the X of minimum norm that minimizes the norm of A X - B, in place.
   subroutine least_squares(a, b, tolerance, rank, error)
-    !> The matrix A (m, n).
+    !> The matrix A (m, n) [any].
     real(dp), intent(in) :: a(:, :)
-    !> Right-hand sides B in the first m rows, then solutions X in the first n rows (at least max(m, n), k).
+    !> Right-hand sides B [any] in the first m rows, then solutions X [B/A] in the first n rows (at least max(m, n), k).
     real(dp), intent(inout) :: b(:, :)
     !> Reciprocal of the greatest condition number of the part of A that counts []; the rest is taken for zero.
     real(dp), intent(in) :: tolerance
@@ -145,11 +145,11 @@ contains
   !> Orthonormal basis of the range of A by modified Gram-Schmidt with reorthogonalization. Columns are taken in their
   !> order: the first keeps its direction, and a column that is nearly in the span of its predecessors adds nothing.
   pure subroutine orthonormal_range(a, tolerance, q, rank)
-    !> A (n, m).
+    !> A (n, m) [any].
     real(dp), intent(in) :: a(:, :)
     !> A column counts if its component normal to its predecessors exceeds this fraction of its norm [].
     real(dp), intent(in) :: tolerance
-    !> Basis as columns (n, at least min(n, m)); columns beyond `rank` are zero.
+    !> Basis as columns (n, at least min(n, m)) []; columns beyond `rank` are zero.
     real(dp), intent(out) :: q(:, :)
     !> Number of columns of the basis.
     integer, intent(out) :: rank
@@ -182,7 +182,7 @@ contains
   !> Complete an orthonormal basis to one of the whole space, each time with the axis that is farthest from the span so
   !> far.
   pure subroutine complete_basis(q, rank)
-    !> Basis as columns; the first `rank` are given, the others are filled in (n, n).
+    !> Basis as columns; the first `rank` are given, the others are filled in (n, n) [].
     real(dp), intent(inout) :: q(:, :)
     !> Number of given columns.
     integer, intent(in) :: rank
@@ -206,13 +206,13 @@ contains
 
   !> Largest eigenvalue of a symmetric tridiagonal matrix and its eigenvector.
   subroutine largest_tridiagonal_eigenpair(diagonal, off_diagonal, value, vector)
-    !> Diagonal (n).
+    !> Diagonal (n) [any].
     real(dp), intent(in) :: diagonal(:)
-    !> Entries beside the diagonal (at least n-1; further ones are ignored).
+    !> Entries beside the diagonal (at least n-1; further ones are ignored) [as `diagonal`].
     real(dp), intent(in) :: off_diagonal(:)
-    !> Largest eigenvalue.
+    !> Largest eigenvalue [as `diagonal`].
     real(dp), intent(out) :: value
-    !> Its eigenvector of norm 1 (n).
+    !> Its eigenvector of norm 1 (n) [].
     real(dp), intent(out) :: vector(:)
     real(dp), allocatable :: d(:), e(:), w(:), z(:, :), work(:)
     integer, allocatable :: iwork(:), ifail(:)

@@ -13,7 +13,7 @@ contains
   pure subroutine clear_lower(n, square)
     !> Order.
     integer, intent(in) :: n
-    !> The matrix (n, n); entries above the diagonal are not touched.
+    !> The matrix (n, n) [any]; entries above the diagonal are not touched.
     real(dp), intent(inout) :: square(n, n)
     integer :: j
     do j = 1, n
@@ -28,15 +28,15 @@ contains
     integer, intent(in) :: n
     !> Row of the parent's front for each row of the child's update matrix, ascending from 0 (n).
     integer, intent(in) :: position(n)
-    !> Update matrix of the child (n, n); the lower triangle is read.
+    !> Update matrix of the child (n, n) [as the matrix]; the lower triangle is read.
     real(dp), intent(in) :: child(n, n)
     !> Columns of the parent's panel.
     integer, intent(in) :: columns
     !> Rows of the parent's front.
     integer, intent(in) :: rows
-    !> Panel of the parent (0:rows-1, 0:columns-1).
+    !> Panel of the parent (0:rows-1, 0:columns-1) [as the matrix].
     real(dp), intent(inout) :: panel(0:rows - 1, 0:columns - 1)
-    !> Update matrix of the parent (columns:rows-1, columns:rows-1), lower triangle.
+    !> Update matrix of the parent, lower triangle (columns:rows-1, columns:rows-1) [as the matrix].
     real(dp), intent(inout) :: update(columns:rows - 1, columns:rows - 1)
     integer :: i, j
     do j = 1, n
@@ -71,9 +71,9 @@ contains
     logical, intent(in) :: is_lower
     !> Whether the triangle is packed.
     logical, intent(in) :: is_packed
-    !> The block by columns (m*n; n*(n+1)/2 if packed).
+    !> The block by columns (m*n; n*(n+1)/2 if packed) [as the matrix].
     real(dp), intent(in) :: block(*)
-    !> Values of the factor (0:factor_entries-1).
+    !> Values of the factor (0:factor_entries-1) [as the matrix].
     real(dp), intent(inout) :: x(0:*)
     integer :: position(m), j, s, i, i_first
     integer(int64) :: at, from

@@ -171,7 +171,7 @@ contains
     type(elimination_tree_t), intent(in) :: tree
     !> Right-hand sides as rows.
     type(sparse_rows_t), intent(in) :: rhs
-    !> As from `find_columns`.
+    !> Position of each supernode, as from `find_columns` (number of supernodes).
     integer, intent(in) :: number(:)
     integer :: j, k, m, s, column
     integer(int64) :: own, at
@@ -214,7 +214,7 @@ contains
     type(forward_solution_t), intent(inout) :: self
     !> Elimination tree.
     type(elimination_tree_t), intent(in) :: tree
-    !> As from `find_columns`.
+    !> Position of each supernode, as from `find_columns` (number of supernodes).
     integer, intent(in) :: number(:)
     !> Position of the supernode in self%supernode.
     integer, intent(in) :: k
@@ -233,7 +233,7 @@ contains
       call dgemm('N', 'N', rows - own, n, own, 1.0_dp, list%value(first + own:), rows, &
                  self%value(self%first_value(k):), own, 0.0_dp, product, rows - own)
       call subtract_product(self, tree, number, list%row(list%row_start(s - 1) + own:list%row_start(s) - 1), &
-                         self%column(self%first_column(k):self%first_column(k + 1) - 1), product)
+                            self%column(self%first_column(k):self%first_column(k + 1) - 1), product)
     end associate
   end subroutine eliminate
 
@@ -243,13 +243,13 @@ contains
     type(forward_solution_t), intent(inout) :: self
     !> Elimination tree.
     type(elimination_tree_t), intent(in) :: tree
-    !> As from `find_columns`.
+    !> Position of each supernode, as from `find_columns` (number of supernodes).
     integer, intent(in) :: number(:)
     !> Rows of L that the contribution belongs to, ascending from 0 (m).
     integer(int64), intent(in) :: row(0:)
     !> Right-hand sides that it belongs to, ascending (n).
     integer, intent(in) :: column(:)
-    !> The contribution (m, n).
+    !> The contribution (m, n) [as the right-hand sides].
     real(dp), intent(in) :: product(0:, :)
     integer :: first, last, s, m, i, j, own
     integer(int64) :: at, begin
@@ -290,7 +290,7 @@ contains
     type(forward_solution_t), intent(in) :: b
     !> Whether b is a.
     logical, intent(in) :: same
-    !> C (a%n, b%n).
+    !> C (a%n, b%n) [B_a B_b/K].
     real(dp), intent(out) :: c(:, :)
     integer :: k, l, s, own, i, j
     c = 0
@@ -324,13 +324,13 @@ contains
     integer, intent(in) :: column_a(:)
     !> Right-hand sides of b that reach it, ascending (n).
     integer, intent(in) :: column_b(:)
-    !> Values of a (own, m).
+    !> Values of a (own, m) [B_a/sqrt(K)].
     real(dp), intent(in) :: a(own, size(column_a))
-    !> Values of b (own, n).
+    !> Values of b (own, n) [B_b/sqrt(K)].
     real(dp), intent(in) :: b(own, size(column_b))
     !> Whether b is a.
     logical, intent(in) :: same
-    !> C (right-hand sides of a, right-hand sides of b).
+    !> C (right-hand sides of a, right-hand sides of b) [B_a B_b/K].
     real(dp), intent(inout) :: c(:, :)
     real(dp), allocatable :: product(:, :)
     integer :: i, j

@@ -29,7 +29,8 @@ contains
     integer, intent(in) :: m
     !> Columns, n <= m.
     integer, intent(in) :: n
-    !> Lower trapezoid of the matrix, then of the factor (m, n); entries above the diagonal are not touched.
+    !> Lower trapezoid of the matrix [any], then of the factor (m, n) [its root]; entries above the diagonal are not
+    !> touched.
     real(dp), intent(inout) :: a(m, n)
     !> Whether rows are cut too and all tiles are tasks.
     logical, intent(in) :: shared_out
@@ -68,7 +69,7 @@ contains
     integer, intent(in) :: first
     !> Last column.
     integer, intent(in) :: last
-    !> The front (m, at least last).
+    !> The front (m, at least last) [any], then the factor [its root] in the columns eliminated.
     real(dp), intent(inout) :: a(m, *)
     !> As in `factor_panel`.
     logical, intent(in) :: shared_out
@@ -106,7 +107,7 @@ contains
     integer, intent(in) :: middle
     !> Last column to change.
     integer, intent(in) :: last
-    !> The front (m, at least last).
+    !> The front (m, at least last) [any], then the factor [its root] in the columns eliminated.
     real(dp), intent(inout) :: a(m, *)
     !> As in `factor_panel`.
     logical, intent(in) :: shared_out
@@ -153,9 +154,9 @@ contains
     integer, intent(in) :: k
     !> Rows of the array that holds A.
     integer, intent(in) :: m
-    !> A in the first n rows (m, k).
+    !> A in the first n rows (m, k) [any].
     real(dp), intent(in) :: a(m, *)
-    !> C (n, n).
+    !> C (n, n) [A^2].
     real(dp), intent(inout) :: c(n, n)
     call dsyrk('L', 'N', n, k, -1.0_dp, a, m, 1.0_dp, c, n)
   end subroutine subtract_square
@@ -170,13 +171,13 @@ contains
     integer, intent(in) :: k
     !> Rows of the array that holds A and B.
     integer, intent(in) :: m
-    !> A in the first rows (m, k).
+    !> A in the first rows (m, k) [any].
     real(dp), intent(in) :: a(m, *)
-    !> B in the first rows (m, k).
+    !> B in the first rows (m, k) [any].
     real(dp), intent(in) :: b(m, *)
     !> Whether B is A.
     logical, intent(in) :: same
-    !> C (rows, columns).
+    !> C (rows, columns) [A B].
     real(dp), intent(out) :: c(rows, columns)
     if (same) then
       call dsyrk('L', 'N', rows, k, -1.0_dp, a, m, 0.0_dp, c, rows)

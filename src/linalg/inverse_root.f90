@@ -20,13 +20,13 @@ contains
   !> Root and null space. Without a reference A is regular and is factorized by elimination, which keeps directions of
   !> very different stiffness apart that an eigendecomposition would mix by rounding.
   subroutine find_inverse_root(a, reference, root, null_space, failed)
-    !> Lower triangle (n, n).
+    !> Lower triangle of A (n, n) [any].
     real(dp), intent(in) :: a(:, :)
-    !> What eigenvalues of A are compared with; 0: A is regular.
+    !> Magnitude that eigenvalues of A are compared with [as `a`]; 0: A is regular.
     real(dp), intent(in) :: reference
-    !> R (n, n).
+    !> R (n, n) [1/sqrt(A)].
     real(dp), allocatable, intent(out) :: root(:, :)
-    !> Orthonormal null directions as columns (n, n_null).
+    !> Orthonormal null directions as columns (n, n_null) [].
     real(dp), allocatable, intent(out) :: null_space(:, :)
     !> 0, or 1 where A is not finite or the eigenvalues cannot be found.
     integer, intent(out) :: failed
@@ -62,9 +62,9 @@ contains
 
   !> The root of the inverse of a positive definite matrix, `L^{-T}`.
   subroutine invert_by_elimination(a, root, failed)
-    !> Lower triangle (n, n).
+    !> Lower triangle of A (n, n) [any].
     real(dp), intent(in) :: a(:, :)
-    !> (n, n).
+    !> Root of the inverse (n, n) [1/sqrt(A)].
     real(dp), intent(out) :: root(:, :)
     !> 0 if A is positive definite.
     integer, intent(out) :: failed

@@ -13,7 +13,7 @@ module dotyk_linalg_lapack
       character(1), intent(in) :: uplo
       !> Order, leading dimension.
       integer, intent(in) :: n, lda
-      !> The matrix, then its factor (lda, n).
+      !> The matrix [any], then its factor (lda, n) [sqrt(A)].
       real(dp), intent(inout) :: a(lda, *)
       !> First column whose pivot is not positive; 0 if there is none.
       integer, intent(out) :: info
@@ -24,8 +24,10 @@ module dotyk_linalg_lapack
       import :: dp
       !> Order, right-hand sides, leading dimensions.
       integer, intent(in) :: n, nrhs, lda, ldb
-      !> The matrix, then its factors (lda, n); right-hand sides, then solutions (ldb, nrhs).
-      real(dp), intent(inout) :: a(lda, *), b(ldb, *)
+      !> The matrix, then its factors (lda, n) [any].
+      real(dp), intent(inout) :: a(lda, *)
+      !> Right-hand sides [any], then solutions (ldb, nrhs) [b/A].
+      real(dp), intent(inout) :: b(ldb, *)
       !> Row exchanges (n); first pivot that is zero, or 0.
       integer, intent(out) :: ipiv(*), info
     end subroutine dgesv
@@ -35,15 +37,17 @@ module dotyk_linalg_lapack
       import :: dp
       !> Rows, columns, right-hand sides, leading dimensions, length of `work`.
       integer, intent(in) :: m, n, nrhs, lda, ldb, lwork
-      !> The matrix, then its factors (lda, n); right-hand sides, then solutions (ldb, nrhs).
-      real(dp), intent(inout) :: a(lda, *), b(ldb, *)
+      !> The matrix, then its factors (lda, n) [any].
+      real(dp), intent(inout) :: a(lda, *)
+      !> Right-hand sides [any], then solutions (ldb, nrhs) [b/A].
+      real(dp), intent(inout) :: b(ldb, *)
       !> Columns to keep in front, then the order of the columns (n).
       integer, intent(inout) :: jpvt(*)
-      !> Reciprocal of the greatest condition number of the part that counts.
+      !> Reciprocal of the greatest condition number of the part that counts [].
       real(dp), intent(in) :: rcond
       !> Order of that part; 0 for success.
       integer, intent(out) :: rank, info
-      !> Workspace (lwork).
+      !> Workspace (lwork) [any].
       real(dp), intent(out) :: work(*)
     end subroutine dgelsy
 
@@ -54,10 +58,12 @@ module dotyk_linalg_lapack
       character(1), intent(in) :: jobz, uplo
       !> Order, leading dimension, length of `work`.
       integer, intent(in) :: n, lda, lwork
-      !> The matrix, then its eigenvectors (lda, n).
+      !> The matrix [any], then its eigenvectors (lda, n) [].
       real(dp), intent(inout) :: a(lda, *)
-      !> Eigenvalues, ascending (n); workspace (lwork).
-      real(dp), intent(out) :: w(*), work(*)
+      !> Eigenvalues, ascending (n) [as `a`].
+      real(dp), intent(out) :: w(*)
+      !> Workspace (lwork) [any].
+      real(dp), intent(out) :: work(*)
       !> 0 for success.
       integer, intent(out) :: info
     end subroutine dsyev
@@ -69,14 +75,24 @@ module dotyk_linalg_lapack
       character(1), intent(in) :: jobz, range
       !> Order, first and last eigenvalue, leading dimension.
       integer, intent(in) :: n, il, iu, ldz
-      !> Diagonal (n); entries beside it (n-1).
-      real(dp), intent(inout) :: d(*), e(*)
-      !> Interval; tolerance of the eigenvalues.
-      real(dp), intent(in) :: vl, vu, abstol
+      !> Diagonal (n) [any].
+      real(dp), intent(inout) :: d(*)
+      !> Entries beside the diagonal (n-1) [as `d`].
+      real(dp), intent(inout) :: e(*)
+      !> Lower end of the interval [as `d`].
+      real(dp), intent(in) :: vl
+      !> Upper end of the interval [as `d`].
+      real(dp), intent(in) :: vu
+      !> Tolerance of the eigenvalues [as `d`].
+      real(dp), intent(in) :: abstol
       !> Eigenvalues found; workspace (5 n); eigenvectors that failed (n); 0 for success.
       integer, intent(out) :: m, iwork(*), ifail(*), info
-      !> Eigenvalues, ascending (n); eigenvectors (ldz, m); workspace (5 n).
-      real(dp), intent(out) :: w(*), z(ldz, *), work(*)
+      !> Eigenvalues, ascending (n) [as `d`].
+      real(dp), intent(out) :: w(*)
+      !> Eigenvectors (ldz, m) [].
+      real(dp), intent(out) :: z(ldz, *)
+      !> Workspace (5 n) [any].
+      real(dp), intent(out) :: work(*)
     end subroutine dstevx
 
     !> Singular value decomposition by the QR algorithm.
@@ -86,10 +102,16 @@ module dotyk_linalg_lapack
       character(1), intent(in) :: jobu, jobvt
       !> Rows, columns, leading dimensions, length of `work`.
       integer, intent(in) :: m, n, lda, ldu, ldvt, lwork
-      !> The matrix, destroyed (lda, n).
+      !> The matrix, destroyed (lda, n) [any].
       real(dp), intent(inout) :: a(lda, *)
-      !> Singular values, falling; left and transposed right singular vectors; workspace (lwork).
-      real(dp), intent(out) :: s(*), u(ldu, *), vt(ldvt, *), work(*)
+      !> Singular values, falling (min(m, n)) [as `a`].
+      real(dp), intent(out) :: s(*)
+      !> Left singular vectors as columns (ldu, m) [].
+      real(dp), intent(out) :: u(ldu, *)
+      !> Right singular vectors as rows (ldvt, n) [].
+      real(dp), intent(out) :: vt(ldvt, *)
+      !> Workspace (lwork) [any].
+      real(dp), intent(out) :: work(*)
       !> 0 for success.
       integer, intent(out) :: info
     end subroutine dgesvd
@@ -99,11 +121,20 @@ module dotyk_linalg_lapack
       import :: dp
       !> 1 for the largest, 2 for the smallest singular value; order of the triangle so far.
       integer, intent(in) :: job, j
-      !> Its approximate singular vector (j) and value; new row: entries before the diagonal (j), and the diagonal
-      !> entry.
-      real(dp), intent(in) :: x(*), sest, w(*), gamma
-      !> Estimate for the larger triangle; factor of x in its singular vector, and the last component.
-      real(dp), intent(out) :: sestpr, s, c
+      !> Approximate singular vector of the triangle so far (j) [].
+      real(dp), intent(in) :: x(*)
+      !> Estimate of its singular value [any].
+      real(dp), intent(in) :: sest
+      !> New row: entries before the diagonal (j) [as `sest`].
+      real(dp), intent(in) :: w(*)
+      !> New row: diagonal entry [as `sest`].
+      real(dp), intent(in) :: gamma
+      !> Estimate of the singular value of the larger triangle [as `sest`].
+      real(dp), intent(out) :: sestpr
+      !> Factor of x in the singular vector of the larger triangle [].
+      real(dp), intent(out) :: s
+      !> Last component of that vector [].
+      real(dp), intent(out) :: c
     end subroutine dlaic1
   end interface
 end module dotyk_linalg_lapack

@@ -93,7 +93,7 @@ contains
     integer(int64), pointer, contiguous, intent(in) :: start(:)
     !> Row of each entry, 0-based, in any order within a column (entries).
     integer(int64), pointer, contiguous, intent(in) :: row(:)
-    !> Value of each entry (entries).
+    !> Value of each entry (entries) [any].
     real(dp), pointer, contiguous, intent(in) :: value(:)
     !> First column (from 1) whose pivot is not positive, 0 if there is none.
     integer, intent(out) :: failed
@@ -162,7 +162,7 @@ contains
     type(factorization_t), intent(inout) :: self
     !> The supernode.
     integer, intent(in) :: s
-    !> Values of the factor (0:factor_entries-1).
+    !> Values of the factor (0:factor_entries-1) [as K, then its root].
     real(dp), intent(inout) :: x(0:*)
     integer :: rows, i, thread
     integer(int64) :: column, at, k
@@ -259,9 +259,9 @@ contains
     type(factorization_t), intent(inout) :: self
     !> The supernode; its panel holds the entries of P K P^T.
     integer, intent(in) :: s
-    !> Working stack of the subtree (0:needed-1).
+    !> Working stack of the subtree (0:needed-1) [as K].
     real(dp), intent(inout) :: stack(0:*)
-    !> Values of the factor (0:factor_entries-1).
+    !> Values of the factor (0:factor_entries-1) [as K, then its root].
     real(dp), intent(inout) :: x(0:*)
     !> First column (from 1) whose pivot is not positive, 0 if there is none.
     integer, intent(out) :: failed
@@ -328,7 +328,7 @@ contains
     type(factorization_t), intent(inout) :: self
     !> The supernode.
     integer, intent(in) :: s
-    !> Values of the factor (0:factor_entries-1).
+    !> Values of the factor (0:factor_entries-1) [as K, then its root].
     real(dp), intent(inout) :: x(0:*)
     !> First column (from 1) whose pivot is not positive, 0 if there is none.
     integer, intent(out) :: failed
@@ -367,7 +367,7 @@ contains
     integer, intent(in) :: j
     !> Most rows of the first group.
     integer, intent(in) :: most_rows
-    !> Values of the factor (0:factor_entries-1).
+    !> Values of the factor (0:factor_entries-1) [as K, then its root].
     real(dp), intent(inout) :: x(0:*)
     integer :: rows, m, n
     integer(int64) :: at, rows_at

@@ -19,11 +19,11 @@ contains
   subroutine factorize_gram(n, gram, tolerance, r, pivot, rank)
     !> Order.
     integer, intent(in) :: n
-    !> G = A^T A (n, n); its lower triangle is read.
+    !> G = A^T A (n, n) [any]; its lower triangle is read.
     real(dp), intent(in) :: gram(n, n)
     !> Reciprocal of the greatest condition number of the part of A that counts []; the rest is taken for zero.
     real(dp), intent(in) :: tolerance
-    !> R^T in the lower triangle of the first `rank` columns (n, n).
+    !> R^T in the lower triangle of the first `rank` columns (n, n) [sqrt(G)].
     real(dp), intent(out) :: r(n, n)
     !> Column of A that is eliminated k-th (n).
     integer, intent(out) :: pivot(n)
@@ -97,11 +97,11 @@ contains
     integer, intent(in) :: n
     !> Number of right-hand sides.
     integer, intent(in) :: m
-    !> Factor of `factorize_gram` (n, n).
+    !> Factor of `factorize_gram` (n, n) [sqrt(G)].
     real(dp), intent(in) :: r(n, n)
     !> Pivots of `factorize_gram` (n).
     integer, intent(in) :: pivot(n)
-    !> Right-hand sides as rows, then solutions (m, n).
+    !> Right-hand sides as rows [any], then solutions (m, n) [those over G].
     real(dp), intent(inout) :: b(m, n)
     real(dp) :: x(m, n)
     x = b(:, pivot)

@@ -98,8 +98,8 @@ contains
     if (status == metis_error_memory) then
       call set_error(error, 'out of memory while ordering '//to_text(n)//' nodes', exit_machine)
     else
-      call set_error(error, 'METIS cannot order the graph of '//to_text(n)//' nodes (status '//to_text(int(status))// &
-        ')', exit_not_solvable)
+      call set_error(error, 'METIS cannot order the graph of '//to_text(n)//' nodes (status '// &
+                     to_text(int(status))//')', exit_not_solvable)
     end if
     !$omp end critical (message)
   end subroutine nested_dissection

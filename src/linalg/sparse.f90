@@ -50,9 +50,9 @@ contains
   subroutine symmetric_multiply(self, x, y)
     !> The matrix.
     class(sparse_symmetric_t), intent(in) :: self
-    !> Vector x (n).
+    !> Vector x (n) [any].
     real(dp), intent(in) :: x(:)
-    !> Product y (n).
+    !> Product y (n) [matrix times x].
     real(dp), intent(out) :: y(:)
     call multiply_lower(self%n, self%column_start, self%row, self%value, x, y)
   end subroutine symmetric_multiply
@@ -65,11 +65,11 @@ contains
     integer(int64), intent(in) :: start(:)
     !> Row of each entry, 0-based (number of entries).
     integer(int64), intent(in) :: row(:)
-    !> Value of each entry (number of entries).
+    !> Value of each entry (number of entries) [any].
     real(dp), intent(in) :: value(:)
-    !> Vector x (n).
+    !> Vector x (n) [any].
     real(dp), intent(in) :: x(:)
-    !> Product y (n).
+    !> Product y (n) [matrix times x].
     real(dp), intent(out) :: y(:)
     integer :: i, j
     integer(int64) :: k
@@ -129,7 +129,7 @@ contains
     integer, intent(in) :: rows(:)
     !> Column of each entry (number of triplets).
     integer, intent(in) :: columns(:)
-    !> Value of each entry (number of triplets).
+    !> Value of each entry (number of triplets) [any].
     real(dp), intent(in) :: values(:)
     integer, allocatable :: by_column(:), by_row(:), first(:)
     integer :: n, k, entry, row, last
@@ -203,9 +203,9 @@ contains
   pure subroutine rows_multiply(self, x, y)
     !> The matrix.
     class(sparse_rows_t), intent(in) :: self
-    !> Vector x (n_columns).
+    !> Vector x (n_columns) [any].
     real(dp), intent(in) :: x(:)
-    !> Product y (n_rows).
+    !> Product y (n_rows) [matrix times x].
     real(dp), intent(out) :: y(:)
     integer :: i, k
     real(dp) :: sum
@@ -222,9 +222,9 @@ contains
   pure subroutine rows_multiply_transposed(self, x, y)
     !> The matrix.
     class(sparse_rows_t), intent(in) :: self
-    !> Vector x (n_rows).
+    !> Vector x (n_rows) [any].
     real(dp), intent(in) :: x(:)
-    !> Product y (n_columns).
+    !> Product y (n_columns) [matrix times x].
     real(dp), intent(out) :: y(:)
     integer :: i, j, k
     y(1:self%n_columns) = 0

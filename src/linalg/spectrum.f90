@@ -20,9 +20,9 @@ module dotyk_linalg_spectrum
       import :: linear_operator_t, dp
       !> The operator.
       class(linear_operator_t), intent(inout) :: self
-      !> Vector x (n).
+      !> Vector x (n) [any].
       real(dp), intent(in) :: x(:)
-      !> Product y (n).
+      !> Product y (n) [operator times x].
       real(dp), intent(out) :: y(:)
     end subroutine apply_operator
   end interface
@@ -97,7 +97,7 @@ contains
   !> Pseudo-random vector of norm 1 by Lehmer's congruential generator, 48271 modulo 2^31-1 (S. K. Park and K. W.
   !> Miller, Comm. ACM 31, 1988).
   subroutine fixed_start(v)
-    !> The vector (n).
+    !> The vector (n) [].
     real(dp), intent(out), contiguous :: v(:)
     integer(int64), parameter :: modulus = 2147483647_int64, factor = 48271_int64
     integer(int64) :: state
@@ -119,7 +119,7 @@ contains
     type(group_t), intent(in) :: basis(:)
     !> Number of vectors.
     integer, intent(in) :: n_vectors
-    !> The vector (n).
+    !> The vector (n) [any].
     real(dp), intent(inout), contiguous :: w(:)
     integer :: pass, group, n
     do pass = 1, 2
@@ -136,9 +136,9 @@ contains
     integer, intent(in) :: n
     !> Number of vectors.
     integer, intent(in) :: m
-    !> Orthonormal vectors V (n, m).
+    !> Orthonormal vectors V (n, m) [].
     real(dp), intent(in) :: v(n, m)
-    !> The vector (n).
+    !> The vector (n) [any].
     real(dp), intent(inout) :: w(n)
     real(dp) :: c(m)
     integer :: j
@@ -152,9 +152,9 @@ contains
 
   !> Scalar product, summed in eight strands that the compiler vectorizes, always in the same order.
   pure real(dp) function dot(x, y)
-    !> The one vector (n).
+    !> The one vector (n) [any].
     real(dp), intent(in), contiguous :: x(:)
-    !> The other vector (n).
+    !> The other vector (n) [any].
     real(dp), intent(in), contiguous :: y(:)
     real(dp) :: strand(8)
     integer :: i, n
@@ -171,7 +171,7 @@ contains
 
   !> Euclidean norm.
   pure real(dp) function norm(x)
-    !> The vector (n).
+    !> The vector (n) [any].
     real(dp), intent(in), contiguous :: x(:)
     norm = sqrt(dot(x, x))
   end function norm

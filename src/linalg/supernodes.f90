@@ -88,7 +88,7 @@ contains
   subroutine make_tree(supernodes, fraction, least_work, tree)
     !> The supernodes.
     type(supernodes_t), intent(in) :: supernodes
-    !> Greatest work of a subtree, as a fraction of all work.
+    !> Greatest work of a subtree, as a fraction of all work [].
     real(dp), intent(in) :: fraction
     !> Work that a subtree may have in any case [floating-point operations].
     real(dp), intent(in) :: least_work
@@ -198,7 +198,7 @@ contains
     integer(int64), intent(in) :: start(0:n)
     !> Row of each entry, 0-based (0:entries-1).
     integer(int64), intent(in) :: row(0:*)
-    !> Value of each entry (0:entries-1).
+    !> Value of each entry (0:entries-1) [any].
     real(dp), intent(in) :: value(0:*)
     real(dp) :: diagonal(0:n - 1)
     integer :: j
@@ -216,7 +216,7 @@ contains
   pure subroutine find_weakest_pivot(supernodes, diagonal, weakest, equation)
     !> The factor, with values.
     type(supernodes_t), intent(in) :: supernodes
-    !> Diagonal of P K P^T (0:order-1).
+    !> Diagonal of P K P^T (0:order-1) [as K].
     real(dp), intent(in) :: diagonal(0:)
     !> Pivot over diagonal entry, 0 to 1 [].
     real(dp), intent(out) :: weakest
