@@ -29,8 +29,10 @@ contains
   pure logical function matrix_is_cheaper(work, factor_entries, path_entries) result(cheaper)
     !> Products to come.
     type(workload_t), intent(in) :: work
-    !> Entries of the factor, and those from a contact unknown to the root of the elimination tree.
-    real(dp), intent(in) :: factor_entries, path_entries
+    !> Entries of the factor [].
+    real(dp), intent(in) :: factor_entries
+    !> Entries of the factor from a contact unknown to the root of the elimination tree [].
+    real(dp), intent(in) :: path_entries
     cheaper = .false.
     if (work%n_steps == 0 .or. 8*real(work%n_rows, dp)**2/work%n_bodies > most_bytes) return
     cheaper = cost_of_matrix(work, path_entries) < cost_of_solves(work, factor_entries)
@@ -40,7 +42,7 @@ contains
   pure real(dp) function cost_of_solves(work, entries) result(cost)
     !> Products to come.
     type(workload_t), intent(in) :: work
-    !> Entries of the factor.
+    !> Entries of the factor [].
     real(dp), intent(in) :: entries
     cost = slowness_of_solves*4*entries*work%n_steps*work%n_bodies
   end function cost_of_solves
@@ -49,7 +51,7 @@ contains
   pure real(dp) function cost_of_matrix(work, path) result(cost)
     !> Products to come.
     type(workload_t), intent(in) :: work
-    !> Entries from a contact unknown to the root; the unknowns on the path are about the root of twice as many.
+    !> Entries from a contact unknown to the root []; the unknowns on the path are about the root of twice as many.
     real(dp), intent(in) :: path
     real(dp) :: n
     n = real(work%n_rows, dp)/work%n_bodies

@@ -11,7 +11,7 @@ contains
   pure subroutine remove_modes(mode, x)
     !> Orthonormal modes over the equations (n_equations, n_modes) [].
     real(dp), intent(in) :: mode(:, :)
-    !> A force or a displacement (n_equations).
+    !> A force or a displacement (n_equations) [force or length].
     real(dp), intent(inout) :: x(:)
     real(dp) :: amplitude(size(mode, 2))
     integer :: k

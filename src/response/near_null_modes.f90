@@ -32,7 +32,7 @@ contains
 
   !> Dimension of the near-null space.
   pure integer function count_near_null(values) result(n)
-    !> The least eigenvalues of the scaled stiffness, ascending, more than the near-null space has [].
+    !> The least eigenvalues of the scaled stiffness, ascending, more than the near-null space has (number of them) [].
     real(dp), intent(in) :: values(:)
     integer :: k
     real(dp) :: widest
@@ -105,8 +105,10 @@ contains
   subroutine separate_by_contact(at_rows, mode, stiffness, error)
     !> The modes at the contact rows, B Z (n_rows, n) [].
     real(dp), intent(in) :: at_rows(:, :)
-    !> Z (n_equations, n) [], S (n, n) [force/length].
-    real(dp), intent(inout) :: mode(:, :), stiffness(:, :)
+    !> Z (n_equations, n) [].
+    real(dp), intent(inout) :: mode(:, :)
+    !> S (n, n) [force/length].
+    real(dp), intent(inout) :: stiffness(:, :)
     !> Allocated where an entry at the rows is not finite, or LAPACK's singular value decomposition does not converge.
     type(error_t), allocatable, intent(out) :: error
     real(dp) :: values(size(mode, 2)), vectors(size(mode, 2), size(mode, 2)), scaled(size(at_rows, 1), size(mode, 2))

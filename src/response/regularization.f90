@@ -78,7 +78,7 @@ contains
     integer, intent(in) :: fixed(:)
     !> The springs (n) [force/length].
     real(dp), intent(in) :: spring(:)
-    !> The displacement, in any unit (n_equations).
+    !> The displacement (n_equations) [any].
     real(dp), intent(in) :: x(:)
     real(dp), allocatable :: u(:, :)
     real(dp) :: most

@@ -115,11 +115,11 @@ contains
   subroutine split_off(body, stiffness, factor, diagonal, shapes, report, error)
     !> The body, assembled.
     type(body_t), intent(in) :: body
-    !> Of a body that its supports hold; empty on return.
+    !> Stiffness of a body that its supports hold; empty on return.
     type(stiffness_t), intent(inout) :: stiffness
-    !> Of the stiffness with springs on return.
+    !> Factor of the stiffness; of the regularized one on return.
     type(cholesky_t), intent(inout) :: factor
-    !> Of the stiffness (n_equations) [force/length].
+    !> Diagonal of the stiffness (n_equations) [force/length].
     real(dp), intent(in) :: diagonal(:)
     !> The modes, approximately (n_equations, n) [].
     real(dp), intent(in) :: shapes(:, :)
@@ -142,14 +142,14 @@ contains
       return
     end if
     call find_near_null(body, factor, report%fixing_equation, report%spring, report%near_null, &
-      report%near_null_stiffness, error)
+                        report%near_null_stiffness, error)
   end subroutine split_off
 
   !> Whether the displacement that belongs to the weakest pivot is a mechanism.
   logical function is_loose(body, factor, diagonal, fixing_equation, spring)
     !> The body, assembled.
     type(body_t), intent(in) :: body
-    !> Of the stiffness with springs.
+    !> Factor of the stiffness, springs included.
     type(cholesky_t), intent(in) :: factor
     !> Springs included (n_equations) [force/length].
     real(dp), intent(in) :: diagonal(:)
