@@ -64,12 +64,16 @@ module dotyk_scheme_accelerated
       import :: changes_t, dp
       !> Weights of the contact rows (n_rows) [area].
       real(dp), intent(in) :: weight(:)
-      !> Of the last steps, at least one.
+      !> Changes over the last steps, at least one.
       type(changes_t), intent(in) :: changes
-      !> f at the iterate (n_rows) [pressure], [length].
-      real(dp), intent(in) :: f_m(:), f_y(:)
-      !> The iterate (n_rows) [pressure], [length].
-      real(dp), intent(inout) :: m(:), y(:)
+      !> f at the iterate, in m (n_rows) [pressure].
+      real(dp), intent(in) :: f_m(:)
+      !> f at the iterate, in y (n_rows) [length].
+      real(dp), intent(in) :: f_y(:)
+      !> Contact pressures of the iterate (n_rows) [pressure].
+      real(dp), intent(inout) :: m(:)
+      !> B u - d of the iterate (n_rows) [length].
+      real(dp), intent(inout) :: y(:)
     end subroutine extrapolation
   end interface
 
@@ -87,11 +91,11 @@ contains
   subroutine anderson_solve(self, qp, compliance, theta, settings, monitor, state, error)
     !> The scheme.
     class(anderson_t), intent(in) :: self
-    !> Of held bodies.
+    !> Contact QP of held bodies.
     type(contact_qp_t), intent(in) :: qp
     !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
-    !> Above 0 (n_rows) [length/pressure].
+    !> Penalty parameters, above 0 (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> Settings of the user.
     type(solver_settings_t), intent(in) :: settings
@@ -110,11 +114,11 @@ contains
   subroutine secant_solve(self, qp, compliance, theta, settings, monitor, state, error)
     !> The scheme.
     class(secant_t), intent(in) :: self
-    !> Of held bodies.
+    !> Contact QP of held bodies.
     type(contact_qp_t), intent(in) :: qp
     !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
-    !> Above 0 (n_rows) [length/pressure].
+    !> Penalty parameters, above 0 (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> Settings of the user.
     type(solver_settings_t), intent(in) :: settings
@@ -135,7 +139,7 @@ contains
     type(contact_qp_t), intent(in) :: qp
     !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
-    !> (n_rows) [length/pressure].
+    !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> Settings of the user.
     type(solver_settings_t), intent(in) :: settings
@@ -267,8 +271,14 @@ contains
   subroutine changes_add(self, m, y, f_m, f_y)
     !> The changes.
     class(changes_t), intent(inout) :: self
-    !> The iterate, and f there (n_rows) [pressure], [length].
-    real(dp), intent(in) :: m(:), y(:), f_m(:), f_y(:)
+    !> Contact pressures of the iterate (n_rows) [pressure].
+    real(dp), intent(in) :: m(:)
+    !> B u - d of the iterate (n_rows) [length].
+    real(dp), intent(in) :: y(:)
+    !> f at the iterate, in m (n_rows) [pressure].
+    real(dp), intent(in) :: f_m(:)
+    !> f at the iterate, in y (n_rows) [length].
+    real(dp), intent(in) :: f_y(:)
     integer :: place
     self%steps = self%steps + 1
     self%n = min(self%steps, size(self%f_m, 2))
@@ -289,12 +299,16 @@ contains
   subroutine mix(weight, changes, f_m, f_y, m, y)
     !> Weights of the contact rows (n_rows) [area].
     real(dp), intent(in) :: weight(:)
-    !> Of the last steps, at least one.
+    !> Changes over the last steps, at least one.
     type(changes_t), intent(in) :: changes
-    !> f at the iterate (n_rows) [pressure], [length].
-    real(dp), intent(in) :: f_m(:), f_y(:)
-    !> The iterate (n_rows) [pressure], [length].
-    real(dp), intent(inout) :: m(:), y(:)
+    !> f at the iterate, in m (n_rows) [pressure].
+    real(dp), intent(in) :: f_m(:)
+    !> f at the iterate, in y (n_rows) [length].
+    real(dp), intent(in) :: f_y(:)
+    !> Contact pressures of the iterate (n_rows) [pressure].
+    real(dp), intent(inout) :: m(:)
+    !> B u - d of the iterate (n_rows) [length].
+    real(dp), intent(inout) :: y(:)
     type(error_t), allocatable :: error
     real(dp) :: gram(changes%n, changes%n), share(changes%n, 1)
     integer :: i, j
@@ -318,12 +332,16 @@ contains
   subroutine cross(weight, changes, f_m, f_y, m, y)
     !> Weights of the contact rows (n_rows) [area].
     real(dp), intent(in) :: weight(:)
-    !> Of the last steps, at least one.
+    !> Change over the last step.
     type(changes_t), intent(in) :: changes
-    !> f at the iterate (n_rows) [pressure], [length].
-    real(dp), intent(in) :: f_m(:), f_y(:)
-    !> The iterate (n_rows) [pressure], [length].
-    real(dp), intent(inout) :: m(:), y(:)
+    !> f at the iterate, in m (n_rows) [pressure].
+    real(dp), intent(in) :: f_m(:)
+    !> f at the iterate, in y (n_rows) [length].
+    real(dp), intent(in) :: f_y(:)
+    !> Contact pressures of the iterate (n_rows) [pressure].
+    real(dp), intent(inout) :: m(:)
+    !> B u - d of the iterate (n_rows) [length].
+    real(dp), intent(inout) :: y(:)
     real(dp) :: s, square
     s = 0
     square = -sum(weight*changes%f_m(:, 1)*changes%f_y(:, 1))

@@ -57,8 +57,7 @@ contains
 
   !> Iterate until the active set does not change.
   subroutine find_active_set(qp, compliance, theta, max_iterations, tolerance, monitor, system, now, active, state, &
-    error, &
-                             start_inside)
+                             error, start_inside)
     !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
     !> Formed at all rows, unless the linear system needs no entries.
@@ -159,7 +158,7 @@ contains
 
   !> Whether the numbers of rows that change from one active set to the next do not get fewer.
   pure logical function is_not_decreasing(changes)
-    !> Of all steps so far (n_steps).
+    !> Rows that changed, in each step so far (n_steps).
     integer, intent(in) :: changes(:)
     !> The first active sets may change by any number of rows. Later the numbers halve at least, over two steps since
     !> rows can enter and leave by turns.
@@ -173,17 +172,17 @@ contains
   subroutine rest_on_winkler_foundation(qp, theta, now, active)
     !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
-    !> (n_rows) [length/pressure].
+    !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> Without forces.
     type(iterate_t), intent(out) :: now
-    !> (n_rows).
+    !> Active set (n_rows).
     logical, intent(out) :: active(:)
     real(dp), allocatable :: motion(:)
     allocate (now%lambda(qp%n_rows), now%alpha(qp%coarse%n), motion(qp%n_rows))
     now%lambda = 0
-    call winkler_equilibrium(qp, qp%coarse%resultant, foundation_stiffness(qp, theta), qp%initial_penetration, &
-      now%alpha)
+    call winkler_equilibrium(qp, qp%coarse%resultant, foundation_stiffness(qp, theta), &
+                             qp%initial_penetration, now%alpha)
     call qp%mode_displacement(now%alpha, motion)
     now%y = qp%initial_penetration + motion
     active = now%y > 0
@@ -193,11 +192,11 @@ contains
   subroutine add_support(qp, theta, now, active)
     !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
-    !> (n_rows) [length/pressure].
+    !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> The iterate.
     type(iterate_t), intent(in) :: now
-    !> (n_rows).
+    !> Active set (n_rows).
     logical, intent(inout) :: active(:)
     real(dp), allocatable :: missing(:), alpha(:), motion(:)
     if (is_balanced(qp, theta, now%lambda, now%alpha)) return
@@ -215,10 +214,12 @@ contains
   logical function is_balanced(qp, theta, lambda, alpha)
     !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
-    !> (n_rows) [length/pressure].
+    !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
-    !> Forces (n_rows) [force], amplitudes (coarse%n) [length].
-    real(dp), intent(in) :: lambda(:), alpha(:)
+    !> Contact forces (n_rows) [force].
+    real(dp), intent(in) :: lambda(:)
+    !> Amplitudes of the modes (coarse%n) [length].
+    real(dp), intent(in) :: alpha(:)
     real(dp) :: missing(qp%coarse%n), scale
     call qp%mode_resultant(lambda, missing)
     missing = qp%coarse%resultant - missing - qp%coarse%stiffness_forces(alpha)
@@ -234,7 +235,7 @@ contains
   pure function foundation_stiffness(qp, theta) result(stiffness)
     !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
-    !> (n_rows) [length/pressure].
+    !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     real(dp), allocatable :: stiffness(:)
     stiffness = qp%weight/(qp%foundation + theta)
@@ -246,7 +247,7 @@ contains
     type(contact_qp_t), intent(in) :: qp
     !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
-    !> (n_rows) [length/pressure].
+    !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> Another one on return.
     class(active_system_t), intent(inout) :: system
@@ -254,7 +255,7 @@ contains
     logical, intent(in) :: is_rigid(:)
     !> The iterate.
     type(iterate_t), intent(inout) :: now
-    !> (n_rows).
+    !> Active set (n_rows).
     logical, intent(out) :: active(:)
     !> Linear systems that it took.
     integer, intent(out) :: steps
@@ -306,11 +307,11 @@ contains
     type(contact_qp_t), intent(in) :: qp
     !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
-    !> (n_rows) [length/pressure].
+    !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> Work space: how much each row yields, where entries of C are not formed (n_rows) [length].
     real(dp), allocatable, intent(inout) :: yields(:)
-    !> (n_rows).
+    !> Active set (n_rows).
     logical, intent(inout) :: active(:)
     !> Grows (n_rows).
     logical, intent(inout) :: is_rigid(:)
@@ -344,7 +345,7 @@ contains
     type(contact_qp_t), intent(in) :: qp
     !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
-    !> (n_rows) [length].
+    !> Displacements of the rows, without sign (n_rows) [length].
     real(dp), allocatable, intent(out) :: yields(:)
     integer :: i
     allocate (yields(qp%n_rows))
@@ -357,7 +358,7 @@ contains
   real(dp) function reference_norm(qp, theta, now) result(norm)
     !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
-    !> (n_rows) [length/pressure].
+    !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> The iterate.
     type(iterate_t), intent(in) :: now
@@ -369,13 +370,13 @@ contains
   subroutine add_to_history(qp, theta, now, seconds, length, n_active, state)
     !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
-    !> (n_rows) [length/pressure].
+    !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> The iterate.
     type(iterate_t), intent(in) :: now
     !> Since the start [s].
     real(dp), intent(in) :: seconds
-    !> Of the step, in the energy norm [sqrt(energy)].
+    !> Length of the step, in the energy norm [sqrt(energy)].
     real(dp), intent(in) :: length
     !> Active rows.
     integer, intent(in) :: n_active

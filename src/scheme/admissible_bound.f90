@@ -28,8 +28,10 @@ contains
     real(dp), intent(in) :: theta(:)
     !> Of the active set that the state came from.
     class(active_system_t), intent(in) :: system
-    !> Forces, not negative (n_rows) [force], and penetrations (n_rows) [length].
-    real(dp), intent(in) :: lambda(:), y(:)
+    !> Contact forces, not negative (n_rows) [force].
+    real(dp), intent(in) :: lambda(:)
+    !> Penetrations (n_rows) [length].
+    real(dp), intent(in) :: y(:)
     !> Penetrations below this fraction of the largest initial one are rounding errors [].
     real(dp), intent(in) :: rounding
     real(dp), allocatable :: residual(:), mu(:), beta(:), all_mu(:), z(:), motion(:), zero(:)

@@ -96,9 +96,9 @@ contains
     class(body_compliance_t), intent(inout) :: self
     !> The rows.
     type(contact_qp_t), intent(in) :: qp
-    !> (n_rows) [force].
+    !> Contact forces (n_rows) [force].
     real(dp), intent(in) :: lambda(:)
-    !> (n_rows) [length].
+    !> Displacements of the rows (n_rows) [length].
     real(dp), intent(out) :: z(:)
     type(displacement_t) :: moved(size(self%body))
     logical :: formed(size(self%body))
@@ -116,8 +116,8 @@ contains
       if (formed(b)) then
         call multiply_matrix(self%matrix, qp, b, lambda, moved(b)%value)
       else
-        call solve_body(self%response(self%body(b)%representative)%form, self%body(b), qp%block(b), lambda, &
-          moved(b)%value)
+        call solve_body(self%response(self%body(b)%representative)%form, self%body(b), qp%block(b), &
+                        lambda, moved(b)%value)
       end if
     end do
     !$omp end parallel do
@@ -140,9 +140,9 @@ contains
     type(body_operator_t), intent(in) :: body
     !> The body's rows of B.
     type(contact_block_t), intent(in) :: block
-    !> (n_rows) [force].
+    !> Contact forces (n_rows) [force].
     real(dp), intent(in) :: lambda(:)
-    !> At the rows of the block [length].
+    !> Displacements of the rows of the block (rows of the block) [length].
     real(dp), allocatable, intent(out) :: displacement(:)
     real(dp), allocatable :: nodal(:), x(:)
     allocate (nodal(body%map%dimension*body%map%n_nodes), x(size(response%mode, 1)), displacement(size(block%row)))
@@ -161,9 +161,9 @@ contains
     type(contact_qp_t), intent(in) :: qp
     !> The body.
     integer, intent(in) :: b
-    !> (n_rows) [force].
+    !> Contact forces (n_rows) [force].
     real(dp), intent(in) :: lambda(:)
-    !> At the body's rows of the QP [length].
+    !> Displacements of the body's rows of the QP (rows of the body) [length].
     real(dp), allocatable, intent(out) :: displacement(:)
     real(dp), allocatable :: force(:), moved(:), formed(:)
     allocate (force(size(matrix%row_body, 2)), moved(size(matrix%row_body, 2)), source=0.0_dp)
@@ -194,7 +194,7 @@ contains
     class(body_compliance_t), intent(inout) :: self
     !> As in `form`.
     type(contact_qp_t), intent(in) :: qp
-    !> (n_bodies).
+    !> Bodies whose entries are formed (n_bodies).
     logical, intent(in) :: chosen(:)
     !> Whether an interrupt ends it, with entries that are not valid.
     logical, intent(in) :: may_stop
@@ -220,7 +220,7 @@ contains
     class(body_compliance_t), intent(inout) :: self
     !> A restriction of that of `init`, an aggregation, or that one.
     type(contact_qp_t), intent(in) :: qp
-    !> Of each body at its rows, in their order (n_bodies).
+    !> Entries of each body at its rows, in their order (n_bodies).
     type(entries_t), allocatable, intent(out) :: entries(:)
     type(dense_compliance_t) :: matrix
     type(row_blocks_t), allocatable :: blocks(:)
@@ -274,9 +274,9 @@ contains
     type(contact_qp_t), intent(in) :: qp
     !> The body.
     integer, intent(in) :: b
-    !> (n).
+    !> Rows (n).
     integer, intent(in) :: row(:)
-    !> (n, n) [length/force].
+    !> Entries (n, n) [length/force].
     real(dp), allocatable, intent(out) :: entries(:, :)
     call self%matrix%get_entries(qp, b, row, entries)
   end subroutine compliance_get_entries
@@ -287,9 +287,9 @@ contains
     class(body_compliance_t), intent(in) :: self
     !> Formed at the rows.
     type(contact_qp_t), intent(in) :: qp
-    !> (n).
+    !> Rows (n).
     integer, intent(in) :: row(:)
-    !> (n) [length/force].
+    !> Diagonal entries (n) [length/force].
     real(dp), intent(out) :: diagonal(:)
     call self%matrix%get_diagonal(qp, row, diagonal)
   end subroutine compliance_get_diagonal
@@ -300,7 +300,7 @@ contains
     class(body_compliance_t), intent(in) :: self
     !> The rows.
     type(contact_qp_t), intent(in) :: qp
-    !> (n_rows) [length/force].
+    !> Diagonal entries (n_rows) [length/force].
     real(dp), intent(out) :: diagonal(:)
     integer :: b, i, k
     diagonal = 0
@@ -322,8 +322,10 @@ contains
     class(body_compliance_t), intent(inout) :: self
     !> The body.
     integer, intent(in) :: b
-    !> As in `compliance_t`.
-    real(dp), intent(out) :: path, solve
+    !> Entries of the factor on the elimination-tree path of a row, on average [].
+    real(dp), intent(out) :: path
+    !> Entries that a product with the compliance goes through [].
+    real(dp), intent(out) :: solve
     associate (equation => self%body(b)%map%equation)
       path = self%response(self%body(b)%representative)%form%path_entries(pack(equation, equation > 0))
     end associate
@@ -334,7 +336,7 @@ contains
   subroutine compliance_mark_formed(self, formed)
     !> The compliance of the bodies.
     class(body_compliance_t), intent(in) :: self
-    !> (all rows of the QP of `init`).
+    !> Set where a row has entries (all rows of the QP of `init`).
     logical, intent(inout) :: formed(:)
     call self%matrix%mark_formed(formed)
   end subroutine compliance_mark_formed

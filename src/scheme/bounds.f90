@@ -65,8 +65,10 @@ contains
 
   !> q of (40) with the same constants; NaN where gamma is not in (0, gamma_2).
   elemental real(dp) function contraction_of_paper(gamma, lambda_max) result(q)
-    !> Relaxation parameter, and L or an upper estimate [].
-    real(dp), intent(in) :: gamma, lambda_max
+    !> Relaxation parameter [].
+    real(dp), intent(in) :: gamma
+    !> L, the largest eigenvalue of Theta^{-1} C W [].
+    real(dp), intent(in) :: lambda_max
     if (gamma > 0 .and. gamma < gamma_limit_of_paper(lambda_max)) then
       q = sqrt(1 - gamma*(2 - gamma*(1 + lambda_max)**2))
     else
@@ -76,8 +78,10 @@ contains
 
   !> (41): q/(1-q) ||u^{k+1} - u^k||_A; NaN where (40) gives no q.
   elemental real(dp) function bound_of_paper(gamma, lambda_max, increment) result(bound)
-    !> Relaxation parameter, and L.
-    real(dp), intent(in) :: gamma, lambda_max
+    !> Relaxation parameter [].
+    real(dp), intent(in) :: gamma
+    !> L, the largest eigenvalue of Theta^{-1} C W [].
+    real(dp), intent(in) :: lambda_max
     !> ||u^{k+1} - u^k||_A [sqrt(energy)].
     real(dp), intent(in) :: increment
     real(dp) :: q, one_minus_q

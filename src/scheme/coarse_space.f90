@@ -181,7 +181,7 @@ contains
     integer, intent(in) :: first(:)
     !> Diagonal blocks (n_bodies).
     type(mode_block_t), intent(in) :: block(:)
-    !> Amplitudes (n).
+    !> Amplitudes (n) [length].
     real(dp), intent(in) :: alpha(:)
     !> (n)
     real(dp) :: product(size(alpha))
@@ -239,7 +239,7 @@ contains
     class(coarse_space_t), intent(in) :: self
     !> The rows (m).
     integer, intent(in) :: row(:)
-    !> G (m, n).
+    !> G (m, n) [].
     real(dp), intent(out) :: g(:, :)
     integer :: i, k, b
     g = 0

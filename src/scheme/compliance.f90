@@ -96,7 +96,7 @@ module dotyk_scheme_compliance
       integer, intent(in) :: b
       !> Rows of the QP that touch the body (n).
       integer, intent(in) :: row(:)
-      !> (n, n) [length/force].
+      !> Entries (n, n) [length/force].
       real(dp), allocatable, intent(out) :: entries(:, :)
     end subroutine get_entries_interface
 
@@ -109,7 +109,7 @@ module dotyk_scheme_compliance
       type(contact_qp_t), intent(in) :: qp
       !> Some of its rows (n).
       integer, intent(in) :: row(:)
-      !> (n) [length/force].
+      !> Diagonal entries (n) [length/force].
       real(dp), intent(out) :: diagonal(:)
     end subroutine get_diagonal_interface
 
@@ -120,7 +120,7 @@ module dotyk_scheme_compliance
       class(compliance_t), intent(in) :: self
       !> The rows.
       type(contact_qp_t), intent(in) :: qp
-      !> (n_rows) [length/force].
+      !> Diagonal entries (n_rows) [length/force].
       real(dp), intent(out) :: diagonal(:)
     end subroutine nodal_diagonal_interface
 
@@ -131,8 +131,10 @@ module dotyk_scheme_compliance
       class(compliance_t), intent(inout) :: self
       !> The body.
       integer, intent(in) :: b
-      !> Entries of the factor on the elimination-tree path of a row, and those that a solve goes through twice.
-      real(dp), intent(out) :: path, solve
+      !> Entries of the factor on the elimination-tree path of a row [].
+      real(dp), intent(out) :: path
+      !> Entries of the factor that a solve goes through twice [].
+      real(dp), intent(out) :: solve
     end subroutine get_costs_interface
 
     !> Mark rows with entries.

@@ -14,8 +14,10 @@ contains
 
   !> Whether rows of two congruent bodies are the same, each in the axes of the representative of their class.
   logical function have_same_rows(block_b, rotation_b, place_b, block_c, rotation_c, place_c) result(same)
-    !> Rows of B of the two bodies.
-    type(contact_block_t), intent(in) :: block_b, block_c
+    !> Rows of B of the one body.
+    type(contact_block_t), intent(in) :: block_b
+    !> Rows of B of the other body.
+    type(contact_block_t), intent(in) :: block_c
     !> Rotation from the representative to each body, as columns (dimension, dimension) [].
     real(dp), intent(in) :: rotation_b(:, :), rotation_c(:, :)
     !> Which of its rows (n).
@@ -51,7 +53,7 @@ contains
     real(dp), intent(in) :: factor
     !> By nodes (dimension, n_nodes) [].
     real(dp), intent(inout) :: sum(:, :)
-    !> Largest entry so far.
+    !> Largest entry so far [].
     real(dp), intent(inout) :: largest
     integer :: k, d, node, component
     d = size(sum, 1)
@@ -69,7 +71,7 @@ contains
     type(contact_block_t), intent(in) :: block
     !> Which of its rows.
     integer, intent(in) :: row
-    !> (dimension, n_nodes).
+    !> Sum of the rows, by nodes (dimension, n_nodes) [].
     real(dp), intent(in) :: values(:, :)
     !> Largest absolute value that is small [].
     real(dp), intent(in) :: limit
@@ -87,7 +89,7 @@ contains
     type(contact_block_t), intent(in) :: block
     !> Which of its rows.
     integer, intent(in) :: row
-    !> (dimension, n_nodes).
+    !> Sum of the rows, by nodes (dimension, n_nodes) [].
     real(dp), intent(inout) :: values(:, :)
     integer :: k
     do k = block%matrix%row_start(row), block%matrix%row_start(row + 1) - 1

@@ -71,8 +71,7 @@ contains
     allocate (graph%body(n_bodies))
     n_blocks = graph%n_pairs
     do b = 1, n_bodies
-      call find_rows(qp%block(b)%row, qp%pair_first_row, chosen, block_of_pair, &
-                     graph%body(b))
+      call find_rows(qp%block(b)%row, qp%pair_first_row, chosen, block_of_pair, graph%body(b))
       if (qp%coarse%first(b + 1) == qp%coarse%first(b)) cycle
       n_blocks = n_blocks + 1
       graph%body(b)%modes = n_blocks
@@ -132,7 +131,7 @@ contains
 
   !> The chosen rows of a body, pair by pair.
   pure subroutine find_rows(row, pair_first, chosen, block_of_pair, body)
-    !> All rows of the body, ascending.
+    !> All rows of the body, ascending (rows of the body).
     integer, intent(in) :: row(:)
     !> First row of each pair (all pairs + 1).
     integer, intent(in) :: pair_first(:)
@@ -190,9 +189,9 @@ contains
     type(contact_graph_t), intent(in) :: graph
     !> False: pairs only.
     logical, intent(in) :: with_modes
-    !> See `contact_graph_t`.
+    !> See `contact_graph_t` (n_blocks + 1).
     integer, allocatable, intent(out) :: start(:)
-    !> See `contact_graph_t`.
+    !> See `contact_graph_t` (number of couplings).
     integer, allocatable, intent(out) :: neighbour(:)
     integer, allocatable :: first(:), member(:)
     integer :: b, n
@@ -259,9 +258,9 @@ contains
     type(contact_qp_t), intent(in) :: qp
     !> The rows (n_rows).
     logical, intent(in) :: active(:)
-    !> Floating-point operations.
+    !> Floating-point operations [].
     real(dp), intent(out) :: flops
-    !> Entries of the factor.
+    !> Entries of the factor [].
     real(dp), intent(out) :: entries
     type(error_t), allocatable :: error
     type(contact_graph_t) :: graph

@@ -61,8 +61,8 @@ module dotyk_scheme_contact_qp
 contains
 
   !> Make the QP.
-  subroutine qp_init(self, operator, initial_penetration, load_displacement, energy_0, norm_square_0, foundation, &
-    coarse)
+  subroutine qp_init(self, operator, initial_penetration, load_displacement, energy_0, norm_square_0, &
+                     foundation, coarse)
     !> The QP.
     class(contact_qp_t), intent(out) :: self
     !> Rows of B, weights and gaps; without its blocks on return.
@@ -141,7 +141,7 @@ contains
     class(contact_qp_t), intent(in) :: self
     !> B u - d (n_rows) [length].
     real(dp), intent(in) :: y(:)
-    !> (n_rows) [length].
+    !> C W m (n_rows) [length].
     real(dp), intent(out) :: product(:)
     !> Zero if absent (coarse%n) [length].
     real(dp), intent(in), optional :: alpha(:)

@@ -115,7 +115,7 @@ contains
     class(dense_compliance_t), intent(inout) :: self
     !> The rows.
     type(contact_qp_t), intent(in) :: qp
-    !> (n_rows) [force].
+    !> Contact forces (n_rows) [force].
     real(dp), intent(in) :: lambda(:)
     !> (n_rows) [length].
     real(dp), intent(out) :: z(:)
@@ -197,9 +197,9 @@ contains
     type(contact_qp_t), intent(in) :: qp
     !> The body.
     integer, intent(in) :: b
-    !> (n).
+    !> Rows (n).
     integer, intent(in) :: row(:)
-    !> (n, n) [length/force].
+    !> Entries (n, n) [length/force].
     real(dp), allocatable, intent(out) :: entries(:, :)
     integer :: owner
     integer, allocatable :: number(:)
@@ -215,9 +215,9 @@ contains
     class(dense_compliance_t), intent(in) :: self
     !> The rows.
     type(contact_qp_t), intent(in) :: qp
-    !> (n).
+    !> Rows (n).
     integer, intent(in) :: row(:)
-    !> (n) [length/force].
+    !> Diagonal entries (n) [length/force].
     real(dp), intent(out) :: diagonal(:)
     integer :: i, k, b, n, owner
     do i = 1, size(row)
@@ -240,7 +240,7 @@ contains
     class(dense_compliance_t), intent(in) :: self
     !> The rows.
     type(contact_qp_t), intent(in) :: qp
-    !> (n_rows) [length/force].
+    !> Diagonal entries (n_rows) [length/force].
     real(dp), intent(out) :: diagonal(:)
     integer :: i
     call self%get_diagonal(qp, [(i, i=1, qp%n_rows)], diagonal)
@@ -252,8 +252,10 @@ contains
     class(dense_compliance_t), intent(inout) :: self
     !> The body.
     integer, intent(in) :: b
-    !> As in `compliance_t`.
-    real(dp), intent(out) :: path, solve
+    !> 0: nothing is left to be formed [].
+    real(dp), intent(out) :: path
+    !> Half the entries of the matrix: a product goes through each once [].
+    real(dp), intent(out) :: solve
     path = 0
     solve = real(self%body(b)%n, dp)**2/2
   end subroutine dense_get_costs
@@ -276,7 +278,7 @@ contains
     class(dense_compliance_t), intent(inout) :: self
     !> Formed.
     type(contact_qp_t), intent(in) :: qp
-    !> (n_bodies).
+    !> Entries (n_bodies).
     type(entries_t), allocatable, intent(out) :: entries(:)
     integer :: b
     allocate (entries(size(qp%block)))

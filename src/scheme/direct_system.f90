@@ -71,7 +71,7 @@ contains
     class(direct_system_t), intent(inout) :: self
     !> Contact rows and rigid body modes.
     type(contact_qp_t), intent(in) :: qp
-    !> Of all active rows.
+    !> Compliance operator, formed at all active rows.
     class(compliance_t), intent(inout) :: compliance
     !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
@@ -91,9 +91,10 @@ contains
     call add_compliance(self, qp, compliance)
     call add_modes(self, qp)
     call self%factor%factorize(contact_stiffness_of_modes(self, qp), failed)
-    if (failed > 0) call set_error(error, 'the compliance matrix of the active constraints is not positive '// &
-      'definite (constraints are linearly dependent to rounding); give theta a value above 0', &
-                                   exit_not_solvable)
+    if (failed > 0) &
+      call set_error(error, 'the compliance matrix of the active constraints is not positive definite '// &
+                     '(constraints are linearly dependent to rounding); give theta a value above 0', &
+                     exit_not_solvable)
     if (.not. allocated(error)) call find_null_modes(self, qp)
   end subroutine direct_system_init
 
@@ -103,7 +104,7 @@ contains
     type(direct_system_t), intent(inout) :: self
     !> The rows.
     type(contact_qp_t), intent(in) :: qp
-    !> Of all active rows.
+    !> Compliance operator, formed at all active rows.
     class(compliance_t), intent(inout) :: compliance
     real(dp), allocatable :: entries(:, :)
     integer :: b, i, k, l
@@ -120,8 +121,8 @@ contains
           end do
           do k = 1, size(body%block)
             do l = 1, k
-              call self%factor%add(body%block(k), body%block(l), entries(body%first(k):body%first(k + 1) - 1, &
-                                                                         body%first(l):body%first(l + 1) - 1))
+              call self%factor%add(body%block(k), body%block(l), &
+                                   entries(body%first(k):body%first(k + 1) - 1, body%first(l):body%first(l + 1) - 1))
             end do
           end do
         end associate
@@ -221,7 +222,7 @@ contains
     class(direct_system_t), intent(in) :: self
     !> The problem that it was made for.
     type(contact_qp_t), intent(in) :: qp
-    !> Of all active rows.
+    !> Compliance operator, formed at all active rows.
     class(compliance_t), intent(inout) :: compliance
     !> Right-hand side of the contact rows (n) [length].
     real(dp), intent(in) :: b(:)

@@ -92,14 +92,13 @@ contains
     type(contact_qp_t), intent(in) :: qp
     !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
-    !> At least 0 (n_rows) [length/pressure].
+    !> Penalty parameters, at least 0 (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> Settings of the user.
     type(solver_settings_t), intent(in) :: settings
     !> Gets each step, and lines for the log.
     class(monitor_t), intent(inout) :: monitor
-    !> Where to begin if it has pressures, such as a state with another theta; without pressures on return where the
-    !> scheme ended before the first step.
+    !> Where to begin if it has pressures; without pressures on return where the scheme ended before the first step.
     type(solver_state_t), intent(inout) :: state
     !> Allocated where the linear system of an active set cannot be prepared (see `find_active_set`), or an interrupt
     !> came before there was a state.
@@ -211,7 +210,7 @@ contains
     type(contact_qp_t), intent(in) :: qp
     !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
-    !> (n_rows).
+    !> Working set (n_rows).
     logical, intent(in) :: working(:)
     !> The start where it has pressures; the last iterate on return, with its history.
     type(solver_state_t), intent(inout) :: state
@@ -229,7 +228,7 @@ contains
     type(contact_qp_t), intent(in) :: qp
     !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
-    !> (n_rows) [length/pressure].
+    !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> Settings of the user.
     type(solver_settings_t), intent(in) :: settings
@@ -274,8 +273,7 @@ contains
       state%ended = ended_converged
     else
       call find_active_set(qp, compliance, theta, settings%max_iterations, settings%tolerance, monitor, system, now, &
-        active, state, &
-                           error, start_inside=.not. warm .and. has_many_modes(qp))
+                           active, state, error, start_inside=.not. warm .and. has_many_modes(qp))
     end if
     if (.not. allocated(error) .and. state%ended /= ended_rigid_constraint) &
       call finish(qp, compliance, theta, settings%tolerance, system, now, state)
@@ -300,11 +298,11 @@ contains
     type(contact_qp_t), intent(in) :: qp
     !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
-    !> (n_rows) [length/pressure].
+    !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> Relative, in the energy norm [].
     real(dp), intent(in) :: tolerance
-    !> Of the last active set.
+    !> Linear system of the last active set.
     class(active_system_t), intent(in) :: system
     !> The iterate.
     type(iterate_t), intent(inout) :: now

@@ -158,8 +158,8 @@ contains
     do i = 1, size(substitution)
       if (has_to_stop(may_stop)) cycle
       b = substitution(i)%body
-      call substitute_block(response(body(b)%representative)%form, body(b)%map, contact(b), substitution(i)%block, &
-        blocks(b))
+      call substitute_block(response(body(b)%representative)%form, body(b)%map, contact(b), &
+                            substitution(i)%block, blocks(b))
     end do
     !$omp end do
     !$omp do schedule(dynamic, 1)

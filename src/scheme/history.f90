@@ -107,8 +107,9 @@ contains
     if (self%n > 0) active(:self%n) = self%active(:self%n)
     call move_alloc(active, self%active)
   contains
+    !> One array.
     subroutine resize_real(values)
-      !> The old array, then the new one; new entries are 0.
+      !> One array of the history; the first `n` values stay (length) [any].
       real(dp), allocatable, intent(inout) :: values(:)
       real(dp), allocatable :: longer(:)
       allocate (longer(length), source=0.0_dp)

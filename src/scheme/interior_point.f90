@@ -56,11 +56,11 @@ module dotyk_scheme_interior_point
 contains
 
   !> Forces, amplitudes and active set near the solution.
-  subroutine interior_point_method(qp, compliance, theta, system, foundation, usable, lambda, alpha, active, steps, &
-                                   error)
+  subroutine interior_point_method(qp, compliance, theta, system, foundation, usable, lambda, alpha, active, &
+                                   steps, error)
     !> The contact problem.
     type(contact_qp_t), intent(in) :: qp
-    !> Of all usable rows.
+    !> Compliance operator, formed at all usable rows.
     class(compliance_t), intent(inout) :: compliance
     !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
@@ -132,7 +132,7 @@ contains
   subroutine find_start(qp, compliance, theta, system, usable, row, foundation, fraction, now, error)
     !> The contact problem.
     type(contact_qp_t), intent(in) :: qp
-    !> Of all usable rows.
+    !> Compliance operator, formed at all usable rows.
     class(compliance_t), intent(inout) :: compliance
     !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
@@ -173,7 +173,7 @@ contains
   subroutine make_system(qp, compliance, theta, system, usable, row, softer, error)
     !> The contact problem.
     type(contact_qp_t), intent(in) :: qp
-    !> Of all usable rows.
+    !> Compliance operator, formed at all usable rows.
     class(compliance_t), intent(inout) :: compliance
     !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
@@ -198,7 +198,7 @@ contains
   subroutine find_residuals(qp, compliance, theta, row, now, r_dual, r_balance)
     !> The contact problem.
     type(contact_qp_t), intent(in) :: qp
-    !> Of all usable rows.
+    !> Compliance operator, formed at all usable rows.
     class(compliance_t), intent(inout) :: compliance
     !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
@@ -238,7 +238,7 @@ contains
   subroutine newton_step(qp, compliance, system, now, r_dual, r_balance, product, step)
     !> The contact problem.
     type(contact_qp_t), intent(in) :: qp
-    !> Of all usable rows.
+    !> Compliance operator, formed at all usable rows.
     class(compliance_t), intent(inout) :: compliance
     !> Layers softened by s/lambda.
     class(active_system_t), intent(in) :: system
@@ -262,7 +262,7 @@ contains
   subroutine correct_centrality(qp, compliance, system, now, wanted, step)
     !> The contact problem.
     type(contact_qp_t), intent(in) :: qp
-    !> Of all usable rows.
+    !> Compliance operator, formed at all usable rows.
     class(compliance_t), intent(inout) :: compliance
     !> Layers softened by s/lambda.
     class(active_system_t), intent(in) :: system
@@ -298,9 +298,9 @@ contains
 
   !> Length of a step to the boundary, at most 1/fraction_to_boundary.
   pure real(dp) function longest_step(x, step)
-    !> Positive (n).
+    !> Positive (n) [any].
     real(dp), intent(in) :: x(:)
-    !> Direction (n).
+    !> Direction (n) [as `x`].
     real(dp), intent(in) :: step(:)
     longest_step = 1/fraction_to_boundary
     if (any(step < 0)) longest_step = min(longest_step, minval(-x/step, mask=step < 0))

@@ -92,11 +92,11 @@ contains
   subroutine invert_gram(first, gram, inverse, null_mode, error)
     !> Modes of body b are first(b) .. first(b+1)-1 (n_bodies + 1).
     integer, intent(in) :: first(:)
-    !> G^T G (n, n).
+    !> G^T G (n, n) [].
     real(dp), intent(in) :: gram(:, :)
-    !> (n, n).
+    !> Pseudoinverse of G^T G (n, n) [].
     real(dp), allocatable, intent(out) :: inverse(:, :)
-    !> As columns, the largest amplitude of each is 1 (n, number of them).
+    !> As columns, the largest amplitude of each is 1 (n, number of them) [].
     real(dp), allocatable, intent(out) :: null_mode(:, :)
     !> An entry is not finite, or LAPACK's eigenvalue iteration does not converge.
     type(error_t), allocatable, intent(out) :: error
@@ -139,7 +139,7 @@ contains
     class(compliance_t), intent(inout) :: compliance
     !> Contact forces (n) [force].
     real(dp), intent(in) :: x(:)
-    !> (n) [length].
+    !> Product M x (n) [length].
     real(dp), intent(out) :: q(:)
     real(dp), allocatable :: force(:), z(:)
     allocate (force(qp%n_rows), z(qp%n_rows))
@@ -153,7 +153,7 @@ contains
   subroutine project(self, x)
     !> The system.
     type(iterative_system_t), intent(in) :: self
-    !> (n).
+    !> Forces [force], or displacements of the rows [length] (n).
     real(dp), intent(inout) :: x(:)
     if (size(self%g, 2) > 0) x = x - matmul(self%g, matmul(self%gram_inverse, matmul(x, self%g)))
   end subroutine project

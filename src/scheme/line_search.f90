@@ -14,15 +14,15 @@ contains
   !> The derivative is monotone, and linear between kinks, the zeros of the positions: bisection over the sorted kinks
   !> finds the interval, interpolation the zero of the derivative.
   pure real(dp) function line_minimum(slope, curvature, k, position, change) result(t)
-    !> Derivative of the smooth part at t = 0.
+    !> Derivative of the smooth part at t = 0 [energy].
     real(dp), intent(in) :: slope
-    !> Second derivative of the smooth part, not negative.
+    !> Second derivative of the smooth part, not negative [energy].
     real(dp), intent(in) :: curvature
-    !> Stiffnesses (n).
+    !> Stiffnesses (n) [force/length].
     real(dp), intent(in) :: k(:)
-    !> Positions at t = 0 (n).
+    !> Positions at t = 0 (n) [length].
     real(dp), intent(in) :: position(:)
-    !> Changes of the positions per t (n).
+    !> Changes of the positions per t (n) [length].
     real(dp), intent(in) :: change(:)
     real(dp), allocatable :: kink(:)
     integer, allocatable :: order(:), moving(:)
@@ -56,7 +56,7 @@ contains
   contains
     !> Derivative along the line.
     pure real(dp) function derivative(t)
-      !> Step length.
+      !> Step length [].
       real(dp), intent(in) :: t
       derivative = slope + t*curvature + sum(k*change*max(0.0_dp, position + t*change))
     end function derivative

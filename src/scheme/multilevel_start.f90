@@ -54,7 +54,7 @@ contains
     real(dp), intent(in) :: theta(:)
     !> The iterate.
     type(iterate_t), intent(out) :: now
-    !> (n_rows).
+    !> Active set (n_rows).
     logical, intent(out) :: active(:)
     !> As in `find_active_set`, for the groups.
     type(error_t), allocatable, intent(out) :: error
@@ -123,11 +123,11 @@ contains
 
   !> The contact problem of the groups.
   recursive subroutine solve_groups(qp, compliance, theta, system, now, indentation, error)
-    !> Of the groups.
+    !> QP of the groups.
     type(contact_qp_t), intent(in) :: qp
     !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
-    !> (n_groups) [length/pressure].
+    !> Penalty parameters (n_groups) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> Linear system of an active set: work space.
     class(active_system_t), intent(inout) :: system
@@ -159,7 +159,7 @@ contains
   subroutine group_rows(qp, group, n_groups)
     !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
-    !> Of each row; groups are numbered pair by pair (n_rows), and their number.
+    !> Group of each row; groups are numbered pair by pair (n_rows).
     integer, intent(out) :: group(:)
     !> Number of groups.
     integer, intent(out) :: n_groups
@@ -203,8 +203,10 @@ contains
     type(contact_block_t), intent(in) :: block
     !> Dimension of the scene, 2 or 3.
     integer, intent(in) :: dimension
-    !> Rows of node i: row(start(i):start(i+1)-1), as numbers in the operator, ascending; a row stands once per entry.
-    integer, allocatable, intent(out) :: start(:), row(:)
+    !> Rows of node i: row(start(i):start(i+1)-1) (n_nodes + 1).
+    integer, allocatable, intent(out) :: start(:)
+    !> Rows of the nodes, as numbers in the operator, ascending; a row stands once per entry (number of entries).
+    integer, allocatable, intent(out) :: row(:)
     integer, allocatable :: next(:)
     integer :: i, k, node
     allocate (start(block%n_nodes + 1), row(size(block%matrix%column)))
@@ -235,9 +237,11 @@ contains
     integer, intent(in) :: dimension
     !> Place of the row in the block.
     integer, intent(in) :: i
-    !> Of `rows_of_nodes`.
-    integer, intent(in) :: start(:), row(:)
-    !> The rows, each once, as numbers in the operator.
+    !> As from `rows_of_nodes` (n_nodes + 1).
+    integer, intent(in) :: start(:)
+    !> As from `rows_of_nodes` (number of entries).
+    integer, intent(in) :: row(:)
+    !> Neighbouring rows, as numbers in the operator, each once (number of neighbours).
     integer, allocatable, intent(out) :: list(:)
     integer, allocatable :: found(:)
     integer :: k, j, node, n

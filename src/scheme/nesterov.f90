@@ -39,11 +39,11 @@ contains
   subroutine nesterov_solve(self, qp, compliance, theta, settings, monitor, state, error)
     !> The scheme.
     class(nesterov_t), intent(in) :: self
-    !> Of held bodies.
+    !> Contact QP of held bodies.
     type(contact_qp_t), intent(in) :: qp
     !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
-    !> Above 0 (n_rows) [length/pressure].
+    !> Penalty parameters, above 0 (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> Settings of the user.
     type(solver_settings_t), intent(in) :: settings

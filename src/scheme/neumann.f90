@@ -34,11 +34,11 @@ contains
   subroutine neumann_solve(self, qp, compliance, theta, settings, monitor, state, error)
     !> The scheme.
     class(neumann_t), intent(in) :: self
-    !> Of held bodies.
+    !> Contact QP of held bodies.
     type(contact_qp_t), intent(in) :: qp
     !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
-    !> Above 0 (n_rows) [length/pressure].
+    !> Penalty parameters, above 0 (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> Settings of the user.
     type(solver_settings_t), intent(in) :: settings
@@ -89,8 +89,8 @@ contains
     if (qp%n_rows > 0) then
       if (settings%stop_rule == stop_paper .and. .not. state%gamma < gamma_limit_of_paper(state%lambda_max)) then
         call set_error(error, "&solver: stop_rule='paper' needs gamma < gamma_2 = "// &
-          to_text(gamma_limit_of_paper(state%lambda_max))//' (Theorem 3), and gamma is '//to_text(state%gamma)// &
-          "; use gamma_rule='theory' or another stop_rule")
+                       to_text(gamma_limit_of_paper(state%lambda_max))//' (Theorem 3), and gamma is '// &
+                       to_text(state%gamma)//"; use gamma_rule='theory' or another stop_rule")
         return
       end if
       if (is_first) call announce(monitor, state)
@@ -106,7 +106,7 @@ contains
     type(contact_qp_t), intent(in) :: qp
     !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
-    !> Above 0 (n_rows) [length/pressure].
+    !> Penalty parameters, above 0 (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> Settings of the user.
     type(solver_settings_t), intent(in) :: settings
@@ -155,7 +155,7 @@ contains
     type(contact_qp_t), intent(in) :: qp
     !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
-    !> (n_rows) [length/pressure].
+    !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> Begun.
     type(stopping_t), intent(inout) :: stopping
@@ -174,8 +174,8 @@ contains
       state%y = gamma*(qp%initial_penetration - z) + (1 - gamma)*state%y
       ! The new iterate has q times the error of the last at most.
       if (stopping%check(qp, theta, state%q_predicted*residual, gamma*residual, &
-        gamma >= gamma_limit(state%lambda_max), monitor, &
-                         state, bound_of_paper(gamma, state%lambda_max, gamma*residual))) exit
+                         gamma >= gamma_limit(state%lambda_max), monitor, state, &
+                         bound_of_paper(gamma, state%lambda_max, gamma*residual))) exit
     end do
   end subroutine iterate
 
@@ -186,13 +186,17 @@ contains
     type(contact_qp_t), intent(in) :: qp
     !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
-    !> (n_rows) [length/pressure].
+    !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
-    !> The iterate (n_rows) [pressure], [length].
-    real(dp), intent(in) :: m(:), y(:)
-    !> max(0, y)/theta (n_rows) [pressure], and C W p (n_rows) [length].
-    real(dp), intent(out) :: p(:), z(:)
-    !> [sqrt(energy)].
+    !> Contact pressures of the iterate (n_rows) [pressure].
+    real(dp), intent(in) :: m(:)
+    !> B u - d of the iterate (n_rows) [length].
+    real(dp), intent(in) :: y(:)
+    !> max(0, y)/theta (n_rows) [pressure].
+    real(dp), intent(out) :: p(:)
+    !> C W p (n_rows) [length].
+    real(dp), intent(out) :: z(:)
+    !> Energy norm of the residual [sqrt(energy)].
     real(dp), intent(out) :: residual
     p = max(0.0_dp, y)/theta
     call compliance%multiply(qp, qp%weight*p, z)

@@ -63,9 +63,9 @@ contains
   subroutine penalty_compliance_apply(self, x, y)
     !> The operator.
     class(penalty_compliance_t), intent(inout) :: self
-    !> Factor (n_rows).
+    !> Vector x (n_rows) [any].
     real(dp), intent(in) :: x(:)
-    !> Product (n_rows).
+    !> Product y (n_rows) [as `x`].
     real(dp), intent(out) :: y(:)
     call self%compliance%multiply(self%qp, self%scale*x, y)
     y = self%scale*y

@@ -19,7 +19,7 @@ contains
   subroutine restrict_qp(qp, keep, part)
     !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
-    !> (n_rows).
+    !> Rows to keep (n_rows).
     logical, intent(in) :: keep(:)
     !> The QP of these rows.
     type(contact_qp_t), intent(out) :: part
@@ -38,8 +38,10 @@ contains
   subroutine aggregate_qp(qp, group, n_groups, aggregated, fraction)
     !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
-    !> Group of each row; groups are numbered pair by pair (n_rows), and their number.
-    integer, intent(in) :: group(:), n_groups
+    !> Group of each row; groups are numbered pair by pair (n_rows).
+    integer, intent(in) :: group(:)
+    !> Number of groups.
+    integer, intent(in) :: n_groups
     !> The QP of the groups.
     type(contact_qp_t), intent(out) :: aggregated
     !> Fraction of each row in the weight of its group (n_rows) [].
@@ -56,7 +58,7 @@ contains
     type(contact_qp_t), intent(in) :: qp
     !> Formed at the rows of `qp`.
     class(compliance_t), intent(in) :: compliance
-    !> As in `aggregate_qp` (n_rows).
+    !> Group of each row (n_rows).
     integer, intent(in) :: group(:)
     !> Fraction of each row in the weight of its group (n_rows) [].
     real(dp), intent(in) :: fraction(:)
@@ -97,8 +99,10 @@ contains
   subroutine join_rows(qp, group, n_groups, joined, fraction)
     !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
-    !> Group of each row, 0 where it is left out (n_rows), and their number.
-    integer, intent(in) :: group(:), n_groups
+    !> Group of each row, 0 where it is left out (n_rows).
+    integer, intent(in) :: group(:)
+    !> Number of groups.
+    integer, intent(in) :: n_groups
     !> The QP of the groups.
     type(contact_qp_t), intent(out) :: joined
     !> Fraction of each row in the weight of its group (n_rows) [].
@@ -136,11 +140,13 @@ contains
 
   !> Weighted means of values over groups.
   pure function aggregate_values(group, n_groups, fraction, value) result(mean)
-    !> As in `aggregate_qp` (n_rows), and their number.
-    integer, intent(in) :: group(:), n_groups
+    !> Group of each row, 0 where it is left out (n_rows).
+    integer, intent(in) :: group(:)
+    !> Number of groups.
+    integer, intent(in) :: n_groups
     !> Fraction of each row in the weight of its group (n_rows) [].
     real(dp), intent(in) :: fraction(:)
-    !> Of the rows, any unit (n_rows).
+    !> Values of the rows (n_rows) [any].
     real(dp), intent(in) :: value(:)
     !> Of the groups (n_groups).
     real(dp) :: mean(n_groups)
@@ -155,8 +161,10 @@ contains
   subroutine join_block(fine, group, n_groups, fraction, joined)
     !> The body's rows.
     type(contact_block_t), intent(in) :: fine
-    !> As in `join_rows`.
-    integer, intent(in) :: group(:), n_groups
+    !> Group of each row, 0 where it is left out (n_rows).
+    integer, intent(in) :: group(:)
+    !> Number of groups.
+    integer, intent(in) :: n_groups
     !> Fraction of each row in the weight of its group (n_rows) [].
     real(dp), intent(in) :: fraction(:)
     !> The body's groups.
@@ -191,7 +199,7 @@ contains
   subroutine join_modes(qp, group, fraction, block, n_groups, coarse)
     !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
-    !> As in `join_rows`.
+    !> Group of each row, 0 where it is left out (n_rows).
     integer, intent(in) :: group(:)
     !> Fraction of each row in the weight of its group (n_rows) [].
     real(dp), intent(in) :: fraction(:)

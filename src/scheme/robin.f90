@@ -77,11 +77,11 @@ contains
   subroutine robin_solve(self, qp, compliance, theta, settings, monitor, state, error)
     !> The scheme.
     class(robin_t), intent(in) :: self
-    !> Of held bodies.
+    !> Contact QP of held bodies.
     type(contact_qp_t), intent(in) :: qp
     !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
-    !> Above 0 (n_rows) [length/pressure].
+    !> Penalty parameters, above 0 (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> Settings of the user.
     type(solver_settings_t), intent(in) :: settings
@@ -234,9 +234,9 @@ contains
     type(contact_qp_t), intent(in) :: qp
     !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
-    !> (n_rows) [length/pressure].
+    !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
-    !> (n_bodies).
+    !> Bodies with their forces (n_bodies).
     type(side_t), intent(in) :: side(:)
     !> Gets m, y and error bound.
     type(solver_state_t), intent(inout) :: mean
@@ -263,7 +263,7 @@ contains
     type(contact_qp_t), intent(in) :: qp
     !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
-    !> (n_bodies).
+    !> Bodies with their compliances, without forces (n_bodies).
     type(side_t), allocatable, intent(out) :: side(:)
     type(entries_t), allocatable :: entries(:)
     integer :: b, n
@@ -280,11 +280,11 @@ contains
   subroutine invert_sides(qp, theta, likely, side, error)
     !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
-    !> (n_rows) [length/pressure].
+    !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
-    !> (n_rows).
+    !> Rows that are likely to be active (n_rows).
     logical, intent(in) :: likely(:)
-    !> (n_bodies).
+    !> Bodies; get the inverse matrices (n_bodies).
     type(side_t), intent(inout) :: side(:)
     !> Allocated where I + D C_a of a body is singular: C_a is not positive semidefinite then.
     type(error_t), allocatable, intent(out) :: error

@@ -140,23 +140,24 @@ contains
 
   !> Record a step, and say whether it was the last.
   logical function stopping_check(self, qp, theta, bound, length, diverges, monitor, state, &
-    bound_of_paper) result(finished)
+                                  bound_of_paper) result(finished)
     !> The stopping criterion.
     class(stopping_t), intent(inout) :: self
     !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
     !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
-    !> A guaranteed bound of ||u - u_theta||_A besides that of the duality gap, and the length of the step
-    !> [sqrt(energy)].
-    real(dp), intent(in) :: bound, length
+    !> A guaranteed bound of ||u - u_theta||_A besides that of the duality gap [sqrt(energy)].
+    real(dp), intent(in) :: bound
+    !> Length of the step [sqrt(energy)].
+    real(dp), intent(in) :: length
     !> Whether no gain means divergence (gamma is too large) and not rounding.
     logical, intent(in) :: diverges
     !> Gets each step, and lines for the log.
     class(monitor_t), intent(inout) :: monitor
     !> With the new iterate m, y.
     type(solver_state_t), intent(inout) :: state
-    !> (41); absent where it means nothing [sqrt(energy)].
+    !> Bound (41); absent where it means nothing [sqrt(energy)].
     real(dp), intent(in), optional :: bound_of_paper
     real(dp) :: norm, gap, measure, waited
     logical :: at_limit
@@ -212,8 +213,10 @@ contains
 
   !> A quotient of norms; 0 where both are 0, NaN where the value is.
   elemental real(dp) function relative(value, norm) result(ratio)
-    !> Any unit, the same for both.
-    real(dp), intent(in) :: value, norm
+    !> Value [any].
+    real(dp), intent(in) :: value
+    !> Norm that it is relative to [as `value`].
+    real(dp), intent(in) :: norm
     if (norm > 0) then
       ratio = value/norm
     else if (ieee_is_nan(value)) then

@@ -59,8 +59,7 @@ contains
     real(dp), intent(out) :: alpha(:)
     alpha = 0
     if (qp%coarse%n == 0 .or. qp%n_rows == 0) return
-    call minimize(qp, resultant, weak*sum(stiffness)/qp%n_rows, stiffness, y, alpha, &
-                  qp%coarse%stiffness)
+    call minimize(qp, resultant, weak*sum(stiffness)/qp%n_rows, stiffness, y, alpha, qp%coarse%stiffness)
   end subroutine winkler_equilibrium
 
   !> Find an unbounded direction: a motion that the loads excite and no contact resists. It is the part of e that no
@@ -69,7 +68,7 @@ contains
   subroutine find_unbounded_direction(qp, motion, found)
     !> Contact rows and rigid body modes, with the resultants of the loads.
     type(contact_qp_t), intent(in) :: qp
-    !> Amplitudes of the direction (qp%coarse%n).
+    !> Amplitudes of the direction (qp%coarse%n) [].
     real(dp), intent(out) :: motion(:)
     !> Whether there is one: no equilibrium exists then.
     logical, intent(out) :: found
@@ -102,18 +101,19 @@ contains
   end subroutine find_unbounded_direction
 
   !> The minimum of the function in the header of this module. Where the factorization fails alpha is the last iterate.
+  !> `find_unbounded_direction` scales the loads: all units are [] there.
   subroutine minimize(qp, e, mu, k, y, alpha, springs)
     !> Contact rows and rigid body modes, with the resultants of the loads.
     type(contact_qp_t), intent(in) :: qp
-    !> Resultants of the loads (qp%coarse%n).
+    !> Resultants of the loads (qp%coarse%n) [force].
     real(dp), intent(in) :: e(:)
-    !> Stiffness against all modes.
+    !> Stiffness against all modes [force/length].
     real(dp), intent(in) :: mu
-    !> Stiffness of the foundations (n_rows).
+    !> Stiffness of the foundations (n_rows) [force/length].
     real(dp), intent(in) :: k(:)
-    !> Penetrations at alpha = 0 (n_rows).
+    !> Penetrations at alpha = 0 (n_rows) [length].
     real(dp), intent(in) :: y(:)
-    !> Amplitudes; the start on entry (qp%coarse%n).
+    !> Amplitudes; the start on entry (qp%coarse%n) [length].
     real(dp), intent(inout) :: alpha(:)
     !> S by bodies; none if not allocated (n_bodies).
     type(mode_block_t), intent(in), allocatable :: springs(:)
@@ -145,7 +145,7 @@ contains
   contains
     !> Forces of mu and S against a motion.
     function resisted(motion) result(force)
-      !> Amplitudes (qp%coarse%n).
+      !> Amplitudes (qp%coarse%n) [length].
       real(dp), intent(in) :: motion(:)
       !> (qp%coarse%n).
       real(dp) :: force(size(motion))
@@ -190,11 +190,11 @@ contains
     type(coarse_space_t), intent(in) :: coarse
     !> Couplings of the bodies.
     type(body_graph_t), intent(in) :: graph
-    !> Stiffness against all modes.
+    !> Stiffness against all modes [force/length].
     real(dp), intent(in) :: mu
-    !> Stiffness of the foundations (n_rows).
+    !> Stiffness of the foundations (n_rows) [force/length].
     real(dp), intent(in) :: k(:)
-    !> Penetrations (n_rows).
+    !> Penetrations (n_rows) [length].
     real(dp), intent(in) :: position(:)
     !> Factorized.
     type(block_ldlt_t), intent(inout) :: factor
