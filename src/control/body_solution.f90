@@ -31,11 +31,12 @@ contains
     type(body_compliance_t), intent(in) :: compliance
     !> Contact pressures (n_rows) [pressure].
     real(dp), intent(in) :: m(:)
-    !> Amplitudes of the modes of all bodies, body after body; of size 0 where there are none [length].
+    !> Amplitudes of the modes of all bodies, body after body (number of modes) [length]; of size 0 where there are
+    !> none.
     real(dp), intent(in) :: alpha(:)
     !> Whether stresses are wanted.
     logical, intent(in) :: want_stress
-    !> (n_bodies).
+    !> Displacements and stresses of the bodies (n_bodies).
     type(body_solution_t), allocatable, intent(out) :: solution(:)
     integer :: i, b, order(size(problem%body)), first(size(problem%body) + 1)
     allocate (solution(size(problem%body)))
@@ -62,7 +63,7 @@ contains
     type(body_compliance_t), intent(in) :: compliance
     !> The body.
     integer, intent(in) :: b
-    !> (n_rows) [pressure].
+    !> Contact pressures (n_rows) [pressure].
     real(dp), intent(in) :: m(:)
     !> Amplitudes of the modes of the body (n_modes) [length].
     real(dp), intent(in) :: alpha(:)

@@ -48,9 +48,9 @@ contains
   pure subroutine collect_conditioning(classes, report, conditioning)
     !> Classes of congruent bodies.
     type(congruence_classes_t), intent(in) :: classes
-    !> Of the representatives (n_bodies).
+    !> Reports of the representatives (n_bodies).
     type(factorization_report_t), intent(in) :: report(:)
-    !> (n_bodies).
+    !> Conditioning of the bodies (n_bodies).
     type(conditioning_t), allocatable, intent(out) :: conditioning(:)
     integer :: b
     allocate (conditioning(size(report)))

@@ -90,7 +90,7 @@ contains
     integer, intent(in) :: first
     !> Contact operators of the bodies (n_bodies).
     type(contact_block_t), intent(in) :: block(:)
-    !> Contact nodes, ascending.
+    !> Contact nodes, ascending (number of contact nodes).
     integer, allocatable, intent(out) :: node(:)
     !> Number of contact rows.
     integer, intent(out) :: n_rows

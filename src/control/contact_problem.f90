@@ -45,7 +45,7 @@ contains
 
   !> Index of the first mode of each body among all modes, and one more (n_bodies + 1).
   pure function first_mode(modes) result(first)
-    !> (n_bodies).
+    !> Modes of the bodies (n_bodies).
     type(body_modes_t), intent(in) :: modes(:)
     integer :: first(size(modes) + 1)
     integer :: b

@@ -40,7 +40,7 @@ contains
     type(contact_qp_t), intent(inout) :: qp
     !> Its compliance operator; entries that the scheme forms stay there.
     type(body_compliance_t), intent(inout) :: compliance
-    !> (n_rows) [length/pressure].
+    !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> The scheme and its settings.
     type(scheme_run_t), intent(in) :: run

@@ -73,7 +73,7 @@ contains
     type(contact_qp_t), intent(in) :: qp
     !> Its compliance operator; entries that the dual scheme forms stay there.
     class(compliance_t), intent(inout) :: compliance
-    !> (n_rows) [length/pressure].
+    !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> One of `linear_solver_*` of dotyk_base_options, for the dual scheme.
     integer, intent(in) :: linear_solver

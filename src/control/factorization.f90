@@ -55,7 +55,7 @@ contains
     type(body_t), intent(in) :: body(:)
     !> Rigid body modes that supports leave (n_bodies).
     type(body_modes_t), intent(in) :: modes(:)
-    !> Of the representatives; without the graphs of their nodes on return (n_bodies).
+    !> Stiffnesses of the representatives; without the graphs of their nodes on return (n_bodies).
     type(stiffness_t), intent(inout) :: stiffness(:)
     !> Classes of congruent bodies.
     type(congruence_classes_t), intent(in) :: classes
@@ -185,11 +185,11 @@ contains
     logical, intent(in) :: split_near_null
     !> Sizes of the factors (n_bodies).
     type(factor_size_t), intent(in) :: size_of(:)
-    !> Of the representatives; empty on return (n_bodies).
+    !> Stiffnesses of the representatives; empty on return (n_bodies).
     type(stiffness_t), intent(inout) :: stiffness(:)
     !> Analysed (n_bodies).
     type(direct_slot_t), intent(inout) :: direct(:)
-    !> Of the representatives (n_bodies).
+    !> Reports of the representatives (n_bodies).
     type(factorization_report_t), allocatable, intent(out) :: report(:)
     !> As in `factorize_stiffness`: a stiffness is not positive definite, memory runs out, an interrupt came, and rarer
     !> ones; names the bodies.
@@ -227,7 +227,7 @@ contains
     type(congruence_classes_t), intent(in) :: classes
     !> Rows of B (n_bodies).
     type(contact_block_t), intent(in) :: block(:)
-    !> Of the representatives (n_bodies).
+    !> Reports of the representatives (n_bodies).
     type(factorization_report_t), intent(in) :: report(:)
     !> Rigid body modes; those that are near-null-space modes are replaced (n_bodies).
     type(body_modes_t), intent(inout) :: modes(:)
@@ -259,7 +259,7 @@ contains
     type(body_t), intent(in) :: body
     !> Its rows of B.
     type(contact_block_t), intent(in) :: block
-    !> Of the representative.
+    !> Report of the representative.
     type(factorization_report_t), intent(in) :: report
     !> Replaced by the near-null-space modes.
     type(body_modes_t), intent(inout) :: modes
@@ -275,7 +275,7 @@ contains
       if (size(block%row) == 0) cycle
       call body%constraint%expand(mode(:, k), u, .false.)
       call block%matrix%multiply(reshape(u(:, block%contact_node), [body%dimension*size(block%contact_node)]), &
-        at_rows(:, k))
+                                 at_rows(:, k))
     end do
     call separate_by_contact(at_rows, mode, stiffness, error)
     if (.not. allocated(error)) call modes%take_near_null(body, mode, stiffness)
@@ -289,15 +289,15 @@ contains
     type(congruence_classes_t), intent(in) :: classes
     !> Rows of B (n_bodies).
     type(contact_block_t), intent(in) :: block(:)
-    !> Of the representatives (n_bodies).
+    !> Reports of the representatives (n_bodies).
     type(factorization_report_t), intent(in) :: report(:)
-    !> (n_bodies).
+    !> Sizes of the factors (n_bodies).
     type(factor_size_t), intent(in) :: size_of(:)
     !> Factorized; empty on return (n_bodies).
     type(direct_slot_t), intent(inout) :: direct(:)
-    !> Of the representatives (n_bodies).
+    !> Compliance operators of the representatives (n_bodies).
     type(response_slot_t), allocatable, intent(out) :: response(:)
-    !> (n_bodies).
+    !> Parts of the compliance that belong to each body (n_bodies).
     type(body_operator_t), allocatable, intent(out) :: operators(:)
     integer :: b
     allocate (response(size(body)), operators(size(body)))
@@ -315,7 +315,7 @@ contains
 
   !> All bodies' errors as one.
   subroutine collect(body, failed, error)
-    !> (n_bodies).
+    !> Bodies (n_bodies).
     type(body_t), intent(in) :: body(:)
     !> Errors of the bodies, not allocated on return (n_bodies).
     type(error_slot_t), intent(inout) :: failed(:)

@@ -25,7 +25,7 @@ contains
 
   !> Squared errors of all elements, and the squared norm of the solution.
   subroutine estimate_mesh_errors(body, classes, solution, of_element, norm_square, error)
-    !> (n_bodies).
+    !> Bodies (n_bodies).
     type(body_t), intent(in) :: body(:)
     !> Classes of congruent bodies.
     type(congruence_classes_t), intent(in) :: classes
@@ -33,7 +33,7 @@ contains
     type(body_solution_t), intent(in) :: solution(:)
     !> Elements in the order of the blocks (n_bodies) [energy].
     type(element_field_t), allocatable, intent(out) :: of_element(:)
-    !> [energy].
+    !> Squared energy norm of the solution [energy].
     real(dp), intent(out) :: norm_square
     !> Allocated where a formula of a material cannot be evaluated.
     type(error_t), allocatable, intent(out) :: error
@@ -46,7 +46,7 @@ contains
       alike = pack([(c, c=1, size(body))], classes%first == b)
       do i = 1, size(alike), most_bodies
         call estimate_some(body(b), classes, alike(i:min(i + most_bodies - 1, size(alike))), solution, of_element, &
-          of_body, error)
+                           of_body, error)
         if (allocated(error)) return
       end do
     end do
@@ -59,15 +59,15 @@ contains
     type(body_t), intent(in) :: first
     !> Classes of congruent bodies.
     type(congruence_classes_t), intent(in) :: classes
-    !> The bodies.
+    !> Indices of the bodies (n).
     integer, intent(in) :: alike(:)
-    !> Of all bodies (n_bodies), as in `estimate_mesh_errors`.
+    !> Solutions of all bodies, with displacements (n_bodies).
     type(body_solution_t), intent(in) :: solution(:)
     !> Squared errors; those of these bodies are set (n_bodies) [energy].
     type(element_field_t), intent(inout) :: of_element(:)
-    !> Of each body (n_bodies) [energy].
+    !> Squared energy norm of each body (n_bodies) [energy].
     real(dp), intent(inout) :: norm_square(:)
-    !> As in `estimate_mesh_errors`.
+    !> Allocated where a formula of a material cannot be evaluated.
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: u(:, :, :), square(:, :)
     real(dp) :: of_body(size(alike))

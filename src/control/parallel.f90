@@ -35,7 +35,7 @@ contains
 
   !> How the solves of one sweep over all bodies are shared out.
   subroutine share_solves(entries, reproducible, side_by_side, n_blas)
-    !> Entries of the factor of each body: a solve takes about 1 ns for each.
+    !> Entries of the factor of each body: a solve takes about 1 ns for each (n_bodies) [].
     real(dp), intent(in) :: entries(:)
     !> The same digits on any number of threads: one BLAS thread.
     logical, intent(in) :: reproducible
@@ -51,7 +51,7 @@ contains
 
   !> Indices by falling cost; equal costs keep their order.
   pure function largest_first(cost) result(order)
-    !> Any unit.
+    !> Costs (n) [any].
     real(dp), intent(in) :: cost(:)
     integer :: order(size(cost))
     call sort_order(-cost, order)

@@ -40,7 +40,7 @@ contains
     real(dp), intent(in) :: m(:)
     !> B u - d (n_rows) [length].
     real(dp), intent(in) :: y(:)
-    !> (n_pairs).
+    !> Pressures, gaps and resultants of the pairs (n_pairs).
     type(pair_solution_t), allocatable, intent(out) :: solution(:)
     !> Projected pressure at the nodes (n_bodies) [pressure].
     type(nodal_field_t), allocatable, intent(out) :: nodal(:)
@@ -73,11 +73,11 @@ contains
 
   !> total(node) += value.
   pure subroutine add_at(total, node, value)
-    !> Added to (n_nodes).
+    !> Pressures of all nodes of a body (n_nodes) [pressure].
     real(dp), intent(inout) :: total(:)
     !> Nodes, each once (n).
     integer, intent(in) :: node(:)
-    !> Values at these nodes (n).
+    !> Pressures to add there (n) [pressure].
     real(dp), intent(in) :: value(:)
     total(node) = total(node) + value
   end subroutine add_at

@@ -47,7 +47,7 @@ contains
     type(body_compliance_t), intent(in) :: compliance
     !> Contact pressures (n_rows) [pressure].
     real(dp), intent(in) :: m(:)
-    !> Amplitudes of the modes of all bodies, body after body [length].
+    !> Amplitudes of the modes of all bodies, body after body (number of modes) [length].
     real(dp), intent(in) :: alpha(:)
     !> Counts steps (n_bodies).
     type(conditioning_t), intent(inout) :: conditioning(:)
@@ -89,7 +89,7 @@ contains
   !> rounding of the dilatation, are not: their relative error is larger than that in the energy norm by the root of
   !> bulk over shear modulus.
   subroutine refuse_lost_pressures(body, conditioning, distance, norm, error)
-    !> (n_bodies).
+    !> Bodies (n_bodies).
     type(body_t), intent(in) :: body(:)
     !> Bodies that are not refined are not refused (n_bodies).
     type(conditioning_t), intent(in) :: conditioning(:)
@@ -118,23 +118,22 @@ contains
   subroutine refuse(body, condition, error)
     !> The body.
     type(body_t), intent(in) :: body
-    !> Of its stiffness [].
+    !> Condition number of its stiffness [].
     real(dp), intent(in) :: condition
     !> Allocated on return; names a likely cause.
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: cause
     call diagnose_conditioning(body%mesh, body%analysis, body%material, cause)
     if (len(cause) == 0) cause = 'supports that hardly resist some rigid body mode, or a very slender shape'
-    call set_error(error, &
-      'no significant digit of the displacement remains: the condition number of the stiffness matrix is '// &
-                   to_text(condition, 2)//'; likely cause: '//cause, exit_not_solvable)
+    call set_error(error, 'no significant digit of the displacement remains: the condition number of the '// &
+                   'stiffness matrix is '//to_text(condition, 2)//'; likely cause: '//cause, exit_not_solvable)
   end subroutine refuse
 
   !> Penetrations of the contact rows, from the displacements.
   subroutine penetrations(rows, solution, y)
     !> Rows of B and gaps.
     type(contact_qp_t), intent(in) :: rows
-    !> (n_bodies).
+    !> Displacements of the bodies (n_bodies).
     type(body_solution_t), intent(in) :: solution(:)
     !> B u - d (n_rows) [length].
     real(dp), intent(out) :: y(:)
@@ -155,13 +154,13 @@ contains
 
   !> F_theta(u) of (19) from the displacements; without the energy of penetrations where theta = 0 [energy].
   real(dp) function energy_of(body, rows, theta, solution, y) result(energy)
-    !> (n_bodies).
+    !> Bodies (n_bodies).
     type(body_t), intent(in) :: body(:)
     !> Weights of the rows.
     type(contact_qp_t), intent(in) :: rows
-    !> (n_rows) [length/pressure].
+    !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
-    !> (n_bodies).
+    !> Displacements of the bodies (n_bodies).
     type(body_solution_t), intent(in) :: solution(:)
     !> B u - d (n_rows) [length].
     real(dp), intent(in) :: y(:)
@@ -176,7 +175,7 @@ contains
   subroutine refine(body, report, response, load, u, steps, left, norm, error)
     !> The body, assembled.
     type(body_t), intent(in) :: body
-    !> Of the representative of its class.
+    !> Report of the representative of its class.
     type(factorization_report_t), intent(in) :: report
     !> Compliance operator of its representative, the preconditioner.
     class(response_t), intent(in) :: response
@@ -245,17 +244,17 @@ contains
   subroutine apply_stiffness(body, report, x, with_prescribed, product, energy, error)
     !> The body.
     type(body_t), intent(in) :: body
-    !> Of the representative of its class.
+    !> Report of the representative of its class.
     type(factorization_report_t), intent(in) :: report
-    !> (n_equations).
+    !> Displacement over the equations (n_equations) [length].
     real(qp), intent(in) :: x(:)
     !> Whether given displacements are put in.
     logical, intent(in) :: with_prescribed
-    !> (n_equations) [force].
+    !> Forces over the equations (n_equations) [force].
     real(dp), intent(out) :: product(:)
-    !> [force length].
+    !> Twice the strain energy [energy].
     real(dp), intent(out) :: energy
-    !> As in `refine`.
+    !> Allocated where a formula of the material cannot be evaluated.
     type(error_t), allocatable, intent(out) :: error
     real(qp), allocatable :: u(:, :)
     real(dp), allocatable :: force(:, :)

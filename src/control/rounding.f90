@@ -109,11 +109,11 @@ contains
     type(body_compliance_t), intent(in) :: compliance
     !> Index of the body.
     integer, intent(in) :: b
-    !> (n_rows) [pressure].
+    !> Contact pressures (n_rows) [pressure].
     real(dp), intent(in) :: m(:)
     !> Displacement (dim, n_nodes) [length].
     real(dp), intent(in) :: u(:, :)
-    !> [sqrt(energy)].
+    !> Rounding in the energy norm [sqrt(energy)].
     real(dp), intent(out) :: distance
     !> As in `measure_rounding`.
     type(error_t), allocatable, intent(out) :: error
@@ -144,7 +144,7 @@ contains
   real(dp) function gap_rounding(rows, theta, compliance, solution, m, y) result(distance)
     !> Rows of B, weights and gaps.
     type(contact_qp_t), intent(in) :: rows
-    !> (n_rows) [length/pressure].
+    !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> For the stiffness of the nodes.
     type(body_compliance_t), intent(in) :: compliance
@@ -166,7 +166,7 @@ contains
   !> The energy norm of half a unit in the last place of the displacements, of each body: no result stored in double
   !> precision is more accurate.
   subroutine storage_rounding(body, solution, distance)
-    !> (n_bodies).
+    !> Bodies (n_bodies).
     type(body_t), intent(in) :: body(:)
     !> Recovered (n_bodies).
     type(body_solution_t), intent(in) :: solution(:)
@@ -199,13 +199,13 @@ contains
 
   !> Have bodies refined whose rounding keeps the solution from the tolerance.
   subroutine flag_rounded(distance, norm, tolerance, conditioning)
-    !> (n_bodies) [sqrt(energy)].
+    !> Rounding of each body, in the energy norm (n_bodies) [sqrt(energy)].
     real(dp), intent(in) :: distance(:)
-    !> Of the solution [sqrt(energy)].
+    !> Energy norm of the solution [sqrt(energy)].
     real(dp), intent(in) :: norm
     !> Relative, in the energy norm [].
     real(dp), intent(in) :: tolerance
-    !> (n_bodies).
+    !> Conditioning of the bodies; gets the flags (n_bodies).
     type(conditioning_t), intent(inout) :: conditioning(:)
     if (.not. is_strain_free(distance, norm, conditioning)) &
       conditioning%is_rounded = conditioning%is_rounded .or. distance > worth_refining*tolerance*norm
@@ -217,7 +217,7 @@ contains
     real(dp), intent(in) :: distance(:)
     !> Energy norm of the solution [sqrt(energy)].
     real(dp), intent(in) :: norm
-    !> (n_bodies).
+    !> Conditioning of the bodies (n_bodies).
     type(conditioning_t), intent(in) :: conditioning(:)
     rounding = 0
     if (.not. is_strain_free(distance, norm, conditioning)) rounding = norm2(distance)/max(tiny(norm), norm)
@@ -229,7 +229,7 @@ contains
     real(dp), intent(in) :: distance(:)
     !> Energy norm of the solution [sqrt(energy)].
     real(dp), intent(in) :: norm
-    !> As in `relative_rounding`.
+    !> Conditioning of the bodies (n_bodies).
     type(conditioning_t), intent(in) :: conditioning(:)
     is_strain_free = .not. (any(conditioning%is_measured) .or. norm2(distance) < all_rounding*norm)
   end function is_strain_free

@@ -33,7 +33,7 @@ contains
     type(contact_qp_t), intent(in) :: qp
     !> Its compliance operator; entries that the scheme forms stay there.
     class(compliance_t), intent(inout) :: compliance
-    !> (n_rows) [length/pressure].
+    !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> BLAS threads of each solve.
     integer, intent(in) :: n_blas
