@@ -86,8 +86,7 @@ contains
     if (present(n_trailing)) last = n_trailing
     self%handle = dotyk_cholmod_new()
     call raise(dotyk_cholmod_analyze(self%handle, int(self%n, c_int64_t), matrix%column_start, matrix%row, &
-                                     int(permutation, c_int64_t) - 1_c_int64_t, last, statistics), &
-               'analysis', self, error)
+      int(permutation, c_int64_t) - 1_c_int64_t, last, statistics), 'analysis', self, error)
     if (allocated(error)) return
     self%factor_entries = statistics%entries
     self%factor_bytes = statistics%factor_bytes
@@ -296,7 +295,7 @@ contains
   subroutine cholesky_trailing(self, equation)
     !> Analyzed, with as many trailing equations.
     class(cholesky_t), intent(in) :: self
-    !> (m)
+    !> Equations at the end of the permutation (m).
     integer, intent(out) :: equation(:)
     integer(c_int64_t), allocatable :: number(:)
     allocate (number(size(equation)))

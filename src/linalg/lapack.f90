@@ -73,8 +73,14 @@ module dotyk_linalg_lapack
       import :: dp
       !> 'V' for eigenvectors, 'N' for none; 'A' for all, 'V' for those in (vl, vu], 'I' for the il-th to the iu-th.
       character(1), intent(in) :: jobz, range
-      !> Order, first and last eigenvalue, leading dimension.
-      integer, intent(in) :: n, il, iu, ldz
+      !> Order.
+      integer, intent(in) :: n
+      !> First eigenvalue.
+      integer, intent(in) :: il
+      !> Last eigenvalue.
+      integer, intent(in) :: iu
+      !> Leading dimension.
+      integer, intent(in) :: ldz
       !> Diagonal (n) [any].
       real(dp), intent(inout) :: d(*)
       !> Entries beside the diagonal (n-1) [as `d`].
@@ -85,8 +91,14 @@ module dotyk_linalg_lapack
       real(dp), intent(in) :: vu
       !> Tolerance of the eigenvalues [as `d`].
       real(dp), intent(in) :: abstol
-      !> Eigenvalues found; workspace (5 n); eigenvectors that failed (n); 0 for success.
-      integer, intent(out) :: m, iwork(*), ifail(*), info
+      !> Eigenvalues found.
+      integer, intent(out) :: m
+      !> Workspace (5 n).
+      integer, intent(out) :: iwork(*)
+      !> Eigenvectors that failed (n).
+      integer, intent(out) :: ifail(*)
+      !> 0 for success.
+      integer, intent(out) :: info
       !> Eigenvalues, ascending (n) [as `d`].
       real(dp), intent(out) :: w(*)
       !> Eigenvectors (ldz, m) [].
