@@ -135,7 +135,7 @@ contains
     type(substituted_rows_t), intent(in) :: a, b
     !> Whether a and b are the same rows.
     logical, intent(in) :: same
-    !> (a%forward%n, b%forward%n) [length/force].
+    !> Entries between the rows (a%forward%n, b%forward%n) [length/force].
     real(dp), intent(out) :: c(:, :)
     call self%substitution%product(a, b, same, c)
   end subroutine direct_product

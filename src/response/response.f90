@@ -93,7 +93,7 @@ module dotyk_response_response
       type(substituted_rows_t), intent(in) :: a, b
       !> Whether a and b are the same rows.
       logical, intent(in) :: same
-      !> (a%forward%n, b%forward%n) [length/force].
+      !> Entries between the rows (a%forward%n, b%forward%n) [length/force].
       real(dp), intent(out) :: c(:, :)
     end subroutine product_interface
 

@@ -96,7 +96,7 @@ contains
     type(substituted_rows_t), intent(in) :: a, b
     !> Whether a and b are the same rows.
     logical, intent(in) :: same
-    !> (a%forward%n, b%forward%n) [length/force].
+    !> Entries between the rows (a%forward%n, b%forward%n) [length/force].
     real(dp), intent(out) :: c(:, :)
     call forward_product(self%tree, a%forward, b%forward, same, c)
     if (size(a%along, 2) == 0) return

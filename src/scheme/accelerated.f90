@@ -175,7 +175,7 @@ contains
     type(contact_qp_t), intent(in) :: qp
     !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
-    !> (n_rows) [length/pressure].
+    !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> Settings of the user.
     type(solver_settings_t), intent(in) :: settings
@@ -215,7 +215,7 @@ contains
     type(contact_qp_t), intent(in) :: qp
     !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
-    !> (n_rows) [length/pressure].
+    !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> Gets p, z and the residual.
     type(accelerated_t), intent(inout) :: now

@@ -46,7 +46,7 @@ module dotyk_scheme_active_system
       class(active_system_t), intent(inout) :: self
       !> Contact rows and rigid body modes.
       type(contact_qp_t), intent(in) :: qp
-      !> Of all active rows, or matrix-free.
+      !> Compliance operator, formed at all active rows or matrix-free.
       class(compliance_t), intent(inout) :: compliance
       !> Penalty parameters (n_rows) [length/pressure].
       real(dp), intent(in) :: theta(:)

@@ -26,7 +26,7 @@ contains
     class(compliance_t), intent(inout) :: compliance
     !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
-    !> Of the active set that the state came from.
+    !> Linear system of the active set that the state came from.
     class(active_system_t), intent(in) :: system
     !> Contact forces, not negative (n_rows) [force].
     real(dp), intent(in) :: lambda(:)

@@ -153,7 +153,7 @@ module dotyk_scheme_compliance
       class(compliance_t), intent(inout) :: self
       !> Any QP over the same bodies.
       type(contact_qp_t), intent(in) :: qp
-      !> Of each body at its rows, in their order (n_bodies).
+      !> Entries of each body at its rows, in their order (n_bodies).
       type(entries_t), allocatable, intent(out) :: entries(:)
     end subroutine form_all_interface
   end interface

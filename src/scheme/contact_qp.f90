@@ -67,13 +67,17 @@ contains
     class(contact_qp_t), intent(out) :: self
     !> Rows of B, weights and gaps; without its blocks on return.
     type(contact_operator_t), intent(inout) :: operator
-    !> y_0 and B K^+ f (n_rows) [length].
-    real(dp), intent(in) :: initial_penetration(:), load_displacement(:)
-    !> Of the solution without contact [energy].
-    real(dp), intent(in) :: energy_0, norm_square_0
-    !> (n_rows) [length/pressure].
+    !> y_0 (n_rows) [length].
+    real(dp), intent(in) :: initial_penetration(:)
+    !> B K^+ f (n_rows) [length].
+    real(dp), intent(in) :: load_displacement(:)
+    !> Potential energy of the solution without contact [energy].
+    real(dp), intent(in) :: energy_0
+    !> Squared energy norm of the solution without contact [energy].
+    real(dp), intent(in) :: norm_square_0
+    !> Compliance of a Winkler foundation that stands for the bodies (n_rows) [length/pressure].
     real(dp), intent(in) :: foundation(:)
-    !> Of the same rows.
+    !> Coarse space of the same rows.
     type(coarse_space_t), intent(in) :: coarse
     integer :: i
     self%n_rows = operator%n_rows

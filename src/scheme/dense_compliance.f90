@@ -76,7 +76,7 @@ contains
     type(contact_qp_t), intent(in) :: qp
     !> The body.
     integer, intent(in) :: b
-    !> (n, n), n rows of the body in their order [length/force].
+    !> Entries between the rows of the body, in their order (n, n) [length/force].
     real(dp), intent(in) :: value(:, :)
     integer :: i
     associate (own => self%body(b))
@@ -117,7 +117,7 @@ contains
     type(contact_qp_t), intent(in) :: qp
     !> Contact forces (n_rows) [force].
     real(dp), intent(in) :: lambda(:)
-    !> (n_rows) [length].
+    !> Displacements of the rows (n_rows) [length].
     real(dp), intent(out) :: z(:)
     real(dp), allocatable :: force(:), moved(:), displacement(:)
     integer :: b
@@ -264,7 +264,7 @@ contains
   subroutine dense_mark_formed(self, formed)
     !> The compliance matrices.
     class(dense_compliance_t), intent(in) :: self
-    !> (all rows of the QP of `init`).
+    !> Set where a row has entries (all rows of the QP of `init`).
     logical, intent(inout) :: formed(:)
     integer :: b
     do b = 1, size(self%body)

@@ -106,8 +106,10 @@ contains
 
   !> Blocks of rows; a block has old rows or new ones.
   pure subroutine cut_rows(n, first_new, first)
-    !> Number of rows, and the first new one.
-    integer, intent(in) :: n, first_new
+    !> Number of rows.
+    integer, intent(in) :: n
+    !> First new row.
+    integer, intent(in) :: first_new
     !> First row of each block (n_blocks + 1).
     integer, allocatable, intent(out) :: first(:)
     integer :: next
@@ -123,11 +125,11 @@ contains
   subroutine form_blocks(response, body, contact, blocks, first_new, may_stop, matrix)
     !> Operators of the representatives (n_bodies).
     type(response_slot_t), intent(inout) :: response(:)
-    !> (n_bodies).
+    !> Bodies (n_bodies).
     type(body_operator_t), intent(in) :: body(:)
     !> Rows of B of each body (n_bodies).
     type(contact_block_t), intent(in) :: contact(:)
-    !> Of the bodies with new rows (n_bodies).
+    !> Row blocks of the bodies with new rows (n_bodies).
     type(row_blocks_t), intent(inout) :: blocks(:)
     !> First new row of each body; 0: it has none (n_bodies).
     integer, intent(in) :: first_new(:)
@@ -207,7 +209,7 @@ contains
     type(row_blocks_t), intent(in) :: blocks
     !> The two blocks of rows, or one twice.
     integer, intent(in) :: block, other
-    !> (n, n) [length/force].
+    !> Entries of the body, of which those of the two blocks are set (n, n) [length/force].
     real(dp), intent(inout) :: value(:, :)
     real(dp), allocatable :: c(:, :)
     associate (a => blocks%first(block), b => blocks%first(other))

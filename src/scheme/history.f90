@@ -75,7 +75,7 @@ contains
   subroutine history_put_after(self, earlier)
     !> The history.
     class(history_t), intent(inout) :: self
-    !> Of the same scheme, ended before this one began.
+    !> History of the same scheme, ended before this one began.
     type(history_t), intent(in) :: earlier
     if (earlier%n == 0) return
     self%seconds = [earlier%seconds, earlier%seconds(earlier%n) + self%seconds]

@@ -206,9 +206,9 @@ contains
     integer, intent(in) :: row(:)
     !> The iterate.
     type(point_t), intent(in) :: now
-    !> Of the contact rows (n) [length].
+    !> Residual of the contact rows (n) [length].
     real(dp), allocatable, intent(out) :: r_dual(:)
-    !> Of equilibrium (coarse%n) [force].
+    !> Residual of equilibrium (coarse%n) [force].
     real(dp), allocatable, intent(out) :: r_balance(:)
     real(dp), allocatable :: lambda(:), z(:), motion(:)
     allocate (lambda(qp%n_rows), z(qp%n_rows), motion(qp%n_rows), source=0.0_dp)
@@ -244,9 +244,9 @@ contains
     class(active_system_t), intent(in) :: system
     !> The iterate.
     type(point_t), intent(in) :: now
-    !> See `find_residuals` (n) [length].
+    !> Residual of the contact rows (n) [length].
     real(dp), intent(in) :: r_dual(:)
-    !> See `find_residuals` (coarse%n) [force].
+    !> Residual of equilibrium (coarse%n) [force].
     real(dp), intent(in) :: r_balance(:)
     !> Changes of `lambda_i s_i`, to first order (n) [force*length].
     real(dp), intent(in) :: product(:)

@@ -39,7 +39,7 @@ contains
   subroutine choose_solver(qp, compliance, wish, rows, system)
     !> The rows.
     type(contact_qp_t), intent(in) :: qp
-    !> Of its bodies.
+    !> Compliance operator of its bodies.
     class(compliance_t), intent(inout) :: compliance
     !> One of `linear_solver_*` of dotyk_base_options.
     integer, intent(in) :: wish
@@ -69,7 +69,7 @@ contains
   logical function is_matrix_free_cheaper(qp, compliance, rows) result(cheaper)
     !> The rows.
     type(contact_qp_t), intent(in) :: qp
-    !> Of its bodies.
+    !> Compliance operator of its bodies.
     class(compliance_t), intent(inout) :: compliance
     !> As in `choose_solver` (n_rows).
     logical, intent(in) :: rows(:)

@@ -26,8 +26,10 @@ contains
     class(monitor_t), intent(inout) :: self
     !> Up to now.
     type(history_t), intent(in) :: history
-    !> What is to be reached, and what has been [].
-    real(dp), intent(in) :: tolerance, measure
+    !> Tolerance to be reached [].
+    real(dp), intent(in) :: tolerance
+    !> Measure that has been reached [].
+    real(dp), intent(in) :: measure
     associate (not_needed => same_type_as(self, self), nor_this => history%n, nor_that => tolerance + measure)
     end associate
   end subroutine monitor_step

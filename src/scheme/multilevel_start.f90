@@ -108,7 +108,7 @@ contains
   subroutine form_groups(coarse, compliance, of_groups)
     !> The groups.
     type(contact_qp_t), intent(in) :: coarse
-    !> Of the bodies.
+    !> Compliance operator of the bodies.
     class(compliance_t), intent(inout) :: compliance
     !> Their compliance.
     type(dense_compliance_t), intent(out) :: of_groups

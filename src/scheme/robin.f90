@@ -113,7 +113,7 @@ contains
     type(contact_qp_t), intent(in) :: qp
     !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
-    !> (n_rows) [length/pressure].
+    !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> Settings of the user.
     type(solver_settings_t), intent(in) :: settings
@@ -150,7 +150,7 @@ contains
     type(contact_qp_t), intent(in) :: qp
     !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
-    !> (n_rows) [length/pressure].
+    !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> Settings of the user.
     type(solver_settings_t), intent(in) :: settings
@@ -192,7 +192,7 @@ contains
   subroutine step(qp, theta, now, residual, error)
     !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
-    !> (n_rows) [length/pressure].
+    !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> The sides.
     type(two_sides_t), intent(inout) :: now

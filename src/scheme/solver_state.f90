@@ -77,7 +77,7 @@ contains
     class(solver_state_t), intent(inout) :: self
     !> Relative, in the energy norm: of this solution, and of any displacements that are stored in double precision [].
     real(dp), intent(in) :: rounding, unavoidable
-    !> Of the scheme [].
+    !> Tolerance of the scheme [].
     real(dp), intent(in) :: tolerance
     if (self%error_bound < huge(rounding)) self%error_bound = self%error_bound + rounding
     if (self%ended == ended_converged .and. rounding > max(tolerance, unavoidable)) self%ended = ended_stalled

@@ -87,9 +87,10 @@ contains
     type(solver_settings_t), intent(in) :: settings
     !> Factor per step that the theory promises; 1 or more where it promises none [].
     real(dp), intent(in) :: q
-    !> Whether the scheme takes back steps that lead away, and whether the two sides of its rows have states of their
-    !> own; not if absent.
-    logical, intent(in), optional :: safeguarded, split
+    !> Whether the scheme takes back steps that lead away; not if absent.
+    logical, intent(in), optional :: safeguarded
+    !> Whether the two sides of its rows have states of their own; not if absent.
+    logical, intent(in), optional :: split
     self%settings = settings
     if (present(safeguarded)) self%safeguarded = safeguarded
     if (present(split)) self%split = split

@@ -25,9 +25,9 @@ contains
   subroutine screen_rows(qp, theta, working)
     !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
-    !> (n_rows) [length/pressure].
+    !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
-    !> (n_rows).
+    !> Working set (n_rows).
     logical, allocatable, intent(out) :: working(:)
     type(iterate_t) :: now
     allocate (working(qp%n_rows), source=.true.)
@@ -50,7 +50,7 @@ contains
   subroutine keep_what_carries(qp, working)
     !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
-    !> (n_rows).
+    !> Working set (n_rows).
     logical, intent(inout) :: working(:)
     type(contact_qp_t) :: part
     real(dp), allocatable :: motion(:), penetration(:)
