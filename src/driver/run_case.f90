@@ -16,7 +16,7 @@ module dotyk_driver_run_case
   use dotyk_input_parse, only: read_case
   use dotyk_log_outcome, only: note_modes, refuse_unsolvable
   use dotyk_log_run_monitor, only: log_monitor_t
-  use dotyk_log_scene_tables, only: show_memory, show_scene, show_title
+  use dotyk_log_scene_tables, only: show_factorization, show_memory, show_scene, show_title
   use dotyk_log_summary, only: show_solution, show_timing
   use dotyk_scheme_solver_state, only: ended_converged, ended_time
   implicit none
@@ -66,6 +66,7 @@ contains
     end if
     call factorize_scene(case, run%scheme, scene, monitor, error)
     if (.not. allocated(error)) then
+      call show_factorization(monitor%log, scene%size_of, monitor%timing%factorize)
       solution%theta = scene%theta
       if (allocated(pressure)) call start_from_pressures(pressure, scene%qp, scene%compliance, solution%state)
       has_warned = .false.

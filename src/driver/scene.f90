@@ -13,7 +13,6 @@ module dotyk_driver_scene
   use dotyk_elasticity_body, only: stiffness_t
   use dotyk_input_case, only: case_t
   use dotyk_log_run_monitor, only: log_monitor_t
-  use dotyk_log_scene_tables, only: show_factorization
   use dotyk_model_assembly, only: assemble_bodies, check_held
   use dotyk_model_body_setup, only: build_bodies
   use dotyk_model_pairs, only: find_pairs, foundation_compliance
@@ -124,7 +123,6 @@ contains
       call stop_if_interrupted(error)
       if (allocated(error)) return
       call monitor%watch%lap(monitor%timing%factorize)
-      call show_factorization(monitor%log, scene%size_of, monitor%timing%factorize)
       call find_modes(problem%body, problem%classes, block, problem%report, problem%modes, modes, error)
       if (allocated(error)) return
       call make_operators(problem%body, problem%classes, block, problem%report, scene%size_of, scene%direct, &

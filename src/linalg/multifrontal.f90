@@ -9,11 +9,11 @@
 !> thread.
 !>
 !> Why not `cholmod_factorize`. With the same symbolic analysis (docs/speed.md has the figures,
-!> benchmarks/factorization.py measures them) it is equally fast for solid bodies on one thread, but takes twice the
-!> time for plane bodies and thin ones, whose fronts are small. One large body gains little from a second thread of BLAS
-!> there, and nearly the factor of two here. An interrupt ends this factorization within a second; CHOLMOD has no way
-!> out. This code may go when a library does all of it: subtrees in parallel, the same digits on any number of threads,
-!> a way out for interrupts, small fronts no slower. A unit test compares it with `cholmod_factorize`.
+!> benchmarks/factorization.py measures them) it takes nine tenths of this code's time for large solid bodies on one
+!> thread, and up to twice its time for small and plane ones, whose fronts are small. Its digits depend on the number
+!> of BLAS threads where one large body uses several. An interrupt ends this factorization within a second; CHOLMOD
+!> has no way out. This code may go when a library does all of it: subtrees in parallel, the same digits on any number
+!> of threads, a way out for interrupts, small fronts no slower. A unit test compares it with `cholmod_factorize`.
 module dotyk_linalg_multifrontal
   use omp_lib, only: omp_in_parallel, omp_get_max_threads, omp_get_num_threads, omp_get_thread_num, omp_lock_kind, &
                      omp_init_lock, omp_destroy_lock, omp_set_lock, omp_unset_lock

@@ -114,7 +114,12 @@ contains
     !> Operations of the factorization [flop].
     real(dp), intent(in) :: flops
     character(120) :: line
-    write (line, '(2x,a20,1x,a14,i11,i11,i11,es17.2,f10.2)') name, material, elements, nodes, unknowns, &
+    ! Left-justified: an edit descriptor justifies to the right.
+    character(20) :: first
+    character(14) :: second
+    first = name
+    second = material
+    write (line, '(2x,a20,1x,a14,i11,i11,i11,es17.2,f10.2)') first, second, elements, nodes, unknowns, &
       real(entries, dp), flops/1.0e9_dp
   end function body_line
 
@@ -191,7 +196,10 @@ contains
     !> Penalty parameter [length/pressure].
     real(dp), intent(in) :: theta
     character(120) :: line
-    write (line, '(2x,a20,i12,i18,es15.3,es15.3,es15.3)') name, rows, unprojected, least, most, theta
+    ! Left-justified: an edit descriptor justifies to the right.
+    character(20) :: label
+    label = name
+    write (line, '(2x,a20,i12,i18,es15.3,es15.3,es15.3)') label, rows, unprojected, least, most, theta
   end function pair_line
 
   !> Quadrature points outnumber the unknowns of their surface: with theta far below h/E the constraints at single

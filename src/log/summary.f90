@@ -241,7 +241,7 @@ contains
     case (ended_rounds)
       text = 'not converged: iteration error above its share (budget_fraction) of the other errors'
     case default
-      text = 'not converged: stagnated at double-precision rounding'
+      text = 'not converged: stalled at double-precision rounding'
     end select
   end function outcome
 end module dotyk_log_summary

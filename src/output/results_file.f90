@@ -1,8 +1,6 @@
 !> The results file (docs/results.md): `/VTKHDF` for VTK and ParaView, one partition per body, and `/dotyk`.
-!>
 !> It is written under a temporary name and renamed by `commit`: a results file is complete or absent, and an older one
-!> stays until then. Bodies are written one at a time. All errors have the exit code `exit_not_written`. One thread at a
-!> time.
+!> stays until then. One thread writes body after body. All errors have the exit code `exit_not_written`.
 module dotyk_output_results_file
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int32, int64
