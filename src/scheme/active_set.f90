@@ -230,7 +230,8 @@ contains
     if (size(lambda) > 0) &
       scale = max(scale, maxval(scale_of_unloaded*foundation_stiffness(qp, theta)*max(0.0_dp, qp%initial_penetration)))
     if (qp%coarse%n > 0) scale = max(scale, maxval(abs(qp%coarse%resultant)))
-    is_balanced = .not. any(abs(missing) > balanced*scale)
+    ! NaN and infinity, as of a foundation without compliance, balance nothing.
+    is_balanced = qp%coarse%n == 0 .or. (scale <= huge(scale) .and. all(abs(missing) <= balanced*scale))
   end function is_balanced
 
   !> Stiffness of the Winkler foundation that stands for the bodies (n_rows) [force/length].

@@ -41,8 +41,8 @@ module dotyk_scheme_contact_qp
     !> B K^+ f with supports at rest (n_rows) [length]: `sum w m load_displacement` is the work of the loads on K^+ B^T
     !> W m.
     real(dp), allocatable :: load_displacement(:)
-    !> Compliance of the Winkler foundation that stands for the bodies where a scheme needs a first guess (n_rows)
-    !> [length/pressure].
+    !> Compliance of the Winkler foundation that stands for the bodies where a scheme needs a first guess; positive
+    !> (n_rows) [length/pressure].
     real(dp), allocatable :: foundation(:)
     !> Rigid body modes that the supports leave.
     type(coarse_space_t) :: coarse
@@ -75,7 +75,7 @@ contains
     real(dp), intent(in) :: energy_0
     !> Squared energy norm of the solution without contact [energy].
     real(dp), intent(in) :: norm_square_0
-    !> Compliance of a Winkler foundation that stands for the bodies (n_rows) [length/pressure].
+    !> Compliance of a Winkler foundation that stands for the bodies; positive (n_rows) [length/pressure].
     real(dp), intent(in) :: foundation(:)
     !> Coarse space of the same rows.
     type(coarse_space_t), intent(in) :: coarse
