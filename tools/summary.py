@@ -15,6 +15,10 @@ except ImportError:
         os.execv("/usr/bin/python3", ["/usr/bin/python3", "-B", os.path.abspath(__file__)] + sys.argv[1:])
     sys.exit("summary: h5py is missing (Debian: apt install python3-h5py)")
 
+# Attributes that are printed first; the others follow in alphabetical order.
+FIRST = ("status", "converged", "error_bound", "error_penalty", "error_discretization", "error_contact", "force",
+         "max_penetration", "iterations", "scheme")
+
 
 def text_of(value):
     """An attribute as text."""
@@ -27,7 +31,8 @@ def text_of(value):
 
 def print_attributes(title, node, without=()):
     """A title and a table of attributes."""
-    names = [name for name in node.attrs if name not in without]
+    names = [name for name in FIRST if name in node.attrs]
+    names += [name for name in node.attrs if name not in FIRST and name not in without]
     if not names:
         return
     print(title)

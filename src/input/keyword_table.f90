@@ -202,10 +202,11 @@ contains
     call list%add('surface_a', kind_text, required=.true., &
                   meaning='slave (non-mortar) side, as ''body:surface'': its vertices or quadrature points carry '// &
                   'the contact pressures; choose the surface with the finer mesh, else the curved surface or '// &
-                  'that of the softer body')
+                  'that of the softer body; of a curved and a planar surface in 3D choose the curved one, above '// &
+                  'all where a body floats')
     call list%add('surface_b', kind_text, required=.true., &
                   meaning='master (mortar) side, as ''body:surface'' of another body: points of surface_a are '// &
-                  'projected on it')
+                  'projected on it; a planar surface against a curved one should be the master')
     call list%add('gap', kind_real, unit='length', &
                   meaning='initial gap, the same everywhere; if absent, the distance between the surfaces')
     call list%add('gap_formula', kind_formula, unit='length', &
@@ -220,7 +221,8 @@ contains
                   'the facet')
     call list%add('search_radius', kind_real, unit='length', positive=.true., &
                   meaning='largest distance between a point and its projection; if absent, the size of the '// &
-                  'smaller body')
+                  'smaller body (the shortest edge of its bounding box); points beyond it are normal where '// &
+                  'surface_a is closed')
     call list%add('discretization', kind_name, names=discretization_names, &
                   default=option_name(discretization_names, default_discretization), &
                   meaning='contact constraints: mortar, dual (biorthogonal) mortar with one weighted gap per '// &
