@@ -9,7 +9,8 @@ module dotyk_log_outcome
   use dotyk_elasticity_body_modes, only: body_modes_t
   use dotyk_input_case, only: case_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
-  use dotyk_scheme_solver_state, only: solver_state_t, ended_no_equilibrium, ended_rigid_constraint
+  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_no_equilibrium, ended_rigid_constraint, &
+    ended_rotated
   implicit none
   private
   public :: refuse_unsolvable, note_modes
@@ -33,16 +34,22 @@ contains
     if (state%ended == ended_rigid_constraint) call refuse_rigid_constraint(case, qp, error)
   end subroutine refuse_unsolvable
 
-  !> Say which modes are indeterminate, and which bodies rotate too far.
+  !> Say which modes are indeterminate, and which bodies rotate too far. A solution with a rotation by more than the
+  !> size of a body is none.
   subroutine note_modes(problem, state, log)
     !> Bodies and contact pairs.
     type(contact_problem_t), intent(in) :: problem
-    !> State of the scheme at its end.
-    type(solver_state_t), intent(in) :: state
+    !> State of the scheme at its end; ended by a rotation that is too large on return.
+    type(solver_state_t), intent(inout) :: state
     !> The log.
     type(log_t), intent(inout) :: log
+    real(dp) :: largest
+    !> Displacement by rotation, relative to the size of the body, from which on linear kinematics describe nothing [].
+    real(dp), parameter :: largest_rotation = 1
     if (allocated(state%indeterminate)) call note_indeterminate(problem%body, problem%modes, state%indeterminate, log)
-    if (allocated(state%alpha)) call note_rotations(problem%body, problem%modes, state%alpha, log)
+    if (.not. allocated(state%alpha)) return
+    call note_rotations(problem%body, problem%modes, state%alpha, log, largest)
+    if (state%ended == ended_converged .and. largest > largest_rotation) state%ended = ended_rotated
   end subroutine note_modes
 
   !> An unbounded direction: a motion of one body or more that the loads excite and no contact can stop.
@@ -143,7 +150,7 @@ contains
   end subroutine refuse_rigid_constraint
 
   !> Say which bodies rotate so far that small displacements are no good approximation.
-  subroutine note_rotations(body, modes, amplitude, log)
+  subroutine note_rotations(body, modes, amplitude, log, most)
     !> Bodies (n_bodies).
     type(body_t), intent(in) :: body(:)
     !> Modes of the bodies (n_bodies).
@@ -152,22 +159,23 @@ contains
     real(dp), intent(in) :: amplitude(:)
     !> The log.
     type(log_t), intent(inout) :: log
+    !> Largest displacement by rotation, relative to the size of the body [].
+    real(dp), intent(out) :: most
     integer :: b, n_far, farthest, first(size(body) + 1)
-    real(dp) :: ratio, most
+    real(dp) :: ratio
     ! Displacements by rotation, relative to the size of the body.
     real(dp), parameter :: far = 0.05_dp
+    most = 0
     if (size(amplitude) == 0) return
     first = first_mode(modes)
     n_far = 0
     farthest = 0
-    most = 0
     do b = 1, size(body)
       if (modes(b)%n == 0) cycle
       ratio = rotation_ratio(body(b), modes(b), amplitude(first(b):first(b + 1) - 1))
-      if (.not. ratio > far) cycle
-      n_far = n_far + 1
       if (ratio > most) farthest = b
       most = max(most, ratio)
+      if (ratio > far) n_far = n_far + 1
     end do
     if (n_far == 0) return
     call log%line('  large rotation   '//quoted(body(farthest)%name)//': rotation moves nodes by up to '// &

@@ -17,7 +17,7 @@ module dotyk_log_summary
   use dotyk_log_timing, only: timing_t
   use dotyk_scheme_bounds, only: gamma_limit
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_limit, ended_diverged, &
-    ended_interrupted, ended_rounds
+    ended_cycling, ended_interrupted, ended_rotated, ended_rounds, ended_unbalanced
   implicit none
   private
   public :: show_solution, show_pair_results, show_timing
@@ -70,8 +70,12 @@ contains
     end if
     call log%line('  '//outcome(state)//' after '//counted(state%iterations, 'iteration')//' (at most '// &
                   counted(n_sweeps, 'right-hand side')//' per body), '//duration(seconds))
-    call log%line('  error bound      '//to_text(state%error_bound, 3)// &
-                  ' of the energy norm of the solution, guaranteed (tolerance '//to_text(tolerance)//')')
+    if (state%error_bound < huge(tolerance)) then
+      call log%line('  error bound      '//to_text(state%error_bound, 3)// &
+                    ' of the energy norm of the solution, guaranteed (tolerance '//to_text(tolerance)//')')
+    else
+      call log%line('  error bound      unknown (tolerance '//to_text(tolerance)//')')
+    end if
     if (state%ended == ended_converged .and. state%error_bound > tolerance) &
       call log%line('  rounding         the error bound exceeds the tolerance by rounding of the displacements: '// &
                     'double precision has no better solution')
@@ -238,6 +242,12 @@ contains
       text = 'not converged: diverged'
     case (ended_interrupted)
       text = 'not converged: interrupted'
+    case (ended_cycling)
+      text = 'not converged: active sets cycle despite the interior-point method; ended'
+    case (ended_unbalanced)
+      text = 'not converged: contact forces do not balance the loads of floating bodies; ended'
+    case (ended_rotated)
+      text = 'not valid: rotation of a body beyond small displacements; ended'
     case (ended_rounds)
       text = 'not converged: iteration error above its share (budget_fraction) of the other errors'
     case default

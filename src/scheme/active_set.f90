@@ -19,7 +19,7 @@ module dotyk_scheme_active_set
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_interior_point, only: interior_point_method
   use dotyk_scheme_monitor, only: monitor_t
-  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_interrupted, ended_limit, &
+  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_cycling, ended_interrupted, ended_limit, &
     ended_rigid_constraint
   use dotyk_scheme_winkler_start, only: winkler_equilibrium
   implicit none
@@ -151,7 +151,8 @@ contains
     end do
     if (interrupted() .and. state%ended == ended_limit) state%ended = ended_interrupted
     call monitor%finish()
-    if (state%ended == ended_limit .and. allocated(inside%lambda)) then
+    if (state%ended == ended_limit .and. tried .and. last_k < max_iterations) state%ended = ended_cycling
+    if (any(state%ended == [ended_limit, ended_cycling]) .and. allocated(inside%lambda)) then
       now = inside
       active = inside_active
       call system%init(qp, compliance, theta, active, error)

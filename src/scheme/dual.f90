@@ -26,8 +26,8 @@ module dotyk_scheme_dual
   use dotyk_scheme_multilevel_start, only: few_rows, find_start
   use dotyk_scheme_restriction, only: restrict_qp
   use dotyk_scheme_scheme, only: scheme_t
-  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_interrupted, ended_limit, &
-    ended_no_equilibrium, ended_rigid_constraint, ended_stalled
+  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_cycling, ended_interrupted, &
+    ended_limit, ended_no_equilibrium, ended_rigid_constraint, ended_stalled, ended_unbalanced
   use dotyk_scheme_stopping, only: solver_settings_t
   use dotyk_scheme_winkler_start, only: find_unbounded_direction
   use dotyk_scheme_working_set, only: has_many_modes, keep_what_carries, screen_rows
@@ -309,6 +309,7 @@ contains
     !> The start where it has pressures; the last iterate on return, with its history.
     type(solver_state_t), intent(inout) :: state
     real(dp) :: norm, admissible, rounded
+    logical :: has_equilibrium
     integer :: i
     now%lambda = max(0.0_dp, now%lambda)
     call update_penetrations(qp, compliance, now)
@@ -325,7 +326,8 @@ contains
     end do
     norm = reference_norm(qp, theta, now)
     state%error_bound = huge(norm)
-    if (is_balanced(qp, theta, now%lambda, now%alpha)) then
+    has_equilibrium = is_balanced(qp, theta, now%lambda, now%alpha)
+    if (has_equilibrium) then
       state%error_bound = sqrt(duality_gap(qp%weight, theta, state%m, state%y))
       admissible = huge(norm)
       if (state%ended /= ended_interrupted) &
@@ -348,9 +350,11 @@ contains
       state%history%energy(state%history%n) = state%energy
       state%history%max_penetration(state%history%n) = state%max_penetration
     end if
-    if (state%ended == ended_converged .and. state%error_bound > tolerance) &
-      state%ended = merge(ended_interrupted, ended_stalled, interrupted())
-    if (any(state%ended == [ended_limit, ended_interrupted]) .and. state%error_bound <= tolerance) &
+    if (state%ended == ended_converged .and. state%error_bound > tolerance) then
+      state%ended = merge(ended_stalled, ended_unbalanced, has_equilibrium)
+      if (interrupted()) state%ended = ended_interrupted
+    end if
+    if (any(state%ended == [ended_limit, ended_cycling, ended_interrupted]) .and. state%error_bound <= tolerance) &
       state%ended = ended_converged
   end subroutine finish
 end module dotyk_scheme_dual

@@ -18,6 +18,9 @@ module dotyk_scheme_solver_state
   integer, parameter, public :: ended_rounds = 7  !< no solution met the error budget, of as many as a scene gets
   integer, parameter, public :: ended_interrupted = 8  !< the program was asked to stop
   integer, parameter, public :: ended_time = 9  !< the time limit: the next call continues
+  integer, parameter, public :: ended_cycling = 10  !< active sets come again, after the interior-point method too
+  integer, parameter, public :: ended_unbalanced = 11  !< contact forces do not balance the loads of floating bodies
+  integer, parameter, public :: ended_rotated = 12  !< a body rotates by more than linear kinematics can describe
 
   !> What a scheme needs beside the state to continue an iteration that the time limit stopped. Each scheme that can
   !> continue has an extension.
@@ -104,6 +107,12 @@ contains
       name = 'interrupted'
     case (ended_time)
       name = 'running'
+    case (ended_cycling)
+      name = 'cycling'
+    case (ended_unbalanced)
+      name = 'unbalanced'
+    case (ended_rotated)
+      name = 'large_rotation'
     case default
       name = 'not solvable'
     end select

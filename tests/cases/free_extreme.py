@@ -207,6 +207,20 @@ class FreeExtreme(dotyk_case.Case):
         self.assertAlmostEqual(-np.sum(force * joint["position"][:, 0]), 0.2 * np.pi, delta=5e-3)
         self.assertNotIn("large rotation", self.still(text))
 
+    def test_rotation_beyond_small_displacements(self):
+        """A beam whose other end meets the floor five of its lengths below: linear kinematics find an equilibrium, which
+        is no solution, and the exit code says so."""
+        text = (self.block("step", 2, (-0.5, -1), (0.75, 1)) + self.block("floor", 2, (0.5, -6), (1, 1)) +
+                self.block("beam", 8, (0, 0), (1, 0.1)))
+        text += "".join("&support body='%s', surface='bottom', fix='xy' /\n" % name for name in ("step", "floor"))
+        text += "".join("&contact name='on %s', surface_a='%s:top', surface_b='beam:bottom', search_radius=10 /\n" %
+                        (name, name) for name in ("step", "floor"))
+        self.scene(text + "&load body='beam', force_density=0,-1 /\n")
+        log = self.dotyk("case.nml", code=1)
+        self.assertIn("not valid: rotation of a body beyond small displacements", log)
+        summary = self.results("case.vtkhdf")["dotyk/summary"].attrs
+        self.assertEqual((summary["converged"], summary["status"]), (0, b"large_rotation"))
+
     def still(self, text):
         """The log of the disc under its weight alone."""
         self.scene(text + "&load body='disc', force_density=0,-1 /\n")

@@ -124,8 +124,8 @@ contains
     character(:), allocatable :: what
     integer :: i, j
     ! pFUnit has no such procedures.
-    if (allocated(lhs%integers) .neqv. allocated(rhs%integers)) then
-      call fail('an integer is compared with a real', message, line)
+    if (allocated(rhs%integers) .and. .not. allocated(lhs%integers)) then
+      call fail('a real is compared with an integer', message, line)
       return
     end if
     if (size(lhs%shape) > 0 .and. as_list(lhs%shape) /= as_list(rhs%shape)) then
