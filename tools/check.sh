@@ -56,7 +56,7 @@ coverage() {
   environment || return
   find build/coverage -name '*.gcda' -delete 2> /dev/null
   "$tools/test.sh" --preset coverage || return
-  build/venv/bin/gcovr --root . --filter src/ --gcov-ignore-parse-errors=all --exclude-unreachable-branches \
+  build/venv/bin/gcovr --root . --filter src/ --gcov-ignore-parse-errors=all --gcov-ignore-errors=no_working_dir_found --exclude-unreachable-branches \
     --html-nested build/coverage/coverage.html --txt-summary build/coverage
 }
 

@@ -70,7 +70,7 @@ contains
     read (unit, iostat=status) head
     close (unit, iostat=status)
     if (length > 0 .and. head(2:) /= signature) &
-      call set_error(error, quoted(path)//' is there already and is no results file: give another name, or delete it', &
+      call set_error(error, quoted(path)//' exists and is not a results file: give another name, or delete it', &
                      exit_not_written)
   end subroutine check_replaceable
 

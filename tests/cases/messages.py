@@ -106,7 +106,7 @@ class Messages(dotyk_case.Case):
         os.mkfifo(self.folder / "pipe.vtkhdf")
         for name in ("case.nml", "./case.nml", "lower.geo", "notes.txt"):
             before = (self.folder / name).read_bytes()
-            self.assertIn("'%s' is there already and is no results file" % name,
+            self.assertIn("'%s' exists and is not a results file" % name,
                           self.dotyk("case.nml", "--output", name, code=4))
             self.assertEqual((self.folder / name).read_bytes(), before)
         for name, reason in (("pipe.vtkhdf", "is a pipe"), ("/dev/null", "is a device"), ("far", "is a folder")):
