@@ -266,7 +266,7 @@ contains
     end select
   end subroutine set_given_gap
 
-  !> Error for a pair without projections: the most frequent reason, and advice.
+  !> Error for a pair without projections: a distance beyond the search radius, or the most frequent reason; and advice.
   subroutine explain_no_projection(pair, name_a, name_b, master, x, radius, error)
     !> Contact pair.
     type(contact_pair_t), intent(in) :: pair
@@ -291,7 +291,10 @@ contains
     end do
     n_most = max(pair%n_not_facing, pair%n_outside, pair%n_too_far)
     !$omp critical (message)
-    if (pair%n_too_far == n_most) then
+    if (smallest > radius) then
+      reason = 'all are farther away than search_radius = '//to_text(radius)
+      advice = 'increase search_radius, or check the positions of the bodies'
+    else if (pair%n_too_far == n_most) then
       reason = to_text(n_most)//' are farther away than search_radius = '//to_text(radius)
       advice = 'increase search_radius, or check the positions of the bodies'
     else if (pair%n_outside == n_most) then

@@ -94,7 +94,8 @@ contains
       call set_error(error, quoted(source%path)//' is not a results file of dotyk')
       return
     else if (source%n_members('/dotyk/contact') /= size(pair)) then
-      call set_error(error, quoted(source%path)//' has '//counted(source%n_members('/dotyk/contact'), 'contact pair')// &
+      call set_error(error, quoted(source%path)//' has '// &
+                     counted(source%n_members('/dotyk/contact'), 'contact pair')// &
                      ', and the case has '//to_text(size(pair)))
       return
     end if

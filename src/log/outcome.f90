@@ -66,7 +66,7 @@ contains
     real(dp), intent(in) :: amplitude(:)
     !> Allocated on return: names the bodies that move, and the resultants that move them.
     type(error_t), allocatable, intent(out) :: error
-    character(:), allocatable :: others
+    character(:), allocatable :: others, carried
     real(dp) :: work(size(body)), own_work(size(body))
     logical :: moved(size(body))
     integer :: b, worst, n_named, first(size(body) + 1)
@@ -74,6 +74,7 @@ contains
     ! A body moves if its loads do at least this fraction of the work of the body moved most, or of their own where
     ! nothing is in the way.
     real(dp), parameter :: much = 1.0e-3_dp, something = 1.0e-6_dp
+    integer :: n_carried
     work = 0
     own_work = 0
     first = first_mode(modes)
@@ -97,6 +98,19 @@ contains
                motion_of(b)
     end do
     if (n_named > most_named) others = others//'; likewise '//to_text(n_named - most_named)//' more'
+    ! A support that is missing may be that of a body without loads.
+    carried = ''
+    n_carried = 0
+    do b = 1, size(body)
+      if (moved(b) .or. modes(b)%is_near_null()) cycle
+      if (all(abs(amplitude(first(b):first(b + 1) - 1)) <= much*maxval(abs(amplitude)))) cycle
+      n_carried = n_carried + 1
+      if (n_carried > 1 .and. n_carried <= most_named) carried = carried//', '
+      if (n_carried <= most_named) &
+        carried = carried//quoted(body(b)%name)//' (line '//to_text(case%body(b)%line)//')'
+    end do
+    if (n_carried > most_named) carried = carried//' and '//to_text(n_carried - most_named)//' more'
+    if (n_carried > 0) others = others//'; without loads of their own, '//carried//' would move with it'
     call set_error(error, case%file//':'//to_text(case%body(worst)%line)//': body '//quoted(body(worst)%name)// &
                    ': no equilibrium: the loads do work on a rigid body mode that neither supports nor contact '// &
                    'resist: '//motion_of(worst)//others// &

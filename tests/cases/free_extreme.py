@@ -215,7 +215,10 @@ class FreeExtreme(dotyk_case.Case):
         text += "".join("&support body='%s', surface='bottom', fix='xy' /\n" % name for name in ("step", "floor"))
         text += "".join("&contact name='on %s', surface_a='%s:top', surface_b='beam:bottom', search_radius=10 /\n" %
                         (name, name) for name in ("step", "floor"))
-        self.scene(text + "&load body='beam', force_density=0,-1 /\n")
+        load = "&load body='beam', force_density=0,-1 /\n"
+        self.scene(text.replace("&support body='floor', surface='bottom', fix='xy' /", "") + load)
+        self.refuse("body 'beam'", "no equilibrium", "without loads of their own, 'floor' (line ", ") would move with it")
+        self.scene(text + load)
         log = self.dotyk("case.nml", code=1)
         self.assertIn("not valid: rotation of a body beyond small displacements", log)
         summary = self.results("case.vtkhdf")["dotyk/summary"].attrs
