@@ -51,6 +51,9 @@ module dotyk_control_contact_solution
 
   !> The solution.
   type, public :: contact_solution_t
+    !> The quadratic programme that was solved: the given one, its initial penetration corrected where bodies are
+    !> ill-conditioned.
+    type(contact_qp_t) :: qp
     !> Pressures, amplitudes of the modes, and how the scheme ended; without pressures where there is no solution.
     type(solver_state_t) :: state
     !> Penalty parameters that it belongs to (n_rows) [length/pressure].
@@ -119,8 +122,8 @@ contains
   subroutine solve_contact(problem, qp, compliance, run, goal, monitor, solution, error)
     !> Bodies, modes, factorization reports, pairs.
     type(contact_problem_t), intent(in) :: problem
-    !> Its initial penetration is corrected where bodies are ill-conditioned.
-    type(contact_qp_t), intent(inout) :: qp
+    !> The quadratic programme.
+    type(contact_qp_t), intent(in) :: qp
     !> Its compliance operator; entries that schemes form stay there.
     type(body_compliance_t), intent(inout) :: compliance
     !> The scheme, and its settings with the tolerance that the user gave.
@@ -140,6 +143,7 @@ contains
     if (solution%state%ended == ended_time) then
       now%settings%tolerance = solution%tolerance
     else
+      solution%qp = qp
       allocate (solution%theta_factor(size(problem%pair)), source=1.0_dp)
       call collect_conditioning(problem%classes, problem%report, solution%conditioning)
       if (goal%by_budget) now%settings%tolerance = rough
@@ -147,15 +151,16 @@ contains
     end if
     do
       call monitor%begin_phase(phase_iterate)
-      call now%solve(qp, compliance, solution%theta, problem%n_blas, monitor, solution%state, error)
+      call now%solve(solution%qp, compliance, solution%theta, problem%n_blas, monitor, solution%state, error)
       if (allocated(error)) return
       if (.not. allocated(solution%state%m)) return
-      call find_displacements(problem, qp, compliance, solution%theta, now, monitor, goal%needs_displacements(), &
-                              goal%stress, solution%conditioning, solution%displacements, solution%state, error)
+      call find_displacements(problem, solution%qp, compliance, solution%theta, now, monitor, &
+                              goal%needs_displacements(), goal%stress, solution%conditioning, &
+                              solution%displacements, solution%state, error)
       if (allocated(error)) return
       if (.not. allocated(solution%state%m)) return
       call monitor%begin_phase(phase_estimate)
-      call estimate_errors(problem, qp, compliance, solution%theta, now%settings%linear_solver, &
+      call estimate_errors(problem, solution%qp, compliance, solution%theta, now%settings%linear_solver, &
                            now%scheme%allows_zero_theta(), goal%needs_mesh_error(), goal%needs_penalty_error(), &
                            solution%displacements%body, solution%state, solution%budget, error)
       if (allocated(error)) return

@@ -1,5 +1,6 @@
-!> The contact problem as a quadratic programme: the unilateral (Signorini) problem of discretized bodies. Schemes read
-!> it; only the correction of ill-conditioned bodies replaces its initial penetration (`dotyk_control_correction`).
+!> The contact problem as a quadratic programme: the unilateral (Signorini) problem of discretized bodies. Nothing
+!> writes to it; the correction of ill-conditioned bodies shifts the initial penetration of a copy
+!> (`dotyk_control_correction`).
 !>
 !> In the displacements it is `min u^T K u/2 - f^T u + penalty` subject to the contact rows `B u - d <= 0`; in the
 !> Lagrange multipliers, the contact forces `lambda = W p >= 0`,
