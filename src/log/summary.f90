@@ -105,6 +105,8 @@ contains
     !> The errors.
     type(error_budget_t), intent(in) :: budget
     character(:), allocatable :: line
+    !> Complementarity error, relative, from which on slave elements are too large for what they touch [].
+    real(dp), parameter :: large_contact_error = 0.3_dp
     line = '  relative error   iteration '//part('<=', state%error_bound)
     if (output%error_penalty .or. .not. ieee_is_nan(budget%penalty)) &
       line = line//', penalty '//part('<=', budget%penalty)
@@ -114,6 +116,9 @@ contains
         line = line//', largest in '//quoted(body(maxloc(budget%of_body, 1))%name)
     end if
     call log%line(line)
+    if (budget%contact > large_contact_error) &
+      call log%line('  warning          contact error '//to_text(100*budget%contact, 2)//' %: the contact conditions '// &
+                    'hold in the mean only; refine the slave surface where it touches')
   contains
     !> A bound or an estimate in per cent.
     function part(relation, value) result(text)

@@ -72,10 +72,10 @@ class FreeExtreme(dotyk_case.Case):
         self.write(name + ".geo", block_geo("quad8", n, origin, size))
         return "&body name='%s', mesh='%s.geo', volume='block', material='m' /\n" % (name, name)
 
-    def scene(self, text, solver="theta=0, tolerance=1e-8"):
+    def scene(self, text, solver="theta=0, tolerance=1e-8", errors=""):
         self.write("case.nml", "&scene analysis='plane_strain' /\n&material name='m', young=%r, poisson=0.3 /\n"
                    "%s&solver %s /\n"
-                   "&output fields='displacement contact', error_parts='' /\n" % (YOUNG, text, solver))
+                   "&output fields='displacement contact', error_parts='%s' /\n" % (YOUNG, text, solver, errors))
 
     def solve(self):
         """Run; returns log and results."""
@@ -223,6 +223,22 @@ class FreeExtreme(dotyk_case.Case):
         self.assertIn("not valid: rotation of a body beyond small displacements", log)
         summary = self.results("case.vtkhdf")["dotyk/summary"].attrs
         self.assertEqual((summary["converged"], summary["status"]), (0, b"large_rotation"))
+
+    def test_slave_elements_larger_than_the_contact(self):
+        """A disc of few facets on a floor: bounds and estimates in the energy norm say little, and the log warns. A
+        straight side touches as it should, and it does not."""
+        self.write("disc.geo", DISC.replace("ElementOrder = 2", "ElementOrder = 1"))
+        text = self.block("floor", 8, (-3, -1), (6, 1)) + "&support body='floor', surface='bottom', fix='xy' /\n"
+        disc = "&body name='disc', mesh='disc.geo', volume='disc', material='m' /\n"
+        load = "&load body='disc', force_density=0,-1 /\n"
+        touch = "&contact name='joint', surface_a='disc:%s', surface_b='floor:top' /\n"
+        self.scene(text + disc + load + touch % "rim", errors="discretization")
+        log = self.dotyk("case.nml")
+        error = self.results("case.vtkhdf")["dotyk/summary"].attrs["error_contact"]
+        self.assertGreater(error, 0.3)
+        self.assertIn("warning          contact error %.2g %%" % (100 * error), log.replace("e+", "e"))
+        self.scene(text + self.block("disc", 4, (-1, 0), (2, 1)) + load + touch % "bottom", errors="discretization")
+        self.assertNotIn("contact error", self.dotyk("case.nml"))
 
     def still(self, text):
         """The log of the disc under its weight alone."""
