@@ -284,17 +284,18 @@ contains
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: reason, advice
     real(dp) :: smallest
+    logical :: is_far
     integer :: i, n_most
     smallest = huge(smallest)
     do i = 1, size(x, 2)
       smallest = min(smallest, master%smallest_distance(x(:, i)))
     end do
     n_most = max(pair%n_not_facing, pair%n_outside, pair%n_too_far)
+    ! On a closed surface most points face away from the master, however near it is.
+    is_far = smallest > radius .and. pair%n_too_far > 0
+    if (is_far) n_most = pair%n_unprojected
     !$omp critical (message)
-    if (smallest > radius) then
-      reason = 'all are farther away than search_radius = '//to_text(radius)
-      advice = 'increase search_radius, or check the positions of the bodies'
-    else if (pair%n_too_far == n_most) then
+    if (is_far .or. pair%n_too_far == n_most) then
       reason = to_text(n_most)//' are farther away than search_radius = '//to_text(radius)
       advice = 'increase search_radius, or check the positions of the bodies'
     else if (pair%n_outside == n_most) then
