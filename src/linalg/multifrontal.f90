@@ -9,7 +9,7 @@
 !> thread.
 !>
 !> Why not `cholmod_factorize`. With the same symbolic analysis (docs/speed.md has the figures,
-!> benchmarks/factorization.py measures them) it takes about nine tenths of this code's time for large solid bodies on one
+!> benchmarks/factorization.py measures them) it takes 0.9 of this code's time for large solid bodies on one
 !> thread, and up to twice its time for small and plane ones, whose fronts are small. Its digits depend on the number
 !> of BLAS threads where one large body uses several. An interrupt ends this factorization within a second; CHOLMOD
 !> has no way out. This code may go when a library does all of it: subtrees in parallel, the same digits on any number

@@ -117,8 +117,8 @@ contains
     end if
     call log%line(line)
     if (budget%contact > large_contact_error) &
-      call log%line('  warning          contact error '//to_text(100*budget%contact, 2)//' %: the contact conditions '// &
-                    'hold in the mean only; refine the slave surface where it touches')
+      call log%line('  warning          contact error '//to_text(100*budget%contact, 2)// &
+                    ' %: the contact conditions hold in the mean only; refine the slave surface where it touches')
   contains
     !> A bound or an estimate in per cent.
     function part(relation, value) result(text)
