@@ -112,10 +112,10 @@ contains
     type(solver_settings_t), intent(in) :: settings
     !> L is not estimated again where the state has it.
     type(solver_state_t), intent(inout) :: state
-    type(solver_state_t) :: start
+    type(solver_state_t) :: start, empty
     call move_alloc(state%m, start%m)
     start%lambda_max = state%lambda_max
-    state = solver_state_t()
+    state = empty
     state%y = qp%initial_penetration
     allocate (state%alpha(0))
     allocate (state%m(qp%n_rows), source=0.0_dp)
