@@ -154,7 +154,7 @@ contains
   pure function without(vector, i) result(others)
     !> The vector (n) [].
     real(dp), intent(in) :: vector(:)
-    !> Index of the component that is left out.
+    !> Index of the component that is eliminated.
     integer, intent(in) :: i
     real(dp) :: others(size(vector) - 1)
     others = [vector(:i - 1), vector(i + 1:)]

@@ -114,9 +114,9 @@ contains
     real(dp), intent(out) :: centre(3)
     !> Half of the diagonal of this box [length].
     real(dp), intent(out) :: radius
-    !> Orthonormal free motions in the first n columns (6, 6) [].
+    !> Orthonormal rigid body modes in the first n columns (6, 6) [].
     real(dp), intent(out) :: free(6, 6)
-    !> Number of free motions.
+    !> Number of rigid body modes that the supports leave.
     integer, intent(out) :: n
     type(error_t), allocatable :: error
     real(dp), allocatable :: held_displacement(:, :)

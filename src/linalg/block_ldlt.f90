@@ -5,7 +5,7 @@
 !> is positive definite, and the factorization is Cholesky's. Pivoting is not needed (Vanderbei, SIAM J. Optim. 5, 1995,
 !> for definite H): a block of H that is eliminated after all blocks of M that it couples to is then the negative Schur
 !> complement `-(H + G^T M^{-1} G)`. Where this is singular, its null directions couple to nothing that remains; they
-!> are detected by eigenvalues and left out, so that the factor gives a generalized inverse and, by
+!> are detected by eigenvalues and deflated, so that the factor gives a generalized inverse and, by
 !> `dotyk_linalg_block_ldlt_solution`, the null space of A.
 !>
 !> The factor is `L D L^T` with D = 1 for columns of M and -1 for columns of H. The numeric phase is multifrontal: dense

@@ -224,7 +224,7 @@ contains
           if (of_body%n_near_null > 0) &
             line = line//', '//to_text(of_body%condition_left, 2)//' with '// &
                    counted(of_body%n_near_null, 'near-null-space mode')//' deflated'
-          line = line//', '//to_text(of_body%lost_digits())//' of 16 digits lost'
+          line = line//', loss of significance '//to_text(of_body%lost_digits())//' of 16 digits'
           if (of_body%n_steps > 0) line = line//'; '
         end if
         if (of_body%n_steps > 0) line = line//counted(of_body%n_steps, 'step')//' of iterative refinement'

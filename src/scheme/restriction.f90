@@ -99,7 +99,7 @@ contains
   subroutine join_rows(qp, group, n_groups, joined, fraction)
     !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
-    !> Group of each row, 0 where it is left out (n_rows).
+    !> Group of each row, 0 where it is not in the aggregation (n_rows).
     integer, intent(in) :: group(:)
     !> Number of groups.
     integer, intent(in) :: n_groups
@@ -140,7 +140,7 @@ contains
 
   !> Weighted means of values over groups.
   pure function aggregate_values(group, n_groups, fraction, value) result(mean)
-    !> Group of each row, 0 where it is left out (n_rows).
+    !> Group of each row, 0 where it is not in the aggregation (n_rows).
     integer, intent(in) :: group(:)
     !> Number of groups.
     integer, intent(in) :: n_groups
@@ -161,7 +161,7 @@ contains
   subroutine join_block(fine, group, n_groups, fraction, joined)
     !> The body's rows.
     type(contact_block_t), intent(in) :: fine
-    !> Group of each row, 0 where it is left out (n_rows).
+    !> Group of each row, 0 where it is not in the aggregation (n_rows).
     integer, intent(in) :: group(:)
     !> Number of groups.
     integer, intent(in) :: n_groups
@@ -199,7 +199,7 @@ contains
   subroutine join_modes(qp, group, fraction, block, n_groups, coarse)
     !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
-    !> Group of each row, 0 where it is left out (n_rows).
+    !> Group of each row, 0 where it is not in the aggregation (n_rows).
     integer, intent(in) :: group(:)
     !> Fraction of each row in the weight of its group (n_rows) [].
     real(dp), intent(in) :: fraction(:)
