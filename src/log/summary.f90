@@ -3,6 +3,7 @@ module dotyk_log_summary
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
+  use dotyk_base_options, only: stop_increment, stop_paper
   use dotyk_base_text, only: counted, quoted, to_text
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_control_conditioning, only: conditioning_t
@@ -17,7 +18,7 @@ module dotyk_log_summary
   use dotyk_log_timing, only: timing_t
   use dotyk_scheme_bounds, only: gamma_limit
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_limit, ended_diverged, &
-    ended_cycling, ended_interrupted, ended_rotated, ended_rounds, ended_unbalanced
+    ended_cycling, ended_interrupted, ended_rotated, ended_rounds, ended_unbalanced, ended_unverified
   implicit none
   private
   public :: show_solution, show_pair_results, show_timing
@@ -61,7 +62,7 @@ contains
     integer, intent(in) :: n_sweeps
     !> Time of the scheme [s].
     real(dp), intent(in) :: seconds
-    character(:), allocatable :: predicted
+    character(:), allocatable :: predicted, bound
     call log%line('')
     if (size(state%m) == 0) then
       call log%line('  solved           no contact, '//duration(seconds))
@@ -71,14 +72,24 @@ contains
     call log%line('  '//outcome(state)//' after '//counted(state%iterations, 'iteration')//' (at most '// &
                   counted(n_sweeps, 'right-hand side')//' per body), '//duration(seconds))
     if (state%error_bound < huge(tolerance)) then
-      call log%line('  error bound      '//to_text(state%error_bound, 3)// &
-                    ' of the energy norm of the solution, guaranteed (tolerance '//to_text(tolerance)//')')
+      bound = to_text(state%error_bound, 3)//' of the energy norm of the solution, guaranteed'
     else
-      call log%line('  error bound      unknown (tolerance '//to_text(tolerance)//')')
+      bound = 'unknown'
     end if
-    if (state%ended == ended_converged .and. state%error_bound > tolerance) &
-      call log%line('  rounding         the error bound exceeds the tolerance by rounding of the displacements: '// &
-                    'double precision has no better solution')
+    select case (state%stop_rule)
+    case (stop_increment, stop_paper)
+      ! The tolerance is not one of the bound.
+      call log%line('  stop_rule        '//rule_met(state, tolerance))
+      call log%line('  error bound      '//bound)
+      if (state%ended == ended_unverified) &
+        call log%line("  unverified       the error bound does not confirm this iterate; use stop_rule='residual' "// &
+                      'or a smaller tolerance')
+    case default
+      call log%line('  error bound      '//bound//' (tolerance '//to_text(tolerance)//')')
+      if (state%ended == ended_converged .and. state%error_bound > tolerance) &
+        call log%line('  rounding         the error bound exceeds the tolerance by rounding of the displacements: '// &
+                      'double precision has no better solution')
+    end select
     if (.not. ieee_is_nan(state%error_bound_paper)) &
       call log%line('  bound (41)       '//to_text(state%error_bound_paper, 3)//' (a priori, Theorem 4)')
     predicted = ''
@@ -233,6 +244,21 @@ contains
     end do
   end subroutine show_conditioning
 
+  !> Which rule without guarantee ended the iteration.
+  function rule_met(state, tolerance) result(text)
+    !> State of the scheme, ended by the rule `increment` or `paper`.
+    type(solver_state_t), intent(in) :: state
+    !> Tolerance of the rule [].
+    real(dp), intent(in) :: tolerance
+    character(:), allocatable :: text
+    if (state%stop_rule == stop_increment) then
+      text = "'increment' is met: the last increment, "//to_text(state%history%increment(state%history%n), 3)
+    else
+      text = "'paper' is met: the bound (41), "//to_text(state%error_bound_paper, 3)
+    end if
+    text = text//', does not exceed the tolerance '//to_text(tolerance)
+  end function rule_met
+
   !> How a scheme ended.
   function outcome(state) result(text)
     !> State of the scheme.
@@ -253,6 +279,8 @@ contains
       text = 'not converged: contact forces do not balance the loads of floating bodies; ended'
     case (ended_rotated)
       text = 'not valid: rotation of a body beyond small displacements; ended'
+    case (ended_unverified)
+      text = 'not converged: stop_rule met by an iterate without a useful error bound; ended'
     case (ended_rounds)
       text = 'not converged: iteration error above its share (budget_fraction) of the other errors'
     case default

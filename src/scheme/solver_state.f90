@@ -4,6 +4,7 @@
 !> contact.
 module dotyk_scheme_solver_state
   use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: stop_residual
   use dotyk_scheme_history, only: history_t
   implicit none
   private
@@ -21,6 +22,10 @@ module dotyk_scheme_solver_state
   integer, parameter, public :: ended_cycling = 10  !< active sets come again, after the interior-point method too
   integer, parameter, public :: ended_unbalanced = 11  !< contact forces do not balance the loads of floating bodies
   integer, parameter, public :: ended_rotated = 12  !< a body rotates by more than linear kinematics can describe
+  integer, parameter, public :: ended_unverified = 13  !< a rule without guarantee is met, and no bound confirms it
+
+  !> Relative error bounds above this confirm nothing: they leave less than one digit of the solution [].
+  real(dp), parameter :: largest_confirming_bound = 0.5_dp
 
   !> What a scheme needs beside the state to continue an iteration that the time limit stopped. Each scheme that can
   !> continue has an extension.
@@ -43,6 +48,8 @@ module dotyk_scheme_solver_state
     real(dp), allocatable :: unbounded(:)
     !> How it ended: one of the parameters above.
     integer :: ended = ended_limit
+    !> Rule that the iteration ended by where it converged: one of `stop_*` of dotyk_base_options.
+    integer :: stop_rule = stop_residual
     !> Steps done.
     integer :: iterations = 0
     !> Inactive rows that were screened, and never entered the working set.
@@ -74,7 +81,8 @@ module dotyk_scheme_solver_state
 contains
 
   !> Add rounding to the error bound. Where rounding alone exceeds the tolerance, the tolerance has not been reached,
-  !> unless no result in double precision could be more accurate.
+  !> unless no result in double precision could be more accurate. Where a rule other than the bound ended the iteration,
+  !> the bound decides whether the iterate is a solution: an increment is small where gamma is, at any distance.
   subroutine state_add_rounding(self, rounding, unavoidable, tolerance)
     !> The state.
     class(solver_state_t), intent(inout) :: self
@@ -84,6 +92,8 @@ contains
     real(dp), intent(in) :: tolerance
     if (self%error_bound < huge(rounding)) self%error_bound = self%error_bound + rounding
     if (self%ended == ended_converged .and. rounding > max(tolerance, unavoidable)) self%ended = ended_stalled
+    if (self%ended == ended_converged .and. self%stop_rule /= stop_residual .and. &
+        .not. self%error_bound <= largest_confirming_bound) self%ended = ended_unverified
     if (self%history%n > 0) self%history%error_bound(self%history%n) = self%error_bound
   end subroutine state_add_rounding
 
@@ -113,6 +123,8 @@ contains
       name = 'unbalanced'
     case (ended_rotated)
       name = 'large_rotation'
+    case (ended_unverified)
+      name = 'unverified'
     case default
       name = 'not solvable'
     end select

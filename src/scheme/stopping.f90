@@ -187,6 +187,7 @@ contains
     end select
     if (measure <= self%settings%tolerance) then
       state%ended = ended_converged
+      state%stop_rule = self%settings%stop_rule
       return
     end if
     self%shortest = min(self%shortest, length)

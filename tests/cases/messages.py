@@ -230,6 +230,25 @@ class Messages(dotyk_case.Case):
         self.scene(("tolerance=1e-8", "gamma_rule='fixed', gamma=%r" % (0.95 * limit)))
         self.dotyk("case.nml")
 
+    def test_increment_is_no_error(self):
+        """A small gamma makes a small increment at any distance from the solution."""
+        self.scene(("theta_relative=1, tolerance=1e-8",
+                    "scheme='neumann', theta_relative=1e-3, stop_rule='increment', gamma_rule='fixed', gamma=1e-6, "
+                    "tolerance=1e-2"))
+        text = self.dotyk("case.nml", code=1)
+        self.assertIn("not converged: stop_rule met by an iterate without a useful error bound", text)
+        self.assertRegex(text, r"\n  stop_rule +'increment' is met: the last increment, [^ ]+, does not exceed the tolerance")
+        self.assertNotIn("rounding", text)
+        summary = self.results("case.vtkhdf")["dotyk/summary"].attrs
+        self.assertEqual((summary["converged"], summary["status"]), (0, b"unverified"))
+        self.assertGreater(summary["error_bound"], 0.5)
+        # The same rule near the solution is a convergence criterion, and the bound is said without blaming rounding.
+        self.scene(("theta_relative=1, tolerance=1e-8",
+                    "scheme='neumann', theta_relative=1e-1, stop_rule='increment', tolerance=1e-4"))
+        text = self.dotyk("case.nml")
+        self.assertRegex(text, r"\n  stop_rule +'increment' is met")
+        self.assertNotIn("rounding", text)
+
     # Not written: 4
 
     def test_no_output_folder(self):
