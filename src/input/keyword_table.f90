@@ -260,28 +260,31 @@ contains
                   'penalty error would exceed the discretization error')
     call list%add('linear_solver', kind_name, names=linear_solver_names, &
                   default=option_name(linear_solver_names, default_linear_solver), &
-                  meaning='linear systems of the active set in the dual scheme: direct, columns of the compliance '// &
-                  'and a factorization; iterative, conjugate gradients; auto, the cheaper one')
+                  meaning='linear systems of the active set in the dual scheme, which also estimates the penalty '// &
+                  'error of other schemes: direct, columns of the compliance and a factorization; iterative, '// &
+                  'conjugate gradients; auto, the cheaper one')
     call list%add('response', kind_name, names=response_names, default=option_name(response_names, default_response), &
-                  meaning='compliance operator of a body: full, solves with the factor of its stiffness; '// &
-                  'compliance, its dense compliance matrix at the contact unknowns, formed once; auto, the cheaper '// &
-                  'one for each body')
+                  meaning='compliance operator of a body in neumann, nesterov, anderson and secant: full, solves '// &
+                  'with the factor of its stiffness; compliance, its dense compliance matrix at the contact '// &
+                  'unknowns, formed once; auto, the cheaper one for each body; dual and robin form dense compliances')
     call list%add('gamma_rule', kind_name, names=gamma_rule_names, &
                   default=option_name(gamma_rule_names, default_gamma_rule), &
-                  meaning='relaxation parameter of the neumann scheme: spectral, 2/(2+L); theory, 1/(1+L)^2; '// &
-                  'fixed, gamma; L is the largest eigenvalue of compliance over theta')
+                  meaning='relaxation parameter of neumann, robin, anderson and secant: spectral, 2/(2+L); theory, '// &
+                  '1/(1+L)^2; fixed, gamma; L is the largest eigenvalue of compliance over theta; if absent and '// &
+                  'gamma is given, fixed')
     call list%add('gamma', kind_real, positive=.true., &
-                  meaning='relaxation parameter for gamma_rule=''fixed''')
+                  meaning='relaxation parameter; alone it means gamma_rule=''fixed''')
     call list%add('stop_rule', kind_name, names=stop_rule_names, &
                   meaning='convergence criterion: residual, guaranteed error bound below tolerance; paper, bound '// &
-                  '(41) below tolerance; increment, last increment below tolerance; budget, guaranteed error bound '// &
+                  '(41) below tolerance (neumann, robin); increment, last increment below tolerance (not dual; no '// &
+                  'measure of the error: not converged where the bound exceeds 0.5); budget, guaranteed error bound '// &
                   'below budget_fraction times the penalty and discretization errors; if absent, budget if neither '// &
                   'tolerance nor any theta is given, else residual')
     call list%add('budget_fraction', kind_real, default=to_text(default_budget_fraction), positive=.true., &
                   meaning='largest iteration error as a fraction of the penalty and discretization errors, for '// &
                   'stop_rule=''budget''')
     call list%add('tolerance', kind_real, default=to_text(default_tolerance), positive=.true., &
-                  meaning='relative tolerance of stop_rule in the energy norm')
+                  meaning='relative tolerance of stop_rule in the energy norm; not with stop_rule=''budget''')
     call list%add('max_iterations', kind_integer, default=to_text(default_max_iterations), positive=.true., &
                   meaning='largest number of iterations')
     call list%add('locking', kind_name, names=locking_names, default=option_name(locking_names, default_locking), &

@@ -14,6 +14,7 @@ module dotyk_input_parse
   use dotyk_input_problems, only: no_line, problems_t
   use dotyk_input_reader, only: group_t, read_groups
   use dotyk_input_settings, only: read_output, read_scene, read_solver
+  use dotyk_input_solver_checks, only: check_solver_keys
   use dotyk_input_values, only: gather_names, is_given, is_usable, names_t, pick_groups
   implicit none
   private
@@ -141,6 +142,8 @@ contains
       if (size(case%contact) > 0 .and. .not. is_given(solver, 'tolerance') .and. .not. any(case%contact%theta_given)) &
         case%solver%stop_rule = stop_budget
     end if
+    call check_solver_keys(solver, case%solver, case%output%error_penalty .or. case%solver%stop_rule == stop_budget &
+                           .or. .not. all(case%contact%theta_given), problems)
 
   contains
 

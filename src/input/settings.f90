@@ -85,6 +85,7 @@ contains
     solver%response = integer_of(group, 'response')
     solver%gamma_rule = integer_of(group, 'gamma_rule')
     solver%gamma = real_of(group, 'gamma')
+    if (is_given(group, 'gamma') .and. .not. is_given(group, 'gamma_rule')) solver%gamma_rule = gamma_fixed
     if (is_usable(group, 'gamma_rule')) then
       if (is_given(group, 'gamma') .and. solver%gamma_rule /= gamma_fixed) &
         call report(problems, group, 'gamma', 'gamma is given, but gamma_rule is not ''fixed''')
@@ -92,14 +93,12 @@ contains
         call report(problems, group, 'gamma_rule', '''gamma'' is missing: gamma_rule is ''fixed''')
     end if
     solver%stop_rule = integer_of(group, 'stop_rule')
-    ! These keys exist for the Neumann scheme alone.
+    ! The options of the paper select its scheme.
     if (solver%scheme == scheme_auto .and. (is_given(group, 'gamma') .or. is_given(group, 'gamma_rule') .or. &
                                             solver%stop_rule == stop_paper)) solver%scheme = scheme_neumann
     if (.not. solver%theta_given) &
       solver%theta = merge(default_theta_dual, default_theta_other, &
                            solver%scheme == scheme_auto .or. solver%scheme == scheme_dual)
-    if (solver%stop_rule == stop_paper .and. is_usable(group, 'scheme') .and. solver%scheme /= scheme_neumann) &
-      call report(problems, group, 'stop_rule', 'stop_rule=''paper'' is for scheme=''neumann'', which (41) is about')
     solver%budget_fraction = real_of(group, 'budget_fraction')
     solver%tolerance = real_of(group, 'tolerance')
     solver%max_iterations = integer_of(group, 'max_iterations')

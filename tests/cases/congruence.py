@@ -86,7 +86,7 @@ class Congruence(dotyk_case.Case):
             self.assertEqual(self.class_of[first - 1], first, self.class_of)
         self.assertIn("%d bodies in %d congruence class%s: %d factorization"
                       % (n, classes, "es"[:2*(classes > 1)], classes), self.printed)
-        if "response='full'" in solver:
+        if "linear_solver='direct'" in solver:
             self.assertAlmostEqual(self.summary["factor_nonzeros"] / entries, classes / n, delta=0.5 * classes / n)
         self.compare(own, shared, tolerance)
         return shared
@@ -128,10 +128,10 @@ class Congruence(dotyk_case.Case):
         self.compare(found, drawn)
 
     def test_chain(self):
-        self.check_chain("hex8", "response='full'")
-        self.check_chain("tet10", "response='compliance'", theta=1e-3)
+        self.check_chain("hex8", "linear_solver='direct'")
+        self.check_chain("tet10", "linear_solver='direct'", theta=1e-3)
         self.check_chain("tet4", "linear_solver='iterative'", theta=1e-3)
-        self.check_chain("quad8", "response='full'")
+        self.check_chain("quad8", "linear_solver='direct'")
 
     def pair(self, d, upper, value):
         """A block on the ground and a block above it, upside down and turned, with its bottom pushed against the
@@ -146,7 +146,8 @@ class Congruence(dotyk_case.Case):
     def test_turned_pair(self):
         """Turned about a horizontal axis; then about a skew one too, so that the faces do not match."""
         self.write("block.geo", block_geo("tet10", 2, (-0.5, -0.5, 0), (1, 1, 1)))
-        for solver in ("response='full'", "response='compliance'", "scheme='neumann'", "scheme='robin'"):
+        for solver in ("linear_solver='direct'", "linear_solver='iterative'", "scheme='neumann', response='full'",
+                       "scheme='neumann', response='compliance'", "scheme='robin'"):
             theta = ("theta_relative=1, tolerance=1e-11, " if "scheme" in solver
                      else "theta_relative=1e-3, tolerance=1e-12, ")
             found = self.check(self.pair(3, "at=0, 0, 2, axis=1, 0.3, 0, angle=180", "0, 0, -1e-3"), 1, theta + solver,
@@ -201,8 +202,8 @@ class Congruence(dotyk_case.Case):
         lines += ["&contact name='c%d', surface_a='b%d:top', surface_b='b%d:%s' /"
                   % (k, k - 1, k, "top" if k == 4 else "bottom")
                   for k in range(1, 5)]
-        for response in ("full", "compliance"):
-            found = self.check(lines, 2, "theta_relative=1e-3, tolerance=1e-12, response='%s'" % response, 1e-9)
+        for choice in ("direct", "iterative"):
+            found = self.check(lines, 2, "theta_relative=1e-3, tolerance=1e-12, linear_solver='%s'" % choice, 1e-9)
             forces = found["forces"]  # on the lower body
             self.assertLess(forces[0][2], -1e-3)
             np.testing.assert_allclose(forces, forces[:1].repeat(4, 0), rtol=0, atol=1e-9 * abs(forces[0][2]))

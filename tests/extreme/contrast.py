@@ -8,7 +8,7 @@ from stack import Layer, stack
 
 CONTRASTS = ["1e%d" % k for k in (-8, -6, -4, -2, 0, 2, 4, 6, 8)]
 THETAS = ["1e2", "1", "1e-2", "1e-4", "1e-6", "1e-8", "1e-10", "1e-12", "0"]
-WAYS = ["response='full'", "response='compliance'", "linear_solver='iterative'"]
+WAYS = ["linear_solver='direct'", "linear_solver='iterative'"]
 
 
 def scenes(grid):

@@ -91,8 +91,8 @@ def stack(rng):
         if i > 0:
             text += "&contact name='%s', surface_a='%s:low', surface_b='%s:high' /\n" % (name, name, names[i - 1])
     text += SOLVER % rng.choice(["theta=0, tolerance=1e-8,", "theta_mesh=1e-3,",
-                                 "scheme='dual', linear_solver='iterative',", "response='compliance', theta=0,",
-                                 "response='full',", ""])
+                                 "scheme='dual', linear_solver='iterative',", "linear_solver='direct', theta=0,",
+                                 "response='auto',", ""])
     text += rng.choice(OUTPUTS)
     return Scene("stack", text, {"a.msh": blocks(kind, rng.choice([1, 2]), rng.choice([0, 0.05]), 0.0, names)})
 

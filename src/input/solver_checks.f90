@@ -1,0 +1,110 @@
+!> Keys of `&solver` that the chosen scheme or stopping rule would ignore are mistakes of the input.
+module dotyk_input_solver_checks
+  use dotyk_base_options, only: linear_solver_auto, option_name, response_auto, response_full, scheme_anderson, &
+    scheme_auto, scheme_dual, scheme_names, scheme_nesterov, scheme_neumann, scheme_robin, scheme_secant, &
+    stop_budget, stop_increment, stop_paper, stop_rule_names
+  use dotyk_input_case, only: solver_input_t
+  use dotyk_input_problems, only: problems_t
+  use dotyk_input_reader, only: group_t
+  use dotyk_input_values, only: is_given, is_usable, report
+  implicit none
+  private
+  public :: check_solver_keys
+
+  !> Schemes that take gamma from the input. The dual scheme has none, Nesterov's needs 1/(1+L).
+  integer, parameter :: relaxed_schemes(4) = [scheme_neumann, scheme_robin, scheme_anderson, scheme_secant]
+  !> Schemes that (41) is about.
+  integer, parameter :: schemes_of_paper(2) = [scheme_neumann, scheme_robin]
+  !> Schemes that take products with the compliance one by one, in the form that the user chooses.
+  integer, parameter :: product_schemes(4) = [scheme_neumann, scheme_nesterov, scheme_anderson, scheme_secant]
+
+contains
+
+  !> Report every given key that has no effect.
+  subroutine check_solver_keys(group, solver, wants_penalty_error, problems)
+    !> Checked group.
+    type(group_t), intent(in) :: group
+    !> What was read from it, with scheme and stopping rule resolved.
+    type(solver_input_t), intent(in) :: solver
+    !> Whether the penalty error is estimated, by the dual scheme.
+    logical, intent(in) :: wants_penalty_error
+    !> Problems of the file; mistakes are added.
+    type(problems_t), intent(inout) :: problems
+    character(:), allocatable :: name
+    integer :: scheme
+    if (is_usable(group, 'scheme')) then
+      scheme = merge(scheme_dual, solver%scheme, solver%scheme == scheme_auto)
+      name = 'scheme='''//option_name(scheme_names, scheme)//''''
+      call check_relaxation('gamma')
+      call check_relaxation('gamma_rule')
+      call check_stop_rule()
+      call check_response()
+      if (scheme /= scheme_dual .and. .not. wants_penalty_error .and. is_usable(group, 'linear_solver') .and. &
+          solver%linear_solver /= linear_solver_auto) &
+        call report(problems, group, 'linear_solver', 'linear_solver is for scheme=''dual'' and estimates of the '// &
+                    'penalty error, and this run has neither; remove it')
+    end if
+    call check_tolerances()
+
+  contains
+
+    !> gamma and gamma_rule.
+    subroutine check_relaxation(key)
+      !> 'gamma' or 'gamma_rule'.
+      character(*), intent(in) :: key
+      if (.not. is_given(group, key) .or. any(scheme == relaxed_schemes)) return
+      call report(problems, group, key, key//' is for scheme='//list_of(relaxed_schemes)//'; '//name// &
+                  ' does not use it: remove it or choose another scheme')
+    end subroutine check_relaxation
+
+    !> Stopping rules: the active sets of the dual scheme have no increment, and (41) is a theorem on the paper's
+    !> iteration.
+    subroutine check_stop_rule()
+      if (.not. is_given(group, 'stop_rule') .or. .not. is_usable(group, 'stop_rule')) return
+      if (solver%stop_rule == stop_paper .and. all(scheme /= schemes_of_paper)) &
+        call report(problems, group, 'stop_rule', 'stop_rule=''paper'' is for scheme='//list_of(schemes_of_paper)// &
+                    ', which (41) is about; '//name//' ends by ''residual'' or ''budget''')
+      if (solver%stop_rule == stop_increment .and. scheme == scheme_dual) &
+        call report(problems, group, 'stop_rule', 'stop_rule=''increment'' is for iterative schemes; '//name// &
+                    ' ends by ''residual'' or ''budget'': choose one of these or another scheme')
+    end subroutine check_stop_rule
+
+    !> The compliance operator of a body: the dual scheme and robin form the matrices that they need.
+    subroutine check_response()
+      if (.not. is_usable(group, 'response') .or. solver%response == response_auto) return
+      if (any(scheme == product_schemes)) return
+      if (scheme == scheme_robin .and. solver%response /= response_full) return
+      call report(problems, group, 'response', 'response is for scheme='//list_of(product_schemes)//'; '//name// &
+                  ' forms the dense compliances that it needs: remove response')
+    end subroutine check_response
+
+    !> The tolerance of the rule that is in force, and that of the other one.
+    subroutine check_tolerances()
+      if (is_given(group, 'stop_rule') .and. .not. is_usable(group, 'stop_rule')) return
+      if (solver%stop_rule == stop_budget .and. is_given(group, 'tolerance')) &
+        call report(problems, group, 'tolerance', 'tolerance is not used by stop_rule=''budget'', which ends at '// &
+                    'budget_fraction of the other errors; remove tolerance or change stop_rule')
+      if (solver%stop_rule /= stop_budget .and. is_given(group, 'budget_fraction')) &
+        call report(problems, group, 'budget_fraction', 'budget_fraction is for stop_rule=''budget'', and the rule '// &
+                    'of this run is '''//option_name(stop_rule_names, solver%stop_rule)// &
+                    '''; add stop_rule=''budget'' or remove budget_fraction')
+    end subroutine check_tolerances
+  end subroutine check_solver_keys
+
+  !> Names of schemes: 'a', 'b' or 'c'.
+  pure function list_of(schemes) result(text)
+    !> Some of `scheme_*`, at least one (n).
+    integer, intent(in) :: schemes(:)
+    character(:), allocatable :: text
+    integer :: k
+    text = ''''//option_name(scheme_names, schemes(1))//''''
+    do k = 2, size(schemes)
+      if (k < size(schemes)) then
+        text = text//', '
+      else
+        text = text//' or '
+      end if
+      text = text//''''//option_name(scheme_names, schemes(k))//''''
+    end do
+  end function list_of
+end module dotyk_input_solver_checks
