@@ -3,11 +3,11 @@ module dotyk_linalg_dense
   use dotyk_base_kinds, only: dp
   use dotyk_base_error, only: error_t, set_error, exit_not_solvable
   use dotyk_base_text, only: to_text
-  use dotyk_linalg_lapack, only: dgelsy, dgesv, dgesvd, dstevx, dsyev
+  use dotyk_linalg_lapack, only: dgelsy, dgesv, dgesvd, dpotrf, dstevx, dsyev
   implicit none
   private
   public :: symmetric_eigen, right_singular_vectors, solve_dense, least_squares, orthonormal_range, complete_basis, &
-    largest_tridiagonal_eigenpair
+    largest_tridiagonal_eigenpair, cholesky_factor
 
   !> An axis replaces the best one so far where its part outside the span is longer by this factor: equal lengths differ
   !> by rounding only, and the choice must not depend on that.
@@ -45,6 +45,38 @@ contains
     values(:) = w
     vectors(:, :) = v
   end subroutine symmetric_eigen
+
+  !> Cholesky factor of a positive semidefinite matrix, shifted by as little of its largest diagonal entry as LAPACK
+  !> needs: a multiple of the rounding of the entries.
+  subroutine cholesky_factor(a, factor, error)
+    !> The matrix (n, n) [any]; its lower triangle is read.
+    real(dp), intent(in) :: a(:, :)
+    !> L with A = L L^T, zero above the diagonal (n, n) [sqrt(A)].
+    real(dp), allocatable, intent(out) :: factor(:, :)
+    !> The matrix is not positive semidefinite, or an entry is not finite.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp) :: shift, largest
+    integer :: i, n, failed
+    real(dp), parameter :: most_shift = 1.0e-8_dp
+    n = size(a, 1)
+    allocate (factor(n, n))
+    if (n == 0) return
+    largest = maxval([(a(i, i), i=1, n)])
+    shift = n*epsilon(shift)
+    failed = 1
+    do while (shift < most_shift .and. failed /= 0)
+      factor = a
+      do i = 1, n
+        factor(i, i) = factor(i, i) + shift*largest
+        factor(:i - 1, i) = 0
+      end do
+      failed = 1
+      if (all(abs(factor) <= huge(1.0_dp))) call dpotrf('L', n, factor, n, failed)
+      shift = 10*shift
+    end do
+    if (failed /= 0) call set_error(error, 'a matrix of order '//to_text(n)//' is not positive semidefinite', &
+                                    exit_not_solvable)
+  end subroutine cholesky_factor
 
   !> Singular values and right singular vectors of a matrix with few columns, which give its null space to full
   !> accuracy.

@@ -16,7 +16,6 @@ module dotyk_log_summary
   use dotyk_input_case, only: output_input_t
   use dotyk_log_progress, only: duration
   use dotyk_log_timing, only: timing_t
-  use dotyk_scheme_bounds, only: gamma_limit
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_limit, ended_diverged, &
     ended_cycling, ended_interrupted, ended_rotated, ended_rounds, ended_unbalanced, ended_unverified
   implicit none
@@ -98,9 +97,9 @@ contains
       call log%line('  convergence      factor '//to_text(state%q_measured, 6)//' per iteration measured'//predicted)
     call log%line('  max penetration  '//to_text(state%max_penetration, 4))
     call log%line('  potential energy '//to_text(state%energy, 10))
-    if (state%ended == ended_diverged) &
-      call log%line('  diverged         gamma = '//to_text(state%gamma)//' exceeds the stability limit 2/(1+L) = '// &
-                    to_text(gamma_limit(state%lambda_max))//"; use gamma_rule='spectral' or a smaller gamma")
+    if (state%ended == ended_diverged .and. allocated(state%constants)) &
+      call log%line('  diverged         gamma = '//to_text(state%gamma)//' exceeds the stability limit '// &
+                    to_text(state%constants%gamma_limit())//"; use gamma_rule='spectral' or a smaller gamma")
   end subroutine show_state
 
   !> The contributions to the error, as far as they were asked for.

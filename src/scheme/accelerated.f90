@@ -9,11 +9,12 @@ module dotyk_scheme_accelerated
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_linalg_dense, only: solve_dense
-  use dotyk_scheme_bounds, only: contraction
+  use dotyk_scheme_bounds, only: iteration_constants_t, neumann_constants
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_monitor, only: monitor_t
   use dotyk_scheme_neumann, only: begin_iteration, evaluate_step, finish_iteration
+  use dotyk_scheme_relaxation, only: estimate_lambda_max, relaxation_parameter
   use dotyk_scheme_scheme, only: scheme_t
   use dotyk_scheme_solver_state, only: paused_t, solver_state_t
   use dotyk_scheme_stopping, only: iteration_t, solver_settings_t, take_up
@@ -190,8 +191,9 @@ contains
     !> Whether the first iterate is the last one.
     logical, intent(out) :: finished
     type(accelerated_t), allocatable :: now
+    type(iteration_constants_t) :: constants
     integer :: n
-    call begin_iteration(qp, compliance, theta, settings, state)
+    call begin_iteration(qp, compliance, state)
     allocate (now)
     finished = .true.
     n = size(state%m)
@@ -199,11 +201,14 @@ contains
       allocate (now%p(n), now%z(n))
       allocate (now%changes%f_m(n, n_remembered), now%changes%f_y(n, n_remembered))
       allocate (now%changes%g_m(n, n_remembered), now%changes%g_y(n, n_remembered))
+      if (.not. state%lambda_max > 0) call estimate_lambda_max(qp, compliance, theta, state%lambda_max)
+      constants = neumann_constants(state%lambda_max)
+      state%gamma = relaxation_parameter(settings%gamma_rule, constants, settings%gamma)
       ! No contraction factor is proven.
       state%q_predicted = ieee_value(state%q_predicted, ieee_quiet_nan)
       ! A gamma that is too large is reduced by the safeguard, which takes steps: hence the patience of a contracting
       ! iteration.
-      call now%stopping%begin(settings, contraction(2/(2 + state%lambda_max), state%lambda_max), safeguarded=.true.)
+      call now%stopping%begin(settings, constants%contraction(constants%best_gamma()), safeguarded=.true.)
       call measure(qp, compliance, theta, now, monitor, state, finished)
     end if
     call move_alloc(now, paused)

@@ -1,13 +1,48 @@
-!> How far an iterate can be from the solution of the penalty problem (19): three bounds in the energy norm
-!> (docs/theory.md).
+!> How far an iterate can be from the solution of the penalty problem (19), and how fast the general iteration (32)
+!> comes nearer: the duality gap, and the numbers of Theorems 3 and 4 (docs/theory.md).
 module dotyk_scheme_bounds
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use dotyk_base_kinds, only: dp
   implicit none
   private
-  public :: duality_gap, contraction, contraction_of_paper, gamma_limit, gamma_limit_of_paper, bound_of_paper
+
+  !> Constants of the forms of the general iteration (32), in one norm of the displacements, and the numbers that follow
+  !> from them. For G = A in the energy norm: B = M = B~ = M~ = 1, D = L.
+  type, public :: iteration_constants_t
+    !> B of (15): A(u,u) >= B ||u||^2 [].
+    real(dp) :: coercivity = 1
+    !> M of (14): abs(A(u,v)) <= M ||u|| ||v|| [].
+    real(dp) :: continuity = 1
+    !> B~ of (31): G(u,u) >= B~ ||u||^2 [].
+    real(dp) :: coercivity_g = 1
+    !> M~ of (30): abs(G(u,v)) <= M~ ||u|| ||v|| [].
+    real(dp) :: continuity_g = 1
+    !> D of (22): abs(j''(u,v,w)) <= D ||v|| ||w|| [].
+    real(dp) :: penalty = 0
+    !> Lambda, in no theorem of the paper: A(v,v) + j''(u,v,v) <= Lambda G(v,v) []. Where A and G are symmetric, the
+    !> sharp numbers follow from it.
+    real(dp) :: smoothness = 1
+  contains
+    procedure :: contraction => constants_contraction
+    procedure :: gamma_limit => constants_gamma_limit
+    procedure :: best_gamma => constants_best_gamma
+    procedure :: contraction_of_paper => constants_contraction_of_paper
+    procedure :: gamma_limit_of_paper => constants_gamma_limit_of_paper
+    procedure :: gamma_of_paper => constants_gamma_of_paper
+    procedure :: bound_of_paper => constants_bound_of_paper
+  end type iteration_constants_t
+
+  public :: duality_gap, neumann_constants
 
 contains
+
+  !> Constants of G = A in the energy norm.
+  elemental type(iteration_constants_t) function neumann_constants(lambda_max) result(constants)
+    !> L, the largest eigenvalue of Theta^{-1} C W, or an upper estimate [].
+    real(dp), intent(in) :: lambda_max
+    constants%penalty = lambda_max
+    constants%smoothness = 1 + lambda_max
+  end function neumann_constants
 
   !> G >= ||u - u_theta||_A^2 for an iterate with state m >= 0 [energy]; guaranteed, and costs no solve.
   !>
@@ -40,54 +75,74 @@ contains
     end do
   end function duality_gap
 
-  !> The factor by which a step with relaxation gamma shrinks the error at least, sharp: max(|1-gamma|, |1-gamma(1+L)|).
-  elemental real(dp) function contraction(gamma, lambda_max) result(q)
+  !> The factor by which a step shrinks the error in the norm of G at least, sharp: max(|1 - gamma mu|, |1 - gamma
+  !> Lambda|), mu = B/M~; the eigenvalues of the step are between these, because every mean of j'' is symmetric.
+  elemental real(dp) function constants_contraction(self, gamma) result(q)
+    !> The constants.
+    class(iteration_constants_t), intent(in) :: self
     !> Relaxation parameter [].
     real(dp), intent(in) :: gamma
-    !> L, the largest eigenvalue of Theta^{-1} C W [].
-    real(dp), intent(in) :: lambda_max
-    q = max(abs(1 - gamma), abs(1 - gamma*(1 + lambda_max)))
-  end function contraction
+    q = max(abs(1 - gamma*self%coercivity/self%continuity_g), abs(1 - gamma*self%smoothness))
+  end function constants_contraction
 
-  !> Relaxation parameters below this converge (sharp).
-  elemental real(dp) function gamma_limit(lambda_max) result(limit)
-    !> L, or an upper estimate [].
-    real(dp), intent(in) :: lambda_max
-    limit = 2/(1 + lambda_max)
-  end function gamma_limit
+  !> Relaxation parameters below 2/Lambda converge (sharp).
+  elemental real(dp) function constants_gamma_limit(self) result(limit)
+    !> The constants.
+    class(iteration_constants_t), intent(in) :: self
+    limit = 2/self%smoothness
+  end function constants_gamma_limit
 
-  !> gamma_2 of Theorem 3 with the constants of the energy norm, B = M = 1 and D = L.
-  elemental real(dp) function gamma_limit_of_paper(lambda_max) result(limit)
-    !> L, or an upper estimate [].
-    real(dp), intent(in) :: lambda_max
-    limit = 2/(1 + lambda_max)**2
-  end function gamma_limit_of_paper
+  !> 2/(mu + Lambda), for which the sharp factor is least.
+  elemental real(dp) function constants_best_gamma(self) result(gamma)
+    !> The constants.
+    class(iteration_constants_t), intent(in) :: self
+    gamma = 2/(self%coercivity/self%continuity_g + self%smoothness)
+  end function constants_best_gamma
 
-  !> q of (40) with the same constants; NaN where gamma is not in (0, gamma_2).
-  elemental real(dp) function contraction_of_paper(gamma, lambda_max) result(q)
+  !> gamma_2 = 2 B B~/(M+D)^2 of Theorem 3, and with D = 0 of Theorem 2: positive values below it converge.
+  elemental real(dp) function constants_gamma_limit_of_paper(self) result(limit)
+    !> The constants.
+    class(iteration_constants_t), intent(in) :: self
+    limit = 2*self%coercivity*self%coercivity_g/(self%continuity + self%penalty)**2
+  end function constants_gamma_limit_of_paper
+
+  !> The best value of Theorem 4, gamma_2/2, for which q of (40) is least.
+  elemental real(dp) function constants_gamma_of_paper(self) result(gamma)
+    !> The constants.
+    class(iteration_constants_t), intent(in) :: self
+    gamma = self%gamma_limit_of_paper()/2
+  end function constants_gamma_of_paper
+
+  !> q of (40); NaN where gamma is not in (0, gamma_2).
+  elemental real(dp) function constants_contraction_of_paper(self, gamma) result(q)
+    !> The constants.
+    class(iteration_constants_t), intent(in) :: self
     !> Relaxation parameter [].
     real(dp), intent(in) :: gamma
-    !> L, the largest eigenvalue of Theta^{-1} C W [].
-    real(dp), intent(in) :: lambda_max
-    if (gamma > 0 .and. gamma < gamma_limit_of_paper(lambda_max)) then
-      q = sqrt(1 - gamma*(2 - gamma*(1 + lambda_max)**2))
-    else
-      q = ieee_value(q, ieee_quiet_nan)
-    end if
-  end function contraction_of_paper
+    q = ieee_value(q, ieee_quiet_nan)
+    if (gamma > 0 .and. gamma < self%gamma_limit_of_paper()) q = sqrt(1 - gain(self, gamma))
+  end function constants_contraction_of_paper
 
-  !> (41): q/(1-q) ||u^{k+1} - u^k||_A; NaN where (40) gives no q.
-  elemental real(dp) function bound_of_paper(gamma, lambda_max, increment) result(bound)
+  !> 1 - q^2 of (40).
+  elemental real(dp) function gain(self, gamma)
+    !> The constants.
+    class(iteration_constants_t), intent(in) :: self
     !> Relaxation parameter [].
     real(dp), intent(in) :: gamma
-    !> L, the largest eigenvalue of Theta^{-1} C W [].
-    real(dp), intent(in) :: lambda_max
-    !> ||u^{k+1} - u^k||_A [sqrt(energy)].
+    gain = gamma*(2*self%coercivity - gamma*(self%continuity + self%penalty)**2/self%coercivity_g)/self%continuity_g
+  end function gain
+
+  !> (41): q/(1-q) ||u^{k+1} - u^k||_G; NaN where (40) gives no q.
+  elemental real(dp) function constants_bound_of_paper(self, gamma, increment) result(bound)
+    !> The constants.
+    class(iteration_constants_t), intent(in) :: self
+    !> Relaxation parameter [].
+    real(dp), intent(in) :: gamma
+    !> ||u^{k+1} - u^k||_G [sqrt(energy)].
     real(dp), intent(in) :: increment
-    real(dp) :: q, one_minus_q
-    q = contraction_of_paper(gamma, lambda_max)
+    real(dp) :: q
+    q = self%contraction_of_paper(gamma)
     ! 1 - q without cancellation: (1 - q^2)/(1 + q).
-    one_minus_q = gamma*(2 - gamma*(1 + lambda_max)**2)/(1 + q)
-    bound = q/one_minus_q*increment
-  end function bound_of_paper
+    bound = q*(1 + q)/gain(self, gamma)*increment
+  end function constants_bound_of_paper
 end module dotyk_scheme_bounds

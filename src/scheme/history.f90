@@ -16,10 +16,12 @@ module dotyk_scheme_history
     integer :: n = 0
     !> Wall time since the start of the scheme [s].
     real(dp), allocatable :: seconds(:)
-    !> ||u^{k+1} - u^k||_A / ||u^{k+1}||_A [].
+    !> ||u^{k+1} - u^k||_G / ||u^{k+1}||_A, G = A but for the Robin scheme [].
     real(dp), allocatable :: increment(:)
     !> Guaranteed bound of the relative error in the energy norm [].
     real(dp), allocatable :: error_bound(:)
+    !> Bound (41) of the same error; NaN where there is none [].
+    real(dp), allocatable :: error_bound_paper(:)
     !> Relative errors of penalty and discretization, NaN where they were not estimated [].
     real(dp), allocatable :: error_penalty(:), error_discretization(:)
     !> F_theta [energy].
@@ -28,7 +30,7 @@ module dotyk_scheme_history
     real(dp), allocatable :: max_penetration(:)
     !> Number of active contact rows.
     integer, allocatable :: active(:)
-    !> Lengths of the last steps in the energy norm, newest first [sqrt(energy)].
+    !> Lengths of the last steps in the norm of G, newest first [sqrt(energy)].
     real(dp), private :: length(n_measured) = 0
     !> Steps that `length` has seen: those of this iteration, without earlier ones that were put before it.
     integer, private :: n_lengths = 0
@@ -42,13 +44,16 @@ module dotyk_scheme_history
 contains
 
   !> Add an entry; `length` is the increment before it was divided by the norm of the iterate.
-  subroutine history_add(self, seconds, length, increment, error_bound, energy, max_penetration, active)
+  subroutine history_add(self, seconds, length, increment, error_bound, energy, max_penetration, active, &
+                         error_bound_paper)
     !> The history.
     class(history_t), intent(inout) :: self
     !> As the components of `history_t`, of one step; the length [sqrt(energy)].
     real(dp), intent(in) :: seconds, length, increment, error_bound, energy, max_penetration
     !> Number of active contact rows.
     integer, intent(in) :: active
+    !> Bound (41); there is none if absent [].
+    real(dp), intent(in), optional :: error_bound_paper
     if (.not. allocated(self%seconds)) call resize(self, first_size)
     if (self%n == size(self%seconds)) call resize(self, 2*self%n)
     self%n = self%n + 1
@@ -57,6 +62,8 @@ contains
     self%seconds(self%n) = seconds
     self%increment(self%n) = increment
     self%error_bound(self%n) = error_bound
+    self%error_bound_paper(self%n) = ieee_value(length, ieee_quiet_nan)
+    if (present(error_bound_paper)) self%error_bound_paper(self%n) = error_bound_paper
     self%error_penalty(self%n) = ieee_value(length, ieee_quiet_nan)
     self%error_discretization(self%n) = ieee_value(length, ieee_quiet_nan)
     self%energy(self%n) = energy
@@ -81,6 +88,7 @@ contains
     self%seconds = [earlier%seconds, earlier%seconds(earlier%n) + self%seconds]
     self%increment = [earlier%increment, self%increment]
     self%error_bound = [earlier%error_bound, self%error_bound]
+    self%error_bound_paper = [earlier%error_bound_paper, self%error_bound_paper]
     self%error_penalty = [earlier%error_penalty, self%error_penalty]
     self%error_discretization = [earlier%error_discretization, self%error_discretization]
     self%energy = [earlier%energy, self%energy]
@@ -99,6 +107,7 @@ contains
     call resize_real(self%seconds)
     call resize_real(self%increment)
     call resize_real(self%error_bound)
+    call resize_real(self%error_bound_paper)
     call resize_real(self%error_penalty)
     call resize_real(self%error_discretization)
     call resize_real(self%energy)

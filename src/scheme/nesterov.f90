@@ -11,6 +11,7 @@ module dotyk_scheme_nesterov
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_monitor, only: monitor_t
   use dotyk_scheme_neumann, only: begin_iteration, evaluate_step, finish_iteration
+  use dotyk_scheme_relaxation, only: estimate_lambda_max
   use dotyk_scheme_scheme, only: scheme_t
   use dotyk_scheme_solver_state, only: paused_t, solver_state_t
   use dotyk_scheme_stopping, only: iteration_t, solver_settings_t, take_up
@@ -89,10 +90,11 @@ contains
     !> Whether the first iterate is the last one.
     logical, intent(out) :: finished
     type(momentum_t), allocatable :: momentum
-    call begin_iteration(qp, compliance, theta, settings, state)
+    call begin_iteration(qp, compliance, state)
     allocate (momentum)
     finished = .true.
     if (qp%n_rows > 0) then
+      if (.not. state%lambda_max > 0) call estimate_lambda_max(qp, compliance, theta, state%lambda_max)
       state%gamma = 1/(1 + state%lambda_max)
       ! Typical of momentum, but not proven for restarts.
       state%q_predicted = ieee_value(state%q_predicted, ieee_quiet_nan)

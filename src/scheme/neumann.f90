@@ -5,15 +5,14 @@
 !> `m := gamma p + (1-gamma) m`, and `y := gamma (y_0 - z) + (1-gamma) y`, which forgets its rounding errors in the
 !> course of the iteration.
 module dotyk_scheme_neumann
-  use dotyk_base_error, only: error_t, set_error
+  use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: stop_paper
   use dotyk_base_text, only: to_text
-  use dotyk_scheme_bounds, only: contraction, bound_of_paper, gamma_limit, gamma_limit_of_paper
+  use dotyk_scheme_bounds, only: neumann_constants
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_monitor, only: monitor_t
-  use dotyk_scheme_relaxation, only: estimate_lambda_max, relaxation_parameter
+  use dotyk_scheme_relaxation, only: announce_relaxation, choose_relaxation, estimate_lambda_max
   use dotyk_scheme_scheme, only: scheme_t
   use dotyk_scheme_solver_state, only: paused_t, solver_state_t, ended_converged, ended_time
   use dotyk_scheme_stopping, only: iteration_t, solver_settings_t, stopping_t, take_up
@@ -84,33 +83,27 @@ contains
     type(iteration_t), allocatable :: iteration
     logical :: is_first
     is_first = .not. state%lambda_max > 0
-    call begin_iteration(qp, compliance, theta, settings, state)
+    call begin_iteration(qp, compliance, state)
     allocate (iteration)
     if (qp%n_rows > 0) then
-      if (settings%stop_rule == stop_paper .and. .not. state%gamma < gamma_limit_of_paper(state%lambda_max)) then
-        call set_error(error, "&solver: stop_rule='paper' needs gamma < gamma_2 = "// &
-                       to_text(gamma_limit_of_paper(state%lambda_max))//' (Theorem 3), and gamma is '// &
-                       to_text(state%gamma)//"; use gamma_rule='theory' or another stop_rule")
-        return
-      end if
-      if (is_first) call announce(monitor, state)
+      if (is_first) call estimate_lambda_max(qp, compliance, theta, state%lambda_max)
+      state%constants = neumann_constants(state%lambda_max)
+      call choose_relaxation(settings, state, error)
+      if (allocated(error)) return
+      if (is_first) call announce_relaxation(monitor, state, 'L <= '//to_text(state%lambda_max, 4))
       call iteration%stopping%begin(settings, state%q_predicted)
     end if
     call move_alloc(iteration, paused)
   end subroutine begin
 
-  !> The first iterate of any form of the scheme, u_0 unless the state has pressures, with L and gamma. Without contact
-  !> rows it is the solution.
-  subroutine begin_iteration(qp, compliance, theta, settings, state)
+  !> The first iterate of any form of the scheme, u_0 unless the state has pressures. Without contact rows it is the
+  !> solution.
+  subroutine begin_iteration(qp, compliance, state)
     !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
     !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
-    !> Penalty parameters, above 0 (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> Settings of the user.
-    type(solver_settings_t), intent(in) :: settings
-    !> L is not estimated again where the state has it.
+    !> Its L stays, with the pressures if it has any.
     type(solver_state_t), intent(inout) :: state
     type(solver_state_t) :: start, empty
     call move_alloc(state%m, start%m)
@@ -128,9 +121,6 @@ contains
       state%y = qp%initial_penetration - state%y
     end if
     state%lambda_max = start%lambda_max
-    if (.not. state%lambda_max > 0) call estimate_lambda_max(qp, compliance, theta, state%lambda_max)
-    state%gamma = relaxation_parameter(settings%gamma_rule, state%lambda_max, settings%gamma)
-    state%q_predicted = contraction(state%gamma, state%lambda_max)
   end subroutine begin_iteration
 
   !> The end of an iteration, or its pause at the time limit: its history is cut, and its contraction measured.
@@ -174,8 +164,8 @@ contains
       state%y = gamma*(qp%initial_penetration - z) + (1 - gamma)*state%y
       ! The new iterate has q times the error of the last at most.
       if (stopping%check(qp, theta, state%q_predicted*residual, gamma*residual, &
-                         gamma >= gamma_limit(state%lambda_max), monitor, state, &
-                         bound_of_paper(gamma, state%lambda_max, gamma*residual))) exit
+                         gamma >= state%constants%gamma_limit(), monitor, state, &
+                         state%constants%bound_of_paper(gamma, gamma*residual))) exit
     end do
   end subroutine iterate
 
@@ -203,17 +193,4 @@ contains
     ! C W m = y_0 - y.
     residual = sqrt(max(0.0_dp, sum(qp%weight*(p - m)*(z - (qp%initial_penetration - y)))))
   end subroutine evaluate_step
-
-  !> How fast the iteration will be, and where it would not converge.
-  subroutine announce(monitor, state)
-    !> Gets each step, and lines for the log.
-    class(monitor_t), intent(inout) :: monitor
-    !> With L and gamma.
-    type(solver_state_t), intent(in) :: state
-    call monitor%note('relaxation       gamma '//to_text(state%gamma, 4)//', spectral radius L <= '// &
-                      to_text(state%lambda_max, 4)//', convergence factor at most '// &
-                      to_text(state%q_predicted, 6))
-    if (state%gamma >= gamma_limit(state%lambda_max)) call monitor%note('warning: gamma = '//to_text(state%gamma)// &
-      ' may diverge: the stability limit is 2/(1+L) = '//to_text(gamma_limit(state%lambda_max)))
-  end subroutine announce
 end module dotyk_scheme_neumann

@@ -1,11 +1,18 @@
-!> The relaxation parameter gamma of (44), and the eigenvalue L that rules it.
+!> The relaxation parameter gamma of (32) and (44), and the eigenvalue L that rules it for G = A.
 module dotyk_scheme_relaxation
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
+  use dotyk_base_error, only: error_t, set_error
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: gamma_fixed, gamma_theory
+  use dotyk_base_options, only: gamma_fixed, gamma_theory, stop_paper
+  use dotyk_base_text, only: to_text
   use dotyk_linalg_spectrum, only: largest_eigenvalue, linear_operator_t
+  use dotyk_scheme_bounds, only: iteration_constants_t
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
+  use dotyk_scheme_monitor, only: monitor_t
+  use dotyk_scheme_solver_state, only: solver_state_t
+  use dotyk_scheme_stopping, only: solver_settings_t
   implicit none
   private
 
@@ -22,7 +29,7 @@ module dotyk_scheme_relaxation
     procedure :: apply => penalty_compliance_apply
   end type penalty_compliance_t
 
-  public :: estimate_lambda_max, relaxation_parameter
+  public :: estimate_lambda_max, upper_estimate, relaxation_parameter, choose_relaxation, announce_relaxation
 
   !> Stands for an L that an interrupt left unknown: no L is larger, so that all bounds made with it hold, and no step
   !> is too long.
@@ -37,8 +44,7 @@ module dotyk_scheme_relaxation
 
 contains
 
-  !> Upper estimate of L = lambda_max(Theta^{-1} C W), `1.02 (Ritz value + residual)`: gamma = 2/(2+L) diverges already
-  !> when L is short by 1.
+  !> Upper estimate of L = lambda_max(Theta^{-1} C W): gamma = 2/(2+L) diverges already when L is short by 1.
   subroutine estimate_lambda_max(qp, compliance, theta, lambda_max)
     !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in), target :: qp
@@ -49,15 +55,25 @@ contains
     !> L [].
     real(dp), intent(out) :: lambda_max
     type(penalty_compliance_t) :: operator
-    real(dp) :: ritz, residual
-    integer :: steps
     operator%qp => qp
     operator%compliance => compliance
     operator%scale = sqrt(qp%weight/theta)
-    call largest_eigenvalue(operator, qp%n_rows, tolerance, most_steps, ritz, residual, steps)
-    lambda_max = margin*(ritz + residual)
-    if (interrupted()) lambda_max = lambda_max_unknown
+    lambda_max = upper_estimate(operator, qp%n_rows)
   end subroutine estimate_lambda_max
+
+  !> Upper estimate of the largest eigenvalue of an operator, `1.02 (Ritz value + residual)`; after an interrupt
+  !> `lambda_max_unknown`.
+  real(dp) function upper_estimate(operator, n) result(value)
+    !> The operator, symmetric and positive semidefinite.
+    class(linear_operator_t), intent(inout) :: operator
+    !> Order of the operator.
+    integer, intent(in) :: n
+    real(dp) :: ritz, residual
+    integer :: steps
+    call largest_eigenvalue(operator, n, tolerance, most_steps, ritz, residual, steps)
+    value = margin*(ritz + residual)
+    if (interrupted()) value = lambda_max_unknown
+  end function upper_estimate
 
   !> y = Theta^{-1/2} W^{1/2} C W^{1/2} Theta^{-1/2} x.
   subroutine penalty_compliance_apply(self, x, y)
@@ -72,20 +88,66 @@ contains
   end subroutine penalty_compliance_apply
 
   !> gamma by one of the rules.
-  pure real(dp) function relaxation_parameter(rule, lambda_max, given) result(gamma)
+  pure real(dp) function relaxation_parameter(rule, constants, given) result(gamma)
     !> One of `gamma_*` of dotyk_base_options.
     integer, intent(in) :: rule
-    !> L [].
-    real(dp), intent(in) :: lambda_max
+    !> Constants of the iteration.
+    type(iteration_constants_t), intent(in) :: constants
     !> Value for the rule `gamma_fixed` [].
     real(dp), intent(in) :: given
     select case (rule)
     case (gamma_theory)
-      gamma = 1/(1 + lambda_max)**2
+      gamma = constants%gamma_of_paper()
     case (gamma_fixed)
       gamma = given
     case default
-      gamma = 2/(2 + lambda_max)
+      gamma = constants%best_gamma()
     end select
   end function relaxation_parameter
+
+  !> gamma and the contraction factor of the general iteration (32).
+  subroutine choose_relaxation(settings, state, error)
+    !> Settings of the user.
+    type(solver_settings_t), intent(in) :: settings
+    !> With the constants of the iteration; gets gamma and the factor.
+    type(solver_state_t), intent(inout) :: state
+    !> Allocated where the rule of the paper is to end the iteration, and gamma is beyond Theorem 3.
+    type(error_t), allocatable, intent(out) :: error
+    associate (constants => state%constants)
+      state%gamma = relaxation_parameter(settings%gamma_rule, constants, settings%gamma)
+      state%q_predicted = constants%contraction(state%gamma)
+      if (settings%stop_rule == stop_paper .and. .not. state%gamma < constants%gamma_limit_of_paper()) &
+        call set_error(error, "&solver: stop_rule='paper' needs gamma < gamma_2 = "// &
+                       to_text(constants%gamma_limit_of_paper())//' (Theorem 3), and gamma is '// &
+                       to_text(state%gamma)//"; use gamma_rule='theory' or another stop_rule")
+    end associate
+  end subroutine choose_relaxation
+
+  !> How fast the iteration will be, where it would not converge, and what Theorems 3 and 4 say of it.
+  subroutine announce_relaxation(monitor, state, spectrum)
+    !> Gets lines for the log.
+    class(monitor_t), intent(inout) :: monitor
+    !> With constants, gamma and the factor.
+    type(solver_state_t), intent(in) :: state
+    !> The eigenvalues that rule the iteration.
+    character(*), intent(in) :: spectrum
+    real(dp) :: q
+    associate (constants => state%constants)
+      call monitor%note('relaxation       gamma '//to_text(state%gamma, 4)//', stability limit '// &
+                        to_text(constants%gamma_limit(), 4)//', '//spectrum//', convergence factor at most '// &
+                        to_text(state%q_predicted, 6))
+      q = constants%contraction_of_paper(state%gamma)
+      if (ieee_is_nan(q)) then
+        call monitor%note('Theorem 3        gamma_2 = '//to_text(constants%gamma_limit_of_paper(), 4)// &
+                          ': it makes no statement on this gamma')
+      else
+        call monitor%note('Theorem 3        converges, gamma_2 = '//to_text(constants%gamma_limit_of_paper(), 4)// &
+                          '; Theorem 4: q = '//to_text(q, 8))
+      end if
+      call monitor%note('Theorem 4        best gamma '//to_text(constants%gamma_of_paper(), 4)//', its q = '// &
+                        to_text(constants%contraction_of_paper(constants%gamma_of_paper()), 8))
+      if (state%gamma >= constants%gamma_limit()) call monitor%note('warning: gamma = '//to_text(state%gamma)// &
+        ' may diverge: the stability limit is '//to_text(constants%gamma_limit()))
+    end associate
+  end subroutine announce_relaxation
 end module dotyk_scheme_relaxation

@@ -5,6 +5,7 @@
 module dotyk_scheme_solver_state
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: stop_residual
+  use dotyk_scheme_bounds, only: iteration_constants_t
   use dotyk_scheme_history, only: history_t
   implicit none
   private
@@ -58,6 +59,8 @@ module dotyk_scheme_solver_state
     real(dp) :: gamma = 0
     !> Upper estimate of L; 0 where not known [].
     real(dp) :: lambda_max = 0
+    !> Constants of the general iteration (32); allocated by its schemes only.
+    type(iteration_constants_t), allocatable :: constants
     !> Contraction factor per step that the theory promises at worst (sharp), and the one that was measured at the end
     !> [].
     real(dp) :: q_predicted = 0, q_measured = 0

@@ -31,6 +31,9 @@ module dotyk_scheme_stopping
     real(dp) :: time_limit = huge(1.0_dp)
     !> How the linear systems of active sets are solved: one of `linear_solver_*`.
     integer :: linear_solver = default_linear_solver
+    !> Initial gap up to which a contact row has Robin conditions in the Robin scheme: `-huge` for none, `huge` for all
+    !> rows; all rows of all pairs where it is not allocated (n_pairs) [length].
+    real(dp), allocatable :: robin_gap(:)
   end type solver_settings_t
 
   !> Watches an iteration.
@@ -51,12 +54,9 @@ module dotyk_scheme_stopping
     integer, private :: patience = 200
     !> The scheme takes back steps that lead away: growth is no divergence.
     logical, private :: safeguarded = .false.
-    !> m and y do not belong to one displacement yet: no duality gap.
-    logical, private :: split = .false.
   contains
     procedure :: begin => stopping_begin
     procedure :: check => stopping_check
-    procedure :: tighten => stopping_tighten
     procedure, private :: resume => stopping_resume
   end type stopping_t
 
@@ -80,7 +80,7 @@ module dotyk_scheme_stopping
 contains
 
   !> Begin.
-  subroutine stopping_begin(self, settings, q, safeguarded, split)
+  subroutine stopping_begin(self, settings, q, safeguarded)
     !> The stopping criterion.
     class(stopping_t), intent(out) :: self
     !> Settings of the user.
@@ -89,18 +89,14 @@ contains
     real(dp), intent(in) :: q
     !> Whether the scheme takes back steps that lead away; not if absent.
     logical, intent(in), optional :: safeguarded
-    !> Whether the two sides of its rows have states of their own; not if absent.
-    logical, intent(in), optional :: split
     self%settings = settings
     if (present(safeguarded)) self%safeguarded = safeguarded
-    if (present(split)) self%split = split
     self%start = wall_time()
     self%resumed = self%start
     if (q < 1) self%patience = int(min(most_patience, max(least_patience, patience_factor/(1 - q))))
   end subroutine stopping_begin
 
-  !> Continue a paused iteration. Seconds of the history continue with those of its last entry; the tolerance stays, as
-  !> it may have been tightened.
+  !> Continue a paused iteration. Seconds of the history continue with those of its last entry.
   subroutine stopping_resume(self, settings, history)
     !> The stopping criterion.
     class(stopping_t), intent(inout) :: self
@@ -130,15 +126,6 @@ contains
     end select
   end subroutine take_up
 
-  !> Continue to a smaller tolerance.
-  subroutine stopping_tighten(self, tolerance)
-    !> The stopping criterion.
-    class(stopping_t), intent(inout) :: self
-    !> Relative, in the energy norm [].
-    real(dp), intent(in) :: tolerance
-    self%settings%tolerance = tolerance
-  end subroutine stopping_tighten
-
   !> Record a step, and say whether it was the last.
   logical function stopping_check(self, qp, theta, bound, length, diverges, monitor, state, &
                                   bound_of_paper) result(finished)
@@ -150,7 +137,7 @@ contains
     real(dp), intent(in) :: theta(:)
     !> A guaranteed bound of ||u - u_theta||_A besides that of the duality gap [sqrt(energy)].
     real(dp), intent(in) :: bound
-    !> Length of the step [sqrt(energy)].
+    !> Length of the step in the norm of G [sqrt(energy)].
     real(dp), intent(in) :: length
     !> Whether no gain means divergence (gamma is too large) and not rounding.
     logical, intent(in) :: diverges
@@ -167,14 +154,14 @@ contains
       norm = qp%energy_norm(m, y)
       gap = duality_gap(qp%weight, theta, m, y)
       state%error_bound = bound
-      if (sqrt(gap) < bound .and. .not. self%split) state%error_bound = sqrt(gap)
+      if (sqrt(gap) < bound) state%error_bound = sqrt(gap)
       state%error_bound = relative(state%error_bound, norm)
       state%error_bound_paper = ieee_value(norm, ieee_quiet_nan)
       if (present(bound_of_paper)) state%error_bound_paper = relative(bound_of_paper, norm)
       state%energy = qp%energy(theta, m, y)
       state%max_penetration = max(0.0_dp, maxval(y))
       call state%history%add(wall_time() - self%start, length, relative(length, norm), state%error_bound, &
-                             state%energy, state%max_penetration, count(y > 0))
+                             state%energy, state%max_penetration, count(y > 0), state%error_bound_paper)
     end associate
     self%step = self%step + 1
     select case (self%settings%stop_rule)
