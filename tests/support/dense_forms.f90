@@ -53,6 +53,7 @@ module dense_forms
     procedure :: penalty => forms_penalty
     procedure :: penalty_slope => forms_penalty_slope
     procedure :: penalty_curvature => forms_penalty_curvature
+    procedure :: closed_curvature => forms_closed_curvature
     procedure :: functional => forms_functional
     procedure :: slope => forms_slope
     procedure :: expand => forms_expand
@@ -268,6 +269,13 @@ contains
     factor = self%weight/self%theta*(1 - sign(1.0_dp, -self%penetration(u)))/2
     curvature = matmul(transpose(self%rows), spread(factor, 2, self%n)*self%rows)
   end function forms_penalty_curvature
+
+  !> j'' where all rows penetrate: the largest one (n, n) [force/length].
+  pure function forms_closed_curvature(self) result(curvature)
+    class(forms_t), intent(in) :: self
+    real(dp) :: curvature(self%n, self%n)
+    curvature = matmul(transpose(self%rows), spread(self%weight/self%theta, 2, self%n)*self%rows)
+  end function forms_closed_curvature
 
   !> F_theta(u) of (19) [energy].
   pure real(dp) function forms_functional(self, u) result(f)
