@@ -21,7 +21,7 @@ THETAS = ['1e-1', '1e-2', '1e-3', '1e-4', '1e-6', '1e-8', '0']
 HELD = SCHEMES, THETAS
 FREE = ['dual'], THETAS
 SCENES = {'hertz': ('hertz', (), *HELD), 'wavy': ('wavy', (), *HELD), 'composite': ('composite', (), *HELD),
-          'column': ('column', (), *HELD),
+          'multilayer': ('multilayer', (), *HELD), 'column': ('column', (), *HELD),
           'ball_between_plates': ('ball_between_plates', (), *FREE), 'free_stack': ('free_stack', (), *FREE),
           'bricks': ('bricks', (), *FREE), 'bearing': ('bearing', (), *FREE), 'receding': ('receding', (), *FREE),
           'free_stack fine': ('free_stack', (('m = 8;', 'm = 14;'),), ['dual'], ['1e-2', '0']),

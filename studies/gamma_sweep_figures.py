@@ -27,17 +27,17 @@ def draw_sweeps(measured, path):
     """Iterations against gamma: left numbers of layers, right penalties."""
     plt.rcParams.update({**STYLE, 'axes.grid': True, 'grid.color': '0.9', 'axes.axisbelow': True})
     figure, (left, right) = plt.subplots(1, 2, figsize=(11.5, 5.4), constrained_layout=True)
-    sweeps = [one for one in measured['sweeps'] if one['ratio'] == 3]
+    sweeps = [one for one in measured['sweeps'] if one['ratio'] == 3 and one['variant'] != 'quadrature']
     many = [one for one in sweeps if one['theta'] == 1]
     for one, colour, marker in zip(many, (GREEN, SKY, BLUE, PURPLE, RED), 'osD^v'):
-        draw_sweep(left, one, RED if one['closed'] else colour, marker,
-                   '%d layers%s: L = %.3g' % (one['layers'], ', all rows closed' if one['closed'] else '', one['L']))
+        draw_sweep(left, one, RED if one['variant'] else colour, marker,
+                   '%d layers%s: L = %.3g' % (one['layers'], ', all rows closed' if one['variant'] else '', one['L']))
     left.set(xscale='linear', xlim=(0, 0.2), ylim=(20, 5000), xlabel=r'$\gamma$',
              ylabel=r'iterations to a relative error bound of $10^{%d}$' % round(np.log10(TOLERANCE)),
              title=r'Number of layers, $\theta_{relative} = 1$')
     mark(left, many[-1], ('best', 'limit'), 23)
     left.legend(loc='upper right')
-    one_package = sorted((one for one in sweeps if one['layers'] == 8 and not one['closed']),
+    one_package = sorted((one for one in sweeps if one['layers'] == 8 and not one['variant']),
                          key=lambda one: -one['theta'])
     for one, colour, marker in zip(one_package, (GREEN, BLUE, ORANGE, PURPLE, BLACK), 'oDs^v'):
         draw_sweep(right, one, colour, marker, r'$\theta_{relative}$ = %g: L = %.3g' % (one['theta'], one['L']))
