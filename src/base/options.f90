@@ -37,10 +37,11 @@ module dotyk_base_options
   integer, parameter, public :: default_gap = gap_geometry
 
   !> Forms of the penalty parameter: keys of `&solver` and `&contact`.
-  character(*), parameter, public :: theta_names = 'theta theta_relative theta_mesh'
+  character(*), parameter, public :: theta_names = 'theta theta_relative theta_mesh theta_formula'
   integer, parameter, public :: theta_absolute = 1  !< length over pressure
   integer, parameter, public :: theta_relative = 2  !< factor of size_a/E_a + size_b/E_b
   integer, parameter, public :: theta_mesh = 3      !< factor of h_a/E_a + h_b/E_b, point by point
+  integer, parameter, public :: theta_formula = 4   !< `theta_formula` of `&contact`, evaluated on surface_a
   integer, parameter, public :: default_theta = theta_mesh
 
   !> `&contact discretization`: rows of the contact operator.

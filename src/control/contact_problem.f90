@@ -2,6 +2,7 @@
 !> contact pairs.
 module dotyk_control_contact_problem
   use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_control_congruence_classes, only: congruence_classes_t
   use dotyk_elasticity_body, only: body_t
@@ -39,7 +40,7 @@ module dotyk_control_contact_problem
     integer :: n_blas = 1
   end type contact_problem_t
 
-  public :: first_mode
+  public :: first_mode, mesh_compliance
 
 contains
 
@@ -54,4 +55,26 @@ contains
       first(b + 1) = first(b) + modes(b)%n
     end do
   end function first_mode
+
+  !> h/E_a + h/E_b of a pair, h the mean size of the slave facets that carry its points: the compliance of the elements
+  !> at the contact [length/pressure].
+  real(dp) function mesh_compliance(body_a, body_b, pair)
+    !> Body of the slave side.
+    type(body_t), intent(in) :: body_a
+    !> Body of the master side.
+    type(body_t), intent(in) :: body_b
+    !> The contact pair.
+    type(contact_pair_t), intent(in) :: pair
+    real(dp) :: area
+    integer :: i, n_facets
+    area = sum(pair%row_weight)
+    ! A circumference does not make facets larger.
+    if (body_a%analysis == analysis_axisymmetric) &
+      area = sum(pair%row_weight/(2*acos(-1.0_dp)*pair%row_position(1, :)))
+    n_facets = 1
+    do i = 2, pair%n_points
+      if (pair%facet_a(i) /= pair%facet_a(i - 1)) n_facets = n_facets + 1
+    end do
+    mesh_compliance = (area/n_facets)**(1.0_dp/(pair%dimension - 1))*(1/body_a%young() + 1/body_b%young())
+  end function mesh_compliance
 end module dotyk_control_contact_problem

@@ -210,7 +210,7 @@ contains
         if (budget%penalty > most_penalty*mesh_error) &
           factor = max(least_factor, 0.5_dp*most_penalty*mesh_error/budget%penalty)
         ! A theta that was given may cause the penalty's error: no more than one attempt beside it.
-        if (any(goal%theta_given) .and. any(solution%theta_factor < 1)) factor = 1
+        if (any(goal%theta_given .and. .not. problem%pair%is_layer) .and. any(solution%theta_factor < 1)) factor = 1
       end if
       if (factor < 1) then
         do k = 1, size(problem%pair)

@@ -14,7 +14,7 @@ module dotyk_control_error_budget
   use dotyk_control_body_solution, only: body_solution_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_mesh_error, only: element_field_t, estimate_mesh_errors
-  use dotyk_control_penalty_error, only: estimate_penalty_error
+  use dotyk_control_penalty_error, only: estimate_penalty_error, penalty_reference_t
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_solver_state, only: solver_state_t, ended_interrupted, ended_time
@@ -25,6 +25,8 @@ module dotyk_control_error_budget
   type, public :: error_budget_t
     !> Distance to the solution without penalty [].
     real(dp) :: penalty = 0
+    !> Whether that is a bound, not an extrapolated distance (`dotyk_control_penalty_error`).
+    logical :: penalty_is_bound = .true.
     !> Error of the mesh [].
     real(dp) :: discretization = 0
     !> Work of the pressures on the remaining gaps under them, as the root of twice an energy: no part of the others [].
@@ -92,6 +94,7 @@ contains
     !> Allocated where a formula of a material cannot be evaluated, or the compliance of an active set is not positive
     !> definite.
     type(error_t), allocatable, intent(out) :: error
+    type(penalty_reference_t) :: reference
     real(dp) :: distance
     call budget%init()
     budget%norm = qp%energy_norm(state%m, state%y, state%alpha/qp%coarse%scale)
@@ -102,8 +105,10 @@ contains
     end if
     ! The error of the penalty takes another solution.
     if (want_penalty .and. is_near(state) .and. all(state%ended /= [ended_interrupted, ended_time])) then
-      call estimate_penalty_error(qp, compliance, theta, linear_solver, is_exact, state, distance, error)
+      call reference%init(problem, qp%pair_first_row, theta)
+      call estimate_penalty_error(qp, compliance, theta, reference, linear_solver, is_exact, state, distance, error)
       if (allocated(error)) return
+      budget%penalty_is_bound = reference%is_exact()
       budget%penalty = 0
       if (budget%norm > 0) budget%penalty = distance/budget%norm
       if (interrupted()) budget%penalty = ieee_value(budget%penalty, ieee_quiet_nan)

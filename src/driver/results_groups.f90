@@ -99,6 +99,7 @@ contains
       call file%put_array(group, 'pressure_projected', pair_solution(k)%projected)
       call file%put_attribute(group, 'force', pair_solution(k)%force)
       call file%put_attribute(group, 'theta', solution%theta_factor(k)*pair(k)%theta)
+      call file%put_attribute(group, 'layer', pair(k)%is_layer)
       call file%put_attribute(group, 'points_not_projected', pair(k)%n_unprojected)
     end do
   end subroutine write_pairs
@@ -136,6 +137,7 @@ contains
       call file%put_attribute('summary', 'error_bound', state%error_bound)
       call file%put_attribute('summary', 'error_bound_paper', state%error_bound_paper)
       call file%put_attribute('summary', 'error_penalty', budget%penalty)
+      call file%put_attribute('summary', 'error_penalty_is_bound', budget%penalty_is_bound)
       call file%put_attribute('summary', 'error_discretization', budget%discretization)
       call file%put_attribute('summary', 'error_contact', budget%contact)
       if (allocated(budget%of_body)) call file%put_attribute('summary', 'error_discretization_bodies', budget%of_body)

@@ -130,10 +130,14 @@ module dotyk_input_case
     character(:), allocatable :: gap_formula
     !> One of `theta_*`; that of `&solver` where the pair has none of its own.
     integer :: theta_kind = default_theta
-    !> Penalty parameter [length/pressure], or its factor [] where it is relative.
+    !> Penalty parameter [length/pressure], or its factor [] where it is relative; 1 where it is a formula.
     real(dp) :: theta = 0
+    !> Penalty parameter where it is a formula; else empty.
+    character(:), allocatable :: theta_formula
     !> Whether theta is given, for this pair or in `&solver`; the error budget may reduce a default.
     logical :: theta_given = .false.
+    !> Whether theta is the compliance of a real elastic layer, not a penalty.
+    logical :: is_layer = .false.
     !> Whether a search radius is given.
     logical :: has_search_radius = .false.
     !> Greatest distance between a point and its projection [length].

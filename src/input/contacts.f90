@@ -2,13 +2,13 @@
 module dotyk_input_contacts
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: gap_constant, gap_formula, gap_geometry, option_name, scheme_auto, scheme_dual, &
-    scheme_names
+    scheme_names, theta_mesh
   use dotyk_base_text, only: shown
   use dotyk_input_case, only: contact_input_t, solver_input_t
   use dotyk_input_problems, only: problems_t
   use dotyk_input_reader, only: group_t
   use dotyk_input_settings, only: read_theta
-  use dotyk_input_values, only: integer_of, is_given, is_usable, names_t, real_of, refer, report, text_of
+  use dotyk_input_values, only: integer_of, is_given, is_usable, logical_of, names_t, real_of, refer, report, text_of
   implicit none
   private
   public :: read_contact
@@ -63,12 +63,34 @@ contains
       call report(problems, group, theta_key, 'theta = 0 needs scheme=''dual'', got '''// &
                   option_name(scheme_names, solver%scheme)//'''')
     end if
+    contact%theta_formula = text_of(group, 'theta_formula')
+    contact%is_layer = logical_of(group, 'layer')
+    if (contact%is_layer) call check_layer(group, problems, contact)
     contact%has_search_radius = is_usable(group, 'search_radius')
     contact%search_radius = real_of(group, 'search_radius')
     contact%discretization = integer_of(group, 'discretization')
     contact%geometry = integer_of(group, 'geometry')
     contact%quadrature = integer_of(group, 'quadrature')
   end subroutine read_contact
+
+  !> The compliance of a real layer is a property of the scene: given, positive, and independent of the mesh.
+  subroutine check_layer(group, problems, contact)
+    !> Checked group.
+    type(group_t), intent(in) :: group
+    !> Problems of the file; mistakes are added.
+    type(problems_t), intent(inout) :: problems
+    !> The contact pair, with its theta.
+    type(contact_input_t), intent(in) :: contact
+    if (.not. contact%theta_given) then
+      call report(problems, group, 'layer', 'layer=.true. needs theta, the compliance of the layer '// &
+                  '[length/pressure], in &contact or &solver: none is given')
+    else if (contact%theta_kind == theta_mesh) then
+      call report(problems, group, 'layer', 'layer=.true. needs the compliance of the layer, which no mesh size '// &
+                  'changes: give theta, theta_relative or theta_formula, not theta_mesh')
+    else if (.not. contact%theta > 0) then
+      call report(problems, group, 'layer', 'layer=.true. needs theta > 0, the compliance of the layer')
+    end if
+  end subroutine check_layer
 
   !> Read one side of a pair: 'body:surface'.
   subroutine read_side(group, key, bodies, problems, body, surface)

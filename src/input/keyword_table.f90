@@ -219,6 +219,11 @@ contains
     call list%add('theta_mesh', kind_real, not_negative=.true., &
                   meaning='penalty parameter as a factor of h_a/E_a + h_b/E_b, point by point; h is the size of '// &
                   'the facet')
+    call list%add('theta_formula', kind_formula, unit='length/pressure', &
+                  meaning='penalty parameter as a formula, evaluated on surface_a; contact rows take its weighted mean')
+    call list%add('layer', kind_logical, default='.false.', &
+                  meaning='theta of this pair is the compliance of a real elastic (Winkler) layer: it is given, '// &
+                  'positive, kept by the error budget, and no part of the penalty error')
     call list%add('search_radius', kind_real, unit='length', positive=.true., &
                   meaning='largest distance between a point and its projection; if absent, the size of the '// &
                   'smaller body (the shortest edge of its bounding box); points beyond it are normal where '// &
@@ -279,7 +284,7 @@ contains
                   '(41) below tolerance (neumann, robin); increment, last increment below tolerance (not dual; no '// &
                   'measure of the error: not converged where the bound exceeds 0.5); budget, guaranteed error bound '// &
                   'below budget_fraction times the penalty and discretization errors; if absent, budget if neither '// &
-                  'tolerance nor any theta is given, else residual')
+                  'tolerance nor any theta but that of layers is given, else residual')
     call list%add('budget_fraction', kind_real, default=to_text(default_budget_fraction), positive=.true., &
                   meaning='largest iteration error as a fraction of the penalty and discretization errors, for '// &
                   'stop_rule=''budget''')

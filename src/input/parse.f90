@@ -139,7 +139,8 @@ contains
     end do
     if (.not. is_usable(solver, 'stop_rule')) then
       case%solver%stop_rule = stop_residual
-      if (size(case%contact) > 0 .and. .not. is_given(solver, 'tolerance') .and. .not. any(case%contact%theta_given)) &
+      if (size(case%contact) > 0 .and. .not. is_given(solver, 'tolerance') .and. .not. &
+          any(case%contact%theta_given .and. .not. case%contact%is_layer)) &
         case%solver%stop_rule = stop_budget
     end if
     call check_solver_keys(solver, case%solver, case%output%error_penalty .or. case%solver%stop_rule == stop_budget &

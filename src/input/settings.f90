@@ -4,7 +4,7 @@ module dotyk_input_settings
   use dotyk_base_operating_system, only: directory_of
   use dotyk_base_options, only: analysis_3d, error_part_discretization, error_part_penalty, field_contact, &
     field_displacement, field_error, field_stress, gamma_fixed, option_name, scheme_auto, scheme_dual, scheme_neumann, &
-    stop_paper, theta_absolute, theta_mesh, theta_names
+    stop_paper, theta_absolute, theta_formula, theta_mesh, theta_names
   use dotyk_base_text, only: shown
   use dotyk_input_case, only: output_input_t, scene_input_t, solver_input_t
   use dotyk_input_paths, only: extension_of, is_directory, resolve_path, why_not_readable, without_extension
@@ -116,13 +116,13 @@ contains
     logical, intent(out) :: given
     !> One of `theta_*`.
     integer, intent(out) :: kind
-    !> Penalty parameter [length/pressure], or the factor of the relative one [1].
+    !> Penalty parameter [length/pressure], or the factor of the relative one; 1 where it is a formula [1].
     real(dp), intent(out) :: theta
     integer :: k
     kind = theta_mesh
     theta = 0
     given = .false.
-    do k = theta_absolute, theta_mesh
+    do k = theta_absolute, theta_formula
       if (.not. is_given(group, option_name(theta_names, k))) cycle
       if (given) then
         call report(problems, group, option_name(theta_names, k), option_name(theta_names, kind)//' and '// &
@@ -131,7 +131,8 @@ contains
       end if
       given = .true.
       kind = k
-      theta = real_of(group, option_name(theta_names, k))
+      theta = 1
+      if (k /= theta_formula) theta = real_of(group, option_name(theta_names, k))
     end do
   end subroutine read_theta
 

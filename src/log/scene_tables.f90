@@ -3,12 +3,12 @@ module dotyk_log_scene_tables
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_log, only: log_t
   use dotyk_base_memory, only: memory_text
-  use dotyk_base_options, only: analysis_axisymmetric, analysis_names, discretization_quadrature, option_name
+  use dotyk_base_options, only: analysis_names, discretization_quadrature, option_name
   use dotyk_base_text, only: counted, to_text
   use dotyk_base_version, only: version
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_control_congruence_classes, only: congruence_classes_t
-  use dotyk_control_contact_problem, only: contact_problem_t
+  use dotyk_control_contact_problem, only: contact_problem_t, mesh_compliance
   use dotyk_control_factorization, only: factor_size_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t
@@ -146,7 +146,7 @@ contains
       least = min(least, minval(pair(k)%row_gap))
       most = max(most, maxval(pair(k)%row_gap))
       if (size(pair) <= most_shown) call show_pair(log, body, pair(k), surface_a(k), surface_b(k))
-      call warn_of_oscillation(log, body, pair(k), surface_a(k)%n_facets)
+      call warn_of_oscillation(log, body, pair(k))
     end do
     if (size(pair) > most_shown) &
       call log%line(pair_line(to_text(size(pair))//' contact pairs', sum(pair%n_rows), sum(pair%n_unprojected), least, &
@@ -171,7 +171,7 @@ contains
     !> Master surface.
     type(surface_t), intent(in) :: surface_b
     call log%line(pair_line(pair%name, pair%n_rows, pair%n_unprojected, minval(pair%row_gap), maxval(pair%row_gap), &
-                            pair%theta))
+                            pair%theta)//trim(merge(' layer', '      ', pair%is_layer)))
     call log%line('    slave '//body(pair%body_a)%name//':'//surface_a%name//' ('// &
                   counted(surface_a%n_facets, 'facet')//'), master '//body(pair%body_b)%name//':'// &
                   surface_b%name//' ('//counted(surface_b%n_facets, 'facet')//')')
@@ -195,7 +195,7 @@ contains
     real(dp), intent(in) :: most
     !> Penalty parameter [length/pressure].
     real(dp), intent(in) :: theta
-    character(120) :: line
+    character(97) :: line
     ! Left-justified: an edit descriptor justifies to the right.
     character(20) :: label
     label = name
@@ -204,25 +204,18 @@ contains
 
   !> Quadrature points outnumber the unknowns of their surface: with theta far below h/E the constraints at single
   !> points are over-determined, and their pressures oscillate.
-  subroutine warn_of_oscillation(log, body, pair, n_facets)
+  subroutine warn_of_oscillation(log, body, pair)
     !> The log.
     type(log_t), intent(inout) :: log
     !> Bodies (n_bodies).
     type(body_t), intent(in) :: body(:)
     !> The contact pair.
     type(contact_pair_t), intent(in) :: pair
-    !> Number of facets of the slave surface.
-    integer, intent(in) :: n_facets
-    real(dp) :: size, compliance
+    real(dp) :: compliance
     !> Fraction of h/E below which theta counts as far smaller.
     real(dp), parameter :: far_below = 1.0e-3_dp
     if (pair%discretization /= discretization_quadrature) return
-    ! The mean size of a facet; a circumference does not make it larger.
-    size = sum(pair%row_weight)
-    if (body(pair%body_a)%analysis == analysis_axisymmetric) &
-      size = sum(pair%row_weight/(2*acos(-1.0_dp)*pair%row_position(1, :)))
-    size = (size/n_facets)**(1.0_dp/(pair%dimension - 1))
-    compliance = size/body(pair%body_a)%young() + size/body(pair%body_b)%young()
+    compliance = mesh_compliance(body(pair%body_a), body(pair%body_b), pair)
     if (pair%theta < far_below*compliance) &
       call log%line('    warning: theta is far below h/E = '//to_text(compliance, 2)//': the pressures at single '// &
                     'quadrature points oscillate, only their averages converge; '// &

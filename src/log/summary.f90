@@ -119,7 +119,7 @@ contains
     real(dp), parameter :: large_contact_error = 0.3_dp
     line = '  relative error   iteration '//part('<=', state%error_bound)
     if (output%error_penalty .or. .not. ieee_is_nan(budget%penalty)) &
-      line = line//', penalty '//part('<=', budget%penalty)
+      line = line//', penalty '//part(trim(merge('<=', '~ ', budget%penalty_is_bound)), budget%penalty)
     if (allocated(budget%of_body)) then
       line = line//', discretization '//part('~', budget%discretization)
       if (size(body) > 1 .and. .not. ieee_is_nan(budget%discretization)) &

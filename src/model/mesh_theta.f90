@@ -11,6 +11,7 @@ module dotyk_model_mesh_theta
   use dotyk_mesh_element, only: kind_nodes, quadrature_rule
   use dotyk_mesh_facet, only: facet_geometry
   use dotyk_mesh_surface, only: surface_t
+  use dotyk_model_row_theta, only: set_row_theta
   implicit none
   private
   public :: set_mesh_theta
@@ -34,24 +35,12 @@ contains
     !> Allocated where a modulus field cannot be evaluated; assembly finds that first.
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: at_points(:)
-    integer :: i, k
     allocate (at_points(pair%n_points), source=0.0_dp)
     call add_side(body_a, surface_a, pair%facet_a, pair%position, at_points, error)
     if (allocated(error)) return
     call add_side(body_b, surface_b, pair%facet_b, pair%position, at_points, error)
     if (allocated(error)) return
-    ! Weights of dual shape functions may be negative: theta of a row is the mean by their magnitudes.
-    associate (average => pair%average)
-      do i = 1, pair%n_rows
-        pair%row_theta(i) = 0
-        do k = average%row_start(i), average%row_start(i + 1) - 1
-          pair%row_theta(i) = pair%row_theta(i) + abs(average%value(k))*at_points(average%column(k))
-        end do
-        pair%row_theta(i) = factor*pair%row_theta(i)/ &
-                            sum(abs(average%value(average%row_start(i):average%row_start(i + 1) - 1)))
-      end do
-    end associate
-    pair%theta = sum(pair%row_weight*pair%row_theta)/sum(pair%row_weight)
+    call set_row_theta(factor, at_points, pair)
   end subroutine set_mesh_theta
 
   !> Add h/E of one side at the points.

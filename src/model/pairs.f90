@@ -4,7 +4,8 @@ module dotyk_model_pairs
   use dotyk_base_error, only: error_slot_t, error_t, problem_list_t
   use dotyk_base_formula, only: formula_t
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: analysis_axisymmetric, gap_formula, theta_mesh, theta_relative
+  use dotyk_base_options, only: analysis_axisymmetric, gap_formula, scheme_auto, scheme_dual, theta_formula, &
+    theta_mesh, theta_relative
   use dotyk_base_text, only: to_text
   use dotyk_contact_pair, only: contact_pair_t, pair_settings_t
   use dotyk_contact_pair_discretization, only: discretize_pair
@@ -12,6 +13,7 @@ module dotyk_model_pairs
   use dotyk_input_case, only: case_t, contact_input_t
   use dotyk_mesh_surface, only: surface_t
   use dotyk_model_mesh_theta, only: set_mesh_theta
+  use dotyk_model_row_theta, only: set_formula_theta
   implicit none
   private
   public :: find_pairs, foundation_compliance
@@ -100,8 +102,13 @@ contains
     call discretize_pair(body_a%mesh, surface_a, body_b%mesh, surface_b, settings, formula, pair, error)
     call formula%destroy()
     if (allocated(error)) return
-    if (given%theta_kind == theta_mesh) &
+    pair%is_layer = given%is_layer
+    if (given%theta_kind == theta_mesh) then
       call set_mesh_theta(given%theta, body_a, surface_a, body_b, surface_b, pair, error)
+    else if (given%theta_kind == theta_formula) then
+      call set_formula_theta(given%theta_formula, .not. given%is_layer .and. &
+                             any(case%solver%scheme == [scheme_auto, scheme_dual]), pair, error)
+    end if
   end subroutine search_pair
 
   !> Compliance of a Winkler foundation for each row of the operator, the initial guess of a scheme.
