@@ -2,7 +2,8 @@
 !>
 !> Row i has the weight w_i, the weighted gap d_i, and (B u)_i, the weighted mean of n_q . (u_a(x_q) - u_b(x'_q)) over
 !> the integration points q of the row: a combination of the displacements of the nodes of their facets. B is stored
-!> body by body: the block of a body holds the rows that involve it.
+!> body by body: the block of a body holds the rows that involve it. Contact forces - B^T lambda have no tangential
+!> part, equation (7).
 module dotyk_contact_operator
   use dotyk_base_kinds, only: dp
   use dotyk_base_sort, only: sort_order

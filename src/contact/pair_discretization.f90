@@ -199,7 +199,8 @@ contains
     where (abs(pair%gap) <= gap_round_off*maxval(abs(x))) pair%gap = 0
   end subroutine keep_projected
 
-  !> Set the rows from the integration points.
+  !> Set the rows from the integration points. Each point a row is equation (18) literally; mortar rows have the
+  !> weighted mean of the gap before it is squared.
   subroutine set_rows(mesh_a, surface_a, origin, pair)
     !> Mesh of the slave body, in shifted coordinates.
     type(body_mesh_t), intent(in) :: mesh_a

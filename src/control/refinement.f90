@@ -152,7 +152,7 @@ contains
     end do
   end subroutine penetrations
 
-  !> F_theta(u) of (19) from the displacements; without the energy of penetrations where theta = 0 [energy].
+  !> F_theta(u) of equation (19) from the displacements; without the energy of penetrations where theta = 0 [energy].
   real(dp) function energy_of(body, rows, theta, solution, y) result(energy)
     !> Bodies (n_bodies).
     type(body_t), intent(in) :: body(:)

@@ -4,7 +4,7 @@
 !> axisymmetric analyses have two displacement components in the plane x, y. The axis of axisymmetric analyses is y, x
 !> is the radius, and zz is the hoop direction. A gradient has one slot per spatial derivative; in axisymmetric
 !> analyses a third slot holds N/r. A strain is the sum of the gradient slots k of the displacement components i whose
-!> `strain_index(i, k)` names it.
+!> `strain_index(i, k)` names it: equation (1) of the paper (docs/theory.md).
 !>
 !> Volumes are areas times a unit thickness in plane analyses, and those of the full circumference, 2 pi r times the
 !> area, in axisymmetric ones; forces and energies likewise.

@@ -1,4 +1,6 @@
-!> Assembly of the stiffness matrix of a body, element by element, directly into its sparsity pattern.
+!> Assembly of the stiffness matrix of a body, element by element, directly into its sparsity pattern: the matrix of the
+!> bilinear form A, in which equilibrium, equation (3), has its weak form; symmetric, continuous, and with enough
+!> supports coercive, equations (13), (14), (15).
 !>
 !> Elements are visited along a Morton curve (`dotyk_elasticity_element_ordering`) and distributed over threads so
 !> that every sum has the same order on any number of threads (`dotyk_elasticity_element_partition`). Dirichlet

@@ -1,4 +1,5 @@
-!> Dirichlet conditions of a body: equations of the free unknowns, prescribed displacements, and nodal axes.
+!> Dirichlet conditions of a body: equations of the free unknowns, prescribed displacements, and nodal axes. The free
+!> unknowns alone are the displacements with supports at rest, equation (10), the space V_0.
 !>
 !> A node has the global axes or local axes (columns of a frame, "rotated unknowns"); its unknowns are the
 !> displacements along them. Free unknowns are numbered node by node, along the axes of each node. Vectors outside of

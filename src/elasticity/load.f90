@@ -1,4 +1,5 @@
-!> Loads as consistent nodal forces: tractions and pressures on surfaces, force densities in bodies.
+!> Loads as consistent nodal forces: tractions and pressures on surfaces, equation (5), force densities in bodies. With
+!> both L(v) is a continuous linear form, equation (16).
 !>
 !> A positive pressure pushes into the body. A local traction has its components along xi, eta, n of the surface with
 !> n the outward normal; eta is not used in two dimensions. Forces on plane bodies are per unit thickness, forces on

@@ -1,8 +1,8 @@
 !> Linear elastic materials: isotropic, orthotropic with material axes, fully anisotropic.
 !>
-!> A stiffness matrix maps the strains xx yy zz yz xz xy (engineering shear) to the stresses in the same order. A
-!> material owns no resource: copies are independent. The modulus field is kept as text, because a formula serves one
-!> thread at a time and every user parses its own.
+!> A stiffness matrix maps the strains xx yy zz yz xz xy (engineering shear) to the stresses in the same order: Hooke's
+!> law, equation (2). A material owns no resource: copies are independent. The modulus field is kept as text, because a
+!> formula serves one thread at a time and every user parses its own.
 module dotyk_elasticity_material
   use dotyk_base_error, only: add_context, error_t, exit_bad_input, set_error
   use dotyk_base_kinds, only: dp

@@ -1,4 +1,4 @@
-!> Supports: prescribed displacements on surfaces, along global axes or along those of the surface.
+!> Supports: prescribed displacements on surfaces, equation (4), along global axes or along those of the surface.
 !>
 !> Values are three numbers in any dimension: along x, y, z, or along xi, eta, n where `fix` names axes of the surface
 !> (z and eta are not used in two dimensions); n is the outward normal. Each support contributes Dirichlet conditions

@@ -1,12 +1,12 @@
 !> The primal-dual active set (semismooth Newton) iteration of the dual scheme, with its safeguards.
 !>
-!> A solution fulfils the KKT conditions: forces lambda >= 0, gaps >= 0 (of the surfaces with their penalty), and no
-!> force where there is a gap. The active rows give a linear system for their forces and the rigid body modes; rows in
-!> tension leave the active set, and penetrating rows enter it (Hueber, Wohlmuth 2005). Where the active rows cannot
-!> carry a floating body, the rows on which it comes to rest on a Winkler foundation are added. Should active sets
-!> cycle, the interior-point method (`dotyk_scheme_interior_point`) finds one next to the solution. Should they cycle
-!> even from there, by rows whose gaps and forces nearly vanish, that one is the solution, and its bound says how
-!> accurate it is.
+!> A solution fulfils the KKT conditions, equations (6), (8), (9): forces lambda >= 0, gaps >= 0 (of the surfaces with
+!> their penalty), no force where there is a gap. The active rows give a linear system for their forces and the rigid
+!> body modes; rows in tension leave the active set, and penetrating rows enter it (Hueber, Wohlmuth 2005). Where the
+!> active rows cannot carry a floating body, the rows on which it comes to rest on a Winkler foundation are added.
+!> Should active sets cycle, the interior-point method (`dotyk_scheme_interior_point`) finds one next to the solution.
+!> Should they cycle even from there, by rows whose gaps and forces nearly vanish, that one is the solution, and its
+!> bound says how accurate it is.
 module dotyk_scheme_active_set
   use dotyk_base_error, only: error_t
   use dotyk_base_interrupt, only: interrupted

@@ -1,5 +1,6 @@
 !> How far an iterate can be from the solution of the penalty problem (19), and how fast the general iteration (32)
-!> comes nearer: the duality gap, and the numbers of Theorems 3 and 4 (docs/theory.md).
+!> comes nearer: the duality gap, and the numbers of Theorem 3 and Theorem 4 (docs/theory.md). Without contact rows, D =
+!> 0, they are those of Theorem 2 for equation (27) and the iteration (28).
 module dotyk_scheme_bounds
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use dotyk_base_kinds, only: dp
@@ -76,7 +77,8 @@ contains
   end function duality_gap
 
   !> The factor by which a step shrinks the error in the norm of G at least, sharp: max(|1 - gamma mu|, |1 - gamma
-  !> Lambda|), mu = B/M~; the eigenvalues of the step are between these, because every mean of j'' is symmetric.
+  !> Lambda|), mu = B/M~; the eigenvalues of the step, equation (35), are between these, because every mean of j'' is
+  !> symmetric.
   elemental real(dp) function constants_contraction(self, gamma) result(q)
     !> The constants.
     class(iteration_constants_t), intent(in) :: self
@@ -99,7 +101,8 @@ contains
     gamma = 2/(self%coercivity/self%continuity_g + self%smoothness)
   end function constants_best_gamma
 
-  !> gamma_2 = 2 B B~/(M+D)^2 of Theorem 3, and with D = 0 of Theorem 2: positive values below it converge.
+  !> gamma_2 = 2 B B~/(M+D)^2 of Theorem 3, and with D = 0 of Theorem 2: positive values below it converge, equation
+  !> (39).
   elemental real(dp) function constants_gamma_limit_of_paper(self) result(limit)
     !> The constants.
     class(iteration_constants_t), intent(in) :: self
@@ -113,7 +116,7 @@ contains
     gamma = self%gamma_limit_of_paper()/2
   end function constants_gamma_of_paper
 
-  !> q of (40); NaN where gamma is not in (0, gamma_2).
+  !> q of equation (40), which follows from equations (36), (37), (38); NaN where gamma is not in (0, gamma_2).
   elemental real(dp) function constants_contraction_of_paper(self, gamma) result(q)
     !> The constants.
     class(iteration_constants_t), intent(in) :: self
@@ -123,7 +126,7 @@ contains
     if (gamma > 0 .and. gamma < self%gamma_limit_of_paper()) q = sqrt(1 - gain(self, gamma))
   end function constants_contraction_of_paper
 
-  !> 1 - q^2 of (40).
+  !> 1 - q^2 of equation (40).
   elemental real(dp) function gain(self, gamma)
     !> The constants.
     class(iteration_constants_t), intent(in) :: self
@@ -132,7 +135,7 @@ contains
     gain = gamma*(2*self%coercivity - gamma*(self%continuity + self%penalty)**2/self%coercivity_g)/self%continuity_g
   end function gain
 
-  !> (41): q/(1-q) ||u^{k+1} - u^k||_G; NaN where (40) gives no q.
+  !> The bound (41): q/(1-q) ||u^{k+1} - u^k||_G; NaN where (40) gives no q.
   elemental real(dp) function constants_bound_of_paper(self, gamma, increment) result(bound)
     !> The constants.
     class(iteration_constants_t), intent(in) :: self

@@ -2,8 +2,9 @@
 !> writes to it; the correction of ill-conditioned bodies shifts the initial penetration of a copy
 !> (`dotyk_control_correction`).
 !>
-!> In the displacements it is `min u^T K u/2 - f^T u + penalty` subject to the contact rows `B u - d <= 0`; in the
-!> Lagrange multipliers, the contact forces `lambda = W p >= 0`,
+!> In the displacements it is `min u^T K u/2 - f^T u + penalty` subject to the contact rows `B u - d <= 0`: equation
+!> (12) on the set K of equation (11), or equation (19) with the penalty of equation (18). In the Lagrange multipliers,
+!> the contact forces `lambda = W p >= 0`, it is
 !>
 !>     min lambda^T (C + Theta W^{-1}) lambda/2 - lambda^T y_0    subject to  lambda >= 0,  G^T lambda + S alpha = e,
 !>
@@ -174,8 +175,8 @@ contains
     norm = sqrt(max(0.0_dp, norm))
   end function qp_energy_norm
 
-  !> F_theta(u) of (19) [energy]; without the energy of penetrations where theta = 0. The work of the loads cancels,
-  !> because u_0 is in equilibrium with them, except for the work on rigid body modes.
+  !> F_theta(u) of equations (19), (25) [energy]; without the energy of penetrations where theta = 0. The work of the
+  !> loads cancels, because u_0 is in equilibrium with them, except for the work on rigid body modes.
   real(dp) function qp_energy(self, theta, m, y, alpha) result(energy)
     !> The QP.
     class(contact_qp_t), intent(in) :: self

@@ -1,9 +1,10 @@
-!> The parallel Neumann scheme (43)-(46).
+!> The parallel Neumann scheme: equation (42), the general iteration (32) with G = A, in the form of equations (43),
+!> (44).
 !>
-!> On every body at once a linear problem with the last known contact pressure as traction, then a relaxation. With the
-!> state of `dotyk_scheme_contact_qp`: `p = max(0, y)/theta`, `z = C W p` (one solve of every body),
-!> `m := gamma p + (1-gamma) m`, and `y := gamma (y_0 - z) + (1-gamma) y`, which forgets its rounding errors in the
-!> course of the iteration.
+!> On every body at once a linear problem with the last known contact pressure as traction, equation (45), then a
+!> relaxation, equation (46). With the state of `dotyk_scheme_contact_qp`: `p = max(0, y)/theta`, `z = C W p` (one solve
+!> of every body), `m := gamma p + (1-gamma) m`, and `y := gamma (y_0 - z) + (1-gamma) y`, which forgets its rounding
+!> errors in the course of the iteration.
 module dotyk_scheme_neumann
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
@@ -139,7 +140,7 @@ contains
     if (state%ended == ended_time) call move_alloc(paused, state%paused)
   end subroutine finish_iteration
 
-  !> The steps of (43), (44).
+  !> The steps of equations (43), (44).
   subroutine iterate(qp, compliance, theta, stopping, monitor, state)
     !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
@@ -169,8 +170,9 @@ contains
     end do
   end subroutine iterate
 
-  !> Pressures by the penetrations of an iterate, the displacements of the rows under them, and the residual
-  !> `||K^{-1} F'_theta(u)||_A^2 = (p-m)^T W C W (p-m)`, which bounds the error of the iterate. One product.
+  !> Pressures by the penetrations of an iterate, which are j'_theta of equation (21) and Phi of equation (26), the
+  !> displacements of the rows under them, and the residual of equation (23), `||K^{-1} F'_theta(u)||_A^2 = (p-m)^T W C
+  !> W (p-m)`, which bounds the error of the iterate. One product.
   subroutine evaluate_step(qp, compliance, theta, m, y, p, z, residual)
     !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp

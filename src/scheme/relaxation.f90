@@ -44,7 +44,8 @@ module dotyk_scheme_relaxation
 
 contains
 
-  !> Upper estimate of L = lambda_max(Theta^{-1} C W): gamma = 2/(2+L) diverges already when L is short by 1.
+  !> Upper estimate of L = lambda_max(Theta^{-1} C W), the constant D of (22) in the energy norm; j'' is not negative,
+  !> equation (20). gamma = 2/(2+L) diverges already when L is short by 1.
   subroutine estimate_lambda_max(qp, compliance, theta, lambda_max)
     !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in), target :: qp

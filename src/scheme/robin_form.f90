@@ -4,7 +4,8 @@
 !> X is the penalty form of each body by itself on a fixed set of contact rows, `X(u,v) = sum_a u_a^T B_a^T D B_a v_a`,
 !> `D = Theta^{-1} W` there and 0 elsewhere: each side of such a row lies on a spring whose other end is held. With the
 !> body's own compliance `C_a = B_a K_a^{-1} B_a^T` the compliance of G is `C_a^G = B_a (K_a + B_a^T D B_a)^{-1} B_a^T =
-!> (I + C_a D)^{-1} C_a`. No solve of a body is needed once the entries of C_a are there.
+!> (I + C_a D)^{-1} C_a`. No solve of a body is needed once the entries of C_a are there. G is symmetric, continuous and
+!> coercive, equations (29), (30), (31), so that every step, equations (33), (34), has one solution.
 module dotyk_scheme_robin_form
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
