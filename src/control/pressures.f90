@@ -18,6 +18,9 @@ module dotyk_control_pressures
     real(dp), allocatable :: gap(:)
     !> Resultant on body a (3) [force].
     real(dp) :: force(3) = 0
+    !> Active rows: with theta > 0 those that penetrate, with theta = 0 those under pressure. The pressures of iterates of
+    !> the Neumann scheme decay on rows that have opened, but do not vanish.
+    integer :: n_active = 0
   end type pair_solution_t
 
   !> One number per node of a body.
@@ -59,6 +62,7 @@ contains
       solution(k)%pressure = m(first:last)
       solution(k)%gap = -y(first:last)
       solution(k)%force = pair_force(problem%pair(k), solution(k)%pressure)
+      solution(k)%n_active = count(merge(y(first:last), m(first:last), problem%pair(k)%row_theta > 0) > 0)
       call projection%init(problem%pair(k), problem%surface_a(k), problem%surface_b(k), error)
       if (allocated(error)) return
       allocate (solution(k)%projected(last - first + 1), on_a(size(projection%side_a%node)), &

@@ -184,11 +184,11 @@ contains
     active = 0
     worst = 1
     do k = 1, size(pair)
-      active = active + count(solution(k)%pressure > 0)
+      active = active + solution(k)%n_active
       if (maxval(solution(k)%projected) > maxval(solution(worst)%projected)) worst = k
       if (size(pair) > most_shown) cycle
       associate (force => solution(k)%force)
-        call log%line('  '//pair(k)%name//': '//to_text(count(solution(k)%pressure > 0))//' of '// &
+        call log%line('  '//pair(k)%name//': '//to_text(solution(k)%n_active)//' of '// &
                       counted(pair(k)%n_rows, 'constraint')//' active, contact force ('// &
                       to_text(force(1), 5)//', '//to_text(force(2), 5)//', '//to_text(force(3), 5)// &
                       ') on the slave body, peak pressure '//to_text(maxval(solution(k)%projected), 5))

@@ -64,6 +64,10 @@ class Example(dotyk_case.Case):
             self.assertLessEqual(error, run.summary["error_bound"] * (1 + 1e-6), rule)
             self.assertLessEqual(run.summary["error_bound"], gamma_sweep.TOLERANCE * (1 + 1e-3), rule)
             np.testing.assert_array_equal(run.active(), active, err_msg=rule)
+            # the log counts the same rows, not those whose pressures have not yet decayed
+            shown = [int(n) for n in re.findall(r"joint \d: (\d+) of 41 constraints active", run.text)]
+            self.assertEqual(shown, [np.sum(joint["gap"] < 0) for joint in dual.joints], rule)
+            self.assertGreater(np.sum(run.pressure > 0), active.sum())
             # the zones are found before the pressures
             found = run.history["active"]
             self.assertEqual(set(found[len(found) // 2:]), {active.sum()}, rule)
