@@ -18,8 +18,8 @@ module dotyk_control_pressures
     real(dp), allocatable :: gap(:)
     !> Resultant on body a (3) [force].
     real(dp) :: force(3) = 0
-    !> Active rows: with theta > 0 those that penetrate, with theta = 0 those under pressure. The pressures of iterates of
-    !> the Neumann scheme decay on rows that have opened, but do not vanish.
+    !> Active rows: with theta > 0 those that penetrate, with theta = 0 those under pressure. The pressures of the
+    !> Neumann scheme decay on rows that have opened, but do not vanish.
     integer :: n_active = 0
   end type pair_solution_t
 
