@@ -62,12 +62,18 @@ module dotyk_base_options
   integer, parameter, public :: quadrature_plain = 2     !< on whole facets of surface_a
   integer, parameter, public :: default_quadrature = quadrature_segments
 
+  !> `&contact condition`: interface condition of a pair in the Robin scheme.
+  character(*), parameter, public :: condition_names = 'robin neumann'
+  integer, parameter, public :: condition_robin = 1    !< each body on springs 1/theta
+  integer, parameter, public :: condition_neumann = 2  !< each body under the last contact pressure
+  integer, parameter, public :: default_condition = condition_robin
+
   !> `&solver scheme`.
   character(*), parameter, public :: scheme_names = 'auto neumann dual robin nesterov anderson secant'
   integer, parameter, public :: scheme_auto = 1      !< dual, unless other keys ask for neumann
   integer, parameter, public :: scheme_neumann = 2   !< parallel Neumann scheme, equations (43) to (46)
   integer, parameter, public :: scheme_dual = 3      !< primal-dual active set on the Lagrange multipliers
-  integer, parameter, public :: scheme_robin = 4     !< Robin conditions on both sides
+  integer, parameter, public :: scheme_robin = 4     !< (32) with Robin conditions, G = A + X
   integer, parameter, public :: scheme_nesterov = 5  !< neumann with Nesterov's momentum
   integer, parameter, public :: scheme_anderson = 6  !< neumann with Anderson acceleration
   integer, parameter, public :: scheme_secant = 7    !< neumann with crossed secants

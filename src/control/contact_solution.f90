@@ -49,6 +49,16 @@ module dotyk_control_contact_solution
     procedure :: needs_displacements => goal_needs_displacements
   end type solution_goal_t
 
+  !> The terms of the functional (19), F_theta(u) = A(u,u)/2 - L(u) + j_theta(u) [energy].
+  type, public :: energies_t
+    !> A(u,u)/2, of the elastic bodies; prescribed displacements do work on them that is in no other term.
+    real(dp) :: strain = 0
+    !> L(u), work of the loads.
+    real(dp) :: load_work = 0
+    !> j_theta(u) of (18), energy of the Winkler layers; 0 without penalty.
+    real(dp) :: penalty = 0
+  end type energies_t
+
   !> The solution.
   type, public :: contact_solution_t
     !> The quadratic programme that was solved: the given one, its initial penetration corrected where bodies are
@@ -70,6 +80,8 @@ module dotyk_control_contact_solution
     type(conditioning_t), allocatable :: conditioning(:)
     !> Errors of the last round.
     type(error_budget_t) :: budget
+  contains
+    procedure :: energies => solution_energies
   end type contact_solution_t
 
   !> Solutions of one scene at most: a rough one, one with a smaller theta, one with the tolerance that its errors ask
@@ -92,6 +104,16 @@ module dotyk_control_contact_solution
   real(dp), parameter :: no_error = 1.0e-8_dp
 
 contains
+
+  !> The terms of (19) for the solution.
+  pure type(energies_t) function solution_energies(self) result(energies)
+    class(contact_solution_t), intent(in) :: self
+    associate (state => self%state, qp => self%qp)
+      energies%strain = qp%energy_norm(state%m, state%y, state%alpha/qp%coarse%scale)**2/2
+      energies%penalty = sum(qp%weight*max(0.0_dp, state%y)**2/(2*self%theta), mask=self%theta > 0)
+      energies%load_work = energies%strain + energies%penalty - state%energy
+    end associate
+  end function solution_energies
 
   !> Whether the solution depends on its errors: the iteration ends by them, or a theta that was not given becomes
   !> smaller.

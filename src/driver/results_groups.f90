@@ -1,5 +1,6 @@
 !> Groups of the results file: fields, contact pairs, summary, provenance and timing (docs/results.md).
 module dotyk_driver_results_groups
+  use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_options, only: option_name, scheme_names
@@ -7,7 +8,7 @@ module dotyk_driver_results_groups
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_control_body_solution, only: body_solution_t
   use dotyk_control_contact_problem, only: contact_problem_t
-  use dotyk_control_contact_solution, only: contact_solution_t
+  use dotyk_control_contact_solution, only: contact_solution_t, energies_t
   use dotyk_control_error_budget, only: error_budget_t
   use dotyk_control_factorization, only: factor_size_t
   use dotyk_control_pressures, only: pair_solution_t, nodal_field_t
@@ -18,6 +19,7 @@ module dotyk_driver_results_groups
   use dotyk_linalg_blas, only: blas_name
   use dotyk_log_timing, only: timing_t
   use dotyk_output_results_file, only: results_file_t, connectivity_length, contact_group
+  use dotyk_scheme_bounds, only: iteration_constants_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_solver_state, only: ending_name, ended_converged
   implicit none
@@ -143,6 +145,8 @@ contains
       if (allocated(budget%of_body)) call file%put_attribute('summary', 'error_discretization_bodies', budget%of_body)
       call file%put_attribute('summary', 'energy_norm', budget%norm)
       call file%put_attribute('summary', 'energy', state%energy)
+      call write_energies(file, solution%energies())
+      call write_constants(file, state%constants, state%gamma)
       call file%put_attribute('summary', 'max_penetration', state%max_penetration)
       call file%put_attribute('summary', 'unknowns', sum(problem%body%constraint%n_equations))
       call file%put_attribute('summary', 'constraints', qp%n_rows)
@@ -167,6 +171,7 @@ contains
       call file%put_array('history', 'seconds', history%seconds)
       call file%put_array('history', 'increment', history%increment)
       call file%put_array('history', 'error_bound', history%error_bound)
+      call file%put_array('history', 'error_bound_paper', history%error_bound_paper)
       call file%put_array('history', 'error_penalty', history%error_penalty)
       call file%put_array('history', 'error_discretization', history%error_discretization)
       call file%put_array('history', 'energy', history%energy)
@@ -174,6 +179,40 @@ contains
       call file%put_array('history', 'active', history%active)
     end associate
   end subroutine write_summary
+
+  !> The terms of the potential energy.
+  subroutine write_energies(file, energies)
+    !> Results file, open.
+    type(results_file_t), intent(inout) :: file
+    !> The terms.
+    type(energies_t), intent(in) :: energies
+    call file%put_attribute('summary', 'strain_energy', energies%strain)
+    call file%put_attribute('summary', 'load_work', energies%load_work)
+    call file%put_attribute('summary', 'penalty_energy', energies%penalty)
+  end subroutine write_energies
+
+  !> The numbers of Theorems 3 and 4; NaN where the scheme is not the general iteration (32).
+  subroutine write_constants(file, given, gamma)
+    !> Results file, open.
+    type(results_file_t), intent(inout) :: file
+    !> Constants of the iteration, if it is (32).
+    type(iteration_constants_t), intent(in), allocatable :: given
+    !> Its relaxation parameter [].
+    real(dp), intent(in) :: gamma
+    type(iteration_constants_t) :: constants
+    real(dp) :: nan
+    nan = ieee_value(nan, ieee_quiet_nan)
+    constants = iteration_constants_t(nan, nan, nan, nan, nan, nan)
+    if (allocated(given)) constants = given
+    call file%put_attribute('summary', 'coercivity', constants%coercivity)
+    call file%put_attribute('summary', 'penalty_constant', constants%penalty)
+    call file%put_attribute('summary', 'smoothness', constants%smoothness)
+    call file%put_attribute('summary', 'gamma_limit', constants%gamma_limit())
+    call file%put_attribute('summary', 'gamma_2', constants%gamma_limit_of_paper())
+    call file%put_attribute('summary', 'gamma_theory', constants%gamma_of_paper())
+    call file%put_attribute('summary', 'q_theory', constants%contraction_of_paper(constants%gamma_of_paper()))
+    call file%put_attribute('summary', 'q_paper', constants%contraction_of_paper(gamma))
+  end subroutine write_constants
 
   !> Version, command line, compiler, BLAS, threads and input.
   subroutine write_provenance(file, case, threads, started)

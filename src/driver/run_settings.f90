@@ -27,6 +27,7 @@ contains
     run%settings%tolerance = case%solver%tolerance
     run%settings%max_iterations = case%solver%max_iterations
     run%settings%linear_solver = case%solver%linear_solver
+    run%settings%robin_gap = [case%contact%robin_gap]
     if (case%output%interval > 0) run%settings%time_limit = case%output%interval
   end subroutine choose_scheme
 

@@ -134,6 +134,9 @@ module dotyk_input_case
     real(dp) :: theta = 0
     !> Penalty parameter where it is a formula; else empty.
     character(:), allocatable :: theta_formula
+    !> Initial gap up to which its constraints have Robin conditions in the Robin scheme: `huge` for all, `-huge` for
+    !> none [length].
+    real(dp) :: robin_gap = huge(1.0_dp)
     !> Whether theta is given, for this pair or in `&solver`; the error budget may reduce a default.
     logical :: theta_given = .false.
     !> Whether theta is the compliance of a real elastic layer, not a penalty.
@@ -160,6 +163,8 @@ module dotyk_input_case
     integer :: theta_kind = default_theta
     !> Penalty parameter [length/pressure], or its factor [] where it is relative.
     real(dp) :: theta = 0
+    !> As in `contact_input_t`, for pairs without their own [length].
+    real(dp) :: robin_gap = huge(1.0_dp)
     !> Whether theta is given.
     logical :: theta_given = .false.
     !> One of `gamma_*`.

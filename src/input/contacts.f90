@@ -1,8 +1,8 @@
 !> Reads `&contact` from checked groups.
 module dotyk_input_contacts
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: gap_constant, gap_formula, gap_geometry, option_name, scheme_auto, scheme_dual, &
-    scheme_names, theta_mesh
+  use dotyk_base_options, only: condition_neumann, gap_constant, gap_formula, gap_geometry, option_name, &
+    scheme_auto, scheme_dual, scheme_names, scheme_robin, theta_mesh
   use dotyk_base_text, only: shown
   use dotyk_input_case, only: contact_input_t, solver_input_t
   use dotyk_input_problems, only: problems_t
@@ -66,6 +66,7 @@ contains
     contact%theta_formula = text_of(group, 'theta_formula')
     contact%is_layer = logical_of(group, 'layer')
     if (contact%is_layer) call check_layer(group, problems, contact)
+    call read_condition(group, solver, problems, contact%robin_gap)
     contact%has_search_radius = is_usable(group, 'search_radius')
     contact%search_radius = real_of(group, 'search_radius')
     contact%discretization = integer_of(group, 'discretization')
@@ -91,6 +92,33 @@ contains
       call report(problems, group, 'layer', 'layer=.true. needs theta > 0, the compliance of the layer')
     end if
   end subroutine check_layer
+
+  !> Read the interface condition of the Robin scheme.
+  subroutine read_condition(group, solver, problems, robin_gap)
+    !> Checked group.
+    type(group_t), intent(in) :: group
+    !> Settings of the solver.
+    type(solver_input_t), intent(in) :: solver
+    !> Problems of the file; mistakes are added.
+    type(problems_t), intent(inout) :: problems
+    !> Initial gap up to which constraints have Robin conditions; `-huge` for none [length].
+    real(dp), intent(out) :: robin_gap
+    character(9) :: key
+    integer :: k
+    robin_gap = solver%robin_gap
+    if (is_usable(group, 'robin_gap')) robin_gap = real_of(group, 'robin_gap')
+    if (integer_of(group, 'condition') == condition_neumann) then
+      robin_gap = -huge(robin_gap)
+      if (is_given(group, 'robin_gap')) &
+        call report(problems, group, 'robin_gap', 'robin_gap is given, but condition is ''neumann''')
+    end if
+    do k = 1, 2
+      key = merge('condition', 'robin_gap', k == 1)
+      if (is_given(group, key) .and. solver%scheme /= scheme_robin) &
+        call report(problems, group, key, key//' is for scheme=''robin'', and the scheme is '''// &
+                    option_name(scheme_names, solver%scheme)//'''; remove it')
+    end do
+  end subroutine read_condition
 
   !> Read one side of a pair: 'body:surface'.
   subroutine read_side(group, key, bodies, problems, body, surface)

@@ -1,10 +1,10 @@
 !> THE table of groups and keys: checks, defaults, `--help` and docs/input.md (`dotyk --help=markdown`) come from here.
 module dotyk_input_keyword_table
-  use dotyk_base_options, only: analysis_names, default_analysis, default_budget_fraction, default_discretization, &
-    default_gamma_rule, default_geometry, default_linear_solver, default_locking, default_max_iterations, &
-    default_quadrature, default_response, default_scheme, default_tolerance, discretization_names, error_part_names, &
-    field_names, gamma_rule_names, geometry_names, linear_solver_names, locking_names, option_name, quadrature_names, &
-    response_names, scheme_names, stop_rule_names
+  use dotyk_base_options, only: analysis_names, condition_names, default_analysis, default_budget_fraction, &
+    default_condition, default_discretization, default_gamma_rule, default_geometry, default_linear_solver, &
+    default_locking, default_max_iterations, default_quadrature, default_response, default_scheme, &
+    default_tolerance, discretization_names, error_part_names, field_names, gamma_rule_names, geometry_names, &
+    linear_solver_names, locking_names, option_name, quadrature_names, response_names, scheme_names, stop_rule_names
   use dotyk_base_text, only: to_text
   use dotyk_input_keywords, only: any_number, at_least_one, at_most_one, exactly_one, group_keyword_t, keyword_list_t, &
     keyword_t, kind_formula, kind_integer, kind_logical, kind_name, kind_names, kind_real, kind_text
@@ -241,6 +241,12 @@ contains
                   default=option_name(quadrature_names, default_quadrature), &
                   meaning='quadrature points: segments, on the mortar segments (overlaps of facets of the two '// &
                   'surfaces), exact on flat faces with any meshes; plain, on whole facets of surface_a')
+    call list%add('condition', kind_name, names=condition_names, &
+                  default=option_name(condition_names, default_condition), &
+                  meaning='interface condition in scheme=''robin'': robin, each body on springs 1/theta whose '// &
+                  'other ends are held where the other body was; neumann, each body under the last contact pressure')
+    call list%add('robin_gap', kind_real, unit='length', &
+                  meaning='robin_gap of this pair; if absent, that of &solver')
   end subroutine add_contact
 
   !> Keys of `&solver`.
@@ -251,9 +257,9 @@ contains
     call list%add('scheme', kind_name, names=scheme_names, default=option_name(scheme_names, default_scheme), &
                   meaning='auto: dual, or neumann where gamma, gamma_rule or stop_rule=''paper'' is given; dual: '// &
                   'primal-dual active set on the Lagrange multipliers, any theta, floating bodies; neumann: the '// &
-                  'parallel Neumann scheme (43)-(46), for supported bodies and theta > 0; for '// &
-                  'comparison: nesterov, anderson and secant, accelerations of neumann, and robin, Robin '// &
-                  'conditions on both sides')
+                  'parallel Neumann scheme (43)-(46), for supported bodies and theta > 0; robin: the general '// &
+                  'iteration (32) with Robin conditions on all constraints, on some (robin_gap) or on some '// &
+                  'pairs (condition); for comparison: nesterov, anderson and secant, accelerations of neumann')
     call list%add('theta', kind_real, unit='length/pressure', not_negative=.true., &
                   meaning='penalty parameter, the compliance of a Winkler layer between the bodies; 0: no penetration')
     call list%add('theta_relative', kind_real, not_negative=.true., &
@@ -274,17 +280,21 @@ contains
                   'unknowns, formed once; auto, the cheaper one for each body; dual and robin form dense compliances')
     call list%add('gamma_rule', kind_name, names=gamma_rule_names, &
                   default=option_name(gamma_rule_names, default_gamma_rule), &
-                  meaning='relaxation parameter of neumann, robin, anderson and secant: spectral, 2/(2+L); theory, '// &
-                  '1/(1+L)^2; fixed, gamma; L is the largest eigenvalue of compliance over theta; if absent and '// &
-                  'gamma is given, fixed')
+                  meaning='relaxation parameter of neumann, robin, anderson and secant: spectral, the best one by '// &
+                  'eigenvalues, 2/(2+L) in neumann; theory, the best one of Theorem 4, 1/(1+L)^2 in neumann; '// &
+                  'fixed, gamma; L is the largest eigenvalue of compliance over theta; if absent and gamma is '// &
+                  'given, fixed')
     call list%add('gamma', kind_real, positive=.true., &
                   meaning='relaxation parameter; alone it means gamma_rule=''fixed''')
+    call list%add('robin_gap', kind_real, unit='length', &
+                  meaning='initial gap up to which contact constraints have springs in scheme=''robin''; if '// &
+                  'absent, all have')
     call list%add('stop_rule', kind_name, names=stop_rule_names, &
                   meaning='convergence criterion: residual, guaranteed error bound below tolerance; paper, bound '// &
                   '(41) below tolerance (neumann, robin); increment, last increment below tolerance (not dual; no '// &
-                  'measure of the error: not converged where the bound exceeds 0.5); budget, guaranteed error bound '// &
-                  'below budget_fraction times the penalty and discretization errors; if absent, budget if neither '// &
-                  'tolerance nor any theta but that of layers is given, else residual')
+                  'measure of the error: not converged where the bound exceeds 0.5); budget, guaranteed error '// &
+                  'bound below budget_fraction times the penalty and discretization errors; if absent, budget if '// &
+                  'neither tolerance nor any theta but that of layers is given, else residual')
     call list%add('budget_fraction', kind_real, default=to_text(default_budget_fraction), positive=.true., &
                   meaning='largest iteration error as a fraction of the penalty and discretization errors, for '// &
                   'stop_rule=''budget''')

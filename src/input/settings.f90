@@ -99,6 +99,7 @@ contains
     if (.not. solver%theta_given) &
       solver%theta = merge(default_theta_dual, default_theta_other, &
                            solver%scheme == scheme_auto .or. solver%scheme == scheme_dual)
+    if (is_usable(group, 'robin_gap')) solver%robin_gap = real_of(group, 'robin_gap')
     solver%budget_fraction = real_of(group, 'budget_fraction')
     solver%tolerance = real_of(group, 'tolerance')
     solver%max_iterations = integer_of(group, 'max_iterations')

@@ -38,6 +38,9 @@ contains
       call check_relaxation('gamma')
       call check_relaxation('gamma_rule')
       call check_stop_rule()
+      if (is_given(group, 'robin_gap') .and. scheme /= scheme_robin) &
+        call report(problems, group, 'robin_gap', 'robin_gap is for scheme=''robin''; '//name// &
+                    ' does not use it: remove it')
       call check_response()
       if (scheme /= scheme_dual .and. .not. wants_penalty_error .and. is_usable(group, 'linear_solver') .and. &
           solver%linear_solver /= linear_solver_auto) &

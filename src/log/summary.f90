@@ -9,7 +9,7 @@ module dotyk_log_summary
   use dotyk_control_conditioning, only: conditioning_t
   use dotyk_control_congruence_classes, only: congruence_classes_t
   use dotyk_control_contact_problem, only: contact_problem_t
-  use dotyk_control_contact_solution, only: contact_solution_t, solution_goal_t
+  use dotyk_control_contact_solution, only: contact_solution_t, energies_t, solution_goal_t
   use dotyk_control_error_budget, only: error_budget_t
   use dotyk_control_pressures, only: pair_solution_t
   use dotyk_elasticity_body, only: body_t
@@ -44,6 +44,7 @@ contains
     !> Time of the scheme [s].
     real(dp), intent(in) :: seconds
     call show_state(log, solution%state, solution%tolerance, n_sweeps, seconds)
+    if (size(solution%state%m) > 0) call show_energies(log, solution%energies())
     call show_budget(log, output, problem%body, solution%state, solution%budget)
     call show_not_computed(log, goal, solution%state)
     call show_conditioning(log, problem%body, problem%classes, solution%conditioning)
@@ -101,6 +102,16 @@ contains
       call log%line('  diverged         gamma = '//to_text(state%gamma)//' exceeds the stability limit '// &
                     to_text(state%constants%gamma_limit())//"; use gamma_rule='spectral' or a smaller gamma")
   end subroutine show_state
+
+  !> The terms of the potential energy, (19).
+  subroutine show_energies(log, energies)
+    !> The log.
+    type(log_t), intent(inout) :: log
+    !> The terms.
+    type(energies_t), intent(in) :: energies
+    call log%line('                   = strain energy '//to_text(energies%strain, 6)//' - work of loads '// &
+                  to_text(energies%load_work, 6)//' + penalty '//to_text(energies%penalty, 6))
+  end subroutine show_energies
 
   !> The contributions to the error, as far as they were asked for.
   subroutine show_budget(log, output, body, state, budget)

@@ -142,7 +142,7 @@ contains
   end subroutine qp_mode_resultant
 
   !> C W m = y_0 + G alpha - y, which costs no product.
-  subroutine find_compliance_product(self, y, product, alpha)
+  pure subroutine find_compliance_product(self, y, product, alpha)
     !> The QP.
     class(contact_qp_t), intent(in) :: self
     !> B u - d (n_rows) [length].
@@ -157,7 +157,7 @@ contains
   end subroutine find_compliance_product
 
   !> The energy norm ||u||_A of u = u_0 - K^+ B^T W m + R alpha [sqrt(energy)].
-  real(dp) function qp_energy_norm(self, m, y, alpha) result(norm)
+  pure real(dp) function qp_energy_norm(self, m, y, alpha) result(norm)
     !> The QP.
     class(contact_qp_t), intent(in) :: self
     !> Pressures (n_rows) [pressure].

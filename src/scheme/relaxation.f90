@@ -134,21 +134,31 @@ contains
     character(*), intent(in) :: spectrum
     real(dp) :: q
     associate (constants => state%constants)
-      call monitor%note('relaxation       gamma '//to_text(state%gamma, 4)//', stability limit '// &
-                        to_text(constants%gamma_limit(), 4)//', '//spectrum//', convergence factor at most '// &
-                        to_text(state%q_predicted, 6))
+      call monitor%note('relaxation       gamma '//to_text(state%gamma, 4)//' (stability limit '// &
+                        to_text(constants%gamma_limit(), 4)//'), '//spectrum//', convergence factor at most '// &
+                        factor_text(state%q_predicted))
       q = constants%contraction_of_paper(state%gamma)
       if (ieee_is_nan(q)) then
         call monitor%note('Theorem 3        gamma_2 = '//to_text(constants%gamma_limit_of_paper(), 4)// &
-                          ': it makes no statement on this gamma')
+                          ': no statement on this gamma, which is larger')
       else
-        call monitor%note('Theorem 3        converges, gamma_2 = '//to_text(constants%gamma_limit_of_paper(), 4)// &
-                          '; Theorem 4: q = '//to_text(q, 8))
+        call monitor%note('Theorem 3        gamma_2 = '//to_text(constants%gamma_limit_of_paper(), 4)// &
+                          ': convergence, with q = '//factor_text(q)//' of (40)')
       end if
-      call monitor%note('Theorem 4        best gamma '//to_text(constants%gamma_of_paper(), 4)//', its q = '// &
-                        to_text(constants%contraction_of_paper(constants%gamma_of_paper()), 8))
+      call monitor%note('Theorem 4        best gamma '//to_text(constants%gamma_of_paper(), 4)//', with q = '// &
+                        factor_text(constants%contraction_of_paper(constants%gamma_of_paper())))
       if (state%gamma >= constants%gamma_limit()) call monitor%note('warning: gamma = '//to_text(state%gamma)// &
         ' may diverge: the stability limit is '//to_text(constants%gamma_limit()))
     end associate
   end subroutine announce_relaxation
+
+  !> A contraction factor; near 1 as 1 less a small number.
+  function factor_text(q) result(text)
+    !> The factor [].
+    real(dp), intent(in) :: q
+    character(:), allocatable :: text
+    real(dp), parameter :: near_one = 1.0e-3_dp
+    text = to_text(q, 6)
+    if (q < 1 .and. 1 - q < near_one) text = '1 - '//to_text(1 - q, 3)
+  end function factor_text
 end module dotyk_scheme_relaxation

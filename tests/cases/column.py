@@ -62,6 +62,11 @@ class Column(dotyk_case.Case):
         self.assertAlmostEqual(summary["max_penetration"] / (theta * pressure), 1, delta=1e-9)
         # F at the minimum is half the work of the given displacement.
         self.assertAlmostEqual(summary["energy"] / (0.5 * SHORTENING * pressure * area), 1, delta=1e-9)
+        # The terms of (19): no load works, the layer stores theta p^2/2 per area, the blocks the rest.
+        layer = theta * pressure**2 / 2 * area
+        self.assertAlmostEqual(summary["penalty_energy"] / layer, 1, delta=1e-9)
+        self.assertAlmostEqual(summary["strain_energy"] / (summary["energy"] - layer), 1, delta=1e-9)
+        self.assertAlmostEqual(summary["load_work"] / summary["energy"], 0, delta=1e-9)
         self.assertEqual(set(file["VTKHDF/Types"][:].tolist()), {VTK[kind]})
         return file
 

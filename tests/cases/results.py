@@ -12,6 +12,11 @@ import dotyk_case
 from blocks import block_geo, column_nml, dimension
 
 
+# Of Theorems 3 and 4.
+CONSTANTS = ("coercivity", "penalty_constant", "smoothness", "gamma_limit", "gamma_2", "gamma_theory", "q_theory",
+             "q_paper")
+
+
 class Results(dotyk_case.Case):
     def column(self, kinds=("hex8", "hex8"), code=0, **options):
         """Write the column's files and run it; returns what the program printed."""
@@ -77,7 +82,8 @@ class Results(dotyk_case.Case):
         real, integer = np.floating, np.integer
         kinds = {"converged": integer, "iterations": integer, "body_solves": integer, "gamma": real, "lambda_max": real,
                  "q_predicted": real, "q_measured": real, "error_bound": real, "error_bound_paper": real,
-                 "energy": real,
+                 "energy": real, "strain_energy": real, "load_work": real, "penalty_energy": real,
+                 **{name: real for name in CONSTANTS},
                  "error_penalty": real, "error_discretization": real, "error_contact": real, "energy_norm": real,
                  "max_penetration": real}
         for name, kind in kinds.items():
@@ -89,13 +95,24 @@ class Results(dotyk_case.Case):
         if scheme == "neumann":
             self.assertGreater(summary["body_solves"], n)
             self.assertAlmostEqual(summary["gamma"], 2 / (2 + summary["lambda_max"]), delta=1e-12)
+            # G = A in the energy norm: B = 1, D = L.
+            large = 1 + summary["lambda_max"]
+            for name, value in (("coercivity", 1), ("penalty_constant", large - 1), ("smoothness", large),
+                                ("gamma_limit", 2 / large), ("gamma_2", 2 / large**2), ("gamma_theory", 1 / large**2),
+                                ("q_theory", np.sqrt(1 - 1 / large**2))):
+                self.assertAlmostEqual(summary[name] / value, 1, delta=1e-12, msg=name)
+            self.assertUnknown(summary["q_paper"])
         else:
-            self.assertUnknown(summary["gamma"])
+            for name in ("gamma", *CONSTANTS):
+                self.assertUnknown(summary[name])
+        self.assertAlmostEqual(summary["strain_energy"] - summary["load_work"] + summary["penalty_energy"],
+                               summary["energy"], delta=1e-12 * summary["strain_energy"])
 
         history = own["history"]
         self.check_shapes(history, {"iteration": ((n,), "i"), "active": ((n,), "i"), **{
-            name: ((n,), "f") for name in ("seconds", "increment", "error_bound", "error_penalty",
+            name: ((n,), "f") for name in ("seconds", "increment", "error_bound", "error_bound_paper", "error_penalty",
                                            "error_discretization", "energy", "max_penetration")}})
+        self.assertTrue(np.isnan(history["error_bound_paper"][:]).all())
         self.assertEqual(history["iteration"][:].tolist(), list(range(1, n + 1)))
         for name in ("error_bound", "error_penalty", "error_discretization", "energy", "max_penetration"):
             self.assertEqual(history[name][-1], summary[name], name)
