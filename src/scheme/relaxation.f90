@@ -132,21 +132,23 @@ contains
     type(solver_state_t), intent(in) :: state
     !> The eigenvalues that rule the iteration.
     character(*), intent(in) :: spectrum
-    real(dp) :: q
+    real(dp) :: q, best
     associate (constants => state%constants)
       call monitor%note('relaxation       gamma '//to_text(state%gamma, 4)//' (stability limit '// &
                         to_text(constants%gamma_limit(), 4)//'), '//spectrum//', convergence factor at most '// &
                         factor_text(state%q_predicted))
       q = constants%contraction_of_paper(state%gamma)
+      best = constants%contraction_of_paper(constants%gamma_of_paper())
       if (ieee_is_nan(q)) then
         call monitor%note('Theorem 3        gamma_2 = '//to_text(constants%gamma_limit_of_paper(), 4)// &
                           ': no statement on this gamma, which is larger')
+        call monitor%note('Theorem 4        best gamma '//to_text(constants%gamma_of_paper(), 4)//', with q = '// &
+                          factor_text(best)//' of (40)')
       else
-        call monitor%note('Theorem 3        gamma_2 = '//to_text(constants%gamma_limit_of_paper(), 4)// &
-                          ': convergence, with q = '//factor_text(q)//' of (40)')
+        call monitor%note('Theorem 3        gamma_2 = '//to_text(constants%gamma_limit_of_paper(), 4)//': convergence')
+        call monitor%note('Theorem 4        q = '//factor_text(q)//' of (40); the least is '//factor_text(best)// &
+                          ', with gamma '//to_text(constants%gamma_of_paper(), 4))
       end if
-      call monitor%note('Theorem 4        best gamma '//to_text(constants%gamma_of_paper(), 4)//', with q = '// &
-                        factor_text(constants%contraction_of_paper(constants%gamma_of_paper())))
       if (state%gamma >= constants%gamma_limit()) call monitor%note('warning: gamma = '//to_text(state%gamma)// &
         ' may diverge: the stability limit is '//to_text(constants%gamma_limit()))
     end associate
