@@ -2,171 +2,24 @@
 """The theory, measured: studies/theory.py [--quick] [--dotyk FILE] [--figure FILE.png] [--table FILE.md]
 
 Runs the program on small scenes and holds what it does against the theorems: how the penalty error falls with theta (Theorem 1),
-by which factor a step of the Neumann scheme shrinks the error at every gamma (Theorems 3 and 4), how far the bounds are above
-the true error, and what of this depends on the mesh. Prints one table in Markdown and draws one figure. Exit code 1: something
-contradicts the theory.
-Needs gmsh, numpy, h5py and matplotlib; two to three minutes, with --quick some ten seconds.
+by which factor a step of the Neumann scheme shrinks the error at every gamma (Theorems 3 and 4), the same for the general
+iteration with other forms G (general_iteration.py), how far the bounds are above the true error, and what of this depends on
+the mesh. Prints two tables in Markdown and draws one figure. Exit code 1: something contradicts the theory.
+Needs gmsh, numpy, h5py and matplotlib; three to four minutes, with --quick some twenty seconds.
 """
 import argparse
 import os
-import re
-import subprocess
 import sys
 import tempfile
 import time
-import h5py
 import numpy as np
 
 ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-sys.path.insert(0, os.path.join(ROOT, 'tools'))
+sys.path[:0] = [os.path.join(ROOT, 'tools'), os.path.join(ROOT, 'studies')]
 import energy_norm  # noqa: E402
-
-# Two blocks of height 1 between smooth walls, pushed together by 1: one mode, everything is known.
-COLUMN_GEO = """
-n = 4;
-Point(1) = {0, 0, 0};  Point(2) = {0, 1, 0};
-side() = Extrude {1, 0, 0} { Point{1}; Layers{n}; };
-face() = Extrude {1, 0, 0} { Point{2}; Layers{n}; };
-lower() = Extrude {0, 1, 0} { Curve{side(1)}; Layers{n}; Recombine; };
-upper() = Extrude {0, 1, 0} { Curve{face(1)}; Layers{n}; Recombine; };
-Physical Surface("lower") = {lower(1)};  Physical Surface("upper") = {upper(1)};
-Physical Curve("bottom") = {side(1)};    Physical Curve("lower face") = {lower(0)};
-Physical Curve("upper face") = {face(1)};  Physical Curve("top") = {upper(0)};
-Physical Curve("sides") = {lower(2), lower(3), upper(2), upper(3)};
-"""
-WAVE_GEO = """
-h = 1/DIVISIONS;  H = 0.25;
-Mesh.ElementOrder = 2;
-Point(1) = {0, 0, 0, h};  Point(2) = {0.5, 0, 0, h};  Point(3) = {0.5, 1.5, 0, H};   Point(4) = {0, 1.5, 0, H};
-Point(5) = {0, 0, 0, h};  Point(6) = {0.5, 0, 0, h};  Point(7) = {0.5, -1.5, 0, H};  Point(8) = {0, -1.5, 0, H};
-Line(1) = {1, 2};  Line(2) = {2, 3};  Line(3) = {3, 4};  Line(4) = {4, 1};
-Line(5) = {6, 5};  Line(6) = {5, 8};  Line(7) = {8, 7};  Line(8) = {7, 6};
-Curve Loop(1) = {1, 2, 3, 4};  Plane Surface(1) = {1};
-Curve Loop(2) = {5, 6, 7, 8};  Plane Surface(2) = {2};
-Physical Surface("upper") = {1};     Physical Surface("lower") = {2};
-Physical Curve("upper face") = {1};  Physical Curve("lower face") = {5};
-Physical Curve("top") = {3};         Physical Curve("bottom") = {7};
-Physical Curve("sides") = {2, 4, 6, 8};
-"""
-COLUMN_NML = """
-&scene    mesh='column.msh', analysis='plane_strain' /
-&material name='soft',  young=1, poisson=0.2 /
-&material name='stiff', young=7, poisson=0.3 /
-&body     name='lower', volume='lower', material='soft' /
-&body     name='upper', volume='upper', material='stiff' /
-&support  body='lower', surface='sides',  fix='x' /
-&support  body='upper', surface='sides',  fix='x' /
-&support  body='lower', surface='bottom', fix='y' /
-&support  body='upper', surface='top',    fix='y', value=0,-1e-3 /
-&contact  name='touch', surface_a='upper:upper face', surface_b='lower:lower face' /
-&solver /
-"""
-COLUMN_COMPLIANCE = [(1 + v)*(1 - 2*v)/(e*(1 - v)) for e, v in ((1.0, 0.2), (7.0, 0.3))]
-
-# A block with sharp edges on a wider one: the pressure is infinite at the edge, like the distance to it to the power of -0.226.
-PUNCH_GEO = """
-h = 2e-6;  H = 0.15;
-Mesh.ElementOrder = 2;
-Point(1) = {0, 0, 0, 0.03};    Point(2) = {0.5, 0, 0, h};   Point(3) = {0.5, 1, 0, H};  Point(4) = {0, 1, 0, H};
-Point(5) = {0, 0, 0, 0.03};    Point(6) = {0.5, 0, 0, h};   Point(7) = {1.5, 0, 0, H};  Point(8) = {1.5, -1, 0, H};
-Point(9) = {0, -1, 0, H};
-Line(1) = {1, 2};  Line(2) = {2, 3};  Line(3) = {3, 4};  Line(4) = {4, 1};
-Line(5) = {5, 9};  Line(6) = {9, 8};  Line(7) = {8, 7};  Line(8) = {7, 6};  Line(9) = {6, 5};
-Curve Loop(1) = {1, 2, 3, 4};     Plane Surface(1) = {1};
-Curve Loop(2) = {5, 6, 7, 8, 9};  Plane Surface(2) = {2};
-Physical Surface("upper") = {1};   Physical Surface("lower") = {2};
-Physical Curve("upper face") = {1};  Physical Curve("lower face") = {8, 9};
-Physical Curve("top") = {3};         Physical Curve("bottom") = {6};
-Physical Curve("sides") = {4, 5};
-"""
-
-
-class Run:
-    """What one run left: the state of its contact points, summary, history and exit code."""
-
-    def __init__(self, path, text, code):
-        self.text, self.code = text, code
-        with h5py.File(path) as file:
-            self.summary = dict(file['dotyk/summary'].attrs)
-            self.history = {name: values[:] for name, values in file['dotyk/history'].items()}
-            pair, = file['dotyk/contact'].values()
-            self.weight, self.pressure, self.y = pair['weight'][:], pair['pressure'][:], -pair['gap'][:]
-            self.theta = float(pair.attrs['theta'])
-        self.results = energy_norm.Results(path)
-
-    def norm(self):
-        """||u||_A: nothing but given displacements loads the scenes, so that F_theta is half its square and the penalty term."""
-        penalty = np.sum(self.weight*np.maximum(self.y, 0)**2)/(2*self.theta) if self.theta > 0 else 0
-        return np.sqrt(2*(self.summary['energy'] - penalty))
-
-
-def distance(one, other):
-    """||u_1 - u_2||_A of two runs on the same mesh, whatever their theta and scheme.
-
-    With u = u0 - K^-1 B^T W m and y = B u - d the square is (m_1 - m_2)^T W (y_2 - y_1): nothing cancels, its own quadrature.
-    """
-    square = np.sum(one.weight*(one.pressure - other.pressure)*(other.y - one.y))
-    return np.sqrt(max(0.0, square))
-
-
-def deviation_of(one, other):
-    """How far the distance is from the one of the displacements, relative; 0 where rounding has a say in the latter."""
-    near = distance(one, other)
-    return 0.0 if near < 1e-5*one.norm() else abs(energy_norm.distance(one.results, other.results)/near - 1)
-
-
-class Scene:
-    """A folder with a mesh and a namelist file, whose solver is chosen run by run."""
-
-    def __init__(self, program, folder, name, geo, nml):
-        self.program, self.name = program, name
-        self.folder = os.path.join(folder, name)
-        os.makedirs(self.folder)
-        path = os.path.join(self.folder, name)
-        with open(path + '.geo', 'w') as file:
-            file.write(geo)
-        dimension = '-2' if 'plane_strain' in nml else '-3'
-        subprocess.run(['gmsh', dimension, '-format', 'msh41', '-o', path + '.msh', path + '.geo'], check=True,
-                       stdout=subprocess.DEVNULL)
-        self.nml = re.sub(r"mesh='[^']+'", "mesh='%s.msh'" % name, nml)
-        self.runs = 0
-
-    def run(self, **solver):
-        """One run; keywords are those of &solver."""
-        keys = ', '.join('%s=%s' % (key, repr(value) if isinstance(value, str) else '%.17g' % value)
-                         for key, value in solver.items())
-        case, output = (os.path.join(self.folder, name) for name in ('run.nml', 'run.vtkhdf'))
-        with open(case, 'w') as file:
-            file.write(re.sub(r'(?m)^&solver .*$', '&solver %s /' % keys, self.nml) + "&output fields='displacement contact' /\n")
-        done = subprocess.run([self.program, case, '--output', output, '--threads', '1'], text=True,
-                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
-        if done.returncode not in (0, 1):
-            sys.exit('%s: %s' % (self.name, done.stdout))
-        self.runs += 1
-        return Run(output, done.stdout, done.returncode)
-
-
-def wavy(divisions, amplitude=0.002):
-    """Geometry and scene of half a wave of two deep layers, elements of 1/divisions of the wave; the wave is in the gap."""
-    nml = COLUMN_NML.replace('poisson=0.2', 'poisson=0.3').replace('young=7', 'young=1')
-    nml = nml.replace('value=0,-1e-3', 'value=0,-6.2e-3')
-    return (WAVE_GEO.replace('DIVISIONS', str(divisions)),
-            nml.replace("lower face' /", "lower face', gap_formula='%r*(1-cos(2*pi*x))' /" % amplitude))
-
-
-def hertz(divisions):
-    """The quarter of a ball on a block of inputs/hertz, with elements of 1/divisions of the contact radius."""
-    texts = []
-    for suffix in ('.geo', '.nml'):
-        with open(os.path.join(ROOT, 'inputs/hertz/hertz' + suffix)) as file:
-            texts.append(file.read())
-    return ('n = %r;  m = 2;  g = 0.4;\n' % divisions + texts[0], texts[1])
-
-
-def punch():
-    """Geometry and scene of the punch."""
-    nml = COLUMN_NML.replace('young=7, poisson=0.3', 'young=1, poisson=0.3').replace('poisson=0.2', 'poisson=0.3')
-    return PUNCH_GEO, nml.replace("surface='bottom', fix='y'", "surface='bottom', fix='xy'")
+import general_iteration  # noqa: E402
+from theory_scenes import (COLUMN_COMPLIANCE, COLUMN_GEO, COLUMN_NML, Scene, deviation_of, distance, hertz, punch,  # noqa: E402
+                           wavy)
 
 
 def slope(x, y):
@@ -343,7 +196,8 @@ def measure(program, folder, quick=False, progress=lambda text: None):
               'wave, theta as h': measure_meshes(waves, 1/np.array(divisions), [0.1*divisions[0]/n for n in divisions])}
     if balls:
         meshes['ball, fixed theta'] = measure_meshes(balls, 1/np.array((2, 3, 4.5)), [0.02]*3)
-    return {'penalty': penalty, 'iteration': iteration, 'schemes': schemes, 'meshes': meshes}
+    return {'penalty': penalty, 'iteration': iteration, 'schemes': schemes, 'meshes': meshes,
+            'general': general_iteration.measure(program, folder, quick, progress)}
 
 
 # What the theory says of it
@@ -437,6 +291,7 @@ def figures(measured):
                 found['%s on meshes, %s' % (key, name)] = (slope(sizes, value),)*2 + (-1.05, -0.95)
         value = [row['q_measured']/row['q_predicted'] for row in rows]
         found['q on meshes, ' + name] = min(value), max(value), 0, 1 + 1e-6
+    found.update(general_iteration.figures(measured['general']))
     return found
 
 
@@ -642,11 +497,12 @@ def main():
     with tempfile.TemporaryDirectory() as folder:
         measured = measure(os.path.abspath(options.dotyk), folder, options.quick,
                            lambda text: print('%5.0f s  %s' % (time.monotonic() - start, text), file=sys.stderr, flush=True))
+    text = table(measured) + '\n' + general_iteration.table(measured['general'])
     if options.table:
         with open(options.table, 'w') as file:
-            file.write(table(measured))
+            file.write(text)
     else:
-        print(table(measured))
+        print(text)
     draw(measured, options.figure)
     wrong = contradictions(figures(measured))
     if wrong:

@@ -1,5 +1,6 @@
 #!/usr/bin/python3
-"""studies/theory.py --quick: Theorems 1, 3 and 4 on small scenes, the bounds, and what depends on the mesh."""
+"""studies/theory.py --quick: Theorems 1, 3 and 4 on small scenes, also with Robin conditions, the bounds, and what
+depends on the mesh."""
 import copy
 import os
 import pathlib
@@ -52,6 +53,25 @@ class Theory(dotyk_case.Case):
         beyond = self.measured["iteration"]["closed wave"]["rows"][-1]
         self.assertTrue(beyond["diverged"])
         self.assertGreater(beyond["largest"], 1)
+
+    def test_general_iteration(self):
+        """(32) with Robin conditions on all points, on some, and on one joint of two: the constants differ, and the best
+        gamma by Lambda takes far fewer iterations than that of Theorem 4."""
+        for scene in self.measured["general"].values():
+            constants = {name: form["constants"] for name, form in scene["forms"].items()}
+            self.assertEqual(constants["G = A"]["coercivity"], 1)
+            for name, one in constants.items():
+                self.assertEqual(one["coercivity"] < 1, name != "G = A")
+                self.assertLessEqual(one["smoothness"], 1 + one["penalty_constant"])
+                iterations = [row["iterations"] for gamma in ("gamma_theory", "best")
+                              for row in scene["forms"][name]["rows"] if row["gamma"] == one[gamma]]
+                self.assertGreater(iterations[0], 4 * iterations[1], name)
+            self.assertLess(constants["Robin, all points"]["smoothness"], constants["G = A"]["smoothness"] / 2)
+        self.assertLess(self.measured["general"]["open layers"]["closed"], 1)
+        self.assertEqual(self.measured["general"]["closed layers"]["closed"], 1)
+        text = theory.general_iteration.table(self.measured["general"])
+        self.assertEqual(len(text.splitlines()), 16)
+        self.assertEqual(len({line.count(" | ") for line in text.splitlines()[2:]}), 1)
 
     def test_bounds(self):
         """Never below the true error; the guaranteed one is not far above it."""
