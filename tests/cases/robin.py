@@ -66,7 +66,7 @@ class Robin(dotyk_case.Case):
             self.assertLess(summary["gamma"], summary["gamma_limit"])
             self.assertGreater(summary["gamma_limit"], summary["gamma_2"])
             self.assertIn("Robin conditions on", text)
-        self.assertAlmostEqual(found["none"]["iterations"]/plain["iterations"], 1, delta=0.05)
+        self.assertAlmostEqual(found["none"]["iterations"]/plain["iterations"], 1, delta=0.1)
         self.assertAlmostEqual(found["none"]["penalty_constant"]/plain["penalty_constant"], 1, delta=0.04)
         # j'' <= 2 X where all have springs.
         self.assertLess(found["all"]["penalty_constant"], 2.05)
