@@ -1,5 +1,5 @@
-!> Groups of the results file: fields, contact pairs, provenance and timing (docs/results.md); summary and history are in
-!> `dotyk_driver_results_summary`.
+!> Groups of the results file: fields, contact pairs, provenance and timing (docs/results.md). Summary and history are
+!> in `dotyk_driver_results_summary`.
 module dotyk_driver_results_groups
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
