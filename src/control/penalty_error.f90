@@ -12,17 +12,20 @@
 !> Quadrature points outnumber the unknowns of their surface, so that theta = 0 is over-constrained: its solution locks,
 !> its multipliers are indeterminate, and finding them costs far more than the solution. There the reference has a
 !> quarter of theta, or of h/E where that is less, and the distance is extrapolated by the first order of Theorem
-!> 1, `u_theta - u_0 = O(theta)`: an estimate, not a bound, of a few systems at most.
+!> 1, `u_theta - u_0 = O(theta)`: an estimate, not a bound, of two linear systems.
 module dotyk_control_penalty_error
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan, ieee_quiet_nan, ieee_value
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: discretization_quadrature
+  use dotyk_base_options, only: discretization_quadrature, linear_solver_direct, linear_solver_iterative
   use dotyk_control_contact_problem, only: contact_problem_t, mesh_compliance
+  use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_dual, only: dual_t
+  use dotyk_scheme_linear_solver_choice, only: choose_solver
   use dotyk_scheme_monitor, only: monitor_t
+  use dotyk_scheme_restriction, only: restrict_qp
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_limit, ended_stalled
   use dotyk_scheme_stopping, only: solver_settings_t
   implicit none
@@ -44,9 +47,6 @@ module dotyk_control_penalty_error
 
   !> theta of the reference where theta = 0 is over-constrained, over that of the solution, and over h/E, at most [].
   real(dp), parameter :: reduced = 0.25_dp, most_of_mesh = 0.25_dp
-  !> Active sets of the reference at most, there; those of the solution where they are more.
-  integer, parameter :: most_systems = 4
-
 contains
 
   !> The reference of the pairs: the theta of layers stays, that of penalties vanishes, or is reduced where one of them
@@ -112,8 +112,6 @@ contains
     type(solver_settings_t) :: settings
     type(solver_state_t) :: penalized, exact
     type(monitor_t) :: silent
-    real(dp) :: uncertainty
-    logical :: is_cut
     distance = 0
     if (.not. any(theta > reference%theta)) return
     settings%linear_solver = linear_solver
@@ -121,22 +119,75 @@ contains
     if (.not. is_exact) call dual%solve(qp, compliance, theta, settings, silent, penalized, error)
     if (allocated(error)) return
     exact = penalized
-    if (.not. reference%is_exact()) settings%max_iterations = max(most_systems, merge(state%iterations, 0, is_exact))
-    call dual%solve(qp, compliance, reference%theta, settings, silent, exact, error)
+    if (reference%is_exact()) then
+      call dual%solve(qp, compliance, reference%theta, settings, silent, exact, error)
+    else if (is_usable(penalized)) then
+      call follow_theta(qp, compliance, reference%theta, exact)
+    end if
     if (allocated(error)) return
-    ! The last active set of an estimate, with its bound, is as good as a solution where the bound is small.
-    is_cut = .not. reference%is_exact() .and. exact%ended == ended_limit
-    if (is_cut) exact%ended = ended_converged
     if (.not. (is_usable(penalized) .and. is_usable(exact))) then
       distance = ieee_value(distance, ieee_quiet_nan)
       return
     end if
-    distance = compliance%distance(qp, penalized%m - exact%m, penalized%alpha - exact%alpha)
-    uncertainty = exact%error_bound*qp%energy_norm(exact%m, exact%y, exact%alpha/qp%coarse%scale) + &
-                  penalized%error_bound*qp%energy_norm(penalized%m, penalized%y, penalized%alpha/qp%coarse%scale)
-    if (is_cut .and. uncertainty > distance) distance = ieee_value(distance, ieee_quiet_nan)
-    distance = reference%extrapolation*(distance + uncertainty)
+    distance = compliance%distance(qp, penalized%m - exact%m, penalized%alpha - exact%alpha) + &
+               uncertainty(qp, penalized)
+    if (reference%is_exact()) distance = distance + uncertainty(qp, exact)
+    distance = reference%extrapolation*distance
   end subroutine estimate_penalty_error
+
+  !> Guaranteed bound of the error of a state [sqrt(energy)].
+  real(dp) function uncertainty(qp, state)
+    !> The quadratic programme.
+    type(contact_qp_t), intent(in) :: qp
+    !> Where a scheme ended.
+    type(solver_state_t), intent(in) :: state
+    uncertainty = state%error_bound*qp%energy_norm(state%m, state%y, state%alpha/qp%coarse%scale)
+  end function uncertainty
+
+  !> The solution with a smaller theta, from that of the dual scheme: two linear systems at most, the second without the
+  !> forces that are tensile in the first. Contact zones shrink with theta, so that no other rows are looked at.
+  subroutine follow_theta(qp, compliance, theta, state)
+    !> The quadratic programme.
+    type(contact_qp_t), intent(in) :: qp
+    !> Its compliance operator.
+    class(compliance_t), intent(inout) :: compliance
+    !> The smaller penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    !> Solution of the dual scheme; its pressures and modes are those of the smaller theta on return. Not usable where
+    !> there are none.
+    type(solver_state_t), intent(inout) :: state
+    class(active_system_t), allocatable :: system
+    type(contact_qp_t) :: part
+    type(error_t), allocatable :: error
+    real(dp), allocatable :: lambda(:), alpha(:), forces(:)
+    logical, allocatable :: active(:)
+    integer :: k
+    if (.not. any(state%m > 0)) return
+    associate (working => state%m > 0)
+      call restrict_qp(qp, working, part)
+      ! As the dual scheme did it.
+      call choose_solver(part, compliance, merge(linear_solver_direct, linear_solver_iterative, &
+                                                 compliance%has_entries()), [(.true., k=1, part%n_rows)], system)
+      if (system%needs_entries()) call compliance%form(part, may_stop=.false.)
+      lambda = part%weight*pack(state%m, working)
+      alpha = state%alpha/qp%coarse%scale
+      do k = 1, 2
+        active = lambda > 0
+        call system%init(part, compliance, pack(theta, working), active, error)
+        if (allocated(error)) exit
+        forces = lambda(system%row)
+        call system%solve(part, compliance, part%initial_penetration(system%row), part%coarse%resultant, forces, alpha)
+        lambda = 0
+        lambda(system%row) = forces
+        if (all(lambda > 0 .or. .not. active) .or. .not. any(lambda > 0)) exit
+      end do
+      call system%destroy()
+      state%m = unpack(max(0.0_dp, lambda)/part%weight, working, 0*state%m)
+      state%alpha = qp%coarse%scale*alpha
+    end associate
+    ! NaN is not below infinity.
+    if (allocated(error) .or. .not. all(state%m <= huge(1.0_dp))) state%ended = ended_limit
+  end subroutine follow_theta
 
   !> Whether a scheme found a solution.
   pure logical function is_usable(state)

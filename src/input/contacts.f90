@@ -1,8 +1,8 @@
 !> Reads `&contact` from checked groups.
 module dotyk_input_contacts
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: condition_neumann, gap_constant, gap_formula, gap_geometry, option_name, &
-    scheme_auto, scheme_dual, scheme_names, scheme_robin, theta_mesh
+  use dotyk_base_options, only: condition_neumann, discretization_quadrature, gap_constant, gap_formula, &
+    gap_geometry, option_name, scheme_auto, scheme_dual, scheme_names, scheme_robin, theta_mesh
   use dotyk_base_text, only: shown
   use dotyk_input_case, only: contact_input_t, solver_input_t
   use dotyk_input_problems, only: problems_t
@@ -70,6 +70,8 @@ contains
     contact%has_search_radius = is_usable(group, 'search_radius')
     contact%search_radius = real_of(group, 'search_radius')
     contact%discretization = integer_of(group, 'discretization')
+    ! The mortar mean of a fixed theta has a lower order (docs/theory.md, section 2).
+    if (contact%is_layer .and. .not. is_given(group, 'discretization')) contact%discretization = discretization_quadrature
     contact%geometry = integer_of(group, 'geometry')
     contact%quadrature = integer_of(group, 'quadrature')
   end subroutine read_contact

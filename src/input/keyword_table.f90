@@ -232,7 +232,7 @@ contains
                   default=option_name(discretization_names, default_discretization), &
                   meaning='contact constraints: mortar, dual (biorthogonal) mortar with one weighted gap per '// &
                   'vertex of surface_a, stable for every theta; quadrature, one gap per quadrature point, with a '// &
-                  'penalty')
+                  'penalty, (18) literally; if absent and layer=.true., quadrature')
     call list%add('geometry', kind_name, names=geometry_names, default=option_name(geometry_names, default_geometry), &
                   meaning='surface geometry for gaps and normals: smooth, patches with continuous normals over '// &
                   'the facets (edges of more than 40 degrees stay sharp, planes flat); elements, the facets '// &
