@@ -1,4 +1,5 @@
-!> Penalty parameters of the contact rows, from values at the quadrature points: by a formula, or any others.
+!> Penalty parameters of the contact rows, theta of (18), from values at the quadrature points: by a formula of the
+!> position, or any others.
 module dotyk_model_row_theta
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite, ieee_is_nan
   use dotyk_base_error, only: error_t, exit_bad_input, set_error

@@ -1,5 +1,9 @@
 #!/usr/bin/python3
 """Real elastic layers between bodies, and theta by formula: exact pressures, the error budget, messages."""
+import os
+import subprocess
+import sys
+
 import numpy as np
 
 import dotyk_case
@@ -87,6 +91,14 @@ class Layer(dotyk_case.Case):
         self.dotyk("column.nml")
         without = self.results("column.vtkhdf")["dotyk/summary"].attrs
         self.assertLessEqual(with_error["body_solves"], 2 * without["body_solves"])
+
+    def test_orders(self):
+        """studies/layer.py --quick: the orders of both discretizations under full contact."""
+        script = dotyk_case.ROOT / "studies/layer.py"
+        done = subprocess.run([sys.executable, "-B", script, "--quick", "--kinds", "quad8", "--dotyk", os.environ["DOTYK"]],
+                              text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+        self.assertEqual(done.returncode, 0, done.stdout)
+        self.assertEqual(done.stdout.count("| quad8 | full |"), 3, done.stdout)
 
     def test_messages(self):
         """Each names file, line, pair and point."""
