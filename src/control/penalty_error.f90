@@ -112,6 +112,7 @@ contains
     type(solver_settings_t) :: settings
     type(solver_state_t) :: penalized, exact
     type(monitor_t) :: silent
+    real(dp) :: of_both
     distance = 0
     if (.not. any(theta > reference%theta)) return
     settings%linear_solver = linear_solver
@@ -129,10 +130,10 @@ contains
       distance = ieee_value(distance, ieee_quiet_nan)
       return
     end if
-    distance = compliance%distance(qp, penalized%m - exact%m, penalized%alpha - exact%alpha) + &
-               uncertainty(qp, penalized)
-    if (reference%is_exact()) distance = distance + uncertainty(qp, exact)
-    distance = reference%extrapolation*distance
+    of_both = uncertainty(qp, penalized)
+    if (reference%is_exact()) of_both = uncertainty(qp, exact) + of_both
+    distance = compliance%distance(qp, penalized%m - exact%m, penalized%alpha - exact%alpha)
+    distance = reference%extrapolation*(distance + of_both)
   end subroutine estimate_penalty_error
 
   !> Guaranteed bound of the error of a state [sqrt(energy)].

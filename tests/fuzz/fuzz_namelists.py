@@ -96,8 +96,8 @@ def odd_text(rng, data):
 def odd_formula(rng, data):
     """A value becomes a formula, or a formula an odd one."""
     formula = rng.choice(FORMULAS)
-    keys = ["gap_formula=", "young_formula=", "pressure_formula=", "value_formula=", "traction_formula=",
-            "force_density_formula="]
+    keys = ["gap_formula=", "theta_formula=", "young_formula=", "pressure_formula=", "value_formula=",
+            "traction_formula=", "force_density_formula="]
     if rng.random() < 0.5 and b"_formula='" in data:
         return replace_token(rng, data, rb"(?<=_formula=')[^'\n]*(?=')", [formula])
     n = rng.choice([1, 1, 2, 3])

@@ -28,13 +28,13 @@ NAMES = {
     "fix": ["x", "xy", "xyz", "n", "t", "nt", "xi", "z", "y"],
     "locking": ["auto", "ignore"],
     "fields": ["", "displacement", "stress", "contact"], "error_parts": ["", "penalty", "discretization"]}
-LOGICALS = {"reproducible"}
+LOGICALS = {"layer", "reproducible"}
 OF_GROUP = {
     "material": ["young", "poisson", "young", "poisson"],
     "solver": ["theta", "theta_relative", "theta_mesh", "tolerance", "gamma", "scheme", "gamma_rule", "stop_rule",
                "budget_fraction", "linear_solver", "response", "reproducible", "locking", "max_iterations"],
     "contact": ["theta", "theta_relative", "theta_mesh", "gap", "search_radius", "discretization", "geometry",
-                "quadrature"],
+                "quadrature", "layer"],
     "support": ["fix", "value"], "load": ["pressure"], "body": ["at", "angle", "axis"],
     "output": ["fields", "error_parts"],
     "scene": ["analysis"]}
@@ -95,7 +95,7 @@ def odd_formula(rng, scene):
     line = scene.text.split("\n")[i]
     formula = "'%s'" % rng.choice(FORMULAS)
     if line.startswith("&contact"):
-        set_key(scene, i, "gap_formula", formula)
+        set_key(scene, i, rng.choice(["gap_formula", "theta_formula"]), formula)
     elif line.startswith("&material"):
         set_key(scene, i, "young_formula", formula)
     else:
