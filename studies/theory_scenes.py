@@ -130,7 +130,7 @@ class Run:
         """||u||_A: nothing but given displacements loads the scenes, so that F_theta is half its square and the penalty term."""
         soft = self.row_theta > 0
         penalty = np.sum((self.weight*np.maximum(self.y, 0)**2)[soft]/(2*self.row_theta[soft]))
-        return np.sqrt(2*(self.summary['energy'] - penalty))
+        return np.sqrt(max(0.0, 2*(self.summary['energy'] - penalty)))
 
 
 def distance(one, other):
