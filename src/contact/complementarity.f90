@@ -20,7 +20,8 @@ contains
 
   !> Sum over the slave facets of the absolute work of the pressure on the gap under it, the compression of the penalty
   !> layer deducted [energy].
-  real(dp) function complementarity_error(pair, surface_a, surface_b, u_a, u_b, pressure) result(total)
+  real(dp) function complementarity_error(pair, surface_a, surface_b, u_a, u_b, pressure, row_theta) &
+    result(total)
     !> Contact pair.
     type(contact_pair_t), intent(in) :: pair
     !> Slave surface (surface_a).
@@ -33,6 +34,8 @@ contains
     real(dp), intent(in) :: u_b(:, :)
     !> Row pressures (n_rows) [pressure].
     real(dp), intent(in) :: pressure(:)
+    !> Penalty parameters of the solution (n_rows) [length/pressure].
+    real(dp), intent(in) :: row_theta(:)
     type(corner_interpolation_t) :: corners
     real(dp), allocatable :: at_corner(:), theta_at_corner(:), work(:)
     real(dp) :: relative(size(u_a, 1)), p, theta
@@ -47,14 +50,14 @@ contains
         if (i > pair%n_rows) exit
         if (corners%corner_node(k) /= pair%row_vertex(i)) cycle
         at_corner(k) = pressure(i)
-        theta_at_corner(k) = pair%row_theta(i)
+        theta_at_corner(k) = row_theta(i)
         i = i + 1
       end do
     end if
     do i = 1, pair%n_points
       if (pair%discretization == discretization_quadrature) then
         p = pressure(i)
-        theta = pair%row_theta(i)
+        theta = row_theta(i)
       else
         n = count(corners%corner(:, i) > 0)
         p = dot_product(corners%shape(:n, i), at_corner(corners%corner(:n, i)))

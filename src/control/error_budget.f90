@@ -99,7 +99,7 @@ contains
     call budget%init()
     budget%norm = qp%energy_norm(state%m, state%y, state%alpha/qp%coarse%scale)
     if (want_mesh) then
-      call estimate_mesh_error(problem, solution, qp%pair_first_row, state%m, budget, error)
+      call estimate_mesh_error(problem, solution, qp%pair_first_row, state%m, theta, budget, error)
       if (allocated(error)) return
       if (.not. is_near(state)) call forget_mesh_error(budget)
     end if
@@ -144,7 +144,7 @@ contains
   end subroutine forget_mesh_error
 
   !> The error of the mesh.
-  subroutine estimate_mesh_error(problem, solution, first_row, m, budget, error)
+  subroutine estimate_mesh_error(problem, solution, first_row, m, theta, budget, error)
     !> Bodies, modes, factorization reports, pairs.
     type(contact_problem_t), intent(in) :: problem
     !> With displacements (n_bodies).
@@ -153,6 +153,8 @@ contains
     integer, intent(in) :: first_row(:)
     !> Pressures (n_rows) [pressure].
     real(dp), intent(in) :: m(:)
+    !> Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
     !> Gets discretization, contact and norm.
     type(error_budget_t), intent(inout) :: budget
     !> As in `estimate_errors`.
@@ -168,7 +170,8 @@ contains
       associate (pair => problem%pair(k))
         work = work + complementarity_error(pair, problem%surface_a(k), problem%surface_b(k), &
                                             solution(pair%body_a)%displacement, solution(pair%body_b)%displacement, &
-                                            m(first_row(k):first_row(k + 1) - 1))
+                                            m(first_row(k):first_row(k + 1) - 1), &
+                                            theta(first_row(k):first_row(k + 1) - 1))
       end associate
     end do
     budget%contact = 0

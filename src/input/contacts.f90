@@ -71,7 +71,8 @@ contains
     contact%search_radius = real_of(group, 'search_radius')
     contact%discretization = integer_of(group, 'discretization')
     ! The mortar mean of a fixed theta has a lower order (docs/theory.md, section 2).
-    if (contact%is_layer .and. .not. is_given(group, 'discretization')) contact%discretization = discretization_quadrature
+    if (contact%is_layer .and. .not. is_given(group, 'discretization')) &
+      contact%discretization = discretization_quadrature
     contact%geometry = integer_of(group, 'geometry')
     contact%quadrature = integer_of(group, 'quadrature')
   end subroutine read_contact

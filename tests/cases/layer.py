@@ -95,8 +95,8 @@ class Layer(dotyk_case.Case):
     def test_orders(self):
         """studies/layer.py --quick: the orders of both discretizations under full contact."""
         script = dotyk_case.ROOT / "studies/layer.py"
-        done = subprocess.run([sys.executable, "-B", script, "--quick", "--kinds", "quad8", "--dotyk", os.environ["DOTYK"]],
-                              text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+        done = subprocess.run([sys.executable, "-B", script, "--quick", "--kinds", "quad8", "--dotyk",
+                               os.environ["DOTYK"]], text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
         self.assertEqual(done.returncode, 0, done.stdout)
         self.assertEqual(done.stdout.count("| quad8 | full |"), 3, done.stdout)
 
@@ -106,12 +106,15 @@ class Layer(dotyk_case.Case):
                 (", theta_formula='x - 2'", "", r"&contact 'joint': theta_formula is -1\.9\d* at \(0\.0\d*, 1, 0\); "
                  "theta must not be negative"),
                 (", theta_formula='1/0'", "", r"&contact 'joint': theta_formula is infinity at \("),
-                (", theta_formula='0'", "scheme='neumann'", r"theta_formula is 0 at \(.*\); theta = 0 needs scheme='dual'"),
-                (", theta_formula='0', layer=.true.", "", r"theta_formula is 0 at \(.*\); theta of a layer must be positive"),
+                (", theta_formula='0'", "scheme='neumann'",
+                 r"theta_formula is 0 at \(.*\); theta = 0 needs scheme='dual'"),
+                (", theta_formula='0', layer=.true.", "",
+                 r"theta_formula is 0 at \(.*\); theta of a layer must be positive"),
                 (", theta_formula='x', theta=1", "", "theta and theta_formula are both given"),
                 (", layer=.true.", "", r"layer=\.true\. needs theta, the compliance of the layer"),
                 (", layer=.true.", "theta=0", r"layer=\.true\. needs theta > 0"),
-                (", layer=.true., theta_mesh=1", "", r"layer=\.true\. needs the compliance of the layer, which no mesh")):
+                (", layer=.true., theta_mesh=1", "",
+                 r"layer=\.true\. needs the compliance of the layer, which no mesh")):
             self.solve(contact, solver, code=2)
             self.assertRegex(self.log, r"column\.nml:10: .*" + expected)
 
