@@ -5,6 +5,7 @@
 #   werror    all warnings of the compiler are errors
 #   api       the pages that FORD makes of the comments, without a warning: build/api/index.html
 #   flang     LLVM's flang builds all layers that need no module file of gfortran, and runs unit tests
+#   runners   unit tests under pFUnit (CONTRIBUTING.md) and under the small runner: as many as the .pf files have, both times
 #   debug     all tests with run-time checks, traps of invalid operations, and signalling NaN
 #   asan      all tests with the address and undefined-behaviour sanitizers
 #   coverage  lines of src/ that the tests reach: build/coverage/coverage.html
@@ -12,7 +13,7 @@ set -uo pipefail
 
 tools=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 cd "$tools/.."
-parts=(lint werror api flang debug asan coverage)
+parts=(lint werror api flang runners debug asan coverage)
 
 # A Python environment with the tools of check_requirements.txt.
 environment() {
@@ -42,6 +43,20 @@ flang() {
   cmake --build build/flang --target "${layers[@]/#/dotyk_}" "${layers[@]/#/test_}" > build/flang.log 2>&1 || { tail -n 50 build/flang.log; return 1; }
   # flang 19 loses its way in parallel regions of these sources (CONTRIBUTING.md): one thread, and the tests that need no more.
   OMP_NUM_THREADS=1 ctest --test-dir build/flang --output-on-failure -R '^test_(base|input|elasticity|response|scheme)$'
+}
+
+# Both runners must find and pass every test of the .pf files.
+runners() {
+  local wish
+  "$tools/setup.sh" || return
+  for wish in ON OFF; do
+    local build=build/pfunit_${wish,,}
+    cmake --preset release -B "$build" -DDOTYK_PFUNIT=$wish > "$build.log" 2>&1 || { tail -n 20 "$build.log"; return 1; }
+    cmake --build "$build" > "$build.log" 2>&1 || { tail -n 50 "$build.log"; return 1; }
+    rm -f "$build/Testing/Temporary/LastTest.log"
+    OMP_WAIT_POLICY=passive ctest --test-dir "$build" --output-on-failure --parallel "$(nproc)" -R '^test_' > "$build.log"
+  done
+  "$tools/python.sh" "$tools/count_tests.py" build/pfunit_on build/pfunit_off
 }
 
 debug() {

@@ -61,7 +61,9 @@ def translate(path):
         directive = re.match(r"(\s*)@(\w*)\s*(.*?)\s*$", line)
         procedure = re.match(r"\s*subroutine\s+(\w+)\s*(\(\s*\))?\s*(!.*)?$", line, re.I)
         module = module or re.match(r"\s*module\s+(\w+)\s*$", line, re.I)
-        if pending and not procedure and not re.match(r"\s*(@disable\s*|!.*)?$", line, re.I):
+        if line.startswith("#"):
+            refuse("the small runner has no preprocessor: '%s'" % line.strip())
+        elif pending and not procedure and not re.match(r"\s*(@disable\s*|!.*)?$", line, re.I):
             refuse("a subroutine without arguments must follow @%s" % pending)
         elif directive:
             name, rest = directive[2].lower(), directive[3]

@@ -149,6 +149,13 @@ class Runner(dotyk_case.Case):
         self.refused(test % "@assertLessThan(1.0, 2.0, tolerance=0.1)", 6, "takes message=, not 'tolerance=0.1'")
         self.refused(test % "@assertTrue(x, whitespace=KEEP_ALL)", 6, "not 'whitespace=KEEP_ALL'")
         self.refused("@test(ifdef=X)\nsubroutine one()", 4, "does not understand")
+        # Directives of pFUnit that other projects use, and words that nobody knows.
+        for line in ("@suite(name='s')", "@before(this)", "@after(npes=[1])", "@mpiTest(npes=[1, 2])", "@testCase",
+                     "@testParameter(constructor=new)", "@parameters", "@ignore", "@disable", "@tets", "@ test", "@"):
+            self.refused(line + "\nsubroutine one()\nend subroutine", 4, "does not understand '%s'" % line)
+        self.refused(test % "@assertEqaul(1, 1)", 6, "does not understand '@assertEqaul(1, 1)'")
+        self.refused(test % "@assertTrue", 6, "does not understand '@assertTrue'")
+        self.refused(test % "#ifdef X", 6, "has no preprocessor: '#ifdef X'")
         self.refused("@test\ninteger function one()", 5, "a subroutine without arguments must follow @test")
         self.refused("@test\nsubroutine one(this)", 5, "a subroutine without arguments must follow @test")
         self.refused("@before\nsubroutine a()\nend subroutine\n@before\nsubroutine b()", 7,
