@@ -11,9 +11,10 @@ module dotyk_control_parallel
   private
   public :: use_threads, largest_first, share_solves, set_blas_threads
 
-  !> Entries of the other bodies' factors from which on solving them meanwhile pays: below, waiting for the other
-  !> threads costs more, and much more on a busy machine.
-  real(dp), parameter :: worth_a_region = 5.0e5_dp
+  !> Entries of the other bodies' factors from which on solving them meanwhile pays, 0.05 to 0.1 ms
+  !> (benchmarks/neumann_threads.py): below, starting the threads and waiting for them costs as much. On a busy machine,
+  !> where a thread waits for a time slice, it costs more at any size.
+  real(dp), parameter :: worth_a_region = 5.0e4_dp
   !> Entries of a body's factor from which on BLAS threads help its solves.
   real(dp), parameter :: worth_blas_threads = 5.0e6_dp
 
@@ -35,7 +36,8 @@ contains
 
   !> How the solves of one sweep over all bodies are shared out.
   subroutine share_solves(entries, reproducible, side_by_side, n_blas)
-    !> Entries of the factor of each body: a solve takes about 1 ns for each (n_bodies) [].
+    !> Entries that the solve of each body, or batch of congruent bodies, goes through twice; it takes about 1 ns for
+    !> each (n) [].
     real(dp), intent(in) :: entries(:)
     !> The same digits on any number of threads: one BLAS thread.
     logical, intent(in) :: reproducible

@@ -17,7 +17,7 @@ module dotyk_driver_scene
   use dotyk_model_body_setup, only: build_bodies
   use dotyk_model_pairs, only: find_pairs, foundation_compliance
   use dotyk_response_response, only: response_slot_t
-  use dotyk_scheme_body_compliance, only: body_compliance_t, body_operator_t
+  use dotyk_scheme_body_compliance, only: body_compliance_t, body_operator_t, sweep_costs
   use dotyk_scheme_coarse_space, only: coarse_space_t, contact_modes_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_scheme, only: scheme_t
@@ -110,7 +110,7 @@ contains
     type(contact_modes_t), allocatable :: modes(:)
     type(coarse_space_t) :: coarse
     type(contact_free_t) :: free
-    real(dp), allocatable :: foundation(:)
+    real(dp), allocatable :: foundation(:), cost(:)
     character(:), allocatable :: warning
     logical :: side_by_side
     associate (problem => scene%problem, block => scene%operator%block, qp => scene%qp, compliance => scene%compliance)
@@ -127,7 +127,8 @@ contains
       if (allocated(error)) return
       call make_operators(problem%body, problem%classes, block, problem%report, scene%size_of, scene%direct, &
                           response, operators)
-      call share_solves(operators%cost, case%solver%reproducible, side_by_side, problem%n_blas)
+      call sweep_costs(operators, block, cost)
+      call share_solves(cost, case%solver%reproducible, side_by_side, problem%n_blas)
       call set_stage('solving without contact')
       call solve_without_contact(problem%body, block, scene%operator%gap, response, problem%classes%first, &
                                  side_by_side, problem%n_blas, free, problem%isolated)

@@ -34,6 +34,7 @@ module dotyk_response_direct
     procedure :: analyze => direct_analyze
     procedure :: factorize => direct_factorize
     procedure :: solve => direct_solve
+    procedure :: solve_block => direct_solve_block
     procedure :: prepare_substitution => direct_prepare_substitution
     procedure :: path_entries => direct_path_entries
     procedure :: substitute => direct_substitute
@@ -99,6 +100,22 @@ contains
     call self%factor%solve(x)
     call remove_modes(self%mode, x)
   end subroutine direct_solve
+
+  !> X := K^+ X, with dense products of blocks.
+  subroutine direct_solve_block(self, x)
+    !> The compliance operator of the body.
+    class(direct_response_t), intent(in) :: self
+    !> Right-hand sides [force] in, solutions [length] out (n_equations, n).
+    real(dp), intent(inout), contiguous :: x(:, :)
+    integer :: j
+    do j = 1, size(x, 2)
+      call remove_modes(self%mode, x(:, j))
+    end do
+    call self%factor%solve_block(x)
+    do j = 1, size(x, 2)
+      call remove_modes(self%mode, x(:, j))
+    end do
+  end subroutine direct_solve_block
 
   !> Make ready for forward substitutions.
   subroutine direct_prepare_substitution(self)

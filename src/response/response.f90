@@ -20,6 +20,8 @@ module dotyk_response_response
   contains
     !> x := K^+ x.
     procedure(solve_interface), deferred :: solve
+    !> The same for a block of right-hand sides.
+    procedure :: solve_block => response_solve_block
     !> Make ready for forward substitutions; one thread at a time.
     procedure(prepare_interface), deferred :: prepare_substitution
     !> Entries of the factor that the forward substitution of one row goes through, on average; before the factorization
@@ -104,4 +106,18 @@ module dotyk_response_response
       class(response_t), intent(inout) :: self
     end subroutine destroy_interface
   end interface
+
+contains
+
+  !> X := K^+ X, column by column.
+  subroutine response_solve_block(self, x)
+    !> The compliance operator of the body.
+    class(response_t), intent(in) :: self
+    !> Right-hand sides [force] in, solutions [length] out (n_equations, n).
+    real(dp), intent(inout), contiguous :: x(:, :)
+    integer :: j
+    do j = 1, size(x, 2)
+      call self%solve(x(:, j))
+    end do
+  end subroutine response_solve_block
 end module dotyk_response_response

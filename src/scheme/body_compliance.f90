@@ -1,20 +1,22 @@
 !> The compliance of bodies with compliance operators of their own: matrix-free by solves, or as matrices where these
 !> are formed.
 !>
-!> A product without entries solves every body once, side by side. Entries are formed when a scheme asks for them, many
-!> rows at a time (`dotyk_scheme_entry_forming`). Congruent bodies have one operator; those that touch in the same way
-!> have one matrix (`dotyk_scheme_congruent_rows`).
+!> A product without entries solves every body once, side by side, congruent bodies in batches
+!> (`dotyk_scheme_congruent_products`). Entries are formed when a scheme asks for them, many rows at a time
+!> (`dotyk_scheme_entry_forming`). Congruent bodies have one operator; those that touch in the same way have one matrix
+!> (`dotyk_scheme_congruent_rows`).
 module dotyk_scheme_body_compliance
   use dotyk_base_kinds, only: dp
   use dotyk_contact_operator, only: contact_block_t
-  use dotyk_response_response, only: response_slot_t, response_t
+  use dotyk_response_response, only: response_slot_t
   use dotyk_scheme_compliance, only: compliance_t, entries_t
+  use dotyk_scheme_congruent_products, only: batch_t, make_batches, multiply_bodies, row_displacement_t, solve_bodies
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_dense_compliance, only: dense_compliance_t
   use dotyk_scheme_entry_forming, only: add_rows, body_operator_t, cut_rows, form_blocks, row_blocks_t
   implicit none
   private
-  public :: body_operator_t
+  public :: body_operator_t, sweep_costs
 
   !> The operator of all bodies.
   type, extends(compliance_t), public :: body_compliance_t
@@ -26,8 +28,8 @@ module dotyk_scheme_body_compliance
     type(dense_compliance_t) :: matrix
     !> Whether bodies are solved side by side, or one after the other (each with all BLAS threads).
     logical :: side_by_side = .true.
-    !> Bodies that may touch others, the one with most work first.
-    integer, allocatable, private :: sequence(:)
+    !> Bodies that may touch others, in batches of congruent ones, those with most work first.
+    type(batch_t), allocatable, private :: batch(:)
   contains
     procedure :: init => compliance_init
     procedure :: solve => compliance_solve
@@ -45,13 +47,23 @@ module dotyk_scheme_body_compliance
     procedure :: destroy => compliance_destroy
   end type body_compliance_t
 
-  !> Displacements of one body's rows.
-  type :: displacement_t
-    !> (rows of the body) [length].
-    real(dp), allocatable :: value(:)
-  end type displacement_t
-
 contains
+
+  !> Costs of the parts of a product, which threads share: batches of congruent bodies. Of all bodies, which are solved
+  !> without contact, where none may touch another.
+  subroutine sweep_costs(body, block, cost)
+    !> Operators of the bodies (n_bodies).
+    type(body_operator_t), intent(in) :: body(:)
+    !> Rows of B of each body (n_bodies).
+    type(contact_block_t), intent(in) :: block(:)
+    !> Entries that a solve goes through twice (n).
+    real(dp), allocatable, intent(out) :: cost(:)
+    type(batch_t), allocatable :: batch(:)
+    integer :: b
+    call make_batches(body, [(size(block(b)%row), b=1, size(block))], batch)
+    cost = body%cost
+    if (size(batch) > 0) cost = batch%cost
+  end subroutine sweep_costs
 
   !> Take the operators of the bodies.
   subroutine compliance_init(self, qp, response, body, side_by_side)
@@ -65,17 +77,12 @@ contains
     type(body_operator_t), allocatable, intent(inout) :: body(:)
     !> As in `body_compliance_t`.
     logical, intent(in) :: side_by_side
-    integer :: b, n
+    integer :: b
     call move_alloc(response, self%response)
     call move_alloc(body, self%body)
     self%side_by_side = side_by_side
     call self%matrix%init(qp)
-    allocate (self%sequence(0))
-    do b = 1, size(self%body)
-      if (size(qp%block(b)%row) == 0) cycle
-      n = count(self%body(self%sequence)%cost >= self%body(b)%cost)
-      self%sequence = [self%sequence(:n), b, self%sequence(n + 1:)]
-    end do
+    call make_batches(self%body, [(size(qp%block(b)%row), b=1, size(self%body))], self%batch)
   end subroutine compliance_init
 
   !> x := K_b^+ x, over the equations of a body; many threads may.
@@ -100,78 +107,59 @@ contains
     real(dp), intent(in) :: lambda(:)
     !> Displacements of the rows (n_rows) [length].
     real(dp), intent(out) :: z(:)
-    type(displacement_t) :: moved(size(self%body))
+    type(row_displacement_t) :: moved(size(self%body))
     logical :: formed(size(self%body))
+    real(dp), allocatable :: force(:), moved_formed(:)
     integer :: i, b
     formed = [(self%matrix%is_body_formed(qp, b), b=1, size(self%body))]
-    if (all(formed)) then
-      call self%matrix%multiply(qp, lambda, z)
-      return
-    end if
-    !$omp parallel do default(none) shared(self, qp, lambda, moved, formed) private(b) schedule(dynamic, 1) &
+    allocate (force(size(self%matrix%row_body, 2)), moved_formed(size(self%matrix%row_body, 2)), source=0.0_dp)
+    ! Rows of an aggregation are none of the rows that are formed.
+    if (any(formed)) force(qp%parent_row) = lambda
+    !$omp parallel do default(none) shared(self, qp, lambda, force, formed, moved) schedule(dynamic, 1) &
     !$omp& if (self%side_by_side)
-    do i = 1, size(self%sequence)
-      b = self%sequence(i)
-      if (size(qp%block(b)%row) == 0) cycle
-      if (formed(b)) then
-        call multiply_matrix(self%matrix, qp, b, lambda, moved(b)%value)
-      else
-        call solve_body(self%response(self%body(b)%representative)%form, self%body(b), qp%block(b), &
-                        lambda, moved(b)%value)
-      end if
+    do i = 1, size(self%batch)
+      call multiply_batch(self, qp, self%batch(i)%body, formed, lambda, force, moved)
     end do
     !$omp end parallel do
     ! In the order of the bodies: the sum must not depend on which thread is first.
     z = 0
     do b = 1, size(self%body)
       if (.not. allocated(moved(b)%value)) cycle
-      associate (row => qp%block(b)%row)
-        z(row) = z(row) + moved(b)%value
-      end associate
+      if (formed(b)) then
+        associate (row => self%matrix%body(b)%row)
+          moved_formed(row) = moved_formed(row) + moved(b)%value
+        end associate
+      else
+        associate (row => qp%block(b)%row)
+          z(row) = z(row) + moved(b)%value
+        end associate
+      end if
     end do
-    self%n_sweeps = self%n_sweeps + 1
+    if (any(formed)) z = z + moved_formed(qp%parent_row)
+    if (.not. all(formed)) self%n_sweeps = self%n_sweeps + 1
   end subroutine compliance_multiply
 
-  !> B_b K_b^+ B_b^T lambda by a solve.
-  subroutine solve_body(response, body, block, lambda, displacement)
-    !> Compliance operator of the body.
-    class(response_t), intent(in) :: response
-    !> The body.
-    type(body_operator_t), intent(in) :: body
-    !> The body's rows of B.
-    type(contact_block_t), intent(in) :: block
-    !> Contact forces (n_rows) [force].
-    real(dp), intent(in) :: lambda(:)
-    !> Displacements of the rows of the block (rows of the block) [length].
-    real(dp), allocatable, intent(out) :: displacement(:)
-    real(dp), allocatable :: nodal(:), x(:)
-    allocate (nodal(body%map%dimension*body%map%n_nodes), x(size(response%mode, 1)), displacement(size(block%row)))
-    call block%matrix%multiply_transposed(lambda(block%row), nodal)
-    call body%map%scatter(nodal, x)
-    call response%solve(x)
-    call body%map%gather(x, nodal)
-    call block%matrix%multiply(nodal, displacement)
-  end subroutine solve_body
-
-  !> The same by the matrix.
-  subroutine multiply_matrix(matrix, qp, b, lambda, displacement)
-    !> Formed at these rows of the body.
-    type(dense_compliance_t), intent(in) :: matrix
-    !> Contact rows, initial penetrations, rigid body modes.
+  !> The products of one batch of congruent bodies.
+  subroutine multiply_batch(self, qp, body, formed, lambda, force, moved)
+    !> The compliance of the bodies.
+    class(body_compliance_t), intent(in) :: self
+    !> The rows.
     type(contact_qp_t), intent(in) :: qp
-    !> The body.
-    integer, intent(in) :: b
-    !> Contact forces (n_rows) [force].
-    real(dp), intent(in) :: lambda(:)
-    !> Displacements of the body's rows of the QP (rows of the body) [length].
-    real(dp), allocatable, intent(out) :: displacement(:)
-    real(dp), allocatable :: force(:), moved(:), formed(:)
-    allocate (force(size(matrix%row_body, 2)), moved(size(matrix%row_body, 2)), source=0.0_dp)
-    force(qp%parent_row) = lambda
-    call matrix%multiply_body(b, force, formed)
-    moved(matrix%body(b)%row) = formed
-    displacement = moved(qp%parent_row(qp%block(b)%row))
-  end subroutine multiply_matrix
+    !> The congruent bodies (n).
+    integer, intent(in) :: body(:)
+    !> Bodies whose entries at the rows are there (n_bodies).
+    logical, intent(in) :: formed(:)
+    !> Contact forces, at the rows of the QP (n_rows), and at those of the QP of `init` (all its rows) [force].
+    real(dp), intent(in) :: lambda(:), force(:)
+    !> Gets displacements of the bodies in the batch (n_bodies).
+    type(row_displacement_t), intent(inout) :: moved(:)
+    logical :: has_rows(size(body))
+    integer :: k
+    has_rows = [(size(qp%block(body(k))%row) > 0, k=1, size(body))]
+    call multiply_bodies(self%matrix, pack(body, has_rows .and. formed(body)), force, moved)
+    call solve_bodies(self%response(self%body(body(1))%representative)%form, self%body, qp%block, &
+                      pack(body, has_rows .and. .not. formed(body)), lambda, moved)
+  end subroutine multiply_batch
 
   !> Form the entries at all rows of a QP.
   subroutine compliance_form(self, qp, may_stop)

@@ -4,6 +4,7 @@
 !> made for; QPs that are restrictions of it know their rows there (`parent_row`).
 module dotyk_scheme_dense_compliance
   use dotyk_base_kinds, only: dp
+  use dotyk_linalg_blas, only: dgemm
   use dotyk_scheme_compliance, only: compliance_t, entries_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   implicit none
@@ -34,7 +35,9 @@ module dotyk_scheme_dense_compliance
   contains
     procedure :: init => dense_init
     procedure :: set => dense_set
+    procedure :: owner => dense_owner
     procedure :: multiply_body => dense_multiply_body
+    procedure :: multiply_alike => dense_multiply_alike
     procedure :: multiply => dense_multiply
     procedure :: form => dense_form
     procedure :: is_formed => dense_is_formed
@@ -88,6 +91,15 @@ contains
     end associate
   end subroutine dense_set
 
+  !> The body whose matrix is that of a body.
+  pure integer function dense_owner(self, b) result(owner)
+    !> The compliance matrices.
+    class(dense_compliance_t), intent(in) :: self
+    !> The body.
+    integer, intent(in) :: b
+    owner = merge(self%body(b)%same_as, b, self%body(b)%same_as > 0)
+  end function dense_owner
+
   !> Displacements of one body's rows by forces on them. Entries of rows that are not formed count as zero.
   pure subroutine dense_multiply_body(self, b, force, displacement)
     !> The compliance matrices.
@@ -98,9 +110,8 @@ contains
     real(dp), intent(in) :: force(:)
     !> At the formed rows of the body, in their order (n) [length].
     real(dp), allocatable, intent(out) :: displacement(:)
-    integer :: j, owner
-    owner = merge(self%body(b)%same_as, b, self%body(b)%same_as > 0)
-    associate (own => self%body(b), value => self%body(owner)%value)
+    integer :: j
+    associate (own => self%body(b), value => self%body(self%owner(b))%value)
       allocate (displacement(own%n), source=0.0_dp)
       ! Most rows of an active set have no force.
       do j = 1, own%n
@@ -108,6 +119,28 @@ contains
       end do
     end associate
   end subroutine dense_multiply_body
+
+  !> The same for bodies with one matrix, as a product of matrices.
+  subroutine dense_multiply_alike(self, alike, force, displacement)
+    !> The compliance matrices.
+    class(dense_compliance_t), intent(in) :: self
+    !> Bodies with the same owner (k).
+    integer, intent(in) :: alike(:)
+    !> At the rows of the QP of `init` (all its rows) [force].
+    real(dp), intent(in) :: force(:)
+    !> At the formed rows of each body, in their order (n, k) [length].
+    real(dp), allocatable, intent(out) :: displacement(:, :)
+    real(dp), allocatable :: given(:, :)
+    integer :: j, n, k
+    k = size(alike)
+    n = self%body(alike(1))%n
+    allocate (given(n, k), displacement(n, k))
+    if (n == 0) return
+    do j = 1, k
+      given(:, j) = force(self%body(alike(j))%row)
+    end do
+    call dgemm('N', 'N', n, k, n, 1.0_dp, self%body(self%owner(alike(1)))%value, n, given, n, 0.0_dp, displacement, n)
+  end subroutine dense_multiply_alike
 
   !> z = C lambda.
   subroutine dense_multiply(self, qp, lambda, z)
@@ -170,7 +203,9 @@ contains
     !> The body.
     integer, intent(in) :: b
     is_formed = qp%level == self%level
-    if (is_formed) is_formed = all(self%numbers(b, qp%parent_row(qp%block(b)%row)) > 0)
+    ! Asked in every product: bodies with all entries need no look at their rows.
+    if (is_formed .and. self%body(b)%n < size(self%body(b)%number)) &
+      is_formed = all(self%numbers(b, qp%parent_row(qp%block(b)%row)) > 0)
   end function dense_is_body_formed
 
   !> Rows of the matrix of a body.
@@ -201,12 +236,10 @@ contains
     integer, intent(in) :: row(:)
     !> Entries (n, n) [length/force].
     real(dp), allocatable, intent(out) :: entries(:, :)
-    integer :: owner
     integer, allocatable :: number(:)
-    owner = merge(self%body(b)%same_as, b, self%body(b)%same_as > 0)
     allocate (number(size(row)))
     number = self%numbers(b, qp%parent_row(row))
-    entries = self%body(owner)%value(number, number)
+    entries = self%body(self%owner(b))%value(number, number)
   end subroutine dense_get_entries
 
   !> Diagonal entries.
@@ -219,7 +252,7 @@ contains
     integer, intent(in) :: row(:)
     !> Diagonal entries (n) [length/force].
     real(dp), intent(out) :: diagonal(:)
-    integer :: i, k, b, n, owner
+    integer :: i, k, b, n
     do i = 1, size(row)
       associate (parent => qp%parent_row(row(i)))
         diagonal(i) = 0
@@ -227,8 +260,7 @@ contains
           b = self%row_body(k, parent)
           if (b == 0) cycle
           n = self%body(b)%number(self%row_place(k, parent))
-          owner = merge(self%body(b)%same_as, b, self%body(b)%same_as > 0)
-          if (n > 0) diagonal(i) = diagonal(i) + self%body(owner)%value(n, n)
+          if (n > 0) diagonal(i) = diagonal(i) + self%body(self%owner(b))%value(n, n)
         end do
       end associate
     end do

@@ -24,6 +24,8 @@ module dense_scene
     real(dp), allocatable :: diagonal(:)
     !> Cost of a solve.
     real(dp) :: cost = 1
+    !> An earlier body that it is congruent to; 0: it is a representative.
+    integer :: representative = 0
   end type dense_body_t
 
   !> A scene.
@@ -70,7 +72,7 @@ contains
         if (allocated(constraint%frame)) deallocate (constraint%frame)
         allocate (constraint%frame(1, 1, 0))
         call body(b)%map%init(constraint, operator%block(b)%contact_node)
-        body(b)%representative = b
+        body(b)%representative = merge(given%representative, b, given%representative > 0)
         body(b)%rotation = reshape([1.0_dp], [1, 1])
         body(b)%nodal_stiffness = [(0.0_dp, i=1, n)]
         if (allocated(given%diagonal)) body(b)%nodal_stiffness = given%diagonal
