@@ -248,6 +248,7 @@ contains
         end do
         if (more) then
           state%lambda_max = 0
+          if (allocated(state%constants)) deallocate (state%constants)
           call monitor%note('theta            multiplied by '//to_text(factor, 2)//': the penalty error, '// &
                             to_text(100*budget%penalty, 2)//' %, would exceed its share of the discretization error')
           return

@@ -1,6 +1,6 @@
 !> From the input to the settings of a run: the scheme with its parameters, and what is asked of the solution.
 module dotyk_driver_run_settings
-  use dotyk_base_options, only: scheme_auto, scheme_dual, stop_budget, stop_residual
+  use dotyk_base_options, only: gamma_fixed, scheme_auto, scheme_dual, stop_budget, stop_residual
   use dotyk_control_contact_solution, only: solution_goal_t
   use dotyk_control_scheme_run, only: scheme_run_t
   use dotyk_input_case, only: case_t
@@ -39,7 +39,8 @@ contains
     goal%by_budget = case%solver%stop_rule == stop_budget
     goal%budget_fraction = case%solver%budget_fraction
     allocate (goal%theta_given(size(case%contact)))
-    goal%theta_given(:) = case%contact%theta_given
+    ! A gamma that was given belongs to the theta of the run: it may diverge with a smaller one.
+    goal%theta_given(:) = case%contact%theta_given .or. case%solver%gamma_rule == gamma_fixed
     goal%displacement = case%output%displacement
     goal%stress = case%output%stress
     goal%mesh_error = case%output%error_discretization

@@ -3,8 +3,8 @@ module dotyk_input_settings
   use dotyk_base_kinds, only: dp
   use dotyk_base_operating_system, only: directory_of
   use dotyk_base_options, only: analysis_3d, error_part_discretization, error_part_penalty, field_contact, &
-    field_displacement, field_error, field_stress, gamma_fixed, option_name, scheme_auto, scheme_dual, scheme_neumann, &
-    stop_paper, theta_absolute, theta_formula, theta_mesh, theta_names
+    field_displacement, field_error, field_stress, gamma_fixed, gamma_theory, option_name, scheme_auto, scheme_dual, &
+    scheme_neumann, stop_paper, theta_absolute, theta_formula, theta_mesh, theta_names
   use dotyk_base_text, only: shown
   use dotyk_input_case, only: output_input_t, scene_input_t, solver_input_t
   use dotyk_input_paths, only: extension_of, is_directory, resolve_path, why_not_readable, without_extension
@@ -93,6 +93,9 @@ contains
         call report(problems, group, 'gamma_rule', '''gamma'' is missing: gamma_rule is ''fixed''')
     end if
     solver%stop_rule = integer_of(group, 'stop_rule')
+    ! (41) needs a gamma that Theorem 4 is about.
+    if (solver%stop_rule == stop_paper .and. .not. (is_given(group, 'gamma') .or. is_given(group, 'gamma_rule'))) &
+      solver%gamma_rule = gamma_theory
     ! The options of the paper select its scheme.
     if (solver%scheme == scheme_auto .and. (is_given(group, 'gamma') .or. is_given(group, 'gamma_rule') .or. &
                                             solver%stop_rule == stop_paper)) solver%scheme = scheme_neumann

@@ -16,6 +16,7 @@ module dotyk_log_summary
   use dotyk_input_case, only: output_input_t
   use dotyk_log_progress, only: duration
   use dotyk_log_timing, only: timing_t
+  use dotyk_scheme_relaxation, only: factor_text
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_limit, ended_diverged, &
     ended_cycling, ended_interrupted, ended_rotated, ended_rounds, ended_unbalanced, ended_unverified
   implicit none
@@ -79,7 +80,7 @@ contains
     select case (state%stop_rule)
     case (stop_increment, stop_paper)
       ! The tolerance is not one of the bound.
-      call log%line('  stop_rule        '//rule_met(state, tolerance))
+      call log%line('  stop_rule        '//rule_in_force(state, tolerance))
       call log%line('  error bound      '//bound)
       if (state%ended == ended_unverified) &
         call log%line("  unverified       the error bound does not confirm this iterate; use stop_rule='residual' "// &
@@ -91,16 +92,16 @@ contains
                       'double precision has no better solution')
     end select
     if (.not. ieee_is_nan(state%error_bound_paper)) &
-      call log%line('  bound (41)       '//to_text(state%error_bound_paper, 3)//' (a priori, Theorem 4)')
+      call log%line('  bound (41)       '//to_text(state%error_bound_paper, 3)//' (Theorem 4, from the last increment)')
     predicted = ''
-    if (.not. ieee_is_nan(state%q_predicted)) predicted = ', at most '//to_text(state%q_predicted, 6)//' predicted'
+    if (.not. ieee_is_nan(state%q_predicted)) predicted = ', at most '//factor_text(state%q_predicted)//' predicted'
     if (.not. ieee_is_nan(state%q_measured)) &
-      call log%line('  convergence      factor '//to_text(state%q_measured, 6)//' per iteration measured'//predicted)
-    call log%line('  max penetration  '//to_text(state%max_penetration, 4))
-    call log%line('  potential energy '//to_text(state%energy, 10))
+      call log%line('  convergence      factor '//factor_text(state%q_measured)//' per iteration measured'//predicted)
     if (state%ended == ended_diverged .and. allocated(state%constants)) &
       call log%line('  diverged         gamma = '//to_text(state%gamma)//' exceeds the stability limit '// &
                     to_text(state%constants%gamma_limit())//"; use gamma_rule='spectral' or a smaller gamma")
+    call log%line('  max penetration  '//to_text(state%max_penetration, 4))
+    call log%line('  potential energy '//to_text(state%energy, 10))
   end subroutine show_state
 
   !> The terms of the potential energy, (19).
@@ -109,8 +110,13 @@ contains
     type(log_t), intent(inout) :: log
     !> The terms.
     type(energies_t), intent(in) :: energies
+    real(dp) :: work
+    ! What rounding leaves where no load does work.
+    real(dp), parameter :: no_work = 1.0e-12_dp
+    work = energies%load_work
+    if (abs(work) < no_work*energies%strain) work = 0
     call log%line('                   = strain energy '//to_text(energies%strain, 6)//' - work of loads '// &
-                  to_text(energies%load_work, 6)//' + penalty '//to_text(energies%penalty, 6))
+                  to_text(work, 6)//' + penalty term (18) '//to_text(energies%penalty, 6))
   end subroutine show_energies
 
   !> The contributions to the error, as far as they were asked for.
@@ -137,7 +143,7 @@ contains
         line = line//', largest in '//quoted(body(maxloc(budget%of_body, 1))%name)
     end if
     call log%line(line)
-    if (budget%contact > large_contact_error) &
+    if (budget%contact > large_contact_error .and. state%ended == ended_converged) &
       call log%line('  warning          contact error '//to_text(100*budget%contact, 2)// &
                     ' %: the contact conditions hold in the mean only; refine the slave surface where it touches')
   contains
@@ -254,20 +260,23 @@ contains
     end do
   end subroutine show_conditioning
 
-  !> Which rule without guarantee ended the iteration.
-  function rule_met(state, tolerance) result(text)
-    !> State of the scheme, ended by the rule `increment` or `paper`.
+  !> Which rule without guarantee was to end the iteration, and whether it is met.
+  function rule_in_force(state, tolerance) result(text)
+    !> State of the scheme, with the rule `increment` or `paper`.
     type(solver_state_t), intent(in) :: state
     !> Tolerance of the rule [].
     real(dp), intent(in) :: tolerance
     character(:), allocatable :: text
+    logical :: is_met
+    is_met = any(state%ended == [ended_converged, ended_unverified])
+    text = trim(merge(' is met:    ', ' is not met:', is_met))
     if (state%stop_rule == stop_increment) then
-      text = "'increment' is met: the last increment, "//to_text(state%history%increment(state%history%n), 3)
+      text = "'increment'"//text//' the last increment, '//to_text(state%history%increment(state%history%n), 3)
     else
-      text = "'paper' is met: the bound (41), "//to_text(state%error_bound_paper, 3)
+      text = "'paper'"//text//' the bound (41), '//to_text(state%error_bound_paper, 3)
     end if
-    text = text//', does not exceed the tolerance '//to_text(tolerance)
-  end function rule_met
+    text = text//trim(merge(', does not exceed', ', exceeds        ', is_met))//' the tolerance '//to_text(tolerance)
+  end function rule_in_force
 
   !> How a scheme ended.
   function outcome(state) result(text)

@@ -28,6 +28,7 @@ module dotyk_scheme_bounds
     procedure :: gamma_limit => constants_gamma_limit
     procedure :: best_gamma => constants_best_gamma
     procedure :: contraction_of_paper => constants_contraction_of_paper
+    procedure :: gain_of_paper => constants_gain_of_paper
     procedure :: gamma_limit_of_paper => constants_gamma_limit_of_paper
     procedure :: gamma_of_paper => constants_gamma_of_paper
     procedure :: bound_of_paper => constants_bound_of_paper
@@ -123,17 +124,17 @@ contains
     !> Relaxation parameter [].
     real(dp), intent(in) :: gamma
     q = ieee_value(q, ieee_quiet_nan)
-    if (gamma > 0 .and. gamma < self%gamma_limit_of_paper()) q = sqrt(1 - gain(self, gamma))
+    if (gamma > 0 .and. gamma < self%gamma_limit_of_paper()) q = sqrt(1 - self%gain_of_paper(gamma))
   end function constants_contraction_of_paper
 
   !> 1 - q^2 of equation (40).
-  elemental real(dp) function gain(self, gamma)
+  elemental real(dp) function constants_gain_of_paper(self, gamma) result(gain)
     !> The constants.
     class(iteration_constants_t), intent(in) :: self
     !> Relaxation parameter [].
     real(dp), intent(in) :: gamma
     gain = gamma*(2*self%coercivity - gamma*(self%continuity + self%penalty)**2/self%coercivity_g)/self%continuity_g
-  end function gain
+  end function constants_gain_of_paper
 
   !> The bound (41): q/(1-q) ||u^{k+1} - u^k||_G; NaN where (40) gives no q.
   elemental real(dp) function constants_bound_of_paper(self, gamma, increment) result(bound)
@@ -146,6 +147,6 @@ contains
     real(dp) :: q
     q = self%contraction_of_paper(gamma)
     ! 1 - q without cancellation: (1 - q^2)/(1 + q).
-    bound = q*(1 + q)/gain(self, gamma)*increment
+    bound = q*(1 + q)/self%gain_of_paper(gamma)*increment
   end function constants_bound_of_paper
 end module dotyk_scheme_bounds

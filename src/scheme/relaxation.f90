@@ -1,6 +1,5 @@
 !> The relaxation parameter gamma of (32) and (44), and the eigenvalue L that rules it for G = A.
 module dotyk_scheme_relaxation
-  use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dotyk_base_error, only: error_t, set_error
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
@@ -29,7 +28,8 @@ module dotyk_scheme_relaxation
     procedure :: apply => penalty_compliance_apply
   end type penalty_compliance_t
 
-  public :: estimate_lambda_max, upper_estimate, relaxation_parameter, choose_relaxation, announce_relaxation
+  public :: estimate_lambda_max, upper_estimate, relaxation_parameter, choose_relaxation, announce_relaxation, &
+    factor_text
 
   !> Stands for an L that an interrupt left unknown: no L is larger, so that all bounds made with it hold, and no step
   !> is too long.
@@ -118,8 +118,8 @@ contains
       state%gamma = relaxation_parameter(settings%gamma_rule, constants, settings%gamma)
       state%q_predicted = constants%contraction(state%gamma)
       if (settings%stop_rule == stop_paper .and. .not. state%gamma < constants%gamma_limit_of_paper()) &
-        call set_error(error, "&solver: stop_rule='paper' needs gamma < gamma_2 = "// &
-                       to_text(constants%gamma_limit_of_paper())//' (Theorem 3), and gamma is '// &
+        call set_error(error, "&solver: stop_rule='paper' needs gamma < gamma_2 of Theorem 3, of which "// &
+                       to_text(constants%gamma_limit_of_paper())//' is a computed lower bound, and gamma is '// &
                        to_text(state%gamma)//"; use gamma_rule='theory' or another stop_rule")
     end associate
   end subroutine choose_relaxation
@@ -132,27 +132,42 @@ contains
     type(solver_state_t), intent(in) :: state
     !> The eigenvalues that rule the iteration.
     character(*), intent(in) :: spectrum
-    real(dp) :: q, best
+    character(:), allocatable :: best
     associate (constants => state%constants)
       call monitor%note('relaxation       gamma '//to_text(state%gamma, 4)//' (stability limit '// &
                         to_text(constants%gamma_limit(), 4)//'), '//spectrum//', convergence factor at most '// &
                         factor_text(state%q_predicted))
-      q = constants%contraction_of_paper(state%gamma)
-      best = constants%contraction_of_paper(constants%gamma_of_paper())
-      if (ieee_is_nan(q)) then
-        call monitor%note('Theorem 3        gamma_2 = '//to_text(constants%gamma_limit_of_paper(), 4)// &
+      best = factor_of_paper(constants, constants%gamma_of_paper())
+      ! The constants are estimates on the safe side.
+      if (state%gamma < constants%gamma_limit_of_paper()) then
+        call monitor%note('Theorem 3        gamma_2 >= '//to_text(constants%gamma_limit_of_paper(), 4)// &
+                          ': convergence')
+        call monitor%note('Theorem 4        q = '//factor_of_paper(constants, state%gamma)// &
+                          ' of (40); the least is '//best//', with gamma '//to_text(constants%gamma_of_paper(), 4))
+      else
+        call monitor%note('Theorem 3        gamma_2 >= '//to_text(constants%gamma_limit_of_paper(), 4)// &
                           ': no statement on this gamma, which is larger')
         call monitor%note('Theorem 4        best gamma '//to_text(constants%gamma_of_paper(), 4)//', with q = '// &
-                          factor_text(best)//' of (40)')
-      else
-        call monitor%note('Theorem 3        gamma_2 = '//to_text(constants%gamma_limit_of_paper(), 4)//': convergence')
-        call monitor%note('Theorem 4        q = '//factor_text(q)//' of (40); the least is '//factor_text(best)// &
-                          ', with gamma '//to_text(constants%gamma_of_paper(), 4))
+                          best//' of (40)')
       end if
       if (state%gamma >= constants%gamma_limit()) call monitor%note('warning: gamma = '//to_text(state%gamma)// &
         ' may diverge: the stability limit is '//to_text(constants%gamma_limit()))
     end associate
   end subroutine announce_relaxation
+
+  !> q of (40), without loss of digits near 1.
+  function factor_of_paper(constants, gamma) result(text)
+    !> Constants of the iteration.
+    type(iteration_constants_t), intent(in) :: constants
+    !> Relaxation parameter below gamma_2 [].
+    real(dp), intent(in) :: gamma
+    character(:), allocatable :: text
+    real(dp) :: q
+    q = constants%contraction_of_paper(gamma)
+    text = factor_text(q)
+    if (index(text, '1 - ') == 1) text = '1 - '//to_text(constants%gain_of_paper(gamma)/(1 + q), 3)
+    if (.not. q < 1) text = '1 - '//to_text(constants%gain_of_paper(gamma)/2, 3)
+  end function factor_of_paper
 
   !> A contraction factor; near 1 as 1 less a small number.
   function factor_text(q) result(text)

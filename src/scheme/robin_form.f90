@@ -132,8 +132,15 @@ contains
     constants%coercivity = 1/(1 + largest)
     constants%penalty = upper_estimate(form, n)
     form%k = 1
+    constants%smoothness = upper_estimate(form, n)
+    ! On rows with springs (v_a + v_b)^2 <= 2 (v_a^2 + v_b^2), so that j'' <= 2 X there, and X <= l/(1+l) G; likewise
+    ! A + j'' <= G + X. Estimates may be above that.
+    if (all(spring > 0)) then
+      constants%penalty = min(constants%penalty, 2*largest/(1 + largest))
+      constants%smoothness = min(constants%smoothness, 1 + largest/(1 + largest))
+    end if
     ! A <= G and j'' <= D G.
-    constants%smoothness = min(upper_estimate(form, n), 1 + constants%penalty)
+    constants%smoothness = min(constants%smoothness, 1 + constants%penalty)
   end subroutine find_constants
 
   !> y = A x.

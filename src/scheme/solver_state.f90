@@ -49,7 +49,7 @@ module dotyk_scheme_solver_state
     real(dp), allocatable :: unbounded(:)
     !> How it ended: one of the parameters above.
     integer :: ended = ended_limit
-    !> Rule that the iteration ended by where it converged: one of `stop_*` of dotyk_base_options.
+    !> Rule that the iteration ends by where it converges: one of `stop_*` of dotyk_base_options.
     integer :: stop_rule = stop_residual
     !> Steps done.
     integer :: iterations = 0

@@ -150,6 +150,7 @@ contains
     real(dp) :: norm, gap, measure, waited
     logical :: at_limit
     finished = .true.
+    state%stop_rule = self%settings%stop_rule
     associate (m => state%m, y => state%y)
       norm = qp%energy_norm(m, y)
       gap = duality_gap(qp%weight, theta, m, y)
@@ -174,7 +175,6 @@ contains
     end select
     if (measure <= self%settings%tolerance) then
       state%ended = ended_converged
-      state%stop_rule = self%settings%stop_rule
       return
     end if
     self%shortest = min(self%shortest, length)
