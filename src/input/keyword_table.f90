@@ -243,10 +243,11 @@ contains
                   'surfaces), exact on flat faces with any meshes; plain, on whole facets of surface_a')
     call list%add('condition', kind_name, names=condition_names, &
                   default=option_name(condition_names, default_condition), &
-                  meaning='interface condition in scheme=''robin'': robin, each body on springs 1/theta whose '// &
-                  'other ends are held where the other body was; neumann, each body under the last contact pressure')
+                  meaning='interface condition in scheme=''robin'': robin, each body on springs 1/theta; '// &
+                  'neumann, each body under the last contact pressure')
     call list%add('robin_gap', kind_real, unit='length', &
-                  meaning='robin_gap of this pair; if absent, that of &solver')
+                  meaning='initial gap up to which constraints of this pair have springs; if absent, robin_gap of '// &
+                  '&solver')
   end subroutine add_contact
 
   !> Keys of `&solver`.

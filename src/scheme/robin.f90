@@ -1,11 +1,10 @@
 !> The parallel Robin scheme: the general iteration (32) with G = A + X, X the penalty form of each body by itself on a
 !> fixed set of rows (`dotyk_scheme_robin_form`).
 !>
-!> On every body at once `(K_a + B_a^T D B_a)(u_a^{k+1} - u_a^k) = -gamma (K_a u_a^k - f_a + B_a^T W p^k)`, `p^k =
-!> Theta^{-1} max(0, y^k)`: each side of a row with D > 0 lies on a spring whose other end is held where the other side
-!> was (Robin conditions), the others have the last pressure (Neumann conditions). With the body's own forces, `u_a =
-!> u0_a - K_a^{-1} B_a^T lambda_a`, `r_a = W p - lambda_a` and `g_a = C_a^G r_a` this is `lambda_a += gamma (r_a - D
-!> g_a)`, `B_a u_a -= gamma g_a`. Both sides agree on the force at the solution only: the state that a user gets has the
+!> On every body at once `(K_a + B_a^T P_F B_a)(u_a^{k+1} - u_a^k) = -gamma (K_a u_a^k - f_a + B_a^T W p^k)`, `p^k =
+!> Theta^{-1} max(0, y^k)`: each side of a row of the set F lies on a spring (Robin conditions), the others have the last
+!> pressure (Neumann conditions). With the body's own forces, `u_a = u0_a - K_a^{-1} B_a^T lambda_a`, `r_a = W p -
+!> lambda_a` and `g_a = C_a^G r_a` this is `lambda_a += gamma (r_a - P_F g_a)`, `B_a u_a -= gamma g_a`. Both sides agree on the force at the solution only: the state that a user gets has the
 !> mean of both.
 module dotyk_scheme_robin
   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
@@ -36,7 +35,7 @@ module dotyk_scheme_robin
   type, extends(iteration_t) :: two_sides_t
     !> (n_bodies).
     type(side_t), allocatable :: side(:)
-    !> D (n_rows) [force/length].
+    !> P_F (n_rows) [force/length].
     real(dp), allocatable :: spring(:)
     !> Penetrations by the displacements of both sides (n_rows) [length].
     real(dp), allocatable :: y(:)

@@ -1,10 +1,10 @@
 !> The bilinear form G = A + X of the general iteration (32) with Robin conditions, body by body, and the constants that
 !> Theorems 3 and 4 need of it.
 !>
-!> X is the penalty form of each body by itself on a fixed set of contact rows, `X(u,v) = sum_a u_a^T B_a^T D B_a v_a`,
-!> `D = Theta^{-1} W` there and 0 elsewhere: each side of such a row lies on a spring whose other end is held. With the
-!> body's own compliance `C_a = B_a K_a^{-1} B_a^T` the compliance of G is `C_a^G = B_a (K_a + B_a^T D B_a)^{-1} B_a^T =
-!> (I + C_a D)^{-1} C_a`. No solve of a body is needed once the entries of C_a are there. G is symmetric, continuous and
+!> X is the penalty form of each body by itself on a fixed set F of contact rows, `X(u,v) = sum_a u_a^T B_a^T P_F B_a
+!> v_a`, `P_F = Theta^{-1} W` there and 0 elsewhere: each side of such a row lies on a spring. With the body's own
+!> compliance `C_a = B_a K_a^{-1} B_a^T` the compliance of G is `C_a^G = B_a (K_a + B_a^T P_F B_a)^{-1} B_a^T = (I + C_a
+!> P_F)^{-1} C_a`. No solve of a body is needed once the entries of C_a are there. G is symmetric, continuous and
 !> coercive, equations (29), (30), (31), so that every step, equations (33), (34), has one solution.
 module dotyk_scheme_robin_form
   use dotyk_base_error, only: error_t
@@ -35,13 +35,13 @@ module dotyk_scheme_robin_form
     procedure :: apply => matrix_operator_apply
   end type matrix_operator_t
 
-  !> `L^T (E^T P E - k D) L + k I`, with the factors `C_a^G = L_a L_a^T`, E the sum of both sides of a row and P =
+  !> `L^T (E^T P E - k P_F) L + k I`, with the factors `C_a^G = L_a L_a^T`, E the sum of both sides of a row and P =
   !> Theta^{-1} W: the spectrum is that of G^{-1} j'' for k = 0, that of G^{-1} (A + j'') for k = 1, j'' with all rows
   !> active. The pointers are to variables of the procedure that has it as a local variable.
   type, extends(linear_operator_t) :: form_operator_t
     !> The rows.
     type(contact_qp_t), pointer :: qp => null()
-    !> P, and D (n_rows) [force/length].
+    !> P, and P_F (n_rows) [force/length].
     real(dp), allocatable :: penalty(:), spring(:)
     !> L_a (n_bodies).
     type(entries_t), allocatable :: factor(:)
@@ -59,11 +59,11 @@ contains
     type(contact_qp_t), intent(in) :: qp
     !> Compliance of the bodies at these rows.
     class(compliance_t), intent(inout) :: compliance
-    !> D (n_rows) [force/length].
+    !> P_F (n_rows) [force/length].
     real(dp), intent(in) :: spring(:)
     !> Bodies with their compliances, without forces (n_bodies).
     type(side_t), allocatable, intent(out) :: side(:)
-    !> Allocated where I + C_a D of a body is singular: C_a is not positive semidefinite then.
+    !> Allocated where I + C_a P_F of a body is singular: C_a is not positive semidefinite then.
     type(error_t), allocatable, intent(out) :: error
     type(entries_t), allocatable :: entries(:)
     real(dp), allocatable :: matrix(:, :)
@@ -90,15 +90,15 @@ contains
     end do
   end subroutine form_sides
 
-  !> Constants in the norm of G: M = B~ = M~ = 1, since A <= G; B = 1/(1+l) with the largest eigenvalue l of D C_a over
-  !> all bodies; D of the theorems the largest eigenvalue of G^{-1} j'', and Lambda that of G^{-1} (A + j''). All on the
+  !> Constants in the norm of G: M = B~ = M~ = 1, since A <= G; B = 1/(1+l) with the largest eigenvalue l of P_F C_a
+  !> over all bodies; D the largest eigenvalue of G^{-1} j'', and Lambda that of G^{-1} (A + j''). All on the
   !> safe side, as far as the estimates of the eigenvalues are.
   subroutine find_constants(qp, penalty, spring, side, constants, error)
     !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in), target :: qp
     !> P (n_rows) [force/length].
     real(dp), intent(in) :: penalty(:)
-    !> D (n_rows) [force/length].
+    !> P_F (n_rows) [force/length].
     real(dp), intent(in) :: spring(:)
     !> Bodies with their compliances (n_bodies).
     type(side_t), intent(in) :: side(:)
@@ -154,7 +154,7 @@ contains
     y = matmul(self%value, x)
   end subroutine matrix_operator_apply
 
-  !> y = (L^T (E^T P E - k D) L + k I) x.
+  !> y = (L^T (E^T P E - k P_F) L + k I) x.
   subroutine form_operator_apply(self, x, y)
     !> The operator.
     class(form_operator_t), intent(inout) :: self
