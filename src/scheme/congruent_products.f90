@@ -51,6 +51,7 @@ contains
     allocate (found(size(body)))
     n = 0
     do b = 1, size(body)
+      if (body(b)%representative /= b) cycle
       member = pack([(first, first=1, size(body))], body%representative == b .and. n_rows > 0)
       size_of_batch = max(1, min(most_bodies, size(member)/least_batches))
       do first = 1, size(member), size_of_batch
