@@ -171,11 +171,11 @@ class Messages(dotyk_case.Case):
         self.refuse(2, "case.nml", "joint")
 
     def test_stop_rule_of_the_paper(self):
-        """(41) needs gamma below gamma_2, which the spectral rule does not heed."""
-        self.scene(("tolerance=1e-8", "stop_rule='paper'"))
+        """(41) needs gamma below gamma_2: the rule 'theory' is the default with it, the spectral rule does not heed it."""
+        self.scene(("tolerance=1e-8", "stop_rule='paper', gamma_rule='spectral'"))
         self.refuse(2, "case.nml:%d: &solver: " % self.line_of("&solver"), "stop_rule='paper'", "gamma_2",
                     "gamma_rule='theory'")
-        self.scene(("tolerance=1e-8", "stop_rule='paper', gamma_rule='theory'"))
+        self.scene(("tolerance=1e-8", "stop_rule='paper'"))
         self.dotyk("case.nml")
         summary = self.results("case.vtkhdf")["dotyk/summary"].attrs
         self.assertLessEqual(summary["error_bound_paper"], 1e-6)
