@@ -283,8 +283,8 @@ contains
                   default=option_name(gamma_rule_names, default_gamma_rule), &
                   meaning='relaxation parameter of neumann, robin, anderson and secant: spectral, the best one by '// &
                   'eigenvalues, 2/(2+L) in neumann; theory, the best one of Theorem 4, 1/(1+L)^2 in neumann; '// &
-                  'fixed, gamma; L is the largest eigenvalue of compliance over theta; if absent, fixed where gamma '// &
-                  'is given, and else theory with stop_rule=''paper''')
+                  'fixed, gamma; L is the largest eigenvalue of compliance over theta; if absent, fixed where '// &
+                  'gamma is given, and else theory with stop_rule=''paper''')
     call list%add('gamma', kind_real, positive=.true., &
                   meaning='relaxation parameter; alone it means gamma_rule=''fixed''')
     call list%add('robin_gap', kind_real, unit='length', &
