@@ -1,11 +1,11 @@
 !> The parallel Robin scheme: the general iteration (32) with G = A + X, X the penalty form of each body by itself on a
 !> fixed set of rows (`dotyk_scheme_robin_form`).
 !>
-!> On every body at once `(K_a + B_a^T P_F B_a)(u_a^{k+1} - u_a^k) = -gamma (K_a u_a^k - f_a + B_a^T W p^k)`, `p^k =
-!> Theta^{-1} max(0, y^k)`: each side of a row of the set F lies on a spring (Robin conditions), the others have the last
-!> pressure (Neumann conditions). With the body's own forces, `u_a = u0_a - K_a^{-1} B_a^T lambda_a`, `r_a = W p -
-!> lambda_a` and `g_a = C_a^G r_a` this is `lambda_a += gamma (r_a - P_F g_a)`, `B_a u_a -= gamma g_a`. Both sides agree on the force at the solution only: the state that a user gets has the
-!> mean of both.
+!> On every body at once `(K_a + B_a^T P_F B_a)(u_a^{k+1} - u_a^k) = -gamma (K_a u_a^k - f_a + B_a^T W p^k)`,
+!> `p^k = Theta^{-1} max(0, y^k)`: each side of a row of the set F lies on a spring (Robin conditions), the others have
+!> the last pressure (Neumann conditions). With the body's own forces, `u_a = u0_a - K_a^{-1} B_a^T lambda_a`,
+!> `r_a = W p - lambda_a` and `g_a = C_a^G r_a` this is `lambda_a += gamma (r_a - P_F g_a)`, `B_a u_a -= gamma g_a`.
+!> Both sides agree on the force at the solution only: the state that a user gets has the mean of both.
 module dotyk_scheme_robin
   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
   use dotyk_base_error, only: error_t
