@@ -108,10 +108,12 @@ contains
   !> The terms of (19) for the solution.
   pure type(energies_t) function solution_energies(self) result(energies)
     class(contact_solution_t), intent(in) :: self
+    real(dp), allocatable :: alpha(:)
     associate (state => self%state, qp => self%qp)
-      energies%strain = qp%energy_norm(state%m, state%y, state%alpha/qp%coarse%scale)**2/2
+      alpha = state%alpha/qp%coarse%scale
+      energies%strain = qp%energy_norm(state%m, state%y, alpha)**2/2
       energies%penalty = sum(qp%weight*max(0.0_dp, state%y)**2/(2*self%theta), mask=self%theta > 0)
-      energies%load_work = energies%strain + energies%penalty - state%energy
+      energies%load_work = qp%load_work(state%m, alpha)
     end associate
   end function solution_energies
 

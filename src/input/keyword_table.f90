@@ -293,7 +293,7 @@ contains
     call list%add('stop_rule', kind_name, names=stop_rule_names, &
                   meaning='convergence criterion: residual, guaranteed error bound below tolerance; paper, bound '// &
                   '(41) below tolerance (neumann, robin); increment, last increment below tolerance (not dual; no '// &
-                  'measure of the error: not converged where the bound exceeds 0.5); budget, guaranteed error '// &
+                  'measure of the error: not converged where the bound exceeds 0.1); budget, guaranteed error '// &
                   'bound below budget_fraction times the penalty and discretization errors; if absent, budget if '// &
                   'neither tolerance nor any theta but that of layers is given, else residual')
     call list%add('budget_fraction', kind_real, default=to_text(default_budget_fraction), positive=.true., &

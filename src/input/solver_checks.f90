@@ -1,6 +1,6 @@
 !> Keys of `&solver` that the chosen scheme or stopping rule would ignore are mistakes of the input.
 module dotyk_input_solver_checks
-  use dotyk_base_options, only: linear_solver_auto, option_name, response_auto, response_full, scheme_anderson, &
+  use dotyk_base_options, only: linear_solver_auto, option_name, response_auto, scheme_anderson, &
     scheme_auto, scheme_dual, scheme_names, scheme_nesterov, scheme_neumann, scheme_robin, scheme_secant, &
     stop_budget, stop_increment, stop_paper, stop_rule_names
   use dotyk_input_case, only: solver_input_t
@@ -76,7 +76,6 @@ contains
     subroutine check_response()
       if (.not. is_usable(group, 'response') .or. solver%response == response_auto) return
       if (any(scheme == product_schemes)) return
-      if (scheme == scheme_robin .and. solver%response /= response_full) return
       call report(problems, group, 'response', 'response is for scheme='//list_of(product_schemes)//'; '//name// &
                   ' forms the dense compliances that it needs: remove response')
     end subroutine check_response

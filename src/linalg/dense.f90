@@ -3,11 +3,12 @@ module dotyk_linalg_dense
   use dotyk_base_kinds, only: dp
   use dotyk_base_error, only: error_t, set_error, exit_not_solvable
   use dotyk_base_text, only: to_text
+  use dotyk_linalg_blas, only: dtrsm
   use dotyk_linalg_lapack, only: dgelsy, dgesv, dgesvd, dpotrf, dstevx, dsyev
   implicit none
   private
   public :: symmetric_eigen, right_singular_vectors, solve_dense, least_squares, orthonormal_range, complete_basis, &
-    largest_tridiagonal_eigenpair, cholesky_factor
+    largest_tridiagonal_eigenpair, cholesky_factor, solve_triangular
 
   !> An axis replaces the best one so far where its part outside the span is longer by this factor: equal lengths differ
   !> by rounding only, and the choice must not depend on that.
@@ -77,6 +78,16 @@ contains
     if (failed /= 0) call set_error(error, 'a matrix of order '//to_text(n)//' is not positive semidefinite', &
                                     exit_not_solvable)
   end subroutine cholesky_factor
+
+  !> B <- L^{-1} B.
+  subroutine solve_triangular(l, b)
+    !> Lower triangular L (n, n) [any].
+    real(dp), intent(in), contiguous :: l(:, :)
+    !> B, then the solution (n, m) [any, then B/L].
+    real(dp), intent(inout), contiguous :: b(:, :)
+    if (size(b) == 0) return
+    call dtrsm('L', 'L', 'N', 'N', size(b, 1), size(b, 2), 1.0_dp, l, size(l, 1), b, size(b, 1))
+  end subroutine solve_triangular
 
   !> Singular values and right singular vectors of a matrix with few columns, which give its null space to full
   !> accuracy.

@@ -57,6 +57,7 @@ module dotyk_scheme_contact_qp
     procedure :: mode_resultant => qp_mode_resultant
     procedure :: energy_norm => qp_energy_norm
     procedure :: energy => qp_energy
+    procedure :: load_work => qp_load_work
     procedure :: body_force => qp_body_force
   end type contact_qp_t
 
@@ -196,6 +197,21 @@ contains
     if (present(alpha)) energy = energy + dot_product(alpha, 0.5_dp*self%coarse%stiffness_forces(alpha) - &
       self%coarse%resultant)
   end function qp_energy
+
+  !> L(u), the work of the loads on u = u_0 - K^+ B^T W m + R alpha [energy].
+  pure real(dp) function qp_load_work(self, m, alpha) result(work)
+    !> The QP.
+    class(contact_qp_t), intent(in) :: self
+    !> Pressures (n_rows) [pressure].
+    real(dp), intent(in) :: m(:)
+    !> Amplitudes of the rigid body modes (coarse%n) [length].
+    real(dp), intent(in) :: alpha(:)
+    ! F(u_0) = A(u_0,u_0)/2 - L(u_0).
+    work = self%norm_square_0/2 - self%energy_0 - sum(self%weight*m*self%load_displacement)
+    if (size(alpha) > 0) work = work + dot_product(self%coarse%resultant, alpha)
+    ! Prescribed displacements do work on near-null-space modes, which is none of the loads.
+    if (allocated(self%coarse%stiffness)) work = work - dot_product(self%coarse%lift, alpha)
+  end function qp_load_work
 
   !> Nodal contact forces on one body, - B_b^T W m.
   subroutine qp_body_force(self, b, m, force)

@@ -165,7 +165,7 @@ contains
       state%y = gamma*(qp%initial_penetration - z) + (1 - gamma)*state%y
       ! The new iterate has q times the error of the last at most.
       if (stopping%check(qp, theta, state%q_predicted*residual, gamma*residual, &
-                         gamma >= state%constants%gamma_limit(), monitor, state, &
+                         gamma > state%constants%gamma_limit(), monitor, state, &
                          state%constants%bound_of_paper(gamma, gamma*residual))) exit
     end do
   end subroutine iterate

@@ -146,7 +146,7 @@ contains
                           ' of (40); the least is '//best//', with gamma '//to_text(constants%gamma_of_paper(), 4))
       else
         call monitor%note('Theorem 3        gamma_2 >= '//to_text(constants%gamma_limit_of_paper(), 4)// &
-                          ': no statement on this gamma, which is larger')
+                          ': does not apply, gamma is larger')
         call monitor%note('Theorem 4        best gamma '//to_text(constants%gamma_of_paper(), 4)//', with q = '// &
                           best//' of (40)')
       end if

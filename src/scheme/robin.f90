@@ -1,7 +1,7 @@
 !> The parallel Robin scheme: the general iteration (32) with G = A + X, X the penalty form of each body by itself on a
 !> fixed set of rows (`dotyk_scheme_robin_form`).
 !>
-!> On every body at once `(K_a + B_a^T P_F B_a)(u_a^{k+1} - u_a^k) = -gamma (K_a u_a^k - f_a + B_a^T W p^k)`,
+!> On every body at once `(K_a + B_a^T P_F B_a)(u_a^{k+1} - u_a^k) = -gamma (K_a u_a^k - f_a + B_a^T W p^k)`, with
 !> `p^k = Theta^{-1} max(0, y^k)`: each side of a row of the set F lies on a spring (Robin conditions), the others have
 !> the last pressure (Neumann conditions). With the body's own forces, `u_a = u0_a - K_a^{-1} B_a^T lambda_a`,
 !> `r_a = W p - lambda_a` and `g_a = C_a^G r_a` this is `lambda_a += gamma (r_a - P_F g_a)`, `B_a u_a -= gamma g_a`.
@@ -9,6 +9,7 @@
 module dotyk_scheme_robin
   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
   use dotyk_base_error, only: error_t
+  use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
   use dotyk_scheme_compliance, only: compliance_t
@@ -18,7 +19,7 @@ module dotyk_scheme_robin
   use dotyk_scheme_relaxation, only: announce_relaxation, choose_relaxation
   use dotyk_scheme_robin_form, only: find_constants, form_sides, side_t
   use dotyk_scheme_scheme, only: scheme_t
-  use dotyk_scheme_solver_state, only: paused_t, solver_state_t
+  use dotyk_scheme_solver_state, only: paused_t, solver_state_t, ended_interrupted
   use dotyk_scheme_stopping, only: iteration_t, solver_settings_t, take_up
   implicit none
   private
@@ -30,6 +31,12 @@ module dotyk_scheme_robin
     procedure :: expected_products => robin_expected_products
   end type robin_t
 
+  !> A vector on the rows of a body.
+  type :: vector_t
+    !> (n) [length].
+    real(dp), allocatable :: value(:)
+  end type vector_t
+
   !> The iteration on both sides of the rows. It keeps the matrices in a pause: to make them again would cost more than
   !> many steps.
   type, extends(iteration_t) :: two_sides_t
@@ -37,19 +44,12 @@ module dotyk_scheme_robin
     type(side_t), allocatable :: side(:)
     !> P_F (n_rows) [force/length].
     real(dp), allocatable :: spring(:)
-    !> Penetrations by the displacements of both sides (n_rows) [length].
+    !> Penetrations by the displacements of both sides (n_rows) [length]; not allocated where there is nothing to do.
     real(dp), allocatable :: y(:)
   end type two_sides_t
 
-  !> What a step measured, in norms of displacements [sqrt(energy)].
-  type :: step_t
-    !> ||K^{-1} F'_theta(u^k)||_A, which bounds ||u^k - u_theta||_A.
-    real(dp) :: residual = 0
-    !> ||u^{k+1} - u^k||_G.
-    real(dp) :: length = 0
-    !> How far the mean of both sides is from u^k and from u^{k+1}, in the norm of A.
-    real(dp) :: to_last = 0, to_next = 0
-  end type step_t
+  !> Entries of the matrices from which on bodies are worked on side by side: below, waiting for threads costs more [].
+  real(dp), parameter :: worth_a_region = 1.0e5_dp
 
 contains
 
@@ -89,7 +89,7 @@ contains
     end if
     select type (paused)
     type is (two_sides_t)
-      if (qp%n_rows > 0) call iterate(qp, theta, paused, monitor, state)
+      if (allocated(paused%y)) call iterate(qp, theta, paused, monitor, state)
     end select
     call finish_iteration(monitor, state, paused)
     associate (not_needed => same_type_as(self, self))
@@ -123,24 +123,26 @@ contains
     if (qp%n_rows > 0) then
       state%lambda_max = ieee_value(state%lambda_max, ieee_quiet_nan)
       now%spring = merge(qp%weight/theta, 0.0_dp, has_robin_conditions(qp, settings))
-      now%y = state%y
       call form_sides(qp, compliance, now%spring, now%side, error)
       if (allocated(error)) return
+      if (interrupted()) then
+        state%ended = ended_interrupted
+        state%error_bound = huge(state%error_bound)
+        call move_alloc(now, paused)
+        return
+      end if
       do b = 1, size(now%side)
-        associate (own => now%side(b))
-          own%lambda = qp%weight(qp%block(b)%row)*state%m(qp%block(b)%row)
-          own%z = matmul(own%compliance, own%lambda)
-        end associate
+        call now%side(b)%start(qp%weight(qp%block(b)%row)*state%m(qp%block(b)%row))
       end do
       allocate (state%constants)
-      call find_constants(qp, qp%weight/theta, now%spring, now%side, state%constants, error)
-      if (allocated(error)) return
+      call find_constants(qp, qp%weight/theta, now%spring, now%side, state%constants)
       call choose_relaxation(settings, state, error)
       if (allocated(error)) return
       if (is_first) call announce_relaxation(monitor, state, 'Robin conditions on '// &
         to_text(count(now%spring > 0))//' of '//to_text(qp%n_rows)//' constraints, spectrum '// &
         to_text(state%constants%coercivity, 4)//' to '//to_text(state%constants%smoothness, 4))
       call now%stopping%begin(settings, state%q_predicted)
+      now%y = state%y
     end if
     call move_alloc(now, paused)
   end subroutine begin
@@ -174,66 +176,71 @@ contains
     class(monitor_t), intent(inout) :: monitor
     !> With constants and gamma; the mean of both sides, with its history.
     type(solver_state_t), intent(inout) :: state
-    type(step_t) :: measured
+    real(dp) :: to_last, to_next, residual, length
     do
-      call step(qp, theta, state%gamma, now, state, measured)
-      if (now%stopping%check(qp, theta, measured%to_last + measured%residual, measured%length, &
-                             state%gamma >= state%constants%gamma_limit(), monitor, state, &
-                             measured%to_next + state%constants%bound_of_paper(state%gamma, measured%length))) exit
+      call step(qp, theta, state%gamma, now, state)
+      residual = norm_of(now%side%residual)
+      length = norm_of(now%side%length)
+      to_last = norm_of(now%side%to_last)
+      to_next = norm_of(now%side%to_next)
+      if (now%stopping%check(qp, theta, to_last + residual, length, state%gamma > state%constants%gamma_limit(), &
+                             monitor, state, &
+                             to_next + state%constants%bound_of_paper(state%gamma, length))) exit
     end do
   end subroutine iterate
 
-  !> One step of all bodies.
-  subroutine step(qp, theta, gamma, now, state, measured)
+  !> Norm of displacements of all bodies from the squares of each.
+  pure real(dp) function norm_of(squares)
+    !> Squares, up to rounding (n_bodies) [energy].
+    real(dp), intent(in) :: squares(:)
+    norm_of = sqrt(max(0.0_dp, sum(squares)))
+  end function norm_of
+
+  !> One step of all bodies, side by side; sums in the order of the bodies, whatever thread is first.
+  subroutine step(qp, theta, gamma, now, state)
     !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
     !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> Relaxation parameter [].
     real(dp), intent(in) :: gamma
-    !> The sides.
+    !> The sides; know the norms of the step on return.
     type(two_sides_t), intent(inout) :: now
     !> Gets the mean of both sides, without tension.
     type(solver_state_t), intent(inout) :: state
-    !> Norms of the step.
-    type(step_t), intent(out) :: measured
-    real(dp), allocatable :: p(:), mean(:), r(:), g(:), z(:)
-    type(side_t), allocatable :: last(:)
+    real(dp), allocatable :: force(:), mean(:)
+    type(vector_t) :: z(size(now%side))
+    logical :: side_by_side
     integer :: b
-    allocate (last(size(now%side)))
-    p = max(0.0_dp, now%y)/theta
-    mean = 0*p
+    side_by_side = sum([(real(size(qp%block(b)%row), dp)**2, b=1, size(now%side))]) > worth_a_region
+    force = qp%weight*max(0.0_dp, now%y)/theta
+    !$omp parallel do default(none) shared(qp, now, force, gamma) schedule(dynamic, 1) if (side_by_side)
+    do b = 1, size(now%side)
+      associate (row => qp%block(b)%row)
+        call now%side(b)%advance(force(row), now%spring(row), gamma)
+      end associate
+    end do
+    !$omp end parallel do
+    mean = 0*force
     now%y = qp%initial_penetration
     do b = 1, size(now%side)
       associate (row => qp%block(b)%row, own => now%side(b))
-        last(b)%lambda = own%lambda
-        last(b)%z = own%z
-        if (size(row) == 0) cycle
-        r = qp%weight(row)*p(row) - own%lambda
-        g = matmul(own%compliance_g, r)
-        measured%residual = measured%residual + dot_product(r, matmul(own%compliance, r))
-        measured%length = measured%length + gamma**2*dot_product(r, g)
-        own%lambda = own%lambda + gamma*(r - now%spring(row)*g)
-        own%z = own%z + gamma*g
         now%y(row) = now%y(row) - own%z
         mean(row) = mean(row) + own%lambda/2
       end associate
     end do
     mean = max(0.0_dp, mean)
+    !$omp parallel do default(none) shared(qp, now, mean, z) schedule(dynamic, 1) if (side_by_side)
+    do b = 1, size(now%side)
+      call now%side(b)%compare(mean(qp%block(b)%row), z(b)%value)
+    end do
+    !$omp end parallel do
     state%m = mean/qp%weight
     state%y = qp%initial_penetration
     do b = 1, size(now%side)
-      associate (row => qp%block(b)%row, own => now%side(b))
-        if (size(row) == 0) cycle
-        z = matmul(own%compliance, mean(row))
-        state%y(row) = state%y(row) - z
-        measured%to_last = measured%to_last + dot_product(mean(row) - last(b)%lambda, z - last(b)%z)
-        measured%to_next = measured%to_next + dot_product(mean(row) - own%lambda, z - own%z)
+      associate (row => qp%block(b)%row)
+        state%y(row) = state%y(row) - z(b)%value
       end associate
     end do
-    measured%residual = sqrt(max(0.0_dp, measured%residual))
-    measured%length = sqrt(max(0.0_dp, measured%length))
-    measured%to_last = sqrt(max(0.0_dp, measured%to_last))
-    measured%to_next = sqrt(max(0.0_dp, measured%to_next))
   end subroutine step
 end module dotyk_scheme_robin

@@ -7,24 +7,40 @@
 !> P_F)^{-1} C_a`. No solve of a body is needed once the entries of C_a are there. G is symmetric, continuous and
 !> coercive, equations (29), (30), (31), so that every step, equations (33), (34), has one solution.
 module dotyk_scheme_robin_form
-  use dotyk_base_error, only: error_t
+  use dotyk_base_error, only: add_context, error_slot_t, error_t
+  use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
-  use dotyk_linalg_dense, only: cholesky_factor, solve_dense
+  use dotyk_base_text, only: to_text
+  use dotyk_linalg_blas, only: transposed_product
+  use dotyk_linalg_dense, only: cholesky_factor, solve_triangular
   use dotyk_linalg_spectrum, only: linear_operator_t
   use dotyk_scheme_bounds, only: iteration_constants_t
-  use dotyk_scheme_compliance, only: compliance_t, entries_t
+  use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_relaxation, only: upper_estimate
   implicit none
   private
   public :: form_sides, find_constants
 
-  !> One body: everything is on its rows.
+  !> One body: everything is on its rows (n).
   type, public :: side_t
-    !> Contact forces [force], and displacements C_a lambda by them [length] (n_rows of the block).
+    !> Contact forces [force], and displacements C_a lambda by them [length] (n).
     real(dp), allocatable :: lambda(:), z(:)
-    !> C_a, and C_a^G [length/force] (n_rows of the block, the same), symmetric.
+    !> C_a, and C_a^G (n, n), symmetric [length/force].
     real(dp), allocatable :: compliance(:, :), compliance_g(:, :)
+    !> A factor of C_a^G = L L^T, transposed: L^T (n, n) [sqrt(length/force)]; until the constants are known.
+    real(dp), allocatable :: factor(:, :)
+    !> Forces and displacements before the last step (n).
+    real(dp), allocatable :: last_lambda(:), last_z(:)
+    !> Steps so far.
+    integer :: n_steps = 0
+    !> Squares of norms: K^{-1} F'_theta(u^k) in that of A, the step in that of G, and how far the mean of both sides is
+    !> from u^k and from u^{k+1} in that of A [energy].
+    real(dp) :: residual = 0, length = 0, to_last = 0, to_next = 0
+  contains
+    procedure :: start => side_start
+    procedure :: advance => side_advance
+    procedure :: compare => side_compare
   end type side_t
 
   !> A symmetric matrix as an operator.
@@ -43,79 +59,102 @@ module dotyk_scheme_robin_form
     type(contact_qp_t), pointer :: qp => null()
     !> P, and P_F (n_rows) [force/length].
     real(dp), allocatable :: penalty(:), spring(:)
-    !> L_a (n_bodies).
-    type(entries_t), allocatable :: factor(:)
+    !> Bodies with their factors (n_bodies).
+    type(side_t), pointer :: side(:) => null()
     !> k [].
     real(dp) :: k = 0
   contains
     procedure :: apply => form_operator_apply
   end type form_operator_t
 
+  !> Steps after which displacements are computed anew from the forces: increments keep their rounding errors.
+  integer, parameter :: refresh = 64
+
 contains
 
-  !> The compliances of all bodies.
+  !> The compliances of all bodies, side by side; an interrupt ends it early, without matrices.
   subroutine form_sides(qp, compliance, spring, side, error)
     !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
-    !> Compliance of the bodies at these rows.
+    !> Compliance of the bodies at these rows; all entries are formed.
     class(compliance_t), intent(inout) :: compliance
     !> P_F (n_rows) [force/length].
     real(dp), intent(in) :: spring(:)
     !> Bodies with their compliances, without forces (n_bodies).
     type(side_t), allocatable, intent(out) :: side(:)
-    !> Allocated where I + C_a P_F of a body is singular: C_a is not positive semidefinite then.
+    !> Allocated where C_a of a body is not positive semidefinite.
     type(error_t), allocatable, intent(out) :: error
-    type(entries_t), allocatable :: entries(:)
-    real(dp), allocatable :: matrix(:, :)
-    integer :: b, i, n
+    type(error_slot_t) :: failed(size(qp%block))
+    integer :: b
     allocate (side(size(qp%block)))
-    call compliance%form_all(qp, entries)
+    call compliance%form(qp, may_stop=.true.)
+    if (interrupted()) return
+    !$omp parallel do default(none) shared(qp, compliance, spring, side, failed) schedule(dynamic, 1)
     do b = 1, size(side)
-      associate (row => qp%block(b)%row, own => side(b))
-        n = size(row)
-        allocate (own%lambda(n), own%z(n), source=0.0_dp)
-        call move_alloc(entries(b)%value, own%compliance)
-        allocate (own%compliance_g(n, n))
-        if (n == 0) cycle
-        matrix = own%compliance
-        do i = 1, n
-          matrix(:, i) = spring(row(i))*matrix(:, i)
-          matrix(i, i) = matrix(i, i) + 1
-        end do
-        own%compliance_g = own%compliance
-        call solve_dense(matrix, own%compliance_g, error)
-        if (allocated(error)) return
-        own%compliance_g = (own%compliance_g + transpose(own%compliance_g))/2
+      associate (row => qp%block(b)%row)
+        call compliance%get_entries(qp, b, row, side(b)%compliance)
+        call form_side(spring(row), side(b), failed(b)%error)
       end associate
     end do
+    !$omp end parallel do
+    do b = 1, size(side)
+      if (.not. allocated(failed(b)%error)) cycle
+      call move_alloc(failed(b)%error, error)
+      call add_context(error, 'compliance of body '//to_text(b)//': ')
+      return
+    end do
   end subroutine form_sides
+
+  !> C_a^G = F (I + F^T P_F F)^{-1} F^T with C_a = F F^T: positive semidefinite whatever rounding does.
+  subroutine form_side(spring, side, error)
+    !> P_F on the rows of the body (n) [force/length].
+    real(dp), intent(in) :: spring(:)
+    !> With C_a; gets the rest.
+    type(side_t), intent(inout) :: side
+    !> Allocated where C_a is not positive semidefinite.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp), allocatable :: f(:, :), scaled(:, :), matrix(:, :), root(:, :)
+    integer :: i, n
+    n = size(spring)
+    allocate (side%compliance_g(n, n), side%lambda(n), side%z(n))
+    call cholesky_factor(side%compliance, f, error)
+    if (allocated(error)) return
+    scaled = f
+    do i = 1, n
+      scaled(i, :) = sqrt(spring(i))*f(i, :)
+    end do
+    allocate (matrix(n, n))
+    call transposed_product(scaled, scaled, matrix)
+    do i = 1, n
+      matrix(i, i) = matrix(i, i) + 1
+    end do
+    call cholesky_factor(matrix, root, error)
+    if (allocated(error)) return
+    side%factor = transpose(f)
+    call solve_triangular(root, side%factor)
+    call transposed_product(side%factor, side%factor, side%compliance_g)
+  end subroutine form_side
 
   !> Constants in the norm of G: M = B~ = M~ = 1, since A <= G; B = 1/(1+l) with the largest eigenvalue l of P_F C_a
   !> over all bodies; D the largest eigenvalue of G^{-1} j'', and Lambda that of G^{-1} (A + j''). All on the
   !> safe side, as far as the estimates of the eigenvalues are.
-  subroutine find_constants(qp, penalty, spring, side, constants, error)
+  subroutine find_constants(qp, penalty, spring, side, constants)
     !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in), target :: qp
     !> P (n_rows) [force/length].
     real(dp), intent(in) :: penalty(:)
     !> P_F (n_rows) [force/length].
     real(dp), intent(in) :: spring(:)
-    !> Bodies with their compliances (n_bodies).
-    type(side_t), intent(in) :: side(:)
+    !> Bodies with their compliances (n_bodies); without their factors on return.
+    type(side_t), intent(inout), target :: side(:)
     !> The constants.
     type(iteration_constants_t), intent(out) :: constants
-    !> Allocated where C_a^G of a body is not positive semidefinite.
-    type(error_t), allocatable, intent(out) :: error
     type(matrix_operator_t) :: of_body
     type(form_operator_t) :: form
     real(dp) :: largest
     integer :: b, i, n
     n = 0
     largest = 0
-    form%qp => qp
-    form%penalty = penalty
-    form%spring = spring
-    allocate (form%factor(size(side)))
     do b = 1, size(side)
       associate (row => qp%block(b)%row, own => side(b))
         n = n + size(row)
@@ -125,11 +164,13 @@ contains
           of_body%value(:, i) = sqrt(spring(row(i)))*of_body%value(:, i)
         end do
         largest = max(largest, upper_estimate(of_body, size(row)))
-        call cholesky_factor(own%compliance_g, form%factor(b)%value, error)
-        if (allocated(error)) return
       end associate
     end do
     constants%coercivity = 1/(1 + largest)
+    form%qp => qp
+    form%penalty = penalty
+    form%spring = spring
+    form%side => side
     constants%penalty = upper_estimate(form, n)
     form%k = 1
     constants%smoothness = upper_estimate(form, n)
@@ -141,7 +182,56 @@ contains
     end if
     ! A <= G and j'' <= D G.
     constants%smoothness = min(constants%smoothness, 1 + constants%penalty)
+    do b = 1, size(side)
+      deallocate (side(b)%factor)
+    end do
   end subroutine find_constants
+
+  !> Begin with contact forces.
+  subroutine side_start(self, lambda)
+    !> The body.
+    class(side_t), intent(inout) :: self
+    !> Contact forces (n) [force].
+    real(dp), intent(in) :: lambda(:)
+    self%lambda = lambda
+    self%z = matmul(self%compliance, lambda)
+  end subroutine side_start
+
+  !> One step (32) of the body.
+  subroutine side_advance(self, force, spring, gamma)
+    !> The body.
+    class(side_t), intent(inout) :: self
+    !> W p by the last penetrations (n) [force].
+    real(dp), intent(in) :: force(:)
+    !> P_F on its rows (n) [force/length].
+    real(dp), intent(in) :: spring(:)
+    !> Relaxation parameter [].
+    real(dp), intent(in) :: gamma
+    real(dp) :: r(size(force)), g(size(force))
+    self%last_lambda = self%lambda
+    self%last_z = self%z
+    r = force - self%lambda
+    g = matmul(self%compliance_g, r)
+    self%residual = dot_product(r, matmul(self%compliance, r))
+    self%length = gamma**2*dot_product(r, g)
+    self%lambda = self%lambda + gamma*(r - spring*g)
+    self%z = self%z + gamma*g
+    self%n_steps = self%n_steps + 1
+    if (modulo(self%n_steps, refresh) == 0) self%z = matmul(self%compliance, self%lambda)
+  end subroutine side_advance
+
+  !> Displacements by the mean of the forces of both sides, and how far it is from the iterates of the body.
+  subroutine side_compare(self, mean, z)
+    !> The body.
+    class(side_t), intent(inout) :: self
+    !> Mean forces (n) [force].
+    real(dp), intent(in) :: mean(:)
+    !> C_a mean (n) [length].
+    real(dp), allocatable, intent(out) :: z(:)
+    z = matmul(self%compliance, mean)
+    self%to_last = dot_product(mean - self%last_lambda, z - self%last_z)
+    self%to_next = dot_product(mean - self%lambda, z - self%z)
+  end subroutine side_compare
 
   !> y = A x.
   subroutine matrix_operator_apply(self, x, y)
@@ -167,20 +257,20 @@ contains
     allocate (s(size(x)), force(self%qp%n_rows))
     force = 0
     before = 0
-    do b = 1, size(self%factor)
+    do b = 1, size(self%side)
       associate (row => self%qp%block(b)%row)
         n = size(row)
-        s(before + 1:before + n) = matmul(self%factor(b)%value, x(before + 1:before + n))
+        s(before + 1:before + n) = matmul(x(before + 1:before + n), self%side(b)%factor)
         force(row) = force(row) + self%penalty(row)*s(before + 1:before + n)
         before = before + n
       end associate
     end do
     before = 0
-    do b = 1, size(self%factor)
+    do b = 1, size(self%side)
       associate (row => self%qp%block(b)%row)
         n = size(row)
         y(before + 1:before + n) = self%k*x(before + 1:before + n) + &
-          matmul(force(row) - self%k*self%spring(row)*s(before + 1:before + n), self%factor(b)%value)
+          matmul(self%side(b)%factor, force(row) - self%k*self%spring(row)*s(before + 1:before + n))
         before = before + n
       end associate
     end do

@@ -26,7 +26,7 @@ module dotyk_scheme_solver_state
   integer, parameter, public :: ended_unverified = 13  !< a rule without guarantee is met, and no bound confirms it
 
   !> Relative error bounds above this confirm nothing: they leave less than one digit of the solution [].
-  real(dp), parameter :: largest_confirming_bound = 0.5_dp
+  real(dp), parameter :: largest_confirming_bound = 0.1_dp
 
   !> What a scheme needs beside the state to continue an iteration that the time limit stopped. Each scheme that can
   !> continue has an extension.
