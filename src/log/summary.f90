@@ -16,9 +16,9 @@ module dotyk_log_summary
   use dotyk_input_case, only: output_input_t
   use dotyk_log_progress, only: duration
   use dotyk_log_timing, only: timing_t
-  use dotyk_scheme_relaxation, only: factor_text
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_limit, ended_diverged, &
     ended_cycling, ended_interrupted, ended_rotated, ended_rounds, ended_unbalanced, ended_unverified
+  use dotyk_scheme_theorem_lines, only: factor_text
   implicit none
   private
   public :: show_solution, show_pair_results, show_timing

@@ -16,11 +16,12 @@ module dotyk_scheme_robin
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_monitor, only: monitor_t
   use dotyk_scheme_neumann, only: begin_iteration, finish_iteration
-  use dotyk_scheme_relaxation, only: announce_relaxation, choose_relaxation
+  use dotyk_scheme_relaxation, only: choose_relaxation
   use dotyk_scheme_robin_form, only: find_constants, form_sides, side_t
   use dotyk_scheme_scheme, only: scheme_t
   use dotyk_scheme_solver_state, only: paused_t, solver_state_t, ended_interrupted
   use dotyk_scheme_stopping, only: iteration_t, solver_settings_t, take_up
+  use dotyk_scheme_theorem_lines, only: announce_relaxation
   implicit none
   private
 
