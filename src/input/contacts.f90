@@ -2,7 +2,7 @@
 module dotyk_input_contacts
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: condition_neumann, discretization_quadrature, gap_constant, gap_formula, &
-    gap_geometry, option_name, scheme_auto, scheme_dual, scheme_names, scheme_robin, theta_mesh
+    gap_geometry, option_name, scheme_auto, scheme_dual, scheme_names, scheme_robin, theta_mesh, theta_names
   use dotyk_base_text, only: shown
   use dotyk_input_case, only: contact_input_t, solver_input_t
   use dotyk_input_problems, only: problems_t
@@ -30,7 +30,7 @@ contains
     real(dp) :: theta
     integer :: theta_kind
     logical :: own_theta
-    character(:), allocatable :: theta_key
+    character(:), allocatable :: theta_key, source
     contact%line = group%line
     contact%name = text_of(group, 'name')
     ! The name becomes that of a folder in the results file.
@@ -57,10 +57,13 @@ contains
       contact%theta = theta
       contact%theta_given = .true.
     end if
-    if (.not. contact%theta > 0 .and. all(solver%scheme /= [scheme_auto, scheme_dual])) then
-      theta_key = 'theta_relative'
-      if (is_given(group, 'theta')) theta_key = 'theta'
-      call report(problems, group, theta_key, 'theta = 0 needs scheme=''dual'', got '''// &
+    ! A theta below 0 is a mistake of its own.
+    if (.not. abs(contact%theta) > 0 .and. all(solver%scheme /= [scheme_auto, scheme_dual])) then
+      theta_key = 'name'
+      source = ' of &solver'
+      if (own_theta) theta_key = option_name(theta_names, theta_kind)
+      if (own_theta) source = ''
+      call report(problems, group, theta_key, 'theta = 0'//source//' needs scheme=''dual'', got '''// &
                   option_name(scheme_names, solver%scheme)//'''')
     end if
     contact%theta_formula = text_of(group, 'theta_formula')
@@ -113,13 +116,14 @@ contains
     if (integer_of(group, 'condition') == condition_neumann) then
       robin_gap = -huge(robin_gap)
       if (is_given(group, 'robin_gap')) &
-        call report(problems, group, 'robin_gap', 'robin_gap is given, but condition is ''neumann''')
+        call report(problems, group, 'robin_gap', 'robin_gap is given, but condition is ''neumann''; remove one '// &
+                    'of them')
     end if
     do k = 1, 2
       key = merge('condition', 'robin_gap', k == 1)
       if (is_given(group, key) .and. solver%scheme /= scheme_robin) &
         call report(problems, group, key, key//' is for scheme=''robin'', and the scheme is '''// &
-                    option_name(scheme_names, solver%scheme)//'''; remove it')
+                    option_name(scheme_names, solver%scheme)//'''; remove it, or set scheme=''robin''')
     end do
   end subroutine read_condition
 

@@ -88,7 +88,7 @@ contains
     if (is_given(group, 'gamma') .and. .not. is_given(group, 'gamma_rule')) solver%gamma_rule = gamma_fixed
     if (is_usable(group, 'gamma_rule')) then
       if (is_given(group, 'gamma') .and. solver%gamma_rule /= gamma_fixed) &
-        call report(problems, group, 'gamma', 'gamma is given, but gamma_rule is not ''fixed''')
+        call report(problems, group, 'gamma', 'gamma is given, but gamma_rule is not ''fixed''; remove one of them')
       if (.not. is_given(group, 'gamma') .and. solver%gamma_rule == gamma_fixed) &
         call report(problems, group, 'gamma_rule', '''gamma'' is missing: gamma_rule is ''fixed''')
     end if

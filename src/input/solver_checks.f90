@@ -40,7 +40,7 @@ contains
       call check_stop_rule()
       if (is_given(group, 'robin_gap') .and. scheme /= scheme_robin) &
         call report(problems, group, 'robin_gap', 'robin_gap is for scheme=''robin''; '//name// &
-                    ' does not use it: remove it')
+                    ' does not use it: remove it, or set scheme=''robin''')
       call check_response()
       if (scheme /= scheme_dual .and. .not. wants_penalty_error .and. is_usable(group, 'linear_solver') .and. &
           solver%linear_solver /= linear_solver_auto) &

@@ -239,7 +239,7 @@ class Free(dotyk_case.Case):
         self.refuse("scheme 'neumann' needs supported bodies", "body 'b1'", "translation along (0, 0, 1)",
                     "scheme='dual'")
         self.column(["hex8"] * 2, [2] * 2, solver="scheme='robin', theta=0")
-        self.refuse("case.nml:", "theta = 0 needs scheme='dual', got 'robin'", code=2)
+        self.refuse("case.nml:", "theta = 0 of &solver needs scheme='dual', got 'robin'", code=2)
 
     def test_pushed_away(self):
         """A support pushes a block that nothing else holds: it moves along without any force."""
