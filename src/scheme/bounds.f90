@@ -23,6 +23,9 @@ module dotyk_scheme_bounds
     !> Lambda, in no theorem of the paper: A(v,v) + j''(u,v,v) <= Lambda G(v,v) []. Where A and G are symmetric, the
     !> sharp numbers follow from it.
     real(dp) :: smoothness = 1
+    !> Factor of the best gamma; below 1 where Lambda has no margin: errors at both ends of the spectrum would decay
+    !> equally slowly, and those at the upper end need not [].
+    real(dp) :: damping = 1
   contains
     procedure :: contraction => constants_contraction
     procedure :: gamma_limit => constants_gamma_limit
@@ -95,11 +98,11 @@ contains
     limit = 2/self%smoothness
   end function constants_gamma_limit
 
-  !> 2/(mu + Lambda), for which the sharp factor is least.
+  !> 2/(mu + Lambda), for which the sharp factor is least, times the damping.
   elemental real(dp) function constants_best_gamma(self) result(gamma)
     !> The constants.
     class(iteration_constants_t), intent(in) :: self
-    gamma = 2/(self%coercivity/self%continuity_g + self%smoothness)
+    gamma = self%damping*2/(self%coercivity/self%continuity_g + self%smoothness)
   end function constants_best_gamma
 
   !> gamma_2 = 2 B B~/(M+D)^2 of Theorem 3, and with D = 0 of Theorem 2: positive values below it converge, equation

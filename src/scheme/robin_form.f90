@@ -67,6 +67,8 @@ module dotyk_scheme_robin_form
     procedure :: apply => form_operator_apply
   end type form_operator_t
 
+  !> Of the best gamma, as much as the margin of estimated eigenvalues [].
+  real(dp), parameter :: damping = 0.98_dp
   !> Steps after which displacements are computed anew from the forces: increments keep their rounding errors.
   integer, parameter :: refresh = 64
 
@@ -167,6 +169,7 @@ contains
       end associate
     end do
     constants%coercivity = 1/(1 + largest)
+    constants%damping = damping
     form%qp => qp
     form%penalty = penalty
     form%spring = spring
