@@ -10,9 +10,17 @@
 !>
 !> Two kinds of pairs have another reference than theta = 0. The theta of a real elastic layer is no penalty: it stays.
 !> Quadrature points outnumber the unknowns of their surface, so that theta = 0 is over-constrained: its solution locks,
-!> its multipliers are indeterminate, and finding them costs far more than the solution. There the reference has a
-!> quarter of theta, or of h/E where that is less, and the distance is extrapolated by the first order of Theorem
-!> 1, `u_theta - u_0 = O(theta)`: an estimate, not a bound, of two linear systems.
+!> its multipliers are indeterminate, and finding them costs far more than the solution. There the distance is
+!> extrapolated: an estimate, not a bound. Theorem 1 names no order. The first order in theta holds for smooth pressures
+!> on a contact zone that stays; the order is about 0.8 at a sharp punch, and only 1/2 is guaranteed (docs/theory.md,
+!> section 1). So it is measured, by two references: theta_1 has a quarter of theta, or of h/E where that is less, and
+!> theta_2 has a quarter of theta_1. With further quarters, the distances are a geometric series,
+!>
+!>     ||u_theta - u_0||_A ~ d_1 + d_2/(1 - rho),  d_1 = ||u_theta - u_theta_1||_A,  d_2 = ||u_theta_1 - u_theta_2||_A,
+!>
+!> where d_2/d_1 has the order from theta to theta_2, within 1/2 and 1, and rho the mean of that and 1: on a mesh, the
+!> order rises to 1 as theta falls, and the norm of a sum is less than the sum of the norms. Where theta_1 is far below
+!> theta, d_1 is nearly all of it, and the mean of 1/2 and 1 is assumed.
 module dotyk_control_penalty_error
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan, ieee_quiet_nan, ieee_value
   use dotyk_base_error, only: error_t
@@ -35,9 +43,9 @@ module dotyk_control_penalty_error
   type, public :: penalty_reference_t
     !> Its penalty parameters (n_rows) [length/pressure].
     real(dp), allocatable :: theta(:)
-    !> The penalty error over the distance to its solution, to first order in theta; 1 where the distance is the error
-    !> itself [].
-    real(dp) :: extrapolation = 1
+    !> Its theta over that of the solution, the smallest of all rows where both differ; 0 where the distance is the
+    !> error itself [].
+    real(dp) :: reduction = 0
   contains
     procedure :: init => reference_init
     procedure :: is_exact => reference_is_exact
@@ -47,11 +55,24 @@ module dotyk_control_penalty_error
 
   !> theta of the reference where theta = 0 is over-constrained, over that of the solution, and over h/E, at most [].
   real(dp), parameter :: reduced = 0.25_dp, most_of_mesh = 0.25_dp
+  !> Distance of two references over that of the two before, with theta `reduced` each time: of order 1 in theta, and of
+  !> order 1/2, which is guaranteed [].
+  real(dp), parameter :: least_ratio = reduced, most_ratio = sqrt(reduced)
+  !> theta_1/theta up to which d_1 is nearly all of the distance, and the order is not measured: the solution with such
+  !> a large theta takes few steps [].
+  real(dp), parameter :: negligible = 1.0_dp/16
+  !> The order that is assumed then: the mean of 1/2 and 1 [].
+  real(dp), parameter :: assumed_order = 0.75_dp
+  !> Residual of the gaps of a reference over that at its start [].
+  real(dp), parameter :: accuracy = 1.0e-3_dp
+  !> Linear systems of a reference at most.
+  integer, parameter :: most_systems = 4
 contains
 
   !> The reference of the pairs: the theta of layers stays, that of penalties vanishes, or is reduced where one of them
   !> is at quadrature points.
   subroutine reference_init(self, problem, first_row, theta)
+    !> The reference.
     class(penalty_reference_t), intent(out) :: self
     !> Bodies and pairs.
     type(contact_problem_t), intent(in) :: problem
@@ -59,7 +80,7 @@ contains
     integer, intent(in) :: first_row(:)
     !> Penalty parameters of the solution (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
-    real(dp) :: least, most
+    real(dp) :: most
     integer :: k
     logical :: vanishes
     vanishes = .true.
@@ -67,24 +88,25 @@ contains
       if (problem%pair(k)%discretization /= discretization_quadrature .or. problem%pair(k)%is_layer) cycle
       if (any(theta(first_row(k):first_row(k + 1) - 1) > 0)) vanishes = .false.
     end do
-    least = 1
     self%theta = 0*theta
+    self%reduction = merge(0.0_dp, reduced, vanishes)
     do k = 1, size(problem%pair)
       associate (pair => problem%pair(k), first => first_row(k), last => first_row(k + 1) - 1)
         if (pair%is_layer) self%theta(first:last) = theta(first:last)
         if (pair%is_layer .or. vanishes) cycle
         most = most_of_mesh*mesh_compliance(problem%body(pair%body_a), problem%body(pair%body_b), pair)
         self%theta(first:last) = min(reduced*theta(first:last), most)
-        least = min(least, minval(1 - self%theta(first:last)/theta(first:last), mask=theta(first:last) > 0))
+        self%reduction = min(self%reduction, &
+                             minval(self%theta(first:last)/theta(first:last), mask=theta(first:last) > 0))
       end associate
     end do
-    self%extrapolation = 1/least
   end subroutine reference_init
 
   !> Whether the distance to its solution is the penalty error: a bound with the bounds of both solutions.
   pure logical function reference_is_exact(self) result(is_exact)
+    !> The reference.
     class(penalty_reference_t), intent(in) :: self
-    is_exact = .not. self%extrapolation > 1
+    is_exact = .not. self%reduction > 0
   end function reference_is_exact
 
   !> Estimate from the state where a scheme ended.
@@ -112,29 +134,101 @@ contains
     type(solver_settings_t) :: settings
     type(solver_state_t) :: penalized, exact
     type(monitor_t) :: silent
-    real(dp) :: of_both
     distance = 0
     if (.not. any(theta > reference%theta)) return
     settings%linear_solver = linear_solver
     penalized = state
     if (.not. is_exact) call dual%solve(qp, compliance, theta, settings, silent, penalized, error)
     if (allocated(error)) return
-    exact = penalized
-    if (reference%is_exact()) then
-      call dual%solve(qp, compliance, reference%theta, settings, silent, exact, error)
-    else if (is_usable(penalized)) then
-      call follow_theta(qp, compliance, reference%theta, exact)
-    end if
-    if (allocated(error)) return
-    if (.not. (is_usable(penalized) .and. is_usable(exact))) then
+    if (.not. is_usable(penalized)) then
       distance = ieee_value(distance, ieee_quiet_nan)
+    else if (reference%is_exact()) then
+      exact = penalized
+      call dual%solve(qp, compliance, reference%theta, settings, silent, exact, error)
+      if (allocated(error)) return
+      distance = distance_of(qp, compliance, penalized, exact) + uncertainty(qp, penalized) + uncertainty(qp, exact)
+    else
+      call extrapolate(qp, compliance, theta, reference, penalized, distance)
+    end if
+  end subroutine estimate_penalty_error
+
+  !> The distance to theta = 0 from those of two references.
+  subroutine extrapolate(qp, compliance, theta, reference, penalized, distance)
+    !> The quadratic programme.
+    type(contact_qp_t), intent(in) :: qp
+    !> Its compliance operator.
+    class(compliance_t), intent(inout) :: compliance
+    !> Penalty parameters of the solution (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    !> The first reference.
+    type(penalty_reference_t), intent(in) :: reference
+    !> Solution of the dual scheme.
+    type(solver_state_t), intent(in) :: penalized
+    !> The estimate; NaN where a reference has no solution [sqrt(energy)].
+    real(dp), intent(out) :: distance
+    type(solver_state_t) :: first, second
+    real(dp) :: d_1, d_2, rounding
+    rounding = uncertainty(qp, penalized)
+    first = penalized
+    call follow_theta(qp, compliance, reference%theta, accuracy, first)
+    d_1 = distance_of(qp, compliance, penalized, first)
+    if (reference%reduction <= negligible) then
+      distance = (d_1 + rounding)/(1 - reference%reduction**assumed_order)
       return
     end if
-    of_both = uncertainty(qp, penalized)
-    if (reference%is_exact()) of_both = uncertainty(qp, exact) + of_both
-    distance = compliance%distance(qp, penalized%m - exact%m, penalized%alpha - exact%alpha)
-    distance = reference%extrapolation*(distance + of_both)
-  end subroutine estimate_penalty_error
+    second = first
+    ! Its share of the distance falls with theta_1.
+    if (is_usable(first)) call follow_theta(qp, compliance, &
+      merge(reduced, 1.0_dp, reference%theta < theta)*reference%theta, accuracy*reduced/reference%reduction, second)
+    d_2 = distance_of(qp, compliance, first, second)
+    distance = d_1 + rounding + d_2/(1 - ratio_of(d_1, d_2, rounding, reference%reduction))
+  end subroutine extrapolate
+
+  !> Distance of the next two references over d_2: that of distances like `theta^p`, p from 1/2 to 1, is found from d_2
+  !> and d_1, and p goes half the way to 1 then.
+  pure real(dp) function ratio_of(d_1, d_2, rounding, reduction) result(ratio)
+    !> Distance of the solution to the first reference, and of both references [sqrt(energy)].
+    real(dp), intent(in) :: d_1, d_2
+    !> Uncertainty of the distances [sqrt(energy)].
+    real(dp), intent(in) :: rounding
+    !> theta of the first reference over that of the solution [].
+    real(dp), intent(in) :: reduction
+    !> Halvings of the interval of ratios: to 1e-6 of it.
+    integer, parameter :: halvings = 20
+    real(dp) :: low, high, quarters
+    integer :: k
+    ratio = most_ratio
+    if (.not. d_2 > rounding) return
+    ! Steps of `reduced` from the solution to the first reference.
+    quarters = log(reduction)/log(reduced)
+    low = least_ratio
+    high = most_ratio
+    do k = 1, halvings
+      ratio = (low + high)/2
+      ! The left side is d_2 for the ratio and d_1, and increases with the ratio.
+      if (d_1*ratio**quarters*(1 - ratio) < d_2*(1 - ratio**quarters)) then
+        low = ratio
+      else
+        high = ratio
+      end if
+    end do
+    ratio = sqrt(high*least_ratio)
+  end function ratio_of
+
+  !> Distance of two states in the energy norm; NaN where one of them is no solution [sqrt(energy)].
+  real(dp) function distance_of(qp, compliance, one, other) result(distance)
+    !> The quadratic programme.
+    type(contact_qp_t), intent(in) :: qp
+    !> Its compliance operator.
+    class(compliance_t), intent(inout) :: compliance
+    !> Where schemes ended.
+    type(solver_state_t), intent(in) :: one, other
+    if (is_usable(one) .and. is_usable(other)) then
+      distance = compliance%distance(qp, one%m - other%m, one%alpha - other%alpha)
+    else
+      distance = ieee_value(distance, ieee_quiet_nan)
+    end if
+  end function distance_of
 
   !> Guaranteed bound of the error of a state [sqrt(energy)].
   real(dp) function uncertainty(qp, state)
@@ -145,17 +239,19 @@ contains
     uncertainty = state%error_bound*qp%energy_norm(state%m, state%y, state%alpha/qp%coarse%scale)
   end function uncertainty
 
-  !> The solution with a smaller theta, from that of the dual scheme: two linear systems at most, the second without the
-  !> forces that are tensile in the first. Contact zones shrink with theta, so that no other rows are looked at.
-  subroutine follow_theta(qp, compliance, theta, state)
+  !> The solution with a smaller theta, from that with a larger one: a few linear systems, each without the forces that
+  !> are tensile in the one before. Contact zones shrink with theta, so that no other rows are looked at.
+  subroutine follow_theta(qp, compliance, theta, reduction, state)
     !> The quadratic programme.
     type(contact_qp_t), intent(in) :: qp
     !> Its compliance operator.
     class(compliance_t), intent(inout) :: compliance
     !> The smaller penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
-    !> Solution of the dual scheme; its pressures and modes are those of the smaller theta on return. Not usable where
-    !> there are none.
+    !> As in `active_system_t` [].
+    real(dp), intent(in) :: reduction
+    !> Solution with the larger theta; its pressures and modes are those of the smaller theta on return. Not usable
+    !> where there are none.
     type(solver_state_t), intent(inout) :: state
     class(active_system_t), allocatable :: system
     type(contact_qp_t) :: part
@@ -169,10 +265,11 @@ contains
       ! As the dual scheme did it.
       call choose_solver(part, compliance, merge(linear_solver_direct, linear_solver_iterative, &
                                                  compliance%has_entries()), [(.true., k=1, part%n_rows)], system)
+      system%reduction = reduction
       if (system%needs_entries()) call compliance%form(part, may_stop=.false.)
       lambda = part%weight*pack(state%m, working)
       alpha = state%alpha/qp%coarse%scale
-      do k = 1, 2
+      do k = 1, most_systems
         active = lambda > 0
         call system%init(part, compliance, pack(theta, working), active, error)
         if (allocated(error)) exit

@@ -21,6 +21,8 @@ module dotyk_scheme_active_system
     integer, allocatable :: row(:)
     !> Compliance theta/w of the Winkler layer there (n) [length/force].
     real(dp), allocatable :: layer(:)
+    !> Iterative solutions end where the residual of the start is reduced to this fraction; 0: at rounding [].
+    real(dp) :: reduction = 0
     !> Null modes: rigid body modes that the active points do not restrain, as columns (coarse%n, number of them).
     real(dp), allocatable :: null_mode(:, :)
   contains
@@ -30,7 +32,8 @@ module dotyk_scheme_active_system
     procedure :: forget => system_forget
     !> Prepare the system of an active set; another one may stand there before.
     procedure(init_interface), deferred :: init
-    !> Solve to rounding. Null modes get amplitude 0; the part of c that excites them remains in the residual.
+    !> Solve to rounding, or to `reduction`. Null modes get amplitude 0; the part of c that excites them remains in the
+    !> residual.
     procedure(solve_interface), deferred :: solve
     !> Whether it needs the entries of the compliance at the active rows.
     procedure(needs_entries_interface), deferred :: needs_entries

@@ -32,7 +32,8 @@ module dotyk_scheme_iterative_system
     procedure :: destroy => iterative_system_destroy
   end type iterative_system_t
 
-  !> Steps end when the residual, in the norm of the preconditioner, is this fraction of the first one.
+  !> Steps end when the residual, in the norm of the preconditioner, is this fraction of the first one, or of b if that
+  !> is larger: rounding.
   real(dp), parameter :: tolerance = 1.0e-13_dp
   !> Steps at most.
   integer, parameter :: most_steps = 2000
@@ -176,7 +177,7 @@ contains
     !> Amplitudes of the modes (coarse%n) [length].
     real(dp), intent(out) :: alpha(:)
     real(dp), allocatable :: r(:), z(:), p(:), q(:), r_old(:)
-    real(dp) :: rz, rz_first, rz_old, step
+    real(dp) :: rz, rz_end, rz_old, step
     integer :: k, n
     n = size(self%row)
     allocate (z(n), p(n), q(n), r_old(n))
@@ -186,7 +187,7 @@ contains
       call apply_matrix(self, qp, compliance, lambda, q)
       r = r - q
     end if
-    rz_first = 0
+    rz_end = 0
     p = 0
     rz_old = 0
     r_old = 0
@@ -197,8 +198,8 @@ contains
       z = self%stiffness*r
       call project(self, z)
       rz = dot_product(r, z)
-      if (k == 1) rz_first = max(rz, dot_product(self%stiffness, b**2))
-      if (.not. rz > tolerance**2*rz_first) exit
+      if (k == 1) rz_end = max(self%reduction**2*rz, tolerance**2*max(rz, dot_product(self%stiffness, b**2)))
+      if (.not. rz > rz_end) exit
       ! The formula of Polak and Ribiere is less sensitive to rounding than that of Fletcher and Reeves.
       if (k > 1) p = z + max(0.0_dp, (rz - dot_product(r_old, z))/rz_old)*p
       if (k == 1) p = z
