@@ -146,7 +146,9 @@ contains
       exact = penalized
       call dual%solve(qp, compliance, reference%theta, settings, silent, exact, error)
       if (allocated(error)) return
-      distance = distance_of(qp, compliance, penalized, exact) + uncertainty(qp, penalized) + uncertainty(qp, exact)
+      distance = distance_of(qp, compliance, penalized, exact)
+      ! A scheme without a solution leaves no state to measure.
+      if (.not. ieee_is_nan(distance)) distance = distance + uncertainty(qp, penalized) + uncertainty(qp, exact)
     else
       call extrapolate(qp, compliance, theta, reference, penalized, distance)
     end if
