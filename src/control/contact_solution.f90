@@ -110,7 +110,7 @@ contains
     class(contact_solution_t), intent(in) :: self
     real(dp), allocatable :: alpha(:)
     associate (state => self%state, qp => self%qp)
-      alpha = state%alpha/qp%coarse%scale
+      allocate (alpha, source=state%alpha/qp%coarse%scale)
       energies%strain = qp%energy_norm(state%m, state%y, alpha)**2/2
       energies%penalty = sum(qp%weight*max(0.0_dp, state%y)**2/(2*self%theta), mask=self%theta > 0)
       energies%load_work = qp%load_work(state%m, alpha)
