@@ -97,7 +97,7 @@ contains
     real(dp), parameter :: identity(3, 3) = reshape([1, 0, 0, 0, 1, 0, 0, 0, 1]*1.0_dp, [3, 3])
     type(box_t) :: box
     type(material_t) :: material
-    type(support_t) :: support
+    type(support_t), allocatable :: support(:)
     type(load_t) :: load
     type(error_t), allocatable :: error
     integer :: b
@@ -108,21 +108,21 @@ contains
       select case (b)
       case (1)
         material = steel()
-        support = make_support(box%side(3, .false.), 'xyz')
+        support = [make_support(box%side(3, .false.), 'xyz')]
         problem%surface_b(1) = box%side(3, .true.)
       case (2)
         call material%init_orthotropic('ply', [4.0_dp, 2.0_dp, 3.0_dp], [0.3_dp, 0.25_dp, 0.2_dp], &
                                        [1.0_dp, 1.5_dp, 0.7_dp], [1.0_dp, 0.5_dp, 0.2_dp], [0.1_dp, 1.0_dp, 0.3_dp], &
                                        error)
-        support = make_support(box%side(1, .false.), 'xyz')
+        support = [make_support(box%side(1, .false.), 'xyz')]
         problem%surface_a(1) = box%side(3, .false.)
         problem%surface_a(2) = box%side(3, .true.)
       case (3)
         call material%init_isotropic('other', 5.0_dp, 0.2_dp, error)
-        support = make_support(box%side(3, .true.), 'xyz')
+        support = [make_support(box%side(3, .true.), 'xyz')]
         problem%surface_b(2) = box%side(3, .false.)
       end select
-      call make_body(box, analysis_3d, material, [support], problem%body(b), error)
+      call make_body(box, analysis_3d, material, support, problem%body(b), error)
       if (allocated(error)) error stop 'forms: body'
       problem%body(b)%name = achar(iachar('a') + b)
       if (b == 2) then
@@ -255,8 +255,9 @@ contains
     class(forms_t), intent(in) :: self
     !> Element of V_0 (n) [length].
     real(dp), intent(in) :: u(:)
-    real(dp) :: slope(self%n)
-    slope = -matmul(self%weight/self%theta*min(0.0_dp, -self%penetration(u)), self%rows)
+    real(dp) :: slope(self%n), force(size(self%gap))
+    force = self%weight/self%theta*min(0.0_dp, -self%penetration(u))
+    slope = -matmul(force, self%rows)
   end function forms_penalty_slope
 
   !> j''_theta(u, ., .) (n, n) [force/length].
@@ -273,8 +274,9 @@ contains
   !> j'' where all rows penetrate: the largest one (n, n) [force/length].
   pure function forms_closed_curvature(self) result(curvature)
     class(forms_t), intent(in) :: self
-    real(dp) :: curvature(self%n, self%n)
-    curvature = matmul(transpose(self%rows), spread(self%weight/self%theta, 2, self%n)*self%rows)
+    real(dp) :: curvature(self%n, self%n), scaled(size(self%rows, 1), self%n)
+    scaled = spread(self%weight/self%theta, 2, self%n)*self%rows
+    curvature = matmul(transpose(self%rows), scaled)
   end function forms_closed_curvature
 
   !> F_theta(u) of (19) [energy].
