@@ -67,6 +67,7 @@ module dotyk_control_penalty_error
   real(dp), parameter :: accuracy = 1.0e-3_dp
   !> Linear systems of a reference at most.
   integer, parameter :: most_systems = 4
+
 contains
 
   !> The reference of the pairs: the theta of layers stays, that of penalties vanishes, or is reduced where one of them

@@ -75,8 +75,11 @@ contains
       if (all(abs(factor) <= huge(1.0_dp))) call dpotrf('L', n, factor, n, failed)
       shift = 10*shift
     end do
-    if (failed /= 0) call set_error(error, 'a matrix of order '//to_text(n)//' is not positive semidefinite', &
-                                    exit_not_solvable)
+    if (failed == 0) return
+    ! Called in threads, too.
+    !$omp critical (message)
+    call set_error(error, 'a matrix of order '//to_text(n)//' is not positive semidefinite', exit_not_solvable)
+    !$omp end critical (message)
   end subroutine cholesky_factor
 
   !> B <- L^{-1} B.
