@@ -169,7 +169,7 @@ contains
         call report(problems, group, 'at', 'at has x = '//to_text(body%at(1))// &
                     ', but axisymmetric bodies are shifted along y only')
     end if
-    if (is_given(group, 'axis') .and. .not. is_given(group, 'angle')) &
+    if (is_given(group, 'axis') .and. .not. (is_given(group, 'angle') .or. is_given(group, 'first_angle'))) &
       call report(problems, group, 'axis', 'axis is given without an angle')
     if (is_given(group, 'axis') .and. is_usable(group, 'axis')) then
       call read_numbers(group, 'axis', body%axis)
@@ -179,10 +179,11 @@ contains
         call report(problems, group, 'axis', 'in two dimensions bodies are rotated about z only')
       end if
     end if
-    if (is_given(group, 'angle')) then
-      body%angle = real_of(group, 'angle')
-      if (scene%analysis == analysis_axisymmetric) &
-        call report(problems, group, 'angle', 'axisymmetric bodies cannot be rotated: remove angle')
-    end if
+    if (is_given(group, 'angle')) body%angle = real_of(group, 'angle')
+    if (scene%analysis /= analysis_axisymmetric) return
+    if (is_given(group, 'angle')) &
+      call report(problems, group, 'angle', 'axisymmetric bodies cannot be rotated: remove angle')
+    if (is_given(group, 'first_angle')) &
+      call report(problems, group, 'first_angle', 'axisymmetric bodies cannot be rotated: remove first_angle')
   end subroutine read_placement
 end module dotyk_input_bodies

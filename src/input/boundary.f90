@@ -6,8 +6,8 @@ module dotyk_input_boundary
   use dotyk_input_case, only: load_input_t, support_input_t
   use dotyk_input_problems, only: problems_t
   use dotyk_input_reader, only: group_t
-  use dotyk_input_values, only: count_of, is_given, is_usable, names_t, real_of, reals_of, refer, report, text_of, &
-    texts_of
+  use dotyk_input_values, only: count_of, is_given, is_usable, names_t, real_of, reals_of, report, text_of, texts_of
+  use dotyk_input_wildcards, only: names_several, refer_to_bodies
   implicit none
   private
   public :: read_support, read_load
@@ -15,7 +15,7 @@ module dotyk_input_boundary
 contains
 
   !> Read `&support`.
-  subroutine read_support(group, bodies, dimension, problems, support)
+  subroutine read_support(group, bodies, dimension, problems, support, matched)
     !> Checked group.
     type(group_t), intent(in) :: group
     !> Names of the bodies.
@@ -24,11 +24,15 @@ contains
     integer, intent(in) :: dimension
     !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
-    !> The support; incomplete where the group has mistakes.
+    !> The support of the first body; incomplete where the group has mistakes.
     type(support_input_t), intent(out) :: support
+    !> Bodies that the group names, ascending; none where the name is unknown (n_matched).
+    integer, allocatable, intent(out) :: matched(:)
     character(:), allocatable :: message
     support%line = group%line
-    call refer(group, 'body', text_of(group, 'body'), bodies, problems, support%body)
+    call refer_to_bodies(group, 'body', text_of(group, 'body'), bodies, problems, matched)
+    if (size(matched) > 0) support%body = matched(1)
+    support%any_body = names_several(text_of(group, 'body'), bodies)
     support%surface = text_of(group, 'surface')
     allocate (support%value_formula(0))
     if (is_given(group, 'value') .and. is_given(group, 'value_formula')) &
@@ -68,7 +72,7 @@ contains
   end subroutine refuse_values_not_fixed
 
   !> Read `&load`.
-  subroutine read_load(group, bodies, dimension, problems, load)
+  subroutine read_load(group, bodies, dimension, problems, load, matched)
     !> Checked group.
     type(group_t), intent(in) :: group
     !> Names of the bodies.
@@ -77,14 +81,18 @@ contains
     integer, intent(in) :: dimension
     !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
-    !> The load; incomplete where the group has mistakes.
+    !> The load on the first body; incomplete where the group has mistakes.
     type(load_input_t), intent(out) :: load
+    !> Bodies that the group names, ascending; none where the name is unknown (n_matched).
+    integer, allocatable, intent(out) :: matched(:)
     type(text_t), allocatable :: kinds(:)
     character(:), allocatable :: given, key
     logical :: is_constant, is_formula
     integer :: k, n
     load%line = group%line
-    call refer(group, 'body', text_of(group, 'body'), bodies, problems, load%body)
+    call refer_to_bodies(group, 'body', text_of(group, 'body'), bodies, problems, matched)
+    if (size(matched) > 0) load%body = matched(1)
+    load%any_body = names_several(text_of(group, 'body'), bodies)
     load%surface = text_of(group, 'surface')
     allocate (load%formula(0))
     call split_words(load_names, kinds)

@@ -82,7 +82,9 @@ module dotyk_input_case
     integer :: line = 0
     !> Index of the body.
     integer :: body = 0
-    !> Physical group of the surface.
+    !> Whether wildcards name the body: of these bodies, those without the surface have no such support.
+    logical :: any_body = .false.
+    !> Physical group of the surface; with wildcards, the union of those that the body has.
     character(:), allocatable :: surface
     !> Directions of prescribed displacements.
     type(directions_t) :: fix
@@ -98,7 +100,9 @@ module dotyk_input_case
     integer :: line = 0
     !> Index of the body.
     integer :: body = 0
-    !> Physical group of the surface; empty for a force density.
+    !> Whether wildcards name the body: of these bodies, those without the surface have no such load.
+    logical :: any_body = .false.
+    !> Physical group of the surface, as in `support_input_t`; empty for a force density.
     character(:), allocatable :: surface
     !> One of `load_*`.
     integer :: kind = load_traction

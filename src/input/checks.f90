@@ -201,7 +201,7 @@ contains
     type(keyword_t), intent(in) :: row
     character(:), allocatable :: text
     text = to_text(row%least)
-    if (row%most > row%least) text = text//' or '//to_text(row%most)
+    if (row%most > row%least) text = text//trim(merge(' to', ' or', row%most > 3))//' '//to_text(row%most)
     text = text//' value'
     if (row%most > 1) text = text//'s'
   end function needed_count

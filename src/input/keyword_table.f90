@@ -30,7 +30,8 @@ contains
     groups(3) = group('body', at_least_one, 'an elastic body', &
                       "&body name='block', volume='block', material='steel' /"//lf// &
                       "&body name='roller 2', mesh='roller.msh', volume='roller', material='steel',"//lf// &
-                      '      at=0.1,0,0, axis=0,0,1, angle=15 /')
+                      '      at=0.1,0,0, axis=0,0,1, angle=15 /'//lf// &
+                      "&body name='segment *', volume='segment', material='concrete', repeat=6, axis=0,0,1, angle=60 /")
     groups(4) = group('support', any_number, 'prescribed displacement (Dirichlet condition) on a body surface, '// &
                       'zero where no value is given', &
                       "&support body='block', surface='bottom', fix='xyz' /"//lf// &
@@ -141,8 +142,21 @@ contains
     call list%add('axis', kind_real, least=3, most=3, &
                   meaning='axis of rotation, through the origin of the mesh (if absent, z); material axes rotate '// &
                   'with the body; supports, loads and formulas in x, y, z use global axes')
-    call list%add('angle', kind_real, unit='degrees', &
-                  meaning='angle of rotation about axis; not in axisymmetric analyses')
+    call list%add('angle', kind_real, most=3, unit='degrees', &
+                  meaning='angle of rotation about axis; with repeat, the angle from copy to copy; not in '// &
+                  'axisymmetric analyses')
+    call list%add('repeat', kind_integer, most=3, positive=.true., &
+                  meaning='number of copies of the body, or two or three numbers for an array of copies; each copy '// &
+                  'is the first one rotated about axis through centre by a multiple of angle, then translated by '// &
+                  'a multiple of shift; numbers of the copies, from 1, replace the * of name: segment 1, segment 2; '// &
+                  'in arrays, the first number fastest, a single * gets all numbers (ball 1 1, ball 2 1), several *, '// &
+                  'one each')
+    call list%add('shift', kind_real, least=2, most=9, unit='length', &
+                  meaning='translation from copy to copy, one vector for each number of repeat')
+    call list%add('centre', kind_real, least=2, most=3, unit='length', &
+                  meaning='point on the axis about which copies are rotated (if absent, 0)')
+    call list%add('first_angle', kind_real, unit='degrees', &
+                  meaning='angle of rotation of the first copy about axis, through the origin of its mesh')
   end subroutine add_body
 
   !> Keys of `&support`.
@@ -151,9 +165,10 @@ contains
     type(keyword_list_t), intent(inout) :: list
     call list%begin_group('support')
     call list%add('body', kind_text, required=.true., &
-                  meaning='name of the body')
+                  meaning='name of the body; * and ? are wildcards: all bodies with such names that have the surface')
     call list%add('surface', kind_text, required=.true., &
-                  meaning='physical group of the surface (in two dimensions a physical curve)')
+                  meaning='physical group of the surface (in two dimensions a physical curve); with wildcards, the union '// &
+                  'of all that the body has')
     call list%add('fix', kind_text, required=.true., &
                   meaning='directions with prescribed displacement: letters of ''xyz'' (global axes), or of n, t '// &
                   '(both tangents), xi, eta (axes of the surface: n is the outward normal, xi the global x axis '// &
@@ -171,9 +186,9 @@ contains
     type(keyword_list_t), intent(inout) :: list
     call list%begin_group('load')
     call list%add('body', kind_text, required=.true., &
-                  meaning='name of the body')
+                  meaning='name of the body, with wildcards as in &support')
     call list%add('surface', kind_text, &
-                  'physical group of the surface; not with force_density')
+                  'physical group of the surface, with wildcards as in &support; not with force_density')
     call list%add('traction', kind_real, least=2, most=3, unit='pressure', &
                   meaning='force per area in global axes')
     call list%add('pressure', kind_real, unit='pressure', &

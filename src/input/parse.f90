@@ -5,7 +5,7 @@ module dotyk_input_parse
   use dotyk_base_options, only: stop_budget, stop_residual
   use dotyk_input_bodies, only: read_body, read_material
   use dotyk_input_boundary, only: read_load, read_support
-  use dotyk_input_case, only: case_t
+  use dotyk_input_case, only: body_input_t, case_t, load_input_t, support_input_t
   use dotyk_input_checks, only: check_group, check_group_names, check_occurrences
   use dotyk_input_contacts, only: read_contact
   use dotyk_input_keyword_table, only: list_groups, list_keywords
@@ -13,9 +13,11 @@ module dotyk_input_parse
   use dotyk_input_paths, only: read_text, refuse_other_content
   use dotyk_input_problems, only: no_line, problems_t
   use dotyk_input_reader, only: group_t, read_groups
+  use dotyk_input_repeat, only: append_bodies, name_copies, repeat_body
   use dotyk_input_settings, only: read_output, read_scene, read_solver
   use dotyk_input_solver_checks, only: check_solver_keys
   use dotyk_input_values, only: gather_names, is_given, is_usable, names_t, pick_groups
+  use dotyk_input_wildcards, only: append_loads, append_supports
   implicit none
   private
   public :: read_case, parse_case
@@ -91,8 +93,12 @@ contains
     type(case_t), intent(inout) :: case
     type(names_t) :: materials, bodies, contacts
     type(group_t) :: solver, output
-    integer, allocatable :: picked(:)
-    integer :: i
+    type(body_input_t) :: body
+    type(body_input_t), allocatable :: copies(:)
+    type(support_input_t) :: support
+    type(load_input_t) :: load
+    integer, allocatable :: picked(:), matched(:)
+    integer :: i, n
     logical :: mesh_expected
     call gather_names(groups, 'material', misspelled(place('material')), problems, materials)
     call gather_names(groups, 'body', misspelled(place('body')), problems, bodies)
@@ -119,19 +125,30 @@ contains
     end do
     call pick_groups(groups, 'body', picked)
     allocate (case%body(size(picked)))
+    n = 0
     do i = 1, size(picked)
-      call read_body(groups(picked(i)), materials, case%scene, case%directory, mesh_expected, problems, case%body(i))
+      call read_body(groups(picked(i)), materials, case%scene, case%directory, mesh_expected, problems, body)
+      call repeat_body(groups(picked(i)), case%scene, problems, body, copies)
+      call append_bodies(case%body, n, copies)
     end do
+    case%body = case%body(:n)
+    if (n > size(picked)) call name_copies(case%body, problems, bodies)
     call pick_groups(groups, 'support', picked)
     allocate (case%support(size(picked)))
+    n = 0
     do i = 1, size(picked)
-      call read_support(groups(picked(i)), bodies, case%scene%dimension, problems, case%support(i))
+      call read_support(groups(picked(i)), bodies, case%scene%dimension, problems, support, matched)
+      call append_supports(case%support, n, support, matched)
     end do
+    case%support = case%support(:n)
     call pick_groups(groups, 'load', picked)
     allocate (case%load(size(picked)))
+    n = 0
     do i = 1, size(picked)
-      call read_load(groups(picked(i)), bodies, case%scene%dimension, problems, case%load(i))
+      call read_load(groups(picked(i)), bodies, case%scene%dimension, problems, load, matched)
+      call append_loads(case%load, n, load, matched)
     end do
+    case%load = case%load(:n)
     call pick_groups(groups, 'contact', picked)
     allocate (case%contact(size(picked)))
     do i = 1, size(picked)

@@ -20,8 +20,8 @@ module dotyk_input_values
   end type names_t
 
   public :: is_given, is_usable, line_of, count_of
-  public :: text_of, texts_of, real_of, reals_of, integer_of, has_option, logical_of
-  public :: pick_groups, gather_names, find_name, refer, report
+  public :: text_of, texts_of, real_of, reals_of, integer_of, integers_of, has_option, logical_of
+  public :: pick_groups, gather_names, find_name, first_names, refer, report
 
 contains
 
@@ -148,6 +148,21 @@ contains
     value = 0
     if (is_usable(group, key)) value = group%entry(place_of(group, key))%integers(1)
   end function integer_of
+
+  !> All integers of a key; none where it has none that can be used.
+  pure subroutine integers_of(group, key, values)
+    !> Checked group.
+    type(group_t), intent(in) :: group
+    !> Name of the key.
+    character(*), intent(in) :: key
+    !> The integers (n_values).
+    integer, allocatable, intent(out) :: values(:)
+    if (is_usable(group, key)) then
+      values = group%entry(place_of(group, key))%integers
+    else
+      allocate (values(0))
+    end if
+  end subroutine integers_of
 
   !> Whether an option is among the names of a key.
   pure logical function has_option(group, key, option) result(has)

@@ -1,10 +1,11 @@
 !> Physical groups of a mesh, by name.
 module dotyk_mesh_physical_group
   use dotyk_base_text, only: join, nearest_name, quoted, text_t
+  use dotyk_base_wildcard, only: has_wildcard, matches
   use dotyk_mesh_mesh, only: mesh_t
   implicit none
   private
-  public :: group_names, groups_named, unknown_group, names_text
+  public :: group_names, groups_named, groups_like, unknown_group, names_text
 
 contains
 
@@ -50,6 +51,24 @@ contains
       chosen(i) = mesh%group(i)%dimension == dimension .and. mesh%group(i)%name == name
     end do
   end function groups_named
+
+  !> Groups that a name stands for: those that bear it, or else those that its wildcards match.
+  pure function groups_like(mesh, name, dimension) result(chosen)
+    !> Mesh.
+    type(mesh_t), intent(in) :: mesh
+    !> Name, maybe with wildcards.
+    character(*), intent(in) :: name
+    !> 1 curves, 2 surfaces, 3 volumes.
+    integer, intent(in) :: dimension
+    !> True for these groups (n_groups).
+    logical :: chosen(size(mesh%group))
+    integer :: i
+    chosen = groups_named(mesh, name, dimension)
+    if (any(chosen) .or. .not. has_wildcard(name)) return
+    do i = 1, size(chosen)
+      chosen(i) = mesh%group(i)%dimension == dimension .and. matches(name, mesh%group(i)%name)
+    end do
+  end function groups_like
 
   !> Message for a name that no group of the dimension bears.
   pure function unknown_group(mesh, name, dimension) result(message)

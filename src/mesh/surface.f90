@@ -10,13 +10,13 @@ module dotyk_mesh_surface
   use dotyk_mesh_corner_table, only: corner_table_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, kind_dimension, max_facet_nodes
   use dotyk_mesh_mesh, only: mesh_t
-  use dotyk_mesh_physical_group, only: group_names, groups_named, names_text, unknown_group
+  use dotyk_mesh_physical_group, only: group_names, groups_named, names_text, groups_like, unknown_group
   implicit none
   private
 
   !> Facets of one body.
   type, public :: surface_t
-    !> Name of the physical group.
+    !> Name of the physical group, or a name with wildcards.
     character(:), allocatable :: name
     !> Dimension of space.
     integer :: dimension = 0
@@ -50,7 +50,7 @@ contains
     type(mesh_t), intent(in) :: mesh
     !> Mesh of the body.
     type(body_mesh_t), intent(in) :: body_mesh
-    !> Name of the physical groups.
+    !> Name of the physical groups; with wildcards the union of those that it matches.
     character(*), intent(in) :: surface_name
     !> Facets in the order of the file.
     type(surface_t), intent(out) :: surface
@@ -63,7 +63,7 @@ contains
     integer, allocatable :: parents(:)
     character(:), allocatable :: message
     integer :: inner
-    wanted = groups_named(mesh, trim(surface_name), body_mesh%dimension - 1)
+    wanted = groups_like(mesh, trim(surface_name), body_mesh%dimension - 1)
     if (any(wanted)) then
       call gather_facets(mesh, body_mesh, wanted, table, tag)
       surface%name = trim(surface_name)

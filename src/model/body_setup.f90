@@ -1,6 +1,6 @@
 !> Builds bodies from the input: meshes, materials, supports, loads, and the surfaces of the contact pairs.
 module dotyk_model_body_setup
-  use dotyk_base_error, only: error_t, problem_list_t
+  use dotyk_base_error, only: error_t, exit_bad_input, problem_list_t
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: load_force_density
@@ -41,9 +41,12 @@ contains
     type(volume_t) :: volume
     type(error_t), allocatable :: failed
     logical, dimension(size(case%body)) :: read, done, same, locks
+    logical :: support_used(size(case%support)), load_used(size(case%load))
     integer :: b, c, k, before
     allocate (body(size(case%body)), surface_a(size(case%contact)), surface_b(size(case%contact)))
     read = .false.
+    support_used = .not. case%support%any_body
+    load_used = .not. case%load%any_body
     done = .false.
     locks = [(would_lock(case, b), b=1, size(body))]
     do b = 1, size(body)
@@ -61,12 +64,43 @@ contains
         do k = c, size(body)
           if (.not. same(k) .or. case%body(k)%volume /= case%body(c)%volume .or. (locks(k) .neqv. locks(c))) cycle
           done(k) = .true.
-          call build_body(case, mesh, volume, k, body(k), surface_a, surface_b, problems)
+          call build_body(case, mesh, volume, k, body(k), surface_a, surface_b, support_used, load_used, problems)
         end do
       end do
     end do
+    if (problems%count == 0) then
+      call refuse_unused(case%file, case%support%line, support_used, '&support', problems)
+      call refuse_unused(case%file, case%load%line, load_used, '&load', problems)
+    end if
     call problems%raise(error)
   end subroutine build_bodies
+
+  !> Report groups whose wildcards name bodies of which none has the surface.
+  subroutine refuse_unused(file, line, used, group, problems)
+    !> The namelist file.
+    character(*), intent(in) :: file
+    !> Line of each support or load; those of one group follow each other (n).
+    integer, intent(in) :: line(:)
+    !> Whether the body has the surface (n).
+    logical, intent(in) :: used(:)
+    !> Name of the groups, for messages.
+    character(*), intent(in) :: group
+    !> Problems so far; mistakes are added.
+    type(problem_list_t), intent(inout) :: problems
+    logical :: one_used
+    integer :: k
+    one_used = .false.
+    do k = 1, size(line)
+      one_used = one_used .or. used(k)
+      if (k < size(line)) then
+        if (line(k + 1) == line(k)) cycle
+      end if
+      if (.not. one_used) &
+        call problems%add(file//':'//to_text(line(k))//': '//group//': none of the bodies has such a surface', &
+                          exit_bad_input)
+      one_used = .false.
+    end do
+  end subroutine refuse_unused
 
   !> Read a .msh file, or a .geo file that gmsh meshes.
   subroutine read_mesh(path, dimension, mesh, error)
@@ -89,7 +123,7 @@ contains
   end subroutine read_mesh
 
   !> Build one body and the surfaces of its contact pairs.
-  subroutine build_body(case, mesh, volume, b, body, surface_a, surface_b, problems)
+  subroutine build_body(case, mesh, volume, b, body, surface_a, surface_b, support_used, load_used, problems)
     !> The case.
     type(case_t), intent(in) :: case
     !> Mesh of the body's volume.
@@ -104,6 +138,10 @@ contains
     type(surface_t), intent(inout) :: surface_a(:)
     !> Master surfaces (n_pairs); those of the body are set.
     type(surface_t), intent(inout) :: surface_b(:)
+    !> Whether a support is that of a named body, or acts on one of those that wildcards name (n_supports).
+    logical, intent(inout) :: support_used(:)
+    !> The same of loads (n_loads).
+    logical, intent(inout) :: load_used(:)
     !> Problems so far; those of the body are added.
     type(problem_list_t), intent(inout) :: problems
     type(error_t), allocatable :: failed
@@ -136,6 +174,10 @@ contains
     allocate (body%load(body%dimension, body%mesh%n_nodes()), source=0.0_dp)
     do k = 1, size(case%load)
       if (case%load(k)%body /= b) cycle
+      if (case%load(k)%any_body .and. case%load(k)%kind /= load_force_density) then
+        if (.not. volume%has_surface(mesh, case%load(k)%surface)) cycle
+      end if
+      load_used(k) = .true.
       call build_load(case%load(k), failed)
       call note(case%load(k)%line, failed)
     end do
@@ -158,20 +200,26 @@ contains
     subroutine build_supports(support)
       !> Supports of the body (n_supports).
       type(support_t), allocatable, intent(out) :: support(:)
+      type(support_t), allocatable :: gathered(:)
       integer :: i, n
-      allocate (support(count(case%support%body == b)))
+      allocate (gathered(count(case%support%body == b)))
       n = 0
       do i = 1, size(case%support)
         associate (given => case%support(i))
           if (given%body /= b) cycle
+          if (given%any_body) then
+            if (.not. volume%has_surface(mesh, given%surface)) cycle
+            support_used(i) = .true.
+          end if
           n = n + 1
-          call volume%take_surface(mesh, given%surface, support(n)%surface, failed)
+          call volume%take_surface(mesh, given%surface, gathered(n)%surface, failed)
           call note(given%line, failed)
-          support(n)%fix = given%fix
-          support(n)%value = given%value
-          support(n)%formula = given%value_formula
+          gathered(n)%fix = given%fix
+          gathered(n)%value = given%value
+          gathered(n)%formula = given%value_formula
         end associate
       end do
+      support = gathered(:n)
     end subroutine build_supports
 
     !> Add the nodal forces of one load.

@@ -1,10 +1,12 @@
 !> A volume of a mesh and its surfaces, extracted once for all bodies that use it.
 module dotyk_model_volumes
   use dotyk_base_error, only: error_t
+  use dotyk_base_text, only: text_t
+  use dotyk_base_wildcard, only: matches
   use dotyk_mesh_body_mesh, only: body_mesh_t, extract_body
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_order_elevation, only: has_linear_simplices, elevate_order
-  use dotyk_mesh_surface, only: surface_t, extract_surface
+  use dotyk_mesh_surface, only: surface_t, extract_surface, surface_names
   implicit none
   private
 
@@ -18,9 +20,12 @@ module dotyk_model_volumes
     integer, private :: n = 0
     !> Extracted surfaces; the first n are in use (n_allocated).
     type(surface_t), allocatable, private :: surface(:)
+    !> Names of its physical groups of surfaces; allocated when first asked for (n_names).
+    type(text_t), allocatable, private :: name(:)
   contains
     procedure :: take => volume_take
     procedure :: take_surface => volume_take_surface
+    procedure :: has_surface => volume_has_surface
   end type volume_t
 
 contains
@@ -42,6 +47,22 @@ contains
     end if
     allocate (self%surface(4))
   end subroutine volume_take
+
+  !> Whether the volume has a surface of a name.
+  logical function volume_has_surface(self, mesh, name) result(has)
+    class(volume_t), intent(inout) :: self
+    !> Mesh of the volume.
+    type(mesh_t), intent(in) :: mesh
+    !> Physical group of the surface, maybe with wildcards.
+    character(*), intent(in) :: name
+    integer :: i
+    if (.not. allocated(self%name)) call surface_names(mesh, self%mesh, self%name)
+    has = .true.
+    do i = 1, size(self%name)
+      if (self%name(i)%s == name .or. matches(name, self%name(i)%s)) return
+    end do
+    has = .false.
+  end function volume_has_surface
 
   !> Extract a surface of the volume, or copy it where it is extracted already.
   subroutine volume_take_surface(self, mesh, name, surface, error)

@@ -1,0 +1,119 @@
+!> References to bodies by names with wildcards, and the groups that they stand for.
+module dotyk_input_wildcards
+  use dotyk_base_text, only: shown
+  use dotyk_base_wildcard, only: has_wildcard, matches
+  use dotyk_input_case, only: load_input_t, support_input_t
+  use dotyk_input_problems, only: problems_t
+  use dotyk_input_reader, only: group_t
+  use dotyk_input_values, only: find_name, first_names, names_t, refer, report
+  implicit none
+  private
+  public :: append_loads, append_supports, bodies_named, names_several, refer_to_bodies
+
+contains
+
+  !> Whether a name stands for all bodies that it matches: it has wildcards, and is no body's own name.
+  pure logical function names_several(name, bodies)
+    !> Name of a body, maybe with wildcards.
+    character(*), intent(in) :: name
+    !> Names of the bodies.
+    type(names_t), intent(in) :: bodies
+    names_several = .false.
+    if (has_wildcard(name)) names_several = find_name(bodies, name) == 0
+  end function names_several
+
+  !> Bodies that a name stands for, ascending.
+  pure subroutine bodies_named(name, bodies, matched)
+    !> Name of a body, maybe with wildcards.
+    character(*), intent(in) :: name
+    !> Names of the bodies.
+    type(names_t), intent(in) :: bodies
+    !> Their indices (n_matched).
+    integer, allocatable, intent(out) :: matched(:)
+    integer :: i
+    if (names_several(name, bodies)) then
+      matched = pack([(i, i=1, size(bodies%name))], [(matches(name, bodies%name(i)%s), i=1, size(bodies%name))])
+    else
+      i = find_name(bodies, name)
+      matched = pack([i], [i > 0])
+    end if
+  end subroutine bodies_named
+
+  !> Find the bodies that a key refers to; a name that is unknown or matches nothing is reported.
+  subroutine refer_to_bodies(group, key, name, bodies, problems, matched)
+    !> Checked group.
+    type(group_t), intent(in) :: group
+    !> Key of the reference.
+    character(*), intent(in) :: key
+    !> Name that it refers to; nothing is reported where it is empty.
+    character(*), intent(in) :: name
+    !> Names of the bodies.
+    type(names_t), intent(in) :: bodies
+    !> Problems of the file; mistakes are added.
+    type(problems_t), intent(inout) :: problems
+    !> Indices of the bodies, ascending (n_matched).
+    integer, allocatable, intent(out) :: matched(:)
+    integer :: place
+    call bodies_named(name, bodies, matched)
+    if (size(matched) > 0) return
+    if (names_several(name, bodies)) then
+      if (bodies%incomplete .or. size(bodies%name) == 0) return
+      call report(problems, group, key, key//': no body has a name like '//shown(name)//' (known: '// &
+                  first_names(bodies%name)//')')
+    else
+      call refer(group, key, name, bodies, problems, place)
+    end if
+  end subroutine refer_to_bodies
+
+  !> Append a support for each of the bodies that its group names.
+  subroutine append_supports(list, n, support, matched)
+    !> The list; the first n are in use (n_allocated).
+    type(support_input_t), allocatable, intent(inout) :: list(:)
+    !> Number of supports in the list.
+    integer, intent(inout) :: n
+    !> The support of the first body.
+    type(support_input_t), intent(in) :: support
+    !> Bodies that the group names; the support is appended once where there are none (n_matched).
+    integer, intent(in) :: matched(:)
+    type(support_input_t), allocatable :: longer(:)
+    integer :: i
+    if (n + max(1, size(matched)) > size(list)) then
+      allocate (longer(2*(n + max(1, size(matched)))))
+      longer(:n) = list(:n)
+      call move_alloc(longer, list)
+    end if
+    n = n + 1
+    list(n) = support
+    do i = 2, size(matched)
+      n = n + 1
+      list(n) = support
+      list(n)%body = matched(i)
+    end do
+  end subroutine append_supports
+
+  !> Append a load for each of the bodies that its group names.
+  subroutine append_loads(list, n, load, matched)
+    !> The list; the first n are in use (n_allocated).
+    type(load_input_t), allocatable, intent(inout) :: list(:)
+    !> Number of loads in the list.
+    integer, intent(inout) :: n
+    !> The load on the first body.
+    type(load_input_t), intent(in) :: load
+    !> Bodies that the group names; the load is appended once where there are none (n_matched).
+    integer, intent(in) :: matched(:)
+    type(load_input_t), allocatable :: longer(:)
+    integer :: i
+    if (n + max(1, size(matched)) > size(list)) then
+      allocate (longer(2*(n + max(1, size(matched)))))
+      longer(:n) = list(:n)
+      call move_alloc(longer, list)
+    end if
+    n = n + 1
+    list(n) = load
+    do i = 2, size(matched)
+      n = n + 1
+      list(n) = load
+      list(n)%body = matched(i)
+    end do
+  end subroutine append_loads
+end module dotyk_input_wildcards
