@@ -102,15 +102,15 @@ def samples(facets):
     return np.einsum("kc,fci->fki", weights, facets).reshape(-1, 3)
 
 
-def inside(points, tets, least):
-    """Which points are inside a tetrahedron (m, 4, 3)."""
+def inside(points, tets, least=-1e-12):
+    """Which points are in a tetrahedron (m, 4, 3), its boundary included."""
     found = np.zeros(len(points), bool)
     edges = tets[:, 1:] - tets[:, :1]
     good = np.abs(np.linalg.det(edges)) > 1e-14
     tets, inverse = tets[good], np.linalg.inv(edges[good])
     low, high = tets.min(axis=1), tets.max(axis=1)
     for tet, inv, a, b in zip(tets, inverse, low, high):
-        near = np.where(~found & np.all((points > a) & (points < b), axis=1))[0]
+        near = np.where(~found & np.all((points >= a) & (points <= b), axis=1))[0]
         if len(near):
             c = (points[near] - tet[0]) @ inv
             found[near] = (c.min(axis=1) > least) & (c.sum(axis=1) < 1 - least)
@@ -143,12 +143,14 @@ def depth(a, b, factor=1.0):
     low, high = np.maximum(xa.min(axis=0), xb.min(axis=0)), np.minimum(xa.max(axis=0), xb.max(axis=0))
     if np.any(low > high):
         return 0.0
+    edge = 1e-9 * np.abs(high).max()
+    low, high = low - edge, high + edge
     for x, facets, y, other in ((xa, a.facets, xb, b), (xb, b.facets, xa, a)):
         triangles = x[facets]
-        triangles = triangles[np.all((triangles.min(axis=1) < high) & (triangles.max(axis=1) > low), axis=1)]
+        triangles = triangles[np.all((triangles.min(axis=1) <= high) & (triangles.max(axis=1) >= low), axis=1)]
         points = samples(triangles)
         points = points[np.all((points >= low) & (points <= high), axis=1)]
-        points = points[inside(points, y[other.tets], 1e-9)] if len(points) else points
+        points = points[inside(points, y[other.tets])] if len(points) else points
         if len(points):
             most = max(most, distance(points, y[other.facets]).max())
     return most

@@ -1,0 +1,73 @@
+#!/usr/bin/python3
+"""The campaign of random assemblies on a few of them, and what its check sees."""
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+
+import check_assembly as check
+import dotyk_case
+from assembly import box
+
+SEEDS = "10:13"
+
+
+class Campaign(dotyk_case.Case):
+    def run_seeds(self, *options):
+        """Run some seeds; their entries."""
+        done = subprocess.run([sys.executable, "-B", str(dotyk_case.ROOT / "tools/assembly_campaign.py"), "out", "--dotyk",
+                               os.environ["DOTYK"], "--seeds", SEEDS, *options], cwd=self.folder, text=True,
+                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+        self.assertEqual(done.returncode, 0, done.stdout)
+        return [json.loads(line) for line in (self.folder / "out/hand.jsonl").read_text().splitlines()], done.stdout
+
+    def test_a_few_and_again(self):
+        """Those that are known to be right are, and are not run again."""
+        entries, _ = self.run_seeds()
+        self.assertEqual([entry["seed"] for entry in entries], [10, 11, 12])
+        self.assertEqual([entry["outcome"] for entry in entries], ["balances"] * 3)
+        again, text = self.run_seeds("--report")
+        self.assertEqual(again, entries)
+        self.assertIn("| all | 3 |", text)
+
+    def test_depth(self):
+        """Cubes in each other, beside each other, displaced into each other, and an edge that has no node inside."""
+        one = box("tet4", 2, (0, 0, 0), (1, 1, 1))
+        still = check.Body(one.x, np.zeros_like(one.x), one.cells)
+        for shift, right in ((0.9, 0.1), (1.0, 0.0), (1.1, 0.0)):
+            other = check.Body(one.x + [shift, 0.05, 0.02], np.zeros_like(one.x), one.cells)
+            self.assertAlmostEqual(check.depth(still, other), right, delta=1e-9 if right == 0 else 0.02)
+        other = check.Body(one.x + [1, 0.05, 0.02], np.tile([-0.1, 0, 0], (len(one.x), 1)), one.cells)
+        self.assertAlmostEqual(check.depth(still, other), 0.1, delta=0.02)
+        self.assertAlmostEqual(check.depth(still, other, 0.0), 0.0, delta=1e-9)
+        bar = box("tet4", (1, 1, 1), (-1, -0.1, -0.1), (2, 0.1, 0.1))
+        bar.move(lambda x: x @ np.array([[1, 0, 0], [0, 1, 1], [0, -1, 1]]) / np.array([1, np.sqrt(2), np.sqrt(2)]))
+        cross = check.Body(bar.x[:, [1, 0, 2]] + [0, 0, 0.2], np.zeros_like(bar.x), bar.cells)
+        self.assertGreater(check.depth(check.Body(bar.x, np.zeros_like(bar.x), bar.cells), cross), 0.02)
+
+    def test_internal_forces(self):
+        """Uniaxial stress of a cube, from both kinds of tetrahedra."""
+        one = box("tet4", 2, (0, 0, 0), (1, 1, 1))
+        mids, cells = {}, []
+        x = [*one.x]
+        for cell in one.cells:
+            if np.linalg.det(one.x[cell[1:]] - one.x[cell[0]]) < 0:
+                cell = cell[[0, 2, 1, 3]]
+            for i, j in check.EDGES:
+                key = tuple(sorted((cell[i], cell[j])))
+                if key not in mids:
+                    mids[key] = len(x)
+                    x.append((one.x[cell[i]] + one.x[cell[j]]) / 2)
+            cells.append([*cell, *(mids[tuple(sorted((cell[i], cell[j])))] for i, j in check.EDGES)])
+        for x, cells in ((one.x, one.cells), (np.array(x), np.array(cells))):
+            body = check.Body(x, x * [-0.3, -0.3, 1.0] * 1e-3, cells)
+            force = body.internal(2.0, 0.3)
+            top = body.on_plane(np.array([0, 0, 1.0]), np.array([0, 0, 1.0]))
+            np.testing.assert_allclose(force[top], body.pressure(top, -2e-3)[top], atol=1e-15)
+            np.testing.assert_allclose(force[top].sum(axis=0), [0, 0, 2e-3], atol=1e-15)
+            np.testing.assert_allclose(body.weight(np.array([0, 0, -3.0])).sum(axis=0), [0, 0, -3], atol=1e-13)
+
+
+dotyk_case.main()
