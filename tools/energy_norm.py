@@ -177,6 +177,11 @@ def orthotropic(young, poisson, shear, axis_1, axis_2):
     compliance = np.diag([1/e for e in young] + [1/shear[2], 1/shear[1], 1/shear[0]])
     for (i, j), ratio in zip(((0, 1), (0, 2), (1, 2)), poisson):
         compliance[i, j] = compliance[j, i] = -ratio/young[i]
+    return turned(np.linalg.inv(compliance), axis_1, axis_2)
+
+
+def turned(stiffness, axis_1, axis_2):
+    """A stiffness in global axes from that in the axes of the material."""
     one = np.array(axis_1, float)/np.linalg.norm(axis_1)
     two = np.array(axis_2, float) - np.dot(axis_2, one)*one
     two /= np.linalg.norm(two)
@@ -189,7 +194,7 @@ def orthotropic(young, poisson, shear, axis_1, axis_2):
         strain[i, j] = strain[j, i] = 1 if i == j else 0.5
         local = axes @ strain @ axes.T
         turn[:, column] = [local[p]*(1 if p[0] == p[1] else 2) for p in pairs]
-    return turn.T @ np.linalg.inv(compliance) @ turn
+    return turn.T @ stiffness @ turn
 
 
 def stiffness_of(group):
@@ -200,7 +205,7 @@ def stiffness_of(group):
     if upper is not None:
         stiffness = np.zeros((6, 6))
         stiffness[np.triu_indices(6)] = upper
-        return stiffness + np.triu(stiffness, 1).T
+        return turned(stiffness + np.triu(stiffness, 1).T, group.get('axis_1', float, [1, 0, 0]), group.get('axis_2', float, [0, 1, 0]))
     young, poisson = group.get('young', float), group.get('poisson', float)
     if len(young) == 1:
         return isotropic(young[0], poisson[0])

@@ -2,6 +2,7 @@
 module dotyk_control_pressures
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_contact_pair, only: pair_force
   use dotyk_contact_pressure_projection, only: pressure_projection_t
   use dotyk_control_contact_problem, only: contact_problem_t
@@ -18,6 +19,8 @@ module dotyk_control_pressures
     real(dp), allocatable :: gap(:)
     !> Resultant on body a (3) [force].
     real(dp) :: force(3) = 0
+    !> Radial components on body a, summed around the circumference: no resultant; 0 in other analyses [force].
+    real(dp) :: radial_force = 0
     !> Active rows: with theta > 0 those that penetrate, with theta = 0 those under pressure. The pressures of the
     !> Neumann scheme decay on rows that have opened, but do not vanish.
     integer :: n_active = 0
@@ -62,6 +65,10 @@ contains
       solution(k)%pressure = m(first:last)
       solution(k)%gap = -y(first:last)
       solution(k)%force = pair_force(problem%pair(k), solution(k)%pressure)
+      if (problem%body(problem%pair(k)%body_a)%analysis == analysis_axisymmetric) then
+        solution(k)%radial_force = solution(k)%force(1)
+        solution(k)%force(1) = 0
+      end if
       solution(k)%n_active = count(merge(y(first:last), m(first:last), problem%pair(k)%row_theta > 0) > 0)
       call projection%init(problem%pair(k), problem%surface_a(k), problem%surface_b(k), error)
       if (allocated(error)) return

@@ -6,7 +6,8 @@
 module dotyk_elasticity_material
   use dotyk_base_error, only: add_context, error_t, exit_bad_input, set_error
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: analysis_plane_stress
+  use dotyk_base_options, only: analysis_axisymmetric, analysis_names, analysis_plane_strain, analysis_plane_stress, &
+    option_name
   use dotyk_base_text, only: quoted, to_text
   use dotyk_elasticity_stiffness_tensor, only: invert_stiffness, kelvin, material_axes, rotate_stiffness, &
     scale_components, singular_ratio
@@ -41,6 +42,7 @@ module dotyk_elasticity_material
     procedure :: init_orthotropic => material_init_orthotropic
     procedure :: init_anisotropic => material_init_anisotropic
     procedure :: plane_matrix => material_plane_matrix
+    procedure :: check_plane => material_check_plane
     procedure :: has_modulus_field => material_has_modulus_field
     procedure :: bulk_modulus => material_bulk_modulus
     procedure :: bulk_over_shear => material_bulk_over_shear
@@ -137,15 +139,19 @@ contains
   end subroutine material_init_orthotropic
 
   !> Create a fully anisotropic material.
-  subroutine material_init_anisotropic(self, name, upper, error)
+  subroutine material_init_anisotropic(self, name, upper, axis_1, axis_2, error)
     class(material_t), intent(out) :: self
     !> Name in the input.
     character(*), intent(in) :: name
-    !> Upper triangle of the stiffness by rows, order xx yy zz yz xz xy (21) [pressure].
+    !> Upper triangle of the stiffness by rows, order 11 22 33 23 13 12 of the material axes (21) [pressure].
     real(dp), intent(in) :: upper(21)
-    !> Allocated where a value is not finite, or the stiffness is not positive definite.
+    !> Direction of axis 1, of any length (3) [].
+    real(dp), intent(in) :: axis_1(3)
+    !> A direction in the plane of axes 1 and 2; its component along axis 1 is removed (3) [].
+    real(dp), intent(in) :: axis_2(3)
+    !> Allocated where a value is not finite, the axes are parallel, or the stiffness is not positive definite.
     type(error_t), allocatable, intent(out) :: error
-    real(dp) :: values(6), vectors(6, 6), compliance(6, 6)
+    real(dp) :: values(6), vectors(6, 6), compliance(6, 6), axes(3, 3)
     integer :: i, j, k
     self%name = name
     k = 0
@@ -168,7 +174,11 @@ contains
       return
     end if
     call invert_stiffness(self%stiffness, kelvin, compliance, error)
-    if (.not. allocated(error)) self%least_young = min(1/compliance(1, 1), 1/compliance(2, 2), 1/compliance(3, 3))
+    if (allocated(error)) return
+    self%least_young = min(1/compliance(1, 1), 1/compliance(2, 2), 1/compliance(3, 3))
+    call material_axes(axis_1, axis_2, axes, error)
+    call add_context(error, 'material '//quoted(name)//': ')
+    if (.not. allocated(error)) self%stiffness = rotate_stiffness(self%stiffness, axes)
   end subroutine material_init_anisotropic
 
   !> Create the error of a stiffness that is not positive definite.
@@ -209,6 +219,36 @@ contains
       matrix(:, s) = 0
     end do
   end function material_plane_matrix
+
+  !> Refuse a material whose strains in the plane make shear stresses out of it.
+  !>
+  !> Plane strain and axisymmetry assume that the displacement out of the plane is zero. It is where the stresses yz and
+  !> xz do not depend on the strains xx, yy, xy (and zz, the hoop strain, in axisymmetry): where the plane is a plane of
+  !> symmetry of the material. Elsewhere the equilibrium across the plane is violated, and the body is too stiff.
+  subroutine material_check_plane(self, analysis, error)
+    class(material_t), intent(in) :: self
+    !> Type of analysis: one of the `analysis_*` constants.
+    integer, intent(in) :: analysis
+    !> Allocated where the assumption does not hold; names the material and the largest of the components.
+    type(error_t), allocatable, intent(out) :: error
+    !> Components below this fraction of the largest one are the rounding of a rotation.
+    real(dp), parameter :: negligible = 1.0e-9_dp
+    !> Strains in the plane; the last one in axisymmetry alone.
+    integer, parameter :: in_plane(4) = [1, 2, 6, 3]
+    character(2), parameter :: name(6) = ['xx', 'yy', 'zz', 'yz', 'xz', 'xy']
+    integer :: n, place(2)
+    if (self%isotropic .or. .not. any(analysis == [analysis_plane_strain, analysis_axisymmetric])) return
+    n = merge(4, 3, analysis == analysis_axisymmetric)
+    place = maxloc(abs(self%stiffness(4:5, in_plane(:n))))
+    associate (coupling => self%stiffness(3 + place(1), in_plane(place(2))), largest => maxval(abs(self%stiffness)))
+      if (.not. abs(coupling) > negligible*largest) return
+      call set_error(error, 'material '//quoted(self%name)//': strains in the plane make shear stresses out of it '// &
+                     '(stiffness '//name(3 + place(1))//' '//name(in_plane(place(2)))//' = '//to_text(coupling, 3)// &
+                     '), but analysis='''//option_name(analysis_names, analysis)//''' assumes that nothing moves '// &
+                     'across the plane: the plane must be one of symmetry of the material, such as that of two of '// &
+                     'its axes; use analysis=''3d''', exit_bad_input)
+    end associate
+  end subroutine material_check_plane
 
   !> Bulk modulus: pressure over dilatation under hydrostatic pressure; 0 where the compliance does not exist
   !> [pressure].

@@ -31,8 +31,7 @@ contains
       call refuse(group, 'young', 'stiffness', problems)
       call refuse(group, 'poisson', 'stiffness', problems)
       call refuse(group, 'shear', 'stiffness', problems)
-      call refuse(group, 'axis_1', 'stiffness', problems)
-      call refuse(group, 'axis_2', 'stiffness', problems)
+      call read_axes(group, problems, material)
       return
     end if
     if (.not. is_given(group, 'young')) call report(problems, group, 'young', '''young'' or ''stiffness'' is missing')
@@ -47,8 +46,8 @@ contains
       if (is_usable(group, 'poisson') .and. (material%poisson(1) <= -1 .or. material%poisson(1) >= 0.5_dp)) &
         call report(problems, group, 'poisson', 'poisson must be above -1 and below 0.5, got '// &
                     to_text(material%poisson(1), 15))
-      if (is_given(group, 'axis_1')) call report(problems, group, 'axis_1', 'axis_1 is for orthotropic materials only')
-      if (is_given(group, 'axis_2')) call report(problems, group, 'axis_2', 'axis_2 is for orthotropic materials only')
+      if (is_given(group, 'axis_1')) call report(problems, group, 'axis_1', 'axis_1 means nothing for an isotropic material')
+      if (is_given(group, 'axis_2')) call report(problems, group, 'axis_2', 'axis_2 means nothing for an isotropic material')
     end if
   end subroutine read_material
 
@@ -60,7 +59,6 @@ contains
     type(problems_t), intent(inout) :: problems
     !> The material; its shear moduli and axes are set.
     type(material_input_t), intent(inout) :: material
-    real(dp) :: a(3), b(3), normal(3)
     if (is_usable(group, 'young') .and. is_usable(group, 'poisson') .and. &
         (is_usable(group, 'shear') .or. .not. is_given(group, 'shear'))) then
       if (any([count_of(group, 'young'), count_of(group, 'poisson'), count_of(group, 'shear')] /= 3)) &
@@ -69,6 +67,18 @@ contains
                           to_text(count_of(group, 'poisson'))//' and '//to_text(count_of(group, 'shear')))
     end if
     call read_numbers(group, 'shear', material%shear)
+    call read_axes(group, problems, material)
+  end subroutine read_orthotropic
+
+  !> Read the axes of a material.
+  subroutine read_axes(group, problems, material)
+    !> Checked group.
+    type(group_t), intent(in) :: group
+    !> Problems of the file; mistakes are added.
+    type(problems_t), intent(inout) :: problems
+    !> The material; its axes are set.
+    type(material_input_t), intent(inout) :: material
+    real(dp) :: a(3), b(3), normal(3)
     call read_numbers(group, 'axis_1', material%axis_1)
     call read_numbers(group, 'axis_2', material%axis_2)
     if (.not. (is_usable(group, 'axis_1') .and. is_usable(group, 'axis_2'))) return
@@ -84,7 +94,7 @@ contains
       if (norm2(normal) <= 1e-6_dp*norm2(a)*norm2(b)) &
         call report(problems, group, 'axis_1', 'axis_1 and axis_2 are parallel (by default 1, 0, 0 and 0, 1, 0)')
     end if
-  end subroutine read_orthotropic
+  end subroutine read_axes
 
   !> Report a key that another one excludes.
   subroutine refuse(group, key, other, problems)

@@ -46,11 +46,12 @@ module dotyk_input_case
     real(dp) :: poisson(3) = 0
     !> Shear moduli 12, 13, 23 of an orthotropic material (3) [pressure].
     real(dp) :: shear(3) = 0
-    !> Axis 1 of an orthotropic material, as written, not of unit length (3) [].
+    !> Axis 1 of an orthotropic or anisotropic material, as written, not of unit length (3) [].
     real(dp) :: axis_1(3) = [1.0_dp, 0.0_dp, 0.0_dp]
     !> A direction in the plane of its axes 1 and 2, as written; not parallel to axis 1 (3) [].
     real(dp) :: axis_2(3) = [0.0_dp, 1.0_dp, 0.0_dp]
-    !> Upper triangle of the elasticity matrix by rows (21), order xx yy zz yz xz xy [pressure].
+    !> Upper triangle of the elasticity matrix by rows (21), order 11 22 33 23 13 12 of the material axes
+    !> [pressure].
     real(dp) :: stiffness(21) = 0
     !> Modulus field: factor of the elasticity matrix; empty where there is none.
     character(:), allocatable :: young_formula

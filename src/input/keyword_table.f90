@@ -114,11 +114,12 @@ contains
     call list%add('shear', kind_real, least=3, most=3, unit='pressure', positive=.true., &
                   meaning='shear moduli 12, 13, 23 of an orthotropic material')
     call list%add('axis_1', kind_real, least=3, most=3, default='1 0 0', &
-                  meaning='axis 1 of an orthotropic material')
+                  meaning='axis 1 of an orthotropic or anisotropic material')
     call list%add('axis_2', kind_real, least=3, most=3, default='0 1 0', &
                   meaning='direction in the plane of axes 1 and 2, not parallel to axis_1')
     call list%add('stiffness', kind_real, least=21, most=21, unit='pressure', &
-                  meaning='anisotropic: upper triangle of the elasticity matrix by rows, order xx yy zz yz xz xy')
+                  meaning='anisotropic: upper triangle of the elasticity matrix by rows, order 11 22 33 23 13 12 of its '// &
+                  'axes, xx yy zz yz xz xy where axis_1 and axis_2 are not given')
     call list%add('young_formula', kind_formula, &
                   'modulus field: dimensionless factor of the elasticity matrix as a formula')
   end subroutine add_material

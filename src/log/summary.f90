@@ -196,6 +196,7 @@ contains
     type(contact_pair_t), intent(in) :: pair(:)
     !> Their pressures and forces (n_pairs).
     type(pair_solution_t), intent(in) :: solution(:)
+    character(:), allocatable :: around
     real(dp) :: peak
     integer :: k, active, worst
     active = 0
@@ -204,11 +205,14 @@ contains
       active = active + solution(k)%n_active
       if (maxval(solution(k)%projected) > maxval(solution(worst)%projected)) worst = k
       if (size(pair) > most_shown) cycle
+      around = ''
+      if (abs(solution(k)%radial_force) > 0) &
+        around = ', radial '//to_text(solution(k)%radial_force, 5)//' around the circumference'
       associate (force => solution(k)%force)
         call log%line('  '//pair(k)%name//': '//to_text(solution(k)%n_active)//' of '// &
                       counted(pair(k)%n_rows, 'constraint')//' active, contact force ('// &
                       to_text(force(1), 5)//', '//to_text(force(2), 5)//', '//to_text(force(3), 5)// &
-                      ') on the slave body, peak pressure '//to_text(maxval(solution(k)%projected), 5))
+                      ') on the slave body'//around//', peak pressure '//to_text(maxval(solution(k)%projected), 5))
       end associate
     end do
     if (size(pair) <= most_shown) return

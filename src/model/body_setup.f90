@@ -157,6 +157,8 @@ contains
     call note(case%body(b)%line, failed)
     if (problems%count > before) return
     call place(case%body(b))
+    call body%material%check_plane(body%analysis, failed)
+    call note(case%body(b)%line, failed)
 
     do k = 1, size(case%contact)
       associate (contact => case%contact(k))

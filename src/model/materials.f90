@@ -27,7 +27,7 @@ contains
       call material%init_orthotropic(given%name, given%young, given%poisson, given%shear, given%axis_1, given%axis_2, &
                                      error)
     case default
-      call material%init_anisotropic(given%name, given%stiffness, error)
+      call material%init_anisotropic(given%name, given%stiffness, given%axis_1, given%axis_2, error)
     end select
     if (len(given%young_formula) > 0) material%modulus_formula = given%young_formula
     if (locking /= locking_ignore .and. .not. allocated(error)) call material%project_dilatation()
