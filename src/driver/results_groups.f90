@@ -94,8 +94,7 @@ contains
       call file%put_array(group, 'pressure', pair_solution(k)%pressure)
       call file%put_array(group, 'pressure_projected', pair_solution(k)%projected)
       call file%put_attribute(group, 'force', pair_solution(k)%force)
-      if (abs(pair_solution(k)%radial_force) > 0) &
-        call file%put_attribute(group, 'radial_force', pair_solution(k)%radial_force)
+      call file%put_attribute(group, 'radial_force', pair_solution(k)%radial_force)
       call file%put_attribute(group, 'theta', solution%theta_factor(k)*pair(k)%theta)
       call file%put_attribute(group, 'layer', pair(k)%is_layer)
       call file%put_attribute(group, 'points_not_projected', pair(k)%n_unprojected)
