@@ -19,6 +19,7 @@ import sys
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests/support"))
 import assembly  # noqa: E402
+import assembly_rows  # noqa: E402
 import assembly_scenes  # noqa: E402
 
 
@@ -26,7 +27,7 @@ def measured(scene, seed, dotyk):
     """Rows of a scene: [what, value, right, allowed, whether it is right]."""
     try:
         return [[*row, bool(abs(row.value - row.right) <= row.allowed)] for row in scene(seed, dotyk)]
-    except assembly_scenes.Failed as failure:
+    except assembly_rows.Failed as failure:
         return [["answer", str(failure), 0.0, 0.0, False]]
     except subprocess.TimeoutExpired:
         return [["answer", "none after 120 s", 0.0, 0.0, False]]
@@ -80,7 +81,8 @@ def main():
                 seen.add((what, words(value, options.short)))
                 cells = [name + ", turned" * (seed > 0), what, words(right, True)]
                 cells += [words(old.get(what, old.get("answer", "")), options.short)] if before else []
-                print("| " + " | ".join([*cells, words(value, options.short), "" if good else "wrong"]) + " |", flush=True)
+                cells += [words(value, options.short), "" if good else "wrong"]
+                print("| " + " | ".join(cells) + " |", flush=True)
     if options.save:
         pathlib.Path(options.save).write_text(json.dumps(found, indent=1) + "\n")
     print("%d of %d numbers are wrong" % (wrong, sum(map(len, found.values()))), file=sys.stderr)

@@ -1,5 +1,5 @@
-"""Assemblies for tests and studies: meshes on grids with named patches, scenes that are turned as a whole, answers turned
-back.
+"""Assemblies for tests and studies: meshes on grids with named patches, scenes that are turned as a whole, answers
+turned back.
 
 A patch is a part of the boundary that would be one face of a CAD body; groups are unions of patches. Patches have an
 elementary entity of their own in the mesh file.
@@ -148,7 +148,7 @@ class Scene:
         return self
 
     def fix(self, body, surface, fix, value=None):
-        """A support. Values of fix='n' are along the outward normal; others must be zero, or all directions be fixed."""
+        """A support. Values of fix='n' are along the outward normal; others are zero, or all directions are fixed."""
         self.lines.append(("&support body='%s', surface='%s', fix='%s'" % (body, surface, fix), "value", value,
                            "n" not in fix))
         return self

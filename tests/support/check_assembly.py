@@ -1,5 +1,6 @@
-"""An independent check of results files of linear or straight quadratic tetrahedra: forces and moments by the stiffness of
-the elements, penetration of the deformed bodies by points in tetrahedra. Needs nothing of the program but the file."""
+"""An independent check of results files of linear or straight quadratic tetrahedra: forces and moments by the stiffness
+of the elements, penetration of the deformed bodies by points in tetrahedra. Needs nothing of the program but the
+file."""
 import h5py
 import numpy as np
 

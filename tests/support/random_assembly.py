@@ -1,5 +1,5 @@
-"""Random assemblies: convex solids by gmsh's OpenCASCADE that touch at faces, edges, corners and curved faces, blocks in
-corners and shafts in holes; some with gaps, some with interference, some with a pair that was forgotten.
+"""Random assemblies: convex solids by gmsh's OpenCASCADE that touch at faces, edges, corners and curved faces, blocks
+in corners and shafts in holes; some with gaps, some with interference, some with a pair that was forgotten.
 
 Two bodies touch where a plane separates them: a point of one body and a normal in the cone of its normals there, and a
 feature of the other body turned against it. Bodies that would overlap others are left out.
@@ -21,8 +21,9 @@ class Solid:
 
     def __init__(self, kind, geo, size, length, order):
         self.kind, self.size, self.length, self.faces, self.thin = kind, size, length, [], 1.0
-        self.geo = HEAD + geo + "Mesh.MeshSizeMax = %r;  Mesh.MeshSizeMin = %r;  Mesh.MeshSizeExtendFromBoundary = 0;\n" \
-            "Mesh.ElementOrder = %d;  Mesh.SecondOrderLinear = 1;\n" % (length, length, order)
+        self.geo = HEAD + geo + "Mesh.MeshSizeMax = %r;  Mesh.MeshSizeMin = %r;\n" \
+            "Mesh.MeshSizeExtendFromBoundary = 0;  Mesh.ElementOrder = %d;\n" \
+            "Mesh.SecondOrderLinear = 1;\n" % (length, length, order)
 
     def mesh(self, folder):
         """The mesh file, made once for all seeds."""
@@ -47,7 +48,8 @@ class Extruded(Solid):
         text = "".join("Point(%d) = {%r, %r, %r};\n" % (i + 1, float(p[0]), float(p[1]), -height / 2)
                        for i, p in enumerate(self.polygon))
         text += "".join("Line(%d) = {%d, %d};\n" % (i + 1, i + 1, (i + 1) % k + 1) for i in range(k))
-        text += "Curve Loop(1) = {1:%d};  Plane Surface(1) = {1};\nv() = Extrude {0, 0, %r} { Surface{1}; };\n" % (k, height)
+        text += "Curve Loop(1) = {1:%d};  Plane Surface(1) = {1};\n" % k
+        text += "v() = Extrude {0, 0, %r} { Surface{1}; };\n" % height
         text += 'Physical Volume("body") = {v(1)};\nPhysical Surface("skin") = {1, v(0), v({2:%d})};\n' % (k + 1)
         text += 'Physical Surface("face 0") = {1};\nPhysical Surface("face 1") = {v(0)};\n'
         text += "".join('Physical Surface("face %d") = {v(%d)};\n' % (i + 2, i + 2) for i in range(k))
@@ -97,7 +99,7 @@ class Round(Solid):
         else:
             text = 'Sphere(1) = {0, 0, 0, %r};\nPhysical Surface("skin") = {1};\n' % radius
         super().__init__("cylinder" if height else "ball", text + 'Physical Volume("body") = {1};\n',
-                         max(2 * radius, height or 0), 0.55 * radius if height is None else min(0.6 * radius, height), order)
+                         max(2 * radius, height or 0), min(0.6 * radius, height) if height else 0.55 * radius, order)
         if height:
             self.thin = min(1.0, height / (2 * radius))
             self.faces = [("face %d" % k, np.array([0, 0, s]), np.array([0, 0, s * height / 2]))
@@ -115,7 +117,8 @@ class Round(Solid):
             return what, self.radius * radial + [0, 0, random.uniform(-0.4, 0.4) * self.height], radial, "side"
         axis = np.array([0, 0, float(z)])
         if what == "face":
-            return what, random.uniform(0, 0.7) * self.radius * radial + axis * self.height / 2, axis, "face %d" % (z > 0)
+            part = random.uniform(0, 0.7) * self.radius
+            return what, part * radial + axis * self.height / 2, axis, "face %d" % (z > 0)
         normal = random.uniform(0.3, 1) * radial + random.uniform(0.3, 1) * axis
         return what, self.radius * radial + axis * self.height / 2, normal / np.linalg.norm(normal), "skin"
 
@@ -142,7 +145,8 @@ class Part:
 
     def __init__(self, solid, turn, at, random):
         self.solid, self.turn, self.at, self.note = solid, turn, np.asarray(at, float), ""
-        self.young, self.poisson = float(np.round(10**random.uniform(-1, 1), 3)), float(np.round(random.uniform(0, .35), 2))
+        self.young = float(np.round(10**random.uniform(-1, 1), 3))
+        self.poisson = float(np.round(random.uniform(0, .35), 2))
         self.support = self.load = self.density = None  # (face, vector), (face, pressure), vector
 
     def normals(self):

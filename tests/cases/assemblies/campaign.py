@@ -17,9 +17,9 @@ SEEDS = "10:13"
 class Campaign(dotyk_case.Case):
     def run_seeds(self, *options):
         """Run some seeds; their entries."""
-        done = subprocess.run([sys.executable, "-B", str(dotyk_case.ROOT / "tools/assembly_campaign.py"), "out", "--dotyk",
-                               os.environ["DOTYK"], "--seeds", SEEDS, *options], cwd=self.folder, text=True,
-                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+        script = str(dotyk_case.ROOT / "tools/assembly_campaign.py")
+        done = subprocess.run([sys.executable, "-B", script, "out", "--dotyk", os.environ["DOTYK"], "--seeds", SEEDS,
+                               *options], cwd=self.folder, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
         self.assertEqual(done.returncode, 0, done.stdout)
         return [json.loads(line) for line in (self.folder / "out/hand.jsonl").read_text().splitlines()], done.stdout
 
