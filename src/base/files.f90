@@ -5,7 +5,7 @@ module dotyk_base_files
   implicit none
   private
   public :: own_mark, remove_leftovers, sync_file, why_no_file, is_protected, behind_links, nature_of, &
-    print_text, hold_standard_files
+    print_text, hold_standard_files, is_trusted_folder, user_number, write_new
 
   !> Longest mark, and longest path behind links.
   integer, parameter :: mark_length = 100, path_length = 8192
@@ -42,6 +42,26 @@ module dotyk_base_files
       !> Path, ended by a null character.
       character(kind=c_char), intent(in) :: path(*)
     end function c_is_protected
+
+    integer(c_int) function c_is_trusted_folder(folder, beside) bind(c, name='dotyk_is_trusted_folder')
+      import :: c_char, c_int
+      !> Path of the folder, ended by a null character.
+      character(kind=c_char), intent(in) :: folder(*)
+      !> Path whose owner is trusted, ended by a null character.
+      character(kind=c_char), intent(in), optional :: beside(*)
+    end function c_is_trusted_folder
+
+    integer(c_int) function c_user() bind(c, name='dotyk_user')
+      import :: c_int
+    end function c_user
+
+    subroutine c_write_new(path, text) bind(c, name='dotyk_write_new')
+      import :: c_char
+      !> Path, ended by a null character.
+      character(kind=c_char), intent(in) :: path(*)
+      !> Text, ended by a null character.
+      character(kind=c_char), intent(in) :: text(*)
+    end subroutine c_write_new
 
     subroutine c_behind_links(path, target, length) bind(c, name='dotyk_behind_links')
       import :: c_char, c_int
@@ -136,6 +156,34 @@ contains
     character(*), intent(in) :: path
     is_protected = c_is_protected(path//c_null_char) /= 0
   end function is_protected
+
+  !> Whether files of this user may be kept in a folder: it can be written, it and a link that leads there belong to
+  !> this user or to the owner of `beside`, and not everybody can write it.
+  logical function is_trusted_folder(folder, beside)
+    !> Path of the folder.
+    character(*), intent(in) :: folder
+    !> Path whose owner is trusted too; this user alone if absent.
+    character(*), intent(in), optional :: beside
+    if (present(beside)) then
+      is_trusted_folder = c_is_trusted_folder(folder//c_null_char, beside//c_null_char) /= 0
+    else
+      is_trusted_folder = c_is_trusted_folder(folder//c_null_char) /= 0
+    end if
+  end function is_trusted_folder
+
+  !> Number of this user.
+  integer function user_number()
+    user_number = int(c_user())
+  end function user_number
+
+  !> Write a text to a new file; nothing happens where the name is taken.
+  subroutine write_new(path, text)
+    !> Path of the file.
+    character(*), intent(in) :: path
+    !> Its content.
+    character(*), intent(in) :: text
+    call c_write_new(path//c_null_char, text//c_null_char)
+  end subroutine write_new
 
   !> Path behind symbolic links; the path itself where it is no link.
   function behind_links(path) result(target)

@@ -66,8 +66,11 @@ void dotyk_set_interrupt(int number) {
   signal_number = number;
 }
 
-/* Run a shell command and wait for its end. Its exit status; 128 + n: ended by signal n; 127: no shell. */
-int dotyk_run_command(const char *command) {
+int dotyk_confine(const char *folder);
+
+/* Run a shell command and wait for its end; confined to a folder (confinement.c) unless that is NULL. Its exit status;
+ * 128 + n: ended by signal n; 127: no shell; 125: confinement is not possible here. */
+int dotyk_run_command(const char *command, const char *folder) {
   /* Signals between fork and exec are blocked until the child has the default handlers. */
   sigset_t ours, before;
   sigemptyset(&ours);
@@ -90,6 +93,7 @@ int dotyk_run_command(const char *command) {
     if (getppid() != parent) _exit(127);
 #endif
     sigprocmask(SIG_SETMASK, &before, NULL);
+    if (folder && !dotyk_confine(folder)) _exit(125);
     execl("/bin/sh", "sh", "-c", command, (char *)NULL);
     _exit(127);
   }

@@ -12,6 +12,8 @@ module dotyk_base_interrupt
 
   !> Exit statuses of `run_command` above this belong to programs that a signal has ended.
   integer, parameter, public :: status_of_signals = 128
+  !> Exit status of `run_command` where a command cannot be confined on this machine.
+  integer, parameter, public :: status_not_confined = 125
 
   !> SIGTERM; shells ignore SIGINT in programs behind an ampersand.
   integer(c_int), parameter :: terminate = 15
@@ -31,10 +33,12 @@ module dotyk_base_interrupt
       integer(c_int), value :: number
     end subroutine c_set_interrupt
 
-    integer(c_int) function c_run_command(command) bind(c, name='dotyk_run_command')
+    integer(c_int) function c_run_command(command, folder) bind(c, name='dotyk_run_command')
       import :: c_char, c_int
       !> Command, ended by a null character.
       character(kind=c_char), intent(in) :: command(*)
+      !> Folder of a confined command, ended by a null character.
+      character(kind=c_char), intent(in), optional :: folder(*)
     end function c_run_command
   end interface
 
@@ -62,9 +66,16 @@ contains
   end subroutine stop_if_interrupted
 
   !> Run a command of the shell and wait for its end; interrupts reach the command too. The result is its exit status.
-  integer function run_command(command) result(status)
+  integer function run_command(command, folder) result(status)
     !> Command of the shell.
     character(*), intent(in) :: command
-    status = int(c_run_command(command//c_null_char))
+    !> Folder to which the command is confined: it starts no other process, and changes files below the folder only;
+    !> empty: the working directory. Not confined if absent.
+    character(*), intent(in), optional :: folder
+    if (present(folder)) then
+      status = int(c_run_command(command//c_null_char, folder//c_null_char))
+    else
+      status = int(c_run_command(command//c_null_char))
+    end if
   end function run_command
 end module dotyk_base_interrupt

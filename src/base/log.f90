@@ -114,17 +114,55 @@ contains
     self%live = .false.
   end subroutine log_end_progress
 
-  !> Print an error on standard error, also where the log is quiet. Control characters of names are replaced.
+  !> Print an error on standard error, also where the log is quiet. Control characters of names are replaced, and long
+  !> lines are cut: names of a damaged file may have any length.
   subroutine print_error(message)
     !> Message, possibly of several lines.
     character(*), intent(in) :: message
     character(:), allocatable :: printable
-    integer :: i, status
-    printable = message
-    do i = 1, len(message)
-      if (message(i:i) == new_line('a')) cycle
-      if (iachar(message(i:i)) < 32 .or. iachar(message(i:i)) == 127) printable(i:i) = '?'
+    integer :: i, first, status
+    allocate (character(0) :: printable)
+    first = 1
+    do while (first <= len(message))
+      i = index(message(first:), new_line('a'))
+      if (i == 0) i = len(message) - first + 2
+      printable = printable//cut(message(first:first + i - 2))//new_line('a')
+      first = first + i
     end do
-    call print_text(printable//new_line('a'), status, to_error=.true.)
+    do i = 1, len(printable)
+      if (printable(i:i) == new_line('a')) cycle
+      if (iachar(printable(i:i)) < 32 .or. iachar(printable(i:i)) == 127) printable(i:i) = '?'
+    end do
+    call print_text(printable, status, to_error=.true.)
   end subroutine print_error
+
+  !> A line that is not too long: its middle is left out.
+  pure function cut(line)
+    !> The line.
+    character(*), intent(in) :: line
+    character(:), allocatable :: cut
+    integer, parameter :: most = 1000
+    integer :: head, tail
+    cut = line
+    if (len(line) <= most) return
+    head = most/2
+    tail = len(line) - most/2 + 1
+    ! Letters of several bytes stay whole: their later bytes are 128 to 191.
+    do while (head > 1 .and. is_later_byte(line(head + 1:head + 1)))
+      head = head - 1
+    end do
+    do while (tail < len(line) .and. is_later_byte(line(tail:tail)))
+      tail = tail + 1
+    end do
+    cut = line(:head)//' [...] '//line(tail:)
+
+  contains
+
+    !> Whether a byte is not the first of its letter.
+    pure logical function is_later_byte(byte)
+      !> The byte.
+      character, intent(in) :: byte
+      is_later_byte = iachar(byte) >= 128 .and. iachar(byte) < 192
+    end function is_later_byte
+  end function cut
 end module dotyk_base_log

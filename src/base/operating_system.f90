@@ -6,8 +6,8 @@ module dotyk_base_operating_system
   public :: make_directory, is_writable_directory, process_id, rename_file, remove_file, shell_quoted, directory_of, &
     environment_value
 
-  !> Permissions rwxrwxrwx, reduced by the umask of the user.
-  integer(c_int), parameter :: all_permissions = int(o'777', c_int)
+  !> Permissions rwxrwxrwx, reduced by the umask of the user, and rwx------.
+  integer(c_int), parameter :: all_permissions = int(o'777', c_int), own_permissions = int(o'700', c_int)
   !> W_OK and X_OK of access(2).
   integer(c_int), parameter :: write_and_search = 3_c_int
 
@@ -60,12 +60,16 @@ module dotyk_base_operating_system
 contains
 
   !> Make a directory whose parent exists; nothing happens if it exists already.
-  subroutine make_directory(path)
+  subroutine make_directory(path, private)
     !> Path.
     character(*), intent(in) :: path
-    integer(c_int) :: status
+    !> Whether only this user may look into it; as the umask says if absent.
+    logical, intent(in), optional :: private
+    integer(c_int) :: status, permissions
+    permissions = all_permissions
+    if (present(private)) permissions = merge(own_permissions, all_permissions, private)
     ! The caller checks afterwards that it can be used: another process may make it at the same time.
-    status = c_mkdir(path//c_null_char, all_permissions)
+    status = c_mkdir(path//c_null_char, permissions)
   end subroutine make_directory
 
   !> Whether files can be created in a directory.

@@ -125,6 +125,7 @@ contains
     ! One change in three letters is still likely to be a misspelling.
     least = max(1, (len_trim(name) + 1)/3) + 1
     do i = 1, size(names)
+      if (abs(len_trim(name) - len(names(i)%s)) >= least) cycle
       distance = edit_distance(lower(trim(name)), lower(names(i)%s))
       if (distance < least) then
         least = distance

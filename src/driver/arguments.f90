@@ -17,6 +17,8 @@ module dotyk_driver_arguments
     integer :: threads = 0
     !> Check everything and solve nothing.
     logical :: check = .false.
+    !> Geometries may start no program and write no file but their mesh.
+    logical :: no_shell = .false.
     !> Print errors only.
     logical :: quiet = .false.
     !> Print the version and stop.
@@ -59,7 +61,7 @@ contains
     type(arguments_t), intent(out) :: arguments
     !> Allocated where they are wrong: an unknown option, a missing value, no case or several.
     type(error_t), allocatable, intent(out) :: error
-    type(text_t) :: options(7)
+    type(text_t) :: options(8)
     integer :: i, status
     options(1)%s = '--check'
     options(2)%s = '--threads'
@@ -68,6 +70,7 @@ contains
     options(5)%s = '--version'
     options(6)%s = '--help'
     options(7)%s = '--restart'
+    options(8)%s = '--no-shell'
     arguments%case_file = ''
     arguments%output = ''
     arguments%restart = ''
@@ -77,6 +80,8 @@ contains
       select case (words(i)%s)
       case ('--check')
         arguments%check = .true.
+      case ('--no-shell')
+        arguments%no_shell = .true.
       case ('--quiet')
         arguments%quiet = .true.
       case ('--version')
@@ -123,7 +128,7 @@ contains
     end do
     if (len(arguments%case_file) == 0 .and. .not. (arguments%help .or. arguments%version .or. arguments%reference)) &
       call set_error(error, 'no case given: dotyk CASE.nml [--check] [--threads N] [--output FILE] '// &
-                     '[--restart RESULTS.vtkhdf] [--quiet], or dotyk --help')
+                     '[--restart RESULTS.vtkhdf] [--no-shell] [--quiet], or dotyk --help')
   end subroutine parse_arguments
 
   !> The whole command line, for the results file.

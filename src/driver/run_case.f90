@@ -48,6 +48,7 @@ contains
     call set_stage('reading '//arguments%case_file)
     call read_case(arguments%case_file, case, error)
     if (allocated(error)) return
+    case%no_shell = arguments%no_shell
     call choose_scheme(case, run)
     call show_title(monitor%log, case, threads)
     call prepare_output(case, arguments%output, error)

@@ -4,6 +4,7 @@ module dotyk_driver_scene
   use dotyk_base_interrupt, only: stop_if_interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_memory, only: memory_now, set_stage
+  use dotyk_base_text, only: text_t
   use dotyk_contact_operator, only: build_operator, contact_operator_t
   use dotyk_control_contact_free, only: contact_free_t, solve_without_contact
   use dotyk_control_contact_problem, only: contact_problem_t
@@ -62,9 +63,14 @@ contains
     type(log_monitor_t), intent(inout) :: monitor
     !> Allocated where a mesh, a material, a support, a load or a pair is wrong; names file and line.
     type(error_t), allocatable, intent(out) :: error
+    type(text_t), allocatable :: remarks(:)
+    integer :: i
     associate (problem => scene%problem)
       call set_stage('reading meshes')
-      call build_bodies(case, problem%body, problem%surface_a, problem%surface_b, error)
+      call build_bodies(case, problem%body, problem%surface_a, problem%surface_b, remarks, error)
+      do i = 1, size(remarks)
+        call monitor%log%line('  '//remarks(i)%s)
+      end do
       call stop_if_interrupted(error)
       if (allocated(error)) return
       call monitor%watch%lap(monitor%timing%read)

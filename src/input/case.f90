@@ -222,6 +222,8 @@ module dotyk_input_case
     character(:), allocatable :: directory
     !> The whole text of the file.
     character(:), allocatable :: text
+    !> Whether geometries may start no program and write no file but their mesh (command line).
+    logical :: no_shell = .false.
     !> `&scene`.
     type(scene_input_t) :: scene
     !> Materials in the order of the file, at least one (n_materials).

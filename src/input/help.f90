@@ -26,7 +26,8 @@ contains
     call list_keywords(table)
     text = &
       'dotyk computes the frictionless unilateral contact of linear elastic bodies.'//lf//lf// &
-      'usage: dotyk case.nml [--check] [--threads N] [--output FILE] [--restart RESULTS.vtkhdf] [--quiet]'//lf// &
+      'usage: dotyk case.nml [--check] [--threads N] [--output FILE] [--restart RESULTS.vtkhdf]'//lf// &
+      '             [--no-shell] [--quiet]'//lf// &
       '       dotyk --version | --help'//lf// &
       '  --check        check the input and print a summary of the scene, without solving'//lf// &
       '  --threads N    number of threads; if absent, one per processor'//lf// &
@@ -34,6 +35,7 @@ contains
       '  --restart RESULTS.vtkhdf'//lf// &
       '                 start the scheme from the contact pressures of an earlier results file with the same'//lf// &
       '                 contact rows; materials, loads, theta and scheme may differ'//lf// &
+      '  --no-shell     .geo files start no programs and write no files but their mesh'//lf// &
       '  --quiet        print errors only'//lf// &
       '  --version      print the version'//lf// &
       '  --help         print this text (--help=markdown: the input reference, docs/input.md)'//lf//lf// &

@@ -194,31 +194,34 @@ contains
     !> The token; kind and text are set.
     type(token_t), intent(inout) :: token
     character :: quote
-    integer :: first
+    integer :: first, place, n
     logical :: closed
     token%kind = token_quoted
-    token%text = ''
+    deallocate (token%text)
     quote = text(self%next:self%next)
+    first = self%next + 1
+    ! The end first, then one copy: a text that grows by each doubled quote takes quadratic time.
     closed = .false.
-    do while (.not. closed)
-      first = self%next + 1
-      self%next = first
-      do while (self%next <= len(text))
-        if (index(quote//line_feed, text(self%next:self%next)) > 0) exit
-        self%next = self%next + 1
-      end do
-      token%text = token%text//text(first:self%next - 1)
-      if (self%next > len(text)) exit
+    self%next = first
+    do while (self%next <= len(text))
       if (text(self%next:self%next) == line_feed) exit
-      self%next = self%next + 1
-      closed = .true.
-      if (self%next <= len(text)) then
-        if (text(self%next:self%next) == quote) then
-          closed = .false.
-          token%text = token%text//quote
-        end if
+      if (text(self%next:self%next) == quote) then
+        closed = .not. is_at(text, self%next + 1, quote)
+        if (closed) exit
+        self%next = self%next + 1
       end if
+      self%next = self%next + 1
     end do
+    allocate (character(self%next - first) :: token%text)
+    n = 0
+    place = first
+    do while (place < self%next)
+      n = n + 1
+      token%text(n:n) = text(place:place)
+      place = place + merge(2, 1, text(place:place) == quote)
+    end do
+    token%text = token%text(:n)
+    if (closed) self%next = self%next + 1
     if (.not. closed) then
       token%cut = .true.
       call problems%add(token%line, 'a quote is not closed: '//quote//visible(token%text))
@@ -227,6 +230,18 @@ contains
         call problems%add(self%line, 'a comma or a blank is missing after '//shown(token%text))
     end if
   end subroutine read_quoted
+
+  !> Whether a letter is at a place of a text.
+  pure logical function is_at(text, place, letter)
+    !> The text.
+    character(*), intent(in) :: text
+    !> The place, maybe behind the end.
+    integer, intent(in) :: place
+    !> The letter.
+    character, intent(in) :: letter
+    is_at = .false.
+    if (place <= len(text)) is_at = text(place:place) == letter
+  end function is_at
 
   !> Split "3*0" into 3 and "0".
   pure subroutine split_repeat(word, count, rest)

@@ -1,23 +1,34 @@
 !> Meshing of a geometry with the gmsh executable, once for each content of the geometry.
 !>
-!> The mesh is cached in `.dotyk/` beside the geometry (in the cache directory of the user where that cannot be
-!> written), under a name with a hash of the geometry, of the files that it includes, of the dimension and of the
-!> version of gmsh. It is written under a temporary name and renamed, so that concurrent runs never read an incomplete
-!> mesh. The environment variable DOTYK_GMSH names another executable than `gmsh`.
+!> The mesh is cached (`dotyk_mesh_mesh_cache`) under a name with a hash of the files that gmsh reads
+!> (`dotyk_mesh_geometry_sources`), of the dimension and of the version of gmsh. It is written under a temporary name
+!> and renamed, so that concurrent runs never read an incomplete mesh. Where the files do not determine the mesh, it is
+!> made at each run. The environment variable DOTYK_GMSH names another executable than `gmsh`.
 module dotyk_mesh_gmsh_run
   use dotyk_base_byte_cursor, only: byte_cursor_t
   use dotyk_base_content_hash, only: content_hash_t
-  use dotyk_base_error, only: error_t, set_error, exit_bad_input, exit_not_written
+  use dotyk_base_error, only: error_t, set_error, exit_bad_input, exit_machine, exit_not_written
   use dotyk_base_files, only: own_mark, remove_leftovers
-  use dotyk_base_interrupt, only: run_shell => run_command, interrupted, stop_if_interrupted
+  use dotyk_base_interrupt, only: run_shell => run_command, interrupted, status_not_confined, stop_if_interrupted
   use dotyk_base_kinds, only: int64
   use dotyk_base_memory, only: set_stage, stage_text
-  use dotyk_base_operating_system, only: make_directory, is_writable_directory, rename_file, remove_file, &
-    shell_quoted, directory_of, environment_value
+  use dotyk_base_operating_system, only: rename_file, remove_file, shell_quoted, directory_of, environment_value
   use dotyk_base_text, only: to_text
+  use dotyk_mesh_geometry_sources, only: geometry_sources_t
+  use dotyk_mesh_mesh_cache, only: find_cache
   implicit none
   private
   public :: mesh_geometry
+
+  !> How geometries are meshed, and what is to be said about one.
+  type, public :: meshing_t
+    !> Whether geometries may start no program and write no file but the mesh.
+    logical :: no_shell = .false.
+    !> Whether the mesh is for this run only: the caller deletes it.
+    logical :: for_once = .false.
+    !> Remark for the log; empty where there is none.
+    character(:), allocatable :: remark
+  end type meshing_t
 
   !> Exit status of the shell for a program that it does not find or cannot run.
   integer, parameter :: status_not_executable = 126, status_not_found = 127
@@ -27,53 +38,88 @@ module dotyk_mesh_gmsh_run
 contains
 
   !> Mesh a geometry, unless its mesh is cached.
-  subroutine mesh_geometry(geo_file, dimension, msh_file, error)
+  subroutine mesh_geometry(geo_file, dimension, msh_file, error, meshing)
     !> Path of the geometry.
     character(*), intent(in) :: geo_file
     !> Largest dimension of the elements, 2 or 3.
     integer, intent(in) :: dimension
     !> Path of the mesh.
     character(:), allocatable, intent(out) :: msh_file
-    !> Set if the geometry cannot be read or meshed, gmsh is not found, or no directory for the mesh can be written.
+    !> Set if the geometry cannot be read or meshed, or starts programs that are forbidden, gmsh is not found, or no
+    !> directory for the mesh can be written.
     type(error_t), allocatable, intent(out) :: error
-    character(:), allocatable :: base
+    !> What geometries may do; on return, what was found in this one. Nothing is forbidden if absent.
+    type(meshing_t), intent(inout), optional :: meshing
+    type(meshing_t) :: local
     character(:), allocatable :: stage
-    logical :: found
+    if (present(meshing)) local%no_shell = meshing%no_shell
     ! Threads of one process would use the same temporary names.
     !$omp critical (dotyk_mesh_geometry)
     stage = stage_text()
     call set_stage('meshing '//geo_file//' with gmsh')
-    call name_mesh(geo_file, dimension, base, error)
-    if (.not. allocated(error)) then
-      msh_file = base//'.msh'
-      inquire (file=msh_file, exist=found)
-      if (.not. found) call run_gmsh(geo_file, dimension, base, error)
-    end if
+    call find_mesh(geo_file, dimension, local, msh_file, error)
     call set_stage(stage)
     !$omp end critical (dotyk_mesh_geometry)
+    if (present(meshing)) meshing = local
   end subroutine mesh_geometry
 
-  !> Path, without extension, of the mesh for the present content of a geometry.
-  subroutine name_mesh(geo_file, dimension, base, error)
+  !> Find the mesh for the present content of a geometry, or make it.
+  subroutine find_mesh(geo_file, dimension, meshing, msh_file, error)
     !> Path of the geometry.
     character(*), intent(in) :: geo_file
     !> Largest dimension of the elements, 2 or 3.
     integer, intent(in) :: dimension
+    !> What geometries may do; what was found is set.
+    type(meshing_t), intent(inout) :: meshing
+    !> Path of the mesh.
+    character(:), allocatable, intent(out) :: msh_file
+    !> Set if the geometry cannot be read or meshed, or starts programs that are forbidden, gmsh is not found, or no
+    !> directory for the mesh can be written.
+    type(error_t), allocatable, intent(out) :: error
+    type(geometry_sources_t) :: sources
+    character(:), allocatable :: base
+    logical :: found
+    meshing%remark = ''
+    call sources%find(geo_file, error)
+    if (allocated(error)) return
+    if (allocated(sources%command) .and. meshing%no_shell) then
+      call set_error(error, geo_file//': --no-shell forbids programs: '//sources%command//' starts one')
+      return
+    end if
+    call name_mesh(geo_file, dimension, sources, base, error)
+    if (allocated(error)) return
+    meshing%for_once = allocated(sources%doubt)
+    if (meshing%for_once) then
+      meshing%remark = geo_file//' is meshed at each run, its mesh may depend on more than its files: '//sources%doubt
+      if (allocated(sources%command)) &
+        meshing%remark = 'warning: '//geo_file//' starts a program: '//sources%command// &
+                         '; it is meshed at each run. --no-shell forbids programs to geometries'
+      msh_file = base//own_mark()//'.once.msh'
+      call run_gmsh(geo_file, dimension, base, meshing%no_shell, msh_file, error)
+      return
+    end if
+    msh_file = base//'.msh'
+    inquire (file=msh_file, exist=found)
+    if (.not. found) call run_gmsh(geo_file, dimension, base, meshing%no_shell, msh_file, error)
+  end subroutine find_mesh
+
+  !> Path, without extension, of the mesh for the present content of a geometry.
+  subroutine name_mesh(geo_file, dimension, sources, base, error)
+    !> Path of the geometry.
+    character(*), intent(in) :: geo_file
+    !> Largest dimension of the elements, 2 or 3.
+    integer, intent(in) :: dimension
+    !> Files of the geometry.
+    type(geometry_sources_t), intent(in) :: sources
     !> Path of the mesh without its extension.
     character(:), allocatable, intent(out) :: base
-    !> Set if the geometry cannot be read, gmsh is not found, or no directory for the mesh can be written.
+    !> Set if a file cannot be read, gmsh is not found, or no directory for the mesh can be written.
     type(error_t), allocatable, intent(out) :: error
     type(content_hash_t) :: hash
-    character(:), allocatable :: directory, name, version, options
-    logical :: found
-    call hash%add_file(geo_file, error)
+    character(:), allocatable :: directory, name, version
+    call sources%add_to(hash, error)
     if (allocated(error)) return
-    ! gmsh reads this file of options by itself.
-    options = geo_file//'.opt'
-    inquire (file=options, exist=found)
-    if (found) call hash%add_file(options, error)
-    if (allocated(error)) return
-    call find_directory(geo_file, directory, error)
+    call find_cache(geo_file, directory, error)
     if (allocated(error)) return
     name = geo_file(len(directory_of(geo_file)) + 1:)
     if (index(name, '.geo', back=.true.) > 1) name = name(:index(name, '.geo', back=.true.) - 1)
@@ -82,45 +128,6 @@ contains
     call hash%add(version//to_text(dimension))
     base = directory//name//'-'//to_text(dimension)//'d-'//hash%digits()
   end subroutine name_mesh
-
-  !> Directory for meshes, with its slash; it is created if it does not exist.
-  subroutine find_directory(geo_file, directory, error)
-    !> Path of the geometry.
-    character(*), intent(in) :: geo_file
-    !> Path of the directory.
-    character(:), allocatable, intent(out) :: directory
-    !> Set, with the exit code `exit_not_written`, if no directory can be written.
-    type(error_t), allocatable, intent(out) :: error
-    character(:), allocatable :: cache
-    integer :: unit, status
-    logical :: found
-    directory = directory_of(geo_file)//'.dotyk'
-    call make_directory(directory)
-    if (.not. is_writable_directory(directory)) then
-      cache = environment_value('XDG_CACHE_HOME')
-      if (len(cache) == 0) then
-        cache = environment_value('HOME')//'/.cache'
-        if (cache == '/.cache') cache = '/tmp'
-      end if
-      call make_directory(cache)
-      call make_directory(cache//'/dotyk')
-      if (.not. is_writable_directory(cache//'/dotyk')) then
-        call set_error(error, geo_file//': no directory for its mesh: neither '//directory//' nor '//cache// &
-                       '/dotyk can be written; set XDG_CACHE_HOME to a directory that can', exit_not_written)
-        return
-      end if
-      directory = cache//'/dotyk/'
-      return
-    end if
-    directory = directory//'/'
-    ! The contents are not for version control.
-    inquire (file=directory//'.gitignore', exist=found)
-    if (found) return
-    open (newunit=unit, file=directory//'.gitignore', action='write', iostat=status)
-    if (status /= 0) return
-    write (unit, '(a)', iostat=status) '*'
-    close (unit, iostat=status)
-  end subroutine find_directory
 
   !> Version of gmsh. The result of the last query is cached in the directory for meshes and used while the executable
   !> is the same file: starting gmsh takes a tenth of a second.
@@ -200,24 +207,38 @@ contains
   end function executable
 
   !> Run a shell command without input, its output in a file.
-  subroutine run_command(command, log_file, status)
+  subroutine run_command(command, log_file, status, confined)
     !> Command.
     character(*), intent(in) :: command
     !> Path of the output.
     character(*), intent(in) :: log_file
     !> Exit status; that of a program not found where there is no shell.
     integer, intent(out) :: status
-    status = run_shell('exec '//command//' < /dev/null > '//shell_quoted(log_file)//' 2>&1')
+    !> Whether it is confined to the directory of the output, without other programs; not if absent.
+    logical, intent(in), optional :: confined
+    character(:), allocatable :: line
+    line = 'exec '//command//' < /dev/null > '//shell_quoted(log_file)//' 2>&1'
+    if (present(confined)) then
+      if (confined) then
+        status = run_shell(line, directory_of(log_file))
+        return
+      end if
+    end if
+    status = run_shell(line)
   end subroutine run_command
 
-  !> Make the mesh `base`.msh; the output of gmsh is kept in `base`.log.
-  subroutine run_gmsh(geo_file, dimension, base, error)
+  !> Make a mesh; the output of gmsh is kept in `base`.log.
+  subroutine run_gmsh(geo_file, dimension, base, no_shell, msh_file, error)
     !> Path of the geometry.
     character(*), intent(in) :: geo_file
     !> Largest dimension of the elements, 2 or 3.
     integer, intent(in) :: dimension
-    !> Path of the mesh without its extension.
+    !> Path of the cached mesh without its extension.
     character(*), intent(in) :: base
+    !> Whether gmsh may start no program and write no other file.
+    logical, intent(in) :: no_shell
+    !> Path of the mesh.
+    character(*), intent(in) :: msh_file
     !> Set if gmsh fails or makes no complete mesh, if the mesh cannot be renamed, or on an interrupt.
     type(error_t), allocatable, intent(out) :: error
     type(byte_cursor_t) :: log
@@ -230,11 +251,17 @@ contains
     temporary = base//own_mark()
     if (temporary(1:1) == '-') temporary = './'//temporary
     call run_command(shell_quoted(executable())//' -'//to_text(dimension)//' -format msh41 -bin -o '// &
-                     shell_quoted(temporary//'.msh')//' '//shell_quoted(path), temporary//'.log', status)
+                     shell_quoted(temporary//'.msh')//' '//shell_quoted(path), temporary//'.log', status, &
+                     confined=no_shell)
     if (interrupted()) then
       call remove_file(temporary//'.log')
       call remove_file(temporary//'.msh')
       call stop_if_interrupted(error)
+      return
+    end if
+    if (status == status_not_confined .and. no_shell) then
+      call set_error(error, geo_file//': --no-shell needs Linux with seccomp: without it gmsh cannot be kept from '// &
+                     'starting programs', exit_machine)
       return
     end if
     call log%load(temporary//'.log', error)
@@ -243,15 +270,15 @@ contains
     call read_log(log, errors, counts)
     if (status /= 0 .or. len(errors) > 0) then
       if (len(errors) == 0) errors = new_line('a')//'  exit status '//to_text(status)
-      call set_error(error, geo_file//': gmsh could not mesh it:'//errors//new_line('a')//'  (full log: '//base// &
-                     '.log)')
+      call set_error(error, geo_file//': gmsh could not mesh it'//trim(merge(' under --no-shell', '                 ', &
+                     no_shell))//':'//errors//new_line('a')//'  (full log: '//base//'.log)')
     else if (index(counts, ' 0 elements') > 0) then
       call set_error(error, geo_file//': gmsh made no elements: the geometry is empty')
     else if (.not. is_complete(temporary//'.msh')) then
       call set_error(error, geo_file//': gmsh did not write a complete mesh to '//directory_of(base)// &
                      ': does the geometry set Mesh.Format or call Exit, or is the disk full?')
-    else if (.not. rename_file(temporary//'.msh', base//'.msh')) then
-      call set_error(error, base//'.msh: cannot be written', exit_not_written)
+    else if (.not. rename_file(temporary//'.msh', msh_file)) then
+      call set_error(error, msh_file//': cannot be written', exit_not_written)
     end if
     if (allocated(error)) call remove_file(temporary//'.msh')
   end subroutine run_gmsh

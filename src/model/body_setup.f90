@@ -4,14 +4,15 @@ module dotyk_model_body_setup
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: load_force_density
-  use dotyk_base_text, only: to_text
+  use dotyk_base_operating_system, only: remove_file
+  use dotyk_base_text, only: text_t, to_text
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_load, only: load_t, add_surface_load, add_volume_load
   use dotyk_elasticity_stiffness_tensor, only: rotate_stiffness
   use dotyk_elasticity_support, only: support_t, collect_supports
   use dotyk_input_case, only: body_input_t, case_t, load_input_t
   use dotyk_mesh_gmsh, only: read_gmsh
-  use dotyk_mesh_gmsh_run, only: mesh_geometry
+  use dotyk_mesh_gmsh_run, only: mesh_geometry, meshing_t
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_placement, only: placement_t
   use dotyk_mesh_surface, only: surface_t
@@ -25,7 +26,7 @@ module dotyk_model_body_setup
 contains
 
   !> Read every mesh once, extract every volume once, and build the bodies; all problems are reported together.
-  subroutine build_bodies(case, body, surface_a, surface_b, error)
+  subroutine build_bodies(case, body, surface_a, surface_b, remarks, error)
     !> The case.
     type(case_t), intent(in) :: case
     !> Bodies, not yet assembled (n_bodies).
@@ -34,16 +35,21 @@ contains
     type(surface_t), allocatable, intent(out) :: surface_a(:)
     !> Master surface of each contact pair (n_pairs).
     type(surface_t), allocatable, intent(out) :: surface_b(:)
+    !> Lines for the log (n_remarks).
+    type(text_t), allocatable, intent(out) :: remarks(:)
     !> Allocated where meshes, materials, supports or loads cannot be used: all problems, one per line.
     type(error_t), allocatable, intent(out) :: error
     type(problem_list_t) :: problems
     type(mesh_t) :: mesh
+    type(meshing_t) :: meshing
     type(volume_t) :: volume
     type(error_t), allocatable :: failed
     logical, dimension(size(case%body)) :: read, done, same, locks
     logical :: support_used(size(case%support)), load_used(size(case%load))
     integer :: b, c, k, before
     allocate (body(size(case%body)), surface_a(size(case%contact)), surface_b(size(case%contact)))
+    allocate (remarks(0))
+    meshing%no_shell = case%no_shell
     read = .false.
     support_used = .not. case%support%any_body
     load_used = .not. case%load%any_body
@@ -55,7 +61,8 @@ contains
       same = [(case%body(c)%mesh == case%body(b)%mesh, c=1, size(body))]
       read = read .or. same
       before = problems%count
-      call read_mesh(case%body(b)%mesh, case%scene%dimension, mesh, failed)
+      call read_mesh(case%body(b)%mesh, case%scene%dimension, mesh, meshing, failed)
+      if (len(meshing%remark) > 0) call add_remark(remarks, meshing%remark)
       call problems%add_error(failed)
       if (problems%count > before) cycle
       do c = b, size(body)
@@ -102,22 +109,42 @@ contains
     end do
   end subroutine refuse_unused
 
+  !> Add a line for the log.
+  subroutine add_remark(remarks, text)
+    !> Lines so far (n_remarks).
+    type(text_t), allocatable, intent(inout) :: remarks(:)
+    !> The line.
+    character(*), intent(in) :: text
+    type(text_t), allocatable :: more(:)
+    integer :: n
+    n = size(remarks)
+    allocate (more(n + 1))
+    more(:n) = remarks
+    more(n + 1)%s = text
+    call move_alloc(more, remarks)
+  end subroutine add_remark
+
   !> Read a .msh file, or a .geo file that gmsh meshes.
-  subroutine read_mesh(path, dimension, mesh, error)
+  subroutine read_mesh(path, dimension, mesh, meshing, error)
     !> Path of the mesh or geometry.
     character(*), intent(in) :: path
     !> Dimension of space, for gmsh.
     integer, intent(in) :: dimension
     !> The mesh.
     type(mesh_t), intent(out) :: mesh
+    !> What geometries may do; what was found in this one is set.
+    type(meshing_t), intent(inout) :: meshing
     !> Allocated where the file cannot be read or meshed.
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: msh
     msh = path
+    meshing%for_once = .false.
+    meshing%remark = ''
     if (len(path) > 4) then
-      if (path(len(path) - 3:) == '.geo') call mesh_geometry(path, dimension, msh, error)
+      if (path(len(path) - 3:) == '.geo') call mesh_geometry(path, dimension, msh, error, meshing)
     end if
     if (.not. allocated(error)) call read_gmsh(msh, mesh, error)
+    if (meshing%for_once) call remove_file(msh)
     ! Messages name the file of the namelist.
     if (.not. allocated(error)) mesh%file = path
   end subroutine read_mesh

@@ -126,6 +126,17 @@ class Faults(dotyk_case.Case):
             self.assertEqual((self.folder/"case.vtkhdf").read_bytes(), before)
         self.assertEqual(codes, {0, 5})
 
+    def test_small_stacks_are_said(self):
+        """Of threads and of the program: it would end with a signal, or with an error of the library of OpenMP."""
+        for size, kibibytes in (("64k", "64"), ("100000B", "97.66"), ("  0.25M", "256")):
+            text = self.dotyk("--version", code=5, OMP_STACKSIZE=size)
+            self.assertEqual(text, "OMP_STACKSIZE=%s makes stacks of %s kiB; dotyk needs 512 kiB at least: unset it, or "
+                             "make it 8M\n" % (size, kibibytes))
+        self.dotyk("--version", OMP_STACKSIZE="512k")
+        code, text = self.limited(resource.RLIMIT_STACK, 64 << 10)
+        self.assertEqual((code, text), (5, "ulimit -s makes stacks of 64 kiB; dotyk needs 512 kiB at least: "
+                                           "ulimit -s 8192\n"))
+
     def test_files_that_cannot_grow(self):
         """As on a full disk: the old results stay, and nothing is left beside them."""
         self.scene("theta_relative=1e-2")
