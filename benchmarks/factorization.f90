@@ -17,6 +17,7 @@ program factorization
   use omp_lib, only: omp_set_num_threads
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_text, only: text_t
   use dotyk_base_timer, only: wall_time
   use dotyk_control_congruence_classes, only: congruence_classes_t
   use dotyk_model_assembly, only: assemble_bodies
@@ -118,10 +119,11 @@ contains
     type(congruence_classes_t) :: classes
     type(body_modes_t), allocatable :: modes(:)
     type(stiffness_t), allocatable :: stiffness(:)
+    type(text_t), allocatable :: remarks(:)
     integer, allocatable :: node_order(:)
     integer :: b, n
     call read_case(file, case, error)
-    if (.not. allocated(error)) call build_bodies(case, body, surface_a, surface_b, error)
+    if (.not. allocated(error)) call build_bodies(case, body, surface_a, surface_b, remarks, error)
     if (allocated(error)) return
     call classes%init(size(body))
     call classes%find(body)
