@@ -62,6 +62,8 @@ module dotyk_contact_pair
     integer :: n_too_far = 0
     !> Penalty parameter, weighted mean of the rows [length/pressure].
     real(dp) :: theta = 0
+    !> Origin of the gaps, one of `gap_*`.
+    integer :: gap_kind = default_gap
     !> Whether theta is the compliance of a real elastic layer, not a penalty.
     logical :: is_layer = .false.
     !> Integration points x on the slave surface (dimension, n_points) [length].

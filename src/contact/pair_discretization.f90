@@ -248,6 +248,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     real(dp) :: x(3)
     integer :: i
+    pair%gap_kind = settings%gap_kind
     select case (settings%gap_kind)
     case (gap_constant)
       pair%gap = settings%gap

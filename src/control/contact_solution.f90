@@ -16,6 +16,7 @@ module dotyk_control_contact_solution
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_displacements, only: displacements_t, find_displacements
   use dotyk_control_error_budget, only: error_budget_t, estimate_errors
+  use dotyk_control_penetration_check, only: penetration_check_t
   use dotyk_control_scheme_run, only: scheme_run_t
   use dotyk_scheme_body_compliance, only: body_compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
@@ -80,6 +81,8 @@ module dotyk_control_contact_solution
     type(conditioning_t), allocatable :: conditioning(:)
     !> Errors of the last round.
     type(error_budget_t) :: budget
+    !> Whether the deformed bodies penetrate each other.
+    type(penetration_check_t) :: penetration
   contains
     procedure :: energies => solution_energies
   end type contact_solution_t

@@ -65,7 +65,8 @@ contains
       if (solution%state%ended /= ended_time) call show_pair_results(monitor%log, problem%pair, pair_solution)
       call monitor%watch%lap(monitor%timing%recover)
       call set_stage('writing results')
-      call write_fields(file, case, problem%body, displacements, contact_pressure, solution%budget, error)
+      call write_fields(file, case, problem%body, displacements, contact_pressure, solution%budget, &
+                        solution%penetration, error)
       if (allocated(error)) return
       call write_pairs(file, problem%pair, qp%pair_first_row, solution, pair_solution)
       call write_summary(file, case, problem, scene%size_of, qp, scene%compliance%n_sweeps, &

@@ -8,6 +8,7 @@ module dotyk_driver_results_groups
   use dotyk_control_body_solution, only: body_solution_t
   use dotyk_control_contact_solution, only: contact_solution_t
   use dotyk_control_error_budget, only: error_budget_t
+  use dotyk_control_penetration_check, only: penetration_check_t
   use dotyk_control_pressures, only: pair_solution_t, nodal_field_t
   use dotyk_driver_arguments, only: command_line_text
   use dotyk_elasticity_body, only: body_t
@@ -23,7 +24,7 @@ module dotyk_driver_results_groups
 contains
 
   !> Create the file; meshes, displacements, contact pressures and stresses of all bodies.
-  subroutine write_fields(file, case, body, solution, contact_pressure, budget, error)
+  subroutine write_fields(file, case, body, solution, contact_pressure, budget, penetration, error)
     !> Results file; open on return.
     type(results_file_t), intent(inout) :: file
     !> The case, with the fields to write.
@@ -36,6 +37,8 @@ contains
     type(nodal_field_t), intent(in) :: contact_pressure(:)
     !> Error budget, with the discretization errors of the elements.
     type(error_budget_t), intent(in) :: budget
+    !> Outcome of the check of the deformed bodies against each other.
+    type(penetration_check_t), intent(in) :: penetration
     !> Allocated where the file cannot be written; it is discarded.
     type(error_t), allocatable, intent(out) :: error
     integer(int64), dimension(size(body)) :: n_points, n_cells, n_connectivity
@@ -54,7 +57,9 @@ contains
       if (.not. allocated(error) .and. case%output%displacement) &
         call file%write_displacement(b, solution(b)%displacement, error)
       if (.not. allocated(error) .and. case%output%contact) &
-        call file%write_contact_pressure(b, contact_pressure(b)%value, error)
+        call file%write_nodal_field(b, 'contact_pressure', contact_pressure(b)%value, error)
+      if (.not. allocated(error) .and. case%output%contact .and. penetration%is_done) &
+        call file%write_nodal_field(b, 'penetration', penetration%depth(b)%value, error)
       if (.not. allocated(error) .and. case%output%stress) then
         mises = [(von_mises(solution(b)%stress(:, e)), e=1, size(solution(b)%stress, 2))]
         call file%write_stress(b, solution(b)%stress, mises, error)
@@ -134,6 +139,7 @@ contains
     call file%put_attribute('timing', 'iterate', timing%iterate)
     call file%put_attribute('timing', 'recover', timing%recover)
     call file%put_attribute('timing', 'estimate', timing%estimate)
+    call file%put_attribute('timing', 'check', timing%check)
     call file%put_attribute('timing', 'write', timing%write)
     call file%put_attribute('timing', 'total', timing%total)
   end subroutine write_timing

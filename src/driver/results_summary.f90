@@ -59,6 +59,7 @@ contains
       call write_energies(file, solution%energies())
       call write_constants(file, state%constants, state%gamma)
       call file%put_attribute('summary', 'max_penetration', state%max_penetration)
+      call file%put_attribute('summary', 'penetration_depth', solution%penetration%deepest())
       call file%put_attribute('summary', 'unknowns', sum(problem%body%constraint%n_equations))
       call file%put_attribute('summary', 'constraints', qp%n_rows)
       call file%put_attribute('summary', 'constraints_screened', state%screened)

@@ -9,6 +9,7 @@ module dotyk_driver_run_case
   use dotyk_control_scheme_run, only: scheme_run_t
   use dotyk_driver_arguments, only: arguments_t
   use dotyk_driver_results, only: prepare_output, write_on_the_way, write_results
+  use dotyk_driver_penetration, only: check_bodies
   use dotyk_driver_run_settings, only: choose_scheme, goal_of
   use dotyk_driver_scene, only: build_scene, factorize_scene, scene_t
   use dotyk_driver_warm_start, only: read_pressures, start_from_pressures
@@ -88,6 +89,7 @@ contains
     call scene%compliance%destroy()
     if (allocated(error)) return
     call note_modes(scene%problem, solution%state, monitor%log)
+    call check_bodies(scene, solution, monitor)
     call show_solution(monitor%log, case%output, goal_of(case), scene%problem, scene%compliance%n_sweeps, solution, &
                        monitor%timing%iterate)
     call write_results(case, scene, solution, threads, monitor, error)

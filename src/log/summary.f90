@@ -17,7 +17,8 @@ module dotyk_log_summary
   use dotyk_log_progress, only: duration
   use dotyk_log_timing, only: timing_t
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_limit, ended_diverged, &
-    ended_cycling, ended_interrupted, ended_rotated, ended_rounds, ended_unbalanced, ended_unverified
+    ended_cycling, ended_interrupted, ended_penetration, ended_rotated, ended_rounds, ended_unbalanced, &
+    ended_unverified
   use dotyk_scheme_theorem_lines, only: factor_text
   implicit none
   private
@@ -174,6 +175,7 @@ contains
     line = ''
     if (state%screened > 0) call add(counted(state%screened, 'inactive constraint')//' (screened out)')
     if (.not. goal%needs_displacements()) call add('displacements')
+    if (.not. goal%needs_displacements()) call add('check for penetration')
     if (.not. goal%stress) call add('stresses')
     if (.not. goal%needs_mesh_error()) call add('discretization error')
     if (.not. goal%needs_penalty_error()) call add('penalty error')
@@ -231,7 +233,8 @@ contains
                   ', order '//duration(timing%order)//', factorize '//duration(timing%factorize)// &
                   ', search '//duration(timing%search)//', iterate '//duration(timing%iterate)// &
                   ', recover '//duration(timing%recover)//', estimate errors '//duration(timing%estimate)// &
-                  ', write '//duration(timing%write)//'; total '//duration(timing%total))
+                  ', check penetration '//duration(timing%check)//', write '//duration(timing%write)// &
+                  '; total '//duration(timing%total))
   end subroutine show_timing
 
   !> One line for each congruence class that loses digits.
@@ -302,6 +305,8 @@ contains
       text = 'not converged: contact forces do not balance the loads of floating bodies; ended'
     case (ended_rotated)
       text = 'not valid: rotation of a body beyond small displacements; ended'
+    case (ended_penetration)
+      text = 'not valid: bodies penetrate each other; ended'
     case (ended_unverified)
       text = 'not converged: stop_rule met by an iterate without a useful error bound; ended'
     case (ended_rounds)

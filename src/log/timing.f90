@@ -21,6 +21,8 @@ module dotyk_log_timing
     real(dp) :: iterate = 0
     !> Displacements and stresses [s].
     real(dp) :: recover = 0
+    !> Check of the deformed bodies against each other [s].
+    real(dp) :: check = 0
     !> Results file [s].
     real(dp) :: write = 0
     !> Penalty error and discretization error [s].

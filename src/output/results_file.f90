@@ -1,6 +1,6 @@
 !> The results file (docs/results.md): `/VTKHDF` for VTK and ParaView, one partition per body, and `/dotyk`.
-!> It is written under a temporary name and renamed by `commit`: a results file is complete or absent, and an older one
-!> stays until then. One thread writes body after body. All errors have the exit code `exit_not_written`.
+!> It is written under a temporary name and renamed by `commit`: complete or absent; an older one stays until then. One
+!> thread writes body after body. All errors have the exit code `exit_not_written`.
 module dotyk_output_results_file
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int32, int64
@@ -33,7 +33,7 @@ module dotyk_output_results_file
     procedure :: create => results_create
     procedure :: write_part => results_write_part
     procedure :: write_displacement => results_write_displacement
-    procedure :: write_contact_pressure => results_write_contact_pressure
+    procedure :: write_nodal_field => results_write_nodal_field
     procedure :: write_stress => results_write_stress
     procedure :: write_discretization_error => results_write_discretization_error
     procedure :: add_contact => results_add_contact
@@ -145,17 +145,19 @@ contains
                             with_three_components(displacement), error)
   end subroutine results_write_displacement
 
-  !> Write the contact pressure of one body; bodies without contact may be skipped.
-  subroutine results_write_contact_pressure(self, part, pressure, error)
+  !> Write a field of the nodes of one body, 'contact_pressure' or 'penetration'; it is 0 where it is not written.
+  subroutine results_write_nodal_field(self, part, name, values, error)
     class(results_file_t), intent(in) :: self
     !> Index of the body.
     integer, intent(in) :: part
-    !> Contact pressures of the nodes, 0 off the contact surfaces (n_nodes) [pressure].
-    real(dp), intent(in), contiguous :: pressure(:)
+    !> Name of the field.
+    character(*), intent(in) :: name
+    !> Values at the nodes (n_nodes) [any].
+    real(dp), intent(in), contiguous :: values(:)
     !> Allocated where the file cannot be written.
     type(error_t), allocatable, intent(out) :: error
-    call self%file%put_part('/VTKHDF/PointData/contact_pressure', self%first_point(part), pressure, error)
-  end subroutine results_write_contact_pressure
+    call self%file%put_part('/VTKHDF/PointData/'//name, self%first_point(part), values, error)
+  end subroutine results_write_nodal_field
 
   !> Write the stresses of one body.
   subroutine results_write_stress(self, part, stress, von_mises, error)

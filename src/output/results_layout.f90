@@ -70,7 +70,7 @@ contains
     logical, intent(in) :: want_displacement
     !> Whether stresses will be written.
     logical, intent(in) :: want_stress
-    !> Whether contact pressures will be written.
+    !> Whether contact pressures and penetrations will be written.
     logical, intent(in) :: want_contact
     !> Whether discretization errors will be written.
     logical, intent(in) :: want_error
@@ -82,6 +82,8 @@ contains
     end if
     if (want_contact) then
       call file%new_dataset('/VTKHDF/PointData/contact_pressure', hdf5_real, [points], error, zero=.true.)
+      if (allocated(error)) return
+      call file%new_dataset('/VTKHDF/PointData/penetration', hdf5_real, [points], error, zero=.true.)
       if (allocated(error)) return
     end if
     if (want_stress) then

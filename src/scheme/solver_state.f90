@@ -24,6 +24,7 @@ module dotyk_scheme_solver_state
   integer, parameter, public :: ended_unbalanced = 11  !< contact forces do not balance the loads of floating bodies
   integer, parameter, public :: ended_rotated = 12  !< a body rotates by more than linear kinematics can describe
   integer, parameter, public :: ended_unverified = 13  !< a rule without guarantee is met, and no bound confirms it
+  integer, parameter, public :: ended_penetration = 14  !< deformed bodies penetrate each other
 
   !> Relative error bounds above this confirm nothing: they leave less than one digit of the solution [].
   real(dp), parameter :: largest_confirming_bound = 0.1_dp
@@ -128,6 +129,8 @@ contains
       name = 'large_rotation'
     case (ended_unverified)
       name = 'unverified'
+    case (ended_penetration)
+      name = 'penetration'
     case default
       name = 'not solvable'
     end select

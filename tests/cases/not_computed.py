@@ -24,13 +24,14 @@ class NotComputed(dotyk_case.Case):
 
     def test_no_contact(self):
         """No contact pairs: one solve of the body with loads or prescribed displacements, no solve of the other
-        body."""
-        printed, file, summary = self.run_scene("wavy", [("&contact.*$", ""), ("&solver.*$", "")])
+        body, and the one moves into the other."""
+        printed, file, summary = self.run_scene("wavy", [("&contact.*$", ""), ("&solver.*$", "")], code=1)
         self.assertIn("no contact pairs: one linear solve per body", printed)
         self.assertEqual(summary["constraints"], 0)
         self.assertEqual(summary["body_solves"], 0)
         self.assertEqual(summary["full_solves"], 1)
         self.assertGreater(np.abs(file["VTKHDF/PointData/displacement"]).max(), 0)
+        self.assertAlmostEqual(summary["penetration_depth"], 0.0062, delta=1e-9)
 
     def test_solves_of_a_contact_scene(self):
         """One solve of the loaded body, and one solve of each body that recovers the displacements."""

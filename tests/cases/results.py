@@ -58,7 +58,8 @@ class Results(dotyk_case.Case):
             "Types": ((cells,), "u")})
         self.assertEqual(root["Types"].dtype, np.uint8)
         self.check_shapes(root["PointData"], {
-            "displacement": ((points, 3), "f"), "contact_pressure": ((points,), "f"), "node_tag": ((points,), "i")})
+            "displacement": ((points, 3), "f"), "contact_pressure": ((points,), "f"), "penetration": ((points,), "f"),
+            "node_tag": ((points,), "i")})
         self.check_shapes(root["CellData"], {
             "body": ((cells,), "i"), "element_tag": ((cells,), "i"), "stress": ((cells, 6), "f"),
             "von_mises": ((cells,), "f"),
@@ -85,7 +86,7 @@ class Results(dotyk_case.Case):
                  "energy": real, "strain_energy": real, "load_work": real, "penalty_energy": real,
                  **{name: real for name in CONSTANTS},
                  "error_penalty": real, "error_discretization": real, "error_contact": real, "energy_norm": real,
-                 "max_penetration": real}
+                 "max_penetration": real, "penetration_depth": real}
         for name, kind in kinds.items():
             self.assertEqual(np.shape(summary[name]), (), name)
             self.assertIsInstance(summary[name], kind, name)
@@ -140,7 +141,7 @@ class Results(dotyk_case.Case):
                 np.testing.assert_array_equal(array[:, 2], 0)
 
         timing = {name: real for name in ("read", "assemble", "order", "factorize", "search", "iterate", "recover",
-                                          "estimate", "write", "total")}
+                                          "estimate", "check", "write", "total")}
         self.check_attributes(own["timing"], timing)
         times = own["timing"].attrs
         parts = sum(times[name] for name in timing if name != "total")

@@ -1,0 +1,133 @@
+!> Crossings of a straight segment with the deformed boundary of a part.
+module dotyk_contact_facet_crossing
+  use dotyk_base_kinds, only: dp
+  use dotyk_contact_solid_boundary, only: solid_t
+  use dotyk_contact_tree_search, only: box_neighbourhood_t, tree_walk_t
+  use dotyk_mesh_facet, only: cross
+  implicit none
+  private
+
+  !> Crossings of one segment that are kept.
+  integer, parameter, public :: max_crossings = 32
+
+  public :: crossings
+
+  !> Facets as straight parts, by local nodes: lines, triangles and quadrilaterals of first and second order.
+  integer, parameter :: lines(2, 2) = reshape([1, 3, 3, 2], [2, 2])
+  integer, parameter :: triangles(3, 4) = reshape([1, 4, 6, 4, 2, 5, 6, 5, 3, 4, 5, 6], [3, 4])
+  integer, parameter :: halves(3, 2) = reshape([1, 2, 3, 1, 3, 4], [3, 2])
+  integer, parameter :: sixths(3, 6) = reshape([1, 5, 8, 5, 2, 6, 6, 3, 7, 7, 4, 8, 5, 6, 7, 5, 7, 8], [3, 6])
+  !> Margin of the borders of a triangle, in its coordinates [].
+  real(dp), parameter :: border = 1.0e-9_dp
+
+contains
+
+  !> Where a segment crosses the deformed boundary, ascending. Facets are passed over where both ends are nearer to their
+  !> planes than they resolve.
+  subroutine crossings(b, start, finish, slack, n, s)
+    !> The part.
+    type(solid_t), intent(in) :: b
+    !> First end (3) [length].
+    real(dp), intent(in) :: start(3)
+    !> Second end (3) [length].
+    real(dp), intent(in) :: finish(3)
+    !> Error of the displacements and of rounding [length].
+    real(dp), intent(in) :: slack
+    !> Number of crossings.
+    integer, intent(out) :: n
+    !> Their places, from 0 at the first end to 1 at the second (max_crossings) [].
+    real(dp), intent(out) :: s(max_crossings)
+    type(box_neighbourhood_t) :: region
+    type(tree_walk_t) :: walk
+    integer :: f, k
+    n = 0
+    s = 0
+    region%low = min(start, finish)
+    region%high = max(start, finish)
+    call walk%start(b%tree)
+    do
+      call walk%next(b%tree, region, f)
+      if (f == 0) exit
+      associate (node => b%surface%node(:, f), corners => b%set%corners(f))
+        select case (corners)
+        case (2)
+          if (node(3) == 0) then
+            call cross_line(node(1:2))
+          else
+            do k = 1, 2
+              call cross_line(node(lines(:, k)))
+            end do
+          end if
+        case (3)
+          if (node(4) == 0) then
+            call cross_triangle(node(1:3))
+          else
+            do k = 1, 4
+              call cross_triangle(node(triangles(:, k)))
+            end do
+          end if
+        case default
+          if (node(5) == 0) then
+            do k = 1, 2
+              call cross_triangle(node(halves(:, k)))
+            end do
+          else
+            do k = 1, 6
+              call cross_triangle(node(sixths(:, k)))
+            end do
+          end if
+        end select
+      end associate
+    end do
+
+  contains
+
+    !> Keep a crossing.
+    subroutine keep(place)
+      !> Place on the segment [].
+      real(dp), intent(in) :: place
+      integer :: i
+      if (n == max_crossings) return
+      do i = n, 1, -1
+        if (s(i) <= place) exit
+        s(i + 1) = s(i)
+      end do
+      s(i + 1) = place
+      n = n + 1
+    end subroutine keep
+
+    !> Crossing with a line, in the plane.
+    subroutine cross_line(node)
+      !> Ends of the line.
+      integer, intent(in) :: node(2)
+      real(dp) :: normal(3), along(3), first, second, t
+      along = b%x(:, node(2)) - b%x(:, node(1))
+      normal = [along(2), -along(1), 0.0_dp]/max(norm2(along), tiny(1.0_dp))
+      first = dot_product(normal, start - b%x(:, node(1)))
+      second = dot_product(normal, finish - b%x(:, node(1)))
+      if (first*second > 0 .or. max(abs(first), abs(second)) <= slack + b%roughness(f)) return
+      t = dot_product(along, start + first/(first - second)*(finish - start) - b%x(:, node(1)))/dot_product(along, along)
+      if (t >= -border .and. t <= 1 + border) call keep(first/(first - second))
+    end subroutine cross_line
+
+    !> Crossing with a triangle.
+    subroutine cross_triangle(node)
+      !> Corners.
+      integer, intent(in) :: node(3)
+      real(dp) :: normal(3), e1(3), e2(3), r(3), area, first, second, u, v
+      e1 = b%x(:, node(2)) - b%x(:, node(1))
+      e2 = b%x(:, node(3)) - b%x(:, node(1))
+      normal = cross(e1, e2)
+      area = norm2(normal)
+      if (.not. area > 0) return
+      normal = normal/area
+      first = dot_product(normal, start - b%x(:, node(1)))
+      second = dot_product(normal, finish - b%x(:, node(1)))
+      if (first*second > 0 .or. max(abs(first), abs(second)) <= slack + b%roughness(f)) return
+      r = start + first/(first - second)*(finish - start) - b%x(:, node(1))
+      u = dot_product(cross(r, e2), normal)/area
+      v = dot_product(cross(e1, r), normal)/area
+      if (min(u, v, 1 - u - v) >= -border) call keep(first/(first - second))
+    end subroutine cross_triangle
+  end subroutine crossings
+end module dotyk_contact_facet_crossing

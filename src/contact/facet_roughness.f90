@@ -1,0 +1,166 @@
+!> The depth that the facets of a surface cannot resolve, and their curvature.
+!>
+!> Facets that meet at a small angle, before deformation, are parts of one smooth surface. An arc over a facet of width h
+!> that turns by b has the height h b/8; contact conditions that hold in the mean over the facets around a vertex leave
+!> penetrations of this order, where the surface is curved and where deformation bends it.
+module dotyk_contact_facet_roughness
+  use dotyk_base_kinds, only: dp
+  use dotyk_contact_adjacency, only: adjacency_t
+  use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
+  use dotyk_mesh_facet, only: cross
+  use dotyk_mesh_surface, only: surface_t
+  implicit none
+  private
+  public :: measure_roughness
+
+  !> Cosine of the angle between adjacent facets beyond which their edge is sharp: 40 degrees, as for smooth surfaces
+  !> (vertex_normals.f90).
+  real(dp), parameter :: sharp_cosine = 0.766_dp
+  !> Roughness over width times angle: twice the height of the arc.
+  real(dp), parameter :: roughness_factor = 0.25_dp
+  !> Reference coordinates of the corners.
+  real(dp), parameter :: triangle_corner(2, 3) = &
+    reshape([0.0_dp, 0.0_dp, 1.0_dp, 0.0_dp, 0.0_dp, 1.0_dp], [2, 3])
+  real(dp), parameter :: quadrilateral_corner(2, 4) = &
+    reshape([-1.0_dp, -1.0_dp, 1.0_dp, -1.0_dp, 1.0_dp, 1.0_dp, -1.0_dp, 1.0_dp], [2, 4])
+  real(dp), parameter :: line_corner(2, 2) = reshape([-1.0_dp, 0.0_dp, 1.0_dp, 0.0_dp], [2, 2])
+
+contains
+
+  !> Normals, roughness and curvature of all facets.
+  subroutine measure_roughness(surface, set, adjacency, x0, normal0, normal, roughness, curvature)
+    !> Facets.
+    type(surface_t), intent(in) :: surface
+    !> Deformed facets.
+    type(facet_set_t), intent(in) :: set
+    !> Neighbours of the facets.
+    type(adjacency_t), intent(in) :: adjacency
+    !> Nodes before deformation (3, n_nodes) [length].
+    real(dp), intent(in) :: x0(:, :)
+    !> Unit normals of the facets before deformation (3, n_facets) [].
+    real(dp), allocatable, intent(out) :: normal0(:, :)
+    !> The same after deformation (3, n_facets) [].
+    real(dp), allocatable, intent(out) :: normal(:, :)
+    !> Roughness (n_facets) [length].
+    real(dp), allocatable, intent(out) :: roughness(:)
+    !> Curvature before deformation (n_facets) [1/length].
+    real(dp), allocatable, intent(out) :: curvature(:)
+    real(dp) :: width
+    real(dp), allocatable :: own(:)
+    integer :: f, e, other, back
+    allocate (normal0(3, set%n), normal(3, set%n), roughness(set%n), curvature(set%n))
+    do f = 1, set%n
+      associate (corner => surface%node(1:set%corners(f), f))
+        normal0(:, f) = corner_normal(x0(:, corner))
+        call bulge(set, f, normal(:, f), roughness(f), curvature(f))
+      end associate
+    end do
+    do f = 1, set%n
+      do e = 1, set%corners(f)
+        other = adjacency%neighbour(e, f)
+        if (other == 0) cycle
+        if (dot_product(normal0(:, f), normal0(:, other)) < sharp_cosine) cycle
+        back = findloc(adjacency%neighbour(1:set%corners(other), other), f, dim=1)
+        if (back == 0) cycle
+        width = min(width_at(surface, set, x0, f, e), width_at(surface, set, x0, other, back))
+        if (.not. width > 0) cycle
+        roughness(f) = max(roughness(f), roughness_factor*width*norm2(normal(:, f) - normal(:, other)))
+        curvature(f) = max(curvature(f), norm2(normal0(:, f) - normal0(:, other))/width)
+      end do
+    end do
+    ! Means over the facets around a vertex depend on all of them.
+    own = roughness
+    do f = 1, set%n
+      do e = 1, set%corners(f)
+        other = adjacency%neighbour(e, f)
+        if (other == 0) cycle
+        if (dot_product(normal0(:, f), normal0(:, other)) >= sharp_cosine) roughness(f) = max(roughness(f), own(other))
+      end do
+    end do
+  end subroutine measure_roughness
+
+  !> Normal at the centre of a deformed facet, and its roughness and curvature by the normals at its corners.
+  pure subroutine bulge(set, f, normal, roughness, curvature)
+    !> Deformed facets.
+    type(facet_set_t), intent(in) :: set
+    !> Facet number.
+    integer, intent(in) :: f
+    !> Unit normal at the centre (3) [].
+    real(dp), intent(out) :: normal(3)
+    !> Roughness [length].
+    real(dp), intent(out) :: roughness
+    !> Curvature [1/length].
+    real(dp), intent(out) :: curvature
+    real(dp) :: centre(3), position(3), other(3), xu(3), xv(3), xi(2), turn, distance
+    integer :: i
+    xi = merge(1/3.0_dp, 0.0_dp, set%corners(f) == 3)
+    call facet_position_and_normal(set, f, xi, centre, normal, xu, xv)
+    roughness = 0
+    curvature = 0
+    if (set%affine(f) .and. set%corners(f) > 2) return
+    do i = 1, set%corners(f)
+      select case (set%corners(f))
+      case (2)
+        xi = line_corner(:, i)
+      case (3)
+        xi = triangle_corner(:, i)
+      case default
+        xi = quadrilateral_corner(:, i)
+      end select
+      call facet_position_and_normal(set, f, xi, position, other, xu, xv)
+      turn = norm2(other - normal)
+      distance = norm2(position - centre)
+      if (.not. distance > 0) cycle
+      ! The corner is half a width away, and the normal has turned by half the angle.
+      roughness = max(roughness, 4*roughness_factor*turn*distance)
+      curvature = max(curvature, turn/distance)
+    end do
+  end subroutine bulge
+
+  !> Unit normal of the plane, or chord, of the corners (3) []; zero where they are collinear.
+  pure function corner_normal(x) result(normal)
+    !> Corners (3, 2 to 4) [length].
+    real(dp), intent(in) :: x(:, :)
+    real(dp) :: normal(3)
+    select case (size(x, 2))
+    case (2)
+      normal = [x(2, 2) - x(2, 1), x(1, 1) - x(1, 2), 0.0_dp]
+    case (3)
+      normal = cross(x(:, 2) - x(:, 1), x(:, 3) - x(:, 1))
+    case default
+      normal = cross(x(:, 3) - x(:, 1), x(:, 4) - x(:, 2))
+    end select
+    normal = normal/max(norm2(normal), tiny(1.0_dp))
+  end function corner_normal
+
+  !> Width of a facet across one of its edges: the distance of its farthest corner from the edge; in two dimensions its
+  !> length [length].
+  pure real(dp) function width_at(surface, set, x0, f, e) result(width)
+    !> Facets.
+    type(surface_t), intent(in) :: surface
+    !> Facets, for the numbers of corners.
+    type(facet_set_t), intent(in) :: set
+    !> Nodes (3, n_nodes) [length].
+    real(dp), intent(in) :: x0(:, :)
+    !> Facet number.
+    integer, intent(in) :: f
+    !> Edge.
+    integer, intent(in) :: e
+    real(dp) :: along(3), r(3)
+    integer :: i, n
+    n = set%corners(f)
+    associate (corner => surface%node(1:n, f))
+      if (n == 2) then
+        width = norm2(x0(:, corner(2)) - x0(:, corner(1)))
+        return
+      end if
+      along = x0(:, corner(modulo(e, n) + 1)) - x0(:, corner(e))
+      along = along/max(norm2(along), tiny(1.0_dp))
+      width = 0
+      do i = 1, n
+        r = x0(:, corner(i)) - x0(:, corner(e))
+        width = max(width, norm2(r - dot_product(r, along)*along))
+      end do
+    end associate
+  end function width_at
+end module dotyk_contact_facet_roughness

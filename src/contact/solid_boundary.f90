@@ -1,0 +1,277 @@
+!> The closed boundary of one part of a body before and after deformation: signed distances of points to it, and the
+!> depth that its facets cannot resolve.
+!>
+!> A part is a connected component of a body. Nodes are numbered within the boundary. Two dimensions are three with
+!> z = 0. The sign of a distance follows from the normal at the closest point; at edges and vertices from the sum of the
+!> normals around, weighted with their angles (Baerentzen and Aanaes, IEEE Trans. Vis. Comput. Graph. 11, 2005).
+module dotyk_contact_solid_boundary
+  use dotyk_base_kinds, only: dp
+  use dotyk_contact_adjacency, only: adjacency_t, corner_of
+  use dotyk_contact_bounding_volume_tree, only: bounding_volume_tree_t
+  use dotyk_contact_closest_point, only: closest_point_on_facet, edges_at
+  use dotyk_contact_facet_roughness, only: measure_roughness
+  use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
+  use dotyk_contact_tree_search, only: nearest_facet
+  use dotyk_mesh_element, only: kind_nodes, max_facet_nodes, shape_functions
+  use dotyk_mesh_surface, only: surface_t
+  implicit none
+  private
+
+  !> Boundary of one part.
+  type, public :: solid_t
+    !> Index of the body.
+    integer :: body = 0
+    !> Dimension of space, 2 or 3.
+    integer :: dimension = 0
+    !> Number of nodes.
+    integer :: n_nodes = 0
+    !> Body-local number of each node (n_nodes).
+    integer, allocatable :: node(:)
+    !> Positions before deformation (3, n_nodes) [length].
+    real(dp), allocatable :: x0(:, :)
+    !> Positions after deformation (3, n_nodes) [length].
+    real(dp), allocatable :: x(:, :)
+    !> Facets, with nodes of the boundary.
+    type(surface_t) :: surface
+    !> Deformed facets.
+    type(facet_set_t) :: set
+    !> Bounding-volume tree of the deformed facets.
+    type(bounding_volume_tree_t) :: tree
+    !> Neighbours of the facets.
+    type(adjacency_t) :: adjacency
+    !> Facets at node i are around(first(i):first(i+1)-1) (n_nodes + 1).
+    integer, allocatable :: first(:)
+    !> These facets.
+    integer, allocatable :: around(:)
+    !> Unit outward normals at the centres of the facets before deformation (3, n_facets) [].
+    real(dp), allocatable :: normal0(:, :)
+    !> The same after deformation (3, n_facets) [].
+    real(dp), allocatable :: normal(:, :)
+    !> Depth that each facet cannot resolve: twice the height of the arc over it (n_facets) [length].
+    real(dp), allocatable :: roughness(:)
+    !> Greatest curvature around each facet before deformation (n_facets) [1/length].
+    real(dp), allocatable :: curvature(:)
+  contains
+    procedure :: init => solid_init
+    procedure :: depth_of => solid_depth_of
+    procedure :: displacement_at => solid_displacement_at
+    procedure :: node_roughness => solid_node_roughness
+    procedure :: outward_normal => solid_outward_normal
+  end type solid_t
+
+  !> A point lies on an edge where its distance is below this fraction of the size of the facet.
+  real(dp), parameter :: edge_tolerance = 1.0e-8_dp
+  !> Facets face a direction where the cosine of its angle with their normals exceeds this.
+  real(dp), parameter :: facing_cosine = 0.2_dp
+  !> Reference coordinates of the corners of triangles and quadrilaterals, and of the ends of lines.
+  real(dp), parameter :: triangle_corner(2, 3) = &
+    reshape([0.0_dp, 0.0_dp, 1.0_dp, 0.0_dp, 0.0_dp, 1.0_dp], [2, 3])
+  real(dp), parameter :: quadrilateral_corner(2, 4) = &
+    reshape([-1.0_dp, -1.0_dp, 1.0_dp, -1.0_dp, 1.0_dp, 1.0_dp, -1.0_dp, 1.0_dp], [2, 4])
+
+contains
+
+  !> Set up from some facets of the boundary of a body.
+  subroutine solid_init(self, body, x, displacement, boundary, chosen)
+    class(solid_t), intent(out) :: self
+    !> Index of the body.
+    integer, intent(in) :: body
+    !> Nodes of the body (dimension, n) [length].
+    real(dp), intent(in) :: x(:, :)
+    !> Their displacements (dimension, n) [length].
+    real(dp), intent(in) :: displacement(:, :)
+    !> Boundary of the body, with nodes of the body.
+    type(surface_t), intent(in) :: boundary
+    !> Facets of the part (n_facets).
+    integer, intent(in) :: chosen(:)
+    integer, allocatable :: number(:)
+    integer :: f, i, d, n
+    self%body = body
+    d = size(x, 1)
+    self%dimension = d
+    associate (surface => self%surface)
+      n = size(chosen)
+      surface%dimension = d
+      surface%n_facets = n
+      surface%order_elevated = boundary%order_elevated
+      surface%kind = boundary%kind(chosen)
+      allocate (surface%node(max_facet_nodes, n), number(0:size(x, 2)))
+      number = 0
+      do f = 1, n
+        number(boundary%node(1:kind_nodes(surface%kind(f)), chosen(f))) = 1
+      end do
+      self%n_nodes = sum(number)
+      allocate (self%node(self%n_nodes), self%x0(3, self%n_nodes), self%x(3, self%n_nodes))
+      self%x0 = 0
+      self%x = 0
+      n = 0
+      do i = 1, size(x, 2)
+        if (number(i) == 0) cycle
+        n = n + 1
+        number(i) = n
+        self%node(n) = i
+        self%x0(1:d, n) = x(:, i)
+        self%x(1:d, n) = x(:, i) + displacement(:, i)
+      end do
+      do f = 1, surface%n_facets
+        surface%node(:, f) = number(boundary%node(:, chosen(f)))
+      end do
+    end associate
+    call self%set%init(self%x(1:d, :), self%surface)
+    call self%tree%init(self%set)
+    call self%adjacency%init(self%set)
+    call collect_around(self)
+    call measure_roughness(self%surface, self%set, self%adjacency, self%x0, self%normal0, self%normal, &
+                           self%roughness, self%curvature)
+  end subroutine solid_init
+
+  !> Facets at each node, mid-side nodes included.
+  pure subroutine collect_around(self)
+    !> Boundary; its lists are set.
+    type(solid_t), intent(inout) :: self
+    integer, allocatable :: next(:)
+    integer :: f, i, k
+    allocate (self%first(self%n_nodes + 1), next(self%n_nodes))
+    next = 0
+    do f = 1, self%surface%n_facets
+      do i = 1, kind_nodes(self%surface%kind(f))
+        next(self%surface%node(i, f)) = next(self%surface%node(i, f)) + 1
+      end do
+    end do
+    self%first(1) = 1
+    do i = 1, self%n_nodes
+      self%first(i + 1) = self%first(i) + next(i)
+      next(i) = self%first(i)
+    end do
+    allocate (self%around(self%first(self%n_nodes + 1) - 1))
+    do f = 1, self%surface%n_facets
+      do i = 1, kind_nodes(self%surface%kind(f))
+        k = self%surface%node(i, f)
+        self%around(next(k)) = f
+        next(k) = next(k) + 1
+      end do
+    end do
+  end subroutine collect_around
+
+  !> Depth of a point below the deformed boundary: its distance, negative outside.
+  pure subroutine solid_depth_of(self, x, hint, depth, facet, xi)
+    class(solid_t), intent(in) :: self
+    !> Point (3) [length].
+    real(dp), intent(in) :: x(3)
+    !> A facet that is probably near, or 0.
+    integer, intent(in) :: hint
+    !> Depth [length].
+    real(dp), intent(out) :: depth
+    !> Facet of the closest point.
+    integer, intent(out) :: facet
+    !> Reference coordinates of the closest point (2) [].
+    real(dp), intent(out) :: xi(2)
+    real(dp) :: square, position(3), normal(3)
+    call nearest_facet(self%tree, self%set, x, [0.0_dp, 0.0_dp, 1.0_dp], .true., hint, facet, xi, square)
+    call self%outward_normal(facet, xi, position, normal)
+    depth = sign(sqrt(square), -dot_product(x - position, normal))
+  end subroutine solid_depth_of
+
+  !> Outward direction at a point of a facet; the mean of the facets around at edges and vertices.
+  pure subroutine solid_outward_normal(self, facet, xi, position, normal)
+    class(solid_t), intent(in) :: self
+    !> Facet number.
+    integer, intent(in) :: facet
+    !> Reference coordinates (2) [].
+    real(dp), intent(in) :: xi(2)
+    !> Position (3) [length].
+    real(dp), intent(out) :: position(3)
+    !> Outward direction, not normalized (3) [].
+    real(dp), intent(out) :: normal(3)
+    real(dp) :: other_xi(2), other_position(3), other_normal(3), xu(3), xv(3), square
+    integer :: n, edges(2), corner, corners, other, k, v
+    corners = self%set%corners(facet)
+    call facet_position_and_normal(self%set, facet, xi, position, normal, xu, xv)
+    call edges_at(corners, xi, edge_tolerance, n, edges)
+    if (n == 0) return
+    if (n == 1 .and. corners > 2) then
+      other = self%adjacency%neighbour(edges(1), facet)
+      if (other == 0) return
+      call closest_point_on_facet(self%set, other, position, other_xi, square)
+      call facet_position_and_normal(self%set, other, other_xi, other_position, other_normal, xu, xv)
+      normal = normal + other_normal
+      return
+    end if
+    ! Edges i and i+1 meet at corner i+1, the first and the last one at corner 1; a line ends at corner i.
+    corner = edges(min(n, 2))
+    if (corners > 2 .and. edges(1) == 1 .and. edges(2) == corners) corner = 1
+    v = self%adjacency%vertex(corner, facet)
+    normal = 0
+    do k = self%adjacency%start(v), self%adjacency%start(v + 1) - 1
+      other = self%adjacency%facet(k)
+      normal = normal + normal_by_angle(self%set, self%x, other, corner_of(self%set, self%adjacency, v, other))
+    end do
+  end subroutine solid_outward_normal
+
+  !> Unit normal of a facet at one of its corners, times the angle of the facet there [rad].
+  pure function normal_by_angle(set, x, facet, corner) result(normal)
+    !> Facets.
+    type(facet_set_t), intent(in) :: set
+    !> Positions of the nodes (3, n_nodes) [length].
+    real(dp), intent(in) :: x(:, :)
+    !> Facet number.
+    integer, intent(in) :: facet
+    !> Corner.
+    integer, intent(in) :: corner
+    !> The product (3) [rad].
+    real(dp) :: normal(3)
+    real(dp) :: position(3), xu(3), xv(3), a(3), b(3)
+    integer :: n
+    n = set%corners(facet)
+    if (n == 2) then
+      call facet_position_and_normal(set, facet, [2.0_dp*corner - 3, 0.0_dp], position, normal, xu, xv)
+      return
+    end if
+    if (n == 3) then
+      call facet_position_and_normal(set, facet, triangle_corner(:, corner), position, normal, xu, xv)
+    else
+      call facet_position_and_normal(set, facet, quadrilateral_corner(:, corner), position, normal, xu, xv)
+    end if
+    a = x(:, set%corner_node(modulo(corner, n) + 1, facet)) - x(:, set%corner_node(corner, facet))
+    b = x(:, set%corner_node(modulo(corner - 2, n) + 1, facet)) - x(:, set%corner_node(corner, facet))
+    normal = normal*acos(max(-1.0_dp, min(1.0_dp, dot_product(a, b)/max(norm2(a)*norm2(b), tiny(1.0_dp)))))
+  end function normal_by_angle
+
+  !> Displacement of a point of a facet (3) [length].
+  pure function solid_displacement_at(self, facet, xi) result(u)
+    class(solid_t), intent(in) :: self
+    !> Facet number.
+    integer, intent(in) :: facet
+    !> Reference coordinates (2) [].
+    real(dp), intent(in) :: xi(2)
+    real(dp) :: u(3)
+    real(dp) :: shape(max_facet_nodes)
+    integer :: n, i, k
+    n = kind_nodes(self%surface%kind(facet))
+    call shape_functions(self%surface%kind(facet), xi(1:self%dimension - 1), shape(1:n))
+    u = 0
+    do i = 1, n
+      k = self%surface%node(i, facet)
+      u = u + shape(i)*(self%x(:, k) - self%x0(:, k))
+    end do
+  end function solid_displacement_at
+
+  !> Roughness of the facets around a node that face a direction, of all where none does [length].
+  pure real(dp) function solid_node_roughness(self, node, toward) result(roughness)
+    class(solid_t), intent(in) :: self
+    !> Node of the boundary.
+    integer, intent(in) :: node
+    !> Unit vector (3) [].
+    real(dp), intent(in) :: toward(3)
+    logical :: is_facing
+    integer :: k
+    roughness = 0
+    is_facing = .false.
+    do k = self%first(node), self%first(node + 1) - 1
+      if (dot_product(self%normal(:, self%around(k)), toward) < facing_cosine) cycle
+      is_facing = .true.
+      roughness = max(roughness, self%roughness(self%around(k)))
+    end do
+    if (.not. is_facing) roughness = maxval(self%roughness(self%around(self%first(node):self%first(node + 1) - 1)))
+  end function solid_node_roughness
+end module dotyk_contact_solid_boundary

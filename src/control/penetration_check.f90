@@ -1,0 +1,287 @@
+!> The check after the solution: whether the deformed bodies penetrate each other, in contact pairs or not.
+!>
+!> It depends neither on the contact search nor on contact rows: the whole boundary of each part of each body is held
+!> against that of all others whose boxes it meets. Contact pairs only explain the penetration that their penalty and
+!> their given gaps leave. Self contact of one part is not checked.
+module dotyk_control_penetration_check
+  use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
+  use omp_lib, only: omp_get_max_threads
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_sort, only: sort_order
+  use dotyk_contact_penetration_search, only: find_penetration, penetration_t
+  use dotyk_contact_solid_boundary, only: solid_t
+  use dotyk_control_body_solution, only: body_solution_t
+  use dotyk_control_contact_problem, only: contact_problem_t
+  use dotyk_control_explained_penetration, only: explained_penetration
+  use dotyk_control_pressures, only: nodal_field_t
+  use dotyk_mesh_body_mesh, only: body_mesh_t, connected_components
+  use dotyk_mesh_boundary, only: extract_boundary
+  use dotyk_mesh_surface, only: surface_t
+  implicit none
+  private
+
+  !> One body inside another.
+  type, public :: body_penetration_t
+    !> The body whose points are inside.
+    integer :: body = 0
+    !> The body that they are in; the same for two parts of one body.
+    integer :: other = 0
+    !> The deepest point.
+    type(penetration_t) :: worst
+  end type body_penetration_t
+
+  !> Outcome of the check.
+  type, public :: penetration_check_t
+    !> Whether it was done: it needs displacements.
+    logical :: is_done = .false.
+    !> Pairs of bodies that penetrate each other, the deepest first.
+    type(body_penetration_t), allocatable :: found(:)
+    !> Depth of the nodes that are too deep, or at an edge that is; 0 elsewhere (n_bodies) [length].
+    type(nodal_field_t), allocatable :: depth(:)
+  contains
+    procedure :: deepest => check_deepest
+  end type penetration_check_t
+
+  !> Parts of one body.
+  type :: parts_t
+    !> The parts (n_parts).
+    type(solid_t), allocatable :: part(:)
+  end type parts_t
+
+  public :: check_penetration
+
+  !> Rounding of displacements relative to the largest, and of coordinates relative to the largest.
+  real(dp), parameter :: rounding = 1.0e-9_dp, coordinate_rounding = 1.0e-13_dp
+  !> From this number of couples of bodies per thread on, couples are checked in parallel.
+  integer, parameter :: many = 4
+  !> Error bounds above this leave nothing to check: the slack grows no further.
+  real(dp), parameter :: largest_bound = 0.01_dp
+
+contains
+
+  !> The deepest penetration; 0 where there is none, NaN where the check was not done [length].
+  pure real(dp) function check_deepest(self) result(depth)
+    class(penetration_check_t), intent(in) :: self
+    depth = 0
+    if (.not. self%is_done) then
+      depth = ieee_value(depth, ieee_quiet_nan)
+    else if (size(self%found) > 0) then
+      depth = self%found(1)%worst%depth
+    end if
+  end function check_deepest
+
+  !> Check all bodies.
+  subroutine check_penetration(problem, solution, first_row, y, error_bound, check)
+    !> Bodies and contact pairs.
+    type(contact_problem_t), intent(in) :: problem
+    !> Displacements of the bodies (n_bodies).
+    type(body_solution_t), intent(in) :: solution(:)
+    !> Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
+    integer, intent(in) :: first_row(:)
+    !> B u - d (n_rows) [length].
+    real(dp), intent(in) :: y(:)
+    !> Relative error of the iteration [].
+    real(dp), intent(in) :: error_bound
+    !> Outcome.
+    type(penetration_check_t), intent(out) :: check
+    type(parts_t), allocatable :: parts(:)
+    type(body_penetration_t), allocatable :: found(:)
+    real(dp) :: lo(3, size(problem%body)), hi(3, size(problem%body)), moved(size(problem%body))
+    integer, allocatable :: couple(:, :)
+    logical :: needed(size(problem%body))
+    integer :: b, k, n
+    n = size(problem%body)
+    allocate (check%depth(n))
+    do b = 1, n
+      allocate (check%depth(b)%value(problem%body(b)%mesh%n_nodes()), source=0.0_dp)
+    end do
+    check%is_done = .true.
+    lo = 0
+    hi = 0
+    do b = 1, n
+      associate (x => problem%body(b)%mesh%x, u => solution(b)%displacement)
+        lo(1:size(x, 1), b) = minval(x + u, dim=2)
+        hi(1:size(x, 1), b) = maxval(x + u, dim=2)
+        moved(b) = maxval(norm2(u, dim=1))
+      end associate
+    end do
+    call overlapping_boxes(lo, hi, couple)
+    needed = .false.
+    needed(couple(1, :)) = .true.
+    needed(couple(2, :)) = .true.
+    allocate (parts(n))
+    !$omp parallel do default(none) shared(problem, solution, needed, parts, n) schedule(dynamic, 1)
+    do b = 1, n
+      if (needed(b)) call split_parts(b, problem%body(b)%mesh, solution(b)%displacement, parts(b)%part)
+    end do
+    !$omp end parallel do
+    ! Few couples: threads share the nodes of each. Many couples: threads share the couples.
+    allocate (found(size(couple, 2)))
+    !$omp parallel do default(none) schedule(dynamic, 1) if (size(found) >= many*omp_get_max_threads()) &
+    !$omp& shared(problem, first_row, y, parts, couple, moved, error_bound, found, check)
+    do k = 1, size(found)
+      associate (a => couple(1, k), c => couple(2, k))
+        call check_bodies(problem, first_row, y, parts(a)%part, parts(c)%part, a, c, &
+                          slack_of(problem%body(a)%mesh, problem%body(c)%mesh, max(moved(a), moved(c)), error_bound), &
+                          check%depth(a)%value, check%depth(c)%value, found(k))
+      end associate
+    end do
+    !$omp end parallel do
+    check%found = pack(found, found%worst%depth > 0)
+    call sort_found(check%found)
+  end subroutine check_penetration
+
+  !> Error of displacements and of rounding [length].
+  pure real(dp) function slack_of(mesh_a, mesh_b, moved, error_bound) result(slack)
+    !> Mesh of one body.
+    type(body_mesh_t), intent(in) :: mesh_a
+    !> Mesh of the other body.
+    type(body_mesh_t), intent(in) :: mesh_b
+    !> Largest displacement of the two [length].
+    real(dp), intent(in) :: moved
+    !> Relative error of the iteration [].
+    real(dp), intent(in) :: error_bound
+    slack = (rounding + min(largest_bound, max(0.0_dp, error_bound)))*moved + &
+            coordinate_rounding*max(maxval(abs(mesh_a%x)), maxval(abs(mesh_b%x)))
+  end function slack_of
+
+  !> Couples of boxes that overlap, and each box with itself, by their lower corners in x.
+  pure subroutine overlapping_boxes(lo, hi, couple)
+    !> Lower corners (3, n) [length].
+    real(dp), intent(in) :: lo(:, :)
+    !> Upper corners (3, n) [length].
+    real(dp), intent(in) :: hi(:, :)
+    !> Numbers of the boxes, the lower one first (2, n_couples).
+    integer, allocatable, intent(out) :: couple(:, :)
+    integer, allocatable :: found(:, :), more(:, :)
+    integer :: order(size(lo, 2)), i, j, n
+    call sort_order(lo(1, :), order)
+    allocate (found(2, 2*size(order)))
+    n = 0
+    do i = 1, size(order)
+      do j = i, size(order)
+        if (lo(1, order(j)) > hi(1, order(i))) exit
+        if (any(lo(:, order(j)) > hi(:, order(i)) .or. hi(:, order(j)) < lo(:, order(i)))) cycle
+        if (n == size(found, 2)) then
+          allocate (more(2, 2*n))
+          more(:, 1:n) = found
+          call move_alloc(more, found)
+        end if
+        n = n + 1
+        found(:, n) = [min(order(i), order(j)), max(order(i), order(j))]
+      end do
+    end do
+    couple = found(:, 1:n)
+  end subroutine overlapping_boxes
+
+  !> Boundaries of the parts of a body.
+  subroutine split_parts(b, mesh, displacement, part)
+    !> Index of the body.
+    integer, intent(in) :: b
+    !> Its mesh.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Displacements of its nodes (dimension, n_nodes) [length].
+    real(dp), intent(in) :: displacement(:, :)
+    !> Its parts (n_parts).
+    type(solid_t), allocatable, intent(out) :: part(:)
+    type(surface_t) :: boundary
+    integer, allocatable :: component(:), of_facet(:)
+    integer :: n, k, f
+    call extract_boundary(mesh, boundary)
+    allocate (component(mesh%n_nodes()))
+    call connected_components(mesh, component, n)
+    allocate (part(n))
+    of_facet = component(boundary%node(1, :))
+    do k = 1, n
+      call part(k)%init(b, mesh%x, displacement, boundary, pack([(f, f=1, boundary%n_facets)], of_facet == k))
+    end do
+  end subroutine split_parts
+
+  !> Check the parts of two bodies, or of one.
+  subroutine check_bodies(problem, first_row, y, parts_a, parts_b, a, b, slack, depth_a, depth_b, found)
+    !> Bodies and contact pairs.
+    type(contact_problem_t), intent(in) :: problem
+    !> First row of each pair (n_pairs+1).
+    integer, intent(in) :: first_row(:)
+    !> B u - d (n_rows) [length].
+    real(dp), intent(in) :: y(:)
+    !> Parts of the first body.
+    type(solid_t), intent(in) :: parts_a(:)
+    !> Parts of the second body.
+    type(solid_t), intent(in) :: parts_b(:)
+    !> Index of the first body.
+    integer, intent(in) :: a
+    !> Index of the second body.
+    integer, intent(in) :: b
+    !> Error of the displacements and of rounding [length].
+    real(dp), intent(in) :: slack
+    !> Depth at the nodes of the first body (n_nodes) [length].
+    real(dp), intent(inout) :: depth_a(:)
+    !> Depth at the nodes of the second body; the same array where it is the same body (n_nodes) [length].
+    real(dp), intent(inout) :: depth_b(:)
+    !> The deeper one of the two in the other; of depth 0 where neither is.
+    type(body_penetration_t), intent(out) :: found
+    type(body_penetration_t) :: a_in_b, b_in_a
+    real(dp), allocatable :: explained_a(:), explained_b(:)
+    integer :: i, j
+    if (a == b .and. size(parts_a) == 1) return
+    call explained_penetration(problem, first_row, y, a, b, explained_a)
+    call explained_penetration(problem, first_row, y, b, a, explained_b)
+    a_in_b = body_penetration_t(a, b)
+    b_in_a = body_penetration_t(b, a)
+    do i = 1, size(parts_a)
+      do j = merge(i + 1, 1, a == b), size(parts_b)
+        associate (p => parts_a(i), q => parts_b(j))
+          if (any(p%tree%volume(1)%lo > q%tree%volume(1)%hi .or. p%tree%volume(1)%hi < q%tree%volume(1)%lo)) cycle
+          call check_parts(p, q, explained_a(p%node), explained_b(q%node), slack, depth_a, a_in_b%worst)
+          call check_parts(q, p, explained_b(q%node), explained_a(p%node), slack, depth_b, b_in_a%worst)
+        end associate
+      end do
+    end do
+    found = a_in_b
+    if (b_in_a%worst%depth > a_in_b%worst%depth) found = b_in_a
+  end subroutine check_bodies
+
+  !> Check one part against another one.
+  subroutine check_parts(p, q, explained_p, explained_q, slack, depth, worst)
+    !> The part.
+    type(solid_t), intent(in) :: p
+    !> The other part.
+    type(solid_t), intent(in) :: q
+    !> Penetration that contact pairs leave at the nodes of the part (p%n_nodes) [length].
+    real(dp), intent(in) :: explained_p(:)
+    !> The same at the nodes of the other one (q%n_nodes) [length].
+    real(dp), intent(in) :: explained_q(:)
+    !> Error of the displacements and of rounding [length].
+    real(dp), intent(in) :: slack
+    !> Depth at the nodes of the body (n_nodes) [length].
+    real(dp), intent(inout) :: depth(:)
+    !> The deepest point of the body so far; numbers of nodes and edges are added.
+    type(penetration_t), intent(inout) :: worst
+    type(penetration_t) :: here
+    real(dp), allocatable :: own(:)
+    call find_penetration(p, q, explained_p, explained_q, slack, own, here)
+    if (here%depth > 0) then
+      !$omp critical (penetration_of_body)
+      depth(p%node) = max(depth(p%node), own)
+      !$omp end critical (penetration_of_body)
+    end if
+    here%n_nodes = here%n_nodes + worst%n_nodes
+    here%n_edges = here%n_edges + worst%n_edges
+    if (here%depth > worst%depth) then
+      worst = here
+    else
+      worst%n_nodes = here%n_nodes
+      worst%n_edges = here%n_edges
+    end if
+  end subroutine check_parts
+
+  !> Sort penetrations, the deepest first.
+  pure subroutine sort_found(found)
+    !> Penetrations (n).
+    type(body_penetration_t), intent(inout) :: found(:)
+    integer :: order(size(found))
+    call sort_order(-found%worst%depth, order)
+    found = found(order)
+  end subroutine sort_found
+end module dotyk_control_penetration_check

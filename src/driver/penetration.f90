@@ -1,0 +1,44 @@
+!> The check of the deformed bodies against each other, in a run.
+module dotyk_driver_penetration
+  use dotyk_base_memory, only: set_stage
+  use dotyk_control_contact_solution, only: contact_solution_t
+  use dotyk_control_penetration_check, only: check_penetration
+  use dotyk_driver_scene, only: scene_t
+  use dotyk_log_penetration_lines, only: show_penetration
+  use dotyk_log_run_monitor, only: log_monitor_t
+  use dotyk_scheme_solver_state, only: ended_converged, ended_penetration
+  implicit none
+  private
+  public :: check_bodies
+
+contains
+
+  !> Check the solution. Where bodies penetrate each other it is none.
+  subroutine check_bodies(scene, solution, monitor)
+    !> The scene, solved.
+    type(scene_t), intent(in) :: scene
+    !> The solution, with the outcome of the check on return.
+    type(contact_solution_t), intent(inout) :: solution
+    !> Log and watch.
+    type(log_monitor_t), intent(inout) :: monitor
+    call set_stage('checking for penetration')
+    if (.not. all_displaced()) return
+    call check_penetration(scene%problem, solution%displacements%body, scene%qp%pair_first_row, solution%state%y, &
+                           solution%state%error_bound, solution%penetration)
+    call monitor%watch%lap(monitor%timing%check)
+    call show_penetration(monitor%log, scene%problem%body, solution%penetration)
+    if (size(solution%penetration%found) > 0 .and. solution%state%ended == ended_converged) &
+      solution%state%ended = ended_penetration
+
+  contains
+
+    !> Whether the displacements of all bodies are known.
+    logical function all_displaced()
+      integer :: b
+      all_displaced = .false.
+      if (.not. allocated(solution%displacements%body)) return
+      all_displaced = all([(allocated(solution%displacements%body(b)%displacement), &
+                            b=1, size(solution%displacements%body))])
+    end function all_displaced
+  end subroutine check_bodies
+end module dotyk_driver_penetration

@@ -1,0 +1,47 @@
+!> Bodies that penetrate each other, in the log.
+module dotyk_log_penetration_lines
+  use dotyk_base_log, only: log_t
+  use dotyk_base_text, only: counted, quoted, to_text
+  use dotyk_control_penetration_check, only: body_penetration_t, penetration_check_t
+  use dotyk_elasticity_body, only: body_t
+  implicit none
+  private
+  public :: show_penetration
+
+  !> Greatest number of couples of bodies with a line each; more are summed up.
+  integer, parameter :: most_shown = 20
+
+contains
+
+  !> One line for each couple of bodies, the deepest first.
+  subroutine show_penetration(log, body, check)
+    !> The log.
+    type(log_t), intent(inout) :: log
+    !> Bodies (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    !> Outcome of the check.
+    type(penetration_check_t), intent(in) :: check
+    integer :: k
+    do k = 1, min(most_shown, size(check%found))
+      call log%line('  penetration      '//line_of(body, check%found(k)))
+    end do
+    if (size(check%found) > most_shown) &
+      call log%line('  penetration      '//counted(size(check%found) - most_shown, 'more couple')//' of bodies')
+  end subroutine show_penetration
+
+  !> Who, where and how deep.
+  function line_of(body, found) result(text)
+    !> Bodies (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    !> One body inside another.
+    type(body_penetration_t), intent(in) :: found
+    character(:), allocatable :: text
+    associate (worst => found%worst)
+      text = quoted(body(found%body)%name)//' is inside '//quoted(body(found%other)%name)//' by '// &
+             to_text(worst%depth, 4)//' at ('//to_text(worst%position(1), 4)//', '// &
+             to_text(worst%position(2), 4)//', '//to_text(worst%position(3), 4)//')'
+      if (worst%n_nodes > 0) text = text//', '//counted(worst%n_nodes, 'node')
+      if (worst%n_edges > 0) text = text//', '//counted(worst%n_edges, 'edge')
+    end associate
+  end function line_of
+end module dotyk_log_penetration_lines
