@@ -81,26 +81,32 @@ def judge(assembly, path):
     floor = (1e-9 * max(part.young * part.solid.size for part in assembly.parts) * max(move, 1e-6))
     scale = max(scale, floor)
     given = [np.zeros(3) for _ in bodies]
-    for name, by_pair in pairs.items():
+    blind = False
+    for name, (by_pair, active) in pairs.items():
         sides = sides_of(assembly, name)
         if sides is None:
             return None, {"note": "pair %s" % name}
         given[sides[0]] += by_pair
         given[sides[1]] -= by_pair
+        for side in sides:
+            body, held = contact[side][:2]
+            facets = body.facets[held[body.facets].any(axis=1)]
+            reach = assembly.parts[sides[0]].solid.length
+            blind |= bool(len(active)) and bool(np.any(check.distance(active, body.x[facets]) < reach))
     faults = []
     for k, (body, held, force, own, inner) in enumerate(contact):
         if inner > BALANCE * max(own, floor):
             faults.append("part %d: force %.1e of %.1e inside" % (k + 1, inner, own))
         off = np.abs(force.sum(axis=0) - given[k]).max()
-        if off > BALANCE * scale and not np.any(held & body.touched):
+        if off > BALANCE * scale and not blind:
             faults.append("part %d: contact force off by %.1e of %.1e" % (k + 1, off, scale))
+    numbers["blind"] = blind
     if scale > 0:
         whole = sum((force.sum(axis=0) for _, _, force, _, _ in contact), np.zeros(3))
         moments = sum((np.cross(body.x, force).sum(axis=0) for body, _, force, _, _ in contact), np.zeros(3))
         numbers["balance"] = float(np.abs(whole).max() / scale)
         numbers["moment"] = float(np.abs(moments).max() / scale)
-        if max(numbers["balance"], numbers["moment"]) > BALANCE and not any(
-                np.any(held & body.touched) for body, held, *_ in contact):
+        if max(numbers["balance"], numbers["moment"]) > BALANCE and not blind:
             faults.append("action is not reaction: force %.1e, moment %.1e" % (numbers["balance"], numbers["moment"]))
     size = max(part.solid.size for part in assembly.parts)
     if move > 0.5 * size:
@@ -202,6 +208,8 @@ def report(entries):
     reasons = collections.Counter(entry["reason"] for entry in entries if entry["outcome"] == "says why not")
     for words, number in reasons.most_common():
         print("%5d  %s" % (number, words))
+    print("%d runs with exit code 0 in which contact at held nodes hides a part of the balance" % sum(
+        entry["numbers"].get("blind", False) for entry in entries))
     times = sorted(entry["seconds"] for entry in entries)
     print("seconds per run: median %.2f, largest %.2f" % (times[len(times) // 2], times[-1]))
     for entry in entries:

@@ -13,7 +13,7 @@ class Body:
     """Nodes, displacement, elements of a body."""
 
     def __init__(self, x, u, cells):
-        self.x, self.u, self.cells, self.touched = x, u, cells, np.zeros(len(x), bool)
+        self.x, self.u, self.cells = x, u, cells
         self.tets = cells if cells.shape[1] == 4 else cells[:, SPLIT].reshape(-1, 4)
         faces = np.concatenate([self.tets[:, f] for f in ([0, 1, 2], [0, 1, 3], [1, 2, 3], [2, 0, 3])])
         _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
@@ -89,11 +89,9 @@ def read(path):
         bodies = []
         for k in range(len(points) - 1):
             n = 4 if types[cells[k]] == 10 else 10
-            part = slice(points[k], points[k + 1])
             bodies.append(Body(x[points[k]:points[k + 1]], u[points[k]:points[k + 1]],
                                nodes[ids[k]:ids[k + 1]].reshape(-1, n)))
-            bodies[-1].touched = vtk["PointData/contact_pressure"][part] != 0
-        pairs = {name: pair.attrs["force"] for name, pair in file.get("dotyk/contact", {}).items()}
+        pairs = {name: (pair.attrs["force"], pair["position"][:][pair["pressure"][:] > 0]) for name, pair in file.get("dotyk/contact", {}).items()}
         return bodies, pairs, dict(file["dotyk/summary"].attrs)
 
 
