@@ -76,7 +76,12 @@ contains
         call solve_contact(scene%problem, scene%qp, scene%compliance, run, goal_of(case), monitor, solution, error)
         call monitor%end_phase()
         if (allocated(error)) exit
-        if (solution%state%ended /= ended_time) exit
+        if (solution%state%ended /= ended_time) then
+          if (.not. scene%neutral%asks_again(solution%state, scene%problem, scene%qp)) exit
+          call monitor%note('neutral modes    bodies move far along them; held, and the contact solved again')
+          call begin_again(scene%theta, solution)
+          cycle
+        end if
         call write_on_the_way(case, scene, solution, threads, monitor, has_warned)
       end do
       if (allocated(error)) then
@@ -88,6 +93,7 @@ contains
     end if
     call scene%compliance%destroy()
     if (allocated(error)) return
+    call scene%neutral%judge(scene%problem, solution%qp, solution%state)
     call note_modes(scene%problem, solution%state, monitor%log)
     call check_bodies(scene, solution, monitor)
     call show_solution(monitor%log, case%output, goal_of(case), scene%problem, scene%compliance%n_sweeps, solution, &
@@ -98,4 +104,13 @@ contains
     call monitor%log%line('  results          '//case%scene%output)
     if (solution%state%ended /= ended_converged) code = exit_not_converged
   end subroutine run_case
+
+  !> A solution that is not begun.
+  subroutine begin_again(theta, solution)
+    !> Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    !> Without a state on return.
+    type(contact_solution_t), intent(out) :: solution
+    solution%theta = theta
+  end subroutine begin_again
 end module dotyk_driver_run_case

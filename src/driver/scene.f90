@@ -10,6 +10,7 @@ module dotyk_driver_scene
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_factorization, only: analyze_bodies, check_memory, direct_slot_t, factor_size_t, factorize_bodies, &
     find_modes, make_operators
+  use dotyk_control_neutral_modes, only: neutral_modes_t
   use dotyk_control_parallel, only: set_blas_threads, share_solves
   use dotyk_elasticity_body, only: stiffness_t
   use dotyk_input_case, only: case_t
@@ -45,6 +46,8 @@ module dotyk_driver_scene
     type(contact_qp_t) :: qp
     !> Its compliance.
     type(body_compliance_t) :: compliance
+    !> Modes that contact hardly resists.
+    type(neutral_modes_t) :: neutral
   end type scene_t
 
   public :: build_scene, factorize_scene
@@ -143,6 +146,8 @@ contains
       call foundation_compliance(problem%body, problem%pair, foundation)
       call qp%init(scene%operator, free%initial_penetration, free%load_displacement, free%energy, &
                    free%norm_square, foundation, coarse)
+      call scene%neutral%find(problem, scene%theta, modes, qp, error)
+      if (allocated(error)) return
       call compliance%init(qp, response, operators, side_by_side)
       if (any(scene%size_of%forms_matrix)) then
         call set_blas_threads(scene%problem%n_blas)

@@ -31,6 +31,8 @@ module dotyk_elasticity_body_modes
   contains
     procedure :: find => modes_find
     procedure :: move => modes_move
+    procedure :: rotate => modes_rotate
+    procedure :: components => modes_components
     procedure :: take_near_null => modes_take_near_null
     procedure :: is_near_null => modes_is_near_null
     procedure :: combination_text => modes_combination_text
@@ -78,6 +80,25 @@ contains
     call self%rigid%move(body%mesh, motion)
     self%resultant = resultants(self%shape, body%load)
   end subroutine modes_move
+
+  !> Take another basis of the rigid body modes.
+  subroutine modes_rotate(self, basis)
+    class(body_modes_t), intent(inout) :: self
+    !> Orthonormal combinations of the modes as columns, none of which mixes connected components (n, n) [].
+    real(dp), intent(in) :: basis(:, :)
+    associate (points => size(self%shape, 1)*size(self%shape, 2))
+      self%shape = reshape(matmul(reshape(self%shape, [points, self%n]), basis), shape(self%shape))
+    end associate
+    self%resultant = matmul(self%resultant, basis)
+    call self%rigid%rotate(basis)
+  end subroutine modes_rotate
+
+  !> The connected component of the body that each rigid body mode moves (n).
+  pure function modes_components(self) result(component)
+    class(body_modes_t), intent(in) :: self
+    integer, allocatable :: component(:)
+    component = self%rigid%component
+  end function modes_components
 
   !> Near-null-space modes of a body that its supports hold.
   subroutine modes_take_near_null(self, body, mode, stiffness)

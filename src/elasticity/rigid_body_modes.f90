@@ -22,7 +22,7 @@ module dotyk_elasticity_rigid_body_modes
     !> Type of analysis: one of the `analysis_*` constants.
     integer, private :: analysis = analysis_3d
     !> Connected component that each mode moves (n).
-    integer, allocatable, private :: component(:)
+    integer, allocatable :: component(:)
     !> Translation, and rotation times the radius of the component, about its centre (6, n) [].
     real(dp), allocatable, private :: coefficient(:, :)
     !> Centre of each component (3, n_components) [length].
@@ -34,6 +34,7 @@ module dotyk_elasticity_rigid_body_modes
   contains
     procedure :: init => rigid_body_modes_init
     procedure :: move => rigid_body_modes_move
+    procedure :: rotate => rigid_body_modes_rotate
     procedure :: combination_text => rigid_body_modes_combination_text
     procedure :: span_text => rigid_body_modes_span_text
   end type rigid_body_modes_t
@@ -109,6 +110,16 @@ contains
       !$omp end critical (message)
     end do
   end subroutine rigid_body_modes_move
+
+  !> Take another basis of the modes.
+  subroutine rigid_body_modes_rotate(self, basis)
+    class(rigid_body_modes_t), intent(inout) :: self
+    !> Orthonormal combinations of the modes as columns, none of which mixes connected components (n, n) [].
+    real(dp), intent(in) :: basis(:, :)
+    integer :: k
+    self%coefficient = matmul(self%coefficient, basis)
+    self%component = [(self%component(maxloc(abs(basis(:, k)), 1)), k=1, self%n)]
+  end subroutine rigid_body_modes_rotate
 
   !> Orthonormalize the modes of a component by Gram-Schmidt on their coefficients.
   subroutine make_orthonormal(x, constraint, component, p, centre, radius, coefficient, mode)

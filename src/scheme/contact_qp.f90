@@ -53,6 +53,7 @@ module dotyk_scheme_contact_qp
   contains
     procedure :: init => qp_init
     procedure :: shift_penetration => qp_shift_penetration
+    procedure :: replace_modes => qp_replace_modes
     procedure :: mode_displacement => qp_mode_displacement
     procedure :: mode_resultant => qp_mode_resultant
     procedure :: energy_norm => qp_energy_norm
@@ -97,6 +98,15 @@ contains
     self%foundation = foundation
     self%coarse = coarse
   end subroutine qp_init
+
+  !> The QP with other modes of the same bodies.
+  subroutine qp_replace_modes(self, coarse)
+    !> The QP.
+    class(contact_qp_t), intent(inout) :: self
+    !> Coarse space of the same rows.
+    type(coarse_space_t), intent(in) :: coarse
+    self%coarse = coarse
+  end subroutine qp_replace_modes
 
   !> The QP with another initial penetration, as more accurate displacements tell it.
   subroutine qp_shift_penetration(self, change)

@@ -25,6 +25,7 @@ module dotyk_scheme_solver_state
   integer, parameter, public :: ended_rotated = 12  !< a body rotates by more than linear kinematics can describe
   integer, parameter, public :: ended_unverified = 13  !< a rule without guarantee is met, and no bound confirms it
   integer, parameter, public :: ended_penetration = 14  !< deformed bodies penetrate each other
+  integer, parameter, public :: ended_slid = 15  !< a body moves by several elements along a neutral mode
 
   !> Relative error bounds above this confirm nothing: they leave less than one digit of the solution [].
   real(dp), parameter :: largest_confirming_bound = 0.1_dp
@@ -131,6 +132,8 @@ contains
       name = 'unverified'
     case (ended_penetration)
       name = 'penetration'
+    case (ended_slid)
+      name = 'large_sliding'
     case default
       name = 'not solvable'
     end select

@@ -1,0 +1,421 @@
+!> Neutral modes of the floating bodies: found before the contact is solved, and held where they matter.
+!>
+!> A mode that contact resists by no more than the normals are uncertain (`dotyk_scheme_neutral_modes`) does no harm as
+!> long as it stays small. Where it would move a body by several elements it is taken out of the coarse space: on a
+!> Winkler foundation, which is known before, in the solution, or where the scheme finds none; the contact is solved
+!> again then. The body does not move along it, and its forces need not be in equilibrium along it. The compliance
+!> operator is the Moore-Penrose inverse, so that it distributes the resultant that is left over over the body.
+module dotyk_control_neutral_modes
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_contact_operator, only: build_operator, contact_operator_t
+  use dotyk_contact_pair, only: contact_pair_t
+  use dotyk_control_contact_problem, only: contact_problem_t, neutral_body_t
+  use dotyk_control_slave_normals, only: take_slave_normals
+  use dotyk_linalg_dense, only: complete_basis
+  use dotyk_scheme_coarse_space, only: coarse_space_t, contact_modes_t, mode_block_t
+  use dotyk_scheme_contact_qp, only: contact_qp_t
+  use dotyk_scheme_neutral_modes, only: flat, neutral_directions, rest_on_foundation, touching_rows
+  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_cycling, ended_no_equilibrium, &
+    ended_slid, ended_unbalanced
+  implicit none
+  private
+
+  !> The modes of a body, in an order of their own.
+  type :: candidate_t
+    !> Number of neutral modes, and of those that are held.
+    integer :: n = 0, n_held = 0
+    !> Orthonormal combinations of the modes as columns: those that are held, the other neutral ones, the rest (n_modes,
+    !> n_modes).
+    real(dp), allocatable :: basis(:, :)
+    !> Rows of the modes (rows of the body, n_modes) [].
+    real(dp), allocatable :: g(:, :)
+    !> Mean size of the facets that are about to touch [length].
+    real(dp) :: element_size = 0
+  end type candidate_t
+
+  !> The neutral modes of all bodies.
+  type, public :: neutral_modes_t
+    !> (n_bodies)
+    type(candidate_t), allocatable, private :: candidate(:)
+    !> All modes at the contact nodes; not allocated where nothing floats on curved surfaces (n_bodies).
+    type(contact_modes_t), allocatable, private :: modes(:)
+    !> Stiffness of the Winkler foundation (n_rows) [force/length].
+    real(dp), allocatable, private :: stiffness(:)
+    !> Whether the contact has been solved again.
+    logical, private :: is_last = .false.
+  contains
+    procedure :: find => neutral_find
+    procedure :: hold => neutral_hold
+    procedure :: moved_far => neutral_moved_far
+    procedure :: asks_again => neutral_asks_again
+    procedure :: judge => neutral_judge
+  end type neutral_modes_t
+
+  !> Motions of more facets than this are not small: the pairs of points that the rows know are others then.
+  real(dp), parameter :: several = 2
+  !> Resultants along neutral modes are noise up to this fraction of the contact forces of the body: they are the error
+  !> of its equilibrium.
+  real(dp), parameter :: most_left_over = 0.01_dp
+  !> Fraction of the contact forces from which on a solution is none: the Winkler foundation of `most_left_over` knows
+  !> forces to a factor.
+  real(dp), parameter :: largest_left_over = 0.05_dp
+  !> Passes that release loaded directions at most, one direction of a body each; the last ones release all.
+  integer, parameter :: most_passes = 8
+
+contains
+
+  !> Find the neutral modes, and hold those that would move a body by several elements.
+  subroutine neutral_find(self, problem, theta, modes, qp, error)
+    class(neutral_modes_t), intent(out) :: self
+    !> Bodies, modes and contact pairs; gets the modes that are held.
+    type(contact_problem_t), intent(inout) :: problem
+    !> Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    !> The modes at the contact nodes (n_bodies).
+    type(contact_modes_t), intent(in) :: modes(:)
+    !> The quadratic programme with all modes; without those that are held on return.
+    type(contact_qp_t), intent(inout) :: qp
+    !> An entry is not finite, or LAPACK's singular value decomposition does not converge.
+    type(error_t), allocatable, intent(out) :: error
+    type(mode_block_t), allocatable :: deviation(:)
+    real(dp), allocatable :: angle(:), force(:), alpha(:)
+    integer :: b
+    allocate (problem%neutral(size(problem%body)), self%candidate(size(problem%body)))
+    if (qp%n_rows == 0) return
+    if (.not. any([(floats(modes(b)), b=1, size(modes))])) return
+    call find_deviations(problem, qp, modes, deviation, angle)
+    if (.not. any(angle > flat)) return
+    self%modes = modes
+    self%stiffness = qp%weight/(qp%foundation + theta)
+    call find_candidates(problem, modes, qp, deviation, angle, self%stiffness, self%candidate, error)
+    if (allocated(error)) return
+    if (all(self%candidate%n == 0)) return
+    allocate (force(qp%n_rows), alpha(qp%coarse%n))
+    call rest_on_foundation(qp, self%stiffness, force, alpha)
+    call self%hold(self%moved_far(qp%coarse%scale*alpha), problem, qp)
+  end subroutine neutral_find
+
+  !> Bodies that move by several elements along neutral modes that are not held.
+  function neutral_moved_far(self, alpha) result(moved)
+    class(neutral_modes_t), intent(in) :: self
+    !> Amplitudes of the modes of all bodies, body after body (n_modes) [length].
+    real(dp), intent(in) :: alpha(:)
+    !> (n_bodies)
+    logical, allocatable :: moved(:)
+    real(dp), allocatable :: amplitude(:)
+    integer :: b, first
+    allocate (moved(size(self%candidate)), source=.false.)
+    if (.not. allocated(self%modes)) return
+    first = 1
+    do b = 1, size(self%candidate)
+      associate (own => self%candidate(b), last => first + size(self%modes(b)%resultant) - 1)
+        if (own%n > own%n_held) then
+          amplitude = alpha(first:last)
+          if (own%n_held == 0) amplitude = matmul(amplitude, own%basis)
+          associate (free => own%basis(:, own%n_held + 1:own%n))
+            moved(b) = maxval(abs(matmul(self%modes(b)%displacement, &
+                                         matmul(free, amplitude(own%n_held + 1:own%n))))) > several*own%element_size
+          end associate
+        end if
+        first = last + 1
+      end associate
+    end do
+  end function neutral_moved_far
+
+  !> Hold the neutral modes of some bodies, but for loaded directions.
+  subroutine neutral_hold(self, chosen, problem, qp)
+    class(neutral_modes_t), intent(inout) :: self
+    !> The bodies; those that are held already stay as they are (n_bodies).
+    logical, intent(in) :: chosen(:)
+    !> Bodies, modes and contact pairs; gets the modes that are held.
+    type(contact_problem_t), intent(inout) :: problem
+    !> The quadratic programme; without the modes that are held on return.
+    type(contact_qp_t), intent(inout) :: qp
+    logical :: is_new(size(chosen))
+    integer :: b
+    is_new = chosen .and. self%candidate%n_held == 0 .and. self%candidate%n > 0
+    if (.not. any(is_new)) return
+    where (is_new) self%candidate%n_held = self%candidate%n
+    call release_loaded(self%modes, self%stiffness, is_new, qp, self%candidate)
+    do b = 1, size(chosen)
+      associate (own => self%candidate(b))
+        if (.not. is_new(b) .or. own%n_held == 0) cycle
+        call problem%modes(b)%rotate(own%basis)
+        problem%neutral(b)%n = own%n_held
+        problem%neutral(b)%resultant = problem%modes(b)%resultant(:own%n_held)
+        problem%neutral(b)%at_rows = matmul(own%g, own%basis(:, :own%n_held))
+      end associate
+    end do
+  end subroutine neutral_hold
+
+  !> Whether the contact is to be solved again with more modes held: bodies have moved by several elements along neutral
+  !> modes, or the scheme found no solution.
+  logical function neutral_asks_again(self, state, problem, qp) result(again)
+    class(neutral_modes_t), intent(inout) :: self
+    !> How the scheme ended.
+    type(solver_state_t), intent(in) :: state
+    !> Bodies, modes and contact pairs; gets the modes that are held.
+    type(contact_problem_t), intent(inout) :: problem
+    !> The quadratic programme; without the modes that are held on return.
+    type(contact_qp_t), intent(inout) :: qp
+    logical, allocatable :: chosen(:)
+    integer :: n_held
+    again = .false.
+    if (.not. allocated(self%modes) .or. self%is_last) return
+    if (any(state%ended == [ended_cycling, ended_unbalanced, ended_no_equilibrium])) then
+      chosen = self%candidate%n > 0
+    else if (state%ended == ended_converged .and. allocated(state%alpha)) then
+      chosen = self%moved_far(state%alpha)
+    else
+      return
+    end if
+    n_held = sum(self%candidate%n_held)
+    call self%hold(chosen, problem, qp)
+    self%is_last = .true.
+    again = sum(self%candidate%n_held) > n_held
+  end function neutral_asks_again
+
+  !> Judge a solution: bodies that have moved by several elements along neutral modes, or contact forces that are far
+  !> from equilibrium along those that are held, make it none.
+  subroutine neutral_judge(self, problem, qp, state)
+    class(neutral_modes_t), intent(in) :: self
+    !> Bodies and their modes; gets the residuals of those that are held.
+    type(contact_problem_t), intent(inout) :: problem
+    !> The quadratic programme.
+    type(contact_qp_t), intent(in) :: qp
+    !> The solution; how it ended changes where it is none.
+    type(solver_state_t), intent(inout) :: state
+    integer :: b
+    if (.not. allocated(self%modes) .or. .not. allocated(state%m) .or. .not. allocated(state%alpha)) return
+    do b = 1, size(self%candidate)
+      if (problem%neutral(b)%n == 0) cycle
+      associate (row => qp%block(b)%row)
+        problem%neutral(b)%left_over = left_over(problem%neutral(b), problem%modes(b)%shape, &
+                                                 qp%weight(row)*state%m(row))
+      end associate
+    end do
+    problem%neutral%moved_far = self%moved_far(state%alpha)
+    if (state%ended /= ended_converged) return
+    if (any(problem%neutral%left_over > largest_left_over)) state%ended = ended_unbalanced
+    if (any(problem%neutral%moved_far)) state%ended = ended_slid
+  end subroutine neutral_judge
+
+  !> The neutral modes of each body, the others at rest.
+  subroutine find_candidates(problem, modes, qp, deviation, angle, stiffness, candidate, error)
+    !> Bodies and their modes.
+    type(contact_problem_t), intent(in) :: problem
+    !> The modes at the contact nodes (n_bodies).
+    type(contact_modes_t), intent(in) :: modes(:)
+    !> The quadratic programme with all modes.
+    type(contact_qp_t), intent(in) :: qp
+    !> D by bodies, in the scale of the modes of the QP (n_bodies) [].
+    type(mode_block_t), intent(in) :: deviation(:)
+    !> Deviation of the normals of each row (n_rows) [].
+    real(dp), intent(in) :: angle(:)
+    !> Stiffness of the Winkler foundation (n_rows) [force/length].
+    real(dp), intent(in) :: stiffness(:)
+    !> Their modes, with the neutral ones first (n_bodies).
+    type(candidate_t), intent(inout) :: candidate(:)
+    !> As in `find` of `neutral_modes_t`.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp), allocatable :: d(:, :)
+    logical, allocatable :: touching(:)
+    integer, allocatable :: place(:)
+    integer :: b, i, j
+    allocate (touching(qp%n_rows))
+    call touching_rows(qp, deviation, angle, stiffness, touching)
+    do b = 1, size(modes)
+      if (.not. floats(modes(b))) cycle
+      associate (row => qp%block(b)%row, scale => qp%coarse%scale(qp%coarse%first(b):qp%coarse%first(b + 1) - 1), &
+                 own => candidate(b))
+        place = pack([(i, i=1, size(row))], touching(row))
+        if (size(place) == 0) cycle
+        own%element_size = sum(qp%weight(row(place))**(1.0_dp/(qp%dimension - 1)))/size(place)
+        own%g = qp%coarse%block(b)%value
+        d = deviation(b)%value(place, :)
+        do j = 1, size(scale)
+          own%g(:, j) = own%g(:, j)/scale(j)
+          d(:, j) = d(:, j)/scale(j)
+        end do
+        call find_directions(problem%modes(b)%components(), own%g(place, :), d, qp%weight(row(place)), own%basis, &
+                             own%n, error)
+        if (allocated(error)) return
+      end associate
+    end do
+  end subroutine find_candidates
+
+  !> Release directions along which loads and contact forces are not in equilibrium by far: they are no noise. The
+  !> forces are those of rigid bodies on a Winkler foundation.
+  subroutine release_loaded(modes, stiffness, may_release, qp, candidate)
+    !> The modes at the contact nodes, all of them (n_bodies).
+    type(contact_modes_t), intent(in) :: modes(:)
+    !> Stiffness of the foundation (n_rows) [force/length].
+    real(dp), intent(in) :: stiffness(:)
+    !> Bodies whose modes may be released (n_bodies).
+    logical, intent(in) :: may_release(:)
+    !> The quadratic programme; without the modes that are held on return.
+    type(contact_qp_t), intent(inout) :: qp
+    !> Neutral modes; fewer are held on return (n_bodies).
+    type(candidate_t), intent(inout) :: candidate(:)
+    type(contact_modes_t) :: trial(size(modes))
+    type(coarse_space_t) :: coarse
+    real(dp), allocatable :: along(:), turn(:, :), alpha(:)
+    real(dp) :: force(qp%n_rows), most, length
+    logical :: changed
+    integer :: pass, b
+    allocate (alpha(qp%coarse%n))
+    do pass = 1, most_passes
+      trial = modes
+      do b = 1, size(modes)
+        if (candidate(b)%n_held > 0) call hold_modes(candidate(b), trial(b))
+      end do
+      call coarse%init(qp%block, qp%n_rows, trial)
+      call qp%replace_modes(coarse)
+      if (pass == most_passes) exit
+      call rest_on_foundation(qp, stiffness, force, alpha)
+      changed = .false.
+      do b = 1, size(modes)
+        associate (own => candidate(b), row => qp%block(b)%row)
+          if (own%n_held == 0 .or. .not. may_release(b)) cycle
+          along = matmul(modes(b)%resultant - matmul(force(row), own%g), own%basis(:, :own%n_held))
+          length = norm2(along)
+          if (.not. length > 0) cycle
+          along = along/length
+          most = maxval(abs(matmul(modes(b)%displacement, matmul(own%basis(:, :own%n_held), along))))
+          if (length <= most_left_over*sum(force(row))*most) cycle
+          changed = .true.
+          ! The direction of the loads comes behind the others.
+          allocate (turn(own%n_held, own%n_held), source=0.0_dp)
+          turn(:, 1) = along
+          call complete_basis(turn, 1)
+          own%basis(:, :own%n_held) = matmul(own%basis(:, :own%n_held), cshift(turn, 1, 2))
+          own%n_held = merge(own%n_held - 1, 0, pass < most_passes - 1)
+          deallocate (turn)
+        end associate
+      end do
+      if (.not. changed) exit
+    end do
+  end subroutine release_loaded
+
+  !> Take another basis of the modes, with the neutral ones first, and make those that are held zero.
+  subroutine hold_modes(candidate, modes)
+    !> Modes of the body, with the neutral ones first.
+    type(candidate_t), intent(in) :: candidate
+    !> The modes at the contact nodes.
+    type(contact_modes_t), intent(inout) :: modes
+    modes%displacement = matmul(modes%displacement, candidate%basis)
+    modes%resultant = matmul(modes%resultant, candidate%basis)
+    modes%displacement(:, :candidate%n_held) = 0
+    modes%resultant(:candidate%n_held) = 0
+  end subroutine hold_modes
+
+  !> Whether a body has rigid body modes.
+  pure logical function floats(modes)
+    !> The modes of the body.
+    type(contact_modes_t), intent(in) :: modes
+    floats = size(modes%resultant) > 0 .and. .not. allocated(modes%stiffness)
+  end function floats
+
+  !> An orthonormal basis of the modes of a body that begins with the neutral ones. Connected components of a body are
+  !> treated one by one.
+  subroutine find_directions(component, g, d, weight, basis, n_neutral, error)
+    !> Connected component that each mode moves (n_modes).
+    integer, intent(in) :: component(:)
+    !> Rows of G and D that are about to touch (n, n_modes) [].
+    real(dp), intent(in) :: g(:, :), d(:, :)
+    !> Weights of the rows (n) [area].
+    real(dp), intent(in) :: weight(:)
+    !> Basis as columns; no column mixes components (n_modes, n_modes) [].
+    real(dp), allocatable, intent(out) :: basis(:, :)
+    !> Number of neutral modes: the first ones of the basis.
+    integer, intent(out) :: n_neutral
+    !> As in `find` of `neutral_modes_t`.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp), allocatable :: direction(:, :), of_component(:, :)
+    integer, allocatable :: mode(:)
+    integer :: p, i, n, last
+    allocate (basis(size(component), size(component)), source=0.0_dp)
+    n_neutral = 0
+    last = size(component)
+    do p = 1, maxval(component)
+      mode = pack([(i, i=1, size(component))], component == p)
+      if (size(mode) == 0) cycle
+      call neutral_directions(g(:, mode), d(:, mode), weight, direction, error)
+      if (allocated(error)) return
+      n = size(direction, 2)
+      if (allocated(of_component)) deallocate (of_component)
+      allocate (of_component(size(mode), size(mode)), source=0.0_dp)
+      of_component(:, :n) = direction
+      call complete_basis(of_component, n)
+      basis(mode, n_neutral + 1:n_neutral + n) = of_component(:, :n)
+      basis(mode, last - size(mode) + n + 1:last) = of_component(:, n + 1:)
+      n_neutral = n_neutral + n
+      last = last - size(mode) + n
+    end do
+  end subroutine find_directions
+
+  !> How the rows of the modes change where the normals of the slave surfaces are taken.
+  subroutine find_deviations(problem, qp, modes, deviation, angle)
+    !> Bodies and contact pairs.
+    type(contact_problem_t), intent(in) :: problem
+    !> The quadratic programme.
+    type(contact_qp_t), intent(in) :: qp
+    !> The modes at the contact nodes (n_bodies).
+    type(contact_modes_t), intent(in) :: modes(:)
+    !> D by bodies, in the scale of the modes of the QP; not allocated where no normal deviates (n_bodies) [].
+    type(mode_block_t), allocatable, intent(out) :: deviation(:)
+    !> Deviation of the normals of each row (n_rows) [].
+    real(dp), allocatable, intent(out) :: angle(:)
+    type(contact_pair_t), allocatable :: pair(:)
+    type(contact_operator_t) :: operator
+    integer :: b, j, k
+    allocate (angle(qp%n_rows), pair(size(problem%pair)))
+    do k = 1, size(pair)
+      pair(k) = problem%pair(k)
+      call take_slave_normals(problem%body(pair(k)%body_a)%mesh%x, problem%surface_a(k), pair(k))
+      associate (of_pair => angle(qp%pair_first_row(k):qp%pair_first_row(k + 1) - 1))
+        call pair(k)%average%multiply(norm2(pair(k)%normal - problem%pair(k)%normal, 1), of_pair)
+      end associate
+    end do
+    if (.not. any(angle > flat)) return
+    call build_operator(qp%dimension, size(problem%body), pair, problem%surface_a, problem%surface_b, operator)
+    allocate (deviation(size(modes)))
+    do b = 1, size(modes)
+      associate (of_body => deviation(b), n => size(modes(b)%resultant))
+        allocate (of_body%value(size(qp%block(b)%row), n))
+        do j = 1, n
+          if (size(qp%block(b)%row) == 0) cycle
+          associate (scale => qp%coarse%scale(qp%coarse%first(b) + j - 1))
+            call operator%block(b)%matrix%multiply(scale*modes(b)%displacement(:, j), of_body%value(:, j))
+          end associate
+        end do
+        of_body%value = of_body%value - qp%coarse%block(b)%value
+      end associate
+    end do
+  end subroutine find_deviations
+
+  !> What is left of the equilibrium of a body along its neutral modes, as a fraction of its contact forces.
+  pure real(dp) function left_over(neutral, shape, lambda) result(fraction)
+    !> Neutral modes of the body; there is one.
+    type(neutral_body_t), intent(in) :: neutral
+    !> Modes of the body (dimension, n_nodes, n_modes) [].
+    real(dp), intent(in) :: shape(:, :, :)
+    !> Contact forces of the rows of the body (n) [force].
+    real(dp), intent(in) :: lambda(:)
+    real(dp) :: along(neutral%n), u(size(shape, 1)), most
+    integer :: i, k
+    fraction = 0
+    along = neutral%resultant - matmul(lambda, neutral%at_rows)
+    if (.not. norm2(along) > 0) return
+    most = 0
+    do i = 1, size(shape, 2)
+      u = 0
+      do k = 1, neutral%n
+        u = u + along(k)*shape(:, i, k)
+      end do
+      most = max(most, norm2(u))
+    end do
+    fraction = sum(along**2)/most/max(tiny(most), sum(lambda))
+  end function left_over
+end module dotyk_control_neutral_modes
