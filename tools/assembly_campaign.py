@@ -82,17 +82,15 @@ def judge(assembly, path):
     scale = max(scale, floor)
     given = [np.zeros(3) for _ in bodies]
     blind = False
-    for name, (by_pair, active) in pairs.items():
+    for name, (by_pair, active, normal) in pairs.items():
         sides = sides_of(assembly, name)
         if sides is None:
             return None, {"note": "pair %s" % name}
         given[sides[0]] += by_pair
         given[sides[1]] -= by_pair
         for side in sides:
-            body, held = contact[side][:2]
-            facets = body.facets[held[body.facets].any(axis=1)]
-            reach = assembly.parts[sides[0]].solid.length
-            blind |= bool(len(active)) and bool(np.any(check.distance(active, body.x[facets]) < reach))
+            outward = normal if side == sides[0] else -normal
+            blind |= hidden(*contact[side][:2], active, outward, assembly.parts[sides[0]].solid.length)
     faults = []
     for k, (body, held, force, own, inner) in enumerate(contact):
         if inner > BALANCE * max(own, floor):
@@ -127,6 +125,18 @@ def judge(assembly, path):
             faults.append("parts %d and %d penetrate by %.2e, %.0f %% of what they move" % (*where, 100 * deep))
     numbers["move"] = float(move / size)
     return "; ".join(faults) or None, numbers
+
+
+def hidden(body, held, points, outward, reach):
+    """Whether rows at points may act on held nodes: on facets that look along the row and are within its reach."""
+    some = held[body.facets].any(axis=1)
+    facets, looks = body.x[body.facets[some]], body.normals()[some]
+    looks = looks / np.linalg.norm(looks, axis=1)[:, None]
+    for point, direction in zip(points, outward):
+        facing = facets[looks @ direction > 0.2]
+        if len(facing) and check.distance(point[None], facing)[0] < reach:
+            return True
+    return False
 
 
 def face_nodes(body, part, face):

@@ -17,7 +17,15 @@ class Body:
         self.tets = cells if cells.shape[1] == 4 else cells[:, SPLIT].reshape(-1, 4)
         faces = np.concatenate([self.tets[:, f] for f in ([0, 1, 2], [0, 1, 3], [1, 2, 3], [2, 0, 3])])
         _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True)
-        self.facets = faces[first[count == 1]]
+        first = first[count == 1]
+        self.facets = faces[first]
+        self.opposite = np.concatenate([self.tets[:, k] for k in (3, 2, 0, 1)])[first]
+
+    def normals(self):
+        """Normals of the boundary's facets, outward, as long as their areas, doubled."""
+        a, b, c = (self.x[self.facets[:, k]] for k in range(3))
+        normal = np.cross(b - a, c - a)
+        return np.where(np.einsum("fi,fi->f", normal, self.x[self.opposite] - a) > 0, -1, 1)[:, None] * normal
 
     def internal(self, young, poisson):
         """Forces of the stresses at the nodes, (n, 3): stiffness times displacement."""
@@ -60,7 +68,7 @@ class Body:
         facets = facets[nodes[facets].all(axis=1)]
         a, b, c = (self.x[facets[:, k]] for k in range(3))
         area = np.cross(b - a, c - a) / 2
-        inward = -np.sign(np.einsum("fi,fi->f", area, a - self.x.mean(axis=0)))[:, None] * area
+        inward = -np.sign(np.einsum("fi,fi->f", area, a - self.x.mean(axis=0)))[:, None] * area  # of convex bodies
         np.add.at(force, facets, pressure * inward[:, None, :] * np.array(share)[:, None])
         return force
 
@@ -91,7 +99,8 @@ def read(path):
             n = 4 if types[cells[k]] == 10 else 10
             bodies.append(Body(x[points[k]:points[k + 1]], u[points[k]:points[k + 1]],
                                nodes[ids[k]:ids[k + 1]].reshape(-1, n)))
-        pairs = {name: (pair.attrs["force"], pair["position"][:][pair["pressure"][:] > 0]) for name, pair in file.get("dotyk/contact", {}).items()}
+        pairs = {name: (pair.attrs["force"], *(pair[key][:][pair["pressure"][:] > 0] for key in (
+            "position", "normal"))) for name, pair in file.get("dotyk/contact", {}).items()}
         return bodies, pairs, dict(file["dotyk/summary"].attrs)
 
 
