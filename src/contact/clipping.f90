@@ -47,10 +47,12 @@ module dotyk_contact_clipping
 contains
 
   !> Mortar segments of a slave facet in three dimensions.
-  subroutine segments_of_facet(coefficient, plane, x, surface, master, n, segment, ok)
-    !> Polynomial of the slave facet (3, 9) [length].
-    real(dp), intent(in) :: coefficient(3, 9)
-    !> Its chart.
+  subroutine segments_of_facet(set, f, plane, x, surface, master, n, segment, ok)
+    !> Facets of the slave surface.
+    type(facet_set_t), intent(in) :: set
+    !> Slave facet.
+    integer, intent(in) :: f
+    !> Its auxiliary plane.
     type(auxiliary_plane_t), intent(in) :: plane
     !> Nodal coordinates of the master body (3, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
@@ -72,11 +74,11 @@ contains
     ok = .true.
     low = plane%low
     high = plane%high
-    call opposite_facets(master, plane%origin, plane%axes, low, high, list)
+    call opposite_facets(master, plane%origin, plane%axes, set%depth(f), low, high, list)
     allocate (segment(size(list)))
     do i = 1, size(list)
       k = surface%kind(list(i))
-      call project_facet(coefficient, plane, master%set%corners(list(i)), &
+      call project_facet(set%coefficient(:, :, f), plane, master%set%corners(list(i)), &
                          x(:, surface%node(1:kind_nodes(k), list(i))), polygon, ok)
       if (.not. ok) return
       if (polygon%n < 3) cycle
@@ -95,13 +97,15 @@ contains
   end subroutine segments_of_facet
 
   !> Master facets above a box that lie near the one nearest to its centre, by the bounding-volume tree.
-  subroutine opposite_facets(master, origin, axes, low, high, list)
+  subroutine opposite_facets(master, origin, axes, max_depth, low, high, list)
     !> Master surface, prepared for projections.
     type(master_surface_t), intent(in) :: master
     !> Origin of the box (3) [length].
     real(dp), intent(in) :: origin(3)
     !> Axes of the box, the third the outward normal of the slave facet (3, 3) [].
     real(dp), intent(in) :: axes(3, 3)
+    !> Thickness of the slave body [length].
+    real(dp), intent(in) :: max_depth
     !> Lower corner of the box along the axes, relative to the origin; on return with the range of the search along the
     !> normal (3) [length].
     real(dp), intent(inout) :: low(3)
@@ -115,7 +119,7 @@ contains
     integer :: facet
     size = norm2(high - low)
     centre = origin + matmul(axes, (low + high)/2)
-    call nearest_facet(master%tree, master%set, centre, -axes(:, 3), .false., 0, facet, xi, square)
+    call nearest_facet(master%tree, master%set, centre, -axes(:, 3), .false., max_depth, 0, facet, xi, square)
     if (facet == 0) then
       allocate (list(0))
       return
@@ -268,7 +272,7 @@ contains
     b = dot_product(set%coefficient(:, 1, f), axes(:, 3))
     low = [ends(1), 0.0_dp, b - abs(a)]
     high = [ends(2), 0.0_dp, b + abs(a)]
-    call opposite_facets(master, set%origin(:, f), axes, low, high, facet)
+    call opposite_facets(master, set%origin(:, f), axes, set%depth(f), low, high, facet)
     allocate (first(size(facet)), last(size(facet)))
     do i = 1, size(facet)
       k = facet(i)

@@ -7,7 +7,6 @@
 !> linearly between vertices.
 module dotyk_contact_complementarity
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: discretization_quadrature
   use dotyk_contact_corner_interpolation, only: corner_interpolation_t
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_mesh_element, only: kind_nodes, max_facet_nodes, shape_functions
@@ -39,25 +38,19 @@ contains
     type(corner_interpolation_t) :: corners
     real(dp), allocatable :: at_corner(:), theta_at_corner(:), work(:)
     real(dp) :: relative(size(u_a, 1)), p, theta
-    integer :: i, k, n, first, last
+    integer :: i, n, first, last
     allocate (work(pair%n_points))
-    if (pair%discretization /= discretization_quadrature) then
-      call corners%init(surface_a, pair%facet_a, pair%xi_a)
+    if (pair%n_mortar_points > 0) then
+      call corners%init(surface_a, pair%facet_a(1:pair%n_mortar_points), pair%xi_a(:, 1:pair%n_mortar_points))
+      ! Vertices without a row have almost no area.
       allocate (at_corner(corners%n), theta_at_corner(corners%n), source=0.0_dp)
-      ! Both lists ascend; vertices without a row have almost no area.
-      i = 1
-      do k = 1, corners%n
-        if (i > pair%n_rows) exit
-        if (corners%corner_node(k) /= pair%row_vertex(i)) cycle
-        at_corner(k) = pressure(i)
-        theta_at_corner(k) = row_theta(i)
-        i = i + 1
-      end do
+      at_corner(pair%row_corner) = pressure(1:pair%n_mortar_rows)
+      theta_at_corner(pair%row_corner) = row_theta(1:pair%n_mortar_rows)
     end if
     do i = 1, pair%n_points
-      if (pair%discretization == discretization_quadrature) then
-        p = pressure(i)
-        theta = row_theta(i)
+      if (i > pair%n_mortar_points) then
+        p = pressure(pair%n_mortar_rows + i - pair%n_mortar_points)
+        theta = row_theta(pair%n_mortar_rows + i - pair%n_mortar_points)
       else
         n = count(corners%corner(:, i) > 0)
         p = dot_product(corners%shape(:n, i), at_corner(corners%corner(:n, i)))

@@ -1,5 +1,6 @@
-!> Interpolation with continuous linear shape functions on one side of a contact pair: values at the corners of the
-!> facets that carry contact points.
+!> Interpolation with linear shape functions on one side of a contact pair: values at the corners of the facets that
+!> carry contact points. The functions are continuous on each smooth sheet (smooth_sheets.f90): a vertex of a sharp edge
+!> is one corner for each sheet.
 module dotyk_contact_corner_interpolation
   use dotyk_base_kinds, only: dp
   use dotyk_mesh_element, only: element_kind, element_kind_t, kind_nodes, n_element_kinds, shape_functions
@@ -9,9 +10,9 @@ module dotyk_contact_corner_interpolation
 
   !> Linear interpolation on one side of a pair.
   type, public :: corner_interpolation_t
-    !> Number of corner nodes.
+    !> Number of corners: one for each vertex and sheet.
     integer :: n = 0
-    !> Body-local numbers of the corner nodes, ascending (n).
+    !> Body-local numbers of their nodes, ascending; repeated where sheets meet (n).
     integer, allocatable :: corner_node(:)
     !> Corners of the facet of each point as numbers 1..n, padded with 0 (4, n_points).
     integer, allocatable :: corner(:, :)
@@ -19,10 +20,12 @@ module dotyk_contact_corner_interpolation
     real(dp), allocatable :: shape(:, :)
     !> Body-local numbers of all nodes of those facets, ascending (n_nodes).
     integer, allocatable :: node(:)
-    !> The value of node i is the mean of the values at corners from(1:n_from(i), i): the corner itself, the ends of its
-    !> edge, or all corners of its face (4, n_nodes).
+    !> Position of `node` of each interpolated value (n_values).
+    integer, allocatable :: position(:)
+    !> Value i is the mean of the values at corners from(1:n_from(i), i): the corner itself, the ends of its edge, or all
+    !> corners of its face. A node of a sharp edge has one value for each sheet (4, n_values).
     integer, allocatable :: from(:, :)
-    !> Number of corners that each node takes its value from (n_nodes).
+    !> Number of corners from which each value is taken (n_values).
     integer, allocatable :: n_from(:)
   contains
     procedure :: init => corner_interpolation_init
@@ -43,39 +46,54 @@ contains
     !> Reference coordinates of the points (dimension-1, n_points) [].
     real(dp), intent(in) :: xi(:, :)
     type(element_kind_t) :: kind(n_element_kinds)
-    integer, allocatable :: corner_number(:), node_number(:)
-    integer :: i, k, n, previous
+    integer, allocatable :: first_corner(:), corner_number(:), node_number(:), sheet(:, :), value_of(:), next(:)
+    integer :: i, k, n, f, previous, n_sheets
     do k = 1, n_element_kinds
       kind(k) = element_kind(k)
     end do
-    allocate (corner_number(maxval(surface%node)), node_number(maxval(surface%node)))
+    n_sheets = 1
+    allocate (sheet(4, size(surface%kind)), source=1)
+    if (allocated(surface%sheet)) then
+      sheet = surface%sheet
+      n_sheets = maxval(sheet)
+    end if
+    allocate (corner_number(n_sheets*maxval(surface%node)), node_number(maxval(surface%node)))
+    ! Corners are numbered by node, then by sheet.
+    first_corner = [(n_sheets*(i - 1), i=1, maxval(surface%node))]
     corner_number = 0
     node_number = 0
     do i = 1, size(facet)
-      k = surface%kind(facet(i))
-      corner_number(surface%node(1:kind(k)%n_corners, facet(i))) = 1
-      node_number(surface%node(1:kind_nodes(k), facet(i))) = 1
+      f = facet(i)
+      k = surface%kind(f)
+      n = kind(k)%n_corners
+      corner_number(first_corner(surface%node(1:n, f)) + sheet(1:n, f)) = 1
+      node_number(surface%node(1:kind_nodes(k), f)) = 1
     end do
     call number_marked(corner_number, self%n)
     call number_marked(node_number, n)
-    self%corner_node = pack([(i, i=1, size(corner_number))], corner_number > 0)
+    self%corner_node = pack([((i - 1)/n_sheets + 1, i=1, size(corner_number))], corner_number > 0)
     self%node = pack([(i, i=1, size(node_number))], node_number > 0)
-    allocate (self%corner(4, size(facet)), self%shape(4, size(facet)), self%from(4, n), self%n_from(n))
+    allocate (self%corner(4, size(facet)), self%shape(4, size(facet)), self%position(n), self%from(4, n), &
+              self%n_from(n), value_of(n), next(n))
     self%corner = 0
     self%shape = 0
-    self%from = 0
-    self%n_from = 0
+    value_of = 0
+    n = 0
     previous = 0
     do i = 1, size(facet)
-      k = surface%kind(facet(i))
-      n = kind(k)%n_corners
-      self%corner(1:n, i) = corner_number(surface%node(1:n, facet(i)))
-      call shape_functions(kind(k)%corner_kind, xi(:, i), self%shape(1:n, i))
-      if (facet(i) == previous) cycle
-      previous = facet(i)
-      call set_node_interpolation(n, kind_nodes(k), self%corner(:, i), &
-                                  node_number(surface%node(1:kind_nodes(k), facet(i))), self%from, self%n_from)
+      f = facet(i)
+      k = surface%kind(f)
+      associate (m => kind(k)%n_corners)
+        self%corner(1:m, i) = corner_number(first_corner(surface%node(1:m, f)) + sheet(1:m, f))
+        call shape_functions(kind(k)%corner_kind, xi(:, i), self%shape(1:m, i))
+        if (f == previous) cycle
+        previous = f
+        call add_node_values(self, m, self%corner(:, i), node_number(surface%node(1:kind_nodes(k), f)), n, value_of, next)
+      end associate
     end do
+    self%position = self%position(1:n)
+    self%from = self%from(:, 1:n)
+    self%n_from = self%n_from(1:n)
   end subroutine corner_interpolation_init
 
   !> Replace marks by ascending numbers.
@@ -93,36 +111,58 @@ contains
     end do
   end subroutine number_marked
 
-  !> Corners from which the nodes of one facet take their values.
-  pure subroutine set_node_interpolation(n_corners, n_nodes, corner, node, from, n_from)
+  !> Add the values of the nodes of one facet that no facet before gave.
+  pure subroutine add_node_values(self, n_corners, corner, node, n, value_of, next)
+    class(corner_interpolation_t), intent(inout) :: self
     !> Number of corners of the facet.
     integer, intent(in) :: n_corners
-    !> Number of nodes of the facet.
-    integer, intent(in) :: n_nodes
     !> Corner numbers of the facet (at least n_corners).
     integer, intent(in) :: corner(:)
-    !> Positions of the nodes of the facet in the tables (n_nodes).
+    !> Positions of the nodes of the facet in the list of nodes (n_nodes of the facet).
     integer, intent(in) :: node(:)
-    !> Corners of each node (4, number of nodes).
-    integer, intent(inout) :: from(:, :)
-    !> Number of corners of each node (number of nodes).
-    integer, intent(inout) :: n_from(:)
-    integer :: j, edge
-    do j = 1, n_nodes
+    !> Number of values so far.
+    integer, intent(inout) :: n
+    !> Latest value of each node, 0 if none so far (n_nodes).
+    integer, intent(inout) :: value_of(:)
+    !> Value of the same node before each value, 0 if there is none (size of the list of values).
+    integer, allocatable, intent(inout) :: next(:)
+    integer :: from(4), j, k, edge, n_from
+    do j = 1, size(node)
+      from = 0
       if (j <= n_corners) then
-        n_from(node(j)) = 1
-        from(1, node(j)) = corner(j)
+        n_from = 1
+        from(1) = corner(j)
       else if (j <= 2*n_corners) then
-        ! Mid-side nodes follow the corners in the order of the edges.
+        ! Mid-side nodes follow the corners in the order of the edges; the two facets of an edge see its ends in
+        ! opposite order.
         edge = j - n_corners
-        n_from(node(j)) = 2
-        from(1:2, node(j)) = [corner(edge), corner(mod(edge, n_corners) + 1)]
+        n_from = 2
+        from(1) = min(corner(edge), corner(mod(edge, n_corners) + 1))
+        from(2) = max(corner(edge), corner(mod(edge, n_corners) + 1))
       else
-        n_from(node(j)) = n_corners
-        from(1:n_corners, node(j)) = corner(1:n_corners)
+        n_from = n_corners
+        from(1:n_corners) = corner(1:n_corners)
       end if
+      k = value_of(node(j))
+      do while (k > 0)
+        if (all(self%from(:, k) == from)) exit
+        k = next(k)
+      end do
+      if (k > 0) cycle
+      if (n == size(self%position)) then
+        self%position = [self%position, self%position]
+        self%n_from = [self%n_from, self%n_from]
+        self%from = reshape(self%from, [4, 2*n], pad=self%from)
+        next = [next, next]
+      end if
+      n = n + 1
+      self%position(n) = node(j)
+      self%n_from(n) = n_from
+      self%from(:, n) = from
+      next(n) = value_of(node(j))
+      value_of(node(j)) = n
     end do
-  end subroutine set_node_interpolation
+  end subroutine add_node_values
 
   !> Interpolate at the contact points.
   pure subroutine at_points(self, value, interpolated)
@@ -140,16 +180,19 @@ contains
     end do
   end subroutine at_points
 
-  !> Interpolate at all nodes.
+  !> Interpolate at all nodes; where sheets meet, the value of greatest magnitude.
   pure subroutine at_nodes(self, value, interpolated)
     class(corner_interpolation_t), intent(in) :: self
     !> Values at the corners (n) [any].
     real(dp), intent(in) :: value(:)
     !> Values at the nodes (size(node)) [any].
     real(dp), intent(out) :: interpolated(:)
+    real(dp) :: mean
     integer :: i
-    do i = 1, size(interpolated)
-      interpolated(i) = sum(value(self%from(1:self%n_from(i), i)))/self%n_from(i)
+    interpolated = 0
+    do i = 1, size(self%position)
+      mean = sum(value(self%from(1:self%n_from(i), i)))/self%n_from(i)
+      if (abs(mean) > abs(interpolated(self%position(i)))) interpolated(self%position(i)) = mean
     end do
   end subroutine at_nodes
 

@@ -36,15 +36,15 @@ module dotyk_contact_dual_mortar
 contains
 
   !> Dual mortar rows at all vertices of facets that carry integration points.
-  subroutine dual_mortar_rows(corners, facet, weight, vertex, row_weight, mortar)
+  subroutine dual_mortar_rows(corners, facet, weight, row_corner, row_weight, mortar)
     !> Corners of the facets and their shape functions at the points.
     type(corner_interpolation_t), intent(in) :: corners
     !> Slave facet of each point, ascending (n_points).
     integer, intent(in) :: facet(:)
     !> Quadrature weights of the points (n_points) [length^2; length in two dimensions].
     real(dp), intent(in) :: weight(:)
-    !> Body-local node number of the vertex of each row, ascending (n_rows).
-    integer, allocatable, intent(out) :: vertex(:)
+    !> Corner of each row, ascending (n_rows).
+    integer, allocatable, intent(out) :: row_corner(:)
     !> Weights w of the rows (n_rows) [length^2; length in two dimensions].
     real(dp), allocatable, intent(out) :: row_weight(:)
     !> Coefficients w_q psi_i(x_q) / w_i of the points in the rows (n_rows x n_points) [].
@@ -78,7 +78,7 @@ contains
       n = n + 1
       row_of(k) = n
     end do
-    vertex = pack(corners%corner_node, .not. dropped)
+    row_corner = pack([(k, k=1, corners%n)], .not. dropped)
     row_weight = pack(total, .not. dropped)
     allocate (row(4*size(facet)), column(4*size(facet)), value(4*size(facet)))
     n = 0
@@ -92,7 +92,7 @@ contains
         value(n) = weight(i)*dual(j, i)/row_weight(k)
       end do
     end do
-    call mortar%init_from_triplets(size(vertex), size(facet), row(1:n), column(1:n), value(1:n))
+    call mortar%init_from_triplets(size(row_corner), size(facet), row(1:n), column(1:n), value(1:n))
   end subroutine dual_mortar_rows
 
   !> Vertices that get no row; each facet keeps at least one vertex with a row.

@@ -40,6 +40,9 @@ module dotyk_contact_facet_set
     !> Convexity radius: the squared distance to a point is convex on the facet if no part of the facet is farther away
     !> than this (n) [length].
     real(dp), allocatable :: reach(:)
+    !> Thickness of the body behind each facet as far as the surface has both of its sides, huge if not: no body overlaps
+    !> deeper (n) [length]. Set by `find_depths`.
+    real(dp), allocatable :: depth(:)
     !> The map is affine (n).
     logical, allocatable :: affine(:)
   contains
@@ -66,8 +69,10 @@ contains
     self%dimension = d
     call monomial_bases(basis, n_nodes, corners)
     allocate (self%corners(n), self%corner_node(4, n), self%origin(3, n), self%coefficient(3, 9, n), self%lo(3, n), &
-              self%hi(3, n), self%axis(3, n), self%half_angle(n), self%size(n), self%reach(n), self%affine(n))
+              self%hi(3, n), self%axis(3, n), self%half_angle(n), self%size(n), self%reach(n), self%affine(n), &
+              self%depth(n))
     self%origin = 0
+    self%depth = huge(1.0_dp)
     self%corner_node = 0
     do f = 1, n
       k = surface%kind(f)

@@ -43,8 +43,8 @@ contains
   end subroutine whole_facet_rules
 
   !> Integration points of one slave facet and their projections.
-  pure subroutine points_of_facet(kind, d, x_nodes, points, weights, axisymmetric, master, candidate, radius, x, xi, &
-                                  weight, projection)
+  pure subroutine points_of_facet(kind, d, x_nodes, points, weights, axisymmetric, master, candidate, radius, &
+                                  max_depth, x, xi, weight, projection)
     !> Element kind of the facet.
     integer, intent(in) :: kind
     !> Dimension of space, 2 or 3.
@@ -63,6 +63,8 @@ contains
     logical, intent(in) :: candidate
     !> Search radius: greatest distance of a projection [length].
     real(dp), intent(in) :: radius
+    !> Thickness of the slave body at the facet [length].
+    real(dp), intent(in) :: max_depth
     !> Positions (3, n) [length].
     real(dp), intent(out) :: x(:, :)
     !> Reference coordinates (2, n) [].
@@ -83,7 +85,7 @@ contains
       weight(i) = weights(i)*jacobian
       if (axisymmetric) weight(i) = weight(i)*2*pi*x(1, i)
       if (candidate) then
-        call project_point(master, x(:, i), normal, hint, radius, projection(i))
+        call project_point(master, x(:, i), normal, hint, radius, max_depth, projection(i))
       else
         projection(i)%status = projection_too_far
       end if
@@ -91,8 +93,8 @@ contains
   end subroutine points_of_facet
 
   !> Integration points of all slave facets and their closest-point projections on the master surface.
-  subroutine project_points(mesh_a, surface_a, rule, offset, axisymmetric, master, candidate, radius, x, xi, weight, &
-                            projection)
+  subroutine project_points(mesh_a, surface_a, rule, offset, axisymmetric, master, candidate, radius, depth, x, xi, &
+                            weight, projection)
     !> Body of the slave surface.
     type(body_mesh_t), intent(in) :: mesh_a
     !> Slave surface (surface_a).
@@ -109,6 +111,8 @@ contains
     logical, intent(in) :: candidate(:)
     !> Search radius: greatest distance of a projection [length].
     real(dp), intent(in) :: radius
+    !> Thickness of the slave body at the facets (n_facets) [length].
+    real(dp), intent(in) :: depth(:)
     !> Positions (3, n) [length].
     real(dp), intent(out) :: x(:, :)
     !> Reference coordinates (2, n) [].
@@ -119,12 +123,13 @@ contains
     type(projection_t), intent(out) :: projection(:)
     integer :: f
     !$omp parallel do default(none) schedule(dynamic, 64) &
-    !$omp shared(surface_a, mesh_a, rule, offset, axisymmetric, master, candidate, radius, x, xi, weight, projection)
+    !$omp shared(surface_a, mesh_a, rule, offset, axisymmetric, master, candidate, radius, depth, x, xi, weight) &
+    !$omp shared(projection)
     do f = 1, surface_a%n_facets
       associate (first => offset(f) + 1, last => offset(f + 1), kind => surface_a%kind(f))
         call points_of_facet(kind, mesh_a%dimension, mesh_a%x(:, surface_a%node(1:kind_nodes(kind), f)), rule(f)%xi, &
-                             rule(f)%weight, axisymmetric, master, candidate(f), radius, x(:, first:last), &
-                             xi(:, first:last), weight(first:last), projection(first:last))
+                             rule(f)%weight, axisymmetric, master, candidate(f), radius, depth(f), &
+                             x(:, first:last), xi(:, first:last), weight(first:last), projection(first:last))
       end associate
     end do
     !$omp end parallel do

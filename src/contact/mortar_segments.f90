@@ -149,7 +149,7 @@ contains
     logical :: ok, covers_facet, needs_fit, fits
     call plane%init(set, f, x)
     if (.not. plane%area > 0) return
-    call segments_of_facet(set%coefficient(:, :, f), plane, mesh_b%x, surface_b, master, n_segments, segment, ok)
+    call segments_of_facet(set, f, plane, mesh_b%x, surface_b, master, n_segments, segment, ok)
     if (.not. ok .or. n_segments == 0) return
     covered = sum([(segment(i)%area, i=1, n_segments)])
     if (covered > (1 + area_tolerance)*plane%area) return
@@ -259,7 +259,7 @@ contains
         if (inside) exit
       end do
       if (inside) cycle
-      call project_point(master, x, normal, hint, radius, projection)
+      call project_point(master, x, normal, hint, radius, set%depth(f), projection)
       found = projection%status == projection_found
       if (found) return
     end do
@@ -312,7 +312,7 @@ contains
                   xi < last(1:n_segments) + boundary_tolerance)) cycle
           call facet_position_and_normal(set, f, [xi, 0.0_dp], x, normal, xu, xv)
         end associate
-        call project_point(master, x, normal, hint, radius, projection)
+        call project_point(master, x, normal, hint, radius, set%depth(f), projection)
         if (projection%status == projection_found) return
       end do
     end if
@@ -359,7 +359,7 @@ contains
     do i = 1, size(fraction)
       call facet_position_and_normal(set, f, [end_of_segment + fraction(i)*(end_of_facet - end_of_segment), 0.0_dp], &
                                      x, normal, xu, xv)
-      call project_point(master, x, normal, hint, radius, projection)
+      call project_point(master, x, normal, hint, radius, set%depth(f), projection)
       if (projection%status /= projection_found .or. projection%facet /= facet_b) return
     end do
     end_of_segment = end_of_facet

@@ -75,7 +75,7 @@ module dotyk_contact_pair
     real(dp), allocatable :: weight(:)
     !> Gaps d (n_points) [length].
     real(dp), allocatable :: gap(:)
-    !> Slave facets of the points, ascending (n_points).
+    !> Slave facets of the points, ascending among the mortar points and among those after them (n_points).
     integer, allocatable :: facet_a(:)
     !> Reference coordinates on them (dimension-1, n_points) [].
     real(dp), allocatable :: xi_a(:, :)
@@ -83,12 +83,16 @@ module dotyk_contact_pair
     integer, allocatable :: facet_b(:)
     !> Reference coordinates of the projections x' on them (dimension-1, n_points) [].
     real(dp), allocatable :: xi_b(:, :)
-    !> Number of rows.
+    !> Number of rows: mortar rows first, then points that are rows by themselves.
     integer :: n_rows = 0
+    !> Number of mortar rows.
+    integer :: n_mortar_rows = 0
+    !> Number of integration points of the mortar rows; the points after them are rows by themselves, in the same order.
+    integer :: n_mortar_points = 0
     !> Mortar matrix: the rows as weighted means of the points; the sum of each row is 1 (n_rows x n_points) [].
     type(sparse_rows_t) :: average
-    !> Body-local node number of the vertex of each row (n_rows); not allocated where integration points are rows.
-    integer, allocatable :: row_vertex(:)
+    !> Corner of each mortar row, numbered as by `corner_interpolation_t` from the mortar points (n_mortar_rows).
+    integer, allocatable :: row_corner(:)
     !> Position of each row, a vertex or an integration point (dimension, n_rows) [length].
     real(dp), allocatable :: row_position(:, :)
     !> Weighted mean of the normals, normalized (dimension, n_rows) [].

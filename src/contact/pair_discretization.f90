@@ -4,28 +4,30 @@
 !> The contact search has a broad phase (bounding-volume tree) and a narrow phase (clipping of the master facets on the
 !> slave facets to mortar segments, projection of the integration points). The rows, at which the contact conditions are
 !> imposed, are weighted means of the integration points: weighted gaps at the vertices of the slave surface with dual
-!> shape functions, or each point by itself.
+!> shape functions, or each point by itself. Vertices and edges that face nothing get rows of their own.
 module dotyk_contact_pair_discretization
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use dotyk_base_error, only: error_t, exit_bad_input, set_error
   use dotyk_base_formula, only: formula_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_magnitude, only: is_too_large, size_rule
-  use dotyk_base_options, only: discretization_mortar, discretization_quadrature, gap_constant, gap_formula, &
+  use dotyk_base_options, only: discretization_mortar, gap_constant, gap_formula, &
     geometry_smooth, quadrature_segments
   use dotyk_base_text, only: quoted, to_text
   use dotyk_contact_broad_phase, only: facets_near_candidates, candidate_facets
-  use dotyk_contact_corner_interpolation, only: corner_interpolation_t
-  use dotyk_contact_dual_mortar, only: dual_mortar_rows
-  use dotyk_contact_facet_set, only: facet_set_t
+  use dotyk_contact_edge_contacts, only: find_edge_contacts
   use dotyk_contact_integration_points, only: whole_facet_rules, project_points
+  use dotyk_contact_local_depth, only: find_depths
   use dotyk_contact_local_origin, only: choose_origin, shift_origin
   use dotyk_contact_mortar_segments, only: build_segment_rules
   use dotyk_contact_pair, only: contact_pair_t, pair_settings_t
+  use dotyk_contact_pair_rows, only: replace_points, set_rows
+  use dotyk_contact_point_contacts, only: find_vertex_contacts, point_contact_t, touches_in_points
   use dotyk_contact_projection, only: projection_found, projection_not_facing, projection_outside, projection_t, &
     projection_too_far, master_surface_t
   use dotyk_contact_segment_quadrature, only: quadrature_rule_t
   use dotyk_contact_smooth_projection, only: smooth_projections
+  use dotyk_contact_smooth_sheets, only: sharp_edges
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: n_element_kinds
   use dotyk_mesh_surface, only: surface_t
@@ -92,26 +94,29 @@ contains
     type(contact_pair_t), intent(out) :: pair
     !> Set if no integration point has a projection, or if the gap formula gives no number or one that is too large.
     type(error_t), allocatable, intent(out) :: error
-    type(master_surface_t) :: master
-    type(facet_set_t) :: set_a
+    type(master_surface_t) :: slave, master
     type(quadrature_rule_t) :: kind_rule(n_element_kinds)
     type(quadrature_rule_t), allocatable :: facet_rule(:)
     type(projection_t), allocatable :: projection(:)
+    type(point_contact_t), allocatable :: contact(:)
     real(dp), allocatable :: x(:, :), weight(:), xi(:, :)
     integer, allocatable :: offset(:)
     logical :: candidate(surface_a%n_facets)
+    logical, allocatable :: in_points(:)
     real(dp) :: radius
     integer :: f, n
     radius = settings%search_radius
-    if (.not. radius > 0) radius = min(mesh_a%size(), mesh_b%size())
+    if (.not. radius > 0) radius = min(mesh_a%diameter(), mesh_b%diameter())
     call master%init(mesh_b%x, surface_b)
-    call set_a%init(mesh_a%x, surface_a)
-    candidate = candidate_facets(set_a, master%tree, radius)
+    call slave%init(mesh_a%x, surface_a)
+    call find_depths(slave%tree, radius, slave%set)
+    call find_depths(master%tree, radius, master%set)
+    candidate = candidate_facets(slave%set, master%tree, radius)
     call whole_facet_rules(surface_a%kind(1:surface_a%n_facets), &
                            settings%discretization == discretization_mortar, settings%axisymmetric, kind_rule)
     allocate (offset(surface_a%n_facets + 1))
     if (settings%quadrature == quadrature_segments) then
-      call build_segment_rules(mesh_a, surface_a, set_a, candidate, mesh_b, surface_b, master, radius, &
+      call build_segment_rules(mesh_a, surface_a, slave%set, candidate, mesh_b, surface_b, master, radius, &
                                settings%discretization == discretization_mortar, settings%axisymmetric, kind_rule, &
                                facet_rule)
     else
@@ -124,20 +129,26 @@ contains
     end do
     n = offset(surface_a%n_facets + 1)
     allocate (projection(n), x(3, n), weight(n), xi(2, n))
-    call project_points(mesh_a, surface_a, facet_rule, offset, settings%axisymmetric, master, candidate, radius, x, &
-                        xi, weight, projection)
+    call project_points(mesh_a, surface_a, facet_rule, offset, settings%axisymmetric, master, candidate, radius, &
+                        slave%set%depth, x, xi, weight, projection)
     if (.not. any(projection%status == projection_found)) then
       ! Project all points, for the reasons in the message.
       candidate = .true.
-      call project_points(mesh_a, surface_a, facet_rule, offset, settings%axisymmetric, master, candidate, radius, x, &
-                          xi, weight, projection)
+      call project_points(mesh_a, surface_a, facet_rule, offset, settings%axisymmetric, master, candidate, radius, &
+                          slave%set%depth, x, xi, weight, projection)
     end if
     if (settings%geometry == geometry_smooth) then
       call smooth_projections(mesh_a%x, surface_a, candidate, mesh_b%x, surface_b, &
-                              facets_near_candidates(master%set, set_a, candidate, radius), radius, offset, x, xi, &
+                              facets_near_candidates(master%set, slave%set, candidate, radius), radius, offset, x, xi, &
                               projection)
     end if
     call keep_projected(mesh_a%dimension, offset, x, xi, weight, projection, pair)
+    call find_point_contacts(mesh_a, surface_a, slave, mesh_b, surface_b, master, radius, contact)
+    if (size(contact) > 0) then
+      allocate (in_points(pair%n_points))
+      call touches_in_points(contact, slave, master, pair%facet_a, pair%facet_b, pair%normal, in_points)
+      call replace_points(.not. in_points, contact, pair)
+    end if
     pair%name = settings%name
     pair%body_a = settings%body_a
     pair%body_b = settings%body_b
@@ -150,9 +161,37 @@ contains
     call shift_origin(pair%position, -origin)
     call set_given_gap(settings, formula, pair, error)
     if (allocated(error)) return
-    call set_rows(mesh_a, surface_a, origin, pair)
+    call set_rows(mesh_a, surface_a, origin, size(contact), pair)
     allocate (pair%row_theta(pair%n_rows), source=pair%theta)
   end subroutine discretize_shifted
+
+  !> Point contacts of vertices and edges.
+  subroutine find_point_contacts(mesh_a, surface_a, slave, mesh_b, surface_b, master, radius, contact)
+    !> Mesh of the slave body.
+    type(body_mesh_t), intent(in) :: mesh_a
+    !> Slave surface (surface_a).
+    type(surface_t), intent(in) :: surface_a
+    !> Slave surface, prepared for projections.
+    type(master_surface_t), intent(in) :: slave
+    !> Mesh of the master body.
+    type(body_mesh_t), intent(in) :: mesh_b
+    !> Master surface (surface_b).
+    type(surface_t), intent(in) :: surface_b
+    !> Master surface, prepared for projections.
+    type(master_surface_t), intent(in) :: master
+    !> Search radius: greatest distance of a projection [length].
+    real(dp), intent(in) :: radius
+    !> Contacts (n).
+    type(point_contact_t), allocatable, intent(out) :: contact(:)
+    logical, allocatable :: sharp_a(:, :), sharp_b(:, :)
+    allocate (contact(0))
+    call find_vertex_contacts(slave, master, radius, .true., contact)
+    call find_vertex_contacts(master, slave, radius, .false., contact)
+    if (mesh_a%dimension == 2) return
+    call sharp_edges(mesh_a%x, surface_a, slave%adjacency, sharp_a)
+    call sharp_edges(mesh_b%x, surface_b, master%adjacency, sharp_b)
+    if (any(sharp_a) .or. any(sharp_b)) call find_edge_contacts(slave, master, sharp_a, sharp_b, radius, contact)
+  end subroutine find_point_contacts
 
   !> Keep the integration points that have a projection and count the others.
   pure subroutine keep_projected(d, offset, x, xi, weight, projection, pair)
@@ -198,43 +237,6 @@ contains
     ! Surfaces that touch have a gap of 0, not of the round-off of the coordinates.
     where (abs(pair%gap) <= gap_round_off*maxval(abs(x))) pair%gap = 0
   end subroutine keep_projected
-
-  !> Set the rows from the integration points. Each point a row is equation (18) literally; mortar rows have the
-  !> weighted mean of the gap before it is squared.
-  subroutine set_rows(mesh_a, surface_a, origin, pair)
-    !> Mesh of the slave body, in shifted coordinates.
-    type(body_mesh_t), intent(in) :: mesh_a
-    !> Slave surface (surface_a).
-    type(surface_t), intent(in) :: surface_a
-    !> Local origin (3) [length].
-    real(dp), intent(in) :: origin(3)
-    !> Pair; its points are given, its rows are set.
-    type(contact_pair_t), intent(inout) :: pair
-    type(corner_interpolation_t) :: corners
-    integer :: c, i
-    if (pair%discretization == discretization_quadrature) then
-      pair%n_rows = pair%n_points
-      call pair%average%set_identity(pair%n_points)
-      pair%row_position = pair%position
-      pair%row_weight = pair%weight
-      pair%row_normal = pair%normal
-      pair%row_gap = pair%gap
-      return
-    end if
-    call corners%init(surface_a, pair%facet_a, pair%xi_a)
-    call dual_mortar_rows(corners, pair%facet_a, pair%weight, pair%row_vertex, pair%row_weight, pair%average)
-    pair%n_rows = size(pair%row_vertex)
-    pair%row_position = mesh_a%x(:, pair%row_vertex)
-    call shift_origin(pair%row_position, -origin)
-    allocate (pair%row_normal(pair%dimension, pair%n_rows), pair%row_gap(pair%n_rows))
-    call pair%average%multiply(pair%gap, pair%row_gap)
-    do c = 1, pair%dimension
-      call pair%average%multiply(pair%normal(c, :), pair%row_normal(c, :))
-    end do
-    do i = 1, pair%n_rows
-      pair%row_normal(:, i) = pair%row_normal(:, i)/max(norm2(pair%row_normal(:, i)), tiny(1.0_dp))
-    end do
-  end subroutine set_rows
 
   !> Replace the distance between the surfaces by a given gap.
   subroutine set_given_gap(settings, formula, pair, error)

@@ -195,10 +195,14 @@ contains
     else
       allocate (total(self%side_a%n), smoothed(self%side_a%n))
       call self%side_a%moments(pair%weight, total)
-      corner = corner/total
+      where (total > 0)
+        corner = corner/total
+      else where
+        corner = 0
+      end where
       call self%side_a%at_points(corner, at_points)
       call self%side_a%moments(pair%weight*at_points, smoothed)
-      corner = 2*corner - smoothed/total
+      where (total > 0) corner = 2*corner - smoothed/total
       deallocate (total)
     end if
     call self%side_a%at_points(corner, at_points)

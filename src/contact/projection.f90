@@ -84,7 +84,7 @@ contains
   end subroutine master_surface_init
 
   !> Project a point.
-  pure subroutine project_point(self, x, normal_a, hint, search_radius, projection)
+  pure subroutine project_point(self, x, normal_a, hint, search_radius, max_depth, projection)
     !> The master surface.
     type(master_surface_t), intent(in) :: self
     !> Point of the slave surface (3) [length].
@@ -95,12 +95,15 @@ contains
     integer, intent(inout) :: hint
     !> Search radius: greatest distance of a projection [length].
     real(dp), intent(in) :: search_radius
+    !> Thickness of body a there: greatest depth of an overlap [length].
+    real(dp), intent(in) :: max_depth
     !> Projection.
     type(projection_t), intent(out) :: projection
     real(dp) :: square, normal(3), r(3), xu(3), xv(3)
     integer :: facet, n_edges, edges(2)
     logical :: inside, ridge
-    call nearest_facet(self%tree, self%set, x, -normal_a, .false., hint, facet, projection%xi, square)
+    call nearest_facet(self%tree, self%set, x, -normal_a, .false., max_depth, hint, facet, &
+                       projection%xi, square)
     if (facet == 0) return
     hint = facet
     call facet_position_and_normal(self%set, facet, projection%xi, projection%position, normal, xu, xv)
@@ -307,7 +310,7 @@ contains
     real(dp), intent(in) :: x(3)
     real(dp) :: xi(2), square
     integer :: facet
-    call nearest_facet(self%tree, self%set, x, [0.0_dp, 0.0_dp, 1.0_dp], .true., 0, facet, xi, square)
+    call nearest_facet(self%tree, self%set, x, [0.0_dp, 0.0_dp, 1.0_dp], .true., 0.0_dp, 0, facet, xi, square)
     distance = sqrt(square)
   end function smallest_distance
 end module dotyk_contact_projection

@@ -177,9 +177,9 @@ contains
     list = found(1:n)
   end subroutine facets_in_region
 
-  !> The facet nearest to a point among those whose normal at the closest point faces a direction; the lowest number of
-  !> equally near ones.
-  pure subroutine nearest_facet(tree, set, x, toward, any_normal, hint, facet, xi, square)
+  !> The facet nearest to a point among those whose normal at the closest point faces a direction, and behind which the
+  !> point does not lie deeper than a body is thick; the lowest number of equally near ones.
+  pure subroutine nearest_facet(tree, set, x, toward, any_normal, max_depth, hint, facet, xi, square)
     !> Bounding-volume tree of the surface.
     type(bounding_volume_tree_t), intent(in) :: tree
     !> Facets of the surface.
@@ -188,8 +188,10 @@ contains
     real(dp), intent(in) :: x(3)
     !> Direction that the normal has to face: normal . toward > facing_cosine (3) [].
     real(dp), intent(in) :: toward(3)
-    !> Normals of all directions are accepted.
+    !> Normals of all directions are accepted, and all depths.
     logical, intent(in) :: any_normal
+    !> Greatest depth of the point behind a facet; the thickness behind the facet itself limits the depth too [length].
+    real(dp), intent(in) :: max_depth
     !> A facet that is probably near, examined first, or 0; it affects the time, not the result.
     integer, intent(in) :: hint
     !> The nearest facet; 0 if none faces the direction.
@@ -204,7 +206,7 @@ contains
     xi = 0
     square = huge(square)
     if (set%n == 0) return
-    if (hint > 0) call examine(tree, set, x, toward, any_normal, hint, facet, xi, square)
+    if (hint > 0) call examine(tree, set, x, toward, any_normal, max_depth, hint, facet, xi, square)
     n = 1
     waiting(1) = 1
     waiting_square(1) = square_to_box(tree%volume(1), x)
@@ -219,7 +221,7 @@ contains
       if (tree%child(node) == 0) then
         do i = tree%first(node), tree%last(node)
           if (tree%order(i) == hint) cycle
-          call examine(tree, set, x, toward, any_normal, tree%order(i), facet, xi, square)
+          call examine(tree, set, x, toward, any_normal, max_depth, tree%order(i), facet, xi, square)
         end do
         cycle
       end if
@@ -239,7 +241,7 @@ contains
   end subroutine nearest_facet
 
   !> Keep a facet if it is nearer than the best one so far and faces the direction.
-  pure subroutine examine(tree, set, x, toward, any_normal, candidate, facet, xi, square)
+  pure subroutine examine(tree, set, x, toward, any_normal, max_depth, candidate, facet, xi, square)
     !> Bounding-volume tree of the surface.
     type(bounding_volume_tree_t), intent(in) :: tree
     !> Facets of the surface.
@@ -248,8 +250,10 @@ contains
     real(dp), intent(in) :: x(3)
     !> Direction that the normal has to face (3) [].
     real(dp), intent(in) :: toward(3)
-    !> Normals of all directions are accepted.
+    !> Normals of all directions are accepted, and all depths.
     logical, intent(in) :: any_normal
+    !> Greatest depth of the point behind a facet [length].
+    real(dp), intent(in) :: max_depth
     !> The facet to examine.
     integer, intent(in) :: candidate
     !> The nearest facet so far.
@@ -269,6 +273,8 @@ contains
     if (.not. any_normal) then
       call facet_position_and_normal(set, candidate, point, position, normal, xu, xv)
       if (.not. dot_product(normal, toward) > facing_cosine) return
+      ! The far side of a thin body faces the point too, through the body.
+      if (dot_product(normal, position - x) > min(max_depth, set%depth(candidate))) return
     end if
     facet = candidate
     xi = point

@@ -33,7 +33,7 @@ module dotyk_mesh_body_mesh
     procedure :: n_nodes => body_mesh_n_nodes
     procedure :: n_elements => body_mesh_n_elements
     procedure :: box => body_mesh_box
-    procedure :: size => body_mesh_size
+    procedure :: diameter => body_mesh_diameter
   end type body_mesh_t
 
   public :: extract_body, connected_components
@@ -64,11 +64,14 @@ contains
     hi = maxval(self%x, dim=2)
   end subroutine body_mesh_box
 
-  !> Characteristic size: the shortest edge of the bounding box [length].
-  pure real(dp) function body_mesh_size(self) result(edge)
+  !> Greatest extent, whatever the orientation: twice the greatest distance of a node from the mean of all [length].
+  pure real(dp) function body_mesh_diameter(self) result(diameter)
     class(body_mesh_t), intent(in) :: self
-    edge = minval(maxval(self%x, dim=2) - minval(self%x, dim=2))
-  end function body_mesh_size
+    real(dp) :: mean(self%dimension)
+    integer :: i
+    mean = sum(self%x, dim=2)/self%n_nodes()
+    diameter = 2*maxval([(norm2(self%x(:, i) - mean), i=1, self%n_nodes())])
+  end function body_mesh_diameter
 
   !> Extract the elements of the physical groups of one name from a mesh, and check them.
   !>

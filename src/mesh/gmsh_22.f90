@@ -49,7 +49,7 @@ contains
     type(mesh_builder_t), intent(inout) :: builder
     !> Number of elements in the file, points included.
     integer(int64), intent(out) :: n_elements
-    integer(int64) :: tag(max_nodes), element, type, n_tags, physical, last_type, last_physical, n_left, first, i
+    integer(int64) :: tag(max_nodes), element, type, n_tags, physical, entity, last_type, last_physical, n_left, first, i
     integer :: node(max_nodes), n_nodes, block
     call read_count(cursor, merge(12, 6, cursor%binary), 'elements', n_elements)
     last_type = 0
@@ -85,7 +85,7 @@ contains
         last_type = type
         block = 0
       end if
-      call read_physical(cursor, element, first, n_tags, physical)
+      call read_group(cursor, element, first, n_tags, physical, entity)
       call read_tags(cursor, n_nodes, tag)
       if (cursor%broken) return
       if (physical == 0 .or. type == gmsh_point) cycle
@@ -96,7 +96,7 @@ contains
       call find_nodes(cursor, builder, tag(:n_nodes), element, first, node(:n_nodes))
       if (cursor%broken) return
       call builder%reserve(block, 1)
-      call builder%add_element(block, element, node(:n_nodes))
+      call builder%add_element(block, element, int(min(entity, int(huge(0), int64))), node(:n_nodes))
     end do
   end subroutine read_elements_22
 
@@ -119,8 +119,8 @@ contains
     if (cursor%broken) count = 0
   end subroutine read_count
 
-  !> Read the tags of an element, the first of which is the physical group.
-  subroutine read_physical(cursor, element, position, n_tags, physical)
+  !> Read the tags of an element: the physical group, the geometric entity, and others.
+  subroutine read_group(cursor, element, position, n_tags, physical, entity)
     !> Cursor over the bytes of the file.
     type(byte_cursor_t), intent(inout) :: cursor
     !> Tag of the element, for messages.
@@ -131,20 +131,24 @@ contains
     integer(int64), intent(in) :: n_tags
     !> Tag of the physical group, 0 if there is none. A minus sign in the file marks reversed orientation.
     integer(int64), intent(out) :: physical
-    integer(int64) :: ignored, i
+    !> Tag of the geometric entity, 0 if there is none.
+    integer(int64), intent(out) :: entity
+    integer(int64) :: value, i
     physical = 0
+    entity = 0
     if (n_tags < 0 .or. n_tags > max_tags) then
       call cursor%fail('element '//to_text(element)//' has '//to_text(n_tags)//' tags, which cannot be right', position)
       return
     end if
     do i = 1, n_tags
-      call cursor%get_int(ignored)
-      if (i == 1) physical = abs(ignored)
+      call cursor%get_int(value)
+      if (i == 1) physical = abs(value)
+      if (i == 2) entity = abs(value)
     end do
     if (physical > huge(0)) &
       call cursor%fail('element '//to_text(element)//' has the physical tag '//to_text(physical)// &
                        ', which cannot be right', position)
-  end subroutine read_physical
+  end subroutine read_group
 
   !> Read the node tags of an element.
   subroutine read_tags(cursor, n, tag)

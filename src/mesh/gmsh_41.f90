@@ -240,7 +240,7 @@ contains
         if (cursor%broken) return
         call builder%reserve(block, int(n))
       end if
-      call read_block(cursor, builder, block, n, n_nodes)
+      call read_block(cursor, builder, block, int(entity), n, n_nodes)
       n_read = n_read + n
     end do
     if (n_read < n_elements) &
@@ -248,13 +248,15 @@ contains
   end subroutine read_elements_41
 
   !> Read the elements of one block of the file.
-  subroutine read_block(cursor, builder, block, n, n_nodes)
+  subroutine read_block(cursor, builder, block, entity, n, n_nodes)
     !> Cursor over the bytes of the file.
     type(byte_cursor_t), intent(inout) :: cursor
     !> Mesh under construction.
     type(mesh_builder_t), intent(inout) :: builder
     !> Block of the builder that receives the elements, 0 for none.
     integer, intent(in) :: block
+    !> Tag of the geometric entity.
+    integer, intent(in) :: entity
     !> Number of elements.
     integer(int64), intent(in) :: n
     !> Number of nodes of each element.
@@ -272,7 +274,7 @@ contains
       if (block == 0) cycle
       call find_nodes(cursor, builder, tag(:n_nodes), element, first, node(:n_nodes))
       if (cursor%broken) return
-      call builder%add_element(block, element, node(:n_nodes))
+      call builder%add_element(block, element, entity, node(:n_nodes))
     end do
   end subroutine read_block
 

@@ -14,6 +14,9 @@ module dotyk_mesh_mesh
     integer, allocatable :: node(:, :)
     !> Element tags in the file (n_elements).
     integer(int64), allocatable :: tag(:)
+    !> Geometric entity (curve, surface or volume of the geometry) of each element, 0 if unknown (n_elements); not
+    !> allocated in parts of a mesh.
+    integer, allocatable :: entity(:)
     !> Physical groups to which all these elements belong, indices of `group` of the mesh (n_groups of the block, may be
     !> 0).
     integer, allocatable :: group(:)

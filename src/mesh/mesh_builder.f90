@@ -17,6 +17,8 @@ module dotyk_mesh_mesh_builder
     integer, allocatable :: node(:, :)
     !> Element tags (room).
     integer(int64), allocatable :: tag(:)
+    !> Geometric entities (room).
+    integer, allocatable :: entity(:)
     !> Indices of physical groups, ascending (n_groups).
     integer, allocatable :: group(:)
   end type growing_block_t
@@ -108,6 +110,7 @@ contains
         larger(i)%n = self%block(i)%n
         call move_alloc(self%block(i)%node, larger(i)%node)
         call move_alloc(self%block(i)%tag, larger(i)%tag)
+        call move_alloc(self%block(i)%entity, larger(i)%entity)
         call move_alloc(self%block(i)%group, larger(i)%group)
       end do
       call move_alloc(larger, self%block)
@@ -116,7 +119,7 @@ contains
     index = self%n_blocks
     self%block(index)%kind = kind
     self%block(index)%group = group
-    allocate (self%block(index)%node(n_nodes, 0), self%block(index)%tag(0))
+    allocate (self%block(index)%node(n_nodes, 0), self%block(index)%tag(0), self%block(index)%entity(0))
   end subroutine builder_add_block
 
   !> Reserve room in a block.
@@ -135,18 +138,21 @@ contains
   end subroutine builder_reserve
 
   !> Add an element, for which room is reserved.
-  subroutine builder_add_element(self, index, tag, node)
+  subroutine builder_add_element(self, index, tag, entity, node)
     class(mesh_builder_t), intent(inout) :: self
     !> Index of the block.
     integer, intent(in) :: index
     !> Tag of the element.
     integer(int64), intent(in) :: tag
+    !> Geometric entity of the element, 0 if unknown.
+    integer, intent(in) :: entity
     !> Node indices of the element (n_nodes of the kind).
     integer, intent(in) :: node(:)
     integer :: n
     n = self%block(index)%n + 1
     self%block(index)%n = n
     self%block(index)%tag(n) = tag
+    self%block(index)%entity(n) = entity
     self%block(index)%node(:, n) = node
   end subroutine builder_add_element
 
@@ -169,6 +175,7 @@ contains
       mesh%block(i)%kind = self%block(i)%kind
       call move_alloc(self%block(i)%node, mesh%block(i)%node)
       call move_alloc(self%block(i)%tag, mesh%block(i)%tag)
+      call move_alloc(self%block(i)%entity, mesh%block(i)%entity)
       call move_alloc(self%block(i)%group, mesh%block(i)%group)
     end do
     if (allocated(self%group)) deallocate (self%group)
@@ -183,13 +190,15 @@ contains
     type(growing_block_t), intent(inout) :: block
     !> New room, at least the number of elements.
     integer, intent(in) :: room
-    integer, allocatable :: node(:, :)
+    integer, allocatable :: node(:, :), entity(:)
     integer(int64), allocatable :: tag(:)
     if (size(block%tag) == room) return
-    allocate (node(size(block%node, 1), room), tag(room))
+    allocate (node(size(block%node, 1), room), tag(room), entity(room))
     node(:, :block%n) = block%node(:, :block%n)
     tag(:block%n) = block%tag(:block%n)
+    entity(:block%n) = block%entity(:block%n)
     call move_alloc(node, block%node)
     call move_alloc(tag, block%tag)
+    call move_alloc(entity, block%entity)
   end subroutine resize
 end module dotyk_mesh_mesh_builder

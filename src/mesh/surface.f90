@@ -32,6 +32,11 @@ module dotyk_mesh_surface
     integer, allocatable :: element(:)
     !> Element tag of each facet in the file (n_facets).
     integer(int64), allocatable :: tag(:)
+    !> Geometric entity of each facet, a face of the CAD model, 0 if unknown (n_facets).
+    integer, allocatable :: entity(:)
+    !> Smooth sheet of each facet at each of its corners, from 1: at a sharp edge the facets on its two sides belong to
+    !> different sheets; padded with 0 (4, n_facets). Not allocated where nobody needs it: then there is one sheet.
+    integer, allocatable :: sheet(:, :)
     !> The facets were linear in the file: mid-side nodes lie on straight edges and carry no information about the
     !> shape.
     logical :: order_elevated = .false.
@@ -60,12 +65,12 @@ contains
     type(corner_table_t) :: table
     type(text_t), allocatable :: names(:)
     integer(int64), allocatable :: tag(:)
-    integer, allocatable :: parents(:)
+    integer, allocatable :: entity(:), parents(:)
     character(:), allocatable :: message
     integer :: inner
     wanted = groups_like(mesh, trim(surface_name), body_mesh%dimension - 1)
     if (any(wanted)) then
-      call gather_facets(mesh, body_mesh, wanted, table, tag)
+      call gather_facets(mesh, body_mesh, wanted, table, tag, entity)
       surface%name = trim(surface_name)
       surface%dimension = body_mesh%dimension
       surface%order_elevated = body_mesh%order_elevated
@@ -77,7 +82,7 @@ contains
                        'element '//to_text(tag(inner))//')')
         return
       end if
-      call keep_facets(surface, tag, parents == 1)
+      call keep_facets(surface, tag, entity, parents == 1)
       if (surface%n_facets > 0) return
       message = 'mesh '//quoted(mesh%file)//': '//quoted(surface_name)//' has no facet on this body'
     else
@@ -88,7 +93,7 @@ contains
   end subroutine extract_surface
 
   !> Collect the facets of some groups whose corners are all nodes of the body, each once.
-  subroutine gather_facets(mesh, body_mesh, wanted, table, tag)
+  subroutine gather_facets(mesh, body_mesh, wanted, table, tag, entity)
     !> Mesh.
     type(mesh_t), intent(in) :: mesh
     !> Mesh of the body.
@@ -99,6 +104,8 @@ contains
     type(corner_table_t), intent(out) :: table
     !> Element tags of the facets (table%n).
     integer(int64), allocatable, intent(out) :: tag(:)
+    !> Their geometric entities (table%n).
+    integer, allocatable, intent(out) :: entity(:)
     integer, allocatable :: number(:)
     type(element_kind_t) :: kind
     integer :: b, e, i, n, entry, corner(max_corners)
@@ -110,7 +117,7 @@ contains
       if (any(wanted(mesh%block(b)%group))) n = n + size(mesh%block(b)%tag)
     end do
     call table%init(max_corners, n)
-    allocate (tag(n))
+    allocate (tag(n), entity(n))
     do b = 1, size(mesh%block)
       if (.not. any(wanted(mesh%block(b)%group))) cycle
       if (kind_dimension(mesh%block(b)%kind) /= body_mesh%dimension - 1) cycle
@@ -121,9 +128,12 @@ contains
         if (any(corner(:n) == 0)) cycle
         call table%add(corner(:n), entry)
         tag(entry) = mesh%block(b)%tag(e)
+        entity(entry) = 0
+        if (allocated(mesh%block(b)%entity)) entity(entry) = mesh%block(b)%entity(e)
       end do
     end do
     tag = tag(:table%n)
+    entity = entity(:table%n)
   end subroutine gather_facets
 
   !> Find the element faces that coincide with the facets of a table, and count the parents of each facet.
@@ -177,11 +187,13 @@ contains
   end subroutine find_parents
 
   !> Keep some facets.
-  subroutine keep_facets(surface, tag, kept)
+  subroutine keep_facets(surface, tag, entity, kept)
     !> Surface.
     type(surface_t), intent(inout) :: surface
     !> Element tags of all facets (number of facets before).
     integer(int64), intent(in) :: tag(:)
+    !> Geometric entities of all facets (number of facets before).
+    integer, intent(in) :: entity(:)
     !> Facets to keep (number of facets before).
     logical, intent(in) :: kept(:)
     integer, allocatable :: chosen(:)
@@ -193,6 +205,7 @@ contains
     surface%block = surface%block(chosen)
     surface%element = surface%element(chosen)
     surface%tag = tag(chosen)
+    surface%entity = entity(chosen)
   end subroutine keep_facets
 
   !> Nodes of the body on a surface, ascending, each once.

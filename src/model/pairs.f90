@@ -9,6 +9,7 @@ module dotyk_model_pairs
   use dotyk_base_text, only: to_text
   use dotyk_contact_pair, only: contact_pair_t, pair_settings_t
   use dotyk_contact_pair_discretization, only: discretize_pair
+  use dotyk_contact_smooth_sheets, only: split_sheets
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t, contact_input_t
   use dotyk_mesh_surface, only: surface_t
@@ -32,10 +33,10 @@ contains
     type(case_t), intent(in) :: case
     !> Assembled bodies (n_bodies).
     type(body_t), intent(in) :: body(:)
-    !> Slave surface of each pair (n_pairs).
-    type(surface_t), intent(in) :: surface_a(:)
-    !> Master surface of each pair (n_pairs).
-    type(surface_t), intent(in) :: surface_b(:)
+    !> Slave surface of each pair; divided into smooth sheets (n_pairs).
+    type(surface_t), intent(inout) :: surface_a(:)
+    !> Master surface of each pair, likewise (n_pairs).
+    type(surface_t), intent(inout) :: surface_b(:)
     !> Contact pairs (n_pairs).
     type(contact_pair_t), allocatable, intent(out) :: pair(:)
     !> Penalty parameters of all rows, pair by pair (n_rows) [length/pressure].
@@ -51,6 +52,8 @@ contains
     !$omp& if (size(pair) >= many*omp_get_max_threads())
     do k = 1, size(pair)
       associate (given => case%contact(k))
+        call split_sheets(body(given%body_a)%mesh%x, surface_a(k))
+        call split_sheets(body(given%body_b)%mesh%x, surface_b(k))
         call search_pair(case, given, body(given%body_a), surface_a(k), body(given%body_b), surface_b(k), pair(k), &
                          failed(k)%error)
       end associate

@@ -1,0 +1,219 @@
+!> Point contacts of crossed edges in three dimensions, where the mortar integral sees nothing and no vertex is near: rows
+!> with the closest points of the edges and their common normal (cf. Puso and Laursen, Comput. Methods Appl. Mech. Engrg.
+!> 191, 2002). Both bodies lie behind the plane through the edges. The weight of a row is the area of the parallelogram of
+!> the half edges.
+module dotyk_contact_edge_contacts
+  use dotyk_base_kinds, only: dp
+  use dotyk_contact_facet_corners, only: corner_position, edge_coordinates
+  use dotyk_contact_facet_set, only: facet_position_and_normal
+  use dotyk_contact_point_contacts, only: flank_cosine, min_exposure, point_contact_t
+  use dotyk_contact_projection, only: master_surface_t
+  use dotyk_contact_tree_search, only: box_neighbourhood_t, facets_in_region
+  use dotyk_mesh_facet, only: cross
+  implicit none
+  private
+  public :: find_edge_contacts
+
+  !> Edges cross where the sine of their angle exceeds this.
+  real(dp), parameter :: min_crossing = 0.1_dp
+  !> Crossing edges are searched within this multiple of the size of their facets.
+  real(dp), parameter :: edge_reach = 2
+  !> Edges between facets that are inclined by less than this are flat: half a degree.
+  real(dp), parameter :: flat_cosine = cos(0.5_dp*acos(-1.0_dp)/180)
+
+contains
+
+  !> Contacts of crossed edges of two surfaces in three dimensions, at least one of them sharp.
+  subroutine find_edge_contacts(slave, master, sharp_a, sharp_b, radius, contact)
+    !> Slave surface.
+    type(master_surface_t), intent(in) :: slave
+    !> Master surface.
+    type(master_surface_t), intent(in) :: master
+    !> Sharp edges of the slave surface (4, n_facets).
+    logical, intent(in) :: sharp_a(:, :)
+    !> Sharp edges of the master surface (4, n_facets).
+    logical, intent(in) :: sharp_b(:, :)
+    !> Search radius: greatest distance of a projection [length].
+    real(dp), intent(in) :: radius
+    !> Contacts; new ones are appended (n).
+    type(point_contact_t), allocatable, intent(inout) :: contact(:)
+    integer :: f, e
+    do f = 1, slave%set%n
+      do e = 1, slave%set%corners(f)
+        if (.not. is_first_convex(slave, f, e)) cycle
+        call contacts_of_edge(slave, f, e, sharp_a(e, f), master, sharp_b, radius, contact)
+      end do
+    end do
+  end subroutine find_edge_contacts
+
+  !> Contacts of one slave edge.
+  subroutine contacts_of_edge(slave, f, e, is_sharp, master, sharp_b, radius, contact)
+    !> Slave surface.
+    type(master_surface_t), intent(in) :: slave
+    !> Facet of the edge.
+    integer, intent(in) :: f
+    !> Edge number.
+    integer, intent(in) :: e
+    !> The edge is sharp.
+    logical, intent(in) :: is_sharp
+    !> Master surface.
+    type(master_surface_t), intent(in) :: master
+    !> Sharp edges of the master surface (4, n_facets).
+    logical, intent(in) :: sharp_b(:, :)
+    !> Search radius: greatest distance of a projection [length].
+    real(dp), intent(in) :: radius
+    !> Contacts; new ones are appended (n).
+    type(point_contact_t), allocatable, intent(inout) :: contact(:)
+    type(box_neighbourhood_t) :: region
+    type(point_contact_t) :: new
+    real(dp) :: ends(3, 2)
+    integer, allocatable :: list(:)
+    integer :: i, g, k
+    logical :: found
+    ends(:, 1) = corner_position(slave%set, f, e)
+    ends(:, 2) = corner_position(slave%set, f, modulo(e, slave%set%corners(f)) + 1)
+    region%low = minval(ends, dim=2)
+    region%high = maxval(ends, dim=2)
+    region%distance = min(radius, edge_reach*slave%set%size(f))
+    call facets_in_region(master%tree, region, list)
+    do i = 1, size(list)
+      g = list(i)
+      do k = 1, master%set%corners(g)
+        ! Two smooth edges: facets and vertices see their contact.
+        if (.not. (is_sharp .or. sharp_b(k, g))) cycle
+        if (.not. is_first_convex(master, g, k)) cycle
+        call cross_edges(slave, f, e, is_sharp, ends, master, g, k, sharp_b(k, g), region%distance, new, found)
+        if (found) contact = [contact, new]
+      end do
+    end do
+  end subroutine contacts_of_edge
+
+  !> Whether an edge is the first of its two copies, and convex.
+  pure logical function is_first_convex(surface, f, e)
+    !> Surface.
+    type(master_surface_t), intent(in) :: surface
+    !> Facet.
+    integer, intent(in) :: f
+    !> Edge of the facet.
+    integer, intent(in) :: e
+    real(dp) :: r(3)
+    integer :: g, k
+    g = surface%adjacency%neighbour(e, f)
+    is_first_convex = .false.
+    if (g < f) return
+    if (dot_product(surface%set%axis(:, f), surface%set%axis(:, g)) > flat_cosine) return
+    ! Convex where the neighbour turns away.
+    k = findloc(surface%adjacency%neighbour(:, g), f, dim=1)
+    if (k == 0) return
+    r = corner_position(surface%set, g, modulo(k + 1, surface%set%corners(g)) + 1) - corner_position(surface%set, g, k)
+    is_first_convex = dot_product(r, surface%set%axis(:, f)) < 0
+  end function is_first_convex
+
+  !> Closest points of two edges that cross, if both bodies lie behind them.
+  pure subroutine cross_edges(slave, f, e, is_sharp_a, ends, master, g, k, is_sharp_b, reach, contact, found)
+    !> Slave surface.
+    type(master_surface_t), intent(in) :: slave
+    !> Facet of the slave edge.
+    integer, intent(in) :: f
+    !> Slave edge.
+    integer, intent(in) :: e
+    !> The slave edge is sharp.
+    logical, intent(in) :: is_sharp_a
+    !> Ends of the slave edge (3, 2) [length].
+    real(dp), intent(in) :: ends(3, 2)
+    !> Master surface.
+    type(master_surface_t), intent(in) :: master
+    !> Facet of the master edge.
+    integer, intent(in) :: g
+    !> Master edge.
+    integer, intent(in) :: k
+    !> The master edge is sharp.
+    logical, intent(in) :: is_sharp_b
+    !> Greatest distance [length].
+    real(dp), intent(in) :: reach
+    !> Contact.
+    type(point_contact_t), intent(out) :: contact
+    !> The edges cross, and bodies lie behind them.
+    logical, intent(out) :: found
+    real(dp), dimension(3) :: a, b, r, n, on_a, on_b, normal, xu, xv
+    real(dp) :: s, t, length, sine
+    found = .false.
+    a = ends(:, 2) - ends(:, 1)
+    b = corner_position(master%set, g, modulo(k, master%set%corners(g)) + 1) - corner_position(master%set, g, k)
+    n = cross(a, b)
+    length = norm2(a)*norm2(b)
+    if (.not. norm2(n) > min_crossing*length) return
+    sine = norm2(n)/length
+    n = n/norm2(n)
+    r = corner_position(master%set, g, k) - ends(:, 1)
+    ! r + t b - s a is parallel to n.
+    s = dot_product(n, cross(r, b))/dot_product(n, cross(a, b))
+    t = dot_product(n, cross(r, a))/dot_product(n, cross(a, b))
+    if (s < 0 .or. s >= 1 .or. t < 0 .or. t >= 1) return
+    if (abs(dot_product(r, n)) > reach) return
+    if (behind_edge(slave, f, e, is_sharp_a, n) .and. behind_edge(master, g, k, is_sharp_b, -n)) then
+      continue
+    else if (behind_edge(slave, f, e, is_sharp_a, -n) .and. behind_edge(master, g, k, is_sharp_b, n)) then
+      n = -n
+    else
+      return
+    end if
+    contact%facet_a = f
+    contact%edge_a = e
+    contact%edge_b = k
+    contact%xi_a = edge_coordinates(slave%set%corners(f), e, s)
+    contact%facet_b = g
+    contact%xi_b = edge_coordinates(master%set%corners(g), k, t)
+    call facet_position_and_normal(slave%set, f, contact%xi_a, on_a, normal, xu, xv)
+    call facet_position_and_normal(master%set, g, contact%xi_b, on_b, normal, xu, xv)
+    contact%position = on_a
+    contact%normal = n
+    contact%gap = dot_product(n, on_b - on_a)
+    contact%weight = sine*length/4
+    ! An overlap is shallower than the bodies are thick.
+    found = -contact%gap <= min(slave%set%depth(f), master%set%depth(g))
+  end subroutine cross_edges
+
+  !> Whether the facets at an edge lie behind the tangent plane with an outward normal and face along it, and those of a
+  !> sharp edge could not touch as a whole.
+  pure logical function behind_edge(surface, f, e, is_sharp, normal)
+    !> Surface.
+    type(master_surface_t), intent(in) :: surface
+    !> Facet of the edge.
+    integer, intent(in) :: f
+    !> Edge of the facet.
+    integer, intent(in) :: e
+    !> The edge is sharp.
+    logical, intent(in) :: is_sharp
+    !> Direction out of the body (3) [].
+    real(dp), intent(in) :: normal(3)
+    behind_edge = is_behind(f, e)
+    if (behind_edge .and. surface%adjacency%neighbour(e, f) > 0) then
+      associate (g => surface%adjacency%neighbour(e, f))
+        behind_edge = is_behind(g, findloc(surface%adjacency%neighbour(1:surface%set%corners(g), g), f, dim=1))
+      end associate
+    end if
+
+  contains
+
+    !> Whether one facet lies behind the plane.
+    pure logical function is_behind(facet, edge)
+      !> Facet number.
+      integer, intent(in) :: facet
+      !> Its edge; 0 if the facets do not see each other.
+      integer, intent(in) :: edge
+      real(dp) :: r(3)
+      integer :: i, n
+      is_behind = edge > 0
+      if (.not. is_behind) return
+      n = surface%set%corners(facet)
+      is_behind = dot_product(surface%set%axis(:, facet), normal) >= min_exposure
+      if (is_sharp) is_behind = is_behind .and. dot_product(surface%set%axis(:, facet), normal) <= flank_cosine
+      do i = 1, n
+        if (i == edge .or. i == modulo(edge, n) + 1) cycle
+        r = corner_position(surface%set, facet, i) - corner_position(surface%set, facet, edge)
+        is_behind = is_behind .and. dot_product(r, normal) <= -min_exposure*norm2(r)
+      end do
+    end function is_behind
+  end function behind_edge
+end module dotyk_contact_edge_contacts

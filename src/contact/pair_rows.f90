@@ -1,0 +1,113 @@
+!> The rows of a contact pair: dual mortar rows at the vertices of the slave surface, or integration points by themselves;
+!> and the point contacts of vertices and edges, each a row by itself.
+module dotyk_contact_pair_rows
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: discretization_quadrature
+  use dotyk_contact_corner_interpolation, only: corner_interpolation_t
+  use dotyk_contact_dual_mortar, only: dual_mortar_rows
+  use dotyk_contact_local_origin, only: shift_origin
+  use dotyk_contact_pair, only: contact_pair_t
+  use dotyk_contact_point_contacts, only: point_contact_t
+  use dotyk_linalg_sparse, only: sparse_rows_t
+  use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_mesh_surface, only: surface_t
+  implicit none
+  private
+  public :: replace_points, set_rows
+
+contains
+
+  !> Keep some integration points of a pair, and append point contacts.
+  subroutine replace_points(kept, contact, pair)
+    !> Points to keep (n_points).
+    logical, intent(in) :: kept(:)
+    !> Point contacts (n).
+    type(point_contact_t), intent(in) :: contact(:)
+    !> Pair; its points are replaced.
+    type(contact_pair_t), intent(inout) :: pair
+    integer, allocatable :: list(:)
+    integer :: d, i
+    d = pair%dimension
+    list = pack([(i, i=1, pair%n_points)], kept)
+    pair%position = reshape([pair%position(:, list), [(contact(i)%position(1:d), i=1, size(contact))]], &
+                            [d, size(list) + size(contact)])
+    pair%normal = reshape([pair%normal(:, list), [(contact(i)%normal(1:d), i=1, size(contact))]], &
+                          [d, size(list) + size(contact)])
+    pair%xi_a = reshape([pair%xi_a(:, list), [(contact(i)%xi_a(1:d - 1), i=1, size(contact))]], &
+                        [d - 1, size(list) + size(contact)])
+    pair%xi_b = reshape([pair%xi_b(:, list), [(contact(i)%xi_b(1:d - 1), i=1, size(contact))]], &
+                        [d - 1, size(list) + size(contact)])
+    pair%weight = [pair%weight(list), contact%weight]
+    pair%gap = [pair%gap(list), contact%gap]
+    pair%facet_a = [pair%facet_a(list), contact%facet_a]
+    pair%facet_b = [pair%facet_b(list), contact%facet_b]
+    pair%n_points = size(list) + size(contact)
+  end subroutine replace_points
+
+  !> Set the rows from the integration points. Each point a row is equation (18) literally; mortar rows have the
+  !> weighted mean of the gap before it is squared.
+  subroutine set_rows(mesh_a, surface_a, origin, n_contacts, pair)
+    !> Mesh of the slave body, in shifted coordinates.
+    type(body_mesh_t), intent(in) :: mesh_a
+    !> Slave surface (surface_a).
+    type(surface_t), intent(in) :: surface_a
+    !> Local origin (3) [length].
+    real(dp), intent(in) :: origin(3)
+    !> Number of point contacts, the last integration points.
+    integer, intent(in) :: n_contacts
+    !> Pair; its points are given, its rows are set.
+    type(contact_pair_t), intent(inout) :: pair
+    type(corner_interpolation_t) :: corners
+    type(sparse_rows_t) :: mortar
+    integer :: c, i, n, m
+    n = 0
+    if (pair%discretization /= discretization_quadrature) n = pair%n_points - n_contacts
+    pair%n_mortar_points = n
+    allocate (pair%row_corner(0), pair%row_weight(0))
+    m = 0
+    if (n > 0) then
+      call corners%init(surface_a, pair%facet_a(1:n), pair%xi_a(:, 1:n))
+      deallocate (pair%row_corner, pair%row_weight)
+      call dual_mortar_rows(corners, pair%facet_a(1:n), pair%weight(1:n), pair%row_corner, pair%row_weight, mortar)
+      m = size(pair%row_corner)
+    end if
+    pair%n_mortar_rows = m
+    pair%n_rows = m + pair%n_points - n
+    if (m == 0) then
+      call pair%average%set_identity(pair%n_points)
+    else
+      call append_identity(mortar, pair%n_points - n, pair%average)
+    end if
+    allocate (pair%row_position(pair%dimension, pair%n_rows), pair%row_normal(pair%dimension, pair%n_rows), &
+              pair%row_gap(pair%n_rows))
+    if (m > 0) then
+      pair%row_position(:, 1:m) = mesh_a%x(:, corners%corner_node(pair%row_corner))
+      call shift_origin(pair%row_position(:, 1:m), -origin)
+    end if
+    pair%row_position(:, m + 1:) = pair%position(:, n + 1:)
+    pair%row_weight = [pair%row_weight, pair%weight(n + 1:)]
+    call pair%average%multiply(pair%gap, pair%row_gap)
+    do c = 1, pair%dimension
+      call pair%average%multiply(pair%normal(c, :), pair%row_normal(c, :))
+    end do
+    do i = 1, m
+      pair%row_normal(:, i) = pair%row_normal(:, i)/max(norm2(pair%row_normal(:, i)), tiny(1.0_dp))
+    end do
+  end subroutine set_rows
+
+  !> Rows of a matrix, and after them rows that each have a one in one of as many further columns.
+  subroutine append_identity(matrix, n, extended)
+    !> Matrix (n_rows x n_columns) [any].
+    type(sparse_rows_t), intent(in) :: matrix
+    !> Number of further rows and columns.
+    integer, intent(in) :: n
+    !> Extended matrix (n_rows+n x n_columns+n) [any].
+    type(sparse_rows_t), intent(inout) :: extended
+    integer :: i
+    extended%n_rows = matrix%n_rows + n
+    extended%n_columns = matrix%n_columns + n
+    extended%row_start = [matrix%row_start, (matrix%row_start(matrix%n_rows + 1) + i, i=1, n)]
+    extended%column = [matrix%column, (matrix%n_columns + i, i=1, n)]
+    extended%value = [matrix%value, (1.0_dp, i=1, n)]
+  end subroutine append_identity
+end module dotyk_contact_pair_rows

@@ -1,0 +1,304 @@
+!> Point contacts of vertices: node-to-surface contact where the mortar integral sees nothing.
+!>
+!> A mortar row is a mean over facets. The flanks of a narrow wedge face nothing, and those of a wide one touch in a point
+!> that a mean does not see: what touches is a vertex and a facet, or two edges. A vertex whose facets are all inclined to
+!> the other surface gets a row with its projection there (Hallquist, Goudreau and Benson, Comput. Methods Appl. Mech.
+!> Engrg. 51, 1985); crossed edges get rows in edge_contacts.f90. A row needs that the body lies behind its contact point:
+!> the normal lies in the normal cone of the vertex. Small strains close no angle of 15 degrees, so that the flanks, which
+!> touch nothing but there, take no part in mortar rows (`touches_in_points`).
+!>
+!> The weight of a row, an area, only scales its pressure and its penalty: here that of the facets around the vertex,
+!> projected along the normal.
+module dotyk_contact_point_contacts
+  use dotyk_base_kinds, only: dp
+  use dotyk_contact_adjacency, only: adjacency_t, corner_of
+  use dotyk_contact_facet_corners, only: corner_coordinates, corner_position
+  use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
+  use dotyk_contact_projection, only: master_surface_t, project_point, projection_found, projection_t
+  use dotyk_mesh_facet, only: cross
+  implicit none
+  private
+  public :: find_vertex_contacts, touches_in_points
+
+  !> Contact of two points.
+  type, public :: point_contact_t
+    !> Slave facet.
+    integer :: facet_a = 0
+    !> Reference coordinates on it (2) [].
+    real(dp) :: xi_a(2) = 0
+    !> Master facet.
+    integer :: facet_b = 0
+    !> Reference coordinates on it (2) [].
+    real(dp) :: xi_b(2) = 0
+    !> Point of the slave surface (3) [length].
+    real(dp) :: position(3) = 0
+    !> Unit normal from body a into body b (3) [].
+    real(dp) :: normal(3) = 0
+    !> Gap [length].
+    real(dp) :: gap = 0
+    !> Weight [length^2; length in two dimensions].
+    real(dp) :: weight = 0
+    !> Corner of the slave facet at the contact, 0 if none.
+    integer :: corner_a = 0
+    !> Edge of the slave facet at the contact, 0 if none.
+    integer :: edge_a = 0
+    !> Corner of the master facet, likewise.
+    integer :: corner_b = 0
+    !> Edge of the master facet, likewise.
+    integer :: edge_b = 0
+  end type point_contact_t
+
+  !> Neighbours of a contact vertex may lie before the tangent plane by this sine: inclined edges of wedges; at the
+  !> boundary of a surface that has no point there.
+  real(dp), parameter :: max_slope = 0.5_dp, max_boundary_slope = 0.05_dp
+  !> Facets that are inclined to the tangent plane by less than 15 degrees may touch as a whole.
+  real(dp), parameter, public :: flank_cosine = cos(15*acos(-1.0_dp)/180)
+  !> A flank is left out of mortar rows with a normal within 30 degrees of that of its point contact.
+  real(dp), parameter :: same_direction = cos(30*acos(-1.0_dp)/180)
+  !> Facets at a contact vertex face away from the body's inside up to this cosine.
+  real(dp), parameter, public :: min_exposure = -0.02_dp
+  !> Facets count with at least this fraction of their area in weights.
+  real(dp), parameter :: min_projected_area = 0.05_dp
+  !> The mean normal of the facets at a vertex has no direction where it is shorter than this.
+  real(dp), parameter :: no_direction = 1.0e-3_dp
+  !> A vertex inside the surface is pointed where the mean of the unit normals around it is shorter than this.
+  real(dp), parameter :: pointed = 0.95_dp
+
+contains
+
+  !> Contacts of pointed vertices of one surface with facets of the other.
+  subroutine find_vertex_contacts(surface, other, radius, is_slave, contact)
+    !> Surface of the vertices.
+    type(master_surface_t), intent(in) :: surface
+    !> Surface of the facets.
+    type(master_surface_t), intent(in) :: other
+    !> Search radius: greatest distance of a projection [length].
+    real(dp), intent(in) :: radius
+    !> The first surface is the slave surface.
+    logical, intent(in) :: is_slave
+    !> Contacts; new ones are appended (n).
+    type(point_contact_t), allocatable, intent(inout) :: contact(:)
+    type(point_contact_t) :: new
+    type(projection_t) :: projection
+    real(dp) :: x(3), mean(3), slope
+    integer :: v, k, f, hint
+    hint = 0
+    associate (adjacency => surface%adjacency, set => surface%set)
+      do v = 1, size(adjacency%start) - 1
+        associate (around => adjacency%facet(adjacency%start(v):adjacency%start(v + 1) - 1))
+          f = around(1)
+          k = corner_of(set, adjacency, v, f)
+          x = corner_position(set, f, k)
+          mean = mean_normal(set, adjacency, v)
+          if (.not. norm2(mean) > no_direction) cycle
+          slope = max_slope
+          if (norm2(mean) > pointed) then
+            if (.not. is_at_boundary(adjacency, around, set%corners)) cycle
+            slope = max_boundary_slope
+          end if
+          mean = mean/norm2(mean)
+          call project_point(other, x, mean, hint, radius, minval(set%depth(around)), projection)
+          if (projection%status /= projection_found) cycle
+          if (.not. is_apex(set, adjacency, v, x, projection%normal, slope)) cycle
+          new = point_contact_t()
+          new%weight = projected_area(set, adjacency, v, projection%normal)
+          new%gap = projection%distance
+          if (is_slave) then
+            new%facet_a = f
+            new%xi_a = corner_coordinates(set%corners(f), k)
+            new%facet_b = projection%facet
+            new%xi_b = projection%xi
+            new%normal = projection%normal
+            new%position = x
+            new%corner_a = k
+          else
+            new%facet_a = projection%facet
+            new%xi_a = projection%xi
+            new%facet_b = f
+            new%xi_b = corner_coordinates(set%corners(f), k)
+            new%normal = -projection%normal
+            new%position = projection%position
+            new%corner_b = k
+          end if
+          contact = [contact, new]
+        end associate
+      end do
+    end associate
+  end subroutine find_vertex_contacts
+
+  !> Whether integration points of a mortar row belong to flanks that touch in a point contact only.
+  subroutine touches_in_points(contact, slave, master, facet_a, facet_b, normal, in_points)
+    !> Point contacts (n).
+    type(point_contact_t), intent(in) :: contact(:)
+    !> Slave surface.
+    type(master_surface_t), intent(in) :: slave
+    !> Master surface.
+    type(master_surface_t), intent(in) :: master
+    !> Slave facets of the points (n_points).
+    integer, intent(in) :: facet_a(:)
+    !> Master facets of the points (n_points).
+    integer, intent(in) :: facet_b(:)
+    !> Normals at the points (dimension, n_points) [].
+    real(dp), intent(in) :: normal(:, :)
+    !> Points on such flanks (n_points).
+    logical, intent(out) :: in_points(:)
+    real(dp) :: direction_a(3, slave%set%n), direction_b(3, master%set%n), n(3)
+    real(dp) :: gap_a(slave%set%n), gap_b(master%set%n)
+    integer :: i
+    direction_a = 0
+    direction_b = 0
+    gap_a = huge(gap_a)
+    gap_b = huge(gap_b)
+    do i = 1, size(contact)
+      call mark(slave, contact(i)%facet_a, contact(i)%corner_a, contact(i)%edge_a, contact(i), direction_a, gap_a)
+      call mark(master, contact(i)%facet_b, contact(i)%corner_b, contact(i)%edge_b, contact(i), direction_b, gap_b)
+    end do
+    n = 0
+    do i = 1, size(facet_a)
+      n(1:size(normal, 1)) = normal(:, i)
+      in_points(i) = dot_product(direction_a(:, facet_a(i)), n) > same_direction .and. &
+        dot_product(slave%set%axis(:, facet_a(i)), n) < flank_cosine
+      in_points(i) = in_points(i) .or. dot_product(direction_b(:, facet_b(i)), n) > same_direction .and. &
+        -dot_product(master%set%axis(:, facet_b(i)), n) < flank_cosine
+    end do
+
+  contains
+
+    !> Give the facets at a vertex or edge the direction of its nearest contact.
+    subroutine mark(surface, f, corner, edge, at, direction, gap)
+      !> Surface of the vertex or edge.
+      type(master_surface_t), intent(in) :: surface
+      !> Facet.
+      integer, intent(in) :: f
+      !> Its corner at the contact, 0 if none.
+      integer, intent(in) :: corner
+      !> Its edge at the contact, 0 if none.
+      integer, intent(in) :: edge
+      !> The contact.
+      type(point_contact_t), intent(in) :: at
+      !> Directions of the facets (3, n_facets) [].
+      real(dp), intent(inout) :: direction(:, :)
+      !> Gaps of their contacts (n_facets) [length].
+      real(dp), intent(inout) :: gap(:)
+      integer, allocatable :: list(:)
+      integer :: k, v
+      if (corner > 0) then
+        v = surface%adjacency%vertex(corner, f)
+        list = surface%adjacency%facet(surface%adjacency%start(v):surface%adjacency%start(v + 1) - 1)
+      else if (edge > 0) then
+        list = pack([f, surface%adjacency%neighbour(edge, f)], [f, surface%adjacency%neighbour(edge, f)] > 0)
+      else
+        return
+      end if
+      do k = 1, size(list)
+        if (at%gap > gap(list(k))) cycle
+        gap(list(k)) = at%gap
+        direction(:, list(k)) = at%normal
+      end do
+    end subroutine mark
+  end subroutine touches_in_points
+
+  !> Whether the surface ends at one of the facets around a vertex.
+  pure logical function is_at_boundary(adjacency, around, corners)
+    !> Neighbours of the facets.
+    type(adjacency_t), intent(in) :: adjacency
+    !> Facets at the vertex (number of facets there).
+    integer, intent(in) :: around(:)
+    !> Numbers of corners of all facets (n).
+    integer, intent(in) :: corners(:)
+    integer :: i
+    is_at_boundary = any([(any(adjacency%neighbour(1:corners(around(i)), around(i)) == 0), i=1, size(around))])
+  end function is_at_boundary
+
+  !> Whether a vertex is locally the outermost point of its body in a direction, up to inclined edges, and no facet there
+  !> could touch as a whole.
+  pure logical function is_apex(set, adjacency, v, x, normal, slope)
+    !> Facets of the surface.
+    type(facet_set_t), intent(in) :: set
+    !> Neighbours of the facets.
+    type(adjacency_t), intent(in) :: adjacency
+    !> Vertex number.
+    integer, intent(in) :: v
+    !> Position of the vertex (3) [length].
+    real(dp), intent(in) :: x(3)
+    !> Direction out of the body (3) [].
+    real(dp), intent(in) :: normal(3)
+    !> Sine of the greatest inclination of edges towards the other surface [].
+    real(dp), intent(in) :: slope
+    real(dp) :: r(3)
+    integer :: i, k, f
+    is_apex = .true.
+    do i = adjacency%start(v), adjacency%start(v + 1) - 1
+      f = adjacency%facet(i)
+      associate (cosine => dot_product(set%axis(:, f), normal))
+        is_apex = is_apex .and. cosine >= min_exposure .and. cosine <= flank_cosine
+      end associate
+      do k = 1, set%corners(f)
+        if (adjacency%vertex(k, f) == v) cycle
+        r = corner_position(set, f, k) - x
+        is_apex = is_apex .and. dot_product(r, normal) <= slope*norm2(r)
+      end do
+    end do
+  end function is_apex
+
+  !> Mean of the facet normals at a vertex, weighted with the angles of the facets there; not of unit length [].
+  pure function mean_normal(set, adjacency, v) result(mean)
+    !> Facets of the surface.
+    type(facet_set_t), intent(in) :: set
+    !> Neighbours of the facets.
+    type(adjacency_t), intent(in) :: adjacency
+    !> Vertex number.
+    integer, intent(in) :: v
+    !> Mean (3) [].
+    real(dp) :: mean(3)
+    real(dp) :: a(3), b(3), angle, total
+    integer :: i, k, f, n
+    mean = 0
+    total = 0
+    do i = adjacency%start(v), adjacency%start(v + 1) - 1
+      f = adjacency%facet(i)
+      n = set%corners(f)
+      angle = 1
+      if (n > 2) then
+        k = corner_of(set, adjacency, v, f)
+        a = corner_position(set, f, modulo(k, n) + 1) - corner_position(set, f, k)
+        b = corner_position(set, f, modulo(k - 2, n) + 1) - corner_position(set, f, k)
+        angle = atan2(norm2(cross(a, b)), dot_product(a, b))
+      end if
+      mean = mean + angle*set%axis(:, f)
+      total = total + angle
+    end do
+    mean = mean/max(total, tiny(1.0_dp))
+  end function mean_normal
+
+  !> Share of a vertex in the areas of its facets, projected along a direction [length^2; length in two dimensions].
+  pure real(dp) function projected_area(set, adjacency, v, normal) result(area)
+    !> Facets of the surface.
+    type(facet_set_t), intent(in) :: set
+    !> Neighbours of the facets.
+    type(adjacency_t), intent(in) :: adjacency
+    !> Vertex number.
+    integer, intent(in) :: v
+    !> Direction (3) [].
+    real(dp), intent(in) :: normal(3)
+    real(dp), dimension(3) :: position, n, xu, xv
+    real(dp) :: xi(2), whole
+    integer :: i, f
+    area = 0
+    do i = adjacency%start(v), adjacency%start(v + 1) - 1
+      f = adjacency%facet(i)
+      xi = merge(1/3.0_dp, 0.0_dp, set%corners(f) == 3)
+      call facet_position_and_normal(set, f, xi, position, n, xu, xv)
+      select case (set%corners(f))
+      case (2)
+        whole = 2*norm2(xu)
+      case (3)
+        whole = norm2(cross(xu, xv))/2
+      case default
+        whole = 4*norm2(cross(xu, xv))
+      end select
+      area = area + whole/set%corners(f)*max(min_projected_area, abs(dot_product(n, normal)))
+    end do
+  end function projected_area
+
+end module dotyk_contact_point_contacts

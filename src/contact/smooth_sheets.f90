@@ -1,0 +1,242 @@
+!> Smooth sheets of a contact surface: sharp edges, and at each vertex the facets that belong together.
+!>
+!> A contact surface may wrap around the edges of a body. At a vertex of such an edge there is no common normal and no
+!> common gap: each sheet has contact conditions of its own, as node normals of supports have one per face. An edge is
+!> sharp where the normals on its two sides differ by more than 50 degrees; or by more than 25 degrees, where the surface
+!> beside the edge is less curved than that and the geometry does not say that both sides are one face. A coarse mesh of
+!> a cylinder, whose facets all meet at the same angle, has no sharp edges.
+module dotyk_contact_smooth_sheets
+  use dotyk_base_kinds, only: dp
+  use dotyk_contact_adjacency, only: adjacency_t, corner_of, edges_of_corner
+  use dotyk_contact_facet_set, only: facet_set_t
+  use dotyk_mesh_element, only: element_kind, element_kind_t, kind_nodes
+  use dotyk_mesh_facet, only: facet_geometry
+  use dotyk_mesh_surface, only: surface_t
+  implicit none
+  private
+  public :: split_sheets, sharp_edges, is_sharp_turn
+
+  !> Edges between facets that differ by more than this are sharp [rad].
+  real(dp), parameter :: always_sharp = 50*acos(-1.0_dp)/180
+  !> Edges between facets that differ by less than this are never sharp for rows: two rows at a vertex with nearly equal
+  !> normals would be almost dependent [rad].
+  real(dp), parameter, public :: never_sharp = 25*acos(-1.0_dp)/180
+  !> An edge is sharp where it turns by more than this multiple of the turns beside it, and by this angle [rad] more.
+  real(dp), parameter :: turn_ratio = 2, turn_margin = 2*acos(-1.0_dp)/180
+
+contains
+
+  !> Find the sheets of a surface.
+  subroutine split_sheets(x, surface)
+    !> Nodal coordinates of the body (dimension, n_nodes) [length].
+    real(dp), intent(in) :: x(:, :)
+    !> Surface; its `sheet` is set.
+    type(surface_t), intent(inout) :: surface
+    type(adjacency_t) :: adjacency
+    type(facet_set_t) :: set
+    type(element_kind_t) :: kind
+    logical, allocatable :: sharp(:, :)
+    integer :: v, k, f
+    ! Of the facets the adjacency needs the corners only.
+    set%n = surface%n_facets
+    set%dimension = surface%dimension
+    allocate (set%corners(set%n), set%corner_node(4, set%n))
+    set%corner_node = 0
+    do f = 1, set%n
+      kind = element_kind(surface%kind(f))
+      set%corners(f) = kind%n_corners
+      set%corner_node(1:kind%n_corners, f) = surface%node(1:kind%n_corners, f)
+    end do
+    call adjacency%init(set)
+    call sharp_edges(x, surface, adjacency, sharp)
+    if (allocated(surface%sheet)) deallocate (surface%sheet)
+    allocate (surface%sheet(4, surface%n_facets), source=0)
+    where (adjacency%vertex > 0) surface%sheet = 1
+    do v = 1, size(adjacency%start) - 1
+      do k = adjacency%start(v), adjacency%start(v + 1) - 1
+        f = adjacency%facet(k)
+        if (.not. any(sharp(edges_of_corner(set%corners(f), corner_of(set, adjacency, v, f)), f))) cycle
+        call sheets_at_vertex(set, adjacency, sharp, v, surface%sheet)
+        exit
+      end do
+    end do
+  end subroutine split_sheets
+
+  !> Sharp edges of a surface.
+  subroutine sharp_edges(x, surface, adjacency, sharp)
+    !> Nodal coordinates of the body (dimension, n_nodes) [length].
+    real(dp), intent(in) :: x(:, :)
+    !> Surface.
+    type(surface_t), intent(in) :: surface
+    !> Neighbours of the facets.
+    type(adjacency_t), intent(in) :: adjacency
+    !> Edges that are sharp; the boundary of the surface is not (4, n_facets).
+    logical, allocatable, intent(out) :: sharp(:, :)
+    real(dp), allocatable :: turn(:, :)
+    real(dp) :: other_turn
+    integer :: f, g, e, entity_f, entity_g
+    call edge_turns(x, surface, adjacency, turn)
+    allocate (sharp(4, surface%n_facets), source=.false.)
+    do f = 1, surface%n_facets
+      do e = 1, 4
+        g = adjacency%neighbour(e, f)
+        if (g == 0 .or. .not. turn(e, f) > never_sharp) cycle
+        entity_f = facet_entity(surface, f)
+        entity_g = facet_entity(surface, g)
+        if (entity_f > 0 .and. entity_f == entity_g) then
+          sharp(e, f) = turn(e, f) > always_sharp
+        else
+          other_turn = max(turn_beside(surface, adjacency, turn, f, g), turn_beside(surface, adjacency, turn, g, f))
+          sharp(e, f) = is_sharp_turn(turn(e, f), other_turn)
+        end if
+      end do
+    end do
+  end subroutine sharp_edges
+
+  !> Whether an edge is sharp, by the angles at it and beside it.
+  elemental logical function is_sharp_turn(turn, beside)
+    !> Angle between the normals on the two sides of the edge [rad].
+    real(dp), intent(in) :: turn
+    !> Greatest angle at the smooth edges beside it [rad].
+    real(dp), intent(in) :: beside
+    is_sharp_turn = turn > always_sharp .or. turn > turn_ratio*beside + turn_margin
+  end function is_sharp_turn
+
+  !> Geometric entity of a facet, 0 if unknown.
+  pure integer function facet_entity(surface, f)
+    !> Surface.
+    type(surface_t), intent(in) :: surface
+    !> Facet number.
+    integer, intent(in) :: f
+    facet_entity = 0
+    if (allocated(surface%entity)) facet_entity = surface%entity(f)
+  end function facet_entity
+
+  !> Angle between the facets on the two sides of each edge, at its middle.
+  subroutine edge_turns(x, surface, adjacency, turn)
+    !> Nodal coordinates of the body (dimension, n_nodes) [length].
+    real(dp), intent(in) :: x(:, :)
+    !> Surface.
+    type(surface_t), intent(in) :: surface
+    !> Neighbours of the facets.
+    type(adjacency_t), intent(in) :: adjacency
+    !> Angles, 0 at the boundary of the surface (4, n_facets) [rad].
+    real(dp), allocatable, intent(out) :: turn(:, :)
+    real(dp), allocatable :: normal(:, :, :)
+    integer :: f, g, e, back, d, n
+    d = surface%dimension
+    n = surface%n_facets
+    allocate (normal(d, 4, n), source=0.0_dp)
+    allocate (turn(4, n), source=0.0_dp)
+    do f = 1, n
+      do e = 1, count(adjacency%vertex(:, f) > 0)
+        call edge_normal(d, surface%kind(f), count(adjacency%vertex(:, f) > 0), e, &
+                         x(:, surface%node(1:kind_nodes(surface%kind(f)), f)), normal(:, e, f))
+      end do
+    end do
+    do f = 1, n
+      do e = 1, 4
+        g = adjacency%neighbour(e, f)
+        if (g == 0) cycle
+        back = findloc(adjacency%neighbour(:, g), f, dim=1)
+        if (back == 0) cycle
+        turn(e, f) = 2*asin(min(1.0_dp, norm2(normal(:, e, f) - normal(:, back, g))/2))
+      end do
+    end do
+  end subroutine edge_turns
+
+  !> Normal of a facet at the middle of an edge; in two dimensions at an end.
+  pure subroutine edge_normal(d, kind, corners, edge, x, normal)
+    !> Dimension of space.
+    integer, intent(in) :: d
+    !> Element kind of the facet.
+    integer, intent(in) :: kind
+    !> Number of its corners.
+    integer, intent(in) :: corners
+    !> Edge number.
+    integer, intent(in) :: edge
+    !> Nodes of the facet (d, n_nodes) [length].
+    real(dp), intent(in) :: x(:, :)
+    !> Unit normal (d) [].
+    real(dp), intent(out) :: normal(:)
+    real(dp), parameter :: on_triangle(2, 3) = reshape([0.5_dp, 0.0_dp, 0.5_dp, 0.5_dp, 0.0_dp, 0.5_dp], [2, 3])
+    real(dp), parameter :: on_square(2, 4) = &
+      reshape([0.0_dp, -1.0_dp, 1.0_dp, 0.0_dp, 0.0_dp, 1.0_dp, -1.0_dp, 0.0_dp], [2, 4])
+    real(dp) :: xi(2), position(d), jacobian
+    select case (corners)
+    case (2)
+      xi = merge(-1.0_dp, 1.0_dp, edge == 1)
+    case (3)
+      xi = on_triangle(:, edge)
+    case default
+      xi = on_square(:, edge)
+    end select
+    call facet_geometry(kind, d, x, xi(1:d - 1), position, normal, jacobian)
+  end subroutine edge_normal
+
+  !> Greatest angle, below the one that is always sharp, at the edges of a facet towards facets of its own entity,
+  !> another facet excepted [rad].
+  pure real(dp) function turn_beside(surface, adjacency, turn, f, except) result(greatest)
+    !> Surface.
+    type(surface_t), intent(in) :: surface
+    !> Neighbours of the facets.
+    type(adjacency_t), intent(in) :: adjacency
+    !> Angles at the edges (4, n_facets) [rad].
+    real(dp), intent(in) :: turn(:, :)
+    !> Facet number.
+    integer, intent(in) :: f
+    !> Facet whose edge does not count.
+    integer, intent(in) :: except
+    integer :: e, g
+    greatest = 0
+    do e = 1, 4
+      g = adjacency%neighbour(e, f)
+      if (g == 0 .or. g == except .or. turn(e, f) > always_sharp) cycle
+      if (facet_entity(surface, g) == facet_entity(surface, f)) greatest = max(greatest, turn(e, f))
+    end do
+  end function turn_beside
+
+  !> Number the sheets at one vertex in the order of their first facets: facets with a common smooth edge there belong to
+  !> one sheet.
+  pure subroutine sheets_at_vertex(set, adjacency, sharp, v, sheet)
+    !> Facets of the surface; only their corners are needed.
+    type(facet_set_t), intent(in) :: set
+    !> Neighbours of the facets.
+    type(adjacency_t), intent(in) :: adjacency
+    !> Sharp edges (4, n_facets).
+    logical, intent(in) :: sharp(:, :)
+    !> Vertex number.
+    integer, intent(in) :: v
+    !> Sheets at the corners of the facets; those at the vertex are set (4, n_facets).
+    integer, intent(inout) :: sheet(:, :)
+    integer, allocatable :: group(:), number(:)
+    integer :: i, j, k, n, f, e, edge(2), corner
+    associate (around => adjacency%facet(adjacency%start(v):adjacency%start(v + 1) - 1))
+      n = size(around)
+      allocate (group, source=[(i, i=1, n)])
+      ! The least number propagates along smooth edges.
+      do k = 1, n
+        do i = 1, n
+          f = around(i)
+          edge = edges_of_corner(set%corners(f), corner_of(set, adjacency, v, f))
+          do e = 1, 2
+            if (sharp(edge(e), f) .or. adjacency%neighbour(edge(e), f) == 0) cycle
+            j = findloc(around, adjacency%neighbour(edge(e), f), dim=1)
+            if (j == 0) cycle
+            group([i, j]) = minval(group([i, j]))
+          end do
+        end do
+      end do
+      allocate (number(n), source=0)
+      k = 0
+      do i = 1, n
+        if (number(group(i)) == 0) then
+          k = k + 1
+          number(group(i)) = k
+        end if
+        corner = corner_of(set, adjacency, v, around(i))
+        sheet(corner, around(i)) = number(group(i))
+      end do
+    end associate
+  end subroutine sheets_at_vertex
+end module dotyk_contact_smooth_sheets
