@@ -26,19 +26,31 @@ module dotyk_contact_local_depth
 contains
 
   !> Set the depths of the facets of a surface.
-  subroutine find_depths(tree, limit, set)
+  subroutine find_depths(tree, neighbour, limit, set)
     !> Bounding-volume tree of the surface.
     type(bounding_volume_tree_t), intent(in) :: tree
+    !> Facet across each edge, 0 at the boundary of the surface (4, n_facets).
+    integer, intent(in) :: neighbour(:, :)
     !> Greatest depth of interest [length].
     real(dp), intent(in) :: limit
     !> Facets of the surface; `depth` is set, to a huge number where no facet of the surface lies behind.
     type(facet_set_t), intent(inout) :: set
-    integer :: f
-    !$omp parallel do default(none) schedule(dynamic, 64) shared(tree, limit, set)
+    real(dp), allocatable :: depth(:)
+    integer :: f, k
+    allocate (depth(set%n))
+    !$omp parallel do default(none) schedule(dynamic, 64) shared(tree, limit, set, depth)
     do f = 1, set%n
-      set%depth(f) = depth_behind(tree, set, f, limit)
+      depth(f) = depth_behind(tree, set, f, limit)
     end do
     !$omp end parallel do
+    set%depth = depth
+    ! The beam may miss the other side at the end of a body: neighbours know the thickness there.
+    do f = 1, set%n
+      if (depth(f) < huge(depth)) cycle
+      do k = 1, set%corners(f)
+        if (neighbour(k, f) > 0) set%depth(f) = min(set%depth(f), depth(neighbour(k, f)))
+      end do
+    end do
   end subroutine find_depths
 
   !> Distance from the middle of a facet against its normal to the nearest facet seen from inside; huge if there is none

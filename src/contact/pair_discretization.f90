@@ -109,8 +109,8 @@ contains
     if (.not. radius > 0) radius = min(mesh_a%diameter(), mesh_b%diameter())
     call master%init(mesh_b%x, surface_b)
     call slave%init(mesh_a%x, surface_a)
-    call find_depths(slave%tree, radius, slave%set)
-    call find_depths(master%tree, radius, master%set)
+    call find_depths(slave%tree, slave%adjacency%neighbour, radius, slave%set)
+    call find_depths(master%tree, master%adjacency%neighbour, radius, master%set)
     candidate = candidate_facets(slave%set, master%tree, radius)
     call whole_facet_rules(surface_a%kind(1:surface_a%n_facets), &
                            settings%discretization == discretization_mortar, settings%axisymmetric, kind_rule)
@@ -139,8 +139,8 @@ contains
     end if
     if (settings%geometry == geometry_smooth) then
       call smooth_projections(mesh_a%x, surface_a, candidate, mesh_b%x, surface_b, &
-                              facets_near_candidates(master%set, slave%set, candidate, radius), radius, offset, x, xi, &
-                              projection)
+                              facets_near_candidates(master%set, slave%set, candidate, radius), slave%set%depth, &
+                              master%set%depth, radius, offset, x, xi, projection)
     end if
     call keep_projected(mesh_a%dimension, offset, x, xi, weight, projection, pair)
     call find_point_contacts(mesh_a, surface_a, slave, mesh_b, surface_b, master, radius, contact)

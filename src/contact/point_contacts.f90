@@ -53,8 +53,10 @@ module dotyk_contact_point_contacts
   real(dp), parameter :: max_slope = 0.5_dp, max_boundary_slope = 0.05_dp
   !> Facets that are inclined to the tangent plane by less than 15 degrees may touch as a whole.
   real(dp), parameter, public :: flank_cosine = cos(15*acos(-1.0_dp)/180)
-  !> A flank is left out of mortar rows with a normal within 30 degrees of that of its point contact.
-  real(dp), parameter :: same_direction = cos(30*acos(-1.0_dp)/180)
+  !> A flank is left out of mortar rows with a normal within 65 degrees of that of its point contact.
+  real(dp), parameter :: same_direction = cos(65*acos(-1.0_dp)/180)
+  !> A flank goes on across edges between facets that are inclined by less than 25 degrees.
+  real(dp), parameter :: smooth_cosine = cos(25*acos(-1.0_dp)/180)
   !> Facets at a contact vertex face away from the body's inside up to this cosine.
   real(dp), parameter, public :: min_exposure = -0.02_dp
   !> Facets count with at least this fraction of their area in weights.
@@ -156,15 +158,13 @@ contains
     n = 0
     do i = 1, size(facet_a)
       n(1:size(normal, 1)) = normal(:, i)
-      in_points(i) = dot_product(direction_a(:, facet_a(i)), n) > same_direction .and. &
-        dot_product(slave%set%axis(:, facet_a(i)), n) < flank_cosine
-      in_points(i) = in_points(i) .or. dot_product(direction_b(:, facet_b(i)), n) > same_direction .and. &
-        -dot_product(master%set%axis(:, facet_b(i)), n) < flank_cosine
+      in_points(i) = dot_product(slave%set%axis(:, facet_a(i)), -master%set%axis(:, facet_b(i))) < flank_cosine .and. &
+        max(dot_product(direction_a(:, facet_a(i)), n), dot_product(direction_b(:, facet_b(i)), n)) > same_direction
     end do
 
   contains
 
-    !> Give the facets at a vertex or edge the direction of its nearest contact.
+    !> Give the facets at a vertex or edge, and the smooth flanks beyond, the direction of the nearest contact.
     subroutine mark(surface, f, corner, edge, at, direction, gap)
       !> Surface of the vertex or edge.
       type(master_surface_t), intent(in) :: surface
@@ -181,7 +181,7 @@ contains
       !> Gaps of their contacts (n_facets) [length].
       real(dp), intent(inout) :: gap(:)
       integer, allocatable :: list(:)
-      integer :: k, v
+      integer :: k, v, e, g
       if (corner > 0) then
         v = surface%adjacency%vertex(corner, f)
         list = surface%adjacency%facet(surface%adjacency%start(v):surface%adjacency%start(v + 1) - 1)
@@ -190,10 +190,18 @@ contains
       else
         return
       end if
-      do k = 1, size(list)
-        if (at%gap > gap(list(k))) cycle
+      k = 0
+      do while (k < size(list))
+        k = k + 1
+        if (.not. at%gap < gap(list(k))) cycle
         gap(list(k)) = at%gap
         direction(:, list(k)) = at%normal
+        do e = 1, surface%set%corners(list(k))
+          g = surface%adjacency%neighbour(e, list(k))
+          if (g == 0) cycle
+          if (.not. at%gap < gap(g)) cycle
+          if (dot_product(surface%set%axis(:, list(k)), surface%set%axis(:, g)) > smooth_cosine) list = [list, g]
+        end do
       end do
     end subroutine mark
   end subroutine touches_in_points

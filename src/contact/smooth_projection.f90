@@ -37,8 +37,8 @@ module dotyk_contact_smooth_projection
 contains
 
   !> Replace the projections of all points by those along the normals of the smooth surfaces.
-  subroutine smooth_projections(x_a, surface_a, candidate_a, x_b, surface_b, candidate_b, search_radius, offset, x, &
-                                xi, projection)
+  subroutine smooth_projections(x_a, surface_a, candidate_a, x_b, surface_b, candidate_b, depth_a, depth_b, &
+                                search_radius, offset, x, xi, projection)
     !> Nodal coordinates of body a (dimension, n_nodes) [length].
     real(dp), intent(in) :: x_a(:, :)
     !> Slave surface (surface_a).
@@ -51,6 +51,10 @@ contains
     type(surface_t), intent(in) :: surface_b
     !> Facets of the master surface near the slave surface (n_facets).
     logical, intent(in) :: candidate_b(:)
+    !> Thickness of body a behind its facets (n_facets) [length].
+    real(dp), intent(in) :: depth_a(:)
+    !> Thickness of body b behind its facets (n_facets) [length].
+    real(dp), intent(in) :: depth_b(:)
     !> Search radius: greatest distance of a projection [length].
     real(dp), intent(in) :: search_radius
     !> Points of slave facet f are offset(f)+1 .. offset(f+1) (n_facets+1).
@@ -62,15 +66,22 @@ contains
     !> Closest-point projections on entry, smooth projections on return (n).
     type(projection_t), intent(inout) :: projection(:)
     type(smooth_surface_t) :: geometry_a, geometry_b
+    type(projection_t) :: smooth
     integer :: f, i
     call geometry_a%init(x_a, surface_a, candidate_a)
     call geometry_b%init(x_b, surface_b, candidate_b)
     if (.not. (geometry_a%active .or. geometry_b%active)) return
-    !$omp parallel do default(none) schedule(dynamic, 64) private(i) &
-    !$omp shared(surface_a, offset, geometry_a, geometry_b, search_radius, x, xi, projection)
+    !$omp parallel do default(none) schedule(dynamic, 64) private(i, smooth) &
+    !$omp shared(surface_a, offset, geometry_a, geometry_b, depth_a, depth_b, search_radius, x, xi, projection)
     do f = 1, surface_a%n_facets
       do i = offset(f) + 1, offset(f + 1)
-        call smooth_projection(geometry_a, f, xi(:, i), geometry_b, x(:, i), search_radius, projection(i))
+        smooth = projection(i)
+        call smooth_projection(geometry_a, f, xi(:, i), geometry_b, x(:, i), search_radius, smooth)
+        ! The line along the normal may lead to the far side of a thin body.
+        if (smooth%status == projection_found .and. projection(i)%status == projection_outside) then
+          if (-smooth%distance > min(depth_a(f), depth_b(smooth%facet))) cycle
+        end if
+        projection(i) = smooth
       end do
     end do
     !$omp end parallel do
