@@ -14,7 +14,7 @@ module dotyk_contact_smooth_sheets
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
-  public :: split_sheets, sharp_edges, is_sharp_turn
+  public :: split_sheets, sharp_edges, is_smooth_edge, facets_on_chords, facet_entity
 
   !> Edges between facets that differ by more than this are sharp [rad].
   real(dp), parameter :: always_sharp = 50*acos(-1.0_dp)/180
@@ -23,6 +23,12 @@ module dotyk_contact_smooth_sheets
   real(dp), parameter, public :: never_sharp = 25*acos(-1.0_dp)/180
   !> An edge is sharp where it turns by more than this multiple of the turns beside it, and by this angle [rad] more.
   real(dp), parameter :: turn_ratio = 2, turn_margin = 2*acos(-1.0_dp)/180
+  !> Mid-side nodes lie on the chord where they are off its middle by less than this fraction of its length; and a smooth
+  !> edge has a kink where it turns by more than this [rad].
+  real(dp), parameter :: chord_tolerance = 1.0e-6_dp, kink = acos(-1.0_dp)/180
+  !> Cosine of the angle between adjacent facets beyond which their edge is sharp where no entities are known:
+  !> 40 degrees.
+  real(dp), parameter :: sharp_cosine = 0.766_dp
 
 contains
 
@@ -34,20 +40,9 @@ contains
     type(surface_t), intent(inout) :: surface
     type(adjacency_t) :: adjacency
     type(facet_set_t) :: set
-    type(element_kind_t) :: kind
     logical, allocatable :: sharp(:, :)
     integer :: v, k, f
-    ! Of the facets the adjacency needs the corners only.
-    set%n = surface%n_facets
-    set%dimension = surface%dimension
-    allocate (set%corners(set%n), set%corner_node(4, set%n))
-    set%corner_node = 0
-    do f = 1, set%n
-      kind = element_kind(surface%kind(f))
-      set%corners(f) = kind%n_corners
-      set%corner_node(1:kind%n_corners, f) = surface%node(1:kind%n_corners, f)
-    end do
-    call adjacency%init(set)
+    call find_adjacency(surface, adjacency, set)
     call sharp_edges(x, surface, adjacency, sharp)
     if (allocated(surface%sheet)) deallocate (surface%sheet)
     allocate (surface%sheet(4, surface%n_facets), source=0)
@@ -73,14 +68,53 @@ contains
     !> Edges that are sharp; the boundary of the surface is not (4, n_facets).
     logical, allocatable, intent(out) :: sharp(:, :)
     real(dp), allocatable :: turn(:, :)
+    call edge_turns(x, surface, adjacency, turn)
+    call classify_edges(surface, adjacency, turn, never_sharp, sharp)
+  end subroutine sharp_edges
+
+  !> Neighbours of the facets of a surface.
+  subroutine find_adjacency(surface, adjacency, corners)
+    !> Surface.
+    type(surface_t), intent(in) :: surface
+    !> Neighbours.
+    type(adjacency_t), intent(out) :: adjacency
+    !> Corners of the facets; nothing else of the facets is set.
+    type(facet_set_t), intent(out), optional :: corners
+    type(facet_set_t) :: set
+    type(element_kind_t) :: kind
+    integer :: f
+    set%n = surface%n_facets
+    set%dimension = surface%dimension
+    allocate (set%corners(set%n), set%corner_node(4, set%n))
+    set%corner_node = 0
+    do f = 1, set%n
+      kind = element_kind(surface%kind(f))
+      set%corners(f) = kind%n_corners
+      set%corner_node(1:kind%n_corners, f) = surface%node(1:kind%n_corners, f)
+    end do
+    call adjacency%init(set)
+    if (present(corners)) corners = set
+  end subroutine find_adjacency
+
+  !> Tell sharp from smooth edges by their angles and entities.
+  subroutine classify_edges(surface, adjacency, turn, least_turn, sharp)
+    !> Surface.
+    type(surface_t), intent(in) :: surface
+    !> Neighbours of the facets.
+    type(adjacency_t), intent(in) :: adjacency
+    !> Angles at the edges (4, n_facets) [rad].
+    real(dp), intent(in) :: turn(:, :)
+    !> Edges that turn by less are smooth [rad].
+    real(dp), intent(in) :: least_turn
+    !> Edges that are sharp (4, n_facets).
+    logical, allocatable, intent(out) :: sharp(:, :)
     real(dp) :: other_turn
     integer :: f, g, e, entity_f, entity_g
-    call edge_turns(x, surface, adjacency, turn)
     allocate (sharp(4, surface%n_facets), source=.false.)
     do f = 1, surface%n_facets
       do e = 1, 4
         g = adjacency%neighbour(e, f)
-        if (g == 0 .or. .not. turn(e, f) > never_sharp) cycle
+        if (g == 0 .or. .not. turn(e, f) > least_turn) cycle
         entity_f = facet_entity(surface, f)
         entity_g = facet_entity(surface, g)
         if (entity_f > 0 .and. entity_f == entity_g) then
@@ -91,7 +125,7 @@ contains
         end if
       end do
     end do
-  end subroutine sharp_edges
+  end subroutine classify_edges
 
   !> Whether an edge is sharp, by the angles at it and beside it.
   elemental logical function is_sharp_turn(turn, beside)
@@ -111,6 +145,65 @@ contains
     facet_entity = 0
     if (allocated(surface%entity)) facet_entity = surface%entity(f)
   end function facet_entity
+
+  !> Quadratic facets whose mid-side nodes lie on the chords of a curved surface, which therefore has kinks at its smooth
+  !> edges: their mid-side nodes carry no information about the shape. Plane facets next to them count too, up to sharp
+  !> edges.
+  subroutine facets_on_chords(x, surface, on_chords)
+    !> Nodal coordinates of the body (dimension, n_nodes) [length].
+    real(dp), intent(in) :: x(:, :)
+    !> Surface.
+    type(surface_t), intent(in) :: surface
+    !> Such facets (n_facets).
+    logical, intent(out) :: on_chords(:)
+    type(adjacency_t) :: adjacency
+    logical :: straight(surface%n_facets)
+    logical, allocatable :: sharp(:, :)
+    real(dp), allocatable :: turn(:, :)
+    integer, allocatable :: list(:)
+    integer :: f, g, e, k
+    on_chords = surface%order_elevated
+    if (surface%order_elevated) return
+    straight = [(is_straight(surface%kind(f), x(:, surface%node(1:kind_nodes(surface%kind(f)), f))), &
+                 f=1, surface%n_facets)]
+    if (.not. any(straight)) return
+    call find_adjacency(surface, adjacency)
+    call edge_turns(x, surface, adjacency, turn)
+    call classify_edges(surface, adjacency, turn, 0.0_dp, sharp)
+    list = pack([(f, f=1, surface%n_facets)], straight .and. any(turn > kink .and. .not. sharp, dim=1))
+    on_chords(list) = .true.
+    k = 0
+    do while (k < size(list))
+      k = k + 1
+      do e = 1, 4
+        g = adjacency%neighbour(e, list(k))
+        if (g == 0 .or. sharp(e, list(k))) cycle
+        if (on_chords(g) .or. .not. straight(g)) cycle
+        on_chords(g) = .true.
+        list = [list, g]
+      end do
+    end do
+  end subroutine facets_on_chords
+
+  !> Whether a facet has mid-side nodes, all in the middle of their chords.
+  pure logical function is_straight(kind, x)
+    !> Element kind of the facet.
+    integer, intent(in) :: kind
+    !> Nodes of the facet (dimension, n_nodes) [length].
+    real(dp), intent(in) :: x(:, :)
+    type(element_kind_t) :: properties
+    integer :: i, n
+    properties = element_kind(kind)
+    n = properties%n_corners
+    is_straight = size(x, 2) > n
+    if (.not. is_straight) return
+    do i = 1, merge(1, n, n == 2)
+      associate (first => x(:, i), last => x(:, modulo(i, n) + 1))
+        is_straight = is_straight .and. &
+          norm2(x(:, n + i) - (first + last)/2) <= chord_tolerance*norm2(last - first)
+      end associate
+    end do
+  end function is_straight
 
   !> Angle between the facets on the two sides of each edge, at its middle.
   subroutine edge_turns(x, surface, adjacency, turn)
@@ -239,4 +332,57 @@ contains
       end do
     end associate
   end subroutine sheets_at_vertex
+
+  !> Whether the edge between two facets belongs to one smooth sheet.
+  pure logical function is_smooth_edge(adjacency, normal, entity, f, g) result(is_smooth)
+    !> Neighbours of the facets.
+    type(adjacency_t), intent(in) :: adjacency
+    !> Mean normals of the facets (3, n) [].
+    real(dp), intent(in) :: normal(:, :)
+    !> Geometric entity of each facet, 0 if unknown (n).
+    integer, intent(in) :: entity(:)
+    !> Facet on one side.
+    integer, intent(in) :: f
+    !> Facet on the other side.
+    integer, intent(in) :: g
+    real(dp) :: turn
+    if (entity(f) == 0 .or. entity(g) == 0) then
+      is_smooth = dot_product(normal(:, f), normal(:, g)) > sharp_cosine
+      return
+    end if
+    turn = angle(normal(:, f), normal(:, g))
+    if (entity(f) == entity(g)) then
+      is_smooth = turn <= always_sharp
+    else
+      is_smooth = .not. is_sharp_turn(turn, max(turn_around(f), turn_around(g)))
+    end if
+
+  contains
+
+    !> Greatest angle between a facet and those of its entity around its vertices [rad].
+    pure real(dp) function turn_around(facet)
+      !> Facet number.
+      integer, intent(in) :: facet
+      integer :: c, k, v, other
+      turn_around = 0
+      do c = 1, 4
+        v = adjacency%vertex(c, facet)
+        if (v == 0) exit
+        do k = adjacency%start(v), adjacency%start(v + 1) - 1
+          other = adjacency%facet(k)
+          if (entity(other) /= entity(facet)) cycle
+          turn_around = max(turn_around, angle(normal(:, facet), normal(:, other)))
+        end do
+      end do
+    end function turn_around
+  end function is_smooth_edge
+
+  !> Angle between unit vectors [rad].
+  pure real(dp) function angle(a, b)
+    !> First vector (3) [].
+    real(dp), intent(in) :: a(3)
+    !> Second vector (3) [].
+    real(dp), intent(in) :: b(3)
+    angle = 2*asin(min(1.0_dp, norm2(a - b)/2))
+  end function angle
 end module dotyk_contact_smooth_sheets

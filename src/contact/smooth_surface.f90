@@ -15,6 +15,7 @@ module dotyk_contact_smooth_surface
   use dotyk_contact_adjacency, only: adjacency_t
   use dotyk_contact_facet_polynomial, only: evaluate_facet
   use dotyk_contact_facet_set, only: facet_set_t
+  use dotyk_contact_smooth_sheets, only: facet_entity, facets_on_chords
   use dotyk_contact_sub_facets, only: split_facets, sub_facets_t
   use dotyk_contact_vertex_normals, only: find_smooth_sheets, flat_angle, smooth_corner_normals
   use dotyk_mesh_element, only: element_kind, element_kind_t, element_line3, element_quad8, element_tri6, kind_nodes, &
@@ -61,8 +62,10 @@ contains
     type(adjacency_t) :: adjacency
     real(dp), allocatable :: vertex(:, :)
     logical, allocatable :: flat(:), wanted(:)
+    logical :: on_chords(surface%n_facets)
     integer :: f, k
-    call split_facets(x, surface, self%sub_facets)
+    call facets_on_chords(x, surface, on_chords)
+    call split_facets(x, surface, on_chords, self%sub_facets)
     associate (sub_facets => self%sub_facets)
       call set%init(sub_facets%x, sub_facets%surface)
       call adjacency%init(set)
@@ -76,7 +79,8 @@ contains
       allocate (self%changed(set%n), self%corner_normal(3, 4, set%n), self%smooth_neighbour(4, set%n))
       self%boundary = adjacency%neighbour == 0
       flat = sub_facets%flat
-      call find_smooth_sheets(set, adjacency, vertex, self%smooth_neighbour, flat)
+      call find_smooth_sheets(set, adjacency, vertex, &
+                              [(facet_entity(surface, sub_facets%parent(f)), f=1, set%n)], self%smooth_neighbour, flat)
       allocate (wanted(size(vertex, 2)), source=.false.)
       do f = 1, set%n
         if (candidate(sub_facets%parent(f))) wanted(adjacency%vertex(1:set%corners(f), f)) = .true.
@@ -85,7 +89,8 @@ contains
       do f = 1, set%n
         self%changed(f) = .not. flat(f) .and. all(wanted(adjacency%vertex(1:set%corners(f), f)))
         if (.not. self%changed(f)) cycle
-        if (kind_nodes(surface%kind(sub_facets%parent(f))) == set%corners(f) .or. surface%order_elevated) &
+        if (kind_nodes(surface%kind(sub_facets%parent(f))) == set%corners(f) .or. &
+            on_chords(sub_facets%parent(f))) &
           self%changed(f) = is_curved(set%corners(f), vertex(:, adjacency%vertex(1:set%corners(f), f)), &
                                       self%corner_normal(:, :, f))
       end do

@@ -2,8 +2,8 @@
 !> quadrilaterals into four.
 !>
 !> The corners of sub-facets are nodes of the surface (in quad8 also its centre). Facets of linear elements are one
-!> sub-facet, also after order elevation (`dotyk_mesh_order_elevation`): their mid-side nodes carry no information about
-!> the shape.
+!> sub-facet, also after order elevation (`dotyk_mesh_order_elevation`) and where a mesh generator put the mid-side nodes
+!> on the chords: such nodes carry no information about the shape.
 module dotyk_contact_sub_facets
   use dotyk_base_kinds, only: dp
   use dotyk_mesh_element, only: element_kind, element_kind_t, element_line3, element_quad8, element_quad9, &
@@ -55,11 +55,13 @@ module dotyk_contact_sub_facets
 contains
 
   !> Divide the facets of a surface into sub-facets.
-  subroutine split_facets(x, surface, sub_facets)
+  subroutine split_facets(x, surface, on_chords, sub_facets)
     !> Nodal coordinates of the body (dimension, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
     !> Surface.
     type(surface_t), intent(in) :: surface
+    !> Facets whose mid-side nodes carry no information about the shape (n_facets).
+    logical, intent(in) :: on_chords(:)
     !> Sub-facets.
     type(sub_facets_t), intent(out) :: sub_facets
     type(element_kind_t) :: kind
@@ -67,7 +69,7 @@ contains
     integer :: f, k, n, n_extra, node(max_facet_nodes), count_of(surface%n_facets), corners
     do f = 1, surface%n_facets
       kind = element_kind(surface%kind(f))
-      count_of(f) = merge(merge(2, 4, kind%n_corners == 2), 1, kind%order == 2 .and. .not. surface%order_elevated)
+      count_of(f) = merge(merge(2, 4, kind%n_corners == 2), 1, kind%order == 2 .and. .not. on_chords(f))
     end do
     n = sum(count_of)
     allocate (sub_facets%first(surface%n_facets + 1), sub_facets%parent(n), sub_facets%base(2, n), &

@@ -1,7 +1,8 @@
 !> Vertex normals of the smooth surface that linear facets approximate.
 !>
-!> An edge whose facets differ in direction by more than 40 degrees is an edge of the body; the facets on its two sides
-!> belong to separate smooth sheets. On each sheet the normal at a vertex comes from a fit (normal_fit.f90) to the
+!> Facets of one geometric entity, a face of the CAD model, belong to one smooth sheet. Two entities do where their facets
+!> differ no more at their common edge than beside it. Where no entities are known, an edge whose facets differ in
+!> direction by more than 40 degrees is an edge of the body, and separates sheets. On each sheet the normal at a vertex comes from a fit (normal_fit.f90) to the
 !> vertices around it. Planes stay planar: facets belong to a plane if all facets at one of their vertices inside the
 !> surface lie in this plane (at a boundary vertex, as everywhere in a mesh of one element layer: also the facets around
 !> these), and so do their neighbours in the plane. They keep their normal, and adjacent curved facets take it over at
@@ -11,13 +12,12 @@ module dotyk_contact_vertex_normals
   use dotyk_contact_adjacency, only: adjacency_t, corner_of, edges_of_corner
   use dotyk_contact_facet_set, only: facet_set_t
   use dotyk_contact_normal_fit, only: fit_normal
+  use dotyk_contact_smooth_sheets, only: is_smooth_edge
   use dotyk_mesh_facet, only: cross
   implicit none
   private
   public :: find_smooth_sheets, smooth_corner_normals
 
-  !> Cosine of the angle between adjacent facets beyond which their edge is sharp: 40 degrees.
-  real(dp), parameter :: sharp_cosine = 0.766_dp
   !> Facets whose directions differ by less than this are coplanar [rad].
   real(dp), parameter, public :: flat_angle = 1.0e-8_dp
   !> Rings of facets around a vertex that a fit may use, and facets altogether.
@@ -28,13 +28,15 @@ module dotyk_contact_vertex_normals
 contains
 
   !> Edges across which the surface is smooth, and facets that belong to planes.
-  pure subroutine find_smooth_sheets(set, adjacency, x, smooth_neighbour, flat)
+  pure subroutine find_smooth_sheets(set, adjacency, x, entity, smooth_neighbour, flat)
     !> Facets of the surface.
     type(facet_set_t), intent(in) :: set
     !> Neighbours of the facets.
     type(adjacency_t), intent(in) :: adjacency
     !> Positions of the vertices, numbered as in `adjacency` (3, n_vertices) [length].
     real(dp), intent(in) :: x(:, :)
+    !> Geometric entity of each facet, 0 if unknown (n).
+    integer, intent(in) :: entity(:)
     !> Facet across each edge, 0 where the edge is sharp or the surface ends (4, n).
     integer, intent(out) :: smooth_neighbour(:, :)
     !> Facets of planes: those known on entry, all on return (n).
@@ -50,7 +52,7 @@ contains
       do e = 1, set%corners(f)
         other = adjacency%neighbour(e, f)
         if (other == 0) cycle
-        if (dot_product(normal(:, f), normal(:, other)) > sharp_cosine) smooth_neighbour(e, f) = other
+        if (is_smooth_edge(adjacency, normal, entity, f, other)) smooth_neighbour(e, f) = other
       end do
     end do
     do v = 1, size(adjacency%start) - 1
