@@ -2,25 +2,28 @@
 !>
 !> Where one contact surface holds both sides of a thin body, each side faces the other bodies on the far side as well,
 !> through the body. A point can lie behind a facet by no more than the body is thick there: what lies deeper is no
-!> overlap but the wrong side.
+!> overlap but the wrong side. Nor is there an overlap where the way from a point to its projection leaves one of the
+!> bodies.
 module dotyk_contact_local_depth
   use dotyk_base_kinds, only: dp
-  use dotyk_contact_bounding_volume_tree, only: bounding_volume_tree_t, facing_cosine
+  use dotyk_contact_bounding_volume_tree, only: bounding_volume_tree_t
   use dotyk_contact_closest_point, only: closest_point_on_facet
   use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
-  use dotyk_contact_tree_search, only: facets_in_region, oriented_box_t
+  use dotyk_contact_tree_search, only: beam_t, facets_in_region
   use dotyk_mesh_facet, only: frame_of_normal
   implicit none
   private
-  public :: find_depths
+  public :: find_depths, leaves_body
 
-  !> Half width of the beam behind a facet in which opposite facets are searched, relative to the size of the facet.
-  real(dp), parameter :: beam = 1.0e-3_dp
-  !> The beam begins at this distance behind the facet, relative to its size.
+  !> A ray begins at this distance behind the facet, relative to its size.
   real(dp), parameter :: start = 1.0e-6_dp
-  !> The beam meets a facet where it comes closer to it than this, relative to the size of that facet.
+  !> A ray meets a facet where it comes closer to it than this, relative to the size of that facet.
   real(dp), parameter :: hit_tolerance = 0.05_dp
-  !> Steps to the intersection of the beam with a curved facet.
+  !> A ray leaves the body where the cosine of its angle with the normal exceeds this.
+  real(dp), parameter :: min_exit_cosine = 0.1_dp
+  !> Ends of the way between two surface points that do not count, relative to its length.
+  real(dp), parameter :: end_margin = 0.05_dp
+  !> Steps to the intersection of a ray with a curved facet.
   integer, parameter :: n_steps = 4
 
 contains
@@ -44,7 +47,7 @@ contains
     end do
     !$omp end parallel do
     set%depth = depth
-    ! The beam may miss the other side at the end of a body: neighbours know the thickness there.
+    ! The ray may miss the other side at the end of a body: neighbours know the thickness there.
     do f = 1, set%n
       if (depth(f) < huge(depth)) cycle
       do k = 1, set%corners(f)
@@ -64,36 +67,72 @@ contains
     integer, intent(in) :: f
     !> Greatest depth of interest [length].
     real(dp), intent(in) :: limit
-    type(oriented_box_t) :: box
-    integer, allocatable :: list(:)
-    real(dp), dimension(3) :: centre, normal, position, other, xu, xv
-    real(dp) :: xi(2), square, t, cosine
-    integer :: i, step
-    depth = huge(depth)
+    real(dp), dimension(3) :: centre, normal, xu, xv
+    real(dp) :: xi(2)
     xi = merge(1/3.0_dp, 0.0_dp, set%corners(f) == 3)
     call facet_position_and_normal(set, f, xi, centre, normal, xu, xv)
-    if (.not. norm2(normal) > 0) return
-    call frame_of_normal(3, -normal, box%axes)
-    box%toward = -normal
-    box%origin = centre
-    box%low = [-beam*set%size(f), -beam*set%size(f), start*set%size(f)]
-    box%high = [beam*set%size(f), beam*set%size(f), limit]
-    call facets_in_region(tree, box, list)
+    depth = huge(depth)
+    if (norm2(normal) > 0) depth = first_exit(tree, set, centre, -normal, start*set%size(f), limit)
+  end function depth_behind
+
+  !> Whether the straight way from one point to another leaves the body of a surface in between.
+  pure logical function leaves_body(tree, set, from, to)
+    !> Bounding-volume tree of the surface.
+    type(bounding_volume_tree_t), intent(in) :: tree
+    !> Facets of the surface.
+    type(facet_set_t), intent(in) :: set
+    !> First point (3) [length].
+    real(dp), intent(in) :: from(3)
+    !> Second point (3) [length].
+    real(dp), intent(in) :: to(3)
+    real(dp) :: length
+    length = norm2(to - from)
+    leaves_body = .false.
+    if (.not. length > 0) return
+    leaves_body = first_exit(tree, set, from, (to - from)/length, end_margin*length, (1 - end_margin)*length) < &
+      (1 - end_margin)*length
+  end function leaves_body
+
+  !> Distance along a ray to the first facet that it leaves the body through; huge if there is none [length].
+  pure real(dp) function first_exit(tree, set, origin, direction, low, high) result(distance)
+    !> Bounding-volume tree of the surface.
+    type(bounding_volume_tree_t), intent(in) :: tree
+    !> Facets of the surface.
+    type(facet_set_t), intent(in) :: set
+    !> Origin of the ray (3) [length].
+    real(dp), intent(in) :: origin(3)
+    !> Its direction, a unit vector (3) [].
+    real(dp), intent(in) :: direction(3)
+    !> Beginning of the part of the ray that counts [length].
+    real(dp), intent(in) :: low
+    !> Its end [length].
+    real(dp), intent(in) :: high
+    type(beam_t) :: beam
+    integer, allocatable :: list(:)
+    real(dp), dimension(3) :: position, normal, xu, xv
+    real(dp) :: xi(2), square, t, cosine
+    integer :: i, step
+    distance = huge(distance)
+    call frame_of_normal(3, direction, beam%axes)
+    beam%origin = origin
+    beam%low = [0.0_dp, 0.0_dp, low]
+    beam%high = [0.0_dp, 0.0_dp, high]
+    call facets_in_region(tree, beam, list)
     do i = 1, size(list)
-      if (list(i) == f) cycle
-      t = 0
+      t = (low + high)/2
+      if (high > huge(high)/2) t = low
       do step = 1, n_steps
-        call closest_point_on_facet(set, list(i), centre - t*normal, xi, square)
-        call facet_position_and_normal(set, list(i), xi, position, other, xu, xv)
-        cosine = -dot_product(other, normal)
-        if (.not. cosine > facing_cosine) exit
-        ! The beam meets the tangent plane there.
-        t = dot_product(position - centre, other)/cosine
+        call closest_point_on_facet(set, list(i), origin + t*direction, xi, square)
+        call facet_position_and_normal(set, list(i), xi, position, normal, xu, xv)
+        cosine = dot_product(normal, direction)
+        if (.not. cosine > min_exit_cosine) exit
+        ! The ray meets the tangent plane there.
+        t = dot_product(position - origin, normal)/cosine
         if (set%affine(list(i))) exit
       end do
-      if (.not. cosine > facing_cosine .or. .not. t > start*set%size(f)) cycle
-      call closest_point_on_facet(set, list(i), centre - t*normal, xi, square)
-      if (square <= (hit_tolerance*set%size(list(i)))**2) depth = min(depth, t)
+      if (.not. cosine > min_exit_cosine .or. .not. (t > low .and. t < high)) cycle
+      call closest_point_on_facet(set, list(i), origin + t*direction, xi, square)
+      if (square <= (hit_tolerance*set%size(list(i)))**2) distance = min(distance, t)
     end do
-  end function depth_behind
+  end function first_exit
 end module dotyk_contact_local_depth

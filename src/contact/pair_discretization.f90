@@ -17,7 +17,7 @@ module dotyk_contact_pair_discretization
   use dotyk_contact_broad_phase, only: facets_near_candidates, candidate_facets
   use dotyk_contact_edge_contacts, only: find_edge_contacts
   use dotyk_contact_integration_points, only: whole_facet_rules, project_points
-  use dotyk_contact_local_depth, only: find_depths
+  use dotyk_contact_local_depth, only: find_depths, leaves_body
   use dotyk_contact_local_origin, only: choose_origin, shift_origin
   use dotyk_contact_mortar_segments, only: build_segment_rules
   use dotyk_contact_pair, only: contact_pair_t, pair_settings_t
@@ -37,6 +37,8 @@ module dotyk_contact_pair_discretization
 
   !> Round-off of a gap, relative to the greatest coordinate: a few units in the last place.
   real(dp), parameter :: gap_round_off = 8*epsilon(1.0_dp)
+  !> Overlaps shallower than this fraction of the size of the master facet are not examined.
+  real(dp), parameter :: shallow = 1.0e-3_dp
 
 contains
 
@@ -142,6 +144,7 @@ contains
                               facets_near_candidates(master%set, slave%set, candidate, radius), slave%set%depth, &
                               master%set%depth, radius, offset, x, xi, projection)
     end if
+    call drop_projections_through_bodies(slave, master, x, projection)
     call keep_projected(mesh_a%dimension, offset, x, xi, weight, projection, pair)
     call find_point_contacts(mesh_a, surface_a, slave, mesh_b, surface_b, master, radius, contact)
     if (size(contact) > 0) then
@@ -164,6 +167,28 @@ contains
     call set_rows(mesh_a, surface_a, origin, size(contact), pair)
     allocate (pair%row_theta(pair%n_rows), source=pair%theta)
   end subroutine discretize_shifted
+
+  !> Drop the projections that lie deep in a body where the way there leaves it: they are on the wrong side.
+  subroutine drop_projections_through_bodies(slave, master, x, projection)
+    !> Slave surface, prepared for projections.
+    type(master_surface_t), intent(in) :: slave
+    !> Master surface, prepared for projections.
+    type(master_surface_t), intent(in) :: master
+    !> Positions of the points (3, n) [length].
+    real(dp), intent(in) :: x(:, :)
+    !> Projections of the points (n).
+    type(projection_t), intent(inout) :: projection(:)
+    integer :: i
+    !$omp parallel do default(none) schedule(dynamic, 256) shared(slave, master, x, projection)
+    do i = 1, size(projection)
+      if (projection(i)%status /= projection_found) cycle
+      if (-projection(i)%distance < shallow*master%set%size(projection(i)%facet)) cycle
+      if (leaves_body(slave%tree, slave%set, x(:, i), x(:, i) + projection(i)%distance*projection(i)%normal) .or. &
+          leaves_body(master%tree, master%set, x(:, i) + projection(i)%distance*projection(i)%normal, x(:, i))) &
+        projection(i)%status = projection_outside
+    end do
+    !$omp end parallel do
+  end subroutine drop_projections_through_bodies
 
   !> Point contacts of vertices and edges.
   subroutine find_point_contacts(mesh_a, surface_a, slave, mesh_b, surface_b, master, radius, contact)

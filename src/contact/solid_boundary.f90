@@ -167,7 +167,7 @@ contains
     !> Reference coordinates of the closest point (2) [].
     real(dp), intent(out) :: xi(2)
     real(dp) :: square, position(3), normal(3)
-    call nearest_facet(self%tree, self%set, x, [0.0_dp, 0.0_dp, 1.0_dp], .true., hint, facet, xi, square)
+    call nearest_facet(self%tree, self%set, x, [0.0_dp, 0.0_dp, 1.0_dp], .true., 0.0_dp, hint, facet, xi, square)
     call self%outward_normal(facet, xi, position, normal)
     depth = sign(sqrt(square), -dot_product(x - position, normal))
   end subroutine solid_depth_of

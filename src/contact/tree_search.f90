@@ -57,6 +57,20 @@ module dotyk_contact_tree_search
     procedure :: misses => box_misses
   end type oriented_box_t
 
+  !> Box along given axes, normals of any direction.
+  type, extends(region_t), public :: beam_t
+    !> Origin of the box (3) [length].
+    real(dp) :: origin(3) = 0
+    !> Unit vectors along the box (3, 3) [].
+    real(dp) :: axes(3, 3) = 0
+    !> Lower corner along the axes, relative to the origin (3) [length].
+    real(dp) :: low(3) = 0
+    !> Upper corner along the axes, relative to the origin (3) [length].
+    real(dp) :: high(3) = 0
+  contains
+    procedure :: misses => beam_misses
+  end type beam_t
+
   !> Depth-first traversal of a tree, which yields the facets of a region one by one.
   type, public :: tree_walk_t
     private
@@ -132,16 +146,39 @@ contains
     class(oriented_box_t), intent(in) :: self
     !> Bounds of a node or facet.
     type(bounding_volume_t), intent(in) :: volume
+    misses = dot_product(volume%axis, self%toward) < volume%limit
+    if (.not. misses) misses = lies_beside(volume, self%origin, self%axes, self%low, self%high)
+  end function box_misses
+
+  !> Whether the box of a volume lies beside the box along one of its axes.
+  pure logical function beam_misses(self, volume) result(misses)
+    class(beam_t), intent(in) :: self
+    !> Bounds of a node or facet.
+    type(bounding_volume_t), intent(in) :: volume
+    misses = lies_beside(volume, self%origin, self%axes, self%low, self%high)
+  end function beam_misses
+
+  !> Whether the box of a volume lies beside an oriented box along one of the axes of the latter.
+  pure logical function lies_beside(volume, origin, axes, low, high) result(beside)
+    !> Bounds of a node or facet.
+    type(bounding_volume_t), intent(in) :: volume
+    !> Origin of the box (3) [length].
+    real(dp), intent(in) :: origin(3)
+    !> Unit vectors along the box (3, 3) [].
+    real(dp), intent(in) :: axes(3, 3)
+    !> Lower corner along the axes, relative to the origin (3) [length].
+    real(dp), intent(in) :: low(3)
+    !> Upper corner along the axes, relative to the origin (3) [length].
+    real(dp), intent(in) :: high(3)
     real(dp) :: centre, half
     integer :: k
-    misses = dot_product(volume%axis, self%toward) < volume%limit
-    if (misses) return
+    beside = .false.
     do k = 1, 3
-      centre = dot_product((volume%lo + volume%hi)/2 - self%origin, self%axes(:, k))
-      half = dot_product((volume%hi - volume%lo)/2, abs(self%axes(:, k)))
-      misses = misses .or. centre + half < self%low(k) .or. centre - half > self%high(k)
+      centre = dot_product((volume%lo + volume%hi)/2 - origin, axes(:, k))
+      half = dot_product((volume%hi - volume%lo)/2, abs(axes(:, k)))
+      beside = beside .or. centre + half < low(k) .or. centre - half > high(k)
     end do
-  end function box_misses
+  end function lies_beside
 
   !> Facets whose bounding volumes meet a region, ascending.
   pure subroutine facets_in_region(tree, region, list)
