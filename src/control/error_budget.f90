@@ -163,7 +163,7 @@ contains
     integer :: b, k
     if (allocated(budget%of_body)) deallocate (budget%of_body, budget%of_element)
     allocate (budget%of_body(size(problem%body)))
-    call estimate_mesh_errors(problem%body, problem%classes, solution, budget%of_element, norm_square, error)
+    call estimate_mesh_errors(problem, first_row, m, solution, budget%of_element, norm_square, error)
     if (allocated(error)) return
     work = 0
     do k = 1, size(problem%pair)

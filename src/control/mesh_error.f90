@@ -4,8 +4,12 @@ module dotyk_control_mesh_error
   use dotyk_base_kinds, only: dp
   use dotyk_control_congruence_classes, only: congruence_classes_t
   use dotyk_control_body_solution, only: body_solution_t
+  use dotyk_control_contact_problem, only: contact_problem_t
+  use dotyk_control_residual_actions, only: collect_actions
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_discretization_error, only: estimate_discretization_errors
+  use dotyk_elasticity_element_residual, only: residual_data_t
+  use dotyk_elasticity_residual_check, only: check_by_residuals
   implicit none
   private
 
@@ -20,15 +24,19 @@ module dotyk_control_mesh_error
   !> Congruent bodies in one pass at most: the work that depends on the mesh alone is small beside that for so many, and
   !> the memory is small beside a factor.
   integer, parameter :: most_bodies = 16
+  !> Elements with a squared error below this fraction of the mean of all keep that of their recovered strains.
+  real(dp), parameter :: least_share = 0.01_dp
 
 contains
 
   !> Squared errors of all elements, and the squared norm of the solution.
-  subroutine estimate_mesh_errors(body, classes, solution, of_element, norm_square, error)
-    !> Bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Classes of congruent bodies.
-    type(congruence_classes_t), intent(in) :: classes
+  subroutine estimate_mesh_errors(problem, first_row, m, solution, of_element, norm_square, error)
+    !> Bodies, classes and pairs.
+    type(contact_problem_t), intent(in) :: problem
+    !> Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
+    integer, intent(in) :: first_row(:)
+    !> Pressures (n_rows) [pressure].
+    real(dp), intent(in) :: m(:)
     !> With displacements (n_bodies).
     type(body_solution_t), intent(in) :: solution(:)
     !> Elements in the order of the blocks (n_bodies) [energy].
@@ -38,20 +46,99 @@ contains
     !> Allocated where a formula of a material cannot be evaluated.
     type(error_t), allocatable, intent(out) :: error
     integer, allocatable :: alike(:)
-    real(dp) :: of_body(size(body))
-    integer :: b, c, i
-    allocate (of_element(size(body)))
-    do b = 1, size(body)
-      if (.not. classes%is_representative(b)) cycle
-      alike = pack([(c, c=1, size(body))], classes%first == b)
-      do i = 1, size(alike), most_bodies
-        call estimate_some(body(b), classes, alike(i:min(i + most_bodies - 1, size(alike))), solution, of_element, &
-                           of_body, error)
-        if (allocated(error)) return
+    real(dp) :: of_body(size(problem%body)), least
+    integer :: c, i, n, part
+    allocate (of_element(size(problem%body)))
+    least = 0
+    n = 0
+    ! The residuals after all recovered strains: elements without a share in the error need none.
+    do part = 1, 2
+      do i = 1, size(problem%body)
+        if (.not. problem%classes%is_representative(i)) cycle
+        alike = pack([(c, c=1, size(problem%body))], problem%classes%first == i)
+        do c = 1, size(alike), most_bodies
+          associate (some => alike(c:min(c + most_bodies - 1, size(alike))))
+            if (part == 1) then
+              call estimate_some(problem%body(i), problem%classes, some, solution, of_element, of_body, error)
+            else
+              call check_some(problem, some, first_row, m, solution, least, of_element, error)
+            end if
+          end associate
+          if (allocated(error)) return
+        end do
       end do
+      if (part == 2) exit
+      do i = 1, size(of_element)
+        least = least + sum(of_element(i)%value)
+        n = n + size(of_element(i)%value)
+      end do
+      least = least_share*least/n
     end do
     norm_square = sum(of_body)
   end subroutine estimate_mesh_errors
+
+  !> Hold the errors of some congruent bodies against the residuals of their elements.
+  subroutine check_some(problem, alike, first_row, m, solution, least, of_element, error)
+    !> Bodies, classes and pairs.
+    type(contact_problem_t), intent(in) :: problem
+    !> Indices of the bodies (n).
+    integer, intent(in) :: alike(:)
+    !> Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
+    integer, intent(in) :: first_row(:)
+    !> Pressures (n_rows) [pressure].
+    real(dp), intent(in) :: m(:)
+    !> Solutions of all bodies, with displacements (n_bodies).
+    type(body_solution_t), intent(in) :: solution(:)
+    !> Elements with smaller squared errors are left alone [energy].
+    real(dp), intent(in) :: least
+    !> Squared errors; those of these bodies are changed (n_bodies) [energy].
+    type(element_field_t), intent(inout) :: of_element(:)
+    !> Allocated where a formula of a material cannot be evaluated.
+    type(error_t), allocatable, intent(out) :: error
+    type(residual_data_t) :: data
+    real(dp), allocatable :: u(:, :, :), square(:, :)
+    integer :: i
+    if (all([(maxval(of_element(alike(i))%value) <= least, i=1, size(alike))])) return
+    associate (first => problem%body(problem%classes%first(alike(1))))
+      call collect_actions(problem, alike, first_row, m, data)
+      call to_representative(first, problem%classes, alike, solution, u)
+      allocate (square(size(alike), first%mesh%n_elements()))
+      do i = 1, size(alike)
+        square(i, :) = of_element(alike(i))%value
+      end do
+      call check_by_residuals(first%mesh, first%analysis, first%material, data, u, least, square, error)
+    end associate
+    if (allocated(error)) return
+    do i = 1, size(alike)
+      of_element(alike(i))%value = square(i, :)
+    end do
+  end subroutine check_some
+
+  !> Displacements of congruent bodies in the axes of their representative.
+  subroutine to_representative(first, classes, alike, solution, u)
+    !> The representative.
+    type(body_t), intent(in) :: first
+    !> Classes of congruent bodies.
+    type(congruence_classes_t), intent(in) :: classes
+    !> Indices of the bodies (n).
+    integer, intent(in) :: alike(:)
+    !> Solutions of all bodies, with displacements (n_bodies).
+    type(body_solution_t), intent(in) :: solution(:)
+    !> Displacements (n, dim, n_nodes) [length].
+    real(dp), allocatable, intent(out) :: u(:, :, :)
+    integer :: d, i
+    d = first%dimension
+    allocate (u(size(alike), d, first%mesh%n_nodes()))
+    do i = 1, size(alike)
+      associate (motion => classes%motion(alike(i)), displacement => solution(alike(i))%displacement)
+        if (motion%rotated) then
+          u(i, :, :) = matmul(transpose(motion%rotation(:d, :d)), displacement)
+        else
+          u(i, :, :) = displacement
+        end if
+      end associate
+    end do
+  end subroutine to_representative
 
   !> Some congruent bodies.
   subroutine estimate_some(first, classes, alike, solution, of_element, norm_square, error)
@@ -71,18 +158,9 @@ contains
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: u(:, :, :), square(:, :)
     real(dp) :: of_body(size(alike))
-    integer :: i, d
-    d = first%dimension
-    allocate (u(size(alike), d, first%mesh%n_nodes()), square(size(alike), first%mesh%n_elements()))
-    do i = 1, size(alike)
-      associate (motion => classes%motion(alike(i)), displacement => solution(alike(i))%displacement)
-        if (motion%rotated) then
-          u(i, :, :) = matmul(transpose(motion%rotation(:d, :d)), displacement)
-        else
-          u(i, :, :) = displacement
-        end if
-      end associate
-    end do
+    integer :: i
+    allocate (square(size(alike), first%mesh%n_elements()))
+    call to_representative(first, classes, alike, solution, u)
     call estimate_discretization_errors(first%mesh, first%analysis, first%material, u, square, of_body, error)
     if (allocated(error)) return
     do i = 1, size(alike)

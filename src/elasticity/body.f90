@@ -8,6 +8,7 @@ module dotyk_elasticity_body
   use dotyk_elasticity_dirichlet_lift, only: subtract_dirichlet_lift
   use dotyk_elasticity_material, only: material_t
   use dotyk_elasticity_node_graph, only: node_graph
+  use dotyk_elasticity_point_forces, only: point_forces_t
   use dotyk_elasticity_rigid_motion, only: find_free_rigid_modes
   use dotyk_elasticity_sparsity_pattern, only: block_positions_t, build_pattern
   use dotyk_elasticity_stress_energy, only: stresses_and_energy
@@ -33,6 +34,10 @@ module dotyk_elasticity_body
     type(constraint_t) :: constraint
     !> Nodal forces of the loads in global axes; zero where not allocated (dim, n_nodes) [force].
     real(dp), allocatable :: load(:, :)
+    !> Loads on surfaces, and force densities that vary, at quadrature points.
+    type(point_forces_t) :: applied
+    !> Sum of the constant force densities in global axes (3) [force/volume].
+    real(dp) :: density(3) = 0
     !> Loads minus the forces of prescribed displacements, over the free equations (n_equations) [force].
     real(dp), allocatable :: rhs(:)
     !> Volume [volume].

@@ -10,12 +10,14 @@ module dotyk_elasticity_load
   use dotyk_base_options, only: analysis_axisymmetric, load_local_traction, load_pressure, load_traction
   use dotyk_base_text, only: quoted, text_t
   use dotyk_elasticity_analysis, only: gradient_slots, two_pi
+  use dotyk_elasticity_face_table, only: local_face, point_of_element
+  use dotyk_elasticity_point_forces, only: point_forces_t
   use dotyk_elasticity_element_quadrature, only: inverted_element_error
   use dotyk_elasticity_shape_table, only: shape_table_t, load_degree, map_element, shape_table_pair_t
   use dotyk_elasticity_vector_field, only: vector_field_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, kind_nodes, n_element_kinds, quadrature_rule, &
-    shape_functions
+    reference_nodes, shape_functions
   use dotyk_mesh_facet, only: facet_geometry, frame_of_normal
   use dotyk_mesh_surface, only: surface_t
   implicit none
@@ -46,7 +48,7 @@ module dotyk_elasticity_load
 contains
 
   !> Add the nodal forces of a load on a surface.
-  subroutine add_surface_load(mesh, analysis, surface, load, force, error)
+  subroutine add_surface_load(mesh, analysis, surface, load, force, error, points)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
     !> Type of analysis: one of the `analysis_*` constants.
@@ -59,6 +61,8 @@ contains
     real(dp), intent(inout) :: force(:, :)
     !> Allocated where a formula does not parse, or has no value at a quadrature point; names the surface.
     type(error_t), allocatable, intent(out) :: error
+    !> The load at the quadrature points, added to.
+    type(point_forces_t), intent(inout), optional :: points
     type(facet_rule_t) :: rule(n_element_kinds)
     type(vector_field_t) :: field
     integer :: f
@@ -71,10 +75,36 @@ contains
                          rule(kind), analysis == analysis_axisymmetric, load%kind, field, force, error)
         end associate
         if (allocated(error)) exit
+        if (present(points)) call add_points(f)
       end do
     end if
     call field%destroy()
     call add_context(error, 'load on surface '//quoted(surface%name)//': ')
+
+  contains
+
+    !> Add the load on a facet at its quadrature points.
+    subroutine add_points(f)
+      !> Index of the facet.
+      integer, intent(in) :: f
+      type(element_kind_t) :: kind
+      real(dp) :: traction(mesh%dimension), area
+      integer :: element, face, q
+      kind = element_kind(surface%kind(f))
+      associate (block => mesh%block(surface%block(f)), node => surface%node(:kind%n_nodes, f))
+        face = local_face(mesh, surface%block(f), surface%element(f), surface%node(:, f))
+        element = surface%element(f) + sum([(size(mesh%block(q)%node, 2), q=1, surface%block(f) - 1)])
+        do q = 1, size(rule(surface%kind(f))%weight)
+          call traction_at(surface%kind(f), mesh%dimension, kind%n_nodes, mesh%x(:, node), &
+                           rule(surface%kind(f))%point(:, q), rule(surface%kind(f))%weight(q), &
+                           analysis == analysis_axisymmetric, load%kind, field, traction, area, error)
+          if (allocated(error)) return
+          call points%add(element, face, point_of_element(block%kind, block%node(:, surface%element(f)), &
+                                                          kind%corner_kind, node(:kind%n_corners), &
+                                                          rule(surface%kind(f))%point(:, q)), area*traction)
+        end do
+      end associate
+    end subroutine add_points
   end subroutine add_surface_load
 
   !> Quadrature rule of a facet kind.
@@ -117,33 +147,66 @@ contains
     real(dp), intent(inout) :: force(:, :)
     !> Allocated where a formula has no value at a quadrature point.
     type(error_t), allocatable, intent(out) :: error
-    real(dp) :: corners(dim, n), position(dim), normal(dim), frame(dim, dim), traction(dim), value(3), area
+    real(dp) :: corners(dim, n), traction(dim), area
     integer :: q, a
     corners = x(:, node)
     do q = 1, size(rule%weight)
-      call facet_geometry(kind, dim, corners, rule%point(:, q), position, normal, area)
-      area = area*rule%weight(q)
-      if (axisymmetric) area = area*two_pi*position(1)
-      call field%evaluate(position, value, error)
+      call traction_at(kind, dim, n, corners, rule%point(:, q), rule%weight(q), axisymmetric, load_kind, field, &
+                       traction, area, error)
       if (allocated(error)) return
-      select case (load_kind)
-      case (load_pressure)
-        traction = -value(1)*normal
-      case (load_local_traction)
-        call frame_of_normal(dim, normal, frame)
-        traction = value(1)*frame(:, 1) + value(3)*frame(:, dim)
-        if (dim == 3) traction = traction + value(2)*frame(:, 2)
-      case default
-        traction = value(:dim)
-      end select
       do a = 1, n
         force(:, node(a)) = force(:, node(a)) + area*rule%shape(a, q)*traction
       end do
     end do
   end subroutine add_facet
 
+  !> Traction at a point of a facet.
+  subroutine traction_at(kind, dim, n, x, point, weight, axisymmetric, load_kind, field, traction, area, error)
+    !> Facet kind: one of the `element_*` constants.
+    integer, intent(in) :: kind
+    !> Number of coordinates.
+    integer, intent(in) :: dim
+    !> Number of nodes of the facet.
+    integer, intent(in) :: n
+    !> Nodes of the facet (dim, n) [length].
+    real(dp), intent(in) :: x(dim, n)
+    !> Reference coordinates (dim - 1) [].
+    real(dp), intent(in) :: point(dim - 1)
+    !> Reference weight [].
+    real(dp), intent(in) :: weight
+    !> Whether the analysis is axisymmetric.
+    logical, intent(in) :: axisymmetric
+    !> Kind of the load: one of those on surfaces.
+    integer, intent(in) :: load_kind
+    !> Value of the load.
+    type(vector_field_t), intent(in) :: field
+    !> Traction (dim) [pressure].
+    real(dp), intent(out) :: traction(dim)
+    !> Area of the point, of the full circumference in axisymmetric analyses [length^2; length in plane ones].
+    real(dp), intent(out) :: area
+    !> Allocated where a formula has no value there.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp) :: position(dim), normal(dim), frame(dim, dim), value(3)
+    traction = 0
+    call facet_geometry(kind, dim, x, point, position, normal, area)
+    area = area*weight
+    if (axisymmetric) area = area*two_pi*position(1)
+    call field%evaluate(position, value, error)
+    if (allocated(error)) return
+    select case (load_kind)
+    case (load_pressure)
+      traction = -value(1)*normal
+    case (load_local_traction)
+      call frame_of_normal(dim, normal, frame)
+      traction = value(1)*frame(:, 1) + value(3)*frame(:, dim)
+      if (dim == 3) traction = traction + value(2)*frame(:, 2)
+    case default
+      traction = value(:dim)
+    end select
+  end subroutine traction_at
+
   !> Add the nodal forces of a force density.
-  subroutine add_volume_load(mesh, analysis, load, force, error)
+  subroutine add_volume_load(mesh, analysis, load, force, error, points)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
     !> Type of analysis: one of the `analysis_*` constants.
@@ -155,12 +218,14 @@ contains
     !> Allocated where a formula does not parse or has no value at a quadrature point, or where an element is
     !> inverted.
     type(error_t), allocatable, intent(out) :: error
+    !> A force density that varies at the quadrature points, added to.
+    type(point_forces_t), intent(inout), optional :: points
     type(vector_field_t) :: field
     integer :: i
     call field%init(load%value, error, load%formula)
     if (.not. allocated(error)) then
       do i = 1, size(mesh%block)
-        call add_block(mesh, i, analysis, field, force, error)
+        call add_block(mesh, i, analysis, field, force, error, points)
         if (allocated(error)) exit
       end do
     end if
@@ -169,7 +234,7 @@ contains
   end subroutine add_volume_load
 
   !> Add the nodal forces of a force density on one block of elements.
-  subroutine add_block(mesh, i_block, analysis, field, force, error)
+  subroutine add_block(mesh, i_block, analysis, field, force, error, points)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
     !> Index of the element block.
@@ -182,16 +247,22 @@ contains
     real(dp), intent(inout) :: force(:, :)
     !> Allocated where a formula has no value at a quadrature point, or where an element is inverted.
     type(error_t), allocatable, intent(out) :: error
+    !> A force density that varies at the quadrature points, added to.
+    type(point_forces_t), intent(inout), optional :: points
     type(shape_table_pair_t) :: tables
+    real(dp), allocatable :: xi(:, :)
     type(element_kind_t) :: kind
     real(dp), allocatable :: x(:, :), g(:), w(:)
     integer, allocatable :: node(:)
-    integer :: e, n, dim, slots, most_points
+    integer :: e, n, dim, slots, most_points, before
     kind = element_kind(mesh%block(i_block)%kind)
     n = kind%n_nodes
     dim = mesh%dimension
     slots = gradient_slots(analysis)
     call tables%init_load(mesh%block(i_block)%kind, analysis, .not. field%constant)
+    before = sum([(size(mesh%block(e)%node, 2), e=1, i_block - 1)])
+    allocate (xi(dim, n))
+    call reference_nodes(mesh%block(i_block)%kind, xi)
     most_points = max(tables%straight%n_points, tables%curved%n_points)
     allocate (x(dim, n), node(n), g(n*slots*most_points), w(most_points))
     do e = 1, size(mesh%block(i_block)%node, 2)
@@ -225,6 +296,8 @@ contains
         do a = 1, n
           force(:, node(a)) = force(:, node(a)) + w(q)*table%shape(a, q)*value(:dim)
         end do
+        if (present(points) .and. .not. field%constant) &
+          call points%add(before + e, 0, matmul(xi, table%shape(:, q)), w(q)*value(:dim))
       end do
     end subroutine add_element
   end subroutine add_block

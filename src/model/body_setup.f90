@@ -263,11 +263,12 @@ contains
       load%value = given%value
       load%formula = given%formula
       if (load%kind == load_force_density) then
-        call add_volume_load(body%mesh, body%analysis, load, body%load, failed)
+        call add_volume_load(body%mesh, body%analysis, load, body%load, failed, body%applied)
+        if (size(load%formula) == 0) body%density = body%density + load%value
       else
         call volume%take_surface(mesh, given%surface, surface, failed)
         if (allocated(failed)) return
-        call add_surface_load(body%mesh, body%analysis, surface, load, body%load, failed)
+        call add_surface_load(body%mesh, body%analysis, surface, load, body%load, failed, body%applied)
       end if
     end subroutine build_load
 

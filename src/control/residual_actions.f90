@@ -1,0 +1,184 @@
+!> What acts on the faces of bodies, for the residuals of their elements: loads, and the directions along which supports
+!> or contact hold a face.
+module dotyk_control_residual_actions
+  use dotyk_base_kinds, only: dp
+  use dotyk_contact_pair, only: contact_pair_t
+  use dotyk_control_contact_problem, only: contact_problem_t
+  use dotyk_elasticity_body, only: body_t
+  use dotyk_elasticity_constraint, only: constraint_t, held
+  use dotyk_elasticity_element_residual, only: residual_data_t
+  use dotyk_elasticity_face_table, only: face_table_t, local_face
+  use dotyk_elasticity_recovery_patch, only: diagonalize
+  use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_mesh_element, only: element_kind, element_kind_t
+  use dotyk_mesh_surface, only: surface_t
+  implicit none
+  private
+
+  !> Mean squared cosine between a direction and those that the nodes of a face hold, above which the face is held:
+  !> normals of one curved face differ.
+  real(dp), parameter :: is_held = 0.9_dp
+  !> Forces at contact points below this fraction of the largest one are rounding.
+  real(dp), parameter :: negligible = 1.0e-12_dp
+
+  public :: collect_actions
+
+contains
+
+  !> Collect the actions on congruent bodies, in the axes of their representative.
+  subroutine collect_actions(problem, alike, first_row, m, data)
+    !> Bodies, classes and pairs.
+    type(contact_problem_t), intent(in) :: problem
+    !> Indices of congruent bodies; their representative is that of the class (n).
+    integer, intent(in) :: alike(:)
+    !> Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
+    integer, intent(in) :: first_row(:)
+    !> Pressures (n_rows) [pressure].
+    real(dp), intent(in) :: m(:)
+    !> Loads and held directions.
+    type(residual_data_t), intent(out) :: data
+    integer, allocatable :: first(:), order(:)
+    integer :: b, d, i, k, n
+    real(dp) :: back(3, 3)
+    associate (leader => problem%body(problem%classes%first(alike(1))))
+      d = leader%dimension
+      n = leader%mesh%n_elements()
+      call data%faces%init(leader%mesh)
+      allocate (data%density(d, size(alike)), data%applied(size(alike)), data%first(n + 1, size(alike)))
+      allocate (data%order(maxval([(problem%body(alike(i))%applied%n, i=1, size(alike))]), size(alike)), source=0)
+      allocate (data%held(d, d, data%faces%n_boundary, size(alike)))
+      call hold_supports(d, leader%mesh, leader%constraint, data%faces, data%held(:, :, :, 1))
+    end associate
+    do i = 1, size(alike)
+      b = alike(i)
+      back = transpose(problem%classes%motion(b)%rotation)
+      data%held(:, :, :, i) = data%held(:, :, :, 1)
+      data%density(:, i) = matmul(back(:d, :d), problem%body(b)%density(:d))
+      data%applied(i) = problem%body(b)%applied
+      associate (applied => data%applied(i))
+        do k = 1, applied%n
+          applied%force(:, k) = matmul(back(:d, :d), applied%force(:, k))
+        end do
+        call applied%by_element(n, first, order)
+        data%first(:, i) = first
+        data%order(:applied%n, i) = order
+      end associate
+    end do
+    do i = size(alike), 1, -1
+      back = transpose(problem%classes%motion(alike(i))%rotation)
+      do k = 1, size(problem%pair)
+        associate (pair => problem%pair(k), pressure => m(first_row(k):first_row(k + 1) - 1))
+          if (pair%body_a == alike(i)) &
+            call hold_contact(problem%body(alike(i)), pair, problem%surface_a(k), pair%facet_a, pressure, &
+                              back(:d, :d), data%faces, data%held(:, :, :, i))
+          if (pair%body_b == alike(i)) &
+            call hold_contact(problem%body(alike(i)), pair, problem%surface_b(k), pair%facet_b, pressure, &
+                              back(:d, :d), data%faces, data%held(:, :, :, i))
+        end associate
+      end do
+    end do
+  end subroutine collect_actions
+
+  !> Directions that all nodes of a face hold.
+  subroutine hold_supports(dim, mesh, constraint, faces, projection)
+    !> Number of displacement components.
+    integer, intent(in) :: dim
+    !> Elements and nodes of the body.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Its held unknowns.
+    type(constraint_t), intent(in) :: constraint
+    !> Faces of its elements.
+    type(face_table_t), intent(in) :: faces
+    !> Projections on the held directions (dim, dim, n_boundary) [].
+    real(dp), intent(out) :: projection(:, :, :)
+    type(element_kind_t) :: kind, of_face
+    real(dp) :: mean(dim, dim), vectors(dim, dim)
+    integer :: b, e, f, i, k
+    projection = 0
+    do b = 1, size(mesh%block)
+      kind = element_kind(mesh%block(b)%kind)
+      do e = 1, size(mesh%block(b)%node, 2)
+        do f = 1, kind%n_faces
+          associate (face => faces%boundary(f, faces%before(b) + e))
+            if (face == 0) cycle
+            of_face = element_kind(kind%face_kind(f))
+            mean = 0
+            do i = 1, of_face%n_nodes
+              call add_node(mesh%block(b)%node(kind%face_node(i, f), e), mean)
+            end do
+            if (.not. any(abs(mean) > 0)) cycle
+            mean = mean/of_face%n_nodes
+            call diagonalize(dim, mean, vectors)
+            do k = 1, dim
+              if (mean(k, k) > is_held) projection(:, :, face) = projection(:, :, face) + &
+                spread(vectors(:, k), 2, dim)*spread(vectors(:, k), 1, dim)
+            end do
+          end associate
+        end do
+      end do
+    end do
+
+  contains
+
+    !> Add the projection on the held directions of a node.
+    subroutine add_node(node, total)
+      !> The node.
+      integer, intent(in) :: node
+      !> Projections, added to (dim, dim) [].
+      real(dp), intent(inout) :: total(dim, dim)
+      real(dp) :: axis(dim)
+      integer :: c
+      do c = 1, dim
+        if (constraint%equation(c, node) /= held) cycle
+        axis = 0
+        axis(c) = 1
+        if (constraint%frame_of(node) > 0) axis = constraint%frame(:, c, constraint%frame_of(node))
+        total = total + spread(axis, 2, dim)*spread(axis, 1, dim)
+      end do
+    end subroutine add_node
+  end subroutine hold_supports
+
+  !> Hold the normals of the facets under contact pressure.
+  subroutine hold_contact(body, pair, surface, facet, pressure, back, faces, projection)
+    !> The body.
+    type(body_t), intent(in) :: body
+    !> Contact pair.
+    type(contact_pair_t), intent(in) :: pair
+    !> Surface of the body in the pair.
+    type(surface_t), intent(in) :: surface
+    !> Its facet at each integration point (n_points).
+    integer, intent(in) :: facet(:)
+    !> Pressures of the rows (n_rows) [pressure].
+    real(dp), intent(in) :: pressure(:)
+    !> Rotation to the axes of the representative (dim, dim) [].
+    real(dp), intent(in) :: back(:, :)
+    !> Faces of the elements of the representative.
+    type(face_table_t), intent(in) :: faces
+    !> Projections on the held directions, added to (dim, dim, n_boundary) [].
+    real(dp), intent(inout) :: projection(:, :, :)
+    real(dp) :: force(pair%n_points), normal(size(back, 1), surface%n_facets), direction(size(back, 1))
+    integer :: e, f, q
+    call pair%average%multiply_transposed(pair%row_weight*max(pressure, 0.0_dp), force)
+    normal = 0
+    do q = 1, pair%n_points
+      if (abs(force(q)) > negligible*maxval(abs(force))) &
+        normal(:, facet(q)) = normal(:, facet(q)) + pair%weight(q)*pair%normal(:, q)
+    end do
+    do q = 1, surface%n_facets
+      if (.not. any(abs(normal(:, q)) > 0)) cycle
+      f = local_face(body%mesh, surface%block(q), surface%element(q), surface%node(:, q))
+      e = faces%before(surface%block(q)) + surface%element(q)
+      if (f == 0) cycle
+      associate (face => faces%boundary(f, e))
+        if (face == 0) cycle
+        direction = matmul(back, normal(:, q)/norm2(normal(:, q)))
+        direction = direction - matmul(projection(:, :, face), direction)
+        ! Held by a support, or by another pair, already.
+        if (norm2(direction) < 0.1_dp) cycle
+        direction = direction/norm2(direction)
+        projection(:, :, face) = projection(:, :, face) + &
+                                 spread(direction, 2, size(direction))*spread(direction, 1, size(direction))
+      end associate
+    end do
+  end subroutine hold_contact
+end module dotyk_control_residual_actions

@@ -1,0 +1,199 @@
+!> Bubbles of an element kind: polynomials of one degree more than the element has, minus their interpolants, so that
+!> they vanish at all nodes. Values and gradients at the points of a rule in the element and of rules on its faces.
+!>
+!> Simplices have the monomials of the next degree, quadrilaterals and hexahedra those of the next degree in each
+!> variable, prisms the products of both.
+module dotyk_elasticity_bubble_table
+  use dotyk_base_kinds, only: dp
+  use dotyk_mesh_element, only: element_kind, element_kind_t, element_prism6, element_tet4, element_tri3, kind_dimension, &
+    quadrature_rule, reference_nodes, shape_functions, shape_gradients
+  implicit none
+  private
+
+  !> Bubbles at the points of one face.
+  type, public :: face_bubbles_t
+    !> Number of points.
+    integer :: n_points = 0
+    !> Reference coordinates on the face (dim - 1, n_points) [].
+    real(dp), allocatable :: on_face(:, :)
+    !> Reference coordinates in the element (dim, n_points) [].
+    real(dp), allocatable :: xi(:, :)
+    !> Reference weights (n_points) [].
+    real(dp), allocatable :: weight(:)
+    !> Bubbles (n, n_points) [].
+    real(dp), allocatable :: value(:, :)
+  end type face_bubbles_t
+
+  !> The bubbles of an element kind.
+  type, public :: bubble_table_t
+    !> Element kind.
+    integer :: kind = 0
+    !> Number of bubbles.
+    integer :: n = 0
+    !> Exponents of their monomials (dim, n).
+    integer, allocatable :: exponent(:, :)
+    !> Monomials at the nodes (n, n_nodes) [].
+    real(dp), allocatable :: at_node(:, :)
+    !> Number of points in the element.
+    integer :: n_points = 0
+    !> Reference coordinates of the points (dim, n_points) [].
+    real(dp), allocatable :: xi(:, :)
+    !> Reference weights (n_points) [].
+    real(dp), allocatable :: weight(:)
+    !> Bubbles at the points (n, n_points) [].
+    real(dp), allocatable :: value(:, :)
+    !> Their derivatives by reference coordinates (n, dim, n_points) [].
+    real(dp), allocatable :: gradient(:, :, :)
+    !> The faces (n_faces).
+    type(face_bubbles_t), allocatable :: face(:)
+  contains
+    procedure :: init => bubble_table_init
+    procedure :: values => bubble_table_values
+    procedure :: gradients => bubble_table_gradients
+  end type bubble_table_t
+
+  !> Bubbles below this size at all points belong to the element's own space.
+  real(dp), parameter :: rounding = 1.0e-10_dp
+
+contains
+
+  !> Choose the monomials, and evaluate the bubbles.
+  subroutine bubble_table_init(self, kind)
+    class(bubble_table_t), intent(out) :: self
+    !> Element kind.
+    integer, intent(in) :: kind
+    type(element_kind_t) :: properties
+    real(dp), allocatable :: place(:, :)
+    logical, allocatable :: kept(:)
+    integer :: i, q
+    properties = element_kind(kind)
+    self%kind = kind
+    call list_monomials(properties, self%exponent)
+    self%n = size(self%exponent, 2)
+    allocate (place(properties%dimension, properties%n_nodes))
+    call reference_nodes(kind, place)
+    allocate (self%at_node(self%n, properties%n_nodes))
+    do i = 1, properties%n_nodes
+      self%at_node(:, i) = monomials(self%exponent, place(:, i))
+    end do
+    call quadrature_rule(kind, rule_degree(properties), self%xi, self%weight)
+    self%n_points = size(self%weight)
+    allocate (self%value(self%n, self%n_points))
+    do q = 1, self%n_points
+      self%value(:, q) = self%values(self%xi(:, q))
+    end do
+    kept = maxval(abs(self%value), dim=2) > rounding
+    self%exponent = self%exponent(:, pack([(i, i=1, self%n)], kept))
+    self%at_node = self%at_node(pack([(i, i=1, self%n)], kept), :)
+    self%value = self%value(pack([(i, i=1, self%n)], kept), :)
+    self%n = count(kept)
+    allocate (self%gradient(self%n, properties%dimension, self%n_points), self%face(properties%n_faces))
+    do q = 1, self%n_points
+      self%gradient(:, :, q) = self%gradients(self%xi(:, q))
+    end do
+    do i = 1, properties%n_faces
+      call init_face(self, properties, place, i, self%face(i))
+    end do
+  end subroutine bubble_table_init
+
+  !> Evaluate the bubbles on a face.
+  subroutine init_face(self, properties, place, f, face)
+    !> The bubbles.
+    class(bubble_table_t), intent(in) :: self
+    !> Properties of the element kind.
+    type(element_kind_t), intent(in) :: properties
+    !> Reference coordinates of the nodes (dim, n_nodes) [].
+    real(dp), intent(in) :: place(:, :)
+    !> Number of the face.
+    integer, intent(in) :: f
+    !> The bubbles there.
+    type(face_bubbles_t), intent(out) :: face
+    type(element_kind_t) :: of_face
+    real(dp), allocatable :: weight(:)
+    integer :: q
+    of_face = element_kind(properties%face_kind(f))
+    call quadrature_rule(of_face%corner_kind, rule_degree(properties), face%on_face, face%weight)
+    face%n_points = size(face%weight)
+    allocate (face%xi(properties%dimension, face%n_points), face%value(self%n, face%n_points), weight(of_face%n_corners))
+    do q = 1, face%n_points
+      call shape_functions(of_face%corner_kind, face%on_face(:, q), weight)
+      face%xi(:, q) = matmul(place(:, properties%face_node(:of_face%n_corners, f)), weight)
+      face%value(:, q) = self%values(face%xi(:, q))
+    end do
+  end subroutine init_face
+
+  !> Degree of the rules: exact for products of two gradients on straight elements.
+  pure integer function rule_degree(properties) result(degree)
+    !> Properties of the element kind.
+    type(element_kind_t), intent(in) :: properties
+    degree = 2*properties%order + 2
+    if (any(properties%corner_kind == [element_tri3, element_tet4])) degree = degree - 1
+  end function rule_degree
+
+  !> Monomials up to the next degree, in the element or in each variable.
+  pure subroutine list_monomials(properties, exponent)
+    !> Properties of the element kind.
+    type(element_kind_t), intent(in) :: properties
+    !> Their exponents (dim, n).
+    integer, allocatable, intent(out) :: exponent(:, :)
+    integer :: p(3), a, b, c, n, m
+    integer :: all_of_them(3, 64)
+    m = properties%order + 1
+    n = 0
+    do c = 0, merge(m, 0, properties%dimension == 3)
+      do b = 0, m
+        do a = 0, m
+          p = [a, b, c]
+          if (any(properties%corner_kind == [element_tri3, element_tet4]) .and. sum(p) > m) cycle
+          if (properties%corner_kind == element_prism6 .and. a + b > m) cycle
+          n = n + 1
+          all_of_them(:, n) = p
+        end do
+      end do
+    end do
+    exponent = all_of_them(:properties%dimension, :n)
+  end subroutine list_monomials
+
+  !> Values of monomials at a point.
+  pure function monomials(exponent, xi) result(value)
+    !> Exponents (dim, n).
+    integer, intent(in) :: exponent(:, :)
+    !> Reference coordinates (dim) [].
+    real(dp), intent(in) :: xi(:)
+    real(dp) :: value(size(exponent, 2))
+    integer :: i, k
+    value = 1
+    do i = 1, size(value)
+      do k = 1, size(xi)
+        if (exponent(k, i) > 0) value(i) = value(i)*xi(k)**exponent(k, i)
+      end do
+    end do
+  end function monomials
+
+  !> Values of the bubbles at a point (n) [].
+  pure function bubble_table_values(self, xi) result(value)
+    class(bubble_table_t), intent(in) :: self
+    !> Reference coordinates (dim) [].
+    real(dp), intent(in) :: xi(:)
+    real(dp) :: value(size(self%exponent, 2))
+    real(dp) :: shape(size(self%at_node, 2))
+    call shape_functions(self%kind, xi, shape)
+    value = monomials(self%exponent, xi) - matmul(self%at_node, shape)
+  end function bubble_table_values
+
+  !> Derivatives of the bubbles by reference coordinates at a point (n, dim) [].
+  pure function bubble_table_gradients(self, xi) result(gradient)
+    class(bubble_table_t), intent(in) :: self
+    !> Reference coordinates (dim) [].
+    real(dp), intent(in) :: xi(:)
+    real(dp) :: gradient(size(self%exponent, 2), kind_dimension(self%kind))
+    real(dp) :: shape(kind_dimension(self%kind), size(self%at_node, 2))
+    integer :: lower(size(self%exponent, 1), size(self%exponent, 2)), k
+    call shape_gradients(self%kind, xi, shape)
+    do k = 1, size(gradient, 2)
+      lower = self%exponent
+      lower(k, :) = max(lower(k, :) - 1, 0)
+      gradient(:, k) = self%exponent(k, :)*monomials(lower, xi) - matmul(self%at_node, shape(k, :))
+    end do
+  end function bubble_table_gradients
+end module dotyk_elasticity_bubble_table

@@ -1,0 +1,93 @@
+!> Loads as forces at points of elements: the functional L(v) of any displacement v, not of those of the mesh alone.
+!>
+!> Each is the value of a load at a quadrature point times the weight of the point. Resultants are sums of them, and the
+!> residuals of elements (`dotyk_elasticity_element_residual`) take them on functions that no node carries.
+module dotyk_elasticity_point_forces
+  use dotyk_base_kinds, only: dp
+  implicit none
+  private
+
+  !> Forces on one body.
+  type, public :: point_forces_t
+    !> Number of forces.
+    integer :: n = 0
+    !> Element of each, in the order of the blocks (>= n).
+    integer, allocatable :: element(:)
+    !> Face of that element, 0 for its volume (>= n).
+    integer, allocatable :: face(:)
+    !> Reference coordinates in the element (dim, >= n) [].
+    real(dp), allocatable :: xi(:, :)
+    !> Forces (dim, >= n) [force].
+    real(dp), allocatable :: force(:, :)
+  contains
+    procedure :: add => point_forces_add
+    procedure :: by_element => point_forces_by_element
+  end type point_forces_t
+
+contains
+
+  !> Add a force.
+  pure subroutine point_forces_add(self, element, face, xi, force)
+    class(point_forces_t), intent(inout) :: self
+    !> Element, in the order of the blocks.
+    integer, intent(in) :: element
+    !> Its face, 0 for its volume.
+    integer, intent(in) :: face
+    !> Reference coordinates (dim) [].
+    real(dp), intent(in) :: xi(:)
+    !> The force (dim) [force].
+    real(dp), intent(in) :: force(:)
+    integer, allocatable :: wider(:)
+    real(dp), allocatable :: table(:, :)
+    integer :: room
+    if (.not. allocated(self%element)) then
+      allocate (self%element(64), self%face(64), self%xi(size(xi), 64), self%force(size(xi), 64))
+    else if (self%n == size(self%element)) then
+      room = 2*self%n
+      allocate (wider(room), source=0)
+      wider(:self%n) = self%element
+      self%element = wider
+      wider(:self%n) = self%face
+      call move_alloc(wider, self%face)
+      allocate (table(size(xi), room), source=0.0_dp)
+      table(:, :self%n) = self%xi
+      self%xi = table
+      table(:, :self%n) = self%force
+      call move_alloc(table, self%force)
+    end if
+    self%n = self%n + 1
+    self%element(self%n) = element
+    self%face(self%n) = face
+    self%xi(:, self%n) = xi
+    self%force(:, self%n) = force
+  end subroutine point_forces_add
+
+  !> The forces of element e are those of indices order(first(e) : first(e + 1) - 1).
+  pure subroutine point_forces_by_element(self, n_elements, first, order)
+    class(point_forces_t), intent(in) :: self
+    !> Number of elements of the body.
+    integer, intent(in) :: n_elements
+    !> First entry of each element in `order` (n_elements + 1).
+    integer, allocatable, intent(out) :: first(:)
+    !> Forces, one element after the other (n).
+    integer, allocatable, intent(out) :: order(:)
+    integer, allocatable :: next(:)
+    integer :: i
+    allocate (first(n_elements + 1), source=0)
+    allocate (order(self%n))
+    do i = 1, self%n
+      first(self%element(i) + 1) = first(self%element(i) + 1) + 1
+    end do
+    first(1) = 1
+    do i = 1, n_elements
+      first(i + 1) = first(i) + first(i + 1)
+    end do
+    next = first
+    do i = 1, self%n
+      associate (e => self%element(i))
+        order(next(e)) = i
+        next(e) = next(e) + 1
+      end associate
+    end do
+  end subroutine point_forces_by_element
+end module dotyk_elasticity_point_forces

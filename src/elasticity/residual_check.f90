@@ -1,0 +1,98 @@
+!> Estimates of recovered strains held against the residuals of the elements.
+!>
+!> Recovered strains (`dotyk_elasticity_discretization_error`) are asymptotically exact where the displacement is smooth.
+!> They miss up to half of the error at singular edges and the part that no fit sees, such as parabolic shear over one
+!> layer of elements; and they are too large where the stiffness jumps and in thin bodies, where polynomials around a
+!> vertex are poor. Residuals (`dotyk_elasticity_element_residual`) need no neighbours to be smooth: with a constant for
+!> the degree of the elements their energy is 0.8 to 1.5 times the error in both. So they bound the recovered ones from
+!> both sides. The constants are measured: docs/errors.md, `studies/error_estimates.py`.
+module dotyk_elasticity_residual_check
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_elasticity_bubble_table, only: bubble_table_t
+  use dotyk_elasticity_element_residual, only: residual_data_t, residual_energy
+  use dotyk_elasticity_material, only: material_t
+  use dotyk_elasticity_modulus_field, only: read_modulus_field
+  use dotyk_elasticity_point_stress, only: point_material_t
+  use dotyk_elasticity_projected_dilatation, only: unprojected_bulk_ratio
+  use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_mesh_element, only: element_kind, element_kind_t
+  implicit none
+  private
+
+  !> Error over the root of the energy of the residual in linear and quadratic elements (2) [].
+  real(dp), parameter :: constant(2) = [1.1_dp, 1.4_dp]
+  !> Recovered strains count where they say at least this fraction of what the residual says [].
+  real(dp), parameter :: least_fraction = 0.6_dp
+  !> They count up to this multiple of it [].
+  real(dp), parameter :: most_multiple = 1.6_dp
+
+  public :: check_by_residuals
+
+contains
+
+  !> Hold the squared errors of elements against their residuals. Bodies with a projected dilatation keep theirs.
+  subroutine check_by_residuals(mesh, analysis, material, data, u, least, square, error)
+    !> Elements and nodes of the body.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Type of analysis: one of the `analysis_*` constants.
+    integer, intent(in) :: analysis
+    !> Material of the body.
+    type(material_t), intent(in) :: material
+    !> Loads and held directions of the bodies.
+    type(residual_data_t), intent(in) :: data
+    !> Displacements in the axes of the mesh (n_bodies, dim, n_nodes) [length].
+    real(dp), intent(in), contiguous :: u(:, :, :)
+    !> Elements with smaller squared errors are left alone [energy].
+    real(dp), intent(in) :: least
+    !> Squared errors of the elements in the order of the blocks (n_bodies, n_elements) [energy].
+    real(dp), intent(inout) :: square(:, :)
+    !> Allocated where the modulus field has no value.
+    type(error_t), allocatable, intent(out) :: error
+    type(point_material_t) :: point_material
+    type(bubble_table_t), allocatable :: table(:)
+    type(element_kind_t) :: kind
+    type(error_t), allocatable :: failure
+    real(dp) :: matrix(6, 6), lambda, bulk, energy(size(square, 1))
+    integer :: b, e, order
+    allocate (table(size(mesh%block)))
+    do b = 1, size(mesh%block)
+      call material%split(analysis, unprojected_bulk_ratio(mesh%block(b)%kind, material%incompressibility), matrix, &
+                          lambda, bulk)
+      if (bulk > 0) return
+      call table(b)%init(mesh%block(b)%kind)
+    end do
+    call point_material%init(analysis, matrix)
+    call read_modulus_field(material, point_material%factor, error)
+    if (allocated(error)) return
+    ! A formula serves one thread.
+    !$omp parallel do default(none) schedule(dynamic, 16) if (point_material%factor%constant) &
+    !$omp& private(failure, energy, order, kind) shared(mesh, data, point_material, table, u, least, square, error)
+    do e = 1, size(square, 2)
+      if (all(square(:, e) <= least)) cycle
+      call residual_energy(mesh, data, point_material, table, u, e, energy, failure)
+      if (allocated(failure)) then
+        !$omp critical
+        if (.not. allocated(error)) call move_alloc(failure, error)
+        !$omp end critical
+        cycle
+      end if
+      kind = element_kind(mesh%block(data%faces%block(e))%kind)
+      order = kind%order
+      call hold(constant(order)**2*energy, square(:, e))
+    end do
+    !$omp end parallel do
+    call point_material%factor%destroy()
+  end subroutine check_by_residuals
+
+  !> Hold one number against the other.
+  elemental subroutine hold(residual, recovered)
+    !> Squared error by the residual; none where it is 0 [energy].
+    real(dp), intent(in) :: residual
+    !> Squared error by recovered strains [energy].
+    real(dp), intent(inout) :: recovered
+    if (.not. residual > 0) return
+    if (recovered < least_fraction**2*residual) recovered = residual
+    recovered = min(recovered, most_multiple**2*residual)
+  end subroutine hold
+end module dotyk_elasticity_residual_check
