@@ -211,7 +211,7 @@ contains
             own = share*own + (1 - share)*other
           else
             do k = 1, n_bodies
-              own(:, k) = matmul(data%held(:, :, data%faces%boundary(f, element), k), own(:, k))
+              own(:, k) = matmul(turned(dim, data%held(:, :, data%faces%boundary(f, element), k), normal), own(:, k))
             end do
           end if
           do k = 1, n_bodies
@@ -223,6 +223,41 @@ contains
       end associate
     end do
   end subroutine add_faces
+
+  !> Projection on the directions held at a point of a curved face: where the normal of the face is held, that of the
+  !> point is.
+  pure function turned(dim, held, normal) result(projection)
+    !> Number of displacement components.
+    integer, intent(in) :: dim
+    !> Projection on the held directions of the face (dim, dim) [].
+    real(dp), intent(in) :: held(dim, dim)
+    !> Normal at the point (dim) [].
+    real(dp), intent(in) :: normal(dim)
+    real(dp) :: projection(dim, dim)
+    !> Cosine between the normals of a face and of a point on it, at least.
+    real(dp), parameter :: along = 0.9_dp
+    real(dp) :: free(dim, dim), axis(dim)
+    integer :: i, rank
+    projection = held
+    rank = nint(sum([(held(i, i), i=1, dim)]))
+    if (rank == 0 .or. rank == dim) return
+    if (norm2(matmul(held, normal)) < along) return
+    if (rank == 1) then
+      projection = spread(normal, 2, dim)*spread(normal, 1, dim)
+      return
+    end if
+    free = -held
+    do i = 1, dim
+      free(i, i) = free(i, i) + 1
+    end do
+    axis = free(:, maxloc([(free(i, i), i=1, dim)], dim=1))
+    axis = axis - dot_product(axis, normal)*normal
+    axis = axis/norm2(axis)
+    projection = -spread(axis, 2, dim)*spread(axis, 1, dim)
+    do i = 1, dim
+      projection(i, i) = projection(i, i) + 1
+    end do
+  end function turned
 
   !> Add the loads at points; those along held directions do no work.
   subroutine add_loads(n_bodies, dim, n_bubbles, data, table, element, rhs)

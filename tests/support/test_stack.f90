@@ -105,7 +105,7 @@ contains
           load%kind = load_traction
           load%value = [0.0_dp, -settings%press, 0.0_dp]
           call add_surface_load(box(b)%mesh, analysis_plane_strain, box(b)%side(2, .true.), load, &
-                                problem%body(b)%load, error)
+                                problem%body(b)%load, error, problem%body(b)%applied)
         end if
         if (allocated(error)) error stop 'stack: body'
         problem%body(b)%name = trim(merge('upper', 'lower', b == 1))
