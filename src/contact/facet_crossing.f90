@@ -1,6 +1,7 @@
 !> Crossings of a straight segment with the deformed boundary of a part.
 module dotyk_contact_facet_crossing
   use dotyk_base_kinds, only: dp
+  use dotyk_contact_facet_parts, only: facet_parts, max_parts
   use dotyk_contact_solid_boundary, only: solid_t
   use dotyk_contact_tree_search, only: box_neighbourhood_t, tree_walk_t
   use dotyk_mesh_facet, only: cross
@@ -12,11 +13,6 @@ module dotyk_contact_facet_crossing
 
   public :: crossings
 
-  !> Facets as straight parts, by local nodes: lines, triangles and quadrilaterals of first and second order.
-  integer, parameter :: lines(2, 2) = reshape([1, 3, 3, 2], [2, 2])
-  integer, parameter :: triangles(3, 4) = reshape([1, 4, 6, 4, 2, 5, 6, 5, 3, 4, 5, 6], [3, 4])
-  integer, parameter :: halves(3, 2) = reshape([1, 2, 3, 1, 3, 4], [3, 2])
-  integer, parameter :: sixths(3, 6) = reshape([1, 5, 8, 5, 2, 6, 6, 3, 7, 7, 4, 8, 5, 6, 7, 5, 7, 8], [3, 6])
   !> Margin of the borders of a triangle, in its coordinates [].
   real(dp), parameter :: border = 1.0e-9_dp
 
@@ -39,7 +35,7 @@ contains
     real(dp), intent(out) :: s(max_crossings)
     type(box_neighbourhood_t) :: region
     type(tree_walk_t) :: walk
-    integer :: f, k
+    integer :: f, k, n_parts, part(3, max_parts)
     n = 0
     s = 0
     region%low = min(start, finish)
@@ -48,36 +44,14 @@ contains
     do
       call walk%next(b%tree, region, f)
       if (f == 0) exit
-      associate (node => b%surface%node(:, f), corners => b%set%corners(f))
-        select case (corners)
-        case (2)
-          if (node(3) == 0) then
-            call cross_line(node(1:2))
-          else
-            do k = 1, 2
-              call cross_line(node(lines(:, k)))
-            end do
-          end if
-        case (3)
-          if (node(4) == 0) then
-            call cross_triangle(node(1:3))
-          else
-            do k = 1, 4
-              call cross_triangle(node(triangles(:, k)))
-            end do
-          end if
-        case default
-          if (node(5) == 0) then
-            do k = 1, 2
-              call cross_triangle(node(halves(:, k)))
-            end do
-          else
-            do k = 1, 6
-              call cross_triangle(node(sixths(:, k)))
-            end do
-          end if
-        end select
-      end associate
+      call facet_parts(b, f, n_parts, part)
+      do k = 1, n_parts
+        if (part(3, k) == 0) then
+          call cross_line(part(1:2, k))
+        else
+          call cross_triangle(part(:, k))
+        end if
+      end do
     end do
 
   contains

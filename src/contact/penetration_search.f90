@@ -1,14 +1,14 @@
 !> Penetration of one part into another after deformation: nodes of the one below the boundary of the other, and edges
 !> that pass through it without a node inside.
 !>
-!> A depth is explained up to the penetration that the penalty of a contact pair leaves, the depth that the facets of both
-!> sides cannot resolve (facet_roughness.f90), terms of second order in the displacements, which small-displacement
-!> theory omits, and rounding.
+!> A depth counts where it exceeds what is explained (penetration_tolerance.f90).
 module dotyk_contact_penetration_search
   use dotyk_base_kinds, only: dp
   use dotyk_contact_closest_point, only: closest_point_on_facet
   use dotyk_contact_facet_crossing, only: crossings, max_crossings
   use dotyk_contact_facet_set, only: facet_position_and_normal
+  use dotyk_contact_passage_search, only: find_passage, passage_t, swept_facets_t
+  use dotyk_contact_penetration_tolerance, only: penetration_tolerance_t
   use dotyk_contact_solid_boundary, only: solid_t
   use dotyk_mesh_element, only: kind_nodes
   implicit none
@@ -22,9 +22,13 @@ module dotyk_contact_penetration_search
     real(dp) :: position(3) = 0
     !> Nodes of the part that are too deep, and edges that are without a node so deep.
     integer :: n_nodes = 0, n_edges = 0
+    !> Nodes that have passed through the other part and are outside again.
+    integer :: n_passed = 0
+  contains
+    procedure :: outweighs => penetration_outweighs
   end type penetration_t
 
-  public :: find_penetration
+  public :: find_penetration, find_passages
 
   !> Two faces are flush before deformation where the angle of their normals has at least this cosine, and the distance
   !> is below this fraction of the size of the facet.
@@ -33,23 +37,31 @@ module dotyk_contact_penetration_search
   integer, parameter :: n_samples = 3, n_steps = 30
   !> Nodes or facets that a thread takes at once, and the number from which on threads share them.
   integer, parameter :: chunk = 256, least_shared = 1024
+  !> Depths that differ by less, relative to them, are the same.
+  real(dp), parameter :: same_depth = 1.0e-9_dp
   !> Golden section.
   real(dp), parameter :: golden = 0.381966011250105_dp
 
 contains
 
+  !> Whether a penetration is deeper than another one, or as deep but for rounding, and with more nodes.
+  pure logical function penetration_outweighs(self, other) result(outweighs)
+    class(penetration_t), intent(in) :: self
+    !> The other one.
+    class(penetration_t), intent(in) :: other
+    outweighs = self%depth > (1 + same_depth)*other%depth
+    if (outweighs .or. self%depth < (1 - same_depth)*other%depth) return
+    outweighs = self%n_nodes + self%n_passed > other%n_nodes + other%n_passed
+  end function penetration_outweighs
+
   !> Depth of a part below the boundary of another one.
-  subroutine find_penetration(a, b, explained_a, explained_b, slack, depth, worst)
+  subroutine find_penetration(a, b, tolerance, depth, worst)
     !> The part.
     type(solid_t), intent(in) :: a
     !> The other part.
     type(solid_t), intent(in) :: b
-    !> Penetration that contact pairs of the two leave at the nodes of the part (a%n_nodes) [length].
-    real(dp), intent(in) :: explained_a(:)
-    !> The same at the nodes of the other one (b%n_nodes) [length].
-    real(dp), intent(in) :: explained_b(:)
-    !> Error of the displacements and of rounding [length].
-    real(dp), intent(in) :: slack
+    !> Depths that are explained.
+    type(penetration_tolerance_t), intent(in) :: tolerance
     !> Depth of each node that is too deep, or at an edge that is; 0 elsewhere (a%n_nodes) [length].
     real(dp), allocatable, intent(out) :: depth(:)
     !> The deepest point.
@@ -57,52 +69,84 @@ contains
     logical, allocatable :: inside(:)
     integer :: i
     allocate (depth(a%n_nodes))
-    !$omp parallel do default(none) shared(a, b, explained_a, explained_b, slack, depth) schedule(dynamic, chunk) &
-    !$omp& if (a%n_nodes > least_shared)
+    !$omp parallel do default(none) shared(a, b, tolerance, depth) schedule(dynamic, chunk) if (a%n_nodes > least_shared)
     do i = 1, a%n_nodes
-      depth(i) = node_depth(a, b, i, explained_a(i), explained_b, slack)
+      depth(i) = node_depth(a, b, i, tolerance)
     end do
     !$omp end parallel do
     inside = depth > 0
     do i = 1, a%n_nodes
       if (.not. inside(i)) cycle
       worst%n_nodes = worst%n_nodes + 1
-      if (depth(i) <= worst%depth) cycle
+      if (depth(i) <= (1 + same_depth)*worst%depth) cycle
       worst%depth = depth(i)
       worst%position = a%x(:, i)
     end do
-    call find_edges(a, b, explained_a, explained_b, slack, inside, depth, worst)
+    call find_edges(a, b, tolerance, inside, depth, worst)
   end subroutine find_penetration
 
+  !> Nodes of a part that have passed wholly through another one.
+  subroutine find_passages(a, b, swept, tolerance, depth, worst)
+    !> The part.
+    type(solid_t), intent(in) :: a
+    !> The other part.
+    type(solid_t), intent(in) :: b
+    !> Facets of the other part in motion.
+    type(swept_facets_t), intent(in) :: swept
+    !> Depths that are explained.
+    type(penetration_tolerance_t), intent(in) :: tolerance
+    !> Depth of each node; that of nodes that have passed through the other part is added, the distance from the face
+    !> that they entered through (a%n_nodes) [length].
+    real(dp), intent(inout) :: depth(:)
+    !> The deepest point; nodes are added.
+    type(penetration_t), intent(inout) :: worst
+    type(passage_t) :: passage
+    real(dp) :: allowed, centre(2)
+    integer :: i
+    !$omp parallel do default(none) private(passage, allowed, centre) shared(a, b, swept, tolerance, depth) &
+    !$omp& schedule(dynamic, chunk) if (a%n_nodes > least_shared)
+    do i = 1, a%n_nodes
+      if (depth(i) > 0) cycle
+      call find_passage(b, swept, a%x0(:, i), a%x(:, i), tolerance%slack, passage)
+      if (passage%facet == 0) cycle
+      centre = merge(1/3.0_dp, 0.0_dp, b%set%corners(passage%facet) == 3)
+      allowed = tolerance%depth_allowed(a, [i], b, passage%facet, centre, a%x(:, i) - a%x0(:, i))
+      if (passage%through > allowed) depth(i) = -passage%depth
+    end do
+    !$omp end parallel do
+    do i = 1, a%n_nodes
+      if (.not. depth(i) < 0) cycle
+      depth(i) = -depth(i)
+      worst%n_passed = worst%n_passed + 1
+      if (depth(i) <= (1 + same_depth)*worst%depth) cycle
+      worst%depth = depth(i)
+      worst%position = a%x(:, i)
+    end do
+  end subroutine find_passages
+
   !> Depth of a node that nothing explains; 0 where it is explained [length].
-  pure real(dp) function node_depth(a, b, i, explained, explained_b, slack) result(depth)
+  pure real(dp) function node_depth(a, b, i, tolerance) result(depth)
     !> The part.
     type(solid_t), intent(in) :: a
     !> The other part.
     type(solid_t), intent(in) :: b
     !> Node of the part.
     integer, intent(in) :: i
-    !> Penetration that contact pairs leave at this node [length].
-    real(dp), intent(in) :: explained
-    !> The same at the nodes of the other part (b%n_nodes) [length].
-    real(dp), intent(in) :: explained_b(:)
-    !> Error of the displacements and of rounding [length].
-    real(dp), intent(in) :: slack
+    !> Depths that are explained.
+    type(penetration_tolerance_t), intent(in) :: tolerance
     real(dp) :: xi(2)
     integer :: facet
     depth = 0
-    if (is_outside_box(b, a%x(:, i), slack)) return
+    if (is_outside_box(b, a%x(:, i), tolerance%slack)) return
     call b%depth_of(a%x(:, i), 0, depth, facet, xi)
-    if (depth < -slack) then
+    if (depth < -tolerance%slack) then
       depth = 0
       return
     end if
     if (is_flush(a, i, b, facet)) call depth_beside_flush(a, i, b, depth, facet, xi)
-    if (.not. depth > slack + b%roughness(facet)) then
+    if (.not. depth > tolerance%slack + b%roughness(facet)) then
       depth = 0
-    else if (.not. depth > slack + explained + b%roughness(facet) + a%node_roughness(i, -b%normal(:, facet)) + &
-             most_explained(b, facet, explained_b) + &
-             second_order(a, i, b, facet, xi, a%x(:, i) - a%x0(:, i))) then
+    else if (.not. depth > tolerance%depth_allowed(a, [i], b, facet, xi, a%x(:, i) - a%x0(:, i))) then
       depth = 0
     end if
   end function node_depth
@@ -117,49 +161,6 @@ contains
     real(dp), intent(in) :: margin
     outside = any(x < b%tree%volume(1)%lo - margin .or. x > b%tree%volume(1)%hi + margin)
   end function is_outside_box
-
-  !> Penetration that contact pairs leave at the nodes of a facet [length].
-  pure real(dp) function most_explained(b, facet, explained) result(most)
-    !> The part.
-    type(solid_t), intent(in) :: b
-    !> Facet.
-    integer, intent(in) :: facet
-    !> Penetration at the nodes of the part (b%n_nodes) [length].
-    real(dp), intent(in) :: explained(:)
-    most = maxval(explained(b%surface%node(1:kind_nodes(b%surface%kind(facet)), facet)))
-  end function most_explained
-
-  !> Change of a gap by terms of second order: a relative displacement s along one of the surfaces, whose curvatures add
-  !> up to k and whose normals turn by r together, changes the gap by s r + k s^2/2 [length].
-  pure real(dp) function second_order(a, i, b, facet, xi, displacement) result(change)
-    !> The part.
-    type(solid_t), intent(in) :: a
-    !> Its node that is nearest.
-    integer, intent(in) :: i
-    !> The other part.
-    type(solid_t), intent(in) :: b
-    !> Facet of the closest point.
-    integer, intent(in) :: facet
-    !> Its reference coordinates (2) [].
-    real(dp), intent(in) :: xi(2)
-    !> Displacement of the point (3) [length].
-    real(dp), intent(in) :: displacement(3)
-    real(dp) :: s(3), slip, turn, curvature
-    integer :: k
-    s = displacement - b%displacement_at(facet, xi)
-    slip = norm2(s - dot_product(s, b%normal0(:, facet))*b%normal0(:, facet))
-    turn = 0
-    curvature = 0
-    do k = a%first(i), a%first(i + 1) - 1
-      associate (f => a%around(k))
-        slip = max(slip, norm2(s - dot_product(s, a%normal0(:, f))*a%normal0(:, f)))
-        turn = max(turn, norm2(a%normal(:, f) - a%normal0(:, f)))
-        curvature = max(curvature, a%curvature(f))
-      end associate
-    end do
-    turn = turn + norm2(b%normal(:, facet) - b%normal0(:, facet))
-    change = slip*turn + slip**2*(curvature + b%curvature(facet))/2
-  end function second_order
 
   !> Whether a facet was flush with a face of a part at one of its nodes before deformation, as the sides of two stacked
   !> blocks are: the node has not come through this facet, however near it is.
@@ -215,17 +216,13 @@ contains
   end subroutine depth_beside_flush
 
   !> Edges that pass through another part.
-  subroutine find_edges(a, b, explained_a, explained_b, slack, inside, depth, worst)
+  subroutine find_edges(a, b, tolerance, inside, depth, worst)
     !> The part.
     type(solid_t), intent(in) :: a
     !> The other part.
     type(solid_t), intent(in) :: b
-    !> Penetration that contact pairs leave at the nodes of the part (a%n_nodes) [length].
-    real(dp), intent(in) :: explained_a(:)
-    !> The same at the nodes of the other one (b%n_nodes) [length].
-    real(dp), intent(in) :: explained_b(:)
-    !> Error of the displacements and of rounding [length].
-    real(dp), intent(in) :: slack
+    !> Depths that are explained.
+    type(penetration_tolerance_t), intent(in) :: tolerance
     !> Nodes that are too deep (a%n_nodes).
     logical, intent(in) :: inside(:)
     !> Depth of each node that is too deep, or at an edge that is (a%n_nodes) [length].
@@ -235,7 +232,7 @@ contains
     integer :: f, e, n, other, corners, ends(3)
     n = a%set%n
     !$omp parallel do default(none) private(e, other, corners, ends) schedule(dynamic, chunk) &
-    !$omp& shared(a, b, explained_a, explained_b, slack, inside, depth, worst, n) if (n > least_shared)
+    !$omp& shared(a, b, tolerance, inside, depth, worst, n) if (n > least_shared)
     do f = 1, n
       if (any(a%set%lo(:, f) > b%tree%volume(1)%hi .or. a%set%hi(:, f) < b%tree%volume(1)%lo)) cycle
       corners = a%set%corners(f)
@@ -264,7 +261,7 @@ contains
       integer, intent(in) :: nodes(2)
       real(dp) :: s(max_crossings), deepest, place, own, at
       integer :: k, n_crossings, facet, j
-      call crossings(b, a%x(:, nodes(1)), a%x(:, nodes(2)), slack, n_crossings, s)
+      call crossings(b, a%x(:, nodes(1)), a%x(:, nodes(2)), tolerance%slack, n_crossings, s)
       if (n_crossings == 0) return
       deepest = 0
       do k = 0, n_crossings
@@ -282,9 +279,12 @@ contains
       end do
       if (.not. deepest > 0) return
       !$omp critical (penetration)
-      if (.not. any(inside(nodes))) worst%n_edges = worst%n_edges + 1
-      depth(nodes) = max(depth(nodes), deepest)
-      if (deepest > worst%depth) then
+      ! A node inside says it already.
+      if (.not. any(inside(nodes))) then
+        worst%n_edges = worst%n_edges + 1
+        depth(nodes) = max(depth(nodes), deepest)
+      end if
+      if (deepest > (1 + same_depth)*worst%depth) then
         worst%depth = deepest
         worst%position = (1 - at)*a%x(:, nodes(1)) + at*a%x(:, nodes(2))
       end if
@@ -334,21 +334,15 @@ contains
       real(dp), intent(out) :: own
       !> Facet of the closest point.
       integer, intent(out) :: facet
-      real(dp) :: x(3), u(3), xi(2), rough(2)
-      integer :: k
+      real(dp) :: x(3), u(3), xi(2)
       x = (1 - place)*a%x(:, nodes(1)) + place*a%x(:, nodes(2))
       u = x - (1 - place)*a%x0(:, nodes(1)) - place*a%x0(:, nodes(2))
       call b%depth_of(x, 0, own, facet, xi)
-      if (.not. own > slack + b%roughness(facet)) then
+      if (.not. own > tolerance%slack + b%roughness(facet)) then
         own = 0
-        return
+      else if (.not. own > tolerance%depth_allowed(a, nodes, b, facet, xi, u)) then
+        own = 0
       end if
-      rough = [(a%node_roughness(nodes(k), -b%normal(:, facet)), k=1, 2)]
-      k = merge(nodes(1), nodes(2), rough(1) > rough(2))
-      if (own > slack + maxval(explained_a(nodes)) + b%roughness(facet) + maxval(rough) + &
-          most_explained(b, facet, explained_b) + &
-          second_order(a, k, b, facet, xi, u)) return
-      own = 0
     end subroutine segment_depth
   end subroutine find_edges
 end module dotyk_contact_penetration_search

@@ -8,7 +8,9 @@ module dotyk_control_penetration_check
   use omp_lib, only: omp_get_max_threads
   use dotyk_base_kinds, only: dp
   use dotyk_base_sort, only: sort_order
-  use dotyk_contact_penetration_search, only: find_penetration, penetration_t
+  use dotyk_contact_passage_search, only: swept_facets_t
+  use dotyk_contact_penetration_search, only: find_passages, find_penetration, penetration_t
+  use dotyk_contact_penetration_tolerance, only: penetration_tolerance_t
   use dotyk_contact_solid_boundary, only: solid_t
   use dotyk_control_body_solution, only: body_solution_t
   use dotyk_control_contact_problem, only: contact_problem_t
@@ -46,12 +48,16 @@ module dotyk_control_penetration_check
   type :: parts_t
     !> The parts (n_parts).
     type(solid_t), allocatable :: part(:)
+    !> Their facets in motion (n_parts).
+    type(swept_facets_t), allocatable :: swept(:)
   end type parts_t
 
   public :: check_penetration
 
   !> Rounding of displacements relative to the largest, and of coordinates relative to the largest.
   real(dp), parameter :: rounding = 1.0e-9_dp, coordinate_rounding = 1.0e-13_dp
+  !> Thickness of parts relative to their smallest facet: less is not looked for.
+  real(dp), parameter :: least_thickness = 0.01_dp
   !> From this number of couples of bodies per thread on, couples are checked in parallel.
   integer, parameter :: many = 4
   !> Error bounds above this leave nothing to check: the slack grows no further.
@@ -100,8 +106,8 @@ contains
     hi = 0
     do b = 1, n
       associate (x => problem%body(b)%mesh%x, u => solution(b)%displacement)
-        lo(1:size(x, 1), b) = minval(x + u, dim=2)
-        hi(1:size(x, 1), b) = maxval(x + u, dim=2)
+        lo(1:size(x, 1), b) = min(minval(x, dim=2), minval(x + u, dim=2))
+        hi(1:size(x, 1), b) = max(maxval(x, dim=2), maxval(x + u, dim=2))
         moved(b) = maxval(norm2(u, dim=1))
       end associate
     end do
@@ -112,7 +118,7 @@ contains
     allocate (parts(n))
     !$omp parallel do default(none) shared(problem, solution, needed, parts, n) schedule(dynamic, 1)
     do b = 1, n
-      if (needed(b)) call split_parts(b, problem%body(b)%mesh, solution(b)%displacement, parts(b)%part)
+      if (needed(b)) call split_parts(b, problem%body(b)%mesh, solution(b)%displacement, parts(b))
     end do
     !$omp end parallel do
     ! Few couples: threads share the nodes of each. Many couples: threads share the couples.
@@ -121,7 +127,7 @@ contains
     !$omp& shared(problem, first_row, y, parts, couple, moved, error_bound, found, check)
     do k = 1, size(found)
       associate (a => couple(1, k), c => couple(2, k))
-        call check_bodies(problem, first_row, y, parts(a)%part, parts(c)%part, a, c, &
+        call check_bodies(problem, first_row, y, parts(a), parts(c), a, c, &
                           slack_of(problem%body(a)%mesh, problem%body(c)%mesh, max(moved(a), moved(c)), error_bound), &
                           check%depth(a)%value, check%depth(c)%value, found(k))
       end associate
@@ -175,25 +181,26 @@ contains
   end subroutine overlapping_boxes
 
   !> Boundaries of the parts of a body.
-  subroutine split_parts(b, mesh, displacement, part)
+  subroutine split_parts(b, mesh, displacement, parts)
     !> Index of the body.
     integer, intent(in) :: b
     !> Its mesh.
     type(body_mesh_t), intent(in) :: mesh
     !> Displacements of its nodes (dimension, n_nodes) [length].
     real(dp), intent(in) :: displacement(:, :)
-    !> Its parts (n_parts).
-    type(solid_t), allocatable, intent(out) :: part(:)
+    !> Its parts.
+    type(parts_t), intent(out) :: parts
     type(surface_t) :: boundary
     integer, allocatable :: component(:), of_facet(:)
     integer :: n, k, f
     call extract_boundary(mesh, boundary)
     allocate (component(mesh%n_nodes()))
     call connected_components(mesh, component, n)
-    allocate (part(n))
+    allocate (parts%part(n), parts%swept(n))
     of_facet = component(boundary%node(1, :))
     do k = 1, n
-      call part(k)%init(b, mesh%x, displacement, boundary, pack([(f, f=1, boundary%n_facets)], of_facet == k))
+      call parts%part(k)%init(b, mesh%x, displacement, boundary, pack([(f, f=1, boundary%n_facets)], of_facet == k))
+      call parts%swept(k)%init(parts%part(k))
     end do
   end subroutine split_parts
 
@@ -206,9 +213,9 @@ contains
     !> B u - d (n_rows) [length].
     real(dp), intent(in) :: y(:)
     !> Parts of the first body.
-    type(solid_t), intent(in) :: parts_a(:)
+    type(parts_t), intent(in) :: parts_a
     !> Parts of the second body.
-    type(solid_t), intent(in) :: parts_b(:)
+    type(parts_t), intent(in) :: parts_b
     !> Index of the first body.
     integer, intent(in) :: a
     !> Index of the second body.
@@ -222,45 +229,53 @@ contains
     !> The deeper one of the two in the other; of depth 0 where neither is.
     type(body_penetration_t), intent(out) :: found
     type(body_penetration_t) :: a_in_b, b_in_a
+    type(penetration_tolerance_t) :: tolerance
     real(dp), allocatable :: explained_a(:), explained_b(:)
     integer :: i, j
-    if (a == b .and. size(parts_a) == 1) return
+    if (a == b .and. size(parts_a%part) == 1) return
     call explained_penetration(problem, first_row, y, a, b, explained_a)
     call explained_penetration(problem, first_row, y, b, a, explained_b)
     a_in_b = body_penetration_t(a, b)
     b_in_a = body_penetration_t(b, a)
-    do i = 1, size(parts_a)
-      do j = merge(i + 1, 1, a == b), size(parts_b)
-        associate (p => parts_a(i), q => parts_b(j))
-          if (any(p%tree%volume(1)%lo > q%tree%volume(1)%hi .or. p%tree%volume(1)%hi < q%tree%volume(1)%lo)) cycle
-          call check_parts(p, q, explained_a(p%node), explained_b(q%node), slack, depth_a, a_in_b%worst)
-          call check_parts(q, p, explained_b(q%node), explained_a(p%node), slack, depth_b, b_in_a%worst)
+    tolerance%slack = slack
+    do i = 1, size(parts_a%part)
+      do j = merge(i + 1, 1, a == b), size(parts_b%part)
+        associate (p => parts_a%part(i), q => parts_b%part(j))
+          tolerance%explained_a = explained_a(p%node)
+          tolerance%explained_b = explained_b(q%node)
+          call check_parts(p, q, parts_b%swept(j), tolerance, depth_a, a_in_b%worst)
+          call check_parts(q, p, parts_a%swept(i), tolerance%swapped(), depth_b, b_in_a%worst)
         end associate
       end do
     end do
     found = a_in_b
-    if (b_in_a%worst%depth > a_in_b%worst%depth) found = b_in_a
+    if (b_in_a%worst%outweighs(a_in_b%worst)) found = b_in_a
   end subroutine check_bodies
 
   !> Check one part against another one.
-  subroutine check_parts(p, q, explained_p, explained_q, slack, depth, worst)
+  subroutine check_parts(p, q, swept, tolerance, depth, worst)
     !> The part.
     type(solid_t), intent(in) :: p
     !> The other part.
     type(solid_t), intent(in) :: q
-    !> Penetration that contact pairs leave at the nodes of the part (p%n_nodes) [length].
-    real(dp), intent(in) :: explained_p(:)
-    !> The same at the nodes of the other one (q%n_nodes) [length].
-    real(dp), intent(in) :: explained_q(:)
-    !> Error of the displacements and of rounding [length].
-    real(dp), intent(in) :: slack
+    !> Facets of the other part in motion.
+    type(swept_facets_t), intent(in) :: swept
+    !> Depths that are explained.
+    type(penetration_tolerance_t), intent(in) :: tolerance
     !> Depth at the nodes of the body (n_nodes) [length].
     real(dp), intent(inout) :: depth(:)
     !> The deepest point of the body so far; numbers of nodes and edges are added.
     type(penetration_t), intent(inout) :: worst
     type(penetration_t) :: here
     real(dp), allocatable :: own(:)
-    call find_penetration(p, q, explained_p, explained_q, slack, own, here)
+    associate (box_p => p%tree%volume(1), box_q => q%tree%volume(1))
+      if (any(box_p%lo > box_q%hi .or. box_p%hi < box_q%lo)) then
+        allocate (own(p%n_nodes), source=0.0_dp)
+      else
+        call find_penetration(p, q, tolerance, own, here)
+      end if
+    end associate
+    if (may_pass(p, q, swept)) call find_passages(p, q, swept, tolerance, own, here)
     if (here%depth > 0) then
       !$omp critical (penetration_of_body)
       depth(p%node) = max(depth(p%node), own)
@@ -268,13 +283,42 @@ contains
     end if
     here%n_nodes = here%n_nodes + worst%n_nodes
     here%n_edges = here%n_edges + worst%n_edges
-    if (here%depth > worst%depth) then
+    here%n_passed = here%n_passed + worst%n_passed
+    if (here%outweighs(worst)) then
       worst = here
     else
       worst%n_nodes = here%n_nodes
       worst%n_edges = here%n_edges
+      worst%n_passed = here%n_passed
     end if
   end subroutine check_parts
+
+  !> Whether nodes of a part move far enough against another one to pass through it: its facets are no guide to its
+  !> thickness, but no part is thinner than a small fraction of them.
+  pure logical function may_pass(p, q, swept)
+    !> The part.
+    type(solid_t), intent(in) :: p
+    !> The other part.
+    type(solid_t), intent(in) :: q
+    !> Facets of the other part in motion.
+    type(swept_facets_t), intent(in) :: swept
+    real(dp) :: far
+    far = farthest(p, swept%shift) + farthest(q, swept%shift)
+    may_pass = far > least_thickness*minval(q%set%size)
+  end function may_pass
+
+  !> Largest displacement of the nodes of a part beside a common one [length].
+  pure real(dp) function farthest(p, shift)
+    !> The part.
+    type(solid_t), intent(in) :: p
+    !> Common displacement (3) [length].
+    real(dp), intent(in) :: shift(3)
+    integer :: i
+    farthest = 0
+    do i = 1, p%n_nodes
+      farthest = max(farthest, norm2(p%x(:, i) - p%x0(:, i) - shift))
+    end do
+  end function farthest
 
   !> Sort penetrations, the deepest first.
   pure subroutine sort_found(found)

@@ -37,10 +37,12 @@ contains
     type(body_penetration_t), intent(in) :: found
     character(:), allocatable :: text
     associate (worst => found%worst)
-      text = quoted(body(found%body)%name)//' is inside '//quoted(body(found%other)%name)//' by '// &
+      text = quoted(body(found%body)%name)//trim(merge(' has passed through', ' is inside         ', worst%n_passed > 0))// &
+             ' '//quoted(body(found%other)%name)//' by '// &
              to_text(worst%depth, 4)//' at ('//to_text(worst%position(1), 4)//', '// &
              to_text(worst%position(2), 4)//', '//to_text(worst%position(3), 4)//')'
       if (worst%n_nodes > 0) text = text//', '//counted(worst%n_nodes, 'node')
+      if (worst%n_passed > 0) text = text//', '//counted(worst%n_passed, 'node')//' passed'
       if (worst%n_edges > 0) text = text//', '//counted(worst%n_edges, 'edge')
     end associate
   end function line_of

@@ -40,10 +40,10 @@ class Free(dotyk_case.Case):
             self.assertIn(part, done.stderr)
         self.assertEqual([path for path in self.folder.iterdir() if "vtkhdf" in path.name], [])
 
-    def check_good(self, file, steps=8, bound=1e-8):
+    def check_good(self, file, steps=8, bound=1e-8, converged=1):
         """What holds for every solution without penalty."""
         summary = file["dotyk/summary"].attrs
-        self.assertEqual(summary["converged"], 1)
+        self.assertEqual(summary["converged"], converged)
         self.assertLessEqual(summary["iterations"], steps)
         self.assertLessEqual(summary["error_bound"], bound)
         for pair in file["dotyk/contact"].values():
@@ -283,7 +283,8 @@ class Free(dotyk_case.Case):
             np.testing.assert_allclose(pair["pressure"][:], 1, rtol=1e-9)
 
     def test_on_two_blocks(self):
-        """One face on two blocks, side by side: vertices of the seam are in both pairs."""
+        """One face on two blocks, side by side: vertices of the seam are in both pairs. The sides of the two are in no
+        pair, and press into each other."""
         lines = self.block("left", "hex8", 2, (0.0, 0.0, 0.0), (1.0, 1.0, 1.0))
         lines += self.block("right", "hex8", 2, (1.0, 0.0, 0.0), (1.0, 1.0, 1.0))
         lines += self.block("high", "hex8", 4, (0.0, 0.0, 1.0), (2.0, 1.0, 1.0))
@@ -293,8 +294,9 @@ class Free(dotyk_case.Case):
         # Points of the seam say the same thing twice: the bound is the root of what rounding leaves, 1.5e-8.
         self.scene(lines + "&load body='high', surface='top', pressure=1 /\n",
                    solver="theta_relative=0, tolerance=1e-7")
-        file = self.solve()[1]
-        self.check_good(file, bound=1e-7)
+        text, file = self.solve(code=1)
+        self.assertRegex(text, r"penetration +'(left|right)' is inside '(left|right)' by 0\.0015")
+        self.check_good(file, bound=1e-7, converged=0)
         for side in ("left", "right"):
             self.assertAlmostEqual(file["dotyk/contact"][side].attrs["force"][2], 1, delta=1e-9)
 

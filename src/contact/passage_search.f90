@@ -1,0 +1,214 @@
+!> Nodes that have passed wholly through another part: outside before and after deformation, and through two of its faces
+!> in between. Thin parts tunnel so.
+!>
+!> Nodes and facets move along straight lines from their positions before deformation to those after it. A node enters
+!> through a face in front of which it starts and behind which it ends, and leaves through another one the other way round.
+module dotyk_contact_passage_search
+  use dotyk_base_kinds, only: dp
+  use dotyk_contact_bounding_volume_tree, only: bounding_volume_tree_t
+  use dotyk_contact_facet_parts, only: facet_parts, max_parts
+  use dotyk_contact_facet_set, only: facet_set_t
+  use dotyk_contact_solid_boundary, only: solid_t
+  use dotyk_contact_tree_search, only: box_neighbourhood_t, tree_walk_t
+  use dotyk_mesh_facet, only: cross
+  implicit none
+  private
+
+  !> Facets of a part in motion.
+  type, public :: swept_facets_t
+    !> Displacement that is common to the part: motions are relative to it (3) [length].
+    real(dp) :: shift(3) = 0
+    !> Bounding-volume tree of the facets on their way.
+    type(bounding_volume_tree_t) :: tree
+  contains
+    procedure :: init => swept_init
+  end type swept_facets_t
+
+  !> Way of a node through a part.
+  type, public :: passage_t
+    !> Thickness of the part on the way: twice the lesser distance from the faces where it entered and left, in the
+    !> middle between them [length].
+    real(dp) :: through = 0
+    !> Depth below that face in the end [length].
+    real(dp) :: depth = 0
+    !> Facet that it entered through; 0 if it did not.
+    integer :: facet = 0
+  end type passage_t
+
+  public :: find_passage
+
+  !> Steps of the search for the time of a crossing.
+  integer, parameter :: n_steps = 4
+  !> Margin of the borders of a triangle, in its coordinates [].
+  real(dp), parameter :: border = 1.0e-6_dp
+
+contains
+
+  !> Bound the facets of a part on their way.
+  subroutine swept_init(self, b)
+    class(swept_facets_t), intent(out) :: self
+    !> The part.
+    type(solid_t), intent(in) :: b
+    type(facet_set_t) :: bounds
+    integer :: f, k, n
+    self%shift = sum(b%x - b%x0, dim=2)/b%n_nodes
+    n = b%set%n
+    bounds%n = n
+    bounds%dimension = b%dimension
+    allocate (bounds%lo(3, n), bounds%hi(3, n), bounds%axis(3, n), bounds%half_angle(n))
+    bounds%axis = 0
+    bounds%axis(3, :) = 1
+    bounds%half_angle = acos(-1.0_dp)
+    do f = 1, n
+      ! Boxes of deformed facets, and the nodes before deformation with the bulge of their facets.
+      bounds%lo(:, f) = b%set%lo(:, f) - self%shift
+      bounds%hi(:, f) = b%set%hi(:, f) - self%shift
+      do k = 1, b%set%corners(f)
+        associate (node => b%surface%node(k, f))
+          bounds%lo(:, f) = min(bounds%lo(:, f), b%x0(:, node) - b%roughness(f))
+          bounds%hi(:, f) = max(bounds%hi(:, f), b%x0(:, node) + b%roughness(f))
+        end associate
+      end do
+    end do
+    call self%tree%init(bounds)
+  end subroutine swept_init
+
+  !> Way of a node through a part.
+  subroutine find_passage(b, swept, x0, x, least, passage)
+    !> The part.
+    type(solid_t), intent(in) :: b
+    !> Its facets in motion.
+    type(swept_facets_t), intent(in) :: swept
+    !> Position of the node before deformation (3) [length].
+    real(dp), intent(in) :: x0(3)
+    !> Position of the node after deformation (3) [length].
+    real(dp), intent(in) :: x(3)
+    !> Depth that counts as none, beside the roughness of facets [length].
+    real(dp), intent(in) :: least
+    !> The way; facet 0 where it leads through nothing.
+    type(passage_t), intent(out) :: passage
+    type(box_neighbourhood_t) :: region
+    type(tree_walk_t) :: walk
+    real(dp) :: entered, left, at, v(3, 3), w(3, 3), v_exit(3, 3), w_exit(3, 3)
+    integer :: part(3, max_parts), entry(3), way_out(3), f, k, n
+    region%low = min(x0, x - swept%shift)
+    region%high = max(x0, x - swept%shift)
+    region%distance = least
+    entered = 2
+    left = -1
+    entry = 0
+    way_out = 0
+    call walk%start(swept%tree)
+    do
+      call walk%next(swept%tree, region, f)
+      if (f == 0) exit
+      call facet_parts(b, f, n, part)
+      do k = 1, n
+        call corners_of(part(:, k), v, w)
+        call cross_moving(v, w, 1, at)
+        if (at < entered) then
+          ! Too shallow to count: the roughness of the facet.
+          if (-distance_at(v, w, 1.0_dp) <= least + b%roughness(f)) cycle
+          entered = at
+          entry = part(:, k)
+          passage%facet = f
+        end if
+        call cross_moving(v, w, -1, at)
+        if (at <= 1 .and. at > left) then
+          left = at
+          way_out = part(:, k)
+        end if
+      end do
+    end do
+    if (passage%facet == 0 .or. left <= entered) then
+      passage%facet = 0
+      return
+    end if
+    call corners_of(entry, v, w)
+    call corners_of(way_out, v_exit, w_exit)
+    at = (entered + left)/2
+    passage%through = 2*min(-distance_at(v, w, at), -distance_at(v_exit, w_exit, at))
+    passage%depth = -distance_at(v, w, 1.0_dp)
+
+  contains
+
+    !> Corners of a part of a facet before and after deformation.
+    subroutine corners_of(node, before, after)
+      !> Nodes; the third is 0 for lines.
+      integer, intent(in) :: node(3)
+      !> Corners before deformation; that of a line are followed by a point above the first (3, 3) [length].
+      real(dp), intent(out) :: before(3, 3)
+      !> The same after deformation, without the common displacement (3, 3) [length].
+      real(dp), intent(out) :: after(3, 3)
+      integer :: i
+      do i = 1, merge(2, 3, node(3) == 0)
+        before(:, i) = b%x0(:, node(i))
+        after(:, i) = b%x(:, node(i)) - swept%shift
+      end do
+      if (node(3) > 0) return
+      ! The normal of a line (dx, dy) is (dy, -dx).
+      before(:, 3) = before(:, 1) + [0.0_dp, 0.0_dp, norm2(before(:, 2) - before(:, 1))]
+      after(:, 3) = after(:, 1) + [0.0_dp, 0.0_dp, norm2(after(:, 2) - after(:, 1))]
+    end subroutine corners_of
+
+    !> Distance of the node from the plane of a triangle at some time, negative behind it [length].
+    real(dp) function distance_at(before, after, time) result(distance)
+      !> Corners before deformation (3, 3) [length].
+      real(dp), intent(in) :: before(3, 3)
+      !> Corners after deformation (3, 3) [length].
+      real(dp), intent(in) :: after(3, 3)
+      !> Time, from 0 to 1 [].
+      real(dp), intent(in) :: time
+      real(dp) :: c(3, 3), normal(3)
+      c = (1 - time)*before + time*after
+      normal = cross(c(:, 2) - c(:, 1), c(:, 3) - c(:, 1))
+      distance = dot_product(normal, (1 - time)*x0 + time*(x - swept%shift) - c(:, 1))/max(norm2(normal), tiny(1.0_dp))
+    end function distance_at
+
+    !> Time at which the node crosses a triangle: from the front (direction 1) or from behind (-1); 2 where it does not.
+    subroutine cross_moving(before, after, direction, time)
+      !> Corners before deformation (3, 3) [length].
+      real(dp), intent(in) :: before(3, 3)
+      !> Corners after deformation (3, 3) [length].
+      real(dp), intent(in) :: after(3, 3)
+      !> 1 or -1.
+      integer, intent(in) :: direction
+      !> Time, from 0 to 1 [].
+      real(dp), intent(out) :: time
+      real(dp) :: low, high, first, second, value, trial, c(3, 3), e1(3), e2(3), normal(3), r(3), u, v_, area
+      integer :: step
+      time = 2
+      first = direction*distance_at(before, after, 0.0_dp)
+      second = direction*distance_at(before, after, 1.0_dp)
+      ! Nodes that touch a face start at it.
+      if (first < 0 .and. direction > 0 .and. first >= -(least + b%roughness(f))) first = 0
+      if (first < 0 .or. second >= 0) return
+      low = 0
+      high = 1
+      trial = 0
+      do step = 1, n_steps
+        trial = low + (high - low)*first/(first - second)
+        value = direction*distance_at(before, after, trial)
+        if (value >= 0) then
+          low = trial
+          first = value
+        else
+          high = trial
+          second = value
+        end if
+        if (.not. first > 0) exit
+      end do
+      c = (1 - trial)*before + trial*after
+      e1 = c(:, 2) - c(:, 1)
+      e2 = c(:, 3) - c(:, 1)
+      normal = cross(e1, e2)
+      area = norm2(normal)
+      if (.not. area > 0) return
+      r = (1 - trial)*x0 + trial*(x - swept%shift) - c(:, 1)
+      u = dot_product(cross(r, e2), normal)/area**2
+      v_ = dot_product(cross(e1, r), normal)/area**2
+      if (b%dimension == 2) v_ = 0
+      if (min(u, v_, 1 - u - v_) >= -border) time = trial
+    end subroutine cross_moving
+  end subroutine find_passage
+end module dotyk_contact_passage_search

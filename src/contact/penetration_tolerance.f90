@@ -1,0 +1,90 @@
+!> Depths of one part in another that are explained: by contact pairs, by facets that cannot resolve more, by terms of
+!> second order in the displacements, which small-displacement theory omits, and by rounding.
+module dotyk_contact_penetration_tolerance
+  use dotyk_base_kinds, only: dp
+  use dotyk_contact_solid_boundary, only: solid_t
+  use dotyk_mesh_element, only: kind_nodes
+  implicit none
+  private
+
+  !> What is known of two parts, a and b.
+  type, public :: penetration_tolerance_t
+    !> Error of the displacements and of rounding [length].
+    real(dp) :: slack = 0
+    !> Penetration that contact pairs of the two leave at the nodes of a (a%n_nodes) [length].
+    real(dp), allocatable :: explained_a(:)
+    !> The same at the nodes of b (b%n_nodes) [length].
+    real(dp), allocatable :: explained_b(:)
+  contains
+    procedure :: swapped => tolerance_swapped
+    procedure :: depth_allowed => tolerance_depth_allowed
+  end type penetration_tolerance_t
+
+contains
+
+  !> The same for b and a.
+  pure type(penetration_tolerance_t) function tolerance_swapped(self) result(swapped)
+    class(penetration_tolerance_t), intent(in) :: self
+    swapped%slack = self%slack
+    swapped%explained_a = self%explained_b
+    swapped%explained_b = self%explained_a
+  end function tolerance_swapped
+
+  !> Depth of a point of a below a facet of b that is explained [length].
+  pure real(dp) function tolerance_depth_allowed(self, a, nodes, b, facet, xi, displacement) result(allowed)
+    class(penetration_tolerance_t), intent(in) :: self
+    !> The part of the point.
+    type(solid_t), intent(in) :: a
+    !> The node, or the nodes that the point lies between (n).
+    integer, intent(in) :: nodes(:)
+    !> The other part.
+    type(solid_t), intent(in) :: b
+    !> Its facet that is nearest.
+    integer, intent(in) :: facet
+    !> Reference coordinates of the closest point (2) [].
+    real(dp), intent(in) :: xi(2)
+    !> Displacement of the point (3) [length].
+    real(dp), intent(in) :: displacement(3)
+    real(dp) :: rough, trial
+    integer :: k, roughest
+    rough = -1
+    roughest = nodes(1)
+    do k = 1, size(nodes)
+      trial = a%node_roughness(nodes(k), -b%normal(:, facet))
+      if (trial > rough) roughest = nodes(k)
+      rough = max(rough, trial)
+    end do
+    allowed = self%slack + rough + b%roughness(facet) + maxval(self%explained_a(nodes)) + &
+              maxval(self%explained_b(b%surface%node(1:kind_nodes(b%surface%kind(facet)), facet))) + &
+              second_order(a, roughest, b, facet, displacement - b%displacement_at(facet, xi))
+  end function tolerance_depth_allowed
+
+  !> Change of a gap by terms of second order: a relative displacement s along one of the surfaces, whose curvatures add
+  !> up to k and whose normals turn by r together, changes the gap by s r + k s^2/2 [length].
+  pure real(dp) function second_order(a, i, b, facet, s) result(change)
+    !> The part.
+    type(solid_t), intent(in) :: a
+    !> Its node that is nearest.
+    integer, intent(in) :: i
+    !> The other part.
+    type(solid_t), intent(in) :: b
+    !> Facet of the closest point.
+    integer, intent(in) :: facet
+    !> Relative displacement (3) [length].
+    real(dp), intent(in) :: s(3)
+    real(dp) :: slip, turn, curvature
+    integer :: k
+    slip = norm2(s - dot_product(s, b%normal0(:, facet))*b%normal0(:, facet))
+    turn = 0
+    curvature = 0
+    do k = a%first(i), a%first(i + 1) - 1
+      associate (f => a%around(k))
+        slip = max(slip, norm2(s - dot_product(s, a%normal0(:, f))*a%normal0(:, f)))
+        turn = max(turn, norm2(a%normal(:, f) - a%normal0(:, f)))
+        curvature = max(curvature, a%curvature(f))
+      end associate
+    end do
+    turn = turn + norm2(b%normal(:, facet) - b%normal0(:, facet))
+    change = slip*turn + slip**2*(curvature + b%curvature(facet))/2
+  end function second_order
+end module dotyk_contact_penetration_tolerance

@@ -1,0 +1,161 @@
+#!/usr/bin/python3
+"""The check for penetration: bodies that nothing holds apart, with exact depths, turned by random rotations; and scenes
+in which there is none."""
+import os
+import re
+import subprocess
+import tempfile
+import unittest
+
+import h5py
+import numpy as np
+
+import dotyk_case
+from assembly import Mesh, Scene, box, rotation
+
+SEEDS = (0, 1, 2)
+
+
+def moved(scene, name, mesh, by):
+    """A body that is moved as a whole: all its boundary's nodes, exactly."""
+    mesh.group("all", *mesh.patches)
+    scene.body(name, mesh).fix(name, "all", "xyz"[:scene.d], by)
+
+
+def held(scene, name, mesh):
+    """A body that stays where it is."""
+    moved(scene, name, mesh, [0] * scene.d)
+
+
+def joined(*meshes):
+    """One body of several parts."""
+    shift = np.cumsum([0] + [len(mesh.x) for mesh in meshes])
+    mesh = Mesh(meshes[0].kind, np.concatenate([m.x for m in meshes]),
+                np.concatenate([m.cells + n for m, n in zip(meshes, shift)]))
+    return mesh.patch("faces", lambda c: True)
+
+
+class Penetration(unittest.TestCase):
+    def check(self, scene, depth, bodies, place=None, words=r", \d+ nodes?", relative=1e-9, inside="is inside"):
+        """Exit code, line of the log and results, for all rotations; depth 0: no penetration."""
+        for seed in SEEDS:
+            answer = scene.solve(seed)
+            with self.subTest(seed=seed):
+                lines = re.findall(r"(?m)^  penetration   .*$", answer.log)
+                found = answer.summary["penetration_depth"]
+                self.assertAlmostEqual(found, depth, delta=relative * max(depth, 1), msg=answer.log)
+                self.assertEqual(answer.code, 1 if depth else 0, answer.log)
+                self.assertEqual(len(lines), 1 if depth else 0, answer.log)
+                if not depth:
+                    continue
+                self.assertIn(answer.summary["status"], (b"penetration", "penetration"))
+                self.assertRegex(lines[0], "'%s' %s '%s' by " % (bodies[0], inside, bodies[1]))
+                self.assertRegex(lines[0], words)
+                if place is not None:
+                    text = re.search(r"at \((.*?)\)", lines[0])[1]
+                    np.testing.assert_allclose(np.array(text.split(","), float) @ rotation(seed, scene.d), [*place], atol=2e-3)
+
+    def test_forgotten_pair(self):
+        """A block moves into another one: by 0.05, with no pair. All nodes of its lower face are that deep."""
+        for kind in ("quad4", "tri3", "hex8", "tet4"):
+            d = 2 if kind in ("quad4", "tri3") else 3
+            scene = Scene("3d" if d == 3 else "plane_strain")
+            held(scene, "lower", box(kind, 2, [0] * d, [1] * d))
+            moved(scene, "upper", box(kind, 3, [0.2] * (d - 1) + [1.02], [0.8] * (d - 1) + [1.5]),
+                  [0] * (d - 1) + [-0.07])
+            self.check(scene, 0.05, ("upper", "lower"), words=", %d nodes" % 4**(d - 1))
+
+    def test_body_within_another(self):
+        """A small block within a large one, before anything moves."""
+        scene = Scene("3d")
+        held(scene, "large", box("hex8", 3, (0, 0, 0), (1, 1, 1)))
+        held(scene, "small", box("tet4", 1, (0.4, 0.4, 0.6), (0.6, 0.6, 0.7)))
+        self.check(scene, 0.4, ("small", "large"))
+
+    def test_sheet_through_a_plate(self):
+        """A sheet moves through a plate and is outside again: its lower face is 0.25 below the upper one of the
+        plate."""
+        for d, kind in ((2, "quad4"), (3, "hex8"), (3, "tet4")):
+            scene = Scene("3d" if d == 3 else "plane_strain")
+            held(scene, "plate", box(kind, [4] * (d - 1) + [1], [0] * d, [1] * (d - 1) + [0.1]))
+            moved(scene, "sheet", box(kind, [3] * (d - 1) + [1], [0.23] * (d - 1) + [0.15], [0.8] * (d - 1) + [0.17]),
+                  [0] * (d - 1) + [-0.3])
+            self.check(scene, 0.25, ("sheet", "plate"), inside="has passed through", words="nodes passed")
+
+    def test_sheet_through_a_plate_that_it_touches(self):
+        """The same from contact, obliquely."""
+        scene = Scene("plane_strain")
+        held(scene, "plate", box("quad4", (4, 1), (0, 0), (1, 0.1)))
+        moved(scene, "sheet", box("quad4", (3, 1), (0.23, 0.1), (0.8, 0.12)), (0.05, -0.3))
+        self.check(scene, 0.3, ("sheet", "plate"), inside="has passed through", words="nodes passed")
+
+    def test_crossed_bars(self):
+        """Two square bars on edge, crossed, without a node where they meet: edges pass through each other by 0.1. The
+        point of an edge that is 0.1 deep is 0.1/sqrt(2) from the faces."""
+        scene = Scene("3d")
+        s = np.sqrt(0.5)
+
+        def bar(along, shift):
+            mesh = box("hex8", (5, 1, 1), (-1, 0, 0), (1, 0.5, 0.5))
+            axes = np.array([along, np.cross((0, 0, 1), along) * s + np.array([0, 0, s]),
+                             -np.cross((0, 0, 1), along) * s + np.array([0, 0, s])])
+            return mesh.move(lambda x: x @ axes + [0, 0, shift])
+
+        held(scene, "lower", bar((1, 0, 0), -1 / np.sqrt(2)))
+        moved(scene, "upper", bar((0, 1, 0), 0.05), (0, 0, -0.15))
+        self.check(scene, 0.1 * s, ("(upper|lower)", "(upper|lower)"), words=", \\d edges?", place=None)
+
+    def test_tip_on_a_plane_of_symmetry(self):
+        """Half of a blade and half of a block: the tip, on the faces that are flush, is 0.03 deep."""
+        scene = Scene("plane_strain")
+        held(scene, "block", box("quad4", 4, (0, -1), (1, 0)))
+        x = np.array([[0.0, 0.01], [0.3, 1.0], [0.0, 1.0]])
+        blade = Mesh("tri3", x, np.array([[0, 1, 2]]))
+        blade.patch("faces", lambda c: True)
+        moved(scene, "blade", blade, (0, -0.04))
+        self.check(scene, 0.03, ("blade", "block"), place=(0, -0.03, 0), words=", 1 node")
+
+    def test_parts_of_one_body(self):
+        """Two parts of one body, of which one moves into the other."""
+        scene = Scene("plane_strain")
+        lower, upper = box("quad4", 3, (0, 0), (1, 1)), box("quad4", 4, (0.1, 1.1), (0.9, 2))
+        both = joined(lower, upper)
+        both.patch("low", lambda c: c[1] < 1.05).patch("high", lambda c: c[1] > 1.05)
+        scene.body("both", both).fix("both", "low", "xy", (0, 0)).fix("both", "high", "xy", (0, -0.2))
+        self.check(scene, 0.1, ("both", "both"))
+
+    def test_contact_that_is_right(self):
+        """Blocks that do not match, pressed on each other, on flush planes of symmetry, with and without penalty; and with
+        a given gap that is larger than that of the mesh."""
+        for keys, solver in (("", "theta=0, tolerance=1e-10"), ("", "theta=0.3, tolerance=1e-10"),
+                             ("gap=0.01", "theta=0, tolerance=1e-10"), ("gap=-0.01", "theta=0, tolerance=1e-10"),
+                             ("gap_formula='1e-3'", "theta=0.01, tolerance=1e-10")):
+            for kind in ("quad4", "hex8"):
+                d = 2 if kind == "quad4" else 3
+                scene = Scene("3d" if d == 3 else "plane_strain", solver)
+                scene.body("lower", box(kind, 3, [0] * d, [1] * d)).body("upper", box(kind, 4, [0] * (d - 1) + [1],
+                                                                                      [1] * (d - 1) + [2]), 2.0)
+                for body in ("lower", "upper"):
+                    scene.fix(body, "left", "n")
+                    if d == 3:
+                        scene.fix(body, "front", "n")
+                scene.fix("lower", "bottom", "n").load("upper", "top", pressure=0.02)
+                scene.pair("joint", "upper:bottom", "lower:top", keys)
+                self.check(scene, 0, ())
+
+    def test_field(self):
+        """The field of the results file: the depth where nodes are too deep, 0 elsewhere."""
+        scene = Scene("plane_strain")
+        held(scene, "lower", box("quad4", 4, (0, 0), (1, 1)))
+        moved(scene, "upper", box("quad4", 3, (0.2, 1), (0.8, 1.5)), (0, -0.05))
+        with tempfile.TemporaryDirectory() as folder:
+            scene.write(folder)
+            subprocess.run([os.environ["DOTYK"], "scene.nml", "--quiet"], cwd=folder, check=False)
+            with h5py.File(folder + "/scene.vtkhdf") as file:
+                n = file["VTKHDF/NumberOfPoints"][:]
+                x, depth = file["VTKHDF/Points"][:], file["VTKHDF/PointData/penetration"][:]
+        deep = np.isclose(x[:, 1], 1) & ((np.arange(len(x)) >= n[0]) | (np.abs(x[:, 0] - 0.5) < 0.3))
+        np.testing.assert_allclose(depth, np.where(deep, 0.05, 0), atol=1e-12)
+
+
+dotyk_case.main()
