@@ -140,9 +140,14 @@ def hidden(body, held, points, outward, reach):
 
 
 def face_nodes(body, part, face):
-    """Nodes on a planar face of a part."""
-    normal, point = next((n, p) for name, n, p in part.solid.faces if name == face)
-    return body.on_plane(part.turn @ point + part.at, part.turn @ normal)
+    """Nodes on a planar face of a part, or on the grip of one."""
+    normal, point = next((n, p) for name, n, p in part.solid.faces if name == face.replace("grip", "face"))
+    nodes = body.on_plane(part.turn @ point + part.at, part.turn @ normal)
+    if face.startswith("grip"):
+        x, polygon = (body.x - part.at) @ part.turn, part.solid.polygon / 2
+        for a, b in zip(polygon, np.roll(polygon, -1, axis=0)):
+            nodes &= (b[0] - a[0]) * (x[:, 1] - a[1]) - (b[1] - a[1]) * (x[:, 0] - a[0]) > -1e-9
+    return nodes
 
 
 def sides_of(assembly, name):

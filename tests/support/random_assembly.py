@@ -40,18 +40,26 @@ class Solid:
 
 
 class Extruded(Solid):
-    """A convex polygon, counter-clockwise, extruded along z; the middle of its height is at z = 0."""
+    """A convex polygon, counter-clockwise, extruded along z; the middle of its height is at z = 0.
+
+    A half of the polygon is the surface 'grip 0' or 'grip 1' of its ends, by which it is held.
+    """
 
     def __init__(self, kind, polygon, height, order):
         self.polygon, self.height, k = np.asarray(polygon, float), height, len(polygon)
         self.polygon = self.polygon - self.polygon.mean(axis=0)
+        points = np.concatenate([self.polygon, self.polygon / 2])
         text = "".join("Point(%d) = {%r, %r, %r};\n" % (i + 1, float(p[0]), float(p[1]), -height / 2)
-                       for i, p in enumerate(self.polygon))
-        text += "".join("Line(%d) = {%d, %d};\n" % (i + 1, i + 1, (i + 1) % k + 1) for i in range(k))
-        text += "Curve Loop(1) = {1:%d};  Plane Surface(1) = {1};\n" % k
-        text += "v() = Extrude {0, 0, %r} { Surface{1}; };\n" % height
-        text += 'Physical Volume("body") = {v(1)};\nPhysical Surface("skin") = {1, v(0), v({2:%d})};\n' % (k + 1)
-        text += 'Physical Surface("face 0") = {1};\nPhysical Surface("face 1") = {v(0)};\n'
+                       for i, p in enumerate(points))
+        text += "".join("Line(%d) = {%d, %d};\n" % (i + 1, i + 1, i + 2 - (k if (i + 1) % k == 0 else 0))
+                        for i in range(2 * k))
+        text += "Curve Loop(1) = {1:%d};  Curve Loop(2) = {%d:%d};\n" % (k, k + 1, 2 * k)
+        text += "Plane Surface(1) = {1, 2};  Plane Surface(2) = {2};\n"
+        text += "v() = Extrude {0, 0, %r} { Surface{1, 2}; };\n" % height
+        text += 'Physical Volume("body") = {v(1), v(%d)};\n' % (2 * k + 3)
+        text += 'Physical Surface("skin") = {1, 2, v(0), v(%d), v({2:%d})};\n' % (2 * k + 2, k + 1)
+        text += 'Physical Surface("face 0") = {1, 2};\nPhysical Surface("face 1") = {v(0), v(%d)};\n' % (2 * k + 2)
+        text += 'Physical Surface("grip 0") = {2};\nPhysical Surface("grip 1") = {v(%d)};\n' % (2 * k + 2)
         text += "".join('Physical Surface("face %d") = {v(%d)};\n' % (i + 2, i + 2) for i in range(k))
         width = min(np.ptp(self.polygon, axis=0).min(), height)
         size = max(np.ptp(self.polygon, axis=0).max(), height)
@@ -152,6 +160,12 @@ class Part:
     def normals(self):
         """[(face, normal)] of its planar faces, where they are."""
         return [(name, self.turn @ normal) for name, normal, _ in self.solid.faces]
+
+    def grip_along(self, direction):
+        """The surface by which the part is held best where `direction` looks away from what it touches."""
+        if not isinstance(self.solid, Extruded):
+            return self.face_along(direction)[1]
+        return "grip %d" % (self.turn[:, 2] @ direction > 0)
 
     def face_along(self, direction):
         """The planar face that looks most along a direction, and how much."""
@@ -267,9 +281,9 @@ class Assembly:
         much, face = part.face_along(normal)
         how = random.choice(["held", "pressed", "weight"], p=[0.8, 0.1, 0.1])
         if how == "held" and face:
-            part.support = (face, -push * normal)
+            part.support = (part.grip_along(normal), -push * normal)
         elif face and not (part.note.startswith("face on") or "curved" in part.note):
-            part.support = (face, -push * normal)
+            part.support = (part.grip_along(normal), -push * normal)
         elif how == "pressed" and much > 0.999:
             part.load = (face, push * part.young * part.solid.thin**2)
         else:
@@ -282,9 +296,9 @@ class Assembly:
         away = away / (np.linalg.norm(away) or 1.0)
         if isinstance(base.solid, Hollow):
             away = base.turn @ [0, 0, -1.0]
-        face = base.face_along(away)[1]
-        if face:
-            base.support = (face, np.zeros(3))
+        grip = base.grip_along(away)
+        if grip:
+            base.support = (grip, np.zeros(3))
         else:
             base.density = np.zeros(3)
 
