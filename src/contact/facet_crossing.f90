@@ -20,7 +20,7 @@ contains
 
   !> Where a segment crosses the deformed boundary, ascending. Facets are passed over where both ends are nearer to their
   !> planes than they resolve.
-  subroutine crossings(b, start, finish, slack, n, s)
+  subroutine crossings(b, start, finish, slack, n, s, enters)
     !> The part.
     type(solid_t), intent(in) :: b
     !> First end (3) [length].
@@ -33,11 +33,14 @@ contains
     integer, intent(out) :: n
     !> Their places, from 0 at the first end to 1 at the second (max_crossings) [].
     real(dp), intent(out) :: s(max_crossings)
+    !> Whether the segment enters the part there; otherwise it leaves it (max_crossings).
+    logical, intent(out) :: enters(max_crossings)
     type(box_neighbourhood_t) :: region
     type(tree_walk_t) :: walk
     integer :: f, k, n_parts, part(3, max_parts)
     n = 0
     s = 0
+    enters = .false.
     region%low = min(start, finish)
     region%high = max(start, finish)
     call walk%start(b%tree)
@@ -57,16 +60,20 @@ contains
   contains
 
     !> Keep a crossing.
-    subroutine keep(place)
+    subroutine keep(place, is_entry)
       !> Place on the segment [].
       real(dp), intent(in) :: place
+      !> Whether the segment enters the part.
+      logical, intent(in) :: is_entry
       integer :: i
       if (n == max_crossings) return
       do i = n, 1, -1
         if (s(i) <= place) exit
         s(i + 1) = s(i)
+        enters(i + 1) = enters(i)
       end do
       s(i + 1) = place
+      enters(i + 1) = is_entry
       n = n + 1
     end subroutine keep
 
@@ -81,7 +88,7 @@ contains
       second = dot_product(normal, finish - b%x(:, node(1)))
       if (first*second > 0 .or. max(abs(first), abs(second)) <= slack + b%roughness(f)) return
       t = dot_product(along, start + first/(first - second)*(finish - start) - b%x(:, node(1)))/dot_product(along, along)
-      if (t >= -border .and. t <= 1 + border) call keep(first/(first - second))
+      if (t >= -border .and. t <= 1 + border) call keep(first/(first - second), first > second)
     end subroutine cross_line
 
     !> Crossing with a triangle.
@@ -101,7 +108,7 @@ contains
       r = start + first/(first - second)*(finish - start) - b%x(:, node(1))
       u = dot_product(cross(r, e2), normal)/area
       v = dot_product(cross(e1, r), normal)/area
-      if (min(u, v, 1 - u - v) >= -border) call keep(first/(first - second))
+      if (min(u, v, 1 - u - v) >= -border) call keep(first/(first - second), first > second)
     end subroutine cross_triangle
   end subroutine crossings
 end module dotyk_contact_facet_crossing

@@ -67,13 +67,16 @@ contains
     !> The deepest point.
     type(penetration_t), intent(out) :: worst
     logical, allocatable :: inside(:)
-    integer :: i
+    integer :: i, hint
     allocate (depth(a%n_nodes))
-    !$omp parallel do default(none) shared(a, b, tolerance, depth) schedule(dynamic, chunk) if (a%n_nodes > least_shared)
+    !$omp parallel default(none) shared(a, b, tolerance, depth) private(hint) if (a%n_nodes > least_shared)
+    hint = 0
+    !$omp do schedule(dynamic, chunk)
     do i = 1, a%n_nodes
-      depth(i) = node_depth(a, b, i, tolerance)
+      call find_node_depth(a, b, i, tolerance, hint, depth(i))
     end do
-    !$omp end parallel do
+    !$omp end do
+    !$omp end parallel
     inside = depth > 0
     do i = 1, a%n_nodes
       if (.not. inside(i)) cycle
@@ -125,7 +128,7 @@ contains
   end subroutine find_passages
 
   !> Depth of a node that nothing explains; 0 where it is explained [length].
-  pure real(dp) function node_depth(a, b, i, tolerance) result(depth)
+  pure subroutine find_node_depth(a, b, i, tolerance, hint, depth)
     !> The part.
     type(solid_t), intent(in) :: a
     !> The other part.
@@ -134,11 +137,16 @@ contains
     integer, intent(in) :: i
     !> Depths that are explained.
     type(penetration_tolerance_t), intent(in) :: tolerance
+    !> Facet that is probably near, that of the last node; 0 for none.
+    integer, intent(inout) :: hint
+    !> Depth [length].
+    real(dp), intent(out) :: depth
     real(dp) :: xi(2)
     integer :: facet
     depth = 0
     if (is_outside_box(b, a%x(:, i), tolerance%slack)) return
-    call b%depth_of(a%x(:, i), 0, depth, facet, xi)
+    call b%depth_of(a%x(:, i), hint, depth, facet, xi)
+    hint = facet
     if (depth < -tolerance%slack) then
       depth = 0
       return
@@ -149,7 +157,7 @@ contains
     else if (.not. depth > tolerance%depth_allowed(a, [i], b, facet, xi, a%x(:, i) - a%x0(:, i))) then
       depth = 0
     end if
-  end function node_depth
+  end subroutine find_node_depth
 
   !> Whether a point lies outside the box of a part.
   pure logical function is_outside_box(b, x, margin) result(outside)
@@ -259,14 +267,22 @@ contains
     subroutine search_segment(nodes)
       !> Its ends.
       integer, intent(in) :: nodes(2)
-      real(dp) :: s(max_crossings), deepest, place, own, at
+      real(dp) :: s(max_crossings), deepest, place, own, at, length
       integer :: k, n_crossings, facet, j
-      call crossings(b, a%x(:, nodes(1)), a%x(:, nodes(2)), tolerance%slack, n_crossings, s)
+      logical :: enters(max_crossings), is_inside
+      call crossings(b, a%x(:, nodes(1)), a%x(:, nodes(2)), tolerance%slack, n_crossings, s, enters)
       if (n_crossings == 0) return
+      length = norm2(a%x(:, nodes(2)) - a%x(:, nodes(1)))
       deepest = 0
+      facet = 0
       do k = 0, n_crossings
         associate (low => merge(0.0_dp, s(max(k, 1)), k == 0), &
                    high => merge(1.0_dp, s(min(k + 1, size(s))), k == n_crossings))
+          is_inside = .false.
+          if (k > 0) is_inside = enters(k)
+          if (k < n_crossings) is_inside = is_inside .or. .not. enters(k + 1)
+          ! No point is deeper than it is far from a crossing.
+          if (.not. is_inside .or. (high - low)*length <= tolerance%slack) cycle
           do j = 1, n_samples
             place = low + (high - low)*j/(n_samples + 1)
             call segment_depth(nodes, place, own, facet)
@@ -305,6 +321,7 @@ contains
       integer, intent(inout) :: facet
       real(dp) :: left, right, trial, value
       integer :: step, hit
+      hit = facet
       left = low
       right = high
       do step = 1, n_steps
@@ -332,12 +349,14 @@ contains
       real(dp), intent(in) :: place
       !> Depth [length].
       real(dp), intent(out) :: own
-      !> Facet of the closest point.
-      integer, intent(out) :: facet
+      !> Facet of the closest point; on entry one that is probably near, or 0.
+      integer, intent(inout) :: facet
       real(dp) :: x(3), u(3), xi(2)
+      integer :: hint
       x = (1 - place)*a%x(:, nodes(1)) + place*a%x(:, nodes(2))
       u = x - (1 - place)*a%x0(:, nodes(1)) - place*a%x0(:, nodes(2))
-      call b%depth_of(x, 0, own, facet, xi)
+      hint = facet
+      call b%depth_of(x, hint, own, facet, xi)
       if (.not. own > tolerance%slack + b%roughness(facet)) then
         own = 0
       else if (.not. own > tolerance%depth_allowed(a, nodes, b, facet, xi, u)) then
