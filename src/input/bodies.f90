@@ -7,7 +7,8 @@ module dotyk_input_bodies
   use dotyk_input_problems, only: problems_t
   use dotyk_input_reader, only: group_t
   use dotyk_input_settings, only: read_mesh_path
-  use dotyk_input_values, only: count_of, is_given, is_usable, names_t, real_of, reals_of, refer, report, text_of
+  use dotyk_input_values, only: count_of, is_given, is_usable, logical_of, names_t, real_of, reals_of, refer, &
+    report, text_of
   implicit none
   private
   public :: read_material, read_body
@@ -156,6 +157,7 @@ contains
         call problems%add(group%line, '&body: ''mesh'' is missing, here and in &scene')
     end if
     call read_placement(group, scene, problems, body)
+    body%crack = logical_of(group, 'crack')
   end subroutine read_body
 
   !> Read the position and rotation of a body.

@@ -75,6 +75,8 @@ module dotyk_input_case
     real(dp) :: axis(3) = [0.0_dp, 0.0_dp, 1.0_dp]
     !> Angle of that rotation [degrees].
     real(dp) :: angle = 0
+    !> Whether faces of the body that touch without common nodes are a crack that is meant.
+    logical :: crack = .false.
   end type body_input_t
 
   !> `&support`.

@@ -158,6 +158,9 @@ contains
                   meaning='point on the axis about which copies are rotated (if absent, 0)')
     call list%add('first_angle', kind_real, unit='degrees', &
                   meaning='angle of rotation of the first copy about axis, through the origin of its mesh')
+    call list%add('crack', kind_logical, default='.false.', &
+                  meaning='faces of the body that touch without common nodes are a crack, whose sides do not see '// &
+                  'each other; otherwise such a body is refused')
   end subroutine add_body
 
   !> Keys of `&support`.

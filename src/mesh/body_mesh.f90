@@ -5,7 +5,7 @@ module dotyk_mesh_body_mesh
   use dotyk_base_text, only: quoted
   use dotyk_mesh_element, only: kind_dimension, kind_nodes, n_element_kinds
   use dotyk_mesh_mesh, only: element_block_t, mesh_t
-  use dotyk_mesh_mesh_check, only: check_size, check_nodes, check_plane, check_repeated_elements, orient_elements
+  use dotyk_mesh_mesh_check, only: check_size, check_plane, check_repeated_elements, orient_elements
   use dotyk_mesh_physical_group, only: groups_named, unknown_group
   implicit none
   private
@@ -85,7 +85,7 @@ contains
     integer, intent(in) :: dimension
     !> Mesh of the body.
     type(body_mesh_t), intent(out) :: body_mesh
-    !> Set for an unknown name, an empty group, coordinates out of range, nodes off the plane or coincident, and
+    !> Set for an unknown name, an empty group, coordinates out of range, nodes off the plane, and
     !> repeated elements (exit code 2); for inverted or degenerate elements (exit code 3).
     type(error_t), allocatable, intent(out) :: error
     logical :: wanted(size(mesh%group))
@@ -108,7 +108,6 @@ contains
     end if
     if (.not. allocated(error)) call check_repeated_elements(body_mesh%block, error)
     if (.not. allocated(error)) call orient_elements(body_mesh%x, body_mesh%block, error)
-    if (.not. allocated(error)) call check_nodes(body_mesh%x, body_mesh%node_tag, error)
     if (allocated(error)) error%message = 'mesh '//quoted(mesh%file)//', '//quoted(volume_name)//': '//error%message
   end subroutine extract_body
 

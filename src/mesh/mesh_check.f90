@@ -1,21 +1,18 @@
-!> Checks of the mesh of one body: range of coordinates, nodes off the plane, coincident nodes, repeated elements,
+!> Checks of the mesh of one body: range of coordinates, nodes off the plane, repeated elements,
 !> inverted and degenerate elements.
 module dotyk_mesh_mesh_check
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use dotyk_base_error, only: error_t, exit_not_solvable, set_error
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_magnitude, only: is_too_large, size_rule, smallest_number
-  use dotyk_base_sort, only: sort_order
   use dotyk_base_text, only: counted, to_text
   use dotyk_mesh_element, only: element_kind, element_kind_t
   use dotyk_mesh_jacobian, only: jacobian_range, mirror_order
   use dotyk_mesh_mesh, only: element_block_t
   implicit none
   private
-  public :: check_size, check_plane, check_nodes, check_repeated_elements, orient_elements
+  public :: check_size, check_plane, check_repeated_elements, orient_elements
 
-  !> Nodes coincide where their distance is below this fraction of the size of the body.
-  real(dp), parameter :: coincidence_tolerance = 1.0e-12_dp
   !> Nodes of a plane mesh may deviate from the plane by this fraction of the size of the body.
   real(dp), parameter :: plane_tolerance = 1.0e-9_dp
   !> Greatest number of tags in a message.
@@ -74,40 +71,6 @@ contains
                    to_text(tag(1))//' at '//position_text(x(:, 1))// &
                    ' do not lie in one plane z = const, as an analysis in two dimensions needs')
   end subroutine check_plane
-
-  !> Check that no two nodes coincide: the body would be disconnected there.
-  subroutine check_nodes(x, tag, error)
-    !> Nodal coordinates (dimension, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Node tags (n_nodes).
-    integer(int64), intent(in) :: tag(:)
-    !> Set if two nodes coincide.
-    type(error_t), allocatable, intent(out) :: error
-    ! A generic direction: not normal to the planes of a regular mesh, whose nodes would all be close along it.
-    real(dp), parameter :: direction(3) = [0.5453920137_dp, 0.6180339887_dp, 0.5663117921_dp]
-    real(dp), allocatable :: along(:)
-    integer, allocatable :: order(:)
-    real(dp) :: tolerance
-    integer :: i, j, n, first(2)
-    tolerance = coincidence_tolerance*norm2(maxval(x, dim=2) - minval(x, dim=2))
-    along = matmul(direction(:size(x, 1)), x)
-    allocate (order(size(along)))
-    call sort_order(along, order)
-    n = 0
-    do i = 1, size(order)
-      do j = i + 1, size(order)
-        if (along(order(j)) - along(order(i)) > 2*tolerance) exit
-        if (norm2(x(:, order(j)) - x(:, order(i))) > tolerance) cycle
-        n = n + 1
-        if (n == 1) first = [min(order(i), order(j)), max(order(i), order(j))]
-      end do
-    end do
-    if (n == 0) return
-    call set_error(error, 'nodes '//to_text(tag(first(1)))//' and '//to_text(tag(first(2)))// &
-                   ' lie at the same place '//position_text(x(:, first(1)))//' ('//counted(n, 'such pair')// &
-                   '): the body is disconnected there. Join its parts in gmsh: `Coherence;` after the geometry or '// &
-                   '`Coherence Mesh;` after the mesh; or make them separate bodies')
-  end subroutine check_nodes
 
   !> Check that no element is repeated, which would double its stiffness.
   subroutine check_repeated_elements(block, error)

@@ -16,6 +16,7 @@ module dotyk_model_body_setup
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_placement, only: placement_t
   use dotyk_mesh_surface, only: surface_t
+  use dotyk_model_joints, only: add_remark, check_joints, describe_joints
   use dotyk_model_locking, only: would_lock
   use dotyk_model_materials, only: build_material
   use dotyk_model_volumes, only: volume_t
@@ -46,7 +47,7 @@ contains
     type(error_t), allocatable :: failed
     logical, dimension(size(case%body)) :: read, done, same, locks
     logical :: support_used(size(case%support)), load_used(size(case%load))
-    integer :: b, c, k, before
+    integer :: b, c, k, before, same_volume(size(case%body))
     allocate (body(size(case%body)), surface_a(size(case%contact)), surface_b(size(case%contact)))
     allocate (remarks(0))
     meshing%no_shell = case%no_shell
@@ -54,6 +55,7 @@ contains
     support_used = .not. case%support%any_body
     load_used = .not. case%load%any_body
     done = .false.
+    same_volume = 0
     locks = [(would_lock(case, b), b=1, size(body))]
     do b = 1, size(body)
       if (interrupted()) exit
@@ -71,8 +73,10 @@ contains
         do k = c, size(body)
           if (.not. same(k) .or. case%body(k)%volume /= case%body(c)%volume .or. (locks(k) .neqv. locks(c))) cycle
           done(k) = .true.
+          same_volume(k) = c
           call build_body(case, mesh, volume, k, body(k), surface_a, surface_b, support_used, load_used, problems)
         end do
+        call describe_joints(case, volume, count(same_volume == c), c, remarks)
       end do
     end do
     if (problems%count == 0) then
@@ -108,21 +112,6 @@ contains
       one_used = .false.
     end do
   end subroutine refuse_unused
-
-  !> Add a line for the log.
-  subroutine add_remark(remarks, text)
-    !> Lines so far (n_remarks).
-    type(text_t), allocatable, intent(inout) :: remarks(:)
-    !> The line.
-    character(*), intent(in) :: text
-    type(text_t), allocatable :: more(:)
-    integer :: n
-    n = size(remarks)
-    allocate (more(n + 1))
-    more(:n) = remarks
-    more(n + 1)%s = text
-    call move_alloc(more, remarks)
-  end subroutine add_remark
 
   !> Read a .msh file, or a .geo file that gmsh meshes.
   subroutine read_mesh(path, dimension, mesh, meshing, error)
@@ -181,6 +170,8 @@ contains
     call build_material(case%material(case%body(b)%material), case%solver%locking, body%material, failed)
     call note(case%material(case%body(b)%material)%line, failed)
     if (allocated(volume%error)) failed = volume%error
+    call note(case%body(b)%line, failed)
+    if (.not. allocated(volume%error)) call check_joints(case%body(b), volume%joints, failed)
     call note(case%body(b)%line, failed)
     if (problems%count > before) return
     call place(case%body(b))

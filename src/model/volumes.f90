@@ -4,6 +4,7 @@ module dotyk_model_volumes
   use dotyk_base_text, only: text_t
   use dotyk_base_wildcard, only: matches
   use dotyk_mesh_body_mesh, only: body_mesh_t, extract_body
+  use dotyk_mesh_joints, only: joints_t
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_order_elevation, only: has_linear_simplices, elevate_order
   use dotyk_mesh_surface, only: surface_t, extract_surface, surface_names
@@ -14,6 +15,8 @@ module dotyk_model_volumes
   type, public :: volume_t
     !> Its elements, at the position in the mesh file.
     type(body_mesh_t) :: mesh
+    !> How its parts hang together.
+    type(joints_t) :: joints
     !> Allocated where the mesh has no such volume.
     type(error_t), allocatable :: error
     !> Number of extracted surfaces.
@@ -42,6 +45,7 @@ contains
     !> Whether linear triangles, tetrahedra and prisms would lock: then they are elevated to order 2.
     logical, intent(in) :: locks
     call extract_body(mesh, name, dimension, self%mesh, self%error)
+    if (.not. allocated(self%error)) call self%joints%find(self%mesh)
     if (locks .and. .not. allocated(self%error)) then
       if (has_linear_simplices(self%mesh)) call elevate_order(self%mesh)
     end if

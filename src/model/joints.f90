@@ -1,0 +1,83 @@
+!> Bodies whose parts do not hang together: refused where nobody can have meant it, otherwise told in the log.
+module dotyk_model_joints
+  use dotyk_base_error, only: error_t, set_error
+  use dotyk_base_text, only: text_t, to_text
+  use dotyk_input_case, only: body_input_t, case_t
+  use dotyk_mesh_joints, only: joints_t
+  use dotyk_model_volumes, only: volume_t
+  implicit none
+  private
+  public :: check_joints, describe_joints, add_remark
+
+  !> Bodies of several parts with a line each.
+  integer, parameter :: most_lines = 12
+
+contains
+
+  !> Refuse a body with overlapping or mismatching elements, or with a crack that is not meant.
+  subroutine check_joints(body, joints, error)
+    !> `&body`.
+    type(body_input_t), intent(in) :: body
+    !> How the parts of its volume hang together.
+    type(joints_t), intent(in) :: joints
+    !> Set for a body that is refused.
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: start
+    start = "body '"//body%name//"', mesh '"//body%mesh//"': "
+    if (allocated(joints%fault)) then
+      call set_error(error, start//joints%fault)
+    else if (allocated(joints%crack) .and. .not. body%crack) then
+      call set_error(error, start//joints%crack//': the body is disconnected there. Join its parts in gmsh: '// &
+                     '`Coherence;` after the geometry or `Coherence Mesh;` after the mesh; or make them separate '// &
+                     'bodies; crack=.true. keeps a crack that is meant')
+    end if
+  end subroutine check_joints
+
+  !> Tell of parts, cracks and slits of a volume.
+  subroutine describe_joints(case, volume, n_bodies, b, remarks)
+    !> The case.
+    type(case_t), intent(in) :: case
+    !> The volume.
+    type(volume_t), intent(in) :: volume
+    !> Number of bodies that use it.
+    integer, intent(in) :: n_bodies
+    !> The first of them.
+    integer, intent(in) :: b
+    !> Lines for the log; completed (n_remarks).
+    type(text_t), allocatable, intent(inout) :: remarks(:)
+    character(:), allocatable :: name, text
+    if (allocated(volume%error) .or. allocated(volume%joints%fault)) return
+    if (allocated(volume%joints%crack) .and. .not. case%body(b)%crack) return
+    name = "body '"//case%body(b)%name//"'"
+    if (n_bodies > 1) name = name//' and '//to_text(n_bodies - 1)//' more of the same mesh'
+    if (allocated(volume%joints%slit)) call add_remark(remarks, 'warning: '//name//': '//volume%joints%slit)
+    if (allocated(volume%joints%crack)) call add_remark(remarks, name//': cracked, as crack=.true. says: '// &
+                                                        volume%joints%crack)
+    if (volume%joints%n_pieces == 1 .or. size(remarks) > most_lines) return
+    if (volume%joints%n_parts > 1) then
+      text = name//': '//to_text(volume%joints%n_parts)//' unconnected parts'
+      if (volume%joints%n_pieces > volume%joints%n_parts) &
+        text = text//' of '//to_text(volume%joints%n_pieces)//' pieces; edges or corners alone join some, as hinges do'
+    else
+      text = 'warning: '//name//': edges or corners alone join its '//to_text(volume%joints%n_pieces)// &
+             ' pieces, as hinges do'
+    end if
+    if (size(remarks) == most_lines) text = 'further bodies consist of several parts'
+    call add_remark(remarks, text)
+  end subroutine describe_joints
+
+  !> Add a line for the log.
+  subroutine add_remark(remarks, text)
+    !> Lines so far (n_remarks).
+    type(text_t), allocatable, intent(inout) :: remarks(:)
+    !> The line.
+    character(*), intent(in) :: text
+    type(text_t), allocatable :: more(:)
+    integer :: n
+    n = size(remarks)
+    allocate (more(n + 1))
+    more(:n) = remarks
+    more(n + 1)%s = text
+    call move_alloc(more, remarks)
+  end subroutine add_remark
+end module dotyk_model_joints
