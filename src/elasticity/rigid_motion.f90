@@ -18,6 +18,8 @@ module dotyk_elasticity_rigid_motion
 
   !> Rotations and translations of a normalized motion below this are rounding errors of the null space.
   real(dp), parameter :: negligible = 1.0e-5_dp
+  !> A single rotation about an axis farther from the centre than this many radii is described as a translation.
+  real(dp), parameter :: far_axis = 10
   !> Shifts along the axis of a rotation below this fraction of the radius are no screw motion.
   real(dp), parameter :: screw_shift = 1.0e-6_dp
   !> Components of a direction that differ by less than this fraction are equal: the sign of a direction does not
@@ -214,11 +216,16 @@ contains
         shift = motion(1:3, j)*radius/norm2(motion(4:6, j))
         along = dot_product(shift, axis)*axis
         through = centre + cross(axis, shift)
+        if (n == 1 .and. norm2(shift) > far_axis*radius) then
+          ! An axis far away, or a screw of such a pitch, is a translation with a slight rotation.
+          text = text//'translation along '//direction_text(motion(:dim, j))//' with a slight rotation'
+          cycle
+        end if
         if (dim == 2) then
           text = text//'rotation about '//vector_text(through(:2), radius)
         else
           if (norm2(along) > screw_shift*radius) then
-            text = text//'screw motion (pitch '//to_text(dot_product(shift, axis))//' per radian)'
+            text = text//'translation by '//to_text(dot_product(shift, axis), 4)//' per radian of rotation'
           else
             text = text//'rotation'
           end if

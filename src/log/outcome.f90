@@ -8,6 +8,7 @@ module dotyk_log_outcome
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_body_modes, only: body_modes_t
   use dotyk_input_case, only: case_t
+  use dotyk_log_indeterminate, only: note_indeterminate, note_neutral
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_no_equilibrium, ended_rigid_constraint, &
     ended_rotated
@@ -46,7 +47,8 @@ contains
     real(dp) :: largest
     !> Displacement by rotation, relative to the size of the body, from which on linear kinematics describe nothing [].
     real(dp), parameter :: largest_rotation = 1
-    if (allocated(state%indeterminate)) call note_indeterminate(problem%body, problem%modes, state%indeterminate, log)
+    if (allocated(state%indeterminate)) call note_indeterminate(problem, state%indeterminate, log)
+    call note_neutral(problem, log)
     if (.not. allocated(state%alpha)) return
     call note_rotations(problem%body, problem%modes, state%alpha, log, largest)
     if (state%ended == ended_converged .and. largest > largest_rotation) state%ended = ended_rotated
@@ -219,34 +221,4 @@ contains
       ratio = max(ratio, norm2(u(:, i) - mean)/length)
     end do
   end function rotation_ratio
-
-  !> Say which rigid body modes neither loads nor contact determine.
-  subroutine note_indeterminate(body, modes, amplitude, log)
-    !> Bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Modes of the bodies (n_bodies).
-    type(body_modes_t), intent(in) :: modes(:)
-    !> Indeterminate combinations as columns: amplitudes of the modes of all bodies, body after body (n_modes,
-    !> n_combinations) [length].
-    real(dp), intent(in) :: amplitude(:, :)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    character(:), allocatable :: text
-    integer :: b, n_named, first(size(body) + 1)
-    integer, parameter :: most_named = 20
-    first = first_mode(modes)
-    n_named = 0
-    do b = 1, size(body)
-      if (modes(b)%n == 0 .or. modes(b)%is_near_null()) cycle
-      text = modes(b)%span_text(amplitude(first(b):first(b + 1) - 1, :))
-      if (len(text) == 0) cycle
-      n_named = n_named + 1
-      if (n_named <= most_named) &
-        call log%line('  indeterminate    '//quoted(body(b)%name)//': '//text// &
-                      ' (neither loads nor contact determine it; minimum-norm solution)')
-    end do
-    if (n_named > most_named) &
-      call log%line('  indeterminate    rigid body modes of '// &
-                    counted(n_named - most_named, 'more body', 'more bodies'))
-  end subroutine note_indeterminate
 end module dotyk_log_outcome

@@ -21,11 +21,14 @@ contains
     character(:), allocatable :: line
     real(dp) :: steps, rate
     character(80) :: buffer
+    !> Steps from which on their increments tell a rate: active sets end before, or change by no rate at all.
+    integer, parameter :: enough = 10
     write (buffer, '(a,i6,a,i8)') '  iteration ', history%n, '   active ', history%active(history%n)
     if (history%error_bound(history%n) < huge(1.0_dp)) &
       write (buffer, '(a,i6,a,es9.2,a,i8)') '  iteration ', history%n, '   error bound ', &
       history%error_bound(history%n), '   active ', history%active(history%n)
     line = trim(buffer)
+    if (history%n < enough) return
     rate = history%measured_contraction()
     if (ieee_is_nan(rate)) return
     if (rate > 0 .and. rate < 1 .and. measure > tolerance .and. tolerance > 0) then

@@ -45,7 +45,7 @@ contains
     type(contact_solution_t), intent(in) :: solution
     !> Time of the scheme [s].
     real(dp), intent(in) :: seconds
-    call show_state(log, solution%state, solution%tolerance, n_sweeps, seconds)
+    call show_state(log, solution%state, solution%tolerance, goal%by_budget, n_sweeps, seconds)
     if (size(solution%state%m) > 0) call show_energies(log, solution%energies())
     call show_budget(log, output, problem%body, solution%state, solution%budget)
     call show_not_computed(log, goal, solution%state)
@@ -53,13 +53,15 @@ contains
   end subroutine show_solution
 
   !> How the scheme ended.
-  subroutine show_state(log, state, tolerance, n_sweeps, seconds)
+  subroutine show_state(log, state, tolerance, by_budget, n_sweeps, seconds)
     !> The log.
     type(log_t), intent(inout) :: log
     !> State of the scheme.
     type(solver_state_t), intent(in) :: state
     !> Tolerance of the error bound [].
     real(dp), intent(in) :: tolerance
+    !> Whether the tolerance follows from the other errors.
+    logical, intent(in) :: by_budget
     !> Right-hand sides of the body that had most.
     integer, intent(in) :: n_sweeps
     !> Time of the scheme [s].
@@ -87,7 +89,9 @@ contains
         call log%line("  unverified       the error bound does not confirm this iterate; use stop_rule='residual' "// &
                       'or a smaller tolerance')
     case default
-      call log%line('  error bound      '//bound//' (tolerance '//to_text(tolerance)//')')
+      call log%line('  error bound      '//bound// &
+                    trim(merge(' (its share of the other errors: ', ' (tolerance                      ', by_budget))// &
+                    ' '//to_text(tolerance)//')')
       if (state%ended == ended_converged .and. state%error_bound > tolerance) &
         call log%line('  rounding         the error bound exceeds the tolerance by rounding of the displacements: '// &
                       'double precision has no better solution')

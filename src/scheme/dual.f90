@@ -108,6 +108,7 @@ contains
     type(contact_qp_t) :: part
     type(history_t) :: earlier
     logical, allocatable :: working(:), violated(:)
+    type(solver_settings_t) :: left
     logical :: warm
     integer :: round
 
@@ -127,18 +128,24 @@ contains
     if (.not. system%needs_entries()) &
       call monitor%note('active sets      matrix-free, projected conjugate gradients; '//to_text(count(working))// &
                         ' constraints in the first working set')
+    left = settings
     do round = 1, most_rounds
+      left%max_iterations = settings%max_iterations - earlier%n
+      if (left%max_iterations < 1) then
+        state%ended = ended_limit
+        exit
+      end if
       if (.not. all(working) .and. qp%coarse%n > 0) call keep_what_carries(qp, working)
       if (.not. system%needs_entries() .or. round == most_rounds .or. qp%n_rows < few_rows .or. &
           count(.not. working) < not_worth_screening*qp%n_rows) working = .true.
       call compliance%mark_formed(working)
       if (all(working)) then
-        call solve_working_set(qp, compliance, theta, settings, monitor, system, warm, state, error)
+        call solve_working_set(qp, compliance, theta, left, monitor, system, warm, state, error)
       else
         call restrict_qp(qp, working, part)
         if (warm) state%m = pack(state%m, working)
         if (warm) state%y = pack(state%y, working)
-        call solve_working_set(part, compliance, pack(theta, working), settings, monitor, system, warm, state, error)
+        call solve_working_set(part, compliance, pack(theta, working), left, monitor, system, warm, state, error)
         if (.not. allocated(error) .and. allocated(state%m)) call complete(qp, compliance, working, state)
       end if
       call state%history%finish()

@@ -253,9 +253,7 @@ class FreeExtreme(dotyk_case.Case):
                  "&load body='a', surface='bottom', pressure=1 /\n")
         self.scene(text + "&load body='b', surface='top', pressure=1 /\n")
         log, file = self.solve()
-        for name in "ab":
-            self.assertIn("indeterminate    '%s': translation along (1, 0), translation along (0, 1) and rotation"
-                          % name, log)
+        self.assertIn("indeterminate    'a', 'b': translation along (1, 0), translation along (0, 1) and rotation", log)
         np.testing.assert_allclose(file["dotyk/contact/joint/pressure"][:], 1, rtol=1e-9)
         u = file["VTKHDF/PointData/displacement"][:]
         self.assertLess(np.abs(u).max(), 2 / YOUNG)

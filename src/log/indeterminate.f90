@@ -1,0 +1,241 @@
+!> Indeterminate rigid body modes in the log: bodies that move alike share a line.
+module dotyk_log_indeterminate
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_log, only: log_t
+  use dotyk_base_text, only: quoted, text_t, to_text
+  use dotyk_control_contact_problem, only: contact_problem_t, first_mode
+  implicit none
+  private
+  public :: note_indeterminate, note_neutral, names_in_short, without_places, kinds_of_motion
+
+  !> Greatest number of names or lines; more are summed up.
+  integer, parameter :: most_named = 20
+
+contains
+
+  !> Say which rigid body modes neither loads nor contact determine.
+  subroutine note_indeterminate(problem, amplitude, log)
+    !> Bodies and their modes.
+    type(contact_problem_t), intent(in) :: problem
+    !> Indeterminate combinations as columns: amplitudes of the modes of all bodies, body after body (n_modes,
+    !> n_combinations) [length].
+    real(dp), intent(in) :: amplitude(:, :)
+    !> The log.
+    type(log_t), intent(inout) :: log
+    type(text_t) :: motion(size(problem%body)), short(size(problem%body)), kinds(size(problem%body))
+    character(:), allocatable :: text
+    logical :: is_open(size(problem%body)), alike(size(problem%body)), is_held(size(problem%body))
+    integer :: b, n_lines, first(size(problem%body) + 1)
+    first = first_mode(problem%modes)
+    is_held = .false.
+    if (allocated(problem%neutral)) is_held = problem%neutral%n > 0
+    do b = 1, size(problem%body)
+      motion(b)%s = ''
+      associate (modes => problem%modes(b))
+        if (modes%n > 0 .and. .not. modes%is_near_null()) &
+          motion(b)%s = modes%span_text(amplitude(first(b):first(b + 1) - 1, :))
+      end associate
+      short(b)%s = without_places(motion(b)%s)
+      kinds(b)%s = kinds_of_motion(motion(b)%s)
+    end do
+    is_open = [(len(motion(b)%s) > 0, b=1, size(motion))]
+    n_lines = 0
+    do b = 1, size(motion)
+      if (.not. is_open(b)) cycle
+      n_lines = n_lines + 1
+      if (n_lines > most_named) exit
+      alike = is_open .and. same_text(short, short(b)%s) .and. (is_held .eqv. is_held(b))
+      text = short(b)%s
+      if (count(alike) == 1) then
+        alike = is_open .and. same_text(kinds, kinds(b)%s) .and. (is_held .eqv. is_held(b)) .and. is_single()
+        text = kinds(b)%s//' each'
+        if (count(alike) == 1) text = motion(b)%s
+      end if
+      is_open = is_open .and. .not. alike
+      if (is_held(b)) then
+        text = text//' (contact resists it by no more than its normals are uncertain; minimum-norm solution)'
+      else
+        text = text//' (neither loads nor contact determine it; minimum-norm solution)'
+      end if
+      call log%line('  indeterminate    '//names_in_short(pack_names(alike))//': '//text)
+    end do
+    if (any(is_open)) call log%line('  indeterminate    rigid body modes of '//to_text(count(is_open))//' more')
+  contains
+    !> Bodies whose motion no other one shares.
+    function is_single()
+      logical :: is_single(size(motion))
+      integer :: i
+      do i = 1, size(motion)
+        is_single(i) = count(is_open .and. same_text(short, short(i)%s) .and. (is_held .eqv. is_held(i))) == 1
+      end do
+    end function is_single
+
+    !> Names of some bodies.
+    function pack_names(chosen) result(name)
+      !> Which bodies (n_bodies).
+      logical, intent(in) :: chosen(:)
+      type(text_t) :: name(count(chosen))
+      integer :: i, n
+      n = 0
+      do i = 1, size(chosen)
+        if (.not. chosen(i)) cycle
+        n = n + 1
+        name(n)%s = problem%body(i)%name
+      end do
+    end function pack_names
+  end subroutine note_indeterminate
+
+  !> Say what is left of equilibrium along neutral modes that are held, and which bodies have moved far along others.
+  subroutine note_neutral(problem, log)
+    !> Bodies and their neutral modes.
+    type(contact_problem_t), intent(in) :: problem
+    !> The log.
+    type(log_t), intent(inout) :: log
+    type(text_t), allocatable :: name(:)
+    integer :: b, n
+    if (.not. allocated(problem%neutral)) return
+    b = maxloc(problem%neutral%left_over, 1)
+    if (any(problem%neutral%left_over > 0)) &
+      call log%line('  out of balance   along motions that are held, the forces on '//quoted(problem%body(b)%name)// &
+                    ' by '//to_text(100*problem%neutral(b)%left_over, 2)//' % of its contact forces'// &
+                    trim(merge(', other bodies less', '                   ', count(problem%neutral%n > 0) > 1)))
+    allocate (name(count(problem%neutral%moved_far)))
+    if (size(name) == 0) return
+    n = 0
+    do b = 1, size(problem%neutral)
+      if (.not. problem%neutral(b)%moved_far) cycle
+      n = n + 1
+      name(n)%s = problem%body(b)%name
+    end do
+    call log%line('  large sliding    '//names_in_short(name)//': by several elements, along a motion that contact '// &
+                  'resists by no more than its normals are uncertain; hold it by a support')
+  end subroutine note_neutral
+
+  !> Which texts are equal to one.
+  pure function same_text(texts, text) result(same)
+    !> Texts (n).
+    type(text_t), intent(in) :: texts(:)
+    !> The one.
+    character(*), intent(in) :: text
+    logical :: same(size(texts))
+    integer :: i
+    same = [(texts(i)%s == text, i=1, size(texts))]
+  end function same_text
+
+  !> Names in quotes; those that differ by consecutive numbers at their ends as in 'bolt 1' to 'bolt 8'.
+  function names_in_short(name) result(text)
+    !> The names (n).
+    type(text_t), intent(in) :: name(:)
+    character(:), allocatable :: text
+    integer :: i, j, n
+    text = ''
+    i = 1
+    n = 0
+    do while (i <= size(name))
+      j = i
+      do while (j < size(name))
+        if (.not. follows(name(j)%s, name(j + 1)%s)) exit
+        j = j + 1
+      end do
+      if (j < i + 2) j = i
+      n = n + 1
+      if (n > most_named) then
+        text = text//' and '//to_text(size(name) - i + 1)//' more'
+        return
+      end if
+      if (i > 1) text = text//', '
+      text = text//quoted(name(i)%s)
+      if (j > i) text = text//' to '//quoted(name(j)%s)
+      i = j + 1
+    end do
+  end function names_in_short
+
+  !> Whether two names differ by consecutive numbers at their ends.
+  pure logical function follows(first, second)
+    !> The names.
+    character(*), intent(in) :: first, second
+    integer :: i, k, l, number, next
+    !> Digits that an integer has in any case.
+    integer, parameter :: most_digits = 9
+    follows = .false.
+    k = verify(first, '0123456789', back=.true.)
+    l = verify(second, '0123456789', back=.true.)
+    if (k == len(first) .or. l == len(second) .or. k /= l) return
+    if (first(:k) /= second(:l) .or. max(len(first), len(second)) - k > most_digits) return
+    number = 0
+    do i = k + 1, len(first)
+      number = 10*number + iachar(first(i:i)) - iachar('0')
+    end do
+    next = 0
+    do i = l + 1, len(second)
+      next = 10*next + iachar(second(i:i)) - iachar('0')
+    end do
+    follows = next == number + 1
+  end function follows
+
+  !> A description of motions without the places of axes: "rotation about the axis (0, 0, 1) through (1, 2, 3)" becomes
+  !> "rotation about the axis (0, 0, 1)", "rotation about (1, 2)" of two dimensions "rotation".
+  pure function without_places(motion) result(text)
+    !> Description.
+    character(*), intent(in) :: motion
+    character(:), allocatable :: text
+    text = cut_all(cut_all(motion, ' through ('), ' about (')
+  contains
+    !> Cut texts in parentheses out.
+    pure function cut_all(whole, opening) result(rest)
+      !> The text.
+      character(*), intent(in) :: whole
+      !> How the parts to cut begin.
+      character(*), intent(in) :: opening
+      character(:), allocatable :: rest
+      integer :: i
+      rest = whole
+      do
+        i = index(rest, opening)
+        if (i == 0) return
+        rest = rest(:i - 1)//rest(i + index(rest(i:), ')'):)
+      end do
+    end function cut_all
+  end function without_places
+
+  !> What kinds of motions a description names: "2 translations and a rotation".
+  pure function kinds_of_motion(motion) result(text)
+    !> Description.
+    character(*), intent(in) :: motion
+    character(:), allocatable :: text
+    integer :: n
+    n = occurrences('per radian of rotation about')
+    text = ''
+    if (occurrences('translation along') > 0) text = several('translation', occurrences('translation along'))
+    if (occurrences('rotation about') > 0) text = joined(several('rotation', occurrences('rotation about')))
+    if (n > 0) text = joined(several('screw motion', n))
+  contains
+    !> With the parts before.
+    pure function joined(part) result(whole)
+      !> The new part.
+      character(*), intent(in) :: part
+      character(:), allocatable :: whole
+      whole = part
+      if (len(text) > 0) whole = text//' and '//part
+    end function joined
+
+    !> How often a text occurs.
+    pure integer function occurrences(part)
+      !> The text.
+      character(*), intent(in) :: part
+      integer :: i
+      occurrences = count([(motion(i:i + len(part) - 1) == part, i=1, len(motion) - len(part) + 1)])
+    end function occurrences
+
+    !> "a rotation", "2 rotations".
+    pure function several(noun, number) result(phrase)
+      !> The noun.
+      character(*), intent(in) :: noun
+      !> How many.
+      integer, intent(in) :: number
+      character(:), allocatable :: phrase
+      phrase = 'a '//noun
+      if (number > 1) phrase = to_text(number)//' '//noun//'s'
+    end function several
+  end function kinds_of_motion
+end module dotyk_log_indeterminate
