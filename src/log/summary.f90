@@ -89,9 +89,11 @@ contains
         call log%line("  unverified       the error bound does not confirm this iterate; use stop_rule='residual' "// &
                       'or a smaller tolerance')
     case default
-      call log%line('  error bound      '//bound// &
-                    trim(merge(' (its share of the other errors: ', ' (tolerance                      ', by_budget))// &
-                    ' '//to_text(tolerance)//')')
+      if (by_budget) then
+        call log%line('  error bound      '//bound//' (its share of the other errors: '//to_text(tolerance)//')')
+      else
+        call log%line('  error bound      '//bound//' (tolerance '//to_text(tolerance)//')')
+      end if
       if (state%ended == ended_converged .and. state%error_bound > tolerance) &
         call log%line('  rounding         the error bound exceeds the tolerance by rounding of the displacements: '// &
                       'double precision has no better solution')
