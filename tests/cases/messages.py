@@ -4,6 +4,7 @@ options."""
 import os
 import re
 import subprocess
+import time
 
 import numpy as np
 
@@ -130,6 +131,16 @@ class Messages(dotyk_case.Case):
             self.assertEqual(done.returncode, 2)
             self.assertIn("many.nml:1: " + message, done.stderr)
             self.assertLess(len(done.stderr), 10000)
+
+    def test_very_long_texts(self):
+        """Lines of messages are cut, and texts of doubled quotes are read in linear time: a second, not a minute."""
+        self.scene(("surface_b='lower:top'", "surface_b='lower:top%s'" % ("1" * 200000)))
+        message = self.refuse(2, "case.nml:%d: " % self.line_of("lower:top"), " [...] ")
+        self.assertLess(len(message), 1100)
+        self.scene(("name='upper'", "name='%s'" % ("''" * 200000)))
+        start = time.monotonic()
+        self.refuse(2)
+        self.assertLess(time.monotonic() - start, 5)
 
     def test_no_control_characters(self):
         """Names may hold what a terminal would take for commands."""
