@@ -29,7 +29,7 @@ module dotyk_contact_pair_discretization
   use dotyk_contact_smooth_projection, only: smooth_projections
   use dotyk_contact_smooth_sheets, only: sharp_edges
   use dotyk_mesh_body_mesh, only: body_mesh_t
-  use dotyk_mesh_element, only: n_element_kinds
+  use dotyk_mesh_element, only: kind_nodes, n_element_kinds
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
@@ -210,8 +210,10 @@ contains
     type(point_contact_t), allocatable, intent(out) :: contact(:)
     logical, allocatable :: sharp_a(:, :), sharp_b(:, :)
     allocate (contact(0))
-    call find_vertex_contacts(slave, master, radius, .true., contact)
-    call find_vertex_contacts(master, slave, radius, .false., contact)
+    call find_vertex_contacts(slave, kind_nodes(surface_a%kind(:surface_a%n_facets)) > slave%set%corners, master, &
+                              radius, .true., contact)
+    call find_vertex_contacts(master, kind_nodes(surface_b%kind(:surface_b%n_facets)) > master%set%corners, slave, &
+                              radius, .false., contact)
     if (mesh_a%dimension == 2) return
     call sharp_edges(mesh_a%x, surface_a, slave%adjacency, sharp_a)
     call sharp_edges(mesh_b%x, surface_b, master%adjacency, sharp_b)

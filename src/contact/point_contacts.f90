@@ -12,7 +12,7 @@
 module dotyk_contact_point_contacts
   use dotyk_base_kinds, only: dp
   use dotyk_contact_adjacency, only: adjacency_t, corner_of
-  use dotyk_contact_facet_corners, only: corner_coordinates, corner_position
+  use dotyk_contact_facet_corners, only: corner_coordinates, corner_position, edge_coordinates
   use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
   use dotyk_contact_projection, only: master_surface_t, project_point, projection_found, projection_t
   use dotyk_mesh_facet, only: cross
@@ -59,6 +59,8 @@ module dotyk_contact_point_contacts
   real(dp), parameter :: smooth_cosine = cos(25*acos(-1.0_dp)/180)
   !> Facets at a contact vertex face away from the body's inside up to this cosine.
   real(dp), parameter, public :: min_exposure = -0.02_dp
+  !> Nodes nearer than this fraction of the size of a facet are the same.
+  real(dp), parameter :: same_place = 1.0e-10_dp
   !> Facets count with at least this fraction of their area in weights.
   real(dp), parameter :: min_projected_area = 0.05_dp
   !> The mean normal of the facets at a vertex has no direction where it is shorter than this.
@@ -68,10 +70,12 @@ module dotyk_contact_point_contacts
 
 contains
 
-  !> Contacts of pointed vertices of one surface with facets of the other.
-  subroutine find_vertex_contacts(surface, other, radius, is_slave, contact)
+  !> Contacts of pointed vertices of one surface, and of the mid-side nodes of its sharp edges, with facets of the other.
+  subroutine find_vertex_contacts(surface, has_mid_nodes, other, radius, is_slave, contact)
     !> Surface of the vertices.
     type(master_surface_t), intent(in) :: surface
+    !> Facets with mid-side nodes (n_facets).
+    logical, intent(in) :: has_mid_nodes(:)
     !> Surface of the facets.
     type(master_surface_t), intent(in) :: other
     !> Search radius: greatest distance of a projection [length].
@@ -80,53 +84,96 @@ contains
     logical, intent(in) :: is_slave
     !> Contacts; new ones are appended (n).
     type(point_contact_t), allocatable, intent(inout) :: contact(:)
-    type(point_contact_t) :: new
-    type(projection_t) :: projection
-    real(dp) :: x(3), mean(3), slope
-    integer :: v, k, f, hint
+    integer :: v, k, f, e, g, hint
     hint = 0
     associate (adjacency => surface%adjacency, set => surface%set)
       do v = 1, size(adjacency%start) - 1
         associate (around => adjacency%facet(adjacency%start(v):adjacency%start(v + 1) - 1))
           f = around(1)
           k = corner_of(set, adjacency, v, f)
-          x = corner_position(set, f, k)
-          mean = mean_normal(set, adjacency, v)
-          if (.not. norm2(mean) > no_direction) cycle
-          slope = max_slope
-          if (norm2(mean) > pointed) then
-            if (.not. is_at_boundary(adjacency, around, set%corners)) cycle
-            slope = max_boundary_slope
-          end if
-          mean = mean/norm2(mean)
-          call project_point(other, x, mean, hint, radius, minval(set%depth(around)), projection)
-          if (projection%status /= projection_found) cycle
-          if (.not. is_apex(set, adjacency, v, x, projection%normal, slope)) cycle
-          new = point_contact_t()
-          new%weight = projected_area(set, adjacency, v, projection%normal)
-          new%gap = projection%distance
-          if (is_slave) then
-            new%facet_a = f
-            new%xi_a = corner_coordinates(set%corners(f), k)
-            new%facet_b = projection%facet
-            new%xi_b = projection%xi
-            new%normal = projection%normal
-            new%position = x
-            new%corner_a = k
-          else
-            new%facet_a = projection%facet
-            new%xi_a = projection%xi
-            new%facet_b = f
-            new%xi_b = corner_coordinates(set%corners(f), k)
-            new%normal = -projection%normal
-            new%position = projection%position
-            new%corner_b = k
-          end if
-          contact = [contact, new]
+          call add_contact(surface, other, around, mean_normal(set, adjacency, v), &
+                           corner_coordinates(set%corners(f), k), k, 0, radius, is_slave, hint, contact)
         end associate
+      end do
+      if (set%dimension == 2) return
+      do f = 1, set%n
+        if (.not. has_mid_nodes(f)) cycle
+        do e = 1, set%corners(f)
+          g = adjacency%neighbour(e, f)
+          if (g > 0 .and. g < f) cycle
+          if (g == 0) then
+            call add_contact(surface, other, [f], set%axis(:, f), edge_coordinates(set%corners(f), e, 0.5_dp), 0, e, &
+                             radius, is_slave, hint, contact)
+          else
+            call add_contact(surface, other, [f, g], (set%axis(:, f) + set%axis(:, g))/2, &
+                             edge_coordinates(set%corners(f), e, 0.5_dp), 0, e, radius, is_slave, hint, contact)
+          end if
+        end do
       end do
     end associate
   end subroutine find_vertex_contacts
+
+  !> Add the contact of one node if it is pointed and has a projection.
+  subroutine add_contact(surface, other, around, mean, xi, corner, edge, radius, is_slave, hint, contact)
+    !> Surface of the node.
+    type(master_surface_t), intent(in) :: surface
+    !> Surface of the facets.
+    type(master_surface_t), intent(in) :: other
+    !> Facets at the node (number of facets there).
+    integer, intent(in) :: around(:)
+    !> Mean of their unit normals (3) [].
+    real(dp), intent(in) :: mean(3)
+    !> Reference coordinates of the node on the first of them (2) [].
+    real(dp), intent(in) :: xi(2)
+    !> Its corner of this facet, 0 for a mid-side node.
+    integer, intent(in) :: corner
+    !> The edge of the mid-side node, 0 for a corner.
+    integer, intent(in) :: edge
+    !> Search radius: greatest distance of a projection [length].
+    real(dp), intent(in) :: radius
+    !> The surface of the node is the slave surface.
+    logical, intent(in) :: is_slave
+    !> A facet of the other surface that is probably near, 0 if none; the nearest facet on return.
+    integer, intent(inout) :: hint
+    !> Contacts; a new one is appended (n).
+    type(point_contact_t), allocatable, intent(inout) :: contact(:)
+    type(point_contact_t) :: new
+    type(projection_t) :: projection
+    real(dp) :: slope
+    real(dp), dimension(3) :: x, normal, xu, xv
+    if (.not. norm2(mean) > no_direction) return
+    slope = max_slope
+    if (norm2(mean) > pointed) then
+      if (.not. is_at_boundary(surface%adjacency, around, edge, surface%set%corners)) return
+      slope = max_boundary_slope
+    end if
+    call facet_position_and_normal(surface%set, around(1), xi, x, normal, xu, xv)
+    call project_point(other, x, mean/norm2(mean), hint, radius, minval(surface%set%depth(around)), projection)
+    if (projection%status /= projection_found) return
+    if (.not. is_apex(surface%set, around, x, projection%normal, slope)) return
+    new%weight = projected_area(surface%set, around, projection%normal)
+    new%gap = projection%distance
+    if (is_slave) then
+      new%facet_a = around(1)
+      new%xi_a = xi
+      new%facet_b = projection%facet
+      new%xi_b = projection%xi
+      new%normal = projection%normal
+      new%position = x
+      new%corner_a = corner
+      new%edge_a = edge
+    else
+      new%facet_a = projection%facet
+      new%xi_a = projection%xi
+      new%facet_b = around(1)
+      new%xi_b = xi
+      new%normal = -projection%normal
+      new%position = projection%position
+      new%corner_b = corner
+      new%edge_b = edge
+    end if
+    contact = [contact, new]
+  end subroutine add_contact
 
   !> Whether integration points of a mortar row belong to flanks that touch in a point contact only.
   subroutine touches_in_points(contact, slave, master, facet_a, facet_b, normal, in_points)
@@ -207,44 +254,45 @@ contains
   end subroutine touches_in_points
 
   !> Whether the surface ends at one of the facets around a vertex.
-  pure logical function is_at_boundary(adjacency, around, corners)
+  pure logical function is_at_boundary(adjacency, around, edge, corners)
     !> Neighbours of the facets.
     type(adjacency_t), intent(in) :: adjacency
-    !> Facets at the vertex (number of facets there).
+    !> Facets at the node (number of facets there).
     integer, intent(in) :: around(:)
+    !> Edge of the first facet on which the node lies in the middle, 0 for a corner.
+    integer, intent(in) :: edge
     !> Numbers of corners of all facets (n).
     integer, intent(in) :: corners(:)
     integer :: i
+    if (edge > 0) then
+      is_at_boundary = adjacency%neighbour(edge, around(1)) == 0
+      return
+    end if
     is_at_boundary = any([(any(adjacency%neighbour(1:corners(around(i)), around(i)) == 0), i=1, size(around))])
   end function is_at_boundary
 
   !> Whether a vertex is locally the outermost point of its body in a direction, up to inclined edges, and no facet there
   !> could touch as a whole.
-  pure logical function is_apex(set, adjacency, v, x, normal, slope)
+  pure logical function is_apex(set, around, x, normal, slope)
     !> Facets of the surface.
     type(facet_set_t), intent(in) :: set
-    !> Neighbours of the facets.
-    type(adjacency_t), intent(in) :: adjacency
-    !> Vertex number.
-    integer, intent(in) :: v
-    !> Position of the vertex (3) [length].
+    !> Facets at the node (number of facets there).
+    integer, intent(in) :: around(:)
+    !> Position of the node (3) [length].
     real(dp), intent(in) :: x(3)
     !> Direction out of the body (3) [].
     real(dp), intent(in) :: normal(3)
     !> Sine of the greatest inclination of edges towards the other surface [].
     real(dp), intent(in) :: slope
-    real(dp) :: r(3)
-    integer :: i, k, f
+    real(dp) :: r(3), cosine
+    integer :: i, k
     is_apex = .true.
-    do i = adjacency%start(v), adjacency%start(v + 1) - 1
-      f = adjacency%facet(i)
-      associate (cosine => dot_product(set%axis(:, f), normal))
-        is_apex = is_apex .and. cosine >= min_exposure .and. cosine <= flank_cosine
-      end associate
-      do k = 1, set%corners(f)
-        if (adjacency%vertex(k, f) == v) cycle
-        r = corner_position(set, f, k) - x
-        is_apex = is_apex .and. dot_product(r, normal) <= slope*norm2(r)
+    do i = 1, size(around)
+      cosine = dot_product(set%axis(:, around(i)), normal)
+      is_apex = is_apex .and. cosine >= min_exposure .and. cosine <= flank_cosine
+      do k = 1, set%corners(around(i))
+        r = corner_position(set, around(i), k) - x
+        is_apex = is_apex .and. dot_product(r, normal) <= slope*norm2(r) + same_place*set%size(around(i))
       end do
     end do
   end function is_apex
@@ -279,22 +327,20 @@ contains
     mean = mean/max(total, tiny(1.0_dp))
   end function mean_normal
 
-  !> Share of a vertex in the areas of its facets, projected along a direction [length^2; length in two dimensions].
-  pure real(dp) function projected_area(set, adjacency, v, normal) result(area)
+  !> Share of a node in the areas of its facets, projected along a direction [length^2; length in two dimensions].
+  pure real(dp) function projected_area(set, around, normal) result(area)
     !> Facets of the surface.
     type(facet_set_t), intent(in) :: set
-    !> Neighbours of the facets.
-    type(adjacency_t), intent(in) :: adjacency
-    !> Vertex number.
-    integer, intent(in) :: v
+    !> Facets at the node (number of facets there).
+    integer, intent(in) :: around(:)
     !> Direction (3) [].
     real(dp), intent(in) :: normal(3)
     real(dp), dimension(3) :: position, n, xu, xv
     real(dp) :: xi(2), whole
     integer :: i, f
     area = 0
-    do i = adjacency%start(v), adjacency%start(v + 1) - 1
-      f = adjacency%facet(i)
+    do i = 1, size(around)
+      f = around(i)
       xi = merge(1/3.0_dp, 0.0_dp, set%corners(f) == 3)
       call facet_position_and_normal(set, f, xi, position, n, xu, xv)
       select case (set%corners(f))
