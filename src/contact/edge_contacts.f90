@@ -5,7 +5,7 @@
 module dotyk_contact_edge_contacts
   use dotyk_base_kinds, only: dp
   use dotyk_contact_facet_corners, only: corner_position, edge_coordinates
-  use dotyk_contact_facet_set, only: facet_position_and_normal
+  use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
   use dotyk_contact_point_contacts, only: flank_cosine, min_exposure, point_contact_t
   use dotyk_contact_projection, only: master_surface_t
   use dotyk_contact_tree_search, only: box_neighbourhood_t, facets_in_region
@@ -16,6 +16,9 @@ module dotyk_contact_edge_contacts
 
   !> Edges cross where the sine of their angle exceeds this.
   real(dp), parameter :: min_crossing = 0.1_dp
+  !> Steps to the closest points of curved edges, and the step below which they are found.
+  integer, parameter :: max_steps = 20
+  real(dp), parameter :: converged_step = 1.0e-12_dp
   !> Crossing edges are searched within this multiple of the size of their facets.
   real(dp), parameter :: edge_reach = 2
   !> Edges between facets that are inclined by less than this are flat: half a degree.
@@ -110,7 +113,7 @@ contains
   end function is_first_convex
 
   !> Closest points of two edges that cross, if both bodies lie behind them.
-  pure subroutine cross_edges(slave, f, e, is_sharp_a, ends, master, g, k, is_sharp_b, reach, contact, found)
+  subroutine cross_edges(slave, f, e, is_sharp_a, ends, master, g, k, is_sharp_b, reach, contact, found)
     !> Slave surface.
     type(master_surface_t), intent(in) :: slave
     !> Facet of the slave edge.
@@ -135,7 +138,7 @@ contains
     type(point_contact_t), intent(out) :: contact
     !> The edges cross, and bodies lie behind them.
     logical, intent(out) :: found
-    real(dp), dimension(3) :: a, b, r, n, on_a, on_b, normal, xu, xv
+    real(dp), dimension(3) :: a, b, r, n, on_a, on_b
     real(dp) :: s, t, length, sine
     found = .false.
     a = ends(:, 2) - ends(:, 1)
@@ -160,19 +163,74 @@ contains
     end if
     contact%facet_a = f
     contact%edge_a = e
-    contact%edge_b = k
-    contact%xi_a = edge_coordinates(slave%set%corners(f), e, s)
     contact%facet_b = g
-    contact%xi_b = edge_coordinates(master%set%corners(g), k, t)
-    call facet_position_and_normal(slave%set, f, contact%xi_a, on_a, normal, xu, xv)
-    call facet_position_and_normal(master%set, g, contact%xi_b, on_b, normal, xu, xv)
+    contact%edge_b = k
+    call refine(s, t, n)
+    if (s < 0 .or. s > 1 .or. t < 0 .or. t > 1) return
     contact%position = on_a
     contact%normal = n
     contact%gap = dot_product(n, on_b - on_a)
     contact%weight = sine*length/4
     ! An overlap is shallower than the bodies are thick.
     found = -contact%gap <= min(slave%set%depth(f), master%set%depth(g))
+
+  contains
+
+    !> Closest points of edges that are curved, by the method of Gauss and Newton, and their common normal.
+    subroutine refine(s, t, n)
+      !> Fraction of the slave edge (0 to 1) [].
+      real(dp), intent(inout) :: s
+      !> Fraction of the master edge (0 to 1) [].
+      real(dp), intent(inout) :: t
+      !> Unit normal from body a into body b (3) [].
+      real(dp), intent(inout) :: n(3)
+      real(dp) :: aa, ab, bb, ra, rb, step(2)
+      real(dp), dimension(3) :: common
+      integer :: i
+      do i = 1, max_steps
+        call on_edge(slave%set, f, e, s, contact%xi_a, on_a, a)
+        call on_edge(master%set, g, k, t, contact%xi_b, on_b, b)
+        if (i == max_steps) exit
+        aa = dot_product(a, a)
+        ab = dot_product(a, b)
+        bb = dot_product(b, b)
+        ra = dot_product(on_b - on_a, a)
+        rb = dot_product(on_b - on_a, b)
+        if (.not. aa*bb - ab**2 > (min_crossing/2)**2*aa*bb) exit
+        step = [bb*ra - ab*rb, ab*ra - aa*rb]/(aa*bb - ab**2)
+        s = s + step(1)
+        t = t + step(2)
+        if (maxval(abs([s, t])) > 2 .or. maxval(abs(step)) < converged_step) exit
+      end do
+      call on_edge(slave%set, f, e, s, contact%xi_a, on_a, a)
+      call on_edge(master%set, g, k, t, contact%xi_b, on_b, b)
+      common = cross(a, b)
+      if (norm2(common) > 0) n = sign(1.0_dp, dot_product(common, n))*common/norm2(common)
+    end subroutine refine
   end subroutine cross_edges
+
+  !> Point of an edge and its derivative along the edge.
+  pure subroutine on_edge(set, f, e, s, xi, x, along)
+    !> Facets.
+    type(facet_set_t), intent(in) :: set
+    !> Facet number.
+    integer, intent(in) :: f
+    !> Edge number.
+    integer, intent(in) :: e
+    !> Fraction of the edge from its first corner [].
+    real(dp), intent(in) :: s
+    !> Reference coordinates of the point (2) [].
+    real(dp), intent(out) :: xi(2)
+    !> Position (3) [length].
+    real(dp), intent(out) :: x(3)
+    !> Derivative with respect to s (3) [length].
+    real(dp), intent(out) :: along(3)
+    real(dp) :: normal(3), xu(3), xv(3), whole(2)
+    xi = edge_coordinates(set%corners(f), e, s)
+    whole = edge_coordinates(set%corners(f), e, 1.0_dp) - edge_coordinates(set%corners(f), e, 0.0_dp)
+    call facet_position_and_normal(set, f, xi, x, normal, xu, xv)
+    along = whole(1)*xu + whole(2)*xv
+  end subroutine on_edge
 
   !> Whether the facets at an edge lie behind the tangent plane with an outward normal and face along it, and those of a
   !> sharp edge could not touch as a whole.

@@ -245,7 +245,7 @@ contains
                   'positive, kept by the error budget, and no part of the penalty error')
     call list%add('search_radius', kind_real, unit='length', positive=.true., &
                   meaning='largest distance between a point and its projection; if absent, the size of the '// &
-                  'smaller body (the shortest edge of its bounding box); points beyond it are normal where '// &
+                  'smaller body (its diameter); points beyond it are normal where '// &
                   'surface_a is closed')
     call list%add('discretization', kind_name, names=discretization_names, &
                   default=option_name(discretization_names, default_discretization), &
@@ -254,7 +254,7 @@ contains
                   'penalty, (18) literally; if absent and layer=.true., quadrature')
     call list%add('geometry', kind_name, names=geometry_names, default=option_name(geometry_names, default_geometry), &
                   meaning='surface geometry for gaps and normals: smooth, patches with continuous normals over '// &
-                  'the facets (edges of more than 40 degrees stay sharp, planes flat); elements, the facets '// &
+                  'the facets (planes stay flat, and edges between faces of the CAD model sharp); elements, the facets '// &
                   'of the mesh')
     call list%add('quadrature', kind_name, names=quadrature_names, &
                   default=option_name(quadrature_names, default_quadrature), &
