@@ -8,10 +8,12 @@ module dotyk_control_penetration_check
   use omp_lib, only: omp_get_max_threads
   use dotyk_base_kinds, only: dp
   use dotyk_base_sort, only: sort_order
+  use dotyk_contact_pair, only: contact_pair_t
   use dotyk_contact_passage_search, only: swept_facets_t
   use dotyk_contact_penetration_search, only: find_passages, find_penetration, penetration_t
   use dotyk_contact_penetration_tolerance, only: penetration_tolerance_t
   use dotyk_contact_solid_boundary, only: solid_t
+  use dotyk_contact_touch_search, only: find_touch, touch_t
   use dotyk_control_body_solution, only: body_solution_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_explained_penetration, only: explained_penetration
@@ -30,6 +32,8 @@ module dotyk_control_penetration_check
     integer :: other = 0
     !> The deepest point.
     type(penetration_t) :: worst
+    !> Faces that touch though no contact pair has the two.
+    type(touch_t) :: touch
   end type body_penetration_t
 
   !> Outcome of the check.
@@ -38,6 +42,8 @@ module dotyk_control_penetration_check
     logical :: is_done = .false.
     !> Pairs of bodies that penetrate each other, the deepest first.
     type(body_penetration_t), allocatable :: found(:)
+    !> Pairs of bodies that touch, and are in no contact pair.
+    type(body_penetration_t), allocatable :: touching(:)
     !> Depth of the nodes that are too deep, or at an edge that is; 0 elsewhere (n_bodies) [length].
     type(nodal_field_t), allocatable :: depth(:)
   contains
@@ -134,6 +140,7 @@ contains
     end do
     !$omp end parallel do
     check%found = pack(found, found%worst%depth > 0)
+    check%touching = pack(found, found%touch%n_facets > 0 .and. .not. found%worst%depth > 0)
     call sort_found(check%found)
   end subroutine check_penetration
 
@@ -250,7 +257,29 @@ contains
     end do
     found = a_in_b
     if (b_in_a%worst%outweighs(a_in_b%worst)) found = b_in_a
+    if (found%worst%depth > 0 .or. are_paired(problem%pair, a, b)) return
+    do i = 1, size(parts_a%part)
+      do j = merge(i + 1, 1, a == b), size(parts_b%part)
+        associate (p => parts_a%part(i), q => parts_b%part(j))
+          tolerance%explained_a = explained_a(p%node)
+          tolerance%explained_b = explained_b(q%node)
+          call find_touch(p, q, tolerance, found%touch)
+          call find_touch(q, p, tolerance%swapped(), found%touch)
+        end associate
+      end do
+    end do
   end subroutine check_bodies
+
+  !> Whether a contact pair has two bodies.
+  pure logical function are_paired(pair, a, b)
+    !> Contact pairs (n_pairs).
+    type(contact_pair_t), intent(in) :: pair(:)
+    !> Index of the first body.
+    integer, intent(in) :: a
+    !> Index of the second body.
+    integer, intent(in) :: b
+    are_paired = any((pair%body_a == a .and. pair%body_b == b) .or. (pair%body_a == b .and. pair%body_b == a))
+  end function are_paired
 
   !> Check one part against another one.
   subroutine check_parts(p, q, swept, tolerance, depth, worst)

@@ -1,5 +1,6 @@
 !> Bodies that penetrate each other, in the log.
 module dotyk_log_penetration_lines
+  use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
   use dotyk_base_text, only: counted, quoted, to_text
   use dotyk_control_penetration_check, only: body_penetration_t, penetration_check_t
@@ -9,7 +10,7 @@ module dotyk_log_penetration_lines
   public :: show_penetration
 
   !> Greatest number of couples of bodies with a line each; more are summed up.
-  integer, parameter :: most_shown = 20
+  integer, parameter :: most_shown = 20, most_touching = 5
 
 contains
 
@@ -27,7 +28,24 @@ contains
     end do
     if (size(check%found) > most_shown) &
       call log%line('  penetration      '//counted(size(check%found) - most_shown, 'more couple')//' of bodies')
+    do k = 1, min(most_touching, size(check%touching))
+      associate (found => check%touching(k))
+        call log%line('  no pair          '//quoted(body(found%body)%name)//' and '// &
+                      quoted(body(found%other)%name)//' touch at '//place_of(found%touch%position)//' ('// &
+                      counted(found%touch%n_facets, 'facet')//'), and no &contact names them')
+      end associate
+    end do
+    if (size(check%touching) > most_touching) &
+      call log%line('  no pair          '//counted(size(check%touching) - most_touching, 'more couple')//' of bodies')
   end subroutine show_penetration
+
+  !> A position in brackets.
+  function place_of(x) result(text)
+    !> Position (3) [length].
+    real(dp), intent(in) :: x(3)
+    character(:), allocatable :: text
+    text = '('//to_text(x(1), 4)//', '//to_text(x(2), 4)//', '//to_text(x(3), 4)//')'
+  end function place_of
 
   !> Who, where and how deep.
   function line_of(body, found) result(text)
@@ -37,10 +55,9 @@ contains
     type(body_penetration_t), intent(in) :: found
     character(:), allocatable :: text
     associate (worst => found%worst)
-      text = quoted(body(found%body)%name)//trim(merge(' has passed through', ' is inside         ', worst%n_passed > 0))// &
-             ' '//quoted(body(found%other)%name)//' by '// &
-             to_text(worst%depth, 4)//' at ('//to_text(worst%position(1), 4)//', '// &
-             to_text(worst%position(2), 4)//', '//to_text(worst%position(3), 4)//')'
+      text = quoted(body(found%body)%name)//' '// &
+             trim(merge('has passed through', 'is inside         ', worst%n_passed > 0))//' '//quoted(body(found%other)%name)//' by '// &
+             to_text(worst%depth, 4)//' at '//place_of(worst%position)
       if (worst%n_nodes > 0) text = text//', '//counted(worst%n_nodes, 'node')
       if (worst%n_passed > 0) text = text//', '//counted(worst%n_passed, 'node')//' passed'
       if (worst%n_edges > 0) text = text//', '//counted(worst%n_edges, 'edge')

@@ -143,6 +143,36 @@ class Penetration(unittest.TestCase):
                 scene.pair("joint", "upper:bottom", "lower:top", keys)
                 self.check(scene, 0, ())
 
+    def test_faces_in_no_pair(self):
+        """Blocks that touch and are in no pair are named; those that touch at an edge, or that a pair has, are not."""
+        scene = Scene("3d")
+        held(scene, "low", box("hex8", 2, (0, 0, 0), (1, 1, 1)))
+        held(scene, "high", box("hex8", 3, (0, 0.2, 1), (0.8, 1, 2)))
+        held(scene, "edge", box("hex8", 2, (1, 0, 1), (2, 1, 2)))
+        for seed in SEEDS:
+            answer = scene.solve(seed)
+            self.assertEqual(answer.code, 0, answer.log)
+            self.assertEqual(len(re.findall("  no pair  ", answer.log)), 1, answer.log)
+            self.assertRegex(answer.log, "no pair +'low' and 'high' touch at .* and no &contact names them")
+        answer = scene.pair("joint", "high:bottom", "low:top").solve()
+        self.assertNotIn("  no pair  ", answer.log)
+
+    def test_large_motion(self):
+        """Motions beyond small-displacement theory: 31 times the size, and 0.1 rad."""
+        scene = Scene("plane_strain")
+        held(scene, "still", box("quad4", 2, (-5, 0), (-2, 4)))
+        moved(scene, "fast", box("quad4", 2, (0, 0), (3, 4)), (0, 155))
+        answer = scene.solve()
+        self.assertRegex(answer.log, "large motion +'fast' moves by 31 times its size")
+        self.assertNotIn("rotates", answer.log)
+        scene = Scene("plane_strain")
+        mesh = box("quad4", 2, (0, 0), (3, 4))
+        mesh.group("all", *mesh.patches)
+        scene.body("turned", mesh).raw("&support body='turned', surface='all', fix='xy', value_formula='-0.1*y','0.1*x'")
+        answer = scene.solve()
+        self.assertRegex(answer.log, r"large motion +'turned' rotates by 0\.1 rad; .* by 0\.5 %")
+        self.assertNotIn("moves by", answer.log)
+
     def test_field(self):
         """The field of the results file: the depth where nodes are too deep, 0 elsewhere."""
         scene = Scene("plane_strain")

@@ -1,0 +1,101 @@
+!> Motions beyond small-displacement theory, in the log.
+module dotyk_log_large_motion
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_log, only: log_t
+  use dotyk_base_text, only: counted, quoted, to_text
+  use dotyk_control_body_solution, only: body_solution_t
+  use dotyk_elasticity_body, only: body_t
+  implicit none
+  private
+  public :: show_large_motion
+
+  !> Displacement relative to the size of a body, and rotation, from which on there is a warning [].
+  real(dp), parameter :: large_displacement = 0.5_dp, large_rotation = 0.05_dp
+
+contains
+
+  !> Warn of the body that moves farthest by its size, and of the one that rotates most.
+  subroutine show_large_motion(log, body, solution)
+    !> The log.
+    type(log_t), intent(inout) :: log
+    !> Bodies (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    !> Their displacements (n_bodies).
+    type(body_solution_t), intent(in) :: solution(:)
+    real(dp) :: ratio(size(body)), angle(size(body))
+    integer :: b
+    do b = 1, size(body)
+      associate (x => body(b)%mesh%x, u => solution(b)%displacement)
+        ratio(b) = maxval(norm2(u, dim=1))/norm2(maxval(x, 2) - minval(x, 2))
+        angle(b) = mean_rotation(x, u)
+      end associate
+    end do
+    b = maxloc(ratio, dim=1)
+    if (ratio(b) > large_displacement) &
+      call log%line('  large motion     '//quoted(body(b)%name)//' moves by '//to_text(ratio(b), 3)// &
+                    ' times its size'//others(count(ratio > large_displacement) - 1)// &
+                    '; contact was searched where the bodies are placed')
+    b = maxloc(angle, dim=1)
+    if (angle(b) > large_rotation) &
+      call log%line('  large motion     '//quoted(body(b)%name)//' rotates by '//to_text(angle(b), 3)//' rad'// &
+                    others(count(angle > large_rotation) - 1)//'; small-displacement theory stretches it by '// &
+                    to_text(100*angle(b)**2/2, 2)//' %')
+  end subroutine show_large_motion
+
+  !> How many bodies more do so; empty for none.
+  function others(n) result(text)
+    !> Number of bodies.
+    integer, intent(in) :: n
+    character(:), allocatable :: text
+    text = ''
+    if (n > 0) text = ' ('//counted(n, 'body', 'bodies')//' more, less)'
+  end function others
+
+  !> Mean rotation of nodes about their centre, by least squares [rad].
+  pure real(dp) function mean_rotation(x, u) result(angle)
+    !> Nodes (dimension, n_nodes) [length].
+    real(dp), intent(in) :: x(:, :)
+    !> Their displacements (dimension, n_nodes) [length].
+    real(dp), intent(in) :: u(:, :)
+    real(dp) :: centre(3), mean(3), r(3), v(3), inertia(3, 3), moment(3), omega(3), determinant
+    integer :: i, j, d
+    d = size(x, 1)
+    centre = 0
+    mean = 0
+    centre(1:d) = sum(x, 2)/size(x, 2)
+    mean(1:d) = sum(u, 2)/size(u, 2)
+    inertia = 0
+    moment = 0
+    r = 0
+    v = 0
+    do i = 1, size(x, 2)
+      r(1:d) = x(:, i) - centre(1:d)
+      v(1:d) = u(:, i) - mean(1:d)
+      do j = 1, 3
+        inertia(:, j) = inertia(:, j) - r*r(j)
+        inertia(j, j) = inertia(j, j) + dot_product(r, r)
+      end do
+      moment = moment + [r(2)*v(3) - r(3)*v(2), r(3)*v(1) - r(1)*v(3), r(1)*v(2) - r(2)*v(1)]
+    end do
+    if (d == 2) then
+      angle = abs(moment(3))/max(inertia(3, 3), tiny(angle))
+      return
+    end if
+    ! Cramer's rule; a body in three dimensions has a regular matrix.
+    determinant = triple(inertia(:, 1), inertia(:, 2), inertia(:, 3))
+    omega = [triple(moment, inertia(:, 2), inertia(:, 3)), triple(inertia(:, 1), moment, inertia(:, 3)), &
+             triple(inertia(:, 1), inertia(:, 2), moment)]
+    angle = norm2(omega)/max(abs(determinant), tiny(angle))
+  end function mean_rotation
+
+  !> Triple product.
+  pure real(dp) function triple(a, b, c)
+    !> First vector (3) [any].
+    real(dp), intent(in) :: a(3)
+    !> Second vector (3) [any].
+    real(dp), intent(in) :: b(3)
+    !> Third vector (3) [any].
+    real(dp), intent(in) :: c(3)
+    triple = a(1)*(b(2)*c(3) - b(3)*c(2)) + a(2)*(b(3)*c(1) - b(1)*c(3)) + a(3)*(b(1)*c(2) - b(2)*c(1))
+  end function triple
+end module dotyk_log_large_motion
