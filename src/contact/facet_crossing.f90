@@ -18,8 +18,8 @@ module dotyk_contact_facet_crossing
 
 contains
 
-  !> Where a segment crosses the deformed boundary, ascending. Facets are passed over where both ends are nearer to their
-  !> planes than they resolve.
+  !> Where a segment crosses the deformed boundary, ascending. Facets are passed over where both ends are nearer to
+  !> their planes than they resolve.
   subroutine crossings(b, start, finish, slack, n, s, enters)
     !> The part.
     type(solid_t), intent(in) :: b
@@ -87,7 +87,8 @@ contains
       first = dot_product(normal, start - b%x(:, node(1)))
       second = dot_product(normal, finish - b%x(:, node(1)))
       if (first*second > 0 .or. max(abs(first), abs(second)) <= slack + b%roughness(f)) return
-      t = dot_product(along, start + first/(first - second)*(finish - start) - b%x(:, node(1)))/dot_product(along, along)
+      t = dot_product(along, start + first/(first - second)*(finish - start) - b%x(:, node(1)))/ &
+          dot_product(along, along)
       if (t >= -border .and. t <= 1 + border) call keep(first/(first - second), first > second)
     end subroutine cross_line
 

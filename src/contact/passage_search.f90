@@ -1,8 +1,9 @@
-!> Nodes that have passed wholly through another part: outside before and after deformation, and through two of its faces
-!> in between. Thin parts tunnel so.
+!> Nodes that have passed wholly through another part: outside before and after deformation, and through two of its
+!> faces in between. Thin parts tunnel so.
 !>
 !> Nodes and facets move along straight lines from their positions before deformation to those after it. A node enters
-!> through a face in front of which it starts and behind which it ends, and leaves through another one the other way round.
+!> through a face in front of which it starts and behind which it ends, and leaves through another one the other way
+!> round.
 module dotyk_contact_passage_search
   use dotyk_base_kinds, only: dp
   use dotyk_contact_bounding_volume_tree, only: bounding_volume_tree_t

@@ -1,5 +1,5 @@
-!> Penetration of two bodies that their contact pairs leave by intention: by penalty, and where a given gap is larger than
-!> the distance of the surfaces.
+!> Penetration of two bodies that their contact pairs leave by intention: by penalty, and where a given gap is larger
+!> than the distance of the surfaces.
 module dotyk_control_explained_penetration
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: gap_constant, gap_formula, gap_geometry
@@ -38,7 +38,8 @@ contains
     beside = 0
     do k = 1, size(problem%pair)
       associate (pair => problem%pair(k))
-        if (.not. all([pair%body_a, pair%body_b] == [body, other] .or. [pair%body_b, pair%body_a] == [body, other])) cycle
+        if (.not. all([pair%body_a, pair%body_b] == [body, other] .or. &
+                      [pair%body_b, pair%body_a] == [body, other])) cycle
         call penetration_at_points(pair, y(first_row(k):first_row(k + 1) - 1), problem%body(pair%body_b), &
                                    problem%surface_b(k), at_points)
         if (pair%body_a == body) call spread_points(at_points, problem%surface_a(k), pair%facet_a, explained, is_known)

@@ -56,7 +56,8 @@ contains
     character(:), allocatable :: text
     associate (worst => found%worst)
       text = quoted(body(found%body)%name)//' '// &
-             trim(merge('has passed through', 'is inside         ', worst%n_passed > 0))//' '//quoted(body(found%other)%name)//' by '// &
+             trim(merge('has passed through', 'is inside         ', worst%n_passed > 0))//' '// &
+             quoted(body(found%other)%name)//' by '// &
              to_text(worst%depth, 4)//' at '//place_of(worst%position)
       if (worst%n_nodes > 0) text = text//', '//counted(worst%n_nodes, 'node')
       if (worst%n_passed > 0) text = text//', '//counted(worst%n_passed, 'node')//' passed'
