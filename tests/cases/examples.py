@@ -224,17 +224,20 @@ class Examples(dotyk_case.Case):
         self.limits("bearing")
 
     def test_ball_bearing(self):
-        """Coarser: a third of the unknowns. Spinning and rolling of the balls are indeterminate, not noise."""
+        """Coarser: half of the unknowns. Spinning and rolling of the balls are indeterminate, not noise."""
         self.copy("ball_bearing")
         for name in "ball", "ball_bearing":
-            self.edit("ball_bearing/%s.geo" % name, (r"\[n = 2.4\]", "[n = 1.6]"), (r"^g = 0.7;", "g = 0.9;"))
+            self.edit("ball_bearing/%s.geo" % name, (r"\[n = 2.4\]", "[n = 1.5]"), (r"^g = 0.7;", "g = 0.9;"))
+        self.edit("ball_bearing/ball_bearing.geo", (r"^H = 3;", "H = 2.2;"))
+        self.edit("ball_bearing/ball_bearing.nml", (r"^&solver", "&output error_parts='' /\n&solver"))
         file = self.run_example("ball_bearing")
         self.assertLessEqual(file["dotyk/summary"].attrs["iterations"], 6)
         check = check_of("ball_bearing")
         errors = check.errors(self.folder / "ball_bearing/ball_bearing.vtkhdf")[0]
+        # One element and a half over half the width of the contact: three such meshes are within 7 % and 1.1 %.
+        factors = {"peak pressures": 2, "left against right": 2}
         for name, limit in check.LIMITS.items():
-            # One element and a half over half the width of the contact.
-            self.assertLessEqual(errors[name], limit * (3 if name == "peak pressures" else 1), name)
+            self.assertLessEqual(errors[name], limit * factors.get(name, 1), name)
 
     def test_receding(self):
         """The contact of a layer that lifts off is the same under any load."""
