@@ -157,11 +157,13 @@ contains
     !> Projections on the held directions, added to (dim, dim, n_boundary) [].
     real(dp), intent(inout) :: projection(:, :, :)
     real(dp) :: force(pair%n_points), normal(size(back, 1), surface%n_facets), direction(size(back, 1))
+    real(dp) :: least
     integer :: e, f, q
     call pair%average%multiply_transposed(pair%row_weight*max(pressure, 0.0_dp), force)
+    least = negligible*maxval(abs(force))
     normal = 0
     do q = 1, pair%n_points
-      if (abs(force(q)) > negligible*maxval(abs(force))) &
+      if (abs(force(q)) > least) &
         normal(:, facet(q)) = normal(:, facet(q)) + pair%weight(q)*pair%normal(:, q)
     end do
     do q = 1, surface%n_facets

@@ -3,9 +3,11 @@ module dotyk_elasticity_body
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_3d
+  use dotyk_base_text, only: text_t
   use dotyk_elasticity_assembly, only: assemble_elements => assemble_stiffness
   use dotyk_elasticity_constraint, only: constraint_t
   use dotyk_elasticity_dirichlet_lift, only: subtract_dirichlet_lift
+  use dotyk_elasticity_load_report, only: load_resultant_t
   use dotyk_elasticity_material, only: material_t
   use dotyk_elasticity_node_graph, only: node_graph
   use dotyk_elasticity_point_forces, only: point_forces_t
@@ -38,6 +40,10 @@ module dotyk_elasticity_body
     type(point_forces_t) :: applied
     !> Sum of the constant force densities in global axes (3) [force/volume].
     real(dp) :: density(3) = 0
+    !> Resultants of the loads (n_loads); for the log.
+    type(load_resultant_t), allocatable :: resultant(:)
+    !> Warnings of formulas of loads and supports that quadrature or the mesh does not resolve.
+    type(text_t), allocatable :: unresolved(:)
     !> Loads minus the forces of prescribed displacements, over the free equations (n_equations) [force].
     real(dp), allocatable :: rhs(:)
     !> Volume [volume].

@@ -4,7 +4,7 @@
 !> They miss up to half of the error at singular edges and the part that no fit sees, such as parabolic shear over one
 !> layer of elements; and they are too large where the stiffness jumps and in thin bodies, where polynomials around a
 !> vertex are poor. Residuals (`dotyk_elasticity_element_residual`) need no neighbours to be smooth: with a constant for
-!> the degree of the elements their energy is 0.8 to 1.5 times the error in both. So they bound the recovered ones from
+!> the kind of the elements their energy is 0.8 to 1.5 times the error in both. So they bound the recovered ones from
 !> both sides. The constants are measured: docs/errors.md, `studies/error_estimates.py`.
 module dotyk_elasticity_residual_check
   use dotyk_base_error, only: error_t
@@ -16,12 +16,13 @@ module dotyk_elasticity_residual_check
   use dotyk_elasticity_point_stress, only: point_material_t
   use dotyk_elasticity_projected_dilatation, only: unprojected_bulk_ratio
   use dotyk_mesh_body_mesh, only: body_mesh_t
-  use dotyk_mesh_element, only: element_kind, element_kind_t
+  use dotyk_mesh_element, only: n_element_kinds
   implicit none
   private
 
-  !> Error over the root of the energy of the residual in linear and quadratic elements (2) [].
-  real(dp), parameter :: constant(2) = [1.1_dp, 1.4_dp]
+  !> Error over the root of the energy of the residual of each element kind; none of lines (n_element_kinds) [].
+  real(dp), parameter :: constant(n_element_kinds) = [0.0_dp, 0.0_dp, 1.1_dp, 1.4_dp, 1.1_dp, 1.4_dp, 1.4_dp, 0.4_dp, &
+                                                      1.0_dp, 0.8_dp, 1.1_dp, 1.1_dp, 0.7_dp, 1.05_dp, 1.05_dp]
   !> Recovered strains count where they say at least this fraction of what the residual says [].
   real(dp), parameter :: least_fraction = 0.6_dp
   !> They count up to this multiple of it [].
@@ -51,10 +52,9 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(point_material_t) :: point_material
     type(bubble_table_t), allocatable :: table(:)
-    type(element_kind_t) :: kind
     type(error_t), allocatable :: failure
     real(dp) :: matrix(6, 6), lambda, bulk, energy(size(square, 1))
-    integer :: b, e, order
+    integer :: b, e
     allocate (table(size(mesh%block)))
     do b = 1, size(mesh%block)
       call material%split(analysis, unprojected_bulk_ratio(mesh%block(b)%kind, material%incompressibility), matrix, &
@@ -67,7 +67,7 @@ contains
     if (allocated(error)) return
     ! A formula serves one thread.
     !$omp parallel do default(none) schedule(dynamic, 16) if (point_material%factor%constant) &
-    !$omp& private(failure, energy, order, kind) shared(mesh, data, point_material, table, u, least, square, error)
+    !$omp& private(failure, energy) shared(mesh, data, point_material, table, u, least, square, error)
     do e = 1, size(square, 2)
       if (all(square(:, e) <= least)) cycle
       call residual_energy(mesh, data, point_material, table, u, e, energy, failure)
@@ -77,9 +77,7 @@ contains
         !$omp end critical
         cycle
       end if
-      kind = element_kind(mesh%block(data%faces%block(e))%kind)
-      order = kind%order
-      call hold(constant(order)**2*energy, square(:, e))
+      call hold(constant(mesh%block(data%faces%block(e))%kind)**2*energy, square(:, e))
     end do
     !$omp end parallel do
     call point_material%factor%destroy()

@@ -13,6 +13,7 @@ module dotyk_log_scene_tables
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t
   use dotyk_log_incompressibility, only: show_locking
+  use dotyk_log_load_tables, only: show_loads
   use dotyk_log_progress, only: duration
   use dotyk_mesh_surface, only: surface_t
   implicit none
@@ -54,6 +55,7 @@ contains
     type(factor_size_t), intent(in) :: size_of(:)
     call show_bodies(log, case, problem%body, problem%classes, size_of)
     call show_locking(log, case, problem%body, problem%classes)
+    call show_loads(log, case, problem)
     call show_pairs(log, problem%body, problem%pair, problem%surface_a, problem%surface_b)
     call log%line('')
   end subroutine show_scene

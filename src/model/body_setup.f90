@@ -5,9 +5,8 @@ module dotyk_model_body_setup
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: load_force_density
   use dotyk_base_operating_system, only: remove_file
-  use dotyk_base_text, only: text_t, to_text
+  use dotyk_base_text, only: quoted, text_t, to_text
   use dotyk_elasticity_body, only: body_t
-  use dotyk_elasticity_load, only: load_t, add_surface_load, add_volume_load
   use dotyk_elasticity_stiffness_tensor, only: rotate_stiffness
   use dotyk_elasticity_support, only: support_t, collect_supports
   use dotyk_input_case, only: body_input_t, case_t, load_input_t
@@ -16,6 +15,7 @@ module dotyk_model_body_setup
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_placement, only: placement_t
   use dotyk_mesh_surface, only: surface_t
+  use dotyk_model_body_loads, only: add_load, check_formula
   use dotyk_model_joints, only: add_remark, check_joints, describe_joints
   use dotyk_model_locking, only: would_lock
   use dotyk_model_materials, only: build_material
@@ -237,6 +237,7 @@ contains
           gathered(n)%fix = given%fix
           gathered(n)%value = given%value
           gathered(n)%formula = given%value_formula
+          call check_formula(body, 'the support of '//quoted(given%surface), gathered(n)%surface, given%value_formula)
         end associate
       end do
       support = gathered(:n)
@@ -248,19 +249,9 @@ contains
       type(load_input_t), intent(in) :: given
       !> Allocated where the load cannot be used.
       type(error_t), allocatable, intent(out) :: failed
-      type(load_t) :: load
       type(surface_t) :: surface
-      load%kind = given%kind
-      load%value = given%value
-      load%formula = given%formula
-      if (load%kind == load_force_density) then
-        call add_volume_load(body%mesh, body%analysis, load, body%load, failed, body%applied)
-        if (size(load%formula) == 0) body%density = body%density + load%value
-      else
-        call volume%take_surface(mesh, given%surface, surface, failed)
-        if (allocated(failed)) return
-        call add_surface_load(body%mesh, body%analysis, surface, load, body%load, failed, body%applied)
-      end if
+      if (given%kind /= load_force_density) call volume%take_surface(mesh, given%surface, surface, failed)
+      if (.not. allocated(failed)) call add_load(given, surface, body, failed)
     end subroutine build_load
 
     !> Add a problem of a line of the namelist file, if there is one.

@@ -1,0 +1,129 @@
+!> Resultants of the loads in the log, and warnings of formulas that quadrature does not resolve.
+module dotyk_log_load_tables
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_log, only: log_t
+  use dotyk_base_options, only: analysis_axisymmetric, gap_formula
+  use dotyk_base_text, only: counted, quoted, text_t, to_text
+  use dotyk_control_contact_problem, only: contact_problem_t
+  use dotyk_elasticity_body, only: body_t
+  use dotyk_elasticity_load_report, only: difference_in_volume, difference_on_surface, load_resultant_t, &
+    notable_difference
+  use dotyk_input_case, only: case_t
+  implicit none
+  private
+  public :: show_loads
+
+  !> Greatest number of loads with a line each; more are summed up by the table's last line.
+  integer, parameter :: most_shown = 20
+
+contains
+
+  !> The resultant of each load, and the warnings.
+  subroutine show_loads(log, case, problem)
+    !> The log.
+    type(log_t), intent(inout) :: log
+    !> The case.
+    type(case_t), intent(in) :: case
+    !> Bodies with loads, and pairs.
+    type(contact_problem_t), intent(in) :: problem
+    integer :: b, k, n
+    n = 0
+    do b = 1, size(problem%body)
+      if (.not. allocated(problem%body(b)%resultant)) cycle
+      do k = 1, size(problem%body(b)%resultant)
+        n = n + 1
+        if (n == 1) then
+          call log%line('')
+          call log%line('  load                 resultant')
+        end if
+        if (n <= most_shown) call log%line(load_line(problem%body(b), problem%body(b)%resultant(k)))
+      end do
+    end do
+    if (n > most_shown) call log%line('  ... '//counted(n - most_shown, 'more load'))
+    call warn_of_formulas(log, case, problem)
+  end subroutine show_loads
+
+  !> Line of one load.
+  function load_line(body, resultant) result(line)
+    !> The body.
+    type(body_t), intent(in) :: body
+    !> Resultant of the load.
+    type(load_resultant_t), intent(in) :: resultant
+    character(:), allocatable :: line
+    character(20) :: label
+    label = body%name//':'//resultant%place
+    line = '  '//label//' force '//vector(resultant%force, resultant%force)
+    if (body%analysis == analysis_axisymmetric) then
+      if (abs(resultant%radial) > 0) line = line//', radial '//to_text(resultant%radial, 5)//' around the circumference'
+    else if (body%dimension == 2) then
+      line = line//', moment about the origin '//to_text(resultant%moment(3), 5)
+    else
+      line = line//', moment about the origin '//vector(resultant%moment, resultant%moment)
+    end if
+  end function load_line
+
+  !> A vector; components that are rounding beside the others are written as zero.
+  function vector(v, scale) result(text)
+    !> The vector (3) [any].
+    real(dp), intent(in) :: v(3)
+    !> What tells the size (3) [any].
+    real(dp), intent(in) :: scale(3)
+    character(:), allocatable :: text
+    real(dp) :: clean(3)
+    clean = merge(v, 0.0_dp, abs(v) > 1.0e-12_dp*maxval(abs(scale)))
+    text = '('//to_text(clean(1), 5)//', '//to_text(clean(2), 5)//', '//to_text(clean(3), 5)//')'
+  end function vector
+
+  !> Warn of formulas for which two quadrature rules differ.
+  subroutine warn_of_formulas(log, case, problem)
+    !> The log.
+    type(log_t), intent(inout) :: log
+    !> The case.
+    type(case_t), intent(in) :: case
+    !> Bodies and pairs.
+    type(contact_problem_t), intent(in) :: problem
+    type(text_t), allocatable :: formula(:)
+    integer :: b, k
+    do b = 1, size(problem%body)
+      associate (body => problem%body(b))
+        if (allocated(body%unresolved)) then
+          do k = 1, size(body%unresolved)
+            call log%line('    warning: '//body%unresolved(k)%s)
+          end do
+        end if
+        if (.not. body%material%has_modulus_field() .or. .not. problem%classes%is_representative(b)) cycle
+        allocate (formula(1))
+        formula(1)%s = body%material%modulus_formula
+        call warn(quoted(body%name)//': young_formula', difference_in_volume(body%mesh, formula), &
+                  'elements', 'the stiffness and the estimated discretization error are')
+        deallocate (formula)
+      end associate
+    end do
+    do k = 1, min(size(case%contact), size(problem%pair))
+      if (case%contact(k)%gap_kind /= gap_formula) cycle
+      allocate (formula(1))
+      formula(1)%s = case%contact(k)%gap_formula
+      call warn('contact '//quoted(problem%pair(k)%name)//': gap_formula', &
+                difference_on_surface(problem%body(problem%pair(k)%body_a)%mesh, problem%surface_a(k), formula), &
+                'facets', 'the gaps are')
+      deallocate (formula)
+    end do
+
+  contains
+
+    !> Add a warning where the difference is notable.
+    subroutine warn(name, difference, where, what)
+      !> What has the formula.
+      character(*), intent(in) :: name
+      !> Difference of two rules, relative [].
+      real(dp), intent(in) :: difference
+      !> 'elements' or 'facets'.
+      character(*), intent(in) :: where
+      !> What is wrong, and its verb.
+      character(*), intent(in) :: what
+      if (difference > notable_difference) &
+        call log%line('    warning: '//name//' varies within '//where//': two quadrature rules differ by '// &
+                      to_text(100*difference, 2)//' %, and '//what//' no better')
+    end subroutine warn
+  end subroutine warn_of_formulas
+end module dotyk_log_load_tables

@@ -1,0 +1,104 @@
+!> Adds loads from the input to a body: nodal forces, forces at points, resultants for the log, and warnings of formulas
+!> that quadrature or the mesh does not resolve.
+module dotyk_model_body_loads
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: load_force_density
+  use dotyk_base_text, only: quoted, text_t, to_text
+  use dotyk_elasticity_body, only: body_t
+  use dotyk_elasticity_load, only: load_t, add_surface_load, add_volume_load
+  use dotyk_elasticity_load_report, only: difference_in_volume, difference_on_surface, load_resultant_t, &
+    notable_difference, resultant_of
+  use dotyk_input_case, only: load_input_t
+  use dotyk_mesh_surface, only: surface_t
+  implicit none
+  private
+  public :: add_load, check_formula
+
+contains
+
+  !> Add one load.
+  subroutine add_load(given, surface, body, error)
+    !> `&load`.
+    type(load_input_t), intent(in) :: given
+    !> Surface on which it acts; not used by force densities.
+    type(surface_t), intent(in) :: surface
+    !> The body, with nodal forces so far.
+    type(body_t), intent(inout) :: body
+    !> Allocated where the load cannot be used.
+    type(error_t), allocatable, intent(out) :: error
+    type(load_t) :: load
+    real(dp), allocatable :: before(:, :)
+    load%kind = given%kind
+    load%value = given%value
+    load%formula = given%formula
+    before = body%load
+    if (load%kind == load_force_density) then
+      call add_volume_load(body%mesh, body%analysis, load, body%load, error, body%applied)
+      if (allocated(error)) return
+      if (size(load%formula) == 0) body%density = body%density + load%value
+      call note_resultant(body, body%load - before, 'force_density')
+      call note_difference(body, 'the force density', difference_in_volume(body%mesh, load%formula))
+    else
+      call add_surface_load(body%mesh, body%analysis, surface, load, body%load, error, body%applied)
+      if (allocated(error)) return
+      call note_resultant(body, body%load - before, surface%name)
+      call check_formula(body, 'the load on '//quoted(surface%name), surface, load%formula)
+    end if
+  end subroutine add_load
+
+  !> Note the resultant of a load.
+  subroutine note_resultant(body, force, place)
+    !> The body.
+    type(body_t), intent(inout) :: body
+    !> Nodal forces of the load (dim, n_nodes) [force].
+    real(dp), intent(in) :: force(:, :)
+    !> Where it acts.
+    character(*), intent(in) :: place
+    type(load_resultant_t), allocatable :: more(:)
+    integer :: i, n
+    n = 0
+    if (allocated(body%resultant)) n = size(body%resultant)
+    allocate (more(n + 1))
+    do i = 1, n
+      more(i) = body%resultant(i)
+    end do
+    more(n + 1) = resultant_of(body%mesh, body%analysis, force, place)
+    call move_alloc(more, body%resultant)
+  end subroutine note_resultant
+
+  !> Note formulas on a surface for which two quadrature rules differ.
+  subroutine check_formula(body, name, surface, formula)
+    !> The body.
+    type(body_t), intent(inout) :: body
+    !> What has the formulas.
+    character(*), intent(in) :: name
+    !> The surface.
+    type(surface_t), intent(in) :: surface
+    !> Formulas; none where not allocated (<= 3).
+    type(text_t), intent(in), allocatable :: formula(:)
+    call note_difference(body, name, difference_on_surface(body%mesh, surface, formula))
+  end subroutine check_formula
+
+  !> Note a difference that is worth a warning.
+  subroutine note_difference(body, name, difference)
+    !> The body.
+    type(body_t), intent(inout) :: body
+    !> What has the formulas.
+    character(*), intent(in) :: name
+    !> Difference of two rules, relative [].
+    real(dp), intent(in) :: difference
+    type(text_t), allocatable :: more(:)
+    integer :: i, n
+    if (.not. difference > notable_difference) return
+    n = 0
+    if (allocated(body%unresolved)) n = size(body%unresolved)
+    allocate (more(n + 1))
+    do i = 1, n
+      more(i)%s = body%unresolved(i)%s
+    end do
+    more(n + 1)%s = quoted(body%name)//': the formula of '//name//' varies within elements: two quadrature rules '// &
+                    'differ by '//to_text(100*difference, 2)//' %'
+    call move_alloc(more, body%unresolved)
+  end subroutine note_difference
+end module dotyk_model_body_loads

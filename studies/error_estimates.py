@@ -1,0 +1,46 @@
+#!/usr/bin/python3
+"""Estimated over true discretization errors where estimates are hard: singular corners, thin sheets, jumps of the modulus.
+
+usage: studies/error_estimates.py [--dotyk FILE] [--before FILE] [--only NAME...] [--three]
+
+Prints a table in Markdown; with --before that of another executable stands beside it. Scenes: tests/support/estimate_scenes.py.
+"""
+import argparse
+import pathlib
+import sys
+import tempfile
+
+ROOT = pathlib.Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT/'tests/support'))
+import estimate_scenes  # noqa: E402
+
+DIVISIONS = (4, 8)
+
+
+def main():
+    """The command line."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument('--dotyk', default=str(ROOT/'build/release/dotyk'), help='executable')
+    parser.add_argument('--before', help='another executable, for comparison')
+    parser.add_argument('--only', nargs='*', help='names of scenes')
+    parser.add_argument('--three', action='store_true', help='elements of three dimensions too')
+    options = parser.parse_args()
+    programs = [str(pathlib.Path(program).resolve()) for program in (options.before, options.dotyk) if program]
+    print('| scene | elements |' + ''.join(' true error, %d divisions | estimate/true%s |' % (n, ' before and now' * (len(programs) > 1))
+                                           for n in DIVISIONS))
+    print('|---|---|' + '---:|---:|' * len(DIVISIONS))
+    for name in options.only or estimate_scenes.SCENES:
+        with tempfile.TemporaryDirectory(prefix='dotyk-estimates-') as folder:
+            exact = estimate_scenes.reference(folder, programs[-1], name)
+            for kind in estimate_scenes.KINDS_2D + estimate_scenes.KINDS_3D * options.three:
+                if 'sheet' in name and kind in ('tri3', 'quad4', 'tet4', 'hex8', 'prism6'):
+                    continue
+                row = []
+                for n in DIVISIONS:
+                    found = [estimate_scenes.ratio(folder, program, name, kind, n, exact) for program in programs]
+                    row.append('%.2g %% | %s' % (100*found[-1][0], ', '.join('%.2g' % of for _, of in found)))
+                print('| %s | %s | %s |' % (name, kind, ' | '.join(row)), flush=True)
+
+
+if __name__ == '__main__':
+    main()
