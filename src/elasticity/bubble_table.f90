@@ -5,8 +5,8 @@
 !> variable, prisms the products of both.
 module dotyk_elasticity_bubble_table
   use dotyk_base_kinds, only: dp
-  use dotyk_mesh_element, only: element_kind, element_kind_t, element_prism6, element_tet4, element_tri3, kind_dimension, &
-    quadrature_rule, reference_nodes, shape_functions, shape_gradients
+  use dotyk_mesh_element, only: element_kind, element_kind_t, element_prism6, element_tet4, element_tri3, &
+    kind_dimension, quadrature_rule, reference_nodes, shape_functions, shape_gradients
   implicit none
   private
 
@@ -114,7 +114,8 @@ contains
     of_face = element_kind(properties%face_kind(f))
     call quadrature_rule(of_face%corner_kind, rule_degree(properties), face%on_face, face%weight)
     face%n_points = size(face%weight)
-    allocate (face%xi(properties%dimension, face%n_points), face%value(self%n, face%n_points), weight(of_face%n_corners))
+    allocate (face%xi(properties%dimension, face%n_points), face%value(self%n, face%n_points))
+    allocate (weight(of_face%n_corners))
     do q = 1, face%n_points
       call shape_functions(of_face%corner_kind, face%on_face(:, q), weight)
       face%xi(:, q) = matmul(place(:, properties%face_node(:of_face%n_corners, f)), weight)

@@ -72,8 +72,8 @@ contains
   end subroutine residual_energy
 
   !> Set up and solve the local problem.
-  subroutine solve_local(n_bodies, dim, n, n_bubbles, n_strains, mesh, data, material, table, u, element, node, square, &
-                         error)
+  subroutine solve_local(n_bodies, dim, n, n_bubbles, n_strains, mesh, data, material, table, u, element, node, &
+                         square, error)
     !> Number of bodies.
     integer, intent(in) :: n_bodies
     !> Number of displacement components, 2 or 3.

@@ -67,8 +67,8 @@ contains
     end do
   end function resultant_of
 
-  !> Difference of two rules for the integrals of formulas over a surface, times linear shape functions, as a fraction of
-  !> the integral of their size; 0 without formulas, and where one has no value, which is reported elsewhere.
+  !> Difference of two rules for the integrals of formulas over a surface, times linear shape functions, as a fraction
+  !> of the integral of their size; 0 without formulas, and where one has no value, which is reported elsewhere.
   real(dp) function difference_on_surface(mesh, surface, formula) result(difference)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
