@@ -8,10 +8,8 @@
 module dotyk_control_neutral_modes
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_contact_operator, only: build_operator, contact_operator_t
-  use dotyk_contact_pair, only: contact_pair_t
   use dotyk_control_contact_problem, only: contact_problem_t, neutral_body_t
-  use dotyk_control_slave_normals, only: take_slave_normals
+  use dotyk_control_slave_normals, only: find_deviations
   use dotyk_linalg_dense, only: complete_basis
   use dotyk_scheme_coarse_space, only: coarse_space_t, contact_modes_t, mode_block_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
@@ -354,46 +352,6 @@ contains
       last = last - size(mode) + n
     end do
   end subroutine find_directions
-
-  !> How the rows of the modes change where the normals of the slave surfaces are taken.
-  subroutine find_deviations(problem, qp, modes, deviation, angle)
-    !> Bodies and contact pairs.
-    type(contact_problem_t), intent(in) :: problem
-    !> The quadratic programme.
-    type(contact_qp_t), intent(in) :: qp
-    !> The modes at the contact nodes (n_bodies).
-    type(contact_modes_t), intent(in) :: modes(:)
-    !> D by bodies, in the scale of the modes of the QP; not allocated where no normal deviates (n_bodies) [].
-    type(mode_block_t), allocatable, intent(out) :: deviation(:)
-    !> Deviation of the normals of each row (n_rows) [].
-    real(dp), allocatable, intent(out) :: angle(:)
-    type(contact_pair_t), allocatable :: pair(:)
-    type(contact_operator_t) :: operator
-    integer :: b, j, k
-    allocate (angle(qp%n_rows), pair(size(problem%pair)))
-    do k = 1, size(pair)
-      pair(k) = problem%pair(k)
-      call take_slave_normals(problem%body(pair(k)%body_a)%mesh%x, problem%surface_a(k), pair(k))
-      associate (of_pair => angle(qp%pair_first_row(k):qp%pair_first_row(k + 1) - 1))
-        call pair(k)%average%multiply(norm2(pair(k)%normal - problem%pair(k)%normal, 1), of_pair)
-      end associate
-    end do
-    if (.not. any(angle > flat)) return
-    call build_operator(qp%dimension, size(problem%body), pair, problem%surface_a, problem%surface_b, operator)
-    allocate (deviation(size(modes)))
-    do b = 1, size(modes)
-      associate (of_body => deviation(b), n => size(modes(b)%resultant))
-        allocate (of_body%value(size(qp%block(b)%row), n))
-        do j = 1, n
-          if (size(qp%block(b)%row) == 0) cycle
-          associate (scale => qp%coarse%scale(qp%coarse%first(b) + j - 1))
-            call operator%block(b)%matrix%multiply(scale*modes(b)%displacement(:, j), of_body%value(:, j))
-          end associate
-        end do
-        of_body%value = of_body%value - qp%coarse%block(b)%value
-      end associate
-    end do
-  end subroutine find_deviations
 
   !> What is left of the equilibrium of a body along its neutral modes, as a fraction of its contact forces.
   pure real(dp) function left_over(neutral, shape, lambda) result(fraction)

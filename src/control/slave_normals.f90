@@ -1,18 +1,64 @@
-!> Normals of the slave surface at the points of a contact pair, whose own normals are those of the master surface.
+!> Normals of the slave surfaces at the points of contact pairs, whose own normals are those of the master surfaces, and
+!> how the rows of rigid body modes change where they are taken.
 module dotyk_control_slave_normals
   use dotyk_base_kinds, only: dp
+  use dotyk_contact_operator, only: build_operator, contact_operator_t
   use dotyk_contact_pair, only: contact_pair_t
+  use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_mesh_element, only: element_line2, element_quad4, element_tri3, kind_nodes, max_facet_nodes, shape_functions
   use dotyk_mesh_facet, only: facet_geometry
   use dotyk_mesh_surface, only: surface_t
+  use dotyk_scheme_coarse_space, only: contact_modes_t, mode_block_t
+  use dotyk_scheme_contact_qp, only: contact_qp_t
+  use dotyk_scheme_neutral_modes, only: flat
   implicit none
   private
-  public :: take_slave_normals
+  public :: find_deviations
 
   !> Facets at a vertex belong to one smooth surface if their normals differ by less than 40 degrees.
   real(dp), parameter :: smooth_cosine = 0.766_dp
 
 contains
+
+  !> How the rows of the modes change where the normals of the slave surfaces are taken.
+  subroutine find_deviations(problem, qp, modes, deviation, angle)
+    !> Bodies and contact pairs.
+    type(contact_problem_t), intent(in) :: problem
+    !> The quadratic programme.
+    type(contact_qp_t), intent(in) :: qp
+    !> The modes at the contact nodes (n_bodies).
+    type(contact_modes_t), intent(in) :: modes(:)
+    !> D by bodies, in the scale of the modes of the QP; not allocated where no normal deviates (n_bodies) [].
+    type(mode_block_t), allocatable, intent(out) :: deviation(:)
+    !> Deviation of the normals of each row (n_rows) [].
+    real(dp), allocatable, intent(out) :: angle(:)
+    type(contact_pair_t), allocatable :: pair(:)
+    type(contact_operator_t) :: operator
+    integer :: b, j, k
+    allocate (angle(qp%n_rows), pair(size(problem%pair)))
+    do k = 1, size(pair)
+      pair(k) = problem%pair(k)
+      call take_slave_normals(problem%body(pair(k)%body_a)%mesh%x, problem%surface_a(k), pair(k))
+      associate (of_pair => angle(qp%pair_first_row(k):qp%pair_first_row(k + 1) - 1))
+        call pair(k)%average%multiply(norm2(pair(k)%normal - problem%pair(k)%normal, 1), of_pair)
+      end associate
+    end do
+    if (.not. any(angle > flat)) return
+    call build_operator(qp%dimension, size(problem%body), pair, problem%surface_a, problem%surface_b, operator)
+    allocate (deviation(size(modes)))
+    do b = 1, size(modes)
+      associate (of_body => deviation(b), n => size(modes(b)%resultant))
+        allocate (of_body%value(size(qp%block(b)%row), n))
+        do j = 1, n
+          if (size(qp%block(b)%row) == 0) cycle
+          associate (scale => qp%coarse%scale(qp%coarse%first(b) + j - 1))
+            call operator%block(b)%matrix%multiply(scale*modes(b)%displacement(:, j), of_body%value(:, j))
+          end associate
+        end do
+        of_body%value = of_body%value - qp%coarse%block(b)%value
+      end associate
+    end do
+  end subroutine find_deviations
 
   !> Replace the normals of a pair by those of its slave surface: of the elements where they are curved, interpolated
   !> between the vertices where they are linear.
