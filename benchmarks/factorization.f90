@@ -21,7 +21,7 @@ program factorization
   use dotyk_base_timer, only: wall_time
   use dotyk_control_congruence_classes, only: congruence_classes_t
   use dotyk_model_assembly, only: assemble_bodies
-  use dotyk_model_body_setup, only: build_bodies
+  use dotyk_model_body_setup, only: body_surfaces_t, build_bodies
   use dotyk_elasticity_body, only: body_t, stiffness_t
   use dotyk_elasticity_body_modes, only: body_modes_t
   use dotyk_elasticity_node_ordering, only: fill_reducing_order
@@ -31,7 +31,6 @@ program factorization
   use dotyk_linalg_cholesky, only: cholesky_t
   use dotyk_linalg_ordering, only: expand_permutation
   use dotyk_linalg_sparse, only: sparse_symmetric_t
-  use dotyk_mesh_surface, only: surface_t
   implicit none
 
   !> Relative increase of the diagonal that makes the stiffness of floating bodies definite; values play no part in
@@ -115,7 +114,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(case_t) :: case
     type(body_t), allocatable :: body(:)
-    type(surface_t), allocatable :: surface_a(:), surface_b(:)
+    type(body_surfaces_t), allocatable :: surfaces(:)
     type(congruence_classes_t) :: classes
     type(body_modes_t), allocatable :: modes(:)
     type(stiffness_t), allocatable :: stiffness(:)
@@ -123,7 +122,7 @@ contains
     integer, allocatable :: node_order(:)
     integer :: b, n
     call read_case(file, case, error)
-    if (.not. allocated(error)) call build_bodies(case, body, surface_a, surface_b, remarks, error)
+    if (.not. allocated(error)) call build_bodies(case, body, surfaces, remarks, error)
     if (allocated(error)) return
     call classes%init(size(body))
     call classes%find(body)

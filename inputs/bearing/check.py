@@ -42,8 +42,9 @@ def errors(path):
     """Loads of the rollers and what is wrong with them."""
     with h5py.File(path) as file:
         pairs = file['dotyk/contact']
-        force = {side: np.array([pairs['%s %d' % (side, i)].attrs['force'][:2] for i in range(1, 13)]) for side in ('inner', 'outer')}
-        peak = {side: np.array([pairs['%s %d' % (side, i)]['pressure_projected'][:].max() for i in range(1, 13)]) for side in force}
+        of_side = {side: [pairs['%s: roller %d - %s ring' % (side, i, side)] for i in range(1, 13)] for side in ('inner', 'outer')}
+        force = {side: np.array([pair.attrs['force'][:2] for pair in of_side[side]]) for side in of_side}
+        peak = {side: np.array([pair['pressure_projected'][:].max() for pair in of_side[side]]) for side in of_side}
         converged = bool(file['dotyk/summary'].attrs['converged'])
     load = np.linalg.norm(force['inner'], axis=1)
     largest = load.max()

@@ -42,7 +42,7 @@ def errors(path):
         rings, segments, force = [], [], []
         for name, pair in file['dotyk/contact'].items():
             p, x, w = pair['pressure_projected'][:], pair['position'][:], pair['weight'][:]
-            if name[0] == name[3]:   # of one ring
+            if name.startswith('segments'):   # of one ring
                 segments.append(np.abs(p/(Q*(1 + (A/np.hypot(x[:, 0], x[:, 1]))**2)) - 1).max())
                 force.append(abs(np.linalg.norm(pair.attrs['force'])/(PRESSURE*B*1.5) - 1))
             else:

@@ -4,6 +4,7 @@ module dotyk_control_contact_problem
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_contact_pair, only: contact_pair_t
+  use dotyk_contact_pair_report, only: pair_report_t
   use dotyk_control_congruence_classes, only: congruence_classes_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_body_modes, only: body_modes_t
@@ -48,6 +49,8 @@ module dotyk_control_contact_problem
     type(surface_t), allocatable :: surface_a(:)
     !> Master surfaces of the pairs (n_pairs).
     type(surface_t), allocatable :: surface_b(:)
+    !> What the search for contact pairs found.
+    type(pair_report_t) :: found
     !> Bodies that touch no other (n_bodies).
     type(isolated_body_t), allocatable :: isolated(:)
     !> Neutral modes of the bodies (n_bodies).

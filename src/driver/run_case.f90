@@ -10,7 +10,7 @@ module dotyk_driver_run_case
   use dotyk_driver_arguments, only: arguments_t
   use dotyk_driver_results, only: prepare_output, write_on_the_way, write_results
   use dotyk_driver_penetration, only: check_bodies
-  use dotyk_driver_run_settings, only: choose_scheme, goal_of
+  use dotyk_driver_run_settings, only: choose_scheme, goal_of, set_pair_conditions
   use dotyk_driver_scene, only: build_scene, factorize_scene, scene_t
   use dotyk_driver_warm_start, only: read_pressures, start_from_pressures
   use dotyk_input_case, only: case_t
@@ -56,6 +56,7 @@ contains
     if (allocated(error)) return
     call build_scene(case, run%scheme, scene, monitor, error)
     if (allocated(error)) return
+    call set_pair_conditions(case, run)
     call show_scene(monitor%log, case, scene%problem, scene%size_of)
     if (len(arguments%restart) > 0) then
       call read_pressures(arguments%restart, scene%problem%body, scene%problem%pair, monitor%log, pressure, error)

@@ -7,7 +7,7 @@ module dotyk_driver_run_settings
   use dotyk_scheme_registry, only: make_scheme
   implicit none
   private
-  public :: choose_scheme, goal_of
+  public :: choose_scheme, goal_of, set_pair_conditions
 
 contains
 
@@ -27,9 +27,17 @@ contains
     run%settings%tolerance = case%solver%tolerance
     run%settings%max_iterations = case%solver%max_iterations
     run%settings%linear_solver = case%solver%linear_solver
-    run%settings%robin_gap = [case%contact%robin_gap]
     if (case%output%interval > 0) run%settings%time_limit = case%output%interval
   end subroutine choose_scheme
+
+  !> The settings that pairs have of their own, once the pairs are found.
+  subroutine set_pair_conditions(case, run)
+    !> The case, with one contact for each pair.
+    type(case_t), intent(in) :: case
+    !> Scheme and settings.
+    type(scheme_run_t), intent(inout) :: run
+    run%settings%robin_gap = [case%contact%robin_gap]
+  end subroutine set_pair_conditions
 
   !> What is asked of the solution.
   pure function goal_of(case) result(goal)

@@ -16,7 +16,7 @@ module dotyk_driver_scene
   use dotyk_input_case, only: case_t
   use dotyk_log_run_monitor, only: log_monitor_t
   use dotyk_model_assembly, only: assemble_bodies, check_held
-  use dotyk_model_body_setup, only: build_bodies
+  use dotyk_model_body_setup, only: body_surfaces_t, build_bodies
   use dotyk_model_pairs, only: find_pairs, foundation_compliance
   use dotyk_response_response, only: response_slot_t
   use dotyk_scheme_body_compliance, only: body_compliance_t, body_operator_t, sweep_costs
@@ -56,8 +56,8 @@ contains
 
   !> Meshes to bodies, contact rows, and the sizes of the factors: all that can be checked before anything is solved.
   subroutine build_scene(case, scheme, scene, monitor, error)
-    !> The case.
-    type(case_t), intent(in) :: case
+    !> The case; its contacts become the pairs that they stand for.
+    type(case_t), intent(inout) :: case
     !> Scheme of the run.
     class(scheme_t), intent(in) :: scheme
     !> The scene: bodies, contact pairs, sizes of the factors.
@@ -67,10 +67,11 @@ contains
     !> Allocated where a mesh, a material, a support, a load or a pair is wrong; names file and line.
     type(error_t), allocatable, intent(out) :: error
     type(text_t), allocatable :: remarks(:)
+    type(body_surfaces_t), allocatable :: surfaces(:)
     integer :: i
     associate (problem => scene%problem)
       call set_stage('reading meshes')
-      call build_bodies(case, problem%body, problem%surface_a, problem%surface_b, remarks, error)
+      call build_bodies(case, problem%body, surfaces, remarks, error)
       do i = 1, size(remarks)
         call monitor%log%line('  '//remarks(i)%s)
       end do
@@ -87,7 +88,8 @@ contains
       if (allocated(error)) return
       call monitor%watch%lap(monitor%timing%assemble)
       call set_stage('searching for contact')
-      call find_pairs(case, problem%body, problem%surface_a, problem%surface_b, problem%pair, scene%theta, error)
+      call find_pairs(case, problem%body, surfaces, problem%surface_a, problem%surface_b, problem%pair, scene%theta, &
+                      problem%found, error)
       call stop_if_interrupted(error)
       if (allocated(error)) return
       call build_operator(case%scene%dimension, size(problem%body), problem%pair, problem%surface_a, &

@@ -115,19 +115,39 @@ module dotyk_input_case
     type(text_t), allocatable :: formula(:)
   end type load_input_t
 
+  !> Pairs of bodies that no contact pair is found for.
+  type, public :: exclusion_t
+    !> Name of a body, maybe with wildcards.
+    character(:), allocatable :: a
+    !> Name of the other body, maybe with wildcards.
+    character(:), allocatable :: b
+  end type exclusion_t
+
   !> `&contact`.
   type, public :: contact_input_t
     !> Line of the group.
     integer :: line = 0
-    !> Name of the contact pair.
+    !> Name of the contact pair; empty where `auto` has none.
     character(:), allocatable :: name
+    !> Whether the group stands for all pairs of `bodies_a` and `bodies_b` that the search for near faces finds.
+    logical :: searched = .false.
+    !> Whether these are pairs of any bodies and faces; else the surfaces are named.
+    logical :: auto = .false.
+    !> Whether the search has found the pair.
+    logical :: found = .false.
+    !> Where the group is searched: bodies that the slave side names (n); all bodies for `auto`.
+    integer, allocatable :: bodies_a(:)
+    !> Bodies that the master side names, likewise (n).
+    integer, allocatable :: bodies_b(:)
+    !> Where the group is searched: pairs of bodies that are left out, as names with wildcards, in any order.
+    type(exclusion_t), allocatable :: exclude(:)
     !> Index of the body of the slave side.
     integer :: body_a = 0
     !> Index of the body of the master side; another one.
     integer :: body_b = 0
-    !> Physical group of the slave surface.
+    !> Physical group of the slave surface; with wildcards, the union of those that the body has; empty for `auto`.
     character(:), allocatable :: surface_a
-    !> Physical group of the master surface.
+    !> Physical group of the master surface, likewise.
     character(:), allocatable :: surface_b
     !> One of `gap_*`.
     integer :: gap_kind = default_gap

@@ -3,12 +3,14 @@ module dotyk_input_contacts
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: condition_neumann, discretization_quadrature, gap_constant, gap_formula, &
     gap_geometry, option_name, scheme_auto, scheme_dual, scheme_names, scheme_robin, theta_mesh, theta_names
-  use dotyk_base_text, only: shown
-  use dotyk_input_case, only: contact_input_t, solver_input_t
+  use dotyk_base_text, only: shown, text_t
+  use dotyk_input_case, only: contact_input_t, exclusion_t, solver_input_t
   use dotyk_input_problems, only: problems_t
   use dotyk_input_reader, only: group_t
   use dotyk_input_settings, only: read_theta
-  use dotyk_input_values, only: integer_of, is_given, is_usable, logical_of, names_t, real_of, refer, report, text_of
+  use dotyk_input_values, only: first_names, integer_of, is_given, is_usable, logical_of, names_t, real_of, report, &
+    text_of, texts_of
+  use dotyk_input_wildcards, only: bodies_named, names_several, refer_to_bodies
   implicit none
   private
   public :: read_contact
@@ -25,22 +27,33 @@ contains
     type(solver_input_t), intent(in) :: solver
     !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
-    !> The contact pair; incomplete where the group has mistakes.
+    !> The contact pair, or what its search is to find; incomplete where the group has mistakes.
     type(contact_input_t), intent(out) :: contact
     real(dp) :: theta
-    integer :: theta_kind
-    logical :: own_theta
+    integer :: theta_kind, k
+    logical :: own_theta, several_a, several_b
     character(:), allocatable :: theta_key, source
     contact%line = group%line
     contact%name = text_of(group, 'name')
+    contact%auto = logical_of(group, 'auto')
+    call read_required(group, contact%auto, problems)
     ! The name becomes that of a folder in the results file.
     if (index(contact%name, '/') > 0 .or. contact%name == '.' .or. contact%name == '..') &
       call report(problems, group, 'name', 'name: '//shown(contact%name)//' cannot name a folder of the results file')
-    call read_side(group, 'surface_a', bodies, problems, contact%body_a, contact%surface_a)
-    call read_side(group, 'surface_b', bodies, problems, contact%body_b, contact%surface_b)
+    call read_side(group, 'surface_a', bodies, problems, contact%bodies_a, contact%surface_a, several_a)
+    call read_side(group, 'surface_b', bodies, problems, contact%bodies_b, contact%surface_b, several_b)
+    contact%searched = contact%auto .or. several_a .or. several_b
+    if (contact%auto) then
+      contact%bodies_a = [(k, k=1, size(bodies%name))]
+      contact%bodies_b = contact%bodies_a
+    else if (.not. contact%searched) then
+      if (size(contact%bodies_a) > 0) contact%body_a = contact%bodies_a(1)
+      if (size(contact%bodies_b) > 0) contact%body_b = contact%bodies_b(1)
+    end if
     if (contact%body_a > 0 .and. contact%body_a == contact%body_b) &
       call report(problems, group, 'surface_b', 'a pair needs two different bodies, got '// &
                   shown(bodies%name(contact%body_a)%s)//' twice')
+    call read_exclusions(group, bodies, contact%searched, problems, contact%exclude)
     contact%gap_kind = gap_geometry
     contact%gap = real_of(group, 'gap')
     contact%gap_formula = text_of(group, 'gap_formula')
@@ -128,7 +141,7 @@ contains
   end subroutine read_condition
 
   !> Read one side of a pair: 'body:surface'.
-  subroutine read_side(group, key, bodies, problems, body, surface)
+  subroutine read_side(group, key, bodies, problems, matched, surface, several)
     !> Checked group.
     type(group_t), intent(in) :: group
     !> Name of the key.
@@ -137,14 +150,17 @@ contains
     type(names_t), intent(in) :: bodies
     !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
-    !> Index of the body; 0 where it is unknown.
-    integer, intent(out) :: body
+    !> Bodies that the side names; none where it is unknown (n_matched).
+    integer, allocatable, intent(out) :: matched(:)
     !> Physical group of the surface.
     character(:), allocatable, intent(out) :: surface
+    !> Whether wildcards name the body.
+    logical, intent(out) :: several
     character(:), allocatable :: text
     integer :: colon
-    body = 0
+    allocate (matched(0))
     surface = ''
+    several = .false.
     text = text_of(group, key)
     if (len(text) == 0) return
     colon = index(text, ':')
@@ -153,6 +169,68 @@ contains
       call report(problems, group, key, key//' must be ''body:surface'', got '//shown(text))
       return
     end if
-    call refer(group, key, trim(text(:colon - 1)), bodies, problems, body)
+    several = names_several(trim(text(:colon - 1)), bodies)
+    call refer_to_bodies(group, key, trim(text(:colon - 1)), bodies, problems, matched)
   end subroutine read_side
+
+  !> Report missing keys: name and surfaces, without `auto`; and surfaces with it.
+  subroutine read_required(group, auto, problems)
+    !> Checked group.
+    type(group_t), intent(in) :: group
+    !> Whether the group has `auto`.
+    logical, intent(in) :: auto
+    !> Problems of the file; mistakes are added.
+    type(problems_t), intent(inout) :: problems
+    character(9), parameter :: keys(3) = [character(9) :: 'name', 'surface_a', 'surface_b']
+    integer :: k
+    do k = 1, size(keys)
+      if (.not. auto .and. .not. is_given(group, trim(keys(k)))) &
+        call problems%add(group%line, '&contact: '''//trim(keys(k))//''' is missing')
+      if (auto .and. k > 1 .and. is_given(group, trim(keys(k)))) &
+        call report(problems, group, trim(keys(k)), trim(keys(k))//' does not go together with auto=.true.')
+    end do
+  end subroutine read_required
+
+  !> Read the pairs of bodies that are left out: 'a - b', or 'a' for all pairs of a body, names with wildcards.
+  subroutine read_exclusions(group, bodies, searched, problems, exclude)
+    !> Checked group.
+    type(group_t), intent(in) :: group
+    !> Names of the bodies.
+    type(names_t), intent(in) :: bodies
+    !> Whether the group is searched.
+    logical, intent(in) :: searched
+    !> Problems of the file; mistakes are added.
+    type(problems_t), intent(inout) :: problems
+    !> The pairs (n_exclusions).
+    type(exclusion_t), allocatable, intent(out) :: exclude(:)
+    type(text_t), allocatable :: texts(:)
+    integer, allocatable :: matched(:), other(:)
+    integer :: i, k
+    logical :: known
+    call texts_of(group, 'exclude', texts)
+    allocate (exclude(size(texts)))
+    if (is_given(group, 'exclude') .and. .not. searched) &
+      call report(problems, group, 'exclude', 'exclude is for pairs that are searched: auto=.true., or bodies with '// &
+                  'wildcards')
+    do i = 1, size(texts)
+      exclude(i)%a = texts(i)%s
+      exclude(i)%b = '*'
+      call bodies_named(texts(i)%s, bodies, matched)
+      known = size(matched) > 0
+      ! Names of bodies may have a '-' of their own: the first place at which both sides name bodies.
+      do k = 2, len(texts(i)%s) - 1
+        if (known) exit
+        if (texts(i)%s(k:k) /= '-') cycle
+        call bodies_named(trim(texts(i)%s(:k - 1)), bodies, matched)
+        call bodies_named(trim(adjustl(texts(i)%s(k + 1:))), bodies, other)
+        known = size(matched) > 0 .and. size(other) > 0
+        if (.not. known) cycle
+        exclude(i)%a = trim(texts(i)%s(:k - 1))
+        exclude(i)%b = trim(adjustl(texts(i)%s(k + 1:)))
+      end do
+      if (known .or. bodies%incomplete) cycle
+      call report(problems, group, 'exclude', 'exclude: '//shown(texts(i)%s)//' names no bodies: write '// &
+                  '''body - body'', or ''body'' for all its pairs (known: '//first_names(bodies%name)//')')
+    end do
+  end subroutine read_exclusions
 end module dotyk_input_contacts

@@ -42,7 +42,9 @@ contains
                       "&load body='block', force_density_formula='0', '0', '-7850*9.81' /")
     groups(6) = group('contact', any_number, 'a pair of surfaces that may touch', &
                       "&contact name='touch', surface_a='ball:low', surface_b='block:up' /"//lf// &
-                      "&contact name='fit', surface_a='shaft:outside', surface_b='hub:inside', gap=-2e-5 /")
+                      "&contact name='fit', surface_a='shaft:outside', surface_b='hub:inside', gap=-2e-5 /"//lf// &
+                      "&contact name='races', surface_a='ball *:ball', surface_b='* ring:race' /"//lf// &
+                      "&contact auto=.true., exclude='housing - cover' /")
     groups(7) = group('solver', at_most_one, 'how the contact problem is solved', &
                       '&solver theta=0, tolerance=1e-8 /'//lf// &
                       "&solver scheme='neumann', theta_mesh=0.1, stop_rule='paper', gamma_rule='theory' /")
@@ -149,9 +151,9 @@ contains
     call list%add('repeat', kind_integer, most=3, positive=.true., &
                   meaning='number of copies of the body, or two or three numbers for an array of copies; each copy '// &
                   'is the first one rotated about axis through centre by a multiple of angle, then translated by '// &
-                  'a multiple of shift; numbers of the copies, from 1, replace the * of name: segment 1, segment 2; '// &
-                  'in arrays, the first number fastest, a single * gets all numbers (ball 1 1, ball 2 1), several *, '// &
-                  'one each')
+                  'a multiple of shift; numbers of the copies, from 1, replace the * of name, and of volume: '// &
+                  'segment 1, segment 2; in arrays, the first number fastest, a single * gets all numbers (ball 1 1, '// &
+                  'ball 2 1), several * get one each')
     call list%add('shift', kind_real, least=2, most=9, unit='length', &
                   meaning='translation from copy to copy, one vector for each number of repeat')
     call list%add('centre', kind_real, least=2, most=3, unit='length', &
@@ -171,8 +173,8 @@ contains
     call list%add('body', kind_text, required=.true., &
                   meaning='name of the body; * and ? are wildcards: all bodies with such names that have the surface')
     call list%add('surface', kind_text, required=.true., &
-                  meaning='physical group of the surface (in two dimensions a physical curve); with wildcards, the union '// &
-                  'of all that the body has')
+                  meaning='physical group of the surface (in two dimensions a physical curve); with wildcards, the '// &
+                  'union of all that the body has')
     call list%add('fix', kind_text, required=.true., &
                   meaning='directions with prescribed displacement: letters of ''xyz'' (global axes), or of n, t '// &
                   '(both tangents), xi, eta (axes of the surface: n is the outward normal, xi the global x axis '// &
@@ -216,16 +218,25 @@ contains
     !> The table so far.
     type(keyword_list_t), intent(inout) :: list
     call list%begin_group('contact')
-    call list%add('name', kind_text, required=.true., &
-                  meaning='name of the contact pair')
-    call list%add('surface_a', kind_text, required=.true., &
+    call list%add('name', kind_text, &
+                  meaning='name of the contact pair; required without auto; pairs that are found are called '// &
+                  '''name: body - body''')
+    call list%add('surface_a', kind_text, &
                   meaning='slave (non-mortar) side, as ''body:surface'': its vertices or quadrature points carry '// &
                   'the contact pressures; choose the surface with the finer mesh, else the curved surface or '// &
                   'that of the softer body; of a curved and a planar surface in 3D choose the curved one, above '// &
-                  'all where a body floats')
-    call list%add('surface_b', kind_text, required=.true., &
-                  meaning='master (mortar) side, as ''body:surface'' of another body: points of surface_a are '// &
-                  'projected on it; a planar surface against a curved one should be the master')
+                  'all where a body floats; required without auto; * and ? are wildcards: in the body, for a pair '// &
+                  'of each two bodies whose surfaces are near each other; in the surface, for the union of all '// &
+                  'that the body has')
+    call list%add('surface_b', kind_text, &
+                  meaning='master (mortar) side, as ''body:surface'' of another body, with wildcards as in '// &
+                  'surface_a: points of surface_a are projected on it; a planar surface against a curved one '// &
+                  'should be the master; required without auto')
+    call list%add('auto', kind_logical, default='.false.', &
+                  meaning='a pair of each two bodies whose faces are near each other, and which no other &contact '// &
+                  'names; the keys of the group hold for all these pairs')
+    call list%add('exclude', kind_text, most=200, &
+                  meaning='pairs of bodies that the search leaves out, as ''body - body'', or bodies; with wildcards')
     call list%add('gap', kind_real, unit='length', &
                   meaning='initial gap, the same everywhere; if absent, the distance between the surfaces')
     call list%add('gap_formula', kind_formula, unit='length', &

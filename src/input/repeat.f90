@@ -35,7 +35,7 @@ contains
     integer, allocatable :: n(:)
     real(dp) :: angle(max_levels), shift(3, max_levels), centre(3), turned, moved(3)
     real(dp), allocatable :: numbers(:)
-    integer :: i, k, rest, index(max_levels), before
+    integer :: i, k, rest, number(max_levels), before
     before = problems%count
     call refuse_without_repeat(group, problems)
     call integers_of(group, 'repeat', n)
@@ -54,11 +54,15 @@ contains
     angle(:rest) = numbers(:rest)
     call read_shifts(group, scene, size(n), problems, shift)
     call read_centre(group, scene, problems, centre)
-    call check_name(group, body%name, size(n), problems)
+    call check_name(group, 'name', body%name, size(n), problems)
+    if (index(body%volume, '*') > 0) call check_name(group, 'volume', body%volume, size(n), problems)
     do k = 1, size(n)
       if (problems%count > before) exit
-      if (n(k) > 1 .and. .not. (abs(modulo(angle(k), 360.0_dp)) > 0 .or. maxval(abs(shift(:, k))) > 0)) &
-        call report(problems, group, 'repeat', 'the '//to_text(n(k))//' copies lie in one place: give an angle or a shift')
+      ! Copies of different volumes may lie where they are drawn.
+      if (n(k) == 1 .or. index(body%volume, '*') > 0) cycle
+      if (.not. (abs(modulo(angle(k), 360.0_dp)) > 0 .or. maxval(abs(shift(:, k))) > 0)) &
+        call report(problems, group, 'repeat', 'the '//to_text(n(k))//' copies lie in one place: give '// &
+                    'an angle or a shift')
     end do
     if (problems%count > before) then
       copies = [body]
@@ -67,15 +71,16 @@ contains
     allocate (copies(product(n)))
     do i = 1, size(copies)
       rest = i - 1
-      index = 0
+      number = 0
       do k = 1, size(n)
-        index(k) = mod(rest, n(k))
+        number(k) = mod(rest, n(k))
         rest = rest/n(k)
       end do
       copies(i) = body
-      copies(i)%name = name_of_copy(body%name, index(:size(n)) + 1)
-      turned = dot_product(real(index, dp), angle)
-      moved = matmul(shift, real(index, dp))
+      copies(i)%name = name_of_copy(body%name, number(:size(n)) + 1)
+      copies(i)%volume = name_of_copy(body%volume, number(:size(n)) + 1)
+      turned = dot_product(real(number, dp), angle)
+      moved = matmul(shift, real(number, dp))
       copies(i)%angle = real_of(group, 'first_angle') + turned
       if (abs(turned) > 0) then
         copies(i)%at = matmul(rotation_matrix(body%axis, turned), body%at - centre) + centre + moved
@@ -133,7 +138,8 @@ contains
     if (scene%dimension == 2 .and. maxval(abs(shift(3, :))) > 0) &
       call report(problems, group, 'shift', 'shift has a z component, but there is no z in two dimensions')
     if (scene%analysis == analysis_axisymmetric .and. maxval(abs(shift(1, :))) > 0) &
-      call report(problems, group, 'shift', 'shift has an x component, but axisymmetric bodies are shifted along y only')
+      call report(problems, group, 'shift', 'shift has an x component, but axisymmetric bodies are shifted '// &
+                  'along y only')
   end subroutine read_shifts
 
   !> Read the point of the axis about which copies are rotated.
@@ -157,10 +163,12 @@ contains
   end subroutine read_centre
 
   !> The name of a repeated body needs a place for the number of the copy.
-  subroutine check_name(group, name, levels, problems)
+  subroutine check_name(group, key, name, levels, problems)
     !> Checked group.
     type(group_t), intent(in) :: group
-    !> Name of the body.
+    !> The key: name or volume.
+    character(*), intent(in) :: key
+    !> Its text.
     character(*), intent(in) :: name
     !> Number of levels of the array.
     integer, intent(in) :: levels
@@ -168,7 +176,7 @@ contains
     type(problems_t), intent(inout) :: problems
     character(:), allocatable :: several
     integer :: i, stars
-    if (.not. is_usable(group, 'name')) return
+    if (.not. is_usable(group, key)) return
     stars = 0
     do i = 1, len(name)
       if (name(i:i) == '*') stars = stars + 1
@@ -176,11 +184,11 @@ contains
     if (stars == 1 .or. stars == levels) return
     several = ''
     if (levels > 1) several = ', or '//to_text(levels)//','
-    call report(problems, group, 'name', 'name: '//shown(name)//' needs one *'//several// &
+    call report(problems, group, key, key//': '//shown(name)//' needs one *'//several// &
                 ' for the numbers of the copies')
   end subroutine check_name
 
-  !> Name of a copy: its numbers in place of the stars, all of them in place of a single one.
+  !> Name or volume of a copy: its numbers in place of the stars, all of them in place of a single one.
   function name_of_copy(name, number) result(text)
     !> Name of the body, with stars.
     character(*), intent(in) :: name
@@ -196,9 +204,9 @@ contains
         cycle
       end if
       k = k + 1
-      text = text//to_text(number(k))
+      if (k <= size(number)) text = text//to_text(number(k))
     end do
-    if (k == size(number)) return
+    if (k == size(number) .or. k == 0) return
     i = index(name, '*')
     text = ''
     do k = 1, size(number)

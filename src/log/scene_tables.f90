@@ -12,6 +12,7 @@ module dotyk_log_scene_tables
   use dotyk_control_factorization, only: factor_size_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t
+  use dotyk_log_found_pairs, only: body_names, show_found
   use dotyk_log_incompressibility, only: show_locking
   use dotyk_log_load_tables, only: show_loads
   use dotyk_log_progress, only: duration
@@ -33,13 +34,15 @@ contains
     type(case_t), intent(in) :: case
     !> Number of threads.
     integer, intent(in) :: threads
-    character(:), allocatable :: title
+    character(:), allocatable :: title, pairs
     title = case%scene%title
     if (len(title) == 0) title = case%file
+    pairs = counted(size(case%contact), 'contact pair')
+    if (any(case%contact%searched)) pairs = 'search for contact pairs'
     call log%line('dotyk '//version//' - '//title)
     call log%line('  '//case%file//', '//option_name(analysis_names, case%scene%analysis)//', '// &
                   counted(size(case%body), 'body', 'bodies')//', '// &
-                  counted(size(case%contact), 'contact pair')//', '// &
+                  pairs//', '// &
                   counted(threads, 'thread'))
   end subroutine show_title
 
@@ -57,6 +60,7 @@ contains
     call show_locking(log, case, problem%body, problem%classes)
     call show_loads(log, case, problem)
     call show_pairs(log, problem%body, problem%pair, problem%surface_a, problem%surface_b)
+    call show_found(log, problem)
     call log%line('')
   end subroutine show_scene
 
@@ -138,7 +142,8 @@ contains
     !> Master surfaces (n_pairs).
     type(surface_t), intent(in) :: surface_b(:)
     real(dp) :: least, most
-    integer :: k, n
+    logical :: alone(size(body))
+    integer :: k
     if (size(pair) == 0) return
     call log%line('')
     call log%line('  contact pair         constraints     not projected   smallest gap    largest gap          theta')
@@ -153,11 +158,11 @@ contains
     if (size(pair) > most_shown) &
       call log%line(pair_line(to_text(size(pair))//' contact pairs', sum(pair%n_rows), sum(pair%n_unprojected), least, &
                               most, maxval(pair%theta)))
-    n = 0
-    do k = 1, size(body)
-      if (.not. any(pair%body_a == k .or. pair%body_b == k)) n = n + 1
-    end do
-    if (n > 0) call log%line('  '//counted(n, 'body', 'bodies')//' without contact: solved once')
+    alone = .true.
+    alone(pair%body_a) = .false.
+    alone(pair%body_b) = .false.
+    if (any(alone)) call log%line('  '//counted(count(alone), 'body', 'bodies')//' without contact: '// &
+                                  body_names(body, alone))
   end subroutine show_pairs
 
   !> The lines of one contact pair.

@@ -14,6 +14,7 @@ module dotyk_log_summary
   use dotyk_control_pressures, only: pair_solution_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: output_input_t
+  use dotyk_log_found_pairs, only: show_idle_bodies
   use dotyk_log_progress, only: duration
   use dotyk_log_timing, only: timing_t
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_limit, ended_diverged, &
@@ -48,6 +49,7 @@ contains
     call show_state(log, solution%state, solution%tolerance, goal%by_budget, n_sweeps, seconds)
     if (size(solution%state%m) > 0) call show_energies(log, solution%energies())
     call show_budget(log, output, problem%body, solution%state, solution%budget)
+    call show_idle_bodies(log, problem, solution%state%m, solution%qp%pair_first_row)
     call show_not_computed(log, goal, solution%state)
     call show_conditioning(log, problem%body, problem%classes, solution%conditioning)
   end subroutine show_solution

@@ -1,4 +1,4 @@
-!> Builds bodies from the input: meshes, materials, supports, loads, and the surfaces of the contact pairs.
+!> Builds bodies from the input: meshes, materials, supports, loads, and the surfaces that contact pairs may need.
 module dotyk_model_body_setup
   use dotyk_base_error, only: error_t, exit_bad_input, problem_list_t
   use dotyk_base_interrupt, only: interrupted
@@ -9,33 +9,32 @@ module dotyk_model_body_setup
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_stiffness_tensor, only: rotate_stiffness
   use dotyk_elasticity_support, only: support_t, collect_supports
-  use dotyk_input_case, only: body_input_t, case_t, load_input_t
+  use dotyk_input_case, only: body_input_t, case_t, contact_input_t, load_input_t
   use dotyk_mesh_gmsh, only: read_gmsh
   use dotyk_mesh_gmsh_run, only: mesh_geometry, meshing_t
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_placement, only: placement_t
   use dotyk_mesh_surface, only: surface_t
   use dotyk_model_body_loads, only: add_load, check_formula
+  use dotyk_model_body_surfaces, only: body_surfaces_t
   use dotyk_model_joints, only: add_remark, check_joints, describe_joints
   use dotyk_model_locking, only: would_lock
   use dotyk_model_materials, only: build_material
   use dotyk_model_volumes, only: volume_t
   implicit none
   private
-  public :: build_bodies
+  public :: build_bodies, body_surfaces_t
 
 contains
 
   !> Read every mesh once, extract every volume once, and build the bodies; all problems are reported together.
-  subroutine build_bodies(case, body, surface_a, surface_b, remarks, error)
+  subroutine build_bodies(case, body, surfaces, remarks, error)
     !> The case.
     type(case_t), intent(in) :: case
     !> Bodies, not yet assembled (n_bodies).
     type(body_t), allocatable, intent(out) :: body(:)
-    !> Slave surface of each contact pair (n_pairs).
-    type(surface_t), allocatable, intent(out) :: surface_a(:)
-    !> Master surface of each contact pair (n_pairs).
-    type(surface_t), allocatable, intent(out) :: surface_b(:)
+    !> Surfaces of the bodies that contact pairs may need (n_bodies).
+    type(body_surfaces_t), allocatable, intent(out) :: surfaces(:)
     !> Lines for the log (n_remarks).
     type(text_t), allocatable, intent(out) :: remarks(:)
     !> Allocated where meshes, materials, supports or loads cannot be used: all problems, one per line.
@@ -48,7 +47,7 @@ contains
     logical, dimension(size(case%body)) :: read, done, same, locks
     logical :: support_used(size(case%support)), load_used(size(case%load))
     integer :: b, c, k, before, same_volume(size(case%body))
-    allocate (body(size(case%body)), surface_a(size(case%contact)), surface_b(size(case%contact)))
+    allocate (body(size(case%body)), surfaces(size(case%body)))
     allocate (remarks(0))
     meshing%no_shell = case%no_shell
     read = .false.
@@ -74,7 +73,7 @@ contains
           if (.not. same(k) .or. case%body(k)%volume /= case%body(c)%volume .or. (locks(k) .neqv. locks(c))) cycle
           done(k) = .true.
           same_volume(k) = c
-          call build_body(case, mesh, volume, k, body(k), surface_a, surface_b, support_used, load_used, problems)
+          call build_body(case, mesh, volume, k, body(k), surfaces(k), support_used, load_used, problems)
         end do
         call describe_joints(case, volume, count(same_volume == c), c, remarks)
       end do
@@ -138,8 +137,8 @@ contains
     if (.not. allocated(error)) mesh%file = path
   end subroutine read_mesh
 
-  !> Build one body and the surfaces of its contact pairs.
-  subroutine build_body(case, mesh, volume, b, body, surface_a, surface_b, support_used, load_used, problems)
+  !> Build one body, and its surfaces for contact pairs.
+  subroutine build_body(case, mesh, volume, b, body, surfaces, support_used, load_used, problems)
     !> The case.
     type(case_t), intent(in) :: case
     !> Mesh of the body's volume.
@@ -150,10 +149,8 @@ contains
     integer, intent(in) :: b
     !> The body, not yet assembled.
     type(body_t), intent(inout) :: body
-    !> Slave surfaces (n_pairs); those of the body are set.
-    type(surface_t), intent(inout) :: surface_a(:)
-    !> Master surfaces (n_pairs); those of the body are set.
-    type(surface_t), intent(inout) :: surface_b(:)
+    !> Its surfaces that contact pairs may need.
+    type(body_surfaces_t), intent(inout) :: surfaces
     !> Whether a support is that of a named body, or acts on one of those that wildcards name (n_supports).
     logical, intent(inout) :: support_used(:)
     !> The same of loads (n_loads).
@@ -178,12 +175,18 @@ contains
     call body%material%check_plane(body%analysis, failed)
     call note(case%body(b)%line, failed)
 
+    ! A single body has no pairs.
+    if (size(case%body) > 1) call volume%take_boundary(mesh, surfaces%boundary)
     do k = 1, size(case%contact)
       associate (contact => case%contact(k))
-        if (contact%body_a == b) call volume%take_surface(mesh, contact%surface_a, surface_a(k), failed)
-        call note(contact%line, failed)
-        if (contact%body_b == b) call volume%take_surface(mesh, contact%surface_b, surface_b(k), failed)
-        call note(contact%line, failed)
+        if (contact%auto) cycle
+        if (contact%searched) then
+          if (any(contact%bodies_a == b)) call take_side(contact, contact%surface_a, .true.)
+          if (any(contact%bodies_b == b)) call take_side(contact, contact%surface_b, .true.)
+        else
+          if (contact%body_a == b) call take_side(contact, contact%surface_a, .false.)
+          if (contact%body_b == b) call take_side(contact, contact%surface_b, .false.)
+        end if
       end associate
     end do
     call build_supports(support)
@@ -215,6 +218,24 @@ contains
       if (placement%rotated .and. .not. body%material%isotropic) &
         body%material%stiffness = rotate_stiffness(body%material%stiffness, placement%rotation)
     end subroutine place
+
+    !> Take a surface of the body for contact pairs.
+    subroutine take_side(contact, name, may_lack)
+      !> `&contact`.
+      type(contact_input_t), intent(in) :: contact
+      !> Name of the surface, maybe with wildcards.
+      character(*), intent(in) :: name
+      !> Whether the body need not have it.
+      logical, intent(in) :: may_lack
+      type(surface_t) :: surface
+      if (surfaces%find(name) > 0) return
+      if (may_lack) then
+        if (.not. volume%has_surface(mesh, name)) return
+      end if
+      call volume%take_surface(mesh, name, surface, failed)
+      if (.not. allocated(failed)) call surfaces%add(name, surface)
+      call note(contact%line, failed)
+    end subroutine take_side
 
     !> Collect the supports of the body.
     subroutine build_supports(support)

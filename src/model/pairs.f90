@@ -9,11 +9,15 @@ module dotyk_model_pairs
   use dotyk_base_text, only: to_text
   use dotyk_contact_pair, only: contact_pair_t, pair_settings_t
   use dotyk_contact_pair_discretization, only: discretize_pair
+  use dotyk_contact_pair_report, only: pair_report_t
   use dotyk_contact_smooth_sheets, only: split_sheets
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t, contact_input_t
   use dotyk_mesh_surface, only: surface_t
+  use dotyk_model_discretized_pairs, only: drop_empty_pairs, refuse_double_faces
+  use dotyk_model_body_surfaces, only: body_surfaces_t
   use dotyk_model_mesh_theta, only: set_mesh_theta
+  use dotyk_model_pair_finder, only: form_pairs
   use dotyk_model_row_theta, only: set_formula_theta
   implicit none
   private
@@ -27,25 +31,31 @@ module dotyk_model_pairs
 
 contains
 
-  !> Discretize all contact pairs; all problems are reported together.
-  subroutine find_pairs(case, body, surface_a, surface_b, pair, theta, error)
-    !> The case.
-    type(case_t), intent(in) :: case
+  !> Form and discretize all contact pairs; all problems are reported together.
+  subroutine find_pairs(case, body, surfaces, surface_a, surface_b, pair, theta, found, error)
+    !> The case; `contact` has one entry for each pair on return.
+    type(case_t), intent(inout) :: case
     !> Assembled bodies (n_bodies).
     type(body_t), intent(in) :: body(:)
+    !> Their surfaces that pairs may need (n_bodies).
+    type(body_surfaces_t), intent(inout) :: surfaces(:)
     !> Slave surface of each pair; divided into smooth sheets (n_pairs).
-    type(surface_t), intent(inout) :: surface_a(:)
+    type(surface_t), allocatable, intent(out) :: surface_a(:)
     !> Master surface of each pair, likewise (n_pairs).
-    type(surface_t), intent(inout) :: surface_b(:)
+    type(surface_t), allocatable, intent(out) :: surface_b(:)
     !> Contact pairs (n_pairs).
     type(contact_pair_t), allocatable, intent(out) :: pair(:)
     !> Penalty parameters of all rows, pair by pair (n_rows) [length/pressure].
     real(dp), allocatable, intent(out) :: theta(:)
+    !> What the search for pairs found.
+    type(pair_report_t), intent(out) :: found
     !> Allocated where pairs cannot be discretized: all problems, one per line.
     type(error_t), allocatable, intent(out) :: error
     type(problem_list_t) :: problems
     type(error_slot_t), allocatable :: failed(:)
     integer :: k
+    call form_pairs(case, body, surfaces, surface_a, surface_b, found, error)
+    if (allocated(error)) return
     allocate (pair(size(case%contact)), failed(size(case%contact)))
     ! Few pairs: threads share the points of each. Many pairs: threads share the pairs.
     !$omp parallel do default(none) shared(case, body, surface_a, surface_b, pair, failed) schedule(dynamic, 1) &
@@ -62,6 +72,10 @@ contains
     do k = 1, size(pair)
       call problems%add_error(failed(k)%error, case%file//':'//to_text(case%contact(k)%line)//': ')
     end do
+    if (problems%count == 0) then
+      call drop_empty_pairs(case, surface_a, surface_b, pair, found%n_empty)
+      call refuse_double_faces(case, surface_a, surface_b, pair, problems)
+    end if
     call problems%raise(error)
     if (.not. allocated(error)) theta = [(pair(k)%row_theta, k=1, size(pair))]
   end subroutine find_pairs
@@ -104,6 +118,10 @@ contains
     if (given%theta_kind == theta_relative) settings%theta = given%theta*(compliance(body_a) + compliance(body_b))
     call discretize_pair(body_a%mesh, surface_a, body_b%mesh, surface_b, settings, formula, pair, error)
     call formula%destroy()
+    if (given%found .and. pair%n_points == 0 .and. allocated(error)) then
+      deallocate (error)
+      return
+    end if
     if (allocated(error)) return
     pair%is_layer = given%is_layer
     if (given%theta_kind == theta_mesh) then

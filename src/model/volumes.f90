@@ -4,6 +4,8 @@ module dotyk_model_volumes
   use dotyk_base_text, only: text_t
   use dotyk_base_wildcard, only: matches
   use dotyk_mesh_body_mesh, only: body_mesh_t, extract_body
+  use dotyk_mesh_boundary, only: extract_boundary
+  use dotyk_mesh_boundary_part, only: find_entities
   use dotyk_mesh_joints, only: joints_t
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_order_elevation, only: has_linear_simplices, elevate_order
@@ -25,10 +27,13 @@ module dotyk_model_volumes
     type(surface_t), allocatable, private :: surface(:)
     !> Names of its physical groups of surfaces; allocated when first asked for (n_names).
     type(text_t), allocatable, private :: name(:)
+    !> Its whole boundary; allocated when first asked for.
+    type(surface_t), allocatable, private :: boundary
   contains
     procedure :: take => volume_take
     procedure :: take_surface => volume_take_surface
     procedure :: has_surface => volume_has_surface
+    procedure :: take_boundary => volume_take_boundary
   end type volume_t
 
 contains
@@ -51,6 +56,21 @@ contains
     end if
     allocate (self%surface(4))
   end subroutine volume_take
+
+  !> The whole boundary of the volume.
+  subroutine volume_take_boundary(self, mesh, boundary)
+    class(volume_t), intent(inout) :: self
+    !> Mesh of the volume.
+    type(mesh_t), intent(in) :: mesh
+    !> The boundary.
+    type(surface_t), intent(out) :: boundary
+    if (.not. allocated(self%boundary)) then
+      allocate (self%boundary)
+      call extract_boundary(self%mesh, self%boundary)
+      call find_entities(mesh, self%mesh, self%boundary)
+    end if
+    boundary = self%boundary
+  end subroutine volume_take_boundary
 
   !> Whether the volume has a surface of a name.
   logical function volume_has_surface(self, mesh, name) result(has)

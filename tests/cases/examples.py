@@ -220,6 +220,15 @@ class Examples(dotyk_case.Case):
         self.assertBetween(230, reaction["x1"], 290)
         self.assertBetween(380, reaction["x2"], 470)
 
+    def test_balls_in_box(self):
+        self.copy("balls_in_box")
+        self.dotyk("balls_in_box/balls_in_box.nml")
+        check = check_of("balls_in_box")
+        errors, lid = check.errors(self.folder / "balls_in_box/balls_in_box.vtkhdf")
+        for name, error in errors.items():
+            self.assertLessEqual(error, check.LIMITS[name], name)
+        self.assertGreater(lid, 1)
+
     def test_bearing(self):
         self.limits("bearing")
 

@@ -49,14 +49,10 @@ class Robustness(dotyk_case.Case):
         self.dotyk(self.scene(change=lambda text: text.replace("\n", "\r\n")))
         self.check_pressure(*self.pressure("case.vtkhdf")[1:])
 
-    def test_a_pair_given_twice_shares_its_pressure(self):
+    def test_a_pair_given_twice_counts_once(self):
         twin = "&contact name='twin', surface_a='upper:upper bottom', surface_b='lower:lower top' /\n"
-        self.dotyk(self.scene(more=twin))
-        for name in ("joint", "twin"):
-            least, most, theta = self.pressure("case.vtkhdf", name)
-            exact = SHORTENING/(2/STIFF + theta/2)/2
-            self.assertAlmostEqual(least/exact, 1, delta=1e-7)
-            self.assertAlmostEqual(most/exact, 1, delta=1e-7)
+        self.assertIn("same contact", self.dotyk(self.scene(more=twin)))
+        self.check_pressure(*self.pressure("case.vtkhdf")[1:])
 
     def test_a_body_that_cannot_move(self):
         held = "".join("&support body='lower', surface='%s', fix='xyz' /\n" % s for s in ("bottom", "lower top"))

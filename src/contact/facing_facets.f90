@@ -1,0 +1,89 @@
+!> Whether two boundary facets of different bodies may come into contact: geometry of single facets.
+module dotyk_contact_facing_facets
+  use dotyk_base_kinds, only: dp
+  use dotyk_contact_body_faces, only: body_faces_t
+  use dotyk_contact_facet_distance, only: polygon_distance, polygons_overlap
+  implicit none
+  private
+  public :: compare_facets, search_distance
+
+  !> Search distance where none is given, as a fraction of the diameter of the smaller body [].
+  real(dp), parameter :: default_fraction = 0.1_dp
+  !> Facets face each other where the cosine of the angle between their normals is below this: 84 degrees between one
+  !> normal and the reverse of the other [].
+  real(dp), parameter :: facing_limit = -0.1_dp
+  !> Greatest initial overlap, as a fraction of the diameter of the smaller body [].
+  real(dp), parameter, public :: greatest_overlap = 0.05_dp
+  !> Overlaps below this fraction of the diameter are contact [].
+  real(dp), parameter :: round_off = 1.0e-9_dp
+contains
+
+  !> Search distance of two bodies [length].
+  pure real(dp) function search_distance(a, b, given) result(distance)
+    !> First body.
+    type(body_faces_t), intent(in) :: a
+    !> Second body.
+    type(body_faces_t), intent(in) :: b
+    !> Distance that the user gives, or 0 [length].
+    real(dp), intent(in) :: given
+    distance = given
+    if (.not. given > 0) distance = default_fraction*min(a%diameter, b%diameter)
+  end function search_distance
+
+  !> Whether two facets face each other within the search distance, in front of each other or with a small overlap.
+  pure subroutine compare_facets(a, f, b, g, reach, overlap, meets, distance, opposite)
+    !> First body.
+    type(body_faces_t), intent(in) :: a
+    !> Its facet.
+    integer, intent(in) :: f
+    !> Second body.
+    type(body_faces_t), intent(in) :: b
+    !> Its facet.
+    integer, intent(in) :: g
+    !> Search distance [length].
+    real(dp), intent(in) :: reach
+    !> Greatest initial overlap [length].
+    real(dp), intent(in) :: overlap
+    !> Whether they do.
+    logical, intent(out) :: meets
+    !> Their distance; negative where they overlap [length].
+    real(dp), intent(out) :: distance
+    !> Whether they lie opposite each other, seen along their normals.
+    logical, intent(out) :: opposite
+    real(dp) :: toward(3), at_f(3), at_g(3), depth, cosine, angle
+    meets = .false.
+    opposite = .false.
+    distance = 0
+    cosine = dot_product(a%normal(:, f), b%normal(:, g))
+    if (cosine >= facing_limit) then
+      angle = acos(min(1.0_dp, cosine)) + a%half_angle(f) + b%half_angle(g)
+      if (angle < acos(facing_limit)) return
+    end if
+    call polygon_distance(a%n_corners(f), a%corner(:, :a%n_corners(f), f), b%n_corners(g), &
+                          b%corner(:, :b%n_corners(g), g), distance, at_f, at_g)
+    if (distance > reach + a%bulge(f) + b%bulge(g)) return
+    toward = a%normal(:, f) - b%normal(:, g)
+    toward = toward/norm2(toward)
+    meets = .true.
+    depth = dot_product(at_f - at_g, toward)
+    if (depth > a%bulge(f) + b%bulge(g) + round_off*(a%diameter + b%diameter)) then
+      distance = -distance
+      meets = depth <= overlap
+      if (meets) meets = 2*depth <= min(thickness(a, f), thickness(b, g))
+    end if
+    if (meets) opposite = polygons_overlap(a%n_corners(f), a%corner(:, :a%n_corners(f), f), b%n_corners(g), &
+                                           b%corner(:, :b%n_corners(g), g), toward)
+  end subroutine compare_facets
+
+  !> Thickness of a body behind a facet, from the centre of the facet; huge where it is open [length].
+  pure real(dp) function thickness(faces, facet)
+    !> The body.
+    type(body_faces_t), intent(in) :: faces
+    !> Its facet.
+    integer, intent(in) :: facet
+    real(dp) :: enters, leaves
+    call faces%cross_along(faces%centre(facet), -faces%normal(:, facet), 0.0_dp, 2*faces%diameter, facet, enters, &
+                           leaves)
+    thickness = leaves
+  end function thickness
+end module dotyk_contact_facing_facets

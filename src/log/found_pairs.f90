@@ -1,0 +1,157 @@
+!> What the search for contact pairs found, and which bodies carry nothing.
+module dotyk_log_found_pairs
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_log, only: log_t
+  use dotyk_base_text, only: counted, quoted, to_text
+  use dotyk_contact_pair_report, only: group_report_t, unnamed_faces_t
+  use dotyk_control_contact_problem, only: contact_problem_t
+  use dotyk_elasticity_body, only: body_t
+  implicit none
+  private
+  public :: show_found, show_idle_bodies, body_names
+
+  !> Greatest number of lines, and of names in a line; more are summed up.
+  integer, parameter :: most_lines = 6, most_names = 8
+
+contains
+
+  !> The groups that were searched, pairs that were merged, and faces in no pair.
+  subroutine show_found(log, problem)
+    !> The log.
+    type(log_t), intent(inout) :: log
+    !> Bodies and contact pairs.
+    type(contact_problem_t), intent(in) :: problem
+    integer :: k
+    if (.not. allocated(problem%found%group)) return
+    associate (found => problem%found)
+      do k = 1, size(found%group)
+        call show_group(log, found%group(k))
+      end do
+      if (found%n_empty > 0) &
+        call log%line('  found            '//counted(found%n_empty, 'pair')// &
+                      ' of these nowhere opposite each other: left out')
+      do k = 1, size(found%merged)
+        if (k > most_lines) exit
+        call log%line('  same contact     '//quoted(found%merged(k)%name)//' (line '//to_text(found%merged(k)%line)// &
+                      ') and '//quoted(found%merged(k)%kept)//' (line '//to_text(found%merged(k)%kept_line)// &
+                      '): the latter remains')
+      end do
+      if (size(found%merged) > most_lines) &
+        call log%line('  same contact     '//to_text(size(found%merged) - most_lines)//' more that are named twice')
+      do k = 1, size(found%unnamed)
+        if (k > most_lines) exit
+        call show_unnamed(log, problem%body, found%unnamed(k))
+      end do
+      if (size(found%unnamed) > most_lines) &
+        call log%line('  in no pair       near faces of '//to_text(size(found%unnamed) - most_lines)// &
+                      ' more pairs of bodies')
+      if (size(found%unnamed) > 0) &
+        call log%line('                   nothing keeps these faces apart: add a &contact, or &contact auto=.true.')
+    end associate
+  end subroutine show_found
+
+  !> The pairs of one group.
+  subroutine show_group(log, group)
+    !> The log.
+    type(log_t), intent(inout) :: log
+    !> The group.
+    type(group_report_t), intent(in) :: group
+    character(:), allocatable :: text
+    text = '  found            '//counted(group%n_pairs, 'pair')//' of '
+    if (group%auto) then
+      text = text//'faces'
+    else
+      text = text//'surfaces'
+    end if
+    text = text//' that face each other'
+    if (group%n_pairs > 0) text = text//', up to '//to_text(group%distance, 3)//' apart'
+    if (len(group%name) > 0) text = text//', for '//quoted(group%name)
+    if (group%n_named > 0) text = text//'; '//counted(group%n_named, 'pair of bodies', 'pairs of bodies')// &
+                                  ' named by other groups'
+    if (group%n_excluded > 0) text = text//'; '//to_text(group%n_excluded)//' excluded'
+    call log%line(text)
+    if (group%auto .and. group%n_pairs == 0 .and. group%n_named == 0) &
+      call log%line('    warning: no faces are that near; check the positions of the bodies, or give a search_radius')
+  end subroutine show_group
+
+  !> Faces of two bodies in no pair.
+  subroutine show_unnamed(log, body, unnamed)
+    !> The log.
+    type(log_t), intent(inout) :: log
+    !> Bodies (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    !> The faces.
+    type(unnamed_faces_t), intent(in) :: unnamed
+    character(:), allocatable :: text
+    integer :: i
+    !> Distances below this fraction of the size of a body are contact [].
+    real(dp), parameter :: contact = 1.0e-9_dp
+    text = '  in no pair       '//quoted(body(unnamed%body_a)%name)//' and '//quoted(body(unnamed%body_b)%name)
+    if (unnamed%distance < -contact*body(unnamed%body_a)%mesh%diameter()) then
+      text = text//' overlap by '//to_text(-unnamed%distance, 3)
+    else if (unnamed%distance > contact*body(unnamed%body_a)%mesh%diameter()) then
+      text = text//' are '//to_text(unnamed%distance, 3)//' apart'
+    else
+      text = text//' touch'
+    end if
+    text = text//' at ('
+    do i = 1, body(unnamed%body_a)%dimension
+      if (i > 1) text = text//', '
+      text = text//to_text(unnamed%position(i), 4)
+    end do
+    text = text//'), '//counted(unnamed%n_facets, 'facet')
+    if (unnamed%in_pair) text = text//' outside of their pairs'
+    call log%line(text)
+  end subroutine show_unnamed
+
+  !> Bodies without loads on which no contact force acts.
+  subroutine show_idle_bodies(log, problem, pressure, first_row)
+    !> The log.
+    type(log_t), intent(inout) :: log
+    !> Bodies and contact pairs.
+    type(contact_problem_t), intent(in) :: problem
+    !> Contact pressures (n_rows) [pressure].
+    real(dp), intent(in) :: pressure(:)
+    !> Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
+    integer, intent(in) :: first_row(:)
+    logical :: idle(size(problem%body))
+    real(dp) :: least
+    integer :: k
+    !> Pressures of schemes of relaxation decay on rows that open, and do not vanish: below this fraction of the
+    !> greatest one they are none [].
+    real(dp), parameter :: nothing = 1.0e-9_dp
+    if (size(problem%body) < 2 .or. size(pressure) == 0) return
+    least = nothing*maxval(abs(pressure))
+    do k = 1, size(idle)
+      idle(k) = .not. (maxval(abs(problem%body(k)%load)) > 0 .or. &
+                       maxval(abs(problem%body(k)%constraint%prescribed)) > 0)
+    end do
+    do k = 1, size(problem%pair)
+      if (.not. maxval(abs(pressure(first_row(k):first_row(k + 1) - 1))) > least) cycle
+      idle(problem%pair(k)%body_a) = .false.
+      idle(problem%pair(k)%body_b) = .false.
+    end do
+    if (any(idle)) call log%line('  carry nothing    '//body_names(problem%body, idle)// &
+                                 ': no load or contact force acts on '//trim(merge('them', 'it  ', count(idle) > 1)))
+  end subroutine show_idle_bodies
+
+  !> Names of some bodies; many are summed up.
+  function body_names(body, chosen) result(text)
+    !> Bodies (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    !> Those to name (n_bodies).
+    logical, intent(in) :: chosen(:)
+    character(:), allocatable :: text
+    integer :: b, n
+    text = ''
+    n = 0
+    do b = 1, size(body)
+      if (.not. chosen(b)) cycle
+      n = n + 1
+      if (n > most_names) cycle
+      if (n > 1) text = text//', '
+      text = text//quoted(body(b)%name)
+    end do
+    if (n > most_names) text = text//' and '//to_text(n - most_names)//' more'
+  end function body_names
+end module dotyk_log_found_pairs

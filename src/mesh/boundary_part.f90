@@ -1,0 +1,93 @@
+!> Parts of the boundary of a body: the numbers of the facets of a surface in it, and some of its facets as a surface.
+module dotyk_mesh_boundary_part
+  use dotyk_mesh_corner_table, only: corner_table_t
+  use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_mesh_element, only: element_kind, element_kind_t, kind_dimension
+  use dotyk_mesh_mesh, only: mesh_t
+  use dotyk_mesh_surface, only: surface_t
+  implicit none
+  private
+  public :: facets_in_boundary, boundary_part, find_entities
+
+  !> Greatest number of corners of a facet.
+  integer, parameter :: max_corners = 4
+
+contains
+
+  !> Number of each facet of a surface in the boundary of its body.
+  subroutine facets_in_boundary(boundary, surface, number)
+    !> Boundary of the body.
+    type(surface_t), intent(in) :: boundary
+    !> A surface of the body.
+    type(surface_t), intent(in) :: surface
+    !> Numbers of its facets in the boundary (surface%n_facets).
+    integer, allocatable, intent(out) :: number(:)
+    type(corner_table_t) :: table
+    type(element_kind_t) :: kind
+    integer :: f, entry
+    call table%init(max_corners, boundary%n_facets)
+    do f = 1, boundary%n_facets
+      kind = element_kind(boundary%kind(f))
+      call table%add(boundary%node(:kind%n_corners, f), entry)
+    end do
+    allocate (number(surface%n_facets))
+    do f = 1, surface%n_facets
+      kind = element_kind(surface%kind(f))
+      number(f) = table%find(surface%node(:kind%n_corners, f))
+    end do
+  end subroutine facets_in_boundary
+
+  !> Geometric entities of the facets of a boundary, as far as the mesh has these facets as elements.
+  subroutine find_entities(mesh, body_mesh, boundary)
+    !> Mesh from which the body was extracted.
+    type(mesh_t), intent(in) :: mesh
+    !> Mesh of the body.
+    type(body_mesh_t), intent(in) :: body_mesh
+    !> Boundary of the body; its entities are set.
+    type(surface_t), intent(inout) :: boundary
+    type(corner_table_t) :: table
+    type(element_kind_t) :: kind
+    integer, allocatable :: number(:)
+    integer :: b, e, f, i, n, entry, corner(max_corners)
+    allocate (boundary%entity(boundary%n_facets), source=0)
+    allocate (number(size(mesh%x, 2)), source=0)
+    number(body_mesh%mesh_node) = [(i, i=1, size(body_mesh%mesh_node))]
+    call table%init(max_corners, boundary%n_facets)
+    do f = 1, boundary%n_facets
+      kind = element_kind(boundary%kind(f))
+      call table%add(boundary%node(:kind%n_corners, f), entry)
+    end do
+    do b = 1, size(mesh%block)
+      if (kind_dimension(mesh%block(b)%kind) /= body_mesh%dimension - 1) cycle
+      if (.not. allocated(mesh%block(b)%entity)) cycle
+      kind = element_kind(mesh%block(b)%kind)
+      n = kind%n_corners
+      do e = 1, size(mesh%block(b)%tag)
+        corner(:n) = number(mesh%block(b)%node(:n, e))
+        if (any(corner(:n) == 0)) cycle
+        f = table%find(corner(:n))
+        if (f > 0) boundary%entity(f) = mesh%block(b)%entity(e)
+      end do
+    end do
+  end subroutine find_entities
+
+  !> Some facets of a boundary as a surface.
+  subroutine boundary_part(boundary, facet, part)
+    !> Boundary of a body.
+    type(surface_t), intent(in) :: boundary
+    !> Facets of the part (n).
+    integer, intent(in) :: facet(:)
+    !> The part.
+    type(surface_t), intent(out) :: part
+    part%name = 'boundary'
+    part%dimension = boundary%dimension
+    part%order_elevated = boundary%order_elevated
+    part%n_facets = size(facet)
+    part%kind = boundary%kind(facet)
+    part%node = boundary%node(:, facet)
+    part%block = boundary%block(facet)
+    part%element = boundary%element(facet)
+    if (allocated(boundary%tag)) part%tag = boundary%tag(facet)
+    if (allocated(boundary%entity)) part%entity = boundary%entity(facet)
+  end subroutine boundary_part
+end module dotyk_mesh_boundary_part

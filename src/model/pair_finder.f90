@@ -1,0 +1,333 @@
+!> Forms the contact pairs from the groups of the input: named ones, those that wildcards stand for, and those that the
+!> search for near faces finds by itself (docs/geometry.md).
+module dotyk_model_pair_finder
+  use dotyk_base_error, only: error_t, exit_bad_input, problem_list_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_text, only: quoted, to_text
+  use dotyk_base_wildcard, only: matches
+  use dotyk_contact_body_faces, only: body_faces_t
+  use dotyk_contact_facing_facets, only: search_distance
+  use dotyk_contact_near_faces, only: find_near_faces, near_faces_t
+  use dotyk_contact_pair_report, only: group_report_t, pair_report_t
+  use dotyk_elasticity_body, only: body_t
+  use dotyk_input_case, only: case_t, contact_input_t, exclusion_t
+  use dotyk_mesh_boundary_part, only: boundary_part
+  use dotyk_mesh_surface, only: surface_t
+  use dotyk_model_body_surfaces, only: body_surfaces_t
+  use dotyk_model_boundary_patch, only: facet_graph_t, first_is_slave, grow_patch
+  use dotyk_model_double_pairs, only: merge_double_pairs
+  use dotyk_model_pair_list, only: pair_list_t
+  use dotyk_model_unnamed_faces, only: list_unnamed_faces
+  implicit none
+  private
+  public :: form_pairs
+
+contains
+
+  !> Form all contact pairs; the groups of the case become the pairs.
+  subroutine form_pairs(case, body, surfaces, surface_a, surface_b, report, error)
+    !> The case; `contact` has one entry for each pair on return, in the order of the groups.
+    type(case_t), intent(inout) :: case
+    !> Bodies (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    !> Their surfaces (n_bodies).
+    type(body_surfaces_t), intent(inout) :: surfaces(:)
+    !> Slave surface of each pair (n_pairs).
+    type(surface_t), allocatable, intent(out) :: surface_a(:)
+    !> Master surface of each pair (n_pairs).
+    type(surface_t), allocatable, intent(out) :: surface_b(:)
+    !> What was found.
+    type(pair_report_t), intent(out) :: report
+    !> Allocated where wildcards find no pair, or the same contact is named with different settings.
+    type(error_t), allocatable, intent(out) :: error
+    type(body_faces_t) :: faces(size(body))
+    type(facet_graph_t) :: graph(size(body))
+    type(near_faces_t), allocatable :: near(:)
+    type(group_report_t) :: group
+    type(pair_list_t) :: list
+    type(problem_list_t) :: problems
+    real(dp) :: searched
+    logical :: auto
+    integer :: b, k, pass, n
+    call list%init(size(body))
+    do k = 1, size(case%contact)
+      associate (given => case%contact(k))
+        if (given%searched) cycle
+        call add_named(list, given, k, surfaces(given%body_a), surfaces(given%body_b))
+      end associate
+    end do
+    !$omp parallel do default(none) shared(body, surfaces, faces) schedule(dynamic, 1)
+    do b = 1, size(body)
+      if (surfaces(b)%boundary%n_facets > 0) call faces(b)%init(body(b)%mesh%x, surfaces(b)%boundary)
+    end do
+    !$omp end parallel do
+    searched = -1
+    allocate (report%group(count(case%contact%searched)))
+    ! Pairs of named surfaces first: faces that are named are not for `auto`.
+    do pass = 1, 2
+      auto = pass == 2
+      n = 0
+      do k = 1, size(case%contact)
+        if (.not. case%contact(k)%searched) cycle
+        n = n + 1
+        if (case%contact(k)%auto .neqv. auto) cycle
+        call search(case%contact(k)%search_radius)
+        group%line = case%contact(k)%line
+        group%name = case%contact(k)%name
+        group%auto = auto
+        group%n_pairs = list%n
+        group%n_named = 0
+        group%n_excluded = 0
+        group%distance = 0
+        if (auto) then
+          call find_auto(case%contact(k), k, body, surfaces, faces, near, graph, list, group)
+        else
+          call find_named(case%contact(k), k, body, surfaces, faces, near, list, group)
+        end if
+        group%n_pairs = list%n - group%n_pairs
+        if (.not. auto .and. group%n_pairs == 0) &
+          call problems%add(case%file//':'//to_text(group%line)//': &contact '//quoted(group%name)//': none '// &
+                            'of the surfaces of surface_a is near one of surface_b', &
+                            exit_bad_input)
+        report%group(n) = group
+      end do
+    end do
+    call merge_double_pairs(case%file, surfaces, list, report%merged, problems)
+    call problems%raise(error)
+    if (allocated(error)) return
+    if (size(body) > 1) then
+      call search(0.0_dp)
+      call list_unnamed_faces(case, surfaces, faces, near, list, report%unnamed)
+    else
+      allocate (report%unnamed(0))
+    end if
+    call order_pairs(case, list, surface_a, surface_b)
+
+  contains
+
+    !> Find the near faces, unless they are those of the search before.
+    subroutine search(radius)
+      !> Search distance that the user gives, or 0 [length].
+      real(dp), intent(in) :: radius
+      if (abs(searched - radius) <= 0) return
+      call find_near_faces(faces, radius, near)
+      searched = radius
+    end subroutine search
+  end subroutine form_pairs
+
+  !> Add a pair of named surfaces.
+  subroutine add_named(list, contact, group, surfaces_a, surfaces_b)
+    !> Pairs so far.
+    type(pair_list_t), intent(inout) :: list
+    !> The pair, its bodies set.
+    type(contact_input_t), intent(in) :: contact
+    !> Group of the input.
+    integer, intent(in) :: group
+    !> Surfaces of the slave body.
+    type(body_surfaces_t), intent(in) :: surfaces_a
+    !> Surfaces of the master body.
+    type(body_surfaces_t), intent(in) :: surfaces_b
+    integer :: a, b
+    a = surfaces_a%find(contact%surface_a)
+    b = surfaces_b%find(contact%surface_b)
+    call list%add(contact, group, surfaces_a%surface(a), a, surfaces_b%surface(b), b)
+  end subroutine add_named
+
+  !> Find the pairs of a group that names bodies with wildcards: those of its surfaces that are near each other.
+  subroutine find_named(given, k, body, surfaces, faces, near, list, group)
+    !> `&contact`.
+    type(contact_input_t), intent(in) :: given
+    !> Its number among the groups.
+    integer, intent(in) :: k
+    !> Bodies (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    !> Their surfaces (n_bodies).
+    type(body_surfaces_t), intent(inout) :: surfaces(:)
+    !> Their facets (n_bodies).
+    type(body_faces_t), intent(in) :: faces(:)
+    !> Facets that are near each other (n_near).
+    type(near_faces_t), intent(in) :: near(:)
+    !> Pairs so far.
+    type(pair_list_t), intent(inout) :: list
+    !> What was found.
+    type(group_report_t), intent(inout) :: group
+    type(contact_input_t) :: contact
+    logical, allocatable :: in_a(:), in_b(:)
+    logical :: is_a(size(body)), is_b(size(body)), is_near
+    integer :: i, turn, a, b, place_a, place_b
+    is_a = .false.
+    is_a(given%bodies_a) = .true.
+    is_b = .false.
+    is_b(given%bodies_b) = .true.
+    do i = 1, size(near)
+      do turn = 1, 2
+        a = merge(near(i)%body_a, near(i)%body_b, turn == 1)
+        b = merge(near(i)%body_b, near(i)%body_a, turn == 1)
+        if (.not. (is_a(a) .and. is_b(b))) cycle
+        place_a = surfaces(a)%find(given%surface_a)
+        place_b = surfaces(b)%find(given%surface_b)
+        if (place_a == 0 .or. place_b == 0) cycle
+        call surfaces(a)%facets(place_a, in_a)
+        call surfaces(b)%facets(place_b, in_b)
+        if (turn == 1) then
+          is_near = any(in_a(near(i)%facet_a) .and. in_b(near(i)%facet_b) .and. near(i)%opposite)
+        else
+          is_near = any(in_a(near(i)%facet_b) .and. in_b(near(i)%facet_a) .and. near(i)%opposite)
+        end if
+        if (.not. is_near) cycle
+        if (is_excluded(given%exclude, body(a)%name, body(b)%name)) then
+          group%n_excluded = group%n_excluded + 1
+          exit
+        end if
+        contact = given
+        contact%searched = .false.
+        contact%found = .true.
+        contact%body_a = a
+        contact%body_b = b
+        contact%name = pair_name(given%name, body(a)%name, body(b)%name)
+        call list%add(contact, k, surfaces(a)%surface(place_a), place_a, surfaces(b)%surface(place_b), place_b)
+        group%distance = max(group%distance, search_distance(faces(a), faces(b), given%search_radius))
+        ! The same surfaces the other way round are the same contact.
+        if (given%surface_a == given%surface_b .and. is_a(b) .and. is_b(a)) exit
+      end do
+    end do
+  end subroutine find_named
+
+  !> Find the pairs of a group with `auto`: faces of any two bodies that are near each other.
+  subroutine find_auto(given, k, body, surfaces, faces, near, graph, list, group)
+    !> `&contact`.
+    type(contact_input_t), intent(in) :: given
+    !> Its number among the groups.
+    integer, intent(in) :: k
+    !> Bodies (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    !> Their surfaces (n_bodies).
+    type(body_surfaces_t), intent(in) :: surfaces(:)
+    !> Their facets (n_bodies).
+    type(body_faces_t), intent(in) :: faces(:)
+    !> Facets that are near each other (n_near).
+    type(near_faces_t), intent(in) :: near(:)
+    !> Facets at the nodes of the bodies; made where they are needed (n_bodies).
+    type(facet_graph_t), intent(inout) :: graph(:)
+    !> Pairs so far.
+    type(pair_list_t), intent(inout) :: list
+    !> What was found.
+    type(group_report_t), intent(inout) :: group
+    type(contact_input_t) :: contact
+    type(surface_t) :: patch_a, patch_b
+    integer, allocatable :: facet_a(:), facet_b(:)
+    integer :: i
+    do i = 1, size(near)
+      if (.not. any(near(i)%opposite)) cycle
+      associate (a => near(i)%body_a, b => near(i)%body_b)
+        if (is_excluded(given%exclude, body(a)%name, body(b)%name)) then
+          group%n_excluded = group%n_excluded + 1
+          cycle
+        end if
+        if (list%between(a, b, 0) > 0) then
+          group%n_named = group%n_named + 1
+          cycle
+        end if
+        if (.not. allocated(graph(a)%start)) call graph(a)%init(surfaces(a)%boundary)
+        if (.not. allocated(graph(b)%start)) call graph(b)%init(surfaces(b)%boundary)
+        call grow_patch(surfaces(a)%boundary, graph(a), faces(a), pack(near(i)%facet_a, near(i)%opposite), facet_a)
+        call grow_patch(surfaces(b)%boundary, graph(b), faces(b), pack(near(i)%facet_b, near(i)%opposite), facet_b)
+        call boundary_part(surfaces(a)%boundary, facet_a, patch_a)
+        call boundary_part(surfaces(b)%boundary, facet_b, patch_b)
+        contact = given
+        contact%searched = .false.
+        contact%found = .true.
+        contact%search_radius = search_distance(faces(a), faces(b), given%search_radius)
+        contact%has_search_radius = .true.
+        group%distance = max(group%distance, contact%search_radius)
+        contact%surface_a = patch_a%name
+        contact%surface_b = patch_b%name
+        if (first_is_slave(faces(a), near(i)%facet_a, body(a)%young(), faces(b), near(i)%facet_b, body(b)%young())) then
+          contact%body_a = a
+          contact%body_b = b
+          contact%name = pair_name(given%name, body(a)%name, body(b)%name)
+          call list%add(contact, k, patch_a, 0, patch_b, 0)
+        else
+          contact%body_a = b
+          contact%body_b = a
+          contact%name = pair_name(given%name, body(b)%name, body(a)%name)
+          call list%add(contact, k, patch_b, 0, patch_a, 0)
+        end if
+      end associate
+    end do
+  end subroutine find_auto
+
+  !> Name of a pair that was found; it names a folder of the results file.
+  pure function pair_name(group, a, b) result(name)
+    !> Name of the group; may be empty.
+    character(*), intent(in) :: group
+    !> Name of the slave body.
+    character(*), intent(in) :: a
+    !> Name of the master body.
+    character(*), intent(in) :: b
+    character(:), allocatable :: name
+    integer :: i
+    name = a//' - '//b
+    do i = 1, len(name)
+      if (name(i:i) == '/') name(i:i) = '|'
+    end do
+    if (len(group) > 0) name = group//': '//name
+  end function pair_name
+
+  !> Whether a group leaves out two bodies.
+  pure logical function is_excluded(exclude, a, b)
+    !> Exclusions of the group (n_exclusions).
+    type(exclusion_t), intent(in) :: exclude(:)
+    !> Name of a body.
+    character(*), intent(in) :: a
+    !> Name of the other body.
+    character(*), intent(in) :: b
+    integer :: i
+    is_excluded = .true.
+    do i = 1, size(exclude)
+      if (is_meant(exclude(i)%a, a) .and. is_meant(exclude(i)%b, b)) return
+      if (is_meant(exclude(i)%a, b) .and. is_meant(exclude(i)%b, a)) return
+    end do
+    is_excluded = .false.
+  end function is_excluded
+
+  !> Whether a name with wildcards means a body.
+  pure logical function is_meant(pattern, name)
+    !> Name, maybe with wildcards.
+    character(*), intent(in) :: pattern
+    !> Name of the body.
+    character(*), intent(in) :: name
+    is_meant = pattern == name .or. matches(pattern, name)
+  end function is_meant
+
+  !> Give the pairs back in the order of their groups.
+  subroutine order_pairs(case, list, surface_a, surface_b)
+    !> The case; its contacts are set.
+    type(case_t), intent(inout) :: case
+    !> The pairs.
+    type(pair_list_t), intent(in) :: list
+    !> Slave surfaces (n_pairs).
+    type(surface_t), allocatable, intent(out) :: surface_a(:)
+    !> Master surfaces (n_pairs).
+    type(surface_t), allocatable, intent(out) :: surface_b(:)
+    integer :: start(size(case%contact) + 1), k, i
+    start = 0
+    do k = 1, list%n
+      if (list%group(k) > 0) start(list%group(k) + 1) = start(list%group(k) + 1) + 1
+    end do
+    do i = 1, size(case%contact)
+      start(i + 1) = start(i) + start(i + 1)
+    end do
+    i = start(size(start))
+    deallocate (case%contact)
+    allocate (case%contact(i), surface_a(i), surface_b(i))
+    do k = 1, list%n
+      if (list%group(k) == 0) cycle
+      start(list%group(k)) = start(list%group(k)) + 1
+      i = start(list%group(k))
+      case%contact(i) = list%contact(k)
+      surface_a(i) = list%surface_a(k)
+      surface_b(i) = list%surface_b(k)
+    end do
+  end subroutine order_pairs
+end module dotyk_model_pair_finder

@@ -1,0 +1,116 @@
+!> Faces that are near each other and in no contact pair: a part that was forgotten passes through another in silence.
+module dotyk_model_unnamed_faces
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_wildcard, only: matches
+  use dotyk_contact_body_faces, only: body_faces_t
+  use dotyk_contact_near_faces, only: near_faces_t
+  use dotyk_contact_pair_report, only: unnamed_faces_t
+  use dotyk_input_case, only: case_t
+  use dotyk_model_body_surfaces, only: body_surfaces_t
+  use dotyk_model_pair_list, only: pair_list_t
+  implicit none
+  private
+  public :: list_unnamed_faces
+
+  !> Where other faces of two bodies are in a pair, faces count up to this distance, as a fraction of the diameter
+  !> of the smaller body: those who name a part of a curved face mean to leave the rest out [].
+  real(dp), parameter :: touching = 1.0e-3_dp
+
+contains
+
+  !> List the faces of all bodies that are near each other and in no pair.
+  subroutine list_unnamed_faces(case, surfaces, faces, near, list, unnamed)
+    !> The case, with the groups of its input.
+    type(case_t), intent(in) :: case
+    !> Surfaces of the bodies (n_bodies).
+    type(body_surfaces_t), intent(inout) :: surfaces(:)
+    !> Facets of the bodies (n_bodies).
+    type(body_faces_t), intent(in) :: faces(:)
+    !> Facets that are near each other (n_near).
+    type(near_faces_t), intent(in) :: near(:)
+    !> The pairs.
+    type(pair_list_t), intent(in) :: list
+    !> Faces in no pair, by bodies (n_unnamed).
+    type(unnamed_faces_t), allocatable, intent(out) :: unnamed(:)
+    type(unnamed_faces_t) :: found(size(near))
+    logical, allocatable :: open(:), seen(:)
+    integer :: i, k, n, least
+    n = 0
+    do i = 1, size(near)
+      associate (a => near(i)%body_a, b => near(i)%body_b)
+        open = near(i)%opposite
+        k = list%between(a, b, 0)
+        if (k > 0) then
+          open = open .and. abs(near(i)%distance) <= touching*min(faces(a)%diameter, faces(b)%diameter)
+          if (any(open)) call leave_pairs(surfaces, near(i), list, open)
+        end if
+        if (.not. any(open)) cycle
+        if (is_left_out(case, a, b)) cycle
+        n = n + 1
+        found(n)%body_a = a
+        found(n)%body_b = b
+        found(n)%in_pair = k > 0
+        least = minloc(near(i)%distance, 1, open)
+        found(n)%distance = near(i)%distance(least)
+        found(n)%position = faces(a)%centre(near(i)%facet_a(least))
+        if (allocated(seen)) deallocate (seen)
+        allocate (seen(faces(a)%n))
+        seen = .false.
+        seen(pack(near(i)%facet_a, open)) = .true.
+        found(n)%n_facets = count(seen)
+      end associate
+    end do
+    unnamed = found(:n)
+  end subroutine list_unnamed_faces
+
+  !> Leave out the facets that the pairs of two bodies have.
+  subroutine leave_pairs(surfaces, near, list, open)
+    !> Surfaces of the bodies (n_bodies).
+    type(body_surfaces_t), intent(inout) :: surfaces(:)
+    !> Facets of the two bodies.
+    type(near_faces_t), intent(in) :: near
+    !> The pairs.
+    type(pair_list_t), intent(in) :: list
+    !> Facets in no pair so far (near%n).
+    logical, intent(inout) :: open(:)
+    logical, allocatable :: in_a(:), in_b(:)
+    integer :: k, place_a, place_b
+    k = 0
+    do
+      k = list%between(near%body_a, near%body_b, k)
+      if (k == 0) return
+      place_a = merge(list%place_a(k), list%place_b(k), list%contact(k)%body_a == near%body_a)
+      place_b = merge(list%place_b(k), list%place_a(k), list%contact(k)%body_a == near%body_a)
+      ! A pair that the search has found has all near faces.
+      if (place_a == 0 .or. place_b == 0) then
+        open = .false.
+        return
+      end if
+      call surfaces(near%body_a)%facets(place_a, in_a)
+      call surfaces(near%body_b)%facets(place_b, in_b)
+      open = open .and. .not. (in_a(near%facet_a) .and. in_b(near%facet_b))
+    end do
+  end subroutine leave_pairs
+
+  !> Whether some group leaves out two bodies.
+  logical function is_left_out(case, a, b) result(left_out)
+    !> The case.
+    type(case_t), intent(in) :: case
+    !> Index of a body.
+    integer, intent(in) :: a
+    !> Index of the other body.
+    integer, intent(in) :: b
+    integer :: k, i
+    left_out = .true.
+    do k = 1, size(case%contact)
+      if (.not. allocated(case%contact(k)%exclude)) cycle
+      do i = 1, size(case%contact(k)%exclude)
+        associate (pattern_a => case%contact(k)%exclude(i)%a, pattern_b => case%contact(k)%exclude(i)%b)
+          if (matches(pattern_a, case%body(a)%name) .and. matches(pattern_b, case%body(b)%name)) return
+          if (matches(pattern_a, case%body(b)%name) .and. matches(pattern_b, case%body(a)%name)) return
+        end associate
+      end do
+    end do
+    left_out = .false.
+  end function is_left_out
+end module dotyk_model_unnamed_faces
