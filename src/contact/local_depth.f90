@@ -21,8 +21,9 @@ module dotyk_contact_local_depth
   real(dp), parameter :: hit_tolerance = 0.05_dp
   !> A ray leaves the body where the cosine of its angle with the normal exceeds this.
   real(dp), parameter :: min_exit_cosine = 0.1_dp
-  !> Ends of the way between two surface points that do not count, relative to its length.
-  real(dp), parameter :: end_margin = 0.05_dp
+  !> Ends of the way from a surface point into the body that do not count, relative to its length. Beside an edge the way
+  !> may leave the body soon after it began.
+  real(dp), parameter :: first_margin = 1.0e-6_dp, last_margin = 0.05_dp
   !> Steps to the intersection of a ray with a curved facet.
   integer, parameter :: n_steps = 4
 
@@ -89,8 +90,8 @@ contains
     length = norm2(to - from)
     leaves_body = .false.
     if (.not. length > 0) return
-    leaves_body = first_exit(tree, set, from, (to - from)/length, end_margin*length, (1 - end_margin)*length) < &
-      (1 - end_margin)*length
+    leaves_body = first_exit(tree, set, from, (to - from)/length, first_margin*length, (1 - last_margin)*length) < &
+      (1 - last_margin)*length
   end function leaves_body
 
   !> Distance along a ray to the first facet that it leaves the body through; huge if there is none [length].
