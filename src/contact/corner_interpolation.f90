@@ -22,8 +22,8 @@ module dotyk_contact_corner_interpolation
     integer, allocatable :: node(:)
     !> Position of `node` of each interpolated value (n_values).
     integer, allocatable :: position(:)
-    !> Value i is the mean of the values at corners from(1:n_from(i), i): the corner itself, the ends of its edge, or all
-    !> corners of its face. A node of a sharp edge has one value for each sheet (4, n_values).
+    !> Value i is the mean of the values at corners from(1:n_from(i), i): the corner itself, the ends of its edge, or
+    !> all corners of its face. A node of a sharp edge has one value for each sheet (4, n_values).
     integer, allocatable :: from(:, :)
     !> Number of corners from which each value is taken (n_values).
     integer, allocatable :: n_from(:)
@@ -88,7 +88,8 @@ contains
         call shape_functions(kind(k)%corner_kind, xi(:, i), self%shape(1:m, i))
         if (f == previous) cycle
         previous = f
-        call add_node_values(self, m, self%corner(:, i), node_number(surface%node(1:kind_nodes(k), f)), n, value_of, next)
+        call add_node_values(self, m, self%corner(:, i), node_number(surface%node(1:kind_nodes(k), f)), n, value_of, &
+                             next)
       end associate
     end do
     self%position = self%position(1:n)

@@ -1,7 +1,7 @@
-!> Point contacts of crossed edges in three dimensions, where the mortar integral sees nothing and no vertex is near: rows
-!> with the closest points of the edges and their common normal (cf. Puso and Laursen, Comput. Methods Appl. Mech. Engrg.
-!> 191, 2002). Both bodies lie behind the plane through the edges. The weight of a row is the area of the parallelogram of
-!> the half edges.
+!> Point contacts of crossed edges in three dimensions, where the mortar integral sees nothing and no vertex is near:
+!> rows with the closest points of the edges and their common normal (cf. Puso and Laursen, Comput. Methods Appl. Mech.
+!> Engrg. 191, 2002). Both bodies lie behind the plane through the edges. The weight of a row is the area of the
+!> parallelogram of the half edges.
 module dotyk_contact_edge_contacts
   use dotyk_base_kinds, only: dp
   use dotyk_contact_facet_corners, only: corner_position, edge_coordinates

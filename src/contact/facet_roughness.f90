@@ -1,8 +1,8 @@
 !> The depth that the facets of a surface cannot resolve, and their curvature.
 !>
 !> Facets that meet at a small angle, before deformation, are parts of one smooth surface. An arc over a facet of width
-!> h that turns by b has the height h b/8; contact conditions that hold in the mean over the facets around a vertex leave
-!> penetrations of this order, where the surface is curved and where deformation bends it.
+!> h that turns by b has the height h b/8; contact conditions that hold in the mean over the facets around a vertex
+!> leave penetrations of this order, where the surface is curved and where deformation bends it.
 module dotyk_contact_facet_roughness
   use dotyk_base_kinds, only: dp
   use dotyk_contact_adjacency, only: adjacency_t

@@ -40,8 +40,8 @@ module dotyk_contact_facet_set
     !> Convexity radius: the squared distance to a point is convex on the facet if no part of the facet is farther away
     !> than this (n) [length].
     real(dp), allocatable :: reach(:)
-    !> Thickness of the body behind each facet as far as the surface has both of its sides, huge if not: no body overlaps
-    !> deeper (n) [length]. Set by `find_depths`.
+    !> Thickness of the body behind each facet as far as the surface has both of its sides, huge if not: no body
+    !> overlaps deeper (n) [length]. Set by `find_depths`.
     real(dp), allocatable :: depth(:)
     !> The map is affine (n).
     logical, allocatable :: affine(:)

@@ -21,8 +21,8 @@ module dotyk_contact_local_depth
   real(dp), parameter :: hit_tolerance = 0.05_dp
   !> A ray leaves the body where the cosine of its angle with the normal exceeds this.
   real(dp), parameter :: min_exit_cosine = 0.1_dp
-  !> Ends of the way from a surface point into the body that do not count, relative to its length. Beside an edge the way
-  !> may leave the body soon after it began.
+  !> Ends of the way from a surface point into the body that do not count, relative to its length. Beside an edge the
+  !> way may leave the body soon after it began.
   real(dp), parameter :: first_margin = 1.0e-6_dp, last_margin = 0.05_dp
   !> Steps to the intersection of a ray with a curved facet.
   integer, parameter :: n_steps = 4

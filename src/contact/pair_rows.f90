@@ -1,5 +1,5 @@
-!> The rows of a contact pair: dual mortar rows at the vertices of the slave surface, or integration points by themselves;
-!> and the point contacts of vertices and edges, each a row by itself.
+!> The rows of a contact pair: dual mortar rows at the vertices of the slave surface, or integration points by
+!> themselves; and the point contacts of vertices and edges, each a row by itself.
 module dotyk_contact_pair_rows
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: discretization_quadrature

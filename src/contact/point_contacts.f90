@@ -1,11 +1,11 @@
 !> Point contacts of vertices: node-to-surface contact where the mortar integral sees nothing.
 !>
-!> A mortar row is a mean over facets. The flanks of a narrow wedge face nothing, and those of a wide one touch in a point
-!> that a mean does not see: what touches is a vertex and a facet, or two edges. A vertex whose facets are all inclined to
-!> the other surface gets a row with its projection there (Hallquist, Goudreau and Benson, Comput. Methods Appl. Mech.
-!> Engrg. 51, 1985); crossed edges get rows in edge_contacts.f90. A row needs that the body lies behind its contact point:
-!> the normal lies in the normal cone of the vertex. Small strains close no angle of 15 degrees, so that the flanks, which
-!> touch nothing but there, take no part in mortar rows (`touches_in_points`).
+!> A mortar row is a mean over facets. The flanks of a narrow wedge face nothing, and those of a wide one touch in a
+!> point that a mean does not see: what touches is a vertex and a facet, or two edges. A vertex whose facets are all
+!> inclined to the other surface gets a row with its projection there (Hallquist, Goudreau and Benson, Comput. Methods
+!> Appl. Mech. Engrg. 51, 1985); crossed edges get rows in edge_contacts.f90. A row needs that the body lies behind its
+!> contact point: the normal lies in the normal cone of the vertex. Small strains close no angle of 15 degrees, so that
+!> the flanks, which touch nothing but there, take no part in mortar rows (`touches_in_points`).
 !>
 !> The weight of a row, an area, only scales its pressure and its penalty: here that of the facets around the vertex,
 !> projected along the normal.
@@ -70,7 +70,8 @@ module dotyk_contact_point_contacts
 
 contains
 
-  !> Contacts of pointed vertices of one surface, and of the mid-side nodes of its sharp edges, with facets of the other.
+  !> Contacts of pointed vertices of one surface, and of the mid-side nodes of its sharp edges, with facets of the
+  !> other.
   subroutine find_vertex_contacts(surface, has_mid_nodes, other, radius, is_slave, contact)
     !> Surface of the vertices.
     type(master_surface_t), intent(in) :: surface
@@ -271,8 +272,8 @@ contains
     is_at_boundary = any([(any(adjacency%neighbour(1:corners(around(i)), around(i)) == 0), i=1, size(around))])
   end function is_at_boundary
 
-  !> Whether a vertex is locally the outermost point of its body in a direction, up to inclined edges, and no facet there
-  !> could touch as a whole.
+  !> Whether a vertex is locally the outermost point of its body in a direction, up to inclined edges, and no facet
+  !> there could touch as a whole.
   pure logical function is_apex(set, around, x, normal, slope)
     !> Facets of the surface.
     type(facet_set_t), intent(in) :: set

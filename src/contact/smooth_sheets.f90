@@ -2,9 +2,9 @@
 !>
 !> A contact surface may wrap around the edges of a body. At a vertex of such an edge there is no common normal and no
 !> common gap: each sheet has contact conditions of its own, as node normals of supports have one per face. An edge is
-!> sharp where the normals on its two sides differ by more than 50 degrees; or by more than 25 degrees, where the surface
-!> beside the edge is less curved than that and the geometry does not say that both sides are one face. A coarse mesh of
-!> a cylinder, whose facets all meet at the same angle, has no sharp edges.
+!> sharp where the normals on its two sides differ by more than 50 degrees; or by more than 25 degrees, where the
+!> surface beside the edge is less curved than that and the geometry does not say that both sides are one face. A coarse
+!> mesh of a cylinder, whose facets all meet at the same angle, has no sharp edges.
 module dotyk_contact_smooth_sheets
   use dotyk_base_kinds, only: dp
   use dotyk_contact_adjacency, only: adjacency_t, corner_of, edges_of_corner
@@ -23,8 +23,8 @@ module dotyk_contact_smooth_sheets
   real(dp), parameter, public :: never_sharp = 25*acos(-1.0_dp)/180
   !> An edge is sharp where it turns by more than this multiple of the turns beside it, and by this angle [rad] more.
   real(dp), parameter :: turn_ratio = 2, turn_margin = 2*acos(-1.0_dp)/180
-  !> Mid-side nodes lie on the chord where they are off its middle by less than this fraction of its length; and a smooth
-  !> edge has a kink where it turns by more than this [rad].
+  !> Mid-side nodes lie on the chord where they are off its middle by less than this fraction of its length; and a
+  !> smooth edge has a kink where it turns by more than this [rad].
   real(dp), parameter :: chord_tolerance = 1.0e-6_dp, kink = acos(-1.0_dp)/180
   !> Cosine of the angle between adjacent facets beyond which their edge is sharp where no entities are known:
   !> 40 degrees.
@@ -146,9 +146,9 @@ contains
     if (allocated(surface%entity)) facet_entity = surface%entity(f)
   end function facet_entity
 
-  !> Quadratic facets whose mid-side nodes lie on the chords of a curved surface, which therefore has kinks at its smooth
-  !> edges: their mid-side nodes carry no information about the shape. Plane facets next to them count too, up to sharp
-  !> edges.
+  !> Quadratic facets whose mid-side nodes lie on the chords of a curved surface, which therefore has kinks at its
+  !> smooth edges: their mid-side nodes carry no information about the shape. Plane facets next to them count too, up to
+  !> sharp edges.
   subroutine facets_on_chords(x, surface, on_chords)
     !> Nodal coordinates of the body (dimension, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
@@ -289,8 +289,8 @@ contains
     end do
   end function turn_beside
 
-  !> Number the sheets at one vertex in the order of their first facets: facets with a common smooth edge there belong to
-  !> one sheet.
+  !> Number the sheets at one vertex in the order of their first facets: facets with a common smooth edge there belong
+  !> to one sheet.
   pure subroutine sheets_at_vertex(set, adjacency, sharp, v, sheet)
     !> Facets of the surface; only their corners are needed.
     type(facet_set_t), intent(in) :: set

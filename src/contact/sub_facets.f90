@@ -2,8 +2,8 @@
 !> quadrilaterals into four.
 !>
 !> The corners of sub-facets are nodes of the surface (in quad8 also its centre). Facets of linear elements are one
-!> sub-facet, also after order elevation (`dotyk_mesh_order_elevation`) and where a mesh generator put the mid-side nodes
-!> on the chords: such nodes carry no information about the shape.
+!> sub-facet, also after order elevation (`dotyk_mesh_order_elevation`) and where a mesh generator put the mid-side
+!> nodes on the chords: such nodes carry no information about the shape.
 module dotyk_contact_sub_facets
   use dotyk_base_kinds, only: dp
   use dotyk_mesh_element, only: element_kind, element_kind_t, element_line3, element_quad8, element_quad9, &

@@ -1,12 +1,12 @@
 !> Vertex normals of the smooth surface that linear facets approximate.
 !>
-!> Facets of one geometric entity, a face of the CAD model, belong to one smooth sheet. Two entities do where their facets
-!> differ no more at their common edge than beside it. Where no entities are known, an edge whose facets differ in
-!> direction by more than 40 degrees is an edge of the body, and separates sheets. On each sheet the normal at a vertex comes from a fit (normal_fit.f90) to the
-!> vertices around it. Planes stay planar: facets belong to a plane if all facets at one of their vertices inside the
-!> surface lie in this plane (at a boundary vertex, as everywhere in a mesh of one element layer: also the facets around
-!> these), and so do their neighbours in the plane. They keep their normal, and adjacent curved facets take it over at
-!> shared vertices.
+!> Facets of one geometric entity, a face of the CAD model, belong to one smooth sheet. Two entities do where their
+!> facets differ no more at their common edge than beside it. Where no entities are known, an edge whose facets differ
+!> in direction by more than 40 degrees is an edge of the body, and separates sheets. On each sheet the normal at a
+!> vertex comes from a fit (normal_fit.f90) to the vertices around it. Planes stay planar: facets belong to a plane if
+!> all facets at one of their vertices inside the surface lie in this plane (at a boundary vertex, as everywhere in a
+!> mesh of one element layer: also the facets around these), and so do their neighbours in the plane. They keep their
+!> normal, and adjacent curved facets take it over at shared vertices.
 module dotyk_contact_vertex_normals
   use dotyk_base_kinds, only: dp
   use dotyk_contact_adjacency, only: adjacency_t, corner_of, edges_of_corner

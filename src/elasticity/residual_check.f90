@@ -1,11 +1,11 @@
 !> Estimates of recovered strains held against the residuals of the elements.
 !>
 !> Recovered strains (`dotyk_elasticity_discretization_error`) are asymptotically exact where the displacement is
-!> smooth. They miss up to half of the error at singular edges and the part that no fit sees, such as parabolic shear over one
-!> layer of elements; and they are too large where the stiffness jumps and in thin bodies, where polynomials around a
-!> vertex are poor. Residuals (`dotyk_elasticity_element_residual`) need no neighbours to be smooth: with a constant for
-!> the kind of the elements their energy is 0.8 to 1.5 times the error in both. So they bound the recovered ones from
-!> both sides. The constants are measured: docs/errors.md, `studies/error_estimates.py`.
+!> smooth. They miss up to half of the error at singular edges and the part that no fit sees, such as parabolic shear
+!> over one layer of elements; and they are too large where the stiffness jumps and in thin bodies, where polynomials
+!> around a vertex are poor. Residuals (`dotyk_elasticity_element_residual`) need no neighbours to be smooth: with a
+!> constant for the kind of the elements their energy is 0.8 to 1.5 times the error in both. So they bound the recovered
+!> ones from both sides. The constants are measured: docs/errors.md, `studies/error_estimates.py`.
 module dotyk_elasticity_residual_check
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp

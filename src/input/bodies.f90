@@ -47,8 +47,10 @@ contains
       if (is_usable(group, 'poisson') .and. (material%poisson(1) <= -1 .or. material%poisson(1) >= 0.5_dp)) &
         call report(problems, group, 'poisson', 'poisson must be above -1 and below 0.5, got '// &
                     to_text(material%poisson(1), 15))
-      if (is_given(group, 'axis_1')) call report(problems, group, 'axis_1', 'axis_1 means nothing for an isotropic material')
-      if (is_given(group, 'axis_2')) call report(problems, group, 'axis_2', 'axis_2 means nothing for an isotropic material')
+      if (is_given(group, 'axis_1')) &
+        call report(problems, group, 'axis_1', 'axis_1 means nothing for an isotropic material')
+      if (is_given(group, 'axis_2')) &
+        call report(problems, group, 'axis_2', 'axis_2 means nothing for an isotropic material')
     end if
   end subroutine read_material
 

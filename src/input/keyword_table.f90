@@ -120,8 +120,8 @@ contains
     call list%add('axis_2', kind_real, least=3, most=3, default='0 1 0', &
                   meaning='direction in the plane of axes 1 and 2, not parallel to axis_1')
     call list%add('stiffness', kind_real, least=21, most=21, unit='pressure', &
-                  meaning='anisotropic: upper triangle of the elasticity matrix by rows, order 11 22 33 23 13 12 of its '// &
-                  'axes, xx yy zz yz xz xy where axis_1 and axis_2 are not given')
+                  meaning='anisotropic: upper triangle of the elasticity matrix by rows, order 11 22 33 23 13 12 '// &
+                  'of its axes, xx yy zz yz xz xy where axis_1 and axis_2 are not given')
     call list%add('young_formula', kind_formula, &
                   'modulus field: dimensionless factor of the elasticity matrix as a formula')
   end subroutine add_material
@@ -150,10 +150,10 @@ contains
                   'axisymmetric analyses')
     call list%add('repeat', kind_integer, most=3, positive=.true., &
                   meaning='number of copies of the body, or two or three numbers for an array of copies; each copy '// &
-                  'is the first one rotated about axis through centre by a multiple of angle, then translated by '// &
-                  'a multiple of shift; numbers of the copies, from 1, replace the * of name, and of volume: '// &
-                  'segment 1, segment 2; in arrays, the first number fastest, a single * gets all numbers (ball 1 1, '// &
-                  'ball 2 1), several * get one each')
+                  'is the first one rotated about axis through centre by a multiple of angle, then translated '// &
+                  'by a multiple of shift; numbers of the copies, from 1, replace the * of name, and of volume: '// &
+                  'segment 1, segment 2; in arrays, the first number fastest, a single * gets all numbers '// &
+                  '(ball 1 1, ball 2 1), several * get one each')
     call list%add('shift', kind_real, least=2, most=9, unit='length', &
                   meaning='translation from copy to copy, one vector for each number of repeat')
     call list%add('centre', kind_real, least=2, most=3, unit='length', &
@@ -265,8 +265,8 @@ contains
                   'penalty, (18) literally; if absent and layer=.true., quadrature')
     call list%add('geometry', kind_name, names=geometry_names, default=option_name(geometry_names, default_geometry), &
                   meaning='surface geometry for gaps and normals: smooth, patches with continuous normals over '// &
-                  'the facets (planes stay flat, and edges between faces of the CAD model sharp); elements, the facets '// &
-                  'of the mesh')
+                  'the facets (planes stay flat, and edges between faces of the CAD model sharp); elements, '// &
+                  'the facets of the mesh')
     call list%add('quadrature', kind_name, names=quadrature_names, &
                   default=option_name(quadrature_names, default_quadrature), &
                   meaning='quadrature points: segments, on the mortar segments (overlaps of facets of the two '// &

@@ -49,7 +49,8 @@ contains
     type(mesh_builder_t), intent(inout) :: builder
     !> Number of elements in the file, points included.
     integer(int64), intent(out) :: n_elements
-    integer(int64) :: tag(max_nodes), element, type, n_tags, physical, entity, last_type, last_physical, n_left, first, i
+    integer(int64) :: tag(max_nodes), element, type, n_tags, physical, entity, last_type, last_physical, n_left
+    integer(int64) :: first, i
     integer :: node(max_nodes), n_nodes, block
     call read_count(cursor, merge(12, 6, cursor%binary), 'elements', n_elements)
     last_type = 0

@@ -25,7 +25,7 @@ contains
     !> Problems so far; mistakes are added.
     type(problem_list_t), intent(inout) :: problems
     type(merged_pair_t) :: one
-    logical :: common, first_in_second, second_in_first
+    logical :: overlap, first_in_second, second_in_first
     integer :: k, other, kept, dropped
     allocate (merged(0))
     do k = 1, list%n
@@ -35,8 +35,8 @@ contains
         other = list%between(list%contact(k)%body_a, list%contact(k)%body_b, other)
         if (other == 0) exit
         if (list%group(other) == 0) cycle
-        call compare(surfaces, list, other, k, common, first_in_second, second_in_first)
-        if (.not. common .or. .not. (first_in_second .or. second_in_first)) cycle
+        call compare(surfaces, list, other, k, overlap, first_in_second, second_in_first)
+        if (.not. overlap .or. .not. (first_in_second .or. second_in_first)) cycle
         ! The pair that the user names himself remains, then the larger one, then the first.
         kept = other
         if (.not. second_in_first) kept = k
@@ -68,7 +68,7 @@ contains
   end subroutine merge_double_pairs
 
   !> Compare the faces of two pairs of the same bodies.
-  subroutine compare(surfaces, list, first, second, common, first_in_second, second_in_first)
+  subroutine compare(surfaces, list, first, second, overlap, first_in_second, second_in_first)
     !> Surfaces of the bodies (n_bodies).
     type(body_surfaces_t), intent(inout) :: surfaces(:)
     !> The pairs.
@@ -78,14 +78,14 @@ contains
     !> Another pair of the same bodies, maybe the other way round.
     integer, intent(in) :: second
     !> Whether they have common facets on both bodies.
-    logical, intent(out) :: common
+    logical, intent(out) :: overlap
     !> Whether the second pair has all facets of the first one.
     logical, intent(out) :: first_in_second
     !> Whether the first pair has all facets of the second one.
     logical, intent(out) :: second_in_first
     logical, allocatable :: one(:), other(:)
     integer :: side, place_one, place_other, b
-    common = .true.
+    overlap = .true.
     first_in_second = .true.
     second_in_first = .true.
     do side = 1, 2
@@ -94,15 +94,17 @@ contains
       place_other = merge(list%place_a(second), list%place_b(second), list%contact(second)%body_a == b)
       ! Parts of the boundary are in one pair only.
       if (place_one == 0 .or. place_other == 0) then
-        common = .false.
+        overlap = .false.
         return
       end if
-      call surfaces(b)%facets(place_one, one)
-      call surfaces(b)%facets(place_other, other)
-      common = common .and. any(one .and. other)
+      associate (body => surfaces(b))
+        call body%facets(place_one, one)
+        call body%facets(place_other, other)
+      end associate
+      overlap = overlap .and. any(one .and. other)
       first_in_second = first_in_second .and. all(other .or. .not. one)
       second_in_first = second_in_first .and. all(one .or. .not. other)
-      if (.not. common) return
+      if (.not. overlap) return
     end do
   end subroutine compare
 
