@@ -60,6 +60,8 @@ module dotyk_contact_pair
     integer :: n_outside = 0
     !> Number of these that are farther away than the search radius.
     integer :: n_too_far = 0
+    !> Fractions of the area of the slave surface without projection: not facing, beside the master surface, too far [].
+    real(dp) :: lost_not_facing = 0, lost_outside = 0, lost_too_far = 0
     !> Penalty parameter, weighted mean of the rows [length/pressure].
     real(dp) :: theta = 0
     !> Origin of the gaps, one of `gap_*`.

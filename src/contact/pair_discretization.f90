@@ -236,6 +236,7 @@ contains
     type(projection_t), intent(in) :: projection(:)
     !> Pair; its points are set.
     type(contact_pair_t), intent(inout) :: pair
+    real(dp) :: area
     integer :: f, i, k, n
     n = count(projection%status == projection_found)
     pair%dimension = d
@@ -244,6 +245,10 @@ contains
     pair%n_not_facing = count(projection%status == projection_not_facing)
     pair%n_outside = count(projection%status == projection_outside)
     pair%n_too_far = count(projection%status == projection_too_far)
+    area = max(sum(weight), tiny(1.0_dp))
+    pair%lost_not_facing = sum(weight, mask=projection%status == projection_not_facing)/area
+    pair%lost_outside = sum(weight, mask=projection%status == projection_outside)/area
+    pair%lost_too_far = sum(weight, mask=projection%status == projection_too_far)/area
     allocate (pair%position(d, n), pair%normal(d, n), pair%weight(n), pair%gap(n), pair%facet_a(n), &
               pair%xi_a(d - 1, n), pair%facet_b(n), pair%xi_b(d - 1, n))
     k = 0

@@ -245,6 +245,7 @@ contains
     a_in_b = body_penetration_t(a, b)
     b_in_a = body_penetration_t(b, a)
     tolerance%slack = slack
+    tolerance%paired = a == b .or. are_paired(problem%pair, a, b)
     do i = 1, size(parts_a%part)
       do j = merge(i + 1, 1, a == b), size(parts_b%part)
         associate (p => parts_a%part(i), q => parts_b%part(j))

@@ -146,7 +146,7 @@ contains
     integer :: k
     if (size(pair) == 0) return
     call log%line('')
-    call log%line('  contact pair         constraints     not projected   smallest gap    largest gap          theta')
+    call log%line('  contact pair         constraints    area projected   smallest gap    largest gap          theta')
     least = huge(least)
     most = -huge(most)
     do k = 1, size(pair)
@@ -156,8 +156,8 @@ contains
       call warn_of_oscillation(log, body, pair(k))
     end do
     if (size(pair) > most_shown) &
-      call log%line(pair_line(to_text(size(pair))//' contact pairs', sum(pair%n_rows), sum(pair%n_unprojected), least, &
-                              most, maxval(pair%theta)))
+      call log%line(pair_line(to_text(size(pair))//' contact pairs', sum(pair%n_rows), -1.0_dp, least, most, &
+                              maxval(pair%theta)))
     alone = .true.
     alone(pair%body_a) = .false.
     alone(pair%body_b) = .false.
@@ -177,25 +177,26 @@ contains
     type(surface_t), intent(in) :: surface_a
     !> Master surface.
     type(surface_t), intent(in) :: surface_b
-    call log%line(pair_line(pair%name, pair%n_rows, pair%n_unprojected, minval(pair%row_gap), maxval(pair%row_gap), &
-                            pair%theta)//trim(merge(' layer', '      ', pair%is_layer)))
+    real(dp) :: lost
+    lost = pair%lost_not_facing + pair%lost_outside + pair%lost_too_far
+    call log%line(pair_line(pair%name, pair%n_rows, 1 - lost, minval(pair%row_gap), maxval(pair%row_gap), pair%theta)//trim(merge(' layer', '      ', pair%is_layer)))
     call log%line('    slave '//body(pair%body_a)%name//':'//surface_a%name//' ('// &
                   counted(surface_a%n_facets, 'facet')//'), master '//body(pair%body_b)%name//':'// &
                   surface_b%name//' ('//counted(surface_b%n_facets, 'facet')//')')
     if (pair%n_unprojected > 0) &
-      call log%line('    not projected: '//counted(pair%n_outside, 'integration point')// &
-                    ' beyond the edge of the master surface, '//to_text(pair%n_not_facing)//' facing away from it, '// &
-                    to_text(pair%n_too_far)//' beyond search_radius')
+      call log%line('    not projected: '//percent(pair%lost_outside)//' of the slave area beyond the edge of the '// &
+                    'master surface, '//percent(pair%lost_not_facing)//' facing away from it, '// &
+                    percent(pair%lost_too_far)//' beyond search_radius')
   end subroutine show_pair
 
   !> A line of the table of contact pairs.
-  function pair_line(name, rows, unprojected, least, most, theta) result(line)
+  function pair_line(name, rows, projected, least, most, theta) result(line)
     !> Name of the pair.
     character(*), intent(in) :: name
     !> Number of contact rows.
     integer, intent(in) :: rows
-    !> Integration points that have no projection on the master surface.
-    integer, intent(in) :: unprojected
+    !> Fraction of the slave area that has a projection on the master surface; negative: not shown [].
+    real(dp), intent(in) :: projected
     !> Smallest gap [length].
     real(dp), intent(in) :: least
     !> Largest gap [length].
@@ -205,9 +206,20 @@ contains
     character(97) :: line
     ! Left-justified: an edit descriptor justifies to the right.
     character(20) :: label
+    character(18) :: share
     label = name
-    write (line, '(2x,a20,i12,i18,es15.3,es15.3,es15.3)') label, rows, unprojected, least, most, theta
+    share = ''
+    if (projected >= 0) write (share, '(f16.1,a)') 100*projected, ' %'
+    write (line, '(2x,a20,i12,a18,es15.3,es15.3,es15.3)') label, rows, share, least, most, theta
   end function pair_line
+
+  !> Text of a fraction in percent.
+  function percent(fraction) result(text)
+    !> Fraction [].
+    real(dp), intent(in) :: fraction
+    character(:), allocatable :: text
+    text = to_text(100*fraction, 2)//' %'
+  end function percent
 
   !> Quadrature points outnumber the unknowns of their surface: with theta far below h/E the constraints at single
   !> points are over-determined, and their pressures oscillate.
