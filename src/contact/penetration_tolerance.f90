@@ -31,8 +31,8 @@ contains
     class(penetration_tolerance_t), intent(in) :: self
     swapped%slack = self%slack
     swapped%paired = self%paired
-    swapped%explained_a = self%explained_b
-    swapped%explained_b = self%explained_a
+    allocate (swapped%explained_a, source=self%explained_b)
+    allocate (swapped%explained_b, source=self%explained_a)
   end function tolerance_swapped
 
   !> Depth below a facet of b up to which nothing needs to be examined [length].

@@ -116,8 +116,10 @@ contains
     class(rigid_body_modes_t), intent(inout) :: self
     !> Orthonormal combinations of the modes as columns, none of which mixes connected components (n, n) [].
     real(dp), intent(in) :: basis(:, :)
+    real(dp), allocatable :: rotated(:, :)
     integer :: k
-    self%coefficient = matmul(self%coefficient, basis)
+    allocate (rotated, source=matmul(self%coefficient, basis))
+    call move_alloc(rotated, self%coefficient)
     self%component = [(self%component(maxloc(abs(basis(:, k)), 1)), k=1, self%n)]
   end subroutine rigid_body_modes_rotate
 

@@ -151,7 +151,9 @@ contains
       case (token_text)
         call add_name(self, token%text)
       case (token_word)
-        if (is_one_of(token%text, starters) .and. .not. is_assigned()) call note(self%command, place(token))
+        if (is_one_of(token%text, starters)) then
+          if (.not. is_assigned()) call note(self%command, place(token))
+        end if
         if (is_one_of(token%text, outside)) call note(self%doubt, place(token))
         if (is_one_of(token%text, builders)) self%computes = .true.
         if (is_one_of(token%text, readers)) call read_argument()
@@ -286,7 +288,9 @@ contains
     !> Path.
     character(*), intent(in) :: path
     ! The geometry itself is added in any case: its absence is reported.
-    if (self%n > 0 .and. len(why_no_file(path)) > 0) return
+    if (self%n > 0) then
+      if (len(why_no_file(path)) > 0) return
+    end if
     if (.not. is_new(self%file, self%n, path)) return
     call append(self%file, self%n, path)
     call add_directory(self, directory_of(path))

@@ -149,15 +149,9 @@ class FreeExtreme(dotyk_case.Case):
         x, u = file["VTKHDF/Points"][:], file["VTKHDF/PointData/displacement"][:]
         ends = [np.argmin(np.abs(x[:, :2] - [side, 1.5]).sum(axis=1)) for side in (-2, 2)]
         self.assertAlmostEqual(u[ends[0], 1], u[ends[1], 1], delta=1e-9)
-        # The weight beside the edge: the beam tilts until it lies on a side of the ridge too, which is far, and the log
-        # says so.
+        # The weight beside the edge: the beam tips until it lies on a side of the ridge, by no small rotation.
         self.scene(text.replace("ridge.geo'", "ridge.geo', at=1e-4,0"))
-        log, file = self.solve()
-        self.assertIn("large rotation   'beam'", log)
-        joint = file["dotyk/contact/edge"]
-        force = joint["weight"][:] * joint["pressure"][:]
-        self.assertAlmostEqual(joint.attrs["force"][1], -4, delta=1e-10)
-        self.assertGreater(np.sum(force > 1e-9), 1)
+        self.refuse("body 'beam'", "no equilibrium", "rotation about")
 
     def test_on_the_rim_of_its_support(self):
         """A beam whose weight stands exactly above the last point of its support, and one farther out."""

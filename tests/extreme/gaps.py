@@ -139,13 +139,13 @@ def one_point(kind, theta):
 
 
 def peak(theta):
-    """A load of 1e6 on a millionth of the top."""
+    """A load of 1e3 on a millionth of the top."""
     width = 2.0**-10
     line = [0, width, 0.25, 0.5, 1]
     blocks = [Block("lower", even(0, 1, 3), even(0, 1, 3), even(0, 1, 2)), Block("upper", line, line, even(1, 2, 3))]
-    load = "&load body='upper', surface='top', pressure_formula='x < %r && y < %r ? 1e6 : 0' /" % (width, width)
+    load = "&load body='upper', surface='top', pressure_formula='x < %r && y < %r ? 1e3 : 0' /" % (width, width)
     return pressed("peak of a load, theta " + theta, blocks, "hex8", [("joint", "upper:bottom", "lower:top")],
-                   1e6*width**2, theta, [load])
+                   1e3*width**2, theta, [load])
 
 
 def two_on_one(theta):

@@ -7,7 +7,7 @@ The answer is linear in each body, so every mesh has it exactly.
 import numpy as np
 
 import extreme
-from stack import Layer, stack
+from stack import SHORTENING, Layer, stack
 
 KINDS = ["quad4", "tri3", "hex8", "tet4"]
 
@@ -23,12 +23,15 @@ def layers(grid):
     """A thin layer between two blocks, as soft, as stiff as they and stiffer; elements as flat as the layer is thin.
 
     Where it is so thin and soft that it resists bending 1e12 times less than pressing, single forces on it have no
-    digits: the answer has those that are left, or says that there are none.
+    digits: the answer has those that are left, or says that there are none. A layer that is shortened by more than its
+    thickness lets the blocks pass through it, and the log says so.
     """
     for thickness in ["1e-2", "1e-4", "1e-6"] if grid else ["1e-4"]:
         for kind in KINDS if grid else ["tri3", "hex8"]:
             for young in ["1e-4", "1", "1e4"]:
                 hopeless = (thickness, young) == ("1e-6", "1e-4")
+                t, e = float(thickness), float(young)
+                squeezed = SHORTENING*(t/e)/(t/e + 2) > t
                 digits = 1e-19/(float(thickness)**2*float(young))
                 for theta in ["1e-4", "0"] if grid else ["0"]:
                     parts = [Layer(across=3), Layer(young=float(young), height=float(thickness), across=2, along=1),
@@ -36,14 +39,15 @@ def layers(grid):
                     yield stack("layer of %s, E %s, %s, theta %s" % (thickness, young, kind, theta), parts,
                                 float(theta), kind, solver="tolerance=%g" % max(1e-9, 10*digits),
                                 allowed=1 if hopeless else max(1e-9, 10*digits),
-                                code=1 if hopeless else 0)
+                                code=1 if hopeless or squeezed else 0, message="penetration" if squeezed else ())
 
 
 def slivers(grid):
     """Lines of the grid so near to each other that elements have hardly a volume left, in the bodies and on the faces
     that touch.
 
-    Facets narrower than 1e-6 of their length count as the edge that they are beside.
+    Facets narrower than 1e-6 of their length count as the edge that they are beside, so that nothing holds their other
+    edge: it penetrates, by the check.
     """
     for kind in ["tri3", "tet4"]:
         for least in ["1e-2", "1e-4", "1e-6", "1e-8"] if grid else ["1e-6"]:
@@ -53,7 +57,8 @@ def slivers(grid):
             refused = (least, kind) == ("1e-8", "tet4")
             yield stack("slivers of %s, %s" % (least, kind), parts, 0.0, kind, solver="tolerance=1e-9",
                         allowed=max(1e-7, lost),
-                        unprojected=lost, code=3 if refused else 0, message="tet4.*degenerate" if refused else ())
+                        unprojected=lost, code=3 if refused else 1 if lost else 0,
+                        message="tet4.*degenerate" if refused else "penetration" if lost else ())
 
 
 def jumps(grid):
