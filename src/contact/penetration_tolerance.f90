@@ -15,8 +15,8 @@ module dotyk_contact_penetration_tolerance
     real(dp), allocatable :: explained_a(:)
     !> The same at the nodes of b (b%n_nodes) [length].
     real(dp), allocatable :: explained_b(:)
-    !> A contact pair of the two bodies exists, whose rows leave what the facets cannot resolve. Otherwise facets explain
-    !> only what overlaps before the deformation.
+    !> A contact pair of the two bodies exists, whose rows leave what the facets cannot resolve. Otherwise facets
+    !> explain only what overlaps before the deformation.
     logical :: paired = .true.
   contains
     procedure :: least_depth => tolerance_least_depth

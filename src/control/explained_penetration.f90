@@ -10,7 +10,7 @@ module dotyk_control_explained_penetration
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
-  public :: explained_penetration
+  public :: explained_penetration, largest_penetration
 
 contains
 
@@ -50,6 +50,24 @@ contains
     end do
     where (.not. is_known) explained = beside
   end subroutine explained_penetration
+
+  !> Greatest penetration in the rows of all pairs of a body [length].
+  pure real(dp) function largest_penetration(problem, first_row, y, body) result(largest)
+    !> Bodies and contact pairs.
+    type(contact_problem_t), intent(in) :: problem
+    !> Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
+    integer, intent(in) :: first_row(:)
+    !> B u - d (n_rows) [length].
+    real(dp), intent(in) :: y(:)
+    !> The body.
+    integer, intent(in) :: body
+    integer :: k
+    largest = 0
+    do k = 1, size(problem%pair)
+      if (.not. any([problem%pair(k)%body_a, problem%pair(k)%body_b] == body)) cycle
+      if (first_row(k + 1) > first_row(k)) largest = max(largest, maxval(y(first_row(k):first_row(k + 1) - 1)))
+    end do
+  end function largest_penetration
 
   !> Penetration at the points of a pair: the largest of the rows that they belong to, and the part of a given gap that
   !> the surfaces do not have.

@@ -302,8 +302,11 @@ contains
     type(candidate_t), intent(in) :: candidate
     !> The modes at the contact nodes.
     type(contact_modes_t), intent(inout) :: modes
-    modes%displacement = matmul(modes%displacement, candidate%basis)
-    modes%resultant = matmul(modes%resultant, candidate%basis)
+    real(dp), allocatable :: displacement(:, :), resultant(:)
+    allocate (displacement, source=matmul(modes%displacement, candidate%basis))
+    allocate (resultant, source=matmul(modes%resultant, candidate%basis))
+    call move_alloc(displacement, modes%displacement)
+    call move_alloc(resultant, modes%resultant)
     modes%displacement(:, :candidate%n_held) = 0
     modes%resultant(:candidate%n_held) = 0
   end subroutine hold_modes

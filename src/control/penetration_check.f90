@@ -16,7 +16,7 @@ module dotyk_control_penetration_check
   use dotyk_contact_touch_search, only: find_touch, touch_t
   use dotyk_control_body_solution, only: body_solution_t
   use dotyk_control_contact_problem, only: contact_problem_t
-  use dotyk_control_explained_penetration, only: explained_penetration
+  use dotyk_control_explained_penetration, only: explained_penetration, largest_penetration
   use dotyk_control_pressures, only: nodal_field_t
   use dotyk_mesh_body_mesh, only: body_mesh_t, connected_components
   use dotyk_mesh_boundary, only: extract_boundary
@@ -246,6 +246,10 @@ contains
     b_in_a = body_penetration_t(b, a)
     tolerance%slack = slack
     tolerance%paired = a == b .or. are_paired(problem%pair, a, b)
+    ! Bodies that meet at an edge only follow what the pairs of each with others leave.
+    if (.not. tolerance%paired) &
+      tolerance%slack = slack + largest_penetration(problem, first_row, y, a) + &
+                        largest_penetration(problem, first_row, y, b)
     do i = 1, size(parts_a%part)
       do j = merge(i + 1, 1, a == b), size(parts_b%part)
         associate (p => parts_a%part(i), q => parts_b%part(j))

@@ -50,7 +50,7 @@ contains
                             exit_bad_input)
           cycle
         end if
-        if (.not. (list%contact(dropped)%found .or. same_settings(list%contact(kept), list%contact(dropped)))) then
+        if (.not. same_settings(list%contact(kept), list%contact(dropped))) then
           call problems%add(file//':'//to_text(list%contact(dropped)%line)//': &contact '// &
                             quoted(list%contact(dropped)%name)//' is the same contact as '// &
                             quoted(list%contact(kept)%name)//' (line '//to_text(list%contact(kept)%line)// &
