@@ -87,6 +87,8 @@ module dotyk_contact_pair
     real(dp), allocatable :: xi_b(:, :)
     !> Number of rows: mortar rows first, then points that are rows by themselves.
     integer :: n_rows = 0
+    !> Number of point contacts, of vertices and edges: the last integration points, each a row by itself.
+    integer :: n_point_contacts = 0
     !> Number of mortar rows.
     integer :: n_mortar_rows = 0
     !> Number of integration points of the mortar rows; the points after them are rows by themselves, in the same order.

@@ -63,6 +63,7 @@ contains
     n = 0
     if (pair%discretization /= discretization_quadrature) n = pair%n_points - n_contacts
     pair%n_mortar_points = n
+    pair%n_point_contacts = n_contacts
     allocate (pair%row_corner(0), pair%row_weight(0))
     m = 0
     if (n > 0) then

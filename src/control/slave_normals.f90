@@ -77,7 +77,8 @@ contains
     call facet_normals(x, surface, of_facet)
     call facets_of_nodes(surface, first, around)
     allocate (at_vertex(pair%dimension, max_facet_nodes))
-    do q = 1, pair%n_points
+    ! Vertices and edges have no normal of their own.
+    do q = 1, pair%n_points - pair%n_point_contacts
       f = pair%facet_a(q)
       associate (kind => surface%kind(f), node => surface%node(:kind_nodes(surface%kind(f)), f))
         call facet_geometry(kind, pair%dimension, x(:, node), pair%xi_a(:, q), position, normal, jacobian)

@@ -179,8 +179,8 @@ contains
     type(surface_t), intent(in) :: surface_b
     real(dp) :: lost
     lost = pair%lost_not_facing + pair%lost_outside + pair%lost_too_far
-    call log%line(pair_line(pair%name, pair%n_rows, 1 - lost, minval(pair%row_gap), maxval(pair%row_gap), pair%theta)// &
-                  trim(merge(' layer', '      ', pair%is_layer)))
+    call log%line(pair_line(pair%name, pair%n_rows, 1 - lost, minval(pair%row_gap), maxval(pair%row_gap), &
+                            pair%theta)//trim(merge(' layer', '      ', pair%is_layer)))
     call log%line('    slave '//body(pair%body_a)%name//':'//surface_a%name//' ('// &
                   counted(surface_a%n_facets, 'facet')//'), master '//body(pair%body_b)%name//':'// &
                   surface_b%name//' ('//counted(surface_b%n_facets, 'facet')//')')
