@@ -6,6 +6,7 @@ module dotyk_contact_edge_contacts
   use dotyk_base_kinds, only: dp
   use dotyk_contact_facet_corners, only: corner_position, edge_coordinates
   use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
+  use dotyk_contact_local_depth, only: leaves_body
   use dotyk_contact_point_contacts, only: flank_cosine, min_exposure, point_contact_t
   use dotyk_contact_projection, only: master_surface_t
   use dotyk_contact_tree_search, only: box_neighbourhood_t, facets_in_region
@@ -173,6 +174,8 @@ contains
     contact%weight = sine*length/4
     ! An overlap is shallower than the bodies are thick.
     found = -contact%gap <= min(slave%set%depth(f), master%set%depth(g))
+    if (found .and. contact%gap < 0) found = .not. (leaves_body(slave%tree, slave%set, on_a, on_b) .or. &
+                                                    leaves_body(master%tree, master%set, on_b, on_a))
 
   contains
 

@@ -14,6 +14,7 @@ module dotyk_contact_point_contacts
   use dotyk_contact_adjacency, only: adjacency_t, corner_of
   use dotyk_contact_facet_corners, only: corner_coordinates, corner_position, edge_coordinates
   use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
+  use dotyk_contact_local_depth, only: leaves_body
   use dotyk_contact_projection, only: master_surface_t, project_point, projection_found, projection_t
   use dotyk_mesh_facet, only: cross
   implicit none
@@ -141,7 +142,7 @@ contains
     type(point_contact_t) :: new
     type(projection_t) :: projection
     real(dp) :: slope
-    real(dp), dimension(3) :: x, normal, xu, xv
+    real(dp), dimension(3) :: x, normal, foot, xu, xv
     if (.not. norm2(mean) > no_direction) return
     slope = max_slope
     if (norm2(mean) > pointed) then
@@ -152,6 +153,11 @@ contains
     call project_point(other, x, mean/norm2(mean), hint, radius, minval(surface%set%depth(around)), projection)
     if (projection%status /= projection_found) return
     if (.not. is_apex(surface%set, around, x, projection%normal, slope)) return
+    if (projection%distance < 0) then
+      ! An overlap: the way there leaves neither body.
+      foot = x + projection%distance*projection%normal
+      if (leaves_body(surface%tree, surface%set, x, foot) .or. leaves_body(other%tree, other%set, foot, x)) return
+    end if
     new%weight = projected_area(surface%set, around, projection%normal)
     new%gap = projection%distance
     if (is_slave) then
