@@ -6,8 +6,8 @@ module dotyk_contact_edge_contacts
   use dotyk_base_kinds, only: dp
   use dotyk_contact_facet_corners, only: corner_position, edge_coordinates
   use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
-  use dotyk_contact_local_depth, only: leaves_body
-  use dotyk_contact_point_contacts, only: flank_cosine, min_exposure, point_contact_t
+  use dotyk_contact_false_overlap, only: is_false_overlap
+  use dotyk_contact_point_contacts, only: flank_cosine, min_exposure, point_contact_t, shallow
   use dotyk_contact_projection, only: master_surface_t
   use dotyk_contact_tree_search, only: box_neighbourhood_t, facets_in_region
   use dotyk_mesh_facet, only: cross
@@ -22,6 +22,8 @@ module dotyk_contact_edge_contacts
   real(dp), parameter :: converged_step = 1.0e-12_dp
   !> Crossing edges are searched within this multiple of the size of their facets.
   real(dp), parameter :: edge_reach = 2
+  !> Facets at an edge may rise above the tangent plane by this sine.
+  real(dp), parameter :: max_slope = 0.02_dp
   !> Edges between facets that are inclined by less than this are flat: half a degree.
   real(dp), parameter :: flat_cosine = cos(0.5_dp*acos(-1.0_dp)/180)
 
@@ -155,13 +157,16 @@ contains
     t = dot_product(n, cross(r, a))/dot_product(n, cross(a, b))
     if (s < 0 .or. s >= 1 .or. t < 0 .or. t >= 1) return
     if (abs(dot_product(r, n)) > reach) return
-    if (behind_edge(slave, f, e, is_sharp_a, n) .and. behind_edge(master, g, k, is_sharp_b, -n)) then
+    if (behind_edge(slave, f, e, n) .and. behind_edge(master, g, k, -n)) then
       continue
-    else if (behind_edge(slave, f, e, is_sharp_a, -n) .and. behind_edge(master, g, k, is_sharp_b, n)) then
+    else if (behind_edge(slave, f, e, -n) .and. behind_edge(master, g, k, n)) then
       n = -n
     else
       return
     end if
+    ! An edge on a face crosses the rim of the face; between two faces there are mortar rows.
+    if (.not. ((is_sharp_a .and. is_inclined(slave, f, e, n)) .or. (is_sharp_b .and. is_inclined(master, g, k, n)))) &
+      return
     contact%facet_a = f
     contact%edge_a = e
     contact%facet_b = g
@@ -174,8 +179,7 @@ contains
     contact%weight = sine*length/4
     ! An overlap is shallower than the bodies are thick.
     found = -contact%gap <= min(slave%set%depth(f), master%set%depth(g))
-    if (found .and. contact%gap < 0) found = .not. (leaves_body(slave%tree, slave%set, on_a, on_b) .or. &
-                                                    leaves_body(master%tree, master%set, on_b, on_a))
+    if (found .and. contact%gap < -shallow*slave%set%size(f)) found = .not. is_false_overlap(slave, master, on_a, on_b)
 
   contains
 
@@ -235,17 +239,29 @@ contains
     along = whole(1)*xu + whole(2)*xv
   end subroutine on_edge
 
-  !> Whether the facets at an edge lie behind the tangent plane with an outward normal and face along it, and those of a
-  !> sharp edge could not touch as a whole.
-  pure logical function behind_edge(surface, f, e, is_sharp, normal)
+  !> Whether both facets at an edge are inclined to the tangent plane, so that they could not touch as a whole.
+  pure logical function is_inclined(surface, f, e, normal)
     !> Surface.
     type(master_surface_t), intent(in) :: surface
     !> Facet of the edge.
     integer, intent(in) :: f
     !> Edge of the facet.
     integer, intent(in) :: e
-    !> The edge is sharp.
-    logical, intent(in) :: is_sharp
+    !> Normal of the plane (3) [].
+    real(dp), intent(in) :: normal(3)
+    is_inclined = abs(dot_product(surface%set%axis(:, f), normal)) <= flank_cosine
+    if (surface%adjacency%neighbour(e, f) > 0) is_inclined = is_inclined .and. &
+      abs(dot_product(surface%set%axis(:, surface%adjacency%neighbour(e, f)), normal)) <= flank_cosine
+  end function is_inclined
+
+  !> Whether the facets at an edge lie behind the tangent plane with an outward normal, and face along it or lean over.
+  pure logical function behind_edge(surface, f, e, normal)
+    !> Surface.
+    type(master_surface_t), intent(in) :: surface
+    !> Facet of the edge.
+    integer, intent(in) :: f
+    !> Edge of the facet.
+    integer, intent(in) :: e
     !> Direction out of the body (3) [].
     real(dp), intent(in) :: normal(3)
     behind_edge = is_behind(f, e)
@@ -269,11 +285,10 @@ contains
       if (.not. is_behind) return
       n = surface%set%corners(facet)
       is_behind = dot_product(surface%set%axis(:, facet), normal) >= min_exposure
-      if (is_sharp) is_behind = is_behind .and. dot_product(surface%set%axis(:, facet), normal) <= flank_cosine
       do i = 1, n
         if (i == edge .or. i == modulo(edge, n) + 1) cycle
         r = corner_position(surface%set, facet, i) - corner_position(surface%set, facet, edge)
-        is_behind = is_behind .and. dot_product(r, normal) <= -min_exposure*norm2(r)
+        is_behind = is_behind .and. dot_product(r, normal) <= max_slope*norm2(r)
       end do
     end function is_behind
   end function behind_edge

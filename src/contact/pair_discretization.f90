@@ -17,7 +17,9 @@ module dotyk_contact_pair_discretization
   use dotyk_contact_broad_phase, only: facets_near_candidates, candidate_facets
   use dotyk_contact_edge_contacts, only: find_edge_contacts
   use dotyk_contact_integration_points, only: whole_facet_rules, project_points
-  use dotyk_contact_local_depth, only: find_depths, leaves_body
+  use dotyk_contact_local_depth, only: find_depths
+  use dotyk_contact_facet_set, only: facet_position_and_normal
+  use dotyk_contact_false_overlap, only: is_false_overlap
   use dotyk_contact_local_origin, only: choose_origin, shift_origin
   use dotyk_contact_mortar_segments, only: build_segment_rules
   use dotyk_contact_pair, only: contact_pair_t, pair_settings_t
@@ -178,14 +180,16 @@ contains
     real(dp), intent(in) :: x(:, :)
     !> Projections of the points (n).
     type(projection_t), intent(inout) :: projection(:)
+    real(dp) :: foot(3), normal(3), xu(3), xv(3)
     integer :: i
-    !$omp parallel do default(none) schedule(dynamic, 256) shared(slave, master, x, projection)
+    !$omp parallel do default(none) schedule(dynamic, 256) private(foot, normal, xu, xv) &
+    !$omp shared(slave, master, x, projection)
     do i = 1, size(projection)
       if (projection(i)%status /= projection_found) cycle
-      if (-projection(i)%distance < shallow*master%set%size(projection(i)%facet)) cycle
-      if (leaves_body(slave%tree, slave%set, x(:, i), x(:, i) + projection(i)%distance*projection(i)%normal) .or. &
-          leaves_body(master%tree, master%set, x(:, i) + projection(i)%distance*projection(i)%normal, x(:, i))) &
-        projection(i)%status = projection_outside
+      ! The elements overlap, whatever the smooth surfaces do.
+      call facet_position_and_normal(master%set, projection(i)%facet, projection(i)%xi, foot, normal, xu, xv)
+      if (dot_product(x(:, i) - foot, projection(i)%normal) < shallow*master%set%size(projection(i)%facet)) cycle
+      if (is_false_overlap(slave, master, x(:, i), foot)) projection(i)%status = projection_outside
     end do
     !$omp end parallel do
   end subroutine drop_projections_through_bodies

@@ -14,7 +14,7 @@ module dotyk_contact_point_contacts
   use dotyk_contact_adjacency, only: adjacency_t, corner_of
   use dotyk_contact_facet_corners, only: corner_coordinates, corner_position, edge_coordinates
   use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
-  use dotyk_contact_local_depth, only: leaves_body
+  use dotyk_contact_false_overlap, only: is_false_overlap
   use dotyk_contact_projection, only: master_surface_t, project_point, projection_found, projection_t
   use dotyk_mesh_facet, only: cross
   implicit none
@@ -58,8 +58,12 @@ module dotyk_contact_point_contacts
   real(dp), parameter :: same_direction = cos(65*acos(-1.0_dp)/180)
   !> A flank goes on across edges between facets that are inclined by less than 25 degrees.
   real(dp), parameter :: smooth_cosine = cos(25*acos(-1.0_dp)/180)
-  !> Facets at a contact vertex face away from the body's inside up to this cosine.
-  real(dp), parameter, public :: min_exposure = -0.02_dp
+  !> Facets at a contact vertex or edge may lean over by this cosine.
+  real(dp), parameter, public :: min_exposure = -0.7_dp
+  !> A node and its projection lie on one normal up to this fraction of the size of the facet.
+  real(dp), parameter :: same_line = 1.0e-6_dp
+  !> Overlaps shallower than this fraction of the size of the other facet are not examined.
+  real(dp), parameter, public :: shallow = 1.0e-3_dp
   !> Nodes nearer than this fraction of the size of a facet are the same.
   real(dp), parameter :: same_place = 1.0e-10_dp
   !> Facets count with at least this fraction of their area in weights.
@@ -153,10 +157,11 @@ contains
     call project_point(other, x, mean/norm2(mean), hint, radius, minval(surface%set%depth(around)), projection)
     if (projection%status /= projection_found) return
     if (.not. is_apex(surface%set, around, x, projection%normal, slope)) return
-    if (projection%distance < 0) then
-      ! An overlap: the way there leaves neither body.
-      foot = x + projection%distance*projection%normal
-      if (leaves_body(surface%tree, surface%set, x, foot) .or. leaves_body(other%tree, other%set, foot, x)) return
+    foot = x + projection%distance*projection%normal
+    ! Forces of the two sides have one line of action.
+    if (norm2(foot - projection%position) > same_line*other%set%size(projection%facet)) return
+    if (projection%distance < -shallow*other%set%size(projection%facet)) then
+      if (is_false_overlap(surface, other, x, foot)) return
     end if
     new%weight = projected_area(surface%set, around, projection%normal)
     new%gap = projection%distance
