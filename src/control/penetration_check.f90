@@ -60,8 +60,10 @@ module dotyk_control_penetration_check
 
   public :: check_penetration
 
-  !> Rounding of displacements relative to the largest, and of coordinates relative to the largest.
-  real(dp), parameter :: rounding = 1.0e-9_dp, coordinate_rounding = 1.0e-13_dp
+  !> Depths below this fraction of the largest displacement of the two bodies are not told.
+  real(dp), parameter :: least_fraction = 1.0e-3_dp
+  !> Rounding of coordinates relative to the largest.
+  real(dp), parameter :: coordinate_rounding = 1.0e-13_dp
   !> Thickness of parts relative to their smallest facet: less is not looked for.
   real(dp), parameter :: least_thickness = 0.01_dp
   !> From this number of couples of bodies per thread on, couples are checked in parallel.
@@ -154,7 +156,7 @@ contains
     real(dp), intent(in) :: moved
     !> Relative error of the iteration [].
     real(dp), intent(in) :: error_bound
-    slack = (rounding + min(largest_bound, max(0.0_dp, error_bound)))*moved + &
+    slack = (least_fraction + min(largest_bound, max(0.0_dp, error_bound)))*moved + &
             coordinate_rounding*max(maxval(abs(mesh_a%x)), maxval(abs(mesh_b%x)))
   end function slack_of
 

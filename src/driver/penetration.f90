@@ -1,6 +1,5 @@
 !> The check of the deformed bodies against each other, in a run.
 module dotyk_driver_penetration
-  use dotyk_base_kinds, only: dp
   use dotyk_base_memory, only: set_stage
   use dotyk_control_contact_solution, only: contact_solution_t
   use dotyk_control_penetration_check, only: check_penetration
@@ -8,15 +7,10 @@ module dotyk_driver_penetration
   use dotyk_log_large_motion, only: show_large_motion
   use dotyk_log_penetration_lines, only: show_penetration
   use dotyk_log_run_monitor, only: log_monitor_t
-  use dotyk_scheme_solver_state, only: ended_converged, ended_penetration, ended_unresolved
+  use dotyk_scheme_solver_state, only: ended_converged, ended_penetration
   implicit none
   private
   public :: check_bodies
-
-  !> Complementarity error, relative to the energy, above which the contact conditions, which hold in the mean over
-  !> facets, leave nothing of the solution: a round body that just touches a wall may be squeezed by false overlaps of
-  !> its facets [].
-  real(dp), parameter :: largest_contact_error = 1
 
 contains
 
@@ -37,8 +31,6 @@ contains
     call show_penetration(monitor%log, scene%problem%body, solution%penetration)
     if (size(solution%penetration%found) > 0 .and. solution%state%ended == ended_converged) &
       solution%state%ended = ended_penetration
-    if (solution%budget%contact > largest_contact_error .and. solution%state%ended == ended_converged) &
-      solution%state%ended = ended_unresolved
 
   contains
 

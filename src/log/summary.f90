@@ -19,7 +19,7 @@ module dotyk_log_summary
   use dotyk_log_timing, only: timing_t
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_limit, ended_diverged, &
     ended_cycling, ended_interrupted, ended_penetration, ended_rotated, ended_rounds, ended_slid, ended_unbalanced, &
-    ended_unresolved, ended_unverified
+    ended_unverified
   use dotyk_scheme_theorem_lines, only: factor_text
   implicit none
   private
@@ -153,7 +153,7 @@ contains
     end if
     call log%line(line)
     if (budget%contact > large_contact_error .and. &
-        any(state%ended == [ended_converged, ended_penetration, ended_unresolved])) &
+        any(state%ended == [ended_converged, ended_penetration])) &
       call log%line('  warning          contact error '//to_text(100*budget%contact, 2)// &
                     ' %: the contact conditions hold in the mean only; refine the slave '// &
                     "surface where it touches, or use discretization='quadrature'")
@@ -317,8 +317,6 @@ contains
       text = 'not valid: rotation of a body beyond small displacements; ended'
     case (ended_penetration)
       text = 'not valid: bodies penetrate each other; ended'
-    case (ended_unresolved)
-      text = 'not valid: the contact error exceeds the solution; ended'
     case (ended_slid)
       text = 'not valid: a body moves by several elements along a motion that hardly any contact resists; ended'
     case (ended_unverified)

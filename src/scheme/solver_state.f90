@@ -25,7 +25,6 @@ module dotyk_scheme_solver_state
   integer, parameter, public :: ended_rotated = 12  !< a body rotates by more than linear kinematics can describe
   integer, parameter, public :: ended_unverified = 13  !< a rule without guarantee is met, and no bound confirms it
   integer, parameter, public :: ended_penetration = 14  !< deformed bodies penetrate each other
-  integer, parameter, public :: ended_unresolved = 16  !< the contact error exceeds the solution
   integer, parameter, public :: ended_slid = 15  !< a body moves by several elements along a neutral mode
 
   !> Relative error bounds above this confirm nothing: they leave less than one digit of the solution [].
@@ -133,8 +132,6 @@ contains
       name = 'unverified'
     case (ended_penetration)
       name = 'penetration'
-    case (ended_unresolved)
-      name = 'contact_error'
     case (ended_slid)
       name = 'large_sliding'
     case default
