@@ -113,8 +113,7 @@ contains
       call find_passage(b, swept, a%x0(:, i), a%x(:, i), tolerance%slack, passage)
       if (passage%facet == 0) cycle
       centre = merge(1/3.0_dp, 0.0_dp, b%set%corners(passage%facet) == 3)
-      allowed = tolerance%depth_allowed(a, [i], b, passage%facet, centre, a%x(:, i) - a%x0(:, i), &
-                                        passage%depth)
+      allowed = tolerance%depth_allowed(a, [i], b, passage%facet, centre, a%x(:, i) - a%x0(:, i))
       if (passage%through > allowed) depth(i) = -passage%depth
     end do
     !$omp end parallel do
@@ -153,10 +152,9 @@ contains
       return
     end if
     if (is_flush(a, i, b, facet)) call depth_beside_flush(a, i, b, depth, facet, xi)
-    if (.not. depth > tolerance%least_depth(b, facet)) then
+    if (.not. depth > tolerance%slack + b%roughness(facet)) then
       depth = 0
-    else if (.not. depth > tolerance%depth_allowed(a, [i], b, facet, xi, a%x(:, i) - a%x0(:, i), &
-                                                     depth)) then
+    else if (.not. depth > tolerance%depth_allowed(a, [i], b, facet, xi, a%x(:, i) - a%x0(:, i))) then
       depth = 0
     end if
   end subroutine find_node_depth
@@ -359,9 +357,9 @@ contains
       u = x - (1 - place)*a%x0(:, nodes(1)) - place*a%x0(:, nodes(2))
       hint = facet
       call b%depth_of(x, hint, own, facet, xi)
-      if (.not. own > tolerance%least_depth(b, facet)) then
+      if (.not. own > tolerance%slack + b%roughness(facet)) then
         own = 0
-      else if (.not. own > tolerance%depth_allowed(a, nodes, b, facet, xi, u, own)) then
+      else if (.not. own > tolerance%depth_allowed(a, nodes, b, facet, xi, u)) then
         own = 0
       end if
     end subroutine segment_depth

@@ -15,11 +15,7 @@ module dotyk_contact_penetration_tolerance
     real(dp), allocatable :: explained_a(:)
     !> The same at the nodes of b (b%n_nodes) [length].
     real(dp), allocatable :: explained_b(:)
-    !> A contact pair of the two bodies exists, whose rows leave what the facets cannot resolve. Otherwise facets
-    !> explain only what overlaps before the deformation.
-    logical :: paired = .true.
   contains
-    procedure :: least_depth => tolerance_least_depth
     procedure :: swapped => tolerance_swapped
     procedure :: depth_allowed => tolerance_depth_allowed
   end type penetration_tolerance_t
@@ -30,24 +26,12 @@ contains
   pure type(penetration_tolerance_t) function tolerance_swapped(self) result(swapped)
     class(penetration_tolerance_t), intent(in) :: self
     swapped%slack = self%slack
-    swapped%paired = self%paired
     allocate (swapped%explained_a, source=self%explained_b)
     allocate (swapped%explained_b, source=self%explained_a)
   end function tolerance_swapped
 
-  !> Depth below a facet of b up to which nothing needs to be examined [length].
-  pure real(dp) function tolerance_least_depth(self, b, facet) result(depth)
-    class(penetration_tolerance_t), intent(in) :: self
-    !> The part of the facet.
-    type(solid_t), intent(in) :: b
-    !> Its facet.
-    integer, intent(in) :: facet
-    depth = self%slack
-    if (self%paired) depth = depth + b%roughness(facet)
-  end function tolerance_least_depth
-
   !> Depth of a point of a below a facet of b that is explained [length].
-  pure real(dp) function tolerance_depth_allowed(self, a, nodes, b, facet, xi, displacement, depth) result(allowed)
+  pure real(dp) function tolerance_depth_allowed(self, a, nodes, b, facet, xi, displacement) result(allowed)
     class(penetration_tolerance_t), intent(in) :: self
     !> The part of the point.
     type(solid_t), intent(in) :: a
@@ -61,9 +45,7 @@ contains
     real(dp), intent(in) :: xi(2)
     !> Displacement of the point (3) [length].
     real(dp), intent(in) :: displacement(3)
-    !> Depth of the point [length].
-    real(dp), intent(in) :: depth
-    real(dp) :: rough, trial, initial
+    real(dp) :: rough, trial
     integer :: k, roughest
     rough = -1
     roughest = nodes(1)
@@ -72,13 +54,7 @@ contains
       if (trial > rough) roughest = nodes(k)
       rough = max(rough, trial)
     end do
-    rough = rough + b%roughness(facet)
-    if (.not. self%paired) then
-      ! What the relative displacement along the normal did not bring about.
-      initial = depth + dot_product(displacement - b%displacement_at(facet, xi), b%normal0(:, facet))
-      rough = min(rough, max(0.0_dp, initial))
-    end if
-    allowed = self%slack + rough + maxval(self%explained_a(nodes)) + &
+    allowed = self%slack + rough + b%roughness(facet) + maxval(self%explained_a(nodes)) + &
               maxval(self%explained_b(b%surface%node(1:kind_nodes(b%surface%kind(facet)), facet))) + &
               second_order(a, roughest, b, facet, displacement - b%displacement_at(facet, xi))
   end function tolerance_depth_allowed

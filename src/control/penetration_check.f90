@@ -247,9 +247,8 @@ contains
     a_in_b = body_penetration_t(a, b)
     b_in_a = body_penetration_t(b, a)
     tolerance%slack = slack
-    tolerance%paired = a == b .or. are_paired(problem%pair, a, b)
     ! Bodies that meet at an edge only follow what the pairs of each with others leave.
-    if (.not. tolerance%paired) &
+    if (a /= b .and. .not. are_paired(problem%pair, a, b)) &
       tolerance%slack = slack + largest_penetration(problem, first_row, y, a) + &
                         largest_penetration(problem, first_row, y, b)
     do i = 1, size(parts_a%part)
