@@ -54,7 +54,7 @@ module dotyk_contact_point_contacts
   real(dp), parameter :: max_slope = 0.5_dp, max_boundary_slope = 0.05_dp
   !> Facets that are inclined to the tangent plane by less than 15 degrees may touch as a whole.
   real(dp), parameter, public :: flank_cosine = cos(15*acos(-1.0_dp)/180)
-  !> A flank is left out of mortar rows with a normal within 65 degrees of that of its point contact.
+  !> Flanks are excluded from mortar rows with a normal within 65 degrees of that of its point contact.
   real(dp), parameter :: same_direction = cos(65*acos(-1.0_dp)/180)
   !> A flank goes on across edges between facets that are inclined by less than 25 degrees.
   real(dp), parameter :: smooth_cosine = cos(25*acos(-1.0_dp)/180)
@@ -366,5 +366,4 @@ contains
       area = area + whole/set%corners(f)*max(min_projected_area, abs(dot_product(n, normal)))
     end do
   end function projected_area
-
 end module dotyk_contact_point_contacts
