@@ -29,6 +29,9 @@ class Estimates(dotyk_case.Case):
         self.check("sheet 1:20", ("tri6", "quad9"))
         self.check("sheet 1:100", ("tri6", "quad8"), n=8)
 
+    def test_contact_that_wraps_a_corner(self):
+        self.check("contact wraps a corner, part is slave", ("tri3", "quad4", "tri6", "quad8"), most=1.4)
+
     def test_modulus_that_jumps(self):
         self.check("modulus jumps by 1000", ("tri3", "quad4", "tri6", "quad8"), most=2)
 
