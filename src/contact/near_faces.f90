@@ -33,7 +33,7 @@ module dotyk_contact_near_faces
     logical, allocatable :: opposite(:)
   end type near_faces_t
 
-  public :: find_near_faces
+  public :: find_near_faces, find_facets
 
   !> Sample points of a facet lie at this fraction of the way from its centre to its corners [].
   real(dp), parameter :: to_corner = 0.9_dp

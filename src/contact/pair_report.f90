@@ -1,6 +1,7 @@
 !> What the search for contact pairs found, for the log.
 module dotyk_contact_pair_report
   use dotyk_base_kinds, only: dp
+  use dotyk_base_text, only: text_t
   implicit none
   private
 
@@ -18,6 +19,8 @@ module dotyk_contact_pair_report
     integer :: n_named = 0
     !> Number of pairs of bodies that `exclude` leaves out.
     integer :: n_excluded = 0
+    !> Exclusions that leave out nothing (n_unused).
+    type(text_t), allocatable :: unused(:)
     !> Largest search distance of these pairs [length].
     real(dp) :: distance = 0
   end type group_report_t
@@ -50,6 +53,18 @@ module dotyk_contact_pair_report
     logical :: in_pair = .false.
   end type unnamed_faces_t
 
+  !> A body in no pair, and the body that is nearest beyond the search distance.
+  type, public :: distant_body_t
+    !> Index of the body.
+    integer :: body = 0
+    !> Index of the other body.
+    integer :: other = 0
+    !> Distance of their faces [length].
+    real(dp) :: distance = 0
+    !> The search distance of the two [length].
+    real(dp) :: searched = 0
+  end type distant_body_t
+
   !> All that was found.
   type, public :: pair_report_t
     !> Groups that are searched, in the order of the file (n_groups).
@@ -58,6 +73,8 @@ module dotyk_contact_pair_report
     type(merged_pair_t), allocatable :: merged(:)
     !> Faces in no pair (n_unnamed).
     type(unnamed_faces_t), allocatable :: unnamed(:)
+    !> Bodies in no pair that others come near, beyond the search distance of `auto` (n_distant).
+    type(distant_body_t), allocatable :: distant(:)
     !> Pairs that were found and have no constraint: their surfaces nowhere lie opposite each other.
     integer :: n_empty = 0
   end type pair_report_t

@@ -58,7 +58,7 @@ module dotyk_control_penetration_check
     type(swept_facets_t), allocatable :: swept(:)
   end type parts_t
 
-  public :: check_penetration
+  public :: check_couples, check_penetration, overlapping_boxes
 
   !> Depths below this fraction of the largest displacement of the two bodies are not told.
   real(dp), parameter :: least_fraction = 1.0e-3_dp
@@ -98,10 +98,40 @@ contains
     real(dp), intent(in) :: error_bound
     !> Outcome.
     type(penetration_check_t), intent(out) :: check
+    integer, allocatable :: couple(:, :)
+    real(dp) :: lo(3, size(problem%body)), hi(3, size(problem%body))
+    integer :: b
+    lo = 0
+    hi = 0
+    do b = 1, size(problem%body)
+      associate (x => problem%body(b)%mesh%x, u => solution(b)%displacement)
+        lo(1:size(x, 1), b) = min(minval(x, dim=2), minval(x + u, dim=2))
+        hi(1:size(x, 1), b) = max(maxval(x, dim=2), maxval(x + u, dim=2))
+      end associate
+    end do
+    call overlapping_boxes(lo, hi, couple)
+    call check_couples(problem, solution, first_row, y, error_bound, couple, check)
+  end subroutine check_penetration
+
+  !> Check some couples of bodies.
+  subroutine check_couples(problem, solution, first_row, y, error_bound, couple, check)
+    !> Bodies and contact pairs.
+    type(contact_problem_t), intent(in) :: problem
+    !> Displacements of the bodies (n_bodies).
+    type(body_solution_t), intent(in) :: solution(:)
+    !> Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
+    integer, intent(in) :: first_row(:)
+    !> B u - d (n_rows) [length].
+    real(dp), intent(in) :: y(:)
+    !> Relative error of the iteration [].
+    real(dp), intent(in) :: error_bound
+    !> The couples; a body with itself for its parts (2, n_couples).
+    integer, intent(in) :: couple(:, :)
+    !> Outcome.
+    type(penetration_check_t), intent(out) :: check
     type(parts_t), allocatable :: parts(:)
     type(body_penetration_t), allocatable :: found(:)
-    real(dp) :: lo(3, size(problem%body)), hi(3, size(problem%body)), moved(size(problem%body))
-    integer, allocatable :: couple(:, :)
+    real(dp) :: moved(size(problem%body))
     logical :: needed(size(problem%body))
     integer :: b, k, n
     n = size(problem%body)
@@ -110,16 +140,9 @@ contains
       allocate (check%depth(b)%value(problem%body(b)%mesh%n_nodes()), source=0.0_dp)
     end do
     check%is_done = .true.
-    lo = 0
-    hi = 0
     do b = 1, n
-      associate (x => problem%body(b)%mesh%x, u => solution(b)%displacement)
-        lo(1:size(x, 1), b) = min(minval(x, dim=2), minval(x + u, dim=2))
-        hi(1:size(x, 1), b) = max(maxval(x, dim=2), maxval(x + u, dim=2))
-        moved(b) = maxval(norm2(u, dim=1))
-      end associate
+      moved(b) = maxval(norm2(solution(b)%displacement, dim=1))
     end do
-    call overlapping_boxes(lo, hi, couple)
     needed = .false.
     needed(couple(1, :)) = .true.
     needed(couple(2, :)) = .true.
@@ -144,7 +167,7 @@ contains
     check%found = pack(found, found%worst%depth > 0)
     check%touching = pack(found, found%touch%n_facets > 0 .and. .not. found%worst%depth > 0)
     call sort_found(check%found)
-  end subroutine check_penetration
+  end subroutine check_couples
 
   !> Error of displacements and of rounding [length].
   pure real(dp) function slack_of(mesh_a, mesh_b, moved, error_bound) result(slack)

@@ -2,17 +2,31 @@
 module dotyk_driver_penetration
   use dotyk_base_memory, only: set_stage
   use dotyk_control_contact_solution, only: contact_solution_t
-  use dotyk_control_penetration_check, only: check_penetration
+  use dotyk_control_initial_overlap, only: find_initial_overlap
+  use dotyk_control_penetration_check, only: body_penetration_t, check_penetration
   use dotyk_driver_scene, only: scene_t
   use dotyk_log_large_motion, only: show_large_motion
-  use dotyk_log_penetration_lines, only: show_penetration
+  use dotyk_log_penetration_lines, only: show_initial_overlap, show_penetration
   use dotyk_log_run_monitor, only: log_monitor_t
   use dotyk_scheme_solver_state, only: ended_converged, ended_penetration
   implicit none
   private
-  public :: check_bodies
+  public :: check_bodies, check_placement
 
 contains
+
+  !> Warn of bodies that overlap before they are loaded.
+  subroutine check_placement(scene, monitor)
+    !> The scene, built.
+    type(scene_t), intent(in) :: scene
+    !> Log and watch.
+    type(log_monitor_t), intent(inout) :: monitor
+    type(body_penetration_t), allocatable :: found(:)
+    call set_stage('checking for overlaps')
+    call find_initial_overlap(scene%problem, found)
+    call show_initial_overlap(monitor%log, scene%problem%body, found)
+    call monitor%watch%lap(monitor%timing%check)
+  end subroutine check_placement
 
   !> Check the solution. Where bodies penetrate each other it is none.
   subroutine check_bodies(scene, solution, monitor)

@@ -1,26 +1,21 @@
-!> From the input to a contact problem: bodies, contact rows, factorizations, quadratic programme and compliance.
+!> From the input to a contact problem: bodies and contact rows.
 module dotyk_driver_scene
   use dotyk_base_error, only: error_t
   use dotyk_base_interrupt, only: stop_if_interrupted
   use dotyk_base_kinds, only: dp
-  use dotyk_base_memory, only: memory_now, set_stage
+  use dotyk_base_memory, only: set_stage
   use dotyk_base_text, only: text_t
   use dotyk_contact_operator, only: build_operator, contact_operator_t
-  use dotyk_control_contact_free, only: contact_free_t, solve_without_contact
   use dotyk_control_contact_problem, only: contact_problem_t
-  use dotyk_control_factorization, only: analyze_bodies, check_memory, direct_slot_t, factor_size_t, factorize_bodies, &
-    find_modes, make_operators
+  use dotyk_control_factorization, only: analyze_bodies, direct_slot_t, factor_size_t
   use dotyk_control_neutral_modes, only: neutral_modes_t
-  use dotyk_control_parallel, only: set_blas_threads, share_solves
   use dotyk_elasticity_body, only: stiffness_t
   use dotyk_input_case, only: case_t
   use dotyk_log_run_monitor, only: log_monitor_t
   use dotyk_model_assembly, only: assemble_bodies, check_held
   use dotyk_model_body_setup, only: body_surfaces_t, build_bodies
-  use dotyk_model_pairs, only: find_pairs, foundation_compliance
-  use dotyk_response_response, only: response_slot_t
-  use dotyk_scheme_body_compliance, only: body_compliance_t, body_operator_t, sweep_costs
-  use dotyk_scheme_coarse_space, only: coarse_space_t, contact_modes_t
+  use dotyk_model_pairs, only: find_pairs
+  use dotyk_scheme_body_compliance, only: body_compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_scheme, only: scheme_t
   implicit none
@@ -50,7 +45,7 @@ module dotyk_driver_scene
     type(neutral_modes_t) :: neutral
   end type scene_t
 
-  public :: build_scene, factorize_scene
+  public :: build_scene
 
 contains
 
@@ -103,61 +98,4 @@ contains
       call monitor%watch%lap(monitor%timing%order)
     end associate
   end subroutine build_scene
-
-  !> Factorize, and solve without contact: the QP and its compliance.
-  subroutine factorize_scene(case, scheme, scene, monitor, error)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> Scheme of the run.
-    class(scheme_t), intent(in) :: scheme
-    !> Built; without stiffnesses, operator and compliance operators on return.
-    type(scene_t), intent(inout) :: scene
-    !> Log and watch; times are added.
-    type(log_monitor_t), intent(inout) :: monitor
-    !> Allocated where a body is not held, memory does not suffice, or an interrupt came.
-    type(error_t), allocatable, intent(out) :: error
-    type(response_slot_t), allocatable :: response(:)
-    type(body_operator_t), allocatable :: operators(:)
-    type(contact_modes_t), allocatable :: modes(:)
-    type(coarse_space_t) :: coarse
-    type(contact_free_t) :: free
-    real(dp), allocatable :: foundation(:), cost(:)
-    character(:), allocatable :: warning
-    logical :: side_by_side
-    associate (problem => scene%problem, block => scene%operator%block, qp => scene%qp, compliance => scene%compliance)
-      call check_memory(memory_now(), scene%size_of, warning, error)
-      if (allocated(error)) return
-      if (len(warning) > 0) call monitor%log%line('  warning: '//warning)
-      call set_stage('factorizing')
-      call factorize_bodies(problem%body, problem%classes, .not. scheme%needs_held_bodies(), scene%size_of, &
-                            scene%stiffness, scene%direct, problem%report, error)
-      call stop_if_interrupted(error)
-      if (allocated(error)) return
-      call monitor%watch%lap(monitor%timing%factorize)
-      call find_modes(problem%body, problem%classes, block, problem%report, problem%modes, modes, error)
-      if (allocated(error)) return
-      call make_operators(problem%body, problem%classes, block, problem%report, scene%size_of, scene%direct, &
-                          response, operators)
-      call sweep_costs(operators, block, cost)
-      call share_solves(cost, case%solver%reproducible, side_by_side, problem%n_blas)
-      call set_stage('solving without contact')
-      call solve_without_contact(problem%body, block, scene%operator%gap, response, problem%classes%first, &
-                                 side_by_side, problem%n_blas, free, problem%isolated)
-      scene%n_full_solves = free%n_solves
-      call coarse%init(block, scene%operator%n_rows, modes)
-      call foundation_compliance(problem%body, problem%pair, foundation)
-      call qp%init(scene%operator, free%initial_penetration, free%load_displacement, free%energy, &
-                   free%norm_square, foundation, coarse)
-      call scene%neutral%find(problem, scene%theta, modes, qp, error)
-      if (allocated(error)) return
-      call compliance%init(qp, response, operators, side_by_side)
-      if (any(scene%size_of%forms_matrix)) then
-        call set_blas_threads(scene%problem%n_blas)
-        call compliance%form_bodies(qp, scene%size_of%forms_matrix, may_stop=.true.)
-        call set_blas_threads(1)
-      end if
-    end associate
-    call stop_if_interrupted(error)
-    call monitor%watch%lap(monitor%timing%iterate)
-  end subroutine factorize_scene
 end module dotyk_driver_scene

@@ -143,7 +143,7 @@ contains
     k = n_strains*table%n_points
     call dgemm('T', 'N', m, n_bodies, k, -1.0_dp, root_strain, k, root_stress, k, 1.0_dp, rhs, m)
     call dsyrk('L', 'T', m, k, 1.0_dp, root_strain, k, 0.0_dp, matrix, m)
-    call add_faces(n_bodies, dim, n, n_bubbles, mesh, data, material, table, u, element, node, rhs, error)
+    call add_faces(rhs, error)
     if (allocated(error)) return
     call add_loads(n_bodies, dim, n_bubbles, data, table, element, rhs)
     call dpotrf('L', m, matrix, m, info)
@@ -151,78 +151,58 @@ contains
     if (info /= 0) return
     call dtrsm('L', 'L', 'N', 'N', m, n_bodies, 1.0_dp, matrix, m, rhs, m)
     square = sum(rhs**2, dim=1)
-  end subroutine solve_local
 
-  !> Add the mean tractions of the faces.
-  subroutine add_faces(n_bodies, dim, n, n_bubbles, mesh, data, material, table, u, element, node, rhs, error)
-    !> Number of bodies.
-    integer, intent(in) :: n_bodies
-    !> Number of displacement components.
-    integer, intent(in) :: dim
-    !> Number of nodes of the element.
-    integer, intent(in) :: n
-    !> Number of bubbles.
-    integer, intent(in) :: n_bubbles
-    !> Elements and nodes of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Loads and held directions.
-    type(residual_data_t), intent(in) :: data
-    !> Material.
-    type(point_material_t), intent(in) :: material
-    !> Bubbles of the element's kind.
-    type(bubble_table_t), intent(in) :: table
-    !> Displacements (n_bodies, dim, n_nodes) [length].
-    real(dp), intent(in), contiguous :: u(:, :, :)
-    !> The element.
-    integer, intent(in) :: element
-    !> Its nodes (n).
-    integer, intent(in) :: node(n)
-    !> Residual forces on the bubbles, added to (n_bubbles, dim, n_bodies) [force].
-    real(dp), intent(inout) :: rhs(n_bubbles, dim, n_bodies)
-    !> Allocated where the modulus field has no value.
-    type(error_t), allocatable, intent(out) :: error
-    type(element_kind_t) :: kind, of_face
-    real(dp) :: position(dim), normal(dim), area, own(dim, n_bodies), other(dim, n_bodies), mine, theirs, share
-    integer :: b, f, i, k, q, behind
-    kind = element_kind(table%kind)
-    do f = 1, kind%n_faces
-      behind = data%faces%neighbour(f, element)
-      of_face = element_kind(kind%face_kind(f))
-      if (behind == 0) then
-        if (.not. any(abs(data%held(:, :, data%faces%boundary(f, element), :)) > 0)) cycle
-      end if
-      associate (face => table%face(f), on_face => node(kind%face_node(:of_face%n_nodes, f)))
-        do q = 1, face%n_points
-          call facet_geometry(kind%face_kind(f), dim, mesh%x(:, on_face), face%on_face(:, q), position, normal, area)
-          area = area*face%weight(q)
-          if (material%slots > dim) area = area*two_pi*position(1)
-          call traction_at(mesh, material, table%kind, node, u, face%xi(:, q), normal, own, mine, error)
-          if (allocated(error)) return
-          if (behind > 0) then
-            b = data%faces%block(behind)
-            associate (their_node => mesh%block(b)%node(:, behind - data%faces%before(b)))
-              call traction_at(mesh, material, mesh%block(b)%kind, their_node, u, &
-                               point_of_element(mesh%block(b)%kind, their_node, of_face%corner_kind, &
-                                                on_face(:of_face%n_corners), face%on_face(:, q)), normal, other, &
-                               theirs, error)
-            end associate
+  contains
+
+    !> Add the mean tractions of the faces.
+    subroutine add_faces(rhs, error)
+      !> Residual forces on the bubbles, added to (n_bubbles, dim, n_bodies) [force].
+      real(dp), intent(inout) :: rhs(n_bubbles, dim, n_bodies)
+      !> Allocated where the modulus field has no value.
+      type(error_t), allocatable, intent(out) :: error
+      type(element_kind_t) :: kind, of_face
+      real(dp) :: position(dim), normal(dim), area, own(dim, n_bodies), other(dim, n_bodies), mine, theirs, share
+      integer :: b, f, i, k, q, behind
+      kind = element_kind(table%kind)
+      do f = 1, kind%n_faces
+        behind = data%faces%neighbour(f, element)
+        of_face = element_kind(kind%face_kind(f))
+        if (behind == 0) then
+          if (.not. any(abs(data%held(:, :, data%faces%boundary(f, element), :)) > 0)) cycle
+        end if
+        associate (face => table%face(f), on_face => node(kind%face_node(:of_face%n_nodes, f)))
+          do q = 1, face%n_points
+            call facet_geometry(kind%face_kind(f), dim, mesh%x(:, on_face), face%on_face(:, q), position, normal, area)
+            area = area*face%weight(q)
+            if (material%slots > dim) area = area*two_pi*position(1)
+            call traction_at(mesh, material, table%kind, node, u, face%xi(:, q), normal, own, mine, error)
             if (allocated(error)) return
-            share = sqrt(theirs)/(sqrt(mine) + sqrt(theirs))
-            own = share*own + (1 - share)*other
-          else
+            if (behind > 0) then
+              b = data%faces%block(behind)
+              associate (their_node => mesh%block(b)%node(:, behind - data%faces%before(b)))
+                call traction_at(mesh, material, mesh%block(b)%kind, their_node, u, &
+                                 point_of_element(mesh%block(b)%kind, their_node, of_face%corner_kind, &
+                                                  on_face(:of_face%n_corners), face%on_face(:, q)), normal, other, &
+                                 theirs, error)
+              end associate
+              if (allocated(error)) return
+              share = sqrt(theirs)/(sqrt(mine) + sqrt(theirs))
+              own = share*own + (1 - share)*other
+            else
+              do k = 1, n_bodies
+                own(:, k) = matmul(turned(dim, data%held(:, :, data%faces%boundary(f, element), k), normal), own(:, k))
+              end do
+            end if
             do k = 1, n_bodies
-              own(:, k) = matmul(turned(dim, data%held(:, :, data%faces%boundary(f, element), k), normal), own(:, k))
-            end do
-          end if
-          do k = 1, n_bodies
-            do i = 1, dim
-              rhs(:, i, k) = rhs(:, i, k) + (area*own(i, k))*face%value(:, q)
+              do i = 1, dim
+                rhs(:, i, k) = rhs(:, i, k) + (area*own(i, k))*face%value(:, q)
+              end do
             end do
           end do
-        end do
-      end associate
-    end do
-  end subroutine add_faces
+        end associate
+      end do
+    end subroutine add_faces
+  end subroutine solve_local
 
   !> Projection on the directions held at a point of a curved face: where the normal of the face is held, that of the
   !> point is.

@@ -24,14 +24,13 @@ contains
     integer, intent(in) :: dimension
     !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
-    !> The support of the first body; incomplete where the group has mistakes.
+    !> The support, without a body; incomplete where the group has mistakes.
     type(support_input_t), intent(out) :: support
     !> Bodies that the group names, ascending; none where the name is unknown (n_matched).
     integer, allocatable, intent(out) :: matched(:)
     character(:), allocatable :: message
     support%line = group%line
     call refer_to_bodies(group, 'body', text_of(group, 'body'), bodies, problems, matched)
-    if (size(matched) > 0) support%body = matched(1)
     support%any_body = names_several(text_of(group, 'body'), bodies)
     support%surface = text_of(group, 'surface')
     allocate (support%value_formula(0))
@@ -81,7 +80,7 @@ contains
     integer, intent(in) :: dimension
     !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
-    !> The load on the first body; incomplete where the group has mistakes.
+    !> The load, without a body; incomplete where the group has mistakes.
     type(load_input_t), intent(out) :: load
     !> Bodies that the group names, ascending; none where the name is unknown (n_matched).
     integer, allocatable, intent(out) :: matched(:)
@@ -91,7 +90,6 @@ contains
     integer :: k, n
     load%line = group%line
     call refer_to_bodies(group, 'body', text_of(group, 'body'), bodies, problems, matched)
-    if (size(matched) > 0) load%body = matched(1)
     load%any_body = names_several(text_of(group, 'body'), bodies)
     load%surface = text_of(group, 'surface')
     allocate (load%formula(0))

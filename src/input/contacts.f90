@@ -182,9 +182,13 @@ contains
     !> Problems of the file; mistakes are added.
     type(problems_t), intent(inout) :: problems
     character(9), parameter :: keys(3) = [character(9) :: 'name', 'surface_a', 'surface_b']
+    logical :: unclear
     integer :: k
+    ! With a mistake in auto, or with exclude, the mistake is not the missing surfaces.
+    unclear = is_given(group, 'auto') .and. .not. is_usable(group, 'auto')
+    if (is_given(group, 'exclude') .and. .not. any([(is_given(group, trim(keys(k))), k=2, 3)])) unclear = .true.
     do k = 1, size(keys)
-      if (.not. auto .and. .not. is_given(group, trim(keys(k)))) &
+      if (.not. auto .and. .not. unclear .and. .not. is_given(group, trim(keys(k)))) &
         call problems%add(group%line, '&contact: '''//trim(keys(k))//''' is missing')
       if (auto .and. k > 1 .and. is_given(group, trim(keys(k)))) &
         call report(problems, group, trim(keys(k)), trim(keys(k))//' does not go together with auto=.true.')
@@ -209,7 +213,8 @@ contains
     logical :: known
     call texts_of(group, 'exclude', texts)
     allocate (exclude(size(texts)))
-    if (is_given(group, 'exclude') .and. .not. searched) &
+    if (is_given(group, 'exclude') .and. .not. searched .and. &
+        (is_usable(group, 'auto') .or. .not. is_given(group, 'auto'))) &
       call report(problems, group, 'exclude', 'exclude is for pairs that are searched: auto=.true., or bodies with '// &
                   'wildcards')
     do i = 1, size(texts)

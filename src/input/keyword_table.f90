@@ -174,7 +174,7 @@ contains
                   meaning='name of the body; * and ? are wildcards: all bodies with such names that have the surface')
     call list%add('surface', kind_text, required=.true., &
                   meaning='physical group of the surface (in two dimensions a physical curve); with wildcards, the '// &
-                  'union of all that the body has')
+                  'union of all physical groups that the body has')
     call list%add('fix', kind_text, required=.true., &
                   meaning='directions with prescribed displacement: letters of ''xyz'' (global axes), or of n, t '// &
                   '(both tangents), xi, eta (axes of the surface: n is the outward normal, xi the global x axis '// &
@@ -227,7 +227,7 @@ contains
                   'that of the softer body; of a curved and a planar surface in 3D choose the curved one, above '// &
                   'all where a body floats; required without auto; * and ? are wildcards: in the body, for a pair '// &
                   'of each two bodies whose surfaces are near each other; in the surface, for the union of all '// &
-                  'that the body has')
+                  'physical groups of the body (faces in none do not count)')
     call list%add('surface_b', kind_text, &
                   meaning='master (mortar) side, as ''body:surface'' of another body, with wildcards as in '// &
                   'surface_a: points of surface_a are projected on it; a planar surface against a curved one '// &
@@ -236,7 +236,8 @@ contains
                   meaning='a pair of each two bodies whose faces are near each other, and which no other &contact '// &
                   'names; the keys of the group hold for all these pairs')
     call list%add('exclude', kind_text, most=200, &
-                  meaning='pairs of bodies that the search leaves out, as ''body - body'', or bodies; with wildcards')
+                  meaning='pairs of bodies that the search leaves out, as ''body - body'', or bodies with all their '// &
+                  'pairs; with wildcards')
     call list%add('gap', kind_real, unit='length', &
                   meaning='initial gap, the same everywhere; if absent, the distance between the surfaces')
     call list%add('gap_formula', kind_formula, unit='length', &

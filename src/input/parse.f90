@@ -17,7 +17,7 @@ module dotyk_input_parse
   use dotyk_input_settings, only: read_output, read_scene, read_solver
   use dotyk_input_solver_checks, only: check_solver_keys
   use dotyk_input_values, only: gather_names, is_given, is_usable, names_t, pick_groups
-  use dotyk_input_wildcards, only: append_loads, append_supports
+  use dotyk_input_wildcards, only: append_places
   implicit none
   private
   public :: read_case, parse_case
@@ -95,9 +95,9 @@ contains
     type(group_t) :: solver, output
     type(body_input_t) :: body
     type(body_input_t), allocatable :: copies(:)
-    type(support_input_t) :: support
-    type(load_input_t) :: load
-    integer, allocatable :: picked(:), matched(:)
+    type(support_input_t), allocatable :: support(:)
+    type(load_input_t), allocatable :: load(:)
+    integer, allocatable :: picked(:), matched(:), group_of(:), body_of(:)
     integer :: i, n
     logical :: mesh_expected
     call gather_names(groups, 'material', misspelled(place('material')), problems, materials)
@@ -134,21 +134,29 @@ contains
     case%body = case%body(:n)
     if (n > size(picked)) call name_copies(case%body, problems, bodies)
     call pick_groups(groups, 'support', picked)
-    allocate (case%support(size(picked)))
-    n = 0
+    allocate (support(size(picked)), group_of(0), body_of(0))
     do i = 1, size(picked)
-      call read_support(groups(picked(i)), bodies, case%scene%dimension, problems, support, matched)
-      call append_supports(case%support, n, support, matched)
+      call read_support(groups(picked(i)), bodies, case%scene%dimension, problems, support(i), matched)
+      call append_places(i, matched, group_of, body_of)
     end do
-    case%support = case%support(:n)
+    allocate (case%support(size(group_of)))
+    do i = 1, size(group_of)
+      case%support(i) = support(group_of(i))
+      case%support(i)%body = body_of(i)
+    end do
+    deallocate (group_of, body_of)
     call pick_groups(groups, 'load', picked)
-    allocate (case%load(size(picked)))
-    n = 0
+    allocate (load(size(picked)), group_of(0), body_of(0))
     do i = 1, size(picked)
-      call read_load(groups(picked(i)), bodies, case%scene%dimension, problems, load, matched)
-      call append_loads(case%load, n, load, matched)
+      call read_load(groups(picked(i)), bodies, case%scene%dimension, problems, load(i), matched)
+      call append_places(i, matched, group_of, body_of)
     end do
-    case%load = case%load(:n)
+    allocate (case%load(size(group_of)))
+    do i = 1, size(group_of)
+      case%load(i) = load(group_of(i))
+      case%load(i)%body = body_of(i)
+    end do
+    deallocate (group_of, body_of)
     call pick_groups(groups, 'contact', picked)
     allocate (case%contact(size(picked)))
     do i = 1, size(picked)

@@ -6,7 +6,7 @@ module dotyk_input_repeat
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_base_rotation, only: rotation_matrix
-  use dotyk_base_text, only: shown, to_text
+  use dotyk_base_text, only: counted, shown, to_text
   use dotyk_input_case, only: body_input_t, scene_input_t
   use dotyk_input_problems, only: problems_t
   use dotyk_input_reader, only: group_t
@@ -46,9 +46,9 @@ contains
     if (product(real(n, dp)) > most_copies) &
       call report(problems, group, 'repeat', 'repeat makes more than '//to_text(most_copies)//' bodies')
     call reals_of(group, 'angle', numbers)
-    if (size(numbers) > size(n)) &
-      call report(problems, group, 'angle', 'angle has '//to_text(size(numbers))//' values, and repeat has '// &
-                  to_text(size(n))//': one angle for each number of copies')
+    if (size(numbers) > 0 .and. size(numbers) /= size(n)) &
+      call report(problems, group, 'angle', 'angle has '//counted(size(numbers), 'value')//', and repeat has '// &
+                  to_text(size(n))//': one angle for each number of copies, 0 for none')
     angle = 0
     rest = min(size(numbers), size(n))
     angle(:rest) = numbers(:rest)
@@ -122,19 +122,18 @@ contains
     !> Shifts; 0 where they are not given (3, max_levels) [length].
     real(dp), intent(out) :: shift(3, max_levels)
     real(dp), allocatable :: numbers(:)
-    integer :: components, vectors
+    integer :: components
     shift = 0
     call reals_of(group, 'shift', numbers)
     if (size(numbers) == 0) return
     components = 3
-    if (scene%dimension == 2 .and. (size(numbers) == 2*levels .or. mod(size(numbers), 3) > 0)) components = 2
-    vectors = size(numbers)/components
-    if (mod(size(numbers), components) > 0 .or. vectors > levels) then
-      call report(problems, group, 'shift', 'shift needs '//to_text(scene%dimension)//' values for each number of '// &
-                  'repeat, got '//to_text(size(numbers)))
+    if (scene%dimension == 2 .and. size(numbers) == 2*levels) components = 2
+    if (size(numbers) /= components*levels) then
+      call report(problems, group, 'shift', 'shift has '//counted(size(numbers), 'value')//', and repeat has '// &
+                  to_text(levels)//': '//to_text(scene%dimension)//' values for each number of copies, 0 for none')
       return
     end if
-    shift(:components, :vectors) = reshape(numbers, [components, vectors])
+    shift(:components, :levels) = reshape(numbers, [components, levels])
     if (scene%dimension == 2 .and. maxval(abs(shift(3, :))) > 0) &
       call report(problems, group, 'shift', 'shift has a z component, but there is no z in two dimensions')
     if (scene%analysis == analysis_axisymmetric .and. maxval(abs(shift(1, :))) > 0) &

@@ -2,13 +2,12 @@
 module dotyk_input_wildcards
   use dotyk_base_text, only: shown
   use dotyk_base_wildcard, only: has_wildcard, matches
-  use dotyk_input_case, only: load_input_t, support_input_t
   use dotyk_input_problems, only: problems_t
   use dotyk_input_reader, only: group_t
   use dotyk_input_values, only: find_name, first_names, names_t, refer, report
   implicit none
   private
-  public :: append_loads, append_supports, bodies_named, names_several, refer_to_bodies
+  public :: append_places, bodies_named, names_several, refer_to_bodies
 
 contains
 
@@ -65,55 +64,23 @@ contains
     end if
   end subroutine refer_to_bodies
 
-  !> Append a support for each of the bodies that its group names.
-  subroutine append_supports(list, n, support, matched)
-    !> The list; the first n are in use (n_allocated).
-    type(support_input_t), allocatable, intent(inout) :: list(:)
-    !> Number of supports in the list.
-    integer, intent(inout) :: n
-    !> The support of the first body.
-    type(support_input_t), intent(in) :: support
-    !> Bodies that the group names; the support is appended once where there are none (n_matched).
+  !> Append what one group stands for: itself, once for each body that it names.
+  pure subroutine append_places(group, matched, group_of, body_of)
+    !> Number of the group.
+    integer, intent(in) :: group
+    !> Bodies that it names; it stands for itself, without a body, where there are none (n_matched).
     integer, intent(in) :: matched(:)
-    type(support_input_t), allocatable :: longer(:)
+    !> Group of each item so far (n_items).
+    integer, allocatable, intent(inout) :: group_of(:)
+    !> Body of each item, 0 for none (n_items).
+    integer, allocatable, intent(inout) :: body_of(:)
     integer :: i
-    if (n + max(1, size(matched)) > size(list)) then
-      allocate (longer(2*(n + max(1, size(matched)))))
-      longer(:n) = list(:n)
-      call move_alloc(longer, list)
+    if (size(matched) == 0) then
+      group_of = [group_of, group]
+      body_of = [body_of, 0]
+    else
+      group_of = [group_of, [(group, i=1, size(matched))]]
+      body_of = [body_of, matched]
     end if
-    n = n + 1
-    list(n) = support
-    do i = 2, size(matched)
-      n = n + 1
-      list(n) = support
-      list(n)%body = matched(i)
-    end do
-  end subroutine append_supports
-
-  !> Append a load for each of the bodies that its group names.
-  subroutine append_loads(list, n, load, matched)
-    !> The list; the first n are in use (n_allocated).
-    type(load_input_t), allocatable, intent(inout) :: list(:)
-    !> Number of loads in the list.
-    integer, intent(inout) :: n
-    !> The load on the first body.
-    type(load_input_t), intent(in) :: load
-    !> Bodies that the group names; the load is appended once where there are none (n_matched).
-    integer, intent(in) :: matched(:)
-    type(load_input_t), allocatable :: longer(:)
-    integer :: i
-    if (n + max(1, size(matched)) > size(list)) then
-      allocate (longer(2*(n + max(1, size(matched)))))
-      longer(:n) = list(:n)
-      call move_alloc(longer, list)
-    end if
-    n = n + 1
-    list(n) = load
-    do i = 2, size(matched)
-      n = n + 1
-      list(n) = load
-      list(n)%body = matched(i)
-    end do
-  end subroutine append_loads
+  end subroutine append_places
 end module dotyk_input_wildcards

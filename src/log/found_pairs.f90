@@ -29,15 +29,24 @@ contains
       end do
       if (found%n_empty > 0) &
         call log%line('  found            '//counted(found%n_empty, 'pair')// &
-                      ' of these nowhere opposite each other: left out')
+                      ' of these nowhere opposite each other: dropped')
       do k = 1, size(found%merged)
         if (k > most_lines) exit
         call log%line('  same contact     '//quoted(found%merged(k)%name)//' (line '//to_text(found%merged(k)%line)// &
                       ') and '//quoted(found%merged(k)%kept)//' (line '//to_text(found%merged(k)%kept_line)// &
-                      '): the latter remains')
+                      '): one contact, named twice; '//quoted(found%merged(k)%kept)//' is used')
       end do
       if (size(found%merged) > most_lines) &
         call log%line('  same contact     '//to_text(size(found%merged) - most_lines)//' more that are named twice')
+      do k = 1, min(most_lines, size(found%distant))
+        associate (distant => found%distant(k))
+          call log%line('  not searched     '//quoted(problem%body(distant%body)%name)//' is in no pair: its distance '// &
+                        'from '//quoted(problem%body(distant%other)%name)//' is '//to_text(distant%distance, 3)// &
+                        ', and the search distance '//to_text(distant%searched, 3)//' (search_radius)')
+        end associate
+      end do
+      if (size(found%distant) > most_lines) &
+        call log%line('  not searched     '//to_text(size(found%distant) - most_lines)//' more bodies in no pair')
       do k = 1, size(found%unnamed)
         if (k > most_lines) exit
         call show_unnamed(log, problem%body, found%unnamed(k))
@@ -57,6 +66,7 @@ contains
     !> The group.
     type(group_report_t), intent(in) :: group
     character(:), allocatable :: text
+    integer :: k
     text = '  found            '//counted(group%n_pairs, 'pair')//' of '
     if (group%auto) then
       text = text//'faces'
@@ -64,14 +74,23 @@ contains
       text = text//'surfaces'
     end if
     text = text//' that face each other'
-    if (group%n_pairs > 0) text = text//', up to '//to_text(group%distance, 3)//' apart'
+    if (group%n_pairs > 0) text = text//' (searched up to a distance of '//to_text(group%distance, 3)//')'
     if (len(group%name) > 0) text = text//', for '//quoted(group%name)
     if (group%n_named > 0) text = text//'; '//counted(group%n_named, 'pair of bodies', 'pairs of bodies')// &
                                   ' named by other groups'
     if (group%n_excluded > 0) text = text//'; '//to_text(group%n_excluded)//' excluded'
     call log%line(text)
-    if (group%auto .and. group%n_pairs == 0 .and. group%n_named == 0) &
-      call log%line('    warning: no faces are that near; check the positions of the bodies, or give a search_radius')
+    if (group%auto .and. group%n_pairs == 0 .and. group%n_named == 0) then
+      if (group%n_excluded > 0) then
+        call log%line('    warning: exclude removes all pairs')
+      else
+        call log%line('    warning: no faces are within the search distance (search_radius, or 10 % of the smaller '// &
+                      'body): check the positions of the bodies, or give a search_radius')
+      end if
+    end if
+    do k = 1, size(group%unused)
+      call log%line('    warning: exclude='//quoted(group%unused(k)%s)//' removes nothing: these bodies form no pair')
+    end do
   end subroutine show_group
 
   !> Faces of two bodies in no pair.

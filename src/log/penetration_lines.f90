@@ -7,7 +7,7 @@ module dotyk_log_penetration_lines
   use dotyk_elasticity_body, only: body_t
   implicit none
   private
-  public :: show_penetration
+  public :: show_initial_overlap, show_penetration
 
   !> Greatest number of couples of bodies with a line each; more are summed up.
   integer, parameter :: most_shown = 20, most_touching = 5
@@ -38,6 +38,24 @@ contains
     if (size(check%touching) > most_touching) &
       call log%line('  no pair          '//counted(size(check%touching) - most_touching, 'more couple')//' of bodies')
   end subroutine show_penetration
+
+  !> Bodies that overlap before they are loaded, the deepest first.
+  subroutine show_initial_overlap(log, body, found)
+    !> The log.
+    type(log_t), intent(inout) :: log
+    !> Bodies (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    !> Couples of bodies (n_found).
+    type(body_penetration_t), intent(in) :: found(:)
+    integer :: k
+    do k = 1, min(most_touching, size(found))
+      call log%line('  overlap          '//line_of(body, found(k))//' before loading')
+    end do
+    if (size(found) > most_touching) &
+      call log%line('  overlap          '//counted(size(found) - most_touching, 'more couple')//' of bodies')
+    if (size(found) > 0) &
+      call log%line('    warning: no contact pair explains these overlaps; check the positions of the bodies')
+  end subroutine show_initial_overlap
 
   !> A position in brackets.
   function place_of(x) result(text)

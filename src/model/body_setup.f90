@@ -1,17 +1,15 @@
 !> Builds bodies from the input: meshes, materials, supports, loads, and the surfaces that contact pairs may need.
 module dotyk_model_body_setup
-  use dotyk_base_error, only: error_t, exit_bad_input, problem_list_t
+  use dotyk_base_error, only: add_context, error_t, exit_bad_input, problem_list_t
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: load_force_density
-  use dotyk_base_operating_system, only: remove_file
   use dotyk_base_text, only: quoted, text_t, to_text
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_stiffness_tensor, only: rotate_stiffness
   use dotyk_elasticity_support, only: support_t, collect_supports
   use dotyk_input_case, only: body_input_t, case_t, contact_input_t, load_input_t
-  use dotyk_mesh_gmsh, only: read_gmsh
-  use dotyk_mesh_gmsh_run, only: mesh_geometry, meshing_t
+  use dotyk_mesh_gmsh_run, only: meshing_t
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_placement, only: placement_t
   use dotyk_mesh_surface, only: surface_t
@@ -20,6 +18,7 @@ module dotyk_model_body_setup
   use dotyk_model_joints, only: add_remark, check_joints, describe_joints
   use dotyk_model_locking, only: would_lock
   use dotyk_model_materials, only: build_material
+  use dotyk_model_mesh_file, only: read_mesh
   use dotyk_model_volumes, only: volume_t
   implicit none
   private
@@ -111,31 +110,6 @@ contains
       one_used = .false.
     end do
   end subroutine refuse_unused
-
-  !> Read a .msh file, or a .geo file that gmsh meshes.
-  subroutine read_mesh(path, dimension, mesh, meshing, error)
-    !> Path of the mesh or geometry.
-    character(*), intent(in) :: path
-    !> Dimension of space, for gmsh.
-    integer, intent(in) :: dimension
-    !> The mesh.
-    type(mesh_t), intent(out) :: mesh
-    !> What geometries may do; what was found in this one is set.
-    type(meshing_t), intent(inout) :: meshing
-    !> Allocated where the file cannot be read or meshed.
-    type(error_t), allocatable, intent(out) :: error
-    character(:), allocatable :: msh
-    msh = path
-    meshing%for_once = .false.
-    meshing%remark = ''
-    if (len(path) > 4) then
-      if (path(len(path) - 3:) == '.geo') call mesh_geometry(path, dimension, msh, error, meshing)
-    end if
-    if (.not. allocated(error)) call read_gmsh(msh, mesh, error)
-    if (meshing%for_once) call remove_file(msh)
-    ! Messages name the file of the namelist.
-    if (.not. allocated(error)) mesh%file = path
-  end subroutine read_mesh
 
   !> Build one body, and its surfaces for contact pairs.
   subroutine build_body(case, mesh, volume, b, body, surfaces, support_used, load_used, problems)
@@ -232,10 +206,22 @@ contains
       if (may_lack) then
         if (.not. volume%has_surface(mesh, name)) return
       end if
-      call volume%take_surface(mesh, name, surface, failed)
+      call take_surface(name, surface, failed)
       if (.not. allocated(failed)) call surfaces%add(name, surface)
       call note(contact%line, failed)
     end subroutine take_side
+
+    !> Take a surface of the body; messages name the body.
+    subroutine take_surface(name, surface, error)
+      !> Name of the surface, maybe with wildcards.
+      character(*), intent(in) :: name
+      !> The surface.
+      type(surface_t), intent(out) :: surface
+      !> Allocated where the body has no such surface.
+      type(error_t), allocatable, intent(out) :: error
+      call volume%take_surface(mesh, name, surface, error)
+      call add_context(error, 'body '//quoted(body%name)//': ')
+    end subroutine take_surface
 
     !> Collect the supports of the body.
     subroutine build_supports(support)
@@ -253,7 +239,7 @@ contains
             support_used(i) = .true.
           end if
           n = n + 1
-          call volume%take_surface(mesh, given%surface, gathered(n)%surface, failed)
+          call take_surface(given%surface, gathered(n)%surface, failed)
           call note(given%line, failed)
           gathered(n)%fix = given%fix
           gathered(n)%value = given%value
@@ -271,7 +257,7 @@ contains
       !> Allocated where the load cannot be used.
       type(error_t), allocatable, intent(out) :: failed
       type(surface_t) :: surface
-      if (given%kind /= load_force_density) call volume%take_surface(mesh, given%surface, surface, failed)
+      if (given%kind /= load_force_density) call take_surface(given%surface, surface, failed)
       if (.not. allocated(failed)) call add_load(given, surface, body, failed)
     end subroutine build_load
 

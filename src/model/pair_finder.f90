@@ -1,21 +1,22 @@
 !> Forms the contact pairs from the groups of the input: named ones, those that wildcards stand for, and those that the
-!> search for near faces finds by itself (docs/geometry.md).
+!> search for near faces finds by itself (docs/pairs.md).
 module dotyk_model_pair_finder
   use dotyk_base_error, only: error_t, exit_bad_input, problem_list_t
   use dotyk_base_kinds, only: dp
-  use dotyk_base_text, only: quoted, to_text
-  use dotyk_base_wildcard, only: matches
+  use dotyk_base_text, only: join, quoted, text_t, to_text
   use dotyk_contact_body_faces, only: body_faces_t
   use dotyk_contact_facing_facets, only: search_distance
   use dotyk_contact_near_faces, only: find_near_faces, near_faces_t
   use dotyk_contact_pair_report, only: group_report_t, pair_report_t
   use dotyk_elasticity_body, only: body_t
-  use dotyk_input_case, only: case_t, contact_input_t, exclusion_t
+  use dotyk_input_case, only: case_t, contact_input_t
   use dotyk_mesh_boundary_part, only: boundary_part
   use dotyk_mesh_surface, only: surface_t
   use dotyk_model_body_surfaces, only: body_surfaces_t
   use dotyk_model_boundary_patch, only: facet_graph_t, first_is_slave, grow_patch
+  use dotyk_model_distant_bodies, only: list_distant_bodies
   use dotyk_model_double_pairs, only: merge_double_pairs
+  use dotyk_model_exclusions, only: exclusion_of, exclusion_texts
   use dotyk_model_pair_list, only: pair_list_t
   use dotyk_model_unnamed_faces, only: list_unnamed_faces
   implicit none
@@ -47,6 +48,7 @@ contains
     type(pair_list_t) :: list
     type(problem_list_t) :: problems
     real(dp) :: searched
+    logical, allocatable :: used(:)
     logical :: auto
     integer :: b, k, pass, n
     call list%init(size(body))
@@ -79,16 +81,16 @@ contains
         group%n_named = 0
         group%n_excluded = 0
         group%distance = 0
+        if (allocated(used)) deallocate (used)
+        allocate (used(size(case%contact(k)%exclude)), source=.false.)
         if (auto) then
-          call find_auto(case%contact(k), k, body, surfaces, faces, near, graph, list, group)
+          call find_auto(case%contact(k), k)
         else
-          call find_named(case%contact(k), k, body, surfaces, faces, near, list, group)
+          call find_named(case%contact(k), k)
         end if
         group%n_pairs = list%n - group%n_pairs
-        if (.not. auto .and. group%n_pairs == 0) &
-          call problems%add(case%file//':'//to_text(group%line)//': &contact '//quoted(group%name)//': none '// &
-                            'of the surfaces of surface_a is near one of surface_b', &
-                            exit_bad_input)
+        group%unused = exclusion_texts(case%contact(k)%exclude, .not. used)
+        if (.not. auto .and. group%n_pairs == 0) call report_none(case%contact(k))
         report%group(n) = group
       end do
     end do
@@ -101,6 +103,7 @@ contains
     else
       allocate (report%unnamed(0))
     end if
+    call list_distant_bodies(case, faces, list, report%distant)
     call order_pairs(case, list, surface_a, surface_b)
 
   contains
@@ -113,6 +116,167 @@ contains
       call find_near_faces(faces, radius, near)
       searched = radius
     end subroutine search
+
+    !> Report that wildcards find no pair, and why.
+    subroutine report_none(given)
+      !> `&contact`.
+      type(contact_input_t), intent(in) :: given
+      character(:), allocatable :: text
+      text = ''
+      if (group%n_excluded > 0) then
+        text = 'exclude removes all pairs ('//to_text(group%n_excluded)//')'
+      else
+        call report_lacking('surface_a', given%bodies_a, given%surface_a, text)
+        call report_lacking('surface_b', given%bodies_b, given%surface_b, text)
+        if (len(text) == 0) text = 'none of the surfaces of surface_a is near one of surface_b; the search distance '// &
+                                   'is search_radius, or 10 % of the smaller body'
+      end if
+      call problems%add(case%file//':'//to_text(given%line)//': &contact '//quoted(given%name)//': '//text, &
+                        exit_bad_input)
+    end subroutine report_none
+
+    !> Say that none of the bodies of a side has the surface, if so.
+    subroutine report_lacking(key, bodies, name, text)
+      !> Key of the side.
+      character(*), intent(in) :: key
+      !> Bodies that the side names (n).
+      integer, intent(in) :: bodies(:)
+      !> The surface, maybe with wildcards.
+      character(*), intent(in) :: name
+      !> Message so far.
+      character(:), allocatable, intent(inout) :: text
+      type(text_t) :: names(size(bodies))
+      integer :: i
+      do i = 1, size(bodies)
+        if (surfaces(bodies(i))%find(name) > 0) return
+        names(i)%s = quoted(body(bodies(i))%name)
+      end do
+      if (len(text) > 0) text = text//'; '
+      text = text//key//': no physical surface '//quoted(name)//' on '//join(names, ', ')
+    end subroutine report_lacking
+
+    !> Whether the group leaves out two bodies.
+    logical function is_excluded(given, a, b)
+      !> `&contact`.
+      type(contact_input_t), intent(in) :: given
+      !> Index of a body.
+      integer, intent(in) :: a
+      !> Index of the other body.
+      integer, intent(in) :: b
+      integer :: place
+      place = exclusion_of(given%exclude, body(a)%name, body(b)%name)
+      is_excluded = place > 0
+      if (.not. is_excluded) return
+      used(place) = .true.
+      group%n_excluded = group%n_excluded + 1
+    end function is_excluded
+
+    !> Add a pair that the search has found.
+    subroutine add_found(given, k, a, b, contact_a, place_a, contact_b, place_b)
+      !> `&contact`, with the names of the surfaces.
+      type(contact_input_t), intent(in) :: given
+      !> Its number among the groups.
+      integer, intent(in) :: k
+      !> Slave body.
+      integer, intent(in) :: a
+      !> Master body.
+      integer, intent(in) :: b
+      !> Slave surface.
+      type(surface_t), intent(in) :: contact_a
+      !> Its index among the named surfaces of the body, or 0.
+      integer, intent(in) :: place_a
+      !> Master surface.
+      type(surface_t), intent(in) :: contact_b
+      !> Its index among the named surfaces of the body, or 0.
+      integer, intent(in) :: place_b
+      type(contact_input_t) :: contact
+      real(dp) :: distance
+      distance = search_distance(faces(a), faces(b), given%search_radius)
+      group%distance = max(group%distance, distance)
+      contact = given
+      contact%searched = .false.
+      contact%found = .true.
+      contact%body_a = a
+      contact%body_b = b
+      contact%name = pair_name(given%name, body(a)%name, body(b)%name)
+      if (given%auto) then
+        contact%search_radius = distance
+        contact%has_search_radius = .true.
+        contact%surface_a = contact_a%name
+        contact%surface_b = contact_b%name
+      end if
+      call list%add(contact, k, contact_a, place_a, contact_b, place_b)
+    end subroutine add_found
+
+    !> Find the pairs of a group that names bodies with wildcards: those of its surfaces that are near each other.
+    subroutine find_named(given, k)
+      !> `&contact`.
+      type(contact_input_t), intent(in) :: given
+      !> Its number among the groups.
+      integer, intent(in) :: k
+      logical, allocatable :: in_a(:), in_b(:)
+      logical :: is_a(size(body)), is_b(size(body)), is_near
+      integer :: i, turn, a, b, place_a, place_b
+      is_a = .false.
+      is_a(given%bodies_a) = .true.
+      is_b = .false.
+      is_b(given%bodies_b) = .true.
+      do i = 1, size(near)
+        do turn = 1, 2
+          a = merge(near(i)%body_a, near(i)%body_b, turn == 1)
+          b = merge(near(i)%body_b, near(i)%body_a, turn == 1)
+          if (.not. (is_a(a) .and. is_b(b))) cycle
+          place_a = surfaces(a)%find(given%surface_a)
+          place_b = surfaces(b)%find(given%surface_b)
+          if (place_a == 0 .or. place_b == 0) cycle
+          call surfaces(a)%facets(place_a, in_a)
+          call surfaces(b)%facets(place_b, in_b)
+          if (turn == 1) then
+            is_near = any(in_a(near(i)%facet_a) .and. in_b(near(i)%facet_b) .and. near(i)%opposite)
+          else
+            is_near = any(in_a(near(i)%facet_b) .and. in_b(near(i)%facet_a) .and. near(i)%opposite)
+          end if
+          if (.not. is_near) cycle
+          if (is_excluded(given, a, b)) exit
+          call add_found(given, k, a, b, surfaces(a)%surface(place_a), place_a, surfaces(b)%surface(place_b), place_b)
+          ! The same surfaces the other way round are the same contact.
+          if (given%surface_a == given%surface_b .and. is_a(b) .and. is_b(a)) exit
+        end do
+      end do
+    end subroutine find_named
+
+    !> Find the pairs of a group with `auto`: faces of any two bodies that are near each other.
+    subroutine find_auto(given, k)
+      !> `&contact`.
+      type(contact_input_t), intent(in) :: given
+      !> Its number among the groups.
+      integer, intent(in) :: k
+      type(surface_t) :: patch_a, patch_b
+      integer, allocatable :: facet_a(:), facet_b(:)
+      integer :: i
+      do i = 1, size(near)
+        if (.not. any(near(i)%opposite)) cycle
+        associate (a => near(i)%body_a, b => near(i)%body_b)
+          if (is_excluded(given, a, b)) cycle
+          if (list%between(a, b, 0) > 0) then
+            group%n_named = group%n_named + 1
+            cycle
+          end if
+          if (.not. allocated(graph(a)%start)) call graph(a)%init(surfaces(a)%boundary)
+          if (.not. allocated(graph(b)%start)) call graph(b)%init(surfaces(b)%boundary)
+          call grow_patch(surfaces(a)%boundary, graph(a), faces(a), pack(near(i)%facet_a, near(i)%opposite), facet_a)
+          call grow_patch(surfaces(b)%boundary, graph(b), faces(b), pack(near(i)%facet_b, near(i)%opposite), facet_b)
+          call boundary_part(surfaces(a)%boundary, facet_a, patch_a)
+          call boundary_part(surfaces(b)%boundary, facet_b, patch_b)
+          if (first_is_slave(faces(a), near(i)%facet_a, body(a)%young(), &
+                             faces(b), near(i)%facet_b, body(b)%young())) then
+            call add_found(given, k, a, b, patch_a, 0, patch_b, 0)
+          else
+            call add_found(given, k, b, a, patch_b, 0, patch_a, 0)
+          end if
+        end associate
+      end do
+    end subroutine find_auto
   end subroutine form_pairs
 
   !> Add a pair of named surfaces.
@@ -133,130 +297,6 @@ contains
     call list%add(contact, group, surfaces_a%surface(a), a, surfaces_b%surface(b), b)
   end subroutine add_named
 
-  !> Find the pairs of a group that names bodies with wildcards: those of its surfaces that are near each other.
-  subroutine find_named(given, k, body, surfaces, faces, near, list, group)
-    !> `&contact`.
-    type(contact_input_t), intent(in) :: given
-    !> Its number among the groups.
-    integer, intent(in) :: k
-    !> Bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Their surfaces (n_bodies).
-    type(body_surfaces_t), intent(inout) :: surfaces(:)
-    !> Their facets (n_bodies).
-    type(body_faces_t), intent(in) :: faces(:)
-    !> Facets that are near each other (n_near).
-    type(near_faces_t), intent(in) :: near(:)
-    !> Pairs so far.
-    type(pair_list_t), intent(inout) :: list
-    !> What was found.
-    type(group_report_t), intent(inout) :: group
-    type(contact_input_t) :: contact
-    logical, allocatable :: in_a(:), in_b(:)
-    logical :: is_a(size(body)), is_b(size(body)), is_near
-    integer :: i, turn, a, b, place_a, place_b
-    is_a = .false.
-    is_a(given%bodies_a) = .true.
-    is_b = .false.
-    is_b(given%bodies_b) = .true.
-    do i = 1, size(near)
-      do turn = 1, 2
-        a = merge(near(i)%body_a, near(i)%body_b, turn == 1)
-        b = merge(near(i)%body_b, near(i)%body_a, turn == 1)
-        if (.not. (is_a(a) .and. is_b(b))) cycle
-        place_a = surfaces(a)%find(given%surface_a)
-        place_b = surfaces(b)%find(given%surface_b)
-        if (place_a == 0 .or. place_b == 0) cycle
-        call surfaces(a)%facets(place_a, in_a)
-        call surfaces(b)%facets(place_b, in_b)
-        if (turn == 1) then
-          is_near = any(in_a(near(i)%facet_a) .and. in_b(near(i)%facet_b) .and. near(i)%opposite)
-        else
-          is_near = any(in_a(near(i)%facet_b) .and. in_b(near(i)%facet_a) .and. near(i)%opposite)
-        end if
-        if (.not. is_near) cycle
-        if (is_excluded(given%exclude, body(a)%name, body(b)%name)) then
-          group%n_excluded = group%n_excluded + 1
-          exit
-        end if
-        contact = given
-        contact%searched = .false.
-        contact%found = .true.
-        contact%body_a = a
-        contact%body_b = b
-        contact%name = pair_name(given%name, body(a)%name, body(b)%name)
-        call list%add(contact, k, surfaces(a)%surface(place_a), place_a, surfaces(b)%surface(place_b), place_b)
-        group%distance = max(group%distance, search_distance(faces(a), faces(b), given%search_radius))
-        ! The same surfaces the other way round are the same contact.
-        if (given%surface_a == given%surface_b .and. is_a(b) .and. is_b(a)) exit
-      end do
-    end do
-  end subroutine find_named
-
-  !> Find the pairs of a group with `auto`: faces of any two bodies that are near each other.
-  subroutine find_auto(given, k, body, surfaces, faces, near, graph, list, group)
-    !> `&contact`.
-    type(contact_input_t), intent(in) :: given
-    !> Its number among the groups.
-    integer, intent(in) :: k
-    !> Bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Their surfaces (n_bodies).
-    type(body_surfaces_t), intent(in) :: surfaces(:)
-    !> Their facets (n_bodies).
-    type(body_faces_t), intent(in) :: faces(:)
-    !> Facets that are near each other (n_near).
-    type(near_faces_t), intent(in) :: near(:)
-    !> Facets at the nodes of the bodies; made where they are needed (n_bodies).
-    type(facet_graph_t), intent(inout) :: graph(:)
-    !> Pairs so far.
-    type(pair_list_t), intent(inout) :: list
-    !> What was found.
-    type(group_report_t), intent(inout) :: group
-    type(contact_input_t) :: contact
-    type(surface_t) :: patch_a, patch_b
-    integer, allocatable :: facet_a(:), facet_b(:)
-    integer :: i
-    do i = 1, size(near)
-      if (.not. any(near(i)%opposite)) cycle
-      associate (a => near(i)%body_a, b => near(i)%body_b)
-        if (is_excluded(given%exclude, body(a)%name, body(b)%name)) then
-          group%n_excluded = group%n_excluded + 1
-          cycle
-        end if
-        if (list%between(a, b, 0) > 0) then
-          group%n_named = group%n_named + 1
-          cycle
-        end if
-        if (.not. allocated(graph(a)%start)) call graph(a)%init(surfaces(a)%boundary)
-        if (.not. allocated(graph(b)%start)) call graph(b)%init(surfaces(b)%boundary)
-        call grow_patch(surfaces(a)%boundary, graph(a), faces(a), pack(near(i)%facet_a, near(i)%opposite), facet_a)
-        call grow_patch(surfaces(b)%boundary, graph(b), faces(b), pack(near(i)%facet_b, near(i)%opposite), facet_b)
-        call boundary_part(surfaces(a)%boundary, facet_a, patch_a)
-        call boundary_part(surfaces(b)%boundary, facet_b, patch_b)
-        contact = given
-        contact%searched = .false.
-        contact%found = .true.
-        contact%search_radius = search_distance(faces(a), faces(b), given%search_radius)
-        contact%has_search_radius = .true.
-        group%distance = max(group%distance, contact%search_radius)
-        contact%surface_a = patch_a%name
-        contact%surface_b = patch_b%name
-        if (first_is_slave(faces(a), near(i)%facet_a, body(a)%young(), faces(b), near(i)%facet_b, body(b)%young())) then
-          contact%body_a = a
-          contact%body_b = b
-          contact%name = pair_name(given%name, body(a)%name, body(b)%name)
-          call list%add(contact, k, patch_a, 0, patch_b, 0)
-        else
-          contact%body_a = b
-          contact%body_b = a
-          contact%name = pair_name(given%name, body(b)%name, body(a)%name)
-          call list%add(contact, k, patch_b, 0, patch_a, 0)
-        end if
-      end associate
-    end do
-  end subroutine find_auto
-
   !> Name of a pair that was found; it names a folder of the results file.
   pure function pair_name(group, a, b) result(name)
     !> Name of the group; may be empty.
@@ -273,32 +313,6 @@ contains
     end do
     if (len(group) > 0) name = group//': '//name
   end function pair_name
-
-  !> Whether a group leaves out two bodies.
-  pure logical function is_excluded(exclude, a, b)
-    !> Exclusions of the group (n_exclusions).
-    type(exclusion_t), intent(in) :: exclude(:)
-    !> Name of a body.
-    character(*), intent(in) :: a
-    !> Name of the other body.
-    character(*), intent(in) :: b
-    integer :: i
-    is_excluded = .true.
-    do i = 1, size(exclude)
-      if (is_meant(exclude(i)%a, a) .and. is_meant(exclude(i)%b, b)) return
-      if (is_meant(exclude(i)%a, b) .and. is_meant(exclude(i)%b, a)) return
-    end do
-    is_excluded = .false.
-  end function is_excluded
-
-  !> Whether a name with wildcards means a body.
-  pure logical function is_meant(pattern, name)
-    !> Name, maybe with wildcards.
-    character(*), intent(in) :: pattern
-    !> Name of the body.
-    character(*), intent(in) :: name
-    is_meant = pattern == name .or. matches(pattern, name)
-  end function is_meant
 
   !> Give the pairs back in the order of their groups.
   subroutine order_pairs(case, list, surface_a, surface_b)

@@ -1,12 +1,12 @@
 !> Faces that are near each other and in no contact pair: a part that was forgotten passes through another in silence.
 module dotyk_model_unnamed_faces
   use dotyk_base_kinds, only: dp
-  use dotyk_base_wildcard, only: matches
   use dotyk_contact_body_faces, only: body_faces_t
   use dotyk_contact_near_faces, only: near_faces_t
   use dotyk_contact_pair_report, only: unnamed_faces_t
   use dotyk_input_case, only: case_t
   use dotyk_model_body_surfaces, only: body_surfaces_t
+  use dotyk_model_exclusions, only: exclusion_of
   use dotyk_model_pair_list, only: pair_list_t
   implicit none
   private
@@ -100,16 +100,11 @@ contains
     integer, intent(in) :: a
     !> Index of the other body.
     integer, intent(in) :: b
-    integer :: k, i
+    integer :: k
     left_out = .true.
     do k = 1, size(case%contact)
       if (.not. allocated(case%contact(k)%exclude)) cycle
-      do i = 1, size(case%contact(k)%exclude)
-        associate (pattern_a => case%contact(k)%exclude(i)%a, pattern_b => case%contact(k)%exclude(i)%b)
-          if (matches(pattern_a, case%body(a)%name) .and. matches(pattern_b, case%body(b)%name)) return
-          if (matches(pattern_a, case%body(b)%name) .and. matches(pattern_b, case%body(a)%name)) return
-        end associate
-      end do
+      if (exclusion_of(case%contact(k)%exclude, case%body(a)%name, case%body(b)%name) > 0) return
     end do
     left_out = .false.
   end function is_left_out

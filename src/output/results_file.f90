@@ -47,7 +47,6 @@ module dotyk_output_results_file
     generic :: put_array => array_real, array_integer, array_long, array_vectors
     procedure :: commit => results_commit
     procedure :: discard => results_discard
-    procedure, private :: keep_failure
   end type results_file_t
 
   public :: check_writable, connectivity_length, contact_group
@@ -208,10 +207,8 @@ contains
     class(results_file_t), intent(inout) :: self
     !> Name of the contact pair.
     character(*), intent(in) :: name
-    type(error_t), allocatable :: error
     if (allocated(self%failure)) return
-    call self%file%add_group(dotyk_path(contact_group(name)), error)
-    call self%keep_failure(error)
+    call self%file%add_group(dotyk_path(contact_group(name)), self%failure)
   end subroutine results_add_contact
 
   !> Path in the file of a group below `/dotyk`.
@@ -232,10 +229,8 @@ contains
     character(*), intent(in) :: name
     !> Its text.
     character(*), intent(in) :: value
-    type(error_t), allocatable :: error
     if (allocated(self%failure)) return
-    call self%file%put_attribute(dotyk_path(group), name, value, error)
-    call self%keep_failure(error)
+    call self%file%put_attribute(dotyk_path(group), name, value, self%failure)
   end subroutine put_text
 
   !> Write an integer as attribute.
@@ -247,10 +242,8 @@ contains
     character(*), intent(in) :: name
     !> Value of the attribute.
     integer(int32), intent(in) :: value
-    type(error_t), allocatable :: error
     if (allocated(self%failure)) return
-    call self%file%put_attribute(dotyk_path(group), name, value, error)
-    call self%keep_failure(error)
+    call self%file%put_attribute(dotyk_path(group), name, value, self%failure)
   end subroutine put_integer
 
   !> Write a 64-bit integer as attribute.
@@ -262,10 +255,8 @@ contains
     character(*), intent(in) :: name
     !> Value of the attribute.
     integer(int64), intent(in) :: value
-    type(error_t), allocatable :: error
     if (allocated(self%failure)) return
-    call self%file%put_attribute(dotyk_path(group), name, value, error)
-    call self%keep_failure(error)
+    call self%file%put_attribute(dotyk_path(group), name, value, self%failure)
   end subroutine put_long
 
   !> Write a real as attribute.
@@ -277,10 +268,8 @@ contains
     character(*), intent(in) :: name
     !> Value of the attribute [any].
     real(dp), intent(in) :: value
-    type(error_t), allocatable :: error
     if (allocated(self%failure)) return
-    call self%file%put_attribute(dotyk_path(group), name, value, error)
-    call self%keep_failure(error)
+    call self%file%put_attribute(dotyk_path(group), name, value, self%failure)
   end subroutine put_real
 
   !> Write a logical as attribute.
@@ -304,10 +293,8 @@ contains
     character(*), intent(in) :: name
     !> Values of the attribute (n) [any].
     real(dp), intent(in), contiguous :: value(:)
-    type(error_t), allocatable :: error
     if (allocated(self%failure)) return
-    call self%file%put_attribute(dotyk_path(group), name, value, error)
-    call self%keep_failure(error)
+    call self%file%put_attribute(dotyk_path(group), name, value, self%failure)
   end subroutine put_reals
 
   !> Write a dataset of reals.
@@ -319,10 +306,8 @@ contains
     character(*), intent(in) :: name
     !> Values (n) [any].
     real(dp), intent(in), contiguous :: values(:)
-    type(error_t), allocatable :: error
     if (allocated(self%failure)) return
-    call self%file%put_dataset(dotyk_path(group)//'/'//name, values, error)
-    call self%keep_failure(error)
+    call self%file%put_dataset(dotyk_path(group)//'/'//name, values, self%failure)
   end subroutine array_real
 
   !> Write a dataset of 32-bit integers.
@@ -334,10 +319,8 @@ contains
     character(*), intent(in) :: name
     !> Values (n).
     integer(int32), intent(in), contiguous :: values(:)
-    type(error_t), allocatable :: error
     if (allocated(self%failure)) return
-    call self%file%put_dataset(dotyk_path(group)//'/'//name, values, error)
-    call self%keep_failure(error)
+    call self%file%put_dataset(dotyk_path(group)//'/'//name, values, self%failure)
   end subroutine array_integer
 
   !> Write a dataset of 64-bit integers.
@@ -349,10 +332,8 @@ contains
     character(*), intent(in) :: name
     !> Values (n).
     integer(int64), intent(in), contiguous :: values(:)
-    type(error_t), allocatable :: error
     if (allocated(self%failure)) return
-    call self%file%put_dataset(dotyk_path(group)//'/'//name, values, error)
-    call self%keep_failure(error)
+    call self%file%put_dataset(dotyk_path(group)//'/'//name, values, self%failure)
   end subroutine array_long
 
   !> Write a dataset of vectors, with three components.
@@ -364,19 +345,9 @@ contains
     character(*), intent(in) :: name
     !> Vectors (width, n) [any].
     real(dp), intent(in), contiguous :: values(:, :)
-    type(error_t), allocatable :: error
     if (allocated(self%failure)) return
-    call self%file%put_dataset(dotyk_path(group)//'/'//name, with_three_components(values), error)
-    call self%keep_failure(error)
+    call self%file%put_dataset(dotyk_path(group)//'/'//name, with_three_components(values), self%failure)
   end subroutine array_vectors
-
-  !> Keep the first failure for `commit`.
-  subroutine keep_failure(self, error)
-    class(results_file_t), intent(inout) :: self
-    !> Failure of a write; not allocated on return.
-    type(error_t), allocatable, intent(inout) :: error
-    if (allocated(error)) call move_alloc(error, self%failure)
-  end subroutine keep_failure
 
   !> Finish the file and rename it, in place of an older one; where a write has failed, the file is deleted.
   subroutine results_commit(self, error)

@@ -86,8 +86,15 @@ class AutoPairs(dotyk_case.Case):
         self.run_scene(scene(["&contact name='s', surface_a='* 7:bottom', surface_b='block *:top' /"], blocks), 2)
         self.assertIn("surface_a: no body has a name like '* 7'", self.printed)
         self.run_scene(scene(["&contact name='s', surface_a='block *:side', surface_b='block *:top' /"], blocks), 2)
+        self.assertIn("case.nml:14: &contact 's': surface_a: no physical surface 'side' on 'block 0', 'block 1', 'block 2'",
+                      self.printed)
+        self.run_scene(scene(["&contact name='s', surface_a='block *:sides x', surface_b='block *:top' /"], blocks), 2)
         self.assertIn("case.nml:14: &contact 's': none of the surfaces of surface_a is near one of surface_b",
                       self.printed)
+        self.run_scene(scene([stacked.replace(" /", ", exclude='block 1' /")], blocks), 2)
+        self.assertIn("&contact 'stack': exclude removes all pairs (2)", self.printed)
+        self.run_scene(scene(["&contact name='s', surface_a='block 1:no*', surface_b='block 0:top' /"], blocks), 2)
+        self.assertIn("body 'block 1': mesh 'block 1.geo' has no physical surface like 'no*'", self.printed)
 
     def test_exclusions(self):
         """Bodies that are left out form no pair, and are not reminded of."""
@@ -95,9 +102,44 @@ class AutoPairs(dotyk_case.Case):
         for text in ("'upper - lower'", "'low* - upper'", "'upper'"):
             self.run_scene(scene(["&contact auto=.true., exclude=%s /" % text], blocks), 0, "--check")
             self.assertIn("0 pairs of faces that face each other; 1 excluded", self.printed)
+            self.assertIn("warning: exclude removes all pairs", self.printed)
             self.assertNotIn("in no pair", self.printed)
         self.run_scene(scene(["&contact auto=.true., exclude='nothing' /"], blocks), 2)
         self.assertIn("exclude: 'nothing' names no bodies", self.printed)
+        self.write("aside.geo", block_geo("hex8", 1, origin=(3, 0, 0)))
+        self.run_scene(scene(["&contact auto=.true., exclude='lower - aside' /"], {**blocks, "aside": HELD}), 0, "--check")
+        self.assertIn("warning: exclude='lower - aside' removes nothing: these bodies form no pair", self.printed)
+        # One mistake, one message.
+        for text, message in (("auto=yes", "auto needs .true. or .false., got 'yes'"),
+                              ("exclude='upper'", "exclude is for pairs that are searched")):
+            self.run_scene(scene(["&contact %s /" % text], blocks), 2)
+            self.assertEqual(self.printed.count("&contact: "), 1, self.printed)
+            self.assertIn(message, self.printed)
+
+    def test_beyond_the_search_distance(self):
+        """A body in no pair, and the distance that would find one; the search distance is a tenth of a block's diameter,
+        which is twice the greatest distance of a corner from the middle."""
+        diameter = np.sqrt(3)
+        blocks = {"lower": HELD, "upper": HELD, "far": HELD}
+        for distance, named in ((2.9 * diameter / 10, True), (3.1 * diameter / 10, False)):
+            self.write("far.geo", block_geo("hex8", 1, origin=(1 + distance, 0, 0)))
+            for turn in (0.0, 29.3):
+                self.run_scene(scene([AUTO], blocks, turn=turn), 0, "--check")
+                self.assertEqual("not searched" in self.printed, named, self.printed)
+                if named:
+                    self.assertIn("'far' is in no pair: its distance from 'lower' is 0.502, and the search distance 0.173",
+                                  self.printed)
+
+    def test_initial_overlap(self):
+        """Bodies that lie in each other are named before the solution; those that touch or interfere in a pair are not."""
+        self.write("lost.geo", block_geo("hex8", 2, origin=(0.25, 0.25, 0.3), size=(0.5, 0.5, 0.5)))
+        for turn in (0.0, 51.0):
+            self.run_scene(scene([AUTO], {"lower": HELD, "upper": PRESSED, "lost": HELD}, turn=turn), 0, "--check")
+            self.assertRegex(self.printed, r"overlap +'lost' is inside 'lower' by 0.3 at .*, 26 nodes before loading")
+            self.assertIn("warning: no contact pair explains these overlaps", self.printed)
+        self.write("upper.geo", block_geo("hex8", 3, origin=(0, 0, 0.97)))
+        self.run_scene(scene([AUTO], {"lower": HELD, "upper": PRESSED}), 0, "--check")
+        self.assertNotIn("overlap", self.printed)
 
     def test_named_twice(self):
         """The same contact named twice counts once; with other settings it is refused."""
@@ -110,7 +152,7 @@ class AutoPairs(dotyk_case.Case):
             found = self.run_scene(scene([NAMED, second], blocks, theta))
             self.assertEqual(list(found), ["joint"])
             np.testing.assert_allclose(found["joint"], one, rtol=1e-12)
-            self.assertRegex(self.printed, r"same contact +'twin' \(line 12\) and 'joint' \(line 11\)")
+            self.assertRegex(self.printed, r"same contact +'twin' \(line 12\) and 'joint' \(line 11\): .* 'joint' is used")
         # A pair of a part of the faces is contained in that of all.
         whole = "&contact name='whole', surface_a='upper:*', surface_b='lower:*' /"
         self.assertEqual(list(self.run_scene(scene([NAMED, whole], blocks, theta))), ["whole"])

@@ -1,0 +1,53 @@
+!> Pairs of bodies that `exclude` leaves out.
+module dotyk_model_exclusions
+  use dotyk_base_text, only: text_t
+  use dotyk_base_wildcard, only: matches
+  use dotyk_input_case, only: exclusion_t
+  implicit none
+  private
+  public :: exclusion_of, exclusion_texts
+
+contains
+
+  !> The first exclusion that means two bodies; 0 where none does.
+  pure integer function exclusion_of(exclude, a, b) result(i)
+    !> Exclusions of a group (n_exclusions).
+    type(exclusion_t), intent(in) :: exclude(:)
+    !> Name of a body.
+    character(*), intent(in) :: a
+    !> Name of the other body.
+    character(*), intent(in) :: b
+    do i = 1, size(exclude)
+      if (is_meant(exclude(i)%a, a) .and. is_meant(exclude(i)%b, b)) return
+      if (is_meant(exclude(i)%a, b) .and. is_meant(exclude(i)%b, a)) return
+    end do
+    i = 0
+  end function exclusion_of
+
+  !> Whether a name with wildcards means a body.
+  pure logical function is_meant(pattern, name)
+    !> Name, maybe with wildcards.
+    character(*), intent(in) :: pattern
+    !> Name of the body.
+    character(*), intent(in) :: name
+    is_meant = pattern == name .or. matches(pattern, name)
+  end function is_meant
+
+  !> Some exclusions as the user writes them.
+  pure function exclusion_texts(exclude, chosen) result(texts)
+    !> Exclusions of a group (n_exclusions).
+    type(exclusion_t), intent(in) :: exclude(:)
+    !> Which ones (n_exclusions).
+    logical, intent(in) :: chosen(:)
+    type(text_t), allocatable :: texts(:)
+    integer :: i, n
+    allocate (texts(count(chosen)))
+    n = 0
+    do i = 1, size(exclude)
+      if (.not. chosen(i)) cycle
+      n = n + 1
+      texts(n)%s = exclude(i)%a
+      if (exclude(i)%b /= '*') texts(n)%s = exclude(i)%a//' - '//exclude(i)%b
+    end do
+  end function exclusion_texts
+end module dotyk_model_exclusions

@@ -1,0 +1,38 @@
+!> Mesh files of bodies.
+module dotyk_model_mesh_file
+  use dotyk_base_error, only: error_t
+  use dotyk_base_operating_system, only: remove_file
+  use dotyk_mesh_gmsh, only: read_gmsh
+  use dotyk_mesh_gmsh_run, only: mesh_geometry, meshing_t
+  use dotyk_mesh_mesh, only: mesh_t
+  implicit none
+  private
+  public :: read_mesh
+
+contains
+
+  !> Read a .msh file, or a .geo file that gmsh meshes.
+  subroutine read_mesh(path, dimension, mesh, meshing, error)
+    !> Path of the mesh or geometry.
+    character(*), intent(in) :: path
+    !> Dimension of space, for gmsh.
+    integer, intent(in) :: dimension
+    !> The mesh.
+    type(mesh_t), intent(out) :: mesh
+    !> What geometries may do; what was found in this one is set.
+    type(meshing_t), intent(inout) :: meshing
+    !> Allocated where the file cannot be read or meshed.
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: msh
+    msh = path
+    meshing%for_once = .false.
+    meshing%remark = ''
+    if (len(path) > 4) then
+      if (path(len(path) - 3:) == '.geo') call mesh_geometry(path, dimension, msh, error, meshing)
+    end if
+    if (.not. allocated(error)) call read_gmsh(msh, mesh, error)
+    if (meshing%for_once) call remove_file(msh)
+    ! Messages name the file of the namelist.
+    if (.not. allocated(error)) mesh%file = path
+  end subroutine read_mesh
+end module dotyk_model_mesh_file
