@@ -246,7 +246,7 @@ contains
                   meaning='penalty parameter of this pair; if absent, theta of &solver')
     call list%add('theta_relative', kind_real, not_negative=.true., &
                   meaning='penalty parameter as a factor of size_a/E_a + size_b/E_b; size is the shortest edge of '// &
-                  'the bounding box of the body')
+                  'the body if it is a brick, else of the brick with the same moments of inertia')
     call list%add('theta_mesh', kind_real, not_negative=.true., &
                   meaning='penalty parameter as a factor of h_a/E_a + h_b/E_b, point by point; h is the size of '// &
                   'the facet')
@@ -296,7 +296,7 @@ contains
                   meaning='penalty parameter, the compliance of a Winkler layer between the bodies; 0: no penetration')
     call list%add('theta_relative', kind_real, not_negative=.true., &
                   meaning='penalty parameter as a factor of size_a/E_a + size_b/E_b of each pair; size is the '// &
-                  'shortest edge of the bounding box of the body')
+                  'shortest edge of the body if it is a brick, else of the brick with the same moments of inertia')
     call list%add('theta_mesh', kind_real, not_negative=.true., &
                   meaning='penalty parameter as a factor of h_a/E_a + h_b/E_b, point by point; h is the size of '// &
                   'the facet; if no theta is given, 0.01 (schemes other than dual: 0.1), reduced where the '// &

@@ -12,6 +12,7 @@ module dotyk_model_pairs
   use dotyk_contact_pair_report, only: pair_report_t
   use dotyk_contact_smooth_sheets, only: split_sheets
   use dotyk_elasticity_body, only: body_t
+  use dotyk_elasticity_shortest_extent, only: shortest_extent
   use dotyk_input_case, only: case_t, contact_input_t
   use dotyk_mesh_surface, only: surface_t
   use dotyk_model_discretized_pairs, only: drop_empty_pairs, refuse_double_faces
@@ -115,7 +116,9 @@ contains
     settings%geometry = given%geometry
     settings%quadrature = given%quadrature
     settings%theta = given%theta
-    if (given%theta_kind == theta_relative) settings%theta = given%theta*(compliance(body_a) + compliance(body_b))
+    if (given%theta_kind == theta_relative .and. given%theta > 0) &
+      settings%theta = given%theta* &
+      (shortest_extent(body_a%mesh)/body_a%young() + shortest_extent(body_b%mesh)/body_b%young())
     call discretize_pair(body_a%mesh, surface_a, body_b%mesh, surface_b, settings, formula, pair, error)
     call formula%destroy()
     if (given%found .and. pair%n_points == 0 .and. allocated(error)) then
@@ -150,7 +153,7 @@ contains
     end do
   end subroutine foundation_compliance
 
-  !> Size over Young's modulus of a body, the measure of `theta_relative` [length/pressure].
+  !> Shortest edge of the bounding box over Young's modulus of a body [length/pressure].
   real(dp) function compliance(body)
     !> The body.
     type(body_t), intent(in) :: body

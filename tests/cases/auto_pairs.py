@@ -159,6 +159,12 @@ class AutoPairs(dotyk_case.Case):
         self.run_scene(scene([NAMED, turned.replace(" /", ", theta=1 /")], blocks, theta), 2)
         self.assertIn("case.nml:12: &contact 'twin' is the same contact as 'joint' (line 11), with another gap or "
                       "theta", self.printed)
+        # Faces that two pairs share in part: bottom and top of the first, bottom and sides of the second.
+        shared = ["&contact name='%s', surface_a='upper:%s', surface_b='lower:*' /" % pair
+                  for pair in (("one", "*o*"), ("two", "??????*"))]
+        self.run_scene(scene(shared, blocks, theta), 2)
+        self.assertIn("case.nml:12: &contact 'two' and 'one' (line 11) are in part the same contact, which would count "
+                      "twice: name each face of 'upper' and 'lower' in one pair only", self.printed)
         # What is named is not for auto.
         self.assertEqual(list(self.run_scene(scene([NAMED, AUTO], blocks, theta))), ["joint"])
         self.assertIn("1 pair of bodies named by other groups", self.printed)

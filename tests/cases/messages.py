@@ -228,6 +228,21 @@ class Messages(dotyk_case.Case):
         self.assertLessEqual(summary["q_measured"], summary["q_predicted"])
         self.assertEqual(len(file["dotyk/history/energy"]), 3)
 
+    def test_max_iterations_of_active_sets(self):
+        """The dual scheme stops where it is told to, and at no other number."""
+        self.copy("wavy")
+        scene = (self.folder / "wavy/wavy.nml").read_text()
+        counts = []
+        for most in (1, 2, 100000):
+            self.write("wavy/case.nml", re.sub("tolerance=1e-8.*/", "tolerance=1e-8, max_iterations=%d /" % most, scene))
+            text = self.dotyk("wavy/case.nml", code=int(most < 10))
+            summary = self.results("wavy/case.vtkhdf")["dotyk/summary"].attrs
+            counts.append(summary["iterations"])
+            self.assertEqual(summary["status"], b"max_iterations" if most < 10 else b"converged")
+            self.assertEqual("max_iterations" in text, most < 10)
+        self.assertEqual(counts[:2], [1, 2])
+        self.assertGreater(counts[2], 2)
+
     def test_gamma_too_large(self):
         self.scene(("tolerance=1e-8", "gamma_rule='fixed', gamma=1.9"))
         text = self.dotyk("case.nml", code=1)
