@@ -13,7 +13,7 @@ module dotyk_contact_complementarity
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
-  public :: complementarity_error
+  public :: complementarity_error, gaps_under_pressure
 
 contains
 
@@ -35,31 +35,11 @@ contains
     real(dp), intent(in) :: pressure(:)
     !> Penalty parameters of the solution (n_rows) [length/pressure].
     real(dp), intent(in) :: row_theta(:)
-    type(corner_interpolation_t) :: corners
-    real(dp), allocatable :: at_corner(:), theta_at_corner(:), work(:)
-    real(dp) :: relative(size(u_a, 1)), p, theta
-    integer :: i, n, first, last
+    real(dp), allocatable :: p(:), gap(:), work(:)
+    integer :: first, last
+    call gaps_under_pressure(pair, surface_a, surface_b, u_a, u_b, pressure, row_theta, p, gap)
     allocate (work(pair%n_points))
-    if (pair%n_mortar_points > 0) then
-      call corners%init(surface_a, pair%facet_a(1:pair%n_mortar_points), pair%xi_a(:, 1:pair%n_mortar_points))
-      ! Vertices without a row have almost no area.
-      allocate (at_corner(corners%n), theta_at_corner(corners%n), source=0.0_dp)
-      at_corner(pair%row_corner) = pressure(1:pair%n_mortar_rows)
-      theta_at_corner(pair%row_corner) = row_theta(1:pair%n_mortar_rows)
-    end if
-    do i = 1, pair%n_points
-      if (i > pair%n_mortar_points) then
-        p = pressure(pair%n_mortar_rows + i - pair%n_mortar_points)
-        theta = row_theta(pair%n_mortar_rows + i - pair%n_mortar_points)
-      else
-        n = count(corners%corner(:, i) > 0)
-        p = dot_product(corners%shape(:n, i), at_corner(corners%corner(:n, i)))
-        theta = dot_product(corners%shape(:n, i), theta_at_corner(corners%corner(:n, i)))
-      end if
-      relative = displacement(surface_a, pair%facet_a(i), pair%xi_a(:, i), u_a) - &
-                displacement(surface_b, pair%facet_b(i), pair%xi_b(:, i), u_b)
-      work(i) = pair%weight(i)*p*(pair%gap(i) + theta*p - dot_product(pair%normal(:, i), relative))
-    end do
+    work = pair%weight*p*gap
     total = 0
     first = 1
     do while (first <= pair%n_points)
@@ -72,6 +52,53 @@ contains
       first = last + 1
     end do
   end function complementarity_error
+
+  !> Pressures and gaps of the deformed bodies at the integration points.
+  subroutine gaps_under_pressure(pair, surface_a, surface_b, u_a, u_b, pressure, row_theta, p, gap)
+    !> Contact pair.
+    type(contact_pair_t), intent(in) :: pair
+    !> Slave surface (surface_a).
+    type(surface_t), intent(in) :: surface_a
+    !> Master surface (surface_b).
+    type(surface_t), intent(in) :: surface_b
+    !> Displacements of body a (dimension, n_nodes) [length].
+    real(dp), intent(in) :: u_a(:, :)
+    !> Displacements of body b (dimension, n_nodes) [length].
+    real(dp), intent(in) :: u_b(:, :)
+    !> Row pressures (n_rows) [pressure].
+    real(dp), intent(in) :: pressure(:)
+    !> Penalty parameters of the solution (n_rows) [length/pressure].
+    real(dp), intent(in) :: row_theta(:)
+    !> Pressures, interpolated linearly between vertices (n_points) [pressure].
+    real(dp), allocatable, intent(out) :: p(:)
+    !> Gaps, the compression of the penalty layer deducted (n_points) [length].
+    real(dp), allocatable, intent(out) :: gap(:)
+    type(corner_interpolation_t) :: corners
+    real(dp), allocatable :: at_corner(:), theta_at_corner(:)
+    real(dp) :: relative(size(u_a, 1)), theta
+    integer :: i, n
+    allocate (p(pair%n_points), gap(pair%n_points))
+    if (pair%n_mortar_points > 0) then
+      call corners%init(surface_a, pair%facet_a(1:pair%n_mortar_points), pair%xi_a(:, 1:pair%n_mortar_points))
+      ! Vertices without a row have almost no area.
+      allocate (at_corner(corners%n), theta_at_corner(corners%n), source=0.0_dp)
+      at_corner(pair%row_corner) = pressure(1:pair%n_mortar_rows)
+      theta_at_corner(pair%row_corner) = row_theta(1:pair%n_mortar_rows)
+    end if
+    do i = 1, pair%n_points
+      if (i > pair%n_mortar_points) then
+        p(i) = pressure(pair%n_mortar_rows + i - pair%n_mortar_points)
+        theta = row_theta(pair%n_mortar_rows + i - pair%n_mortar_points)
+      else
+        n = count(corners%corner(:, i) > 0)
+        p(i) = dot_product(corners%shape(:n, i), at_corner(corners%corner(:n, i)))
+        theta = dot_product(corners%shape(:n, i), theta_at_corner(corners%corner(:n, i)))
+      end if
+      relative = displacement(surface_a, pair%facet_a(i), pair%xi_a(:, i), u_a) - &
+                displacement(surface_b, pair%facet_b(i), pair%xi_b(:, i), u_b)
+      gap(i) = pair%gap(i) + theta*p(i) - dot_product(pair%normal(:, i), relative)
+    end do
+  end subroutine gaps_under_pressure
 
   !> Displacement at a point of a facet.
   pure function displacement(surface, facet, xi, u) result(value)

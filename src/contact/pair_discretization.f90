@@ -20,6 +20,7 @@ module dotyk_contact_pair_discretization
   use dotyk_contact_local_depth, only: find_depths
   use dotyk_contact_facet_set, only: facet_position_and_normal
   use dotyk_contact_false_overlap, only: is_false_overlap
+  use dotyk_contact_gap_interpolation, only: add_vertices, interpolate_gaps
   use dotyk_contact_local_origin, only: choose_origin, shift_origin
   use dotyk_contact_mortar_segments, only: build_segment_rules
   use dotyk_contact_pair, only: contact_pair_t, pair_settings_t
@@ -107,6 +108,7 @@ contains
     integer, allocatable :: offset(:)
     logical :: candidate(surface_a%n_facets)
     logical, allocatable :: in_points(:)
+    logical :: interpolates
     real(dp) :: radius
     integer :: f, n
     radius = settings%search_radius
@@ -129,6 +131,10 @@ contains
     offset(1) = 0
     do f = 1, surface_a%n_facets
       if (.not. allocated(facet_rule(f)%weight)) facet_rule(f) = kind_rule(surface_a%kind(f))
+    end do
+    interpolates = settings%geometry == geometry_smooth .and. settings%discretization == discretization_mortar
+    if (interpolates) call add_vertices(surface_a, facet_rule)
+    do f = 1, surface_a%n_facets
       offset(f + 1) = offset(f) + size(facet_rule(f)%weight)
     end do
     n = offset(surface_a%n_facets + 1)
@@ -147,6 +153,7 @@ contains
                               master%set%depth, radius, offset, x, xi, projection)
     end if
     call drop_projections_through_bodies(slave, master, x, projection)
+    if (interpolates) call interpolate_gaps(surface_a, offset, x, xi, weight, projection)
     call keep_projected(mesh_a%dimension, offset, x, xi, weight, projection, pair)
     call find_point_contacts(mesh_a, surface_a, slave, mesh_b, surface_b, master, radius, contact)
     if (size(contact) > 0) then

@@ -11,6 +11,7 @@ module dotyk_control_error_budget
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_contact_complementarity, only: complementarity_error
+  use dotyk_contact_doubtful_force, only: doubtful_force_t, find_doubtful_force
   use dotyk_control_body_solution, only: body_solution_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_mesh_error, only: element_field_t, estimate_mesh_errors
@@ -37,6 +38,8 @@ module dotyk_control_error_budget
     real(dp), allocatable :: of_body(:)
     !> That of each element of each body, likewise (n_bodies) [].
     type(element_field_t), allocatable :: of_element(:)
+    !> Forces of each pair where its surfaces do not touch; not allocated where unknown (n_pairs).
+    type(doubtful_force_t), allocatable :: doubtful(:)
   contains
     procedure :: init => budget_init
     procedure :: others => budget_others
@@ -137,6 +140,7 @@ contains
     nan = ieee_value(nan, ieee_quiet_nan)
     budget%discretization = nan
     budget%contact = nan
+    deallocate (budget%doubtful)
     budget%of_body = nan
     do b = 1, size(budget%of_element)
       budget%of_element(b)%value = nan
@@ -160,18 +164,19 @@ contains
     !> As in `estimate_errors`.
     type(error_t), allocatable, intent(out) :: error
     real(dp) :: norm_square, work
-    integer :: b, k
-    if (allocated(budget%of_body)) deallocate (budget%of_body, budget%of_element)
-    allocate (budget%of_body(size(problem%body)))
+    integer :: b, i, k
+    if (allocated(budget%of_body)) deallocate (budget%of_body, budget%of_element, budget%doubtful)
+    allocate (budget%of_body(size(problem%body)), budget%doubtful(size(problem%pair)))
     call estimate_mesh_errors(problem, first_row, m, solution, budget%of_element, norm_square, error)
     if (allocated(error)) return
     work = 0
     do k = 1, size(problem%pair)
-      associate (pair => problem%pair(k))
-        work = work + complementarity_error(pair, problem%surface_a(k), problem%surface_b(k), &
-                                            solution(pair%body_a)%displacement, solution(pair%body_b)%displacement, &
-                                            m(first_row(k):first_row(k + 1) - 1), &
-                                            theta(first_row(k):first_row(k + 1) - 1))
+      associate (pair => problem%pair(k), surface_a => problem%surface_a(k), surface_b => problem%surface_b(k), &
+                 rows => [(i, i=first_row(k), first_row(k + 1) - 1)])
+        associate (u_a => solution(pair%body_a)%displacement, u_b => solution(pair%body_b)%displacement)
+          work = work + complementarity_error(pair, surface_a, surface_b, u_a, u_b, m(rows), theta(rows))
+          call find_doubtful_force(pair, surface_a, surface_b, u_a, u_b, m(rows), theta(rows), budget%doubtful(k))
+        end associate
       end associate
     end do
     budget%contact = 0

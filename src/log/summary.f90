@@ -14,6 +14,7 @@ module dotyk_log_summary
   use dotyk_control_pressures, only: pair_solution_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: output_input_t
+  use dotyk_log_doubtful_forces, only: show_doubtful_forces
   use dotyk_log_found_pairs, only: show_idle_bodies
   use dotyk_log_progress, only: duration
   use dotyk_log_timing, only: timing_t
@@ -152,8 +153,9 @@ contains
         line = line//', largest in '//quoted(body(maxloc(budget%of_body, 1))%name)
     end if
     call log%line(line)
-    if (budget%contact > large_contact_error .and. &
-        any(state%ended == [ended_converged, ended_penetration])) &
+    if (all(state%ended /= [ended_converged, ended_penetration])) return
+    if (allocated(budget%doubtful)) call show_doubtful_forces(log, budget%doubtful)
+    if (budget%contact > large_contact_error) &
       call log%line('  warning          contact error '//to_text(100*budget%contact, 2)// &
                     ' %: the contact conditions hold in the mean only; refine the slave '// &
                     "surface where it touches, or use discretization='quadrature'")

@@ -11,7 +11,8 @@
 !> active rows do not restrain. With theta = 0 rows can be linearly dependent and M singular: M plus a small fraction of
 !> its diagonal is factorized, and the solution refined with the true matrix. This is the proximal point method
 !> (Rockafellar, SIAM J. Control Optim. 14, 1976): consistent equations are solved exactly, redundant rows share the
-!> force of least norm.
+!> force of least norm. The fraction goes with 1/w, as a penalty theta does: the norm is that of the pressures, sum
+!> lambda^2/w, and redundant forces are the limit of those with theta -> 0.
 module dotyk_scheme_direct_system
   use dotyk_base_error, only: error_t, set_error, exit_not_solvable
   use dotyk_base_kinds, only: dp
@@ -44,6 +45,8 @@ module dotyk_scheme_direct_system
   !> Proximal term: the fraction of the diagonal of M that is added before the factorization. Far above the rounding of
   !> M (1e-16 of it), far below what slows down the refinement: each step gains nine digits where rows are independent.
   real(dp), parameter :: proximal_fraction = 1.0e-9_dp
+  !> Most of it, where weights or stiffnesses differ: six digits a step.
+  real(dp), parameter :: most_proximal_fraction = 1.0e-6_dp
   !> A null direction of one body that moves an active point by more than this (of 1, the scale of modes) restrains that
   !> point against another body: the null vector has components there. Null directions are known to the square root of
   !> `least_eigenvalue`, 1e-6, at worst and to rounding where bodies do not touch.
@@ -106,7 +109,7 @@ contains
     type(contact_qp_t), intent(in) :: qp
     !> Compliance operator, formed at all active rows.
     class(compliance_t), intent(inout) :: compliance
-    real(dp), allocatable :: entries(:, :)
+    real(dp), allocatable :: entries(:, :), proximal(:)
     integer :: b, i, k, l
     self%diagonal = self%layer
     associate (graph => self%graph)
@@ -127,13 +130,31 @@ contains
           end do
         end associate
       end do
+      allocate (proximal(size(self%row)))
+      proximal = proximal_term(self%diagonal, self%layer, qp%weight(self%row))
       do k = 1, graph%n_pairs
         associate (first => graph%first(k), last => graph%first(k + 1) - 1)
-          call self%factor%add_diagonal(k, self%layer(first:last) + proximal_fraction*self%diagonal(first:last))
+          call self%factor%add_diagonal(k, self%layer(first:last) + proximal(first:last))
         end associate
       end do
     end associate
   end subroutine add_compliance
+
+  !> What is added to the diagonal of M for the factorization: the same theta on all rows without a layer, as far as
+  !> that is a small fraction of the diagonal [length/force].
+  pure function proximal_term(diagonal, layer, weight) result(term)
+    !> Diagonal of M (n) [length/force].
+    real(dp), intent(in) :: diagonal(:)
+    !> Compliance theta/w of the layer (n) [length/force].
+    real(dp), intent(in) :: layer(:)
+    !> Weights of the rows (n) [length^2; length in two dimensions].
+    real(dp), intent(in) :: weight(:)
+    real(dp) :: term(size(diagonal))
+    real(dp) :: theta
+    theta = maxval(diagonal*weight, mask=.not. layer > 0)
+    term = proximal_fraction*diagonal
+    where (.not. layer > 0) term = max(term, min(proximal_fraction*theta/weight, most_proximal_fraction*diagonal))
+  end function proximal_term
 
   !> -G and -S.
   subroutine add_modes(self, qp)
