@@ -6,7 +6,7 @@ module dotyk_linalg_spectrum
   use dotyk_linalg_dense, only: largest_tridiagonal_eigenpair
   implicit none
   private
-  public :: largest_eigenvalue
+  public :: largest_eigenvalue, fixed_start
 
   !> A linear operator that is known by its action only.
   type, abstract, public :: linear_operator_t

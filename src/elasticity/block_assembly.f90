@@ -1,0 +1,333 @@
+!> Assembly of the stiffness of a body by block rows, and of its Galerkin matrix P^T K P on the corner space, in one
+!> pass over the elements.
+!>
+!> As in `dotyk_elasticity_assembly`, elements are visited along a Morton curve and distributed so that every sum has
+!> the same order on any number of threads; no element matrix is kept. The interpolation P is local to elements, so that
+!> P^T K P is the sum of the element matrices P_e^T K_e P_e: on straight simplices of constant modulus, those of the
+!> linear elements. Held components are zero rows and columns of K.
+module dotyk_elasticity_block_assembly
+  use omp_lib, only: omp_get_max_threads, omp_in_parallel
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: analysis_3d
+  use dotyk_elasticity_constraint, only: constraint_t, held
+  use dotyk_elasticity_corner_space, only: corner_space_t, corner_weights
+  use dotyk_elasticity_element_ordering, only: morton_order
+  use dotyk_elasticity_element_partition, only: element_partition_t
+  use dotyk_elasticity_element_quadrature, only: element_quadrature_t
+  use dotyk_elasticity_material, only: material_t
+  use dotyk_elasticity_projected_dilatation, only: add_projected_stiffness
+  use dotyk_elasticity_sparsity_pattern, only: block_positions_t, scatter
+  use dotyk_elasticity_stiffness_kernel, only: gradient_products, rotate_blocks, stiffness_general, stiffness_isotropic
+  use dotyk_linalg_block_rows, only: add_blocks, block_rows_t
+  use dotyk_linalg_sparse, only: sparse_symmetric_t
+  use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_mesh_element, only: element_kind, element_kind_t
+  implicit none
+  private
+  public :: assemble_block_rows, typical_stiffness
+
+  !> The coarse matrix while it is assembled.
+  type, public :: corner_matrix_t
+    !> Equations and nodal axes of the corners.
+    type(constraint_t) :: constraint
+    !> Positions of the blocks of the corners in `matrix`.
+    type(block_positions_t) :: positions
+    !> P^T K P over the free equations of the corners [force/length].
+    type(sparse_symmetric_t) :: matrix
+  end type corner_matrix_t
+
+contains
+
+  !> Magnitude of the stiffness: that of the largest entry of the first element [force/length].
+  subroutine typical_stiffness(mesh, analysis, material, stiffness, error)
+    !> Elements and nodes of the body.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Type of analysis: one of the `analysis_*` constants.
+    integer, intent(in) :: analysis
+    !> Material of the body.
+    type(material_t), intent(in) :: material
+    !> The magnitude [force/length].
+    real(dp), intent(out) :: stiffness
+    !> Allocated where the element is inverted, or the modulus field is no formula or not positive.
+    type(error_t), allocatable, intent(out) :: error
+    type(element_quadrature_t) :: points
+    real(dp), allocatable :: k(:)
+    stiffness = 0
+    call points%init(mesh, 1, analysis, material, error)
+    if (allocated(error)) return
+    call points%move_to(mesh, 1, 1, error)
+    if (.not. allocated(error)) then
+      allocate (k((points%n*points%dim)**2))
+      call element_stiffness(points, material, material%isotropic .and. analysis == analysis_3d, k)
+      stiffness = maxval(abs(k))
+    end if
+    call points%destroy()
+  end subroutine typical_stiffness
+
+  !> Add the stiffness of all elements to matrices of zeros.
+  subroutine assemble_block_rows(mesh, analysis, material, constraint, space, rows, coarse, volume, &
+                                 mean_modulus_factor, error)
+    !> Elements and nodes of the body.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Type of analysis: one of the `analysis_*` constants.
+    integer, intent(in) :: analysis
+    !> Material of the body.
+    type(material_t), intent(in) :: material
+    !> Equations and nodal axes of the body.
+    type(constraint_t), intent(in) :: constraint
+    !> The corner space.
+    type(corner_space_t), intent(in) :: space
+    !> Stiffness by block rows, in nodal axes, with its pattern [force/length].
+    type(block_rows_t), intent(inout) :: rows
+    !> Stiffness on the corner space, with its pattern.
+    type(corner_matrix_t), intent(inout) :: coarse
+    !> Volume of the body [volume].
+    real(dp), intent(out) :: volume
+    !> Mean of the modulus field over the volume [].
+    real(dp), intent(out) :: mean_modulus_factor
+    !> Allocated where an element is inverted or the modulus field is not positive at a quadrature point.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp), allocatable :: element_volume(:), element_integral(:), axes(:, :, :)
+    logical, allocatable :: special(:)
+    integer :: i, first, last
+    allocate (element_volume(mesh%n_elements()), element_integral(mesh%n_elements()), special(mesh%n_nodes()))
+    special(:) = constraint%frame_of > 0 .or. any(constraint%equation == held, dim=1)
+    ! The inverses of the nodal axes.
+    allocate (axes, mold=constraint%frame)
+    do i = 1, size(axes, 3)
+      axes(:, :, i) = transpose(constraint%frame(:, :, i))
+    end do
+    volume = 0
+    mean_modulus_factor = 0
+    last = 0
+    do i = 1, size(mesh%block)
+      first = last + 1
+      last = last + size(mesh%block(i)%node, 2)
+      call assemble_block(mesh, i, analysis, material, constraint, axes, special, space, rows, coarse, &
+                          element_volume(first:last), element_integral(first:last), error)
+      if (allocated(error)) return
+    end do
+    call rows%hold(constraint%equation == held)
+    volume = sum(element_volume)
+    mean_modulus_factor = sum(element_integral)/volume
+  end subroutine assemble_block_rows
+
+  !> Assemble the elements of one block, distributed over the threads.
+  subroutine assemble_block(mesh, i_block, analysis, material, constraint, axes, special, space, rows, coarse, volume, &
+                            modulus_integral, error)
+    !> Elements and nodes of the body.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Index of the element block.
+    integer, intent(in) :: i_block
+    !> Type of analysis: one of the `analysis_*` constants.
+    integer, intent(in) :: analysis
+    !> Material of the body.
+    type(material_t), intent(in) :: material
+    !> Equations and nodal axes of the body.
+    type(constraint_t), intent(in) :: constraint
+    !> Inverses of the nodal axes (dim, dim, n_frames) [].
+    real(dp), intent(in) :: axes(:, :, :)
+    !> Whether a node has local axes or held components (n_nodes).
+    logical, intent(in) :: special(:)
+    !> The corner space.
+    type(corner_space_t), intent(in) :: space
+    !> Stiffness by block rows [force/length].
+    type(block_rows_t), intent(inout) :: rows
+    !> Stiffness on the corner space.
+    type(corner_matrix_t), intent(inout) :: coarse
+    !> Volumes of the elements of the block (n_elements) [volume].
+    real(dp), intent(inout) :: volume(:)
+    !> Integrals of the modulus field over the elements (n_elements) [volume].
+    real(dp), intent(inout) :: modulus_integral(:)
+    !> Allocated where an element is inverted or the modulus field is not positive: the first one in the ordering.
+    type(error_t), allocatable, intent(out) :: error
+    type(element_partition_t) :: partition
+    type(error_t), allocatable :: failed
+    integer, allocatable :: order(:), corner_owner(:)
+    integer :: s, position, first_failure
+    allocate (order(size(mesh%block(i_block)%node, 2)))
+    call morton_order(mesh%dimension, mesh%x, mesh%block(i_block)%node, order)
+    call partition%init(mesh%n_nodes(), mesh%block(i_block)%node, order, &
+                        merge(1, omp_get_max_threads(), omp_in_parallel()))
+    corner_owner = partition%owner(space%node)
+    first_failure = huge(first_failure)
+    !$omp parallel do default(none) schedule(static, 1) private(failed, position) &
+    !$omp& shared(mesh, i_block, analysis, material, constraint, axes, special, space, rows, coarse, volume) &
+    !$omp& shared(modulus_integral, partition, corner_owner, order, first_failure, error)
+    do s = 1, partition%n
+      call assemble_part(mesh, i_block, analysis, material, constraint, axes, special, space, partition, &
+                         corner_owner, s, order, rows, coarse, volume, modulus_integral, position, failed)
+      if (.not. allocated(failed)) cycle
+      ! The error of the first element in the ordering is reported, as on one thread.
+      !$omp critical (dotyk_block_assembly)
+      if (position < first_failure) then
+        first_failure = position
+        call move_alloc(failed, error)
+      end if
+      !$omp end critical (dotyk_block_assembly)
+    end do
+    !$omp end parallel do
+  end subroutine assemble_block
+
+  !> Assemble the elements of one part of a block: the work of one thread.
+  subroutine assemble_part(mesh, i_block, analysis, material, constraint, axes, special, space, partition, &
+                           corner_owner, part, order, rows, coarse, volume, modulus_integral, position, error)
+    !> Elements and nodes of the body.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Index of the element block.
+    integer, intent(in) :: i_block
+    !> Type of analysis: one of the `analysis_*` constants.
+    integer, intent(in) :: analysis
+    !> Material of the body.
+    type(material_t), intent(in) :: material
+    !> Equations and nodal axes of the body.
+    type(constraint_t), intent(in) :: constraint
+    !> Inverses of the nodal axes (dim, dim, n_frames) [].
+    real(dp), intent(in) :: axes(:, :, :)
+    !> Whether a node has local axes or held components (n_nodes).
+    logical, intent(in) :: special(:)
+    !> The corner space.
+    type(corner_space_t), intent(in) :: space
+    !> Distribution of the elements of the block over the threads.
+    type(element_partition_t), intent(in) :: partition
+    !> Part that owns each corner (n_corners).
+    integer, intent(in) :: corner_owner(:)
+    !> Index of the part.
+    integer, intent(in) :: part
+    !> Index of the k-th element of the ordering (n_elements).
+    integer, intent(in) :: order(:)
+    !> Stiffness by block rows [force/length].
+    type(block_rows_t), intent(inout) :: rows
+    !> Stiffness on the corner space.
+    type(corner_matrix_t), intent(inout) :: coarse
+    !> Volumes of the elements; those of this part's own elements are set (n_elements) [volume].
+    real(dp), intent(inout) :: volume(:)
+    !> Integrals of the modulus field over the same elements (n_elements) [volume].
+    real(dp), intent(inout) :: modulus_integral(:)
+    !> Position in the ordering of the element that was visited last; on failure, that of the failing element.
+    integer, intent(out) :: position
+    !> Allocated where an element is inverted, or where the modulus field is no formula or not positive.
+    type(error_t), allocatable, intent(out) :: error
+    type(element_quadrature_t) :: points
+    type(element_kind_t) :: kind
+    real(dp), allocatable :: k(:), corner_k(:), weight(:)
+    integer, allocatable :: frame_of(:), node(:), corner(:)
+    integer :: e, i, nc
+    position = 0
+    kind = element_kind(mesh%block(i_block)%kind)
+    nc = kind%n_corners
+    call corner_weights(mesh%block(i_block)%kind, node, corner, weight)
+    call points%init(mesh, i_block, analysis, material, error)
+    if (allocated(error)) return
+    associate (n => points%n, dim => points%dim)
+      allocate (k((n*dim)**2), corner_k((nc*dim)**2), frame_of(n))
+      do i = partition%first(part), partition%first(part + 1) - 1
+        position = partition%position(i)
+        e = order(position)
+        call points%move_to(mesh, i_block, e, error)
+        if (allocated(error)) exit
+        if (i <= partition%last_own(part)) then
+          volume(e) = sum(points%w(:points%n_points))
+          modulus_integral(e) = sum(points%stiffness(:points%n_points))
+        end if
+        call element_stiffness(points, material, material%isotropic .and. analysis == analysis_3d, k)
+        frame_of(:) = constraint%frame_of(points%node)
+        if (any(special(points%node))) then
+          call rotate_blocks(n, dim, size(axes, 3), frame_of, constraint%frame, k)
+          call clear_held(n, dim, constraint%equation(:, points%node), k)
+        end if
+        call add_blocks(n, dim, rows%n, points%node, k, part, partition%owner, rows%start, rows%column, rows%scale, &
+                        rows%high, rows%low)
+        if (any(frame_of > 0)) call rotate_blocks(n, dim, size(axes, 3), frame_of, axes, k)
+        call contract(n, nc, dim, size(weight), node, corner, weight, k, corner_k)
+        if (any(frame_of > 0)) call rotate_blocks(nc, dim, size(axes, 3), frame_of, constraint%frame, corner_k)
+        call scatter(nc, dim, space%n, space%number(points%node(:nc)), corner_k, part, corner_owner, &
+                     coarse%constraint%equation, coarse%positions%n_free, coarse%positions%first, &
+                     coarse%positions%neighbour, coarse%positions%offset, coarse%matrix%column_start, &
+                     coarse%matrix%value)
+      end do
+    end associate
+    call points%destroy()
+  end subroutine assemble_part
+
+  !> Stiffness of the current element, in global axes.
+  subroutine element_stiffness(points, material, fast, k)
+    !> Quadrature data of the element.
+    type(element_quadrature_t), intent(in) :: points
+    !> Material of the body.
+    type(material_t), intent(in) :: material
+    !> Whether the body is isotropic and three-dimensional.
+    logical, intent(in) :: fast
+    !> Element stiffness: of shape (n, n, dim, dim) [force/length].
+    real(dp), intent(out) :: k(:)
+    real(dp) :: products((points%n*points%slots)**2)
+    call gradient_products(points%n, points%slots, points%n_points, points%g, points%stiffness, products)
+    if (fast) then
+      call stiffness_isotropic(points%n, points%lambda, material%mu, products, k)
+    else
+      call stiffness_general(points%n, points%dim, points%slots, points%strain, points%matrix, products, k)
+    end if
+    if (points%bulk > 0) call add_projected_stiffness(points%n, points%dim, points%n_functions, points%bulk, &
+      points%dilatation, k)
+  end subroutine element_stiffness
+
+  !> Set the rows and columns of held components to zero.
+  pure subroutine clear_held(n, dim, equation, k)
+    !> Number of nodes of the element.
+    integer, intent(in) :: n
+    !> Number of displacement components.
+    integer, intent(in) :: dim
+    !> Equations of the nodes of the element (dim, n).
+    integer, intent(in) :: equation(dim, n)
+    !> Element stiffness in nodal axes (n, n, dim, dim) [force/length].
+    real(dp), intent(inout) :: k(n, n, dim, dim)
+    integer :: a, i
+    do i = 1, dim
+      do a = 1, n
+        if (equation(i, a) /= held) cycle
+        k(a, :, i, :) = 0
+        k(:, a, :, i) = 0
+      end do
+    end do
+  end subroutine clear_held
+
+  !> P_e^T K_e P_e for a symmetric element matrix K_e.
+  pure subroutine contract(n, nc, dim, m, node, corner, weight, k, corner_k)
+    !> Number of nodes of the element.
+    integer, intent(in) :: n
+    !> Number of its corners.
+    integer, intent(in) :: nc
+    !> Number of displacement components.
+    integer, intent(in) :: dim
+    !> Number of weights of the interpolation.
+    integer, intent(in) :: m
+    !> Node of each weight (m).
+    integer, intent(in) :: node(m)
+    !> Corner of each weight (m).
+    integer, intent(in) :: corner(m)
+    !> Weights (m) [].
+    real(dp), intent(in) :: weight(m)
+    !> K_e in global axes (n, n, dim, dim) [force/length].
+    real(dp), intent(in) :: k(n, n, dim, dim)
+    !> P_e^T K_e P_e (nc, nc, dim, dim) [force/length].
+    real(dp), intent(out) :: corner_k(nc, nc, dim, dim)
+    real(dp) :: half(n, nc)
+    integer :: i, j, c, q
+    do j = 1, dim
+      do i = j, dim
+        half = 0
+        do q = 1, m
+          half(:, corner(q)) = half(:, corner(q)) + weight(q)*k(:, node(q), i, j)
+        end do
+        do c = 1, nc
+          corner_k(:, c, i, j) = 0
+          do q = 1, m
+            corner_k(corner(q), c, i, j) = corner_k(corner(q), c, i, j) + weight(q)*half(node(q), c)
+          end do
+        end do
+        if (i > j) corner_k(:, :, j, i) = transpose(corner_k(:, :, i, j))
+      end do
+    end do
+  end subroutine contract
+end module dotyk_elasticity_block_assembly

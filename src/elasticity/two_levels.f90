@@ -1,0 +1,135 @@
+!> A body on the two levels of p-multigrid: its stiffness by block rows, and the body of linear elements on its corners
+!> with the Galerkin matrix of the corner space.
+module dotyk_elasticity_two_levels
+  use dotyk_base_error, only: error_t, exit_not_solvable, set_error
+  use dotyk_base_kinds, only: dp
+  use dotyk_elasticity_block_assembly, only: assemble_block_rows, corner_matrix_t, typical_stiffness
+  use dotyk_elasticity_body, only: body_t, stiffness_t
+  use dotyk_elasticity_constraint, only: constraint_t
+  use dotyk_elasticity_corner_space, only: corner_space_t
+  use dotyk_elasticity_node_graph, only: node_graph
+  use dotyk_elasticity_sparsity_pattern, only: build_pattern
+  use dotyk_elasticity_spatial_order, only: order_nodes
+  use dotyk_linalg_block_rows, only: block_rows_t
+  use dotyk_linalg_sparse, only: sparse_symmetric_t
+  use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_mesh_element, only: element_kind, element_kind_t
+  implicit none
+  private
+
+  !> Stiffness on two levels.
+  type, public :: two_levels_t
+    !> Equations of the body and nodal axes, nodes in the order of the rows.
+    type(constraint_t) :: constraint
+    !> Stiffness by block rows, in nodal axes; held components have the unit diagonal [force/length].
+    type(block_rows_t) :: rows
+    !> Interpolation from the corners.
+    type(corner_space_t) :: space
+    !> The body of linear elements on the corners: mesh, supports at rest, no loads.
+    type(body_t) :: corner_body
+    !> Galerkin matrix P^T K P over its equations, with the graph of the corners [force/length].
+    type(stiffness_t) :: corner_stiffness
+    !> Volume [volume].
+    real(dp) :: volume = 0
+    !> Mean of the modulus field over the volume [].
+    real(dp) :: mean_modulus_factor = 1
+  contains
+    procedure :: assemble => two_levels_assemble
+  end type two_levels_t
+
+  !> Why a body cannot, or should not, be solved by p-multigrid.
+  integer, parameter, public :: obstacle_none = 0             !< there is no obstacle
+  integer, parameter, public :: obstacle_linear_elements = 1  !< all elements are linear: no lower degree
+  integer, parameter, public :: obstacle_incompressible = 2   !< projected dilatation: iterations grow without bound
+
+  public :: multigrid_obstacle
+
+contains
+
+  !> Whether something speaks against p-multigrid: one of the `obstacle_*` constants.
+  pure integer function multigrid_obstacle(body) result(obstacle)
+    !> The body; it need not be assembled.
+    type(body_t), intent(in) :: body
+    type(element_kind_t) :: kind
+    integer :: b
+    obstacle = obstacle_linear_elements
+    do b = 1, size(body%mesh%block)
+      kind = element_kind(body%mesh%block(b)%kind)
+      if (kind%order > 1) obstacle = obstacle_none
+    end do
+    if (obstacle == obstacle_none .and. body%material%incompressibility > 0) obstacle = obstacle_incompressible
+  end function multigrid_obstacle
+
+  !> Assemble both levels.
+  subroutine two_levels_assemble(self, body, error)
+    class(two_levels_t), intent(out) :: self
+    !> The body; it need not be assembled.
+    type(body_t), intent(in) :: body
+    !> Allocated where an element is inverted, the modulus field is not positive, or the elements do not conform.
+    type(error_t), allocatable, intent(out) :: error
+    type(body_mesh_t) :: mesh
+    type(corner_matrix_t) :: corner_matrix
+    integer, allocatable :: start(:), neighbour(:)
+    real(dp) :: scale
+    logical :: conforming
+    call order_nodes(body%mesh, body%constraint, mesh, self%constraint)
+    call self%space%init(mesh, conforming)
+    if (.not. conforming) then
+      !$omp critical (message)
+      call set_error(error, 'multigrid: the elements do not conform: a node has different corners in two elements', &
+                     exit_not_solvable)
+      !$omp end critical (message)
+      return
+    end if
+    call make_corner_body(body, self%space, mesh, self%constraint, self%corner_body)
+    corner_matrix%constraint = self%corner_body%constraint
+    call node_graph(self%corner_body%mesh, self%corner_stiffness%graph_start, self%corner_stiffness%graph_neighbour)
+    call build_pattern(body%dimension, corner_matrix%constraint%equation, self%corner_stiffness%graph_start, &
+                       self%corner_stiffness%graph_neighbour, corner_matrix%positions, corner_matrix%matrix)
+    call typical_stiffness(mesh, body%analysis, body%material, scale, error)
+    if (allocated(error)) return
+    call node_graph(mesh, start, neighbour)
+    call self%rows%init(body%dimension, start, neighbour, scale)
+    deallocate (start, neighbour)
+    call assemble_block_rows(mesh, body%analysis, body%material, self%constraint, self%space, self%rows, &
+                             corner_matrix, self%volume, self%mean_modulus_factor, error)
+    if (allocated(error)) return
+    call move_matrix(corner_matrix%matrix, self%corner_stiffness%matrix)
+    self%corner_body%volume = self%volume
+    self%corner_body%mean_modulus_factor = self%mean_modulus_factor
+  end subroutine two_levels_assemble
+
+  !> The body of linear elements on the corners, without loads.
+  subroutine make_corner_body(body, space, mesh, constraint, corner_body)
+    !> The body.
+    type(body_t), intent(in) :: body
+    !> Its corner space.
+    type(corner_space_t), intent(in) :: space
+    !> Its mesh, nodes in the order of the rows.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Its equations, nodes in the order of the rows.
+    type(constraint_t), intent(in) :: constraint
+    !> The body of the corners.
+    type(body_t), intent(out) :: corner_body
+    corner_body%name = ''
+    if (allocated(body%name)) corner_body%name = body%name
+    corner_body%analysis = body%analysis
+    corner_body%dimension = body%dimension
+    corner_body%material = body%material
+    call space%make_mesh(mesh, corner_body%mesh)
+    call space%make_constraint(constraint, corner_body%constraint)
+    allocate (corner_body%load(body%dimension, space%n), source=0.0_dp)
+  end subroutine make_corner_body
+
+  !> Move a matrix.
+  subroutine move_matrix(from, to)
+    !> The matrix; without arrays on return.
+    type(sparse_symmetric_t), intent(inout) :: from
+    !> Gets its arrays.
+    type(sparse_symmetric_t), intent(inout) :: to
+    to%n = from%n
+    call move_alloc(from%column_start, to%column_start)
+    call move_alloc(from%row, to%row)
+    call move_alloc(from%value, to%value)
+  end subroutine move_matrix
+end module dotyk_elasticity_two_levels

@@ -1,0 +1,288 @@
+!> Sparse symmetric matrices of 2x2 or 3x3 blocks, one block row for each node of a body.
+!>
+!> All blocks are stored, not only those of one triangle: rows are then independent, which threads and a fixed order of
+!> sums need. An entry is scale*(high + low), two numbers in single precision: the product in double precision reads
+!> both (2^-50 of the entry is lost), that of smoothers reads the leading parts alone, and together they take the memory
+!> of one number in double precision. The scale, a power of two, keeps any unit within the range of single precision.
+module dotyk_linalg_block_rows
+  use dotyk_base_kinds, only: dp, int64, sp
+  use dotyk_linalg_block_products, only: product_2, product_3, residual_2, residual_3, subtract_product_2, &
+    subtract_product_3
+  implicit none
+  private
+
+  !> The matrix.
+  type, public :: block_rows_t
+    !> Order of the blocks, 2 or 3.
+    integer :: dim = 0
+    !> Number of block rows.
+    integer :: n = 0
+    !> First block of each row: its diagonal block; the others follow in ascending columns (n + 1).
+    integer(int64), allocatable :: start(:)
+    !> Block column of each block (n_blocks).
+    integer, allocatable :: column(:)
+    !> Scale of the entries, a power of two [matrix].
+    real(dp) :: scale = 1
+    !> Leading parts of the entries: (i, j) at i + dim*(j - 1) (dim*dim, n_blocks) [].
+    real(sp), allocatable :: high(:, :)
+    !> Remainders of the entries (dim*dim, n_blocks) [].
+    real(sp), allocatable :: low(:, :)
+  contains
+    procedure :: init => block_rows_init
+    procedure :: hold => block_rows_hold
+    procedure :: multiply => block_rows_multiply
+    procedure :: residual => block_rows_residual
+    procedure :: subtract_product => block_rows_subtract_product
+    procedure :: invert_diagonal => block_rows_invert_diagonal
+    procedure :: bytes => block_rows_bytes
+    procedure :: destroy => block_rows_destroy
+  end type block_rows_t
+
+  public :: add_blocks, power_of_two
+
+contains
+
+  !> Make a matrix of zeros with the pattern of a graph.
+  subroutine block_rows_init(self, dim, start, neighbour, scale)
+    class(block_rows_t), intent(out) :: self
+    !> Order of the blocks, 2 or 3.
+    integer, intent(in) :: dim
+    !> First neighbour of each node (n + 1).
+    integer, intent(in) :: start(:)
+    !> Neighbours of the nodes, ascending, without the node itself (start(n + 1) - 1).
+    integer, intent(in) :: neighbour(:)
+    !> Magnitude of the entries that will be added [matrix].
+    real(dp), intent(in) :: scale
+    integer(int64) :: first, length
+    integer :: i
+    self%dim = dim
+    self%n = size(start) - 1
+    self%scale = power_of_two(scale)
+    allocate (self%start(self%n + 1), self%column(int(start(self%n + 1), int64) - 1 + self%n))
+    allocate (self%high(dim**2, size(self%column)), self%low(dim**2, size(self%column)))
+    self%start(:) = [(int(start(i), int64) + i - 1, i=1, self%n + 1)]
+    ! Each thread touches the rows first that it multiplies later.
+    !$omp parallel do default(none) shared(self, start, neighbour) private(first, length) schedule(static)
+    do i = 1, self%n
+      first = self%start(i)
+      length = start(i + 1) - start(i)
+      self%column(first) = i
+      self%column(first + 1:first + length) = neighbour(start(i):start(i + 1) - 1)
+      self%high(:, first:first + length) = 0
+      self%low(:, first:first + length) = 0
+    end do
+    !$omp end parallel do
+  end subroutine block_rows_init
+
+  !> The power of two next below a positive number; 1 for others.
+  pure real(dp) function power_of_two(x) result(power)
+    !> The number [any].
+    real(dp), intent(in) :: x
+    power = 1
+    if (x > 0 .and. x <= huge(x)) power = 2.0_dp**(exponent(x) - 1)
+  end function power_of_two
+
+  !> Add an element matrix to the rows that a part owns, see `element_partition_t`.
+  pure subroutine add_blocks(n, dim, n_nodes, node, k, part, owner, start, column, scale, high, low)
+    !> Number of nodes of the element.
+    integer, intent(in) :: n
+    !> Order of the blocks.
+    integer, intent(in) :: dim
+    !> Number of block rows.
+    integer, intent(in) :: n_nodes
+    !> Nodes of the element (n).
+    integer, intent(in) :: node(n)
+    !> Element matrix: node a, node b, component i, component j (n, n, dim, dim) [matrix].
+    real(dp), intent(in) :: k(n, n, dim, dim)
+    !> Index of the part.
+    integer, intent(in) :: part
+    !> Part that owns each row (n_nodes); other rows are left to their owners.
+    integer, intent(in) :: owner(n_nodes)
+    !> First block of each row (n_nodes + 1).
+    integer(int64), intent(in) :: start(n_nodes + 1)
+    !> Block column of each block (n_blocks).
+    integer, intent(in) :: column(*)
+    !> Scale of the entries, a power of two [matrix].
+    real(dp), intent(in) :: scale
+    !> Leading parts of the entries (dim, dim, n_blocks) [].
+    real(sp), intent(inout) :: high(dim, dim, *)
+    !> Remainders of the entries (dim, dim, n_blocks) [].
+    real(sp), intent(inout) :: low(dim, dim, *)
+    integer :: order(n), a, ib, b, i, j
+    integer(int64) :: p, place
+    real(dp) :: sum, factor
+    factor = 1/scale
+    call sort_nodes(n, node, order)
+    do a = 1, n
+      if (owner(node(a)) /= part) cycle
+      p = start(node(a))
+      do ib = 1, n
+        b = order(ib)
+        if (b == a) then
+          place = start(node(a))
+        else
+          p = p + 1
+          do while (column(p) /= node(b))
+            p = p + 1
+          end do
+          place = p
+        end if
+        do j = 1, dim
+          do i = 1, dim
+            sum = (real(high(i, j, place), dp) + low(i, j, place)) + factor*k(a, b, i, j)
+            high(i, j, place) = real(sum, sp)
+            low(i, j, place) = real(sum - high(i, j, place), sp)
+          end do
+        end do
+      end do
+    end do
+  end subroutine add_blocks
+
+  !> Order of the nodes of an element by their numbers: insertion sort of at most 27 numbers.
+  pure subroutine sort_nodes(n, node, order)
+    !> Number of nodes of the element.
+    integer, intent(in) :: n
+    !> Nodes of the element (n).
+    integer, intent(in) :: node(n)
+    !> Local index of the k-th node (n).
+    integer, intent(out) :: order(n)
+    integer :: i, k
+    do i = 1, n
+      k = i
+      do while (k > 1)
+        if (node(order(k - 1)) < node(i)) exit
+        order(k) = order(k - 1)
+        k = k - 1
+      end do
+      order(k) = i
+    end do
+  end subroutine sort_nodes
+
+  !> Set the diagonal entries of components that are held, whose rows and columns are zero: D is regular then, and
+  !> vectors that are zero there remain so.
+  subroutine block_rows_hold(self, held)
+    class(block_rows_t), intent(inout) :: self
+    !> Whether a component is held (dim, n).
+    logical, intent(in) :: held(:, :)
+    integer :: i, j
+    do i = 1, self%n
+      do j = 1, self%dim
+        if (held(j, i)) self%high(j + self%dim*(j - 1), self%start(i)) = 1
+      end do
+    end do
+  end subroutine block_rows_hold
+
+  !> y = A x.
+  subroutine block_rows_multiply(self, x, y)
+    class(block_rows_t), intent(in) :: self
+    !> Vector x (dim*n) [any].
+    real(dp), intent(in), contiguous :: x(:)
+    !> Product y (dim*n) [matrix times x].
+    real(dp), intent(out), contiguous :: y(:)
+    integer :: i
+    if (self%dim == 3) then
+      call product_3(self%n, self%start, self%column, self%high, self%low, x, y)
+    else
+      call product_2(self%n, self%start, self%column, self%high, self%low, x, y)
+    end if
+    !$omp parallel do default(none) shared(self, y) schedule(static)
+    do i = 1, self%dim*self%n
+      y(i) = self%scale*y(i)
+    end do
+    !$omp end parallel do
+  end subroutine block_rows_multiply
+
+  !> r = b - A x/scale in single precision.
+  subroutine block_rows_residual(self, b, x, r)
+    class(block_rows_t), intent(in) :: self
+    !> Right-hand side b (dim*n) [any].
+    real(sp), intent(in), contiguous :: b(:)
+    !> Vector x (dim*n) [as b].
+    real(sp), intent(in), contiguous :: x(:)
+    !> Residual r (dim*n) [as b].
+    real(sp), intent(out), contiguous :: r(:)
+    if (self%dim == 3) then
+      call residual_3(self%n, self%start, self%column, self%high, b, x, r)
+    else
+      call residual_2(self%n, self%start, self%column, self%high, b, x, r)
+    end if
+  end subroutine block_rows_residual
+
+  !> r := r - A x/scale with the leading parts of A and a vector x in double precision.
+  subroutine block_rows_subtract_product(self, x, r)
+    class(block_rows_t), intent(in) :: self
+    !> Vector x (dim*n) [any].
+    real(dp), intent(in), contiguous :: x(:)
+    !> Residual r (dim*n) [as x].
+    real(sp), intent(inout), contiguous :: r(:)
+    if (self%dim == 3) then
+      call subtract_product_3(self%n, self%start, self%column, self%high, x, r)
+    else
+      call subtract_product_2(self%n, self%start, self%column, self%high, x, r)
+    end if
+  end subroutine block_rows_subtract_product
+
+  !> Inverses of the diagonal blocks of A/scale, in single precision.
+  subroutine block_rows_invert_diagonal(self, inverse, regular)
+    class(block_rows_t), intent(in) :: self
+    !> Inverse blocks (dim, dim, n) [].
+    real(sp), intent(out), contiguous :: inverse(:, :, :)
+    !> Whether all blocks are positive definite.
+    logical, intent(out) :: regular
+    integer :: i
+    logical :: positive
+    regular = .true.
+    !$omp parallel do default(none) shared(self, inverse) private(positive) reduction(.and.: regular) schedule(static)
+    do i = 1, self%n
+      call invert_block(self%dim, self%high(:, self%start(i)), self%low(:, self%start(i)), inverse(:, :, i), positive)
+      regular = regular .and. positive
+    end do
+    !$omp end parallel do
+  end subroutine block_rows_invert_diagonal
+
+  !> Inverse of one positive definite block, by Gauss-Jordan elimination.
+  pure subroutine invert_block(dim, high, low, inverse, positive)
+    !> Order of the block.
+    integer, intent(in) :: dim
+    !> Leading parts of its entries (dim, dim) [].
+    real(sp), intent(in) :: high(dim, dim)
+    !> Remainders (dim, dim) [].
+    real(sp), intent(in) :: low(dim, dim)
+    !> The inverse (dim, dim) [].
+    real(sp), intent(out) :: inverse(dim, dim)
+    !> Whether all pivots are positive.
+    logical, intent(out) :: positive
+    real(dp) :: a(dim, dim), pivot, column(dim)
+    integer :: j, k
+    a = real(high, dp) + low
+    positive = .true.
+    do k = 1, dim
+      pivot = a(k, k)
+      positive = positive .and. pivot > 0
+      if (.not. positive) exit
+      column = a(:, k)
+      a(:, k) = 0
+      a(k, k) = 1
+      a(k, :) = a(k, :)/pivot
+      do j = 1, dim
+        if (j /= k) a(j, :) = a(j, :) - column(j)*a(k, :)
+      end do
+    end do
+    inverse = real(a, sp)
+  end subroutine invert_block
+
+  !> Memory of the arrays [bytes].
+  pure integer(int64) function block_rows_bytes(self) result(bytes)
+    class(block_rows_t), intent(in) :: self
+    bytes = 0
+    if (.not. allocated(self%column)) return
+    bytes = 8_int64*size(self%start, kind=int64) + (4 + 8_int64*self%dim**2)*size(self%column, kind=int64)
+  end function block_rows_bytes
+
+  !> Free the memory.
+  subroutine block_rows_destroy(self)
+    class(block_rows_t), intent(inout) :: self
+    self%n = 0
+    if (allocated(self%start)) deallocate (self%start, self%column, self%high, self%low)
+  end subroutine block_rows_destroy
+end module dotyk_linalg_block_rows

@@ -1,0 +1,140 @@
+!> Preconditioned conjugate gradients (M. R. Hestenes and E. Stiefel, J. Res. Natl. Bur. Stand. 49, 1952; Y. Saad,
+!> Iterative Methods for Sparse Linear Systems, 2003, algorithm 9.1 and section 6.7.3), with the same digits on any
+!> number of threads.
+!>
+!> The coefficients of the steps are those of the Lanczos method for the preconditioned matrix: their tridiagonal
+!> matrix gives its extreme Ritz values at no cost.
+module dotyk_linalg_conjugate_gradient
+  use dotyk_base_interrupt, only: interrupted
+  use dotyk_base_kinds, only: dp
+  use dotyk_linalg_dense, only: largest_tridiagonal_eigenpair
+  use dotyk_linalg_fixed_sum, only: add_multiple, multiply_and_add, scalar_product
+  implicit none
+  private
+  public :: conjugate_gradient
+
+  !> A symmetric positive (semi)definite matrix A and its preconditioner M, both known by their action.
+  type, abstract, public :: preconditioned_system_t
+  contains
+    !> y = A x.
+    procedure(apply_matrix), deferred :: multiply
+    !> z = M r, M symmetric and near the inverse of A.
+    procedure(apply_preconditioner), deferred :: precondition
+  end type preconditioned_system_t
+
+  abstract interface
+    !> y = A x.
+    subroutine apply_matrix(self, x, y)
+      import :: preconditioned_system_t, dp
+      !> The system.
+      class(preconditioned_system_t), intent(in) :: self
+      !> Vector x (n) [any].
+      real(dp), intent(in), contiguous :: x(:)
+      !> Product y (n) [A times x].
+      real(dp), intent(out), contiguous :: y(:)
+    end subroutine apply_matrix
+
+    !> z = M r.
+    subroutine apply_preconditioner(self, r, z)
+      import :: preconditioned_system_t, dp
+      !> The system.
+      class(preconditioned_system_t), intent(in) :: self
+      !> Residual r (n) [A times x].
+      real(dp), intent(in), contiguous :: r(:)
+      !> Preconditioned residual z (n) [as x].
+      real(dp), intent(out), contiguous :: z(:)
+    end subroutine apply_preconditioner
+  end interface
+
+  !> How an iteration went.
+  type, public :: cg_outcome_t
+    !> Steps.
+    integer :: steps = 0
+    !> Whether the tolerance was reached.
+    logical :: converged = .false.
+    !> Last residual over the first one, in the norm of the preconditioner, sqrt(r^T M r) [].
+    real(dp) :: reduction = 1
+    !> The first residual in this norm [sqrt(A) times x].
+    real(dp) :: first_norm = 0
+    !> Diagonal of the Lanczos matrix (steps) [].
+    real(dp), allocatable :: diagonal(:)
+    !> Entries beside its diagonal (steps) [].
+    real(dp), allocatable :: off_diagonal(:)
+  contains
+    procedure :: ritz_values => outcome_ritz_values
+  end type cg_outcome_t
+
+contains
+
+  !> Solve A x = b from x = 0. The residual is that of the recurrence. An interrupt ends the iteration.
+  subroutine conjugate_gradient(system, b, x, tolerance, most_steps, outcome)
+    !> The matrix and its preconditioner.
+    class(preconditioned_system_t), intent(in) :: system
+    !> Right-hand side b (n) [A times x]; in the range of a semidefinite matrix.
+    real(dp), intent(in), contiguous :: b(:)
+    !> Solution x (n) [any].
+    real(dp), intent(out), contiguous :: x(:)
+    !> Reduction of the residual in the norm of the preconditioner to stop at [].
+    real(dp), intent(in) :: tolerance
+    !> Greatest number of steps.
+    integer, intent(in) :: most_steps
+    !> Steps, convergence and Lanczos matrix.
+    type(cg_outcome_t), intent(out) :: outcome
+    real(dp), allocatable :: r(:), z(:), p(:), q(:)
+    real(dp) :: square, last, curvature, alpha, beta
+    integer :: n
+    n = size(b)
+    allocate (outcome%diagonal(most_steps), outcome%off_diagonal(most_steps), source=0.0_dp)
+    allocate (r(n), z(n), p(n), q(n))
+    x = 0
+    r(:) = b
+    call system%precondition(r, z)
+    p(:) = z
+    square = scalar_product(n, r, z)
+    outcome%first_norm = sqrt(max(square, 0.0_dp))
+    ! False for NaN, too.
+    outcome%converged = square <= 0
+    do while (outcome%steps < most_steps .and. square > 0)
+      call system%multiply(p, q)
+      curvature = scalar_product(n, p, q)
+      ! Rounding, or a matrix that is not definite.
+      if (.not. curvature > 0) exit
+      outcome%steps = outcome%steps + 1
+      alpha = square/curvature
+      call add_multiple(n, alpha, p, x)
+      call add_multiple(n, -alpha, q, r)
+      call system%precondition(r, z)
+      last = square
+      square = scalar_product(n, r, z)
+      beta = max(square, 0.0_dp)/last
+      associate (k => outcome%steps)
+        outcome%diagonal(k) = outcome%diagonal(k) + 1/alpha
+        outcome%off_diagonal(k) = sqrt(beta)/alpha
+        if (k < most_steps) outcome%diagonal(k + 1) = beta/alpha
+      end associate
+      outcome%reduction = sqrt(max(square, 0.0_dp))/outcome%first_norm
+      outcome%converged = outcome%reduction <= tolerance
+      if (outcome%converged) exit
+      if (interrupted()) exit
+      call multiply_and_add(n, beta, z, p)
+    end do
+  end subroutine conjugate_gradient
+
+  !> Extreme Ritz values of the preconditioned matrix: within its spectrum, up to rounding.
+  subroutine outcome_ritz_values(self, least, greatest)
+    class(cg_outcome_t), intent(in) :: self
+    !> Least Ritz value; 0 without steps [].
+    real(dp), intent(out) :: least
+    !> Greatest Ritz value; 0 without steps [].
+    real(dp), intent(out) :: greatest
+    real(dp) :: vector(self%steps)
+    least = 0
+    greatest = 0
+    if (self%steps == 0) return
+    associate (n => self%steps)
+      call largest_tridiagonal_eigenpair(self%diagonal(:n), self%off_diagonal(:n), greatest, vector)
+      call largest_tridiagonal_eigenpair(-self%diagonal(:n), -self%off_diagonal(:n), least, vector)
+    end associate
+    least = -least
+  end subroutine outcome_ritz_values
+end module dotyk_linalg_conjugate_gradient
