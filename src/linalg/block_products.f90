@@ -1,13 +1,81 @@
 !> Products of sparse matrices of 2x2 or 3x3 blocks by rows: the loops of `dotyk_linalg_block_rows` on plain arrays.
 !>
 !> Rows are independent and each is summed in the order of its blocks, so that results have the same digits on any
-!> number of threads. Entry (i, j) of a block is at i + dim (j - 1). Speed is that of the memory: the matrix is read
-!> once, vectors come from the caches where rows are numbered along a space-filling curve.
+!> number of threads. Entry (i, j) of a block is at i + dim (j - 1). The matrix is read once; vectors come from the caches
+!> where rows are numbered along a space-filling curve. The loops over 3x3 blocks are in block_products.c; they read one
+!> entry beyond the last block.
 module dotyk_linalg_block_products
+  use, intrinsic :: iso_c_binding, only: c_double, c_float, c_int32_t, c_int64_t
   use dotyk_base_kinds, only: dp, int64, sp
   implicit none
   private
   public :: product_2, product_3, residual_2, residual_3, subtract_product_2, subtract_product_3, smoothing_step
+
+  !> Rows that a thread takes at a time.
+  integer, parameter :: rows_at_once = 256
+
+  interface
+    !> y = (high + low) x for some rows.
+    subroutine dotyk_product_rows(first, last, start, column, high, low, x, y) bind(c)
+      import :: c_double, c_float, c_int32_t, c_int64_t
+      !> First row.
+      integer(c_int32_t), value :: first
+      !> Last row.
+      integer(c_int32_t), value :: last
+      !> First block of each row (n + 1).
+      integer(c_int64_t), intent(in) :: start(*)
+      !> Block column of each block (n_blocks).
+      integer(c_int32_t), intent(in) :: column(*)
+      !> Leading parts of the entries (9 n_blocks + 1) [any].
+      real(c_float), intent(in) :: high(*)
+      !> Remainders of the entries (9 n_blocks + 1) [as `high`].
+      real(c_float), intent(in) :: low(*)
+      !> Vector x (3 n) [any].
+      real(c_double), intent(in) :: x(*)
+      !> Product y (3 n) [matrix times x].
+      real(c_double), intent(inout) :: y(*)
+    end subroutine dotyk_product_rows
+
+    !> r = b - high x for some rows.
+    subroutine dotyk_residual_rows(first, last, start, column, high, b, x, r) bind(c)
+      import :: c_float, c_int32_t, c_int64_t
+      !> First row.
+      integer(c_int32_t), value :: first
+      !> Last row.
+      integer(c_int32_t), value :: last
+      !> First block of each row (n + 1).
+      integer(c_int64_t), intent(in) :: start(*)
+      !> Block column of each block (n_blocks).
+      integer(c_int32_t), intent(in) :: column(*)
+      !> Leading parts of the entries (9 n_blocks + 1) [any].
+      real(c_float), intent(in) :: high(*)
+      !> Right-hand side b (3 n) [matrix times x].
+      real(c_float), intent(in) :: b(*)
+      !> Vector x (3 n) [any].
+      real(c_float), intent(in) :: x(*)
+      !> Residual r (3 n) [as b].
+      real(c_float), intent(inout) :: r(*)
+    end subroutine dotyk_residual_rows
+
+    !> r := r - high x, x in double precision, for some rows.
+    subroutine dotyk_subtract_product_rows(first, last, start, column, high, x, r) bind(c)
+      import :: c_double, c_float, c_int32_t, c_int64_t
+      !> First row.
+      integer(c_int32_t), value :: first
+      !> Last row.
+      integer(c_int32_t), value :: last
+      !> First block of each row (n + 1).
+      integer(c_int64_t), intent(in) :: start(*)
+      !> Block column of each block (n_blocks).
+      integer(c_int32_t), intent(in) :: column(*)
+      !> Leading parts of the entries (9 n_blocks + 1) [any].
+      real(c_float), intent(in) :: high(*)
+      !> Vector x (3 n) [any].
+      real(c_double), intent(in) :: x(*)
+      !> Residual r (3 n) [matrix times x].
+      real(c_float), intent(inout) :: r(*)
+    end subroutine dotyk_subtract_product_rows
+  end interface
 
 contains
 
@@ -19,37 +87,18 @@ contains
     integer(int64), intent(in) :: start(n + 1)
     !> Block column of each block (n_blocks).
     integer, intent(in) :: column(*)
-    !> Leading parts of the entries (9, n_blocks) [any].
-    real(sp), intent(in) :: high(9, *)
-    !> Remainders of the entries (9, n_blocks) [as `high`].
-    real(sp), intent(in) :: low(9, *)
+    !> Leading parts of the entries (9 n_blocks + 1) [any].
+    real(sp), intent(in) :: high(*)
+    !> Remainders of the entries (9 n_blocks + 1) [as `high`].
+    real(sp), intent(in) :: low(*)
     !> Vector x (3, n) [any].
     real(dp), intent(in) :: x(3, n)
     !> Product y (3, n) [matrix times x].
     real(dp), intent(out) :: y(3, n)
-    real(dp) :: s1, s2, s3, x1, x2, x3
-    integer(int64) :: k
     integer :: i
-    !$omp parallel do default(none) shared(n, start, column, high, low, x, y) private(k, s1, s2, s3, x1, x2, x3) &
-    !$omp& schedule(static)
-    do i = 1, n
-      s1 = 0
-      s2 = 0
-      s3 = 0
-      do k = start(i), start(i + 1) - 1
-        x1 = x(1, column(k))
-        x2 = x(2, column(k))
-        x3 = x(3, column(k))
-        s1 = s1 + (((real(high(1, k), dp) + low(1, k))*x1 + (real(high(4, k), dp) + low(4, k))*x2) + &
-          (real(high(7, k), dp) + low(7, k))*x3)
-        s2 = s2 + (((real(high(2, k), dp) + low(2, k))*x1 + (real(high(5, k), dp) + low(5, k))*x2) + &
-          (real(high(8, k), dp) + low(8, k))*x3)
-        s3 = s3 + (((real(high(3, k), dp) + low(3, k))*x1 + (real(high(6, k), dp) + low(6, k))*x2) + &
-          (real(high(9, k), dp) + low(9, k))*x3)
-      end do
-      y(1, i) = s1
-      y(2, i) = s2
-      y(3, i) = s3
+    !$omp parallel do default(none) shared(n, start, column, high, low, x, y) schedule(static)
+    do i = 1, n, rows_at_once
+      call dotyk_product_rows(i, min(n, i + rows_at_once - 1), start, column, high, low, x, y)
     end do
     !$omp end parallel do
   end subroutine product_3
@@ -98,34 +147,18 @@ contains
     integer(int64), intent(in) :: start(n + 1)
     !> Block column of each block (n_blocks).
     integer, intent(in) :: column(*)
-    !> Leading parts of the entries (9, n_blocks) [any].
-    real(sp), intent(in) :: high(9, *)
+    !> Leading parts of the entries (9 n_blocks + 1) [any].
+    real(sp), intent(in) :: high(*)
     !> Right-hand side b (3, n) [matrix times x].
     real(sp), intent(in) :: b(3, n)
     !> Vector x (3, n) [any].
     real(sp), intent(in) :: x(3, n)
     !> Residual r (3, n) [as b].
     real(sp), intent(out) :: r(3, n)
-    real(sp) :: s1, s2, s3, x1, x2, x3
-    integer(int64) :: k
     integer :: i
-    !$omp parallel do default(none) shared(n, start, column, high, b, x, r) private(k, s1, s2, s3, x1, x2, x3) &
-    !$omp& schedule(static)
-    do i = 1, n
-      s1 = 0
-      s2 = 0
-      s3 = 0
-      do k = start(i), start(i + 1) - 1
-        x1 = x(1, column(k))
-        x2 = x(2, column(k))
-        x3 = x(3, column(k))
-        s1 = s1 + ((high(1, k)*x1 + high(4, k)*x2) + high(7, k)*x3)
-        s2 = s2 + ((high(2, k)*x1 + high(5, k)*x2) + high(8, k)*x3)
-        s3 = s3 + ((high(3, k)*x1 + high(6, k)*x2) + high(9, k)*x3)
-      end do
-      r(1, i) = b(1, i) - s1
-      r(2, i) = b(2, i) - s2
-      r(3, i) = b(3, i) - s3
+    !$omp parallel do default(none) shared(n, start, column, high, b, x, r) schedule(static)
+    do i = 1, n, rows_at_once
+      call dotyk_residual_rows(i, min(n, i + rows_at_once - 1), start, column, high, b, x, r)
     end do
     !$omp end parallel do
   end subroutine residual_3
@@ -173,32 +206,16 @@ contains
     integer(int64), intent(in) :: start(n + 1)
     !> Block column of each block (n_blocks).
     integer, intent(in) :: column(*)
-    !> Leading parts of the entries (9, n_blocks) [any].
-    real(sp), intent(in) :: high(9, *)
+    !> Leading parts of the entries (9 n_blocks + 1) [any].
+    real(sp), intent(in) :: high(*)
     !> Vector x (3, n) [any].
     real(dp), intent(in) :: x(3, n)
     !> Residual r (3, n) [matrix times x].
     real(sp), intent(inout) :: r(3, n)
-    real(dp) :: s1, s2, s3, x1, x2, x3
-    integer(int64) :: k
     integer :: i
-    !$omp parallel do default(none) shared(n, start, column, high, x, r) private(k, s1, s2, s3, x1, x2, x3) &
-    !$omp& schedule(static)
-    do i = 1, n
-      s1 = 0
-      s2 = 0
-      s3 = 0
-      do k = start(i), start(i + 1) - 1
-        x1 = x(1, column(k))
-        x2 = x(2, column(k))
-        x3 = x(3, column(k))
-        s1 = s1 + ((high(1, k)*x1 + high(4, k)*x2) + high(7, k)*x3)
-        s2 = s2 + ((high(2, k)*x1 + high(5, k)*x2) + high(8, k)*x3)
-        s3 = s3 + ((high(3, k)*x1 + high(6, k)*x2) + high(9, k)*x3)
-      end do
-      r(1, i) = real(r(1, i) - s1, sp)
-      r(2, i) = real(r(2, i) - s2, sp)
-      r(3, i) = real(r(3, i) - s3, sp)
+    !$omp parallel do default(none) shared(n, start, column, high, x, r) schedule(static)
+    do i = 1, n, rows_at_once
+      call dotyk_subtract_product_rows(i, min(n, i + rows_at_once - 1), start, column, high, x, r)
     end do
     !$omp end parallel do
   end subroutine subtract_product_3

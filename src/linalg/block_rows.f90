@@ -23,9 +23,9 @@ module dotyk_linalg_block_rows
     integer, allocatable :: column(:)
     !> Scale of the entries, a power of two [matrix].
     real(dp) :: scale = 1
-    !> Leading parts of the entries: (i, j) at i + dim*(j - 1) (dim*dim, n_blocks) [].
+    !> Leading parts of the entries: (i, j) at i + dim*(j - 1); the last block is not used (dim*dim, n_blocks + 1) [].
     real(sp), allocatable :: high(:, :)
-    !> Remainders of the entries (dim*dim, n_blocks) [].
+    !> Remainders of the entries (dim*dim, n_blocks + 1) [].
     real(sp), allocatable :: low(:, :)
   contains
     procedure :: init => block_rows_init
@@ -59,7 +59,9 @@ contains
     self%n = size(start) - 1
     self%scale = power_of_two(scale)
     allocate (self%start(self%n + 1), self%column(int(start(self%n + 1), int64) - 1 + self%n))
-    allocate (self%high(dim**2, size(self%column)), self%low(dim**2, size(self%column)))
+    allocate (self%high(dim**2, size(self%column, kind=int64) + 1), self%low(dim**2, size(self%column, kind=int64) + 1))
+    self%high(:, size(self%high, 2)) = 0
+    self%low(:, size(self%low, 2)) = 0
     self%start(:) = [(int(start(i), int64) + i - 1, i=1, self%n + 1)]
     ! Each thread touches the rows first that it multiplies later.
     !$omp parallel do default(none) shared(self, start, neighbour) private(first, length) schedule(static)
