@@ -14,14 +14,14 @@ contains
   function progress_line(history, tolerance, measure) result(line)
     !> History up to now.
     type(history_t), intent(in) :: history
-    !> Tolerance of the stopping criterion [].
+    !> Tolerance of the stopping criterion; 0 where no rate of convergence leads to it [].
     real(dp), intent(in) :: tolerance
     !> Error measure that the criterion compares with it [].
     real(dp), intent(in) :: measure
     character(:), allocatable :: line
     real(dp) :: steps, rate
     character(80) :: buffer
-    !> Steps from which on their increments tell a rate: active sets end before, or change by no rate at all.
+    !> Steps from which on their increments tell a rate.
     integer, parameter :: enough = 10
     write (buffer, '(a,i6,a,i8)') '  iteration ', history%n, '   active ', history%active(history%n)
     if (history%error_bound(history%n) < huge(1.0_dp)) &
