@@ -194,6 +194,7 @@ contains
       end associate
     end do
     problem%neutral%moved_far = self%moved_far(state%alpha)
+    problem%neutral%n_free = self%candidate%n - self%candidate%n_held
     if (state%ended /= ended_converged) return
     if (any(problem%neutral%left_over > largest_left_over)) state%ended = ended_unbalanced
     if (any(problem%neutral%moved_far)) state%ended = ended_slid

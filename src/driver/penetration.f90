@@ -6,7 +6,7 @@ module dotyk_driver_penetration
   use dotyk_control_penetration_check, only: body_penetration_t, check_penetration
   use dotyk_driver_scene, only: scene_t
   use dotyk_log_large_motion, only: show_large_motion
-  use dotyk_log_penetration_lines, only: show_initial_overlap, show_penetration
+  use dotyk_log_penetration_lines, only: note_formulas, show_initial_overlap, show_penetration
   use dotyk_log_run_monitor, only: log_monitor_t
   use dotyk_scheme_solver_state, only: ended_converged, ended_penetration
   implicit none
@@ -41,8 +41,9 @@ contains
     call check_penetration(scene%problem, solution%displacements%body, scene%qp%pair_first_row, solution%state%y, &
                            solution%state%error_bound, solution%penetration)
     call monitor%watch%lap(monitor%timing%check)
-    call show_large_motion(monitor%log, scene%problem%body, solution%displacements%body)
+    call show_large_motion(monitor%log, scene%problem%body, scene%problem%neutral, solution%displacements%body)
     call show_penetration(monitor%log, scene%problem%body, solution%penetration)
+    call note_formulas(monitor%log, scene%problem%pair)
     if (size(solution%penetration%found) > 0 .and. solution%state%ended == ended_converged) &
       solution%state%ended = ended_penetration
 

@@ -4,6 +4,7 @@ module dotyk_log_large_motion
   use dotyk_base_log, only: log_t
   use dotyk_base_text, only: counted, quoted, to_text
   use dotyk_control_body_solution, only: body_solution_t
+  use dotyk_control_contact_problem, only: neutral_body_t
   use dotyk_elasticity_body, only: body_t
   implicit none
   private
@@ -15,11 +16,13 @@ module dotyk_log_large_motion
 contains
 
   !> Warn of the body that moves farthest by its size, and of the one that rotates most.
-  subroutine show_large_motion(log, body, solution)
+  subroutine show_large_motion(log, body, neutral, solution)
     !> The log.
     type(log_t), intent(inout) :: log
     !> Bodies (n_bodies).
     type(body_t), intent(in) :: body(:)
+    !> Their neutral modes (n_bodies).
+    type(neutral_body_t), intent(in) :: neutral(:)
     !> Their displacements (n_bodies).
     type(body_solution_t), intent(in) :: solution(:)
     real(dp) :: ratio(size(body)), angle(size(body))
@@ -35,11 +38,24 @@ contains
       call log%line('  large motion     '//quoted(body(b)%name)//' moves by '//to_text(ratio(b), 3)// &
                     ' times its size'//others(count(ratio > large_displacement) - 1)// &
                     '; contact was searched where the bodies are placed')
+    if (ratio(b) > large_displacement) call show_neutral(b)
     b = maxloc(angle, dim=1)
     if (angle(b) > large_rotation) &
       call log%line('  large motion     '//quoted(body(b)%name)//' rotates by '//to_text(angle(b), 3)//' rad'// &
                     others(count(angle > large_rotation) - 1)//'; small-displacement theory stretches it by '// &
                     to_text(100*angle(b)**2/2, 2)//' %')
+    if (angle(b) > large_rotation) call show_neutral(b)
+
+  contains
+
+    !> Say that contact hardly resists some motions of a body: its large motion may be mesh noise.
+    subroutine show_neutral(b)
+      !> The body.
+      integer, intent(in) :: b
+      if (neutral(b)%n_free > 0) &
+        call log%line('                   contact resists '//counted(neutral(b)%n_free, 'motion')// &
+                      ' of it by no more than its normals are uncertain: hold it by a support')
+    end subroutine show_neutral
   end subroutine show_large_motion
 
   !> How many bodies more do so; empty for none.

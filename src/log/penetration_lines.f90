@@ -2,12 +2,14 @@
 module dotyk_log_penetration_lines
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
+  use dotyk_base_options, only: gap_formula
   use dotyk_base_text, only: counted, quoted, to_text
+  use dotyk_contact_pair, only: contact_pair_t
   use dotyk_control_penetration_check, only: body_penetration_t, penetration_check_t
   use dotyk_elasticity_body, only: body_t
   implicit none
   private
-  public :: show_initial_overlap, show_penetration
+  public :: note_formulas, show_initial_overlap, show_penetration
 
   !> Greatest number of couples of bodies with a line each; more are summed up.
   integer, parameter :: most_shown = 20, most_touching = 5
@@ -56,6 +58,25 @@ contains
     if (size(found) > 0) &
       call log%line('    warning: no contact pair explains these overlaps; check the positions of the bodies')
   end subroutine show_initial_overlap
+
+  !> Say that pairs with a gap formula are checked on their surfaces only.
+  subroutine note_formulas(log, pair)
+    !> The log.
+    type(log_t), intent(inout) :: log
+    !> Contact pairs (n_pairs).
+    type(contact_pair_t), intent(in) :: pair(:)
+    integer :: n, first
+    n = count(pair%gap_kind == gap_formula)
+    if (n == 0) return
+    first = findloc(pair%gap_kind, gap_formula, 1)
+    if (n == 1) then
+      call log%line('  not checked      beside the surfaces of '//quoted(pair(first)%name)//': its gap_formula is not '// &
+                    'in the meshes')
+    else
+      call log%line('  not checked      beside the surfaces of '//quoted(pair(first)%name)//' and '//to_text(n - 1)// &
+                    ' more pairs with a gap_formula, which is not in the meshes')
+    end if
+  end subroutine note_formulas
 
   !> A position in brackets.
   function place_of(x) result(text)

@@ -182,6 +182,23 @@ class AutoPairs(dotyk_case.Case):
         self.assertNotIn("in no pair", self.printed)
         self.assertNotIn("carry nothing", self.printed)
 
+    def test_exact_normals_hold_no_load(self):
+        """Between flat faces, and on an edge, nothing resists a force along them: any, however small, is refused."""
+        block = ("&load BODY, surface='top', pressure=1 /", "&support BODY, surface='top', fix='t' /")
+        self.write("middle.geo", block_geo("hex8", 3, origin=(0, 0, 1)))
+        self.write("upper.geo", block_geo("hex8", 2, origin=(0, 0, 2)))
+        # A cube on its edge, between the same two blocks; it is pressed along its diagonal.
+        self.write("edge.geo", block_geo("hex8", 2, origin=(-0.5, 0, -0.5)))
+        self.write("lid.geo", block_geo("hex8", 2, origin=(0, 0, 1 + 2**0.5)))
+        on_edge = ", axis=0,1,0, angle=45, at=0.5,0,%r" % (1 + 2**-0.5)
+        for name, place, lid in (("middle", "", "upper"), ("edge", on_edge, "lid")):
+            for part, code in ((1e-3, 3), (0, 0)):
+                push = ["&load BODY, force_density=%r,0,0 /" % part] if part else []
+                text = scene([AUTO], {"lower": HELD, name: push, lid: block}, "tolerance=1e-6").replace(TURN % 0.0, "")
+                self.run_scene(text.replace("mesh='edge.geo'", "mesh='edge.geo'" + place), code)
+                if part:
+                    self.assertIn("no equilibrium", self.printed)
+
     def test_supports_of_many_bodies(self):
         """Wildcards in supports and loads: bodies without the surface are passed over, but one must have it."""
         blocks = {"lower": [], "upper": ["&load BODY, surface='top', pressure=%r /" % PRESSURE]}

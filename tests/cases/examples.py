@@ -232,6 +232,20 @@ class Examples(dotyk_case.Case):
     def test_bearing(self):
         self.limits("bearing")
 
+    def test_flange(self):
+        """27 bodies; what neither loads nor contact determine of 24 of them shares a line."""
+        self.copy("flange")
+        self.edit("flange/flange.nml", (r"^&solver", "&output error_parts='', fields='displacement contact' /\n&solver"))
+        text = self.dotyk("flange/flange.nml")
+        self.assertEqual(text.count("  indeterminate "), 1, text)
+        self.assertRegex(text, "indeterminate +'gasket', 'cover', 'bolt 1' to 'bolt 8', 'washer 1' to 'washer 8', 'nut 1' to "
+                               "'nut 8': translation")
+        self.assertIn("27 bodies in 6 congruence classes", text)
+        check = check_of("flange")
+        errors = check.errors(self.folder / "flange/flange.vtkhdf")[0]
+        for name, limit in check.LIMITS.items():
+            self.assertLessEqual(errors[name], limit, name)
+
     def test_ball_bearing(self):
         """Coarser: half of the unknowns. Spinning and rolling of the balls are indeterminate, not noise."""
         self.copy("ball_bearing")

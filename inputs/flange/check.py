@@ -1,0 +1,49 @@
+#!/usr/bin/python3
+"""Bolt loads and equilibrium of flange.vtkhdf: check.py [results file]. Needs h5py and numpy. Exit code 1: wrong."""
+import os
+import sys
+import h5py
+import numpy as np
+
+PRESSURE, RADIUS = 5.0, 30.0     # as in flange.nml, flange.geo
+
+LIMITS = {
+    'not converged': 0.5,
+    # Forces are in equilibrium to the round-off of the solver, whatever the mesh; the pressed disk is a polygon of curved edges.
+    'equilibrium of bolts, washers, nuts': 1e-8,
+    'equilibrium of the gasket': 1e-8,
+    'equilibrium of the cover': 1e-3,
+    # The meshes of ring and cover have no symmetry; their elements are as large as the bolts.
+    'bolts unlike': 5e-3,
+}
+
+
+def errors(path):
+    """Loads of the bolts, the load of the gasket, and what is wrong with them, relative to the load of a bolt or the pressure."""
+    with h5py.File(path) as file:
+        force = {name: pair.attrs['force'] for name, pair in file['dotyk/contact'].items()}
+        converged = bool(file['dotyk/summary'].attrs['converged'])
+    chain = np.array([[np.abs(force[pair % ((i,)*pair.count('%'))]) for i in range(1, 9)]
+                      for pair in ('bolt %d - ring', 'nut %d - bolt %d', 'nut %d - washer %d', 'washer %d - cover')])
+    bolt = chain[0, :, 2]
+    gasket = abs(force['cover - gasket'][2])
+    pressed = PRESSURE*np.pi*RADIUS**2
+    e = {'not converged': float(not converged),
+         'equilibrium of bolts, washers, nuts': np.abs(chain - chain[0]).max()/bolt.mean(),
+         'equilibrium of the gasket': abs(gasket - abs(force['ring - gasket'][2]))/bolt.mean(),
+         'equilibrium of the cover': abs(bolt.sum() - gasket - pressed)/pressed,
+         'bolts unlike': np.abs(bolt/bolt.mean() - 1).max()}
+    return e, bolt, gasket
+
+
+def main():
+    path = sys.argv[1] if len(sys.argv) > 1 else os.path.join(os.path.dirname(os.path.abspath(__file__)), 'flange.vtkhdf')
+    e, bolt, gasket = errors(path)
+    print('bolts %.0f N to %.0f N, gasket %.0f N' % (bolt.min(), bolt.max(), gasket))
+    for name, value in e.items():
+        print('%-40s %.2g (limit %g)' % (name, value, LIMITS[name]))
+    return int(any(not value <= LIMITS[name] for name, value in e.items()))
+
+
+if __name__ == '__main__':
+    sys.exit(main())
