@@ -7,7 +7,7 @@ module dotyk_contact_clipping
   use dotyk_contact_polygon, only: append_corner, clip_polygon, max_corners, polygon_t, signed_area, &
     remove_degenerate_corners
   use dotyk_contact_projection, only: master_surface_t
-  use dotyk_contact_tree_search, only: facets_in_region, nearest_facet, oriented_box_t
+  use dotyk_contact_tree_search, only: facets_in_region, facing_box_t, nearest_facet
   use dotyk_mesh_element, only: kind_nodes
   use dotyk_mesh_surface, only: surface_t
   implicit none
@@ -113,7 +113,7 @@ contains
     real(dp), intent(inout) :: high(3)
     !> Master facets, ascending (n).
     integer, allocatable, intent(out) :: list(:)
-    type(oriented_box_t) :: box
+    type(facing_box_t) :: box
     real(dp) :: size, centre(3), xi(2), square, z
     real(dp), dimension(3) :: position, normal, xu, xv
     integer :: facet
@@ -130,7 +130,7 @@ contains
     high(3) = z + search_depth*size
     low(1:2) = low(1:2) - bulge*size
     high(1:2) = high(1:2) + bulge*size
-    box = oriented_box_t(-axes(:, 3), origin, axes, low, high)
+    box = facing_box_t(origin, axes, low, high, -axes(:, 3))
     call facets_in_region(master%tree, box, list)
   end subroutine opposite_facets
 

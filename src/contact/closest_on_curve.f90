@@ -11,13 +11,15 @@ module dotyk_contact_closest_on_curve
   !> A curve is straight where the square of its quadratic coefficient, relative to that of the linear one, is
   !> round-off.
   real(dp), parameter :: straight_round_off = 1.0e-29_dp
+  !> Margin of the lower bound of the distance, relative to the length of the curve and to the distance.
+  real(dp), parameter :: round_off = 1.0e-9_dp
   !> Newton steps, safeguarded by bisection; the method needs 3 to 6, bisection alone 60.
   integer, parameter :: max_steps = 100
 
 contains
 
   !> Point of a0 + a1 t + a2 t^2, first <= t <= 1, that is closest to the origin.
-  pure subroutine closest_on_curve(a0, a1, a2, first, t, square)
+  pure subroutine closest_on_curve(a0, a1, a2, first, bound, t, square)
     !> Coefficient of 1 (3) [length].
     real(dp), intent(in) :: a0(3)
     !> Coefficient of t (3) [length].
@@ -26,9 +28,11 @@ contains
     real(dp), intent(in) :: a2(3)
     !> Lower end of t [].
     real(dp), intent(in) :: first
+    !> Squared distance beyond which the closest point does not matter [length^2].
+    real(dp), intent(in) :: bound
     !> Parameter of the closest point [].
     real(dp), intent(out) :: t
-    !> Squared distance [length^2].
+    !> Squared distance; greater than `bound` where it does not matter [length^2].
     real(dp), intent(out) :: square
     real(dp) :: b(0:3), ends(4), discriminant, root, q, low, high
     integer :: n, i
@@ -37,6 +41,11 @@ contains
       t = first
       if (dot_product(a1, a1) > 0) t = max(first, min(1.0_dp, -b(0)/dot_product(a1, a1)))
       square = sum((a0 + t*a1)**2)
+      return
+    end if
+    if (is_beyond(a0 + first*(a1 + first*a2), a0 + a1 + a2, norm2(a2)*((1 - first)/2)**2, bound)) then
+      t = first
+      square = huge(square)
       return
     end if
     n = 1
@@ -66,6 +75,25 @@ contains
       call keep_if_closer(a0, a1, a2, root, t, square)
     end do
   end subroutine closest_on_curve
+
+  !> Whether no point of a curve is as near to the origin as a distance, by its chord.
+  pure logical function is_beyond(first, last, height, square) result(beyond)
+    !> One end of the chord (3) [length].
+    real(dp), intent(in) :: first(3)
+    !> The other end (3) [length].
+    real(dp), intent(in) :: last(3)
+    !> Greatest distance of the curve from the chord [length].
+    real(dp), intent(in) :: height
+    !> Square of the distance [length^2].
+    real(dp), intent(in) :: square
+    real(dp) :: along(3), length, distance, t
+    along = last - first
+    length = dot_product(along, along)
+    t = 0
+    if (length > 0) t = max(0.0_dp, min(1.0_dp, -dot_product(first, along)/length))
+    distance = max(0.0_dp, norm2(first + t*along) - height - round_off*sqrt(length))
+    beyond = (1 - round_off)*distance**2 > square
+  end function is_beyond
 
   !> Value of a cubic polynomial [length^2].
   pure real(dp) function cubic(b, t)

@@ -46,7 +46,7 @@ contains
     q = x - set%origin(:, facet)
     if (set%corners(facet) == 2) then
       call closest_on_curve(set%coefficient(:, 1, facet) - q, set%coefficient(:, 2, facet), &
-                            set%coefficient(:, 3, facet), -1.0_dp, xi(1), square)
+                            set%coefficient(:, 3, facet), -1.0_dp, huge(square), xi(1), square)
       xi(2) = 0
       return
     end if
@@ -80,7 +80,7 @@ contains
     if (inside .and. (convex .or. affine)) return
     best_edge = 0
     do edge = 1, corners
-      call closest_on_edge(corners, edge, c, q, trial, value)
+      call closest_on_edge(corners, edge, c, q, square, trial, value)
       if (value < square) then
         xi = trial
         square = value
@@ -154,7 +154,7 @@ contains
     integer :: step, halving, n_clipped
     inside = .false.
     n_clipped = 0
-    call evaluate_facet(c, xi(1), xi(2), x, xu, xv, xuu, xuv, xvv)
+    call evaluate(corners, c, xi(1), xi(2), x, xu, xv, xuu, xuv, xvv)
     x = x - q
     square = dot_product(x, x)
     do step = 1, max_steps
@@ -191,7 +191,7 @@ contains
       fraction = min(1.0_dp, longest)
       do halving = 1, max_halvings
         trial = xi + fraction*s
-        call evaluate_facet(c, trial(1), trial(2), x, xu, xv, xuu, xuv, xvv)
+        call evaluate(corners, c, trial(1), trial(2), x, xu, xv, xuu, xuv, xvv)
         x = x - q
         value = dot_product(x, x)
         if (value <= square*(1 + 4*epsilon(square))) exit
@@ -207,6 +207,40 @@ contains
       end if
     end do
   end subroutine descend
+
+  !> As `evaluate_facet`, without the coefficients that vanish for triangles: most of the time of a search is spent here.
+  pure subroutine evaluate(corners, c, u, v, x, xu, xv, xuu, xuv, xvv)
+    !> Number of corners, 3 or 4.
+    integer, intent(in) :: corners
+    !> Coefficients of the facet polynomial (3, 9) [length].
+    real(dp), intent(in) :: c(3, 9)
+    !> First reference coordinate [].
+    real(dp), intent(in) :: u
+    !> Second reference coordinate [].
+    real(dp), intent(in) :: v
+    !> Position (3) [length].
+    real(dp), intent(out) :: x(3)
+    !> Derivative with respect to u (3) [length].
+    real(dp), intent(out) :: xu(3)
+    !> Derivative with respect to v (3) [length].
+    real(dp), intent(out) :: xv(3)
+    !> Second derivative with respect to u (3) [length].
+    real(dp), intent(out) :: xuu(3)
+    !> Mixed derivative (3) [length].
+    real(dp), intent(out) :: xuv(3)
+    !> Second derivative with respect to v (3) [length].
+    real(dp), intent(out) :: xvv(3)
+    if (corners == 3) then
+      x = c(:, 1) + v*(c(:, 4) + v*c(:, 7)) + u*(c(:, 2) + v*c(:, 5) + u*c(:, 3))
+      xu = c(:, 2) + v*c(:, 5) + 2*u*c(:, 3)
+      xv = c(:, 4) + 2*v*c(:, 7) + u*c(:, 5)
+      xuu = 2*c(:, 3)
+      xuv = c(:, 5)
+      xvv = 2*c(:, 7)
+    else
+      call evaluate_facet(c, u, v, x, xu, xv, xuu, xuv, xvv)
+    end if
+  end subroutine evaluate
 
   !> Greatest fraction, at most 1, of a step that stays in the reference domain [].
   pure real(dp) function longest_step(corners, xi, s) result(fraction)
@@ -232,7 +266,7 @@ contains
   end function longest_step
 
   !> Closest point of an edge. Edges are numbered as by gmsh: edge i goes from corner i to the next one.
-  pure subroutine closest_on_edge(corners, edge, c, q, xi, square)
+  pure subroutine closest_on_edge(corners, edge, c, q, bound, xi, square)
     !> Number of corners, 3 or 4.
     integer, intent(in) :: corners
     !> Edge number.
@@ -241,34 +275,36 @@ contains
     real(dp), intent(in) :: c(3, 9)
     !> Given point relative to the origin of the facet (3) [length].
     real(dp), intent(in) :: q(3)
+    !> Squared distance beyond which the closest point does not matter [length^2].
+    real(dp), intent(in) :: bound
     !> Reference coordinates of the closest point (2) [].
     real(dp), intent(out) :: xi(2)
-    !> Squared distance [length^2].
+    !> Squared distance; greater than `bound` where it does not matter [length^2].
     real(dp), intent(out) :: square
     real(dp) :: t
     integer :: s
     if (corners == 3) then
       select case (edge)
       case (1)
-        call closest_on_curve(c(:, 1) - q, c(:, 2), c(:, 3), 0.0_dp, t, square)
+        call closest_on_curve(c(:, 1) - q, c(:, 2), c(:, 3), 0.0_dp, bound, t, square)
         xi = [t, 0.0_dp]
       case (2)
         call closest_on_curve(c(:, 1) + c(:, 2) + c(:, 3) - q, c(:, 4) - c(:, 2) - 2*c(:, 3) + c(:, 5), &
-                              c(:, 3) + c(:, 7) - c(:, 5), 0.0_dp, t, square)
+                              c(:, 3) + c(:, 7) - c(:, 5), 0.0_dp, bound, t, square)
         xi = [1 - t, t]
       case default
-        call closest_on_curve(c(:, 1) - q, c(:, 4), c(:, 7), 0.0_dp, t, square)
+        call closest_on_curve(c(:, 1) - q, c(:, 4), c(:, 7), 0.0_dp, bound, t, square)
         xi = [0.0_dp, t]
       end select
     else if (edge == 1 .or. edge == 3) then
       s = edge - 2
       call closest_on_curve(c(:, 1) + s*c(:, 4) + c(:, 7) - q, c(:, 2) + s*c(:, 5) + c(:, 8), &
-                            c(:, 3) + s*c(:, 6) + c(:, 9), -1.0_dp, t, square)
+                            c(:, 3) + s*c(:, 6) + c(:, 9), -1.0_dp, bound, t, square)
       xi = [t, real(s, dp)]
     else
       s = 3 - edge
       call closest_on_curve(c(:, 1) + s*c(:, 2) + c(:, 3) - q, c(:, 4) + s*c(:, 5) + c(:, 6), &
-                            c(:, 7) + s*c(:, 8) + c(:, 9), -1.0_dp, t, square)
+                            c(:, 7) + s*c(:, 8) + c(:, 9), -1.0_dp, bound, t, square)
       xi = [real(s, dp), t]
     end if
   end subroutine closest_on_edge

@@ -7,7 +7,10 @@ module dotyk_contact_facet_polynomial
   use dotyk_mesh_facet, only: cross
   implicit none
   private
-  public :: bounding_box, convexity, evaluate_facet, normal_cone
+  public :: bounding_box, control_points, convexity, evaluate_facet, normal_cone
+
+  !> Greatest number of Bernstein control points of a facet.
+  integer, parameter, public :: max_controls = 9
 
   !> The number pi.
   real(dp), parameter :: pi = acos(-1.0_dp)
@@ -70,8 +73,30 @@ contains
     real(dp), intent(out) :: lo(3)
     !> Upper corner, likewise (3) [length].
     real(dp), intent(out) :: hi(3)
-    real(dp) :: b(3, 9), r(3, 9), margin
-    integer :: n, k
+    real(dp) :: b(3, max_controls), margin
+    integer :: n
+    call control_points(corners, c, n, b)
+    lo = minval(b(:, 1:n), dim=2)
+    hi = maxval(b(:, 1:n), dim=2)
+    margin = box_margin*norm2(hi - lo)
+    lo = lo - margin
+    hi = hi + margin
+  end subroutine bounding_box
+
+  !> Bernstein control points: those of the ends of a line at 1 and 3, of the corners of a triangle at 1 to 3, of a
+  !> quadrilateral row by row.
+  pure subroutine control_points(corners, c, n, b)
+    !> Number of corners of the facet: 2 line, 3 triangle, 4 quadrilateral.
+    integer, intent(in) :: corners
+    !> Coefficients of the facet polynomial (3, 9) [length].
+    real(dp), intent(in) :: c(3, 9)
+    !> Number of control points.
+    integer, intent(out) :: n
+    !> Control points, relative to the origin; the first n are set (3, max_controls) [length].
+    real(dp), intent(out) :: b(3, max_controls)
+    real(dp) :: r(3, 9)
+    integer :: k
+    b = 0
     select case (corners)
     case (2)
       n = 3
@@ -93,12 +118,7 @@ contains
         call quadratic_controls(r(:, 3*k + 1), r(:, 3*k + 2), r(:, 3*k + 3), b(:, k + 1), b(:, k + 4), b(:, k + 7))
       end do
     end select
-    lo = minval(b(:, 1:n), dim=2)
-    hi = maxval(b(:, 1:n), dim=2)
-    margin = box_margin*norm2(hi - lo)
-    lo = lo - margin
-    hi = hi + margin
-  end subroutine bounding_box
+  end subroutine control_points
 
   !> Bernstein control values on [-1,1] of c0 + c1 t + c2 t^2.
   elemental subroutine quadratic_controls(c0, c1, c2, b1, b2, b3)

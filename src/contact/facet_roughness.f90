@@ -1,21 +1,19 @@
 !> The depth that the facets of a surface cannot resolve, and their curvature.
 !>
-!> Facets that meet at a small angle, before deformation, are parts of one smooth surface. An arc over a facet of width
-!> h that turns by b has the height h b/8; contact conditions that hold in the mean over the facets around a vertex
-!> leave penetrations of this order, where the surface is curved and where deformation bends it.
+!> Facets that meet at a smooth edge (smooth_sheets.f90) before deformation are parts of one smooth surface. An arc over
+!> a facet of width h that turns by b has the height h b/8; contact conditions that hold in the mean over the facets
+!> around a vertex leave penetrations of this order, where the surface is curved and where deformation bends it.
 module dotyk_contact_facet_roughness
   use dotyk_base_kinds, only: dp
   use dotyk_contact_adjacency, only: adjacency_t
   use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
+  use dotyk_contact_smooth_sheets, only: facet_entity, is_smooth_edge
   use dotyk_mesh_facet, only: cross
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
   public :: measure_roughness
 
-  !> Cosine of the angle between adjacent facets beyond which their edge is sharp: 40 degrees, as for smooth surfaces
-  !> (vertex_normals.f90).
-  real(dp), parameter :: sharp_cosine = 0.766_dp
   !> Roughness over width times angle: twice the height of the arc.
   real(dp), parameter :: roughness_factor = 0.25_dp
   !> Reference coordinates of the corners.
@@ -47,7 +45,8 @@ contains
     real(dp), allocatable, intent(out) :: curvature(:)
     real(dp) :: width
     real(dp), allocatable :: own(:)
-    integer :: f, e, other, back
+    integer :: entity(set%n), f, e, other, back
+    entity = [(facet_entity(surface, f), f=1, set%n)]
     allocate (normal0(3, set%n), normal(3, set%n), roughness(set%n), curvature(set%n))
     do f = 1, set%n
       associate (corner => surface%node(1:set%corners(f), f))
@@ -59,7 +58,7 @@ contains
       do e = 1, set%corners(f)
         other = adjacency%neighbour(e, f)
         if (other == 0) cycle
-        if (dot_product(normal0(:, f), normal0(:, other)) < sharp_cosine) cycle
+        if (.not. is_smooth_edge(adjacency, normal0, entity, f, other)) cycle
         back = findloc(adjacency%neighbour(1:set%corners(other), other), f, dim=1)
         if (back == 0) cycle
         width = min(width_at(surface, set, x0, f, e), width_at(surface, set, x0, other, back))
@@ -74,7 +73,7 @@ contains
       do e = 1, set%corners(f)
         other = adjacency%neighbour(e, f)
         if (other == 0) cycle
-        if (dot_product(normal0(:, f), normal0(:, other)) >= sharp_cosine) roughness(f) = max(roughness(f), own(other))
+        if (is_smooth_edge(adjacency, normal0, entity, f, other)) roughness(f) = max(roughness(f), own(other))
       end do
     end do
   end subroutine measure_roughness

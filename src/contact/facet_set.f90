@@ -5,6 +5,8 @@
 !> derivatives. Two dimensions are three with z = 0.
 module dotyk_contact_facet_set
   use dotyk_base_kinds, only: dp
+  use dotyk_contact_convex_bound, only: convex_bound_t
+  use dotyk_contact_facet_hull, only: facet_hull_t
   use dotyk_contact_facet_polynomial, only: bounding_box, convexity, evaluate_facet, normal_cone
   use dotyk_mesh_element, only: element_kind, element_kind_t, max_element_nodes, n_element_kinds, shape_functions
   use dotyk_mesh_facet, only: cross
@@ -45,8 +47,13 @@ module dotyk_contact_facet_set
     real(dp), allocatable :: depth(:)
     !> The map is affine (n).
     logical, allocatable :: affine(:)
+    !> Convex hulls (n).
+    type(facet_hull_t), allocatable :: hull(:)
+    !> Bounds of distances by convexity (n).
+    type(convex_bound_t), allocatable :: convex(:)
   contains
     procedure :: init => facet_set_init
+    procedure :: init_polynomials => facet_set_init_polynomials
   end type facet_set_t
 
   public :: facet_position_and_normal
@@ -60,6 +67,32 @@ contains
     real(dp), intent(in) :: x(:, :)
     !> The surface.
     type(surface_t), intent(in) :: surface
+    integer :: f, n
+    call self%init_polynomials(x, surface)
+    n = self%n
+    allocate (self%lo(3, n), self%hi(3, n), self%axis(3, n), self%half_angle(n), self%reach(n), self%affine(n), &
+              self%hull(n), self%convex(n), self%depth(n))
+    self%depth = huge(1.0_dp)
+    do f = 1, n
+      associate (corners => self%corners(f), c => self%coefficient(:, :, f))
+        call bounding_box(corners, c, self%lo(:, f), self%hi(:, f))
+        self%lo(:, f) = self%lo(:, f) + self%origin(:, f)
+        self%hi(:, f) = self%hi(:, f) + self%origin(:, f)
+        call normal_cone(corners, c, self%axis(:, f), self%half_angle(f))
+        call convexity(corners, c, self%affine(f), self%reach(f))
+        call self%hull(f)%init(corners, c, self%axis(:, f), self%size(f))
+        call self%convex(f)%init(corners, c, self%affine(f), self%reach(f))
+      end associate
+    end do
+  end subroutine facet_set_init
+
+  !> Set up the polynomials alone, without the bounds for searches.
+  subroutine facet_set_init_polynomials(self, x, surface)
+    class(facet_set_t), intent(out) :: self
+    !> Nodal coordinates of the body (dimension, n_nodes) [length].
+    real(dp), intent(in) :: x(:, :)
+    !> The surface.
+    type(surface_t), intent(in) :: surface
     real(dp), allocatable :: basis(:, :, :)
     integer, allocatable :: n_nodes(:), corners(:)
     integer :: f, k, n, d
@@ -68,11 +101,8 @@ contains
     self%n = n
     self%dimension = d
     call monomial_bases(basis, n_nodes, corners)
-    allocate (self%corners(n), self%corner_node(4, n), self%origin(3, n), self%coefficient(3, 9, n), self%lo(3, n), &
-              self%hi(3, n), self%axis(3, n), self%half_angle(n), self%size(n), self%reach(n), self%affine(n), &
-              self%depth(n))
+    allocate (self%corners(n), self%corner_node(4, n), self%origin(3, n), self%coefficient(3, 9, n), self%size(n))
     self%origin = 0
-    self%depth = huge(1.0_dp)
     self%corner_node = 0
     do f = 1, n
       k = surface%kind(f)
@@ -81,13 +111,8 @@ contains
       self%origin(1:d, f) = x(:, surface%node(1, f))
       call facet_polynomial(d, n_nodes(k), basis(:, :, k), x(:, surface%node(1:n_nodes(k), f)), &
                             self%coefficient(:, :, f), self%size(f))
-      call bounding_box(corners(k), self%coefficient(:, :, f), self%lo(:, f), self%hi(:, f))
-      self%lo(:, f) = self%lo(:, f) + self%origin(:, f)
-      self%hi(:, f) = self%hi(:, f) + self%origin(:, f)
-      call normal_cone(corners(k), self%coefficient(:, :, f), self%axis(:, f), self%half_angle(f))
-      call convexity(corners(k), self%coefficient(:, :, f), self%affine(f), self%reach(f))
     end do
-  end subroutine facet_set_init
+  end subroutine facet_set_init_polynomials
 
   !> Coefficients of the shape functions of every facet kind in monomials u^i v^j, by interpolation at {-1,0,1}^2, which
   !> determines a biquadratic polynomial: exact, and coefficients of higher order vanish exactly for linear functions.

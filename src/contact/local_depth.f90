@@ -9,7 +9,7 @@ module dotyk_contact_local_depth
   use dotyk_contact_bounding_volume_tree, only: bounding_volume_tree_t
   use dotyk_contact_closest_point, only: closest_point_on_facet
   use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
-  use dotyk_contact_tree_search, only: beam_t, facets_in_region
+  use dotyk_contact_tree_search, only: facets_in_region, oriented_box_t
   use dotyk_mesh_facet, only: frame_of_normal
   implicit none
   private
@@ -108,7 +108,7 @@ contains
     real(dp), intent(in) :: low
     !> Its end [length].
     real(dp), intent(in) :: high
-    type(beam_t) :: beam
+    type(oriented_box_t) :: beam
     integer, allocatable :: list(:)
     real(dp), dimension(3) :: position, normal, xu, xv
     real(dp) :: xi(2), square, t, cosine

@@ -67,7 +67,7 @@ contains
     call facets_on_chords(x, surface, on_chords)
     call split_facets(x, surface, on_chords, self%sub_facets)
     associate (sub_facets => self%sub_facets)
-      call set%init(sub_facets%x, sub_facets%surface)
+      call set%init_polynomials(sub_facets%x, sub_facets%surface)
       call adjacency%init(set)
       allocate (vertex(3, size(adjacency%start) - 1), flat(set%n))
       vertex = 0
@@ -126,7 +126,7 @@ contains
     type(element_kind_t) :: kind
     real(dp) :: nodes(dimension, max_facet_nodes*size(self%changed))
     integer :: f, n, i, j
-    call self%element%init(self%sub_facets%element_x, self%sub_facets%element)
+    call self%element%init_polynomials(self%sub_facets%element_x, self%sub_facets%element)
     patches = self%sub_facets%element
     nodes = self%sub_facets%element_x
     do f = 1, size(self%changed)
@@ -143,7 +143,7 @@ contains
                                           self%corner_normal(:dimension, modulo(i, n) + 1, f))
       end do
     end do
-    call self%patch%init(nodes, patches)
+    call self%patch%init_polynomials(nodes, patches)
   end subroutine make_patches
 
   !> Quadratic element kind of a facet.

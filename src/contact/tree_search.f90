@@ -41,10 +41,8 @@ module dotyk_contact_tree_search
     procedure :: misses => neighbourhood_misses
   end type box_neighbourhood_t
 
-  !> Box along given axes, and normals that face a direction.
+  !> Box along given axes, normals of any direction.
   type, extends(region_t), public :: oriented_box_t
-    !> Direction that the normals have to face: normal . toward > facing_cosine (3) [].
-    real(dp) :: toward(3) = 0
     !> Origin of the box (3) [length].
     real(dp) :: origin(3) = 0
     !> Unit vectors along the box (3, 3) [].
@@ -57,19 +55,13 @@ module dotyk_contact_tree_search
     procedure :: misses => box_misses
   end type oriented_box_t
 
-  !> Box along given axes, normals of any direction.
-  type, extends(region_t), public :: beam_t
-    !> Origin of the box (3) [length].
-    real(dp) :: origin(3) = 0
-    !> Unit vectors along the box (3, 3) [].
-    real(dp) :: axes(3, 3) = 0
-    !> Lower corner along the axes, relative to the origin (3) [length].
-    real(dp) :: low(3) = 0
-    !> Upper corner along the axes, relative to the origin (3) [length].
-    real(dp) :: high(3) = 0
+  !> Box along given axes, and normals that face a direction.
+  type, extends(oriented_box_t), public :: facing_box_t
+    !> Direction that the normals have to face: normal . toward > facing_cosine (3) [].
+    real(dp) :: toward(3) = 0
   contains
-    procedure :: misses => beam_misses
-  end type beam_t
+    procedure :: misses => facing_box_misses
+  end type facing_box_t
 
   !> Depth-first traversal of a tree, which yields the facets of a region one by one.
   type, public :: tree_walk_t
@@ -141,44 +133,29 @@ contains
     misses = .not. sum(max(volume%lo - self%high, self%low - volume%hi, 0.0_dp)**2) <= self%distance**2
   end function neighbourhood_misses
 
-  !> Whether no normal faces the direction, or the box of a volume lies beside the oriented box along one of its axes.
+  !> Whether the box of a volume lies beside the box along one of the axes of the latter.
   pure logical function box_misses(self, volume) result(misses)
     class(oriented_box_t), intent(in) :: self
     !> Bounds of a node or facet.
     type(bounding_volume_t), intent(in) :: volume
-    misses = dot_product(volume%axis, self%toward) < volume%limit
-    if (.not. misses) misses = lies_beside(volume, self%origin, self%axes, self%low, self%high)
-  end function box_misses
-
-  !> Whether the box of a volume lies beside the box along one of its axes.
-  pure logical function beam_misses(self, volume) result(misses)
-    class(beam_t), intent(in) :: self
-    !> Bounds of a node or facet.
-    type(bounding_volume_t), intent(in) :: volume
-    misses = lies_beside(volume, self%origin, self%axes, self%low, self%high)
-  end function beam_misses
-
-  !> Whether the box of a volume lies beside an oriented box along one of the axes of the latter.
-  pure logical function lies_beside(volume, origin, axes, low, high) result(beside)
-    !> Bounds of a node or facet.
-    type(bounding_volume_t), intent(in) :: volume
-    !> Origin of the box (3) [length].
-    real(dp), intent(in) :: origin(3)
-    !> Unit vectors along the box (3, 3) [].
-    real(dp), intent(in) :: axes(3, 3)
-    !> Lower corner along the axes, relative to the origin (3) [length].
-    real(dp), intent(in) :: low(3)
-    !> Upper corner along the axes, relative to the origin (3) [length].
-    real(dp), intent(in) :: high(3)
     real(dp) :: centre, half
     integer :: k
-    beside = .false.
+    misses = .false.
     do k = 1, 3
-      centre = dot_product((volume%lo + volume%hi)/2 - origin, axes(:, k))
-      half = dot_product((volume%hi - volume%lo)/2, abs(axes(:, k)))
-      beside = beside .or. centre + half < low(k) .or. centre - half > high(k)
+      centre = dot_product((volume%lo + volume%hi)/2 - self%origin, self%axes(:, k))
+      half = dot_product((volume%hi - volume%lo)/2, abs(self%axes(:, k)))
+      misses = misses .or. centre + half < self%low(k) .or. centre - half > self%high(k)
     end do
-  end function lies_beside
+  end function box_misses
+
+  !> Whether no normal faces the direction, or the box of a volume lies beside the box.
+  pure logical function facing_box_misses(self, volume) result(misses)
+    class(facing_box_t), intent(in) :: self
+    !> Bounds of a node or facet.
+    type(bounding_volume_t), intent(in) :: volume
+    misses = dot_product(volume%axis, self%toward) < volume%limit
+    if (.not. misses) misses = self%oriented_box_t%misses(volume)
+  end function facing_box_misses
 
   !> Facets whose bounding volumes meet a region, ascending.
   pure subroutine facets_in_region(tree, region, list)
@@ -299,11 +276,16 @@ contains
     real(dp), intent(inout) :: xi(2)
     !> Its squared distance [length^2].
     real(dp), intent(inout) :: square
-    real(dp) :: point(2), candidate_square, position(3), normal(3), xu(3), xv(3)
+    real(dp) :: point(2), candidate_square, position(3), normal(3), xu(3), xv(3), q(3)
     if (.not. any_normal) then
       if (dot_product(tree%facet_volume(candidate)%axis, toward) < tree%facet_volume(candidate)%limit) return
     end if
     if (square_to_box(tree%facet_volume(candidate), x) > square) return
+    q = x - set%origin(:, candidate)
+    if (square < huge(square)) then
+      if (set%hull(candidate)%is_beyond(q, square)) return
+      if (set%convex(candidate)%is_beyond(set%coefficient(:, :, candidate), q, square)) return
+    end if
     call closest_point_on_facet(set, candidate, x, point, candidate_square)
     if (candidate_square > square) return
     if (.not. candidate_square < square .and. candidate > facet) return

@@ -3,8 +3,8 @@
 module dotyk_mesh_boundary_facets
   use dotyk_base_kinds, only: dp, int64
   use dotyk_mesh_body_mesh, only: body_mesh_t
-  use dotyk_mesh_corner_table, only: corner_table_t
-  use dotyk_mesh_element, only: element_kind, element_kind_t, max_faces
+  use dotyk_mesh_element, only: element_kind, element_kind_t
+  use dotyk_mesh_element_faces, only: corners_of, element_faces_t
   use dotyk_mesh_facet, only: cross
   implicit none
   private
@@ -49,84 +49,82 @@ contains
     class(boundary_facets_t), intent(out) :: self
     !> Mesh of the body; the volumes of its elements are positive.
     type(body_mesh_t), intent(in) :: mesh
-    type(corner_table_t) :: table
-    ! Of each face: its first element and that one's block and face, the number of its elements.
-    integer, allocatable :: owner(:), owner_block(:), owner_face(:), times(:), parent(:)
+    type(element_faces_t) :: faces
     type(element_kind_t) :: kind(size(mesh%block))
-    integer :: b, e, f, n, m, entry, offset(size(mesh%block) + 1), n_corners(max_faces, size(mesh%block))
-    n = 0
+    ! Faces in the order of the elements; how often each was met so far; the elements before each block.
+    integer, allocatable :: order(:), times(:), parent(:)
+    integer :: b, e, f, i, k, m, n, offset(size(mesh%block) + 1)
+    call faces%find(mesh)
     offset(1) = 0
     do b = 1, size(mesh%block)
       kind(b) = element_kind(mesh%block(b)%kind)
-      do f = 1, kind(b)%n_faces
-        n_corners(f, b) = corners_of_kind(kind(b)%face_kind(f))
-      end do
       offset(b + 1) = offset(b) + size(mesh%block(b)%tag)
-      n = n + kind(b)%n_faces*size(mesh%block(b)%tag)
     end do
-    call table%init(max_corners, n)
-    allocate (owner(n), owner_block(n), owner_face(n), times(n))
+    call order_by_element(mesh, faces, order)
+    allocate (times(faces%n), source=0)
     parent = [(e, e=1, offset(size(offset)))]
-    do b = 1, size(mesh%block)
-      do e = 1, size(mesh%block(b)%tag)
-        do f = 1, kind(b)%n_faces
-          n = table%n
-          m = n_corners(f, b)
-          call table%add(mesh%block(b)%node(kind(b)%face_node(:m, f), e), entry)
-          if (entry > n) then
-            owner(entry) = offset(b) + e
-            owner_block(entry) = b
-            owner_face(entry) = f
-            times(entry) = 1
-          else
-            times(entry) = times(entry) + 1
-            call join(parent, owner(entry), offset(b) + e)
-            if (times(entry) == 3) self%n_shared = self%n_shared + 1
-            if (times(entry) == 3 .and. self%n_shared == 1) &
-              self%shared_node = mesh%block(b)%node(kind(b)%face_node(1, f), e)
-            if (owner_block(entry) /= b) then
-              associate (other => kind(owner_block(entry)))
-                if (other%face_kind(owner_face(entry)) /= kind(b)%face_kind(f)) self%n_mixed = self%n_mixed + 1
-              end associate
-              if (self%n_mixed == 1 .and. self%mixed_node == 0) then
-                self%mixed_node = mesh%block(b)%node(kind(b)%face_node(1, f), e)
-                self%mixed = [mesh%block(owner_block(entry))%tag(owner(entry) - offset(owner_block(entry))), &
-                              mesh%block(b)%tag(e)]
-              end if
-            end if
-          end if
-        end do
-      end do
+    do n = 1, faces%n
+      i = order(n)
+      k = faces%first(i)
+      times(k) = times(k) + 1
+      if (k == i) cycle
+      b = faces%block(i)
+      e = faces%element(i)
+      f = faces%face(i)
+      call join(parent, offset(faces%block(k)) + faces%element(k), offset(b) + e)
+      if (times(k) == 3) self%n_shared = self%n_shared + 1
+      if (times(k) == 3 .and. self%n_shared == 1) self%shared_node = mesh%block(b)%node(kind(b)%face_node(1, f), e)
+      if (faces%block(k) == b) cycle
+      if (kind(faces%block(k))%face_kind(faces%face(k)) /= kind(b)%face_kind(f)) self%n_mixed = self%n_mixed + 1
+      if (self%n_mixed == 1 .and. self%mixed_node == 0) then
+        self%mixed_node = mesh%block(b)%node(kind(b)%face_node(1, f), e)
+        self%mixed = [mesh%block(faces%block(k))%tag(faces%element(k)), mesh%block(b)%tag(e)]
+      end if
     end do
     do e = 1, size(parent)
       if (parent(e) == e) self%n_pieces = self%n_pieces + 1
     end do
-    self%n = count(times(:table%n) == 1)
+    self%n = count(faces%times == 1)
     allocate (self%n_corners(self%n), self%corner(max_corners, self%n), self%element(self%n), &
               self%centre(3, self%n), self%normal(3, self%n), self%area(self%n))
-    n = 0
-    do entry = 1, table%n
-      if (times(entry) > 1) cycle
-      n = n + 1
-      self%element(n) = owner(entry)
-      b = owner_block(entry)
-      f = owner_face(entry)
-      m = n_corners(f, b)
-      self%n_corners(n) = m
-      self%corner(:, n) = 0
-      self%corner(:m, n) = mesh%block(b)%node(kind(b)%face_node(:m, f), owner(entry) - offset(b))
-      call set_geometry(self, mesh, n)
+    k = 0
+    do n = 1, faces%n
+      i = order(n)
+      if (faces%times(i) /= 1) cycle
+      k = k + 1
+      b = faces%block(i)
+      f = faces%face(i)
+      m = corners_of(kind(b)%face_kind(f))
+      self%element(k) = offset(b) + faces%element(i)
+      self%n_corners(k) = m
+      self%corner(:, k) = 0
+      self%corner(:m, k) = mesh%block(b)%node(kind(b)%face_node(:m, f), faces%element(i))
+      call set_geometry(self, mesh, k)
     end do
   end subroutine facets_find
 
-  !> Number of corners of an element kind.
-  pure integer function corners_of_kind(id)
-    !> One of the element kinds.
-    integer, intent(in) :: id
+  !> Faces in the order of the elements.
+  subroutine order_by_element(mesh, faces, order)
+    !> Mesh of the body.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Faces of all elements.
+    type(element_faces_t), intent(in) :: faces
+    !> Their order (n).
+    integer, allocatable, intent(out) :: order(:)
     type(element_kind_t) :: kind
-    kind = element_kind(id)
-    corners_of_kind = kind%n_corners
-  end function corners_of_kind
+    integer :: b, i, offset(size(mesh%block) + 1), n_faces(size(mesh%block))
+    offset(1) = 0
+    do b = 1, size(mesh%block)
+      kind = element_kind(mesh%block(b)%kind)
+      n_faces(b) = kind%n_faces
+      offset(b + 1) = offset(b) + n_faces(b)*size(mesh%block(b)%tag)
+    end do
+    allocate (order(faces%n))
+    do i = 1, faces%n
+      b = faces%block(i)
+      order(offset(b) + (faces%element(i) - 1)*n_faces(b) + faces%face(i)) = i
+    end do
+  end subroutine order_by_element
 
   !> Centre, normal and area of a facet.
   subroutine set_geometry(self, mesh, i)
