@@ -208,7 +208,7 @@ contains
     end do
   end subroutine descend
 
-  !> As `evaluate_facet`, without the coefficients that vanish for triangles: most of the time of a search is spent here.
+  !> As `evaluate_facet`, without the coefficients that vanish for triangles: searches spend most of their time here.
   pure subroutine evaluate(corners, c, u, v, x, xu, xv, xuu, xuv, xvv)
     !> Number of corners, 3 or 4.
     integer, intent(in) :: corners
