@@ -25,6 +25,7 @@ program multigrid
   use dotyk_response_direct, only: direct_response_t
   use dotyk_response_multigrid, only: multigrid_t
   use dotyk_response_stiffness_factor, only: factorization_report_t
+  use element_products, only: measure_elements
   implicit none
 
   !> Reduction of the residual.
@@ -254,6 +255,7 @@ contains
       levels%coarse%factor%factor_bytes/levels%n
     write (*, '(a, f0.3)') 'greatest eigenvalue, with margin ', levels%fine%greatest
     call measure_products(levels, triad)
+    if (kind == element_tet10) call compare_elements(levels, body, triad)
     allocate (x(body%constraint%n_equations))
     call body%constraint%reduce(body%load, x)
     call start_clock(start, begun)
@@ -350,6 +352,29 @@ contains
         ' bytes per unknown, ', bytes(i)/best(i)*1e-9_dp, ' GB/s, ', bytes(i)/best(i)*1e-9_dp/triad, ' of the triad'
     end do
   end subroutine measure_products
+
+  !> The residual element by element, without a matrix.
+  subroutine compare_elements(levels, body, triad)
+    !> The levels.
+    type(multigrid_t), intent(in) :: levels
+    !> The block.
+    type(body_t), intent(in) :: body
+    !> Bandwidth of the triad [GB/s].
+    real(dp), intent(in) :: triad
+    real(sp), allocatable :: r(:), assembled(:), x(:), zero(:)
+    real(dp) :: seconds, bytes, difference
+    logical, allocatable :: free(:)
+    integer :: i
+    allocate (assembled(levels%n), zero(levels%n), source=0.0_sp)
+    free = reshape(levels%constraint%equation /= held, [levels%n])
+    x = [(merge(real(sin(real(i, dp)), sp), 0.0_sp, free(i)), i=1, levels%n)]
+    call measure_elements(body, x, seconds, bytes, r)
+    call levels%fine%rows%residual(zero, x, assembled)
+    difference = maxval(abs(assembled*levels%fine%rows%scale - r), mask=free)/maxval(abs(r), mask=free)
+    write (*, '(a, f0.4, a, f0.1, a, f0.2, a, f0.2, a, es8.1)') 'residual, by elements    ', seconds, ' s, ', &
+      bytes/levels%n, ' bytes per unknown, ', bytes/seconds*1e-9_dp, ' GB/s, ', bytes/seconds*1e-9_dp/triad, &
+      ' of the triad; difference ', difference
+  end subroutine compare_elements
 
   !> STREAM triad a = b + s c (J. D. McCalpin), on arrays beyond the caches [GB/s].
   real(dp) function stream_triad() result(bandwidth)
