@@ -237,6 +237,7 @@ contains
     real(dp), allocatable :: x(:)
     real(dp) :: start, begun, used, triad, least, greatest
     integer(int64) :: memory
+    integer :: degree
     call make_block(kind, cells, cells, body)
     call move_corners(body, cells, cells, 1, spread(0.15_dp, 1, 3), .true.)
     call modes%find(body)
@@ -257,14 +258,17 @@ contains
     call measure_products(levels, triad)
     if (kind == element_tet10) call compare_elements(levels, body, triad)
     allocate (x(body%constraint%n_equations))
-    call body%constraint%reduce(body%load, x)
-    call start_clock(start, begun)
-    call levels%solve(x, tolerance, 200, outcome)
-    used = wall_time() - start
-    call read_clock('solve', start, begun)
-    call outcome%ritz_values(least, greatest)
-    write (*, '(a, i0, a, f0.3, a, f0.3, a, f0.3)') 'iterations               ', outcome%steps, ', each ', &
-      used/max(1, outcome%steps), ' s, Ritz values ', least, ' to ', greatest
+    do degree = 2, 4
+      levels%fine%degree = degree
+      call body%constraint%reduce(body%load, x)
+      call start_clock(start, begun)
+      call levels%solve(x, tolerance, 200, outcome)
+      used = wall_time() - start
+      call read_clock('solve', start, begun)
+      call outcome%ritz_values(least, greatest)
+      write (*, '(a, i0, a, i0, a, f0.3, a, f0.3, a, f0.3)') 'degree ', degree, ', iterations   ', outcome%steps, &
+        ', each ', used/max(1, outcome%steps), ' s, Ritz values ', least, ' to ', greatest
+    end do
     write (*, '(a, f0.3, a)') 'peak memory above body   ', real(memory_of('VmHWM:') - memory, dp)*1e-9_dp, ' GB'
     call levels%destroy()
     if (with_direct) call measure_direct(body, modes, x)

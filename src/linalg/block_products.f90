@@ -1,9 +1,9 @@
 !> Products of sparse matrices of 2x2 or 3x3 blocks by rows: the loops of `dotyk_linalg_block_rows` on plain arrays.
 !>
 !> Rows are independent and each is summed in the order of its blocks, so that results have the same digits on any
-!> number of threads. Entry (i, j) of a block is at i + dim (j - 1). The matrix is read once; vectors come from the caches
-!> where rows are numbered along a space-filling curve. The loops over 3x3 blocks are in block_products.c; they read one
-!> entry beyond the last block.
+!> number of threads. Entry (i, j) of a block is at i + dim (j - 1). The matrix is read once; vectors come from the
+!> caches where rows are numbered along a space-filling curve. The loops over 3x3 blocks are in block_products.c; they
+!> read one entry beyond the last block.
 module dotyk_linalg_block_products
   use, intrinsic :: iso_c_binding, only: c_double, c_float, c_int32_t, c_int64_t
   use dotyk_base_kinds, only: dp, int64, sp
