@@ -1,4 +1,4 @@
-!> Bodies that overlap as they are placed, beyond what their contact pairs mean: parts of an assembly in the wrong place.
+!> Bodies in no contact pair that overlap as they are placed: parts of an assembly in the wrong place.
 !>
 !> The search for pairs takes overlaps of a few percent of a body for interference; the check for penetration on the
 !> undeformed bodies sees the others. Bodies that no contact pair has are checked.

@@ -1,7 +1,7 @@
 !> The size of a body that no rotation changes: the shortest edge of the brick with the same second moments of volume.
 !>
-!> A brick with the edges a >= b >= c has the moments a^2/12, b^2/12, c^2/12 per volume about its axes: c of a brick, the
-!> thickness of a plate or a ring, 0.77 diameters of a ball.
+!> A brick with the edges a >= b >= c has the moments a^2/12, b^2/12, c^2/12 per volume along its axes: the size is c of
+!> a brick, the thickness of a plate or a ring, 0.77 diameters of a ball.
 module dotyk_elasticity_shortest_extent
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp

@@ -236,8 +236,8 @@ contains
                   meaning='a pair of each two bodies whose faces are near each other, and which no other &contact '// &
                   'names; the keys of the group hold for all these pairs')
     call list%add('exclude', kind_text, most=200, &
-                  meaning='pairs of bodies that the search leaves out, as ''body - body'', or bodies with all their '// &
-                  'pairs; with wildcards')
+                  meaning='pairs of bodies that the search leaves out, as ''body - body'', or bodies with all '// &
+                  'their pairs; with wildcards')
     call list%add('gap', kind_real, unit='length', &
                   meaning='initial gap, the same everywhere; if absent, the distance between the surfaces')
     call list%add('gap_formula', kind_formula, unit='length', &

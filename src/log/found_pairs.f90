@@ -40,9 +40,10 @@ contains
         call log%line('  same contact     '//to_text(size(found%merged) - most_lines)//' more that are named twice')
       do k = 1, min(most_lines, size(found%distant))
         associate (distant => found%distant(k))
-          call log%line('  not searched     '//quoted(problem%body(distant%body)%name)//' is in no pair: its distance '// &
-                        'from '//quoted(problem%body(distant%other)%name)//' is '//to_text(distant%distance, 3)// &
-                        ', and the search distance '//to_text(distant%searched, 3)//' (search_radius)')
+          call log%line('  not searched     '//quoted(problem%body(distant%body)%name)//' is in no pair: its '// &
+                        'distance from '//quoted(problem%body(distant%other)%name)//' is '// &
+                        to_text(distant%distance, 3)//', and the search distance '//to_text(distant%searched, 3)// &
+                        ' (search_radius)')
         end associate
       end do
       if (size(found%distant) > most_lines) &

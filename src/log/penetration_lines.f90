@@ -70,8 +70,8 @@ contains
     if (n == 0) return
     first = findloc(pair%gap_kind, gap_formula, 1)
     if (n == 1) then
-      call log%line('  not checked      beside the surfaces of '//quoted(pair(first)%name)//': its gap_formula is not '// &
-                    'in the meshes')
+      call log%line('  not checked      beside the surfaces of '//quoted(pair(first)%name)//': its gap_formula is '// &
+                    'not in the meshes')
     else
       call log%line('  not checked      beside the surfaces of '//quoted(pair(first)%name)//' and '//to_text(n - 1)// &
                     ' more pairs with a gap_formula, which is not in the meshes')

@@ -86,8 +86,8 @@ contains
     kind = trim(kind_name(dimension))
     call group_names(mesh, dimension, names)
     suggestion = nearest_name(name, names)
-    message = 'mesh '//quoted(mesh%file)//' has no physical '//kind//trim(merge(' like', '     ', has_wildcard(name)))// &
-              ' '//quoted(name)
+    message = 'mesh '//quoted(mesh%file)//' has no physical '//kind// &
+              trim(merge(' like', '     ', has_wildcard(name)))//' '//quoted(name)
     if (suggestion /= '') message = message//' (did you mean '//quoted(suggestion)//'?)'
     if (size(names) > 0) then
       message = message//'; its physical '//kind//'s: '//names_text(names)

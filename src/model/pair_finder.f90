@@ -128,8 +128,8 @@ contains
       else
         call report_lacking('surface_a', given%bodies_a, given%surface_a, text)
         call report_lacking('surface_b', given%bodies_b, given%surface_b, text)
-        if (len(text) == 0) text = 'none of the surfaces of surface_a is near one of surface_b; the search distance '// &
-                                   'is search_radius, or 10 % of the smaller body'
+        if (len(text) == 0) text = 'none of the surfaces of surface_a is near one of surface_b; the search '// &
+                                   'distance is search_radius, or 10 % of the smaller body'
       end if
       call problems%add(case%file//':'//to_text(given%line)//': &contact '//quoted(given%name)//': '//text, &
                         exit_bad_input)
