@@ -59,12 +59,31 @@ class Overlaps:
         return any(check.depth(body, self.body(other)) > allowed + 1e-6 for other in parts)
 
 
-def judge(assembly, path):
+def judge(assembly, path, log=""):
     """What is wrong with results, or None; numbers."""
     bodies, pairs, _ = check.read(path)
-    numbers, scale, moments = {}, 0.0, np.zeros(3)
+    faults, numbers, held = balance(assembly, bodies, pairs, stated_imbalance(log))
     move = max(np.abs(body.u).max() for body in bodies)
-    contact = []
+    size = max(part.solid.size for part in assembly.parts)
+    numbers["move"] = float(move / size)
+    before = {(i, j): check.depth(bodies[i], bodies[j], 0.0) for i in range(len(bodies)) for j in range(i)}
+    faults += rows_through(assembly, bodies, pairs, before)
+    far = [k for k, body in enumerate(bodies)
+           if np.linalg.norm(body.u, axis=1).max() > 0.5 * np.linalg.norm(np.ptp(body.x, axis=0))]
+    for k in far:
+        words = "part %d moves by more than half its size" % (k + 1)
+        (held if "large motion     'part %d' moves" % (k + 1) in log else faults).append(words)
+    if not far:
+        found, numbers["depth"], told = penetrations(assembly, bodies, before, stated_depths(log))
+        faults += found
+        held += told
+    return "; ".join(faults) or None, numbers, "; ".join(held)
+
+
+def balance(assembly, bodies, pairs, stated):
+    """Faults of the forces and moments; numbers; what the log states of it."""
+    faults, told, contact, scale = [], [], [], 0.0
+    move = max(np.abs(body.u).max() for body in bodies)
     for body, part in zip(bodies, assembly.parts):
         external = body.weight(part.density) if part.density is not None else np.zeros_like(body.x)
         if part.load:
@@ -81,50 +100,110 @@ def judge(assembly, path):
     floor = (1e-9 * max(part.young * part.solid.size for part in assembly.parts) * max(move, 1e-6))
     scale = max(scale, floor)
     given = [np.zeros(3) for _ in bodies]
-    blind = False
-    for name, (by_pair, active, normal) in pairs.items():
-        sides = sides_of(assembly, name)
-        if sides is None:
-            return None, {"note": "pair %s" % name}
-        given[sides[0]] += by_pair
-        given[sides[1]] -= by_pair
-        for side in sides:
-            outward = normal if side == sides[0] else -normal
-            blind |= hidden(*contact[side][:2], active, outward, assembly.parts[sides[0]].solid.length)
-    faults = []
+    blind, group = [False] * len(bodies), list(range(len(bodies)))
+    for name, pair in pairs.items():
+        i, j = sides_of(assembly, name)
+        given[i] += pair.force
+        given[j] -= pair.force
+        for side, sign in ((i, 1), (j, -1)):
+            blind[side] |= hidden(*contact[side][:2], pair.position, sign * pair.normal, assembly.parts[i].solid.length)
+        if len(pair.position):
+            group = [group[i] if k == group[j] else k for k in group]
     for k, (body, held, force, own, inner) in enumerate(contact):
         if inner > BALANCE * max(own, floor):
             faults.append("part %d: force %.1e of %.1e inside" % (k + 1, inner, own))
         off = np.abs(force.sum(axis=0) - given[k]).max()
-        if off > BALANCE * scale and not blind:
-            faults.append("part %d: contact force off by %.1e of %.1e" % (k + 1, off, scale))
-    numbers["blind"] = blind
-    if scale > 0:
-        whole = sum((force.sum(axis=0) for _, _, force, _, _ in contact), np.zeros(3))
-        moments = sum((np.cross(body.x, force).sum(axis=0) for body, _, force, _, _ in contact), np.zeros(3))
-        numbers["balance"] = float(np.abs(whole).max() / scale)
-        numbers["moment"] = float(np.abs(moments).max() / scale)
-        if max(numbers["balance"], numbers["moment"]) > BALANCE and not blind:
-            faults.append("action is not reaction: force %.1e, moment %.1e" % (numbers["balance"], numbers["moment"]))
-    size = max(part.solid.size for part in assembly.parts)
-    if move > 0.5 * size:
-        faults.append("moves by %.1e" % move)
-    else:
-        deep, where = 0.0, None
-        for i, one in enumerate(bodies):
-            for j in range(i):
-                before, after = check.depth(one, bodies[j], 0.0), check.depth(one, bodies[j])
-                share = max(np.abs(one.u).max(), np.abs(bodies[j].u).max()) + before
-                curved = sum((part.solid.length**2 / (8 * part.solid.radius)) for part in (
-                    assembly.parts[i], assembly.parts[j]) if hasattr(part.solid, "radius")) if before > 0 else 0.0
-                part = max(0.0, after - curved) / share if share else 0.0
-                if part > deep:
-                    deep, where = part, (j + 1, i + 1, after)
-        numbers["depth"] = float(deep)
-        if deep > DEEP:
-            faults.append("parts %d and %d penetrate by %.2e, %.0f %% of what they move" % (*where, 100 * deep))
-    numbers["move"] = float(move / size)
-    return "; ".join(faults) or None, numbers
+        if off > BALANCE * scale and not blind[k]:
+            words = "part %d: contact force off by %.1e of %.1e" % (k + 1, off, scale)
+            (told if off <= (stated.get(k + 1, 0.0) + BALANCE) * scale else faults).append(words)
+    numbers = {"blind": any(blind), "balance": 0.0, "moment": 0.0}
+    for one in set(group):
+        members = [k for k in range(len(bodies)) if group[k] == one]
+        if any(blind[k] for k in members):
+            continue
+        whole = sum((contact[k][2].sum(axis=0) for k in members), np.zeros(3))
+        middle = np.mean(np.concatenate([bodies[k].x for k in members]), axis=0)
+        moments = sum((np.cross(bodies[k].x - middle, contact[k][2]).sum(axis=0) for k in members), np.zeros(3))
+        force, moment = (float(np.abs(v).max() / scale) for v in (whole, moments / size_of(assembly)))
+        numbers["balance"], numbers["moment"] = max(numbers["balance"], force), max(numbers["moment"], moment)
+        if max(force, moment) <= BALANCE:
+            continue
+        words = "action is not reaction: force %.1e, moment %.1e" % (force, moment)
+        allowed = sum(stated.get(k + 1, 0.0) for k in members) + BALANCE
+        (told if max(force, moment) <= allowed else faults).append(words)
+    return faults, numbers, told
+
+
+def size_of(assembly):
+    """Length by which moments are divided."""
+    return max(1.0, *(part.solid.size for part in assembly.parts))
+
+
+def rows_through(assembly, bodies, pairs, before):
+    """Active rows whose gap before deformation is deeper than the interference, facets of round parts included."""
+    faults = []
+    for name, pair in pairs.items():
+        i, j = sides_of(assembly, name)
+        round_off = sum(sagitta(assembly.parts[k], bodies[k]) for k in (i, j))
+        # points of the samples may miss the overlap of crossed edges
+        given = max([before[max(i, j), min(i, j)]] + [-assembly.parts[k].shift for k in (i, j)])
+        limit = given + round_off + 1e-6 * size_of(assembly)
+        if len(pair.gap) and pair.gap.min() < -limit:
+            faults.append("%s: active row %.1e inside, bodies %.1e" % (name, -pair.gap.min(), limit))
+    return faults
+
+
+def sagitta(part, body):
+    """Greatest distance of the facets of a round part from the round surface."""
+    radius = getattr(part.solid, "radius", None)
+    if radius is None:
+        return 0.0
+    body = check.Body(body.x, body.u, body.cells[:, :4])
+    x = (body.x - part.at) @ part.turn
+    axial = np.zeros(len(body.facets))
+    if part.solid.kind != "ball":
+        axial = (body.normals() / np.linalg.norm(body.normals(), axis=1)[:, None] @ part.turn)[:, 2]
+        x = x[:, :2]
+    on = np.abs(np.linalg.norm(x, axis=1) - radius) < 1e-6
+    facets = body.facets[on[body.facets].all(axis=1) & (np.abs(axial) < 0.5)]
+    middle = np.concatenate([x[facets].mean(axis=1)] + [x[facets[:, [k, k - 1]]].mean(axis=1) for k in range(3)])
+    return float((radius - np.linalg.norm(middle, axis=1)).max(initial=0.0))
+
+
+def penetrations(assembly, bodies, before, stated):
+    """Faults of bodies in each other; the greatest depth relative to what they move; what the log states of it."""
+    faults, told, most = [], [], 0.0
+    for (i, j), first in before.items():
+        after = check.depth(bodies[i], bodies[j])
+        share = max(np.abs(bodies[i].u).max(), np.abs(bodies[j].u).max()) + first
+        curved = sum(sagitta(assembly.parts[k], bodies[k]) for k in (i, j)) if first > 1e-9 else 0.0
+        part = max(0.0, after - curved) / share if share else 0.0
+        most = max(most, float(part))
+        if part <= DEEP:
+            continue
+        words = "parts %d and %d penetrate by %.2e, %.0f %% of what they move" % (j + 1, i + 1, after, 100 * part)
+        (told if stated.get((j + 1, i + 1), 0.0) >= 0.5 * after else faults).append(words)
+    return faults, most, told
+
+
+def stated_imbalance(log):
+    """Imbalance of bodies along held motions that the log states, relative to their contact forces {number: part}."""
+    found = {}
+    for line in log.splitlines():
+        if "motions that are held" in line:
+            value = float(re.search(r"([-\d.eE+]+) % of its contact forces", line)[1]) / 100
+            found[int(re.search(r"'part (\d+)'", line)[1])] = value
+    return found
+
+
+def stated_depths(log):
+    """Depths that warnings of the log state {(number, number): depth}."""
+    found = {}
+    for line in log.splitlines():
+        words = re.search(r"warning +'part (\d+)' is inside 'part (\d+)' by ([-\d.eE+]+)", line)
+        if words:
+            found[tuple(sorted((int(words[1]), int(words[2]))))] = float(words[3])
+    return found
 
 
 def hidden(body, held, points, outward, reach):
@@ -194,8 +273,9 @@ def run(seed, out, options):
                  "notes": [part.note for part in assembly.parts[1:]], "forgotten": assembly.forgotten >= 0,
                  "code": code, "seconds": round(seconds, 2), "numbers": {}, "reason": ""}
         if code == 0:
-            fault, entry["numbers"] = judge(assembly, folder / "scene.vtkhdf")
-            entry["outcome"], entry["reason"] = ("silent", fault) if fault else ("balances", "")
+            fault, entry["numbers"], told = judge(assembly, folder / "scene.vtkhdf", log)
+            entry["outcome"], entry["reason"] = ("silent", fault) if fault else (
+                "says why not", "warning: " + re.sub(r"\d[\d.e+-]*", "#", told)) if told else ("balances", "")
         elif code in (1, 2, 3):
             entry["outcome"], entry["reason"] = "says why not", "exit %d: %s" % (code, reason(log))
         else:

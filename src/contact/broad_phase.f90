@@ -5,12 +5,13 @@
 !> Where a body touches many others, or a large body a small one, most facets of a pair are no candidates.
 module dotyk_contact_broad_phase
   use dotyk_base_kinds, only: dp
+  use dotyk_base_sort, only: sort_order
   use dotyk_contact_bounding_volume_tree, only: bounding_volume_tree_t
   use dotyk_contact_facet_set, only: facet_set_t
   use dotyk_contact_tree_search, only: box_neighbourhood_t, tree_walk_t
   implicit none
   private
-  public :: candidate_facets, facets_near_candidates
+  public :: candidate_facets, facets_near_candidates, overlapping_boxes
 
   !> Projections along a smooth normal may be nearer than closest points by the height of the arc of a facet, relative
   !> to its size.
@@ -68,4 +69,33 @@ contains
       near(f) = all(set%hi(:, f) + set%size(f) >= low .and. set%lo(:, f) - set%size(f) <= high)
     end do
   end function facets_near_candidates
+
+  !> Couples of boxes that overlap, and each box with itself, by their lower corners in x.
+  pure subroutine overlapping_boxes(lo, hi, couple)
+    !> Lower corners (3, n) [length].
+    real(dp), intent(in) :: lo(:, :)
+    !> Upper corners (3, n) [length].
+    real(dp), intent(in) :: hi(:, :)
+    !> Numbers of the boxes, the lower one first (2, n_couples).
+    integer, allocatable, intent(out) :: couple(:, :)
+    integer, allocatable :: found(:, :), more(:, :)
+    integer :: order(size(lo, 2)), i, j, n
+    call sort_order(lo(1, :), order)
+    allocate (found(2, 2*size(order)))
+    n = 0
+    do i = 1, size(order)
+      do j = i, size(order)
+        if (lo(1, order(j)) > hi(1, order(i))) exit
+        if (any(lo(:, order(j)) > hi(:, order(i)) .or. hi(:, order(j)) < lo(:, order(i)))) cycle
+        if (n == size(found, 2)) then
+          allocate (more(2, 2*n))
+          more(:, 1:n) = found
+          call move_alloc(more, found)
+        end if
+        n = n + 1
+        found(:, n) = [min(order(i), order(j)), max(order(i), order(j))]
+      end do
+    end do
+    couple = found(:, 1:n)
+  end subroutine overlapping_boxes
 end module dotyk_contact_broad_phase

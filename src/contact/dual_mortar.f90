@@ -16,6 +16,11 @@
 !> of its neighbours' rows and its pressure noise, so that it gets none: on its facets, its phi is added to those of its
 !> neighbours before the dual functions are formed. Where M is still singular (too few points), phi replaces psi; the
 !> areas are the same.
+!>
+!> Where a facet is covered in part, psi extrapolates to its corners. Faces that are inclined to each other have the gap
+!> of the plane beyond the edge of the master surface then, which may be negative though nothing overlaps: contact
+!> through a body. Where a row would overlap deeper than each of its points, phi replaces psi on such facets: its means
+!> lie between the gaps at the points.
 module dotyk_contact_dual_mortar
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
@@ -32,17 +37,24 @@ module dotyk_contact_dual_mortar
   !> M is singular where the smallest eigenvalue of D^{-1/2} M D^{-1/2} is below this (the largest is 1). A whole facet
   !> has 1/3 (line), 1/4 (triangle), 1/9 (quadrilateral), a strip along the edge of a facet 1/6 of its relative width.
   real(dp), parameter :: min_eigenvalue = 1.0e-3_dp
+  !> Dual functions extrapolate where the sum of their absolute values exceeds their sum by this factor: a whole line has
+  !> 1.7, a triangle 2.4, a square 2.8, half a line 5, a strip of the relative width b 3/b.
+  real(dp), parameter :: greatest_amplification = 3
+  !> Gaps that differ by this fraction of the greatest one of a row are the same.
+  real(dp), parameter :: same_gap = 1.0e-6_dp
 
 contains
 
   !> Dual mortar rows at all vertices of facets that carry integration points.
-  subroutine dual_mortar_rows(corners, facet, weight, row_corner, row_weight, mortar)
+  subroutine dual_mortar_rows(corners, facet, weight, gap, row_corner, row_weight, mortar)
     !> Corners of the facets and their shape functions at the points.
     type(corner_interpolation_t), intent(in) :: corners
     !> Slave facet of each point, ascending (n_points).
     integer, intent(in) :: facet(:)
     !> Quadrature weights of the points (n_points) [length^2; length in two dimensions].
     real(dp), intent(in) :: weight(:)
+    !> Gaps of the points (n_points) [length].
+    real(dp), intent(in) :: gap(:)
     !> Corner of each row, ascending (n_rows).
     integer, allocatable, intent(out) :: row_corner(:)
     !> Weights w of the rows (n_rows) [length^2; length in two dimensions].
@@ -50,26 +62,33 @@ contains
     !> Coefficients w_q psi_i(x_q) / w_i of the points in the rows (n_rows x n_points) [].
     type(sparse_rows_t), intent(inout) :: mortar
     real(dp), allocatable :: dual(:, :), total(:), value(:)
-    integer, allocatable :: row_of(:), row(:), column(:)
-    logical, allocatable :: dropped(:)
-    integer :: first, last, n, i, j, k
+    integer, allocatable :: row_of(:), row(:), column(:), first(:)
+    logical, allocatable :: dropped(:), extrapolates(:)
+    integer :: n, i, j, k
     allocate (dual(4, size(facet)), source=0.0_dp)
     allocate (total(corners%n), row_of(corners%n))
     call find_vertices_without_row(corners, weight, dropped)
+    first = [pack([(i, i=1, size(facet))], [.true., facet(2:) /= facet(:size(facet) - 1)]), size(facet) + 1]
     total = 0
-    first = 1
-    do while (first <= size(facet))
-      last = first
-      do while (last < size(facet))
-        if (facet(last + 1) /= facet(first)) exit
-        last = last + 1
-      end do
-      n = count(corners%corner(:, first) > 0)
-      associate (corner => corners%corner(1:n, first))
-        call facet_functions(dropped(corner), weight(first:last), corners%shape(1:n, first:last), dual(1:n, first:last))
-        total(corner) = total(corner) + matmul(dual(1:n, first:last), weight(first:last))
+    do i = 1, size(first) - 1
+      n = count(corners%corner(:, first(i)) > 0)
+      associate (corner => corners%corner(1:n, first(i)), last => first(i + 1) - 1)
+        call facet_functions(dropped(corner), weight(first(i):last), corners%shape(1:n, first(i):last), .true., &
+                             dual(1:n, first(i):last))
+        total(corner) = total(corner) + matmul(dual(1:n, first(i):last), weight(first(i):last))
       end associate
-      first = last + 1
+    end do
+    do
+      call find_extrapolations(corners, first, weight, gap, dual, total, extrapolates)
+      if (.not. any(extrapolates)) exit
+      do i = 1, size(first) - 1
+        if (.not. extrapolates(i)) cycle
+        n = count(corners%corner(:, first(i)) > 0)
+        associate (corner => corners%corner(1:n, first(i)), last => first(i + 1) - 1)
+          call facet_functions(dropped(corner), weight(first(i):last), corners%shape(1:n, first(i):last), .false., &
+                               dual(1:n, first(i):last))
+        end associate
+      end do
     end do
     row_of = 0
     n = 0
@@ -94,6 +113,49 @@ contains
     end do
     call mortar%init_from_triplets(size(row_corner), size(facet), row(1:n), column(1:n), value(1:n))
   end subroutine dual_mortar_rows
+
+  !> Facets whose dual functions extrapolate to a vertex whose row overlaps deeper than each of its points.
+  subroutine find_extrapolations(corners, first, weight, gap, dual, total, extrapolates)
+    !> Corners of the facets and their shape functions at the points.
+    type(corner_interpolation_t), intent(in) :: corners
+    !> Points of the facet number i in the list are first(i) .. first(i+1)-1 (n_facets + 1).
+    integer, intent(in) :: first(:)
+    !> Quadrature weights of the points (n_points) [length^2; length in two dimensions].
+    real(dp), intent(in) :: weight(:)
+    !> Gaps of the points (n_points) [length].
+    real(dp), intent(in) :: gap(:)
+    !> Dual functions of the corners at the points (4, n_points) [].
+    real(dp), intent(in) :: dual(:, :)
+    !> Weights of the vertices (corners%n) [length^2; length in two dimensions].
+    real(dp), intent(in) :: total(:)
+    !> The facets (n_facets).
+    logical, allocatable, intent(out) :: extrapolates(:)
+    real(dp), dimension(corners%n) :: mean, least, greatest
+    logical :: is_below(corners%n)
+    integer :: i, k, n
+    mean = 0
+    least = huge(least)
+    greatest = 0
+    do k = 1, size(gap)
+      n = count(corners%corner(:, k) > 0)
+      associate (corner => corners%corner(1:n, k))
+        mean(corner) = mean(corner) + weight(k)*dual(1:n, k)*gap(k)
+        least(corner) = min(least(corner), gap(k))
+        greatest(corner) = max(greatest(corner), abs(gap(k)))
+      end associate
+    end do
+    is_below = mean < min(-same_gap*greatest, least - same_gap*greatest)*total
+    allocate (extrapolates(size(first) - 1), source=.false.)
+    if (.not. any(is_below)) return
+    do i = 1, size(extrapolates)
+      do k = 1, count(corners%corner(:, first(i)) > 0)
+        if (.not. is_below(corners%corner(k, first(i)))) cycle
+        associate (value => weight(first(i):first(i + 1) - 1)*dual(k, first(i):first(i + 1) - 1))
+          if (sum(abs(value)) > greatest_amplification*sum(value)) extrapolates(i) = .true.
+        end associate
+      end do
+    end do
+  end subroutine find_extrapolations
 
   !> Vertices that get no row; each facet keeps at least one vertex with a row.
   subroutine find_vertices_without_row(corners, weight, dropped)
@@ -124,13 +186,15 @@ contains
   end subroutine find_vertices_without_row
 
   !> Dual shape functions of the corners of one facet that have rows; zero at the other corners.
-  subroutine facet_functions(dropped, weight, shape, dual)
+  subroutine facet_functions(dropped, weight, shape, is_dual, dual)
     !> Corners without a row (n_corners); at least one has a row.
     logical, intent(in) :: dropped(:)
     !> Quadrature weights of the points of the facet (n_points) [length^2; length in two dimensions].
     real(dp), intent(in) :: weight(:)
     !> Linear shape functions at the points (n_corners, n_points) [].
     real(dp), intent(in) :: shape(:, :)
+    !> Dual functions; phi if false.
+    logical, intent(in) :: is_dual
     !> Dual shape functions at the points (n_corners, n_points) [].
     real(dp), intent(out) :: dual(:, :)
     real(dp) :: distribution(size(dropped), size(dropped))
@@ -153,7 +217,8 @@ contains
     end do
     kept = pack([(i, i=1, n)], .not. dropped)
     dual = 0
-    dual(kept, :) = dual_functions(weight, matmul(distribution(kept, :), shape))
+    dual(kept, :) = matmul(distribution(kept, :), shape)
+    if (is_dual) dual(kept, :) = dual_functions(weight, dual(kept, :))
   end subroutine facet_functions
 
   !> Dual shape functions psi = D M^{-1} phi at the points of one facet; phi where M is singular.

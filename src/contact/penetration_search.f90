@@ -1,7 +1,8 @@
 !> Penetration of one part into another after deformation: nodes of the one below the boundary of the other, and edges
 !> that pass through it without a node inside.
 !>
-!> A depth counts where it exceeds what is explained (penetration_tolerance.f90).
+!> A depth counts where it exceeds what is explained (penetration_tolerance.f90). Of the depths that are explained, the
+!> deepest that is a notable part of the displacements is kept.
 module dotyk_contact_penetration_search
   use dotyk_base_kinds, only: dp
   use dotyk_contact_closest_point, only: closest_point_on_facet
@@ -24,7 +25,12 @@ module dotyk_contact_penetration_search
     integer :: n_nodes = 0, n_edges = 0
     !> Nodes that have passed through the other part and are outside again.
     integer :: n_passed = 0
+    !> Deepest point that is explained, though it is a notable part of the displacements; 0 if there is none [length].
+    real(dp) :: unresolved = 0
+    !> Its position after deformation (3) [length].
+    real(dp) :: unresolved_position(3) = 0
   contains
+    procedure :: keep_unresolved => penetration_keep_unresolved
     procedure :: outweighs => penetration_outweighs
   end type penetration_t
 
@@ -54,6 +60,18 @@ contains
     outweighs = self%n_nodes + self%n_passed > other%n_nodes + other%n_passed
   end function penetration_outweighs
 
+  !> Keep the deeper one of the points that are explained.
+  pure subroutine penetration_keep_unresolved(self, depth, position)
+    class(penetration_t), intent(inout) :: self
+    !> Depth of a point [length].
+    real(dp), intent(in) :: depth
+    !> Its position after deformation (3) [length].
+    real(dp), intent(in) :: position(3)
+    if (.not. depth > (1 + same_depth)*self%unresolved) return
+    self%unresolved = depth
+    self%unresolved_position = position
+  end subroutine penetration_keep_unresolved
+
   !> Depth of a part below the boundary of another one.
   subroutine find_penetration(a, b, tolerance, depth, worst)
     !> The part.
@@ -67,18 +85,20 @@ contains
     !> The deepest point.
     type(penetration_t), intent(out) :: worst
     logical, allocatable :: inside(:)
+    real(dp) :: unresolved(a%n_nodes)
     integer :: i, hint
     allocate (depth(a%n_nodes))
-    !$omp parallel default(none) shared(a, b, tolerance, depth) private(hint) if (a%n_nodes > least_shared)
+    !$omp parallel default(none) shared(a, b, tolerance, depth, unresolved) private(hint) if (a%n_nodes > least_shared)
     hint = 0
     !$omp do schedule(dynamic, chunk)
     do i = 1, a%n_nodes
-      call find_node_depth(a, b, i, tolerance, hint, depth(i))
+      call find_node_depth(a, b, i, tolerance, hint, depth(i), unresolved(i))
     end do
     !$omp end do
     !$omp end parallel
     inside = depth > 0
     do i = 1, a%n_nodes
+      if (unresolved(i) > 0) call worst%keep_unresolved(unresolved(i), a%x(:, i))
       if (.not. inside(i)) cycle
       worst%n_nodes = worst%n_nodes + 1
       if (depth(i) <= (1 + same_depth)*worst%depth) cycle
@@ -128,7 +148,7 @@ contains
   end subroutine find_passages
 
   !> Depth of a node that nothing explains; 0 where it is explained [length].
-  pure subroutine find_node_depth(a, b, i, tolerance, hint, depth)
+  pure subroutine find_node_depth(a, b, i, tolerance, hint, depth, unresolved)
     !> The part.
     type(solid_t), intent(in) :: a
     !> The other part.
@@ -141,9 +161,12 @@ contains
     integer, intent(inout) :: hint
     !> Depth [length].
     real(dp), intent(out) :: depth
+    !> Depth if it is explained, though notable; else 0 [length].
+    real(dp), intent(out) :: unresolved
     real(dp) :: xi(2)
     integer :: facet
     depth = 0
+    unresolved = 0
     if (is_outside_box(b, a%x(:, i), tolerance%slack)) return
     call b%depth_of(a%x(:, i), hint, depth, facet, xi)
     hint = facet
@@ -152,11 +175,7 @@ contains
       return
     end if
     if (is_flush(a, i, b, facet)) call depth_beside_flush(a, i, b, depth, facet, xi)
-    if (.not. depth > tolerance%slack + b%roughness(facet)) then
-      depth = 0
-    else if (.not. depth > tolerance%depth_allowed(a, [i], b, facet, xi, a%x(:, i) - a%x0(:, i))) then
-      depth = 0
-    end if
+    call tolerance%keep_unexplained(a, [i], b, facet, xi, a%x(:, i), a%x(:, i) - a%x0(:, i), depth, unresolved)
   end subroutine find_node_depth
 
   !> Whether a point lies outside the box of a part.
@@ -267,13 +286,15 @@ contains
     subroutine search_segment(nodes)
       !> Its ends.
       integer, intent(in) :: nodes(2)
-      real(dp) :: s(max_crossings), deepest, place, own, at, length
+      real(dp) :: s(max_crossings), deepest, place, own, at, length, unresolved, coarse, coarse_at(3)
       integer :: k, n_crossings, facet, j
       logical :: enters(max_crossings), is_inside
       call crossings(b, a%x(:, nodes(1)), a%x(:, nodes(2)), tolerance%slack, n_crossings, s, enters)
       if (n_crossings == 0) return
       length = norm2(a%x(:, nodes(2)) - a%x(:, nodes(1)))
       deepest = 0
+      coarse = 0
+      coarse_at = 0
       facet = 0
       do k = 0, n_crossings
         associate (low => merge(0.0_dp, s(max(k, 1)), k == 0), &
@@ -285,7 +306,11 @@ contains
           if (.not. is_inside .or. (high - low)*length <= tolerance%slack) cycle
           do j = 1, n_samples
             place = low + (high - low)*j/(n_samples + 1)
-            call segment_depth(nodes, place, own, facet)
+            call segment_depth(nodes, place, own, unresolved, facet)
+            if (unresolved > coarse) then
+              coarse = unresolved
+              coarse_at = (1 - place)*a%x(:, nodes(1)) + place*a%x(:, nodes(2))
+            end if
             if (.not. own > deepest) cycle
             call deepen(nodes, low, high, place, own, facet)
             deepest = own
@@ -293,10 +318,11 @@ contains
           end do
         end associate
       end do
-      if (.not. deepest > 0) return
+      if (.not. max(deepest, coarse) > 0) return
       !$omp critical (penetration)
+      call worst%keep_unresolved(coarse, coarse_at)
       ! A node inside says it already.
-      if (.not. any(inside(nodes))) then
+      if (deepest > 0 .and. .not. any(inside(nodes))) then
         worst%n_edges = worst%n_edges + 1
         depth(nodes) = max(depth(nodes), deepest)
       end if
@@ -319,14 +345,14 @@ contains
       real(dp), intent(inout) :: own
       !> Facet of the closest point.
       integer, intent(inout) :: facet
-      real(dp) :: left, right, trial, value
+      real(dp) :: left, right, trial, value, unresolved
       integer :: step, hit
       hit = facet
       left = low
       right = high
       do step = 1, n_steps
         trial = merge(place + golden*(right - place), place - golden*(place - left), right - place > place - left)
-        call segment_depth(nodes, trial, value, hit)
+        call segment_depth(nodes, trial, value, unresolved, hit)
         if (value > own) then
           if (trial > place) left = place
           if (trial < place) right = place
@@ -342,13 +368,15 @@ contains
     end subroutine deepen
 
     !> Depth of a point of a segment that nothing explains; 0 where it is explained.
-    subroutine segment_depth(nodes, place, own, facet)
+    subroutine segment_depth(nodes, place, own, unresolved, facet)
       !> Ends of the segment.
       integer, intent(in) :: nodes(2)
       !> Place, from 0 to 1 [].
       real(dp), intent(in) :: place
       !> Depth [length].
       real(dp), intent(out) :: own
+      !> Depth if it is explained, though notable; else 0 [length].
+      real(dp), intent(out) :: unresolved
       !> Facet of the closest point; on entry one that is probably near, or 0.
       integer, intent(inout) :: facet
       real(dp) :: x(3), u(3), xi(2)
@@ -357,11 +385,7 @@ contains
       u = x - (1 - place)*a%x0(:, nodes(1)) - place*a%x0(:, nodes(2))
       hint = facet
       call b%depth_of(x, hint, own, facet, xi)
-      if (.not. own > tolerance%slack + b%roughness(facet)) then
-        own = 0
-      else if (.not. own > tolerance%depth_allowed(a, nodes, b, facet, xi, u)) then
-        own = 0
-      end if
+      call tolerance%keep_unexplained(a, nodes, b, facet, xi, x, u, own, unresolved)
     end subroutine segment_depth
   end subroutine find_edges
 end module dotyk_contact_penetration_search

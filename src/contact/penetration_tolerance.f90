@@ -2,6 +2,7 @@
 !> second order in the displacements, which small-displacement theory omits, and by rounding.
 module dotyk_contact_penetration_tolerance
   use dotyk_base_kinds, only: dp
+  use dotyk_contact_facet_set, only: facet_position_and_normal
   use dotyk_contact_solid_boundary, only: solid_t
   use dotyk_mesh_element, only: kind_nodes
   implicit none
@@ -15,10 +16,16 @@ module dotyk_contact_penetration_tolerance
     real(dp), allocatable :: explained_a(:)
     !> The same at the nodes of b (b%n_nodes) [length].
     real(dp), allocatable :: explained_b(:)
+    !> Largest displacement of the two [length].
+    real(dp) :: moved = 0
   contains
     procedure :: swapped => tolerance_swapped
     procedure :: depth_allowed => tolerance_depth_allowed
+    procedure :: keep_unexplained => tolerance_keep_unexplained
   end type penetration_tolerance_t
+
+  !> Depths that the contact conditions leave are notable from this fraction of the displacements on [].
+  real(dp), parameter :: notable_fraction = 0.25_dp
 
 contains
 
@@ -26,6 +33,7 @@ contains
   pure type(penetration_tolerance_t) function tolerance_swapped(self) result(swapped)
     class(penetration_tolerance_t), intent(in) :: self
     swapped%slack = self%slack
+    swapped%moved = self%moved
     allocate (swapped%explained_a, source=self%explained_b)
     allocate (swapped%explained_b, source=self%explained_a)
   end function tolerance_swapped
@@ -54,10 +62,102 @@ contains
       if (trial > rough) roughest = nodes(k)
       rough = max(rough, trial)
     end do
-    allowed = self%slack + rough + b%roughness(facet) + maxval(self%explained_a(nodes)) + &
-              maxval(self%explained_b(b%surface%node(1:kind_nodes(b%surface%kind(facet)), facet))) + &
+    allowed = self%slack + rough + b%roughness(facet) + left_by_pairs(self, nodes, b, facet) + &
               second_order(a, roughest, b, facet, displacement - b%displacement_at(facet, xi))
   end function tolerance_depth_allowed
+
+  !> Set a depth to 0 that is explained, but keep it where it is notable.
+  pure subroutine tolerance_keep_unexplained(self, a, nodes, b, facet, xi, x, displacement, depth, unresolved)
+    class(penetration_tolerance_t), intent(in) :: self
+    !> The part of the point.
+    type(solid_t), intent(in) :: a
+    !> The node, or the nodes that the point lies between (n).
+    integer, intent(in) :: nodes(:)
+    !> The other part.
+    type(solid_t), intent(in) :: b
+    !> Its facet that is nearest.
+    integer, intent(in) :: facet
+    !> Reference coordinates of the closest point (2) [].
+    real(dp), intent(in) :: xi(2)
+    !> The point after deformation (3) [length].
+    real(dp), intent(in) :: x(3)
+    !> Its displacement (3) [length].
+    real(dp), intent(in) :: displacement(3)
+    !> Depth; 0 on return if it is explained [length].
+    real(dp), intent(inout) :: depth
+    !> Depth if it is explained, though notable; else 0 [length].
+    real(dp), intent(out) :: unresolved
+    unresolved = 0
+    if (depth > self%slack + b%roughness(facet)) then
+      if (depth > self%depth_allowed(a, nodes, b, facet, xi, displacement)) return
+    end if
+    if (is_notable(self, a, nodes, b, facet, xi, x, displacement, depth)) unresolved = depth
+    depth = 0
+  end subroutine tolerance_keep_unexplained
+
+  !> Whether a depth is a notable part of what the two bodies move and overlap, beside what contact pairs leave and
+  !> what facets overlap before deformation: the mesh does not resolve the contact there.
+  pure logical function is_notable(tolerance, a, nodes, b, facet, xi, x, displacement, depth) result(notable)
+    !> Depths that are explained.
+    type(penetration_tolerance_t), intent(in) :: tolerance
+    !> The part of the point.
+    type(solid_t), intent(in) :: a
+    !> The node, or the nodes that the point lies between (n).
+    integer, intent(in) :: nodes(:)
+    !> The other part.
+    type(solid_t), intent(in) :: b
+    !> Its facet that is nearest.
+    integer, intent(in) :: facet
+    !> Reference coordinates of the closest point (2) [].
+    real(dp), intent(in) :: xi(2)
+    !> The point after deformation (3) [length].
+    real(dp), intent(in) :: x(3)
+    !> Its displacement (3) [length].
+    real(dp), intent(in) :: displacement(3)
+    !> Its depth [length].
+    real(dp), intent(in) :: depth
+    real(dp) :: before, round, excess, position(3), normal(3), xu(3), xv(3)
+    integer :: i, k
+    excess = depth - tolerance%slack
+    notable = .false.
+    if (.not. excess > notable_fraction*tolerance%moved) return
+    excess = excess - left_by_pairs(tolerance, nodes, b, facet)
+    if (.not. excess > notable_fraction*tolerance%moved) return
+    ! Facets of round bodies overlap where the bodies only touch.
+    round = round_off(b, facet)
+    do i = 1, size(nodes)
+      do k = a%first(nodes(i)), a%first(nodes(i) + 1) - 1
+        round = max(round, round_off(b, facet) + round_off(a, a%around(k)))
+      end do
+    end do
+    call facet_position_and_normal(b%set, facet, xi, position, normal, xu, xv)
+    position = position - b%displacement_at(facet, xi) - (x - displacement)
+    before = max(0.0_dp, dot_product(position, b%normal0(:, facet)))
+    notable = excess - min(before, round) > notable_fraction*(tolerance%moved + before)
+  end function is_notable
+
+  !> Twice the height of the arc over a facet before deformation [length].
+  pure real(dp) function round_off(part, facet)
+    !> The part.
+    type(solid_t), intent(in) :: part
+    !> Its facet.
+    integer, intent(in) :: facet
+    round_off = part%curvature(facet)*part%set%size(facet)**2/4
+  end function round_off
+
+  !> Penetration that contact pairs leave at nodes of one part and at a facet of the other [length].
+  pure real(dp) function left_by_pairs(tolerance, nodes, b, facet) result(left)
+    !> Depths that are explained.
+    type(penetration_tolerance_t), intent(in) :: tolerance
+    !> Nodes of the first part (n).
+    integer, intent(in) :: nodes(:)
+    !> The other part.
+    type(solid_t), intent(in) :: b
+    !> Its facet.
+    integer, intent(in) :: facet
+    left = maxval(tolerance%explained_a(nodes)) + &
+           maxval(tolerance%explained_b(b%surface%node(1:kind_nodes(b%surface%kind(facet)), facet)))
+  end function left_by_pairs
 
   !> Change of a gap by terms of second order: a relative displacement s along one of the surfaces, whose curvatures add
   !> up to k and whose normals turn by r together, changes the gap by s r + k s^2/2 [length].

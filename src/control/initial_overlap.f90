@@ -4,9 +4,10 @@
 !> undeformed bodies sees the others. Bodies that no contact pair has are checked.
 module dotyk_control_initial_overlap
   use dotyk_base_kinds, only: dp
+  use dotyk_contact_broad_phase, only: overlapping_boxes
   use dotyk_control_body_solution, only: body_solution_t
   use dotyk_control_contact_problem, only: contact_problem_t
-  use dotyk_control_penetration_check, only: body_penetration_t, check_couples, overlapping_boxes, &
+  use dotyk_control_penetration_check, only: body_penetration_t, check_couples, &
     penetration_check_t
   implicit none
   private

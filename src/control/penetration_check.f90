@@ -8,6 +8,7 @@ module dotyk_control_penetration_check
   use omp_lib, only: omp_get_max_threads
   use dotyk_base_kinds, only: dp
   use dotyk_base_sort, only: sort_order
+  use dotyk_contact_broad_phase, only: overlapping_boxes
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_contact_passage_search, only: swept_facets_t
   use dotyk_contact_penetration_search, only: find_passages, find_penetration, penetration_t
@@ -44,10 +45,14 @@ module dotyk_control_penetration_check
     type(body_penetration_t), allocatable :: found(:)
     !> Pairs of bodies that touch, and are in no contact pair.
     type(body_penetration_t), allocatable :: touching(:)
+    !> Pairs of bodies that are inside each other by a notable part of their displacements, which facets explain, the
+    !> deepest first.
+    type(body_penetration_t), allocatable :: unresolved(:)
     !> Depth of the nodes that are too deep, or at an edge that is; 0 elsewhere (n_bodies) [length].
     type(nodal_field_t), allocatable :: depth(:)
   contains
     procedure :: deepest => check_deepest
+    procedure :: deepest_unresolved => check_deepest_unresolved
   end type penetration_check_t
 
   !> Parts of one body.
@@ -58,7 +63,7 @@ module dotyk_control_penetration_check
     type(swept_facets_t), allocatable :: swept(:)
   end type parts_t
 
-  public :: check_couples, check_penetration, overlapping_boxes
+  public :: check_couples, check_penetration
 
   !> Depths below this fraction of the largest displacement of the two bodies are not told.
   real(dp), parameter :: least_fraction = 1.0e-3_dp
@@ -83,6 +88,18 @@ contains
       depth = self%found(1)%worst%depth
     end if
   end function check_deepest
+
+  !> The deepest point that facets explain, though it is a notable part of the displacements; 0 where there is none, NaN
+  !> where the check was not done [length].
+  pure real(dp) function check_deepest_unresolved(self) result(depth)
+    class(penetration_check_t), intent(in) :: self
+    depth = 0
+    if (.not. self%is_done) then
+      depth = ieee_value(depth, ieee_quiet_nan)
+    else if (size(self%unresolved) > 0) then
+      depth = self%unresolved(1)%worst%unresolved
+    end if
+  end function check_deepest_unresolved
 
   !> Check all bodies.
   subroutine check_penetration(problem, solution, first_row, y, error_bound, check)
@@ -160,13 +177,16 @@ contains
       associate (a => couple(1, k), c => couple(2, k))
         call check_bodies(problem, first_row, y, parts(a), parts(c), a, c, &
                           slack_of(problem%body(a)%mesh, problem%body(c)%mesh, max(moved(a), moved(c)), error_bound), &
+                          max(moved(a), moved(c)), &
                           check%depth(a)%value, check%depth(c)%value, found(k))
       end associate
     end do
     !$omp end parallel do
     check%found = pack(found, found%worst%depth > 0)
     check%touching = pack(found, found%touch%n_facets > 0 .and. .not. found%worst%depth > 0)
-    call sort_found(check%found)
+    check%unresolved = pack(found, found%worst%unresolved > 0 .and. .not. found%worst%depth > 0)
+    call sort_found(-check%found%worst%depth, check%found)
+    call sort_found(-check%unresolved%worst%unresolved, check%unresolved)
   end subroutine check_couples
 
   !> Error of displacements and of rounding [length].
@@ -182,35 +202,6 @@ contains
     slack = (least_fraction + min(largest_bound, max(0.0_dp, error_bound)))*moved + &
             coordinate_rounding*max(maxval(abs(mesh_a%x)), maxval(abs(mesh_b%x)))
   end function slack_of
-
-  !> Couples of boxes that overlap, and each box with itself, by their lower corners in x.
-  pure subroutine overlapping_boxes(lo, hi, couple)
-    !> Lower corners (3, n) [length].
-    real(dp), intent(in) :: lo(:, :)
-    !> Upper corners (3, n) [length].
-    real(dp), intent(in) :: hi(:, :)
-    !> Numbers of the boxes, the lower one first (2, n_couples).
-    integer, allocatable, intent(out) :: couple(:, :)
-    integer, allocatable :: found(:, :), more(:, :)
-    integer :: order(size(lo, 2)), i, j, n
-    call sort_order(lo(1, :), order)
-    allocate (found(2, 2*size(order)))
-    n = 0
-    do i = 1, size(order)
-      do j = i, size(order)
-        if (lo(1, order(j)) > hi(1, order(i))) exit
-        if (any(lo(:, order(j)) > hi(:, order(i)) .or. hi(:, order(j)) < lo(:, order(i)))) cycle
-        if (n == size(found, 2)) then
-          allocate (more(2, 2*n))
-          more(:, 1:n) = found
-          call move_alloc(more, found)
-        end if
-        n = n + 1
-        found(:, n) = [min(order(i), order(j)), max(order(i), order(j))]
-      end do
-    end do
-    couple = found(:, 1:n)
-  end subroutine overlapping_boxes
 
   !> Boundaries of the parts of a body.
   subroutine split_parts(b, mesh, displacement, parts)
@@ -237,7 +228,8 @@ contains
   end subroutine split_parts
 
   !> Check the parts of two bodies, or of one.
-  subroutine check_bodies(problem, first_row, y, parts_a, parts_b, a, b, slack, depth_a, depth_b, found)
+  subroutine check_bodies(problem, first_row, y, parts_a, parts_b, a, b, slack, moved, depth_a, depth_b, &
+                          found)
     !> Bodies and contact pairs.
     type(contact_problem_t), intent(in) :: problem
     !> First row of each pair (n_pairs+1).
@@ -254,6 +246,8 @@ contains
     integer, intent(in) :: b
     !> Error of the displacements and of rounding [length].
     real(dp), intent(in) :: slack
+    !> Largest displacement of the two [length].
+    real(dp), intent(in) :: moved
     !> Depth at the nodes of the first body (n_nodes) [length].
     real(dp), intent(inout) :: depth_a(:)
     !> Depth at the nodes of the second body; the same array where it is the same body (n_nodes) [length].
@@ -270,6 +264,7 @@ contains
     a_in_b = body_penetration_t(a, b)
     b_in_a = body_penetration_t(b, a)
     tolerance%slack = slack
+    tolerance%moved = moved
     ! Bodies that meet at an edge only follow what the pairs of each with others leave.
     if (a /= b .and. .not. are_paired(problem%pair, a, b)) &
       tolerance%slack = slack + largest_penetration(problem, first_row, y, a) + &
@@ -286,6 +281,7 @@ contains
     end do
     found = a_in_b
     if (b_in_a%worst%outweighs(a_in_b%worst)) found = b_in_a
+    if (.not. found%worst%depth > 0 .and. b_in_a%worst%unresolved > a_in_b%worst%unresolved) found = b_in_a
     if (found%worst%depth > 0 .or. are_paired(problem%pair, a, b)) return
     do i = 1, size(parts_a%part)
       do j = merge(i + 1, 1, a == b), size(parts_b%part)
@@ -339,6 +335,7 @@ contains
       depth(p%node) = max(depth(p%node), own)
       !$omp end critical (penetration_of_body)
     end if
+    call here%keep_unresolved(worst%unresolved, worst%unresolved_position)
     here%n_nodes = here%n_nodes + worst%n_nodes
     here%n_edges = here%n_edges + worst%n_edges
     here%n_passed = here%n_passed + worst%n_passed
@@ -348,6 +345,7 @@ contains
       worst%n_nodes = here%n_nodes
       worst%n_edges = here%n_edges
       worst%n_passed = here%n_passed
+      call worst%keep_unresolved(here%unresolved, here%unresolved_position)
     end if
   end subroutine check_parts
 
@@ -378,12 +376,14 @@ contains
     end do
   end function farthest
 
-  !> Sort penetrations, the deepest first.
-  pure subroutine sort_found(found)
+  !> Sort penetrations.
+  pure subroutine sort_found(key, found)
+    !> Key, in ascending order afterwards (n) [length].
+    real(dp), intent(in) :: key(:)
     !> Penetrations (n).
     type(body_penetration_t), intent(inout) :: found(:)
     integer :: order(size(found))
-    call sort_order(-found%worst%depth, order)
+    call sort_order(key, order)
     found = found(order)
   end subroutine sort_found
 end module dotyk_control_penetration_check

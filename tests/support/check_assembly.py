@@ -73,6 +73,16 @@ class Body:
         return force
 
 
+class Pair:
+    """Force on the first body of a contact pair; positions, normals and gaps before deformation of its active rows."""
+
+    def __init__(self, group):
+        active = group["pressure"][:] > 0
+        self.force = group.attrs["force"]
+        self.position, self.normal, self.gap, self.weight, self.pressure = (group[key][:][active] for key in (
+            "position", "normal", "gap_initial", "weight", "pressure"))
+
+
 def shapes(nodes):
     """[(weight, derivatives (nodes, 3) by the coordinates of the last three corners)] of a tetrahedron."""
     low = np.vstack([-np.ones(3), np.eye(3)])
@@ -99,8 +109,7 @@ def read(path):
             n = 4 if types[cells[k]] == 10 else 10
             bodies.append(Body(x[points[k]:points[k + 1]], u[points[k]:points[k + 1]],
                                nodes[ids[k]:ids[k + 1]].reshape(-1, n)))
-        pairs = {name: (pair.attrs["force"], *(pair[key][:][pair["pressure"][:] > 0] for key in (
-            "position", "normal"))) for name, pair in file.get("dotyk/contact", {}).items()}
+        pairs = {name: Pair(pair) for name, pair in file.get("dotyk/contact", {}).items()}
         return bodies, pairs, dict(file["dotyk/summary"].attrs)
 
 

@@ -156,6 +156,7 @@ class Part:
         self.young = float(np.round(10**random.uniform(-1, 1), 3))
         self.poisson = float(np.round(random.uniform(0, .35), 2))
         self.support = self.load = self.density = None  # (face, vector), (face, pressure), vector
+        self.shift = 0.0  # gap (positive) or interference where it touches the body it was put to
 
     def normals(self):
         """[(face, normal)] of its planar faces, where they are."""
@@ -243,6 +244,7 @@ class Assembly:
             inner = Round(0.6 - shift, 1.4, order)
             at, normal = np.array([0, 0, float(random.choice([0.0, 0.3]))]), np.eye(3)[0]
         part = Part(inner, base.turn, base.turn @ at, random)
+        part.shift = shift * (np.sqrt(3) if special == "corner" else 1)
         part.note = special + (" gap" if shift > 0 else " interference" if shift < 0 else "")
         self.parts.append(part)
         self.pairs.append((1, 0, "skin", "skin"))
@@ -265,6 +267,7 @@ class Assembly:
         turn = against(normal, direction, random)
         shift = self.shift()
         part = Part(new, turn, point - turn @ mine + shift * normal, random)
+        part.shift = shift
         if overlaps(part, self.parts, max(0.0, -shift)):
             return
         part.note = " on ".join([which, what]) + (" gap" if shift > 0 else " interference" if shift < 0 else "")
