@@ -7,7 +7,8 @@
 !> `size`: a cube of CELLS cells along each edge, of KIND tet10 (six in a cell), hex20 or hex27, with irregular inner
 !> corners, held at the bottom, loaded on top. A STREAM triad, bandwidth of the products, memory, time and iterations;
 !> with `direct` also the factor of the whole, and the difference of the two solutions. `table`: iterations against
-!> Poisson's ratio, shapes of elements and bodies, and materials. The reduction of the residual is 1e-8 in the norm of
+!> Poisson's ratio, shapes of elements and bodies, and materials; upper end of the smoother's interval, least Ritz value
+!> of the preconditioned stiffness, condition of the corner space, and the margin of the upper end. The reduction of the residual is 1e-8 in the norm of
 !> the preconditioner. Threads: OMP_NUM_THREADS.
 program multigrid
   use omp_lib, only: omp_get_max_threads
@@ -18,8 +19,9 @@ program multigrid
   use dotyk_elasticity_body, only: body_t, stiffness_t
   use dotyk_elasticity_body_modes, only: body_modes_t
   use dotyk_elasticity_constraint, only: held
+  use dotyk_elasticity_two_levels, only: two_levels_t
   use dotyk_linalg_blas, only: set_blas_threads
-  use dotyk_linalg_conjugate_gradient, only: cg_outcome_t
+  use dotyk_linalg_conjugate_gradient, only: cg_outcome_t, conjugate_gradient
   use dotyk_mesh_element, only: element_hex20, element_hex27, element_kind, element_kind_t, element_tet10, &
     reference_nodes, shape_functions
   use dotyk_response_direct, only: direct_response_t
@@ -244,6 +246,9 @@ contains
     triad = stream_triad()
     write (*, '(a, i0, a, i0)') 'unknowns ', body%constraint%n_equations, ', threads ', omp_get_max_threads()
     write (*, '(a, f0.2, a)') 'STREAM triad             ', triad, ' GB/s'
+    call start_clock(start, begun)
+    call assemble_only(body)
+    call read_clock('assembly of both levels', start, begun)
     call reset_peak()
     memory = memory_of('VmRSS:')
     call start_clock(start, begun)
@@ -273,6 +278,16 @@ contains
     call levels%destroy()
     if (with_direct) call measure_direct(body, modes, x)
   end subroutine measure_size
+
+  !> Assemble both levels, the first part of the set-up.
+  subroutine assemble_only(body)
+    !> The block.
+    type(body_t), intent(in) :: body
+    type(two_levels_t) :: stiffness
+    type(error_t), allocatable :: error
+    call stiffness%assemble(body, error)
+    if (allocated(error)) error stop 'assembly'
+  end subroutine assemble_only
 
   !> The factor of the whole.
   subroutine measure_direct(body, modes, x)
@@ -420,7 +435,7 @@ contains
     type(body_t) :: body
     type(error_t), allocatable :: error
     integer :: i, k, n
-    write (*, '(a)') 'case                                     unknowns  iterations  greatest  least Ritz  condition'
+    write (*, '(a)') 'case                                     unknowns  iterations  greatest  least Ritz  condition  margin'
     do k = 1, 3
       n = merge(cells, (2*cells)/3, k == 1)
       do i = 1, size(poisson)
@@ -538,10 +553,25 @@ contains
     call body%constraint%reduce(body%load, x)
     call levels%solve(x, tolerance, 500, outcome)
     call outcome%ritz_values(least, greatest)
-    write (*, '(a, i9, i10, a, f12.3, f12.4, es11.1)') label, size(x), outcome%steps, &
-      merge('  ', ' !', outcome%converged), levels%fine%greatest, least, report%condition
+    write (*, '(a, i9, i10, a, f12.3, f12.4, es11.1, f8.3)') label, size(x), outcome%steps, &
+      merge('  ', ' !', outcome%converged), levels%fine%greatest, least, report%condition, margin_of(levels)
     call levels%destroy()
   end subroutine write_line
+
+  !> Upper end of the smoother's interval over the greatest eigenvalue, by 80 Lanczos steps [].
+  real(dp) function margin_of(levels) result(margin)
+    !> The levels.
+    type(multigrid_t), intent(in) :: levels
+    type(cg_outcome_t) :: outcome
+    real(dp), allocatable :: start(:), x(:)
+    real(dp) :: least, greatest
+    integer :: i
+    allocate (start(levels%n), x(levels%n))
+    start(:) = [(sin(12.9898_dp*i + 0.37_dp*i*i), i=1, levels%n)]
+    call conjugate_gradient(levels%fine, start, x, 0.0_dp, 80, outcome)
+    call outcome%ritz_values(least, greatest)
+    margin = levels%fine%greatest/greatest
+  end function margin_of
 
   !> Start the clocks.
   subroutine start_clock(start, begun)
