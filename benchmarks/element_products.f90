@@ -113,7 +113,6 @@ contains
       seconds = min(seconds, wall_time() - start)
     end do
     ! Groups, forces written (read before) and read, places, vectors.
-    bytes = real(n_groups, dp)*dotyk_group_bytes() + 3*4.0_dp*size(force) + 4.0_dp*size(place) + 16.0_dp*mesh%n_nodes() &
-      *3
+    bytes = real(n_groups, dp)*dotyk_group_bytes() + 12.0_dp*size(force) + 4.0_dp*size(place) + 16.0_dp*size(x)
   end subroutine measure_elements
 end module element_products

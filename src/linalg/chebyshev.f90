@@ -35,8 +35,8 @@ module dotyk_linalg_chebyshev
   end type chebyshev_t
 
   !> Lanczos steps for the greatest eigenvalue, and the margin: Ritz values after 12 steps are 0.96 to 1 of it
-  !> (`benchmark_multigrid table`). With degree 3 and ratio 8 the smoother converges up to 1.12 times `greatest`, so that
-  !> even 0.81 of it would do.
+  !> (`benchmark_multigrid table`). With degree 3 and ratio 8 the smoother converges up to 1.12 times `greatest`: 0.81
+  !> of it would do.
   integer, parameter :: lanczos_steps = 12
   real(dp), parameter :: margin = 1.1_dp
 
