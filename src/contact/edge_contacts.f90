@@ -13,15 +13,15 @@ module dotyk_contact_edge_contacts
   use dotyk_mesh_facet, only: cross
   implicit none
   private
-  public :: find_edge_contacts
+  public :: behind_edge, find_edge_contacts, is_first_convex, is_inclined, on_edge
 
   !> Edges cross where the sine of their angle exceeds this.
-  real(dp), parameter :: min_crossing = 0.1_dp
+  real(dp), parameter, public :: min_crossing = 0.1_dp
   !> Steps to the closest points of curved edges, and the step below which they are found.
   integer, parameter :: max_steps = 20
   real(dp), parameter :: converged_step = 1.0e-12_dp
   !> Crossing edges are searched within this multiple of the size of their facets.
-  real(dp), parameter :: edge_reach = 2
+  real(dp), parameter, public :: edge_reach = 2
   !> Facets at an edge may rise above the tangent plane by this sine.
   real(dp), parameter :: max_slope = 0.02_dp
   !> Edges between facets that are inclined by less than this are flat: half a degree.

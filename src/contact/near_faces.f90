@@ -11,6 +11,7 @@ module dotyk_contact_near_faces
   use dotyk_contact_bounding_volume_tree, only: bounding_volume_tree_t
   use dotyk_contact_facet_set, only: facet_set_t
   use dotyk_contact_facing_facets, only: compare_facets, greatest_overlap, search_distance
+  use dotyk_contact_meeting_edges, only: meet_along_edges
   use dotyk_contact_tree_search, only: box_neighbourhood_t, facets_in_region
   implicit none
   private
@@ -29,7 +30,8 @@ module dotyk_contact_near_faces
     integer, allocatable :: facet_b(:)
     !> Smallest distance of each pair of facets; negative where they overlap (n) [length].
     real(dp), allocatable :: distance(:)
-    !> Whether they lie opposite each other, seen along their normals, and not just beside each other (n).
+    !> Whether they lie opposite each other, seen along their normals, and not just beside each other; of bodies without
+    !> such facets: whether they meet along an edge with free flanks (n).
     logical, allocatable :: opposite(:)
   end type near_faces_t
 
@@ -58,6 +60,7 @@ contains
     end do
     !$omp end parallel do
     call drop_hidden(faces, found)
+    call add_edges(faces, found)
     allocate (kept(size(found)))
     kept = found%n > 0
     allocate (near(count(kept)))
@@ -68,6 +71,38 @@ contains
       near(i) = found(k)
     end do
   end subroutine find_near_faces
+
+  !> Mark the facets of bodies that meet along edges only. Where other bodies lie opposite the flanks, as where four
+  !> bricks meet, these carry the contact.
+  subroutine add_edges(faces, near)
+    !> Boundary facets of the bodies (n_bodies).
+    type(body_faces_t), intent(in) :: faces(:)
+    !> Facets that are near each other, by pairs of bodies (n_pairs).
+    type(near_faces_t), intent(inout) :: near(:)
+    integer :: offset(size(faces) + 1), b, i, k
+    logical, allocatable :: is_covered(:)
+    offset(1) = 0
+    do b = 1, size(faces)
+      offset(b + 1) = offset(b) + faces(b)%n
+    end do
+    allocate (is_covered(offset(size(faces) + 1)), source=.false.)
+    do k = 1, size(near)
+      do i = 1, near(k)%n
+        if (.not. near(k)%opposite(i)) cycle
+        is_covered(offset(near(k)%body_a) + near(k)%facet_a(i)) = .true.
+        is_covered(offset(near(k)%body_b) + near(k)%facet_b(i)) = .true.
+      end do
+    end do
+    do k = 1, size(near)
+      if (any(near(k)%opposite(:near(k)%n))) cycle
+      do i = 1, near(k)%n
+        associate (a => near(k)%body_a, f => near(k)%facet_a(i), g => near(k)%facet_b(i))
+          if (is_covered(offset(a) + f) .or. is_covered(offset(near(k)%body_b) + g)) cycle
+          near(k)%opposite(i) = meet_along_edges(faces(a), f, faces(near(k)%body_b), g)
+        end associate
+      end do
+    end do
+  end subroutine add_edges
 
   !> Pairs of bodies whose boxes are within the search distance.
   subroutine near_bodies(faces, given, near)

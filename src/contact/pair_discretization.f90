@@ -24,6 +24,7 @@ module dotyk_contact_pair_discretization
   use dotyk_contact_local_origin, only: choose_origin, shift_origin
   use dotyk_contact_mortar_segments, only: build_segment_rules
   use dotyk_contact_pair, only: contact_pair_t, pair_settings_t
+  use dotyk_contact_parallel_edges, only: find_parallel_edges
   use dotyk_contact_pair_rows, only: replace_points, set_rows
   use dotyk_contact_point_contacts, only: find_vertex_contacts, point_contact_t, touches_in_points
   use dotyk_contact_projection, only: projection_found, projection_not_facing, projection_outside, projection_t, &
@@ -229,6 +230,9 @@ contains
     call sharp_edges(mesh_a%x, surface_a, slave%adjacency, sharp_a)
     call sharp_edges(mesh_b%x, surface_b, master%adjacency, sharp_b)
     if (any(sharp_a) .or. any(sharp_b)) call find_edge_contacts(slave, master, sharp_a, sharp_b, radius, contact)
+    if (any(sharp_a) .and. any(sharp_b)) &
+      call find_parallel_edges(slave, master, sharp_a, sharp_b, &
+                               kind_nodes(surface_a%kind(:surface_a%n_facets)) > slave%set%corners, radius, contact)
   end subroutine find_point_contacts
 
   !> Keep the integration points that have a projection and count the others.

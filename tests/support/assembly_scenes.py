@@ -6,6 +6,7 @@ them all; `studies/assemblies.py` makes a table, tests/cases/assemblies are test
 from assembly_edges import corner, hexagon, sheet
 from assembly_faces import ball_in_grooves, left_out, press_fit, shells, wedge
 from assembly_points import crossed, knife, vertex
+from assembly_touches import between_walls, joint, ridges
 
 # section of the issue, name, scene
 SCENES = [("edges", "block in a corner, %d divisions" % n, corner(n=n)) for n in (2, 4, 8, 16)]
@@ -39,8 +40,14 @@ SCENES += [("smooth", "wedge of 12 degrees, the groove is the slave", wedge(12, 
            ("smooth", "wedge of 12 degrees, two facets per flank", wedge(12, n=2)),
            ("smooth", "press fit, mid nodes on chords", press_fit()),
            ("smooth", "press fit, mid nodes on arcs", press_fit(0))]
+SCENES += [("points", "ridge on ridge", ridges()), ("points", "ridge on ridge, swapped", ridges((1, 2), True)),
+           ("points", "ridge on ridge, the other one finer", ridges((2, 1)))]
+SCENES += [("smooth", "round body between walls, %s" % kind, between_walls(kind))
+           for kind in ("quad4", "tri3", "hex8", "tet4")]
+SCENES += [("joints", "fine surface over a joint at %g, %s" % (split, kind), joint(split, kind=kind))
+           for split, kind in ((4.0, "hex8"), (3.3, "hex8"), (3.3, "tet4"))]
 SCENES += [("neutral", "ball in grooves, size %g" % size, ball_in_grooves(size)) for size in (0.4, 0.3)]
 SCENES += [("left out", "nut and bolt", left_out)]
 
 # Scenes that the program does not solve yet: the tests leave them out, the table shows them.
-PENDING = set()
+PENDING = {"fine surface over a joint at 4, hex8"}
