@@ -50,4 +50,4 @@ SCENES += [("neutral", "ball in grooves, size %g" % size, ball_in_grooves(size))
 SCENES += [("left out", "nut and bolt", left_out)]
 
 # Scenes that the program does not solve yet: the tests leave them out, the table shows them.
-PENDING = {"fine surface over a joint at 4, hex8"}
+PENDING = set()
