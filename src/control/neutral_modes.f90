@@ -40,8 +40,8 @@ module dotyk_control_neutral_modes
     type(contact_modes_t), allocatable, private :: modes(:)
     !> Stiffness of the Winkler foundation (n_rows) [force/length].
     real(dp), allocatable, private :: stiffness(:)
-    !> Whether the contact has been solved again.
-    logical, private :: is_last = .false.
+    !> Times that the contact has been solved again.
+    integer, private :: n_again = 0
   contains
     procedure :: find => neutral_find
     procedure :: hold => neutral_hold
@@ -58,6 +58,8 @@ module dotyk_control_neutral_modes
   !> Fraction of the contact forces from which on a solution is none: the Winkler foundation of `most_left_over` knows
   !> forces to a factor.
   real(dp), parameter :: largest_left_over = 0.05_dp
+  !> Times that the contact is solved again at most: bodies that are held may send others on their way.
+  integer, parameter :: most_again = 4
   !> Passes that release loaded directions at most, one direction of a body each; the last ones release all.
   integer, parameter :: most_passes = 8
 
@@ -160,7 +162,7 @@ contains
     logical, allocatable :: chosen(:)
     integer :: n_held
     again = .false.
-    if (.not. allocated(self%modes) .or. self%is_last) return
+    if (.not. allocated(self%modes) .or. self%n_again == most_again) return
     if (any(state%ended == [ended_cycling, ended_unbalanced, ended_no_equilibrium])) then
       chosen = self%candidate%n > 0
     else if (state%ended == ended_converged .and. allocated(state%alpha)) then
@@ -170,7 +172,7 @@ contains
     end if
     n_held = sum(self%candidate%n_held)
     call self%hold(chosen, problem, qp)
-    self%is_last = .true.
+    self%n_again = self%n_again + 1
     again = sum(self%candidate%n_held) > n_held
   end function neutral_asks_again
 
