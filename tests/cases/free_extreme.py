@@ -96,8 +96,8 @@ class FreeExtreme(dotyk_case.Case):
         for options in ("theta_mesh=1e-2, tolerance=1e-6", "theta=0, tolerance=1e-6"):
             with self.subTest(options):
                 n_balls, _ = balls.write_scene(self.folder, (3, 3, 3), options)
-                self.dotyk("balls.nml")
-                weight, spread, floor, summary = balls.check_statics(self.folder / "balls.vtkhdf")
+                log = self.dotyk("balls.nml")
+                weight, spread, floor, summary = balls.check_statics(self.folder / "balls.vtkhdf", log)
                 self.assertEqual((summary["converged"], summary["rigid_body_modes"]), (1, 6 * n_balls))
                 self.assertLessEqual(summary["error_bound"], 1e-6)
                 self.assertAlmostEqual(weight / (4 * np.pi / 3), 1, delta=0.1)  # of a ball of triangles

@@ -288,7 +288,7 @@ def in_a_box(n, theta):
         (folder/"balls.nml").rename(folder/"scene.nml")
 
     def check(answer):
-        weight, spread, floor, _ = balls.check_statics(answer.path)
+        weight, spread, floor, _ = balls.check_statics(answer.path, answer.log)
         yield spread, 1e-10, "forces on a ball against its weight"
         yield floor, 1e-9*n**3, "the floor against all weights"
         yield answer.bound, 1e-6, "bound"

@@ -40,10 +40,10 @@ class Scene:
 
 
 class Answer:
-    """A results file: attributes of the summary, displacement, pairs."""
+    """A results file: attributes of the summary, displacement, pairs; and the log."""
 
-    def __init__(self, path, moduli):
-        self.path, self.results = path, Results(path, **moduli)
+    def __init__(self, path, moduli, log):
+        self.path, self.log, self.results = path, log, Results(path, **moduli)
         self.displacement, self.points = self.results.displacement, self.results.points
         with h5py.File(path) as file:
             self.summary = dict(file["dotyk/summary"].attrs)
@@ -141,7 +141,7 @@ def run(scene, folder, timeout=600, threads=2):
     if "NaN" in text or "Infinity" in text:
         faults.append("a number that is none in the log")
     if results.exists() and code in (0, 1):
-        answer = Answer(results, scene.moduli)
+        answer = Answer(results, scene.moduli, text)
         faults += ["%s has numbers that are none" % name for name in answer.broken]
         if not np.isfinite(answer.bound):
             faults.append("bound %g" % answer.bound)
