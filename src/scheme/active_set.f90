@@ -19,6 +19,7 @@ module dotyk_scheme_active_set
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_interior_point, only: interior_point_method
   use dotyk_scheme_monitor, only: monitor_t
+  use dotyk_scheme_rigid_constraints, only: drop_rigid_constraints
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_cycling, ended_interrupted, ended_limit, &
     ended_rigid_constraint
   use dotyk_scheme_winkler_start, only: winkler_equilibrium
@@ -41,16 +42,14 @@ module dotyk_scheme_active_set
   integer, parameter :: most_first_steps = 9
   !> Active sets after that at most.
   integer, parameter :: most_last_steps = 16
+  !> Active sets at most that rows without force, added to a solution, take until it is one again.
+  integer, parameter :: most_join_steps = 4
   !> Resultants of the contact forces balance the loads up to this fraction of the forces: far above round-off of the
   !> linear systems, far below what matters for a bound.
   real(dp), parameter :: balanced = 1.0e-8_dp
   !> Scale of the forces of an unloaded scene, as a fraction of what its initial penetrations would cause on the Winkler
   !> foundation.
   real(dp), parameter :: scale_of_unloaded = 1.0e-4_dp
-  !> Rows whose diagonal entry of C is below this fraction of the largest are rigid: all their nodes are held.
-  real(dp), parameter :: rigid_row = 1.0e-13_dp
-  !> Rows that rigid body modes move by more than this are not rigid constraints: modes are scaled to 1.
-  real(dp), parameter :: moved_row = 1.0e-10_dp
   !> The energy norm that errors are relative to is at least this fraction of that of the initial penetrations on the
   !> Winkler foundation, so that rounding errors of a scene at rest are not compared with each other.
   real(dp), parameter :: least_norm = 1.0e-8_dp
@@ -85,10 +84,10 @@ contains
     type(error_t), allocatable, intent(out) :: error
     !> True: the interior-point method begins, without any active set; false if absent.
     logical, intent(in), optional :: start_inside
-    logical :: next(size(active)), is_rigid(size(active)), cycles, tried
+    logical :: next(size(active)), is_rigid(size(active)), cycles, tried, joined, is_shared
     integer :: changes(most_first_steps + most_last_steps)
-    type(iterate_t) :: last, inside
-    logical, allocatable :: inside_active(:)
+    type(iterate_t) :: last, inside, unjoined
+    logical, allocatable :: inside_active(:), unjoined_active(:)
     real(dp), allocatable :: change(:), yields(:)
     real(dp) :: begin, length, largest_force, largest_gap
     integer :: k, last_k, steps
@@ -98,10 +97,12 @@ contains
     is_rigid = .false.
     state%ended = ended_limit
     tried = .false.
+    joined = .false.
+    is_shared = .false.
     last_k = max_iterations
     do k = 1, max_iterations
       if (interrupted() .or. k > last_k) exit
-      cycles = .not. tried .and. (k == most_first_steps .or. is_not_decreasing(changes(:k - 1)))
+      cycles = .not. (tried .or. joined) .and. (k == most_first_steps .or. is_not_decreasing(changes(:k - 1)))
       if (present(start_inside) .and. k == 1) cycles = start_inside
       if (cycles) then
         call monitor%finish()
@@ -146,10 +147,22 @@ contains
       changes(k) = count(next .neqv. active)
       if (all(next .eqv. active)) then
         state%ended = ended_converged
-        exit
+        is_shared = joined
+        if (joined) exit
+        call join_touching(theta, now%y, rounding*largest_gap, is_rigid, active, next)
+        if (all(next .eqv. active)) exit
+        joined = .true.
+        unjoined = now
+        unjoined_active = active
+        last_k = min(last_k, k + most_join_steps)
       end if
       active = next
     end do
+    if (joined .and. .not. is_shared) then
+      now = unjoined
+      active = unjoined_active
+      call system%init(qp, compliance, theta, active, error)
+    end if
     if (interrupted() .and. state%ended == ended_limit) state%ended = ended_interrupted
     call monitor%finish()
     if (state%ended == ended_limit .and. tried .and. last_k < max_iterations) state%ended = ended_cycling
@@ -159,6 +172,25 @@ contains
       call system%init(qp, compliance, theta, active, error)
     end if
   end subroutine find_active_set
+
+  !> Rows that touch without force join the active set: where rows are redundant, as over the joint of two masters, those
+  !> that left it have no way back, and forces would not be shared with them.
+  pure subroutine join_touching(theta, y, nearly_zero, is_rigid, active, next)
+    !> Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    !> Penetrations (n_rows) [length].
+    real(dp), intent(in) :: y(:)
+    !> Penetrations below this are rounding errors [length].
+    real(dp), intent(in) :: nearly_zero
+    !> Rows that no force moves (n_rows).
+    logical, intent(in) :: is_rigid(:)
+    !> The active set (n_rows).
+    logical, intent(in) :: active(:)
+    !> The same with rows that touch (n_rows).
+    logical, intent(out) :: next(:)
+    next = active
+    if (any(active)) next = active .or. (abs(y) <= nearly_zero .and. .not. theta > 0 .and. .not. is_rigid)
+  end subroutine join_touching
 
   !> Whether the numbers of rows that change from one active set to the next do not get fewer.
   pure logical function is_not_decreasing(changes)
@@ -304,59 +336,6 @@ contains
     call qp%mode_displacement(now%alpha, motion)
     now%y = qp%initial_penetration - z + motion
   end subroutine update_penetrations
-
-  !> Take rigid constraints out of the active set: rows that no force moves, because all their nodes are held by
-  !> supports.
-  subroutine drop_rigid_constraints(qp, compliance, theta, yields, active, is_rigid)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Compliance of the bodies at these rows.
-    class(compliance_t), intent(inout) :: compliance
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> Work space: how much each row yields, where entries of C are not formed (n_rows) [length].
-    real(dp), allocatable, intent(inout) :: yields(:)
-    !> Active set (n_rows).
-    logical, intent(inout) :: active(:)
-    !> Grows (n_rows).
-    logical, intent(inout) :: is_rigid(:)
-    real(dp), allocatable :: diagonal(:), g(:, :)
-    integer, allocatable :: row(:)
-    real(dp) :: largest
-    integer :: i
-    if (.not. any(active .and. .not. theta > 0)) return
-    row = pack([(i, i=1, size(active))], active)
-    allocate (diagonal(size(row)))
-    allocate (g(1, qp%coarse%n))
-    if (compliance%is_formed(qp)) then
-      call compliance%get_diagonal(qp, row, diagonal)
-    else
-      if (.not. allocated(yields)) call press_all(qp, compliance, yields)
-      diagonal = yields(row)
-    end if
-    largest = maxval(diagonal)
-    do i = 1, size(row)
-      if (diagonal(i) > rigid_row*largest .or. theta(row(i)) > 0) cycle
-      call qp%coarse%rows([row(i)], g)
-      if (any(abs(g) > moved_row)) cycle
-      active(row(i)) = .false.
-      is_rigid(row(i)) = .true.
-    end do
-  end subroutine drop_rigid_constraints
-
-  !> How much all rows yield to forces without any order, by one product: only rigid ones stay where they are.
-  subroutine press_all(qp, compliance, yields)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Compliance of the bodies at these rows.
-    class(compliance_t), intent(inout) :: compliance
-    !> Displacements of the rows, without sign (n_rows) [length].
-    real(dp), allocatable, intent(out) :: yields(:)
-    integer :: i
-    allocate (yields(qp%n_rows))
-    call compliance%multiply(qp, [(1 + 0.5_dp*sin(real(i, dp)**2), i=1, qp%n_rows)], yields)
-    yields = abs(yields)
-  end subroutine press_all
 
   !> ||u||_A for relative errors; at least `least_norm` of what the initial penetrations would store in the foundation
   !> [sqrt(energy)].

@@ -8,11 +8,6 @@ module dotyk_scheme_admissible_bound
   private
   public :: admissible_bound
 
-  !> The constant c above in the norm of the diagonal of C: the inverse of the least singular value of the rows, but for
-  !> those that vanish. Eigenvalues of C are above 1/50 of its diagonal: rows have at least 1/50 of the weight of their
-  !> neighbours (`dotyk_contact_dual_mortar`), and the least eigenvalue goes with the root of that.
-  real(dp), parameter :: inverse_singular_value = 7
-
 contains
 
   !> A bound of ||u - u_theta||_A: the norm of a displacement g, of self-equilibrated forces and rigid body modes, with
@@ -23,10 +18,7 @@ contains
   !> `||u - u_theta||_A^2 <= A(u - u_theta, g)`, less `sum theta/w (lambda - lambda_theta)^2`. g comes from forces mu
   !> that solve the active system with its theta, so that B g is theta mu/w too large: that adds `theta mu^2/(4 w)`, the
   !> square completed. What rounding leaves of B g, r, adds `lambda.r` and the like with the forces of u_theta, which
-  !> are equal to first order: `x^2 <= |g| x + sum theta mu^2/(4 w) + 2 lambda.r`. Where rows are linearly dependent, r
-  !> has the rounding of y that no displacement reproduces. Then the term is (lambda_theta - lambda).r, and among the forces
-  !> that belong to u_theta there are some within c x of lambda (Hoffman, J. Res. Nat. Bur. Standards 49, 1952), so that
-  !> it adds c |r| to the bound: the smaller of both counts. [sqrt(energy)]
+  !> are equal to first order: `x^2 <= |g| x + sum theta mu^2/(4 w) + 2 lambda.r`. [sqrt(energy)]
   real(dp) function admissible_bound(qp, compliance, theta, system, lambda, y, rounding) result(bound)
     !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
@@ -42,8 +34,8 @@ contains
     real(dp), intent(in) :: y(:)
     !> Penetrations below this fraction of the largest initial one are rounding errors [].
     real(dp), intent(in) :: rounding
-    real(dp), allocatable :: diagonal(:), residual(:), mu(:), beta(:), all_mu(:), z(:), motion(:), zero(:)
-    real(dp) :: remainder, rounded
+    real(dp), allocatable :: residual(:), mu(:), beta(:), all_mu(:), z(:), motion(:), zero(:)
+    real(dp) :: remainder
     logical, allocatable :: active(:)
     if (size(y) == 0) then
       bound = 0
@@ -64,16 +56,9 @@ contains
       active(row) = .true.
       ! B g = z + G beta.
       if (any(.not. active .and. y > z + motion .and. y > rounding*maxval(abs(qp%initial_penetration)))) return
-      remainder = sum(theta(row)/weight(row)*mu**2)/4
-      bound = sqrt(max(0.0_dp, sum(all_mu*z) + dot_product(beta, qp%coarse%stiffness_forces(beta))))
-      residual = z(row) + motion(row) - residual - theta(row)/weight(row)*mu
-      rounded = huge(rounded)
-      if (compliance%is_formed(qp)) then
-        allocate (diagonal(size(row)))
-        call compliance%get_diagonal(qp, row, diagonal)
-        if (all(diagonal > 0)) rounded = inverse_singular_value*sqrt(sum(residual**2/diagonal))
-      end if
-      bound = bound + min(sqrt(remainder + 2*sum(abs(lambda(row)*residual))), sqrt(remainder) + rounded)
+      remainder = 2*sum(abs(lambda(row)*(z(row) + motion(row) - residual - theta(row)/weight(row)*mu))) &
+                  + sum(theta(row)/weight(row)*mu**2)/4
+      bound = sqrt(max(0.0_dp, sum(all_mu*z) + dot_product(beta, qp%coarse%stiffness_forces(beta)))) + sqrt(remainder)
     end associate
   end function admissible_bound
 end module dotyk_scheme_admissible_bound

@@ -50,7 +50,7 @@ def between_walls(kind="quad4", n=4):
 def joint(split=4.0, n=8, kind="hex8"):
     """A fine surface, n divisions, over the joint of two coarse blocks, without penalty."""
     def run(seed=0, dotyk=None):
-        scene = Scene("3d", solver="theta=0, tolerance=1e-12, linear_solver='direct'")
+        scene = Scene("3d", solver="theta=0, tolerance=1e-6")
         lid = box(kind, (n, n, 1), (0, 0, 4), (8, 8, 6))
         scene.body("lid", lid, 1.0, 0.0).load("lid", "top", pressure=PRESS)
         for name, low, high, side in (("one", 0.0, split, "left"), ("two", split, 8.0, "right")):
@@ -60,6 +60,8 @@ def joint(split=4.0, n=8, kind="hex8"):
         scene.fix("lid", "left", "n").fix("lid", "front", "n")
         answer = solved(scene, seed, dotyk, codes=(0, 1))
         force = sum(np.linalg.norm(pair["force"]) for pair in answer.pairs.values()) / (64 * PRESS)
+        off = max(np.abs(pair["pressure"] / PRESS - 1).max() for pair in answer.pairs.values())
         return [Row("converged", float(answer.code), 0.0, 0.0), Row("force", force, 1.0, 1e-9),
-                Row("bound", float(answer.summary["error_bound"]), 0.0, 1e-12)]
+                Row("bound above the tolerance", float(answer.summary["error_bound"] > 1e-6), 0.0, 0.0),
+                Row("pressures off by 1e-3", float(off > 1e-3), 0.0, 0.0)]
     return run

@@ -1,0 +1,70 @@
+!> Contact rows that no force moves, because all their nodes are held by supports. Without penalty they are constraints
+!> of nothing: their part of the active system is zero.
+module dotyk_scheme_rigid_constraints
+  use dotyk_base_kinds, only: dp
+  use dotyk_scheme_compliance, only: compliance_t
+  use dotyk_scheme_contact_qp, only: contact_qp_t
+  implicit none
+  private
+  public :: drop_rigid_constraints
+
+  !> Rows whose diagonal entry of C is below this fraction of the largest are rigid: all their nodes are held.
+  real(dp), parameter :: rigid_row = 1.0e-13_dp
+  !> Rows that rigid body modes move by more than this are not rigid constraints: modes are scaled to 1.
+  real(dp), parameter :: moved_row = 1.0e-10_dp
+
+contains
+
+  !> Take rigid constraints out of the active set: rows that no force moves, because all their nodes are held by
+  !> supports.
+  subroutine drop_rigid_constraints(qp, compliance, theta, yields, active, is_rigid)
+    !> Contact rows, initial penetrations, rigid body modes.
+    type(contact_qp_t), intent(in) :: qp
+    !> Compliance of the bodies at these rows.
+    class(compliance_t), intent(inout) :: compliance
+    !> Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    !> Work space: how much each row yields, where entries of C are not formed (n_rows) [length].
+    real(dp), allocatable, intent(inout) :: yields(:)
+    !> Active set (n_rows).
+    logical, intent(inout) :: active(:)
+    !> Grows (n_rows).
+    logical, intent(inout) :: is_rigid(:)
+    real(dp), allocatable :: diagonal(:), g(:, :)
+    integer, allocatable :: row(:)
+    real(dp) :: largest
+    integer :: i
+    if (.not. any(active .and. .not. theta > 0)) return
+    row = pack([(i, i=1, size(active))], active)
+    allocate (diagonal(size(row)))
+    allocate (g(1, qp%coarse%n))
+    if (compliance%is_formed(qp)) then
+      call compliance%get_diagonal(qp, row, diagonal)
+    else
+      if (.not. allocated(yields)) call press_all(qp, compliance, yields)
+      diagonal = yields(row)
+    end if
+    largest = maxval(diagonal)
+    do i = 1, size(row)
+      if (diagonal(i) > rigid_row*largest .or. theta(row(i)) > 0) cycle
+      call qp%coarse%rows([row(i)], g)
+      if (any(abs(g) > moved_row)) cycle
+      active(row(i)) = .false.
+      is_rigid(row(i)) = .true.
+    end do
+  end subroutine drop_rigid_constraints
+
+  !> How much all rows yield to forces without any order, by one product: only rigid ones stay where they are.
+  subroutine press_all(qp, compliance, yields)
+    !> Contact rows, initial penetrations, rigid body modes.
+    type(contact_qp_t), intent(in) :: qp
+    !> Compliance of the bodies at these rows.
+    class(compliance_t), intent(inout) :: compliance
+    !> Displacements of the rows, without sign (n_rows) [length].
+    real(dp), allocatable, intent(out) :: yields(:)
+    integer :: i
+    allocate (yields(qp%n_rows))
+    call compliance%multiply(qp, [(1 + 0.5_dp*sin(real(i, dp)**2), i=1, qp%n_rows)], yields)
+    yields = abs(yields)
+  end subroutine press_all
+end module dotyk_scheme_rigid_constraints
