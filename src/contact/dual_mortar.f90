@@ -37,8 +37,8 @@ module dotyk_contact_dual_mortar
   !> M is singular where the smallest eigenvalue of D^{-1/2} M D^{-1/2} is below this (the largest is 1). A whole facet
   !> has 1/3 (line), 1/4 (triangle), 1/9 (quadrilateral), a strip along the edge of a facet 1/6 of its relative width.
   real(dp), parameter :: min_eigenvalue = 1.0e-3_dp
-  !> Dual functions extrapolate where the sum of their absolute values exceeds their sum by this factor: a whole line has
-  !> 1.7, a triangle 2.4, a square 2.8, half a line 5, a strip of the relative width b 3/b.
+  !> Dual functions extrapolate where the sum of their absolute values exceeds their sum by this factor: a whole line
+  !> has 1.7, a triangle 2.4, a square 2.8, half a line 5, a strip of the relative width b 3/b.
   real(dp), parameter :: greatest_amplification = 3
   !> Gaps that differ by this fraction of the greatest one of a row are the same.
   real(dp), parameter :: same_gap = 1.0e-6_dp

@@ -1,11 +1,11 @@
 !> Gaps of curved surfaces, interpolated as the displacements of linear slave facets are.
 !>
 !> On a linear facet the displacement is the interpolation of its values at the vertices, the gap of smooth surfaces is
-!> curved: d = sum_j d_j phi_j + r, where r vanishes at the vertices (r = -h^2/8R in the middle of a chord of a circle of
-!> radius R). No displacement resembles r, and its weighted means, -h^2/12R at a vertex, would be an offset of all rows:
-!> overlaps where round bodies merely touch, and an error of the approach where the contact is resolved. So r is taken
-!> off, and the row of a vertex has the gap at the vertex, as the phi_j are biorthogonal to psi. Quadratic facets bend
-!> as the gap does; their gaps keep r.
+!> curved: d = sum_j d_j phi_j + r, where r vanishes at the vertices (r = -h^2/8R in the middle of a chord of a circle
+!> of radius R). No displacement resembles r, and its weighted means, -h^2/12R at a vertex, would be an offset of all
+!> rows: overlaps where round bodies merely touch, and an error of the approach where the contact is resolved. So r is
+!> taken off, and the row of a vertex has the gap at the vertex, as the phi_j are biorthogonal to psi. Quadratic facets
+!> bend as the gap does; their gaps keep r.
 !>
 !> r is a combination of the quadratic functions that vanish at the vertices, by least squares over the integration
 !> points of the facet and those of its vertices that have a projection: so it is known on facets of which only a part

@@ -1,4 +1,5 @@
-!> Bodies that meet along parallel edges only, such as the ridges of two roofs: no faces of them lie opposite each other.
+!> Bodies that meet along parallel edges only, such as the ridges of two roofs: none of their faces lie opposite each
+!> other.
 module dotyk_contact_meeting_edges
   use dotyk_base_kinds, only: dp
   use dotyk_contact_body_faces, only: body_faces_t
@@ -36,7 +37,8 @@ contains
       do j = 1, b%n_corners(g)
         q = b%corner(:, j, g)
         other = b%corner(:, modulo(j, b%n_corners(g)) + 1, g) - q
-        if (abs(dot_product(along, other)) < parallel_cosine*length*norm2(other)) cycle
+        ! False for edges of no length, those of collapsed facets, too.
+        if (.not. abs(dot_product(along, other)) > parallel_cosine*length*norm2(other)) cycle
         first = dot_product(q - p, along)/length
         last = dot_product(q + other - p, along)/length
         if (norm2(q - p - first/length*along) > reach .or. norm2(q + other - p - last/length*along) > reach) cycle

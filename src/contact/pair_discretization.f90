@@ -11,38 +11,24 @@ module dotyk_contact_pair_discretization
   use dotyk_base_formula, only: formula_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_magnitude, only: is_too_large, size_rule
-  use dotyk_base_options, only: discretization_mortar, gap_constant, gap_formula, &
-    geometry_smooth, quadrature_segments
+  use dotyk_base_options, only: gap_constant, gap_formula
   use dotyk_base_text, only: quoted, to_text
-  use dotyk_contact_broad_phase, only: facets_near_candidates, candidate_facets
   use dotyk_contact_edge_contacts, only: find_edge_contacts
-  use dotyk_contact_integration_points, only: whole_facet_rules, project_points
   use dotyk_contact_local_depth, only: find_depths
-  use dotyk_contact_facet_set, only: facet_position_and_normal
-  use dotyk_contact_false_overlap, only: is_false_overlap
-  use dotyk_contact_gap_interpolation, only: add_vertices, interpolate_gaps
   use dotyk_contact_local_origin, only: choose_origin, shift_origin
-  use dotyk_contact_mortar_segments, only: build_segment_rules
   use dotyk_contact_pair, only: contact_pair_t, pair_settings_t
   use dotyk_contact_parallel_edges, only: find_parallel_edges
   use dotyk_contact_pair_rows, only: replace_points, set_rows
   use dotyk_contact_point_contacts, only: find_vertex_contacts, point_contact_t, touches_in_points
-  use dotyk_contact_projection, only: projection_found, projection_not_facing, projection_outside, projection_t, &
-    projection_too_far, master_surface_t
-  use dotyk_contact_segment_quadrature, only: quadrature_rule_t
-  use dotyk_contact_smooth_projection, only: smooth_projections
+  use dotyk_contact_projection, only: master_surface_t
+  use dotyk_contact_slave_points, only: project_slave_points
   use dotyk_contact_smooth_sheets, only: sharp_edges
   use dotyk_mesh_body_mesh, only: body_mesh_t
-  use dotyk_mesh_element, only: kind_nodes, n_element_kinds
+  use dotyk_mesh_element, only: kind_nodes
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
   public :: discretize_pair
-
-  !> Round-off of a gap, relative to the greatest coordinate: a few units in the last place.
-  real(dp), parameter :: gap_round_off = 8*epsilon(1.0_dp)
-  !> Overlaps shallower than this fraction of the size of the master facet are not examined.
-  real(dp), parameter :: shallow = 1.0e-3_dp
 
 contains
 
@@ -101,61 +87,17 @@ contains
     !> Set if no integration point has a projection, or if the gap formula gives no number or one that is too large.
     type(error_t), allocatable, intent(out) :: error
     type(master_surface_t) :: slave, master
-    type(quadrature_rule_t) :: kind_rule(n_element_kinds)
-    type(quadrature_rule_t), allocatable :: facet_rule(:)
-    type(projection_t), allocatable :: projection(:)
     type(point_contact_t), allocatable :: contact(:)
-    real(dp), allocatable :: x(:, :), weight(:), xi(:, :)
-    integer, allocatable :: offset(:)
-    logical :: candidate(surface_a%n_facets)
+    real(dp), allocatable :: x(:, :)
     logical, allocatable :: in_points(:)
-    logical :: interpolates
     real(dp) :: radius
-    integer :: f, n
     radius = settings%search_radius
     if (.not. radius > 0) radius = min(mesh_a%diameter(), mesh_b%diameter())
     call master%init(mesh_b%x, surface_b)
     call slave%init(mesh_a%x, surface_a)
     call find_depths(slave%tree, slave%adjacency%neighbour, radius, slave%set)
     call find_depths(master%tree, master%adjacency%neighbour, radius, master%set)
-    candidate = candidate_facets(slave%set, master%tree, radius)
-    call whole_facet_rules(surface_a%kind(1:surface_a%n_facets), &
-                           settings%discretization == discretization_mortar, settings%axisymmetric, kind_rule)
-    allocate (offset(surface_a%n_facets + 1))
-    if (settings%quadrature == quadrature_segments) then
-      call build_segment_rules(mesh_a, surface_a, slave%set, candidate, mesh_b, surface_b, master, radius, &
-                               settings%discretization == discretization_mortar, settings%axisymmetric, kind_rule, &
-                               facet_rule)
-    else
-      allocate (facet_rule(surface_a%n_facets))
-    end if
-    offset(1) = 0
-    do f = 1, surface_a%n_facets
-      if (.not. allocated(facet_rule(f)%weight)) facet_rule(f) = kind_rule(surface_a%kind(f))
-    end do
-    interpolates = settings%geometry == geometry_smooth .and. settings%discretization == discretization_mortar
-    if (interpolates) call add_vertices(surface_a, facet_rule)
-    do f = 1, surface_a%n_facets
-      offset(f + 1) = offset(f) + size(facet_rule(f)%weight)
-    end do
-    n = offset(surface_a%n_facets + 1)
-    allocate (projection(n), x(3, n), weight(n), xi(2, n))
-    call project_points(mesh_a, surface_a, facet_rule, offset, settings%axisymmetric, master, candidate, radius, &
-                        slave%set%depth, x, xi, weight, projection)
-    if (.not. any(projection%status == projection_found)) then
-      ! Project all points, for the reasons in the message.
-      candidate = .true.
-      call project_points(mesh_a, surface_a, facet_rule, offset, settings%axisymmetric, master, candidate, radius, &
-                          slave%set%depth, x, xi, weight, projection)
-    end if
-    if (settings%geometry == geometry_smooth) then
-      call smooth_projections(mesh_a%x, surface_a, candidate, mesh_b%x, surface_b, &
-                              facets_near_candidates(master%set, slave%set, candidate, radius), slave%set%depth, &
-                              master%set%depth, radius, offset, x, xi, projection)
-    end if
-    call drop_projections_through_bodies(slave, master, x, projection)
-    if (interpolates) call interpolate_gaps(surface_a, offset, x, xi, weight, projection)
-    call keep_projected(mesh_a%dimension, offset, x, xi, weight, projection, pair)
+    call project_slave_points(mesh_a, surface_a, slave, mesh_b, surface_b, master, settings, radius, x, pair)
     call find_point_contacts(mesh_a, surface_a, slave, mesh_b, surface_b, master, radius, contact)
     if (size(contact) > 0) then
       allocate (in_points(pair%n_points))
@@ -177,30 +119,6 @@ contains
     call set_rows(mesh_a, surface_a, origin, size(contact), pair)
     allocate (pair%row_theta(pair%n_rows), source=pair%theta)
   end subroutine discretize_shifted
-
-  !> Drop the projections that lie deep in a body where the way there leaves it: they are on the wrong side.
-  subroutine drop_projections_through_bodies(slave, master, x, projection)
-    !> Slave surface, prepared for projections.
-    type(master_surface_t), intent(in) :: slave
-    !> Master surface, prepared for projections.
-    type(master_surface_t), intent(in) :: master
-    !> Positions of the points (3, n) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Projections of the points (n).
-    type(projection_t), intent(inout) :: projection(:)
-    real(dp) :: foot(3), normal(3), xu(3), xv(3)
-    integer :: i
-    !$omp parallel do default(none) schedule(dynamic, 256) private(foot, normal, xu, xv) &
-    !$omp shared(slave, master, x, projection)
-    do i = 1, size(projection)
-      if (projection(i)%status /= projection_found) cycle
-      ! The elements overlap, whatever the smooth surfaces do.
-      call facet_position_and_normal(master%set, projection(i)%facet, projection(i)%xi, foot, normal, xu, xv)
-      if (dot_product(x(:, i) - foot, projection(i)%normal) < shallow*master%set%size(projection(i)%facet)) cycle
-      if (is_false_overlap(slave, master, x(:, i), foot)) projection(i)%status = projection_outside
-    end do
-    !$omp end parallel do
-  end subroutine drop_projections_through_bodies
 
   !> Point contacts of vertices and edges.
   subroutine find_point_contacts(mesh_a, surface_a, slave, mesh_b, surface_b, master, radius, contact)
@@ -234,56 +152,6 @@ contains
       call find_parallel_edges(slave, master, sharp_a, sharp_b, &
                                kind_nodes(surface_a%kind(:surface_a%n_facets)) > slave%set%corners, radius, contact)
   end subroutine find_point_contacts
-
-  !> Keep the integration points that have a projection and count the others.
-  pure subroutine keep_projected(d, offset, x, xi, weight, projection, pair)
-    !> Dimension of space.
-    integer, intent(in) :: d
-    !> Points of slave facet f are offset(f)+1 .. offset(f+1) (n_facets+1).
-    integer, intent(in) :: offset(:)
-    !> Positions of all points (3, n) [length].
-    real(dp), intent(in) :: x(:, :)
-    !> Reference coordinates of all points (2, n) [].
-    real(dp), intent(in) :: xi(:, :)
-    !> Weights of all points (n) [length^2; length in two dimensions].
-    real(dp), intent(in) :: weight(:)
-    !> Projections of all points (n).
-    type(projection_t), intent(in) :: projection(:)
-    !> Pair; its points are set.
-    type(contact_pair_t), intent(inout) :: pair
-    real(dp) :: area
-    integer :: f, i, k, n
-    n = count(projection%status == projection_found)
-    pair%dimension = d
-    pair%n_points = n
-    pair%n_unprojected = size(projection) - n
-    pair%n_not_facing = count(projection%status == projection_not_facing)
-    pair%n_outside = count(projection%status == projection_outside)
-    pair%n_too_far = count(projection%status == projection_too_far)
-    area = max(sum(weight), tiny(1.0_dp))
-    pair%lost_not_facing = sum(weight, mask=projection%status == projection_not_facing)/area
-    pair%lost_outside = sum(weight, mask=projection%status == projection_outside)/area
-    pair%lost_too_far = sum(weight, mask=projection%status == projection_too_far)/area
-    allocate (pair%position(d, n), pair%normal(d, n), pair%weight(n), pair%gap(n), pair%facet_a(n), &
-              pair%xi_a(d - 1, n), pair%facet_b(n), pair%xi_b(d - 1, n))
-    k = 0
-    do f = 1, size(offset) - 1
-      do i = offset(f) + 1, offset(f + 1)
-        if (projection(i)%status /= projection_found) cycle
-        k = k + 1
-        pair%position(:, k) = x(1:d, i)
-        pair%normal(:, k) = projection(i)%normal(1:d)
-        pair%weight(k) = weight(i)
-        pair%gap(k) = projection(i)%distance
-        pair%facet_a(k) = f
-        pair%xi_a(:, k) = xi(1:d - 1, i)
-        pair%facet_b(k) = projection(i)%facet
-        pair%xi_b(:, k) = projection(i)%xi(1:d - 1)
-      end do
-    end do
-    ! Surfaces that touch have a gap of 0, not of the round-off of the coordinates.
-    where (abs(pair%gap) <= gap_round_off*maxval(abs(x))) pair%gap = 0
-  end subroutine keep_projected
 
   !> Replace the distance between the surfaces by a given gap.
   subroutine set_given_gap(settings, formula, pair, error)

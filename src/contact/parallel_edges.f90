@@ -1,8 +1,8 @@
 !> Contacts of convex edges that lie on each other, such as the ridges of two roofs: no facet faces them, no mortar
 !> integral and no crossing sees them.
 !>
-!> Node to edge: each vertex (and mid-side node) of a sharp slave edge that lies over a sharp master edge gets a row, and
-!> so do the ends of a master ridge that lie over a slave edge. The normal is the direction between the edges; where
+!> Node to edge: each vertex (and mid-side node) of a sharp slave edge that lies over a sharp master edge gets a row,
+!> and so do the ends of a master ridge that lie over a slave edge. The normal is the direction between the edges; where
 !> they touch it has none, and is that of the means of the faces beside them. The admissible positions of one edge
 !> beside the other are no convex set: the row keeps the edges on the sides of the plane through the contact on which
 !> they lie at the beginning. The weight of a row is its share of the length times half the size of the facet.

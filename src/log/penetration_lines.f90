@@ -34,8 +34,8 @@ contains
       associate (found => check%unresolved(k), worst => check%unresolved(k)%worst)
         call log%line('  warning          '//quoted(body(found%body)%name)//' is inside '// &
                       quoted(body(found%other)%name)//' by '//to_text(worst%unresolved, 4)//' at '// &
-                      place_of(worst%unresolved_position)//', a large part of their displacements; the facets there '// &
-                      'resolve no less: refine the mesh, and check that a contact pair has these faces')
+                      place_of(worst%unresolved_position)//', a large part of their displacements; the facets '// &
+                      'there resolve no less: refine the mesh, and check that a contact pair has these faces')
       end associate
     end do
     if (size(check%unresolved) > most_unresolved) &

@@ -7,8 +7,8 @@
 !> where the displacement is nearly rigid, and stays in double precision. Memory and time of a solve are linear in the
 !> unknowns, but for the factor of the corner space: 1/8 of the unknowns of tet10.
 !>
-!> A body with rigid body modes R: P = I - R R^T before and after the cycle, and the Moore-Penrose inverse of the corner
-!> space (`dotyk_response_direct`).
+!> A body with rigid body modes R: P = I - R R^T after the cycle, and the Moore-Penrose inverse of the corner space
+!> (`dotyk_response_direct`). Residuals are in the range of P, as the right-hand side is.
 module dotyk_response_multigrid
   use dotyk_base_error, only: add_context, error_t, exit_not_solvable, set_error
   use dotyk_base_kinds, only: dp, int64, sp
