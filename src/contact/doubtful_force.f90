@@ -18,7 +18,9 @@ module dotyk_contact_doubtful_force
   type, public :: doubtful_force_t
     !> Name of the pair.
     character(:), allocatable :: pair
-    !> Fraction of the contact force of the pair [].
+    !> Sum of the contact forces of all its rows [force].
+    real(dp) :: total = 0
+    !> Fraction of them where the surfaces do not touch [].
     real(dp) :: share = 0
     !> The greatest of these forces, on one row [force].
     real(dp) :: force = 0
@@ -55,12 +57,12 @@ contains
     !> Forces; the share is 0 where there are none.
     type(doubtful_force_t), intent(out) :: doubtful
     real(dp), allocatable :: p(:), gap(:)
-    real(dp) :: total, force
+    real(dp) :: force
     integer :: i, k
     doubtful%pair = pair%name
     allocate (doubtful%position(pair%dimension), source=0.0_dp)
-    total = sum(pair%row_weight*pressure)
-    if (.not. any(pressure(:pair%n_mortar_rows) > 0) .or. .not. total > 0) return
+    doubtful%total = sum(pair%row_weight*pressure)
+    if (.not. any(pressure(:pair%n_mortar_rows) > 0) .or. .not. doubtful%total > 0) return
     call gaps_under_pressure(pair, surface_a, surface_b, u_a, u_b, pressure, row_theta, p, gap)
     do i = 1, pair%n_mortar_rows
       force = pair%row_weight(i)*pressure(i)
@@ -68,7 +70,7 @@ contains
       associate (points => pair%average%column(pair%average%row_start(i):pair%average%row_start(i + 1) - 1))
         if (.not. minval(gap(points)) > touching*maxval(gap(points))) cycle
         if (.not. any([(is_quadratic(surface_a%kind(pair%facet_a(points(k)))), k=1, size(points))])) cycle
-        doubtful%share = doubtful%share + force/total
+        doubtful%share = doubtful%share + force/doubtful%total
         if (force <= doubtful%force) cycle
         doubtful%force = force
         doubtful%position = pair%row_position(:, i)

@@ -16,13 +16,15 @@ contains
     type(log_t), intent(inout) :: log
     !> Forces of the pairs (n_pairs).
     type(doubtful_force_t), intent(in) :: doubtful(:)
-    !> Share of the force of a pair from which on it gets a line; lines at most.
-    real(dp), parameter :: large_share = 0.1_dp
+    !> Share of the force of a pair, and of that of the most loaded pair, from which on it gets a line; lines at most.
+    real(dp), parameter :: large_share = 0.1_dp, considerable = 0.01_dp
     integer, parameter :: most_lines = 5
     integer, allocatable :: list(:)
     character(:), allocatable :: place
     integer :: i, c
-    list = pack([(i, i=1, size(doubtful))], doubtful%share > large_share)
+    if (size(doubtful) == 0) return
+    list = pack([(i, i=1, size(doubtful))], doubtful%share > large_share .and. &
+                doubtful%share*doubtful%total > considerable*maxval(doubtful%total))
     do i = 1, min(size(list), most_lines)
       associate (at => doubtful(list(i)))
         place = to_text(at%position(1), 4)
