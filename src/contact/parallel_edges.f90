@@ -70,6 +70,7 @@ contains
           call nearest_contact(slave, f, e, 0.5_dp*i, master, sharp_b, radius, new, place, found)
           if (.not. found) cycle
           if (i == 1) then
+            if (has_contact(new%position, same_place*slave%set%size(f), contact(:n_before))) cycle
             new%edge_a = e
           else
             associate (row => row_a(slave%adjacency%vertex(k, f)))
@@ -98,6 +99,18 @@ contains
       end do
     end do
   end subroutine find_parallel_edges
+
+  !> Whether a point has a contact already.
+  pure logical function has_contact(x, reach, contact)
+    !> The point (3) [length].
+    real(dp), intent(in) :: x(3)
+    !> Distance within which two points are the same [length].
+    real(dp), intent(in) :: reach
+    !> Contacts (n).
+    type(point_contact_t), intent(in) :: contact(:)
+    integer :: i
+    has_contact = any([(norm2(contact(i)%position - x) <= reach, i=1, size(contact))])
+  end function has_contact
 
   !> Whether an edge is sharp and convex, the first of its two copies.
   pure logical function is_ridge(surface, sharp, f, e)

@@ -117,7 +117,8 @@ contains
         end if
       end if
       call drop_rigid_constraints(qp, compliance, theta, yields, active, is_rigid)
-      if (any(is_rigid .and. qp%initial_penetration > 0 .and. .not. theta > 0)) then
+      ! Rigid rows that have joined a solution penetrate by rounding only.
+      if (.not. joined .and. any(is_rigid .and. qp%initial_penetration > 0 .and. .not. theta > 0)) then
         state%ended = ended_rigid_constraint
         return
       end if
@@ -173,8 +174,8 @@ contains
     end if
   end subroutine find_active_set
 
-  !> Rows that touch without force join the active set: where rows are redundant, as over the joint of two masters, those
-  !> that left it have no way back, and forces would not be shared with them.
+  !> Rows that touch without force join the active set: where rows are redundant, as over the joint of two masters,
+  !> those that left it have no way back, and forces would not be shared with them.
   pure subroutine join_touching(theta, y, nearly_zero, is_rigid, active, next)
     !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
