@@ -19,8 +19,9 @@
 !>
 !> Where a facet is covered in part, psi extrapolates to its corners. Faces that are inclined to each other have the gap
 !> of the plane beyond the edge of the master surface then, which may be negative though nothing overlaps: contact
-!> through a body. Where a row would overlap deeper than each of its points, phi replaces psi on such facets: its means
-!> lie between the gaps at the points.
+!> through a body. So it is where an edge of the master surface lies across the facet: large gaps beyond the edge count
+!> as negative ones at the corners that are far from it. Where a row would overlap deeper than each of its points, phi
+!> replaces psi on such facets: its means lie between the gaps at the points.
 module dotyk_contact_dual_mortar
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
@@ -37,16 +38,20 @@ module dotyk_contact_dual_mortar
   !> M is singular where the smallest eigenvalue of D^{-1/2} M D^{-1/2} is below this (the largest is 1). A whole facet
   !> has 1/3 (line), 1/4 (triangle), 1/9 (quadrilateral), a strip along the edge of a facet 1/6 of its relative width.
   real(dp), parameter :: min_eigenvalue = 1.0e-3_dp
-  !> Dual functions extrapolate where the sum of their absolute values exceeds their sum by this factor: a whole line
-  !> has 1.7, a triangle 2.4, a square 2.8, half a line 5, a strip of the relative width b 3/b.
-  real(dp), parameter :: greatest_amplification = 3
+  !> Dual functions of facets with 1 to 4 corners extrapolate where the sum of their absolute values exceeds their sum
+  !> by this factor: a whole line has 1.7, a triangle 2.4, a square 2.8 (up to 3.0 by two Gauss points in each
+  !> direction), half a line 5, a strip of the relative width b 3/b.
+  real(dp), parameter :: greatest_amplification(4) = [1.1_dp, 1.8_dp, 2.6_dp, 3.1_dp]
+  !> An edge of the master surface lies across a facet where the cosine of the angle between normals at two of its
+  !> points is below this: 40 degrees.
+  real(dp), parameter :: sharp_cosine = 0.766_dp
   !> Gaps that differ by this fraction of the greatest one of a row are the same.
   real(dp), parameter :: same_gap = 1.0e-6_dp
 
 contains
 
   !> Dual mortar rows at all vertices of facets that carry integration points.
-  subroutine dual_mortar_rows(corners, facet, weight, gap, row_corner, row_weight, mortar)
+  subroutine dual_mortar_rows(corners, facet, weight, gap, normal, row_corner, row_weight, mortar)
     !> Corners of the facets and their shape functions at the points.
     type(corner_interpolation_t), intent(in) :: corners
     !> Slave facet of each point, ascending (n_points).
@@ -55,6 +60,8 @@ contains
     real(dp), intent(in) :: weight(:)
     !> Gaps of the points (n_points) [length].
     real(dp), intent(in) :: gap(:)
+    !> Unit normals at the points (dimension, n_points) [].
+    real(dp), intent(in) :: normal(:, :)
     !> Corner of each row, ascending (n_rows).
     integer, allocatable, intent(out) :: row_corner(:)
     !> Weights w of the rows (n_rows) [length^2; length in two dimensions].
@@ -63,7 +70,7 @@ contains
     type(sparse_rows_t), intent(inout) :: mortar
     real(dp), allocatable :: dual(:, :), total(:), value(:)
     integer, allocatable :: row_of(:), row(:), column(:), first(:)
-    logical, allocatable :: dropped(:), extrapolates(:)
+    logical, allocatable :: dropped(:), extrapolates(:), replaced(:)
     integer :: n, i, j, k
     allocate (dual(4, size(facet)), source=0.0_dp)
     allocate (total(corners%n), row_of(corners%n))
@@ -78,9 +85,12 @@ contains
         total(corner) = total(corner) + matmul(dual(1:n, first(i):last), weight(first(i):last))
       end associate
     end do
+    allocate (replaced(size(first) - 1), source=.false.)
     do
-      call find_extrapolations(corners, first, weight, gap, dual, total, extrapolates)
+      call find_extrapolations(corners, first, weight, gap, normal, dual, total, extrapolates)
+      extrapolates = extrapolates .and. .not. replaced
       if (.not. any(extrapolates)) exit
+      replaced = replaced .or. extrapolates
       do i = 1, size(first) - 1
         if (.not. extrapolates(i)) cycle
         n = count(corners%corner(:, first(i)) > 0)
@@ -115,7 +125,7 @@ contains
   end subroutine dual_mortar_rows
 
   !> Facets whose dual functions extrapolate to a vertex whose row overlaps deeper than each of its points.
-  subroutine find_extrapolations(corners, first, weight, gap, dual, total, extrapolates)
+  subroutine find_extrapolations(corners, first, weight, gap, normal, dual, total, extrapolates)
     !> Corners of the facets and their shape functions at the points.
     type(corner_interpolation_t), intent(in) :: corners
     !> Points of the facet number i in the list are first(i) .. first(i+1)-1 (n_facets + 1).
@@ -124,6 +134,8 @@ contains
     real(dp), intent(in) :: weight(:)
     !> Gaps of the points (n_points) [length].
     real(dp), intent(in) :: gap(:)
+    !> Unit normals at the points (dimension, n_points) [].
+    real(dp), intent(in) :: normal(:, :)
     !> Dual functions of the corners at the points (4, n_points) [].
     real(dp), intent(in) :: dual(:, :)
     !> Weights of the vertices (corners%n) [length^2; length in two dimensions].
@@ -132,6 +144,7 @@ contains
     logical, allocatable, intent(out) :: extrapolates(:)
     real(dp), dimension(corners%n) :: mean, least, greatest
     logical :: is_below(corners%n)
+    real(dp) :: limit
     integer :: i, k, n
     mean = 0
     least = huge(least)
@@ -148,10 +161,15 @@ contains
     allocate (extrapolates(size(first) - 1), source=.false.)
     if (.not. any(is_below)) return
     do i = 1, size(extrapolates)
-      do k = 1, count(corners%corner(:, first(i)) > 0)
+      n = count(corners%corner(:, first(i)) > 0)
+      limit = greatest_amplification(n)
+      associate (normals => normal(:, first(i):first(i + 1) - 1))
+        if (minval(matmul(transpose(normals), normals)) < sharp_cosine) limit = 1
+      end associate
+      do k = 1, n
         if (.not. is_below(corners%corner(k, first(i)))) cycle
         associate (value => weight(first(i):first(i + 1) - 1)*dual(k, first(i):first(i + 1) - 1))
-          if (sum(abs(value)) > greatest_amplification*sum(value)) extrapolates(i) = .true.
+          if (sum(abs(value)) > limit*sum(value)) extrapolates(i) = .true.
         end associate
       end do
     end do

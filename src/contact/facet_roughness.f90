@@ -43,15 +43,19 @@ contains
     real(dp), allocatable, intent(out) :: roughness(:)
     !> Curvature before deformation (n_facets) [1/length].
     real(dp), allocatable, intent(out) :: curvature(:)
-    real(dp) :: width
+    type(facet_set_t) :: before
+    real(dp) :: width, bent, centre_normal(3)
     real(dp), allocatable :: own(:)
     integer :: entity(set%n), f, e, other, back
     entity = [(facet_entity(surface, f), f=1, set%n)]
     allocate (normal0(3, set%n), normal(3, set%n), roughness(set%n), curvature(set%n))
+    ! Deformation bends flat facets too.
+    call before%init_polynomials(x0(1:set%dimension, :), surface)
     do f = 1, set%n
-      associate (corner => surface%node(1:set%corners(f), f))
+      associate (corner => surface%node(1:set%corners(f), f), is_flat => set%affine(f) .and. set%corners(f) > 2)
         normal0(:, f) = corner_normal(x0(:, corner))
-        call bulge(set, f, normal(:, f), roughness(f), curvature(f))
+        call bulge(set, f, is_flat, normal(:, f), roughness(f), bent)
+        call bulge(before, f, is_flat, centre_normal, bent, curvature(f))
       end associate
     end do
     do f = 1, set%n
@@ -78,12 +82,14 @@ contains
     end do
   end subroutine measure_roughness
 
-  !> Normal at the centre of a deformed facet, and its roughness and curvature by the normals at its corners.
-  pure subroutine bulge(set, f, normal, roughness, curvature)
-    !> Deformed facets.
+  !> Normal at the centre of a facet, and its roughness and curvature by the normals at its corners.
+  pure subroutine bulge(set, f, is_flat, normal, roughness, curvature)
+    !> Facets, deformed or not.
     type(facet_set_t), intent(in) :: set
     !> Facet number.
     integer, intent(in) :: f
+    !> Whether it is flat: roughness and curvature are 0.
+    logical, intent(in) :: is_flat
     !> Unit normal at the centre (3) [].
     real(dp), intent(out) :: normal(3)
     !> Roughness [length].
@@ -96,7 +102,7 @@ contains
     call facet_position_and_normal(set, f, xi, centre, normal, xu, xv)
     roughness = 0
     curvature = 0
-    if (set%affine(f) .and. set%corners(f) > 2) return
+    if (is_flat) return
     do i = 1, set%corners(f)
       select case (set%corners(f))
       case (2)

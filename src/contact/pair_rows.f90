@@ -69,8 +69,8 @@ contains
     if (n > 0) then
       call corners%init(surface_a, pair%facet_a(1:n), pair%xi_a(:, 1:n))
       deallocate (pair%row_corner, pair%row_weight)
-      call dual_mortar_rows(corners, pair%facet_a(1:n), pair%weight(1:n), pair%gap(1:n), pair%row_corner, &
-                            pair%row_weight, mortar)
+      call dual_mortar_rows(corners, pair%facet_a(1:n), pair%weight(1:n), pair%gap(1:n), pair%normal(:, 1:n), &
+                            pair%row_corner, pair%row_weight, mortar)
       m = size(pair%row_corner)
     end if
     pair%n_mortar_rows = m

@@ -9,7 +9,7 @@ module dotyk_contact_penetration_search
   use dotyk_contact_facet_crossing, only: crossings, max_crossings
   use dotyk_contact_facet_set, only: facet_position_and_normal
   use dotyk_contact_passage_search, only: find_passage, passage_t, swept_facets_t
-  use dotyk_contact_penetration_tolerance, only: penetration_tolerance_t
+  use dotyk_contact_penetration_tolerance, only: notable_fraction, penetration_tolerance_t
   use dotyk_contact_solid_boundary, only: solid_t
   use dotyk_mesh_element, only: kind_nodes
   implicit none
@@ -84,28 +84,28 @@ contains
     real(dp), allocatable, intent(out) :: depth(:)
     !> The deepest point.
     type(penetration_t), intent(out) :: worst
-    logical, allocatable :: inside(:)
+    logical :: is_below(a%n_nodes)
     real(dp) :: unresolved(a%n_nodes)
     integer :: i, hint
     allocate (depth(a%n_nodes))
-    !$omp parallel default(none) shared(a, b, tolerance, depth, unresolved) private(hint) if (a%n_nodes > least_shared)
+    !$omp parallel default(none) shared(a, b, tolerance, depth, is_below, unresolved) private(hint) &
+    !$omp& if (a%n_nodes > least_shared)
     hint = 0
     !$omp do schedule(dynamic, chunk)
     do i = 1, a%n_nodes
-      call find_node_depth(a, b, i, tolerance, hint, depth(i), unresolved(i))
+      call find_node_depth(a, b, i, tolerance, hint, is_below(i), depth(i), unresolved(i))
     end do
     !$omp end do
     !$omp end parallel
-    inside = depth > 0
     do i = 1, a%n_nodes
       if (unresolved(i) > 0) call worst%keep_unresolved(unresolved(i), a%x(:, i))
-      if (.not. inside(i)) cycle
+      if (.not. depth(i) > 0) cycle
       worst%n_nodes = worst%n_nodes + 1
       if (depth(i) <= (1 + same_depth)*worst%depth) cycle
       worst%depth = depth(i)
       worst%position = a%x(:, i)
     end do
-    call find_edges(a, b, tolerance, inside, depth, worst)
+    call find_edges(a, b, tolerance, is_below, depth > 0, depth, worst)
   end subroutine find_penetration
 
   !> Nodes of a part that have passed wholly through another one.
@@ -148,7 +148,7 @@ contains
   end subroutine find_passages
 
   !> Depth of a node that nothing explains; 0 where it is explained [length].
-  pure subroutine find_node_depth(a, b, i, tolerance, hint, depth, unresolved)
+  pure subroutine find_node_depth(a, b, i, tolerance, hint, is_below, depth, unresolved)
     !> The part.
     type(solid_t), intent(in) :: a
     !> The other part.
@@ -159,12 +159,15 @@ contains
     type(penetration_tolerance_t), intent(in) :: tolerance
     !> Facet that is probably near, that of the last node; 0 for none.
     integer, intent(inout) :: hint
+    !> Whether the node is below the boundary, explained or not.
+    logical, intent(out) :: is_below
     !> Depth [length].
     real(dp), intent(out) :: depth
     !> Depth if it is explained, though notable; else 0 [length].
     real(dp), intent(out) :: unresolved
     real(dp) :: xi(2)
     integer :: facet
+    is_below = .false.
     depth = 0
     unresolved = 0
     if (is_outside_box(b, a%x(:, i), tolerance%slack)) return
@@ -175,6 +178,7 @@ contains
       return
     end if
     if (is_flush(a, i, b, facet)) call depth_beside_flush(a, i, b, depth, facet, xi)
+    is_below = depth > tolerance%slack
     call tolerance%keep_unexplained(a, [i], b, facet, xi, a%x(:, i), a%x(:, i) - a%x0(:, i), depth, unresolved)
   end subroutine find_node_depth
 
@@ -242,14 +246,16 @@ contains
     if (dot_product(a%x(:, i) - position, normal) < 0) depth = sqrt(square)
   end subroutine depth_beside_flush
 
-  !> Edges that pass through another part.
-  subroutine find_edges(a, b, tolerance, inside, depth, worst)
+  !> Edges that pass through another part, or run inside it between two nodes that are explained.
+  subroutine find_edges(a, b, tolerance, is_below, inside, depth, worst)
     !> The part.
     type(solid_t), intent(in) :: a
     !> The other part.
     type(solid_t), intent(in) :: b
     !> Depths that are explained.
     type(penetration_tolerance_t), intent(in) :: tolerance
+    !> Nodes below the boundary (a%n_nodes).
+    logical, intent(in) :: is_below(:)
     !> Nodes that are too deep (a%n_nodes).
     logical, intent(in) :: inside(:)
     !> Depth of each node that is too deep, or at an edge that is (a%n_nodes) [length].
@@ -259,7 +265,7 @@ contains
     integer :: f, e, n, other, corners, ends(3)
     n = a%set%n
     !$omp parallel do default(none) private(e, other, corners, ends) schedule(dynamic, chunk) &
-    !$omp& shared(a, b, tolerance, inside, depth, worst, n) if (n > least_shared)
+    !$omp& shared(a, b, tolerance, is_below, inside, depth, worst, n) if (n > least_shared)
     do f = 1, n
       if (any(a%set%lo(:, f) > b%tree%volume(1)%hi .or. a%set%hi(:, f) < b%tree%volume(1)%lo)) cycle
       corners = a%set%corners(f)
@@ -290,7 +296,7 @@ contains
       integer :: k, n_crossings, facet, j
       logical :: enters(max_crossings), is_inside
       call crossings(b, a%x(:, nodes(1)), a%x(:, nodes(2)), tolerance%slack, n_crossings, s, enters)
-      if (n_crossings == 0) return
+      if (n_crossings == 0 .and. .not. all(is_below(nodes))) return
       length = norm2(a%x(:, nodes(2)) - a%x(:, nodes(1)))
       deepest = 0
       coarse = 0
@@ -299,7 +305,7 @@ contains
       do k = 0, n_crossings
         associate (low => merge(0.0_dp, s(max(k, 1)), k == 0), &
                    high => merge(1.0_dp, s(min(k + 1, size(s))), k == n_crossings))
-          is_inside = .false.
+          is_inside = n_crossings == 0
           if (k > 0) is_inside = enters(k)
           if (k < n_crossings) is_inside = is_inside .or. .not. enters(k + 1)
           ! No point is deeper than it is far from a crossing.
@@ -318,6 +324,8 @@ contains
           end do
         end associate
       end do
+      ! Where both ends are explained, a small part of the displacements is left by the mesh.
+      if (n_crossings == 0 .and. deepest <= notable_fraction*tolerance%moved) deepest = 0
       if (.not. max(deepest, coarse) > 0) return
       !$omp critical (penetration)
       call worst%keep_unresolved(coarse, coarse_at)

@@ -25,7 +25,7 @@ module dotyk_contact_penetration_tolerance
   end type penetration_tolerance_t
 
   !> Depths that the contact conditions leave are notable from this fraction of the displacements on [].
-  real(dp), parameter :: notable_fraction = 0.25_dp
+  real(dp), parameter, public :: notable_fraction = 0.25_dp
 
 contains
 
