@@ -9,28 +9,16 @@ module dotyk_control_neutral_modes
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_control_contact_problem, only: contact_problem_t, neutral_body_t
+  use dotyk_control_neutral_candidates, only: candidate_t, find_candidates, floats, moved_beyond_others
   use dotyk_control_slave_normals, only: find_deviations
   use dotyk_linalg_dense, only: complete_basis
   use dotyk_scheme_coarse_space, only: coarse_space_t, contact_modes_t, mode_block_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
-  use dotyk_scheme_neutral_modes, only: flat, neutral_directions, rest_on_foundation, touching_rows
+  use dotyk_scheme_neutral_modes, only: flat, rest_on_foundation
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_cycling, ended_no_equilibrium, &
     ended_slid, ended_unbalanced
   implicit none
   private
-
-  !> The modes of a body, in an order of their own.
-  type :: candidate_t
-    !> Number of neutral modes, and of those that are held.
-    integer :: n = 0, n_held = 0
-    !> Orthonormal combinations of the modes as columns: those that are held, the other neutral ones, the rest (n_modes,
-    !> n_modes).
-    real(dp), allocatable :: basis(:, :)
-    !> Rows of the modes (rows of the body, n_modes) [].
-    real(dp), allocatable :: g(:, :)
-    !> Mean size of the facets that are about to touch [length].
-    real(dp) :: element_size = 0
-  end type candidate_t
 
   !> The neutral modes of all bodies.
   type, public :: neutral_modes_t
@@ -150,7 +138,7 @@ contains
   end subroutine neutral_hold
 
   !> Whether the contact is to be solved again with more modes held: bodies have moved by several elements along neutral
-  !> modes, or the scheme found no solution.
+  !> modes, or farther than anything else moves, or the scheme found no solution.
   logical function neutral_asks_again(self, state, problem, qp) result(again)
     class(neutral_modes_t), intent(inout) :: self
     !> How the scheme ended.
@@ -166,7 +154,8 @@ contains
     if (any(state%ended == [ended_cycling, ended_unbalanced, ended_no_equilibrium])) then
       chosen = self%candidate%n > 0
     else if (state%ended == ended_converged .and. allocated(state%alpha)) then
-      chosen = self%moved_far(state%alpha)
+      chosen = self%moved_far(state%alpha) .or. &
+               moved_beyond_others(self%candidate, problem, qp, state%y, state%alpha)
     else
       return
     end if
@@ -201,50 +190,6 @@ contains
     if (any(problem%neutral%left_over > largest_left_over)) state%ended = ended_unbalanced
     if (any(problem%neutral%moved_far)) state%ended = ended_slid
   end subroutine neutral_judge
-
-  !> The neutral modes of each body, the others at rest.
-  subroutine find_candidates(problem, modes, qp, deviation, angle, stiffness, candidate, error)
-    !> Bodies and their modes.
-    type(contact_problem_t), intent(in) :: problem
-    !> The modes at the contact nodes (n_bodies).
-    type(contact_modes_t), intent(in) :: modes(:)
-    !> The quadratic programme with all modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> D by bodies, in the scale of the modes of the QP (n_bodies) [].
-    type(mode_block_t), intent(in) :: deviation(:)
-    !> Deviation of the normals of each row (n_rows) [].
-    real(dp), intent(in) :: angle(:)
-    !> Stiffness of the Winkler foundation (n_rows) [force/length].
-    real(dp), intent(in) :: stiffness(:)
-    !> Their modes, with the neutral ones first (n_bodies).
-    type(candidate_t), intent(inout) :: candidate(:)
-    !> As in `find` of `neutral_modes_t`.
-    type(error_t), allocatable, intent(out) :: error
-    real(dp), allocatable :: d(:, :)
-    logical, allocatable :: touching(:)
-    integer, allocatable :: place(:)
-    integer :: b, i, j
-    allocate (touching(qp%n_rows))
-    call touching_rows(qp, deviation, angle, stiffness, touching)
-    do b = 1, size(modes)
-      if (.not. floats(modes(b))) cycle
-      associate (row => qp%block(b)%row, scale => qp%coarse%scale(qp%coarse%first(b):qp%coarse%first(b + 1) - 1), &
-                 own => candidate(b))
-        place = pack([(i, i=1, size(row))], touching(row))
-        if (size(place) == 0) cycle
-        own%element_size = sum(qp%weight(row(place))**(1.0_dp/(qp%dimension - 1)))/size(place)
-        own%g = qp%coarse%block(b)%value
-        d = deviation(b)%value(place, :)
-        do j = 1, size(scale)
-          own%g(:, j) = own%g(:, j)/scale(j)
-          d(:, j) = d(:, j)/scale(j)
-        end do
-        call find_directions(problem%modes(b)%components(), own%g(place, :), d, qp%weight(row(place)), own%basis, &
-                             own%n, error)
-        if (allocated(error)) return
-      end associate
-    end do
-  end subroutine find_candidates
 
   !> Release directions along which loads and contact forces are not in equilibrium by far: they are no noise. The
   !> forces are those of rigid bodies on a Winkler foundation.
@@ -313,51 +258,6 @@ contains
     modes%displacement(:, :candidate%n_held) = 0
     modes%resultant(:candidate%n_held) = 0
   end subroutine hold_modes
-
-  !> Whether a body has rigid body modes.
-  pure logical function floats(modes)
-    !> The modes of the body.
-    type(contact_modes_t), intent(in) :: modes
-    floats = size(modes%resultant) > 0 .and. .not. allocated(modes%stiffness)
-  end function floats
-
-  !> An orthonormal basis of the modes of a body that begins with the neutral ones. Connected components of a body are
-  !> treated one by one.
-  subroutine find_directions(component, g, d, weight, basis, n_neutral, error)
-    !> Connected component that each mode moves (n_modes).
-    integer, intent(in) :: component(:)
-    !> Rows of G and D that are about to touch (n, n_modes) [].
-    real(dp), intent(in) :: g(:, :), d(:, :)
-    !> Weights of the rows (n) [area].
-    real(dp), intent(in) :: weight(:)
-    !> Basis as columns; no column mixes components (n_modes, n_modes) [].
-    real(dp), allocatable, intent(out) :: basis(:, :)
-    !> Number of neutral modes: the first ones of the basis.
-    integer, intent(out) :: n_neutral
-    !> As in `find` of `neutral_modes_t`.
-    type(error_t), allocatable, intent(out) :: error
-    real(dp), allocatable :: direction(:, :), of_component(:, :)
-    integer, allocatable :: mode(:)
-    integer :: p, i, n, last
-    allocate (basis(size(component), size(component)), source=0.0_dp)
-    n_neutral = 0
-    last = size(component)
-    do p = 1, maxval(component)
-      mode = pack([(i, i=1, size(component))], component == p)
-      if (size(mode) == 0) cycle
-      call neutral_directions(g(:, mode), d(:, mode), weight, direction, error)
-      if (allocated(error)) return
-      n = size(direction, 2)
-      if (allocated(of_component)) deallocate (of_component)
-      allocate (of_component(size(mode), size(mode)), source=0.0_dp)
-      of_component(:, :n) = direction
-      call complete_basis(of_component, n)
-      basis(mode, n_neutral + 1:n_neutral + n) = of_component(:, :n)
-      basis(mode, last - size(mode) + n + 1:last) = of_component(:, n + 1:)
-      n_neutral = n_neutral + n
-      last = last - size(mode) + n
-    end do
-  end subroutine find_directions
 
   !> What is left of the equilibrium of a body along its neutral modes, as a fraction of its contact forces.
   pure real(dp) function left_over(neutral, shape, lambda) result(fraction)

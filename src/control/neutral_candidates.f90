@@ -1,0 +1,182 @@
+!> The neutral modes of each floating body (`dotyk_scheme_neutral_modes`), the other bodies at rest, and how far a
+!> solution moves along them.
+module dotyk_control_neutral_candidates
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_control_contact_problem, only: contact_problem_t
+  use dotyk_linalg_dense, only: complete_basis
+  use dotyk_scheme_coarse_space, only: contact_modes_t, mode_block_t
+  use dotyk_scheme_contact_qp, only: contact_qp_t
+  use dotyk_scheme_neutral_modes, only: neutral_directions, touching_rows
+  implicit none
+  private
+
+  !> The modes of a body, in an order of their own.
+  type, public :: candidate_t
+    !> Number of neutral modes, and of those that are held.
+    integer :: n = 0, n_held = 0
+    !> Orthonormal combinations of the modes as columns: those that are held, the other neutral ones, the rest (n_modes,
+    !> n_modes).
+    real(dp), allocatable :: basis(:, :)
+    !> Rows of the modes (rows of the body, n_modes) [].
+    real(dp), allocatable :: g(:, :)
+    !> Mean size of the facets that are about to touch [length].
+    real(dp) :: element_size = 0
+  end type candidate_t
+
+  public :: find_candidates, floats, moved_beyond_others
+
+  !> Motions along neutral modes that are larger than all other displacements by this factor have no cause but the
+  !> errors of the mesh.
+  real(dp), parameter :: without_cause = 3
+
+contains
+
+  !> The neutral modes of each body, the others at rest.
+  subroutine find_candidates(problem, modes, qp, deviation, angle, stiffness, candidate, error)
+    !> Bodies and their modes.
+    type(contact_problem_t), intent(in) :: problem
+    !> The modes at the contact nodes (n_bodies).
+    type(contact_modes_t), intent(in) :: modes(:)
+    !> The quadratic programme with all modes.
+    type(contact_qp_t), intent(in) :: qp
+    !> D by bodies, in the scale of the modes of the QP (n_bodies) [].
+    type(mode_block_t), intent(in) :: deviation(:)
+    !> Deviation of the normals of each row (n_rows) [].
+    real(dp), intent(in) :: angle(:)
+    !> Stiffness of the Winkler foundation (n_rows) [force/length].
+    real(dp), intent(in) :: stiffness(:)
+    !> Their modes, with the neutral ones first (n_bodies).
+    type(candidate_t), intent(inout) :: candidate(:)
+    !> As in `find` of `neutral_modes_t`.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp), allocatable :: d(:, :)
+    logical, allocatable :: touching(:)
+    integer, allocatable :: place(:)
+    integer :: b, i, j
+    allocate (touching(qp%n_rows))
+    call touching_rows(qp, deviation, angle, stiffness, touching)
+    do b = 1, size(modes)
+      if (.not. floats(modes(b))) cycle
+      associate (row => qp%block(b)%row, scale => qp%coarse%scale(qp%coarse%first(b):qp%coarse%first(b + 1) - 1), &
+                 own => candidate(b))
+        place = pack([(i, i=1, size(row))], touching(row))
+        if (size(place) == 0) cycle
+        own%element_size = sum(qp%weight(row(place))**(1.0_dp/(qp%dimension - 1)))/size(place)
+        own%g = qp%coarse%block(b)%value
+        d = deviation(b)%value(place, :)
+        do j = 1, size(scale)
+          own%g(:, j) = own%g(:, j)/scale(j)
+          d(:, j) = d(:, j)/scale(j)
+        end do
+        call find_directions(problem%modes(b)%components(), own%g(place, :), d, qp%weight(row(place)), own%basis, &
+                             own%n, error)
+        if (allocated(error)) return
+      end associate
+    end do
+  end subroutine find_candidates
+
+  !> Whether a body has rigid body modes.
+  pure logical function floats(modes)
+    !> The modes of the body.
+    type(contact_modes_t), intent(in) :: modes
+    floats = size(modes%resultant) > 0 .and. .not. allocated(modes%stiffness)
+  end function floats
+
+  !> An orthonormal basis of the modes of a body that begins with the neutral ones. Connected components of a body are
+  !> treated one by one.
+  subroutine find_directions(component, g, d, weight, basis, n_neutral, error)
+    !> Connected component that each mode moves (n_modes).
+    integer, intent(in) :: component(:)
+    !> Rows of G and D that are about to touch (n, n_modes) [].
+    real(dp), intent(in) :: g(:, :), d(:, :)
+    !> Weights of the rows (n) [area].
+    real(dp), intent(in) :: weight(:)
+    !> Basis as columns; no column mixes components (n_modes, n_modes) [].
+    real(dp), allocatable, intent(out) :: basis(:, :)
+    !> Number of neutral modes: the first ones of the basis.
+    integer, intent(out) :: n_neutral
+    !> As in `find` of `neutral_modes_t`.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp), allocatable :: direction(:, :), of_component(:, :)
+    integer, allocatable :: mode(:)
+    integer :: p, i, n, last
+    allocate (basis(size(component), size(component)), source=0.0_dp)
+    n_neutral = 0
+    last = size(component)
+    do p = 1, maxval(component)
+      mode = pack([(i, i=1, size(component))], component == p)
+      if (size(mode) == 0) cycle
+      call neutral_directions(g(:, mode), d(:, mode), weight, direction, error)
+      if (allocated(error)) return
+      n = size(direction, 2)
+      if (allocated(of_component)) deallocate (of_component)
+      allocate (of_component(size(mode), size(mode)), source=0.0_dp)
+      of_component(:, :n) = direction
+      call complete_basis(of_component, n)
+      basis(mode, n_neutral + 1:n_neutral + n) = of_component(:, :n)
+      basis(mode, last - size(mode) + n + 1:last) = of_component(:, n + 1:)
+      n_neutral = n_neutral + n
+      last = last - size(mode) + n
+    end do
+  end subroutine find_directions
+
+  !> Bodies that move far along neutral modes where nothing else moves as far: a hinge that swings by mesh noise, less
+  !> than its facets are long and more than anything yields.
+  pure function moved_beyond_others(candidate, problem, qp, y, alpha) result(moved)
+    !> Neutral modes of the bodies (n_bodies).
+    type(candidate_t), intent(in) :: candidate(:)
+    !> Bodies and their modes, those that are held in their basis.
+    type(contact_problem_t), intent(in) :: problem
+    !> The quadratic programme.
+    type(contact_qp_t), intent(in) :: qp
+    !> B u - d (n_rows) [length].
+    real(dp), intent(in) :: y(:)
+    !> Amplitudes of the modes of all bodies, body after body [length].
+    real(dp), intent(in) :: alpha(:)
+    !> (n_bodies)
+    logical, allocatable :: moved(:)
+    real(dp) :: neutral(size(candidate)), elastic(size(y)), other
+    real(dp), allocatable :: amplitude(:), along(:)
+    integer :: b, first, n
+    call qp%mode_displacement(alpha/qp%coarse%scale, elastic)
+    elastic = y + qp%gap - elastic
+    other = maxval([0.0_dp, abs(elastic)])
+    neutral = 0
+    first = 1
+    do b = 1, size(candidate)
+      associate (own => candidate(b), shape => problem%modes(b)%shape)
+        n = problem%modes(b)%n
+        if (n == 0) cycle
+        amplitude = alpha(first:first + n - 1)
+        first = first + n
+        if (problem%modes(b)%is_near_null()) cycle
+        if (own%n > 0 .and. own%n_held == 0) then
+          along = matmul(own%basis(:, :own%n), matmul(amplitude, own%basis(:, :own%n)))
+          neutral(b) = largest(shape, along)
+          amplitude = amplitude - along
+        end if
+        other = max(other, largest(shape, amplitude))
+      end associate
+    end do
+    moved = neutral > without_cause*other
+  end function moved_beyond_others
+
+  !> Largest displacement of a node.
+  pure real(dp) function largest(shape, amplitude)
+    !> Rigid body modes (dimension, n_nodes, n) [].
+    real(dp), intent(in) :: shape(:, :, :)
+    !> Their amplitudes (n) [length].
+    real(dp), intent(in) :: amplitude(:)
+    real(dp) :: u(size(shape, 1))
+    integer :: i, k
+    largest = 0
+    do i = 1, size(shape, 2)
+      u = 0
+      do k = 1, size(amplitude)
+        u = u + amplitude(k)*shape(:, i, k)
+      end do
+      largest = max(largest, norm2(u))
+    end do
+  end function largest
+end module dotyk_control_neutral_candidates
