@@ -19,6 +19,7 @@ module dotyk_control_penetration_check
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_explained_penetration, only: explained_penetration, largest_penetration
   use dotyk_control_pressures, only: nodal_field_t
+  use dotyk_control_shared_interior, only: find_shared_interior
   use dotyk_mesh_body_mesh, only: body_mesh_t, connected_components
   use dotyk_mesh_boundary, only: extract_boundary
   use dotyk_mesh_surface, only: surface_t
@@ -172,10 +173,10 @@ contains
     ! Few couples: threads share the nodes of each. Many couples: threads share the couples.
     allocate (found(size(couple, 2)))
     !$omp parallel do default(none) schedule(dynamic, 1) if (size(found) >= many*omp_get_max_threads()) &
-    !$omp& shared(problem, first_row, y, parts, couple, moved, error_bound, found, check)
+    !$omp& shared(problem, solution, first_row, y, parts, couple, moved, error_bound, found, check)
     do k = 1, size(found)
       associate (a => couple(1, k), c => couple(2, k))
-        call check_bodies(problem, first_row, y, parts(a), parts(c), a, c, &
+        call check_bodies(problem, first_row, y, parts(a), parts(c), a, c, solution(a)%displacement, &
                           slack_of(problem%body(a)%mesh, problem%body(c)%mesh, max(moved(a), moved(c)), error_bound), &
                           max(moved(a), moved(c)), &
                           check%depth(a)%value, check%depth(c)%value, found(k))
@@ -228,8 +229,8 @@ contains
   end subroutine split_parts
 
   !> Check the parts of two bodies, or of one.
-  subroutine check_bodies(problem, first_row, y, parts_a, parts_b, a, b, slack, moved, depth_a, depth_b, &
-                          found)
+  subroutine check_bodies(problem, first_row, y, parts_a, parts_b, a, b, u, slack, moved, depth_a, &
+                          depth_b, found)
     !> Bodies and contact pairs.
     type(contact_problem_t), intent(in) :: problem
     !> First row of each pair (n_pairs+1).
@@ -244,6 +245,8 @@ contains
     integer, intent(in) :: a
     !> Index of the second body.
     integer, intent(in) :: b
+    !> Displacements of the nodes of the first body (dimension, n_nodes) [length].
+    real(dp), intent(in) :: u(:, :)
     !> Error of the displacements and of rounding [length].
     real(dp), intent(in) :: slack
     !> Largest displacement of the two [length].
@@ -282,6 +285,10 @@ contains
     found = a_in_b
     if (b_in_a%worst%outweighs(a_in_b%worst)) found = b_in_a
     if (.not. found%worst%depth > 0 .and. b_in_a%worst%unresolved > a_in_b%worst%unresolved) found = b_in_a
+    if (found%worst%depth > 0) return
+    if (a /= b .and. size(parts_a%part) == 1 .and. size(parts_b%part) == 1) &
+      call find_shared_interior(problem%body(a)%mesh, u, parts_a%part(1), parts_b%part(1), found%worst%depth, &
+                                found%worst%position)
     if (found%worst%depth > 0 .or. are_paired(problem%pair, a, b)) return
     do i = 1, size(parts_a%part)
       do j = merge(i + 1, 1, a == b), size(parts_b%part)

@@ -6,16 +6,21 @@ module dotyk_log_large_motion
   use dotyk_control_body_solution, only: body_solution_t
   use dotyk_control_contact_problem, only: neutral_body_t
   use dotyk_elasticity_body, only: body_t
+  use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_mesh_element, only: element_kind, element_kind_t
   implicit none
   private
   public :: show_large_motion
 
   !> Displacement relative to the size of a body, and rotation, from which on there is a warning [].
   real(dp), parameter :: large_displacement = 0.5_dp, large_rotation = 0.05_dp
+  !> Strain from which on there is a line [].
+  real(dp), parameter :: large_strain = 0.02_dp
 
 contains
 
-  !> Warn of the body that moves farthest by its size, and of the one that rotates most.
+  !> Warn of the body that moves farthest by its size, of the one that rotates most, and of the one with the largest
+  !> strain.
   subroutine show_large_motion(log, body, neutral, solution)
     !> The log.
     type(log_t), intent(inout) :: log
@@ -45,6 +50,12 @@ contains
                     others(count(angle > large_rotation) - 1)//'; small-displacement theory stretches it by '// &
                     to_text(100*angle(b)**2/2, 2)//' %')
     if (angle(b) > large_rotation) call show_neutral(b)
+    ratio = [(largest_stretch(body(b)%mesh, solution(b)%displacement), b=1, size(body))]
+    b = maxloc(ratio, dim=1)
+    if (ratio(b) > large_strain) &
+      call log%line('  large strain     '//quoted(body(b)%name)//': an element is stretched or shortened by '// &
+                    to_text(100*ratio(b), 2)//' %'//others(count(ratio > large_strain) - 1)// &
+                    '; check loads, positions and units, or a singular corner: the theory is linear')
 
   contains
 
@@ -57,6 +68,32 @@ contains
                       ' of it by no more than its normals are uncertain: hold it by a support')
     end subroutine show_neutral
   end subroutine show_large_motion
+
+  !> Largest relative change of the distance of two corners of an element [].
+  pure real(dp) function largest_stretch(mesh, u) result(stretch)
+    !> Mesh of the body.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Displacements of its nodes (dimension, n_nodes) [length].
+    real(dp), intent(in) :: u(:, :)
+    type(element_kind_t) :: kind
+    real(dp) :: along(size(u, 1))
+    integer :: k, e, i, j
+    stretch = 0
+    do k = 1, size(mesh%block)
+      kind = element_kind(mesh%block(k)%kind)
+      do e = 1, size(mesh%block(k)%node, 2)
+        associate (node => mesh%block(k)%node(:, e))
+          do i = 2, kind%n_corners
+            do j = 1, i - 1
+              along = mesh%x(:, node(i)) - mesh%x(:, node(j))
+              stretch = max(stretch, abs(dot_product(along, u(:, node(i)) - u(:, node(j))))/ &
+                            max(tiny(stretch), dot_product(along, along)))
+            end do
+          end do
+        end associate
+      end do
+    end do
+  end function largest_stretch
 
   !> How many bodies more do so; empty for none.
   function others(n) result(text)

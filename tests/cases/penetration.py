@@ -188,4 +188,19 @@ class Penetration(unittest.TestCase):
         np.testing.assert_allclose(depth, np.where(deep, 0.05, 0), atol=1e-12)
 
 
+class Copies(dotyk_case.Case):
+    def test_body_almost_in_its_copy(self):
+        """Two discs 0.002 of their radius apart: no node is deep, the middle of an element is."""
+        self.write("disc.geo", 'SetFactory("OpenCASCADE");\nDisk(1) = {0, 0, 0, 1};\nMesh.MeshSizeMax = 0.3;\n'
+                   'Mesh.ElementOrder = 2;\nPhysical Surface("disc") = {1};\nPhysical Curve("rim") = {1};\n')
+        text = "&scene mesh='disc.geo', analysis='plane_strain' /\n&material name='m', young=1, poisson=0.3 /\n"
+        for name, at in (("one", 0), ("two", 0.002)):
+            text += ("&body name='%s', volume='disc', material='m', at=%g,0 /\n&support body='%s', surface='rim', "
+                     "fix='xy' /\n&load body='%s', force_density=0,-1e-3 /\n" % (name, at, name, name))
+        self.write("case.nml", text)
+        log = self.dotyk("case.nml", code=1)
+        self.assertRegex(log, r"overlap +'one' is inside 'two' by 0\.[89]\d* at .* before loading")
+        self.assertRegex(log, r"penetration +'one' is inside 'two' by 0\.[89]\d*")
+
+
 dotyk_case.main()

@@ -1,0 +1,58 @@
+!> Bodies that lie almost exactly in each other, such as a copy shifted by metres where millimetres are meant. Their
+!> boundaries are near each other everywhere, so that no node is deep; the middles of elements are.
+module dotyk_control_shared_interior
+  use dotyk_base_kinds, only: dp
+  use dotyk_contact_solid_boundary, only: solid_t
+  use dotyk_mesh_body_mesh, only: body_mesh_t
+  implicit none
+  private
+  public :: find_shared_interior
+
+  !> Only bodies whose boxes differ by less than this fraction of their diagonal are looked at [].
+  real(dp), parameter :: same_box = 0.25_dp
+  !> Elements of a block that are looked at, at most.
+  integer, parameter :: most_samples = 64
+
+contains
+
+  !> Find the deepest middle of an element of a body inside another body, if half of those looked at are inside.
+  pure subroutine find_shared_interior(mesh, u, own, other, depth, position)
+    !> Mesh of the body.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Displacements of its nodes (dimension, n_nodes) [length].
+    real(dp), intent(in) :: u(:, :)
+    !> Its boundary.
+    type(solid_t), intent(in) :: own
+    !> Boundary of the other body.
+    type(solid_t), intent(in) :: other
+    !> Depth; 0 where less than half of the body is inside [length].
+    real(dp), intent(out) :: depth
+    !> Position after deformation (3) [length].
+    real(dp), intent(out) :: position(3)
+    real(dp) :: x(3), xi(2), here, size_of
+    integer :: b, e, facet, n, n_inside
+    depth = 0
+    position = 0
+    size_of = norm2(maxval(own%x, 2) - minval(own%x, 2))
+    if (any(abs(maxval(own%x, 2) - maxval(other%x, 2)) > same_box*size_of) .or. &
+        any(abs(minval(own%x, 2) - minval(other%x, 2)) > same_box*size_of)) return
+    n = 0
+    n_inside = 0
+    x = 0
+    do b = 1, size(mesh%block)
+      associate (node => mesh%block(b)%node, d => size(u, 1))
+        do e = 1, size(node, 2), 1 + size(node, 2)/most_samples
+          x(1:d) = sum(mesh%x(:, node(:, e)) + u(:, node(:, e)), 2)/size(node, 1)
+          call other%depth_of(x, 0, here, facet, xi)
+          n = n + 1
+          if (.not. here > 0) cycle
+          n_inside = n_inside + 1
+          if (here <= depth) cycle
+          depth = here
+          position = x
+        end do
+      end associate
+    end do
+    if (2*n_inside < n) depth = 0
+  end subroutine find_shared_interior
+end module dotyk_control_shared_interior
