@@ -68,7 +68,7 @@ module dotyk_linalg_conjugate_gradient
 contains
 
   !> Solve A x = b from x = 0. The residual is that of the recurrence. An interrupt ends the iteration.
-  subroutine conjugate_gradient(system, b, x, tolerance, most_steps, outcome)
+  subroutine conjugate_gradient(system, b, x, tolerance, most_steps, outcome, small)
     !> The matrix and its preconditioner.
     class(preconditioned_system_t), intent(in) :: system
     !> Right-hand side b (n) [A times x]; in the range of a semidefinite matrix.
@@ -81,9 +81,13 @@ contains
     integer, intent(in) :: most_steps
     !> Steps, convergence and Lanczos matrix.
     type(cg_outcome_t), intent(out) :: outcome
+    !> A residual, in the norm of the preconditioner, that is small enough in any case; 0 if absent [sqrt(A) times x].
+    real(dp), intent(in), optional :: small
     real(dp), allocatable :: r(:), z(:), p(:), q(:)
-    real(dp) :: square, last, curvature, alpha, beta
+    real(dp) :: square, last, curvature, alpha, beta, enough
     integer :: n
+    enough = 0
+    if (present(small)) enough = small
     n = size(b)
     allocate (outcome%diagonal(most_steps), outcome%off_diagonal(most_steps), source=0.0_dp)
     allocate (r(n), z(n), p(n), q(n))
@@ -94,8 +98,8 @@ contains
     square = scalar_product(n, r, z)
     outcome%first_norm = sqrt(max(square, 0.0_dp))
     ! False for NaN, too.
-    outcome%converged = square <= 0
-    do while (outcome%steps < most_steps .and. square > 0)
+    outcome%converged = square <= enough**2
+    do while (outcome%steps < most_steps .and. square > enough**2)
       call system%multiply(p, q)
       curvature = scalar_product(n, p, q)
       ! Rounding, or a matrix that is not definite.
@@ -114,7 +118,7 @@ contains
         if (k < most_steps) outcome%diagonal(k + 1) = beta/alpha
       end associate
       outcome%reduction = sqrt(max(square, 0.0_dp))/outcome%first_norm
-      outcome%converged = outcome%reduction <= tolerance
+      outcome%converged = outcome%reduction <= tolerance .or. outcome%reduction*outcome%first_norm <= enough
       if (outcome%converged) exit
       if (interrupted()) exit
       call multiply_and_add(n, beta, z, p)

@@ -1,0 +1,387 @@
+!> Contact rows of one body on the two levels of its p-multigrid (`dotyk_response_multigrid`).
+!>
+!> With B the rows over the unknowns of the system, P the interpolation from the corners, K_c the stiffness of the
+!> corner space and R the rigid body modes: the products that preconditioners of `K + B^T W B` need. Those of the
+!> smoother, `B D^{-1} B^T` with D the diagonal blocks times the greatest eigenvalue of D^{-1} K (`chebyshev_t`), so
+!> that K <= D; those of the corner space, `B P K_c^+ P^T B^T`; and `B R`.
+module dotyk_response_multigrid_rows
+  use dotyk_base_kinds, only: dp, sp
+  use dotyk_linalg_sparse, only: sparse_rows_t
+  use dotyk_response_contact_map, only: contact_map_t
+  use dotyk_response_multigrid, only: multigrid_t
+  use dotyk_response_response, only: substituted_rows_t
+  implicit none
+  private
+
+  !> The rows of one body.
+  type, public :: multigrid_rows_t
+    !> Number of rows.
+    integer :: n = 0
+    !> Nodes of the system that they touch, ascending (n_nodes).
+    integer, allocatable :: node(:)
+    !> The rows over the components of these nodes, in nodal axes (n x dim*n_nodes) [].
+    type(sparse_rows_t) :: fine
+    !> The rows over the equations of the corner space, B P (n x n_corner_equations) [].
+    type(sparse_rows_t) :: corner
+    !> Compliance of the smoother, B D^{-1} B^T (n, n) [length/force].
+    real(dp), allocatable :: smoother(:, :)
+    !> Compliance of the corner space, B P K_c^+ P^T B^T (n, n) [length/force].
+    real(dp), allocatable :: compliance(:, :)
+    !> Rigid body modes at the rows, B R (n, n_modes) [].
+    real(dp), allocatable :: mode(:, :)
+  contains
+    procedure :: init => rows_init
+    procedure :: add_displacement => rows_add_displacement
+    procedure :: add_displacement_low => rows_add_displacement_low
+    procedure :: add_smoothed => rows_add_smoothed
+    procedure :: subtract_force => rows_subtract_force
+    procedure :: subtract_force_low => rows_subtract_force_low
+  end type multigrid_rows_t
+
+  !> Rows in one forward substitution.
+  integer, parameter :: block_rows = 64
+
+contains
+
+  !> Carry the rows to both levels and form their products.
+  subroutine rows_init(self, grid, map, matrix)
+    class(multigrid_rows_t), intent(out) :: self
+    !> The p-multigrid of the body; its coarse level is made ready for forward substitutions.
+    type(multigrid_t), intent(inout) :: grid
+    !> Contact nodes of the body and their equations.
+    type(contact_map_t), intent(in) :: map
+    !> The rows over the Cartesian components of the contact nodes (n x dim*n_contact_nodes) [].
+    type(sparse_rows_t), intent(in) :: matrix
+    type(sparse_rows_t) :: rows
+    integer, allocatable :: unknown(:)
+    real(dp), allocatable :: x(:)
+    integer :: i, k, dim
+    self%n = matrix%n_rows
+    dim = grid%fine%rows%dim
+    call map%rows(matrix, [(i, i=1, self%n)], rows)
+    ! It leaves room for entries of held components.
+    rows%column = rows%column(:rows%row_start(self%n + 1) - 1)
+    rows%value = rows%value(:rows%row_start(self%n + 1) - 1)
+    allocate (unknown(grid%constraint%n_equations), source=0)
+    call invert(size(grid%constraint%equation), grid%constraint%equation, unknown)
+    rows%column(:) = unknown(rows%column)
+    call corner_rows(grid, rows, self%corner)
+    call number_nodes(dim, grid%fine%rows%n, rows%column, self%node)
+    do k = 1, size(rows%column)
+      i = (rows%column(k) - 1)/dim + 1
+      rows%column(k) = dim*(place(self%node, i) - 1) + rows%column(k) - dim*(i - 1)
+    end do
+    rows%n_columns = dim*size(self%node)
+    self%fine = rows
+    allocate (self%mode(self%n, size(grid%mode, 2)), x(rows%n_columns))
+    do k = 1, size(grid%mode, 2)
+      do i = 1, size(self%node)
+        x(dim*(i - 1) + 1:dim*i) = grid%mode(dim*(self%node(i) - 1) + 1:dim*self%node(i), k)
+      end do
+      call self%fine%multiply(x, self%mode(:, k))
+    end do
+    call smoother_compliance(grid, self)
+    call corner_compliance(grid, self)
+  end subroutine rows_init
+
+  !> The unknown of the system of each equation.
+  pure subroutine invert(n, equation, unknown)
+    !> Number of unknowns.
+    integer, intent(in) :: n
+    !> Equation of each unknown, 0 where it is held (n).
+    integer, intent(in) :: equation(n)
+    !> Unknown of each equation (n_equations).
+    integer, intent(inout) :: unknown(:)
+    integer :: i
+    do i = 1, n
+      if (equation(i) > 0) unknown(equation(i)) = i
+    end do
+  end subroutine invert
+
+  !> The nodes of some unknowns.
+  pure subroutine number_nodes(dim, n_nodes, unknown, node)
+    !> Unknowns of a node.
+    integer, intent(in) :: dim
+    !> Number of nodes of the system.
+    integer, intent(in) :: n_nodes
+    !> The unknowns (any number).
+    integer, intent(in) :: unknown(:)
+    !> Their nodes, ascending (n).
+    integer, allocatable, intent(out) :: node(:)
+    logical, allocatable :: touched(:)
+    integer :: i
+    allocate (touched(n_nodes), source=.false.)
+    do i = 1, size(unknown)
+      touched((unknown(i) - 1)/dim + 1) = .true.
+    end do
+    node = pack([(i, i=1, n_nodes)], touched)
+  end subroutine number_nodes
+
+  !> Place of a number in an ascending list that has it.
+  pure integer function place(list, number)
+    !> The list (n).
+    integer, intent(in) :: list(:)
+    !> The number.
+    integer, intent(in) :: number
+    integer :: low, high, middle
+    low = 1
+    high = size(list)
+    do while (low < high)
+      middle = (low + high)/2
+      if (list(middle) < number) then
+        low = middle + 1
+      else
+        high = middle
+      end if
+    end do
+    place = low
+  end function place
+
+  !> B P: rows over the unknowns of the system to rows over the equations of the corner space.
+  subroutine corner_rows(grid, rows, corner)
+    !> The p-multigrid.
+    type(multigrid_t), intent(in) :: grid
+    !> Rows over the unknowns of the system.
+    type(sparse_rows_t), intent(in) :: rows
+    !> The rows over the corner equations.
+    type(sparse_rows_t), intent(inout) :: corner
+    real(dp), allocatable :: share(:, :), value(:)
+    real(dp) :: v(grid%fine%rows%dim)
+    integer, allocatable :: row(:), column(:), touched(:)
+    logical, allocatable :: is_touched(:)
+    integer :: i, j, k, l, c, dim, n, n_touched
+    dim = size(v)
+    allocate (share(dim, grid%space%n), source=0.0_dp)
+    allocate (touched(grid%space%n), is_touched(grid%space%n))
+    is_touched = .false.
+    ! An entry goes to eight corners at most, with all components in tilted axes.
+    allocate (row(8*dim*size(rows%column)), column(8*dim*size(rows%column)), value(8*dim*size(rows%column)))
+    n = 0
+    do i = 1, rows%n_rows
+      n_touched = 0
+      do k = rows%row_start(i), rows%row_start(i + 1) - 1
+        j = (rows%column(k) - 1)/dim + 1
+        v = 0
+        v(rows%column(k) - dim*(j - 1)) = rows%value(k)/(grid%space%start(j + 1) - grid%space%start(j))
+        if (grid%constraint%frame_of(j) > 0) v = matmul(grid%constraint%frame(:, :, grid%constraint%frame_of(j)), v)
+        do l = grid%space%start(j), grid%space%start(j + 1) - 1
+          c = grid%space%corner(l)
+          if (.not. is_touched(c)) then
+            n_touched = n_touched + 1
+            touched(n_touched) = c
+            is_touched(c) = .true.
+            share(:, c) = 0
+          end if
+          share(:, c) = share(:, c) + v
+        end do
+      end do
+      do l = 1, n_touched
+        c = touched(l)
+        is_touched(c) = .false.
+        v = share(:, c)
+        if (grid%corner_constraint%frame_of(c) > 0) &
+          v = matmul(v, grid%corner_constraint%frame(:, :, grid%corner_constraint%frame_of(c)))
+        do j = 1, dim
+          if (grid%corner_constraint%equation(j, c) == 0 .or. .not. abs(v(j)) > 0) cycle
+          n = n + 1
+          row(n) = i
+          column(n) = grid%corner_constraint%equation(j, c)
+          value(n) = v(j)
+        end do
+      end do
+    end do
+    call corner%init_from_triplets(rows%n_rows, grid%corner_constraint%n_equations, row(:n), column(:n), value(:n))
+  end subroutine corner_rows
+
+  !> B D^{-1} B^T, column by column.
+  subroutine smoother_compliance(grid, self)
+    !> The p-multigrid.
+    type(multigrid_t), intent(in) :: grid
+    !> The rows; gets the matrix.
+    type(multigrid_rows_t), intent(inout) :: self
+    real(dp), allocatable :: x(:), e(:)
+    integer :: i
+    allocate (self%smoother(self%n, self%n))
+    !$omp parallel default(none) shared(self, grid) private(x, e)
+    allocate (x(self%fine%n_columns), e(self%n))
+    !$omp do schedule(static)
+    do i = 1, self%n
+      e = 0
+      e(i) = 1
+      call self%fine%multiply_transposed(e, x)
+      call apply_diagonal(grid, self%node, x)
+      call self%fine%multiply(x, self%smoother(:, i))
+    end do
+    !$omp end do
+    !$omp end parallel
+  end subroutine smoother_compliance
+
+  !> x := D^{-1} x at some nodes.
+  pure subroutine apply_diagonal(grid, node, x)
+    !> The p-multigrid.
+    type(multigrid_t), intent(in) :: grid
+    !> The nodes (n).
+    integer, intent(in) :: node(:)
+    !> Forces [force] in, displacements [length] out (dim*n).
+    real(dp), intent(inout) :: x(:)
+    real(dp) :: scale
+    integer :: i, dim
+    dim = grid%fine%rows%dim
+    scale = 1/(grid%fine%greatest*grid%fine%rows%scale)
+    do i = 1, size(node)
+      x(dim*(i - 1) + 1:dim*i) = scale*matmul(real(grid%fine%inverse(:, :, node(i)), dp), x(dim*(i - 1) + 1:dim*i))
+    end do
+  end subroutine apply_diagonal
+
+  !> B P K_c^+ P^T B^T, by forward substitutions of blocks of rows.
+  subroutine corner_compliance(grid, self)
+    !> The p-multigrid.
+    type(multigrid_t), intent(inout) :: grid
+    !> The rows; gets the matrix.
+    type(multigrid_rows_t), intent(inout) :: self
+    type(substituted_rows_t), allocatable :: substituted(:)
+    type(sparse_rows_t) :: rows
+    real(dp), allocatable :: c(:, :)
+    integer :: k, l, n, first, last, other
+    allocate (self%compliance(self%n, self%n))
+    if (self%n == 0) return
+    n = (self%n + block_rows - 1)/block_rows
+    call grid%coarse%prepare_substitution()
+    allocate (substituted(n))
+    !$omp parallel default(none) shared(self, grid, substituted, n) private(rows, c, l, first, last, other)
+    !$omp do schedule(dynamic, 1)
+    do k = 1, n
+      first = (k - 1)*block_rows + 1
+      last = min(k*block_rows, self%n)
+      call cut(self%corner, first, last, rows)
+      call grid%coarse%substitute(rows, substituted(k))
+    end do
+    !$omp end do
+    !$omp do schedule(dynamic, 1)
+    do k = 1, n
+      first = (k - 1)*block_rows + 1
+      last = min(k*block_rows, self%n)
+      do l = 1, k
+        other = (l - 1)*block_rows + 1
+        allocate (c(last - first + 1, substituted(l)%forward%n))
+        call grid%coarse%product(substituted(k), substituted(l), k == l, c)
+        self%compliance(first:last, other:other + size(c, 2) - 1) = c
+        if (k /= l) self%compliance(other:other + size(c, 2) - 1, first:last) = transpose(c)
+        deallocate (c)
+      end do
+    end do
+    !$omp end do
+    !$omp end parallel
+  end subroutine corner_compliance
+
+  !> Some rows of a matrix.
+  subroutine cut(matrix, first, last, rows)
+    !> The matrix.
+    type(sparse_rows_t), intent(in) :: matrix
+    !> First and last row.
+    integer, intent(in) :: first, last
+    !> They.
+    type(sparse_rows_t), intent(out) :: rows
+    associate (begin => matrix%row_start(first), end => matrix%row_start(last + 1) - 1)
+      rows%n_rows = last - first + 1
+      rows%n_columns = matrix%n_columns
+      rows%row_start = matrix%row_start(first:last + 1) - begin + 1
+      rows%column = matrix%column(begin:end)
+      rows%value = matrix%value(begin:end)
+    end associate
+  end subroutine cut
+
+  !> y := y + B x.
+  subroutine rows_add_displacement(self, dim, x, y)
+    class(multigrid_rows_t), intent(in) :: self
+    !> Components of a node.
+    integer, intent(in) :: dim
+    !> Vector of the system (dim, all nodes) [length].
+    real(dp), intent(in) :: x(dim, *)
+    !> At the rows (n) [length].
+    real(dp), intent(inout) :: y(:)
+    real(dp) :: moved(self%n)
+    if (self%n == 0) return
+    call self%fine%multiply(reshape(x(:, self%node), [dim*size(self%node)]), moved)
+    y(:) = y + moved
+  end subroutine rows_add_displacement
+
+  !> y := y + factor B x of a vector in single precision.
+  subroutine rows_add_displacement_low(self, dim, factor, x, y)
+    class(multigrid_rows_t), intent(in) :: self
+    !> Components of a node.
+    integer, intent(in) :: dim
+    !> Factor [].
+    real(dp), intent(in) :: factor
+    !> Vector of the system (dim, all nodes) [any].
+    real(sp), intent(in) :: x(dim, *)
+    !> At the rows (n) [as x].
+    real(dp), intent(inout) :: y(:)
+    real(dp) :: moved(self%n)
+    if (self%n == 0) return
+    call self%fine%multiply(reshape(real(x(:, self%node), dp), [dim*size(self%node)]), moved)
+    y(:) = y + factor*moved
+  end subroutine rows_add_displacement_low
+
+  !> y := y + B D^{-1} r.
+  subroutine rows_add_smoothed(self, grid, dim, r, y)
+    class(multigrid_rows_t), intent(in) :: self
+    !> The p-multigrid.
+    type(multigrid_t), intent(in) :: grid
+    !> Components of a node.
+    integer, intent(in) :: dim
+    !> Residual of the system (dim, all nodes) [force].
+    real(sp), intent(in) :: r(dim, *)
+    !> At the rows (n) [length].
+    real(dp), intent(inout) :: y(:)
+    real(dp) :: x(dim*size(self%node)), moved(self%n)
+    if (self%n == 0) return
+    x = reshape(real(r(:, self%node), dp), [size(x)])
+    call apply_diagonal(grid, self%node, x)
+    call self%fine%multiply(x, moved)
+    y(:) = y + moved
+  end subroutine rows_add_smoothed
+
+  !> r := r - B^T lambda.
+  subroutine rows_subtract_force(self, dim, lambda, r)
+    class(multigrid_rows_t), intent(in) :: self
+    !> Components of a node.
+    integer, intent(in) :: dim
+    !> At the rows (n) [force].
+    real(dp), intent(in) :: lambda(:)
+    !> Vector of the system (dim, all nodes) [force].
+    real(dp), intent(inout) :: r(dim, *)
+    real(dp) :: force(dim, size(self%node))
+    if (self%n == 0) return
+    call transposed_product(self%fine, lambda, size(force), force)
+    r(:, self%node) = r(:, self%node) - force
+  end subroutine rows_subtract_force
+
+  !> r := r - B^T lambda for a vector in single precision.
+  subroutine rows_subtract_force_low(self, dim, lambda, r)
+    class(multigrid_rows_t), intent(in) :: self
+    !> Components of a node.
+    integer, intent(in) :: dim
+    !> At the rows (n) [force].
+    real(dp), intent(in) :: lambda(:)
+    !> Vector of the system (dim, all nodes) [force].
+    real(sp), intent(inout) :: r(dim, *)
+    real(dp) :: force(dim, size(self%node))
+    if (self%n == 0) return
+    call transposed_product(self%fine, lambda, size(force), force)
+    r(:, self%node) = real(real(r(:, self%node), dp) - force, sp)
+  end subroutine rows_subtract_force_low
+
+  !> B^T lambda over the components of the touched nodes.
+  subroutine transposed_product(matrix, lambda, n, force)
+    !> The rows.
+    type(sparse_rows_t), intent(in) :: matrix
+    !> At the rows [force].
+    real(dp), intent(in) :: lambda(:)
+    !> Number of components.
+    integer, intent(in) :: n
+    !> (n) [force].
+    real(dp), intent(out) :: force(n)
+    call matrix%multiply_transposed(lambda, force)
+  end subroutine transposed_product
+end module dotyk_response_multigrid_rows
