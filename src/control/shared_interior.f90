@@ -8,7 +8,7 @@ module dotyk_control_shared_interior
   private
   public :: find_shared_interior
 
-  !> Only bodies whose boxes differ by less than this fraction of their diagonal are looked at [].
+  !> Only bodies whose boxes before deformation differ by less than this fraction of their diagonal are looked at [].
   real(dp), parameter :: same_box = 0.25_dp
   !> Elements of a block that are looked at, at most.
   integer, parameter :: most_samples = 64
@@ -33,9 +33,9 @@ contains
     integer :: b, e, facet, n, n_inside
     depth = 0
     position = 0
-    size_of = norm2(maxval(own%x, 2) - minval(own%x, 2))
-    if (any(abs(maxval(own%x, 2) - maxval(other%x, 2)) > same_box*size_of) .or. &
-        any(abs(minval(own%x, 2) - minval(other%x, 2)) > same_box*size_of)) return
+    size_of = norm2(maxval(own%x0, 2) - minval(own%x0, 2))
+    if (any(abs(maxval(own%x0, 2) - maxval(other%x0, 2)) > same_box*size_of) .or. &
+        any(abs(minval(own%x0, 2) - minval(other%x0, 2)) > same_box*size_of)) return
     n = 0
     n_inside = 0
     x = 0
