@@ -39,7 +39,7 @@ contains
     if (size(list) > most_lines) &
       call log%line('                   and '//counted(size(list) - most_lines, 'other pair'))
     if (size(list) > 0) &
-      call log%line('                   the contact is narrower than the facets, gaps are uncertain by these distances '// &
-                    'at least, and the forces with them: refine the slave surface there')
+      call log%line('                   the contact is narrower than the facets, gaps are uncertain by these '// &
+                    'distances at least, and the forces with them: refine the slave surface there')
   end subroutine show_doubtful_forces
 end module dotyk_log_doubtful_forces
