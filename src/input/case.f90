@@ -139,7 +139,7 @@ module dotyk_input_case
     integer, allocatable :: bodies_a(:)
     !> Bodies that the master side names, likewise (n).
     integer, allocatable :: bodies_b(:)
-    !> Where the group is searched: pairs of bodies that are left out, as names with wildcards, in any order.
+    !> Where the group is searched: excluded pairs of bodies, as names with wildcards, in any order.
     type(exclusion_t), allocatable :: exclude(:)
     !> Index of the body of the slave side.
     integer :: body_a = 0

@@ -195,7 +195,7 @@ contains
     end do
   end subroutine read_required
 
-  !> Read the pairs of bodies that are left out: 'a - b', or 'a' for all pairs of a body, names with wildcards.
+  !> Read the excluded pairs of bodies: 'a - b', or 'a' for all pairs of a body, names with wildcards.
   subroutine read_exclusions(group, bodies, searched, problems, exclude)
     !> Checked group.
     type(group_t), intent(in) :: group

@@ -120,10 +120,10 @@ contains
       p = start(node(a))
       do ib = 1, n
         b = order(ib)
-        if (b == a) then
+        if (node(b) == node(a)) then
           place = start(node(a))
         else
-          p = p + 1
+          ! From the column before: collapsed elements have a node twice.
           do while (column(p) /= node(b))
             p = p + 1
           end do

@@ -123,6 +123,11 @@ contains
         return
       end if
       call system%init(qp, compliance, theta, active, error)
+      ! The set before rows joined is a solution.
+      if (allocated(error) .and. joined) then
+        deallocate (error)
+        exit
+      end if
       if (allocated(error)) return
       last = now
       call solve_active(qp, compliance, system, now)

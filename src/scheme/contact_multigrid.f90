@@ -96,7 +96,7 @@ contains
     if (allocated(error)) call add_context(error, 'multigrid, active rows: ')
   end subroutine system_set_stiffness
 
-  !> (G^T (W^{-1} + C)^{-1} G)^+, the modes that the active rows do not restrain left out.
+  !> (G^T (W^{-1} + C)^{-1} G)^+, without the modes that the active rows do not restrain.
   subroutine invert_modes(self, error)
     !> The system.
     type(contact_multigrid_t), intent(inout) :: self
