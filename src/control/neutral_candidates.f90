@@ -145,9 +145,9 @@ contains
     neutral = 0
     first = 1
     do b = 1, size(candidate)
+      n = problem%modes(b)%n
+      if (n == 0) cycle
       associate (own => candidate(b), shape => problem%modes(b)%shape)
-        n = problem%modes(b)%n
-        if (n == 0) cycle
         amplitude = alpha(first:first + n - 1)
         first = first + n
         if (problem%modes(b)%is_near_null()) cycle
