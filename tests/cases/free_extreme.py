@@ -65,7 +65,7 @@ Physical Curve("low") = {2};
 
 
 # A fork, a tie rod of 300 with an eye, and a pin with 0.02 of clearance; the ears of the fork are at x = 0.
-HINGE = """SetFactory("OpenCASCADE");
+TIE_ROD = """SetFactory("OpenCASCADE");
 Mesh.MeshSizeMax = 8; Mesh.ElementOrder = 2;
 r=6; c=0.02;
 Box(1)={-50,-20,-12,12,40,24};
@@ -132,11 +132,14 @@ class FreeExtreme(dotyk_case.Case):
     def test_hinge(self):
         """A tie rod in its hinge, pulled along its axis: by symmetry it does not swing, though nothing but errors of
         the mesh resists. It swung by 50 times its elongation, less than two facets at the pin."""
-        self.write("hinge.geo", HINGE)
+        self.write("hinge.geo", TIE_ROD)
         self.write("case.nml", "&scene mesh='hinge.geo' /\n&material name='steel', young=210e3, poisson=0.3 /\n" +
-                   "".join("&body name='%s', volume='%s', material='steel' /\n" % (name, name) for name in ("fork", "eye", "pin")) +
-                   "&support body='fork', surface='base', fix='xyz' /\n&load body='eye', surface='end', traction=20,0,0 /\n"
-                   "&contact auto=.true. /\n&solver theta=0, tolerance=1e-8 /\n&output fields='displacement contact', error_parts='' /\n")
+                   "".join("&body name='%s', volume='%s', material='steel' /\n" % (name, name)
+                           for name in ("fork", "eye", "pin")) +
+                   "&support body='fork', surface='base', fix='xyz' /\n"
+                   "&load body='eye', surface='end', traction=20,0,0 /\n"
+                   "&contact auto=.true. /\n&solver theta=0, tolerance=1e-8 /\n"
+                   "&output fields='displacement contact', error_parts='' /\n")
         log, file = self.solve()
         self.assertRegex(log, "indeterminate +'eye'")
         u = np.abs(file["VTKHDF/PointData/displacement"][:]).max(axis=0)
