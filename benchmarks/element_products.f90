@@ -74,12 +74,12 @@ contains
     real(sp), allocatable, intent(out) :: r(:)
     type(body_mesh_t) :: mesh
     type(constraint_t) :: constraint
-    integer, allocatable :: order(:), node(:, :), first(:), place(:), next(:)
+    integer, allocatable :: order(:), node_order(:), node(:, :), first(:), place(:), next(:)
     integer(c_int8_t), allocatable :: group(:)
     real(sp), allocatable :: b(:), force(:)
     real(dp) :: start
     integer :: n, n_groups, e, a, k, i
-    call order_nodes(body%mesh, body%constraint, mesh, constraint)
+    call order_nodes(body%mesh, body%constraint, mesh, constraint, node_order)
     n = size(mesh%block(1)%node, 2)
     allocate (order(n))
     call morton_order(3, mesh%x, mesh%block(1)%node, order)

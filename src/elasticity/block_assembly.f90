@@ -66,8 +66,8 @@ contains
   end subroutine typical_stiffness
 
   !> Add the stiffness of all elements to matrices of zeros.
-  subroutine assemble_block_rows(mesh, analysis, material, constraint, space, rows, coarse, volume, &
-                                 mean_modulus_factor, error)
+  subroutine assemble_block_rows(mesh, analysis, material, constraint, space, rows, volume, mean_modulus_factor, &
+                                 error, coarse)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
     !> Type of analysis: one of the `analysis_*` constants.
@@ -80,14 +80,14 @@ contains
     type(corner_space_t), intent(in) :: space
     !> Stiffness by block rows, in nodal axes, with its pattern [force/length].
     type(block_rows_t), intent(inout) :: rows
-    !> Stiffness on the corner space, with its pattern.
-    type(corner_matrix_t), intent(inout) :: coarse
     !> Volume of the body [volume].
     real(dp), intent(out) :: volume
     !> Mean of the modulus field over the volume [].
     real(dp), intent(out) :: mean_modulus_factor
     !> Allocated where an element is inverted or the modulus field is not positive at a quadrature point.
     type(error_t), allocatable, intent(out) :: error
+    !> Stiffness on the corner space, with its pattern; absent where it is not needed.
+    type(corner_matrix_t), intent(inout), optional :: coarse
     real(dp), allocatable :: element_volume(:), element_integral(:), axes(:, :, :)
     logical, allocatable :: special(:)
     integer :: i, first, last
@@ -104,8 +104,8 @@ contains
     do i = 1, size(mesh%block)
       first = last + 1
       last = last + size(mesh%block(i)%node, 2)
-      call assemble_block(mesh, i, analysis, material, constraint, axes, special, space, rows, coarse, &
-                          element_volume(first:last), element_integral(first:last), error)
+      call assemble_block(mesh, i, analysis, material, constraint, axes, special, space, rows, &
+                          element_volume(first:last), element_integral(first:last), error, coarse)
       if (allocated(error)) return
     end do
     call rows%hold(constraint%equation == held)
@@ -114,8 +114,8 @@ contains
   end subroutine assemble_block_rows
 
   !> Assemble the elements of one block, distributed over the threads.
-  subroutine assemble_block(mesh, i_block, analysis, material, constraint, axes, special, space, rows, coarse, volume, &
-                            modulus_integral, error)
+  subroutine assemble_block(mesh, i_block, analysis, material, constraint, axes, special, space, rows, volume, &
+                            modulus_integral, error, coarse)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
     !> Index of the element block.
@@ -134,14 +134,14 @@ contains
     type(corner_space_t), intent(in) :: space
     !> Stiffness by block rows [force/length].
     type(block_rows_t), intent(inout) :: rows
-    !> Stiffness on the corner space.
-    type(corner_matrix_t), intent(inout) :: coarse
     !> Volumes of the elements of the block (n_elements) [volume].
     real(dp), intent(inout) :: volume(:)
     !> Integrals of the modulus field over the elements (n_elements) [volume].
     real(dp), intent(inout) :: modulus_integral(:)
     !> Allocated where an element is inverted or the modulus field is not positive: the first one in the ordering.
     type(error_t), allocatable, intent(out) :: error
+    !> Stiffness on the corner space; absent where it is not needed.
+    type(corner_matrix_t), intent(inout), optional :: coarse
     type(element_partition_t) :: partition
     type(error_t), allocatable :: failed
     integer, allocatable :: order(:), corner_owner(:)
@@ -157,7 +157,7 @@ contains
     !$omp& shared(modulus_integral, partition, corner_owner, order, first_failure, error)
     do s = 1, partition%n
       call assemble_part(mesh, i_block, analysis, material, constraint, axes, special, space, partition, &
-                         corner_owner, s, order, rows, coarse, volume, modulus_integral, position, failed)
+                         corner_owner, s, order, rows, volume, modulus_integral, position, failed, coarse)
       if (.not. allocated(failed)) cycle
       ! The error of the first element in the ordering is reported, as on one thread.
       !$omp critical (dotyk_block_assembly)
@@ -172,7 +172,7 @@ contains
 
   !> Assemble the elements of one part of a block: the work of one thread.
   subroutine assemble_part(mesh, i_block, analysis, material, constraint, axes, special, space, partition, &
-                           corner_owner, part, order, rows, coarse, volume, modulus_integral, position, error)
+                           corner_owner, part, order, rows, volume, modulus_integral, position, error, coarse)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
     !> Index of the element block.
@@ -199,8 +199,6 @@ contains
     integer, intent(in) :: order(:)
     !> Stiffness by block rows [force/length].
     type(block_rows_t), intent(inout) :: rows
-    !> Stiffness on the corner space.
-    type(corner_matrix_t), intent(inout) :: coarse
     !> Volumes of the elements; those of this part's own elements are set (n_elements) [volume].
     real(dp), intent(inout) :: volume(:)
     !> Integrals of the modulus field over the same elements (n_elements) [volume].
@@ -209,6 +207,8 @@ contains
     integer, intent(out) :: position
     !> Allocated where an element is inverted, or where the modulus field is no formula or not positive.
     type(error_t), allocatable, intent(out) :: error
+    !> Stiffness on the corner space; absent where it is not needed.
+    type(corner_matrix_t), intent(inout), optional :: coarse
     type(element_quadrature_t) :: points
     type(element_kind_t) :: kind
     real(dp), allocatable :: k(:), corner_k(:), weight(:)
@@ -239,6 +239,7 @@ contains
         end if
         call add_blocks(n, dim, rows%n, points%node, k, part, partition%owner, rows%start, rows%column, rows%scale, &
                         rows%high, rows%low)
+        if (.not. present(coarse)) cycle
         if (any(frame_of > 0)) call rotate_blocks(n, dim, size(axes, 3), frame_of, axes, k)
         call contract(n, nc, dim, size(weight), node, corner, weight, k, corner_k)
         if (any(frame_of > 0)) call rotate_blocks(nc, dim, size(axes, 3), frame_of, constraint%frame, corner_k)

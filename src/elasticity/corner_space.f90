@@ -30,6 +30,7 @@ module dotyk_elasticity_corner_space
     integer, allocatable :: dependent(:)
   contains
     procedure :: init => corner_space_init
+    procedure :: init_all_nodes => corner_space_init_all_nodes
     procedure :: make_mesh => corner_space_make_mesh
     procedure :: make_constraint => corner_space_make_constraint
     procedure :: restrict => corner_space_restrict
@@ -112,6 +113,22 @@ contains
     node = self%first(2:)
     call move_alloc(node, self%first)
   end subroutine corner_space_init
+
+  !> The space of all displacements, which makes two levels of one: every node is a corner, in an order of its own.
+  subroutine corner_space_init_all_nodes(self, number)
+    class(corner_space_t), intent(out) :: self
+    !> Corner number of each node: a permutation (n_nodes).
+    integer, intent(in) :: number(:)
+    integer :: i
+    self%n = size(number)
+    self%number = number
+    allocate (self%node(self%n))
+    self%node(number) = [(i, i=1, self%n)]
+    self%start = [(i, i=1, self%n + 1)]
+    self%corner = number
+    self%first = self%start
+    self%dependent = self%node
+  end subroutine corner_space_init_all_nodes
 
   !> Number the corners of all elements in the order of the nodes.
   subroutine number_corners(mesh, number, node)

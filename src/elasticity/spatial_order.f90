@@ -11,7 +11,7 @@ module dotyk_elasticity_spatial_order
 contains
 
   !> Number the nodes along the curve. Equations keep their numbers.
-  subroutine order_nodes(mesh, constraint, ordered_mesh, ordered_constraint)
+  subroutine order_nodes(mesh, constraint, ordered_mesh, ordered_constraint, order)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
     !> Equations, prescribed displacements and nodal axes of the body.
@@ -20,7 +20,9 @@ contains
     type(body_mesh_t), intent(out) :: ordered_mesh
     !> The constraint with its nodes in the new order.
     type(constraint_t), intent(out) :: ordered_constraint
-    integer, allocatable :: order(:), number(:)
+    !> Node of the body that each of them is (n_nodes).
+    integer, allocatable, intent(out) :: order(:)
+    integer, allocatable :: number(:)
     integer :: i, e, b
     allocate (order(mesh%n_nodes()), number(mesh%n_nodes()))
     call morton_order(mesh%dimension, mesh%x, reshape([(i, i=1, size(order))], [1, size(order)]), order)

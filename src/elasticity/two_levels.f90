@@ -35,6 +35,7 @@ module dotyk_elasticity_two_levels
     real(dp) :: mean_modulus_factor = 1
   contains
     procedure :: assemble => two_levels_assemble
+    procedure :: assemble_rows => two_levels_assemble_rows
   end type two_levels_t
 
   !> Why a body cannot, or should not, be solved by p-multigrid.
@@ -69,10 +70,9 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(body_mesh_t) :: mesh
     type(corner_matrix_t) :: corner_matrix
-    integer, allocatable :: start(:), neighbour(:)
-    real(dp) :: scale
+    integer, allocatable :: order(:)
     logical :: conforming
-    call order_nodes(body%mesh, body%constraint, mesh, self%constraint)
+    call order_nodes(body%mesh, body%constraint, mesh, self%constraint, order)
     call self%space%init(mesh, conforming)
     if (.not. conforming) then
       !$omp critical (message)
@@ -86,18 +86,50 @@ contains
     call node_graph(self%corner_body%mesh, self%corner_stiffness%graph_start, self%corner_stiffness%graph_neighbour)
     call build_pattern(body%dimension, corner_matrix%constraint%equation, self%corner_stiffness%graph_start, &
                        self%corner_stiffness%graph_neighbour, corner_matrix%positions, corner_matrix%matrix)
-    call typical_stiffness(mesh, body%analysis, body%material, scale, error)
+    call make_pattern(body, mesh, self%rows, error)
     if (allocated(error)) return
-    call node_graph(mesh, start, neighbour)
-    call self%rows%init(body%dimension, start, neighbour, scale)
-    deallocate (start, neighbour)
     call assemble_block_rows(mesh, body%analysis, body%material, self%constraint, self%space, self%rows, &
-                             corner_matrix, self%volume, self%mean_modulus_factor, error)
+                             self%volume, self%mean_modulus_factor, error, corner_matrix)
     if (allocated(error)) return
     call move_matrix(corner_matrix%matrix, self%corner_stiffness%matrix)
     self%corner_body%volume = self%volume
     self%corner_body%mean_modulus_factor = self%mean_modulus_factor
   end subroutine two_levels_assemble
+
+  !> Assemble the block rows alone: the other level is the body itself, all of its displacements.
+  subroutine two_levels_assemble_rows(self, body, error)
+    class(two_levels_t), intent(out) :: self
+    !> The body; it need not be assembled.
+    type(body_t), intent(in) :: body
+    !> Allocated where an element is inverted, or the modulus field is not positive.
+    type(error_t), allocatable, intent(out) :: error
+    type(body_mesh_t) :: mesh
+    integer, allocatable :: order(:)
+    call order_nodes(body%mesh, body%constraint, mesh, self%constraint, order)
+    call self%space%init_all_nodes(order)
+    call make_pattern(body, mesh, self%rows, error)
+    if (allocated(error)) return
+    call assemble_block_rows(mesh, body%analysis, body%material, self%constraint, self%space, self%rows, &
+                             self%volume, self%mean_modulus_factor, error)
+  end subroutine two_levels_assemble_rows
+
+  !> Block rows of zeros.
+  subroutine make_pattern(body, mesh, rows, error)
+    !> The body.
+    type(body_t), intent(in) :: body
+    !> Its mesh, nodes in the order of the rows.
+    type(body_mesh_t), intent(in) :: mesh
+    !> The rows.
+    type(block_rows_t), intent(inout) :: rows
+    !> Allocated where the first element is inverted, or the modulus field is no formula or not positive there.
+    type(error_t), allocatable, intent(out) :: error
+    integer, allocatable :: start(:), neighbour(:)
+    real(dp) :: scale
+    call typical_stiffness(mesh, body%analysis, body%material, scale, error)
+    if (allocated(error)) return
+    call node_graph(mesh, start, neighbour)
+    call rows%init(body%dimension, start, neighbour, scale)
+  end subroutine make_pattern
 
   !> The body of linear elements on the corners, without loads.
   subroutine make_corner_body(body, space, mesh, constraint, corner_body)

@@ -34,6 +34,7 @@ module dotyk_linalg_block_rows
     procedure :: residual => block_rows_residual
     procedure :: subtract_product => block_rows_subtract_product
     procedure :: invert_diagonal => block_rows_invert_diagonal
+    procedure :: get_diagonal => block_rows_get_diagonal
     procedure :: bytes => block_rows_bytes
     procedure :: destroy => block_rows_destroy
   end type block_rows_t
@@ -241,6 +242,20 @@ contains
     end do
     !$omp end parallel do
   end subroutine block_rows_invert_diagonal
+
+  !> The diagonal entries.
+  pure subroutine block_rows_get_diagonal(self, diagonal)
+    class(block_rows_t), intent(in) :: self
+    !> (dim*n) [matrix].
+    real(dp), intent(out) :: diagonal(:)
+    integer :: i, k
+    do i = 1, self%n
+      do k = 1, self%dim
+        diagonal(self%dim*(i - 1) + k) = self%scale*(real(self%high(1 + (self%dim + 1)*(k - 1), self%start(i)), dp) + &
+                                                     self%low(1 + (self%dim + 1)*(k - 1), self%start(i)))
+      end do
+    end do
+  end subroutine block_rows_get_diagonal
 
   !> Inverse of one positive definite block, by Gauss-Jordan elimination.
   pure subroutine invert_block(dim, high, low, inverse, positive)

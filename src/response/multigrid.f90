@@ -43,8 +43,17 @@ module dotyk_response_multigrid
     type(direct_response_t) :: coarse
     !> Rigid body modes over the unknowns of the system, orthonormal (n, n_modes) [].
     real(dp), allocatable :: mode(:, :)
+    !> Between `assemble` and `factorize`: both levels.
+    type(two_levels_t), allocatable :: levels
   contains
     procedure :: init => multigrid_init
+    procedure :: assemble => multigrid_assemble
+    procedure :: analyze => multigrid_analyze
+    procedure :: factorize => multigrid_factorize
+    procedure :: take_whole => multigrid_take_whole
+    procedure, private :: take_rows => multigrid_take_rows
+    procedure, private :: take_modes => multigrid_take_modes
+    procedure :: make_smoother => multigrid_make_smoother
     procedure :: multiply => multigrid_multiply
     procedure :: precondition => multigrid_precondition
     procedure :: to_system => multigrid_to_system
@@ -65,35 +74,115 @@ contains
     type(body_modes_t), intent(in) :: modes
     !> Condition of the corner space.
     type(factorization_report_t), intent(out) :: report
-    !> Allocated where an element is inverted, the modulus field is not positive, the elements do not conform, the
-    !> stiffness is not positive definite, or memory runs out.
+    !> As in `assemble`, `analyze` and `factorize`.
     type(error_t), allocatable, intent(out) :: error
-    type(two_levels_t) :: levels
-    real(dp), allocatable :: mode(:)
-    logical :: regular
-    integer :: k
+    call self%assemble(body, error)
+    if (.not. allocated(error)) call self%analyze(body, modes, error)
+    if (.not. allocated(error)) call self%factorize(report, error)
+    if (.not. allocated(error)) call self%make_smoother(error)
+  end subroutine multigrid_init
+
+  !> Assemble both levels.
+  subroutine multigrid_assemble(self, body, error)
+    class(multigrid_t), intent(inout) :: self
+    !> The body; it need not be assembled.
+    type(body_t), intent(in) :: body
+    !> Allocated where an element is inverted, the modulus field is not positive, or the elements do not conform.
+    type(error_t), allocatable, intent(out) :: error
     call self%destroy()
-    call levels%assemble(body, error)
+    allocate (self%levels)
+    call self%levels%assemble(body, error)
+    if (.not. allocated(error)) self%corner_constraint = self%levels%corner_body%constraint
+  end subroutine multigrid_assemble
+
+  !> Order and analyse the factorization of the corner space: the memory of its factor is known then.
+  subroutine multigrid_analyze(self, body, modes, error)
+    class(multigrid_t), intent(inout) :: self
+    !> The same body as in `assemble`.
+    type(body_t), intent(in) :: body
+    !> Rigid body modes that its supports leave.
+    type(body_modes_t), intent(in) :: modes
+    !> As in `analyze` of `direct_response_t`.
+    type(error_t), allocatable, intent(out) :: error
+    type(body_modes_t) :: corner_modes
+    call self%take_rows()
+    call self%take_modes(body, modes)
+    associate (levels => self%levels)
+      call corner_modes%find(levels%corner_body)
+      call self%coarse%analyze(levels%corner_body, corner_modes, levels%corner_stiffness, error)
+      call levels%corner_stiffness%forget_graph()
+    end associate
+    if (allocated(error)) call add_context(error, 'multigrid, corner space: ')
+  end subroutine multigrid_analyze
+
+  !> Factorize the corner space.
+  subroutine multigrid_factorize(self, report, error)
+    class(multigrid_t), intent(inout) :: self
+    !> Condition of the corner space.
+    type(factorization_report_t), intent(out) :: report
+    !> Allocated where the stiffness is not positive definite, memory runs out, or an interrupt came.
+    type(error_t), allocatable, intent(out) :: error
+    call self%coarse%factorize(self%levels%corner_body, self%levels%corner_stiffness, .false., report, error)
+    if (allocated(error)) call add_context(error, 'multigrid, corner space: ')
+    deallocate (self%levels)
+  end subroutine multigrid_factorize
+
+  !> The fine level of a body whose coarse level is the body itself: for bodies that are solved directly beside others
+  !> in one system. `coarse` is made by the caller.
+  subroutine multigrid_take_whole(self, body, modes, error)
+    class(multigrid_t), intent(inout) :: self
+    !> The body, assembled.
+    type(body_t), intent(in) :: body
+    !> Rigid body modes that its supports leave.
+    type(body_modes_t), intent(in) :: modes
+    !> Allocated where an element is inverted, or the modulus field is not positive.
+    type(error_t), allocatable, intent(out) :: error
+    allocate (self%levels)
+    call self%levels%assemble_rows(body, error)
     if (allocated(error)) return
-    self%constraint = levels%constraint
-    self%corner_constraint = levels%corner_body%constraint
-    self%space = levels%space
+    self%corner_constraint = body%constraint
+    call self%take_rows()
+    call self%take_modes(body, modes)
+    deallocate (self%levels)
+  end subroutine multigrid_take_whole
+
+  !> Take the fine level.
+  subroutine multigrid_take_rows(self)
+    class(multigrid_t), intent(inout) :: self
+    self%constraint = self%levels%constraint
+    self%space = self%levels%space
     self%n = size(self%constraint%equation)
-    call move_rows(levels%rows, self%fine%rows)
-    call self%fine%prepare(regular)
-    if (.not. regular) then
-      !$omp critical (message)
-      call set_error(error, 'multigrid: a diagonal block of the stiffness is not positive definite', exit_not_solvable)
-      !$omp end critical (message)
-      return
-    end if
+    call move_rows(self%levels%rows, self%fine%rows)
+  end subroutine multigrid_take_rows
+
+  !> Take the rigid body modes.
+  subroutine multigrid_take_modes(self, body, modes)
+    class(multigrid_t), intent(inout) :: self
+    !> The body.
+    type(body_t), intent(in) :: body
+    !> Rigid body modes that its supports leave.
+    type(body_modes_t), intent(in) :: modes
+    real(dp), allocatable :: mode(:)
+    integer :: k
     allocate (self%mode(self%n, modes%n), mode(body%constraint%n_equations))
     do k = 1, modes%n
       call body%constraint%reduce(modes%shape(:, :, k), mode)
       call self%to_system(mode, self%mode(:, k))
     end do
-    call factorize_coarse(self%coarse, levels%corner_body, levels%corner_stiffness, report, error)
-  end subroutine multigrid_init
+  end subroutine multigrid_take_modes
+
+  !> Invert the diagonal blocks.
+  subroutine multigrid_make_smoother(self, error)
+    class(multigrid_t), intent(inout) :: self
+    !> Allocated where a diagonal block is not positive definite.
+    type(error_t), allocatable, intent(out) :: error
+    logical :: regular
+    call self%fine%prepare(regular)
+    if (regular) return
+    !$omp critical (message)
+    call set_error(error, 'multigrid: a diagonal block of the stiffness is not positive definite', exit_not_solvable)
+    !$omp end critical (message)
+  end subroutine multigrid_make_smoother
 
   !> Move block rows, without a copy in memory.
   subroutine move_rows(from, to)
@@ -109,26 +198,6 @@ contains
     call move_alloc(from%high, to%high)
     call move_alloc(from%low, to%low)
   end subroutine move_rows
-
-  !> Analyse and factorize the matrix of the corner space.
-  subroutine factorize_coarse(coarse, corner_body, stiffness, report, error)
-    !> Compliance operator of the corner space.
-    type(direct_response_t), intent(inout) :: coarse
-    !> The body of the corners.
-    type(body_t), intent(in) :: corner_body
-    !> Its stiffness; empty on return.
-    type(stiffness_t), intent(inout) :: stiffness
-    !> Condition.
-    type(factorization_report_t), intent(out) :: report
-    !> As in `direct_response_t`.
-    type(error_t), allocatable, intent(out) :: error
-    type(body_modes_t) :: modes
-    call modes%find(corner_body)
-    call coarse%analyze(corner_body, modes, stiffness, error)
-    if (.not. allocated(error)) call stiffness%forget_graph()
-    if (.not. allocated(error)) call coarse%factorize(corner_body, stiffness, .false., report, error)
-    if (allocated(error)) call add_context(error, 'multigrid, corner space: ')
-  end subroutine factorize_coarse
 
   !> y = K x.
   subroutine multigrid_multiply(self, x, y)
@@ -260,6 +329,7 @@ contains
     call self%fine%destroy()
     call self%coarse%destroy()
     if (allocated(self%mode)) deallocate (self%mode)
+    if (allocated(self%levels)) deallocate (self%levels)
     self%n = 0
   end subroutine multigrid_destroy
 end module dotyk_response_multigrid

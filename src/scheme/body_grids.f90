@@ -25,8 +25,13 @@ module dotyk_scheme_body_grids
     type(multigrid_rows_t) :: rows
   end type grid_body_t
 
-  !> The bodies: the base of linear systems over all of them. It owns the p-multigrids: never copy it, destroy it in the
-  !> end.
+  !> The p-multigrid of a body.
+  type, public :: grid_pointer_t
+    !> Associated for representatives of congruent bodies.
+    type(multigrid_t), pointer :: p => null()
+  end type grid_pointer_t
+
+  !> The bodies: the base of linear systems over all of them. It refers to the p-multigrids of others.
   type, abstract, extends(preconditioned_system_t), public :: body_grids_t
     !> Number of unknowns.
     integer :: n = 0
@@ -37,7 +42,7 @@ module dotyk_scheme_body_grids
     !> Unknowns of body b are first(b)+1 .. first(b+1) (n_bodies + 1).
     integer, allocatable :: first(:)
     !> p-multigrids of the representatives (n_bodies).
-    type(multigrid_t), allocatable :: grid(:)
+    type(grid_pointer_t), allocatable :: grid(:)
     !> (n_bodies).
     type(grid_body_t), allocatable :: body(:)
     !> Modes of body b are first_mode(b)+1 .. first_mode(b+1) (n_bodies + 1).
@@ -51,7 +56,6 @@ module dotyk_scheme_body_grids
     procedure :: multiply_bodies => grids_multiply_bodies
     procedure :: row_compliance => grids_row_compliance
     procedure :: corner_displacement => grids_corner_displacement
-    procedure :: destroy => grids_destroy
   end type body_grids_t
 
 contains
@@ -63,19 +67,19 @@ contains
     type(contact_block_t), intent(in) :: block(:)
     !> Number of contact rows.
     integer, intent(in) :: n_rows
-    !> Of the representatives; not allocated on return (n_bodies).
-    type(multigrid_t), allocatable, intent(inout) :: grid(:)
+    !> Of the representatives (n_bodies).
+    type(grid_pointer_t), intent(in) :: grid(:)
     !> With representatives and maps; not allocated on return (n_bodies).
     type(grid_body_t), allocatable, intent(inout) :: body(:)
     integer :: b
-    call move_alloc(grid, self%grid)
+    self%grid = grid
     call move_alloc(body, self%body)
     self%n_rows = n_rows
     allocate (self%first(size(self%body) + 1), self%first_mode(size(self%body) + 1))
     self%first(1) = 0
     self%first_mode(1) = 0
     do b = 1, size(self%body)
-      associate (own => self%body(b), grid_of => self%grid(self%body(b)%representative))
+      associate (own => self%body(b), grid_of => self%grid(self%body(b)%representative)%p)
         self%dim = grid_of%fine%rows%dim
         self%first(b + 1) = self%first(b) + grid_of%n
         self%first_mode(b + 1) = self%first_mode(b) + size(grid_of%mode, 2)
@@ -131,7 +135,7 @@ contains
     do b = 1, size(self%body)
       allocate (own(size(self%body(b)%row)), source=0.0_dp)
       call self%body(b)%rows%add_displacement_low(self%dim, &
-        1/self%grid(self%body(b)%representative)%fine%rows%scale, x(self%first(b) + 1:self%first(b + 1)), own)
+        1/self%grid(self%body(b)%representative)%p%fine%rows%scale, x(self%first(b) + 1:self%first(b + 1)), own)
       call scatter_rows(self%body(b)%row, own, y)
       deallocate (own)
     end do
@@ -177,7 +181,7 @@ contains
     integer :: b
     do b = 1, size(self%body)
       associate (first => self%first(b) + 1, last => self%first(b + 1))
-        call self%grid(self%body(b)%representative)%multiply(x(first:last), y(first:last))
+        call self%grid(self%body(b)%representative)%p%multiply(x(first:last), y(first:last))
       end associate
     end do
   end subroutine grids_multiply_bodies
@@ -208,7 +212,8 @@ contains
     integer :: b
     y = 0
     do b = 1, size(self%body)
-      associate (first => self%first(b) + 1, last => self%first(b + 1), grid => self%grid(self%body(b)%representative))
+      associate (first => self%first(b) + 1, last => self%first(b + 1), &
+                 grid => self%grid(self%body(b)%representative)%p)
         size_of_f = max(maxval(abs(f(first:last))), tiny(size_of_f))
         allocate (coarse(grid%corner_constraint%n_equations), own(size(self%body(b)%row)))
         call grid%space%restrict(grid%constraint, grid%corner_constraint, size_of_f, &
@@ -220,18 +225,4 @@ contains
       end associate
     end do
   end subroutine grids_corner_displacement
-
-  !> Give back all memory.
-  subroutine grids_destroy(self)
-    class(body_grids_t), intent(inout) :: self
-    integer :: b
-    if (allocated(self%grid)) then
-      do b = 1, size(self%grid)
-        call self%grid(b)%destroy()
-      end do
-      deallocate (self%grid)
-    end if
-    if (allocated(self%body)) deallocate (self%body)
-    self%n = 0
-  end subroutine grids_destroy
 end module dotyk_scheme_body_grids

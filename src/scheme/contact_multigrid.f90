@@ -182,7 +182,7 @@ contains
       lambda = 0
       do b = 1, size(self%body)
         allocate (own(size(self%body(b)%row)), source=0.0_dp)
-        call self%body(b)%rows%add_smoothed(self%grid(self%body(b)%representative), self%dim, &
+        call self%body(b)%rows%add_smoothed(self%grid(self%body(b)%representative)%p, self%dim, &
                                             r(self%first(b) + 1:self%first(b + 1)), own)
         call scatter_rows(self%body(b)%row, own, lambda)
         deallocate (own)
@@ -195,7 +195,7 @@ contains
     end if
     do b = 1, size(self%body)
       associate (first => self%first(b) + 1, last => self%first(b + 1), &
-                 fine => self%grid(self%body(b)%representative)%fine)
+                 fine => self%grid(self%body(b)%representative)%p%fine)
         call smoothing_step(self%dim, fine%rows%n, fine%inverse, real(c, sp), real(d/fine%greatest, sp), &
                             r(first:last), p(first:last), x(first:last))
       end associate
@@ -215,7 +215,7 @@ contains
     integer :: k
     do k = 1, size(self%body)
       associate (first => self%first(k) + 1, last => self%first(k + 1))
-        call self%grid(self%body(k)%representative)%fine%rows%residual(b(first:last), x(first:last), r(first:last))
+        call self%grid(self%body(k)%representative)%p%fine%rows%residual(b(first:last), x(first:last), r(first:last))
       end associate
     end do
     call subtract_contact(self, x, r)
@@ -234,7 +234,7 @@ contains
     integer :: k
     allocate (r, source=b)
     allocate (p(size(b)))
-    associate (fine => self%grid(self%body(1)%representative)%fine)
+    associate (fine => self%grid(self%body(1)%representative)%p%fine)
       middle = (1 + 1/fine%ratio)/2
       half = (1 - 1/fine%ratio)/2
       x = 0
@@ -264,7 +264,8 @@ contains
     lambda = 0
     allocate (e(self%first_mode(size(self%first_mode))))
     do b = 1, size(self%body)
-      associate (first => self%first(b) + 1, last => self%first(b + 1), grid => self%grid(self%body(b)%representative))
+      associate (first => self%first(b) + 1, last => self%first(b + 1), &
+                 grid => self%grid(self%body(b)%representative)%p)
         allocate (coarse(b)%value(grid%corner_constraint%n_equations), own(size(self%body(b)%row)))
         call grid%space%restrict(grid%constraint, grid%corner_constraint, 1.0_dp, r(first:last), coarse(b)%value)
         do k = 1, size(grid%mode, 2)
@@ -288,7 +289,8 @@ contains
     lambda = 0
     lambda(self%active) = force
     do b = 1, size(self%body)
-      associate (first => self%first(b) + 1, last => self%first(b + 1), grid => self%grid(self%body(b)%representative))
+      associate (first => self%first(b) + 1, last => self%first(b + 1), &
+                 grid => self%grid(self%body(b)%representative)%p)
         if (any(abs(lambda(self%body(b)%row)) > 0)) then
           allocate (own(size(coarse(b)%value)))
           call self%body(b)%rows%corner%multiply_transposed(lambda(self%body(b)%row), own)
@@ -332,7 +334,7 @@ contains
     end if
     do i = 1, size(self%body)
       associate (first => self%first(i) + 1, last => self%first(i + 1), &
-                 rows => self%grid(self%body(i)%representative)%fine%rows)
+                 rows => self%grid(self%body(i)%representative)%p%fine%rows)
         correction(first:last) = rows%scale*correction(first:last)
         call rows%subtract_product(correction(first:last), rest(first:last))
       end associate
@@ -340,7 +342,7 @@ contains
     call smooth(self, rest, b)
     do i = 1, size(self%body)
       associate (first => self%first(i) + 1, last => self%first(i + 1))
-        z(first:last) = size_of_r/self%grid(self%body(i)%representative)%fine%rows%scale* &
+        z(first:last) = size_of_r/self%grid(self%body(i)%representative)%p%fine%rows%scale* &
           (correction(first:last) + (real(x(first:last), dp) + b(first:last)))
       end associate
     end do

@@ -1,0 +1,277 @@
+!> The compliance operator of a body through its p-multigrid: conjugate gradients in place of triangular solves.
+!>
+!> For bodies that are too large for a factor of their own, and for the smaller ones beside them in the same contact
+!> problem, whose p-multigrid has the factor of the body itself as its coarse level.
+module dotyk_response_multigrid_response
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp, int64
+  use dotyk_elasticity_body, only: body_t, stiffness_t
+  use dotyk_elasticity_body_modes, only: body_modes_t
+  use dotyk_linalg_conjugate_gradient, only: cg_outcome_t, conjugate_gradient
+  use dotyk_linalg_fixed_sum, only: remove_components, scalar_product
+  use dotyk_linalg_sparse, only: sparse_rows_t
+  use dotyk_response_multigrid, only: multigrid_t
+  use dotyk_response_response, only: response_t, substituted_rows_t
+  use dotyk_response_stiffness_factor, only: factorization_report_t
+  implicit none
+  private
+
+  !> Compliance operator by p-multigrid. It owns factors: never copy it, destroy it in the end.
+  type, extends(response_t), public :: multigrid_response_t
+    !> The two levels; a pointer, because systems over many bodies refer to them.
+    type(multigrid_t), pointer :: grid => null()
+    !> Whether the coarse level is the body itself: solves are those of its factor.
+    logical :: is_whole = .false.
+    !> Least and greatest Ritz value of the preconditioned stiffness: the first one tells how far the residual in the
+    !> norm of the preconditioner is from the error in the energy norm [].
+    real(dp) :: least = 1, greatest = 1
+  contains
+    procedure :: assemble => response_assemble
+    procedure :: analyze => response_analyze
+    procedure :: factorize => response_factorize
+    procedure :: analyze_whole => response_analyze_whole
+    procedure :: factorize_whole => response_factorize_whole
+    procedure :: prepare => response_prepare
+    procedure :: solve => response_solve
+    procedure :: force_norm => response_force_norm
+    procedure :: prepare_substitution => response_prepare_substitution
+    procedure :: path_entries => response_path_entries
+    procedure :: substitute => response_substitute
+    procedure :: product => response_product
+    procedure :: destroy => response_destroy
+  end type multigrid_response_t
+
+  !> Reduction of the residual of a solve: a few digits below the tolerances that users ask for [].
+  real(dp), parameter :: accuracy = 1.0e-10_dp
+  !> Iterations of a solve at most. Where the p-multigrid works, a tenth of them suffices.
+  integer, parameter :: most_steps = 200
+  !> Iterations that measure the Ritz values: the least one is found to some percent by then.
+  integer, parameter :: trial_steps = 14
+  !> Safety factor of the least Ritz value, which is larger than the least eigenvalue [].
+  real(dp), parameter :: margin = 0.7_dp
+  !> Fractions of its multiples have no order.
+  real(dp), parameter :: golden = 0.6180339887498949_dp
+  !> Operations of a solve, as a multiple of the entries of the block rows.
+  real(dp), parameter :: products_of_solve = 80
+
+contains
+
+  !> Assemble both levels.
+  subroutine response_assemble(self, body, error)
+    class(multigrid_response_t), intent(inout) :: self
+    !> The body; it need not be assembled. Gets its volume and its mean modulus.
+    type(body_t), intent(inout) :: body
+    !> As in `assemble` of `multigrid_t`.
+    type(error_t), allocatable, intent(out) :: error
+    allocate (self%grid)
+    call self%grid%assemble(body, error)
+    if (allocated(error)) return
+    body%volume = self%grid%levels%volume
+    body%mean_modulus_factor = self%grid%levels%mean_modulus_factor
+  end subroutine response_assemble
+
+  !> Analyse the factorization of the coarse level.
+  subroutine response_analyze(self, body, modes, error)
+    class(multigrid_response_t), intent(inout) :: self
+    !> The same body as in `assemble`.
+    type(body_t), intent(in) :: body
+    !> Rigid body modes that its supports leave.
+    type(body_modes_t), intent(in) :: modes
+    !> As in `analyze` of `direct_response_t`.
+    type(error_t), allocatable, intent(out) :: error
+    call self%grid%analyze(body, modes, error)
+  end subroutine response_analyze
+
+  !> Factorize the coarse level.
+  subroutine response_factorize(self, body, report, error)
+    class(multigrid_response_t), intent(inout) :: self
+    !> The same body as in `assemble`.
+    type(body_t), intent(in) :: body
+    !> Condition of the corner space; the diagonal is that of the body.
+    type(factorization_report_t), intent(out) :: report
+    !> Allocated where the stiffness is not positive definite, memory runs out, or an interrupt came.
+    type(error_t), allocatable, intent(out) :: error
+    type(factorization_report_t) :: of_corners
+    real(dp), allocatable :: diagonal(:)
+    integer :: k
+    call self%grid%factorize(of_corners, error)
+    if (allocated(error)) return
+    ! Springs and modes of the corner space are over other equations.
+    report%condition = of_corners%condition
+    report%condition_left = of_corners%condition_left
+    allocate (report%fixing_equation(0), report%spring(0), report%diagonal(body%constraint%n_equations))
+    allocate (diagonal(self%grid%n))
+    call self%grid%fine%rows%get_diagonal(diagonal)
+    call self%grid%to_equations(diagonal, report%diagonal)
+    allocate (self%mode(body%constraint%n_equations, size(self%grid%mode, 2)))
+    do k = 1, size(self%mode, 2)
+      call self%grid%to_equations(self%grid%mode(:, k), self%mode(:, k))
+    end do
+  end subroutine response_factorize
+
+  !> The same for a body that is solved directly beside others.
+  subroutine response_factorize_whole(self, body, modes, stiffness, report, error)
+    class(multigrid_response_t), intent(inout) :: self
+    !> The body, assembled; analysed by `analyze_whole`.
+    type(body_t), intent(in) :: body
+    !> Rigid body modes that its supports leave.
+    type(body_modes_t), intent(in) :: modes
+    !> Its stiffness; empty on return.
+    type(stiffness_t), intent(inout) :: stiffness
+    !> Condition of its stiffness.
+    type(factorization_report_t), intent(out) :: report
+    !> As in `factorize` of `direct_response_t`.
+    type(error_t), allocatable, intent(out) :: error
+    call self%grid%coarse%factorize(body, stiffness, .false., report, error)
+    if (.not. allocated(error)) call self%grid%take_whole(body, modes, error)
+  end subroutine response_factorize_whole
+
+  !> Analyse the factorization of a body that is solved directly beside others.
+  subroutine response_analyze_whole(self, body, modes, stiffness, error)
+    class(multigrid_response_t), intent(inout) :: self
+    !> The body, assembled.
+    type(body_t), intent(in) :: body
+    !> Rigid body modes that its supports leave.
+    type(body_modes_t), intent(in) :: modes
+    !> Its stiffness, with the graph of its nodes.
+    type(stiffness_t), intent(in) :: stiffness
+    !> As in `analyze` of `direct_response_t`.
+    type(error_t), allocatable, intent(out) :: error
+    self%is_whole = .true.
+    allocate (self%grid)
+    call self%grid%coarse%analyze(body, modes, stiffness, error)
+    self%mode = self%grid%coarse%mode
+  end subroutine response_analyze_whole
+
+  !> Make the smoother, and measure how good the preconditioner is.
+  subroutine response_prepare(self, body, error)
+    class(multigrid_response_t), intent(inout) :: self
+    !> The body, with its loads.
+    type(body_t), intent(in) :: body
+    !> Allocated where a diagonal block of the stiffness is not positive definite.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp), allocatable :: b(:), x(:)
+    type(cg_outcome_t) :: outcome
+    real(dp) :: norm
+    integer :: i
+    call self%grid%make_smoother(error)
+    if (allocated(error) .or. self%is_whole) return
+    allocate (b(self%grid%n), x(self%grid%n))
+    call self%grid%to_system(body%rhs, b)
+    norm = maxval(abs(b))
+    if (.not. norm > 0) norm = 1
+    ! Loads excite the weak eigenvectors, forces without order all of them.
+    do i = 1, size(b)
+      b(i) = b(i) + norm*(modulo(i*golden, 1.0_dp) - 0.5_dp)
+    end do
+    call self%grid%to_equations(b, x(:size(body%rhs)))
+    call self%grid%to_system(x(:size(body%rhs)), b)
+    call remove_components(self%grid%n, self%grid%mode, b)
+    call conjugate_gradient(self%grid, b, x, 0.0_dp, trial_steps, outcome)
+    call outcome%ritz_values(self%least, self%greatest)
+  end subroutine response_prepare
+
+  !> x := K^+ x.
+  subroutine response_solve(self, x)
+    class(multigrid_response_t), intent(in) :: self
+    !> Right-hand side [force] in, solution [length] out (n_equations).
+    real(dp), intent(inout) :: x(:)
+    type(cg_outcome_t) :: outcome
+    if (self%is_whole) then
+      call self%grid%coarse%solve(x)
+    else
+      call self%grid%solve(x, accuracy, most_steps, outcome)
+    end if
+  end subroutine response_solve
+
+  !> A bound of sqrt(r^T K^+ r), the energy norm of the displacement by some forces, from one cycle: the preconditioner
+  !> is at least `least` times the inverse.
+  real(dp) function response_force_norm(self, r) result(norm)
+    class(multigrid_response_t), intent(in) :: self
+    !> Forces over the unknowns of the p-multigrid (n) [force].
+    real(dp), intent(in), contiguous :: r(:)
+    real(dp), allocatable :: z(:)
+    allocate (z(size(r)))
+    call self%grid%precondition(r, z)
+    norm = sqrt(max(0.0_dp, scalar_product(size(r), r, z))/(margin*self%least))
+  end function response_force_norm
+
+  !> Make ready for forward substitutions.
+  subroutine response_prepare_substitution(self)
+    class(multigrid_response_t), intent(inout) :: self
+    if (self%is_whole) call self%grid%coarse%prepare_substitution()
+  end subroutine response_prepare_substitution
+
+  !> Cost of one row: a part of a triangular solve, or conjugate gradients.
+  real(dp) function response_path_entries(self, equation) result(entries)
+    class(multigrid_response_t), intent(inout) :: self
+    !> Equations where the paths begin (n).
+    integer, intent(in) :: equation(:)
+    if (self%is_whole) then
+      entries = self%grid%coarse%path_entries(equation)
+    else
+      entries = products_of_solve*size(self%grid%fine%rows%high, kind=int64)
+    end if
+  end function response_path_entries
+
+  !> Rows of B, and K^+ of them where there is no factor: one solve for each. Their values stand in `forward`, row after
+  !> row, the solutions in `regularized`.
+  subroutine response_substitute(self, rows, substituted)
+    class(multigrid_response_t), intent(in) :: self
+    !> Rows over the equations.
+    type(sparse_rows_t), intent(in) :: rows
+    !> The rows and the solutions.
+    type(substituted_rows_t), intent(inout) :: substituted
+    real(dp), allocatable :: e(:)
+    integer :: j
+    if (self%is_whole) then
+      call self%grid%coarse%substitute(rows, substituted)
+      return
+    end if
+    substituted%forward%n = rows%n_rows
+    substituted%forward%first_column = rows%row_start
+    substituted%forward%column = rows%column
+    substituted%forward%value = rows%value
+    allocate (e(rows%n_rows), substituted%regularized(size(self%mode, 1), rows%n_rows))
+    do j = 1, rows%n_rows
+      e = 0
+      e(j) = 1
+      call rows%multiply_transposed(e, substituted%regularized(:rows%n_columns, j))
+      substituted%regularized(rows%n_columns + 1:, j) = 0
+      call self%solve(substituted%regularized(:, j))
+    end do
+  end subroutine response_substitute
+
+  !> c_ij = a_i K^+ b_j.
+  subroutine response_product(self, a, b, same, c)
+    class(multigrid_response_t), intent(in) :: self
+    !> Rows of the two sides.
+    type(substituted_rows_t), intent(in) :: a, b
+    !> Whether a and b are the same rows.
+    logical, intent(in) :: same
+    !> Entries between the rows (a%forward%n, b%forward%n) [length/force].
+    real(dp), intent(out) :: c(:, :)
+    integer :: i, j
+    if (self%is_whole) then
+      call self%grid%coarse%product(a, b, same, c)
+      return
+    end if
+    do j = 1, b%forward%n
+      do i = 1, a%forward%n
+        associate (first => a%forward%first_column(i), last => a%forward%first_column(i + 1) - 1)
+          c(i, j) = dot_product(a%forward%value(first:last), b%regularized(a%forward%column(first:last), j))
+        end associate
+      end do
+    end do
+    if (same) c = (c + transpose(c))/2
+  end subroutine response_product
+
+  !> Give back all memory.
+  subroutine response_destroy(self)
+    class(multigrid_response_t), intent(inout) :: self
+    if (allocated(self%mode)) deallocate (self%mode)
+    if (.not. associated(self%grid)) return
+    call self%grid%destroy()
+    deallocate (self%grid)
+  end subroutine response_destroy
+end module dotyk_response_multigrid_response
