@@ -8,6 +8,7 @@
 module dotyk_scheme_body_compliance
   use dotyk_base_kinds, only: dp
   use dotyk_contact_operator, only: contact_block_t
+  use dotyk_response_multigrid_response, only: multigrid_response_t
   use dotyk_response_response, only: response_slot_t
   use dotyk_scheme_compliance, only: compliance_t, entries_t
   use dotyk_scheme_congruent_products, only: batch_t, make_batches, multiply_bodies, row_displacement_t, solve_bodies
@@ -32,6 +33,7 @@ module dotyk_scheme_body_compliance
     type(batch_t), allocatable, private :: batch(:)
   contains
     procedure :: init => compliance_init
+    procedure :: has_grids => compliance_has_grids
     procedure :: solve => compliance_solve
     procedure :: multiply => compliance_multiply
     procedure :: form => compliance_form
@@ -84,6 +86,21 @@ contains
     call self%matrix%init(qp)
     call make_batches(self%body, [(size(qp%block(b)%row), b=1, size(self%body))], self%batch)
   end subroutine compliance_init
+
+  !> Whether all bodies have p-multigrids.
+  pure logical function compliance_has_grids(self) result(has_grids)
+    !> The compliance of the bodies.
+    class(body_compliance_t), intent(in) :: self
+    integer :: b
+    has_grids = size(self%body) > 0
+    do b = 1, size(self%body)
+      select type (form => self%response(self%body(b)%representative)%form)
+      type is (multigrid_response_t)
+      class default
+        has_grids = .false.
+      end select
+    end do
+  end function compliance_has_grids
 
   !> x := K_b^+ x, over the equations of a body; many threads may.
   subroutine compliance_solve(self, b, x)

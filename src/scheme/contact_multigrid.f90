@@ -43,6 +43,8 @@ module dotyk_scheme_contact_multigrid
     procedure :: set_stiffness => system_set_stiffness
     procedure :: multiply => system_multiply
     procedure :: precondition => system_precondition
+    procedure :: smoothed_rows => system_smoothed_rows
+    procedure :: smoother_force => system_smoother_force
   end type contact_multigrid_t
 
   !> Eigenvalues of the stiffness of modes below this fraction of the greatest one are rounding: contact does not
@@ -176,21 +178,10 @@ contains
     !> Step and iterate, times the scale of the stiffness of each body (n) [force].
     real(sp), intent(inout), contiguous :: p(:), x(:)
     real(dp) :: lambda(self%n_rows)
-    real(dp), allocatable :: own(:), force(:)
     integer :: b
     if (size(self%active) > 0) then
-      lambda = 0
-      do b = 1, size(self%body)
-        allocate (own(size(self%body(b)%row)), source=0.0_dp)
-        call self%body(b)%rows%add_smoothed(self%grid(self%body(b)%representative)%p, self%dim, &
-                                            r(self%first(b) + 1:self%first(b + 1)), own)
-        call scatter_rows(self%body(b)%row, own, lambda)
-        deallocate (own)
-      end do
-      force = lambda(self%active)
-      call solve_factored(self%smoother, force)
-      lambda = 0
-      lambda(self%active) = force
+      call self%smoothed_rows(r, lambda)
+      lambda = self%smoother_force(lambda)
       call self%subtract_row_force_low(lambda, r)
     end if
     do b = 1, size(self%body)
@@ -201,6 +192,39 @@ contains
       end associate
     end do
   end subroutine smoother_step
+
+  !> y = B D^{-1} r, D the diagonal blocks of the smoother.
+  subroutine system_smoothed_rows(self, r, y)
+    class(contact_multigrid_t), intent(in) :: self
+    !> Forces (n) [force].
+    real(sp), intent(in), contiguous :: r(:)
+    !> At the rows (n_rows) [length].
+    real(dp), intent(out) :: y(:)
+    real(dp), allocatable :: own(:)
+    integer :: b
+    y = 0
+    do b = 1, size(self%body)
+      allocate (own(size(self%body(b)%row)), source=0.0_dp)
+      call self%body(b)%rows%add_smoothed(self%grid(self%body(b)%representative)%p, self%dim, &
+                                          r(self%first(b) + 1:self%first(b + 1)), own)
+      call scatter_rows(self%body(b)%row, own, y)
+      deallocate (own)
+    end do
+  end subroutine system_smoothed_rows
+
+  !> Forces on the active rows that displace them against W and the diagonal blocks: (W^{-1} + B D^{-1} B^T)^{-1} y.
+  function system_smoother_force(self, y) result(lambda)
+    class(contact_multigrid_t), intent(in) :: self
+    !> At the rows (n_rows) [length].
+    real(dp), intent(in) :: y(:)
+    !> Zero on inactive rows (n_rows) [force].
+    real(dp) :: lambda(size(y))
+    real(dp), allocatable :: force(:)
+    force = y(self%active)
+    call solve_factored(self%smoother, force)
+    lambda = 0
+    lambda(self%active) = force
+  end function system_smoother_force
 
   !> r = b - (K + B^T W B) x, x of each body times the scale of its stiffness.
   subroutine low_residual(self, b, x, r)

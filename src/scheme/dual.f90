@@ -34,6 +34,7 @@ module dotyk_scheme_dual
   use dotyk_scheme_working_set, only: has_many_modes, keep_what_carries, screen_rows
   implicit none
   private
+  public :: check_equilibrium, clear
 
   !> The scheme.
   type, extends(scheme_t), public :: dual_t

@@ -48,7 +48,7 @@ contains
   !> Solve, from pressures m and displacements u.
   subroutine solve_proximal(system, weight, gap, theta, load, tolerance, most_steps, m, u, outcome, error)
     !> The bodies and rows; its active set is changed.
-    type(contact_multigrid_t), intent(inout) :: system
+    class(contact_multigrid_t), intent(inout) :: system
     !> Weights w (n_rows) [area].
     real(dp), intent(in) :: weight(:)
     !> d, less the displacement of the rows by prescribed displacements (n_rows) [length].
@@ -109,7 +109,7 @@ contains
   !> The residual f - K u - B^T W (B u - d + prox m_0), and the norm of u.
   subroutine find_residual(system, load, shifted, u, r, norm)
     !> The bodies and the active rows.
-    type(contact_multigrid_t), intent(in) :: system
+    class(contact_multigrid_t), intent(in) :: system
     !> f (n) [force].
     real(dp), intent(in), contiguous :: load(:)
     !> d - prox m_0 (n_rows) [length].
@@ -131,7 +131,7 @@ contains
   !> prox of each row [length/pressure].
   function proximal_term(system, weight) result(prox)
     !> The bodies and rows.
-    type(contact_multigrid_t), intent(in) :: system
+    class(contact_multigrid_t), intent(in) :: system
     !> Weights w (n_rows) [area].
     real(dp), intent(in) :: weight(:)
     !> (n_rows)
@@ -146,7 +146,7 @@ contains
   !> Give the system its active rows.
   subroutine set_active(system, weight, softness, active, error)
     !> The system.
-    type(contact_multigrid_t), intent(inout) :: system
+    class(contact_multigrid_t), intent(inout) :: system
     !> Weights w (n_rows) [area].
     real(dp), intent(in) :: weight(:)
     !> theta + prox (n_rows) [length/pressure].

@@ -1,0 +1,360 @@
+!> The primal scheme: the displacements as unknowns, by a proximal active set (`dotyk_scheme_proximal_active_set`), for
+!> bodies whose compliance operators are p-multigrids (`dotyk_response_multigrid_response`). Any theta >= 0, held and
+!> floating bodies.
+!>
+!> Unknown is v = u - u_0, the displacement by contact forces and rigid body motions: `K v = R e - B^T lambda` with e
+!> the resultants of the loads on the rigid body modes R, and `B v <= -y_0`. As in the dual scheme, rows that stay
+!> inactive on a Winkler foundation are screened, and join the working set where the displacement violates them. The
+!> start is the contact of the bodies in their corner spaces (`dotyk_scheme_corner_contact`).
+!>
+!> It ends by the bound of `dotyk_scheme_primal_system`. Other operators, and near-null-space modes, which have a
+!> stiffness, are left to the dual scheme.
+module dotyk_scheme_primal
+  use dotyk_base_error, only: error_t
+  use dotyk_base_interrupt, only: interrupted
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_text, only: to_text
+  use dotyk_base_timer, only: wall_time
+  use dotyk_linalg_dense, only: symmetric_eigen
+  use dotyk_scheme_active_set, only: iterate_t, is_balanced, reference_norm, rounding
+  use dotyk_scheme_body_compliance, only: body_compliance_t
+  use dotyk_scheme_compliance, only: compliance_t
+  use dotyk_scheme_contact_qp, only: contact_qp_t
+  use dotyk_scheme_corner_contact, only: solve_corner_contact
+  use dotyk_scheme_dual, only: check_equilibrium, clear, dual_t
+  use dotyk_scheme_monitor, only: monitor_t
+  use dotyk_scheme_primal_system, only: primal_system_t
+  use dotyk_scheme_proximal_active_set, only: proximal_outcome_t, solve_proximal
+  use dotyk_scheme_restriction, only: restrict_qp
+  use dotyk_scheme_scheme, only: scheme_t
+  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_cycling, ended_interrupted, &
+    ended_limit, ended_no_equilibrium, ended_stalled, ended_unbalanced
+  use dotyk_scheme_stopping, only: solver_settings_t
+  use dotyk_scheme_working_set, only: keep_what_carries, screen_rows
+  implicit none
+  private
+
+  !> The scheme.
+  type, extends(scheme_t), public :: primal_t
+  contains
+    procedure :: solve => primal_solve
+    procedure :: needs_held_bodies => primal_needs_held_bodies
+    procedure :: allows_zero_theta => primal_allows_zero_theta
+    procedure :: expected_products => primal_expected_products
+  end type primal_t
+
+  !> How often violated rows enter the working set; then all rows do.
+  integer, parameter :: most_rounds = 6
+  !> How often a bound above the tolerance is followed by a more accurate solution.
+  integer, parameter :: most_attempts = 5
+  !> Rows enter the working set with the violated ones whose gaps are smaller than this multiple of the largest
+  !> violation.
+  real(dp), parameter :: near_violation = 4
+  !> Accuracy of the displacements that is asked for first, as a fraction of the tolerance; factor of the next one [].
+  real(dp), parameter :: first_share = 0.2_dp, next_share = 0.05_dp
+  !> A more accurate solution whose bound is not below this fraction of the last one ends the attempts [].
+  real(dp), parameter :: least_gain = 0.5_dp
+  !> Eigenvalues below this fraction of the greatest are rounding [].
+  real(dp), parameter :: rank = 1.0e-10_dp
+  !> Bounds beyond this many times the norm are none: squares of larger numbers overflow.
+  real(dp), parameter :: largest_bound = 1.0e150_dp
+  !> Working sets of more than this fraction of the rows become all rows.
+  real(dp), parameter :: not_worth_screening = 0.8_dp
+
+contains
+
+  !> Floating bodies are allowed.
+  pure logical function primal_needs_held_bodies(self) result(needed)
+    class(primal_t), intent(in) :: self
+    needed = .false.
+    associate (not_needed => same_type_as(self, self))
+    end associate
+  end function primal_needs_held_bodies
+
+  !> Contact without penetration is allowed.
+  pure logical function primal_allows_zero_theta(self) result(allowed)
+    class(primal_t), intent(in) :: self
+    allowed = .true.
+    associate (not_needed => same_type_as(self, self))
+    end associate
+  end function primal_allows_zero_theta
+
+  !> It takes no products.
+  pure integer function primal_expected_products(self) result(n)
+    class(primal_t), intent(in) :: self
+    n = 0
+    associate (not_needed => same_type_as(self, self))
+    end associate
+  end function primal_expected_products
+
+  !> Solve.
+  subroutine primal_solve(self, qp, compliance, theta, settings, monitor, state, error)
+    class(primal_t), intent(in) :: self
+    !> Contact rows, initial penetrations, rigid body modes.
+    type(contact_qp_t), intent(in) :: qp
+    !> Compliance of the bodies at these rows.
+    class(compliance_t), intent(inout) :: compliance
+    !> Penalty parameters, at least 0 (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    !> Settings of the user.
+    type(solver_settings_t), intent(in) :: settings
+    !> Gets each step, and lines for the log.
+    class(monitor_t), intent(inout) :: monitor
+    !> Where to begin if it has pressures; without pressures on return where the scheme ended before the first step.
+    type(solver_state_t), intent(inout) :: state
+    !> Allocated where numbers are not finite, or an interrupt came before there was a state.
+    type(error_t), allocatable, intent(out) :: error
+    type(dual_t) :: dual
+    logical :: is_primal
+    associate (not_needed => same_type_as(self, self))
+    end associate
+    is_primal = .false.
+    select type (compliance)
+    class is (body_compliance_t)
+      is_primal = compliance%has_grids() .and. .not. allocated(qp%coarse%stiffness) .and. qp%n_rows > 0
+      if (is_primal) call solve_by_displacements(qp, compliance, theta, settings, monitor, state, error)
+    end select
+    if (.not. is_primal) call dual%solve(qp, compliance, theta, settings, monitor, state, error)
+  end subroutine primal_solve
+
+  !> Solve by displacements.
+  subroutine solve_by_displacements(qp, compliance, theta, settings, monitor, state, error)
+    !> As in `primal_solve`.
+    type(contact_qp_t), intent(in) :: qp
+    !> By p-multigrids.
+    class(body_compliance_t), intent(inout) :: compliance
+    !> As in `primal_solve` (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    !> As in `primal_solve`.
+    type(solver_settings_t), intent(in) :: settings
+    !> As in `primal_solve`.
+    class(monitor_t), intent(inout) :: monitor
+    !> As in `primal_solve`.
+    type(solver_state_t), intent(inout) :: state
+    !> As in `primal_solve`.
+    type(error_t), allocatable, intent(out) :: error
+    type(primal_system_t) :: system
+    type(contact_qp_t) :: part
+    type(proximal_outcome_t) :: outcome
+    type(iterate_t) :: now
+    real(dp), allocatable :: v(:), load(:), m(:)
+    logical, allocatable :: working(:), violated(:)
+    real(dp) :: accuracy, start, last
+    integer :: round, attempt, steps, cg_steps
+    logical :: warm
+    start = wall_time()
+    warm = allocated(state%m)
+    if (state%history%n == 0) then
+      call check_equilibrium(qp, state)
+      if (state%ended == ended_no_equilibrium) return
+    end if
+    allocate (m(qp%n_rows), source=0.0_dp)
+    if (warm) then
+      m(:) = state%m
+      working = m > 0
+      if (allocated(state%y)) working = working .or. state%y > -near_violation*maxval([0.0_dp, state%y])
+    else
+      call screen_rows(qp, theta, working)
+    end if
+    call clear(state)
+    steps = 0
+    cg_steps = 0
+    accuracy = first_share*settings%tolerance
+    rounds: do round = 1, most_rounds
+      if (.not. all(working) .and. qp%coarse%n > 0) call keep_what_carries(qp, working)
+      if (round == most_rounds .or. count(working) > not_worth_screening*qp%n_rows) working = .true.
+      call restrict_qp(qp, working, part)
+      call system%init_rows(part, compliance)
+      if (.not. allocated(v)) then
+        allocate (v(system%n), load(system%n), source=0.0_dp)
+        call system%load_of_modes(qp, load)
+        if (.not. warm) call start_in_corners(part, pack(theta, working), load, working, system, m)
+      end if
+      last = huge(last)
+      do attempt = 1, most_attempts
+        call solve_rows(system, part, pack(theta, working), load, working, accuracy, &
+                        settings%max_iterations - steps, m, v, outcome, error)
+        if (allocated(error)) return
+        steps = steps + outcome%steps
+        cg_steps = cg_steps + outcome%cg_steps
+        call balance(qp, m)
+        now%lambda = qp%weight*m
+        call system%amplitudes(qp, v, now%alpha)
+        call system%all_penetrations(qp, compliance, v, now%y)
+        violated = .not. working .and. now%y > rounding*maxval(abs(qp%initial_penetration)) - &
+          system%slack(qp%weight, theta, now%lambda, now%y)
+        call judge(qp, compliance, system, theta, load, working, any(violated), v, now, state)
+        call state%history%add(wall_time() - start, outcome%change, &
+                               outcome%change/max(tiny(start), reference_norm(qp, theta, now)), state%error_bound, &
+                               state%energy, state%max_penetration, count(m > 0))
+        if (interrupted() .or. .not. outcome%converged) exit rounds
+        if (any(violated)) exit
+        if (state%error_bound <= settings%tolerance .or. .not. state%error_bound < least_gain*last) exit rounds
+        if (steps >= settings%max_iterations) exit rounds
+        last = state%error_bound
+        accuracy = next_share*accuracy
+        call monitor%step(state%history, settings%tolerance, state%error_bound)
+      end do
+      if (.not. any(violated)) exit
+      working = working .or. now%y > -near_violation*maxval(now%y, mask=violated)
+    end do rounds
+    compliance%n_sweeps = compliance%n_sweeps + cg_steps
+    state%screened = count(.not. working)
+    call monitor%note('displacements    '//to_text(steps)//' active sets, '//to_text(cg_steps)// &
+                      ' iterations of conjugate gradients with p-multigrid')
+    call state%history%finish()
+    state%iterations = state%history%n
+    state%m = now%lambda/qp%weight
+    state%y = now%y
+    state%alpha = qp%coarse%scale*now%alpha
+    call find_indeterminate(qp, now%lambda > 0, state%indeterminate, error)
+    state%ended = ended_stalled
+    if (.not. outcome%converged) state%ended = merge(ended_limit, ended_cycling, steps >= settings%max_iterations)
+    if (any(violated)) state%ended = ended_limit
+    if (.not. is_balanced(qp, theta, now%lambda, now%alpha)) state%ended = ended_unbalanced
+    if (interrupted()) state%ended = ended_interrupted
+    if (state%error_bound <= settings%tolerance) state%ended = ended_converged
+  end subroutine solve_by_displacements
+
+  !> The start: contact of the bodies in their corner spaces.
+  subroutine start_in_corners(part, theta, load, working, system, m)
+    !> The QP on the working set.
+    type(contact_qp_t), intent(in) :: part
+    !> Penalty parameters of its rows (n) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    !> Resultants of the loads on the rigid body modes, as forces (system%n) [force].
+    real(dp), intent(in), contiguous :: load(:)
+    !> Working set (n_rows).
+    logical, intent(in) :: working(:)
+    !> The bodies and rows.
+    type(primal_system_t), intent(in) :: system
+    !> Pressures (n_rows) [pressure].
+    real(dp), intent(inout) :: m(:)
+    real(dp) :: of_part(part%n_rows), nothing(size(m))
+    nothing = 0
+    call solve_corner_contact(system, part, -part%initial_penetration, theta, load, of_part)
+    m(:) = unpack(of_part, working, nothing)
+  end subroutine start_in_corners
+
+  !> Solve on the working set.
+  subroutine solve_rows(system, part, theta, load, working, accuracy, most_steps, m, v, outcome, error)
+    !> The bodies and rows; its active set is changed.
+    type(primal_system_t), intent(inout) :: system
+    !> The QP on the working set.
+    type(contact_qp_t), intent(in) :: part
+    !> Penalty parameters of its rows (n) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    !> Resultants of the loads on the rigid body modes, as forces (system%n) [force].
+    real(dp), intent(in), contiguous :: load(:)
+    !> Working set (n_rows).
+    logical, intent(in) :: working(:)
+    !> Relative, of the displacements in the energy norm [].
+    real(dp), intent(in) :: accuracy
+    !> Linear systems at most.
+    integer, intent(in) :: most_steps
+    !> Pressures: start and solution (n_rows) [pressure].
+    real(dp), intent(inout) :: m(:)
+    !> Displacements by contact: start and solution (system%n) [length].
+    real(dp), intent(inout), contiguous :: v(:)
+    !> How it went.
+    type(proximal_outcome_t), intent(out) :: outcome
+    !> Allocated where numbers are not finite.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp) :: of_part(part%n_rows), nothing(size(m))
+    nothing = 0
+    of_part = pack(m, working)
+    call solve_proximal(system, part%weight, -part%initial_penetration, theta, load, accuracy, max(1, most_steps), &
+                        of_part, v, outcome, error)
+    m(:) = unpack(of_part, working, nothing)
+  end subroutine solve_rows
+
+  !> Bound, energy and penetration of an iterate.
+  subroutine judge(qp, compliance, system, theta, load, working, is_violated, v, now, state)
+    !> Contact rows, initial penetrations, rigid body modes.
+    type(contact_qp_t), intent(in) :: qp
+    !> The p-multigrids.
+    class(body_compliance_t), intent(in) :: compliance
+    !> The bodies and rows of the working set.
+    type(primal_system_t), intent(inout) :: system
+    !> Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    !> Resultants of the loads on the rigid body modes, as forces (system%n) [force].
+    real(dp), intent(in), contiguous :: load(:)
+    !> Working set (n_rows).
+    logical, intent(in) :: working(:)
+    !> Whether rows outside of it penetrate: there is no bound then.
+    logical, intent(in) :: is_violated
+    !> Displacements by contact (system%n) [length].
+    real(dp), intent(in), contiguous :: v(:)
+    !> Forces, penetrations and amplitudes.
+    type(iterate_t), intent(in) :: now
+    !> Gets bound, energy and penetration.
+    type(solver_state_t), intent(inout) :: state
+    real(dp) :: norm, bound
+    norm = reference_norm(qp, theta, now)
+    state%error_bound = huge(norm)
+    if (.not. is_violated .and. is_balanced(qp, theta, now%lambda, now%alpha)) then
+      bound = system%bound(compliance, pack(qp%weight, working), pack(theta, working), load, v, &
+                           pack(now%lambda, working), pack(now%y, working))
+      if (bound <= largest_bound*max(norm, tiny(norm))) state%error_bound = bound/max(norm, tiny(norm))
+      if (.not. bound > 0) state%error_bound = 0
+    end if
+    state%energy = qp%energy(theta, now%lambda/qp%weight, now%y, now%alpha)
+    state%max_penetration = max(0.0_dp, maxval(now%y))
+  end subroutine judge
+
+  !> Change the pressures of the active rows as little as the equilibrium of the floating bodies asks for.
+  subroutine balance(qp, m)
+    !> Contact rows, initial penetrations, rigid body modes.
+    type(contact_qp_t), intent(in) :: qp
+    !> Pressures (n_rows) [pressure].
+    real(dp), intent(inout) :: m(:)
+    real(dp), allocatable :: g(:, :), weighted(:, :), values(:), vectors(:, :), missing(:), change(:)
+    integer, allocatable :: row(:)
+    type(error_t), allocatable :: error
+    integer :: i, pass
+    if (qp%coarse%n == 0) return
+    row = pack([(i, i=1, size(m))], m > 0)
+    allocate (g(size(row), qp%coarse%n), values(qp%coarse%n), vectors(qp%coarse%n, qp%coarse%n), missing(qp%coarse%n))
+    call qp%coarse%rows(row, g)
+    ! Pressures change in proportion to themselves: none becomes tensile before the others do.
+    weighted = g*spread(qp%weight(row)*m(row), 2, size(g, 2))
+    call symmetric_eigen(matmul(transpose(g), weighted), values, vectors, error)
+    if (allocated(error)) return
+    do pass = 1, 2
+      call qp%mode_resultant(qp%weight*m, missing)
+      missing = matmul(qp%coarse%resultant - missing, vectors)
+      where (values > rank*maxval(values))
+        missing = missing/values
+      elsewhere
+        missing = 0
+      end where
+      change = matmul(g, matmul(vectors, missing))
+      m(row) = max(0.0_dp, m(row)*(1 + change))
+    end do
+  end subroutine balance
+
+  !> Rigid body modes that the active rows do not restrain.
+  subroutine find_indeterminate(qp, active, mode, error)
+    !> Contact rows, initial penetrations, rigid body modes.
+    type(contact_qp_t), intent(in) :: qp
+    !> Active rows (n_rows).
+    logical, intent(in) :: active(:)
+    !> As columns of amplitudes (coarse%n, n).
+    real(dp), allocatable, intent(out) :: mode(:, :)
+    !> Allocated where a number is not finite.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp), allocatable :: g(:, :), values(:), vectors(:, :)
+    integer, allocatable :: row(:)
+    integer :: i, k
+    row = pack([(i, i=1, size(active))], active)
+    allocate (g(size(row), qp%coarse%n), values(qp%coarse%n), vectors(qp%coarse%n, qp%coarse%n))
+    call qp%coarse%rows(row, g)
+    call symmetric_eigen(matmul(transpose(g), g), values, vectors, error)
+    if (allocated(error)) return
+    mode = vectors(:, pack([(k, k=1, size(values))], .not. values > rank*max(1.0_dp, maxval([0.0_dp, values]))))
+    do k = 1, size(mode, 2)
+      mode(:, k) = qp%coarse%scale*mode(:, k)
+    end do
+  end subroutine find_indeterminate
+end module dotyk_scheme_primal

@@ -1,0 +1,255 @@
+!> The linear systems of the primal scheme as it sees them: made for the rows of a QP from the p-multigrids of its
+!> compliance, with the quantities of the QP that follow from displacements, and a bound of the error.
+module dotyk_scheme_primal_system
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp, sp
+  use dotyk_linalg_fixed_sum, only: add_multiple, remove_components, scalar_product
+  use dotyk_response_multigrid_response, only: multigrid_response_t
+  use dotyk_scheme_body_compliance, only: body_compliance_t
+  use dotyk_scheme_body_grids, only: grid_body_t, grid_pointer_t, scatter_rows
+  use dotyk_scheme_contact_multigrid, only: contact_multigrid_t
+  use dotyk_scheme_contact_qp, only: contact_qp_t
+  implicit none
+  private
+
+  !> The system.
+  type, extends(contact_multigrid_t), public :: primal_system_t
+  contains
+    procedure :: init_rows => system_init_rows
+    procedure :: load_of_modes => system_load_of_modes
+    procedure :: amplitudes => system_amplitudes
+    procedure :: all_penetrations => system_all_penetrations
+    procedure :: bound => system_bound
+    procedure, nopass :: slack => system_slack
+    procedure, private :: residual_norm => system_residual_norm
+    procedure, private :: close_gaps => system_close_gaps
+  end type primal_system_t
+
+  !> Improvements of the displacement that closes the gaps.
+  integer, parameter :: closings = 3
+  !> Inactive rows whose gaps are smaller than this multiple of what active rows miss are closed with them.
+  real(dp), parameter :: nearly_closed = 4
+  !> What single precision leaves of the displacements that close gaps [].
+  real(dp), parameter :: rounding = 1.0e-5_dp
+
+contains
+
+  !> Make the system for the rows of a QP.
+  subroutine system_init_rows(self, qp, compliance)
+    class(primal_system_t), intent(inout) :: self
+    !> The rows.
+    type(contact_qp_t), intent(in) :: qp
+    !> With p-multigrids for all bodies.
+    class(body_compliance_t), intent(in) :: compliance
+    type(grid_pointer_t) :: grid(size(compliance%body))
+    type(grid_body_t), allocatable :: body(:)
+    integer :: b
+    allocate (body(size(compliance%body)))
+    do b = 1, size(body)
+      select type (response => compliance%response(compliance%body(b)%representative)%form)
+      type is (multigrid_response_t)
+        grid(compliance%body(b)%representative)%p => response%grid
+      end select
+      body(b)%representative = compliance%body(b)%representative
+      body(b)%map = compliance%body(b)%map
+    end do
+    call self%init(qp%block, qp%n_rows, grid, body)
+  end subroutine system_init_rows
+
+  !> R e: the resultants of the loads on the rigid body modes as forces; the others are those of u_0.
+  subroutine system_load_of_modes(self, qp, load)
+    class(primal_system_t), intent(in) :: self
+    !> With the resultants.
+    type(contact_qp_t), intent(in) :: qp
+    !> (n) [force]
+    real(dp), intent(out), contiguous :: load(:)
+    integer :: b, k, j
+    load = 0
+    do b = 1, size(self%body)
+      associate (mode => self%grid(self%body(b)%representative)%p%mode)
+        do k = 1, size(mode, 2)
+          j = qp%coarse%first(b) + k - 1
+          call add_multiple(size(mode, 1), qp%coarse%resultant(j)/qp%coarse%scale(j), mode(:, k), &
+                            load(self%first(b) + 1:self%first(b + 1)))
+        end do
+      end associate
+    end do
+  end subroutine system_load_of_modes
+
+  !> Amplitudes of the rigid body modes.
+  subroutine system_amplitudes(self, qp, v, alpha)
+    class(primal_system_t), intent(in) :: self
+    !> With the scales of the modes.
+    type(contact_qp_t), intent(in) :: qp
+    !> Displacements (n) [length].
+    real(dp), intent(in), contiguous :: v(:)
+    !> In the scales of the QP (coarse%n) [length].
+    real(dp), allocatable, intent(out) :: alpha(:)
+    integer :: b, k, j
+    allocate (alpha(qp%coarse%n), source=0.0_dp)
+    do b = 1, size(self%body)
+      associate (mode => self%grid(self%body(b)%representative)%p%mode)
+        do k = 1, size(mode, 2)
+          j = qp%coarse%first(b) + k - 1
+          alpha(j) = scalar_product(size(mode, 1), mode(:, k), v(self%first(b) + 1:self%first(b + 1)))/qp%coarse%scale(j)
+        end do
+      end associate
+    end do
+  end subroutine system_amplitudes
+
+  !> Penetrations of all rows of the QP, of which those of the system may be a part.
+  subroutine system_all_penetrations(self, qp, compliance, v, y)
+    class(primal_system_t), intent(in) :: self
+    !> All rows.
+    type(contact_qp_t), intent(in) :: qp
+    !> For the contact nodes of the bodies.
+    class(body_compliance_t), intent(in) :: compliance
+    !> Displacements by contact (n) [length].
+    real(dp), intent(in), contiguous :: v(:)
+    !> y_0 + B v (n_rows) [length].
+    real(dp), allocatable, intent(out) :: y(:)
+    real(dp), allocatable :: x(:), nodal(:), moved(:)
+    integer :: b
+    y = qp%initial_penetration
+    do b = 1, size(self%body)
+      associate (rows => qp%block(b), map => compliance%body(b)%map, grid => self%grid(self%body(b)%representative)%p)
+        if (size(rows%row) == 0) cycle
+        allocate (x(grid%constraint%n_equations), nodal(map%dimension*map%n_nodes), moved(size(rows%row)))
+        call grid%to_equations(v(self%first(b) + 1:self%first(b + 1)), x)
+        call map%gather(x, nodal)
+        call rows%matrix%multiply(nodal, moved)
+        call scatter_rows(rows%row, moved, y)
+        deallocate (x, nodal, moved)
+      end associate
+    end do
+  end subroutine system_all_penetrations
+
+  !> A bound of ||u - u_theta||_A [sqrt(energy)].
+  !>
+  !> With the residual r of the equilibrium of u and lambda, and a displacement g with `B g = y - theta m` on the active
+  !> rows: u - g is admissible, and its duality gap with lambda has nothing but |r + K g|^2/2 and what g leaves of the
+  !> complementarity, `s = sum lambda |B g - (y - theta m)|`. The energy is strongly convex, so that
+  !> `||u - u_theta|| <= |g| + sqrt((|r| + |g|)^2 + 2 s)`. |r| comes from the preconditioner and its least Ritz value; g
+  !> from the diagonal blocks D >= K of the smoother, which bound its norm. `huge` where other rows penetrate.
+  real(dp) function system_bound(self, compliance, weight, theta, load, v, lambda, y) result(bound)
+    class(primal_system_t), intent(inout) :: self
+    !> For the norms of forces.
+    class(body_compliance_t), intent(in) :: compliance
+    !> Weights (n_rows) [area].
+    real(dp), intent(in) :: weight(:)
+    !> Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    !> Loads (n) [force].
+    real(dp), intent(in), contiguous :: load(:)
+    !> Displacements by contact (n) [length].
+    real(dp), intent(in), contiguous :: v(:)
+    !> Contact forces, not negative, in equilibrium with the loads of floating bodies (n_rows) [force].
+    real(dp), intent(in) :: lambda(:)
+    !> Penetrations (n_rows) [length].
+    real(dp), intent(in) :: y(:)
+    real(dp) :: missing(size(y)), closed(size(y)), of_r, of_g, left
+    logical :: active(size(y))
+    integer :: i
+    active = lambda > 0
+    missing = y - theta/weight*lambda
+    call self%residual_norm(compliance, load, v, lambda, of_r)
+    call self%close_gaps(active .or. y > -self%slack(weight, theta, lambda, y), missing, closed, of_g)
+    bound = huge(bound)
+    left = 2*sum(lambda*abs(missing - closed), mask=active)
+    do i = 1, size(y)
+      if (active(i) .or. .not. y(i) > closed(i)) cycle
+      if (theta(i) > 0) then
+        left = left + weight(i)*(y(i) - closed(i))**2/(2*theta(i))
+      else if (y(i) - closed(i) > rounding*maxval(abs(closed)) + epsilon(left)*maxval(abs(y))) then
+        return
+      end if
+    end do
+    bound = of_g + sqrt((of_r + of_g)**2 + 2*left)
+  end function system_bound
+
+  !> Gaps of inactive rows that are so small that a displacement that closes those of active rows may close them.
+  pure real(dp) function system_slack(weight, theta, lambda, y) result(slack)
+    !> Weights (n) [area].
+    real(dp), intent(in) :: weight(:)
+    !> Penalty parameters (n) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    !> Contact forces (n) [force].
+    real(dp), intent(in) :: lambda(:)
+    !> Penetrations (n) [length].
+    real(dp), intent(in) :: y(:)
+    slack = nearly_closed*maxval([0.0_dp, abs(pack(y - theta/weight*lambda, lambda > 0))])
+  end function system_slack
+
+  !> sqrt(r^T K^+ r) of the residual r = load - K v - B^T lambda, at most.
+  subroutine system_residual_norm(self, compliance, load, v, lambda, norm)
+    class(primal_system_t), intent(in) :: self
+    !> For the norms of forces.
+    class(body_compliance_t), intent(in) :: compliance
+    !> Loads (n) [force].
+    real(dp), intent(in), contiguous :: load(:)
+    !> Displacements by contact (n) [length].
+    real(dp), intent(in), contiguous :: v(:)
+    !> Contact forces (n_rows) [force].
+    real(dp), intent(in) :: lambda(:)
+    !> [sqrt(energy)]
+    real(dp), intent(out) :: norm
+    real(dp), allocatable :: r(:)
+    integer :: b
+    allocate (r(self%n))
+    call self%multiply_bodies(v, r)
+    r(:) = load - r
+    call self%subtract_row_force(lambda, r)
+    norm = 0
+    do b = 1, size(self%body)
+      associate (own => r(self%first(b) + 1:self%first(b + 1)), grid => self%grid(self%body(b)%representative)%p)
+        call remove_components(grid%n, grid%mode, own)
+        select type (response => compliance%response(self%body(b)%representative)%form)
+        type is (multigrid_response_t)
+          norm = hypot(norm, response%force_norm(own))
+        end select
+      end associate
+    end do
+  end subroutine system_residual_norm
+
+  !> Displacements that close gaps, by forces mu against the diagonal blocks of the smoother.
+  subroutine system_close_gaps(self, chosen, gap, closed, norm)
+    class(primal_system_t), intent(inout) :: self
+    !> Rows to close (n_rows).
+    logical, intent(in) :: chosen(:)
+    !> Gaps to close (n_rows) [length].
+    real(dp), intent(in) :: gap(:)
+    !> What was closed, of all rows (n_rows) [length].
+    real(dp), intent(out) :: closed(:)
+    !> Energy norm, at most [sqrt(energy)].
+    real(dp), intent(out) :: norm
+    type(error_t), allocatable :: error
+    real(dp) :: mu(size(gap)), moved(size(gap)), left(size(gap)), stiffness(size(gap))
+    real(sp), allocatable :: force(:)
+    real(dp) :: size_of_mu
+    integer :: k
+    closed = 0
+    norm = 0
+    if (.not. any(chosen .and. abs(gap) > 0)) return
+    if (any(chosen .neqv. self%stiffness > 0)) then
+      stiffness = 0
+      where (chosen) stiffness = maxval(self%stiffness)
+      call self%set_stiffness(stiffness, error)
+      norm = huge(norm)
+      if (allocated(error)) return
+    end if
+    left = merge(gap, 0.0_dp, chosen)
+    allocate (force(self%n))
+    mu = 0
+    do k = 1, closings
+      mu = mu + self%smoother_force(left)
+      size_of_mu = maxval(abs(mu))
+      if (.not. size_of_mu > 0) exit
+      force(:) = 0
+      call self%subtract_row_force_low(-mu/size_of_mu, force)
+      call self%smoothed_rows(force, moved)
+      closed = size_of_mu*moved
+      left = merge(gap - closed, 0.0_dp, chosen)
+    end do
+    norm = sqrt(max(0.0_dp, dot_product(mu, closed)))
+  end subroutine system_close_gaps
+end module dotyk_scheme_primal_system
