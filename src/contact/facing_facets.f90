@@ -31,7 +31,7 @@ contains
   end function search_distance
 
   !> Whether two facets face each other within the search distance, in front of each other or with a small overlap.
-  pure subroutine compare_facets(a, f, b, g, reach, overlap, meets, distance, opposite)
+  pure subroutine compare_facets(a, f, b, g, reach, overlap, behind_a, behind_b, meets, distance, opposite)
     !> First body.
     type(body_faces_t), intent(in) :: a
     !> Its facet.
@@ -44,6 +44,10 @@ contains
     real(dp), intent(in) :: reach
     !> Greatest initial overlap [length].
     real(dp), intent(in) :: overlap
+    !> Thickness of the first body behind its facets; negative where it is not known yet (a%n) [length].
+    real(dp), intent(inout) :: behind_a(:)
+    !> The same of the second body (b%n) [length].
+    real(dp), intent(inout) :: behind_b(:)
     !> Whether they do.
     logical, intent(out) :: meets
     !> Their distance; negative where they overlap [length].
@@ -69,7 +73,11 @@ contains
     if (depth > a%bulge(f) + b%bulge(g) + round_off*(a%diameter + b%diameter)) then
       distance = -distance
       meets = depth <= overlap
-      if (meets) meets = 2*depth <= min(thickness(a, f), thickness(b, g))
+      if (meets) then
+        if (behind_a(f) < 0) behind_a(f) = thickness(a, f)
+        if (behind_b(g) < 0) behind_b(g) = thickness(b, g)
+        meets = 2*depth <= min(behind_a(f), behind_b(g))
+      end if
     end if
     if (meets) opposite = polygons_overlap(a%n_corners(f), a%corner(:, :a%n_corners(f), f), b%n_corners(g), &
                                            b%corner(:, :b%n_corners(g), g), toward)

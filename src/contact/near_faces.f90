@@ -10,52 +10,48 @@ module dotyk_contact_near_faces
   use dotyk_contact_body_faces, only: body_faces_t
   use dotyk_contact_bounding_volume_tree, only: bounding_volume_tree_t
   use dotyk_contact_facet_set, only: facet_set_t
-  use dotyk_contact_facing_facets, only: compare_facets, greatest_overlap, search_distance
+  use dotyk_contact_facing_facets, only: greatest_overlap, search_distance
   use dotyk_contact_meeting_edges, only: meet_along_edges
+  use dotyk_contact_near_facets, only: find_facets, near_faces_t
   use dotyk_contact_tree_search, only: box_neighbourhood_t, facets_in_region
   implicit none
   private
 
-  !> Facets of two bodies that may come into contact.
-  type, public :: near_faces_t
-    !> Index of the first body, the lower one.
-    integer :: body_a = 0
-    !> Index of the second body.
-    integer :: body_b = 0
-    !> Number of pairs of facets.
-    integer :: n = 0
-    !> Facets of the first body (n).
-    integer, allocatable :: facet_a(:)
-    !> Facets of the second body opposite them (n).
-    integer, allocatable :: facet_b(:)
-    !> Smallest distance of each pair of facets; negative where they overlap (n) [length].
-    real(dp), allocatable :: distance(:)
-    !> Whether they lie opposite each other, seen along their normals, and not just beside each other; of bodies without
-    !> such facets: whether they meet along an edge with free flanks (n).
-    logical, allocatable :: opposite(:)
-  end type near_faces_t
-
-  public :: find_near_faces, find_facets
+  public :: find_near_faces
 
   !> Sample points of a facet lie at this fraction of the way from its centre to its corners [].
   real(dp), parameter :: to_corner = 0.9_dp
+  !> From so many pairs of bodies on, threads share the pairs.
+  integer, parameter :: many_pairs = 32
 
 contains
 
   !> Find all faces that may come into contact.
-  subroutine find_near_faces(faces, given, near)
+  subroutine find_near_faces(faces, given, near, named, named_reach)
     !> Boundary facets of the bodies (n_bodies).
     type(body_faces_t), intent(in) :: faces(:)
     !> Search distance that the user gives, or 0 [length].
     real(dp), intent(in) :: given
     !> Facets that may come into contact, by pairs of bodies in ascending order (n_pairs).
     type(near_faces_t), allocatable, intent(out) :: near(:)
+    !> Pairs of bodies of which facets farther apart than `named_reach` may be left out (2, n_named).
+    integer, intent(in), optional :: named(:, :)
+    !> Distance, as a fraction of the diameter of the smaller body [].
+    real(dp), intent(in), optional :: named_reach
     type(near_faces_t), allocatable :: found(:)
     logical, allocatable :: kept(:)
+    real(dp), allocatable :: most(:)
     integer :: k, i
     call near_bodies(faces, given, found)
-    !$omp parallel do default(none) shared(faces, given, found) schedule(dynamic, 4)
+    allocate (most(size(found)), source=huge(1.0_dp))
+    if (present(named)) call limit_named(faces, found, named, named_reach, most)
+    ! The threads share the facets of few pairs of bodies.
+    !$omp parallel do default(none) shared(faces, given, found, most) schedule(dynamic, 4) &
+    !$omp& if (size(found) >= many_pairs)
     do k = 1, size(found)
+      call find_facets(faces(found(k)%body_a), faces(found(k)%body_b), given, found(k), most(k))
+      if (.not. most(k) < huge(most) .or. any(found(k)%opposite)) cycle
+      ! Bodies that do not lie opposite each other may meet along edges.
       call find_facets(faces(found(k)%body_a), faces(found(k)%body_b), given, found(k))
     end do
     !$omp end parallel do
@@ -71,6 +67,33 @@ contains
       near(i) = found(k)
     end do
   end subroutine find_near_faces
+
+  !> Bound the search distance of named pairs of bodies that are near no other body: their far facets decide nothing.
+  subroutine limit_named(faces, near, named, named_reach, most)
+    !> Boundary facets of the bodies (n_bodies).
+    type(body_faces_t), intent(in) :: faces(:)
+    !> Pairs of bodies that are near each other (n_pairs).
+    type(near_faces_t), intent(in) :: near(:)
+    !> Named pairs of bodies (2, n_named).
+    integer, intent(in) :: named(:, :)
+    !> Distance, as a fraction of the diameter of the smaller body [].
+    real(dp), intent(in) :: named_reach
+    !> Bounds of the search distance; those of such pairs are set (n_pairs) [length].
+    real(dp), intent(inout) :: most(:)
+    integer :: k, n_near(size(faces))
+    n_near = 0
+    do k = 1, size(near)
+      n_near(near(k)%body_a) = n_near(near(k)%body_a) + 1
+      n_near(near(k)%body_b) = n_near(near(k)%body_b) + 1
+    end do
+    do k = 1, size(near)
+      associate (a => near(k)%body_a, b => near(k)%body_b)
+        if (max(n_near(a), n_near(b)) > 1) cycle
+        if (any(minval(named, 1) == a .and. maxval(named, 1) == b)) &
+          most(k) = named_reach*min(faces(a)%diameter, faces(b)%diameter)
+      end associate
+    end do
+  end subroutine limit_named
 
   !> Mark the facets of bodies that meet along edges only. Where other bodies lie opposite the flanks, as where four
   !> bricks meet, these carry the contact.
@@ -151,78 +174,6 @@ contains
     longer = near(:n)
     call move_alloc(longer, near)
   end subroutine near_bodies
-
-  !> Find the facets of two bodies that may come into contact, without regard to other bodies.
-  subroutine find_facets(a, b, given, near)
-    !> First body.
-    type(body_faces_t), intent(in) :: a
-    !> Second body.
-    type(body_faces_t), intent(in) :: b
-    !> Search distance that the user gives, or 0 [length].
-    real(dp), intent(in) :: given
-    !> The two bodies; their facets are set.
-    type(near_faces_t), intent(inout) :: near
-    type(box_neighbourhood_t) :: region
-    integer, allocatable :: list(:), opposite(:), more(:)
-    real(dp), allocatable :: longer(:)
-    real(dp) :: reach, overlap, distance
-    integer :: i, j, f, g, n
-    logical, allocatable :: flags(:)
-    logical :: swapped, meets, opposed
-    reach = search_distance(a, b, given)
-    overlap = greatest_overlap*min(a%diameter, b%diameter)
-    n = 0
-    ! The facets of the body with fewer of them, each in the tree of the other one.
-    swapped = b%n < a%n
-    region%distance = reach
-    region%low = merge(a%lo, b%lo, swapped)
-    region%high = merge(a%hi, b%hi, swapped)
-    if (swapped) then
-      call facets_in_region(b%tree, region, list)
-    else
-      call facets_in_region(a%tree, region, list)
-    end if
-    allocate (near%facet_a(2*size(list)), near%facet_b(2*size(list)), near%distance(2*size(list)), &
-              near%opposite(2*size(list)))
-    do i = 1, size(list)
-      if (swapped) then
-        region%low = b%tree%facet_volume(list(i))%lo
-        region%high = b%tree%facet_volume(list(i))%hi
-        call facets_in_region(a%tree, region, opposite)
-      else
-        region%low = a%tree%facet_volume(list(i))%lo
-        region%high = a%tree%facet_volume(list(i))%hi
-        call facets_in_region(b%tree, region, opposite)
-      end if
-      do j = 1, size(opposite)
-        f = merge(opposite(j), list(i), swapped)
-        g = merge(list(i), opposite(j), swapped)
-        call compare_facets(a, f, b, g, reach, overlap, meets, distance, opposed)
-        if (.not. meets) cycle
-        if (n == size(near%facet_a)) then
-          allocate (more(2*n), longer(2*n), flags(2*n))
-          flags(:n) = near%opposite
-          call move_alloc(flags, near%opposite)
-          more(:n) = near%facet_a
-          near%facet_a = more
-          more(:n) = near%facet_b
-          call move_alloc(more, near%facet_b)
-          longer(:n) = near%distance
-          call move_alloc(longer, near%distance)
-        end if
-        n = n + 1
-        near%facet_a(n) = f
-        near%facet_b(n) = g
-        near%distance(n) = distance
-        near%opposite(n) = opposed
-      end do
-    end do
-    near%n = n
-    near%facet_a = near%facet_a(:n)
-    near%facet_b = near%facet_b(:n)
-    near%distance = near%distance(:n)
-    near%opposite = near%opposite(:n)
-  end subroutine find_facets
 
   !> Drop pairs of facets with another body in between.
   subroutine drop_hidden(faces, near)

@@ -7,6 +7,7 @@
 !> threads.
 module dotyk_contact_tree_search
   use dotyk_base_kinds, only: dp
+  use dotyk_base_sort, only: sort_order
   use dotyk_contact_bounding_volume_tree, only: bounding_volume_t, bounding_volume_tree_t, facing_cosine, stack_size
   use dotyk_contact_closest_point, only: closest_point_on_facet
   use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
@@ -165,10 +166,11 @@ contains
     class(region_t), intent(in) :: region
     !> Facets (n).
     integer, allocatable, intent(out) :: list(:)
-    !> Facets that there is room for at first: more than the region around one facet has, as a rule.
+    !> Facets that there is room for at first: more than the region around one facet has, as a rule. So many are sorted
+    !> by insertion.
     integer, parameter :: first_room = 16
     type(tree_walk_t) :: walk
-    integer, allocatable :: found(:), more(:)
+    integer, allocatable :: found(:), more(:), order(:)
     integer :: facet, n, j
     allocate (found(first_room))
     n = 0
@@ -181,13 +183,21 @@ contains
         more(1:n) = found
         call move_alloc(more, found)
       end if
-      do j = n, 1, -1
+      n = n + 1
+      found(n) = facet
+      if (n > first_room) cycle
+      do j = n - 1, 1, -1
         if (found(j) < facet) exit
         found(j + 1) = found(j)
+        found(j) = facet
       end do
-      found(j + 1) = facet
-      n = n + 1
     end do
+    if (n > first_room) then
+      allocate (order(n))
+      call sort_order(found(1:n), order)
+      list = found(order)
+      return
+    end if
     list = found(1:n)
   end subroutine facets_in_region
 

@@ -3,7 +3,7 @@ module dotyk_model_distant_bodies
   use dotyk_base_kinds, only: dp
   use dotyk_contact_body_faces, only: body_faces_t
   use dotyk_contact_facing_facets, only: search_distance
-  use dotyk_contact_near_faces, only: find_facets, near_faces_t
+  use dotyk_contact_near_facets, only: find_facets, near_faces_t
   use dotyk_contact_pair_report, only: distant_body_t
   use dotyk_input_case, only: case_t
   use dotyk_model_exclusions, only: exclusion_of

@@ -6,7 +6,8 @@ module dotyk_model_pair_finder
   use dotyk_base_text, only: join, quoted, text_t, to_text
   use dotyk_contact_body_faces, only: body_faces_t
   use dotyk_contact_facing_facets, only: search_distance
-  use dotyk_contact_near_faces, only: find_near_faces, near_faces_t
+  use dotyk_contact_near_faces, only: find_near_faces
+  use dotyk_contact_near_facets, only: near_faces_t
   use dotyk_contact_pair_report, only: group_report_t, pair_report_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t, contact_input_t
@@ -18,7 +19,7 @@ module dotyk_model_pair_finder
   use dotyk_model_double_pairs, only: merge_double_pairs
   use dotyk_model_exclusions, only: exclusion_of, exclusion_texts
   use dotyk_model_pair_list, only: pair_list_t
-  use dotyk_model_unnamed_faces, only: list_unnamed_faces
+  use dotyk_model_unnamed_faces, only: list_unnamed_faces, touching
   implicit none
   private
   public :: form_pairs
@@ -98,7 +99,7 @@ contains
     call problems%raise(error)
     if (allocated(error)) return
     if (size(body) > 1) then
-      call search(0.0_dp)
+      if (abs(searched) > 0) call find_near_faces(faces, 0.0_dp, near, named_bodies(), touching)
       call list_unnamed_faces(case, surfaces, faces, near, list, report%unnamed)
     else
       allocate (report%unnamed(0))
@@ -116,6 +117,13 @@ contains
       call find_near_faces(faces, radius, near)
       searched = radius
     end subroutine search
+
+    !> Bodies of the pairs so far (2, n_pairs).
+    function named_bodies() result(bodies)
+      integer :: bodies(2, list%n)
+      bodies(1, :) = list%contact(:list%n)%body_a
+      bodies(2, :) = list%contact(:list%n)%body_b
+    end function named_bodies
 
     !> Report that wildcards find no pair, and why.
     subroutine report_none(given)

@@ -2,7 +2,7 @@
 module dotyk_model_unnamed_faces
   use dotyk_base_kinds, only: dp
   use dotyk_contact_body_faces, only: body_faces_t
-  use dotyk_contact_near_faces, only: near_faces_t
+  use dotyk_contact_near_facets, only: near_faces_t
   use dotyk_contact_pair_report, only: unnamed_faces_t
   use dotyk_input_case, only: case_t
   use dotyk_model_body_surfaces, only: body_surfaces_t
@@ -14,7 +14,7 @@ module dotyk_model_unnamed_faces
 
   !> Where other faces of two bodies are in a pair, faces count up to this distance, as a fraction of the diameter
   !> of the smaller body: those who name a part of a curved face mean to leave the rest out [].
-  real(dp), parameter :: touching = 1.0e-3_dp
+  real(dp), parameter, public :: touching = 1.0e-3_dp
 
 contains
 

@@ -1,0 +1,178 @@
+!> The facets of two bodies that may come into contact, in the order of the facets of the body with fewer of them: threads
+!> share parts of these.
+module dotyk_contact_near_facets
+  use dotyk_base_kinds, only: dp, int64
+  use dotyk_contact_body_faces, only: body_faces_t
+  use dotyk_contact_facing_facets, only: compare_facets, greatest_overlap, search_distance
+  use dotyk_contact_tree_search, only: box_neighbourhood_t, facets_in_region
+  implicit none
+  private
+
+  !> Facets of two bodies that may come into contact.
+  type, public :: near_faces_t
+    !> Index of the first body, the lower one.
+    integer :: body_a = 0
+    !> Index of the second body.
+    integer :: body_b = 0
+    !> Number of pairs of facets.
+    integer :: n = 0
+    !> Facets of the first body (n).
+    integer, allocatable :: facet_a(:)
+    !> Facets of the second body opposite them (n).
+    integer, allocatable :: facet_b(:)
+    !> Smallest distance of each pair of facets; negative where they overlap (n) [length].
+    real(dp), allocatable :: distance(:)
+    !> Whether they lie opposite each other, seen along their normals, and not just beside each other; of bodies without
+    !> such facets: whether they meet along an edge with free flanks (n).
+    logical, allocatable :: opposite(:)
+  end type near_faces_t
+
+  public :: find_facets
+
+  !> Parts of the facets of two bodies that threads compare, at most.
+  integer, parameter :: most_parts = 64
+  !> Facets of a part, at least.
+  integer, parameter :: least_part = 8
+
+contains
+
+  !> Find the facets of two bodies that may come into contact, without regard to other bodies.
+  subroutine find_facets(a, b, given, near, most)
+    !> First body.
+    type(body_faces_t), intent(in) :: a
+    !> Second body.
+    type(body_faces_t), intent(in) :: b
+    !> Search distance that the user gives, or 0 [length].
+    real(dp), intent(in) :: given
+    !> The two bodies; their facets are set.
+    type(near_faces_t), intent(inout) :: near
+    !> Bound of the search distance [length].
+    real(dp), intent(in), optional :: most
+    type(box_neighbourhood_t) :: region
+    type(near_faces_t) :: part(most_parts)
+    integer, allocatable :: list(:)
+    real(dp), allocatable :: behind_a(:), behind_b(:)
+    real(dp) :: reach, overlap
+    integer :: k, n_parts
+    logical :: swapped
+    reach = search_distance(a, b, given)
+    if (present(most)) reach = min(reach, most)
+    overlap = greatest_overlap*min(a%diameter, b%diameter)
+    ! The facets of the body with fewer of them, each in the tree of the other one.
+    swapped = b%n < a%n
+    region%distance = reach
+    region%low = merge(a%lo, b%lo, swapped)
+    region%high = merge(a%hi, b%hi, swapped)
+    if (swapped) then
+      call facets_in_region(b%tree, region, list)
+    else
+      call facets_in_region(a%tree, region, list)
+    end if
+    n_parts = min(most_parts, 1 + size(list)/least_part)
+    !$omp parallel default(none) private(behind_a, behind_b) if (n_parts > 1) &
+    !$omp& shared(a, b, swapped, reach, overlap, list, n_parts, part)
+    allocate (behind_a(a%n), source=-1.0_dp)
+    allocate (behind_b(b%n), source=-1.0_dp)
+    !$omp do schedule(dynamic, 1)
+    do k = 1, n_parts
+      call compare_some(a, b, swapped, reach, overlap, &
+                        list(1 + part_end(k - 1, n_parts, size(list)):part_end(k, n_parts, size(list))), &
+                        behind_a, behind_b, part(k))
+    end do
+    !$omp end do
+    deallocate (behind_a, behind_b)
+    !$omp end parallel
+    ! In the order of the list, on any number of threads.
+    near%n = sum(part(:n_parts)%n)
+    near%facet_a = [(part(k)%facet_a(:part(k)%n), k=1, n_parts)]
+    near%facet_b = [(part(k)%facet_b(:part(k)%n), k=1, n_parts)]
+    near%distance = [(part(k)%distance(:part(k)%n), k=1, n_parts)]
+    near%opposite = [(part(k)%opposite(:part(k)%n), k=1, n_parts)]
+  end subroutine find_facets
+
+  !> End of a part of a list in equal parts.
+  pure integer function part_end(part, n_parts, n) result(last)
+    !> The part.
+    integer, intent(in) :: part
+    !> Number of parts.
+    integer, intent(in) :: n_parts
+    !> Length of the list.
+    integer, intent(in) :: n
+    last = int(int(part, int64)*n/n_parts)
+  end function part_end
+
+  !> Compare some facets of the body with fewer of them with those of the other one.
+  subroutine compare_some(a, b, swapped, reach, overlap, list, behind_a, behind_b, near)
+    !> First body.
+    type(body_faces_t), intent(in) :: a
+    !> Second body.
+    type(body_faces_t), intent(in) :: b
+    !> Whether the facets are those of the second body.
+    logical, intent(in) :: swapped
+    !> Search distance [length].
+    real(dp), intent(in) :: reach
+    !> Greatest initial overlap [length].
+    real(dp), intent(in) :: overlap
+    !> The facets (n).
+    integer, intent(in) :: list(:)
+    !> Thickness of the first body behind its facets; negative where it is not known yet (a%n) [length].
+    real(dp), intent(inout) :: behind_a(:)
+    !> The same of the second body (b%n) [length].
+    real(dp), intent(inout) :: behind_b(:)
+    !> Facets that are near each other; there may be room for more.
+    type(near_faces_t), intent(inout) :: near
+    type(box_neighbourhood_t) :: region
+    integer, allocatable :: opposite(:)
+    real(dp) :: distance
+    integer :: i, j, f, g
+    logical :: meets, opposed
+    region%distance = reach
+    allocate (near%facet_a(2*size(list) + 1), near%facet_b(2*size(list) + 1), near%distance(2*size(list) + 1), &
+              near%opposite(2*size(list) + 1))
+    do i = 1, size(list)
+      if (swapped) then
+        region%low = b%tree%facet_volume(list(i))%lo
+        region%high = b%tree%facet_volume(list(i))%hi
+        call facets_in_region(a%tree, region, opposite)
+      else
+        region%low = a%tree%facet_volume(list(i))%lo
+        region%high = a%tree%facet_volume(list(i))%hi
+        call facets_in_region(b%tree, region, opposite)
+      end if
+      do j = 1, size(opposite)
+        f = merge(opposite(j), list(i), swapped)
+        g = merge(list(i), opposite(j), swapped)
+        call compare_facets(a, f, b, g, reach, overlap, behind_a, behind_b, meets, distance, opposed)
+        if (.not. meets) cycle
+        if (near%n == size(near%facet_a)) call resize(near, 2*near%n)
+        near%n = near%n + 1
+        near%facet_a(near%n) = f
+        near%facet_b(near%n) = g
+        near%distance(near%n) = distance
+        near%opposite(near%n) = opposed
+      end do
+    end do
+  end subroutine compare_some
+
+  !> Give the arrays another size.
+  subroutine resize(near, n)
+    !> The facets.
+    type(near_faces_t), intent(inout) :: near
+    !> The size, not below the number of facets.
+    integer, intent(in) :: n
+    integer, allocatable :: facet(:)
+    real(dp), allocatable :: distance(:)
+    logical, allocatable :: opposite(:)
+    allocate (facet(n))
+    facet(:near%n) = near%facet_a(:near%n)
+    call move_alloc(facet, near%facet_a)
+    allocate (facet(n))
+    facet(:near%n) = near%facet_b(:near%n)
+    call move_alloc(facet, near%facet_b)
+    allocate (distance(n), opposite(n))
+    distance(:near%n) = near%distance(:near%n)
+    opposite(:near%n) = near%opposite(:near%n)
+    call move_alloc(distance, near%distance)
+    call move_alloc(opposite, near%opposite)
+  end subroutine resize
+end module dotyk_contact_near_facets
