@@ -1,5 +1,5 @@
-!> The facets of two bodies that may come into contact, in the order of the facets of the body with fewer of them: threads
-!> share parts of these.
+!> The facets of two bodies that may come into contact, in the order of the facets of the body with fewer of them:
+!> threads share parts of these.
 module dotyk_contact_near_facets
   use dotyk_base_kinds, only: dp, int64
   use dotyk_contact_body_faces, only: body_faces_t
