@@ -6,10 +6,11 @@
 !> that K <= D; those of the corner space, `B P K_c^+ P^T B^T`; and `B R`.
 module dotyk_response_multigrid_rows
   use dotyk_base_kinds, only: dp, sp
+  use dotyk_linalg_row_comparison, only: same_rows
   use dotyk_linalg_sparse, only: sparse_rows_t
   use dotyk_response_contact_map, only: contact_map_t
+  use dotyk_response_corner_compliance, only: form_corner_compliance
   use dotyk_response_multigrid, only: multigrid_t
-  use dotyk_response_response, only: substituted_rows_t
   implicit none
   private
 
@@ -23,14 +24,16 @@ module dotyk_response_multigrid_rows
     type(sparse_rows_t) :: fine
     !> The rows over the equations of the corner space, B P (n x n_corner_equations) [].
     type(sparse_rows_t) :: corner
-    !> Compliance of the smoother, B D^{-1} B^T (n, n) [length/force].
-    real(dp), allocatable :: smoother(:, :)
-    !> Compliance of the corner space, B P K_c^+ P^T B^T (n, n) [length/force].
+    !> Compliance of the smoother, B D^{-1} B^T (n x n) [length/force].
+    type(sparse_rows_t) :: smoother
+    !> Compliance of the corner space, B P K_c^+ P^T B^T; not allocated before `form_compliance` (n, n) [length/force].
     real(dp), allocatable :: compliance(:, :)
     !> Rigid body modes at the rows, B R (n, n_modes) [].
     real(dp), allocatable :: mode(:, :)
   contains
     procedure :: init => rows_init
+    procedure :: form_compliance => rows_form_compliance
+    procedure :: is_like => rows_is_like
     procedure :: add_displacement => rows_add_displacement
     procedure :: add_displacement_low => rows_add_displacement_low
     procedure :: add_smoothed => rows_add_smoothed
@@ -38,16 +41,16 @@ module dotyk_response_multigrid_rows
     procedure :: subtract_force_low => rows_subtract_force_low
   end type multigrid_rows_t
 
-  !> Rows in one forward substitution.
-  integer, parameter :: block_rows = 64
+  !> Entries of B P that differ by less, relative to the largest of their row, differ by rounding.
+  real(dp), parameter :: same_entry = 1.0e-12_dp
 
 contains
 
-  !> Carry the rows to both levels and form their products.
+  !> Carry the rows to both levels.
   subroutine rows_init(self, grid, map, matrix)
     class(multigrid_rows_t), intent(out) :: self
-    !> The p-multigrid of the body; its coarse level is made ready for forward substitutions.
-    type(multigrid_t), intent(inout) :: grid
+    !> The p-multigrid of the body.
+    type(multigrid_t), intent(in) :: grid
     !> Contact nodes of the body and their equations.
     type(contact_map_t), intent(in) :: map
     !> The rows over the Cartesian components of the contact nodes (n x dim*n_contact_nodes) [].
@@ -81,8 +84,24 @@ contains
       call self%fine%multiply(x, self%mode(:, k))
     end do
     call smoother_compliance(grid, self)
-    call corner_compliance(grid, self)
   end subroutine rows_init
+
+  !> B P K_c^+ P^T B^T.
+  subroutine rows_form_compliance(self, grid)
+    class(multigrid_rows_t), intent(inout) :: self
+    !> The p-multigrid of the body, its coarse level ready for forward substitutions (`prepare_substitution`) if there
+    !> are rows.
+    type(multigrid_t), intent(in) :: grid
+    call form_corner_compliance(grid%coarse, self%corner, self%compliance)
+  end subroutine rows_form_compliance
+
+  !> Whether these are the rows of another body with the same p-multigrid: their compliances are one matrix.
+  pure logical function rows_is_like(self, other) result(is_like)
+    class(multigrid_rows_t), intent(in) :: self
+    !> The rows of the other body.
+    type(multigrid_rows_t), intent(in) :: other
+    is_like = same_rows(self%corner, other%corner, same_entry)
+  end function rows_is_like
 
   !> The unknown of the system of each equation.
   pure subroutine invert(n, equation, unknown)
@@ -193,27 +212,30 @@ contains
     call corner%init_from_triplets(rows%n_rows, grid%corner_constraint%n_equations, row(:n), column(:n), value(:n))
   end subroutine corner_rows
 
-  !> B D^{-1} B^T, column by column.
+  !> B D^{-1} B^T.
   subroutine smoother_compliance(grid, self)
     !> The p-multigrid.
     type(multigrid_t), intent(in) :: grid
     !> The rows; gets the matrix.
     type(multigrid_rows_t), intent(inout) :: self
-    real(dp), allocatable :: x(:), e(:)
-    integer :: i
-    allocate (self%smoother(self%n, self%n))
-    !$omp parallel default(none) shared(self, grid) private(x, e)
-    allocate (x(self%fine%n_columns), e(self%n))
-    !$omp do schedule(static)
+    type(sparse_rows_t) :: diagonal, scaled, transposed
+    integer, allocatable :: row(:), column(:)
+    real(dp), allocatable :: value(:)
+    real(dp) :: scale
+    integer :: i, j, k, dim
+    dim = grid%fine%rows%dim
+    scale = 1/(grid%fine%greatest*grid%fine%rows%scale)
+    allocate (row(size(self%fine%column)))
     do i = 1, self%n
-      e = 0
-      e(i) = 1
-      call self%fine%multiply_transposed(e, x)
-      call apply_diagonal(grid, self%node, x)
-      call self%fine%multiply(x, self%smoother(:, i))
+      row(self%fine%row_start(i):self%fine%row_start(i + 1) - 1) = i
     end do
-    !$omp end do
-    !$omp end parallel
+    call transposed%init_from_triplets(self%fine%n_columns, self%n, self%fine%column, row, self%fine%value)
+    row = [(((dim*(i - 1) + k, k=1, dim), j=1, dim), i=1, size(self%node))]
+    column = [(((dim*(i - 1) + j, k=1, dim), j=1, dim), i=1, size(self%node))]
+    value = scale*reshape(real(grid%fine%inverse(:, :, self%node), dp), [size(row)])
+    call diagonal%init_from_triplets(self%fine%n_columns, self%fine%n_columns, row, column, value)
+    call scaled%set_product(self%fine, diagonal)
+    call self%smoother%set_product(scaled, transposed)
   end subroutine smoother_compliance
 
   !> x := D^{-1} x at some nodes.
@@ -232,64 +254,6 @@ contains
       x(dim*(i - 1) + 1:dim*i) = scale*matmul(real(grid%fine%inverse(:, :, node(i)), dp), x(dim*(i - 1) + 1:dim*i))
     end do
   end subroutine apply_diagonal
-
-  !> B P K_c^+ P^T B^T, by forward substitutions of blocks of rows.
-  subroutine corner_compliance(grid, self)
-    !> The p-multigrid.
-    type(multigrid_t), intent(inout) :: grid
-    !> The rows; gets the matrix.
-    type(multigrid_rows_t), intent(inout) :: self
-    type(substituted_rows_t), allocatable :: substituted(:)
-    type(sparse_rows_t) :: rows
-    real(dp), allocatable :: c(:, :)
-    integer :: k, l, n, first, last, other
-    allocate (self%compliance(self%n, self%n))
-    if (self%n == 0) return
-    n = (self%n + block_rows - 1)/block_rows
-    call grid%coarse%prepare_substitution()
-    allocate (substituted(n))
-    !$omp parallel default(none) shared(self, grid, substituted, n) private(rows, c, l, first, last, other)
-    !$omp do schedule(dynamic, 1)
-    do k = 1, n
-      first = (k - 1)*block_rows + 1
-      last = min(k*block_rows, self%n)
-      call cut(self%corner, first, last, rows)
-      call grid%coarse%substitute(rows, substituted(k))
-    end do
-    !$omp end do
-    !$omp do schedule(dynamic, 1)
-    do k = 1, n
-      first = (k - 1)*block_rows + 1
-      last = min(k*block_rows, self%n)
-      do l = 1, k
-        other = (l - 1)*block_rows + 1
-        allocate (c(last - first + 1, substituted(l)%forward%n))
-        call grid%coarse%product(substituted(k), substituted(l), k == l, c)
-        self%compliance(first:last, other:other + size(c, 2) - 1) = c
-        if (k /= l) self%compliance(other:other + size(c, 2) - 1, first:last) = transpose(c)
-        deallocate (c)
-      end do
-    end do
-    !$omp end do
-    !$omp end parallel
-  end subroutine corner_compliance
-
-  !> Some rows of a matrix.
-  subroutine cut(matrix, first, last, rows)
-    !> The matrix.
-    type(sparse_rows_t), intent(in) :: matrix
-    !> First and last row.
-    integer, intent(in) :: first, last
-    !> They.
-    type(sparse_rows_t), intent(out) :: rows
-    associate (begin => matrix%row_start(first), end => matrix%row_start(last + 1) - 1)
-      rows%n_rows = last - first + 1
-      rows%n_columns = matrix%n_columns
-      rows%row_start = matrix%row_start(first:last + 1) - begin + 1
-      rows%column = matrix%column(begin:end)
-      rows%value = matrix%value(begin:end)
-    end associate
-  end subroutine cut
 
   !> y := y + B x.
   subroutine rows_add_displacement(self, dim, x, y)

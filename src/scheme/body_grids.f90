@@ -2,13 +2,20 @@
 !>
 !> A vector has the unknowns of the bodies (`multigrid_t`), one body after the other. Rows of B add up over the bodies
 !> in their order: sums do not depend on the number of threads.
+!>
+!> A body that is larger than its share of the machine is worked on by all threads, bodies that are smaller side by
+!> side, one thread each (`dotyk_scheme_body_groups`): loops over bodies are loops over groups, then in parallel over
+!> the bodies of a group.
 module dotyk_scheme_body_grids
+  use omp_lib, only: omp_get_max_threads
   use dotyk_base_kinds, only: dp, sp
   use dotyk_contact_operator, only: contact_block_t
   use dotyk_linalg_conjugate_gradient, only: preconditioned_system_t
+  use dotyk_linalg_fixed_sum, only: add_multiple
   use dotyk_response_contact_map, only: contact_map_t
   use dotyk_response_multigrid, only: multigrid_t
   use dotyk_response_multigrid_rows, only: multigrid_rows_t
+  use dotyk_scheme_body_groups, only: body_groups_t
   implicit none
   private
   public :: scatter_rows
@@ -23,7 +30,15 @@ module dotyk_scheme_body_grids
     integer, allocatable :: row(:)
     !> Its rows on both levels.
     type(multigrid_rows_t) :: rows
+    !> The body whose `rows` have the compliance: this one, or a congruent one with the same rows.
+    integer :: owner = 0
   end type grid_body_t
+
+  !> A vector of one body.
+  type, public :: body_vector_t
+    !> (any)
+    real(dp), allocatable :: value(:)
+  end type body_vector_t
 
   !> The p-multigrid of a body.
   type, public :: grid_pointer_t
@@ -47,6 +62,10 @@ module dotyk_scheme_body_grids
     type(grid_body_t), allocatable :: body(:)
     !> Modes of body b are first_mode(b)+1 .. first_mode(b+1) (n_bodies + 1).
     integer, allocatable :: first_mode(:)
+    !> Bodies that are worked on side by side, by their unknowns.
+    type(body_groups_t) :: groups
+    !> The same by the entries of their factors, all in one group: solves in the corner space.
+    type(body_groups_t) :: solves
   contains
     procedure :: init => grids_init
     procedure :: row_displacement => grids_row_displacement
@@ -54,9 +73,15 @@ module dotyk_scheme_body_grids
     procedure :: subtract_row_force => grids_subtract_row_force
     procedure :: subtract_row_force_low => grids_subtract_row_force_low
     procedure :: multiply_bodies => grids_multiply_bodies
+    procedure :: many_rows => grids_many_rows
+    procedure :: add_rows => grids_add_rows
+    procedure :: add_modes => grids_add_modes
     procedure :: row_compliance => grids_row_compliance
     procedure :: corner_displacement => grids_corner_displacement
   end type body_grids_t
+
+  !> Rows from which on threads are worth their start in a product with B.
+  integer, parameter :: worth_threads = 1000
 
 contains
 
@@ -71,7 +96,7 @@ contains
     type(grid_pointer_t), intent(in) :: grid(:)
     !> With representatives and maps; not allocated on return (n_bodies).
     type(grid_body_t), allocatable, intent(inout) :: body(:)
-    integer :: b
+    integer :: b, i, k
     self%grid = grid
     call move_alloc(body, self%body)
     self%n_rows = n_rows
@@ -79,16 +104,54 @@ contains
     self%first(1) = 0
     self%first_mode(1) = 0
     do b = 1, size(self%body)
-      associate (own => self%body(b), grid_of => self%grid(self%body(b)%representative)%p)
+      associate (grid_of => self%grid(self%body(b)%representative)%p)
         self%dim = grid_of%fine%rows%dim
         self%first(b + 1) = self%first(b) + grid_of%n
         self%first_mode(b + 1) = self%first_mode(b) + size(grid_of%mode, 2)
-        own%row = block(b)%row
-        call own%rows%init(grid_of, own%map, block(b)%matrix)
+        self%body(b)%row = block(b)%row
       end associate
     end do
     self%n = self%first(size(self%body) + 1)
+    call self%groups%init(real(self%first(2:) - self%first(:size(self%body)), dp), omp_get_max_threads())
+    call self%solves%init([(real(self%grid(self%body(b)%representative)%p%coarse%factor%factor_entries, dp), &
+                            b=1, size(self%body))], 1)
+    do i = 1, self%groups%n
+      !$omp parallel do default(none) shared(self, block, i) private(b) schedule(dynamic, 1) &
+      !$omp& if (self%groups%is_many(i))
+      do k = self%groups%first(i), self%groups%first(i + 1) - 1
+        b = self%groups%body(k)
+        call self%body(b)%rows%init(self%grid(self%body(b)%representative)%p, self%body(b)%map, block(b)%matrix)
+      end do
+      !$omp end parallel do
+    end do
+    call form_compliances(self)
   end subroutine grids_init
+
+  !> Compliances of the rows in the corner space; congruent bodies with the same rows share them.
+  subroutine form_compliances(self)
+    !> The bodies with their rows.
+    class(body_grids_t), intent(inout) :: self
+    integer :: b, c, i, k
+    do b = 1, size(self%body)
+      self%body(b)%owner = b
+      do c = 1, b - 1
+        if (self%body(c)%owner /= c .or. self%body(c)%representative /= self%body(b)%representative) cycle
+        if (.not. self%body(b)%rows%is_like(self%body(c)%rows)) cycle
+        self%body(b)%owner = c
+        exit
+      end do
+      if (self%body(b)%rows%n > 0) call self%grid(self%body(b)%representative)%p%coarse%prepare_substitution()
+    end do
+    do i = 1, self%groups%n
+      !$omp parallel do default(none) shared(self, i) private(b) schedule(dynamic, 1) if (self%groups%is_many(i))
+      do k = self%groups%first(i), self%groups%first(i + 1) - 1
+        b = self%groups%body(k)
+        if (self%body(b)%owner == b) &
+          call self%body(b)%rows%form_compliance(self%grid(self%body(b)%representative)%p)
+      end do
+      !$omp end parallel do
+    end do
+  end subroutine form_compliances
 
   !> Add a vector over the rows of a body to one over all rows. A row can belong to a body twice.
   pure subroutine scatter_rows(row, own, all)
@@ -104,6 +167,20 @@ contains
     end do
   end subroutine scatter_rows
 
+  !> The sum of vectors over the rows of each body.
+  pure subroutine grids_add_rows(self, own, y)
+    class(body_grids_t), intent(in) :: self
+    !> At the rows of each body (n_bodies) [any].
+    type(body_vector_t), intent(in) :: own(:)
+    !> At all rows (n_rows) [as own].
+    real(dp), intent(out) :: y(:)
+    integer :: b
+    y = 0
+    do b = 1, size(self%body)
+      call scatter_rows(self%body(b)%row, own(b)%value, y)
+    end do
+  end subroutine grids_add_rows
+
   !> y = B x.
   subroutine grids_row_displacement(self, x, y)
     class(body_grids_t), intent(in) :: self
@@ -111,16 +188,23 @@ contains
     real(dp), intent(in), contiguous :: x(:)
     !> At the rows (n_rows) [length].
     real(dp), intent(out) :: y(:)
-    real(dp), allocatable :: own(:)
+    type(body_vector_t), allocatable :: own(:)
     integer :: b
-    y = 0
+    allocate (own(size(self%body)))
+    !$omp parallel do default(none) shared(self, x, own) schedule(dynamic, 1) if (self%many_rows())
     do b = 1, size(self%body)
-      allocate (own(size(self%body(b)%row)), source=0.0_dp)
-      call self%body(b)%rows%add_displacement(self%dim, x(self%first(b) + 1:self%first(b + 1)), own)
-      call scatter_rows(self%body(b)%row, own, y)
-      deallocate (own)
+      allocate (own(b)%value(size(self%body(b)%row)), source=0.0_dp)
+      call self%body(b)%rows%add_displacement(self%dim, x(self%first(b) + 1:self%first(b + 1)), own(b)%value)
     end do
+    !$omp end parallel do
+    call self%add_rows(own, y)
   end subroutine grids_row_displacement
+
+  !> Whether threads are worth their start in a product with B.
+  pure logical function grids_many_rows(self) result(many_rows)
+    class(body_grids_t), intent(in) :: self
+    many_rows = size(self%body) > 1 .and. self%n_rows > worth_threads
+  end function grids_many_rows
 
   !> y = B x of a vector in single precision, x of each body times the scale of its stiffness.
   subroutine grids_row_displacement_low(self, x, y)
@@ -129,16 +213,18 @@ contains
     real(sp), intent(in), contiguous :: x(:)
     !> At the rows (n_rows) [length].
     real(dp), intent(out) :: y(:)
-    real(dp), allocatable :: own(:)
+    type(body_vector_t), allocatable :: own(:)
     integer :: b
-    y = 0
+    allocate (own(size(self%body)))
+    !$omp parallel do default(none) shared(self, x, own) schedule(dynamic, 1) if (self%many_rows())
     do b = 1, size(self%body)
-      allocate (own(size(self%body(b)%row)), source=0.0_dp)
+      allocate (own(b)%value(size(self%body(b)%row)), source=0.0_dp)
       call self%body(b)%rows%add_displacement_low(self%dim, &
-        1/self%grid(self%body(b)%representative)%p%fine%rows%scale, x(self%first(b) + 1:self%first(b + 1)), own)
-      call scatter_rows(self%body(b)%row, own, y)
-      deallocate (own)
+        1/self%grid(self%body(b)%representative)%p%fine%rows%scale, x(self%first(b) + 1:self%first(b + 1)), &
+        own(b)%value)
     end do
+    !$omp end parallel do
+    call self%add_rows(own, y)
   end subroutine grids_row_displacement_low
 
   !> r := r - B^T lambda.
@@ -149,11 +235,13 @@ contains
     !> Forces (n) [force].
     real(dp), intent(inout), contiguous :: r(:)
     integer :: b
+    !$omp parallel do default(none) shared(self, lambda, r) schedule(dynamic, 1) if (self%many_rows())
     do b = 1, size(self%body)
       associate (own => self%body(b))
         call own%rows%subtract_force(self%dim, lambda(own%row), r(self%first(b) + 1:self%first(b + 1)))
       end associate
     end do
+    !$omp end parallel do
   end subroutine grids_subtract_row_force
 
   !> r := r - B^T lambda in single precision.
@@ -164,11 +252,13 @@ contains
     !> Residual (n) [force].
     real(sp), intent(inout), contiguous :: r(:)
     integer :: b
+    !$omp parallel do default(none) shared(self, lambda, r) schedule(dynamic, 1) if (self%many_rows())
     do b = 1, size(self%body)
       associate (own => self%body(b))
         call own%rows%subtract_force_low(self%dim, lambda(own%row), r(self%first(b) + 1:self%first(b + 1)))
       end associate
     end do
+    !$omp end parallel do
   end subroutine grids_subtract_row_force_low
 
   !> y = K x.
@@ -178,13 +268,37 @@ contains
     real(dp), intent(in), contiguous :: x(:)
     !> Forces (n) [force].
     real(dp), intent(out), contiguous :: y(:)
-    integer :: b
-    do b = 1, size(self%body)
-      associate (first => self%first(b) + 1, last => self%first(b + 1))
-        call self%grid(self%body(b)%representative)%p%multiply(x(first:last), y(first:last))
-      end associate
+    integer :: b, i, k
+    do i = 1, self%groups%n
+      !$omp parallel do default(none) shared(self, x, y, i) private(b) schedule(dynamic, 1) &
+      !$omp& if (self%groups%is_many(i))
+      do k = self%groups%first(i), self%groups%first(i + 1) - 1
+        b = self%groups%body(k)
+        associate (first => self%first(b) + 1, last => self%first(b + 1))
+          call self%grid(self%body(b)%representative)%p%multiply(x(first:last), y(first:last))
+        end associate
+      end do
+      !$omp end parallel do
     end do
   end subroutine grids_multiply_bodies
+
+  !> x := x + R alpha.
+  subroutine grids_add_modes(self, alpha, x)
+    class(body_grids_t), intent(in) :: self
+    !> Amplitudes of the rigid body modes (n_modes) [length].
+    real(dp), intent(in) :: alpha(:)
+    !> Displacements (n) [length].
+    real(dp), intent(inout), contiguous :: x(:)
+    integer :: b, k
+    do b = 1, size(self%body)
+      associate (grid => self%grid(self%body(b)%representative)%p)
+        do k = 1, size(grid%mode, 2)
+          call add_multiple(grid%n, alpha(self%first_mode(b) + k), grid%mode(:, k), &
+                            x(self%first(b) + 1:self%first(b + 1)))
+        end do
+      end associate
+    end do
+  end subroutine grids_add_modes
 
   !> Compliance of each row in the corner space, the diagonal of B P K_c^+ P^T B^T.
   pure function grids_row_compliance(self) result(compliance)
@@ -194,8 +308,8 @@ contains
     integer :: b, i
     compliance = 0
     do b = 1, size(self%body)
-      associate (own => self%body(b))
-        call scatter_rows(own%row, [(own%rows%compliance(i, i), i=1, size(own%row))], compliance)
+      associate (own => self%body(b), value => self%body(self%body(b)%owner)%rows%compliance)
+        call scatter_rows(own%row, [(value(i, i), i=1, size(own%row))], compliance)
       end associate
     end do
   end function grids_row_compliance

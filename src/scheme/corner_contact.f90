@@ -55,7 +55,7 @@ contains
     call corner_qp%shift_penetration(y - gap - qp%initial_penetration)
     call compliance%init(corner_qp)
     do b = 1, size(system%body)
-      call compliance%set(corner_qp, b, system%body(b)%rows%compliance)
+      call compliance%set(corner_qp, b, system%body(system%body(b)%owner)%rows%compliance)
     end do
     settings%tolerance = tolerance
     call scheme%solve(corner_qp, compliance, max(theta, softness*qp%weight*system%row_compliance()), settings, &

@@ -174,7 +174,10 @@ contains
       do attempt = 1, most_attempts
         call solve_rows(system, part, pack(theta, working), load, working, accuracy, &
                         settings%max_iterations - steps, m, v, outcome, error)
-        if (allocated(error)) return
+        if (allocated(error)) then
+          call system%destroy()
+          return
+        end if
         steps = steps + outcome%steps
         cg_steps = cg_steps + outcome%cg_steps
         call balance(qp, m)
@@ -198,6 +201,7 @@ contains
       if (.not. any(violated)) exit
       working = working .or. now%y > -near_violation*maxval(now%y, mask=violated)
     end do rounds
+    call system%destroy()
     compliance%n_sweeps = compliance%n_sweeps + cg_steps
     state%screened = count(.not. working)
     call monitor%note('displacements    '//to_text(steps)//' active sets, '//to_text(cg_steps)// &

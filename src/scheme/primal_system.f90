@@ -44,6 +44,7 @@ contains
     type(grid_pointer_t) :: grid(size(compliance%body))
     type(grid_body_t), allocatable :: body(:)
     integer :: b
+    call self%destroy()
     allocate (body(size(compliance%body)))
     do b = 1, size(body)
       select type (response => compliance%response(compliance%body(b)%representative)%form)

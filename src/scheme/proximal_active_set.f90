@@ -103,7 +103,7 @@ contains
       active = new
       if (interrupted()) exit
     end do
-    outcome%n_free_modes = system%n_free_modes
+    outcome%n_free_modes = system%n_free_modes()
   end subroutine solve_proximal
 
   !> The residual f - K u - B^T W (B u - d + prox m_0), and the norm of u.

@@ -1,0 +1,379 @@
+!> The active contact rows in the preconditioner of `dotyk_scheme_contact_multigrid`: factors of W^{-1} + C for the
+!> smoother, where C is sparse, and for the corner space, where C is dense and rigid body modes of floating bodies
+!> stand beside.
+module dotyk_scheme_active_rows
+  use dotyk_base_error, only: add_context, error_t, exit_not_solvable, set_error
+  use dotyk_base_kinds, only: dp, int64
+  use dotyk_linalg_cholesky, only: cholesky_t
+  use dotyk_linalg_dense, only: symmetric_eigen
+  use dotyk_linalg_dense_cholesky, only: dense_cholesky_t
+  use dotyk_linalg_ordering, only: nested_dissection
+  use dotyk_linalg_sparse, only: sparse_rows_t, sparse_symmetric_t
+  use dotyk_scheme_body_grids, only: body_grids_t
+  implicit none
+  private
+
+  !> The factors. They own memory of CHOLMOD: never copy them, destroy them in the end.
+  type, public :: active_rows_t
+    !> Active rows, ascending (n).
+    integer, allocatable :: row(:)
+    !> Amplitudes of motions of the bodies that the active rows do not restrain, orthonormal after scaling of the modes
+    !> (n_modes, n_free) [].
+    real(dp), allocatable :: free_mode(:, :)
+    !> Sum of B D^{-1} B^T over the bodies, lower triangle (n_rows, n_rows) [length/force].
+    type(sparse_symmetric_t), private :: sum
+    !> Of W^{-1} + B D^{-1} B^T; inactive rows are decoupled.
+    type(cholesky_t), private :: smoother
+    !> Of W^{-1} + B P K_c^+ P^T B^T on the active rows.
+    type(dense_cholesky_t), private :: corner
+    !> Modes at the active rows, G (n, n_modes) [].
+    real(dp), allocatable, private :: mode(:, :)
+    !> Of S = G^T (W^{-1} + C)^{-1} G, scaled to a unit diagonal, where it is regular.
+    type(dense_cholesky_t), private :: mode_factor
+    !> Its pseudo-inverse where it is not; not allocated otherwise (n_modes, n_modes) [].
+    real(dp), allocatable, private :: mode_inverse(:, :)
+    !> Scales of the modes (n_modes) [sqrt(length/force)].
+    real(dp), allocatable, private :: scale(:)
+  contains
+    procedure :: set => rows_set
+    procedure :: solve_smoother => rows_solve_smoother
+    procedure :: solve_corner => rows_solve_corner
+    procedure :: destroy => rows_destroy
+  end type active_rows_t
+
+  !> Pivots and eigenvalues of the scaled stiffness of modes below this are rounding: contact does not restrain these
+  !> motions.
+  real(dp), parameter :: free_motion = 1.0e-10_dp
+  !> A shift of the diagonal, relative, where rounding has made a matrix indefinite.
+  real(dp), parameter :: first_shift = 1.0e-14_dp, most_shift = 1.0e-8_dp
+
+contains
+
+  !> Choose the active rows and their stiffness.
+  subroutine rows_set(self, grids, stiffness, error)
+    class(active_rows_t), intent(inout) :: self
+    !> The bodies; the same in each call.
+    class(body_grids_t), intent(in) :: grids
+    !> W; zero where not active (n_rows) [force/length].
+    real(dp), intent(in) :: stiffness(:)
+    !> Allocated where a number is not finite, or memory runs out.
+    type(error_t), allocatable, intent(out) :: error
+    integer :: i
+    self%row = pack([(i, i=1, size(stiffness))], stiffness > 0)
+    if (.not. allocated(self%sum%column_start)) call analyze_smoother(self, grids, error)
+    if (.not. allocated(error)) call factorize_smoother(self, stiffness, error)
+    if (.not. allocated(error)) call factorize_corner(self, grids, stiffness, error)
+    if (.not. allocated(error)) call factorize_modes(self, grids, error)
+    if (allocated(error)) call add_context(error, 'multigrid, active rows: ')
+  end subroutine rows_set
+
+  !> Add up B D^{-1} B^T, and order the rows.
+  subroutine analyze_smoother(self, grids, error)
+    !> The factors.
+    type(active_rows_t), intent(inout) :: self
+    !> The bodies.
+    class(body_grids_t), intent(in) :: grids
+    !> Allocated where memory runs out.
+    type(error_t), allocatable, intent(out) :: error
+    type(sparse_rows_t) :: all
+    integer, allocatable :: row(:), column(:), start(:), neighbour(:), order(:)
+    real(dp), allocatable :: value(:)
+    integer(int64) :: n_lower
+    integer :: b, i, k, n, n_all
+    n = 0
+    do b = 1, size(grids%body)
+      n = n + size(grids%body(b)%rows%smoother%column)
+    end do
+    allocate (row(n), column(n), value(n))
+    n = 0
+    do b = 1, size(grids%body)
+      associate (own => grids%body(b), matrix => grids%body(b)%rows%smoother)
+        do i = 1, own%rows%n
+          do k = matrix%row_start(i), matrix%row_start(i + 1) - 1
+            n = n + 1
+            row(n) = own%row(i)
+            column(n) = own%row(matrix%column(k))
+            value(n) = matrix%value(k)
+          end do
+        end do
+      end associate
+    end do
+    ! Rows between held nodes have no entries.
+    row = [row, (i, i=1, grids%n_rows)]
+    column = [column, (i, i=1, grids%n_rows)]
+    value = [value, (0.0_dp, i=1, grids%n_rows)]
+    call all%init_from_triplets(grids%n_rows, grids%n_rows, row, column, value)
+    deallocate (row, column, value)
+    self%sum%n = grids%n_rows
+    allocate (self%sum%column_start(grids%n_rows + 1), start(grids%n_rows + 1))
+    n_all = size(all%column)
+    n_lower = (n_all + grids%n_rows)/2
+    allocate (self%sum%row(n_lower), self%sum%value(n_lower), neighbour(n_all - grids%n_rows))
+    n_lower = 0
+    n = 0
+    do i = 1, grids%n_rows
+      self%sum%column_start(i) = n_lower
+      start(i) = n + 1
+      do k = all%row_start(i), all%row_start(i + 1) - 1
+        if (all%column(k) /= i) then
+          n = n + 1
+          neighbour(n) = all%column(k)
+        end if
+        if (all%column(k) < i) cycle
+        n_lower = n_lower + 1
+        self%sum%row(n_lower) = all%column(k) - 1
+        self%sum%value(n_lower) = all%value(k)
+      end do
+    end do
+    self%sum%column_start(grids%n_rows + 1) = n_lower
+    start(grids%n_rows + 1) = n + 1
+    allocate (order(grids%n_rows))
+    call nested_dissection(start, neighbour, order, error)
+    if (.not. allocated(error)) call self%smoother%analyze(self%sum, order, error)
+  end subroutine analyze_smoother
+
+  !> Factorize W^{-1} + C of the smoother. Inactive rows have the identity: the pattern stays.
+  subroutine factorize_smoother(self, stiffness, error)
+    !> The factors.
+    type(active_rows_t), intent(inout) :: self
+    !> W (n_rows) [force/length].
+    real(dp), intent(in) :: stiffness(:)
+    !> Allocated where a number is not finite.
+    type(error_t), allocatable, intent(out) :: error
+    type(sparse_symmetric_t) :: matrix
+    real(dp) :: shift
+    integer :: j, failed
+    integer(int64) :: k
+    if (size(self%row) == 0) return
+    shift = 0
+    do
+      matrix = self%sum
+      do j = 1, matrix%n
+        do k = matrix%column_start(j) + 1, matrix%column_start(j + 1)
+          if (.not. (stiffness(j) > 0 .and. stiffness(matrix%row(k) + 1) > 0)) matrix%value(k) = 0
+        end do
+        associate (diagonal => matrix%value(matrix%column_start(j) + 1))
+          if (stiffness(j) > 0) then
+            diagonal = (1 + shift)*diagonal + 1/stiffness(j)
+          else
+            diagonal = 1
+          end if
+        end associate
+      end do
+      call self%smoother%factorize_and_discard(matrix, failed, error)
+      if (failed == 0 .or. allocated(error)) return
+      shift = max(10*shift, first_shift)
+      if (shift > most_shift) exit
+    end do
+    call set_error(error, 'the smoother is not positive definite', exit_not_solvable)
+  end subroutine factorize_smoother
+
+  !> Factorize W^{-1} + C of the corner space.
+  subroutine factorize_corner(self, grids, stiffness, error)
+    !> The factors.
+    type(active_rows_t), intent(inout) :: self
+    !> The bodies.
+    class(body_grids_t), intent(in) :: grids
+    !> W (n_rows) [force/length].
+    real(dp), intent(in) :: stiffness(:)
+    !> Allocated where a number is not finite.
+    type(error_t), allocatable, intent(out) :: error
+    integer, allocatable :: number(:)
+    real(dp) :: shift
+    integer :: b, i, m, failed
+    m = size(self%row)
+    allocate (number(grids%n_rows), source=0)
+    number(self%row) = [(i, i=1, m)]
+    shift = 0
+    do
+      call self%corner%resize(m)
+      do b = 1, size(grids%body)
+        call add_body(grids%body(b)%row, number, grids%body(grids%body(b)%owner)%rows%compliance, m, self%corner%value)
+      end do
+      call add_diagonal(1/stiffness(self%row), shift, m, self%corner%value)
+      call self%corner%factorize(failed)
+      if (failed == 0) return
+      shift = max(10*shift, first_shift)
+      if (shift > most_shift) exit
+    end do
+    call set_error(error, 'the corner space is not positive definite', exit_not_solvable)
+  end subroutine factorize_corner
+
+  !> Add the compliance of one body to the lower triangle.
+  pure subroutine add_body(row, number, compliance, m, sum)
+    !> Rows of the body (n).
+    integer, intent(in) :: row(:)
+    !> Number of each row among the active ones, 0 where not active (n_rows).
+    integer, intent(in) :: number(:)
+    !> Of the rows of the body (n, n) [length/force].
+    real(dp), intent(in) :: compliance(:, :)
+    !> Number of active rows.
+    integer, intent(in) :: m
+    !> The sum over bodies (m, m) [length/force].
+    real(dp), intent(inout) :: sum(m, *)
+    integer, allocatable :: own(:)
+    integer :: i, j, k, l
+    own = pack([(i, i=1, size(row))], number(row) > 0)
+    do j = 1, size(own)
+      l = number(row(own(j)))
+      do i = 1, size(own)
+        k = number(row(own(i)))
+        if (k >= l) sum(k, l) = sum(k, l) + compliance(own(i), own(j))
+      end do
+    end do
+  end subroutine add_body
+
+  !> Add to the diagonal.
+  pure subroutine add_diagonal(added, shift, m, sum)
+    !> W^{-1} (m) [length/force].
+    real(dp), intent(in) :: added(:)
+    !> Fraction of the diagonal to add [].
+    real(dp), intent(in) :: shift
+    !> Number of active rows.
+    integer, intent(in) :: m
+    !> The matrix (m, m) [length/force].
+    real(dp), intent(inout) :: sum(m, *)
+    integer :: i
+    do i = 1, m
+      sum(i, i) = (1 + shift)*sum(i, i) + added(i)
+    end do
+  end subroutine add_diagonal
+
+  !> Factorize the stiffness of the modes, G^T (W^{-1} + C)^{-1} G, and find the motions that nothing restrains.
+  subroutine factorize_modes(self, grids, error)
+    !> The factors.
+    type(active_rows_t), intent(inout) :: self
+    !> The bodies.
+    class(body_grids_t), intent(in) :: grids
+    !> Allocated where a number is not finite.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp), allocatable :: solved(:, :), s(:, :)
+    integer, allocatable :: number(:)
+    integer :: b, i, k, n, failed
+    n = grids%first_mode(size(grids%first_mode))
+    if (allocated(self%mode)) deallocate (self%mode)
+    if (allocated(self%mode_inverse)) deallocate (self%mode_inverse)
+    if (allocated(self%free_mode)) deallocate (self%free_mode)
+    allocate (self%mode(size(self%row), n), source=0.0_dp)
+    allocate (self%free_mode(n, 0))
+    if (n == 0) return
+    allocate (number(grids%n_rows), source=0)
+    number(self%row) = [(i, i=1, size(self%row))]
+    do b = 1, size(grids%body)
+      associate (own => grids%body(b), first => grids%first_mode(b) + 1, last => grids%first_mode(b + 1))
+        do i = 1, own%rows%n
+          k = number(own%row(i))
+          if (k > 0) self%mode(k, first:last) = self%mode(k, first:last) + own%rows%mode(i, :)
+        end do
+      end associate
+    end do
+    allocate (solved, source=self%mode)
+    call self%corner%solve_lower(solved)
+    self%scale = [(norm2(solved(:, k)), k=1, n)]
+    where (self%scale > tiny(1.0_dp))
+      self%scale = 1/self%scale
+    elsewhere
+      self%scale = 0
+    end where
+    do k = 1, n
+      solved(:, k) = self%scale(k)*solved(:, k)
+    end do
+    call self%mode_factor%resize(n)
+    call square(size(solved, 1), n, solved, self%mode_factor%value)
+    allocate (s(n, n))
+    s = reshape(self%mode_factor%value(:int(n, int64)**2), [n, n])
+    call self%mode_factor%factorize(failed)
+    if (failed == 0) then
+      if (self%mode_factor%least_pivot() > free_motion) return
+    end if
+    call find_free_motions(self, s, error)
+  end subroutine factorize_modes
+
+  !> C = A^T A.
+  subroutine square(m, n, a, c)
+    !> Rows and columns of A.
+    integer, intent(in) :: m, n
+    !> A (m, n) [any].
+    real(dp), intent(in) :: a(m, n)
+    !> C (n, n) [A^2].
+    real(dp), intent(inout) :: c(n, *)
+    if (m > 0) c(:, :n) = matmul(transpose(a), a)
+  end subroutine square
+
+  !> The pseudo-inverse of the stiffness of the modes.
+  subroutine find_free_motions(self, s, error)
+    !> Gets `mode_inverse` and `free_mode`.
+    type(active_rows_t), intent(inout) :: self
+    !> The scaled stiffness (n_modes, n_modes) [].
+    real(dp), intent(in) :: s(:, :)
+    !> Allocated where a number is not finite.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp), allocatable :: values(:), vectors(:, :)
+    integer :: k, n, n_free
+    n = size(s, 1)
+    allocate (values(n), vectors(n, n))
+    call symmetric_eigen(s, values, vectors, error)
+    if (allocated(error)) return
+    n_free = count(.not. values > free_motion)
+    allocate (self%mode_inverse(n, n))
+    self%mode_inverse = matmul(vectors(:, n_free + 1:)/spread(values(n_free + 1:), 1, n), &
+                               transpose(vectors(:, n_free + 1:)))
+    deallocate (self%free_mode)
+    allocate (self%free_mode(n, n_free))
+    do k = 1, n_free
+      ! A body that no active row touches has no scale.
+      self%free_mode(:, k) = merge(self%scale, 1.0_dp, self%scale > 0)*vectors(:, k)
+    end do
+  end subroutine find_free_motions
+
+  !> lambda := (W^{-1} + B D^{-1} B^T)^{-1} lambda on the active rows; zero elsewhere.
+  subroutine rows_solve_smoother(self, lambda)
+    class(active_rows_t), intent(in) :: self
+    !> Displacements in [length], forces out [force] (n_rows).
+    real(dp), intent(inout), contiguous :: lambda(:)
+    real(dp), allocatable :: own(:)
+    own = lambda(self%row)
+    lambda = 0
+    lambda(self%row) = own
+    if (size(own) > 0) call self%smoother%solve(lambda)
+  end subroutine rows_solve_smoother
+
+  !> Forces and amplitudes of (W^{-1} + C) lambda - G alpha = y, G^T lambda = e; no force on motions that nothing
+  !> restrains.
+  subroutine rows_solve_corner(self, lambda, e, alpha)
+    class(active_rows_t), intent(in) :: self
+    !> Displacements y in [length], forces out, zero where not active [force] (n_rows).
+    real(dp), intent(inout) :: lambda(:)
+    !> Resultants (n_modes) [force].
+    real(dp), intent(in) :: e(:)
+    !> Amplitudes (n_modes) [length].
+    real(dp), intent(out) :: alpha(:)
+    real(dp), allocatable :: force(:), pushed(:)
+    force = lambda(self%row)
+    lambda = 0
+    call self%corner%solve(force)
+    if (size(e) > 0) then
+      alpha = self%scale*(e - matmul(force, self%mode))
+      if (allocated(self%mode_inverse)) then
+        alpha = matmul(self%mode_inverse, alpha)
+      else
+        call self%mode_factor%solve(alpha)
+      end if
+      alpha = self%scale*alpha
+      pushed = matmul(self%mode, alpha)
+      call self%corner%solve(pushed)
+      force = force + pushed
+    end if
+    lambda(self%row) = force
+  end subroutine rows_solve_corner
+
+  !> Give back all memory.
+  subroutine rows_destroy(self)
+    class(active_rows_t), intent(inout) :: self
+    call self%smoother%destroy()
+    call self%sum%destroy()
+    if (allocated(self%row)) deallocate (self%row)
+    if (allocated(self%corner%value)) deallocate (self%corner%value)
+    if (allocated(self%mode_factor%value)) deallocate (self%mode_factor%value)
+  end subroutine rows_destroy
+end module dotyk_scheme_active_rows
