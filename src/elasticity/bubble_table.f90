@@ -5,8 +5,11 @@
 !> variable, prisms the products of both.
 module dotyk_elasticity_bubble_table
   use dotyk_base_kinds, only: dp
+  use dotyk_elasticity_isoparametric_map, only: point_shape_table_t
+  use dotyk_elasticity_shape_table, only: shape_table_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, element_prism6, element_tet4, element_tri3, &
     kind_dimension, quadrature_rule, reference_nodes, shape_functions, shape_gradients
+  use dotyk_mesh_facet, only: cross
   implicit none
   private
 
@@ -18,10 +21,17 @@ module dotyk_elasticity_bubble_table
     real(dp), allocatable :: on_face(:, :)
     !> Reference coordinates in the element (dim, n_points) [].
     real(dp), allocatable :: xi(:, :)
-    !> Reference weights (n_points) [].
-    real(dp), allocatable :: weight(:)
     !> Bubbles (n, n_points) [].
     real(dp), allocatable :: value(:, :)
+    !> Nodes of the element at the corners of the face (n_corners).
+    integer, allocatable :: corner(:)
+    !> Shape functions, and the weights of the points on the face.
+    type(point_shape_table_t) :: points
+    !> Outward normal in reference coordinates, area by reference area of the face (dim) [].
+    real(dp), allocatable :: normal(:)
+    !> The same point for the element behind, whose corners i and k of the face are the first and second here; 0 where
+    !> the rule has none (n_points, n_corners, n_corners).
+    integer, allocatable :: match(:, :, :)
   end type face_bubbles_t
 
   !> The bubbles of an element kind.
@@ -34,12 +44,12 @@ module dotyk_elasticity_bubble_table
     integer, allocatable :: exponent(:, :)
     !> Monomials at the nodes (n, n_nodes) [].
     real(dp), allocatable :: at_node(:, :)
+    !> Degree of the rules.
+    integer :: degree = 0
     !> Number of points in the element.
     integer :: n_points = 0
-    !> Reference coordinates of the points (dim, n_points) [].
-    real(dp), allocatable :: xi(:, :)
-    !> Reference weights (n_points) [].
-    real(dp), allocatable :: weight(:)
+    !> Shape functions there.
+    type(point_shape_table_t) :: points
     !> Bubbles at the points (n, n_points) [].
     real(dp), allocatable :: value(:, :)
     !> Their derivatives by reference coordinates (n, dim, n_points) [].
@@ -52,7 +62,9 @@ module dotyk_elasticity_bubble_table
     procedure :: gradients => bubble_table_gradients
   end type bubble_table_t
 
-  !> Bubbles below this size at all points belong to the element's own space.
+  public :: points_table
+
+  !> Bubbles below this size at all points belong to the element's own space; points closer to each other are the same.
   real(dp), parameter :: rounding = 1.0e-10_dp
 
 contains
@@ -63,7 +75,7 @@ contains
     !> Element kind.
     integer, intent(in) :: kind
     type(element_kind_t) :: properties
-    real(dp), allocatable :: place(:, :)
+    real(dp), allocatable :: place(:, :), xi(:, :), weight(:)
     logical, allocatable :: kept(:)
     integer :: i, q
     properties = element_kind(kind)
@@ -76,11 +88,13 @@ contains
     do i = 1, properties%n_nodes
       self%at_node(:, i) = monomials(self%exponent, place(:, i))
     end do
-    call quadrature_rule(kind, rule_degree(properties), self%xi, self%weight)
-    self%n_points = size(self%weight)
+    self%degree = rule_degree(properties)
+    call quadrature_rule(kind, self%degree, xi, weight)
+    call points_table(kind, xi, weight, self%points)
+    self%n_points = size(weight)
     allocate (self%value(self%n, self%n_points))
     do q = 1, self%n_points
-      self%value(:, q) = self%values(self%xi(:, q))
+      self%value(:, q) = self%values(xi(:, q))
     end do
     kept = maxval(abs(self%value), dim=2) > rounding
     self%exponent = self%exponent(:, pack([(i, i=1, self%n)], kept))
@@ -89,7 +103,7 @@ contains
     self%n = count(kept)
     allocate (self%gradient(self%n, properties%dimension, self%n_points), self%face(properties%n_faces))
     do q = 1, self%n_points
-      self%gradient(:, :, q) = self%gradients(self%xi(:, q))
+      self%gradient(:, :, q) = self%gradients(xi(:, q))
     end do
     do i = 1, properties%n_faces
       call init_face(self, properties, place, i, self%face(i))
@@ -109,19 +123,96 @@ contains
     !> The bubbles there.
     type(face_bubbles_t), intent(out) :: face
     type(element_kind_t) :: of_face
-    real(dp), allocatable :: weight(:)
-    integer :: q
+    real(dp), allocatable :: corner(:), weight(:), corner_gradient(:, :)
+    real(dp) :: along(3, 2)
+    integer :: i, q
     of_face = element_kind(properties%face_kind(f))
-    call quadrature_rule(of_face%corner_kind, rule_degree(properties), face%on_face, face%weight)
-    face%n_points = size(face%weight)
+    call quadrature_rule(of_face%corner_kind, self%degree, face%on_face, weight)
+    face%n_points = size(weight)
+    face%corner = properties%face_node(:of_face%n_corners, f)
     allocate (face%xi(properties%dimension, face%n_points), face%value(self%n, face%n_points))
-    allocate (weight(of_face%n_corners))
-    do q = 1, face%n_points
-      call shape_functions(of_face%corner_kind, face%on_face(:, q), weight)
-      face%xi(:, q) = matmul(place(:, properties%face_node(:of_face%n_corners, f)), weight)
-      face%value(:, q) = self%values(face%xi(:, q))
-    end do
+    allocate (corner(of_face%n_corners))
+    associate (at_corner => place(:, properties%face_node(:of_face%n_corners, f)))
+      do q = 1, face%n_points
+        call shape_functions(of_face%corner_kind, face%on_face(:, q), corner)
+        face%xi(:, q) = matmul(at_corner, corner)
+        face%value(:, q) = self%values(face%xi(:, q))
+      end do
+      ! Faces of reference elements are flat, and quadrilateral ones are parallelograms.
+      allocate (corner_gradient(properties%dimension - 1, of_face%n_corners))
+      call shape_gradients(of_face%corner_kind, face%on_face(:, 1), corner_gradient)
+      along = 0
+      do i = 1, properties%dimension - 1
+        along(:properties%dimension, i) = matmul(at_corner, corner_gradient(i, :))
+      end do
+      if (properties%dimension == 2) along(3, 2) = 1
+      along(:, 1) = cross(along(:, 1), along(:, 2))
+      face%normal = along(:properties%dimension, 1)
+    end associate
+    call points_table(self%kind, face%xi, weight, face%points)
+    call match_points(of_face, face)
   end subroutine init_face
+
+  !> The points of a face as the element behind it numbers them.
+  subroutine match_points(of_face, face)
+    !> Properties of the face.
+    type(element_kind_t), intent(in) :: of_face
+    !> The face; `match` is set.
+    type(face_bubbles_t), intent(inout) :: face
+    real(dp) :: at(of_face%n_corners, face%n_points), same(of_face%n_corners)
+    integer :: q, i, k, c, m, step
+    m = of_face%n_corners
+    do q = 1, face%n_points
+      call shape_functions(of_face%corner_kind, face%on_face(:, q), at(:, q))
+    end do
+    allocate (face%match(face%n_points, m, m), source=0)
+    do k = 1, m
+      do i = 1, m
+        step = modulo(k - i, m)
+        ! Neighbouring corners, in one direction or the other.
+        if (i == k .or. all(step /= [1, m - 1])) cycle
+        if (m > 2 .and. step == m - 1) step = -1
+        do q = 1, face%n_points
+          do c = 1, m
+            same(modulo(i - 1 + step*(c - 1), m) + 1) = at(c, q)
+          end do
+          do c = 1, face%n_points
+            if (all(abs(at(:, c) - same) <= rounding)) face%match(q, i, k) = c
+          end do
+        end do
+      end do
+    end do
+  end subroutine match_points
+
+  !> Shape functions of an element kind at points.
+  subroutine points_table(kind, xi, weight, points)
+    !> Element kind.
+    integer, intent(in) :: kind
+    !> Reference coordinates (dim, n_points) [].
+    real(dp), intent(in) :: xi(:, :)
+    !> Reference weights (n_points) [].
+    real(dp), intent(in) :: weight(:)
+    !> Shape functions there, by points.
+    type(point_shape_table_t), intent(out) :: points
+    type(shape_table_t) :: table
+    type(element_kind_t) :: properties
+    real(dp), allocatable :: gradient(:, :)
+    integer :: q
+    properties = element_kind(kind)
+    table%n_nodes = properties%n_nodes
+    table%dimension = properties%dimension
+    table%n_points = size(weight)
+    table%weight = weight
+    allocate (table%shape(table%n_nodes, table%n_points))
+    allocate (table%gradient(table%n_nodes, table%dimension, table%n_points))
+    allocate (gradient(table%dimension, table%n_nodes))
+    do q = 1, table%n_points
+      call shape_functions(kind, xi(:, q), table%shape(:, q))
+      call shape_gradients(kind, xi(:, q), gradient)
+      table%gradient(:, :, q) = transpose(gradient)
+    end do
+    call points%init(table)
+  end subroutine points_table
 
   !> Degree of the rules: exact for products of two gradients on straight elements.
   pure integer function rule_degree(properties) result(degree)
