@@ -78,7 +78,7 @@ contains
     type(constraint_t), intent(in) :: constraint
     !> The corner space.
     type(corner_space_t), intent(in) :: space
-    !> Stiffness by block rows, in nodal axes, with its pattern [force/length].
+    !> Stiffness by block rows, in nodal axes, with its pattern; packed on return [force/length].
     type(block_rows_t), intent(inout) :: rows
     !> Volume of the body [volume].
     real(dp), intent(out) :: volume
@@ -109,6 +109,7 @@ contains
       if (allocated(error)) return
     end do
     call rows%hold(constraint%equation == held)
+    call rows%pack()
     volume = sum(element_volume)
     mean_modulus_factor = sum(element_integral)/volume
   end subroutine assemble_block_rows

@@ -2,12 +2,15 @@
 !>
 !> All blocks are stored, not only those of one triangle: rows are then independent, which threads and a fixed order of
 !> sums need. An entry is scale*(high + low), two numbers in single precision: the product in double precision reads
-!> both (2^-50 of the entry is lost), that of smoothers reads the leading parts alone, and together they take the memory
-!> of one number in double precision. The scale, a power of two, keeps any unit within the range of single precision.
+!> both (2^-50 of the entry is lost), residuals read high. Smoothers, whose polynomials are as good for a matrix nearby,
+!> read the upper 16 bits of high, the entry to 2^-7 of it, which stand apart. Together these parts take the memory of
+!> one number in double precision. The scale, a power of two, keeps any unit within the range of single precision.
+!>
+!> A matrix is assembled (`init`, `add_blocks`, `hold`), then packed (`pack`), then used.
 module dotyk_linalg_block_rows
+  use, intrinsic :: iso_fortran_env, only: int16, int32
   use dotyk_base_kinds, only: dp, int64, sp
-  use dotyk_linalg_block_products, only: product_2, product_3, residual_2, residual_3, subtract_product_2, &
-    subtract_product_3
+  use dotyk_linalg_block_products, only: product_rows, residual_rows, subtract_product_rows
   implicit none
   private
 
@@ -23,13 +26,19 @@ module dotyk_linalg_block_rows
     integer, allocatable :: column(:)
     !> Scale of the entries, a power of two [matrix].
     real(dp) :: scale = 1
-    !> Leading parts of the entries: (i, j) at i + dim*(j - 1); the last block is not used (dim*dim, n_blocks + 1) [].
+    !> Leading parts of the entries until they are packed: (i, j) at i + dim*(j - 1); the last block is not used, here
+    !> and in the next three (dim*dim, n_blocks + 1) [].
     real(sp), allocatable :: high(:, :)
+    !> Upper halves of the leading parts (dim*dim, n_blocks + 1).
+    integer(int16), allocatable :: leading(:, :)
+    !> Their lower halves (dim*dim, n_blocks + 1).
+    integer(int16), allocatable :: trailing(:, :)
     !> Remainders of the entries (dim*dim, n_blocks + 1) [].
     real(sp), allocatable :: low(:, :)
   contains
     procedure :: init => block_rows_init
     procedure :: hold => block_rows_hold
+    procedure :: pack => block_rows_pack
     procedure :: multiply => block_rows_multiply
     procedure :: residual => block_rows_residual
     procedure :: subtract_product => block_rows_subtract_product
@@ -175,6 +184,64 @@ contains
     end do
   end subroutine block_rows_hold
 
+  !> Separate the halves of the leading parts; no entries are added afterwards.
+  subroutine block_rows_pack(self)
+    class(block_rows_t), intent(inout) :: self
+    allocate (self%leading(self%dim**2, size(self%low, 2, kind=int64)), &
+              self%trailing(self%dim**2, size(self%low, 2, kind=int64)))
+    call separate(self%n, self%dim**2, self%start, self%high, self%leading, self%trailing)
+    deallocate (self%high)
+  end subroutine block_rows_pack
+
+  !> Upper and lower halves of numbers in single precision.
+  subroutine separate(n, m, start, high, leading, trailing)
+    !> Number of block rows.
+    integer, intent(in) :: n
+    !> Entries of a block.
+    integer, intent(in) :: m
+    !> First block of each row (n + 1).
+    integer(int64), intent(in) :: start(n + 1)
+    !> The numbers (m, n_blocks + 1) [any].
+    real(sp), intent(in) :: high(m, *)
+    !> Their upper halves (m, n_blocks + 1).
+    integer(int16), intent(inout) :: leading(m, *)
+    !> Their lower halves (m, n_blocks + 1).
+    integer(int16), intent(inout) :: trailing(m, *)
+    integer(int16) :: halves(2)
+    integer(int64) :: k
+    integer :: e, i, upper
+    ! Where the upper half stands in memory.
+    upper = 1
+    if (transfer(1_int32, 0_int16) == 1_int16) upper = 2
+    ! Each thread touches the rows first that it multiplies later.
+    !$omp parallel do default(none) shared(n, m, start, high, leading, trailing, upper) private(halves, k, e) &
+    !$omp& schedule(static)
+    do i = 1, n
+      do k = start(i), merge(start(i + 1), start(i + 1) - 1, i == n)
+        do e = 1, m
+          halves = transfer(high(e, k), halves)
+          leading(e, k) = halves(upper)
+          trailing(e, k) = halves(3 - upper)
+        end do
+      end do
+    end do
+    !$omp end parallel do
+  end subroutine separate
+
+  !> Entries of the leading part of a block.
+  pure function joined(leading, trailing) result(high)
+    !> Upper halves (dim*dim).
+    integer(int16), intent(in) :: leading(:)
+    !> Lower halves (dim*dim).
+    integer(int16), intent(in) :: trailing(:)
+    !> (dim*dim) [].
+    real(sp) :: high(size(leading))
+    integer :: e
+    do e = 1, size(leading)
+      high(e) = transfer(ior(ishft(int(leading(e), int32), 16), iand(int(trailing(e), int32), 65535_int32)), 0.0_sp)
+    end do
+  end function joined
+
   !> y = A x.
   subroutine block_rows_multiply(self, x, y)
     class(block_rows_t), intent(in) :: self
@@ -183,11 +250,7 @@ contains
     !> Product y (dim*n) [matrix times x].
     real(dp), intent(out), contiguous :: y(:)
     integer :: i
-    if (self%dim == 3) then
-      call product_3(self%n, self%start, self%column, self%high, self%low, x, y)
-    else
-      call product_2(self%n, self%start, self%column, self%high, self%low, x, y)
-    end if
+    call product_rows(self%dim, self%n, self%start, self%column, self%leading, self%trailing, self%low, x, y)
     !$omp parallel do default(none) shared(self, y) schedule(static)
     do i = 1, self%dim*self%n
       y(i) = self%scale*y(i)
@@ -196,7 +259,7 @@ contains
   end subroutine block_rows_multiply
 
   !> r = b - A x/scale in single precision.
-  subroutine block_rows_residual(self, b, x, r)
+  subroutine block_rows_residual(self, b, x, r, rough)
     class(block_rows_t), intent(in) :: self
     !> Right-hand side b (dim*n) [any].
     real(sp), intent(in), contiguous :: b(:)
@@ -204,11 +267,12 @@ contains
     real(sp), intent(in), contiguous :: x(:)
     !> Residual r (dim*n) [as b].
     real(sp), intent(out), contiguous :: r(:)
-    if (self%dim == 3) then
-      call residual_3(self%n, self%start, self%column, self%high, b, x, r)
-    else
-      call residual_2(self%n, self%start, self%column, self%high, b, x, r)
-    end if
+    !> Whether with the matrix of smoothers, see above; not if absent.
+    logical, intent(in), optional :: rough
+    logical :: whole
+    whole = .true.
+    if (present(rough)) whole = .not. rough
+    call residual_rows(self%dim, self%n, self%start, self%column, self%leading, self%trailing, whole, b, x, r)
   end subroutine block_rows_residual
 
   !> r := r - A x/scale with the leading parts of A and a vector x in double precision.
@@ -218,11 +282,7 @@ contains
     real(dp), intent(in), contiguous :: x(:)
     !> Residual r (dim*n) [as x].
     real(sp), intent(inout), contiguous :: r(:)
-    if (self%dim == 3) then
-      call subtract_product_3(self%n, self%start, self%column, self%high, x, r)
-    else
-      call subtract_product_2(self%n, self%start, self%column, self%high, x, r)
-    end if
+    call subtract_product_rows(self%dim, self%n, self%start, self%column, self%leading, self%trailing, x, r)
   end subroutine block_rows_subtract_product
 
   !> Inverses of the diagonal blocks of A/scale, in single precision.
@@ -237,7 +297,8 @@ contains
     regular = .true.
     !$omp parallel do default(none) shared(self, inverse) private(positive) reduction(.and.: regular) schedule(static)
     do i = 1, self%n
-      call invert_block(self%dim, self%high(:, self%start(i)), self%low(:, self%start(i)), inverse(:, :, i), positive)
+      call invert_block(self%dim, joined(self%leading(:, self%start(i)), self%trailing(:, self%start(i))), &
+                        self%low(:, self%start(i)), inverse(:, :, i), positive)
       regular = regular .and. positive
     end do
     !$omp end parallel do
@@ -248,11 +309,13 @@ contains
     class(block_rows_t), intent(in) :: self
     !> (dim*n) [matrix].
     real(dp), intent(out) :: diagonal(:)
+    real(dp) :: block(self%dim**2)
     integer :: i, k
     do i = 1, self%n
+      block = real(joined(self%leading(:, self%start(i)), self%trailing(:, self%start(i))), dp) + &
+        self%low(:, self%start(i))
       do k = 1, self%dim
-        diagonal(self%dim*(i - 1) + k) = self%scale*(real(self%high(1 + (self%dim + 1)*(k - 1), self%start(i)), dp) + &
-                                                     self%low(1 + (self%dim + 1)*(k - 1), self%start(i)))
+        diagonal(self%dim*(i - 1) + k) = self%scale*block(1 + (self%dim + 1)*(k - 1))
       end do
     end do
   end subroutine block_rows_get_diagonal
@@ -300,6 +363,8 @@ contains
   subroutine block_rows_destroy(self)
     class(block_rows_t), intent(inout) :: self
     self%n = 0
-    if (allocated(self%start)) deallocate (self%start, self%column, self%high, self%low)
+    if (allocated(self%start)) deallocate (self%start, self%column, self%low)
+    if (allocated(self%high)) deallocate (self%high)
+    if (allocated(self%leading)) deallocate (self%leading, self%trailing)
   end subroutine block_rows_destroy
 end module dotyk_linalg_block_rows

@@ -6,7 +6,7 @@
 !> symmetric: it needs no coloring and has the same digits on any number of threads.
 module dotyk_linalg_chebyshev
   use dotyk_base_kinds, only: dp, int64, sp
-  use dotyk_linalg_block_products, only: smoothing_step
+  use dotyk_linalg_block_products, only: smooth_rows, smoothing_step
   use dotyk_linalg_block_rows, only: block_rows_t
   use dotyk_linalg_conjugate_gradient, only: cg_outcome_t, conjugate_gradient, preconditioned_system_t
   use dotyk_linalg_spectrum, only: fixed_start
@@ -114,22 +114,49 @@ contains
     real(sp), intent(in), contiguous :: b(:)
     !> Approximate solution x (n) [as b].
     real(sp), intent(out), contiguous :: x(:)
-    real(sp), allocatable :: r(:), p(:)
+    real(sp), allocatable :: other(:), p(:)
     real(dp) :: middle, half, rho, last
     integer :: k
-    allocate (r(size(b)), p(size(b)))
+    allocate (other(size(b)), p(size(b)))
     ! Saad's theta, delta, rho.
     middle = self%greatest*(1 + 1/self%ratio)/2
     half = self%greatest*(1 - 1/self%ratio)/2
-    x = 0
     rho = half/middle
-    call smoothing_step(self%rows%dim, self%rows%n, self%inverse, 0.0_sp, real(1/middle, sp), b, p, x)
+    ! Iterates take turns in two arrays; the last one is in x.
+    if (modulo(self%degree, 2) == 1) then
+      call begin(x)
+    else
+      call begin(other)
+    end if
     do k = 2, self%degree
-      call self%rows%residual(b, x, r)
       last = rho
       rho = 1/(2*middle/half - last)
-      call smoothing_step(self%rows%dim, self%rows%n, self%inverse, real(rho*last, sp), real(2*rho/half, sp), r, p, x)
+      if (modulo(self%degree - k, 2) == 1) then
+        call step(x, other)
+      else
+        call step(other, x)
+      end if
     end do
+
+  contains
+
+    !> The first step, from x = 0.
+    subroutine begin(first)
+      !> The first iterate (n) [as x].
+      real(sp), intent(out) :: first(:)
+      first = 0
+      call smoothing_step(self%rows%dim, self%rows%n, self%inverse, 0.0_sp, real(1/middle, sp), b, p, first)
+    end subroutine begin
+
+    !> A step.
+    subroutine step(from, to)
+      !> Iterate (n) [as x].
+      real(sp), intent(in), contiguous :: from(:)
+      !> The next one (n) [as x].
+      real(sp), intent(out), contiguous :: to(:)
+      call smooth_rows(self%rows%dim, self%rows%n, self%rows%start, self%rows%column, self%rows%leading, self%inverse, &
+        real(rho*last, sp), real(2*rho/half, sp), b, from, p, to)
+    end subroutine step
   end subroutine chebyshev_smooth
 
   !> Memory of the matrix and the inverse blocks [bytes].

@@ -195,7 +195,8 @@ contains
     to%scale = from%scale
     call move_alloc(from%start, to%start)
     call move_alloc(from%column, to%column)
-    call move_alloc(from%high, to%high)
+    call move_alloc(from%leading, to%leading)
+    call move_alloc(from%trailing, to%trailing)
     call move_alloc(from%low, to%low)
   end subroutine move_rows
 

@@ -210,7 +210,7 @@ contains
     if (self%is_whole) then
       entries = self%grid%coarse%path_entries(equation)
     else
-      entries = products_of_solve*size(self%grid%fine%rows%high, kind=int64)
+      entries = products_of_solve*size(self%grid%fine%rows%low, kind=int64)
     end if
   end function response_path_entries
 

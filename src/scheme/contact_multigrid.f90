@@ -187,24 +187,26 @@ contains
   end function system_smoother_force
 
   !> r = b - (K + B^T W B) x, x of each body times the scale of its stiffness.
-  subroutine low_residual(self, b, x, r)
+  subroutine low_residual(self, b, x, rough, r)
     !> The system.
     type(contact_multigrid_t), intent(in) :: self
     !> Right-hand side (n) [force].
     real(sp), intent(in), contiguous :: b(:)
     !> Scaled displacements (n) [force].
     real(sp), intent(in), contiguous :: x(:)
+    !> Whether with the matrix of smoothers, see `block_rows_t`.
+    logical, intent(in) :: rough
     !> Residual (n) [force].
     real(sp), intent(out), contiguous :: r(:)
     integer :: i, k, body
     do i = 1, self%groups%n
-      !$omp parallel do default(none) shared(self, b, x, r, i) private(body) schedule(dynamic, 1) &
+      !$omp parallel do default(none) shared(self, b, x, rough, r, i) private(body) schedule(dynamic, 1) &
       !$omp& if (self%groups%is_many(i))
       do k = self%groups%first(i), self%groups%first(i + 1) - 1
         body = self%groups%body(k)
         associate (first => self%first(body) + 1, last => self%first(body + 1), &
                    rows => self%grid(self%body(body)%representative)%p%fine%rows)
-          call rows%residual(b(first:last), x(first:last), r(first:last))
+          call rows%residual(b(first:last), x(first:last), r(first:last), rough)
         end associate
       end do
       !$omp end parallel do
@@ -232,7 +234,7 @@ contains
       rho = half/middle
       call smoother_step(self, 0.0_dp, 1/middle, r, p, x)
       do k = 2, fine%degree
-        call low_residual(self, b, x, r)
+        call low_residual(self, b, x, .true., r)
         last = rho
         rho = 1/(2*middle/half - last)
         call smoother_step(self, rho*last, 2*rho/half, r, p, x)
@@ -343,7 +345,7 @@ contains
     end do
     !$omp end parallel do
     call smooth(self, b, x)
-    call low_residual(self, b, x, rest)
+    call low_residual(self, b, x, .false., rest)
     call correct(self, rest, correction)
     if (size(self%active%row) > 0) then
       allocate (moved(self%n_rows))
