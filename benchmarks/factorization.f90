@@ -20,6 +20,7 @@ program factorization
   use dotyk_base_text, only: text_t
   use dotyk_base_timer, only: wall_time
   use dotyk_control_congruence_classes, only: congruence_classes_t
+  use dotyk_control_response_choice, only: form_direct, operator_slot_t
   use dotyk_model_assembly, only: assemble_bodies
   use dotyk_model_body_setup, only: body_surfaces_t, build_bodies
   use dotyk_elasticity_body, only: body_t, stiffness_t
@@ -118,6 +119,7 @@ contains
     type(congruence_classes_t) :: classes
     type(body_modes_t), allocatable :: modes(:)
     type(stiffness_t), allocatable :: stiffness(:)
+    type(operator_slot_t), allocatable :: slot(:)
     type(text_t), allocatable :: remarks(:)
     integer, allocatable :: node_order(:)
     integer :: b, n
@@ -126,7 +128,7 @@ contains
     if (allocated(error)) return
     call classes%init(size(body))
     call classes%find(body)
-    call assemble_bodies(case, classes, body, modes, stiffness, error)
+    call assemble_bodies(case, classes, spread(form_direct, 1, size(body)), body, modes, stiffness, slot, error)
     if (allocated(error)) return
     allocate (matrix(count([(classes%is_representative(b), b=1, size(body))])))
     n = 0

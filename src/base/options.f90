@@ -80,10 +80,11 @@ module dotyk_base_options
   integer, parameter, public :: default_scheme = scheme_auto
 
   !> `&solver response`: form of a body's compliance operator.
-  character(*), parameter, public :: response_names = 'auto full compliance'
+  character(*), parameter, public :: response_names = 'auto full compliance multigrid'
   integer, parameter, public :: response_auto = 1        !< the cheapest form
   integer, parameter, public :: response_full = 2        !< solves with the whole factor
   integer, parameter, public :: response_compliance = 3  !< dense compliance matrix of the contact unknowns
+  integer, parameter, public :: response_multigrid = 4   !< p-multigrid, without a factor of the whole body
   integer, parameter, public :: default_response = response_auto
 
   !> `&solver linear_solver`: systems of the active set.

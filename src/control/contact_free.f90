@@ -9,7 +9,7 @@ module dotyk_control_contact_free
   use dotyk_control_contact_problem, only: isolated_body_t
   use dotyk_control_parallel, only: largest_first, set_blas_threads
   use dotyk_elasticity_body, only: body_t, strain_energy
-  use dotyk_response_response, only: response_slot_t, response_t
+  use dotyk_response_response, only: equation_vector_t, response_slot_t, response_t
   implicit none
   private
   public :: solve_without_contact
@@ -26,6 +26,8 @@ module dotyk_control_contact_free
     real(dp) :: norm_square = 0
     !> Solves that it took.
     integer :: n_solves = 0
+    !> u_0 of bodies that are solved iteratively (n_bodies).
+    type(equation_vector_t), allocatable :: u_0(:)
   end type contact_free_t
 
   !> What one body adds.
@@ -67,14 +69,16 @@ contains
     type(contribution_t), allocatable :: part(:)
     real(dp), allocatable :: row_displacement(:)
     integer :: i, b, order(size(body))
-    allocate (part(size(body)), isolated(size(body)))
+    allocate (part(size(body)), isolated(size(body)), solution%u_0(size(body)))
     order = largest_first(real(body%constraint%n_equations, dp))
     call set_blas_threads(n_blas)
     !$omp parallel do default(none) private(b) schedule(dynamic, 1) &
-    !$omp& shared(body, block, response, representative, part, isolated, order, side_by_side) if (side_by_side)
+    !$omp& shared(body, block, response, representative, part, isolated, order, solution, side_by_side) &
+    !$omp& if (side_by_side)
     do i = 1, size(body)
       b = order(i)
-      call solve_body(body(b), response(representative(b))%form, block(b)%contact_node, part(b), isolated(b))
+      call solve_body(body(b), response(representative(b))%form, block(b)%contact_node, part(b), solution%u_0(b), &
+                      isolated(b))
     end do
     !$omp end parallel do
     call set_blas_threads(1)
@@ -98,7 +102,7 @@ contains
   end subroutine solve_without_contact
 
   !> One body without contact.
-  subroutine solve_body(body, response, contact_node, part, isolated)
+  subroutine solve_body(body, response, contact_node, part, u_0, isolated)
     !> The body, assembled.
     type(body_t), intent(in) :: body
     !> Compliance operator of its representative.
@@ -107,6 +111,8 @@ contains
     integer, intent(in) :: contact_node(:)
     !> What it adds to the solution.
     type(contribution_t), intent(out) :: part
+    !> Gets the displacement over the equations where the body is solved iteratively and touches others.
+    type(equation_vector_t), intent(inout) :: u_0
     !> Gets the displacement of a body without contact nodes.
     type(isolated_body_t), intent(inout) :: isolated
     real(dp), allocatable :: x(:), u(:, :)
@@ -121,6 +127,7 @@ contains
     else
       part%strain_energy = dot_product(x, body%rhs)/2
     end if
+    if (response%solve_error() > 0 .and. size(contact_node) > 0) u_0%value = x
     part%work = sum(body%load*u)
     part%u_0 = reshape(u(:, contact_node), [body%dimension*size(contact_node)])
     if (size(contact_node) == 0) then

@@ -8,10 +8,11 @@ module dotyk_control_factorization
   use dotyk_contact_operator, only: contact_block_t
   use dotyk_control_congruence_classes, only: congruence_classes_t
   use dotyk_control_parallel, only: largest_first, set_blas_threads
+  use dotyk_control_response_choice, only: form_direct, form_multigrid, form_whole, operator_slot_t
   use dotyk_elasticity_body, only: body_t, stiffness_t
   use dotyk_elasticity_body_modes, only: body_modes_t
   use dotyk_response_cost_model, only: matrix_is_cheaper, workload_t
-  use dotyk_response_direct, only: direct_response_t
+  use dotyk_linalg_cholesky, only: cholesky_t
   use dotyk_response_near_null_modes, only: separate_by_contact
   use dotyk_response_response, only: response_slot_t
   use dotyk_response_stiffness_factor, only: factorization_report_t
@@ -37,20 +38,28 @@ module dotyk_control_factorization
     integer(int64) :: product_entries = 0
     !> Entries of the factor of the class.
     integer(int64) :: class_entries = 0
+    !> How the body is solved: one of `form_*` of dotyk_control_response_choice.
+    integer :: form = form_direct
+  contains
+    procedure :: take => size_take
   end type factor_size_t
-
-  !> The compliance operator of a representative on the way.
-  type, public :: direct_slot_t
-    !> Allocated for representatives.
-    type(direct_response_t), allocatable :: response
-  end type direct_slot_t
 
   public :: analyze_bodies, check_memory, factorize_bodies, find_modes, make_operators
 
 contains
 
+  !> The size of a factor.
+  subroutine size_take(self, factor)
+    class(factor_size_t), intent(inout) :: self
+    !> Analysed.
+    type(cholesky_t), intent(in) :: factor
+    self%entries = factor%factor_entries
+    self%bytes = factor%factor_bytes
+    self%flops = factor%flops
+  end subroutine size_take
+
   !> Order and analyse the representatives, side by side.
-  subroutine analyze_bodies(body, modes, stiffness, classes, block, form, n_products, direct, size_of, error)
+  subroutine analyze_bodies(body, modes, stiffness, classes, block, response, n_products, slot, size_of, error)
     !> Assembled (n_bodies).
     type(body_t), intent(in) :: body(:)
     !> Rigid body modes that supports leave (n_bodies).
@@ -62,11 +71,11 @@ contains
     !> Rows of B (n_bodies).
     type(contact_block_t), intent(in) :: block(:)
     !> One of `response_*` of dotyk_base_options.
-    integer, intent(in) :: form
+    integer, intent(in) :: response
     !> Products with the compliance that the scheme takes one by one, about; 0: it forms entries.
     integer, intent(in) :: n_products
-    !> Analysed (n_bodies).
-    type(direct_slot_t), allocatable, intent(out) :: direct(:)
+    !> Assembled; analysed on return (n_bodies).
+    type(operator_slot_t), intent(inout) :: slot(:)
     !> Sizes of the factors to come (n_bodies).
     type(factor_size_t), allocatable, intent(out) :: size_of(:)
     !> Allocated where an analysis fails (`analyze` of `direct_response_t`) or an interrupt came; names the bodies.
@@ -75,10 +84,10 @@ contains
     integer, allocatable :: node(:)
     type(workload_t) :: work
     integer :: i, b, order(size(body))
-    allocate (direct(size(body)), size_of(size(body)), failed(size(body)))
+    allocate (size_of(size(body)), failed(size(body)))
     order = largest_first(real(body%constraint%n_equations, dp))
     !$omp parallel do default(none) schedule(dynamic, 1) private(b, node, work) &
-    !$omp& shared(body, modes, stiffness, classes, block, form, n_products, direct, size_of, failed, order)
+    !$omp& shared(body, modes, stiffness, classes, block, response, n_products, slot, size_of, failed, order)
     do i = 1, size(body)
       b = order(i)
       if (interrupted()) cycle
@@ -86,7 +95,7 @@ contains
       call classes%contact_nodes(b, block, node, work%n_rows)
       work%n_bodies = count(classes%first == b)
       work%n_steps = n_products
-      call analyze_body(body(b), modes(b), stiffness(b), node, work, form, direct(b), size_of(b), failed(b)%error)
+      call analyze_body(body(b), modes(b), stiffness(b), node, work, response, slot(b), size_of(b), failed(b)%error)
     end do
     !$omp end parallel do
     call stop_if_interrupted(error)
@@ -103,7 +112,7 @@ contains
   end subroutine analyze_bodies
 
   !> Order and analyse a representative, and choose how products with its compliance are made.
-  subroutine analyze_body(body, modes, stiffness, contact_node, work, form, slot, size_of, error)
+  subroutine analyze_body(body, modes, stiffness, contact_node, work, response, slot, size_of, error)
     !> The representative, assembled.
     type(body_t), intent(in) :: body
     !> Its rigid body modes.
@@ -115,31 +124,45 @@ contains
     !> Products to come.
     type(workload_t), intent(in) :: work
     !> One of `response_*` of dotyk_base_options.
-    integer, intent(in) :: form
-    !> Gets the analysed operator.
-    type(direct_slot_t), intent(inout) :: slot
+    integer, intent(in) :: response
+    !> Its operator; analysed on return.
+    type(operator_slot_t), intent(inout) :: slot
     !> Size of the factor to come.
     type(factor_size_t), intent(out) :: size_of
     !> As in `analyze_bodies`.
     type(error_t), allocatable, intent(out) :: error
     call set_item("body '"//body%name//"'")
-    allocate (slot%response)
-    call slot%response%analyze(body, modes, stiffness, error)
-    if (allocated(error)) return
-    associate (factor => slot%response%factor, equation => body%constraint%equation(:, contact_node))
-      size_of%entries = factor%factor_entries
-      size_of%bytes = factor%factor_bytes
-      size_of%flops = factor%flops
-      if (work%n_steps > 0 .and. any(equation > 0)) then
-        size_of%forms_matrix = form == response_compliance
-        if (form == response_auto) size_of%forms_matrix = matrix_is_cheaper(work, real(factor%factor_entries, dp), &
-          slot%response%path_entries(pack(equation, equation > 0)))
-      end if
-    end associate
+    if (.not. allocated(slot%multigrid)) then
+      if (.not. allocated(slot%direct)) allocate (slot%direct)
+      call slot%direct%analyze(body, modes, stiffness, error)
+      if (allocated(error)) return
+      call size_of%take(slot%direct%factor)
+      associate (equation => body%constraint%equation(:, contact_node))
+        if (work%n_steps > 0 .and. any(equation > 0)) then
+          size_of%forms_matrix = response == response_compliance
+          if (response == response_auto) size_of%forms_matrix = matrix_is_cheaper(work, real(size_of%entries, dp), &
+            slot%direct%path_entries(pack(equation, equation > 0)))
+        end if
+      end associate
+    else if (size(stiffness%matrix%row) > 0) then
+      size_of%form = form_whole
+      call slot%multigrid%analyze_whole(body, modes, stiffness, error)
+      if (allocated(error)) return
+      call size_of%take(slot%multigrid%grid%coarse%factor)
+      size_of%bytes = size_of%bytes + slot%multigrid%expected_bytes(body)
+    else
+      size_of%form = form_multigrid
+      call slot%multigrid%analyze(body, modes, error)
+      if (allocated(error)) return
+      call size_of%take(slot%multigrid%grid%coarse%factor)
+    end if
     size_of%class_entries = size_of%entries
     size_of%product_entries = size_of%entries
+    if (size_of%form == form_multigrid) size_of%product_entries = slot%multigrid%solve_entries()
     if (size_of%forms_matrix) size_of%product_entries = (int(work%n_rows, int64)/work%n_bodies)**2/2
     size_of%stiffness_bytes = 16*size(stiffness%matrix%row, kind=int64)
+    if (size_of%form == form_multigrid) &
+      size_of%stiffness_bytes = 16*size(slot%multigrid%grid%levels%corner_stiffness%matrix%row, kind=int64)
     call stiffness%forget_graph()
     call set_item('')
   end subroutine analyze_body
@@ -176,11 +199,13 @@ contains
   !> Factorize the representatives, the largest first: as many side by side as there are threads; threads without a body
   !> of their own help the others. Stiffnesses are given back one by one. The digits are the same on any number of
   !> threads.
-  subroutine factorize_bodies(body, classes, split_near_null, size_of, stiffness, direct, report, error)
+  subroutine factorize_bodies(body, classes, modes, split_near_null, size_of, stiffness, slot, report, error)
     !> Assembled (n_bodies).
     type(body_t), intent(in) :: body(:)
     !> Classes of congruent bodies.
     type(congruence_classes_t), intent(in) :: classes
+    !> Rigid body modes that supports leave (n_bodies).
+    type(body_modes_t), intent(in) :: modes(:)
     !> Whether the scheme can solve for near-null-space modes.
     logical, intent(in) :: split_near_null
     !> Sizes of the factors (n_bodies).
@@ -188,7 +213,7 @@ contains
     !> Stiffnesses of the representatives; empty on return (n_bodies).
     type(stiffness_t), intent(inout) :: stiffness(:)
     !> Analysed (n_bodies).
-    type(direct_slot_t), intent(inout) :: direct(:)
+    type(operator_slot_t), intent(inout) :: slot(:)
     !> Reports of the representatives (n_bodies).
     type(factorization_report_t), allocatable, intent(out) :: report(:)
     !> As in `factorize_stiffness`: a stiffness is not positive definite, memory runs out, an interrupt came, and rarer
@@ -200,20 +225,33 @@ contains
     order = largest_first(size_of%flops)
     call set_blas_threads(1)
     !$omp parallel default(none) private(i, b) &
-    !$omp& shared(body, classes, split_near_null, stiffness, direct, report, failed, order)
+    !$omp& shared(body, classes, modes, split_near_null, size_of, stiffness, slot, report, failed, order)
     !$omp single
     do i = 1, size(body)
       b = order(i)
       if (interrupted()) cycle
       if (.not. classes%is_representative(b)) cycle
-      !$omp task default(none) shared(body, split_near_null, stiffness, direct, report, failed) firstprivate(b)
+      !$omp task default(none) firstprivate(b) &
+      !$omp& shared(body, modes, split_near_null, size_of, stiffness, slot, report, failed)
       call set_item("body '"//body(b)%name//"'")
-      call direct(b)%response%factorize(body(b), stiffness(b), split_near_null, report(b), failed(b)%error)
+      select case (size_of(b)%form)
+      case (form_direct)
+        call slot(b)%direct%factorize(body(b), stiffness(b), split_near_null, report(b), failed(b)%error)
+      case (form_whole)
+        call slot(b)%multigrid%factorize_whole(body(b), modes(b), stiffness(b), report(b), failed(b)%error)
+      case default
+        call slot(b)%multigrid%factorize(body(b), report(b), failed(b)%error)
+      end select
       call set_item('')
       !$omp end task
     end do
     !$omp end single
     !$omp end parallel
+    ! Smoothers use all threads for one body.
+    do b = 1, size(body)
+      if (.not. allocated(slot(b)%multigrid) .or. allocated(failed(b)%error) .or. interrupted()) cycle
+      call slot(b)%multigrid%prepare(body(b), failed(b)%error)
+    end do
     call stop_if_interrupted(error)
     if (.not. allocated(error)) call collect(body, failed, error)
   end subroutine factorize_bodies
@@ -282,7 +320,7 @@ contains
   end subroutine take_near_null
 
   !> What the compliance of all bodies is made of.
-  subroutine make_operators(body, classes, block, report, size_of, direct, response, operators)
+  subroutine make_operators(body, classes, block, report, size_of, slot, response, operators)
     !> Assembled (n_bodies).
     type(body_t), intent(in) :: body(:)
     !> Classes of congruent bodies.
@@ -294,7 +332,7 @@ contains
     !> Sizes of the factors (n_bodies).
     type(factor_size_t), intent(in) :: size_of(:)
     !> Factorized; empty on return (n_bodies).
-    type(direct_slot_t), intent(inout) :: direct(:)
+    type(operator_slot_t), intent(inout) :: slot(:)
     !> Compliance operators of the representatives (n_bodies).
     type(response_slot_t), allocatable, intent(out) :: response(:)
     !> Parts of the compliance that belong to each body (n_bodies).
@@ -302,7 +340,8 @@ contains
     integer :: b
     allocate (response(size(body)), operators(size(body)))
     do b = 1, size(body)
-      if (allocated(direct(b)%response)) call move_alloc(direct(b)%response, response(b)%form)
+      if (allocated(slot(b)%direct)) call move_alloc(slot(b)%direct, response(b)%form)
+      if (allocated(slot(b)%multigrid)) call move_alloc(slot(b)%multigrid, response(b)%form)
       associate (own => operators(b), d => body(b)%dimension)
         own%representative = classes%first(b)
         own%rotation = classes%motion(b)%rotation(:d, :d)

@@ -30,7 +30,7 @@ module dotyk_control_penalty_error
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
-  use dotyk_scheme_dual, only: dual_t
+  use dotyk_scheme_primal, only: primal_t
   use dotyk_scheme_linear_solver_choice, only: choose_solver
   use dotyk_scheme_monitor, only: monitor_t
   use dotyk_scheme_restriction, only: restrict_qp
@@ -131,7 +131,7 @@ contains
     !> As in `dual_t`, from the solution with theta or the reference: the compliance of an active set is not positive
     !> definite.
     type(error_t), allocatable, intent(out) :: error
-    type(dual_t) :: dual
+    type(primal_t) :: primal
     type(solver_settings_t) :: settings
     type(solver_state_t) :: penalized, exact
     type(monitor_t) :: silent
@@ -139,13 +139,13 @@ contains
     if (.not. any(theta > reference%theta)) return
     settings%linear_solver = linear_solver
     penalized = state
-    if (.not. is_exact) call dual%solve(qp, compliance, theta, settings, silent, penalized, error)
+    if (.not. is_exact) call primal%solve(qp, compliance, theta, settings, silent, penalized, error)
     if (allocated(error)) return
     if (.not. is_usable(penalized)) then
       distance = ieee_value(distance, ieee_quiet_nan)
     else if (reference%is_exact()) then
       exact = penalized
-      call dual%solve(qp, compliance, reference%theta, settings, silent, exact, error)
+      call primal%solve(qp, compliance, reference%theta, settings, silent, exact, error)
       if (allocated(error)) return
       distance = distance_of(qp, compliance, penalized, exact)
       ! A scheme without a solution leaves no state to measure.

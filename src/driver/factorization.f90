@@ -40,20 +40,21 @@ contains
     type(contact_free_t) :: free
     real(dp), allocatable :: foundation(:), cost(:)
     character(:), allocatable :: warning
+    integer :: b
     logical :: side_by_side
     associate (problem => scene%problem, block => scene%operator%block, qp => scene%qp, compliance => scene%compliance)
       call check_memory(memory_now(), scene%size_of, warning, error)
       if (allocated(error)) return
       if (len(warning) > 0) call monitor%log%line('  warning: '//warning)
       call set_stage('factorizing')
-      call factorize_bodies(problem%body, problem%classes, .not. scheme%needs_held_bodies(), scene%size_of, &
-                            scene%stiffness, scene%direct, problem%report, error)
+      call factorize_bodies(problem%body, problem%classes, problem%modes, .not. scheme%needs_held_bodies(), &
+                            scene%size_of, scene%stiffness, scene%slot, problem%report, error)
       call stop_if_interrupted(error)
       if (allocated(error)) return
       call monitor%watch%lap(monitor%timing%factorize)
       call find_modes(problem%body, problem%classes, block, problem%report, problem%modes, modes, error)
       if (allocated(error)) return
-      call make_operators(problem%body, problem%classes, block, problem%report, scene%size_of, scene%direct, &
+      call make_operators(problem%body, problem%classes, block, problem%report, scene%size_of, scene%slot, &
                           response, operators)
       call sweep_costs(operators, block, cost)
       call share_solves(cost, case%solver%reproducible, side_by_side, problem%n_blas)
@@ -67,6 +68,9 @@ contains
                    free%norm_square, foundation, coarse)
       call scene%neutral%find(problem, scene%theta, modes, qp, error)
       if (allocated(error)) return
+      do b = 1, size(operators)
+        call move_alloc(free%u_0(b)%value, operators(b)%free)
+      end do
       call compliance%init(qp, response, operators, side_by_side)
       if (any(scene%size_of%forms_matrix)) then
         call set_blas_threads(scene%problem%n_blas)

@@ -1,13 +1,14 @@
 !> From the input to the settings of a run: the scheme with its parameters, and what is asked of the solution.
 module dotyk_driver_run_settings
-  use dotyk_base_options, only: gamma_fixed, scheme_auto, scheme_dual, stop_budget, stop_residual
+  use dotyk_base_options, only: gamma_fixed, linear_solver_auto, scheme_auto, scheme_dual, stop_budget, stop_residual
   use dotyk_control_contact_solution, only: solution_goal_t
   use dotyk_control_scheme_run, only: scheme_run_t
   use dotyk_input_case, only: case_t
+  use dotyk_scheme_primal, only: primal_t
   use dotyk_scheme_registry, only: make_scheme
   implicit none
   private
-  public :: choose_scheme, goal_of, set_pair_conditions
+  public :: choose_scheme, goal_of, may_use_multigrid, set_pair_conditions, solve_by_displacements
 
 contains
 
@@ -29,6 +30,21 @@ contains
     run%settings%linear_solver = case%solver%linear_solver
     if (case%output%interval > 0) run%settings%time_limit = case%output%interval
   end subroutine choose_scheme
+
+  !> Whether bodies may be solved by p-multigrid: the dual scheme has another one in its place that does so.
+  pure logical function may_use_multigrid(case)
+    !> The case, its automatic choice of the scheme replaced.
+    type(case_t), intent(in) :: case
+    may_use_multigrid = case%solver%scheme == scheme_dual .and. case%solver%linear_solver == linear_solver_auto
+  end function may_use_multigrid
+
+  !> The scheme for bodies that are solved by p-multigrid.
+  subroutine solve_by_displacements(run)
+    !> Scheme and settings.
+    type(scheme_run_t), intent(inout) :: run
+    deallocate (run%scheme)
+    allocate (primal_t :: run%scheme)
+  end subroutine solve_by_displacements
 
   !> The settings that pairs have of their own, once the pairs are found.
   subroutine set_pair_conditions(case, run)

@@ -7,7 +7,9 @@ module dotyk_driver_scene
   use dotyk_base_text, only: text_t
   use dotyk_contact_operator, only: build_operator, contact_operator_t
   use dotyk_control_contact_problem, only: contact_problem_t
-  use dotyk_control_factorization, only: analyze_bodies, direct_slot_t, factor_size_t
+  use dotyk_control_factorization, only: analyze_bodies, factor_size_t
+  use dotyk_control_response_choice, only: choose_forms, operator_slot_t
+  use dotyk_driver_run_settings, only: may_use_multigrid
   use dotyk_control_neutral_modes, only: neutral_modes_t
   use dotyk_elasticity_body, only: stiffness_t
   use dotyk_input_case, only: case_t
@@ -32,7 +34,7 @@ module dotyk_driver_scene
     !> Penalty parameters that the input asks for (n_rows) [length/pressure].
     real(dp), allocatable :: theta(:)
     !> Compliance operators of the representatives, until the compliance has them (n_bodies).
-    type(direct_slot_t), allocatable :: direct(:)
+    type(operator_slot_t), allocatable :: slot(:)
     !> Sizes of the factors (n_bodies).
     type(factor_size_t), allocatable :: size_of(:)
     !> Solves with whole factors so far.
@@ -62,6 +64,7 @@ contains
     !> Allocated where a mesh, a material, a support, a load or a pair is wrong; names file and line.
     type(error_t), allocatable, intent(out) :: error
     type(text_t), allocatable :: remarks(:)
+    integer, allocatable :: form(:)
     type(body_surfaces_t), allocatable :: surfaces(:)
     integer :: i
     associate (problem => scene%problem)
@@ -78,7 +81,8 @@ contains
       if (scheme%needs_held_bodies()) call check_held(case, problem%body, problem%classes, error)
       if (allocated(error)) return
       call set_stage('assembling')
-      call assemble_bodies(case, problem%classes, problem%body, problem%modes, scene%stiffness, error)
+      form = choose_forms(problem%body, problem%classes, case%solver%response, may_use_multigrid(case))
+      call assemble_bodies(case, problem%classes, form, problem%body, problem%modes, scene%stiffness, scene%slot, error)
       call stop_if_interrupted(error)
       if (allocated(error)) return
       call monitor%watch%lap(monitor%timing%assemble)
@@ -92,7 +96,7 @@ contains
       call monitor%watch%lap(monitor%timing%search)
       call set_stage('ordering the equations')
       call analyze_bodies(problem%body, problem%modes, scene%stiffness, problem%classes, scene%operator%block, &
-                          case%solver%response, scheme%expected_products(), scene%direct, scene%size_of, error)
+                          case%solver%response, scheme%expected_products(), scene%slot, scene%size_of, error)
       call stop_if_interrupted(error)
       if (allocated(error)) return
       call monitor%watch%lap(monitor%timing%order)

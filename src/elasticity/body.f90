@@ -53,6 +53,7 @@ module dotyk_elasticity_body
   contains
     procedure :: assemble => body_assemble
     procedure :: assemble_like => body_assemble_like
+    procedure :: assemble_loads => body_assemble_loads
     procedure :: young => body_young
     procedure :: destroy => body_destroy
   end type body_t
@@ -133,14 +134,22 @@ contains
     type(body_t), intent(in) :: first
     !> Allocated where an element next to a prescribed displacement is inverted, or the modulus field is not positive.
     type(error_t), allocatable, intent(out) :: error
-    if (.not. allocated(self%load)) allocate (self%load(self%dimension, self%mesh%n_nodes()), source=0.0_dp)
     self%volume = first%volume
     self%mean_modulus_factor = first%mean_modulus_factor
+    call self%assemble_loads(error)
+  end subroutine body_assemble_like
+
+  !> Assemble only the right-hand side of a body whose stiffness matrix is not needed as a whole.
+  subroutine body_assemble_loads(self, error)
+    class(body_t), intent(inout) :: self
+    !> As in `assemble_like`.
+    type(error_t), allocatable, intent(out) :: error
+    if (.not. allocated(self%load)) allocate (self%load(self%dimension, self%mesh%n_nodes()), source=0.0_dp)
     if (allocated(self%rhs)) deallocate (self%rhs)
     allocate (self%rhs(self%constraint%n_equations))
     call self%constraint%reduce(self%load, self%rhs)
     call subtract_dirichlet_lift(self%mesh, self%analysis, self%material, self%constraint, self%rhs, error)
-  end subroutine body_assemble_like
+  end subroutine body_assemble_loads
 
   !> Young's modulus for scaling: that of the softest material axis, averaged over the body [pressure].
   real(dp) function body_young(self) result(young)

@@ -3,6 +3,7 @@
 module dotyk_elasticity_two_levels
   use dotyk_base_error, only: error_t, exit_not_solvable, set_error
   use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: analysis_plane_stress
   use dotyk_elasticity_block_assembly, only: assemble_block_rows, corner_matrix_t, typical_stiffness
   use dotyk_elasticity_body, only: body_t, stiffness_t
   use dotyk_elasticity_constraint, only: constraint_t
@@ -41,14 +42,17 @@ module dotyk_elasticity_two_levels
   !> Why a body cannot, or should not, be solved by p-multigrid.
   integer, parameter, public :: obstacle_none = 0             !< there is no obstacle
   integer, parameter, public :: obstacle_linear_elements = 1  !< all elements are linear: no lower degree
-  integer, parameter, public :: obstacle_incompressible = 2   !< projected dilatation: iterations grow without bound
+  integer, parameter, public :: obstacle_incompressible = 2   !< nearly incompressible: iterations grow without bound
 
   public :: multigrid_obstacle
+
+  !> Bulk over shear modulus above which the iterations are too many: Poisson's ratio 0.4989 [].
+  real(dp), parameter :: most_bulk_over_shear = 450
 
 contains
 
   !> Whether something speaks against p-multigrid: one of the `obstacle_*` constants.
-  pure integer function multigrid_obstacle(body) result(obstacle)
+  integer function multigrid_obstacle(body) result(obstacle)
     !> The body; it need not be assembled.
     type(body_t), intent(in) :: body
     type(element_kind_t) :: kind
@@ -58,7 +62,8 @@ contains
       kind = element_kind(body%mesh%block(b)%kind)
       if (kind%order > 1) obstacle = obstacle_none
     end do
-    if (obstacle == obstacle_none .and. body%material%incompressibility > 0) obstacle = obstacle_incompressible
+    if (obstacle /= obstacle_none .or. body%analysis == analysis_plane_stress) return
+    if (body%material%bulk_over_shear() > most_bulk_over_shear) obstacle = obstacle_incompressible
   end function multigrid_obstacle
 
   !> Assemble both levels.

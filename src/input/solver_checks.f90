@@ -1,6 +1,6 @@
 !> Keys of `&solver` that the chosen scheme or stopping rule would ignore are mistakes of the input.
 module dotyk_input_solver_checks
-  use dotyk_base_options, only: linear_solver_auto, option_name, response_auto, scheme_anderson, &
+  use dotyk_base_options, only: linear_solver_auto, option_name, response_auto, response_multigrid, scheme_anderson, &
     scheme_auto, scheme_dual, scheme_names, scheme_nesterov, scheme_neumann, scheme_robin, scheme_secant, &
     stop_budget, stop_increment, stop_paper, stop_rule_names
   use dotyk_input_case, only: solver_input_t
@@ -75,6 +75,15 @@ contains
     !> The compliance operator of a body: the dual scheme and robin form the matrices that they need.
     subroutine check_response()
       if (.not. is_usable(group, 'response') .or. solver%response == response_auto) return
+      if (solver%response == response_multigrid) then
+        if (scheme /= scheme_dual) &
+          call report(problems, group, 'response', 'response=''multigrid'' is for scheme=''dual'', and this run '// &
+                      'has '//name//'; remove one of them')
+        if (solver%linear_solver /= linear_solver_auto) &
+          call report(problems, group, 'linear_solver', 'response=''multigrid'' solves the contact by '// &
+                      'displacements, without the systems that linear_solver is about; remove linear_solver')
+        return
+      end if
       if (any(scheme == product_schemes)) return
       call report(problems, group, 'response', 'response is for scheme='//list_of(product_schemes)//'; '//name// &
                   ' forms the dense compliances that it needs: remove response')

@@ -8,6 +8,7 @@ module dotyk_model_assembly
   use dotyk_base_text, only: quoted, to_text
   use dotyk_control_congruence_classes, only: congruence_classes_t
   use dotyk_control_parallel, only: largest_first
+  use dotyk_control_response_choice, only: assemble_representative, operator_slot_t
   use dotyk_elasticity_body, only: body_t, free_rigid_modes, stiffness_t
   use dotyk_elasticity_body_modes, only: body_modes_t
   use dotyk_input_case, only: case_t
@@ -50,17 +51,21 @@ contains
 
   !> Assemble all bodies: much larger ones with all threads, then the others in parallel; all problems are reported
   !> together.
-  subroutine assemble_bodies(case, classes, body, modes, stiffness, error)
+  subroutine assemble_bodies(case, classes, form, body, modes, stiffness, slot, error)
     !> The case.
     type(case_t), intent(in) :: case
     !> Congruence classes of the bodies.
     type(congruence_classes_t), intent(in) :: classes
+    !> How they are solved: one of `form_*` of dotyk_control_response_choice (n_bodies).
+    integer, intent(in) :: form(:)
     !> Bodies (n_bodies); only the first one of each congruence class gets a stiffness matrix.
     type(body_t), intent(inout) :: body(:)
     !> Rigid body modes that the supports leave (n_bodies).
     type(body_modes_t), allocatable, intent(out) :: modes(:)
-    !> Stiffness matrices of the representatives (n_bodies).
+    !> Stiffness matrices of the representatives; empty with p-multigrid (n_bodies).
     type(stiffness_t), allocatable, intent(out) :: stiffness(:)
+    !> Compliance operators of the representatives to come (n_bodies).
+    type(operator_slot_t), allocatable, intent(out) :: slot(:)
     !> Allocated where bodies cannot be assembled: all problems, one per line.
     type(error_t), allocatable, intent(out) :: error
     type(problem_list_t) :: problems
@@ -68,7 +73,7 @@ contains
     integer :: i, b, order(size(body))
     logical :: alone(size(body))
     real(dp) :: share
-    allocate (failed(size(body)), modes(size(body)), stiffness(size(body)))
+    allocate (failed(size(body)), modes(size(body)), stiffness(size(body)), slot(size(body)))
     order = largest_first(real(body%constraint%n_equations, dp))
     ! The other threads would wait for a body that exceeds the share of one thread.
     share = sum(real(body%constraint%n_equations, dp), mask=[(classes%is_representative(b), b=1, size(body))])
@@ -79,15 +84,16 @@ contains
     end if
     do b = 1, size(body)
       if (interrupted()) cycle
-      if (alone(b)) call assemble_first(body(b), modes(b), stiffness(b), failed(b)%error)
+      if (alone(b)) call assemble_representative(body(b), form(b), modes(b), stiffness(b), slot(b), failed(b)%error)
     end do
-    !$omp parallel default(none) shared(body, classes, modes, stiffness, failed, order, alone) private(b)
+    !$omp parallel default(none) private(b) &
+    !$omp& shared(body, classes, form, modes, stiffness, slot, failed, order, alone)
     !$omp do schedule(dynamic, 1)
     do i = 1, size(body)
       b = order(i)
       if (interrupted()) cycle
       if (alone(b) .or. .not. classes%is_representative(b)) cycle
-      call assemble_first(body(b), modes(b), stiffness(b), failed(b)%error)
+      call assemble_representative(body(b), form(b), modes(b), stiffness(b), slot(b), failed(b)%error)
     end do
     !$omp end do
     !$omp do schedule(dynamic, 1)
@@ -105,20 +111,6 @@ contains
     end do
     call problems%raise(error)
   end subroutine assemble_bodies
-
-  !> Assemble a representative.
-  subroutine assemble_first(body, modes, stiffness, error)
-    !> The body.
-    type(body_t), intent(inout) :: body
-    !> Rigid body modes that its supports leave.
-    type(body_modes_t), intent(inout) :: modes
-    !> Its stiffness matrix.
-    type(stiffness_t), intent(inout) :: stiffness
-    !> As in `assemble_bodies`.
-    type(error_t), allocatable, intent(out) :: error
-    call body%assemble(stiffness, error)
-    call modes%find(body)
-  end subroutine assemble_first
 
   !> Context of the errors of a body: "file:line: body 'upper': ".
   function body_context(case, b) result(text)

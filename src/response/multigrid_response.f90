@@ -33,7 +33,11 @@ module dotyk_response_multigrid_response
     procedure :: factorize_whole => response_factorize_whole
     procedure :: prepare => response_prepare
     procedure :: solve => response_solve
+    procedure :: solve_from => response_solve_from
+    procedure :: solve_error => response_solve_error
     procedure :: force_norm => response_force_norm
+    procedure :: solve_entries => response_solve_entries
+    procedure :: expected_bytes => response_expected_bytes
     procedure :: prepare_substitution => response_prepare_substitution
     procedure :: path_entries => response_path_entries
     procedure :: substitute => response_substitute
@@ -49,10 +53,14 @@ module dotyk_response_multigrid_response
   integer, parameter :: trial_steps = 14
   !> Safety factor of the least Ritz value, which is larger than the least eigenvalue [].
   real(dp), parameter :: margin = 0.7_dp
+  !> Residual of a start that is kept, as a fraction of the right-hand side [].
+  real(dp), parameter :: near = 0.05_dp
   !> Fractions of its multiples have no order.
   real(dp), parameter :: golden = 0.6180339887498949_dp
   !> Operations of a solve, as a multiple of the entries of the block rows.
-  real(dp), parameter :: products_of_solve = 80
+  integer, parameter :: products_of_solve = 80
+  !> Block rows of tet10 [bytes/unknown].
+  integer, parameter :: bytes_of_rows = 730
 
 contains
 
@@ -184,6 +192,39 @@ contains
     end if
   end subroutine response_solve
 
+  !> x := K^+ x from an approximate solution, which is kept as it is where it leaves a small part of the forces only:
+  !> that of the primal scheme, whose bound knows what it leaves.
+  subroutine response_solve_from(self, start, x)
+    class(multigrid_response_t), intent(in) :: self
+    !> Approximate solution (n_equations) [length].
+    real(dp), intent(in) :: start(:)
+    !> Right-hand side [force] in, solution [length] out (n_equations).
+    real(dp), intent(inout) :: x(:)
+    real(dp), allocatable :: b(:), s(:), r(:)
+    if (self%is_whole) then
+      call self%solve(x)
+      return
+    end if
+    allocate (b(self%grid%n), s(self%grid%n), r(self%grid%n))
+    call self%grid%to_system(x, b)
+    call remove_components(self%grid%n, self%grid%mode, b)
+    call self%grid%to_system(start, s)
+    call self%grid%multiply(s, r)
+    r(:) = b - r
+    if (scalar_product(size(r), r, r) <= near**2*scalar_product(size(b), b, b)) then
+      x(:) = start
+    else
+      call self%solve(x)
+    end if
+  end subroutine response_solve_from
+
+  !> Relative error of a solve in the energy norm.
+  pure real(dp) function response_solve_error(self) result(error)
+    class(multigrid_response_t), intent(in) :: self
+    error = 0
+    if (.not. self%is_whole) error = accuracy/sqrt(margin*self%least)
+  end function response_solve_error
+
   !> A bound of sqrt(r^T K^+ r), the energy norm of the displacement by some forces, from one cycle: the preconditioner
   !> is at least `least` times the inverse.
   real(dp) function response_force_norm(self, r) result(norm)
@@ -210,9 +251,24 @@ contains
     if (self%is_whole) then
       entries = self%grid%coarse%path_entries(equation)
     else
-      entries = products_of_solve*size(self%grid%fine%rows%low, kind=int64)
+      entries = real(self%solve_entries(), dp)
     end if
   end function response_path_entries
+
+  !> Entries that a solve goes through.
+  integer(int64) function response_solve_entries(self) result(entries)
+    class(multigrid_response_t), intent(in) :: self
+    entries = products_of_solve*size(self%grid%fine%rows%low, kind=int64)
+  end function response_solve_entries
+
+  !> Memory of the fine level of a body whose coarse level is the body itself, about [bytes].
+  integer(int64) function response_expected_bytes(self, body) result(bytes)
+    class(multigrid_response_t), intent(in) :: self
+    !> The body.
+    type(body_t), intent(in) :: body
+    bytes = 0
+    if (self%is_whole) bytes = bytes_of_rows*int(body%constraint%n_equations, int64)
+  end function response_expected_bytes
 
   !> Rows of B, and K^+ of them where there is no factor: one solve for each. Their values stand in `forward`, row after
   !> row, the solutions in `regularized`.

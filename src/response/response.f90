@@ -22,6 +22,10 @@ module dotyk_response_response
     procedure(solve_interface), deferred :: solve
     !> The same for a block of right-hand sides.
     procedure :: solve_block => response_solve_block
+    !> x := K^+ x, from an approximation where that helps.
+    procedure :: solve_from => response_solve_from
+    !> Relative error of a solve in the energy norm; 0 where it is rounding.
+    procedure :: solve_error => response_solve_error
     !> Make ready for forward substitutions; one thread at a time.
     procedure(prepare_interface), deferred :: prepare_substitution
     !> Entries of the factor that the forward substitution of one row goes through, on average; before the factorization
@@ -42,6 +46,12 @@ module dotyk_response_response
     !> b R and b Z, Z = K_s^{-1} R (n, n_modes).
     real(dp), allocatable :: along(:, :), regularized(:, :)
   end type substituted_rows_t
+
+  !> A displacement of one body over its equations.
+  type, public :: equation_vector_t
+    !> (n_equations) [length]
+    real(dp), allocatable :: value(:)
+  end type equation_vector_t
 
   !> One place in an array of operators that may have different forms.
   type, public :: response_slot_t
@@ -108,6 +118,28 @@ module dotyk_response_response
   end interface
 
 contains
+
+  !> x := K^+ x. A factor needs no approximation.
+  subroutine response_solve_from(self, start, x)
+    !> The compliance operator of the body.
+    class(response_t), intent(in) :: self
+    !> Approximate solution (n_equations) [length].
+    real(dp), intent(in) :: start(:)
+    !> Right-hand side [force] in, solution [length] out (n_equations).
+    real(dp), intent(inout) :: x(:)
+    call self%solve(x)
+    associate (not_needed => start)
+    end associate
+  end subroutine response_solve_from
+
+  !> Relative error of a solve: that of a factor is rounding, which is judged elsewhere.
+  pure real(dp) function response_solve_error(self) result(error)
+    !> The compliance operator of the body.
+    class(response_t), intent(in) :: self
+    error = 0
+    associate (not_needed => same_type_as(self, self))
+    end associate
+  end function response_solve_error
 
   !> X := K^+ X, column by column.
   subroutine response_solve_block(self, x)

@@ -34,6 +34,7 @@ module dotyk_scheme_body_compliance
   contains
     procedure :: init => compliance_init
     procedure :: has_grids => compliance_has_grids
+    procedure :: solve_error => compliance_solve_error
     procedure :: solve => compliance_solve
     procedure :: multiply => compliance_multiply
     procedure :: form => compliance_form
@@ -102,6 +103,17 @@ contains
     end do
   end function compliance_has_grids
 
+  !> Relative error of solves in the energy norm; 0 where it is rounding.
+  pure real(dp) function compliance_solve_error(self) result(error)
+    !> The compliance of the bodies.
+    class(body_compliance_t), intent(in) :: self
+    integer :: b
+    error = 0
+    do b = 1, size(self%body)
+      if (self%body(b)%representative == b) error = max(error, self%response(b)%form%solve_error())
+    end do
+  end function compliance_solve_error
+
   !> x := K_b^+ x, over the equations of a body; many threads may.
   subroutine compliance_solve(self, b, x)
     !> The compliance of the bodies.
@@ -110,7 +122,11 @@ contains
     integer, intent(in) :: b
     !> Right-hand side [force] in, solution [length] out (n_equations).
     real(dp), intent(inout) :: x(:)
-    call self%response(self%body(b)%representative)%form%solve(x)
+    if (allocated(self%body(b)%found)) then
+      call self%response(self%body(b)%representative)%form%solve_from(self%body(b)%found, x)
+    else
+      call self%response(self%body(b)%representative)%form%solve(x)
+    end if
   end subroutine compliance_solve
 
   !> z = C lambda: by the matrices of bodies that have all entries, by one solve of every other body that the rows

@@ -28,6 +28,9 @@ module dotyk_scheme_entry_forming
     real(dp), allocatable :: nodal_stiffness(:)
     !> Entries that a solve goes through twice.
     real(dp) :: cost = 0
+    !> Displacement without contact, u_0, and the last one by a scheme that finds displacements, u without its rigid
+    !> body modes; allocated for bodies that are solved iteratively (n_equations) [length].
+    real(dp), allocatable :: free(:), found(:)
   end type body_operator_t
 
   !> Forward substitution of one body's rows, in blocks.

@@ -198,9 +198,10 @@ contains
         accuracy = next_share*accuracy
         call monitor%step(state%history, settings%tolerance, state%error_bound)
       end do
-      if (.not. any(violated)) exit
+      if (.not. any(violated)) exit rounds
       working = working .or. now%y > -near_violation*maxval(now%y, mask=violated)
     end do rounds
+    call system%keep_displacements(v, compliance)
     call system%destroy()
     compliance%n_sweeps = compliance%n_sweeps + cg_steps
     state%screened = count(.not. working)
@@ -298,7 +299,8 @@ contains
     norm = reference_norm(qp, theta, now)
     state%error_bound = huge(norm)
     if (.not. is_violated .and. is_balanced(qp, theta, now%lambda, now%alpha)) then
-      bound = system%bound(compliance, pack(qp%weight, working), pack(theta, working), load, v, &
+      bound = system%bound(compliance, pack(qp%weight, working), pack(theta, working), load, &
+                           compliance%solve_error()*sqrt(qp%norm_square_0), v, &
                            pack(now%lambda, working), pack(now%y, working))
       if (bound <= largest_bound*max(norm, tiny(norm))) state%error_bound = bound/max(norm, tiny(norm))
       if (.not. bound > 0) state%error_bound = 0

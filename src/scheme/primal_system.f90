@@ -19,6 +19,7 @@ module dotyk_scheme_primal_system
     procedure :: load_of_modes => system_load_of_modes
     procedure :: amplitudes => system_amplitudes
     procedure :: all_penetrations => system_all_penetrations
+    procedure :: keep_displacements => system_keep_displacements
     procedure :: bound => system_bound
     procedure, nopass :: slack => system_slack
     procedure, private :: residual_norm => system_residual_norm
@@ -92,7 +93,8 @@ contains
       associate (mode => self%grid(self%body(b)%representative)%p%mode)
         do k = 1, size(mode, 2)
           j = qp%coarse%first(b) + k - 1
-          alpha(j) = scalar_product(size(mode, 1), mode(:, k), v(self%first(b) + 1:self%first(b + 1)))/qp%coarse%scale(j)
+          alpha(j) = scalar_product(size(mode, 1), mode(:, k), v(self%first(b) + 1:self%first(b + 1)))/ &
+            qp%coarse%scale(j)
         end do
       end associate
     end do
@@ -125,6 +127,27 @@ contains
     end do
   end subroutine system_all_penetrations
 
+  !> Leave the displacements to the compliance, without rigid body motions.
+  subroutine system_keep_displacements(self, v, compliance)
+    class(primal_system_t), intent(in) :: self
+    !> Displacements by contact (n) [length].
+    real(dp), intent(in), contiguous :: v(:)
+    !> Gets u_0 + v.
+    class(body_compliance_t), intent(inout) :: compliance
+    real(dp), allocatable :: own(:)
+    integer :: b
+    do b = 1, size(self%body)
+      if (.not. allocated(compliance%body(b)%free)) cycle
+      associate (grid => self%grid(self%body(b)%representative)%p)
+        own = v(self%first(b) + 1:self%first(b + 1))
+        call remove_components(grid%n, grid%mode, own)
+        compliance%body(b)%found = compliance%body(b)%free
+        call grid%to_equations(own, compliance%body(b)%found)
+        compliance%body(b)%found(:) = compliance%body(b)%found + compliance%body(b)%free
+      end associate
+    end do
+  end subroutine system_keep_displacements
+
   !> A bound of ||u - u_theta||_A [sqrt(energy)].
   !>
   !> With the residual r of the equilibrium of u and lambda, and a displacement g with `B g = y - theta m` on the active
@@ -132,7 +155,7 @@ contains
   !> complementarity, `s = sum lambda |B g - (y - theta m)|`. The energy is strongly convex, so that
   !> `||u - u_theta|| <= |g| + sqrt((|r| + |g|)^2 + 2 s)`. |r| comes from the preconditioner and its least Ritz value; g
   !> from the diagonal blocks D >= K of the smoother, which bound its norm. `huge` where other rows penetrate.
-  real(dp) function system_bound(self, compliance, weight, theta, load, v, lambda, y) result(bound)
+  real(dp) function system_bound(self, compliance, weight, theta, load, of_free, v, lambda, y) result(bound)
     class(primal_system_t), intent(inout) :: self
     !> For the norms of forces.
     class(body_compliance_t), intent(in) :: compliance
@@ -142,6 +165,8 @@ contains
     real(dp), intent(in) :: theta(:)
     !> Loads (n) [force].
     real(dp), intent(in), contiguous :: load(:)
+    !> Error of u_0 in the energy norm [sqrt(energy)].
+    real(dp), intent(in) :: of_free
     !> Displacements by contact (n) [length].
     real(dp), intent(in), contiguous :: v(:)
     !> Contact forces, not negative, in equilibrium with the loads of floating bodies (n_rows) [force].
@@ -154,6 +179,7 @@ contains
     active = lambda > 0
     missing = y - theta/weight*lambda
     call self%residual_norm(compliance, load, v, lambda, of_r)
+    of_r = of_r + of_free
     call self%close_gaps(active .or. y > -self%slack(weight, theta, lambda, y), missing, closed, of_g)
     bound = huge(bound)
     left = 2*sum(lambda*abs(missing - closed), mask=active)

@@ -7,8 +7,9 @@ module test_problem
   use dotyk_contact_operator, only: contact_operator_t
   use dotyk_control_contact_free, only: contact_free_t, solve_without_contact
   use dotyk_control_contact_problem, only: contact_problem_t
-  use dotyk_control_factorization, only: analyze_bodies, direct_slot_t, factor_size_t, factorize_bodies, find_modes, &
+  use dotyk_control_factorization, only: analyze_bodies, factor_size_t, factorize_bodies, find_modes, &
     make_operators
+  use dotyk_control_response_choice, only: operator_slot_t
   use dotyk_elasticity_body, only: stiffness_t
   use dotyk_response_response, only: response_slot_t
   use dotyk_scheme_body_compliance, only: body_compliance_t, body_operator_t
@@ -33,7 +34,7 @@ contains
     !> Allocated where a body cannot be assembled or factorized.
     type(error_t), allocatable, intent(out) :: error
     type(stiffness_t), allocatable :: stiffness(:)
-    type(direct_slot_t), allocatable :: direct(:)
+    type(operator_slot_t), allocatable :: direct(:)
     type(factor_size_t), allocatable :: size_of(:)
     type(response_slot_t), allocatable :: response(:)
     type(body_operator_t), allocatable :: operators(:)
@@ -51,10 +52,12 @@ contains
       call problem%modes(b)%find(problem%body(b))
     end do
     associate (classes => problem%classes, block => operator%block)
+      allocate (direct(size(classes%first)))
       call analyze_bodies(problem%body, problem%modes, stiffness, classes, block, response_full, 1, direct, size_of, &
                           error)
       if (allocated(error)) return
-      call factorize_bodies(problem%body, classes, .false., size_of, stiffness, direct, problem%report, error)
+      call factorize_bodies(problem%body, classes, problem%modes, .false., size_of, stiffness, direct, &
+                            problem%report, error)
       if (allocated(error)) return
       call find_modes(problem%body, classes, block, problem%report, problem%modes, modes, error)
       if (allocated(error)) return

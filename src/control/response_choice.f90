@@ -1,0 +1,104 @@
+!> How the bodies of a scene are solved: by a sparse factor of their stiffness, or by p-multigrid; and their assembly
+!> for that.
+!>
+!> A direct factorization takes n^2 operations for n unknowns of a three-dimensional body, p-multigrid about n, but
+!> for the factor of the corner space, of 1/8 of the unknowns. Where one body is solved by p-multigrid, the contact is
+!> solved by displacements (`dotyk_scheme_primal`), and the other bodies join with their factors as coarse level.
+module dotyk_control_response_choice
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: response_auto, response_multigrid
+  use dotyk_control_congruence_classes, only: congruence_classes_t
+  use dotyk_elasticity_body, only: body_t, stiffness_t
+  use dotyk_elasticity_body_modes, only: body_modes_t
+  use dotyk_elasticity_two_levels, only: multigrid_obstacle, obstacle_none
+  use dotyk_response_direct, only: direct_response_t
+  use dotyk_response_multigrid_response, only: multigrid_response_t
+  implicit none
+  private
+
+  !> How a body is solved.
+  integer, parameter, public :: form_direct = 1     !< by the factor of its stiffness
+  integer, parameter, public :: form_multigrid = 2  !< by p-multigrid
+  integer, parameter, public :: form_whole = 3      !< by its factor, beside others that are solved by p-multigrid
+
+  !> The compliance operator of a representative on the way: one of both is allocated.
+  type, public :: operator_slot_t
+    !> By its factor.
+    type(direct_response_t), allocatable :: direct
+    !> By p-multigrid, or by its factor beside others that are.
+    type(multigrid_response_t), allocatable :: multigrid
+  end type operator_slot_t
+
+  public :: assemble_representative, choose_forms, is_worth_multigrid
+
+  !> Unknowns from which on p-multigrid is faster and smaller than a factor of its own, in three dimensions.
+  integer, parameter :: crossover = 100000
+  !> Bulk over shear modulus up to which the iterations of p-multigrid do not grow much: Poisson's ratio 0.45.
+  real(dp), parameter :: most_bulk_over_shear = 9.7_dp
+
+contains
+
+  !> Choose for all bodies.
+  function choose_forms(body, classes, response, allowed) result(form)
+    !> Bodies, not assembled (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    !> Congruence classes.
+    type(congruence_classes_t), intent(in) :: classes
+    !> One of `response_*` of dotyk_base_options.
+    integer, intent(in) :: response
+    !> Whether the scheme of the run can do without factors.
+    logical, intent(in) :: allowed
+    !> One of `form_*` (n_bodies).
+    integer, allocatable :: form(:)
+    logical :: large(size(body))
+    integer :: b
+    allocate (form(size(body)), source=form_direct)
+    if (.not. allowed) return
+    large = .false.
+    do b = 1, size(body)
+      if (.not. classes%is_representative(b)) cycle
+      if (multigrid_obstacle(body(b)) /= obstacle_none) cycle
+      large(b) = response == response_multigrid .or. response == response_auto .and. is_worth_multigrid(body(b))
+    end do
+    if (.not. any(large)) return
+    form(:) = merge(form_multigrid, form_whole, large(classes%first))
+  end function choose_forms
+
+  !> Whether p-multigrid pays for a body, by its size and material.
+  logical function is_worth_multigrid(body)
+    !> Not assembled.
+    type(body_t), intent(in) :: body
+    is_worth_multigrid = body%dimension == 3 .and. body%constraint%n_equations > crossover
+    if (is_worth_multigrid) is_worth_multigrid = body%material%bulk_over_shear() < most_bulk_over_shear
+  end function is_worth_multigrid
+
+  !> Assemble a representative: its stiffness, or the two levels of its p-multigrid.
+  subroutine assemble_representative(body, form, modes, stiffness, slot, error)
+    !> The body.
+    type(body_t), intent(inout) :: body
+    !> One of `form_*`.
+    integer, intent(in) :: form
+    !> Rigid body modes that its supports leave.
+    type(body_modes_t), intent(inout) :: modes
+    !> Its stiffness matrix; empty with p-multigrid.
+    type(stiffness_t), intent(inout) :: stiffness
+    !> Its compliance operator to come.
+    type(operator_slot_t), intent(inout) :: slot
+    !> Allocated where an element is inverted, the modulus field is not positive, or the elements do not conform.
+    type(error_t), allocatable, intent(out) :: error
+    select case (form)
+    case (form_direct)
+      allocate (slot%direct)
+      call body%assemble(stiffness, error)
+    case (form_whole)
+      allocate (slot%multigrid)
+      call body%assemble(stiffness, error)
+    case default
+      allocate (slot%multigrid)
+      call slot%multigrid%assemble(body, error)
+      if (.not. allocated(error)) call body%assemble_loads(error)
+    end select
+    call modes%find(body)
+  end subroutine assemble_representative
+end module dotyk_control_response_choice
