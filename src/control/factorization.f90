@@ -144,7 +144,7 @@ contains
             slot%direct%path_entries(pack(equation, equation > 0)))
         end if
       end associate
-    else if (size(stiffness%matrix%row) > 0) then
+    else if (.not. associated(slot%multigrid%grid)) then
       size_of%form = form_whole
       call slot%multigrid%analyze_whole(body, modes, stiffness, error)
       if (allocated(error)) return
@@ -160,9 +160,11 @@ contains
     size_of%product_entries = size_of%entries
     if (size_of%form == form_multigrid) size_of%product_entries = slot%multigrid%solve_entries()
     if (size_of%forms_matrix) size_of%product_entries = (int(work%n_rows, int64)/work%n_bodies)**2/2
-    size_of%stiffness_bytes = 16*size(stiffness%matrix%row, kind=int64)
-    if (size_of%form == form_multigrid) &
+    if (size_of%form == form_multigrid) then
       size_of%stiffness_bytes = 16*size(slot%multigrid%grid%levels%corner_stiffness%matrix%row, kind=int64)
+    else
+      size_of%stiffness_bytes = 16*size(stiffness%matrix%row, kind=int64)
+    end if
     call stiffness%forget_graph()
     call set_item('')
   end subroutine analyze_body

@@ -51,6 +51,8 @@ contains
     if (size(m) == 0) return
     allocate (y(size(m)))
     corner_qp = qp
+    ! The compliances are those of these rows, and of no others.
+    corner_qp%parent_row = [(b, b=1, qp%n_rows)]
     call system%corner_displacement(load, y)
     call corner_qp%shift_penetration(y - gap - qp%initial_penetration)
     call compliance%init(corner_qp)
