@@ -32,7 +32,7 @@ contains
     real(dp), intent(out) :: at_p(3)
     !> Closest point of the second polygon (3) [length].
     real(dp), intent(out) :: at_q(3)
-    real(dp) :: square, x(3), y(3)
+    real(dp) :: square, x(3), y(3), normal(3, 2)
     integer :: i, j
     square = huge(square)
     at_p = p(:, 1)
@@ -44,15 +44,23 @@ contains
       end do
     end do
     if (n_p > 2 .and. n_q > 2) then
+      do j = 2, n_q - 1
+        normal(:, j - 1) = across(q(:, 1), q(:, j), q(:, j + 1))
+      end do
       do i = 1, n_p
         do j = 2, n_q - 1
-          call corner_and_edge(p(:, i), p(:, mod(i, n_p) + 1), q(:, 1), q(:, j), q(:, j + 1), x, y)
+          call corner_and_edge(p(:, i), p(:, mod(i, n_p) + 1), q(:, 1), q(:, j), q(:, j + 1), normal(:, j - 1), &
+                               square, x, y)
           if (y(1) < huge(y)) call keep(x, y, square, at_p, at_q)
         end do
       end do
+      do i = 2, n_p - 1
+        normal(:, i - 1) = across(p(:, 1), p(:, i), p(:, i + 1))
+      end do
       do j = 1, n_q
         do i = 2, n_p - 1
-          call corner_and_edge(q(:, j), q(:, mod(j, n_q) + 1), p(:, 1), p(:, i), p(:, i + 1), y, x)
+          call corner_and_edge(q(:, j), q(:, mod(j, n_q) + 1), p(:, 1), p(:, i), p(:, i + 1), normal(:, i - 1), &
+                               square, y, x)
           if (x(1) < huge(x)) call keep(x, y, square, at_p, at_q)
         end do
       end do
@@ -80,7 +88,7 @@ contains
 
   !> Closest points of a triangle and an edge in the triangle's interior: the projection of the first end, or the point
   !> where the edge pierces the triangle.
-  pure subroutine corner_and_edge(first, second, a, b, c, x, y)
+  pure subroutine corner_and_edge(first, second, a, b, c, normal, best, x, y)
     !> First end of the edge (3) [length].
     real(dp), intent(in) :: first(3)
     !> Second end (3) [length].
@@ -91,14 +99,17 @@ contains
     real(dp), intent(in) :: b(3)
     !> Third corner (3) [length].
     real(dp), intent(in) :: c(3)
+    !> Normal (b - a) x (c - a) (3) [length^2].
+    real(dp), intent(in) :: normal(3)
+    !> Squared distance from which on points do not count [length^2].
+    real(dp), intent(in) :: best
     !> Point of the edge (3) [length].
     real(dp), intent(out) :: x(3)
-    !> Point of the triangle; huge where there is none (3) [length].
+    !> Point of the triangle; huge where there is none, or none closer (3) [length].
     real(dp), intent(out) :: y(3)
-    real(dp) :: normal(3), square, height, other
+    real(dp) :: square, height, other
     y = huge(y)
     x = first
-    normal = cross(b - a, c - a)
     square = dot_product(normal, normal)
     if (.not. square > 0) return
     height = dot_product(first - a, normal)
@@ -111,6 +122,7 @@ contains
       end if
       x = first
     end if
+    if (height**2 > (1 + inside_tolerance)*best*square) return
     if (in_triangle(first - height/square*normal, a, b, c, normal, square)) y = first - height/square*normal
   end subroutine corner_and_edge
 
@@ -130,10 +142,26 @@ contains
     real(dp), intent(in) :: square
     real(dp) :: least
     least = -inside_tolerance*square
-    in_triangle = dot_product(cross(b - a, x - a), normal) >= least .and. &
-                  dot_product(cross(c - b, x - b), normal) >= least .and. &
-                  dot_product(cross(a - c, x - c), normal) >= least
+    in_triangle = dot_product(across(a, b, x), normal) >= least .and. &
+                  dot_product(across(b, c, x), normal) >= least .and. &
+                  dot_product(across(c, a, x), normal) >= least
   end function in_triangle
+
+  !> Normal (b - a) x (c - a) [length^2].
+  pure function across(a, b, c) result(normal)
+    !> A point (3) [length].
+    real(dp), intent(in) :: a(3)
+    !> Another one (3) [length].
+    real(dp), intent(in) :: b(3)
+    !> A third one (3) [length].
+    real(dp), intent(in) :: c(3)
+    real(dp) :: normal(3), u(3), v(3)
+    u = b - a
+    v = c - a
+    normal(1) = u(2)*v(3) - u(3)*v(2)
+    normal(2) = u(3)*v(1) - u(1)*v(3)
+    normal(3) = u(1)*v(2) - u(2)*v(1)
+  end function across
 
   !> Closest points of two segments.
   pure subroutine closest_on_segments(a, b, c, d, x, y)
@@ -234,7 +262,7 @@ contains
       meets = s >= -inside_tolerance .and. s <= 1 + inside_tolerance
     else
       do j = 2, n - 1
-        own = cross(p(:, j) - p(:, 1), p(:, j + 1) - p(:, 1))
+        own = across(p(:, 1), p(:, j), p(:, j + 1))
         if (in_triangle(x, p(:, 1), p(:, j), p(:, j + 1), own, dot_product(own, own))) meets = .true.
       end do
     end if

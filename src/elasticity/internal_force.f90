@@ -5,6 +5,7 @@
 !> is strain, and its forces are as accurate as the strain. The forces of an element balance each other up to their
 !> own rounding, so that forces of a soft support are not lost beside a stiff body.
 module dotyk_elasticity_internal_force
+  use omp_lib, only: omp_get_max_threads, omp_in_parallel
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, qp
   use dotyk_base_options, only: analysis_axisymmetric
@@ -14,6 +15,9 @@ module dotyk_elasticity_internal_force
   implicit none
   private
   public :: internal_force
+
+  !> Elements whose forces are stored before they are added up: enough for the threads, few beside those of a body.
+  integer, parameter :: chunk = 8192
 
 contains
 
@@ -60,31 +64,86 @@ contains
     real(dp), intent(inout) :: energy
     !> Allocated where an element is inverted or the modulus field is not positive at a quadrature point.
     type(error_t), allocatable, intent(out) :: error
-    type(element_quadrature_t) :: points
-    real(dp), allocatable :: strained(:, :), element_force(:, :)
-    integer :: e, a
-    call points%init(mesh, i_block, analysis, material, error)
-    if (allocated(error)) return
-    associate (n => points%n, dim => points%dim, slots => points%slots)
-      allocate (strained(dim, n), element_force(dim, n))
-      do e = 1, size(mesh%block(i_block)%node, 2)
-        call points%move_to(mesh, i_block, e, error)
-        if (allocated(error)) exit
-        call subtract_rigid_motion(n, dim, slots, analysis == analysis_axisymmetric, points%g, points%x, &
-                                   u(:, points%node), strained)
-        call forces_of_strain(n, dim, slots, points%n_points, points%g, points%stiffness, points%strain, &
-                              points%matrix, strained, element_force, energy)
-        if (points%bulk > 0) then
-          call add_dilatation(n, dim, points%n_functions, points%bulk, points%dilatation, strained, element_force, &
-                              energy)
-        end if
-        do a = 1, n
-          force(:, points%node(a)) = force(:, points%node(a)) + element_force(:, a)
+    type(error_t), allocatable :: failed
+    real(dp), allocatable :: of_element(:, :, :)
+    real(dp) :: energies(chunk)
+    integer :: a, e, first, n, n_parts, s
+    associate (node => mesh%block(i_block)%node)
+      n_parts = merge(1, omp_get_max_threads(), omp_in_parallel())
+      allocate (of_element(size(force, 1), size(node, 1), min(chunk, size(node, 2))))
+      do first = 1, size(node, 2), chunk
+        n = min(chunk, size(node, 2) - first + 1)
+        !$omp parallel do default(none) schedule(static, 1) private(failed) &
+        !$omp& shared(mesh, i_block, analysis, material, u, first, n, n_parts, of_element, energies, error)
+        do s = 1, n_parts
+          call evaluate_elements(mesh, i_block, analysis, material, u, first, (n*(s - 1))/n_parts + 1, (n*s)/n_parts, &
+                                 of_element, energies, failed)
+          if (.not. allocated(failed)) cycle
+          !$omp critical (dotyk_recovery)
+          if (.not. allocated(error)) call move_alloc(failed, error)
+          !$omp end critical (dotyk_recovery)
+        end do
+        !$omp end parallel do
+        if (allocated(error)) return
+        ! Summed in the order of the elements: the same rounding on any number of threads.
+        do e = 1, n
+          energy = energy + energies(e)
+          do a = 1, size(node, 1)
+            force(:, node(a, first + e - 1)) = force(:, node(a, first + e - 1)) + of_element(:, a, e)
+          end do
         end do
       end do
     end associate
-    call points%destroy()
   end subroutine add_block
+
+  !> Internal forces of some elements of a block.
+  subroutine evaluate_elements(mesh, i_block, analysis, material, u, first, from, to, force, energy, error)
+    !> Elements and nodes of the body.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Index of the element block.
+    integer, intent(in) :: i_block
+    !> Type of analysis: one of the `analysis_*` constants.
+    integer, intent(in) :: analysis
+    !> Material of the body.
+    type(material_t), intent(in) :: material
+    !> Displacements in global axes (dim, n_nodes) [length].
+    real(qp), intent(in) :: u(:, :)
+    !> First element of the arrays.
+    integer, intent(in) :: first
+    !> First of the elements, counted in the arrays.
+    integer, intent(in) :: from
+    !> Last of the elements, counted in the arrays.
+    integer, intent(in) :: to
+    !> Internal forces of the elements in global axes (dim, n, n_elements) [force].
+    real(dp), intent(inout) :: force(:, :, :)
+    !> Twice their strain energies (n_elements) [energy].
+    real(dp), intent(inout) :: energy(:)
+    !> Allocated where an element is inverted or the modulus field is not positive at a quadrature point.
+    type(error_t), allocatable, intent(out) :: error
+    type(element_quadrature_t) :: points
+    real(dp), allocatable :: strained(:, :)
+    integer :: e
+    if (to < from) return
+    call points%init(mesh, i_block, analysis, material, error)
+    if (allocated(error)) return
+    associate (n => points%n, dim => points%dim, slots => points%slots)
+      allocate (strained(dim, n))
+      do e = from, to
+        call points%move_to(mesh, i_block, first + e - 1, error)
+        if (allocated(error)) exit
+        call subtract_rigid_motion(n, dim, slots, analysis == analysis_axisymmetric, points%g, points%x, &
+                                   u(:, points%node), strained)
+        energy(e) = 0
+        call forces_of_strain(n, dim, slots, points%n_points, points%g, points%stiffness, points%strain, &
+                              points%matrix, strained, force(:, :, e), energy(e))
+        if (points%bulk > 0) then
+          call add_dilatation(n, dim, points%n_functions, points%bulk, points%dilatation, strained, force(:, :, e), &
+                              energy(e))
+        end if
+      end do
+    end associate
+    call points%destroy()
+  end subroutine evaluate_elements
 
   !> Displacements of the nodes of an element minus the translation of its first node and the rotation at the first
   !> quadrature point.
