@@ -77,7 +77,7 @@ module dotyk_scheme_body_grids
     procedure :: add_rows => grids_add_rows
     procedure :: add_modes => grids_add_modes
     procedure :: row_compliance => grids_row_compliance
-    procedure :: corner_displacement => grids_corner_displacement
+    procedure :: is_rigid_row => grids_is_rigid_row
   end type body_grids_t
 
   !> Rows from which on threads are worth their start in a product with B.
@@ -314,29 +314,19 @@ contains
     end do
   end function grids_row_compliance
 
-  !> B P K_c^+ P^T f: the rows by loads, in the corner space, without contact.
-  subroutine grids_corner_displacement(self, f, y)
+  !> Whether rows have no free unknown.
+  pure function grids_is_rigid_row(self) result(is_rigid)
     class(body_grids_t), intent(in) :: self
-    !> Loads (n) [force].
-    real(dp), intent(in), contiguous :: f(:)
-    !> At the rows (n_rows) [length].
-    real(dp), intent(out) :: y(:)
-    real(dp), allocatable :: coarse(:), own(:)
-    real(dp) :: size_of_f
-    integer :: b
-    y = 0
+    !> (n_rows)
+    logical :: is_rigid(self%n_rows)
+    integer :: b, i
+    is_rigid = .true.
     do b = 1, size(self%body)
-      associate (first => self%first(b) + 1, last => self%first(b + 1), &
-                 grid => self%grid(self%body(b)%representative)%p)
-        size_of_f = max(maxval(abs(f(first:last))), tiny(size_of_f))
-        allocate (coarse(grid%corner_constraint%n_equations), own(size(self%body(b)%row)))
-        call grid%space%restrict(grid%constraint, grid%corner_constraint, size_of_f, &
-                                 real(f(first:last)/size_of_f, sp), coarse)
-        call grid%coarse%solve(coarse)
-        call self%body(b)%rows%corner%multiply(coarse, own)
-        call scatter_rows(self%body(b)%row, own, y)
-        deallocate (coarse, own)
+      associate (own => self%body(b), fine => self%body(b)%rows%fine)
+        do i = 1, size(own%row)
+          if (fine%row_start(i + 1) > fine%row_start(i)) is_rigid(own%row(i)) = .false.
+        end do
       end associate
     end do
-  end subroutine grids_corner_displacement
+  end function grids_is_rigid_row
 end module dotyk_scheme_body_grids

@@ -5,8 +5,8 @@
 !> pressures smooth.
 module dotyk_scheme_corner_contact
   use dotyk_base_error, only: error_t
-  use dotyk_base_kinds, only: dp
-  use dotyk_scheme_body_grids, only: body_grids_t
+  use dotyk_base_kinds, only: dp, sp
+  use dotyk_scheme_body_grids, only: body_grids_t, body_vector_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_dense_compliance, only: dense_compliance_t
   use dotyk_scheme_dual, only: dual_t
@@ -25,9 +25,9 @@ module dotyk_scheme_corner_contact
 contains
 
   !> Solve; zero pressures where there is no solution.
-  subroutine solve_corner_contact(system, qp, gap, theta, load, m)
-    !> The bodies and rows.
-    class(body_grids_t), intent(in) :: system
+  subroutine solve_corner_contact(system, qp, gap, theta, load, m, u)
+    !> The bodies and rows. Its compliances are lent to the dual scheme meanwhile.
+    class(body_grids_t), intent(inout) :: system
     !> The rows and the rigid body modes.
     type(contact_qp_t), intent(in) :: qp
     !> d, less the displacement of the rows by prescribed displacements (n_rows) [length].
@@ -38,6 +38,8 @@ contains
     real(dp), intent(in), contiguous :: load(:)
     !> Pressures (n_rows) [pressure].
     real(dp), intent(out) :: m(:)
+    !> Displacements (n) [length].
+    real(dp), intent(out), contiguous, optional :: u(:)
     type(contact_qp_t) :: corner_qp
     type(dense_compliance_t) :: compliance
     type(dual_t) :: scheme
@@ -45,24 +47,141 @@ contains
     type(monitor_t) :: monitor
     type(solver_state_t) :: state
     type(error_t), allocatable :: error
-    real(dp), allocatable :: y(:)
-    integer :: b
+    real(dp), allocatable :: y(:), alpha(:)
+    integer :: i
     m = 0
-    if (size(m) == 0) return
-    allocate (y(size(m)))
-    corner_qp = qp
-    ! The compliances are those of these rows, and of no others.
-    corner_qp%parent_row = [(b, b=1, qp%n_rows)]
-    call system%corner_displacement(load, y)
-    call corner_qp%shift_penetration(y - gap - qp%initial_penetration)
-    call compliance%init(corner_qp)
-    do b = 1, size(system%body)
-      call compliance%set(corner_qp, b, system%body(system%body(b)%owner)%rows%compliance)
-    end do
-    settings%tolerance = tolerance
-    call scheme%solve(corner_qp, compliance, max(theta, softness*qp%weight*system%row_compliance()), settings, &
-                      monitor, state, error)
-    if (allocated(error) .or. .not. allocated(state%m)) return
-    m(:) = state%m
+    allocate (alpha(system%first_mode(size(system%first_mode))), source=0.0_dp)
+    if (size(m) > 0) then
+      allocate (y(size(m)))
+      corner_qp = qp
+      ! The compliances are those of these rows, and of no others.
+      corner_qp%parent_row = [(i, i=1, qp%n_rows)]
+      call corner_displacement(system, load, y)
+      call corner_qp%shift_penetration(y - gap - qp%initial_penetration)
+      settings%tolerance = tolerance
+      y = max(theta, softness*qp%weight*system%row_compliance())
+      call lend(system, corner_qp, compliance)
+      call scheme%solve(corner_qp, compliance, y, settings, monitor, state, error)
+      call take_back(system, compliance)
+      if (.not. allocated(error) .and. allocated(state%m)) then
+        m(:) = state%m
+        if (size(state%alpha) == size(alpha)) alpha(:) = state%alpha
+      end if
+    end if
+    if (present(u)) call corner_solution(system, load, qp%weight*m, alpha, u)
   end subroutine solve_corner_contact
+
+  !> Give the compliances of the rows in the corner space away, without a copy.
+  subroutine lend(system, qp, compliance)
+    !> The bodies; without compliances on return.
+    class(body_grids_t), intent(inout) :: system
+    !> The rows.
+    type(contact_qp_t), intent(in) :: qp
+    !> Gets the compliances.
+    type(dense_compliance_t), intent(out) :: compliance
+    integer :: b, i
+    call compliance%init(qp)
+    do b = 1, size(system%body)
+      associate (own => compliance%body(b), owner => system%body(b)%owner)
+        own%n = size(qp%block(b)%row)
+        own%row = qp%block(b)%row
+        own%place = [(i, i=1, own%n)]
+        own%number = own%place
+        if (owner == b) then
+          call move_alloc(system%body(b)%rows%compliance, own%value)
+        else
+          own%same_as = owner
+          deallocate (own%value)
+        end if
+      end associate
+    end do
+  end subroutine lend
+
+  !> Take the compliances back.
+  subroutine take_back(system, compliance)
+    !> The bodies.
+    class(body_grids_t), intent(inout) :: system
+    !> With the compliances; without them on return.
+    type(dense_compliance_t), intent(inout) :: compliance
+    integer :: b
+    do b = 1, size(system%body)
+      if (system%body(b)%owner == b) call move_alloc(compliance%body(b)%value, system%body(b)%rows%compliance)
+    end do
+  end subroutine take_back
+
+  !> B P K_c^+ P^T f: the rows by loads, in the corner space, without contact.
+  subroutine corner_displacement(self, f, y)
+    !> The bodies.
+    class(body_grids_t), intent(in) :: self
+    !> Loads (n) [force].
+    real(dp), intent(in), contiguous :: f(:)
+    !> At the rows (n_rows) [length].
+    real(dp), intent(out) :: y(:)
+    type(body_vector_t), allocatable :: coarse(:), own(:)
+    integer :: b
+    call solve_corners(self, f, spread(0.0_dp, 1, size(y)), coarse)
+    allocate (own(size(self%body)))
+    do b = 1, size(self%body)
+      allocate (own(b)%value(size(self%body(b)%row)))
+      call self%body(b)%rows%corner%multiply(coarse(b)%value, own(b)%value)
+    end do
+    call self%add_rows(own, y)
+  end subroutine corner_displacement
+
+  !> Displacements by loads and contact forces in the corner space, P K_c^+ P^T (f - B^T lambda) + R alpha.
+  subroutine corner_solution(self, f, lambda, alpha, u)
+    !> The bodies.
+    class(body_grids_t), intent(in) :: self
+    !> Loads (n) [force].
+    real(dp), intent(in), contiguous :: f(:)
+    !> Contact forces (n_rows) [force].
+    real(dp), intent(in) :: lambda(:)
+    !> Amplitudes of the rigid body modes (n_modes) [length].
+    real(dp), intent(in) :: alpha(:)
+    !> Displacements (n) [length].
+    real(dp), intent(out), contiguous :: u(:)
+    type(body_vector_t), allocatable :: coarse(:)
+    integer :: b
+    call solve_corners(self, f, lambda, coarse)
+    do b = 1, size(self%body)
+      associate (grid => self%grid(self%body(b)%representative)%p)
+        call grid%space%prolong(grid%constraint, grid%corner_constraint, coarse(b)%value, &
+                                u(self%first(b) + 1:self%first(b + 1)))
+      end associate
+    end do
+    call self%add_modes(alpha, u)
+  end subroutine corner_solution
+
+  !> K_c^+ P^T (f - B^T lambda).
+  subroutine solve_corners(self, f, lambda, coarse)
+    !> The bodies.
+    class(body_grids_t), intent(in) :: self
+    !> Loads (n) [force].
+    real(dp), intent(in), contiguous :: f(:)
+    !> Contact forces (n_rows) [force].
+    real(dp), intent(in) :: lambda(:)
+    !> Displacements of the corners (n_bodies) [length].
+    type(body_vector_t), allocatable, intent(out) :: coarse(:)
+    real(dp), allocatable :: pushed(:)
+    real(dp) :: size_of_f
+    integer :: b, k
+    allocate (coarse(size(self%body)))
+    !$omp parallel do default(none) shared(self, f, lambda, coarse) private(b, size_of_f, pushed) &
+    !$omp& schedule(dynamic, 1) if (self%solves%is_many(1))
+    do k = 1, size(self%body)
+      b = self%solves%body(k)
+      associate (first => self%first(b) + 1, last => self%first(b + 1), &
+                 grid => self%grid(self%body(b)%representative)%p, own => self%body(b))
+        size_of_f = max(maxval(abs(f(first:last))), tiny(size_of_f))
+        allocate (coarse(b)%value(grid%corner_constraint%n_equations), pushed(grid%corner_constraint%n_equations))
+        call grid%space%restrict(grid%constraint, grid%corner_constraint, size_of_f, &
+                                 real(f(first:last)/size_of_f, sp), coarse(b)%value)
+        call own%rows%corner%multiply_transposed(lambda(own%row), pushed)
+        coarse(b)%value = coarse(b)%value - pushed
+        call grid%coarse%solve(coarse(b)%value)
+        deallocate (pushed)
+      end associate
+    end do
+    !$omp end parallel do
+  end subroutine solve_corners
 end module dotyk_scheme_corner_contact

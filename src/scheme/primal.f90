@@ -168,7 +168,7 @@ contains
       if (.not. allocated(v)) then
         allocate (v(system%n), load(system%n), source=0.0_dp)
         call system%load_of_modes(qp, load)
-        if (.not. warm) call start_in_corners(part, pack(theta, working), load, working, system, m)
+        if (.not. warm) call start_in_corners(part, pack(theta, working), load, working, system, m, v)
       end if
       last = huge(last)
       do attempt = 1, most_attempts
@@ -222,7 +222,7 @@ contains
   end subroutine solve_by_displacements
 
   !> The start: contact of the bodies in their corner spaces.
-  subroutine start_in_corners(part, theta, load, working, system, m)
+  subroutine start_in_corners(part, theta, load, working, system, m, v)
     !> The QP on the working set.
     type(contact_qp_t), intent(in) :: part
     !> Penalty parameters of its rows (n) [length/pressure].
@@ -232,12 +232,14 @@ contains
     !> Working set (n_rows).
     logical, intent(in) :: working(:)
     !> The bodies and rows.
-    type(primal_system_t), intent(in) :: system
+    type(primal_system_t), intent(inout) :: system
     !> Pressures (n_rows) [pressure].
     real(dp), intent(inout) :: m(:)
+    !> Displacements by contact (system%n) [length].
+    real(dp), intent(inout), contiguous :: v(:)
     real(dp) :: of_part(part%n_rows), nothing(size(m))
     nothing = 0
-    call solve_corner_contact(system, part, -part%initial_penetration, theta, load, of_part)
+    call solve_corner_contact(system, part, -part%initial_penetration, theta, load, of_part, v)
     m(:) = unpack(of_part, working, nothing)
   end subroutine start_in_corners
 

@@ -9,6 +9,11 @@
 !> then sets m_0 := m. Its limit is the solution for theta, also for theta = 0, and its linear systems
 !> `K + B^T W B` on the active rows, W = w/(theta + prox), are regular in each step. Neither the active set nor the
 !> pressures m_0 wait for exact solutions of the linear systems.
+!>
+!> Active sets that come again are no progress: from then on the linear systems are solved more accurately, and the step
+!> is the minimum of the energy along its direction, until the set stays. The energy is convex and piecewise quadratic:
+!> such steps end (M. Hintermueller, K. Ito and K. Kunisch, SIAM J. Optim. 13, 2002, without them). Motions that no
+!> active row restrains, and the loads excite, go on until rows meet.
 module dotyk_scheme_proximal_active_set
   use dotyk_base_error, only: error_t
   use dotyk_base_interrupt, only: interrupted
@@ -16,32 +21,66 @@ module dotyk_scheme_proximal_active_set
   use dotyk_linalg_conjugate_gradient, only: cg_outcome_t, conjugate_gradient
   use dotyk_linalg_fixed_sum, only: add_multiple, scalar_product
   use dotyk_scheme_contact_multigrid, only: contact_multigrid_t
+  use dotyk_scheme_free_motion, only: follow_free_motion
+  use dotyk_scheme_solver_state, only: ended_converged, ended_diverged, ended_interrupted, ended_limit, &
+    ended_no_equilibrium, ended_rigid_constraint, ended_stalled
   implicit none
   private
-  public :: solve_proximal
+  public :: best_step, solve_proximal
 
   !> How the iteration went.
   type, public :: proximal_outcome_t
     !> Linear systems, and iterations of conjugate gradients in all.
     integer :: steps = 0, cg_steps = 0
+    !> Cycles of p-multigrid.
+    integer :: cycles = 0
     !> Whether the active set, the pressures m_0 and the displacements are converged.
     logical :: converged = .false.
+    !> Why it ended: one of `ended_*` of `dotyk_scheme_solver_state`. Not converged, the last iterate is returned.
+    integer :: ended = ended_limit
     !> Last residual in the norm of the preconditioner, about the error in the energy norm [sqrt(energy)].
     real(dp) :: residual = 0
     !> Last change of the pressures, sqrt(sum w prox change^2) [sqrt(energy)].
     real(dp) :: change = 0
-    !> Rigid body modes that the active rows do not restrain: loads on them are not in equilibrium.
+    !> Motions of bodies that the active rows do not restrain.
     integer :: n_free_modes = 0
+    !> How often an active set came again.
+    integer :: n_cycles = 0
   end type proximal_outcome_t
+
+  !> An iterate.
+  type :: iterate_t
+    !> prox (n_rows) [length/pressure].
+    real(dp), allocatable :: prox(:)
+    !> B u, and d - prox m_0 (n_rows) [length].
+    real(dp), allocatable :: y(:), shifted(:)
+    !> The active set of the linear system (n_rows).
+    logical, allocatable :: active(:)
+    !> Relative residual of the next linear system [].
+    real(dp) :: aim = 0
+    !> Whether steps are minima along their directions.
+    logical :: guarded = .false.
+    !> Marks of the active sets since the pressures m_0 changed.
+    real(dp), allocatable :: seen(:)
+  end type iterate_t
 
   !> prox as a fraction of the compliance that rows have in the corner space. Smaller ones converge in fewer proximal
   !> steps, and lose more digits of B u in the pressures.
   real(dp), parameter :: proximal_fraction = 1.0e-4_dp
-  !> Residual, relative, at which the active set is judged the first time; factor of the next one where that has not
-  !> changed the set.
-  real(dp), parameter :: first_aim = 0.01_dp, next_aim = 0.01_dp
+  !> prox grows by this factor where active sets come again although steps are minima, up to `greatest_fraction` of the
+  !> compliance.
+  real(dp), parameter :: growth = 10, greatest_fraction = 0.1_dp
+  !> Residual, relative, at which the active set is judged the first time, and its factor where a set comes again.
+  real(dp), parameter :: first_aim = 0.01_dp, closer_aim = 0.1_dp
+  !> Residual of the next linear system as fractions of the last residual and of the last change of the pressures, where
+  !> the set has stayed.
+  real(dp), parameter :: of_residual = 1.0e-4_dp, of_change = 1.0e-3_dp
+  !> Errors that fall by less than this factor, with the same active set, have reached rounding.
+  real(dp), parameter :: least_gain = 0.7_dp
   !> Iterations of one linear system at most.
   integer, parameter :: most_iterations = 200
+  !> Fractions of its multiples tell sets of rows apart.
+  real(dp), parameter :: golden = 0.6180339887498949_dp
 
 contains
 
@@ -70,44 +109,152 @@ contains
     !> Allocated where numbers are not finite.
     type(error_t), allocatable, intent(out) :: error
     type(cg_outcome_t) :: cg
-    real(dp), allocatable :: r(:), e(:), y(:), shifted(:), prox(:), next(:)
-    logical, allocatable :: active(:), new(:)
-    real(dp) :: norm, aim
-    allocate (r(system%n), e(system%n), y(size(m)), next(size(m)))
-    prox = max(0.0_dp, proximal_term(system, weight) - theta)
-    active = m > 0
-    aim = first_aim
-    norm = 0
+    type(iterate_t) :: now
+    real(dp), allocatable :: r(:), e(:), next(:), along(:)
+    logical, allocatable :: new(:)
+    real(dp) :: norm, t, last
+    logical :: moved
+    allocate (r(system%n), e(system%n), next(size(m)), along(size(m)), now%y(size(m)), now%seen(0))
+    now%prox = max(0.0_dp, proximal_term(system, weight) - theta)
+    now%active = m > 0
+    now%aim = first_aim
+    last = huge(last)
+    if (any(system%is_rigid_row() .and. .not. theta > 0 .and. gap < 0)) then
+      outcome%ended = ended_rigid_constraint
+      return
+    end if
     do while (outcome%steps < most_steps)
       outcome%steps = outcome%steps + 1
-      call set_active(system, weight, theta + prox, active, error)
+      call set_active(system, weight, theta + now%prox, now%active, error)
       if (allocated(error)) return
-      shifted = gap - prox*m
-      call find_residual(system, load, shifted, u, r, norm)
-      ! Without displacements no norm is known yet: one cycle.
-      call conjugate_gradient(system, r, e, 0.0_dp, merge(most_iterations, 1, norm > 0), cg, aim*norm)
-      outcome%cg_steps = outcome%cg_steps + cg%steps
-      call add_multiple(system%n, 1.0_dp, e, u)
-      call system%row_displacement(u, y)
-      new = y - shifted > 0
-      next(:) = merge((y - shifted)/(theta + prox), 0.0_dp, new)
-      outcome%residual = cg%reduction*cg%first_norm
-      outcome%change = sqrt(sum(weight*prox*(next - m)**2))
-      ! Not after the first cycle, unless nothing moves.
-      if (all(new .eqv. active) .and. (norm > 0 .or. .not. cg%first_norm > 0)) then
-        m(:) = next
-        outcome%converged = max(outcome%residual, outcome%change) <= tolerance*norm
-        if (outcome%converged) exit
-        aim = max(tolerance/2, next_aim*aim)
+      now%shifted = gap - now%prox*m
+      call find_residual(system, load, now%shifted, u, r, now%y, norm)
+      outcome%n_free_modes = system%n_free_modes()
+      if (outcome%n_free_modes > 0) then
+        call follow_free_motion(system, load, r, now%shifted - now%y, now%active, u, moved, outcome%ended)
+        if (outcome%ended == ended_no_equilibrium) exit
+        if (moved) cycle
       end if
-      active = new
-      if (interrupted()) exit
+      ! Without displacements no norm is known yet: one cycle.
+      call conjugate_gradient(system, r, e, 0.0_dp, merge(most_iterations, 1, norm > 0), cg, now%aim*norm)
+      outcome%cg_steps = outcome%cg_steps + cg%steps
+      outcome%cycles = outcome%cycles + cg%steps + 1
+      outcome%residual = cg%reduction*cg%first_norm
+      if (.not. outcome%residual <= huge(norm)) then
+        outcome%ended = ended_diverged
+        exit
+      end if
+      call system%row_displacement(e, along)
+      t = 1
+      if (now%guarded) t = best_step(system%stiffness, weight/(theta + now%prox), now%y - now%shifted, along, &
+                                     scalar_product(system%n, r, e))
+      call add_multiple(system%n, t, e, u)
+      now%y = now%y + t*along
+      new = now%y - now%shifted > 0
+      next(:) = merge((now%y - now%shifted)/(theta + now%prox), 0.0_dp, new)
+      outcome%change = sqrt(sum(weight*now%prox*(next - m)**2))
+      ! Not after the first cycle, unless nothing moves.
+      if (all(new .eqv. now%active) .and. (norm > 0 .or. .not. cg%first_norm > 0)) then
+        m(:) = next
+        associate (left => max(outcome%residual, outcome%change))
+          outcome%converged = left <= tolerance*norm
+          if (outcome%converged) outcome%ended = ended_converged
+          if (.not. left < least_gain*last .and. now%aim <= tolerance) outcome%ended = ended_stalled
+          if (outcome%ended /= ended_limit) exit
+          last = left
+          now%aim = max(tolerance/2, max(of_residual*outcome%residual, of_change*outcome%change)/max(norm, tiny(norm)))
+        end associate
+        now%guarded = .false.
+        now%seen = [real(dp) ::]
+      else
+        call look_for_cycles(system, weight, theta, gap, m, tolerance, new, now, outcome%n_cycles)
+      end if
+      now%active = new
+      if (interrupted()) then
+        outcome%ended = ended_interrupted
+        exit
+      end if
     end do
-    outcome%n_free_modes = system%n_free_modes()
   end subroutine solve_proximal
 
+  !> Whether an active set has come again, and what to do about it.
+  subroutine look_for_cycles(system, weight, theta, gap, m, tolerance, new, now, n_cycles)
+    !> The bodies and rows.
+    class(contact_multigrid_t), intent(in) :: system
+    !> As in `solve_proximal`.
+    real(dp), intent(in) :: weight(:), theta(:), gap(:), m(:), tolerance
+    !> The next active set; changed where prox is (n_rows).
+    logical, intent(inout) :: new(:)
+    !> The iterate.
+    type(iterate_t), intent(inout) :: now
+    !> How often sets came again.
+    integer, intent(inout) :: n_cycles
+    real(dp) :: mark
+    integer :: i
+    mark = sum([(modulo(i*golden, 1.0_dp), i=1, size(new))], mask=new)
+    if (.not. any(abs(now%seen - mark) <= 0)) then
+      now%seen = [now%seen, mark]
+      return
+    end if
+    n_cycles = n_cycles + 1
+    now%aim = max(tolerance/2, closer_aim*now%aim)
+    now%seen = [real(dp) ::]
+    if (now%guarded) then
+      now%prox = max(now%prox, min(growth*now%prox, greatest_fraction/proximal_fraction*proximal_term(system, weight)))
+      now%shifted = gap - now%prox*m
+      new = now%y - now%shifted > 0
+    end if
+    now%guarded = .true.
+    associate (not_needed => theta)
+    end associate
+  end subroutine look_for_cycles
+
+  !> The minimum of the energy along a step e.
+  pure real(dp) function best_step(active_stiffness, stiffness, over, along, work) result(t)
+    !> W of the active rows (n_rows) [force/length].
+    real(dp), intent(in) :: active_stiffness(:)
+    !> w/(theta + prox) of all rows (n_rows) [force/length].
+    real(dp), intent(in) :: stiffness(:)
+    !> B u - d + prox m_0 (n_rows) [length].
+    real(dp), intent(in) :: over(:)
+    !> B e (n_rows) [length].
+    real(dp), intent(in) :: along(:)
+    !> r . e with the residual r of the linear system, which is e . (K + B^T W B) e, too [energy].
+    real(dp), intent(in) :: work
+    real(dp) :: low, high, curvature, slope
+    integer :: k
+    t = 1
+    if (.not. work > 0) return
+    curvature = max(0.0_dp, work - sum(active_stiffness*along**2))
+    slope = -work - sum(active_stiffness*over*along)
+    low = 0
+    high = 1
+    do k = 1, 60
+      if (derivative(high) > 0) exit
+      low = high
+      high = 2*high
+    end do
+    do k = 1, 60
+      t = (low + high)/2
+      if (derivative(t) > 0) then
+        high = t
+      else
+        low = t
+      end if
+    end do
+
+  contains
+
+    !> Derivative of the energy.
+    pure real(dp) function derivative(step)
+      !> Length of the step [].
+      real(dp), intent(in) :: step
+      derivative = slope + step*curvature + sum(stiffness*max(0.0_dp, over + step*along)*along)
+    end function derivative
+  end function best_step
+
   !> The residual f - K u - B^T W (B u - d + prox m_0), and the norm of u.
-  subroutine find_residual(system, load, shifted, u, r, norm)
+  subroutine find_residual(system, load, shifted, u, r, y, norm)
     !> The bodies and the active rows.
     class(contact_multigrid_t), intent(in) :: system
     !> f (n) [force].
@@ -118,9 +265,10 @@ contains
     real(dp), intent(in), contiguous :: u(:)
     !> Residual (n) [force].
     real(dp), intent(out), contiguous :: r(:)
+    !> B u (n_rows) [length].
+    real(dp), intent(out) :: y(:)
     !> Energy norm of u [sqrt(energy)].
     real(dp), intent(out) :: norm
-    real(dp) :: y(size(shifted))
     call system%multiply_bodies(u, r)
     norm = sqrt(max(0.0_dp, scalar_product(system%n, u, r)))
     r(:) = load - r

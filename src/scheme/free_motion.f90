@@ -1,0 +1,63 @@
+!> Motions of floating bodies that the active rows do not restrain.
+!>
+!> Where the loads do no work on them they are neutral. Where they do, the bodies move until rows meet, which is the
+!> next active set; without such rows there is no equilibrium.
+module dotyk_scheme_free_motion
+  use dotyk_base_kinds, only: dp
+  use dotyk_linalg_fixed_sum, only: add_multiple, scalar_product
+  use dotyk_scheme_contact_multigrid, only: contact_multigrid_t
+  use dotyk_scheme_solver_state, only: ended_no_equilibrium
+  implicit none
+  private
+  public :: follow_free_motion
+
+  !> Resultants below this fraction of the loads are rounding errors, of the loads or of the mesh.
+  real(dp), parameter :: imbalance = 1.0e-7_dp
+  !> Rows that approach by less than this fraction of the fastest one do not.
+  real(dp), parameter :: slowest = 1.0e-9_dp
+  !> Rows meet together where they do so within this fraction of the motion.
+  real(dp), parameter :: together = 1.0e-6_dp
+
+contains
+
+  !> Move until rows meet.
+  subroutine follow_free_motion(system, load, r, gap, active, u, moved, ended)
+    !> The bodies, with motions that the active rows do not restrain.
+    class(contact_multigrid_t), intent(in) :: system
+    !> Loads (n) [force].
+    real(dp), intent(in), contiguous :: load(:)
+    !> Residual of the equilibrium (n) [force].
+    real(dp), intent(in), contiguous :: r(:)
+    !> Gaps that are left (n_rows) [length].
+    real(dp), intent(in) :: gap(:)
+    !> Active rows; the rows that meet join (n_rows).
+    logical, intent(inout) :: active(:)
+    !> Displacements (n) [length].
+    real(dp), intent(inout), contiguous :: u(:)
+    !> Whether the loads excite a motion and rows stop it.
+    logical, intent(out) :: moved
+    !> Set to `ended_no_equilibrium` where no row stops it.
+    integer, intent(inout) :: ended
+    real(dp), allocatable :: resultant(:), motion(:), rate(:), time(:)
+    real(dp) :: first
+    logical, allocatable :: approaches(:)
+    resultant = system%resultants(r)
+    where (abs(resultant) <= imbalance*norm2(system%active%free_mode, 1)* &
+           sqrt(max(scalar_product(system%n, load, load), scalar_product(system%n, r, r)))) resultant = 0
+    moved = any(abs(resultant) > 0)
+    if (.not. moved) return
+    allocate (motion(system%n), rate(size(gap)), time(size(gap)))
+    call system%free_motion(resultant, motion)
+    call system%row_displacement(motion, rate)
+    approaches = .not. active .and. rate > slowest*maxval([0.0_dp, abs(rate)])
+    if (.not. any(approaches)) then
+      ended = ended_no_equilibrium
+      return
+    end if
+    time = huge(time)
+    where (approaches) time = max(0.0_dp, gap)/rate
+    first = minval(time)
+    call add_multiple(system%n, first, motion, u)
+    active = active .or. time <= (1 + together)*first
+  end subroutine follow_free_motion
+end module dotyk_scheme_free_motion
