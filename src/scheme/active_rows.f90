@@ -272,7 +272,7 @@ contains
     self%scale = [(norm2(solved(:, k)), k=1, n)]
     where (self%scale > tiny(1.0_dp))
       self%scale = 1/self%scale
-    elsewhere
+    else where
       self%scale = 0
     end where
     do k = 1, n
