@@ -8,6 +8,7 @@ module dotyk_driver_run_case
   use dotyk_control_response_choice, only: form_multigrid
   use dotyk_control_scheme_run, only: scheme_run_t
   use dotyk_driver_arguments, only: arguments_t
+  use dotyk_driver_prediction, only: predict_run
   use dotyk_driver_results, only: prepare_output, write_results
   use dotyk_driver_penetration, only: check_bodies, check_placement
   use dotyk_driver_run_settings, only: choose_scheme, goal_of, set_pair_conditions, solve_by_displacements
@@ -18,7 +19,7 @@ module dotyk_driver_run_case
   use dotyk_input_parse, only: read_case
   use dotyk_log_outcome, only: note_modes
   use dotyk_log_run_monitor, only: log_monitor_t
-  use dotyk_log_scene_tables, only: show_memory, show_scene, show_title
+  use dotyk_log_scene_tables, only: show_scene, show_title
   use dotyk_log_summary, only: show_solution, show_timing
   use dotyk_scheme_solver_state, only: ended_converged
   implicit none
@@ -65,7 +66,7 @@ contains
       if (allocated(error)) return
     end if
     if (arguments%check) then
-      call show_memory(monitor%log, scene%size_of)
+      call predict_run(scene, monitor)
       call monitor%log%line('  input checked; nothing was solved')
       return
     end if

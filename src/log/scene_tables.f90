@@ -10,6 +10,7 @@ module dotyk_log_scene_tables
   use dotyk_control_congruence_classes, only: congruence_classes_t
   use dotyk_control_contact_problem, only: contact_problem_t, mesh_compliance
   use dotyk_control_factorization, only: factor_size_t
+  use dotyk_control_run_prediction, only: run_prediction_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t
   use dotyk_log_found_pairs, only: body_names, show_found
@@ -19,7 +20,7 @@ module dotyk_log_scene_tables
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
-  public :: show_title, show_scene, show_factorization, show_memory
+  public :: show_title, show_scene, show_factorization, show_prediction
 
   !> Greatest number of congruence classes, or of contact pairs, with a line each; more are summed up.
   integer, parameter :: most_shown = 20
@@ -263,18 +264,20 @@ contains
     end associate
   end subroutine show_factorization
 
-  !> Memory that a run would take.
-  subroutine show_memory(log, size_of)
+  !> Memory and time that a run would take.
+  subroutine show_prediction(log, size_of, prediction)
     !> The log.
     type(log_t), intent(inout) :: log
     !> Sizes of the factors (n_bodies).
     type(factor_size_t), intent(in) :: size_of(:)
-    !> Memory beside factors and stiffness matrices, as a fraction of theirs.
-    real(dp), parameter :: beside = 0.15_dp
-    real(dp) :: matrices
-    matrices = sum(size_of%stiffness_bytes)
+    !> The prediction.
+    type(run_prediction_t), intent(in) :: prediction
     call log%line('')
     call log%line('  estimated memory: factors '//memory_text(real(sum(size_of%bytes), dp))//', stiffness matrices '// &
-                  memory_text(matrices)//', total about '//memory_text((1 + beside)*(sum(size_of%bytes) + matrices)))
-  end subroutine show_memory
+                  memory_text(real(sum(size_of%stiffness_bytes), dp))//', total about '//memory_text(prediction%memory))
+    call log%line('  estimated time:   about '//duration(prediction%seconds)//' ('// &
+                  counted(prediction%n_threads, 'thread')//' of '//to_text(prediction%speed/1.0e9_dp, 2)// &
+                  ' Gflop/s, '//to_text(prediction%bandwidth/1.0e9_dp, 2)//' GB/s, measured now; a prediction, '// &
+                  'the iterations are assumed)')
+  end subroutine show_prediction
 end module dotyk_log_scene_tables

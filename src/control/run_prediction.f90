@@ -1,0 +1,92 @@
+!> Memory and time of a run, predicted when all is assembled and analysed: what the run has taken so far is measured,
+!> the rest follows from the sizes of the factors and of the block rows, and from the speed of the machine.
+!>
+!> Constants are measured on Hertz scenes of 0.17 to 2 million unknowns. Iterations are assumed: contact problems with
+!> many changes of the active set take more time.
+module dotyk_control_run_prediction
+  use dotyk_base_kinds, only: dp
+  use dotyk_control_factorization, only: factor_size_t
+  use dotyk_control_response_choice, only: form_direct, form_multigrid
+  use dotyk_linalg_machine_speed, only: machine_speed_t
+  implicit none
+  private
+
+  !> A prediction.
+  type, public :: run_prediction_t
+    !> Peak memory [bytes].
+    real(dp) :: memory = 0
+    !> Wall time of the whole run [s].
+    real(dp) :: seconds = 0
+    !> Number of threads that it is made for.
+    integer :: n_threads = 1
+    !> Speed of a thread, as measured [flop/s].
+    real(dp) :: speed = 0
+    !> Memory bandwidth, as measured [byte/s].
+    real(dp) :: bandwidth = 0
+  contains
+    procedure :: init => run_prediction_init
+  end type run_prediction_t
+
+  !> Memory beside a factor while it is made, as a fraction of it [].
+  real(dp), parameter :: beside_factor = 0.15_dp
+  !> Vectors, low-precision copies and estimates of a body with p-multigrid, beside its block rows [byte/unknown].
+  real(dp), parameter :: beside_rows = 200
+  !> The same of a body that is solved by its factor [byte/unknown].
+  real(dp), parameter :: beside_direct = 100
+  !> Speed of a factorization over that of dense products [].
+  real(dp), parameter :: factorization_speed = 0.7_dp
+  !> Cycles of p-multigrid in a run: trial steps, solution without contact, contact.
+  real(dp), parameter :: cycles = 45
+  !> Memory traffic of a cycle without its coarse solve [byte/unknown].
+  real(dp), parameter :: traffic = 2400
+  !> Solves with a factor in a run.
+  real(dp), parameter :: direct_solves = 10
+  !> Work of estimates, recovery and checks: dense operations that take the same time [flop/unknown].
+  real(dp), parameter :: work_afterwards = 5.0e5_dp
+
+contains
+
+  !> Predict.
+  subroutine run_prediction_init(self, n_unknowns, size_of, used, elapsed, speed)
+    class(run_prediction_t), intent(out) :: self
+    !> Unknowns of the bodies (n_bodies).
+    integer, intent(in) :: n_unknowns(:)
+    !> Sizes of the factors; without bytes for all but one of congruent bodies (n_bodies).
+    type(factor_size_t), intent(in) :: size_of(:)
+    !> Memory in use, all assembled and analysed [bytes].
+    real(dp), intent(in) :: used
+    !> Wall time so far [s].
+    real(dp), intent(in) :: elapsed
+    !> The machine.
+    type(machine_speed_t), intent(in) :: speed
+    real(dp) :: n, bytes, flops
+    logical :: by_rows
+    integer :: b
+    self%n_threads = speed%n_threads
+    self%speed = speed%flops
+    self%bandwidth = speed%bandwidth
+    self%memory = used
+    bytes = 0
+    flops = 0
+    by_rows = any(size_of%form /= form_direct)
+    do b = 1, size(size_of)
+      n = n_unknowns(b)
+      self%memory = self%memory + (1 + beside_factor)*real(size_of(b)%bytes, dp)
+      if (size_of(b)%form == form_multigrid) then
+        self%memory = self%memory + beside_rows*n
+      else
+        self%memory = self%memory + beside_direct*n
+      end if
+      ! A solve reads the factor of the class twice.
+      if (by_rows) then
+        bytes = bytes + cycles*2*8*real(size_of(b)%class_entries, dp)
+        if (size_of(b)%form == form_multigrid) bytes = bytes + cycles*traffic*n
+      else
+        bytes = bytes + direct_solves*2*8*real(size_of(b)%class_entries, dp)
+      end if
+      flops = flops + size_of(b)%flops/factorization_speed + work_afterwards*n
+    end do
+    self%seconds = elapsed + bytes/max(speed%bandwidth, tiny(1.0_dp)) + &
+                   flops/max(1, speed%n_threads)/max(speed%flops, tiny(1.0_dp))
+  end subroutine run_prediction_init
+end module dotyk_control_run_prediction

@@ -1,0 +1,32 @@
+!> What --check says of the run that it does not make: memory and time.
+module dotyk_driver_prediction
+  use dotyk_base_memory, only: memory_now, memory_t
+  use dotyk_control_parallel, only: set_blas_threads
+  use dotyk_control_run_prediction, only: run_prediction_t
+  use dotyk_driver_scene, only: scene_t
+  use dotyk_linalg_machine_speed, only: machine_speed_t
+  use dotyk_log_run_monitor, only: log_monitor_t
+  use dotyk_log_scene_tables, only: show_prediction
+  implicit none
+  private
+  public :: predict_run
+
+contains
+
+  !> Predict memory and time of a run, and show both.
+  subroutine predict_run(scene, monitor)
+    !> The scene, built.
+    type(scene_t), intent(in) :: scene
+    !> Log and watch.
+    type(log_monitor_t), intent(inout) :: monitor
+    type(memory_t) :: memory
+    type(machine_speed_t) :: speed
+    type(run_prediction_t) :: prediction
+    memory = memory_now()
+    call set_blas_threads(1)
+    call speed%measure()
+    call prediction%init(scene%problem%body%constraint%n_equations, scene%size_of, memory%used, &
+                         monitor%watch%since_start(), speed)
+    call show_prediction(monitor%log, scene%size_of, prediction)
+  end subroutine predict_run
+end module dotyk_driver_prediction
