@@ -50,20 +50,22 @@ module dotyk_scheme_active_rows
 contains
 
   !> Choose the active rows and their stiffness.
-  subroutine rows_set(self, grids, stiffness, error)
+  subroutine rows_set(self, grids, stiffness, smoother_only, error)
     class(active_rows_t), intent(inout) :: self
     !> The bodies; the same in each call.
     class(body_grids_t), intent(in) :: grids
     !> W; zero where not active (n_rows) [force/length].
     real(dp), intent(in) :: stiffness(:)
+    !> Whether `solve_corner` is not needed.
+    logical, intent(in) :: smoother_only
     !> Allocated where a number is not finite, or memory runs out.
     type(error_t), allocatable, intent(out) :: error
     integer :: i
     self%row = pack([(i, i=1, size(stiffness))], stiffness > 0)
     if (.not. allocated(self%sum%column_start)) call analyze_smoother(self, grids, error)
     if (.not. allocated(error)) call factorize_smoother(self, stiffness, error)
-    if (.not. allocated(error)) call factorize_corner(self, grids, stiffness, error)
-    if (.not. allocated(error)) call factorize_modes(self, grids, error)
+    if (.not. (allocated(error) .or. smoother_only)) call factorize_corner(self, grids, stiffness, error)
+    if (.not. (allocated(error) .or. smoother_only)) call factorize_modes(self, grids, error)
     if (allocated(error)) call add_context(error, 'multigrid, active rows: ')
   end subroutine rows_set
 

@@ -11,7 +11,7 @@ module dotyk_scheme_body_grids
   use dotyk_base_kinds, only: dp, sp
   use dotyk_contact_operator, only: contact_block_t
   use dotyk_linalg_conjugate_gradient, only: preconditioned_system_t
-  use dotyk_linalg_fixed_sum, only: add_multiple
+  use dotyk_linalg_fixed_sum, only: add_multiple, scalar_product
   use dotyk_response_contact_map, only: contact_map_t
   use dotyk_response_multigrid, only: multigrid_t
   use dotyk_response_multigrid_rows, only: multigrid_rows_t
@@ -76,6 +76,7 @@ module dotyk_scheme_body_grids
     procedure :: many_rows => grids_many_rows
     procedure :: add_rows => grids_add_rows
     procedure :: add_modes => grids_add_modes
+    procedure :: resultants => grids_resultants
     procedure :: row_compliance => grids_row_compliance
     procedure :: is_rigid_row => grids_is_rigid_row
   end type body_grids_t
@@ -299,6 +300,25 @@ contains
       end associate
     end do
   end subroutine grids_add_modes
+
+  !> R^T f.
+  function grids_resultants(self, f) result(resultant)
+    class(body_grids_t), intent(in) :: self
+    !> Forces (n) [force].
+    real(dp), intent(in), contiguous :: f(:)
+    !> On the rigid body modes (n_modes) [force].
+    real(dp), allocatable :: resultant(:)
+    integer :: b, k
+    allocate (resultant(self%first_mode(size(self%first_mode))))
+    do b = 1, size(self%body)
+      associate (grid => self%grid(self%body(b)%representative)%p)
+        do k = 1, size(grid%mode, 2)
+          resultant(self%first_mode(b) + k) = scalar_product(grid%n, grid%mode(:, k), &
+                                                             f(self%first(b) + 1:self%first(b + 1)))
+        end do
+      end associate
+    end do
+  end function grids_resultants
 
   !> Compliance of each row in the corner space, the diagonal of B P K_c^+ P^T B^T.
   pure function grids_row_compliance(self) result(compliance)

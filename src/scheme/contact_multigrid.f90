@@ -25,11 +25,11 @@ module dotyk_scheme_contact_multigrid
     real(dp), allocatable :: stiffness(:)
     !> The active rows, with the factors of the preconditioner.
     type(active_rows_t) :: active
+    !> Whether the factors are those of the smoother alone.
+    logical, private :: is_partial = .false.
   contains
     procedure :: set_stiffness => system_set_stiffness
     procedure :: n_free_modes => system_n_free_modes
-    procedure :: free_motion => system_free_motion
-    procedure :: resultants => system_resultants
     procedure :: multiply => system_multiply
     procedure :: precondition => system_precondition
     procedure :: smoothed_rows => system_smoothed_rows
@@ -40,17 +40,23 @@ module dotyk_scheme_contact_multigrid
 contains
 
   !> Choose the active rows and their stiffness; factorize what the preconditioner needs, unless it has that.
-  subroutine system_set_stiffness(self, stiffness, error)
+  subroutine system_set_stiffness(self, stiffness, error, smoother_only)
     class(contact_multigrid_t), intent(inout) :: self
     !> W; zero where not active (n_rows) [force/length].
     real(dp), intent(in) :: stiffness(:)
     !> Allocated where a number is not finite, or memory runs out.
     type(error_t), allocatable, intent(out) :: error
+    !> Factorize for `smoother_force` alone; not if absent.
+    logical, intent(in), optional :: smoother_only
+    logical :: partial
+    partial = .false.
+    if (present(smoother_only)) partial = smoother_only
     if (allocated(self%stiffness)) then
-      if (.not. any(abs(stiffness - self%stiffness) > 0)) return
+      if (.not. any(abs(stiffness - self%stiffness) > 0) .and. (partial .or. .not. self%is_partial)) return
       deallocate (self%stiffness)
     end if
-    call self%active%set(self, stiffness, error)
+    self%is_partial = partial
+    call self%active%set(self, stiffness, partial, error)
     if (.not. allocated(error)) self%stiffness = stiffness
   end subroutine system_set_stiffness
 
@@ -59,40 +65,6 @@ contains
     class(contact_multigrid_t), intent(in) :: self
     n = size(self%active%free_mode, 2)
   end function system_n_free_modes
-
-  !> A motion that the active rows do not restrain, from its amplitudes.
-  subroutine system_free_motion(self, amplitude, motion)
-    class(contact_multigrid_t), intent(in) :: self
-    !> Amplitudes of the free modes (n_free_modes) [length].
-    real(dp), intent(in) :: amplitude(:)
-    !> Displacements (n) [length].
-    real(dp), intent(out), contiguous :: motion(:)
-    real(dp), allocatable :: alpha(:)
-    alpha = matmul(self%active%free_mode, amplitude)
-    motion = 0
-    call self%add_modes(alpha, motion)
-  end subroutine system_free_motion
-
-  !> Resultants of forces on the motions that the active rows do not restrain.
-  function system_resultants(self, force) result(resultant)
-    class(contact_multigrid_t), intent(in) :: self
-    !> Forces (n) [force].
-    real(dp), intent(in), contiguous :: force(:)
-    !> (n_free_modes) [force]
-    real(dp), allocatable :: resultant(:)
-    real(dp), allocatable :: e(:)
-    integer :: b, k
-    allocate (e(self%first_mode(size(self%first_mode))))
-    do b = 1, size(self%body)
-      associate (grid => self%grid(self%body(b)%representative)%p)
-        do k = 1, size(grid%mode, 2)
-          e(self%first_mode(b) + k) = scalar_product(grid%n, grid%mode(:, k), &
-                                                     force(self%first(b) + 1:self%first(b + 1)))
-        end do
-      end associate
-    end do
-    resultant = matmul(e, self%active%free_mode)
-  end function system_resultants
 
   !> y = (K + B^T W B) x.
   subroutine system_multiply(self, x, y)

@@ -41,13 +41,14 @@ contains
     real(dp), allocatable :: resultant(:), motion(:), rate(:), time(:)
     real(dp) :: first
     logical, allocatable :: approaches(:)
-    resultant = system%resultants(r)
+    resultant = matmul(system%resultants(r), system%active%free_mode)
     where (abs(resultant) <= imbalance*norm2(system%active%free_mode, 1)* &
            sqrt(max(scalar_product(system%n, load, load), scalar_product(system%n, r, r)))) resultant = 0
     moved = any(abs(resultant) > 0)
     if (.not. moved) return
     allocate (motion(system%n), rate(size(gap)), time(size(gap)))
-    call system%free_motion(resultant, motion)
+    motion = 0
+    call system%add_modes(matmul(system%active%free_mode, resultant), motion)
     call system%row_displacement(motion, rate)
     approaches = .not. active .and. rate > slowest*maxval([0.0_dp, abs(rate)])
     if (.not. any(approaches)) then

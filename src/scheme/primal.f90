@@ -27,8 +27,8 @@ module dotyk_scheme_primal
   use dotyk_scheme_proximal_active_set, only: proximal_outcome_t, solve_proximal
   use dotyk_scheme_restriction, only: restrict_qp
   use dotyk_scheme_scheme, only: scheme_t
-  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_cycling, ended_interrupted, &
-    ended_limit, ended_no_equilibrium, ended_stalled, ended_unbalanced
+  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_interrupted, ended_limit, &
+    ended_no_equilibrium, ended_rigid_constraint, ended_stalled, ended_unbalanced
   use dotyk_scheme_stopping, only: solver_settings_t
   use dotyk_scheme_working_set, only: keep_what_carries, screen_rows
   implicit none
@@ -174,12 +174,18 @@ contains
       do attempt = 1, most_attempts
         call solve_rows(system, part, pack(theta, working), load, working, accuracy, &
                         settings%max_iterations - steps, m, v, outcome, error)
-        if (allocated(error)) then
+        state%ended = outcome%ended
+        if (allocated(error) .or. outcome%ended == ended_rigid_constraint) then
           call system%destroy()
           return
         end if
         steps = steps + outcome%steps
         cg_steps = cg_steps + outcome%cg_steps
+        if (outcome%ended == ended_no_equilibrium .and. .not. all(working)) then
+          ! Rows that stop the bodies may have been screened.
+          working = .true.
+          cycle rounds
+        end if
         call balance(qp, m)
         now%lambda = qp%weight*m
         call system%amplitudes(qp, v, now%alpha)
@@ -214,7 +220,7 @@ contains
     state%alpha = qp%coarse%scale*now%alpha
     call find_indeterminate(qp, now%lambda > 0, state%indeterminate, error)
     state%ended = ended_stalled
-    if (.not. outcome%converged) state%ended = merge(ended_limit, ended_cycling, steps >= settings%max_iterations)
+    if (.not. outcome%converged) state%ended = outcome%ended
     if (any(violated)) state%ended = ended_limit
     if (.not. is_balanced(qp, theta, now%lambda, now%alpha)) state%ended = ended_unbalanced
     if (interrupted()) state%ended = ended_interrupted
@@ -334,7 +340,7 @@ contains
       missing = matmul(qp%coarse%resultant - missing, vectors)
       where (values > rank*maxval(values))
         missing = missing/values
-      elsewhere
+      else where
         missing = 0
       end where
       change = matmul(g, matmul(vectors, missing))

@@ -260,7 +260,7 @@ contains
     if (any(chosen .neqv. self%stiffness > 0)) then
       stiffness = 0
       where (chosen) stiffness = maxval(self%stiffness)
-      call self%set_stiffness(stiffness, error)
+      call self%set_stiffness(stiffness, error, smoother_only=.true.)
       norm = huge(norm)
       if (allocated(error)) return
     end if

@@ -77,6 +77,8 @@ module dotyk_scheme_proximal_active_set
   real(dp), parameter :: of_residual = 1.0e-4_dp, of_change = 1.0e-3_dp
   !> Errors that fall by less than this factor, with the same active set, have reached rounding.
   real(dp), parameter :: least_gain = 0.7_dp
+  !> Rows without free unknowns that penetrate by less, relative to the largest gap, touch.
+  real(dp), parameter :: rounding = 1.0e-12_dp
   !> Iterations of one linear system at most.
   integer, parameter :: most_iterations = 200
   !> Fractions of its multiples tell sets of rows apart.
@@ -119,7 +121,7 @@ contains
     now%active = m > 0
     now%aim = first_aim
     last = huge(last)
-    if (any(system%is_rigid_row() .and. .not. theta > 0 .and. gap < 0)) then
+    if (any(system%is_rigid_row() .and. .not. theta > 0 .and. gap < -rounding*maxval(abs(gap)))) then
       outcome%ended = ended_rigid_constraint
       return
     end if
