@@ -5,7 +5,7 @@ module dotyk_scheme_active_rows
   use dotyk_base_error, only: add_context, error_t, exit_not_solvable, set_error
   use dotyk_base_kinds, only: dp, int64
   use dotyk_linalg_cholesky, only: cholesky_t
-  use dotyk_linalg_dense, only: symmetric_eigen
+  use dotyk_linalg_dense, only: orthonormal_range, symmetric_eigen
   use dotyk_linalg_dense_cholesky, only: dense_cholesky_t
   use dotyk_linalg_ordering, only: nested_dissection
   use dotyk_linalg_sparse, only: sparse_rows_t, sparse_symmetric_t
@@ -17,8 +17,7 @@ module dotyk_scheme_active_rows
   type, public :: active_rows_t
     !> Active rows, ascending (n).
     integer, allocatable :: row(:)
-    !> Amplitudes of motions of the bodies that the active rows do not restrain, orthonormal after scaling of the modes
-    !> (n_modes, n_free) [].
+    !> Amplitudes of motions of the bodies that the active rows do not restrain, orthonormal (n_modes, n_free) [].
     real(dp), allocatable :: free_mode(:, :)
     !> Sum of B D^{-1} B^T over the bodies, lower triangle (n_rows, n_rows) [length/force].
     type(sparse_symmetric_t), private :: sum
@@ -310,7 +309,7 @@ contains
     real(dp), intent(in) :: s(:, :)
     !> Allocated where a number is not finite.
     type(error_t), allocatable, intent(out) :: error
-    real(dp), allocatable :: values(:), vectors(:, :)
+    real(dp), allocatable :: values(:), vectors(:, :), motion(:, :)
     integer :: k, n, n_free
     n = size(s, 1)
     allocate (values(n), vectors(n, n))
@@ -321,11 +320,12 @@ contains
     self%mode_inverse = matmul(vectors(:, n_free + 1:)/spread(values(n_free + 1:), 1, n), &
                                transpose(vectors(:, n_free + 1:)))
     deallocate (self%free_mode)
-    allocate (self%free_mode(n, n_free))
+    allocate (self%free_mode(n, n_free), motion(n, n_free))
     do k = 1, n_free
       ! A body that no active row touches has no scale.
-      self%free_mode(:, k) = merge(self%scale, 1.0_dp, self%scale > 0)*vectors(:, k)
+      motion(:, k) = merge(self%scale, 1.0_dp, self%scale > 0)*vectors(:, k)
     end do
+    call orthonormal_range(motion, epsilon(1.0_dp), self%free_mode, k)
   end subroutine find_free_motions
 
   !> lambda := (W^{-1} + B D^{-1} B^T)^{-1} lambda on the active rows; zero elsewhere.

@@ -30,6 +30,7 @@ module dotyk_scheme_contact_multigrid
   contains
     procedure :: set_stiffness => system_set_stiffness
     procedure :: n_free_modes => system_n_free_modes
+    procedure :: remove_free_motions => system_remove_free_motions
     procedure :: multiply => system_multiply
     procedure :: precondition => system_precondition
     procedure :: smoothed_rows => system_smoothed_rows
@@ -65,6 +66,15 @@ contains
     class(contact_multigrid_t), intent(in) :: self
     n = size(self%active%free_mode, 2)
   end function system_n_free_modes
+
+  !> x := (I - F F^T) x with the motions F that the active rows do not restrain, orthonormal.
+  subroutine system_remove_free_motions(self, x)
+    class(contact_multigrid_t), intent(in) :: self
+    !> Forces or displacements (n) [any].
+    real(dp), intent(inout), contiguous :: x(:)
+    if (self%n_free_modes() == 0) return
+    call self%add_modes(matmul(self%active%free_mode, -matmul(self%resultants(x), self%active%free_mode)), x)
+  end subroutine system_remove_free_motions
 
   !> y = (K + B^T W B) x.
   subroutine system_multiply(self, x, y)
@@ -342,6 +352,7 @@ contains
       call add_parts(self%first(i) + 1, self%first(i + 1), &
                      size_of_r/self%grid(self%body(i)%representative)%p%fine%rows%scale, correction, x, b, z)
     end do
+    call self%remove_free_motions(z)
   end subroutine system_precondition
 
   !> z = factor (a + b + c) for some unknowns.

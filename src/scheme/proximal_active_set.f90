@@ -136,6 +136,7 @@ contains
         call follow_free_motion(system, load, r, now%shifted - now%y, now%active, u, moved, outcome%ended)
         if (outcome%ended == ended_no_equilibrium) exit
         if (moved) cycle
+        call system%remove_free_motions(r)
       end if
       ! Without displacements no norm is known yet: one cycle.
       call conjugate_gradient(system, r, e, 0.0_dp, merge(most_iterations, 1, norm > 0), cg, now%aim*norm)
