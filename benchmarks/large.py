@@ -29,7 +29,8 @@ HERE = os.path.dirname(os.path.abspath(__file__))
 ROOT = os.path.dirname(HERE)
 PHASES = ('read', 'assemble', 'search', 'order', 'factorize', 'iterate', 'recover', 'estimate', 'check', 'write')
 SIZES = ('172k', '1030k', '2200k', '5000k')
-COLUMNS = ['scene', 'unknowns', 'rows', 'threads', 'wall', 'user', 'system', 'GiB', 'exit', 'CG', 'active sets', 'force', 'bytes/unknown']
+COLUMNS = ['scene', 'unknowns', 'rows', 'threads', 'wall', 'user', 'system', 'GiB', 'exit', 'CG', 'active sets', 'force',
+           'bytes/unknown']
 
 
 def number(text):
@@ -95,13 +96,10 @@ def results(path, log):
         row['unknowns'], row['rows'] = int(summary['unknowns']), int(summary['constraints'])
         row['active sets'] = int(summary['iterations'])
         row['force'] = sum(float(np.linalg.norm(pair.attrs['force'])) for pair in own['contact'].values())
-        for key in ('cg_iterations', 'iterations_cg'):
-            if key in summary:
-                row['CG'] = int(summary[key])
     with open(log) as file:
-        found = re.findall(r'(\d+) (?:CG )?iterations? of (?:CG|conjugate gradients)|(\d+) CG iterations?', file.read())
-    if found and 'CG' not in row:
-        row['CG'] = max(int(one or other) for one, other in found)
+        found = re.findall(r'(\d+) active sets?, (\d+) iterations? of conjugate gradients', file.read())
+    if found:
+        row['active sets'], row['CG'] = sum(int(sets) for sets, _ in found), sum(int(steps) for _, steps in found)
     return row
 
 
@@ -128,8 +126,8 @@ class Benchmark:
             sys.exit('large: %s: --check ended with %d; see %s' % (scene.label, check['exit'], log))
         expected = predicted(log)
         if self.options.check:
-            self.rows.append(dict(scene=scene.name, label=scene.label, unknowns=unknowns_of(log), threads=self.options.threads[0],
-                                  **check, **expected))
+            self.rows.append(dict(scene=scene.name, label=scene.label, unknowns=unknowns_of(log),
+                                  threads=self.options.threads[0], **check, **expected))
             return
         if expected.get('predicted memory', 0) > self.options.memory*2**30:
             say('%s: left out: needs about %.1f GiB' % (scene.label, expected['predicted memory']/2**30))
@@ -167,7 +165,8 @@ class Benchmark:
         known = [row for row in self.rows if 'predicted memory' in row]
         if known:
             parts.append('Predictions of --check\n\n' + table(
-                ['scene', 'threads', 'predicted GiB', 'GiB', 'ratio of memory', 'predicted s', 'wall', 'ratio of time'],
+                ['scene', 'unknowns', 'threads', 'predicted GiB', 'GiB', 'ratio of memory', 'predicted s', 'wall',
+                 'ratio of time'],
                 [prediction(row, self.options.check) for row in known]))
         if not self.options.check:
             parts += slopes(self.rows) + speed_up(self.rows)
@@ -203,7 +202,7 @@ def phases(row):
 
 def prediction(row, only):
     """A row of the table of predictions."""
-    made = {'scene': row['label'], 'threads': row['threads'], 'predicted GiB': row['predicted memory']/2**30,
+    made = {'scene': row['label'], 'unknowns': row.get('unknowns', ''), 'threads': row['threads'], 'predicted GiB': row['predicted memory']/2**30,
             'predicted s': row.get('predicted time', '')}
     if only:
         return made
@@ -235,7 +234,8 @@ def speed_up(rows):
         if row['threads'] == 1 or not single or 'unknowns' not in row:
             continue
         made.append({'scene': row['label'], 'threads': row['threads'], 'ratio': single[0]['wall']/row['wall'],
-                     **{phase: single[0][phase]/row[phase] for phase in PHASES if row.get(phase, 0) > 0.05 and phase in single[0]}})
+                     **{phase: single[0][phase]/row[phase] for phase in PHASES
+                        if row.get(phase, 0) > 0.05 and phase in single[0]}})
     return ['One thread over several, by phases of more than 0.05 s\n\n' + table(['scene', 'threads', 'ratio', *PHASES], made)] \
         if made else []
 
@@ -261,7 +261,7 @@ def main():
     parser.add_argument('--others', nargs='+', type=number, default=[1030000], help='unknowns of the other scenes (1.03M)')
     parser.add_argument('--threads', nargs='+', type=int, default=[2, 1])
     parser.add_argument('--repeat', type=int, default=1, help='the fastest of so many runs counts')
-    parser.add_argument('--solver', default='', help="more keys of &solver, such as \"response='multigrid'\"")
+    parser.add_argument('--solver', default='', help="keys of &solver, such as \"response='multigrid', tolerance=1e-6\"")
     parser.add_argument('--memory', type=float, default=math.inf,
                         help='GiB; scenes for which --check predicts more are left out')
     parser.add_argument('--check', action='store_true', help='--check only: nothing is solved')

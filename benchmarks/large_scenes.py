@@ -3,6 +3,7 @@
 scenes()[name](unknowns) gives a Scene. Scene.prepare(folder) lets gmsh write a binary mesh, once; Scene.case(solver) writes the
 namelist and gives its path.
 """
+import math
 import os
 import re
 import subprocess
@@ -46,10 +47,13 @@ class Scene:
         return speed_scenes.given(self.input, self.input + '.nml')
 
     def case(self, solver=''):
-        """The namelist with more keys of &solver."""
+        """The namelist with other keys of &solver, such as "response='multigrid', tolerance=1e-6"."""
         text = namelist.changed(self.text(), 'scene', {'mesh': self.label + '.msh'})
+        for key in re.findall(r'(\w+) *=', solver):
+            text = re.sub(r'(?m)^(&solver .*?)\b%s=[^ ,/]*,? *' % key, r'\1', text)
         if solver:
-            text = re.sub(r'(?m)^&solver (.*?) */$', lambda found: '&solver %s, %s /' % (found[1], solver), text)
+            text = re.sub(r'(?m)^&solver *(.*?),? */$', lambda found: '&solver %s%s /' % (
+                found[1] + ', ' if found[1] else '', solver), text)
         path = os.path.join(self.folder, 'case.nml')
         with open(path, 'w') as file:
             file.write(text)
@@ -79,7 +83,7 @@ def free_stack(unknowns):
 
 def bricks(unknowns):
     """Bricks of hexahedra and tetrahedra; the element size divides all lengths."""
-    k = max(2, round(2*(unknowns/41.4e3)**(1/3)))
+    k = max(2, math.ceil(2*(unknowns/41.4e3)**(1/3)))
     return Scene('bricks', unknowns, 'bricks', [('h = 15;', 'h = %r;' % (30/k)), ('H = 35;', 'H = %r;' % (70/k))])
 
 
@@ -90,7 +94,7 @@ def tunnel(unknowns):
 
 def bearing(unknowns):
     """Rings and rollers in plane strain."""
-    f = (unknowns/74.2e3)**0.5
+    f = (unknowns/61e3)**0.5
     return Scene('bearing', unknowns, 'bearing', [('h = b/4; ', 'h = b/%r; ' % (4*f)), ('H = r/3; ', 'H = r/%r; ' % (3*f))])
 
 
