@@ -41,7 +41,8 @@ module dotyk_response_multigrid_rows
     procedure :: subtract_force_low => rows_subtract_force_low
   end type multigrid_rows_t
 
-  !> Entries of B P that differ by less, relative to the largest of their row, differ by rounding.
+  !> Entries of B P that differ by less, relative to the largest of their row, differ by rounding, as do sums from zero,
+  !> relative to their terms.
   real(dp), parameter :: same_entry = 1.0e-12_dp
 
 contains
@@ -81,10 +82,27 @@ contains
       do i = 1, size(self%node)
         x(dim*(i - 1) + 1:dim*i) = grid%mode(dim*(self%node(i) - 1) + 1:dim*self%node(i), k)
       end do
-      call self%fine%multiply(x, self%mode(:, k))
+      call multiply_exactly(self%fine, x, self%mode(:, k))
     end do
     call smoother_compliance(grid, self)
   end subroutine rows_init
+
+  !> y = B x, zero where nothing but rounding is left.
+  pure subroutine multiply_exactly(matrix, x, y)
+    !> B.
+    type(sparse_rows_t), intent(in) :: matrix
+    !> A rigid body mode [].
+    real(dp), intent(in) :: x(:)
+    !> At the rows [].
+    real(dp), intent(out) :: y(:)
+    integer :: i
+    call matrix%multiply(x, y)
+    do i = 1, matrix%n_rows
+      associate (first => matrix%row_start(i), last => matrix%row_start(i + 1) - 1)
+        if (abs(y(i)) <= same_entry*sum(abs(matrix%value(first:last)*x(matrix%column(first:last))))) y(i) = 0
+      end associate
+    end do
+  end subroutine multiply_exactly
 
   !> B P K_c^+ P^T B^T.
   subroutine rows_form_compliance(self, grid)

@@ -77,6 +77,7 @@ module dotyk_scheme_body_grids
     procedure :: add_rows => grids_add_rows
     procedure :: add_modes => grids_add_modes
     procedure :: resultants => grids_resultants
+    procedure :: row_resultants => grids_row_resultants
     procedure :: row_compliance => grids_row_compliance
     procedure :: is_rigid_row => grids_is_rigid_row
   end type body_grids_t
@@ -319,6 +320,22 @@ contains
       end associate
     end do
   end function grids_resultants
+
+  !> G^T lambda, G = B R.
+  function grids_row_resultants(self, lambda) result(resultant)
+    class(body_grids_t), intent(in) :: self
+    !> Contact forces (n_rows) [force].
+    real(dp), intent(in) :: lambda(:)
+    !> On the rigid body modes (n_modes) [force].
+    real(dp), allocatable :: resultant(:)
+    integer :: b
+    allocate (resultant(self%first_mode(size(self%first_mode))))
+    do b = 1, size(self%body)
+      associate (own => self%body(b))
+        resultant(self%first_mode(b) + 1:self%first_mode(b + 1)) = matmul(lambda(own%row), own%rows%mode)
+      end associate
+    end do
+  end function grids_row_resultants
 
   !> Compliance of each row in the corner space, the diagonal of B P K_c^+ P^T B^T.
   pure function grids_row_compliance(self) result(compliance)

@@ -13,7 +13,6 @@ module dotyk_scheme_contact_multigrid
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, sp
   use dotyk_linalg_block_products, only: smoothing_step
-  use dotyk_linalg_fixed_sum, only: add_multiple, scalar_product
   use dotyk_scheme_active_rows, only: active_rows_t
   use dotyk_scheme_body_grids, only: body_grids_t, body_vector_t
   implicit none
@@ -225,20 +224,22 @@ contains
   end subroutine smooth
 
   !> x = P (K_c + ...)^{-1} P^T r: the correction of the corner space and the rigid body modes.
-  subroutine correct(self, r, x)
+  subroutine correct(self, r, e, x)
     !> The system.
     type(contact_multigrid_t), intent(in) :: self
     !> Residual (n) [force].
     real(sp), intent(in), contiguous :: r(:)
+    !> Its resultants on the rigid body modes, which single precision does not tell: contact can restrain a mode hardly
+    !> (n_modes) [force].
+    real(dp), intent(in) :: e(:)
     !> Displacements (n) [length].
     real(dp), intent(out), contiguous :: x(:)
     type(body_vector_t), allocatable :: coarse(:), own(:)
-    real(dp), allocatable :: lambda(:), e(:), alpha(:)
-    integer :: b, i, k, l
+    real(dp), allocatable :: lambda(:), alpha(:)
+    integer :: b, i, k
     allocate (coarse(size(self%body)), own(size(self%body)), lambda(self%n_rows))
-    allocate (e(self%first_mode(size(self%first_mode))))
     do i = 1, self%groups%n
-      !$omp parallel do default(none) shared(self, r, coarse, own, e, i) private(b, l) schedule(dynamic, 1) &
+      !$omp parallel do default(none) shared(self, r, coarse, own, i) private(b) schedule(dynamic, 1) &
       !$omp& if (self%groups%is_many(i))
       do k = self%groups%first(i), self%groups%first(i + 1) - 1
         b = self%groups%body(k)
@@ -246,9 +247,6 @@ contains
                    grid => self%grid(self%body(b)%representative)%p)
           allocate (coarse(b)%value(grid%corner_constraint%n_equations), own(b)%value(size(self%body(b)%row)))
           call grid%space%restrict(grid%constraint, grid%corner_constraint, 1.0_dp, r(first:last), coarse(b)%value)
-          do l = 1, size(grid%mode, 2)
-            e(self%first_mode(b) + l) = scalar_product(grid%n, grid%mode(:, l), real(r(first:last), dp))
-          end do
         end associate
       end do
       !$omp end parallel do
@@ -311,7 +309,7 @@ contains
     !> Displacements z, about (K + B^T W B)^{-1} r (n) [length].
     real(dp), intent(out), contiguous :: z(:)
     real(sp), allocatable :: b(:), x(:), rest(:)
-    real(dp), allocatable :: correction(:), moved(:)
+    real(dp), allocatable :: correction(:), moved(:), e(:)
     real(dp) :: size_of_r
     integer :: i, k, l
     size_of_r = maxval(abs(r))
@@ -328,9 +326,14 @@ contains
     !$omp end parallel do
     call smooth(self, b, x)
     call low_residual(self, b, x, .false., rest)
-    call correct(self, rest, correction)
+    e = self%resultants(r)/size_of_r
     if (size(self%active%row) > 0) then
       allocate (moved(self%n_rows))
+      call self%row_displacement_low(x, moved)
+      e = e - self%row_resultants(self%stiffness*moved)
+    end if
+    call correct(self, rest, e, correction)
+    if (size(self%active%row) > 0) then
       call self%row_displacement(correction, moved)
       call self%subtract_row_force_low(self%stiffness*moved, rest)
     end if
