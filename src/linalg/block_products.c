@@ -3,9 +3,9 @@
  * An entry of a matrix is high + low; high is a number in single precision whose upper and lower 16 bits are in two
  * arrays, so that smoothers read the upper ones alone. Each of the dim*dim entries of the blocks of a row has a sum of
  * its own, in the order of the blocks; in the end the sums of a row of a block are added. All versions of a loop do
- * these operations, without fused multiplication and addition (-ffp-contract=off): the digits are those of any processor.
- * Vectors are read from one entry before a node on, but for the first node: GCC 12 makes slow code of three entries.
- * Matrices have one block more than they need, which the loops may read. */
+ * these operations, without fused multiplication and addition (-ffp-contract=off): the digits are those of any
+ * processor. Vectors are read from one entry before a node on, but for the first node: GCC 12 makes slow code of three
+ * entries. Matrices have one block more than they need, which the loops may read. */
 #include <stddef.h>
 #include <stdint.h>
 #include <string.h>

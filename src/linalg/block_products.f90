@@ -221,12 +221,13 @@ contains
     integer :: i
     !$omp parallel do default(none) shared(dim, n, start, column, leading, trailing, x, r) schedule(static)
     do i = 1, n, rows_at_once
-      call dotyk_subtract_product_rows(dim, i, min(n, i + rows_at_once - 1), start, column, leading, trailing, x, r)
+      call dotyk_subtract_product_rows(dim, i, min(n, i + rows_at_once - 1), start, column, leading, trailing, &
+                                       x, r)
     end do
     !$omp end parallel do
   end subroutine subtract_product_rows
 
-  !> A step of a polynomial smoother: p := c p + d D^{-1} (b - A x), next = x + p, with the upper halves of A alone.
+  !> A step of a polynomial smoother: p := c p + d D^{-1} (b - A x), next = x + p, with upper halves of entries alone.
   subroutine smooth_rows(dim, n, start, column, leading, inverse, c, d, b, x, p, next)
     !> Order of the blocks, 2 or 3.
     integer, intent(in) :: dim
@@ -253,9 +254,11 @@ contains
     !> Next iterate (dim, n) [as x].
     real(sp), intent(out) :: next(dim, n)
     integer :: i
-    !$omp parallel do default(none) shared(dim, n, start, column, leading, inverse, c, d, b, x, p, next) schedule(static)
+    !$omp parallel do default(none) shared(dim, n, start, column, leading, inverse, c, d, b, x, p, next) &
+    !$omp& schedule(static)
     do i = 1, n, rows_at_once
-      call dotyk_smooth_rows(dim, i, min(n, i + rows_at_once - 1), start, column, leading, inverse, c, d, b, x, p, next)
+      call dotyk_smooth_rows(dim, i, min(n, i + rows_at_once - 1), start, column, leading, inverse, c, d, b, x, p, &
+                             next)
     end do
     !$omp end parallel do
   end subroutine smooth_rows

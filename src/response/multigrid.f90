@@ -21,6 +21,8 @@ module dotyk_response_multigrid
   use dotyk_linalg_chebyshev, only: chebyshev_t
   use dotyk_linalg_conjugate_gradient, only: cg_outcome_t, conjugate_gradient, preconditioned_system_t
   use dotyk_linalg_fixed_sum, only: remove_components
+  use dotyk_linalg_ordered_solve, only: ordered_solve_t
+  use dotyk_response_mode_projection, only: remove_modes
   use dotyk_response_direct, only: direct_response_t
   use dotyk_response_stiffness_factor, only: factorization_report_t
   implicit none
@@ -41,6 +43,8 @@ module dotyk_response_multigrid
     type(constraint_t) :: corner_constraint
     !> Compliance operator of the corner space.
     type(direct_response_t) :: coarse
+    !> Its solves in a cycle.
+    type(ordered_solve_t), private :: coarse_solve
     !> Rigid body modes over the unknowns of the system, orthonormal (n, n_modes) [].
     real(dp), allocatable :: mode(:, :)
     !> Between `assemble` and `factorize`: both levels.
@@ -56,12 +60,16 @@ module dotyk_response_multigrid
     procedure :: make_smoother => multigrid_make_smoother
     procedure :: multiply => multigrid_multiply
     procedure :: precondition => multigrid_precondition
+    procedure :: solve_coarse => multigrid_solve_coarse
     procedure :: to_system => multigrid_to_system
     procedure :: to_equations => multigrid_to_equations
     procedure :: solve => multigrid_solve
     procedure :: bytes => multigrid_bytes
     procedure :: destroy => multigrid_destroy
   end type multigrid_t
+
+  !> Entries of a factor that threads share in a solve: some ms; CHOLMOD solves with smaller ones.
+  integer(int64), parameter :: least_shared = 1000000
 
 contains
 
@@ -177,6 +185,7 @@ contains
     !> Allocated where a diagonal block is not positive definite.
     type(error_t), allocatable, intent(out) :: error
     logical :: regular
+    if (self%coarse%factor%factor_entries > least_shared) call self%coarse_solve%init(self%coarse%factor)
     call self%fine%prepare(regular)
     if (regular) return
     !$omp critical (message)
@@ -236,7 +245,7 @@ contains
     call self%fine%smooth(b, x)
     call self%fine%rows%residual(b, x, rest)
     call self%space%restrict(self%constraint, self%corner_constraint, self%fine%rows%scale, rest, coarse)
-    call self%coarse%solve(coarse)
+    call self%solve_coarse(coarse)
     call self%space%prolong(self%constraint, self%corner_constraint, coarse, correction)
     call self%fine%rows%subtract_product(correction, rest)
     call self%fine%smooth(rest, b)
@@ -247,6 +256,20 @@ contains
     !$omp end parallel do
     call remove_components(self%n, self%mode, z)
   end subroutine multigrid_precondition
+
+  !> x := K_c^+ x, about, by all threads.
+  subroutine multigrid_solve_coarse(self, x)
+    class(multigrid_t), intent(in) :: self
+    !> Forces on the corners in, displacements out (corner_constraint%n_equations) [force], [length].
+    real(dp), intent(inout) :: x(:)
+    if (self%coarse_solve%n == 0) then
+      call self%coarse%solve(x)
+      return
+    end if
+    call remove_modes(self%coarse%mode, x)
+    call self%coarse_solve%solve(x)
+    call remove_modes(self%coarse%mode, x)
+  end subroutine multigrid_solve_coarse
 
   !> A vector over the equations of the body as one of the system.
   subroutine multigrid_to_system(self, x, y)
@@ -329,6 +352,7 @@ contains
     class(multigrid_t), intent(inout) :: self
     call self%fine%destroy()
     call self%coarse%destroy()
+    call self%coarse_solve%destroy()
     if (allocated(self%mode)) deallocate (self%mode)
     if (allocated(self%levels)) deallocate (self%levels)
     self%n = 0

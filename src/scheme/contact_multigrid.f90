@@ -255,7 +255,7 @@ contains
     !$omp& if (self%solves%is_many(1))
     do k = 1, size(self%body)
       b = self%solves%body(k)
-      call self%grid(self%body(b)%representative)%p%coarse%solve(coarse(b)%value)
+      call self%grid(self%body(b)%representative)%p%solve_coarse(coarse(b)%value)
       call self%body(b)%rows%corner%multiply(coarse(b)%value, own(b)%value)
     end do
     !$omp end parallel do
@@ -297,7 +297,7 @@ contains
     real(dp), intent(inout) :: x(:)
     real(dp) :: pushed(size(x))
     call self%body(b)%rows%corner%multiply_transposed(lambda(self%body(b)%row), pushed)
-    call self%grid(self%body(b)%representative)%p%coarse%solve(pushed)
+    call self%grid(self%body(b)%representative)%p%solve_coarse(pushed)
     x(:) = x - pushed
   end subroutine subtract_pushed
 

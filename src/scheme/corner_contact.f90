@@ -178,7 +178,7 @@ contains
                                  real(f(first:last)/size_of_f, sp), coarse(b)%value)
         call own%rows%corner%multiply_transposed(lambda(own%row), pushed)
         coarse(b)%value = coarse(b)%value - pushed
-        call grid%coarse%solve(coarse(b)%value)
+        call grid%solve_coarse(coarse(b)%value)
         deallocate (pushed)
       end associate
     end do
