@@ -79,6 +79,8 @@ module dotyk_scheme_proximal_active_set
   real(dp), parameter :: least_gain = 0.7_dp
   !> Rows without free unknowns that penetrate by less, relative to the largest gap, touch.
   real(dp), parameter :: rounding = 1.0e-12_dp
+  !> Residuals that are smaller, relative to the forces that balance, are rounding.
+  real(dp), parameter :: no_residual = 1.0e-9_dp
   !> Iterations of one linear system at most.
   integer, parameter :: most_iterations = 200
   !> Fractions of its multiples tell sets of rows apart.
@@ -143,7 +145,7 @@ contains
       outcome%cg_steps = outcome%cg_steps + cg%steps
       outcome%cycles = outcome%cycles + cg%steps + 1
       outcome%residual = cg%reduction*cg%first_norm
-      if (.not. outcome%residual <= huge(norm)) then
+      if (.not. outcome%residual <= huge(norm) .or. is_indefinite(cg%first_norm, r, load)) then
         outcome%ended = ended_diverged
         exit
       end if
@@ -179,6 +181,18 @@ contains
       end if
     end do
   end subroutine solve_proximal
+
+  !> Whether a residual has no norm: the preconditioner is not positive, by rounding, and no zero is a small one.
+  pure logical function is_indefinite(first_norm, r, load)
+    !> Its norm [sqrt(energy)].
+    real(dp), intent(in) :: first_norm
+    !> The residual (n) [force].
+    real(dp), intent(in) :: r(:)
+    !> Loads (n) [force].
+    real(dp), intent(in) :: load(:)
+    is_indefinite = .not. first_norm > 0
+    if (is_indefinite) is_indefinite = maxval(abs(r)) > no_residual*max(maxval(abs(load)), maxval(abs(load - r)))
+  end function is_indefinite
 
   !> Whether an active set has come again, and what to do about it.
   subroutine look_for_cycles(system, weight, theta, gap, m, tolerance, new, now, n_cycles)
