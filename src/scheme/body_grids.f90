@@ -64,7 +64,7 @@ module dotyk_scheme_body_grids
     integer, allocatable :: first_mode(:)
     !> Bodies that are worked on side by side, by their unknowns.
     type(body_groups_t) :: groups
-    !> The same by the entries of their factors, all in one group: solves in the corner space.
+    !> The same by the entries of their factors: solves in the corner space.
     type(body_groups_t) :: solves
   contains
     procedure :: init => grids_init
@@ -82,6 +82,8 @@ module dotyk_scheme_body_grids
     procedure :: is_rigid_row => grids_is_rigid_row
   end type body_grids_t
 
+  !> Entries of a factor whose solves threads share, see `multigrid_t`.
+  real(dp), parameter :: shared_solve = 1.0e6_dp
   !> Rows from which on threads are worth their start in a product with B.
   integer, parameter :: worth_threads = 1000
 
@@ -98,6 +100,7 @@ contains
     type(grid_pointer_t), intent(in) :: grid(:)
     !> With representatives and maps; not allocated on return (n_bodies).
     type(grid_body_t), allocatable, intent(inout) :: body(:)
+    real(dp), allocatable :: entries(:)
     integer :: b, i, k
     self%grid = grid
     call move_alloc(body, self%body)
@@ -115,8 +118,8 @@ contains
     end do
     self%n = self%first(size(self%body) + 1)
     call self%groups%init(real(self%first(2:) - self%first(:size(self%body)), dp), omp_get_max_threads())
-    call self%solves%init([(real(self%grid(self%body(b)%representative)%p%coarse%factor%factor_entries, dp), &
-                            b=1, size(self%body))], 1)
+    entries = [(real(self%grid(self%body(b)%representative)%p%coarse%factor%factor_entries, dp), b=1, size(self%body))]
+    call self%solves%init(entries, merge(omp_get_max_threads(), 1, maxval(entries) > shared_solve))
     do i = 1, self%groups%n
       !$omp parallel do default(none) shared(self, block, i) private(b) schedule(dynamic, 1) &
       !$omp& if (self%groups%is_many(i))

@@ -251,25 +251,29 @@ contains
       end do
       !$omp end parallel do
     end do
-    !$omp parallel do default(none) shared(self, coarse, own) private(b) schedule(dynamic, 1) &
-    !$omp& if (self%solves%is_many(1))
-    do k = 1, size(self%body)
-      b = self%solves%body(k)
-      call self%grid(self%body(b)%representative)%p%solve_coarse(coarse(b)%value)
-      call self%body(b)%rows%corner%multiply(coarse(b)%value, own(b)%value)
+    do i = 1, self%solves%n
+      !$omp parallel do default(none) shared(self, coarse, own, i) private(b) schedule(dynamic, 1) &
+      !$omp& if (self%solves%is_many(i))
+      do k = self%solves%first(i), self%solves%first(i + 1) - 1
+        b = self%solves%body(k)
+        call self%grid(self%body(b)%representative)%p%solve_coarse(coarse(b)%value)
+        call self%body(b)%rows%corner%multiply(coarse(b)%value, own(b)%value)
+      end do
+      !$omp end parallel do
     end do
-    !$omp end parallel do
     call self%add_rows(own, lambda)
     ! (W^{-1} + C) lambda - G alpha = B x,  G^T lambda = e.
     allocate (alpha(size(e)))
     call self%active%solve_corner(lambda, e, alpha)
-    !$omp parallel do default(none) shared(self, coarse, lambda) private(b) schedule(dynamic, 1) &
-    !$omp& if (self%solves%is_many(1))
-    do k = 1, size(self%body)
-      b = self%solves%body(k)
-      if (any(abs(lambda(self%body(b)%row)) > 0)) call subtract_pushed(self, b, lambda, coarse(b)%value)
+    do i = 1, self%solves%n
+      !$omp parallel do default(none) shared(self, coarse, lambda, i) private(b) schedule(dynamic, 1) &
+      !$omp& if (self%solves%is_many(i))
+      do k = self%solves%first(i), self%solves%first(i + 1) - 1
+        b = self%solves%body(k)
+        if (any(abs(lambda(self%body(b)%row)) > 0)) call subtract_pushed(self, b, lambda, coarse(b)%value)
+      end do
+      !$omp end parallel do
     end do
-    !$omp end parallel do
     do i = 1, self%groups%n
       !$omp parallel do default(none) shared(self, x, coarse, i) private(b) schedule(dynamic, 1) &
       !$omp& if (self%groups%is_many(i))

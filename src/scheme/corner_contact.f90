@@ -164,24 +164,26 @@ contains
     type(body_vector_t), allocatable, intent(out) :: coarse(:)
     real(dp), allocatable :: pushed(:)
     real(dp) :: size_of_f
-    integer :: b, k
+    integer :: b, i, k
     allocate (coarse(size(self%body)))
-    !$omp parallel do default(none) shared(self, f, lambda, coarse) private(b, size_of_f, pushed) &
-    !$omp& schedule(dynamic, 1) if (self%solves%is_many(1))
-    do k = 1, size(self%body)
-      b = self%solves%body(k)
-      associate (first => self%first(b) + 1, last => self%first(b + 1), &
-                 grid => self%grid(self%body(b)%representative)%p, own => self%body(b))
-        size_of_f = max(maxval(abs(f(first:last))), tiny(size_of_f))
-        allocate (coarse(b)%value(grid%corner_constraint%n_equations), pushed(grid%corner_constraint%n_equations))
-        call grid%space%restrict(grid%constraint, grid%corner_constraint, size_of_f, &
-                                 real(f(first:last)/size_of_f, sp), coarse(b)%value)
-        call own%rows%corner%multiply_transposed(lambda(own%row), pushed)
-        coarse(b)%value = coarse(b)%value - pushed
-        call grid%solve_coarse(coarse(b)%value)
-        deallocate (pushed)
-      end associate
+    do i = 1, self%solves%n
+      !$omp parallel do default(none) shared(self, f, lambda, coarse, i) private(b, size_of_f, pushed) &
+      !$omp& schedule(dynamic, 1) if (self%solves%is_many(i))
+      do k = self%solves%first(i), self%solves%first(i + 1) - 1
+        b = self%solves%body(k)
+        associate (first => self%first(b) + 1, last => self%first(b + 1), &
+                   grid => self%grid(self%body(b)%representative)%p, own => self%body(b))
+          size_of_f = max(maxval(abs(f(first:last))), tiny(size_of_f))
+          allocate (coarse(b)%value(grid%corner_constraint%n_equations), pushed(grid%corner_constraint%n_equations))
+          call grid%space%restrict(grid%constraint, grid%corner_constraint, size_of_f, &
+                                   real(f(first:last)/size_of_f, sp), coarse(b)%value)
+          call own%rows%corner%multiply_transposed(lambda(own%row), pushed)
+          coarse(b)%value = coarse(b)%value - pushed
+          call grid%solve_coarse(coarse(b)%value)
+          deallocate (pushed)
+        end associate
+      end do
+      !$omp end parallel do
     end do
-    !$omp end parallel do
   end subroutine solve_corners
 end module dotyk_scheme_corner_contact
