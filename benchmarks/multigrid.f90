@@ -2,11 +2,15 @@
 !> where p-multigrid works:
 !>
 !>     benchmark_multigrid size CELLS [KIND [direct]]
+!>     benchmark_multigrid aggregation CELLS [KIND]
+!>     benchmark_multigrid linear CELLS [KIND]
 !>     benchmark_multigrid table [CELLS]
 !>
 !> `size`: a cube of CELLS cells along each edge, of KIND tet10 (six in a cell), hex20 or hex27, with irregular inner
 !> corners, held at the bottom, loaded on top. A STREAM triad, bandwidth of the products, memory, time and iterations;
-!> with `direct` also the factor of the whole, and the difference of the two solutions. `table`: iterations against
+!> with `direct` also the factor of the whole, and the difference of the two solutions. `aggregation`: the same block with
+!> smoothed aggregation on the corner space in place of its factor. `linear`: a block of tet4 or hex8 by smoothed
+!> aggregation alone. `table`: iterations against
 !> Poisson's ratio, shapes of elements and bodies, and materials; upper end of the smoother's interval, least Ritz value
 !> of the preconditioned stiffness, condition of the corner space, and the margin of the upper end. The reduction of the
 !> residual is 1e-8 in the norm of the preconditioner. Threads: OMP_NUM_THREADS.
@@ -22,12 +26,14 @@ program multigrid
   use dotyk_linalg_blas, only: set_blas_threads
   use dotyk_linalg_block_products, only: smooth_rows
   use dotyk_linalg_conjugate_gradient, only: cg_outcome_t
-  use dotyk_mesh_element, only: element_hex20, element_hex27, element_tet10
+  use dotyk_mesh_element, only: element_hex20, element_hex27, element_hex8, element_tet10, element_tet4
   use dotyk_response_direct, only: direct_response_t
   use dotyk_response_multigrid, only: multigrid_t
   use dotyk_response_stiffness_factor, only: factorization_report_t
   use element_products, only: measure_elements
+  use multigrid_aggregation, only: measure_aggregation, measure_linear
   use multigrid_blocks, only: make_block, move_corners
+  use multigrid_clock, only: memory_of, read_clock, reset_peak, start_clock
   use multigrid_table, only: write_table
   implicit none
 
@@ -38,10 +44,15 @@ program multigrid
   select case (argument(1))
   case ('size')
     call measure_size(integer_argument(2, 10), kind_of(argument(3)), argument(4) == 'direct')
+  case ('aggregation')
+    call measure_aggregation(integer_argument(2, 10), kind_of(argument(3)), tolerance)
+  case ('linear')
+    call measure_linear(integer_argument(2, 10), merge(element_hex8, element_tet4, argument(3) == 'hex8'), tolerance)
   case ('table')
     call write_table(integer_argument(2, 10))
   case default
-    write (*, '(a)') 'usage: benchmark_multigrid size CELLS [KIND [direct]] | table [CELLS]'
+    write (*, '(a)') 'usage: benchmark_multigrid size CELLS [KIND [direct]] | aggregation CELLS [KIND] | '// &
+      'linear CELLS [KIND] | table [CELLS]'
     stop 2, quiet=.true.
   end select
 
@@ -285,54 +296,4 @@ contains
     bandwidth = 24.0e-9_dp*n/best
     if (a(n) < 0) bandwidth = 0
   end function stream_triad
-
-  !> Start the clocks.
-  subroutine start_clock(start, begun)
-    !> Wall-clock time [s].
-    real(dp), intent(out) :: start
-    !> Processor time [s].
-    real(dp), intent(out) :: begun
-    call cpu_time(begun)
-    start = wall_time()
-  end subroutine start_clock
-
-  !> Write the time since the start.
-  subroutine read_clock(name, start, begun)
-    !> What was measured.
-    character(*), intent(in) :: name
-    !> Wall-clock time at the start [s].
-    real(dp), intent(in) :: start
-    !> Processor time at the start [s].
-    real(dp), intent(in) :: begun
-    real(dp) :: now
-    character(24) :: label
-    label = name
-    call cpu_time(now)
-    write (*, '(a, f0.2, a, f0.2, a)') label//' ', wall_time() - start, ' s wall, ', now - begun, ' s processor'
-  end subroutine read_clock
-
-  !> Reset the peak of the resident memory.
-  subroutine reset_peak()
-    integer :: unit, status
-    open (newunit=unit, file='/proc/self/clear_refs', action='write', status='old', iostat=status)
-    if (status /= 0) return
-    write (unit, '(i0)') 5
-    close (unit)
-  end subroutine reset_peak
-
-  !> A figure of /proc/self/status [bytes].
-  integer(int64) function memory_of(name) result(bytes)
-    !> With its colon.
-    character(*), intent(in) :: name
-    character(200) :: line
-    integer :: unit, status
-    bytes = 0
-    open (newunit=unit, file='/proc/self/status', action='read', status='old', iostat=status)
-    do while (status == 0)
-      read (unit, '(a)', iostat=status) line
-      if (status == 0 .and. index(line, name) == 1) read (line(len(name) + 1:index(line, 'kB') - 1), *) bytes
-    end do
-    close (unit)
-    bytes = 1024*bytes
-  end function memory_of
 end program multigrid

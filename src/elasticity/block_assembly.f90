@@ -35,6 +35,8 @@ module dotyk_elasticity_block_assembly
     type(block_positions_t) :: positions
     !> P^T K P over the free equations of the corners [force/length].
     type(sparse_symmetric_t) :: matrix
+    !> The same by block rows, in place of `positions` and `matrix` where it has a pattern [force/length].
+    type(block_rows_t) :: rows
   end type corner_matrix_t
 
 contains
@@ -110,6 +112,12 @@ contains
     end do
     call rows%hold(constraint%equation == held)
     call rows%pack()
+    if (present(coarse)) then
+      if (allocated(coarse%rows%column)) then
+        call coarse%rows%hold(coarse%constraint%equation == held)
+        call coarse%rows%pack()
+      end if
+    end if
     volume = sum(element_volume)
     mean_modulus_factor = sum(element_integral)/volume
   end subroutine assemble_block_rows
@@ -244,14 +252,38 @@ contains
         if (any(frame_of > 0)) call rotate_blocks(n, dim, size(axes, 3), frame_of, axes, k)
         call contract(n, nc, dim, size(weight), node, corner, weight, k, corner_k)
         if (any(frame_of > 0)) call rotate_blocks(nc, dim, size(axes, 3), frame_of, constraint%frame, corner_k)
-        call scatter(nc, dim, space%n, space%number(points%node(:nc)), corner_k, part, corner_owner, &
-                     coarse%constraint%equation, coarse%positions%n_free, coarse%positions%first, &
-                     coarse%positions%neighbour, coarse%positions%offset, coarse%matrix%column_start, &
-                     coarse%matrix%value)
+        call add_corner_element(nc, dim, space%number(points%node(:nc)), part, corner_owner, corner_k, coarse)
       end do
     end associate
     call points%destroy()
   end subroutine assemble_part
+
+  !> Add an element matrix to the coarse matrix.
+  subroutine add_corner_element(nc, dim, corner, part, owner, k, coarse)
+    !> Number of corners of the element.
+    integer, intent(in) :: nc
+    !> Number of displacement components.
+    integer, intent(in) :: dim
+    !> Its corners (nc).
+    integer, intent(in) :: corner(nc)
+    !> Index of the part.
+    integer, intent(in) :: part
+    !> Part that owns each corner (n_corners).
+    integer, intent(in) :: owner(:)
+    !> Element matrix in nodal axes; rows and columns of held components are changed ((nc*dim)**2) [force/length].
+    real(dp), intent(inout) :: k(:)
+    !> Gets it.
+    type(corner_matrix_t), intent(inout) :: coarse
+    if (allocated(coarse%rows%column)) then
+      call clear_held(nc, dim, coarse%constraint%equation(:, corner), k)
+      call add_blocks(nc, dim, coarse%rows%n, corner, k, part, owner, coarse%rows%start, coarse%rows%column, &
+                      coarse%rows%scale, coarse%rows%high, coarse%rows%low)
+    else
+      call scatter(nc, dim, size(owner), corner, k, part, owner, coarse%constraint%equation, coarse%positions%n_free, &
+                   coarse%positions%first, coarse%positions%neighbour, coarse%positions%offset, &
+                   coarse%matrix%column_start, coarse%matrix%value)
+    end if
+  end subroutine add_corner_element
 
   !> Stiffness of the current element, in global axes.
   subroutine element_stiffness(points, material, fast, k)

@@ -2,7 +2,7 @@
 !> with the Galerkin matrix of the corner space.
 module dotyk_elasticity_two_levels
   use dotyk_base_error, only: error_t, exit_not_solvable, set_error
-  use dotyk_base_kinds, only: dp
+  use dotyk_base_kinds, only: dp, int64
   use dotyk_base_options, only: analysis_plane_stress
   use dotyk_elasticity_block_assembly, only: assemble_block_rows, corner_matrix_t, typical_stiffness
   use dotyk_elasticity_body, only: body_t, stiffness_t
@@ -28,8 +28,11 @@ module dotyk_elasticity_two_levels
     type(corner_space_t) :: space
     !> The body of linear elements on the corners: mesh, supports at rest, no loads.
     type(body_t) :: corner_body
-    !> Galerkin matrix P^T K P over its equations, with the graph of the corners [force/length].
+    !> Galerkin matrix P^T K P over its equations, with the graph of the corners; a large one is in `corner_rows`
+    !> [force/length].
     type(stiffness_t) :: corner_stiffness
+    !> Galerkin matrix of a large corner space by block rows; held components have the unit diagonal [force/length].
+    type(block_rows_t) :: corner_rows
     !> Volume [volume].
     real(dp) :: volume = 0
     !> Mean of the modulus field over the volume [].
@@ -37,6 +40,7 @@ module dotyk_elasticity_two_levels
   contains
     procedure :: assemble => two_levels_assemble
     procedure :: assemble_rows => two_levels_assemble_rows
+    procedure :: corner_bytes => two_levels_corner_bytes
   end type two_levels_t
 
   !> Why a body cannot, or should not, be solved by p-multigrid.
@@ -67,16 +71,18 @@ contains
   end function multigrid_obstacle
 
   !> Assemble both levels.
-  subroutine two_levels_assemble(self, body, error)
+  subroutine two_levels_assemble(self, body, error, large)
     class(two_levels_t), intent(out) :: self
     !> The body; it need not be assembled.
     type(body_t), intent(in) :: body
     !> Allocated where an element is inverted, the modulus field is not positive, or the elements do not conform.
     type(error_t), allocatable, intent(out) :: error
+    !> Corner spaces of more equations are assembled by block rows; none if absent.
+    integer, intent(in), optional :: large
     type(body_mesh_t) :: mesh
     type(corner_matrix_t) :: corner_matrix
     integer, allocatable :: order(:)
-    logical :: conforming
+    logical :: conforming, by_rows
     call order_nodes(body%mesh, body%constraint, mesh, self%constraint, order)
     call self%space%init(mesh, conforming)
     if (.not. conforming) then
@@ -88,15 +94,24 @@ contains
     end if
     call make_corner_body(body, self%space, mesh, self%constraint, self%corner_body)
     corner_matrix%constraint = self%corner_body%constraint
-    call node_graph(self%corner_body%mesh, self%corner_stiffness%graph_start, self%corner_stiffness%graph_neighbour)
-    call build_pattern(body%dimension, corner_matrix%constraint%equation, self%corner_stiffness%graph_start, &
-                       self%corner_stiffness%graph_neighbour, corner_matrix%positions, corner_matrix%matrix)
     call make_pattern(body, mesh, self%rows, error)
     if (allocated(error)) return
+    by_rows = .false.
+    if (present(large)) by_rows = self%corner_body%constraint%n_equations > large
+    call node_graph(self%corner_body%mesh, self%corner_stiffness%graph_start, self%corner_stiffness%graph_neighbour)
+    if (by_rows) then
+      call corner_matrix%rows%init(body%dimension, self%corner_stiffness%graph_start, &
+                                   self%corner_stiffness%graph_neighbour, self%rows%scale)
+      call self%corner_stiffness%forget_graph()
+    else
+      call build_pattern(body%dimension, corner_matrix%constraint%equation, self%corner_stiffness%graph_start, &
+                         self%corner_stiffness%graph_neighbour, corner_matrix%positions, corner_matrix%matrix)
+    end if
     call assemble_block_rows(mesh, body%analysis, body%material, self%constraint, self%space, self%rows, &
                              self%volume, self%mean_modulus_factor, error, corner_matrix)
     if (allocated(error)) return
     call move_matrix(corner_matrix%matrix, self%corner_stiffness%matrix)
+    call corner_matrix%rows%move_to(self%corner_rows)
     self%corner_body%volume = self%volume
     self%corner_body%mean_modulus_factor = self%mean_modulus_factor
   end subroutine two_levels_assemble
@@ -117,6 +132,12 @@ contains
     call assemble_block_rows(mesh, body%analysis, body%material, self%constraint, self%space, self%rows, &
                              self%volume, self%mean_modulus_factor, error)
   end subroutine two_levels_assemble_rows
+
+  !> Memory of the matrix of the corner space [bytes].
+  pure integer(int64) function two_levels_corner_bytes(self) result(bytes)
+    class(two_levels_t), intent(in) :: self
+    bytes = self%corner_stiffness%matrix%bytes() + self%corner_rows%bytes()
+  end function two_levels_corner_bytes
 
   !> Block rows of zeros.
   subroutine make_pattern(body, mesh, rows, error)

@@ -44,6 +44,8 @@ module dotyk_linalg_block_rows
     procedure :: subtract_product => block_rows_subtract_product
     procedure :: invert_diagonal => block_rows_invert_diagonal
     procedure :: get_diagonal => block_rows_get_diagonal
+    procedure :: get_block => block_rows_get_block
+    procedure :: move_to => block_rows_move_to
     procedure :: bytes => block_rows_bytes
     procedure :: destroy => block_rows_destroy
   end type block_rows_t
@@ -320,6 +322,16 @@ contains
     end do
   end subroutine block_rows_get_diagonal
 
+  !> A block of A/scale.
+  pure subroutine block_rows_get_block(self, k, block)
+    class(block_rows_t), intent(in) :: self
+    !> Its number.
+    integer(int64), intent(in) :: k
+    !> (dim, dim) [].
+    real(dp), intent(out) :: block(self%dim, self%dim)
+    block = reshape(joined(self%leading(:, k), self%trailing(:, k)) + real(self%low(:, k), dp), [self%dim, self%dim])
+  end subroutine block_rows_get_block
+
   !> Inverse of one positive definite block, by Gauss-Jordan elimination.
   pure subroutine invert_block(dim, high, low, inverse, positive)
     !> Order of the block.
@@ -350,6 +362,23 @@ contains
     end do
     inverse = real(a, sp)
   end subroutine invert_block
+
+  !> Hand the arrays over to another matrix.
+  subroutine block_rows_move_to(self, other)
+    class(block_rows_t), intent(inout) :: self
+    !> Becomes this matrix; what it had is freed.
+    class(block_rows_t), intent(inout) :: other
+    other%dim = self%dim
+    other%n = self%n
+    other%scale = self%scale
+    call move_alloc(self%start, other%start)
+    call move_alloc(self%column, other%column)
+    call move_alloc(self%high, other%high)
+    call move_alloc(self%leading, other%leading)
+    call move_alloc(self%trailing, other%trailing)
+    call move_alloc(self%low, other%low)
+    self%n = 0
+  end subroutine block_rows_move_to
 
   !> Memory of the arrays [bytes].
   pure integer(int64) function block_rows_bytes(self) result(bytes)

@@ -3,7 +3,7 @@
 !> Built in two steps, because a driver runs them for many bodies with different shares of the machine: `analyze`
 !> (fill-reducing order and symbolic factorization; fill and operations are known then) and `factorize`.
 !>
-!> A body with rigid body modes R is factorized with springs on a few unknowns (`dotyk_response_regularization`), K_s;
+!> A body with rigid body modes R is factorized with springs on a few unknowns (`dotyk_linalg_springs`), K_s;
 !> then `K^+ = P K_s^{-1} P`, `P = I - R R^T`.
 module dotyk_response_direct
   use dotyk_base_error, only: error_t
@@ -14,8 +14,8 @@ module dotyk_response_direct
   use dotyk_linalg_cholesky, only: cholesky_t
   use dotyk_linalg_ordering, only: expand_permutation
   use dotyk_linalg_sparse, only: sparse_rows_t
+  use dotyk_linalg_springs, only: choose_fixing_equations
   use dotyk_response_mode_projection, only: remove_modes
-  use dotyk_response_regularization, only: choose_fixing_equations
   use dotyk_response_response, only: response_t, substituted_rows_t
   use dotyk_response_stiffness_factor, only: factorization_report_t, factorize_stiffness
   use dotyk_response_substitution, only: substitution_t

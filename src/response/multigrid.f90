@@ -5,7 +5,8 @@
 !> (`dotyk_elasticity_corner_space`), whose Galerkin matrix is factorized, and smooths again: symmetric, hence a
 !> preconditioner for conjugate gradients. Smoothing is in single precision; the correction of the corner space is large
 !> where the displacement is nearly rigid, and stays in double precision. Memory and time of a solve are linear in the
-!> unknowns, but for the factor of the corner space: 1/8 of the unknowns of tet10.
+!> unknowns, but for the factor of the corner space: 1/8 of the unknowns of tet10. A large corner space has cycles of
+!> smoothed aggregation in its place (`dotyk_linalg_smoothed_aggregation`): all is linear then.
 !>
 !> A body with rigid body modes R: P = I - R R^T after the cycle, and the Moore-Penrose inverse of the corner space
 !> (`dotyk_response_direct`). Residuals are in the range of P, as the right-hand side is.
@@ -17,13 +18,13 @@ module dotyk_response_multigrid
   use dotyk_elasticity_constraint, only: constraint_t
   use dotyk_elasticity_corner_space, only: corner_space_t
   use dotyk_elasticity_two_levels, only: two_levels_t
-  use dotyk_linalg_block_rows, only: block_rows_t
   use dotyk_linalg_chebyshev, only: chebyshev_t
   use dotyk_linalg_conjugate_gradient, only: cg_outcome_t, conjugate_gradient, preconditioned_system_t
   use dotyk_linalg_fixed_sum, only: remove_components
   use dotyk_linalg_ordered_solve, only: ordered_solve_t
-  use dotyk_response_mode_projection, only: remove_modes
+  use dotyk_response_aggregated_corners, only: aggregated_corners_t
   use dotyk_response_direct, only: direct_response_t
+  use dotyk_response_mode_projection, only: remove_modes
   use dotyk_response_stiffness_factor, only: factorization_report_t
   implicit none
   private
@@ -45,6 +46,12 @@ module dotyk_response_multigrid
     type(direct_response_t) :: coarse
     !> Its solves in a cycle.
     type(ordered_solve_t), private :: coarse_solve
+    !> Corner spaces of more equations are not factorized.
+    integer :: largest_factor = 300000
+    !> Whether `aggregated` takes the place of `coarse`.
+    logical :: is_aggregated = .false.
+    !> Smoothed aggregation on a large corner space.
+    type(aggregated_corners_t) :: aggregated
     !> Rigid body modes over the unknowns of the system, orthonormal (n, n_modes) [].
     real(dp), allocatable :: mode(:, :)
     !> Between `assemble` and `factorize`: both levels.
@@ -58,6 +65,8 @@ module dotyk_response_multigrid
     procedure, private :: take_rows => multigrid_take_rows
     procedure, private :: take_modes => multigrid_take_modes
     procedure :: make_smoother => multigrid_make_smoother
+    procedure :: corner_entries => multigrid_corner_entries
+    procedure :: prepare_rows => multigrid_prepare_rows
     procedure :: multiply => multigrid_multiply
     procedure :: precondition => multigrid_precondition
     procedure :: solve_coarse => multigrid_solve_coarse
@@ -99,8 +108,10 @@ contains
     type(error_t), allocatable, intent(out) :: error
     call self%destroy()
     allocate (self%levels)
-    call self%levels%assemble(body, error)
-    if (.not. allocated(error)) self%corner_constraint = self%levels%corner_body%constraint
+    call self%levels%assemble(body, error, self%largest_factor)
+    if (allocated(error)) return
+    self%corner_constraint = self%levels%corner_body%constraint
+    self%is_aggregated = allocated(self%levels%corner_rows%column)
   end subroutine multigrid_assemble
 
   !> Order and analyse the factorization of the corner space: the memory of its factor is known then.
@@ -115,6 +126,7 @@ contains
     type(body_modes_t) :: corner_modes
     call self%take_rows()
     call self%take_modes(body, modes)
+    if (self%is_aggregated) return
     associate (levels => self%levels)
       call corner_modes%find(levels%corner_body)
       call self%coarse%analyze(levels%corner_body, corner_modes, levels%corner_stiffness, error)
@@ -123,15 +135,19 @@ contains
     if (allocated(error)) call add_context(error, 'multigrid, corner space: ')
   end subroutine multigrid_analyze
 
-  !> Factorize the corner space.
+  !> Factorize the corner space, or make the levels of smoothed aggregation: the report is empty then.
   subroutine multigrid_factorize(self, report, error)
     class(multigrid_t), intent(inout) :: self
     !> Condition of the corner space.
     type(factorization_report_t), intent(out) :: report
     !> Allocated where the stiffness is not positive definite, memory runs out, or an interrupt came.
     type(error_t), allocatable, intent(out) :: error
-    call self%coarse%factorize(self%levels%corner_body, self%levels%corner_stiffness, .false., report, error)
-    if (allocated(error)) call add_context(error, 'multigrid, corner space: ')
+    if (self%is_aggregated) then
+      call self%aggregated%init(self%levels, error)
+    else
+      call self%coarse%factorize(self%levels%corner_body, self%levels%corner_stiffness, .false., report, error)
+      if (allocated(error)) call add_context(error, 'multigrid, corner space: ')
+    end if
     deallocate (self%levels)
   end subroutine multigrid_factorize
 
@@ -160,7 +176,7 @@ contains
     self%constraint = self%levels%constraint
     self%space = self%levels%space
     self%n = size(self%constraint%equation)
-    call move_rows(self%levels%rows, self%fine%rows)
+    call self%levels%rows%move_to(self%fine%rows)
   end subroutine multigrid_take_rows
 
   !> Take the rigid body modes.
@@ -193,21 +209,21 @@ contains
     !$omp end critical (message)
   end subroutine multigrid_make_smoother
 
-  !> Move block rows, without a copy in memory.
-  subroutine move_rows(from, to)
-    !> The matrix; without arrays on return.
-    type(block_rows_t), intent(inout) :: from
-    !> Gets its arrays.
-    type(block_rows_t), intent(inout) :: to
-    to%dim = from%dim
-    to%n = from%n
-    to%scale = from%scale
-    call move_alloc(from%start, to%start)
-    call move_alloc(from%column, to%column)
-    call move_alloc(from%leading, to%leading)
-    call move_alloc(from%trailing, to%trailing)
-    call move_alloc(from%low, to%low)
-  end subroutine move_rows
+  !> Entries of the factor of the corner space, or of the levels in its place, that a solve reads.
+  pure real(dp) function multigrid_corner_entries(self) result(entries)
+    class(multigrid_t), intent(in) :: self
+    if (self%is_aggregated) then
+      entries = self%aggregated%bytes()/8.0_dp
+    else
+      entries = real(self%coarse%factor%factor_entries, dp)
+    end if
+  end function multigrid_corner_entries
+
+  !> Make the corner space ready for compliances of contact rows.
+  subroutine multigrid_prepare_rows(self)
+    class(multigrid_t), intent(inout) :: self
+    if (.not. self%is_aggregated) call self%coarse%prepare_substitution()
+  end subroutine multigrid_prepare_rows
 
   !> y = K x.
   subroutine multigrid_multiply(self, x, y)
@@ -257,12 +273,15 @@ contains
     call remove_components(self%n, self%mode, z)
   end subroutine multigrid_precondition
 
-  !> x := K_c^+ x, about, by all threads.
+  !> x := K_c^+ x, about, by all threads: by the factor, or by cycles of smoothed aggregation.
   subroutine multigrid_solve_coarse(self, x)
     class(multigrid_t), intent(in) :: self
     !> Forces on the corners in, displacements out (corner_constraint%n_equations) [force], [length].
     real(dp), intent(inout) :: x(:)
-    if (self%coarse_solve%n == 0) then
+    if (self%is_aggregated) then
+      call self%aggregated%solve(x)
+      return
+    else if (self%coarse_solve%n == 0) then
       call self%coarse%solve(x)
       return
     end if
@@ -343,7 +362,7 @@ contains
   !> Memory of the matrices, the factor and the modes [bytes].
   pure integer(int64) function multigrid_bytes(self) result(bytes)
     class(multigrid_t), intent(in) :: self
-    bytes = self%fine%bytes() + self%coarse%factor%factor_bytes
+    bytes = self%fine%bytes() + self%coarse%factor%factor_bytes + self%aggregated%bytes()
     if (allocated(self%mode)) bytes = bytes + 8*size(self%mode, kind=int64)
   end function multigrid_bytes
 
@@ -353,6 +372,8 @@ contains
     call self%fine%destroy()
     call self%coarse%destroy()
     call self%coarse_solve%destroy()
+    call self%aggregated%destroy()
+    self%is_aggregated = .false.
     if (allocated(self%mode)) deallocate (self%mode)
     if (allocated(self%levels)) deallocate (self%levels)
     self%n = 0

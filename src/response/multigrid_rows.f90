@@ -110,7 +110,11 @@ contains
     !> The p-multigrid of the body, its coarse level ready for forward substitutions (`prepare_substitution`) if there
     !> are rows.
     type(multigrid_t), intent(in) :: grid
-    call form_corner_compliance(grid%coarse, self%corner, self%compliance)
+    if (grid%is_aggregated) then
+      call aggregated_compliance(grid, self)
+    else
+      call form_corner_compliance(grid%coarse, self%corner, self%compliance)
+    end if
   end subroutine rows_form_compliance
 
   !> Whether these are the rows of another body with the same p-multigrid: their compliances are one matrix.
@@ -272,6 +276,25 @@ contains
       x(dim*(i - 1) + 1:dim*i) = scale*matmul(real(grid%fine%inverse(:, :, node(i)), dp), x(dim*(i - 1) + 1:dim*i))
     end do
   end subroutine apply_diagonal
+
+  !> B P M P^T B^T with the cycles M of smoothed aggregation in place of K_c^+, row by row.
+  subroutine aggregated_compliance(grid, self)
+    !> The p-multigrid.
+    type(multigrid_t), intent(in) :: grid
+    !> The rows; gets the matrix.
+    type(multigrid_rows_t), intent(inout) :: self
+    real(dp), allocatable :: x(:), e(:)
+    integer :: i
+    allocate (self%compliance(self%n, self%n), x(grid%corner_constraint%n_equations), e(self%n))
+    do i = 1, self%n
+      e = 0
+      e(i) = 1
+      call self%corner%multiply_transposed(e, x)
+      call grid%solve_coarse(x)
+      call self%corner%multiply(x, self%compliance(:, i))
+    end do
+    self%compliance = (self%compliance + transpose(self%compliance))/2
+  end subroutine aggregated_compliance
 
   !> y := y + B x.
   subroutine rows_add_displacement(self, dim, x, y)

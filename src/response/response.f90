@@ -2,7 +2,7 @@
 !>
 !> It is the inverse of the stiffness K or, where the supports leave rigid body modes R, its Moore-Penrose inverse
 !> `K^+ = P K_s^{-1} P`, `P = I - R R^T`, with K_s the stiffness regularized by springs
-!> (`dotyk_response_regularization`). Restricted to the contact nodes (`dotyk_response_contact_map`) it is the
+!> (`dotyk_linalg_springs`). Restricted to the contact nodes (`dotyk_response_contact_map`) it is the
 !> Neumann-to-Dirichlet map (inverse Steklov-Poincare operator) that the schemes ask for. Congruent bodies share one
 !> operator: equations and modes over them are the same.
 module dotyk_response_response

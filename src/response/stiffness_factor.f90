@@ -12,8 +12,9 @@ module dotyk_response_stiffness_factor
   use dotyk_elasticity_conditioning_diagnosis, only: diagnose_conditioning
   use dotyk_linalg_cholesky, only: cholesky_t
   use dotyk_linalg_condition, only: scaled_norm, smallest_eigenpairs
+  use dotyk_linalg_springs, only: add_springs, choose_fixing_equations
   use dotyk_response_near_null_modes, only: count_near_null, find_near_null
-  use dotyk_response_regularization, only: add_springs, choose_fixing_equations, is_mechanism
+  use dotyk_response_regularization, only: is_mechanism
   implicit none
   private
 

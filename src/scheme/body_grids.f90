@@ -118,7 +118,7 @@ contains
     end do
     self%n = self%first(size(self%body) + 1)
     call self%groups%init(real(self%first(2:) - self%first(:size(self%body)), dp), omp_get_max_threads())
-    entries = [(real(self%grid(self%body(b)%representative)%p%coarse%factor%factor_entries, dp), b=1, size(self%body))]
+    entries = [(self%grid(self%body(b)%representative)%p%corner_entries(), b=1, size(self%body))]
     call self%solves%init(entries, merge(omp_get_max_threads(), 1, maxval(entries) > shared_solve))
     do i = 1, self%groups%n
       !$omp parallel do default(none) shared(self, block, i) private(b) schedule(dynamic, 1) &
@@ -145,7 +145,7 @@ contains
         self%body(b)%owner = c
         exit
       end do
-      if (self%body(b)%rows%n > 0) call self%grid(self%body(b)%representative)%p%coarse%prepare_substitution()
+      if (self%body(b)%rows%n > 0) call self%grid(self%body(b)%representative)%p%prepare_rows()
     end do
     do i = 1, self%groups%n
       !$omp parallel do default(none) shared(self, i) private(b) schedule(dynamic, 1) if (self%groups%is_many(i))

@@ -50,6 +50,8 @@ module test_multigrid_scene
     logical :: are_congruent = .false.
     !> Displacements are those by contact and rigid body motions, as in the primal scheme, not all.
     logical :: by_contact = .false.
+    !> Whether corner spaces have smoothed aggregation in place of factors.
+    logical :: is_aggregated = .false.
   end type scene_settings_t
 
   !> A scene.
@@ -207,6 +209,10 @@ contains
         if (settings%are_congruent .and. b < size(body)) body(b)%representative = 1
         if (body(b)%representative == b) then
           allocate (self%grid(b)%p)
+          if (settings%is_aggregated) then
+            self%grid(b)%p%largest_factor = 0
+            self%grid(b)%p%aggregated%levels%most_last = 40
+          end if
           call self%grid(b)%p%init(problem%body(b), problem%modes(b), report, error)
           if (allocated(error)) error stop 'multigrid scene: p-multigrid'
         end if

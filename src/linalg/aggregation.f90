@@ -1,0 +1,209 @@
+!> Aggregates of the nodes of a block matrix: the coarse nodes of smoothed aggregation (P. Vanek, J. Mandel and M.
+!> Brezina, Computing 56, 1996, section 4).
+!>
+!> Nodes i and j are strongly coupled where |A_ij|^2 > threshold^2 |A_ii| |A_jj|, in Frobenius norms of the blocks of
+!> nodes. A node whose strong neighbours belong to no aggregate yet makes one with them; the nodes left over join the
+!> aggregate that they are coupled to most strongly. Nodes are visited in their order, so that aggregates do not depend
+!> on the number of threads, and along a space-filling curve they are compact.
+module dotyk_linalg_aggregation
+  use dotyk_base_kinds, only: dp, int64, sp
+  use dotyk_linalg_block_rows, only: block_rows_t
+  implicit none
+  private
+  public :: find_aggregates
+
+contains
+
+  !> Find the aggregates.
+  subroutine find_aggregates(rows, part, threshold, aggregate, n)
+    !> The matrix; a node has `part` block rows, one after the other.
+    type(block_rows_t), intent(in) :: rows
+    !> Block rows of a node.
+    integer, intent(in) :: part
+    !> Least relative coupling of strong neighbours; 0: all that are coupled at all [].
+    real(dp), intent(in) :: threshold
+    !> Aggregate of each node, from 1; 0 for nodes that are coupled to none (n_nodes).
+    integer, allocatable, intent(out) :: aggregate(:)
+    !> Number of aggregates.
+    integer, intent(out) :: n
+    integer, allocatable :: start(:), neighbour(:)
+    real(sp), allocatable :: coupling(:)
+    allocate (aggregate(rows%n/part), source=0)
+    call node_couplings(rows, part, start, neighbour, coupling)
+    n = 0
+    call make_whole(start, neighbour, coupling, real(threshold**2, sp), aggregate, n)
+    call join_strongest(start, neighbour, coupling, aggregate)
+    call make_of_rest(start, neighbour, coupling, aggregate, n)
+  end subroutine find_aggregates
+
+  !> The graph of the nodes, with relative couplings |A_ij|^2/(|A_ii| |A_jj|).
+  subroutine node_couplings(rows, part, start, neighbour, coupling)
+    !> The matrix.
+    type(block_rows_t), intent(in) :: rows
+    !> Block rows of a node.
+    integer, intent(in) :: part
+    !> First neighbour of each node (n_nodes + 1).
+    integer, allocatable, intent(out) :: start(:)
+    !> Neighbours of the nodes, ascending (start(n_nodes + 1) - 1).
+    integer, allocatable, intent(out) :: neighbour(:)
+    !> Relative coupling to each neighbour (start(n_nodes + 1) - 1) [].
+    real(sp), allocatable, intent(out) :: coupling(:)
+    real(sp), allocatable :: own(:)
+    integer :: i, n
+    n = rows%n/part
+    allocate (start(n + 1), own(n))
+    start(1) = 1
+    do i = 1, n
+      ! A node's block rows all have its `part` diagonal blocks and those of its neighbours.
+      start(i + 1) = start(i) + int(rows%start(part*(i - 1) + 2) - rows%start(part*(i - 1) + 1))/part - 1
+    end do
+    allocate (neighbour(start(n + 1) - 1), coupling(start(n + 1) - 1))
+    !$omp parallel do default(none) shared(rows, part, start, neighbour, coupling, own, n) schedule(static)
+    do i = 1, n
+      call couplings_of_node(rows, part, i, neighbour(start(i):start(i + 1) - 1), &
+                             coupling(start(i):start(i + 1) - 1), own(i))
+    end do
+    !$omp end parallel do
+    !$omp parallel do default(none) shared(start, neighbour, coupling, own, n) schedule(static)
+    do i = 1, n
+      call divide(own, own(i), neighbour(start(i):start(i + 1) - 1), coupling(start(i):start(i + 1) - 1))
+    end do
+    !$omp end parallel do
+  end subroutine node_couplings
+
+  !> Squared norms of the blocks of a node.
+  pure subroutine couplings_of_node(rows, part, i, neighbour, square, own)
+    !> The matrix.
+    type(block_rows_t), intent(in) :: rows
+    !> Block rows of a node.
+    integer, intent(in) :: part
+    !> The node.
+    integer, intent(in) :: i
+    !> Its neighbours, ascending (n).
+    integer, intent(out) :: neighbour(:)
+    !> |A_ij|^2 (n) [].
+    real(sp), intent(out) :: square(:)
+    !> |A_ii| [].
+    real(sp), intent(out) :: own
+    real(dp) :: block(rows%dim, rows%dim)
+    integer(int64) :: k
+    integer :: r, j, last, n
+    own = 0
+    square = 0
+    do r = part*(i - 1) + 1, part*i
+      n = 0
+      last = 0
+      do k = rows%start(r), rows%start(r + 1) - 1
+        j = (rows%column(k) - 1)/part + 1
+        call rows%get_block(k, block)
+        if (j == i) then
+          own = own + real(sum(block**2), sp)
+          cycle
+        end if
+        if (j /= last) n = n + 1
+        last = j
+        neighbour(n) = j
+        square(n) = square(n) + real(sum(block**2), sp)
+      end do
+    end do
+    own = sqrt(own)
+  end subroutine couplings_of_node
+
+  !> Divide the couplings by the norms of the diagonal blocks.
+  pure subroutine divide(norm, own, neighbour, coupling)
+    !> |A_ii| of all nodes (n_nodes) [].
+    real(sp), intent(in) :: norm(:)
+    !> That of the node [].
+    real(sp), intent(in) :: own
+    !> Its neighbours (n).
+    integer, intent(in) :: neighbour(:)
+    !> |A_ij|^2 in, the same over |A_ii| |A_jj| out (n) [].
+    real(sp), intent(inout) :: coupling(:)
+    integer :: k
+    do k = 1, size(neighbour)
+      if (coupling(k) > 0) coupling(k) = coupling(k)/(own*norm(neighbour(k)))
+    end do
+  end subroutine divide
+
+  !> Aggregates of a node with all its strong neighbours, where these are free.
+  pure subroutine make_whole(start, neighbour, coupling, least, aggregate, n)
+    !> First neighbour of each node (n_nodes + 1).
+    integer, intent(in) :: start(:)
+    !> Neighbours of the nodes.
+    integer, intent(in) :: neighbour(:)
+    !> Relative couplings [].
+    real(sp), intent(in) :: coupling(:)
+    !> Strong couplings are above it [].
+    real(sp), intent(in) :: least
+    !> Aggregate of each node, 0 for none (n_nodes).
+    integer, intent(inout) :: aggregate(:)
+    !> Number of aggregates.
+    integer, intent(inout) :: n
+    integer :: i, k
+    logical :: is_free
+    do i = 1, size(aggregate)
+      is_free = aggregate(i) == 0
+      do k = start(i), start(i + 1) - 1
+        if (.not. is_free) exit
+        if (coupling(k) > least) is_free = aggregate(neighbour(k)) == 0
+      end do
+      if (.not. is_free) cycle
+      ! A node without any strong neighbour joins others later.
+      if (.not. any(coupling(start(i):start(i + 1) - 1) > least)) cycle
+      n = n + 1
+      aggregate(i) = n
+      do k = start(i), start(i + 1) - 1
+        if (coupling(k) > least) aggregate(neighbour(k)) = n
+      end do
+    end do
+  end subroutine make_whole
+
+  !> Each node left over joins the aggregate of the neighbour that it is coupled to most strongly.
+  pure subroutine join_strongest(start, neighbour, coupling, aggregate)
+    !> First neighbour of each node (n_nodes + 1).
+    integer, intent(in) :: start(:)
+    !> Neighbours of the nodes.
+    integer, intent(in) :: neighbour(:)
+    !> Relative couplings [].
+    real(sp), intent(in) :: coupling(:)
+    !> Aggregate of each node, 0 for none (n_nodes).
+    integer, intent(inout) :: aggregate(:)
+    integer, allocatable :: chosen(:)
+    integer :: i, k
+    real(sp) :: most
+    allocate (chosen, source=aggregate)
+    do i = 1, size(aggregate)
+      if (aggregate(i) > 0) cycle
+      most = 0
+      do k = start(i), start(i + 1) - 1
+        if (aggregate(neighbour(k)) == 0 .or. .not. coupling(k) > most) cycle
+        most = coupling(k)
+        chosen(i) = aggregate(neighbour(k))
+      end do
+    end do
+    aggregate = chosen
+  end subroutine join_strongest
+
+  !> Aggregates of nodes that are coupled to each other only, and weakly.
+  pure subroutine make_of_rest(start, neighbour, coupling, aggregate, n)
+    !> First neighbour of each node (n_nodes + 1).
+    integer, intent(in) :: start(:)
+    !> Neighbours of the nodes.
+    integer, intent(in) :: neighbour(:)
+    !> Relative couplings [].
+    real(sp), intent(in) :: coupling(:)
+    !> Aggregate of each node, 0 for none (n_nodes).
+    integer, intent(inout) :: aggregate(:)
+    !> Number of aggregates.
+    integer, intent(inout) :: n
+    integer :: i, k
+    do i = 1, size(aggregate)
+      if (aggregate(i) > 0 .or. .not. any(coupling(start(i):start(i + 1) - 1) > 0)) cycle
+      n = n + 1
+      aggregate(i) = n
+      do k = start(i), start(i + 1) - 1
+        if (coupling(k) > 0 .and. aggregate(neighbour(k)) == 0) aggregate(neighbour(k)) = n
+      end do
+    end do
+  end subroutine make_of_rest
+end module dotyk_linalg_aggregation

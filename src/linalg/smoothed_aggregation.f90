@@ -1,0 +1,323 @@
+!> Algebraic multigrid by smoothed aggregation (P. Vanek, J. Mandel and M. Brezina, Computing 56, 1996; P. Vanek, M.
+!> Brezina and J. Mandel, Numer. Math. 88, 2001) for sparse positive semidefinite matrices of 2x2 or 3x3 blocks: a
+!> preconditioner whose memory and time are linear in the unknowns.
+!>
+!> Each level has aggregates of the nodes of the one above (`dotyk_linalg_aggregation`); an aggregate has one coarse
+!> unknown for each near-null-space vector: the rigid body modes of an elastic body. The prolongator
+!> (`dotyk_linalg_block_prolongator`) reproduces them, and the coarse matrix is the Galerkin matrix
+!> (`dotyk_linalg_galerkin_product`), in 3x3 blocks. The last level is factorized (`dotyk_linalg_block_factor`).
+!>
+!> A cycle smooths by Chebyshev's iteration (`dotyk_linalg_chebyshev`), corrects by the next level, and smooths again:
+!> linear up to the rounding of single precision, symmetric, and positive definite but for null vectors. Smoothing is in
+!> single precision; corrections are large where the solution is nearly rigid, and stay in double precision. The digits
+!> are the same on any number of threads.
+module dotyk_linalg_smoothed_aggregation
+  use dotyk_base_error, only: add_context, error_t, exit_not_solvable, set_error
+  use dotyk_base_kinds, only: dp, int64, sp
+  use dotyk_linalg_aggregate_basis, only: carry_to_coarse, list_members, make_bases
+  use dotyk_linalg_aggregation, only: find_aggregates
+  use dotyk_linalg_block_factor, only: block_factor_t
+  use dotyk_linalg_block_prolongator, only: block_prolongator_t
+  use dotyk_linalg_block_rows, only: block_rows_t
+  use dotyk_linalg_chebyshev, only: chebyshev_t
+  use dotyk_linalg_conjugate_gradient, only: preconditioned_system_t
+  use dotyk_linalg_fixed_sum, only: remove_components
+  use dotyk_linalg_galerkin_product, only: galerkin_product
+  implicit none
+  private
+
+  !> A level above the last one.
+  type, public :: aggregation_level_t
+    !> Its matrix with the smoother.
+    type(chebyshev_t) :: smoother
+    !> Aggregate of each node, 0 for none (n_nodes).
+    integer, allocatable :: aggregate(:)
+    !> Interpolation from the next level.
+    type(block_prolongator_t) :: prolongator
+  end type aggregation_level_t
+
+  !> The levels. As a system for conjugate gradients, the matrix of the first level with one cycle as preconditioner.
+  !> It owns a factor: never assign one to another, and call `destroy` at the end.
+  type, extends(preconditioned_system_t), public :: smoothed_aggregation_t
+    !> Number of unknowns.
+    integer :: n = 0
+    !> Levels from the finest one on, without the last one.
+    type(aggregation_level_t), allocatable :: level(:)
+    !> The last level.
+    type(block_factor_t) :: last
+    !> Unknowns of the last level.
+    integer :: n_last = 0
+    !> Scale of the matrices of all levels [matrix].
+    real(dp) :: scale = 1
+    !> Orthonormal null vectors of the first level (n, n_modes) [].
+    real(dp), allocatable :: mode(:, :)
+    !> Couplings below this are weak on the first level [].
+    real(dp) :: threshold = 0
+    !> Couplings below this are weak on other levels, whose nodes are coupled to forty others, most of them hardly: 30
+    !> iterations in place of 37 with all (`benchmark_multigrid linear 48`) [].
+    real(dp) :: coarse_threshold = 0.05_dp
+    !> Greatest number of unknowns of the last level.
+    integer :: most_last = 6000
+    !> Degree of the smoother.
+    integer :: degree = 3
+    !> Ratio of the ends of its interval.
+    real(dp) :: ratio = 10
+  contains
+    procedure :: init => aggregation_init
+    procedure :: cycle => aggregation_cycle
+    procedure :: multiply => aggregation_multiply
+    procedure :: precondition => aggregation_precondition
+    procedure :: bytes => aggregation_bytes
+    procedure :: complexity => aggregation_complexity
+    procedure :: destroy => aggregation_destroy
+  end type smoothed_aggregation_t
+
+  !> Greatest number of levels; a level has a tenth of the unknowns of the one above, or less.
+  integer, parameter :: most_levels = 20
+  !> A level that is not smaller than the one above by this factor is the last one.
+  real(dp), parameter :: least_coarsening = 0.7_dp
+  !> Factor of the prolongator's step over the greatest eigenvalue of D^{-1} A: least energy in the upper part
+  !> of the spectrum (Vanek, Mandel, Brezina 1996).
+  real(dp), parameter :: prolongator_step = 4.0_dp/3
+
+contains
+
+  !> Make the levels. The components for settings are read, the others are set.
+  subroutine aggregation_init(self, rows, near_null, mode, error)
+    class(smoothed_aggregation_t), intent(inout) :: self
+    !> The matrix; its arrays are taken over.
+    type(block_rows_t), intent(inout) :: rows
+    !> Vectors that the matrix maps to little, 3 or 6, zero along held unknowns, or along unknowns whose near-null-space
+    !> vectors are not known (n, n_vectors) [any].
+    real(dp), intent(in), contiguous :: near_null(:, :)
+    !> Orthonormal null vectors of the matrix, all in the span of `near_null` on each of its connected parts
+    !> (n, n_modes) [].
+    real(dp), intent(in) :: mode(:, :)
+    !> Allocated where the matrix is not positive definite beside its null vectors, or memory runs out.
+    type(error_t), allocatable, intent(out) :: error
+    type(aggregation_level_t), allocatable :: found(:)
+    type(block_rows_t) :: current, coarse
+    real(dp), allocatable :: vector(:, :), vanishing(:, :)
+    real(dp) :: threshold
+    integer :: n, part
+    call self%destroy()
+    self%n = rows%dim*rows%n
+    self%scale = rows%scale
+    self%mode = mode
+    allocate (found(most_levels))
+    vector = near_null
+    vanishing = mode
+    call rows%move_to(current)
+    n = 0
+    part = 1
+    threshold = self%threshold
+    do while ((n == 0 .or. current%dim*current%n > self%most_last) .and. n < most_levels)
+      n = n + 1
+      call current%move_to(found(n)%smoother%rows)
+      call make_level(self, part, threshold, vector, vanishing, found(n), coarse, error)
+      if (allocated(error)) return
+      call coarse%move_to(current)
+      part = size(near_null, 2)/3
+      threshold = self%coarse_threshold
+      if (current%dim*current%n > least_coarsening*size(found(n)%smoother%inverse, 3)*found(n)%smoother%rows%dim) exit
+    end do
+    allocate (self%level(n))
+    call move_levels(found(:n), self%level)
+    self%n_last = current%dim*current%n
+    call self%last%init(current, vanishing, error)
+    if (allocated(error)) call add_context(error, 'smoothed aggregation: ')
+  end subroutine aggregation_init
+
+  !> Hand levels over, without a copy in memory.
+  subroutine move_levels(from, to)
+    !> The levels; without arrays on return.
+    type(aggregation_level_t), intent(inout) :: from(:)
+    !> Get their arrays (size(from)).
+    type(aggregation_level_t), intent(inout) :: to(:)
+    integer :: l
+    do l = 1, size(from)
+      to(l)%smoother%degree = from(l)%smoother%degree
+      to(l)%smoother%ratio = from(l)%smoother%ratio
+      to(l)%smoother%greatest = from(l)%smoother%greatest
+      call from(l)%smoother%rows%move_to(to(l)%smoother%rows)
+      call move_alloc(from(l)%smoother%inverse, to(l)%smoother%inverse)
+      call move_alloc(from(l)%aggregate, to(l)%aggregate)
+      call from(l)%prolongator%move_to(to(l)%prolongator)
+    end do
+  end subroutine move_levels
+
+  !> One level, and the matrix of the next one.
+  subroutine make_level(self, part, threshold, vector, mode, level, coarse, error)
+    !> Settings of the smoothers.
+    type(smoothed_aggregation_t), intent(in) :: self
+    !> Block rows of a node.
+    integer, intent(in) :: part
+    !> Couplings below this are weak [].
+    real(dp), intent(in) :: threshold
+    !> Near-null-space vectors; of the next level on return (n, n_vectors) [any].
+    real(dp), allocatable, intent(inout) :: vector(:, :)
+    !> Null vectors; of the next level on return (n, n_modes) [].
+    real(dp), allocatable, intent(inout) :: mode(:, :)
+    !> Has its matrix; gets the rest.
+    type(aggregation_level_t), intent(inout) :: level
+    !> Matrix of the next level.
+    type(block_rows_t), intent(inout) :: coarse
+    !> Allocated where a diagonal block is not positive definite.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp), allocatable :: basis(:, :, :), next_vector(:, :, :), next_mode(:, :)
+    logical, allocatable :: missing(:, :)
+    integer, allocatable :: first(:), member(:)
+    integer :: k, m, n_coarse, length
+    logical :: regular
+    level%smoother%degree = self%degree
+    level%smoother%ratio = self%ratio
+    call level%smoother%prepare(regular)
+    if (.not. regular) then
+      !$omp critical (message)
+      call set_error(error, 'smoothed aggregation: a diagonal block is not positive definite', exit_not_solvable)
+      !$omp end critical (message)
+      return
+    end if
+    associate (rows => level%smoother%rows)
+      m = size(vector, 2)
+      length = part*rows%dim
+      call find_aggregates(rows, part, threshold, level%aggregate, n_coarse)
+      call list_members(level%aggregate, n_coarse, first, member)
+      allocate (basis(m, length, rows%n/part), next_vector(m, n_coarse, m), missing(m, n_coarse), &
+                next_mode(m*n_coarse, size(mode, 2)))
+      call make_bases(m, length, first, member, reshape(vector, [length, rows%n/part, m]), basis, next_vector, missing)
+      do k = 1, size(mode, 2)
+        call carry_to_coarse(m, length, first, member, basis, mode(:, k), next_mode(:, k))
+      end do
+      call level%prolongator%init(rows, part, level%aggregate, n_coarse, basis, level%smoother%inverse, &
+                                  prolongator_step/level%smoother%greatest)
+      deallocate (basis)
+      call galerkin_product(rows, level%prolongator, missing, coarse)
+    end associate
+    vector = reshape(next_vector, [m*n_coarse, m])
+    call move_alloc(next_mode, mode)
+  end subroutine make_level
+
+  !> One cycle: x about A^+ b.
+  subroutine aggregation_cycle(self, b, x)
+    class(smoothed_aggregation_t), intent(in) :: self
+    !> Right-hand side (n) [matrix times x].
+    real(dp), intent(in), contiguous :: b(:)
+    !> The solution, approximately (n) [any].
+    real(dp), intent(out), contiguous :: x(:)
+    real(sp), allocatable :: low(:)
+    real(dp) :: size_of_b
+    integer :: i
+    ! The same projection on both sides, so that the cycle is symmetric for any b.
+    x = b
+    call remove_components(self%n, self%mode, x)
+    size_of_b = maxval(abs(x))
+    ! Zero or NaN.
+    if (.not. size_of_b > 0) return
+    allocate (low(self%n))
+    !$omp parallel do default(none) shared(self, x, low, size_of_b) schedule(static)
+    do i = 1, self%n
+      low(i) = real(x(i)/size_of_b, sp)
+    end do
+    !$omp end parallel do
+    call descend(self, 1, low, x)
+    !$omp parallel do default(none) shared(self, x, size_of_b) schedule(static)
+    do i = 1, self%n
+      x(i) = size_of_b/self%scale*x(i)
+    end do
+    !$omp end parallel do
+    call remove_components(self%n, self%mode, x)
+  end subroutine aggregation_cycle
+
+  !> The cycle from one level down, for A/scale.
+  recursive subroutine descend(self, l, b, x)
+    !> The levels.
+    type(smoothed_aggregation_t), intent(in) :: self
+    !> The level.
+    integer, intent(in) :: l
+    !> Right-hand side; changed (n) [any].
+    real(sp), intent(inout), contiguous :: b(:)
+    !> The solution, approximately (n) [as b].
+    real(dp), intent(out), contiguous :: x(:)
+    real(sp), allocatable :: before(:), rest(:), coarse_b(:)
+    real(dp), allocatable :: coarse_x(:)
+    integer :: i, n
+    if (l > size(self%level)) then
+      x = b
+      call self%last%solve(x)
+      return
+    end if
+    n = size(b)
+    associate (level => self%level(l))
+      allocate (before(n), rest(n))
+      allocate (coarse_b(level%prolongator%m*level%prolongator%n_coarse))
+      allocate (coarse_x(size(coarse_b)))
+      call level%smoother%smooth(b, before)
+      call level%smoother%rows%residual(b, before, rest)
+      call level%prolongator%restrict(rest, coarse_b)
+      call descend(self, l + 1, coarse_b, coarse_x)
+      call level%prolongator%prolong(coarse_x, x)
+      call level%smoother%rows%subtract_product(x, rest)
+      call level%smoother%smooth(rest, b)
+    end associate
+    !$omp parallel do default(none) shared(n, x, before, b) schedule(static)
+    do i = 1, n
+      x(i) = x(i) + (real(before(i), dp) + b(i))
+    end do
+    !$omp end parallel do
+  end subroutine descend
+
+  !> y = A x.
+  subroutine aggregation_multiply(self, x, y)
+    class(smoothed_aggregation_t), intent(in) :: self
+    !> Vector x (n) [any].
+    real(dp), intent(in), contiguous :: x(:)
+    !> Product y (n) [A times x].
+    real(dp), intent(out), contiguous :: y(:)
+    call self%level(1)%smoother%multiply(x, y)
+  end subroutine aggregation_multiply
+
+  !> One cycle.
+  subroutine aggregation_precondition(self, r, z)
+    class(smoothed_aggregation_t), intent(in) :: self
+    !> Residual r (n) [A times x].
+    real(dp), intent(in), contiguous :: r(:)
+    !> About A^+ r (n) [as x].
+    real(dp), intent(out), contiguous :: z(:)
+    call self%cycle(r, z)
+  end subroutine aggregation_precondition
+
+  !> Memory of the levels and the factor [bytes].
+  pure integer(int64) function aggregation_bytes(self) result(bytes)
+    class(smoothed_aggregation_t), intent(in) :: self
+    integer :: l
+    bytes = self%last%factor%factor_bytes
+    if (allocated(self%mode)) bytes = bytes + 8*size(self%mode, kind=int64)
+    if (.not. allocated(self%level)) return
+    do l = 1, size(self%level)
+      bytes = bytes + self%level(l)%smoother%bytes() + self%level(l)%prolongator%bytes() + &
+              4*size(self%level(l)%aggregate, kind=int64)
+    end do
+  end function aggregation_bytes
+
+  !> Operator complexity: blocks of all levels but the last one over those of the first one [].
+  pure real(dp) function aggregation_complexity(self) result(complexity)
+    class(smoothed_aggregation_t), intent(in) :: self
+    integer :: l
+    complexity = 1
+    if (.not. allocated(self%level)) return
+    do l = 2, size(self%level)
+      complexity = complexity + real(size(self%level(l)%smoother%rows%column, kind=int64), dp)/ &
+                   size(self%level(1)%smoother%rows%column, kind=int64)
+    end do
+  end function aggregation_complexity
+
+  !> Free the memory.
+  subroutine aggregation_destroy(self)
+    class(smoothed_aggregation_t), intent(inout) :: self
+    call self%last%destroy()
+    if (allocated(self%level)) deallocate (self%level)
+    if (allocated(self%mode)) deallocate (self%mode)
+    self%n = 0
+  end subroutine aggregation_destroy
+end module dotyk_linalg_smoothed_aggregation
