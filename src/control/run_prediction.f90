@@ -47,10 +47,12 @@ module dotyk_control_run_prediction
 contains
 
   !> Predict.
-  subroutine run_prediction_init(self, n_unknowns, size_of, used, elapsed, speed)
+  subroutine run_prediction_init(self, n_unknowns, n_rows, size_of, used, elapsed, speed)
     class(run_prediction_t), intent(out) :: self
     !> Unknowns of the bodies (n_bodies).
     integer, intent(in) :: n_unknowns(:)
+    !> Contact rows of the bodies (n_bodies).
+    integer, intent(in) :: n_rows(:)
     !> Sizes of the factors; without bytes for all but one of congruent bodies (n_bodies).
     type(factor_size_t), intent(in) :: size_of(:)
     !> Memory in use, all assembled and analysed [bytes].
@@ -79,6 +81,8 @@ contains
       end if
       ! A solve reads the factor of the class twice.
       if (by_rows) then
+        ! The compliance of the rows in the corner spaces.
+        self%memory = self%memory + 8*real(n_rows(b), dp)**2
         bytes = bytes + cycles*2*8*real(size_of(b)%class_entries, dp)
         if (size_of(b)%form == form_multigrid) bytes = bytes + cycles*traffic*n
       else

@@ -22,10 +22,12 @@ contains
     type(memory_t) :: memory
     type(machine_speed_t) :: speed
     type(run_prediction_t) :: prediction
+    integer :: b
     memory = memory_now()
     call set_blas_threads(1)
     call speed%measure()
-    call prediction%init(scene%problem%body%constraint%n_equations, scene%size_of, memory%used, &
+    call prediction%init(scene%problem%body%constraint%n_equations, &
+                         [(size(scene%operator%block(b)%row), b=1, size(scene%size_of))], scene%size_of, memory%used, &
                          monitor%watch%since_start(), speed)
     call show_prediction(monitor%log, scene%size_of, prediction)
   end subroutine predict_run
