@@ -3,8 +3,9 @@
 module dotyk_linalg_dense_cholesky
   use omp_lib, only: omp_get_max_threads, omp_in_parallel
   use dotyk_base_kinds, only: dp, int64
-  use dotyk_linalg_blas, only: blas_threads, dtrsm, dtrsv, set_blas_threads
+  use dotyk_linalg_blas, only: blas_threads, dgemm, dgemv, dsyrk, dtrsm, dtrsv, set_blas_threads
   use dotyk_linalg_fronts, only: factor_panel
+  use dotyk_linalg_lapack, only: dpotrf
   implicit none
   private
 
@@ -14,6 +15,8 @@ module dotyk_linalg_dense_cholesky
     integer :: n = 0
     !> A, then L in the lower triangle; the entries above the diagonal mean nothing (at least n**2) [any].
     real(dp), allocatable :: value(:)
+    !> Last row of each panel of columns that has entries.
+    integer, allocatable, private :: last(:)
   contains
     procedure :: resize => dense_resize
     procedure :: factorize => dense_factorize
@@ -24,6 +27,10 @@ module dotyk_linalg_dense_cholesky
 
   !> Order from which on threads share a factorization.
   integer, parameter :: worth_threads = 400
+  !> Columns of a panel, and rows and columns of a task.
+  integer, parameter :: panel = 256
+  !> Operations within the envelope, as a fraction of all, from which on it is not worth its panels.
+  real(dp), parameter :: nearly_full = 0.7_dp
 
 contains
 
@@ -43,36 +50,130 @@ contains
   end subroutine dense_resize
 
   !> Factorize the matrix, whose lower triangle is read.
-  subroutine dense_factorize(self, failed)
+  subroutine dense_factorize(self, failed, last)
     class(dense_cholesky_t), intent(inout) :: self
     !> First column whose pivot is not positive: there is no factor then; 0 if there is none.
     integer, intent(out) :: failed
-    integer :: threads
+    !> Last row with an entry of each column, at least the column: entries beyond stay zero; all rows if absent (n).
+    integer, intent(in), optional :: last(:)
+    real(dp) :: part
+    integer :: threads, k, n_panels, far
+    logical :: is_full, shared_out
     failed = 0
+    n_panels = (self%n + panel - 1)/panel
+    if (allocated(self%last)) deallocate (self%last)
+    allocate (self%last(n_panels), source=self%n)
     if (self%n == 0) return
-    if (omp_in_parallel() .or. self%n < worth_threads .or. omp_get_max_threads() == 1) then
-      call factor_panel(self%n, self%n, self%value, .false., .false., failed)
-      return
+    if (present(last)) then
+      far = 0
+      part = 0
+      do k = 1, n_panels
+        far = max(far, maxval(last((k - 1)*panel + 1:min(k*panel, self%n))))
+        self%last(k) = far
+        part = part + 3.0_dp*panel*(real(far - (k - 1)*panel, dp)/self%n)**2/self%n
+      end do
+      if (part > nearly_full) self%last = self%n
     end if
-    threads = blas_threads()
-    call set_blas_threads(1)
-    !$omp parallel default(none) shared(self, failed)
+    is_full = all(self%last == self%n)
+    shared_out = .not. (omp_in_parallel() .or. self%n < worth_threads .or. omp_get_max_threads() == 1)
+    threads = 1
+    if (shared_out) then
+      threads = blas_threads()
+      call set_blas_threads(1)
+    end if
+    !$omp parallel default(none) shared(self, failed, shared_out, is_full) if (shared_out)
     !$omp single
-    call factor_panel(self%n, self%n, self%value, .true., .false., failed)
+    if (is_full) then
+      call factor_panel(self%n, self%n, self%value, shared_out, .false., failed)
+    else
+      call factor_envelope(self%n, self%last, self%value, failed)
+    end if
     !$omp end single
     !$omp end parallel
-    call set_blas_threads(threads)
+    if (shared_out) call set_blas_threads(threads)
   end subroutine dense_factorize
+
+  !> Factorize within the envelope, panel by panel; the tiles are tasks.
+  subroutine factor_envelope(n, last, a, failed)
+    !> Order.
+    integer, intent(in) :: n
+    !> Last row of each panel that has entries, ascending.
+    integer, intent(in) :: last(:)
+    !> The matrix, then its factor (n, n) [any], [its root].
+    real(dp), intent(inout) :: a(n, *)
+    !> As in `factorize`.
+    integer, intent(out) :: failed
+    integer :: k, first, end, m, row, rows, column, columns
+    failed = 0
+    do k = 1, size(last)
+      first = (k - 1)*panel + 1
+      end = min(k*panel, n)
+      m = end - first + 1
+      call dpotrf('L', m, a(first, first), n, failed)
+      if (failed > 0) then
+        failed = first + failed - 1
+        return
+      end if
+      do row = end + 1, last(k), panel
+        rows = min(panel, last(k) - row + 1)
+        !$omp task default(none) shared(a) firstprivate(rows, row, m, first, n)
+        call dtrsm('R', 'L', 'T', 'N', rows, m, 1.0_dp, a(first, first), n, a(row, first), n)
+        !$omp end task
+      end do
+      !$omp taskwait
+      do column = end + 1, last(k), panel
+        columns = min(panel, last(k) - column + 1)
+        !$omp task default(none) shared(a) firstprivate(columns, column, m, first, n)
+        call dsyrk('L', 'N', columns, m, -1.0_dp, a(column, first), n, 1.0_dp, a(column, column), n)
+        !$omp end task
+        do row = column + columns, last(k), panel
+          rows = min(panel, last(k) - row + 1)
+          !$omp task default(none) shared(a) firstprivate(rows, row, columns, column, m, first, n)
+          call dgemm('N', 'T', rows, columns, m, -1.0_dp, a(row, first), n, a(column, first), n, 1.0_dp, &
+                     a(row, column), n)
+          !$omp end task
+        end do
+      end do
+      !$omp taskwait
+    end do
+  end subroutine factor_envelope
 
   !> x := (L L^T)^{-1} x.
   subroutine dense_solve(self, x)
     class(dense_cholesky_t), intent(in) :: self
     !> Right-hand side in [any], solution out (n) [x/A].
     real(dp), intent(inout), contiguous :: x(:)
-    if (self%n == 0) return
-    call dtrsv('L', 'N', 'N', self%n, self%value, self%n, x, 1)
-    call dtrsv('L', 'T', 'N', self%n, self%value, self%n, x, 1)
+    call solve_envelope(self%n, self%last, self%value, x)
   end subroutine dense_solve
+
+  !> x := (L L^T)^{-1} x, panel by panel.
+  subroutine solve_envelope(n, last, a, x)
+    !> Order.
+    integer, intent(in) :: n
+    !> Last row of each panel that has entries, ascending.
+    integer, intent(in) :: last(:)
+    !> The factor (n, n) [any].
+    real(dp), intent(in) :: a(n, *)
+    !> Right-hand side in, solution out (n) [any].
+    real(dp), intent(inout) :: x(n)
+    integer :: k, first, end, m
+    do k = 1, size(last)
+      first = (k - 1)*panel + 1
+      end = min(k*panel, n)
+      m = end - first + 1
+      call dtrsv('L', 'N', 'N', m, a(first, first), n, x(first), 1)
+      if (last(k) > end) &
+        call dgemv('N', last(k) - end, m, -1.0_dp, a(end + 1, first), n, x(first), 1, 1.0_dp, x(end + 1), 1)
+    end do
+    do k = size(last), 1, -1
+      first = (k - 1)*panel + 1
+      end = min(k*panel, n)
+      m = end - first + 1
+      if (last(k) > end) &
+        call dgemv('T', last(k) - end, m, -1.0_dp, a(end + 1, first), n, x(end + 1), 1, 1.0_dp, x(first), 1)
+      call dtrsv('L', 'T', 'N', m, a(first, first), n, x(first), 1)
+    end do
+  end subroutine solve_envelope
 
   !> X := L^{-1} X.
   subroutine dense_solve_lower(self, x)

@@ -179,12 +179,19 @@ contains
     real(dp), intent(in) :: stiffness(:)
     !> Allocated where a number is not finite.
     type(error_t), allocatable, intent(out) :: error
-    integer, allocatable :: number(:)
+    integer, allocatable :: number(:), last(:)
     real(dp) :: shift
     integer :: b, i, m, failed
     m = size(self%row)
     allocate (number(grids%n_rows), source=0)
     number(self%row) = [(i, i=1, m)]
+    ! Rows of different pairs have bodies between them: pairs of a stack couple to their neighbours alone.
+    last = [(i, i=1, m)]
+    do b = 1, size(grids%body)
+      associate (own => pack(number(grids%body(b)%row), number(grids%body(b)%row) > 0))
+        if (size(own) > 0) last(own) = max(last(own), maxval(own))
+      end associate
+    end do
     shift = 0
     do
       call self%corner%resize(m)
@@ -192,7 +199,7 @@ contains
         call add_body(grids%body(b)%row, number, grids%body(grids%body(b)%owner)%rows%compliance, m, self%corner%value)
       end do
       call add_diagonal(1/stiffness(self%row), shift, m, self%corner%value)
-      call self%corner%factorize(failed)
+      call self%corner%factorize(failed, last)
       if (failed == 0) return
       shift = max(10*shift, first_shift)
       if (shift > most_shift) exit
