@@ -202,8 +202,8 @@ def phases(row):
 
 def prediction(row, only):
     """A row of the table of predictions."""
-    made = {'scene': row['label'], 'unknowns': row.get('unknowns', ''), 'threads': row['threads'], 'predicted GiB': row['predicted memory']/2**30,
-            'predicted s': row.get('predicted time', '')}
+    made = {'scene': row['label'], 'unknowns': row.get('unknowns', ''), 'threads': row['threads'],
+            'predicted GiB': row['predicted memory']/2**30, 'predicted s': row.get('predicted time', '')}
     if only:
         return made
     made.update({'GiB': row['peak']/2**30, 'ratio of memory': row['predicted memory']/row['peak'], 'wall': row['wall']})
