@@ -87,8 +87,7 @@ contains
     class(smoothed_aggregation_t), intent(inout) :: self
     !> The matrix; its arrays are taken over.
     type(block_rows_t), intent(inout) :: rows
-    !> Vectors that the matrix maps to little, 3 or 6, zero along held unknowns, or along unknowns whose near-null-space
-    !> vectors are not known (n, n_vectors) [any].
+    !> Vectors that the matrix maps to little, 3 or 6, zero along held unknowns (n, n_vectors) [any].
     real(dp), intent(in), contiguous :: near_null(:, :)
     !> Orthonormal null vectors of the matrix, all in the span of `near_null` on each of its connected parts
     !> (n, n_modes) [].
