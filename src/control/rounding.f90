@@ -89,7 +89,7 @@ contains
     !$omp& shared(problem, rows, compliance, m, solution, distance, order, error) if (compliance%side_by_side)
     do i = 1, size(solution)
       b = order(i)
-      ! The bound of a scheme that solves iteratively has what its displacements leave; the expected rounding stays.
+      ! The bound of a scheme that finds displacements has what they leave of the forces.
       if (allocated(compliance%body(b)%found)) cycle
       call measure_body(problem%body(b), rows, compliance, b, m, solution(b)%displacement, distance(b), failed)
       if (.not. allocated(failed)) cycle

@@ -56,6 +56,8 @@ module dotyk_scheme_primal
   real(dp), parameter :: least_gain = 0.5_dp
   !> Eigenvalues below this fraction of the greatest are rounding [].
   real(dp), parameter :: rank = 1.0e-10_dp
+  !> Pressures that would have to change by more than this fraction for equilibrium are not near it [].
+  real(dp), parameter :: small_change = 0.1_dp
   !> Bounds beyond this many times the norm are none: squares of larger numbers overflow.
   real(dp), parameter :: largest_bound = 1.0e150_dp
   !> Working sets of more than this fraction of the rows become all rows.
@@ -105,26 +107,47 @@ contains
     !> Allocated where numbers are not finite, or an interrupt came before there was a state.
     type(error_t), allocatable, intent(out) :: error
     type(dual_t) :: dual
-    logical :: is_primal
+    logical :: is_primal, is_rigid(qp%n_rows)
     associate (not_needed => same_type_as(self, self))
     end associate
     is_primal = .false.
     select type (compliance)
     class is (body_compliance_t)
       is_primal = compliance%has_grids() .and. .not. allocated(qp%coarse%stiffness) .and. qp%n_rows > 0
-      if (is_primal) call solve_by_displacements(qp, compliance, theta, settings, monitor, state, error)
+      if (is_primal) then
+        call find_rigid_rows(qp, compliance, is_rigid)
+        ! Supports that press rows together are found by the dual scheme.
+        is_primal = .not. any(is_rigid .and. .not. theta > 0 .and. qp%initial_penetration > 0)
+      end if
+      if (is_primal) call solve_by_displacements(qp, compliance, theta, is_rigid, settings, monitor, state, error)
     end select
     if (.not. is_primal) call dual%solve(qp, compliance, theta, settings, monitor, state, error)
   end subroutine primal_solve
 
+  !> Rows whose nodes are held, all but for rounding.
+  subroutine find_rigid_rows(qp, compliance, is_rigid)
+    !> Contact rows, initial penetrations, rigid body modes.
+    type(contact_qp_t), intent(in) :: qp
+    !> Compliance of the bodies at these rows.
+    class(body_compliance_t), intent(in) :: compliance
+    !> (n_rows)
+    logical, intent(out) :: is_rigid(:)
+    real(dp) :: diagonal(qp%n_rows)
+    call compliance%nodal_diagonal(qp, diagonal)
+    ! Entries of B at free nodes may be rounding.
+    is_rigid = .not. diagonal > rank**2*maxval([0.0_dp, diagonal])
+  end subroutine find_rigid_rows
+
   !> Solve by displacements.
-  subroutine solve_by_displacements(qp, compliance, theta, settings, monitor, state, error)
+  subroutine solve_by_displacements(qp, compliance, theta, is_rigid, settings, monitor, state, error)
     !> As in `primal_solve`.
     type(contact_qp_t), intent(in) :: qp
     !> By p-multigrids.
     class(body_compliance_t), intent(inout) :: compliance
     !> As in `primal_solve` (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
+    !> Rows that no displacement moves: they are in no system (n_rows).
+    logical, intent(in) :: is_rigid(:)
     !> As in `primal_solve`.
     type(solver_settings_t), intent(in) :: settings
     !> As in `primal_solve`.
@@ -161,8 +184,9 @@ contains
     cg_steps = 0
     accuracy = first_share*settings%tolerance
     rounds: do round = 1, most_rounds
-      if (.not. all(working) .and. qp%coarse%n > 0) call keep_what_carries(qp, working)
+      if (.not. all(working .or. is_rigid) .and. qp%coarse%n > 0) call keep_what_carries(qp, working)
       if (round == most_rounds .or. count(working) > not_worth_screening*qp%n_rows) working = .true.
+      working = working .and. .not. is_rigid
       call restrict_qp(qp, working, part)
       call system%init_rows(part, compliance)
       if (.not. allocated(v)) then
@@ -190,7 +214,7 @@ contains
         now%lambda = qp%weight*m
         call system%amplitudes(qp, v, now%alpha)
         call system%all_penetrations(qp, compliance, v, now%y)
-        violated = .not. working .and. now%y > rounding*maxval(abs(qp%initial_penetration)) - &
+        violated = .not. (working .or. is_rigid) .and. now%y > rounding*maxval(abs(qp%initial_penetration)) - &
           system%slack(qp%weight, theta, now%lambda, now%y)
         call judge(qp, compliance, system, theta, load, working, any(violated), v, now, state)
         call state%history%add(wall_time() - start, outcome%change, &
@@ -216,6 +240,7 @@ contains
     call state%history%finish()
     state%iterations = state%history%n
     state%m = now%lambda/qp%weight
+    where (is_rigid .and. theta > 0) state%m = max(0.0_dp, now%y)/theta
     state%y = now%y
     state%alpha = qp%coarse%scale*now%alpha
     call find_indeterminate(qp, now%lambda > 0, state%indeterminate, error)
@@ -344,6 +369,7 @@ contains
         missing = 0
       end where
       change = matmul(g, matmul(vectors, missing))
+      if (.not. maxval([0.0_dp, abs(change)]) < small_change) return
       m(row) = max(0.0_dp, m(row)*(1 + change))
     end do
   end subroutine balance
