@@ -308,9 +308,10 @@ contains
                   'conjugate gradients; auto, the cheaper one')
     call list%add('response', kind_name, names=response_names, default=option_name(response_names, default_response), &
                   meaning='how a body is solved; in dual: multigrid, p-multigrid for all bodies of quadratic '// &
-                  'elements, the contact by displacements; auto, p-multigrid for large bodies that suit it, a factor of the '// &
-                  'stiffness for all others; in neumann, nesterov, anderson and secant: full, solves with the '// &
-                  'factor; compliance, the dense compliance matrix at the contact unknowns, formed once; auto, the '// &
+                  'elements, the contact by displacements; auto, p-multigrid for large bodies that suit it, a '// &
+                  'factor of the stiffness for all others; full, factors for all; in neumann, nesterov, anderson '// &
+                  'and secant: full, solves with the factor; compliance, the dense compliance matrix at the '// &
+                  'contact unknowns, formed once; auto, the '// &
                   'cheaper one for each body; robin forms dense compliances')
     call list%add('gamma_rule', kind_name, names=gamma_rule_names, &
                   default=option_name(gamma_rule_names, default_gamma_rule), &

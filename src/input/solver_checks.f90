@@ -1,8 +1,8 @@
 !> Keys of `&solver` that the chosen scheme or stopping rule would ignore are mistakes of the input.
 module dotyk_input_solver_checks
-  use dotyk_base_options, only: linear_solver_auto, option_name, response_auto, response_multigrid, scheme_anderson, &
-    scheme_auto, scheme_dual, scheme_names, scheme_nesterov, scheme_neumann, scheme_robin, scheme_secant, &
-    stop_budget, stop_increment, stop_paper, stop_rule_names
+  use dotyk_base_options, only: linear_solver_auto, option_name, response_auto, response_full, response_multigrid, &
+    scheme_anderson, scheme_auto, scheme_dual, scheme_names, scheme_nesterov, scheme_neumann, scheme_robin, &
+    scheme_secant, stop_budget, stop_increment, stop_paper, stop_rule_names
   use dotyk_input_case, only: solver_input_t
   use dotyk_input_problems, only: problems_t
   use dotyk_input_reader, only: group_t
@@ -85,6 +85,7 @@ contains
         return
       end if
       if (any(scheme == product_schemes)) return
+      if (scheme == scheme_dual .and. solver%response == response_full) return
       call report(problems, group, 'response', 'response is for scheme='//list_of(product_schemes)//'; '//name// &
                   ' forms the dense compliances that it needs: remove response')
     end subroutine check_response

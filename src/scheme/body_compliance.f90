@@ -35,6 +35,7 @@ module dotyk_scheme_body_compliance
     procedure :: init => compliance_init
     procedure :: has_grids => compliance_has_grids
     procedure :: solve_error => compliance_solve_error
+    procedure :: solve_cost => compliance_solve_cost
     procedure :: solve => compliance_solve
     procedure :: multiply => compliance_multiply
     procedure :: form => compliance_form
@@ -102,6 +103,13 @@ contains
       end select
     end do
   end function compliance_has_grids
+
+  !> Entries that one solve of all bodies goes through.
+  pure real(dp) function compliance_solve_cost(self) result(cost)
+    !> The compliance of the bodies.
+    class(body_compliance_t), intent(in) :: self
+    cost = sum(self%body%cost)
+  end function compliance_solve_cost
 
   !> Relative error of solves in the energy norm; 0 where it is rounding.
   pure real(dp) function compliance_solve_error(self) result(error)

@@ -15,7 +15,7 @@ module dotyk_scheme_primal
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
   use dotyk_base_timer, only: wall_time
-  use dotyk_linalg_dense, only: symmetric_eigen
+  use dotyk_linalg_dense, only: solve_dense, symmetric_eigen
   use dotyk_scheme_active_set, only: iterate_t, is_balanced, reference_norm, rounding
   use dotyk_scheme_body_compliance, only: body_compliance_t
   use dotyk_scheme_compliance, only: compliance_t
@@ -27,8 +27,8 @@ module dotyk_scheme_primal
   use dotyk_scheme_proximal_active_set, only: proximal_outcome_t, solve_proximal
   use dotyk_scheme_restriction, only: restrict_qp
   use dotyk_scheme_scheme, only: scheme_t
-  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_interrupted, ended_limit, &
-    ended_no_equilibrium, ended_rigid_constraint, ended_stalled, ended_unbalanced
+  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_cycling, ended_diverged, ended_interrupted, &
+    ended_limit, ended_no_equilibrium, ended_rigid_constraint, ended_stalled, ended_unbalanced
   use dotyk_scheme_stopping, only: solver_settings_t
   use dotyk_scheme_working_set, only: keep_what_carries, screen_rows
   implicit none
@@ -58,6 +58,8 @@ module dotyk_scheme_primal
   real(dp), parameter :: rank = 1.0e-10_dp
   !> Pressures that would have to change by more than this fraction for equilibrium are not near it [].
   real(dp), parameter :: small_change = 0.1_dp
+  !> Entries that the dual scheme may go through where it takes over.
+  real(dp), parameter :: most_work = 1.0e12_dp
   !> Bounds beyond this many times the norm are none: squares of larger numbers overflow.
   real(dp), parameter :: largest_bound = 1.0e150_dp
   !> Working sets of more than this fraction of the rows become all rows.
@@ -120,6 +122,16 @@ contains
         is_primal = .not. any(is_rigid .and. .not. theta > 0 .and. qp%initial_penetration > 0)
       end if
       if (is_primal) call solve_by_displacements(qp, compliance, theta, is_rigid, settings, monitor, state, error)
+      if (allocated(error)) return
+      if (is_primal .and. any(state%ended == [ended_diverged, ended_cycling, ended_unbalanced, ended_stalled]) .and. &
+          .not. state%error_bound <= settings%tolerance) then
+        is_primal = size(state%m)*compliance%solve_cost() > most_work
+        if (.not. is_primal) then
+          call monitor%note('displacements    not found to the tolerance; the dual scheme takes over, with solves by '// &
+                            'p-multigrid')
+          call clear(state)
+        end if
+      end if
     end select
     if (.not. is_primal) call dual%solve(qp, compliance, theta, settings, monitor, state, error)
   end subroutine primal_solve
@@ -231,6 +243,8 @@ contains
       if (.not. any(violated)) exit rounds
       working = working .or. now%y > -near_violation*maxval(now%y, mask=violated)
     end do rounds
+    call find_indeterminate(qp, now%lambda > 0, state%indeterminate, error)
+    if (.not. allocated(error)) call take_least(state%indeterminate, qp%coarse%scale, now%alpha)
     call system%keep_displacements(v, compliance)
     call system%destroy()
     compliance%n_sweeps = compliance%n_sweeps + cg_steps
@@ -243,7 +257,6 @@ contains
     where (is_rigid .and. theta > 0) state%m = max(0.0_dp, now%y)/theta
     state%y = now%y
     state%alpha = qp%coarse%scale*now%alpha
-    call find_indeterminate(qp, now%lambda > 0, state%indeterminate, error)
     state%ended = ended_stalled
     if (.not. outcome%converged) state%ended = outcome%ended
     if (any(violated)) state%ended = ended_limit
@@ -373,6 +386,22 @@ contains
       m(row) = max(0.0_dp, m(row)*(1 + change))
     end do
   end subroutine balance
+
+  !> Of all places that bodies may move to by indeterminate modes, take that of the least displacement.
+  subroutine take_least(mode, scale, alpha)
+    !> The indeterminate modes, as columns of amplitudes of the modes of the bodies (n, n_indeterminate).
+    real(dp), intent(in) :: mode(:, :)
+    !> Amplitudes of the modes of the bodies per amplitude of those of the QP (n).
+    real(dp), intent(in) :: scale(:)
+    !> Amplitudes of the modes of the QP (n) [length].
+    real(dp), intent(inout) :: alpha(:)
+    real(dp), allocatable :: along(:, :)
+    type(error_t), allocatable :: error
+    if (size(mode, 2) == 0) return
+    along = reshape(matmul(scale*alpha, mode), [size(mode, 2), 1])
+    call solve_dense(matmul(transpose(mode), mode), along, error)
+    if (.not. allocated(error)) alpha(:) = alpha - matmul(mode, along(:, 1))/scale
+  end subroutine take_least
 
   !> Rigid body modes that the active rows do not restrain.
   subroutine find_indeterminate(qp, active, mode, error)
