@@ -73,6 +73,7 @@ module dotyk_scheme_body_grids
     procedure :: subtract_row_force => grids_subtract_row_force
     procedure :: subtract_row_force_low => grids_subtract_row_force_low
     procedure :: multiply_bodies => grids_multiply_bodies
+    procedure :: strain_forces => grids_strain_forces
     procedure :: many_rows => grids_many_rows
     procedure :: add_rows => grids_add_rows
     procedure :: add_modes => grids_add_modes
@@ -304,6 +305,23 @@ contains
       end associate
     end do
   end subroutine grids_add_modes
+
+  !> y = K x without the rigid motions of x, of which rounding would leave forces.
+  subroutine grids_strain_forces(self, x, y)
+    class(body_grids_t), intent(in) :: self
+    !> Displacements (n) [length].
+    real(dp), intent(in), contiguous :: x(:)
+    !> Forces (n) [force].
+    real(dp), intent(out), contiguous :: y(:)
+    real(dp), allocatable :: strained(:)
+    if (self%first_mode(size(self%first_mode)) == 0) then
+      call self%multiply_bodies(x, y)
+    else
+      allocate (strained, source=x)
+      call self%add_modes(-self%resultants(x), strained)
+      call self%multiply_bodies(strained, y)
+    end if
+  end subroutine grids_strain_forces
 
   !> R^T f.
   function grids_resultants(self, f) result(resultant)

@@ -223,7 +223,7 @@ contains
     real(dp), allocatable :: r(:)
     integer :: b
     allocate (r(self%n))
-    call self%multiply_bodies(v, r)
+    call self%strain_forces(v, r)
     r(:) = load - r
     call self%subtract_row_force(lambda, r)
     norm = 0

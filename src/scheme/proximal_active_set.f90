@@ -286,7 +286,7 @@ contains
     real(dp), intent(out) :: y(:)
     !> Energy norm of u [sqrt(energy)].
     real(dp), intent(out) :: norm
-    call system%multiply_bodies(u, r)
+    call system%strain_forces(u, r)
     norm = sqrt(max(0.0_dp, scalar_product(system%n, u, r)))
     r(:) = load - r
     call system%row_displacement(u, y)
