@@ -1,4 +1,5 @@
-!> Times the reading of mesh files: for each file of the command line, seconds of the fastest of five readings, elements, nodes.
+!> Times the reading of mesh files: for each file of the command line, seconds of the fastest of five readings,
+!> elements, nodes.
 program mesh_reading
   use dotyk_base_kinds, only: dp
   use dotyk_base_error, only: error_t

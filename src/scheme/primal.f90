@@ -27,8 +27,8 @@ module dotyk_scheme_primal
   use dotyk_scheme_proximal_active_set, only: proximal_outcome_t, solve_proximal
   use dotyk_scheme_restriction, only: restrict_qp
   use dotyk_scheme_scheme, only: scheme_t
-  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_cycling, ended_diverged, ended_interrupted, &
-    ended_limit, ended_no_equilibrium, ended_rigid_constraint, ended_stalled, ended_unbalanced
+  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_cycling, ended_diverged, &
+    ended_interrupted, ended_limit, ended_no_equilibrium, ended_rigid_constraint, ended_stalled, ended_unbalanced
   use dotyk_scheme_stopping, only: solver_settings_t
   use dotyk_scheme_working_set, only: keep_what_carries, screen_rows
   implicit none
@@ -127,8 +127,8 @@ contains
           .not. state%error_bound <= settings%tolerance) then
         is_primal = size(state%m)*compliance%solve_cost() > most_work
         if (.not. is_primal) then
-          call monitor%note('displacements    not found to the tolerance; the dual scheme takes over, with solves by '// &
-                            'p-multigrid')
+          call monitor%note('displacements    not found to the tolerance; the dual scheme takes over, with '// &
+                            'solves by p-multigrid')
           call clear(state)
         end if
       end if
