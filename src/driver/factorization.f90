@@ -4,8 +4,10 @@ module dotyk_driver_factorization
   use dotyk_base_interrupt, only: stop_if_interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_memory, only: memory_now, set_stage
+  use dotyk_base_options, only: response_auto
   use dotyk_control_contact_free, only: contact_free_t, solve_without_contact
   use dotyk_control_factorization, only: check_memory, factorize_bodies, find_modes, make_operators
+  use dotyk_control_slow_multigrid, only: replace_slow_ones
   use dotyk_control_parallel, only: set_blas_threads, share_solves
   use dotyk_driver_scene, only: scene_t
   use dotyk_input_case, only: case_t
@@ -50,6 +52,9 @@ contains
       call factorize_bodies(problem%body, problem%classes, problem%modes, .not. scheme%needs_held_bodies(), &
                             scene%size_of, scene%stiffness, scene%slot, problem%report, error)
       call stop_if_interrupted(error)
+      if (allocated(error)) return
+      if (case%solver%response == response_auto) &
+        call replace_slow_ones(problem%body, problem%modes, scene%slot, scene%size_of, problem%report, error)
       if (allocated(error)) return
       call monitor%watch%lap(monitor%timing%factorize)
       call find_modes(problem%body, problem%classes, block, problem%report, problem%modes, modes, error)

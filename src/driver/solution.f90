@@ -43,7 +43,7 @@ contains
     logical :: has_warned
     call factorize_scene(case, run%scheme, scene, monitor, error)
     if (.not. allocated(error)) then
-      call show_factorization(monitor%log, scene%size_of, monitor%timing%factorize)
+      call show_factorization(monitor%log, scene%problem%body, scene%size_of, monitor%timing%factorize)
       solution%theta = scene%theta
       if (allocated(pressure)) call start_from_pressures(pressure, scene%qp, scene%compliance, solution%state)
       has_warned = .false.

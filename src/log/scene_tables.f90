@@ -4,12 +4,13 @@ module dotyk_log_scene_tables
   use dotyk_base_log, only: log_t
   use dotyk_base_memory, only: memory_text
   use dotyk_base_options, only: analysis_names, discretization_quadrature, option_name
-  use dotyk_base_text, only: counted, to_text
+  use dotyk_base_text, only: counted, quoted, to_text
   use dotyk_base_version, only: version
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_control_congruence_classes, only: congruence_classes_t
   use dotyk_control_contact_problem, only: contact_problem_t, mesh_compliance
   use dotyk_control_factorization, only: factor_size_t
+  use dotyk_control_response_choice, only: form_multigrid
   use dotyk_control_run_prediction, only: run_prediction_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t
@@ -244,16 +245,31 @@ contains
   end subroutine warn_of_oscillation
 
   !> Time and size of the factorization, and the bodies with an explicit compliance matrix.
-  subroutine show_factorization(log, size_of, seconds)
+  subroutine show_factorization(log, body, size_of, seconds)
     !> The log.
     type(log_t), intent(inout) :: log
+    !> Bodies (n_bodies).
+    type(body_t), intent(in) :: body(:)
     !> Sizes of the factors (n_bodies).
     type(factor_size_t), intent(in) :: size_of(:)
     !> Wall time [s].
     real(dp), intent(in) :: seconds
     real(dp) :: fraction
+    integer :: b
     call log%line('  factorization    '//duration(seconds)//', '//memory_text(real(sum(size_of%bytes), dp))//', '// &
                   to_text(sum(size_of%flops)/max(seconds, tiny(seconds))/1.0e9_dp, 3)//' Gflop/s')
+    if (any(size_of%form == form_multigrid)) call log%line('  p-multigrid      '// &
+      counted(count(size_of%form == form_multigrid), 'body', 'bodies')//'; factors are those of the corner nodes there')
+    do b = 1, size(size_of)
+      if (.not. size_of(b)%is_slow) cycle
+      if (size_of(b)%form == form_multigrid) then
+        call log%line('  warning          '//quoted(body(b)%name)//': thin or sliver elements: p-multigrid takes '// &
+                      'many iterations, and the memory does not suffice for a factor')
+      else
+        call log%line('  factor           '//quoted(body(b)%name)//': thin or sliver elements: p-multigrid would '// &
+                      'take many iterations')
+      end if
+    end do
     associate (chosen => size_of%forms_matrix)
       if (.not. any(chosen)) return
       fraction = sum(size_of%product_entries, mask=chosen)/ &

@@ -79,7 +79,12 @@ contains
     call log%line('  '//outcome(state)//' after '//counted(state%iterations, 'iteration')//' (at most '// &
                   counted(n_sweeps, 'right-hand side')//' per body), '//duration(seconds))
     if (state%error_bound < huge(tolerance)) then
-      bound = to_text(state%error_bound, 3)//' of the energy norm of the solution, guaranteed'
+      bound = to_text(state%error_bound, 3)//' of the energy norm of the solution, '
+      if (state%bound_is_guaranteed) then
+        bound = bound//'guaranteed'
+      else
+        bound = bound//'by the least Ritz value of p-multigrid'
+      end if
     else
       bound = 'unknown'
     end if

@@ -58,6 +58,8 @@ module dotyk_scheme_primal
   real(dp), parameter :: rank = 1.0e-10_dp
   !> Pressures that would have to change by more than this fraction for equilibrium are not near it [].
   real(dp), parameter :: small_change = 0.1_dp
+  !> Bounds up to this one are those of a solution, which rounding keeps from the tolerance [].
+  real(dp), parameter :: most_error = 1.0e-3_dp
   !> Entries that the dual scheme may go through where it takes over.
   real(dp), parameter :: most_work = 1.0e12_dp
   !> Bounds beyond this many times the norm are none: squares of larger numbers overflow.
@@ -124,7 +126,7 @@ contains
       if (is_primal) call solve_by_displacements(qp, compliance, theta, is_rigid, settings, monitor, state, error)
       if (allocated(error)) return
       if (is_primal .and. any(state%ended == [ended_diverged, ended_cycling, ended_unbalanced, ended_stalled]) .and. &
-          .not. state%error_bound <= settings%tolerance) then
+          .not. state%error_bound <= most_error) then
         is_primal = size(state%m)*compliance%solve_cost() > most_work
         if (.not. is_primal) then
           call monitor%note('displacements    not found to the tolerance; the dual scheme takes over, with '// &
@@ -257,6 +259,7 @@ contains
     where (is_rigid .and. theta > 0) state%m = max(0.0_dp, now%y)/theta
     state%y = now%y
     state%alpha = qp%coarse%scale*now%alpha
+    state%bound_is_guaranteed = .false.
     state%ended = ended_stalled
     if (.not. outcome%converged) state%ended = outcome%ended
     if (any(violated)) state%ended = ended_limit

@@ -68,6 +68,8 @@ module dotyk_scheme_solver_state
     real(dp) :: q_predicted = 0, q_measured = 0
     !> Guaranteed bound of the relative error in the energy norm, and the one of (41) [].
     real(dp) :: error_bound = 0, error_bound_paper = 0
+    !> Whether it is guaranteed but for rounding; not where it rests on a constant that was measured.
+    logical :: bound_is_guaranteed = .true.
     !> F_theta [energy].
     real(dp) :: energy = 0
     !> Largest penetration [length].

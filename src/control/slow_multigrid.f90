@@ -1,0 +1,89 @@
+!> Bodies whose p-multigrid turns out to converge slowly, thin ones and slivers, get a factor in its place where the
+!> memory suffices.
+module dotyk_control_slow_multigrid
+  use dotyk_base_error, only: add_context, error_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_memory, only: memory_now
+  use dotyk_control_factorization, only: check_memory, factor_size_t
+  use dotyk_control_response_choice, only: form_multigrid, form_whole, operator_slot_t
+  use dotyk_elasticity_body, only: assemble_stiffness, body_t, stiffness_t
+  use dotyk_elasticity_body_modes, only: body_modes_t
+  use dotyk_response_multigrid_response, only: multigrid_response_t
+  use dotyk_response_stiffness_factor, only: factorization_report_t
+  implicit none
+  private
+  public :: replace_slow_ones
+
+  !> Ratio of the extreme Ritz values of the preconditioned stiffness below which a solve takes several times as many
+  !> iterations as that of a compact body [].
+  real(dp), parameter :: slow = 0.03_dp
+
+contains
+
+  !> Replace the p-multigrids that converge slowly.
+  subroutine replace_slow_ones(body, modes, slot, size_of, report, error)
+    !> Assembled (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    !> Rigid body modes that supports leave (n_bodies).
+    type(body_modes_t), intent(in) :: modes(:)
+    !> Factorized (n_bodies).
+    type(operator_slot_t), intent(inout) :: slot(:)
+    !> Sizes of the factors; those of replaced bodies change (n_bodies).
+    type(factor_size_t), intent(inout) :: size_of(:)
+    !> Reports of the representatives (n_bodies).
+    type(factorization_report_t), intent(inout) :: report(:)
+    !> Allocated where a stiffness is not positive definite, memory runs out, or an interrupt came; names the body.
+    type(error_t), allocatable, intent(out) :: error
+    integer :: b
+    do b = 1, size(body)
+      if (.not. allocated(slot(b)%multigrid) .or. size_of(b)%form /= form_multigrid) cycle
+      associate (operator => slot(b)%multigrid)
+        size_of(b)%is_slow = operator%least < slow*operator%greatest
+      end associate
+      if (.not. size_of(b)%is_slow) cycle
+      call replace(body(b), modes(b), slot(b), size_of(b), report(b), error)
+      call add_context(error, "body '"//body(b)%name//"': ")
+      if (allocated(error)) return
+    end do
+  end subroutine replace_slow_ones
+
+  !> Replace one.
+  subroutine replace(body, modes, slot, size_of, report, error)
+    !> The body.
+    type(body_t), intent(in) :: body
+    !> Rigid body modes that supports leave.
+    type(body_modes_t), intent(in) :: modes
+    !> Factorized; another operator on return, unless the memory does not suffice for it.
+    type(operator_slot_t), intent(inout) :: slot
+    !> Of the new factor on return.
+    type(factor_size_t), intent(inout) :: size_of
+    !> Report of the new factor on return.
+    type(factorization_report_t), intent(inout) :: report
+    !> As in `replace_slow_ones`.
+    type(error_t), allocatable, intent(out) :: error
+    type(multigrid_response_t), allocatable :: whole
+    type(stiffness_t) :: stiffness
+    type(factor_size_t) :: new_size(1)
+    type(error_t), allocatable :: too_large
+    character(:), allocatable :: warning
+    allocate (whole)
+    call assemble_stiffness(body, stiffness, error)
+    if (.not. allocated(error)) call whole%analyze_whole(body, modes, stiffness, error)
+    if (allocated(error)) return
+    call stiffness%forget_graph()
+    new_size(1) = size_of
+    new_size(1)%form = form_whole
+    call new_size(1)%take(whole%grid%coarse%factor)
+    call check_memory(memory_now(), new_size, warning, too_large)
+    if (allocated(too_large)) then
+      call whole%destroy()
+      call stiffness%destroy()
+      return
+    end if
+    call slot%multigrid%destroy()
+    call move_alloc(whole, slot%multigrid)
+    size_of = new_size(1)
+    call slot%multigrid%factorize_whole(body, modes, stiffness, report, error)
+    if (.not. allocated(error)) call slot%multigrid%prepare(body, error)
+  end subroutine replace
+end module dotyk_control_slow_multigrid
