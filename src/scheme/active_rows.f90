@@ -43,7 +43,8 @@ module dotyk_scheme_active_rows
   !> Pivots and eigenvalues of the scaled stiffness of modes below this are rounding: contact does not restrain these
   !> motions.
   real(dp), parameter :: free_motion = 1.0e-10_dp
-  !> Modes of a body that move its active rows by less than this fraction of what others do, do not move them [].
+  !> Modes of a body that move its active rows by less than this fraction of what others do, or of what they move the
+  !> body by, do not move them [].
   real(dp), parameter :: along_surfaces = 1.0e-8_dp
   !> A shift of the diagonal, relative, where rounding has made a matrix indefinite.
   real(dp), parameter :: first_shift = 1.0e-14_dp, most_shift = 1.0e-8_dp
@@ -281,8 +282,12 @@ contains
     call self%corner%solve_lower(solved)
     self%scale = [(norm2(solved(:, k)), k=1, n)]
     do b = 1, size(grids%body)
-      associate (first => grids%first_mode(b) + 1, last => grids%first_mode(b + 1))
-        ! Modes along the surfaces move rows by rounding errors.
+      associate (first => grids%first_mode(b) + 1, last => grids%first_mode(b + 1), &
+                 mode => grids%grid(grids%body(b)%representative)%p%mode)
+        ! Modes along the surfaces move rows by rounding errors, all modes of a body on rollers, too.
+        do k = first, last
+          if (maxval(abs(self%mode(:, k))) <= along_surfaces*maxval(abs(mode(:, k - first + 1)))) self%scale(k) = 0
+        end do
         where (self%scale(first:last) > along_surfaces*maxval([tiny(1.0_dp), self%scale(first:last)]))
           self%scale(first:last) = 1/self%scale(first:last)
         else where

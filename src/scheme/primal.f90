@@ -134,9 +134,21 @@ contains
           call clear(state)
         end if
       end if
+      ! The displacements of an iterate that was given up start no solves for those of the dual scheme.
+      if (.not. is_primal) call forget_displacements(compliance)
     end select
     if (.not. is_primal) call dual%solve(qp, compliance, theta, settings, monitor, state, error)
   end subroutine primal_solve
+
+  !> Forget the displacements of the last solution.
+  pure subroutine forget_displacements(compliance)
+    !> The bodies.
+    class(body_compliance_t), intent(inout) :: compliance
+    integer :: b
+    do b = 1, size(compliance%body)
+      if (allocated(compliance%body(b)%found)) deallocate (compliance%body(b)%found)
+    end do
+  end subroutine forget_displacements
 
   !> Rows whose nodes are held, all but for rounding.
   subroutine find_rigid_rows(qp, compliance, is_rigid)
