@@ -29,6 +29,13 @@ module dotyk_control_displacements
   !> So many units in the last place are as good as one.
   real(dp), parameter :: few_units = 4
 
+  !> Rounding of the entries of block rows, 2^-50, as a fraction of the expected error of a displacement, which has ten
+  !> units of 2^-52 [].
+  real(dp), parameter :: of_block_rows = 0.4_dp
+  !> Where more than this fraction of the tolerance is expected, the rounding of displacements that a scheme found is
+  !> measured: that takes solves by p-multigrid [].
+  real(dp), parameter :: worth_measuring_found = 0.1_dp
+
 contains
 
   !> Displacements from the state; where rounding matters, refined, and the contact corrected by them.
@@ -60,11 +67,12 @@ contains
     !> Allocated where no significant digit of the displacements or pressures of a body is left, a formula of a material
     !> cannot be evaluated, or the scheme fails.
     type(error_t), allocatable, intent(out) :: error
-    real(dp) :: distance(size(problem%body)), stored(size(problem%body)), rounding, gaps, norm, left
+    real(dp) :: distance(size(problem%body)), stored(size(problem%body)), found_rounding, rounding, gaps, norm, left
     associate (tolerance => run%settings%tolerance)
       rounding = 0
       norm = 0
       stored = 0
+      found_rounding = 0
       if (are_needed) then
         call monitor%begin_phase(phase_recover)
         call recover_and_measure(.false.)
@@ -84,7 +92,7 @@ contains
       if (are_needed) then
         call refuse_lost_pressures(problem%body, conditioning, distance, norm, error)
         if (allocated(error)) return
-        rounding = rounding + relative_rounding([distance, gaps], norm, conditioning)
+        rounding = rounding + relative_rounding([distance, found_rounding, gaps], norm, conditioning)
         if (rounding > tolerance) call storage_rounding(problem%body, displacements%body, stored)
       else
         if (allocated(displacements%body)) deallocate (displacements%body)
@@ -97,6 +105,7 @@ contains
     subroutine recover_and_measure(refined)
       !> Whether those that need it are refined.
       logical, intent(in) :: refined
+      logical :: is_found(size(distance))
       integer :: b
       call recover_bodies(problem, qp, compliance, state%m, state%alpha, want_stress, displacements%body)
       displacements%n_recoveries = displacements%n_recoveries + 1
@@ -107,14 +116,19 @@ contains
       end if
       norm = qp%energy_norm(state%m, state%y, state%alpha/qp%coarse%scale)
       call expect_rounding(problem, displacements%body, norm, distance)
-      do b = 1, size(distance)
-        ! The bound of a scheme that finds displacements has what they leave of the forces.
-        if (allocated(compliance%body(b)%found)) distance(b) = 0
-      end do
+      is_found = [(allocated(compliance%body(b)%found), b=1, size(distance))]
       gaps = 0
-      if (.not. (refined .or. norm2(distance) > worth_measuring*run%settings%tolerance*norm)) return
-      call measure_rounding(problem, qp, compliance, state%m, displacements%body, distance, error)
-      gaps = gap_rounding(qp, theta, compliance, displacements%body, state%m, state%y)
+      if (refined .or. norm2(merge(of_block_rows, 1.0_dp, is_found)*distance) > &
+          merge(worth_measuring_found, worth_measuring, any(is_found))*run%settings%tolerance*norm) then
+        call measure_rounding(problem, qp, compliance, state%m, displacements%body, distance, error)
+        ! The bound of a scheme that finds displacements has what they leave of the gaps.
+        if (.not. any(is_found)) gaps = gap_rounding(qp, theta, compliance, displacements%body, state%m, state%y)
+      else
+        where (is_found) distance = of_block_rows*distance
+      end if
+      ! What such a scheme leaves of the forces is no reason to refine.
+      found_rounding = norm2(pack(distance, is_found))
+      where (is_found) distance = 0
     end subroutine recover_and_measure
   end subroutine find_displacements
 end module dotyk_control_displacements

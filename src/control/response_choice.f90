@@ -32,8 +32,9 @@ module dotyk_control_response_choice
 
   public :: assemble_representative, choose_forms, is_worth_multigrid
 
-  !> Unknowns from which on p-multigrid is faster and smaller than a factor of its own, in three dimensions.
-  integer, parameter :: crossover = 50000
+  !> Unknowns from which on p-multigrid is taken in three dimensions: it is faster and smaller from 50,000 on, but a
+  !> factor is more robust.
+  integer, parameter :: crossover = 200000
   !> Bulk over shear modulus up to which the iterations of p-multigrid do not grow much: Poisson's ratio 0.45.
   real(dp), parameter :: most_bulk_over_shear = 9.7_dp
 

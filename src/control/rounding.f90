@@ -77,8 +77,8 @@ contains
     real(dp), intent(in) :: m(:)
     !> Recovered (n_bodies).
     type(body_solution_t), intent(in) :: solution(:)
-    !> In the energy norm; that expected on entry (n_bodies) [sqrt(energy)].
-    real(dp), intent(inout) :: distance(:)
+    !> In the energy norm (n_bodies) [sqrt(energy)].
+    real(dp), intent(out) :: distance(:)
     !> Allocated where a formula of a material cannot be evaluated.
     type(error_t), allocatable, intent(out) :: error
     type(error_t), allocatable :: failed
@@ -89,8 +89,6 @@ contains
     !$omp& shared(problem, rows, compliance, m, solution, distance, order, error) if (compliance%side_by_side)
     do i = 1, size(solution)
       b = order(i)
-      ! The bound of a scheme that finds displacements has what they leave of the forces.
-      if (allocated(compliance%body(b)%found)) cycle
       call measure_body(problem%body(b), rows, compliance, b, m, solution(b)%displacement, distance(b), failed)
       if (.not. allocated(failed)) cycle
       !$omp critical (rounding_error)

@@ -17,6 +17,8 @@ module dotyk_control_slow_multigrid
   !> Ratio of the extreme Ritz values of the preconditioned stiffness below which a solve takes several times as many
   !> iterations as that of a compact body [].
   real(dp), parameter :: slow = 0.03_dp
+  !> Residual of the trial, of 14 iterations, above which a body is such a one: compact bodies leave 1e-8 [].
+  real(dp), parameter :: most_left = 1.0e-5_dp
 
 contains
 
@@ -38,7 +40,7 @@ contains
     do b = 1, size(body)
       if (.not. allocated(slot(b)%multigrid) .or. size_of(b)%form /= form_multigrid) cycle
       associate (operator => slot(b)%multigrid)
-        size_of(b)%is_slow = operator%least < slow*operator%greatest
+        size_of(b)%is_slow = operator%grid%least < slow*operator%grid%greatest .or. operator%trial > most_left
       end associate
       if (.not. size_of(b)%is_slow) cycle
       call replace(body(b), modes(b), slot(b), size_of(b), report(b), error)

@@ -5,13 +5,12 @@ module dotyk_driver_run_case
   use dotyk_base_memory, only: set_stage
   use dotyk_control_contact_solution, only: contact_solution_t
   use dotyk_control_parallel, only: use_threads
-  use dotyk_control_response_choice, only: form_multigrid
   use dotyk_control_scheme_run, only: scheme_run_t
   use dotyk_driver_arguments, only: arguments_t
   use dotyk_driver_prediction, only: predict_run
   use dotyk_driver_results, only: prepare_output, write_results
   use dotyk_driver_penetration, only: check_bodies, check_placement
-  use dotyk_driver_run_settings, only: choose_scheme, goal_of, set_pair_conditions, solve_by_displacements
+  use dotyk_driver_run_settings, only: choose_scheme, goal_of, set_pair_conditions
   use dotyk_driver_scene, only: build_scene, scene_t
   use dotyk_driver_solution, only: solve_scene
   use dotyk_driver_warm_start, only: read_pressures
@@ -57,8 +56,7 @@ contains
     if (allocated(error)) return
     call build_scene(case, run%scheme, scene, monitor, error)
     if (allocated(error)) return
-    call set_pair_conditions(case, run)
-    if (any(scene%size_of%form == form_multigrid)) call solve_by_displacements(run)
+    call set_pair_conditions(case, scene%size_of, run)
     call show_scene(monitor%log, case, scene%problem, scene%size_of)
     call check_placement(scene, monitor)
     if (len(arguments%restart) > 0) then

@@ -54,6 +54,10 @@ module dotyk_response_multigrid
     type(aggregated_corners_t) :: aggregated
     !> Rigid body modes over the unknowns of the system, orthonormal (n, n_modes) [].
     real(dp), allocatable :: mode(:, :)
+    !> Least and greatest Ritz value of the preconditioned stiffness in all solves so far [].
+    real(dp) :: least = 1, greatest = 1
+    !> Largest residual that a solve has left, relative, in the norm of the preconditioner [].
+    real(dp) :: worst = 0
     !> Between `assemble` and `factorize`: both levels.
     type(two_levels_t), allocatable :: levels
   contains

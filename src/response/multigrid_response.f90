@@ -22,9 +22,8 @@ module dotyk_response_multigrid_response
     type(multigrid_t), pointer :: grid => null()
     !> Whether the coarse level is the body itself: solves are those of its factor.
     logical :: is_whole = .false.
-    !> Least and greatest Ritz value of the preconditioned stiffness: the first one tells how far the residual in the
-    !> norm of the preconditioner is from the error in the energy norm [].
-    real(dp) :: least = 1, greatest = 1
+    !> Residual of the trial, relative []: large where p-multigrid converges slowly.
+    real(dp) :: trial = 0
   contains
     procedure :: assemble => response_assemble
     procedure :: analyze => response_analyze
@@ -176,7 +175,8 @@ contains
     call self%grid%to_system(x(:size(body%rhs)), b)
     call remove_components(self%grid%n, self%grid%mode, b)
     call conjugate_gradient(self%grid, b, x, 0.0_dp, trial_steps, outcome)
-    call outcome%ritz_values(self%least, self%greatest)
+    call outcome%ritz_values(self%grid%least, self%grid%greatest)
+    self%trial = outcome%reduction
   end subroutine response_prepare
 
   !> x := K^+ x.
@@ -185,11 +185,30 @@ contains
     !> Right-hand side [force] in, solution [length] out (n_equations).
     real(dp), intent(inout) :: x(:)
     type(cg_outcome_t) :: outcome
+    real(dp), allocatable :: b(:), s(:), r(:)
+    real(dp) :: least, greatest, left
     if (self%is_whole) then
       call self%grid%coarse%solve(x)
-    else
-      call self%grid%solve(x, accuracy, most_steps, outcome)
+      return
     end if
+    allocate (b(self%grid%n), s(self%grid%n), r(self%grid%n))
+    call self%grid%to_system(x, b)
+    call remove_components(self%grid%n, self%grid%mode, b)
+    call conjugate_gradient(self%grid, b, s, accuracy, most_steps, outcome)
+    call remove_components(self%grid%n, self%grid%mode, s)
+    call self%grid%to_equations(s, x)
+    if (.not. outcome%first_norm > 0) return
+    ! The residual of the recurrence need not be that of the solution.
+    call self%grid%multiply(s, r)
+    r(:) = b - r
+    call remove_components(self%grid%n, self%grid%mode, r)
+    call self%grid%precondition(r, s)
+    left = sqrt(max(0.0_dp, scalar_product(size(r), r, s)))/outcome%first_norm
+    call outcome%ritz_values(least, greatest)
+    !$omp critical (multigrid_response)
+    self%grid%worst = max(self%grid%worst, left, outcome%reduction)
+    if (least > 0) self%grid%least = min(self%grid%least, least)
+    !$omp end critical (multigrid_response)
   end subroutine response_solve
 
   !> x := K^+ x from an approximate solution, which is kept as it is where it leaves a small part of the forces only:
@@ -222,7 +241,7 @@ contains
   pure real(dp) function response_solve_error(self) result(error)
     class(multigrid_response_t), intent(in) :: self
     error = 0
-    if (.not. self%is_whole) error = accuracy/sqrt(margin*self%least)
+    if (.not. self%is_whole) error = max(accuracy, self%grid%worst)/sqrt(margin*self%grid%least)
   end function response_solve_error
 
   !> A bound of sqrt(r^T K^+ r), the energy norm of the displacement by some forces, from one cycle: the preconditioner
@@ -234,7 +253,7 @@ contains
     real(dp), allocatable :: z(:)
     allocate (z(size(r)))
     call self%grid%precondition(r, z)
-    norm = sqrt(max(0.0_dp, scalar_product(size(r), r, z))/(margin*self%least))
+    norm = sqrt(max(0.0_dp, scalar_product(size(r), r, z))/(margin*self%grid%least))
   end function response_force_norm
 
   !> Make ready for forward substitutions.

@@ -35,6 +35,7 @@ module dotyk_scheme_body_compliance
     procedure :: init => compliance_init
     procedure :: has_grids => compliance_has_grids
     procedure :: solve_error => compliance_solve_error
+    procedure :: forget_displacements => compliance_forget_displacements
     procedure :: solve_cost => compliance_solve_cost
     procedure :: solve => compliance_solve
     procedure :: multiply => compliance_multiply
@@ -103,6 +104,16 @@ contains
       end select
     end do
   end function compliance_has_grids
+
+  !> Forget the displacements that a scheme has found.
+  subroutine compliance_forget_displacements(self)
+    !> The compliance of the bodies.
+    class(body_compliance_t), intent(inout) :: self
+    integer :: b
+    do b = 1, size(self%body)
+      if (allocated(self%body(b)%found)) deallocate (self%body(b)%found)
+    end do
+  end subroutine compliance_forget_displacements
 
   !> Entries that one solve of all bodies goes through.
   pure real(dp) function compliance_solve_cost(self) result(cost)

@@ -15,7 +15,6 @@ module dotyk_scheme_primal
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
   use dotyk_base_timer, only: wall_time
-  use dotyk_linalg_dense, only: solve_dense, symmetric_eigen
   use dotyk_scheme_active_set, only: iterate_t, is_balanced, reference_norm, rounding
   use dotyk_scheme_body_compliance, only: body_compliance_t
   use dotyk_scheme_compliance, only: compliance_t
@@ -23,12 +22,13 @@ module dotyk_scheme_primal
   use dotyk_scheme_corner_contact, only: solve_corner_contact
   use dotyk_scheme_dual, only: check_equilibrium, clear, dual_t
   use dotyk_scheme_monitor, only: monitor_t
+  use dotyk_scheme_primal_modes, only: balance, find_indeterminate, rank, take_least
   use dotyk_scheme_primal_system, only: primal_system_t
   use dotyk_scheme_proximal_active_set, only: proximal_outcome_t, solve_proximal
   use dotyk_scheme_restriction, only: restrict_qp
   use dotyk_scheme_scheme, only: scheme_t
-  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_cycling, ended_diverged, &
-    ended_interrupted, ended_limit, ended_no_equilibrium, ended_rigid_constraint, ended_stalled, ended_unbalanced
+  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_interrupted, ended_limit, &
+    ended_no_equilibrium, ended_rigid_constraint, ended_stalled, ended_unbalanced
   use dotyk_scheme_stopping, only: solver_settings_t
   use dotyk_scheme_working_set, only: keep_what_carries, screen_rows
   implicit none
@@ -54,14 +54,8 @@ module dotyk_scheme_primal
   real(dp), parameter :: first_share = 0.2_dp, next_share = 0.05_dp
   !> A more accurate solution whose bound is not below this fraction of the last one ends the attempts [].
   real(dp), parameter :: least_gain = 0.5_dp
-  !> Eigenvalues below this fraction of the greatest are rounding [].
-  real(dp), parameter :: rank = 1.0e-10_dp
-  !> Pressures that would have to change by more than this fraction for equilibrium are not near it [].
-  real(dp), parameter :: small_change = 0.1_dp
-  !> Bounds up to this one are those of a solution, which rounding keeps from the tolerance [].
-  real(dp), parameter :: most_error = 1.0e-3_dp
-  !> Entries that the dual scheme may go through where it takes over.
-  real(dp), parameter :: most_work = 1.0e12_dp
+  !> Errors of the dual scheme by errors of its solves: those of several solves add up [].
+  real(dp), parameter :: safety = 100
   !> Bounds beyond this many times the norm are none: squares of larger numbers overflow.
   real(dp), parameter :: largest_bound = 1.0e150_dp
   !> Working sets of more than this fraction of the rows become all rows.
@@ -117,6 +111,7 @@ contains
     is_primal = .false.
     select type (compliance)
     class is (body_compliance_t)
+      call compliance%forget_displacements()
       is_primal = compliance%has_grids() .and. .not. allocated(qp%coarse%stiffness) .and. qp%n_rows > 0
       if (is_primal) then
         call find_rigid_rows(qp, compliance, is_rigid)
@@ -124,20 +119,17 @@ contains
         is_primal = .not. any(is_rigid .and. .not. theta > 0 .and. qp%initial_penetration > 0)
       end if
       if (is_primal) call solve_by_displacements(qp, compliance, theta, is_rigid, settings, monitor, state, error)
-      if (allocated(error)) return
-      if (is_primal .and. any(state%ended == [ended_diverged, ended_cycling, ended_unbalanced, ended_stalled]) .and. &
-          .not. state%error_bound <= most_error) then
-        is_primal = size(state%m)*compliance%solve_cost() > most_work
-        if (.not. is_primal) then
-          call monitor%note('displacements    not found to the tolerance; the dual scheme takes over, with '// &
-                            'solves by p-multigrid')
-          call clear(state)
-        end if
-      end if
-      ! The displacements of an iterate that was given up start no solves for those of the dual scheme.
-      if (.not. is_primal) call forget_displacements(compliance)
     end select
-    if (.not. is_primal) call dual%solve(qp, compliance, theta, settings, monitor, state, error)
+    if (is_primal) return
+    call dual%solve(qp, compliance, theta, settings, monitor, state, error)
+    select type (compliance)
+    class is (body_compliance_t)
+      if (.not. compliance%solve_error() > 0 .or. .not. state%error_bound < huge(1.0_dp)) return
+      ! Its bound is that of exact solves.
+      state%bound_is_guaranteed = .false.
+      state%error_bound = state%error_bound + safety*compliance%solve_error()
+      if (state%ended == ended_converged .and. state%error_bound > settings%tolerance) state%ended = ended_stalled
+    end select
   end subroutine primal_solve
 
   !> Forget the displacements of the last solution.
@@ -231,7 +223,7 @@ contains
         end if
         steps = steps + outcome%steps
         cg_steps = cg_steps + outcome%cg_steps
-        if (outcome%ended == ended_no_equilibrium .and. .not. all(working)) then
+        if (outcome%ended == ended_no_equilibrium .and. .not. all(working .or. is_rigid)) then
           ! Rows that stop the bodies may have been screened.
           working = .true.
           cycle rounds
@@ -248,7 +240,8 @@ contains
                                state%energy, state%max_penetration, count(m > 0))
         if (interrupted() .or. .not. outcome%converged) exit rounds
         if (any(violated)) exit
-        if (state%error_bound <= settings%tolerance .or. .not. state%error_bound < least_gain*last) exit rounds
+        if (state%error_bound <= settings%tolerance) exit rounds
+        if (attempt > 1 .and. .not. state%error_bound < least_gain*last) exit rounds
         if (steps >= settings%max_iterations) exit rounds
         last = state%error_bound
         accuracy = next_share*accuracy
@@ -369,76 +362,4 @@ contains
     state%energy = qp%energy(theta, now%lambda/qp%weight, now%y, now%alpha)
     state%max_penetration = max(0.0_dp, maxval(now%y))
   end subroutine judge
-
-  !> Change the pressures of the active rows as little as the equilibrium of the floating bodies asks for.
-  subroutine balance(qp, m)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Pressures (n_rows) [pressure].
-    real(dp), intent(inout) :: m(:)
-    real(dp), allocatable :: g(:, :), weighted(:, :), values(:), vectors(:, :), missing(:), change(:)
-    integer, allocatable :: row(:)
-    type(error_t), allocatable :: error
-    integer :: i, pass
-    if (qp%coarse%n == 0) return
-    row = pack([(i, i=1, size(m))], m > 0)
-    allocate (g(size(row), qp%coarse%n), values(qp%coarse%n), vectors(qp%coarse%n, qp%coarse%n), missing(qp%coarse%n))
-    call qp%coarse%rows(row, g)
-    ! Pressures change in proportion to themselves: none becomes tensile before the others do.
-    weighted = g*spread(qp%weight(row)*m(row), 2, size(g, 2))
-    call symmetric_eigen(matmul(transpose(g), weighted), values, vectors, error)
-    if (allocated(error)) return
-    do pass = 1, 2
-      call qp%mode_resultant(qp%weight*m, missing)
-      missing = matmul(qp%coarse%resultant - missing, vectors)
-      where (values > rank*maxval(values))
-        missing = missing/values
-      else where
-        missing = 0
-      end where
-      change = matmul(g, matmul(vectors, missing))
-      if (.not. maxval([0.0_dp, abs(change)]) < small_change) return
-      m(row) = max(0.0_dp, m(row)*(1 + change))
-    end do
-  end subroutine balance
-
-  !> Of all places that bodies may move to by indeterminate modes, take that of the least displacement.
-  subroutine take_least(mode, scale, alpha)
-    !> The indeterminate modes, as columns of amplitudes of the modes of the bodies (n, n_indeterminate).
-    real(dp), intent(in) :: mode(:, :)
-    !> Amplitudes of the modes of the bodies per amplitude of those of the QP (n).
-    real(dp), intent(in) :: scale(:)
-    !> Amplitudes of the modes of the QP (n) [length].
-    real(dp), intent(inout) :: alpha(:)
-    real(dp), allocatable :: along(:, :)
-    type(error_t), allocatable :: error
-    if (size(mode, 2) == 0) return
-    along = reshape(matmul(scale*alpha, mode), [size(mode, 2), 1])
-    call solve_dense(matmul(transpose(mode), mode), along, error)
-    if (.not. allocated(error)) alpha(:) = alpha - matmul(mode, along(:, 1))/scale
-  end subroutine take_least
-
-  !> Rigid body modes that the active rows do not restrain.
-  subroutine find_indeterminate(qp, active, mode, error)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Active rows (n_rows).
-    logical, intent(in) :: active(:)
-    !> As columns of amplitudes (coarse%n, n).
-    real(dp), allocatable, intent(out) :: mode(:, :)
-    !> Allocated where a number is not finite.
-    type(error_t), allocatable, intent(out) :: error
-    real(dp), allocatable :: g(:, :), values(:), vectors(:, :)
-    integer, allocatable :: row(:)
-    integer :: i, k
-    row = pack([(i, i=1, size(active))], active)
-    allocate (g(size(row), qp%coarse%n), values(qp%coarse%n), vectors(qp%coarse%n, qp%coarse%n))
-    call qp%coarse%rows(row, g)
-    call symmetric_eigen(matmul(transpose(g), g), values, vectors, error)
-    if (allocated(error)) return
-    mode = vectors(:, pack([(k, k=1, size(values))], .not. values > rank*max(1.0_dp, maxval([0.0_dp, values]))))
-    do k = 1, size(mode, 2)
-      mode(:, k) = qp%coarse%scale*mode(:, k)
-    end do
-  end subroutine find_indeterminate
 end module dotyk_scheme_primal

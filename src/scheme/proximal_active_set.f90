@@ -77,6 +77,8 @@ module dotyk_scheme_proximal_active_set
   real(dp), parameter :: of_residual = 1.0e-4_dp, of_change = 1.0e-3_dp
   !> Errors that fall by less than this factor, with the same active set, have reached rounding.
   real(dp), parameter :: least_gain = 0.7_dp
+  !> Linear systems before which errors that do not fall are no reason to end.
+  integer, parameter :: least_steps = 5
   !> Rows without free unknowns that penetrate by less, relative to the largest gap, touch.
   real(dp), parameter :: rounding = 1.0e-12_dp
   !> Residuals that are smaller, relative to the forces that balance, are rounding.
@@ -164,7 +166,8 @@ contains
         associate (left => max(outcome%residual, outcome%change))
           outcome%converged = left <= tolerance*norm
           if (outcome%converged) outcome%ended = ended_converged
-          if (.not. left < least_gain*last .and. now%aim <= tolerance) outcome%ended = ended_stalled
+          if (.not. left < least_gain*last .and. now%aim <= tolerance .and. outcome%steps > least_steps) &
+            outcome%ended = ended_stalled
           if (outcome%ended /= ended_limit) exit
           last = left
           now%aim = max(tolerance/2, max(of_residual*outcome%residual, of_change*outcome%change)/max(norm, tiny(norm)))
