@@ -40,8 +40,8 @@ contains
     may_use_multigrid = case%solver%scheme == scheme_dual .and. case%solver%linear_solver == linear_solver_auto
   end function may_use_multigrid
 
-  !> The settings that pairs have of their own, once the pairs are found; and the scheme by displacements where bodies are
-  !> solved by p-multigrid.
+  !> The settings that pairs have of their own, once the pairs are found, and the scheme by displacements where bodies
+  !> are solved by p-multigrid.
   subroutine set_pair_conditions(case, size_of, run)
     !> The case, with one contact for each pair.
     type(case_t), intent(in) :: case
