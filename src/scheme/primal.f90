@@ -52,6 +52,8 @@ module dotyk_scheme_primal
   real(dp), parameter :: near_violation = 4
   !> Accuracy of the displacements that is asked for first, as a fraction of the tolerance; factor of the next one [].
   real(dp), parameter :: first_share = 0.2_dp, next_share = 0.05_dp
+  !> Accuracy that is asked for at least: forces of floating bodies balance their loads then [].
+  real(dp), parameter :: least_accuracy = 1.0e-4_dp
   !> A more accurate solution whose bound is not below this fraction of the last one ends the attempts [].
   real(dp), parameter :: least_gain = 0.5_dp
   !> Errors of the dual scheme by errors of its solves: those of several solves add up [].
@@ -200,7 +202,7 @@ contains
     call clear(state)
     steps = 0
     cg_steps = 0
-    accuracy = first_share*settings%tolerance
+    accuracy = min(first_share*settings%tolerance, least_accuracy)
     rounds: do round = 1, most_rounds
       if (.not. all(working .or. is_rigid) .and. qp%coarse%n > 0) call keep_what_carries(qp, working)
       if (round == most_rounds .or. count(working) > not_worth_screening*qp%n_rows) working = .true.
@@ -241,7 +243,7 @@ contains
         if (interrupted() .or. .not. outcome%converged) exit rounds
         if (any(violated)) exit
         if (state%error_bound <= settings%tolerance) exit rounds
-        if (attempt > 1 .and. .not. state%error_bound < least_gain*last) exit rounds
+        if (last < huge(last) .and. .not. state%error_bound < least_gain*last) exit rounds
         if (steps >= settings%max_iterations) exit rounds
         last = state%error_bound
         accuracy = next_share*accuracy

@@ -5,6 +5,7 @@ module dotyk_scheme_primal_system
   use dotyk_base_kinds, only: dp, sp
   use dotyk_linalg_fixed_sum, only: add_multiple, remove_components, scalar_product
   use dotyk_response_multigrid_response, only: multigrid_response_t
+  use dotyk_scheme_bounds, only: duality_gap
   use dotyk_scheme_body_compliance, only: body_compliance_t
   use dotyk_scheme_body_grids, only: grid_body_t, grid_pointer_t, scatter_rows
   use dotyk_scheme_contact_multigrid, only: contact_multigrid_t
@@ -154,7 +155,8 @@ contains
   !> rows: u - g is admissible, and its duality gap with lambda has nothing but |r + K g|^2/2 and what g leaves of the
   !> complementarity, `s = sum lambda |B g - (y - theta m)|`. The energy is strongly convex, so that
   !> `||u - u_theta|| <= |g| + sqrt((|r| + |g|)^2 + 2 s)`. |r| comes from the preconditioner and its least Ritz value; g
-  !> from the diagonal blocks D >= K of the smoother, which bound its norm. `huge` where other rows penetrate.
+  !> from the diagonal blocks D >= K of the smoother, which bound its norm. `huge` where other rows penetrate. With g = 0,
+  !> the duality gap is that of `duality_gap`, and |r|^2/2.
   real(dp) function system_bound(self, compliance, weight, theta, load, of_free, v, lambda, y) result(bound)
     class(primal_system_t), intent(inout) :: self
     !> For the norms of forces.
@@ -181,7 +183,9 @@ contains
     call self%residual_norm(compliance, load, v, lambda, of_r)
     of_r = of_r + of_free
     call self%close_gaps(active .or. y > -self%slack(weight, theta, lambda, y), missing, closed, of_g)
-    bound = huge(bound)
+    ! Without closing gaps: where layers are soft, that costs less.
+    bound = duality_gap(weight, theta, lambda/weight, y)
+    if (bound < huge(bound)) bound = sqrt(of_r**2 + 2*bound)
     left = 2*sum(lambda*abs(missing - closed), mask=active)
     do i = 1, size(y)
       if (active(i) .or. .not. y(i) > closed(i)) cycle
@@ -191,7 +195,7 @@ contains
         return
       end if
     end do
-    bound = of_g + sqrt((of_r + of_g)**2 + 2*left)
+    bound = min(bound, of_g + sqrt((of_r + of_g)**2 + 2*left))
   end function system_bound
 
   !> Gaps of inactive rows that are so small that a displacement that closes those of active rows may close them.
