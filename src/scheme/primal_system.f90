@@ -155,8 +155,8 @@ contains
   !> rows: u - g is admissible, and its duality gap with lambda has nothing but |r + K g|^2/2 and what g leaves of the
   !> complementarity, `s = sum lambda |B g - (y - theta m)|`. The energy is strongly convex, so that
   !> `||u - u_theta|| <= |g| + sqrt((|r| + |g|)^2 + 2 s)`. |r| comes from the preconditioner and its least Ritz value; g
-  !> from the diagonal blocks D >= K of the smoother, which bound its norm. `huge` where other rows penetrate. With g = 0,
-  !> the duality gap is that of `duality_gap`, and |r|^2/2.
+  !> from the diagonal blocks D >= K of the smoother, which bound its norm. `huge` where other rows penetrate. With g =
+  !> 0, the duality gap is that of `duality_gap`, and |r|^2/2.
   real(dp) function system_bound(self, compliance, weight, theta, load, of_free, v, lambda, y) result(bound)
     class(primal_system_t), intent(inout) :: self
     !> For the norms of forces.
