@@ -130,7 +130,7 @@ class Benchmark:
                                   threads=self.options.threads[0], **check, **expected))
             return
         if expected.get('predicted memory', 0) > self.options.memory*2**30:
-            say('%s: left out: needs about %.1f GiB' % (scene.label, expected['predicted memory']/2**30))
+            say('%s: skipped: needs about %.1f GiB' % (scene.label, expected['predicted memory']/2**30))
             return
         for threads in self.options.threads:
             output = os.path.join(scene.folder, 'results.vtkhdf')
@@ -263,7 +263,7 @@ def main():
     parser.add_argument('--repeat', type=int, default=1, help='the fastest of so many runs counts')
     parser.add_argument('--solver', default='', help="keys of &solver, such as \"response='multigrid', tolerance=1e-6\"")
     parser.add_argument('--memory', type=float, default=math.inf,
-                        help='GiB; scenes for which --check predicts more are left out')
+                        help='GiB; scenes for which --check predicts more are skipped')
     parser.add_argument('--check', action='store_true', help='--check only: nothing is solved')
     parser.add_argument('--dotyk', default=os.path.join(ROOT, 'build', 'release', 'dotyk'))
     parser.add_argument('--directory', default=os.path.join(ROOT, 'build', 'benchmarks', 'large'))

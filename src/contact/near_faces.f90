@@ -34,7 +34,7 @@ contains
     real(dp), intent(in) :: given
     !> Facets that may come into contact, by pairs of bodies in ascending order (n_pairs).
     type(near_faces_t), allocatable, intent(out) :: near(:)
-    !> Pairs of bodies of which facets farther apart than `named_reach` may be left out (2, n_named).
+    !> Pairs of bodies of which facets farther apart than `named_reach` may be omitted (2, n_named).
     integer, intent(in), optional :: named(:, :)
     !> Distance, as a fraction of the diameter of the smaller body [].
     real(dp), intent(in), optional :: named_reach

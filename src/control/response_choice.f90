@@ -30,7 +30,7 @@ module dotyk_control_response_choice
     type(multigrid_response_t), allocatable :: multigrid
   end type operator_slot_t
 
-  public :: assemble_representative, choose_forms, is_worth_multigrid
+  public :: assemble_representative, choose_forms
 
   !> Unknowns from which on p-multigrid is taken in three dimensions: it is faster and smaller from 50,000 on, but a
   !> factor is more robust.

@@ -59,7 +59,7 @@ contains
       !$omp end parallel do
       triad = min(triad, wall_time() - start)
     end do
-    ! The results are used: no loop is left out.
+    ! The results are used: no loop is optimized away.
     if (x(length) > 0 .and. c(order, order) > 0) then
       self%flops = 2*real(order, dp)**3/max(product, tiny(product))
       self%bandwidth = 24*real(length, dp)/max(triad, tiny(triad))

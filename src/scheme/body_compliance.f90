@@ -36,7 +36,6 @@ module dotyk_scheme_body_compliance
     procedure :: has_grids => compliance_has_grids
     procedure :: solve_error => compliance_solve_error
     procedure :: forget_displacements => compliance_forget_displacements
-    procedure :: solve_cost => compliance_solve_cost
     procedure :: solve => compliance_solve
     procedure :: multiply => compliance_multiply
     procedure :: form => compliance_form
@@ -114,13 +113,6 @@ contains
       if (allocated(self%body(b)%found)) deallocate (self%body(b)%found)
     end do
   end subroutine compliance_forget_displacements
-
-  !> Entries that one solve of all bodies goes through.
-  pure real(dp) function compliance_solve_cost(self) result(cost)
-    !> The compliance of the bodies.
-    class(body_compliance_t), intent(in) :: self
-    cost = sum(self%body%cost)
-  end function compliance_solve_cost
 
   !> Relative error of solves in the energy norm; 0 where it is rounding.
   pure real(dp) function compliance_solve_error(self) result(error)

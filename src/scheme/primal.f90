@@ -134,16 +134,6 @@ contains
     end select
   end subroutine primal_solve
 
-  !> Forget the displacements of the last solution.
-  pure subroutine forget_displacements(compliance)
-    !> The bodies.
-    class(body_compliance_t), intent(inout) :: compliance
-    integer :: b
-    do b = 1, size(compliance%body)
-      if (allocated(compliance%body(b)%found)) deallocate (compliance%body(b)%found)
-    end do
-  end subroutine forget_displacements
-
   !> Rows whose nodes are held, all but for rounding.
   subroutine find_rigid_rows(qp, compliance, is_rigid)
     !> Contact rows, initial penetrations, rigid body modes.
