@@ -15,33 +15,22 @@ module dotyk_response_multigrid
   use dotyk_base_kinds, only: dp, int64, sp
   use dotyk_elasticity_body, only: body_t, stiffness_t
   use dotyk_elasticity_body_modes, only: body_modes_t
-  use dotyk_elasticity_constraint, only: constraint_t
-  use dotyk_elasticity_corner_space, only: corner_space_t
   use dotyk_elasticity_two_levels, only: two_levels_t
-  use dotyk_linalg_chebyshev, only: chebyshev_t
-  use dotyk_linalg_conjugate_gradient, only: cg_outcome_t, conjugate_gradient, preconditioned_system_t
+  use dotyk_linalg_conjugate_gradient, only: cg_outcome_t, conjugate_gradient
   use dotyk_linalg_fixed_sum, only: remove_components
   use dotyk_linalg_ordered_solve, only: ordered_solve_t
+  use dotyk_linalg_sparse, only: sparse_rows_t
   use dotyk_response_aggregated_corners, only: aggregated_corners_t
+  use dotyk_response_body_grid, only: body_grid_t
+  use dotyk_response_corner_compliance, only: form_corner_compliance
   use dotyk_response_direct, only: direct_response_t
   use dotyk_response_mode_projection, only: remove_modes
   use dotyk_response_stiffness_factor, only: factorization_report_t
   implicit none
   private
 
-  !> The two levels of a body. It owns a factor: never copy it, destroy it in the end. Vectors of the system are over
-  !> all components of all nodes, in nodal axes and in the order of a space-filling curve, zero along held components.
-  type, extends(preconditioned_system_t), public :: multigrid_t
-    !> Number of unknowns of the system: components times nodes.
-    integer :: n = 0
-    !> The stiffness by block rows, with its smoother.
-    type(chebyshev_t) :: fine
-    !> Equations of the body and nodal axes, nodes in the order of the rows.
-    type(constraint_t) :: constraint
-    !> Interpolation from the corners.
-    type(corner_space_t) :: space
-    !> Equations and nodal axes of the corners.
-    type(constraint_t) :: corner_constraint
+  !> The two levels of a body. It owns a factor: never copy it, destroy it in the end.
+  type, extends(body_grid_t), public :: multigrid_t
     !> Compliance operator of the corner space.
     type(direct_response_t) :: coarse
     !> Its solves in a cycle.
@@ -52,12 +41,6 @@ module dotyk_response_multigrid
     logical :: is_aggregated = .false.
     !> Smoothed aggregation on a large corner space.
     type(aggregated_corners_t) :: aggregated
-    !> Rigid body modes over the unknowns of the system, orthonormal (n, n_modes) [].
-    real(dp), allocatable :: mode(:, :)
-    !> Least and greatest Ritz value of the preconditioned stiffness in all solves so far [].
-    real(dp) :: least = 1, greatest = 1
-    !> Largest residual that a solve has left, relative, in the norm of the preconditioner [].
-    real(dp) :: worst = 0
     !> Between `assemble` and `factorize`: both levels.
     type(two_levels_t), allocatable :: levels
   contains
@@ -71,11 +54,9 @@ module dotyk_response_multigrid
     procedure :: make_smoother => multigrid_make_smoother
     procedure :: corner_entries => multigrid_corner_entries
     procedure :: prepare_rows => multigrid_prepare_rows
-    procedure :: multiply => multigrid_multiply
+    procedure :: form_row_compliance => multigrid_form_row_compliance
     procedure :: precondition => multigrid_precondition
     procedure :: solve_coarse => multigrid_solve_coarse
-    procedure :: to_system => multigrid_to_system
-    procedure :: to_equations => multigrid_to_equations
     procedure :: solve => multigrid_solve
     procedure :: bytes => multigrid_bytes
     procedure :: destroy => multigrid_destroy
@@ -229,15 +210,30 @@ contains
     if (.not. self%is_aggregated) call self%coarse%prepare_substitution()
   end subroutine multigrid_prepare_rows
 
-  !> y = K x.
-  subroutine multigrid_multiply(self, x, y)
+  !> Compliance of contact rows in the corner space: by the factor, or with the cycles of smoothed aggregation in its
+  !> place, row by row.
+  subroutine multigrid_form_row_compliance(self, rows, value)
     class(multigrid_t), intent(in) :: self
-    !> Displacements x (n) [length].
-    real(dp), intent(in), contiguous :: x(:)
-    !> Forces y (n) [force].
-    real(dp), intent(out), contiguous :: y(:)
-    call self%fine%multiply(x, y)
-  end subroutine multigrid_multiply
+    !> The rows over the equations of the corner space (n x n_corner_equations) [].
+    type(sparse_rows_t), intent(in) :: rows
+    !> (n, n) [length/force].
+    real(dp), allocatable, intent(out) :: value(:, :)
+    real(dp), allocatable :: x(:), e(:)
+    integer :: i
+    if (.not. self%is_aggregated) then
+      call form_corner_compliance(self%coarse, rows, value)
+      return
+    end if
+    allocate (value(rows%n_rows, rows%n_rows), x(rows%n_columns), e(rows%n_rows))
+    do i = 1, rows%n_rows
+      e = 0
+      e(i) = 1
+      call rows%multiply_transposed(e, x)
+      call self%solve_coarse(x)
+      call rows%multiply(x, value(:, i))
+    end do
+    value = (value + transpose(value))/2
+  end subroutine multigrid_form_row_compliance
 
   !> One cycle.
   subroutine multigrid_precondition(self, r, z)
@@ -293,55 +289,6 @@ contains
     call self%coarse_solve%solve(x)
     call remove_modes(self%coarse%mode, x)
   end subroutine multigrid_solve_coarse
-
-  !> A vector over the equations of the body as one of the system.
-  subroutine multigrid_to_system(self, x, y)
-    class(multigrid_t), intent(in) :: self
-    !> Vector over the equations (n_equations) [any].
-    real(dp), intent(in) :: x(:)
-    !> Vector of the system (n) [as x].
-    real(dp), intent(out), contiguous :: y(:)
-    call copy(size(self%constraint%equation), self%constraint%equation)
-
-  contains
-
-    !> Copy the entries of free components.
-    subroutine copy(n, equation)
-      !> Number of unknowns of the system.
-      integer, intent(in) :: n
-      !> Their equations (n).
-      integer, intent(in) :: equation(n)
-      integer :: i
-      do i = 1, n
-        y(i) = 0
-        if (equation(i) > 0) y(i) = x(equation(i))
-      end do
-    end subroutine copy
-  end subroutine multigrid_to_system
-
-  !> A vector of the system as one over the equations of the body.
-  subroutine multigrid_to_equations(self, y, x)
-    class(multigrid_t), intent(in) :: self
-    !> Vector of the system (n) [any].
-    real(dp), intent(in), contiguous :: y(:)
-    !> Vector over the equations (n_equations) [as y].
-    real(dp), intent(out) :: x(:)
-    call copy(size(self%constraint%equation), self%constraint%equation)
-
-  contains
-
-    !> Copy the entries of free components.
-    subroutine copy(n, equation)
-      !> Number of unknowns of the system.
-      integer, intent(in) :: n
-      !> Their equations (n).
-      integer, intent(in) :: equation(n)
-      integer :: i
-      do i = 1, n
-        if (equation(i) > 0) x(equation(i)) = y(i)
-      end do
-    end subroutine copy
-  end subroutine multigrid_to_equations
 
   !> x := K^+ x over the equations of the body, by conjugate gradients.
   subroutine multigrid_solve(self, x, tolerance, most_steps, outcome)

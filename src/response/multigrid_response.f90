@@ -10,6 +10,7 @@ module dotyk_response_multigrid_response
   use dotyk_linalg_conjugate_gradient, only: cg_outcome_t, conjugate_gradient
   use dotyk_linalg_fixed_sum, only: remove_components, scalar_product
   use dotyk_linalg_sparse, only: sparse_rows_t
+  use dotyk_response_body_grid, only: body_grid_t
   use dotyk_response_multigrid, only: multigrid_t
   use dotyk_response_response, only: response_t, substituted_rows_t
   use dotyk_response_stiffness_factor, only: factorization_report_t
@@ -34,7 +35,7 @@ module dotyk_response_multigrid_response
     procedure :: solve => response_solve
     procedure :: solve_from => response_solve_from
     procedure :: solve_error => response_solve_error
-    procedure :: force_norm => response_force_norm
+    procedure :: body_grid => response_body_grid
     procedure :: solve_entries => response_solve_entries
     procedure :: expected_bytes => response_expected_bytes
     procedure :: prepare_substitution => response_prepare_substitution
@@ -50,8 +51,6 @@ module dotyk_response_multigrid_response
   integer, parameter :: most_steps = 200
   !> Iterations that measure the Ritz values: the least one is found to some percent by then.
   integer, parameter :: trial_steps = 14
-  !> Safety factor of the least Ritz value, which is larger than the least eigenvalue [].
-  real(dp), parameter :: margin = 0.7_dp
   !> Residual of a start that is kept, as a fraction of the right-hand side [].
   real(dp), parameter :: near = 0.05_dp
   !> Fractions of its multiples have no order.
@@ -241,20 +240,15 @@ contains
   pure real(dp) function response_solve_error(self) result(error)
     class(multigrid_response_t), intent(in) :: self
     error = 0
-    if (.not. self%is_whole) error = max(accuracy, self%grid%worst)/sqrt(margin*self%grid%least)
+    if (.not. self%is_whole) error = max(accuracy, self%grid%worst)/sqrt(self%grid%least_eigenvalue())
   end function response_solve_error
 
-  !> A bound of sqrt(r^T K^+ r), the energy norm of the displacement by some forces, from one cycle: the preconditioner
-  !> is at least `least` times the inverse.
-  real(dp) function response_force_norm(self, r) result(norm)
+  !> The p-multigrid, for systems over several bodies.
+  function response_body_grid(self) result(grid)
     class(multigrid_response_t), intent(in) :: self
-    !> Forces over the unknowns of the p-multigrid (n) [force].
-    real(dp), intent(in), contiguous :: r(:)
-    real(dp), allocatable :: z(:)
-    allocate (z(size(r)))
-    call self%grid%precondition(r, z)
-    norm = sqrt(max(0.0_dp, scalar_product(size(r), r, z))/(margin*self%grid%least))
-  end function response_force_norm
+    class(body_grid_t), pointer :: grid
+    grid => self%grid
+  end function response_body_grid
 
   !> Make ready for forward substitutions.
   subroutine response_prepare_substitution(self)

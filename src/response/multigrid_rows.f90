@@ -8,9 +8,8 @@ module dotyk_response_multigrid_rows
   use dotyk_base_kinds, only: dp, sp
   use dotyk_linalg_row_comparison, only: same_rows
   use dotyk_linalg_sparse, only: sparse_rows_t
+  use dotyk_response_body_grid, only: body_grid_t
   use dotyk_response_contact_map, only: contact_map_t
-  use dotyk_response_corner_compliance, only: form_corner_compliance
-  use dotyk_response_multigrid, only: multigrid_t
   implicit none
   private
 
@@ -51,7 +50,7 @@ contains
   subroutine rows_init(self, grid, map, matrix)
     class(multigrid_rows_t), intent(out) :: self
     !> The p-multigrid of the body.
-    type(multigrid_t), intent(in) :: grid
+    class(body_grid_t), intent(in) :: grid
     !> Contact nodes of the body and their equations.
     type(contact_map_t), intent(in) :: map
     !> The rows over the Cartesian components of the contact nodes (n x dim*n_contact_nodes) [].
@@ -109,12 +108,8 @@ contains
     class(multigrid_rows_t), intent(inout) :: self
     !> The p-multigrid of the body, its coarse level ready for forward substitutions (`prepare_substitution`) if there
     !> are rows.
-    type(multigrid_t), intent(in) :: grid
-    if (grid%is_aggregated) then
-      call aggregated_compliance(grid, self)
-    else
-      call form_corner_compliance(grid%coarse, self%corner, self%compliance)
-    end if
+    class(body_grid_t), intent(in) :: grid
+    call grid%form_row_compliance(self%corner, self%compliance)
   end subroutine rows_form_compliance
 
   !> Whether these are the rows of another body with the same p-multigrid: their compliances are one matrix.
@@ -181,7 +176,7 @@ contains
   !> B P: rows over the unknowns of the system to rows over the equations of the corner space.
   subroutine corner_rows(grid, rows, corner)
     !> The p-multigrid.
-    type(multigrid_t), intent(in) :: grid
+    class(body_grid_t), intent(in) :: grid
     !> Rows over the unknowns of the system.
     type(sparse_rows_t), intent(in) :: rows
     !> The rows over the corner equations.
@@ -237,7 +232,7 @@ contains
   !> B D^{-1} B^T.
   subroutine smoother_compliance(grid, self)
     !> The p-multigrid.
-    type(multigrid_t), intent(in) :: grid
+    class(body_grid_t), intent(in) :: grid
     !> The rows; gets the matrix.
     type(multigrid_rows_t), intent(inout) :: self
     type(sparse_rows_t) :: diagonal, scaled, transposed
@@ -263,7 +258,7 @@ contains
   !> x := D^{-1} x at some nodes.
   pure subroutine apply_diagonal(grid, node, x)
     !> The p-multigrid.
-    type(multigrid_t), intent(in) :: grid
+    class(body_grid_t), intent(in) :: grid
     !> The nodes (n).
     integer, intent(in) :: node(:)
     !> Forces [force] in, displacements [length] out (dim*n).
@@ -276,25 +271,6 @@ contains
       x(dim*(i - 1) + 1:dim*i) = scale*matmul(real(grid%fine%inverse(:, :, node(i)), dp), x(dim*(i - 1) + 1:dim*i))
     end do
   end subroutine apply_diagonal
-
-  !> B P M P^T B^T with the cycles M of smoothed aggregation in place of K_c^+, row by row.
-  subroutine aggregated_compliance(grid, self)
-    !> The p-multigrid.
-    type(multigrid_t), intent(in) :: grid
-    !> The rows; gets the matrix.
-    type(multigrid_rows_t), intent(inout) :: self
-    real(dp), allocatable :: x(:), e(:)
-    integer :: i
-    allocate (self%compliance(self%n, self%n), x(grid%corner_constraint%n_equations), e(self%n))
-    do i = 1, self%n
-      e = 0
-      e(i) = 1
-      call self%corner%multiply_transposed(e, x)
-      call grid%solve_coarse(x)
-      call self%corner%multiply(x, self%compliance(:, i))
-    end do
-    self%compliance = (self%compliance + transpose(self%compliance))/2
-  end subroutine aggregated_compliance
 
   !> y := y + B x.
   subroutine rows_add_displacement(self, dim, x, y)
@@ -332,7 +308,7 @@ contains
   subroutine rows_add_smoothed(self, grid, dim, r, y)
     class(multigrid_rows_t), intent(in) :: self
     !> The p-multigrid.
-    type(multigrid_t), intent(in) :: grid
+    class(body_grid_t), intent(in) :: grid
     !> Components of a node.
     integer, intent(in) :: dim
     !> Residual of the system (dim, all nodes) [force].

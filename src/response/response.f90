@@ -9,6 +9,7 @@ module dotyk_response_response
   use dotyk_base_kinds, only: dp
   use dotyk_linalg_forward_substitution, only: forward_solution_t
   use dotyk_linalg_sparse, only: sparse_rows_t
+  use dotyk_response_body_grid, only: body_grid_t
   implicit none
   private
 
@@ -26,6 +27,8 @@ module dotyk_response_response
     procedure :: solve_from => response_solve_from
     !> Relative error of a solve in the energy norm; 0 where it is rounding.
     procedure :: solve_error => response_solve_error
+    !> The p-multigrid of the body, for systems over several bodies; not associated where it has none.
+    procedure :: body_grid => response_body_grid
     !> Make ready for forward substitutions; one thread at a time.
     procedure(prepare_interface), deferred :: prepare_substitution
     !> Entries of the factor that the forward substitution of one row goes through, on average; before the factorization
@@ -140,6 +143,17 @@ contains
     associate (not_needed => same_type_as(self, self))
     end associate
   end function response_solve_error
+
+  !> A factor has no p-multigrid.
+  function response_body_grid(self) result(grid)
+    !> The compliance operator of the body.
+    class(response_t), intent(in) :: self
+    !> Not associated.
+    class(body_grid_t), pointer :: grid
+    grid => null()
+    associate (not_needed => same_type_as(self, self))
+    end associate
+  end function response_body_grid
 
   !> X := K^+ X, column by column.
   subroutine response_solve_block(self, x)

@@ -8,7 +8,7 @@
 module dotyk_scheme_body_compliance
   use dotyk_base_kinds, only: dp
   use dotyk_contact_operator, only: contact_block_t
-  use dotyk_response_multigrid_response, only: multigrid_response_t
+  use dotyk_response_body_grid, only: body_grid_t
   use dotyk_response_response, only: response_slot_t
   use dotyk_scheme_compliance, only: compliance_t, entries_t
   use dotyk_scheme_congruent_products, only: batch_t, make_batches, multiply_bodies, row_displacement_t, solve_bodies
@@ -34,6 +34,7 @@ module dotyk_scheme_body_compliance
   contains
     procedure :: init => compliance_init
     procedure :: has_grids => compliance_has_grids
+    procedure :: body_grid => compliance_body_grid
     procedure :: solve_error => compliance_solve_error
     procedure :: forget_displacements => compliance_forget_displacements
     procedure :: solve => compliance_solve
@@ -90,19 +91,26 @@ contains
   end subroutine compliance_init
 
   !> Whether all bodies have p-multigrids.
-  pure logical function compliance_has_grids(self) result(has_grids)
+  logical function compliance_has_grids(self) result(has_grids)
     !> The compliance of the bodies.
     class(body_compliance_t), intent(in) :: self
     integer :: b
     has_grids = size(self%body) > 0
     do b = 1, size(self%body)
-      select type (form => self%response(self%body(b)%representative)%form)
-      type is (multigrid_response_t)
-      class default
-        has_grids = .false.
-      end select
+      if (.not. associated(self%body_grid(b))) has_grids = .false.
     end do
   end function compliance_has_grids
+
+  !> The p-multigrid of a body; not associated where it has none.
+  function compliance_body_grid(self, b) result(grid)
+    !> The compliance of the bodies.
+    class(body_compliance_t), intent(in) :: self
+    !> The body.
+    integer, intent(in) :: b
+    !> That of its representative.
+    class(body_grid_t), pointer :: grid
+    grid => self%response(self%body(b)%representative)%form%body_grid()
+  end function compliance_body_grid
 
   !> Forget the displacements that a scheme has found.
   subroutine compliance_forget_displacements(self)

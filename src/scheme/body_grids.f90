@@ -1,6 +1,6 @@
 !> Several bodies with their p-multigrids, and the contact rows on both levels of each body.
 !>
-!> A vector has the unknowns of the bodies (`multigrid_t`), one body after the other. Rows of B add up over the bodies
+!> A vector has the unknowns of the bodies (`body_grid_t`), one body after the other. Rows of B add up over the bodies
 !> in their order: sums do not depend on the number of threads.
 !>
 !> A body that is larger than its share of the machine is worked on by all threads, bodies that are smaller side by
@@ -12,8 +12,8 @@ module dotyk_scheme_body_grids
   use dotyk_contact_operator, only: contact_block_t
   use dotyk_linalg_conjugate_gradient, only: preconditioned_system_t
   use dotyk_linalg_fixed_sum, only: add_multiple, scalar_product
+  use dotyk_response_body_grid, only: body_grid_t
   use dotyk_response_contact_map, only: contact_map_t
-  use dotyk_response_multigrid, only: multigrid_t
   use dotyk_response_multigrid_rows, only: multigrid_rows_t
   use dotyk_scheme_body_groups, only: body_groups_t
   implicit none
@@ -43,7 +43,7 @@ module dotyk_scheme_body_grids
   !> The p-multigrid of a body.
   type, public :: grid_pointer_t
     !> Associated for representatives of congruent bodies.
-    type(multigrid_t), pointer :: p => null()
+    class(body_grid_t), pointer :: p => null()
   end type grid_pointer_t
 
   !> The bodies: the base of linear systems over all of them. It refers to the p-multigrids of others.

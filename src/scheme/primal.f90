@@ -345,7 +345,7 @@ contains
     norm = reference_norm(qp, theta, now)
     state%error_bound = huge(norm)
     if (.not. is_violated .and. is_balanced(qp, theta, now%lambda, now%alpha)) then
-      bound = system%bound(compliance, pack(qp%weight, working), pack(theta, working), load, &
+      bound = system%bound(pack(qp%weight, working), pack(theta, working), load, &
                            compliance%solve_error()*sqrt(qp%norm_square_0), v, &
                            pack(now%lambda, working), pack(now%y, working))
       if (bound <= largest_bound*max(norm, tiny(norm))) state%error_bound = bound/max(norm, tiny(norm))

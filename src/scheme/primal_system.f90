@@ -4,7 +4,6 @@ module dotyk_scheme_primal_system
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, sp
   use dotyk_linalg_fixed_sum, only: add_multiple, remove_components, scalar_product
-  use dotyk_response_multigrid_response, only: multigrid_response_t
   use dotyk_scheme_bounds, only: duality_gap
   use dotyk_scheme_body_compliance, only: body_compliance_t
   use dotyk_scheme_body_grids, only: grid_body_t, grid_pointer_t, scatter_rows
@@ -49,10 +48,7 @@ contains
     call self%destroy()
     allocate (body(size(compliance%body)))
     do b = 1, size(body)
-      select type (response => compliance%response(compliance%body(b)%representative)%form)
-      type is (multigrid_response_t)
-        grid(compliance%body(b)%representative)%p => response%grid
-      end select
+      grid(compliance%body(b)%representative)%p => compliance%body_grid(b)
       body(b)%representative = compliance%body(b)%representative
       body(b)%map = compliance%body(b)%map
     end do
@@ -157,10 +153,8 @@ contains
   !> `||u - u_theta|| <= |g| + sqrt((|r| + |g|)^2 + 2 s)`. |r| comes from the preconditioner and its least Ritz value; g
   !> from the diagonal blocks D >= K of the smoother, which bound its norm. `huge` where other rows penetrate. With g =
   !> 0, the duality gap is that of `duality_gap`, and |r|^2/2.
-  real(dp) function system_bound(self, compliance, weight, theta, load, of_free, v, lambda, y) result(bound)
+  real(dp) function system_bound(self, weight, theta, load, of_free, v, lambda, y) result(bound)
     class(primal_system_t), intent(inout) :: self
-    !> For the norms of forces.
-    class(body_compliance_t), intent(in) :: compliance
     !> Weights (n_rows) [area].
     real(dp), intent(in) :: weight(:)
     !> Penalty parameters (n_rows) [length/pressure].
@@ -180,7 +174,7 @@ contains
     integer :: i
     active = lambda > 0
     missing = y - theta/weight*lambda
-    call self%residual_norm(compliance, load, v, lambda, of_r)
+    call self%residual_norm(load, v, lambda, of_r)
     of_r = of_r + of_free
     call self%close_gaps(active .or. y > -self%slack(weight, theta, lambda, y), missing, closed, of_g)
     ! Without closing gaps: where layers are soft, that costs less.
@@ -212,10 +206,8 @@ contains
   end function system_slack
 
   !> sqrt(r^T K^+ r) of the residual r = load - K v - B^T lambda, at most.
-  subroutine system_residual_norm(self, compliance, load, v, lambda, norm)
+  subroutine system_residual_norm(self, load, v, lambda, norm)
     class(primal_system_t), intent(in) :: self
-    !> For the norms of forces.
-    class(body_compliance_t), intent(in) :: compliance
     !> Loads (n) [force].
     real(dp), intent(in), contiguous :: load(:)
     !> Displacements by contact (n) [length].
@@ -234,10 +226,7 @@ contains
     do b = 1, size(self%body)
       associate (own => r(self%first(b) + 1:self%first(b + 1)), grid => self%grid(self%body(b)%representative)%p)
         call remove_components(grid%n, grid%mode, own)
-        select type (response => compliance%response(self%body(b)%representative)%form)
-        type is (multigrid_response_t)
-          norm = hypot(norm, response%force_norm(own))
-        end select
+        norm = hypot(norm, grid%force_norm(own))
       end associate
     end do
   end subroutine system_residual_norm
