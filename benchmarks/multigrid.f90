@@ -4,16 +4,19 @@
 !>     benchmark_multigrid size CELLS [KIND [direct]]
 !>     benchmark_multigrid aggregation CELLS [KIND]
 !>     benchmark_multigrid linear CELLS [KIND]
-!>     benchmark_multigrid table [CELLS]
+!>     benchmark_multigrid table [CELLS [FIRST LAST]]
 !>
-!> `size`: a cube of CELLS cells along each edge, of KIND tet10 (six in a cell), hex20 or hex27, with irregular inner
+!> `size`: a cube of CELLS cells along each edge, of KIND tet10 (six in a cell), hex20, hex27, prism15
+!> or prism18 (two), with irregular inner
 !> corners, held at the bottom, loaded on top. A STREAM triad, bandwidth of the products, memory, time and iterations;
 !> with `direct` also the factor of the whole, and the difference of the two solutions. `aggregation`: the same block with
 !> smoothed aggregation on the corner space in place of its factor. `linear`: a block of tet4 or hex8 by smoothed
 !> aggregation alone. `table`: iterations against
-!> Poisson's ratio, shapes of elements and bodies, and materials; upper end of the smoother's interval, least Ritz value
-!> of the preconditioned stiffness, condition of the corner space, and the margin of the upper end. The reduction of the
-!> residual is 1e-8 in the norm of the preconditioner. Threads: OMP_NUM_THREADS.
+!> Poisson's ratio, shapes of elements and bodies, and materials, of the cases FIRST to LAST; upper end of the smoother's
+!> interval, least Ritz value of the preconditioned stiffness, in the end and in the trial, residual of the trial, margin
+!> of the upper end, processor time of an iteration [us per unknown], Gflop of a factor, and the choice of
+!> `response='auto'` for a large body: m, a factor by its material, t, by the trial, o, by what always speaks against
+!> p-multigrid. The reduction of the residual is 1e-8 in the norm of the preconditioner. Threads: OMP_NUM_THREADS.
 program multigrid
   use omp_lib, only: omp_get_max_threads
   use dotyk_base_error, only: error_t
@@ -26,7 +29,8 @@ program multigrid
   use dotyk_linalg_blas, only: set_blas_threads
   use dotyk_linalg_block_products, only: smooth_rows
   use dotyk_linalg_conjugate_gradient, only: cg_outcome_t
-  use dotyk_mesh_element, only: element_hex20, element_hex27, element_hex8, element_tet10, element_tet4
+  use dotyk_mesh_element, only: element_hex20, element_hex27, element_hex8, element_prism15, element_prism18, &
+    element_tet10, element_tet4
   use dotyk_response_direct, only: direct_response_t
   use dotyk_response_multigrid, only: multigrid_t
   use dotyk_response_stiffness_factor, only: factorization_report_t
@@ -49,10 +53,10 @@ program multigrid
   case ('linear')
     call measure_linear(integer_argument(2, 10), merge(element_hex8, element_tet4, argument(3) == 'hex8'), tolerance)
   case ('table')
-    call write_table(integer_argument(2, 10))
+    call write_table(integer_argument(2, 12), integer_argument(3, 0), integer_argument(4, 0))
   case default
     write (*, '(a)') 'usage: benchmark_multigrid size CELLS [KIND [direct]] | aggregation CELLS [KIND] | '// &
-      'linear CELLS [KIND] | table [CELLS]'
+      'linear CELLS [KIND] | table [CELLS [FIRST LAST]]'
     stop 2, quiet=.true.
   end select
 
@@ -89,6 +93,8 @@ contains
     kind = element_tet10
     if (name == 'hex20') kind = element_hex20
     if (name == 'hex27') kind = element_hex27
+    if (name == 'prism15') kind = element_prism15
+    if (name == 'prism18') kind = element_prism18
   end function kind_of
 
   !> One size.

@@ -14,7 +14,7 @@ contains
 
   !> A block [0, 1] x [0, 1] x [0, n3/n1] of equal cells, held at z = 0, loaded on top; material of Poisson's ratio 0.3.
   subroutine make_block(kind, n1, n3, body)
-    !> Element kind: tet10, hex20 or hex27.
+    !> Element kind: tet10, hex20, hex27, prism15 or prism18, or a linear one.
     integer, intent(in) :: kind
     !> Cells along x and y.
     integer, intent(in) :: n1
@@ -99,6 +99,15 @@ contains
       allocate (corner(3, 8, 1), xi(3, 8))
       call reference_nodes(properties%corner_kind, xi)
       corner(:, :, 1) = 0.5_dp*(xi + 1)
+      return
+    end if
+    if (properties%n_corners == 6) then
+      allocate (corner(3, 6, 2), xi(3, 6))
+      call reference_nodes(properties%corner_kind, xi)
+      xi(3, :) = 0.5_dp*(xi(3, :) + 1)
+      corner(:, :, 1) = xi
+      corner(1:2, :, 2) = 1 - xi(1:2, :)
+      corner(3, :, 2) = xi(3, :)
       return
     end if
     allocate (corner(3, 4, 6), source=0.0_dp)

@@ -11,6 +11,7 @@ module dotyk_control_response_choice
   use dotyk_control_congruence_classes, only: congruence_classes_t
   use dotyk_elasticity_body, only: body_t, stiffness_t
   use dotyk_elasticity_body_modes, only: body_modes_t
+  use dotyk_elasticity_material, only: material_t
   use dotyk_elasticity_two_levels, only: multigrid_obstacle, obstacle_none
   use dotyk_response_direct, only: direct_response_t
   use dotyk_response_multigrid_response, only: multigrid_response_t
@@ -30,7 +31,7 @@ module dotyk_control_response_choice
     type(multigrid_response_t), allocatable :: multigrid
   end type operator_slot_t
 
-  public :: assemble_representative, choose_forms
+  public :: assemble_representative, choose_forms, suits_multigrid
 
   !> Unknowns from which on p-multigrid is taken in three dimensions: it is faster and smaller from 50,000 on, but a
   !> factor is more robust.
@@ -71,8 +72,15 @@ contains
     !> Not assembled.
     type(body_t), intent(in) :: body
     is_worth_multigrid = body%dimension == 3 .and. body%constraint%n_equations > crossover
-    if (is_worth_multigrid) is_worth_multigrid = body%material%bulk_over_shear() < most_bulk_over_shear
+    if (is_worth_multigrid) is_worth_multigrid = suits_multigrid(body%material)
   end function is_worth_multigrid
+
+  !> Whether the iterations of p-multigrid do not grow much with the material.
+  logical function suits_multigrid(material)
+    !> The material.
+    type(material_t), intent(in) :: material
+    suits_multigrid = material%bulk_over_shear() < most_bulk_over_shear
+  end function suits_multigrid
 
   !> Assemble a representative: its stiffness, or the two levels of its p-multigrid.
   subroutine assemble_representative(body, form, modes, stiffness, slot, error)

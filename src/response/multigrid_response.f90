@@ -25,6 +25,8 @@ module dotyk_response_multigrid_response
     logical :: is_whole = .false.
     !> Residual of the trial, relative []: large where p-multigrid converges slowly.
     real(dp) :: trial = 0
+    !> Iterations of the trial.
+    integer :: steps_of_trial = 0
   contains
     procedure :: assemble => response_assemble
     procedure :: analyze => response_analyze
@@ -32,6 +34,7 @@ module dotyk_response_multigrid_response
     procedure :: analyze_whole => response_analyze_whole
     procedure :: factorize_whole => response_factorize_whole
     procedure :: prepare => response_prepare
+    procedure :: expected_steps => response_expected_steps
     procedure :: solve => response_solve
     procedure :: solve_from => response_solve_from
     procedure :: solve_error => response_solve_error
@@ -49,8 +52,13 @@ module dotyk_response_multigrid_response
   real(dp), parameter :: accuracy = 1.0e-10_dp
   !> Iterations of a solve at most. Where the p-multigrid works, a tenth of them suffices.
   integer, parameter :: most_steps = 200
-  !> Iterations that measure the Ritz values: the least one is found to some percent by then.
-  integer, parameter :: trial_steps = 14
+  !> Iterations that measure the Ritz values: the least one is found to some percent by then where a solve takes up to
+  !> 30 iterations; more iterations measure those of a slower one, up to 100.
+  integer, parameter :: trial_steps = 14, longer_trial = 45
+  !> Residual of the trial above which it is a longer one: compact bodies leave 1e-8 [].
+  real(dp), parameter :: most_left = 1.0e-5_dp
+  !> Reduction of the residual of a solve of `expected_steps`.
+  real(dp), parameter :: usual_reduction = 1.0e-8_dp
   !> Residual of a start that is kept, as a fraction of the right-hand side [].
   real(dp), parameter :: near = 0.05_dp
   !> Fractions of its multiples have no order.
@@ -174,9 +182,24 @@ contains
     call self%grid%to_system(x(:size(body%rhs)), b)
     call remove_components(self%grid%n, self%grid%mode, b)
     call conjugate_gradient(self%grid, b, x, 0.0_dp, trial_steps, outcome)
+    if (outcome%reduction > most_left) call conjugate_gradient(self%grid, b, x, 0.0_dp, longer_trial, outcome)
     call outcome%ritz_values(self%grid%least, self%grid%greatest)
     self%trial = outcome%reduction
+    self%steps_of_trial = outcome%steps
   end subroutine response_prepare
+
+  !> Iterations that a solve to 1e-8 takes, by what the trial has left and by its Ritz values, the larger of both.
+  pure real(dp) function response_expected_steps(self) result(steps)
+    class(multigrid_response_t), intent(in) :: self
+    real(dp) :: condition
+    steps = 0
+    if (self%steps_of_trial == 0 .or. .not. self%trial > 0) return
+    steps = huge(steps)
+    if (.not. (self%trial < 1 .and. self%grid%least > 0)) return
+    condition = self%grid%greatest/self%grid%least
+    ! Y. Saad, Iterative Methods for Sparse Linear Systems, 2003, (6.128).
+    steps = max(self%steps_of_trial*log(usual_reduction)/log(self%trial), sqrt(condition)/2*log(2/usual_reduction))
+  end function response_expected_steps
 
   !> x := K^+ x.
   subroutine response_solve(self, x)
