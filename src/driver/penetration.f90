@@ -8,7 +8,7 @@ module dotyk_driver_penetration
   use dotyk_log_large_motion, only: show_large_motion
   use dotyk_log_penetration_lines, only: note_formulas, show_initial_overlap, show_penetration
   use dotyk_log_run_monitor, only: log_monitor_t
-  use dotyk_scheme_solver_state, only: ended_converged, ended_penetration
+  use dotyk_scheme_solver_state, only: ended_penetration
   implicit none
   private
   public :: check_bodies, check_placement
@@ -44,8 +44,7 @@ contains
     call show_large_motion(monitor%log, scene%problem%body, scene%problem%neutral, solution%displacements%body)
     call show_penetration(monitor%log, scene%problem%body, solution%penetration)
     call note_formulas(monitor%log, scene%problem%pair)
-    if (size(solution%penetration%found) > 0 .and. solution%state%ended == ended_converged) &
-      solution%state%ended = ended_penetration
+    if (size(solution%penetration%found) > 0 .and. solution%state%has_converged()) solution%state%ended = ended_penetration
 
   contains
 

@@ -11,7 +11,7 @@ module dotyk_driver_results_summary
   use dotyk_output_results_file, only: results_file_t
   use dotyk_scheme_bounds, only: iteration_constants_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
-  use dotyk_scheme_solver_state, only: ending_name, ended_converged
+  use dotyk_scheme_solver_state, only: ending_name
   implicit none
   private
   public :: write_summary
@@ -38,7 +38,7 @@ contains
     type(contact_solution_t), intent(in) :: solution
     integer :: indeterminate
     associate (state => solution%state, budget => solution%budget, conditioning => solution%conditioning)
-      call file%put_attribute('summary', 'converged', state%ended == ended_converged)
+      call file%put_attribute('summary', 'converged', state%has_converged())
       call file%put_attribute('summary', 'status', ending_name(state%ended))
       call file%put_attribute('summary', 'scheme', option_name(scheme_names, case%solver%scheme))
       call file%put_attribute('summary', 'iterations', state%iterations)

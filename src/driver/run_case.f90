@@ -20,7 +20,6 @@ module dotyk_driver_run_case
   use dotyk_log_run_monitor, only: log_monitor_t
   use dotyk_log_scene_tables, only: show_scene, show_title
   use dotyk_log_summary, only: show_solution, show_timing
-  use dotyk_scheme_solver_state, only: ended_converged
   implicit none
   private
   public :: run_case
@@ -79,6 +78,6 @@ contains
     if (allocated(error)) return
     call show_timing(monitor%log, monitor%timing)
     call monitor%log%line('  results          '//case%scene%output)
-    if (solution%state%ended /= ended_converged) code = exit_not_converged
+    if (.not. solution%state%has_converged()) code = exit_not_converged
   end subroutine run_case
 end module dotyk_driver_run_case

@@ -43,9 +43,11 @@ module dotyk_response_body_grid
     !> Cost of such a solve.
     procedure(count_entries), deferred :: corner_entries
     !> Make ready for compliances of contact rows; one thread at a time.
-    procedure(prepare_interface), deferred :: prepare_rows
+    procedure(change_grid), deferred :: prepare_rows
     !> Compliance of contact rows in the corner space.
     procedure(form_compliance), deferred :: form_row_compliance
+    !> Give back all memory.
+    procedure(change_grid), deferred :: destroy
   end type body_grid_t
 
   abstract interface
@@ -65,12 +67,12 @@ module dotyk_response_body_grid
       class(body_grid_t), intent(in) :: self
     end function count_entries
 
-    !> Make ready.
-    subroutine prepare_interface(self)
+    !> Change what the levels have.
+    subroutine change_grid(self)
       import :: body_grid_t
       !> The levels.
       class(body_grid_t), intent(inout) :: self
-    end subroutine prepare_interface
+    end subroutine change_grid
 
     !> B P K_c^+ P^T B^T.
     subroutine form_compliance(self, rows, value)

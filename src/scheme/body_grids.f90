@@ -4,47 +4,17 @@
 !> in their order: sums do not depend on the number of threads.
 !>
 !> A body that is larger than its share of the machine is worked on by all threads, bodies that are smaller side by
-!> side, one thread each (`dotyk_scheme_body_groups`): loops over bodies are loops over groups, then in parallel over
-!> the bodies of a group.
+!> side, one thread each (`dotyk_scheme_body_groups`): a loop over the former, then one in parallel over the latter.
 module dotyk_scheme_body_grids
   use omp_lib, only: omp_get_max_threads
   use dotyk_base_kinds, only: dp, sp
   use dotyk_contact_operator, only: contact_block_t
   use dotyk_linalg_conjugate_gradient, only: preconditioned_system_t
   use dotyk_linalg_fixed_sum, only: add_multiple, scalar_product
-  use dotyk_response_body_grid, only: body_grid_t
-  use dotyk_response_contact_map, only: contact_map_t
-  use dotyk_response_multigrid_rows, only: multigrid_rows_t
   use dotyk_scheme_body_groups, only: body_groups_t
+  use dotyk_scheme_grid_body, only: body_vector_t, grid_body_t, grid_pointer_t, scatter_rows
   implicit none
   private
-  public :: scatter_rows
-
-  !> A body among others.
-  type, public :: grid_body_t
-    !> Body whose p-multigrid is that of this one: congruent bodies share it.
-    integer :: representative = 0
-    !> Contact nodes and their equations.
-    type(contact_map_t) :: map
-    !> Rows of the problem that involve the body, in the order of `rows`.
-    integer, allocatable :: row(:)
-    !> Its rows on both levels.
-    type(multigrid_rows_t) :: rows
-    !> The body whose `rows` have the compliance: this one, or a congruent one with the same rows.
-    integer :: owner = 0
-  end type grid_body_t
-
-  !> A vector of one body.
-  type, public :: body_vector_t
-    !> (any)
-    real(dp), allocatable :: value(:)
-  end type body_vector_t
-
-  !> The p-multigrid of a body.
-  type, public :: grid_pointer_t
-    !> Associated for representatives of congruent bodies.
-    class(body_grid_t), pointer :: p => null()
-  end type grid_pointer_t
 
   !> The bodies: the base of linear systems over all of them. It refers to the p-multigrids of others.
   type, abstract, extends(preconditioned_system_t), public :: body_grids_t
@@ -102,7 +72,7 @@ contains
     !> With representatives and maps; not allocated on return (n_bodies).
     type(grid_body_t), allocatable, intent(inout) :: body(:)
     real(dp), allocatable :: entries(:)
-    integer :: b, i, k
+    integer :: b, k
     self%grid = grid
     call move_alloc(body, self%body)
     self%n_rows = n_rows
@@ -121,23 +91,31 @@ contains
     call self%groups%init(real(self%first(2:) - self%first(:size(self%body)), dp), omp_get_max_threads())
     entries = [(self%grid(self%body(b)%representative)%p%corner_entries(), b=1, size(self%body))]
     call self%solves%init(entries, merge(omp_get_max_threads(), 1, maxval(entries) > shared_solve))
-    do i = 1, self%groups%n
-      !$omp parallel do default(none) shared(self, block, i) private(b) schedule(dynamic, 1) &
-      !$omp& if (self%groups%is_many(i))
-      do k = self%groups%first(i), self%groups%first(i + 1) - 1
-        b = self%groups%body(k)
-        call self%body(b)%rows%init(self%grid(self%body(b)%representative)%p, self%body(b)%map, block(b)%matrix)
-      end do
-      !$omp end parallel do
+    do k = 1, self%groups%n_alone
+      call carry_rows(self%groups%body(k))
     end do
+    !$omp parallel do default(none) shared(self) schedule(dynamic, 1) if (self%groups%n_alone < self%groups%n)
+    do k = self%groups%n_alone + 1, self%groups%n
+      call carry_rows(self%groups%body(k))
+    end do
+    !$omp end parallel do
     call form_compliances(self)
+
+  contains
+
+    !> The rows of one body.
+    subroutine carry_rows(b)
+      !> The body.
+      integer, intent(in) :: b
+      call self%body(b)%rows%init(self%grid(self%body(b)%representative)%p, self%body(b)%map, block(b)%matrix)
+    end subroutine carry_rows
   end subroutine grids_init
 
   !> Compliances of the rows in the corner space; congruent bodies with the same rows share them.
   subroutine form_compliances(self)
     !> The bodies with their rows.
     class(body_grids_t), intent(inout) :: self
-    integer :: b, c, i, k
+    integer :: b, c, k
     do b = 1, size(self%body)
       self%body(b)%owner = b
       do c = 1, b - 1
@@ -148,30 +126,25 @@ contains
       end do
       if (self%body(b)%rows%n > 0) call self%grid(self%body(b)%representative)%p%prepare_rows()
     end do
-    do i = 1, self%groups%n
-      !$omp parallel do default(none) shared(self, i) private(b) schedule(dynamic, 1) if (self%groups%is_many(i))
-      do k = self%groups%first(i), self%groups%first(i + 1) - 1
-        b = self%groups%body(k)
-        if (self%body(b)%owner == b) &
-          call self%body(b)%rows%form_compliance(self%grid(self%body(b)%representative)%p)
-      end do
-      !$omp end parallel do
+    do k = 1, self%groups%n_alone
+      call form_compliance(self%groups%body(k))
     end do
-  end subroutine form_compliances
+    !$omp parallel do default(none) shared(self) schedule(dynamic, 1) if (self%groups%n_alone < self%groups%n)
+    do k = self%groups%n_alone + 1, self%groups%n
+      call form_compliance(self%groups%body(k))
+    end do
+    !$omp end parallel do
 
-  !> Add a vector over the rows of a body to one over all rows. A row can belong to a body twice.
-  pure subroutine scatter_rows(row, own, all)
-    !> Rows of the body (n).
-    integer, intent(in) :: row(:)
-    !> At these rows (n) [any].
-    real(dp), intent(in) :: own(:)
-    !> At all rows (n_rows) [as own].
-    real(dp), intent(inout) :: all(:)
-    integer :: i
-    do i = 1, size(row)
-      all(row(i)) = all(row(i)) + own(i)
-    end do
-  end subroutine scatter_rows
+  contains
+
+    !> The compliance of one body.
+    subroutine form_compliance(b)
+      !> The body.
+      integer, intent(in) :: b
+      if (self%body(b)%owner == b) &
+        call self%body(b)%rows%form_compliance(self%grid(self%body(b)%representative)%p)
+    end subroutine form_compliance
+  end subroutine form_compliances
 
   !> The sum of vectors over the rows of each body.
   pure subroutine grids_add_rows(self, own, y)
@@ -274,18 +247,26 @@ contains
     real(dp), intent(in), contiguous :: x(:)
     !> Forces (n) [force].
     real(dp), intent(out), contiguous :: y(:)
-    integer :: b, i, k
-    do i = 1, self%groups%n
-      !$omp parallel do default(none) shared(self, x, y, i) private(b) schedule(dynamic, 1) &
-      !$omp& if (self%groups%is_many(i))
-      do k = self%groups%first(i), self%groups%first(i + 1) - 1
-        b = self%groups%body(k)
-        associate (first => self%first(b) + 1, last => self%first(b + 1))
-          call self%grid(self%body(b)%representative)%p%multiply(x(first:last), y(first:last))
-        end associate
-      end do
-      !$omp end parallel do
+    integer :: k
+    do k = 1, self%groups%n_alone
+      call multiply_body(self%groups%body(k))
     end do
+    !$omp parallel do default(none) shared(self) schedule(dynamic, 1) if (self%groups%n_alone < self%groups%n)
+    do k = self%groups%n_alone + 1, self%groups%n
+      call multiply_body(self%groups%body(k))
+    end do
+    !$omp end parallel do
+
+  contains
+
+    !> The product of one body.
+    subroutine multiply_body(b)
+      !> The body.
+      integer, intent(in) :: b
+      associate (first => self%first(b) + 1, last => self%first(b + 1))
+        call self%grid(self%body(b)%representative)%p%multiply(x(first:last), y(first:last))
+      end associate
+    end subroutine multiply_body
   end subroutine grids_multiply_bodies
 
   !> x := x + R alpha.

@@ -8,48 +8,41 @@ module dotyk_scheme_body_groups
   implicit none
   private
 
-  !> Groups of bodies: one after the other, the bodies of each side by side.
+  !> Bodies in the order in which they are worked on: first those that are alone, one after the other, then all others
+  !> side by side. Loops over the first ones stand outside of parallel regions: threads inside of a region with one
+  !> thread would be made anew each time.
   type, public :: body_groups_t
-    !> Number of groups.
+    !> Bodies that are alone.
+    integer :: n_alone = 0
+    !> Number of bodies.
     integer :: n = 0
-    !> First place of each group in `body` (n + 1).
-    integer, allocatable :: first(:)
-    !> The bodies, by falling cost (n_bodies).
+    !> The bodies, by falling cost (n).
     integer, allocatable :: body(:)
   contains
     procedure :: init => groups_init
-    procedure :: is_many => groups_is_many
   end type body_groups_t
 
 contains
 
-  !> Form the groups: a body that costs more than its share of the machine among the bodies that are no larger is alone.
+  !> Form the groups: a body that costs more than its share of the machine among the bodies that are no larger is alone,
+  !> and so is the only one that is left.
   subroutine groups_init(self, cost, n_threads)
     class(body_groups_t), intent(out) :: self
     !> Cost of each body (n_bodies) [any].
     real(dp), intent(in) :: cost(:)
-    !> Number of threads; 1: all bodies are in one group.
+    !> Number of threads; 1: bodies are side by side, if there are several.
     integer, intent(in) :: n_threads
     real(dp) :: rest
     integer :: k
-    allocate (self%body(size(cost)), self%first(1))
+    self%n = size(cost)
+    allocate (self%body(self%n))
     call sort_order(-cost, self%body)
-    self%first = 1
     rest = sum(cost)
-    do k = 1, size(cost)
+    do k = 1, self%n
       if (.not. cost(self%body(k))*n_threads > rest .or. n_threads == 1) exit
-      self%first = [self%first, k + 1]
+      self%n_alone = k
       rest = rest - cost(self%body(k))
     end do
-    if (self%first(size(self%first)) <= size(cost)) self%first = [self%first, size(cost) + 1]
-    self%n = size(self%first) - 1
+    if (self%n_alone == self%n - 1) self%n_alone = self%n
   end subroutine groups_init
-
-  !> Whether a group has several bodies.
-  pure logical function groups_is_many(self, group) result(is_many)
-    class(body_groups_t), intent(in) :: self
-    !> The group.
-    integer, intent(in) :: group
-    is_many = self%first(group + 1) - self%first(group) > 1
-  end function groups_is_many
 end module dotyk_scheme_body_groups

@@ -1,9 +1,9 @@
 !> The linear system of an active set in the displacements of all bodies, `K + B^T W B`, with its preconditioner.
 !>
 !> The preconditioner is one cycle of p-multigrid (`dotyk_response_multigrid`) that knows the active rows on each level,
-!> so that its quality does not depend on W, however stiff. The smoother is Chebyshev's with `D + B^T W B` in place of
-!> the diagonal blocks D: as K <= D, this bounds K + B^T W B, too. The corner space has `K_c + P^T B^T W B P`. Both are
-!> inverted by the identity of Woodbury: with C = B D^{-1} B^T or B P K_c^+ P^T B^T,
+!> so that its quality does not depend on W, however stiff: the smoother (`dotyk_scheme_contact_smoother`) has `D + B^T W
+!> B` in place of the diagonal blocks D, the corner space `K_c + P^T B^T W B P` in place of K_c. Both are inverted by the
+!> identity of Woodbury: with C = B D^{-1} B^T or B P K_c^+ P^T B^T,
 !>
 !>     (K + B^T W B)^{-1} = K^{-1} - K^{-1} B^T (W^{-1} + C)^{-1} B K^{-1}
 !>
@@ -12,18 +12,13 @@
 module dotyk_scheme_contact_multigrid
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, sp
-  use dotyk_linalg_block_products, only: smoothing_step
-  use dotyk_scheme_active_rows, only: active_rows_t
-  use dotyk_scheme_body_grids, only: body_grids_t, body_vector_t
+  use dotyk_scheme_contact_smoother, only: contact_smoother_t
+  use dotyk_scheme_grid_body, only: body_vector_t
   implicit none
   private
 
   !> The system. It owns factors: never copy it, destroy it in the end.
-  type, extends(body_grids_t), public :: contact_multigrid_t
-    !> W; zero where not active (n_rows) [force/length].
-    real(dp), allocatable :: stiffness(:)
-    !> The active rows, with the factors of the preconditioner.
-    type(active_rows_t) :: active
+  type, extends(contact_smoother_t), public :: contact_multigrid_t
     !> Whether the factors are those of the smoother alone.
     logical, private :: is_partial = .false.
   contains
@@ -32,8 +27,6 @@ module dotyk_scheme_contact_multigrid
     procedure :: remove_free_motions => system_remove_free_motions
     procedure :: multiply => system_multiply
     procedure :: precondition => system_precondition
-    procedure :: smoothed_rows => system_smoothed_rows
-    procedure :: smoother_force => system_smoother_force
     procedure :: destroy => system_destroy
   end type contact_multigrid_t
 
@@ -89,140 +82,6 @@ contains
     call self%subtract_row_force(-self%stiffness*moved, y)
   end subroutine system_multiply
 
-  !> Subtract B^T (W B x) from a residual in single precision, x of each body times the scale of its stiffness.
-  subroutine subtract_contact(self, x, r)
-    !> The system.
-    type(contact_multigrid_t), intent(in) :: self
-    !> Scaled displacements (n) [force].
-    real(sp), intent(in), contiguous :: x(:)
-    !> Residual (n) [force].
-    real(sp), intent(inout), contiguous :: r(:)
-    real(dp) :: moved(self%n_rows)
-    if (size(self%active%row) == 0) return
-    call self%row_displacement_low(x, moved)
-    call self%subtract_row_force_low(self%stiffness*moved, r)
-  end subroutine subtract_contact
-
-  !> p := c p + d (D + B^T W B)^{-1} r, x := x + p; r is changed.
-  subroutine smoother_step(self, c, d, r, p, x)
-    !> The system.
-    type(contact_multigrid_t), intent(in) :: self
-    !> Factors [].
-    real(dp), intent(in) :: c, d
-    !> Residual (n) [force].
-    real(sp), intent(inout), contiguous :: r(:)
-    !> Step and iterate, times the scale of the stiffness of each body (n) [force].
-    real(sp), intent(inout), contiguous :: p(:), x(:)
-    real(dp), allocatable :: lambda(:)
-    integer :: b, i, k
-    if (size(self%active%row) > 0) then
-      allocate (lambda(self%n_rows))
-      call self%smoothed_rows(r, lambda)
-      lambda(:) = self%smoother_force(lambda)
-      call self%subtract_row_force_low(lambda, r)
-    end if
-    do i = 1, self%groups%n
-      !$omp parallel do default(none) shared(self, c, d, r, p, x, i) private(b) schedule(dynamic, 1) &
-      !$omp& if (self%groups%is_many(i))
-      do k = self%groups%first(i), self%groups%first(i + 1) - 1
-        b = self%groups%body(k)
-        associate (first => self%first(b) + 1, last => self%first(b + 1), &
-                   fine => self%grid(self%body(b)%representative)%p%fine)
-          call smoothing_step(self%dim, fine%rows%n, fine%inverse, real(c, sp), real(d/fine%greatest, sp), &
-                              r(first:last), p(first:last), x(first:last))
-        end associate
-      end do
-      !$omp end parallel do
-    end do
-  end subroutine smoother_step
-
-  !> y = B D^{-1} r, D the diagonal blocks of the smoother.
-  subroutine system_smoothed_rows(self, r, y)
-    class(contact_multigrid_t), intent(in) :: self
-    !> Forces (n) [force].
-    real(sp), intent(in), contiguous :: r(:)
-    !> At the rows (n_rows) [length].
-    real(dp), intent(out) :: y(:)
-    type(body_vector_t), allocatable :: own(:)
-    integer :: b
-    allocate (own(size(self%body)))
-    !$omp parallel do default(none) shared(self, r, own) schedule(dynamic, 1) if (self%many_rows())
-    do b = 1, size(self%body)
-      allocate (own(b)%value(size(self%body(b)%row)), source=0.0_dp)
-      call self%body(b)%rows%add_smoothed(self%grid(self%body(b)%representative)%p, self%dim, &
-                                          r(self%first(b) + 1:self%first(b + 1)), own(b)%value)
-    end do
-    !$omp end parallel do
-    call self%add_rows(own, y)
-  end subroutine system_smoothed_rows
-
-  !> Forces on the active rows that displace them against W and the diagonal blocks: (W^{-1} + B D^{-1} B^T)^{-1} y.
-  function system_smoother_force(self, y) result(lambda)
-    class(contact_multigrid_t), intent(in) :: self
-    !> At the rows (n_rows) [length].
-    real(dp), intent(in) :: y(:)
-    !> Zero on inactive rows (n_rows) [force].
-    real(dp), allocatable :: lambda(:)
-    lambda = y
-    call self%active%solve_smoother(lambda)
-  end function system_smoother_force
-
-  !> r = b - (K + B^T W B) x, x of each body times the scale of its stiffness.
-  subroutine low_residual(self, b, x, rough, r)
-    !> The system.
-    type(contact_multigrid_t), intent(in) :: self
-    !> Right-hand side (n) [force].
-    real(sp), intent(in), contiguous :: b(:)
-    !> Scaled displacements (n) [force].
-    real(sp), intent(in), contiguous :: x(:)
-    !> Whether with the matrix of smoothers, see `block_rows_t`.
-    logical, intent(in) :: rough
-    !> Residual (n) [force].
-    real(sp), intent(out), contiguous :: r(:)
-    integer :: i, k, body
-    do i = 1, self%groups%n
-      !$omp parallel do default(none) shared(self, b, x, rough, r, i) private(body) schedule(dynamic, 1) &
-      !$omp& if (self%groups%is_many(i))
-      do k = self%groups%first(i), self%groups%first(i + 1) - 1
-        body = self%groups%body(k)
-        associate (first => self%first(body) + 1, last => self%first(body + 1), &
-                   rows => self%grid(self%body(body)%representative)%p%fine%rows)
-          call rows%residual(b(first:last), x(first:last), r(first:last), rough)
-        end associate
-      end do
-      !$omp end parallel do
-    end do
-    call subtract_contact(self, x, r)
-  end subroutine low_residual
-
-  !> Chebyshev's iteration from x = 0 on the interval from 1/ratio to 1, see `chebyshev_t`.
-  subroutine smooth(self, b, x)
-    !> The system.
-    type(contact_multigrid_t), intent(in) :: self
-    !> Right-hand side (n) [force].
-    real(sp), intent(in), contiguous :: b(:)
-    !> Approximate solution, times the scale of the stiffness of each body (n) [force].
-    real(sp), intent(out), contiguous :: x(:)
-    real(sp), allocatable :: r(:), p(:)
-    real(dp) :: middle, half, rho, last
-    integer :: k
-    allocate (r, source=b)
-    allocate (p(size(b)))
-    associate (fine => self%grid(self%body(1)%representative)%p%fine)
-      middle = (1 + 1/fine%ratio)/2
-      half = (1 - 1/fine%ratio)/2
-      x = 0
-      rho = half/middle
-      call smoother_step(self, 0.0_dp, 1/middle, r, p, x)
-      do k = 2, fine%degree
-        call low_residual(self, b, x, .true., r)
-        last = rho
-        rho = 1/(2*middle/half - last)
-        call smoother_step(self, rho*last, 2*rho/half, r, p, x)
-      end do
-    end associate
-  end subroutine smooth
-
   !> x = P (K_c + ...)^{-1} P^T r: the correction of the corner space and the rigid body modes.
   subroutine correct(self, r, e, x)
     !> The system.
@@ -236,57 +95,55 @@ contains
     real(dp), intent(out), contiguous :: x(:)
     type(body_vector_t), allocatable :: coarse(:), own(:)
     real(dp), allocatable :: lambda(:), alpha(:)
-    integer :: b, i, k
+    integer :: k
     allocate (coarse(size(self%body)), own(size(self%body)), lambda(self%n_rows))
-    do i = 1, self%groups%n
-      !$omp parallel do default(none) shared(self, r, coarse, own, i) private(b) schedule(dynamic, 1) &
-      !$omp& if (self%groups%is_many(i))
-      do k = self%groups%first(i), self%groups%first(i + 1) - 1
-        b = self%groups%body(k)
-        associate (first => self%first(b) + 1, last => self%first(b + 1), &
-                   grid => self%grid(self%body(b)%representative)%p)
-          allocate (coarse(b)%value(grid%corner_constraint%n_equations), own(b)%value(size(self%body(b)%row)))
-          call grid%space%restrict(grid%constraint, grid%corner_constraint, 1.0_dp, r(first:last), coarse(b)%value)
-        end associate
-      end do
-      !$omp end parallel do
+    do k = 1, self%solves%n_alone
+      call solve_body(self%solves%body(k))
     end do
-    do i = 1, self%solves%n
-      !$omp parallel do default(none) shared(self, coarse, own, i) private(b) schedule(dynamic, 1) &
-      !$omp& if (self%solves%is_many(i))
-      do k = self%solves%first(i), self%solves%first(i + 1) - 1
-        b = self%solves%body(k)
-        call self%grid(self%body(b)%representative)%p%solve_coarse(coarse(b)%value)
-        call self%body(b)%rows%corner%multiply(coarse(b)%value, own(b)%value)
-      end do
-      !$omp end parallel do
+    !$omp parallel do default(none) shared(self) schedule(dynamic, 1) if (self%solves%n_alone < self%solves%n)
+    do k = self%solves%n_alone + 1, self%solves%n
+      call solve_body(self%solves%body(k))
     end do
+    !$omp end parallel do
     call self%add_rows(own, lambda)
     ! (W^{-1} + C) lambda - G alpha = B x,  G^T lambda = e.
     allocate (alpha(size(e)))
     call self%active%solve_corner(lambda, e, alpha)
-    do i = 1, self%solves%n
-      !$omp parallel do default(none) shared(self, coarse, lambda, i) private(b) schedule(dynamic, 1) &
-      !$omp& if (self%solves%is_many(i))
-      do k = self%solves%first(i), self%solves%first(i + 1) - 1
-        b = self%solves%body(k)
-        if (any(abs(lambda(self%body(b)%row)) > 0)) call subtract_pushed(self, b, lambda, coarse(b)%value)
-      end do
-      !$omp end parallel do
+    do k = 1, self%solves%n_alone
+      call push_body(self%solves%body(k))
     end do
-    do i = 1, self%groups%n
-      !$omp parallel do default(none) shared(self, x, coarse, i) private(b) schedule(dynamic, 1) &
-      !$omp& if (self%groups%is_many(i))
-      do k = self%groups%first(i), self%groups%first(i + 1) - 1
-        b = self%groups%body(k)
-        associate (grid => self%grid(self%body(b)%representative)%p)
-          call grid%space%prolong(grid%constraint, grid%corner_constraint, coarse(b)%value, &
-                                  x(self%first(b) + 1:self%first(b + 1)))
-        end associate
-      end do
-      !$omp end parallel do
+    !$omp parallel do default(none) shared(self) schedule(dynamic, 1) if (self%solves%n_alone < self%solves%n)
+    do k = self%solves%n_alone + 1, self%solves%n
+      call push_body(self%solves%body(k))
     end do
+    !$omp end parallel do
     call self%add_modes(alpha, x)
+
+  contains
+
+    !> The correction of one body without contact, and its rows.
+    subroutine solve_body(b)
+      !> The body.
+      integer, intent(in) :: b
+      associate (first => self%first(b) + 1, last => self%first(b + 1), &
+                 grid => self%grid(self%body(b)%representative)%p)
+        allocate (coarse(b)%value(grid%corner_constraint%n_equations), own(b)%value(size(self%body(b)%row)))
+        call grid%space%restrict(grid%constraint, grid%corner_constraint, 1.0_dp, r(first:last), coarse(b)%value)
+        call grid%solve_coarse(coarse(b)%value)
+        call self%body(b)%rows%corner%multiply(coarse(b)%value, own(b)%value)
+      end associate
+    end subroutine solve_body
+
+    !> The correction of one body with its contact forces.
+    subroutine push_body(b)
+      !> The body.
+      integer, intent(in) :: b
+      associate (grid => self%grid(self%body(b)%representative)%p)
+        if (any(abs(lambda(self%body(b)%row)) > 0)) call subtract_pushed(self, b, lambda, coarse(b)%value)
+        call grid%space%prolong(grid%constraint, grid%corner_constraint, coarse(b)%value, &
+                                x(self%first(b) + 1:self%first(b + 1)))
+      end associate
+    end subroutine push_body
   end subroutine correct
 
   !> Subtract K_c^+ P^T B^T lambda of one body.
@@ -315,7 +172,7 @@ contains
     real(sp), allocatable :: b(:), x(:), rest(:)
     real(dp), allocatable :: correction(:), moved(:), e(:)
     real(dp) :: size_of_r
-    integer :: i, k, l
+    integer :: i, k
     size_of_r = maxval(abs(r))
     ! Zero or NaN.
     if (.not. size_of_r > 0) then
@@ -328,8 +185,8 @@ contains
       b(i) = real(r(i)/size_of_r, sp)
     end do
     !$omp end parallel do
-    call smooth(self, b, x)
-    call low_residual(self, b, x, .false., rest)
+    call self%smooth(b, x)
+    call self%low_residual(b, x, .false., rest)
     e = self%resultants(r)/size_of_r
     if (size(self%active%row) > 0) then
       allocate (moved(self%n_rows))
@@ -341,26 +198,50 @@ contains
       call self%row_displacement(correction, moved)
       call self%subtract_row_force_low(self%stiffness*moved, rest)
     end if
-    do i = 1, self%groups%n
-      !$omp parallel do default(none) shared(self, correction, rest, i) private(l) schedule(dynamic, 1) &
-      !$omp& if (self%groups%is_many(i))
-      do k = self%groups%first(i), self%groups%first(i + 1) - 1
-        l = self%groups%body(k)
-        associate (first => self%first(l) + 1, last => self%first(l + 1), &
-                   rows => self%grid(self%body(l)%representative)%p%fine%rows)
-          correction(first:last) = rows%scale*correction(first:last)
-          call rows%subtract_product(correction(first:last), rest(first:last))
-        end associate
-      end do
-      !$omp end parallel do
+    do k = 1, self%groups%n_alone
+      call subtract_correction(self%groups%body(k))
     end do
-    call smooth(self, rest, b)
+    !$omp parallel do default(none) shared(self) schedule(dynamic, 1) if (self%groups%n_alone < self%groups%n)
+    do k = self%groups%n_alone + 1, self%groups%n
+      call subtract_correction(self%groups%body(k))
+    end do
+    !$omp end parallel do
+    call self%smooth(rest, b)
     do i = 1, size(self%body)
       call add_parts(self%first(i) + 1, self%first(i + 1), &
                      size_of_r/self%grid(self%body(i)%representative)%p%fine%rows%scale, correction, x, b, z)
     end do
     call self%remove_free_motions(z)
+
+  contains
+
+    !> What the correction of the corner space leaves of the residual of one body; the correction is scaled.
+    subroutine subtract_correction(body)
+      !> The body.
+      integer, intent(in) :: body
+      associate (first => self%first(body) + 1, last => self%first(body + 1), &
+                 rows => self%grid(self%body(body)%representative)%p%fine%rows)
+        call multiply_by(last - first + 1, rows%scale, correction(first:last))
+        call rows%subtract_product(correction(first:last), rest(first:last))
+      end associate
+    end subroutine subtract_correction
   end subroutine system_precondition
+
+  !> x := factor x.
+  subroutine multiply_by(n, factor, x)
+    !> Length of the vector.
+    integer, intent(in) :: n
+    !> Factor [any].
+    real(dp), intent(in) :: factor
+    !> The vector (n) [any].
+    real(dp), intent(inout) :: x(n)
+    integer :: i
+    !$omp parallel do default(none) shared(n, factor, x) schedule(static)
+    do i = 1, n
+      x(i) = factor*x(i)
+    end do
+    !$omp end parallel do
+  end subroutine multiply_by
 
   !> z = factor (a + b + c) for some unknowns.
   subroutine add_parts(first, last, factor, a, b, c, z)

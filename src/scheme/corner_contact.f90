@@ -6,10 +6,11 @@
 module dotyk_scheme_corner_contact
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, sp
-  use dotyk_scheme_body_grids, only: body_grids_t, body_vector_t
+  use dotyk_scheme_body_grids, only: body_grids_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_dense_compliance, only: dense_compliance_t
   use dotyk_scheme_dual, only: dual_t
+  use dotyk_scheme_grid_body, only: body_vector_t
   use dotyk_scheme_monitor, only: monitor_t
   use dotyk_scheme_solver_state, only: solver_state_t
   use dotyk_scheme_stopping, only: solver_settings_t
@@ -162,28 +163,35 @@ contains
     real(dp), intent(in) :: lambda(:)
     !> Displacements of the corners (n_bodies) [length].
     type(body_vector_t), allocatable, intent(out) :: coarse(:)
-    real(dp), allocatable :: pushed(:)
-    real(dp) :: size_of_f
-    integer :: b, i, k
+    integer :: k
     allocate (coarse(size(self%body)))
-    do i = 1, self%solves%n
-      !$omp parallel do default(none) shared(self, f, lambda, coarse, i) private(b, size_of_f, pushed) &
-      !$omp& schedule(dynamic, 1) if (self%solves%is_many(i))
-      do k = self%solves%first(i), self%solves%first(i + 1) - 1
-        b = self%solves%body(k)
-        associate (first => self%first(b) + 1, last => self%first(b + 1), &
-                   grid => self%grid(self%body(b)%representative)%p, own => self%body(b))
-          size_of_f = max(maxval(abs(f(first:last))), tiny(size_of_f))
-          allocate (coarse(b)%value(grid%corner_constraint%n_equations), pushed(grid%corner_constraint%n_equations))
-          call grid%space%restrict(grid%constraint, grid%corner_constraint, size_of_f, &
-                                   real(f(first:last)/size_of_f, sp), coarse(b)%value)
-          call own%rows%corner%multiply_transposed(lambda(own%row), pushed)
-          coarse(b)%value = coarse(b)%value - pushed
-          call grid%solve_coarse(coarse(b)%value)
-          deallocate (pushed)
-        end associate
-      end do
-      !$omp end parallel do
+    do k = 1, self%solves%n_alone
+      call solve_body(self%solves%body(k))
     end do
+    !$omp parallel do default(none) shared(self) schedule(dynamic, 1) if (self%solves%n_alone < self%solves%n)
+    do k = self%solves%n_alone + 1, self%solves%n
+      call solve_body(self%solves%body(k))
+    end do
+    !$omp end parallel do
+
+  contains
+
+    !> One body.
+    subroutine solve_body(b)
+      !> The body.
+      integer, intent(in) :: b
+      real(dp), allocatable :: pushed(:)
+      real(dp) :: size_of_f
+      associate (first => self%first(b) + 1, last => self%first(b + 1), &
+                 grid => self%grid(self%body(b)%representative)%p, own => self%body(b))
+        size_of_f = max(maxval(abs(f(first:last))), tiny(size_of_f))
+        allocate (coarse(b)%value(grid%corner_constraint%n_equations), pushed(grid%corner_constraint%n_equations))
+        call grid%space%restrict(grid%constraint, grid%corner_constraint, size_of_f, &
+                                 real(f(first:last)/size_of_f, sp), coarse(b)%value)
+        call own%rows%corner%multiply_transposed(lambda(own%row), pushed)
+        coarse(b)%value = coarse(b)%value - pushed
+        call grid%solve_coarse(coarse(b)%value)
+      end associate
+    end subroutine solve_body
   end subroutine solve_corners
 end module dotyk_scheme_corner_contact

@@ -6,9 +6,9 @@ module dotyk_scheme_primal_system
   use dotyk_linalg_fixed_sum, only: add_multiple, remove_components, scalar_product
   use dotyk_scheme_bounds, only: duality_gap
   use dotyk_scheme_body_compliance, only: body_compliance_t
-  use dotyk_scheme_body_grids, only: grid_body_t, grid_pointer_t, scatter_rows
   use dotyk_scheme_contact_multigrid, only: contact_multigrid_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
+  use dotyk_scheme_grid_body, only: grid_body_t, grid_pointer_t, scatter_rows
   implicit none
   private
 

@@ -80,12 +80,20 @@ module dotyk_scheme_solver_state
     !> the same iterates as without the interruption.
     class(paused_t), allocatable :: paused
   contains
+    procedure :: has_converged => state_has_converged
     procedure :: add_rounding => state_add_rounding
   end type solver_state_t
 
   public :: ending_name
 
 contains
+
+  !> Whether the solution is one to the tolerance.
+  pure logical function state_has_converged(self) result(has_converged)
+    !> The state.
+    class(solver_state_t), intent(in) :: self
+    has_converged = self%ended == ended_converged
+  end function state_has_converged
 
   !> Add rounding to the error bound. Where rounding alone exceeds the tolerance, the tolerance has not been reached,
   !> unless no result in double precision could be more accurate. Where a rule other than the bound ended the iteration,

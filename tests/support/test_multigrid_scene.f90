@@ -14,11 +14,12 @@ module test_multigrid_scene
   use dotyk_elasticity_material, only: material_t
   use dotyk_elasticity_support, only: support_t
   use dotyk_mesh_element, only: element_kind, element_kind_t
+  use dotyk_response_multigrid, only: multigrid_t
   use dotyk_response_stiffness_factor, only: factorization_report_t
   use dotyk_scheme_body_compliance, only: body_compliance_t
-  use dotyk_scheme_body_grids, only: grid_body_t, grid_pointer_t
   use dotyk_scheme_contact_multigrid, only: contact_multigrid_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
+  use dotyk_scheme_grid_body, only: grid_body_t, grid_pointer_t
   use test_bodies, only: box_t, make_body, make_support, straight
   use test_problem, only: make_problem
   implicit none
@@ -197,6 +198,7 @@ contains
     !> What it is made of.
     type(scene_settings_t), intent(in) :: settings
     type(grid_body_t), allocatable :: body(:)
+    type(multigrid_t), pointer :: grid
     type(factorization_report_t) :: report
     type(error_t), allocatable :: error
     real(dp), allocatable :: u(:, :), moved(:)
@@ -208,12 +210,13 @@ contains
         body(b)%representative = b
         if (settings%are_congruent .and. b < size(body)) body(b)%representative = 1
         if (body(b)%representative == b) then
-          allocate (self%grid(b)%p)
+          allocate (grid)
           if (settings%is_aggregated) then
-            self%grid(b)%p%largest_factor = 0
-            self%grid(b)%p%aggregated%levels%most_last = 40
+            grid%largest_factor = 0
+            grid%aggregated%levels%most_last = 40
           end if
-          call self%grid(b)%p%init(problem%body(b), problem%modes(b), report, error)
+          call grid%init(problem%body(b), problem%modes(b), report, error)
+          self%grid(b)%p => grid
           if (allocated(error)) error stop 'multigrid scene: p-multigrid'
         end if
         call body(b)%map%init(problem%body(b)%constraint, qp%block(b)%contact_node)
