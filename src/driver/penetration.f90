@@ -44,7 +44,8 @@ contains
     call show_large_motion(monitor%log, scene%problem%body, scene%problem%neutral, solution%displacements%body)
     call show_penetration(monitor%log, scene%problem%body, solution%penetration)
     call note_formulas(monitor%log, scene%problem%pair)
-    if (size(solution%penetration%found) > 0 .and. solution%state%has_converged()) solution%state%ended = ended_penetration
+    if (size(solution%penetration%found) > 0 .and. solution%state%has_converged()) &
+      solution%state%ended = ended_penetration
 
   contains
 

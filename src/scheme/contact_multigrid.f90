@@ -1,9 +1,9 @@
 !> The linear system of an active set in the displacements of all bodies, `K + B^T W B`, with its preconditioner.
 !>
 !> The preconditioner is one cycle of p-multigrid (`dotyk_response_multigrid`) that knows the active rows on each level,
-!> so that its quality does not depend on W, however stiff: the smoother (`dotyk_scheme_contact_smoother`) has `D + B^T W
-!> B` in place of the diagonal blocks D, the corner space `K_c + P^T B^T W B P` in place of K_c. Both are inverted by the
-!> identity of Woodbury: with C = B D^{-1} B^T or B P K_c^+ P^T B^T,
+!> so that its quality does not depend on W, however stiff: `D + B^T W B` in place of the diagonal blocks D in the
+!> smoother (`dotyk_scheme_contact_smoother`), `K_c + P^T B^T W B P` in place of K_c in the corner space. Both are
+!> inverted by the identity of Woodbury: with C = B D^{-1} B^T or B P K_c^+ P^T B^T,
 !>
 !>     (K + B^T W B)^{-1} = K^{-1} - K^{-1} B^T (W^{-1} + C)^{-1} B K^{-1}
 !>
