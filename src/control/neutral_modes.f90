@@ -69,6 +69,8 @@ contains
     type(mode_block_t), allocatable :: deviation(:)
     real(dp), allocatable :: angle(:), force(:), alpha(:)
     integer :: b
+    ! A scene may be factorized twice.
+    if (allocated(problem%neutral)) deallocate (problem%neutral)
     allocate (problem%neutral(size(problem%body)), self%candidate(size(problem%body)))
     if (qp%n_rows == 0) return
     if (.not. any([(floats(modes(b)), b=1, size(modes))])) return
@@ -255,6 +257,7 @@ contains
     allocate (resultant, source=matmul(modes%resultant, candidate%basis))
     call move_alloc(displacement, modes%displacement)
     call move_alloc(resultant, modes%resultant)
+    modes%n_held = candidate%n_held
     modes%displacement(:, :candidate%n_held) = 0
     modes%resultant(:candidate%n_held) = 0
   end subroutine hold_modes

@@ -33,9 +33,10 @@ module dotyk_control_response_choice
 
   public :: assemble_representative, choose_forms, suits_multigrid
 
-  !> Unknowns from which on p-multigrid is taken in three dimensions: it is faster and smaller from 50,000 on, but a
-  !> factor is more robust.
-  integer, parameter :: crossover = 200000
+  !> Unknowns from which on p-multigrid is taken in three dimensions. On one thread a run with a factor takes 1.07, 1.3
+  !> and 1.65 times as long at 33,000, 57,000 and 103,000 unknowns (`tools/benchmark large --only hertz`), with 2.6, 3.5
+  !> and 4.7 times the memory, but its error bound rests on no measured constant.
+  integer, parameter :: crossover = 100000
   !> Bulk over shear modulus up to which the iterations of p-multigrid do not grow much: Poisson's ratio 0.45.
   real(dp), parameter :: most_bulk_over_shear = 9.7_dp
 

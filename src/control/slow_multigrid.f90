@@ -4,6 +4,7 @@ module dotyk_control_slow_multigrid
   use dotyk_base_error, only: add_context, error_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_memory, only: memory_now
+  use dotyk_control_congruence_classes, only: congruence_classes_t
   use dotyk_control_factorization, only: check_memory, factor_size_t
   use dotyk_control_response_choice, only: form_multigrid, form_whole, operator_slot_t
   use dotyk_elasticity_body, only: assemble_stiffness, body_t, stiffness_t
@@ -12,7 +13,7 @@ module dotyk_control_slow_multigrid
   use dotyk_response_stiffness_factor, only: factorization_report_t
   implicit none
   private
-  public :: replace_slow_ones
+  public :: find_slow_ones, replace_slow_ones
 
   !> Ratio of the extreme Ritz values of the preconditioned stiffness below which a solve takes several times as many
   !> iterations as that of a compact body [].
@@ -21,6 +22,24 @@ module dotyk_control_slow_multigrid
   real(dp), parameter :: most_left = 1.0e-5_dp
 
 contains
+
+  !> Find the bodies whose p-multigrids converge slowly.
+  subroutine find_slow_ones(classes, slot, size_of)
+    !> Congruence classes of the bodies.
+    type(congruence_classes_t), intent(in) :: classes
+    !> Factorized (n_bodies).
+    type(operator_slot_t), intent(in) :: slot(:)
+    !> Says which ones are slow on return (n_bodies).
+    type(factor_size_t), intent(inout) :: size_of(:)
+    integer :: b
+    do b = 1, size(slot)
+      if (.not. allocated(slot(b)%multigrid) .or. size_of(b)%form /= form_multigrid) cycle
+      associate (operator => slot(b)%multigrid)
+        size_of(b)%is_slow = operator%grid%least < slow*operator%grid%greatest .or. operator%trial > most_left
+      end associate
+    end do
+    size_of%is_slow = size_of(classes%first)%is_slow
+  end subroutine find_slow_ones
 
   !> Replace the p-multigrids that converge slowly.
   subroutine replace_slow_ones(body, modes, slot, size_of, report, error)
@@ -38,11 +57,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     integer :: b
     do b = 1, size(body)
-      if (.not. allocated(slot(b)%multigrid) .or. size_of(b)%form /= form_multigrid) cycle
-      associate (operator => slot(b)%multigrid)
-        size_of(b)%is_slow = operator%grid%least < slow*operator%grid%greatest .or. operator%trial > most_left
-      end associate
-      if (.not. size_of(b)%is_slow) cycle
+      if (.not. size_of(b)%is_slow .or. .not. allocated(slot(b)%multigrid)) cycle
       call replace(body(b), modes(b), slot(b), size_of(b), report(b), error)
       call add_context(error, "body '"//body(b)%name//"': ")
       if (allocated(error)) return

@@ -4,11 +4,12 @@ module dotyk_driver_factorization
   use dotyk_base_interrupt, only: stop_if_interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_memory, only: memory_now, set_stage
-  use dotyk_base_options, only: response_auto
   use dotyk_control_contact_free, only: contact_free_t, solve_without_contact
   use dotyk_control_factorization, only: check_memory, factorize_bodies, find_modes, make_operators
-  use dotyk_control_slow_multigrid, only: replace_slow_ones
+  use dotyk_control_response_choice, only: form_multigrid
+  use dotyk_control_slow_multigrid, only: find_slow_ones, replace_slow_ones
   use dotyk_control_parallel, only: set_blas_threads, share_solves
+  use dotyk_driver_return_to_factors, only: may_return_to_factors, return_to_factors
   use dotyk_driver_scene, only: scene_t
   use dotyk_input_case, only: case_t
   use dotyk_log_run_monitor, only: log_monitor_t
@@ -41,22 +42,11 @@ contains
     type(coarse_space_t) :: coarse
     type(contact_free_t) :: free
     real(dp), allocatable :: foundation(:), cost(:)
-    character(:), allocatable :: warning
     integer :: b
     logical :: side_by_side
+    call factorize_all(case, scheme, scene, monitor, error)
+    if (allocated(error)) return
     associate (problem => scene%problem, block => scene%operator%block, qp => scene%qp, compliance => scene%compliance)
-      call check_memory(memory_now(), scene%size_of, warning, error)
-      if (allocated(error)) return
-      if (len(warning) > 0) call monitor%log%line('  warning: '//warning)
-      call set_stage('factorizing')
-      call factorize_bodies(problem%body, problem%classes, problem%modes, .not. scheme%needs_held_bodies(), &
-                            scene%size_of, scene%stiffness, scene%slot, problem%report, error)
-      call stop_if_interrupted(error)
-      if (allocated(error)) return
-      if (case%solver%response == response_auto) &
-        call replace_slow_ones(problem%body, problem%modes, scene%slot, scene%size_of, problem%report, error)
-      if (allocated(error)) return
-      call monitor%watch%lap(monitor%timing%factorize)
       call find_modes(problem%body, problem%classes, block, problem%report, problem%modes, modes, error)
       if (allocated(error)) return
       call make_operators(problem%body, problem%classes, block, problem%report, scene%size_of, scene%slot, &
@@ -86,4 +76,44 @@ contains
     call stop_if_interrupted(error)
     call monitor%watch%lap(monitor%timing%iterate)
   end subroutine factorize_scene
+
+  !> Factorize the bodies. Where p-multigrid would converge slowly, factors take its place if the memory suffices: of
+  !> such a body, or of all bodies where no p-multigrid remains.
+  subroutine factorize_all(case, scheme, scene, monitor, error)
+    !> As in `factorize_scene`.
+    type(case_t), intent(in) :: case
+    !> As in `factorize_scene`.
+    class(scheme_t), intent(in) :: scheme
+    !> As in `factorize_scene`.
+    type(scene_t), intent(inout) :: scene
+    !> As in `factorize_scene`.
+    type(log_monitor_t), intent(inout) :: monitor
+    !> As in `factorize_scene`.
+    type(error_t), allocatable, intent(out) :: error
+    character(:), allocatable :: warning
+    logical :: all_again
+    do
+      call check_memory(memory_now(), scene%size_of, warning, error)
+      if (allocated(error)) return
+      if (len(warning) > 0) call monitor%log%line('  warning: '//warning)
+      call set_stage('factorizing')
+      associate (problem => scene%problem)
+        call factorize_bodies(problem%body, problem%classes, problem%modes, .not. scheme%needs_held_bodies(), &
+                              scene%size_of, scene%stiffness, scene%slot, problem%report, error)
+        call stop_if_interrupted(error)
+        if (allocated(error)) return
+        call monitor%watch%lap(monitor%timing%factorize)
+        if (.not. may_return_to_factors(case, scene)) exit
+        call find_slow_ones(problem%classes, scene%slot, scene%size_of)
+        if (.not. any(scene%size_of%is_slow)) exit
+        all_again = all(scene%size_of%is_slow .or. scene%size_of%form /= form_multigrid)
+        if (all_again) call return_to_factors(case, scheme, scene, monitor, all_again, error)
+        if (allocated(error)) return
+        if (all_again) cycle
+        call replace_slow_ones(problem%body, problem%modes, scene%slot, scene%size_of, problem%report, error)
+        call monitor%watch%lap(monitor%timing%factorize)
+      end associate
+      exit
+    end do
+  end subroutine factorize_all
 end module dotyk_driver_factorization

@@ -55,7 +55,7 @@ contains
     if (allocated(error)) return
     call build_scene(case, run%scheme, scene, monitor, error)
     if (allocated(error)) return
-    call set_pair_conditions(case, scene%size_of, run)
+    call set_pair_conditions(case, run)
     call show_scene(monitor%log, case, scene%problem, scene%size_of)
     call check_placement(scene, monitor)
     if (len(arguments%restart) > 0) then

@@ -2,11 +2,8 @@
 module dotyk_driver_run_settings
   use dotyk_base_options, only: gamma_fixed, linear_solver_auto, scheme_auto, scheme_dual, stop_budget, stop_residual
   use dotyk_control_contact_solution, only: solution_goal_t
-  use dotyk_control_factorization, only: factor_size_t
-  use dotyk_control_response_choice, only: form_multigrid
   use dotyk_control_scheme_run, only: scheme_run_t
   use dotyk_input_case, only: case_t
-  use dotyk_scheme_primal, only: primal_t
   use dotyk_scheme_registry, only: make_scheme
   implicit none
   private
@@ -40,19 +37,13 @@ contains
     may_use_multigrid = case%solver%scheme == scheme_dual .and. case%solver%linear_solver == linear_solver_auto
   end function may_use_multigrid
 
-  !> The settings that pairs have of their own, once the pairs are found, and the scheme by displacements where bodies
-  !> are solved by p-multigrid.
-  subroutine set_pair_conditions(case, size_of, run)
+  !> The settings that pairs have of their own, once the pairs are found.
+  subroutine set_pair_conditions(case, run)
     !> The case, with one contact for each pair.
     type(case_t), intent(in) :: case
-    !> Sizes of the factors (n_bodies).
-    type(factor_size_t), intent(in) :: size_of(:)
     !> Scheme and settings.
     type(scheme_run_t), intent(inout) :: run
     run%settings%robin_gap = [case%contact%robin_gap]
-    if (.not. any(size_of%form == form_multigrid)) return
-    deallocate (run%scheme)
-    allocate (primal_t :: run%scheme)
   end subroutine set_pair_conditions
 
   !> What is asked of the solution.

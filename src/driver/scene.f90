@@ -8,7 +8,7 @@ module dotyk_driver_scene
   use dotyk_contact_operator, only: build_operator, contact_operator_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_factorization, only: analyze_bodies, factor_size_t
-  use dotyk_control_response_choice, only: choose_forms, operator_slot_t
+  use dotyk_control_response_choice, only: choose_forms, form_multigrid, operator_slot_t
   use dotyk_driver_run_settings, only: may_use_multigrid
   use dotyk_control_neutral_modes, only: neutral_modes_t
   use dotyk_elasticity_body, only: stiffness_t
@@ -45,11 +45,19 @@ module dotyk_driver_scene
     type(body_compliance_t) :: compliance
     !> Modes that contact hardly resists.
     type(neutral_modes_t) :: neutral
+  contains
+    procedure :: has_multigrid => scene_has_multigrid
   end type scene_t
 
   public :: build_scene
 
 contains
+
+  !> Whether bodies are solved by p-multigrid.
+  pure logical function scene_has_multigrid(self) result(has)
+    class(scene_t), intent(in) :: self
+    has = any(self%size_of%form == form_multigrid)
+  end function scene_has_multigrid
 
   !> Meshes to bodies, contact rows, and the sizes of the factors: all that can be checked before anything is solved.
   subroutine build_scene(case, scheme, scene, monitor, error)

@@ -7,6 +7,7 @@ module dotyk_driver_solution
   use dotyk_control_contact_solution, only: contact_solution_t, solve_contact
   use dotyk_control_scheme_run, only: scheme_run_t
   use dotyk_driver_factorization, only: factorize_scene
+  use dotyk_driver_return_to_factors, only: may_return_to_factors, return_to_factors
   use dotyk_driver_results, only: write_on_the_way
   use dotyk_driver_run_settings, only: goal_of
   use dotyk_driver_scene, only: scene_t
@@ -15,7 +16,8 @@ module dotyk_driver_solution
   use dotyk_log_outcome, only: refuse_unsolvable
   use dotyk_log_run_monitor, only: log_monitor_t
   use dotyk_log_scene_tables, only: show_factorization
-  use dotyk_scheme_solver_state, only: ended_time
+  use dotyk_scheme_primal, only: primal_t
+  use dotyk_scheme_solver_state, only: ended_converged, ended_interrupted, ended_time
   implicit none
   private
   public :: solve_scene
@@ -40,41 +42,81 @@ contains
     type(contact_solution_t), intent(inout) :: solution
     !> Allocated where there is none: a body is not held, no equilibrium, too little memory, an interrupt.
     type(error_t), allocatable, intent(out) :: error
-    logical :: has_warned
-    call factorize_scene(case, run%scheme, scene, monitor, error)
-    if (.not. allocated(error)) then
+    type(scheme_run_t) :: now
+    logical :: has_warned, may_return
+    has_warned = .false.
+    factors: do
+      call factorize_scene(case, run%scheme, scene, monitor, error)
+      if (allocated(error)) exit
       call show_factorization(monitor%log, scene%problem%body, scene%size_of, monitor%timing%factorize)
-      solution%theta = scene%theta
+      now = run
+      if (scene%has_multigrid()) then
+        deallocate (now%scheme)
+        allocate (primal_t :: now%scheme)
+      end if
+      may_return = may_return_to_factors(case, scene)
+      call begin(scene%theta, solution)
       if (allocated(pressure)) call start_from_pressures(pressure, scene%qp, scene%compliance, solution%state)
-      has_warned = .false.
       do
-        call solve_contact(scene%problem, scene%qp, scene%compliance, run, goal_of(case), monitor, solution, error)
+        if (may_return .and. .not. now%scheme%suits(scene%qp, scene%compliance, scene%theta)) then
+          call return_to_factors(case, run%scheme, scene, monitor, may_return, error)
+          if (allocated(error)) exit factors
+          call say_why('the contact needs factors', may_return, monitor)
+          if (may_return) cycle factors
+        end if
+        call solve_contact(scene%problem, scene%qp, scene%compliance, now, goal_of(case), monitor, solution, error)
         call monitor%end_phase()
-        if (allocated(error)) exit
-        if (solution%state%ended /= ended_time) then
-          if (.not. scene%neutral%asks_again(solution%state, scene%problem, scene%qp)) exit
-          call monitor%note('neutral modes    bodies move far along them; held, and the contact solved again')
-          call begin_again(scene%theta, solution)
+        if (allocated(error)) exit factors
+        if (solution%state%ended == ended_time) then
+          call write_on_the_way(case, scene, solution, threads, monitor, has_warned)
           cycle
         end if
-        call write_on_the_way(case, scene, solution, threads, monitor, has_warned)
+        if (scene%neutral%asks_again(solution%state, scene%problem, scene%qp)) then
+          call monitor%note('neutral modes    bodies move far along them; held, and the contact solved again')
+          call begin(scene%theta, solution)
+          cycle
+        end if
+        if (.not. may_return .or. any(solution%state%ended == [ended_converged, ended_interrupted])) exit factors
+        ! Loads without equilibrium: found from the rigid body modes alone.
+        if (solution%state%history%n == 0) exit factors
+        call return_to_factors(case, run%scheme, scene, monitor, may_return, error)
+        if (allocated(error)) exit factors
+        call say_why('the accuracy of p-multigrid does not suffice', may_return, monitor)
+        if (.not. may_return) exit factors
+        exit
       end do
-      if (allocated(error)) then
-        ! The scheme does not know the line of its settings.
-        if (index(error%message, '&solver') == 1) &
-          call add_context(error, case%file//':'//to_text(case%solver%line)//': ')
-      end if
-      if (.not. allocated(error)) call refuse_unsolvable(case, scene%problem, scene%qp, solution%state, error)
+    end do factors
+    if (allocated(error)) then
+      ! The scheme does not know the line of its settings.
+      if (index(error%message, '&solver') == 1) &
+        call add_context(error, case%file//':'//to_text(case%solver%line)//': ')
+    else
+      call refuse_unsolvable(case, scene%problem, scene%qp, solution%state, error)
     end if
     call scene%compliance%destroy()
   end subroutine solve_scene
 
+  !> Say why p-multigrid is given up.
+  subroutine say_why(reason, fits, monitor)
+    !> The reason.
+    character(*), intent(in) :: reason
+    !> Whether the memory suffices for factors.
+    logical, intent(in) :: fits
+    !> Gets the line.
+    type(log_monitor_t), intent(inout) :: monitor
+    if (fits) then
+      call monitor%note('factors          '//reason//': the bodies are factorized, and the contact solved again')
+    else
+      call monitor%note('warning          '//reason//', and the memory does not suffice for factors')
+    end if
+  end subroutine say_why
+
   !> A solution that is not begun.
-  subroutine begin_again(theta, solution)
+  subroutine begin(theta, solution)
     !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> Without a state on return.
     type(contact_solution_t), intent(out) :: solution
     solution%theta = theta
-  end subroutine begin_again
+  end subroutine begin
 end module dotyk_driver_solution

@@ -25,6 +25,8 @@ module dotyk_scheme_coarse_space
     real(dp), allocatable :: lift_resultant(:)
     !> Sum of the absolute values that these resultants are made up of (n) [force].
     real(dp), allocatable :: resultant_size(:)
+    !> The first ones are held: they are zero, and all are another basis than the rigid body modes of the body.
+    integer :: n_held = 0
   end type contact_modes_t
 
   !> A dense block of one body.
@@ -51,6 +53,8 @@ module dotyk_scheme_coarse_space
     real(dp), allocatable :: scale(:)
     !> G by bodies (n_bodies).
     type(mode_block_t), allocatable :: block(:)
+    !> Whether modes of a body are another basis than its rigid body modes, some of them held.
+    logical :: holds_modes = .false.
     !> The two bodies of each row, 0 where there is no second one (2, n_rows).
     integer, allocatable :: body(:, :)
     !> Position of each row among the rows of these bodies (2, n_rows).
@@ -114,6 +118,7 @@ contains
         end do
       end associate
     end do
+    self%holds_modes = any(modes%n_held > 0)
     if (any([(allocated(modes(b)%stiffness), b=1, size(modes))])) call take_stiffness(self, modes)
   end subroutine coarse_init
 

@@ -8,7 +8,7 @@
 !> start is the contact of the bodies in their corner spaces (`dotyk_scheme_corner_contact`).
 !>
 !> It ends by the bound of `dotyk_scheme_primal_system`. Other operators, and near-null-space modes, which have a
-!> stiffness, are left to the dual scheme.
+!> stiffness, are left to the dual scheme, and so are bodies with modes that are held.
 module dotyk_scheme_primal
   use dotyk_base_error, only: error_t
   use dotyk_base_interrupt, only: interrupted
@@ -41,12 +41,15 @@ module dotyk_scheme_primal
     procedure :: needs_held_bodies => primal_needs_held_bodies
     procedure :: allows_zero_theta => primal_allows_zero_theta
     procedure :: expected_products => primal_expected_products
+    procedure :: suits => primal_suits
   end type primal_t
 
   !> How often violated rows enter the working set; then all rows do.
   integer, parameter :: most_rounds = 6
   !> How often a bound above the tolerance is followed by a more accurate solution.
   integer, parameter :: most_attempts = 5
+  !> Active sets at most: where it converges, it takes a third of them.
+  integer, parameter :: most_sets = 100
   !> Rows enter the working set with the violated ones whose gaps are smaller than this multiple of the largest
   !> violation.
   real(dp), parameter :: near_violation = 4
@@ -89,6 +92,29 @@ contains
     end associate
   end function primal_expected_products
 
+  !> Whether all bodies are p-multigrids, or join them with their factors, and their modes are the rigid body modes of the
+  !> bodies, none held and none with a stiffness. Supports that press rows together are found by the dual scheme.
+  logical function primal_suits(self, qp, compliance, theta) result(suits)
+    class(primal_t), intent(in) :: self
+    !> Contact rows, initial penetrations, rigid body modes.
+    type(contact_qp_t), intent(in) :: qp
+    !> Compliance of the bodies at these rows.
+    class(compliance_t), intent(in) :: compliance
+    !> Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    logical :: is_rigid(qp%n_rows)
+    associate (not_needed => same_type_as(self, self))
+    end associate
+    suits = qp%n_rows == 0
+    if (allocated(qp%coarse%stiffness) .or. qp%coarse%holds_modes .or. suits) return
+    select type (compliance)
+    class is (body_compliance_t)
+      if (.not. compliance%has_grids()) return
+      call find_rigid_rows(qp, compliance, is_rigid)
+      suits = .not. any(is_rigid .and. .not. theta > 0 .and. qp%initial_penetration > 0)
+    end select
+  end function primal_suits
+
   !> Solve.
   subroutine primal_solve(self, qp, compliance, theta, settings, monitor, state, error)
     class(primal_t), intent(in) :: self
@@ -107,20 +133,12 @@ contains
     !> Allocated where numbers are not finite, or an interrupt came before there was a state.
     type(error_t), allocatable, intent(out) :: error
     type(dual_t) :: dual
-    logical :: is_primal, is_rigid(qp%n_rows)
-    associate (not_needed => same_type_as(self, self))
-    end associate
-    is_primal = .false.
+    logical :: is_primal
+    is_primal = self%suits(qp, compliance, theta) .and. qp%n_rows > 0
     select type (compliance)
     class is (body_compliance_t)
       call compliance%forget_displacements()
-      is_primal = compliance%has_grids() .and. .not. allocated(qp%coarse%stiffness) .and. qp%n_rows > 0
-      if (is_primal) then
-        call find_rigid_rows(qp, compliance, is_rigid)
-        ! Supports that press rows together are found by the dual scheme.
-        is_primal = .not. any(is_rigid .and. .not. theta > 0 .and. qp%initial_penetration > 0)
-      end if
-      if (is_primal) call solve_by_displacements(qp, compliance, theta, is_rigid, settings, monitor, state, error)
+      if (is_primal) call solve_by_displacements(qp, compliance, theta, settings, monitor, state, error)
     end select
     if (is_primal) return
     call dual%solve(qp, compliance, theta, settings, monitor, state, error)
@@ -149,15 +167,13 @@ contains
   end subroutine find_rigid_rows
 
   !> Solve by displacements.
-  subroutine solve_by_displacements(qp, compliance, theta, is_rigid, settings, monitor, state, error)
+  subroutine solve_by_displacements(qp, compliance, theta, settings, monitor, state, error)
     !> As in `primal_solve`.
     type(contact_qp_t), intent(in) :: qp
     !> By p-multigrids.
     class(body_compliance_t), intent(inout) :: compliance
     !> As in `primal_solve` (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
-    !> Rows that no displacement moves: they are in no system (n_rows).
-    logical, intent(in) :: is_rigid(:)
     !> As in `primal_solve`.
     type(solver_settings_t), intent(in) :: settings
     !> As in `primal_solve`.
@@ -174,8 +190,10 @@ contains
     logical, allocatable :: working(:), violated(:)
     real(dp) :: accuracy, start, last
     integer :: round, attempt, steps, cg_steps
-    logical :: warm
+    ! Rows that no displacement moves are in no system.
+    logical :: warm, is_rigid(qp%n_rows)
     start = wall_time()
+    call find_rigid_rows(qp, compliance, is_rigid)
     warm = allocated(state%m)
     if (state%history%n == 0) then
       call check_equilibrium(qp, state)
@@ -207,7 +225,7 @@ contains
       last = huge(last)
       do attempt = 1, most_attempts
         call solve_rows(system, part, pack(theta, working), load, working, accuracy, &
-                        settings%max_iterations - steps, m, v, outcome, error)
+                        min(most_sets, settings%max_iterations) - steps, m, v, outcome, error)
         state%ended = outcome%ended
         if (allocated(error) .or. outcome%ended == ended_rigid_constraint) then
           call system%destroy()
@@ -234,7 +252,7 @@ contains
         if (any(violated)) exit
         if (state%error_bound <= settings%tolerance) exit rounds
         if (last < huge(last) .and. .not. state%error_bound < least_gain*last) exit rounds
-        if (steps >= settings%max_iterations) exit rounds
+        if (steps >= min(most_sets, settings%max_iterations)) exit rounds
         last = state%error_bound
         accuracy = next_share*accuracy
         call monitor%step(state%history, settings%tolerance, state%error_bound)

@@ -24,6 +24,8 @@ module dotyk_scheme_scheme
     procedure :: allows_zero_theta => scheme_allows_zero_theta
     !> Products with the compliance that it takes one by one, about; 0: it forms the entries that it needs.
     procedure :: expected_products => scheme_expected_products
+    !> Whether it solves such a QP itself.
+    procedure :: suits => scheme_suits
   end type scheme_t
 
   abstract interface
@@ -81,4 +83,20 @@ contains
     associate (not_needed => same_type_as(self, self))
     end associate
   end function scheme_expected_products
+
+  !> Whether the scheme solves a QP itself: another one, which takes far more solves, does so otherwise.
+  logical function scheme_suits(self, qp, compliance, theta) result(suits)
+    !> The scheme.
+    class(scheme_t), intent(in) :: self
+    !> The rows, the initial penetration, the rigid body modes.
+    type(contact_qp_t), intent(in) :: qp
+    !> C.
+    class(compliance_t), intent(in) :: compliance
+    !> Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    suits = .true.
+    associate (not_needed => [same_type_as(self, self), same_type_as(compliance, compliance), &
+                              qp%n_rows == size(theta)])
+    end associate
+  end function scheme_suits
 end module dotyk_scheme_scheme

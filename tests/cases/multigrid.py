@@ -117,6 +117,32 @@ class Multigrid(dotyk_case.Case):
                 self.assertIn("x^2", scene)
                 self.compare(scene, case)
 
+    def test_way_back_to_factors(self):
+        """A large thin plate is slow by p-multigrid: 'auto' gives factors to all bodies."""
+        self.write("plate.geo", block_geo("hex20", (70, 70, 1), size=(1, 1, 0.002)))
+        self.write("block.geo", block_geo("tet10", (2, 4, 1), (1, 0.4, 0), (0.1, 0.2, 0.002)))
+        text = """&scene /
+&material name='steel', young=210, poisson=0.3 /
+&body name='plate', mesh='plate.geo', volume='block', material='steel' /
+&body name='block', mesh='block.geo', volume='block', material='steel' /
+&support body='plate', surface='sides y', fix='xyz' /
+&support body='block', surface='sides y', fix='xyz', value=-1e-5, 0, 0 /
+&contact name='joint', surface_a='block:sides x', surface_b='plate:sides x' /
+&output fields='displacement contact', error_parts='' /
+&solver theta=0, tolerance=1e-9 /
+"""
+        self.write("case.nml", text)
+        printed, file = self.solve("case")
+        self.assertIn("'plate': thin or sliver elements: p-multigrid would take", printed)
+        self.assertNotIn(MARK, printed)
+        summary = file["dotyk/summary"].attrs
+        self.assertEqual(summary["error_bound_guaranteed"], 1)
+        self.assertEqual(summary["bodies_by_multigrid"], 0)
+        # The block is held at its sides: what pushes the plate is what it resists.
+        force = file["dotyk/contact/joint"].attrs["force"]
+        self.assertGreater(force[0], 0)
+        np.testing.assert_allclose(force[1:], 0, atol=1e-6 * force[0])
+
     def test_no_equilibrium(self):
         """The lower block lies on nothing."""
         text = self.stacked(("hex20", "tet10")).replace("&support body='lower', surface='bottom', fix='z' /\n", "")

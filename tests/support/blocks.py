@@ -23,22 +23,23 @@ def dimension(kind):
 
 
 def block_geo(kind, n, origin=(0, 0, 0), size=(1, 1, 1)):
-    """Geometry for gmsh of a block with n divisions along each edge; in two dimensions origin and size have two
-    numbers."""
+    """Geometry for gmsh of a block with n divisions along each edge, or one number for each; in two dimensions origin
+    and size have two numbers."""
     d, order, incomplete, faces, volume = KINDS[kind]
     x, y, z = (*origin, 0)[:3]
     a, b, c = (*size, 0)[:3]
+    n_x, n_y, n_z = (*n, 1)[:3] if isinstance(n, tuple) else (n, n, n)
     e = 1e-6 * max(size)
     text = """
 Mesh.ElementOrder = %d;  Mesh.SecondOrderIncomplete = %d;
 Point(1) = {%r, %r, %r};
 line() = Extrude {%r, 0, 0} { Point{1}; Layers{%d}; };
 face() = Extrude {0, %r, 0} { Curve{line(1)}; Layers{%d}; %s };
-""" % (order, incomplete, x, y, z, a, n, b, n, "Recombine;" * faces)
+""" % (order, incomplete, x, y, z, a, n_x, b, n_y, "Recombine;" * faces)
     if d == 2:
         text += 'Physical Surface("block") = {face(1)};\n'
     else:
-        text += "body() = Extrude {0, 0, %r} { Surface{face(1)}; Layers{%d}; %s };\n" % (c, n, "Recombine;" * volume)
+        text += "body() = Extrude {0, 0, %r} { Surface{face(1)}; Layers{%d}; %s };\n" % (c, n_z, "Recombine;" * volume)
         text += 'Physical Volume("block") = {body(1)};\n'
     entity = "Curve" if d == 2 else "Surface"
     low, high = np.array((x, y, z), float), np.array((x + a, y + b, z + (c if d == 3 else 0)), float)

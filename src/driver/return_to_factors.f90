@@ -1,0 +1,101 @@
+!> The way back from p-multigrid: the bodies of a scene get factors of their whole stiffness, where p-multigrid does not
+!> reach the tolerance or is of no use, and the memory suffices.
+module dotyk_driver_return_to_factors
+  use dotyk_base_error, only: error_t
+  use dotyk_base_interrupt, only: stop_if_interrupted
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_memory, only: memory_now, memory_t, set_stage
+  use dotyk_base_options, only: response_auto
+  use dotyk_contact_operator, only: build_operator
+  use dotyk_control_factorization, only: analyze_bodies, check_memory, factor_size_t
+  use dotyk_control_response_choice, only: form_direct, operator_slot_t
+  use dotyk_driver_scene, only: scene_t
+  use dotyk_elasticity_body, only: stiffness_t
+  use dotyk_elasticity_body_modes, only: body_modes_t
+  use dotyk_input_case, only: case_t
+  use dotyk_log_run_monitor, only: log_monitor_t
+  use dotyk_model_assembly, only: assemble_bodies
+  use dotyk_scheme_scheme, only: scheme_t
+  implicit none
+  private
+  public :: may_return_to_factors, return_to_factors
+
+  !> Stiffness of quadratic elements with the graph of its nodes, about [bytes/unknown]; the factor is larger.
+  real(dp), parameter :: bytes_of_stiffness = 1000
+
+contains
+
+  !> Whether a scene has p-multigrids, and its user leaves the choice to the program.
+  pure logical function may_return_to_factors(case, scene) result(may)
+    !> The case.
+    type(case_t), intent(in) :: case
+    !> The scene, built.
+    type(scene_t), intent(in) :: scene
+    may = case%solver%response == response_auto .and. scene%has_multigrid()
+  end function may_return_to_factors
+
+  !> Assemble and analyse all bodies again, for their factors. A scene that was factorized is as it was built on return,
+  !> and has all that it had where the memory does not suffice.
+  subroutine return_to_factors(case, scheme, scene, monitor, fits, error)
+    !> The case.
+    type(case_t), intent(in) :: case
+    !> Scheme of the run.
+    class(scheme_t), intent(in) :: scheme
+    !> Built, with p-multigrids; to be factorized on return.
+    type(scene_t), intent(inout) :: scene
+    !> Log and watch; times are added.
+    type(log_monitor_t), intent(inout) :: monitor
+    !> Whether the memory suffices.
+    logical, intent(out) :: fits
+    !> As in `analyze_bodies`, or an interrupt came.
+    type(error_t), allocatable, intent(out) :: error
+    type(body_modes_t), allocatable :: modes(:)
+    type(stiffness_t), allocatable :: stiffness(:)
+    type(operator_slot_t), allocatable :: slot(:)
+    type(factor_size_t), allocatable :: size_of(:)
+    type(error_t), allocatable :: too_large
+    type(memory_t) :: memory
+    character(:), allocatable :: warning
+    integer, allocatable :: form(:)
+    integer :: b
+    associate (problem => scene%problem)
+      memory = memory_now()
+      fits = .not. memory%is_known
+      if (.not. fits) fits = bytes_of_stiffness*sum(real(problem%body%constraint%n_equations, dp), &
+        mask=problem%classes%first == [(b, b=1, size(problem%body))]) < memory%left
+      if (.not. fits) return
+      call set_stage('assembling')
+      allocate (form(size(problem%body)), source=form_direct)
+      call assemble_bodies(case, problem%classes, form, problem%body, modes, stiffness, slot, error)
+      call stop_if_interrupted(error)
+      if (allocated(error)) return
+      call monitor%watch%lap(monitor%timing%assemble)
+      call set_stage('ordering the equations')
+      call build_operator(case%scene%dimension, size(problem%body), problem%pair, problem%surface_a, &
+                          problem%surface_b, scene%operator)
+      call analyze_bodies(problem%body, modes, stiffness, problem%classes, scene%operator%block, &
+                          case%solver%response, scheme%expected_products(), slot, size_of, error)
+      call stop_if_interrupted(error)
+      if (allocated(error)) return
+      call monitor%watch%lap(monitor%timing%order)
+      call check_memory(memory_now(), size_of, warning, too_large)
+      fits = .not. allocated(too_large)
+      if (.not. fits) then
+        do b = 1, size(slot)
+          if (allocated(slot(b)%direct)) call slot(b)%direct%destroy()
+          call stiffness(b)%destroy()
+        end do
+        return
+      end if
+      do b = 1, size(slot)
+        if (allocated(scene%slot(b)%multigrid)) call scene%slot(b)%multigrid%destroy()
+      end do
+      call scene%compliance%destroy()
+      size_of%is_slow = scene%size_of%is_slow
+      call move_alloc(modes, problem%modes)
+      call move_alloc(stiffness, scene%stiffness)
+      call move_alloc(slot, scene%slot)
+      call move_alloc(size_of, scene%size_of)
+    end associate
+  end subroutine return_to_factors
+end module dotyk_driver_return_to_factors
