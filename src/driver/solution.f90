@@ -47,7 +47,7 @@ contains
     has_warned = .false.
     factors: do
       call factorize_scene(case, run%scheme, scene, monitor, error)
-      if (allocated(error)) exit
+      if (allocated(error)) exit factors
       call show_factorization(monitor%log, scene%problem%body, scene%size_of, monitor%timing%factorize)
       now = run
       if (scene%has_multigrid()) then

@@ -92,8 +92,8 @@ contains
     end associate
   end function primal_expected_products
 
-  !> Whether all bodies are p-multigrids, or join them with their factors, and their modes are the rigid body modes of the
-  !> bodies, none held and none with a stiffness. Supports that press rows together are found by the dual scheme.
+  !> Whether all bodies are p-multigrids, or join them with their factors, and their modes are their rigid body modes,
+  !> none held and none with a stiffness. Supports that press rows together are found by the dual scheme.
   logical function primal_suits(self, qp, compliance, theta) result(suits)
     class(primal_t), intent(in) :: self
     !> Contact rows, initial penetrations, rigid body modes.
