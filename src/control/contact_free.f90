@@ -26,8 +26,8 @@ module dotyk_control_contact_free
     real(dp) :: norm_square = 0
     !> Solves that it took.
     integer :: n_solves = 0
-    !> u_0 of bodies that are solved iteratively (n_bodies).
-    type(equation_vector_t), allocatable :: u_0(:)
+    !> u_0 of bodies that are solved iteratively, and the forces that their solves have left (n_bodies).
+    type(equation_vector_t), allocatable :: u_0(:), left(:)
   end type contact_free_t
 
   !> What one body adds.
@@ -69,7 +69,7 @@ contains
     type(contribution_t), allocatable :: part(:)
     real(dp), allocatable :: row_displacement(:)
     integer :: i, b, order(size(body))
-    allocate (part(size(body)), isolated(size(body)), solution%u_0(size(body)))
+    allocate (part(size(body)), isolated(size(body)), solution%u_0(size(body)), solution%left(size(body)))
     order = largest_first(real(body%constraint%n_equations, dp))
     call set_blas_threads(n_blas)
     !$omp parallel do default(none) private(b) schedule(dynamic, 1) &
@@ -78,7 +78,7 @@ contains
     do i = 1, size(body)
       b = order(i)
       call solve_body(body(b), response(representative(b))%form, block(b)%contact_node, part(b), solution%u_0(b), &
-                      isolated(b))
+                      solution%left(b), isolated(b))
     end do
     !$omp end parallel do
     call set_blas_threads(1)
@@ -102,7 +102,7 @@ contains
   end subroutine solve_without_contact
 
   !> One body without contact.
-  subroutine solve_body(body, response, contact_node, part, u_0, isolated)
+  subroutine solve_body(body, response, contact_node, part, u_0, left, isolated)
     !> The body, assembled.
     type(body_t), intent(in) :: body
     !> Compliance operator of its representative.
@@ -113,6 +113,8 @@ contains
     type(contribution_t), intent(out) :: part
     !> Gets the displacement over the equations where the body is solved iteratively and touches others.
     type(equation_vector_t), intent(inout) :: u_0
+    !> Gets the forces that the solve has left there.
+    type(equation_vector_t), intent(inout) :: left
     !> Gets the displacement of a body without contact nodes.
     type(isolated_body_t), intent(inout) :: isolated
     real(dp), allocatable :: x(:), u(:, :)
@@ -127,7 +129,11 @@ contains
     else
       part%strain_energy = dot_product(x, body%rhs)/2
     end if
-    if (response%solve_error() > 0 .and. size(contact_node) > 0) u_0%value = x
+    if (response%solve_error() > 0 .and. size(contact_node) > 0) then
+      u_0%value = x
+      left%value = body%rhs
+      call response%subtract_forces(x, left%value)
+    end if
     part%work = sum(body%load*u)
     part%u_0 = reshape(u(:, contact_node), [body%dimension*size(contact_node)])
     if (size(contact_node) == 0) then

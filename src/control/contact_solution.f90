@@ -22,7 +22,7 @@ module dotyk_control_contact_solution
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_monitor, only: monitor_t, phase_estimate, phase_iterate, phase_recover
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_interrupted, ended_rounds, &
-    ended_stalled, ended_time
+    ended_solves, ended_stalled, ended_time
   implicit none
   private
   public :: solve_contact
@@ -228,7 +228,7 @@ contains
     integer :: k
     more = .false.
     associate (state => solution%state, budget => solution%budget)
-      if (all(state%ended /= [ended_converged, ended_stalled]) .or. size(state%m) == 0) return
+      if (all(state%ended /= [ended_converged, ended_stalled, ended_solves]) .or. size(state%m) == 0) return
       if (.not. goal%depends_on_errors()) return
       factor = 1
       ! An error that is not known changes nothing.

@@ -34,7 +34,7 @@ module dotyk_control_penalty_error
   use dotyk_scheme_linear_solver_choice, only: choose_solver
   use dotyk_scheme_monitor, only: monitor_t
   use dotyk_scheme_restriction, only: restrict_qp
-  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_limit, ended_stalled
+  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_limit, ended_solves, ended_stalled
   use dotyk_scheme_stopping, only: solver_settings_t
   implicit none
   private
@@ -294,7 +294,7 @@ contains
   pure logical function is_usable(state)
     !> Where a scheme ended.
     type(solver_state_t), intent(in) :: state
-    is_usable = any(state%ended == [ended_converged, ended_stalled]) .and. allocated(state%m) .and. &
+    is_usable = any(state%ended == [ended_converged, ended_stalled, ended_solves]) .and. allocated(state%m) .and. &
                 .not. ieee_is_nan(state%error_bound)
   end function is_usable
 end module dotyk_control_penalty_error

@@ -65,6 +65,7 @@ contains
       if (allocated(error)) return
       do b = 1, size(operators)
         call move_alloc(free%u_0(b)%value, operators(b)%free)
+        call move_alloc(free%left(b)%value, operators(b)%left)
       end do
       call compliance%init(qp, response, operators, side_by_side)
       if (any(scene%size_of%forms_matrix)) then

@@ -19,8 +19,8 @@ module dotyk_log_summary
   use dotyk_log_progress, only: duration
   use dotyk_log_timing, only: timing_t
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_limit, ended_diverged, &
-    ended_cycling, ended_interrupted, ended_penetration, ended_rotated, ended_rounds, ended_slid, ended_unbalanced, &
-    ended_unverified
+    ended_cycling, ended_interrupted, ended_penetration, ended_rotated, ended_rounds, ended_slid, &
+    ended_solves, ended_unbalanced, ended_unverified
   use dotyk_scheme_theorem_lines, only: factor_text
   implicit none
   private
@@ -330,6 +330,8 @@ contains
       text = 'not converged: stop_rule met by an iterate without a useful error bound; ended'
     case (ended_rounds)
       text = 'not converged: iteration error above its share (budget_fraction) of the other errors'
+    case (ended_solves)
+      text = "not converged: solves by p-multigrid are no more accurate (response='full' has factors); ended"
     case default
       text = 'not converged: stalled at double-precision rounding'
     end select

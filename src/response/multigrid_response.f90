@@ -37,6 +37,7 @@ module dotyk_response_multigrid_response
     procedure :: expected_steps => response_expected_steps
     procedure :: solve => response_solve
     procedure :: solve_from => response_solve_from
+    procedure :: subtract_forces => response_subtract_forces
     procedure :: solve_error => response_solve_error
     procedure :: body_grid => response_body_grid
     procedure :: solve_entries => response_solve_entries
@@ -258,6 +259,27 @@ contains
       call self%solve(x)
     end if
   end subroutine response_solve_from
+
+  !> What a solve leaves, without its resultants on the rigid body modes. That of a factor is rounding.
+  subroutine response_subtract_forces(self, x, f)
+    class(multigrid_response_t), intent(in) :: self
+    !> Solution (n_equations) [length].
+    real(dp), intent(in) :: x(:)
+    !> Right-hand side in, what is left of it out (n_equations) [force].
+    real(dp), intent(inout) :: f(:)
+    real(dp), allocatable :: b(:), s(:), r(:)
+    if (self%is_whole) then
+      f = 0
+      return
+    end if
+    allocate (b(self%grid%n), s(self%grid%n), r(self%grid%n))
+    call self%grid%to_system(f, b)
+    call self%grid%to_system(x, s)
+    call self%grid%multiply(s, r)
+    b(:) = b - r
+    call remove_components(self%grid%n, self%grid%mode, b)
+    call self%grid%to_equations(b, f)
+  end subroutine response_subtract_forces
 
   !> Relative error of a solve in the energy norm.
   pure real(dp) function response_solve_error(self) result(error)

@@ -25,6 +25,8 @@ module dotyk_response_response
     procedure :: solve_block => response_solve_block
     !> x := K^+ x, from an approximation where that helps.
     procedure :: solve_from => response_solve_from
+    !> f := f - K x, what a solve leaves.
+    procedure :: subtract_forces => response_subtract_forces
     !> Relative error of a solve in the energy norm; 0 where it is rounding.
     procedure :: solve_error => response_solve_error
     !> The p-multigrid of the body, for systems over several bodies; not associated where it has none.
@@ -50,9 +52,9 @@ module dotyk_response_response
     real(dp), allocatable :: along(:, :), regularized(:, :)
   end type substituted_rows_t
 
-  !> A displacement of one body over its equations.
+  !> Displacements or forces of one body over its equations.
   type, public :: equation_vector_t
-    !> (n_equations) [length]
+    !> (n_equations) [length or force]
     real(dp), allocatable :: value(:)
   end type equation_vector_t
 
@@ -134,6 +136,19 @@ contains
     associate (not_needed => start)
     end associate
   end subroutine response_solve_from
+
+  !> Forces that a solve leaves: those of a factor are rounding, which is judged elsewhere.
+  subroutine response_subtract_forces(self, x, f)
+    !> The compliance operator of the body.
+    class(response_t), intent(in) :: self
+    !> Solution (n_equations) [length].
+    real(dp), intent(in) :: x(:)
+    !> Right-hand side in, what is left of it out (n_equations) [force].
+    real(dp), intent(inout) :: f(:)
+    f = 0
+    associate (not_needed => same_type_as(self, self), not_used => x)
+    end associate
+  end subroutine response_subtract_forces
 
   !> Relative error of a solve: that of a factor is rounding, which is judged elsewhere.
   pure real(dp) function response_solve_error(self) result(error)

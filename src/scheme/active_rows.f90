@@ -20,7 +20,7 @@ module dotyk_scheme_active_rows
     !> Amplitudes of motions of the bodies that the active rows do not restrain, orthonormal (n_modes, n_free) [].
     real(dp), allocatable :: free_mode(:, :)
     !> Sum of B D^{-1} B^T over the bodies, lower triangle (n_rows, n_rows) [length/force].
-    type(sparse_symmetric_t), private :: sum
+    type(sparse_symmetric_t) :: sum
     !> Of W^{-1} + B D^{-1} B^T; inactive rows are decoupled.
     type(cholesky_t), private :: smoother
     !> Of W^{-1} + B P K_c^+ P^T B^T on the active rows.
@@ -52,22 +52,20 @@ module dotyk_scheme_active_rows
 contains
 
   !> Choose the active rows and their stiffness.
-  subroutine rows_set(self, grids, stiffness, smoother_only, error)
+  subroutine rows_set(self, grids, stiffness, error)
     class(active_rows_t), intent(inout) :: self
     !> The bodies; the same in each call.
     class(body_grids_t), intent(in) :: grids
     !> W; zero where not active (n_rows) [force/length].
     real(dp), intent(in) :: stiffness(:)
-    !> Whether `solve_corner` is not needed.
-    logical, intent(in) :: smoother_only
     !> Allocated where a number is not finite, or memory runs out.
     type(error_t), allocatable, intent(out) :: error
     integer :: i
     self%row = pack([(i, i=1, size(stiffness))], stiffness > 0)
     if (.not. allocated(self%sum%column_start)) call analyze_smoother(self, grids, error)
     if (.not. allocated(error)) call factorize_smoother(self, stiffness, error)
-    if (.not. (allocated(error) .or. smoother_only)) call factorize_corner(self, grids, stiffness, error)
-    if (.not. (allocated(error) .or. smoother_only)) call factorize_modes(self, grids, error)
+    if (.not. allocated(error)) call factorize_corner(self, grids, stiffness, error)
+    if (.not. allocated(error)) call factorize_modes(self, grids, error)
     if (allocated(error)) call add_context(error, 'multigrid, active rows: ')
   end subroutine rows_set
 

@@ -19,8 +19,6 @@ module dotyk_scheme_contact_multigrid
 
   !> The system. It owns factors: never copy it, destroy it in the end.
   type, extends(contact_smoother_t), public :: contact_multigrid_t
-    !> Whether the factors are those of the smoother alone.
-    logical, private :: is_partial = .false.
   contains
     procedure :: set_stiffness => system_set_stiffness
     procedure :: n_free_modes => system_n_free_modes
@@ -33,23 +31,17 @@ module dotyk_scheme_contact_multigrid
 contains
 
   !> Choose the active rows and their stiffness; factorize what the preconditioner needs, unless it has that.
-  subroutine system_set_stiffness(self, stiffness, error, smoother_only)
+  subroutine system_set_stiffness(self, stiffness, error)
     class(contact_multigrid_t), intent(inout) :: self
     !> W; zero where not active (n_rows) [force/length].
     real(dp), intent(in) :: stiffness(:)
     !> Allocated where a number is not finite, or memory runs out.
     type(error_t), allocatable, intent(out) :: error
-    !> Factorize for `smoother_force` alone; not if absent.
-    logical, intent(in), optional :: smoother_only
-    logical :: partial
-    partial = .false.
-    if (present(smoother_only)) partial = smoother_only
     if (allocated(self%stiffness)) then
-      if (.not. any(abs(stiffness - self%stiffness) > 0) .and. (partial .or. .not. self%is_partial)) return
+      if (.not. any(abs(stiffness - self%stiffness) > 0)) return
       deallocate (self%stiffness)
     end if
-    self%is_partial = partial
-    call self%active%set(self, stiffness, partial, error)
+    call self%active%set(self, stiffness, error)
     if (.not. allocated(error)) self%stiffness = stiffness
   end subroutine system_set_stiffness
 

@@ -31,6 +31,8 @@ module dotyk_scheme_entry_forming
     !> Displacement without contact, u_0, and the last one by a scheme that finds displacements, u without its rigid
     !> body modes; allocated for bodies that are solved iteratively (n_equations) [length].
     real(dp), allocatable :: free(:), found(:)
+    !> Forces that the solve of u_0 has left; allocated where `free` is (n_equations) [force].
+    real(dp), allocatable :: left(:)
   end type body_operator_t
 
   !> Forward substitution of one body's rows, in blocks.

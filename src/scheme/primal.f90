@@ -28,7 +28,7 @@ module dotyk_scheme_primal
   use dotyk_scheme_restriction, only: restrict_qp
   use dotyk_scheme_scheme, only: scheme_t
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_interrupted, ended_limit, &
-    ended_no_equilibrium, ended_rigid_constraint, ended_stalled, ended_unbalanced
+    ended_no_equilibrium, ended_rigid_constraint, ended_solves, ended_stalled, ended_unbalanced
   use dotyk_scheme_stopping, only: solver_settings_t
   use dotyk_scheme_working_set, only: keep_what_carries, screen_rows
   implicit none
@@ -148,7 +148,7 @@ contains
       ! Its bound is that of exact solves.
       state%bound_is_guaranteed = .false.
       state%error_bound = state%error_bound + safety*compliance%solve_error()
-      if (state%ended == ended_converged .and. state%error_bound > settings%tolerance) state%ended = ended_stalled
+      if (state%ended == ended_converged .and. state%error_bound > settings%tolerance) state%ended = ended_solves
     end select
   end subroutine primal_solve
 
@@ -219,7 +219,7 @@ contains
       call system%init_rows(part, compliance)
       if (.not. allocated(v)) then
         allocate (v(system%n), load(system%n), source=0.0_dp)
-        call system%load_of_modes(qp, load)
+        call system%load_by_contact(qp, compliance, load)
         if (.not. warm) call start_in_corners(part, pack(theta, working), load, working, system, m, v)
       end if
       last = huge(last)
@@ -244,7 +244,7 @@ contains
         call system%all_penetrations(qp, compliance, v, now%y)
         violated = .not. (working .or. is_rigid) .and. now%y > rounding*maxval(abs(qp%initial_penetration)) - &
           system%slack(qp%weight, theta, now%lambda, now%y)
-        call judge(qp, compliance, system, theta, load, working, any(violated), v, now, state)
+        call judge(qp, system, theta, load, working, any(violated), v, now, state)
         call state%history%add(wall_time() - start, outcome%change, &
                                outcome%change/max(tiny(start), reference_norm(qp, theta, now)), state%error_bound, &
                                state%energy, state%max_penetration, count(m > 0))
@@ -275,8 +275,8 @@ contains
     state%y = now%y
     state%alpha = qp%coarse%scale*now%alpha
     state%bound_is_guaranteed = .false.
-    state%ended = ended_stalled
-    if (.not. outcome%converged) state%ended = outcome%ended
+    state%ended = ended_solves
+    if (.not. (outcome%converged .or. outcome%ended == ended_stalled)) state%ended = outcome%ended
     if (any(violated)) state%ended = ended_limit
     if (.not. is_balanced(qp, theta, now%lambda, now%alpha)) state%ended = ended_unbalanced
     if (interrupted()) state%ended = ended_interrupted
@@ -289,7 +289,7 @@ contains
     type(contact_qp_t), intent(in) :: part
     !> Penalty parameters of its rows (n) [length/pressure].
     real(dp), intent(in) :: theta(:)
-    !> Resultants of the loads on the rigid body modes, as forces (system%n) [force].
+    !> Loads that u_0 does not balance (system%n) [force].
     real(dp), intent(in), contiguous :: load(:)
     !> Working set (n_rows).
     logical, intent(in) :: working(:)
@@ -313,7 +313,7 @@ contains
     type(contact_qp_t), intent(in) :: part
     !> Penalty parameters of its rows (n) [length/pressure].
     real(dp), intent(in) :: theta(:)
-    !> Resultants of the loads on the rigid body modes, as forces (system%n) [force].
+    !> Loads that u_0 does not balance (system%n) [force].
     real(dp), intent(in), contiguous :: load(:)
     !> Working set (n_rows).
     logical, intent(in) :: working(:)
@@ -333,21 +333,19 @@ contains
     nothing = 0
     of_part = pack(m, working)
     call solve_proximal(system, part%weight, -part%initial_penetration, theta, load, accuracy, max(1, most_steps), &
-                        of_part, v, outcome, error)
+                        of_part, v, outcome, error, sqrt(max(0.0_dp, part%norm_square_0)))
     m(:) = unpack(of_part, working, nothing)
   end subroutine solve_rows
 
   !> Bound, energy and penetration of an iterate.
-  subroutine judge(qp, compliance, system, theta, load, working, is_violated, v, now, state)
+  subroutine judge(qp, system, theta, load, working, is_violated, v, now, state)
     !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
-    !> The p-multigrids.
-    class(body_compliance_t), intent(in) :: compliance
     !> The bodies and rows of the working set.
     type(primal_system_t), intent(inout) :: system
     !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
-    !> Resultants of the loads on the rigid body modes, as forces (system%n) [force].
+    !> Loads that u_0 does not balance (system%n) [force].
     real(dp), intent(in), contiguous :: load(:)
     !> Working set (n_rows).
     logical, intent(in) :: working(:)
@@ -363,8 +361,7 @@ contains
     norm = reference_norm(qp, theta, now)
     state%error_bound = huge(norm)
     if (.not. is_violated .and. is_balanced(qp, theta, now%lambda, now%alpha)) then
-      bound = system%bound(pack(qp%weight, working), pack(theta, working), load, &
-                           compliance%solve_error()*sqrt(qp%norm_square_0), v, &
+      bound = system%bound(pack(qp%weight, working), pack(theta, working), load, v, &
                            pack(now%lambda, working), pack(now%y, working))
       if (bound <= largest_bound*max(norm, tiny(norm))) state%error_bound = bound/max(norm, tiny(norm))
       if (.not. bound > 0) state%error_bound = 0

@@ -2,12 +2,13 @@
 !> compliance, with the quantities of the QP that follow from displacements, and a bound of the error.
 module dotyk_scheme_primal_system
   use dotyk_base_error, only: error_t
-  use dotyk_base_kinds, only: dp, sp
+  use dotyk_base_kinds, only: dp
   use dotyk_linalg_fixed_sum, only: add_multiple, remove_components, scalar_product
   use dotyk_scheme_bounds, only: duality_gap
   use dotyk_scheme_body_compliance, only: body_compliance_t
   use dotyk_scheme_contact_multigrid, only: contact_multigrid_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
+  use dotyk_scheme_gap_closing, only: close_gaps, left_open
   use dotyk_scheme_grid_body, only: grid_body_t, grid_pointer_t, scatter_rows
   implicit none
   private
@@ -16,22 +17,21 @@ module dotyk_scheme_primal_system
   type, extends(contact_multigrid_t), public :: primal_system_t
   contains
     procedure :: init_rows => system_init_rows
-    procedure :: load_of_modes => system_load_of_modes
+    procedure :: load_by_contact => system_load_by_contact
     procedure :: amplitudes => system_amplitudes
     procedure :: all_penetrations => system_all_penetrations
     procedure :: keep_displacements => system_keep_displacements
     procedure :: bound => system_bound
     procedure, nopass :: slack => system_slack
     procedure, private :: residual_norm => system_residual_norm
-    procedure, private :: close_gaps => system_close_gaps
   end type primal_system_t
 
-  !> Improvements of the displacement that closes the gaps.
-  integer, parameter :: closings = 3
   !> Inactive rows whose gaps are smaller than this multiple of what active rows miss are closed with them.
   real(dp), parameter :: nearly_closed = 4
-  !> What single precision leaves of the displacements that close gaps [].
-  real(dp), parameter :: rounding = 1.0e-5_dp
+  !> Fractions of the diagonal that are added where gaps are closed [].
+  real(dp), parameter :: shift(2) = [1.0e-10_dp, 1.0e-4_dp]
+  !> Bounds beyond this are none: squares of larger numbers overflow.
+  real(dp), parameter :: largest = 1.0e150_dp
 
 contains
 
@@ -55,16 +55,23 @@ contains
     call self%init(qp%block, qp%n_rows, grid, body)
   end subroutine system_init_rows
 
-  !> R e: the resultants of the loads on the rigid body modes as forces; the others are those of u_0.
-  subroutine system_load_of_modes(self, qp, load)
+  !> The loads that u_0 does not balance: their resultants on the rigid body modes as forces, R e, and what the solves
+  !> of u_0 have left.
+  subroutine system_load_by_contact(self, qp, compliance, load)
     class(primal_system_t), intent(in) :: self
     !> With the resultants.
     type(contact_qp_t), intent(in) :: qp
+    !> With the forces that u_0 leaves.
+    class(body_compliance_t), intent(in) :: compliance
     !> (n) [force]
     real(dp), intent(out), contiguous :: load(:)
     integer :: b, k, j
     load = 0
     do b = 1, size(self%body)
+      associate (grid => self%grid(self%body(b)%representative)%p)
+        if (allocated(compliance%body(b)%left)) &
+          call grid%to_system(compliance%body(b)%left, load(self%first(b) + 1:self%first(b + 1)))
+      end associate
       associate (mode => self%grid(self%body(b)%representative)%p%mode)
         do k = 1, size(mode, 2)
           j = qp%coarse%first(b) + k - 1
@@ -73,7 +80,7 @@ contains
         end do
       end associate
     end do
-  end subroutine system_load_of_modes
+  end subroutine system_load_by_contact
 
   !> Amplitudes of the rigid body modes.
   subroutine system_amplitudes(self, qp, v, alpha)
@@ -147,49 +154,40 @@ contains
 
   !> A bound of ||u - u_theta||_A [sqrt(energy)].
   !>
-  !> With the residual r of the equilibrium of u and lambda, and a displacement g with `B g = y - theta m` on the active
-  !> rows: u - g is admissible, and its duality gap with lambda has nothing but |r + K g|^2/2 and what g leaves of the
-  !> complementarity, `s = sum lambda |B g - (y - theta m)|`. The energy is strongly convex, so that
-  !> `||u - u_theta|| <= |g| + sqrt((|r| + |g|)^2 + 2 s)`. |r| comes from the preconditioner and its least Ritz value; g
-  !> from the diagonal blocks D >= K of the smoother, which bound its norm. `huge` where other rows penetrate. With g =
-  !> 0, the duality gap is that of `duality_gap`, and |r|^2/2.
-  real(dp) function system_bound(self, weight, theta, load, of_free, v, lambda, y) result(bound)
-    class(primal_system_t), intent(inout) :: self
+  !> With the residual r of the equilibrium of u and lambda, and a displacement g that closes gaps (`close_gaps`), u - g
+  !> is admissible, and its duality gap with lambda has nothing but |r + K g|^2/2 and what g leaves of the
+  !> complementarity, s. The energy is strongly convex, so that `||u - u_theta|| <= |g| + sqrt((|r| + |g|)^2 + 2 s)`.
+  !> |r| comes from the preconditioner and its least eigenvalue. `huge` where other rows penetrate. The least of several
+  !> g: none, and such that close gaps of dependent rows with more or less force.
+  real(dp) function system_bound(self, weight, theta, load, v, lambda, y) result(bound)
+    class(primal_system_t), intent(in) :: self
     !> Weights (n_rows) [area].
     real(dp), intent(in) :: weight(:)
     !> Penalty parameters (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
     !> Loads (n) [force].
     real(dp), intent(in), contiguous :: load(:)
-    !> Error of u_0 in the energy norm [sqrt(energy)].
-    real(dp), intent(in) :: of_free
     !> Displacements by contact (n) [length].
     real(dp), intent(in), contiguous :: v(:)
     !> Contact forces, not negative, in equilibrium with the loads of floating bodies (n_rows) [force].
     real(dp), intent(in) :: lambda(:)
     !> Penetrations (n_rows) [length].
     real(dp), intent(in) :: y(:)
-    real(dp) :: missing(size(y)), closed(size(y)), of_r, of_g, left
-    logical :: active(size(y))
-    integer :: i
-    active = lambda > 0
-    missing = y - theta/weight*lambda
+    type(error_t), allocatable :: error
+    real(dp) :: closed(size(y)), of_r, of_g, left
+    integer :: k
     call self%residual_norm(load, v, lambda, of_r)
-    of_r = of_r + of_free
-    call self%close_gaps(active .or. y > -self%slack(weight, theta, lambda, y), missing, closed, of_g)
-    ! Without closing gaps: where layers are soft, that costs less.
     bound = duality_gap(weight, theta, lambda/weight, y)
     if (bound < huge(bound)) bound = sqrt(of_r**2 + 2*bound)
-    left = 2*sum(lambda*abs(missing - closed), mask=active)
-    do i = 1, size(y)
-      if (active(i) .or. .not. y(i) > closed(i)) cycle
-      if (theta(i) > 0) then
-        left = left + weight(i)*(y(i) - closed(i))**2/(2*theta(i))
-      else if (y(i) - closed(i) > rounding*maxval(abs(closed)) + epsilon(left)*maxval(abs(y))) then
-        return
-      end if
-    end do
-    bound = min(bound, of_g + sqrt((of_r + of_g)**2 + 2*left))
+    associate (chosen => lambda > 0 .or. y > -self%slack(weight, theta, lambda, y), softness => theta/weight)
+      do k = 1, size(shift)
+        call close_gaps(self%active%sum, chosen, merge(y - softness*lambda, 0.0_dp, chosen), softness, shift(k), &
+                        closed, of_g, error)
+        if (allocated(error)) return
+        left = left_open(weight, theta, lambda, y, closed)
+        if (max(of_g, left) < largest) bound = min(bound, of_g + sqrt((of_r + of_g)**2 + 2*left))
+      end do
+    end associate
   end function system_bound
 
   !> Gaps of inactive rows that are so small that a displacement that closes those of active rows may close them.
@@ -230,46 +228,4 @@ contains
       end associate
     end do
   end subroutine system_residual_norm
-
-  !> Displacements that close gaps, by forces mu against the diagonal blocks of the smoother.
-  subroutine system_close_gaps(self, chosen, gap, closed, norm)
-    class(primal_system_t), intent(inout) :: self
-    !> Rows to close (n_rows).
-    logical, intent(in) :: chosen(:)
-    !> Gaps to close (n_rows) [length].
-    real(dp), intent(in) :: gap(:)
-    !> What was closed, of all rows (n_rows) [length].
-    real(dp), intent(out) :: closed(:)
-    !> Energy norm, at most [sqrt(energy)].
-    real(dp), intent(out) :: norm
-    type(error_t), allocatable :: error
-    real(dp) :: mu(size(gap)), moved(size(gap)), left(size(gap)), stiffness(size(gap))
-    real(sp), allocatable :: force(:)
-    real(dp) :: size_of_mu
-    integer :: k
-    closed = 0
-    norm = 0
-    if (.not. any(chosen .and. abs(gap) > 0)) return
-    if (any(chosen .neqv. self%stiffness > 0)) then
-      stiffness = 0
-      where (chosen) stiffness = maxval(self%stiffness)
-      call self%set_stiffness(stiffness, error, smoother_only=.true.)
-      norm = huge(norm)
-      if (allocated(error)) return
-    end if
-    left = merge(gap, 0.0_dp, chosen)
-    allocate (force(self%n))
-    mu = 0
-    do k = 1, closings
-      mu = mu + self%smoother_force(left)
-      size_of_mu = maxval(abs(mu))
-      if (.not. size_of_mu > 0) exit
-      force(:) = 0
-      call self%subtract_row_force_low(-mu/size_of_mu, force)
-      call self%smoothed_rows(force, moved)
-      closed = size_of_mu*moved
-      left = merge(gap - closed, 0.0_dp, chosen)
-    end do
-    norm = sqrt(max(0.0_dp, dot_product(mu, closed)))
-  end subroutine system_close_gaps
 end module dotyk_scheme_primal_system

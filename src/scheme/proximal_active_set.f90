@@ -91,7 +91,7 @@ module dotyk_scheme_proximal_active_set
 contains
 
   !> Solve, from pressures m and displacements u.
-  subroutine solve_proximal(system, weight, gap, theta, load, tolerance, most_steps, m, u, outcome, error)
+  subroutine solve_proximal(system, weight, gap, theta, load, tolerance, most_steps, m, u, outcome, error, norm_0)
     !> The bodies and rows; its active set is changed.
     class(contact_multigrid_t), intent(inout) :: system
     !> Weights w (n_rows) [area].
@@ -114,6 +114,9 @@ contains
     type(proximal_outcome_t), intent(out) :: outcome
     !> Allocated where numbers are not finite.
     type(error_t), allocatable, intent(out) :: error
+    !> Energy norm of a displacement that u is added to: the sum is not less than the difference of the norms; 0 if
+    !> absent [sqrt(energy)].
+    real(dp), intent(in), optional :: norm_0
     type(cg_outcome_t) :: cg
     type(iterate_t) :: now
     real(dp), allocatable :: r(:), e(:), next(:), along(:)
@@ -135,6 +138,7 @@ contains
       if (allocated(error)) return
       now%shifted = gap - now%prox*m
       call find_residual(system, load, now%shifted, u, r, now%y, norm)
+      if (present(norm_0)) norm = max(norm, norm_0 - norm)
       outcome%n_free_modes = system%n_free_modes()
       if (outcome%n_free_modes > 0) then
         call follow_free_motion(system, load, r, now%shifted - now%y, now%active, u, moved, outcome%ended)

@@ -26,6 +26,7 @@ module dotyk_scheme_solver_state
   integer, parameter, public :: ended_unverified = 13  !< a rule without guarantee is met, and no bound confirms it
   integer, parameter, public :: ended_penetration = 14  !< deformed bodies penetrate each other
   integer, parameter, public :: ended_slid = 15  !< a body moves by several elements along a neutral mode
+  integer, parameter, public :: ended_solves = 16  !< p-multigrid allows no smaller error
 
   !> Relative error bounds above this confirm nothing: they leave less than one digit of the solution [].
   real(dp), parameter :: largest_confirming_bound = 0.1_dp
@@ -96,8 +97,9 @@ contains
   end function state_has_converged
 
   !> Add rounding to the error bound. Where rounding alone exceeds the tolerance, the tolerance has not been reached,
-  !> unless no result in double precision could be more accurate. Where a rule other than the bound ended the iteration,
-  !> the bound decides whether the iterate is a solution: an increment is small where gamma is, at any distance.
+  !> unless no result in double precision could be more accurate; p-multigrid is not refined as factors are. Where a
+  !> rule other than the bound ended the iteration, the bound decides whether the iterate is a solution: an increment is
+  !> small where gamma is, at any distance.
   subroutine state_add_rounding(self, rounding, unavoidable, tolerance)
     !> The state.
     class(solver_state_t), intent(inout) :: self
@@ -106,7 +108,8 @@ contains
     !> Tolerance of the scheme [].
     real(dp), intent(in) :: tolerance
     if (self%error_bound < huge(rounding)) self%error_bound = self%error_bound + rounding
-    if (self%ended == ended_converged .and. rounding > max(tolerance, unavoidable)) self%ended = ended_stalled
+    if (self%ended == ended_converged .and. rounding > max(tolerance, unavoidable)) &
+      self%ended = merge(ended_stalled, ended_solves, self%bound_is_guaranteed)
     if (self%ended == ended_converged .and. self%stop_rule /= stop_residual .and. &
         .not. self%error_bound <= largest_confirming_bound) self%ended = ended_unverified
     if (self%history%n > 0) self%history%error_bound(self%history%n) = self%error_bound
@@ -144,6 +147,8 @@ contains
       name = 'penetration'
     case (ended_slid)
       name = 'large_sliding'
+    case (ended_solves)
+      name = 'solves'
     case default
       name = 'not solvable'
     end select
