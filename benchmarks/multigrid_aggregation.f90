@@ -107,7 +107,7 @@ contains
       end do
     end do
     call start_clock(start, begun)
-    call near_null_vectors(body%mesh%x(:, rows%space%dependent), rows%constraint, vector)
+    call near_null_vectors(body%mesh%x(:, rows%space%corner), rows%constraint, vector)
     call levels%init(rows%rows, vector, mode, error)
     if (allocated(error)) error stop 'smoothed aggregation'
     call read_clock('smoothed aggregation', start, begun)

@@ -163,7 +163,8 @@ contains
     if (size_of%form == form_multigrid) size_of%product_entries = slot%multigrid%solve_entries()
     if (size_of%forms_matrix) size_of%product_entries = (int(work%n_rows, int64)/work%n_bodies)**2/2
     if (size_of%form == form_multigrid) then
-      size_of%stiffness_bytes = slot%multigrid%grid%levels%corner_bytes()
+      size_of%stiffness_bytes = slot%multigrid%grid%levels%corner_bytes() + &
+                                slot%multigrid%grid%interpolation%aggregates%matrix_bytes()
     else
       size_of%stiffness_bytes = 16*size(stiffness%matrix%row, kind=int64)
     end if

@@ -44,14 +44,16 @@ module dotyk_elasticity_two_levels
   end type two_levels_t
 
   !> Why a body cannot, or should not, be solved by p-multigrid.
-  integer, parameter, public :: obstacle_none = 0             !< there is no obstacle
-  integer, parameter, public :: obstacle_linear_elements = 1  !< all elements are linear: no lower degree
-  integer, parameter, public :: obstacle_incompressible = 2   !< nearly incompressible: iterations grow without bound
+  integer, parameter, public :: obstacle_none = 0            !< there is no obstacle
+  integer, parameter, public :: obstacle_few_unknowns = 1    !< linear elements, and too few nodes for aggregates
+  integer, parameter, public :: obstacle_incompressible = 2  !< nearly incompressible: iterations grow without bound
 
-  public :: multigrid_obstacle
+  public :: is_linear, multigrid_obstacle
 
   !> Bulk over shear modulus above which the iterations are too many: Poisson's ratio 0.4989 [].
   real(dp), parameter :: most_bulk_over_shear = 450
+  !> Equations of linear elements below which a factor costs nothing.
+  integer, parameter :: fewest_of_linear = 300
 
 contains
 
@@ -59,16 +61,24 @@ contains
   integer function multigrid_obstacle(body) result(obstacle)
     !> The body; it need not be assembled.
     type(body_t), intent(in) :: body
-    type(element_kind_t) :: kind
-    integer :: b
-    obstacle = obstacle_linear_elements
-    do b = 1, size(body%mesh%block)
-      kind = element_kind(body%mesh%block(b)%kind)
-      if (kind%order > 1) obstacle = obstacle_none
-    end do
+    obstacle = obstacle_none
+    if (is_linear(body%mesh) .and. body%constraint%n_equations < fewest_of_linear) obstacle = obstacle_few_unknowns
     if (obstacle /= obstacle_none .or. body%analysis == analysis_plane_stress) return
     if (body%material%bulk_over_shear() > most_bulk_over_shear) obstacle = obstacle_incompressible
   end function multigrid_obstacle
+
+  !> Whether all elements are linear: they have no lower degree.
+  pure logical function is_linear(mesh)
+    !> Elements of the body.
+    type(body_mesh_t), intent(in) :: mesh
+    type(element_kind_t) :: kind
+    integer :: b
+    is_linear = .true.
+    do b = 1, size(mesh%block)
+      kind = element_kind(mesh%block(b)%kind)
+      if (kind%order > 1) is_linear = .false.
+    end do
+  end function is_linear
 
   !> Assemble both levels.
   subroutine two_levels_assemble(self, body, error, large)

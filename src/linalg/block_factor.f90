@@ -26,6 +26,8 @@ module dotyk_linalg_block_factor
     procedure :: destroy => factor_destroy
   end type block_factor_t
 
+  public :: lower_triangle, order_blocks
+
 contains
 
   !> Factorize.

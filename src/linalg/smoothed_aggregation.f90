@@ -72,6 +72,8 @@ module dotyk_linalg_smoothed_aggregation
     procedure :: destroy => aggregation_destroy
   end type smoothed_aggregation_t
 
+  public :: make_level
+
   !> Greatest number of levels; a level has a tenth of the unknowns of the one above, or less.
   integer, parameter :: most_levels = 20
   !> A level that is not smaller than the one above by this factor is the last one.
@@ -83,7 +85,7 @@ module dotyk_linalg_smoothed_aggregation
 contains
 
   !> Make the levels. The components for settings are read, the others are set.
-  subroutine aggregation_init(self, rows, near_null, mode, error)
+  subroutine aggregation_init(self, rows, near_null, mode, error, part)
     class(smoothed_aggregation_t), intent(inout) :: self
     !> The matrix; its arrays are taken over.
     type(block_rows_t), intent(inout) :: rows
@@ -94,11 +96,13 @@ contains
     real(dp), intent(in) :: mode(:, :)
     !> Allocated where the matrix is not positive definite beside its null vectors, or memory runs out.
     type(error_t), allocatable, intent(out) :: error
+    !> Block rows of a node, one after the other; 1 if absent.
+    integer, intent(in), optional :: part
     type(aggregation_level_t), allocatable :: found(:)
     type(block_rows_t) :: current, coarse
     real(dp), allocatable :: vector(:, :), vanishing(:, :)
     real(dp) :: threshold
-    integer :: n, part
+    integer :: n, rows_of_node
     call self%destroy()
     self%n = rows%dim*rows%n
     self%scale = rows%scale
@@ -108,15 +112,18 @@ contains
     vanishing = mode
     call rows%move_to(current)
     n = 0
-    part = 1
+    rows_of_node = 1
+    if (present(part)) rows_of_node = part
     threshold = self%threshold
     do while ((n == 0 .or. current%dim*current%n > self%most_last) .and. n < most_levels)
       n = n + 1
       call current%move_to(found(n)%smoother%rows)
-      call make_level(self, part, threshold, vector, vanishing, found(n), coarse, error)
+      found(n)%smoother%degree = self%degree
+      found(n)%smoother%ratio = self%ratio
+      call make_level(rows_of_node, threshold, vector, vanishing, found(n), coarse, error)
       if (allocated(error)) return
       call coarse%move_to(current)
-      part = size(near_null, 2)/3
+      rows_of_node = size(near_null, 2)/3
       threshold = self%coarse_threshold
       if (current%dim*current%n > least_coarsening*size(found(n)%smoother%inverse, 3)*found(n)%smoother%rows%dim) exit
     end do
@@ -146,9 +153,7 @@ contains
   end subroutine move_levels
 
   !> One level, and the matrix of the next one.
-  subroutine make_level(self, part, threshold, vector, mode, level, coarse, error)
-    !> Settings of the smoothers.
-    type(smoothed_aggregation_t), intent(in) :: self
+  subroutine make_level(part, threshold, vector, mode, level, coarse, error)
     !> Block rows of a node.
     integer, intent(in) :: part
     !> Couplings below this are weak [].
@@ -157,7 +162,7 @@ contains
     real(dp), allocatable, intent(inout) :: vector(:, :)
     !> Null vectors; of the next level on return (n, n_modes) [].
     real(dp), allocatable, intent(inout) :: mode(:, :)
-    !> Has its matrix; gets the rest.
+    !> Has its matrix and the settings of its smoother; gets the rest.
     type(aggregation_level_t), intent(inout) :: level
     !> Matrix of the next level.
     type(block_rows_t), intent(inout) :: coarse
@@ -168,8 +173,6 @@ contains
     integer, allocatable :: first(:), member(:)
     integer :: k, m, n_coarse, length
     logical :: regular
-    level%smoother%degree = self%degree
-    level%smoother%ratio = self%ratio
     call level%smoother%prepare(regular)
     if (.not. regular) then
       !$omp critical (message)

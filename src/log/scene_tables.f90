@@ -259,7 +259,8 @@ contains
     call log%line('  factorization    '//duration(seconds)//', '//memory_text(real(sum(size_of%bytes), dp))//', '// &
                   to_text(sum(size_of%flops)/max(seconds, tiny(seconds))/1.0e9_dp, 3)//' Gflop/s')
     if (any(size_of%form == form_multigrid)) call log%line('  p-multigrid      '// &
-      counted(count(size_of%form == form_multigrid), 'body', 'bodies')//'; factors are those of the corner nodes there')
+      counted(count(size_of%form == form_multigrid), 'body', 'bodies')//'; factors are those of the corner nodes '// &
+      'there, or of aggregates of linear elements')
     do b = 1, size(size_of)
       if (.not. size_of(b)%is_slow) cycle
       if (size_of(b)%form == form_multigrid) then

@@ -1,4 +1,5 @@
-!> Approximate inverse of the stiffness of a large corner space: cycles of smoothed aggregation in place of a factor.
+!> Approximate inverse of the stiffness of a large corner space, or of many aggregates: cycles of smoothed aggregation
+!> in place of a factor.
 module dotyk_response_aggregated_corners
   use dotyk_base_error, only: add_context, error_t
   use dotyk_base_kinds, only: dp, int64
@@ -6,6 +7,8 @@ module dotyk_response_aggregated_corners
   use dotyk_elasticity_near_null_vectors, only: near_null_vectors
   use dotyk_elasticity_two_levels, only: two_levels_t
   use dotyk_linalg_smoothed_aggregation, only: smoothed_aggregation_t
+  use dotyk_response_aggregate_space, only: aggregate_space_t
+  use dotyk_response_free_unknowns, only: to_equations, to_unknowns
   implicit none
   private
 
@@ -19,6 +22,7 @@ module dotyk_response_aggregated_corners
     integer, allocatable :: equation(:)
   contains
     procedure :: init => corners_init
+    procedure :: init_aggregates => corners_init_aggregates
     procedure :: solve => corners_solve
     procedure :: bytes => corners_bytes
     procedure :: destroy => corners_destroy
@@ -43,27 +47,27 @@ contains
       allocate (mode(size(self%equation), modes%n), reduced(constraint%n_equations))
       do k = 1, modes%n
         call constraint%reduce(modes%shape(:, :, k), reduced)
-        call scatter(self%equation, reduced, mode(:, k))
+        call to_unknowns(size(self%equation), self%equation, reduced, mode(:, k))
       end do
     end associate
     call self%levels%init(levels%corner_rows, vector, mode, error)
     if (allocated(error)) call add_context(error, 'multigrid, corner space: ')
   end subroutine corners_init
 
-  !> Values of equations at their unknowns; zero where held.
-  pure subroutine scatter(equation, x, y)
-    !> Equation of each unknown, 0 where it is held (n).
-    integer, intent(in) :: equation(:)
-    !> Over the equations (n_equations) [any].
-    real(dp), intent(in) :: x(:)
-    !> Over the unknowns (n) [as x].
-    real(dp), intent(out) :: y(:)
+  !> Make the levels below the aggregates of a body of linear elements.
+  subroutine corners_init_aggregates(self, aggregates, error)
+    class(aggregated_corners_t), intent(inout) :: self
+    !> With their Galerkin matrix, whose arrays are taken over.
+    type(aggregate_space_t), intent(inout) :: aggregates
+    !> As in `smoothed_aggregation_t`.
+    type(error_t), allocatable, intent(out) :: error
     integer :: i
-    do i = 1, size(equation)
-      y(i) = 0
-      if (equation(i) > 0) y(i) = x(equation(i))
-    end do
-  end subroutine scatter
+    self%equation = [(i, i=1, aggregates%n)]
+    self%levels%threshold = self%levels%coarse_threshold
+    call self%levels%init(aggregates%rows, aggregates%near_null, aggregates%mode, error, aggregates%rows_of_node())
+    deallocate (aggregates%near_null, aggregates%mode)
+    if (allocated(error)) call add_context(error, 'multigrid, aggregates: ')
+  end subroutine corners_init_aggregates
 
   !> x := about K_c^+ x.
   subroutine corners_solve(self, x)
@@ -71,9 +75,9 @@ contains
     !> Right-hand side [force] in, solution [length] out (n_equations).
     real(dp), intent(inout) :: x(:)
     real(dp), allocatable :: b(:), y(:), rest(:), step(:)
-    integer :: i, k
+    integer :: k
     allocate (b(self%levels%n), y(self%levels%n))
-    call scatter(self%equation, x, b)
+    call to_unknowns(size(self%equation), self%equation, x, b)
     call self%levels%cycle(b, y)
     if (self%cycles > 1) allocate (rest(self%levels%n), step(self%levels%n))
     do k = 2, self%cycles
@@ -82,9 +86,7 @@ contains
       call self%levels%cycle(rest, step)
       y = y + step
     end do
-    do i = 1, size(self%equation)
-      if (self%equation(i) > 0) x(self%equation(i)) = y(i)
-    end do
+    call to_equations(size(self%equation), self%equation, y, x)
   end subroutine corners_solve
 
   !> Memory of the levels [bytes].

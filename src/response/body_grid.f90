@@ -6,11 +6,12 @@
 module dotyk_response_body_grid
   use dotyk_base_kinds, only: dp
   use dotyk_elasticity_constraint, only: constraint_t
-  use dotyk_elasticity_corner_space, only: corner_space_t
   use dotyk_linalg_chebyshev, only: chebyshev_t
   use dotyk_linalg_conjugate_gradient, only: preconditioned_system_t
   use dotyk_linalg_fixed_sum, only: scalar_product
   use dotyk_linalg_sparse, only: sparse_rows_t
+  use dotyk_response_coarse_interpolation, only: coarse_interpolation_t
+  use dotyk_response_free_unknowns, only: to_equations, to_unknowns
   implicit none
   private
 
@@ -22,10 +23,8 @@ module dotyk_response_body_grid
     type(chebyshev_t) :: fine
     !> Equations of the body and nodal axes, nodes in the order of the rows.
     type(constraint_t) :: constraint
-    !> Interpolation from the corners.
-    type(corner_space_t) :: space
-    !> Equations and nodal axes of the corners.
-    type(constraint_t) :: corner_constraint
+    !> Interpolation from the corners, or from aggregates of linear elements.
+    type(coarse_interpolation_t) :: interpolation
     !> Rigid body modes over the unknowns of the system, orthonormal (n, n_modes) [].
     real(dp), allocatable :: mode(:, :)
     !> Least and greatest Ritz value of the preconditioned stiffness in all solves so far [].
@@ -56,7 +55,7 @@ module dotyk_response_body_grid
       import :: body_grid_t, dp
       !> The levels.
       class(body_grid_t), intent(in) :: self
-      !> Forces on the corners in, displacements out (corner_constraint%n_equations) [force], [length].
+      !> Forces on the corners in, displacements out (interpolation%n) [force], [length].
       real(dp), intent(inout) :: x(:)
     end subroutine solve_corners
 
@@ -108,22 +107,7 @@ contains
     real(dp), intent(in) :: x(:)
     !> Vector of the system (n) [as x].
     real(dp), intent(out), contiguous :: y(:)
-    call copy(size(self%constraint%equation), self%constraint%equation)
-
-  contains
-
-    !> Copy the entries of free components.
-    subroutine copy(n, equation)
-      !> Number of unknowns of the system.
-      integer, intent(in) :: n
-      !> Their equations (n).
-      integer, intent(in) :: equation(n)
-      integer :: i
-      do i = 1, n
-        y(i) = 0
-        if (equation(i) > 0) y(i) = x(equation(i))
-      end do
-    end subroutine copy
+    call to_unknowns(size(self%constraint%equation), self%constraint%equation, x, y)
   end subroutine grid_to_system
 
   !> A vector of the system as one over the equations of the body.
@@ -132,22 +116,8 @@ contains
     !> Vector of the system (n) [any].
     real(dp), intent(in), contiguous :: y(:)
     !> Vector over the equations (n_equations) [as y].
-    real(dp), intent(out) :: x(:)
-    call copy(size(self%constraint%equation), self%constraint%equation)
-
-  contains
-
-    !> Copy the entries of free components.
-    subroutine copy(n, equation)
-      !> Number of unknowns of the system.
-      integer, intent(in) :: n
-      !> Their equations (n).
-      integer, intent(in) :: equation(n)
-      integer :: i
-      do i = 1, n
-        if (equation(i) > 0) x(equation(i)) = y(i)
-      end do
-    end subroutine copy
+    real(dp), intent(inout) :: x(:)
+    call to_equations(size(self%constraint%equation), self%constraint%equation, y, x)
   end subroutine grid_to_equations
 
   !> A lower bound of the eigenvalues of the preconditioned stiffness, but for rigid body modes, as measured.

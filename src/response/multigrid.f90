@@ -1,12 +1,12 @@
-!> p-multigrid for one body of quadratic elements: conjugate gradients in double precision, preconditioned by one cycle
-!> of two levels.
+!> p-multigrid for one body: conjugate gradients in double precision, preconditioned by one cycle of two levels.
 !>
 !> A cycle smooths the residual (`dotyk_linalg_chebyshev`), corrects it on the corner space
 !> (`dotyk_elasticity_corner_space`), whose Galerkin matrix is factorized, and smooths again: symmetric, hence a
 !> preconditioner for conjugate gradients. Smoothing is in single precision; the correction of the corner space is large
 !> where the displacement is nearly rigid, and stays in double precision. Memory and time of a solve are linear in the
 !> unknowns, but for the factor of the corner space: 1/8 of the unknowns of tet10. A large corner space has cycles of
-!> smoothed aggregation in its place (`dotyk_linalg_smoothed_aggregation`): all is linear then.
+!> smoothed aggregation in its place (`dotyk_linalg_smoothed_aggregation`): all is linear then. Linear elements have no
+!> lower degree: smoothed aggregates of nodes (`dotyk_response_aggregate_space`) are their corners.
 !>
 !> A body with rigid body modes R: P = I - R R^T after the cycle, and the Moore-Penrose inverse of the corner space
 !> (`dotyk_response_direct`). Residuals are in the range of P, as the right-hand side is.
@@ -15,11 +15,14 @@ module dotyk_response_multigrid
   use dotyk_base_kinds, only: dp, int64, sp
   use dotyk_elasticity_body, only: body_t, stiffness_t
   use dotyk_elasticity_body_modes, only: body_modes_t
-  use dotyk_elasticity_two_levels, only: two_levels_t
+  use dotyk_elasticity_corner_space, only: corner_space_t
+  use dotyk_elasticity_rigid_body_modes, only: rigid_body_modes_t
+  use dotyk_elasticity_two_levels, only: is_linear, two_levels_t
   use dotyk_linalg_conjugate_gradient, only: cg_outcome_t, conjugate_gradient
   use dotyk_linalg_fixed_sum, only: remove_components
   use dotyk_linalg_ordered_solve, only: ordered_solve_t
   use dotyk_linalg_sparse, only: sparse_rows_t
+  use dotyk_response_aggregate_factor, only: analyze_aggregates, factorize_aggregates
   use dotyk_response_aggregated_corners, only: aggregated_corners_t
   use dotyk_response_body_grid, only: body_grid_t
   use dotyk_response_corner_compliance, only: form_corner_compliance
@@ -35,8 +38,8 @@ module dotyk_response_multigrid
     type(direct_response_t) :: coarse
     !> Its solves in a cycle.
     type(ordered_solve_t), private :: coarse_solve
-    !> Corner spaces of more equations are not factorized.
-    integer :: largest_factor = 300000
+    !> Corner spaces and aggregates of more unknowns are not factorized; aggregates are coupled to more others.
+    integer :: largest_factor = 300000, largest_aggregates = 100000
     !> Whether `aggregated` takes the place of `coarse`.
     logical :: is_aggregated = .false.
     !> Smoothed aggregation on a large corner space.
@@ -93,11 +96,39 @@ contains
     type(error_t), allocatable, intent(out) :: error
     call self%destroy()
     allocate (self%levels)
+    if (is_linear(body%mesh)) then
+      call assemble_linear(self, body, error)
+      return
+    end if
     call self%levels%assemble(body, error, self%largest_factor)
     if (allocated(error)) return
-    self%corner_constraint = self%levels%corner_body%constraint
+    self%interpolation%corner_constraint = self%levels%corner_body%constraint
+    self%interpolation%n = self%interpolation%corner_constraint%n_equations
     self%is_aggregated = allocated(self%levels%corner_rows%column)
   end subroutine multigrid_assemble
+
+  !> Assemble the stiffness of linear elements, and the Galerkin matrix of its aggregates.
+  subroutine assemble_linear(self, body, error)
+    !> Gets the stiffness and the aggregates.
+    class(multigrid_t), intent(inout) :: self
+    !> As in `assemble`.
+    type(body_t), intent(in) :: body
+    !> As in `assemble`; also where a diagonal block of the stiffness is not positive definite.
+    type(error_t), allocatable, intent(out) :: error
+    type(rigid_body_modes_t) :: rigid
+    real(dp), allocatable :: x(:, :), shape(:, :, :)
+    call self%levels%assemble_rows(body, error)
+    if (allocated(error)) return
+    call self%take_rows()
+    ! All nodes are corners of this space, which the aggregates replace.
+    x = body%mesh%x(:, self%interpolation%space%corner)
+    self%interpolation%space = corner_space_t()
+    call rigid%init(body%mesh, body%analysis, body%constraint, shape)
+    call self%take_modes(body, shape)
+    call self%interpolation%aggregates%init(self%fine, x, self%constraint, self%mode, error)
+    self%interpolation%n = self%interpolation%aggregates%n
+    self%is_aggregated = self%interpolation%n > self%largest_aggregates
+  end subroutine assemble_linear
 
   !> Order and analyse the factorization of the corner space: the memory of its factor is known then.
   subroutine multigrid_analyze(self, body, modes, error)
@@ -109,9 +140,13 @@ contains
     !> As in `analyze` of `direct_response_t`.
     type(error_t), allocatable, intent(out) :: error
     type(body_modes_t) :: corner_modes
-    call self%take_rows()
-    call self%take_modes(body, modes)
+    if (self%interpolation%aggregates%n == 0) call self%take_rows()
+    call self%take_modes(body, modes%shape)
     if (self%is_aggregated) return
+    if (self%interpolation%aggregates%n > 0) then
+      call analyze_aggregates(self%interpolation%aggregates, self%coarse, error)
+      return
+    end if
     associate (levels => self%levels)
       call corner_modes%find(levels%corner_body)
       call self%coarse%analyze(levels%corner_body, corner_modes, levels%corner_stiffness, error)
@@ -127,8 +162,12 @@ contains
     type(factorization_report_t), intent(out) :: report
     !> Allocated where the stiffness is not positive definite, memory runs out, or an interrupt came.
     type(error_t), allocatable, intent(out) :: error
-    if (self%is_aggregated) then
+    if (self%is_aggregated .and. self%interpolation%aggregates%n > 0) then
+      call self%aggregated%init_aggregates(self%interpolation%aggregates, error)
+    else if (self%is_aggregated) then
       call self%aggregated%init(self%levels, error)
+    else if (self%interpolation%aggregates%n > 0) then
+      call factorize_aggregates(self%interpolation%aggregates, self%coarse, report, error)
     else
       call self%coarse%factorize(self%levels%corner_body, self%levels%corner_stiffness, .false., report, error)
       if (allocated(error)) call add_context(error, 'multigrid, corner space: ')
@@ -149,9 +188,10 @@ contains
     allocate (self%levels)
     call self%levels%assemble_rows(body, error)
     if (allocated(error)) return
-    self%corner_constraint = body%constraint
+    self%interpolation%corner_constraint = body%constraint
+    self%interpolation%n = body%constraint%n_equations
     call self%take_rows()
-    call self%take_modes(body, modes)
+    call self%take_modes(body, modes%shape)
     deallocate (self%levels)
   end subroutine multigrid_take_whole
 
@@ -159,23 +199,24 @@ contains
   subroutine multigrid_take_rows(self)
     class(multigrid_t), intent(inout) :: self
     self%constraint = self%levels%constraint
-    self%space = self%levels%space
+    self%interpolation%space = self%levels%space
     self%n = size(self%constraint%equation)
     call self%levels%rows%move_to(self%fine%rows)
   end subroutine multigrid_take_rows
 
   !> Take the rigid body modes.
-  subroutine multigrid_take_modes(self, body, modes)
+  subroutine multigrid_take_modes(self, body, shape)
     class(multigrid_t), intent(inout) :: self
     !> The body.
     type(body_t), intent(in) :: body
-    !> Rigid body modes that its supports leave.
-    type(body_modes_t), intent(in) :: modes
+    !> Rigid body modes that its supports leave, as in `body_modes_t` (dim, n_nodes, n_modes) [].
+    real(dp), intent(in) :: shape(:, :, :)
     real(dp), allocatable :: mode(:)
     integer :: k
-    allocate (self%mode(self%n, modes%n), mode(body%constraint%n_equations))
-    do k = 1, modes%n
-      call body%constraint%reduce(modes%shape(:, :, k), mode)
+    if (allocated(self%mode)) deallocate (self%mode)
+    allocate (self%mode(self%n, size(shape, 3)), mode(body%constraint%n_equations))
+    do k = 1, size(self%mode, 2)
+      call body%constraint%reduce(shape(:, :, k), mode)
       call self%to_system(mode, self%mode(:, k))
     end do
   end subroutine multigrid_take_modes
@@ -187,6 +228,8 @@ contains
     type(error_t), allocatable, intent(out) :: error
     logical :: regular
     if (self%coarse%factor%factor_entries > least_shared) call self%coarse_solve%init(self%coarse%factor)
+    ! That of linear elements has been made with the aggregates.
+    if (allocated(self%fine%inverse)) return
     call self%fine%prepare(regular)
     if (regular) return
     !$omp critical (message)
@@ -252,7 +295,7 @@ contains
       z = r
       return
     end if
-    allocate (b(self%n), x(self%n), rest(self%n), correction(self%n), coarse(self%corner_constraint%n_equations))
+    allocate (b(self%n), x(self%n), rest(self%n), correction(self%n), coarse(self%interpolation%n))
     !$omp parallel do default(none) shared(self, r, b, size_of_r) schedule(static)
     do i = 1, self%n
       b(i) = real(r(i)/size_of_r, sp)
@@ -260,9 +303,9 @@ contains
     !$omp end parallel do
     call self%fine%smooth(b, x)
     call self%fine%rows%residual(b, x, rest)
-    call self%space%restrict(self%constraint, self%corner_constraint, self%fine%rows%scale, rest, coarse)
+    call self%interpolation%restrict(self%constraint, self%fine%rows%scale, rest, coarse)
     call self%solve_coarse(coarse)
-    call self%space%prolong(self%constraint, self%corner_constraint, coarse, correction)
+    call self%interpolation%prolong(self%constraint, coarse, correction)
     call self%fine%rows%subtract_product(correction, rest)
     call self%fine%smooth(rest, b)
     !$omp parallel do default(none) shared(self, z, b, x, correction, size_of_r) schedule(static)
@@ -276,7 +319,7 @@ contains
   !> x := K_c^+ x, about, by all threads: by the factor, or by cycles of smoothed aggregation.
   subroutine multigrid_solve_coarse(self, x)
     class(multigrid_t), intent(in) :: self
-    !> Forces on the corners in, displacements out (corner_constraint%n_equations) [force], [length].
+    !> Forces on the corners in, displacements out (interpolation%n) [force], [length].
     real(dp), intent(inout) :: x(:)
     if (self%is_aggregated) then
       call self%aggregated%solve(x)
@@ -313,7 +356,8 @@ contains
   !> Memory of the matrices, the factor and the modes [bytes].
   pure integer(int64) function multigrid_bytes(self) result(bytes)
     class(multigrid_t), intent(in) :: self
-    bytes = self%fine%bytes() + self%coarse%factor%factor_bytes + self%aggregated%bytes()
+    bytes = self%fine%bytes() + self%coarse%factor%factor_bytes + self%aggregated%bytes() + &
+            self%interpolation%aggregates%bytes()
     if (allocated(self%mode)) bytes = bytes + 8*size(self%mode, kind=int64)
   end function multigrid_bytes
 
@@ -324,9 +368,11 @@ contains
     call self%coarse%destroy()
     call self%coarse_solve%destroy()
     call self%aggregated%destroy()
+    call self%interpolation%aggregates%destroy()
     self%is_aggregated = .false.
     if (allocated(self%mode)) deallocate (self%mode)
     if (allocated(self%levels)) deallocate (self%levels)
+    self%interpolation%n = 0
     self%n = 0
   end subroutine multigrid_destroy
 end module dotyk_response_multigrid

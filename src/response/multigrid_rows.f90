@@ -68,7 +68,7 @@ contains
     allocate (unknown(grid%constraint%n_equations), source=0)
     call invert(size(grid%constraint%equation), grid%constraint%equation, unknown)
     rows%column(:) = unknown(rows%column)
-    call corner_rows(grid, rows, self%corner)
+    call grid%interpolation%carry_rows(grid%constraint, rows, self%corner)
     call number_nodes(dim, grid%fine%rows%n, rows%column, self%node)
     do k = 1, size(rows%column)
       i = (rows%column(k) - 1)/dim + 1
@@ -172,62 +172,6 @@ contains
     end do
     place = low
   end function place
-
-  !> B P: rows over the unknowns of the system to rows over the equations of the corner space.
-  subroutine corner_rows(grid, rows, corner)
-    !> The p-multigrid.
-    class(body_grid_t), intent(in) :: grid
-    !> Rows over the unknowns of the system.
-    type(sparse_rows_t), intent(in) :: rows
-    !> The rows over the corner equations.
-    type(sparse_rows_t), intent(inout) :: corner
-    real(dp), allocatable :: share(:, :), value(:)
-    real(dp) :: v(grid%fine%rows%dim)
-    integer, allocatable :: row(:), column(:), touched(:)
-    logical, allocatable :: is_touched(:)
-    integer :: i, j, k, l, c, dim, n, n_touched
-    dim = size(v)
-    allocate (share(dim, grid%space%n), source=0.0_dp)
-    allocate (touched(grid%space%n), is_touched(grid%space%n))
-    is_touched = .false.
-    ! An entry goes to eight corners at most, with all components in tilted axes.
-    allocate (row(8*dim*size(rows%column)), column(8*dim*size(rows%column)), value(8*dim*size(rows%column)))
-    n = 0
-    do i = 1, rows%n_rows
-      n_touched = 0
-      do k = rows%row_start(i), rows%row_start(i + 1) - 1
-        j = (rows%column(k) - 1)/dim + 1
-        v = 0
-        v(rows%column(k) - dim*(j - 1)) = rows%value(k)/(grid%space%start(j + 1) - grid%space%start(j))
-        if (grid%constraint%frame_of(j) > 0) v = matmul(grid%constraint%frame(:, :, grid%constraint%frame_of(j)), v)
-        do l = grid%space%start(j), grid%space%start(j + 1) - 1
-          c = grid%space%corner(l)
-          if (.not. is_touched(c)) then
-            n_touched = n_touched + 1
-            touched(n_touched) = c
-            is_touched(c) = .true.
-            share(:, c) = 0
-          end if
-          share(:, c) = share(:, c) + v
-        end do
-      end do
-      do l = 1, n_touched
-        c = touched(l)
-        is_touched(c) = .false.
-        v = share(:, c)
-        if (grid%corner_constraint%frame_of(c) > 0) &
-          v = matmul(v, grid%corner_constraint%frame(:, :, grid%corner_constraint%frame_of(c)))
-        do j = 1, dim
-          if (grid%corner_constraint%equation(j, c) == 0 .or. .not. abs(v(j)) > 0) cycle
-          n = n + 1
-          row(n) = i
-          column(n) = grid%corner_constraint%equation(j, c)
-          value(n) = v(j)
-        end do
-      end do
-    end do
-    call corner%init_from_triplets(rows%n_rows, grid%corner_constraint%n_equations, row(:n), column(:n), value(:n))
-  end subroutine corner_rows
 
   !> B D^{-1} B^T.
   subroutine smoother_compliance(grid, self)

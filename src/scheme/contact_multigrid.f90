@@ -119,8 +119,8 @@ contains
       integer, intent(in) :: b
       associate (first => self%first(b) + 1, last => self%first(b + 1), &
                  grid => self%grid(self%body(b)%representative)%p)
-        allocate (coarse(b)%value(grid%corner_constraint%n_equations), own(b)%value(size(self%body(b)%row)))
-        call grid%space%restrict(grid%constraint, grid%corner_constraint, 1.0_dp, r(first:last), coarse(b)%value)
+        allocate (coarse(b)%value(grid%interpolation%n), own(b)%value(size(self%body(b)%row)))
+        call grid%interpolation%restrict(grid%constraint, 1.0_dp, r(first:last), coarse(b)%value)
         call grid%solve_coarse(coarse(b)%value)
         call self%body(b)%rows%corner%multiply(coarse(b)%value, own(b)%value)
       end associate
@@ -132,7 +132,7 @@ contains
       integer, intent(in) :: b
       associate (grid => self%grid(self%body(b)%representative)%p)
         if (any(abs(lambda(self%body(b)%row)) > 0)) call subtract_pushed(self, b, lambda, coarse(b)%value)
-        call grid%space%prolong(grid%constraint, grid%corner_constraint, coarse(b)%value, &
+        call grid%interpolation%prolong(grid%constraint, coarse(b)%value, &
                                 x(self%first(b) + 1:self%first(b + 1)))
       end associate
     end subroutine push_body

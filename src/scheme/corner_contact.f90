@@ -146,7 +146,7 @@ contains
     call solve_corners(self, f, lambda, coarse)
     do b = 1, size(self%body)
       associate (grid => self%grid(self%body(b)%representative)%p)
-        call grid%space%prolong(grid%constraint, grid%corner_constraint, coarse(b)%value, &
+        call grid%interpolation%prolong(grid%constraint, coarse(b)%value, &
                                 u(self%first(b) + 1:self%first(b + 1)))
       end associate
     end do
@@ -185,8 +185,8 @@ contains
       associate (first => self%first(b) + 1, last => self%first(b + 1), &
                  grid => self%grid(self%body(b)%representative)%p, own => self%body(b))
         size_of_f = max(maxval(abs(f(first:last))), tiny(size_of_f))
-        allocate (coarse(b)%value(grid%corner_constraint%n_equations), pushed(grid%corner_constraint%n_equations))
-        call grid%space%restrict(grid%constraint, grid%corner_constraint, size_of_f, &
+        allocate (coarse(b)%value(grid%interpolation%n), pushed(grid%interpolation%n))
+        call grid%interpolation%restrict(grid%constraint, size_of_f, &
                                  real(f(first:last)/size_of_f, sp), coarse(b)%value)
         call own%rows%corner%multiply_transposed(lambda(own%row), pushed)
         coarse(b)%value = coarse(b)%value - pushed

@@ -100,7 +100,7 @@ class Multigrid(dotyk_case.Case):
                 self.compare((self.folder / name / (name + ".nml")).read_text(), name, determined)
 
     def test_beside_other_bodies(self):
-        """Linear elements and nearly incompressible bodies keep their factors beside p-multigrid."""
+        """Few linear elements and nearly incompressible bodies keep their factors beside p-multigrid."""
         text = column_nml(3)
         for case, kinds, ratio in (("linear", ("hex8", "tet10"), None), ("rubber", ("hex20", "tet10"), 0.4999)):
             with self.subTest(case):
@@ -142,6 +142,17 @@ class Multigrid(dotyk_case.Case):
         force = file["dotyk/contact/joint"].attrs["force"]
         self.assertGreater(force[0], 0)
         np.testing.assert_allclose(force[1:], 0, atol=1e-6 * force[0])
+
+    def test_linear_elements(self):
+        """Aggregates of nodes are the coarse level of linear elements."""
+        text = column_nml(3)
+        for name, kind, n, at in (("lower", "tet4", 6, 0), ("upper", "hex8", 7, 1)):
+            self.write(name + ".geo", block_geo(kind, n, (0, 0, at)))
+        text = re.sub("&support body='lower', surface='sides .*\n", "", text)
+        text = text.replace("surface='bottom', fix='z'", "surface='bottom', fix='xyz'")
+        text = text.replace("value=0, 0, -0.001", "value_formula='0', '0', '-0.001*x^2'")
+        self.assertIn("x^2", text)
+        self.assertIn("p-multigrid      2 bodies", self.compare(text, "case"))
 
     def test_no_equilibrium(self):
         """The lower block lies on nothing."""

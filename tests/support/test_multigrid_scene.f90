@@ -213,6 +213,7 @@ contains
           allocate (grid)
           if (settings%is_aggregated) then
             grid%largest_factor = 0
+            grid%largest_aggregates = 0
             grid%aggregated%levels%most_last = 40
           end if
           call grid%init(problem%body(b), problem%modes(b), report, error)

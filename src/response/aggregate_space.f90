@@ -1,0 +1,160 @@
+!> The coarse space of a body of linear elements: smoothed aggregates of its nodes (`dotyk_linalg_smoothed_aggregation`)
+!> in the place that the corners have for quadratic elements.
+!>
+!> An aggregate has about twenty nodes, and six unknowns in space, three in the plane: rigid motions, after one step of
+!> smoothing. Aggregates reproduce the rigid body modes of the body.
+module dotyk_response_aggregate_space
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp, int64, sp
+  use dotyk_elasticity_constraint, only: constraint_t
+  use dotyk_elasticity_near_null_vectors, only: near_null_vectors
+  use dotyk_linalg_block_prolongator, only: block_prolongator_t
+  use dotyk_linalg_block_rows, only: block_rows_t
+  use dotyk_linalg_chebyshev, only: chebyshev_t
+  use dotyk_linalg_smoothed_aggregation, only: aggregation_level_t, make_level
+  use dotyk_linalg_sparse, only: sparse_rows_t, sparse_symmetric_t
+  implicit none
+  private
+
+  !> The space.
+  type, public :: aggregate_space_t
+    !> Number of unknowns of the aggregates.
+    integer :: n = 0
+    !> Interpolation P from the aggregates.
+    type(block_prolongator_t) :: prolongator
+    !> Until it is analysed: the Galerkin matrix P^T K P by block rows [force/length], vectors that it maps to little, and
+    !> its null vectors, orthonormal (n, any) [].
+    type(block_rows_t) :: rows
+    real(dp), allocatable :: near_null(:, :), mode(:, :)
+    !> From then on until it is factorized: the Galerkin matrix [force/length].
+    type(sparse_symmetric_t) :: matrix
+  contains
+    procedure :: init => space_init
+    procedure :: restrict => space_restrict
+    procedure :: prolong => space_prolong
+    procedure :: carry_rows => space_carry_rows
+    procedure :: rows_of_node => space_rows_of_node
+    procedure :: matrix_bytes => space_matrix_bytes
+    procedure :: bytes => space_bytes
+    procedure :: destroy => space_destroy
+  end type aggregate_space_t
+
+contains
+
+  !> Find the aggregates, and the Galerkin matrix.
+  subroutine space_init(self, fine, x, constraint, mode, error)
+    class(aggregate_space_t), intent(inout) :: self
+    !> The stiffness; the smoother is prepared on return.
+    type(chebyshev_t), intent(inout) :: fine
+    !> Coordinates of the nodes (dim, n_nodes) [length].
+    real(dp), intent(in) :: x(:, :)
+    !> Their equations and axes.
+    type(constraint_t), intent(in) :: constraint
+    !> Rigid body modes that the supports leave, orthonormal (n_fine, n_modes) [].
+    real(dp), intent(in) :: mode(:, :)
+    !> Allocated where a diagonal block of the stiffness is not positive definite.
+    type(error_t), allocatable, intent(out) :: error
+    type(aggregation_level_t) :: level
+    level%smoother%degree = fine%degree
+    level%smoother%ratio = fine%ratio
+    call fine%rows%move_to(level%smoother%rows)
+    call near_null_vectors(x, constraint, self%near_null)
+    self%mode = mode
+    call make_level(1, 0.0_dp, self%near_null, self%mode, level, self%rows, error)
+    call level%smoother%rows%move_to(fine%rows)
+    if (allocated(error)) return
+    fine%greatest = level%smoother%greatest
+    call move_alloc(level%smoother%inverse, fine%inverse)
+    call level%prolongator%move_to(self%prolongator)
+    self%n = self%prolongator%m*self%prolongator%n_coarse
+  end subroutine space_init
+
+  !> P^T r.
+  subroutine space_restrict(self, factor, r, coarse)
+    class(aggregate_space_t), intent(in) :: self
+    !> Factor of the result [].
+    real(dp), intent(in) :: factor
+    !> Forces in nodal axes, zero along held components (n_fine) [force].
+    real(sp), intent(in), contiguous :: r(:)
+    !> On the aggregates (n) [force].
+    real(dp), intent(out) :: coarse(:)
+    real(sp), allocatable :: low(:)
+    allocate (low(self%n))
+    call self%prolongator%restrict(r, low)
+    coarse(:) = factor*low
+  end subroutine space_restrict
+
+  !> P x.
+  subroutine space_prolong(self, coarse, x)
+    class(aggregate_space_t), intent(in) :: self
+    !> Of the aggregates (n) [length].
+    real(dp), intent(in), contiguous :: coarse(:)
+    !> Displacements in nodal axes (n_fine) [length].
+    real(dp), intent(out), contiguous :: x(:)
+    call self%prolongator%prolong(coarse, x)
+  end subroutine space_prolong
+
+  !> B P.
+  subroutine space_carry_rows(self, rows, coarse)
+    class(aggregate_space_t), intent(in) :: self
+    !> Rows B over the unknowns of the body (n_rows x n_fine) [].
+    type(sparse_rows_t), intent(in) :: rows
+    !> The rows over the unknowns of the aggregates (n_rows x n) [].
+    type(sparse_rows_t), intent(inout) :: coarse
+    integer, allocatable :: row(:), column(:)
+    real(dp), allocatable :: value(:)
+    integer :: i, j, k, l, c, node, pass, n
+    associate (p => self%prolongator)
+      do pass = 1, 2
+        n = 0
+        do i = 1, rows%n_rows
+          do k = rows%row_start(i), rows%row_start(i + 1) - 1
+            node = (rows%column(k) - 1)/p%dim + 1
+            c = rows%column(k) - p%dim*(node - 1)
+            do l = p%start(node), p%start(node + 1) - 1
+              if (pass == 2) then
+                do j = 1, p%m
+                  row(n + j) = i
+                  column(n + j) = p%m*(p%column(l) - 1) + j
+                  value(n + j) = p%value(j, c, l)*rows%value(k)
+                end do
+              end if
+              n = n + p%m
+            end do
+          end do
+        end do
+        if (pass == 1) allocate (row(n), column(n), value(n))
+      end do
+      call coarse%init_from_triplets(rows%n_rows, self%n, row, column, value)
+    end associate
+  end subroutine space_carry_rows
+
+  !> Block rows of an aggregate in the Galerkin matrix.
+  pure integer function space_rows_of_node(self) result(n)
+    class(aggregate_space_t), intent(in) :: self
+    n = self%prolongator%m/3
+  end function space_rows_of_node
+
+  !> Memory of the Galerkin matrix [bytes].
+  pure integer(int64) function space_matrix_bytes(self) result(bytes)
+    class(aggregate_space_t), intent(in) :: self
+    bytes = self%rows%bytes() + self%matrix%bytes()
+  end function space_matrix_bytes
+
+  !> Memory of the interpolation [bytes].
+  pure integer(int64) function space_bytes(self) result(bytes)
+    class(aggregate_space_t), intent(in) :: self
+    bytes = self%prolongator%bytes()
+  end function space_bytes
+
+  !> Give back all memory.
+  subroutine space_destroy(self)
+    class(aggregate_space_t), intent(inout) :: self
+    call self%prolongator%destroy()
+    call self%rows%destroy()
+    if (allocated(self%near_null)) deallocate (self%near_null)
+    if (allocated(self%mode)) deallocate (self%mode)
+    call self%matrix%destroy()
+    self%n = 0
+  end subroutine space_destroy
+end module dotyk_response_aggregate_space

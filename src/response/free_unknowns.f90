@@ -1,0 +1,42 @@
+!> Vectors over the equations of a body, and over all unknowns of its nodes, zero where they are held.
+module dotyk_response_free_unknowns
+  use dotyk_base_kinds, only: dp
+  implicit none
+  private
+  public :: to_equations, to_unknowns
+
+contains
+
+  !> Values of equations at their unknowns; zero where held.
+  pure subroutine to_unknowns(n, equation, x, y)
+    !> Number of unknowns.
+    integer, intent(in) :: n
+    !> Their equations, 0 or less where held (n).
+    integer, intent(in) :: equation(n)
+    !> Over the equations (n_equations) [any].
+    real(dp), intent(in) :: x(:)
+    !> Over the unknowns (n) [as x].
+    real(dp), intent(out) :: y(:)
+    integer :: i
+    do i = 1, n
+      y(i) = 0
+      if (equation(i) > 0) y(i) = x(equation(i))
+    end do
+  end subroutine to_unknowns
+
+  !> Values of unknowns at their equations.
+  pure subroutine to_equations(n, equation, y, x)
+    !> Number of unknowns.
+    integer, intent(in) :: n
+    !> Their equations, 0 or less where held (n).
+    integer, intent(in) :: equation(n)
+    !> Over the unknowns (n) [any].
+    real(dp), intent(in) :: y(:)
+    !> Over the equations (n_equations) [as y].
+    real(dp), intent(inout) :: x(:)
+    integer :: i
+    do i = 1, n
+      if (equation(i) > 0) x(equation(i)) = y(i)
+    end do
+  end subroutine to_equations
+end module dotyk_response_free_unknowns
