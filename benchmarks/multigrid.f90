@@ -15,8 +15,9 @@
 !> Poisson's ratio, shapes of elements and bodies, and materials, of the cases FIRST to LAST; upper end of the smoother's
 !> interval, least Ritz value of the preconditioned stiffness, in the end and in the trial, residual of the trial, margin
 !> of the upper end, processor time of an iteration [us per unknown], Gflop of a factor, and the choice of
-!> `response='auto'` for a large body: m, a factor by its material, t, by the trial, o, by what always speaks against
-!> p-multigrid. The reduction of the residual is 1e-8 in the norm of the preconditioner. Threads: OMP_NUM_THREADS.
+!> `response='auto'` for 200,000 unknowns: a factor, m, by its material, t, because the trial is slow, c, because the
+!> factor is cheaper, o, by what always speaks against p-multigrid. The reduction of the residual is 1e-8 in the norm of
+!> the preconditioner. Threads: OMP_NUM_THREADS.
 program multigrid
   use omp_lib, only: omp_get_max_threads
   use dotyk_base_error, only: error_t

@@ -3,6 +3,7 @@ module multigrid_table
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_control_response_choice, only: suits_multigrid
+  use dotyk_control_slow_multigrid, only: factor_is_better
   use dotyk_elasticity_body, only: body_t, stiffness_t
   use dotyk_elasticity_body_modes, only: body_modes_t
   use dotyk_elasticity_two_levels, only: multigrid_obstacle, obstacle_none
@@ -21,8 +22,8 @@ module multigrid_table
   real(dp), parameter :: tolerance = 1.0e-8_dp
   !> Iterations at most.
   integer, parameter :: most_steps = 300
-  !> Expected iterations above which p-multigrid is slow.
-  real(dp), parameter :: slow = 100
+  !> Size of the body that the choice is made for.
+  real(dp), parameter :: usual_size = 200000
   !> Element kinds.
   integer, parameter :: kind(5) = [element_tet10, element_hex20, element_hex27, element_prism15, element_prism18]
   !> Their names.
@@ -43,15 +44,15 @@ contains
     real(dp) :: flops(20)
     integer :: i, k, shape
     row = ''
-    write (*, '(a)') 'elements, case'//repeat(' ', 48)//'unknowns   its  greatest     least  in trial  residual  margin'// &
-      ' expect    cycle    factor  ratio  choice'
+    write (*, '(a)') 'elements, case'//repeat(' ', 48)//'unknowns   its  greatest     least  in trial  residual'// &
+      '  margin expect    cycle    factor  ratio  choice'
     do k = 1, size(kind)
       flops = 0
       do i = merge(first, 1, first > 0), merge(last, n_cases, first > 0)
         call make_case(i, kind(k), cells, body, name, shape)
         if (k == 1) row(i) = '| '//name
         if (allocated(body%mesh%block)) then
-          call measure(kind_name(k)//' '//name, body, flops(shape), entry)
+          call measure(kind_name(k)//' '//name, body, merge(2, 1, shape == 1), flops(shape), entry)
         else
           entry = ''
         end if
@@ -65,11 +66,13 @@ contains
   end subroutine write_table
 
   !> Solve, and write a line.
-  subroutine measure(name, body, flops, entry)
+  subroutine measure(name, body, power, flops, entry)
     !> Element kind and name of the case.
     character(*), intent(in) :: name
     !> The body.
     type(body_t), intent(inout) :: body
+    !> Its factor takes the unknowns to this power operations.
+    integer, intent(in) :: power
     !> Operations of a factor of the body; found if 0.
     real(dp), intent(inout) :: flops
     !> Entry of the table: iterations, and what has a factor in their place.
@@ -80,7 +83,7 @@ contains
     type(cg_outcome_t) :: outcome
     type(error_t), allocatable :: error
     real(dp), allocatable :: x(:)
-    real(dp) :: least, greatest, trial_least, corner_flops, begun, ended
+    real(dp) :: least, greatest, trial_least, corner_flops, scale, work, begun, ended
     character(62) :: label
     character(12) :: choice
     label = name
@@ -99,7 +102,11 @@ contains
     trial_least = operator%grid%least
     corner_flops = operator%grid%coarse%factor%flops
     choice = 'multigrid'
-    if (operator%expected_steps() > slow) choice = 'trial'
+    ! Blocks grow in three directions, plates and beams along one or two.
+    scale = usual_size/operator%grid%n
+    work = corner_flops*(real(operator%grid%n, dp)/operator%grid%corner_constraint%n_equations)**2*scale**power
+    if (factor_is_better(operator%expected_steps(), usual_size, work)) choice = 'cheaper'
+    if (factor_is_better(operator%expected_steps(), usual_size, 0.0_dp)) choice = 'trial'
     if (.not. suits_multigrid(body%material)) choice = 'material'
     if (multigrid_obstacle(body) /= obstacle_none) choice = 'obstacle'
     x = body%rhs
@@ -110,10 +117,11 @@ contains
     write (entry, '(i0)') outcome%steps
     if (.not. outcome%converged) write (entry, '(a, i0)') '> ', most_steps
     if (choice /= 'multigrid') entry = trim(entry)//' '//choice(:1)
-    write (*, '(a, i9, i6, a, f8.3, f10.5, f10.5, es10.1, f8.3, f7.1, f9.3, f10.1, f7.1, a)') label, size(x), outcome%steps, &
+    write (*, '(a, i9, i6, a, f8.3, f10.5, f10.5, es10.1, f8.3, f7.1, f9.3, f10.1, f7.1, a)') &
+      label, size(x), outcome%steps, &
       merge('  ', ' !', outcome%converged), operator%grid%fine%greatest, least, trial_least, operator%trial, &
-      margin_of(operator%grid), operator%expected_steps(), 1.0e6_dp*(ended - begun)/outcome%steps/size(x), flops*1.0e-9_dp, &
-      flops/corner_flops, '  '//choice
+      margin_of(operator%grid), operator%expected_steps(), 1.0e6_dp*(ended - begun)/outcome%steps/size(x), &
+      flops*1.0e-9_dp, flops/corner_flops, '  '//choice
     call operator%destroy()
   end subroutine measure
 

@@ -40,8 +40,11 @@ module dotyk_control_factorization
     integer(int64) :: class_entries = 0
     !> How the body is solved: one of `form_*` of dotyk_control_response_choice.
     integer :: form = form_direct
-    !> Whether p-multigrid converges slowly for this body: it is replaced, or the memory does not suffice for that.
+    !> Whether p-multigrid takes too many iterations for this body, or a factor costs less: it is replaced, or the
+    !> memory does not suffice for that.
     logical :: is_slow = .false.
+    !> Iterations of a solve that p-multigrid would take, about.
+    real(dp) :: steps = 0
   contains
     procedure :: take => size_take
   end type factor_size_t

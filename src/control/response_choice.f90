@@ -12,7 +12,7 @@ module dotyk_control_response_choice
   use dotyk_elasticity_body, only: body_t, stiffness_t
   use dotyk_elasticity_body_modes, only: body_modes_t
   use dotyk_elasticity_material, only: material_t
-  use dotyk_elasticity_two_levels, only: multigrid_obstacle, obstacle_none
+  use dotyk_elasticity_two_levels, only: multigrid_obstacle, obstacle_linear_elements, obstacle_none
   use dotyk_response_direct, only: direct_response_t
   use dotyk_response_multigrid_response, only: multigrid_response_t
   implicit none
@@ -31,14 +31,14 @@ module dotyk_control_response_choice
     type(multigrid_response_t), allocatable :: multigrid
   end type operator_slot_t
 
-  public :: assemble_representative, choose_forms, suits_multigrid
+  public :: assemble_representative, choose_forms, keeps_factor, suits_multigrid
 
   !> Unknowns from which on p-multigrid is taken in three dimensions. On one thread a run with a factor takes 1.07, 1.3
   !> and 1.65 times as long at 33,000, 57,000 and 103,000 unknowns (`tools/benchmark large --only hertz`), with 2.6, 3.5
   !> and 4.7 times the memory, but its error bound rests on no measured constant.
   integer, parameter :: crossover = 100000
-  !> Bulk over shear modulus up to which the iterations of p-multigrid do not grow much: Poisson's ratio 0.45.
-  real(dp), parameter :: most_bulk_over_shear = 9.7_dp
+  !> Bulk over shear modulus up to which p-multigrid is tried: Poisson's ratio 0.49, 23 to 41 iterations.
+  real(dp), parameter :: most_bulk_over_shear = 50
 
 contains
 
@@ -72,9 +72,25 @@ contains
   logical function is_worth_multigrid(body)
     !> Not assembled.
     type(body_t), intent(in) :: body
-    is_worth_multigrid = body%dimension == 3 .and. body%constraint%n_equations > crossover
+    is_worth_multigrid = is_large(body)
     if (is_worth_multigrid) is_worth_multigrid = suits_multigrid(body%material)
   end function is_worth_multigrid
+
+  !> Whether a body is large enough for p-multigrid to pay.
+  pure logical function is_large(body)
+    !> Assembled or not.
+    type(body_t), intent(in) :: body
+    is_large = body%dimension == 3 .and. body%constraint%n_equations > crossover
+  end function is_large
+
+  !> Whether a body that is large enough for p-multigrid has a factor because it is nearly incompressible.
+  logical function keeps_factor(body)
+    !> Assembled or not.
+    type(body_t), intent(in) :: body
+    keeps_factor = is_large(body)
+    if (keeps_factor) keeps_factor = multigrid_obstacle(body) /= obstacle_linear_elements
+    if (keeps_factor) keeps_factor = .not. suits_multigrid(body%material)
+  end function keeps_factor
 
   !> Whether the iterations of p-multigrid do not grow much with the material.
   logical function suits_multigrid(material)

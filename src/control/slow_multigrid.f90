@@ -1,5 +1,5 @@
-!> Bodies whose p-multigrid turns out to converge slowly, thin ones and slivers, get a factor in its place where the
-!> memory suffices.
+!> Bodies whose p-multigrid turns out to converge slowly, such as slivers, or whose factor is cheap, such as beams and
+!> plates, get a factor in its place where the memory suffices.
 module dotyk_control_slow_multigrid
   use dotyk_base_error, only: add_context, error_t
   use dotyk_base_kinds, only: dp
@@ -13,17 +13,21 @@ module dotyk_control_slow_multigrid
   use dotyk_response_stiffness_factor, only: factorization_report_t
   implicit none
   private
-  public :: find_slow_ones, replace_slow_ones
+  public :: factor_is_better, find_slow_ones, replace_slow_ones
 
-  !> Ratio of the extreme Ritz values of the preconditioned stiffness below which a solve takes several times as many
-  !> iterations as that of a compact body [].
-  real(dp), parameter :: slow = 0.03_dp
-  !> Residual of the trial, of 14 iterations, above which a body is such a one: compact bodies leave 1e-8 [].
-  real(dp), parameter :: most_left = 1.0e-5_dp
+  !> Iterations of a solve above which the least Ritz value of the trial may be too large for a bound
+  !> (`benchmark_multigrid table`).
+  real(dp), parameter :: most_steps = 100
+  !> Cycles of a contact problem over the iterations of one solve: trial, solution without contact, active sets.
+  real(dp), parameter :: cycles_per_step = 4
+  !> Operations of a factorization in the time of a cycle, per unknown of the body.
+  real(dp), parameter :: work_of_cycle = 1.0e4_dp
 
 contains
 
-  !> Find the bodies whose p-multigrids converge slowly.
+  !> Find the bodies whose p-multigrids converge slowly, or cost more than their factors. The factor of a body of n
+  !> unknowns, n_c of them in its corner space, takes about (n/n_c)^2 times the operations of the factor of that: 0.9 to
+  !> 1.8 times as many were measured for blocks, 0.5 to 1.4 times for plates and beams.
   subroutine find_slow_ones(classes, slot, size_of)
     !> Congruence classes of the bodies.
     type(congruence_classes_t), intent(in) :: classes
@@ -34,12 +38,27 @@ contains
     integer :: b
     do b = 1, size(slot)
       if (.not. allocated(slot(b)%multigrid) .or. size_of(b)%form /= form_multigrid) cycle
-      associate (operator => slot(b)%multigrid)
-        size_of(b)%is_slow = operator%grid%least < slow*operator%grid%greatest .or. operator%trial > most_left
+      associate (operator => slot(b)%multigrid, n => real(slot(b)%multigrid%grid%n, dp))
+        size_of(b)%steps = operator%expected_steps()
+        size_of(b)%is_slow = factor_is_better(size_of(b)%steps, n*count(classes%first == b), &
+          size_of(b)%flops*(n/max(1, operator%grid%corner_constraint%n_equations))**2)
       end associate
     end do
     size_of%is_slow = size_of(classes%first)%is_slow
+    size_of%steps = size_of(classes%first)%steps
   end subroutine find_slow_ones
+
+  !> Whether a factor is better than p-multigrid.
+  elemental logical function factor_is_better(steps, n, flops) result(is_better)
+    !> Iterations of a solve by p-multigrid.
+    real(dp), intent(in) :: steps
+    !> Unknowns of the bodies that would share the factor.
+    real(dp), intent(in) :: n
+    !> Operations of the factorization; 0 where they are not known.
+    real(dp), intent(in) :: flops
+    is_better = steps > most_steps
+    if (flops > 0) is_better = is_better .or. flops < cycles_per_step*steps*work_of_cycle*n
+  end function factor_is_better
 
   !> Replace the p-multigrids that converge slowly.
   subroutine replace_slow_ones(body, modes, slot, size_of, report, error)

@@ -92,6 +92,7 @@ contains
       end do
       call scene%compliance%destroy()
       size_of%is_slow = scene%size_of%is_slow
+      size_of%steps = scene%size_of%steps
       call move_alloc(modes, problem%modes)
       call move_alloc(stiffness, scene%stiffness)
       call move_alloc(slot, scene%slot)

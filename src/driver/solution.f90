@@ -4,12 +4,13 @@ module dotyk_driver_solution
   use dotyk_base_error, only: add_context, error_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
+  use dotyk_base_options, only: response_auto
   use dotyk_control_contact_solution, only: contact_solution_t, solve_contact
   use dotyk_control_scheme_run, only: scheme_run_t
   use dotyk_driver_factorization, only: factorize_scene
   use dotyk_driver_return_to_factors, only: may_return_to_factors, return_to_factors
   use dotyk_driver_results, only: write_on_the_way
-  use dotyk_driver_run_settings, only: goal_of
+  use dotyk_driver_run_settings, only: goal_of, may_use_multigrid
   use dotyk_driver_scene, only: scene_t
   use dotyk_driver_warm_start, only: start_from_pressures
   use dotyk_input_case, only: case_t
@@ -48,7 +49,9 @@ contains
     factors: do
       call factorize_scene(case, run%scheme, scene, monitor, error)
       if (allocated(error)) exit factors
-      call show_factorization(monitor%log, scene%problem%body, scene%size_of, monitor%timing%factorize)
+      call show_factorization(monitor%log, scene%problem%body, scene%size_of, &
+                            case%solver%response == response_auto .and. may_use_multigrid(case), &
+                            monitor%timing%factorize)
       now = run
       if (scene%has_multigrid()) then
         deallocate (now%scheme)

@@ -10,7 +10,7 @@ module dotyk_log_scene_tables
   use dotyk_control_congruence_classes, only: congruence_classes_t
   use dotyk_control_contact_problem, only: contact_problem_t, mesh_compliance
   use dotyk_control_factorization, only: factor_size_t
-  use dotyk_control_response_choice, only: form_multigrid
+  use dotyk_control_response_choice, only: form_multigrid, keeps_factor
   use dotyk_control_run_prediction, only: run_prediction_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t
@@ -245,13 +245,15 @@ contains
   end subroutine warn_of_oscillation
 
   !> Time and size of the factorization, and the bodies with an explicit compliance matrix.
-  subroutine show_factorization(log, body, size_of, seconds)
+  subroutine show_factorization(log, body, size_of, is_chosen, seconds)
     !> The log.
     type(log_t), intent(inout) :: log
     !> Bodies (n_bodies).
     type(body_t), intent(in) :: body(:)
     !> Sizes of the factors (n_bodies).
     type(factor_size_t), intent(in) :: size_of(:)
+    !> Whether the program chooses between factors and p-multigrid.
+    logical, intent(in) :: is_chosen
     !> Wall time [s].
     real(dp), intent(in) :: seconds
     real(dp) :: fraction
@@ -262,13 +264,11 @@ contains
       counted(count(size_of%form == form_multigrid), 'body', 'bodies')//'; factors are those of the corner nodes '// &
       'there, or of aggregates of linear elements')
     do b = 1, size(size_of)
-      if (.not. size_of(b)%is_slow) cycle
-      if (size_of(b)%form == form_multigrid) then
-        call log%line('  warning          '//quoted(body(b)%name)//': thin or sliver elements: p-multigrid takes '// &
-                      'many iterations, and the memory does not suffice for a factor')
-      else
-        call log%line('  factor           '//quoted(body(b)%name)//': thin or sliver elements: p-multigrid would '// &
-                      'take many iterations')
+      if (size_of(b)%is_slow) then
+        call show_slow(log, quoted(body(b)%name), size_of(b))
+      else if (is_chosen .and. size_of(b)%form /= form_multigrid) then
+        if (keeps_factor(body(b))) call log%line('  factor           '//quoted(body(b)%name)// &
+          ': nearly incompressible: p-multigrid would take many iterations')
       end if
     end do
     associate (chosen => size_of%forms_matrix)
@@ -280,6 +280,26 @@ contains
                     ' % of a solve with the factor')
     end associate
   end subroutine show_factorization
+
+  !> A body for which a factor is better than p-multigrid.
+  subroutine show_slow(log, name, size_of)
+    !> The log.
+    type(log_t), intent(inout) :: log
+    !> The body.
+    character(*), intent(in) :: name
+    !> Size of its factor.
+    type(factor_size_t), intent(in) :: size_of
+    character(:), allocatable :: iterations
+    iterations = 'more than 1000'
+    if (size_of%steps < 1000) iterations = 'about '//to_text(nint(size_of%steps))
+    iterations = iterations//' iterations per solve'
+    if (size_of%form == form_multigrid) then
+      call log%line('  warning          '//name//': p-multigrid takes '//iterations// &
+                    ', and the memory does not suffice for a factor')
+    else
+      call log%line('  factor           '//name//': it costs less than p-multigrid with '//iterations)
+    end if
+  end subroutine show_slow
 
   !> Memory and time that a run would take.
   subroutine show_prediction(log, size_of, prediction)
