@@ -11,8 +11,7 @@ module dotyk_control_response_choice
   use dotyk_control_congruence_classes, only: congruence_classes_t
   use dotyk_elasticity_body, only: body_t, stiffness_t
   use dotyk_elasticity_body_modes, only: body_modes_t
-  use dotyk_elasticity_material, only: material_t
-  use dotyk_elasticity_two_levels, only: multigrid_obstacle, obstacle_linear_elements, obstacle_none
+  use dotyk_elasticity_two_levels, only: is_linear, multigrid_obstacle, obstacle_none
   use dotyk_response_direct, only: direct_response_t
   use dotyk_response_multigrid_response, only: multigrid_response_t
   implicit none
@@ -37,8 +36,9 @@ module dotyk_control_response_choice
   !> and 1.65 times as long at 33,000, 57,000 and 103,000 unknowns (`tools/benchmark large --only hertz`), with 2.6, 3.5
   !> and 4.7 times the memory, but its error bound rests on no measured constant.
   integer, parameter :: crossover = 100000
-  !> Bulk over shear modulus up to which p-multigrid is tried: Poisson's ratio 0.49, 23 to 41 iterations.
-  real(dp), parameter :: most_bulk_over_shear = 50
+  !> Bulk over shear modulus up to which p-multigrid is tried: Poisson's ratio 0.49, 23 to 41 iterations, and 0.45 for
+  !> linear elements.
+  real(dp), parameter :: most_bulk_over_shear = 50, most_of_linear = 9.7_dp
 
 contains
 
@@ -73,7 +73,7 @@ contains
     !> Not assembled.
     type(body_t), intent(in) :: body
     is_worth_multigrid = is_large(body)
-    if (is_worth_multigrid) is_worth_multigrid = suits_multigrid(body%material)
+    if (is_worth_multigrid) is_worth_multigrid = suits_multigrid(body)
   end function is_worth_multigrid
 
   !> Whether a body is large enough for p-multigrid to pay.
@@ -88,15 +88,14 @@ contains
     !> Assembled or not.
     type(body_t), intent(in) :: body
     keeps_factor = is_large(body)
-    if (keeps_factor) keeps_factor = multigrid_obstacle(body) /= obstacle_linear_elements
-    if (keeps_factor) keeps_factor = .not. suits_multigrid(body%material)
+    if (keeps_factor) keeps_factor = .not. suits_multigrid(body)
   end function keeps_factor
 
   !> Whether the iterations of p-multigrid do not grow much with the material.
-  logical function suits_multigrid(material)
-    !> The material.
-    type(material_t), intent(in) :: material
-    suits_multigrid = material%bulk_over_shear() < most_bulk_over_shear
+  logical function suits_multigrid(body)
+    !> Assembled or not.
+    type(body_t), intent(in) :: body
+    suits_multigrid = body%material%bulk_over_shear() < merge(most_of_linear, most_bulk_over_shear, is_linear(body%mesh))
   end function suits_multigrid
 
   !> Assemble a representative: its stiffness, or the two levels of its p-multigrid.

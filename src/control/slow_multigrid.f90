@@ -41,7 +41,7 @@ contains
       associate (operator => slot(b)%multigrid, n => real(slot(b)%multigrid%grid%n, dp))
         size_of(b)%steps = operator%expected_steps()
         size_of(b)%is_slow = factor_is_better(size_of(b)%steps, n*count(classes%first == b), &
-          size_of(b)%flops*(n/max(1, operator%grid%corner_constraint%n_equations))**2)
+          size_of(b)%flops*(n/max(1, operator%grid%interpolation%n))**2)
       end associate
     end do
     size_of%is_slow = size_of(classes%first)%is_slow
