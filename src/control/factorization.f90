@@ -36,8 +36,10 @@ module dotyk_control_factorization
     logical :: forms_matrix = .false.
     !> Entries that a product goes through.
     integer(int64) :: product_entries = 0
-    !> Entries of the factor of the class.
+    !> Entries of the factor of the class, or of the levels in its place.
     integer(int64) :: class_entries = 0
+    !> Entries that the compliance of a contact row goes through in a corner space without a factor.
+    integer(int64) :: row_entries = 0
     !> How the body is solved: one of `form_*` of dotyk_control_response_choice.
     integer :: form = form_direct
     !> Whether p-multigrid takes too many iterations for this body, or a factor costs less: it is replaced, or the
@@ -50,6 +52,10 @@ module dotyk_control_factorization
   end type factor_size_t
 
   public :: analyze_bodies, check_memory, factorize_bodies, find_modes, make_operators
+
+  !> Memory that a solve by smoothed aggregation reads, as a multiple of the matrix of the corner space: a factor with as
+  !> many entries is read twice. The levels below the matrix, their factor and the interpolation take as much as it does.
+  integer, parameter :: aggregated_products = 5
 
 contains
 
@@ -168,6 +174,11 @@ contains
     if (size_of%form == form_multigrid) then
       size_of%stiffness_bytes = slot%multigrid%grid%levels%corner_bytes() + &
                                 slot%multigrid%grid%interpolation%aggregates%matrix_bytes()
+      if (slot%multigrid%grid%is_aggregated) then
+        size_of%bytes = size_of%stiffness_bytes
+        size_of%class_entries = aggregated_products*size_of%stiffness_bytes/16
+        size_of%row_entries = size_of%class_entries
+      end if
     else
       size_of%stiffness_bytes = 16*size(stiffness%matrix%row, kind=int64)
     end if

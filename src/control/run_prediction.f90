@@ -36,13 +36,17 @@ module dotyk_control_run_prediction
   !> Speed of a factorization over that of dense products [].
   real(dp), parameter :: factorization_speed = 0.7_dp
   !> Cycles of p-multigrid in a run: trial steps, solution without contact, contact.
-  real(dp), parameter :: cycles = 45
+  real(dp), parameter :: cycles = 66
+  !> Solves in the corner space: two in a cycle of the contact.
+  real(dp), parameter :: corner_solves = 90
   !> Memory traffic of a cycle without its coarse solve [byte/unknown].
   real(dp), parameter :: traffic = 2400
+  !> Speed of a cycle, with its vectors, over that of products with block rows [].
+  real(dp), parameter :: cycle_speed = 0.7_dp
   !> Solves with a factor in a run.
   real(dp), parameter :: direct_solves = 10
   !> Work of estimates, recovery and checks: dense operations that take the same time [flop/unknown].
-  real(dp), parameter :: work_afterwards = 5.0e5_dp
+  real(dp), parameter :: work_afterwards = 3.2e5_dp
 
 contains
 
@@ -61,7 +65,7 @@ contains
     real(dp), intent(in) :: elapsed
     !> The machine.
     type(machine_speed_t), intent(in) :: speed
-    real(dp) :: n, bytes, flops
+    real(dp) :: n, bytes, flops, of_solve
     logical :: by_rows
     integer :: b
     self%n_threads = speed%n_threads
@@ -80,13 +84,15 @@ contains
         self%memory = self%memory + beside_direct*n
       end if
       ! A solve reads the factor of the class twice.
+      of_solve = 2*8*real(size_of(b)%class_entries, dp)
       if (by_rows) then
         ! The compliance of the rows in the corner spaces.
         self%memory = self%memory + 8*real(n_rows(b), dp)**2
-        bytes = bytes + cycles*2*8*real(size_of(b)%class_entries, dp)
-        if (size_of(b)%form == form_multigrid) bytes = bytes + cycles*traffic*n
+        bytes = bytes + corner_solves*of_solve/cycle_speed
+        if (size_of(b)%form == form_multigrid) bytes = bytes + cycles*traffic*n/cycle_speed
+        bytes = bytes + n_rows(b)*2*8*real(size_of(b)%row_entries, dp)/cycle_speed
       else
-        bytes = bytes + direct_solves*2*8*real(size_of(b)%class_entries, dp)
+        bytes = bytes + direct_solves*of_solve
       end if
       flops = flops + size_of(b)%flops/factorization_speed + work_afterwards*n
     end do

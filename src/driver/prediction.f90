@@ -1,5 +1,6 @@
 !> What --check says of the run that it does not make: memory and time.
 module dotyk_driver_prediction
+  use dotyk_base_kinds, only: dp
   use dotyk_base_memory, only: memory_now, memory_t
   use dotyk_control_parallel, only: set_blas_threads
   use dotyk_control_run_prediction, only: run_prediction_t
@@ -22,13 +23,15 @@ contains
     type(memory_t) :: memory
     type(machine_speed_t) :: speed
     type(run_prediction_t) :: prediction
+    real(dp) :: elapsed
     integer :: b
     memory = memory_now()
+    elapsed = monitor%watch%since_start()
     call set_blas_threads(1)
     call speed%measure()
     call prediction%init(scene%problem%body%constraint%n_equations, &
                          [(size(scene%operator%block(b)%row), b=1, size(scene%size_of))], scene%size_of, memory%used, &
-                         monitor%watch%since_start(), speed)
+                         elapsed, speed)
     call show_prediction(monitor%log, scene%size_of, prediction)
   end subroutine predict_run
 end module dotyk_driver_prediction
