@@ -54,7 +54,7 @@ runners() {
     cmake --preset release -B "$build" -DDOTYK_PFUNIT=$wish > "$build.log" 2>&1 || { tail -n 20 "$build.log"; return 1; }
     cmake --build "$build" > "$build.log" 2>&1 || { tail -n 50 "$build.log"; return 1; }
     rm -f "$build/Testing/Temporary/LastTest.log"
-    OMP_WAIT_POLICY=passive ctest --test-dir "$build" --output-on-failure --parallel "$(nproc)" -R '^test_' > "$build.log"
+    ctest --test-dir "$build" --output-on-failure --parallel "$(nproc)" -R '^test_' > "$build.log"
   done
   "$tools/python.sh" "$tools/count_tests.py" build/pfunit_on build/pfunit_off
 }

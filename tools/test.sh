@@ -15,7 +15,7 @@ build=$(cd "$tools/../build/$preset" && pwd)
 
 code=0
 rm -f "$build/Testing/Temporary/LastTest.log"
-OMP_WAIT_POLICY=passive ctest --test-dir "$build" --output-on-failure --parallel "$(nproc)" "$@" || code=$?
+ctest --test-dir "$build" --output-on-failure --parallel "$(nproc)" "$@" || code=$?
 # The very last line is "N passed, N failed", over the single tests of all executables.
 "$tools/python.sh" "$tools/count_tests.py" "$build" || code=$?
 exit "$code"
