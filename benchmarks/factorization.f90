@@ -32,6 +32,7 @@ program factorization
   use dotyk_linalg_cholesky, only: cholesky_t
   use dotyk_linalg_ordering, only: expand_permutation
   use dotyk_linalg_sparse, only: sparse_symmetric_t
+  use multigrid_clock, only: memory_of, reset_peak
   implicit none
 
   !> Relative increase of the diagonal that makes the stiffness of floating bodies definite; values play no part in
@@ -247,29 +248,4 @@ contains
       taken(order(i)) = .true.
     end do
   end subroutine sort_by_work
-
-  !> Reset the peak of the resident memory.
-  subroutine reset_peak()
-    integer :: unit, status
-    open (newunit=unit, file='/proc/self/clear_refs', action='write', status='old', iostat=status)
-    if (status /= 0) return
-    write (unit, '(i0)') 5
-    close (unit)
-  end subroutine reset_peak
-
-  !> A figure of /proc/self/status [bytes].
-  integer(int64) function memory_of(name) result(bytes)
-    !> With its colon.
-    character(*), intent(in) :: name
-    character(200) :: line
-    integer :: unit, status
-    bytes = 0
-    open (newunit=unit, file='/proc/self/status', action='read', status='old', iostat=status)
-    do while (status == 0)
-      read (unit, '(a)', iostat=status) line
-      if (status == 0 .and. index(line, name) == 1) read (line(len(name) + 1:index(line, 'kB') - 1), *) bytes
-    end do
-    close (unit)
-    bytes = 1024*bytes
-  end function memory_of
 end program factorization

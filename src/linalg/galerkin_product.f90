@@ -111,19 +111,34 @@ contains
     !> Their number.
     integer, intent(out) :: n
     integer(int64) :: k
-    integer :: q
     n = 0
     do k = rows%start(i), rows%start(i + 1) - 1
-      do q = prolongator%start(rows%column(k)), prolongator%start(rows%column(k) + 1) - 1
-        if (place(prolongator%column(q)) /= 0) cycle
-        n = n + 1
-        list(n) = prolongator%column(q)
-        place(list(n)) = n
-      end do
+      associate (j => rows%column(k))
+        call add_new(prolongator%column(prolongator%start(j):prolongator%start(j + 1) - 1), place, list, n)
+      end associate
     end do
     call sort_ascending(list(:n))
     place(list(:n)) = 0
   end subroutine columns_of_product
+
+  !> Add the aggregates to a list that are not in it.
+  pure subroutine add_new(column, place, list, n)
+    !> Aggregates (any number).
+    integer, intent(in) :: column(:)
+    !> Place of each aggregate in the list, 0 for none (n_coarse).
+    integer, intent(inout) :: place(:)
+    !> The list (at least n).
+    integer, intent(inout) :: list(:)
+    !> Its length.
+    integer, intent(inout) :: n
+    integer :: q
+    do q = 1, size(column)
+      if (place(column(q)) /= 0) cycle
+      n = n + 1
+      list(n) = column(q)
+      place(list(n)) = n
+    end do
+  end subroutine add_new
 
   !> A row of A P.
   pure subroutine multiply_row(m, dim, rows, start, column, value, i, n, place, product)
@@ -233,16 +248,12 @@ contains
     integer, intent(inout) :: list(:)
     !> Their number.
     integer, intent(out) :: n
-    integer(int64) :: k
     integer :: q
     n = 0
     do q = prolongator%first(i), prolongator%first(i + 1) - 1
-      do k = product%start(prolongator%row(q)), product%start(prolongator%row(q) + 1) - 1
-        if (place(product%column(k)) /= 0) cycle
-        n = n + 1
-        list(n) = product%column(k)
-        place(list(n)) = n
-      end do
+      associate (j => prolongator%row(q))
+        call add_new(product%column(product%start(j):product%start(j + 1) - 1), place, list, n)
+      end associate
     end do
     call sort_ascending(list(:n))
     place(list(:n)) = 0
