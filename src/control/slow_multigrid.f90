@@ -18,6 +18,8 @@ module dotyk_control_slow_multigrid
   !> Iterations of a solve above which the least Ritz value of the trial may be too large for a bound
   !> (`benchmark_multigrid table`).
   real(dp), parameter :: most_steps = 100
+  !> Iterations of a solve before the trial: those of compact elements.
+  real(dp), parameter :: usual_steps = 14
   !> Cycles of a contact problem over the iterations of one solve: trial, solution without contact, active sets.
   real(dp), parameter :: cycles_per_step = 4
   !> Operations of a factorization in the time of a cycle, per unknown of the body.
@@ -31,15 +33,16 @@ contains
   subroutine find_slow_ones(classes, slot, size_of)
     !> Congruence classes of the bodies.
     type(congruence_classes_t), intent(in) :: classes
-    !> Factorized (n_bodies).
+    !> Analysed, or factorized and tried (n_bodies).
     type(operator_slot_t), intent(in) :: slot(:)
-    !> Says which ones are slow on return (n_bodies).
+    !> Analysed; says which ones are slow on return (n_bodies).
     type(factor_size_t), intent(inout) :: size_of(:)
     integer :: b
     do b = 1, size(slot)
       if (.not. allocated(slot(b)%multigrid) .or. size_of(b)%form /= form_multigrid) cycle
       associate (operator => slot(b)%multigrid, n => real(slot(b)%multigrid%grid%n, dp))
         size_of(b)%steps = operator%expected_steps()
+        if (.not. size_of(b)%steps > 0) size_of(b)%steps = usual_steps
         size_of(b)%is_slow = factor_is_better(size_of(b)%steps, n*count(classes%first == b), &
           size_of(b)%flops*(n/max(1, operator%grid%interpolation%n))**2)
       end associate

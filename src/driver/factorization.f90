@@ -93,7 +93,10 @@ contains
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: warning
     logical :: all_again
+    ! Factors that cost less than p-multigrid anyhow need no trial.
+    call use_factors(case, scheme, scene, monitor, all_again, error)
     do
+      if (allocated(error)) return
       call check_memory(memory_now(), scene%size_of, warning, error)
       if (allocated(error)) return
       if (len(warning) > 0) call monitor%log%line('  warning: '//warning)
@@ -104,17 +107,34 @@ contains
         call stop_if_interrupted(error)
         if (allocated(error)) return
         call monitor%watch%lap(monitor%timing%factorize)
-        if (.not. may_return_to_factors(case, scene)) exit
-        call find_slow_ones(problem%classes, scene%slot, scene%size_of)
-        if (.not. any(scene%size_of%is_slow)) exit
-        all_again = all(scene%size_of%is_slow .or. scene%size_of%form /= form_multigrid)
-        if (all_again) call return_to_factors(case, scheme, scene, monitor, all_again, error)
-        if (allocated(error)) return
+        call use_factors(case, scheme, scene, monitor, all_again, error)
         if (all_again) cycle
+        if (allocated(error) .or. .not. may_return_to_factors(case, scene) .or. .not. any(scene%size_of%is_slow)) exit
         call replace_slow_ones(problem%body, problem%modes, scene%slot, scene%size_of, problem%report, error)
         call monitor%watch%lap(monitor%timing%factorize)
       end associate
       exit
     end do
   end subroutine factorize_all
+
+  !> Return to factors where no body remains for which p-multigrid is better.
+  subroutine use_factors(case, scheme, scene, monitor, has_returned, error)
+    !> As in `factorize_scene`.
+    type(case_t), intent(in) :: case
+    !> As in `factorize_scene`.
+    class(scheme_t), intent(in) :: scheme
+    !> Analysed or factorized; analysed where it has returned to factors.
+    type(scene_t), intent(inout) :: scene
+    !> As in `factorize_scene`.
+    type(log_monitor_t), intent(inout) :: monitor
+    !> Whether it has: not where the memory does not suffice.
+    logical, intent(out) :: has_returned
+    !> As in `factorize_scene`.
+    type(error_t), allocatable, intent(out) :: error
+    has_returned = .false.
+    if (.not. may_return_to_factors(case, scene)) return
+    call find_slow_ones(scene%problem%classes, scene%slot, scene%size_of)
+    if (.not. all(scene%size_of%is_slow .or. scene%size_of%form /= form_multigrid)) return
+    call return_to_factors(case, scheme, scene, monitor, has_returned, error)
+  end subroutine use_factors
 end module dotyk_driver_factorization
