@@ -53,8 +53,8 @@ module dotyk_control_factorization
 
   public :: analyze_bodies, check_memory, factorize_bodies, find_modes, make_operators
 
-  !> Memory that a solve by smoothed aggregation reads, as a multiple of the matrix of the corner space: a factor with as
-  !> many entries is read twice. The levels below the matrix, their factor and the interpolation take as much as it does.
+  !> Memory that a solve by smoothed aggregation reads, as a multiple of the matrix of the corner space; factors are
+  !> read twice. The levels below the matrix, their factor and the interpolation take as much memory as it does.
   integer, parameter :: aggregated_products = 5
 
 contains
