@@ -6,7 +6,7 @@ module dotyk_control_parallel
   use omp_lib, only: omp_get_num_procs, omp_set_num_threads, omp_get_max_threads
   use dotyk_base_kinds, only: dp
   use dotyk_base_sort, only: sort_order
-  use dotyk_linalg_blas, only: reserve_blas, set_blas_threads
+  use dotyk_linalg_blas, only: blas_threads, reserve_blas, set_blas_threads
   implicit none
   private
   public :: use_threads, largest_first, share_solves, set_blas_threads
@@ -26,12 +26,15 @@ contains
     integer, intent(in) :: n
     !> What will be used.
     integer, intent(out) :: used
+    integer :: workers
     used = n
     if (n == 0) used = min(omp_get_num_procs(), omp_get_max_threads())
     call omp_set_num_threads(used)
+    ! Threads of OpenBLAS, which started with the program, take a buffer each.
+    workers = blas_threads() - 1
     call set_blas_threads(1)
     ! Where there is no room the program ends with a message.
-    call reserve_blas(used)
+    call reserve_blas(used + workers)
   end subroutine use_threads
 
   !> How the solves of one sweep over all bodies are shared out.
