@@ -1,7 +1,7 @@
 !> Bodies whose p-multigrid turns out to converge slowly, such as slivers, or whose factor is cheap, such as beams and
 !> plates, get a factor in its place where the memory suffices.
 module dotyk_control_slow_multigrid
-  use dotyk_base_error, only: add_context, error_t
+  use dotyk_base_error, only: add_context, error_t, exit_machine
   use dotyk_base_kinds, only: dp
   use dotyk_base_memory, only: memory_now
   use dotyk_control_congruence_classes, only: congruence_classes_t
@@ -103,20 +103,21 @@ contains
     type(multigrid_response_t), allocatable :: whole
     type(stiffness_t) :: stiffness
     type(factor_size_t) :: new_size(1)
-    type(error_t), allocatable :: too_large
     character(:), allocatable :: warning
     allocate (whole)
     call assemble_stiffness(body, stiffness, error)
     if (.not. allocated(error)) call whole%analyze_whole(body, modes, stiffness, error)
-    if (allocated(error)) return
-    call stiffness%forget_graph()
-    new_size(1) = size_of
-    new_size(1)%form = form_whole
-    call new_size(1)%take(whole%grid%coarse%factor)
-    call check_memory(memory_now(), new_size, warning, too_large)
-    if (allocated(too_large)) then
+    if (.not. allocated(error)) then
+      call stiffness%forget_graph()
+      new_size(1) = size_of
+      new_size(1)%form = form_whole
+      call new_size(1)%take(whole%grid%coarse%factor)
+      call check_memory(memory_now(), new_size, warning, error)
+    end if
+    if (allocated(error)) then
       call whole%destroy()
       call stiffness%destroy()
+      if (error%code == exit_machine) deallocate (error)
       return
     end if
     call slot%multigrid%destroy()

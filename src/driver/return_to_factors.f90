@@ -1,7 +1,7 @@
 !> The way back from p-multigrid: the bodies of a scene get factors of their whole stiffness, where p-multigrid does not
 !> reach the tolerance or is of no use, and the memory suffices.
 module dotyk_driver_return_to_factors
-  use dotyk_base_error, only: error_t
+  use dotyk_base_error, only: error_t, exit_machine
   use dotyk_base_interrupt, only: stop_if_interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_memory, only: memory_now, memory_t, set_stage
@@ -53,7 +53,6 @@ contains
     type(stiffness_t), allocatable :: stiffness(:)
     type(operator_slot_t), allocatable :: slot(:)
     type(factor_size_t), allocatable :: size_of(:)
-    type(error_t), allocatable :: too_large
     type(memory_t) :: memory
     character(:), allocatable :: warning
     integer, allocatable :: form(:)
@@ -75,18 +74,22 @@ contains
                           problem%surface_b, scene%operator)
       call analyze_bodies(problem%body, modes, stiffness, problem%classes, scene%operator%block, &
                           case%solver%response, scheme%expected_products(), slot, size_of, error)
-      call stop_if_interrupted(error)
-      if (allocated(error)) return
       call monitor%watch%lap(monitor%timing%order)
-      call check_memory(memory_now(), size_of, warning, too_large)
-      fits = .not. allocated(too_large)
+      if (allocated(error)) then
+        fits = error%code /= exit_machine
+      else
+        call check_memory(memory_now(), size_of, warning, error)
+        fits = .not. allocated(error)
+      end if
       if (.not. fits) then
+        deallocate (error)
         do b = 1, size(slot)
           if (allocated(slot(b)%direct)) call slot(b)%direct%destroy()
           call stiffness(b)%destroy()
         end do
-        return
       end if
+      call stop_if_interrupted(error)
+      if (allocated(error) .or. .not. fits) return
       do b = 1, size(slot)
         if (allocated(scene%slot(b)%multigrid)) call scene%slot(b)%multigrid%destroy()
       end do
