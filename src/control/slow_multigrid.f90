@@ -28,8 +28,9 @@ module dotyk_control_slow_multigrid
 contains
 
   !> Find the bodies whose p-multigrids converge slowly, or cost more than their factors. The factor of a body of n
-  !> unknowns, n_c of them in its corner space, takes about (n/n_c)^2 times the operations of the factor of that: 0.9 to
-  !> 1.8 times as many were measured for blocks, 0.5 to 1.4 times for plates and beams.
+  !> unknowns, n_c of them in its corner space, takes about (n/n_c)^2 times the operations of the factor of that: 1.1 to
+  !> 1.8 times as many were measured for blocks, 0.5 to 1.4 times for plates and beams, 2 to 4 times for a plate that is
+  !> held below.
   subroutine find_slow_ones(classes, slot, size_of)
     !> Congruence classes of the bodies.
     type(congruence_classes_t), intent(in) :: classes
