@@ -307,8 +307,8 @@ contains
                   'error of other schemes: direct, columns of the compliance and a factorization; iterative, '// &
                   'conjugate gradients; auto, the cheaper one')
     call list%add('response', kind_name, names=response_names, default=option_name(response_names, default_response), &
-                  meaning='how a body is solved; in dual: multigrid, p-multigrid for all bodies of quadratic '// &
-                  'elements, the contact by displacements; auto, p-multigrid for large bodies that suit it, a '// &
+                  meaning='how a body is solved; in dual: multigrid, p-multigrid for all bodies that have '// &
+                  'one, the contact by displacements; auto, p-multigrid for large bodies that suit it, a '// &
                   'factor of the stiffness for all others; full, factors for all; in neumann, nesterov, anderson '// &
                   'and secant: full, solves with the factor; compliance, the dense compliance matrix at the '// &
                   'contact unknowns, formed once; auto, the '// &

@@ -53,8 +53,8 @@ module dotyk_linalg_smoothed_aggregation
     real(dp), allocatable :: mode(:, :)
     !> Couplings below this are weak on the first level [].
     real(dp) :: threshold = 0
-    !> Couplings below this are weak on other levels, whose nodes are coupled to forty others, most of them hardly: 30
-    !> iterations in place of 37 with all (`benchmark_multigrid linear 48`) [].
+    !> Couplings below this are weak on other levels, whose nodes are coupled to forty others, most of them hardly: 12
+    !> iterations in place of 16 with all (`benchmark_multigrid linear 48`) [].
     real(dp) :: coarse_threshold = 0.05_dp
     !> Greatest number of unknowns of the last level.
     integer :: most_last = 6000

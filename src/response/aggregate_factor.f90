@@ -1,5 +1,5 @@
-!> The compliance operator of the aggregates of a body of linear elements (`dotyk_response_aggregate_space`): the factor of
-!> their Galerkin matrix.
+!> The compliance operator of the aggregates of a body of linear elements (`dotyk_response_aggregate_space`): the factor
+!> of their Galerkin matrix.
 module dotyk_response_aggregate_factor
   use dotyk_base_error, only: add_context, error_t, exit_not_solvable, set_error
   use dotyk_base_kinds, only: dp

@@ -22,8 +22,8 @@ module dotyk_response_aggregate_space
     integer :: n = 0
     !> Interpolation P from the aggregates.
     type(block_prolongator_t) :: prolongator
-    !> Until it is analysed: the Galerkin matrix P^T K P by block rows [force/length], vectors that it maps to little, and
-    !> its null vectors, orthonormal (n, any) [].
+    !> Until it is analysed: the Galerkin matrix P^T K P by block rows [force/length], vectors that it maps to little,
+    !> and its null vectors, orthonormal (n, any) [].
     type(block_rows_t) :: rows
     real(dp), allocatable :: near_null(:, :), mode(:, :)
     !> From then on until it is factorized: the Galerkin matrix [force/length].
