@@ -62,6 +62,7 @@ module dotyk_linalg_conjugate_gradient
     real(dp), allocatable :: off_diagonal(:)
   contains
     procedure :: ritz_values => outcome_ritz_values
+    procedure :: eigenvalue_bound => outcome_eigenvalue_bound
     procedure :: error_estimate => outcome_error_estimate
   end type cg_outcome_t
 
@@ -142,6 +143,54 @@ contains
     end associate
     least = -least
   end subroutine outcome_ritz_values
+
+  !> A lower bound of the eigenvalues of M A along whose eigenvectors the first residual has at least a share of its
+  !> norm: those of a start without order.
+  !>
+  !> The residual after k steps is p(M A) times the first one, p(x) the product of 1 - x/theta_j over the Ritz values. An
+  !> eigenvalue x below them all leaves p(x) of its share, so that p(x) times the share is at most the reduction of the
+  !> norm. p decreases from 1 at zero to 0 at the least Ritz value.
+  real(dp) function outcome_eigenvalue_bound(self, share) result(bound)
+    class(cg_outcome_t), intent(in) :: self
+    !> The share, in the norm of the preconditioner [].
+    real(dp), intent(in) :: share
+    !> Halvings of the interval.
+    integer, parameter :: halvings = 50
+    real(dp) :: low, high
+    integer :: k
+    low = 0
+    call self%ritz_values(high, bound)
+    do k = 1, halvings
+      bound = (low + high)/2
+      if (residual_polynomial(self, bound)*share > self%reduction) then
+        low = bound
+      else
+        high = bound
+      end if
+    end do
+    bound = low
+  end function outcome_eigenvalue_bound
+
+  !> p(x), by the pivots of the Lanczos matrix less x; 0 where x is not below the Ritz values.
+  pure real(dp) function residual_polynomial(outcome, x) result(p)
+    !> The iteration.
+    type(cg_outcome_t), intent(in) :: outcome
+    !> x, not negative [].
+    real(dp), intent(in) :: x
+    real(dp) :: pivot, first
+    integer :: j
+    p = 1
+    pivot = 1
+    first = 1
+    do j = 1, outcome%steps
+      associate (square => merge(outcome%off_diagonal(max(1, j - 1))**2, 0.0_dp, j > 1))
+        pivot = outcome%diagonal(j) - x - square/pivot
+        first = outcome%diagonal(j) - square/first
+      end associate
+      p = p*max(0.0_dp, pivot/first)
+      if (.not. p > 0) return
+    end do
+  end function residual_polynomial
 
   !> Estimate of the error in the energy norm, sqrt(e^T A e) [sqrt(A) times x].
   !>

@@ -7,8 +7,8 @@ module dotyk_response_body_grid
   use dotyk_base_kinds, only: dp
   use dotyk_elasticity_constraint, only: constraint_t
   use dotyk_linalg_chebyshev, only: chebyshev_t
-  use dotyk_linalg_conjugate_gradient, only: preconditioned_system_t
-  use dotyk_linalg_fixed_sum, only: scalar_product
+  use dotyk_linalg_conjugate_gradient, only: cg_outcome_t, conjugate_gradient, preconditioned_system_t
+  use dotyk_linalg_fixed_sum, only: remove_components, scalar_product
   use dotyk_linalg_sparse, only: sparse_rows_t
   use dotyk_response_coarse_interpolation, only: coarse_interpolation_t
   use dotyk_response_free_unknowns, only: to_equations, to_unknowns
@@ -29,6 +29,8 @@ module dotyk_response_body_grid
     real(dp), allocatable :: mode(:, :)
     !> Least and greatest Ritz value of the preconditioned stiffness in all solves so far [].
     real(dp) :: least = 1, greatest = 1
+    !> Whether no eigenvalue is below `least_eigenvalue`, all but certainly.
+    logical :: is_sure = .false.
     !> Largest residual that a solve has left, relative, in the norm of the preconditioner [].
     real(dp) :: worst = 0
   contains
@@ -36,6 +38,8 @@ module dotyk_response_body_grid
     procedure :: to_system => grid_to_system
     procedure :: to_equations => grid_to_equations
     procedure :: least_eigenvalue => grid_least_eigenvalue
+    procedure :: take_spectrum => grid_take_spectrum
+    procedure :: make_sure_of_least => grid_make_sure_of_least
     procedure :: force_norm => grid_force_norm
     !> x := K_c^+ x in the corner space, about.
     procedure(solve_corners), deferred :: solve_coarse
@@ -87,6 +91,15 @@ module dotyk_response_body_grid
 
   !> Safety factor of the least Ritz value, which is larger than the least eigenvalue [].
   real(dp), parameter :: margin = 0.7_dp
+  !> Share of a start without order along an eigenvector, as a fraction of that of the mean one: one in a hundred has
+  !> less [].
+  real(dp), parameter :: least_share = 0.01_dp
+  !> Reduction of the residual, as a fraction of the share, that makes sure of the least eigenvalue [].
+  real(dp), parameter :: small_of_share = 1.0e-2_dp
+  !> Iterations at most.
+  integer, parameter :: most_steps = 400
+  !> Fractions of their multiples have no order.
+  real(dp), parameter :: golden = 0.6180339887498949_dp, silver = 0.4142135623730951_dp
 
 contains
 
@@ -125,6 +138,69 @@ contains
     class(body_grid_t), intent(in) :: self
     least = margin*self%least
   end function grid_least_eigenvalue
+
+  !> Take the Ritz values of an iteration from a start without order, and whether they leave no room for an eigenvalue
+  !> below `least_eigenvalue`.
+  subroutine grid_take_spectrum(self, outcome)
+    class(body_grid_t), intent(inout) :: self
+    !> The iteration.
+    type(cg_outcome_t), intent(in) :: outcome
+    real(dp) :: least, greatest
+    if (outcome%steps == 0) return
+    call outcome%ritz_values(least, greatest)
+    self%least = min(self%least, least)
+    self%greatest = max(self%greatest, greatest)
+    self%is_sure = outcome%eigenvalue_bound(share_of_start(self)) >= self%least_eigenvalue()
+  end subroutine grid_take_spectrum
+
+  !> Share of a start without order along an eigenvector, at least [].
+  pure real(dp) function share_of_start(self) result(share)
+    !> The levels.
+    class(body_grid_t), intent(in) :: self
+    share = least_share/sqrt(real(self%n, dp))
+  end function share_of_start
+
+  !> Make sure that no eigenvalue is far below the least Ritz value: conjugate gradients from a start without order go
+  !> on until all that is left of it is less than what the eigenvector of such an eigenvalue would leave. Some iterations
+  !> where p-multigrid converges fast, up to some hundreds where it does not.
+  !>
+  !> The start is the sum of forces without order and of those of displacements without order: weak and strong
+  !> eigenvectors have a share.
+  subroutine grid_make_sure_of_least(self)
+    class(body_grid_t), intent(inout) :: self
+    type(cg_outcome_t) :: outcome
+    real(dp), allocatable :: b(:), x(:)
+    if (self%is_sure) return
+    allocate (b(self%n), x(self%n))
+    call without_order(self%n, self%constraint%equation, golden, x)
+    call self%multiply(x, b)
+    b(:) = b/self%force_norm(b)
+    call without_order(self%n, self%constraint%equation, silver, x)
+    call remove_components(self%n, self%mode, x)
+    b(:) = b + x/self%force_norm(x)
+    call remove_components(self%n, self%mode, b)
+    call conjugate_gradient(self, b, x, small_of_share*share_of_start(self), most_steps, outcome)
+    call self%take_spectrum(outcome)
+    ! What is left may be more than what a weak eigenvector leaves.
+    if (.not. self%is_sure) self%least = min(self%least, outcome%eigenvalue_bound(share_of_start(self))/margin)
+    self%is_sure = .true.
+  end subroutine grid_make_sure_of_least
+
+  !> Numbers without order at free components, zero at held ones.
+  pure subroutine without_order(n, equation, ratio, x)
+    !> Number of unknowns.
+    integer, intent(in) :: n
+    !> Their equations, 0 where held (n).
+    integer, intent(in) :: equation(n)
+    !> Fractions of its multiples are taken [].
+    real(dp), intent(in) :: ratio
+    !> Between -1/2 and 1/2 (n) [].
+    real(dp), intent(out) :: x(n)
+    integer :: i
+    do i = 1, n
+      x(i) = merge(modulo(i*ratio, 1.0_dp) - 0.5_dp, 0.0_dp, equation(i) > 0)
+    end do
+  end subroutine without_order
 
   !> A bound of sqrt(r^T K^+ r), the energy norm of the displacement by some forces, from one cycle: the preconditioner
   !> is at least `least_eigenvalue` times the inverse.

@@ -154,6 +154,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     self%is_whole = .true.
     allocate (self%grid)
+    self%grid%is_sure = .true.
     call self%grid%coarse%analyze(body, modes, stiffness, error)
     self%mode = self%grid%coarse%mode
   end subroutine response_analyze_whole
@@ -184,7 +185,8 @@ contains
     call remove_components(self%grid%n, self%grid%mode, b)
     call conjugate_gradient(self%grid, b, x, 0.0_dp, trial_steps, outcome)
     if (outcome%reduction > most_left) call conjugate_gradient(self%grid, b, x, 0.0_dp, longer_trial, outcome)
-    call outcome%ritz_values(self%grid%least, self%grid%greatest)
+    self%grid%greatest = 0
+    call self%grid%take_spectrum(outcome)
     self%trial = outcome%reduction
     self%steps_of_trial = outcome%steps
   end subroutine response_prepare

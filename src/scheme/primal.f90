@@ -248,7 +248,8 @@ contains
         call state%history%add(wall_time() - start, outcome%change, &
                                outcome%change/max(tiny(start), reference_norm(qp, theta, now)), state%error_bound, &
                                state%energy, state%max_penetration, count(m > 0))
-        if (interrupted() .or. .not. outcome%converged) exit rounds
+        ! Errors that no longer fall at one accuracy may do so at a smaller one.
+        if (interrupted() .or. .not. (outcome%converged .or. outcome%ended == ended_stalled)) exit rounds
         if (any(violated)) exit
         if (state%error_bound <= settings%tolerance) exit rounds
         if (last < huge(last) .and. .not. state%error_bound < least_gain*last) exit rounds

@@ -49,6 +49,7 @@ contains
     allocate (body(size(compliance%body)))
     do b = 1, size(body)
       grid(compliance%body(b)%representative)%p => compliance%body_grid(b)
+      call grid(compliance%body(b)%representative)%p%make_sure_of_least()
       body(b)%representative = compliance%body(b)%representative
       body(b)%map = compliance%body(b)%map
     end do
