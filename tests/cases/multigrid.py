@@ -154,6 +154,23 @@ class Multigrid(dotyk_case.Case):
         self.assertIn("x^2", text)
         self.assertIn("p-multigrid      2 bodies", self.compare(text, "case"))
 
+    def test_soft_layer(self):
+        """A floating block between a soft layer, which has most of the energy, and a stiff contact: a sharp bound."""
+        self.write("low.geo", block_geo("hex20", (3, 3, 1)))
+        self.write("middle.geo", block_geo("tet10", 3, (0.1, 0.15, 1)))
+        self.write("top.geo", block_geo("hex20", (2, 2, 1), (0, 0, 2)))
+        bodies = "".join("&body name='%s', mesh='%s.geo', volume='block', material='steel' /\n" % (name, name)
+                         for name in ("low", "middle", "top"))
+        printed = self.compare("""&scene /
+&material name='steel', young=30, poisson=0.3 /
+%s&support body='low', surface='bottom', fix='xyz' /
+&support body='top', surface='top', fix='xyz', value=0,0,-0.01 /
+&contact name='soft', surface_a='middle:bottom', surface_b='low:top', layer=.true., theta=1 /
+&contact name='stiff', surface_a='middle:top', surface_b='top:bottom' /
+&solver theta=0 /
+""" % bodies, "layer", displacements=False)
+        self.assertIn("least Ritz value", printed)
+
     def test_no_equilibrium(self):
         """The lower block lies on nothing."""
         text = self.stacked(("hex20", "tet10")).replace("&support body='lower', surface='bottom', fix='z' /\n", "")
