@@ -54,6 +54,8 @@ contains
     end do
     size_of%is_slow = size_of(classes%first)%is_slow
     size_of%steps = size_of(classes%first)%steps
+    ! The bodies are one contact problem: factors that are no more than cheaper are for all of them, or for none.
+    if (any(size_of%form == form_multigrid .and. .not. size_of%is_slow)) size_of%is_slow = size_of%steps > most_steps
   end subroutine find_slow_ones
 
   !> Whether a factor is better than p-multigrid.
