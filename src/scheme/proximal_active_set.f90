@@ -72,6 +72,8 @@ module dotyk_scheme_proximal_active_set
   real(dp), parameter :: growth = 10, greatest_fraction = 0.1_dp
   !> Residual, relative, at which the active set is judged the first time, and its factor where a set comes again.
   real(dp), parameter :: first_aim = 0.01_dp, closer_aim = 0.1_dp
+  !> Active sets without a repetition after which the linear systems are solved more accurately, too.
+  integer, parameter :: many_sets = 5
   !> Residual of the next linear system as fractions of the last residual and of the last change of the pressures, where
   !> the set has stayed.
   real(dp), parameter :: of_residual = 1.0e-4_dp, of_change = 1.0e-3_dp
@@ -218,6 +220,8 @@ contains
     mark = sum([(modulo(i*golden, 1.0_dp), i=1, size(new))], mask=new)
     if (.not. any(abs(now%seen - mark) <= 0)) then
       now%seen = [now%seen, mark]
+      ! Among many rows, sets that errors of the solutions change need not come again.
+      if (modulo(size(now%seen), many_sets) == 0) now%aim = max(tolerance/2, closer_aim*now%aim)
       return
     end if
     n_cycles = n_cycles + 1
