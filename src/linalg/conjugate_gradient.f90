@@ -147,9 +147,9 @@ contains
   !> A lower bound of the eigenvalues of M A along whose eigenvectors the first residual has at least a share of its
   !> norm: those of a start without order.
   !>
-  !> The residual after k steps is p(M A) times the first one, p(x) the product of 1 - x/theta_j over the Ritz values. An
-  !> eigenvalue x below them all leaves p(x) of its share, so that p(x) times the share is at most the reduction of the
-  !> norm. p decreases from 1 at zero to 0 at the least Ritz value.
+  !> The residual after k steps is p(M A) times the first one, p(x) the product of 1 - x/theta_j over the Ritz values.
+  !> An eigenvalue x below them all leaves p(x) of its share, so that p(x) times the share is at most the reduction of
+  !> the norm. p decreases from 1 at zero to 0 at the least Ritz value.
   real(dp) function outcome_eigenvalue_bound(self, share) result(bound)
     class(cg_outcome_t), intent(in) :: self
     !> The share, in the norm of the preconditioner [].

@@ -161,8 +161,8 @@ contains
   end function share_of_start
 
   !> Make sure that no eigenvalue is far below the least Ritz value: conjugate gradients from a start without order go
-  !> on until all that is left of it is less than what the eigenvector of such an eigenvalue would leave. Some iterations
-  !> where p-multigrid converges fast, up to some hundreds where it does not.
+  !> on until all that is left of it is less than what the eigenvector of such an eigenvalue would leave. Some
+  !> iterations where p-multigrid converges fast, up to some hundreds where it does not.
   !>
   !> The start is the sum of forces without order and of those of displacements without order: weak and strong
   !> eigenvectors have a share.
