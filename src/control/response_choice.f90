@@ -95,7 +95,8 @@ contains
   logical function suits_multigrid(body)
     !> Assembled or not.
     type(body_t), intent(in) :: body
-    suits_multigrid = body%material%bulk_over_shear() < merge(most_of_linear, most_bulk_over_shear, is_linear(body%mesh))
+    suits_multigrid = body%material%bulk_over_shear() < merge(most_of_linear, most_bulk_over_shear, &
+                                                              is_linear(body%mesh))
   end function suits_multigrid
 
   !> Assemble a representative: its stiffness, or the two levels of its p-multigrid.
