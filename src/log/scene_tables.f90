@@ -264,6 +264,8 @@ contains
       counted(count(size_of%form == form_multigrid), 'body', 'bodies')//'; factors are those of the corner nodes '// &
       'there, or of aggregates of linear elements')
     do b = 1, size(size_of)
+      ! One line for congruent bodies: their representative alone has a factor.
+      if (size_of(b)%entries == 0) cycle
       if (size_of(b)%is_slow) then
         call show_slow(log, quoted(body(b)%name), size_of(b))
       else if (is_chosen .and. size_of(b)%form /= form_multigrid) then
