@@ -113,7 +113,7 @@ contains
     type(contribution_t), intent(out) :: part
     !> Gets the displacement over the equations where the body is solved iteratively and touches others.
     type(equation_vector_t), intent(inout) :: u_0
-    !> Gets the forces that the solve has left there.
+    !> Gets the forces that an iterative solve has left.
     type(equation_vector_t), intent(inout) :: left
     !> Gets the displacement of a body without contact nodes.
     type(isolated_body_t), intent(inout) :: isolated
@@ -129,8 +129,8 @@ contains
     else
       part%strain_energy = dot_product(x, body%rhs)/2
     end if
-    if (response%solve_error() > 0 .and. size(contact_node) > 0) then
-      u_0%value = x
+    if (response%solve_error() > 0) then
+      if (size(contact_node) > 0) u_0%value = x
       left%value = body%rhs
       call response%subtract_forces(x, left%value)
     end if

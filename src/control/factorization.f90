@@ -47,6 +47,8 @@ module dotyk_control_factorization
     logical :: is_slow = .false.
     !> Iterations of a solve that p-multigrid would take, about.
     real(dp) :: steps = 0
+    !> Operations of the factor of the body in place of p-multigrid, once its analysis has told them; 0 before.
+    real(dp) :: whole_flops = 0
   contains
     procedure :: take => size_take
   end type factor_size_t

@@ -41,15 +41,17 @@ contains
     type(operator_slot_t), intent(in) :: slot(:)
     !> Analysed; says which ones are slow on return (n_bodies).
     type(factor_size_t), intent(inout) :: size_of(:)
+    real(dp) :: flops
     integer :: b
     do b = 1, size(slot)
       if (.not. allocated(slot(b)%multigrid) .or. size_of(b)%form /= form_multigrid) cycle
       associate (operator => slot(b)%multigrid, n => real(slot(b)%multigrid%grid%n, dp))
         size_of(b)%steps = operator%expected_steps()
         if (.not. size_of(b)%steps > 0) size_of(b)%steps = usual_steps
-        size_of(b)%is_slow = factor_is_better(size_of(b)%steps, n*count(classes%first == b), size_of(b)%flops* &
-          merge(of_aggregates, 1.0_dp, operator%grid%interpolation%aggregates%n > 0)* &
-          (n/max(1, operator%grid%interpolation%n))**2)
+        flops = size_of(b)%whole_flops
+        if (.not. flops > 0) flops = size_of(b)%flops*(n/max(1, operator%grid%interpolation%n))**2* &
+          merge(of_aggregates, 1.0_dp, operator%grid%interpolation%aggregates%n > 0)
+        size_of(b)%is_slow = factor_is_better(size_of(b)%steps, n*count(classes%first == b), flops)
       end associate
     end do
     size_of%is_slow = size_of(classes%first)%is_slow

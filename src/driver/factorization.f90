@@ -20,7 +20,7 @@ module dotyk_driver_factorization
   use dotyk_scheme_scheme, only: scheme_t
   implicit none
   private
-  public :: factorize_scene
+  public :: factorize_scene, use_factors
 
 contains
 
@@ -92,9 +92,10 @@ contains
     !> As in `factorize_scene`.
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: warning
-    logical :: all_again
+    logical :: all_again, is_refused
     ! Factors that cost less than p-multigrid anyhow need no trial.
     call use_factors(case, scheme, scene, monitor, all_again, error)
+    is_refused = any(scene%size_of%is_slow) .and. .not. all_again
     do
       if (allocated(error)) return
       call check_memory(memory_now(), scene%size_of, warning, error)
@@ -107,6 +108,7 @@ contains
         call stop_if_interrupted(error)
         if (allocated(error)) return
         call monitor%watch%lap(monitor%timing%factorize)
+        if (is_refused) exit
         call use_factors(case, scheme, scene, monitor, all_again, error)
         if (all_again) cycle
         if (allocated(error) .or. .not. may_return_to_factors(case, scene) .or. .not. any(scene%size_of%is_slow)) exit

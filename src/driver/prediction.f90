@@ -1,13 +1,17 @@
 !> What --check says of the run that it does not make: memory and time.
 module dotyk_driver_prediction
   use dotyk_base_kinds, only: dp
+  use dotyk_base_error, only: error_t
   use dotyk_base_memory, only: memory_now, memory_t
   use dotyk_control_parallel, only: set_blas_threads
   use dotyk_control_run_prediction, only: run_prediction_t
+  use dotyk_driver_factorization, only: use_factors
   use dotyk_driver_scene, only: scene_t
+  use dotyk_input_case, only: case_t
   use dotyk_linalg_machine_speed, only: machine_speed_t
   use dotyk_log_run_monitor, only: log_monitor_t
   use dotyk_log_scene_tables, only: show_prediction
+  use dotyk_scheme_scheme, only: scheme_t
   implicit none
   private
   public :: predict_run
@@ -15,16 +19,25 @@ module dotyk_driver_prediction
 contains
 
   !> Predict memory and time of a run, and show both.
-  subroutine predict_run(scene, monitor)
-    !> The scene, built.
-    type(scene_t), intent(in) :: scene
+  subroutine predict_run(case, scheme, scene, monitor, error)
+    !> The case.
+    type(case_t), intent(in) :: case
+    !> Scheme of the run.
+    class(scheme_t), intent(in) :: scheme
+    !> The scene, built; with factors in place of p-multigrid on return where the run would have them.
+    type(scene_t), intent(inout) :: scene
     !> Log and watch.
     type(log_monitor_t), intent(inout) :: monitor
+    !> Allocated where the analysis of a factor fails, or an interrupt came.
+    type(error_t), allocatable, intent(out) :: error
     type(memory_t) :: memory
     type(machine_speed_t) :: speed
     type(run_prediction_t) :: prediction
     real(dp) :: elapsed
     integer :: b
+    logical :: has_factors
+    call use_factors(case, scheme, scene, monitor, has_factors, error)
+    if (allocated(error)) return
     memory = memory_now()
     elapsed = monitor%watch%since_start()
     call set_blas_threads(1)

@@ -8,7 +8,8 @@ module dotyk_driver_return_to_factors
   use dotyk_base_options, only: response_auto
   use dotyk_contact_operator, only: build_operator
   use dotyk_control_factorization, only: analyze_bodies, check_memory, factor_size_t
-  use dotyk_control_response_choice, only: form_direct, operator_slot_t
+  use dotyk_control_response_choice, only: form_direct, form_multigrid, operator_slot_t
+  use dotyk_control_slow_multigrid, only: find_slow_ones
   use dotyk_driver_scene, only: scene_t
   use dotyk_elasticity_body, only: stiffness_t
   use dotyk_elasticity_body_modes, only: body_modes_t
@@ -45,7 +46,7 @@ contains
     type(scene_t), intent(inout) :: scene
     !> Log and watch; times are added.
     type(log_monitor_t), intent(inout) :: monitor
-    !> Whether the memory suffices.
+    !> Whether the memory suffices, and, in a scene that is not solved yet, the factors cost less indeed.
     logical, intent(out) :: fits
     !> As in `analyze_bodies`, or an interrupt came.
     type(error_t), allocatable, intent(out) :: error
@@ -80,9 +81,15 @@ contains
       else
         call check_memory(memory_now(), size_of, warning, error)
         fits = .not. allocated(error)
+        scene%size_of%whole_flops = size_of%flops
+        ! Not yet solved, the factors are for their cost, which is known now.
+        if (any([(allocated(scene%slot(b)%multigrid), b=1, size(slot))])) then
+          call find_slow_ones(problem%classes, scene%slot, scene%size_of)
+          fits = fits .and. all(scene%size_of%is_slow .or. scene%size_of%form /= form_multigrid)
+        end if
       end if
       if (.not. fits) then
-        deallocate (error)
+        if (allocated(error)) deallocate (error)
         do b = 1, size(slot)
           if (allocated(slot(b)%direct)) call slot(b)%direct%destroy()
           call stiffness(b)%destroy()

@@ -63,7 +63,8 @@ contains
       if (allocated(error)) return
     end if
     if (arguments%check) then
-      call predict_run(scene, monitor)
+      call predict_run(case, run%scheme, scene, monitor, error)
+      if (allocated(error)) return
       call monitor%log%line('  input checked; nothing was solved')
       return
     end if

@@ -18,7 +18,7 @@ module dotyk_driver_solution
   use dotyk_log_run_monitor, only: log_monitor_t
   use dotyk_log_scene_tables, only: show_factorization
   use dotyk_scheme_primal, only: primal_t
-  use dotyk_scheme_solver_state, only: ended_converged, ended_interrupted, ended_time
+  use dotyk_scheme_solver_state, only: ended_converged, ended_interrupted, ended_limit, ended_time
   implicit none
   private
   public :: solve_scene
@@ -44,14 +44,16 @@ contains
     !> Allocated where there is none: a body is not held, no equilibrium, too little memory, an interrupt.
     type(error_t), allocatable, intent(out) :: error
     type(scheme_run_t) :: now
+    real(dp) :: before
     logical :: has_warned, may_return
     has_warned = .false.
     factors: do
+      before = monitor%timing%factorize
       call factorize_scene(case, run%scheme, scene, monitor, error)
       if (allocated(error)) exit factors
       call show_factorization(monitor%log, scene%problem%body, scene%size_of, &
                             case%solver%response == response_auto .and. may_use_multigrid(case), &
-                            monitor%timing%factorize)
+                            monitor%timing%factorize - before)
       now = run
       if (scene%has_multigrid()) then
         deallocate (now%scheme)
@@ -80,8 +82,8 @@ contains
           cycle
         end if
         if (.not. may_return .or. any(solution%state%ended == [ended_converged, ended_interrupted])) exit factors
-        ! Loads without equilibrium: found from the rigid body modes alone.
-        if (solution%state%history%n == 0) exit factors
+        ! Not where the user has limited the iterations, nor for loads without equilibrium: rigid body modes tell that.
+        if (solution%state%ended == ended_limit .or. solution%state%history%n == 0) exit factors
         call return_to_factors(case, run%scheme, scene, monitor, may_return, error)
         if (allocated(error)) exit factors
         call say_why('the accuracy of p-multigrid does not suffice', may_return, monitor)

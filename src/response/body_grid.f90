@@ -211,6 +211,12 @@ contains
     real(dp), allocatable :: z(:)
     allocate (z(size(r)))
     call self%precondition(r, z)
-    norm = sqrt(max(0.0_dp, scalar_product(size(r), r, z))/self%least_eigenvalue())
+    norm = scalar_product(size(r), r, z)
+    if (norm > 0) then
+      norm = sqrt(norm/self%least_eigenvalue())
+    else
+      ! Rounding, or a number that is not finite.
+      norm = merge(0.0_dp, huge(norm), norm <= 0)
+    end if
   end function grid_force_norm
 end module dotyk_response_body_grid

@@ -166,23 +166,23 @@ contains
     type(body_t), intent(in) :: body
     !> Allocated where a diagonal block of the stiffness is not positive definite.
     type(error_t), allocatable, intent(out) :: error
-    real(dp), allocatable :: b(:), x(:)
+    real(dp), allocatable :: b(:), x(:), of_equation(:)
     type(cg_outcome_t) :: outcome
     real(dp) :: norm
     integer :: i
     call self%grid%make_smoother(error)
     if (allocated(error) .or. self%is_whole) return
     allocate (b(self%grid%n), x(self%grid%n))
+    ! Loads excite the weak eigenvectors, forces without order, of the same norm, all of them.
+    of_equation = [(modulo(i*golden, 1.0_dp) - 0.5_dp, i=1, size(body%rhs))]
+    call self%grid%to_system(of_equation, x)
+    call remove_components(self%grid%n, self%grid%mode, x)
     call self%grid%to_system(body%rhs, b)
-    norm = maxval(abs(b))
-    if (.not. norm > 0) norm = 1
-    ! Loads excite the weak eigenvectors, forces without order all of them.
-    do i = 1, size(b)
-      b(i) = b(i) + norm*(modulo(i*golden, 1.0_dp) - 0.5_dp)
-    end do
-    call self%grid%to_equations(b, x(:size(body%rhs)))
-    call self%grid%to_system(x(:size(body%rhs)), b)
     call remove_components(self%grid%n, self%grid%mode, b)
+    norm = self%grid%force_norm(b)
+    if (norm > 0) b(:) = b/norm
+    norm = self%grid%force_norm(x)
+    if (norm > 0) b(:) = b + x/norm
     call conjugate_gradient(self%grid, b, x, 0.0_dp, trial_steps, outcome)
     if (outcome%reduction > most_left) call conjugate_gradient(self%grid, b, x, 0.0_dp, longer_trial, outcome)
     self%grid%greatest = 0

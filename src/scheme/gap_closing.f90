@@ -71,7 +71,7 @@ contains
         if (.not. norm2(left) < least_gain*last) exit
         last = norm2(left)
       end do
-      norm = sqrt(max(0.0_dp, dot_product(all_mu, closed)))
+      if (k > 1) norm = sqrt(max(0.0_dp, dot_product(all_mu, closed)))
     end if
     call factor%destroy()
   end subroutine close_gaps
@@ -187,8 +187,8 @@ contains
   !> the duality gap but for the energy of the residual. `huge` where rows without forces penetrate.
   !>
   !> Rows with forces, theta = 0 and a remaining penetration are no admissible ones: as in 6.3 of docs/theory.md, twice
-  !> its work stands for the displacement that closes it, and for those of a small theta likewise.
-  pure real(dp) function left_open(weight, theta, lambda, y, closed) result(left)
+  !> its work stands for the displacement that closes it, and for those of stiff layers likewise.
+  pure real(dp) function left_open(weight, theta, lambda, y, closed, is_stiff) result(left)
     !> Weights (n_rows) [area].
     real(dp), intent(in) :: weight(:)
     !> Penalty parameters (n_rows) [length/pressure].
@@ -197,6 +197,8 @@ contains
     real(dp), intent(in) :: lambda(:)
     !> Penetrations, and what is closed of them (n_rows) [length].
     real(dp), intent(in) :: y(:), closed(:)
+    !> Whether theta = 0, or the layer is stiffer than the nodes of the row (n_rows).
+    logical, intent(in) :: is_stiff(:)
     real(dp) :: rest, over, nothing, of_row
     integer :: i
     left = 0
@@ -206,8 +208,9 @@ contains
       over = rest - theta(i)*lambda(i)/weight(i)
       if (lambda(i) > 0) then
         if (rest > 0) then
-          of_row = 2*lambda(i)*abs(over)
-          if (theta(i) > 0) of_row = min(of_row, weight(i)*over**2/(2*theta(i)))
+          of_row = huge(of_row)
+          if (theta(i) > 0) of_row = weight(i)*over**2/(2*theta(i))
+          if (is_stiff(i)) of_row = min(of_row, 2*lambda(i)*abs(over))
         else
           of_row = lambda(i)*(theta(i)*lambda(i)/(2*weight(i)) - rest)
         end if

@@ -188,7 +188,7 @@ contains
     type(iterate_t) :: now
     real(dp), allocatable :: v(:), load(:), m(:)
     logical, allocatable :: working(:), violated(:)
-    real(dp) :: accuracy, start, last
+    real(dp) :: accuracy, start, last, of_isolated
     integer :: round, attempt, steps, cg_steps
     ! Rows that no displacement moves are in no system.
     logical :: warm, is_rigid(qp%n_rows)
@@ -220,6 +220,7 @@ contains
       if (.not. allocated(v)) then
         allocate (v(system%n), load(system%n), source=0.0_dp)
         call system%load_by_contact(qp, compliance, load)
+        of_isolated = system%error_of_isolated(compliance)
         if (.not. warm) call start_in_corners(part, pack(theta, working), load, working, system, m, v)
       end if
       last = huge(last)
@@ -244,7 +245,7 @@ contains
         call system%all_penetrations(qp, compliance, v, now%y)
         violated = .not. (working .or. is_rigid) .and. now%y > rounding*maxval(abs(qp%initial_penetration)) - &
           system%slack(qp%weight, theta, now%lambda, now%y)
-        call judge(qp, system, theta, load, working, any(violated), v, now, state)
+        call judge(qp, system, theta, load, working, any(violated), of_isolated, v, now, state)
         call state%history%add(wall_time() - start, outcome%change, &
                                outcome%change/max(tiny(start), reference_norm(qp, theta, now)), state%error_bound, &
                                state%energy, state%max_penetration, count(m > 0))
@@ -262,7 +263,7 @@ contains
       working = working .or. now%y > -near_violation*maxval(now%y, mask=violated)
     end do rounds
     call find_indeterminate(qp, now%lambda > 0, state%indeterminate, error)
-    if (.not. allocated(error)) call take_least(state%indeterminate, qp%coarse%scale, now%alpha)
+    if (.not. allocated(error)) call take_least(qp, now%lambda > 0, state%indeterminate, now%alpha, now%y)
     call system%keep_displacements(v, compliance)
     call system%destroy()
     compliance%n_sweeps = compliance%n_sweeps + cg_steps
@@ -278,7 +279,8 @@ contains
     state%bound_is_guaranteed = .false.
     state%ended = ended_solves
     if (.not. (outcome%converged .or. outcome%ended == ended_stalled)) state%ended = outcome%ended
-    if (any(violated)) state%ended = ended_limit
+    if (any(violated) .or. state%ended == ended_limit) &
+      state%ended = merge(ended_limit, ended_solves, steps >= settings%max_iterations)
     if (.not. is_balanced(qp, theta, now%lambda, now%alpha)) state%ended = ended_unbalanced
     if (interrupted()) state%ended = ended_interrupted
     if (state%error_bound <= settings%tolerance) state%ended = ended_converged
@@ -339,7 +341,7 @@ contains
   end subroutine solve_rows
 
   !> Bound, energy and penetration of an iterate.
-  subroutine judge(qp, system, theta, load, working, is_violated, v, now, state)
+  subroutine judge(qp, system, theta, load, working, is_violated, of_isolated, v, now, state)
     !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
     !> The bodies and rows of the working set.
@@ -352,6 +354,8 @@ contains
     logical, intent(in) :: working(:)
     !> Whether rows outside of it penetrate: there is no bound then.
     logical, intent(in) :: is_violated
+    !> Error of bodies that touch no other [sqrt(energy)].
+    real(dp), intent(in) :: of_isolated
     !> Displacements by contact (system%n) [length].
     real(dp), intent(in), contiguous :: v(:)
     !> Forces, penetrations and amplitudes.
@@ -364,8 +368,9 @@ contains
     if (.not. is_violated .and. is_balanced(qp, theta, now%lambda, now%alpha)) then
       bound = system%bound(pack(qp%weight, working), pack(theta, working), load, v, &
                            pack(now%lambda, working), pack(now%y, working))
+      bound = hypot(bound, of_isolated)
       if (bound <= largest_bound*max(norm, tiny(norm))) state%error_bound = bound/max(norm, tiny(norm))
-      if (.not. bound > 0) state%error_bound = 0
+      if (bound <= 0) state%error_bound = 0
     end if
     state%energy = qp%energy(theta, now%lambda/qp%weight, now%y, now%alpha)
     state%max_penetration = max(0.0_dp, maxval(now%y))

@@ -47,21 +47,59 @@ contains
     end do
   end subroutine balance
 
-  !> Of all places that bodies may move to by indeterminate modes, take that of the least displacement.
-  subroutine take_least(mode, scale, alpha)
-    !> The indeterminate modes, as columns of amplitudes of the modes of the bodies (n, n_indeterminate).
-    real(dp), intent(in) :: mode(:, :)
-    !> Amplitudes of the modes of the bodies per amplitude of those of the QP (n).
-    real(dp), intent(in) :: scale(:)
+  !> Of all places that bodies may move to by indeterminate modes, take that of the least displacement, unless rows close
+  !> on the way: from there on only modes that leave these rows closed.
+  subroutine take_least(qp, active, mode, alpha, y)
+    !> Contact rows, rigid body modes.
+    type(contact_qp_t), intent(in) :: qp
+    !> Active rows, which no indeterminate mode moves (n_rows).
+    logical, intent(in) :: active(:)
+    !> The indeterminate modes, as columns of amplitudes of the modes of the bodies; without those that closed rows
+    !> restrain on return (n, n_indeterminate).
+    real(dp), allocatable, intent(inout) :: mode(:, :)
     !> Amplitudes of the modes of the QP (n) [length].
     real(dp), intent(inout) :: alpha(:)
+    !> Penetrations (n_rows) [length].
+    real(dp), intent(inout) :: y(:)
+    real(dp) :: step(size(alpha)), moved(size(y)), g(1, size(alpha)), t
     real(dp), allocatable :: along(:, :)
     type(error_t), allocatable :: error
-    if (size(mode, 2) == 0) return
-    along = reshape(matmul(scale*alpha, mode), [size(mode, 2), 1])
-    call solve_dense(matmul(transpose(mode), mode), along, error)
-    if (.not. allocated(error)) alpha(:) = alpha - matmul(mode, along(:, 1))/scale
+    integer :: i, closing
+    do while (size(mode, 2) > 0)
+      along = reshape(matmul(qp%coarse%scale*alpha, mode), [size(mode, 2), 1])
+      call solve_dense(matmul(transpose(mode), mode), along, error)
+      if (allocated(error)) return
+      step = -matmul(mode, along(:, 1))/qp%coarse%scale
+      call qp%mode_displacement(step, moved)
+      t = 1
+      closing = 0
+      do i = 1, size(y)
+        if (active(i) .or. .not. moved(i) > sqrt(rank)*maxval(abs(step))) cycle
+        if (max(0.0_dp, -y(i)) >= t*moved(i)) cycle
+        t = max(0.0_dp, -y(i))/moved(i)
+        closing = i
+      end do
+      alpha(:) = alpha + t*step
+      y(:) = y + t*moved
+      if (closing == 0) return
+      call qp%coarse%rows([closing], g)
+      call keep_closed(g(1, :)/qp%coarse%scale, mode)
+    end do
   end subroutine take_least
+
+  !> The combinations of modes that do not move a row.
+  subroutine keep_closed(g, mode)
+    !> Motion of the row by the modes of the bodies (n) [].
+    real(dp), intent(in) :: g(:)
+    !> Modes as columns of amplitudes of the modes of the bodies; one less on return (n, n_modes).
+    real(dp), allocatable, intent(inout) :: mode(:, :)
+    real(dp) :: v(size(mode, 2))
+    ! The Householder reflection that takes the motion to the first column.
+    v = matmul(g, mode)
+    v(1) = v(1) + sign(norm2(v), v(1))
+    mode = mode - 2/dot_product(v, v)*matmul(reshape(matmul(mode, v), [size(mode, 1), 1]), reshape(v, [1, size(v)]))
+    mode = mode(:, 2:)
+  end subroutine keep_closed
 
   !> Rigid body modes that the active rows do not restrain.
   subroutine find_indeterminate(qp, active, mode, error)

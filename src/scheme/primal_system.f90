@@ -18,6 +18,7 @@ module dotyk_scheme_primal_system
   contains
     procedure :: init_rows => system_init_rows
     procedure :: load_by_contact => system_load_by_contact
+    procedure :: error_of_isolated => system_error_of_isolated
     procedure :: amplitudes => system_amplitudes
     procedure :: all_penetrations => system_all_penetrations
     procedure :: keep_displacements => system_keep_displacements
@@ -70,7 +71,7 @@ contains
     load = 0
     do b = 1, size(self%body)
       associate (grid => self%grid(self%body(b)%representative)%p)
-        if (allocated(compliance%body(b)%left)) &
+        if (allocated(compliance%body(b)%left) .and. allocated(compliance%body(b)%free)) &
           call grid%to_system(compliance%body(b)%left, load(self%first(b) + 1:self%first(b + 1)))
       end associate
       associate (mode => self%grid(self%body(b)%representative)%p%mode)
@@ -82,6 +83,26 @@ contains
       end associate
     end do
   end subroutine system_load_by_contact
+
+  !> Error of the displacements of bodies that touch no other, at most [sqrt(energy)].
+  real(dp) function system_error_of_isolated(self, compliance) result(norm)
+    class(primal_system_t), intent(in) :: self
+    !> With the forces that the solves of these bodies leave.
+    class(body_compliance_t), intent(in) :: compliance
+    real(dp), allocatable :: r(:)
+    integer :: b
+    norm = 0
+    do b = 1, size(self%body)
+      if (allocated(compliance%body(b)%free) .or. .not. allocated(compliance%body(b)%left)) cycle
+      associate (grid => self%grid(self%body(b)%representative)%p)
+        allocate (r(grid%n))
+        call grid%to_system(compliance%body(b)%left, r)
+        call remove_components(grid%n, grid%mode, r)
+        norm = hypot(norm, grid%force_norm(r))
+        deallocate (r)
+      end associate
+    end do
+  end function system_error_of_isolated
 
   !> Amplitudes of the rigid body modes.
   subroutine system_amplitudes(self, qp, v, alpha)
@@ -176,7 +197,9 @@ contains
     real(dp), intent(in) :: y(:)
     type(error_t), allocatable :: error
     real(dp) :: closed(size(y)), of_r, of_g, left
+    logical :: is_stiff(size(y))
     integer :: k
+    is_stiff = .not. theta/weight > self%active%sum%value(self%active%sum%column_start(:size(y)) + 1)
     call self%residual_norm(load, v, lambda, of_r)
     bound = duality_gap(weight, theta, lambda/weight, y)
     if (bound < huge(bound)) bound = sqrt(of_r**2 + 2*bound)
@@ -185,7 +208,7 @@ contains
         call close_gaps(self%active%sum, chosen, merge(y - softness*lambda, 0.0_dp, chosen), softness, shift(k), &
                         closed, of_g, error)
         if (allocated(error)) return
-        left = left_open(weight, theta, lambda, y, closed)
+        left = left_open(weight, theta, lambda, y, closed, is_stiff)
         if (max(of_g, left) < largest) bound = min(bound, of_g + sqrt((of_r + of_g)**2 + 2*left))
       end do
     end associate

@@ -117,6 +117,21 @@ class Multigrid(dotyk_case.Case):
                 self.assertIn("x^2", scene)
                 self.compare(scene, case)
 
+    def test_pushed_without_force(self):
+        """A wall pushes a floating block that slides: no force, but the block moves with the wall."""
+        text = self.stacked(("hex20", "tet10")).replace("&solver", """&body name='wall', mesh='wall.geo', volume='block', material='of lower' /
+&support body='wall', surface='bottom', fix='xyz', value=-0.01, 0, 0 /
+&contact name='side', surface_a='wall:sides x', surface_b='upper:sides x' /
+&solver""")
+        self.write("wall.geo", block_geo("hex20", 2, (1, 0, 1.2), (0.5, 1, 0.5)))
+        (printed, found), (_, expected) = self.both(text, "wall")
+        self.assertIn(MARK, printed)
+        moved = [file["VTKHDF/PointData/displacement"][:, 0] for file in (found, expected)]
+        self.assertSame(*moved, "displacement")
+        upper = found["VTKHDF/Points"][:, 2] > 1.9
+        np.testing.assert_allclose(moved[0][upper], -0.01, atol=0.004)
+        self.assertLess(found["dotyk/contact/side"].attrs["force"][0], 1e-6)
+
     def test_way_back_to_factors(self):
         """A large thin plate is slow by p-multigrid: 'auto' gives factors to all bodies."""
         self.write("plate.geo", block_geo("hex20", (70, 70, 1), size=(1, 1, 0.002)))
