@@ -47,8 +47,8 @@ contains
     end do
   end subroutine balance
 
-  !> Of all places that bodies may move to by indeterminate modes, take that of the least displacement, unless rows close
-  !> on the way: from there on only modes that leave these rows closed.
+  !> Of all places that bodies may move to by indeterminate modes, take that of the least displacement; where rows close
+  !> on the way, go on by modes that leave them closed.
   subroutine take_least(qp, active, mode, alpha, y)
     !> Contact rows, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
