@@ -24,6 +24,8 @@ module dotyk_control_slow_multigrid
   real(dp), parameter :: cycles_per_step = 4
   !> Operations of a factorization in the time of a cycle, per unknown of the body.
   real(dp), parameter :: work_of_cycle = 1.0e4_dp
+  !> Factors of the active rows in the corner spaces, one for each active set, and the fraction of the rows that is active.
+  real(dp), parameter :: dense_factors = 10, active = 0.5_dp
   !> Aggregates of linear elements are coupled to more others than corners: the factor of the body takes 11 to 12 times
   !> the operations of theirs, a tenth of the square of the unknowns.
   real(dp), parameter :: of_aggregates = 0.1_dp
@@ -34,15 +36,18 @@ contains
   !> unknowns, n_c of them in its corner space, takes about (n/n_c)^2 times the operations of the factor of that: 1.1 to
   !> 1.8 times as many were measured for blocks, 0.5 to 1.4 times for plates and beams, 2 to 4 times for a plate that is
   !> held below.
-  subroutine find_slow_ones(classes, slot, size_of)
+  subroutine find_slow_ones(classes, n_rows, slot, size_of)
     !> Congruence classes of the bodies.
     type(congruence_classes_t), intent(in) :: classes
+    !> Number of contact rows.
+    integer, intent(in) :: n_rows
     !> Analysed, or factorized and tried (n_bodies).
     type(operator_slot_t), intent(in) :: slot(:)
     !> Analysed; says which ones are slow on return (n_bodies).
     type(factor_size_t), intent(inout) :: size_of(:)
-    real(dp) :: flops
+    real(dp) :: flops, of_rows
     integer :: b
+    of_rows = dense_factors*(active*n_rows)**3/3
     do b = 1, size(slot)
       if (.not. allocated(slot(b)%multigrid) .or. size_of(b)%form /= form_multigrid) cycle
       associate (operator => slot(b)%multigrid, n => real(slot(b)%multigrid%grid%n, dp))
@@ -51,6 +56,7 @@ contains
         flops = size_of(b)%whole_flops
         if (.not. flops > 0) flops = size_of(b)%flops*(n/max(1, operator%grid%interpolation%n))**2* &
           merge(of_aggregates, 1.0_dp, operator%grid%interpolation%aggregates%n > 0)
+        if (flops > 0) flops = max(tiny(flops), flops - of_rows)
         size_of(b)%is_slow = factor_is_better(size_of(b)%steps, n*count(classes%first == b), flops)
       end associate
     end do
