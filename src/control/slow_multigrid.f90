@@ -24,7 +24,7 @@ module dotyk_control_slow_multigrid
   real(dp), parameter :: cycles_per_step = 4
   !> Operations of a factorization in the time of a cycle, per unknown of the body.
   real(dp), parameter :: work_of_cycle = 1.0e4_dp
-  !> Factors of the active rows in the corner spaces, one for each active set, and the fraction of the rows that is active.
+  !> Factors of the active rows in the corner spaces, one for each active set, and the fraction of the rows that are so.
   real(dp), parameter :: dense_factors = 10, active = 0.5_dp
   !> Aggregates of linear elements are coupled to more others than corners: the factor of the body takes 11 to 12 times
   !> the operations of theirs, a tenth of the square of the unknowns.
