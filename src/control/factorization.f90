@@ -21,8 +21,8 @@ module dotyk_control_factorization
   implicit none
   private
 
-  !> What is known of a factor before it is made. It is that of the representative of a class; other bodies have the
-  !> last three components only.
+  !> What is known of a factor before it is made. It is that of the representative of a class; other bodies have
+  !> `forms_matrix`, the entries of products and of the class, `is_slow` and `steps` only.
   type, public :: factor_size_t
     !> Entries that are stored.
     integer(int64) :: entries = 0
