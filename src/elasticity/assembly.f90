@@ -2,7 +2,7 @@
 !> bilinear form A, in which equilibrium, equation (3), has its weak form; symmetric, continuous, and with enough
 !> supports coercive, equations (13), (14), (15).
 !>
-!> Elements are visited along a Morton curve (`dotyk_elasticity_element_ordering`) and distributed over threads so
+!> Elements are visited along a Morton curve (`dotyk_mesh_element_ordering`) and distributed over threads so
 !> that every sum has the same order on any number of threads (`dotyk_elasticity_element_partition`). Dirichlet
 !> conditions are eliminated during assembly: with free unknowns f and prescribed unknowns c, the matrix is K_ff, and
 !> K_fc z is subtracted from the right-hand side (Dirichlet lifting).
@@ -12,7 +12,6 @@ module dotyk_elasticity_assembly
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_3d
   use dotyk_elasticity_constraint, only: constraint_t
-  use dotyk_elasticity_element_ordering, only: morton_order
   use dotyk_elasticity_element_partition, only: element_partition_t
   use dotyk_elasticity_element_quadrature, only: element_quadrature_t
   use dotyk_elasticity_material, only: material_t
@@ -21,6 +20,7 @@ module dotyk_elasticity_assembly
   use dotyk_elasticity_stiffness_kernel, only: gradient_products, rotate_blocks, stiffness_general, stiffness_isotropic
   use dotyk_linalg_sparse, only: sparse_symmetric_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_mesh_element_ordering, only: morton_order
   implicit none
   private
   public :: assemble_stiffness

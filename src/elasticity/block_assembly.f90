@@ -12,7 +12,6 @@ module dotyk_elasticity_block_assembly
   use dotyk_base_options, only: analysis_3d
   use dotyk_elasticity_constraint, only: constraint_t, held
   use dotyk_elasticity_corner_space, only: corner_space_t, corner_weights
-  use dotyk_elasticity_element_ordering, only: morton_order
   use dotyk_elasticity_element_partition, only: element_partition_t
   use dotyk_elasticity_element_quadrature, only: element_quadrature_t
   use dotyk_elasticity_material, only: material_t
@@ -23,6 +22,7 @@ module dotyk_elasticity_block_assembly
   use dotyk_linalg_sparse, only: sparse_symmetric_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t
+  use dotyk_mesh_element_ordering, only: morton_order
   implicit none
   private
   public :: assemble_block_rows, typical_stiffness

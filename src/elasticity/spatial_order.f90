@@ -2,8 +2,8 @@
 !> caches then.
 module dotyk_elasticity_spatial_order
   use dotyk_elasticity_constraint, only: constraint_t
-  use dotyk_elasticity_element_ordering, only: morton_order
   use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_mesh_element_ordering, only: morton_order
   implicit none
   private
   public :: order_nodes

@@ -2,7 +2,7 @@
 !>
 !> Mesh generators number elements and nodes with little regard to locality; assembly in their order is bound by
 !> memory latency. The sort is a radix sort of the keys, ten bits at a time: linear in the number of elements.
-module dotyk_elasticity_element_ordering
+module dotyk_mesh_element_ordering
   use dotyk_base_kinds, only: dp
   implicit none
   private
@@ -69,4 +69,4 @@ contains
       end do
     end do
   end subroutine morton_order
-end module dotyk_elasticity_element_ordering
+end module dotyk_mesh_element_ordering
