@@ -19,6 +19,7 @@ program factorization
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_text, only: text_t
   use dotyk_base_timer, only: wall_time
+  use dotyk_control_body_ranks, only: body_ranks_t
   use dotyk_control_congruence_classes, only: congruence_classes_t
   use dotyk_control_response_choice, only: form_direct, operator_slot_t
   use dotyk_model_assembly, only: assemble_bodies
@@ -118,6 +119,7 @@ contains
     type(body_t), allocatable :: body(:)
     type(body_surfaces_t), allocatable :: surfaces(:)
     type(congruence_classes_t) :: classes
+    type(body_ranks_t) :: ranks
     type(body_modes_t), allocatable :: modes(:)
     type(stiffness_t), allocatable :: stiffness(:)
     type(operator_slot_t), allocatable :: slot(:)
@@ -129,7 +131,8 @@ contains
     if (allocated(error)) return
     call classes%init(size(body))
     call classes%find(body)
-    call assemble_bodies(case, classes, spread(form_direct, 1, size(body)), body, modes, stiffness, slot, error)
+    call ranks%init(body, classes)
+    call assemble_bodies(case, classes, ranks, spread(form_direct, 1, size(body)), body, modes, stiffness, slot, error)
     if (allocated(error)) return
     allocate (matrix(count([(classes%is_representative(b), b=1, size(body))])))
     n = 0

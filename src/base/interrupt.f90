@@ -1,14 +1,19 @@
 !> Interrupts: Ctrl-C, SIGTERM of a batch system, SIGHUP of a closed terminal.
 !>
 !> Iterations poll at each step and end there; their results are written and marked. Earlier stages end between two of
-!> their parts, without results. A second signal ends the program at once.
+!> their parts, without results. A second signal ends the program at once. The ranks of an MPI run get their signals at
+!> different times: they stop when they have agreed on it (`dotyk_ranks_exchange`).
 module dotyk_base_interrupt
   use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char
   use dotyk_base_error, only: error_t, exit_not_converged, set_error
   use dotyk_base_memory, only: stage_text
   implicit none
   private
-  public :: watch_interrupts, interrupted, set_interrupt, stop_if_interrupted, run_command
+  public :: watch_interrupts, interrupted, set_interrupt, stop_if_interrupted, run_command, is_asked, &
+    agree_on_interrupt, wait_for_agreement
+
+  !> Whether the program stops when all ranks have agreed on it, and whether they have.
+  logical :: needs_agreement = .false., is_agreed = .false.
 
   !> Exit statuses of `run_command` above this belong to programs that a signal has ended.
   integer, parameter, public :: status_of_signals = 128
@@ -44,10 +49,31 @@ module dotyk_base_interrupt
 
 contains
 
-  !> Whether the program is asked to stop.
+  !> Whether the program is to stop.
   logical function interrupted()
-    interrupted = c_interrupt_signal() /= 0
+    if (needs_agreement) then
+      interrupted = is_agreed
+    else
+      interrupted = is_asked()
+    end if
   end function interrupted
+
+  !> Whether this process is asked to stop.
+  logical function is_asked()
+    is_asked = c_interrupt_signal() /= 0
+  end function is_asked
+
+  !> From here on the program stops only when all ranks have agreed on it.
+  subroutine wait_for_agreement()
+    needs_agreement = .true.
+  end subroutine wait_for_agreement
+
+  !> All ranks know that one of them is asked to stop, or that none is.
+  subroutine agree_on_interrupt(asked)
+    !> Whether one of them is.
+    logical, intent(in) :: asked
+    is_agreed = asked
+  end subroutine agree_on_interrupt
 
   !> Set or clear the request to stop, for tests.
   subroutine set_interrupt(asked)

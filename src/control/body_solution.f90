@@ -2,6 +2,8 @@
 module dotyk_control_body_solution
   use dotyk_base_kinds, only: dp
   use dotyk_control_contact_problem, only: contact_problem_t, first_mode
+  use dotyk_ranks_exchange, only: item_t, share
+  use dotyk_ranks_communication, only: n_ranks
   use dotyk_control_parallel, only: largest_first, set_blas_threads
   use dotyk_elasticity_stress, only: element_stress
   use dotyk_scheme_body_compliance, only: body_compliance_t
@@ -17,7 +19,7 @@ module dotyk_control_body_solution
     real(dp), allocatable :: stress(:, :)
   end type body_solution_t
 
-  public :: recover_bodies
+  public :: recover_bodies, share_solution
 
 contains
 
@@ -47,11 +49,38 @@ contains
     !$omp& shared(problem, qp, compliance, m, alpha, first, want_stress, solution, order) if (compliance%side_by_side)
     do i = 1, size(solution)
       b = order(i)
+      if (.not. problem%ranks%is_own(b)) cycle
       call recover_body(problem, qp, compliance, b, m, alpha(first(b):first(b + 1) - 1), want_stress, solution(b))
     end do
     !$omp end parallel do
     call set_blas_threads(1)
+    call share_solution(problem, solution)
   end subroutine recover_bodies
+
+  !> Make the displacements and stresses of all bodies known to all ranks.
+  subroutine share_solution(problem, solution)
+    !> Bodies and their ranks.
+    type(contact_problem_t), intent(in) :: problem
+    !> Those of this rank in, of all out (n_bodies).
+    type(body_solution_t), intent(inout) :: solution(:)
+    type(item_t) :: displacement(size(solution)), stress(size(solution))
+    integer :: b
+    if (n_ranks() == 1) return
+    do b = 1, size(solution)
+      if (.not. problem%ranks%is_own(b)) cycle
+      displacement(b)%value = reshape(solution(b)%displacement, [size(solution(b)%displacement)])
+      if (allocated(solution(b)%stress)) stress(b)%value = reshape(solution(b)%stress, [size(solution(b)%stress)])
+    end do
+    call share(problem%ranks%owner, displacement)
+    call share(problem%ranks%owner, stress)
+    do b = 1, size(solution)
+      if (problem%ranks%is_own(b)) cycle
+      associate (body => problem%body(b))
+        solution(b)%displacement = reshape(displacement(b)%value, [body%dimension, body%mesh%n_nodes()])
+        if (allocated(stress(b)%value)) solution(b)%stress = reshape(stress(b)%value, [6, body%mesh%n_elements()])
+      end associate
+    end do
+  end subroutine share_solution
 
   !> Recover one body: one solve, unless it touches no other.
   subroutine recover_body(problem, qp, compliance, b, m, alpha, want_stress, solution)

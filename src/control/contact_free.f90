@@ -6,9 +6,12 @@
 module dotyk_control_contact_free
   use dotyk_base_kinds, only: dp
   use dotyk_contact_operator, only: contact_block_t
+  use dotyk_control_body_ranks, only: body_ranks_t
   use dotyk_control_contact_problem, only: isolated_body_t
   use dotyk_control_parallel, only: largest_first, set_blas_threads
   use dotyk_elasticity_body, only: body_t, strain_energy
+  use dotyk_ranks_communication, only: n_ranks
+  use dotyk_ranks_exchange, only: item_t, share
   use dotyk_response_response, only: equation_vector_t, response_slot_t, response_t
   implicit none
   private
@@ -47,9 +50,12 @@ module dotyk_control_contact_free
 contains
 
   !> Solve.
-  subroutine solve_without_contact(body, block, gap, response, representative, side_by_side, n_blas, solution, isolated)
+  subroutine solve_without_contact(body, ranks, block, gap, response, representative, side_by_side, n_blas, solution, &
+                                   isolated)
     !> Assembled (n_bodies).
     type(body_t), intent(in) :: body(:)
+    !> Which rank computes which bodies.
+    type(body_ranks_t), intent(in) :: ranks
     !> Rows of B (n_bodies).
     type(contact_block_t), intent(in) :: block(:)
     !> Gaps (n_rows) [length].
@@ -73,15 +79,17 @@ contains
     order = largest_first(real(body%constraint%n_equations, dp))
     call set_blas_threads(n_blas)
     !$omp parallel do default(none) private(b) schedule(dynamic, 1) &
-    !$omp& shared(body, block, response, representative, part, isolated, order, solution, side_by_side) &
+    !$omp& shared(body, ranks, block, response, representative, part, isolated, order, solution, side_by_side) &
     !$omp& if (side_by_side)
     do i = 1, size(body)
       b = order(i)
+      if (.not. ranks%is_own(b)) cycle
       call solve_body(body(b), response(representative(b))%form, block(b)%contact_node, part(b), solution%u_0(b), &
                       solution%left(b), isolated(b))
     end do
     !$omp end parallel do
     call set_blas_threads(1)
+    call share_parts(ranks, part, isolated)
 
     solution%initial_penetration = -gap
     allocate (solution%load_displacement(size(gap)), source=0.0_dp)
@@ -100,6 +108,37 @@ contains
       end associate
     end do
   end subroutine solve_without_contact
+
+  !> Make the parts of all bodies known to all ranks.
+  subroutine share_parts(ranks, part, isolated)
+    !> Which rank computes which bodies.
+    type(body_ranks_t), intent(in) :: ranks
+    !> Those of this rank in, of all out (n_bodies).
+    type(contribution_t), intent(inout) :: part(:)
+    !> The same (n_bodies).
+    type(isolated_body_t), intent(inout) :: isolated(:)
+    type(item_t) :: item(size(part))
+    integer :: b
+    if (n_ranks() == 1) return
+    do b = 1, size(part)
+      if (.not. ranks%is_own(b)) cycle
+      if (.not. allocated(part(b)%u_load)) allocate (part(b)%u_load(0))
+      item(b)%value = [part(b)%strain_energy, part(b)%work, real(part(b)%n_solves, dp), part(b)%u_0, part(b)%u_load]
+    end do
+    call share(ranks%owner, item)
+    do b = 1, size(part)
+      if (ranks%is_own(b)) cycle
+      associate (value => item(b)%value, n => (size(item(b)%value) - 3)/2)
+        part(b)%strain_energy = value(1)
+        part(b)%work = value(2)
+        part(b)%n_solves = nint(value(3))
+        part(b)%u_0 = value(4:3 + n)
+        part(b)%u_load = value(4 + n:3 + 2*n)
+      end associate
+      ! Which bodies are isolated is known to all, their displacements to their ranks.
+      if (size(part(b)%u_0) == 0) allocate (isolated(b)%displacement(0, 0))
+    end do
+  end subroutine share_parts
 
   !> One body without contact.
   subroutine solve_body(body, response, contact_node, part, u_0, left, isolated)

@@ -5,6 +5,7 @@ module dotyk_control_contact_problem
   use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_contact_pair_report, only: pair_report_t
+  use dotyk_control_body_ranks, only: body_ranks_t
   use dotyk_control_congruence_classes, only: congruence_classes_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_body_modes, only: body_modes_t
@@ -41,6 +42,8 @@ module dotyk_control_contact_problem
     type(body_t), allocatable :: body(:)
     !> Which bodies are congruent.
     type(congruence_classes_t) :: classes
+    !> Which rank computes which bodies.
+    type(body_ranks_t) :: ranks
     !> Modes that the schemes solve for (n_bodies).
     type(body_modes_t), allocatable :: modes(:)
     !> What the factorizations of the representatives found out (n_bodies).

@@ -18,6 +18,7 @@ module dotyk_control_contact_solution
   use dotyk_control_error_budget, only: error_budget_t, estimate_errors
   use dotyk_control_penetration_check, only: penetration_check_t
   use dotyk_control_scheme_run, only: scheme_run_t
+  use dotyk_ranks_exchange, only: on_any_rank
   use dotyk_scheme_body_compliance, only: body_compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_monitor, only: monitor_t, phase_estimate, phase_iterate, phase_recover
@@ -197,7 +198,7 @@ contains
       if (.not. asks_for_more(goal, solution%round == most_rounds, problem, qp, now%scheme%allows_zero_theta(), &
                               monitor, solution, now%settings%tolerance)) exit
       solution%round = solution%round + 1
-      if (wall_time() - began < now%settings%time_limit) cycle
+      if (.not. on_any_rank(wall_time() - began >= now%settings%time_limit)) cycle
       solution%state%ended = ended_time
       exit
     end do

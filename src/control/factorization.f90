@@ -1,11 +1,13 @@
-!> From assembled bodies to compliance operators: order, analyse, factorize, and split off near-null-space modes.
+!> From assembled bodies to factors: order, analyse, factorize.
 module dotyk_control_factorization
+  use, intrinsic :: iso_fortran_env, only: int8
   use dotyk_base_error, only: error_slot_t, error_t, problem_list_t, exit_machine, set_error
   use dotyk_base_interrupt, only: interrupted, stop_if_interrupted
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_memory, only: memory_t, memory_text, set_item
   use dotyk_base_options, only: response_auto, response_compliance
   use dotyk_contact_operator, only: contact_block_t
+  use dotyk_control_body_ranks, only: body_ranks_t
   use dotyk_control_congruence_classes, only: congruence_classes_t
   use dotyk_control_parallel, only: largest_first, set_blas_threads
   use dotyk_control_response_choice, only: form_direct, form_multigrid, form_whole, operator_slot_t
@@ -13,11 +15,9 @@ module dotyk_control_factorization
   use dotyk_elasticity_body_modes, only: body_modes_t
   use dotyk_response_cost_model, only: matrix_is_cheaper, workload_t
   use dotyk_linalg_cholesky, only: cholesky_t
-  use dotyk_response_near_null_modes, only: separate_by_contact
-  use dotyk_response_response, only: response_slot_t
+  use dotyk_ranks_communication, only: n_local_ranks, n_ranks
+  use dotyk_ranks_exchange, only: item_t, share, share_errors, share_flat
   use dotyk_response_stiffness_factor, only: factorization_report_t
-  use dotyk_scheme_body_compliance, only: body_operator_t
-  use dotyk_scheme_coarse_space, only: contact_modes_t
   implicit none
   private
 
@@ -53,7 +53,7 @@ module dotyk_control_factorization
     procedure :: take => size_take
   end type factor_size_t
 
-  public :: analyze_bodies, check_memory, factorize_bodies, find_modes, make_operators
+  public :: analyze_bodies, check_memory, factorize_bodies
 
   !> Memory that a solve by smoothed aggregation reads, as a multiple of the matrix of the corner space; factors are
   !> read twice. The levels below the matrix, their factor and the interpolation take as much memory as it does.
@@ -72,7 +72,7 @@ contains
   end subroutine size_take
 
   !> Order and analyse the representatives, side by side.
-  subroutine analyze_bodies(body, modes, stiffness, classes, block, response, n_products, slot, size_of, error)
+  subroutine analyze_bodies(body, modes, stiffness, classes, ranks, block, response, n_products, slot, size_of, error)
     !> Assembled (n_bodies).
     type(body_t), intent(in) :: body(:)
     !> Rigid body modes that supports leave (n_bodies).
@@ -81,6 +81,8 @@ contains
     type(stiffness_t), intent(inout) :: stiffness(:)
     !> Classes of congruent bodies.
     type(congruence_classes_t), intent(in) :: classes
+    !> Which rank computes which bodies.
+    type(body_ranks_t), intent(in) :: ranks
     !> Rows of B (n_bodies).
     type(contact_block_t), intent(in) :: block(:)
     !> One of `response_*` of dotyk_base_options.
@@ -100,11 +102,11 @@ contains
     allocate (size_of(size(body)), failed(size(body)))
     order = largest_first(real(body%constraint%n_equations, dp))
     !$omp parallel do default(none) schedule(dynamic, 1) private(b, node, work) &
-    !$omp& shared(body, modes, stiffness, classes, block, response, n_products, slot, size_of, failed, order)
+    !$omp& shared(body, modes, stiffness, classes, ranks, block, response, n_products, slot, size_of, failed, order)
     do i = 1, size(body)
       b = order(i)
       if (interrupted()) cycle
-      if (.not. classes%is_representative(b)) cycle
+      if (.not. ranks%factorizes(b)) cycle
       call classes%contact_nodes(b, block, node, work%n_rows)
       work%n_bodies = count(classes%first == b)
       work%n_steps = n_products
@@ -112,8 +114,9 @@ contains
     end do
     !$omp end parallel do
     call stop_if_interrupted(error)
-    if (.not. allocated(error)) call collect(body, failed, error)
+    if (.not. allocated(error)) call collect(body, ranks, failed, error)
     if (allocated(error)) return
+    call share_sizes(ranks, size_of)
     do b = 1, size(body)
       if (classes%is_representative(b)) cycle
       associate (first => size_of(classes%first(b)))
@@ -123,6 +126,25 @@ contains
       end associate
     end do
   end subroutine analyze_bodies
+
+  !> Make the sizes of all factors known to all ranks.
+  subroutine share_sizes(ranks, size_of)
+    !> Which rank computes which bodies.
+    type(body_ranks_t), intent(in) :: ranks
+    !> Those of this rank in, of all out (n_bodies).
+    type(factor_size_t), intent(inout) :: size_of(:)
+    integer(int8), allocatable :: bytes(:, :)
+    integer :: b
+    if (n_ranks() == 1) return
+    allocate (bytes(size(transfer(size_of(1), [0_int8])), size(size_of)))
+    do b = 1, size(size_of)
+      bytes(:, b) = transfer(size_of(b), bytes(:, b))
+    end do
+    call share_flat(ranks%owner, bytes)
+    do b = 1, size(size_of)
+      size_of(b) = transfer(bytes(:, b), size_of(b))
+    end do
+  end subroutine share_sizes
 
   !> Order and analyse a representative, and choose how products with its compliance are made.
   subroutine analyze_body(body, modes, stiffness, contact_node, work, response, slot, size_of, error)
@@ -192,7 +214,7 @@ contains
   subroutine check_memory(memory, size_of, warning, error)
     !> What is in use and what is left.
     type(memory_t), intent(in) :: memory
-    !> Sizes of the factors (n_bodies).
+    !> Sizes of the factors of this rank (n).
     type(factor_size_t), intent(in) :: size_of(:)
     !> Text of the warning; empty where there is none.
     character(:), allocatable, intent(out) :: warning
@@ -206,6 +228,9 @@ contains
     factors = real(sum(size_of%bytes), dp)
     ! They are given back on the way.
     stiffnesses = real(sum(size_of%stiffness_bytes), dp)
+    ! The ranks of a node share its memory.
+    factors = factors*n_local_ranks()
+    stiffnesses = stiffnesses*n_local_ranks()
     if (factors - stiffnesses > memory%left) then
       call set_error(error, 'not enough memory: the factors need '//memory_text(factors)//', and '// &
                      memory_text(memory%left)//' are available '//memory%limit//' (in use: '// &
@@ -220,11 +245,11 @@ contains
   !> Factorize the representatives, the largest first: as many side by side as there are threads; threads without a body
   !> of their own help the others. Stiffnesses are given back one by one. The digits are the same on any number of
   !> threads.
-  subroutine factorize_bodies(body, classes, modes, split_near_null, size_of, stiffness, slot, report, error)
+  subroutine factorize_bodies(body, ranks, modes, split_near_null, size_of, stiffness, slot, report, error)
     !> Assembled (n_bodies).
     type(body_t), intent(in) :: body(:)
-    !> Classes of congruent bodies.
-    type(congruence_classes_t), intent(in) :: classes
+    !> Which rank computes which bodies.
+    type(body_ranks_t), intent(in) :: ranks
     !> Rigid body modes that supports leave (n_bodies).
     type(body_modes_t), intent(in) :: modes(:)
     !> Whether the scheme can solve for near-null-space modes.
@@ -246,12 +271,12 @@ contains
     order = largest_first(size_of%flops)
     call set_blas_threads(1)
     !$omp parallel default(none) private(i, b) &
-    !$omp& shared(body, classes, modes, split_near_null, size_of, stiffness, slot, report, failed, order)
+    !$omp& shared(body, ranks, modes, split_near_null, size_of, stiffness, slot, report, failed, order)
     !$omp single
     do i = 1, size(body)
       b = order(i)
       if (interrupted()) cycle
-      if (.not. classes%is_representative(b)) cycle
+      if (.not. ranks%factorizes(b)) cycle
       !$omp task default(none) firstprivate(b) &
       !$omp& shared(body, modes, split_near_null, size_of, stiffness, slot, report, failed)
       call set_item("body '"//body(b)%name//"'")
@@ -274,115 +299,50 @@ contains
       call slot(b)%multigrid%prepare(body(b), failed(b)%error)
     end do
     call stop_if_interrupted(error)
-    if (.not. allocated(error)) call collect(body, failed, error)
+    if (.not. allocated(error)) call collect(body, ranks, failed, error)
+    if (.not. allocated(error)) call share_reports(ranks, report)
   end subroutine factorize_bodies
 
-  !> The modes that the scheme solves for: near-null-space modes where the factorization found them, rigid body modes
-  !> elsewhere.
-  subroutine find_modes(body, classes, block, report, modes, at_contact, error)
-    !> Assembled (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Classes of congruent bodies.
-    type(congruence_classes_t), intent(in) :: classes
-    !> Rows of B (n_bodies).
-    type(contact_block_t), intent(in) :: block(:)
-    !> Reports of the representatives (n_bodies).
-    type(factorization_report_t), intent(in) :: report(:)
-    !> Rigid body modes; those that are near-null-space modes are replaced (n_bodies).
-    type(body_modes_t), intent(inout) :: modes(:)
-    !> The modes at the contact nodes (n_bodies).
-    type(contact_modes_t), allocatable, intent(out) :: at_contact(:)
-    !> Allocated where a mode at the contact rows is not finite, or LAPACK's singular value decomposition does not
-    !> converge.
-    type(error_t), allocatable, intent(out) :: error
-    integer :: b
-    allocate (at_contact(size(body)))
-    do b = 1, size(body)
-      associate (of_class => report(classes%first(b)))
-        if (allocated(of_class%near_null)) call take_near_null(body(b), block(b), of_class, modes(b), error)
-        if (allocated(error)) return
-      end associate
-      at_contact(b)%displacement = reshape(modes(b)%shape(:, block(b)%contact_node, :), &
-                                           [size(modes(b)%shape, 1)*size(block(b)%contact_node), modes(b)%n])
-      at_contact(b)%resultant = modes(b)%resultant
-      if (.not. modes(b)%is_near_null()) cycle
-      at_contact(b)%stiffness = modes(b)%stiffness
-      at_contact(b)%lift_resultant = modes(b)%lift_resultant
-      at_contact(b)%resultant_size = modes(b)%resultant_size
+  !> Make what factorizations found out about condition and near-null-space modes known to all ranks.
+  subroutine share_reports(ranks, report)
+    !> Which rank computes which bodies.
+    type(body_ranks_t), intent(in) :: ranks
+    !> Those of this rank in, of all out; diagonals and springs stay where they are (n_bodies).
+    type(factorization_report_t), intent(inout) :: report(:)
+    type(item_t) :: mode(size(report)), stiffness(size(report))
+    integer :: b, n
+    if (n_ranks() == 1) return
+    call share(ranks%owner, report%condition)
+    call share(ranks%owner, report%condition_left)
+    call share(ranks%owner, report%is_measured)
+    do b = 1, size(report)
+      if (.not. allocated(report(b)%near_null)) cycle
+      mode(b)%value = reshape(report(b)%near_null, [size(report(b)%near_null)])
+      stiffness(b)%value = reshape(report(b)%near_null_stiffness, [size(report(b)%near_null_stiffness)])
     end do
-  end subroutine find_modes
-
-  !> The near-null-space modes of one body, separated by what its contact rows feel.
-  subroutine take_near_null(body, block, report, modes, error)
-    !> The body, assembled.
-    type(body_t), intent(in) :: body
-    !> Its rows of B.
-    type(contact_block_t), intent(in) :: block
-    !> Report of the representative.
-    type(factorization_report_t), intent(in) :: report
-    !> Replaced by the near-null-space modes.
-    type(body_modes_t), intent(inout) :: modes
-    !> As in `find_modes`.
-    type(error_t), allocatable, intent(out) :: error
-    real(dp), allocatable :: mode(:, :), stiffness(:, :), at_rows(:, :), u(:, :)
-    integer :: k
-    allocate (mode, mold=report%near_null)
-    mode = report%near_null
-    stiffness = report%near_null_stiffness
-    allocate (at_rows(size(block%row), size(mode, 2)), u(body%dimension, body%mesh%n_nodes()))
-    do k = 1, size(mode, 2)
-      if (size(block%row) == 0) cycle
-      call body%constraint%expand(mode(:, k), u, .false.)
-      call block%matrix%multiply(reshape(u(:, block%contact_node), [body%dimension*size(block%contact_node)]), &
-                                 at_rows(:, k))
+    call share(ranks%owner, mode)
+    call share(ranks%owner, stiffness)
+    do b = 1, size(report)
+      if (allocated(report(b)%near_null) .or. .not. allocated(stiffness(b)%value)) cycle
+      n = nint(sqrt(real(size(stiffness(b)%value), dp)))
+      report(b)%near_null = reshape(mode(b)%value, [size(mode(b)%value)/n, n])
+      report(b)%near_null_stiffness = reshape(stiffness(b)%value, [n, n])
     end do
-    call separate_by_contact(at_rows, mode, stiffness, error)
-    if (.not. allocated(error)) call modes%take_near_null(body, mode, stiffness)
-  end subroutine take_near_null
-
-  !> What the compliance of all bodies is made of.
-  subroutine make_operators(body, classes, block, report, size_of, slot, response, operators)
-    !> Assembled (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Classes of congruent bodies.
-    type(congruence_classes_t), intent(in) :: classes
-    !> Rows of B (n_bodies).
-    type(contact_block_t), intent(in) :: block(:)
-    !> Reports of the representatives (n_bodies).
-    type(factorization_report_t), intent(in) :: report(:)
-    !> Sizes of the factors (n_bodies).
-    type(factor_size_t), intent(in) :: size_of(:)
-    !> Factorized; empty on return (n_bodies).
-    type(operator_slot_t), intent(inout) :: slot(:)
-    !> Compliance operators of the representatives (n_bodies).
-    type(response_slot_t), allocatable, intent(out) :: response(:)
-    !> Parts of the compliance that belong to each body (n_bodies).
-    type(body_operator_t), allocatable, intent(out) :: operators(:)
-    integer :: b
-    allocate (response(size(body)), operators(size(body)))
-    do b = 1, size(body)
-      if (allocated(slot(b)%direct)) call move_alloc(slot(b)%direct, response(b)%form)
-      if (allocated(slot(b)%multigrid)) call move_alloc(slot(b)%multigrid, response(b)%form)
-      associate (own => operators(b), d => body(b)%dimension)
-        own%representative = classes%first(b)
-        own%rotation = classes%motion(b)%rotation(:d, :d)
-        call own%map%init(body(b)%constraint, block(b)%contact_node)
-        own%nodal_stiffness = own%map%diagonal(report(classes%first(b))%diagonal)
-        own%cost = real(size_of(b)%product_entries, dp)
-      end associate
-    end do
-  end subroutine make_operators
+  end subroutine share_reports
 
   !> All bodies' errors as one.
-  subroutine collect(body, failed, error)
+  subroutine collect(body, ranks, failed, error)
     !> Bodies (n_bodies).
     type(body_t), intent(in) :: body(:)
+    !> Which rank computes which bodies.
+    type(body_ranks_t), intent(in) :: ranks
     !> Errors of the bodies, not allocated on return (n_bodies).
     type(error_slot_t), intent(inout) :: failed(:)
     !> Allocated where one of them is.
     type(error_t), allocatable, intent(out) :: error
     type(problem_list_t) :: problems
     integer :: b
+    call share_errors(ranks%owner, failed)
     do b = 1, size(body)
       call problems%add_error(failed(b)%error, "body '"//body(b)%name//"': ")
     end do

@@ -10,6 +10,7 @@ module dotyk_control_mesh_error
   use dotyk_elasticity_discretization_error, only: estimate_discretization_errors
   use dotyk_elasticity_element_residual, only: residual_data_t
   use dotyk_elasticity_residual_check, only: check_by_residuals
+  use dotyk_ranks_exchange, only: item_t, share
   implicit none
   private
 
@@ -58,6 +59,8 @@ contains
         alike = pack([(c, c=1, size(problem%body))], problem%classes%first == i)
         do c = 1, size(alike), most_bodies
           associate (some => alike(c:min(c + most_bodies - 1, size(alike))))
+            ! As a whole, so that its digits do not depend on the ranks of its bodies.
+            if (.not. any(problem%ranks%is_own(some))) cycle
             if (part == 1) then
               call estimate_some(problem%body(i), problem%classes, some, solution, of_element, of_body, error)
             else
@@ -67,6 +70,7 @@ contains
           if (allocated(error)) return
         end do
       end do
+      call share_elements(problem%ranks%owner, of_element)
       if (part == 2) exit
       do i = 1, size(of_element)
         least = least + sum(of_element(i)%value)
@@ -74,8 +78,26 @@ contains
       end do
       least = least_share*least/n
     end do
+    call share(problem%ranks%owner, of_body)
     norm_square = sum(of_body)
   end subroutine estimate_mesh_errors
+
+  !> Make the errors of all elements known to all ranks.
+  subroutine share_elements(owner, of_element)
+    !> Rank of each body (n_bodies).
+    integer, intent(in) :: owner(:)
+    !> Those of this rank in, of all out (n_bodies).
+    type(element_field_t), intent(inout) :: of_element(:)
+    type(item_t) :: item(size(of_element))
+    integer :: b
+    do b = 1, size(item)
+      call move_alloc(of_element(b)%value, item(b)%value)
+    end do
+    call share(owner, item)
+    do b = 1, size(item)
+      call move_alloc(item(b)%value, of_element(b)%value)
+    end do
+  end subroutine share_elements
 
   !> Hold the errors of some congruent bodies against the residuals of their elements.
   subroutine check_some(problem, alike, first_row, m, solution, least, of_element, error)

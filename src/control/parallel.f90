@@ -7,6 +7,7 @@ module dotyk_control_parallel
   use dotyk_base_kinds, only: dp
   use dotyk_base_sort, only: sort_order
   use dotyk_linalg_blas, only: blas_threads, reserve_blas, set_blas_threads
+  use dotyk_ranks_communication, only: n_local_ranks
   implicit none
   private
   public :: use_threads, largest_first, share_solves, set_blas_threads
@@ -22,13 +23,18 @@ contains
 
   !> Use this many threads.
   subroutine use_threads(n, used)
-    !> Number of threads; 0: as many as there are processors, or as OMP_NUM_THREADS says.
+    !> Number of threads; 0: as OMP_NUM_THREADS says, or as many as there are processors for each rank.
     integer, intent(in) :: n
     !> What will be used.
     integer, intent(out) :: used
-    integer :: workers
+    integer :: workers, length
     used = n
-    if (n == 0) used = min(omp_get_num_procs(), omp_get_max_threads())
+    if (n == 0) then
+      used = min(omp_get_num_procs(), omp_get_max_threads())
+      ! Ranks of a node share its processors.
+      call get_environment_variable('OMP_NUM_THREADS', length=length)
+      if (length == 0) used = max(1, used/n_local_ranks())
+    end if
     call omp_set_num_threads(used)
     ! Threads of OpenBLAS, which started with the program, take a buffer each.
     workers = blas_threads() - 1

@@ -5,10 +5,10 @@
 !> is inaccurate in a few modes. The energy norm of what is left of the residual is known. Rigid body and
 !> near-null-space modes are not refined: they are the scheme's.
 module dotyk_control_refinement
-  use dotyk_base_error, only: error_t, add_context, set_error, exit_not_solvable
+  use dotyk_base_error, only: error_slot_t, error_t, add_context, set_error, exit_not_solvable
   use dotyk_base_kinds, only: dp, qp
   use dotyk_base_text, only: quoted, to_text
-  use dotyk_control_body_solution, only: body_solution_t
+  use dotyk_control_body_solution, only: body_solution_t, share_solution
   use dotyk_control_conditioning, only: conditioning_t
   use dotyk_control_contact_problem, only: contact_problem_t, first_mode
   use dotyk_base_options, only: analysis_plane_stress
@@ -16,6 +16,7 @@ module dotyk_control_refinement
   use dotyk_elasticity_conditioning_diagnosis, only: diagnose_conditioning
   use dotyk_elasticity_internal_force, only: internal_force
   use dotyk_elasticity_stress, only: element_stress
+  use dotyk_ranks_exchange, only: share, share_errors
   use dotyk_response_response, only: response_t
   use dotyk_response_stiffness_factor, only: factorization_report_t
   use dotyk_scheme_body_compliance, only: body_compliance_t
@@ -59,12 +60,13 @@ contains
     !> evaluated.
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: force(:, :), load(:, :)
-    real(dp) :: of_body, norm
+    type(error_slot_t) :: failed(size(problem%body))
+    real(dp) :: of_body(size(problem%body)), steps(size(problem%body)), norm
     integer :: b, k, first(size(problem%body) + 1)
-    left = 0
+    of_body = 0
     first = first_mode(problem%modes)
     do b = 1, size(problem%body)
-      if (.not. conditioning(b)%needs_refinement()) cycle
+      if (.not. conditioning(b)%needs_refinement() .or. .not. problem%ranks%is_own(b)) cycle
       associate (body => problem%body(b), representative => problem%classes%first(b))
         load = body%load
         call rows%body_force(b, m, force)
@@ -72,17 +74,33 @@ contains
           load(:, node) = load(:, node) + force
         end associate
         call refine(body, problem%report(representative), compliance%response(representative)%form, load, &
-                    solution(b)%displacement, conditioning(b)%n_steps, of_body, norm, error)
-        if (.not. allocated(error) .and. of_body > no_digit*norm) call refuse(body, conditioning(b)%condition, error)
-        call add_context(error, 'body '//quoted(body%name)//': ')
-        if (allocated(error)) return
-        left = hypot(left, of_body)
+                    solution(b)%displacement, conditioning(b)%n_steps, of_body(b), norm, failed(b)%error)
+        if (.not. allocated(failed(b)%error) .and. of_body(b) > no_digit*norm) &
+          call refuse(body, conditioning(b)%condition, failed(b)%error)
+        if (allocated(failed(b)%error)) exit
         do k = 1, problem%modes(b)%n
           solution(b)%displacement = solution(b)%displacement + alpha(first(b) + k - 1)*problem%modes(b)%shape(:, :, k)
         end do
         if (allocated(solution(b)%stress)) call element_stress(body, solution(b)%displacement, solution(b)%stress)
       end associate
     end do
+    call share_errors(problem%ranks%owner, failed)
+    left = 0
+    do b = 1, size(problem%body)
+      if (allocated(failed(b)%error)) then
+        call move_alloc(failed(b)%error, error)
+        call add_context(error, 'body '//quoted(problem%body(b)%name)//': ')
+        return
+      end if
+    end do
+    steps = conditioning%n_steps
+    call share(problem%ranks%owner, steps)
+    conditioning%n_steps = nint(steps)
+    call share(problem%ranks%owner, of_body)
+    do b = 1, size(problem%body)
+      if (conditioning(b)%needs_refinement()) left = hypot(left, of_body(b))
+    end do
+    call share_solution(problem, solution)
   end subroutine refine_bodies
 
   !> Displacements of nearly incompressible bodies may be accurate where the pressures inside, bulk modulus times the

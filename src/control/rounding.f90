@@ -6,7 +6,7 @@
 !> rounded pressures. It is computed from the elements (`dotyk_elasticity_internal_force`), K^{-1} is the compliance
 !> operator of the body.
 module dotyk_control_rounding
-  use dotyk_base_error, only: error_t, add_context
+  use dotyk_base_error, only: error_slot_t, error_t, add_context
   use dotyk_base_kinds, only: dp, qp
   use dotyk_control_body_solution, only: body_solution_t
   use dotyk_control_conditioning, only: conditioning_t
@@ -15,6 +15,7 @@ module dotyk_control_rounding
   use dotyk_control_refinement, only: penetrations
   use dotyk_elasticity_body, only: body_t, strain_energy
   use dotyk_elasticity_internal_force, only: internal_force
+  use dotyk_ranks_exchange, only: share, share_errors
   use dotyk_scheme_body_compliance, only: body_compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   implicit none
@@ -53,6 +54,7 @@ contains
     integer :: b
     distance = 0
     do b = 1, size(solution)
+      if (.not. problem%ranks%is_own(b)) cycle
       associate (constraint => problem%body(b)%constraint, report => problem%report(problem%classes%first(b)))
         if (constraint%n_equations == 0) cycle
         allocate (x(constraint%n_equations))
@@ -63,6 +65,7 @@ contains
         deallocate (x)
       end associate
     end do
+    call share(problem%ranks%owner, distance)
   end subroutine expect_rounding
 
   !> The rounding error of each body.
@@ -81,22 +84,26 @@ contains
     real(dp), intent(out) :: distance(:)
     !> Allocated where a formula of a material cannot be evaluated.
     type(error_t), allocatable, intent(out) :: error
-    type(error_t), allocatable :: failed
+    type(error_slot_t) :: failed(size(solution))
     integer :: order(size(solution)), i, b
+    distance = 0
     order = largest_first(real(problem%body%constraint%n_equations, dp))
     call set_blas_threads(problem%n_blas)
-    !$omp parallel do default(none) private(b, failed) schedule(dynamic, 1) &
-    !$omp& shared(problem, rows, compliance, m, solution, distance, order, error) if (compliance%side_by_side)
+    !$omp parallel do default(none) private(b) schedule(dynamic, 1) &
+    !$omp& shared(problem, rows, compliance, m, solution, distance, order, failed) if (compliance%side_by_side)
     do i = 1, size(solution)
       b = order(i)
-      call measure_body(problem%body(b), rows, compliance, b, m, solution(b)%displacement, distance(b), failed)
-      if (.not. allocated(failed)) cycle
-      !$omp critical (rounding_error)
-      if (.not. allocated(error)) call move_alloc(failed, error)
-      !$omp end critical (rounding_error)
+      if (.not. problem%ranks%is_own(b)) cycle
+      call measure_body(problem%body(b), rows, compliance, b, m, solution(b)%displacement, distance(b), &
+                        failed(b)%error)
     end do
     !$omp end parallel do
     call set_blas_threads(1)
+    call share_errors(problem%ranks%owner, failed)
+    do b = 1, size(solution)
+      if (allocated(failed(b)%error) .and. .not. allocated(error)) call move_alloc(failed(b)%error, error)
+    end do
+    call share(problem%ranks%owner, distance)
   end subroutine measure_rounding
 
   !> One body.

@@ -7,6 +7,7 @@ module dotyk_driver_command
   use dotyk_driver_run_case, only: run_case
   use dotyk_input_help, only: help_text
   use dotyk_input_reference, only: reference_text
+  use dotyk_ranks_communication, only: this_rank
   implicit none
   private
   public :: execute_command
@@ -40,6 +41,7 @@ contains
     !> Allocated where the standard output cannot be written.
     type(error_t), allocatable, intent(out) :: error
     integer :: status
+    if (this_rank() > 0) return
     call print_text(text//new_line('a'), status)
     if (status /= 0) call set_error(error, 'standard output cannot be written', exit_not_written)
   end subroutine print_output

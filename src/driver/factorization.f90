@@ -4,8 +4,9 @@ module dotyk_driver_factorization
   use dotyk_base_interrupt, only: stop_if_interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_memory, only: memory_now, set_stage
+  use dotyk_control_body_operators, only: find_modes, make_operators
   use dotyk_control_contact_free, only: contact_free_t, solve_without_contact
-  use dotyk_control_factorization, only: check_memory, factorize_bodies, find_modes, make_operators
+  use dotyk_control_factorization, only: check_memory, factorize_bodies
   use dotyk_control_response_choice, only: form_multigrid
   use dotyk_control_slow_multigrid, only: find_slow_ones, replace_slow_ones
   use dotyk_control_parallel, only: set_blas_threads, share_solves
@@ -49,13 +50,13 @@ contains
     associate (problem => scene%problem, block => scene%operator%block, qp => scene%qp, compliance => scene%compliance)
       call find_modes(problem%body, problem%classes, block, problem%report, problem%modes, modes, error)
       if (allocated(error)) return
-      call make_operators(problem%body, problem%classes, block, problem%report, scene%size_of, scene%slot, &
-                          response, operators)
+      call make_operators(problem%body, problem%classes, problem%ranks, block, problem%report, scene%size_of, &
+                          scene%slot, response, operators)
       call sweep_costs(operators, block, cost)
       call share_solves(cost, case%solver%reproducible, side_by_side, problem%n_blas)
       call set_stage('solving without contact')
-      call solve_without_contact(problem%body, block, scene%operator%gap, response, problem%classes%first, &
-                                 side_by_side, problem%n_blas, free, problem%isolated)
+      call solve_without_contact(problem%body, problem%ranks, block, scene%operator%gap, response, &
+                                 problem%classes%first, side_by_side, problem%n_blas, free, problem%isolated)
       scene%n_full_solves = free%n_solves
       call coarse%init(block, scene%operator%n_rows, modes)
       call foundation_compliance(problem%body, problem%pair, foundation)
@@ -98,12 +99,12 @@ contains
     is_refused = any(scene%size_of%is_slow) .and. .not. all_again
     do
       if (allocated(error)) return
-      call check_memory(memory_now(), scene%size_of, warning, error)
+      call check_memory(memory_now(), pack(scene%size_of, scene%problem%ranks%factorizes), warning, error)
       if (allocated(error)) return
       if (len(warning) > 0) call monitor%log%line('  warning: '//warning)
       call set_stage('factorizing')
       associate (problem => scene%problem)
-        call factorize_bodies(problem%body, problem%classes, problem%modes, .not. scheme%needs_held_bodies(), &
+        call factorize_bodies(problem%body, problem%ranks, problem%modes, .not. scheme%needs_held_bodies(), &
                               scene%size_of, scene%stiffness, scene%slot, problem%report, error)
         call stop_if_interrupted(error)
         if (allocated(error)) return

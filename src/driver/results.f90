@@ -16,6 +16,7 @@ module dotyk_driver_results
   use dotyk_log_summary, only: show_pair_results
   use dotyk_output_file_system, only: check_replaceable, check_writable
   use dotyk_output_results_file, only: results_file_t
+  use dotyk_ranks_communication, only: this_rank
   use dotyk_scheme_solver_state, only: ended_time
   implicit none
   private
@@ -34,6 +35,8 @@ contains
     if (len(output) > 0) case%scene%output = output
     ! A new file takes the place of an old one, not that of a link to it.
     case%scene%output = behind_links(case%scene%output)
+    ! The first rank writes.
+    if (this_rank() > 0) return
     call check_writable(case%scene%output, error)
     if (.not. allocated(error)) call check_replaceable(case%scene%output, error)
   end subroutine prepare_output
@@ -64,6 +67,7 @@ contains
       if (allocated(error)) return
       if (solution%state%ended /= ended_time) call show_pair_results(monitor%log, problem%pair, pair_solution)
       call monitor%watch%lap(monitor%timing%recover)
+      if (this_rank() > 0) return
       call set_stage('writing results')
       call write_fields(file, case, problem%body, displacements, contact_pressure, solution%budget, &
                         solution%penetration, error)
@@ -95,6 +99,7 @@ contains
     logical, intent(inout) :: has_warned
     type(error_t), allocatable :: error
     call write_results(case, scene, solution, threads, monitor, error)
+    if (this_rank() > 0) return
     if (.not. allocated(error)) then
       call monitor%log%line('  written          '//case%scene%output//' after '// &
                             counted(solution%state%iterations, 'iteration'))

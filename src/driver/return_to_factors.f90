@@ -66,15 +66,15 @@ contains
       if (.not. fits) return
       call set_stage('assembling')
       allocate (form(size(problem%body)), source=form_direct)
-      call assemble_bodies(case, problem%classes, form, problem%body, modes, stiffness, slot, error)
+      call assemble_bodies(case, problem%classes, problem%ranks, form, problem%body, modes, stiffness, slot, error)
       call stop_if_interrupted(error)
       if (allocated(error)) return
       call monitor%watch%lap(monitor%timing%assemble)
       call set_stage('ordering the equations')
       call build_operator(case%scene%dimension, size(problem%body), problem%pair, problem%surface_a, &
                           problem%surface_b, scene%operator)
-      call analyze_bodies(problem%body, modes, stiffness, problem%classes, scene%operator%block, &
-                          case%solver%response, scheme%expected_products(), slot, size_of, error)
+      call analyze_bodies(problem%body, modes, stiffness, problem%classes, problem%ranks, &
+                          scene%operator%block, case%solver%response, scheme%expected_products(), slot, size_of, error)
       call monitor%watch%lap(monitor%timing%order)
       if (allocated(error)) then
         fits = error%code /= exit_machine

@@ -17,6 +17,7 @@ module dotyk_driver_scene
   use dotyk_model_assembly, only: assemble_bodies, check_held
   use dotyk_model_body_setup, only: body_surfaces_t, build_bodies
   use dotyk_model_pairs, only: find_pairs
+  use dotyk_ranks_exchange, only: meet
   use dotyk_scheme_body_compliance, only: body_compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_scheme, only: scheme_t
@@ -81,30 +82,34 @@ contains
       do i = 1, size(remarks)
         call monitor%log%line('  '//remarks(i)%s)
       end do
+      call meet()
       call stop_if_interrupted(error)
       if (allocated(error)) return
       call monitor%watch%lap(monitor%timing%read)
       call problem%classes%init(size(problem%body))
       call problem%classes%find(problem%body)
+      call problem%ranks%init(problem%body, problem%classes)
       if (scheme%needs_held_bodies()) call check_held(case, problem%body, problem%classes, error)
       if (allocated(error)) return
       call set_stage('assembling')
       form = choose_forms(problem%body, problem%classes, case%solver%response, may_use_multigrid(case))
-      call assemble_bodies(case, problem%classes, form, problem%body, problem%modes, scene%stiffness, scene%slot, error)
+      call assemble_bodies(case, problem%classes, problem%ranks, form, problem%body, problem%modes, scene%stiffness, &
+                           scene%slot, error)
       call stop_if_interrupted(error)
       if (allocated(error)) return
       call monitor%watch%lap(monitor%timing%assemble)
       call set_stage('searching for contact')
       call find_pairs(case, problem%body, surfaces, problem%surface_a, problem%surface_b, problem%pair, scene%theta, &
                       problem%found, error)
+      call meet()
       call stop_if_interrupted(error)
       if (allocated(error)) return
       call build_operator(case%scene%dimension, size(problem%body), problem%pair, problem%surface_a, &
                           problem%surface_b, scene%operator)
       call monitor%watch%lap(monitor%timing%search)
       call set_stage('ordering the equations')
-      call analyze_bodies(problem%body, problem%modes, scene%stiffness, problem%classes, scene%operator%block, &
-                          case%solver%response, scheme%expected_products(), scene%slot, scene%size_of, error)
+      call analyze_bodies(problem%body, problem%modes, scene%stiffness, problem%classes, problem%ranks, &
+                          scene%operator%block, case%solver%response, scheme%expected_products(), scene%slot, scene%size_of, error)
       call stop_if_interrupted(error)
       if (allocated(error)) return
       call monitor%watch%lap(monitor%timing%order)

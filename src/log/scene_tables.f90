@@ -19,6 +19,7 @@ module dotyk_log_scene_tables
   use dotyk_log_load_tables, only: show_loads
   use dotyk_log_progress, only: duration
   use dotyk_mesh_surface, only: surface_t
+  use dotyk_ranks_communication, only: n_ranks
   implicit none
   private
   public :: show_title, show_scene, show_factorization, show_prediction
@@ -36,16 +37,18 @@ contains
     type(case_t), intent(in) :: case
     !> Number of threads.
     integer, intent(in) :: threads
-    character(:), allocatable :: title, pairs
+    character(:), allocatable :: title, pairs, ranks
     title = case%scene%title
     if (len(title) == 0) title = case%file
     pairs = counted(size(case%contact), 'contact pair')
     if (any(case%contact%searched)) pairs = 'search for contact pairs'
+    ranks = ''
+    if (n_ranks() > 1) ranks = counted(n_ranks(), 'rank')//' of '
     call log%line('dotyk '//version//' - '//title)
     call log%line('  '//case%file//', '//option_name(analysis_names, case%scene%analysis)//', '// &
                   counted(size(case%body), 'body', 'bodies')//', '// &
                   pairs//', '// &
-                  counted(threads, 'thread'))
+                  ranks//counted(threads, 'thread'))
   end subroutine show_title
 
   !> Bodies, treatment of locking, and contact pairs.

@@ -6,12 +6,14 @@ module dotyk_model_assembly
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: option_name, scheme_names
   use dotyk_base_text, only: quoted, to_text
+  use dotyk_control_body_ranks, only: body_ranks_t
   use dotyk_control_congruence_classes, only: congruence_classes_t
   use dotyk_control_parallel, only: largest_first
   use dotyk_control_response_choice, only: assemble_representative, operator_slot_t
   use dotyk_elasticity_body, only: body_t, free_rigid_modes, stiffness_t
   use dotyk_elasticity_body_modes, only: body_modes_t
   use dotyk_input_case, only: case_t
+  use dotyk_ranks_exchange, only: share, share_errors
   implicit none
   private
   public :: check_held, assemble_bodies
@@ -51,11 +53,13 @@ contains
 
   !> Assemble all bodies: much larger ones with all threads, then the others in parallel; all problems are reported
   !> together.
-  subroutine assemble_bodies(case, classes, form, body, modes, stiffness, slot, error)
+  subroutine assemble_bodies(case, classes, ranks, form, body, modes, stiffness, slot, error)
     !> The case.
     type(case_t), intent(in) :: case
     !> Congruence classes of the bodies.
     type(congruence_classes_t), intent(in) :: classes
+    !> Which rank computes which bodies.
+    type(body_ranks_t), intent(in) :: ranks
     !> How they are solved: one of `form_*` of dotyk_control_response_choice (n_bodies).
     integer, intent(in) :: form(:)
     !> Bodies (n_bodies); only the first one of each congruence class gets a stiffness matrix.
@@ -72,28 +76,32 @@ contains
     type(error_slot_t), allocatable :: failed(:)
     integer :: i, b, order(size(body))
     logical :: alone(size(body))
-    real(dp) :: share
+    real(dp) :: share_of_thread
     allocate (failed(size(body)), modes(size(body)), stiffness(size(body)), slot(size(body)))
     order = largest_first(real(body%constraint%n_equations, dp))
     ! The other threads would wait for a body that exceeds the share of one thread.
-    share = sum(real(body%constraint%n_equations, dp), mask=[(classes%is_representative(b), b=1, size(body))])
-    share = share/omp_get_max_threads()
+    share_of_thread = sum(real(body%constraint%n_equations, dp), mask=ranks%factorizes)/omp_get_max_threads()
     alone = .false.
     if (omp_get_max_threads() > 1) then
-      alone = [(classes%is_representative(b) .and. body(b)%constraint%n_equations > 1.2_dp*share, b=1, size(body))]
+      alone = ranks%factorizes .and. body%constraint%n_equations > 1.2_dp*share_of_thread
     end if
     do b = 1, size(body)
       if (interrupted()) cycle
       if (alone(b)) call assemble_representative(body(b), form(b), modes(b), stiffness(b), slot(b), failed(b)%error)
     end do
     !$omp parallel default(none) private(b) &
-    !$omp& shared(body, classes, form, modes, stiffness, slot, failed, order, alone)
+    !$omp& shared(body, classes, ranks, form, modes, stiffness, slot, failed, order, alone)
     !$omp do schedule(dynamic, 1)
     do i = 1, size(body)
       b = order(i)
       if (interrupted()) cycle
       if (alone(b) .or. .not. classes%is_representative(b)) cycle
-      call assemble_representative(body(b), form(b), modes(b), stiffness(b), slot(b), failed(b)%error)
+      if (ranks%factorizes(b)) then
+        call assemble_representative(body(b), form(b), modes(b), stiffness(b), slot(b), failed(b)%error)
+      else
+        call body(b)%assemble_loads(failed(b)%error)
+        call modes(b)%find(body(b))
+      end if
     end do
     !$omp end do
     !$omp do schedule(dynamic, 1)
@@ -106,10 +114,14 @@ contains
     end do
     !$omp end do
     !$omp end parallel
+    call share_errors(ranks%owner, failed)
     do b = 1, size(body)
       call problems%add_error(failed(b)%error, body_context(case, b))
     end do
     call problems%raise(error)
+    if (allocated(error)) return
+    call share(ranks%owner, body%volume)
+    call share(ranks%owner, body%mean_modulus_factor)
   end subroutine assemble_bodies
 
   !> Context of the errors of a body: "file:line: body 'upper': ".

@@ -5,14 +5,33 @@ module dotyk_model_mesh_file
   use dotyk_mesh_gmsh, only: read_gmsh
   use dotyk_mesh_gmsh_run, only: mesh_geometry, meshing_t
   use dotyk_mesh_mesh, only: mesh_t
+  use dotyk_ranks_communication, only: this_rank
+  use dotyk_ranks_exchange, only: meet
   implicit none
   private
   public :: read_mesh
 
 contains
 
-  !> Read a .msh file, or a .geo file that gmsh meshes.
+  !> Read a .msh file, or a .geo file that gmsh meshes: for the first rank, and the others read what it has made.
   subroutine read_mesh(path, dimension, mesh, meshing, error)
+    !> Path of the mesh or geometry.
+    character(*), intent(in) :: path
+    !> Dimension of space, for gmsh.
+    integer, intent(in) :: dimension
+    !> The mesh.
+    type(mesh_t), intent(out) :: mesh
+    !> What geometries may do; what was found in this one is set.
+    type(meshing_t), intent(inout) :: meshing
+    !> Allocated where the file cannot be read or meshed.
+    type(error_t), allocatable, intent(out) :: error
+    if (this_rank() == 0) call read_or_make(path, dimension, mesh, meshing, error)
+    call meet()
+    if (this_rank() > 0) call read_or_make(path, dimension, mesh, meshing, error)
+  end subroutine read_mesh
+
+  !> Read a .msh file, or a .geo file that gmsh meshes.
+  subroutine read_or_make(path, dimension, mesh, meshing, error)
     !> Path of the mesh or geometry.
     character(*), intent(in) :: path
     !> Dimension of space, for gmsh.
@@ -34,5 +53,5 @@ contains
     if (meshing%for_once) call remove_file(msh)
     ! Messages name the file of the namelist.
     if (.not. allocated(error)) mesh%file = path
-  end subroutine read_mesh
+  end subroutine read_or_make
 end module dotyk_model_mesh_file

@@ -8,6 +8,8 @@
 module dotyk_scheme_body_compliance
   use dotyk_base_kinds, only: dp
   use dotyk_contact_operator, only: contact_block_t
+  use dotyk_ranks_communication, only: n_ranks, this_rank
+  use dotyk_ranks_exchange, only: item_t, share
   use dotyk_response_body_grid, only: body_grid_t
   use dotyk_response_response, only: response_slot_t
   use dotyk_scheme_compliance, only: compliance_t, entries_t
@@ -129,7 +131,7 @@ contains
     integer :: b
     error = 0
     do b = 1, size(self%body)
-      if (self%body(b)%representative == b) error = max(error, self%response(b)%form%solve_error())
+      if (allocated(self%response(b)%form)) error = max(error, self%response(b)%form%solve_error())
     end do
   end function compliance_solve_error
 
@@ -170,9 +172,12 @@ contains
     !$omp parallel do default(none) shared(self, qp, lambda, force, formed, moved) schedule(dynamic, 1) &
     !$omp& if (self%side_by_side)
     do i = 1, size(self%batch)
+      ! A batch is solved as a whole, so that its digits do not depend on the ranks of its bodies.
+      if (.not. any(self%body(self%batch(i)%body)%owner == this_rank())) cycle
       call multiply_batch(self, qp, self%batch(i)%body, formed, lambda, force, moved)
     end do
     !$omp end parallel do
+    call share_moved(self%body%owner, lambda, moved)
     ! In the order of the bodies: the sum must not depend on which thread is first.
     z = 0
     do b = 1, size(self%body)
@@ -190,6 +195,26 @@ contains
     if (any(formed)) z = z + moved_formed(qp%parent_row)
     if (.not. all(formed)) self%n_sweeps = self%n_sweeps + 1
   end subroutine compliance_multiply
+
+  !> Make the displacements of the rows of all bodies known to all ranks.
+  subroutine share_moved(owner, lambda, moved)
+    !> Rank of each body (n_bodies).
+    integer, intent(in) :: owner(:)
+    !> Contact forces, which must be the same on all ranks (n_rows) [force].
+    real(dp), intent(in) :: lambda(:)
+    !> Displacements of the bodies of this rank in, of all bodies out (n_bodies).
+    type(row_displacement_t), intent(inout) :: moved(:)
+    type(item_t) :: item(size(moved))
+    integer :: b
+    if (n_ranks() == 1) return
+    do b = 1, size(moved)
+      if (owner(b) == this_rank()) call move_alloc(moved(b)%value, item(b)%value)
+    end do
+    call share(owner, item, lambda)
+    do b = 1, size(moved)
+      call move_alloc(item(b)%value, moved(b)%value)
+    end do
+  end subroutine share_moved
 
   !> The products of one batch of congruent bodies.
   subroutine multiply_batch(self, qp, body, formed, lambda, force, moved)
@@ -366,9 +391,14 @@ contains
     real(dp), intent(out) :: path
     !> Entries that a product with the compliance goes through [].
     real(dp), intent(out) :: solve
-    associate (equation => self%body(b)%map%equation)
-      path = self%response(self%body(b)%representative)%form%path_entries(pack(equation, equation > 0))
-    end associate
+    real(dp) :: of_owner(1)
+    if (self%body(b)%owner == this_rank()) then
+      associate (equation => self%body(b)%map%equation)
+        of_owner = self%response(self%body(b)%representative)%form%path_entries(pack(equation, equation > 0))
+      end associate
+    end if
+    call share([self%body(b)%owner], of_owner)
+    path = of_owner(1)
     solve = self%body(b)%cost
   end subroutine compliance_get_costs
 

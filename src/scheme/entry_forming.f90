@@ -6,6 +6,8 @@ module dotyk_scheme_entry_forming
   use dotyk_contact_operator, only: contact_block_t
   use dotyk_linalg_blas, only: blas_threads, set_blas_threads
   use dotyk_linalg_sparse, only: sparse_rows_t
+  use dotyk_ranks_communication, only: n_ranks, this_rank
+  use dotyk_ranks_exchange, only: item_t, share
   use dotyk_response_contact_map, only: contact_map_t
   use dotyk_response_response, only: response_slot_t, response_t, substituted_rows_t
   use dotyk_scheme_congruent_rows, only: have_same_rows
@@ -28,6 +30,8 @@ module dotyk_scheme_entry_forming
     real(dp), allocatable :: nodal_stiffness(:)
     !> Entries that a solve goes through twice.
     real(dp) :: cost = 0
+    !> Rank that solves the body.
+    integer :: owner = 0
     !> Displacement without contact, u_0, and the last one by a scheme that finds displacements, u without its rigid
     !> body modes; allocated for bodies that are solved iteratively (n_equations) [length].
     real(dp), allocatable :: free(:), found(:)
@@ -126,7 +130,8 @@ contains
     end do
   end subroutine cut_rows
 
-  !> Substitute all blocks of rows, and multiply each block that has new rows with all blocks up to it.
+  !> Substitute all blocks of rows, and multiply each block that has new rows with all blocks up to it; each rank those
+  !> of its bodies.
   subroutine form_blocks(response, body, contact, blocks, first_new, may_stop, matrix)
     !> Operators of the representatives (n_bodies).
     type(response_slot_t), intent(inout) :: response(:)
@@ -146,7 +151,7 @@ contains
     integer :: b, i, k, n_blas
     allocate (substitution(0), product(0))
     do b = 1, size(blocks)
-      if (first_new(b) == 0) cycle
+      if (first_new(b) == 0 .or. body(b)%owner /= this_rank()) cycle
       call response(body(b)%representative)%form%prepare_substitution()
       allocate (blocks(b)%substituted(size(blocks(b)%first) - 1))
       ! L^{-1} B^T takes as much memory as C: that of old rows was not kept.
@@ -179,7 +184,36 @@ contains
     !$omp end do
     !$omp end parallel
     call set_blas_threads(n_blas)
+    call share_entries(body, first_new, matrix)
   end subroutine form_blocks
+
+  !> Make the new entries of all bodies known to all ranks.
+  subroutine share_entries(body, first_new, matrix)
+    !> Bodies (n_bodies).
+    type(body_operator_t), intent(in) :: body(:)
+    !> First new row of each body; 0: it has none (n_bodies).
+    integer, intent(in) :: first_new(:)
+    !> With the new entries of the bodies of this rank in, of all bodies out.
+    type(dense_compliance_t), intent(inout) :: matrix
+    type(item_t) :: columns(size(body))
+    integer :: b, n
+    if (n_ranks() == 1) return
+    do b = 1, size(body)
+      if (first_new(b) == 0 .or. body(b)%owner /= this_rank()) cycle
+      associate (new => matrix%body(b)%value(:, first_new(b):))
+        columns(b)%value = reshape(new, [size(new)])
+      end associate
+    end do
+    call share(body%owner, columns)
+    do b = 1, size(body)
+      if (first_new(b) == 0 .or. body(b)%owner == this_rank()) cycle
+      associate (value => matrix%body(b)%value)
+        n = size(value, 1)
+        value(:, first_new(b):) = reshape(columns(b)%value, [n, n - first_new(b) + 1])
+        value(first_new(b):, :first_new(b) - 1) = transpose(value(:first_new(b) - 1, first_new(b):))
+      end associate
+    end do
+  end subroutine share_entries
 
   !> Whether the program was asked to stop, and forming entries ends then.
   logical function has_to_stop(may_stop)

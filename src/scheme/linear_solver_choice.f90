@@ -10,6 +10,7 @@ module dotyk_scheme_linear_solver_choice
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_contact_graph, only: elimination_cost
   use dotyk_scheme_direct_system, only: direct_system_t
+  use dotyk_ranks_exchange, only: on_any_rank
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_iterative_system, only: iterative_system_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
@@ -91,7 +92,7 @@ contains
       bytes = bytes + 8*n**2 + 8*n*sqrt(2*path)
     end do
     memory = memory_now()
-    cheaper = direct_cost > iterative_cost .or. bytes > room_for_matrices(memory)
+    cheaper = on_any_rank(direct_cost > iterative_cost .or. bytes > room_for_matrices(memory))
   end function is_matrix_free_cheaper
 
   !> Bytes for compliances and factors on this machine.

@@ -7,6 +7,7 @@ module dotyk_scheme_stopping
     default_tolerance, stop_increment, stop_paper
   use dotyk_base_timer, only: wall_time
   use dotyk_scheme_bounds, only: duality_gap
+  use dotyk_ranks_exchange, only: on_any_rank
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_history, only: history_t
   use dotyk_scheme_monitor, only: monitor_t
@@ -194,7 +195,9 @@ contains
     state%ended = ended_limit
     at_limit = state%history%n >= self%settings%max_iterations
     waited = wall_time() - self%resumed
-    if (.not. at_limit .and. waited >= self%settings%time_limit) state%ended = ended_time
+    if (self%settings%time_limit < huge(waited)) then
+      if (on_any_rank(waited >= self%settings%time_limit) .and. .not. at_limit) state%ended = ended_time
+    end if
     if (interrupted()) state%ended = ended_interrupted
     finished = at_limit .or. state%ended /= ended_limit
     if (.not. finished) call monitor%step(state%history, self%settings%tolerance, measure)

@@ -7,8 +7,8 @@ module test_problem
   use dotyk_contact_operator, only: contact_operator_t
   use dotyk_control_contact_free, only: contact_free_t, solve_without_contact
   use dotyk_control_contact_problem, only: contact_problem_t
-  use dotyk_control_factorization, only: analyze_bodies, factor_size_t, factorize_bodies, find_modes, &
-    make_operators
+  use dotyk_control_body_operators, only: find_modes, make_operators
+  use dotyk_control_factorization, only: analyze_bodies, factor_size_t, factorize_bodies
   use dotyk_control_response_choice, only: operator_slot_t
   use dotyk_elasticity_body, only: stiffness_t
   use dotyk_response_response, only: response_slot_t
@@ -46,6 +46,7 @@ contains
     n = size(problem%body)
     allocate (problem%modes(n), stiffness(n))
     call problem%classes%init(n)
+    call problem%ranks%init(problem%body, problem%classes)
     do b = 1, n
       call problem%body(b)%assemble(stiffness(b), error)
       if (allocated(error)) return
@@ -53,17 +54,18 @@ contains
     end do
     associate (classes => problem%classes, block => operator%block)
       allocate (direct(size(classes%first)))
-      call analyze_bodies(problem%body, problem%modes, stiffness, classes, block, response_full, 1, direct, size_of, &
-                          error)
+      call analyze_bodies(problem%body, problem%modes, stiffness, classes, problem%ranks, block, response_full, 1, &
+                          direct, size_of, error)
       if (allocated(error)) return
-      call factorize_bodies(problem%body, classes, problem%modes, .false., size_of, stiffness, direct, &
+      call factorize_bodies(problem%body, problem%ranks, problem%modes, .false., size_of, stiffness, direct, &
                             problem%report, error)
       if (allocated(error)) return
       call find_modes(problem%body, classes, block, problem%report, problem%modes, modes, error)
       if (allocated(error)) return
-      call make_operators(problem%body, classes, block, problem%report, size_of, direct, response, operators)
-      call solve_without_contact(problem%body, block, operator%gap, response, classes%first, .true., 1, free, &
-                                 problem%isolated)
+      call make_operators(problem%body, classes, problem%ranks, block, problem%report, size_of, direct, response, &
+                          operators)
+      call solve_without_contact(problem%body, problem%ranks, block, operator%gap, response, classes%first, .true., &
+                                 1, free, problem%isolated)
       call coarse%init(block, operator%n_rows, modes)
     end associate
     allocate (foundation(operator%n_rows), source=1.0_dp)

@@ -1,9 +1,15 @@
 # dotyk_layer(name LAYERS <direct dependencies> EXTERNAL <libraries>)
 # One static library per folder of src/, with its own module directory. Dependencies are PRIVATE, so that a layer sees the
-# modules of the layers it names and of no others: a forbidden `use` does not compile.
+# modules of the layers it names and of no others: a forbidden `use` does not compile. Of the folders serial and mpi of a
+# layer, which have modules of the same names, one is taken.
 function(dotyk_layer name)
   cmake_parse_arguments(arg "" "" "LAYERS;EXTERNAL" ${ARGN})
   file(GLOB_RECURSE sources CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/src/${name}/*.f90 ${PROJECT_SOURCE_DIR}/src/${name}/*.c)
+  if(DOTYK_MPI)
+    list(FILTER sources EXCLUDE REGEX "/src/${name}/serial/")
+  else()
+    list(FILTER sources EXCLUDE REGEX "/src/${name}/mpi/")
+  endif()
   # Templates, such as the version, are filled in.
   file(GLOB_RECURSE templates CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/src/${name}/*.f90.in)
   foreach(template ${templates})

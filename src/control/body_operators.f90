@@ -1,0 +1,127 @@
+!> What the schemes get of the bodies: the modes that they solve for, and the compliance operators.
+module dotyk_control_body_operators
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_contact_operator, only: contact_block_t
+  use dotyk_control_body_ranks, only: body_ranks_t
+  use dotyk_control_congruence_classes, only: congruence_classes_t
+  use dotyk_control_factorization, only: factor_size_t
+  use dotyk_control_response_choice, only: operator_slot_t
+  use dotyk_elasticity_body, only: body_t
+  use dotyk_elasticity_body_modes, only: body_modes_t
+  use dotyk_ranks_exchange, only: item_t, share
+  use dotyk_response_near_null_modes, only: separate_by_contact
+  use dotyk_response_response, only: response_slot_t
+  use dotyk_response_stiffness_factor, only: factorization_report_t
+  use dotyk_scheme_body_compliance, only: body_operator_t
+  use dotyk_scheme_coarse_space, only: contact_modes_t
+  implicit none
+  private
+  public :: find_modes, make_operators
+
+contains
+
+  !> The modes that the scheme solves for: near-null-space modes where the factorization found them, rigid body modes
+  !> elsewhere.
+  subroutine find_modes(body, classes, block, report, modes, at_contact, error)
+    !> Assembled (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    !> Classes of congruent bodies.
+    type(congruence_classes_t), intent(in) :: classes
+    !> Rows of B (n_bodies).
+    type(contact_block_t), intent(in) :: block(:)
+    !> Reports of the representatives (n_bodies).
+    type(factorization_report_t), intent(in) :: report(:)
+    !> Rigid body modes; those that are near-null-space modes are replaced (n_bodies).
+    type(body_modes_t), intent(inout) :: modes(:)
+    !> The modes at the contact nodes (n_bodies).
+    type(contact_modes_t), allocatable, intent(out) :: at_contact(:)
+    !> Allocated where a mode at the contact rows is not finite, or LAPACK's singular value decomposition does not
+    !> converge.
+    type(error_t), allocatable, intent(out) :: error
+    integer :: b
+    allocate (at_contact(size(body)))
+    do b = 1, size(body)
+      associate (of_class => report(classes%first(b)))
+        if (allocated(of_class%near_null)) call take_near_null(body(b), block(b), of_class, modes(b), error)
+        if (allocated(error)) return
+      end associate
+      at_contact(b)%displacement = reshape(modes(b)%shape(:, block(b)%contact_node, :), &
+                                           [size(modes(b)%shape, 1)*size(block(b)%contact_node), modes(b)%n])
+      at_contact(b)%resultant = modes(b)%resultant
+      if (.not. modes(b)%is_near_null()) cycle
+      at_contact(b)%stiffness = modes(b)%stiffness
+      at_contact(b)%lift_resultant = modes(b)%lift_resultant
+      at_contact(b)%resultant_size = modes(b)%resultant_size
+    end do
+  end subroutine find_modes
+
+  !> The near-null-space modes of one body, separated by what its contact rows feel.
+  subroutine take_near_null(body, block, report, modes, error)
+    !> The body, assembled.
+    type(body_t), intent(in) :: body
+    !> Its rows of B.
+    type(contact_block_t), intent(in) :: block
+    !> Report of the representative.
+    type(factorization_report_t), intent(in) :: report
+    !> Replaced by the near-null-space modes.
+    type(body_modes_t), intent(inout) :: modes
+    !> As in `find_modes`.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp), allocatable :: mode(:, :), stiffness(:, :), at_rows(:, :), u(:, :)
+    integer :: k
+    allocate (mode, mold=report%near_null)
+    mode = report%near_null
+    stiffness = report%near_null_stiffness
+    allocate (at_rows(size(block%row), size(mode, 2)), u(body%dimension, body%mesh%n_nodes()))
+    do k = 1, size(mode, 2)
+      if (size(block%row) == 0) cycle
+      call body%constraint%expand(mode(:, k), u, .false.)
+      call block%matrix%multiply(reshape(u(:, block%contact_node), [body%dimension*size(block%contact_node)]), &
+                                 at_rows(:, k))
+    end do
+    call separate_by_contact(at_rows, mode, stiffness, error)
+    if (.not. allocated(error)) call modes%take_near_null(body, mode, stiffness)
+  end subroutine take_near_null
+
+  !> What the compliance of all bodies is made of.
+  subroutine make_operators(body, classes, ranks, block, report, size_of, slot, response, operators)
+    !> Assembled (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    !> Classes of congruent bodies.
+    type(congruence_classes_t), intent(in) :: classes
+    !> Which rank computes which bodies.
+    type(body_ranks_t), intent(in) :: ranks
+    !> Rows of B (n_bodies).
+    type(contact_block_t), intent(in) :: block(:)
+    !> Reports of the representatives (n_bodies).
+    type(factorization_report_t), intent(in) :: report(:)
+    !> Sizes of the factors (n_bodies).
+    type(factor_size_t), intent(in) :: size_of(:)
+    !> Factorized; empty on return (n_bodies).
+    type(operator_slot_t), intent(inout) :: slot(:)
+    !> Compliance operators of the representatives (n_bodies).
+    type(response_slot_t), allocatable, intent(out) :: response(:)
+    !> Parts of the compliance that belong to each body (n_bodies).
+    type(body_operator_t), allocatable, intent(out) :: operators(:)
+    type(item_t) :: diagonal(size(body))
+    integer :: b
+    allocate (response(size(body)), operators(size(body)))
+    do b = 1, size(body)
+      if (allocated(slot(b)%direct)) call move_alloc(slot(b)%direct, response(b)%form)
+      if (allocated(slot(b)%multigrid)) call move_alloc(slot(b)%multigrid, response(b)%form)
+      associate (own => operators(b), d => body(b)%dimension)
+        own%representative = classes%first(b)
+        own%rotation = classes%motion(b)%rotation(:d, :d)
+        call own%map%init(body(b)%constraint, block(b)%contact_node)
+        if (ranks%is_own(b)) diagonal(b)%value = own%map%diagonal(report(classes%first(b))%diagonal)
+        own%cost = real(size_of(b)%product_entries, dp)
+        own%owner = ranks%owner(b)
+      end associate
+    end do
+    call share(ranks%owner, diagonal)
+    do b = 1, size(body)
+      call move_alloc(diagonal(b)%value, operators(b)%nodal_stiffness)
+    end do
+  end subroutine make_operators
+end module dotyk_control_body_operators

@@ -1,0 +1,119 @@
+!> Which rank of an MPI run computes which bodies.
+!>
+!> A body belongs to one rank, which solves it. A rank that has bodies of a congruence class assembles and factorizes
+!> their representative, even if another rank does the same: solves with one factor have the same digits on all ranks.
+module dotyk_control_body_ranks
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_sort, only: sort_order
+  use dotyk_control_congruence_classes, only: congruence_classes_t
+  use dotyk_elasticity_body, only: body_t
+  use dotyk_ranks_communication, only: n_ranks, this_rank
+  implicit none
+  private
+
+  !> The bodies of all ranks.
+  type, public :: body_ranks_t
+    !> Rank of each body (n_bodies).
+    integer, allocatable :: owner(:)
+    !> Whether this rank assembles and factorizes the body: it represents a class of which the rank has bodies
+    !> (n_bodies).
+    logical, allocatable :: factorizes(:)
+  contains
+    procedure :: init => body_ranks_init
+    procedure :: is_own => body_ranks_is_own
+    procedure :: load_imbalance => body_ranks_load_imbalance
+  end type body_ranks_t
+
+  public :: share_out
+
+  !> Congruent bodies that stay together, if there are as many: their solves are made side by side in batches.
+  integer, parameter :: stay_together = 8
+
+contains
+
+  !> Share the bodies out.
+  subroutine body_ranks_init(self, body, classes)
+    class(body_ranks_t), intent(out) :: self
+    !> Bodies with supports, not assembled (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    !> Congruence classes.
+    type(congruence_classes_t), intent(in) :: classes
+    integer :: b
+    self%owner = share_out(work_of(real(body%constraint%n_equations, dp)), classes%first, n_ranks())
+    allocate (self%factorizes(size(body)), source=.false.)
+    do b = 1, size(body)
+      if (self%is_own(b)) self%factorizes(classes%first(b)) = .true.
+    end do
+  end subroutine body_ranks_init
+
+  !> Whether a body belongs to this rank.
+  elemental logical function body_ranks_is_own(self, b) result(is_own)
+    class(body_ranks_t), intent(in) :: self
+    !> The body.
+    integer, intent(in) :: b
+    is_own = self%owner(b) == this_rank()
+  end function body_ranks_is_own
+
+  !> Work of the busiest rank over the mean of all [].
+  pure real(dp) function body_ranks_load_imbalance(self, n_equations) result(imbalance)
+    class(body_ranks_t), intent(in) :: self
+    !> Equations of the bodies (n_bodies).
+    integer, intent(in) :: n_equations(:)
+    real(dp) :: load(0:n_ranks() - 1)
+    integer :: r
+    load = [(sum(work_of(real(n_equations, dp)), mask=self%owner == r), r=0, n_ranks() - 1)]
+    imbalance = maxval(load)/max(tiny(load), sum(load)/n_ranks())
+  end function body_ranks_load_imbalance
+
+  !> Work of a body: between that of a solve, n^(4/3), and that of a factorization, n^2 [].
+  elemental real(dp) function work_of(n_equations) result(work)
+    !> Number of equations.
+    real(dp), intent(in) :: n_equations
+    work = max(1.0_dp, n_equations)**1.5_dp
+  end function work_of
+
+  !> A rank for each body: classes of congruent bodies in portions, the largest first, each to the rank with least work
+  !> so far.
+  pure function share_out(work, first, n) result(owner)
+    !> Work of each body (n_bodies) [].
+    real(dp), intent(in) :: work(:)
+    !> Representative of the class of each body (n_bodies).
+    integer, intent(in) :: first(:)
+    !> Number of ranks.
+    integer, intent(in) :: n
+    integer :: owner(size(work))
+    integer :: portion(size(work)), order(size(work)), n_portions, b, r, k, members, per_portion, taken
+    real(dp) :: load(0:n - 1), cost(size(work)), share
+    owner = 0
+    if (n == 1) return
+    share = sum(work)/n
+    n_portions = 0
+    cost = 0
+    do b = 1, size(work)
+      if (first(b) /= b) cycle
+      members = count(first == b)
+      ! As many portions as its share of the work asks for.
+      per_portion = members
+      if (members*work(b) > share) per_portion = max(1, ceiling(members/real(ceiling(members*work(b)/share), dp)))
+      if (per_portion > stay_together) per_portion = stay_together*((per_portion + stay_together - 1)/stay_together)
+      taken = per_portion
+      do k = b, size(work)
+        if (first(k) /= b) cycle
+        if (taken == per_portion) then
+          n_portions = n_portions + 1
+          taken = 0
+        end if
+        taken = taken + 1
+        portion(k) = n_portions
+        cost(n_portions) = cost(n_portions) + work(b)
+      end do
+    end do
+    call sort_order(-cost(:n_portions), order(:n_portions))
+    load = 0
+    do k = 1, n_portions
+      r = minloc(load, dim=1) - 1
+      load(r) = load(r) + cost(order(k))
+      where (portion == order(k)) owner = r
+    end do
+  end function share_out
+end module dotyk_control_body_ranks

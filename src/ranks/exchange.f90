@@ -1,0 +1,259 @@
+!> What ranks exchange: the parts of a whole that each of them has computed, so that all of them go on with the same
+!> numbers.
+!>
+!> Every rank runs the same program. What has the size of the contact surfaces is on every rank, and the same to the
+!> bit; what has the size of a volume belongs to one rank. Items, mostly bodies, have an owner, and after an exchange
+!> every rank has the values of all items; sums over items are then made in the order of the items, whatever the number
+!> of ranks. With each exchange the ranks agree on interrupts (`dotyk_base_interrupt`). In a program on one rank
+!> nothing happens here.
+module dotyk_ranks_exchange
+  use, intrinsic :: iso_fortran_env, only: int8
+  use dotyk_base_error, only: error_slot_t, set_error, exit_machine
+  use dotyk_base_interrupt, only: agree_on_interrupt, is_asked
+  use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_log, only: print_error
+  use dotyk_ranks_communication, only: end_ranks, gather_bytes, gather_integers, gather_reals, greet, greeting_length, &
+    n_ranks, this_rank
+  implicit none
+  private
+  public :: share, share_errors, share_flat, on_any_rank, least_of_ranks, meet
+
+  !> Values of one item.
+  type, public :: item_t
+    !> (any) [any]; not allocated where there are none.
+    real(dp), allocatable :: value(:)
+  end type item_t
+
+  !> Make the values of all items known to all ranks.
+  interface share
+    module procedure :: share_items, share_values, share_logicals
+  end interface share
+
+  !> Kinds of exchanges, the first number of a greeting.
+  integer(int64), parameter :: of_items = 1, of_values = 2, of_bytes = 3, of_flag = 4, of_meeting = 5
+  !> Size of an item that is not allocated.
+  integer(int64), parameter :: not_there = -1
+
+contains
+
+  !> Wait for the other ranks, and agree on interrupts.
+  subroutine meet()
+    if (n_ranks() == 1) return
+    call agree_on(of_meeting, 0_int64)
+  end subroutine meet
+
+  !> Whether something holds on any rank.
+  logical function on_any_rank(holds) result(any_holds)
+    !> Whether it holds on this rank.
+    logical, intent(in) :: holds
+    integer(int64) :: all(greeting_length, n_ranks())
+    any_holds = holds
+    if (n_ranks() == 1) return
+    call greet([of_flag, 0_int64, merge(1_int64, 0_int64, is_asked()), merge(1_int64, 0_int64, holds)], all)
+    call check(all, 2)
+    any_holds = any(all(4, :) /= 0)
+  end function on_any_rank
+
+  !> The least of one number of each rank.
+  real(dp) function least_of_ranks(value) result(least)
+    !> That of this rank.
+    real(dp), intent(in) :: value
+    real(dp) :: all(n_ranks())
+    integer :: r
+    all(this_rank() + 1) = value
+    call share_values([(r, r=0, n_ranks() - 1)], all)
+    least = minval(all)
+  end function least_of_ranks
+
+  !> Values of the items of all ranks.
+  subroutine share_items(owner, item, same)
+    !> Rank that has each item (n_items).
+    integer, intent(in) :: owner(:)
+    !> Items of this rank in, all of them out (n_items).
+    type(item_t), intent(inout) :: item(:)
+    !> Numbers that must be the same on all ranks, for a check.
+    real(dp), intent(in), optional :: same(:)
+    integer(int64) :: length(size(item)), n(n_ranks()), first
+    integer(int64), allocatable :: own_length(:), all_length(:)
+    real(dp), allocatable :: own(:), all(:)
+    integer :: i, k, order(size(item))
+    if (n_ranks() == 1) return
+    length = not_there
+    do i = 1, size(item)
+      if (owner(i) == this_rank() .and. allocated(item(i)%value)) length(i) = size(item(i)%value, kind=int64)
+    end do
+    call agree_on(of_items, size(item, kind=int64), same)
+    own_length = pack(length, owner == this_rank())
+    allocate (all_length(size(item)))
+    order = by_owner(owner)
+    call gather_integers(own_length, numbers(owner, [(1_int64, i=1, size(item))]), all_length)
+    length(order) = all_length
+    n = numbers(owner, max(0_int64, length))
+    allocate (own(n(this_rank() + 1)), all(sum(n)))
+    first = 0
+    do i = 1, size(item)
+      if (owner(i) /= this_rank() .or. length(i) < 0) cycle
+      own(first + 1:first + length(i)) = item(i)%value
+      first = first + length(i)
+    end do
+    call gather_reals(own, n, all)
+    first = 0
+    do k = 1, size(item)
+      i = order(k)
+      if (owner(i) /= this_rank()) then
+        if (allocated(item(i)%value)) deallocate (item(i)%value)
+        if (length(i) >= 0) item(i)%value = all(first + 1:first + length(i))
+      end if
+      first = first + max(0_int64, length(i))
+    end do
+  end subroutine share_items
+
+  !> One number of each item.
+  subroutine share_values(owner, value)
+    !> Rank that has each item (n_items).
+    integer, intent(in) :: owner(:)
+    !> Values of the items of this rank in, of all out (n_items) [any].
+    real(dp), intent(inout) :: value(:)
+    real(dp) :: all(size(value))
+    integer :: i
+    if (n_ranks() == 1) return
+    call agree_on(of_values, size(value, kind=int64))
+    call gather_reals(pack(value, owner == this_rank()), numbers(owner, [(1_int64, i=1, size(value))]), all)
+    value(by_owner(owner)) = all
+  end subroutine share_values
+
+  !> One logical of each item.
+  subroutine share_logicals(owner, value)
+    !> Rank that has each item (n_items).
+    integer, intent(in) :: owner(:)
+    !> Values of the items of this rank in, of all out (n_items).
+    logical, intent(inout) :: value(:)
+    real(dp) :: number(size(value))
+    if (n_ranks() == 1) return
+    number = merge(1.0_dp, 0.0_dp, value)
+    call share_values(owner, number)
+    value = number > 0
+  end subroutine share_logicals
+
+  !> Bytes of each item, as many of each: derived types without allocatable components, by `transfer`.
+  subroutine share_flat(owner, bytes)
+    !> Rank that has each item (n_items).
+    integer, intent(in) :: owner(:)
+    !> Those of the items of this rank in, of all out (n_bytes, n_items).
+    integer(int8), intent(inout) :: bytes(:, :)
+    integer(int8) :: all(size(bytes, 1)*size(bytes, 2))
+    integer :: i
+    if (n_ranks() == 1) return
+    call agree_on(of_bytes, size(bytes, kind=int64))
+    call gather_bytes(pack(bytes, spread(owner == this_rank(), 1, size(bytes, 1))), &
+                      numbers(owner, [(size(bytes, 1, int64), i=1, size(owner))]), all)
+    bytes(:, by_owner(owner)) = reshape(all, shape(bytes))
+  end subroutine share_flat
+
+  !> Errors of the items of all ranks, so that all ranks report all of them.
+  subroutine share_errors(owner, failed)
+    !> Rank that has each item (n_items).
+    integer, intent(in) :: owner(:)
+    !> Errors of the items of this rank in, of all out (n_items).
+    type(error_slot_t), intent(inout) :: failed(:)
+    type(item_t), allocatable :: text(:)
+    character(:), allocatable :: message
+    integer :: i, k
+    if (n_ranks() == 1) return
+    if (.not. on_any_rank(any([(owner(i) == this_rank() .and. allocated(failed(i)%error), i=1, size(failed))]))) return
+    allocate (text(size(failed)))
+    do i = 1, size(failed)
+      if (owner(i) /= this_rank() .or. .not. allocated(failed(i)%error)) cycle
+      associate (error => failed(i)%error)
+        text(i)%value = [real(error%code, dp), (real(iachar(error%message(k:k)), dp), k=1, len(error%message))]
+      end associate
+    end do
+    call share_items(owner, text)
+    do i = 1, size(failed)
+      if (owner(i) == this_rank() .or. .not. allocated(text(i)%value)) cycle
+      message = repeat(' ', size(text(i)%value) - 1)
+      do k = 1, len(message)
+        message(k:k) = achar(nint(text(i)%value(k + 1)))
+      end do
+      call set_error(failed(i)%error, message, nint(text(i)%value(1)))
+    end do
+  end subroutine share_errors
+
+  !> Begin an exchange: all ranks do the same, with the same numbers, and agree on interrupts.
+  subroutine agree_on(what, n, same)
+    !> Kind of the exchange.
+    integer(int64), intent(in) :: what
+    !> Number of items.
+    integer(int64), intent(in) :: n
+    !> Numbers that must be the same on all ranks.
+    real(dp), intent(in), optional :: same(:)
+    integer(int64) :: all(greeting_length, n_ranks()), sum
+    sum = 0
+    if (present(same)) sum = checksum(same)
+    call greet([what, n, merge(1_int64, 0_int64, is_asked()), sum], all)
+    call check(all, 4)
+  end subroutine agree_on
+
+  !> End all ranks where they are not about to do the same: an error of the program, or processors that round
+  !> differently. Agree on interrupts.
+  subroutine check(all, n_alike)
+    !> Greetings of all ranks (greeting_length, n_ranks).
+    integer(int64), intent(in) :: all(:, :)
+    !> How many of their numbers must be alike, but for the third one.
+    integer, intent(in) :: n_alike
+    logical :: speaks
+    integer :: i, code
+    do i = 1, n_alike
+      if (i == 3 .or. .not. any(all(i, :) /= all(i, 1))) cycle
+      code = exit_machine
+      if (this_rank() == 0) call print_error('the ranks do not agree on their results, so that none are written: '// &
+                                             'run all of them on processors of one kind, or fewer of them')
+      call end_ranks(code, speaks)
+      stop exit_machine, quiet=.true.
+    end do
+    call agree_on_interrupt(any(all(3, :) /= 0))
+  end subroutine check
+
+  !> A number that tells arrays apart that differ in any bit.
+  pure integer(int64) function checksum(value) result(sum)
+    !> Numbers (n).
+    real(dp), intent(in) :: value(:)
+    integer :: i
+    sum = size(value)
+    do i = 1, size(value)
+      sum = ieor(ishftc(sum, 5), transfer(value(i), sum))
+    end do
+  end function checksum
+
+  !> Items in the order in which they are gathered: by ranks, then by their own order.
+  pure function by_owner(owner) result(order)
+    !> Rank of each item (n_items).
+    integer, intent(in) :: owner(:)
+    integer :: order(size(owner)), first(0:maxval([owner, 0]) + 1), i
+    first = 0
+    do i = 1, size(owner)
+      first(owner(i) + 1) = first(owner(i) + 1) + 1
+    end do
+    do i = 1, ubound(first, 1)
+      first(i) = first(i) + first(i - 1)
+    end do
+    do i = 1, size(owner)
+      first(owner(i)) = first(owner(i)) + 1
+      order(first(owner(i))) = i
+    end do
+  end function by_owner
+
+  !> Numbers that each rank has.
+  pure function numbers(owner, length) result(n)
+    !> Rank of each item (n_items).
+    integer, intent(in) :: owner(:)
+    !> Numbers of each item (n_items).
+    integer(int64), intent(in) :: length(:)
+    integer(int64) :: n(n_ranks())
+    integer :: i
+    n = 0
+    do i = 1, size(owner)
+      n(owner(i) + 1) = n(owner(i) + 1) + length(i)
+    end do
+  end function numbers
+end module dotyk_ranks_exchange

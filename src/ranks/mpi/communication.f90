@@ -1,0 +1,167 @@
+!> Messages between the ranks of an MPI run.
+!>
+!> Every exchange begins with the same short message of all ranks (`greet`): what each rank is about to do. A rank that
+!> ends, for whatever reason, says so there, and all others end with it: no rank waits for one that is gone.
+module dotyk_ranks_communication
+  use, intrinsic :: iso_fortran_env, only: int8
+  use mpi_f08, only: mpi_allgather, mpi_allgatherv, mpi_comm_free, mpi_comm_rank, mpi_comm_size, mpi_comm_split_type, &
+    mpi_comm_world, mpi_comm_type_shared, mpi_double_precision, mpi_finalize, mpi_info_null, mpi_init_thread, &
+    mpi_integer8, mpi_integer1, mpi_thread_funneled, mpi_comm, mpi_initialized, mpi_bcast
+  use dotyk_base_error, only: exit_machine
+  use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_memory, only: end_expected
+  implicit none
+  private
+  public :: start_ranks, end_ranks, this_rank, n_ranks, n_local_ranks, greet, gather_integers, gather_reals, &
+    gather_bytes, with_ranks
+
+  !> Whether the program was built with MPI.
+  logical, parameter :: with_ranks = .true.
+  !> Numbers in a greeting.
+  integer, parameter, public :: greeting_length = 4
+  !> First number of the greeting of a rank that ends; the second one is its exit code.
+  integer(int64), parameter, public :: is_ending = -1
+  !> Numbers that one message may have: MPI counts in default integers.
+  integer(int64), parameter :: most_numbers = huge(1)
+
+  !> Rank of this process, number of ranks, and that on its node; set once, at the start.
+  integer, protected :: own_rank = 0, number_of_ranks = 1, ranks_on_node = 1
+
+contains
+
+  !> Begin: before anything else is done.
+  subroutine start_ranks()
+    type(mpi_comm) :: node
+    integer :: provided
+    call mpi_init_thread(mpi_thread_funneled, provided)
+    call mpi_comm_rank(mpi_comm_world, own_rank)
+    call mpi_comm_size(mpi_comm_world, number_of_ranks)
+    call mpi_comm_split_type(mpi_comm_world, mpi_comm_type_shared, 0, mpi_info_null, node)
+    call mpi_comm_size(node, ranks_on_node)
+    call mpi_comm_free(node)
+  end subroutine start_ranks
+
+  !> End this rank. The others, whatever they are about to exchange, end with it. Its exit code is that of the lowest
+  !> rank that ended by itself, which is the one to print a message.
+  subroutine end_ranks(code, speaks)
+    !> Exit code of this rank in, that of all ranks out.
+    integer, intent(inout) :: code
+    !> Whether this rank is the lowest one that ended by itself.
+    logical, intent(out) :: speaks
+    integer(int64) :: all(greeting_length, number_of_ranks)
+    integer :: first
+    call exchange_greetings([is_ending, int(code, int64), 0_int64, 0_int64], all)
+    first = findloc(all(1, :), is_ending, dim=1)
+    speaks = first == own_rank + 1
+    code = int(all(2, first))
+    call mpi_finalize()
+  end subroutine end_ranks
+
+  !> Rank of this process, from 0.
+  pure integer function this_rank()
+    this_rank = own_rank
+  end function this_rank
+
+  !> Number of ranks.
+  pure integer function n_ranks()
+    n_ranks = number_of_ranks
+  end function n_ranks
+
+  !> Number of ranks on the node of this one.
+  pure integer function n_local_ranks()
+    n_local_ranks = ranks_on_node
+  end function n_local_ranks
+
+  !> Say what this rank is about to do, and hear it of all. Where a rank ends, the program ends here.
+  subroutine greet(greeting, all)
+    !> What this rank does.
+    integer(int64), intent(in) :: greeting(greeting_length)
+    !> What all ranks do (greeting_length, n_ranks).
+    integer(int64), intent(out) :: all(:, :)
+    integer :: first, code
+    call exchange_greetings(greeting, all)
+    first = findloc(all(1, :), is_ending, dim=1)
+    if (first == 0) return
+    code = int(all(2, first))
+    call mpi_finalize()
+    call end_expected()
+    stop code, quiet=.true.
+  end subroutine greet
+
+  !> The short message of all ranks.
+  subroutine exchange_greetings(greeting, all)
+    !> What this rank does.
+    integer(int64), intent(in) :: greeting(greeting_length)
+    !> What all ranks do (greeting_length, n_ranks).
+    integer(int64), intent(out) :: all(:, :)
+    call mpi_allgather(greeting, greeting_length, mpi_integer8, all, greeting_length, mpi_integer8, mpi_comm_world)
+  end subroutine exchange_greetings
+
+  !> Integers of all ranks, one rank after the other.
+  subroutine gather_integers(own, n, all)
+    !> Those of this rank.
+    integer(int64), intent(in) :: own(:)
+    !> Number of each rank (n_ranks).
+    integer(int64), intent(in) :: n(:)
+    !> Those of all ranks (sum(n)).
+    integer(int64), intent(out) :: all(:)
+    call mpi_allgatherv(own, size(own), mpi_integer8, all, counts(n), places(n), mpi_integer8, mpi_comm_world)
+  end subroutine gather_integers
+
+  !> Reals of all ranks, one rank after the other. Many numbers go rank by rank.
+  subroutine gather_reals(own, n, all)
+    !> Those of this rank.
+    real(dp), intent(in) :: own(:)
+    !> Number of each rank (n_ranks).
+    integer(int64), intent(in) :: n(:)
+    !> Those of all ranks (sum(n)).
+    real(dp), intent(out) :: all(:)
+    integer(int64) :: first, last, done
+    integer :: r
+    if (sum(n) < most_numbers) then
+      call mpi_allgatherv(own, size(own), mpi_double_precision, all, counts(n), places(n), mpi_double_precision, &
+                          mpi_comm_world)
+      return
+    end if
+    done = 0
+    do r = 0, number_of_ranks - 1
+      if (r == own_rank) all(done + 1:done + n(r + 1)) = own
+      do first = done + 1, done + n(r + 1), most_numbers
+        last = min(first + most_numbers - 1, done + n(r + 1))
+        call mpi_bcast(all(first:last), int(last - first + 1), mpi_double_precision, r, mpi_comm_world)
+      end do
+      done = done + n(r + 1)
+    end do
+  end subroutine gather_reals
+
+  !> Bytes of all ranks, one rank after the other.
+  subroutine gather_bytes(own, n, all)
+    !> Those of this rank.
+    integer(int8), intent(in) :: own(:)
+    !> Number of each rank (n_ranks).
+    integer(int64), intent(in) :: n(:)
+    !> Those of all ranks (sum(n)).
+    integer(int8), intent(out) :: all(:)
+    call mpi_allgatherv(own, size(own), mpi_integer1, all, counts(n), places(n), mpi_integer1, mpi_comm_world)
+  end subroutine gather_bytes
+
+  !> Numbers as MPI counts them.
+  pure function counts(n)
+    !> Numbers of the ranks (n_ranks).
+    integer(int64), intent(in) :: n(:)
+    integer :: counts(size(n))
+    if (sum(n) >= most_numbers) error stop exit_machine
+    counts = int(n)
+  end function counts
+
+  !> Where the numbers of each rank begin, from 0.
+  pure function places(n)
+    !> Numbers of the ranks (n_ranks).
+    integer(int64), intent(in) :: n(:)
+    integer :: places(size(n)), r
+    places(1) = 0
+    do r = 2, size(n)
+      places(r) = places(r - 1) + int(n(r - 1))
+    end do
+  end function places
+end module dotyk_ranks_communication

@@ -1,0 +1,90 @@
+!> The one rank of a program without MPI.
+module dotyk_ranks_communication
+  use, intrinsic :: iso_fortran_env, only: int8
+  use dotyk_base_kinds, only: dp, int64
+  implicit none
+  private
+  public :: start_ranks, end_ranks, this_rank, n_ranks, n_local_ranks, greet, gather_integers, gather_reals, &
+    gather_bytes, with_ranks
+
+  !> Whether the program was built with MPI.
+  logical, parameter :: with_ranks = .false.
+  !> Numbers in a greeting.
+  integer, parameter, public :: greeting_length = 4
+  !> First number of the greeting of a rank that ends.
+  integer(int64), parameter, public :: is_ending = -1
+
+contains
+
+  !> Begin.
+  subroutine start_ranks()
+  end subroutine start_ranks
+
+  !> End.
+  subroutine end_ranks(code, speaks)
+    !> Exit code.
+    integer, intent(inout) :: code
+    !> The one rank does.
+    logical, intent(out) :: speaks
+    speaks = .true.
+    associate (not_needed => code)
+    end associate
+  end subroutine end_ranks
+
+  !> Rank of this process, from 0.
+  pure integer function this_rank()
+    this_rank = 0
+  end function this_rank
+
+  !> Number of ranks.
+  pure integer function n_ranks()
+    n_ranks = 1
+  end function n_ranks
+
+  !> Number of ranks on the node of this one.
+  pure integer function n_local_ranks()
+    n_local_ranks = 1
+  end function n_local_ranks
+
+  !> Say what this rank is about to do.
+  pure subroutine greet(greeting, all)
+    !> What it does.
+    integer(int64), intent(in) :: greeting(greeting_length)
+    !> The same (greeting_length, 1).
+    integer(int64), intent(out) :: all(:, :)
+    all(:, 1) = greeting
+  end subroutine greet
+
+  !> Integers of the one rank.
+  pure subroutine gather_integers(own, n, all)
+    !> Its integers.
+    integer(int64), intent(in) :: own(:)
+    !> Their number (1).
+    integer(int64), intent(in) :: n(:)
+    !> The same.
+    integer(int64), intent(out) :: all(:)
+    all = own(:n(1))
+  end subroutine gather_integers
+
+  !> Reals of the one rank.
+  pure subroutine gather_reals(own, n, all)
+    !> Its reals.
+    real(dp), intent(in) :: own(:)
+    !> Their number (1).
+    integer(int64), intent(in) :: n(:)
+    !> The same.
+    real(dp), intent(out) :: all(:)
+    all = own(:n(1))
+  end subroutine gather_reals
+
+  !> Bytes of the one rank.
+  pure subroutine gather_bytes(own, n, all)
+    !> Its bytes.
+    integer(int8), intent(in) :: own(:)
+    !> Their number (1).
+    integer(int64), intent(in) :: n(:)
+    !> The same.
+    integer(int8), intent(out) :: all(:)
+    all = own(:n(1))
+  end subroutine gather_bytes
+end module dotyk_ranks_communication
