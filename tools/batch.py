@@ -7,6 +7,8 @@ import json
 import os
 import pathlib
 import re
+import shlex
+import signal
 import subprocess
 import sys
 import threading
@@ -24,6 +26,10 @@ def arguments():
     parser.add_argument("--directory", type=pathlib.Path, default=pathlib.Path("batch"), metavar="DIR",
                         help="where results, logs and batch.csv go (./batch)")
     parser.add_argument("--again", action="store_true", help="run what is already done, too")
+    parser.add_argument("--launcher", type=shlex.split, default=[], metavar="COMMAND",
+                        help="what starts the ranks of a program with MPI, such as 'mpirun -n 4'; a SIGTERM is handed on as it takes it")
+    parser.add_argument("--resume", action="store_true",
+                        help="start an unfinished case from the results of its last run, and go on in its log (for requeued jobs)")
     parser.add_argument("--only", type=int, metavar="I", help="run the I-th case only (from 1), for array jobs")
     args = parser.parse_args()
     if args.jobs < 1 or (args.threads or 1) < 1:
@@ -83,6 +89,7 @@ class Batch:
         self.names = names_of(args.cases)
         self.threads = args.threads or max(1, (os.cpu_count() or 1) // args.jobs)
         self.running, self.lock, self.stopped = set(), threading.Lock(), False
+        self.launcher = pathlib.Path(self.args.launcher[0]).name if self.args.launcher else ""
 
     def file(self, i, suffix):
         return self.args.directory / (self.names[i] + suffix)
@@ -93,21 +100,27 @@ class Batch:
         except (OSError, ValueError):
             return {}
 
-    def is_done(self, i):
+    def is_current(self, i):
+        """Whether case i has results that are newer than its inputs."""
         results = self.file(i, ".vtkhdf")
+        return results.is_file() and all(path.stat().st_mtime < results.stat().st_mtime for path in inputs_of(self.args.cases[i]))
+
+    def is_done(self, i):
         status = self.status(i)
-        if status.get("exit") != 0 or status.get("path") != str(self.args.cases[i].resolve()) or not results.is_file():
-            return False
-        return all(path.stat().st_mtime < results.stat().st_mtime for path in inputs_of(self.args.cases[i]))
+        return status.get("exit") == 0 and status.get("path") == str(self.args.cases[i].resolve()) and self.is_current(i)
 
     def run(self, i):
         """Run case i and note how it ended."""
         results, status = self.file(i, ".vtkhdf"), {"path": str(self.args.cases[i].resolve())}
         self.file(i, ".status").unlink(missing_ok=True)
-        results.unlink(missing_ok=True)
-        command = [os.environ["DOTYK"], str(self.args.cases[i]), "--output", str(results), "--threads", str(self.threads)]
+        command = [*self.args.launcher, os.environ["DOTYK"], str(self.args.cases[i]), "--output", str(results),
+                   "--threads", str(self.threads)]
+        if self.args.resume and self.is_current(i):
+            command += ["--restart", str(results)]
+        else:
+            results.unlink(missing_ok=True)
         start = time.monotonic()
-        with open(self.file(i, ".log"), "w") as log:
+        with open(self.file(i, ".log"), "a" if self.args.resume else "w") as log:
             with self.lock:
                 if self.stopped:
                     return
@@ -120,7 +133,9 @@ class Batch:
                 self.running.discard(process)
         status["exit"] = process.returncode if process.returncode >= 0 else 128 - process.returncode
         status["seconds"] = round(time.monotonic() - start, 3)
-        status["memory_mib"] = round(usage.ru_maxrss / 1024, 1)
+        # srun starts its ranks elsewhere.
+        if self.launcher != "srun":
+            status["memory_mib"] = round(usage.ru_maxrss / 1024, 1)
         if results.is_file():
             status.update(summary_of(results))
         write(self.file(i, ".status"), json.dumps(status) + "\n")
@@ -143,11 +158,19 @@ class Batch:
             with self.lock:
                 self.stopped = True
                 for process in self.running:
-                    process.terminate()
+                    self.stop(process)
         pool.shutdown()
 
+    def stop(self, process):
+        """Ask a run to end with its results. A SIGTERM to mpirun ends the ranks at once, SIGUSR1 reaches them; a SIGTERM to srun
+        kills them, and Slurm has sent them theirs already."""
+        if self.launcher in ("mpirun", "mpiexec", "orterun"):
+            process.send_signal(signal.SIGUSR1)
+        elif self.launcher != "srun":
+            process.terminate()
+
     def report(self):
-        """The table, on the screen and in batch.csv. Whether every case converged."""
+        """The table, on the screen and in batch.csv. The exit code: that of a single case, or 1 where one of many has not converged."""
         rows = []
         for i, name in enumerate(self.names):
             status = self.status(i)
@@ -167,7 +190,9 @@ class Batch:
             print("  ".join([row[0].ljust(widths[0])] + [text.rjust(width) for text, width in zip(row[1:], widths[1:])]))
         chosen = rows if self.args.only is None else [rows[self.args.only - 1]]
         print("\n%d of %d converged; as CSV in %s" % (sum(row[1] == 0 for row in chosen), len(chosen), target))
-        return all(row[1] == 0 for row in chosen)
+        if len(chosen) == 1:
+            return 1 if chosen[0][1] is None else chosen[0][1]
+        return 0 if all(row[1] == 0 for row in chosen) else 1
 
 
 def write(path, text):
@@ -177,12 +202,19 @@ def write(path, text):
     os.replace(temporary, path)
 
 
+def interrupt(*_):
+    """Once; what follows waits for the runs."""
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    raise KeyboardInterrupt
+
+
 def main():
     args = arguments()
+    signal.signal(signal.SIGTERM, interrupt)
     args.directory.mkdir(parents=True, exist_ok=True)
     batch = Batch(args)
     batch.run_all()
-    return 0 if batch.report() else 1
+    return batch.report()
 
 
 sys.exit(main())

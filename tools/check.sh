@@ -6,6 +6,7 @@
 #   api       the pages that FORD makes of the comments, without a warning: build/api/index.html
 #   flang     LLVM's flang builds all layers that need no module file of gfortran, and runs unit tests
 #   runners   unit tests under pFUnit (CONTRIBUTING.md) and under the small runner: as many as the .pf files have, both times
+#   slurm     tools/batch.slurm under a Slurm of its own on this machine (tests/slurm); skipped where Slurm is absent
 #   debug     all tests with run-time checks, traps of invalid operations, and signalling NaN
 #   asan      all tests with the address and undefined-behaviour sanitizers
 #   coverage  lines of src/ that the tests reach: build/coverage/coverage.html
@@ -13,7 +14,7 @@ set -uo pipefail
 
 tools=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 cd "$tools/.."
-parts=(lint werror api flang runners debug asan coverage)
+parts=(lint werror api flang runners slurm debug asan coverage)
 
 # A Python environment with the tools of check_requirements.txt.
 environment() {
@@ -57,6 +58,12 @@ runners() {
     ctest --test-dir "$build" --output-on-failure --parallel "$(nproc)" -R '^test_' > "$build.log"
   done
   "$tools/python.sh" "$tools/count_tests.py" build/pfunit_on build/pfunit_off
+}
+
+# With the program with MPI too, where it is built (cmake --preset mpi).
+slurm() {
+  "$tools/setup.sh" --run && "$tools/build.sh" release || return
+  PYTHONPATH=tests/support OMP_WAIT_POLICY=passive "$tools/python.sh" tests/slurm/jobs.py
 }
 
 debug() {

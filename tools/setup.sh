@@ -1,16 +1,22 @@
 #!/bin/bash
 # Installs the Debian packages that are missing; asks nothing; quick when nothing is missing.
-# usage: tools/setup.sh [--run] [PACKAGE...]      --run: only what building and running need, without what tests and plots need
+# usage: tools/setup.sh [--run] [--slurm] [PACKAGE...]
+#   --run     only what building and running need, without what tests and plots need
+#   --slurm   also a Slurm for the tests of tools/batch.slurm (tests/slurm)
 set -euo pipefail
 
 packages=(gcc gfortran cmake ninja-build libsuitesparse-dev libmetis-dev libhdf5-dev libopenblas-pthread-dev libmuparser-dev
   gmsh python3 python3-h5py)
-if [[ ${1:-} == --run ]]; then
+tests=(python3-numpy python3-scipy python3-matplotlib python3-vtk9 xvfb xauth)
+while [[ ${1:-} == --* ]]; do
+  case $1 in
+    --run) tests=() ;;
+    --slurm) packages+=(slurmctld slurmd slurm-client munge) ;;
+    *) echo "setup: no option $1" >&2; exit 2 ;;
+  esac
   shift
-else
-  packages+=(python3-numpy python3-scipy python3-matplotlib python3-vtk9 xvfb xauth)
-fi
-packages+=("$@")
+done
+packages+=("${tests[@]}" "$@")
 
 if ! command -v dpkg-query > /dev/null; then
   echo "setup: this is not Debian; needed are the equivalents of: ${packages[*]}" >&2

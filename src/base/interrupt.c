@@ -1,8 +1,8 @@
 /* Signals that ask the program to stop, and child processes.
  *
- * SIGINT, SIGTERM and SIGHUP set a flag, which the program checks at each step; a second signal ends the program at
- * once. A signal that is ignored when the program starts (nohup) stays ignored. The signals are passed on to a running
- * child process, which does not outlive the program. */
+ * SIGINT, SIGTERM, SIGHUP and SIGUSR1 set a flag, which the program checks at each step; a second signal ends the program
+ * at once. A signal that is ignored when the program starts (nohup) stays ignored. The signals are passed on to a running
+ * child process, which does not outlive the program. SIGUSR1 is what mpirun hands on to its ranks without ending them. */
 #define _GNU_SOURCE
 #include <errno.h>
 #include <signal.h>
@@ -15,7 +15,7 @@
 #include <sys/prctl.h>
 #endif
 
-static const int asking[] = {SIGINT, SIGTERM, SIGHUP};
+static const int asking[] = {SIGINT, SIGTERM, SIGHUP, SIGUSR1};
 enum { n_asking = sizeof asking / sizeof *asking };
 
 static volatile sig_atomic_t signal_number; /* the first signal received; 0: none */

@@ -60,7 +60,7 @@ class Faults(dotyk_case.Case):
     # Interrupts
 
     def test_an_interrupt_ends_the_iteration_and_marks_the_results(self):
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGUSR1):
             self.scene(ENDLESS)
             process = self.start("case.nml", until="relaxation")
             time.sleep(0.05)

@@ -1,9 +1,11 @@
 """Tests of tools/batch.sh with a stand-in for the executable."""
 import csv
 import os
+import signal
 import stat
 import subprocess
 import sys
+import time
 import unittest
 
 import dotyk_case
@@ -78,6 +80,52 @@ class Batch(dotyk_case.Case):
         self.assertEqual(sorted(rows), ["one-case", "two-case"])
         self.batch("one/case.nml", code=0)
         self.assertIn("[1/1] case", self.batch("two/case.nml", code=0)[0])
+
+    def test_a_single_case_gives_its_exit_code(self):
+        self.write("bad.nml", "bad")
+        self.write("good.nml", "")
+        self.batch("bad.nml", code=2)
+        self.batch("--only", "1", "bad.nml", "good.nml", code=2)
+        self.batch("bad.nml", "good.nml", code=1)
+
+    def test_launcher(self):
+        self.write("a.nml", "")
+        self.write("start", '#!/bin/sh\necho "ranks $1"\nshift\nexec "$@"\n').chmod(stat.S_IRWXU)
+        self.batch("--launcher", "%s/start 4" % self.folder, "a.nml", code=0)
+        self.assertIn("ranks 4", (self.folder / "batch" / "a.log").read_text())
+
+    def test_resumes_from_the_results_of_the_last_run(self):
+        self.write("a.nml", "slow")
+        self.batch("--resume", "a.nml", code=1)
+        self.batch("--resume", "a.nml", code=1)
+        first, second = (self.folder / "batch" / "a.log").read_text().splitlines()
+        self.assertNotIn("--restart", first)
+        self.assertIn("--restart batch/a.vtkhdf", second)
+        os.utime(self.write("a.nml", "slow"), (2**31, 2**31))
+        self.batch("--resume", "a.nml", code=1)
+        self.assertEqual((self.folder / "batch" / "a.log").read_text().count("--restart"), 1)
+
+    def test_a_signal_ends_runs_with_their_results(self):
+        """SIGTERM to the program itself, SIGUSR1 to mpirun, nothing to srun, whose ranks Slurm signals."""
+        for launcher, expected in ((None, "TERM"), ("mpirun", "USR1"), ("srun", "none")):
+            script = ('#!/bin/bash\ntrap "echo got TERM; exit 1" TERM\ntrap "echo got USR1; exit 1" USR1\necho started\n'
+                      'for i in {1..%d}; do sleep 0.1; done\necho got none; exit 1\n' % (10 if launcher == "srun" else 300))
+            self.write(launcher or "dotyk", script).chmod(stat.S_IRWXU)
+            self.write("a.nml", "")
+            words = ["--launcher", str(self.folder / launcher)] if launcher else []
+            process = subprocess.Popen([dotyk_case.ROOT / "tools" / "batch.sh", *words, "a.nml"], cwd=self.folder, text=True,
+                                       env={**os.environ, "DOTYK": str(self.folder / "dotyk")}, stdout=subprocess.PIPE,
+                                       stderr=subprocess.STDOUT)
+            log = self.folder / "batch" / "a.log"
+            limit = time.monotonic() + 30
+            while not (log.is_file() and "started" in log.read_text()) and time.monotonic() < limit:
+                time.sleep(0.02)
+            process.send_signal(signal.SIGTERM)
+            text, _ = process.communicate(timeout=60)
+            self.assertEqual(process.returncode, 1, text)
+            self.assertIn("got " + expected, log.read_text())
+            self.assertIn("0 of 1 converged", text)
+            log.unlink()
 
     def test_array_job(self):
         for name in ("a", "b"):
