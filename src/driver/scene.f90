@@ -109,7 +109,8 @@ contains
       call monitor%watch%lap(monitor%timing%search)
       call set_stage('ordering the equations')
       call analyze_bodies(problem%body, problem%modes, scene%stiffness, problem%classes, problem%ranks, &
-                          scene%operator%block, case%solver%response, scheme%expected_products(), scene%slot, scene%size_of, error)
+                          scene%operator%block, case%solver%response, scheme%expected_products(), scene%slot, &
+                          scene%size_of, error)
       call stop_if_interrupted(error)
       if (allocated(error)) return
       call monitor%watch%lap(monitor%timing%order)
