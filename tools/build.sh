@@ -1,6 +1,6 @@
 #!/bin/bash
 # Configures and builds into build/PRESET; silent when nothing changed.
-# usage: tools/build.sh [PRESET]      release (the default), debug, asan, tsan, werror, coverage or flang
+# usage: tools/build.sh [PRESET]      release (the default), mpi, debug, asan, tsan, werror, coverage or flang
 set -euo pipefail
 
 preset=${1:-release}

@@ -40,7 +40,7 @@ api() {
 
 flang() {
   "$tools/setup.sh" --run flang-19 libomp-19-dev && cmake --preset flang > build/flang.log || return
-  local layers=(base input mesh linalg elasticity contact response scheme)
+  local layers=(base ranks input mesh linalg elasticity contact response scheme)
   cmake --build build/flang --target "${layers[@]/#/dotyk_}" "${layers[@]/#/test_}" > build/flang.log 2>&1 || { tail -n 50 build/flang.log; return 1; }
   # flang 19 loses its way in parallel regions of these sources (CONTRIBUTING.md): one thread, and the tests that need no more.
   OMP_NUM_THREADS=1 ctest --test-dir build/flang --output-on-failure -R '^test_(base|input|elasticity|response|scheme)$'

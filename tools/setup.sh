@@ -1,7 +1,8 @@
 #!/bin/bash
 # Installs the Debian packages that are missing; asks nothing; quick when nothing is missing.
-# usage: tools/setup.sh [--run] [--slurm] [PACKAGE...]
+# usage: tools/setup.sh [--run] [--mpi] [--slurm] [PACKAGE...]
 #   --run     only what building and running need, without what tests and plots need
+#   --mpi     also MPI and PETSc, for many machines (cmake --preset mpi)
 #   --slurm   also a Slurm for the tests of tools/batch.slurm (tests/slurm)
 set -euo pipefail
 
@@ -11,6 +12,7 @@ tests=(python3-numpy python3-scipy python3-matplotlib python3-vtk9 xvfb xauth)
 while [[ ${1:-} == --* ]]; do
   case $1 in
     --run) tests=() ;;
+    --mpi) packages+=(libopenmpi-dev openmpi-bin libhdf5-openmpi-dev libpetsc-real-dev) ;;
     --slurm) packages+=(slurmctld slurmd slurm-client munge) ;;
     *) echo "setup: no option $1" >&2; exit 2 ;;
   esac
