@@ -1,29 +1,25 @@
-!> A file in memory and a cursor over its bytes: numbers as text or in binary, words and lines.
+!> A file and a cursor over its bytes: numbers as text or in binary, words and lines.
+!>
+!> The file is in memory, or a window of it is, which follows the cursor: the memory does not grow with the file then.
 !>
 !> The first fault is kept with its position and marks the cursor as `broken`; afterwards all reads return zeros, so
 !> that callers test `broken` once a record instead of after each number. No read goes beyond the end of the file.
 module dotyk_base_byte_cursor
-  use dotyk_base_error, only: error_t, set_error, exit_bad_input
-  use dotyk_base_files, only: why_no_file
+  use dotyk_base_byte_window, only: byte_window_t
+  use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int32, int64
   use dotyk_base_number_text, only: scan_integer, scan_real, ends_word, most_digits
   use dotyk_base_text, only: to_text
   implicit none
   private
 
-  !> Bytes per read: the run-time library passes a read to the system in one call, which is limited to 2 GB.
-  integer(int64), parameter :: chunk = 2_int64**29
+  !> The part of a window that is in memory when a number is read from text.
+  integer(int64), parameter :: number_part = 64
   !> Greatest number of letters of the file in a message.
   integer, parameter :: longest_shown = 40
 
-  !> File in memory and the position of the next read.
-  type, public :: byte_cursor_t
-    !> Name of the file, for messages.
-    character(:), allocatable :: file
-    !> Bytes of the file, followed by a NUL.
-    character(:), allocatable :: text
-    !> Number of bytes of the file.
-    integer(int64) :: size = 0
+  !> File, or a window of it, and the position of the next read.
+  type, extends(byte_window_t), public :: byte_cursor_t
     !> Next byte to be read; size + 1 at the end.
     integer(int64) :: position = 1
     !> Whether `get_int`, `get_size` and `get_real` read binary numbers; positions in messages are then byte offsets
@@ -31,12 +27,9 @@ module dotyk_base_byte_cursor
     logical :: binary = .false.
     !> Section that is being read, as '$Nodes'; empty between sections.
     character(:), allocatable :: section
-    !> Whether a fault was found.
-    logical :: broken = .false.
-    !> Message of the first fault, with its position.
-    character(:), allocatable :: fault
   contains
     procedure :: load => cursor_load
+    procedure :: open => cursor_open
     procedure :: use_text => cursor_use_text
     procedure :: get_int => cursor_get_int
     procedure :: get_size => cursor_get_size
@@ -46,6 +39,8 @@ module dotyk_base_byte_cursor
     procedure :: get_line => cursor_get_line
     procedure :: end_line => cursor_end_line
     procedure :: skip_blanks => cursor_skip_blanks
+    procedure :: skip_past => cursor_skip_past
+    procedure :: skip_bytes => cursor_skip_bytes
     procedure :: at_end => cursor_at_end
     procedure :: require => cursor_require
     procedure :: fail => cursor_fail
@@ -61,43 +56,20 @@ contains
     character(*), intent(in) :: file
     !> Set if the file does not exist, is not a regular file, or cannot be opened or read.
     type(error_t), allocatable, intent(out) :: error
-    character(:), allocatable :: text
-    character(256) :: message
-    integer(int64) :: n_bytes, first
-    integer :: unit, status
-    logical :: found
-    inquire (file=file, exist=found)
-    if (.not. found) then
-      call set_error(error, file//': there is no such file', exit_bad_input)
-      return
-    end if
-    text = why_no_file(file)
-    if (len(text) > 0) then
-      call set_error(error, file//': it '//text, exit_bad_input)
-      return
-    end if
-    deallocate (text)
-    open (newunit=unit, file=file, access='stream', form='unformatted', action='read', status='old', &
-          iostat=status, iomsg=message)
-    if (status /= 0) then
-      call set_error(error, file//': cannot be opened: '//trim(message), exit_bad_input)
-      return
-    end if
-    inquire (unit=unit, size=n_bytes)
-    if (n_bytes < 0) n_bytes = 0
-    allocate (character(n_bytes + 1) :: text)
-    do first = 1, n_bytes, chunk
-      read (unit, iostat=status, iomsg=message) text(first:min(first + chunk - 1, n_bytes))
-      if (status /= 0) exit
-    end do
-    close (unit)
-    if (status /= 0) then
-      call set_error(error, file//': cannot be read: '//trim(message), exit_bad_input)
-      return
-    end if
-    text(n_bytes + 1:) = achar(0)
-    call start(self, file, text)
+    call self%read_all(file, error)
+    call start(self)
   end subroutine cursor_load
+
+  !> Open a file, of which only a window is in memory.
+  subroutine cursor_open(self, file, error)
+    class(byte_cursor_t), intent(inout) :: self
+    !> Path of the file.
+    character(*), intent(in) :: file
+    !> Set if the file does not exist, is not a regular file, or cannot be opened or read.
+    type(error_t), allocatable, intent(out) :: error
+    call self%open_window(file, error)
+    call start(self)
+  end subroutine cursor_open
 
   !> Use bytes in memory as the content of a file.
   subroutine cursor_use_text(self, file, bytes)
@@ -108,25 +80,17 @@ contains
     character(*), intent(in) :: bytes
     character(:), allocatable :: text
     text = bytes//achar(0)
-    call start(self, file, text)
+    call self%take_text(file, text)
+    call start(self)
   end subroutine cursor_use_text
 
   !> Start at the first byte.
-  subroutine start(self, file, text)
+  subroutine start(self)
     !> The cursor; at the first byte on return.
     type(byte_cursor_t), intent(inout) :: self
-    !> Name, for messages.
-    character(*), intent(in) :: file
-    !> Bytes and a NUL behind them; moved from the caller.
-    character(:), allocatable, intent(inout) :: text
-    call move_alloc(text, self%text)
-    self%file = file
     self%section = ''
-    self%size = len(self%text, int64) - 1
     self%position = 1
     self%binary = .false.
-    self%broken = .false.
-    if (allocated(self%fault)) deallocate (self%fault)
   end subroutine start
 
   !> Read an integer: text or 4 bytes.
@@ -144,7 +108,10 @@ contains
       call report_end(self)
       return
     end if
-    value = int(transfer(self%text(self%position:self%position + 3), 0_int32), int64)
+    if (self%position <= self%before .or. self%position + 3 > self%before + self%n_held) &
+      call self%hold(self%position, 4_int64)
+    if (self%broken) return
+    value = int(transfer(self%text(self%position - self%before:self%position - self%before + 3), 0_int32), int64)
     self%position = self%position + 4
   end subroutine cursor_get_int
 
@@ -163,7 +130,10 @@ contains
       call report_end(self)
       return
     end if
-    value = transfer(self%text(self%position:self%position + 7), 0_int64)
+    if (self%position <= self%before .or. self%position + 7 > self%before + self%n_held) &
+      call self%hold(self%position, 8_int64)
+    if (self%broken) return
+    value = transfer(self%text(self%position - self%before:self%position - self%before + 7), 0_int64)
     self%position = self%position + 8
   end subroutine cursor_get_size
 
@@ -174,7 +144,7 @@ contains
     real(dp), intent(out) :: value
     !> Exponent bits: all set in infinities and NaN. Compared as bits, as a signalling NaN traps in other comparisons.
     integer(int64), parameter :: exponent_bits = int(z'7FF0000000000000', int64)
-    integer(int64) :: bits
+    integer(int64) :: bits, place
     logical :: good
     value = 0
     if (self%broken) return
@@ -183,7 +153,10 @@ contains
         call report_end(self)
         return
       end if
-      bits = transfer(self%text(self%position:self%position + 7), 0_int64)
+      if (self%position <= self%before .or. self%position + 7 > self%before + self%n_held) &
+        call self%hold(self%position, 8_int64)
+      if (self%broken) return
+      bits = transfer(self%text(self%position - self%before:self%position - self%before + 7), 0_int64)
       if (iand(bits, exponent_bits) == exponent_bits) then
         call self%fail('a number is not finite')
         return
@@ -192,7 +165,11 @@ contains
       self%position = self%position + 8
     else
       call cursor_skip_blanks(self)
-      call scan_real(self%text, self%position, value, good)
+      call self%hold(self%position, self%window/number_part)
+      if (self%broken) return
+      place = self%position - self%before
+      call scan_real(self%text, place, value, good)
+      self%position = place + self%before
       if (.not. good) call report_unexpected(self, 'a finite number')
     end if
   end subroutine cursor_get_real
@@ -202,11 +179,16 @@ contains
     class(byte_cursor_t), intent(inout) :: self
     !> Integer; 0 after a fault.
     integer(int64), intent(out) :: value
+    integer(int64) :: place
     logical :: good
     value = 0
     if (self%broken) return
     call cursor_skip_blanks(self)
-    call scan_integer(self%text, self%position, value, good)
+    call self%hold(self%position, self%window/number_part)
+    if (self%broken) return
+    place = self%position - self%before
+    call scan_integer(self%text, place, value, good)
+    self%position = place + self%before
     if (good) return
     value = 0
     if (is_oversized_integer(self)) then
@@ -220,9 +202,8 @@ contains
   pure logical function is_oversized_integer(self) result(oversized)
     class(byte_cursor_t), intent(in) :: self
     integer(int64) :: first, last
-    first = self%position
+    first = self%position - self%before
     if (scan('+-', self%text(first:first)) > 0) first = first + 1
-    ! The last byte is followed by a NUL.
     last = first
     do while (scan('0123456789', self%text(last:last)) > 0)
       last = last + 1
@@ -235,14 +216,15 @@ contains
     class(byte_cursor_t), intent(inout) :: self
     !> Word.
     character(:), allocatable, intent(out) :: word
-    integer(int64) :: first
+    integer(int64) :: n
     call cursor_skip_blanks(self)
-    first = self%position
-    do while (self%position <= self%size)
-      if (ends_word(self%text(self%position:self%position))) exit
-      self%position = self%position + 1
+    n = 0
+    do while (self%position + n <= self%size)
+      if (ends_word(self%byte(self%position, n))) exit
+      n = n + 1
     end do
-    word = self%text(first:self%position - 1)
+    word = self%text(self%position - self%before:self%position - self%before + n - 1)
+    self%position = self%position + n
   end subroutine cursor_get_word
 
   !> Read the rest of the line, without its end.
@@ -250,18 +232,17 @@ contains
     class(byte_cursor_t), intent(inout) :: self
     !> Rest of the line.
     character(:), allocatable, intent(out) :: line
-    integer(int64) :: first, last
-    first = self%position
-    do while (self%position <= self%size)
-      if (self%text(self%position:self%position) == achar(10)) exit
-      self%position = self%position + 1
+    integer(int64) :: n
+    n = 0
+    do while (self%position + n <= self%size)
+      if (self%byte(self%position, n) == achar(10)) exit
+      n = n + 1
     end do
-    last = self%position - 1
-    self%position = min(self%position + 1, self%size + 1)
-    if (last >= first) then
-      if (self%text(last:last) == achar(13)) last = last - 1
+    line = self%text(self%position - self%before:self%position - self%before + n - 1)
+    self%position = min(self%position + n + 1, self%size + 1)
+    if (n > 0) then
+      if (line(n:n) == achar(13)) line = line(:n - 1)
     end if
-    line = self%text(first:last)
   end subroutine cursor_get_line
 
   !> Skip the end of a line that has only blanks left: binary numbers begin there.
@@ -274,7 +255,8 @@ contains
         call report_end(self)
         return
       end if
-      letter = self%text(self%position:self%position)
+      letter = self%byte(self%position, 0_int64)
+      if (self%broken) return
       if (letter == achar(10)) exit
       if (.not. ends_word(letter)) then
         call report_unexpected(self, 'the end of the line')
@@ -289,11 +271,46 @@ contains
   subroutine cursor_skip_blanks(self)
     class(byte_cursor_t), intent(inout) :: self
     integer(int64) :: p
-    do p = self%position, self%size
-      if (.not. ends_word(self%text(p:p))) exit
+    do
+      do p = self%position - self%before, self%n_held
+        if (.not. ends_word(self%text(p:p))) exit
+      end do
+      self%position = p + self%before
+      if (p <= self%n_held .or. self%position > self%size .or. self%broken) return
+      call self%hold(self%position, 1_int64)
     end do
-    self%position = p
   end subroutine cursor_skip_blanks
+
+  !> Skip what is before a word, and the word.
+  subroutine cursor_skip_past(self, word, found)
+    class(byte_cursor_t), intent(inout) :: self
+    !> The word.
+    character(*), intent(in) :: word
+    !> Whether the rest of the file has it; the position is unchanged otherwise.
+    logical, intent(out) :: found
+    integer(int64) :: distance, p
+    p = self%position
+    do while (p <= self%size - len(word) + 1)
+      call self%hold(p, int(len(word), int64))
+      if (self%broken) exit
+      distance = index(self%text(p - self%before:self%n_held), word, kind=int64)
+      found = distance > 0
+      if (found) self%position = p + distance - 1 + len(word)
+      if (found) return
+      ! The word may begin at the end of the window.
+      p = self%before + self%n_held - len(word) + 2
+    end do
+    found = .false.
+  end subroutine cursor_skip_past
+
+  !> Skip bytes.
+  subroutine cursor_skip_bytes(self, n)
+    class(byte_cursor_t), intent(inout) :: self
+    !> Number of bytes.
+    integer(int64), intent(in) :: n
+    if (n > self%size - self%position + 1) call report_end(self)
+    if (.not. self%broken) self%position = self%position + n
+  end subroutine cursor_skip_bytes
 
   !> Whether only blanks are left.
   logical function cursor_at_end(self) result(at_end)
@@ -342,21 +359,16 @@ contains
   !> Position for messages: 'file:line' of a text, 'file: byte offset' of a binary file, where the first byte has offset
   !> 0.
   function cursor_place(self, position) result(place)
-    class(byte_cursor_t), intent(in) :: self
+    class(byte_cursor_t), intent(inout) :: self
     !> Byte number.
     integer(int64), intent(in) :: position
     !> Text.
     character(:), allocatable :: place
-    integer(int64) :: p, line
     if (self%binary) then
       place = self%file//': byte '//to_text(position - 1)
-      return
+    else
+      place = self%file//':'//to_text(self%line_of(position))
     end if
-    line = 1
-    do p = 1, min(position - 1, self%size)
-      if (self%text(p:p) == achar(10)) line = line + 1
-    end do
-    place = self%file//':'//to_text(line)
   end function cursor_place
 
   !> Fault: the file ends too early.

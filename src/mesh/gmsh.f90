@@ -8,9 +8,12 @@ module dotyk_mesh_gmsh
   use dotyk_base_files, only: nature_of
   use dotyk_base_kinds, only: dp, int64
   use dotyk_mesh_gmsh_22, only: read_nodes_22, read_elements_22
-  use dotyk_mesh_gmsh_41, only: entities_t, read_entities_41, read_nodes_41, read_elements_41
+  use dotyk_mesh_gmsh_41, only: read_nodes_41, read_elements_41
+  use dotyk_mesh_gmsh_entities, only: entities_t, read_entities_41
+  use dotyk_mesh_gmsh_selected_nodes, only: read_selected_nodes, skip_nodes
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_mesh_builder, only: mesh_builder_t
+  use dotyk_mesh_mesh_selection, only: mesh_selection_t
   implicit none
   private
   public :: read_gmsh, read_gmsh_text
@@ -29,6 +32,8 @@ module dotyk_mesh_gmsh
     logical :: elements = .false.
     !> Elements in the file, kept or not.
     integer(int64) :: n_elements = 0
+    !> Position behind '$Nodes' and, in a binary file, its line.
+    integer(int64) :: node_position = 0
   end type sections_t
 
   !> Advice for files of other formats.
@@ -39,8 +44,8 @@ module dotyk_mesh_gmsh
 
 contains
 
-  !> Read a mesh file.
-  subroutine read_gmsh(file, mesh, error)
+  !> Read a mesh file, or a selection of it.
+  subroutine read_gmsh(file, mesh, error, selection)
     !> Path of the file.
     character(*), intent(in) :: file
     !> Mesh.
@@ -48,14 +53,17 @@ contains
     !> Set if the file cannot be opened or read, is truncated or corrupt, or has no mesh; the message names the
     !> position.
     type(error_t), allocatable, intent(out) :: error
+    !> What is read; all if absent. What is not read is not checked.
+    type(mesh_selection_t), intent(in), optional :: selection
     type(byte_cursor_t) :: cursor
-    call cursor%load(file, error)
+    call cursor%open(file, error)
     if (allocated(error)) return
-    call read_sections(cursor, mesh, error)
+    call read_sections(cursor, mesh, error, selection)
+    call cursor%close
   end subroutine read_gmsh
 
-  !> Read a mesh from bytes in memory.
-  subroutine read_gmsh_text(file, bytes, mesh, error)
+  !> Read a mesh, or a selection of it, from bytes in memory.
+  subroutine read_gmsh_text(file, bytes, mesh, error, selection)
     !> File name, for messages.
     character(*), intent(in) :: file
     !> Content of the file.
@@ -65,13 +73,15 @@ contains
     !> Set if the file cannot be opened or read, is truncated or corrupt, or has no mesh; the message names the
     !> position.
     type(error_t), allocatable, intent(out) :: error
+    !> What is read; all if absent. What is not read is not checked.
+    type(mesh_selection_t), intent(in), optional :: selection
     type(byte_cursor_t) :: cursor
     call cursor%use_text(file, bytes)
-    call read_sections(cursor, mesh, error)
+    call read_sections(cursor, mesh, error, selection)
   end subroutine read_gmsh_text
 
   !> Read all sections.
-  subroutine read_sections(cursor, mesh, error)
+  subroutine read_sections(cursor, mesh, error, selection)
     !> Cursor at the first byte.
     type(byte_cursor_t), intent(inout) :: cursor
     !> Mesh.
@@ -79,13 +89,21 @@ contains
     !> Set if the file cannot be opened or read, is truncated or corrupt, or has no mesh; the message names the
     !> position.
     type(error_t), allocatable, intent(out) :: error
+    !> What is read; all if absent.
+    type(mesh_selection_t), intent(in), optional :: selection
     type(mesh_builder_t) :: builder
     type(entities_t) :: entities
     type(sections_t) :: sections
+    if (present(selection)) builder%selection = selection
     do while (.not. cursor%broken)
       if (cursor%at_end()) exit
       call read_section(cursor, builder, entities, sections)
     end do
+    if (.not. builder%selection%everything .and. sections%nodes) then
+      cursor%section = '$Nodes'
+      cursor%position = sections%node_position
+      call read_selected_nodes(cursor, builder, sections%version)
+    end if
     call check_complete(cursor, builder, sections)
     if (cursor%broken) then
       call set_error(error, cursor%fault, exit_bad_input)
@@ -96,11 +114,13 @@ contains
   end subroutine read_sections
 
   !> Kind of a file that is not a mesh, for messages; empty if unknown.
-  pure function content_name(bytes) result(text)
-    !> Content of the file.
-    character(*), intent(in) :: bytes
+  function content_name(cursor) result(text)
+    !> Cursor over the bytes of the file.
+    type(byte_cursor_t), intent(inout) :: cursor
     !> Text, as "is an HDF5 file and ".
     character(:), allocatable :: text
+    character(:), allocatable :: bytes
+    call cursor%first_bytes(1024, bytes)
     text = nature_of(bytes)
     if (len(text) > 0) text = 'is '//text//' and '
   end function content_name
@@ -121,7 +141,7 @@ contains
     call cursor%get_word(word)
     if (word(1:1) /= '$') then
       if (sections%version == 0) then
-        call cursor%fail('this is not a gmsh mesh file: it '//content_name(cursor%text)// &
+        call cursor%fail('this is not a gmsh mesh file: it '//content_name(cursor)// &
                          'does not begin with $MeshFormat', first)
       else
         call cursor%fail('expected a section, as $Nodes, found other text', first)
@@ -184,7 +204,11 @@ contains
       cursor%position = cursor%position - len('$End'//name(2:))
     case ('$Nodes')
       call check_first(cursor, sections%nodes, first)
-      if (sections%version == 22) then
+      if (.not. builder%selection%everything) then
+        if (cursor%binary .and. sections%version == 41) call cursor%end_line
+        sections%node_position = cursor%position
+        call skip_nodes(cursor, sections%version)
+      else if (sections%version == 22) then
         call read_nodes_22(cursor, builder)
       else
         if (cursor%binary) call cursor%end_line
@@ -322,14 +346,10 @@ contains
     !> Position of the section in the file.
     integer(int64), intent(in) :: position
     character(:), allocatable :: end_word
-    integer(int64) :: distance
+    logical :: found
     end_word = '$End'//name(2:)
-    distance = index(cursor%text(cursor%position:cursor%size), end_word, kind=int64)
-    if (distance == 0) then
-      call cursor%fail('the file ends without '//end_word//': it is truncated', position)
-      return
-    end if
-    cursor%position = cursor%position + distance - 1 + len(end_word)
+    call cursor%skip_past(end_word, found)
+    if (.not. found) call cursor%fail('the file ends without '//end_word//': it is truncated', position)
   end subroutine skip_section
 
   !> Check that the file has all that a mesh needs.
@@ -344,16 +364,16 @@ contains
     if (cursor%size == 0) then
       call cursor%fail('the file is empty')
     else if (sections%version == 0) then
-      call cursor%fail('this is not a gmsh mesh file: it '//content_name(cursor%text)//'has no $MeshFormat')
+      call cursor%fail('this is not a gmsh mesh file: it '//content_name(cursor)//'has no $MeshFormat')
     else if (.not. sections%nodes) then
       call cursor%fail('the file ends without $Nodes: it has no mesh or is truncated')
-    else if (size(builder%node_tag) == 0) then
+    else if (size(builder%node_tag) == 0 .and. builder%selection%everything) then
       call cursor%fail('the mesh has no nodes')
     else if (.not. sections%elements) then
       call cursor%fail('the file ends without $Elements: it has no mesh or is truncated')
     else if (sections%n_elements == 0) then
       call cursor%fail('the mesh has no elements')
-    else if (builder%n_blocks == 0) then
+    else if (builder%n_blocks == 0 .and. builder%selection%everything) then
       call cursor%fail('no element belongs to a physical group: add Physical Volume("name") and '// &
                        'Physical Surface("name") (in two dimensions Physical Surface and Physical Curve) to the '// &
                        'geometry and mesh it again')

@@ -8,7 +8,7 @@ module dotyk_mesh_gmsh_22
   use dotyk_mesh_mesh_builder, only: mesh_builder_t
   implicit none
   private
-  public :: read_nodes_22, read_elements_22
+  public :: read_nodes_22, read_elements_22, read_count_22
 
   !> Upper limit of the number of tags of an element (partitions follow the first three).
   integer, parameter :: max_tags = 1000
@@ -25,7 +25,7 @@ contains
     type(mesh_builder_t), intent(inout) :: builder
     integer(int64), allocatable :: position(:)
     integer(int64) :: n_nodes, first, i
-    call read_count(cursor, merge(28, 8, cursor%binary), 'nodes', n_nodes)
+    call read_count_22(cursor, merge(28, 8, cursor%binary), 'nodes', n_nodes)
     call allocate_nodes(cursor, builder, n_nodes, position)
     do i = 1, n_nodes
       if (cursor%broken) return
@@ -51,8 +51,9 @@ contains
     integer(int64), intent(out) :: n_elements
     integer(int64) :: tag(max_nodes), element, type, n_tags, physical, entity, last_type, last_physical, n_left
     integer(int64) :: first, i
-    integer :: node(max_nodes), n_nodes, block
-    call read_count(cursor, merge(12, 6, cursor%binary), 'elements', n_elements)
+    integer :: node(max_nodes), n_nodes, block, place
+    place = 0
+    call read_count_22(cursor, merge(12, 6, cursor%binary), 'elements', n_elements)
     last_type = 0
     last_physical = 0
     n_left = 0
@@ -94,15 +95,44 @@ contains
         call find_block(cursor, builder, type, n_nodes, physical, element, first, block)
         last_physical = physical
       end if
+      if (.not. builder%selection%everything) then
+        call count_element(builder, block, int(type), i, n_elements, place)
+        if (place == 0) cycle
+      end if
       call find_nodes(cursor, builder, tag(:n_nodes), element, first, node(:n_nodes))
       if (cursor%broken) return
       call builder%reserve(block, 1)
-      call builder%add_element(block, element, int(min(entity, int(huge(0), int64))), node(:n_nodes))
+      call builder%add_element(block, element, int(min(entity, int(huge(0), int64))), node(:n_nodes), place)
     end do
   end subroutine read_elements_22
 
+  !> Count an element of a selection.
+  subroutine count_element(builder, block, type, i, n_elements, place)
+    !> Mesh under construction.
+    type(mesh_builder_t), intent(inout) :: builder
+    !> Block of the builder to which the element belongs.
+    integer, intent(in) :: block
+    !> Type number of gmsh.
+    integer, intent(in) :: type
+    !> Number of the element in the file.
+    integer(int64), intent(in) :: i
+    !> Number of elements in the file.
+    integer(int64), intent(in) :: n_elements
+    !> Its number among those of the block; 0 where it is not read.
+    integer, intent(out) :: place
+    integer(int64) :: first, last
+    place = 0
+    if (.not. builder%wants(gmsh_type_dimension(type), builder%block(block)%group)) return
+    builder%block(block)%n_in_file = builder%block(block)%n_in_file + 1
+    if (gmsh_type_dimension(type) == builder%selection%dimension) then
+      call builder%selection%limits(n_elements, first, last)
+      if (i <= first .or. i > last) return
+    end if
+    place = builder%block(block)%n_in_file
+  end subroutine count_element
+
   !> Read a count on a line of its own, as text in binary files too, after which binary numbers begin.
-  subroutine read_count(cursor, least_bytes, what, count)
+  subroutine read_count_22(cursor, least_bytes, what, count)
     !> Cursor over the bytes of the file.
     type(byte_cursor_t), intent(inout) :: cursor
     !> Fewest bytes of one counted item.
@@ -118,7 +148,7 @@ contains
     if (cursor%binary) call cursor%end_line
     call cursor%require(count, least_bytes, what, first)
     if (cursor%broken) count = 0
-  end subroutine read_count
+  end subroutine read_count_22
 
   !> Read the tags of an element: the physical group, the geometric entity, and others.
   subroutine read_group(cursor, element, position, n_tags, physical, entity)

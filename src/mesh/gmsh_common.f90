@@ -1,4 +1,4 @@
-!> Checks of nodes, element types and node tags that the readers of the gmsh formats 2.2 and 4.1 share.
+!> Checks of nodes, element types, counts and node tags that the readers of the gmsh formats share.
 module dotyk_mesh_gmsh_common
   use dotyk_base_byte_cursor, only: byte_cursor_t
   use dotyk_base_kinds, only: int64
@@ -8,7 +8,7 @@ module dotyk_mesh_gmsh_common
   use dotyk_mesh_mesh_builder, only: mesh_builder_t
   implicit none
   private
-  public :: allocate_nodes, index_nodes, find_nodes, type_nodes, type_kind
+  public :: allocate_nodes, index_nodes, find_nodes, type_nodes, type_kind, read_counts, check_block
 
 contains
 
@@ -46,12 +46,12 @@ contains
       call cursor%fail('node tag '//to_text(builder%node_tag(repeated))//' occurs a second time', position(repeated))
   end subroutine index_nodes
 
-  !> Indices of the nodes of an element.
+  !> Indices of the nodes of an element; in the map of used nodes where not all is read.
   subroutine find_nodes(cursor, builder, tag, element, position, node)
     !> Cursor over the bytes of the file.
     type(byte_cursor_t), intent(inout) :: cursor
     !> Mesh under construction.
-    type(mesh_builder_t), intent(in) :: builder
+    type(mesh_builder_t), intent(inout) :: builder
     !> Node tags (n).
     integer(int64), intent(in) :: tag(:)
     !> Tag of the element, for messages.
@@ -61,6 +61,12 @@ contains
     !> Node indices (n).
     integer, intent(out) :: node(:)
     integer :: i
+    if (.not. builder%selection%everything) then
+      do i = 1, size(tag)
+        call builder%used%add(tag(i), node(i))
+      end do
+      return
+    end if
     do i = 1, size(tag)
       node(i) = builder%node_of_tag%find(tag(i))
       if (node(i) > 0) cycle
@@ -109,4 +115,49 @@ contains
       call cursor%fail('element '//to_text(element)//' is a '//gmsh_type_name(int(type))//' (gmsh type '// &
                        to_text(type)//'): '//gmsh_type_help(int(type)), position)
   end subroutine type_kind
+
+  !> Read the four numbers at the head of $Nodes and $Elements: blocks, items, least and largest tag.
+  subroutine read_counts(cursor, least_bytes, what, n_blocks, count)
+    !> Cursor over the bytes of the file.
+    type(byte_cursor_t), intent(inout) :: cursor
+    !> Fewest bytes of one item.
+    integer, intent(in) :: least_bytes
+    !> Name of the items, for messages.
+    character(*), intent(in) :: what
+    !> Number of blocks; 0 after a fault.
+    integer(int64), intent(out) :: n_blocks
+    !> Number of items; 0 after a fault.
+    integer(int64), intent(out) :: count
+    integer(int64) :: ignored, first
+    if (.not. cursor%binary) call cursor%skip_blanks
+    first = cursor%position
+    call cursor%get_size(n_blocks)
+    call cursor%get_size(count)
+    call cursor%get_size(ignored)
+    call cursor%get_size(ignored)
+    call cursor%require(n_blocks, merge(20, 8, cursor%binary), 'blocks of '//what, first)
+    call cursor%require(count, least_bytes, what, first)
+    if (.not. cursor%broken) return
+    n_blocks = 0
+    count = 0
+  end subroutine read_counts
+
+  !> Check that a block has no more items than are left of those announced.
+  subroutine check_block(cursor, what, n, n_read, n_all, position)
+    !> Cursor over the bytes of the file.
+    type(byte_cursor_t), intent(inout) :: cursor
+    !> Name of the items, for messages.
+    character(*), intent(in) :: what
+    !> Items of the block.
+    integer(int64), intent(in) :: n
+    !> Items of the previous blocks.
+    integer(int64), intent(in) :: n_read
+    !> Items that are announced.
+    integer(int64), intent(in) :: n_all
+    !> Position of the block in the file.
+    integer(int64), intent(in) :: position
+    if (n >= 0 .and. n <= n_all - n_read) return
+    call cursor%fail('a block announces '//to_text(n)//' '//what//', where '//to_text(n_all - n_read)//' of '// &
+                     to_text(n_all)//' are left', position)
+  end subroutine check_block
 end module dotyk_mesh_gmsh_common

@@ -20,6 +20,11 @@ module dotyk_mesh_mesh
     !> Physical groups to which all these elements belong, indices of `group` of the mesh (n_groups of the block, may be
     !> 0).
     integer, allocatable :: group(:)
+    !> Number of each element among those of the block in the file, ascending (n_elements); not allocated where all were
+    !> read.
+    integer, allocatable :: place(:)
+    !> Number of elements of the block in the file, where not all were read.
+    integer :: n_in_file = 0
   end type element_block_t
 
   !> Named set of elements of one dimension.
@@ -40,6 +45,10 @@ module dotyk_mesh_mesh
     real(dp), allocatable :: x(:, :)
     !> Node tags in the file (n_nodes).
     integer(int64), allocatable :: node_tag(:)
+    !> Number of each node among those of the file, ascending (n_nodes); not allocated where all were read.
+    integer, allocatable :: file_node(:)
+    !> Number of nodes of the file, where not all were read.
+    integer :: n_file_nodes = 0
     !> Elements (n_blocks).
     type(element_block_t), allocatable :: block(:)
     !> Physical groups (n_groups). Groups of different dimension, and of the same one, may share a name.

@@ -3,7 +3,8 @@ module dotyk_mesh_mesh_builder
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_text, only: to_text
   use dotyk_mesh_mesh, only: mesh_t, physical_group_t
-  use dotyk_mesh_tag_map, only: tag_map_t
+  use dotyk_mesh_mesh_selection, only: mesh_selection_t
+  use dotyk_mesh_tag_map, only: growing_tag_map_t, tag_map_t
   implicit none
   private
 
@@ -21,10 +22,22 @@ module dotyk_mesh_mesh_builder
     integer, allocatable :: entity(:)
     !> Indices of physical groups, ascending (n_groups).
     integer, allocatable :: group(:)
+    !> Number of elements in the file so far, read or not.
+    integer :: n_in_file = 0
+    !> Number of each element among them; allocated where not all are read (room).
+    integer, allocatable :: place(:)
   end type growing_block_t
 
   !> Mesh under construction.
   type, public :: mesh_builder_t
+    !> What is read of the file.
+    type(mesh_selection_t) :: selection
+    !> Nodes that the elements use, where not all is read; elements have the numbers of this map until `use_nodes`.
+    type(growing_tag_map_t) :: used
+    !> Number of each node among those of the file, where not all is read (n_nodes).
+    integer, allocatable :: file_node(:)
+    !> Number of nodes of the file.
+    integer :: n_file_nodes = 0
     !> Number of physical groups so far.
     integer :: n_groups = 0
     !> Number of blocks so far.
@@ -44,6 +57,8 @@ module dotyk_mesh_mesh_builder
     procedure :: add_block => builder_add_block
     procedure :: reserve => builder_reserve
     procedure :: add_element => builder_add_element
+    procedure :: wants => builder_wants
+    procedure :: use_nodes => builder_use_nodes
     procedure :: finish => builder_finish
   end type mesh_builder_t
 
@@ -112,6 +127,8 @@ contains
         call move_alloc(self%block(i)%tag, larger(i)%tag)
         call move_alloc(self%block(i)%entity, larger(i)%entity)
         call move_alloc(self%block(i)%group, larger(i)%group)
+        call move_alloc(self%block(i)%place, larger(i)%place)
+        larger(i)%n_in_file = self%block(i)%n_in_file
       end do
       call move_alloc(larger, self%block)
     end if
@@ -120,7 +137,23 @@ contains
     self%block(index)%kind = kind
     self%block(index)%group = group
     allocate (self%block(index)%node(n_nodes, 0), self%block(index)%tag(0), self%block(index)%entity(0))
+    if (.not. self%selection%everything) allocate (self%block(index)%place(0))
   end subroutine builder_add_block
+
+  !> Whether elements are read.
+  pure logical function builder_wants(self, dimension, group) result(wants)
+    class(mesh_builder_t), intent(in) :: self
+    !> Dimension of the elements.
+    integer, intent(in) :: dimension
+    !> Indices of their physical groups (n_groups).
+    integer, intent(in) :: group(:)
+    integer :: i
+    wants = self%selection%everything .or. dimension == self%selection%dimension - 1
+    if (wants .or. dimension /= self%selection%dimension) return
+    do i = 1, size(group)
+      wants = wants .or. self%selection%has_volume(self%group(group(i))%name)
+    end do
+  end function builder_wants
 
   !> Reserve room in a block.
   subroutine builder_reserve(self, index, n_more)
@@ -138,7 +171,7 @@ contains
   end subroutine builder_reserve
 
   !> Add an element, for which room is reserved.
-  subroutine builder_add_element(self, index, tag, entity, node)
+  subroutine builder_add_element(self, index, tag, entity, node, place)
     class(mesh_builder_t), intent(inout) :: self
     !> Index of the block.
     integer, intent(in) :: index
@@ -148,13 +181,29 @@ contains
     integer, intent(in) :: entity
     !> Node indices of the element (n_nodes of the kind).
     integer, intent(in) :: node(:)
+    !> Number of the element among those of the block in the file; used only where not all is read.
+    integer, intent(in) :: place
     integer :: n
     n = self%block(index)%n + 1
+    if (allocated(self%block(index)%place)) self%block(index)%place(n) = place
     self%block(index)%n = n
     self%block(index)%tag(n) = tag
     self%block(index)%entity(n) = entity
     self%block(index)%node(:, n) = node
   end subroutine builder_add_element
+
+  !> Give the nodes that were read to the elements, where not all is read.
+  subroutine builder_use_nodes(self, number)
+    class(mesh_builder_t), intent(inout) :: self
+    !> Index of each node of `used` (used%n).
+    integer, intent(in) :: number(:)
+    integer :: b, e
+    do b = 1, self%n_blocks
+      do e = 1, self%block(b)%n
+        self%block(b)%node(:, e) = number(self%block(b)%node(:, e))
+      end do
+    end do
+  end subroutine builder_use_nodes
 
   !> Move the contents to a mesh; the builder is empty afterwards.
   subroutine builder_finish(self, mesh)
@@ -164,6 +213,8 @@ contains
     integer :: i
     call move_alloc(self%x, mesh%x)
     call move_alloc(self%node_tag, mesh%node_tag)
+    call move_alloc(self%file_node, mesh%file_node)
+    mesh%n_file_nodes = self%n_file_nodes
     allocate (mesh%group(self%n_groups), mesh%block(self%n_blocks))
     do i = 1, self%n_groups
       mesh%group(i)%dimension = self%group(i)%dimension
@@ -177,6 +228,8 @@ contains
       call move_alloc(self%block(i)%tag, mesh%block(i)%tag)
       call move_alloc(self%block(i)%entity, mesh%block(i)%entity)
       call move_alloc(self%block(i)%group, mesh%block(i)%group)
+      call move_alloc(self%block(i)%place, mesh%block(i)%place)
+      mesh%block(i)%n_in_file = self%block(i)%n_in_file
     end do
     if (allocated(self%group)) deallocate (self%group)
     if (allocated(self%block)) deallocate (self%block)
@@ -190,9 +243,14 @@ contains
     type(growing_block_t), intent(inout) :: block
     !> New room, at least the number of elements.
     integer, intent(in) :: room
-    integer, allocatable :: node(:, :), entity(:)
+    integer, allocatable :: node(:, :), entity(:), place(:)
     integer(int64), allocatable :: tag(:)
     if (size(block%tag) == room) return
+    if (allocated(block%place)) then
+      allocate (place(room))
+      place(:block%n) = block%place(:block%n)
+      call move_alloc(place, block%place)
+    end if
     allocate (node(size(block%node, 1), room), tag(room), entity(room))
     node(:, :block%n) = block%node(:, :block%n)
     tag(:block%n) = block%tag(:block%n)

@@ -21,7 +21,67 @@ module dotyk_mesh_tag_map
     procedure :: find => tag_map_find
   end type tag_map_t
 
+  !> Map from tags to indices 1..n in the order in which they are added.
+  type, public :: growing_tag_map_t
+    !> Number of tags.
+    integer :: n = 0
+    !> The tags; the first n are in use (room).
+    integer(int64), allocatable :: tag(:)
+    !> Tags by hash slot (0:n_slots-1), n_slots a power of two; set where `index` is not 0.
+    integer(int64), allocatable, private :: key(:)
+    !> Index of the tag in each slot, or 0 (0:).
+    integer, allocatable, private :: index(:)
+  contains
+    procedure :: add => growing_add
+    procedure :: find => growing_find
+  end type growing_tag_map_t
+
 contains
+
+  !> Index of a tag; it is added if it does not exist.
+  pure subroutine growing_add(self, tag, index)
+    class(growing_tag_map_t), intent(inout) :: self
+    !> Tag.
+    integer(int64), intent(in) :: tag
+    !> Its index.
+    integer, intent(out) :: index
+    integer(int64), allocatable :: larger(:)
+    integer(int64) :: slot
+    integer :: i
+    if (.not. allocated(self%tag)) then
+      allocate (self%tag(32), self%key(0:63), source=0_int64)
+      allocate (self%index(0:63), source=0)
+    else if (self%n == size(self%tag)) then
+      allocate (larger(2*self%n))
+      larger(:self%n) = self%tag(:self%n)
+      call move_alloc(larger, self%tag)
+      deallocate (self%key, self%index)
+      allocate (self%key(0:4_int64*self%n - 1), source=0_int64)
+      allocate (self%index(0:4_int64*self%n - 1), source=0)
+      do i = 1, self%n
+        slot = slot_of(self%key, self%index, size(self%key, kind=int64), self%tag(i))
+        self%key(slot) = self%tag(i)
+        self%index(slot) = i
+      end do
+    end if
+    slot = slot_of(self%key, self%index, size(self%key, kind=int64), tag)
+    if (self%index(slot) == 0) then
+      self%n = self%n + 1
+      self%tag(self%n) = tag
+      self%key(slot) = tag
+      self%index(slot) = self%n
+    end if
+    index = self%index(slot)
+  end subroutine growing_add
+
+  !> Index of a tag, 0 if it is unknown.
+  pure integer function growing_find(self, tag) result(index)
+    class(growing_tag_map_t), intent(in) :: self
+    !> Tag.
+    integer(int64), intent(in) :: tag
+    index = 0
+    if (self%n > 0) index = self%index(slot_of(self%key, self%index, size(self%key, kind=int64), tag))
+  end function growing_find
 
   !> Set up from tags; tag(i) gets the index i.
   pure subroutine tag_map_init(self, tag, repeated)

@@ -1,0 +1,171 @@
+!> Geometric entities of the gmsh format MSH 4.1, text and binary, with their physical groups.
+module dotyk_mesh_gmsh_entities
+  use dotyk_base_byte_cursor, only: byte_cursor_t
+  use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_text, only: to_text
+  use dotyk_mesh_mesh_builder, only: mesh_builder_t
+  use dotyk_mesh_tag_map, only: tag_map_t
+  implicit none
+  private
+  public :: read_entities_41, find_entity
+
+  !> Physical groups of the entities of one dimension.
+  type :: entity_groups_t
+    !> Index of an entity by its tag.
+    type(tag_map_t) :: index
+    !> Start of the groups of each entity in `group` (n_entities + 1).
+    integer, allocatable :: start(:)
+    !> Group indices, ascending and without repetition for each entity (room).
+    integer, allocatable :: group(:)
+  end type entity_groups_t
+
+  !> Geometric entities by dimension: points, curves, surfaces, volumes.
+  type, public :: entities_t
+    !> Whether $Entities was read.
+    logical :: known = .false.
+    !> Whether the mesh is partitioned, with entities of another section.
+    logical :: partitioned = .false.
+    !> Groups by dimension (0:3).
+    type(entity_groups_t) :: dimension(0:3)
+  end type entities_t
+
+contains
+
+  !> Read $Entities: counts by dimension, then tag, box, physical tags and boundary of each entity.
+  subroutine read_entities_41(cursor, builder, entities)
+    !> Cursor behind '$Entities' and, in a binary file, its line.
+    type(byte_cursor_t), intent(inout) :: cursor
+    !> Mesh under construction; groups without a name are added.
+    type(mesh_builder_t), intent(inout) :: builder
+    !> Geometric entities.
+    type(entities_t), intent(inout) :: entities
+    integer(int64) :: count(0:3), first
+    integer :: d
+    if (.not. cursor%binary) call cursor%skip_blanks
+    first = cursor%position
+    do d = 0, 3
+      call cursor%get_size(count(d))
+    end do
+    do d = 0, 3
+      call cursor%require(count(d), merge(merge(36, 68, d == 0), merge(10, 18, d == 0), cursor%binary), &
+                          'entities of dimension '//to_text(d), first)
+      if (cursor%broken) return
+      call read_entities_of_dimension(cursor, builder, d, int(count(d)), entities%dimension(d))
+    end do
+    entities%known = .not. cursor%broken
+  end subroutine read_entities_41
+
+  !> Read the entities of one dimension.
+  subroutine read_entities_of_dimension(cursor, builder, dimension, n, groups)
+    !> Cursor over the bytes of the file.
+    type(byte_cursor_t), intent(inout) :: cursor
+    !> Mesh under construction.
+    type(mesh_builder_t), intent(inout) :: builder
+    !> Dimension of the entities, 0 to 3.
+    integer, intent(in) :: dimension
+    !> Number of entities.
+    integer, intent(in) :: n
+    !> Physical groups of the entities.
+    type(entity_groups_t), intent(inout) :: groups
+    integer(int64), allocatable :: tag(:), position(:)
+    integer, allocatable :: larger(:)
+    integer(int64) :: count, ignored, j
+    real(dp) :: coordinate
+    integer :: i, k, twice, n_groups
+    allocate (tag(n), position(n), groups%start(n + 1), groups%group(max(n, 16)))
+    groups%start(1) = 1
+    do i = 1, n
+      if (cursor%broken) return
+      if (.not. cursor%binary) call cursor%skip_blanks
+      position(i) = cursor%position
+      call cursor%get_int(tag(i))
+      do k = 1, merge(3, 6, dimension == 0)
+        call cursor%get_real(coordinate)
+      end do
+      call cursor%get_size(count)
+      call cursor%require(count, merge(4, 2, cursor%binary), 'physical tags of an entity', position(i))
+      if (cursor%broken) return
+      n_groups = groups%start(i) - 1
+      if (n_groups + count > size(groups%group)) then
+        allocate (larger(2*(n_groups + int(count))))
+        larger(:n_groups) = groups%group(:n_groups)
+        call move_alloc(larger, groups%group)
+      end if
+      call read_groups(cursor, builder, dimension, int(count), groups%group(n_groups + 1:), k)
+      groups%start(i + 1) = groups%start(i) + k
+      if (dimension == 0) cycle
+      call cursor%get_size(count)
+      call cursor%require(count, merge(4, 2, cursor%binary), 'bounding entities', position(i))
+      if (cursor%broken) return
+      do j = 1, count
+        call cursor%get_int(ignored)
+      end do
+    end do
+    if (cursor%broken) return
+    call groups%index%init(tag, twice)
+    if (twice > 0) &
+      call cursor%fail('the entity of dimension '//to_text(dimension)//' and tag '//to_text(tag(twice))// &
+                       ' occurs a second time', position(twice))
+  end subroutine read_entities_of_dimension
+
+  !> Read the physical groups of one entity, ascending and without repetition. A minus sign in the file marks reversed
+  !> orientation.
+  subroutine read_groups(cursor, builder, dimension, count, group, n)
+    !> Cursor over the bytes of the file.
+    type(byte_cursor_t), intent(inout) :: cursor
+    !> Mesh under construction.
+    type(mesh_builder_t), intent(inout) :: builder
+    !> Dimension of the entity, 0 to 3.
+    integer, intent(in) :: dimension
+    !> Number of physical tags.
+    integer, intent(in) :: count
+    !> Group indices; the first n are set (at least count).
+    integer, intent(inout) :: group(:)
+    !> Number of groups.
+    integer, intent(out) :: n
+    integer(int64) :: physical
+    integer :: i, j, new
+    n = 0
+    do i = 1, count
+      call cursor%get_int(physical)
+      if (abs(physical) > huge(0)) call cursor%fail('the physical tag '//to_text(physical)//' cannot be right')
+      if (cursor%broken) return
+      call builder%add_group(dimension, abs(int(physical)), new)
+      if (any(group(:n) == new)) cycle
+      j = n
+      do while (j > 0)
+        if (group(j) < new) exit
+        group(j + 1) = group(j)
+        j = j - 1
+      end do
+      group(j + 1) = new
+      n = n + 1
+    end do
+  end subroutine read_groups
+
+  !> Index of an entity among those of its dimension, 0 if the file has no entities.
+  subroutine find_entity(cursor, entities, dimension, tag, position, place)
+    !> Cursor over the bytes of the file.
+    type(byte_cursor_t), intent(inout) :: cursor
+    !> Geometric entities.
+    type(entities_t), intent(in) :: entities
+    !> Dimension of the entity, 0 to 3.
+    integer, intent(in) :: dimension
+    !> Tag of the entity.
+    integer(int64), intent(in) :: tag
+    !> Position of the block that names it.
+    integer(int64), intent(in) :: position
+    !> Index of the entity.
+    integer, intent(out) :: place
+    place = 0
+    if (.not. entities%known) return
+    place = entities%dimension(dimension)%index%find(tag)
+    if (place > 0) return
+    if (entities%partitioned) then
+      call cursor%fail('the mesh is partitioned: save it without partitions (gmsh without -part)', position)
+    else
+      call cursor%fail('elements belong to the entity of dimension '//to_text(dimension)//' and tag '//to_text(tag)// &
+                       ', which $Entities does not have', position)
+    end if
+  end subroutine find_entity
+end module dotyk_mesh_gmsh_entities

@@ -1,0 +1,52 @@
+!> What is read of a mesh file: all of it, or volumes of some names with all surfaces, so that no process need hold the
+!> volumes of all bodies.
+module dotyk_mesh_mesh_selection
+  use dotyk_base_kinds, only: int64
+  use dotyk_base_text, only: text_t
+  implicit none
+  private
+
+  !> What is read of a mesh file.
+  type, public :: mesh_selection_t
+    !> Whether all is read; the other components have no meaning then.
+    logical :: everything = .true.
+    !> Dimension of the volumes: that of space. Elements of lower dimension than surfaces are not read.
+    integer :: dimension = 3
+    !> Names of physical groups: their elements are read, and all elements of surfaces (n_names).
+    type(text_t), allocatable :: volume(:)
+    !> Number of shares into which the elements of the volumes are divided.
+    integer :: n_shares = 1
+    !> The share that is read, from 0.
+    integer :: share = 0
+  contains
+    procedure :: has_volume => selection_has_volume
+    procedure :: limits => selection_limits
+  end type mesh_selection_t
+
+contains
+
+  !> Whether the elements of a physical group of the dimension of space are read.
+  pure logical function selection_has_volume(self, name) result(has)
+    class(mesh_selection_t), intent(in) :: self
+    !> Name of the group.
+    character(*), intent(in) :: name
+    integer :: i
+    has = .false.
+    do i = 1, size(self%volume)
+      has = has .or. self%volume(i)%s == name
+    end do
+  end function selection_has_volume
+
+  !> The share of n elements that follow each other in the file: those after number `first` up to number `last`.
+  pure subroutine selection_limits(self, n, first, last)
+    class(mesh_selection_t), intent(in) :: self
+    !> Number of elements.
+    integer(int64), intent(in) :: n
+    !> Number of the elements before the share.
+    integer(int64), intent(out) :: first
+    !> The last element of the share.
+    integer(int64), intent(out) :: last
+    first = n*self%share/self%n_shares
+    last = n*(self%share + 1)/self%n_shares
+  end subroutine selection_limits
+end module dotyk_mesh_mesh_selection
