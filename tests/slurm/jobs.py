@@ -219,6 +219,17 @@ class Ranks(Scenes):
         self.log("case", "interrupted after")
         self.assertEqual(self.status("case"), "interrupted")
 
+    def test_a_signal_to_the_job_script_reaches_ranks_of_mpirun(self):
+        """As `--signal=B:TERM@120` sends it."""
+        self.scene("case.nml", ENDLESS)
+        job = self.ranks("-N", "2", "case.nml", DOTYK_LAUNCHER="mpirun --allow-run-as-root -n 2")
+        self.log("case", "relaxation")
+        time.sleep(0.5)
+        SLURM.ask("scancel", "--signal=TERM", "--batch", job, check=True)
+        self.ends(job, ("FAILED", "1:0"))
+        self.assertIn("interrupted after", self.log("case", "interrupted after"))
+        self.assertEqual(self.status("case"), "interrupted")
+
 
 if __name__ == "__main__":
     dotyk_case.main()
