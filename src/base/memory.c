@@ -195,3 +195,9 @@ void dotyk_watch_ends(void) {
   sigaction(SIGBUS, &action, &before_bus);
 }
 void dotyk_end_expected(void) { ending = 1; }
+
+/* Largest memory that the process has had so far [bytes]; Linux counts in kibibytes. */
+double dotyk_peak_memory(void) {
+  struct rusage usage;
+  return getrusage(RUSAGE_SELF, &usage) == 0 ? 1024.0 * (double)usage.ru_maxrss : 0;
+}

@@ -18,7 +18,7 @@ module dotyk_base_memory
     character(:), allocatable :: limit
   end type memory_t
 
-  public :: memory_now, memory_text, set_stage, stage_text, set_item, watch_ends, end_expected
+  public :: memory_now, memory_text, peak_memory, set_stage, stage_text, set_item, watch_ends, end_expected
 
   interface
     subroutine c_memory(used, left, limit) bind(c, name='dotyk_memory')
@@ -30,6 +30,11 @@ module dotyk_base_memory
       !> Limit that ends it: 0 unknown, 1 machine, 2 container or batch job, 3 process.
       integer(c_int), intent(out) :: limit
     end subroutine c_memory
+
+    !> Largest memory that the process has had so far [bytes].
+    real(c_double) function peak_memory() bind(c, name='dotyk_peak_memory')
+      import :: c_double
+    end function peak_memory
 
     subroutine c_set_stage(text) bind(c, name='dotyk_set_stage')
       import :: c_char

@@ -67,6 +67,7 @@ contains
       if (allocated(error)) return
       if (solution%state%ended /= ended_time) call show_pair_results(monitor%log, problem%pair, pair_solution)
       call monitor%watch%lap(monitor%timing%recover)
+      monitor%timing%total = monitor%watch%since_start()
       if (this_rank() > 0) return
       call set_stage('writing results')
       call write_fields(file, case, problem%body, displacements, contact_pressure, solution%budget, &

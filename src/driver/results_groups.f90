@@ -16,6 +16,7 @@ module dotyk_driver_results_groups
   use dotyk_input_case, only: case_t
   use dotyk_linalg_blas, only: blas_name
   use dotyk_log_timing, only: timing_t
+  use dotyk_ranks_communication, only: n_ranks
   use dotyk_output_results_file, only: results_file_t, connectivity_length, contact_group
   implicit none
   private
@@ -120,6 +121,7 @@ contains
     call file%put_attribute('', 'command_line', command_line_text())
     call file%put_attribute('', 'compiler', compiler//' ('//build_type//')')
     call file%put_attribute('', 'blas', blas_name())
+    call file%put_attribute('', 'ranks', n_ranks())
     call file%put_attribute('', 'threads', threads)
     call file%put_attribute('', 'started', started)
     call file%put_attribute('', 'input', case%text)

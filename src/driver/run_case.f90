@@ -42,8 +42,7 @@ contains
     real(dp), allocatable :: pressure(:)
     integer :: threads
     code = exit_converged
-    call monitor%watch%start()
-    call monitor%log%init(arguments%quiet)
+    call monitor%begin(arguments%quiet)
     call use_threads(arguments%threads, threads)
     call set_stage('reading '//arguments%case_file)
     call read_case(arguments%case_file, case, error)

@@ -5,6 +5,7 @@ module dotyk_log_run_monitor
   use dotyk_base_memory, only: set_stage
   use dotyk_log_progress, only: progress_line
   use dotyk_log_timing, only: timing_t, stopwatch_t
+  use dotyk_ranks_communication, only: n_ranks
   use dotyk_scheme_history, only: history_t
   use dotyk_scheme_monitor, only: monitor_t, phase_estimate, phase_iterate, phase_recover
   implicit none
@@ -21,6 +22,7 @@ module dotyk_log_run_monitor
     !> The phase under way, one of `phase_*`; 0: none.
     integer, private :: phase = 0
   contains
+    procedure :: begin => log_monitor_begin
     procedure :: step => log_monitor_step
     procedure :: note => log_monitor_note
     procedure :: finish => log_monitor_finish
@@ -29,6 +31,17 @@ module dotyk_log_run_monitor
   end type log_monitor_t
 
 contains
+
+  !> Begin the run.
+  subroutine log_monitor_begin(self, quiet)
+    class(log_monitor_t), intent(inout) :: self
+    !> Print errors only.
+    logical, intent(in) :: quiet
+    call self%watch%start()
+    call self%log%init(quiet)
+    ! mpirun shows its ranks a terminal, whatever its own output is.
+    if (n_ranks() > 1) self%log%terminal = .false.
+  end subroutine log_monitor_begin
 
   !> Show a step, if it is time for another line.
   subroutine log_monitor_step(self, history, tolerance, measure)

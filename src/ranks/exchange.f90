@@ -12,11 +12,25 @@ module dotyk_ranks_exchange
   use dotyk_base_interrupt, only: agree_on_interrupt, is_asked
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_log, only: print_error
+  use dotyk_base_timer, only: wall_time
   use dotyk_ranks_communication, only: end_ranks, gather_bytes, gather_integers, gather_reals, greet, greeting_length, &
     n_ranks, this_rank
   implicit none
   private
-  public :: share, share_errors, share_flat, on_any_rank, least_of_ranks, meet
+  public :: share, share_errors, share_flat, on_any_rank, least_of_ranks, meet, exchange_cost
+
+  !> What exchanges have cost this rank so far.
+  type, public :: exchange_cost_t
+    !> Time in which it waited for other ranks [s].
+    real(dp) :: waited = 0
+    !> Number of exchanges.
+    integer(int64) :: n = 0
+    !> Numbers that it got from other ranks [bytes].
+    real(dp) :: bytes = 0
+  end type exchange_cost_t
+
+  !> That of this rank.
+  type(exchange_cost_t) :: cost
 
   !> Values of one item.
   type, public :: item_t
@@ -35,6 +49,11 @@ module dotyk_ranks_exchange
   integer(int64), parameter :: not_there = -1
 
 contains
+
+  !> What exchanges have cost this rank so far.
+  type(exchange_cost_t) function exchange_cost()
+    exchange_cost = cost
+  end function exchange_cost
 
   !> Wait for the other ranks, and agree on interrupts.
   subroutine meet()
@@ -97,6 +116,7 @@ contains
       first = first + length(i)
     end do
     call gather_reals(own, n, all)
+    cost%bytes = cost%bytes + 8*(size(all) - size(own))
     first = 0
     do k = 1, size(item)
       i = order(k)
@@ -188,9 +208,13 @@ contains
     !> Numbers that must be the same on all ranks.
     real(dp), intent(in), optional :: same(:)
     integer(int64) :: all(greeting_length, n_ranks()), sum
+    real(dp) :: began
     sum = 0
     if (present(same)) sum = checksum(same)
+    began = wall_time()
     call greet([what, n, merge(1_int64, 0_int64, is_asked()), sum], all)
+    cost%waited = cost%waited + (wall_time() - began)
+    cost%n = cost%n + 1
     call check(all, 4)
   end subroutine agree_on
 
