@@ -336,7 +336,7 @@ contains
     real(dp), allocatable :: null(:, :), all_null(:, :)
     integer :: n_old
     call find_inverse_root(-a, reference, self%root(k)%x, null, failed)
-    if (failed /= 0) return
+    if (failed /= 0 .or. size(null, 2) == 0) return
     n_old = size(self%null_block)
     allocate (all_null(size(self%null_direction, 1), n_old + size(null, 2)), source=0.0_dp)
     all_null(:, :n_old) = self%null_direction

@@ -5,8 +5,9 @@
 !>
 !>     M lambda - G alpha = b,    G^T lambda + S alpha = c.
 !>
-!> It is solved by factorization of the whole saddle point matrix (`dotyk_scheme_direct_system`), or matrix-free by
-!> projected conjugate gradients (`dotyk_scheme_iterative_system`).
+!> It is solved by factorization of the whole saddle point matrix (`dotyk_scheme_direct_system`), by conjugate
+!> gradients that know the network of many bodies (`dotyk_scheme_network_system`), or matrix-free by projected conjugate
+!> gradients (`dotyk_scheme_iterative_system`).
 module dotyk_scheme_active_system
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
@@ -14,6 +15,7 @@ module dotyk_scheme_active_system
   use dotyk_scheme_contact_qp, only: contact_qp_t
   implicit none
   private
+  public :: proximal_term
 
   !> The system.
   type, abstract, public :: active_system_t
@@ -23,6 +25,9 @@ module dotyk_scheme_active_system
     real(dp), allocatable :: layer(:)
     !> Iterative solutions end where the residual of the start is reduced to this fraction; 0: at rounding [].
     real(dp) :: reduction = 0
+    !> Steps of Newton's method need no more accuracy: fraction of the energy of the step that the network system may
+    !> leave in the residual; 0: rounding [].
+    real(dp) :: step_reduction = 0
     !> Null modes: rigid body modes that the active points do not restrain, as columns (coarse%n, number of them).
     real(dp), allocatable :: null_mode(:, :)
   contains
@@ -93,6 +98,12 @@ module dotyk_scheme_active_system
     end subroutine destroy_interface
   end interface
 
+  !> Proximal term: the fraction of the diagonal of M that is added before the factorization. Far above the rounding of
+  !> M (1e-16 of it), far below what slows down the refinement: each step gains nine digits where rows are independent.
+  real(dp), parameter :: proximal_fraction = 1.0e-9_dp
+  !> Most of it, where weights or stiffnesses differ: six digits a step.
+  real(dp), parameter :: most_proximal_fraction = 1.0e-6_dp
+
 contains
 
   !> Take the active rows of a problem.
@@ -109,6 +120,22 @@ contains
     self%row = pack([(i, i=1, size(active))], active)
     self%layer = theta(self%row)/qp%weight(self%row)
   end subroutine system_take_points
+
+  !> What is added to the diagonal of M for the factorization: the same theta on all rows without a layer, as far as
+  !> that is a small fraction of the diagonal [length/force].
+  pure function proximal_term(diagonal, layer, weight) result(term)
+    !> Diagonal of M (n) [length/force].
+    real(dp), intent(in) :: diagonal(:)
+    !> Compliance theta/w of the layer (n) [length/force].
+    real(dp), intent(in) :: layer(:)
+    !> Weights of the rows (n) [length^2; length in two dimensions].
+    real(dp), intent(in) :: weight(:)
+    real(dp) :: term(size(diagonal))
+    real(dp) :: theta
+    theta = maxval(diagonal*weight, mask=.not. layer > 0)
+    term = proximal_fraction*diagonal
+    where (.not. layer > 0) term = max(term, min(proximal_fraction*theta/weight, most_proximal_fraction*diagonal))
+  end function proximal_term
 
   !> Free what all systems have.
   subroutine system_forget(self)

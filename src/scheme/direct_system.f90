@@ -18,7 +18,7 @@ module dotyk_scheme_direct_system
   use dotyk_base_kinds, only: dp
   use dotyk_linalg_block_ldlt, only: block_ldlt_t
   use dotyk_linalg_block_ldlt_solution, only: expand_null_vector, solve_block_ldlt
-  use dotyk_scheme_active_system, only: active_system_t
+  use dotyk_scheme_active_system, only: active_system_t, proximal_term
   use dotyk_scheme_contact_graph, only: contact_graph_t, make_contact_graph
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
@@ -42,11 +42,6 @@ module dotyk_scheme_direct_system
     procedure :: destroy => direct_system_destroy
   end type direct_system_t
 
-  !> Proximal term: the fraction of the diagonal of M that is added before the factorization. Far above the rounding of
-  !> M (1e-16 of it), far below what slows down the refinement: each step gains nine digits where rows are independent.
-  real(dp), parameter :: proximal_fraction = 1.0e-9_dp
-  !> Most of it, where weights or stiffnesses differ: six digits a step.
-  real(dp), parameter :: most_proximal_fraction = 1.0e-6_dp
   !> A null direction of one body that moves an active point by more than this (of 1, the scale of modes) restrains that
   !> point against another body: the null vector has components there. Null directions are known to the square root of
   !> `least_eigenvalue`, 1e-6, at worst and to rounding where bodies do not touch.
@@ -139,22 +134,6 @@ contains
       end do
     end associate
   end subroutine add_compliance
-
-  !> What is added to the diagonal of M for the factorization: the same theta on all rows without a layer, as far as
-  !> that is a small fraction of the diagonal [length/force].
-  pure function proximal_term(diagonal, layer, weight) result(term)
-    !> Diagonal of M (n) [length/force].
-    real(dp), intent(in) :: diagonal(:)
-    !> Compliance theta/w of the layer (n) [length/force].
-    real(dp), intent(in) :: layer(:)
-    !> Weights of the rows (n) [length^2; length in two dimensions].
-    real(dp), intent(in) :: weight(:)
-    real(dp) :: term(size(diagonal))
-    real(dp) :: theta
-    theta = maxval(diagonal*weight, mask=.not. layer > 0)
-    term = proximal_fraction*diagonal
-    where (.not. layer > 0) term = max(term, min(proximal_fraction*theta/weight, most_proximal_fraction*diagonal))
-  end function proximal_term
 
   !> -G and -S.
   subroutine add_modes(self, qp)

@@ -40,6 +40,8 @@ module dotyk_scheme_interior_point
   real(dp), parameter :: worthwhile_gain = 0.1_dp
   !> Steps longer than this are not corrected.
   real(dp), parameter :: long_enough = 0.95_dp
+  !> What solutions by iteration may leave of a step, in the energy norm: the step after that corrects it.
+  real(dp), parameter :: step_reduction = 0.01_dp
   !> Complementarity products between these multiples of their targets are not corrected.
   real(dp), parameter :: smallest_product = 0.5_dp, largest_product = 2.0_dp
 
@@ -98,6 +100,7 @@ contains
     call find_start(qp, compliance, theta, system, usable, row, foundation(row), fraction, now, error)
     if (allocated(error)) return
     allocate (step%lambda(n), step%s(n), step%alpha(qp%coarse%n))
+    system%step_reduction = step_reduction
     do steps = 1, most_steps
       if (interrupted()) exit
       call find_residuals(qp, compliance, theta, row, now, r_dual, r_balance)
@@ -105,7 +108,7 @@ contains
       energy = abs(sum(now%lambda*(now%s + qp%initial_penetration(row)))) + abs(sum(now%alpha*qp%coarse%resultant))
       if (mu <= least_product*energy .and. is_balanced(qp, now, r_balance)) exit
       call make_system(qp, compliance, theta, system, usable, row, now%s/now%lambda, error)
-      if (allocated(error)) return
+      if (allocated(error)) exit
       ! Predictor, then corrector.
       product = -now%lambda*now%s
       call newton_step(qp, compliance, system, now, r_dual, r_balance, product, step)
@@ -122,6 +125,7 @@ contains
       now%alpha = now%alpha + length*step%alpha
       if (length < shortest_step) exit
     end do
+    system%step_reduction = 0
     steps = min(steps, most_steps)
     lambda(row) = now%lambda
     alpha = now%alpha

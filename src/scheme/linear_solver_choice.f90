@@ -1,5 +1,5 @@
-!> The choice of a linear solver for active sets: entries of the compliance and factorization, or matrix-free conjugate
-!> gradients.
+!> The choice of a linear solver for active sets: entries of the compliance and factorization, entries and conjugate
+!> gradients on the network of many bodies, or matrix-free conjugate gradients.
 !>
 !> Cost and memory of both follow from the number of contact rows and the factors of the bodies, before anything is
 !> solved.
@@ -14,6 +14,8 @@ module dotyk_scheme_linear_solver_choice
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_iterative_system, only: iterative_system_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
+  use dotyk_scheme_network_system, only: network_system_t
+  use dotyk_scheme_pair_blocks, only: network_cost
   implicit none
   private
 
@@ -26,6 +28,13 @@ module dotyk_scheme_linear_solver_choice
   !> Speed of level 3 BLAS (forward substitution with blocks of right-hand sides, factorization) relative to solves with
   !> a single right-hand side.
   real(dp), parameter :: gain_of_blocks = 8
+  !> Solutions of one system of the interior-point method, which many bodies take, and conjugate gradients in each of
+  !> them on the network of bodies.
+  real(dp), parameter :: typical_solutions = 5, typical_iterations = 6
+  !> Fewer rigid body modes than these are never a network; and it must be cheaper by this factor: small scenes keep
+  !> their factors.
+  integer, parameter :: least_modes = 300
+  real(dp), parameter :: worthwhile = 0.5_dp
   !> Bytes for an entry of the factor: 8 in the panel, as many in the update matrices and in copies of compliance
   !> blocks.
   real(dp), parameter :: bytes_of_entry = 24
@@ -49,17 +58,23 @@ contains
     !> To be made for each active set.
     class(active_system_t), allocatable, intent(out) :: system
     type(direct_system_t), allocatable :: direct
+    type(network_system_t), allocatable :: network
     type(iterative_system_t), allocatable :: iterative
-    logical :: matrix_free
+    logical :: matrix_free, many_bodies
     matrix_free = wish == linear_solver_iterative
     if (wish /= linear_solver_direct .and. .not. matrix_free .and. .not. compliance%has_entries()) &
       matrix_free = is_matrix_free_cheaper(qp, compliance, rows)
     ! Conjugate gradients project on the equilibrium of floating bodies; near-null-space modes are softer than contact
     ! by many orders of magnitude, and take a factorization.
     if (allocated(qp%coarse%stiffness)) matrix_free = .false.
+    many_bodies = .false.
+    if (wish /= linear_solver_direct .and. .not. matrix_free) many_bodies = is_network_cheaper(qp, compliance, rows)
     if (matrix_free) then
       allocate (iterative)
       call move_alloc(iterative, system)
+    else if (many_bodies) then
+      allocate (network)
+      call move_alloc(network, system)
     else
       allocate (direct)
       call move_alloc(direct, system)
@@ -94,6 +109,31 @@ contains
     memory = memory_now()
     cheaper = on_any_rank(direct_cost > iterative_cost .or. bytes > room_for_matrices(memory))
   end function is_matrix_free_cheaper
+
+  !> Whether many bodies make conjugate gradients with a factor of their network cheaper than a factor of everything.
+  logical function is_network_cheaper(qp, compliance, rows) result(cheaper)
+    !> The rows.
+    type(contact_qp_t), intent(in) :: qp
+    !> Compliance operator of its bodies.
+    class(compliance_t), intent(inout) :: compliance
+    !> As in `choose_solver` (n_rows).
+    logical, intent(in) :: rows(:)
+    real(dp) :: direct_cost, network, flops, entries, products
+    integer :: b
+    cheaper = .false.
+    if (allocated(qp%coarse%stiffness) .or. qp%coarse%n < least_modes) return
+    call elimination_cost(qp, rows, flops, entries)
+    direct_cost = flops/gain_of_blocks + typical_solutions*4*entries
+    call network_cost(qp, rows, flops, entries)
+    products = 0
+    do b = 1, size(qp%block)
+      products = products + 2*real(count(rows(qp%block(b)%row)), dp)**2
+    end do
+    network = flops/gain_of_blocks + typical_solutions*typical_iterations*(4*entries + products)
+    cheaper = network < worthwhile*direct_cost
+    associate (not_needed => compliance%n_sweeps)
+    end associate
+  end function is_network_cheaper
 
   !> Bytes for compliances and factors on this machine.
   pure real(dp) function room_for_matrices(memory) result(bytes)
