@@ -224,7 +224,7 @@ contains
     end do
   end function dense_numbers
 
-  !> Entries between some rows of a body.
+  !> Entries between some rows of a body; 0 where none are formed.
   subroutine dense_get_entries(self, qp, b, row, entries)
     !> The compliance matrices.
     class(dense_compliance_t), intent(in) :: self
@@ -239,7 +239,11 @@ contains
     integer, allocatable :: number(:)
     allocate (number(size(row)))
     number = self%numbers(b, qp%parent_row(row))
-    entries = self%body(self%owner(b))%value(number, number)
+    if (self%body(b)%n > 0) then
+      entries = self%body(self%owner(b))%value(number, number)
+    else
+      allocate (entries(size(row), size(row)), source=0.0_dp)
+    end if
   end subroutine dense_get_entries
 
   !> Diagonal entries.

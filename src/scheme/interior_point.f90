@@ -20,7 +20,7 @@ module dotyk_scheme_interior_point
 
   !> Linear systems at most.
   integer, parameter :: most_steps = 60
-  !> The method ends where the complementarity products are this fraction of the energy, and
+  !> The method ends where the complementarity products are this fraction of the energy, unless asked otherwise, and
   real(dp), parameter :: least_product = 1.0e-14_dp
   !> the imbalance is this fraction of the loads.
   real(dp), parameter :: balanced = 1.0e-9_dp
@@ -59,7 +59,7 @@ contains
 
   !> Forces, amplitudes and active set near the solution.
   subroutine interior_point_method(qp, compliance, theta, system, foundation, usable, lambda, alpha, active, &
-                                   steps, error)
+                                   steps, error, accuracy)
     !> The contact problem.
     type(contact_qp_t), intent(in) :: qp
     !> Compliance operator, formed at all usable rows.
@@ -83,11 +83,15 @@ contains
     integer, intent(out) :: steps
     !> The linear system cannot be prepared (`init` of its type).
     type(error_t), allocatable, intent(out) :: error
+    !> The method ends where the complementarity products are this fraction of the energy; rounding if absent [].
+    real(dp), intent(in), optional :: accuracy
     type(point_t) :: now, step
     real(dp), allocatable :: fraction(:), r_dual(:), r_balance(:), product(:)
     integer, allocatable :: row(:)
-    real(dp) :: mu, mu_ahead, sigma, length, energy
+    real(dp) :: mu, mu_ahead, sigma, length, energy, least
     integer :: i, n
+    least = least_product
+    if (present(accuracy)) least = accuracy
     row = pack([(i, i=1, size(usable))], usable)
     n = size(row)
     lambda = 0
@@ -106,7 +110,7 @@ contains
       call find_residuals(qp, compliance, theta, row, now, r_dual, r_balance)
       mu = sum(now%lambda*now%s)
       energy = abs(sum(now%lambda*(now%s + qp%initial_penetration(row)))) + abs(sum(now%alpha*qp%coarse%resultant))
-      if (mu <= least_product*energy .and. is_balanced(qp, now, r_balance)) exit
+      if (mu <= least*energy .and. is_balanced(qp, now, r_balance)) exit
       call make_system(qp, compliance, theta, system, usable, row, now%s/now%lambda, error)
       if (allocated(error)) exit
       ! Predictor, then corrector.

@@ -5,7 +5,7 @@
 !> solved.
 module dotyk_scheme_linear_solver_choice
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: linear_solver_direct, linear_solver_iterative
+  use dotyk_base_options, only: linear_solver_auto, linear_solver_iterative
   use dotyk_base_memory, only: memory_now, memory_t
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_contact_graph, only: elimination_cost
@@ -30,7 +30,7 @@ module dotyk_scheme_linear_solver_choice
   real(dp), parameter :: gain_of_blocks = 8
   !> Solutions of one system of the interior-point method, which many bodies take, and conjugate gradients in each of
   !> them on the network of bodies.
-  real(dp), parameter :: typical_solutions = 5, typical_iterations = 6
+  real(dp), parameter :: typical_solutions = 5, typical_iterations = 3
   !> Fewer rigid body modes than these are never a network; and it must be cheaper by this factor: small scenes keep
   !> their factors.
   integer, parameter :: least_modes = 300
@@ -60,15 +60,16 @@ contains
     type(direct_system_t), allocatable :: direct
     type(network_system_t), allocatable :: network
     type(iterative_system_t), allocatable :: iterative
+    real(dp) :: flops, entries
     logical :: matrix_free, many_bodies
+    many_bodies = .false.
+    if (wish == linear_solver_auto) call compare_factors(qp, rows, many_bodies, flops, entries)
     matrix_free = wish == linear_solver_iterative
-    if (wish /= linear_solver_direct .and. .not. matrix_free .and. .not. compliance%has_entries()) &
-      matrix_free = is_matrix_free_cheaper(qp, compliance, rows)
+    if (wish == linear_solver_auto .and. .not. compliance%has_entries()) &
+      matrix_free = is_matrix_free_cheaper(qp, compliance, rows, flops, entries)
     ! Conjugate gradients project on the equilibrium of floating bodies; near-null-space modes are softer than contact
     ! by many orders of magnitude, and take a factorization.
     if (allocated(qp%coarse%stiffness)) matrix_free = .false.
-    many_bodies = .false.
-    if (wish /= linear_solver_direct .and. .not. matrix_free) many_bodies = is_network_cheaper(qp, compliance, rows)
     if (matrix_free) then
       allocate (iterative)
       call move_alloc(iterative, system)
@@ -82,21 +83,24 @@ contains
   end subroutine choose_solver
 
   !> Whether products cost less than entries and factorizations, or these take too much memory.
-  logical function is_matrix_free_cheaper(qp, compliance, rows) result(cheaper)
+  logical function is_matrix_free_cheaper(qp, compliance, rows, flops, entries) result(cheaper)
     !> The rows.
     type(contact_qp_t), intent(in) :: qp
     !> Compliance operator of its bodies.
     class(compliance_t), intent(inout) :: compliance
     !> As in `choose_solver` (n_rows).
     logical, intent(in) :: rows(:)
+    !> Floating-point operations of a system by entries [].
+    real(dp), intent(in) :: flops
+    !> Entries of its factor [].
+    real(dp), intent(in) :: entries
     type(memory_t) :: memory
     real(dp) :: direct_cost, iterative_cost, bytes, n, path, solve
     integer :: b
     ! In floating-point operations at the speed of single solves: 4 for each entry of the factor of a body.
-    call elimination_cost(qp, rows, direct_cost, bytes)
-    direct_cost = typical_systems*direct_cost/gain_of_blocks
+    direct_cost = typical_systems*flops/gain_of_blocks
     iterative_cost = 0
-    bytes = bytes_of_entry*bytes
+    bytes = bytes_of_entry*entries
     do b = 1, size(qp%block)
       n = count(rows(qp%block(b)%row))
       if (.not. n > 0) cycle
@@ -110,30 +114,36 @@ contains
     cheaper = on_any_rank(direct_cost > iterative_cost .or. bytes > room_for_matrices(memory))
   end function is_matrix_free_cheaper
 
-  !> Whether many bodies make conjugate gradients with a factor of their network cheaper than a factor of everything.
-  logical function is_network_cheaper(qp, compliance, rows) result(cheaper)
+  !> Whether many bodies make conjugate gradients with a factor of their network cheaper than a factor of everything,
+  !> and what the cheaper one costs.
+  subroutine compare_factors(qp, rows, is_network, flops, entries)
     !> The rows.
     type(contact_qp_t), intent(in) :: qp
-    !> Compliance operator of its bodies.
-    class(compliance_t), intent(inout) :: compliance
     !> As in `choose_solver` (n_rows).
     logical, intent(in) :: rows(:)
-    real(dp) :: direct_cost, network, flops, entries, products
+    !> The network is cheaper.
+    logical, intent(out) :: is_network
+    !> Floating-point operations of one system [].
+    real(dp), intent(out) :: flops
+    !> Entries of the factor [].
+    real(dp), intent(out) :: entries
+    real(dp) :: direct_cost, network_flops, network_entries, products, cost
     integer :: b
-    cheaper = .false.
-    if (allocated(qp%coarse%stiffness) .or. qp%coarse%n < least_modes) return
+    is_network = .false.
     call elimination_cost(qp, rows, flops, entries)
+    if (allocated(qp%coarse%stiffness) .or. qp%coarse%n < least_modes) return
     direct_cost = flops/gain_of_blocks + typical_solutions*4*entries
-    call network_cost(qp, rows, flops, entries)
+    call network_cost(qp, rows, network_flops, network_entries)
     products = 0
     do b = 1, size(qp%block)
       products = products + 2*real(count(rows(qp%block(b)%row)), dp)**2
     end do
-    network = flops/gain_of_blocks + typical_solutions*typical_iterations*(4*entries + products)
-    cheaper = network < worthwhile*direct_cost
-    associate (not_needed => compliance%n_sweeps)
-    end associate
-  end function is_network_cheaper
+    cost = network_flops/gain_of_blocks + typical_solutions*typical_iterations*(4*network_entries + products)
+    is_network = cost < worthwhile*direct_cost
+    if (.not. is_network) return
+    flops = gain_of_blocks*cost
+    entries = network_entries
+  end subroutine compare_factors
 
   !> Bytes for compliances and factors on this machine.
   pure real(dp) function room_for_matrices(memory) result(bytes)

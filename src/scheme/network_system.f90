@@ -2,10 +2,10 @@
 !> same pairs without couplings inside the bodies.
 !>
 !> With M = C + Theta W^{-1} on the active rows and M_p its diagonal blocks by pairs (`dotyk_scheme_pair_blocks`), the
-!> preconditioner of `[M -G; -G^T 0]` is the constraint preconditioner `[M_p -G; -G^T 0]` (Keller, Gould, Wathen, SIAM
+!> preconditioner of `[M -G; -G^T -S]` is the constraint preconditioner `[M_p -G; -G^T -S]` (Keller, Gould, Wathen, SIAM
 !> J. Matrix Anal. Appl. 21, 2000): forces of pairs that do not know of each other, in equilibrium with the loads of all
-!> bodies. Eliminating M_p leaves `G^T M_p^{-1} G`, the stiffness of a network of rigid bodies, one block of modes for
-!> each body and one coupling for each pair. Near-null-space modes, with a stiffness S, are not for this system. It is factorized (`dotyk_linalg_block_ldlt`), which finds the modes
+!> bodies. Eliminating M_p leaves `G^T M_p^{-1} G + S`, the stiffness of a network of rigid bodies, one block of modes
+!> for each body and one coupling for each pair. It is factorized (`dotyk_linalg_block_ldlt`), which finds the modes
 !> that the active rows do not restrain. All iterates are in equilibrium, as in FETI, where this network is the coarse
 !> problem; there conjugate gradients see the positive definite M on self-equilibrated forces (Gould, Hribar, Nocedal,
 !> SIAM J. Sci. Comput. 23, 2001), and M_p differs from it by how contacts of one body yield to each other: the number
@@ -87,7 +87,7 @@ contains
     !> with theta = 0, or an entry is not a number.
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: added(:)
-    integer :: failed
+    integer :: b, failed
     logical :: is_singular
     call self%forget()
     if (.not. associated(self%n_iterations)) allocate (self%n_iterations, source=0)
@@ -98,6 +98,11 @@ contains
     failed = 0
     if (.not. is_singular) then
       call self%blocks%add_network(self%network)
+      if (allocated(qp%coarse%stiffness)) then
+        do b = 1, size(qp%coarse%stiffness)
+          if (size(qp%coarse%stiffness(b)%value) > 0) call self%network%add(b, b, -qp%coarse%stiffness(b)%value)
+        end do
+      end if
       call self%network%factorize(self%blocks%stiffness_of_modes(qp%coarse, self%layer), failed)
     end if
     if (is_singular .or. failed > 0) then
@@ -145,7 +150,7 @@ contains
     self%joint_null = joint(:, :n_joint)
   end subroutine find_null_modes
 
-  !> The solution of `M_p x - G alpha = r`, `G^T x = e`.
+  !> The solution of `M_p x - G alpha = r`, `G^T x + S alpha = e`.
   subroutine apply_preconditioner(self, r, e, x, alpha)
     !> Factorized.
     class(network_system_t), intent(in) :: self
@@ -202,7 +207,7 @@ contains
     real(dp), intent(in) :: alpha(:)
     !> `b - M lambda + G alpha` (n) [length].
     real(dp), intent(out) :: r_b(:)
-    !> `c - G^T lambda` (coarse%n) [force].
+    !> `c - G^T lambda - S alpha` (coarse%n) [force].
     real(dp), intent(out) :: r_c(:)
     real(dp), allocatable :: force(:), motion(:)
     allocate (force(qp%n_rows), source=0.0_dp)
@@ -212,7 +217,7 @@ contains
     call qp%mode_displacement(alpha, motion)
     r_b = b - r_b + motion(self%row)
     call qp%mode_resultant(force, r_c)
-    r_c = c - r_c
+    r_c = c - r_c - qp%coarse%stiffness_forces(alpha)
   end subroutine find_residuals
 
   !> Solve from the given forces. Rounds of conjugate gradients, each from the true residual, until rounding allows no
@@ -303,6 +308,8 @@ contains
     allocate (z_modes(size(r_c)), imbalance(size(r_c)))
     ! The first step brings equilibrium; all others keep it.
     call apply_preconditioner(self, r_b, r_c, x, beta)
+    ! Rigid bodies on foundations: the preconditioner is the matrix.
+    if (.not. any(self%blocks%diagonal > 0)) return
     call apply_matrix(self, qp, compliance, x, q)
     call qp%mode_displacement(beta, moved)
     r = r_b - q + moved(self%row)
@@ -321,6 +328,7 @@ contains
       end if
       if (.not. rz > rz_end) exit
       call self%blocks%find_resultants(z, imbalance)
+      imbalance = imbalance + qp%coarse%stiffness_forces(z_modes)
       if (norm2(imbalance) > most_imbalance*norm2(z)) exit
       if (k == 1) then
         p = z
@@ -332,7 +340,7 @@ contains
         p_modes = z_modes + share*p_modes
       end if
       call apply_matrix(self, qp, compliance, p, q)
-      curvature = dot_product(p, q)
+      curvature = dot_product(p, q) + dot_product(p_modes, qp%coarse%stiffness_forces(p_modes))
       if (.not. curvature > 0) exit
       call qp%mode_displacement(p_modes, moved)
       step = rz/curvature

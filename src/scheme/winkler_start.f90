@@ -2,7 +2,9 @@
 !>
 !> Both are minima over the amplitudes alpha of the rigid body modes of
 !> `mu |alpha|^2/2 + alpha.S alpha/2 - e.alpha + sum_i k_i max(0, y_i + (G alpha)_i)^2/2`,
-!> convex and piecewise quadratic: Newton's method with an exact line search. No body is solved; the systems have one
+!> convex and piecewise quadratic: Newton's method with an exact line search; the interior-point method for the
+!> equilibrium of many bodies, where Newton's takes hundreds of steps from one set of touching rows to the next. No body
+!> is solved; the systems have one
 !> block for each couple of touching bodies and are factorized by `dotyk_linalg_block_ldlt`.
 module dotyk_scheme_winkler_start
   use dotyk_base_error, only: error_t
@@ -13,7 +15,10 @@ module dotyk_scheme_winkler_start
   use dotyk_linalg_ordering, only: nested_dissection
   use dotyk_scheme_coarse_space, only: coarse_space_t, mode_block_t, multiply_blocks
   use dotyk_scheme_contact_qp, only: contact_qp_t
+  use dotyk_scheme_dense_compliance, only: dense_compliance_t
+  use dotyk_scheme_interior_point, only: interior_point_method
   use dotyk_scheme_line_search, only: line_minimum
+  use dotyk_scheme_network_system, only: network_system_t
   implicit none
   private
   public :: winkler_equilibrium, find_unbounded_direction
@@ -37,6 +42,10 @@ module dotyk_scheme_winkler_start
   !> Stiffness mu of the start, as a fraction of the mean of the foundations: far softer than contact, it keeps modes
   !> bounded that no contact restrains yet.
   real(dp), parameter :: weak = 1.0e-9_dp
+  !> Newton's method takes too many steps where so many modes depend on each other as in a heap of bodies.
+  integer, parameter :: many_modes = 300
+  !> Accuracy of the energy then: the foundation stands for bodies that are no foundation.
+  real(dp), parameter :: accuracy = 1.0e-8_dp
   !> Penalty of motions into contact, against 1 for the distance to the loads: far above 1/`imbalance`.
   real(dp), parameter :: stiff = 1.0e10_dp
   !> Loads that contact cannot balance by less than this fraction of the largest are rounding errors, of the loads or of
@@ -57,10 +66,60 @@ contains
     real(dp), intent(in) :: y(:)
     !> Amplitudes (qp%coarse%n) [length].
     real(dp), intent(out) :: alpha(:)
+    logical :: found
     alpha = 0
     if (qp%coarse%n == 0 .or. qp%n_rows == 0) return
+    if (qp%coarse%n >= many_modes) then
+      call rest_by_interior_point(qp, resultant, weak*sum(stiffness)/qp%n_rows, stiffness, y, alpha, found)
+      if (found) return
+      alpha = 0
+    end if
     call minimize(qp, resultant, weak*sum(stiffness)/qp%n_rows, stiffness, y, alpha, qp%coarse%stiffness)
   end subroutine winkler_equilibrium
+
+  !> The minimum by the interior-point method: gaps are opened by layers of the stiffness k on rigid bodies.
+  subroutine rest_by_interior_point(qp, resultant, mu, k, y, alpha, found)
+    !> Contact rows and rigid body modes.
+    type(contact_qp_t), intent(in) :: qp
+    !> See `winkler_equilibrium` (qp%coarse%n) [force].
+    real(dp), intent(in) :: resultant(:)
+    !> Stiffness against all modes [force/length].
+    real(dp), intent(in) :: mu
+    !> Stiffness of the foundations; those of 0 do not count (n_rows) [force/length].
+    real(dp), intent(in) :: k(:)
+    !> Penetrations at alpha = 0 (n_rows) [length].
+    real(dp), intent(in) :: y(:)
+    !> Amplitudes (qp%coarse%n) [length].
+    real(dp), intent(out) :: alpha(:)
+    !> Whether it has found them.
+    logical, intent(out) :: found
+    type(error_t), allocatable :: error
+    type(contact_qp_t) :: rigid
+    type(dense_compliance_t) :: none
+    type(network_system_t) :: system
+    real(dp) :: lambda(qp%n_rows), layer(qp%n_rows)
+    logical :: active(qp%n_rows)
+    integer :: b, i, steps
+    rigid%n_rows = qp%n_rows
+    rigid%pair_first_row = [1, qp%n_rows + 1]
+    rigid%parent_row = [(i, i=1, qp%n_rows)]
+    rigid%weight = max(k, tiny(mu))
+    rigid%initial_penetration = y
+    allocate (rigid%block(size(qp%block)))
+    do b = 1, size(qp%block)
+      rigid%block(b)%row = qp%block(b)%row
+    end do
+    rigid%coarse = qp%coarse
+    rigid%coarse%resultant = resultant
+    call rigid%coarse%add_springs(mu)
+    call none%init(rigid)
+    layer = 1
+    call interior_point_method(rigid, none, layer, system, 1/rigid%weight, k > 0, lambda, alpha, active, steps, error, &
+                               accuracy)
+    call system%destroy()
+    found = .not. allocated(error)
+    if (found) found = all(abs(alpha) <= huge(mu))
+  end subroutine rest_by_interior_point
 
   !> Find an unbounded direction: a motion that the loads excite and no contact resists. It is the part of e that no
   !> contact pressures balance, the projection of e on the motions with G alpha <= 0: `min |alpha - e|^2/2`, these
