@@ -118,7 +118,7 @@ def predict(unknowns, nodes, machine, counts):
         "estimates": counts["estimate_seconds"] * unknowns / speed,
         "results": counts["result_bytes"] * unknowns / files,
     }
-    own = counts["memory_bytes"] * unknowns / p * counts["imbalance"]
+    own = counts["memory_bytes"] * unknowns / p * counts["imbalance"] * (counts["memory_of_many"] if p > 1 else 1)
     ghosts = counts["ghost_bytes"] * ghost_nodes(unknowns, p, counts["ghost_layers"])
     replicated = counts["row_bytes"] * rows + row_factor_bytes(rows * counts["active"], counts) if rows else 0.0
     of_rank = counts["memory_of_rank"] + own + ghosts + replicated
