@@ -19,6 +19,8 @@ module dotyk_mesh_body_part
     logical, allocatable :: own(:)
     !> Number of each element in its block of the whole body, ascending (n_elements).
     integer, allocatable :: whole(:)
+    !> Number of elements in the block of the whole body.
+    integer :: n_whole = 0
   end type part_elements_t
 
   !> The part of one body's mesh that one rank holds.
@@ -166,6 +168,7 @@ contains
       associate (node => whole%block(b)%node)
         chosen = pack([(e, e=1, size(node, 2))], [(any(at_own(node(:, e))), e=1, size(node, 2))])
         part%elements(b)%whole = chosen
+        part%elements(b)%n_whole = size(node, 2)
         part%elements(b)%own = part_of_element(n + chosen) == rank
         part%mesh%block(b)%kind = whole%block(b)%kind
         part%mesh%block(b)%tag = whole%block(b)%tag(chosen)
@@ -202,6 +205,7 @@ contains
     allocate (part%elements(size(whole%block)))
     do b = 1, size(whole%block)
       part%elements(b)%whole = [(i, i=1, size(whole%block(b)%tag))]
+      part%elements(b)%n_whole = size(whole%block(b)%tag)
       allocate (part%elements(b)%own(size(whole%block(b)%tag)), source=.true.)
     end do
   end subroutine whole_body_part

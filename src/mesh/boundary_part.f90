@@ -1,7 +1,6 @@
 !> Parts of the boundary of a body: the numbers of the facets of a surface in it, and some of its facets as a surface.
 module dotyk_mesh_boundary_part
   use dotyk_mesh_corner_table, only: corner_table_t
-  use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, kind_dimension
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_surface, only: surface_t
@@ -38,27 +37,24 @@ contains
   end subroutine facets_in_boundary
 
   !> Geometric entities of the facets of a boundary, as far as the mesh has these facets as elements.
-  subroutine find_entities(mesh, body_mesh, boundary)
+  subroutine find_entities(mesh, number, boundary)
     !> Mesh from which the body was extracted.
     type(mesh_t), intent(in) :: mesh
-    !> Mesh of the body.
-    type(body_mesh_t), intent(in) :: body_mesh
+    !> Number of each node in the body, 0 where it has no such node (n_nodes of the mesh).
+    integer, intent(in) :: number(:)
     !> Boundary of the body; its entities are set.
     type(surface_t), intent(inout) :: boundary
     type(corner_table_t) :: table
     type(element_kind_t) :: kind
-    integer, allocatable :: number(:)
-    integer :: b, e, f, i, n, entry, corner(max_corners)
+    integer :: b, e, f, n, entry, corner(max_corners)
     allocate (boundary%entity(boundary%n_facets), source=0)
-    allocate (number(size(mesh%x, 2)), source=0)
-    number(body_mesh%mesh_node) = [(i, i=1, size(body_mesh%mesh_node))]
     call table%init(max_corners, boundary%n_facets)
     do f = 1, boundary%n_facets
       kind = element_kind(boundary%kind(f))
       call table%add(boundary%node(:kind%n_corners, f), entry)
     end do
     do b = 1, size(mesh%block)
-      if (kind_dimension(mesh%block(b)%kind) /= body_mesh%dimension - 1) cycle
+      if (kind_dimension(mesh%block(b)%kind) /= boundary%dimension - 1) cycle
       if (.not. allocated(mesh%block(b)%entity)) cycle
       kind = element_kind(mesh%block(b)%kind)
       n = kind%n_corners

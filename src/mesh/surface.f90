@@ -42,7 +42,8 @@ module dotyk_mesh_surface
     logical :: order_elevated = .false.
   end type surface_t
 
-  public :: extract_surface, surface_nodes, surface_names
+  public :: extract_surface, surface_nodes, surface_names, gather_facets, choose_facets, find_parents, name_surfaces, &
+    node_numbers, refuse_inner
 
   !> Greatest number of corners of a facet.
   integer, parameter :: max_corners = 4
@@ -65,25 +66,17 @@ contains
     type(corner_table_t) :: table
     type(text_t), allocatable :: names(:)
     integer(int64), allocatable :: tag(:)
-    integer, allocatable :: entity(:), parents(:)
+    integer, allocatable :: number(:), entity(:), parents(:)
     character(:), allocatable :: message
-    integer :: inner
     wanted = groups_like(mesh, trim(surface_name), body_mesh%dimension - 1)
+    message = ''
     if (any(wanted)) then
-      call gather_facets(mesh, body_mesh, wanted, table, tag, entity)
-      surface%name = trim(surface_name)
-      surface%dimension = body_mesh%dimension
+      call node_numbers(mesh, body_mesh, number)
+      call gather_facets(mesh, body_mesh%dimension, number, wanted, table, tag, entity)
       surface%order_elevated = body_mesh%order_elevated
       call find_parents(body_mesh, table, surface, parents)
-      inner = findloc(parents > 1, .true., dim=1)
-      if (inner > 0) then
-        call set_error(error, 'mesh '//quoted(mesh%file)//': '//quoted(surface_name)//' lies inside the body, '// &
-                       'not on its surface, with '//to_text(count(parents > 1))//' of its facets (the first is '// &
-                       'element '//to_text(tag(inner))//')')
-        return
-      end if
-      call keep_facets(surface, tag, entity, parents == 1)
-      if (surface%n_facets > 0) return
+      call choose_facets(mesh, surface_name, body_mesh%dimension, tag, entity, parents, surface, error)
+      if (surface%n_facets > 0 .or. allocated(error)) return
       message = 'mesh '//quoted(mesh%file)//': '//quoted(surface_name)//' has no facet on this body'
     else
       message = unknown_group(mesh, trim(surface_name), body_mesh%dimension - 1)
@@ -92,12 +85,73 @@ contains
     call set_error(error, message//'; on this body: '//names_text(names))
   end subroutine extract_surface
 
-  !> Collect the facets of some groups whose corners are all nodes of the body, each once.
-  subroutine gather_facets(mesh, body_mesh, wanted, table, tag, entity)
+  !> Keep the facets that have one parent, and complete the surface.
+  subroutine choose_facets(mesh, surface_name, dimension, tag, entity, parents, surface, error)
     !> Mesh.
+    type(mesh_t), intent(in) :: mesh
+    !> Name of the physical groups, maybe with wildcards.
+    character(*), intent(in) :: surface_name
+    !> Dimension of space.
+    integer, intent(in) :: dimension
+    !> Element tags of the facets (n).
+    integer(int64), intent(in) :: tag(:)
+    !> Their geometric entities (n).
+    integer, intent(in) :: entity(:)
+    !> Number of elements of the body with each facet (n).
+    integer, intent(in) :: parents(:)
+    !> The surface; on entry it has all facets, without tags.
+    type(surface_t), intent(inout) :: surface
+    !> Set for facets inside the body.
+    type(error_t), allocatable, intent(out) :: error
+    integer :: inner
+    surface%name = trim(surface_name)
+    surface%dimension = dimension
+    inner = findloc(parents > 1, .true., dim=1)
+    if (inner > 0) then
+      call refuse_inner(mesh, surface_name, count(parents > 1), tag(inner), error)
+    else
+      call keep_facets(surface, tag, entity, parents == 1)
+    end if
+  end subroutine choose_facets
+
+  !> Refuse a surface inside the body.
+  subroutine refuse_inner(mesh, surface_name, n_inner, first_tag, error)
+    !> Mesh.
+    type(mesh_t), intent(in) :: mesh
+    !> Name of the physical groups, maybe with wildcards.
+    character(*), intent(in) :: surface_name
+    !> Number of its facets inside the body.
+    integer, intent(in) :: n_inner
+    !> Element tag of the first of them.
+    integer(int64), intent(in) :: first_tag
+    !> The error.
+    type(error_t), allocatable, intent(out) :: error
+    call set_error(error, 'mesh '//quoted(mesh%file)//': '//quoted(surface_name)//' lies inside the body, '// &
+                   'not on its surface, with '//to_text(n_inner)//' of its facets (the first is '// &
+                   'element '//to_text(first_tag)//')')
+  end subroutine refuse_inner
+
+  !> Number in the body of each node of a mesh; 0 where the body has no such node.
+  pure subroutine node_numbers(mesh, body_mesh, number)
+    !> Mesh from which the body was extracted.
     type(mesh_t), intent(in) :: mesh
     !> Mesh of the body.
     type(body_mesh_t), intent(in) :: body_mesh
+    !> The numbers (n_nodes of the mesh).
+    integer, allocatable, intent(out) :: number(:)
+    integer :: i
+    allocate (number(size(mesh%x, 2)), source=0)
+    number(body_mesh%mesh_node) = [(i, i=1, size(body_mesh%mesh_node))]
+  end subroutine node_numbers
+
+  !> Collect the facets of some groups whose corners are all nodes of the body, each once.
+  subroutine gather_facets(mesh, dimension, number, wanted, table, tag, entity)
+    !> Mesh.
+    type(mesh_t), intent(in) :: mesh
+    !> Dimension of space.
+    integer, intent(in) :: dimension
+    !> Number of each node in the body, 0 where it has no such node (n_nodes of the mesh).
+    integer, intent(in) :: number(:)
     !> Groups to collect (n_groups).
     logical, intent(in) :: wanted(:)
     !> Facets by their corners, body-local numbers.
@@ -106,12 +160,8 @@ contains
     integer(int64), allocatable, intent(out) :: tag(:)
     !> Their geometric entities (table%n).
     integer, allocatable, intent(out) :: entity(:)
-    integer, allocatable :: number(:)
     type(element_kind_t) :: kind
-    integer :: b, e, i, n, entry, corner(max_corners)
-    allocate (number(size(mesh%x, 2)))
-    number = 0
-    number(body_mesh%mesh_node) = [(i, i=1, size(body_mesh%mesh_node))]
+    integer :: b, e, n, entry, corner(max_corners)
     n = 0
     do b = 1, size(mesh%block)
       if (any(wanted(mesh%block(b)%group))) n = n + size(mesh%block(b)%tag)
@@ -120,7 +170,7 @@ contains
     allocate (tag(n), entity(n))
     do b = 1, size(mesh%block)
       if (.not. any(wanted(mesh%block(b)%group))) cycle
-      if (kind_dimension(mesh%block(b)%kind) /= body_mesh%dimension - 1) cycle
+      if (kind_dimension(mesh%block(b)%kind) /= dimension - 1) cycle
       kind = element_kind(mesh%block(b)%kind)
       n = kind%n_corners
       do e = 1, size(mesh%block(b)%tag)
@@ -232,15 +282,28 @@ contains
     type(body_mesh_t), intent(in) :: body_mesh
     !> Names (n_names).
     type(text_t), allocatable, intent(out) :: names(:)
+    integer, allocatable :: number(:)
+    call node_numbers(mesh, body_mesh, number)
+    call name_surfaces(mesh, body_mesh%dimension, number > 0, names)
+  end subroutine surface_names
+
+  !> Names of the physical groups that have a facet all of whose nodes are in a body.
+  subroutine name_surfaces(mesh, dimension, in_body, names)
+    !> Mesh.
+    type(mesh_t), intent(in) :: mesh
+    !> Dimension of space.
+    integer, intent(in) :: dimension
+    !> Nodes of the body (n_nodes of the mesh).
+    logical, intent(in) :: in_body(:)
+    !> Names (n_names).
+    type(text_t), allocatable, intent(out) :: names(:)
     type(text_t), allocatable :: all_names(:)
-    logical, allocatable :: found(:), in_body(:)
+    logical, allocatable :: found(:)
     integer :: i, n
-    call group_names(mesh, body_mesh%dimension - 1, all_names)
-    allocate (in_body(size(mesh%x, 2)), found(size(all_names)))
-    in_body = .false.
-    in_body(body_mesh%mesh_node) = .true.
+    call group_names(mesh, dimension - 1, all_names)
+    allocate (found(size(all_names)))
     do i = 1, size(all_names)
-      found(i) = touches(mesh, groups_named(mesh, all_names(i)%s, body_mesh%dimension - 1), in_body)
+      found(i) = touches(mesh, groups_named(mesh, all_names(i)%s, dimension - 1), in_body)
     end do
     allocate (names(count(found)))
     n = 0
@@ -249,7 +312,7 @@ contains
       n = n + 1
       names(n)%s = all_names(i)%s
     end do
-  end subroutine surface_names
+  end subroutine name_surfaces
 
   !> Whether some element of some groups has all its nodes in the body.
   pure logical function touches(mesh, wanted, in_body)

@@ -9,7 +9,7 @@ module dotyk_model_volumes
   use dotyk_mesh_joints, only: joints_t
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_order_elevation, only: has_linear_simplices, elevate_order
-  use dotyk_mesh_surface, only: surface_t, extract_surface, surface_names
+  use dotyk_mesh_surface, only: extract_surface, node_numbers, surface_names, surface_t
   implicit none
   private
 
@@ -64,10 +64,12 @@ contains
     type(mesh_t), intent(in) :: mesh
     !> The boundary.
     type(surface_t), intent(out) :: boundary
+    integer, allocatable :: number(:)
     if (.not. allocated(self%boundary)) then
       allocate (self%boundary)
       call extract_boundary(self%mesh, self%boundary)
-      call find_entities(mesh, self%mesh, self%boundary)
+      call node_numbers(mesh, self%mesh, number)
+      call find_entities(mesh, number, self%boundary)
     end if
     boundary = self%boundary
   end subroutine volume_take_boundary

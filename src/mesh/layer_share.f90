@@ -1,0 +1,198 @@
+!> The share of one rank in the surface layer of a body, as plain arrays that ranks exchange.
+!>
+!> Whole numbers: a head; kind and number of elements in the whole body of each block; block, element and face of each
+!> facet; block, number, tag and nodes of each element; number, origin, part and tag of each node; tags of inner facets.
+!> Reals: the diameter of the body, then the coordinates of the nodes.
+module dotyk_mesh_layer_share
+  use dotyk_base_kinds, only: dp, int64
+  use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_mesh_body_part, only: body_part_t
+  use dotyk_mesh_boundary_candidates, only: boundary_candidates_t
+  use dotyk_mesh_element, only: kind_nodes
+  implicit none
+  private
+
+  !> The share of one rank in a layer, as plain arrays.
+  type, public :: layer_share_t
+    !> Whole numbers (any).
+    integer(int64), allocatable :: number(:)
+    !> Coordinates (any) [length].
+    real(dp), allocatable :: x(:)
+  end type layer_share_t
+
+  !> Numbers of the elements and nodes of one rank in the whole body.
+  type, public :: whole_numbers_t
+    !> Number of nodes of the whole body.
+    integer :: n_nodes = 0
+    !> Number of each node in the whole body, ascending (n_nodes of the rank).
+    integer, allocatable :: node(:)
+    !> Elements (n_blocks).
+    type(element_numbers_t), allocatable :: block(:)
+  end type whole_numbers_t
+
+  !> Elements of one block.
+  type, public :: element_numbers_t
+    !> Number of elements of the whole body.
+    integer :: n_elements = 0
+    !> Number of each element in its block of the whole body, ascending (n_elements of the rank).
+    integer, allocatable :: element(:)
+  end type element_numbers_t
+
+  public :: pack_layer, whole_body_numbers, own_elements, count_items, share_length
+
+  !> Numbers at the head of a share: facets, elements, nodes, inner facets, blocks, dimension, nodes of the whole body,
+  !> order elevation.
+  integer, parameter, public :: head_length = 8
+
+contains
+
+  !> Numbers of a body that is whole on one rank.
+  subroutine whole_body_numbers(mesh, whole)
+    !> Mesh of the whole body.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Its numbers.
+    type(whole_numbers_t), intent(out) :: whole
+    integer :: b, i
+    whole%n_nodes = mesh%n_nodes()
+    whole%node = [(i, i=1, whole%n_nodes)]
+    allocate (whole%block(size(mesh%block)))
+    do b = 1, size(mesh%block)
+      whole%block(b)%n_elements = size(mesh%block(b)%tag)
+      whole%block(b)%element = [(i, i=1, size(mesh%block(b)%tag))]
+    end do
+  end subroutine whole_body_numbers
+
+  !> The elements that a rank owns of a body in parts, without its ghosts.
+  subroutine own_elements(part, mesh, whole)
+    !> Part of the rank.
+    type(body_part_t), intent(in) :: part
+    !> Its own elements, with all nodes of the part.
+    type(body_mesh_t), intent(out) :: mesh
+    !> Their numbers in the whole body.
+    type(whole_numbers_t), intent(out) :: whole
+    integer, allocatable :: own(:)
+    integer :: b, e
+    mesh = part%mesh
+    whole%n_nodes = part%n_whole_nodes
+    whole%node = part%whole_node
+    allocate (whole%block(size(mesh%block)))
+    do b = 1, size(mesh%block)
+      own = pack([(e, e=1, size(part%elements(b)%own))], part%elements(b)%own)
+      mesh%block(b)%node = part%mesh%block(b)%node(:, own)
+      mesh%block(b)%tag = part%mesh%block(b)%tag(own)
+      whole%block(b)%n_elements = part%elements(b)%n_whole
+      whole%block(b)%element = part%elements(b)%whole(own)
+    end do
+  end subroutine own_elements
+
+  !> Pack the share of a rank.
+  subroutine pack_layer(mesh, whole, boundary, inner_tag, diameter, share)
+    !> Elements that the rank owns, and their nodes, maybe among others.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Their numbers in the whole body.
+    type(whole_numbers_t), intent(in) :: whole
+    !> Faces of these elements on the boundary of the body.
+    type(boundary_candidates_t), intent(in) :: boundary
+    !> Tags of surface elements of the file that are faces of these elements, and not on the boundary (any).
+    integer(int64), intent(in) :: inner_tag(:)
+    !> Greatest extent of the whole body [length].
+    real(dp), intent(in) :: diameter
+    !> The share.
+    type(layer_share_t), intent(out) :: share
+    logical, allocatable :: at(:), has(:, :)
+    integer, allocatable :: chosen(:)
+    integer :: b, e, i, n, n_elements, n_numbers, n_file
+    allocate (at(mesh%n_nodes()), source=.false.)
+    n = max(0, maxval([(size(mesh%block(b)%tag), b=1, size(mesh%block))]))
+    allocate (has(n, size(mesh%block)), source=.false.)
+    do i = 1, boundary%n
+      has(boundary%element(i), boundary%block(i)) = .true.
+      at(mesh%block(boundary%block(i))%node(:, boundary%element(i))) = .true.
+    end do
+    chosen = pack([(i, i=1, size(at))], at)
+    n_elements = count(has)
+    n_numbers = head_length + 2*size(mesh%block) + 3*boundary%n + size(inner_tag) + 4*size(chosen)
+    do b = 1, size(mesh%block)
+      n_numbers = n_numbers + count(has(:, b))*(3 + size(mesh%block(b)%node, 1))
+    end do
+    allocate (share%number(n_numbers))
+    n = 0
+    call add([boundary%n, n_elements, size(chosen), size(inner_tag), size(mesh%block), mesh%dimension, whole%n_nodes, &
+              merge(1, 0, mesh%order_elevated)])
+    do b = 1, size(mesh%block)
+      call add([mesh%block(b)%kind, whole%block(b)%n_elements])
+    end do
+    do i = 1, boundary%n
+      b = boundary%block(i)
+      call add([b, whole%block(b)%element(boundary%element(i)), boundary%face(i)])
+    end do
+    do b = 1, size(mesh%block)
+      do e = 1, size(mesh%block(b)%tag)
+        if (.not. has(e, b)) cycle
+        call add([b, whole%block(b)%element(e)])
+        call add_long(mesh%block(b)%tag(e))
+        call add(whole%node(mesh%block(b)%node(:, e)))
+      end do
+    end do
+    ! Nodes from order elevation come behind those of the file.
+    n_file = mesh%n_nodes()
+    if (mesh%order_elevated .and. allocated(mesh%mesh_node)) n_file = size(mesh%mesh_node)
+    do i = 1, size(chosen)
+      call add([whole%node(chosen(i)), merge(1, 0, chosen(i) <= n_file), boundary%root(chosen(i))])
+      call add_long(mesh%node_tag(chosen(i)))
+    end do
+    do i = 1, size(inner_tag)
+      call add_long(inner_tag(i))
+    end do
+    share%x = [diameter, reshape(mesh%x(:, chosen), [mesh%dimension*size(chosen)])]
+
+  contains
+
+    !> Add whole numbers.
+    subroutine add(values)
+      !> The numbers (any).
+      integer, intent(in) :: values(:)
+      share%number(n + 1:n + size(values)) = values
+      n = n + size(values)
+    end subroutine add
+
+    !> Add a tag.
+    subroutine add_long(value)
+      !> The tag.
+      integer(int64), intent(in) :: value
+      n = n + 1
+      share%number(n) = value
+    end subroutine add_long
+  end subroutine pack_layer
+
+  !> Number of facets, elements, nodes and inner facets in all shares.
+  subroutine count_items(number, n)
+    !> Whole numbers of the shares (any).
+    integer(int64), intent(in) :: number(:)
+    !> The counts.
+    integer, intent(out) :: n(4)
+    integer :: first
+    n = 0
+    first = 0
+    do while (first < size(number))
+      n = n + int(number(first + 1:first + 4))
+      first = first + share_length(number, first)
+    end do
+  end subroutine count_items
+
+  !> Whole numbers of a share.
+  integer function share_length(number, first) result(length)
+    !> Whole numbers of the shares (any).
+    integer(int64), intent(in) :: number(:)
+    !> Numbers before the share.
+    integer, intent(in) :: first
+    integer :: b, i, n_blocks
+    n_blocks = int(number(first + 5))
+    length = head_length + 2*n_blocks + 3*int(number(first + 1))
+    do i = 1, int(number(first + 2))
+      b = int(number(first + length + 1))
+      length = length + 3 + kind_nodes(int(number(first + head_length + 2*b - 1)))
+    end do
+    length = length + 4*int(number(first + 3)) + int(number(first + 4))
+  end function share_length
+end module dotyk_mesh_layer_share
