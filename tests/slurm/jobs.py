@@ -86,7 +86,8 @@ class Scenes(dotyk_case.Case):
         """Wait until the log of a case has a text so many times; the log."""
         path, limit = self.folder / "batch" / (name + ".log"), time.monotonic() + seconds
         while not path.is_file() or path.read_text().count(text) < number:
-            self.assertLess(time.monotonic(), limit, self.output())
+            if time.monotonic() > limit:
+                self.fail("no '%s' in %s after %d s:\n%s" % (text, path, seconds, self.output()))
             time.sleep(0.1)
         return path.read_text()
 
@@ -219,6 +220,17 @@ class Ranks(Scenes):
         self.log("case", "interrupted after")
         self.assertEqual(self.status("case"), "interrupted")
 
+    def test_a_killed_rank_ends_the_job(self):
+        self.scene("case.nml", ENDLESS)
+        job = self.ranks("-N", "2", "case.nml")
+        self.log("case", "relaxation")
+        ranks = SLURM.processes(DOTYK_MPI)
+        self.assertEqual(len(ranks), 2)
+        os.kill(ranks[-1], signal.SIGKILL)
+        part = SLURM.wait_job(job, seconds=30)[0]
+        self.assertEqual((part["JobState"], part["ExitCode"]), ("FAILED", "137:0"), self.output())
+        self.assertEqual(SLURM.processes(DOTYK_MPI), [])
+
     def test_a_signal_to_the_job_script_reaches_ranks_of_mpirun(self):
         """As `--signal=B:TERM@120` sends it."""
         self.scene("case.nml", ENDLESS)
@@ -232,4 +244,7 @@ class Ranks(Scenes):
 
 
 if __name__ == "__main__":
+    if ABSENT:
+        print("skipped: %s" % ABSENT)
+        sys.exit(0)
     dotyk_case.main()
