@@ -25,7 +25,7 @@ module dotyk_elasticity_block_assembly
   use dotyk_mesh_element_ordering, only: morton_order
   implicit none
   private
-  public :: assemble_block_rows, typical_stiffness
+  public :: assemble_block_rows, clear_held, contract, element_stiffness, typical_stiffness
 
   !> The coarse matrix while it is assembled.
   type, public :: corner_matrix_t

@@ -13,13 +13,16 @@ module dotyk_elasticity_near_null_vectors
 contains
 
   !> The vectors. Rotations are about the middle of the body and scaled by its size.
-  subroutine near_null_vectors(x, constraint, vector)
+  subroutine near_null_vectors(x, constraint, vector, box)
     !> Nodal coordinates (dim, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
     !> Equations and nodal axes.
     type(constraint_t), intent(in) :: constraint
     !> The vectors in nodal axes, zero along held components (dim*n_nodes, n) [].
     real(dp), allocatable, intent(out) :: vector(:, :)
+    !> Lower and upper corner of the box that stands for the body, of which these may be a part; that of the nodes if
+    !> absent (dim, 2) [length].
+    real(dp), intent(in), optional :: box(:, :)
     real(dp) :: middle(size(x, 1)), radius
     integer :: dim
     dim = size(x, 1)
@@ -27,6 +30,10 @@ contains
     if (size(x) == 0) return
     middle = (minval(x, 2) + maxval(x, 2))/2
     radius = maxval(maxval(x, 2) - middle)
+    if (present(box)) then
+      middle = (box(:, 1) + box(:, 2))/2
+      radius = maxval(box(:, 2) - middle)
+    end if
     if (.not. radius > 0) radius = 1
     call fill(dim, size(x, 2), size(vector, 2), x, middle, radius, constraint, vector)
   end subroutine near_null_vectors

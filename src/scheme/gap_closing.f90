@@ -12,7 +12,7 @@ module dotyk_scheme_gap_closing
   use dotyk_linalg_sparse, only: sparse_symmetric_t
   implicit none
   private
-  public :: close_gaps, left_open
+  public :: close_gaps, factorize_rows, left_open, restrict_matrix
 
   !> Improvements at most, and the fraction of what one leaves that the next one must not exceed: rows that depend on
   !> each other leave something for ever.
@@ -56,7 +56,7 @@ contains
     if (.not. any(abs(gap(row)) > 0)) return
     norm = huge(norm)
     call restrict_matrix(compliance, row, part)
-    call factorize(part, softness(row), shift, factor, error)
+    call factorize_rows(part, softness(row), shift, factor, error)
     if (.not. allocated(error)) then
       allocate (all_mu(size(gap)), source=0.0_dp)
       left = gap(row)
@@ -109,7 +109,7 @@ contains
   end subroutine restrict_matrix
 
   !> Factorize the matrix with the softness of the rows on its diagonal.
-  subroutine factorize(matrix, softness, shift, factor, error)
+  subroutine factorize_rows(matrix, softness, shift, factor, error)
     !> B D^{-1} B^T of the rows.
     type(sparse_symmetric_t), intent(in) :: matrix
     !> theta/w (n) [length/force].
@@ -143,7 +143,7 @@ contains
       if (failed == 0 .or. allocated(error) .or. now > most_shift) return
       now = 10*now
     end do
-  end subroutine factorize
+  end subroutine factorize_rows
 
   !> The graph of a symmetric matrix.
   subroutine find_neighbours(matrix, start, neighbour)

@@ -1,0 +1,333 @@
+!> Assembly of the stiffness of all bodies into PETSc's matrices: the fine one by blocks, and its Galerkin matrix
+!> P^T K P on the corner space, element by element as in `dotyk_elasticity_block_assembly`.
+!>
+!> A rank visits all elements of its own nodes and fills their rows alone: elements between ranks are visited twice, and
+!> no entry is sent. Held components are zero rows and columns with a diagonal entry.
+module dotyk_distributed_assembly
+  use petscmat, only: ADD_VALUES, INSERT_VALUES, MAT_FINAL_ASSEMBLY, MAT_NEW_NONZERO_LOCATION_ERR, MAT_SPD, &
+    MatAssemblyBegin, MatAssemblyEnd, MatCreate, MatSetBlockSize, MatSetOption, MatSetSizes, MatSetType, MatSetUp, &
+    MatSetValues, MatSetValuesBlocked, PETSC_COMM_WORLD, PETSC_DETERMINE, PETSC_NULL_INTEGER, PETSC_TRUE, tMat
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_options, only: analysis_3d
+  use dotyk_distributed_part, only: part_t
+  use dotyk_distributed_petsc, only: has_failed
+  use dotyk_elasticity_block_assembly, only: clear_held, contract, element_stiffness
+  use dotyk_elasticity_constraint, only: held
+  use dotyk_elasticity_corner_space, only: corner_weights
+  use dotyk_elasticity_element_quadrature, only: element_quadrature_t
+  use dotyk_elasticity_node_graph, only: node_graph
+  use dotyk_elasticity_stiffness_kernel, only: rotate_blocks
+  use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_mesh_element, only: element_kind, element_kind_t
+  implicit none
+  private
+  public :: add_elements, assemble_interpolation, finish_matrix, make_block_matrix
+
+contains
+
+  !> A matrix of zeros with the pattern of the nodes of all parts.
+  subroutine make_block_matrix(by_blocks, dim, n_own, part, corners, matrix, error)
+    !> Whether to store blocks.
+    logical, intent(in) :: by_blocks
+    !> Order of the blocks.
+    integer, intent(in) :: dim
+    !> Own block rows.
+    integer, intent(in) :: n_own
+    !> Parts of this rank, numbered (n_parts).
+    type(part_t), intent(in) :: part(:)
+    !> Whether of the corners.
+    logical, intent(in) :: corners
+    !> The matrix.
+    type(tMat), intent(out) :: matrix
+    !> Allocated where PETSc fails.
+    type(error_t), allocatable, intent(out) :: error
+    integer, allocatable :: near(:), far(:), start(:), neighbour(:), row(:)
+    logical, allocatable :: is_own(:)
+    type(body_mesh_t) :: corner_mesh
+    integer :: p, i, first, code
+    external :: MatXAIJSetPreallocation
+    allocate (near(n_own), far(n_own), source=0)
+    first = huge(first)
+    do p = 1, size(part)
+      if (any(part(p)%is_own)) first = min(first, minval(pack(part(p)%row, part(p)%is_own)))
+    end do
+    if (corners) then
+      first = huge(first)
+      do p = 1, size(part)
+        associate (own => pack(part(p)%corner_row, part(p)%is_own(part(p)%space%node)))
+          if (size(own) > 0) first = min(first, minval(own))
+        end associate
+      end do
+    end if
+    do p = 1, size(part)
+      if (corners) then
+        call part(p)%space%make_mesh(part(p)%mesh, corner_mesh)
+        call node_graph(corner_mesh, start, neighbour)
+        row = part(p)%corner_row
+        is_own = part(p)%is_own(part(p)%space%node)
+      else
+        call node_graph(part(p)%mesh, start, neighbour)
+        row = part(p)%row
+        is_own = part(p)%is_own
+      end if
+      do i = 1, size(row)
+        if (.not. is_own(i)) cycle
+        associate (others => neighbour(start(i):start(i + 1) - 1))
+          near(row(i) - first + 1) = 1 + count(is_own(others))
+          far(row(i) - first + 1) = count(.not. is_own(others))
+        end associate
+      end do
+    end do
+    call MatCreate(PETSC_COMM_WORLD, matrix, code)
+    call MatSetSizes(matrix, dim*n_own, dim*n_own, PETSC_DETERMINE, PETSC_DETERMINE, code)
+    call MatSetBlockSize(matrix, dim, code)
+    if (by_blocks) then
+      call MatSetType(matrix, 'baij', code)
+    else
+      call MatSetType(matrix, 'aij', code)
+    end if
+    call MatXAIJSetPreallocation(matrix, dim, near, far, PETSC_NULL_INTEGER, PETSC_NULL_INTEGER, code)
+    if (has_failed(code, 'memory of the stiffness', error)) return
+    ! PETSc 3.18 refuses it for blocks.
+    if (.not. by_blocks) call MatSetOption(matrix, MAT_SPD, PETSC_TRUE, code)
+  end subroutine make_block_matrix
+
+  !> Add the elements of a part to the rows of its own nodes, and the forces of prescribed displacements to vectors.
+  subroutine add_elements(part, with_fine, fine, coarse, lift, error)
+    !> The part, numbered.
+    type(part_t), intent(in) :: part
+    !> Whether there is a fine matrix: not where all elements are linear.
+    logical, intent(in) :: with_fine
+    !> Fine matrix [force/length].
+    type(tMat), intent(inout) :: fine
+    !> Galerkin matrix of the corner space [force/length].
+    type(tMat), intent(inout) :: coarse
+    !> K z of prescribed displacements z, along the axes of the nodes; complete at own ones (dim, n_nodes) [force].
+    real(dp), intent(inout) :: lift(:, :)
+    !> Allocated where an element is inverted, the modulus field is not positive, or PETSc fails.
+    type(error_t), allocatable, intent(out) :: error
+    type(element_quadrature_t) :: points
+    type(element_kind_t) :: kind
+    real(dp), allocatable :: k(:), corner_k(:), weight(:), back(:, :, :)
+    integer, allocatable :: frame_of(:), from_node(:), to_corner(:), corner(:), row(:)
+    logical, allocatable :: is_special(:)
+    real(dp) :: scale
+    integer :: b, e, i, nc, code
+    allocate (back, mold=part%constraint%frame)
+    do i = 1, size(back, 3)
+      back(:, :, i) = transpose(part%constraint%frame(:, :, i))
+    end do
+    is_special = part%constraint%frame_of > 0 .or. any(part%constraint%equation == held, 1)
+    scale = 0
+    do b = 1, size(part%mesh%block)
+      if (size(part%mesh%block(b)%tag) == 0) cycle
+      kind = element_kind(part%mesh%block(b)%kind)
+      nc = kind%n_corners
+      call corner_weights(part%mesh%block(b)%kind, from_node, to_corner, weight)
+      call points%init(part%mesh, b, part%analysis, part%material, error)
+      if (allocated(error)) return
+      associate (n => points%n, dim => points%dim, constraint => part%constraint, node => part%mesh%block(b)%node)
+        if (allocated(k)) deallocate (k, corner_k)
+        allocate (k((n*dim)**2), corner_k((nc*dim)**2))
+        do e = 1, size(node, 2)
+          if (.not. any(part%is_own(node(:, e)))) cycle
+          call points%move_to(part%mesh, b, e, error)
+          if (allocated(error)) exit
+          call element_stiffness(points, part%material, part%material%isotropic .and. part%analysis == analysis_3d, k)
+          scale = max(scale, maxval(abs(k)))
+          frame_of = constraint%frame_of(node(:, e))
+          if (any(is_special(node(:, e)))) then
+            call rotate_blocks(n, dim, size(back, 3), frame_of, constraint%frame, k)
+            call add_lift(n, dim, node(:, e), k, constraint%prescribed, lift)
+            call clear_held(n, dim, constraint%equation(:, node(:, e)), k)
+          end if
+          row = merge(part%row(node(:, e)), -1, part%is_own(node(:, e)))
+          if (with_fine) call add_blocks(n, dim, row, part%row(node(:, e)), k, fine, code)
+          if (any(frame_of > 0)) call rotate_blocks(n, dim, size(back, 3), frame_of, back, k)
+          call contract(n, nc, dim, size(weight), from_node, to_corner, weight, k, corner_k)
+          if (any(frame_of > 0)) call rotate_blocks(nc, dim, size(back, 3), frame_of, constraint%frame, corner_k)
+          call clear_held(nc, dim, constraint%equation(:, node(:nc, e)), corner_k)
+          corner = part%corner_row(part%space%number(node(:nc, e)))
+          row = merge(corner, -1, part%is_own(node(:nc, e)))
+          call add_blocks(nc, dim, row, corner, corner_k, coarse, code)
+          if (has_failed(code, 'assembly', error)) exit
+        end do
+      end associate
+      call points%destroy()
+      if (allocated(error)) return
+    end do
+    if (with_fine) call hold(part%row, part%is_own, part%constraint%equation == held, scale, fine)
+    associate (corner_node => part%space%node)
+      call hold(part%corner_row, part%is_own(corner_node), part%constraint%equation(:, corner_node) == held, scale, &
+                coarse)
+    end associate
+  end subroutine add_elements
+
+  !> Add an element matrix to rows.
+  subroutine add_blocks(n, dim, row, column, k, matrix, code)
+    !> Number of nodes.
+    integer, intent(in) :: n
+    !> Number of displacement components.
+    integer, intent(in) :: dim
+    !> Block rows, -1 where they belong to other ranks (n).
+    integer, intent(in) :: row(n)
+    !> Block columns (n).
+    integer, intent(in) :: column(n)
+    !> Element matrix (n, n, dim, dim) [force/length].
+    real(dp), intent(in) :: k(n, n, dim, dim)
+    !> Gets it.
+    type(tMat), intent(inout) :: matrix
+    !> PETSc's error code.
+    integer, intent(out) :: code
+    real(dp) :: blocks(dim*n*dim*n)
+    integer :: a, b, i, j
+    ! By rows or by columns alike: it is symmetric.
+    do b = 1, n
+      do j = 1, dim
+        do a = 1, n
+          do i = 1, dim
+            blocks(i + dim*((a - 1) + n*((j - 1) + dim*(b - 1)))) = k(a, b, i, j)
+          end do
+        end do
+      end do
+    end do
+    call MatSetValuesBlocked(matrix, n, row, n, column, blocks, ADD_VALUES, code)
+  end subroutine add_blocks
+
+  !> Add the forces of prescribed displacements of one element.
+  pure subroutine add_lift(n, dim, node, k, prescribed, lift)
+    !> Number of nodes.
+    integer, intent(in) :: n
+    !> Number of displacement components.
+    integer, intent(in) :: dim
+    !> Nodes of the element (n).
+    integer, intent(in) :: node(n)
+    !> Element matrix along the axes of the nodes (n, n, dim, dim) [force/length].
+    real(dp), intent(in) :: k(n, n, dim, dim)
+    !> Prescribed displacements, 0 where free (dim, n_nodes) [length].
+    real(dp), intent(in) :: prescribed(:, :)
+    !> Gets them (dim, n_nodes) [force].
+    real(dp), intent(inout) :: lift(:, :)
+    integer :: a, b, i, j
+    do b = 1, n
+      do j = 1, dim
+        if (.not. abs(prescribed(j, node(b))) > 0) cycle
+        do i = 1, dim
+          do a = 1, n
+            lift(i, node(a)) = lift(i, node(a)) + k(a, b, i, j)*prescribed(j, node(b))
+          end do
+        end do
+      end do
+    end do
+  end subroutine add_lift
+
+  !> Diagonal entries of held components.
+  subroutine hold(row, is_own, is_held, scale, matrix)
+    !> Block rows (n).
+    integer, intent(in) :: row(:)
+    !> Whether they are this rank's (n).
+    logical, intent(in) :: is_own(:)
+    !> (dim, n)
+    logical, intent(in) :: is_held(:, :)
+    !> The entry [force/length].
+    real(dp), intent(in) :: scale
+    !> Gets them.
+    type(tMat), intent(inout) :: matrix
+    integer :: i, j, code, at(1)
+    do i = 1, size(row)
+      if (.not. is_own(i)) cycle
+      do j = 1, size(is_held, 1)
+        if (.not. is_held(j, i)) cycle
+        at = size(is_held, 1)*row(i) + j - 1
+        call MatSetValues(matrix, 1, at, 1, at, [scale], ADD_VALUES, code)
+      end do
+    end do
+  end subroutine hold
+
+  !> The interpolation P from the corners, between displacements along the axes of the nodes.
+  subroutine assemble_interpolation(dim, n_own, n_own_corners, part, matrix, error)
+    !> Number of displacement components.
+    integer, intent(in) :: dim
+    !> Own nodes, and own corners.
+    integer, intent(in) :: n_own, n_own_corners
+    !> Parts of this rank, numbered (n_parts).
+    type(part_t), intent(in) :: part(:)
+    !> P.
+    type(tMat), intent(out) :: matrix
+    !> Allocated where PETSc fails.
+    type(error_t), allocatable, intent(out) :: error
+    integer, allocatable :: near(:), far(:)
+    real(dp) :: block(dim, dim)
+    integer :: p, i, c, k, j, n, row, pass, first, code
+    external :: MatMPIAIJSetPreallocation, MatSeqAIJSetPreallocation
+    allocate (near(dim*n_own), far(dim*n_own), source=0)
+    call MatCreate(PETSC_COMM_WORLD, matrix, code)
+    call MatSetSizes(matrix, dim*n_own, dim*n_own_corners, PETSC_DETERMINE, PETSC_DETERMINE, code)
+    call MatSetType(matrix, 'aij', code)
+    do pass = 1, 2
+      first = huge(first)
+      do p = 1, size(part)
+        if (any(part(p)%is_own)) first = min(first, minval(pack(part(p)%row, part(p)%is_own)))
+      end do
+      do p = 1, size(part)
+        associate (space => part(p)%space)
+          do i = 1, size(part(p)%row)
+            if (.not. part(p)%is_own(i)) cycle
+            n = space%start(i + 1) - space%start(i)
+            do k = space%start(i), space%start(i + 1) - 1
+              c = space%corner(k)
+              block = matmul(transpose(part(p)%axes(i)), part(p)%axes(space%node(c)))/n
+              do j = 1, dim
+                row = dim*(part(p)%row(i) - first) + j
+                if (pass == 1 .and. part(p)%is_own(space%node(c))) then
+                  near(row) = near(row) + count(abs(block(j, :)) > 0)
+                else if (pass == 1) then
+                  far(row) = far(row) + count(abs(block(j, :)) > 0)
+                else
+                  call set_row(dim*part(p)%row(i) + j - 1, dim*part(p)%corner_row(c), block(j, :), matrix, code)
+                end if
+              end do
+            end do
+          end do
+        end associate
+      end do
+      if (pass == 2) exit
+      call MatSeqAIJSetPreallocation(matrix, 0, near, code)
+      call MatMPIAIJSetPreallocation(matrix, 0, near, 0, far, code)
+      if (has_failed(code, 'memory of the interpolation', error)) return
+    end do
+    call finish_matrix(matrix, error)
+  end subroutine assemble_interpolation
+
+  !> Insert the nonzero entries of one row of a block.
+  subroutine set_row(row, first_column, value, matrix, code)
+    !> The row, from 0.
+    integer, intent(in) :: row
+    !> First column of the block, from 0.
+    integer, intent(in) :: first_column
+    !> Entries (dim) [any].
+    real(dp), intent(in) :: value(:)
+    !> Gets them.
+    type(tMat), intent(inout) :: matrix
+    !> PETSc's error code.
+    integer, intent(out) :: code
+    integer :: j
+    do j = 1, size(value)
+      if (abs(value(j)) > 0) &
+        call MatSetValues(matrix, 1, [row], 1, [first_column + j - 1], value(j:j), INSERT_VALUES, code)
+    end do
+  end subroutine set_row
+
+  !> No entries are added any more.
+  subroutine finish_matrix(matrix, error)
+    !> The matrix.
+    type(tMat), intent(inout) :: matrix
+    !> Allocated where PETSc fails.
+    type(error_t), allocatable, intent(out) :: error
+    integer :: code
+    call MatAssemblyBegin(matrix, MAT_FINAL_ASSEMBLY, code)
+    call MatAssemblyEnd(matrix, MAT_FINAL_ASSEMBLY, code)
+    if (has_failed(code, 'assembly', error)) return
+  end subroutine finish_matrix
+end module dotyk_distributed_assembly

@@ -1,0 +1,310 @@
+!> The linear system of an active set, `K + B^T W B`, as an operator of PETSc, and its smoother's `(D + B^T W B)^{-1}`.
+!>
+!> The contact is not assembled into the fine matrix: that would be a second one. D are the diagonal blocks of K times
+!> the greatest eigenvalue of D^{-1} K, so that `K + B^T W B <= D + B^T W B` however stiff the rows; its inverse is that
+!> of D, PETSc's point-block Jacobi, by the identity of Woodbury with a sparse factor of the active rows, which all
+!> ranks have. (`dotyk_scheme_contact_smoother` in one process.)
+module dotyk_distributed_operator
+  use petscksp, only: KSPComputeExtremeSingularValues, KSPCreate, KSPDestroy, KSPGetPC, KSPSetComputeSingularValues, &
+    KSPSetNormType, KSPSetOperators, KSPSetTolerances, KSPSetType, KSPSolve, KSP_NORM_NONE, MATOP_MULT, MatDestroy, &
+    MatMult, PCApply, PCCreate, PCDestroy, PCSetOperators, PCSetType, PCSetUp, PETSC_COMM_WORLD, PETSC_DEFAULT_REAL, &
+    PETSC_DETERMINE, PETSC_TRUE, tKSP, tMat, tPC, tVec, VecDestroy, VecGetArrayF90, VecGetArrayReadF90, &
+    VecRestoreArrayF90, VecRestoreArrayReadF90, VecScale
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_contact_operator, only: contact_block_t
+  use dotyk_distributed_contact_rows, only: contact_rows_t
+  use dotyk_distributed_petsc, only: has_failed
+  use dotyk_distributed_stiffness, only: distributed_stiffness_t
+  use dotyk_linalg_cholesky, only: cholesky_t
+  use dotyk_linalg_sparse, only: sparse_symmetric_t
+  use dotyk_scheme_gap_closing, only: factorize_rows, restrict_matrix
+  implicit none
+  private
+
+  !> The operator. PETSc has its address: never copy or move it, destroy it in the end.
+  type, public :: system_operator_t
+    !> The stiffness.
+    type(distributed_stiffness_t), pointer :: stiffness => null()
+    !> The rows.
+    type(contact_rows_t) :: rows
+    !> W; zero where not active (n_rows) [force/length].
+    real(dp), allocatable :: row_stiffness(:)
+    !> Active rows, ascending (n).
+    integer, allocatable :: active(:)
+    !> `K + B^T W B`.
+    type(tMat) :: matrix
+    !> Estimate of the greatest eigenvalue of D^{-1} K with the diagonal blocks D, with a margin [].
+    real(dp) :: greatest = 0
+    !> Products with K, and applications of D^{-1}, so far.
+    integer :: n_products = 0, n_smoothings = 0
+    !> D^{-1}.
+    type(tPC), private :: blocks
+    !> Whether it is that of another operator.
+    logical, private :: is_borrowed = .false.
+    !> Of W^{-1} + B D^{-1} B^T on the active rows.
+    type(cholesky_t), private :: factor
+  contains
+    procedure :: init => operator_init
+    procedure :: init_like => operator_init_like
+    procedure :: set_active => operator_set_active
+    procedure :: make_smoother => operator_make_smoother
+    procedure :: destroy => operator_destroy
+  end type system_operator_t
+
+  !> Lanczos steps for the greatest eigenvalue, and the margin, as in `dotyk_linalg_chebyshev`.
+  integer, parameter :: lanczos_steps = 12
+  real(dp), parameter :: margin = 1.1_dp
+  !> Fractions of its multiples look random.
+  real(dp), parameter :: golden = 0.6180339887498949_dp
+
+  interface
+    !> Make an operator of an own procedure.
+    subroutine MatCreateShell(comm, n_rows, n_columns, all_rows, all_columns, context, matrix, code)
+      import :: system_operator_t, tMat
+      !> Communicator.
+      integer, intent(in) :: comm
+      !> Own and all rows and columns.
+      integer, intent(in) :: n_rows, n_columns, all_rows, all_columns
+      !> What the procedure gets.
+      type(system_operator_t), target :: context
+      !> The operator.
+      type(tMat) :: matrix
+      !> PETSc's error code.
+      integer, intent(out) :: code
+    end subroutine MatCreateShell
+
+    !> What an own procedure gets.
+    subroutine MatShellGetContext(matrix, context, code)
+      import :: system_operator_t, tMat
+      !> The operator.
+      type(tMat), intent(in) :: matrix
+      !> As given to `MatCreateShell`.
+      type(system_operator_t), pointer, intent(out) :: context
+      !> PETSc's error code.
+      integer, intent(out) :: code
+    end subroutine MatShellGetContext
+
+    !> Set what an own procedure gets.
+    subroutine PCShellSetContext(pc, context, code)
+      import :: system_operator_t, tPC
+      !> The preconditioner.
+      type(tPC), intent(in) :: pc
+      !> What the procedure gets.
+      type(system_operator_t), target, intent(in) :: context
+      !> PETSc's error code.
+      integer, intent(out) :: code
+    end subroutine PCShellSetContext
+
+    !> What an own procedure gets.
+    subroutine PCShellGetContext(pc, context, code)
+      import :: system_operator_t, tPC
+      !> The preconditioner.
+      type(tPC), intent(in) :: pc
+      !> As given to `PCShellSetContext`.
+      type(system_operator_t), pointer, intent(out) :: context
+      !> PETSc's error code.
+      integer, intent(out) :: code
+    end subroutine PCShellGetContext
+  end interface
+
+contains
+
+  !> Make the operator without active rows.
+  subroutine operator_init(self, stiffness, n_rows, block, error)
+    class(system_operator_t), target, intent(inout) :: self
+    !> The stiffness.
+    type(distributed_stiffness_t), target, intent(in) :: stiffness
+    !> Number of rows.
+    integer, intent(in) :: n_rows
+    !> Rows of B, body by body (n_bodies).
+    type(contact_block_t), intent(in) :: block(:)
+    !> Allocated where PETSc fails.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp), allocatable :: inverse(:, :, :)
+    integer :: code
+    self%stiffness => stiffness
+    call self%rows%init(n_rows, stiffness%dim, block, stiffness%part, stiffness%first)
+    call PCCreate(PETSC_COMM_WORLD, self%blocks, code)
+    call PCSetType(self%blocks, 'pbjacobi', code)
+    call PCSetOperators(self%blocks, stiffness%matrix(), stiffness%matrix(), code)
+    call PCSetUp(self%blocks, code)
+    if (has_failed(code, 'diagonal blocks', error)) return
+    call find_greatest(self, error)
+    if (allocated(error)) return
+    call stiffness%inverse_blocks(self%rows%node, inverse, error)
+    if (allocated(error)) return
+    call self%rows%set_inverse(block, inverse/self%greatest)
+    allocate (self%row_stiffness(n_rows), source=0.0_dp)
+    allocate (self%active(0))
+    call make_shell(self, error)
+  end subroutine operator_init
+
+  !> Make an operator of the same stiffness that never has active rows.
+  subroutine operator_init_like(self, other, error)
+    class(system_operator_t), target, intent(inout) :: self
+    !> An operator that lives longer.
+    class(system_operator_t), intent(in) :: other
+    !> Allocated where PETSc fails.
+    type(error_t), allocatable, intent(out) :: error
+    self%stiffness => other%stiffness
+    self%greatest = other%greatest
+    self%blocks = other%blocks
+    self%is_borrowed = .true.
+    allocate (self%row_stiffness(0), self%active(0))
+    call make_shell(self, error)
+  end subroutine operator_init_like
+
+  !> Make the operator of PETSc, which keeps the address.
+  subroutine make_shell(context, error)
+    !> The operator.
+    type(system_operator_t), target, intent(inout) :: context
+    !> Allocated where PETSc fails.
+    type(error_t), allocatable, intent(out) :: error
+    integer :: n, code
+    external :: MatShellSetOperation
+    n = context%stiffness%dim*context%stiffness%n_own
+    call MatCreateShell(PETSC_COMM_WORLD, n, n, PETSC_DETERMINE, PETSC_DETERMINE, context, context%matrix, code)
+    call MatShellSetOperation(context%matrix, MATOP_MULT, multiply, code)
+    if (has_failed(code, 'operator', error)) return
+  end subroutine make_shell
+
+  !> Estimate the greatest eigenvalue of D^{-1} K by conjugate gradients.
+  subroutine find_greatest(self, error)
+    !> The operator, with K and D.
+    class(system_operator_t), intent(inout) :: self
+    !> Allocated where PETSc fails.
+    type(error_t), allocatable, intent(out) :: error
+    type(tKSP) :: solver
+    type(tPC) :: pc
+    type(tVec) :: b, x
+    real(dp), allocatable, target :: start(:), found(:)
+    real(dp) :: least
+    integer :: i, n, code
+    n = self%stiffness%dim*self%stiffness%n_own
+    allocate (start(n), found(n))
+    ! The same on any number of ranks but for the numbering.
+    start = [(modulo((self%stiffness%dim*self%stiffness%first + i)*golden, 1.0_dp) - 0.5_dp, i=1, n)]
+    call VecCreateMPIWithArray(PETSC_COMM_WORLD, self%stiffness%dim, n, PETSC_DETERMINE, start, b, code)
+    call VecCreateMPIWithArray(PETSC_COMM_WORLD, self%stiffness%dim, n, PETSC_DETERMINE, found, x, code)
+    call KSPCreate(PETSC_COMM_WORLD, solver, code)
+    call KSPSetType(solver, 'cg', code)
+    call KSPSetOperators(solver, self%stiffness%matrix(), self%stiffness%matrix(), code)
+    call KSPGetPC(solver, pc, code)
+    call PCSetType(pc, 'pbjacobi', code)
+    call KSPSetComputeSingularValues(solver, PETSC_TRUE, code)
+    call KSPSetNormType(solver, KSP_NORM_NONE, code)
+    call KSPSetTolerances(solver, PETSC_DEFAULT_REAL, PETSC_DEFAULT_REAL, PETSC_DEFAULT_REAL, lanczos_steps, code)
+    call KSPSolve(solver, b, x, code)
+    if (has_failed(code, 'greatest eigenvalue', error)) return
+    call KSPComputeExtremeSingularValues(solver, self%greatest, least, code)
+    self%greatest = margin*self%greatest
+    call KSPDestroy(solver, code)
+    call VecDestroy(b, code)
+    call VecDestroy(x, code)
+  end subroutine find_greatest
+
+  !> Choose the active rows and their stiffness.
+  subroutine operator_set_active(self, row_stiffness, error)
+    class(system_operator_t), intent(inout) :: self
+    !> W; zero where not active (n_rows) [force/length].
+    real(dp), intent(in) :: row_stiffness(:)
+    !> Allocated where a number is not finite, or memory runs out.
+    type(error_t), allocatable, intent(out) :: error
+    type(sparse_symmetric_t) :: part
+    integer :: i
+    self%row_stiffness(:) = row_stiffness
+    self%active = pack([(i, i=1, size(row_stiffness))], row_stiffness > 0)
+    if (size(self%active) == 0) return
+    call self%factor%destroy()
+    call restrict_matrix(self%rows%compliance, self%active, part)
+    call factorize_rows(part, 1/row_stiffness(self%active), 0.0_dp, self%factor, error)
+  end subroutine operator_set_active
+
+  !> y = (K + B^T W B) x.
+  subroutine multiply(matrix, x, y, code)
+    !> The operator.
+    type(tMat), intent(in) :: matrix
+    !> Displacements [length].
+    type(tVec), intent(in) :: x
+    !> Forces [force].
+    type(tVec), intent(inout) :: y
+    !> PETSc's error code.
+    integer, intent(out) :: code
+    type(system_operator_t), pointer :: self
+    real(dp), pointer :: from(:), to(:)
+    real(dp), allocatable :: moved(:)
+    call MatShellGetContext(matrix, self, code)
+    call MatMult(self%stiffness%matrix(), x, y, code)
+    self%n_products = self%n_products + 1
+    if (size(self%active) == 0 .or. code /= 0) return
+    allocate (moved(self%rows%n))
+    call VecGetArrayReadF90(x, from, code)
+    call self%rows%displacement(from, moved)
+    call VecRestoreArrayReadF90(x, from, code)
+    call VecGetArrayF90(y, to, code)
+    call self%rows%subtract_force(-self%row_stiffness*moved, to)
+    call VecRestoreArrayF90(y, to, code)
+  end subroutine multiply
+
+  !> Make a preconditioner an application of `(D + B^T W B)^{-1}`.
+  subroutine operator_make_smoother(self, pc)
+    class(system_operator_t), target, intent(in) :: self
+    !> The preconditioner.
+    type(tPC), intent(inout) :: pc
+    integer :: code
+    external :: PCShellSetApply
+    call PCSetType(pc, 'shell', code)
+    call attach(self)
+    call PCShellSetApply(pc, smooth, code)
+
+  contains
+
+    !> PETSc keeps the address.
+    subroutine attach(context)
+      !> The operator.
+      type(system_operator_t), target, intent(in) :: context
+      call PCShellSetContext(pc, context, code)
+    end subroutine attach
+  end subroutine operator_make_smoother
+
+  !> z = (D + B^T W B)^{-1} r.
+  subroutine smooth(pc, r, z, code)
+    !> The preconditioner.
+    type(tPC), intent(in) :: pc
+    !> Forces [force].
+    type(tVec), intent(in) :: r
+    !> Displacements [length].
+    type(tVec), intent(inout) :: z
+    !> PETSc's error code.
+    integer, intent(out) :: code
+    type(system_operator_t), pointer :: self
+    real(dp), pointer :: to(:)
+    real(dp), allocatable :: moved(:), lambda(:)
+    call PCShellGetContext(pc, self, code)
+    call PCApply(self%blocks, r, z, code)
+    call VecScale(z, 1/self%greatest, code)
+    self%n_smoothings = self%n_smoothings + 1
+    if (size(self%active) == 0 .or. code /= 0) return
+    allocate (moved(self%rows%n))
+    call VecGetArrayF90(z, to, code)
+    call self%rows%displacement(to, moved)
+    lambda = moved(self%active)
+    call self%factor%solve(lambda)
+    moved(:) = 0
+    moved(self%active) = lambda
+    call self%rows%subtract_smoothed(moved, to)
+    call VecRestoreArrayF90(z, to, code)
+  end subroutine smooth
+
+  !> Give back the memory; the stiffness remains.
+  subroutine operator_destroy(self)
+    class(system_operator_t), intent(inout) :: self
+    integer :: code
+    if (.not. allocated(self%active)) return
+    call MatDestroy(self%matrix, code)
+    if (.not. self%is_borrowed) call PCDestroy(self%blocks, code)
+    call self%factor%destroy()
+    deallocate (self%active)
+  end subroutine operator_destroy
+end module dotyk_distributed_operator

@@ -1,0 +1,120 @@
+!> PETSc over MPI: its begin and end, its error codes as errors, and sums over ranks.
+!>
+!> All ranks call the procedures of this layer together. Sums are the same to the bit on all ranks: what follows from
+!> them - active sets, the end of an iteration - is so, too.
+module dotyk_distributed_petsc
+  use mpi_f08, only: mpi_allreduce, mpi_comm_world, mpi_double_precision, mpi_exscan, mpi_in_place, mpi_integer, &
+    mpi_max, mpi_sum
+  use petscsys, only: PETSC_NULL_OPTIONS, PetscFinalize, PetscInitialize, PetscMemoryGetCurrentUsage, &
+    PetscMemoryGetMaximumUsage, PetscMemorySetGetMaximumUsage, PetscOptionsSetValue, &
+    petsc_initialized => PetscInitialized
+  use dotyk_base_error, only: error_t, exit_machine, set_error
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_text, only: to_text
+  use dotyk_ranks_communication, only: this_rank
+  implicit none
+  private
+  public :: first_of_rank, has_failed, largest_of_ranks, memory_of_rank, petsc_option, start_petsc, stop_petsc, &
+    sum_of_ranks
+
+  !> Sums over ranks, and their lengths in all, so far.
+  integer, protected, public :: n_sums = 0, n_summed = 0
+
+  !> Sum over the ranks, on all of them.
+  interface sum_of_ranks
+    module procedure sum_of_reals, sum_of_integers
+  end interface sum_of_ranks
+
+contains
+
+  !> Begin, unless it has begun; MPI begins with it.
+  subroutine start_petsc(error)
+    !> Allocated where PETSc does not start.
+    type(error_t), allocatable, intent(out) :: error
+    integer :: code
+    logical :: is_running
+    call petsc_initialized(is_running, code)
+    if (is_running) return
+    call PetscInitialize(code)
+    if (has_failed(code, 'start', error)) return
+    call PetscMemorySetGetMaximumUsage(code)
+  end subroutine start_petsc
+
+  !> End, and MPI with it where it began with PETSc.
+  subroutine stop_petsc()
+    integer :: code
+    call PetscFinalize(code)
+  end subroutine stop_petsc
+
+  !> Whether a call failed.
+  logical function has_failed(code, what, error) result(failed)
+    !> What PETSc has returned.
+    integer, intent(in) :: code
+    !> What was to be done, for the message.
+    character(*), intent(in) :: what
+    !> Allocated where it failed; unchanged otherwise.
+    type(error_t), allocatable, intent(inout) :: error
+    failed = code /= 0
+    if (failed) call set_error(error, 'PETSc: '//what//': error code '//to_text(code), exit_machine)
+  end function has_failed
+
+  !> Set an option, unless the user has: PETSC_OPTIONS and the file .petscrc come first.
+  subroutine petsc_option(name, value)
+    !> Its name, with the hyphen.
+    character(*), intent(in) :: name
+    !> Its value.
+    character(*), intent(in) :: value
+    integer :: code
+    logical :: is_set
+    external :: PetscOptionsHasName
+    call PetscOptionsHasName(PETSC_NULL_OPTIONS, '', name, is_set, code)
+    if (.not. is_set) call PetscOptionsSetValue(PETSC_NULL_OPTIONS, name, value, code)
+  end subroutine petsc_option
+
+  !> Memory of this rank now, and at most so far [bytes].
+  subroutine memory_of_rank(now, most)
+    !> [bytes]
+    real(dp), intent(out) :: now, most
+    integer :: code
+    call PetscMemoryGetCurrentUsage(now, code)
+    call PetscMemoryGetMaximumUsage(most, code)
+  end subroutine memory_of_rank
+
+  !> Sum of arrays of real numbers.
+  subroutine sum_of_reals(x)
+    !> The part of this rank, then the sum (any number) [any].
+    real(dp), intent(inout), contiguous :: x(:)
+    integer :: code
+    n_sums = n_sums + 1
+    n_summed = n_summed + size(x)
+    if (size(x) > 0) call mpi_allreduce(mpi_in_place, x, size(x), mpi_double_precision, mpi_sum, mpi_comm_world, code)
+  end subroutine sum_of_reals
+
+  !> Sum of arrays of integers.
+  subroutine sum_of_integers(x)
+    !> The part of this rank, then the sum (any number).
+    integer, intent(inout), contiguous :: x(:)
+    integer :: code
+    n_sums = n_sums + 1
+    n_summed = n_summed + size(x)
+    if (size(x) > 0) call mpi_allreduce(mpi_in_place, x, size(x), mpi_integer, mpi_sum, mpi_comm_world, code)
+  end subroutine sum_of_integers
+
+  !> Largest numbers of all ranks.
+  subroutine largest_of_ranks(x)
+    !> Those of this rank, then of all ranks (any number) [any].
+    real(dp), intent(inout), contiguous :: x(:)
+    integer :: code
+    call mpi_allreduce(mpi_in_place, x, size(x), mpi_double_precision, mpi_max, mpi_comm_world, code)
+  end subroutine largest_of_ranks
+
+  !> How many things lower ranks have.
+  integer function first_of_rank(n) result(first)
+    !> How many this rank has.
+    integer, intent(in) :: n
+    integer :: code
+    first = 0
+    call mpi_exscan(n, first, 1, mpi_integer, mpi_sum, mpi_comm_world, code)
+    if (this_rank() == 0) first = 0
+  end function first_of_rank
+end module dotyk_distributed_petsc

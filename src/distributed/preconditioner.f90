@@ -1,0 +1,189 @@
+!> The linear solver of an active set: PETSc's conjugate gradients with a cycle of two levels. On the fine one Chebyshev
+!> smoothing with D + B^T W B (`dotyk_distributed_operator`), on the corner space one cycle of smoothed aggregation
+!> (GAMG) of the assembled `P^T (K + B^T W B) P` with rigid motions as near null space. Linear elements have the latter
+!> alone.
+!>
+!> Options of the aggregation have the prefix `-corner_`.
+module dotyk_distributed_preconditioner
+  use petscksp, only: ADD_VALUES, DIFFERENT_NONZERO_PATTERN, KSPChebyshevSetEigenvalues, KSPCreate, KSPDestroy, &
+    KSPGetPC, &
+    KSPSetComputeSingularValues, KSPSetNormType, KSPSetOperators, KSPSetTolerances, KSPSetType, KSPSetUp, &
+    KSP_NORM_NATURAL, KSP_NORM_NONE, MAT_COPY_VALUES, &
+    MAT_FINAL_ASSEMBLY, MAT_INITIAL_MATRIX, MAT_SPD, MatAXPY, MatAssemblyBegin, &
+    MatAssemblyEnd, MatCreate, MatDestroy, MatDuplicate, MatGetNearNullSpace, MatMatMult, MatSetNearNullSpace, &
+    MatSetOption, MatSetSizes, MatSetType, MatSetValues, MatShift, MatTransposeMatMult, PCMGGetCoarseSolve, &
+    PCMGGetSmoother, PCMGSetInterpolation, PCSetFromOptions, PCSetType, &
+    PETSC_COMM_WORLD, PETSC_DECIDE, PETSC_DEFAULT_REAL, PETSC_NULL_INTEGER, PETSC_NULL_MPI_COMM, PETSC_TRUE, &
+    tKSP, tMat, tMatNullSpace, tPC
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_distributed_contact_rows, only: contact_rows_t
+  use dotyk_distributed_operator, only: system_operator_t
+  use dotyk_distributed_petsc, only: has_failed, petsc_option, sum_of_ranks
+  use dotyk_distributed_stiffness, only: distributed_stiffness_t
+  implicit none
+  private
+  public :: make_coarse_matrix, make_solver
+
+  !> Steps of the smoother before and after the correction, and the ratio of the ends of its interval, as in
+  !> `dotyk_linalg_chebyshev`.
+  integer, parameter :: degree = 3
+  real(dp), parameter :: ratio = 8
+  !> Steps of the smoothers of the aggregation.
+  character(*), parameter :: aggregation_degree = '3'
+
+contains
+
+  !> P^T (K + B^T W B) P.
+  subroutine make_coarse_matrix(stiffness, rows, row_stiffness, active, shift, matrix, error)
+    !> The stiffness.
+    type(distributed_stiffness_t), intent(in) :: stiffness
+    !> The rows.
+    type(contact_rows_t), intent(in) :: rows
+    !> W (n_rows) [force/length].
+    real(dp), intent(in) :: row_stiffness(:)
+    !> Active rows (n).
+    integer, intent(in) :: active(:)
+    !> Added to the diagonal: positive where motions are free [force/length].
+    real(dp), intent(in) :: shift
+    !> The matrix.
+    type(tMat), intent(inout) :: matrix
+    !> Allocated where PETSc fails.
+    type(error_t), allocatable, intent(out) :: error
+    type(tMat) :: fine_rows, corner_rows, product
+    type(tMatNullSpace) :: space
+    integer :: code
+    call MatDuplicate(stiffness%coarse, MAT_COPY_VALUES, matrix, code)
+    if (has_failed(code, 'coarse matrix', error)) return
+    if (size(active) > 0) then
+      call make_rows(stiffness, rows, row_stiffness, active, fine_rows, error)
+      if (allocated(error)) return
+      corner_rows = fine_rows
+      if (.not. stiffness%is_linear) then
+        call MatMatMult(fine_rows, stiffness%interpolation, MAT_INITIAL_MATRIX, PETSC_DEFAULT_REAL, corner_rows, code)
+        call MatDestroy(fine_rows, code)
+      end if
+      call MatTransposeMatMult(corner_rows, corner_rows, MAT_INITIAL_MATRIX, PETSC_DEFAULT_REAL, product, code)
+      if (has_failed(code, 'contact of the coarse matrix', error)) return
+      call MatDestroy(corner_rows, code)
+      call MatAXPY(matrix, 1.0_dp, product, DIFFERENT_NONZERO_PATTERN, code)
+      if (has_failed(code, 'contact of the coarse matrix', error)) return
+      call MatDestroy(product, code)
+    end if
+    if (shift > 0) call MatShift(matrix, shift, code)
+    call MatGetNearNullSpace(stiffness%coarse, space, code)
+    call MatSetNearNullSpace(matrix, space, code)
+    call MatSetOption(matrix, MAT_SPD, PETSC_TRUE, code)
+    if (has_failed(code, 'coarse matrix', error)) return
+  end subroutine make_coarse_matrix
+
+  !> sqrt(W) B on the active rows, distributed.
+  subroutine make_rows(stiffness, rows, row_stiffness, active, matrix, error)
+    !> The stiffness.
+    type(distributed_stiffness_t), intent(in) :: stiffness
+    !> The rows.
+    type(contact_rows_t), intent(in) :: rows
+    !> W (n_rows) [force/length].
+    real(dp), intent(in) :: row_stiffness(:)
+    !> Active rows (n).
+    integer, intent(in) :: active(:)
+    !> (n x dim*n_nodes) [sqrt(force/length)]
+    type(tMat), intent(inout) :: matrix
+    !> Allocated where PETSc fails.
+    type(error_t), allocatable, intent(out) :: error
+    integer, allocatable :: length(:), column(:)
+    integer :: i, n_own_rows, first, code
+    integer :: dim
+    external :: MatMPIAIJSetPreallocation, MatSeqAIJSetPreallocation, PetscSplitOwnership
+    dim = stiffness%dim
+    ! All rows are as long as they are on all ranks together.
+    allocate (length, source=rows%own%row_start(active + 1) - rows%own%row_start(active))
+    call sum_of_ranks(length)
+    call MatCreate(PETSC_COMM_WORLD, matrix, code)
+    n_own_rows = PETSC_DECIDE
+    i = size(active)
+    call PetscSplitOwnership(PETSC_COMM_WORLD, n_own_rows, i, code)
+    call MatSetSizes(matrix, n_own_rows, dim*stiffness%n_own, i, PETSC_DECIDE, code)
+    call MatSetType(matrix, 'aij', code)
+    first = maxval([1, length])
+    call MatSeqAIJSetPreallocation(matrix, first, PETSC_NULL_INTEGER, code)
+    call MatMPIAIJSetPreallocation(matrix, min(first, dim*stiffness%n_own), PETSC_NULL_INTEGER, first, &
+                                   PETSC_NULL_INTEGER, code)
+    do i = 1, size(active)
+      associate (k => rows%own%row_start(active(i)), last => rows%own%row_start(active(i) + 1) - 1)
+        if (last < k) cycle
+        column = rows%own%column(k:last) - 1
+        column = dim*(stiffness%first + rows%node(column/dim + 1) - 1) + modulo(column, dim)
+        call MatSetValues(matrix, 1, [i - 1], size(column), column, &
+                          sqrt(row_stiffness(active(i)))*rows%own%value(k:last), ADD_VALUES, code)
+      end associate
+    end do
+    call MatAssemblyBegin(matrix, MAT_FINAL_ASSEMBLY, code)
+    call MatAssemblyEnd(matrix, MAT_FINAL_ASSEMBLY, code)
+    if (has_failed(code, 'contact rows', error)) return
+  end subroutine make_rows
+
+  !> Make the solver, and set it up.
+  subroutine make_solver(operator, coarse, solver, error)
+    !> The operator with its active rows.
+    type(system_operator_t), target, intent(in) :: operator
+    !> Its matrix on the corner space.
+    type(tMat), intent(in) :: coarse
+    !> The solver; its preconditioner keeps a reference to the coarse matrix.
+    type(tKSP), intent(inout) :: solver
+    !> Allocated where PETSc fails.
+    type(error_t), allocatable, intent(out) :: error
+    type(tKSP) :: smoother, coarse_solver
+    type(tPC) :: pc
+    integer :: code
+    ! Rows couple the nodes of their facets stiffly, on whatever rank these are: factors of overlapping blocks smooth
+    ! that, diagonals do not.
+    call petsc_option('-corner_mg_levels_ksp_max_it', aggregation_degree)
+    call petsc_option('-corner_mg_levels_pc_type', 'asm')
+    call petsc_option('-corner_mg_levels_pc_asm_type', 'basic')
+    call petsc_option('-corner_mg_levels_pc_asm_overlap', '1')
+    call petsc_option('-corner_mg_levels_sub_pc_type', 'icc')
+    call petsc_option('-corner_mg_levels_sub_pc_factor_shift_type', 'nonzero')
+    call KSPCreate(PETSC_COMM_WORLD, solver, code)
+    call KSPSetType(solver, 'cg', code)
+    call KSPSetNormType(solver, KSP_NORM_NATURAL, code)
+    call KSPSetComputeSingularValues(solver, PETSC_TRUE, code)
+    call KSPGetPC(solver, pc, code)
+    if (operator%stiffness%is_linear) then
+      call KSPSetOperators(solver, operator%matrix, coarse, code)
+      call aggregate(pc)
+    else
+      call KSPSetOperators(solver, operator%matrix, operator%matrix, code)
+      call PCSetType(pc, 'mg', code)
+      call PCMGSetLevels(pc, 2, PETSC_NULL_MPI_COMM, code)
+      call PCMGSetInterpolation(pc, 1, operator%stiffness%interpolation, code)
+      call PCMGGetSmoother(pc, 1, smoother, code)
+      call KSPSetType(smoother, 'chebyshev', code)
+      call KSPChebyshevSetEigenvalues(smoother, 1.0_dp, 1/ratio, code)
+      call KSPSetTolerances(smoother, PETSC_DEFAULT_REAL, PETSC_DEFAULT_REAL, PETSC_DEFAULT_REAL, degree, code)
+      call KSPSetNormType(smoother, KSP_NORM_NONE, code)
+      call KSPSetOperators(smoother, operator%matrix, operator%matrix, code)
+      call KSPGetPC(smoother, pc, code)
+      call operator%make_smoother(pc)
+      call KSPGetPC(solver, pc, code)
+      call PCMGGetCoarseSolve(pc, coarse_solver, code)
+      call KSPSetType(coarse_solver, 'preonly', code)
+      call KSPSetOperators(coarse_solver, coarse, coarse, code)
+      call KSPGetPC(coarse_solver, pc, code)
+      call aggregate(pc)
+    end if
+    call KSPSetUp(solver, code)
+    if (has_failed(code, 'set-up of the preconditioner', error)) return
+
+  contains
+
+    !> One cycle of smoothed aggregation.
+    subroutine aggregate(pc)
+      !> The preconditioner.
+      type(tPC), intent(inout) :: pc
+      call PCSetType(pc, 'gamg', code)
+      call PCSetOptionsPrefix(pc, 'corner_', code)
+      call PCSetFromOptions(pc, code)
+    end subroutine aggregate
+  end subroutine make_solver
+end module dotyk_distributed_preconditioner

@@ -1,0 +1,360 @@
+!> The stiffness of all bodies as one distributed matrix, on two levels: fine block rows, and the Galerkin matrix of the
+!> corner space with its near-null-space vectors. Bodies of linear elements alone have one level, the latter.
+!>
+!> Displacements are those along the axes of the nodes (`constraint_t`), zero where they are held; prescribed ones are
+!> in the loads. Everything of a rank is of the size of its parts.
+module dotyk_distributed_stiffness
+  use petscmat, only: MatDestroy, MatGetValues, MatNullSpaceCreate, MatNullSpaceDestroy, MatSetNearNullSpace, &
+    PETSC_COMM_WORLD, PETSC_DETERMINE, PETSC_FALSE, tMat, tMatNullSpace
+  use petscvec, only: PETSC_NULL_VEC, tVec, VecAXPY, VecDestroy, VecDot, VecDuplicate, VecGetArrayF90, VecNormalize, &
+    VecRestoreArrayF90
+  use dotyk_base_error, only: error_t, exit_not_solvable, set_error
+  use dotyk_base_kinds, only: dp
+  use dotyk_distributed_assembly, only: add_elements, assemble_interpolation, finish_matrix, make_block_matrix
+  use dotyk_distributed_numbering, only: gather_entries, number_rows
+  use dotyk_distributed_part, only: part_t
+  use dotyk_distributed_petsc, only: first_of_rank, has_failed, largest_of_ranks, sum_of_ranks
+  use dotyk_elasticity_constraint, only: held
+  use dotyk_elasticity_near_null_vectors, only: near_null_vectors
+  implicit none
+  private
+
+  !> The stiffness. It owns objects of PETSc: never copy it, destroy it in the end.
+  type, public :: distributed_stiffness_t
+    !> Number of displacement components.
+    integer :: dim = 0
+    !> Parts of this rank, numbered, without elements (n_parts).
+    type(part_t), allocatable :: part(:)
+    !> Own nodes; block row of the first one, from 0.
+    integer :: n_own = 0, first = 0
+    !> Own corners, and all of them.
+    integer :: n_own_corners = 0, n_corners = 0
+    !> Whether all elements are linear: `coarse` is the stiffness then, and there is no other.
+    logical :: is_linear = .false.
+    !> Stiffness by blocks; held components have a diagonal entry [force/length].
+    type(tMat) :: fine
+    !> P^T K P, likewise [force/length].
+    type(tMat) :: coarse
+    !> Interpolation P from the corners [].
+    type(tMat) :: interpolation
+    !> Loads minus the forces of prescribed displacements (dim*n_own) [force].
+    real(dp), allocatable :: load(:)
+    !> Forces of prescribed displacements z, K z, along free components (dim*n_own) [force].
+    real(dp), allocatable :: lift(:)
+    !> A(z, z)/2 [energy], and the work of the loads on z [energy].
+    real(dp) :: lift_energy = 0, lift_work = 0
+    !> Rigid body modes that the supports leave, body after body, orthonormal (dim*n_own, n_modes) [].
+    real(dp), allocatable :: mode(:, :)
+    !> Body of each mode (n_modes).
+    integer, allocatable :: body_of_mode(:)
+  contains
+    procedure :: init => stiffness_init
+    procedure :: matrix => stiffness_matrix
+    procedure :: make_vector => stiffness_make_vector
+    procedure :: wrap => stiffness_wrap
+    procedure :: inverse_blocks => stiffness_inverse_blocks
+    procedure :: nodal_displacement => stiffness_nodal_displacement
+    procedure :: destroy => stiffness_destroy
+  end type distributed_stiffness_t
+
+contains
+
+  !> Number, assemble.
+  subroutine stiffness_init(self, part, n_of_body, error)
+    class(distributed_stiffness_t), intent(out) :: self
+    !> Parts of this rank; moved (n_parts).
+    type(part_t), allocatable, intent(inout) :: part(:)
+    !> Number of nodes of each body (n_bodies).
+    integer, intent(in) :: n_of_body(:)
+    !> Allocated where elements do not conform, or are inverted, or PETSc fails.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp), allocatable :: load(:, :), lift(:, :)
+    real(dp) :: energy(2)
+    integer :: p, i, bad(1)
+    logical :: conforming
+    call move_alloc(part, self%part)
+    self%dim = self%part(1)%mesh%dimension
+    bad = 0
+    do p = 1, size(self%part)
+      call self%part(p)%space%init(self%part(p)%mesh, conforming)
+      if (.not. conforming) bad = 1
+    end do
+    call sum_of_ranks(bad)
+    if (bad(1) > 0) then
+      call set_error(error, 'multigrid: the elements do not conform: a node has different corners in two elements', &
+                     exit_not_solvable)
+      return
+    end if
+    call number_rows(self%part, n_of_body, self%n_own, self%n_own_corners, error)
+    if (allocated(error)) return
+    self%first = first_of_rank(self%n_own)
+    bad = self%n_own - self%n_own_corners
+    call sum_of_ranks(bad)
+    self%is_linear = bad(1) == 0
+    bad = self%n_own_corners
+    call sum_of_ranks(bad)
+    self%n_corners = bad(1)
+    if (.not. self%is_linear) &
+      call make_block_matrix(.true., self%dim, self%n_own, self%part, .false., self%fine, error)
+    if (.not. allocated(error)) &
+      call make_block_matrix(.false., self%dim, self%n_own_corners, self%part, .true., self%coarse, error)
+    if (allocated(error)) return
+    allocate (self%load(self%dim*self%n_own), self%lift(self%dim*self%n_own))
+    energy = 0
+    do p = 1, size(self%part)
+      associate (of_part => self%part(p))
+        load = of_part%load
+        do i = 1, size(of_part%row)
+          if (of_part%constraint%frame_of(i) > 0) &
+            load(:, i) = matmul(load(:, i), of_part%constraint%frame(:, :, of_part%constraint%frame_of(i)))
+        end do
+        allocate (lift, mold=load)
+        lift = 0
+        call add_elements(of_part, .not. self%is_linear, self%fine, self%coarse, lift, error)
+        if (allocated(error)) return
+        do i = 1, size(of_part%row)
+          if (.not. of_part%is_own(i)) cycle
+          associate (z => of_part%constraint%prescribed(:, i), is_free => of_part%constraint%equation(:, i) /= held, &
+                     first => self%dim*(of_part%row(i) - self%first) + 1)
+            energy = energy + [sum(z*lift(:, i))/2, sum(z*load(:, i))]
+            self%lift(first:first + self%dim - 1) = merge(lift(:, i), 0.0_dp, is_free)
+            self%load(first:first + self%dim - 1) = merge(load(:, i) - lift(:, i), 0.0_dp, is_free)
+          end associate
+        end do
+        deallocate (lift)
+      end associate
+    end do
+    call sum_of_ranks(energy)
+    self%lift_energy = energy(1)
+    self%lift_work = energy(2)
+    if (.not. self%is_linear) call finish_matrix(self%fine, error)
+    if (.not. allocated(error)) call finish_matrix(self%coarse, error)
+    if (allocated(error)) return
+    if (.not. self%is_linear) &
+      call assemble_interpolation(self%dim, self%n_own, self%n_own_corners, self%part, self%interpolation, error)
+    if (.not. allocated(error)) call set_near_null_space(self, error)
+    call take_modes(self, size(n_of_body))
+  end subroutine stiffness_init
+
+  !> The matrix of all displacements.
+  function stiffness_matrix(self) result(matrix)
+    class(distributed_stiffness_t), intent(in) :: self
+    !> Without a reference of its own.
+    type(tMat) :: matrix
+    matrix = self%fine
+    if (self%is_linear) matrix = self%coarse
+  end function stiffness_matrix
+
+  !> A vector over all unknowns.
+  subroutine stiffness_make_vector(self, vector)
+    class(distributed_stiffness_t), intent(in) :: self
+    !> The vector.
+    type(tVec), intent(inout) :: vector
+    integer :: code
+    call MatCreateVecs(self%matrix(), vector, PETSC_NULL_VEC, code)
+  end subroutine stiffness_make_vector
+
+  !> An array as a vector of PETSc, which uses its memory.
+  subroutine stiffness_wrap(self, x, vector)
+    class(distributed_stiffness_t), intent(in) :: self
+    !> Own unknowns (dim*n_own) [any].
+    real(dp), intent(inout), contiguous, target :: x(:)
+    !> The vector; to be destroyed before the array.
+    type(tVec), intent(inout) :: vector
+    integer :: code
+    call VecCreateMPIWithArray(PETSC_COMM_WORLD, self%dim, size(x), PETSC_DETERMINE, x, vector, code)
+  end subroutine stiffness_wrap
+
+  !> Rigid motions as near-null-space vectors of the coarse matrix.
+  subroutine set_near_null_space(self, error)
+    !> The stiffness.
+    class(distributed_stiffness_t), intent(inout) :: self
+    !> Allocated where PETSc fails.
+    type(error_t), allocatable, intent(out) :: error
+    type(tMatNullSpace) :: space
+    type(tVec), allocatable :: vector(:)
+    real(dp), allocatable, target :: value(:, :)
+    real(dp), allocatable :: of_part(:, :)
+    real(dp) :: box(self%dim, 2), extent(2*self%dim), product
+    integer :: p, c, j, k, code, first
+    first = self%dim*first_of_rank(self%n_own_corners)
+    extent = -huge(extent)
+    do p = 1, size(self%part)
+      if (size(self%part(p)%mesh%x) == 0) cycle
+      associate (x => self%part(p)%mesh%x)
+        extent = max(extent, [-minval(x, 2), maxval(x, 2)])
+      end associate
+    end do
+    call largest_of_ranks(extent)
+    box(:, 1) = -extent(:self%dim)
+    box(:, 2) = extent(self%dim + 1:)
+    allocate (value(self%dim*self%n_own_corners, merge(6, 3, self%dim == 3)), source=0.0_dp)
+    do p = 1, size(self%part)
+      associate (part => self%part(p))
+        call near_null_vectors(part%mesh%x, part%constraint, of_part, box)
+        do c = 1, part%space%n
+          if (.not. part%is_own(part%space%node(c))) cycle
+          j = self%dim*part%corner_row(c) - first
+          k = self%dim*(part%space%node(c) - 1)
+          value(j + 1:j + self%dim, :) = of_part(k + 1:k + self%dim, :)
+        end do
+      end associate
+    end do
+    allocate (vector(size(value, 2)))
+    do j = 1, size(vector)
+      call self%wrap(value(:, j), vector(j))
+      do k = 1, j - 1
+        call VecDot(vector(j), vector(k), product, code)
+        call VecAXPY(vector(j), -product, vector(k), code)
+      end do
+      call VecNormalize(vector(j), product, code)
+    end do
+    ! It refers to the vectors: they need memory of their own.
+    do j = 1, size(vector)
+      call own_copy(vector(j))
+    end do
+    call MatNullSpaceCreate(PETSC_COMM_WORLD, PETSC_FALSE, size(vector), vector, space, code)
+    if (has_failed(code, 'near null space', error)) return
+    call MatSetNearNullSpace(self%coarse, space, code)
+    call MatNullSpaceDestroy(space, code)
+    do j = 1, size(vector)
+      call VecDestroy(vector(j), code)
+    end do
+  end subroutine set_near_null_space
+
+  !> A vector with memory of its own in place of one over an array.
+  subroutine own_copy(vector)
+    !> The vector.
+    type(tVec), intent(inout) :: vector
+    type(tVec) :: copy
+    real(dp), pointer :: from(:), to(:)
+    integer :: code
+    call VecDuplicate(vector, copy, code)
+    call VecGetArrayF90(vector, from, code)
+    call VecGetArrayF90(copy, to, code)
+    to = from
+    call VecRestoreArrayF90(copy, to, code)
+    call VecRestoreArrayF90(vector, from, code)
+    call VecDestroy(vector, code)
+    vector = copy
+  end subroutine own_copy
+
+  !> The rigid body modes along the axes of the own nodes.
+  subroutine take_modes(self, n_bodies)
+    !> The stiffness.
+    class(distributed_stiffness_t), intent(inout) :: self
+    !> Number of bodies.
+    integer, intent(in) :: n_bodies
+    integer :: n_of_body(n_bodies), p, i, k, j, first
+    n_of_body = 0
+    do p = 1, size(self%part)
+      n_of_body(self%part(p)%body) = size(self%part(p)%mode, 3)
+    end do
+    self%body_of_mode = [(spread(k, 1, n_of_body(k)), k=1, n_bodies)]
+    allocate (self%mode(self%dim*self%n_own, size(self%body_of_mode)), source=0.0_dp)
+    do p = 1, size(self%part)
+      associate (part => self%part(p))
+        first = sum(n_of_body(:part%body - 1))
+        do i = 1, size(part%row)
+          if (.not. part%is_own(i)) cycle
+          k = self%dim*(part%row(i) - self%first)
+          do j = 1, size(part%mode, 3)
+            self%mode(k + 1:k + self%dim, first + j) = matmul(part%mode(:, i, j), part%axes(i))
+          end do
+        end do
+        deallocate (part%mode)
+      end associate
+    end do
+  end subroutine take_modes
+
+  !> Inverse diagonal blocks of own nodes.
+  subroutine stiffness_inverse_blocks(self, node, inverse, error)
+    class(distributed_stiffness_t), intent(in) :: self
+    !> Places among the own nodes (n).
+    integer, intent(in) :: node(:)
+    !> (dim, dim, n) [length/force]
+    real(dp), allocatable, intent(out) :: inverse(:, :, :)
+    !> Allocated where PETSc fails.
+    type(error_t), allocatable, intent(out) :: error
+    type(tMat) :: matrix
+    real(dp) :: block(self%dim**2)
+    integer :: i, j, row(self%dim), code
+    allocate (inverse(self%dim, self%dim, size(node)))
+    matrix = self%matrix()
+    do i = 1, size(node)
+      row = self%dim*(self%first + node(i) - 1) + [(j, j=0, self%dim - 1)]
+      call MatGetValues(matrix, self%dim, row, self%dim, row, block, code)
+      if (has_failed(code, 'diagonal blocks', error)) return
+      call invert(self%dim, reshape(block, [self%dim, self%dim]), inverse(:, :, i))
+    end do
+  end subroutine stiffness_inverse_blocks
+
+  !> The inverse of a small symmetric positive definite matrix, by elimination.
+  pure subroutine invert(n, matrix, inverse)
+    !> Order.
+    integer, intent(in) :: n
+    !> The matrix (n, n) [any].
+    real(dp), intent(in) :: matrix(n, n)
+    !> Its inverse (n, n) [1/matrix].
+    real(dp), intent(out) :: inverse(n, n)
+    real(dp) :: rest(n, n), factor
+    integer :: i, j
+    rest = matrix
+    inverse = 0
+    do i = 1, n
+      inverse(i, i) = 1
+    end do
+    do i = 1, n
+      factor = 1/rest(i, i)
+      rest(i, :) = factor*rest(i, :)
+      inverse(i, :) = factor*inverse(i, :)
+      do j = 1, n
+        if (j == i) cycle
+        factor = rest(j, i)
+        rest(j, :) = rest(j, :) - factor*rest(i, :)
+        inverse(j, :) = inverse(j, :) - factor*inverse(i, :)
+      end do
+    end do
+    inverse = (inverse + transpose(inverse))/2
+  end subroutine invert
+
+  !> Displacements of all nodes of a part, ghosts included, in global axes, with prescribed ones.
+  subroutine stiffness_nodal_displacement(self, p, x, u, error)
+    class(distributed_stiffness_t), intent(in) :: self
+    !> The part.
+    integer, intent(in) :: p
+    !> Displacements of the own nodes along their axes (dim*n_own) [length].
+    real(dp), intent(inout), contiguous, target :: x(:)
+    !> (dim, n_nodes of the part) [length]
+    real(dp), allocatable, intent(out) :: u(:, :)
+    !> Allocated where PETSc fails.
+    type(error_t), allocatable, intent(out) :: error
+    type(tVec) :: all
+    real(dp), allocatable :: found(:)
+    integer :: i, j, code
+    associate (part => self%part(p), constraint => self%part(p)%constraint)
+      call self%wrap(x, all)
+      call gather_entries(all, [((self%dim*part%row(i) + j, j=0, self%dim - 1), i=1, size(part%row))], found, error)
+      call VecDestroy(all, code)
+      if (allocated(error)) return
+      u = reshape(found, [self%dim, size(part%row)])
+      where (constraint%equation == held) u = constraint%prescribed
+      do i = 1, size(part%row)
+        if (constraint%frame_of(i) > 0) u(:, i) = matmul(constraint%frame(:, :, constraint%frame_of(i)), u(:, i))
+      end do
+    end associate
+  end subroutine stiffness_nodal_displacement
+
+  !> Give back the memory.
+  subroutine stiffness_destroy(self)
+    class(distributed_stiffness_t), intent(inout) :: self
+    integer :: code
+    if (.not. allocated(self%load)) return
+    if (.not. self%is_linear) then
+      call MatDestroy(self%fine, code)
+      call MatDestroy(self%interpolation, code)
+    end if
+    call MatDestroy(self%coarse, code)
+    deallocate (self%load)
+  end subroutine stiffness_destroy
+end module dotyk_distributed_stiffness

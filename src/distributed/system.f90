@@ -1,0 +1,422 @@
+!> The linear systems of the proximal active set over distributed bodies: vectors of own unknowns in, vectors of own
+!> unknowns and sums over ranks out.
+!>
+!> The system without active rows is kept: it gives the residual's energy norm of the error bound.
+module dotyk_distributed_system
+  use petscksp, only: KSPComputeExtremeSingularValues, KSPConvergedReason => KSPGetConvergedReason, KSPDestroy, &
+    KSPGetIterationNumber, KSPGetPC, KSPGetResidualNorm, KSPSetTolerances, KSPSolve, MatDestroy, MatGetTrace, &
+    MatMult, MatNullSpaceCreate, MatNullSpaceDestroy, MatSetNullSpace, PCApply, PETSC_COMM_WORLD, PETSC_DEFAULT_REAL, &
+    PETSC_DETERMINE, PETSC_FALSE, tKSP, tMat, tMatNullSpace, tPC, tVec, VecDestroy, VecDuplicate, VecGetArrayF90, &
+    VecRestoreArrayF90, VecResetArray, VecPlaceArray
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_contact_operator, only: contact_block_t
+  use dotyk_distributed_operator, only: system_operator_t
+  use dotyk_distributed_petsc, only: has_failed, sum_of_ranks
+  use dotyk_distributed_preconditioner, only: make_coarse_matrix, make_solver
+  use dotyk_distributed_stiffness, only: distributed_stiffness_t
+  use dotyk_linalg_dense, only: symmetric_eigen
+  use dotyk_linalg_sparse, only: sparse_symmetric_t
+  implicit none
+  private
+
+  !> How a solve went.
+  type, public :: solve_outcome_t
+    !> Iterations.
+    integer :: steps = 0
+    !> Last residual in the norm of the preconditioner [sqrt(energy)].
+    real(dp) :: residual = 0
+    !> Whether the preconditioner is no positive one.
+    logical :: has_failed = .false.
+  end type solve_outcome_t
+
+  !> A linear solver with its coarse matrix.
+  type :: solver_t
+    !> Whether there is one.
+    logical :: is_set = .false.
+    !> The solver.
+    type(tKSP) :: ksp
+    !> Its coarse matrix.
+    type(tMat) :: coarse
+  end type solver_t
+
+  !> The systems. PETSc has addresses of components: never copy or move it, destroy it in the end.
+  type, public :: distributed_system_t
+    !> Own unknowns, and contact rows.
+    integer :: n = 0, n_rows = 0
+    !> The stiffness.
+    type(distributed_stiffness_t), pointer :: stiffness => null()
+    !> The operator with the active rows, and the one without.
+    type(system_operator_t), private :: contact, alone
+    !> Displacements of the rows by the rigid body modes (n_rows, n_modes) [].
+    real(dp), allocatable :: row_mode(:, :)
+    !> Amplitudes of the motions that the active rows do not restrain, orthonormal (n_modes, n_free) [].
+    real(dp), allocatable :: free_mode(:, :)
+    !> Set-ups of the aggregation, and iterations, so far.
+    integer :: n_setups = 0, n_iterations = 0
+    !> Least Ritz value of the preconditioned K; 1 before `solve_alone` [].
+    real(dp) :: least = 1
+    !> Linear solvers: with active rows, and without.
+    type(solver_t), private :: of_contact, of_bodies
+  contains
+    procedure :: init => system_init
+    procedure :: set_active => system_set_active
+    procedure :: solve => system_solve
+    procedure :: solve_alone => system_solve_alone
+    procedure :: force_norm => system_force_norm
+    procedure :: strain_forces => system_strain_forces
+    procedure :: row_displacement => system_row_displacement
+    procedure :: subtract_row_force => system_subtract_row_force
+    procedure :: remove_motions => system_remove_motions
+    procedure :: remove_modes => system_remove_modes
+    procedure :: row_compliance => system_row_compliance
+    procedure :: smoother_compliance => system_smoother_compliance
+    procedure :: prescribed => system_prescribed
+    procedure :: product => system_product
+    procedure :: destroy => system_destroy
+  end type distributed_system_t
+
+  !> Eigenvalues of the restraint of motions by active rows, relative, below which there is none [].
+  real(dp), parameter :: free_motion = 1.0e-10_dp
+  !> Fraction of the mean diagonal that is added to coarse matrices where motions are free: they are taken out of
+  !> residuals, and must only not be divided by zero [].
+  real(dp), parameter :: shift_of_free = 1.0e-7_dp
+
+contains
+
+  !> Make the systems.
+  subroutine system_init(self, stiffness, n_rows, block, error)
+    class(distributed_system_t), target, intent(inout) :: self
+    !> The stiffness.
+    type(distributed_stiffness_t), target, intent(in) :: stiffness
+    !> Number of rows.
+    integer, intent(in) :: n_rows
+    !> Rows of B, body by body (n_bodies).
+    type(contact_block_t), intent(in) :: block(:)
+    !> Allocated where PETSc fails.
+    type(error_t), allocatable, intent(out) :: error
+    integer :: k
+    self%stiffness => stiffness
+    self%n = stiffness%dim*stiffness%n_own
+    self%n_rows = n_rows
+    call self%contact%init(stiffness, n_rows, block, error)
+    if (allocated(error)) return
+    allocate (self%row_mode(n_rows, size(stiffness%mode, 2)))
+    do k = 1, size(stiffness%mode, 2)
+      call self%contact%rows%displacement(stiffness%mode(:, k), self%row_mode(:, k))
+    end do
+    call self%alone%init_like(self%contact, error)
+    if (allocated(error)) return
+    call all_modes(size(stiffness%mode, 2), self%free_mode)
+    call set_up(self, self%alone, self%of_bodies, error)
+  end subroutine system_init
+
+  !> The identity.
+  subroutine all_modes(n, modes)
+    !> Order.
+    integer, intent(in) :: n
+    !> (n, n) []
+    real(dp), allocatable, intent(out) :: modes(:, :)
+    integer :: i
+    allocate (modes(n, n), source=0.0_dp)
+    do i = 1, n
+      modes(i, i) = 1
+    end do
+  end subroutine all_modes
+
+  !> Choose the active rows and their stiffness, and set up their solver.
+  subroutine system_set_active(self, row_stiffness, error)
+    class(distributed_system_t), target, intent(inout) :: self
+    !> W; zero where not active (n_rows) [force/length].
+    real(dp), intent(in) :: row_stiffness(:)
+    !> Allocated where a number is not finite, or PETSc fails.
+    type(error_t), allocatable, intent(out) :: error
+    if (self%of_contact%is_set .and. .not. any(abs(row_stiffness - self%contact%row_stiffness) > 0)) return
+    call self%contact%set_active(row_stiffness, error)
+    if (.not. allocated(error)) call find_free_motions(self, row_stiffness, error)
+    if (.not. allocated(error)) call set_up(self, self%contact, self%of_contact, error)
+  end subroutine system_set_active
+
+  !> Motions that the active rows do not restrain.
+  subroutine find_free_motions(self, row_stiffness, error)
+    !> The systems.
+    class(distributed_system_t), intent(inout) :: self
+    !> W (n_rows) [force/length].
+    real(dp), intent(in) :: row_stiffness(:)
+    !> Allocated where a number is not finite.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp), allocatable :: restraint(:, :), values(:), vectors(:, :)
+    integer :: n, i, j, n_free
+    n = size(self%row_mode, 2)
+    if (n == 0) return
+    allocate (restraint(n, n), values(n), vectors(n, n))
+    do j = 1, n
+      do i = 1, n
+        restraint(i, j) = sum(row_stiffness*self%row_mode(:, i)*self%row_mode(:, j))
+      end do
+    end do
+    call symmetric_eigen(restraint, values, vectors, error)
+    if (allocated(error)) return
+    n_free = count(.not. values > free_motion*sum(row_stiffness)*maxval(self%row_mode**2))
+    self%free_mode = vectors(:, :n_free)
+  end subroutine find_free_motions
+
+  !> Make the solver of an operator.
+  subroutine set_up(self, operator, solver, error)
+    !> The systems, with the free motions.
+    class(distributed_system_t), intent(inout) :: self
+    !> The operator.
+    type(system_operator_t), intent(in) :: operator
+    !> Gets its solver.
+    type(solver_t), intent(inout) :: solver
+    !> Allocated where PETSc fails.
+    type(error_t), allocatable, intent(out) :: error
+    type(tMatNullSpace) :: space
+    type(tVec), allocatable :: vector(:)
+    real(dp), pointer :: x(:)
+    real(dp) :: shift
+    integer :: k, code
+    call drop(solver)
+    shift = 0
+    if (size(self%free_mode, 2) > 0) then
+      call MatGetTrace(self%stiffness%coarse, shift, code)
+      shift = shift_of_free*shift/(self%stiffness%dim*self%stiffness%n_corners)
+    end if
+    call make_coarse_matrix(self%stiffness, operator%rows, operator%row_stiffness, operator%active, shift, &
+                            solver%coarse, error)
+    if (allocated(error)) return
+    allocate (vector(size(self%free_mode, 2)))
+    do k = 1, size(vector)
+      call self%stiffness%make_vector(vector(k))
+      call VecGetArrayF90(vector(k), x, code)
+      x = matmul(self%stiffness%mode, self%free_mode(:, k))
+      call VecRestoreArrayF90(vector(k), x, code)
+    end do
+    call MatNullSpaceCreate(PETSC_COMM_WORLD, PETSC_FALSE, size(vector), vector, space, code)
+    call MatSetNullSpace(operator%matrix, space, code)
+    call MatNullSpaceDestroy(space, code)
+    do k = 1, size(vector)
+      call VecDestroy(vector(k), code)
+    end do
+    if (has_failed(code, 'free motions', error)) return
+    call make_solver(operator, solver%coarse, solver%ksp, error)
+    solver%is_set = .true.
+    self%n_setups = self%n_setups + 1
+  end subroutine set_up
+
+  !> Give back a solver.
+  subroutine drop(solver)
+    !> The solver.
+    type(solver_t), intent(inout) :: solver
+    integer :: code
+    if (.not. solver%is_set) return
+    call KSPDestroy(solver%ksp, code)
+    call MatDestroy(solver%coarse, code)
+    solver%is_set = .false.
+  end subroutine drop
+
+  !> Solve (K + B^T W B) e = r.
+  subroutine system_solve(self, r, aim, most_steps, e, outcome, error)
+    class(distributed_system_t), intent(inout) :: self
+    !> Forces, without resultants on free motions (n) [force].
+    real(dp), intent(inout), contiguous :: r(:)
+    !> Residual in the norm of the preconditioner to end at [sqrt(energy)].
+    real(dp), intent(in) :: aim
+    !> Iterations at most.
+    integer, intent(in) :: most_steps
+    !> Displacements, without free motions (n) [length].
+    real(dp), intent(inout), contiguous :: e(:)
+    !> How it went.
+    type(solve_outcome_t), intent(out) :: outcome
+    !> Allocated where PETSc fails.
+    type(error_t), allocatable, intent(out) :: error
+    call run(self, self%of_contact, r, aim, most_steps, e, outcome, error)
+  end subroutine system_solve
+
+  !> Solve K e = r without contact, and note the least Ritz value.
+  subroutine system_solve_alone(self, r, reduction, most_steps, e, outcome, error)
+    class(distributed_system_t), intent(inout) :: self
+    !> Forces, without resultants on rigid body modes (n) [force].
+    real(dp), intent(inout), contiguous :: r(:)
+    !> Relative residual to end at [].
+    real(dp), intent(in) :: reduction
+    !> Iterations at most.
+    integer, intent(in) :: most_steps
+    !> Displacements, without rigid body motions (n) [length].
+    real(dp), intent(inout), contiguous :: e(:)
+    !> How it went.
+    type(solve_outcome_t), intent(out) :: outcome
+    !> Allocated where PETSc fails.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp) :: greatest, least
+    integer :: code
+    call run(self, self%of_bodies, r, reduction*self%force_norm(r), most_steps, e, outcome, error)
+    if (allocated(error) .or. outcome%steps == 0) return
+    call KSPComputeExtremeSingularValues(self%of_bodies%ksp, greatest, least, code)
+    if (least > 0) self%least = min(self%least, least)
+  end subroutine system_solve_alone
+
+  !> Solve a system.
+  subroutine run(self, solver, r, aim, most_steps, e, outcome, error)
+    !> The systems.
+    class(distributed_system_t), intent(inout) :: self
+    !> The solver.
+    type(solver_t), intent(in) :: solver
+    !> As in `system_solve`.
+    real(dp), intent(inout), contiguous :: r(:)
+    !> As in `system_solve`.
+    real(dp), intent(in) :: aim
+    !> As in `system_solve`.
+    integer, intent(in) :: most_steps
+    !> As in `system_solve`.
+    real(dp), intent(inout), contiguous :: e(:)
+    !> As in `system_solve`.
+    type(solve_outcome_t), intent(out) :: outcome
+    !> As in `system_solve`.
+    type(error_t), allocatable, intent(out) :: error
+    type(tVec) :: b, x
+    integer :: code, reason
+    call self%stiffness%wrap(r, b)
+    call self%stiffness%wrap(e, x)
+    call KSPSetTolerances(solver%ksp, 0.0_dp, max(aim, tiny(aim)), PETSC_DEFAULT_REAL, most_steps, code)
+    call KSPSolve(solver%ksp, b, x, code)
+    if (has_failed(code, 'conjugate gradients', error)) return
+    call KSPGetIterationNumber(solver%ksp, outcome%steps, code)
+    call KSPGetResidualNorm(solver%ksp, outcome%residual, code)
+    call KSPConvergedReason(solver%ksp, reason, code)
+    outcome%has_failed = reason < 0 .and. outcome%steps < most_steps
+    self%n_iterations = self%n_iterations + outcome%steps
+    call VecDestroy(b, code)
+    call VecDestroy(x, code)
+  end subroutine run
+
+  !> sqrt(r^T K^+ r) at most, as far as the least Ritz value tells [sqrt(energy)].
+  real(dp) function system_force_norm(self, r) result(norm)
+    class(distributed_system_t), intent(inout) :: self
+    !> Forces, without resultants on rigid body modes (n) [force].
+    real(dp), intent(inout), contiguous :: r(:)
+    real(dp) :: z(size(r))
+    type(tVec) :: b, x
+    type(tPC) :: pc
+    integer :: code
+    call self%stiffness%wrap(r, b)
+    call self%stiffness%wrap(z, x)
+    call KSPGetPC(self%of_bodies%ksp, pc, code)
+    call PCApply(pc, b, x, code)
+    call VecDestroy(b, code)
+    call VecDestroy(x, code)
+    norm = sqrt(max(0.0_dp, self%product(r, z)/self%least))
+  end function system_force_norm
+
+  !> f = K x.
+  subroutine system_strain_forces(self, x, f)
+    class(distributed_system_t), intent(inout) :: self
+    !> Displacements (n) [length].
+    real(dp), intent(inout), contiguous :: x(:)
+    !> (n) [force]
+    real(dp), intent(inout), contiguous :: f(:)
+    type(tVec) :: from, to
+    integer :: code
+    call self%stiffness%wrap(x, from)
+    call self%stiffness%wrap(f, to)
+    call MatMult(self%stiffness%matrix(), from, to, code)
+    call VecDestroy(from, code)
+    call VecDestroy(to, code)
+  end subroutine system_strain_forces
+
+  !> y = B x, without prescribed displacements.
+  subroutine system_row_displacement(self, x, y)
+    class(distributed_system_t), intent(in) :: self
+    !> Displacements (n) [length].
+    real(dp), intent(in), contiguous :: x(:)
+    !> The same on all ranks (n_rows) [length].
+    real(dp), intent(out), contiguous :: y(:)
+    call self%contact%rows%displacement(x, y)
+  end subroutine system_row_displacement
+
+  !> r := r - B^T lambda.
+  subroutine system_subtract_row_force(self, lambda, r)
+    class(distributed_system_t), intent(in) :: self
+    !> Forces, the same on all ranks (n_rows) [force].
+    real(dp), intent(in) :: lambda(:)
+    !> (n) [force]
+    real(dp), intent(inout), contiguous :: r(:)
+    call self%contact%rows%subtract_force(lambda, r)
+  end subroutine system_subtract_row_force
+
+  !> Take motions out of forces or displacements: their components on the modes.
+  subroutine system_remove_motions(self, motion, x, component)
+    class(distributed_system_t), intent(in) :: self
+    !> Amplitudes of the motions, orthonormal (n_modes, n_motions) [].
+    real(dp), intent(in) :: motion(:, :)
+    !> Forces or displacements (n) [any].
+    real(dp), intent(inout) :: x(:)
+    !> Components that were taken out (n_motions) [as x].
+    real(dp), allocatable, intent(out) :: component(:)
+    real(dp) :: on_modes(size(motion, 1))
+    allocate (component(size(motion, 2)), source=0.0_dp)
+    if (size(motion, 2) == 0) return
+    on_modes = matmul(x, self%stiffness%mode)
+    call sum_of_ranks(on_modes)
+    component = matmul(on_modes, motion)
+    x = x - matmul(self%stiffness%mode, matmul(motion, component))
+  end subroutine system_remove_motions
+
+  !> Take all rigid body modes out of forces or displacements.
+  subroutine system_remove_modes(self, x, component)
+    class(distributed_system_t), intent(in) :: self
+    !> Forces or displacements (n) [any].
+    real(dp), intent(inout) :: x(:)
+    !> Components that were taken out (n_modes) [as x].
+    real(dp), allocatable, intent(out) :: component(:)
+    real(dp), allocatable :: all(:, :)
+    call all_modes(size(self%row_mode, 2), all)
+    call self%remove_motions(all, x, component)
+  end subroutine system_remove_modes
+
+  !> Diagonal of B D^{-1} B^T, D the diagonal blocks of the smoother.
+  pure function system_row_compliance(self) result(compliance)
+    class(distributed_system_t), intent(in) :: self
+    !> (n_rows) [length/force]
+    real(dp) :: compliance(self%n_rows)
+    associate (all => self%contact%rows%compliance)
+      compliance = all%value(all%column_start(:self%n_rows) + 1)
+    end associate
+  end function system_row_compliance
+
+  !> B D^{-1} B^T.
+  function system_smoother_compliance(self) result(compliance)
+    class(distributed_system_t), intent(in), target :: self
+    !> (n_rows, n_rows) [length/force]
+    type(sparse_symmetric_t), pointer :: compliance
+    compliance => self%contact%rows%compliance
+  end function system_smoother_compliance
+
+  !> Displacement of the rows by prescribed displacements.
+  pure function system_prescribed(self) result(y)
+    class(distributed_system_t), intent(in) :: self
+    !> (n_rows) [length]
+    real(dp) :: y(self%n_rows)
+    y = self%contact%rows%prescribed
+  end function system_prescribed
+
+  !> Scalar product over all ranks.
+  real(dp) function system_product(self, a, b) result(product)
+    class(distributed_system_t), intent(in) :: self
+    !> Vectors (n) [any].
+    real(dp), intent(in) :: a(:), b(:)
+    real(dp) :: sum(1)
+    sum = dot_product(a(:self%n), b(:self%n))
+    call sum_of_ranks(sum)
+    product = sum(1)
+  end function system_product
+
+  !> Give back the memory; the stiffness remains.
+  subroutine system_destroy(self)
+    class(distributed_system_t), intent(inout) :: self
+    call drop(self%of_contact)
+    call drop(self%of_bodies)
+    call self%contact%destroy()
+    call self%alone%destroy()
+  end subroutine system_destroy
+end module dotyk_distributed_system
