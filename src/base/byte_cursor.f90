@@ -93,6 +93,17 @@ contains
     self%binary = .false.
   end subroutine start
 
+  !> Whether the next bytes are in memory: moves the window; a fault where the file ends before.
+  logical function has_bytes(self, n) result(has)
+    class(byte_cursor_t), intent(inout) :: self
+    !> Number of bytes.
+    integer, intent(in) :: n
+    if (self%size - self%position + 1 < n) call report_end(self)
+    if (.not. self%broken .and. (self%position <= self%before .or. self%position + n - 1 > self%before + self%n_held)) &
+      call self%hold(self%position, int(n, int64))
+    has = .not. self%broken
+  end function has_bytes
+
   !> Read an integer: text or 4 bytes.
   subroutine cursor_get_int(self, value)
     class(byte_cursor_t), intent(inout) :: self
@@ -103,14 +114,7 @@ contains
       return
     end if
     value = 0
-    if (self%broken) return
-    if (self%size - self%position + 1 < 4) then
-      call report_end(self)
-      return
-    end if
-    if (self%position <= self%before .or. self%position + 3 > self%before + self%n_held) &
-      call self%hold(self%position, 4_int64)
-    if (self%broken) return
+    if (.not. has_bytes(self, 4)) return
     value = int(transfer(self%text(self%position - self%before:self%position - self%before + 3), 0_int32), int64)
     self%position = self%position + 4
   end subroutine cursor_get_int
@@ -125,14 +129,7 @@ contains
       return
     end if
     value = 0
-    if (self%broken) return
-    if (self%size - self%position + 1 < 8) then
-      call report_end(self)
-      return
-    end if
-    if (self%position <= self%before .or. self%position + 7 > self%before + self%n_held) &
-      call self%hold(self%position, 8_int64)
-    if (self%broken) return
+    if (.not. has_bytes(self, 8)) return
     value = transfer(self%text(self%position - self%before:self%position - self%before + 7), 0_int64)
     self%position = self%position + 8
   end subroutine cursor_get_size
@@ -149,13 +146,7 @@ contains
     value = 0
     if (self%broken) return
     if (self%binary) then
-      if (self%size - self%position + 1 < 8) then
-        call report_end(self)
-        return
-      end if
-      if (self%position <= self%before .or. self%position + 7 > self%before + self%n_held) &
-        call self%hold(self%position, 8_int64)
-      if (self%broken) return
+      if (.not. has_bytes(self, 8)) return
       bits = transfer(self%text(self%position - self%before:self%position - self%before + 7), 0_int64)
       if (iand(bits, exponent_bits) == exponent_bits) then
         call self%fail('a number is not finite')
@@ -271,6 +262,7 @@ contains
   subroutine cursor_skip_blanks(self)
     class(byte_cursor_t), intent(inout) :: self
     integer(int64) :: p
+    if (self%position <= self%before) call self%hold(self%position, 1_int64)
     do
       do p = self%position - self%before, self%n_held
         if (.not. ends_word(self%text(p:p))) exit

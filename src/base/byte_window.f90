@@ -120,7 +120,8 @@ contains
     integer(int64), intent(in) :: position
     !> Number of bytes before the one that is asked for.
     integer(int64), intent(in) :: n
-    if (position + n > self%before + self%n_held) call self%hold(position, 2*n + self%window)
+    if (position <= self%before .or. position + n > self%before + self%n_held) &
+      call self%hold(position, 2*n + self%window)
     byte = achar(0)
     if (position + n <= self%before + self%n_held) &
       byte = self%text(position + n - self%before:position + n - self%before)

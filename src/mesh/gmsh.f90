@@ -9,7 +9,7 @@ module dotyk_mesh_gmsh
   use dotyk_base_kinds, only: dp, int64
   use dotyk_mesh_gmsh_22, only: read_nodes_22, read_elements_22
   use dotyk_mesh_gmsh_41, only: read_nodes_41, read_elements_41
-  use dotyk_mesh_gmsh_entities, only: entities_t, read_entities_41
+  use dotyk_mesh_gmsh_entities, only: entities_t, read_entities_41, read_partitioned_entities_41
   use dotyk_mesh_gmsh_selected_nodes, only: read_selected_nodes, skip_nodes
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_mesh_builder, only: mesh_builder_t
@@ -198,10 +198,10 @@ contains
       if (cursor%binary) call cursor%end_line
       call read_entities_41(cursor, builder, entities)
     case ('$PartitionedEntities')
-      entities%partitioned = .true.
-      call skip_section(cursor, name, first)
-      ! The caller reads the end of the section again.
-      cursor%position = cursor%position - len('$End'//name(2:))
+      call check_first(cursor, entities%partitioned, first)
+      if (sections%version == 22) call cursor%fail('a file of format 2.2 cannot have this section', first)
+      if (cursor%binary) call cursor%end_line
+      call read_partitioned_entities_41(cursor, builder, entities)
     case ('$Nodes')
       call check_first(cursor, sections%nodes, first)
       if (.not. builder%selection%everything) then

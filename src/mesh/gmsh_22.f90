@@ -51,7 +51,7 @@ contains
     integer(int64), intent(out) :: n_elements
     integer(int64) :: tag(max_nodes), element, type, n_tags, physical, entity, last_type, last_physical, n_left
     integer(int64) :: first, i
-    integer :: node(max_nodes), n_nodes, block, place
+    integer :: node(max_nodes), n_nodes, block, place, partition
     place = 0
     call read_count_22(cursor, merge(12, 6, cursor%binary), 'elements', n_elements)
     last_type = 0
@@ -87,7 +87,7 @@ contains
         last_type = type
         block = 0
       end if
-      call read_group(cursor, element, first, n_tags, physical, entity)
+      call read_group(cursor, element, first, n_tags, physical, entity, partition)
       call read_tags(cursor, n_nodes, tag)
       if (cursor%broken) return
       if (physical == 0 .or. type == gmsh_point) cycle
@@ -96,7 +96,7 @@ contains
         last_physical = physical
       end if
       if (.not. builder%selection%everything) then
-        call count_element(builder, block, int(type), i, n_elements, place)
+        call count_element(builder, block, int(type), i, n_elements, partition, place)
         if (place == 0) cycle
       end if
       call find_nodes(cursor, builder, tag(:n_nodes), element, first, node(:n_nodes))
@@ -107,7 +107,7 @@ contains
   end subroutine read_elements_22
 
   !> Count an element of a selection.
-  subroutine count_element(builder, block, type, i, n_elements, place)
+  subroutine count_element(builder, block, type, i, n_elements, partition, place)
     !> Mesh under construction.
     type(mesh_builder_t), intent(inout) :: builder
     !> Block of the builder to which the element belongs.
@@ -118,6 +118,8 @@ contains
     integer(int64), intent(in) :: i
     !> Number of elements in the file.
     integer(int64), intent(in) :: n_elements
+    !> Partition of the element, from 1; 0 where the file is not partitioned.
+    integer, intent(in) :: partition
     !> Its number among those of the block; 0 where it is not read.
     integer, intent(out) :: place
     integer(int64) :: first, last
@@ -125,7 +127,7 @@ contains
     if (.not. builder%wants(gmsh_type_dimension(type), builder%block(block)%group)) return
     builder%block(block)%n_in_file = builder%block(block)%n_in_file + 1
     if (gmsh_type_dimension(type) == builder%selection%dimension) then
-      call builder%selection%limits(n_elements, first, last)
+      call builder%selection%limits(n_elements, partition, first, last)
       if (i <= first .or. i > last) return
     end if
     place = builder%block(block)%n_in_file
@@ -151,7 +153,7 @@ contains
   end subroutine read_count_22
 
   !> Read the tags of an element: the physical group, the geometric entity, and others.
-  subroutine read_group(cursor, element, position, n_tags, physical, entity)
+  subroutine read_group(cursor, element, position, n_tags, physical, entity, partition)
     !> Cursor over the bytes of the file.
     type(byte_cursor_t), intent(inout) :: cursor
     !> Tag of the element, for messages.
@@ -164,7 +166,10 @@ contains
     integer(int64), intent(out) :: physical
     !> Tag of the geometric entity, 0 if there is none.
     integer(int64), intent(out) :: entity
+    !> Partition, from 1; 0 where the mesh is not partitioned.
+    integer, intent(out) :: partition
     integer(int64) :: value, i
+    partition = 0
     physical = 0
     entity = 0
     if (n_tags < 0 .or. n_tags > max_tags) then
@@ -175,6 +180,8 @@ contains
       call cursor%get_int(value)
       if (i == 1) physical = abs(value)
       if (i == 2) entity = abs(value)
+      ! The third tag counts the partitions; those after the first have the element as a ghost.
+      if (i == 4) partition = int(min(abs(value), int(huge(0), int64)))
     end do
     if (physical > huge(0)) &
       call cursor%fail('element '//to_text(element)//' has the physical tag '//to_text(physical)// &

@@ -5,7 +5,7 @@ module dotyk_mesh_gmsh_41
   use dotyk_base_text, only: to_text
   use dotyk_mesh_gmsh_common, only: allocate_nodes, check_block, find_nodes, index_nodes, read_counts, type_kind, &
     type_nodes
-  use dotyk_mesh_gmsh_entities, only: entities_t, find_entity
+  use dotyk_mesh_gmsh_entities, only: entities_t, entity_t, find_entity
   use dotyk_mesh_gmsh_type, only: gmsh_point
   use dotyk_mesh_mesh_builder, only: mesh_builder_t
   implicit none
@@ -76,8 +76,9 @@ contains
     type(entities_t), intent(in) :: entities
     !> Number of elements in the file, points included.
     integer(int64), intent(out) :: n_elements
-    integer(int64) :: n_blocks, n_read, n, dimension, entity, type, first, i
-    integer :: n_nodes, kind, place, block
+    type(entity_t) :: entity
+    integer(int64) :: n_blocks, n_read, n, dimension, tag, type, first, i
+    integer :: n_nodes, kind, block
     logical :: kept
     call read_counts(cursor, merge(16, 4, cursor%binary), 'elements', n_blocks, n_elements)
     n_read = 0
@@ -86,7 +87,7 @@ contains
       if (.not. cursor%binary) call cursor%skip_blanks
       first = cursor%position
       call cursor%get_int(dimension)
-      call cursor%get_int(entity)
+      call cursor%get_int(tag)
       call cursor%get_int(type)
       call cursor%get_size(n)
       if (dimension < 0 .or. dimension > 3) call cursor%fail('an entity has the dimension '//to_text(dimension), first)
@@ -94,30 +95,23 @@ contains
       if (cursor%broken) return
       if (n == 0) cycle
       call type_nodes(cursor, type, next_tag(cursor), first, n_nodes)
-      call find_entity(cursor, entities, int(dimension), entity, first, place)
+      call find_entity(cursor, entities, int(dimension), tag, first, entity)
       if (cursor%broken) return
-      kept = place > 0 .and. type /= gmsh_point
-      if (kept) kept = entities%dimension(dimension)%start(place + 1) > entities%dimension(dimension)%start(place)
-      if (kept) then
-        associate (groups => entities%dimension(dimension))
-          kept = builder%wants(int(dimension), groups%group(groups%start(place):groups%start(place + 1) - 1))
-        end associate
-      end if
+      kept = size(entity%group) > 0 .and. type /= gmsh_point
+      if (kept) kept = builder%wants(int(dimension), entity%group)
       block = 0
       if (kept) then
         call type_kind(cursor, type, next_tag(cursor), first, kind)
         if (cursor%broken) return
-        associate (groups => entities%dimension(dimension))
-          call builder%add_block(kind, n_nodes, groups%group(groups%start(place):groups%start(place + 1) - 1), block)
-        end associate
+        call builder%add_block(kind, n_nodes, entity%group, block)
         call cursor%require(n, merge(8, 2, cursor%binary)*(n_nodes + 1), 'elements', first)
         if (cursor%broken) return
       end if
       if (builder%selection%everything) then
         if (kept) call builder%reserve(block, int(n))
-        call read_block(cursor, builder, block, int(entity), n, n_nodes, 0)
+        call read_block(cursor, builder, block, entity%tag, n, n_nodes, 0)
       else
-        call read_share(cursor, builder, block, int(entity), n, n_nodes, dimension == builder%selection%dimension)
+        call read_share(cursor, builder, block, entity, n, n_nodes, dimension == builder%selection%dimension)
       end if
       n_read = n_read + n
     end do
@@ -133,8 +127,8 @@ contains
     type(mesh_builder_t), intent(inout) :: builder
     !> Block of the builder that receives the elements, 0 for none.
     integer, intent(in) :: block
-    !> Tag of the geometric entity.
-    integer, intent(in) :: entity
+    !> Geometric entity.
+    type(entity_t), intent(in) :: entity
     !> Number of elements.
     integer(int64), intent(in) :: n
     !> Number of nodes of each element.
@@ -145,13 +139,13 @@ contains
     integer :: before
     first = 0
     last = n
-    if (shared) call builder%selection%limits(n, first, last)
+    if (shared) call builder%selection%limits(n, entity%partition, first, last)
     if (block == 0) last = first
     call skip_elements(first)
     if (block > 0) then
       before = builder%block(block)%n_in_file
       call builder%reserve(block, int(last - first))
-      call read_block(cursor, builder, block, entity, last - first, n_nodes, before + int(first))
+      call read_block(cursor, builder, block, entity%tag, last - first, n_nodes, before + int(first))
       builder%block(block)%n_in_file = before + int(n)
     end if
     call skip_elements(n - last)
@@ -165,7 +159,7 @@ contains
       if (cursor%binary) then
         call cursor%skip_bytes(8*(n_nodes + 1)*m)
       else
-        call read_block(cursor, builder, 0, entity, m, n_nodes, 0)
+        call read_block(cursor, builder, 0, entity%tag, m, n_nodes, 0)
       end if
     end subroutine skip_elements
   end subroutine read_share

@@ -7,7 +7,7 @@ module dotyk_mesh_gmsh_entities
   use dotyk_mesh_tag_map, only: tag_map_t
   implicit none
   private
-  public :: read_entities_41, find_entity
+  public :: read_entities_41, read_partitioned_entities_41, find_entity
 
   !> Physical groups of the entities of one dimension.
   type :: entity_groups_t
@@ -17,17 +17,33 @@ module dotyk_mesh_gmsh_entities
     integer, allocatable :: start(:)
     !> Group indices, ascending and without repetition for each entity (room).
     integer, allocatable :: group(:)
+    !> Partition of each entity, from 1; 0 where the mesh is not partitioned (n_entities).
+    integer, allocatable :: partition(:)
+    !> Tag of the entity of which each one is a part, its own where the mesh is not partitioned (n_entities).
+    integer, allocatable :: parent(:)
   end type entity_groups_t
 
   !> Geometric entities by dimension: points, curves, surfaces, volumes.
   type, public :: entities_t
     !> Whether $Entities was read.
     logical :: known = .false.
-    !> Whether the mesh is partitioned, with entities of another section.
+    !> Whether the mesh is partitioned: $PartitionedEntities was read.
     logical :: partitioned = .false.
     !> Groups by dimension (0:3).
     type(entity_groups_t) :: dimension(0:3)
+    !> Groups of the parts of entities in partitions, by dimension (0:3).
+    type(entity_groups_t) :: in_partition(0:3)
   end type entities_t
+
+  !> What elements have of their entity.
+  type, public :: entity_t
+    !> Tag of the entity in the geometry.
+    integer :: tag = 0
+    !> Partition, from 1; 0 where the mesh is not partitioned.
+    integer :: partition = 0
+    !> Indices of its physical groups, ascending (n_groups).
+    integer, allocatable :: group(:)
+  end type entity_t
 
 contains
 
@@ -39,6 +55,43 @@ contains
     type(mesh_builder_t), intent(inout) :: builder
     !> Geometric entities.
     type(entities_t), intent(inout) :: entities
+    call read_dimensions(cursor, builder, .false., entities%dimension)
+    entities%known = .not. cursor%broken
+  end subroutine read_entities_41
+
+  !> Read $PartitionedEntities: number of partitions, ghost entities, then as $Entities, with the parent of each entity
+  !> and its partitions.
+  subroutine read_partitioned_entities_41(cursor, builder, entities)
+    !> Cursor behind '$PartitionedEntities' and, in a binary file, its line.
+    type(byte_cursor_t), intent(inout) :: cursor
+    !> Mesh under construction; groups without a name are added.
+    type(mesh_builder_t), intent(inout) :: builder
+    !> Geometric entities.
+    type(entities_t), intent(inout) :: entities
+    integer(int64) :: n_partitions, n_ghosts, ignored, i, first
+    if (.not. cursor%binary) call cursor%skip_blanks
+    first = cursor%position
+    call cursor%get_size(n_partitions)
+    call cursor%get_size(n_ghosts)
+    call cursor%require(n_ghosts, merge(8, 4, cursor%binary), 'ghost entities', first)
+    if (cursor%broken) return
+    do i = 1, 2*n_ghosts
+      call cursor%get_int(ignored)
+    end do
+    call read_dimensions(cursor, builder, .true., entities%in_partition)
+    entities%partitioned = .not. cursor%broken
+  end subroutine read_partitioned_entities_41
+
+  !> Read the entities of all dimensions.
+  subroutine read_dimensions(cursor, builder, partitioned, groups)
+    !> Cursor at the counts of the entities.
+    type(byte_cursor_t), intent(inout) :: cursor
+    !> Mesh under construction; groups without a name are added.
+    type(mesh_builder_t), intent(inout) :: builder
+    !> Whether the entities have parents and partitions.
+    logical, intent(in) :: partitioned
+    !> Physical groups by dimension.
+    type(entity_groups_t), intent(inout) :: groups(0:3)
     integer(int64) :: count(0:3), first
     integer :: d
     if (.not. cursor%binary) call cursor%skip_blanks
@@ -50,13 +103,12 @@ contains
       call cursor%require(count(d), merge(merge(36, 68, d == 0), merge(10, 18, d == 0), cursor%binary), &
                           'entities of dimension '//to_text(d), first)
       if (cursor%broken) return
-      call read_entities_of_dimension(cursor, builder, d, int(count(d)), entities%dimension(d))
+      call read_entities_of_dimension(cursor, builder, d, int(count(d)), partitioned, groups(d))
     end do
-    entities%known = .not. cursor%broken
-  end subroutine read_entities_41
+  end subroutine read_dimensions
 
   !> Read the entities of one dimension.
-  subroutine read_entities_of_dimension(cursor, builder, dimension, n, groups)
+  subroutine read_entities_of_dimension(cursor, builder, dimension, n, partitioned, groups)
     !> Cursor over the bytes of the file.
     type(byte_cursor_t), intent(inout) :: cursor
     !> Mesh under construction.
@@ -65,20 +117,26 @@ contains
     integer, intent(in) :: dimension
     !> Number of entities.
     integer, intent(in) :: n
+    !> Whether the entities have parents and partitions.
+    logical, intent(in) :: partitioned
     !> Physical groups of the entities.
     type(entity_groups_t), intent(inout) :: groups
     integer(int64), allocatable :: tag(:), position(:)
     integer, allocatable :: larger(:)
-    integer(int64) :: count, ignored, j
+    integer(int64) :: count, ignored, j, parent_dimension
     real(dp) :: coordinate
     integer :: i, k, twice, n_groups
     allocate (tag(n), position(n), groups%start(n + 1), groups%group(max(n, 16)))
+    allocate (groups%partition(n), groups%parent(n), source=0)
     groups%start(1) = 1
+    parent_dimension = dimension
     do i = 1, n
       if (cursor%broken) return
       if (.not. cursor%binary) call cursor%skip_blanks
       position(i) = cursor%position
       call cursor%get_int(tag(i))
+      groups%parent(i) = int(tag(i))
+      if (partitioned) call read_parent(cursor, position(i), parent_dimension, groups%parent(i), groups%partition(i))
       do k = 1, merge(3, 6, dimension == 0)
         call cursor%get_real(coordinate)
       end do
@@ -91,7 +149,15 @@ contains
         larger(:n_groups) = groups%group(:n_groups)
         call move_alloc(larger, groups%group)
       end if
-      call read_groups(cursor, builder, dimension, int(count), groups%group(n_groups + 1:), k)
+      k = 0
+      if (parent_dimension == dimension) then
+        call read_groups(cursor, builder, dimension, int(count), groups%group(n_groups + 1:), k)
+      else
+        ! An interface of partitions inside an entity, whose groups it has in the file.
+        do j = 1, count
+          call cursor%get_int(ignored)
+        end do
+      end if
       groups%start(i + 1) = groups%start(i) + k
       if (dimension == 0) cycle
       call cursor%get_size(count)
@@ -107,6 +173,32 @@ contains
       call cursor%fail('the entity of dimension '//to_text(dimension)//' and tag '//to_text(tag(twice))// &
                        ' occurs a second time', position(twice))
   end subroutine read_entities_of_dimension
+
+  !> Read the parent of an entity and its partitions.
+  subroutine read_parent(cursor, position, dimension, tag, partition)
+    !> Cursor behind the tag of the entity.
+    type(byte_cursor_t), intent(inout) :: cursor
+    !> Position of the entity in the file.
+    integer(int64), intent(in) :: position
+    !> Dimension of the parent.
+    integer(int64), intent(out) :: dimension
+    !> Tag of the parent.
+    integer, intent(out) :: tag
+    !> The first partition, from 1; 0 where there is none.
+    integer, intent(out) :: partition
+    integer(int64) :: count, value, j
+    call cursor%get_int(dimension)
+    call cursor%get_int(value)
+    tag = int(value)
+    call cursor%get_size(count)
+    call cursor%require(count, merge(4, 2, cursor%binary), 'partitions of an entity', position)
+    partition = 0
+    if (cursor%broken) return
+    do j = 1, count
+      call cursor%get_int(value)
+      if (j == 1) partition = int(max(0_int64, value))
+    end do
+  end subroutine read_parent
 
   !> Read the physical groups of one entity, ascending and without repetition. A minus sign in the file marks reversed
   !> orientation.
@@ -143,8 +235,8 @@ contains
     end do
   end subroutine read_groups
 
-  !> Index of an entity among those of its dimension, 0 if the file has no entities.
-  subroutine find_entity(cursor, entities, dimension, tag, position, place)
+  !> Find the entity of a block of elements; without groups if the file has no entities.
+  subroutine find_entity(cursor, entities, dimension, tag, position, entity)
     !> Cursor over the bytes of the file.
     type(byte_cursor_t), intent(inout) :: cursor
     !> Geometric entities.
@@ -155,17 +247,33 @@ contains
     integer(int64), intent(in) :: tag
     !> Position of the block that names it.
     integer(int64), intent(in) :: position
-    !> Index of the entity.
-    integer, intent(out) :: place
-    place = 0
-    if (.not. entities%known) return
-    place = entities%dimension(dimension)%index%find(tag)
-    if (place > 0) return
+    !> The entity.
+    type(entity_t), intent(out) :: entity
+    entity%tag = int(tag)
+    allocate (entity%group(0))
     if (entities%partitioned) then
-      call cursor%fail('the mesh is partitioned: save it without partitions (gmsh without -part)', position)
-    else
-      call cursor%fail('elements belong to the entity of dimension '//to_text(dimension)//' and tag '//to_text(tag)// &
-                       ', which $Entities does not have', position)
+      call take(entities%in_partition(dimension))
+      if (entity%partition >= 0) return
     end if
+    if (.not. entities%known) return
+    call take(entities%dimension(dimension))
+    if (entity%partition >= 0) return
+    call cursor%fail('elements belong to the entity of dimension '//to_text(dimension)//' and tag '//to_text(tag)// &
+                     ', which $Entities does not have', position)
+
+  contains
+
+    !> Take the entity from a list; the partition is -1 where it is not there.
+    subroutine take(groups)
+      !> Entities of the dimension.
+      type(entity_groups_t), intent(in) :: groups
+      integer :: place
+      place = groups%index%find(tag)
+      entity%partition = -1
+      if (place == 0) return
+      entity%partition = groups%partition(place)
+      entity%tag = groups%parent(place)
+      entity%group = groups%group(groups%start(place):groups%start(place + 1) - 1)
+    end subroutine take
   end subroutine find_entity
 end module dotyk_mesh_gmsh_entities

@@ -14,7 +14,8 @@ module dotyk_mesh_mesh_selection
     integer :: dimension = 3
     !> Names of physical groups: their elements are read, and all elements of surfaces (n_names).
     type(text_t), allocatable :: volume(:)
-    !> Number of shares into which the elements of the volumes are divided.
+    !> Number of shares into which the elements of the volumes are divided: partitions of a partitioned file (`gmsh
+    !> -part N`), or else elements that follow each other.
     integer :: n_shares = 1
     !> The share that is read, from 0.
     integer :: share = 0
@@ -38,15 +39,22 @@ contains
   end function selection_has_volume
 
   !> The share of n elements that follow each other in the file: those after number `first` up to number `last`.
-  pure subroutine selection_limits(self, n, first, last)
+  pure subroutine selection_limits(self, n, partition, first, last)
     class(mesh_selection_t), intent(in) :: self
     !> Number of elements.
     integer(int64), intent(in) :: n
+    !> Their partition, from 1; 0 where the file is not partitioned.
+    integer, intent(in) :: partition
     !> Number of the elements before the share.
     integer(int64), intent(out) :: first
     !> The last element of the share.
     integer(int64), intent(out) :: last
-    first = n*self%share/self%n_shares
-    last = n*(self%share + 1)/self%n_shares
+    if (partition > 0) then
+      first = 0
+      last = merge(n, 0_int64, mod(partition - 1, self%n_shares) == self%share)
+    else
+      first = n*self%share/self%n_shares
+      last = n*(self%share + 1)/self%n_shares
+    end if
   end subroutine selection_limits
 end module dotyk_mesh_mesh_selection
