@@ -101,10 +101,11 @@ contains
     if (n == 0) return
     ! Complementarity products are proportional to the weights.
     fraction = qp%weight(row)/sum(qp%weight(row))
+    system%step_reduction = step_reduction
     call find_start(qp, compliance, theta, system, usable, row, foundation(row), fraction, now, error)
+    if (allocated(error)) system%step_reduction = 0
     if (allocated(error)) return
     allocate (step%lambda(n), step%s(n), step%alpha(qp%coarse%n))
-    system%step_reduction = step_reduction
     do steps = 1, most_steps
       if (interrupted()) exit
       call find_residuals(qp, compliance, theta, row, now, r_dual, r_balance)

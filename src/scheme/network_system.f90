@@ -90,6 +90,7 @@ contains
     integer :: b, failed
     logical :: is_singular
     call self%forget()
+    if (allocated(self%joint_null)) deallocate (self%joint_null)
     if (.not. associated(self%n_iterations)) allocate (self%n_iterations, source=0)
     call self%take_points(qp, theta, active)
     call self%blocks%init(qp, compliance, self%row)
@@ -111,7 +112,13 @@ contains
                      exit_not_solvable)
       return
     end if
-    call find_null_modes(self, qp)
+    ! Steps of Newton's method need no null modes: their amplitudes may be any.
+    if (self%step_reduction > 0) then
+      allocate (self%null_mode(qp%coarse%n, 0))
+      self%joint_null = self%null_mode
+    else
+      call find_null_modes(self, qp)
+    end if
   end subroutine network_system_init
 
   !> Modes that the active rows do not restrain: of single bodies, and of several in contact with each other only.
@@ -120,15 +127,16 @@ contains
     type(network_system_t), intent(inout) :: self
     !> With the coarse space.
     type(contact_qp_t), intent(in) :: qp
-    real(dp), allocatable :: joint(:, :), g(:)
+    real(dp), allocatable :: g(:), joint(:)
     logical :: is_active(qp%n_rows)
     real(dp) :: motion
-    integer :: i, j, b, n_joint
+    integer :: i, j, b, n, n_joint
     is_active = .false.
     is_active(self%row) = .true.
     allocate (self%null_mode(qp%coarse%n, size(self%network%null_block)), source=0.0_dp)
-    allocate (joint(qp%coarse%n, size(self%network%null_block)))
+    n = qp%coarse%n
     n_joint = 0
+    allocate (self%joint_null(n, 0))
     do i = 1, size(self%network%null_block)
       b = self%network%null_block(i)
       associate (first => qp%coarse%first(b), last => qp%coarse%first(b + 1) - 1)
@@ -138,16 +146,15 @@ contains
       end associate
       if (motion > least_motion) then
         call expand_null_vector(self%network, i, self%null_mode(:, i))
-        n_joint = n_joint + 1
-        joint(:, n_joint) = self%null_mode(:, i)
-        do j = 1, n_joint - 1
-          joint(:, n_joint) = joint(:, n_joint) - dot_product(joint(:, j), joint(:, n_joint))*joint(:, j)
+        joint = self%null_mode(:, i)
+        do j = 1, n_joint
+          joint = joint - dot_product(self%joint_null(:, j), joint)*self%joint_null(:, j)
         end do
-        joint(:, n_joint) = joint(:, n_joint)/norm2(joint(:, n_joint))
+        n_joint = n_joint + 1
+        self%joint_null = reshape([self%joint_null, joint/norm2(joint)], [n, n_joint])
       end if
       self%null_mode(:, i) = self%null_mode(:, i)/maxval(abs(self%null_mode(:, i)))
     end do
-    self%joint_null = joint(:, :n_joint)
   end subroutine find_null_modes
 
   !> The solution of `M_p x - G alpha = r`, `G^T x + S alpha = e`.

@@ -157,6 +157,14 @@ contains
     end if
     call minimize(qp, e, 1.0_dp, penalty, none, motion, springs)
     found = maxval(abs(motion)) > imbalance
+    if (.not. found) return
+    ! Many bodies on each other: the penalty yields to the loads of all of them. The forces that it took are given now
+    ! (method of multipliers), and a motion that contact stops is 0.
+    call qp%mode_displacement(motion, none)
+    none = max(0.0_dp, none)
+    motion = 0
+    call minimize(qp, e, 1.0_dp, penalty, none, motion, springs)
+    found = maxval(abs(motion)) > imbalance
   end subroutine find_unbounded_direction
 
   !> The minimum of the function in the header of this module. Where the factorization fails alpha is the last iterate.

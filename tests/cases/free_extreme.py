@@ -129,6 +129,20 @@ class FreeExtreme(dotyk_case.Case):
                 # Active sets alone had not ended after 60.
                 self.assertLessEqual(summary["iterations"], 4)
 
+    def test_network_of_balls(self):
+        """64 balls, whose 384 modes take conjugate gradients on their network: the solution of one factor of everything."""
+        energy = []
+        for solver in ("", ", linear_solver='direct'"):
+            n_balls, _ = balls.write_scene(self.folder, (4, 4, 4), "theta_mesh=1e-2, tolerance=1e-6" + solver)
+            log = self.dotyk("balls.nml")
+            _, spread, floor, summary = balls.check_statics(self.folder / "balls.vtkhdf", log)
+            self.assertEqual((summary["converged"], summary["rigid_body_modes"]), (1, 6 * n_balls))
+            self.assertLessEqual(summary["error_bound"], 1e-6)
+            self.assertLess(spread, 1e-10)
+            self.assertLess(floor, 1e-9)
+            energy.append(summary["energy"])
+        self.assertAlmostEqual(energy[0] / energy[1], 1, delta=1e-6)
+
     def test_hinge(self):
         """A tie rod in its hinge, pulled along its axis: by symmetry it does not swing, though nothing but errors of
         the mesh resists. It swung by 50 times its elongation, less than two facets at the pin."""
