@@ -108,26 +108,27 @@ contains
       call stiffness%nodal_displacement(b, contact%u, u, error)
       if (allocated(error)) return
     end do
-    if (this_rank() > 0) return
-    associate (system => contact%system)
-      write (output_unit, '(a,3(i0,a))') name//': ', n_ranks(), ' ranks, ', unknowns, ' unknowns, ', &
-        operator%n_rows, ' rows'
-      write (output_unit, '(a,es9.2,a,es21.13,a,es9.2)') '  '//ending_name(state%ended)//', error bound', &
-        state%error_bound, ', energy ', state%energy, ', penetration', state%max_penetration
-      do j = 1, size(pair)
-        associate (first => operator%pair_first_row(j), last => operator%pair_first_row(j + 1) - 1)
-          write (output_unit, '(a,i0,a,i0,a,es21.13,a,es21.13)') '  pair ', j, ': active ', &
-            count(state%m(first:last) > 0), ', sum of forces', sum(state%m(first:last)*operator%weight(first:last)), &
-            ', peak', maxval([0.0_dp, state%m(first:last)])
-        end associate
-      end do
-      write (output_unit, '(5(a,i0),a,f6.3)') '  active sets ', contact%n_sets, ', iterations ', system%n_iterations, &
-        ', set-ups ', system%n_setups, ', sums over ranks ', n_sums - sums(1), ' of numbers ', n_summed - sums(2), &
-        ', least Ritz value', system%least
-      write (output_unit, '(a,3f8.2,a,3f8.2)') '  assembly, contact, solution: wall [s]', time(2:4) - time(1:3), &
-        ', processor time of all ranks [s]', work(2:4) - work(1:3)
-      write (output_unit, '(a,2f8.3)') '  sum of ranks [GiB]: solution now, process at most', memory/2.0_dp**30
-    end associate
+    if (this_rank() == 0) then
+      associate (system => contact%system)
+        write (output_unit, '(a,3(i0,a))') name//': ', n_ranks(), ' ranks, ', unknowns, ' unknowns, ', &
+          operator%n_rows, ' rows'
+        write (output_unit, '(a,es9.2,a,es21.13,a,es9.2)') '  '//ending_name(state%ended)//', error bound', &
+          state%error_bound, ', energy ', state%energy, ', penetration', state%max_penetration
+        do j = 1, size(pair)
+          associate (first => operator%pair_first_row(j), last => operator%pair_first_row(j + 1) - 1)
+            write (output_unit, '(a,i0,a,i0,a,es21.13,a,es21.13)') '  pair ', j, ': active ', &
+              count(state%m(first:last) > 0), ', sum of forces', sum(state%m(first:last)*operator%weight(first:last)), &
+              ', peak', maxval([0.0_dp, state%m(first:last)])
+          end associate
+        end do
+        write (output_unit, '(5(a,i0),a,f6.3)') '  active sets ', contact%n_sets, ', iterations ', &
+          system%n_iterations, ', set-ups ', system%n_setups, ', sums over ranks ', n_sums - sums(1), ' of numbers ', n_summed - sums(2), &
+          ', least Ritz value', system%least
+        write (output_unit, '(a,3f8.2,a,3f8.2)') '  assembly, contact, solution: wall [s]', time(2:4) - time(1:3), &
+          ', processor time of all ranks [s]', work(2:4) - work(1:3)
+        write (output_unit, '(a,2f8.3)') '  sum of ranks [GiB]: solution now, process at most', memory/2.0_dp**30
+      end associate
+    end if
     call contact%destroy()
     call stiffness%destroy()
   end subroutine run
