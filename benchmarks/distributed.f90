@@ -122,8 +122,8 @@ contains
           end associate
         end do
         write (output_unit, '(5(a,i0),a,f6.3)') '  active sets ', contact%n_sets, ', iterations ', &
-          system%n_iterations, ', set-ups ', system%n_setups, ', sums over ranks ', n_sums - sums(1), ' of numbers ', n_summed - sums(2), &
-          ', least Ritz value', system%least
+          system%n_iterations, ', set-ups ', system%n_setups, ', sums over ranks ', n_sums - sums(1), ' of numbers ', &
+          n_summed - sums(2), ', least Ritz value', system%least
         write (output_unit, '(a,3f8.2,a,3f8.2)') '  assembly, contact, solution: wall [s]', time(2:4) - time(1:3), &
           ', processor time of all ranks [s]', work(2:4) - work(1:3)
         write (output_unit, '(a,2f8.3)') '  sum of ranks [GiB]: solution now, process at most', memory/2.0_dp**30
