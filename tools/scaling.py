@@ -33,7 +33,6 @@ REAL = 8
 
 # The model
 
-
 def ranks_of(machine, nodes):
     return nodes * machine["ranks_per_node"]
 
@@ -128,7 +127,6 @@ def predict(unknowns, nodes, machine, counts):
 
 # Counts
 
-
 def load(path):
     """Machines, constants and runs; constants are [value, unit, source]."""
     data = json.loads(path.read_text())
@@ -158,7 +156,9 @@ def calibrate(data, runs):
 
 
 def predict_run(data, counts, run):
-    """What the model says of a measured run: seconds by the names of the run, and bytes of a rank beyond those of an idle one."""
+    """What the model says of a measured run with its iterations and set-ups: seconds by the names of the run, and bytes of a rank beyond
+    those of an idle one."""
+    counts = {**counts, "iterations": run["iterations"], "setups": run["setups"]}
     found = predict(run["unknowns"], 1, this_machine(data, run["ranks"]), counts)
     s = found["seconds"]
     seconds = {"assembly": s["assembly"], "setup": s["set-up"] + s["set-up, network"],
@@ -168,7 +168,7 @@ def predict_run(data, counts, run):
 
 def self_test(data, allowed=0.25):
     """Lines of a table: each series of runs, calibrated by its smallest on one rank, against all its others; whether all are within."""
-    lines = ["| run | ranks | unknowns | seconds | predicted | | memory of a rank | predicted | |", "|---|" + "---:|" * 8]
+    lines = ["| run | ranks | unknowns | iterations, set-ups | seconds | predicted | | memory of a rank | predicted | |", "|---|" + "---:|" * 9]
     good = True
     for series, runs in data["runs"].items():
         counts, base = calibrate(data, runs)
@@ -176,9 +176,10 @@ def self_test(data, allowed=0.25):
             if run is base:
                 continue
             seconds, size = predict_run(data, counts, run)
-            ratios = [sum(seconds.values()) / sum(run["seconds"].values())]
-            row = [series, str(run["ranks"]), count(run["unknowns"]), "%.1f" % sum(run["seconds"].values()), "%.1f" % sum(seconds.values()),
-                   "%+.0f %%" % (100 * ratios[0] - 100)]
+            total, expected = sum(run["seconds"].values()), sum(seconds.values())
+            ratios = [expected / total]
+            row = [series, str(run["ranks"]), count(run["unknowns"]), "%d, %d" % (run["iterations"], run["setups"])]
+            row += ["%.1f" % total, "%.1f" % expected, "%+.0f %%" % (100 * ratios[0] - 100)]
             if run.get("rank_bytes"):
                 ratios.append(size / run["rank_bytes"])
                 row += [memory(run["rank_bytes"]), memory(size), "%+.0f %%" % (100 * ratios[1] - 100)]
@@ -190,7 +191,6 @@ def self_test(data, allowed=0.25):
 
 
 # Measuring
-
 
 def read_log(path):
     """Sums and greatest values over the ranks of the events of PETSc's -log_view in CSV: time, messages, bytes, reductions, flops."""
@@ -252,7 +252,6 @@ def measure(path, command, ranks, series):
 
 
 # Tables and figure
-
 
 def count(x):
     """1e6 as 1 million."""
