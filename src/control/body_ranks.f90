@@ -7,7 +7,8 @@ module dotyk_control_body_ranks
   use dotyk_base_sort, only: sort_order
   use dotyk_control_congruence_classes, only: congruence_classes_t
   use dotyk_elasticity_body, only: body_t
-  use dotyk_ranks_communication, only: n_ranks, this_rank
+  use dotyk_ranks_communication, only: n_ranks
+  use dotyk_ranks_exchange, only: all_ranks, belongs_here => is_own
   implicit none
   private
 
@@ -32,15 +33,21 @@ module dotyk_control_body_ranks
 contains
 
   !> Share the bodies out.
-  subroutine body_ranks_init(self, body, classes)
+  subroutine body_ranks_init(self, body, classes, together)
     class(body_ranks_t), intent(out) :: self
     !> Bodies with supports, not assembled (n_bodies).
     type(body_t), intent(in) :: body(:)
     !> Congruence classes.
     type(congruence_classes_t), intent(in) :: classes
+    !> Whether all ranks compute each body together; not if absent.
+    logical, intent(in), optional :: together
     integer :: b
     self%owner = share_out(work_of(real(body%constraint%n_equations, dp)), classes%first, n_ranks())
     allocate (self%factorizes(size(body)), source=.false.)
+    if (present(together)) then
+      if (together) self%owner = all_ranks
+      if (together) return
+    end if
     do b = 1, size(body)
       if (self%is_own(b)) self%factorizes(classes%first(b)) = .true.
     end do
@@ -51,7 +58,7 @@ contains
     class(body_ranks_t), intent(in) :: self
     !> The body.
     integer, intent(in) :: b
-    is_own = self%owner(b) == this_rank()
+    is_own = belongs_here(self%owner(b))
   end function body_ranks_is_own
 
   !> Work of the busiest rank over the mean of all [].

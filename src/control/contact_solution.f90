@@ -189,7 +189,7 @@ contains
       if (.not. allocated(solution%state%m)) return
       call monitor%begin_phase(phase_estimate)
       call estimate_errors(problem, solution%qp, compliance, solution%theta, now%settings%linear_solver, &
-                           now%scheme%allows_zero_theta(), goal%needs_mesh_error(), goal%needs_penalty_error(), &
+                           now%scheme, goal%needs_mesh_error(), goal%needs_penalty_error(), &
                            solution%displacements%body, solution%state, solution%budget, error)
       if (allocated(error)) return
       if (goal%depends_on_errors() .and. solution%state%ended == ended_converged) then

@@ -18,6 +18,7 @@ module dotyk_control_error_budget
   use dotyk_control_penalty_error, only: estimate_penalty_error, penalty_reference_t
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
+  use dotyk_scheme_scheme, only: scheme_t
   use dotyk_scheme_solver_state, only: solver_state_t, ended_interrupted, ended_time
   implicit none
   private
@@ -70,7 +71,7 @@ contains
   end function budget_others
 
   !> Estimate the errors of a solution.
-  subroutine estimate_errors(problem, qp, compliance, theta, linear_solver, is_exact, want_mesh, want_penalty, &
+  subroutine estimate_errors(problem, qp, compliance, theta, linear_solver, scheme, want_mesh, want_penalty, &
                              solution, state, budget, error)
     !> Bodies, modes, factorization reports, pairs.
     type(contact_problem_t), intent(in) :: problem
@@ -82,8 +83,8 @@ contains
     real(dp), intent(in) :: theta(:)
     !> One of `linear_solver_*` of dotyk_base_options, for the dual scheme.
     integer, intent(in) :: linear_solver
-    !> Whether the state is that of the dual scheme.
-    logical, intent(in) :: is_exact
+    !> Scheme of the state.
+    class(scheme_t), intent(in) :: scheme
     !> Whether the error of the mesh is estimated.
     logical, intent(in) :: want_mesh
     !> Whether the error of the penalty is estimated.
@@ -109,7 +110,7 @@ contains
     ! The error of the penalty takes another solution.
     if (want_penalty .and. is_near(state) .and. all(state%ended /= [ended_interrupted, ended_time])) then
       call reference%init(problem, qp%pair_first_row, theta)
-      call estimate_penalty_error(qp, compliance, theta, reference, linear_solver, is_exact, state, distance, error)
+      call estimate_penalty_error(qp, compliance, theta, reference, linear_solver, scheme, state, distance, error)
       if (allocated(error)) return
       budget%penalty_is_bound = reference%is_exact()
       budget%penalty = 0

@@ -34,6 +34,7 @@ module dotyk_control_penalty_error
   use dotyk_scheme_linear_solver_choice, only: choose_solver
   use dotyk_scheme_monitor, only: monitor_t
   use dotyk_scheme_restriction, only: restrict_qp
+  use dotyk_scheme_scheme, only: scheme_t
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_limit, ended_solves, ended_stalled
   use dotyk_scheme_stopping, only: solver_settings_t
   implicit none
@@ -111,7 +112,7 @@ contains
   end function reference_is_exact
 
   !> Estimate from the state where a scheme ended.
-  subroutine estimate_penalty_error(qp, compliance, theta, reference, linear_solver, is_exact, state, distance, error)
+  subroutine estimate_penalty_error(qp, compliance, theta, reference, linear_solver, scheme, state, distance, error)
     !> The quadratic programme.
     type(contact_qp_t), intent(in) :: qp
     !> Its compliance operator; entries that the dual scheme forms stay there.
@@ -122,8 +123,8 @@ contains
     type(penalty_reference_t), intent(in) :: reference
     !> One of `linear_solver_*` of dotyk_base_options, for the dual scheme.
     integer, intent(in) :: linear_solver
-    !> Whether the state is that of the dual scheme; that of another one is solved to the end first.
-    logical, intent(in) :: is_exact
+    !> Scheme of the state. Where it knows no theta = 0, the state is solved to the end first, by the dual scheme.
+    class(scheme_t), intent(in) :: scheme
     !> Where the scheme ended; used as a start.
     type(solver_state_t), intent(in) :: state
     !> ||u_theta - u_0||_A; NaN where the reference has no solution, or none that was found [sqrt(energy)].
@@ -131,7 +132,7 @@ contains
     !> As in `dual_t`, from the solution with theta or the reference: the compliance of an active set is not positive
     !> definite.
     type(error_t), allocatable, intent(out) :: error
-    type(primal_t) :: primal
+    class(scheme_t), allocatable :: solver
     type(solver_settings_t) :: settings
     type(solver_state_t) :: penalized, exact
     type(monitor_t) :: silent
@@ -139,13 +140,18 @@ contains
     if (.not. any(theta > reference%theta)) return
     settings%linear_solver = linear_solver
     penalized = state
-    if (.not. is_exact) call primal%solve(qp, compliance, theta, settings, silent, penalized, error)
+    if (scheme%allows_zero_theta()) then
+      allocate (solver, source=scheme)
+    else
+      allocate (primal_t :: solver)
+      call solver%solve(qp, compliance, theta, settings, silent, penalized, error)
+    end if
     if (allocated(error)) return
     if (.not. is_usable(penalized)) then
       distance = ieee_value(distance, ieee_quiet_nan)
     else if (reference%is_exact()) then
       exact = penalized
-      call primal%solve(qp, compliance, reference%theta, settings, silent, exact, error)
+      call solver%solve(qp, compliance, reference%theta, settings, silent, exact, error)
       if (allocated(error)) return
       distance = distance_of(qp, compliance, penalized, exact)
       ! A scheme without a solution leaves no state to measure.

@@ -21,6 +21,7 @@ module dotyk_control_response_choice
   integer, parameter, public :: form_direct = 1     !< by the factor of its stiffness
   integer, parameter, public :: form_multigrid = 2  !< by p-multigrid
   integer, parameter, public :: form_whole = 3      !< by its factor, beside others that are solved by p-multigrid
+  integer, parameter, public :: form_split = 4      !< by p-multigrid over all ranks
 
   !> The compliance operator of a representative on the way: one of both is allocated.
   type, public :: operator_slot_t

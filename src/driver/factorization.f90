@@ -45,15 +45,22 @@ contains
     real(dp), allocatable :: foundation(:), cost(:)
     integer :: b
     logical :: side_by_side
-    call factorize_all(case, scheme, scene, monitor, error)
+    if (scene%is_split()) then
+      call scene%split%factorize(scene%problem%body, scene%operator, scene%problem%report, error)
+    else
+      call factorize_all(case, scheme, scene, monitor, error)
+    end if
     if (allocated(error)) return
     associate (problem => scene%problem, block => scene%operator%block, qp => scene%qp, compliance => scene%compliance)
       call find_modes(problem%body, problem%classes, block, problem%report, problem%modes, modes, error)
       if (allocated(error)) return
       call make_operators(problem%body, problem%classes, problem%ranks, block, problem%report, scene%size_of, &
                           scene%slot, response, operators)
+      if (scene%is_split()) call scene%split%take_responses(problem%body, problem%modes, response)
       call sweep_costs(operators, block, cost)
       call share_solves(cost, case%solver%reproducible, side_by_side, problem%n_blas)
+      ! All ranks solve one body after the other.
+      side_by_side = side_by_side .and. .not. scene%is_split()
       call set_stage('solving without contact')
       call solve_without_contact(problem%body, problem%ranks, block, scene%operator%gap, response, &
                                  problem%classes%first, side_by_side, problem%n_blas, free, problem%isolated)

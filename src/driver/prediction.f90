@@ -36,6 +36,10 @@ contains
     real(dp) :: elapsed
     integer :: b
     logical :: has_factors
+    if (scene%is_split()) then
+      call monitor%log%line('  estimated memory and time: not for bodies that are split over ranks; see docs/scaling.md')
+      return
+    end if
     call use_factors(case, scheme, scene, monitor, has_factors, error)
     if (allocated(error)) return
     memory = memory_now()

@@ -6,7 +6,7 @@ module dotyk_driver_results_summary
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_contact_solution, only: contact_solution_t, energies_t
   use dotyk_control_factorization, only: factor_size_t
-  use dotyk_control_response_choice, only: form_multigrid
+  use dotyk_control_response_choice, only: form_multigrid, form_split
   use dotyk_input_case, only: case_t
   use dotyk_output_results_file, only: results_file_t
   use dotyk_scheme_bounds, only: iteration_constants_t
@@ -75,7 +75,7 @@ contains
       if (allocated(state%indeterminate)) indeterminate = size(state%indeterminate, 2)
       call file%put_attribute('summary', 'indeterminate_modes', indeterminate)
     end associate
-    call file%put_attribute('summary', 'bodies_by_multigrid', count(size_of%form == form_multigrid))
+    call file%put_attribute('summary', 'bodies_by_multigrid', count(size_of%form == form_multigrid .or. size_of%form == form_split))
     call file%put_attribute('summary', 'factorizations', problem%classes%n())
     call file%put_array('summary', 'congruence_class', problem%classes%first)
     call file%put_attribute('summary', 'factor_nonzeros', sum(size_of%entries))

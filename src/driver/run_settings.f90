@@ -5,7 +5,6 @@ module dotyk_driver_run_settings
   use dotyk_control_scheme_run, only: scheme_run_t
   use dotyk_input_case, only: case_t
   use dotyk_scheme_registry, only: make_scheme
-  use dotyk_ranks_communication, only: n_ranks
   implicit none
   private
   public :: choose_scheme, goal_of, may_use_multigrid, set_pair_conditions
@@ -35,9 +34,7 @@ contains
   pure logical function may_use_multigrid(case)
     !> The case, its automatic choice of the scheme replaced.
     type(case_t), intent(in) :: case
-    ! p-multigrid does not know ranks.
-    may_use_multigrid = case%solver%scheme == scheme_dual .and. case%solver%linear_solver == linear_solver_auto .and. &
-                        n_ranks() == 1
+    may_use_multigrid = case%solver%scheme == scheme_dual .and. case%solver%linear_solver == linear_solver_auto
   end function may_use_multigrid
 
   !> The settings that pairs have of their own, once the pairs are found.

@@ -8,7 +8,7 @@ module dotyk_driver_scene
   use dotyk_contact_operator, only: build_operator, contact_operator_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_factorization, only: analyze_bodies, factor_size_t
-  use dotyk_control_response_choice, only: choose_forms, form_multigrid, operator_slot_t
+  use dotyk_control_response_choice, only: choose_forms, form_multigrid, form_split, operator_slot_t
   use dotyk_driver_run_settings, only: may_use_multigrid
   use dotyk_control_neutral_modes, only: neutral_modes_t
   use dotyk_elasticity_body, only: stiffness_t
@@ -21,6 +21,7 @@ module dotyk_driver_scene
   use dotyk_scheme_body_compliance, only: body_compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_scheme, only: scheme_t
+  use dotyk_split_split_scene, only: can_split, split_scene_t
   implicit none
   private
 
@@ -46,8 +47,11 @@ module dotyk_driver_scene
     type(body_compliance_t) :: compliance
     !> Modes that contact hardly resists.
     type(neutral_modes_t) :: neutral
+    !> Bodies that all ranks compute together.
+    type(split_scene_t) :: split
   contains
     procedure :: has_multigrid => scene_has_multigrid
+    procedure :: is_split => scene_is_split
   end type scene_t
 
   public :: build_scene
@@ -59,6 +63,12 @@ contains
     class(scene_t), intent(in) :: self
     has = any(self%size_of%form == form_multigrid)
   end function scene_has_multigrid
+
+  !> Whether all ranks compute each body together.
+  pure logical function scene_is_split(self) result(is_split)
+    class(scene_t), intent(in) :: self
+    is_split = any(self%size_of%form == form_split)
+  end function scene_is_split
 
   !> Meshes to bodies, contact rows, and the sizes of the factors: all that can be checked before anything is solved.
   subroutine build_scene(case, scheme, scene, monitor, error)
@@ -75,6 +85,7 @@ contains
     type(text_t), allocatable :: remarks(:)
     integer, allocatable :: form(:)
     type(body_surfaces_t), allocatable :: surfaces(:)
+    logical :: splits
     integer :: i
     associate (problem => scene%problem)
       call set_stage('reading meshes')
@@ -88,13 +99,19 @@ contains
       call monitor%watch%lap(monitor%timing%read)
       call problem%classes%init(size(problem%body))
       call problem%classes%find(problem%body)
-      call problem%ranks%init(problem%body, problem%classes)
       if (scheme%needs_held_bodies()) call check_held(case, problem%body, problem%classes, error)
       if (allocated(error)) return
       call set_stage('assembling')
       form = choose_forms(problem%body, problem%classes, case%solver%response, may_use_multigrid(case))
+      splits = can_split() .and. any(form == form_multigrid)
+      if (splits) then
+        form(:) = form_split
+        call problem%classes%init(size(problem%body))
+      end if
+      call problem%ranks%init(problem%body, problem%classes, splits)
       call assemble_bodies(case, problem%classes, problem%ranks, form, problem%body, problem%modes, scene%stiffness, &
                            scene%slot, error)
+      if (splits .and. .not. allocated(error)) call scene%split%assemble(problem%body, error)
       call stop_if_interrupted(error)
       if (allocated(error)) return
       call monitor%watch%lap(monitor%timing%assemble)
@@ -111,6 +128,7 @@ contains
       call analyze_bodies(problem%body, problem%modes, scene%stiffness, problem%classes, problem%ranks, &
                           scene%operator%block, case%solver%response, scheme%expected_products(), scene%slot, &
                           scene%size_of, error)
+      if (splits .and. allocated(scene%size_of)) scene%size_of%form = form_split
       call stop_if_interrupted(error)
       if (allocated(error)) return
       call monitor%watch%lap(monitor%timing%order)

@@ -59,6 +59,7 @@ contains
         deallocate (now%scheme)
         allocate (primal_t :: now%scheme)
       end if
+      if (scene%is_split()) call scene%split%take_scheme(now%scheme)
       may_return = may_return_to_factors(case, scene)
       call begin(scene%theta, solution)
       if (allocated(pressure)) call start_from_pressures(pressure, scene%qp, scene%compliance, solution%state)
@@ -99,6 +100,7 @@ contains
       call refuse_unsolvable(case, scene%problem, scene%qp, solution%state, error)
     end if
     call scene%compliance%destroy()
+    call scene%split%destroy()
   end subroutine solve_scene
 
   !> Say why p-multigrid is given up.

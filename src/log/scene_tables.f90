@@ -10,7 +10,7 @@ module dotyk_log_scene_tables
   use dotyk_control_congruence_classes, only: congruence_classes_t
   use dotyk_control_contact_problem, only: contact_problem_t, mesh_compliance
   use dotyk_control_factorization, only: factor_size_t
-  use dotyk_control_response_choice, only: form_multigrid, keeps_factor
+  use dotyk_control_response_choice, only: form_multigrid, form_split, keeps_factor
   use dotyk_control_run_prediction, only: run_prediction_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t
@@ -261,6 +261,11 @@ contains
     real(dp), intent(in) :: seconds
     real(dp) :: fraction
     integer :: b
+    if (any(size_of%form == form_split)) then
+      call log%line('  p-multigrid      all bodies are split over '//to_text(n_ranks())//' ranks; coarse levels by '// &
+                    'smoothed aggregation (PETSc)')
+      return
+    end if
     call log%line('  factorization    '//duration(seconds)//', '//memory_text(real(sum(size_of%bytes), dp))//', '// &
                   to_text(sum(size_of%flops)/max(seconds, tiny(seconds))/1.0e9_dp, 3)//' Gflop/s')
     if (any(size_of%form == form_multigrid)) call log%line('  p-multigrid      '// &

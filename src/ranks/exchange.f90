@@ -8,7 +8,7 @@
 !> nothing happens here.
 module dotyk_ranks_exchange
   use, intrinsic :: iso_fortran_env, only: int8
-  use dotyk_base_error, only: error_slot_t, set_error, exit_machine
+  use dotyk_base_error, only: error_slot_t, error_t, set_error, exit_machine
   use dotyk_base_interrupt, only: agree_on_interrupt, is_asked
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_log, only: print_error
@@ -17,7 +17,7 @@ module dotyk_ranks_exchange
     n_ranks, this_rank
   implicit none
   private
-  public :: share, share_errors, share_flat, on_any_rank, least_of_ranks, meet, exchange_cost
+  public :: is_own, share, share_errors, share_flat, agree_on_error, on_any_rank, meet, exchange_cost
 
   !> What exchanges have cost this rank so far.
   type, public :: exchange_cost_t
@@ -45,6 +45,8 @@ module dotyk_ranks_exchange
 
   !> Kinds of exchanges, the first number of a greeting.
   integer(int64), parameter :: of_items = 1, of_values = 2, of_bytes = 3, of_flag = 4, of_meeting = 5
+  !> Owner of items that all ranks compute together: all of them have them.
+  integer, parameter, public :: all_ranks = -1
   !> Size of an item that is not allocated.
   integer(int64), parameter :: not_there = -1
 
@@ -61,6 +63,24 @@ contains
     call agree_on(of_meeting, 0_int64)
   end subroutine meet
 
+  !> Whether this rank computes an item, alone or with all others.
+  elemental logical function is_own(owner)
+    !> Rank of the item, or `all_ranks`.
+    integer, intent(in) :: owner
+    is_own = owner == this_rank() .or. owner == all_ranks
+  end function is_own
+
+  !> Whether there is something to exchange. Items of all ranks are agreed on, no more: they have no other owner beside
+  !> them.
+  logical function is_shared(owner)
+    !> Rank of each item (n_items).
+    integer, intent(in) :: owner(:)
+    is_shared = n_ranks() > 1
+    if (.not. is_shared .or. size(owner) == 0) return
+    is_shared = owner(1) /= all_ranks
+    if (.not. is_shared) call meet()
+  end function is_shared
+
   !> Whether something holds on any rank.
   logical function on_any_rank(holds) result(any_holds)
     !> Whether it holds on this rank.
@@ -72,17 +92,6 @@ contains
     call check(all, 2)
     any_holds = any(all(4, :) /= 0)
   end function on_any_rank
-
-  !> The least of one number of each rank.
-  real(dp) function least_of_ranks(value) result(least)
-    !> That of this rank.
-    real(dp), intent(in) :: value
-    real(dp) :: all(n_ranks())
-    integer :: r
-    all(this_rank() + 1) = value
-    call share_values([(r, r=0, n_ranks() - 1)], all)
-    least = minval(all)
-  end function least_of_ranks
 
   !> Values of the items of all ranks.
   subroutine share_items(owner, item, same)
@@ -96,7 +105,7 @@ contains
     integer(int64), allocatable :: own_length(:), all_length(:)
     real(dp), allocatable :: own(:), all(:)
     integer :: i, k, order(size(item))
-    if (n_ranks() == 1) return
+    if (.not. is_shared(owner)) return
     length = not_there
     do i = 1, size(item)
       if (owner(i) == this_rank() .and. allocated(item(i)%value)) length(i) = size(item(i)%value, kind=int64)
@@ -136,7 +145,7 @@ contains
     real(dp), intent(inout) :: value(:)
     real(dp) :: all(size(value))
     integer :: i
-    if (n_ranks() == 1) return
+    if (.not. is_shared(owner)) return
     call agree_on(of_values, size(value, kind=int64))
     call gather_reals(pack(value, owner == this_rank()), numbers(owner, [(1_int64, i=1, size(value))]), all)
     value(by_owner(owner)) = all
@@ -149,7 +158,7 @@ contains
     !> Values of the items of this rank in, of all out (n_items).
     logical, intent(inout) :: value(:)
     real(dp) :: number(size(value))
-    if (n_ranks() == 1) return
+    if (.not. is_shared(owner)) return
     number = merge(1.0_dp, 0.0_dp, value)
     call share_values(owner, number)
     value = number > 0
@@ -163,7 +172,7 @@ contains
     integer(int8), intent(inout) :: bytes(:, :)
     integer(int8) :: all(size(bytes, 1)*size(bytes, 2))
     integer :: i
-    if (n_ranks() == 1) return
+    if (.not. is_shared(owner)) return
     call agree_on(of_bytes, size(bytes, kind=int64))
     call gather_bytes(pack(bytes, spread(owner == this_rank(), 1, size(bytes, 1))), &
                       numbers(owner, [(size(bytes, 1, int64), i=1, size(owner))]), all)
@@ -179,7 +188,7 @@ contains
     type(item_t), allocatable :: text(:)
     character(:), allocatable :: message
     integer :: i, k
-    if (n_ranks() == 1) return
+    if (.not. is_shared(owner)) return
     if (.not. on_any_rank(any([(owner(i) == this_rank() .and. allocated(failed(i)%error), i=1, size(failed))]))) return
     allocate (text(size(failed)))
     do i = 1, size(failed)
@@ -198,6 +207,21 @@ contains
       call set_error(failed(i)%error, message, nint(text(i)%value(1)))
     end do
   end subroutine share_errors
+
+  !> An error of one rank becomes that of all: where several have one, that of the lowest.
+  subroutine agree_on_error(error)
+    !> That of this rank in, the same on all ranks out.
+    type(error_t), allocatable, intent(inout) :: error
+    type(error_slot_t) :: failed(n_ranks())
+    integer :: r
+    call move_alloc(error, failed(this_rank() + 1)%error)
+    call share_errors([(r, r=0, n_ranks() - 1)], failed)
+    do r = 1, n_ranks()
+      if (.not. allocated(failed(r)%error)) cycle
+      call move_alloc(failed(r)%error, error)
+      return
+    end do
+  end subroutine agree_on_error
 
   !> Begin an exchange: all ranks do the same, with the same numbers, and agree on interrupts.
   subroutine agree_on(what, n, same)

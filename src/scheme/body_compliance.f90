@@ -8,8 +8,8 @@
 module dotyk_scheme_body_compliance
   use dotyk_base_kinds, only: dp
   use dotyk_contact_operator, only: contact_block_t
-  use dotyk_ranks_communication, only: n_ranks, this_rank
-  use dotyk_ranks_exchange, only: item_t, share
+  use dotyk_ranks_communication, only: n_ranks
+  use dotyk_ranks_exchange, only: is_own, item_t, share
   use dotyk_response_body_grid, only: body_grid_t
   use dotyk_response_response, only: response_slot_t
   use dotyk_scheme_compliance, only: compliance_t, entries_t
@@ -173,7 +173,7 @@ contains
     !$omp& if (self%side_by_side)
     do i = 1, size(self%batch)
       ! A batch is solved as a whole, so that its digits do not depend on the ranks of its bodies.
-      if (.not. any(self%body(self%batch(i)%body)%owner == this_rank())) cycle
+      if (.not. any(is_own(self%body(self%batch(i)%body)%owner))) cycle
       call multiply_batch(self, qp, self%batch(i)%body, formed, lambda, force, moved)
     end do
     !$omp end parallel do
@@ -208,7 +208,7 @@ contains
     integer :: b
     if (n_ranks() == 1) return
     do b = 1, size(moved)
-      if (owner(b) == this_rank()) call move_alloc(moved(b)%value, item(b)%value)
+      if (is_own(owner(b))) call move_alloc(moved(b)%value, item(b)%value)
     end do
     call share(owner, item, lambda)
     do b = 1, size(moved)
@@ -392,7 +392,7 @@ contains
     !> Entries that a product with the compliance goes through [].
     real(dp), intent(out) :: solve
     real(dp) :: of_owner(1)
-    if (self%body(b)%owner == this_rank()) then
+    if (is_own(self%body(b)%owner)) then
       associate (equation => self%body(b)%map%equation)
         of_owner = self%response(self%body(b)%representative)%form%path_entries(pack(equation, equation > 0))
       end associate

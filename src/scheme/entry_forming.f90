@@ -6,8 +6,8 @@ module dotyk_scheme_entry_forming
   use dotyk_contact_operator, only: contact_block_t
   use dotyk_linalg_blas, only: blas_threads, set_blas_threads
   use dotyk_linalg_sparse, only: sparse_rows_t
-  use dotyk_ranks_communication, only: n_ranks, this_rank
-  use dotyk_ranks_exchange, only: item_t, share
+  use dotyk_ranks_communication, only: n_ranks
+  use dotyk_ranks_exchange, only: is_own, item_t, share
   use dotyk_response_contact_map, only: contact_map_t
   use dotyk_response_response, only: response_slot_t, response_t, substituted_rows_t
   use dotyk_scheme_congruent_rows, only: have_same_rows
@@ -151,7 +151,7 @@ contains
     integer :: b, i, k, n_blas
     allocate (substitution(0), product(0))
     do b = 1, size(blocks)
-      if (first_new(b) == 0 .or. body(b)%owner /= this_rank()) cycle
+      if (first_new(b) == 0 .or. .not. is_own(body(b)%owner)) cycle
       call response(body(b)%representative)%form%prepare_substitution()
       allocate (blocks(b)%substituted(size(blocks(b)%first) - 1))
       ! L^{-1} B^T takes as much memory as C: that of old rows was not kept.
@@ -199,14 +199,14 @@ contains
     integer :: b, n
     if (n_ranks() == 1) return
     do b = 1, size(body)
-      if (first_new(b) == 0 .or. body(b)%owner /= this_rank()) cycle
+      if (first_new(b) == 0 .or. .not. is_own(body(b)%owner)) cycle
       associate (new => matrix%body(b)%value(:, first_new(b):))
         columns(b)%value = reshape(new, [size(new)])
       end associate
     end do
     call share(body%owner, columns)
     do b = 1, size(body)
-      if (first_new(b) == 0 .or. body(b)%owner == this_rank()) cycle
+      if (first_new(b) == 0 .or. is_own(body(b)%owner)) cycle
       associate (value => matrix%body(b)%value)
         n = size(value, 1)
         value(:, first_new(b):) = reshape(columns(b)%value, [n, n - first_new(b) + 1])

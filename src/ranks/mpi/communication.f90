@@ -4,7 +4,7 @@
 !> ends, for whatever reason, says so there, and all others end with it: no rank waits for one that is gone.
 module dotyk_ranks_communication
   use, intrinsic :: iso_fortran_env, only: int8
-  use mpi_f08, only: mpi_allgather, mpi_allgatherv, mpi_comm_free, mpi_comm_rank, mpi_comm_size, mpi_comm_split_type, &
+  use mpi_f08, only: mpi_abort, mpi_allgather, mpi_allgatherv, mpi_comm_free, mpi_comm_rank, mpi_comm_size, mpi_comm_split_type, &
     mpi_comm_world, mpi_comm_type_shared, mpi_double_precision, mpi_finalize, mpi_info_null, mpi_init_thread, &
     mpi_integer8, mpi_integer1, mpi_thread_funneled, mpi_comm, mpi_initialized, mpi_bcast
   use dotyk_base_error, only: exit_machine
@@ -12,7 +12,7 @@ module dotyk_ranks_communication
   use dotyk_base_memory, only: end_expected
   implicit none
   private
-  public :: start_ranks, end_ranks, this_rank, n_ranks, n_local_ranks, greet, gather_integers, gather_reals, &
+  public :: abort_ranks, start_ranks, end_ranks, this_rank, n_ranks, n_local_ranks, greet, gather_integers, gather_reals, &
     gather_bytes, with_ranks
 
   !> Whether the program was built with MPI.
@@ -56,6 +56,14 @@ contains
     code = int(all(2, first))
     call mpi_finalize()
   end subroutine end_ranks
+
+  !> End all ranks at once: where the others are in the midst of a library and hear no greeting.
+  subroutine abort_ranks(code)
+    !> Exit code.
+    integer, intent(in) :: code
+    call end_expected()
+    call mpi_abort(mpi_comm_world, code)
+  end subroutine abort_ranks
 
   !> Rank of this process, from 0.
   pure integer function this_rank()

@@ -2,9 +2,10 @@
 module dotyk_ranks_communication
   use, intrinsic :: iso_fortran_env, only: int8
   use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_memory, only: end_expected
   implicit none
   private
-  public :: start_ranks, end_ranks, this_rank, n_ranks, n_local_ranks, greet, gather_integers, gather_reals, &
+  public :: abort_ranks, start_ranks, end_ranks, this_rank, n_ranks, n_local_ranks, greet, gather_integers, gather_reals, &
     gather_bytes, with_ranks
 
   !> Whether the program was built with MPI.
@@ -30,6 +31,14 @@ contains
     associate (not_needed => code)
     end associate
   end subroutine end_ranks
+
+  !> End the program at once.
+  subroutine abort_ranks(code)
+    !> Exit code.
+    integer, intent(in) :: code
+    call end_expected()
+    stop code, quiet=.true.
+  end subroutine abort_ranks
 
   !> Rank of this process, from 0.
   pure integer function this_rank()

@@ -1,0 +1,236 @@
+!> Bodies that all ranks compute together: their distributed stiffness and contact, and the exchange of displacements
+!> and forces between the equations of whole bodies, which all ranks have, and the own unknowns of each rank.
+module dotyk_split_split_bodies
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_contact_operator, only: contact_operator_t
+  use dotyk_distributed_contact, only: distributed_contact_t
+  use dotyk_distributed_part, only: part_t
+  use dotyk_distributed_partition, only: cut_bodies
+  use dotyk_distributed_stiffness, only: distributed_stiffness_t
+  use dotyk_distributed_system, only: solve_outcome_t
+  use dotyk_elasticity_body, only: body_t
+  use dotyk_ranks_communication, only: n_ranks, this_rank
+  use dotyk_ranks_exchange, only: item_t, share
+  implicit none
+  private
+
+  !> Where the equations of one body are.
+  type :: equation_map_t
+    !> Equations of this rank (n_own).
+    integer, allocatable :: equation(:)
+    !> Their places among the own unknowns of all bodies (n_own).
+    integer, allocatable :: place(:)
+    !> Equations of all ranks, one rank after the other (n_equations).
+    integer, allocatable :: of_all(:)
+  end type equation_map_t
+
+  !> The bodies of a scene. PETSc has addresses of components: it is never copied or moved.
+  type, public :: split_bodies_t
+    !> Stiffness of all bodies.
+    type(distributed_stiffness_t) :: stiffness
+    !> Their contact.
+    type(distributed_contact_t) :: contact
+    !> Equations of the bodies (n_bodies).
+    type(equation_map_t), allocatable, private :: map(:)
+    !> Greatest relative residual that a solve has left so far [].
+    real(dp) :: worst = 0
+  contains
+    procedure :: assemble => bodies_assemble
+    procedure :: factorize => bodies_factorize
+    procedure :: solve => bodies_solve
+    procedure :: subtract_forces => bodies_subtract_forces
+    procedure :: to_equations => bodies_to_equations
+    procedure :: diagonal => bodies_diagonal
+    procedure :: solve_error => bodies_solve_error
+    procedure :: destroy => bodies_destroy
+  end type split_bodies_t
+
+  !> Reduction of the residual of a solve: a few digits below the tolerances that users ask for [].
+  real(dp), parameter :: accuracy = 1.0e-10_dp
+  !> Iterations of a solve at most.
+  integer, parameter :: most_steps = 300
+
+contains
+
+  !> Cut the bodies and assemble the parts.
+  subroutine bodies_assemble(self, body, error)
+    class(split_bodies_t), target, intent(inout) :: self
+    !> Bodies with supports and loads (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    !> Allocated where elements do not conform, or are inverted, or PETSc fails.
+    type(error_t), allocatable, intent(out) :: error
+    type(part_t), allocatable :: part(:)
+    integer :: b
+    call cut_bodies(body, this_rank(), n_ranks(), part)
+    call self%stiffness%init(part, [(body(b)%mesh%n_nodes(), b=1, size(body))], error)
+    if (allocated(error)) return
+    allocate (self%map(size(body)))
+    do b = 1, size(body)
+      call make_map(self%stiffness, b, body(b)%constraint%equation, self%map(b))
+    end do
+  end subroutine bodies_assemble
+
+  !> Where the equations of a body are.
+  subroutine make_map(stiffness, b, equation, map)
+    !> Numbered parts.
+    type(distributed_stiffness_t), intent(in) :: stiffness
+    !> The body.
+    integer, intent(in) :: b
+    !> Equation of each component of each node, 0 or less where it is held (dim, n_nodes).
+    integer, intent(in) :: equation(:, :)
+    !> The map.
+    type(equation_map_t), intent(out) :: map
+    type(item_t) :: of_rank(n_ranks())
+    integer, allocatable :: number(:), place(:)
+    integer :: p, i, k, n, r
+    allocate (number(0), place(0))
+    do p = 1, size(stiffness%part)
+      associate (part => stiffness%part(p))
+        if (part%body /= b) cycle
+        n = 0
+        deallocate (number, place)
+        allocate (number(stiffness%dim*count(part%is_own)), place(stiffness%dim*count(part%is_own)))
+        do i = 1, size(part%whole_node)
+          if (.not. part%is_own(i)) cycle
+          do k = 1, stiffness%dim
+            if (equation(k, part%whole_node(i)) <= 0) cycle
+            n = n + 1
+            number(n) = equation(k, part%whole_node(i))
+            place(n) = stiffness%dim*(part%row(i) - stiffness%first) + k
+          end do
+        end do
+        number = number(:n)
+        place = place(:n)
+      end associate
+    end do
+    of_rank(this_rank() + 1)%value = real(number, dp)
+    call share([(r, r=0, n_ranks() - 1)], of_rank)
+    allocate (map%of_all(maxval([0, equation])))
+    n = 0
+    do r = 1, n_ranks()
+      map%of_all(n + 1:n + size(of_rank(r)%value)) = nint(of_rank(r)%value)
+      n = n + size(of_rank(r)%value)
+    end do
+    call move_alloc(number, map%equation)
+    call move_alloc(place, map%place)
+  end subroutine make_map
+
+  !> Make ready for solves.
+  subroutine bodies_factorize(self, operator, error)
+    class(split_bodies_t), target, intent(inout) :: self
+    !> Contact rows, the same on all ranks.
+    type(contact_operator_t), intent(in) :: operator
+    !> Allocated where PETSc fails.
+    type(error_t), allocatable, intent(out) :: error
+    call self%contact%init(self%stiffness, operator, error)
+  end subroutine bodies_factorize
+
+  !> x := K^+ x over the equations of one body. All ranks do it at the same time.
+  subroutine bodies_solve(self, b, x)
+    class(split_bodies_t), target, intent(inout) :: self
+    !> The body.
+    integer, intent(in) :: b
+    !> Right-hand side [force] in, solution [length] out, the same on all ranks (n_equations).
+    real(dp), intent(inout) :: x(:)
+    type(solve_outcome_t) :: outcome
+    type(error_t), allocatable :: error
+    real(dp), allocatable :: r(:), e(:), component(:)
+    real(dp) :: first
+    call from_equations(self, b, x, r)
+    allocate (e(size(r)), source=0.0_dp)
+    associate (system => self%contact%system)
+      call system%remove_modes(r, component)
+      first = system%force_norm(r)
+      if (first > 0) then
+        call system%solve_alone(r, accuracy, most_steps, e, outcome, error)
+        if (allocated(error) .or. outcome%has_failed) then
+          self%worst = huge(first)
+        else
+          self%worst = max(self%worst, outcome%residual/first)
+        end if
+        call system%remove_modes(e, component)
+      end if
+    end associate
+    call self%to_equations(b, e, x)
+  end subroutine bodies_solve
+
+  !> f := f - K x over the equations of one body, without resultants on its rigid body modes.
+  subroutine bodies_subtract_forces(self, b, x, f)
+    class(split_bodies_t), target, intent(inout) :: self
+    !> The body.
+    integer, intent(in) :: b
+    !> Displacements (n_equations) [length].
+    real(dp), intent(in) :: x(:)
+    !> Forces (n_equations) [force].
+    real(dp), intent(inout) :: f(:)
+    real(dp), allocatable :: own_x(:), own_f(:), product(:), component(:)
+    call from_equations(self, b, x, own_x)
+    call from_equations(self, b, f, own_f)
+    allocate (product(size(own_x)))
+    call self%contact%system%strain_forces(own_x, product)
+    own_f = own_f - product
+    call self%contact%system%remove_modes(own_f, component)
+    call self%to_equations(b, own_f, f)
+  end subroutine bodies_subtract_forces
+
+  !> Diagonal of the stiffness of one body.
+  subroutine bodies_diagonal(self, b, diagonal)
+    class(split_bodies_t), target, intent(inout) :: self
+    !> The body.
+    integer, intent(in) :: b
+    !> The same on all ranks (n_equations) [force/length].
+    real(dp), allocatable, intent(out) :: diagonal(:)
+    real(dp), allocatable :: own(:)
+    call self%stiffness%diagonal(own)
+    allocate (diagonal(size(self%map(b)%of_all)))
+    call self%to_equations(b, own, diagonal)
+  end subroutine bodies_diagonal
+
+  !> Own unknowns of the equations of one body; zero for other bodies.
+  subroutine from_equations(self, b, x, own)
+    !> The bodies.
+    type(split_bodies_t), intent(in) :: self
+    !> The body.
+    integer, intent(in) :: b
+    !> Over its equations (n_equations) [any].
+    real(dp), intent(in) :: x(:)
+    !> Of this rank (n) [as x].
+    real(dp), allocatable, intent(out) :: own(:)
+    allocate (own(self%contact%system%n), source=0.0_dp)
+    own(self%map(b)%place) = x(self%map(b)%equation)
+  end subroutine from_equations
+
+  !> Equations of one body from the own unknowns of all ranks.
+  subroutine bodies_to_equations(self, b, own, x)
+    class(split_bodies_t), intent(in) :: self
+    !> The body.
+    integer, intent(in) :: b
+    !> Of this rank (n) [any].
+    real(dp), intent(in) :: own(:)
+    !> Over the equations of the body, the same on all ranks (n_equations) [as own].
+    real(dp), intent(out) :: x(:)
+    type(item_t) :: of_rank(n_ranks())
+    integer :: n, r
+    of_rank(this_rank() + 1)%value = own(self%map(b)%place)
+    call share([(r, r=0, n_ranks() - 1)], of_rank)
+    n = 0
+    do r = 1, n_ranks()
+      x(self%map(b)%of_all(n + 1:n + size(of_rank(r)%value))) = of_rank(r)%value
+      n = n + size(of_rank(r)%value)
+    end do
+  end subroutine bodies_to_equations
+
+  !> Relative error of a solve in the energy norm [].
+  pure real(dp) function bodies_solve_error(self) result(error)
+    class(split_bodies_t), intent(in) :: self
+    error = max(accuracy, self%worst)/sqrt(self%contact%system%least)
+  end function bodies_solve_error
+
+  !> Give back all memory.
+  subroutine bodies_destroy(self)
+    class(split_bodies_t), intent(inout) :: self
+    call self%contact%destroy()
+    call self%stiffness%destroy()
+  end subroutine bodies_destroy
+end module dotyk_split_split_bodies

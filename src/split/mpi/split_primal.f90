@@ -1,0 +1,120 @@
+!> The scheme for bodies that all ranks compute together: the proximal active set of `dotyk_distributed_contact`.
+module dotyk_split_split_primal
+  use dotyk_base_error, only: error_t, set_error, exit_not_solvable
+  use dotyk_base_interrupt, only: interrupted
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_text, only: to_text
+  use dotyk_ranks_exchange, only: meet
+  use dotyk_scheme_body_compliance, only: body_compliance_t
+  use dotyk_scheme_compliance, only: compliance_t
+  use dotyk_scheme_contact_qp, only: contact_qp_t
+  use dotyk_scheme_dual, only: check_equilibrium, clear, dual_t
+  use dotyk_scheme_monitor, only: monitor_t
+  use dotyk_scheme_primal_modes, only: find_indeterminate, take_least
+  use dotyk_scheme_scheme, only: scheme_t
+  use dotyk_scheme_solver_state, only: solver_state_t, ended_interrupted
+  use dotyk_scheme_stopping, only: solver_settings_t
+  use dotyk_split_split_bodies, only: split_bodies_t
+  implicit none
+  private
+
+  !> The scheme.
+  type, extends(scheme_t), public :: split_primal_t
+    !> The bodies.
+    type(split_bodies_t), pointer :: bodies => null()
+  contains
+    procedure :: solve => primal_solve
+    procedure :: needs_held_bodies => primal_needs_held_bodies
+    procedure :: allows_zero_theta => primal_allows_zero_theta
+    procedure :: expected_products => primal_expected_products
+  end type split_primal_t
+
+  !> Active sets at most: where it converges, it takes a third of them.
+  integer, parameter :: most_sets = 100
+
+contains
+
+  !> Floating bodies are allowed.
+  pure logical function primal_needs_held_bodies(self) result(needed)
+    class(split_primal_t), intent(in) :: self
+    needed = .false.
+    associate (not_needed => same_type_as(self, self))
+    end associate
+  end function primal_needs_held_bodies
+
+  !> Contact without penetration is allowed.
+  pure logical function primal_allows_zero_theta(self) result(allowed)
+    class(split_primal_t), intent(in) :: self
+    allowed = .true.
+    associate (not_needed => same_type_as(self, self))
+    end associate
+  end function primal_allows_zero_theta
+
+  !> It takes no products.
+  pure integer function primal_expected_products(self) result(n)
+    class(split_primal_t), intent(in) :: self
+    n = 0
+    associate (not_needed => same_type_as(self, self))
+    end associate
+  end function primal_expected_products
+
+  !> Solve.
+  subroutine primal_solve(self, qp, compliance, theta, settings, monitor, state, error)
+    class(split_primal_t), intent(in) :: self
+    type(contact_qp_t), intent(in) :: qp
+    class(compliance_t), intent(inout) :: compliance
+    real(dp), intent(in) :: theta(:)
+    type(solver_settings_t), intent(in) :: settings
+    class(monitor_t), intent(inout) :: monitor
+    type(solver_state_t), intent(inout) :: state
+    type(error_t), allocatable, intent(out) :: error
+    type(dual_t) :: dual
+    real(dp), allocatable :: m(:), component(:), alpha(:), left(:)
+    integer :: steps, sets, b
+    if (qp%n_rows == 0) then
+      call dual%solve(qp, compliance, theta, settings, monitor, state, error)
+      return
+    end if
+    if (qp%coarse%holds_modes) then
+      call set_error(error, 'a body that is split over ranks has motions that contact hardly resists and the program '// &
+                     "must hold; use response='full'", exit_not_solvable)
+      return
+    end if
+    if (state%history%n == 0) then
+      call check_equilibrium(qp, state)
+      if (allocated(state%unbounded)) return
+    end if
+    if (allocated(state%m)) m = state%m
+    call clear(state)
+    if (allocated(m)) call move_alloc(m, state%m)
+    associate (contact => self%bodies%contact, system => self%bodies%contact%system)
+      steps = system%n_iterations
+      sets = contact%n_sets
+      call contact%solve(theta, settings%tolerance, sets + min(most_sets, settings%max_iterations), monitor, state, error)
+      if (allocated(error)) return
+      call meet()
+      if (.not. allocated(state%m)) return
+      allocate (left, source=contact%u)
+      call system%remove_modes(left, component)
+      alpha = component/qp%coarse%scale
+      call find_indeterminate(qp, state%m > 0, state%indeterminate, error)
+      if (allocated(error)) return
+      call take_least(qp, state%m > 0, state%indeterminate, alpha, state%y)
+      state%alpha = qp%coarse%scale*alpha
+      if (interrupted()) state%ended = ended_interrupted
+      select type (compliance)
+      class is (body_compliance_t)
+        do b = 1, size(compliance%body)
+          if (.not. allocated(compliance%body(b)%found)) &
+            allocate (compliance%body(b)%found(size(compliance%response(b)%form%mode, 1)))
+          call self%bodies%to_equations(b, left, compliance%body(b)%found)
+        end do
+      end select
+      steps = system%n_iterations - steps
+      compliance%n_sweeps = compliance%n_sweeps + steps
+      call monitor%note('displacements    '//to_text(contact%n_sets - sets)//' active sets, '//to_text(steps)// &
+                        ' iterations of conjugate gradients, '//to_text(system%n_setups)// &
+                        ' set-ups of smoothed aggregation')
+    end associate
+  end subroutine primal_solve
+end module dotyk_split_split_primal
