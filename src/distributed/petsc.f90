@@ -10,8 +10,9 @@ module dotyk_distributed_petsc
     petsc_initialized => PetscInitialized
   use dotyk_base_error, only: error_t, exit_machine, set_error
   use dotyk_base_kinds, only: dp
+  use dotyk_base_log, only: print_error
   use dotyk_base_text, only: to_text
-  use dotyk_ranks_communication, only: this_rank
+  use dotyk_ranks_communication, only: abort_ranks, n_ranks, this_rank
   implicit none
   private
   public :: first_of_rank, has_failed, largest_of_ranks, memory_of_rank, petsc_option, start_petsc, stop_petsc, &
@@ -46,7 +47,7 @@ contains
     call PetscFinalize(code)
   end subroutine stop_petsc
 
-  !> Whether a call failed.
+  !> Whether a call failed. Several ranks end at once: the others are in the midst of PETSc.
   logical function has_failed(code, what, error) result(failed)
     !> What PETSc has returned.
     integer, intent(in) :: code
@@ -55,7 +56,11 @@ contains
     !> Allocated where it failed; unchanged otherwise.
     type(error_t), allocatable, intent(inout) :: error
     failed = code /= 0
-    if (failed) call set_error(error, 'PETSc: '//what//': error code '//to_text(code), exit_machine)
+    if (.not. failed) return
+    call set_error(error, 'PETSc: '//what//': error code '//to_text(code), exit_machine)
+    if (n_ranks() == 1) return
+    call print_error(error%message)
+    call abort_ranks(exit_machine)
   end function has_failed
 
   !> Set an option, unless the user has: PETSC_OPTIONS and the file .petscrc come first.

@@ -4,8 +4,8 @@
 !> Displacements are those along the axes of the nodes (`constraint_t`), zero where they are held; prescribed ones are
 !> in the loads. Everything of a rank is of the size of its parts.
 module dotyk_distributed_stiffness
-  use petscmat, only: MatDestroy, MatGetValues, MatNullSpaceCreate, MatNullSpaceDestroy, MatSetNearNullSpace, &
-    PETSC_COMM_WORLD, PETSC_DETERMINE, PETSC_FALSE, tMat, tMatNullSpace
+  use petscmat, only: MatDestroy, MatGetDiagonal, MatGetValues, MatNullSpaceCreate, MatNullSpaceDestroy, &
+    MatSetNearNullSpace, PETSC_COMM_WORLD, PETSC_DETERMINE, PETSC_FALSE, tMat, tMatNullSpace
   use petscvec, only: PETSC_NULL_VEC, tVec, VecAXPY, VecDestroy, VecDot, VecDuplicate, VecGetArrayF90, VecNormalize, &
     VecRestoreArrayF90
   use dotyk_base_error, only: error_t, exit_not_solvable, set_error
@@ -16,6 +16,7 @@ module dotyk_distributed_stiffness
   use dotyk_distributed_petsc, only: first_of_rank, has_failed, largest_of_ranks, sum_of_ranks
   use dotyk_elasticity_constraint, only: held
   use dotyk_elasticity_near_null_vectors, only: near_null_vectors
+  use dotyk_ranks_exchange, only: agree_on_error
   implicit none
   private
 
@@ -53,6 +54,7 @@ module dotyk_distributed_stiffness
     procedure :: make_vector => stiffness_make_vector
     procedure :: wrap => stiffness_wrap
     procedure :: inverse_blocks => stiffness_inverse_blocks
+    procedure :: diagonal => stiffness_diagonal
     procedure :: nodal_displacement => stiffness_nodal_displacement
     procedure :: destroy => stiffness_destroy
   end type distributed_stiffness_t
@@ -111,7 +113,7 @@ contains
         allocate (lift, mold=load)
         lift = 0
         call add_elements(of_part, .not. self%is_linear, self%fine, self%coarse, lift, error)
-        if (allocated(error)) return
+        if (allocated(error)) exit
         do i = 1, size(of_part%row)
           if (.not. of_part%is_own(i)) cycle
           associate (z => of_part%constraint%prescribed(:, i), is_free => of_part%constraint%equation(:, i) /= held, &
@@ -124,6 +126,8 @@ contains
         deallocate (lift)
       end associate
     end do
+    call agree_on_error(error)
+    if (allocated(error)) return
     call sum_of_ranks(energy)
     self%lift_energy = energy(1)
     self%lift_work = energy(2)
@@ -288,6 +292,22 @@ contains
       call invert(self%dim, reshape(block, [self%dim, self%dim]), inverse(:, :, i))
     end do
   end subroutine stiffness_inverse_blocks
+
+  !> Diagonal of the stiffness.
+  subroutine stiffness_diagonal(self, diagonal)
+    class(distributed_stiffness_t), intent(in) :: self
+    !> Of the own unknowns (dim*n_own) [force/length].
+    real(dp), allocatable, intent(out) :: diagonal(:)
+    type(tVec) :: vector
+    real(dp), pointer :: x(:)
+    integer :: code
+    call self%make_vector(vector)
+    call MatGetDiagonal(self%matrix(), vector, code)
+    call VecGetArrayF90(vector, x, code)
+    diagonal = x
+    call VecRestoreArrayF90(vector, x, code)
+    call VecDestroy(vector, code)
+  end subroutine stiffness_diagonal
 
   !> The inverse of a small symmetric positive definite matrix, by elimination.
   pure subroutine invert(n, matrix, inverse)
