@@ -3,6 +3,7 @@
 !>
 !> usage: benchmark_mesh_parts read FILE [VOLUME [N_SHARES SHARE]]     volume '' reads the surfaces alone
 !>        benchmark_mesh_parts check FILE...                           all volumes in 1, 2, 3 and 5 parts
+!>        benchmark_mesh_parts assemble FILE VOLUME                    parts made of shares, on 1, 2, 3 and 5 ranks
 program mesh_parts
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
@@ -11,6 +12,7 @@ program mesh_parts
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_mesh_selection, only: mesh_selection_t
   use layer_check, only: check_volumes
+  use part_check, only: check_assembly
   implicit none
   integer :: i
   select case (argument(1))
@@ -20,6 +22,8 @@ program mesh_parts
     do i = 2, command_argument_count()
       call check(argument(i))
     end do
+  case ('assemble')
+    call assemble(argument(2), argument(3))
   case default
     stop 2, quiet=.true.
   end select
@@ -86,6 +90,22 @@ contains
     end do
     close (unit)
   end function peak
+
+  !> Compare parts made of shares with those cut from the whole body.
+  subroutine assemble(file, volume)
+    character(*), intent(in) :: file, volume
+    integer, parameter :: n_ranks(4) = [1, 2, 3, 5]
+    character(:), allocatable :: message
+    integer :: k, most
+    logical :: split
+    do k = 1, 8
+      split = k > 4
+      call check_assembly(file, volume, n_ranks(mod(k - 1, 4) + 1), split, most, message)
+      write (*, '(a,i0,a,l1,a,i0,a)') 'ranks ', n_ranks(mod(k - 1, 4) + 1), ' moved ', split, ' most elements ', most, &
+        ' '//message
+      if (message /= '') stop 1, quiet=.true.
+    end do
+  end subroutine assemble
 
   !> Compare surfaces from parts with those of the whole mesh.
   subroutine check(file)

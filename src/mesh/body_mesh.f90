@@ -36,7 +36,7 @@ module dotyk_mesh_body_mesh
     procedure :: diameter => body_mesh_diameter
   end type body_mesh_t
 
-  public :: extract_body, connected_components
+  public :: extract_body, connected_components, number_nodes
 
 contains
 

@@ -50,7 +50,7 @@ module dotyk_mesh_body_part
     procedure :: n_own_elements => part_n_own_elements
   end type body_part_t
 
-  public :: split_elements, cut_part, node_owners, whole_body_part
+  public :: split_elements, element_centres, cut_part, node_owners, whole_body_part
 
 contains
 

@@ -6,10 +6,12 @@ module dotyk_mesh_element_ordering
   use dotyk_base_kinds, only: dp
   implicit none
   private
-  public :: morton_order
+  public :: morton_order, morton_keys, curve_bits
 
   !> Bits of the curve per axis: 30 bits of three axes fit in a default integer.
   integer, parameter :: bits = 10
+  !> Bits of a key of dimension 1, 2, 3.
+  integer, parameter :: curve_bits(3) = [1, 2, 3]*bits
 
 contains
 
@@ -24,31 +26,18 @@ contains
     !> Index of the k-th element (n_elements).
     integer, intent(out) :: order(size(node, 2))
     integer, allocatable :: key(:), other(:)
-    integer :: spread_bits(0:2**bits - 1), start(0:2**bits), low_bits, pass, i, k, d, e
-    real(dp) :: low(dim), scale
+    integer :: start(0:2**bits), low_bits, pass, i, k, d, e
+    real(dp) :: low(dim), extent
     do d = 1, dim
       low(d) = minval(x(d, :))
     end do
-    scale = 0
+    extent = 0
     do d = 1, dim
-      scale = max(scale, maxval(x(d, :)) - low(d))
-    end do
-    if (scale > 0) scale = (2**bits - 1)/scale
-    do i = 0, 2**bits - 1
-      spread_bits(i) = 0
-      do k = 0, bits - 1
-        spread_bits(i) = ior(spread_bits(i), ishft(ibits(i, k, 1), dim*k))
-      end do
+      extent = max(extent, maxval(x(d, :)) - low(d))
     end do
     allocate (key(size(node, 2)), other(size(node, 2)))
-    do e = 1, size(node, 2)
-      key(e) = 0
-      do d = 1, dim
-        k = max(0, min(2**bits - 1, int((x(d, node(1, e)) - low(d))*scale)))
-        key(e) = ior(key(e), ishft(spread_bits(k), d - 1))
-      end do
-      order(e) = e
-    end do
+    call morton_keys(dim, x, node, low, extent, key)
+    order = [(e, e=1, size(order))]
     ! Radix sort: counting sorts by `bits` bits at a time, lowest first.
     do pass = 1, dim
       low_bits = bits*(pass - 1)
@@ -69,4 +58,37 @@ contains
       end do
     end do
   end subroutine morton_order
+
+  !> Positions of elements on the curve through a box.
+  pure subroutine morton_keys(dim, x, node, low, extent, key)
+    !> Number of coordinates, 2 or 3.
+    integer, intent(in) :: dim
+    !> Nodes of the body (dim, n_nodes) [length].
+    real(dp), intent(in) :: x(:, :)
+    !> Nodes of the elements; the first one has the position (n, n_elements).
+    integer, intent(in) :: node(:, :)
+    !> Lower corner of the box (dim) [length].
+    real(dp), intent(in) :: low(dim)
+    !> Longest edge of the box [length].
+    real(dp), intent(in) :: extent
+    !> Position of each element, curve_bits(dim) bits (n_elements).
+    integer, intent(out) :: key(:)
+    integer :: spread_bits(0:2**bits - 1), i, k, d, e
+    real(dp) :: scale
+    scale = extent
+    if (scale > 0) scale = (2**bits - 1)/scale
+    do i = 0, 2**bits - 1
+      spread_bits(i) = 0
+      do k = 0, bits - 1
+        spread_bits(i) = ior(spread_bits(i), ishft(ibits(i, k, 1), dim*k))
+      end do
+    end do
+    do e = 1, size(node, 2)
+      key(e) = 0
+      do d = 1, dim
+        k = max(0, min(2**bits - 1, int((x(d, node(1, e)) - low(d))*scale)))
+        key(e) = ior(key(e), ishft(spread_bits(k), d - 1))
+      end do
+    end do
+  end subroutine morton_keys
 end module dotyk_mesh_element_ordering

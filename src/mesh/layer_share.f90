@@ -1,7 +1,8 @@
 !> The share of one rank in the surface layer of a body, as plain arrays that ranks exchange.
 !>
 !> Whole numbers: a head; kind and number of elements in the whole body of each block; block, element and face of each
-!> facet; block, number, tag and nodes of each element; number, origin, part and tag of each node; tags of inner facets.
+!> facet; block, number, owner, tag and nodes of each element; number, origin, part, owner, global number and tag of each
+!> node; tags of inner facets.
 !> Reals: the diameter of the body, then the coordinates of the nodes.
 module dotyk_mesh_layer_share
   use dotyk_base_kinds, only: dp, int64
@@ -28,6 +29,12 @@ module dotyk_mesh_layer_share
     integer, allocatable :: node(:)
     !> Elements (n_blocks).
     type(element_numbers_t), allocatable :: block(:)
+    !> The rank that owns the elements.
+    integer :: rank = 0
+    !> Owner of each node (n_nodes of the rank).
+    integer, allocatable :: node_rank(:)
+    !> Global number of each node, by owner, from 0 (n_nodes of the rank).
+    integer, allocatable :: global_node(:)
   end type whole_numbers_t
 
   !> Elements of one block.
@@ -38,11 +45,13 @@ module dotyk_mesh_layer_share
     integer, allocatable :: element(:)
   end type element_numbers_t
 
-  public :: pack_layer, whole_body_numbers, own_elements, count_items, share_length
+  public :: pack_layer, pack_items, no_elements, whole_body_numbers, own_elements, count_items, share_length
 
   !> Numbers at the head of a share: facets, elements, nodes, inner facets, blocks, dimension, nodes of the whole body,
   !> order elevation.
   integer, parameter, public :: head_length = 8
+  !> Numbers of an element before its nodes, and of a node.
+  integer, parameter, public :: element_length = 4, node_length = 6
 
 contains
 
@@ -55,6 +64,8 @@ contains
     integer :: b, i
     whole%n_nodes = mesh%n_nodes()
     whole%node = [(i, i=1, whole%n_nodes)]
+    whole%global_node = whole%node - 1
+    allocate (whole%node_rank(whole%n_nodes), source=0)
     allocate (whole%block(size(mesh%block)))
     do b = 1, size(mesh%block)
       whole%block(b)%n_elements = size(mesh%block(b)%tag)
@@ -75,6 +86,9 @@ contains
     mesh = part%mesh
     whole%n_nodes = part%n_whole_nodes
     whole%node = part%whole_node
+    whole%rank = part%rank
+    whole%node_rank = part%node_rank
+    whole%global_node = part%global_node
     allocate (whole%block(size(mesh%block)))
     do b = 1, size(mesh%block)
       own = pack([(e, e=1, size(part%elements(b)%own))], part%elements(b)%own)
@@ -99,37 +113,76 @@ contains
     real(dp), intent(in) :: diameter
     !> The share.
     type(layer_share_t), intent(out) :: share
-    logical, allocatable :: at(:), has(:, :)
-    integer, allocatable :: chosen(:)
-    integer :: b, e, i, n, n_elements, n_numbers, n_file
-    allocate (at(mesh%n_nodes()), source=.false.)
-    n = max(0, maxval([(size(mesh%block(b)%tag), b=1, size(mesh%block))]))
-    allocate (has(n, size(mesh%block)), source=.false.)
+    logical, allocatable :: has(:, :), at(:)
+    integer :: i
+    call no_elements(mesh, has)
     do i = 1, boundary%n
       has(boundary%element(i), boundary%block(i)) = .true.
-      at(mesh%block(boundary%block(i))%node(:, boundary%element(i))) = .true.
+    end do
+    allocate (at(mesh%n_nodes()), source=.false.)
+    call pack_items(mesh, whole, has, at, boundary, boundary%n, inner_tag, diameter, share)
+  end subroutine pack_layer
+
+  !> A mark for each element, none of them set.
+  subroutine no_elements(mesh, has)
+    !> Elements.
+    type(body_mesh_t), intent(in) :: mesh
+    !> The marks (the greatest number of elements of a block, n_blocks).
+    logical, allocatable, intent(out) :: has(:, :)
+    integer :: b
+    allocate (has(max(0, maxval([(size(mesh%block(b)%tag), b=1, size(mesh%block))])), size(mesh%block)), source=.false.)
+  end subroutine no_elements
+
+  !> Pack elements with their nodes, other nodes, and facets.
+  subroutine pack_items(mesh, whole, has, other, boundary, n_facets, inner_tag, diameter, share)
+    !> Elements that the rank owns, and their nodes, maybe among others.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Their numbers in the whole body.
+    type(whole_numbers_t), intent(in) :: whole
+    !> Elements to pack (the greatest number of elements of a block, n_blocks).
+    logical, intent(in) :: has(:, :)
+    !> Nodes to pack beside those of the elements (n_nodes).
+    logical, intent(in) :: other(:)
+    !> Faces of elements.
+    type(boundary_candidates_t), intent(in) :: boundary
+    !> Number of facets to pack: all or none.
+    integer, intent(in) :: n_facets
+    !> Tags of inner facets (any).
+    integer(int64), intent(in) :: inner_tag(:)
+    !> Greatest extent of the whole body [length].
+    real(dp), intent(in) :: diameter
+    !> The share.
+    type(layer_share_t), intent(out) :: share
+    logical, allocatable :: at(:)
+    integer, allocatable :: chosen(:)
+    integer :: b, e, i, n, n_elements, n_numbers, n_file
+    at = other
+    do b = 1, size(mesh%block)
+      do e = 1, size(mesh%block(b)%tag)
+        if (has(e, b)) at(mesh%block(b)%node(:, e)) = .true.
+      end do
     end do
     chosen = pack([(i, i=1, size(at))], at)
     n_elements = count(has)
-    n_numbers = head_length + 2*size(mesh%block) + 3*boundary%n + size(inner_tag) + 4*size(chosen)
+    n_numbers = head_length + 2*size(mesh%block) + 3*n_facets + size(inner_tag) + node_length*size(chosen)
     do b = 1, size(mesh%block)
-      n_numbers = n_numbers + count(has(:, b))*(3 + size(mesh%block(b)%node, 1))
+      n_numbers = n_numbers + count(has(:, b))*(element_length + size(mesh%block(b)%node, 1))
     end do
     allocate (share%number(n_numbers))
     n = 0
-    call add([boundary%n, n_elements, size(chosen), size(inner_tag), size(mesh%block), mesh%dimension, whole%n_nodes, &
+    call add([n_facets, n_elements, size(chosen), size(inner_tag), size(mesh%block), mesh%dimension, whole%n_nodes, &
               merge(1, 0, mesh%order_elevated)])
     do b = 1, size(mesh%block)
       call add([mesh%block(b)%kind, whole%block(b)%n_elements])
     end do
-    do i = 1, boundary%n
+    do i = 1, n_facets
       b = boundary%block(i)
       call add([b, whole%block(b)%element(boundary%element(i)), boundary%face(i)])
     end do
     do b = 1, size(mesh%block)
       do e = 1, size(mesh%block(b)%tag)
         if (.not. has(e, b)) cycle
-        call add([b, whole%block(b)%element(e)])
+        call add([b, whole%block(b)%element(e), whole%rank])
         call add_long(mesh%block(b)%tag(e))
         call add(whole%node(mesh%block(b)%node(:, e)))
       end do
@@ -138,7 +191,8 @@ contains
     n_file = mesh%n_nodes()
     if (mesh%order_elevated .and. allocated(mesh%mesh_node)) n_file = size(mesh%mesh_node)
     do i = 1, size(chosen)
-      call add([whole%node(chosen(i)), merge(1, 0, chosen(i) <= n_file), boundary%root(chosen(i))])
+      call add([whole%node(chosen(i)), merge(1, 0, chosen(i) <= n_file), boundary%root(chosen(i)), &
+                whole%node_rank(chosen(i)), whole%global_node(chosen(i))])
       call add_long(mesh%node_tag(chosen(i)))
     end do
     do i = 1, size(inner_tag)
@@ -163,7 +217,7 @@ contains
       n = n + 1
       share%number(n) = value
     end subroutine add_long
-  end subroutine pack_layer
+  end subroutine pack_items
 
   !> Number of facets, elements, nodes and inner facets in all shares.
   subroutine count_items(number, n)
@@ -191,8 +245,8 @@ contains
     length = head_length + 2*n_blocks + 3*int(number(first + 1))
     do i = 1, int(number(first + 2))
       b = int(number(first + length + 1))
-      length = length + 3 + kind_nodes(int(number(first + head_length + 2*b - 1)))
+      length = length + element_length + kind_nodes(int(number(first + head_length + 2*b - 1)))
     end do
-    length = length + 4*int(number(first + 3)) + int(number(first + 4))
+    length = length + node_length*int(number(first + 3)) + int(number(first + 4))
   end function share_length
 end module dotyk_mesh_layer_share

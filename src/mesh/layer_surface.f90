@@ -42,7 +42,11 @@ contains
     integer, allocatable :: number(:), entity(:), parents(:)
     integer :: i, b, e, m, entry, corner(max_corners)
     logical :: all_groups(size(mesh%group))
-    call node_numbers(mesh, body_mesh, number)
+    if (allocated(body_mesh%mesh_node)) then
+      call node_numbers(mesh, body_mesh, number)
+    else
+      call numbers_by_tag(mesh, body_mesh%node_tag, number)
+    end if
     all_groups = .true.
     call gather_facets(mesh, body_mesh%dimension, number, all_groups, table, first_tag, entity)
     call find_parents(body_mesh, table, surface, parents)
@@ -74,17 +78,29 @@ contains
     type(surface_layer_t), intent(in) :: layer
     !> The numbers (n_nodes of the mesh).
     integer, allocatable, intent(out) :: number(:)
-    type(tag_map_t) :: map
     integer, allocatable :: in_file(:)
-    integer :: i, repeated, place
+    integer :: i
     in_file = pack([(i, i=1, size(layer%in_file))], layer%in_file)
-    call map%init(layer%mesh%node_tag(in_file), repeated)
-    allocate (number(size(mesh%x, 2)), source=0)
-    do i = 1, size(number)
-      place = map%find(mesh%node_tag(i))
-      if (place > 0) number(i) = in_file(place)
-    end do
+    call numbers_by_tag(mesh, layer%mesh%node_tag(in_file), number)
+    where (number > 0) number = in_file(max(1, number))
   end subroutine layer_numbers
+
+  !> Number of each node of a mesh in a list of tags; 0 where the list does not have it.
+  pure subroutine numbers_by_tag(mesh, tag, number)
+    !> The mesh.
+    type(mesh_t), intent(in) :: mesh
+    !> Node tags, each once (n).
+    integer(int64), intent(in) :: tag(:)
+    !> The numbers (n_nodes of the mesh).
+    integer, allocatable, intent(out) :: number(:)
+    type(tag_map_t) :: map
+    integer :: i, repeated
+    call map%init(tag, repeated)
+    allocate (number(size(mesh%x, 2)))
+    do i = 1, size(number)
+      number(i) = map%find(mesh%node_tag(i))
+    end do
+  end subroutine numbers_by_tag
 
   !> Facets of a body that a name stands for, as `extract_surface` finds them.
   subroutine extract_layer_surface(mesh, layer, surface_name, surface, error)

@@ -13,10 +13,17 @@ module dotyk_mesh_surface_layer
   use dotyk_base_sort, only: sort_order
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t, kind_nodes, max_facet_nodes
-  use dotyk_mesh_layer_share, only: count_items, head_length, share_length, whole_numbers_t
+  use dotyk_mesh_layer_share, only: count_items, element_length, head_length, node_length, share_length, &
+    whole_numbers_t
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
+
+  !> Owners of the elements of one block.
+  type, public :: element_rank_t
+    !> Rank of each element (n_elements).
+    integer, allocatable :: of(:)
+  end type element_rank_t
 
   !> The surface layer of a body.
   type, public :: surface_layer_t
@@ -27,6 +34,8 @@ module dotyk_mesh_surface_layer
     type(whole_numbers_t) :: whole
     !> The boundary, in the numbers of `mesh`.
     type(surface_t) :: boundary
+    !> Owner of each element (n_blocks).
+    type(element_rank_t), allocatable :: element_rank(:)
     !> Whether each node is in the mesh file, not from order elevation (n_nodes).
     logical, allocatable :: in_file(:)
     !> Connected part of the body to which each node belongs, in the order of their first nodes (n_nodes).
@@ -58,7 +67,7 @@ contains
     self%whole%n_nodes = int(number(7))
     self%mesh%order_elevated = number(8) == 1
     n_blocks = int(number(5))
-    allocate (self%mesh%block(n_blocks), self%whole%block(n_blocks))
+    allocate (self%mesh%block(n_blocks), self%whole%block(n_blocks), self%element_rank(n_blocks))
     self%mesh%block%kind = int(number(head_length + 1:head_length + 2*n_blocks:2))
     self%whole%block%n_elements = int(number(head_length + 2:head_length + 2*n_blocks:2))
     call count_items(number, n)
@@ -79,7 +88,7 @@ contains
     integer(int64), allocatable :: tag(:), node_tag(:)
     real(dp), allocatable :: position(:, :)
     integer :: f, e, v, t, b, i, j, at, at_x, last, n_nodes
-    allocate (facet(3, n(1)), element(2, n(2)), start(n(2)), node(3, n(3)), node_tag(n(3)), tag(n(4)))
+    allocate (facet(3, n(1)), element(3, n(2)), start(n(2)), node(node_length - 1, n(3)), node_tag(n(3)), tag(n(4)))
     allocate (position(self%mesh%dimension, n(3)))
     f = 0
     e = 0
@@ -99,16 +108,16 @@ contains
         end do
         do i = 1, head(2)
           e = e + 1
-          element(:, e) = int(number(at + 1:at + 2))
-          start(e) = at + 3
-          at = at + 3 + kind_nodes(self%mesh%block(element(1, e))%kind)
+          element(:, e) = int(number(at + 1:at + 3))
+          start(e) = at + element_length
+          at = at + element_length + kind_nodes(self%mesh%block(element(1, e))%kind)
         end do
         do i = 1, head(3)
           v = v + 1
-          node(:, v) = int(number(at + 1:at + 3))
-          node_tag(v) = number(at + 4)
+          node(:, v) = int(number(at + 1:at + node_length - 1))
+          node_tag(v) = number(at + node_length)
           position(:, v) = x(at_x + 2 + (i - 1)*size(position, 1):at_x + 1 + i*size(position, 1))
-          at = at + 4
+          at = at + node_length
         end do
         do i = 1, head(4)
           t = t + 1
@@ -126,6 +135,8 @@ contains
     n_nodes = size(kept)
     self%whole%node = node(1, kept)
     self%in_file = node(2, kept) == 1
+    self%whole%node_rank = node(4, kept)
+    self%whole%global_node = node(5, kept)
     self%mesh%x = position(:, kept)
     self%mesh%node_tag = node_tag(kept)
     call number_components(node(3, kept), self%component, self%n_components)
@@ -169,7 +180,7 @@ contains
     integer, intent(in) :: b
     !> Whole numbers of the shares (any).
     integer(int64), intent(in) :: number(:)
-    !> Block and number of each element of the shares (2, n_elements).
+    !> Block, number and owner of each element of the shares (3, n_elements).
     integer, intent(in) :: element(:, :)
     !> Place of its tag in `number`; its nodes are behind it (n_elements).
     integer, intent(in) :: start(:)
@@ -181,6 +192,7 @@ contains
     own = own(order)
     n = kind_nodes(self%mesh%block(b)%kind)
     self%whole%block(b)%element = element(2, own)
+    self%element_rank(b)%of = element(3, own)
     self%mesh%block(b)%tag = number(start(own))
     allocate (self%mesh%block(b)%node(n, size(own)))
     do e = 1, size(own)

@@ -1,0 +1,211 @@
+!> The part of a body that a rank holds, made without the whole body: from the elements that the rank owns.
+!>
+!> The way, in which all ranks do the same: `extract_share` of what the rank has read; maybe `dotyk_mesh_share_split`;
+!> `node_directory_t` for the numbers of the nodes, and `take_numbers`; `boundary_candidates_t` and the surface layer;
+!> `pack_ghosts` for each other rank; `finish_part`. Between these steps ranks exchange plain arrays.
+module dotyk_mesh_part_assembly
+  use dotyk_base_error, only: error_t, set_error
+  use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_text, only: quoted
+  use dotyk_mesh_body_mesh, only: body_mesh_t, number_nodes
+  use dotyk_mesh_body_part, only: body_part_t
+  use dotyk_mesh_boundary_candidates, only: boundary_candidates_t
+  use dotyk_mesh_element, only: kind_dimension, kind_nodes, n_element_kinds
+  use dotyk_mesh_layer_share, only: layer_share_t, no_elements, pack_items, whole_numbers_t
+  use dotyk_mesh_mesh, only: mesh_t
+  use dotyk_mesh_mesh_check, only: orient_elements
+  use dotyk_mesh_physical_group, only: groups_named, unknown_group
+  use dotyk_mesh_surface_layer, only: surface_layer_t
+  implicit none
+  private
+  public :: extract_share, take_numbers, pack_ghosts, finish_part
+
+contains
+
+  !> Elements of a body in what a rank has read, maybe none.
+  subroutine extract_share(mesh, volume_name, dimension, rank, own, whole, file_node, error)
+    !> Mesh, of which the rank has read a share.
+    type(mesh_t), intent(in) :: mesh
+    !> Name of the physical groups.
+    character(*), intent(in) :: volume_name
+    !> Dimension of space.
+    integer, intent(in) :: dimension
+    !> This rank, from 0.
+    integer, intent(in) :: rank
+    !> The elements, and their nodes in the order of the file.
+    type(body_mesh_t), intent(out) :: own
+    !> Their numbers in the whole body; those of nodes are not known yet.
+    type(whole_numbers_t), intent(out) :: whole
+    !> Number of each node in the file, ascending (n_nodes).
+    integer, allocatable, intent(out) :: file_node(:)
+    !> Set for an unknown name and for inverted or degenerate elements.
+    type(error_t), allocatable, intent(out) :: error
+    logical :: wanted(size(mesh%group)), has_kind(n_element_kinds)
+    integer :: b, kind, n
+    wanted = groups_named(mesh, trim(volume_name), dimension)
+    if (.not. any(wanted)) then
+      call set_error(error, unknown_group(mesh, trim(volume_name), dimension))
+      return
+    end if
+    own%file = mesh%file
+    own%dimension = dimension
+    whole%rank = rank
+    has_kind = .false.
+    do b = 1, size(mesh%block)
+      if (is_wanted(b)) has_kind(mesh%block(b)%kind) = .true.
+    end do
+    allocate (own%block(count(has_kind)), whole%block(count(has_kind)))
+    n = 0
+    do kind = 1, n_element_kinds
+      if (.not. has_kind(kind)) cycle
+      n = n + 1
+      own%block(n)%kind = kind
+      call gather_kind(n)
+    end do
+    call number_nodes(mesh, own)
+    file_node = own%mesh_node
+    if (allocated(mesh%file_node)) file_node = mesh%file_node(own%mesh_node)
+    if (own%n_elements() == 0) return
+    call orient_elements(own%x, own%block, error)
+    if (allocated(error)) error%message = 'mesh '//quoted(mesh%file)//', '//quoted(volume_name)//': '//error%message
+
+  contains
+
+    !> Whether a block of the mesh has the dimension and belongs to one of the groups, and elements in the file.
+    pure logical function is_wanted(b)
+      !> Block of the mesh.
+      integer, intent(in) :: b
+      is_wanted = .false.
+      if (kind_dimension(mesh%block(b)%kind) /= dimension .or. number_of(b) == 0) return
+      is_wanted = any(wanted(mesh%block(b)%group))
+    end function is_wanted
+
+    !> Number of elements of a block in the file.
+    pure integer function number_of(b)
+      !> Block of the mesh.
+      integer, intent(in) :: b
+      number_of = size(mesh%block(b)%tag)
+      if (allocated(mesh%block(b)%place)) number_of = mesh%block(b)%n_in_file
+    end function number_of
+
+    !> Gather the elements of one kind.
+    subroutine gather_kind(n)
+      !> Block of the share.
+      integer, intent(in) :: n
+      integer :: b, e, before, i
+      before = 0
+      associate (block => own%block(n))
+        allocate (block%node(kind_nodes(block%kind), 0), block%tag(0), whole%block(n)%element(0))
+        do b = 1, size(mesh%block)
+          if (mesh%block(b)%kind /= block%kind) cycle
+          if (.not. is_wanted(b)) cycle
+          i = size(block%tag)
+          block%node = reshape([block%node, mesh%block(b)%node], &
+                               [size(block%node, 1), i + size(mesh%block(b)%tag)])
+          block%tag = [block%tag, mesh%block(b)%tag]
+          if (allocated(mesh%block(b)%place)) then
+            whole%block(n)%element = [whole%block(n)%element, before + mesh%block(b)%place]
+          else
+            whole%block(n)%element = [whole%block(n)%element, [(before + e, e=1, size(mesh%block(b)%tag))]]
+          end if
+          before = before + number_of(b)
+        end do
+      end associate
+      whole%block(n)%n_elements = before
+    end subroutine gather_kind
+  end subroutine extract_share
+
+  !> Take the answers of the directories.
+  subroutine take_numbers(reply, n_whole_nodes, whole)
+    !> Number in the whole body, owner and global number of each node (3, n_nodes).
+    integer, intent(in) :: reply(:, :)
+    !> Number of nodes of the whole body.
+    integer, intent(in) :: n_whole_nodes
+    !> Numbers of the rank; those of nodes are set.
+    type(whole_numbers_t), intent(inout) :: whole
+    whole%n_nodes = n_whole_nodes
+    whole%node = reply(1, :)
+    whole%node_rank = reply(2, :)
+    whole%global_node = reply(3, :)
+  end subroutine take_numbers
+
+  !> Pack the elements that are ghosts of another rank, those at its nodes; or all, for this rank itself.
+  subroutine pack_ghosts(own, whole, candidates, n_sharers, sharer, rank, share)
+    !> Elements that this rank owns.
+    type(body_mesh_t), intent(in) :: own
+    !> Their numbers in the whole body.
+    type(whole_numbers_t), intent(in) :: whole
+    !> Faces of the elements, of which the parts of the body are taken.
+    type(boundary_candidates_t), intent(in) :: candidates
+    !> Number of ranks that have each node (n_nodes).
+    integer, intent(in) :: n_sharers(:)
+    !> The ranks, node after node (any).
+    integer, intent(in) :: sharer(:)
+    !> The rank that gets them.
+    integer, intent(in) :: rank
+    !> What is sent.
+    type(layer_share_t), intent(out) :: share
+    logical, allocatable :: has(:, :), at(:)
+    integer :: b, e, i, k
+    allocate (at(own%n_nodes()))
+    k = 0
+    do i = 1, size(at)
+      at(i) = any(sharer(k + 1:k + n_sharers(i)) == rank)
+      k = k + n_sharers(i)
+    end do
+    call no_elements(own, has)
+    do b = 1, size(own%block)
+      do e = 1, size(own%block(b)%tag)
+        has(e, b) = any(at(own%block(b)%node(:, e)))
+      end do
+    end do
+    call pack_items(own, whole, has, spread(.false., 1, size(at)), candidates, 0, [integer(int64) ::], 0.0_dp, share)
+  end subroutine pack_ghosts
+
+  !> Put own elements, ghosts and the nodes on the boundary together.
+  subroutine finish_part(number, x, layer, first_node, rank, n_ranks, part)
+    !> Whole numbers of the shares from `pack_ghosts` of all ranks for this one, one after the other (any).
+    integer(int64), intent(in) :: number(:)
+    !> Their coordinates (any) [length].
+    real(dp), intent(in) :: x(:)
+    !> Surface layer of the body.
+    type(surface_layer_t), intent(in) :: layer
+    !> The nodes of rank r have the global numbers first_node(r) .. first_node(r + 1) - 1 (0:n_ranks).
+    integer, intent(in) :: first_node(0:)
+    !> This rank, from 0.
+    integer, intent(in) :: rank
+    !> Number of ranks.
+    integer, intent(in) :: n_ranks
+    !> The part; `mesh_node` is not allocated.
+    type(body_part_t), intent(out) :: part
+    type(surface_layer_t) :: all
+    type(layer_share_t) :: boundary
+    type(boundary_candidates_t) :: nothing
+    logical, allocatable :: has(:, :), on_boundary(:)
+    integer :: b, f
+    allocate (on_boundary(0:layer%mesh%n_nodes()), source=.false.)
+    do f = 1, layer%boundary%n_facets
+      on_boundary(layer%boundary%node(:, f)) = .true.
+    end do
+    call no_elements(layer%mesh, has)
+    nothing%root = layer%component
+    call pack_items(layer%mesh, layer%whole, has, on_boundary(1:), nothing, 0, [integer(int64) ::], 0.0_dp, boundary)
+    call all%unpack(layer%mesh%file, [number, boundary%number], [x, boundary%x])
+    part%rank = rank
+    part%n_ranks = n_ranks
+    part%mesh = all%mesh
+    part%n_whole_nodes = all%whole%n_nodes
+    part%whole_node = all%whole%node
+    part%node_rank = all%whole%node_rank
+    part%global_node = all%whole%global_node
+    allocate (part%first_node(0:n_ranks))
+    part%first_node = first_node
+    part%n_own_nodes = first_node(rank + 1) - first_node(rank)
+    allocate (part%elements(size(part%mesh%block)))
+    do b = 1, size(part%elements)
+      part%elements(b)%own = all%element_rank(b)%of == rank
+      part%elements(b)%whole = all%whole%block(b)%element
+      part%elements(b)%n_whole = all%whole%block(b)%n_elements
+    end do
+  end subroutine finish_part
+end module dotyk_mesh_part_assembly
