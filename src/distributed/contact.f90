@@ -16,9 +16,10 @@ module dotyk_distributed_contact
   use dotyk_base_timer, only: wall_time
   use dotyk_contact_operator, only: contact_operator_t
   use dotyk_distributed_error_bound, only: error_of
+  use dotyk_distributed_linear_solver, only: solve_outcome_t
   use dotyk_distributed_petsc, only: sum_of_ranks
   use dotyk_distributed_stiffness, only: distributed_stiffness_t
-  use dotyk_distributed_system, only: distributed_system_t, solve_outcome_t
+  use dotyk_distributed_system, only: distributed_system_t
   use dotyk_scheme_monitor, only: monitor_t
   use dotyk_scheme_proximal_active_set, only: best_step
   use dotyk_scheme_solver_state, only: ended_converged, ended_diverged, ended_interrupted, ended_limit, &

@@ -135,7 +135,7 @@ contains
     integer :: b, i, k, n, m
     self%inverse = inverse
     associate (dim => self%dim)
-      first = [0, (sum([(size(block(k)%contact_node), k=1, b)]), b=1, size(block))]
+      allocate (first, source=[0, (sum([(size(block(k)%contact_node), k=1, b)]), b=1, size(block))])
       allocate (all(dim*dim*first(size(first))), source=0.0_dp)
       do i = 1, size(self%node)
         n = dim*dim*(first(self%block_of(i)) + self%contact_node(i) - 1)

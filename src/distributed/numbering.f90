@@ -30,7 +30,7 @@ contains
     integer, allocatable :: order(:), id(:), first_id(:), own_id(:), wanted(:), row(:), corner_row(:)
     real(dp), allocatable :: found(:)
     integer :: p, i, k, n, first, first_corner
-    first_id = [0, (sum(n_of_body(:k)), k=1, size(n_of_body))]
+    allocate (first_id, source=[0, (sum(n_of_body(:k)), k=1, size(n_of_body))])
     n_own = sum([(count(part(p)%is_own), p=1, size(part))])
     n_own_corners = sum([(count(part(p)%is_own(part(p)%space%node)), p=1, size(part))])
     first = first_of_rank(n_own)

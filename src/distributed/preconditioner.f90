@@ -3,7 +3,8 @@
 !> (GAMG) of the assembled `P^T (K + B^T W B) P` with rigid motions as near null space. Linear elements have the latter
 !> alone.
 !>
-!> Options of the aggregation have the prefix `-corner_`.
+!> Options of the aggregation have the prefix `-corner_`, or `-plain_corner_` where incomplete factors of its smoothers
+!> are not positive.
 module dotyk_distributed_preconditioner
   use petscksp, only: ADD_VALUES, DIFFERENT_NONZERO_PATTERN, KSPChebyshevSetEigenvalues, KSPCreate, KSPDestroy, &
     KSPGetPC, &
@@ -124,11 +125,13 @@ contains
   end subroutine make_rows
 
   !> Make the solver, and set it up.
-  subroutine make_solver(operator, coarse, solver, error)
+  subroutine make_solver(operator, coarse, is_plain, solver, error)
     !> The operator with its active rows.
     type(system_operator_t), target, intent(in) :: operator
     !> Its matrix on the corner space.
     type(tMat), intent(in) :: coarse
+    !> Whether the aggregation smooths with the diagonal alone: slower, but always positive.
+    logical, intent(in) :: is_plain
     !> The solver; its preconditioner keeps a reference to the coarse matrix.
     type(tKSP), intent(inout) :: solver
     !> Allocated where PETSc fails.
@@ -143,7 +146,8 @@ contains
     call petsc_option('-corner_mg_levels_pc_asm_type', 'basic')
     call petsc_option('-corner_mg_levels_pc_asm_overlap', '1')
     call petsc_option('-corner_mg_levels_sub_pc_type', 'icc')
-    call petsc_option('-corner_mg_levels_sub_pc_factor_shift_type', 'nonzero')
+    call petsc_option('-corner_mg_levels_sub_pc_factor_shift_type', 'positive_definite')
+    call petsc_option('-plain_corner_mg_levels_ksp_max_it', aggregation_degree)
     call KSPCreate(PETSC_COMM_WORLD, solver, code)
     call KSPSetType(solver, 'cg', code)
     call KSPSetNormType(solver, KSP_NORM_NATURAL, code)
@@ -182,7 +186,11 @@ contains
       !> The preconditioner.
       type(tPC), intent(inout) :: pc
       call PCSetType(pc, 'gamg', code)
-      call PCSetOptionsPrefix(pc, 'corner_', code)
+      if (is_plain) then
+        call PCSetOptionsPrefix(pc, 'plain_corner_', code)
+      else
+        call PCSetOptionsPrefix(pc, 'corner_', code)
+      end if
       call PCSetFromOptions(pc, code)
     end subroutine aggregate
   end subroutine make_solver

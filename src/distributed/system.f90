@@ -3,14 +3,13 @@
 !>
 !> The system without active rows is kept: it gives the residual's energy norm of the error bound.
 module dotyk_distributed_system
-  use petscksp, only: KSPComputeExtremeSingularValues, KSPConvergedReason => KSPGetConvergedReason, KSPDestroy, &
-    KSPGetIterationNumber, KSPGetPC, KSPGetResidualNorm, KSPSetTolerances, KSPSolve, MatDestroy, MatGetTrace, &
-    MatMult, MatNullSpaceCreate, MatNullSpaceDestroy, MatSetNullSpace, PCApply, PETSC_COMM_WORLD, PETSC_DEFAULT_REAL, &
-    PETSC_DETERMINE, PETSC_FALSE, tKSP, tMat, tMatNullSpace, tPC, tVec, VecDestroy, VecDuplicate, VecGetArrayF90, &
-    VecRestoreArrayF90, VecResetArray, VecPlaceArray
+  use petscksp, only: KSPComputeExtremeSingularValues, KSPGetPC, MatGetTrace, MatMult, MatNullSpaceCreate, &
+    MatNullSpaceDestroy, MatSetNullSpace, PCApply, PETSC_COMM_WORLD, PETSC_FALSE, tMatNullSpace, tPC, tVec, VecDestroy, &
+    VecGetArrayF90, VecRestoreArrayF90
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_contact_operator, only: contact_block_t
+  use dotyk_distributed_linear_solver, only: drop_solver, run_solver, solve_outcome_t, solver_t
   use dotyk_distributed_operator, only: system_operator_t
   use dotyk_distributed_petsc, only: has_failed, sum_of_ranks
   use dotyk_distributed_preconditioner, only: make_coarse_matrix, make_solver
@@ -19,26 +18,6 @@ module dotyk_distributed_system
   use dotyk_linalg_sparse, only: sparse_symmetric_t
   implicit none
   private
-
-  !> How a solve went.
-  type, public :: solve_outcome_t
-    !> Iterations.
-    integer :: steps = 0
-    !> Last residual in the norm of the preconditioner [sqrt(energy)].
-    real(dp) :: residual = 0
-    !> Whether the preconditioner is no positive one.
-    logical :: has_failed = .false.
-  end type solve_outcome_t
-
-  !> A linear solver with its coarse matrix.
-  type :: solver_t
-    !> Whether there is one.
-    logical :: is_set = .false.
-    !> The solver.
-    type(tKSP) :: ksp
-    !> Its coarse matrix.
-    type(tMat) :: coarse
-  end type solver_t
 
   !> The systems. PETSc has addresses of components: never copy or move it, destroy it in the end.
   type, public :: distributed_system_t
@@ -56,6 +35,8 @@ module dotyk_distributed_system
     integer :: n_setups = 0, n_iterations = 0
     !> Least Ritz value of the preconditioned K; 1 before `solve_alone` [].
     real(dp) :: least = 1
+    !> Whether incomplete factors were not positive: the aggregation smooths with diagonals from then on.
+    logical, private :: is_plain = .false.
     !> Linear solvers: with active rows, and without.
     type(solver_t), private :: of_contact, of_bodies
   contains
@@ -76,6 +57,8 @@ module dotyk_distributed_system
     procedure :: destroy => system_destroy
   end type distributed_system_t
 
+  !> Iterations of one system after which incomplete factors are given up.
+  integer, parameter :: most_with_factors = 60
   !> Eigenvalues of the restraint of motions by active rows, relative, below which there is none [].
   real(dp), parameter :: free_motion = 1.0e-10_dp
   !> Fraction of the mean diagonal that is added to coarse matrices where motions are free: they are taken out of
@@ -176,7 +159,7 @@ contains
     real(dp), pointer :: x(:)
     real(dp) :: shift
     integer :: k, code
-    call drop(solver)
+    call drop_solver(solver)
     shift = 0
     if (size(self%free_mode, 2) > 0) then
       call MatGetTrace(self%stiffness%coarse, shift, code)
@@ -199,21 +182,10 @@ contains
       call VecDestroy(vector(k), code)
     end do
     if (has_failed(code, 'free motions', error)) return
-    call make_solver(operator, solver%coarse, solver%ksp, error)
+    call make_solver(operator, solver%coarse, self%is_plain, solver%ksp, error)
     solver%is_set = .true.
     self%n_setups = self%n_setups + 1
   end subroutine set_up
-
-  !> Give back a solver.
-  subroutine drop(solver)
-    !> The solver.
-    type(solver_t), intent(inout) :: solver
-    integer :: code
-    if (.not. solver%is_set) return
-    call KSPDestroy(solver%ksp, code)
-    call MatDestroy(solver%coarse, code)
-    solver%is_set = .false.
-  end subroutine drop
 
   !> Solve (K + B^T W B) e = r.
   subroutine system_solve(self, r, aim, most_steps, e, outcome, error)
@@ -230,7 +202,16 @@ contains
     type(solve_outcome_t), intent(out) :: outcome
     !> Allocated where PETSc fails.
     type(error_t), allocatable, intent(out) :: error
-    call run(self, self%of_contact, r, aim, most_steps, e, outcome, error)
+    if (.not. self%is_plain) then
+      call run_solver(self%stiffness, self%of_contact, r, aim, min(most_steps, most_with_factors), e, outcome, error)
+      self%n_iterations = self%n_iterations + outcome%steps
+      if (allocated(error) .or. .not. (outcome%has_failed .or. outcome%steps == most_with_factors)) return
+      self%is_plain = .true.
+      call set_up(self, self%contact, self%of_contact, error)
+      if (allocated(error)) return
+    end if
+    call run_solver(self%stiffness, self%of_contact, r, aim, most_steps, e, outcome, error)
+    self%n_iterations = self%n_iterations + outcome%steps
   end subroutine system_solve
 
   !> Solve K e = r without contact, and note the least Ritz value.
@@ -250,45 +231,12 @@ contains
     type(error_t), allocatable, intent(out) :: error
     real(dp) :: greatest, least
     integer :: code
-    call run(self, self%of_bodies, r, reduction*self%force_norm(r), most_steps, e, outcome, error)
+    call run_solver(self%stiffness, self%of_bodies, r, reduction*self%force_norm(r), most_steps, e, outcome, error)
+    self%n_iterations = self%n_iterations + outcome%steps
     if (allocated(error) .or. outcome%steps == 0) return
     call KSPComputeExtremeSingularValues(self%of_bodies%ksp, greatest, least, code)
     if (least > 0) self%least = min(self%least, least)
   end subroutine system_solve_alone
-
-  !> Solve a system.
-  subroutine run(self, solver, r, aim, most_steps, e, outcome, error)
-    !> The systems.
-    class(distributed_system_t), intent(inout) :: self
-    !> The solver.
-    type(solver_t), intent(in) :: solver
-    !> As in `system_solve`.
-    real(dp), intent(inout), contiguous :: r(:)
-    !> As in `system_solve`.
-    real(dp), intent(in) :: aim
-    !> As in `system_solve`.
-    integer, intent(in) :: most_steps
-    !> As in `system_solve`.
-    real(dp), intent(inout), contiguous :: e(:)
-    !> As in `system_solve`.
-    type(solve_outcome_t), intent(out) :: outcome
-    !> As in `system_solve`.
-    type(error_t), allocatable, intent(out) :: error
-    type(tVec) :: b, x
-    integer :: code, reason
-    call self%stiffness%wrap(r, b)
-    call self%stiffness%wrap(e, x)
-    call KSPSetTolerances(solver%ksp, 0.0_dp, max(aim, tiny(aim)), PETSC_DEFAULT_REAL, most_steps, code)
-    call KSPSolve(solver%ksp, b, x, code)
-    if (has_failed(code, 'conjugate gradients', error)) return
-    call KSPGetIterationNumber(solver%ksp, outcome%steps, code)
-    call KSPGetResidualNorm(solver%ksp, outcome%residual, code)
-    call KSPConvergedReason(solver%ksp, reason, code)
-    outcome%has_failed = reason < 0 .and. outcome%steps < most_steps
-    self%n_iterations = self%n_iterations + outcome%steps
-    call VecDestroy(b, code)
-    call VecDestroy(x, code)
-  end subroutine run
 
   !> sqrt(r^T K^+ r) at most, as far as the least Ritz value tells [sqrt(energy)].
   real(dp) function system_force_norm(self, r) result(norm)
@@ -414,8 +362,8 @@ contains
   !> Give back the memory; the stiffness remains.
   subroutine system_destroy(self)
     class(distributed_system_t), intent(inout) :: self
-    call drop(self%of_contact)
-    call drop(self%of_bodies)
+    call drop_solver(self%of_contact)
+    call drop_solver(self%of_bodies)
     call self%contact%destroy()
     call self%alone%destroy()
   end subroutine system_destroy

@@ -1,0 +1,81 @@
+!> A linear solver of PETSc with its coarse matrix, and its runs on arrays.
+module dotyk_distributed_linear_solver
+  use petscksp, only: KSPGetConvergedReason, KSPDestroy, KSPGetIterationNumber, KSPGetResidualNorm, KSPSetTolerances, &
+    KSPSolve, MatDestroy, tKSP, tMat, tVec, VecDestroy
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_distributed_petsc, only: has_failed
+  use dotyk_distributed_stiffness, only: distributed_stiffness_t
+  implicit none
+  private
+  public :: drop_solver, run_solver
+
+  !> How a solve went.
+  type, public :: solve_outcome_t
+    !> Iterations.
+    integer :: steps = 0
+    !> Last residual in the norm of the preconditioner [sqrt(energy)].
+    real(dp) :: residual = 0
+    !> Whether the preconditioner is no positive one.
+    logical :: has_failed = .false.
+  end type solve_outcome_t
+
+  !> A linear solver with its coarse matrix.
+  type, public :: solver_t
+    !> Whether there is one.
+    logical :: is_set = .false.
+    !> The solver.
+    type(tKSP) :: ksp
+    !> Its coarse matrix.
+    type(tMat) :: coarse
+  end type solver_t
+
+  !> Residuals may grow on the way, where motions are restrained by few rows: no reason to stop [].
+  real(dp), parameter :: largest_growth = 1.0e30_dp
+
+contains
+
+  !> Give back a solver.
+  subroutine drop_solver(solver)
+    !> The solver.
+    type(solver_t), intent(inout) :: solver
+    integer :: code
+    if (.not. solver%is_set) return
+    call KSPDestroy(solver%ksp, code)
+    call MatDestroy(solver%coarse, code)
+    solver%is_set = .false.
+  end subroutine drop_solver
+
+  !> Solve a system.
+  subroutine run_solver(stiffness, solver, r, aim, most_steps, e, outcome, error)
+    !> The stiffness.
+    type(distributed_stiffness_t), intent(in) :: stiffness
+    !> The solver.
+    type(solver_t), intent(in) :: solver
+    !> Forces (n) [force].
+    real(dp), intent(inout), contiguous :: r(:)
+    !> Residual in the norm of the preconditioner to end at [sqrt(energy)].
+    real(dp), intent(in) :: aim
+    !> Iterations at most.
+    integer, intent(in) :: most_steps
+    !> Displacements (n) [length].
+    real(dp), intent(inout), contiguous :: e(:)
+    !> How it went.
+    type(solve_outcome_t), intent(out) :: outcome
+    !> Allocated where PETSc fails.
+    type(error_t), allocatable, intent(out) :: error
+    type(tVec) :: b, x
+    integer :: code, reason
+    call stiffness%wrap(r, b)
+    call stiffness%wrap(e, x)
+    call KSPSetTolerances(solver%ksp, 0.0_dp, max(aim, tiny(aim)), largest_growth, most_steps, code)
+    call KSPSolve(solver%ksp, b, x, code)
+    if (has_failed(code, 'conjugate gradients', error)) return
+    call KSPGetIterationNumber(solver%ksp, outcome%steps, code)
+    call KSPGetResidualNorm(solver%ksp, outcome%residual, code)
+    call KSPGetConvergedReason(solver%ksp, reason, code)
+    outcome%has_failed = reason < 0 .and. outcome%steps < most_steps
+    call VecDestroy(b, code)
+    call VecDestroy(x, code)
+  end subroutine run_solver
+end module dotyk_distributed_linear_solver

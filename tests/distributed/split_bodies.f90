@@ -1,0 +1,167 @@
+!> Bodies that are split over ranks against exact answers, under mpirun: uniform pressures of stacks of blocks, held and
+!> floating, and the pressures of the dual scheme with factors where surfaces are curved.
+program split_bodies
+  use, intrinsic :: iso_fortran_env, only: output_unit
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp
+  use dotyk_contact_operator, only: contact_operator_t
+  use dotyk_distributed_contact, only: distributed_contact_t
+  use dotyk_distributed_part, only: part_t
+  use dotyk_distributed_partition, only: cut_bodies
+  use dotyk_distributed_petsc, only: largest_of_ranks, start_petsc, stop_petsc
+  use dotyk_distributed_stiffness, only: distributed_stiffness_t
+  use dotyk_mesh_element, only: element_hex20, element_hex8, element_quad8, element_tet10
+  use dotyk_ranks_communication, only: end_ranks, n_ranks, start_ranks, this_rank
+  use dotyk_scheme_dual, only: dual_t
+  use dotyk_scheme_monitor, only: monitor_t
+  use dotyk_scheme_solver_state, only: ended_converged, solver_state_t
+  use dotyk_scheme_stopping, only: solver_settings_t
+  use test_multigrid_scene, only: floating, loose, multigrid_scene_t, pressed, scene_settings_t
+  implicit none
+
+  !> Tolerance of the schemes, and of pressures relative to the largest one [].
+  real(dp), parameter :: tolerance = 1.0e-8_dp, accuracy = 1.0e-6_dp
+  !> Pressure on the top, and E of the blocks [pressure].
+  real(dp), parameter :: press = 0.2_dp, modulus = 2
+  integer :: n_failed, code
+  logical :: speaks
+  type(error_t), allocatable :: error
+  n_failed = 0
+  call start_ranks()
+  call start_petsc(error)
+  if (allocated(error)) error stop 'PETSc does not start'
+  call test_uniform('uniform pressure, tet10', [element_tet10, element_tet10], [3, 2], floating, 0.0_dp)
+  call test_uniform('uniform pressure, three hex20, free', [element_hex20, element_hex20, element_hex20], [2, 2, 2], &
+                    loose, 0.0_dp)
+  call test_uniform('uniform pressure, hex8, with theta', [element_hex8, element_hex8], [3, 4], floating, 1.0e-3_dp)
+  call test_curved('curved, tet10', [element_tet10, element_tet10], [4, 3], pressed, 0.0_dp)
+  call test_curved('curved, tet10, floating, with theta', [element_tet10, element_tet10], [4, 3], floating, 1.0e-4_dp)
+  call test_curved('curved, hex20 on tet10, floating', [element_hex20, element_tet10], [2, 3], floating, 0.0_dp)
+  call test_curved('curved, quad8', [element_quad8, element_quad8], [6, 5], pressed, 0.0_dp)
+  call stop_petsc()
+  code = min(1, n_failed)
+  call end_ranks(code, speaks)
+  stop code, quiet=.true.
+
+contains
+
+  !> Blocks without lateral strain under uniform pressure.
+  subroutine test_uniform(name, kinds, cells, holding, theta)
+    !> Of the test.
+    character(*), intent(in) :: name
+    !> Element kinds and cells, from the highest block to the lowest (n_bodies).
+    integer, intent(in) :: kinds(:), cells(:)
+    !> How the blocks are held.
+    integer, intent(in) :: holding
+    !> Penalty parameter [length/pressure].
+    real(dp), intent(in) :: theta
+    type(scene_settings_t) :: settings
+    type(solver_state_t) :: state
+    real(dp) :: in_displacement
+    settings%kinds = kinds
+    settings%cells = cells
+    settings%holding = holding
+    settings%poisson = 0
+    settings%press = press
+    settings%gap = '0'
+    settings%by_contact = .true.
+    call solve(settings, theta, .false., state, in_displacement)
+    call check(name, state, maxval(abs(state%m - press))/press, in_displacement)
+  end subroutine test_uniform
+
+  !> A curved gap: the pressures of the dual scheme.
+  subroutine test_curved(name, kinds, cells, holding, theta)
+    !> Of the test.
+    character(*), intent(in) :: name
+    !> As in `test_uniform`.
+    integer, intent(in) :: kinds(:), cells(:), holding
+    !> As in `test_uniform`.
+    real(dp), intent(in) :: theta
+    type(scene_settings_t) :: settings
+    type(solver_state_t) :: state
+    real(dp) :: difference
+    settings%kinds = kinds
+    settings%cells = cells
+    settings%holding = holding
+    settings%press = press
+    settings%by_contact = .true.
+    call solve(settings, theta, .true., state, difference)
+    call check(name, state, difference, 0.0_dp)
+  end subroutine test_curved
+
+  !> Solve a scene.
+  subroutine solve(settings, theta, is_curved, state, difference)
+    !> What it is made of.
+    type(scene_settings_t), intent(in) :: settings
+    !> Penalty parameter [length/pressure].
+    real(dp), intent(in) :: theta
+    !> Whether the dual scheme has the solution, not the uniform state.
+    logical, intent(in) :: is_curved
+    !> Pressures, energy and bound.
+    type(solver_state_t), intent(out) :: state
+    !> Relative difference from the dual scheme's pressures and energy; else of the vertical displacements from the
+    !> exact ones of the lowest block [].
+    real(dp), intent(out) :: difference
+    type(multigrid_scene_t) :: scene
+    type(contact_operator_t) :: operator
+    type(part_t), allocatable :: part(:)
+    type(distributed_stiffness_t), target, allocatable :: stiffness
+    type(distributed_contact_t), target, allocatable :: contact
+    type(solver_state_t) :: exact
+    type(solver_settings_t) :: of_dual
+    type(dual_t) :: dual
+    type(monitor_t) :: monitor
+    type(error_t), allocatable :: error
+    real(dp), allocatable :: thetas(:), u(:, :)
+    real(dp) :: most(1)
+    integer :: b, last
+    call scene%init(settings)
+    operator%n_rows = scene%qp%n_rows
+    operator%dimension = scene%qp%dimension
+    operator%weight = scene%qp%weight
+    operator%gap = scene%qp%gap
+    operator%block = scene%qp%block
+    allocate (thetas(operator%n_rows), source=theta)
+    allocate (stiffness, contact)
+    associate (body => scene%problem%body)
+      last = size(body)
+      call cut_bodies(body, this_rank(), n_ranks(), part)
+      call stiffness%init(part, [(body(b)%mesh%n_nodes(), b=1, last)], error)
+      if (.not. allocated(error)) call contact%init(stiffness, operator, error)
+      if (.not. allocated(error)) call contact%solve(thetas, tolerance, 100, monitor, state, error)
+      if (.not. allocated(error)) call stiffness%nodal_displacement(last, contact%u, u, error)
+      if (allocated(error)) error stop 'distributed bodies'
+      if (is_curved) then
+        of_dual%tolerance = tolerance
+        call dual%solve(scene%qp, scene%compliance, thetas, of_dual, monitor, exact, error)
+        if (allocated(error)) error stop 'dual scheme'
+        difference = max(maxval(abs(state%m - exact%m))/maxval(exact%m), abs(state%energy/exact%energy - 1))
+      else
+        most = 0
+        associate (x => stiffness%part(last)%mesh%x, d => operator%dimension)
+          if (size(x) > 0) most = maxval(abs(u(d, :) + press/modulus*x(d, :)))/(press/modulus)
+        end associate
+        call largest_of_ranks(most)
+        difference = most(1)
+      end if
+    end associate
+    call contact%destroy()
+    call stiffness%destroy()
+    call scene%destroy()
+  end subroutine solve
+
+  !> Note a result.
+  subroutine check(name, state, of_pressure, of_displacement)
+    !> Of the test.
+    character(*), intent(in) :: name
+    !> With the bound.
+    type(solver_state_t), intent(in) :: state
+    !> Relative differences [].
+    real(dp), intent(in) :: of_pressure, of_displacement
+    logical :: is_good
+    is_good = of_pressure <= accuracy .and. of_displacement <= accuracy .and. state%ended == ended_converged
+    if (.not. is_good) n_failed = n_failed + 1
+    if (this_rank() == 0) write (output_unit, '(a,i3,3es9.1,2x,a)') merge('passed', 'FAILED', is_good), &
+      state%ended, state%error_bound, of_pressure, of_displacement, name
+  end subroutine check
+end program split_bodies
