@@ -146,7 +146,7 @@ contains
     call petsc_option('-corner_mg_levels_pc_asm_type', 'basic')
     call petsc_option('-corner_mg_levels_pc_asm_overlap', '1')
     call petsc_option('-corner_mg_levels_sub_pc_type', 'icc')
-    call petsc_option('-corner_mg_levels_sub_pc_factor_shift_type', 'positive_definite')
+    call petsc_option('-corner_mg_levels_sub_pc_factor_shift_type', 'nonzero')
     call petsc_option('-plain_corner_mg_levels_ksp_max_it', aggregation_degree)
     call KSPCreate(PETSC_COMM_WORLD, solver, code)
     call KSPSetType(solver, 'cg', code)

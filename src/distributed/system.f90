@@ -4,8 +4,8 @@
 !> The system without active rows is kept: it gives the residual's energy norm of the error bound.
 module dotyk_distributed_system
   use petscksp, only: KSPComputeExtremeSingularValues, KSPGetPC, MatGetTrace, MatMult, MatNullSpaceCreate, &
-    MatNullSpaceDestroy, MatSetNullSpace, PCApply, PETSC_COMM_WORLD, PETSC_FALSE, tMatNullSpace, tPC, tVec, VecDestroy, &
-    VecGetArrayF90, VecRestoreArrayF90
+    MatNullSpaceDestroy, MatSetNullSpace, PCApply, PETSC_COMM_WORLD, PETSC_FALSE, tMatNullSpace, tPC, tVec, &
+    VecDestroy, VecGetArrayF90, VecRestoreArrayF90
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_contact_operator, only: contact_block_t
