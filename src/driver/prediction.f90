@@ -37,7 +37,7 @@ contains
     integer :: b
     logical :: has_factors
     if (scene%is_split()) then
-      call monitor%log%line('  estimated memory and time: not for bodies that are split over ranks; see docs/scaling.md')
+      call monitor%log%line('  estimated memory and time: not for bodies split over ranks (docs/scaling.md)')
       return
     end if
     call use_factors(case, scheme, scene, monitor, has_factors, error)

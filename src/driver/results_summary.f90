@@ -75,7 +75,8 @@ contains
       if (allocated(state%indeterminate)) indeterminate = size(state%indeterminate, 2)
       call file%put_attribute('summary', 'indeterminate_modes', indeterminate)
     end associate
-    call file%put_attribute('summary', 'bodies_by_multigrid', count(size_of%form == form_multigrid .or. size_of%form == form_split))
+    call file%put_attribute('summary', 'bodies_by_multigrid', &
+                            count(size_of%form == form_multigrid .or. size_of%form == form_split))
     call file%put_attribute('summary', 'factorizations', problem%classes%n())
     call file%put_array('summary', 'congruence_class', problem%classes%first)
     call file%put_attribute('summary', 'factor_nonzeros', sum(size_of%entries))

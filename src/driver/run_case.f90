@@ -11,7 +11,7 @@ module dotyk_driver_run_case
   use dotyk_driver_results, only: prepare_output, write_results
   use dotyk_driver_penetration, only: check_bodies, check_placement
   use dotyk_driver_run_settings, only: choose_scheme, goal_of, set_pair_conditions
-  use dotyk_driver_scene, only: build_scene, scene_t
+  use dotyk_driver_scene_building, only: build_scene, scene_t
   use dotyk_driver_solution, only: solve_scene
   use dotyk_driver_warm_start, only: read_pressures
   use dotyk_input_case, only: case_t

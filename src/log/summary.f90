@@ -3,7 +3,6 @@ module dotyk_log_summary
   use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
   use dotyk_base_kinds, only: dp
   use dotyk_base_log, only: log_t
-  use dotyk_base_memory, only: memory_text, peak_memory
   use dotyk_base_options, only: stop_increment, stop_paper
   use dotyk_base_text, only: counted, quoted, to_text
   use dotyk_contact_pair, only: contact_pair_t
@@ -18,9 +17,8 @@ module dotyk_log_summary
   use dotyk_log_doubtful_forces, only: show_doubtful_forces
   use dotyk_log_found_pairs, only: show_idle_bodies
   use dotyk_log_progress, only: duration
+  use dotyk_log_rank_lines, only: show_ranks
   use dotyk_log_timing, only: timing_t
-  use dotyk_ranks_communication, only: n_ranks, this_rank
-  use dotyk_ranks_exchange, only: exchange_cost, exchange_cost_t, share
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_limit, ended_diverged, &
     ended_cycling, ended_interrupted, ended_penetration, ended_rotated, ended_rounds, ended_slid, &
     ended_solves, ended_unbalanced, ended_unverified
@@ -255,32 +253,8 @@ contains
                   ', recover '//duration(timing%recover)//', estimate errors '//duration(timing%estimate)// &
                   ', check penetration '//duration(timing%check)//', write '//duration(timing%write)// &
                   '; total '//duration(timing%total))
-    if (n_ranks() > 1) call show_ranks(log, timing%total)
+    call show_ranks(log, timing%total)
   end subroutine show_timing
-
-  !> How well the ranks shared the work. All ranks call it.
-  subroutine show_ranks(log, total)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    !> Wall time of the run, of this rank [s].
-    real(dp), intent(in) :: total
-    type(exchange_cost_t) :: cost
-    real(dp), dimension(n_ranks()) :: work, memory, seconds
-    integer :: r, own
-    cost = exchange_cost()
-    own = this_rank() + 1
-    work(own) = total - cost%waited
-    seconds(own) = total
-    memory(own) = peak_memory()
-    call share([(r, r=0, n_ranks() - 1)], work)
-    call share([(r, r=0, n_ranks() - 1)], seconds)
-    call share([(r, r=0, n_ranks() - 1)], memory)
-    call log%line('  ranks            largest over mean work '//to_text(maxval(work)*n_ranks()/sum(work), 3)// &
-                  ', waiting '//to_text(100*(1 - sum(work)/sum(seconds)), 2)//' % of the time, '// &
-                  to_text(int(cost%n))//' exchanges of '//memory_text(cost%bytes)//' in all, peak memory '// &
-                  memory_text(minval(memory))//' to '//memory_text(maxval(memory))//', sum '// &
-                  memory_text(sum(memory)))
-  end subroutine show_ranks
 
   !> One line for each congruence class that loses digits.
   subroutine show_conditioning(log, body, classes, conditioning)

@@ -1,8 +1,8 @@
 !> The share of one rank in the surface layer of a body, as plain arrays that ranks exchange.
 !>
 !> Whole numbers: a head; kind and number of elements in the whole body of each block; block, element and face of each
-!> facet; block, number, owner, tag and nodes of each element; number, origin, part, owner, global number and tag of each
-!> node; tags of inner facets.
+!> facet; block, number, owner, tag and nodes of each element; number, origin, part, owner, global number and tag of
+!> each node; tags of inner facets.
 !> Reals: the diameter of the body, then the coordinates of the nodes.
 module dotyk_mesh_layer_share
   use dotyk_base_kinds, only: dp, int64

@@ -2,8 +2,8 @@
 !> curve.
 !>
 !> The way: `share_box` and the box of all ranks; `share_weights` and their sum over all ranks; `parts_of_bins` on each
-!> rank; `pack_for_rank` for each other rank, and `dotyk_mesh_surface_layer` unpacks what all of them send. Nothing is as
-!> large as the body: the weights have a fixed number of bins, elements are sent once.
+!> rank; `pack_for_rank` for each other rank, and `dotyk_mesh_surface_layer` unpacks what all of them send. Nothing is
+!> as large as the body: the weights have a fixed number of bins, elements are sent once.
 module dotyk_mesh_share_split
   use dotyk_base_kinds, only: dp, int64
   use dotyk_mesh_body_mesh, only: body_mesh_t
@@ -50,7 +50,8 @@ contains
     integer :: e
     call element_centres(own, centre, weight)
     allocate (bin(size(weight)))
-    call morton_keys(own%dimension, centre, reshape([(e, e=1, size(bin))], [1, size(bin)]), low, maxval(high - low), bin)
+    call morton_keys(own%dimension, centre, reshape([(e, e=1, size(bin))], [1, size(bin)]), low, maxval(high - low), &
+                     bin)
     bin = ishft(bin, -(curve_bits(own%dimension) - bin_bits))
   end subroutine bins_of_share
 

@@ -8,12 +8,12 @@
 module dotyk_scheme_body_compliance
   use dotyk_base_kinds, only: dp
   use dotyk_contact_operator, only: contact_block_t
-  use dotyk_ranks_communication, only: n_ranks
-  use dotyk_ranks_exchange, only: is_own, item_t, share
+  use dotyk_ranks_exchange, only: is_own, share
   use dotyk_response_body_grid, only: body_grid_t
   use dotyk_response_response, only: response_slot_t
   use dotyk_scheme_compliance, only: compliance_t, entries_t
-  use dotyk_scheme_congruent_products, only: batch_t, make_batches, multiply_bodies, row_displacement_t, solve_bodies
+  use dotyk_scheme_congruent_products, only: batch_t, make_batches, multiply_bodies, row_displacement_t, share_moved, &
+    solve_bodies
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_dense_compliance, only: dense_compliance_t
   use dotyk_scheme_entry_forming, only: add_rows, body_operator_t, cut_rows, form_blocks, row_blocks_t
@@ -94,7 +94,6 @@ contains
 
   !> Whether all bodies have p-multigrids.
   logical function compliance_has_grids(self) result(has_grids)
-    !> The compliance of the bodies.
     class(body_compliance_t), intent(in) :: self
     integer :: b
     has_grids = size(self%body) > 0
@@ -116,7 +115,6 @@ contains
 
   !> Forget the displacements that a scheme has found.
   subroutine compliance_forget_displacements(self)
-    !> The compliance of the bodies.
     class(body_compliance_t), intent(inout) :: self
     integer :: b
     do b = 1, size(self%body)
@@ -126,7 +124,6 @@ contains
 
   !> Relative error of solves in the energy norm; 0 where it is rounding.
   pure real(dp) function compliance_solve_error(self) result(error)
-    !> The compliance of the bodies.
     class(body_compliance_t), intent(in) :: self
     integer :: b
     error = 0
@@ -195,26 +192,6 @@ contains
     if (any(formed)) z = z + moved_formed(qp%parent_row)
     if (.not. all(formed)) self%n_sweeps = self%n_sweeps + 1
   end subroutine compliance_multiply
-
-  !> Make the displacements of the rows of all bodies known to all ranks.
-  subroutine share_moved(owner, lambda, moved)
-    !> Rank of each body (n_bodies).
-    integer, intent(in) :: owner(:)
-    !> Contact forces, which must be the same on all ranks (n_rows) [force].
-    real(dp), intent(in) :: lambda(:)
-    !> Displacements of the bodies of this rank in, of all bodies out (n_bodies).
-    type(row_displacement_t), intent(inout) :: moved(:)
-    type(item_t) :: item(size(moved))
-    integer :: b
-    if (n_ranks() == 1) return
-    do b = 1, size(moved)
-      if (is_own(owner(b))) call move_alloc(moved(b)%value, item(b)%value)
-    end do
-    call share(owner, item, lambda)
-    do b = 1, size(moved)
-      call move_alloc(item(b)%value, moved(b)%value)
-    end do
-  end subroutine share_moved
 
   !> The products of one batch of congruent bodies.
   subroutine multiply_batch(self, qp, body, formed, lambda, force, moved)
@@ -326,7 +303,6 @@ contains
 
   !> Whether any entries are there.
   pure logical function compliance_has_entries(self) result(has_entries)
-    !> The compliance of the bodies.
     class(body_compliance_t), intent(in) :: self
     has_entries = self%matrix%has_entries()
   end function compliance_has_entries
@@ -413,7 +389,6 @@ contains
 
   !> Give back all memory.
   subroutine compliance_destroy(self)
-    !> The compliance of the bodies.
     class(body_compliance_t), intent(inout) :: self
     integer :: b
     if (.not. allocated(self%response)) return

@@ -7,12 +7,14 @@ module dotyk_scheme_congruent_products
   use dotyk_base_kinds, only: dp
   use dotyk_base_sort, only: sort_order
   use dotyk_contact_operator, only: contact_block_t
+  use dotyk_ranks_communication, only: n_ranks
+  use dotyk_ranks_exchange, only: is_own, item_t, share
   use dotyk_response_response, only: response_t
   use dotyk_scheme_dense_compliance, only: dense_compliance_t
   use dotyk_scheme_entry_forming, only: body_operator_t
   implicit none
   private
-  public :: make_batches, solve_bodies, multiply_bodies
+  public :: make_batches, solve_bodies, multiply_bodies, share_moved
 
   !> Congruent bodies that one thread works on together.
   type, public :: batch_t
@@ -135,4 +137,24 @@ contains
       end do
     end do
   end subroutine multiply_bodies
+
+  !> Make the displacements of the rows of all bodies known to all ranks.
+  subroutine share_moved(owner, lambda, moved)
+    !> Rank of each body (n_bodies).
+    integer, intent(in) :: owner(:)
+    !> Contact forces, which must be the same on all ranks (n_rows) [force].
+    real(dp), intent(in) :: lambda(:)
+    !> Displacements of the bodies of this rank in, of all bodies out (n_bodies).
+    type(row_displacement_t), intent(inout) :: moved(:)
+    type(item_t) :: item(size(moved))
+    integer :: b
+    if (n_ranks() == 1) return
+    do b = 1, size(moved)
+      if (is_own(owner(b))) call move_alloc(moved(b)%value, item(b)%value)
+    end do
+    call share(owner, item, lambda)
+    do b = 1, size(moved)
+      call move_alloc(item(b)%value, moved(b)%value)
+    end do
+  end subroutine share_moved
 end module dotyk_scheme_congruent_products

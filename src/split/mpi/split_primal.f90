@@ -76,8 +76,8 @@ contains
       return
     end if
     if (qp%coarse%holds_modes) then
-      call set_error(error, 'a body that is split over ranks has motions that contact hardly resists and the program '// &
-                     "must hold; use response='full'", exit_not_solvable)
+      call set_error(error, 'a body that is split over ranks has motions that contact hardly resists and the '// &
+                     "program must hold; use response='full'", exit_not_solvable)
       return
     end if
     if (state%history%n == 0) then
@@ -90,7 +90,8 @@ contains
     associate (contact => self%bodies%contact, system => self%bodies%contact%system)
       steps = system%n_iterations
       sets = contact%n_sets
-      call contact%solve(theta, settings%tolerance, sets + min(most_sets, settings%max_iterations), monitor, state, error)
+      call contact%solve(theta, settings%tolerance, sets + min(most_sets, settings%max_iterations), monitor, state, &
+                         error)
       if (allocated(error)) return
       call meet()
       if (.not. allocated(state%m)) return
