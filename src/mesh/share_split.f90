@@ -141,6 +141,7 @@ contains
       has(:size(own%block(b)%tag), b) = part(n + 1:n + size(own%block(b)%tag)) == rank
       n = n + size(own%block(b)%tag)
     end do
-    call pack_items(own, numbers, has, spread(.false., 1, size(file_node)), nothing, 0, [integer(int64) ::], 0.0_dp, share)
+    call pack_items(own, numbers, has, spread(.false., 1, size(file_node)), nothing, 0, [integer(int64) ::], 0.0_dp, &
+                    share)
   end subroutine pack_for_rank
 end module dotyk_mesh_share_split

@@ -5,11 +5,9 @@ module dotyk_ranks_communication
   use dotyk_base_memory, only: end_expected
   implicit none
   private
-  public :: abort_ranks, start_ranks, end_ranks, this_rank, n_ranks, n_local_ranks, greet, gather_integers, gather_reals, &
-    gather_bytes, with_ranks
+  public :: abort_ranks, start_ranks, end_ranks, this_rank, n_ranks, n_local_ranks, greet, gather_integers, &
+    gather_reals, gather_bytes
 
-  !> Whether the program was built with MPI.
-  logical, parameter :: with_ranks = .false.
   !> Numbers in a greeting.
   integer, parameter, public :: greeting_length = 4
   !> First number of the greeting of a rank that ends.

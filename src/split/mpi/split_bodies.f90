@@ -8,7 +8,7 @@ module dotyk_split_split_bodies
   use dotyk_distributed_part, only: part_t
   use dotyk_distributed_partition, only: cut_bodies
   use dotyk_distributed_stiffness, only: distributed_stiffness_t
-  use dotyk_distributed_system, only: solve_outcome_t
+  use dotyk_distributed_linear_solver, only: solve_outcome_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_ranks_communication, only: n_ranks, this_rank
   use dotyk_ranks_exchange, only: item_t, share
