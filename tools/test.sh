@@ -12,7 +12,7 @@ if [[ ${1:-} == --mpi ]]; then
   preset=mpi
   setup=(--mpi)
   shift
-  (($# > 0)) || selection=(-R '^(test_.*|mpi_.*)$')
+  (($# > 0)) || selection=(-R '^(test_|mpi_|split_)')
 elif [[ ${1:-} == --preset ]]; then
   preset=${2:?"usage: tools/test.sh [--mpi | --preset PRESET] [ctest options]"}
   shift 2
