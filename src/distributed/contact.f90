@@ -17,13 +17,16 @@ module dotyk_distributed_contact
   use dotyk_contact_operator, only: contact_operator_t
   use dotyk_distributed_error_bound, only: error_of
   use dotyk_distributed_linear_solver, only: solve_outcome_t
-  use dotyk_distributed_petsc, only: sum_of_ranks
   use dotyk_distributed_stiffness, only: distributed_stiffness_t
   use dotyk_distributed_system, only: distributed_system_t
+  use dotyk_ranks_exchange, only: meet
+  use dotyk_scheme_active_set, only: is_balanced
+  use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_monitor, only: monitor_t
+  use dotyk_scheme_primal_modes, only: balance
   use dotyk_scheme_proximal_active_set, only: best_step
   use dotyk_scheme_solver_state, only: ended_converged, ended_diverged, ended_interrupted, ended_limit, &
-    ended_no_equilibrium, ended_rigid_constraint, ended_solves, ended_stalled, solver_state_t
+    ended_no_equilibrium, ended_rigid_constraint, ended_solves, ended_stalled, ended_unbalanced, solver_state_t
   implicit none
   private
 
@@ -79,6 +82,8 @@ module dotyk_distributed_contact
   real(dp), parameter :: growth = 10
   !> Accuracy asked for first, as a fraction of the tolerance, and the factor of the next one [].
   real(dp), parameter :: first_share = 0.2_dp, next_share = 0.05_dp
+  !> Accuracy that is asked for at least; and with floating bodies, so that forces balance their loads [].
+  real(dp), parameter :: least_accuracy = 1.0e-4_dp, accuracy_of_floating = 1.0e-8_dp
   !> Bounds, or errors, that fall by less than this factor end the attempts.
   real(dp), parameter :: least_gain = 0.7_dp
   !> How often a bound above the tolerance is followed by a more accurate solution.
@@ -113,7 +118,7 @@ contains
   end subroutine contact_init
 
   !> Solve.
-  subroutine contact_solve(self, theta, tolerance, most_sets, monitor, state, error)
+  subroutine contact_solve(self, theta, tolerance, most_sets, monitor, state, error, qp)
     class(distributed_contact_t), target, intent(inout) :: self
     !> Penalty parameters, at least 0 (n_rows) [length/pressure].
     real(dp), intent(in) :: theta(:)
@@ -127,35 +132,48 @@ contains
     type(solver_state_t), intent(inout) :: state
     !> Allocated where numbers are not finite, or PETSc fails.
     type(error_t), allocatable, intent(out) :: error
+    !> Its rigid body modes: pressures are balanced with the loads on them, and there is no bound for those that are
+    !> not.
+    type(contact_qp_t), intent(in), optional :: qp
     type(iterate_t) :: now
-    real(dp), allocatable :: r(:), e(:), lambda(:)
+    real(dp), allocatable :: r(:), e(:), lambda(:), at_rest(:)
+    logical :: balanced
     real(dp) :: accuracy, last, start, bound
-    integer :: attempt
+    integer :: attempt, mode
     start = wall_time()
     allocate (r(self%system%n), e(self%system%n), lambda(size(theta)), now%y(size(theta)), now%shifted(size(theta)))
     call begin(self, theta, state, now, r, e, error)
     if (allocated(error) .or. state%ended == ended_rigid_constraint) return
-    accuracy = first_share*tolerance
+    accuracy = min(first_share*tolerance, least_accuracy)
+    if (size(self%stiffness%mode, 2) > 0) accuracy = min(accuracy, accuracy_of_floating)
+    balanced = .true.
     last = huge(last)
     do attempt = 1, most_attempts
       call iterate(self, theta, accuracy, most_sets, state%m, now, r, e, state%ended, error)
       if (allocated(error)) return
+      if (present(qp)) call balance(qp, state%m)
       lambda = self%weight*state%m
       state%y = now%y - self%gap
+      if (present(qp)) then
+        at_rest = [(0.0_dp, mode=1, qp%coarse%n)]
+        balanced = is_balanced(qp, theta, lambda, at_rest)
+      end if
       call error_of(self%system, self%weight, theta, lambda, state%y, self%u, r, bound, state%energy)
       state%error_bound = huge(bound)
-      if (bound < huge(bound)) state%error_bound = bound/max(now%norm, tiny(bound))
+      if (bound < huge(bound) .and. balanced) state%error_bound = bound/max(now%norm, tiny(bound))
       state%max_penetration = maxval([0.0_dp, state%y])
       call state%history%add(wall_time() - start, now%change, now%change/max(now%norm, tiny(bound)), &
                              state%error_bound, state%energy, state%max_penetration, count(lambda > 0))
       call monitor%step(state%history, tolerance, state%error_bound)
-      if (state%error_bound <= tolerance) state%ended = ended_converged
+      if (state%error_bound <= tolerance .and. any(state%ended == [ended_stalled, ended_limit, ended_interrupted])) &
+        state%ended = ended_converged
       if (state%error_bound <= tolerance .or. all(state%ended /= [ended_converged, ended_stalled])) exit
       if (last < huge(last) .and. .not. state%error_bound < least_gain*last) exit
       last = state%error_bound
       accuracy = next_share*accuracy
     end do
     if (state%ended == ended_converged .and. state%error_bound > tolerance) state%ended = ended_solves
+    if (any(state%ended == [ended_solves, ended_stalled]) .and. .not. balanced) state%ended = ended_unbalanced
     call state%history%finish()
     state%iterations = state%history%n
     state%bound_is_guaranteed = .false.
@@ -367,10 +385,8 @@ contains
 
   !> Whether a rank was asked to stop.
   logical function any_interrupted() result(is_interrupted)
-    integer :: asked(1)
-    asked = merge(1, 0, interrupted())
-    call sum_of_ranks(asked)
-    is_interrupted = asked(1) > 0
+    call meet()
+    is_interrupted = interrupted()
   end function any_interrupted
 
   !> Give back the memory; the stiffness remains.

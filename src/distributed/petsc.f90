@@ -3,6 +3,7 @@
 !> All ranks call the procedures of this layer together. Sums are the same to the bit on all ranks: what follows from
 !> them - active sets, the end of an iteration - is so, too.
 module dotyk_distributed_petsc
+  use, intrinsic :: iso_c_binding, only: c_int
   use mpi_f08, only: mpi_allreduce, mpi_comm_world, mpi_double_precision, mpi_exscan, mpi_in_place, mpi_integer, &
     mpi_max, mpi_sum
   use petscsys, only: PETSC_NULL_OPTIONS, PetscFinalize, PetscInitialize, PetscMemoryGetCurrentUsage, &
@@ -26,6 +27,13 @@ module dotyk_distributed_petsc
     module procedure sum_of_reals, sum_of_integers
   end interface sum_of_ranks
 
+  interface
+    !> Of PETSc, which has no Fortran procedure for it: take back the signals that it has taken.
+    integer(c_int) function c_pop_signal_handler() bind(c, name='PetscPopSignalHandler')
+      import :: c_int
+    end function c_pop_signal_handler
+  end interface
+
 contains
 
   !> Begin, unless it has begun; MPI begins with it.
@@ -38,6 +46,8 @@ contains
     if (is_running) return
     call PetscInitialize(code)
     if (has_failed(code, 'start', error)) return
+    ! Signals are the program's.
+    code = int(c_pop_signal_handler())
     call PetscMemorySetGetMaximumUsage(code)
   end subroutine start_petsc
 

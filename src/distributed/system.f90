@@ -57,6 +57,11 @@ module dotyk_distributed_system
     procedure :: destroy => system_destroy
   end type distributed_system_t
 
+  !> Fractions of its multiples have no order.
+  real(dp), parameter :: golden = 0.6180339887498949_dp
+  !> Reduction of the residual, and iterations, that measure Ritz values.
+  real(dp), parameter :: reduction_of_sample = 1.0e-8_dp
+  integer, parameter :: most_of_sample = 45
   !> Iterations of one system after which incomplete factors are given up.
   integer, parameter :: most_with_factors = 60
   !> Eigenvalues of the restraint of motions by active rows, relative, below which there is none [].
@@ -90,9 +95,51 @@ contains
     end do
     call self%alone%init_like(self%contact, error)
     if (allocated(error)) return
-    call all_modes(size(stiffness%mode, 2), self%free_mode)
-    call set_up(self, self%alone, self%of_bodies, error)
+    call set_up_alone(self, error)
+    if (.not. allocated(error)) call sample_spectrum(self, error)
   end subroutine system_init
+
+  !> Make the solver of the bodies without contact.
+  subroutine set_up_alone(self, error)
+    !> The systems.
+    class(distributed_system_t), intent(inout) :: self
+    !> Allocated where PETSc fails.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp), allocatable :: of_contact(:, :)
+    call move_alloc(self%free_mode, of_contact)
+    call all_modes(size(self%stiffness%mode, 2), self%free_mode)
+    call set_up(self, self%alone, self%of_bodies, error)
+    if (allocated(of_contact)) call move_alloc(of_contact, self%free_mode)
+  end subroutine set_up_alone
+
+  !> Take a preconditioner that is positive for certain, and measure its least Ritz value.
+  recursive subroutine take_plain(self, error)
+    !> The systems.
+    class(distributed_system_t), intent(inout) :: self
+    !> Allocated where PETSc fails.
+    type(error_t), allocatable, intent(out) :: error
+    self%is_plain = .true.
+    self%least = 1
+    call set_up_alone(self, error)
+    if (.not. allocated(error)) call sample_spectrum(self, error)
+  end subroutine take_plain
+
+  !> Measure the least Ritz value under forces without order: loads may leave bodies unloaded.
+  recursive subroutine sample_spectrum(self, error)
+    !> The systems.
+    class(distributed_system_t), intent(inout) :: self
+    !> Allocated where PETSc fails.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp) :: r(self%n), e(self%n)
+    real(dp), allocatable :: component(:)
+    type(solve_outcome_t) :: outcome
+    integer :: i
+    do i = 1, self%n
+      r(i) = modulo(golden*(real(self%stiffness%dim, dp)*self%stiffness%first + i), 1.0_dp) - 0.5_dp
+    end do
+    call self%remove_modes(r, component)
+    call self%solve_alone(r, reduction_of_sample, most_of_sample, e, outcome, error)
+  end subroutine sample_spectrum
 
   !> The identity.
   subroutine all_modes(n, modes)
@@ -215,7 +262,7 @@ contains
   end subroutine system_solve
 
   !> Solve K e = r without contact, and note the least Ritz value.
-  subroutine system_solve_alone(self, r, reduction, most_steps, e, outcome, error)
+  recursive subroutine system_solve_alone(self, r, reduction, most_steps, e, outcome, error)
     class(distributed_system_t), intent(inout) :: self
     !> Forces, without resultants on rigid body modes (n) [force].
     real(dp), intent(inout), contiguous :: r(:)
@@ -229,23 +276,41 @@ contains
     type(solve_outcome_t), intent(out) :: outcome
     !> Allocated where PETSc fails.
     type(error_t), allocatable, intent(out) :: error
-    real(dp) :: greatest, least
+    real(dp) :: greatest, least, aim
     integer :: code
-    call run_solver(self%stiffness, self%of_bodies, r, reduction*self%force_norm(r), most_steps, e, outcome, error)
-    self%n_iterations = self%n_iterations + outcome%steps
-    if (allocated(error) .or. outcome%steps == 0) return
+    e = 0
+    aim = reduction*self%force_norm(r)
+    if (.not. self%is_plain) then
+      if (aim < huge(aim)) &
+        call run_solver(self%stiffness, self%of_bodies, r, aim, min(most_steps, most_with_factors), e, outcome, error)
+      self%n_iterations = self%n_iterations + outcome%steps
+      outcome%has_failed = outcome%has_failed .or. .not. aim < huge(aim)
+      if (.not. allocated(error) .and. (outcome%has_failed .or. outcome%steps == most_with_factors)) then
+        call take_plain(self, error)
+        if (.not. allocated(error)) aim = reduction*self%force_norm(r)
+        if (.not. allocated(error) .and. aim < huge(aim)) &
+          call run_solver(self%stiffness, self%of_bodies, r, aim, most_steps, e, outcome, error)
+        self%n_iterations = self%n_iterations + outcome%steps
+      end if
+    else
+      call run_solver(self%stiffness, self%of_bodies, r, aim, most_steps, e, outcome, error)
+      self%n_iterations = self%n_iterations + outcome%steps
+    end if
+    outcome%has_failed = outcome%has_failed .or. .not. aim < huge(aim)
+    if (allocated(error) .or. outcome%steps == 0 .or. outcome%has_failed) return
     call KSPComputeExtremeSingularValues(self%of_bodies%ksp, greatest, least, code)
     if (least > 0) self%least = min(self%least, least)
   end subroutine system_solve_alone
 
   !> sqrt(r^T K^+ r) at most, as far as the least Ritz value tells [sqrt(energy)].
-  real(dp) function system_force_norm(self, r) result(norm)
+  recursive real(dp) function system_force_norm(self, r) result(norm)
     class(distributed_system_t), intent(inout) :: self
     !> Forces, without resultants on rigid body modes (n) [force].
     real(dp), intent(inout), contiguous :: r(:)
-    real(dp) :: z(size(r))
+    real(dp) :: z(size(r)), square
     type(tVec) :: b, x
     type(tPC) :: pc
+    type(error_t), allocatable :: error
     integer :: code
     call self%stiffness%wrap(r, b)
     call self%stiffness%wrap(z, x)
@@ -253,7 +318,15 @@ contains
     call PCApply(pc, b, x, code)
     call VecDestroy(b, code)
     call VecDestroy(x, code)
-    norm = sqrt(max(0.0_dp, self%product(r, z)/self%least))
+    square = self%product(r, z)
+    norm = 0
+    if (square > 0) norm = sqrt(square/self%least)
+    ! A preconditioner that is not positive tells nothing.
+    if (square > 0 .or. .not. self%product(r, r) > 0) return
+    norm = huge(norm)
+    if (self%is_plain) return
+    call take_plain(self, error)
+    if (.not. allocated(error)) norm = self%force_norm(r)
   end function system_force_norm
 
   !> f = K x.

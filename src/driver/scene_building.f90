@@ -3,12 +3,14 @@ module dotyk_driver_scene_building
   use dotyk_base_error, only: error_t
   use dotyk_base_interrupt, only: stop_if_interrupted
   use dotyk_base_memory, only: set_stage
-  use dotyk_base_text, only: text_t
+  use dotyk_base_text, only: quoted, text_t
   use dotyk_contact_operator, only: build_operator
   use dotyk_control_factorization, only: analyze_bodies
-  use dotyk_control_response_choice, only: choose_forms, form_multigrid, form_split
+  use dotyk_control_response_choice, only: choose_forms, form_direct, form_multigrid, form_split
   use dotyk_driver_run_settings, only: may_use_multigrid
   use dotyk_driver_scene, only: scene_t
+  use dotyk_elasticity_body, only: body_t, free_rigid_modes
+  use dotyk_elasticity_two_levels, only: is_linear
   use dotyk_input_case, only: case_t
   use dotyk_log_run_monitor, only: log_monitor_t
   use dotyk_model_assembly, only: assemble_bodies, check_held
@@ -57,10 +59,8 @@ contains
       call set_stage('assembling')
       form = choose_forms(problem%body, problem%classes, case%solver%response, may_use_multigrid(case))
       splits = can_split() .and. any(form == form_multigrid)
-      if (splits) then
-        form(:) = form_split
-        call problem%classes%init(size(problem%body))
-      end if
+      if (splits) call choose_split(problem%body, monitor, form, splits)
+      if (splits) call problem%classes%init(size(problem%body))
       call problem%ranks%init(problem%body, problem%classes, splits)
       call assemble_bodies(case, problem%classes, problem%ranks, form, problem%body, problem%modes, scene%stiffness, &
                            scene%slot, error)
@@ -87,4 +87,30 @@ contains
       call monitor%watch%lap(monitor%timing%order)
     end associate
   end subroutine build_scene
+
+  !> Split the bodies over all ranks, or leave each to one rank with its factor: floating bodies and linear elements are
+  !> not split, because their preconditioner is not always positive.
+  subroutine choose_split(body, monitor, form, splits)
+    !> Bodies with supports (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    !> Gets a line where they are not split.
+    type(log_monitor_t), intent(inout) :: monitor
+    !> How the bodies are solved (n_bodies).
+    integer, intent(inout) :: form(:)
+    !> Whether they are split.
+    logical, intent(out) :: splits
+    character(:), allocatable :: reason, motions
+    integer :: b, n_free
+    reason = ''
+    do b = 1, size(body)
+      call free_rigid_modes(body(b), n_free, motions)
+      if (n_free > 0) reason = 'floats'
+      if (is_linear(body(b)%mesh)) reason = 'has linear elements'
+      if (len(reason) > 0) exit
+    end do
+    splits = len(reason) == 0
+    form(:) = merge(form_split, form_direct, splits)
+    if (.not. splits) call monitor%note('factors          '//quoted(body(b)%name)//' '//reason//': bodies are not '// &
+                                        'split over ranks, each has its factor on one of them')
+  end subroutine choose_split
 end module dotyk_driver_scene_building

@@ -10,6 +10,7 @@ module dotyk_scheme_linear_solver_choice
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_contact_graph, only: elimination_cost
   use dotyk_scheme_direct_system, only: direct_system_t
+  use dotyk_ranks_communication, only: n_local_ranks
   use dotyk_ranks_exchange, only: on_any_rank
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_iterative_system, only: iterative_system_t
@@ -151,5 +152,7 @@ contains
     type(memory_t), intent(in) :: memory
     bytes = most_bytes
     if (memory%is_known) bytes = min(bytes, most_of_memory*memory%left)
+    ! Each rank of a node has all of them.
+    bytes = bytes/n_local_ranks()
   end function room_for_matrices
 end module dotyk_scheme_linear_solver_choice

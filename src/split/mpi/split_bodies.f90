@@ -144,7 +144,7 @@ contains
       first = system%force_norm(r)
       if (first > 0) then
         call system%solve_alone(r, accuracy, most_steps, e, outcome, error)
-        if (allocated(error) .or. outcome%has_failed) then
+        if (allocated(error) .or. outcome%has_failed .or. .not. first < huge(first)) then
           self%worst = huge(first)
         else
           self%worst = max(self%worst, outcome%residual/first)
@@ -224,7 +224,8 @@ contains
   !> Relative error of a solve in the energy norm [].
   pure real(dp) function bodies_solve_error(self) result(error)
     class(split_bodies_t), intent(in) :: self
-    error = max(accuracy, self%worst)/sqrt(self%contact%system%least)
+    error = huge(error)
+    if (self%worst < 1) error = max(accuracy, self%worst)/sqrt(self%contact%system%least)
   end function bodies_solve_error
 
   !> Give back all memory.

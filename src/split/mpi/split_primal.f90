@@ -12,7 +12,8 @@ module dotyk_split_split_primal
   use dotyk_scheme_monitor, only: monitor_t
   use dotyk_scheme_primal_modes, only: find_indeterminate, take_least
   use dotyk_scheme_scheme, only: scheme_t
-  use dotyk_scheme_solver_state, only: solver_state_t, ended_interrupted
+  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_interrupted, ended_rigid_constraint, &
+    ended_solves
   use dotyk_scheme_stopping, only: solver_settings_t
   use dotyk_split_split_bodies, only: split_bodies_t
   implicit none
@@ -71,8 +72,13 @@ contains
     type(dual_t) :: dual
     real(dp), allocatable :: m(:), component(:), alpha(:), left(:)
     integer :: steps, sets, b
+    select type (compliance)
+    class is (body_compliance_t)
+      call compliance%forget_displacements()
+    end select
     if (qp%n_rows == 0) then
       call dual%solve(qp, compliance, theta, settings, monitor, state, error)
+      if (.not. allocated(error)) call add_solve_error(self%bodies%solve_error(), settings%tolerance, state)
       return
     end if
     if (qp%coarse%holds_modes) then
@@ -91,10 +97,13 @@ contains
       steps = system%n_iterations
       sets = contact%n_sets
       call contact%solve(theta, settings%tolerance, sets + min(most_sets, settings%max_iterations), monitor, state, &
-                         error)
+                         error, qp)
       if (allocated(error)) return
       call meet()
-      if (.not. allocated(state%m)) return
+      if (state%ended == ended_rigid_constraint) then
+        if (allocated(state%m)) deallocate (state%m)
+        return
+      end if
       allocate (left, source=contact%u)
       call system%remove_modes(left, component)
       alpha = component/qp%coarse%scale
@@ -102,7 +111,8 @@ contains
       if (allocated(error)) return
       call take_least(qp, state%m > 0, state%indeterminate, alpha, state%y)
       state%alpha = qp%coarse%scale*alpha
-      if (interrupted()) state%ended = ended_interrupted
+      call add_solve_error(self%bodies%solve_error(), settings%tolerance, state)
+      if (interrupted() .and. state%ended /= ended_converged) state%ended = ended_interrupted
       select type (compliance)
       class is (body_compliance_t)
         do b = 1, size(compliance%body)
@@ -118,4 +128,18 @@ contains
                         ' set-ups of smoothed aggregation')
     end associate
   end subroutine primal_solve
+
+  !> Add the error of solves: of the solution without contact, and of bodies that touch no other.
+  subroutine add_solve_error(solve_error, tolerance, state)
+    !> Relative, in the energy norm; huge where a solve has failed [].
+    real(dp), intent(in) :: solve_error
+    !> Bound that was asked for [].
+    real(dp), intent(in) :: tolerance
+    !> Where the scheme ended.
+    type(solver_state_t), intent(inout) :: state
+    state%bound_is_guaranteed = .false.
+    if (.not. allocated(state%m) .or. .not. state%error_bound < huge(tolerance)) return
+    state%error_bound = min(huge(tolerance)/2, state%error_bound) + min(huge(tolerance)/2, solve_error)
+    if (state%ended == ended_converged .and. state%error_bound > tolerance) state%ended = ended_solves
+  end subroutine add_solve_error
 end module dotyk_split_split_primal
