@@ -10,7 +10,7 @@
 !> the problem is solved again.
 module dotyk_scheme_dual
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
-  use dotyk_base_error, only: error_t
+  use dotyk_base_error, only: error_t, exit_not_solvable
   use dotyk_base_interrupt, only: interrupted, stop_if_interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
@@ -19,7 +19,7 @@ module dotyk_scheme_dual
   use dotyk_scheme_active_system, only: active_system_t
   use dotyk_scheme_admissible_bound, only: admissible_bound
   use dotyk_scheme_bounds, only: duality_gap
-  use dotyk_scheme_linear_solver_choice, only: choose_solver
+  use dotyk_scheme_linear_solver_choice, only: choose_solver, is_network, take_factors
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_history, only: history_t
@@ -148,6 +148,16 @@ contains
         if (warm) state%y = pack(state%y, working)
         call solve_working_set(part, compliance, pack(theta, working), left, monitor, system, warm, state, error)
         if (.not. allocated(error) .and. allocated(state%m)) call complete(qp, compliance, working, state)
+      end if
+      if (allocated(error)) then
+        if (error%code == exit_not_solvable .and. is_network(system)) then
+          ! It may be singular where the factor of the whole system is not.
+          deallocate (error)
+          call monitor%note('active sets      the network of bodies is singular; again with the factor of the system')
+          call take_factors(system)
+          warm = .false.
+          cycle
+        end if
       end if
       call state%history%finish()
       call state%history%put_after(earlier)

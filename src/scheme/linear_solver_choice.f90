@@ -20,7 +20,7 @@ module dotyk_scheme_linear_solver_choice
   implicit none
   private
 
-  public :: choose_solver, room_for_matrices
+  public :: choose_solver, room_for_matrices, is_network, take_factors
 
   !> Solves of each body that conjugate gradients take for all active sets together: 50 to 150 for each active set.
   real(dp), parameter :: typical_solves = 600
@@ -155,4 +155,26 @@ contains
     ! Each rank of a node has all of them.
     bytes = bytes/n_local_ranks()
   end function room_for_matrices
+
+  !> Whether the systems are those of the network of many bodies.
+  logical function is_network(system)
+    !> What was chosen.
+    class(active_system_t), intent(in) :: system
+    is_network = .false.
+    select type (system)
+    type is (network_system_t)
+      is_network = .true.
+    end select
+  end function is_network
+
+  !> Take the factor of the whole system instead.
+  subroutine take_factors(system)
+    !> What was chosen; the other one on return.
+    class(active_system_t), allocatable, intent(inout) :: system
+    type(direct_system_t), allocatable :: direct
+    call system%destroy()
+    deallocate (system)
+    allocate (direct)
+    call move_alloc(direct, system)
+  end subroutine take_factors
 end module dotyk_scheme_linear_solver_choice
