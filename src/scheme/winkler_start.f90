@@ -157,7 +157,7 @@ contains
     end if
     call minimize(qp, e, 1.0_dp, penalty, none, motion, springs)
     found = maxval(abs(motion)) > imbalance
-    if (.not. found) return
+    if (.not. found .or. qp%coarse%n < many_modes) return
     ! Many bodies on each other: the penalty yields to the loads of all of them. The forces that it took are given now
     ! (method of multipliers), and a motion that contact stops is 0.
     call qp%mode_displacement(motion, none)
