@@ -16,6 +16,7 @@ import subprocess
 import sys
 import tempfile
 
+PROGRAM = pathlib.Path(__file__).resolve().parents[1] / "build/release/dotyk"
 RADIUS, GAP, WALL, MESH, SEARCH = 1.0, 0.02, 1.0, 0.45, 0.12
 SCENE = """&scene title='balls in a box', mesh='box.geo' /
 &material name='m', young=1e4, poisson=0.3 /
@@ -113,7 +114,7 @@ def check_statics(path, log):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--dotyk", default=os.environ.get("DOTYK", "dotyk"))
+    parser.add_argument("--dotyk", default=os.environ.get("DOTYK", str(PROGRAM)))
     parser.add_argument("--folder", help="where to leave scene and results; if absent, nowhere")
     parser.add_argument("--options", default="theta_mesh=1e-2, tolerance=1e-6", help="keys of &solver")
     parser.add_argument("n", type=int, nargs=3)
