@@ -150,7 +150,7 @@ contains
         if (.not. allocated(error) .and. allocated(state%m)) call complete(qp, compliance, working, state)
       end if
       if (allocated(error)) then
-        if (error%code == exit_not_solvable .and. is_network(system)) then
+        if (error%code == exit_not_solvable .and. is_network(system) .and. round < most_rounds) then
           ! It may be singular where the factor of the whole system is not.
           deallocate (error)
           call monitor%note('active sets      the network of bodies is singular; again with the factor of the system')
