@@ -353,7 +353,7 @@ contains
   subroutine follow_free_motion(self, r, now, moved, ended)
     !> The problem; its displacements move.
     class(distributed_contact_t), intent(inout) :: self
-    !> Residual; without resultants on free motions on return (n) [force].
+    !> Residual; without resultants on indeterminate modes on return (n) [force].
     real(dp), intent(inout), contiguous :: r(:)
     !> The iterate; rows that meet become active.
     type(iterate_t), intent(inout) :: now

@@ -45,7 +45,7 @@ contains
     real(dp), intent(in) :: row_stiffness(:)
     !> Active rows (n).
     integer, intent(in) :: active(:)
-    !> Added to the diagonal: positive where motions are free [force/length].
+    !> Added to the diagonal: positive where modes are indeterminate [force/length].
     real(dp), intent(in) :: shift
     !> The matrix.
     type(tMat), intent(inout) :: matrix

@@ -9,12 +9,12 @@ module dotyk_distributed_system
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_contact_operator, only: contact_block_t
+  use dotyk_distributed_indeterminate_modes, only: all_modes, find_indeterminate
   use dotyk_distributed_linear_solver, only: drop_solver, run_solver, solve_outcome_t, solver_t
   use dotyk_distributed_operator, only: system_operator_t
   use dotyk_distributed_petsc, only: has_failed, sum_of_ranks
   use dotyk_distributed_preconditioner, only: make_coarse_matrix, make_solver
   use dotyk_distributed_stiffness, only: distributed_stiffness_t
-  use dotyk_linalg_dense, only: symmetric_eigen
   use dotyk_linalg_sparse, only: sparse_symmetric_t
   implicit none
   private
@@ -64,9 +64,7 @@ module dotyk_distributed_system
   integer, parameter :: most_of_sample = 45
   !> Iterations of one system after which incomplete factors are given up.
   integer, parameter :: most_with_factors = 60
-  !> Eigenvalues of the restraint of motions by active rows, relative, below which there is none [].
-  real(dp), parameter :: free_motion = 1.0e-10_dp
-  !> Fraction of the mean diagonal that is added to coarse matrices where motions are free: they are taken out of
+  !> Fraction of the mean diagonal that is added to coarse matrices where modes are indeterminate: they are taken out of
   !> residuals, and must only not be divided by zero [].
   real(dp), parameter :: shift_of_free = 1.0e-7_dp
 
@@ -141,19 +139,6 @@ contains
     call self%solve_alone(r, reduction_of_sample, most_of_sample, e, outcome, error)
   end subroutine sample_spectrum
 
-  !> The identity.
-  subroutine all_modes(n, modes)
-    !> Order.
-    integer, intent(in) :: n
-    !> (n, n) []
-    real(dp), allocatable, intent(out) :: modes(:, :)
-    integer :: i
-    allocate (modes(n, n), source=0.0_dp)
-    do i = 1, n
-      modes(i, i) = 1
-    end do
-  end subroutine all_modes
-
   !> Choose the active rows and their stiffness, and set up their solver.
   subroutine system_set_active(self, row_stiffness, error)
     class(distributed_system_t), target, intent(inout) :: self
@@ -163,37 +148,13 @@ contains
     type(error_t), allocatable, intent(out) :: error
     if (self%of_contact%is_set .and. .not. any(abs(row_stiffness - self%contact%row_stiffness) > 0)) return
     call self%contact%set_active(row_stiffness, error)
-    if (.not. allocated(error)) call find_free_motions(self, row_stiffness, error)
+    if (.not. allocated(error)) call find_indeterminate(self%row_mode, row_stiffness, self%free_mode, error)
     if (.not. allocated(error)) call set_up(self, self%contact, self%of_contact, error)
   end subroutine system_set_active
 
-  !> Motions that the active rows do not restrain.
-  subroutine find_free_motions(self, row_stiffness, error)
-    !> The systems.
-    class(distributed_system_t), intent(inout) :: self
-    !> W (n_rows) [force/length].
-    real(dp), intent(in) :: row_stiffness(:)
-    !> Allocated where a number is not finite.
-    type(error_t), allocatable, intent(out) :: error
-    real(dp), allocatable :: restraint(:, :), values(:), vectors(:, :)
-    integer :: n, i, j, n_free
-    n = size(self%row_mode, 2)
-    if (n == 0) return
-    allocate (restraint(n, n), values(n), vectors(n, n))
-    do j = 1, n
-      do i = 1, n
-        restraint(i, j) = sum(row_stiffness*self%row_mode(:, i)*self%row_mode(:, j))
-      end do
-    end do
-    call symmetric_eigen(restraint, values, vectors, error)
-    if (allocated(error)) return
-    n_free = count(.not. values > free_motion*sum(row_stiffness)*maxval(self%row_mode**2))
-    self%free_mode = vectors(:, :n_free)
-  end subroutine find_free_motions
-
   !> Make the solver of an operator.
   subroutine set_up(self, operator, solver, error)
-    !> The systems, with the free motions.
+    !> The systems, with the indeterminate modes.
     class(distributed_system_t), intent(inout) :: self
     !> The operator.
     type(system_operator_t), intent(in) :: operator
@@ -228,7 +189,7 @@ contains
     do k = 1, size(vector)
       call VecDestroy(vector(k), code)
     end do
-    if (has_failed(code, 'free motions', error)) return
+    if (has_failed(code, 'null space', error)) return
     call make_solver(operator, solver%coarse, self%is_plain, solver%ksp, error)
     solver%is_set = .true.
     self%n_setups = self%n_setups + 1
@@ -237,13 +198,13 @@ contains
   !> Solve (K + B^T W B) e = r.
   subroutine system_solve(self, r, aim, most_steps, e, outcome, error)
     class(distributed_system_t), intent(inout) :: self
-    !> Forces, without resultants on free motions (n) [force].
+    !> Forces, without resultants on indeterminate modes (n) [force].
     real(dp), intent(inout), contiguous :: r(:)
     !> Residual in the norm of the preconditioner to end at [sqrt(energy)].
     real(dp), intent(in) :: aim
     !> Iterations at most.
     integer, intent(in) :: most_steps
-    !> Displacements, without free motions (n) [length].
+    !> Displacements, without indeterminate modes (n) [length].
     real(dp), intent(inout), contiguous :: e(:)
     !> How it went.
     type(solve_outcome_t), intent(out) :: outcome
