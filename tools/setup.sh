@@ -12,7 +12,7 @@ tests=(python3-numpy python3-scipy python3-matplotlib python3-vtk9 xvfb xauth)
 while [[ ${1:-} == --* ]]; do
   case $1 in
     --run) tests=() ;;
-    --mpi) packages+=(libopenmpi-dev openmpi-bin libhdf5-openmpi-dev libpetsc-real-dev) ;;
+    --mpi) packages+=(libopenmpi-dev openmpi-bin libhdf5-openmpi-dev libpetsc-real-dev pkg-config) ;;
     --slurm) packages+=(slurmctld slurmd slurm-client munge) ;;
     *) echo "setup: no option $1" >&2; exit 2 ;;
   esac

@@ -22,7 +22,6 @@ module dotyk_control_body_ranks
   contains
     procedure :: init => body_ranks_init
     procedure :: is_own => body_ranks_is_own
-    procedure :: load_imbalance => body_ranks_load_imbalance
   end type body_ranks_t
 
   public :: share_out
@@ -60,17 +59,6 @@ contains
     integer, intent(in) :: b
     is_own = belongs_here(self%owner(b))
   end function body_ranks_is_own
-
-  !> Work of the busiest rank over the mean of all [].
-  pure real(dp) function body_ranks_load_imbalance(self, n_equations) result(imbalance)
-    class(body_ranks_t), intent(in) :: self
-    !> Equations of the bodies (n_bodies).
-    integer, intent(in) :: n_equations(:)
-    real(dp) :: load(0:n_ranks() - 1)
-    integer :: r
-    load = [(sum(work_of(real(n_equations, dp)), mask=self%owner == r), r=0, n_ranks() - 1)]
-    imbalance = maxval(load)/max(tiny(load), sum(load)/n_ranks())
-  end function body_ranks_load_imbalance
 
   !> Work of a body: between that of a solve, n^(4/3), and that of a factorization, n^2 [].
   elemental real(dp) function work_of(n_equations) result(work)

@@ -6,7 +6,7 @@ module dotyk_ranks_communication
   use, intrinsic :: iso_fortran_env, only: int8
   use mpi_f08, only: mpi_abort, mpi_allgather, mpi_allgatherv, mpi_comm_free, mpi_comm_rank, mpi_comm_size, &
     mpi_comm_split_type, mpi_comm_world, mpi_comm_type_shared, mpi_double_precision, mpi_finalize, mpi_info_null, &
-    mpi_init_thread, mpi_integer8, mpi_integer1, mpi_thread_funneled, mpi_comm, mpi_initialized, mpi_bcast
+    mpi_init_thread, mpi_integer8, mpi_integer1, mpi_thread_funneled, mpi_comm, mpi_bcast
   use dotyk_base_error, only: exit_machine
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_memory, only: end_expected
