@@ -20,10 +20,15 @@ module dotyk_contact_operator
     integer :: n_nodes = 0
     !> Body-local numbers of the contact nodes, ascending (n_nodes).
     integer, allocatable :: contact_node(:)
+    !> Their numbers in the whole body, the same for congruent bodies; not allocated where this rank holds all bodies
+    !> wholly (n_nodes).
+    integer, allocatable :: whole_node(:)
     !> Rows of the operator that involve the body, ascending (matrix%n_rows).
     integer, allocatable :: row(:)
     !> These rows; column (i-1)*dimension + component of contact node i (size(row) x dimension*n_nodes) [].
     type(sparse_rows_t) :: matrix
+  contains
+    procedure :: node_numbers => block_node_numbers
   end type contact_block_t
 
   !> The operator.
@@ -45,6 +50,17 @@ module dotyk_contact_operator
   public :: build_operator
 
 contains
+
+  !> Numbers of the contact nodes in the whole body (n_nodes).
+  pure function block_node_numbers(self) result(number)
+    class(contact_block_t), intent(in) :: self
+    integer, allocatable :: number(:)
+    if (allocated(self%whole_node)) then
+      number = self%whole_node
+    else
+      number = self%contact_node
+    end if
+  end function block_node_numbers
 
   !> Build the operator of all pairs.
   subroutine build_operator(dimension, n_bodies, pairs, surfaces_a, surfaces_b, operator)

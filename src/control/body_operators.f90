@@ -1,6 +1,6 @@
 !> What the schemes get of the bodies: the modes that they solve for, and the compliance operators.
 module dotyk_control_body_operators
-  use dotyk_base_error, only: error_t
+  use dotyk_base_error, only: error_slot_t, error_t
   use dotyk_base_kinds, only: dp
   use dotyk_contact_operator, only: contact_block_t
   use dotyk_control_body_ranks, only: body_ranks_t
@@ -9,7 +9,8 @@ module dotyk_control_body_operators
   use dotyk_control_response_choice, only: operator_slot_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_body_modes, only: body_modes_t
-  use dotyk_ranks_exchange, only: item_t, share
+  use dotyk_ranks_communication, only: n_ranks
+  use dotyk_ranks_exchange, only: item_t, share, share_errors
   use dotyk_response_near_null_modes, only: separate_by_contact
   use dotyk_response_response, only: response_slot_t
   use dotyk_response_stiffness_factor, only: factorization_report_t
@@ -23,11 +24,13 @@ contains
 
   !> The modes that the scheme solves for: near-null-space modes where the factorization found them, rigid body modes
   !> elsewhere.
-  subroutine find_modes(body, classes, block, report, modes, at_contact, error)
+  subroutine find_modes(body, classes, ranks, block, report, modes, at_contact, error)
     !> Assembled (n_bodies).
     type(body_t), intent(in) :: body(:)
     !> Classes of congruent bodies.
     type(congruence_classes_t), intent(in) :: classes
+    !> Which rank computes which bodies.
+    type(body_ranks_t), intent(in) :: ranks
     !> Rows of B (n_bodies).
     type(contact_block_t), intent(in) :: block(:)
     !> Reports of the representatives (n_bodies).
@@ -39,13 +42,28 @@ contains
     !> Allocated where a mode at the contact rows is not finite, or LAPACK's singular value decomposition does not
     !> converge.
     type(error_t), allocatable, intent(out) :: error
+    type(item_t) :: item(size(body))
+    type(error_slot_t) :: failed(size(body))
     integer :: b
     allocate (at_contact(size(body)))
     do b = 1, size(body)
       associate (of_class => report(classes%first(b)))
-        if (allocated(of_class%near_null)) call take_near_null(body(b), block(b), of_class, modes(b), error)
-        if (allocated(error)) return
+        if (of_class%n_near_null == 0 .or. .not. ranks%is_own(b)) cycle
+        call take_near_null(body(b), block(b), of_class, modes(b), failed(b)%error)
+        if (n_ranks() > 1 .and. .not. allocated(failed(b)%error)) &
+          call modes(b)%pack_near_null(body(b)%shared_node, item(b)%value)
       end associate
+    end do
+    call share_errors(ranks%owner, failed)
+    do b = 1, size(body)
+      if (.not. allocated(failed(b)%error)) cycle
+      call move_alloc(failed(b)%error, error)
+      return
+    end do
+    call share(ranks%owner, item)
+    do b = 1, size(body)
+      if (.not. ranks%is_own(b) .and. report(classes%first(b))%n_near_null > 0) &
+        call modes(b)%unpack_near_null(body(b)%mesh%n_nodes(), body(b)%shared_node, item(b)%value)
       at_contact(b)%displacement = reshape(modes(b)%shape(:, block(b)%contact_node, :), &
                                            [size(modes(b)%shape, 1)*size(block(b)%contact_node), modes(b)%n])
       at_contact(b)%resultant = modes(b)%resultant

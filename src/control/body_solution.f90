@@ -2,7 +2,7 @@
 module dotyk_control_body_solution
   use dotyk_base_kinds, only: dp
   use dotyk_control_contact_problem, only: contact_problem_t, first_mode
-  use dotyk_ranks_exchange, only: item_t, share
+  use dotyk_ranks_exchange, only: all_ranks, item_t, share
   use dotyk_ranks_communication, only: n_ranks
   use dotyk_control_parallel, only: largest_first, set_blas_threads
   use dotyk_elasticity_stress, only: element_stress
@@ -13,9 +13,11 @@ module dotyk_control_body_solution
 
   !> One body under its loads and contact pressures.
   type, public :: body_solution_t
-    !> Displacements of the nodes (dimension, n_nodes) [length]; not allocated where nobody needs them.
+    !> Displacements of the nodes (dimension, n_nodes) [length]; not allocated where nobody needs them. Of bodies that
+    !> other ranks compute those of the shared nodes are known (`body_t%shared_node`), others are 0.
     real(dp), allocatable :: displacement(:, :)
-    !> Mean stress of the elements, xx yy zz xy yz xz (6, n_elements) [pressure]; not allocated where nobody asked.
+    !> Mean stress of the elements, xx yy zz xy yz xz (6, n_elements) [pressure]; not allocated where nobody asked, and
+    !> on ranks that do not compute the body.
     real(dp), allocatable :: stress(:, :)
   end type body_solution_t
 
@@ -57,27 +59,30 @@ contains
     call share_solution(problem, solution)
   end subroutine recover_bodies
 
-  !> Make the displacements and stresses of all bodies known to all ranks.
+  !> Make the displacements of the shared nodes of all bodies known to all ranks.
   subroutine share_solution(problem, solution)
     !> Bodies and their ranks.
     type(contact_problem_t), intent(in) :: problem
     !> Those of this rank in, of all out (n_bodies).
     type(body_solution_t), intent(inout) :: solution(:)
-    type(item_t) :: displacement(size(solution)), stress(size(solution))
+    type(item_t) :: item(size(solution))
     integer :: b
-    if (n_ranks() == 1) return
+    if (n_ranks() == 1 .or. all(problem%ranks%owner == all_ranks)) return
     do b = 1, size(solution)
       if (.not. problem%ranks%is_own(b)) cycle
-      displacement(b)%value = reshape(solution(b)%displacement, [size(solution(b)%displacement)])
-      if (allocated(solution(b)%stress)) stress(b)%value = reshape(solution(b)%stress, [size(solution(b)%stress)])
+      associate (body => problem%body(b))
+        item(b)%value = reshape(solution(b)%displacement(:, body%shared_node), &
+                                [body%dimension*size(body%shared_node)])
+      end associate
     end do
-    call share(problem%ranks%owner, displacement)
-    call share(problem%ranks%owner, stress)
+    call share(problem%ranks%owner, item)
     do b = 1, size(solution)
       if (problem%ranks%is_own(b)) cycle
       associate (body => problem%body(b))
-        solution(b)%displacement = reshape(displacement(b)%value, [body%dimension, body%mesh%n_nodes()])
-        if (allocated(stress(b)%value)) solution(b)%stress = reshape(stress(b)%value, [6, body%mesh%n_elements()])
+        if (allocated(solution(b)%displacement)) deallocate (solution(b)%displacement)
+        allocate (solution(b)%displacement(body%dimension, body%mesh%n_nodes()), source=0.0_dp)
+        solution(b)%displacement(:, body%shared_node) = &
+          reshape(item(b)%value, [body%dimension, size(body%shared_node)])
       end associate
     end do
   end subroutine share_solution

@@ -59,7 +59,7 @@ contains
         conditioning(b)%condition = of_class%condition
         conditioning(b)%condition_left = of_class%condition_left
         conditioning(b)%is_measured = of_class%is_measured
-        if (allocated(of_class%near_null)) conditioning(b)%n_near_null = size(of_class%near_null, 2)
+        conditioning(b)%n_near_null = of_class%n_near_null
       end associate
     end do
   end subroutine collect_conditioning

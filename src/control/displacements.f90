@@ -93,7 +93,7 @@ contains
         call refuse_lost_pressures(problem%body, conditioning, distance, norm, error)
         if (allocated(error)) return
         rounding = rounding + relative_rounding([distance, found_rounding, gaps], norm, conditioning)
-        if (rounding > tolerance) call storage_rounding(problem%body, displacements%body, stored)
+        if (rounding > tolerance) call storage_rounding(problem, displacements%body, stored)
       else
         if (allocated(displacements%body)) deallocate (displacements%body)
         allocate (displacements%body(size(problem%body)))
@@ -112,7 +112,7 @@ contains
       if (refined) then
         call refine_bodies(problem, qp, compliance, state%m, state%alpha, conditioning, displacements%body, left, error)
         if (allocated(error)) return
-        state%energy = energy_of(problem%body, qp, theta, displacements%body, state%y)
+        state%energy = energy_of(problem, qp, theta, displacements%body, state%y)
       end if
       norm = qp%energy_norm(state%m, state%y, state%alpha/qp%coarse%scale)
       call expect_rounding(problem, displacements%body, norm, distance)

@@ -16,6 +16,7 @@ module dotyk_control_error_budget
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_mesh_error, only: element_field_t, estimate_mesh_errors
   use dotyk_control_penalty_error, only: estimate_penalty_error, penalty_reference_t
+  use dotyk_ranks_exchange, only: share
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_scheme, only: scheme_t
@@ -144,7 +145,7 @@ contains
     deallocate (budget%doubtful)
     budget%of_body = nan
     do b = 1, size(budget%of_element)
-      budget%of_element(b)%value = nan
+      if (allocated(budget%of_element(b)%value)) budget%of_element(b)%value = nan
     end do
   end subroutine forget_mesh_error
 
@@ -183,10 +184,13 @@ contains
     budget%contact = 0
     if (norm_square > 0) budget%contact = sqrt(2*work/norm_square)
     budget%norm = sqrt(norm_square)
+    budget%of_body = 0
     do b = 1, size(problem%body)
+      if (.not. problem%ranks%is_own(b)) cycle
       if (norm_square > 0) budget%of_element(b)%value = sqrt(budget%of_element(b)%value/norm_square)
       budget%of_body(b) = norm2(budget%of_element(b)%value)
     end do
+    call share(problem%ranks%owner, budget%of_body)
     budget%discretization = norm2(budget%of_body)
   end subroutine estimate_mesh_error
 end module dotyk_control_error_budget

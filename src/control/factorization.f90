@@ -16,7 +16,7 @@ module dotyk_control_factorization
   use dotyk_response_cost_model, only: matrix_is_cheaper, workload_t
   use dotyk_linalg_cholesky, only: cholesky_t
   use dotyk_ranks_communication, only: n_local_ranks, n_ranks
-  use dotyk_ranks_exchange, only: item_t, share, share_errors, share_flat
+  use dotyk_ranks_exchange, only: share, share_errors, share_flat
   use dotyk_response_stiffness_factor, only: factorization_report_t
   implicit none
   private
@@ -303,31 +303,19 @@ contains
     if (.not. allocated(error)) call share_reports(ranks, report)
   end subroutine factorize_bodies
 
-  !> Make what factorizations found out about condition and near-null-space modes known to all ranks.
+  !> Make what factorizations found out about the condition known to all ranks.
   subroutine share_reports(ranks, report)
     !> Which rank computes which bodies.
     type(body_ranks_t), intent(in) :: ranks
-    !> Those of this rank in, of all out; diagonals and springs stay where they are (n_bodies).
+    !> Those of this rank in, of all out; diagonals, near-null-space modes and springs stay where they are (n_bodies).
     type(factorization_report_t), intent(inout) :: report(:)
-    type(item_t) :: mode(size(report)), stiffness(size(report))
-    integer :: b, n
-    if (n_ranks() == 1) return
+    real(dp) :: n_near_null(size(report))
+    n_near_null = report%n_near_null
+    call share(ranks%owner, n_near_null)
+    report%n_near_null = nint(n_near_null)
     call share(ranks%owner, report%condition)
     call share(ranks%owner, report%condition_left)
     call share(ranks%owner, report%is_measured)
-    do b = 1, size(report)
-      if (.not. allocated(report(b)%near_null)) cycle
-      mode(b)%value = reshape(report(b)%near_null, [size(report(b)%near_null)])
-      stiffness(b)%value = reshape(report(b)%near_null_stiffness, [size(report(b)%near_null_stiffness)])
-    end do
-    call share(ranks%owner, mode)
-    call share(ranks%owner, stiffness)
-    do b = 1, size(report)
-      if (allocated(report(b)%near_null) .or. .not. allocated(stiffness(b)%value)) cycle
-      n = nint(sqrt(real(size(stiffness(b)%value), dp)))
-      report(b)%near_null = reshape(mode(b)%value, [size(mode(b)%value)/n, n])
-      report(b)%near_null_stiffness = reshape(stiffness(b)%value, [n, n])
-    end do
   end subroutine share_reports
 
   !> All bodies' errors as one.

@@ -10,7 +10,7 @@ module dotyk_control_mesh_error
   use dotyk_elasticity_discretization_error, only: estimate_discretization_errors
   use dotyk_elasticity_element_residual, only: residual_data_t
   use dotyk_elasticity_residual_check, only: check_by_residuals
-  use dotyk_ranks_exchange, only: item_t, share
+  use dotyk_ranks_exchange, only: share
   implicit none
   private
 
@@ -40,14 +40,14 @@ contains
     real(dp), intent(in) :: m(:)
     !> With displacements (n_bodies).
     type(body_solution_t), intent(in) :: solution(:)
-    !> Elements in the order of the blocks (n_bodies) [energy].
+    !> Elements in the order of the blocks; not allocated for bodies of other ranks (n_bodies) [energy].
     type(element_field_t), allocatable, intent(out) :: of_element(:)
     !> Squared energy norm of the solution [energy].
     real(dp), intent(out) :: norm_square
     !> Allocated where a formula of a material cannot be evaluated.
     type(error_t), allocatable, intent(out) :: error
     integer, allocatable :: alike(:)
-    real(dp) :: of_body(size(problem%body)), least
+    real(dp) :: of_body(size(problem%body)), of_elements(size(problem%body)), least
     integer :: c, i, n, part
     allocate (of_element(size(problem%body)))
     least = 0
@@ -56,11 +56,10 @@ contains
     do part = 1, 2
       do i = 1, size(problem%body)
         if (.not. problem%classes%is_representative(i)) cycle
-        alike = pack([(c, c=1, size(problem%body))], problem%classes%first == i)
+        alike = pack([(c, c=1, size(problem%body))], &
+                     problem%classes%first == i .and. problem%ranks%is_own([(c, c=1, size(problem%body))]))
         do c = 1, size(alike), most_bodies
           associate (some => alike(c:min(c + most_bodies - 1, size(alike))))
-            ! As a whole, so that its digits do not depend on the ranks of its bodies.
-            if (.not. any(problem%ranks%is_own(some))) cycle
             if (part == 1) then
               call estimate_some(problem%body(i), problem%classes, some, solution, of_element, of_body, error)
             else
@@ -70,34 +69,18 @@ contains
           if (allocated(error)) return
         end do
       end do
-      call share_elements(problem%ranks%owner, of_element)
       if (part == 2) exit
+      of_elements = 0
       do i = 1, size(of_element)
-        least = least + sum(of_element(i)%value)
-        n = n + size(of_element(i)%value)
+        if (allocated(of_element(i)%value)) of_elements(i) = sum(of_element(i)%value)
+        n = n + problem%body(i)%mesh%n_whole_elements()
       end do
-      least = least_share*least/n
+      call share(problem%ranks%owner, of_elements)
+      least = least_share*sum(of_elements)/n
     end do
     call share(problem%ranks%owner, of_body)
     norm_square = sum(of_body)
   end subroutine estimate_mesh_errors
-
-  !> Make the errors of all elements known to all ranks.
-  subroutine share_elements(owner, of_element)
-    !> Rank of each body (n_bodies).
-    integer, intent(in) :: owner(:)
-    !> Those of this rank in, of all out (n_bodies).
-    type(element_field_t), intent(inout) :: of_element(:)
-    type(item_t) :: item(size(of_element))
-    integer :: b
-    do b = 1, size(item)
-      call move_alloc(of_element(b)%value, item(b)%value)
-    end do
-    call share(owner, item)
-    do b = 1, size(item)
-      call move_alloc(item(b)%value, of_element(b)%value)
-    end do
-  end subroutine share_elements
 
   !> Hold the errors of some congruent bodies against the residuals of their elements.
   subroutine check_some(problem, alike, first_row, m, solution, least, of_element, error)

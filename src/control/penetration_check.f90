@@ -23,6 +23,7 @@ module dotyk_control_penetration_check
   use dotyk_mesh_body_mesh, only: body_mesh_t, connected_components
   use dotyk_mesh_boundary, only: extract_boundary
   use dotyk_mesh_surface, only: surface_t
+  use dotyk_ranks_exchange, only: share
   implicit none
   private
 
@@ -118,14 +119,19 @@ contains
     type(penetration_check_t), intent(out) :: check
     integer, allocatable :: couple(:, :)
     real(dp) :: lo(3, size(problem%body)), hi(3, size(problem%body))
-    integer :: b
+    integer :: b, k
     lo = 0
     hi = 0
     do b = 1, size(problem%body)
+      if (.not. problem%ranks%is_own(b)) cycle
       associate (x => problem%body(b)%mesh%x, u => solution(b)%displacement)
         lo(1:size(x, 1), b) = min(minval(x, dim=2), minval(x + u, dim=2))
         hi(1:size(x, 1), b) = max(maxval(x, dim=2), maxval(x + u, dim=2))
       end associate
+    end do
+    do k = 1, 3
+      call share(problem%ranks%owner, lo(k, :))
+      call share(problem%ranks%owner, hi(k, :))
     end do
     call overlapping_boxes(lo, hi, couple)
     call check_couples(problem, solution, first_row, y, error_bound, couple, check)
@@ -158,9 +164,11 @@ contains
       allocate (check%depth(b)%value(problem%body(b)%mesh%n_nodes()), source=0.0_dp)
     end do
     check%is_done = .true.
+    moved = 0
     do b = 1, n
-      moved(b) = maxval(norm2(solution(b)%displacement, dim=1))
+      if (problem%ranks%is_own(b)) moved(b) = maxval(norm2(solution(b)%displacement, dim=1))
     end do
+    call share(problem%ranks%owner, moved)
     needed = .false.
     needed(couple(1, :)) = .true.
     needed(couple(2, :)) = .true.

@@ -171,9 +171,9 @@ contains
   end subroutine penetrations
 
   !> F_theta(u) of equation (19) from the displacements; without the energy of penetrations where theta = 0 [energy].
-  real(dp) function energy_of(body, rows, theta, solution, y) result(energy)
-    !> Bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
+  real(dp) function energy_of(problem, rows, theta, solution, y) result(energy)
+    !> Bodies and their ranks.
+    type(contact_problem_t), intent(in) :: problem
     !> Weights of the rows.
     type(contact_qp_t), intent(in) :: rows
     !> Penalty parameters (n_rows) [length/pressure].
@@ -182,10 +182,20 @@ contains
     type(body_solution_t), intent(in) :: solution(:)
     !> B u - d (n_rows) [length].
     real(dp), intent(in) :: y(:)
+    real(dp), dimension(size(solution)) :: strained, work
     integer :: b
+    strained = 0
+    work = 0
+    do b = 1, size(solution)
+      if (.not. problem%ranks%is_own(b)) cycle
+      strained(b) = strain_energy(problem%body(b), solution(b)%displacement)
+      work(b) = sum(problem%body(b)%load*solution(b)%displacement)
+    end do
+    call share(problem%ranks%owner, strained)
+    call share(problem%ranks%owner, work)
     energy = 0.5_dp*sum(rows%weight*max(0.0_dp, y)**2/theta, mask=theta > 0)
-    do b = 1, size(body)
-      energy = energy + strain_energy(body(b), solution(b)%displacement) - sum(body(b)%load*solution(b)%displacement)
+    do b = 1, size(solution)
+      energy = energy + strained(b) - work(b)
     end do
   end function energy_of
 

@@ -172,24 +172,27 @@ contains
 
   !> The energy norm of half a unit in the last place of the displacements, of each body: no result stored in double
   !> precision is more accurate.
-  subroutine storage_rounding(body, solution, distance)
-    !> Bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
+  subroutine storage_rounding(problem, solution, distance)
+    !> Bodies and their ranks.
+    type(contact_problem_t), intent(in) :: problem
     !> Recovered (n_bodies).
     type(body_solution_t), intent(in) :: solution(:)
     !> In the energy norm (n_bodies) [sqrt(energy)].
     real(dp), intent(out) :: distance(:)
     real(dp), allocatable :: unit(:, :)
     integer :: b, i, k
-    do b = 1, size(body)
+    distance = 0
+    do b = 1, size(solution)
+      if (.not. problem%ranks%is_own(b)) cycle
       unit = spacing(solution(b)%displacement)
       do i = 1, size(unit, 2)
         do k = 1, size(unit, 1)
           if (is_negative(i, k)) unit(k, i) = -unit(k, i)
         end do
       end do
-      distance(b) = sqrt(2*strain_energy(body(b), unit))
+      distance(b) = sqrt(2*strain_energy(problem%body(b), unit))
     end do
+    call share(problem%ranks%owner, distance)
   end subroutine storage_rounding
 
   !> A pattern of signs without order: neighbours are not rounded alike. i enters modulo 7, so that no product

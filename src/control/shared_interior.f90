@@ -4,14 +4,13 @@ module dotyk_control_shared_interior
   use dotyk_base_kinds, only: dp
   use dotyk_contact_solid_boundary, only: solid_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_mesh_held_part, only: sample_step
   implicit none
   private
   public :: find_shared_interior
 
   !> Only bodies whose boxes before deformation differ by less than this fraction of their diagonal are looked at [].
   real(dp), parameter :: same_box = 0.25_dp
-  !> Elements of a block that are looked at, at most.
-  integer, parameter :: most_samples = 64
 
 contains
 
@@ -30,7 +29,7 @@ contains
     !> Position after deformation (3) [length].
     real(dp), intent(out) :: position(3)
     real(dp) :: x(3), xi(2), here, size_of
-    integer :: b, e, facet, n, n_inside
+    integer :: b, e, facet, n, n_inside, first, step
     depth = 0
     position = 0
     size_of = norm2(maxval(own%x0, 2) - minval(own%x0, 2))
@@ -39,9 +38,15 @@ contains
     n = 0
     n_inside = 0
     x = 0
+    first = 0
     do b = 1, size(mesh%block)
       associate (node => mesh%block(b)%node, d => size(u, 1))
-        do e = 1, size(node, 2), 1 + size(node, 2)/most_samples
+        step = sample_step(size(node, 2))
+        if (allocated(mesh%whole)) step = 1
+        do e = 1, size(node, 2), step
+          if (allocated(mesh%whole)) then
+            if (mod(mesh%whole%element(first + e) - 1, sample_step(mesh%whole%n_of_block(b))) > 0) cycle
+          end if
           x(1:d) = sum(mesh%x(:, node(:, e)) + u(:, node(:, e)), 2)/size(node, 1)
           call other%depth_of(x, 0, here, facet, xi)
           n = n + 1
@@ -51,6 +56,7 @@ contains
           depth = here
           position = x
         end do
+        first = first + size(node, 2)
       end associate
     end do
     if (2*n_inside < n) depth = 0

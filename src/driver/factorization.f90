@@ -52,7 +52,7 @@ contains
     end if
     if (allocated(error)) return
     associate (problem => scene%problem, block => scene%operator%block, qp => scene%qp, compliance => scene%compliance)
-      call find_modes(problem%body, problem%classes, block, problem%report, problem%modes, modes, error)
+      call find_modes(problem%body, problem%classes, problem%ranks, block, problem%report, problem%modes, modes, error)
       if (allocated(error)) return
       call make_operators(problem%body, problem%classes, problem%ranks, block, problem%report, scene%size_of, &
                           scene%slot, response, operators)

@@ -3,11 +3,11 @@ module dotyk_driver_finite
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use dotyk_base_error, only: error_t, exit_not_solvable, set_error
   use dotyk_base_text, only: quoted, to_text
-  use dotyk_contact_pair, only: contact_pair_t
   use dotyk_control_body_solution, only: body_solution_t
+  use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_pressures, only: pair_solution_t
-  use dotyk_elasticity_body, only: body_t
   use dotyk_input_case, only: case_t
+  use dotyk_ranks_exchange, only: share
   use dotyk_scheme_solver_state, only: solver_state_t
   implicit none
   private
@@ -20,15 +20,13 @@ module dotyk_driver_finite
 contains
 
   !> Refuse a solution whose displacements, stresses, pressures or energy overflowed.
-  subroutine refuse_overflow(case, body, pair, solution, pair_solution, state, error)
+  subroutine refuse_overflow(case, problem, solution, pair_solution, state, error)
     !> The case.
     type(case_t), intent(in) :: case
-    !> Bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
+    !> Bodies, their ranks, contact pairs.
+    type(contact_problem_t), intent(in) :: problem
     !> Displacements and stresses of the bodies (n_bodies).
     type(body_solution_t), intent(in) :: solution(:)
-    !> Contact pairs (n_pairs).
-    type(contact_pair_t), intent(in) :: pair(:)
     !> Contact pressures, gaps and resultants of the pairs (n_pairs).
     type(pair_solution_t), intent(in) :: pair_solution(:)
     !> State of the scheme, with the energy.
@@ -36,26 +34,31 @@ contains
     !> Allocated where a value is not finite; names the first body or pair; exit code `exit_not_solvable`.
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: what
+    logical, dimension(size(solution)) :: moved, stressed
     integer :: b, k
-    do b = 1, size(body)
-      what = ''
-      if (allocated(solution(b)%displacement)) then
-        if (.not. all(ieee_is_finite(solution(b)%displacement))) what = 'displacements'
-      end if
-      if (allocated(solution(b)%stress)) then
-        if (len(what) == 0 .and. .not. all(ieee_is_finite(solution(b)%stress))) what = 'stresses'
-      end if
-      if (len(what) == 0) cycle
-      call set_error(error, case%file//':'//to_text(case%body(b)%line)//': body '//quoted(body(b)%name)// &
+    moved = .true.
+    stressed = .true.
+    do b = 1, size(solution)
+      if (.not. problem%ranks%is_own(b)) cycle
+      if (allocated(solution(b)%displacement)) moved(b) = all(ieee_is_finite(solution(b)%displacement))
+      if (allocated(solution(b)%stress)) stressed(b) = all(ieee_is_finite(solution(b)%stress))
+    end do
+    call share(problem%ranks%owner, moved)
+    call share(problem%ranks%owner, stressed)
+    do b = 1, size(solution)
+      if (moved(b) .and. stressed(b)) cycle
+      what = 'stresses'
+      if (.not. moved(b)) what = 'displacements'
+      call set_error(error, case%file//':'//to_text(case%body(b)%line)//': body '//quoted(problem%body(b)%name)// &
                      ': the '//what//' are'//reason, exit_not_solvable)
       return
     end do
-    do k = 1, size(pair)
+    do k = 1, size(pair_solution)
       associate (found => pair_solution(k))
         if (all(ieee_is_finite(found%pressure)) .and. all(ieee_is_finite(found%projected)) .and. &
             all(ieee_is_finite(found%gap)) .and. all(ieee_is_finite(found%force))) cycle
       end associate
-      call set_error(error, case%file//':'//to_text(case%contact(k)%line)//': &contact '//quoted(pair(k)%name)// &
+      call set_error(error, case%file//':'//to_text(case%contact(k)%line)//': &contact '//quoted(problem%pair(k)%name)// &
                      ': the pressures are'//reason, exit_not_solvable)
       return
     end do

@@ -41,7 +41,7 @@ contains
     call check_penetration(scene%problem, solution%displacements%body, scene%qp%pair_first_row, solution%state%y, &
                            solution%state%error_bound, solution%penetration)
     call monitor%watch%lap(monitor%timing%check)
-    call show_large_motion(monitor%log, scene%problem%body, scene%problem%neutral, solution%displacements%body)
+    call show_large_motion(monitor%log, scene%problem, solution%displacements%body)
     call show_penetration(monitor%log, scene%problem%body, solution%penetration)
     call note_formulas(monitor%log, scene%problem%pair)
     if (size(solution%penetration%found) > 0 .and. solution%state%has_converged()) &

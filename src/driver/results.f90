@@ -63,16 +63,15 @@ contains
       call project_pressures(problem, qp%pair_first_row, solution%state%m, solution%state%y, pair_solution, &
                              contact_pressure, error)
       if (allocated(error)) return
-      call refuse_overflow(case, problem%body, problem%pair, displacements, pair_solution, solution%state, error)
+      call refuse_overflow(case, problem, displacements, pair_solution, solution%state, error)
       if (allocated(error)) return
       if (solution%state%ended /= ended_time) call show_pair_results(monitor%log, problem%pair, pair_solution)
       call monitor%watch%lap(monitor%timing%recover)
       monitor%timing%total = monitor%watch%since_start()
-      if (this_rank() > 0) return
       call set_stage('writing results')
-      call write_fields(file, case, problem%body, displacements, contact_pressure, solution%budget, &
+      call write_fields(file, case, problem%body, problem%ranks, displacements, contact_pressure, solution%budget, &
                         solution%penetration, error)
-      if (allocated(error)) return
+      if (allocated(error) .or. this_rank() > 0) return
       call write_pairs(file, problem%pair, qp%pair_first_row, solution, pair_solution)
       call write_summary(file, case, problem, scene%size_of, qp, scene%compliance%n_sweeps, &
                          full_solves(scene, solution), solution)

@@ -14,8 +14,10 @@ module dotyk_driver_scene_building
   use dotyk_input_case, only: case_t
   use dotyk_log_run_monitor, only: log_monitor_t
   use dotyk_model_assembly, only: assemble_bodies, check_held
+  use dotyk_model_body_parts, only: hold_surfaces
   use dotyk_model_body_setup, only: body_surfaces_t, build_bodies
   use dotyk_model_pairs, only: find_pairs
+  use dotyk_ranks_communication, only: n_ranks
   use dotyk_ranks_exchange, only: meet
   use dotyk_scheme_scheme, only: scheme_t
   use dotyk_split_split_scene, only: can_split
@@ -62,6 +64,8 @@ contains
       if (splits) call choose_split(problem%body, monitor, form, splits)
       if (splits) call problem%classes%init(size(problem%body))
       call problem%ranks%init(problem%body, problem%classes, splits)
+      if (.not. splits) &
+        call hold_surfaces(problem%classes, problem%ranks, problem%body, surfaces, problem%modes)
       call assemble_bodies(case, problem%classes, problem%ranks, form, problem%body, problem%modes, scene%stiffness, &
                            scene%slot, error)
       if (splits .and. .not. allocated(error)) call scene%split%assemble(problem%body, error)
@@ -76,6 +80,11 @@ contains
       if (allocated(error)) return
       call build_operator(case%scene%dimension, size(problem%body), problem%pair, problem%surface_a, &
                           problem%surface_b, scene%operator)
+      do i = 1, size(problem%body)
+        associate (block => scene%operator%block(i))
+          if (n_ranks() > 1) block%whole_node = problem%body(i)%mesh%whole_nodes(block%contact_node)
+        end associate
+      end do
       call monitor%watch%lap(monitor%timing%search)
       call set_stage('ordering the equations')
       call analyze_bodies(problem%body, problem%modes, scene%stiffness, problem%classes, problem%ranks, &

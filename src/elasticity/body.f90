@@ -50,10 +50,17 @@ module dotyk_elasticity_body
     real(dp) :: volume = 0
     !> Mean of the modulus field over the volume [].
     real(dp) :: mean_modulus_factor = 1
+    !> Nodes that every rank holds, ascending: those of the boundary among them; allocated in runs on several ranks
+    !> (n_shared_nodes).
+    integer, allocatable :: shared_node(:)
+    !> Whether the body has loads or given displacements at nodes that this rank does not hold.
+    logical, private :: is_loaded_inside = .false.
   contains
     procedure :: assemble => body_assemble
     procedure :: assemble_like => body_assemble_like
     procedure :: assemble_loads => body_assemble_loads
+    procedure :: hold_nodes => body_hold_nodes
+    procedure :: is_idle => body_is_idle
     procedure :: young => body_young
     procedure :: destroy => body_destroy
   end type body_t
@@ -150,6 +157,30 @@ contains
     call self%constraint%reduce(self%load, self%rhs)
     call subtract_dirichlet_lift(self%mesh, self%analysis, self%material, self%constraint, self%rhs, error)
   end subroutine body_assemble_loads
+
+  !> Keep what belongs to some nodes. The equations keep their numbers in the whole body.
+  subroutine body_hold_nodes(self, node)
+    class(body_t), intent(inout) :: self
+    !> Numbers of the nodes in the whole body, ascending (n_held_nodes).
+    integer, intent(in) :: node(:)
+    integer :: i
+    self%is_loaded_inside = .not. self%is_idle()
+    associate (constraint => self%constraint)
+      constraint%equation = constraint%equation(:, node)
+      constraint%prescribed = constraint%prescribed(:, node)
+      constraint%frame_of = constraint%frame_of(node)
+    end associate
+    if (allocated(self%load)) self%load = self%load(:, node)
+    self%applied = point_forces_t()
+    self%shared_node = [(i, i=1, size(node))]
+  end subroutine body_hold_nodes
+
+  !> Whether there are neither loads nor prescribed displacements.
+  pure logical function body_is_idle(self) result(is_idle)
+    class(body_t), intent(in) :: self
+    is_idle = .not. (self%is_loaded_inside .or. any(abs(self%constraint%prescribed) > 0))
+    if (is_idle .and. allocated(self%load)) is_idle = .not. any(abs(self%load) > 0)
+  end function body_is_idle
 
   !> Young's modulus for scaling: that of the softest material axis, averaged over the body [pressure].
   real(dp) function body_young(self) result(young)

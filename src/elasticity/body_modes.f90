@@ -32,8 +32,11 @@ module dotyk_elasticity_body_modes
     procedure :: find => modes_find
     procedure :: move => modes_move
     procedure :: rotate => modes_rotate
+    procedure :: hold_nodes => modes_hold_nodes
     procedure :: components => modes_components
     procedure :: take_near_null => modes_take_near_null
+    procedure :: pack_near_null => modes_pack_near_null
+    procedure :: unpack_near_null => modes_unpack_near_null
     procedure :: is_near_null => modes_is_near_null
     procedure :: combination_text => modes_combination_text
     procedure :: span_text => modes_span_text
@@ -81,6 +84,14 @@ contains
     self%resultant = resultants(self%shape, body%load)
   end subroutine modes_move
 
+  !> Keep the displacements of some nodes.
+  subroutine modes_hold_nodes(self, node)
+    class(body_modes_t), intent(inout) :: self
+    !> Numbers of the nodes, ascending (n_held_nodes).
+    integer, intent(in) :: node(:)
+    self%shape = self%shape(:, node, :)
+  end subroutine modes_hold_nodes
+
   !> Take another basis of the rigid body modes.
   subroutine modes_rotate(self, basis)
     class(body_modes_t), intent(inout) :: self
@@ -123,6 +134,41 @@ contains
     self%resultant = matmul(body%rhs, mode)
     self%resultant_size = matmul(abs(body%rhs), abs(mode))
   end subroutine modes_take_near_null
+
+  !> Near-null-space modes as numbers for other ranks.
+  pure subroutine modes_pack_near_null(self, node, value)
+    class(body_modes_t), intent(in) :: self
+    !> Nodes of which the displacements are packed (n_shared).
+    integer, intent(in) :: node(:)
+    !> The numbers (any).
+    real(dp), allocatable, intent(out) :: value(:)
+    value = [real(self%n, dp), self%resultant, self%lift_resultant, self%resultant_size, &
+             reshape(self%stiffness, [self%n**2]), &
+             reshape(self%shape(:, node, :), [size(self%shape, 1)*size(node)*self%n])]
+  end subroutine modes_pack_near_null
+
+  !> Near-null-space modes from the numbers of another rank, in place of the rigid body modes.
+  subroutine modes_unpack_near_null(self, n_nodes, node, value)
+    class(body_modes_t), intent(inout) :: self
+    !> Number of nodes of the body on this rank.
+    integer, intent(in) :: n_nodes
+    !> Those whose displacements were packed; others get 0 (n_shared).
+    integer, intent(in) :: node(:)
+    !> From `pack_near_null` (any).
+    real(dp), intent(in) :: value(:)
+    integer :: n, d
+    d = size(self%shape, 1)
+    n = nint(value(1))
+    self%n = n
+    self%resultant = value(2:n + 1)
+    self%lift_resultant = value(n + 2:2*n + 1)
+    self%resultant_size = value(2*n + 2:3*n + 1)
+    self%stiffness = reshape(value(3*n + 2:3*n + 1 + n**2), [n, n])
+    deallocate (self%shape)
+    allocate (self%shape(d, n_nodes, n), source=0.0_dp)
+    self%shape(:, node, :) = reshape(value(3*n + 2 + n**2:), [d, size(node), n])
+    self%rigid = rigid_body_modes_t()
+  end subroutine modes_unpack_near_null
 
   !> Whether the modes are near-null-space modes.
   elemental logical function modes_is_near_null(self) result(is_near_null)

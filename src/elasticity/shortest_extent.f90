@@ -25,6 +25,10 @@ contains
     real(dp), dimension(mesh%dimension, mesh%dimension) :: second, axes
     real(dp) :: volume
     integer :: b, k
+    if (allocated(mesh%whole)) then
+      extent = mesh%whole%shortest_extent
+      return
+    end if
     origin = sum(mesh%x, dim=2)/mesh%n_nodes()
     volume = 0
     first = 0

@@ -143,8 +143,7 @@ contains
     if (size(problem%body) < 2 .or. size(pressure) == 0) return
     least = nothing*maxval(abs(pressure))
     do k = 1, size(idle)
-      idle(k) = .not. (maxval(abs(problem%body(k)%load)) > 0 .or. &
-                       maxval(abs(problem%body(k)%constraint%prescribed)) > 0)
+      idle(k) = problem%body(k)%is_idle()
     end do
     do k = 1, size(problem%pair)
       if (.not. maxval(abs(pressure(first_row(k):first_row(k + 1) - 1))) > least) cycle

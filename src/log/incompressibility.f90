@@ -35,8 +35,8 @@ contains
     do b = 1, size(body)
       if (.not. is_nearly_incompressible(body(b), case%solver%locking)) cycle
       n = n + 1
-      before = before + size(body(b)%mesh%mesh_node)
-      after = after + body(b)%mesh%n_nodes()
+      before = before + body(b)%mesh%n_file_nodes()
+      after = after + body(b)%mesh%n_whole_nodes()
       if (classes%n() <= most_shown .and. classes%is_representative(b)) &
         call log%line(line_of(body(b), count(classes%first == b), case%solver%locking))
     end do
@@ -84,8 +84,8 @@ contains
     else
       line = '  '//line//'projected dilatation (B-bar)'
       if (body%mesh%order_elevated) then
-        line = line//'; linear elements elevated to order 2: '//to_text(size(body%mesh%mesh_node))// &
-          ' nodes in the mesh, '//to_text(body%mesh%n_nodes())//' now'
+        line = line//'; linear elements elevated to order 2: '//to_text(body%mesh%n_file_nodes())// &
+          ' nodes in the mesh, '//to_text(body%mesh%n_whole_nodes())//' now'
       else if (has_linear_simplices(body%mesh)) then
         line = line//'; linear triangles, tetrahedra and prisms may lock'
       end if

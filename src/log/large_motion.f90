@@ -4,10 +4,10 @@ module dotyk_log_large_motion
   use dotyk_base_log, only: log_t
   use dotyk_base_text, only: counted, quoted, to_text
   use dotyk_control_body_solution, only: body_solution_t
-  use dotyk_control_contact_problem, only: neutral_body_t
-  use dotyk_elasticity_body, only: body_t
+  use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t
+  use dotyk_ranks_exchange, only: share
   implicit none
   private
   public :: show_large_motion
@@ -21,40 +21,45 @@ contains
 
   !> Warn of the body that moves farthest by its size, of the one that rotates most, and of the one with the largest
   !> strain.
-  subroutine show_large_motion(log, body, neutral, solution)
+  subroutine show_large_motion(log, problem, solution)
     !> The log.
     type(log_t), intent(inout) :: log
-    !> Bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Their neutral modes (n_bodies).
-    type(neutral_body_t), intent(in) :: neutral(:)
-    !> Their displacements (n_bodies).
+    !> Bodies, their ranks and neutral modes.
+    type(contact_problem_t), intent(in) :: problem
+    !> Displacements of the bodies (n_bodies).
     type(body_solution_t), intent(in) :: solution(:)
-    real(dp) :: ratio(size(body)), angle(size(body))
+    real(dp), dimension(size(solution)) :: ratio, angle, stretch
     integer :: b
-    do b = 1, size(body)
-      associate (x => body(b)%mesh%x, u => solution(b)%displacement)
+    ratio = 0
+    angle = 0
+    stretch = 0
+    do b = 1, size(solution)
+      if (.not. problem%ranks%is_own(b)) cycle
+      associate (x => problem%body(b)%mesh%x, u => solution(b)%displacement)
         ratio(b) = maxval(norm2(u, dim=1))/norm2(maxval(x, 2) - minval(x, 2))
         angle(b) = mean_rotation(x, u)
+        stretch(b) = largest_stretch(problem%body(b)%mesh, u)
       end associate
     end do
+    call share(problem%ranks%owner, ratio)
+    call share(problem%ranks%owner, angle)
+    call share(problem%ranks%owner, stretch)
     b = maxloc(ratio, dim=1)
     if (ratio(b) > large_displacement) &
-      call log%line('  large motion     '//quoted(body(b)%name)//' moves by '//to_text(ratio(b), 3)// &
+      call log%line('  large motion     '//quoted(problem%body(b)%name)//' moves by '//to_text(ratio(b), 3)// &
                     ' times its size'//others(count(ratio > large_displacement) - 1)// &
                     '; contact was searched where the bodies are placed')
     if (ratio(b) > large_displacement) call show_neutral(b)
     b = maxloc(angle, dim=1)
     if (angle(b) > large_rotation) &
-      call log%line('  large motion     '//quoted(body(b)%name)//' rotates by '//to_text(angle(b), 3)//' rad'// &
+      call log%line('  large motion     '//quoted(problem%body(b)%name)//' rotates by '//to_text(angle(b), 3)//' rad'// &
                     others(count(angle > large_rotation) - 1)//'; small-displacement theory stretches it by '// &
                     to_text(100*angle(b)**2/2, 2)//' %')
     if (angle(b) > large_rotation) call show_neutral(b)
-    ratio = [(largest_stretch(body(b)%mesh, solution(b)%displacement), b=1, size(body))]
-    b = maxloc(ratio, dim=1)
-    if (ratio(b) > large_strain) &
-      call log%line('  large strain     '//quoted(body(b)%name)//': an element is stretched or shortened by '// &
-                    to_text(100*ratio(b), 2)//' %'//others(count(ratio > large_strain) - 1)// &
+    b = maxloc(stretch, dim=1)
+    if (stretch(b) > large_strain) &
+      call log%line('  large strain     '//quoted(problem%body(b)%name)//': an element is stretched or shortened by '// &
+                    to_text(100*stretch(b), 2)//' %'//others(count(stretch > large_strain) - 1)// &
                     '; check loads, positions and units, or a singular corner: the theory is linear')
 
   contains
@@ -63,8 +68,8 @@ contains
     subroutine show_neutral(b)
       !> The body.
       integer, intent(in) :: b
-      if (neutral(b)%n_free > 0) &
-        call log%line('                   contact resists '//counted(neutral(b)%n_free, 'motion')// &
+      if (problem%neutral(b)%n_free > 0) &
+        call log%line('                   contact resists '//counted(problem%neutral(b)%n_free, 'motion')// &
                       ' of it by no more than its normals are uncertain: hold it by a support')
     end subroutine show_neutral
   end subroutine show_large_motion

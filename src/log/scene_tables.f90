@@ -89,13 +89,13 @@ contains
     nodes = 0
     unknowns = 0
     do b = 1, size(body)
-      elements = elements + body(b)%mesh%n_elements()
-      nodes = nodes + body(b)%mesh%n_nodes()
+      elements = elements + body(b)%mesh%n_whole_elements()
+      nodes = nodes + body(b)%mesh%n_whole_nodes()
       unknowns = unknowns + body(b)%constraint%n_equations
       if (classes%n() > most_shown .or. .not. classes%is_representative(b)) cycle
       name = body(b)%name
       if (count(classes%first == b) > 1) name = to_text(count(classes%first == b))//' x '//name
-      call log%line(body_line(name, body(b)%material%name, body(b)%mesh%n_elements(), body(b)%mesh%n_nodes(), &
+      call log%line(body_line(name, body(b)%material%name, body(b)%mesh%n_whole_elements(), body(b)%mesh%n_whole_nodes(), &
                               body(b)%constraint%n_equations, size_of(b)%entries, size_of(b)%flops))
     end do
     if (size(body) > 1) &

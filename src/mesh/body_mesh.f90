@@ -7,6 +7,7 @@ module dotyk_mesh_body_mesh
   use dotyk_mesh_mesh, only: element_block_t, mesh_t
   use dotyk_mesh_mesh_check, only: check_size, check_plane, check_repeated_elements, orient_elements
   use dotyk_mesh_physical_group, only: groups_named, unknown_group
+  use dotyk_mesh_whole_body, only: whole_body_t
   implicit none
   private
 
@@ -29,9 +30,17 @@ module dotyk_mesh_body_mesh
     !> The elements are quadratic on the straight edges and faces of the linear elements of the file
     !> (`dotyk_mesh_order_elevation`).
     logical :: order_elevated = .false.
+    !> What is known of the whole body; allocated on ranks that hold a part of its mesh only (`dotyk_mesh_held_part`).
+    type(whole_body_t), allocatable :: whole
   contains
     procedure :: n_nodes => body_mesh_n_nodes
     procedure :: n_elements => body_mesh_n_elements
+    procedure :: n_whole_nodes => body_mesh_n_whole_nodes
+    procedure :: n_whole_elements => body_mesh_n_whole_elements
+    procedure :: whole_block_size => body_mesh_whole_block_size
+    procedure :: n_file_nodes => body_mesh_n_file_nodes
+    procedure :: is_whole => body_mesh_is_whole
+    procedure :: whole_nodes => body_mesh_whole_nodes
     procedure :: box => body_mesh_box
     procedure :: diameter => body_mesh_diameter
   end type body_mesh_t
@@ -40,18 +49,68 @@ module dotyk_mesh_body_mesh
 
 contains
 
-  !> Number of nodes.
+  !> Number of held nodes: of all, unless the rank holds a part of the body.
   pure integer function body_mesh_n_nodes(self) result(n)
     class(body_mesh_t), intent(in) :: self
     n = size(self%x, 2)
   end function body_mesh_n_nodes
 
-  !> Number of elements.
+  !> Number of held elements.
   pure integer function body_mesh_n_elements(self) result(n)
     class(body_mesh_t), intent(in) :: self
     integer :: b
     n = sum([(size(self%block(b)%tag), b=1, size(self%block))])
   end function body_mesh_n_elements
+
+  !> Number of nodes of the whole body.
+  pure integer function body_mesh_n_whole_nodes(self) result(n)
+    class(body_mesh_t), intent(in) :: self
+    n = self%n_nodes()
+    if (allocated(self%whole)) n = self%whole%n_nodes
+  end function body_mesh_n_whole_nodes
+
+  !> Number of elements of the whole body.
+  pure integer function body_mesh_n_whole_elements(self) result(n)
+    class(body_mesh_t), intent(in) :: self
+    if (allocated(self%whole)) then
+      n = sum(self%whole%n_of_block)
+    else
+      n = self%n_elements()
+    end if
+  end function body_mesh_n_whole_elements
+
+  !> Number of elements of a block of the whole body.
+  pure integer function body_mesh_whole_block_size(self, b) result(n)
+    class(body_mesh_t), intent(in) :: self
+    !> Index of the block.
+    integer, intent(in) :: b
+    n = size(self%block(b)%tag)
+    if (allocated(self%whole)) n = self%whole%n_of_block(b)
+  end function body_mesh_whole_block_size
+
+  !> Number of nodes of the whole body that are in the mesh file, not from order elevation.
+  pure integer function body_mesh_n_file_nodes(self) result(n)
+    class(body_mesh_t), intent(in) :: self
+    n = self%n_nodes()
+    if (allocated(self%mesh_node)) n = size(self%mesh_node)
+    if (allocated(self%whole)) n = self%whole%n_file_nodes
+  end function body_mesh_n_file_nodes
+
+  !> Whether this rank holds all of the body.
+  elemental logical function body_mesh_is_whole(self) result(is_whole)
+    class(body_mesh_t), intent(in) :: self
+    is_whole = .not. allocated(self%whole)
+  end function body_mesh_is_whole
+
+  !> Numbers in the whole body of some held nodes (n).
+  pure function body_mesh_whole_nodes(self, node) result(number)
+    class(body_mesh_t), intent(in) :: self
+    !> Held nodes (n).
+    integer, intent(in) :: node(:)
+    integer :: number(size(node))
+    number = node
+    if (allocated(self%whole)) number = self%whole%node(node)
+  end function body_mesh_whole_nodes
 
   !> Bounding box of the nodes.
   pure subroutine body_mesh_box(self, lo, hi)
@@ -69,6 +128,10 @@ contains
     class(body_mesh_t), intent(in) :: self
     real(dp) :: mean(self%dimension)
     integer :: i
+    if (allocated(self%whole)) then
+      diameter = self%whole%diameter
+      return
+    end if
     mean = sum(self%x, dim=2)/self%n_nodes()
     diameter = 2*maxval([(norm2(self%x(:, i) - mean), i=1, self%n_nodes())])
   end function body_mesh_diameter
@@ -206,6 +269,11 @@ contains
     !> Number of components.
     integer, intent(out) :: n_components
     integer :: b, e, i, first, other
+    if (allocated(body_mesh%whole)) then
+      component = body_mesh%whole%component
+      n_components = body_mesh%whole%n_components
+      return
+    end if
     ! Union-find: each node points to a node of lower number in its component, or to itself.
     component = [(i, i=1, size(component))]
     do b = 1, size(body_mesh%block)

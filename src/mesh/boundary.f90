@@ -14,16 +14,23 @@ contains
   subroutine extract_boundary(mesh, surface)
     !> Mesh of the body.
     type(body_mesh_t), intent(in) :: mesh
-    !> The boundary; it has no name and no tags.
+    !> The boundary; it has no name and no tags, and no parent elements where the rank holds a part of the body.
     type(surface_t), intent(out) :: surface
     type(element_faces_t) :: faces
     type(element_kind_t) :: kind
     integer :: b, e, f, i, n, n_nodes
-    call faces%find(mesh)
-    n = count(faces%times == 1)
     surface%name = ''
     surface%dimension = mesh%dimension
     surface%order_elevated = mesh%order_elevated
+    if (allocated(mesh%whole)) then
+      surface%n_facets = size(mesh%whole%facet_kind)
+      surface%kind = mesh%whole%facet_kind
+      surface%node = mesh%whole%facet_node
+      allocate (surface%block(surface%n_facets), surface%element(surface%n_facets), source=0)
+      return
+    end if
+    call faces%find(mesh)
+    n = count(faces%times == 1)
     surface%n_facets = n
     allocate (surface%kind(n), surface%node(max_facet_nodes, n), surface%block(n), surface%element(n))
     surface%node = 0

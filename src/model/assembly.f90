@@ -64,8 +64,9 @@ contains
     integer, intent(in) :: form(:)
     !> Bodies (n_bodies); only the first one of each congruence class gets a stiffness matrix.
     type(body_t), intent(inout) :: body(:)
-    !> Rigid body modes that the supports leave (n_bodies).
-    type(body_modes_t), allocatable, intent(out) :: modes(:)
+    !> Rigid body modes that the supports leave; found already for bodies that other ranks compute, if it is allocated
+    !> (n_bodies).
+    type(body_modes_t), allocatable, intent(inout) :: modes(:)
     !> Stiffness matrices of the representatives; empty with p-multigrid (n_bodies).
     type(stiffness_t), allocatable, intent(out) :: stiffness(:)
     !> Compliance operators of the representatives to come (n_bodies).
@@ -77,7 +78,8 @@ contains
     integer :: i, b, order(size(body))
     logical :: alone(size(body))
     real(dp) :: share_of_thread
-    allocate (failed(size(body)), modes(size(body)), stiffness(size(body)), slot(size(body)))
+    allocate (failed(size(body)), stiffness(size(body)), slot(size(body)))
+    if (.not. allocated(modes)) allocate (modes(size(body)))
     order = largest_first(real(body%constraint%n_equations, dp))
     ! The other threads would wait for a body that exceeds the share of one thread.
     share_of_thread = sum(real(body%constraint%n_equations, dp), mask=ranks%factorizes)/omp_get_max_threads()
@@ -95,7 +97,7 @@ contains
     do i = 1, size(body)
       b = order(i)
       if (interrupted()) cycle
-      if (alone(b) .or. .not. classes%is_representative(b)) cycle
+      if (alone(b) .or. .not. (classes%is_representative(b) .and. body(b)%mesh%is_whole())) cycle
       if (ranks%factorizes(b)) then
         call assemble_representative(body(b), form(b), modes(b), stiffness(b), slot(b), failed(b)%error)
       else
@@ -108,7 +110,8 @@ contains
     do i = 1, size(body)
       b = order(i)
       if (interrupted()) cycle
-      if (classes%is_representative(b) .or. allocated(failed(classes%first(b))%error)) cycle
+      if (classes%is_representative(b) .or. .not. body(b)%mesh%is_whole()) cycle
+      if (allocated(failed(classes%first(b))%error)) cycle
       call body(b)%assemble_like(body(classes%first(b)), failed(b)%error)
       call modes(b)%move(modes(classes%first(b)), classes%motion(b), body(b))
     end do

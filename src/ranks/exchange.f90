@@ -13,11 +13,11 @@ module dotyk_ranks_exchange
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_log, only: print_error
   use dotyk_base_timer, only: wall_time
-  use dotyk_ranks_communication, only: end_ranks, gather_bytes, gather_integers, gather_reals, greet, greeting_length, &
-    n_ranks, this_rank
+  use dotyk_ranks_communication, only: collect_reals, end_ranks, gather_bytes, gather_integers, gather_reals, greet, &
+    greeting_length, n_ranks, this_rank
   implicit none
   private
-  public :: is_own, share, share_errors, share_flat, agree_on_error, on_any_rank, meet, exchange_cost
+  public :: is_own, share, share_errors, share_flat, agree_on_error, on_any_rank, meet, exchange_cost, collect
 
   !> What exchanges have cost this rank so far.
   type, public :: exchange_cost_t
@@ -44,7 +44,7 @@ module dotyk_ranks_exchange
   end interface share
 
   !> Kinds of exchanges, the first number of a greeting.
-  integer(int64), parameter :: of_items = 1, of_values = 2, of_bytes = 3, of_flag = 4, of_meeting = 5
+  integer(int64), parameter :: of_items = 1, of_values = 2, of_bytes = 3, of_flag = 4, of_meeting = 5, of_parts = 6
   !> Owner of items that all ranks compute together: all of them have them.
   integer, parameter, public :: all_ranks = -1
   !> Size of an item that is not allocated.
@@ -178,6 +178,24 @@ contains
                       numbers(owner, [(size(bytes, 1, int64), i=1, size(owner))]), all)
     bytes(:, by_owner(owner)) = reshape(all, shape(bytes))
   end subroutine share_flat
+
+  !> Parts of all ranks on the first one, one rank after the other.
+  subroutine collect(own, all)
+    !> Those of this rank (any) [any].
+    real(dp), intent(in) :: own(:)
+    !> Those of all ranks on the first one, of size 0 on the others (any) [as own].
+    real(dp), allocatable, intent(out) :: all(:)
+    integer(int64) :: n(n_ranks())
+    if (n_ranks() == 1) then
+      all = own
+      return
+    end if
+    call agree_on(of_parts, 1_int64)
+    call gather_integers([size(own, kind=int64)], spread(1_int64, 1, n_ranks()), n)
+    allocate (all(merge(sum(n), 0_int64, this_rank() == 0)))
+    call collect_reals(own, n, all)
+    cost%bytes = cost%bytes + 8*max(0_int64, size(all, kind=int64) - size(own, kind=int64))
+  end subroutine collect
 
   !> Errors of the items of all ranks, so that all ranks report all of them.
   subroutine share_errors(owner, failed)

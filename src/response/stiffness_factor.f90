@@ -35,6 +35,8 @@ module dotyk_response_stiffness_factor
     !> Near-null-space modes over the equations (n_equations, n) [], and their stiffness (n, n) [force/length]; not
     !> allocated where there are none.
     real(dp), allocatable :: near_null(:, :), near_null_stiffness(:, :)
+    !> Number of near-null-space modes.
+    integer :: n_near_null = 0
   end type factorization_report_t
 
   public :: factorize_stiffness
@@ -144,6 +146,7 @@ contains
     end if
     call find_near_null(body, factor, report%fixing_equation, report%spring, report%near_null, &
                         report%near_null_stiffness, error)
+    if (allocated(report%near_null)) report%n_near_null = size(report%near_null, 2)
   end subroutine split_off
 
   !> Whether the displacement that belongs to the weakest pivot is a mechanism.

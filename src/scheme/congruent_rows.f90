@@ -27,7 +27,7 @@ contains
     integer :: i
     same = .false.
     if (size(place_b) /= size(place_c) .or. block_b%n_nodes /= block_c%n_nodes) return
-    if (any(block_b%contact_node /= block_c%contact_node)) return
+    if (any(block_b%node_numbers() /= block_c%node_numbers())) return
     allocate (difference(size(rotation_b, 1), block_b%n_nodes), source=0.0_dp)
     do i = 1, size(place_b)
       largest = 0

@@ -174,6 +174,7 @@ contains
     integer :: i, k, n
     joined%n_nodes = fine%n_nodes
     joined%contact_node = fine%contact_node
+    if (allocated(fine%whole_node)) joined%whole_node = fine%whole_node
     allocate (number(0:n_groups), source=0)
     do i = 1, size(fine%row)
       number(group(fine%row(i))) = 1

@@ -60,7 +60,7 @@ contains
       call factorize_bodies(problem%body, problem%ranks, problem%modes, .false., size_of, stiffness, direct, &
                             problem%report, error)
       if (allocated(error)) return
-      call find_modes(problem%body, classes, block, problem%report, problem%modes, modes, error)
+      call find_modes(problem%body, classes, problem%ranks, block, problem%report, problem%modes, modes, error)
       if (allocated(error)) return
       call make_operators(problem%body, classes, problem%ranks, block, problem%report, size_of, direct, response, &
                           operators)

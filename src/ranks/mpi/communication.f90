@@ -6,14 +6,15 @@ module dotyk_ranks_communication
   use, intrinsic :: iso_fortran_env, only: int8
   use mpi_f08, only: mpi_abort, mpi_allgather, mpi_allgatherv, mpi_comm_free, mpi_comm_rank, mpi_comm_size, &
     mpi_comm_split_type, mpi_comm_world, mpi_comm_type_shared, mpi_double_precision, mpi_finalize, mpi_info_null, &
-    mpi_init_thread, mpi_integer8, mpi_integer1, mpi_thread_funneled, mpi_comm, mpi_bcast
+    mpi_init_thread, mpi_integer8, mpi_integer1, mpi_thread_funneled, mpi_comm, mpi_bcast, mpi_recv, mpi_send, &
+    mpi_status_ignore
   use dotyk_base_error, only: exit_machine
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_memory, only: end_expected
   implicit none
   private
   public :: abort_ranks, start_ranks, end_ranks, this_rank, n_ranks, n_local_ranks, greet, gather_integers, &
-    gather_reals, gather_bytes
+    gather_reals, gather_bytes, collect_reals
 
   !> Numbers in a greeting.
   integer, parameter, public :: greeting_length = 4
@@ -139,6 +140,36 @@ contains
       done = done + n(r + 1)
     end do
   end subroutine gather_reals
+
+  !> Reals of all ranks on the first one, one rank after the other, in messages of a length that any rank can hold.
+  subroutine collect_reals(own, n, all)
+    !> Those of this rank.
+    real(dp), intent(in) :: own(:)
+    !> Number of each rank (n_ranks).
+    integer(int64), intent(in) :: n(:)
+    !> Those of all ranks on the first one (sum(n)); not used elsewhere.
+    real(dp), intent(inout) :: all(:)
+    integer(int64), parameter :: length = 2_int64**24
+    integer(int64) :: first, last, done
+    integer :: r
+    if (own_rank > 0) then
+      do first = 1, size(own, kind=int64), length
+        last = min(first + length - 1, size(own, kind=int64))
+        call mpi_send(own(first:last), int(last - first + 1), mpi_double_precision, 0, 0, mpi_comm_world)
+      end do
+      return
+    end if
+    all(:n(1)) = own
+    done = n(1)
+    do r = 1, number_of_ranks - 1
+      do first = done + 1, done + n(r + 1), length
+        last = min(first + length - 1, done + n(r + 1))
+        call mpi_recv(all(first:last), int(last - first + 1), mpi_double_precision, r, 0, mpi_comm_world, &
+                      mpi_status_ignore)
+      end do
+      done = done + n(r + 1)
+    end do
+  end subroutine collect_reals
 
   !> Bytes of all ranks, one rank after the other.
   subroutine gather_bytes(own, n, all)

@@ -6,7 +6,7 @@ module dotyk_ranks_communication
   implicit none
   private
   public :: abort_ranks, start_ranks, end_ranks, this_rank, n_ranks, n_local_ranks, greet, gather_integers, &
-    gather_reals, gather_bytes
+    gather_reals, gather_bytes, collect_reals
 
   !> Numbers in a greeting.
   integer, parameter, public :: greeting_length = 4
@@ -83,6 +83,17 @@ contains
     real(dp), intent(out) :: all(:)
     all = own(:n(1))
   end subroutine gather_reals
+
+  !> Reals of the one rank.
+  pure subroutine collect_reals(own, n, all)
+    !> Its reals.
+    real(dp), intent(in) :: own(:)
+    !> Their number (1).
+    integer(int64), intent(in) :: n(:)
+    !> The same.
+    real(dp), intent(inout) :: all(:)
+    all = own(:n(1))
+  end subroutine collect_reals
 
   !> Bytes of the one rank.
   pure subroutine gather_bytes(own, n, all)

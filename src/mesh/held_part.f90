@@ -1,0 +1,162 @@
+!> The part of a body that a rank goes on with after the body was read and numbered: some elements with their nodes, and
+!> all nodes of the boundary, in the order of the whole body. What depends on the rest is kept as numbers
+!> (`dotyk_mesh_whole_body`), so that all that looks at the surface finds the same to the bit as in the whole mesh.
+module dotyk_mesh_held_part
+  use dotyk_base_kinds, only: dp
+  use dotyk_mesh_body_mesh, only: body_mesh_t, connected_components
+  use dotyk_mesh_boundary, only: extract_boundary
+  use dotyk_mesh_surface, only: surface_nodes, surface_t
+  use dotyk_mesh_whole_body, only: whole_body_t
+  implicit none
+  private
+  public :: hold_part, surface_part, held_surface, sample_step
+
+  !> Elements of a block that are held as samples of the interior, at most.
+  integer, parameter :: most_samples = 64
+
+contains
+
+  !> What a rank holds that does not compute the body: samples of its elements, and all nodes that every rank holds.
+  subroutine surface_part(mesh, holds, node)
+    !> Mesh of the whole body.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Whether each element is held, through all blocks (n_elements).
+    logical, allocatable, intent(out) :: holds(:)
+    !> Nodes of the boundary and of the held elements, ascending (n).
+    integer, allocatable, intent(out) :: node(:)
+    type(surface_t) :: boundary
+    logical, allocatable :: held(:)
+    integer, allocatable :: of_boundary(:)
+    integer :: b, e, n
+    allocate (holds(mesh%n_elements()), held(mesh%n_nodes()), source=.false.)
+    call extract_boundary(mesh, boundary)
+    call surface_nodes(boundary, of_boundary)
+    held(of_boundary) = .true.
+    n = 0
+    do b = 1, size(mesh%block)
+      associate (of_element => mesh%block(b)%node)
+        do e = 1, size(of_element, 2), sample_step(size(of_element, 2))
+          holds(n + e) = .true.
+          held(of_element(:, e)) = .true.
+        end do
+        n = n + size(of_element, 2)
+      end associate
+    end do
+    node = pack([(e, e=1, size(held))], held)
+  end subroutine surface_part
+
+  !> Every so many elements of a block one is a sample of it, from the first one on.
+  pure integer function sample_step(n)
+    !> Number of elements of the block.
+    integer, intent(in) :: n
+    sample_step = 1 + n/most_samples
+  end function sample_step
+
+  !> Reduce a whole mesh to the part that a rank holds.
+  subroutine hold_part(mesh, holds, own_element, own_node, extent, number)
+    !> Mesh of the whole body in, held part out.
+    type(body_mesh_t), intent(inout) :: mesh
+    !> Whether each element is held, through all blocks (n_elements).
+    logical, intent(in) :: holds(:)
+    !> Whether this rank computes it; it is held then (n_elements).
+    logical, intent(in) :: own_element(:)
+    !> Whether this rank computes each node; it is a node of a held element then (n_nodes).
+    logical, intent(in) :: own_node(:)
+    !> Shortest extent of the body [length].
+    real(dp), intent(in) :: extent
+    !> Number of each node of the whole body in the held part, 0 where it is not held (n_nodes).
+    integer, allocatable, intent(out) :: number(:)
+    type(whole_body_t) :: whole
+    type(surface_t) :: boundary
+    logical, allocatable :: held(:)
+    integer, allocatable :: of_boundary(:), chosen(:), component(:)
+    integer :: b, e, i, n
+    whole%n_nodes = mesh%n_nodes()
+    whole%n_file_nodes = mesh%n_file_nodes()
+    whole%diameter = mesh%diameter()
+    whole%shortest_extent = extent
+    allocate (component(mesh%n_nodes()), whole%n_of_block(size(mesh%block)))
+    call connected_components(mesh, component, whole%n_components)
+    call extract_boundary(mesh, boundary)
+    call surface_nodes(boundary, of_boundary)
+    allocate (held(mesh%n_nodes()), source=.false.)
+    held(of_boundary) = .true.
+    allocate (whole%element(0), whole%own_element(0))
+    n = 0
+    do b = 1, size(mesh%block)
+      associate (block => mesh%block(b))
+        whole%n_of_block(b) = size(block%tag)
+        chosen = pack([(e, e=1, size(block%tag))], holds(n + 1:n + size(block%tag)))
+        whole%element = [whole%element, chosen]
+        whole%own_element = [whole%own_element, own_element(n + chosen)]
+        n = n + size(block%tag)
+        block%node = block%node(:, chosen)
+        block%tag = block%tag(chosen)
+        do e = 1, size(chosen)
+          held(block%node(:, e)) = .true.
+        end do
+      end associate
+    end do
+    whole%node = pack([(i, i=1, size(held))], held)
+    whole%own_node = own_node(whole%node)
+    whole%component = component(whole%node)
+    allocate (number(size(held)), source=0)
+    number(whole%node) = [(i, i=1, size(whole%node))]
+    do b = 1, size(mesh%block)
+      associate (node => mesh%block(b)%node)
+        do e = 1, size(node, 2)
+          node(:, e) = number(node(:, e))
+        end do
+      end associate
+    end do
+    mesh%x = mesh%x(:, whole%node)
+    mesh%node_tag = mesh%node_tag(whole%node)
+    ! Nodes from order elevation are not in the file.
+    if (allocated(mesh%mesh_node)) &
+      mesh%mesh_node = mesh%mesh_node(pack(whole%node, whole%node <= size(mesh%mesh_node)))
+    call move_alloc(boundary%kind, whole%facet_kind)
+    call renumber(boundary%node, number)
+    call move_alloc(boundary%node, whole%facet_node)
+    allocate (mesh%whole)
+    mesh%whole = whole
+  end subroutine hold_part
+
+  !> A surface of the whole body in the numbers of the held part; parents that are not held become 0.
+  subroutine held_surface(mesh, number, surface)
+    !> Held part.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Number of each node of the whole body in it, as from `hold_part` (n_nodes).
+    integer, intent(in) :: number(:)
+    !> Surface.
+    type(surface_t), intent(inout) :: surface
+    integer, allocatable :: held(:)
+    integer :: b, e, f, before
+    call renumber(surface%node, number)
+    before = 0
+    do b = 1, size(mesh%block)
+      allocate (held(mesh%whole%n_of_block(b)), source=0)
+      associate (n => size(mesh%block(b)%tag))
+        held(mesh%whole%element(before + 1:before + n)) = [(e, e=1, n)]
+        before = before + n
+      end associate
+      do f = 1, surface%n_facets
+        if (surface%block(f) == b) surface%element(f) = held(surface%element(f))
+      end do
+      deallocate (held)
+    end do
+  end subroutine held_surface
+
+  !> Nodes of facets in other numbers.
+  pure subroutine renumber(node, number)
+    !> Nodes, padded with 0 (max_facet_nodes, n_facets).
+    integer, intent(inout) :: node(:, :)
+    !> Number of each (n_nodes).
+    integer, intent(in) :: number(:)
+    integer :: f, i
+    do f = 1, size(node, 2)
+      do i = 1, size(node, 1)
+        if (node(i, f) > 0) node(i, f) = number(node(i, f))
+      end do
+    end do
+  end subroutine renumber
+end module dotyk_mesh_held_part

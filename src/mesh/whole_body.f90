@@ -1,0 +1,38 @@
+!> What is known of a whole body on a rank that holds a part of its mesh: its size, the numbers of the held nodes and
+!> elements in it, its boundary, and what else depends on elements that are not there.
+module dotyk_mesh_whole_body
+  use dotyk_base_kinds, only: dp
+  implicit none
+  private
+
+  !> The whole body.
+  type, public :: whole_body_t
+    !> Number of nodes.
+    integer :: n_nodes = 0
+    !> Those of them that are in the mesh file, not from order elevation.
+    integer :: n_file_nodes = 0
+    !> Number of elements of each block (n_blocks).
+    integer, allocatable :: n_of_block(:)
+    !> Number in the whole body of each held node, ascending (n_held_nodes).
+    integer, allocatable :: node(:)
+    !> Number in its block of the whole body of each held element, one block after the other, ascending in each
+    !> (n_held_elements).
+    integer, allocatable :: element(:)
+    !> Whether this rank computes a held node; the others belong to other ranks (n_held_nodes).
+    logical, allocatable :: own_node(:)
+    !> Whether this rank computes a held element (n_held_elements).
+    logical, allocatable :: own_element(:)
+    !> Connected component of each held node (n_held_nodes).
+    integer, allocatable :: component(:)
+    !> Number of connected components.
+    integer :: n_components = 0
+    !> Greatest extent, `body_mesh_t%diameter` [length].
+    real(dp) :: diameter = 0
+    !> Shortest edge of the brick with the same moments, `shortest_extent` [length].
+    real(dp) :: shortest_extent = 0
+    !> The boundary, as in `surface_t`: kinds of the facets (n_facets).
+    integer, allocatable :: facet_kind(:)
+    !> Their nodes, in the numbers of the held ones (max_facet_nodes, n_facets).
+    integer, allocatable :: facet_node(:, :)
+  end type whole_body_t
+end module dotyk_mesh_whole_body
