@@ -54,12 +54,9 @@ contains
   !> Numbers of the contact nodes in the whole body (n_nodes).
   pure function block_node_numbers(self) result(number)
     class(contact_block_t), intent(in) :: self
-    integer, allocatable :: number(:)
-    if (allocated(self%whole_node)) then
-      number = self%whole_node
-    else
-      number = self%contact_node
-    end if
+    integer :: number(size(self%contact_node))
+    number = self%contact_node
+    if (allocated(self%whole_node)) number = self%whole_node
   end function block_node_numbers
 
   !> Build the operator of all pairs.

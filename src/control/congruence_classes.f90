@@ -95,17 +95,19 @@ contains
     !> Number of contact rows.
     integer, intent(out) :: n_rows
     logical, allocatable :: touched(:)
+    integer, allocatable :: number(:)
     integer :: b, i
     n_rows = 0
     i = 0
     do b = first, size(block)
-      if (self%first(b) == first .and. block(b)%n_nodes > 0) i = max(i, maxval(block(b)%node_numbers()))
+      if (self%first(b) == first .and. size(block(b)%contact_node) > 0) i = max(i, maxval(block(b)%node_numbers()))
     end do
     allocate (touched(i), source=.false.)
     do b = first, size(block)
       if (self%first(b) /= first) cycle
       n_rows = n_rows + size(block(b)%row)
-      touched(block(b)%node_numbers()) = .true.
+      number = block(b)%node_numbers()
+      touched(number) = .true.
     end do
     node = pack([(i, i=1, size(touched))], touched)
   end subroutine congruence_classes_contact_nodes

@@ -2,11 +2,9 @@
 module dotyk_control_mesh_error
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_control_congruence_classes, only: congruence_classes_t
   use dotyk_control_body_solution, only: body_solution_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_residual_actions, only: collect_actions
-  use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_discretization_error, only: estimate_discretization_errors
   use dotyk_elasticity_element_residual, only: residual_data_t
   use dotyk_elasticity_residual_check, only: check_by_residuals
@@ -56,12 +54,13 @@ contains
     do part = 1, 2
       do i = 1, size(problem%body)
         if (.not. problem%classes%is_representative(i)) cycle
-        alike = pack([(c, c=1, size(problem%body))], &
-                     problem%classes%first == i .and. problem%ranks%is_own([(c, c=1, size(problem%body))]))
+        alike = pack([(c, c=1, size(problem%body))], problem%classes%first == i)
         do c = 1, size(alike), most_bodies
+          ! Bodies of other ranks keep their places, so that the digits of the others do not depend on them.
           associate (some => alike(c:min(c + most_bodies - 1, size(alike))))
+            if (.not. any(problem%ranks%is_own(some))) cycle
             if (part == 1) then
-              call estimate_some(problem%body(i), problem%classes, some, solution, of_element, of_body, error)
+              call estimate_some(problem, some, solution, of_element, of_body, error)
             else
               call check_some(problem, some, first_row, m, solution, least, of_element, error)
             end if
@@ -103,28 +102,26 @@ contains
     type(residual_data_t) :: data
     real(dp), allocatable :: u(:, :, :), square(:, :)
     integer :: i
-    if (all([(maxval(of_element(alike(i))%value) <= least, i=1, size(alike))])) return
+    allocate (square(size(alike), problem%body(problem%classes%first(alike(1)))%mesh%n_elements()), source=0.0_dp)
+    do i = 1, size(alike)
+      if (problem%ranks%is_own(alike(i))) square(i, :) = of_element(alike(i))%value
+    end do
+    if (all(square <= least)) return
     associate (first => problem%body(problem%classes%first(alike(1))))
       call collect_actions(problem, alike, first_row, m, data)
-      call to_representative(first, problem%classes, alike, solution, u)
-      allocate (square(size(alike), first%mesh%n_elements()))
-      do i = 1, size(alike)
-        square(i, :) = of_element(alike(i))%value
-      end do
+      call to_representative(problem, alike, solution, u)
       call check_by_residuals(first%mesh, first%analysis, first%material, data, u, least, square, error)
     end associate
     if (allocated(error)) return
     do i = 1, size(alike)
-      of_element(alike(i))%value = square(i, :)
+      if (problem%ranks%is_own(alike(i))) of_element(alike(i))%value = square(i, :)
     end do
   end subroutine check_some
 
-  !> Displacements of congruent bodies in the axes of their representative.
-  subroutine to_representative(first, classes, alike, solution, u)
-    !> The representative.
-    type(body_t), intent(in) :: first
-    !> Classes of congruent bodies.
-    type(congruence_classes_t), intent(in) :: classes
+  !> Displacements of congruent bodies in the axes of their representative; 0 for those of other ranks.
+  subroutine to_representative(problem, alike, solution, u)
+    !> Bodies, classes and ranks.
+    type(contact_problem_t), intent(in) :: problem
     !> Indices of the bodies (n).
     integer, intent(in) :: alike(:)
     !> Solutions of all bodies, with displacements (n_bodies).
@@ -132,10 +129,13 @@ contains
     !> Displacements (n, dim, n_nodes) [length].
     real(dp), allocatable, intent(out) :: u(:, :, :)
     integer :: d, i
-    d = first%dimension
-    allocate (u(size(alike), d, first%mesh%n_nodes()))
+    associate (first => problem%body(problem%classes%first(alike(1))))
+      d = first%dimension
+      allocate (u(size(alike), d, first%mesh%n_nodes()), source=0.0_dp)
+    end associate
     do i = 1, size(alike)
-      associate (motion => classes%motion(alike(i)), displacement => solution(alike(i))%displacement)
+      if (.not. problem%ranks%is_own(alike(i))) cycle
+      associate (motion => problem%classes%motion(alike(i)), displacement => solution(alike(i))%displacement)
         if (motion%rotated) then
           u(i, :, :) = matmul(transpose(motion%rotation(:d, :d)), displacement)
         else
@@ -146,11 +146,9 @@ contains
   end subroutine to_representative
 
   !> Some congruent bodies.
-  subroutine estimate_some(first, classes, alike, solution, of_element, norm_square, error)
-    !> Their representative.
-    type(body_t), intent(in) :: first
-    !> Classes of congruent bodies.
-    type(congruence_classes_t), intent(in) :: classes
+  subroutine estimate_some(problem, alike, solution, of_element, norm_square, error)
+    !> Bodies, classes and ranks.
+    type(contact_problem_t), intent(in) :: problem
     !> Indices of the bodies (n).
     integer, intent(in) :: alike(:)
     !> Solutions of all bodies, with displacements (n_bodies).
@@ -164,11 +162,14 @@ contains
     real(dp), allocatable :: u(:, :, :), square(:, :)
     real(dp) :: of_body(size(alike))
     integer :: i
-    allocate (square(size(alike), first%mesh%n_elements()))
-    call to_representative(first, classes, alike, solution, u)
-    call estimate_discretization_errors(first%mesh, first%analysis, first%material, u, square, of_body, error)
+    call to_representative(problem, alike, solution, u)
+    associate (first => problem%body(problem%classes%first(alike(1))))
+      allocate (square(size(alike), first%mesh%n_elements()))
+      call estimate_discretization_errors(first%mesh, first%analysis, first%material, u, square, of_body, error)
+    end associate
     if (allocated(error)) return
     do i = 1, size(alike)
+      if (.not. problem%ranks%is_own(alike(i))) cycle
       of_element(alike(i))%value = square(i, :)
       norm_square(alike(i)) = of_body(i)
     end do

@@ -25,7 +25,7 @@ module dotyk_control_residual_actions
 
 contains
 
-  !> Collect the actions on congruent bodies, in the axes of their representative.
+  !> Collect the actions on congruent bodies, in the axes of their representative; none on those of other ranks.
   subroutine collect_actions(problem, alike, first_row, m, data)
     !> Bodies, classes and pairs.
     type(contact_problem_t), intent(in) :: problem
@@ -54,7 +54,7 @@ contains
       back = transpose(problem%classes%motion(b)%rotation)
       data%held(:, :, :, i) = data%held(:, :, :, 1)
       data%density(:, i) = matmul(back(:d, :d), problem%body(b)%density(:d))
-      data%applied(i) = problem%body(b)%applied
+      if (problem%ranks%is_own(b)) data%applied(i) = problem%body(b)%applied
       associate (applied => data%applied(i))
         do k = 1, applied%n
           applied%force(:, k) = matmul(back(:d, :d), applied%force(:, k))
@@ -65,6 +65,7 @@ contains
       end associate
     end do
     do i = size(alike), 1, -1
+      if (.not. problem%ranks%is_own(alike(i))) cycle
       back = transpose(problem%classes%motion(alike(i))%rotation)
       do k = 1, size(problem%pair)
         associate (pair => problem%pair(k), pressure => m(first_row(k):first_row(k + 1) - 1))

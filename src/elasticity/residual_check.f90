@@ -67,7 +67,7 @@ contains
     if (allocated(error)) return
     ! A formula serves one thread.
     !$omp parallel do default(none) schedule(dynamic, 16) if (point_material%factor%constant) &
-    !$omp& private(failure, energy) shared(mesh, data, point_material, table, u, least, square, error)
+    !$omp& private(failure, energy, b) shared(mesh, data, point_material, table, u, least, square, error)
     do e = 1, size(square, 2)
       if (all(square(:, e) <= least)) cycle
       call residual_energy(mesh, data, point_material, table, u, e, energy, failure)
@@ -77,14 +77,18 @@ contains
         !$omp end critical
         cycle
       end if
-      call hold(constant(mesh%block(data%faces%block(e))%kind)**2*energy, square(:, e))
+      energy = constant(mesh%block(data%faces%block(e))%kind)**2*energy
+      do b = 1, size(energy)
+        ! Whatever the other bodies are.
+        if (square(b, e) > least) call hold(energy(b), square(b, e))
+      end do
     end do
     !$omp end parallel do
     call point_material%factor%destroy()
   end subroutine check_by_residuals
 
   !> Hold one number against the other.
-  elemental subroutine hold(residual, recovered)
+  pure subroutine hold(residual, recovered)
     !> Squared error by the residual; none where it is 0 [energy].
     real(dp), intent(in) :: residual
     !> Squared error by recovered strains [energy].
