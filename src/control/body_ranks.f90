@@ -8,7 +8,7 @@ module dotyk_control_body_ranks
   use dotyk_control_congruence_classes, only: congruence_classes_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_ranks_communication, only: n_ranks
-  use dotyk_ranks_exchange, only: all_ranks, belongs_here => is_own
+  use dotyk_ranks_exchange, only: add_up, all_ranks, belongs_here => is_own, greatest, share
   implicit none
   private
 
@@ -22,6 +22,10 @@ module dotyk_control_body_ranks
   contains
     procedure :: init => body_ranks_init
     procedure :: is_own => body_ranks_is_own
+    procedure :: are_split => body_ranks_are_split
+    procedure :: share_sum => body_ranks_share_sum
+    procedure :: share_norm => body_ranks_share_norm
+    procedure :: share_greatest => body_ranks_share_greatest
   end type body_ranks_t
 
   public :: share_out
@@ -59,6 +63,50 @@ contains
     integer, intent(in) :: b
     is_own = belongs_here(self%owner(b))
   end function body_ranks_is_own
+
+  !> Whether all ranks compute each body together, each a part of it.
+  pure logical function body_ranks_are_split(self) result(are_split)
+    class(body_ranks_t), intent(in) :: self
+    are_split = all(self%owner == all_ranks)
+  end function body_ranks_are_split
+
+  !> A number of each body, to which the ranks that compute it add, known to all ranks.
+  subroutine body_ranks_share_sum(self, value)
+    class(body_ranks_t), intent(in) :: self
+    !> What this rank has found in; 0 for bodies of other ranks; the sum out (n_bodies) [any].
+    real(dp), intent(inout) :: value(:)
+    if (self%are_split()) then
+      call add_up(value)
+    else
+      call share(self%owner, value)
+    end if
+  end subroutine body_ranks_share_sum
+
+  !> A Euclidean norm for each body, of which the ranks that compute it have parts, known to all ranks.
+  subroutine body_ranks_share_norm(self, value)
+    class(body_ranks_t), intent(in) :: self
+    !> Of the part of this rank in, of all out (n_bodies) [any].
+    real(dp), intent(inout) :: value(:)
+    if (self%are_split()) then
+      value(:) = value**2
+      call add_up(value)
+      value(:) = sqrt(value)
+    else
+      call share(self%owner, value)
+    end if
+  end subroutine body_ranks_share_norm
+
+  !> The greatest number of each body, known to all ranks.
+  subroutine body_ranks_share_greatest(self, value)
+    class(body_ranks_t), intent(in) :: self
+    !> Of the part of this rank in, of all out (n_bodies) [any].
+    real(dp), intent(inout) :: value(:)
+    if (self%are_split()) then
+      call greatest(value)
+    else
+      call share(self%owner, value)
+    end if
+  end subroutine body_ranks_share_greatest
 
   !> Work of a body: between that of a solve, n^(4/3), and that of a factorization, n^2 [].
   elemental real(dp) function work_of(n_equations) result(work)

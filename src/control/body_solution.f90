@@ -45,7 +45,7 @@ contains
     integer :: i, b, order(size(problem%body)), first(size(problem%body) + 1)
     allocate (solution(size(problem%body)))
     first = first_mode(problem%modes)
-    order = largest_first(real(problem%body%constraint%n_equations, dp))
+    order = largest_first(real(problem%body%n_unknowns(), dp))
     call set_blas_threads(problem%n_blas)
     !$omp parallel do default(none) private(b) schedule(dynamic, 1) &
     !$omp& shared(problem, qp, compliance, m, alpha, first, want_stress, solution, order) if (compliance%side_by_side)

@@ -11,7 +11,7 @@ module dotyk_control_contact_free
   use dotyk_control_parallel, only: largest_first, set_blas_threads
   use dotyk_elasticity_body, only: body_t, strain_energy
   use dotyk_ranks_communication, only: n_ranks
-  use dotyk_ranks_exchange, only: item_t, share
+  use dotyk_ranks_exchange, only: add_up, item_t, on_any_rank, share
   use dotyk_response_response, only: equation_vector_t, response_slot_t, response_t
   implicit none
   private
@@ -76,7 +76,7 @@ contains
     real(dp), allocatable :: row_displacement(:)
     integer :: i, b, order(size(body))
     allocate (part(size(body)), isolated(size(body)), solution%u_0(size(body)), solution%left(size(body)))
-    order = largest_first(real(body%constraint%n_equations, dp))
+    order = largest_first(real(body%n_unknowns(), dp))
     call set_blas_threads(n_blas)
     !$omp parallel do default(none) private(b) schedule(dynamic, 1) &
     !$omp& shared(body, ranks, block, response, representative, part, isolated, order, solution, side_by_side) &
@@ -120,6 +120,11 @@ contains
     type(item_t) :: item(size(part))
     integer :: b
     if (n_ranks() == 1) return
+    if (ranks%are_split()) then
+      call add_up(part%strain_energy)
+      call add_up(part%work)
+      return
+    end if
     do b = 1, size(part)
       if (.not. ranks%is_own(b)) cycle
       if (.not. allocated(part(b)%u_load)) allocate (part(b)%u_load(0))
@@ -160,26 +165,26 @@ contains
     logical :: is_moved
     is_moved = any(abs(body%constraint%prescribed) > 0)
     x = body%rhs
-    call solve_if_loaded(response, x, part%n_solves)
+    call solve_if_loaded(body, response, x, part%n_solves)
     allocate (u(body%dimension, size(body%mesh%x, 2)))
     call body%constraint%expand(x, u, .true.)
     if (is_moved) then
       part%strain_energy = strain_energy(body, u)
     else
-      part%strain_energy = dot_product(x, body%rhs)/2
+      part%strain_energy = dot_product(body%of_own_equations(x), body%rhs)/2
     end if
     if (response%solve_error() > 0) then
       if (size(contact_node) > 0) u_0%value = x
       left%value = body%rhs
       call response%subtract_forces(x, left%value)
     end if
-    part%work = sum(body%load*u)
+    part%work = sum(body%of_own_nodes(body%load)*u)
     part%u_0 = reshape(u(:, contact_node), [body%dimension*size(contact_node)])
     if (size(contact_node) == 0) then
       call move_alloc(u, isolated%displacement)
     else if (is_moved) then
       call body%constraint%reduce(body%load, x)
-      call solve_if_loaded(response, x, part%n_solves)
+      call solve_if_loaded(body, response, x, part%n_solves)
       call body%constraint%expand(x, u, .false.)
       part%u_load = reshape(u(:, contact_node), [body%dimension*size(contact_node)])
     else
@@ -189,14 +194,19 @@ contains
 
   !> A solve, unless the right-hand side is zero: most bodies of many scenes have neither loads nor prescribed
   !> displacements.
-  subroutine solve_if_loaded(response, x, n_solves)
+  subroutine solve_if_loaded(body, response, x, n_solves)
+    !> The body.
+    type(body_t), intent(in) :: body
     !> Compliance operator.
     class(response_t), intent(in) :: response
     !> Right-hand side [force] in, solution [length] out (n_equations).
     real(dp), intent(inout) :: x(:)
     !> Counts.
     integer, intent(inout) :: n_solves
-    if (.not. any(abs(x) > 0)) return
+    logical :: is_loaded
+    is_loaded = any(abs(x) > 0)
+    if (allocated(body%own_equation)) is_loaded = on_any_rank(is_loaded)
+    if (.not. is_loaded) return
     call response%solve(x)
     n_solves = n_solves + 1
   end subroutine solve_if_loaded

@@ -77,7 +77,9 @@ contains
         call monitor%begin_phase(phase_recover)
         call recover_and_measure(.false.)
         if (allocated(error)) return
-        if (state%ended == ended_converged) call flag_rounded(distance, norm, tolerance, conditioning)
+        ! Parts of bodies are not refined.
+        if (state%ended == ended_converged .and. .not. problem%ranks%are_split()) &
+          call flag_rounded(distance, norm, tolerance, conditioning)
       end if
       if (any(conditioning%needs_refinement())) then
         call monitor%begin_phase(phase_iterate)

@@ -16,7 +16,6 @@ module dotyk_control_error_budget
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_mesh_error, only: element_field_t, estimate_mesh_errors
   use dotyk_control_penalty_error, only: estimate_penalty_error, penalty_reference_t
-  use dotyk_ranks_exchange, only: share
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_scheme, only: scheme_t
@@ -190,7 +189,7 @@ contains
       if (norm_square > 0) budget%of_element(b)%value = sqrt(budget%of_element(b)%value/norm_square)
       budget%of_body(b) = norm2(budget%of_element(b)%value)
     end do
-    call share(problem%ranks%owner, budget%of_body)
+    call problem%ranks%share_norm(budget%of_body)
     budget%discretization = norm2(budget%of_body)
   end subroutine estimate_mesh_error
 end module dotyk_control_error_budget

@@ -100,7 +100,7 @@ contains
     type(workload_t) :: work
     integer :: i, b, order(size(body))
     allocate (size_of(size(body)), failed(size(body)))
-    order = largest_first(real(body%constraint%n_equations, dp))
+    order = largest_first(real(body%n_unknowns(), dp))
     !$omp parallel do default(none) schedule(dynamic, 1) private(b, node, work) &
     !$omp& shared(body, modes, stiffness, classes, ranks, block, response, n_products, slot, size_of, failed, order)
     do i = 1, size(body)

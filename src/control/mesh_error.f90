@@ -8,7 +8,6 @@ module dotyk_control_mesh_error
   use dotyk_elasticity_discretization_error, only: estimate_discretization_errors
   use dotyk_elasticity_element_residual, only: residual_data_t
   use dotyk_elasticity_residual_check, only: check_by_residuals
-  use dotyk_ranks_exchange, only: share
   implicit none
   private
 
@@ -74,10 +73,10 @@ contains
         if (allocated(of_element(i)%value)) of_elements(i) = sum(of_element(i)%value)
         n = n + problem%body(i)%mesh%n_whole_elements()
       end do
-      call share(problem%ranks%owner, of_elements)
+      call problem%ranks%share_sum(of_elements)
       least = least_share*sum(of_elements)/n
     end do
-    call share(problem%ranks%owner, of_body)
+    call problem%ranks%share_sum(of_body)
     norm_square = sum(of_body)
   end subroutine estimate_mesh_errors
 

@@ -23,7 +23,6 @@ module dotyk_control_penetration_check
   use dotyk_mesh_body_mesh, only: body_mesh_t, connected_components
   use dotyk_mesh_boundary, only: extract_boundary
   use dotyk_mesh_surface, only: surface_t
-  use dotyk_ranks_exchange, only: share
   implicit none
   private
 
@@ -129,10 +128,12 @@ contains
         hi(1:size(x, 1), b) = max(maxval(x, dim=2), maxval(x + u, dim=2))
       end associate
     end do
+    lo = -lo
     do k = 1, 3
-      call share(problem%ranks%owner, lo(k, :))
-      call share(problem%ranks%owner, hi(k, :))
+      call problem%ranks%share_greatest(lo(k, :))
+      call problem%ranks%share_greatest(hi(k, :))
     end do
+    lo = -lo
     call overlapping_boxes(lo, hi, couple)
     call check_couples(problem, solution, first_row, y, error_bound, couple, check)
   end subroutine check_penetration
@@ -168,7 +169,7 @@ contains
     do b = 1, n
       if (problem%ranks%is_own(b)) moved(b) = maxval(norm2(solution(b)%displacement, dim=1))
     end do
-    call share(problem%ranks%owner, moved)
+    call problem%ranks%share_greatest(moved)
     needed = .false.
     needed(couple(1, :)) = .true.
     needed(couple(2, :)) = .true.

@@ -189,10 +189,10 @@ contains
     do b = 1, size(solution)
       if (.not. problem%ranks%is_own(b)) cycle
       strained(b) = strain_energy(problem%body(b), solution(b)%displacement)
-      work(b) = sum(problem%body(b)%load*solution(b)%displacement)
+      work(b) = sum(problem%body(b)%of_own_nodes(problem%body(b)%load)*solution(b)%displacement)
     end do
-    call share(problem%ranks%owner, strained)
-    call share(problem%ranks%owner, work)
+    call problem%ranks%share_sum(strained)
+    call problem%ranks%share_sum(work)
     energy = 0.5_dp*sum(rows%weight*max(0.0_dp, y)**2/theta, mask=theta > 0)
     do b = 1, size(solution)
       energy = energy + strained(b) - work(b)

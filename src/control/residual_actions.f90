@@ -169,6 +169,8 @@ contains
     end do
     do q = 1, surface%n_facets
       if (.not. any(abs(normal(:, q)) > 0)) cycle
+      ! Not held by this rank.
+      if (surface%element(q) == 0) cycle
       f = local_face(body%mesh, surface%block(q), surface%element(q), surface%node(:, q))
       e = faces%before(surface%block(q)) + surface%element(q)
       if (f == 0) cycle

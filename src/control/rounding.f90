@@ -50,22 +50,26 @@ contains
     !> In the energy norm (n_bodies) [sqrt(energy)].
     real(dp), intent(out) :: distance(:)
     real(dp), allocatable :: x(:)
-    real(dp) :: size_of_u
+    real(dp) :: size_of_u(size(solution))
     integer :: b
-    distance = 0
+    size_of_u = 0
     do b = 1, size(solution)
       if (.not. problem%ranks%is_own(b)) cycle
-      associate (constraint => problem%body(b)%constraint, report => problem%report(problem%classes%first(b)))
-        if (constraint%n_equations == 0) cycle
-        allocate (x(constraint%n_equations))
-        call constraint%reduce(solution(b)%displacement, x)
-        size_of_u = norm2(sqrt(report%diagonal)*x)
-        distance(b) = margin*epsilon(norm)*size_of_u*max(report%condition_left, &
-                                                         size_of_u/max(tiny(norm), norm, size_of_u/most_stretched))
+      associate (body => problem%body(b), report => problem%report(problem%classes%first(b)))
+        if (body%constraint%n_equations == 0) cycle
+        allocate (x(body%constraint%n_equations))
+        call body%constraint%reduce(solution(b)%displacement, x)
+        size_of_u(b) = norm2(body%of_own_equations(sqrt(report%diagonal)*x))
         deallocate (x)
       end associate
     end do
-    call share(problem%ranks%owner, distance)
+    call problem%ranks%share_norm(size_of_u)
+    do b = 1, size(solution)
+      associate (report => problem%report(problem%classes%first(b)))
+        distance(b) = margin*epsilon(norm)*size_of_u(b)*max(report%condition_left, &
+                                                            size_of_u(b)/max(tiny(norm), norm, size_of_u(b)/most_stretched))
+      end associate
+    end do
   end subroutine expect_rounding
 
   !> The rounding error of each body.
@@ -87,7 +91,7 @@ contains
     type(error_slot_t) :: failed(size(solution))
     integer :: order(size(solution)), i, b
     distance = 0
-    order = largest_first(real(problem%body%constraint%n_equations, dp))
+    order = largest_first(real(problem%body%n_unknowns(), dp))
     call set_blas_threads(problem%n_blas)
     !$omp parallel do default(none) private(b) schedule(dynamic, 1) &
     !$omp& shared(problem, rows, compliance, m, solution, distance, order, failed) if (compliance%side_by_side)
@@ -103,11 +107,12 @@ contains
     do b = 1, size(solution)
       if (allocated(failed(b)%error) .and. .not. allocated(error)) call move_alloc(failed(b)%error, error)
     end do
-    call share(problem%ranks%owner, distance)
+    call problem%ranks%share_sum(distance)
+    distance = sqrt(max(0.0_dp, distance))
   end subroutine measure_rounding
 
   !> One body.
-  subroutine measure_body(body, rows, compliance, b, m, u, distance, error)
+  subroutine measure_body(body, rows, compliance, b, m, u, square, error)
     !> The body.
     type(body_t), intent(in) :: body
     !> The quadratic programme, for its contact forces.
@@ -120,14 +125,14 @@ contains
     real(dp), intent(in) :: m(:)
     !> Displacement (dim, n_nodes) [length].
     real(dp), intent(in) :: u(:, :)
-    !> Rounding in the energy norm [sqrt(energy)].
-    real(dp), intent(out) :: distance
+    !> Square of the rounding in the energy norm, the part of this rank [energy].
+    real(dp), intent(out) :: square
     !> As in `measure_rounding`.
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: force(:, :), contact(:, :), r(:), z(:)
     real(dp) :: energy
-    distance = 0
-    if (body%constraint%n_equations == 0) return
+    square = 0
+    if (body%n_unknowns() == 0) return
     allocate (force, mold=u)
     call internal_force(body%mesh, body%analysis, body%material, real(u, qp), force, energy, error)
     if (allocated(error)) then
@@ -143,7 +148,7 @@ contains
     call body%constraint%reduce(force, r)
     z = r
     call compliance%solve(b, z)
-    distance = sqrt(max(0.0_dp, dot_product(r, z)))
+    square = dot_product(body%of_own_equations(r), z)
   end subroutine measure_body
 
   !> Energy of a displacement that closes the difference of the gaps by displacements and by the scheme, where there is
@@ -192,7 +197,7 @@ contains
       end do
       distance(b) = sqrt(2*strain_energy(problem%body(b), unit))
     end do
-    call share(problem%ranks%owner, distance)
+    call problem%ranks%share_norm(distance)
   end subroutine storage_rounding
 
   !> A pattern of signs without order: neighbours are not rounded alike. i enters modulo 7, so that no product

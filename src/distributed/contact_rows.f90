@@ -72,7 +72,7 @@ contains
     n_entries = 0
     do p = 1, size(part)
       b = part(p)%body
-      associate (nodes => block(b)%contact_node, matrix => block(b)%matrix, constraint => part(p)%constraint)
+      associate (nodes => block(b)%node_numbers(), matrix => block(b)%matrix, constraint => part(p)%constraint)
         local = [(part(p)%local_node(nodes(i)), i=1, size(nodes))]
         column_of = spread(0, 1, size(nodes))
         do i = 1, size(nodes)

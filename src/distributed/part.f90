@@ -1,4 +1,4 @@
-!> The part of a body that one rank has (`dotyk_mesh_body_part`), with what belongs to its nodes: all elements of own
+!> The part of a body that one rank holds (`dotyk_elasticity_held_body`), with what belongs to its nodes: all elements of own
 !> nodes are there, so that rows of matrices of own nodes need no other rank.
 module dotyk_distributed_part
   use dotyk_base_kinds, only: dp
@@ -7,7 +7,6 @@ module dotyk_distributed_part
   use dotyk_elasticity_corner_space, only: corner_space_t
   use dotyk_elasticity_material, only: material_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
-  use dotyk_mesh_body_part, only: body_part_t
   implicit none
   private
 
@@ -15,9 +14,9 @@ module dotyk_distributed_part
   type, public :: part_t
     !> Index of the body.
     integer :: body = 0
-    !> Own elements and those that touch own nodes, and all nodes on the boundary of the body.
+    !> Own elements and those around them, samples of others, and all nodes on the boundary of the body.
     type(body_mesh_t) :: mesh
-    !> Equations, prescribed displacements and nodal axes; the numbers of the equations have no meaning.
+    !> Equations of the part, prescribed displacements and nodal axes.
     type(constraint_t) :: constraint
     !> Type of analysis: one of the `analysis_*` constants.
     integer :: analysis = 0
@@ -46,30 +45,25 @@ module dotyk_distributed_part
 contains
 
   !> Take the part of a body.
-  subroutine part_init(self, b, body, mode, piece)
+  subroutine part_init(self, b, body, mode)
     class(part_t), intent(out) :: self
     !> Index of the body.
     integer, intent(in) :: b
-    !> The body; it need not be assembled.
+    !> What this rank holds of it (`dotyk_elasticity_held_body`); it need not be assembled.
     type(body_t), intent(in) :: body
     !> Its rigid body modes (dim, n_nodes, n_modes) [].
     real(dp), intent(in) :: mode(:, :, :)
-    !> The part of its mesh.
-    type(body_part_t), intent(in) :: piece
     self%body = b
     self%analysis = body%analysis
     self%material = body%material
-    self%mesh = piece%mesh
-    self%whole_node = piece%whole_node
-    self%is_own = piece%node_rank == piece%rank
-    self%constraint%equation = body%constraint%equation(:, self%whole_node)
-    self%constraint%prescribed = body%constraint%prescribed(:, self%whole_node)
-    self%constraint%frame_of = body%constraint%frame_of(self%whole_node)
-    self%constraint%frame = body%constraint%frame
-    call self%constraint%number_equations()
+    self%mesh = body%mesh
+    self%whole_node = body%mesh%whole%node
+    self%is_own = body%mesh%whole%own_node
+    deallocate (self%mesh%whole)
+    self%constraint = body%constraint
     allocate (self%load(body%dimension, size(self%whole_node)), source=0.0_dp)
-    if (allocated(body%load)) self%load(:, :) = body%load(:, self%whole_node)
-    self%mode = mode(:, self%whole_node, :)
+    if (allocated(body%load)) self%load(:, :) = body%load
+    allocate (self%mode, source=mode)
   end subroutine part_init
 
   !> From displacements along the axes of a node to those along the global axes; held ones count as zero.

@@ -55,6 +55,7 @@ module dotyk_distributed_stiffness
     procedure :: wrap => stiffness_wrap
     procedure :: inverse_blocks => stiffness_inverse_blocks
     procedure :: diagonal => stiffness_diagonal
+    procedure :: entries => stiffness_entries
     procedure :: nodal_displacement => stiffness_nodal_displacement
     procedure :: destroy => stiffness_destroy
   end type distributed_stiffness_t
@@ -338,24 +339,41 @@ contains
     inverse = (inverse + transpose(inverse))/2
   end subroutine invert
 
+  !> Entries of a vector over all unknowns, wherever they are.
+  subroutine stiffness_entries(self, own, entry, found, error)
+    class(distributed_stiffness_t), intent(in) :: self
+    !> Own unknowns (dim*n_own) [any].
+    real(dp), intent(in) :: own(:)
+    !> Entries that this rank wants, from 0 (n).
+    integer, intent(in) :: entry(:)
+    !> (n) [as own]
+    real(dp), allocatable, intent(out) :: found(:)
+    !> Allocated where PETSc fails.
+    type(error_t), allocatable, intent(out) :: error
+    type(tVec) :: all
+    real(dp), allocatable, target :: x(:)
+    integer :: code
+    x = own
+    call self%wrap(x, all)
+    call gather_entries(all, entry, found, error)
+    call VecDestroy(all, code)
+  end subroutine stiffness_entries
+
   !> Displacements of all nodes of a part, ghosts included, in global axes, with prescribed ones.
   subroutine stiffness_nodal_displacement(self, p, x, u, error)
     class(distributed_stiffness_t), intent(in) :: self
     !> The part.
     integer, intent(in) :: p
     !> Displacements of the own nodes along their axes (dim*n_own) [length].
-    real(dp), intent(inout), contiguous, target :: x(:)
+    real(dp), intent(in) :: x(:)
     !> (dim, n_nodes of the part) [length]
     real(dp), allocatable, intent(out) :: u(:, :)
     !> Allocated where PETSc fails.
     type(error_t), allocatable, intent(out) :: error
-    type(tVec) :: all
     real(dp), allocatable :: found(:)
-    integer :: i, j, code
+    integer :: i, j
     associate (part => self%part(p), constraint => self%part(p)%constraint)
-      call self%wrap(x, all)
-      call gather_entries(all, [((self%dim*part%row(i) + j, j=0, self%dim - 1), i=1, size(part%row))], found, error)
-      call VecDestroy(all, code)
+      call self%entries(x, [((self%dim*part%row(i) + j, j=0, self%dim - 1), i=1, size(part%row))], found, error)
       if (allocated(error)) return
       u = reshape(found, [self%dim, size(part%row)])
       where (constraint%equation == held) u = constraint%prescribed

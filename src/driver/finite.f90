@@ -2,12 +2,12 @@
 module dotyk_driver_finite
   use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
   use dotyk_base_error, only: error_t, exit_not_solvable, set_error
+  use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: quoted, to_text
   use dotyk_control_body_solution, only: body_solution_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_pressures, only: pair_solution_t
   use dotyk_input_case, only: case_t
-  use dotyk_ranks_exchange, only: share
   use dotyk_scheme_solver_state, only: solver_state_t
   implicit none
   private
@@ -34,21 +34,22 @@ contains
     !> Allocated where a value is not finite; names the first body or pair; exit code `exit_not_solvable`.
     type(error_t), allocatable, intent(out) :: error
     character(:), allocatable :: what
-    logical, dimension(size(solution)) :: moved, stressed
+    ! 1 where a number is not finite.
+    real(dp), dimension(size(solution)) :: moved, stressed
     integer :: b, k
-    moved = .true.
-    stressed = .true.
+    moved = 0
+    stressed = 0
     do b = 1, size(solution)
       if (.not. problem%ranks%is_own(b)) cycle
-      if (allocated(solution(b)%displacement)) moved(b) = all(ieee_is_finite(solution(b)%displacement))
-      if (allocated(solution(b)%stress)) stressed(b) = all(ieee_is_finite(solution(b)%stress))
+      if (allocated(solution(b)%displacement)) moved(b) = not_finite(solution(b)%displacement)
+      if (allocated(solution(b)%stress)) stressed(b) = not_finite(solution(b)%stress)
     end do
-    call share(problem%ranks%owner, moved)
-    call share(problem%ranks%owner, stressed)
+    call problem%ranks%share_greatest(moved)
+    call problem%ranks%share_greatest(stressed)
     do b = 1, size(solution)
-      if (moved(b) .and. stressed(b)) cycle
+      if (.not. (moved(b) > 0 .or. stressed(b) > 0)) cycle
       what = 'stresses'
-      if (.not. moved(b)) what = 'displacements'
+      if (moved(b) > 0) what = 'displacements'
       call set_error(error, case%file//':'//to_text(case%body(b)%line)//': body '//quoted(problem%body(b)%name)// &
                      ': the '//what//' are'//reason, exit_not_solvable)
       return
@@ -65,4 +66,11 @@ contains
     if (.not. ieee_is_finite(state%energy)) &
       call set_error(error, case%file//': the energy is'//reason, exit_not_solvable)
   end subroutine refuse_overflow
+
+  !> 1 where a number is not finite, 0 where all are.
+  pure real(dp) function not_finite(value)
+    !> Numbers (any, any).
+    real(dp), intent(in) :: value(:, :)
+    not_finite = merge(0.0_dp, 1.0_dp, all(ieee_is_finite(value)))
+  end function not_finite
 end module dotyk_driver_finite

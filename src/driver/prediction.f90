@@ -46,7 +46,7 @@ contains
     elapsed = monitor%watch%since_start()
     call set_blas_threads(1)
     call speed%measure()
-    call prediction%init(scene%problem%body%constraint%n_equations, &
+    call prediction%init(scene%problem%body%n_unknowns(), &
                          [(size(scene%operator%block(b)%row), b=1, size(scene%size_of))], scene%size_of, memory%used, &
                          elapsed, speed)
     call show_prediction(monitor%log, scene%size_of, prediction)

@@ -14,7 +14,7 @@ module dotyk_driver_scene_building
   use dotyk_input_case, only: case_t
   use dotyk_log_run_monitor, only: log_monitor_t
   use dotyk_model_assembly, only: assemble_bodies, check_held
-  use dotyk_model_body_parts, only: hold_surfaces
+  use dotyk_model_body_parts, only: hold_parts
   use dotyk_model_body_setup, only: body_surfaces_t, build_bodies
   use dotyk_model_pairs, only: find_pairs
   use dotyk_ranks_communication, only: n_ranks
@@ -64,11 +64,10 @@ contains
       if (splits) call choose_split(problem%body, monitor, form, splits)
       if (splits) call problem%classes%init(size(problem%body))
       call problem%ranks%init(problem%body, problem%classes, splits)
-      if (.not. splits) &
-        call hold_surfaces(problem%classes, problem%ranks, problem%body, surfaces, problem%modes)
+      call hold_parts(problem%classes, problem%ranks, problem%body, surfaces, problem%modes)
       call assemble_bodies(case, problem%classes, problem%ranks, form, problem%body, problem%modes, scene%stiffness, &
                            scene%slot, error)
-      if (splits .and. .not. allocated(error)) call scene%split%assemble(problem%body, error)
+      if (splits .and. .not. allocated(error)) call scene%split%assemble(problem%body, problem%modes, error)
       call stop_if_interrupted(error)
       if (allocated(error)) return
       call monitor%watch%lap(monitor%timing%assemble)

@@ -53,6 +53,11 @@ module dotyk_elasticity_body
     !> Nodes that every rank holds, ascending: those of the boundary among them; allocated in runs on several ranks
     !> (n_shared_nodes).
     integer, allocatable :: shared_node(:)
+    !> Whether this rank computes each equation; allocated where all ranks compute the body together, each a part
+    !> (n_equations).
+    logical, allocatable :: own_equation(:)
+    !> Number of equations of the whole body where this rank numbers those of its part.
+    integer, private :: n_whole_equations = 0
     !> Whether the body has loads or given displacements at nodes that this rank does not hold.
     logical, private :: is_loaded_inside = .false.
   contains
@@ -60,6 +65,10 @@ module dotyk_elasticity_body
     procedure :: assemble_like => body_assemble_like
     procedure :: assemble_loads => body_assemble_loads
     procedure :: hold_nodes => body_hold_nodes
+    procedure :: number_part => body_number_part
+    procedure :: n_unknowns => body_n_unknowns
+    procedure :: of_own_equations => body_of_own_equations
+    procedure :: of_own_nodes => body_of_own_nodes
     procedure :: is_idle => body_is_idle
     procedure :: young => body_young
     procedure :: destroy => body_destroy
@@ -171,9 +180,59 @@ contains
       constraint%frame_of = constraint%frame_of(node)
     end associate
     if (allocated(self%load)) self%load = self%load(:, node)
-    self%applied = point_forces_t()
     self%shared_node = [(i, i=1, size(node))]
   end subroutine body_hold_nodes
+
+  !> Number the equations of a part of a body that all ranks compute together.
+  subroutine body_number_part(self, own_node)
+    class(body_t), intent(inout) :: self
+    !> Whether this rank computes each held node (n_held_nodes).
+    logical, intent(in) :: own_node(:)
+    integer :: i, k
+    self%n_whole_equations = self%constraint%n_equations
+    call self%constraint%number_equations()
+    allocate (self%own_equation(self%constraint%n_equations))
+    associate (equation => self%constraint%equation)
+      do i = 1, size(equation, 2)
+        do k = 1, size(equation, 1)
+          if (equation(k, i) > 0) self%own_equation(equation(k, i)) = own_node(i)
+        end do
+      end do
+    end associate
+  end subroutine body_number_part
+
+  !> Number of equations of the whole body.
+  elemental integer function body_n_unknowns(self) result(n)
+    class(body_t), intent(in) :: self
+    n = self%constraint%n_equations
+    if (allocated(self%own_equation)) n = self%n_whole_equations
+  end function body_n_unknowns
+
+  !> Numbers over the equations that this rank computes, 0 elsewhere, for sums to which each rank adds its own
+  !> (n_equations).
+  pure function body_of_own_equations(self, x) result(own)
+    class(body_t), intent(in) :: self
+    !> Over the equations (n_equations) [any].
+    real(dp), intent(in) :: x(:)
+    real(dp), allocatable :: own(:)
+    own = x
+    if (.not. allocated(self%own_equation)) return
+    where (.not. self%own_equation) own = 0
+  end function body_of_own_equations
+
+  !> The same of nodes (n, n_nodes).
+  pure function body_of_own_nodes(self, f) result(own)
+    class(body_t), intent(in) :: self
+    !> At the nodes (n, n_nodes) [any].
+    real(dp), intent(in) :: f(:, :)
+    real(dp), allocatable :: own(:, :)
+    integer :: i
+    own = f
+    if (.not. allocated(self%own_equation)) return
+    do i = 1, size(own, 2)
+      if (.not. self%mesh%whole%own_node(i)) own(:, i) = 0
+    end do
+  end function body_of_own_nodes
 
   !> Whether there are neither loads nor prescribed displacements.
   pure logical function body_is_idle(self) result(is_idle)

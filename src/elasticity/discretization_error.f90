@@ -63,7 +63,8 @@ contains
     norm_square = all_norms(1)
   end subroutine estimate_discretization_error
 
-  !> Squared errors and norms, as in `estimate_discretization_error`, of several bodies of one mesh and material.
+  !> Squared errors and norms, as in `estimate_discretization_error`, of several bodies of one mesh and material; of the
+  !> own elements where the rank holds a part of the body.
   subroutine estimate_discretization_errors(mesh, analysis, material, u, square, norm_square, error)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
@@ -101,6 +102,15 @@ contains
       if (allocated(error)) exit
     end do
     call factor%destroy()
+    if (allocated(mesh%whole)) then
+      do i = 1, size(norm_square)
+        where (.not. mesh%whole%own_element)
+          square(i, :) = 0
+          element_norm(i, :) = 0
+          element_rounding(i, :) = 0
+        end where
+      end do
+    end if
     do i = 1, size(norm_square)
       ! Summed in the order of the elements: the same rounding on any number of threads.
       norm_square(i) = sum(element_norm(i, :))

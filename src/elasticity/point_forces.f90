@@ -22,6 +22,7 @@ module dotyk_elasticity_point_forces
   contains
     procedure :: add => point_forces_add
     procedure :: by_element => point_forces_by_element
+    procedure :: hold => point_forces_hold
   end type point_forces_t
 
 contains
@@ -43,7 +44,7 @@ contains
     if (.not. allocated(self%element)) then
       allocate (self%element(64), self%face(64), self%xi(size(xi), 64), self%force(size(xi), 64))
     else if (self%n == size(self%element)) then
-      room = 2*self%n
+      room = max(64, 2*self%n)
       allocate (wider(room), source=0)
       wider(:self%n) = self%element
       self%element = wider
@@ -61,6 +62,22 @@ contains
     self%xi(:, self%n) = xi
     self%force(:, self%n) = force
   end subroutine point_forces_add
+
+  !> Keep the forces on some elements.
+  pure subroutine point_forces_hold(self, number)
+    class(point_forces_t), intent(inout) :: self
+    !> New number of each element, 0 where it is not held (n_elements).
+    integer, intent(in) :: number(:)
+    integer, allocatable :: chosen(:)
+    integer :: i
+    if (self%n == 0) return
+    chosen = pack([(i, i=1, self%n)], number(self%element(:self%n)) > 0)
+    self%n = size(chosen)
+    self%element = number(self%element(chosen))
+    self%face = self%face(chosen)
+    self%xi = self%xi(:, chosen)
+    self%force = self%force(:, chosen)
+  end subroutine point_forces_hold
 
   !> The forces of element e are those of indices order(first(e) : first(e + 1) - 1).
   pure subroutine point_forces_by_element(self, n_elements, first, order)

@@ -24,7 +24,7 @@ contains
     real(dp), intent(in) :: u(:, :)
     !> Mean stresses, order xx yy zz yz xz xy (6, n_elements) [pressure].
     real(dp), intent(out) :: stress(:, :)
-    !> Strain energy [energy].
+    !> Strain energy; of the own elements where the rank holds a part of the body [energy].
     real(dp), intent(out) :: energy
     !> Allocated where an element is inverted or the modulus field is not positive; assembly finds this first.
     type(error_t), allocatable, intent(out) :: error
@@ -43,7 +43,11 @@ contains
       if (allocated(error)) exit
     end do
     ! Summed in the order of the elements: the same rounding on any number of threads.
-    energy = sum(element_energy)
+    if (allocated(mesh%whole)) then
+      energy = sum(element_energy, mask=mesh%whole%own_element)
+    else
+      energy = sum(element_energy)
+    end if
     if (present(mean_modulus_factor)) mean_modulus_factor = factor
   end subroutine stresses_and_energy
 

@@ -7,7 +7,6 @@ module dotyk_log_large_motion
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: element_kind, element_kind_t
-  use dotyk_ranks_exchange, only: share
   implicit none
   private
   public :: show_large_motion
@@ -37,13 +36,14 @@ contains
       if (.not. problem%ranks%is_own(b)) cycle
       associate (x => problem%body(b)%mesh%x, u => solution(b)%displacement)
         ratio(b) = maxval(norm2(u, dim=1))/norm2(maxval(x, 2) - minval(x, 2))
+        ! Of a part of a body the rotation of the part: parts of a body turn with it.
         angle(b) = mean_rotation(x, u)
         stretch(b) = largest_stretch(problem%body(b)%mesh, u)
       end associate
     end do
-    call share(problem%ranks%owner, ratio)
-    call share(problem%ranks%owner, angle)
-    call share(problem%ranks%owner, stretch)
+    call problem%ranks%share_greatest(ratio)
+    call problem%ranks%share_greatest(angle)
+    call problem%ranks%share_greatest(stretch)
     b = maxloc(ratio, dim=1)
     if (ratio(b) > large_displacement) &
       call log%line('  large motion     '//quoted(problem%body(b)%name)//' moves by '//to_text(ratio(b), 3)// &

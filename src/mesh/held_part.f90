@@ -9,7 +9,7 @@ module dotyk_mesh_held_part
   use dotyk_mesh_whole_body, only: whole_body_t
   implicit none
   private
-  public :: hold_part, surface_part, held_surface, sample_step
+  public :: hold_part, surface_part, add_neighbours, held_surface, sample_step
 
   !> Elements of a block that are held as samples of the interior, at most.
   integer, parameter :: most_samples = 64
@@ -44,6 +44,32 @@ contains
     end do
     node = pack([(e, e=1, size(held))], held)
   end subroutine surface_part
+
+  !> Add all elements that have a node of one that is held.
+  pure subroutine add_neighbours(mesh, holds)
+    !> Mesh of the whole body.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Whether each element is held, through all blocks (n_elements).
+    logical, intent(inout) :: holds(:)
+    logical, allocatable :: at(:)
+    integer :: b, e, n, pass
+    allocate (at(mesh%n_nodes()), source=.false.)
+    do pass = 1, 2
+      n = 0
+      do b = 1, size(mesh%block)
+        associate (node => mesh%block(b)%node)
+          do e = 1, size(node, 2)
+            if (pass == 2) then
+              holds(n + e) = any(at(node(:, e)))
+            else if (holds(n + e)) then
+              at(node(:, e)) = .true.
+            end if
+          end do
+          n = n + size(node, 2)
+        end associate
+      end do
+    end do
+  end subroutine add_neighbours
 
   !> Every so many elements of a block one is a sample of it, from the first one on.
   pure integer function sample_step(n)

@@ -80,7 +80,7 @@ contains
     real(dp) :: share_of_thread
     allocate (failed(size(body)), stiffness(size(body)), slot(size(body)))
     if (.not. allocated(modes)) allocate (modes(size(body)))
-    order = largest_first(real(body%constraint%n_equations, dp))
+    order = largest_first(real(body%n_unknowns(), dp))
     ! The other threads would wait for a body that exceeds the share of one thread.
     share_of_thread = sum(real(body%constraint%n_equations, dp), mask=ranks%factorizes)/omp_get_max_threads()
     alone = .false.
@@ -97,9 +97,11 @@ contains
     do i = 1, size(body)
       b = order(i)
       if (interrupted()) cycle
-      if (alone(b) .or. .not. (classes%is_representative(b) .and. body(b)%mesh%is_whole())) cycle
+      if (alone(b) .or. .not. classes%is_representative(b)) cycle
       if (ranks%factorizes(b)) then
         call assemble_representative(body(b), form(b), modes(b), stiffness(b), slot(b), failed(b)%error)
+      else if (.not. body(b)%mesh%is_whole()) then
+        if (ranks%is_own(b)) call body(b)%assemble_loads(failed(b)%error)
       else
         call body(b)%assemble_loads(failed(b)%error)
         call modes(b)%find(body(b))

@@ -17,7 +17,8 @@ module dotyk_ranks_exchange
     greeting_length, n_ranks, this_rank
   implicit none
   private
-  public :: is_own, share, share_errors, share_flat, agree_on_error, on_any_rank, meet, exchange_cost, collect
+  public :: is_own, share, share_errors, share_flat, agree_on_error, on_any_rank, meet, exchange_cost, collect, &
+    add_up, greatest
 
   !> What exchanges have cost this rank so far.
   type, public :: exchange_cost_t
@@ -44,7 +45,7 @@ module dotyk_ranks_exchange
   end interface share
 
   !> Kinds of exchanges, the first number of a greeting.
-  integer(int64), parameter :: of_items = 1, of_values = 2, of_bytes = 3, of_flag = 4, of_meeting = 5, of_parts = 6
+  integer(int64), parameter :: of_items = 1, of_values = 2, of_bytes = 3, of_flag = 4, of_meeting = 5, of_parts = 6, of_sums = 7
   !> Owner of items that all ranks compute together: all of them have them.
   integer, parameter, public :: all_ranks = -1
   !> Size of an item that is not allocated.
@@ -178,6 +179,38 @@ contains
                       numbers(owner, [(size(bytes, 1, int64), i=1, size(owner))]), all)
     bytes(:, by_owner(owner)) = reshape(all, shape(bytes))
   end subroutine share_flat
+
+  !> Sums of the numbers of all ranks, in the order of the ranks.
+  subroutine add_up(value)
+    !> Those of this rank in, their sums on all ranks out (n) [any].
+    real(dp), intent(inout) :: value(:)
+    real(dp) :: all(size(value), n_ranks())
+    if (n_ranks() == 1) return
+    call gather_alike(value, all)
+    value = sum(all, dim=2)
+  end subroutine add_up
+
+  !> The greatest of the numbers of all ranks.
+  subroutine greatest(value)
+    !> Those of this rank in, the greatest ones on all ranks out (n) [any].
+    real(dp), intent(inout) :: value(:)
+    real(dp) :: all(size(value), n_ranks())
+    if (n_ranks() == 1) return
+    call gather_alike(value, all)
+    value = maxval(all, dim=2)
+  end subroutine greatest
+
+  !> As many numbers of each rank.
+  subroutine gather_alike(value, all)
+    !> Those of this rank (n) [any].
+    real(dp), intent(in) :: value(:)
+    !> Those of all ranks (n, n_ranks) [as value].
+    real(dp), intent(out) :: all(:, :)
+    real(dp) :: flat(size(all))
+    call agree_on(of_sums, size(value, kind=int64))
+    call gather_reals(value, spread(size(value, kind=int64), 1, n_ranks()), flat)
+    all = reshape(flat, shape(all))
+  end subroutine gather_alike
 
   !> Parts of all ranks on the first one, one rank after the other.
   subroutine collect(own, all)

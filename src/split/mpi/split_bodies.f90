@@ -1,28 +1,26 @@
 !> Bodies that all ranks compute together: their distributed stiffness and contact, and the exchange of displacements
-!> and forces between the equations of whole bodies, which all ranks have, and the own unknowns of each rank.
+!> and forces between the equations of the part that each rank holds and the own unknowns of each rank.
 module dotyk_split_split_bodies
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_contact_operator, only: contact_operator_t
   use dotyk_distributed_contact, only: distributed_contact_t
   use dotyk_distributed_part, only: part_t
-  use dotyk_distributed_partition, only: cut_bodies
   use dotyk_distributed_stiffness, only: distributed_stiffness_t
   use dotyk_distributed_linear_solver, only: solve_outcome_t
   use dotyk_elasticity_body, only: body_t
-  use dotyk_ranks_communication, only: n_ranks, this_rank
-  use dotyk_ranks_exchange, only: item_t, share
+  use dotyk_elasticity_body_modes, only: body_modes_t
   implicit none
   private
 
-  !> Where the equations of one body are.
+  !> Where the equations of the part of one body are.
   type :: equation_map_t
-    !> Equations of this rank (n_own).
+    !> Those that this rank computes (n_own).
     integer, allocatable :: equation(:)
     !> Their places among the own unknowns of all bodies (n_own).
     integer, allocatable :: place(:)
-    !> Equations of all ranks, one rank after the other (n_equations).
-    integer, allocatable :: of_all(:)
+    !> Entry of each equation in distributed vectors, from 0 (n_equations).
+    integer, allocatable :: entry(:)
   end type equation_map_t
 
   !> The bodies of a scene. PETSc has addresses of components: it is never copied or moved.
@@ -32,7 +30,7 @@ module dotyk_split_split_bodies
     !> Their contact.
     type(distributed_contact_t) :: contact
     !> Equations of the bodies (n_bodies).
-    type(equation_map_t), allocatable, private :: map(:)
+    type(equation_map_t), allocatable :: map(:)
     !> Greatest relative residual that a solve has left so far [].
     real(dp) :: worst = 0
   contains
@@ -53,67 +51,57 @@ module dotyk_split_split_bodies
 
 contains
 
-  !> Cut the bodies and assemble the parts.
-  subroutine bodies_assemble(self, body, error)
+  !> Assemble the parts.
+  subroutine bodies_assemble(self, body, modes, error)
     class(split_bodies_t), target, intent(inout) :: self
-    !> Bodies with supports and loads (n_bodies).
+    !> The part of each body that this rank holds, with supports and loads (n_bodies).
     type(body_t), intent(in) :: body(:)
+    !> Their rigid body modes (n_bodies).
+    type(body_modes_t), intent(in) :: modes(:)
     !> Allocated where elements do not conform, or are inverted, or PETSc fails.
     type(error_t), allocatable, intent(out) :: error
     type(part_t), allocatable :: part(:)
     integer :: b
-    call cut_bodies(body, this_rank(), n_ranks(), part)
-    call self%stiffness%init(part, [(body(b)%mesh%n_nodes(), b=1, size(body))], error)
+    allocate (part(size(body)))
+    do b = 1, size(body)
+      call part(b)%init(b, body(b), modes(b)%shape)
+    end do
+    call self%stiffness%init(part, [(body(b)%mesh%n_whole_nodes(), b=1, size(body))], error)
     if (allocated(error)) return
     allocate (self%map(size(body)))
     do b = 1, size(body)
-      call make_map(self%stiffness, b, body(b)%constraint%equation, self%map(b))
+      associate (of_part => self%stiffness%part(b))
+        call make_map(self%stiffness%dim, self%stiffness%first, of_part, self%map(b))
+      end associate
     end do
   end subroutine bodies_assemble
 
-  !> Where the equations of a body are.
-  subroutine make_map(stiffness, b, equation, map)
-    !> Numbered parts.
-    type(distributed_stiffness_t), intent(in) :: stiffness
-    !> The body.
-    integer, intent(in) :: b
-    !> Equation of each component of each node, 0 or less where it is held (dim, n_nodes).
-    integer, intent(in) :: equation(:, :)
+  !> Where the equations of the part of a body are.
+  subroutine make_map(dim, first, part, map)
+    !> Number of displacement components.
+    integer, intent(in) :: dim
+    !> Block row of the first own node, from 0.
+    integer, intent(in) :: first
+    !> The part, numbered.
+    type(part_t), intent(in) :: part
     !> The map.
     type(equation_map_t), intent(out) :: map
-    type(item_t) :: of_rank(n_ranks())
-    integer, allocatable :: number(:), place(:)
-    integer :: p, i, k, n, r
-    allocate (number(0), place(0))
-    do p = 1, size(stiffness%part)
-      associate (part => stiffness%part(p))
-        if (part%body /= b) cycle
-        n = 0
-        deallocate (number, place)
-        allocate (number(stiffness%dim*count(part%is_own)), place(stiffness%dim*count(part%is_own)))
-        do i = 1, size(part%whole_node)
+    integer :: i, k, n
+    associate (constraint => part%constraint)
+      allocate (map%entry(constraint%n_equations), map%equation(constraint%n_equations))
+      n = 0
+      do i = 1, size(part%row)
+        do k = 1, dim
+          if (constraint%equation(k, i) <= 0) cycle
+          map%entry(constraint%equation(k, i)) = dim*part%row(i) + k - 1
           if (.not. part%is_own(i)) cycle
-          do k = 1, stiffness%dim
-            if (equation(k, part%whole_node(i)) <= 0) cycle
-            n = n + 1
-            number(n) = equation(k, part%whole_node(i))
-            place(n) = stiffness%dim*(part%row(i) - stiffness%first) + k
-          end do
+          n = n + 1
+          map%equation(n) = constraint%equation(k, i)
         end do
-        number = number(:n)
-        place = place(:n)
-      end associate
-    end do
-    of_rank(this_rank() + 1)%value = real(number, dp)
-    call share([(r, r=0, n_ranks() - 1)], of_rank)
-    allocate (map%of_all(maxval([0, equation])))
-    n = 0
-    do r = 1, n_ranks()
-      map%of_all(n + 1:n + size(of_rank(r)%value)) = nint(of_rank(r)%value)
-      n = n + size(of_rank(r)%value)
-    end do
-    call move_alloc(number, map%equation)
-    call move_alloc(place, map%place)
+      end do
+    end associate
+    map%equation = map%equation(:n)
+    map%place = map%entry(map%equation) - dim*first + 1
   end subroutine make_map
 
   !> Make ready for solves.
@@ -131,7 +119,7 @@ contains
     class(split_bodies_t), target, intent(inout) :: self
     !> The body.
     integer, intent(in) :: b
-    !> Right-hand side [force] in, solution [length] out, the same on all ranks (n_equations).
+    !> Right-hand side [force] in, solution [length] out, over the equations of the part (n_equations).
     real(dp), intent(inout) :: x(:)
     type(solve_outcome_t) :: outcome
     type(error_t), allocatable :: error
@@ -179,11 +167,11 @@ contains
     class(split_bodies_t), target, intent(inout) :: self
     !> The body.
     integer, intent(in) :: b
-    !> The same on all ranks (n_equations) [force/length].
+    !> Over the equations of the part (n_equations) [force/length].
     real(dp), allocatable, intent(out) :: diagonal(:)
     real(dp), allocatable :: own(:)
     call self%stiffness%diagonal(own)
-    allocate (diagonal(size(self%map(b)%of_all)))
+    allocate (diagonal(size(self%map(b)%entry)))
     call self%to_equations(b, own, diagonal)
   end subroutine bodies_diagonal
 
@@ -201,24 +189,20 @@ contains
     own(self%map(b)%place) = x(self%map(b)%equation)
   end subroutine from_equations
 
-  !> Equations of one body from the own unknowns of all ranks.
+  !> Equations of the part of one body from the own unknowns of all ranks.
   subroutine bodies_to_equations(self, b, own, x)
     class(split_bodies_t), intent(in) :: self
     !> The body.
     integer, intent(in) :: b
     !> Of this rank (n) [any].
     real(dp), intent(in) :: own(:)
-    !> Over the equations of the body, the same on all ranks (n_equations) [as own].
+    !> Over the equations of the part; the same on all ranks that have one (n_equations) [as own].
     real(dp), intent(out) :: x(:)
-    type(item_t) :: of_rank(n_ranks())
-    integer :: n, r
-    of_rank(this_rank() + 1)%value = own(self%map(b)%place)
-    call share([(r, r=0, n_ranks() - 1)], of_rank)
-    n = 0
-    do r = 1, n_ranks()
-      x(self%map(b)%of_all(n + 1:n + size(of_rank(r)%value))) = of_rank(r)%value
-      n = n + size(of_rank(r)%value)
-    end do
+    type(error_t), allocatable :: error
+    real(dp), allocatable :: found(:)
+    ! A failure ends all ranks, see `has_failed`.
+    call self%stiffness%entries(own, self%map(b)%entry, found, error)
+    x = found
   end subroutine bodies_to_equations
 
   !> Relative error of a solve in the energy norm [].

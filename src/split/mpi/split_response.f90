@@ -3,6 +3,7 @@
 module dotyk_split_split_response
   use dotyk_base_kinds, only: dp
   use dotyk_linalg_sparse, only: sparse_rows_t
+  use dotyk_ranks_exchange, only: add_up
   use dotyk_response_response, only: response_t, substituted_rows_t
   use dotyk_split_split_bodies, only: split_bodies_t
   implicit none
@@ -45,9 +46,14 @@ contains
     real(dp), intent(in) :: start(:)
     real(dp), intent(inout) :: x(:)
     real(dp), allocatable :: left(:)
+    real(dp) :: norms(2)
     left = x
     call self%bodies%subtract_forces(self%b, start, left)
-    if (sum(left**2) <= near**2*sum(x**2)) then
+    associate (own => self%bodies%map(self%b)%equation)
+      norms = [sum(left(own)**2), sum(x(own)**2)]
+    end associate
+    call add_up(norms)
+    if (norms(1) <= near**2*norms(2)) then
       x = start
     else
       call self%solve(x)

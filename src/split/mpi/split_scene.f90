@@ -9,6 +9,7 @@ module dotyk_split_split_scene
   use dotyk_elasticity_body_modes, only: body_modes_t
   use dotyk_elasticity_stress_energy, only: stresses_and_energy
   use dotyk_ranks_communication, only: n_ranks
+  use dotyk_ranks_exchange, only: add_up, agree_on_error
   use dotyk_response_response, only: response_slot_t
   use dotyk_response_stiffness_factor, only: factorization_report_t
   use dotyk_scheme_scheme, only: scheme_t
@@ -39,31 +40,48 @@ contains
   end function can_split
 
   !> Assemble the parts of all bodies.
-  subroutine scene_assemble(self, body, error)
+  subroutine scene_assemble(self, body, modes, error)
     class(split_scene_t), intent(inout) :: self
-    !> Bodies with supports and loads; get their mean modulus (n_bodies).
+    !> Parts of bodies with supports and loads; get the mean modulus of the bodies (n_bodies).
     type(body_t), intent(inout) :: body(:)
+    !> Their rigid body modes (n_bodies).
+    type(body_modes_t), intent(in) :: modes(:)
     !> Allocated where elements do not conform, or are inverted, or PETSc fails.
     type(error_t), allocatable, intent(out) :: error
-    real(dp), allocatable :: u(:, :), stress(:, :), factor(:)
-    real(dp) :: energy
-    integer :: b
     call start_petsc(error)
     if (allocated(error)) return
     ! PETSc has taken the signals.
     call watch_interrupts()
+    call set_mean_modulus(body, error)
+    if (allocated(error)) return
+    allocate (self%bodies)
+    call self%bodies%assemble(body, modes, error)
+  end subroutine scene_assemble
+
+  !> Mean of the modulus fields over the elements of each body.
+  subroutine set_mean_modulus(body, error)
+    !> Parts of bodies; those with a modulus field get its mean (n_bodies).
+    type(body_t), intent(inout) :: body(:)
+    !> Allocated where a field is not positive, or an element is inverted.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp), allocatable :: u(:, :), stress(:, :), factor(:)
+    real(dp) :: energy, mean(1)
+    integer :: b
     do b = 1, size(body)
       if (.not. body(b)%material%has_modulus_field()) cycle
-      allocate (u(body(b)%dimension, body(b)%mesh%n_nodes()), source=0.0_dp)
-      allocate (stress(6, body(b)%mesh%n_elements()), factor(body(b)%mesh%n_elements()))
-      call stresses_and_energy(body(b)%mesh, body(b)%analysis, body(b)%material, u, stress, energy, error, factor)
-      if (allocated(error)) return
-      body(b)%mean_modulus_factor = sum(factor)/size(factor)
+      associate (mesh => body(b)%mesh)
+        allocate (u(body(b)%dimension, mesh%n_nodes()), source=0.0_dp)
+        allocate (stress(6, mesh%n_elements()), factor(mesh%n_elements()))
+        call stresses_and_energy(mesh, body(b)%analysis, body(b)%material, u, stress, energy, error, factor)
+        call agree_on_error(error)
+        if (allocated(error)) return
+        mean = sum(factor, mask=mesh%whole%own_element)/mesh%n_whole_elements()
+      end associate
+      call add_up(mean)
+      body(b)%mean_modulus_factor = mean(1)
       deallocate (u, stress, factor)
     end do
-    allocate (self%bodies)
-    call self%bodies%assemble(body, error)
-  end subroutine scene_assemble
+  end subroutine set_mean_modulus
 
   !> Make ready for solves.
   subroutine scene_factorize(self, body, operator, report, error)

@@ -30,12 +30,14 @@ contains
   end function can_split
 
   !> Nothing.
-  subroutine assemble(body, error)
+  subroutine assemble(body, modes, error)
     !> Bodies (n_bodies).
     type(body_t), intent(inout) :: body(:)
+    !> Their rigid body modes (n_bodies).
+    type(body_modes_t), intent(in) :: modes(:)
     !> Not allocated.
     type(error_t), allocatable, intent(out) :: error
-    associate (not_needed => size(body))
+    associate (not_needed => size(body), nor_this => size(modes))
     end associate
   end subroutine assemble
 

@@ -1,0 +1,79 @@
+!> What a rank goes on to hold of a body that it computes with others, or not at all.
+module dotyk_elasticity_held_body
+  use dotyk_elasticity_body, only: body_t
+  use dotyk_elasticity_shortest_extent, only: shortest_extent
+  use dotyk_mesh_body_part, only: node_owners
+  use dotyk_mesh_held_part, only: add_neighbours, hold_part, surface_part
+  implicit none
+  private
+  public :: hold_surface, hold_own_part
+
+  !> Layers of elements around those of a rank: recovered strains at the nodes of its elements need those of all
+  !> vertices around them.
+  integer, parameter :: n_layers = 2
+
+contains
+
+  !> Reduce a body that other ranks compute to its surface.
+  subroutine hold_surface(body, number)
+    !> The body, with supports and loads, not assembled.
+    type(body_t), intent(inout) :: body
+    !> Number of each node of the whole body in the held part, 0 where it is not held (n_nodes).
+    integer, allocatable, intent(out) :: number(:)
+    logical, allocatable :: holds(:), nothing(:)
+    integer, allocatable :: node(:)
+    call surface_part(body%mesh, holds, node)
+    allocate (nothing(body%mesh%n_nodes()), source=.false.)
+    call hold(body, holds, spread(.false., 1, size(holds)), nothing, number)
+  end subroutine hold_surface
+
+  !> Reduce a body that all ranks compute together to the part of one of them: its elements, those around them, and the
+  !> surface. Equations are numbered in the part.
+  subroutine hold_own_part(body, element_rank, rank, n_ranks, number)
+    !> The body, with supports and loads, not assembled.
+    type(body_t), intent(inout) :: body
+    !> Rank of each element, from 0, counted through all blocks (n_elements).
+    integer, intent(in) :: element_rank(:)
+    !> This rank, from 0.
+    integer, intent(in) :: rank
+    !> Number of ranks.
+    integer, intent(in) :: n_ranks
+    !> As in `hold_surface`.
+    integer, allocatable, intent(out) :: number(:)
+    logical, allocatable :: holds(:), of_surface(:)
+    integer, allocatable :: node(:), node_rank(:)
+    integer :: layer
+    holds = element_rank == rank
+    do layer = 1, n_layers
+      call add_neighbours(body%mesh, holds)
+    end do
+    call surface_part(body%mesh, of_surface, node)
+    call node_owners(body%mesh, element_rank, n_ranks, node_rank)
+    call hold(body, holds .or. of_surface, element_rank == rank, node_rank == rank, number)
+    call body%number_part(body%mesh%whole%own_node)
+  end subroutine hold_own_part
+
+  !> Reduce a body.
+  subroutine hold(body, holds, own_element, own_node, number)
+    !> The body.
+    type(body_t), intent(inout) :: body
+    !> Whether each element is held, and whether this rank computes it (n_elements).
+    logical, intent(in) :: holds(:), own_element(:)
+    !> Whether this rank computes each node (n_nodes).
+    logical, intent(in) :: own_node(:)
+    !> As in `hold_surface`.
+    integer, allocatable, intent(out) :: number(:)
+    integer, allocatable :: of_element(:)
+    integer :: e, n
+    call hold_part(body%mesh, holds, own_element, own_node, shortest_extent(body%mesh), number)
+    call body%hold_nodes(body%mesh%whole%node)
+    allocate (of_element(size(holds)), source=0)
+    n = 0
+    do e = 1, size(holds)
+      if (.not. holds(e)) cycle
+      n = n + 1
+      of_element(e) = n
+    end do
+    call body%applied%hold(of_element)
+  end subroutine hold
+end module dotyk_elasticity_held_body
