@@ -15,6 +15,7 @@ module dotyk_distributed_contact
   use dotyk_base_kinds, only: dp
   use dotyk_base_timer, only: wall_time
   use dotyk_contact_operator, only: contact_operator_t
+  use dotyk_distributed_contact_rows, only: without_rounding
   use dotyk_distributed_error_bound, only: error_of
   use dotyk_distributed_linear_solver, only: solve_outcome_t
   use dotyk_distributed_stiffness, only: distributed_stiffness_t
@@ -110,7 +111,7 @@ contains
     !> Allocated where PETSc fails.
     type(error_t), allocatable, intent(out) :: error
     self%stiffness => stiffness
-    call self%system%init(stiffness, operator%n_rows, operator%block, error)
+    call self%system%init(stiffness, operator%n_rows, without_rounding(operator%block), error)
     if (allocated(error)) return
     self%weight = operator%weight
     self%gap = operator%gap - self%system%prescribed()

@@ -13,6 +13,7 @@ module dotyk_distributed_contact_rows
   use dotyk_linalg_sparse, only: sparse_rows_t, sparse_symmetric_t
   implicit none
   private
+  public :: without_rounding
 
   !> The rows.
   type, public :: contact_rows_t
@@ -42,7 +43,31 @@ module dotyk_distributed_contact_rows
     procedure :: subtract_smoothed => rows_subtract_smoothed
   end type contact_rows_t
 
+  !> Entries of a row below this fraction of its largest one are rounding errors of its integration [].
+  real(dp), parameter :: rounding = 1.0e-12_dp
+
 contains
+
+  !> The rows without entries that are rounding errors: a row of a held node would else seem to move, by forces without
+  !> bound.
+  function without_rounding(block) result(clean)
+    !> Rows of B, body by body (n_bodies).
+    type(contact_block_t), intent(in) :: block(:)
+    !> The same, with zeros (n_bodies).
+    type(contact_block_t), allocatable :: clean(:)
+    integer :: b, i
+    clean = block
+    do b = 1, size(clean)
+      associate (matrix => clean(b)%matrix)
+        do i = 1, matrix%n_rows
+          associate (value => matrix%value(matrix%row_start(i):matrix%row_start(i + 1) - 1))
+            if (size(value) == 0) cycle
+            where (abs(value) <= rounding*maxval(abs(value))) value = 0
+          end associate
+        end do
+      end associate
+    end do
+  end function without_rounding
 
   !> Take the rows at the own nodes.
   subroutine rows_init(self, n_rows, dim, block, part, first)

@@ -1,7 +1,7 @@
 !> A linear solver of PETSc with its coarse matrix, and its runs on arrays.
 module dotyk_distributed_linear_solver
-  use petscksp, only: KSPGetConvergedReason, KSPDestroy, KSPGetIterationNumber, KSPGetResidualNorm, KSPSetTolerances, &
-    KSPSolve, MatDestroy, tKSP, tMat, tVec, VecDestroy
+  use petscksp, only: KSPGetConvergedReason, KSPDestroy, KSPGetIterationNumber, KSPGetResidualNorm, &
+    KSPSetTolerances, KSPSolve, KSP_DIVERGED_ITS, MatDestroy, tKSP, tMat, tVec, VecDestroy
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_distributed_petsc, only: has_failed
@@ -74,7 +74,7 @@ contains
     call KSPGetIterationNumber(solver%ksp, outcome%steps, code)
     call KSPGetResidualNorm(solver%ksp, outcome%residual, code)
     call KSPGetConvergedReason(solver%ksp, reason, code)
-    outcome%has_failed = reason < 0 .and. outcome%steps < most_steps
+    outcome%has_failed = reason < 0 .and. reason /= KSP_DIVERGED_ITS
     call VecDestroy(b, code)
     call VecDestroy(x, code)
   end subroutine run_solver

@@ -5,12 +5,13 @@
 !> of D, PETSc's point-block Jacobi, by the identity of Woodbury with a sparse factor of the active rows, which all
 !> ranks have. (`dotyk_scheme_contact_smoother` in one process.)
 module dotyk_distributed_operator
-  use petscksp, only: KSPComputeExtremeSingularValues, KSPCreate, KSPDestroy, KSPGetPC, KSPSetComputeSingularValues, &
-    KSPSetNormType, KSPSetOperators, KSPSetTolerances, KSPSetType, KSPSolve, KSP_NORM_NONE, MATOP_MULT, MatDestroy, &
-    MatMult, PCApply, PCCreate, PCDestroy, PCSetOperators, PCSetType, PCSetUp, PETSC_COMM_WORLD, PETSC_DEFAULT_REAL, &
-    PETSC_DETERMINE, PETSC_TRUE, tKSP, tMat, tPC, tVec, VecDestroy, VecGetArrayF90, VecGetArrayReadF90, &
-    VecRestoreArrayF90, VecRestoreArrayReadF90, VecScale
-  use dotyk_base_error, only: error_t
+  use petscksp, only: KSPComputeExtremeSingularValues, KSPCreate, KSPDestroy, KSPGetConvergedReason, KSPGetPC, &
+    KSPSetComputeSingularValues, KSPSetNormType, KSPSetOperators, KSPSetTolerances, KSPSetType, KSPSolve, &
+    KSP_DIVERGED_NANORINF, KSP_NORM_NATURAL, MATOP_MULT, MatDestroy, MatMult, PCApply, PCCreate, PCDestroy, &
+    PCSetOperators, PCSetType, PCSetUp, PETSC_COMM_WORLD, PETSC_DEFAULT_REAL, PETSC_DETERMINE, PETSC_TRUE, tKSP, &
+    tMat, tPC, tVec, VecDestroy, VecGetArrayF90, VecGetArrayReadF90, VecRestoreArrayF90, VecRestoreArrayReadF90, &
+    VecScale
+  use dotyk_base_error, only: error_t, exit_not_solvable, set_error
   use dotyk_base_kinds, only: dp
   use dotyk_contact_operator, only: contact_block_t
   use dotyk_distributed_contact_rows, only: contact_rows_t
@@ -32,8 +33,8 @@ module dotyk_distributed_operator
     real(dp), allocatable :: row_stiffness(:)
     !> Active rows, ascending (n).
     integer, allocatable :: active(:)
-    !> `K + B^T W B`.
-    type(tMat) :: matrix
+    !> `K + B^T W B`; and the same as solvers get it, with the indeterminate modes as its null space.
+    type(tMat) :: matrix, singular
     !> Estimate of the greatest eigenvalue of D^{-1} K with the diagonal blocks D, with a margin [].
     real(dp) :: greatest = 0
     !> Products with K, and applications of D^{-1}, so far.
@@ -54,6 +55,8 @@ module dotyk_distributed_operator
 
   !> Lanczos steps for the greatest eigenvalue, and the margin, as in `dotyk_linalg_chebyshev`.
   integer, parameter :: lanczos_steps = 12
+  !> Reduction of the residual at which Ritz values are exact: another step would divide zero by zero [].
+  real(dp), parameter :: exact = 1.0e-10_dp
   real(dp), parameter :: margin = 1.1_dp
   !> Fractions of its multiples look random.
   real(dp), parameter :: golden = 0.6180339887498949_dp
@@ -137,7 +140,8 @@ contains
     call self%rows%set_inverse(block, inverse/self%greatest)
     allocate (self%row_stiffness(n_rows), source=0.0_dp)
     allocate (self%active(0))
-    call make_shell(self, error)
+    call make_shell(self, self%matrix, error)
+    if (.not. allocated(error)) call make_shell(self, self%singular, error)
   end subroutine operator_init
 
   !> Make an operator of the same stiffness that never has active rows.
@@ -152,20 +156,23 @@ contains
     self%blocks = other%blocks
     self%is_borrowed = .true.
     allocate (self%row_stiffness(0), self%active(0))
-    call make_shell(self, error)
+    call make_shell(self, self%matrix, error)
+    if (.not. allocated(error)) call make_shell(self, self%singular, error)
   end subroutine operator_init_like
 
-  !> Make the operator of PETSc, which keeps the address.
-  subroutine make_shell(context, error)
+  !> Make an operator of PETSc, which keeps the address.
+  subroutine make_shell(context, matrix, error)
     !> The operator.
-    type(system_operator_t), target, intent(inout) :: context
+    type(system_operator_t), target, intent(in) :: context
+    !> As PETSc sees it.
+    type(tMat), intent(inout) :: matrix
     !> Allocated where PETSc fails.
     type(error_t), allocatable, intent(out) :: error
     integer :: n, code
     external :: MatShellSetOperation
     n = context%stiffness%dim*context%stiffness%n_own
-    call MatCreateShell(PETSC_COMM_WORLD, n, n, PETSC_DETERMINE, PETSC_DETERMINE, context, context%matrix, code)
-    call MatShellSetOperation(context%matrix, MATOP_MULT, multiply, code)
+    call MatCreateShell(PETSC_COMM_WORLD, n, n, PETSC_DETERMINE, PETSC_DETERMINE, context, matrix, code)
+    call MatShellSetOperation(matrix, MATOP_MULT, multiply, code)
     if (has_failed(code, 'operator', error)) return
   end subroutine make_shell
 
@@ -180,7 +187,7 @@ contains
     type(tVec) :: b, x
     real(dp), allocatable, target :: start(:), found(:)
     real(dp) :: least
-    integer :: i, n, code
+    integer :: i, n, reason, code
     n = self%stiffness%dim*self%stiffness%n_own
     allocate (start(n), found(n))
     ! The same on any number of ranks but for the numbering.
@@ -193,11 +200,14 @@ contains
     call KSPGetPC(solver, pc, code)
     call PCSetType(pc, 'pbjacobi', code)
     call KSPSetComputeSingularValues(solver, PETSC_TRUE, code)
-    call KSPSetNormType(solver, KSP_NORM_NONE, code)
-    call KSPSetTolerances(solver, PETSC_DEFAULT_REAL, PETSC_DEFAULT_REAL, PETSC_DEFAULT_REAL, lanczos_steps, code)
+    call KSPSetNormType(solver, KSP_NORM_NATURAL, code)
+    call KSPSetTolerances(solver, exact, PETSC_DEFAULT_REAL, PETSC_DEFAULT_REAL, lanczos_steps, code)
     call KSPSolve(solver, b, x, code)
     if (has_failed(code, 'greatest eigenvalue', error)) return
-    call KSPComputeExtremeSingularValues(solver, self%greatest, least, code)
+    call KSPGetConvergedReason(solver, reason, code)
+    if (reason /= KSP_DIVERGED_NANORINF) call KSPComputeExtremeSingularValues(solver, self%greatest, least, code)
+    if (.not. (self%greatest > 0 .and. self%greatest <= huge(least))) &
+      call set_error(error, 'the stiffness has numbers that are not finite', exit_not_solvable)
     self%greatest = margin*self%greatest
     call KSPDestroy(solver, code)
     call VecDestroy(b, code)
@@ -303,6 +313,7 @@ contains
     integer :: code
     if (.not. allocated(self%active)) return
     call MatDestroy(self%matrix, code)
+    call MatDestroy(self%singular, code)
     if (.not. self%is_borrowed) call PCDestroy(self%blocks, code)
     call self%factor%destroy()
     deallocate (self%active)

@@ -6,21 +6,21 @@
 !> Options of the aggregation have the prefix `-corner_`, or `-plain_corner_` where incomplete factors of its smoothers
 !> are not positive.
 module dotyk_distributed_preconditioner
-  use petscksp, only: ADD_VALUES, DIFFERENT_NONZERO_PATTERN, KSPChebyshevSetEigenvalues, KSPCreate, KSPDestroy, &
-    KSPGetPC, &
+  use petscksp, only: ADD_VALUES, INSERT_VALUES, KSPChebyshevEstEigSet, KSPGetOperators, MatCreateAIJ, &
+    MatDiagonalSet, MatGetDiagonal, PETSC_NULL_VEC, tVec, VecDestroy, VecGetArrayF90, VecRestoreArrayF90, &
+    DIFFERENT_NONZERO_PATTERN, KSPChebyshevSetEigenvalues, KSPCreate, KSPDestroy, KSPGetPC, &
     KSPSetComputeSingularValues, KSPSetNormType, KSPSetOperators, KSPSetTolerances, KSPSetType, KSPSetUp, &
-    KSP_NORM_NATURAL, KSP_NORM_NONE, MAT_COPY_VALUES, &
-    MAT_FINAL_ASSEMBLY, MAT_INITIAL_MATRIX, MAT_SPD, MatAXPY, MatAssemblyBegin, &
-    MatAssemblyEnd, MatCreate, MatDestroy, MatDuplicate, MatGetNearNullSpace, MatMatMult, MatSetNearNullSpace, &
-    MatSetOption, MatSetSizes, MatSetType, MatSetValues, MatShift, MatTransposeMatMult, PCMGGetCoarseSolve, &
-    PCMGGetSmoother, PCMGSetInterpolation, PCSetFromOptions, PCSetType, &
-    PETSC_COMM_WORLD, PETSC_DECIDE, PETSC_DEFAULT_REAL, PETSC_NULL_INTEGER, PETSC_NULL_MPI_COMM, PETSC_TRUE, &
-    tKSP, tMat, tMatNullSpace, tPC
-  use dotyk_base_error, only: error_t
+    KSP_NORM_NATURAL, KSP_NORM_NONE, MAT_COPY_VALUES, MAT_FINAL_ASSEMBLY, MAT_INITIAL_MATRIX, MAT_SPD, MatAXPY, &
+    MatAssemblyBegin, MatAssemblyEnd, MatCreate, MatDestroy, MatDuplicate, MatGetNearNullSpace, MatMatMult, MatNorm, &
+    MatSetNearNullSpace, MatSetOption, MatSetSizes, MatSetType, MatSetValues, MatShift, MatTransposeMatMult, &
+    PCMGGetCoarseSolve, PCMGGetLevels, PCMGGetSmoother, PCMGSetInterpolation, PCSetFromOptions, PCSetType, PCSetUp, &
+    PCSetUseAmat, NORM_FROBENIUS, PETSC_FALSE, PETSC_COMM_WORLD, PETSC_DECIDE, PETSC_DEFAULT_REAL, &
+    PETSC_NULL_INTEGER, PETSC_NULL_MPI_COMM, PETSC_TRUE, tKSP, tMat, tMatNullSpace, tPC
+  use dotyk_base_error, only: error_t, exit_not_solvable, set_error
   use dotyk_base_kinds, only: dp
   use dotyk_distributed_contact_rows, only: contact_rows_t
   use dotyk_distributed_operator, only: system_operator_t
-  use dotyk_distributed_petsc, only: has_failed, petsc_option, sum_of_ranks
+  use dotyk_distributed_petsc, only: has_failed, largest_of_ranks, petsc_option, sum_of_ranks
   use dotyk_distributed_stiffness, only: distributed_stiffness_t
   implicit none
   private
@@ -32,6 +32,10 @@ module dotyk_distributed_preconditioner
   real(dp), parameter :: ratio = 8
   !> Steps of the smoothers of the aggregation.
   character(*), parameter :: aggregation_degree = '3'
+  !> Ends of their intervals as multiples of an estimate of the greatest eigenvalue.
+  real(dp), parameter :: least_of_interval = 0.1_dp, greatest_of_interval = 1.1_dp
+  !> Diagonal entries of coarse levels below this fraction of the largest one are rounding errors [].
+  real(dp), parameter :: negligible = 1.0e-13_dp
 
 contains
 
@@ -52,6 +56,7 @@ contains
     !> Allocated where PETSc fails.
     type(error_t), allocatable, intent(out) :: error
     type(tMat) :: fine_rows, corner_rows, product
+    real(dp) :: norm
     type(tMatNullSpace) :: space
     integer :: code
     call MatDuplicate(stiffness%coarse, MAT_COPY_VALUES, matrix, code)
@@ -75,7 +80,11 @@ contains
     call MatGetNearNullSpace(stiffness%coarse, space, code)
     call MatSetNearNullSpace(matrix, space, code)
     call MatSetOption(matrix, MAT_SPD, PETSC_TRUE, code)
+    call MatNorm(matrix, NORM_FROBENIUS, norm, code)
     if (has_failed(code, 'coarse matrix', error)) return
+    ! PETSc would look for the eigenvalues of such a matrix for ever.
+    if (.not. norm <= huge(norm)) call set_error(error, 'the stiffness with the active contact rows has numbers that '// &
+                                                 'are not finite', exit_not_solvable)
   end subroutine make_coarse_matrix
 
   !> sqrt(W) B on the active rows, distributed.
@@ -137,10 +146,10 @@ contains
     !> Allocated where PETSc fails.
     type(error_t), allocatable, intent(out) :: error
     type(tKSP) :: smoother, coarse_solver
-    type(tPC) :: pc
-    integer :: code
+    type(tPC) :: pc, smoother_pc
+    integer :: n_levels, code
     ! Rows couple the nodes of their facets stiffly, on whatever rank these are: factors of overlapping blocks smooth
-    ! that, diagonals do not.
+    ! that. Diagonals are positive whatever the matrix, with an interval from their own spectrum and a margin.
     call petsc_option('-corner_mg_levels_ksp_max_it', aggregation_degree)
     call petsc_option('-corner_mg_levels_pc_type', 'asm')
     call petsc_option('-corner_mg_levels_pc_asm_type', 'basic')
@@ -148,38 +157,66 @@ contains
     call petsc_option('-corner_mg_levels_sub_pc_type', 'icc')
     call petsc_option('-corner_mg_levels_sub_pc_factor_shift_type', 'nonzero')
     call petsc_option('-plain_corner_mg_levels_ksp_max_it', aggregation_degree)
+    call petsc_option('-plain_corner_mg_levels_pc_type', 'jacobi')
+    call petsc_option('-plain_corner_pc_gamg_use_sa_esteig', '0')
+    call petsc_option('-plain_corner_mg_levels_esteig_ksp_type', 'gmres')
+    ! By conjugate gradients it looks for the eigenvalues of matrices that are not finite for ever.
+    call petsc_option('-plain_corner_pc_gamg_esteig_ksp_type', 'gmres')
+    call petsc_option('-corner_pc_gamg_esteig_ksp_type', 'gmres')
     call KSPCreate(PETSC_COMM_WORLD, solver, code)
     call KSPSetType(solver, 'cg', code)
     call KSPSetNormType(solver, KSP_NORM_NATURAL, code)
     call KSPSetComputeSingularValues(solver, PETSC_TRUE, code)
     call KSPGetPC(solver, pc, code)
     if (operator%stiffness%is_linear) then
-      call KSPSetOperators(solver, operator%matrix, coarse, code)
+      call KSPSetOperators(solver, operator%singular, coarse, code)
       call aggregate(pc)
+      ! All of it works on the assembled matrix, which is regular: estimates of eigenvalues fail on the other one.
+      call PCSetUseAmat(pc, PETSC_FALSE, code)
+      call PCSetUp(pc, code)
+      if (has_failed(code, 'set-up of the preconditioner', error)) return
+      call make_positive(pc, error)
+      if (allocated(error)) return
+      call PCMGGetLevels(pc, n_levels, code)
+      call PCMGGetSmoother(pc, n_levels - 1, smoother, code)
+      if (n_levels > 1) call smooth_contact(coarse)
     else
-      call KSPSetOperators(solver, operator%matrix, operator%matrix, code)
+      call KSPSetOperators(solver, operator%singular, operator%singular, code)
       call PCSetType(pc, 'mg', code)
       call PCMGSetLevels(pc, 2, PETSC_NULL_MPI_COMM, code)
       call PCMGSetInterpolation(pc, 1, operator%stiffness%interpolation, code)
       call PCMGGetSmoother(pc, 1, smoother, code)
       call KSPSetType(smoother, 'chebyshev', code)
-      call KSPChebyshevSetEigenvalues(smoother, 1.0_dp, 1/ratio, code)
-      call KSPSetTolerances(smoother, PETSC_DEFAULT_REAL, PETSC_DEFAULT_REAL, PETSC_DEFAULT_REAL, degree, code)
-      call KSPSetNormType(smoother, KSP_NORM_NONE, code)
-      call KSPSetOperators(smoother, operator%matrix, operator%matrix, code)
-      call KSPGetPC(smoother, pc, code)
-      call operator%make_smoother(pc)
+      call smooth_contact(operator%matrix)
       call KSPGetPC(solver, pc, code)
       call PCMGGetCoarseSolve(pc, coarse_solver, code)
       call KSPSetType(coarse_solver, 'preonly', code)
       call KSPSetOperators(coarse_solver, coarse, coarse, code)
       call KSPGetPC(coarse_solver, pc, code)
       call aggregate(pc)
+      if (is_plain) then
+        call KSPSetUp(coarse_solver, code)
+        if (has_failed(code, 'set-up of the aggregation', error)) return
+        call make_positive(pc, error)
+        if (allocated(error)) return
+      end if
     end if
     call KSPSetUp(solver, code)
     if (has_failed(code, 'set-up of the preconditioner', error)) return
 
   contains
+
+    !> Smoothing on the level of all displacements.
+    subroutine smooth_contact(matrix)
+      !> The matrix whose residuals it smooths.
+      type(tMat), intent(in) :: matrix
+      call KSPChebyshevSetEigenvalues(smoother, 1.0_dp, 1/ratio, code)
+      call KSPSetTolerances(smoother, PETSC_DEFAULT_REAL, PETSC_DEFAULT_REAL, PETSC_DEFAULT_REAL, degree, code)
+      call KSPSetNormType(smoother, KSP_NORM_NONE, code)
+      call KSPSetOperators(smoother, matrix, matrix, code)
+      call KSPGetPC(smoother, smoother_pc, code)
+      call operator%make_smoother(smoother_pc)
+    end subroutine smooth_contact
 
     !> One cycle of smoothed aggregation.
     subroutine aggregate(pc)
@@ -194,4 +231,41 @@ contains
       call PCSetFromOptions(pc, code)
     end subroutine aggregate
   end subroutine make_solver
+
+  !> Make the smoothers of the aggregation by diagonals positive: an aggregate of few nodes has motions that nothing
+  !> resists, and their diagonal entries are rounding errors. Their intervals are found anew.
+  subroutine make_positive(pc, error)
+    !> The aggregation, set up.
+    type(tPC), intent(in) :: pc
+    !> Allocated where PETSc fails.
+    type(error_t), allocatable, intent(out) :: error
+    type(tKSP) :: smoother
+    type(tMat) :: matrix, other, diagonal
+    type(tVec) :: vector
+    real(dp), pointer :: x(:)
+    real(dp) :: largest(1)
+    integer :: n_levels, level, n, code
+    call PCMGGetLevels(pc, n_levels, code)
+    do level = 1, n_levels - 1
+      call PCMGGetSmoother(pc, level, smoother, code)
+      call KSPGetOperators(smoother, matrix, other, code)
+      call MatCreateVecs(matrix, vector, PETSC_NULL_VEC, code)
+      call MatGetDiagonal(matrix, vector, code)
+      if (has_failed(code, 'diagonals of the aggregation', error)) return
+      call VecGetArrayF90(vector, x, code)
+      n = size(x)
+      largest = maxval([0.0_dp, x])
+      call largest_of_ranks(largest)
+      where (.not. x > negligible*largest(1)) x = largest(1)
+      call VecRestoreArrayF90(vector, x, code)
+      call MatCreateAIJ(PETSC_COMM_WORLD, n, n, PETSC_DECIDE, PETSC_DECIDE, 1, PETSC_NULL_INTEGER, 0, &
+                        PETSC_NULL_INTEGER, diagonal, code)
+      call MatDiagonalSet(diagonal, vector, INSERT_VALUES, code)
+      if (has_failed(code, 'diagonals of the aggregation', error)) return
+      call KSPSetOperators(smoother, matrix, diagonal, code)
+      call KSPChebyshevEstEigSet(smoother, 0.0_dp, least_of_interval, 0.0_dp, greatest_of_interval, code)
+      call MatDestroy(diagonal, code)
+      call VecDestroy(vector, code)
+    end do
+  end subroutine make_positive
 end module dotyk_distributed_preconditioner

@@ -3,13 +3,11 @@
 !>
 !> The system without active rows is kept: it gives the residual's energy norm of the error bound.
 module dotyk_distributed_system
-  use petscksp, only: KSPComputeExtremeSingularValues, KSPGetPC, MatGetTrace, MatMult, MatNullSpaceCreate, &
-    MatNullSpaceDestroy, MatSetNullSpace, PCApply, PETSC_COMM_WORLD, PETSC_FALSE, tMatNullSpace, tPC, tVec, &
-    VecDestroy, VecGetArrayF90, VecRestoreArrayF90
+  use petscksp, only: KSPComputeExtremeSingularValues, KSPGetPC, MatGetTrace, MatMult, PCApply, tPC, tVec, VecDestroy
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_contact_operator, only: contact_block_t
-  use dotyk_distributed_indeterminate_modes, only: all_modes, find_indeterminate
+  use dotyk_distributed_indeterminate_modes, only: all_modes, find_indeterminate, set_null_space
   use dotyk_distributed_linear_solver, only: drop_solver, run_solver, solve_outcome_t, solver_t
   use dotyk_distributed_operator, only: system_operator_t
   use dotyk_distributed_petsc, only: has_failed, sum_of_ranks
@@ -93,6 +91,9 @@ contains
     end do
     call self%alone%init_like(self%contact, error)
     if (allocated(error)) return
+    ! Incomplete factors are hardly ever positive where the matrix is nearly singular, and gain nothing on linear
+    ! elements, whose finest level has a smoother of its own.
+    self%is_plain = stiffness%is_linear .or. size(stiffness%mode, 2) > 0
     call set_up_alone(self, error)
     if (.not. allocated(error)) call sample_spectrum(self, error)
   end subroutine system_init
@@ -162,11 +163,8 @@ contains
     type(solver_t), intent(inout) :: solver
     !> Allocated where PETSc fails.
     type(error_t), allocatable, intent(out) :: error
-    type(tMatNullSpace) :: space
-    type(tVec), allocatable :: vector(:)
-    real(dp), pointer :: x(:)
     real(dp) :: shift
-    integer :: k, code
+    integer :: code
     call drop_solver(solver)
     shift = 0
     if (size(self%free_mode, 2) > 0) then
@@ -176,20 +174,8 @@ contains
     call make_coarse_matrix(self%stiffness, operator%rows, operator%row_stiffness, operator%active, shift, &
                             solver%coarse, error)
     if (allocated(error)) return
-    allocate (vector(size(self%free_mode, 2)))
-    do k = 1, size(vector)
-      call self%stiffness%make_vector(vector(k))
-      call VecGetArrayF90(vector(k), x, code)
-      x = matmul(self%stiffness%mode, self%free_mode(:, k))
-      call VecRestoreArrayF90(vector(k), x, code)
-    end do
-    call MatNullSpaceCreate(PETSC_COMM_WORLD, PETSC_FALSE, size(vector), vector, space, code)
-    call MatSetNullSpace(operator%matrix, space, code)
-    call MatNullSpaceDestroy(space, code)
-    do k = 1, size(vector)
-      call VecDestroy(vector(k), code)
-    end do
-    if (has_failed(code, 'null space', error)) return
+    call set_null_space(self%stiffness, self%free_mode, operator%singular, error)
+    if (allocated(error)) return
     call make_solver(operator, solver%coarse, self%is_plain, solver%ksp, error)
     solver%is_set = .true.
     self%n_setups = self%n_setups + 1
@@ -282,8 +268,9 @@ contains
     square = self%product(r, z)
     norm = 0
     if (square > 0) norm = sqrt(square/self%least)
+    if (square > 0 .and. square <= huge(square)) return
+    if (abs(self%product(r, r)) <= 0) return
     ! A preconditioner that is not positive tells nothing.
-    if (square > 0 .or. .not. self%product(r, r) > 0) return
     norm = huge(norm)
     if (self%is_plain) return
     call take_plain(self, error)

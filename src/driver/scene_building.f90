@@ -3,14 +3,14 @@ module dotyk_driver_scene_building
   use dotyk_base_error, only: error_t
   use dotyk_base_interrupt, only: stop_if_interrupted
   use dotyk_base_memory, only: set_stage
-  use dotyk_base_text, only: quoted, text_t
+  use dotyk_base_text, only: quoted, text_t, to_text
   use dotyk_contact_operator, only: build_operator
   use dotyk_control_factorization, only: analyze_bodies
-  use dotyk_control_response_choice, only: choose_forms, form_direct, form_multigrid, form_split
+  use dotyk_control_response_choice, only: choose_forms, form_direct, form_multigrid, form_split, &
+    suits_multigrid
   use dotyk_driver_run_settings, only: may_use_multigrid
   use dotyk_driver_scene, only: scene_t
   use dotyk_elasticity_body, only: body_t, free_rigid_modes
-  use dotyk_elasticity_two_levels, only: is_linear
   use dotyk_input_case, only: case_t
   use dotyk_log_run_monitor, only: log_monitor_t
   use dotyk_model_assembly, only: assemble_bodies, check_held
@@ -24,6 +24,10 @@ module dotyk_driver_scene_building
   implicit none
   private
   public :: build_scene, scene_t
+
+  !> Floating bodies at most that are split: the coarse level does not know the motions of each, and needs hundreds of
+  !> iterations for networks of more.
+  integer, parameter :: most_floating = 20
 
 contains
 
@@ -96,8 +100,8 @@ contains
     end associate
   end subroutine build_scene
 
-  !> Split the bodies over all ranks, or leave each to one rank with its factor: floating bodies and linear elements are
-  !> not split, because their preconditioner is not always positive.
+  !> Split the bodies over all ranks, or leave each to one rank with its factor: not where the iterations would be too
+  !> many, for nearly incompressible bodies and networks of many floating ones.
   subroutine choose_split(body, monitor, form, splits)
     !> Bodies with supports (n_bodies).
     type(body_t), intent(in) :: body(:)
@@ -108,17 +112,19 @@ contains
     !> Whether they are split.
     logical, intent(out) :: splits
     character(:), allocatable :: reason, motions
-    integer :: b, n_free
+    integer :: b, n_free, n_floating
     reason = ''
+    n_floating = 0
     do b = 1, size(body)
       call free_rigid_modes(body(b), n_free, motions)
-      if (n_free > 0) reason = 'floats'
-      if (is_linear(body(b)%mesh)) reason = 'has linear elements'
+      if (n_free > 0) n_floating = n_floating + 1
+      if (.not. suits_multigrid(body(b))) reason = quoted(body(b)%name)//' is nearly incompressible'
       if (len(reason) > 0) exit
     end do
+    if (n_floating > most_floating) reason = to_text(n_floating)//' bodies float'
     splits = len(reason) == 0
     form(:) = merge(form_split, form_direct, splits)
-    if (.not. splits) call monitor%note('factors          '//quoted(body(b)%name)//' '//reason//': bodies are not '// &
-                                        'split over ranks, each has its factor on one of them')
+    if (.not. splits) call monitor%note('factors          '//reason//': bodies are not split over ranks, each has '// &
+                                        'its factor on one of them')
   end subroutine choose_split
 end module dotyk_driver_scene_building

@@ -3,7 +3,7 @@
 module dotyk_driver_solution
   use dotyk_base_error, only: add_context, error_t
   use dotyk_base_kinds, only: dp
-  use dotyk_base_text, only: to_text
+  use dotyk_base_text, only: quoted, to_text
   use dotyk_base_options, only: response_auto
   use dotyk_control_contact_solution, only: contact_solution_t, solve_contact
   use dotyk_control_scheme_run, only: scheme_run_t
@@ -72,6 +72,7 @@ contains
         end if
         call solve_contact(scene%problem, scene%qp, scene%compliance, now, goal_of(case), monitor, solution, error)
         call monitor%end_phase()
+        if (allocated(error) .and. scene%is_split()) call name_held_body(case, scene, error)
         if (allocated(error)) exit factors
         if (solution%state%ended == ended_time) then
           call write_on_the_way(case, scene, solution, threads, monitor, has_warned)
@@ -102,6 +103,23 @@ contains
     call scene%compliance%destroy()
     call scene%split%destroy()
   end subroutine solve_scene
+
+  !> Name the body whose modes the program holds, which the split scheme does not know how to.
+  subroutine name_held_body(case, scene, error)
+    !> The case.
+    type(case_t), intent(in) :: case
+    !> The scene, factorized.
+    type(scene_t), intent(in) :: scene
+    !> Gets the name with its line.
+    type(error_t), allocatable, intent(inout) :: error
+    integer :: b
+    do b = 1, size(scene%problem%neutral)
+      if (scene%problem%neutral(b)%n == 0) cycle
+      call add_context(error, case%file//':'//to_text(case%body(b)%line)//': body '// &
+                       quoted(scene%problem%body(b)%name)//': ')
+      return
+    end do
+  end subroutine name_held_body
 
   !> Say why p-multigrid is given up.
   subroutine say_why(reason, fits, monitor)

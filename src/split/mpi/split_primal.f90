@@ -82,8 +82,8 @@ contains
       return
     end if
     if (qp%coarse%holds_modes) then
-      call set_error(error, 'a body that is split over ranks has motions that contact hardly resists and the '// &
-                     "program must hold; use response='full'", exit_not_solvable)
+      call set_error(error, 'contact hardly resists some of its motions, and the program must hold them, which it '// &
+                     "cannot where bodies are split over ranks; use response='full'", exit_not_solvable)
       return
     end if
     if (state%history%n == 0) then
@@ -124,7 +124,7 @@ contains
       steps = system%n_iterations - steps
       compliance%n_sweeps = compliance%n_sweeps + steps
       call monitor%note('displacements    '//to_text(contact%n_sets - sets)//' active sets, '//to_text(steps)// &
-                        ' iterations of conjugate gradients, '//to_text(system%n_setups)// &
+                        ' iterations of conjugate gradients with p-multigrid, '//to_text(system%n_setups)// &
                         ' set-ups of smoothed aggregation')
     end associate
   end subroutine primal_solve

@@ -1,0 +1,135 @@
+"""Bodies that all ranks compute together (response='multigrid' on small scenes): the energy and the contact forces of
+factors on one rank, within the bound that the run claims; held and floating bodies, linear and quadratic elements.
+
+DOTYK_RANK_NUMBERS the numbers of ranks ("2 3").
+"""
+import os
+import re
+import subprocess
+
+import h5py
+import numpy as np
+
+import dotyk_case
+from blocks import block_geo
+from mpi_case import ENVIRONMENT, RankCase
+
+RANKS = [int(word) for word in os.environ.get("DOTYK_RANK_NUMBERS", "2 3").split()]
+TOLERANCE = 1e-8
+SPLIT = "all bodies are split over %d ranks"
+MATERIALS = ["&scene /", "&material name='steel', young=200, poisson=0.3 /", "&material name='soft', young=20, poisson=0.2 /"]
+SOLVER = "&solver theta=0, tolerance=%r / " % TOLERANCE
+# A body with a floor and a wall, and a round one on it.
+CORNER = """SetFactory("OpenCASCADE");
+Box(1) = {0, 0, 0, 3, 2, 1};  Box(2) = {0, 0, 1, 1, 2, 2};  v() = BooleanUnion{Volume{1}; Delete;}{Volume{2}; Delete;};
+Mesh.MeshSizeMax = 0.35;  Mesh.MeshSizeMin = 0.35;  Mesh.ElementOrder = %d;
+Physical Volume("block") = {v()};  e = 1e-6;
+Physical Surface("bottom") = {Surface In BoundingBox{-e, -e, -e, 3 + e, 2 + e, e}};
+Physical Surface("floor") = {Surface In BoundingBox{1 - e, -e, 1 - e, 3 + e, 2 + e, 1 + e}};
+Physical Surface("wall") = {Surface In BoundingBox{1 - e, -e, 1 - e, 1 + e, 2 + e, 3 + e}};
+"""
+PUCK = """SetFactory("OpenCASCADE");
+Cylinder(1) = {1.6, 1, 1, 0, 0, 0.5, 0.6};
+Mesh.MeshSizeMax = 0.25;  Mesh.MeshSizeMin = 0.25;  Mesh.ElementOrder = %d;
+Physical Volume("block") = {1};  e = 1e-4;
+Physical Surface("bottom") = {Surface In BoundingBox{-9, -9, 1 - e, 9, 9, 1 + e}};
+Physical Surface("top") = {Surface In BoundingBox{-9, -9, 1.5 - e, 9, 9, 1.5 + e}};
+Physical Surface("side") = {1};
+"""
+
+
+def energy(printed):
+    """Of the log."""
+    return float(re.search(r"potential energy +(\S+)", printed)[1])
+
+
+def forces(path):
+    """Contact forces of all constraints, pair by pair, and the largest one."""
+    with h5py.File(path) as file:
+        found = {name: pair["weight"][()] * pair["pressure"][()] for name, pair in file["dotyk/contact"].items()}
+    return found, max(np.max(force) for force in found.values())
+
+
+class Split(RankCase):
+    def body(self, name, geo, material):
+        self.write(name + ".geo", geo)
+        return "&body name='%s', mesh='%s.geo', volume='block', material='%s' /" % (name, name, material)
+
+    def compare(self, namelist, rank_numbers=RANKS):
+        """The scene on ranks, split, against the same on one rank with factors."""
+        text = namelist.read_text()
+        expected = self.folder / "factors.vtkhdf"
+        done = subprocess.run([os.environ["DOTYK"], str(namelist), "--output", str(expected)], env=ENVIRONMENT, capture_output=True, text=True, check=False)
+        self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+        namelist.write_text(text.replace("&solver", "&solver response='multigrid', "))
+        for ranks in rank_numbers:
+            found = self.folder / ("%d.vtkhdf" % ranks)
+            printed = self.run_ranks(ranks, namelist, "--output", found)
+            self.assertIn(SPLIT % ranks, printed)
+            bound = float(re.search(r"error bound +(\S+) of the energy norm", printed)[1])
+            self.assertLessEqual(bound, TOLERANCE)
+            # To the digits of the log; its error is of the order of the square of the bound, and of the tolerance for theta = 0.
+            self.assertLessEqual(abs(energy(printed) / energy(done.stdout) - 1), 2e-9)
+            (a, largest), (b, _) = forces(expected), forces(found)
+            for pair, force in a.items():
+                np.testing.assert_allclose(b[pair], force, atol=100 * TOLERANCE * largest, err_msg="%s on %d ranks" % (pair, ranks))
+                self.assertLessEqual(abs(np.sum(b[pair]) - np.sum(force)), TOLERANCE * max(np.sum(force), largest), pair)
+
+    def puck(self, order):
+        """A puck, pushed to floor and wall: nothing but contact holds it, and it may slide along the wall and turn."""
+        return self.write("case.nml", "\n".join(MATERIALS + [
+            self.body("corner", CORNER % order, "steel"), self.body("puck", PUCK % order, "soft"),
+            "&support body='corner', surface='bottom', fix='xyz' /", "&load body='puck', surface='top', traction=-0.05,0,-0.1 /",
+            "&contact name='floor', surface_a='puck:bottom', surface_b='corner:floor' /",
+            "&contact name='wall', surface_a='puck:side', surface_b='corner:wall' /", SOLVER]))
+
+    def test_puck_of_linear_elements(self):
+        self.compare(self.puck(1))
+
+    def test_puck_of_quadratic_elements(self):
+        self.compare(self.puck(2))
+
+    def test_pegs_under_a_lid(self):
+        """Five floating bodies, one on top of the others; the second scene has linear elements beside quadratic ones."""
+        for kinds in (("tet4", "hex8"), ("hex20", "tet4")):
+            with self.subTest(kinds):
+                lines = MATERIALS + [self.body("base", block_geo(kinds[0], (6, 6, 2), (0, 0, 0), (4, 4, 1)), "steel"),
+                                     self.body("lid", block_geo(kinds[1], (7, 7, 2), (0, 0, 2), (4, 4, 0.5)), "soft"),
+                                     "&support body='base', surface='bottom', fix='xyz' /"]
+                for i, (x, y) in enumerate(((0.5, 0.5), (0.5, 2.6), (2.7, 0.5), (2.7, 2.6))):
+                    lines += [self.body("peg %d" % i, block_geo(kinds[i % 2], (3, 2, 3), (x, y, 1), (0.8, 0.8, 1)), "soft"),
+                              "&contact name='foot %d', surface_a='peg %d:bottom', surface_b='base:top' /" % (i, i),
+                              "&contact name='head %d', surface_a='peg %d:top', surface_b='lid:bottom' /" % (i, i)]
+                lines += ["&load body='lid', surface='top', traction_formula='0','0','-0.1*(1+0.3*x)' /", SOLVER]
+                self.compare(self.write("case.nml", "\n".join(lines)), RANKS[-1:])
+
+    def test_a_block_that_opens(self):
+        """Pressed at a corner, a floating block opens at the other side."""
+        for kind in ("prism6", "hex20"):
+            with self.subTest(kind):
+                lines = MATERIALS + [self.body("lower", block_geo(kind, (6, 6, 3), (0, 0, 0), (2, 2, 1)), "soft"),
+                                     self.body("upper", block_geo(kind, (5, 5, 3), (0.3, 0.3, 1), (1.4, 1.4, 0.5)), "steel"),
+                                     "&support body='lower', surface='bottom', fix='xyz' /",
+                                     "&load body='upper', surface='top', traction_formula='0','0','-0.1*exp(-8*((x-1.2)^2+(y-1.1)^2))' /",
+                                     "&contact name='joint', surface_a='upper:bottom', surface_b='lower:top' /", SOLVER]
+                self.compare(self.write("case.nml", "\n".join(lines)))
+
+    def test_examples(self):
+        """A floating layer in the plane; rows between held nodes, whose entries are rounding errors."""
+        for folder in ("receding", "composite"):
+            with self.subTest(folder):
+                self.compare(self.copy(folder) / (folder + ".nml"), RANKS[:1])
+
+    def test_nearly_incompressible_bodies_keep_factors(self):
+        """The log says why, and the run has the accuracy of factors."""
+        lines = [*MATERIALS, "&material name='rubber', young=1, poisson=0.499 /", self.body("lower", block_geo("tet10", 2), "steel"),
+                 self.body("upper", block_geo("hex20", 2, (0, 0, 1)), "rubber"), "&support body='lower', surface='bottom', fix='xyz' /",
+                 "&load body='upper', surface='top', pressure=1e-3 /", "&contact name='joint', surface_a='upper:bottom', surface_b='lower:top' /",
+                 SOLVER.replace("&solver", "&solver response='multigrid', ")]
+        printed = self.run_ranks(2, self.write("case.nml", "\n".join(lines)))
+        self.assertIn("'upper' is nearly incompressible: bodies are not split over ranks", printed)
+        self.assertNotIn(SPLIT % 2, printed)
+
+
+if __name__ == "__main__":
+    dotyk_case.main()
