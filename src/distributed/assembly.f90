@@ -4,7 +4,7 @@
 !> A rank visits all elements of its own nodes and fills their rows alone: elements between ranks are visited twice, and
 !> no entry is sent. Held components are zero rows and columns with a diagonal entry.
 module dotyk_distributed_assembly
-  use petscmat, only: ADD_VALUES, INSERT_VALUES, MAT_FINAL_ASSEMBLY, MAT_NEW_NONZERO_LOCATION_ERR, MAT_SPD, &
+  use petscmat, only: ADD_VALUES, INSERT_VALUES, MAT_FINAL_ASSEMBLY, MAT_IGNORE_LOWER_TRIANGULAR, MAT_SPD, &
     MatAssemblyBegin, MatAssemblyEnd, MatCreate, MatSetBlockSize, MatSetOption, MatSetSizes, MatSetType, MatSetUp, &
     MatSetValues, MatSetValuesBlocked, PETSC_COMM_WORLD, PETSC_DETERMINE, PETSC_NULL_INTEGER, PETSC_TRUE, tMat
   use dotyk_base_error, only: error_t
@@ -43,10 +43,10 @@ contains
     !> Allocated where PETSc fails.
     type(error_t), allocatable, intent(out) :: error
     integer, allocatable :: near(:), far(:), start(:), neighbour(:), row(:)
-    logical, allocatable :: is_own(:)
+    logical, allocatable :: is_own(:), counted(:)
     type(body_mesh_t) :: corner_mesh
     integer :: p, i, first, code
-    external :: MatXAIJSetPreallocation
+    external :: MatMPISBAIJSetPreallocation, MatSeqSBAIJSetPreallocation, MatXAIJSetPreallocation
     allocate (near(n_own), far(n_own), source=0)
     first = huge(first)
     do p = 1, size(part)
@@ -74,8 +74,10 @@ contains
       do i = 1, size(row)
         if (.not. is_own(i)) cycle
         associate (others => neighbour(start(i):start(i + 1) - 1))
-          near(row(i) - first + 1) = 1 + count(is_own(others))
-          far(row(i) - first + 1) = count(.not. is_own(others))
+          ! Of symmetric blocks those right of the diagonal.
+          counted = .not. by_blocks .or. row(others) > row(i)
+          near(row(i) - first + 1) = 1 + count(is_own(others) .and. counted)
+          far(row(i) - first + 1) = count(.not. is_own(others) .and. counted)
         end associate
       end do
     end do
@@ -83,11 +85,14 @@ contains
     call MatSetSizes(matrix, dim*n_own, dim*n_own, PETSC_DETERMINE, PETSC_DETERMINE, code)
     call MatSetBlockSize(matrix, dim, code)
     if (by_blocks) then
-      call MatSetType(matrix, 'baij', code)
+      call MatSetType(matrix, 'sbaij', code)
+      call MatSeqSBAIJSetPreallocation(matrix, dim, 0, near, code)
+      call MatMPISBAIJSetPreallocation(matrix, dim, 0, near, 0, far, code)
+      call MatSetOption(matrix, MAT_IGNORE_LOWER_TRIANGULAR, PETSC_TRUE, code)
     else
       call MatSetType(matrix, 'aij', code)
+      call MatXAIJSetPreallocation(matrix, dim, near, far, PETSC_NULL_INTEGER, PETSC_NULL_INTEGER, code)
     end if
-    call MatXAIJSetPreallocation(matrix, dim, near, far, PETSC_NULL_INTEGER, PETSC_NULL_INTEGER, code)
     if (has_failed(code, 'memory of the stiffness', error)) return
     ! PETSc 3.18 refuses it for blocks.
     if (.not. by_blocks) call MatSetOption(matrix, MAT_SPD, PETSC_TRUE, code)

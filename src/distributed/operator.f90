@@ -125,15 +125,20 @@ contains
     !> Allocated where PETSc fails.
     type(error_t), allocatable, intent(out) :: error
     real(dp), allocatable :: inverse(:, :, :)
+    type(tMat) :: blocks
     integer :: code
     self%stiffness => stiffness
     call self%rows%init(n_rows, stiffness%dim, block, stiffness%part, stiffness%first)
     call PCCreate(PETSC_COMM_WORLD, self%blocks, code)
     call PCSetType(self%blocks, 'pbjacobi', code)
-    call PCSetOperators(self%blocks, stiffness%matrix(), stiffness%matrix(), code)
+    call stiffness%make_blocks(blocks, error)
+    if (allocated(error)) return
+    call PCSetOperators(self%blocks, blocks, blocks, code)
     call PCSetUp(self%blocks, code)
     if (has_failed(code, 'diagonal blocks', error)) return
-    call find_greatest(self, error)
+    call find_greatest(self, blocks, error)
+    ! The preconditioner keeps a reference.
+    call MatDestroy(blocks, code)
     if (allocated(error)) return
     call stiffness%inverse_blocks(self%rows%node, inverse, error)
     if (allocated(error)) return
@@ -177,9 +182,11 @@ contains
   end subroutine make_shell
 
   !> Estimate the greatest eigenvalue of D^{-1} K by conjugate gradients.
-  subroutine find_greatest(self, error)
-    !> The operator, with K and D.
+  subroutine find_greatest(self, blocks, error)
+    !> The operator, with K.
     class(system_operator_t), intent(inout) :: self
+    !> D.
+    type(tMat), intent(in) :: blocks
     !> Allocated where PETSc fails.
     type(error_t), allocatable, intent(out) :: error
     type(tKSP) :: solver
@@ -196,7 +203,7 @@ contains
     call VecCreateMPIWithArray(PETSC_COMM_WORLD, self%stiffness%dim, n, PETSC_DETERMINE, found, x, code)
     call KSPCreate(PETSC_COMM_WORLD, solver, code)
     call KSPSetType(solver, 'cg', code)
-    call KSPSetOperators(solver, self%stiffness%matrix(), self%stiffness%matrix(), code)
+    call KSPSetOperators(solver, self%stiffness%matrix(), blocks, code)
     call KSPGetPC(solver, pc, code)
     call PCSetType(pc, 'pbjacobi', code)
     call KSPSetComputeSingularValues(solver, PETSC_TRUE, code)

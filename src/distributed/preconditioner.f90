@@ -13,8 +13,8 @@ module dotyk_distributed_preconditioner
     KSP_NORM_NATURAL, KSP_NORM_NONE, MAT_COPY_VALUES, MAT_FINAL_ASSEMBLY, MAT_INITIAL_MATRIX, MAT_SPD, MatAXPY, &
     MatAssemblyBegin, MatAssemblyEnd, MatCreate, MatDestroy, MatDuplicate, MatGetNearNullSpace, MatMatMult, MatNorm, &
     MatSetNearNullSpace, MatSetOption, MatSetSizes, MatSetType, MatSetValues, MatShift, MatTransposeMatMult, &
-    PCMGGetCoarseSolve, PCMGGetLevels, PCMGGetSmoother, PCMGSetInterpolation, PCSetFromOptions, PCSetType, PCSetUp, &
-    PCSetUseAmat, NORM_FROBENIUS, PETSC_FALSE, PETSC_COMM_WORLD, PETSC_DECIDE, PETSC_DEFAULT_REAL, &
+    PCMGGetCoarseSolve, PCMGGetInterpolation, PCMGGetLevels, PCMGGetSmoother, PCMGSetInterpolation, &
+    PCSetFromOptions, PCSetType, PCSetUp, PCSetUseAmat, NORM_FROBENIUS, PETSC_FALSE, PETSC_COMM_WORLD, PETSC_DECIDE, PETSC_DEFAULT_REAL, &
     PETSC_NULL_INTEGER, PETSC_NULL_MPI_COMM, PETSC_TRUE, tKSP, tMat, tMatNullSpace, tPC
   use dotyk_base_error, only: error_t, exit_not_solvable, set_error
   use dotyk_base_kinds, only: dp
@@ -203,6 +203,7 @@ contains
     end if
     call KSPSetUp(solver, code)
     if (has_failed(code, 'set-up of the preconditioner', error)) return
+    call forget_products(pc)
 
   contains
 
@@ -217,6 +218,25 @@ contains
       call KSPGetPC(smoother, smoother_pc, code)
       call operator%make_smoother(smoother_pc)
     end subroutine smooth_contact
+
+    !> Give back what the products of the aggregation keep for other values in the same pattern.
+    subroutine forget_products(pc)
+      !> The aggregation.
+      type(tPC), intent(inout) :: pc
+      type(tKSP) :: of_level
+      type(tMat) :: matrix, same, interpolation
+      integer :: level, n, code
+      external :: MatProductClear
+      call PCMGGetLevels(pc, n, code)
+      do level = 0, n - 1
+        call PCMGGetSmoother(pc, level, of_level, code)
+        call KSPGetOperators(of_level, matrix, same, code)
+        call MatProductClear(matrix, code)
+        if (level == 0) cycle
+        call PCMGGetInterpolation(pc, level, interpolation, code)
+        call MatProductClear(interpolation, code)
+      end do
+    end subroutine forget_products
 
     !> One cycle of smoothed aggregation.
     subroutine aggregate(pc)

@@ -4,7 +4,8 @@
 !> Displacements are those along the axes of the nodes (`constraint_t`), zero where they are held; prescribed ones are
 !> in the loads. Everything of a rank is of the size of its parts.
 module dotyk_distributed_stiffness
-  use petscmat, only: MatDestroy, MatGetDiagonal, MatGetValues, MatNullSpaceCreate, MatNullSpaceDestroy, &
+  use petscmat, only: INSERT_VALUES, MatCreate, MatSetSizes, MatSetType, MatSetValues, PETSC_NULL_INTEGER, &
+    MatDestroy, MatGetDiagonal, MatGetValues, MatNullSpaceCreate, MatNullSpaceDestroy, &
     MatSetNearNullSpace, PETSC_COMM_WORLD, PETSC_DETERMINE, PETSC_FALSE, tMat, tMatNullSpace
   use petscvec, only: PETSC_NULL_VEC, tVec, VecAXPY, VecDestroy, VecDot, VecDuplicate, VecGetArrayF90, VecNormalize, &
     VecRestoreArrayF90
@@ -54,6 +55,7 @@ module dotyk_distributed_stiffness
     procedure :: make_vector => stiffness_make_vector
     procedure :: wrap => stiffness_wrap
     procedure :: inverse_blocks => stiffness_inverse_blocks
+    procedure :: make_blocks => stiffness_make_blocks
     procedure :: diagonal => stiffness_diagonal
     procedure :: entries => stiffness_entries
     procedure :: nodal_displacement => stiffness_nodal_displacement
@@ -133,6 +135,7 @@ contains
     self%lift_energy = energy(1)
     self%lift_work = energy(2)
     if (.not. self%is_linear) call finish_matrix(self%fine, error)
+
     if (.not. allocated(error)) call finish_matrix(self%coarse, error)
     if (allocated(error)) return
     if (.not. self%is_linear) &
@@ -271,6 +274,32 @@ contains
       end associate
     end do
   end subroutine take_modes
+
+  !> The diagonal blocks as a matrix.
+  subroutine stiffness_make_blocks(self, blocks, error)
+    class(distributed_stiffness_t), intent(in) :: self
+    !> Gets them; to be destroyed [force/length].
+    type(tMat), intent(out) :: blocks
+    !> Allocated where PETSc fails.
+    type(error_t), allocatable, intent(out) :: error
+    type(tMat) :: matrix
+    real(dp) :: block(self%dim**2)
+    integer :: i, j, row(self%dim), code
+    external :: MatMPIBAIJSetPreallocation, MatSeqBAIJSetPreallocation
+    matrix = self%matrix()
+    call MatCreate(PETSC_COMM_WORLD, blocks, code)
+    call MatSetSizes(blocks, self%dim*self%n_own, self%dim*self%n_own, PETSC_DETERMINE, PETSC_DETERMINE, code)
+    call MatSetType(blocks, 'baij', code)
+    call MatSeqBAIJSetPreallocation(blocks, self%dim, 1, PETSC_NULL_INTEGER, code)
+    call MatMPIBAIJSetPreallocation(blocks, self%dim, 1, PETSC_NULL_INTEGER, 0, PETSC_NULL_INTEGER, code)
+    do i = 0, self%n_own - 1
+      row = self%dim*(self%first + i) + [(j, j=0, self%dim - 1)]
+      call MatGetValues(matrix, self%dim, row, self%dim, row, block, code)
+      call MatSetValues(blocks, self%dim, row, self%dim, row, block, INSERT_VALUES, code)
+      if (has_failed(code, 'diagonal blocks', error)) return
+    end do
+    call finish_matrix(blocks, error)
+  end subroutine stiffness_make_blocks
 
   !> Inverse diagonal blocks of own nodes.
   subroutine stiffness_inverse_blocks(self, node, inverse, error)
