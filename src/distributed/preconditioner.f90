@@ -14,8 +14,9 @@ module dotyk_distributed_preconditioner
     MatAssemblyBegin, MatAssemblyEnd, MatCreate, MatDestroy, MatDuplicate, MatGetNearNullSpace, MatMatMult, MatNorm, &
     MatSetNearNullSpace, MatSetOption, MatSetSizes, MatSetType, MatSetValues, MatShift, MatTransposeMatMult, &
     PCMGGetCoarseSolve, PCMGGetInterpolation, PCMGGetLevels, PCMGGetSmoother, PCMGSetInterpolation, &
-    PCSetFromOptions, PCSetType, PCSetUp, PCSetUseAmat, NORM_FROBENIUS, PETSC_FALSE, PETSC_COMM_WORLD, PETSC_DECIDE, PETSC_DEFAULT_REAL, &
-    PETSC_NULL_INTEGER, PETSC_NULL_MPI_COMM, PETSC_TRUE, tKSP, tMat, tMatNullSpace, tPC
+    PCSetFromOptions, PCSetType, PCSetUp, PCSetUseAmat, NORM_FROBENIUS, &
+    PETSC_FALSE, PETSC_COMM_WORLD, PETSC_DECIDE, PETSC_DEFAULT_REAL, PETSC_NULL_INTEGER, PETSC_NULL_MPI_COMM, &
+    PETSC_TRUE, tKSP, tMat, tMatNullSpace, tPC
   use dotyk_base_error, only: error_t, exit_not_solvable, set_error
   use dotyk_base_kinds, only: dp
   use dotyk_distributed_contact_rows, only: contact_rows_t
