@@ -80,7 +80,7 @@ contains
     type(body_mesh_t), intent(in) :: held
     !> The whole mesh; empty on ranks but the first.
     type(body_mesh_t), intent(out) :: mesh
-    real(dp), allocatable :: tag(:, :), element(:, :)
+    real(dp), allocatable :: node(:, :), element(:, :), table(:, :)
     integer, allocatable :: chosen(:)
     integer :: k, first, before, n, held_before
     if (self%is_here) then
@@ -90,9 +90,12 @@ contains
     mesh%file = held%file
     mesh%dimension = held%dimension
     mesh%order_elevated = held%order_elevated
-    call self%of_nodes(held%x, mesh%x)
-    call self%of_nodes(reshape(real(held%node_tag, dp), [1, size(held%node_tag)]), tag)
-    mesh%node_tag = nint(tag(1, :), int64)
+    allocate (node(mesh%dimension + 1, size(held%node_tag)))
+    node(:mesh%dimension, :) = held%x
+    node(mesh%dimension + 1, :) = real(held%node_tag, dp)
+    call self%of_nodes(node, table)
+    mesh%x = table(:mesh%dimension, :)
+    mesh%node_tag = nint(table(mesh%dimension + 1, :), int64)
     allocate (mesh%block(size(held%block)))
     before = 0
     held_before = 0
@@ -107,11 +110,11 @@ contains
           element(:width, :) = reshape(real(held%whole_nodes(reshape(block%node(:, chosen), [width*size(chosen)])), &
                                             dp), [width, size(chosen)])
           element(width + 1, :) = real(block%tag(chosen), dp)
-          call collect_rows(number, element, of_block, tag)
+          call collect_rows(number, element, of_block, table)
         end associate
         mesh%block(k)%kind = block%kind
-        mesh%block(k)%node = nint(tag(:width, :))
-        mesh%block(k)%tag = nint(tag(width + 1, :), int64)
+        mesh%block(k)%node = nint(table(:width, :))
+        mesh%block(k)%tag = nint(table(width + 1, :), int64)
         deallocate (element)
         first = first + size(chosen)
         held_before = held_before + n
@@ -134,7 +137,7 @@ contains
     end if
   end subroutine fields_of_nodes
 
-  !> A field of the elements. Ranks without own elements may give one without values.
+  !> A field of the elements. Ranks without own elements may give one of no columns.
   subroutine fields_of_elements(self, held, whole)
     class(whole_body_fields_t), intent(in) :: self
     !> At the elements that this rank holds, in the order of the blocks (n, n_held_elements) [any].
@@ -173,16 +176,21 @@ contains
     integer, intent(in) :: n
     !> All rows, as columns (width, n) [as own].
     real(dp), allocatable, intent(out) :: whole(:, :)
-    real(dp), allocatable :: numbers(:), values(:), widths(:)
-    integer :: i, width
-    ! A rank without rows may not know how wide they are.
-    call collect([real(merge(size(own, 1), 0, size(number) > 0), dp)], widths)
-    call collect(real(number, dp), numbers)
-    call collect(reshape(own, [size(own)]), values)
-    width = nint(maxval([0.0_dp, widths]))
+    real(dp), allocatable :: all(:)
+    integer(int64) :: at, first
+    integer :: i, n_rows, width
+    ! In one exchange: number of rows, their numbers, the rows.
+    call collect([real(size(number), dp), real(number, dp), reshape(own, [size(own)])], all)
+    width = size(own, 1)
     allocate (whole(width, n))
-    do i = 1, size(numbers)
-      whole(:, nint(numbers(i))) = values((i - 1)*int(width, int64) + 1:i*int(width, int64))
+    at = 0
+    do while (at < size(all, kind=int64))
+      n_rows = nint(all(at + 1))
+      first = at + 1 + n_rows
+      do i = 1, n_rows
+        whole(:, nint(all(at + 1 + i))) = all(first + (i - 1)*int(width, int64) + 1:first + i*int(width, int64))
+      end do
+      at = first + n_rows*int(width, int64)
     end do
   end subroutine collect_rows
 end module dotyk_driver_whole_bodies
