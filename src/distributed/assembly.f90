@@ -8,8 +8,9 @@ module dotyk_distributed_assembly
     MatAssemblyBegin, MatAssemblyEnd, MatCreate, MatSetBlockSize, MatSetOption, MatSetSizes, MatSetType, MatSetUp, &
     MatSetValues, MatSetValuesBlocked, PETSC_COMM_WORLD, PETSC_DETERMINE, PETSC_NULL_INTEGER, PETSC_TRUE, tMat
   use dotyk_base_error, only: error_t
-  use dotyk_base_kinds, only: dp
+  use dotyk_base_kinds, only: dp, int64
   use dotyk_base_options, only: analysis_3d
+  use dotyk_distributed_index_limits, only: check_entries
   use dotyk_distributed_part, only: part_t
   use dotyk_distributed_petsc, only: has_failed
   use dotyk_elasticity_block_assembly, only: clear_held, contract, element_stiffness
@@ -81,6 +82,8 @@ contains
         end associate
       end do
     end do
+    call check_entries(dim**2*(sum(int(near, int64)) + sum(int(far, int64))), error)
+    if (allocated(error)) return
     call MatCreate(PETSC_COMM_WORLD, matrix, code)
     call MatSetSizes(matrix, dim*n_own, dim*n_own, PETSC_DETERMINE, PETSC_DETERMINE, code)
     call MatSetBlockSize(matrix, dim, code)

@@ -10,8 +10,9 @@ module dotyk_distributed_stiffness
   use petscvec, only: PETSC_NULL_VEC, tVec, VecAXPY, VecDestroy, VecDot, VecDuplicate, VecGetArrayF90, VecNormalize, &
     VecRestoreArrayF90
   use dotyk_base_error, only: error_t, exit_not_solvable, set_error
-  use dotyk_base_kinds, only: dp
+  use dotyk_base_kinds, only: dp, int64
   use dotyk_distributed_assembly, only: add_elements, assemble_interpolation, finish_matrix, make_block_matrix
+  use dotyk_distributed_index_limits, only: check_unknowns
   use dotyk_distributed_numbering, only: gather_entries, number_rows
   use dotyk_distributed_part, only: part_t
   use dotyk_distributed_petsc, only: first_of_rank, has_failed, largest_of_ranks, sum_of_ranks
@@ -79,6 +80,8 @@ contains
     logical :: conforming
     call move_alloc(part, self%part)
     self%dim = self%part(1)%mesh%dimension
+    call check_unknowns(self%dim*sum(int(n_of_body, int64)), error)
+    if (allocated(error)) return
     bad = 0
     do p = 1, size(self%part)
       call self%part(p)%space%init(self%part(p)%mesh, conforming)

@@ -171,9 +171,10 @@ contains
     integer, intent(in) :: owner(:)
     !> Those of the items of this rank in, of all out (n_bytes, n_items).
     integer(int8), intent(inout) :: bytes(:, :)
-    integer(int8) :: all(size(bytes, 1)*size(bytes, 2))
+    integer(int8), allocatable :: all(:)
     integer :: i
     if (.not. is_shared(owner)) return
+    allocate (all(size(bytes, kind=int64)))
     call agree_on(of_bytes, size(bytes, kind=int64))
     call gather_bytes(pack(bytes, spread(owner == this_rank(), 1, size(bytes, 1))), &
                       numbers(owner, [(size(bytes, 1, int64), i=1, size(owner))]), all)

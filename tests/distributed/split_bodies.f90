@@ -1,17 +1,18 @@
 !> Bodies that are split over ranks against exact answers, under mpirun: uniform pressures of stacks of blocks, held and
 !> floating, and the pressures of the dual scheme with factors where surfaces are curved.
 program split_bodies
-  use, intrinsic :: iso_fortran_env, only: output_unit
+  use, intrinsic :: iso_fortran_env, only: int8, output_unit
   use dotyk_base_error, only: error_t
-  use dotyk_base_kinds, only: dp
+  use dotyk_base_kinds, only: dp, int64
   use dotyk_contact_operator, only: contact_operator_t
   use dotyk_distributed_contact, only: distributed_contact_t
+  use dotyk_distributed_index_limits, only: check_entries, check_unknowns
   use dotyk_distributed_part, only: part_t
   use dotyk_distributed_partition, only: cut_bodies
   use dotyk_distributed_petsc, only: largest_of_ranks, start_petsc, stop_petsc
   use dotyk_distributed_stiffness, only: distributed_stiffness_t
   use dotyk_mesh_element, only: element_hex20, element_hex8, element_quad8, element_tet10
-  use dotyk_ranks_communication, only: end_ranks, n_ranks, start_ranks, this_rank
+  use dotyk_ranks_communication, only: end_ranks, gather_bytes, n_ranks, start_ranks, this_rank
   use dotyk_scheme_dual, only: dual_t
   use dotyk_scheme_monitor, only: monitor_t
   use dotyk_scheme_solver_state, only: ended_converged, solver_state_t
@@ -38,6 +39,7 @@ program split_bodies
   call test_curved('curved, tet10, floating, with theta', [element_tet10, element_tet10], [4, 3], floating, 1.0e-4_dp)
   call test_curved('curved, hex20 on tet10, floating', [element_hex20, element_tet10], [2, 3], floating, 0.0_dp)
   call test_curved('curved, quad8', [element_quad8, element_quad8], [6, 5], pressed, 0.0_dp)
+  call test_limits()
   call stop_petsc()
   code = min(1, n_failed)
   call end_ranks(code, speaks)
@@ -149,6 +151,31 @@ contains
     call stiffness%destroy()
     call scene%destroy()
   end subroutine solve
+
+  !> Sizes beyond 32-bit indices are errors on all ranks, and long messages go in pieces.
+  subroutine test_limits()
+    integer(int64), parameter :: below = huge(1), beyond = below + 1
+    integer(int64) :: n(n_ranks())
+    integer(int8), allocatable :: own(:), whole(:), pieces(:)
+    type(error_t), allocatable :: of_unknowns, of_entries, none, nor_here
+    logical :: is_good
+    integer :: r, i
+    call check_unknowns(below, none)
+    call check_unknowns(beyond, of_unknowns)
+    call check_entries(below, nor_here)
+    ! On the last rank alone.
+    call check_entries(merge(beyond, 1_int64, this_rank() == n_ranks() - 1), of_entries)
+    is_good = allocated(of_unknowns) .and. allocated(of_entries) .and. .not. (allocated(none) .or. allocated(nor_here))
+    if (is_good) is_good = index(of_unknowns%message, '32-bit') > 0 .and. index(of_entries%message, '2147483648') > 0
+    n = [(3*int(r, int64) + 2, r=1, n_ranks())]
+    own = [(int(10*this_rank() + i, int8), i=1, int(n(this_rank() + 1)))]
+    allocate (whole(sum(n)), pieces(sum(n)))
+    call gather_bytes(own, n, whole)
+    call gather_bytes(own, n, pieces, 3_int64)
+    is_good = is_good .and. all(whole == pieces) .and. whole(1) == 1
+    if (.not. is_good) n_failed = n_failed + 1
+    if (this_rank() == 0) write (output_unit, '(a)') merge('passed', 'FAILED', is_good)//'  limits of indices and messages'
+  end subroutine test_limits
 
   !> Note a result.
   subroutine check(name, state, of_pressure, of_displacement)

@@ -10,6 +10,7 @@ module dotyk_ranks_communication
     mpi_status_ignore
   use dotyk_base_error, only: exit_machine
   use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_log, only: print_error
   use dotyk_base_memory, only: end_expected
   implicit none
   private
@@ -104,7 +105,7 @@ contains
     call mpi_allgather(greeting, greeting_length, mpi_integer8, all, greeting_length, mpi_integer8, mpi_comm_world)
   end subroutine exchange_greetings
 
-  !> Integers of all ranks, one rank after the other.
+  !> Integers of all ranks, one rank after the other: sizes of items, of which there are not too many for one message.
   subroutine gather_integers(own, n, all)
     !> Those of this rank.
     integer(int64), intent(in) :: own(:)
@@ -112,6 +113,16 @@ contains
     integer(int64), intent(in) :: n(:)
     !> Those of all ranks (sum(n)).
     integer(int64), intent(out) :: all(:)
+    integer :: code
+    logical :: speaks
+    if (sum(n) >= most_numbers) then
+      ! All ranks are here, with the same numbers.
+      if (own_rank == 0) call print_error('an exchange of more items than MPI counts: take fewer bodies in one run')
+      code = exit_machine
+      call end_ranks(code, speaks)
+      call end_expected()
+      stop exit_machine, quiet=.true.
+    end if
     call mpi_allgatherv(own, size(own), mpi_integer8, all, counts(n), places(n), mpi_integer8, mpi_comm_world)
   end subroutine gather_integers
 
@@ -171,23 +182,40 @@ contains
     end do
   end subroutine collect_reals
 
-  !> Bytes of all ranks, one rank after the other.
-  subroutine gather_bytes(own, n, all)
+  !> Bytes of all ranks, one rank after the other. Many bytes go rank by rank.
+  subroutine gather_bytes(own, n, all, most)
     !> Those of this rank.
     integer(int8), intent(in) :: own(:)
     !> Number of each rank (n_ranks).
     integer(int64), intent(in) :: n(:)
     !> Those of all ranks (sum(n)).
     integer(int8), intent(out) :: all(:)
-    call mpi_allgatherv(own, size(own), mpi_integer1, all, counts(n), places(n), mpi_integer1, mpi_comm_world)
+    !> Bytes that one message may have, for tests; as many as MPI counts if absent.
+    integer(int64), intent(in), optional :: most
+    integer(int64) :: first, last, done, limit
+    integer :: r
+    limit = most_numbers
+    if (present(most)) limit = most
+    if (sum(n) < limit) then
+      call mpi_allgatherv(own, size(own), mpi_integer1, all, counts(n), places(n), mpi_integer1, mpi_comm_world)
+      return
+    end if
+    done = 0
+    do r = 0, number_of_ranks - 1
+      if (r == own_rank) all(done + 1:done + n(r + 1)) = own
+      do first = done + 1, done + n(r + 1), limit
+        last = min(first + limit - 1, done + n(r + 1))
+        call mpi_bcast(all(first:last), int(last - first + 1), mpi_integer1, r, mpi_comm_world)
+      end do
+      done = done + n(r + 1)
+    end do
   end subroutine gather_bytes
 
   !> Numbers as MPI counts them.
   pure function counts(n)
-    !> Numbers of the ranks (n_ranks).
+    !> Numbers of the ranks, less in all than one message may have (n_ranks).
     integer(int64), intent(in) :: n(:)
     integer :: counts(size(n))
-    if (sum(n) >= most_numbers) error stop exit_machine
     counts = int(n)
   end function counts
 
