@@ -7,7 +7,7 @@ module dotyk_driver_command
   use dotyk_driver_run_case, only: run_case
   use dotyk_input_help, only: help_text
   use dotyk_input_reference, only: reference_text
-  use dotyk_ranks_communication, only: this_rank
+  use dotyk_ranks_communication, only: built_with, this_rank
   implicit none
   private
   public :: execute_command
@@ -28,7 +28,7 @@ contains
     else if (arguments%reference) then
       call print_output(reference_text(), error)
     else if (arguments%version) then
-      call print_output('dotyk '//version//' ('//compiler//', '//build_type//')', error)
+      call print_output('dotyk '//version//' ('//compiler//', '//build_type//built_with//')', error)
     else
       call run_case(arguments, code, error)
     end if

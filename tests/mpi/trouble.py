@@ -31,7 +31,9 @@ class Trouble(RankCase):
     def test_command_line(self):
         self.assertOnce("--foo", self.run_ranks(2, "case.nml", "--foo", code=2))
         self.assertOnce("missing.nml", self.run_ranks(2, "missing.nml", code=2))
-        self.assertOnce("dotyk 0", self.run_ranks(2, "--version"))
+        text = self.run_ranks(2, "--version")
+        self.assertOnce("dotyk 0", text)
+        self.assertIn("MPI and PETSc", text)
 
     def test_mesh_that_is_not_there(self):
         self.scene()

@@ -17,6 +17,8 @@ module dotyk_ranks_communication
   public :: abort_ranks, start_ranks, end_ranks, this_rank, n_ranks, n_local_ranks, greet, gather_integers, &
     gather_reals, gather_bytes, collect_reals
 
+  !> What the program is built with, for its version.
+  character(*), parameter, public :: built_with = ', MPI and PETSc'
   !> Numbers in a greeting.
   integer, parameter, public :: greeting_length = 4
   !> First number of the greeting of a rank that ends; the second one is its exit code.
