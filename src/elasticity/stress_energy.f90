@@ -13,7 +13,7 @@ module dotyk_elasticity_stress_energy
 contains
 
   !> Mean stress of each element, and the strain energy.
-  subroutine stresses_and_energy(mesh, analysis, material, u, stress, energy, error, mean_modulus_factor)
+  subroutine stresses_and_energy(mesh, analysis, material, u, stress, energy, error, mean_modulus_factor, volume)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
     !> Type of analysis: one of the `analysis_*` constants.
@@ -30,16 +30,18 @@ contains
     type(error_t), allocatable, intent(out) :: error
     !> Mean of the modulus field over each element (n_elements) [].
     real(dp), intent(out), optional :: mean_modulus_factor(:)
-    real(dp), allocatable :: element_energy(:), factor(:)
+    !> Volume of each element (n_elements) [volume].
+    real(dp), intent(out), optional :: volume(:)
+    real(dp), allocatable :: element_energy(:), factor(:), element_volume(:)
     integer :: i, first, last
     stress = 0
-    allocate (element_energy(size(stress, 2)), factor(size(stress, 2)), source=0.0_dp)
+    allocate (element_energy(size(stress, 2)), factor(size(stress, 2)), element_volume(size(stress, 2)), source=0.0_dp)
     last = 0
     do i = 1, size(mesh%block)
       first = last + 1
       last = last + size(mesh%block(i)%node, 2)
       call evaluate_block(mesh, i, analysis, material, u, stress(:, first:last), element_energy(first:last), &
-                          factor(first:last), error)
+                          factor(first:last), element_volume(first:last), error)
       if (allocated(error)) exit
     end do
     ! Summed in the order of the elements: the same rounding on any number of threads.
@@ -49,10 +51,11 @@ contains
       energy = sum(element_energy)
     end if
     if (present(mean_modulus_factor)) mean_modulus_factor = factor
+    if (present(volume)) volume = element_volume
   end subroutine stresses_and_energy
 
   !> Evaluate the elements of one block, distributed over the threads.
-  subroutine evaluate_block(mesh, i_block, analysis, material, u, stress, energy, mean_modulus_factor, error)
+  subroutine evaluate_block(mesh, i_block, analysis, material, u, stress, energy, mean_modulus_factor, volume, error)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
     !> Index of the element block.
@@ -69,6 +72,8 @@ contains
     real(dp), intent(inout) :: energy(:)
     !> Mean of the modulus field over each element of the block (n_elements) [].
     real(dp), intent(inout) :: mean_modulus_factor(:)
+    !> Volumes of the elements of the block (n_elements) [volume].
+    real(dp), intent(inout) :: volume(:)
     !> Allocated where an element is inverted or the modulus field is not positive at a quadrature point.
     type(error_t), allocatable, intent(out) :: error
     type(error_t), allocatable :: failed
@@ -76,10 +81,10 @@ contains
     n = size(energy)
     n_parts = merge(1, min(n, omp_get_max_threads()), omp_in_parallel())
     !$omp parallel do default(none) schedule(static, 1) private(failed) &
-    !$omp& shared(mesh, i_block, analysis, material, u, stress, energy, mean_modulus_factor, error, n, n_parts)
+    !$omp& shared(mesh, i_block, analysis, material, u, stress, energy, mean_modulus_factor, volume, error, n, n_parts)
     do s = 1, n_parts
       call evaluate_elements(mesh, i_block, analysis, material, u, (n*(s - 1))/n_parts + 1, (n*s)/n_parts, stress, &
-                             energy, mean_modulus_factor, failed)
+                             energy, mean_modulus_factor, volume, failed)
       if (.not. allocated(failed)) cycle
       !$omp critical(dotyk_recovery)
       if (.not. allocated(error)) call move_alloc(failed, error)
@@ -90,7 +95,7 @@ contains
 
   !> Evaluate a range of elements of a block.
   subroutine evaluate_elements(mesh, i_block, analysis, material, u, first, last, stress, energy, mean_modulus_factor, &
-                               error)
+                               element_volume, error)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
     !> Index of the element block.
@@ -111,6 +116,8 @@ contains
     real(dp), intent(inout) :: energy(:)
     !> Mean of the modulus field over each element of the block (n_elements) [].
     real(dp), intent(inout) :: mean_modulus_factor(:)
+    !> Volumes of the elements of the block (n_elements) [volume].
+    real(dp), intent(inout) :: element_volume(:)
     !> Allocated where an element is inverted or the modulus field is not positive at a quadrature point.
     type(error_t), allocatable, intent(out) :: error
     type(element_quadrature_t) :: points
@@ -130,6 +137,7 @@ contains
         volume = sum(points%w(:m))
         stiffness = sum(points%stiffness(:m))
         mean_modulus_factor(e) = stiffness/volume
+        element_volume(e) = volume
         if (points%bulk > 0) then
           call add_dilatation(n, dim, points%n_functions, points%bulk, points%dilatation, volume, stiffness, ue, &
                               stress(1:3, e), energy(e))

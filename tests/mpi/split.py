@@ -120,6 +120,27 @@ class Split(RankCase):
             with self.subTest(folder):
                 self.compare(self.copy(folder) / (folder + ".nml"), RANKS[:1])
 
+    def test_modulus_field_on_elements_of_many_sizes(self):
+        """Penalty parameters follow the mean of the field over the volume, not over the elements."""
+        graded = block_geo("tet10", (3, 3, 2), (0, 0, 0), (2, 2, 1)).replace("Layers{2}", "Layers{{4, 1}, {0.1, 1}}")
+        lines = [*MATERIALS, "&material name='ground', young=20, poisson=0.2, young_formula='1+9*z^2' /", self.body("lower", graded, "ground"),
+                 self.body("upper", block_geo("hex20", (3, 3, 2), (0.3, 0.3, 1), (1.2, 1.2, 0.5)), "steel"),
+                 "&support body='lower', surface='bottom', fix='xyz' /", "&support body='upper', surface='sides x', fix='xy' /",
+                 "&load body='upper', surface='top', pressure=0.1 /", "&contact name='joint', surface_a='upper:bottom', surface_b='lower:top' /",
+                 SOLVER.replace("theta=0", "theta_relative=1e-2")]
+        self.compare(self.write("case.nml", "\n".join(lines)), RANKS[:1])
+
+    def test_a_body_whose_nodes_are_all_held(self):
+        """It moves by given displacements, and has no equation; on one of three ranks it has not even an element."""
+        lines = [*MATERIALS, self.body("lower", block_geo("hex20", (4, 4, 2), (0, 0, 0), (2, 2, 1)), "soft"),
+                 self.body("upper", block_geo("tet10", (3, 3, 2), (0.3, 0.3, 1), (1.2, 1.2, 0.5)), "steel"),
+                 self.body("stamp", block_geo("hex8", 1, (0.5, 0.5, 1.5), (0.8, 0.8, 0.5)), "steel"),
+                 "&support body='lower', surface='bottom', fix='xyz' /", "&support body='stamp', surface='top', fix='xyz' /",
+                 "&support body='stamp', surface='bottom', fix='xyz', value=0,0,-0.01 /",
+                 "&contact name='foot', surface_a='upper:bottom', surface_b='lower:top' /",
+                 "&contact name='head', surface_a='upper:top', surface_b='stamp:bottom' /", SOLVER.replace("theta=0", "theta_relative=1e-3")]
+        self.compare(self.write("case.nml", "\n".join(lines)), RANKS[-1:])
+
     def test_nearly_incompressible_bodies_keep_factors(self):
         """The log says why, and the run has the accuracy of factors."""
         lines = [*MATERIALS, "&material name='rubber', young=1, poisson=0.499 /", self.body("lower", block_geo("tet10", 2), "steel"),

@@ -71,6 +71,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(dual_t) :: dual
     real(dp), allocatable :: m(:), component(:), alpha(:), left(:)
+    real(dp) :: tolerance
     integer :: steps, sets, b
     select type (compliance)
     class is (body_compliance_t)
@@ -96,8 +97,9 @@ contains
     associate (contact => self%bodies%contact, system => self%bodies%contact%system)
       steps = system%n_iterations
       sets = contact%n_sets
-      call contact%solve(theta, settings%tolerance, sets + min(most_sets, settings%max_iterations), monitor, state, &
-                         error, qp)
+      ! The error of solves is added to its bound, and may have grown a little by then.
+      tolerance = settings%tolerance - 2*min(settings%tolerance/4, self%bodies%solve_error())
+      call contact%solve(theta, tolerance, sets + min(most_sets, settings%max_iterations), monitor, state, error, qp)
       if (allocated(error)) return
       call meet()
       if (state%ended == ended_rigid_constraint) then

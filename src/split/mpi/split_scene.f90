@@ -58,28 +58,29 @@ contains
     call self%bodies%assemble(body, modes, error)
   end subroutine scene_assemble
 
-  !> Mean of the modulus fields over the elements of each body.
+  !> Mean of the modulus fields over the volume of each body.
   subroutine set_mean_modulus(body, error)
     !> Parts of bodies; those with a modulus field get its mean (n_bodies).
     type(body_t), intent(inout) :: body(:)
     !> Allocated where a field is not positive, or an element is inverted.
     type(error_t), allocatable, intent(out) :: error
-    real(dp), allocatable :: u(:, :), stress(:, :), factor(:)
-    real(dp) :: energy, mean(1)
+    real(dp), allocatable :: u(:, :), stress(:, :), factor(:), volume(:)
+    real(dp) :: energy, sums(2)
     integer :: b
     do b = 1, size(body)
       if (.not. body(b)%material%has_modulus_field()) cycle
       associate (mesh => body(b)%mesh)
         allocate (u(body(b)%dimension, mesh%n_nodes()), source=0.0_dp)
-        allocate (stress(6, mesh%n_elements()), factor(mesh%n_elements()))
-        call stresses_and_energy(mesh, body(b)%analysis, body(b)%material, u, stress, energy, error, factor)
+        allocate (stress(6, mesh%n_elements()), factor(mesh%n_elements()), volume(mesh%n_elements()))
+        call stresses_and_energy(mesh, body(b)%analysis, body(b)%material, u, stress, energy, error, factor, &
+                                 volume)
         call agree_on_error(error)
         if (allocated(error)) return
-        mean = sum(factor, mask=mesh%whole%own_element)/mesh%n_whole_elements()
+        sums = [sum(factor*volume, mask=mesh%whole%own_element), sum(volume, mask=mesh%whole%own_element)]
       end associate
-      call add_up(mean)
-      body(b)%mean_modulus_factor = mean(1)
-      deallocate (u, stress, factor)
+      call add_up(sums)
+      body(b)%mean_modulus_factor = sums(1)/sums(2)
+      deallocate (u, stress, factor, volume)
     end do
   end subroutine set_mean_modulus
 
