@@ -117,24 +117,21 @@ contains
     !> Outcome.
     type(penetration_check_t), intent(out) :: check
     integer, allocatable :: couple(:, :)
-    real(dp) :: lo(3, size(problem%body)), hi(3, size(problem%body))
+    real(dp) :: box(6, size(problem%body))
     integer :: b, k
-    lo = 0
-    hi = 0
+    ! Lower corners, with the other sign, and upper corners.
+    box = 0
     do b = 1, size(problem%body)
       if (.not. problem%ranks%is_own(b)) cycle
       associate (x => problem%body(b)%mesh%x, u => solution(b)%displacement)
-        lo(1:size(x, 1), b) = min(minval(x, dim=2), minval(x + u, dim=2))
-        hi(1:size(x, 1), b) = max(maxval(x, dim=2), maxval(x + u, dim=2))
+        box(1:size(x, 1), b) = -min(minval(x, dim=2), minval(x + u, dim=2))
+        box(4:3 + size(x, 1), b) = max(maxval(x, dim=2), maxval(x + u, dim=2))
       end associate
     end do
-    lo = -lo
-    do k = 1, 3
-      call problem%ranks%share_greatest(lo(k, :))
-      call problem%ranks%share_greatest(hi(k, :))
+    do k = 1, 6
+      call problem%ranks%share_greatest(box(k, :))
     end do
-    lo = -lo
-    call overlapping_boxes(lo, hi, couple)
+    call overlapping_boxes(-box(:3, :), box(4:, :), couple)
     call check_couples(problem, solution, first_row, y, error_bound, couple, check)
   end subroutine check_penetration
 

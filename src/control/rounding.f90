@@ -66,8 +66,8 @@ contains
     call problem%ranks%share_norm(size_of_u)
     do b = 1, size(solution)
       associate (report => problem%report(problem%classes%first(b)))
-        distance(b) = margin*epsilon(norm)*size_of_u(b)*max(report%condition_left, &
-                                                            size_of_u(b)/max(tiny(norm), norm, size_of_u(b)/most_stretched))
+        distance(b) = margin*epsilon(norm)*size_of_u(b)* &
+          max(report%condition_left, size_of_u(b)/max(tiny(norm), norm, size_of_u(b)/most_stretched))
       end associate
     end do
   end subroutine expect_rounding

@@ -20,8 +20,8 @@ contains
     !> Allocated where they are too many; the same on all ranks.
     type(error_t), allocatable, intent(out) :: error
     if (n <= largest) return
-    call set_error(error, 'PETSc was built with 32-bit indices, which number '//to_text(largest)//' unknowns; these '// &
-                   'bodies have '//to_text(n)//': make the meshes coarser', exit_machine)
+    call set_error(error, 'PETSc was built with 32-bit indices, which number '//to_text(largest)//' unknowns; '// &
+                   'these bodies have '//to_text(n)//': make the meshes coarser', exit_machine)
   end subroutine check_unknowns
 
   !> Whether the entries of a matrix on each rank can be counted. All ranks ask together.
@@ -35,7 +35,7 @@ contains
     call largest_of_ranks(most)
     if (most(1) <= real(largest, dp)) return
     call set_error(error, 'PETSc was built with 32-bit indices, which number '//to_text(largest)// &
-                   ' entries of the stiffness on a rank; one has '//to_text(nint(most(1), int64))//': take more ranks', &
-                   exit_machine)
+                   ' entries of the stiffness on a rank; one has '//to_text(nint(most(1), int64))// &
+                   ': take more ranks', exit_machine)
   end subroutine check_entries
 end module dotyk_distributed_index_limits

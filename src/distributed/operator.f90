@@ -15,6 +15,7 @@ module dotyk_distributed_operator
   use dotyk_base_kinds, only: dp
   use dotyk_contact_operator, only: contact_block_t
   use dotyk_distributed_contact_rows, only: contact_rows_t
+  use dotyk_distributed_diagonal_blocks, only: inverse_blocks, make_blocks
   use dotyk_distributed_petsc, only: has_failed
   use dotyk_distributed_stiffness, only: distributed_stiffness_t
   use dotyk_linalg_cholesky, only: cholesky_t
@@ -131,7 +132,7 @@ contains
     call self%rows%init(n_rows, stiffness%dim, block, stiffness%part, stiffness%first)
     call PCCreate(PETSC_COMM_WORLD, self%blocks, code)
     call PCSetType(self%blocks, 'pbjacobi', code)
-    call stiffness%make_blocks(blocks, error)
+    call make_blocks(stiffness, blocks, error)
     if (allocated(error)) return
     call PCSetOperators(self%blocks, blocks, blocks, code)
     call PCSetUp(self%blocks, code)
@@ -140,7 +141,7 @@ contains
     ! The preconditioner keeps a reference.
     call MatDestroy(blocks, code)
     if (allocated(error)) return
-    call stiffness%inverse_blocks(self%rows%node, inverse, error)
+    call inverse_blocks(stiffness, self%rows%node, inverse, error)
     if (allocated(error)) return
     call self%rows%set_inverse(block, inverse/self%greatest)
     allocate (self%row_stiffness(n_rows), source=0.0_dp)

@@ -1,5 +1,5 @@
-!> The part of a body that one rank holds (`dotyk_elasticity_held_body`), with what belongs to its nodes: all elements of own
-!> nodes are there, so that rows of matrices of own nodes need no other rank.
+!> The part of a body that one rank holds (`dotyk_elasticity_held_body`), with what belongs to its nodes: all elements
+!> of own nodes are there, so that rows of matrices of own nodes need no other rank.
 module dotyk_distributed_part
   use dotyk_base_kinds, only: dp
   use dotyk_elasticity_body, only: body_t

@@ -84,8 +84,8 @@ contains
     call MatNorm(matrix, NORM_FROBENIUS, norm, code)
     if (has_failed(code, 'coarse matrix', error)) return
     ! PETSc would look for the eigenvalues of such a matrix for ever.
-    if (.not. norm <= huge(norm)) call set_error(error, 'the stiffness with the active contact rows has numbers that '// &
-                                                 'are not finite', exit_not_solvable)
+    if (.not. norm <= huge(norm)) call set_error(error, 'the stiffness with the active contact rows has numbers '// &
+                                                 'that are not finite', exit_not_solvable)
   end subroutine make_coarse_matrix
 
   !> sqrt(W) B on the active rows, distributed.

@@ -4,8 +4,7 @@
 !> Displacements are those along the axes of the nodes (`constraint_t`), zero where they are held; prescribed ones are
 !> in the loads. Everything of a rank is of the size of its parts.
 module dotyk_distributed_stiffness
-  use petscmat, only: INSERT_VALUES, MatCreate, MatSetSizes, MatSetType, MatSetValues, PETSC_NULL_INTEGER, &
-    MatDestroy, MatGetDiagonal, MatGetValues, MatNullSpaceCreate, MatNullSpaceDestroy, &
+  use petscmat, only: MatDestroy, MatGetDiagonal, MatNullSpaceCreate, MatNullSpaceDestroy, &
     MatSetNearNullSpace, PETSC_COMM_WORLD, PETSC_DETERMINE, PETSC_FALSE, tMat, tMatNullSpace
   use petscvec, only: PETSC_NULL_VEC, tVec, VecAXPY, VecDestroy, VecDot, VecDuplicate, VecGetArrayF90, VecNormalize, &
     VecRestoreArrayF90
@@ -55,8 +54,6 @@ module dotyk_distributed_stiffness
     procedure :: matrix => stiffness_matrix
     procedure :: make_vector => stiffness_make_vector
     procedure :: wrap => stiffness_wrap
-    procedure :: inverse_blocks => stiffness_inverse_blocks
-    procedure :: make_blocks => stiffness_make_blocks
     procedure :: diagonal => stiffness_diagonal
     procedure :: entries => stiffness_entries
     procedure :: nodal_displacement => stiffness_nodal_displacement
@@ -278,54 +275,6 @@ contains
     end do
   end subroutine take_modes
 
-  !> The diagonal blocks as a matrix.
-  subroutine stiffness_make_blocks(self, blocks, error)
-    class(distributed_stiffness_t), intent(in) :: self
-    !> Gets them; to be destroyed [force/length].
-    type(tMat), intent(out) :: blocks
-    !> Allocated where PETSc fails.
-    type(error_t), allocatable, intent(out) :: error
-    type(tMat) :: matrix
-    real(dp) :: block(self%dim**2)
-    integer :: i, j, row(self%dim), code
-    external :: MatMPIBAIJSetPreallocation, MatSeqBAIJSetPreallocation
-    matrix = self%matrix()
-    call MatCreate(PETSC_COMM_WORLD, blocks, code)
-    call MatSetSizes(blocks, self%dim*self%n_own, self%dim*self%n_own, PETSC_DETERMINE, PETSC_DETERMINE, code)
-    call MatSetType(blocks, 'baij', code)
-    call MatSeqBAIJSetPreallocation(blocks, self%dim, 1, PETSC_NULL_INTEGER, code)
-    call MatMPIBAIJSetPreallocation(blocks, self%dim, 1, PETSC_NULL_INTEGER, 0, PETSC_NULL_INTEGER, code)
-    do i = 0, self%n_own - 1
-      row = self%dim*(self%first + i) + [(j, j=0, self%dim - 1)]
-      call MatGetValues(matrix, self%dim, row, self%dim, row, block, code)
-      call MatSetValues(blocks, self%dim, row, self%dim, row, block, INSERT_VALUES, code)
-      if (has_failed(code, 'diagonal blocks', error)) return
-    end do
-    call finish_matrix(blocks, error)
-  end subroutine stiffness_make_blocks
-
-  !> Inverse diagonal blocks of own nodes.
-  subroutine stiffness_inverse_blocks(self, node, inverse, error)
-    class(distributed_stiffness_t), intent(in) :: self
-    !> Places among the own nodes (n).
-    integer, intent(in) :: node(:)
-    !> (dim, dim, n) [length/force]
-    real(dp), allocatable, intent(out) :: inverse(:, :, :)
-    !> Allocated where PETSc fails.
-    type(error_t), allocatable, intent(out) :: error
-    type(tMat) :: matrix
-    real(dp) :: block(self%dim**2)
-    integer :: i, j, row(self%dim), code
-    allocate (inverse(self%dim, self%dim, size(node)))
-    matrix = self%matrix()
-    do i = 1, size(node)
-      row = self%dim*(self%first + node(i) - 1) + [(j, j=0, self%dim - 1)]
-      call MatGetValues(matrix, self%dim, row, self%dim, row, block, code)
-      if (has_failed(code, 'diagonal blocks', error)) return
-      call invert(self%dim, reshape(block, [self%dim, self%dim]), inverse(:, :, i))
-    end do
-  end subroutine stiffness_inverse_blocks
-
   !> Diagonal of the stiffness.
   subroutine stiffness_diagonal(self, diagonal)
     class(distributed_stiffness_t), intent(in) :: self
@@ -341,35 +290,6 @@ contains
     call VecRestoreArrayF90(vector, x, code)
     call VecDestroy(vector, code)
   end subroutine stiffness_diagonal
-
-  !> The inverse of a small symmetric positive definite matrix, by elimination.
-  pure subroutine invert(n, matrix, inverse)
-    !> Order.
-    integer, intent(in) :: n
-    !> The matrix (n, n) [any].
-    real(dp), intent(in) :: matrix(n, n)
-    !> Its inverse (n, n) [1/matrix].
-    real(dp), intent(out) :: inverse(n, n)
-    real(dp) :: rest(n, n), factor
-    integer :: i, j
-    rest = matrix
-    inverse = 0
-    do i = 1, n
-      inverse(i, i) = 1
-    end do
-    do i = 1, n
-      factor = 1/rest(i, i)
-      rest(i, :) = factor*rest(i, :)
-      inverse(i, :) = factor*inverse(i, :)
-      do j = 1, n
-        if (j == i) cycle
-        factor = rest(j, i)
-        rest(j, :) = rest(j, :) - factor*rest(i, :)
-        inverse(j, :) = inverse(j, :) - factor*inverse(i, :)
-      end do
-    end do
-    inverse = (inverse + transpose(inverse))/2
-  end subroutine invert
 
   !> Entries of a vector over all unknowns, wherever they are.
   subroutine stiffness_entries(self, own, entry, found, error)

@@ -59,8 +59,8 @@ contains
         if (all(ieee_is_finite(found%pressure)) .and. all(ieee_is_finite(found%projected)) .and. &
             all(ieee_is_finite(found%gap)) .and. all(ieee_is_finite(found%force))) cycle
       end associate
-      call set_error(error, case%file//':'//to_text(case%contact(k)%line)//': &contact '//quoted(problem%pair(k)%name)// &
-                     ': the pressures are'//reason, exit_not_solvable)
+      call set_error(error, case%file//':'//to_text(case%contact(k)%line)//': &contact '// &
+                     quoted(problem%pair(k)%name)//': the pressures are'//reason, exit_not_solvable)
       return
     end do
     if (.not. ieee_is_finite(state%energy)) &

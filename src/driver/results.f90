@@ -8,7 +8,8 @@ module dotyk_driver_results
   use dotyk_control_contact_solution, only: contact_solution_t
   use dotyk_control_pressures, only: nodal_field_t, pair_solution_t, project_pressures
   use dotyk_driver_finite, only: refuse_overflow
-  use dotyk_driver_results_groups, only: write_fields, write_pairs, write_provenance, write_timing
+  use dotyk_driver_results_fields, only: write_fields
+  use dotyk_driver_results_groups, only: write_pairs, write_provenance, write_timing
   use dotyk_driver_results_summary, only: write_summary
   use dotyk_driver_scene, only: scene_t
   use dotyk_input_case, only: case_t

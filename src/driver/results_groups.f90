@@ -1,120 +1,21 @@
-!> Groups of the results file: fields, contact pairs, provenance and timing (docs/results.md). Summary and history are
-!> in `dotyk_driver_results_summary`.
+!> Groups of the results file: contact pairs, provenance and timing (docs/results.md). Fields are in
+!> `dotyk_driver_results_fields`, summary and history in `dotyk_driver_results_summary`.
 module dotyk_driver_results_groups
-  use dotyk_base_error, only: error_t
-  use dotyk_base_kinds, only: dp, int64
   use dotyk_base_version, only: version, compiler, build_type
   use dotyk_contact_pair, only: contact_pair_t
-  use dotyk_control_body_ranks, only: body_ranks_t
-  use dotyk_control_body_solution, only: body_solution_t
   use dotyk_control_contact_solution, only: contact_solution_t
-  use dotyk_control_error_budget, only: error_budget_t
-  use dotyk_control_mesh_error, only: element_field_t
-  use dotyk_control_penetration_check, only: penetration_check_t
-  use dotyk_control_pressures, only: pair_solution_t, nodal_field_t
+  use dotyk_control_pressures, only: pair_solution_t
   use dotyk_driver_arguments, only: command_line_text
-  use dotyk_driver_whole_bodies, only: whole_body_fields_t
-  use dotyk_elasticity_body, only: body_t
-  use dotyk_elasticity_stress, only: von_mises
   use dotyk_input_case, only: case_t
   use dotyk_linalg_blas, only: blas_name
   use dotyk_log_timing, only: timing_t
-  use dotyk_mesh_body_mesh, only: body_mesh_t
-  use dotyk_mesh_element, only: kind_nodes
   use dotyk_output_results_file, only: results_file_t, contact_group
-  use dotyk_ranks_communication, only: n_ranks, this_rank
+  use dotyk_ranks_communication, only: n_ranks
   implicit none
   private
-  public :: write_fields, write_pairs, write_provenance, write_timing
+  public :: write_pairs, write_provenance, write_timing
 
 contains
-
-  !> Create the file; meshes, displacements, contact pressures and stresses of all bodies.
-  subroutine write_fields(file, case, body, ranks, solution, contact_pressure, budget, penetration, error)
-    !> Results file; open on return, on the first rank.
-    type(results_file_t), intent(inout) :: file
-    !> The case, with the fields to write.
-    type(case_t), intent(in) :: case
-    !> Bodies (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Which rank computes which bodies.
-    type(body_ranks_t), intent(in) :: ranks
-    !> Displacements and stresses of the bodies (n_bodies).
-    type(body_solution_t), intent(in) :: solution(:)
-    !> Contact pressures at the nodes of the bodies (n_bodies).
-    type(nodal_field_t), intent(in) :: contact_pressure(:)
-    !> Error budget, with the discretization errors of the elements.
-    type(error_budget_t), intent(in) :: budget
-    !> Outcome of the check of the deformed bodies against each other.
-    type(penetration_check_t), intent(in) :: penetration
-    !> Allocated where the file cannot be written; it is discarded.
-    type(error_t), allocatable, intent(out) :: error
-    integer(int64), dimension(size(body)) :: n_points, n_cells, n_connectivity
-    type(whole_body_fields_t) :: fields
-    type(body_mesh_t) :: mesh
-    real(dp), allocatable :: values(:, :), nodal(:), mises(:)
-    integer :: b, e, k
-    do b = 1, size(body)
-      n_points(b) = body(b)%mesh%n_whole_nodes()
-      n_cells(b) = body(b)%mesh%n_whole_elements()
-      n_connectivity(b) = sum([(int(kind_nodes(body(b)%mesh%block(k)%kind), int64)*body(b)%mesh%whole_block_size(k), &
-                                k=1, size(body(b)%mesh%block))])
-    end do
-    if (this_rank() == 0) &
-      call file%create(case%scene%output, n_points, n_cells, n_connectivity, case%output%displacement, &
-                       case%output%stress, case%output%contact, case%output%error, error)
-    ! All ranks take part to the end, even where the first one cannot write.
-    do b = 1, size(body)
-      call fields%init(body(b), ranks, b)
-      call fields%mesh(body(b)%mesh, mesh)
-      if (may_write()) call file%write_part(b, mesh, error)
-      if (case%output%displacement) then
-        call fields%of_nodes(solution(b)%displacement, values)
-        if (may_write()) call file%write_displacement(b, values, error)
-      end if
-      if (case%output%contact) then
-        call fields%of_surface(contact_pressure(b)%value, nodal)
-        if (may_write()) call file%write_nodal_field(b, 'contact_pressure', nodal, error)
-        if (penetration%is_done) call fields%of_surface(penetration%depth(b)%value, nodal)
-        if (penetration%is_done .and. may_write()) call file%write_nodal_field(b, 'penetration', nodal, error)
-      end if
-      if (case%output%stress) then
-        call fields%of_elements(stress_of(solution(b)), values)
-        mises = [(von_mises(values(:, e)), e=1, size(values, 2))]
-        if (may_write()) call file%write_stress(b, values, mises, error)
-      end if
-      if (case%output%error) then
-        call fields%of_elements(errors_of(budget%of_element(b)), values)
-        if (may_write()) call file%write_discretization_error(b, reshape(values, [size(values)]), error)
-      end if
-    end do
-    if (allocated(error)) call file%discard()
-
-  contains
-
-    !> Whether this rank writes, and could do so until now.
-    logical function may_write()
-      may_write = this_rank() == 0 .and. .not. allocated(error)
-    end function may_write
-  end subroutine write_fields
-
-  !> Stresses that this rank has (6, n_elements) [pressure].
-  pure function stress_of(solution) result(stress)
-    !> Of one body.
-    type(body_solution_t), intent(in) :: solution
-    real(dp), allocatable :: stress(:, :)
-    allocate (stress(6, 0))
-    if (allocated(solution%stress)) stress = solution%stress
-  end function stress_of
-
-  !> Discretization errors that this rank has (1, n_elements) [].
-  pure function errors_of(field) result(values)
-    !> Of one body.
-    type(element_field_t), intent(in) :: field
-    real(dp), allocatable :: values(:, :)
-    allocate (values(1, 0))
-    if (allocated(field%value)) values = reshape(field%value, [1, size(field%value)])
-  end function errors_of
 
   !> Contact rows of all pairs.
   subroutine write_pairs(file, pair, first_row, solution, pair_solution)

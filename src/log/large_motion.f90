@@ -52,14 +52,14 @@ contains
     if (ratio(b) > large_displacement) call show_neutral(b)
     b = maxloc(angle, dim=1)
     if (angle(b) > large_rotation) &
-      call log%line('  large motion     '//quoted(problem%body(b)%name)//' rotates by '//to_text(angle(b), 3)//' rad'// &
-                    others(count(angle > large_rotation) - 1)//'; small-displacement theory stretches it by '// &
+      call log%line('  large motion     '//quoted(problem%body(b)%name)//' rotates by '//to_text(angle(b), 3)// &
+                    ' rad'//others(count(angle > large_rotation) - 1)//'; small-displacement theory stretches it by '// &
                     to_text(100*angle(b)**2/2, 2)//' %')
     if (angle(b) > large_rotation) call show_neutral(b)
     b = maxloc(stretch, dim=1)
     if (stretch(b) > large_strain) &
-      call log%line('  large strain     '//quoted(problem%body(b)%name)//': an element is stretched or shortened by '// &
-                    to_text(100*stretch(b), 2)//' %'//others(count(stretch > large_strain) - 1)// &
+      call log%line('  large strain     '//quoted(problem%body(b)%name)//': an element is stretched or '// &
+                    'shortened by '//to_text(100*stretch(b), 2)//' %'//others(count(stretch > large_strain) - 1)// &
                     '; check loads, positions and units, or a singular corner: the theory is linear')
 
   contains

@@ -95,8 +95,8 @@ contains
       if (classes%n() > most_shown .or. .not. classes%is_representative(b)) cycle
       name = body(b)%name
       if (count(classes%first == b) > 1) name = to_text(count(classes%first == b))//' x '//name
-      call log%line(body_line(name, body(b)%material%name, body(b)%mesh%n_whole_elements(), body(b)%mesh%n_whole_nodes(), &
-                              body(b)%n_unknowns(), size_of(b)%entries, size_of(b)%flops))
+      call log%line(body_line(name, body(b)%material%name, body(b)%mesh%n_whole_elements(), &
+                              body(b)%mesh%n_whole_nodes(), body(b)%n_unknowns(), size_of(b)%entries, size_of(b)%flops))
     end do
     if (size(body) > 1) &
       call log%line(body_line(counted(size(body), 'body', 'bodies'), '', elements, nodes, unknowns, &

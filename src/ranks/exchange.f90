@@ -45,7 +45,8 @@ module dotyk_ranks_exchange
   end interface share
 
   !> Kinds of exchanges, the first number of a greeting.
-  integer(int64), parameter :: of_items = 1, of_values = 2, of_bytes = 3, of_flag = 4, of_meeting = 5, of_parts = 6, of_sums = 7
+  integer(int64), parameter :: of_items = 1, of_values = 2, of_bytes = 3, of_flag = 4, of_meeting = 5, &
+    of_parts = 6, of_sums = 7
   !> Owner of items that all ranks compute together: all of them have them.
   integer, parameter, public :: all_ranks = -1
   !> Size of an item that is not allocated.

@@ -174,7 +174,8 @@ contains
     call gather_bytes(own, n, pieces, 3_int64)
     is_good = is_good .and. all(whole == pieces) .and. whole(1) == 1
     if (.not. is_good) n_failed = n_failed + 1
-    if (this_rank() == 0) write (output_unit, '(a)') merge('passed', 'FAILED', is_good)//'  limits of indices and messages'
+    if (this_rank() == 0) write (output_unit, '(a)') &
+      merge('passed', 'FAILED', is_good)//'  limits of indices and messages'
   end subroutine test_limits
 
   !> Note a result.
