@@ -383,10 +383,7 @@ contains
     !> Common displacement (3) [length].
     real(dp), intent(in) :: shift(3)
     integer :: i
-    farthest = 0
-    do i = 1, p%n_nodes
-      farthest = max(farthest, norm2(p%x(:, i) - p%x0(:, i) - shift))
-    end do
+    farthest = maxval([0.0_dp, (norm2(p%x(:, i) - p%x0(:, i) - shift), i=1, p%n_nodes)])
   end function farthest
 
   !> Sort penetrations.

@@ -27,7 +27,8 @@ contains
     external :: MatMPIBAIJSetPreallocation, MatSeqBAIJSetPreallocation
     matrix = stiffness%matrix()
     call MatCreate(PETSC_COMM_WORLD, blocks, code)
-    call MatSetSizes(blocks, stiffness%dim*stiffness%n_own, stiffness%dim*stiffness%n_own, PETSC_DETERMINE, PETSC_DETERMINE, code)
+    call MatSetSizes(blocks, stiffness%dim*stiffness%n_own, stiffness%dim*stiffness%n_own, PETSC_DETERMINE, &
+                     PETSC_DETERMINE, code)
     call MatSetType(blocks, 'baij', code)
     call MatSeqBAIJSetPreallocation(blocks, stiffness%dim, 1, PETSC_NULL_INTEGER, code)
     call MatMPIBAIJSetPreallocation(blocks, stiffness%dim, 1, PETSC_NULL_INTEGER, 0, PETSC_NULL_INTEGER, code)

@@ -1,4 +1,5 @@
-!> Meshes and fields of all bodies in the results file (docs/results.md), collected on the first rank, which writes them.
+!> Meshes and fields of all bodies in the results file (docs/results.md), collected on the first rank, which writes
+!> them.
 module dotyk_driver_results_fields
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64

@@ -53,7 +53,8 @@ contains
     b = maxloc(angle, dim=1)
     if (angle(b) > large_rotation) &
       call log%line('  large motion     '//quoted(problem%body(b)%name)//' rotates by '//to_text(angle(b), 3)// &
-                    ' rad'//others(count(angle > large_rotation) - 1)//'; small-displacement theory stretches it by '// &
+                    ' rad'//others(count(angle > large_rotation) - 1)// &
+                    '; small-displacement theory stretches it by '// &
                     to_text(100*angle(b)**2/2, 2)//' %')
     if (angle(b) > large_rotation) call show_neutral(b)
     b = maxloc(stretch, dim=1)
