@@ -23,9 +23,10 @@ module dotyk_distributed_contact
   use dotyk_ranks_exchange, only: meet
   use dotyk_scheme_active_set, only: is_balanced
   use dotyk_scheme_contact_qp, only: contact_qp_t
+  use dotyk_scheme_free_motion, only: imbalance, meet_rows
   use dotyk_scheme_monitor, only: monitor_t
   use dotyk_scheme_primal_modes, only: balance
-  use dotyk_scheme_proximal_active_set, only: best_step
+  use dotyk_scheme_proximal_active_set, only: best_step, mark_of_set
   use dotyk_scheme_solver_state, only: ended_converged, ended_diverged, ended_interrupted, ended_limit, &
     ended_no_equilibrium, ended_rigid_constraint, ended_solves, ended_stalled, ended_unbalanced, solver_state_t
   implicit none
@@ -93,11 +94,6 @@ module dotyk_distributed_contact
   integer, parameter :: least_sets = 5, most_iterations = 500
   !> Rows between held nodes that penetrate by less, relative to the largest gap, touch.
   real(dp), parameter :: rounding = 1.0e-12_dp
-  !> Resultants below this fraction of the loads are rounding errors; rows that approach by less than this fraction of
-  !> the fastest do not; rows that meet within this fraction of a motion meet together.
-  real(dp), parameter :: imbalance = 1.0e-7_dp, slowest = 1.0e-9_dp, together = 1.0e-6_dp
-  !> Fractions of its multiples tell sets of rows apart.
-  real(dp), parameter :: golden = 0.6180339887498949_dp
 
 contains
 
@@ -332,8 +328,7 @@ contains
     !> The iterate.
     type(iterate_t), intent(inout) :: now
     real(dp) :: mark
-    integer :: i
-    mark = sum([(modulo(i*golden, 1.0_dp), i=1, size(new))], mask=new)
+    mark = mark_of_set(new)
     if (.not. any(abs(now%seen - mark) <= 0)) then
       now%seen = [now%seen, mark]
       if (modulo(size(now%seen), many_sets) == 0) now%aim = max(accuracy/2, closer_aim*now%aim)
@@ -362,8 +357,7 @@ contains
     logical, intent(out) :: moved
     !> Set to `ended_no_equilibrium` where no row stops the motion.
     integer, intent(inout) :: ended
-    real(dp), allocatable :: resultant(:), amplitude(:), rate(:), time(:)
-    logical, allocatable :: approaches(:)
+    real(dp), allocatable :: resultant(:), amplitude(:)
     real(dp) :: scale, first
     scale = sqrt(max(self%system%product(self%stiffness%load, self%stiffness%load), self%system%product(r, r)))
     call self%system%remove_motions(self%system%free_mode, r, resultant)
@@ -371,17 +365,8 @@ contains
     moved = any(abs(resultant) > 0)
     if (.not. moved) return
     amplitude = matmul(self%system%free_mode, resultant)
-    rate = matmul(self%system%row_mode, amplitude)
-    approaches = .not. now%active .and. rate > slowest*maxval([0.0_dp, abs(rate)])
-    if (.not. any(approaches)) then
-      ended = ended_no_equilibrium
-      return
-    end if
-    allocate (time(size(rate)), source=huge(first))
-    where (approaches) time = max(0.0_dp, now%shifted - now%y)/rate
-    first = minval(time)
+    call meet_rows(matmul(self%system%row_mode, amplitude), now%shifted - now%y, now%active, first, ended)
     self%u(:) = self%u + first*matmul(self%stiffness%mode, amplitude)
-    now%active = now%active .or. time <= (1 + together)*first
   end subroutine follow_free_motion
 
   !> Whether a rank was asked to stop.

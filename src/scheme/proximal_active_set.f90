@@ -26,7 +26,7 @@ module dotyk_scheme_proximal_active_set
     ended_no_equilibrium, ended_rigid_constraint, ended_stalled
   implicit none
   private
-  public :: best_step, solve_proximal
+  public :: best_step, solve_proximal, mark_of_set
 
   !> How the iteration went.
   type, public :: proximal_outcome_t
@@ -216,8 +216,7 @@ contains
     !> How often sets came again.
     integer, intent(inout) :: n_cycles
     real(dp) :: mark
-    integer :: i
-    mark = sum([(modulo(i*golden, 1.0_dp), i=1, size(new))], mask=new)
+    mark = mark_of_set(new)
     if (.not. any(abs(now%seen - mark) <= 0)) then
       now%seen = [now%seen, mark]
       ! Among many rows, sets that errors of the solutions change need not come again.
@@ -236,6 +235,14 @@ contains
     associate (not_needed => theta)
     end associate
   end subroutine look_for_cycles
+
+  !> A number that tells active sets apart.
+  pure real(dp) function mark_of_set(active) result(mark)
+    !> (n_rows)
+    logical, intent(in) :: active(:)
+    integer :: i
+    mark = sum([(modulo(i*golden, 1.0_dp), i=1, size(active))], mask=active)
+  end function mark_of_set
 
   !> The minimum of the energy along a step e.
   pure real(dp) function best_step(active_stiffness, stiffness, over, along, work) result(t)
