@@ -4,19 +4,17 @@
 !> Displacements are those along the axes of the nodes (`constraint_t`), zero where they are held; prescribed ones are
 !> in the loads. Everything of a rank is of the size of its parts.
 module dotyk_distributed_stiffness
-  use petscmat, only: MatDestroy, MatGetDiagonal, MatNullSpaceCreate, MatNullSpaceDestroy, &
-    MatSetNearNullSpace, PETSC_COMM_WORLD, PETSC_DETERMINE, PETSC_FALSE, tMat, tMatNullSpace
-  use petscvec, only: PETSC_NULL_VEC, tVec, VecAXPY, VecDestroy, VecDot, VecDuplicate, VecGetArrayF90, VecNormalize, &
-    VecRestoreArrayF90
+  use petscmat, only: MatDestroy, MatGetDiagonal, PETSC_COMM_WORLD, PETSC_DETERMINE, tMat
+  use petscvec, only: PETSC_NULL_VEC, tVec, VecDestroy, VecGetArrayF90, VecRestoreArrayF90
   use dotyk_base_error, only: error_t, exit_not_solvable, set_error
   use dotyk_base_kinds, only: dp, int64
   use dotyk_distributed_assembly, only: add_elements, assemble_interpolation, finish_matrix, make_block_matrix
   use dotyk_distributed_index_limits, only: check_unknowns
+  use dotyk_distributed_near_null_space, only: set_near_null_space
   use dotyk_distributed_numbering, only: gather_entries, number_rows
   use dotyk_distributed_part, only: part_t
-  use dotyk_distributed_petsc, only: first_of_rank, has_failed, largest_of_ranks, sum_of_ranks
+  use dotyk_distributed_petsc, only: first_of_rank, has_failed, sum_of_ranks
   use dotyk_elasticity_constraint, only: held
-  use dotyk_elasticity_near_null_vectors, only: near_null_vectors
   use dotyk_ranks_exchange, only: agree_on_error
   implicit none
   private
@@ -140,7 +138,7 @@ contains
     if (allocated(error)) return
     if (.not. self%is_linear) &
       call assemble_interpolation(self%dim, self%n_own, self%n_own_corners, self%part, self%interpolation, error)
-    if (.not. allocated(error)) call set_near_null_space(self, error)
+    if (.not. allocated(error)) call set_near_null_space(self%dim, self%part, self%n_own_corners, self%coarse, error)
     call take_modes(self, size(n_of_body))
   end subroutine stiffness_init
 
@@ -172,80 +170,6 @@ contains
     integer :: code
     call VecCreateMPIWithArray(PETSC_COMM_WORLD, self%dim, size(x), PETSC_DETERMINE, x, vector, code)
   end subroutine stiffness_wrap
-
-  !> Rigid motions as near-null-space vectors of the coarse matrix.
-  subroutine set_near_null_space(self, error)
-    !> The stiffness.
-    class(distributed_stiffness_t), intent(inout) :: self
-    !> Allocated where PETSc fails.
-    type(error_t), allocatable, intent(out) :: error
-    type(tMatNullSpace) :: space
-    type(tVec), allocatable :: vector(:)
-    real(dp), allocatable, target :: value(:, :)
-    real(dp), allocatable :: of_part(:, :)
-    real(dp) :: box(self%dim, 2), extent(2*self%dim), product
-    integer :: p, c, j, k, code, first
-    first = self%dim*first_of_rank(self%n_own_corners)
-    extent = -huge(extent)
-    do p = 1, size(self%part)
-      if (size(self%part(p)%mesh%x) == 0) cycle
-      associate (x => self%part(p)%mesh%x)
-        extent = max(extent, [-minval(x, 2), maxval(x, 2)])
-      end associate
-    end do
-    call largest_of_ranks(extent)
-    box(:, 1) = -extent(:self%dim)
-    box(:, 2) = extent(self%dim + 1:)
-    allocate (value(self%dim*self%n_own_corners, merge(6, 3, self%dim == 3)), source=0.0_dp)
-    do p = 1, size(self%part)
-      associate (part => self%part(p))
-        call near_null_vectors(part%mesh%x, part%constraint, of_part, box)
-        do c = 1, part%space%n
-          if (.not. part%is_own(part%space%node(c))) cycle
-          j = self%dim*part%corner_row(c) - first
-          k = self%dim*(part%space%node(c) - 1)
-          value(j + 1:j + self%dim, :) = of_part(k + 1:k + self%dim, :)
-        end do
-      end associate
-    end do
-    allocate (vector(size(value, 2)))
-    do j = 1, size(vector)
-      call self%wrap(value(:, j), vector(j))
-      do k = 1, j - 1
-        call VecDot(vector(j), vector(k), product, code)
-        call VecAXPY(vector(j), -product, vector(k), code)
-      end do
-      call VecNormalize(vector(j), product, code)
-    end do
-    ! It refers to the vectors: they need memory of their own.
-    do j = 1, size(vector)
-      call own_copy(vector(j))
-    end do
-    call MatNullSpaceCreate(PETSC_COMM_WORLD, PETSC_FALSE, size(vector), vector, space, code)
-    if (has_failed(code, 'near null space', error)) return
-    call MatSetNearNullSpace(self%coarse, space, code)
-    call MatNullSpaceDestroy(space, code)
-    do j = 1, size(vector)
-      call VecDestroy(vector(j), code)
-    end do
-  end subroutine set_near_null_space
-
-  !> A vector with memory of its own in place of one over an array.
-  subroutine own_copy(vector)
-    !> The vector.
-    type(tVec), intent(inout) :: vector
-    type(tVec) :: copy
-    real(dp), pointer :: from(:), to(:)
-    integer :: code
-    call VecDuplicate(vector, copy, code)
-    call VecGetArrayF90(vector, from, code)
-    call VecGetArrayF90(copy, to, code)
-    to = from
-    call VecRestoreArrayF90(copy, to, code)
-    call VecRestoreArrayF90(vector, from, code)
-    call VecDestroy(vector, code)
-    vector = copy
-  end subroutine own_copy
 
   !> The rigid body modes along the axes of the own nodes.
   subroutine take_modes(self, n_bodies)
