@@ -27,7 +27,7 @@ module dotyk_driver_scene_building
 
   !> Floating bodies at most that are split: the coarse level does not know the motions of each, and needs hundreds of
   !> iterations for networks of more.
-  integer, parameter :: most_floating = 20
+  integer, parameter :: most_floating = 15
 
 contains
 
