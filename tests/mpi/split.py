@@ -131,7 +131,7 @@ class Split(RankCase):
         self.compare(self.write("case.nml", "\n".join(lines)), RANKS[:1])
 
     def test_a_body_whose_nodes_are_all_held(self):
-        """It moves by given displacements, and has no equation; on one of three ranks it has not even an element."""
+        """It moves by given displacements, and has no equation; its one element belongs to one rank."""
         lines = [*MATERIALS, self.body("lower", block_geo("hex20", (4, 4, 2), (0, 0, 0), (2, 2, 1)), "soft"),
                  self.body("upper", block_geo("tet10", (3, 3, 2), (0.3, 0.3, 1), (1.2, 1.2, 0.5)), "steel"),
                  self.body("stamp", block_geo("hex8", 1, (0.5, 0.5, 1.5), (0.8, 0.8, 0.5)), "steel"),
