@@ -19,6 +19,7 @@ module dotyk_contact_pair_discretization
   use dotyk_contact_pair, only: contact_pair_t, pair_settings_t
   use dotyk_contact_parallel_edges, only: find_parallel_edges
   use dotyk_contact_pair_rows, only: replace_points, set_rows
+  use dotyk_contact_plane_part, only: find_plane_part
   use dotyk_contact_point_contacts, only: find_vertex_contacts, point_contact_t, touches_in_points
   use dotyk_contact_projection, only: master_surface_t
   use dotyk_contact_slave_points, only: project_slave_points
@@ -50,6 +51,39 @@ contains
     type(contact_pair_t), intent(out) :: pair
     !> Set if no integration point has a projection, or if the gap formula gives no number or one that is too large.
     type(error_t), allocatable, intent(out) :: error
+    type(surface_t) :: part
+    integer, allocatable :: facet(:)
+    if (settings%search_radius > 0) then
+      call find_plane_part(mesh_a%x, surface_a, mesh_b%x, surface_b, settings%search_radius, facet, part)
+      if (size(facet) > 0) then
+        call discretize_surfaces(mesh_a, surface_a, mesh_b, part, settings, formula, pair, error)
+        if (.not. allocated(error)) pair%facet_b = facet(pair%facet_b)
+        ! Messages are about the whole surface.
+        if (.not. allocated(error)) return
+        deallocate (error)
+      end if
+    end if
+    call discretize_surfaces(mesh_a, surface_a, mesh_b, surface_b, settings, formula, pair, error)
+  end subroutine discretize_pair
+
+  !> Discretize a pair with coordinates relative to a local origin where it is far from the global one.
+  subroutine discretize_surfaces(mesh_a, surface_a, mesh_b, surface_b, settings, formula, pair, error)
+    !> Mesh of the slave body.
+    type(body_mesh_t), intent(in) :: mesh_a
+    !> Slave surface (surface_a).
+    type(surface_t), intent(in) :: surface_a
+    !> Mesh of the master body.
+    type(body_mesh_t), intent(in) :: mesh_b
+    !> Master surface (surface_b), or the part of it that matters.
+    type(surface_t), intent(in) :: surface_b
+    !> What the user says.
+    type(pair_settings_t), intent(in) :: settings
+    !> Gap formula, evaluated where settings%gap_kind is `gap_formula`.
+    type(formula_t), intent(inout) :: formula
+    !> Discretized pair.
+    type(contact_pair_t), intent(out) :: pair
+    !> As in `discretize_pair`.
+    type(error_t), allocatable, intent(out) :: error
     type(body_mesh_t) :: shifted_a, shifted_b
     real(dp) :: origin(3)
     origin = 0
@@ -64,7 +98,7 @@ contains
       call shift_origin(shifted_b%x, origin)
       call discretize_shifted(shifted_a, surface_a, shifted_b, surface_b, origin, settings, formula, pair, error)
     end if
-  end subroutine discretize_pair
+  end subroutine discretize_surfaces
 
   !> Discretize a pair with coordinates relative to a local origin.
   subroutine discretize_shifted(mesh_a, surface_a, mesh_b, surface_b, origin, settings, formula, pair, error)

@@ -28,6 +28,8 @@ module dotyk_control_neutral_modes
     type(contact_modes_t), allocatable, private :: modes(:)
     !> Stiffness of the Winkler foundation (n_rows) [force/length].
     real(dp), allocatable, private :: stiffness(:)
+    !> The latest equilibrium on it: amplitudes of all modes of `modes`, body after body (n_modes) [length].
+    real(dp), allocatable, private :: motion(:)
     !> Times that the contact has been solved again.
     integer, private :: n_again = 0
   contains
@@ -36,6 +38,7 @@ module dotyk_control_neutral_modes
     procedure :: moved_far => neutral_moved_far
     procedure :: asks_again => neutral_asks_again
     procedure :: judge => neutral_judge
+    procedure :: start => neutral_start
   end type neutral_modes_t
 
   !> Motions of more facets than this are not small: the pairs of points that the rows know are others then.
@@ -48,6 +51,8 @@ module dotyk_control_neutral_modes
   real(dp), parameter :: largest_left_over = 0.05_dp
   !> Times that the contact is solved again at most: bodies that are held may send others on their way.
   integer, parameter :: most_again = 4
+  !> Schemes begin with the equilibrium of so many modes; of fewer they find the start faster than it takes to use it.
+  integer, parameter :: many_modes = 300
   !> Passes that release loaded directions at most, one direction of a body each; the last ones release all.
   integer, parameter :: most_passes = 8
 
@@ -83,7 +88,8 @@ contains
     if (all(self%candidate%n == 0)) return
     allocate (force(qp%n_rows), alpha(qp%coarse%n))
     call rest_on_foundation(qp, self%stiffness, force, alpha)
-    call self%hold(self%moved_far(qp%coarse%scale*alpha), problem, qp)
+    self%motion = qp%coarse%scale*alpha
+    call self%hold(self%moved_far(self%motion), problem, qp)
   end subroutine neutral_find
 
   !> Bodies that move by several elements along neutral modes that are not held.
@@ -127,7 +133,7 @@ contains
     is_new = chosen .and. self%candidate%n_held == 0 .and. self%candidate%n > 0
     if (.not. any(is_new)) return
     where (is_new) self%candidate%n_held = self%candidate%n
-    call release_loaded(self%modes, self%stiffness, is_new, qp, self%candidate)
+    call release_loaded(self%modes, self%stiffness, is_new, qp, self%candidate, self%motion)
     do b = 1, size(chosen)
       associate (own => self%candidate(b))
         if (.not. is_new(b) .or. own%n_held == 0) cycle
@@ -167,6 +173,18 @@ contains
     again = sum(self%candidate%n_held) > n_held
   end function neutral_asks_again
 
+  !> Give a scheme the equilibrium on the Winkler foundation to begin with.
+  subroutine neutral_start(self, qp, state)
+    class(neutral_modes_t), intent(in) :: self
+    !> The quadratic programme.
+    type(contact_qp_t), intent(in) :: qp
+    !> Not begun; gets amplitudes of the modes where an equilibrium is known.
+    type(solver_state_t), intent(inout) :: state
+    if (.not. allocated(self%motion)) return
+    if (size(self%motion) >= many_modes) &
+      state%alpha = qp%coarse%scale*amplitudes_of(self%motion, self%candidate, qp%coarse)
+  end subroutine neutral_start
+
   !> Judge a solution: bodies that have moved by several elements along neutral modes, or contact forces that are far
   !> from equilibrium along those that are held, make it none.
   subroutine neutral_judge(self, problem, qp, state)
@@ -195,7 +213,7 @@ contains
 
   !> Release directions along which loads and contact forces are not in equilibrium by far: they are no noise. The
   !> forces are those of rigid bodies on a Winkler foundation.
-  subroutine release_loaded(modes, stiffness, may_release, qp, candidate)
+  subroutine release_loaded(modes, stiffness, may_release, qp, candidate, motion)
     !> The modes at the contact nodes, all of them (n_bodies).
     type(contact_modes_t), intent(in) :: modes(:)
     !> Stiffness of the foundation (n_rows) [force/length].
@@ -206,6 +224,8 @@ contains
     type(contact_qp_t), intent(inout) :: qp
     !> Neutral modes; fewer are held on return (n_bodies).
     type(candidate_t), intent(inout) :: candidate(:)
+    !> The latest equilibrium: amplitudes of `modes`, body after body (n_modes) [length].
+    real(dp), intent(inout) :: motion(:)
     type(contact_modes_t) :: trial(size(modes))
     type(coarse_space_t) :: coarse
     real(dp), allocatable :: along(:), turn(:, :), alpha(:)
@@ -221,7 +241,8 @@ contains
       call coarse%init(qp%block, qp%n_rows, trial)
       call qp%replace_modes(coarse)
       if (pass == most_passes) exit
-      call rest_on_foundation(qp, stiffness, force, alpha)
+      call rest_on_foundation(qp, stiffness, force, alpha, amplitudes_of(motion, candidate, qp%coarse))
+      motion = motion_of(alpha, candidate, qp%coarse)
       changed = .false.
       do b = 1, size(modes)
         associate (own => candidate(b), row => qp%block(b)%row)
@@ -245,6 +266,47 @@ contains
       if (.not. changed) exit
     end do
   end subroutine release_loaded
+
+  !> Amplitudes of the modes of a QP, some of them held, that come next to a motion.
+  function amplitudes_of(motion, candidate, coarse) result(alpha)
+    !> Amplitudes of all modes, body after body (coarse%n) [length].
+    real(dp), intent(in) :: motion(:)
+    !> Bases of the bodies some of whose modes are held (n_bodies).
+    type(candidate_t), intent(in) :: candidate(:)
+    !> Modes of the QP.
+    type(coarse_space_t), intent(in) :: coarse
+    !> (coarse%n) [length]
+    real(dp), allocatable :: alpha(:)
+    integer :: b
+    alpha = motion
+    do b = 1, size(candidate)
+      associate (first => coarse%first(b), last => coarse%first(b + 1) - 1, own => candidate(b))
+        if (own%n_held == 0) cycle
+        alpha(first:last) = matmul(motion(first:last), own%basis)
+        alpha(first:first + own%n_held - 1) = 0
+      end associate
+    end do
+    alpha = alpha/coarse%scale
+  end function amplitudes_of
+
+  !> The motion of such amplitudes.
+  function motion_of(alpha, candidate, coarse) result(motion)
+    !> Amplitudes of the modes of the QP (coarse%n) [length].
+    real(dp), intent(in) :: alpha(:)
+    !> Bases of the bodies some of whose modes are held (n_bodies).
+    type(candidate_t), intent(in) :: candidate(:)
+    !> Modes of the QP.
+    type(coarse_space_t), intent(in) :: coarse
+    !> Amplitudes of all modes, body after body (coarse%n) [length].
+    real(dp), allocatable :: motion(:)
+    integer :: b
+    motion = coarse%scale*alpha
+    do b = 1, size(candidate)
+      associate (first => coarse%first(b), last => coarse%first(b + 1) - 1, own => candidate(b))
+        if (own%n_held > 0) motion(first:last) = matmul(own%basis(:, own%n_held + 1:), motion(first + own%n_held:last))
+      end associate
+    end do
+  end function motion_of
 
   !> Take another basis of the modes, with the neutral ones first, and make those that are held zero.
   subroutine hold_modes(candidate, modes)

@@ -62,6 +62,7 @@ contains
       if (scene%is_split()) call scene%split%take_scheme(now%scheme)
       may_return = may_return_to_factors(case, scene)
       call begin(scene%theta, solution)
+      call scene%neutral%start(scene%qp, solution%state)
       if (allocated(pressure)) call start_from_pressures(pressure, scene%qp, scene%compliance, solution%state)
       do
         if (may_return .and. .not. now%scheme%suits(scene%qp, scene%compliance, scene%theta)) then
@@ -81,6 +82,7 @@ contains
         if (scene%neutral%asks_again(solution%state, scene%problem, scene%qp)) then
           call monitor%note('neutral modes    bodies move far along them; held, and the contact solved again')
           call begin(scene%theta, solution)
+          call scene%neutral%start(scene%qp, solution%state)
           cycle
         end if
         if (.not. may_return .or. any(solution%state%ended == [ended_converged, ended_interrupted])) exit factors

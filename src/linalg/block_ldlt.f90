@@ -64,7 +64,7 @@ module dotyk_linalg_block_ldlt
 
 contains
 
-  !> A zero matrix of the given structure.
+  !> A zero matrix of the given structure. One structure is analysed once, however often it comes in succession.
   subroutine block_ldlt_init(self, sizes, sign, start, neighbour, order)
     !> The matrix.
     class(block_ldlt_t), intent(inout) :: self
@@ -80,6 +80,17 @@ contains
     !> that it couples to (n_blocks).
     integer, intent(in) :: order(:)
     integer :: g, k, at
+    if (self%tree%is_made_of(sizes, start, neighbour, order)) then
+      do g = 1, self%tree%n_groups
+        self%panel(g)%x = 0
+      end do
+      deallocate (self%root, self%run, self%first_run)
+      allocate (self%root(self%tree%n_blocks))
+      if (allocated(self%null_block)) deallocate (self%null_block, self%null_direction)
+      self%sign = sign
+      call find_runs(self)
+      return
+    end if
     call self%destroy()
     call self%tree%init(sizes, start, neighbour, order)
     self%sign = sign

@@ -46,8 +46,11 @@ module dotyk_linalg_block_tree
     integer, allocatable :: parent(:)
     !> First group of the subtree of each group, which ends with the group itself (n_groups).
     integer, allocatable :: first_below(:)
+    !> Couplings and order that it was made of.
+    integer, allocatable, private :: given_start(:), given_neighbour(:), given_order(:)
   contains
     procedure :: init => tree_init
+    procedure :: is_made_of => tree_is_made_of
     procedure :: row_under => tree_row_under
     procedure :: entries => tree_entries
     procedure :: operations => tree_operations
@@ -83,6 +86,9 @@ contains
     integer, allocatable :: parent(:), sequence(:), rank(:)
     integer :: n, k
     n = size(sizes)
+    self%given_start = start
+    self%given_neighbour = neighbour
+    self%given_order = order
     self%n_blocks = n
     self%n = sum(sizes)
     self%size = sizes
@@ -101,6 +107,18 @@ contains
     self%time(self%order) = [(k, k=1, n)]
     call collect_groups(self, under, rank, sequence)
   end subroutine tree_init
+
+  !> Whether the structure was made of these.
+  pure logical function tree_is_made_of(self, sizes, start, neighbour, order) result(same)
+    !> The structure.
+    class(block_tree_t), intent(in) :: self
+    !> As in `init`.
+    integer, intent(in) :: sizes(:), start(:), neighbour(:), order(:)
+    same = self%n_blocks == size(sizes) .and. self%n_blocks > 0
+    if (same) same = size(self%given_neighbour) == size(neighbour)
+    if (same) same = all(self%size == sizes) .and. all(self%given_start == start) .and. &
+      all(self%given_neighbour == neighbour) .and. all(self%given_order == order)
+  end function tree_is_made_of
 
   !> Fill-in by elimination, and the elimination tree of the blocks.
   subroutine eliminate(self, start, neighbour, under, parent)

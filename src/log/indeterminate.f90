@@ -25,7 +25,7 @@ contains
     type(text_t) :: motion(size(problem%body)), short(size(problem%body)), kinds(size(problem%body))
     character(:), allocatable :: text
     logical :: is_open(size(problem%body)), alike(size(problem%body)), is_held(size(problem%body))
-    integer :: b, n_lines, first(size(problem%body) + 1)
+    integer :: b, n_lines, first(size(problem%body) + 1), class(size(problem%body)), kind(size(problem%body))
     first = first_mode(problem%modes)
     is_held = .false.
     if (allocated(problem%neutral)) is_held = problem%neutral%n > 0
@@ -39,15 +39,17 @@ contains
       kinds(b)%s = kinds_of_motion(motion(b)%s)
     end do
     is_open = [(len(motion(b)%s) > 0, b=1, size(motion))]
+    call find_classes(short, is_held, class)
+    call find_classes(kinds, is_held, kind)
     n_lines = 0
     do b = 1, size(motion)
       if (.not. is_open(b)) cycle
       n_lines = n_lines + 1
       if (n_lines > most_named) exit
-      alike = is_open .and. same_text(short, short(b)%s) .and. (is_held .eqv. is_held(b))
+      alike = is_open .and. class == class(b)
       text = short(b)%s
       if (count(alike) == 1) then
-        alike = is_open .and. same_text(kinds, kinds(b)%s) .and. (is_held .eqv. is_held(b)) .and. is_single()
+        alike = is_open .and. kind == kind(b) .and. is_single()
         text = kinds(b)%s//' each'
         if (count(alike) == 1) text = motion(b)%s
       end if
@@ -64,10 +66,12 @@ contains
     !> Bodies whose motion no other one shares.
     function is_single()
       logical :: is_single(size(motion))
-      integer :: i
+      integer :: i, n_members(size(motion))
+      n_members = 0
       do i = 1, size(motion)
-        is_single(i) = count(is_open .and. same_text(short, short(i)%s) .and. (is_held .eqv. is_held(i))) == 1
+        if (is_open(i)) n_members(class(i)) = n_members(class(i)) + 1
       end do
+      is_single = is_open .and. n_members(class) == 1
     end function is_single
 
     !> Names of some bodies.
@@ -111,16 +115,29 @@ contains
                   'resists by no more than its normals are uncertain; hold it by a support')
   end subroutine note_neutral
 
-  !> Which texts are equal to one.
-  pure function same_text(texts, text) result(same)
+  !> Bodies with the same text, held alike: classes by their first members.
+  pure subroutine find_classes(texts, is_held, class)
     !> Texts (n).
     type(text_t), intent(in) :: texts(:)
-    !> The one.
-    character(*), intent(in) :: text
-    logical :: same(size(texts))
-    integer :: i
-    same = [(texts(i)%s == text, i=1, size(texts))]
-  end function same_text
+    !> Whether modes are held (n).
+    logical, intent(in) :: is_held(:)
+    !> First body of the class of each (n).
+    integer, intent(out) :: class(:)
+    integer :: member(size(texts)), i, k, n
+    n = 0
+    do i = 1, size(texts)
+      class(i) = i
+      do k = 1, n
+        if (len(texts(member(k))%s) /= len(texts(i)%s) .or. (is_held(member(k)) .neqv. is_held(i))) cycle
+        if (texts(member(k))%s /= texts(i)%s) cycle
+        class(i) = member(k)
+        exit
+      end do
+      if (class(i) < i) cycle
+      n = n + 1
+      member(n) = i
+    end do
+  end subroutine find_classes
 
   !> Names in quotes; those that differ by consecutive numbers at their ends as in 'bolt 1' to 'bolt 8'.
   function names_in_short(name) result(text)

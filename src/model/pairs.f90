@@ -54,7 +54,15 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(problem_list_t) :: problems
     type(error_slot_t), allocatable :: failed(:)
-    integer :: k
+    integer :: b, k
+    ! Once for each named surface, not for each of its pairs.
+    !$omp parallel do default(none) shared(body, surfaces) private(k) schedule(dynamic, 1)
+    do b = 1, size(body)
+      do k = 1, surfaces(b)%n
+        call split_sheets(body(b)%mesh%x, surfaces(b)%surface(k))
+      end do
+    end do
+    !$omp end parallel do
     call form_pairs(case, body, surfaces, surface_a, surface_b, found, error)
     if (allocated(error)) return
     allocate (pair(size(case%contact)), failed(size(case%contact)))
@@ -63,8 +71,8 @@ contains
     !$omp& if (size(pair) >= many*omp_get_max_threads())
     do k = 1, size(pair)
       associate (given => case%contact(k))
-        call split_sheets(body(given%body_a)%mesh%x, surface_a(k))
-        call split_sheets(body(given%body_b)%mesh%x, surface_b(k))
+        if (.not. allocated(surface_a(k)%sheet)) call split_sheets(body(given%body_a)%mesh%x, surface_a(k))
+        if (.not. allocated(surface_b(k)%sheet)) call split_sheets(body(given%body_b)%mesh%x, surface_b(k))
         call search_pair(case, given, body(given%body_a), surface_a(k), body(given%body_b), surface_b(k), pair(k), &
                          failed(k)%error)
       end associate

@@ -108,7 +108,8 @@ contains
         call monitor%finish()
         tried = .true.
         last_k = min(max_iterations, k + most_last_steps)
-        call find_inside(qp, compliance, theta, system, is_rigid, now, active, steps, error)
+        call find_inside(qp, compliance, theta, system, is_rigid, now, active, steps, error, &
+                         starts_near=k == 1 .and. any(now%lambda > 0))
         if (allocated(error)) return
         if (k > 1) then
           call monitor%note('active-set iteration cycled; interior-point method used ('//to_text(steps)//' systems)')
@@ -285,7 +286,7 @@ contains
   end function foundation_stiffness
 
   !> The solution of the interior-point method, close to the solution wherever that is.
-  subroutine find_inside(qp, compliance, theta, system, is_rigid, now, active, steps, error)
+  subroutine find_inside(qp, compliance, theta, system, is_rigid, now, active, steps, error, starts_near)
     !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
     !> Compliance of the bodies at these rows.
@@ -304,8 +305,18 @@ contains
     integer, intent(out) :: steps
     !> As in `find_active_set`.
     type(error_t), allocatable, intent(out) :: error
+    !> Whether the iterate on entry is next to a solution; false if absent.
+    logical, intent(in), optional :: starts_near
+    real(dp), allocatable :: start(:), motion(:)
+    ! An array that is not allocated is an absent argument.
+    if (present(starts_near)) then
+      if (starts_near) then
+        start = merge(now%lambda/foundation_stiffness(qp, theta), min(0.0_dp, now%y), now%lambda > 0)
+        motion = now%alpha
+      end if
+    end if
     call interior_point_method(qp, compliance, theta, system, 1/foundation_stiffness(qp, theta), .not. is_rigid, &
-                               now%lambda, now%alpha, active, steps, error)
+                               now%lambda, now%alpha, active, steps, error, penetration=start, motion=motion)
     if (.not. allocated(error)) call update_penetrations(qp, compliance, now)
   end subroutine find_inside
 

@@ -223,6 +223,24 @@ contains
     now%y = qp%initial_penetration
   end subroutine begin_without_contact
 
+  !> Floating bodies at rest on a Winkler foundation.
+  subroutine begin_on_foundation(qp, theta, alpha, now)
+    !> Contact rows, initial penetrations, rigid body modes.
+    type(contact_qp_t), intent(in) :: qp
+    !> Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    !> Amplitudes of the modes (coarse%n) [length].
+    real(dp), intent(in) :: alpha(:)
+    !> The iterate.
+    type(iterate_t), intent(inout) :: now
+    real(dp), allocatable :: motion(:)
+    allocate (motion(qp%n_rows))
+    call qp%mode_displacement(alpha, motion)
+    now%alpha = alpha
+    now%y = qp%initial_penetration + motion
+    now%lambda = qp%weight/(qp%foundation + theta)*max(0.0_dp, now%y)
+  end subroutine begin_on_foundation
+
   !> The state on all rows, from that on the working set.
   subroutine complete(qp, compliance, working, state)
     !> Contact rows, initial penetrations, rigid body modes.
@@ -262,7 +280,9 @@ contains
     !> As in `dual_solve`.
     type(error_t), allocatable, intent(out) :: error
     type(iterate_t) :: now
+    real(dp), allocatable :: guess(:)
     logical, allocatable :: active(:)
+    if (.not. warm .and. allocated(state%alpha)) guess = state%alpha/qp%coarse%scale
     if (warm) then
       now%lambda = qp%weight*state%m
       now%y = state%y
@@ -280,6 +300,7 @@ contains
       allocate (active(qp%n_rows), source=.false.)
       if (has_many_modes(qp)) then
         call begin_without_contact(qp, now)
+        if (allocated(guess)) call begin_on_foundation(qp, theta, guess, now)
       else
         call find_start(qp, compliance, theta, now, active, error)
       end if

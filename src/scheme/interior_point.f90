@@ -12,6 +12,8 @@ module dotyk_scheme_interior_point
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_scheme_active_system, only: active_system_t
+  use dotyk_scheme_centrality, only: correct_and_shorten, correct_centrality, fraction_to_boundary, least_centring, &
+    longest_step, newton_step, point_t
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   implicit none
@@ -24,42 +26,26 @@ module dotyk_scheme_interior_point
   real(dp), parameter :: least_product = 1.0e-14_dp
   !> the imbalance is this fraction of the loads.
   real(dp), parameter :: balanced = 1.0e-9_dp
-  !> Fraction of the distance to the boundary that a step goes.
-  real(dp), parameter :: fraction_to_boundary = 0.995_dp
-  !> Centring parameter at least (Mehrotra's cubic rule gives 0 where the predictor reaches the solution).
-  real(dp), parameter :: least_centring = 1.0e-6_dp
   !> The first iterate is shifted inside by this multiple of the largest violation (Mehrotra).
   real(dp), parameter :: shift = 1.5_dp
+  !> A start from penetrations has complementarity products of this fraction of the energy: small enough to keep what
+  !> is known, large enough for rows to enter and leave.
+  real(dp), parameter :: product_of_start = 0.3_dp
+  !> Such a start is used where its forces are out of balance by this fraction of the loads at most: farther from
+  !> equilibrium it takes more steps than a start from nothing.
+  real(dp), parameter :: most_imbalance = 0.01_dp
   !> A shorter step than this is stopped by rounding errors.
   real(dp), parameter :: shortest_step = 1.0e-8_dp
-  !> Centrality corrections of a step at most.
-  integer, parameter :: most_corrections = 8
-  !> A correction aims at a step longer by this, and is taken
-  real(dp), parameter :: longer_by = 0.5_dp
-  !> where it gains this fraction of it.
-  real(dp), parameter :: worthwhile_gain = 0.1_dp
-  !> Steps longer than this are not corrected.
-  real(dp), parameter :: long_enough = 0.95_dp
   !> What solutions by iteration may leave of a step, in the energy norm: the step after that corrects it.
   real(dp), parameter :: step_reduction = 0.01_dp
-  !> Complementarity products between these multiples of their targets are not corrected.
-  real(dp), parameter :: smallest_product = 0.5_dp, largest_product = 2.0_dp
-
-  !> An iterate, or a step.
-  type :: point_t
-    !> Contact forces (n) [force].
-    real(dp), allocatable :: lambda(:)
-    !> Gaps (n) [length].
-    real(dp), allocatable :: s(:)
-    !> Amplitudes of the rigid body modes (coarse%n) [length].
-    real(dp), allocatable :: alpha(:)
-  end type point_t
+  !> So many modes make factors expensive against solutions.
+  integer, parameter :: many_modes = 300
 
 contains
 
   !> Forces, amplitudes and active set near the solution.
   subroutine interior_point_method(qp, compliance, theta, system, foundation, usable, lambda, alpha, active, &
-                                   steps, error, accuracy)
+                                   steps, error, accuracy, penetration, motion)
     !> The contact problem.
     type(contact_qp_t), intent(in) :: qp
     !> Compliance operator, formed at all usable rows.
@@ -85,11 +71,17 @@ contains
     type(error_t), allocatable, intent(out) :: error
     !> The method ends where the complementarity products are this fraction of the energy; rounding if absent [].
     real(dp), intent(in), optional :: accuracy
-    type(point_t) :: now, step
-    real(dp), allocatable :: fraction(:), r_dual(:), r_balance(:), product(:)
+    !> A solution of a problem next to this one: penetrations of the foundation, negative where there is a gap (n_rows)
+    !> [length].
+    real(dp), intent(in), optional :: penetration(:)
+    !> Its amplitudes; present with `penetration` (coarse%n) [length].
+    real(dp), intent(in), optional :: motion(:)
+    type(point_t) :: now
+    real(dp), allocatable :: fraction(:)
     integer, allocatable :: row(:)
-    real(dp) :: mu, mu_ahead, sigma, length, energy, least
-    integer :: i, n
+    real(dp) :: least
+    logical :: converged
+    integer :: i, n, more
     least = least_product
     if (present(accuracy)) least = accuracy
     row = pack([(i, i=1, size(usable))], usable)
@@ -102,16 +94,65 @@ contains
     ! Complementarity products are proportional to the weights.
     fraction = qp%weight(row)/sum(qp%weight(row))
     system%step_reduction = step_reduction
-    call find_start(qp, compliance, theta, system, usable, row, foundation(row), fraction, now, error)
-    if (allocated(error)) system%step_reduction = 0
-    if (allocated(error)) return
+    converged = .false.
+    if (present(penetration)) then
+      if (is_near(qp, max(0.0_dp, merge(penetration/foundation, 0.0_dp, usable)), motion)) then
+        call start_near(qp, row, foundation(row), fraction, penetration(row), motion, now)
+        call follow_path(qp, compliance, theta, system, usable, row, fraction, least, now, steps, converged, error)
+      end if
+    end if
+    if (.not. (converged .or. allocated(error) .or. interrupted())) then
+      call find_start(qp, compliance, theta, system, usable, row, foundation(row), fraction, now, error)
+      if (.not. allocated(error)) &
+        call follow_path(qp, compliance, theta, system, usable, row, fraction, least, now, more, converged, error)
+      if (.not. allocated(error)) steps = steps + more
+    end if
+    system%step_reduction = 0
+    if (.not. allocated(now%s)) return
+    lambda(row) = now%lambda
+    alpha = now%alpha
+    active(row) = foundation(row)*now%lambda > now%s
+  end subroutine interior_point_method
+
+  !> Follow the central path from an iterate.
+  subroutine follow_path(qp, compliance, theta, system, usable, row, fraction, least, now, steps, converged, error)
+    !> The contact problem.
+    type(contact_qp_t), intent(in) :: qp
+    !> Compliance operator, formed at all usable rows.
+    class(compliance_t), intent(inout) :: compliance
+    !> Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    !> Work space: the system of the last step on return.
+    class(active_system_t), intent(inout) :: system
+    !> Points that may have a force (n_rows).
+    logical, intent(in) :: usable(:)
+    !> These (n).
+    integer, intent(in) :: row(:)
+    !> Fraction of each point in the sum of the weights (n) [].
+    real(dp), intent(in) :: fraction(:)
+    !> The path ends where the complementarity products are this fraction of the energy [].
+    real(dp), intent(in) :: least
+    !> The iterate.
+    type(point_t), intent(inout) :: now
+    !> Linear systems that were solved.
+    integer, intent(out) :: steps
+    !> Whether the end was reached.
+    logical, intent(out) :: converged
+    !> The linear system cannot be prepared (`init` of its type).
+    type(error_t), allocatable, intent(out) :: error
+    type(point_t) :: step
+    real(dp), allocatable :: r_dual(:), r_balance(:), product(:)
+    real(dp) :: mu, mu_ahead, sigma, length
+    integer :: n
+    n = size(row)
+    converged = .false.
     allocate (step%lambda(n), step%s(n), step%alpha(qp%coarse%n))
     do steps = 1, most_steps
       if (interrupted()) exit
       call find_residuals(qp, compliance, theta, row, now, r_dual, r_balance)
       mu = sum(now%lambda*now%s)
-      energy = abs(sum(now%lambda*(now%s + qp%initial_penetration(row)))) + abs(sum(now%alpha*qp%coarse%resultant))
-      if (mu <= least*energy .and. is_balanced(qp, now, r_balance)) exit
+      converged = mu <= least*energy_of(qp, row, now) .and. is_balanced(qp, now, r_balance)
+      if (converged) exit
       call make_system(qp, compliance, theta, system, usable, row, now%s/now%lambda, error)
       if (allocated(error)) exit
       ! Predictor, then corrector.
@@ -120,9 +161,13 @@ contains
       length = min(longest_step(now%lambda, step%lambda), longest_step(now%s, step%s))
       mu_ahead = sum((now%lambda + length*step%lambda)*(now%s + length*step%s))
       sigma = min(1.0_dp, max(least_centring, (mu_ahead/mu)**3))
-      product = sigma*mu*fraction - now%lambda*now%s - step%lambda*step%s
-      call newton_step(qp, compliance, system, now, r_dual, r_balance, product, step)
-      call correct_centrality(qp, compliance, system, now, sigma*mu*fraction, step)
+      if (qp%coarse%n < many_modes) then
+        product = sigma*mu*fraction - now%lambda*now%s - step%lambda*step%s
+        call newton_step(qp, compliance, system, now, r_dual, r_balance, product, step)
+        call correct_centrality(qp, compliance, system, now, sigma*mu*fraction, step)
+      else
+        call correct_and_shorten(qp, compliance, system, now, mu*fraction, sigma, step)
+      end if
       length = min(longest_step(now%lambda, step%lambda), longest_step(now%s, step%s))
       length = min(1.0_dp, fraction_to_boundary*length)
       now%lambda = now%lambda + length*step%lambda
@@ -130,12 +175,67 @@ contains
       now%alpha = now%alpha + length*step%alpha
       if (length < shortest_step) exit
     end do
-    system%step_reduction = 0
     steps = min(steps, most_steps)
-    lambda(row) = now%lambda
-    alpha = now%alpha
-    active(row) = foundation(row)*now%lambda > now%s
-  end subroutine interior_point_method
+  end subroutine follow_path
+
+  !> The energy that complementarity products are compared with.
+  pure real(dp) function energy_of(qp, row, now) result(energy)
+    !> The contact problem.
+    type(contact_qp_t), intent(in) :: qp
+    !> Usable rows (n).
+    integer, intent(in) :: row(:)
+    !> The iterate.
+    type(point_t), intent(in) :: now
+    energy = abs(sum(now%lambda*(now%s + qp%initial_penetration(row)))) + abs(sum(now%alpha*qp%coarse%resultant))
+  end function energy_of
+
+  !> Whether forces nearly balance the loads.
+  logical function is_near(qp, lambda, alpha)
+    !> With the resultants of the loads.
+    type(contact_qp_t), intent(in) :: qp
+    !> Contact forces (n_rows) [force].
+    real(dp), intent(in) :: lambda(:)
+    !> Amplitudes (coarse%n) [length].
+    real(dp), intent(in) :: alpha(:)
+    real(dp), allocatable :: resultant(:)
+    allocate (resultant(qp%coarse%n))
+    call qp%mode_resultant(lambda, resultant)
+    resultant = resultant + qp%coarse%stiffness_forces(alpha) - qp%coarse%resultant
+    is_near = sum(abs(resultant)) <= most_imbalance*sum(abs(qp%coarse%resultant))
+  end function is_near
+
+  !> The first iterate from the solution of a problem next to this one: forces and gaps on the central path of the
+  !> foundation, `foundation*lambda - s = penetration`.
+  pure subroutine start_near(qp, row, foundation, fraction, penetration, motion, now)
+    !> The contact problem.
+    type(contact_qp_t), intent(in) :: qp
+    !> Usable rows (n).
+    integer, intent(in) :: row(:)
+    !> Compliance of the foundation there (n) [length/force].
+    real(dp), intent(in) :: foundation(:)
+    !> Fraction of each point in the sum of the weights (n) [].
+    real(dp), intent(in) :: fraction(:)
+    !> Penetrations of that solution (n) [length].
+    real(dp), intent(in) :: penetration(:)
+    !> Its amplitudes (coarse%n) [length].
+    real(dp), intent(in) :: motion(:)
+    !> The iterate.
+    type(point_t), intent(out) :: now
+    real(dp) :: product(size(row)), root(size(row))
+    now%lambda = max(0.0_dp, penetration)/foundation
+    now%s = max(0.0_dp, -penetration)
+    now%alpha = motion
+    product = max(product_of_start*energy_of(qp, row, now), tiny(1.0_dp))*fraction
+    root = sqrt(penetration**2 + 4*foundation*product)
+    ! No difference of nearly equal numbers.
+    where (penetration > 0)
+      now%lambda = (root + penetration)/(2*foundation)
+      now%s = product/now%lambda
+    elsewhere
+      now%s = (root - penetration)/2
+      now%lambda = product/now%s
+    end where
+  end subroutine start_near
 
   !> The first iterate: all contact points tied to foundations, then forces and gaps shifted to be positive.
   subroutine find_start(qp, compliance, theta, system, usable, row, foundation, fraction, now, error)
@@ -243,75 +343,4 @@ contains
     is_balanced = .not. any(abs(r_balance) > balanced*largest)
   end function is_balanced
 
-  !> Newton's step for given changes of the complementarity products.
-  subroutine newton_step(qp, compliance, system, now, r_dual, r_balance, product, step)
-    !> The contact problem.
-    type(contact_qp_t), intent(in) :: qp
-    !> Compliance operator, formed at all usable rows.
-    class(compliance_t), intent(inout) :: compliance
-    !> Layers softened by s/lambda.
-    class(active_system_t), intent(in) :: system
-    !> The iterate.
-    type(point_t), intent(in) :: now
-    !> Residual of the contact rows (n) [length].
-    real(dp), intent(in) :: r_dual(:)
-    !> Residual of equilibrium (coarse%n) [force].
-    real(dp), intent(in) :: r_balance(:)
-    !> Changes of `lambda_i s_i`, to first order (n) [force*length].
-    real(dp), intent(in) :: product(:)
-    !> The step.
-    type(point_t), intent(inout) :: step
-    step%lambda = 0
-    call system%solve(qp, compliance, product/now%lambda - r_dual, -r_balance, step%lambda, step%alpha)
-    step%s = (product - now%s*step%lambda)/now%lambda
-  end subroutine newton_step
-
-  !> Gondzio's centrality corrections: products that a longer step would make far too small or too large are brought
-  !> back to their targets, while the step gets longer.
-  subroutine correct_centrality(qp, compliance, system, now, wanted, step)
-    !> The contact problem.
-    type(contact_qp_t), intent(in) :: qp
-    !> Compliance operator, formed at all usable rows.
-    class(compliance_t), intent(inout) :: compliance
-    !> Layers softened by s/lambda.
-    class(active_system_t), intent(in) :: system
-    !> The iterate.
-    type(point_t), intent(in) :: now
-    !> Targets of the products (n) [force*length].
-    real(dp), intent(in) :: wanted(:)
-    !> Corrected on return.
-    type(point_t), intent(inout) :: step
-    type(point_t) :: other
-    real(dp), allocatable :: product(:), none(:)
-    real(dp) :: length, longer, new
-    integer :: k
-    allocate (none(size(wanted)), source=0.0_dp)
-    other = step
-    length = min(1.0_dp, longest_step(now%lambda, step%lambda), longest_step(now%s, step%s))
-    do k = 1, most_corrections
-      if (length > long_enough) exit
-      longer = min(1.0_dp, length + longer_by)
-      product = (now%lambda + longer*step%lambda)*(now%s + longer*step%s)
-      product = max(-largest_product*wanted, &
-                    min(largest_product*wanted, max(smallest_product*wanted, product)) - product)
-      call newton_step(qp, compliance, system, now, none, 0*now%alpha, product, other)
-      other%lambda = other%lambda + step%lambda
-      other%s = other%s + step%s
-      other%alpha = other%alpha + step%alpha
-      new = min(1.0_dp, longest_step(now%lambda, other%lambda), longest_step(now%s, other%s))
-      if (new < length + worthwhile_gain*longer_by) exit
-      length = new
-      step = other
-    end do
-  end subroutine correct_centrality
-
-  !> Length of a step to the boundary, at most 1/fraction_to_boundary.
-  pure real(dp) function longest_step(x, step)
-    !> Positive (n) [any].
-    real(dp), intent(in) :: x(:)
-    !> Direction (n) [as `x`].
-    real(dp), intent(in) :: step(:)
-    longest_step = 1/fraction_to_boundary
-    if (any(step < 0)) longest_step = min(longest_step, minval(-x/step, mask=step < 0))
-  end function longest_step
 end module dotyk_scheme_interior_point

@@ -21,6 +21,7 @@ module dotyk_scheme_network_system
   use dotyk_linalg_block_ldlt, only: block_ldlt_t
   use dotyk_linalg_block_ldlt_solution, only: expand_null_vector, solve_block_ldlt
   use dotyk_scheme_active_system, only: active_system_t, proximal_term
+  use dotyk_scheme_coarse_space, only: coarse_space_t
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_pair_blocks, only: pair_blocks_t
@@ -35,6 +36,8 @@ module dotyk_scheme_network_system
     type(pair_blocks_t), private :: blocks
     !> Factor of the network of bodies.
     type(block_ldlt_t), private :: network
+    !> 1 where it is positive definite, all modes having a stiffness of their own; -1: of the negative network.
+    integer, private :: sign = -1
     !> Orthonormal null modes of several bodies together, as columns (coarse%n, number of them).
     real(dp), allocatable, private :: joint_null(:, :)
   contains
@@ -98,13 +101,13 @@ contains
     call self%blocks%factorize(added, is_singular)
     failed = 0
     if (.not. is_singular) then
-      call self%blocks%add_network(self%network)
-      if (allocated(qp%coarse%stiffness)) then
-        do b = 1, size(qp%coarse%stiffness)
-          if (size(qp%coarse%stiffness(b)%value) > 0) call self%network%add(b, b, -qp%coarse%stiffness(b)%value)
-        end do
+      self%sign = merge(1, -1, all([(qp%coarse%has_stiffness(b), b=1, size(qp%coarse%block))]))
+      call factorize_network(self, qp%coarse, failed)
+      if (failed > 0 .and. self%sign > 0) then
+        ! Soft modes are lost in rounding: those are found block by block.
+        self%sign = -1
+        call factorize_network(self, qp%coarse, failed)
       end if
-      call self%network%factorize(self%blocks%stiffness_of_modes(qp%coarse, self%layer), failed)
     end if
     if (is_singular .or. failed > 0) then
       call set_error(error, 'the compliance matrix of the active constraints is not positive definite '// &
@@ -120,6 +123,24 @@ contains
       call find_null_modes(self, qp)
     end if
   end subroutine network_system_init
+
+  !> Make and factorize the network.
+  subroutine factorize_network(self, coarse, failed)
+    !> Its blocks are factorized, its sign is set.
+    type(network_system_t), intent(inout) :: self
+    !> The modes.
+    type(coarse_space_t), intent(in) :: coarse
+    !> A body whose block cannot be factorized; 0 if there is none.
+    integer, intent(out) :: failed
+    integer :: b
+    call self%blocks%add_network(self%sign, self%network)
+    if (allocated(coarse%stiffness)) then
+      do b = 1, size(coarse%stiffness)
+        if (size(coarse%stiffness(b)%value) > 0) call self%network%add(b, b, self%sign*coarse%stiffness(b)%value)
+      end do
+    end if
+    call self%network%factorize(self%blocks%stiffness_of_modes(coarse, self%layer), failed)
+  end subroutine factorize_network
 
   !> Modes that the active rows do not restrain: of single bodies, and of several in contact with each other only.
   subroutine find_null_modes(self, qp)
@@ -173,6 +194,7 @@ contains
     call self%blocks%reduce(x, alpha)
     if (present(e)) alpha = alpha - e
     call solve_block_ldlt(self%network, alpha)
+    alpha = -self%sign*alpha
     call self%blocks%expand(alpha, x)
   end subroutine apply_preconditioner
 

@@ -121,7 +121,7 @@ contains
   end subroutine touching_rows
 
   !> Contact forces of rigid bodies in equilibrium on a Winkler foundation.
-  subroutine rest_on_foundation(qp, stiffness, force, alpha)
+  subroutine rest_on_foundation(qp, stiffness, force, alpha, start)
     !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
     !> Stiffness of the foundation (n_rows) [force/length].
@@ -130,7 +130,9 @@ contains
     real(dp), intent(out) :: force(:)
     !> Amplitudes of the modes (qp%coarse%n) [length].
     real(dp), intent(out) :: alpha(:)
-    call winkler_equilibrium(qp, qp%coarse%resultant, stiffness, qp%initial_penetration, alpha)
+    !> See `winkler_equilibrium` (qp%coarse%n) [length].
+    real(dp), intent(in), optional :: start(:)
+    call winkler_equilibrium(qp, qp%coarse%resultant, stiffness, qp%initial_penetration, alpha, start)
     call qp%mode_displacement(alpha, force)
     force = stiffness*max(0.0_dp, force + qp%initial_penetration)
   end subroutine rest_on_foundation

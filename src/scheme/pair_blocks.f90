@@ -5,14 +5,13 @@
 !> of bodies. With theta = 0 rows of a pair may be linearly dependent: a small fraction of the diagonal is added
 !> (`proximal_term`).
 module dotyk_scheme_pair_blocks
-  use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_linalg_blas, only: dtrsm, dtrsv
   use dotyk_linalg_block_ldlt, only: block_ldlt_t
+  use dotyk_linalg_block_order, only: order_blocks
   use dotyk_linalg_block_tree, only: block_tree_t
   use dotyk_linalg_clique_graph, only: make_clique_graph
   use dotyk_linalg_lapack, only: dpotrf
-  use dotyk_linalg_ordering, only: nested_dissection
   use dotyk_scheme_coarse_space, only: coarse_space_t
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
@@ -155,9 +154,8 @@ contains
   subroutine order_bodies(self)
     !> Sets `start`, `neighbour` and `order`.
     type(pair_blocks_t), intent(inout) :: self
-    type(error_t), allocatable :: error
     integer, allocatable :: first(:), member(:)
-    integer :: p, k, n, b
+    integer :: p, k, n
     n = size(self%first_mode) - 1
     allocate (first(size(self%pair) + 1), member(2*size(self%pair)))
     first(1) = 1
@@ -171,10 +169,7 @@ contains
       end do
     end do
     call make_clique_graph(first, member(:first(size(first)) - 1), n, self%start, self%neighbour)
-    allocate (self%order(n))
-    call nested_dissection(self%start, self%neighbour, self%order, error)
-    ! Any order is right.
-    if (allocated(error)) self%order = [(b, b=1, n)]
+    call order_blocks(self%first_mode(2:) - self%first_mode(:n), self%start, self%neighbour, self%order)
   end subroutine order_bodies
 
   !> Factorize the blocks with what stands on the diagonal beside C.
@@ -206,16 +201,18 @@ contains
     !$omp end parallel do
   end subroutine blocks_factorize
 
-  !> Make the matrix -G^T M_p^{-1} G, a block for each body, that is yet to be factorized.
-  subroutine blocks_add_network(self, network)
+  !> Make the matrix -G^T M_p^{-1} G, or the positive one, a block for each body, that is yet to be factorized.
+  subroutine blocks_add_network(self, sign, network)
     !> Factorized.
     class(pair_blocks_t), intent(in) :: self
+    !> -1, or 1 where no mode is a null mode: many bodies are then eliminated together.
+    integer, intent(in) :: sign
     !> The matrix; what it was before is lost.
     type(block_ldlt_t), intent(inout) :: network
     real(dp), allocatable :: part(:, :)
     integer :: p, k, l, b, n(2), at(2), sizes(size(self%first_mode) - 1)
     sizes = self%first_mode(2:) - self%first_mode(:size(sizes))
-    call network%init(sizes, [(-1, b=1, size(sizes))], self%start, self%neighbour, self%order)
+    call network%init(sizes, [(sign, b=1, size(sizes))], self%start, self%neighbour, self%order)
     do p = 1, size(self%pair)
       associate (pair => self%pair(p))
         n = pair%n_modes
@@ -223,7 +220,8 @@ contains
         do k = 1, 2
           do l = 1, k
             if (n(k) == 0 .or. n(l) == 0) cycle
-            part = -matmul(transpose(pair%spread(:, at(k) + 1:at(k) + n(k))), pair%spread(:, at(l) + 1:at(l) + n(l)))
+            part = sign*matmul(transpose(pair%spread(:, at(k) + 1:at(k) + n(k))), &
+                               pair%spread(:, at(l) + 1:at(l) + n(l)))
             call network%add(pair%body(k), pair%body(l), part)
           end do
         end do

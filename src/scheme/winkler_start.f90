@@ -55,7 +55,7 @@ module dotyk_scheme_winkler_start
 contains
 
   !> Equilibrium of the floating bodies, rigid, on Winkler foundations at the contact points.
-  subroutine winkler_equilibrium(qp, resultant, stiffness, y, alpha)
+  subroutine winkler_equilibrium(qp, resultant, stiffness, y, alpha, start)
     !> Contact rows and rigid body modes, with the resultants of the loads.
     type(contact_qp_t), intent(in) :: qp
     !> Resultants that the contact forces have to balance (qp%coarse%n) [force].
@@ -66,11 +66,13 @@ contains
     real(dp), intent(in) :: y(:)
     !> Amplitudes (qp%coarse%n) [length].
     real(dp), intent(out) :: alpha(:)
+    !> Amplitudes of an equilibrium next to this one, for many bodies to begin with (qp%coarse%n) [length].
+    real(dp), intent(in), optional :: start(:)
     logical :: found
     alpha = 0
     if (qp%coarse%n == 0 .or. qp%n_rows == 0) return
     if (qp%coarse%n >= many_modes) then
-      call rest_by_interior_point(qp, resultant, weak*sum(stiffness)/qp%n_rows, stiffness, y, alpha, found)
+      call rest_by_interior_point(qp, resultant, weak*sum(stiffness)/qp%n_rows, stiffness, y, alpha, found, start)
       if (found) return
       alpha = 0
     end if
@@ -78,7 +80,7 @@ contains
   end subroutine winkler_equilibrium
 
   !> The minimum by the interior-point method: gaps are opened by layers of the stiffness k on rigid bodies.
-  subroutine rest_by_interior_point(qp, resultant, mu, k, y, alpha, found)
+  subroutine rest_by_interior_point(qp, resultant, mu, k, y, alpha, found, start)
     !> Contact rows and rigid body modes.
     type(contact_qp_t), intent(in) :: qp
     !> See `winkler_equilibrium` (qp%coarse%n) [force].
@@ -93,11 +95,14 @@ contains
     real(dp), intent(out) :: alpha(:)
     !> Whether it has found them.
     logical, intent(out) :: found
+    !> See `winkler_equilibrium` (qp%coarse%n) [length].
+    real(dp), intent(in), optional :: start(:)
     type(error_t), allocatable :: error
     type(contact_qp_t) :: rigid
     type(dense_compliance_t) :: none
     type(network_system_t) :: system
     real(dp) :: lambda(qp%n_rows), layer(qp%n_rows)
+    real(dp), allocatable :: penetration(:)
     logical :: active(qp%n_rows)
     integer :: b, i, steps
     rigid%n_rows = qp%n_rows
@@ -114,8 +119,14 @@ contains
     call rigid%coarse%add_springs(mu)
     call none%init(rigid)
     layer = 1
+    if (present(start)) then
+      allocate (penetration(qp%n_rows))
+      call qp%mode_displacement(start, penetration)
+      penetration = y + penetration
+    end if
+    ! An array that is not allocated is an absent argument.
     call interior_point_method(rigid, none, layer, system, 1/rigid%weight, k > 0, lambda, alpha, active, steps, error, &
-                               accuracy)
+                               accuracy, penetration, start)
     call system%destroy()
     found = .not. allocated(error)
     if (found) found = all(abs(alpha) <= huge(mu))

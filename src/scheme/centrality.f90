@@ -1,0 +1,201 @@
+!> Newton's steps of the interior-point method, and their corrections towards the central path.
+module dotyk_scheme_centrality
+  use dotyk_base_kinds, only: dp
+  use dotyk_scheme_active_system, only: active_system_t
+  use dotyk_scheme_compliance, only: compliance_t
+  use dotyk_scheme_contact_qp, only: contact_qp_t
+  implicit none
+  private
+  public :: newton_step, correct_centrality, correct_and_shorten, longest_step
+
+  !> Fraction of the distance to the boundary that a step goes.
+  real(dp), parameter, public :: fraction_to_boundary = 0.995_dp
+  !> Centring parameter at least (Mehrotra's cubic rule gives 0 where the predictor reaches the solution).
+  real(dp), parameter, public :: least_centring = 1.0e-6_dp
+  !> Centrality corrections of a step at most, and where they reduce the centring parameter too.
+  integer, parameter :: most_corrections = 8, most_reductions = 12
+  !> A correction aims at a step longer by this, and is taken
+  real(dp), parameter :: longer_by = 0.5_dp
+  !> where it gains this fraction of it.
+  real(dp), parameter :: worthwhile_gain = 0.1_dp
+  !> Steps longer than this are not corrected.
+  real(dp), parameter :: long_enough = 0.95_dp
+  !> Steps longer than this aim at smaller products, by
+  real(dp), parameter :: long_enough_to_reduce = 0.9_dp
+  !> this factor, which is taken where the products that are left are fewer by this one.
+  real(dp), parameter :: reduction = 0.3_dp, worthwhile_reduction = 0.95_dp
+  !> Complementarity products between these multiples of their targets are not corrected.
+  real(dp), parameter :: smallest_product = 0.5_dp, largest_product = 2.0_dp
+  !> Parts of a correction that are tried, and a step is longer if it is by this factor.
+  integer, parameter :: n_parts = 10
+  real(dp), parameter :: is_longer = 1.01_dp
+
+  !> An iterate, or a step.
+  type, public :: point_t
+    !> Contact forces (n) [force].
+    real(dp), allocatable :: lambda(:)
+    !> Gaps (n) [length].
+    real(dp), allocatable :: s(:)
+    !> Amplitudes of the rigid body modes (coarse%n) [length].
+    real(dp), allocatable :: alpha(:)
+  end type point_t
+
+contains
+
+  !> Newton's step for given changes of the complementarity products.
+  subroutine newton_step(qp, compliance, system, now, r_dual, r_balance, product, step)
+    !> The contact problem.
+    type(contact_qp_t), intent(in) :: qp
+    !> Compliance operator, formed at all usable rows.
+    class(compliance_t), intent(inout) :: compliance
+    !> Layers softened by s/lambda.
+    class(active_system_t), intent(in) :: system
+    !> The iterate.
+    type(point_t), intent(in) :: now
+    !> Residual of the contact rows (n) [length].
+    real(dp), intent(in) :: r_dual(:)
+    !> Residual of equilibrium (coarse%n) [force].
+    real(dp), intent(in) :: r_balance(:)
+    !> Changes of `lambda_i s_i`, to first order (n) [force*length].
+    real(dp), intent(in) :: product(:)
+    !> The step.
+    type(point_t), intent(inout) :: step
+    step%lambda = 0
+    call system%solve(qp, compliance, product/now%lambda - r_dual, -r_balance, step%lambda, step%alpha)
+    step%s = (product - now%s*step%lambda)/now%lambda
+  end subroutine newton_step
+
+  !> Gondzio's centrality corrections: products that a longer step would make far too small or too large are brought
+  !> back to their targets, while the step gets longer.
+  subroutine correct_centrality(qp, compliance, system, now, wanted, step)
+    !> The contact problem.
+    type(contact_qp_t), intent(in) :: qp
+    !> Compliance operator, formed at all usable rows.
+    class(compliance_t), intent(inout) :: compliance
+    !> Layers softened by s/lambda.
+    class(active_system_t), intent(in) :: system
+    !> The iterate.
+    type(point_t), intent(in) :: now
+    !> Targets of the products (n) [force*length].
+    real(dp), intent(in) :: wanted(:)
+    !> Corrected on return.
+    type(point_t), intent(inout) :: step
+    type(point_t) :: other
+    real(dp), allocatable :: product(:), none(:)
+    real(dp) :: length, longer, new
+    integer :: k
+    allocate (none(size(wanted)), source=0.0_dp)
+    other = step
+    length = min(1.0_dp, longest_step(now%lambda, step%lambda), longest_step(now%s, step%s))
+    do k = 1, most_corrections
+      if (length > long_enough) exit
+      longer = min(1.0_dp, length + longer_by)
+      product = (now%lambda + longer*step%lambda)*(now%s + longer*step%s)
+      product = max(-largest_product*wanted, &
+                    min(largest_product*wanted, max(smallest_product*wanted, product)) - product)
+      call newton_step(qp, compliance, system, now, none, 0*now%alpha, product, other)
+      other%lambda = other%lambda + step%lambda
+      other%s = other%s + step%s
+      other%alpha = other%alpha + step%alpha
+      new = min(1.0_dp, longest_step(now%lambda, other%lambda), longest_step(now%s, other%s))
+      if (new < length + worthwhile_gain*longer_by) exit
+      length = new
+      step = other
+    end do
+  end subroutine correct_centrality
+
+  !> The same for systems whose factors cost far more than solutions: corrections that lengthen the step, and where it is
+  !> long enough smaller targets, as long as they leave less of the products. The part of each correction is taken that
+  !> makes the step longest (Colombo, Gondzio, Comput. Optim. Appl. 41, 2008).
+  subroutine correct_and_shorten(qp, compliance, system, now, target, sigma, step)
+    !> The contact problem.
+    type(contact_qp_t), intent(in) :: qp
+    !> Compliance operator, formed at all usable rows.
+    class(compliance_t), intent(inout) :: compliance
+    !> Layers softened by s/lambda.
+    class(active_system_t), intent(in) :: system
+    !> The iterate.
+    type(point_t), intent(in) :: now
+    !> Products on the central path that have the sum of those of the iterate (n) [force*length].
+    real(dp), intent(in) :: target(:)
+    !> Centring parameter: targets of the step relative to these [].
+    real(dp), intent(in) :: sigma
+    !> The predictor; corrected on return.
+    type(point_t), intent(inout) :: step
+    type(point_t) :: correction, other
+    real(dp), allocatable :: product(:), none(:)
+    real(dp) :: length, aim, new, left, sigma_now, sigma_next
+    logical :: failed
+    integer :: k
+    allocate (none(size(target)), source=0.0_dp)
+    correction = step
+    product = sigma*target - step%lambda*step%s
+    call newton_step(qp, compliance, system, now, none, 0*now%alpha, product, correction)
+    call add_best_part(now, correction, step, length)
+    sigma_now = sigma
+    left = 1 - length*(1 - sigma_now)
+    failed = .false.
+    do k = 1, most_reductions
+      sigma_next = sigma_now
+      if (length > long_enough_to_reduce .or. failed) sigma_next = reduction*sigma_now
+      if (sigma_next < least_centring) exit
+      aim = min(1.0_dp, length + longer_by)
+      product = (now%lambda + aim*step%lambda)*(now%s + aim*step%s)
+      product = max(-largest_product*sigma_now*target, min(largest_product*sigma_next*target, &
+                    max(smallest_product*sigma_next*target, product)) - product)
+      call newton_step(qp, compliance, system, now, none, 0*now%alpha, product, correction)
+      other = step
+      call add_best_part(now, correction, other, new)
+      if (1 - new*(1 - sigma_next) > worthwhile_reduction*left) then
+        if (failed .or. sigma_next < sigma_now) exit
+        ! A step that gets no longer may have smaller products.
+        failed = .true.
+        cycle
+      end if
+      failed = .false.
+      length = new
+      left = 1 - new*(1 - sigma_next)
+      sigma_now = sigma_next
+      step = other
+    end do
+  end subroutine correct_and_shorten
+
+  !> Add the part of a correction that makes the step longest.
+  pure subroutine add_best_part(now, correction, step, length)
+    !> The iterate.
+    type(point_t), intent(in) :: now
+    !> The correction.
+    type(point_t), intent(in) :: correction
+    !> The step; corrected on return.
+    type(point_t), intent(inout) :: step
+    !> Its length, at most 1 [].
+    real(dp), intent(out) :: length
+    real(dp) :: part, best, new
+    integer :: k
+    length = 0
+    best = 1
+    do k = n_parts, 1, -1
+      part = real(k, dp)/n_parts
+      new = min(1.0_dp, longest_step(now%lambda, step%lambda + part*correction%lambda), &
+                longest_step(now%s, step%s + part*correction%s))
+      if (new > is_longer*length) then
+        length = new
+        best = part
+      end if
+      if (length > 1/is_longer) exit
+    end do
+    step%lambda = step%lambda + best*correction%lambda
+    step%s = step%s + best*correction%s
+    step%alpha = step%alpha + best*correction%alpha
+  end subroutine add_best_part
+
+  !> Length of a step to the boundary, at most 1/fraction_to_boundary.
+  pure real(dp) function longest_step(x, step)
+    !> Positive (n) [any].
+    real(dp), intent(in) :: x(:)
+    !> Direction (n) [as `x`].
+    real(dp), intent(in) :: step(:)
+    longest_step = 1/fraction_to_boundary
+    if (any(step < 0)) longest_step = min(longest_step, minval(-x/step, mask=step < 0))
+  end function longest_step
+end module dotyk_scheme_centrality
