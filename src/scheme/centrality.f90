@@ -104,9 +104,9 @@ contains
     end do
   end subroutine correct_centrality
 
-  !> The same for systems whose factors cost far more than solutions: corrections that lengthen the step, and where it is
-  !> long enough smaller targets, as long as they leave less of the products. The part of each correction is taken that
-  !> makes the step longest (Colombo, Gondzio, Comput. Optim. Appl. 41, 2008).
+  !> The same for systems whose factors cost far more than solutions: corrections that lengthen the step, and where it
+  !> is long enough smaller targets, as long as they leave less of the products. The part of each correction is taken
+  !> that makes the step longest (Colombo, Gondzio, Comput. Optim. Appl. 41, 2008).
   subroutine correct_and_shorten(qp, compliance, system, now, target, sigma, step)
     !> The contact problem.
     type(contact_qp_t), intent(in) :: qp
