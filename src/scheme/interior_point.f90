@@ -231,7 +231,7 @@ contains
     where (penetration > 0)
       now%lambda = (root + penetration)/(2*foundation)
       now%s = product/now%lambda
-    elsewhere
+    else where
       now%s = (root - penetration)/2
       now%lambda = product/now%s
     end where
