@@ -6,7 +6,7 @@ program dotyk
   use dotyk_base_memory, only: end_expected, watch_ends
   use dotyk_base_log, only: print_error
   use dotyk_driver_arguments, only: arguments_t, read_arguments
-  use dotyk_driver_command, only: execute_command
+  use dotyk_driver_command, only: execute_command, start_libraries
   use dotyk_ranks_communication, only: end_ranks, n_ranks, start_ranks, this_rank
   implicit none
   type(arguments_t) :: arguments
@@ -14,6 +14,7 @@ program dotyk
   integer :: code
   logical :: speaks
   call hold_standard_files()
+  call start_libraries()
   call start_ranks()
   call watch_ends()
   call watch_interrupts()

@@ -7,12 +7,19 @@ module dotyk_driver_command
   use dotyk_driver_run_case, only: run_case
   use dotyk_input_help, only: help_text
   use dotyk_input_reference, only: reference_text
+  use dotyk_output_hdf5_reason, only: start_hdf5
   use dotyk_ranks_communication, only: built_with, this_rank
   implicit none
   private
-  public :: execute_command
+  public :: execute_command, start_libraries
 
 contains
+
+  !> Start libraries that must be there before MPI is: HDF5 would have MPI end it, too, and crash there with a file that
+  !> could not be written.
+  subroutine start_libraries()
+    call start_hdf5()
+  end subroutine start_libraries
 
   !> Print help, reference or version, or run a case.
   subroutine execute_command(arguments, code, error)

@@ -26,13 +26,17 @@ module dotyk_driver_return_to_factors
 
 contains
 
-  !> Whether a scene has p-multigrids, and its user leaves the choice to the program.
+  !> Whether a scene has p-multigrids, its user leaves the choice to the program, and this rank holds the bodies wholly.
   pure logical function may_return_to_factors(case, scene) result(may)
     !> The case.
     type(case_t), intent(in) :: case
     !> The scene, built.
     type(scene_t), intent(in) :: scene
+    integer :: b
     may = case%solver%response == response_auto .and. scene%has_multigrid()
+    do b = 1, size(scene%problem%body)
+      may = may .and. scene%problem%body(b)%mesh%is_whole()
+    end do
   end function may_return_to_factors
 
   !> Assemble and analyse all bodies again, for their factors. A scene that was factorized is as it was built on return,

@@ -3,6 +3,7 @@ exit code."""
 import os
 import re
 import signal
+import subprocess
 import time
 
 import dotyk_case
@@ -34,6 +35,21 @@ class Trouble(RankCase):
         text = self.run_ranks(2, "--version")
         self.assertOnce("dotyk 0", text)
         self.assertIn("MPI and PETSc", text)
+
+    def test_full_disk(self):
+        self.scene()
+        disk = self.folder / "disk"
+        disk.mkdir()
+        if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=16k", "tmpfs", str(disk)], capture_output=True, check=False).returncode:
+            self.skipTest("needs the right to mount a small disk")
+        try:
+            for ranks in (1, 2):
+                printed = self.run_ranks(ranks, "case.nml", "--output", disk / "case.vtkhdf", code=4)
+                self.assertOnce("cannot be written: No space left on device", printed)
+                self.assertNotIn("SIGSEGV", printed)
+                self.assertEqual(list(disk.iterdir()), [])
+        finally:
+            subprocess.run(["umount", str(disk)], check=True)
 
     def test_mesh_that_is_not_there(self):
         self.scene()
