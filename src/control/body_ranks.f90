@@ -87,10 +87,15 @@ contains
     class(body_ranks_t), intent(in) :: self
     !> Of the part of this rank in, of all out (n_bodies) [any].
     real(dp), intent(inout) :: value(:)
+    real(dp) :: largest(size(value))
     if (self%are_split()) then
-      value(:) = value**2
+      ! Squares of numbers in unusual units may be out of range.
+      largest = value
+      call greatest(largest)
+      largest = max(largest, tiny(largest))
+      value(:) = (value/largest)**2
       call add_up(value)
-      value(:) = sqrt(value)
+      value(:) = largest*sqrt(value)
     else
       call share(self%owner, value)
     end if

@@ -2,7 +2,7 @@
 module dotyk_control_body_solution
   use dotyk_base_kinds, only: dp
   use dotyk_control_contact_problem, only: contact_problem_t, first_mode
-  use dotyk_ranks_exchange, only: all_ranks, item_t, share
+  use dotyk_ranks_exchange, only: item_t, share
   use dotyk_ranks_communication, only: n_ranks
   use dotyk_control_parallel, only: largest_first, set_blas_threads
   use dotyk_elasticity_stress, only: element_stress
@@ -67,7 +67,7 @@ contains
     type(body_solution_t), intent(inout) :: solution(:)
     type(item_t) :: item(size(solution))
     integer :: b
-    if (n_ranks() == 1 .or. all(problem%ranks%owner == all_ranks)) return
+    if (n_ranks() == 1 .or. problem%ranks%are_split()) return
     do b = 1, size(solution)
       if (.not. problem%ranks%is_own(b)) cycle
       associate (body => problem%body(b))

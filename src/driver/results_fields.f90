@@ -14,8 +14,7 @@ module dotyk_driver_results_fields
   use dotyk_elasticity_stress, only: von_mises
   use dotyk_input_case, only: case_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
-  use dotyk_mesh_element, only: kind_nodes
-  use dotyk_output_results_file, only: results_file_t
+  use dotyk_output_results_file, only: connectivity_length, results_file_t
   use dotyk_ranks_communication, only: this_rank
   implicit none
   private
@@ -47,12 +46,11 @@ contains
     type(whole_body_fields_t) :: fields
     type(body_mesh_t) :: mesh
     real(dp), allocatable :: values(:, :), nodal(:), mises(:)
-    integer :: b, e, k
+    integer :: b, e
     do b = 1, size(body)
       n_points(b) = body(b)%mesh%n_whole_nodes()
       n_cells(b) = body(b)%mesh%n_whole_elements()
-      n_connectivity(b) = sum([(int(kind_nodes(body(b)%mesh%block(k)%kind), int64)*body(b)%mesh%whole_block_size(k), &
-                                k=1, size(body(b)%mesh%block))])
+      n_connectivity(b) = connectivity_length(body(b)%mesh)
     end do
     if (this_rank() == 0) &
       call file%create(case%scene%output, n_points, n_cells, n_connectivity, case%output%displacement, &

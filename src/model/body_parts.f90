@@ -11,7 +11,6 @@ module dotyk_model_body_parts
   use dotyk_mesh_held_part, only: held_surface, surface_part
   use dotyk_model_body_surfaces, only: body_surfaces_t
   use dotyk_ranks_communication, only: n_ranks, this_rank
-  use dotyk_ranks_exchange, only: all_ranks
   implicit none
   private
   public :: hold_parts
@@ -35,7 +34,7 @@ contains
     integer :: b
     allocate (modes(size(body)))
     if (n_ranks() == 1) return
-    if (any(ranks%owner /= all_ranks)) then
+    if (.not. ranks%are_split()) then
       call hold_surfaces(classes, ranks, body, surfaces, modes)
       return
     end if

@@ -23,14 +23,14 @@ module dotyk_output_cells
 
 contains
 
-  !> Sum of the nodes of all elements of a body.
+  !> Sum of the nodes of all elements of a body, of the whole body where this rank holds a part of it.
   pure integer(int64) function connectivity_length(mesh) result(length)
     !> Mesh of the body.
     type(body_mesh_t), intent(in) :: mesh
     integer :: k
     length = 0
     do k = 1, size(mesh%block)
-      length = length + size(mesh%block(k)%node, kind=int64)
+      length = length + size(mesh%block(k)%node, 1, kind=int64)*mesh%whole_block_size(k)
     end do
   end function connectivity_length
 
