@@ -36,11 +36,9 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(case_t) :: case
     type(scheme_run_t) :: run
-    type(scene_t) :: scene
-    type(contact_solution_t) :: solution
     type(log_monitor_t) :: monitor
-    real(dp), allocatable :: pressure(:)
     integer :: threads
+    logical :: needs_factors
     code = exit_converged
     call monitor%begin(arguments%quiet)
     call use_threads(arguments%threads, threads)
@@ -52,7 +50,39 @@ contains
     call show_title(monitor%log, case, threads)
     call prepare_output(case, arguments%output, error)
     if (allocated(error)) return
-    call build_scene(case, run%scheme, scene, monitor, error)
+    call run_scene(arguments, case, run, .true., threads, monitor, needs_factors, code, error)
+    if (needs_factors) call run_scene(arguments, case, run, .false., threads, monitor, needs_factors, code, error)
+  end subroutine run_case
+
+  !> From the case to the results file.
+  subroutine run_scene(arguments, input, chosen, may_split, threads, monitor, needs_factors, code, error)
+    !> The command line.
+    type(arguments_t), intent(in) :: arguments
+    !> The case.
+    type(case_t), intent(in) :: input
+    !> Scheme and its settings.
+    type(scheme_run_t), intent(in) :: chosen
+    !> Whether several ranks may compute a body together.
+    logical, intent(in) :: may_split
+    !> Number of threads.
+    integer, intent(in) :: threads
+    !> Log and watch.
+    type(log_monitor_t), intent(inout) :: monitor
+    !> Whether the contact needs the factors of bodies that were split: nothing is written.
+    logical, intent(out) :: needs_factors
+    !> Exit code where there is no error.
+    integer, intent(inout) :: code
+    !> Allocated where the run has no results; with its exit code.
+    type(error_t), allocatable, intent(out) :: error
+    type(case_t) :: case
+    type(scheme_run_t) :: run
+    type(scene_t) :: scene
+    type(contact_solution_t) :: solution
+    real(dp), allocatable :: pressure(:)
+    needs_factors = .false.
+    case = input
+    run = chosen
+    call build_scene(case, run%scheme, may_split, scene, monitor, error)
     if (allocated(error)) return
     call set_pair_conditions(case, run)
     call show_scene(monitor%log, case, scene%problem, scene%size_of)
@@ -67,8 +97,8 @@ contains
       call monitor%log%line('  input checked; nothing was solved')
       return
     end if
-    call solve_scene(case, run, scene, pressure, threads, monitor, solution, error)
-    if (allocated(error)) return
+    call solve_scene(case, run, scene, pressure, threads, monitor, solution, needs_factors, error)
+    if (allocated(error) .or. needs_factors) return
     call scene%neutral%judge(scene%problem, solution%qp, solution%state)
     call note_modes(scene%problem, solution%state, monitor%log)
     call check_bodies(scene, solution, monitor)
@@ -79,5 +109,5 @@ contains
     call show_timing(monitor%log, monitor%timing)
     call monitor%log%line('  results          '//case%scene%output)
     if (.not. solution%state%has_converged()) code = exit_not_converged
-  end subroutine run_case
+  end subroutine run_scene
 end module dotyk_driver_run_case

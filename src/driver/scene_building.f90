@@ -32,13 +32,15 @@ module dotyk_driver_scene_building
 contains
 
   !> Meshes to bodies, contact rows, and the sizes of the factors: all that can be checked before anything is solved.
-  subroutine build_scene(case, scheme, scene, monitor, error)
+  subroutine build_scene(case, scheme, may_split, scene, monitor, error)
     !> The case; its contacts become the pairs that they stand for.
     type(case_t), intent(inout) :: case
     !> Scheme of the run.
     class(scheme_t), intent(in) :: scheme
+    !> Whether several ranks may compute a body together.
+    logical, intent(in) :: may_split
     !> The scene: bodies, contact pairs, sizes of the factors.
-    type(scene_t), intent(inout) :: scene
+    type(scene_t), intent(out) :: scene
     !> Log and watch; times are added.
     type(log_monitor_t), intent(inout) :: monitor
     !> Allocated where a mesh, a material, a support, a load or a pair is wrong; names file and line.
@@ -65,6 +67,8 @@ contains
       call set_stage('assembling')
       form = choose_forms(problem%body, problem%classes, case%solver%response, may_use_multigrid(case))
       splits = can_split() .and. any(form == form_multigrid)
+      if (splits .and. .not. may_split) form(:) = form_direct
+      splits = splits .and. may_split
       if (splits) call choose_split(problem%body, monitor, form, splits)
       if (splits) call problem%classes%init(size(problem%body))
       call problem%ranks%init(problem%body, problem%classes, splits)

@@ -25,8 +25,9 @@ module dotyk_driver_solution
 
 contains
 
-  !> Factorize and solve; the compliance is destroyed.
-  subroutine solve_scene(case, run, scene, pressure, threads, monitor, solution, error)
+  !> Factorize and solve; the compliance is destroyed. A scene of bodies that are split over ranks is to be built anew
+  !> where it needs their factors.
+  subroutine solve_scene(case, run, scene, pressure, threads, monitor, solution, needs_factors, error)
     !> The case.
     type(case_t), intent(in) :: case
     !> Scheme and its settings.
@@ -41,12 +42,15 @@ contains
     type(log_monitor_t), intent(inout) :: monitor
     !> The solution.
     type(contact_solution_t), intent(inout) :: solution
+    !> Whether split bodies do not suit the contact, and the user leaves the choice to the program: nothing is solved.
+    logical, intent(out) :: needs_factors
     !> Allocated where there is none: a body is not held, no equilibrium, too little memory, an interrupt.
     type(error_t), allocatable, intent(out) :: error
     type(scheme_run_t) :: now
     real(dp) :: before
-    logical :: has_warned, may_return
+    logical :: has_warned, may_return, may_rebuild
     has_warned = .false.
+    needs_factors = .false.
     factors: do
       before = monitor%timing%factorize
       call factorize_scene(case, run%scheme, scene, monitor, error)
@@ -61,11 +65,14 @@ contains
       end if
       if (scene%is_split()) call scene%split%take_scheme(now%scheme)
       may_return = may_return_to_factors(case, scene)
+      may_rebuild = scene%is_split() .and. case%solver%response == response_auto
       call begin(scene%theta, solution)
       call scene%neutral%start(scene%qp, solution%state)
       if (allocated(pressure)) call start_from_pressures(pressure, scene%qp, scene%compliance, solution%state)
       do
-        if (may_return .and. .not. now%scheme%suits(scene%qp, scene%compliance, scene%theta)) then
+        if ((may_return .or. may_rebuild) .and. .not. now%scheme%suits(scene%qp, scene%compliance, scene%theta)) then
+          needs_factors = may_rebuild
+          if (needs_factors) exit factors
           call return_to_factors(case, run%scheme, scene, monitor, may_return, error)
           if (allocated(error)) exit factors
           call say_why('the contact needs factors', may_return, monitor)
@@ -99,6 +106,9 @@ contains
       ! The scheme does not know the line of its settings.
       if (index(error%message, '&solver') == 1) &
         call add_context(error, case%file//':'//to_text(case%solver%line)//': ')
+    else if (needs_factors) then
+      call monitor%note('factors          the contact needs factors: the bodies are not split over ranks, each has '// &
+                        'its factor on one of them')
     else
       call refuse_unsolvable(case, scene%problem, scene%qp, solution%state, error)
     end if

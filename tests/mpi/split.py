@@ -36,6 +36,11 @@ Physical Surface("bottom") = {Surface In BoundingBox{-9, -9, 1 - e, 9, 9, 1 + e}
 Physical Surface("top") = {Surface In BoundingBox{-9, -9, 1.5 - e, 9, 9, 1.5 + e}};
 Physical Surface("side") = {1};
 """
+PIN = """SetFactory("OpenCASCADE");
+Cylinder(1) = {0.5, -0.7, 0.5, 0, 1.4, 0, 0.5};
+Mesh.MeshSizeMax = 0.17;  Mesh.MeshSizeMin = 0.17;  Mesh.ElementOrder = 2;
+Physical Volume("block") = {1};  Physical Surface("side") = {1};
+"""
 
 
 def energy(printed):
@@ -150,6 +155,32 @@ class Split(RankCase):
         printed = self.run_ranks(2, self.write("case.nml", "\n".join(lines)))
         self.assertIn("'upper' is nearly incompressible: bodies are not split over ranks", printed)
         self.assertNotIn(SPLIT % 2, printed)
+
+    def test_a_motion_that_is_held_needs_factors(self):
+        """Between floor and wall, a pin is turned: only the facets of its mesh resist. The scene is built anew, and the answer is that of
+        factors to the bit."""
+        floor = block_geo("hex8", (92, 92, 4), (0, -2, -0.16), (4, 4, 0.16))
+        lines = [*MATERIALS, self.body("floor", floor, "steel"),
+                 self.body("wall", block_geo("hex8", (4, 8, 8), (-1, -1, 0), (1, 2, 2)), "steel"), self.body("pin", PIN, "steel"),
+                 "&support body='floor', surface='bottom', fix='xyz' /", "&support body='wall', surface='bottom', fix='xyz' /",
+                 "&load body='pin', force_density_formula='-0.1+0.02*(z-0.5)', '0', '-0.1' /",
+                 "&contact name='floor', surface_a='pin:side', surface_b='floor:top' /",
+                 "&contact name='wall', surface_a='pin:side', surface_b='wall:sides x' /",
+                 "&solver theta=0, tolerance=1e-3 /"]
+        namelist = self.write("case.nml", "\n".join(lines))
+        text = namelist.read_text()
+        printed = self.run_ranks(2, namelist, "--output", self.folder / "auto.vtkhdf")
+        self.assertIn(SPLIT % 2, printed)
+        self.assertIn("the contact needs factors", printed)
+        namelist.write_text(text.replace("&solver", "&solver response='full', "))
+        self.run_ranks(2, namelist, "--output", self.folder / "full.vtkhdf")
+        (a, _), (b, _) = forces(self.folder / "full.vtkhdf"), forces(self.folder / "auto.vtkhdf")
+        for pair, force in a.items():
+            np.testing.assert_array_equal(b[pair], force)
+        self.write("floor.geo", floor.replace("92", "9"))
+        namelist.write_text(text.replace("&solver", "&solver response='multigrid', "))
+        self.assertIn("'pin': contact hardly resists some of its motions", self.run_ranks(2, namelist, "--output", self.folder / "split.vtkhdf", code=3))
+        self.assertFalse((self.folder / "split.vtkhdf").exists())
 
 
 if __name__ == "__main__":

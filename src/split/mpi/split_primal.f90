@@ -28,6 +28,7 @@ module dotyk_split_split_primal
     procedure :: needs_held_bodies => primal_needs_held_bodies
     procedure :: allows_zero_theta => primal_allows_zero_theta
     procedure :: expected_products => primal_expected_products
+    procedure :: suits => primal_suits
   end type split_primal_t
 
   !> Active sets at most: where it converges, it takes a third of them.
@@ -59,6 +60,20 @@ contains
     end associate
   end function primal_expected_products
 
+  !> Whether no rigid body mode is held: the coarse level of smoothed aggregation knows all of them.
+  logical function primal_suits(self, qp, compliance, theta) result(suits)
+    class(split_primal_t), intent(in) :: self
+    !> Contact rows, initial penetrations, rigid body modes.
+    type(contact_qp_t), intent(in) :: qp
+    !> Compliance of the bodies at these rows.
+    class(compliance_t), intent(in) :: compliance
+    !> Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    suits = qp%n_rows == 0 .or. .not. qp%coarse%holds_modes
+    associate (not_needed => [same_type_as(self, self), same_type_as(compliance, compliance), size(theta) == 0])
+    end associate
+  end function primal_suits
+
   !> Solve.
   subroutine primal_solve(self, qp, compliance, theta, settings, monitor, state, error)
     class(split_primal_t), intent(in) :: self
@@ -82,9 +97,9 @@ contains
       if (.not. allocated(error)) call add_solve_error(self%bodies%solve_error(), settings%tolerance, state)
       return
     end if
-    if (qp%coarse%holds_modes) then
+    if (.not. self%suits(qp, compliance, theta)) then
       call set_error(error, 'contact hardly resists some of its motions, and the program must hold them, which it '// &
-                     "cannot where bodies are split over ranks; use response='full'", exit_not_solvable)
+                     "cannot where bodies are split over ranks; use response='auto' or 'full'", exit_not_solvable)
       return
     end if
     if (state%history%n == 0) then
