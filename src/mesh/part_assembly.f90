@@ -11,6 +11,7 @@ module dotyk_mesh_part_assembly
   use dotyk_mesh_body_part, only: body_part_t
   use dotyk_mesh_boundary_candidates, only: boundary_candidates_t
   use dotyk_mesh_element, only: kind_dimension, kind_nodes, n_element_kinds
+  use dotyk_mesh_held_part, only: sample_step
   use dotyk_mesh_layer_share, only: layer_share_t, no_elements, pack_items, whole_numbers_t
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_mesh_check, only: orient_elements
@@ -18,7 +19,7 @@ module dotyk_mesh_part_assembly
   use dotyk_mesh_surface_layer, only: surface_layer_t
   implicit none
   private
-  public :: extract_share, take_numbers, pack_ghosts, finish_part
+  public :: extract_share, take_numbers, pack_ghosts, pack_samples, finish_part
 
 contains
 
@@ -162,8 +163,30 @@ contains
     call pack_items(own, whole, has, spread(.false., 1, size(at)), candidates, 0, [integer(int64) ::], 0.0_dp, share)
   end subroutine pack_ghosts
 
+  !> Pack the elements that all ranks hold, samples of the interior.
+  subroutine pack_samples(own, whole, candidates, share)
+    !> Elements that this rank owns.
+    type(body_mesh_t), intent(in) :: own
+    !> Their numbers in the whole body.
+    type(whole_numbers_t), intent(in) :: whole
+    !> Faces of the elements, of which the parts of the body are taken.
+    type(boundary_candidates_t), intent(in) :: candidates
+    !> What is sent.
+    type(layer_share_t), intent(out) :: share
+    logical, allocatable :: has(:, :)
+    integer :: b
+    call no_elements(own, has)
+    do b = 1, size(own%block)
+      associate (element => whole%block(b)%element)
+        has(:size(element), b) = mod(element - 1, sample_step(whole%block(b)%n_elements)) == 0
+      end associate
+    end do
+    call pack_items(own, whole, has, spread(.false., 1, own%n_nodes()), candidates, 0, [integer(int64) ::], 0.0_dp, &
+                    share)
+  end subroutine pack_samples
+
   !> Put own elements, ghosts and the nodes on the boundary together.
-  subroutine finish_part(number, x, layer, first_node, rank, n_ranks, part)
+  subroutine finish_part(number, x, layer, first_node, rank, n_ranks, part, component)
     !> Whole numbers of the shares from `pack_ghosts` of all ranks for this one, one after the other (any).
     integer(int64), intent(in) :: number(:)
     !> Their coordinates (any) [length].
@@ -178,6 +201,8 @@ contains
     integer, intent(in) :: n_ranks
     !> The part; `mesh_node` is not allocated.
     type(body_part_t), intent(out) :: part
+    !> Connected part of the body to which each node belongs (n_nodes).
+    integer, allocatable, intent(out) :: component(:)
     type(surface_layer_t) :: all
     type(layer_share_t) :: boundary
     type(boundary_candidates_t) :: nothing
@@ -188,11 +213,12 @@ contains
       on_boundary(layer%boundary%node(:, f)) = .true.
     end do
     call no_elements(layer%mesh, has)
-    nothing%root = layer%component
+    nothing%root = layer%root
     call pack_items(layer%mesh, layer%whole, has, on_boundary(1:), nothing, 0, [integer(int64) ::], 0.0_dp, boundary)
     call all%unpack(layer%mesh%file, [number, boundary%number], [x, boundary%x])
     part%rank = rank
     part%n_ranks = n_ranks
+    call move_alloc(all%component, component)
     part%mesh = all%mesh
     part%n_whole_nodes = all%whole%n_nodes
     part%whole_node = all%whole%node

@@ -74,21 +74,22 @@ contains
     end do
   end subroutine share_weights
 
-  !> Part of each bin, so that the parts have about the same weight.
-  pure subroutine parts_of_bins(total, n_parts, part)
+  !> Part of each bin, so that the parts have about the same weight: those of all volumes, one after the other.
+  pure subroutine parts_of_bins(total, before, whole, n_parts, part)
     !> Nodes of the elements of all shares in each bin (0:n_bins-1).
     integer(int64), intent(in) :: total(0:)
+    !> Those of the volumes before this one, and of all volumes.
+    integer(int64), intent(in) :: before, whole
     !> Number of parts.
     integer, intent(in) :: n_parts
     !> Part of each bin, from 0 (0:n_bins-1).
     integer, intent(out) :: part(0:)
-    integer(int64) :: before, whole
+    integer(int64) :: done
     integer :: i
-    whole = max(1_int64, sum(total))
-    before = 0
+    done = before
     do i = 0, size(total) - 1
-      part(i) = min(n_parts - 1, int((2*before + total(i))*n_parts/(2*whole)))
-      before = before + total(i)
+      part(i) = min(n_parts - 1, int((2*done + total(i))*n_parts/(2*max(1_int64, whole))))
+      done = done + total(i)
     end do
   end subroutine parts_of_bins
 

@@ -40,6 +40,8 @@ module dotyk_mesh_surface_layer
     logical, allocatable :: in_file(:)
     !> Connected part of the body to which each node belongs, in the order of their first nodes (n_nodes).
     integer, allocatable :: component(:)
+    !> The lowest node of that part, by its number in the whole body (n_nodes).
+    integer, allocatable :: root(:)
     !> Number of connected parts.
     integer :: n_components = 0
     !> Tags of the elements of surfaces that lie inside the body, ascending (any).
@@ -139,7 +141,8 @@ contains
     self%whole%global_node = node(5, kept)
     self%mesh%x = position(:, kept)
     self%mesh%node_tag = node_tag(kept)
-    call number_components(node(3, kept), self%component, self%n_components)
+    self%root = node(3, kept)
+    call number_components(self%root, self%component, self%n_components)
     do b = 1, size(self%mesh%block)
       call set_block(self, b, number, element, start)
     end do
@@ -190,6 +193,8 @@ contains
     allocate (order(size(own)))
     call sort_order(element(2, own), order)
     own = own(order)
+    ! Ranks may have sent the same element.
+    own = pack(own, [(e == 1 .or. element(2, own(e)) /= element(2, own(max(1, e - 1))), e=1, size(own))])
     n = kind_nodes(self%mesh%block(b)%kind)
     self%whole%block(b)%element = element(2, own)
     self%element_rank(b)%of = element(3, own)

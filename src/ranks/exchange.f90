@@ -13,12 +13,12 @@ module dotyk_ranks_exchange
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_log, only: print_error
   use dotyk_base_timer, only: wall_time
-  use dotyk_ranks_communication, only: collect_reals, end_ranks, gather_bytes, gather_integers, gather_reals, greet, &
-    greeting_length, n_ranks, this_rank
+  use dotyk_ranks_communication, only: add_integers, collect_reals, deliver_integers, end_ranks, gather_bytes, &
+    gather_integers, gather_reals, greet, greeting_length, n_ranks, this_rank
   implicit none
   private
   public :: is_own, share, share_errors, share_flat, agree_on_error, on_any_rank, meet, exchange_cost, collect, &
-    add_up, greatest
+    add_counts, add_up, deliver, gather_all, greatest
 
   !> What exchanges have cost this rank so far.
   type, public :: exchange_cost_t
@@ -46,7 +46,7 @@ module dotyk_ranks_exchange
 
   !> Kinds of exchanges, the first number of a greeting.
   integer(int64), parameter :: of_items = 1, of_values = 2, of_bytes = 3, of_flag = 4, of_meeting = 5, &
-    of_parts = 6, of_sums = 7
+    of_parts = 6, of_sums = 7, of_parcels = 8, of_lists = 9, of_counts = 10
   !> Owner of items that all ranks compute together: all of them have them.
   integer, parameter, public :: all_ranks = -1
   !> Size of an item that is not allocated.
@@ -192,6 +192,15 @@ contains
     value = sum(all, dim=2)
   end subroutine add_up
 
+  !> Sums of the integers of all ranks.
+  subroutine add_counts(value)
+    !> Those of this rank in, their sums on all ranks out (n).
+    integer(int64), intent(inout) :: value(:)
+    if (n_ranks() == 1) return
+    call agree_on(of_counts, size(value, kind=int64))
+    call add_integers(value)
+  end subroutine add_counts
+
   !> The greatest of the numbers of all ranks.
   subroutine greatest(value)
     !> Those of this rank in, the greatest ones on all ranks out (n) [any].
@@ -231,6 +240,35 @@ contains
     call collect_reals(own, n, all)
     cost%bytes = cost%bytes + 8*max(0_int64, size(all, kind=int64) - size(own, kind=int64))
   end subroutine collect
+
+  !> Integers for each rank, to that rank.
+  subroutine deliver(own, n, all, n_from)
+    !> Those for rank 0, for rank 1, and so on (sum(n)).
+    integer(int64), intent(in) :: own(:)
+    !> Number for each rank (n_ranks).
+    integer(int64), intent(in) :: n(:)
+    !> Those for this rank, from rank 0, from rank 1, and so on (sum(n_from)).
+    integer(int64), allocatable, intent(out) :: all(:)
+    !> Number from each rank (n_ranks).
+    integer(int64), intent(out) :: n_from(:)
+    call agree_on(of_parcels, 1_int64)
+    call deliver_integers(own, n, all, n_from)
+    cost%bytes = cost%bytes + 8*(sum(n_from) - n_from(this_rank() + 1))
+  end subroutine deliver
+
+  !> Integers of all ranks on all ranks, one rank after the other.
+  subroutine gather_all(own, all)
+    !> Those of this rank (any).
+    integer(int64), intent(in) :: own(:)
+    !> Those of all ranks (any).
+    integer(int64), allocatable, intent(out) :: all(:)
+    integer(int64) :: n(n_ranks())
+    call agree_on(of_lists, 1_int64)
+    call gather_integers([size(own, kind=int64)], spread(1_int64, 1, n_ranks()), n)
+    allocate (all(sum(n)))
+    call gather_integers(own, n, all)
+    cost%bytes = cost%bytes + 8*(size(all, kind=int64) - size(own, kind=int64))
+  end subroutine gather_all
 
   !> Errors of the items of all ranks, so that all ranks report all of them.
   subroutine share_errors(owner, failed)

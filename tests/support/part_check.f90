@@ -67,7 +67,7 @@ contains
     type(error_t), allocatable :: error
     integer(int64), allocatable :: number(:), inner(:)
     real(dp), allocatable :: x(:)
-    integer, allocatable :: keys(:, :), counts(:, :), owner(:)
+    integer, allocatable :: keys(:, :), counts(:, :), owner(:), component(:)
     integer :: r, s, b, n
     message = ''
     most = 0
@@ -127,7 +127,7 @@ contains
         number = [number, share%number]
         x = [x, share%x]
       end do
-      call finish_part(number, x, layer, rank(r)%directory%first_node, r, n_ranks, part)
+      call finish_part(number, x, layer, rank(r)%directory%first_node, r, n_ranks, part, component)
       call cut_part(body, owner, r, n_ranks, expected)
       call compare_parts(expected, part, message)
       if (message /= '') return
@@ -158,7 +158,7 @@ contains
       call share_weights(rank(r)%own, low, high, weight)
       total = total + weight
     end do
-    call parts_of_bins(total, size(rank), part_of_bin)
+    call parts_of_bins(total, 0_int64, sum(total), size(rank), part_of_bin)
     do r = 0, size(rank) - 1
       number = [integer(int64) ::]
       x = [real(dp) ::]

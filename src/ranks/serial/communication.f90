@@ -6,7 +6,7 @@ module dotyk_ranks_communication
   implicit none
   private
   public :: abort_ranks, start_ranks, end_ranks, this_rank, n_ranks, n_local_ranks, greet, gather_integers, &
-    gather_reals, gather_bytes, collect_reals
+    gather_reals, gather_bytes, collect_reals, deliver_integers, add_integers
 
   !> What the program is built with, for its version.
   character(*), parameter, public :: built_with = ''
@@ -107,4 +107,26 @@ contains
     integer(int8), intent(out) :: all(:)
     all = own(:n(1))
   end subroutine gather_bytes
+
+  !> Integers of the one rank for itself.
+  pure subroutine deliver_integers(own, n, all, n_from)
+    !> Its integers.
+    integer(int64), intent(in) :: own(:)
+    !> Their number (1).
+    integer(int64), intent(in) :: n(:)
+    !> The same integers.
+    integer(int64), allocatable, intent(out) :: all(:)
+    !> Their number (1).
+    integer(int64), intent(out) :: n_from(:)
+    all = own(:n(1))
+    n_from = n
+  end subroutine deliver_integers
+
+  !> Sums of the integers of the one rank.
+  pure subroutine add_integers(value)
+    !> Its integers.
+    integer(int64), intent(inout) :: value(:)
+    associate (not_needed => value)
+    end associate
+  end subroutine add_integers
 end module dotyk_ranks_communication

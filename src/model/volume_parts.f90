@@ -1,0 +1,287 @@
+!> A volume of a mesh file of which each rank reads a share: the part of it that each rank goes on with, and the surface.
+!> No rank ever has the whole volume.
+!>
+!> The elements that a rank has read move to the rank of their place on a space-filling curve; directories of the nodes
+!> tell their numbers in the whole body and the ranks that have them; two layers of elements around its own ones, and
+!> some samples of the others, come from the ranks that own them; faces that occur once are gathered, and give the
+!> surface on all ranks. What is found is what `hold_own_part` leaves of a whole body
+!> (`dotyk_elasticity_held_body`), in the same order, with the same numbers.
+module dotyk_model_volume_parts
+  use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: dp, int64
+  use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_mesh_body_part, only: body_part_t
+  use dotyk_mesh_boundary_candidates, only: boundary_candidates_t, key_length
+  use dotyk_mesh_layer_share, only: layer_share_t, pack_layer, whole_numbers_t
+  use dotyk_mesh_layer_surface, only: find_inner_facets
+  use dotyk_mesh_mesh, only: mesh_t
+  use dotyk_mesh_part_assembly, only: extract_share, finish_part, pack_ghosts, pack_samples
+  use dotyk_mesh_share_split, only: n_bins, pack_for_rank, parts_of_bins, parts_of_share, share_box, share_weights
+  use dotyk_mesh_surface, only: surface_t
+  use dotyk_mesh_surface_layer, only: surface_layer_t
+  use dotyk_model_node_sharers, only: hold_more, number_nodes
+  use dotyk_model_share_exchange, only: deliver_shares, gather_shares
+  use dotyk_ranks_communication, only: n_ranks, this_rank
+  use dotyk_ranks_exchange, only: add_counts, agree_on_error, gather_all, greatest
+  implicit none
+  private
+  public :: held_surface_of_layer
+
+  !> What this rank has read of a volume.
+  type, public :: volume_share_t
+    !> The elements, and their nodes.
+    type(body_mesh_t), private :: own
+    !> Their numbers in the whole body.
+    type(whole_numbers_t), private :: whole
+    !> Number of each node in the file, ascending (n_nodes).
+    integer, allocatable, private :: file_node(:)
+    !> Number of nodes of the file.
+    integer, private :: n_file_nodes = 0
+    !> Box of the whole volume (dimension) [length].
+    real(dp), allocatable, private :: low(:), high(:)
+    !> Nodes of the elements of all ranks in each bin along the curve (0:n_bins-1).
+    integer(int64), allocatable, private :: in_bin(:)
+  contains
+    procedure :: take => share_take
+    procedure :: weight => share_weight
+    procedure :: make_part => share_make_part
+  end type volume_share_t
+
+  !> Layers of elements around those of a rank: recovered strains at the nodes of its elements need those of all
+  !> vertices around them.
+  integer, parameter :: n_layers = 2
+
+contains
+
+  !> Take the elements of a volume that this rank has read.
+  subroutine share_take(self, mesh, name, dimension, error)
+    class(volume_share_t), intent(out) :: self
+    !> What this rank has read of the file.
+    type(mesh_t), intent(in) :: mesh
+    !> Physical group of the volume.
+    character(*), intent(in) :: name
+    !> Dimension of space.
+    integer, intent(in) :: dimension
+    !> The same on all ranks: an unknown name, inverted or degenerate elements.
+    type(error_t), allocatable, intent(out) :: error
+    call extract_share(mesh, name, dimension, this_rank(), self%own, self%whole, self%file_node, error)
+    call agree_on_error(error)
+    if (allocated(error)) return
+    self%n_file_nodes = mesh%n_file_nodes
+    allocate (self%low(dimension), self%high(dimension), self%in_bin(0:n_bins - 1))
+    call share_box(self%own, self%low, self%high)
+    self%low = -self%low
+    call greatest(self%low)
+    self%low = -self%low
+    call greatest(self%high)
+    call share_weights(self%own, self%low, self%high, self%in_bin)
+    call add_counts(self%in_bin)
+  end subroutine share_take
+
+  !> Nodes of all elements of the volume, on all ranks.
+  pure integer(int64) function share_weight(self) result(weight)
+    class(volume_share_t), intent(in) :: self
+    weight = sum(self%in_bin)
+  end function share_weight
+
+  !> The part of this rank, and the surface of the volume. The share is given up.
+  subroutine share_make_part(self, mesh, n_bodies, before, all_weight, part, layer)
+    class(volume_share_t), intent(inout) :: self
+    !> What this rank has read of the file.
+    type(mesh_t), intent(in) :: mesh
+    !> Number of bodies that use the volume.
+    integer, intent(in) :: n_bodies
+    !> Weights of the bodies of the volumes before this one, and of all bodies.
+    integer(int64), intent(in) :: before, all_weight
+    !> The part; `mesh_node` is not allocated, greatest and shortest extent are not known yet.
+    type(body_mesh_t), intent(out) :: part
+    !> The surface, the same on all ranks.
+    type(surface_layer_t), intent(out) :: layer
+    type(boundary_candidates_t) :: candidates
+    type(body_part_t) :: body_part
+    integer, allocatable :: first_node(:), n_sharers(:), sharer(:), component(:)
+    integer(int64), allocatable :: number(:)
+    real(dp), allocatable :: x(:)
+    integer :: k
+    call move_elements(self, n_bodies, before, all_weight)
+    call number_nodes(self%file_node, self%n_file_nodes, self%whole, first_node, n_sharers, sharer)
+    call find_layer(self, mesh, candidates, layer)
+    do k = 2, n_layers
+      call hold_more(self%own, self%whole, n_sharers, sharer)
+    end do
+    call fetch_ghosts(self, candidates, n_sharers, sharer, number, x)
+    call finish_part(number, x, layer, first_node, this_rank(), n_ranks(), body_part, component)
+    call hold(body_part, component, layer, part)
+    deallocate (self%file_node, self%in_bin)
+    self%own = body_mesh_t()
+    self%whole = whole_numbers_t()
+  end subroutine share_make_part
+
+  !> Elements move to the ranks of their places on the curve.
+  subroutine move_elements(self, n_bodies, before, all_weight)
+    !> What was read in; what this rank owns out.
+    class(volume_share_t), intent(inout) :: self
+    !> As in `make_part`.
+    integer, intent(in) :: n_bodies
+    !> As in `make_part`.
+    integer(int64), intent(in) :: before, all_weight
+    type(layer_share_t) :: share(0:n_ranks() - 1)
+    type(surface_layer_t) :: got
+    integer(int64), allocatable :: number(:)
+    real(dp), allocatable :: x(:)
+    integer, allocatable :: part_of_bin(:), part(:)
+    logical :: sends(0:n_ranks() - 1)
+    integer :: r, e
+    allocate (part_of_bin(0:n_bins - 1))
+    call parts_of_bins(n_bodies*self%in_bin, before, all_weight, n_ranks(), part_of_bin)
+    call parts_of_share(self%own, self%low, self%high, part_of_bin, part)
+    sends = .false.
+    do e = 1, size(part)
+      sends(part(e)) = .true.
+    end do
+    ! A share tells the kinds of the elements, even if it has none.
+    sends(this_rank()) = .true.
+    do r = 0, n_ranks() - 1
+      if (sends(r)) &
+        call pack_for_rank(self%own, self%whole, self%file_node, self%n_file_nodes, part, r, share(r))
+    end do
+    call deliver_shares(share, number, x)
+    call got%unpack(self%own%file, number, x)
+    self%own = got%mesh
+    self%whole = got%whole
+    self%whole%rank = this_rank()
+    self%file_node = got%whole%node
+  end subroutine move_elements
+
+  !> The surface of the volume, on all ranks.
+  subroutine find_layer(self, mesh, candidates, layer)
+    !> What this rank owns.
+    class(volume_share_t), intent(in) :: self
+    !> What this rank has read of the file.
+    type(mesh_t), intent(in) :: mesh
+    !> Faces of own elements on the boundary.
+    type(boundary_candidates_t), intent(out) :: candidates
+    !> The surface.
+    type(surface_layer_t), intent(out) :: layer
+    type(layer_share_t) :: share
+    integer(int64), allocatable :: keys(:), inner(:), number(:)
+    real(dp), allocatable :: x(:)
+    call candidates%find(self%own, self%whole%node)
+    call gather_all(reshape(int(candidates%key, int64), [size(candidates%key)]), keys)
+    call candidates%keep_boundary(reshape(int(keys), [key_length, size(keys)/key_length]))
+    call find_inner_facets(mesh, self%own, candidates, inner)
+    call pack_layer(self%own, self%whole, candidates, inner, 0.0_dp, share)
+    call gather_shares(share, number, x)
+    call layer%unpack(self%own%file, number, x)
+  end subroutine find_layer
+
+  !> Own elements, those around them that other ranks own, and samples.
+  subroutine fetch_ghosts(self, candidates, n_sharers, sharer, number, x)
+    !> What this rank owns.
+    class(volume_share_t), intent(in) :: self
+    !> Faces of own elements on the boundary.
+    type(boundary_candidates_t), intent(in) :: candidates
+    !> Number of ranks that have each node (n_nodes).
+    integer, intent(in) :: n_sharers(:)
+    !> The ranks (any).
+    integer, intent(in) :: sharer(:)
+    !> Whole numbers of the shares that came (any).
+    integer(int64), allocatable, intent(out) :: number(:)
+    !> Their coordinates (any) [length].
+    real(dp), allocatable, intent(out) :: x(:)
+    type(layer_share_t) :: share(0:n_ranks() - 1), sample
+    integer(int64), allocatable :: of_samples(:)
+    real(dp), allocatable :: x_of_samples(:)
+    integer :: r
+    do r = 0, n_ranks() - 1
+      if (r /= this_rank() .and. .not. any(sharer == r)) cycle
+      call pack_ghosts(self%own, self%whole, candidates, n_sharers, sharer, r, share(r))
+    end do
+    call deliver_shares(share, number, x)
+    call pack_samples(self%own, self%whole, candidates, sample)
+    call gather_shares(sample, of_samples, x_of_samples)
+    number = [number, of_samples]
+    x = [x, x_of_samples]
+  end subroutine fetch_ghosts
+
+  !> What the rank goes on with.
+  subroutine hold(body_part, component, layer, part)
+    !> Own elements, ghosts, samples, and all nodes of the boundary.
+    type(body_part_t), intent(inout) :: body_part
+    !> Connected part of the body of each node (n_nodes).
+    integer, intent(in) :: component(:)
+    !> The surface.
+    type(surface_layer_t), intent(in) :: layer
+    !> The same.
+    type(body_mesh_t), intent(out) :: part
+    type(surface_t) :: boundary
+    integer :: b
+    part = body_part%mesh
+    allocate (part%whole)
+    associate (whole => part%whole)
+      whole%n_nodes = body_part%n_whole_nodes
+      whole%n_file_nodes = whole%n_nodes
+      whole%n_of_block = body_part%elements%n_whole
+      whole%node = body_part%whole_node
+      whole%element = [(body_part%elements(b)%whole, b=1, size(body_part%elements))]
+      whole%own_element = [(body_part%elements(b)%own, b=1, size(body_part%elements))]
+      whole%own_node = body_part%node_rank == this_rank()
+      whole%component = component
+      whole%n_components = layer%n_components
+      boundary = layer%boundary
+      call held_surface_of_layer(layer, part, boundary)
+      call move_alloc(boundary%kind, whole%facet_kind)
+      call move_alloc(boundary%node, whole%facet_node)
+    end associate
+  end subroutine hold
+
+  !> A surface in the numbers of the part; parents that are not held become 0.
+  pure subroutine held_surface_of_layer(layer, part, surface)
+    !> The surface of the volume.
+    type(surface_layer_t), intent(in) :: layer
+    !> The part.
+    type(body_mesh_t), intent(in) :: part
+    !> Surface in the numbers of the layer in, of the part out.
+    type(surface_t), intent(inout) :: surface
+    integer, allocatable :: held(:)
+    integer :: b, f, i, before, place
+    held = places_in(part%whole%node, layer%whole%node)
+    do f = 1, surface%n_facets
+      do i = 1, size(surface%node, 1)
+        if (surface%node(i, f) > 0) surface%node(i, f) = held(surface%node(i, f))
+      end do
+    end do
+    before = 0
+    do b = 1, size(part%block)
+      associate (n => size(part%block(b)%tag))
+        held = places_in(part%whole%element(before + 1:before + n), layer%whole%block(b)%element)
+        before = before + n
+      end associate
+      do f = 1, surface%n_facets
+        if (surface%block(f) /= b) cycle
+        place = held(surface%element(f))
+        surface%element(f) = place
+      end do
+    end do
+  end subroutine held_surface_of_layer
+
+  !> Place of each number of a list in another one; 0 where that does not have it.
+  pure function places_in(list, wanted) result(place)
+    !> Ascending (n).
+    integer, intent(in) :: list(:)
+    !> Ascending (m).
+    integer, intent(in) :: wanted(:)
+    integer :: place(size(wanted)), i, k
+    place = 0
+    k = 1
+    do i = 1, size(wanted)
+      do while (k <= size(list))
+        if (list(k) >= wanted(i)) exit
+        k = k + 1
+      end do
+      if (k > size(list)) return
+      if (list(k) == wanted(i)) place(i) = k
+    end do
+  end function places_in
+
+end module dotyk_model_volume_parts
