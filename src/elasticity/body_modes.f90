@@ -6,7 +6,9 @@
 module dotyk_elasticity_body_modes
   use dotyk_base_kinds, only: dp
   use dotyk_elasticity_body, only: body_t
+  use dotyk_elasticity_part_sums, only: add_up_parts, own_product
   use dotyk_elasticity_rigid_body_modes, only: rigid_body_modes_t
+  use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_placement, only: placement_t
   implicit none
   private
@@ -48,14 +50,14 @@ module dotyk_elasticity_body_modes
 
 contains
 
-  !> Find the rigid body modes that the supports leave free.
+  !> Find the rigid body modes that the supports leave free. All ranks find those of a body in parts together.
   subroutine modes_find(self, body)
     class(body_modes_t), intent(out) :: self
     !> The body, with supports and loads.
     type(body_t), intent(in) :: body
     call self%rigid%init(body%mesh, body%analysis, body%constraint, self%shape)
     self%n = self%rigid%n
-    self%resultant = resultants(self%shape, body%load)
+    call find_resultants(body%mesh, self%shape, body%load, self%resultant)
   end subroutine modes_find
 
   !> Rigid body modes of a congruent body, from those of the representative.
@@ -81,7 +83,7 @@ contains
     end if
     self%rigid = first%rigid
     call self%rigid%move(body%mesh, motion)
-    self%resultant = resultants(self%shape, body%load)
+    call find_resultants(body%mesh, self%shape, body%load, self%resultant)
   end subroutine modes_move
 
   !> Keep the displacements of some nodes.
@@ -194,23 +196,28 @@ contains
     text = self%rigid%span_text(amplitude)
   end function modes_span_text
 
-  !> Resultants of loads on modes (n) [force]. Rounding errors of self-equilibrated loads are set to zero.
-  pure function resultants(shape, load) result(resultant)
+  !> Resultants of loads on modes. Rounding errors of self-equilibrated loads are set to zero.
+  subroutine find_resultants(mesh, shape, load, resultant)
+    !> Elements and nodes of the body.
+    type(body_mesh_t), intent(in) :: mesh
     !> Modes (dim, n_nodes, n) [].
     real(dp), intent(in) :: shape(:, :, :)
-    !> Nodal forces (dim, n_nodes) [force].
+    !> Nodal forces, complete at the own nodes (dim, n_nodes) [force].
     real(dp), intent(in) :: load(:, :)
     !> Resultants (n) [force].
-    real(dp) :: resultant(size(shape, 3))
-    real(dp) :: largest
-    integer :: i, k
-    do k = 1, size(shape, 3)
-      resultant(k) = sum(shape(:, :, k)*load)
-      largest = 0
+    real(dp), allocatable, intent(out) :: resultant(:)
+    real(dp) :: total(2*size(shape, 3))
+    integer :: i, k, n
+    n = size(shape, 3)
+    total = 0
+    do k = 1, n
+      total(k) = own_product(mesh, shape(:, :, k), load)
       do i = 1, size(load, 2)
-        largest = largest + norm2(shape(:, i, k))*norm2(load(:, i))
+        if (mesh%is_own_node(i)) total(n + k) = total(n + k) + norm2(shape(:, i, k))*norm2(load(:, i))
       end do
-      if (abs(resultant(k)) <= rounding*largest) resultant(k) = 0
     end do
-  end function resultants
+    if (n > 0) call add_up_parts(mesh, total)
+    resultant = total(:n)
+    where (abs(resultant) <= rounding*total(n + 1:)) resultant = 0
+  end subroutine find_resultants
 end module dotyk_elasticity_body_modes

@@ -50,6 +50,7 @@ contains
     call surface_part(body%mesh, of_surface, node)
     call node_owners(body%mesh, element_rank, n_ranks, node_rank)
     call hold(body, holds .or. of_surface, element_rank == rank, node_rank == rank, number)
+    body%mesh%whole%in_parts = .true.
     call body%number_part(body%mesh%whole%own_node)
   end subroutine hold_own_part
 

@@ -4,11 +4,13 @@
 !> The basis is stored as translations and rotations beside the displacements, which are evaluated from these alone:
 !> they are rigid to rounding, however thin the body is.
 module dotyk_elasticity_rigid_body_modes
-  use dotyk_base_kinds, only: dp
+  use dotyk_base_kinds, only: dp, int64
   use dotyk_base_options, only: analysis_3d
   use dotyk_base_text, only: text_t
   use dotyk_elasticity_constraint, only: constraint_t
-  use dotyk_elasticity_rigid_motion, only: describe_rigid_motions, rigid_null_space, component_text, rigid_displacement
+  use dotyk_elasticity_part_sums, only: add_up_parts, own_product
+  use dotyk_elasticity_rigid_motion, only: component_text, describe_rigid_motions, first_node, rigid_displacement, &
+    rigid_null_space
   use dotyk_linalg_dense, only: orthonormal_range
   use dotyk_mesh_body_mesh, only: body_mesh_t, connected_components
   use dotyk_mesh_placement, only: placement_t
@@ -44,7 +46,7 @@ module dotyk_elasticity_rigid_body_modes
 
 contains
 
-  !> Find the modes.
+  !> Find the modes. All ranks find those of a body in parts together.
   subroutine rigid_body_modes_init(self, mesh, analysis, constraint, mode)
     class(rigid_body_modes_t), intent(out) :: self
     !> Elements and nodes of the body.
@@ -59,6 +61,8 @@ contains
     integer, allocatable :: component(:)
     real(dp), allocatable :: free(:, :, :)
     integer, allocatable :: n_of_component(:)
+    integer(int64) :: tag
+    real(dp) :: x(mesh%dimension)
     integer :: p, n_components, first
     allocate (component(mesh%n_nodes()))
     call connected_components(mesh, component, n_components)
@@ -68,9 +72,10 @@ contains
     do p = 1, n_components
       call rigid_null_space(mesh, analysis, constraint, component, p, self%centre(:, p), self%radius(p), &
                             free(:, :, p), n_of_component(p))
+      call first_node(mesh, component, p, tag, x)
       ! Texts of allocatable length are made by one thread at a time, see dotyk_base_text.
       !$omp critical (message)
-      self%component_name(p)%s = component_text(mesh, component, p, n_components)
+      self%component_name(p)%s = component_text(p, n_components, tag, x)
       !$omp end critical (message)
     end do
     self%n = sum(n_of_component)
@@ -80,7 +85,7 @@ contains
       associate (last => first + n_of_component(p) - 1)
         self%component(first:last) = p
         self%coefficient(:, first:last) = free(:, :n_of_component(p), p)
-        call make_orthonormal(mesh%x, constraint, component, p, self%centre(:, p), self%radius(p), &
+        call make_orthonormal(mesh, constraint, component, p, self%centre(:, p), self%radius(p), &
                               self%coefficient(:, first:last), mode(:, :, first:last))
         first = last + 1
       end associate
@@ -95,6 +100,8 @@ contains
     !> Rigid motion from the body of the modes to the congruent one.
     type(placement_t), intent(in) :: placement
     integer, allocatable :: component(:)
+    integer(int64) :: tag
+    real(dp) :: x(mesh%dimension)
     integer :: p, n_components, k
     do k = 1, self%n
       self%coefficient(1:3, k) = matmul(placement%rotation, self%coefficient(1:3, k))
@@ -105,8 +112,9 @@ contains
     allocate (component(mesh%n_nodes()))
     call connected_components(mesh, component, n_components)
     do p = 1, n_components
+      call first_node(mesh, component, p, tag, x)
       !$omp critical (message)
-      self%component_name(p)%s = component_text(mesh, component, p, n_components)
+      self%component_name(p)%s = component_text(p, n_components, tag, x)
       !$omp end critical (message)
     end do
   end subroutine rigid_body_modes_move
@@ -124,9 +132,9 @@ contains
   end subroutine rigid_body_modes_rotate
 
   !> Orthonormalize the modes of a component by Gram-Schmidt on their coefficients.
-  subroutine make_orthonormal(x, constraint, component, p, centre, radius, coefficient, mode)
-    !> Coordinates (dim, n_nodes) [length].
-    real(dp), intent(in) :: x(:, :)
+  subroutine make_orthonormal(mesh, constraint, component, p, centre, radius, coefficient, mode)
+    !> Elements and nodes of the body.
+    type(body_mesh_t), intent(in) :: mesh
     !> Equations, prescribed displacements and nodal axes of the body.
     type(constraint_t), intent(in) :: constraint
     !> Connected component of each node (n_nodes).
@@ -141,19 +149,26 @@ contains
     real(dp), intent(inout) :: coefficient(:, :)
     !> Their nodal displacements (dim, n_nodes, n) [].
     real(dp), intent(out) :: mode(:, :, :)
+    real(dp) :: product(size(coefficient, 2)), square(1)
     integer :: j, k, pass
     do j = 1, size(coefficient, 2)
       ! The second pass removes the components that normalization of a short remainder has amplified; the third one
       ! changes nothing but the last digit.
       do pass = 1, 3
-        call evaluate(x, constraint, component, p, centre, radius, coefficient(:, j), mode(:, :, j))
+        call evaluate(mesh%x, constraint, component, p, centre, radius, coefficient(:, j), mode(:, :, j))
         do k = 1, j - 1
-          coefficient(:, j) = coefficient(:, j) - sum(mode(:, :, k)*mode(:, :, j))*coefficient(:, k)
+          product(k) = own_product(mesh, mode(:, :, k), mode(:, :, j))
         end do
-        call evaluate(x, constraint, component, p, centre, radius, coefficient(:, j), mode(:, :, j))
-        coefficient(:, j) = coefficient(:, j)/sqrt(sum(mode(:, :, j)**2))
+        if (j > 1) call add_up_parts(mesh, product(:j - 1))
+        do k = 1, j - 1
+          coefficient(:, j) = coefficient(:, j) - product(k)*coefficient(:, k)
+        end do
+        call evaluate(mesh%x, constraint, component, p, centre, radius, coefficient(:, j), mode(:, :, j))
+        square = own_product(mesh, mode(:, :, j), mode(:, :, j))
+        call add_up_parts(mesh, square)
+        coefficient(:, j) = coefficient(:, j)/sqrt(square(1))
       end do
-      call evaluate(x, constraint, component, p, centre, radius, coefficient(:, j), mode(:, :, j))
+      call evaluate(mesh%x, constraint, component, p, centre, radius, coefficient(:, j), mode(:, :, j))
     end do
   end subroutine make_orthonormal
 

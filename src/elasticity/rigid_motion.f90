@@ -5,10 +5,11 @@
 !> numbers of one unit.
 module dotyk_elasticity_rigid_motion
   use dotyk_base_error, only: error_t
-  use dotyk_base_kinds, only: dp
+  use dotyk_base_kinds, only: dp, int64
   use dotyk_base_options, only: analysis_3d, analysis_axisymmetric
   use dotyk_base_text, only: to_text
   use dotyk_elasticity_constraint, only: constraint_t
+  use dotyk_elasticity_part_sums, only: add_up_parts, gather_rows, greatest_of_parts
   use dotyk_elasticity_vector_field, only: point_text, vector_text
   use dotyk_linalg_dense, only: right_singular_vectors
   use dotyk_mesh_body_mesh, only: body_mesh_t, connected_components
@@ -25,7 +26,8 @@ module dotyk_elasticity_rigid_motion
   !> Components of a direction that differ by less than this fraction are equal: the sign of a direction does not
   !> depend on rounding.
   real(dp), parameter :: equal_components = 1.0e-9_dp
-  public :: find_free_rigid_modes, rigid_null_space, describe_rigid_motions, component_text, rigid_displacement
+  public :: find_free_rigid_modes, rigid_null_space, describe_rigid_motions, first_node, component_text, &
+    rigid_displacement
 
   !> A motion that moves the held points by less than this fraction of the others is free: more than the rounding of
   !> coordinates in mesh files, less than the motion that a real support stops.
@@ -33,7 +35,8 @@ module dotyk_elasticity_rigid_motion
 
 contains
 
-  !> Number and description of the free rigid body modes of all connected components of a body.
+  !> Number and description of the free rigid body modes of all connected components of a body. All ranks ask together
+  !> for a body in parts.
   subroutine find_free_rigid_modes(mesh, analysis, constraint, n_free, text)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
@@ -48,7 +51,8 @@ contains
     character(:), allocatable, intent(out) :: text
     integer, allocatable :: component(:)
     character(:), allocatable :: motions
-    real(dp) :: free(6, 6), centre(3), radius
+    real(dp) :: free(6, 6), centre(3), radius, x(mesh%dimension)
+    integer(int64) :: tag
     integer :: p, n_components, n
     allocate (component(mesh%n_nodes()))
     call connected_components(mesh, component, n_components)
@@ -60,27 +64,64 @@ contains
       n_free = n_free + n
       call describe_rigid_motions(analysis, free(:, :n), centre, radius, motions)
       if (len(text) > 0) text = text//'; '
-      text = text//component_text(mesh, component, p, n_components)//motions
+      call first_node(mesh, component, p, tag, x)
+      text = text//component_text(p, n_components, tag, x)//motions
     end do
   end subroutine find_free_rigid_modes
 
-  !> Text in front of the modes of a connected component; empty where the body has only one.
-  function component_text(mesh, component, p, n_components) result(text)
+  !> The first node of a connected component in the order of the whole body.
+  subroutine first_node(mesh, component, p, tag, x)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
     !> Connected component of each node (n_nodes).
     integer, intent(in) :: component(:)
     !> Index of the component.
     integer, intent(in) :: p
+    !> Tag of the node in the file.
+    integer(int64), intent(out) :: tag
+    !> Its coordinates (dim) [length].
+    real(dp), intent(out) :: x(:)
+    !> Tags go in two halves: not all 64-bit integers are real numbers.
+    integer, parameter :: half = 32
+    real(dp) :: earliest(1), found(2 + size(x)), number
+    integer :: i
+    if (.not. mesh%is_in_parts()) then
+      i = findloc(component, p, 1)
+      tag = mesh%node_tag(i)
+      x = mesh%x(:, i)
+      return
+    end if
+    i = findloc(component == p .and. mesh%whole%own_node, .true., 1)
+    number = huge(1.0_dp)
+    if (i > 0) number = mesh%whole%node(i)
+    earliest = -number
+    call greatest_of_parts(mesh, earliest)
+    found = 0
+    if (i > 0 .and. .not. number > -earliest(1)) then
+      found(1) = real(shiftr(mesh%node_tag(i), half), dp)
+      found(2) = real(iand(mesh%node_tag(i), maskr(half, int64)), dp)
+      found(3:) = mesh%x(:, i)
+    end if
+    call add_up_parts(mesh, found)
+    tag = ior(shiftl(int(found(1), int64), half), int(found(2), int64))
+    x = found(3:)
+  end subroutine first_node
+
+  !> Text in front of the modes of a connected component; empty where the body has only one.
+  function component_text(p, n_components, tag, x) result(text)
+    !> Index of the component.
+    integer, intent(in) :: p
     !> Number of connected components.
     integer, intent(in) :: n_components
+    !> Tag of its first node in the file.
+    integer(int64), intent(in) :: tag
+    !> Coordinates of this node (dim) [length].
+    real(dp), intent(in) :: x(:)
     character(:), allocatable :: text
-    integer :: first
     text = ''
     if (n_components == 1) return
-    first = findloc(component, p, 1)
     text = 'connected component '//to_text(p)//' of '//to_text(n_components)//' (node '// &
-           to_text(mesh%node_tag(first))//' at '//point_text(mesh%x(:, first))//'): '
+           to_text(tag)//' at '//point_text(x)//'): '
   end function component_text
 
   !> Displacement of a point in a rigid motion (dim) [unit of the motion].
@@ -100,7 +141,8 @@ contains
     u = moved(:size(x))
   end function rigid_displacement
 
-  !> Rigid motions of a connected component that leave its held unknowns at rest.
+  !> Rigid motions of a connected component that leave its held unknowns at rest. All ranks ask together for a body in
+  !> parts.
   subroutine rigid_null_space(mesh, analysis, constraint, component, p, centre, radius, free, n)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
@@ -122,7 +164,7 @@ contains
     integer, intent(out) :: n
     type(error_t), allocatable :: error
     real(dp), allocatable :: held_displacement(:, :)
-    real(dp) :: values(6), vectors(6, 6), low(3), high(3), row(6), axis(3), arm(3), least
+    real(dp) :: values(6), vectors(6, 6), low(3), high(3), limits(6), row(6), axis(3), arm(3), least
     integer, allocatable :: exists(:)
     integer :: i, k, j, dim, m
     dim = mesh%dimension
@@ -135,6 +177,10 @@ contains
       low(:dim) = min(low(:dim), mesh%x(:, i))
       high(:dim) = max(high(:dim), mesh%x(:, i))
     end do
+    limits = [-low, high]
+    call greatest_of_parts(mesh, limits)
+    low = -limits(:3)
+    high = limits(4:)
     centre = 0.5_dp*(low + high)
     radius = 0.5_dp*norm2(high - low)
     if (analysis == analysis_3d) then
@@ -149,7 +195,7 @@ contains
     allocate (held_displacement(count(constraint%equation == 0), size(exists)))
     m = 0
     do i = 1, size(component)
-      if (component(i) /= p) cycle
+      if (component(i) /= p .or. .not. mesh%is_own_node(i)) cycle
       do k = 1, dim
         if (constraint%equation(k, i) > 0) cycle
         axis = 0
@@ -166,11 +212,12 @@ contains
         held_displacement(m, :) = row(exists)
       end do
     end do
-    least = least_hold*sqrt(1 + sum(held_displacement(:m, :)**2))
+    held_displacement = held_displacement(:m, :)
+    call gather_rows(mesh, held_displacement)
+    least = least_hold*sqrt(1 + sum(held_displacement**2))
     n = 0
     free = 0
-    call right_singular_vectors(held_displacement(:m, :), values(:size(exists)), &
-                                vectors(:size(exists), :size(exists)), error)
+    call right_singular_vectors(held_displacement, values(:size(exists)), vectors(:size(exists), :size(exists)), error)
     if (allocated(error)) return
     do j = size(exists), 1, -1
       if (values(j) > least) cycle

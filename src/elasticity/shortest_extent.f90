@@ -6,12 +6,13 @@ module dotyk_elasticity_shortest_extent
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_plane_strain, analysis_3d
+  use dotyk_elasticity_part_sums, only: add_up_parts, greatest_of_parts
   use dotyk_elasticity_shape_table, only: map_element, shape_table_pair_t, shape_table_t
   use dotyk_linalg_dense, only: symmetric_eigen
   use dotyk_mesh_body_mesh, only: body_mesh_t
   implicit none
   private
-  public :: shortest_extent
+  public :: shortest_extent, measure_part
 
 contains
 
@@ -20,22 +21,63 @@ contains
   real(dp) function shortest_extent(mesh) result(extent)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
-    type(error_t), allocatable :: error
-    real(dp), dimension(mesh%dimension) :: origin, first, values
-    real(dp), dimension(mesh%dimension, mesh%dimension) :: second, axes
-    real(dp) :: volume
-    integer :: b, k
-    if (allocated(mesh%whole)) then
+    if (mesh%is_whole()) then
+      call find_extent(mesh, sum(mesh%x, dim=2)/mesh%n_nodes(), extent)
+    else
       extent = mesh%whole%shortest_extent
-      return
     end if
-    origin = sum(mesh%x, dim=2)/mesh%n_nodes()
+  end function shortest_extent
+
+  !> Find the size of a body in parts, which no rank has had as a whole: its diameter and its shortest extent. All ranks
+  !> do so together.
+  subroutine measure_part(mesh)
+    !> Own nodes and own elements, and the number of nodes of the whole body, are known; `whole%diameter` and
+    !> `whole%shortest_extent` are set.
+    type(body_mesh_t), intent(inout) :: mesh
+    real(dp) :: mean(mesh%dimension), diameter(1), extent
+    integer :: i
+    mean = 0
+    do i = 1, mesh%n_nodes()
+      if (mesh%is_own_node(i)) mean = mean + mesh%x(:, i)
+    end do
+    call add_up_parts(mesh, mean)
+    mean = mean/mesh%n_whole_nodes()
+    diameter = 0
+    do i = 1, mesh%n_nodes()
+      if (mesh%is_own_node(i)) diameter = max(diameter, 2*norm2(mesh%x(:, i) - mean))
+    end do
+    call greatest_of_parts(mesh, diameter)
+    call find_extent(mesh, mean, extent)
+    mesh%whole%diameter = diameter(1)
+    mesh%whole%shortest_extent = extent
+  end subroutine measure_part
+
+  !> Shortest edge of the brick with the moments of the own elements of all ranks.
+  subroutine find_extent(mesh, origin, extent)
+    !> Elements and nodes of the body.
+    type(body_mesh_t), intent(in) :: mesh
+    !> A point in its middle, the same on all ranks (dimension) [length].
+    real(dp), intent(in) :: origin(:)
+    !> As in `shortest_extent` [length].
+    real(dp), intent(out) :: extent
+    type(error_t), allocatable :: error
+    real(dp), dimension(mesh%dimension) :: first, values
+    real(dp), dimension(mesh%dimension, mesh%dimension) :: second, axes
+    real(dp) :: volume, moments(1 + mesh%dimension + mesh%dimension**2)
+    integer :: b, k, before
     volume = 0
     first = 0
     second = 0
+    before = 0
     do b = 1, size(mesh%block)
-      call add_block(mesh, b, origin, volume, first, second)
+      call add_block(mesh, b, before, origin, volume, first, second)
+      before = before + size(mesh%block(b)%tag)
     end do
+    moments = [volume, first, second]
+    call add_up_parts(mesh, moments)
+    volume = moments(1)
+    first = moments(2:1 + mesh%dimension)
+    second = reshape(moments(2 + mesh%dimension:), shape(second))
     extent = 0
     if (.not. volume > 0) return
     first = first/volume
@@ -45,14 +87,16 @@ contains
     end do
     call symmetric_eigen(second, values, axes, error)
     if (.not. allocated(error)) extent = sqrt(12*max(0.0_dp, values(1)))
-  end function shortest_extent
+  end subroutine find_extent
 
-  !> Add the moments of one block of elements.
-  subroutine add_block(mesh, i_block, origin, volume, first, second)
+  !> Add the moments of the own elements of one block.
+  subroutine add_block(mesh, i_block, before, origin, volume, first, second)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
     !> Index of the element block.
     integer, intent(in) :: i_block
+    !> Number of elements of the blocks before it.
+    integer, intent(in) :: before
     !> Point that the moments are about (dimension) [length].
     real(dp), intent(in) :: origin(:)
     !> Volume, added to [volume].
@@ -70,6 +114,7 @@ contains
       most_points = max(tables%straight%n_points, tables%curved%n_points)
       allocate (x(dim, n), g(n*dim*most_points), w(most_points))
       do e = 1, size(block%node, 2)
+        if (.not. mesh%is_own_element(before + e)) cycle
         x(:, :) = mesh%x(:, block%node(:, e)) - spread(origin, 2, n)
         if (tables%is_curved(x)) then
           call add_element(tables%curved)

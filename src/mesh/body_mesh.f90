@@ -40,6 +40,9 @@ module dotyk_mesh_body_mesh
     procedure :: whole_block_size => body_mesh_whole_block_size
     procedure :: n_file_nodes => body_mesh_n_file_nodes
     procedure :: is_whole => body_mesh_is_whole
+    procedure :: is_in_parts => body_mesh_is_in_parts
+    procedure :: is_own_node => body_mesh_is_own_node
+    procedure :: is_own_element => body_mesh_is_own_element
     procedure :: whole_nodes => body_mesh_whole_nodes
     procedure :: box => body_mesh_box
     procedure :: diameter => body_mesh_diameter
@@ -101,6 +104,32 @@ contains
     class(body_mesh_t), intent(in) :: self
     is_whole = .not. allocated(self%whole)
   end function body_mesh_is_whole
+
+  !> Whether all ranks compute the body together, each a part of it: sums over nodes and elements are those of the own
+  !> ones, added up over the ranks.
+  elemental logical function body_mesh_is_in_parts(self) result(is_in_parts)
+    class(body_mesh_t), intent(in) :: self
+    is_in_parts = .false.
+    if (allocated(self%whole)) is_in_parts = self%whole%in_parts
+  end function body_mesh_is_in_parts
+
+  !> Whether this rank computes a node.
+  pure logical function body_mesh_is_own_node(self, node) result(is_own)
+    class(body_mesh_t), intent(in) :: self
+    !> Held node.
+    integer, intent(in) :: node
+    is_own = .true.
+    if (allocated(self%whole)) is_own = self%whole%own_node(node)
+  end function body_mesh_is_own_node
+
+  !> Whether this rank computes an element.
+  pure logical function body_mesh_is_own_element(self, element) result(is_own)
+    class(body_mesh_t), intent(in) :: self
+    !> Held element, counted through all blocks.
+    integer, intent(in) :: element
+    is_own = .true.
+    if (allocated(self%whole)) is_own = self%whole%own_element(element)
+  end function body_mesh_is_own_element
 
   !> Numbers in the whole body of some held nodes (n).
   pure function body_mesh_whole_nodes(self, node) result(number)

@@ -7,6 +7,8 @@ module dotyk_mesh_whole_body
 
   !> The whole body.
   type, public :: whole_body_t
+    !> Whether all ranks compute the body together, each its part; else others compute it, and this rank nothing of it.
+    logical :: in_parts = .false.
     !> Number of nodes.
     integer :: n_nodes = 0
     !> Those of them that are in the mesh file, not from order elevation.

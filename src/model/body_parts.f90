@@ -17,7 +17,8 @@ module dotyk_model_body_parts
 
 contains
 
-  !> Give up what this rank does not need. The rigid body modes are found before.
+  !> Give up what this rank does not need. Rigid body modes are found before where other ranks compute the body, and
+  !> after it, by all ranks together, where each has a part.
   subroutine hold_parts(classes, ranks, body, surfaces, modes)
     !> Congruence classes of the bodies.
     type(congruence_classes_t), intent(in) :: classes
@@ -41,11 +42,11 @@ contains
     work = sum([(element_work(body(b)%mesh), b=1, size(body))])
     before = 0
     do b = 1, size(body)
-      call modes(b)%find(body(b))
       call rank_elements(body(b)%mesh, before, work, n_ranks(), element_rank)
       before = before + element_work(body(b)%mesh)
       call hold_own_part(body(b), element_rank, this_rank(), n_ranks(), number)
-      call follow(body(b), number, surfaces(b), modes(b))
+      call follow(body(b), number, surfaces(b))
+      call modes(b)%find(body(b))
     end do
   end subroutine hold_parts
 
@@ -63,7 +64,6 @@ contains
     type(body_modes_t), intent(inout) :: modes(:)
     logical :: holds(size(body))
     logical, allocatable :: sample(:)
-    integer, allocatable :: number(:)
     integer :: b, c
     holds = ranks%factorizes .or. ranks%is_own([(b, b=1, size(body))])
     do b = 1, size(body)
@@ -72,30 +72,39 @@ contains
       do c = b + 1, size(body)
         if (classes%first(c) /= b .or. holds(c)) cycle
         call modes(c)%move(modes(b), classes%motion(c), body(c))
-        call hold_surface(body(c), number)
-        call follow(body(c), number, surfaces(c), modes(c))
+        call keep_surface(body(c), surfaces(c), modes(c))
       end do
       if (holds(b)) cycle
-      call hold_surface(body(b), number)
-      call follow(body(b), number, surfaces(b), modes(b))
+      call keep_surface(body(b), surfaces(b), modes(b))
     end do
     do b = 1, size(body)
       if (holds(b)) call surface_part(body(b)%mesh, sample, body(b)%shared_node)
     end do
   end subroutine hold_surfaces
 
-  !> Reduce surfaces and modes to what is held of their body.
-  subroutine follow(body, number, surfaces, modes)
+  !> Give up the volume of a body.
+  subroutine keep_surface(body, surfaces, modes)
+    !> The body.
+    type(body_t), intent(inout) :: body
+    !> Its surfaces.
+    type(body_surfaces_t), intent(inout) :: surfaces
+    !> Its rigid body modes.
+    type(body_modes_t), intent(inout) :: modes
+    integer, allocatable :: number(:)
+    call hold_surface(body, number)
+    call follow(body, number, surfaces)
+    call modes%hold_nodes(body%mesh%whole%node)
+  end subroutine keep_surface
+
+  !> Reduce surfaces to what is held of their body.
+  subroutine follow(body, number, surfaces)
     !> Reduced.
     type(body_t), intent(in) :: body
     !> Number of each node of the whole body in it (n_nodes).
     integer, intent(in) :: number(:)
     !> Surfaces of the body.
     type(body_surfaces_t), intent(inout) :: surfaces
-    !> Its rigid body modes.
-    type(body_modes_t), intent(inout) :: modes
     integer :: k
-    call modes%hold_nodes(body%mesh%whole%node)
     if (surfaces%boundary%n_facets > 0) call held_surface(body%mesh, number, surfaces%boundary)
     do k = 1, surfaces%n
       call held_surface(body%mesh, number, surfaces%surface(k))

@@ -93,7 +93,7 @@ contains
     integer, intent(in) :: n_bodies
     !> Weights of the bodies of the volumes before this one, and of all bodies.
     integer(int64), intent(in) :: before, all_weight
-    !> The part; `mesh_node` is not allocated, greatest and shortest extent are not known yet.
+    !> The part; `mesh_node` is not allocated, greatest and shortest extent are not known yet (`measure_part`).
     type(body_mesh_t), intent(out) :: part
     !> The surface, the same on all ranks.
     type(surface_layer_t), intent(out) :: layer
@@ -219,6 +219,7 @@ contains
     part = body_part%mesh
     allocate (part%whole)
     associate (whole => part%whole)
+      whole%in_parts = .true.
       whole%n_nodes = body_part%n_whole_nodes
       whole%n_file_nodes = whole%n_nodes
       whole%n_of_block = body_part%elements%n_whole

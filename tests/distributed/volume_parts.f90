@@ -6,6 +6,7 @@ program volume_parts
   use dotyk_base_kinds, only: dp, int64
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_held_body, only: hold_own_part
+  use dotyk_elasticity_shortest_extent, only: measure_part, shortest_extent
   use dotyk_elasticity_support, only: collect_supports, support_t
   use dotyk_mesh_body_mesh, only: body_mesh_t, extract_body
   use dotyk_mesh_boundary, only: extract_boundary
@@ -20,6 +21,8 @@ program volume_parts
   use dotyk_ranks_exchange, only: add_counts, greatest
   implicit none
 
+  !> Of sums over a body, which depends on their order [].
+  real(dp), parameter :: rounding = 1.0e-12_dp
   integer :: n_failed, code, i
   logical :: speaks
   character(200) :: file, name
@@ -79,6 +82,7 @@ contains
       return
     end if
     call volume%make_part(share, 1, 0_int64, volume%weight(), part, layer)
+    call measure_part(part)
     call read_gmsh(file, mesh, error)
     call extract_body(mesh, name, 3, body%mesh, error)
     ! Which rank owns each element, each just once.
@@ -128,6 +132,9 @@ contains
     end do
     call check(a%whole%n_nodes == b%whole%n_nodes .and. a%whole%n_file_nodes == b%whole%n_file_nodes .and. &
                all(a%whole%n_of_block == b%whole%n_of_block), 'size of the body')
+    call check(a%is_in_parts() .and. b%is_in_parts(), 'kind of part')
+    call check(abs(a%diameter() - b%diameter()) <= rounding*a%diameter() .and. &
+               abs(shortest_extent(a) - shortest_extent(b)) <= rounding*a%diameter(), 'extents')
     call check(all(a%whole%node == b%whole%node) .and. all(a%whole%element == b%whole%element), 'numbers')
     call check(all(a%whole%own_node .eqv. b%whole%own_node), 'own nodes')
     call check(all(a%whole%own_element .eqv. b%whole%own_element), 'own elements')
