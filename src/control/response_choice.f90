@@ -36,7 +36,7 @@ module dotyk_control_response_choice
   !> Unknowns from which on p-multigrid is taken in three dimensions. On one thread a run with a factor takes 1.07, 1.3
   !> and 1.65 times as long at 33,000, 57,000 and 103,000 unknowns (`tools/benchmark large --only hertz`), with 2.6, 3.5
   !> and 4.7 times the memory, but its error bound rests on no measured constant.
-  integer, parameter :: crossover = 100000
+  integer, parameter, public :: crossover = 100000
   !> Bulk over shear modulus up to which p-multigrid is tried: Poisson's ratio 0.49, 23 to 41 iterations, and 0.45 for
   !> linear elements.
   real(dp), parameter :: most_bulk_over_shear = 50, most_of_linear = 9.7_dp
@@ -81,7 +81,7 @@ contains
   pure logical function is_large(body)
     !> Assembled or not.
     type(body_t), intent(in) :: body
-    is_large = body%dimension == 3 .and. body%constraint%n_equations > crossover
+    is_large = body%dimension == 3 .and. body%n_unknowns() > crossover
   end function is_large
 
   !> Whether a body that is large enough for p-multigrid has a factor because it is nearly incompressible.

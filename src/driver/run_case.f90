@@ -79,11 +79,10 @@ contains
     type(scene_t) :: scene
     type(contact_solution_t) :: solution
     real(dp), allocatable :: pressure(:)
-    needs_factors = .false.
     case = input
     run = chosen
-    call build_scene(case, run%scheme, may_split, scene, monitor, error)
-    if (allocated(error)) return
+    call build_scene(case, run%scheme, may_split, scene, monitor, needs_factors, error)
+    if (allocated(error) .or. needs_factors) return
     call set_pair_conditions(case, run)
     call show_scene(monitor%log, case, scene%problem, scene%size_of)
     call check_placement(scene, monitor)

@@ -3,36 +3,30 @@ module dotyk_driver_scene_building
   use dotyk_base_error, only: error_t
   use dotyk_base_interrupt, only: stop_if_interrupted
   use dotyk_base_memory, only: set_stage
-  use dotyk_base_text, only: quoted, text_t, to_text
+  use dotyk_base_text, only: text_t
   use dotyk_contact_operator, only: build_operator
   use dotyk_control_factorization, only: analyze_bodies
-  use dotyk_control_response_choice, only: choose_forms, form_direct, form_multigrid, form_split, &
-    suits_multigrid
-  use dotyk_driver_run_settings, only: may_use_multigrid
+  use dotyk_control_response_choice, only: form_split
   use dotyk_driver_scene, only: scene_t
-  use dotyk_elasticity_body, only: body_t, free_rigid_modes
+  use dotyk_driver_split_choice, only: choose_solution, read_shares
   use dotyk_input_case, only: case_t
   use dotyk_log_run_monitor, only: log_monitor_t
   use dotyk_model_assembly, only: assemble_bodies, check_held
   use dotyk_model_body_parts, only: hold_parts
   use dotyk_model_body_setup, only: body_surfaces_t, build_bodies
+  use dotyk_model_mesh_shares, only: mesh_shares_t
   use dotyk_model_pairs, only: find_pairs
   use dotyk_ranks_communication, only: n_ranks
   use dotyk_ranks_exchange, only: meet
   use dotyk_scheme_scheme, only: scheme_t
-  use dotyk_split_split_scene, only: can_split
   implicit none
   private
   public :: build_scene, scene_t
 
-  !> Floating bodies at most that are split: the coarse level does not know the motions of each, and needs hundreds of
-  !> iterations for networks of more.
-  integer, parameter :: most_floating = 15
-
 contains
 
   !> Meshes to bodies, contact rows, and the sizes of the factors: all that can be checked before anything is solved.
-  subroutine build_scene(case, scheme, may_split, scene, monitor, error)
+  subroutine build_scene(case, scheme, may_split, scene, monitor, needs_factors, error)
     !> The case; its contacts become the pairs that they stand for.
     type(case_t), intent(inout) :: case
     !> Scheme of the run.
@@ -43,16 +37,22 @@ contains
     type(scene_t), intent(out) :: scene
     !> Log and watch; times are added.
     type(log_monitor_t), intent(inout) :: monitor
+    !> Whether the ranks have parts of bodies that are not to be split: the scene is to be built anew, without.
+    logical, intent(out) :: needs_factors
     !> Allocated where a mesh, a material, a support, a load or a pair is wrong; names file and line.
     type(error_t), allocatable, intent(out) :: error
     type(text_t), allocatable :: remarks(:)
     integer, allocatable :: form(:)
     type(body_surfaces_t), allocatable :: surfaces(:)
-    logical :: splits
+    type(mesh_shares_t) :: shares
+    logical :: splits, in_parts
     integer :: i
+    needs_factors = .false.
     associate (problem => scene%problem)
       call set_stage('reading meshes')
-      call build_bodies(case, problem%body, surfaces, remarks, error)
+      call read_shares(case, may_split, shares, in_parts, error)
+      if (allocated(error)) return
+      call build_bodies(case, shares, in_parts, problem%body, surfaces, remarks, error)
       do i = 1, size(remarks)
         call monitor%log%line('  '//remarks(i)%s)
       end do
@@ -61,15 +61,13 @@ contains
       if (allocated(error)) return
       call monitor%watch%lap(monitor%timing%read)
       call problem%classes%init(size(problem%body))
-      call problem%classes%find(problem%body)
+      if (.not. in_parts) call problem%classes%find(problem%body)
       if (scheme%needs_held_bodies()) call check_held(case, problem%body, problem%classes, error)
       if (allocated(error)) return
       call set_stage('assembling')
-      form = choose_forms(problem%body, problem%classes, case%solver%response, may_use_multigrid(case))
-      splits = can_split() .and. any(form == form_multigrid)
-      if (splits .and. .not. may_split) form(:) = form_direct
-      splits = splits .and. may_split
-      if (splits) call choose_split(problem%body, monitor, form, splits)
+      call choose_solution(case, problem%body, problem%classes, may_split, monitor, form, splits)
+      needs_factors = in_parts .and. .not. splits
+      if (needs_factors) return
       if (splits) call problem%classes%init(size(problem%body))
       call problem%ranks%init(problem%body, problem%classes, splits)
       call hold_parts(problem%classes, problem%ranks, problem%body, surfaces, problem%modes)
@@ -103,32 +101,4 @@ contains
       call monitor%watch%lap(monitor%timing%order)
     end associate
   end subroutine build_scene
-
-  !> Split the bodies over all ranks, or leave each to one rank with its factor: not where the iterations would be too
-  !> many, for nearly incompressible bodies and networks of many floating ones.
-  subroutine choose_split(body, monitor, form, splits)
-    !> Bodies with supports (n_bodies).
-    type(body_t), intent(in) :: body(:)
-    !> Gets a line where they are not split.
-    type(log_monitor_t), intent(inout) :: monitor
-    !> How the bodies are solved (n_bodies).
-    integer, intent(inout) :: form(:)
-    !> Whether they are split.
-    logical, intent(out) :: splits
-    character(:), allocatable :: reason, motions
-    integer :: b, n_free, n_floating
-    reason = ''
-    n_floating = 0
-    do b = 1, size(body)
-      call free_rigid_modes(body(b), n_free, motions)
-      if (n_free > 0) n_floating = n_floating + 1
-      if (.not. suits_multigrid(body(b))) reason = quoted(body(b)%name)//' is nearly incompressible'
-      if (len(reason) > 0) exit
-    end do
-    if (n_floating > most_floating) reason = to_text(n_floating)//' bodies float'
-    splits = len(reason) == 0
-    form(:) = merge(form_split, form_direct, splits)
-    if (.not. splits) call monitor%note('factors          '//reason//': bodies are not split over ranks, each has '// &
-                                        'its factor on one of them')
-  end subroutine choose_split
 end module dotyk_driver_scene_building

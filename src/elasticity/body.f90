@@ -1,7 +1,7 @@
 !> One elastic body: elements, material, Dirichlet conditions and loads, and the linear system K u = f that they define.
 module dotyk_elasticity_body
   use dotyk_base_error, only: error_t
-  use dotyk_base_kinds, only: dp
+  use dotyk_base_kinds, only: dp, int64
   use dotyk_base_options, only: analysis_3d
   use dotyk_base_text, only: text_t
   use dotyk_elasticity_assembly, only: assemble_elements => assemble_stiffness
@@ -16,6 +16,7 @@ module dotyk_elasticity_body
   use dotyk_elasticity_stress_energy, only: stresses_and_energy
   use dotyk_linalg_sparse, only: sparse_symmetric_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_ranks_exchange, only: add_counts
   implicit none
   private
 
@@ -66,6 +67,7 @@ module dotyk_elasticity_body
     procedure :: assemble_loads => body_assemble_loads
     procedure :: hold_nodes => body_hold_nodes
     procedure :: number_part => body_number_part
+    procedure :: take_part => body_take_part
     procedure :: n_unknowns => body_n_unknowns
     procedure :: of_own_equations => body_of_own_equations
     procedure :: of_own_nodes => body_of_own_nodes
@@ -200,6 +202,19 @@ contains
       end do
     end associate
   end subroutine body_number_part
+
+  !> Take a part that was made without the whole body, with its supports and loads. All ranks do so together.
+  subroutine body_take_part(self)
+    class(body_t), intent(inout) :: self
+    integer(int64) :: n(2)
+    integer :: i
+    self%shared_node = [(i, i=1, self%mesh%n_nodes())]
+    call self%number_part(self%mesh%whole%own_node)
+    n = [count(self%own_equation), merge(0, 1, self%is_idle())]
+    call add_counts(n)
+    self%n_whole_equations = int(n(1))
+    self%is_loaded_inside = n(2) > 0
+  end subroutine body_take_part
 
   !> Number of equations of the whole body.
   elemental integer function body_n_unknowns(self) result(n)

@@ -75,7 +75,8 @@ contains
                          rule(kind), analysis == analysis_axisymmetric, load%kind, field, force, error)
         end associate
         if (allocated(error)) exit
-        if (present(points)) call add_points(f)
+        ! Other ranks have the elements of the other facets of a body in parts.
+        if (present(points) .and. surface%element(f) > 0) call add_points(f)
       end do
     end if
     call field%destroy()

@@ -5,6 +5,7 @@ module dotyk_elasticity_load_report
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric
   use dotyk_base_text, only: text_t
+  use dotyk_elasticity_part_sums, only: add_up_parts
   use dotyk_elasticity_shape_table, only: load_degree
   use dotyk_elasticity_vector_field, only: vector_field_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
@@ -37,7 +38,7 @@ module dotyk_elasticity_load_report
 
 contains
 
-  !> Resultant of nodal forces.
+  !> Resultant of nodal forces. All ranks find that of a body in parts together.
   function resultant_of(mesh, analysis, force, place) result(resultant)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
@@ -48,23 +49,27 @@ contains
     !> Where it acts.
     character(*), intent(in) :: place
     type(load_resultant_t) :: resultant
-    real(dp) :: x(3), f(3)
+    real(dp) :: x(3), f(3), sums(6)
     integer :: i, d
     d = mesh%dimension
     resultant%place = place
-    resultant%force(:d) = sum(force, dim=2)
-    if (analysis == analysis_axisymmetric) then
-      resultant%radial = resultant%force(1)
-      resultant%force(1) = 0
-      return
-    end if
+    sums = 0
     x = 0
     f = 0
     do i = 1, size(force, 2)
+      if (.not. mesh%is_own_node(i)) cycle
       x(:d) = mesh%x(:, i)
       f(:d) = force(:, i)
-      resultant%moment = resultant%moment + [x(2)*f(3) - x(3)*f(2), x(3)*f(1) - x(1)*f(3), x(1)*f(2) - x(2)*f(1)]
+      sums = sums + [f, x(2)*f(3) - x(3)*f(2), x(3)*f(1) - x(1)*f(3), x(1)*f(2) - x(2)*f(1)]
     end do
+    call add_up_parts(mesh, sums)
+    resultant%force = sums(1:3)
+    if (analysis == analysis_axisymmetric) then
+      resultant%radial = resultant%force(1)
+      resultant%force(1) = 0
+    else
+      resultant%moment = sums(4:6)
+    end if
   end function resultant_of
 
   !> Difference of two rules for the integrals of formulas over a surface, times linear shape functions, as a fraction
@@ -96,7 +101,7 @@ contains
     call field%destroy()
   end function difference_on_surface
 
-  !> The same over the elements.
+  !> The same over the elements; all ranks find that of a body in parts together.
   real(dp) function difference_in_volume(mesh, formula) result(difference)
     !> Elements and nodes of the body.
     type(body_mesh_t), intent(in) :: mesh
@@ -105,19 +110,24 @@ contains
     type(vector_field_t) :: field
     type(error_t), allocatable :: error
     real(dp) :: total(2)
-    integer :: b, e, step
+    integer :: b, e, step, before
     difference = 0
     call field%init([0.0_dp, 0.0_dp, 0.0_dp], error, formula)
     total = 0
     if (.not. field%constant .and. .not. allocated(error)) then
       step = 1 + mesh%n_elements()/most_elements
+      before = 0
       do b = 1, size(mesh%block)
         do e = 1, size(mesh%block(b)%node, 2), step
+          if (.not. mesh%is_own_element(before + e)) cycle
           call compare(mesh%block(b)%kind, mesh%dimension, mesh%x(:, mesh%block(b)%node(:, e)), field, total, error)
           if (allocated(error)) exit
         end do
+        before = before + size(mesh%block(b)%node, 2)
       end do
-      if (total(2) > 0 .and. .not. allocated(error)) difference = total(1)/total(2)
+      if (allocated(error)) total = 0
+      call add_up_parts(mesh, total)
+      if (total(2) > 0) difference = total(1)/total(2)
     end if
     call field%destroy()
   end function difference_in_volume

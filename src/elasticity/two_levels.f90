@@ -62,7 +62,7 @@ contains
     !> The body; it need not be assembled.
     type(body_t), intent(in) :: body
     obstacle = obstacle_none
-    if (is_linear(body%mesh) .and. body%constraint%n_equations < fewest_of_linear) obstacle = obstacle_few_unknowns
+    if (is_linear(body%mesh) .and. body%n_unknowns() < fewest_of_linear) obstacle = obstacle_few_unknowns
     if (obstacle /= obstacle_none .or. body%analysis == analysis_plane_stress) return
     if (body%material%bulk_over_shear() > most_bulk_over_shear) obstacle = obstacle_incompressible
   end function multigrid_obstacle

@@ -11,11 +11,19 @@ module dotyk_model_body_loads
     notable_difference, resultant_of
   use dotyk_input_case, only: load_input_t
   use dotyk_mesh_surface, only: surface_t
+  use dotyk_ranks_exchange, only: agree_on_error
   implicit none
   private
-  public :: add_load, check_formula
+  public :: acts_on_surface, add_load, check_formula
 
 contains
+
+  !> Whether a load acts on a surface, not in the volume.
+  pure logical function acts_on_surface(given)
+    !> `&load`.
+    type(load_input_t), intent(in) :: given
+    acts_on_surface = given%kind /= load_force_density
+  end function acts_on_surface
 
   !> Add one load.
   subroutine add_load(given, surface, body, error)
@@ -35,6 +43,8 @@ contains
     before = body%load
     if (load%kind == load_force_density) then
       call add_volume_load(body%mesh, body%analysis, load, body%load, error, body%applied)
+      ! Each rank has other elements of a body in parts.
+      if (body%mesh%is_in_parts()) call agree_on_error(error)
       if (allocated(error)) return
       if (size(load%formula) == 0) body%density = body%density + load%value
       call note_resultant(body, body%load - before, 'force_density')

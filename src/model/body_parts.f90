@@ -42,10 +42,12 @@ contains
     work = sum([(element_work(body(b)%mesh), b=1, size(body))])
     before = 0
     do b = 1, size(body)
-      call rank_elements(body(b)%mesh, before, work, n_ranks(), element_rank)
-      before = before + element_work(body(b)%mesh)
-      call hold_own_part(body(b), element_rank, this_rank(), n_ranks(), number)
-      call follow(body(b), number, surfaces(b))
+      if (body(b)%mesh%is_whole()) then
+        call rank_elements(body(b)%mesh, before, work, n_ranks(), element_rank)
+        before = before + element_work(body(b)%mesh)
+        call hold_own_part(body(b), element_rank, this_rank(), n_ranks(), number)
+        call follow(body(b), number, surfaces(b))
+      end if
       call modes(b)%find(body(b))
     end do
   end subroutine hold_parts

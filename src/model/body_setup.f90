@@ -3,7 +3,6 @@ module dotyk_model_body_setup
   use dotyk_base_error, only: add_context, error_t, exit_bad_input, problem_list_t
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: load_force_density
   use dotyk_base_text, only: quoted, text_t, to_text
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_stiffness_tensor, only: rotate_stiffness
@@ -13,12 +12,13 @@ module dotyk_model_body_setup
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_placement, only: placement_t
   use dotyk_mesh_surface, only: surface_t
-  use dotyk_model_body_loads, only: add_load, check_formula
+  use dotyk_model_body_loads, only: acts_on_surface, add_load, check_formula
   use dotyk_model_body_surfaces, only: body_surfaces_t
   use dotyk_model_joints, only: add_remark, check_joints, describe_joints
   use dotyk_model_locking, only: would_lock
   use dotyk_model_materials, only: build_material
   use dotyk_model_mesh_file, only: read_mesh
+  use dotyk_model_mesh_shares, only: mesh_shares_t
   use dotyk_model_volumes, only: volume_t
   implicit none
   private
@@ -27,9 +27,13 @@ module dotyk_model_body_setup
 contains
 
   !> Read every mesh once, extract every volume once, and build the bodies; all problems are reported together.
-  subroutine build_bodies(case, body, surfaces, remarks, error)
+  subroutine build_bodies(case, shares, in_parts, body, surfaces, remarks, error)
     !> The case.
     type(case_t), intent(in) :: case
+    !> Shares of the meshes that this rank has read; those of volumes are given up.
+    type(mesh_shares_t), intent(inout) :: shares
+    !> Whether there are such shares: this rank gets its parts of the bodies.
+    logical, intent(in) :: in_parts
     !> Bodies, not yet assembled (n_bodies).
     type(body_t), allocatable, intent(out) :: body(:)
     !> Surfaces of the bodies that contact pairs may need (n_bodies).
@@ -39,13 +43,12 @@ contains
     !> Allocated where meshes, materials, supports or loads cannot be used: all problems, one per line.
     type(error_t), allocatable, intent(out) :: error
     type(problem_list_t) :: problems
-    type(mesh_t) :: mesh
+    type(mesh_t) :: whole_mesh
     type(meshing_t) :: meshing
-    type(volume_t) :: volume
     type(error_t), allocatable :: failed
     logical, dimension(size(case%body)) :: read, done, same, locks
     logical :: support_used(size(case%support)), load_used(size(case%load))
-    integer :: b, c, k, before, same_volume(size(case%body))
+    integer :: b, c, before
     allocate (body(size(case%body)), surfaces(size(case%body)))
     allocate (remarks(0))
     meshing%no_shell = case%no_shell
@@ -53,35 +56,54 @@ contains
     support_used = .not. case%support%any_body
     load_used = .not. case%load%any_body
     done = .false.
-    same_volume = 0
     locks = [(would_lock(case, b), b=1, size(body))]
     do b = 1, size(body)
       if (interrupted()) exit
       if (read(b)) cycle
       same = [(case%body(c)%mesh == case%body(b)%mesh, c=1, size(body))]
       read = read .or. same
+      if (in_parts) then
+        call build_file(shares%mesh(b))
+        cycle
+      end if
       before = problems%count
-      call read_mesh(case%body(b)%mesh, case%scene%dimension, mesh, meshing, failed)
+      call read_mesh(case%body(b)%mesh, case%scene%dimension, whole_mesh, meshing, failed)
       if (len(meshing%remark) > 0) call add_remark(remarks, meshing%remark)
       call problems%add_error(failed)
       if (problems%count > before) cycle
-      do c = b, size(body)
-        if (.not. same(c) .or. done(c)) cycle
-        call volume%take(mesh, case%body(c)%volume, case%scene%dimension, locks(c))
-        do k = c, size(body)
-          if (.not. same(k) .or. case%body(k)%volume /= case%body(c)%volume .or. (locks(k) .neqv. locks(c))) cycle
-          done(k) = .true.
-          same_volume(k) = c
-          call build_body(case, mesh, volume, k, body(k), surfaces(k), support_used, load_used, problems)
-        end do
-        call describe_joints(case, volume, count(same_volume == c), c, remarks)
-      end do
+      call build_file(whole_mesh)
     end do
     if (problems%count == 0) then
       call refuse_unused(case%file, case%support%line, support_used, '&support', problems)
       call refuse_unused(case%file, case%load%line, load_used, '&load', problems)
     end if
     call problems%raise(error)
+
+  contains
+
+    !> Build the bodies of one file.
+    subroutine build_file(mesh)
+      !> The file, or this rank's share of it.
+      type(mesh_t), intent(in) :: mesh
+      type(volume_t) :: volume
+      integer :: c, k, n_same
+      do c = b, size(body)
+        if (.not. same(c) .or. done(c)) cycle
+        if (in_parts) then
+          call shares%take_part(c, volume)
+        else
+          call volume%take(mesh, case%body(c)%volume, case%scene%dimension, locks(c))
+        end if
+        n_same = 0
+        do k = c, size(body)
+          if (.not. same(k) .or. case%body(k)%volume /= case%body(c)%volume .or. (locks(k) .neqv. locks(c))) cycle
+          done(k) = .true.
+          n_same = n_same + 1
+          call build_body(case, mesh, volume, k, body(k), surfaces(k), support_used, load_used, problems)
+        end do
+        call describe_joints(case, volume, n_same, c, remarks)
+      end do
+    end subroutine build_file
   end subroutine build_bodies
 
   !> Report groups whose wildcards name bodies of which none has the surface.
@@ -171,13 +193,15 @@ contains
     allocate (body%load(body%dimension, body%mesh%n_nodes()), source=0.0_dp)
     do k = 1, size(case%load)
       if (case%load(k)%body /= b) cycle
-      if (case%load(k)%any_body .and. case%load(k)%kind /= load_force_density) then
+      if (case%load(k)%any_body .and. acts_on_surface(case%load(k))) then
         if (.not. volume%has_surface(mesh, case%load(k)%surface)) cycle
       end if
       load_used(k) = .true.
       call build_load(case%load(k), failed)
       call note(case%load(k)%line, failed)
     end do
+    ! All ranks have the same problems.
+    if (body%mesh%is_in_parts() .and. problems%count == before) call body%take_part()
 
   contains
 
@@ -257,7 +281,7 @@ contains
       !> Allocated where the load cannot be used.
       type(error_t), allocatable, intent(out) :: failed
       type(surface_t) :: surface
-      if (given%kind /= load_force_density) call take_surface(given%surface, surface, failed)
+      if (acts_on_surface(given)) call take_surface(given%surface, surface, failed)
       if (.not. allocated(failed)) call add_load(given, surface, body, failed)
     end subroutine build_load
 

@@ -5,6 +5,7 @@ module dotyk_model_mesh_file
   use dotyk_mesh_gmsh, only: read_gmsh
   use dotyk_mesh_gmsh_run, only: mesh_geometry, meshing_t
   use dotyk_mesh_mesh, only: mesh_t
+  use dotyk_mesh_mesh_selection, only: mesh_selection_t
   use dotyk_ranks_communication, only: this_rank
   use dotyk_ranks_exchange, only: meet
   implicit none
@@ -14,7 +15,7 @@ module dotyk_model_mesh_file
 contains
 
   !> Read a .msh file, or a .geo file that gmsh meshes: for the first rank, and the others read what it has made.
-  subroutine read_mesh(path, dimension, mesh, meshing, error)
+  subroutine read_mesh(path, dimension, mesh, meshing, error, selection)
     !> Path of the mesh or geometry.
     character(*), intent(in) :: path
     !> Dimension of space, for gmsh.
@@ -25,13 +26,15 @@ contains
     type(meshing_t), intent(inout) :: meshing
     !> Allocated where the file cannot be read or meshed.
     type(error_t), allocatable, intent(out) :: error
-    if (this_rank() == 0) call read_or_make(path, dimension, mesh, meshing, error)
+    !> What is read; all if absent.
+    type(mesh_selection_t), intent(in), optional :: selection
+    if (this_rank() == 0) call read_or_make(path, dimension, mesh, meshing, error, selection)
     call meet()
-    if (this_rank() > 0) call read_or_make(path, dimension, mesh, meshing, error)
+    if (this_rank() > 0) call read_or_make(path, dimension, mesh, meshing, error, selection)
   end subroutine read_mesh
 
   !> Read a .msh file, or a .geo file that gmsh meshes.
-  subroutine read_or_make(path, dimension, mesh, meshing, error)
+  subroutine read_or_make(path, dimension, mesh, meshing, error, selection)
     !> Path of the mesh or geometry.
     character(*), intent(in) :: path
     !> Dimension of space, for gmsh.
@@ -42,6 +45,8 @@ contains
     type(meshing_t), intent(inout) :: meshing
     !> Allocated where the file cannot be read or meshed.
     type(error_t), allocatable, intent(out) :: error
+    !> What is read; all if absent.
+    type(mesh_selection_t), intent(in), optional :: selection
     character(:), allocatable :: msh
     msh = path
     meshing%for_once = .false.
@@ -49,7 +54,7 @@ contains
     if (len(path) > 4) then
       if (path(len(path) - 3:) == '.geo') call mesh_geometry(path, dimension, msh, error, meshing)
     end if
-    if (.not. allocated(error)) call read_gmsh(msh, mesh, error)
+    if (.not. allocated(error)) call read_gmsh(msh, mesh, error, selection)
     if (meshing%for_once) call remove_file(msh)
     ! Messages name the file of the namelist.
     if (.not. allocated(error)) mesh%file = path

@@ -9,6 +9,7 @@
 module dotyk_model_volume_parts
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
+  use dotyk_elasticity_shortest_extent, only: measure_part
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_body_part, only: body_part_t
   use dotyk_mesh_boundary_candidates, only: boundary_candidates_t, key_length
@@ -41,6 +42,8 @@ module dotyk_model_volume_parts
     real(dp), allocatable, private :: low(:), high(:)
     !> Nodes of the elements of all ranks in each bin along the curve (0:n_bins-1).
     integer(int64), allocatable, private :: in_bin(:)
+    !> Their sum.
+    integer(int64), private :: n_in_bins = 0
   contains
     procedure :: take => share_take
     procedure :: weight => share_weight
@@ -76,12 +79,13 @@ contains
     call greatest(self%high)
     call share_weights(self%own, self%low, self%high, self%in_bin)
     call add_counts(self%in_bin)
+    self%n_in_bins = sum(self%in_bin)
   end subroutine share_take
 
   !> Nodes of all elements of the volume, on all ranks.
   pure integer(int64) function share_weight(self) result(weight)
     class(volume_share_t), intent(in) :: self
-    weight = sum(self%in_bin)
+    weight = self%n_in_bins
   end function share_weight
 
   !> The part of this rank, and the surface of the volume. The share is given up.
@@ -93,7 +97,7 @@ contains
     integer, intent(in) :: n_bodies
     !> Weights of the bodies of the volumes before this one, and of all bodies.
     integer(int64), intent(in) :: before, all_weight
-    !> The part; `mesh_node` is not allocated, greatest and shortest extent are not known yet (`measure_part`).
+    !> The part; `mesh_node` is not allocated.
     type(body_mesh_t), intent(out) :: part
     !> The surface, the same on all ranks.
     type(surface_layer_t), intent(out) :: layer
@@ -112,6 +116,7 @@ contains
     call fetch_ghosts(self, candidates, n_sharers, sharer, number, x)
     call finish_part(number, x, layer, first_node, this_rank(), n_ranks(), body_part, component)
     call hold(body_part, component, layer, part)
+    call measure_part(part)
     deallocate (self%file_node, self%in_bin)
     self%own = body_mesh_t()
     self%whole = whole_numbers_t()

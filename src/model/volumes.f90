@@ -1,15 +1,20 @@
-!> A volume of a mesh and its surfaces, extracted once for all bodies that use it.
+!> A volume of a mesh and its surfaces, extracted once for all bodies that use it: the whole volume, or the part of it that
+!> this rank goes on with.
 module dotyk_model_volumes
   use dotyk_base_error, only: error_t
+  use dotyk_base_kinds, only: int64
   use dotyk_base_text, only: text_t
   use dotyk_base_wildcard, only: matches
   use dotyk_mesh_body_mesh, only: body_mesh_t, extract_body
   use dotyk_mesh_boundary, only: extract_boundary
   use dotyk_mesh_boundary_part, only: find_entities
   use dotyk_mesh_joints, only: joints_t
+  use dotyk_mesh_layer_surface, only: extract_layer_surface, layer_boundary, layer_surface_names
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_order_elevation, only: has_linear_simplices, elevate_order
   use dotyk_mesh_surface, only: extract_surface, node_numbers, surface_names, surface_t
+  use dotyk_mesh_surface_layer, only: surface_layer_t
+  use dotyk_model_volume_parts, only: held_surface_of_layer, volume_share_t
   implicit none
   private
 
@@ -29,8 +34,11 @@ module dotyk_model_volumes
     type(text_t), allocatable, private :: name(:)
     !> Its whole boundary; allocated when first asked for.
     type(surface_t), allocatable, private :: boundary
+    !> Its surface, where this rank has a part of its elements.
+    type(surface_layer_t), allocatable, private :: layer
   contains
     procedure :: take => volume_take
+    procedure :: take_part => volume_take_part
     procedure :: take_surface => volume_take_surface
     procedure :: has_surface => volume_has_surface
     procedure :: take_boundary => volume_take_boundary
@@ -57,6 +65,22 @@ contains
     allocate (self%surface(4))
   end subroutine volume_take
 
+  !> Make the part of this rank, with all ranks.
+  subroutine volume_take_part(self, mesh, share, n_bodies, before, all_weight)
+    class(volume_t), intent(out) :: self
+    !> What this rank has read of the file.
+    type(mesh_t), intent(in) :: mesh
+    !> What it has read of the volume; given up.
+    type(volume_share_t), intent(inout) :: share
+    !> Number of bodies that use the volume.
+    integer, intent(in) :: n_bodies
+    !> Weights of the bodies of the volumes before this one, and of all bodies.
+    integer(int64), intent(in) :: before, all_weight
+    allocate (self%layer)
+    call share%make_part(mesh, n_bodies, before, all_weight, self%mesh, self%layer)
+    allocate (self%surface(4))
+  end subroutine volume_take_part
+
   !> The whole boundary of the volume.
   subroutine volume_take_boundary(self, mesh, boundary)
     class(volume_t), intent(inout) :: self
@@ -67,9 +91,14 @@ contains
     integer, allocatable :: number(:)
     if (.not. allocated(self%boundary)) then
       allocate (self%boundary)
-      call extract_boundary(self%mesh, self%boundary)
-      call node_numbers(mesh, self%mesh, number)
-      call find_entities(mesh, number, self%boundary)
+      if (allocated(self%layer)) then
+        call layer_boundary(mesh, self%layer, self%boundary)
+        call held_surface_of_layer(self%layer, self%mesh, self%boundary)
+      else
+        call extract_boundary(self%mesh, self%boundary)
+        call node_numbers(mesh, self%mesh, number)
+        call find_entities(mesh, number, self%boundary)
+      end if
     end if
     boundary = self%boundary
   end subroutine volume_take_boundary
@@ -82,7 +111,13 @@ contains
     !> Physical group of the surface, maybe with wildcards.
     character(*), intent(in) :: name
     integer :: i
-    if (.not. allocated(self%name)) call surface_names(mesh, self%mesh, self%name)
+    if (.not. allocated(self%name)) then
+      if (allocated(self%layer)) then
+        call layer_surface_names(mesh, self%layer, self%name)
+      else
+        call surface_names(mesh, self%mesh, self%name)
+      end if
+    end if
     has = .true.
     do i = 1, size(self%name)
       if (self%name(i)%s == name .or. matches(name, self%name(i)%s)) return
@@ -108,7 +143,12 @@ contains
       surface = self%surface(i)
       return
     end do
-    call extract_surface(mesh, self%mesh, name, surface, error)
+    if (allocated(self%layer)) then
+      call extract_layer_surface(mesh, self%layer, name, surface, error)
+      if (.not. allocated(error)) call held_surface_of_layer(self%layer, self%mesh, surface)
+    else
+      call extract_surface(mesh, self%mesh, name, surface, error)
+    end if
     if (allocated(error)) return
     if (self%n == size(self%surface)) then
       allocate (more(2*self%n))

@@ -1,0 +1,90 @@
+!> The choice whether ranks compute the bodies of a scene together.
+module dotyk_driver_split_choice
+  use dotyk_base_error, only: error_t
+  use dotyk_base_text, only: quoted, to_text
+  use dotyk_control_congruence_classes, only: congruence_classes_t
+  use dotyk_control_response_choice, only: choose_forms, crossover, form_direct, form_multigrid, form_split, &
+    suits_multigrid
+  use dotyk_driver_run_settings, only: may_use_multigrid
+  use dotyk_elasticity_body, only: body_t, free_rigid_modes
+  use dotyk_input_case, only: case_t
+  use dotyk_log_run_monitor, only: log_monitor_t
+  use dotyk_model_mesh_shares, only: mesh_shares_t
+  use dotyk_split_split_scene, only: can_split
+  implicit none
+  private
+  public :: choose_solution, read_shares
+
+  !> Floating bodies at most that are split: the coarse level does not know the motions of each, and needs hundreds of
+  !> iterations for networks of more.
+  integer, parameter :: most_floating = 15
+
+contains
+
+  !> Read this rank's shares of the meshes, where the scene may become one of bodies in parts.
+  subroutine read_shares(case, may_split, shares, in_parts, error)
+    !> The case.
+    type(case_t), intent(in) :: case
+    !> Whether several ranks may compute a body together.
+    logical, intent(in) :: may_split
+    !> The shares.
+    type(mesh_shares_t), intent(inout) :: shares
+    !> Whether bodies are made of them.
+    logical, intent(out) :: in_parts
+    !> As in `mesh_shares_t%read`.
+    type(error_t), allocatable, intent(out) :: error
+    in_parts = may_split .and. can_split() .and. may_use_multigrid(case)
+    if (in_parts) call shares%read(case, crossover, in_parts, error)
+  end subroutine read_shares
+
+  !> How the bodies are solved, and whether ranks compute them together.
+  subroutine choose_solution(case, body, classes, may_split, monitor, form, splits)
+    !> The case.
+    type(case_t), intent(in) :: case
+    !> Bodies with supports (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    !> Congruence classes.
+    type(congruence_classes_t), intent(in) :: classes
+    !> Whether several ranks may compute a body together.
+    logical, intent(in) :: may_split
+    !> Gets a line where they do not, although p-multigrid would be taken.
+    type(log_monitor_t), intent(inout) :: monitor
+    !> One of `form_*` (n_bodies).
+    integer, allocatable, intent(out) :: form(:)
+    !> Whether the bodies are split over all ranks.
+    logical, intent(out) :: splits
+    form = choose_forms(body, classes, case%solver%response, may_use_multigrid(case))
+    splits = can_split() .and. any(form == form_multigrid)
+    if (splits .and. .not. may_split) form(:) = form_direct
+    splits = splits .and. may_split
+    if (splits) call choose_split(body, monitor, form, splits)
+  end subroutine choose_solution
+
+  !> Split the bodies over all ranks, or leave each to one rank with its factor: not where the iterations would be too
+  !> many, for nearly incompressible bodies and networks of many floating ones.
+  subroutine choose_split(body, monitor, form, splits)
+    !> Bodies with supports (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    !> Gets a line where they are not split.
+    type(log_monitor_t), intent(inout) :: monitor
+    !> How the bodies are solved (n_bodies).
+    integer, intent(inout) :: form(:)
+    !> Whether they are split.
+    logical, intent(out) :: splits
+    character(:), allocatable :: reason, motions
+    integer :: b, n_free, n_floating
+    reason = ''
+    n_floating = 0
+    do b = 1, size(body)
+      call free_rigid_modes(body(b), n_free, motions)
+      if (n_free > 0) n_floating = n_floating + 1
+      if (.not. suits_multigrid(body(b))) reason = quoted(body(b)%name)//' is nearly incompressible'
+      if (len(reason) > 0) exit
+    end do
+    if (n_floating > most_floating) reason = to_text(n_floating)//' bodies float'
+    splits = len(reason) == 0
+    form(:) = merge(form_split, form_direct, splits)
+    if (.not. splits) call monitor%note('factors          '//reason//': bodies are not split over ranks, each has '// &
+                                        'its factor on one of them')
+  end subroutine choose_split
+end module dotyk_driver_split_choice

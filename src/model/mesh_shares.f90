@@ -1,0 +1,132 @@
+!> Shares of the mesh files: what each rank reads where all ranks compute large bodies together.
+module dotyk_model_mesh_shares
+  use dotyk_base_error, only: add_context, error_t
+  use dotyk_base_kinds, only: int64
+  use dotyk_base_options, only: analysis_3d, response_auto, response_multigrid
+  use dotyk_base_text, only: text_t, to_text
+  use dotyk_input_case, only: case_t
+  use dotyk_mesh_gmsh_run, only: meshing_t
+  use dotyk_mesh_mesh, only: mesh_t
+  use dotyk_mesh_mesh_selection, only: mesh_selection_t
+  use dotyk_model_locking, only: would_lock
+  use dotyk_model_mesh_file, only: read_mesh
+  use dotyk_model_volume_parts, only: volume_share_t
+  use dotyk_model_volumes, only: volume_t
+  use dotyk_ranks_communication, only: n_ranks, this_rank
+  use dotyk_ranks_exchange, only: agree_on_error
+  implicit none
+  private
+
+  !> The shares of this rank.
+  type, public :: mesh_shares_t
+    !> Shares of the files, those of bodies that are the first ones of a file (n_bodies).
+    type(mesh_t), allocatable :: mesh(:)
+    !> The first body of the same file, and of the same volume (n_bodies).
+    integer, allocatable :: first_of_file(:), first_of_volume(:)
+    !> Shares of the volumes, those of first bodies (n_bodies).
+    type(volume_share_t), allocatable, private :: volume(:)
+  contains
+    procedure :: read => shares_read
+    procedure :: take_part => shares_take_part
+  end type mesh_shares_t
+
+  !> Nodes of elements, for each node of a body, at least: 27 of each hexahedron of second order, of which there are as
+  !> many as eighths of the nodes.
+  integer, parameter :: fewest_per_node = 3
+
+contains
+
+  !> Read this rank's shares, where a body may be large enough.
+  subroutine shares_read(self, case, fewest_unknowns, suits, error)
+    class(mesh_shares_t), intent(out) :: self
+    !> The case.
+    type(case_t), intent(in) :: case
+    !> Unknowns that the largest body has at least, where bodies are split.
+    integer, intent(in) :: fewest_unknowns
+    !> Whether the shares are of use: not for plane analyses, for elements that would be elevated, and for small bodies.
+    logical, intent(out) :: suits
+    !> The same on all ranks: a file cannot be read, has no such volume, or inverted elements.
+    type(error_t), allocatable, intent(out) :: error
+    type(mesh_selection_t) :: selection
+    type(meshing_t) :: meshing
+    integer :: b, c, n
+    n = size(case%body)
+    suits = case%scene%analysis == analysis_3d .and. any(case%solver%response == [response_auto, response_multigrid])
+    if (suits) suits = .not. any([(would_lock(case, b), b=1, n)])
+    if (.not. suits) return
+    allocate (self%mesh(n), self%volume(n), self%first_of_file(n), self%first_of_volume(n))
+    meshing%no_shell = case%no_shell
+    selection%everything = .false.
+    selection%n_shares = n_ranks()
+    selection%share = this_rank()
+    do b = 1, n
+      do c = 1, b
+        if (case%body(c)%mesh == case%body(b)%mesh) exit
+      end do
+      self%first_of_file(b) = c
+      do c = c, b
+        if (case%body(c)%mesh == case%body(b)%mesh .and. case%body(c)%volume == case%body(b)%volume) exit
+      end do
+      self%first_of_volume(b) = c
+    end do
+    do b = 1, n
+      if (self%first_of_file(b) /= b) cycle
+      selection%volume = names_of(self, case, b)
+      call read_mesh(case%body(b)%mesh, case%scene%dimension, self%mesh(b), meshing, error, selection)
+      call agree_on_error(error)
+      ! Each rank has made a mesh of its own.
+      suits = .not. meshing%for_once
+      if (allocated(error) .or. .not. suits) return
+      do c = b, n
+        if (self%first_of_file(c) /= b .or. self%first_of_volume(c) /= c) cycle
+        call self%volume(c)%take(self%mesh(b), case%body(c)%volume, case%scene%dimension, error)
+        call add_context(error, case%file//':'//to_text(case%body(c)%line)//': ')
+        if (allocated(error)) return
+      end do
+    end do
+    suits = case%solver%response == response_multigrid
+    do c = 1, n
+      if (self%first_of_volume(c) == c) &
+        suits = suits .or. case%scene%dimension*(self%volume(c)%weight()/fewest_per_node) >= fewest_unknowns
+    end do
+  end subroutine shares_read
+
+  !> Names of the volumes of one file (n_names).
+  function names_of(self, case, b) result(name)
+    class(mesh_shares_t), intent(in) :: self
+    !> The case.
+    type(case_t), intent(in) :: case
+    !> First body of the file.
+    integer, intent(in) :: b
+    type(text_t), allocatable :: name(:)
+    integer :: c, n
+    allocate (name(count([(self%first_of_file(c) == b .and. self%first_of_volume(c) == c, c=1, size(case%body))])))
+    n = 0
+    do c = 1, size(case%body)
+      if (self%first_of_file(c) /= b .or. self%first_of_volume(c) /= c) cycle
+      n = n + 1
+      name(n)%s = case%body(c)%volume
+    end do
+  end function names_of
+
+  !> The part of this rank of a volume: all volumes are on one curve, in equal lengths for each rank.
+  subroutine shares_take_part(self, b, volume)
+    class(mesh_shares_t), intent(inout) :: self
+    !> First body of the volume.
+    integer, intent(in) :: b
+    !> The part.
+    type(volume_t), intent(out) :: volume
+    integer(int64) :: before, all_weight
+    integer :: c, n_bodies
+    before = 0
+    all_weight = 0
+    do c = 1, size(self%volume)
+      if (self%first_of_volume(c) /= c) cycle
+      n_bodies = count(self%first_of_volume == c)
+      if (c < b) before = before + n_bodies*self%volume(c)%weight()
+      all_weight = all_weight + n_bodies*self%volume(c)%weight()
+    end do
+    call volume%take_part(self%mesh(self%first_of_file(b)), self%volume(b), count(self%first_of_volume == b), before, &
+                          all_weight)
+  end subroutine shares_take_part
+end module dotyk_model_mesh_shares
