@@ -36,7 +36,6 @@ contains
     integer, intent(in) :: n_full_solves
     !> The solution.
     type(contact_solution_t), intent(in) :: solution
-    integer :: indeterminate
     associate (state => solution%state, budget => solution%budget, conditioning => solution%conditioning)
       call file%put_attribute('summary', 'converged', state%has_converged())
       call file%put_attribute('summary', 'status', ending_name(state%ended))
@@ -71,9 +70,7 @@ contains
       call file%put_array('summary', 'condition_number', conditioning%condition)
       call file%put_array('summary', 'digits_lost', conditioning%lost_digits())
       call file%put_array('summary', 'refinement_steps', conditioning%n_steps)
-      indeterminate = 0
-      if (allocated(state%indeterminate)) indeterminate = size(state%indeterminate, 2)
-      call file%put_attribute('summary', 'indeterminate_modes', indeterminate)
+      call file%put_attribute('summary', 'indeterminate_modes', state%indeterminate%n)
     end associate
     call file%put_attribute('summary', 'bodies_by_multigrid', &
                             count(size_of%form == form_multigrid .or. size_of%form == form_split))

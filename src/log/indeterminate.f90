@@ -4,6 +4,8 @@ module dotyk_log_indeterminate
   use dotyk_base_log, only: log_t
   use dotyk_base_text, only: quoted, text_t, to_text
   use dotyk_control_contact_problem, only: contact_problem_t, first_mode
+  use dotyk_scheme_coarse_space, only: mode_block_t
+  use dotyk_scheme_mode_columns, only: mode_columns_t
   implicit none
   private
   public :: note_indeterminate, note_neutral, names_in_short, without_places, kinds_of_motion
@@ -17,23 +19,25 @@ contains
   subroutine note_indeterminate(problem, amplitude, log)
     !> Bodies and their modes.
     type(contact_problem_t), intent(in) :: problem
-    !> Indeterminate combinations as columns: amplitudes of the modes of all bodies, body after body (n_modes,
-    !> n_combinations) [length].
-    real(dp), intent(in) :: amplitude(:, :)
+    !> Indeterminate combinations as columns: amplitudes of the modes of all bodies, body after body [length].
+    type(mode_columns_t), intent(in) :: amplitude
     !> The log.
     type(log_t), intent(inout) :: log
     type(text_t) :: motion(size(problem%body)), short(size(problem%body)), kinds(size(problem%body))
+    type(mode_block_t), allocatable :: of_body(:)
     character(:), allocatable :: text
     logical :: is_open(size(problem%body)), alike(size(problem%body)), is_held(size(problem%body))
     integer :: b, n_lines, first(size(problem%body) + 1), class(size(problem%body)), kind(size(problem%body))
+    if (amplitude%n == 0) return
     first = first_mode(problem%modes)
+    call amplitude%by_bodies(first, of_body)
     is_held = .false.
     if (allocated(problem%neutral)) is_held = problem%neutral%n > 0
     do b = 1, size(problem%body)
       motion(b)%s = ''
       associate (modes => problem%modes(b))
         if (modes%n > 0 .and. .not. modes%is_near_null()) &
-          motion(b)%s = modes%span_text(amplitude(first(b):first(b + 1) - 1, :))
+          motion(b)%s = modes%span_text(of_body(b)%value)
       end associate
       short(b)%s = without_places(motion(b)%s)
       kinds(b)%s = kinds_of_motion(motion(b)%s)

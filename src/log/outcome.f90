@@ -47,7 +47,7 @@ contains
     real(dp) :: largest
     !> Displacement by rotation, relative to the size of the body, from which on linear kinematics describe nothing [].
     real(dp), parameter :: largest_rotation = 1
-    if (allocated(state%indeterminate)) call note_indeterminate(problem, state%indeterminate, log)
+    call note_indeterminate(problem, state%indeterminate, log)
     call note_neutral(problem, log)
     if (.not. allocated(state%alpha)) return
     call note_rotations(problem%body, problem%modes, state%alpha, log, largest)

@@ -13,6 +13,7 @@ module dotyk_scheme_active_system
   use dotyk_base_kinds, only: dp
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
+  use dotyk_scheme_mode_columns, only: mode_columns_t
   implicit none
   private
   public :: proximal_term
@@ -28,8 +29,8 @@ module dotyk_scheme_active_system
     !> Steps of Newton's method need no more accuracy: fraction of the energy of the step that the network system may
     !> leave in the residual; 0: rounding [].
     real(dp) :: step_reduction = 0
-    !> Null modes: rigid body modes that the active points do not restrain, as columns (coarse%n, number of them).
-    real(dp), allocatable :: null_mode(:, :)
+    !> Null modes: rigid body modes that the active points do not restrain; the largest amplitude of each is 1.
+    type(mode_columns_t) :: null_mode
   contains
     !> Set `row` and `layer`.
     procedure :: take_points => system_take_points
@@ -142,6 +143,6 @@ contains
     !> The system.
     class(active_system_t), intent(inout) :: self
     if (allocated(self%row)) deallocate (self%row, self%layer)
-    if (allocated(self%null_mode)) deallocate (self%null_mode)
+    call self%null_mode%destroy()
   end subroutine system_forget
 end module dotyk_scheme_active_system

@@ -184,33 +184,32 @@ contains
     type(direct_system_t), intent(inout) :: self
     !> With the coarse space.
     type(contact_qp_t), intent(in) :: qp
-    real(dp), allocatable :: x(:), joint(:, :)
+    real(dp), allocatable :: x(:), own(:), joint(:, :)
     real(dp) :: motion
     integer :: i, j, b, n, n_joint
     n = size(self%row)
     allocate (x(n + qp%coarse%n))
-    allocate (self%null_mode(qp%coarse%n, size(self%factor%null_block)), source=0.0_dp)
     allocate (joint(qp%coarse%n, size(self%factor%null_block)))
     n_joint = 0
     do i = 1, size(self%factor%null_block)
       b = self%graph%body_of(self%factor%null_block(i))
       associate (first => qp%coarse%first(b), last => qp%coarse%first(b + 1) - 1, &
                  place => self%graph%body(b)%place)
-        self%null_mode(first:last, i) = self%factor%null_direction(:last - first + 1, i)
-        motion = maxval([0.0_dp, abs(matmul(qp%coarse%block(b)%value(place, :), self%null_mode(first:last, i)))])
+        own = self%factor%null_direction(:last - first + 1, i)
+        motion = maxval([0.0_dp, abs(matmul(qp%coarse%block(b)%value(place, :), own))])
+        if (motion <= least_motion) call self%null_mode%add(own/maxval(abs(own)), offset=first - 1)
       end associate
       if (motion > least_motion) then
         call expand_null_vector(self%factor, i, x)
         ! Blocks of modes follow those of pairs, body after body.
-        self%null_mode(:, i) = x(n + 1:)
+        call self%null_mode%add(x(n + 1:)/maxval(abs(x(n + 1:))))
         n_joint = n_joint + 1
-        joint(:, n_joint) = self%null_mode(:, i)
+        joint(:, n_joint) = x(n + 1:)
         do j = 1, n_joint - 1
           joint(:, n_joint) = joint(:, n_joint) - dot_product(joint(:, j), joint(:, n_joint))*joint(:, j)
         end do
         joint(:, n_joint) = joint(:, n_joint)/norm2(joint(:, n_joint))
       end if
-      self%null_mode(:, i) = self%null_mode(:, i)/maxval(abs(self%null_mode(:, i)))
     end do
     self%joint_null = joint(:, :n_joint)
   end subroutine find_null_modes

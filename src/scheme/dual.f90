@@ -9,7 +9,6 @@
 !> working set. At the end the displacement tells which of them are violated; these are added to the working set, and
 !> the problem is solved again.
 module dotyk_scheme_dual
-  use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use dotyk_base_error, only: error_t, exit_not_solvable
   use dotyk_base_interrupt, only: interrupted, stop_if_interrupted
   use dotyk_base_kinds, only: dp
@@ -22,6 +21,7 @@ module dotyk_scheme_dual
   use dotyk_scheme_linear_solver_choice, only: choose_solver, is_network, take_factors
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
+  use dotyk_scheme_equilibrium_check, only: check_equilibrium, clear, explain_failure
   use dotyk_scheme_history, only: history_t
   use dotyk_scheme_monitor, only: monitor_t
   use dotyk_scheme_multilevel_start, only: few_rows, find_start
@@ -30,11 +30,9 @@ module dotyk_scheme_dual
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_cycling, ended_interrupted, &
     ended_limit, ended_no_equilibrium, ended_rigid_constraint, ended_stalled, ended_unbalanced
   use dotyk_scheme_stopping, only: solver_settings_t
-  use dotyk_scheme_winkler_start, only: find_unbounded_direction
   use dotyk_scheme_working_set, only: has_many_modes, keep_what_carries, screen_rows
   implicit none
   private
-  public :: check_equilibrium, clear
 
   !> The scheme.
   type, extends(scheme_t), public :: dual_t
@@ -110,12 +108,13 @@ contains
     type(history_t) :: earlier
     logical, allocatable :: working(:), violated(:)
     type(solver_settings_t) :: left
-    logical :: warm
+    logical :: warm, explains
     integer :: round
 
     warm = allocated(state%m)
     ! A state with a history is one of this problem; the loads may have changed since any other.
-    if (state%history%n == 0) then
+    explains = state%history%n == 0 .and. has_many_modes(qp)
+    if (state%history%n == 0 .and. .not. explains) then
       call check_equilibrium(qp, state)
       if (state%ended == ended_no_equilibrium) return
     end if
@@ -151,6 +150,8 @@ contains
       end if
       if (allocated(error)) then
         if (error%code == exit_not_solvable .and. is_network(system) .and. round < most_rounds) then
+          if (explains) call explain_failure(qp, state, error)
+          if (.not. allocated(error)) exit
           ! It may be singular where the factor of the whole system is not.
           deallocate (error)
           call monitor%note('active sets      the network of bodies is singular; again with the factor of the system')
@@ -177,6 +178,7 @@ contains
       warm = warm .or. qp%coarse%n > 0 .and. state%ended == ended_converged
     end do
     call system%destroy()
+    if (explains) call explain_failure(qp, state, error)
     state%iterations = state%history%n
     state%screened = count(.not. working)
     associate (not_needed => same_type_as(self, self))
@@ -196,22 +198,6 @@ contains
     end if
     allocate (state%alpha(qp%coarse%n), source=0.0_dp)
   end subroutine complete_start
-
-  !> Whether contact can balance the loads of the floating bodies.
-  subroutine check_equilibrium(qp, state)
-    !> Contact rows, initial penetrations, rigid body modes.
-    type(contact_qp_t), intent(in) :: qp
-    !> Ended where the loads excite a motion that no contact stops.
-    type(solver_state_t), intent(inout) :: state
-    real(dp), allocatable :: motion(:)
-    logical :: found
-    allocate (motion(qp%coarse%n))
-    call find_unbounded_direction(qp, motion, found)
-    if (.not. found) return
-    call clear(state)
-    state%ended = ended_no_equilibrium
-    state%unbounded = qp%coarse%scale*motion
-  end subroutine check_equilibrium
 
   !> The solution without contact.
   subroutine begin_without_contact(qp, now)
@@ -319,19 +305,6 @@ contains
       call finish(qp, compliance, theta, settings%tolerance, system, now, state)
   end subroutine solve_working_set
 
-  !> A new state, in which the quantities of other schemes are no numbers.
-  subroutine clear(state)
-    !> The new state.
-    type(solver_state_t), intent(out) :: state
-    real(dp) :: nan
-    nan = ieee_value(nan, ieee_quiet_nan)
-    state%gamma = nan
-    state%lambda_max = nan
-    state%q_predicted = nan
-    state%q_measured = nan
-    state%error_bound_paper = nan
-  end subroutine clear
-
   !> The state that is returned: no force is tensile, and the bound is the least one that is available.
   subroutine finish(qp, compliance, theta, tolerance, system, now, state)
     !> Contact rows, initial penetrations, rigid body modes.
@@ -350,20 +323,13 @@ contains
     type(solver_state_t), intent(inout) :: state
     real(dp) :: norm, admissible, rounded
     logical :: has_equilibrium
-    integer :: i
     now%lambda = max(0.0_dp, now%lambda)
     call update_penetrations(qp, compliance, now)
     state%m = now%lambda/qp%weight
     state%y = now%y
     state%alpha = qp%coarse%scale*now%alpha
-    if (state%ended == ended_interrupted) then
-      allocate (state%indeterminate(size(now%alpha), 0))
-    else
-      state%indeterminate = system%null_mode
-    end if
-    do i = 1, size(state%indeterminate, 2)
-      state%indeterminate(:, i) = qp%coarse%scale*state%indeterminate(:, i)
-    end do
+    if (state%ended /= ended_interrupted) state%indeterminate = system%null_mode
+    call state%indeterminate%scale(qp%coarse%scale)
     norm = reference_norm(qp, theta, now)
     state%error_bound = huge(norm)
     has_equilibrium = is_balanced(qp, theta, now%lambda, now%alpha)

@@ -65,12 +65,14 @@ contains
     logical, intent(in) :: active(:)
     !> The eigenvalues of the Gram matrix G^T G cannot be found: an entry is not finite, or LAPACK does not converge.
     type(error_t), allocatable, intent(out) :: error
+    real(dp), allocatable :: null_mode(:, :)
     call self%destroy()
     call self%take_points(qp, theta, active)
     call prepare_preconditioner(self, qp, compliance)
     allocate (self%g(size(self%row), qp%coarse%n))
     call qp%coarse%rows(self%row, self%g)
-    call invert_gram(qp%coarse%first, matmul(transpose(self%g), self%g), self%gram_inverse, self%null_mode, error)
+    call invert_gram(qp%coarse%first, matmul(transpose(self%g), self%g), self%gram_inverse, null_mode, error)
+    if (.not. allocated(error)) call self%null_mode%take_dense(null_mode)
   end subroutine iterative_system_init
 
   !> The inverse diagonal of `B D^{-1} B^T + Theta W^{-1}`, D the diagonals of the stiffnesses.

@@ -24,6 +24,7 @@ module dotyk_scheme_network_system
   use dotyk_scheme_coarse_space, only: coarse_space_t
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
+  use dotyk_scheme_mode_columns, only: mode_columns_t
   use dotyk_scheme_pair_blocks, only: pair_blocks_t
   implicit none
   private
@@ -38,8 +39,8 @@ module dotyk_scheme_network_system
     type(block_ldlt_t), private :: network
     !> 1 where it is positive definite, all modes having a stiffness of their own; -1: of the negative network.
     integer, private :: sign = -1
-    !> Orthonormal null modes of several bodies together, as columns (coarse%n, number of them).
-    real(dp), allocatable, private :: joint_null(:, :)
+    !> Orthonormal null modes of several bodies together.
+    type(mode_columns_t), private :: joint_null
   contains
     procedure :: init => network_system_init
     procedure :: solve => network_system_solve
@@ -93,7 +94,7 @@ contains
     integer :: b, failed
     logical :: is_singular
     call self%forget()
-    if (allocated(self%joint_null)) deallocate (self%joint_null)
+    call self%joint_null%destroy()
     if (.not. associated(self%n_iterations)) allocate (self%n_iterations, source=0)
     call self%take_points(qp, theta, active)
     call self%blocks%init(qp, compliance, self%row)
@@ -116,12 +117,7 @@ contains
       return
     end if
     ! Steps of Newton's method need no null modes: their amplitudes may be any.
-    if (self%step_reduction > 0) then
-      allocate (self%null_mode(qp%coarse%n, 0))
-      self%joint_null = self%null_mode
-    else
-      call find_null_modes(self, qp)
-    end if
+    if (.not. self%step_reduction > 0) call find_null_modes(self, qp)
   end subroutine network_system_init
 
   !> Make and factorize the network.
@@ -148,33 +144,26 @@ contains
     type(network_system_t), intent(inout) :: self
     !> With the coarse space.
     type(contact_qp_t), intent(in) :: qp
-    real(dp), allocatable :: g(:), joint(:)
+    real(dp), allocatable :: g(:), own(:), joint(:)
     logical :: is_active(qp%n_rows)
     real(dp) :: motion
-    integer :: i, j, b, n, n_joint
+    integer :: i, b
     is_active = .false.
     is_active(self%row) = .true.
-    allocate (self%null_mode(qp%coarse%n, size(self%network%null_block)), source=0.0_dp)
-    n = qp%coarse%n
-    n_joint = 0
-    allocate (self%joint_null(n, 0))
+    allocate (joint(qp%coarse%n))
     do i = 1, size(self%network%null_block)
       b = self%network%null_block(i)
       associate (first => qp%coarse%first(b), last => qp%coarse%first(b + 1) - 1)
-        self%null_mode(first:last, i) = self%network%null_direction(:last - first + 1, i)
-        g = matmul(qp%coarse%block(b)%value, self%null_mode(first:last, i))
+        own = self%network%null_direction(:last - first + 1, i)
+        g = matmul(qp%coarse%block(b)%value, own)
         motion = maxval([0.0_dp, pack(abs(g), is_active(qp%block(b)%row))])
+        if (motion <= least_motion) call self%null_mode%add(own/maxval(abs(own)), offset=first - 1)
       end associate
-      if (motion > least_motion) then
-        call expand_null_vector(self%network, i, self%null_mode(:, i))
-        joint = self%null_mode(:, i)
-        do j = 1, n_joint
-          joint = joint - dot_product(self%joint_null(:, j), joint)*self%joint_null(:, j)
-        end do
-        n_joint = n_joint + 1
-        self%joint_null = reshape([self%joint_null, joint/norm2(joint)], [n, n_joint])
-      end if
-      self%null_mode(:, i) = self%null_mode(:, i)/maxval(abs(self%null_mode(:, i)))
+      if (motion <= least_motion) cycle
+      call expand_null_vector(self%network, i, joint)
+      call self%null_mode%add(joint/maxval(abs(joint)))
+      call self%joint_null%remove_from(joint)
+      call self%joint_null%add(joint/norm2(joint))
     end do
   end subroutine find_null_modes
 
@@ -304,9 +293,7 @@ contains
       previous = residual
       previous_imbalance = imbalance
     end do
-    do k = 1, size(self%joint_null, 2)
-      alpha = alpha - dot_product(self%joint_null(:, k), alpha)*self%joint_null(:, k)
-    end do
+    call self%joint_null%remove_from(alpha)
   end subroutine network_system_solve
 
   !> Preconditioned conjugate gradients from zero.
@@ -389,7 +376,7 @@ contains
     call self%network%destroy()
     call self%blocks%destroy()
     call self%forget()
-    if (allocated(self%joint_null)) deallocate (self%joint_null)
+    call self%joint_null%destroy()
     if (associated(self%n_iterations)) deallocate (self%n_iterations)
   end subroutine network_system_destroy
 end module dotyk_scheme_network_system

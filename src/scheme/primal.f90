@@ -20,7 +20,8 @@ module dotyk_scheme_primal
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_corner_contact, only: solve_corner_contact
-  use dotyk_scheme_dual, only: check_equilibrium, clear, dual_t
+  use dotyk_scheme_dual, only: dual_t
+  use dotyk_scheme_equilibrium_check, only: check_equilibrium, clear
   use dotyk_scheme_monitor, only: monitor_t
   use dotyk_scheme_primal_modes, only: balance, find_indeterminate, rank, take_least
   use dotyk_scheme_primal_system, only: primal_system_t
@@ -187,6 +188,7 @@ contains
     type(proximal_outcome_t) :: outcome
     type(iterate_t) :: now
     real(dp), allocatable :: v(:), load(:), m(:)
+    real(dp), allocatable :: indeterminate(:, :)
     logical, allocatable :: working(:), violated(:)
     real(dp) :: accuracy, start, last, of_isolated
     integer :: round, attempt, steps, cg_steps
@@ -262,8 +264,11 @@ contains
       if (.not. any(violated)) exit rounds
       working = working .or. now%y > -near_violation*maxval(now%y, mask=violated)
     end do rounds
-    call find_indeterminate(qp, now%lambda > 0, state%indeterminate, error)
-    if (.not. allocated(error)) call take_least(qp, now%lambda > 0, state%indeterminate, now%alpha, now%y)
+    call find_indeterminate(qp, now%lambda > 0, indeterminate, error)
+    if (.not. allocated(error)) then
+      call take_least(qp, now%lambda > 0, indeterminate, now%alpha, now%y)
+      call state%indeterminate%take_dense(indeterminate)
+    end if
     call system%keep_displacements(v, compliance)
     call system%destroy()
     compliance%n_sweeps = compliance%n_sweeps + cg_steps

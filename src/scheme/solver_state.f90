@@ -7,6 +7,7 @@ module dotyk_scheme_solver_state
   use dotyk_base_options, only: stop_residual
   use dotyk_scheme_bounds, only: iteration_constants_t
   use dotyk_scheme_history, only: history_t
+  use dotyk_scheme_mode_columns, only: mode_columns_t
   implicit none
   private
 
@@ -44,9 +45,8 @@ module dotyk_scheme_solver_state
     real(dp), allocatable :: y(:)
     !> Amplitudes of the rigid body modes, body after body; of size 0 where all bodies are held [length].
     real(dp), allocatable :: alpha(:)
-    !> Indeterminate rigid body modes, which neither contact nor loads determine, as columns of amplitudes (size of
-    !> alpha, number of them).
-    real(dp), allocatable :: indeterminate(:, :)
+    !> Indeterminate rigid body modes, which neither contact nor loads determine, as columns of amplitudes.
+    type(mode_columns_t) :: indeterminate
     !> Where ended_no_equilibrium: amplitudes of an unbounded direction, a motion that the loads excite and no contact
     !> can stop.
     real(dp), allocatable :: unbounded(:)

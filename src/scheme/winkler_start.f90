@@ -50,7 +50,7 @@ module dotyk_scheme_winkler_start
   real(dp), parameter :: stiff = 1.0e10_dp
   !> Loads that contact cannot balance by less than this fraction of the largest are rounding errors, of the loads or of
   !> the mesh.
-  real(dp), parameter :: imbalance = 1.0e-7_dp
+  real(dp), parameter, public :: imbalance = 1.0e-7_dp
 
 contains
 

@@ -8,7 +8,8 @@ module dotyk_split_split_primal
   use dotyk_scheme_body_compliance, only: body_compliance_t
   use dotyk_scheme_compliance, only: compliance_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
-  use dotyk_scheme_dual, only: check_equilibrium, clear, dual_t
+  use dotyk_scheme_dual, only: dual_t
+  use dotyk_scheme_equilibrium_check, only: check_equilibrium, clear
   use dotyk_scheme_monitor, only: monitor_t
   use dotyk_scheme_primal_modes, only: find_indeterminate, take_least
   use dotyk_scheme_scheme, only: scheme_t
@@ -86,6 +87,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(dual_t) :: dual
     real(dp), allocatable :: m(:), component(:), alpha(:), left(:)
+    real(dp), allocatable :: indeterminate(:, :)
     real(dp) :: tolerance
     integer :: steps, sets, b
     select type (compliance)
@@ -124,9 +126,10 @@ contains
       allocate (left, source=contact%u)
       call system%remove_modes(left, component)
       alpha = component/qp%coarse%scale
-      call find_indeterminate(qp, state%m > 0, state%indeterminate, error)
+      call find_indeterminate(qp, state%m > 0, indeterminate, error)
       if (allocated(error)) return
-      call take_least(qp, state%m > 0, state%indeterminate, alpha, state%y)
+      call take_least(qp, state%m > 0, indeterminate, alpha, state%y)
+      call state%indeterminate%take_dense(indeterminate)
       state%alpha = qp%coarse%scale*alpha
       call add_solve_error(self%bodies%solve_error(), settings%tolerance, state)
       if (interrupted() .and. state%ended /= ended_converged) state%ended = ended_interrupted
