@@ -4,9 +4,11 @@ module dotyk_mesh_body_mesh
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_text, only: quoted
   use dotyk_mesh_element, only: kind_dimension, kind_nodes, n_element_kinds
+  use dotyk_mesh_element_orientation, only: orient_elements
   use dotyk_mesh_mesh, only: element_block_t, mesh_t
-  use dotyk_mesh_mesh_check, only: check_size, check_plane, check_repeated_elements, orient_elements
+  use dotyk_mesh_mesh_check, only: check_size, check_plane, check_repeated_elements
   use dotyk_mesh_physical_group, only: groups_named, unknown_group
+  use dotyk_mesh_union_find, only: root_of
   use dotyk_mesh_whole_body, only: whole_body_t
   implicit none
   private
@@ -307,9 +309,9 @@ contains
     component = [(i, i=1, size(component))]
     do b = 1, size(body_mesh%block)
       do e = 1, size(body_mesh%block(b)%tag)
-        first = root(component, body_mesh%block(b)%node(1, e))
+        first = root_of(component, body_mesh%block(b)%node(1, e))
         do i = 2, size(body_mesh%block(b)%node, 1)
-          other = root(component, body_mesh%block(b)%node(i, e))
+          other = root_of(component, body_mesh%block(b)%node(i, e))
           component(max(first, other)) = min(first, other)
           first = min(first, other)
         end do
@@ -325,18 +327,4 @@ contains
       end if
     end do
   end subroutine connected_components
-
-  !> Root of a node in the union-find forest: the lowest node of its component as known so far. Paths are shortened by
-  !> halving.
-  integer function root(parent, node)
-    !> Parent of each node (n_nodes); paths are shortened.
-    integer, intent(inout) :: parent(:)
-    !> Node.
-    integer, intent(in) :: node
-    root = node
-    do while (parent(root) /= root)
-      parent(root) = parent(parent(root))
-      root = parent(root)
-    end do
-  end function root
 end module dotyk_mesh_body_mesh

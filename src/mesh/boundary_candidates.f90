@@ -1,24 +1,38 @@
 !> The boundary of a body whose elements are on several ranks.
 !>
 !> Faces that occur once in the elements of a rank are candidates: they are on the boundary of the body, or between two
-!> ranks. The keys of the candidates of all ranks, gathered in any order, tell which. Keys have the size of surfaces; no
-!> rank needs elements of others. The body may have faces of two elements at most.
+!> ranks. The keys of all ranks (`dotyk_mesh_face_keys`), gathered in any order, tell which. Keys have the size of
+!> surfaces; no rank needs elements of others. Faces of more than two elements have a key also where two of them are on
+!> one rank: then all their corners are nodes that ranks share.
 !>
-!> The way: `find` on each rank; `key` of all ranks side by side; `keep_boundary` on each rank with all keys.
+!> The way: `find` on each rank; `key` of all ranks side by side; `keep_boundary` on each rank with all keys; what is
+!> wrong with faces is told by `dotyk_mesh_share_faults`.
 module dotyk_mesh_boundary_candidates
-  use dotyk_base_kinds, only: int64
   use dotyk_mesh_body_mesh, only: body_mesh_t, connected_components
-  use dotyk_mesh_corner_table, only: corner_table_t
-  use dotyk_mesh_element, only: element_kind, element_kind_t
+  use dotyk_mesh_element, only: element_kind, element_kind_t, kind_nodes, n_element_kinds
   use dotyk_mesh_element_faces, only: corners_of, element_faces_t
-  use dotyk_mesh_tag_map, only: growing_tag_map_t
+  use dotyk_mesh_face_faults, only: face_signature
+  use dotyk_mesh_face_keys, only: count_pieces, face_census_t, face_key, join_parts, key_length, max_corners, node_key
+  use dotyk_mesh_union_find, only: join, root_of
   implicit none
   private
+  public :: key_length
 
-  !> Rows of a key: the sorted corners, padded with 0 in front, and the root of the part of the body.
-  integer, parameter, public :: key_length = 5
-  !> Greatest number of corners of a face.
-  integer, parameter :: max_corners = 4
+  !> Some faces of the elements of a rank.
+  type, public :: face_list_t
+    !> Number of faces; each counts once for each of its elements.
+    integer :: n = 0
+    !> Block of the element of each face (n).
+    integer, allocatable :: block(:)
+    !> Element of each face in its block, of those on this rank (n).
+    integer, allocatable :: element(:)
+    !> Number of each face in its element (n).
+    integer, allocatable :: face(:)
+    !> Faces of one group have the same corners; 0 where other ranks have elements too (n).
+    integer, allocatable :: group(:)
+    !> Whether other ranks have elements at each face (n).
+    logical, allocatable :: on_ranks(:)
+  end type face_list_t
 
   !> Faces of one rank that may be on the boundary of the body.
   type, public :: boundary_candidates_t
@@ -30,11 +44,21 @@ module dotyk_mesh_boundary_candidates
     integer, allocatable :: element(:)
     !> Number of each face in its element (n).
     integer, allocatable :: face(:)
-    !> Corners of each face by their numbers in the whole body, and the root of its part (key_length, n).
+    !> What other ranks must know (key_length, any).
     integer, allocatable :: key(:, :)
     !> Root of the connected part of each node: the lowest node of the part, by its number in the whole body; as far as
     !> the elements of this rank tell, and in the whole body after `keep_boundary` (n_nodes).
     integer, allocatable :: root(:)
+    !> Parts and pieces of the body that are on this rank alone and have no key: their boundary is empty.
+    integer :: n_closed_parts = 0, n_closed_pieces = 0
+    !> Parts and pieces of the body that have a key; known after `keep_boundary`.
+    integer :: n_parts = 0, n_pieces = 0
+    !> Faces of which this rank has several elements, where other ranks may have more or something is wrong; after
+    !> `keep_boundary` also what is wrong with other faces on several ranks.
+    type(face_list_t) :: inner
+    !> Elements of this rank of which other ranks have all faces too: block, element (2, any); known after
+    !> `keep_boundary`.
+    integer, allocatable :: enclosed(:, :)
   contains
     procedure :: find => candidates_find
     procedure :: keep_boundary => candidates_keep_boundary
@@ -42,23 +66,22 @@ module dotyk_mesh_boundary_candidates
 
 contains
 
-  !> Find the faces that occur once.
-  subroutine candidates_find(self, mesh, whole_node)
+  !> Find the faces that occur once, and the keys.
+  subroutine candidates_find(self, mesh, whole_node, n_sharers, rank)
     class(boundary_candidates_t), intent(out) :: self
     !> Elements that the rank owns, and their nodes, maybe among others.
     type(body_mesh_t), intent(in) :: mesh
     !> Number of each node in the whole body, ascending (n_nodes).
     integer, intent(in) :: whole_node(:)
+    !> Number of ranks whose elements have each node (n_nodes).
+    integer, intent(in) :: n_sharers(:)
+    !> This rank, from 0.
+    integer, intent(in) :: rank
     type(element_faces_t) :: faces
-    type(element_kind_t) :: kind
-    integer, allocatable :: component(:), lowest(:), chosen(:)
-    integer :: i, j, m, n_components
+    integer, allocatable :: component(:), lowest(:), once(:), several(:), lone(:), piece(:), signature(:)
+    logical, allocatable :: told(:), has_element(:), part_told(:), piece_told(:)
+    integer :: i, k, n_components
     call faces%find(mesh)
-    chosen = pack([(i, i=1, faces%n)], faces%times == 1)
-    self%n = size(chosen)
-    self%block = faces%block(chosen)
-    self%element = faces%element(chosen)
-    self%face = faces%face(chosen)
     allocate (component(mesh%n_nodes()))
     call connected_components(mesh, component, n_components)
     allocate (lowest(n_components), source=huge(0))
@@ -66,97 +89,266 @@ contains
       lowest(component(i)) = min(lowest(component(i)), whole_node(i))
     end do
     self%root = lowest(component)
-    allocate (self%key(key_length, self%n), source=0)
-    do i = 1, self%n
-      kind = element_kind(mesh%block(self%block(i))%kind)
-      m = corners_of(kind%face_kind(self%face(i)))
-      associate (node => mesh%block(self%block(i))%node(kind%face_node(:m, self%face(i)), self%element(i)))
-        do j = 1, m
-          ! Its place among the corners, which differ.
-          self%key(max_corners - m + count(node <= node(j)), i) = whole_node(node(j))
-        end do
-        self%key(key_length, i) = self%root(node(1))
+    call find_pieces(mesh, faces, piece)
+    call sign_faces(mesh, faces, whole_node, signature)
+    once = pack([(i, i=1, faces%n)], faces%times == 1)
+    self%n = size(once)
+    self%block = faces%block(once)
+    self%element = faces%element(once)
+    self%face = faces%face(once)
+    call find_inner_faces(mesh, faces, signature, n_sharers, several, self%inner)
+    allocate (self%key(key_length, self%n + size(several)))
+    allocate (told(mesh%n_nodes()), has_element(mesh%n_nodes()), part_told(n_components), source=.false.)
+    allocate (piece_told(maxval([0, piece])), source=.false.)
+    do k = 1, size(self%key, 2)
+      if (k <= self%n) then
+        i = once(k)
+      else
+        i = several(k - self%n)
+      end if
+      associate (node => nodes_of(mesh, faces%block(i), faces%element(i), faces%face(i)))
+        associate (corner => node(:n_corners_of(mesh, faces%block(i), faces%face(i))))
+          self%key(:, k) = face_key(whole_node(corner), self%root(corner(1)), piece(i), signature(i), rank, &
+                                    faces%times(i))
+          told(node) = .true.
+          part_told(component(corner(1))) = .true.
+          piece_told(piece(i)) = .true.
+        end associate
       end associate
+    end do
+    do i = 1, size(mesh%block)
+      do k = 1, size(mesh%block(i)%tag)
+        has_element(mesh%block(i)%node(:, k)) = .true.
+      end do
+    end do
+    ! Where elements overlap, ranks may share nodes around which each of them has a closed star of elements.
+    lone = pack([(i, i=1, size(told))], has_element .and. n_sharers > 1 .and. .not. told)
+    self%key = reshape([self%key, [(node_key(whole_node(lone(i)), self%root(lone(i))), i=1, size(lone))]], &
+                       [key_length, size(self%key, 2) + size(lone)])
+    part_told(component(lone)) = .true.
+    self%n_closed_pieces = count(.not. piece_told)
+    do i = 1, mesh%n_nodes()
+      if (.not. has_element(i) .or. part_told(component(i))) cycle
+      part_told(component(i)) = .true.
+      self%n_closed_parts = self%n_closed_parts + 1
     end do
   end subroutine candidates_find
 
-  !> Keep the faces that are on the boundary of the body: those whose corners no other candidate has.
-  subroutine candidates_keep_boundary(self, all_keys)
-    class(boundary_candidates_t), intent(inout) :: self
-    !> Keys of the candidates of all ranks (key_length, any).
-    integer, intent(in) :: all_keys(:, :)
-    type(corner_table_t) :: table
-    integer, allocatable :: times(:), kept(:)
-    integer :: i, n, m, entry
-    call table%init(max_corners, size(all_keys, 2))
-    allocate (times(size(all_keys, 2)), source=0)
-    do i = 1, size(all_keys, 2)
-      m = count(all_keys(:max_corners, i) > 0)
-      call table%add(all_keys(max_corners - m + 1:max_corners, i), entry)
-      times(entry) = times(entry) + 1
-    end do
-    allocate (kept(self%n))
-    n = 0
-    do i = 1, self%n
-      m = count(self%key(:max_corners, i) > 0)
-      if (times(table%find(self%key(max_corners - m + 1:max_corners, i))) > 1) cycle
-      n = n + 1
-      kept(n) = i
-    end do
-    self%n = n
-    self%block = self%block(kept(:n))
-    self%element = self%element(kept(:n))
-    self%face = self%face(kept(:n))
-    self%key = self%key(:, kept(:n))
-    call join_parts(all_keys, self%root)
-  end subroutine candidates_keep_boundary
+  !> Number of corners of a face.
+  pure integer function n_corners_of(mesh, block, face) result(n)
+    !> Elements of the rank.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Block of the element.
+    integer, intent(in) :: block
+    !> Number of the face in the element.
+    integer, intent(in) :: face
+    type(element_kind_t) :: kind
+    kind = element_kind(mesh%block(block)%kind)
+    n = corners_of(kind%face_kind(face))
+  end function n_corners_of
 
-  !> Join the connected parts of all ranks: faces with a common corner belong to one part.
-  subroutine join_parts(all_keys, root)
-    !> Keys of the candidates of all ranks (key_length, any).
-    integer, intent(in) :: all_keys(:, :)
-    !> Root of each node of this rank, as far as its elements tell; in the whole body on return (n_nodes).
-    integer, intent(inout) :: root(:)
-    type(growing_tag_map_t) :: parts, corners
-    integer, allocatable :: parent(:), part_of_corner(:)
-    integer :: i, j, part, corner, a, b
-    ! Numbers of the parts follow from the keys, which have all roots that matter: a part without candidates is closed,
-    ! and has no other rank at its nodes.
-    allocate (parent(size(all_keys, 2)), part_of_corner(max_corners*size(all_keys, 2)), source=0)
-    do i = 1, size(all_keys, 2)
-      call parts%add(int(all_keys(key_length, i), int64), part)
-      if (parent(part) == 0) parent(part) = part
-      do j = 1, max_corners
-        if (all_keys(j, i) == 0) cycle
-        call corners%add(int(all_keys(j, i), int64), corner)
-        if (part_of_corner(corner) == 0) part_of_corner(corner) = part
-        a = ancestor(part)
-        b = ancestor(part_of_corner(corner))
-        if (a == b) cycle
-        ! The root of lower number stays.
-        if (parts%tag(a) < parts%tag(b)) then
-          parent(b) = a
-        else
-          parent(a) = b
-        end if
-      end do
+  !> Nodes of a face, corners first (n_nodes of the face).
+  pure function nodes_of(mesh, block, element, face) result(node)
+    !> Elements of the rank.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Block of the element.
+    integer, intent(in) :: block
+    !> The element in its block.
+    integer, intent(in) :: element
+    !> Number of the face in the element.
+    integer, intent(in) :: face
+    integer, allocatable :: node(:)
+    type(element_kind_t) :: kind
+    kind = element_kind(mesh%block(block)%kind)
+    node = mesh%block(block)%node(kind%face_node(:kind_nodes(kind%face_kind(face)), face), element)
+  end function nodes_of
+
+  !> Piece of the element of each face: elements that whole faces join, as far as this rank knows.
+  subroutine find_pieces(mesh, faces, piece)
+    !> Elements of the rank.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Their faces.
+    type(element_faces_t), intent(in) :: faces
+    !> The pieces, numbered from 1 (n_faces).
+    integer, allocatable, intent(out) :: piece(:)
+    integer, allocatable :: parent(:), number(:)
+    integer :: b, i, n, offset(size(mesh%block) + 1)
+    offset(1) = 0
+    do b = 1, size(mesh%block)
+      offset(b + 1) = offset(b) + size(mesh%block(b)%tag)
     end do
-    do i = 1, size(root)
-      part = parts%find(int(root(i), int64))
-      if (part > 0) root(i) = int(parts%tag(ancestor(part)))
+    allocate (parent(offset(size(offset))))
+    parent = [(i, i=1, size(parent))]
+    do i = 1, faces%n
+      if (faces%first(i) /= i) call join(parent, element_of(faces%first(i)), element_of(i))
+    end do
+    allocate (number(size(parent)), source=0)
+    n = 0
+    do i = 1, size(parent)
+      if (parent(i) /= i) cycle
+      n = n + 1
+      number(i) = n
+    end do
+    allocate (piece(faces%n))
+    do i = 1, faces%n
+      piece(i) = number(root_of(parent, element_of(i)))
     end do
 
   contains
 
-    !> The part at the top of the tree of a part; paths are shortened by halving.
-    integer function ancestor(of) result(top)
-      !> The part.
-      integer, intent(in) :: of
-      top = of
-      do while (parent(top) /= top)
-        parent(top) = parent(parent(top))
-        top = parent(top)
+    !> Element of a face, counted through all blocks.
+    pure integer function element_of(face)
+      !> The face.
+      integer, intent(in) :: face
+      element_of = offset(faces%block(face)) + faces%element(face)
+    end function element_of
+  end subroutine find_pieces
+
+  !> Signatures of the nodes on all faces.
+  subroutine sign_faces(mesh, faces, whole_node, signature)
+    !> Elements of the rank.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Their faces.
+    type(element_faces_t), intent(in) :: faces
+    !> Number of each node in the whole body (n_nodes).
+    integer, intent(in) :: whole_node(:)
+    !> The signatures (n_faces).
+    integer, allocatable, intent(out) :: signature(:)
+    type(element_kind_t) :: kind(size(mesh%block))
+    integer :: b, i, m, id, corners(n_element_kinds)
+    corners = [(corners_of(i), i=1, n_element_kinds)]
+    do b = 1, size(mesh%block)
+      kind(b) = element_kind(mesh%block(b)%kind)
+    end do
+    allocate (signature(faces%n))
+    do i = 1, faces%n
+      b = faces%block(i)
+      id = kind(b)%face_kind(faces%face(i))
+      m = corners(id)
+      associate (inner => kind(b)%face_node(m + 1:kind_nodes(id), faces%face(i)))
+        signature(i) = face_signature(id, whole_node(mesh%block(b)%node(inner, faces%element(i))))
+      end associate
+    end do
+  end subroutine sign_faces
+
+  !> Find the faces of several elements of this rank that other ranks may have, and those that are wrong.
+  subroutine find_inner_faces(mesh, faces, signature, n_sharers, several, inner)
+    !> Elements of the rank.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Their faces.
+    type(element_faces_t), intent(in) :: faces
+    !> Signature of the nodes on each face (n_faces).
+    integer, intent(in) :: signature(:)
+    !> Number of ranks whose elements have each node (n_nodes).
+    integer, intent(in) :: n_sharers(:)
+    !> Those that other ranks may have, once each (any).
+    integer, allocatable, intent(out) :: several(:)
+    !> All of them, for each of their elements.
+    type(face_list_t), intent(out) :: inner
+    integer, allocatable :: chosen(:)
+    type(element_kind_t) :: kind(size(mesh%block))
+    logical, allocatable :: is_chosen(:), is_shared(:)
+    integer :: b, i, corners(n_element_kinds)
+    corners = [(corners_of(i), i=1, n_element_kinds)]
+    do b = 1, size(mesh%block)
+      kind(b) = element_kind(mesh%block(b)%kind)
+    end do
+    allocate (is_chosen(faces%n), is_shared(faces%n), source=.false.)
+    do i = 1, faces%n
+      if (faces%times(i) > 2) is_chosen(i) = .true.
+      if (signature(i) /= signature(faces%first(i))) is_chosen(faces%first(i)) = .true.
+      if (faces%times(i) < 2) cycle
+      b = faces%block(i)
+      associate (corner => kind(b)%face_node(:corners(kind(b)%face_kind(faces%face(i))), faces%face(i)))
+        is_shared(i) = all(n_sharers(mesh%block(b)%node(corner, faces%element(i))) > 1)
+      end associate
+    end do
+    several = pack([(i, i=1, faces%n)], is_shared)
+    is_chosen = is_chosen .or. is_shared
+    chosen = pack([(i, i=1, faces%n)], is_chosen(faces%first))
+    inner%n = size(chosen)
+    inner%block = faces%block(chosen)
+    inner%element = faces%element(chosen)
+    inner%face = faces%face(chosen)
+    inner%group = faces%first(chosen)
+    allocate (inner%on_ranks(inner%n), source=.false.)
+  end subroutine find_inner_faces
+
+  !> Keep the faces that are on the boundary of the body: those whose corners no other face has.
+  subroutine candidates_keep_boundary(self, mesh, whole_node, all_keys)
+    class(boundary_candidates_t), intent(inout) :: self
+    !> Elements that the rank owns, and their nodes, maybe among others.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Number of each node in the whole body, ascending (n_nodes).
+    integer, intent(in) :: whole_node(:)
+    !> Keys of all ranks (key_length, any).
+    integer, intent(in) :: all_keys(:, :)
+    type(face_census_t) :: census
+    integer, allocatable :: kept(:), face(:)
+    integer :: i
+    call census%init(all_keys)
+    face = [(census%find(self%key(:max_corners, i)), i=1, self%n)]
+    call take_shared_faces(self, mesh, whole_node, census, face)
+    kept = pack([(i, i=1, self%n)], census%times(face) == 1)
+    self%n = size(kept)
+    self%block = self%block(kept)
+    self%element = self%element(kept)
+    self%face = self%face(kept)
+    deallocate (self%key)
+    call join_parts(all_keys, self%root, self%n_parts)
+    call count_pieces(all_keys, census, self%n_pieces)
+  end subroutine candidates_keep_boundary
+
+  !> Find the faces that are wrong on several ranks, and elements of which other ranks have all faces.
+  subroutine take_shared_faces(self, mesh, whole_node, census, face)
+    !> The candidates; `inner` and `enclosed` are completed.
+    type(boundary_candidates_t), intent(inout) :: self
+    !> Elements of the rank.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Number of each node in the whole body (n_nodes).
+    integer, intent(in) :: whole_node(:)
+    !> Faces of all ranks.
+    type(face_census_t), intent(in) :: census
+    !> Number of each candidate there (n).
+    integer, intent(in) :: face(:)
+    type(element_kind_t) :: kind
+    integer, allocatable :: n_shared(:, :), chosen(:)
+    integer :: b, e, i, f, n_faces(size(mesh%block))
+    allocate (n_shared(maxval([0, (size(mesh%block(b)%tag), b=1, size(mesh%block))]), size(mesh%block)), source=0)
+    do i = 1, self%n
+      if (.not. census%on_ranks(face(i))) cycle
+      n_shared(self%element(i), self%block(i)) = n_shared(self%element(i), self%block(i)) + 1
+    end do
+    do i = 1, self%inner%n
+      associate (node => nodes_of(mesh, self%inner%block(i), self%inner%element(i), self%inner%face(i)))
+        f = census%find(whole_node(node(:n_corners_of(mesh, self%inner%block(i), self%inner%face(i)))))
+      end associate
+      if (f == 0) cycle
+      if (.not. census%on_ranks(f)) cycle
+      self%inner%on_ranks(i) = .true.
+      n_shared(self%inner%element(i), self%inner%block(i)) = n_shared(self%inner%element(i), self%inner%block(i)) + 1
+    end do
+    chosen = pack([(i, i=1, self%n)], [(census%is_wrong(face(i)), i=1, self%n)])
+    associate (inner => self%inner)
+      inner%n = inner%n + size(chosen)
+      inner%block = [inner%block, self%block(chosen)]
+      inner%element = [inner%element, self%element(chosen)]
+      inner%face = [inner%face, self%face(chosen)]
+      inner%group = [inner%group, spread(0, 1, size(chosen))]
+      inner%on_ranks = [inner%on_ranks, spread(.true., 1, size(chosen))]
+    end associate
+    do b = 1, size(mesh%block)
+      kind = element_kind(mesh%block(b)%kind)
+      n_faces(b) = kind%n_faces
+    end do
+    allocate (self%enclosed(2, sum([(count(n_shared(:, b) == n_faces(b)), b=1, size(n_faces))])))
+    i = 0
+    do b = 1, size(mesh%block)
+      do e = 1, size(mesh%block(b)%tag)
+        if (n_shared(e, b) < n_faces(b)) cycle
+        i = i + 1
+        self%enclosed(:, i) = [b, e]
       end do
-    end function ancestor
-  end subroutine join_parts
+    end do
+  end subroutine take_shared_faces
 end module dotyk_mesh_boundary_candidates

@@ -1,11 +1,15 @@
 !> The boundary of the mesh of one body: the faces that belong to one element only, as flat facets on their corners; and
 !> the pieces of the body whose elements are joined by whole faces.
 module dotyk_mesh_boundary_facets
-  use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_sort, only: sort_order
   use dotyk_mesh_body_mesh, only: body_mesh_t
-  use dotyk_mesh_element, only: element_kind, element_kind_t
+  use dotyk_mesh_element, only: element_kind, element_kind_t, kind_nodes, n_element_kinds
   use dotyk_mesh_element_faces, only: corners_of, element_faces_t
+  use dotyk_mesh_face_faults, only: face_faults_t, face_order, face_signature
   use dotyk_mesh_facet, only: cross
+  use dotyk_mesh_surface_layer, only: surface_layer_t
+  use dotyk_mesh_union_find, only: join
   implicit none
   private
 
@@ -30,16 +34,11 @@ module dotyk_mesh_boundary_facets
     real(dp), allocatable :: area(:)
     !> Number of pieces of the body that no face joins.
     integer :: n_pieces = 0
-    !> Number of faces whose two elements have another kind of face each, such as tri6 and tri3.
-    integer :: n_mixed = 0
-    !> Tags of the elements at the first of them.
-    integer(int64) :: mixed(2) = 0
-    !> Number of faces of more than two elements.
-    integer :: n_shared = 0
-    !> A node of the first face of more than two elements, and of the first mixed face; 0 where there is none.
-    integer :: shared_node = 0, mixed_node = 0
+    !> What is wrong with faces of several elements.
+    type(face_faults_t) :: faults
   contains
     procedure :: find => facets_find
+    procedure :: take_layer => facets_take_layer
   end type boundary_facets_t
 
 contains
@@ -53,7 +52,8 @@ contains
     type(element_kind_t) :: kind(size(mesh%block))
     ! Faces in the order of the elements; how often each was met so far; the elements before each block.
     integer, allocatable :: order(:), times(:), parent(:)
-    integer :: b, e, f, i, k, m, n, offset(size(mesh%block) + 1)
+    integer :: b, e, f, i, k, m, n, offset(size(mesh%block) + 1), corners(n_element_kinds)
+    corners = [(corners_of(i), i=1, n_element_kinds)]
     call faces%find(mesh)
     offset(1) = 0
     do b = 1, size(mesh%block)
@@ -72,21 +72,19 @@ contains
       e = faces%element(i)
       f = faces%face(i)
       call join(parent, offset(faces%block(k)) + faces%element(k), offset(b) + e)
-      if (times(k) == 3) self%n_shared = self%n_shared + 1
-      if (times(k) == 3 .and. self%n_shared == 1) self%shared_node = mesh%block(b)%node(kind(b)%face_node(1, f), e)
-      if (faces%block(k) == b) cycle
-      if (kind(faces%block(k))%face_kind(faces%face(k)) /= kind(b)%face_kind(f)) self%n_mixed = self%n_mixed + 1
-      if (self%n_mixed == 1 .and. self%mixed_node == 0) then
-        self%mixed_node = mesh%block(b)%node(kind(b)%face_node(1, f), e)
-        self%mixed = [mesh%block(faces%block(k))%tag(faces%element(k)), mesh%block(b)%tag(e)]
-      end if
+      if (times(k) == 3) self%faults%n_shared = self%faults%n_shared + 1
+      if (times(k) == 3 .and. self%faults%n_shared == 1) self%faults%shared_position = first_node(i)
+      if (signature(i) == signature(k)) cycle
+      self%faults%n_mixed = self%faults%n_mixed + 1
+      if (self%faults%n_mixed > 1) cycle
+      self%faults%mixed = [mesh%block(faces%block(k))%tag(faces%element(k)), mesh%block(b)%tag(e)]
+      self%faults%mixed_kinds = kind(faces%block(k))%face_kind(faces%face(k)) /= kind(b)%face_kind(f)
+      self%faults%mixed_position = first_node(i)
     end do
     do e = 1, size(parent)
       if (parent(e) == e) self%n_pieces = self%n_pieces + 1
     end do
-    self%n = count(faces%times == 1)
-    allocate (self%n_corners(self%n), self%corner(max_corners, self%n), self%element(self%n), &
-              self%centre(3, self%n), self%normal(3, self%n), self%area(self%n))
+    call reserve(self, count(faces%times == 1))
     k = 0
     do n = 1, faces%n
       i = order(n)
@@ -101,7 +99,84 @@ contains
       self%corner(:m, k) = mesh%block(b)%node(kind(b)%face_node(:m, f), faces%element(i))
       call set_geometry(self, mesh, k)
     end do
+
+  contains
+
+    !> Signature of the nodes on a face.
+    pure integer function signature(i)
+      !> The face.
+      integer, intent(in) :: i
+      integer :: id
+      id = kind(faces%block(i))%face_kind(faces%face(i))
+      signature = id
+      if (kind_nodes(id) == corners(id)) return
+      associate (inner => kind(faces%block(i))%face_node(corners(id) + 1:kind_nodes(id), faces%face(i)))
+        signature = face_signature(id, mesh%block(faces%block(i))%node(inner, faces%element(i)))
+      end associate
+    end function signature
+
+    !> Position of the first node of a face.
+    pure function first_node(i) result(x)
+      !> The face.
+      integer, intent(in) :: i
+      real(dp) :: x(3)
+      x = 0
+      associate (node => mesh%block(faces%block(i))%node(:, faces%element(i)), &
+                 local => kind(faces%block(i))%face_node(1, faces%face(i)))
+        x(:mesh%dimension) = mesh%x(:, node(local))
+      end associate
+    end function first_node
   end subroutine facets_find
+
+  !> Take the facets of a surface layer, in the order of the elements as well.
+  subroutine facets_take_layer(self, layer)
+    class(boundary_facets_t), intent(out) :: self
+    !> Surface layer of the body.
+    type(surface_layer_t), intent(in) :: layer
+    type(element_kind_t) :: kind
+    real(dp), allocatable :: place(:)
+    integer, allocatable :: order(:)
+    integer :: b, f, i, k, m, offset(size(layer%mesh%block) + 1)
+    allocate (place(layer%boundary%n_facets), order(layer%boundary%n_facets))
+    offset(1) = 0
+    do b = 1, size(layer%mesh%block)
+      offset(b + 1) = offset(b) + size(layer%mesh%block(b)%tag)
+    end do
+    associate (surface => layer%boundary)
+      do i = 1, surface%n_facets
+        b = surface%block(i)
+        kind = element_kind(layer%mesh%block(b)%kind)
+        m = corners_of(surface%kind(i))
+        do f = 1, kind%n_faces
+          if (kind%face_kind(f) /= surface%kind(i)) cycle
+          if (all(layer%mesh%block(b)%node(kind%face_node(:m, f), surface%element(i)) == surface%node(:m, i))) exit
+        end do
+        place(i) = real(face_order(b, surface%element(i), f), dp)
+      end do
+      call sort_order(place, order)
+      call reserve(self, surface%n_facets)
+      do k = 1, self%n
+        i = order(k)
+        m = corners_of(surface%kind(i))
+        self%element(k) = offset(surface%block(i)) + surface%element(i)
+        self%n_corners(k) = m
+        self%corner(:, k) = 0
+        self%corner(:m, k) = surface%node(:m, i)
+        call set_geometry(self, layer%mesh, k)
+      end do
+    end associate
+  end subroutine facets_take_layer
+
+  !> Make room for facets.
+  subroutine reserve(self, n)
+    !> The facets.
+    type(boundary_facets_t), intent(inout) :: self
+    !> Their number.
+    integer, intent(in) :: n
+    self%n = n
+    allocate (self%n_corners(n), self%corner(max_corners, n), self%element(n), self%centre(3, n), self%normal(3, n), &
+              self%area(n))
+  end subroutine reserve
 
   !> Faces in the order of the elements.
   subroutine order_by_element(mesh, faces, order)
@@ -130,7 +205,7 @@ contains
   subroutine set_geometry(self, mesh, i)
     !> The facets; facet i is completed.
     type(boundary_facets_t), intent(inout) :: self
-    !> Mesh of the body.
+    !> Mesh with the nodes of the facets.
     type(body_mesh_t), intent(in) :: mesh
     !> Facet.
     integer, intent(in) :: i
@@ -151,26 +226,4 @@ contains
     self%area(i) = norm2(n)
     self%normal(:, i) = n/max(norm2(n), tiny(n))
   end subroutine set_geometry
-
-  !> Join two elements of a union-find forest.
-  pure subroutine join(parent, a, b)
-    !> Parent of each element, itself at a root (n_elements); updated.
-    integer, intent(inout) :: parent(:)
-    !> First element.
-    integer, intent(in) :: a
-    !> Second element.
-    integer, intent(in) :: b
-    integer :: i, j
-    i = a
-    do while (parent(i) /= i)
-      parent(i) = parent(parent(i))
-      i = parent(i)
-    end do
-    j = b
-    do while (parent(j) /= j)
-      parent(j) = parent(parent(j))
-      j = parent(j)
-    end do
-    parent(max(i, j)) = min(i, j)
-  end subroutine join
 end module dotyk_mesh_boundary_facets

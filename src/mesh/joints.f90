@@ -10,8 +10,10 @@ module dotyk_mesh_joints
   use dotyk_base_text, only: counted, to_text
   use dotyk_mesh_body_mesh, only: body_mesh_t, connected_components
   use dotyk_mesh_boundary_facets, only: boundary_facets_t, max_corners
-  use dotyk_mesh_element, only: element_kind, element_kind_t
   use dotyk_mesh_facet, only: cross
+  use dotyk_mesh_share_faults, only: share_faults_t
+  use dotyk_mesh_shortest_edges, only: find_shortest_edges
+  use dotyk_mesh_surface_layer, only: surface_layer_t
   implicit none
   private
 
@@ -29,6 +31,7 @@ module dotyk_mesh_joints
     character(:), allocatable :: slit
   contains
     procedure :: find => joints_find
+    procedure :: find_in_layer => joints_find_in_layer
   end type joints_t
 
   !> Findings of the comparison of facets.
@@ -59,15 +62,48 @@ contains
     !> Mesh of the body.
     type(body_mesh_t), intent(in) :: mesh
     type(boundary_facets_t) :: facets
-    type(findings_t) :: found
     real(dp) :: shortest(mesh%n_nodes())
-    integer :: component(mesh%n_nodes()), pair(2), n_pairs
-    character(:), allocatable :: unit
+    integer :: component(mesh%n_nodes())
     call connected_components(mesh, component, self%n_parts)
     call facets%find(mesh)
     self%n_pieces = facets%n_pieces
-    allocate (found%touches(facets%n), found%overlaps(facets%n), found%close(facets%n), source=.false.)
     call find_shortest_edges(mesh, shortest)
+    call judge(self, mesh, facets, component, shortest)
+  end subroutine joints_find
+
+  !> The same for a body of which each rank has a share of the elements only.
+  subroutine joints_find_in_layer(self, layer, shortest, faults)
+    class(joints_t), intent(out) :: self
+    !> Surface layer of the body.
+    type(surface_layer_t), intent(in) :: layer
+    !> Shortest edge at each node of the layer: the least of all ranks, from `find_layer_edges` (n_nodes) [length].
+    real(dp), intent(in) :: shortest(:)
+    !> What is known of the faces of all ranks.
+    type(share_faults_t), intent(in) :: faults
+    type(boundary_facets_t) :: facets
+    self%n_parts = faults%n_parts
+    self%n_pieces = faults%n_pieces
+    call facets%take_layer(layer)
+    facets%faults = faults%faces
+    call judge(self, layer%mesh, facets, layer%component, shortest)
+  end subroutine joints_find_in_layer
+
+  !> Judge the findings.
+  subroutine judge(self, mesh, facets, component, shortest)
+    !> The joints; the texts are set.
+    class(joints_t), intent(inout) :: self
+    !> Mesh with the nodes of the facets.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Boundary facets.
+    type(boundary_facets_t), intent(in) :: facets
+    !> Connected component of each node (n_nodes).
+    integer, intent(in) :: component(:)
+    !> Shortest edge at each node (n_nodes) [length].
+    real(dp), intent(in) :: shortest(:)
+    type(findings_t) :: found
+    integer :: pair(2), n_pairs
+    character(:), allocatable :: unit
+    allocate (found%touches(facets%n), found%overlaps(facets%n), found%close(facets%n), source=.false.)
     call compare_facets(mesh, facets, component, shortest, found)
     call find_coincident_nodes(mesh, facets, shortest, n_pairs, pair)
     unit = merge('an area  ', 'a length ', mesh%dimension == 3)
@@ -82,13 +118,18 @@ contains
     if (any(found%touches)) &
       self%crack = self%crack//', over '//trim(unit)//' of about '// &
                    to_text(sum(facets%area, mask=found%touches)/2, 3)//', near '//places(found%touches)
-    if (facets%n_shared > 0) then
-      self%fault = 'elements overlap: '//counted(facets%n_shared, 'face')//' of more than two elements, near '// &
-                   position_text(mesh%x(:, facets%shared_node))
-    else if (facets%n_mixed > 0) then
-      self%fault = 'elements '//to_text(facets%mixed(1))//' and '//to_text(facets%mixed(2))//' near '// &
-                   position_text(mesh%x(:, facets%mixed_node))//' have other nodes on their common face ('// &
-                   counted(facets%n_mixed, 'such face')//'): give all elements of a body one order'
+    if (facets%faults%n_shared > 0) then
+      self%fault = 'elements overlap: '//counted(facets%faults%n_shared, 'face')// &
+                   ' of more than two elements, near '//position_text(facets%faults%shared_position(:mesh%dimension))
+    else if (facets%faults%n_mixed > 0) then
+      self%fault = 'elements '//to_text(facets%faults%mixed(1))//' and '//to_text(facets%faults%mixed(2))//' near '// &
+                   position_text(facets%faults%mixed_position(:mesh%dimension))// &
+                   ' have other nodes on their common face ('//counted(facets%faults%n_mixed, 'such face')//'): '
+      if (facets%faults%mixed_kinds) then
+        self%fault = self%fault//'give all elements of a body one order'
+      else
+        self%fault = self%fault//'give it the same nodes, as gmsh does with `Coherence Mesh;`'
+      end if
     else if (any(found%overlaps)) then
       self%fault = 'unconnected parts of the body overlap by up to '//to_text(found%depth, 2)//', near '// &
                    places(found%overlaps)//': join them in gmsh (`BooleanFragments` and `Coherence;`), or make '// &
@@ -113,34 +154,7 @@ contains
         text = text//', '//position_text(facets%centre(:mesh%dimension, i))
       end do
     end function places
-  end subroutine joints_find
-
-  !> Shortest edge or diagonal of the elements at each node: what is small beside it is no thickness of elements.
-  pure subroutine find_shortest_edges(mesh, shortest)
-    !> Mesh of the body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Lengths; huge at nodes that are no corners (n_nodes) [length].
-    real(dp), intent(out) :: shortest(:)
-    type(element_kind_t) :: kind
-    real(dp) :: length
-    integer :: b, e, i, j, n, p, q
-    shortest = huge(shortest)
-    do b = 1, size(mesh%block)
-      kind = element_kind(mesh%block(b)%kind)
-      n = kind%n_corners
-      do e = 1, size(mesh%block(b)%tag)
-        do i = 2, n
-          p = mesh%block(b)%node(i, e)
-          do j = 1, i - 1
-            q = mesh%block(b)%node(j, e)
-            length = norm2(mesh%x(:, p) - mesh%x(:, q))
-            shortest(p) = min(shortest(p), length)
-            shortest(q) = min(shortest(q), length)
-          end do
-        end do
-      end do
-    end do
-  end subroutine find_shortest_edges
+  end subroutine judge
 
   !> Compare all pairs of facets that are near each other and face each other.
   subroutine compare_facets(mesh, facets, component, shortest, found)

@@ -1,7 +1,8 @@
 !> The part of a body that a rank holds, made without the whole body: from the elements that the rank owns.
 !>
-!> The way, in which all ranks do the same: `extract_share` of what the rank has read; maybe `dotyk_mesh_share_split`;
-!> `node_directory_t` for the numbers of the nodes, and `take_numbers`; `boundary_candidates_t` and the surface layer;
+!> The way, in which all ranks do the same: `extract_share` of what the rank has read; `check_extent`; maybe
+!> `dotyk_mesh_share_split`; `orient_share`; `node_directory_t` for the numbers of the nodes, and `take_numbers`;
+!> `boundary_candidates_t`, `dotyk_mesh_share_faults` and the surface layer, from which `joints_t` follows;
 !> `pack_ghosts` for each other rank; `finish_part`. Between these steps ranks exchange plain arrays.
 module dotyk_mesh_part_assembly
   use dotyk_base_error, only: error_t, set_error
@@ -14,7 +15,6 @@ module dotyk_mesh_part_assembly
   use dotyk_mesh_held_part, only: sample_step
   use dotyk_mesh_layer_share, only: layer_share_t, no_elements, pack_items, whole_numbers_t
   use dotyk_mesh_mesh, only: mesh_t
-  use dotyk_mesh_mesh_check, only: orient_elements
   use dotyk_mesh_physical_group, only: groups_named, unknown_group
   use dotyk_mesh_surface_layer, only: surface_layer_t
   implicit none
@@ -39,7 +39,8 @@ contains
     type(whole_numbers_t), intent(out) :: whole
     !> Number of each node in the file, ascending (n_nodes).
     integer, allocatable, intent(out) :: file_node(:)
-    !> Set for an unknown name and for inverted or degenerate elements.
+    !> Set for an unknown name and an empty group, on all ranks alike; elements and nodes are not checked
+    !> (`dotyk_mesh_share_checks`).
     type(error_t), allocatable, intent(out) :: error
     logical :: wanted(size(mesh%group)), has_kind(n_element_kinds)
     integer :: b, kind, n
@@ -56,6 +57,10 @@ contains
       if (is_wanted(b)) has_kind(mesh%block(b)%kind) = .true.
     end do
     allocate (own%block(count(has_kind)), whole%block(count(has_kind)))
+    if (size(own%block) == 0) then
+      call set_error(error, 'mesh '//quoted(mesh%file)//': physical group '//quoted(volume_name)//' has no elements')
+      return
+    end if
     n = 0
     do kind = 1, n_element_kinds
       if (.not. has_kind(kind)) cycle
@@ -66,9 +71,6 @@ contains
     call number_nodes(mesh, own)
     file_node = own%mesh_node
     if (allocated(mesh%file_node)) file_node = mesh%file_node(own%mesh_node)
-    if (own%n_elements() == 0) return
-    call orient_elements(own%x, own%block, error)
-    if (allocated(error)) error%message = 'mesh '//quoted(mesh%file)//', '//quoted(volume_name)//': '//error%message
 
   contains
 

@@ -6,7 +6,7 @@ module layer_check
   use dotyk_mesh_body_mesh, only: body_mesh_t, connected_components, extract_body
   use dotyk_mesh_body_part, only: body_part_t, cut_part, split_elements
   use dotyk_mesh_boundary, only: extract_boundary
-  use dotyk_mesh_boundary_candidates, only: boundary_candidates_t
+  use dotyk_mesh_boundary_candidates, only: boundary_candidates_t, key_length
   use dotyk_mesh_boundary_part, only: find_entities
   use dotyk_mesh_layer_share, only: layer_share_t, own_elements, pack_layer, whole_numbers_t
   use dotyk_mesh_layer_surface, only: extract_layer_surface, find_inner_facets, layer_boundary, layer_surface_names
@@ -73,20 +73,24 @@ contains
     type(whole_numbers_t) :: numbers(0:n_parts - 1)
     type(boundary_candidates_t) :: candidates(0:n_parts - 1)
     type(layer_share_t) :: share
-    integer, allocatable :: part_of_element(:), keys(:, :)
+    integer, allocatable :: part_of_element(:), keys(:, :), n_sharers(:)
     integer(int64), allocatable :: inner(:), number(:)
     real(dp), allocatable :: x(:)
     integer :: r
     call split_elements(whole, n_parts, part_of_element)
-    allocate (keys(5, 0), number(0), x(0))
-    do r = n_parts - 1, 0, -1
+    allocate (keys(key_length, 0), number(0), x(0))
+    allocate (n_sharers(whole%n_nodes()), source=0)
+    do r = 0, n_parts - 1
       call cut_part(whole, part_of_element, r, n_parts, part)
       call own_elements(part, own(r), numbers(r))
-      call candidates(r)%find(own(r), numbers(r)%node)
-      keys = reshape([keys, candidates(r)%key], [5, size(keys, 2) + candidates(r)%n])
+      n_sharers(numbers(r)%node) = n_sharers(numbers(r)%node) + merge(1, 0, has_element(own(r)))
+    end do
+    do r = n_parts - 1, 0, -1
+      call candidates(r)%find(own(r), numbers(r)%node, n_sharers(numbers(r)%node), r)
+      keys = reshape([keys, candidates(r)%key], [key_length, size(keys, 2) + size(candidates(r)%key, 2)])
     end do
     do r = 0, n_parts - 1
-      call candidates(r)%keep_boundary(keys)
+      call candidates(r)%keep_boundary(own(r), numbers(r)%node, keys)
       call find_inner_facets(mesh, own(r), candidates(r), inner)
       call pack_layer(own(r), numbers(r), candidates(r), inner, whole%diameter(), share)
       ! In any order.
@@ -95,6 +99,20 @@ contains
     end do
     call layer%unpack(whole%file, number, x)
   end subroutine make_layer
+
+  !> Whether elements have each node.
+  function has_element(mesh) result(has)
+    !> Elements, and their nodes, maybe among others.
+    type(body_mesh_t), intent(in) :: mesh
+    logical :: has(mesh%n_nodes())
+    integer :: b, e
+    has = .false.
+    do b = 1, size(mesh%block)
+      do e = 1, size(mesh%block(b)%tag)
+        has(mesh%block(b)%node(:, e)) = .true.
+      end do
+    end do
+  end function has_element
 
   !> Compare a layer with the whole body.
   subroutine compare_layer(mesh, whole, layer, n_surfaces, message)

@@ -4,7 +4,7 @@ module part_check
   use dotyk_base_kinds, only: dp, int64
   use dotyk_mesh_body_mesh, only: body_mesh_t, extract_body
   use dotyk_mesh_body_part, only: body_part_t, cut_part
-  use dotyk_mesh_boundary_candidates, only: boundary_candidates_t
+  use dotyk_mesh_boundary_candidates, only: boundary_candidates_t, key_length
   use dotyk_mesh_gmsh, only: read_gmsh
   use dotyk_mesh_layer_share, only: layer_share_t, pack_layer, whole_numbers_t
   use dotyk_mesh_layer_surface, only: find_inner_facets
@@ -17,10 +17,10 @@ module part_check
   use layer_check, only: compare_layer
   implicit none
   private
-  public :: check_assembly
+  public :: check_assembly, move_elements, number_all_nodes
 
   !> What one rank has.
-  type :: rank_t
+  type, public :: rank_t
     !> What it has read of the file.
     type(mesh_t) :: mesh
     !> Its own elements.
@@ -89,13 +89,13 @@ contains
     call read_gmsh(file, mesh, error)
     call extract_body(mesh, volume, 3, body, error)
     ! Boundary.
-    allocate (keys(5, 0), number(0), x(0))
+    allocate (keys(key_length, 0), number(0), x(0))
     do r = 0, n_ranks - 1
-      call rank(r)%candidates%find(rank(r)%own, rank(r)%whole%node)
-      keys = reshape([keys, rank(r)%candidates%key], [5, size(keys, 2) + rank(r)%candidates%n])
+      call rank(r)%candidates%find(rank(r)%own, rank(r)%whole%node, rank(r)%n_sharers, r)
+      keys = reshape([keys, rank(r)%candidates%key], [key_length, size(keys, 2) + size(rank(r)%candidates%key, 2)])
     end do
     do r = 0, n_ranks - 1
-      call rank(r)%candidates%keep_boundary(keys)
+      call rank(r)%candidates%keep_boundary(rank(r)%own, rank(r)%whole%node, keys)
       call find_inner_facets(rank(r)%mesh, rank(r)%own, rank(r)%candidates, inner)
       call pack_layer(rank(r)%own, rank(r)%whole, rank(r)%candidates, inner, body%diameter(), share)
       number = [number, share%number]

@@ -1,0 +1,229 @@
+!> Orientation of the elements of a body: a mesh whose elements all are inverted is reversed; some of both signs, and
+!> degenerate elements, are refused. The census of several shares of a body is the sum of theirs.
+module dotyk_mesh_element_orientation
+  use dotyk_base_error, only: error_t, exit_not_solvable, set_error
+  use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_sort, only: sort_order
+  use dotyk_base_text, only: counted, to_text
+  use dotyk_mesh_element, only: element_kind, element_kind_t
+  use dotyk_mesh_face_faults, only: face_order
+  use dotyk_mesh_jacobian, only: jacobian_range, mirror_order
+  use dotyk_mesh_mesh, only: element_block_t
+  use dotyk_mesh_mesh_check, only: position_text
+  implicit none
+  private
+  public :: orient_elements, refuse_orientations, reverse_elements
+
+  !> Greatest number of tags in a message.
+  integer, parameter :: max_listed = 10
+
+  !> Elements of one sign of the Jacobian determinant.
+  type, public :: element_sign_t
+    !> Number of elements.
+    integer(int64) :: n = 0
+    !> Places of the first of them in the order of the elements (`face_order`), ascending (0 .. max_listed).
+    integer(int64), allocatable :: order(:)
+    !> Their tags (0 .. max_listed).
+    integer(int64), allocatable :: tag(:)
+  contains
+    procedure :: add => sign_add
+  end type element_sign_t
+
+  !> Elements by the sign of their Jacobian determinant.
+  type, public :: orientation_census_t
+    !> Elements of positive volume, and of negative volume.
+    type(element_sign_t) :: positive, negative
+    !> Number of other elements.
+    integer(int64) :: n_degenerate = 0
+    !> How bad the worst of them is: the ratio of the determinant of the wrong sign to that of the right one, 1 for an
+    !> element that vanishes; negative where there is none.
+    real(dp) :: badness = -1
+    !> Its place in the order of the elements.
+    integer(int64) :: worst_order = huge(0_int64)
+    !> Its tag and kind.
+    integer(int64) :: worst_tag = 0, worst_kind = 0
+    !> Its least and greatest determinant [length^dimension].
+    real(dp) :: range(2) = 0
+    !> Mean of its corners (3) [length].
+    real(dp) :: middle(3) = 0
+  contains
+    procedure :: find => census_find
+    procedure :: add => census_add
+  end type orientation_census_t
+
+contains
+
+  !> Reverse all elements if all volumes are negative; refuse a mixture, and elements whose Jacobian determinant
+  !> vanishes or changes its sign.
+  subroutine orient_elements(x, block, error)
+    !> Nodal coordinates (dimension, n_nodes) [length].
+    real(dp), intent(in) :: x(:, :)
+    !> Elements (n_blocks); the nodes of all are permuted if all are inverted.
+    type(element_block_t), intent(inout) :: block(:)
+    !> Set, with the exit code `exit_not_solvable`, for a mixture of orientations and for degenerate elements.
+    type(error_t), allocatable, intent(out) :: error
+    type(orientation_census_t) :: census
+    call census%find(x, block)
+    call refuse_orientations(census, size(x, 1), error)
+    if (census%negative%n > 0 .and. .not. allocated(error)) call reverse_elements(block)
+  end subroutine orient_elements
+
+  !> Reverse all elements.
+  subroutine reverse_elements(block)
+    !> Elements (n_blocks); their nodes are permuted.
+    type(element_block_t), intent(inout) :: block(:)
+    integer :: b
+    do b = 1, size(block)
+      block(b)%node = block(b)%node(mirror_order(block(b)%kind), :)
+    end do
+  end subroutine reverse_elements
+
+  !> Count elements by their signs.
+  subroutine census_find(self, x, block)
+    class(orientation_census_t), intent(out) :: self
+    !> Nodal coordinates (dimension, n_nodes) [length].
+    real(dp), intent(in) :: x(:, :)
+    !> Elements (n_blocks).
+    type(element_block_t), intent(in) :: block(:)
+    type(element_kind_t) :: kind
+    real(dp), allocatable :: smallest(:), largest(:)
+    real(dp) :: badness
+    integer :: b, e
+    allocate (self%positive%order(0), self%positive%tag(0), self%negative%order(0), self%negative%tag(0))
+    do b = 1, size(block)
+      kind = element_kind(block(b)%kind)
+      allocate (smallest(size(block(b)%tag)), largest(size(block(b)%tag)))
+      call jacobian_range(block(b)%kind, size(smallest), block(b)%node, size(x, 1), size(x, 2), x, smallest, largest)
+      do e = 1, size(smallest)
+        if (smallest(e) > 0) then
+          call count_element(self%positive, face_order(b, e, 0), block(b)%tag(e))
+        else if (largest(e) < 0) then
+          call count_element(self%negative, face_order(b, e, 0), block(b)%tag(e))
+        else
+          self%n_degenerate = self%n_degenerate + 1
+          badness = 1
+          if (largest(e) > smallest(e)) badness = min(-smallest(e), largest(e))/max(-smallest(e), largest(e))
+          if (badness <= self%badness) cycle
+          self%badness = badness
+          self%worst_order = face_order(b, e, 0)
+          self%worst_tag = block(b)%tag(e)
+          self%worst_kind = block(b)%kind
+          self%range = [smallest(e), largest(e)]
+          self%middle(:size(x, 1)) = sum(x(:, block(b)%node(:kind%n_corners, e)), dim=2)/kind%n_corners
+        end if
+      end do
+      deallocate (smallest, largest)
+    end do
+  end subroutine census_find
+
+  !> Count an element, and keep its tag where it is one of the first.
+  subroutine count_element(elements, order, tag)
+    !> Elements of the sign; updated.
+    type(element_sign_t), intent(inout) :: elements
+    !> Place of the element in the order of the elements.
+    integer(int64), intent(in) :: order
+    !> Its tag.
+    integer(int64), intent(in) :: tag
+    elements%n = elements%n + 1
+    if (elements%n > max_listed) return
+    elements%order = [elements%order, order]
+    elements%tag = [elements%tag, tag]
+  end subroutine count_element
+
+  !> Add the elements of one sign of another share.
+  subroutine sign_add(self, other)
+    class(element_sign_t), intent(inout) :: self
+    !> Elements of the same sign.
+    type(element_sign_t), intent(in) :: other
+    integer, allocatable :: by_place(:)
+    self%n = self%n + other%n
+    self%order = [self%order, other%order]
+    self%tag = [self%tag, other%tag]
+    allocate (by_place(size(self%order)))
+    call sort_order(real(self%order, dp), by_place)
+    by_place = by_place(:min(max_listed, size(by_place)))
+    self%order = self%order(by_place)
+    self%tag = self%tag(by_place)
+  end subroutine sign_add
+
+  !> Add the census of another share.
+  subroutine census_add(self, other)
+    class(orientation_census_t), intent(inout) :: self
+    !> Census of the other share; its places in the order of the elements are those of the whole body.
+    type(orientation_census_t), intent(in) :: other
+    call self%positive%add(other%positive)
+    call self%negative%add(other%negative)
+    self%n_degenerate = self%n_degenerate + other%n_degenerate
+    if (other%badness < self%badness) return
+    if (other%badness <= self%badness .and. other%worst_order > self%worst_order) return
+    self%badness = other%badness
+    self%worst_order = other%worst_order
+    self%worst_tag = other%worst_tag
+    self%worst_kind = other%worst_kind
+    self%range = other%range
+    self%middle = other%middle
+  end subroutine census_add
+
+  !> Refuse degenerate elements, and a mixture of orientations.
+  subroutine refuse_orientations(census, dimension, error)
+    !> Census of the whole body.
+    type(orientation_census_t), intent(in) :: census
+    !> Dimension of space.
+    integer, intent(in) :: dimension
+    !> Set, with the exit code `exit_not_solvable`, for a mixture of orientations and for degenerate elements.
+    type(error_t), allocatable, intent(out) :: error
+    if (census%n_degenerate > 0) then
+      call report_degenerate(census, dimension, error)
+    else if (census%positive%n > 0 .and. census%negative%n > 0) then
+      call report_mixture(census, dimension, error)
+    end if
+  end subroutine refuse_orientations
+
+  !> Error for degenerate elements, which names the worst.
+  subroutine report_degenerate(census, dimension, error)
+    !> Census of the whole body.
+    type(orientation_census_t), intent(in) :: census
+    !> Dimension of space.
+    integer, intent(in) :: dimension
+    !> Allocated on return: names the worst element and the number of degenerate ones.
+    type(error_t), allocatable, intent(out) :: error
+    type(element_kind_t) :: kind
+    real(dp) :: range(2)
+    character(:), allocatable :: advice
+    range = census%range
+    if (census%negative%n > census%positive%n) range = -range([2, 1])
+    kind = element_kind(int(census%worst_kind))
+    advice = ''
+    if (kind%order > 1) advice = '; gmsh repairs quadratic elements with Mesh.HighOrderOptimize = 2;'
+    call set_error(error, 'element '//to_text(census%worst_tag)//' ('//trim(kind%name)//') near '// &
+                   position_text(census%middle(:dimension))//' is degenerate: its Jacobian determinant ranges from '// &
+                   to_text(range(1))//' to '//to_text(range(2))//' ('// &
+                   counted(int(census%n_degenerate), 'such element')//'): refine the mesh there'//advice, &
+                   exit_not_solvable)
+  end subroutine report_degenerate
+
+  !> Error for a mixture of orientations, which names the elements of the minority.
+  subroutine report_mixture(census, dimension, error)
+    !> Census of the whole body.
+    type(orientation_census_t), intent(in) :: census
+    !> Dimension of space.
+    integer, intent(in) :: dimension
+    !> Allocated on return: names the elements of the rarer orientation.
+    type(error_t), allocatable, intent(out) :: error
+    type(element_sign_t) :: rare
+    character(:), allocatable :: tags, hint
+    integer :: i
+    rare = census%positive
+    if (census%negative%n <= census%positive%n) rare = census%negative
+    tags = ''
+    do i = 1, size(rare%tag)
+      tags = tags//trim(merge(', ', '  ', i > 1))//' '//to_text(rare%tag(i))
+    end do
+    if (rare%n > max_listed) tags = tags//', ...'
+    hint = ''
+    if (dimension == 2) hint = ' (gmsh reverses surfaces with `ReverseMesh Surface {...};`)'
+    call set_error(error, to_text(rare%n)//' of '//to_text(census%positive%n + census%negative%n)// &
+                   ' elements are inverted against the others (their volumes have the other sign):'//tags//hint, &
+                   exit_not_solvable)
+  end subroutine report_mixture
+end module dotyk_mesh_element_orientation
