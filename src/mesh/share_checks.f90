@@ -122,9 +122,11 @@ contains
     call census%find(own%x, own%block)
     if (census%badness >= 0) census%worst_order = in_whole(census%worst_order)
     packed = [census%positive%n, census%negative%n, census%n_degenerate, transfer(census%badness, packed), &
-              census%worst_order, census%worst_tag, census%worst_kind, transfer([census%range, census%middle], packed), &
-              int([size(census%positive%tag), size(census%negative%tag)], int64), in_whole(census%positive%order), &
-              census%positive%tag, in_whole(census%negative%order), census%negative%tag]
+              census%worst_order, census%worst_tag, census%worst_kind, &
+              transfer([census%range, census%middle], packed), &
+              int([size(census%positive%tag), size(census%negative%tag)], int64), &
+              in_whole(census%positive%order), census%positive%tag, &
+              in_whole(census%negative%order), census%negative%tag]
 
   contains
 

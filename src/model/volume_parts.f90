@@ -1,4 +1,4 @@
-!> A volume of a mesh file of which each rank reads a share: the part of it that each rank goes on with, and the surface.
+!> A volume of a mesh file of which each rank reads a share: the part of it that each rank goes on with, and its surface.
 !> No rank ever has the whole volume.
 !>
 !> The elements that a rank has read move to the rank of their place on a space-filling curve; directories of the nodes
@@ -17,6 +17,7 @@ module dotyk_model_volume_parts
   use dotyk_mesh_layer_surface, only: find_inner_facets
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_part_assembly, only: extract_share, finish_part, pack_ghosts, pack_samples
+  use dotyk_mesh_share_checks, only: check_extent, orient_share, pack_extent, pack_orientation
   use dotyk_mesh_share_split, only: n_bins, pack_for_rank, parts_of_bins, parts_of_share, share_box, share_weights
   use dotyk_mesh_surface, only: surface_t
   use dotyk_mesh_surface_layer, only: surface_layer_t
@@ -65,10 +66,20 @@ contains
     character(*), intent(in) :: name
     !> Dimension of space.
     integer, intent(in) :: dimension
-    !> The same on all ranks: an unknown name, inverted or degenerate elements.
+    !> The same on all ranks: an unknown name, an empty group, coordinates out of range, inverted or degenerate
+    !> elements.
     type(error_t), allocatable, intent(out) :: error
+    integer(int64), allocatable :: packed(:), all(:)
     call extract_share(mesh, name, dimension, this_rank(), self%own, self%whole, self%file_node, error)
     call agree_on_error(error)
+    if (allocated(error)) return
+    call pack_extent(mesh, self%own, self%file_node, packed)
+    call gather_all(packed, all)
+    call check_extent(self%own, name, all, error)
+    if (allocated(error)) return
+    call pack_orientation(self%own, self%whole, packed)
+    call gather_all(packed, all)
+    call orient_share(self%own, name, all, error)
     if (allocated(error)) return
     self%n_file_nodes = mesh%n_file_nodes
     allocate (self%low(dimension), self%high(dimension), self%in_bin(0:n_bins - 1))
@@ -109,7 +120,7 @@ contains
     integer :: k
     call move_elements(self, n_bodies, before, all_weight)
     call number_nodes(self%file_node, self%n_file_nodes, self%whole, first_node, n_sharers, sharer)
-    call find_layer(self, mesh, candidates, layer)
+    call find_layer(self, mesh, n_sharers, candidates, layer)
     do k = 2, n_layers
       call hold_more(self%own, self%whole, n_sharers, sharer)
     end do
@@ -159,11 +170,13 @@ contains
   end subroutine move_elements
 
   !> The surface of the volume, on all ranks.
-  subroutine find_layer(self, mesh, candidates, layer)
+  subroutine find_layer(self, mesh, n_sharers, candidates, layer)
     !> What this rank owns.
     class(volume_share_t), intent(in) :: self
     !> What this rank has read of the file.
     type(mesh_t), intent(in) :: mesh
+    !> Number of ranks that have each node (n_nodes).
+    integer, intent(in) :: n_sharers(:)
     !> Faces of own elements on the boundary.
     type(boundary_candidates_t), intent(out) :: candidates
     !> The surface.
@@ -171,9 +184,9 @@ contains
     type(layer_share_t) :: share
     integer(int64), allocatable :: keys(:), inner(:), number(:)
     real(dp), allocatable :: x(:)
-    call candidates%find(self%own, self%whole%node)
+    call candidates%find(self%own, self%whole%node, n_sharers, this_rank())
     call gather_all(reshape(int(candidates%key, int64), [size(candidates%key)]), keys)
-    call candidates%keep_boundary(reshape(int(keys), [key_length, size(keys)/key_length]))
+    call candidates%keep_boundary(self%own, self%whole%node, reshape(int(keys), [key_length, size(keys)/key_length]))
     call find_inner_facets(mesh, self%own, candidates, inner)
     call pack_layer(self%own, self%whole, candidates, inner, 0.0_dp, share)
     call gather_shares(share, number, x)
