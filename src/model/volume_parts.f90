@@ -1,4 +1,4 @@
-!> A volume of a mesh file of which each rank reads a share: the part of it that each rank goes on with, and its surface.
+!> A volume of a mesh file of which each rank reads a share: the part that each rank goes on with, and its surface.
 !> No rank ever has the whole volume.
 !>
 !> The elements that a rank has read move to the rank of their place on a space-filling curve; directories of the nodes
