@@ -177,6 +177,7 @@ contains
       low(:dim) = min(low(:dim), mesh%x(:, i))
       high(:dim) = max(high(:dim), mesh%x(:, i))
     end do
+    ! All ranks have the surface; should a node stick out of it, they still agree.
     limits = [-low, high]
     call greatest_of_parts(mesh, limits)
     low = -limits(:3)
