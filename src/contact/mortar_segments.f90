@@ -20,9 +20,10 @@ module dotyk_contact_mortar_segments
   use dotyk_contact_moment_fitting, only: fit_segment_weights
   use dotyk_contact_polygon, only: contains_point
   use dotyk_contact_projection, only: project_point, projection_found, projection_t, master_surface_t
-  use dotyk_contact_segment_quadrature, only: append_points, quadrature_rule_t, polygon_rule, rule_table_t, shape_degree
+  use dotyk_contact_segment_quadrature, only: append_points, max_degree, quadrature_rule_t, polygon_rule, &
+    rule_table_t, shape_degree
   use dotyk_mesh_body_mesh, only: body_mesh_t
-  use dotyk_mesh_element, only: element_kind, element_kind_t, kind_nodes
+  use dotyk_mesh_element, only: element_kind, element_kind_t, element_tri3, kind_nodes
   use dotyk_mesh_surface, only: surface_t
   implicit none
   private
@@ -75,9 +76,14 @@ contains
     !> Rules of the slave facets; not allocated where there is no segmentation (n_facets).
     type(quadrature_rule_t), allocatable, intent(out) :: rule(:)
     type(rule_table_t) :: table
-    integer :: f
+    integer :: f, highest
     allocate (rule(surface_a%n_facets))
-    call table%init()
+    highest = max_degree
+    ! The rules of high degrees take longer than many a pair; linear triangles need no moment fitting.
+    if (all(surface_a%kind(:surface_a%n_facets) == element_tri3) .and. &
+        all(surface_b%kind(:surface_b%n_facets) == element_tri3)) &
+      highest = max(segment_degree(element_tri3, element_tri3, mortar), curved_degree, whole_degree)
+    call table%init(highest)
     !$omp parallel do default(none) schedule(dynamic, 16) &
     !$omp shared(surface_a, mesh_a, surface_b, mesh_b, set, candidate, master, table, radius, mortar, axisymmetric) &
     !$omp shared(whole_rule, rule)

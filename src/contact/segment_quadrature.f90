@@ -18,7 +18,7 @@ module dotyk_contact_segment_quadrature
   !> Greatest degree of the rules in the table.
   integer, parameter, public :: max_degree = 20
 
-  !> Rules of all degrees on the reference domains.
+  !> Rules on the reference domains, of the degrees that were asked for.
   type, public :: rule_table_t
     !> On (0:max_degree) [-1,1], by degree.
     type(quadrature_rule_t) :: line(0:max_degree)
@@ -35,10 +35,12 @@ module dotyk_contact_segment_quadrature
 contains
 
   !> Compute the rules.
-  subroutine table_init(self)
+  subroutine table_init(self, highest)
     class(rule_table_t), intent(out) :: self
+    !> Degree of the last one; at most `max_degree`.
+    integer, intent(in) :: highest
     integer :: k
-    do k = 0, max_degree
+    do k = 0, highest
       call quadrature_rule(element_line2, k, self%line(k)%xi, self%line(k)%weight)
       call quadrature_rule(element_tri3, k, self%triangle(k)%xi, self%triangle(k)%weight)
       call quadrature_rule(element_quad4, k, self%square(k)%xi, self%square(k)%weight)

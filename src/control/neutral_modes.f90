@@ -12,6 +12,7 @@ module dotyk_control_neutral_modes
   use dotyk_control_neutral_candidates, only: candidate_t, find_candidates, floats, moved_beyond_others
   use dotyk_control_slave_normals, only: find_deviations
   use dotyk_linalg_dense, only: complete_basis
+  use dotyk_scheme_centrality, only: point_t
   use dotyk_scheme_coarse_space, only: coarse_space_t, contact_modes_t, mode_block_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_neutral_modes, only: flat, rest_on_foundation
@@ -30,6 +31,9 @@ module dotyk_control_neutral_modes
     real(dp), allocatable, private :: stiffness(:)
     !> The latest equilibrium on it: amplitudes of all modes of `modes`, body after body (n_modes) [length].
     real(dp), allocatable, private :: motion(:)
+    !> An iterate of the interior-point method on the way to it, its amplitudes those of all modes; nothing where the
+    !> method was not used.
+    type(point_t), private :: kept
     !> Times that the contact has been solved again.
     integer, private :: n_again = 0
   contains
@@ -87,7 +91,8 @@ contains
     if (allocated(error)) return
     if (all(self%candidate%n == 0)) return
     allocate (force(qp%n_rows), alpha(qp%coarse%n))
-    call rest_on_foundation(qp, self%stiffness, force, alpha)
+    call rest_on_foundation(qp, self%stiffness, force, alpha, kept=self%kept)
+    if (allocated(self%kept%alpha)) self%kept%alpha = qp%coarse%scale*self%kept%alpha
     self%motion = qp%coarse%scale*alpha
     call self%hold(self%moved_far(self%motion), problem, qp)
   end subroutine neutral_find
@@ -133,7 +138,7 @@ contains
     is_new = chosen .and. self%candidate%n_held == 0 .and. self%candidate%n > 0
     if (.not. any(is_new)) return
     where (is_new) self%candidate%n_held = self%candidate%n
-    call release_loaded(self%modes, self%stiffness, is_new, qp, self%candidate, self%motion)
+    call release_loaded(self%modes, self%stiffness, is_new, qp, self%candidate, self%motion, self%kept)
     do b = 1, size(chosen)
       associate (own => self%candidate(b))
         if (.not. is_new(b) .or. own%n_held == 0) cycle
@@ -213,7 +218,7 @@ contains
 
   !> Release directions along which loads and contact forces are not in equilibrium by far: they are no noise. The
   !> forces are those of rigid bodies on a Winkler foundation.
-  subroutine release_loaded(modes, stiffness, may_release, qp, candidate, motion)
+  subroutine release_loaded(modes, stiffness, may_release, qp, candidate, motion, kept)
     !> The modes at the contact nodes, all of them (n_bodies).
     type(contact_modes_t), intent(in) :: modes(:)
     !> Stiffness of the foundation (n_rows) [force/length].
@@ -226,6 +231,8 @@ contains
     type(candidate_t), intent(inout) :: candidate(:)
     !> The latest equilibrium: amplitudes of `modes`, body after body (n_modes) [length].
     real(dp), intent(inout) :: motion(:)
+    !> An iterate on the way to it, its amplitudes those of `modes`; nothing where there is none.
+    type(point_t), intent(inout) :: kept
     type(contact_modes_t) :: trial(size(modes))
     type(coarse_space_t) :: coarse
     real(dp), allocatable :: along(:), turn(:, :), alpha(:)
@@ -241,7 +248,9 @@ contains
       call coarse%init(qp%block, qp%n_rows, trial)
       call qp%replace_modes(coarse)
       if (pass == most_passes) exit
-      call rest_on_foundation(qp, stiffness, force, alpha, amplitudes_of(motion, candidate, qp%coarse))
+      if (allocated(kept%alpha)) kept%alpha = amplitudes_of(kept%alpha, candidate, qp%coarse)
+      call rest_on_foundation(qp, stiffness, force, alpha, amplitudes_of(motion, candidate, qp%coarse), kept)
+      if (allocated(kept%alpha)) kept%alpha = motion_of(kept%alpha, candidate, qp%coarse)
       motion = motion_of(alpha, candidate, qp%coarse)
       changed = .false.
       do b = 1, size(modes)

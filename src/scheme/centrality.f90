@@ -12,8 +12,9 @@ module dotyk_scheme_centrality
   real(dp), parameter, public :: fraction_to_boundary = 0.995_dp
   !> Centring parameter at least (Mehrotra's cubic rule gives 0 where the predictor reaches the solution).
   real(dp), parameter, public :: least_centring = 1.0e-6_dp
-  !> Centrality corrections of a step at most, and where they reduce the centring parameter too.
-  integer, parameter :: most_corrections = 8, most_reductions = 12
+  !> Centrality corrections of a step at most, and where they reduce the centring parameter too: of elastic bodies, and
+  !> of rigid ones, whose solutions take no products with compliances.
+  integer, parameter :: most_corrections = 8, most_reductions = 12, most_reductions_of_rigid = 24
   !> A correction aims at a step longer by this, and is taken
   real(dp), parameter :: longer_by = 0.5_dp
   !> where it gains this fraction of it.
@@ -22,8 +23,8 @@ module dotyk_scheme_centrality
   real(dp), parameter :: long_enough = 0.95_dp
   !> Steps longer than this aim at smaller products, by
   real(dp), parameter :: long_enough_to_reduce = 0.9_dp
-  !> this factor, which is taken where the products that are left are fewer by this one.
-  real(dp), parameter :: reduction = 0.3_dp, worthwhile_reduction = 0.95_dp
+  !> this factor, which is taken where the products that are left are fewer by these, of elastic and of rigid bodies.
+  real(dp), parameter :: reduction = 0.3_dp, worthwhile_reduction = 0.95_dp, worthwhile_of_rigid = 0.99_dp
   !> Complementarity products between these multiples of their targets are not corrected.
   real(dp), parameter :: smallest_product = 0.5_dp, largest_product = 2.0_dp
   !> Parts of a correction that are tried, and a step is longer if it is by this factor.
@@ -124,9 +125,11 @@ contains
     type(point_t), intent(inout) :: step
     type(point_t) :: correction, other
     real(dp), allocatable :: product(:), none(:)
-    real(dp) :: length, aim, new, left, sigma_now, sigma_next
-    logical :: failed
+    real(dp) :: length, aim, new, left, sigma_now, sigma_next, worthwhile
+    logical :: failed, is_rigid
     integer :: k
+    is_rigid = .not. compliance%has_entries()
+    worthwhile = merge(worthwhile_of_rigid, worthwhile_reduction, is_rigid)
     allocate (none(size(target)), source=0.0_dp)
     correction = step
     product = sigma*target - step%lambda*step%s
@@ -135,7 +138,7 @@ contains
     sigma_now = sigma
     left = 1 - length*(1 - sigma_now)
     failed = .false.
-    do k = 1, most_reductions
+    do k = 1, merge(most_reductions_of_rigid, most_reductions, is_rigid)
       sigma_next = sigma_now
       if (length > long_enough_to_reduce .or. failed) sigma_next = reduction*sigma_now
       if (sigma_next < least_centring) exit
@@ -146,7 +149,7 @@ contains
       call newton_step(qp, compliance, system, now, none, 0*now%alpha, product, correction)
       other = step
       call add_best_part(now, correction, other, new)
-      if (1 - new*(1 - sigma_next) > worthwhile_reduction*left) then
+      if (1 - new*(1 - sigma_next) > worthwhile*left) then
         if (failed .or. sigma_next < sigma_now) exit
         ! A step that gets no longer may have smaller products.
         failed = .true.

@@ -14,6 +14,7 @@ module dotyk_scheme_neutral_modes
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_linalg_dense, only: orthonormal_range, right_singular_vectors
+  use dotyk_scheme_centrality, only: point_t
   use dotyk_scheme_coarse_space, only: mode_block_t
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_winkler_start, only: winkler_equilibrium
@@ -121,7 +122,7 @@ contains
   end subroutine touching_rows
 
   !> Contact forces of rigid bodies in equilibrium on a Winkler foundation.
-  subroutine rest_on_foundation(qp, stiffness, force, alpha, start)
+  subroutine rest_on_foundation(qp, stiffness, force, alpha, start, kept)
     !> Contact rows, initial penetrations, rigid body modes.
     type(contact_qp_t), intent(in) :: qp
     !> Stiffness of the foundation (n_rows) [force/length].
@@ -132,7 +133,9 @@ contains
     real(dp), intent(out) :: alpha(:)
     !> See `winkler_equilibrium` (qp%coarse%n) [length].
     real(dp), intent(in), optional :: start(:)
-    call winkler_equilibrium(qp, qp%coarse%resultant, stiffness, qp%initial_penetration, alpha, start)
+    !> See `winkler_equilibrium`.
+    type(point_t), intent(inout), optional :: kept
+    call winkler_equilibrium(qp, qp%coarse%resultant, stiffness, qp%initial_penetration, alpha, start, kept)
     call qp%mode_displacement(alpha, force)
     force = stiffness*max(0.0_dp, force + qp%initial_penetration)
   end subroutine rest_on_foundation

@@ -13,6 +13,7 @@ module dotyk_scheme_winkler_start
   use dotyk_linalg_block_ldlt_solution, only: solve_block_ldlt
   use dotyk_linalg_clique_graph, only: make_clique_graph
   use dotyk_linalg_ordering, only: nested_dissection
+  use dotyk_scheme_centrality, only: point_t
   use dotyk_scheme_coarse_space, only: coarse_space_t, mode_block_t, multiply_blocks
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_dense_compliance, only: dense_compliance_t
@@ -55,7 +56,7 @@ module dotyk_scheme_winkler_start
 contains
 
   !> Equilibrium of the floating bodies, rigid, on Winkler foundations at the contact points.
-  subroutine winkler_equilibrium(qp, resultant, stiffness, y, alpha, start)
+  subroutine winkler_equilibrium(qp, resultant, stiffness, y, alpha, start, kept)
     !> Contact rows and rigid body modes, with the resultants of the loads.
     type(contact_qp_t), intent(in) :: qp
     !> Resultants that the contact forces have to balance (qp%coarse%n) [force].
@@ -68,11 +69,14 @@ contains
     real(dp), intent(out) :: alpha(:)
     !> Amplitudes of an equilibrium next to this one, for many bodies to begin with (qp%coarse%n) [length].
     real(dp), intent(in), optional :: start(:)
+    !> An iterate on the way to that equilibrium, to begin with where it has forces; on the way to this one on return.
+    type(point_t), intent(inout), optional :: kept
     logical :: found
     alpha = 0
     if (qp%coarse%n == 0 .or. qp%n_rows == 0) return
     if (qp%coarse%n >= many_modes) then
-      call rest_by_interior_point(qp, resultant, weak*sum(stiffness)/qp%n_rows, stiffness, y, alpha, found, start)
+      call rest_by_interior_point(qp, resultant, weak*sum(stiffness)/qp%n_rows, stiffness, y, alpha, found, start, &
+                                  kept)
       if (found) return
       alpha = 0
     end if
@@ -80,7 +84,7 @@ contains
   end subroutine winkler_equilibrium
 
   !> The minimum by the interior-point method: gaps are opened by layers of the stiffness k on rigid bodies.
-  subroutine rest_by_interior_point(qp, resultant, mu, k, y, alpha, found, start)
+  subroutine rest_by_interior_point(qp, resultant, mu, k, y, alpha, found, start, kept)
     !> Contact rows and rigid body modes.
     type(contact_qp_t), intent(in) :: qp
     !> See `winkler_equilibrium` (qp%coarse%n) [force].
@@ -97,6 +101,8 @@ contains
     logical, intent(out) :: found
     !> See `winkler_equilibrium` (qp%coarse%n) [length].
     real(dp), intent(in), optional :: start(:)
+    !> See `winkler_equilibrium`.
+    type(point_t), intent(inout), optional :: kept
     type(error_t), allocatable :: error
     type(contact_qp_t) :: rigid
     type(dense_compliance_t) :: none
@@ -126,7 +132,7 @@ contains
     end if
     ! An array that is not allocated is an absent argument.
     call interior_point_method(rigid, none, layer, system, 1/rigid%weight, k > 0, lambda, alpha, active, steps, error, &
-                               accuracy, penetration, start)
+                               accuracy, penetration, start, kept)
     call system%destroy()
     found = .not. allocated(error)
     if (found) found = all(abs(alpha) <= huge(mu))
