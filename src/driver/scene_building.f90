@@ -52,7 +52,11 @@ contains
       call set_stage('reading meshes')
       call read_shares(case, may_split, shares, in_parts, error)
       if (allocated(error)) return
-      call build_bodies(case, shares, in_parts, problem%body, surfaces, remarks, error)
+      if (in_parts) then
+        call build_bodies(case, problem%body, surfaces, remarks, error, shares)
+      else
+        call build_bodies(case, problem%body, surfaces, remarks, error)
+      end if
       do i = 1, size(remarks)
         call monitor%log%line('  '//remarks(i)%s)
       end do

@@ -27,13 +27,9 @@ module dotyk_model_body_setup
 contains
 
   !> Read every mesh once, extract every volume once, and build the bodies; all problems are reported together.
-  subroutine build_bodies(case, shares, in_parts, body, surfaces, remarks, error)
+  subroutine build_bodies(case, body, surfaces, remarks, error, shares)
     !> The case.
     type(case_t), intent(in) :: case
-    !> Shares of the meshes that this rank has read; those of volumes are given up.
-    type(mesh_shares_t), intent(inout) :: shares
-    !> Whether there are such shares: this rank gets its parts of the bodies.
-    logical, intent(in) :: in_parts
     !> Bodies, not yet assembled (n_bodies).
     type(body_t), allocatable, intent(out) :: body(:)
     !> Surfaces of the bodies that contact pairs may need (n_bodies).
@@ -42,6 +38,8 @@ contains
     type(text_t), allocatable, intent(out) :: remarks(:)
     !> Allocated where meshes, materials, supports or loads cannot be used: all problems, one per line.
     type(error_t), allocatable, intent(out) :: error
+    !> Shares of the meshes that this rank has read, where it gets its parts of the bodies; those of volumes are given up.
+    type(mesh_shares_t), intent(inout), optional :: shares
     type(problem_list_t) :: problems
     type(mesh_t) :: whole_mesh
     type(meshing_t) :: meshing
@@ -62,7 +60,7 @@ contains
       if (read(b)) cycle
       same = [(case%body(c)%mesh == case%body(b)%mesh, c=1, size(body))]
       read = read .or. same
-      if (in_parts) then
+      if (present(shares)) then
         call build_file(shares%mesh(b))
         cycle
       end if
@@ -89,8 +87,8 @@ contains
       integer :: c, k, n_same
       do c = b, size(body)
         if (.not. same(c) .or. done(c)) cycle
-        if (in_parts) then
-          call shares%take_part(c, volume)
+        if (present(shares)) then
+          call shares%take_part(case, c, volume)
         else
           call volume%take(mesh, case%body(c)%volume, case%scene%dimension, locks(c))
         end if

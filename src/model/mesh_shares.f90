@@ -110,8 +110,10 @@ contains
   end function names_of
 
   !> The part of this rank of a volume: all volumes are on one curve, in equal lengths for each rank.
-  subroutine shares_take_part(self, b, volume)
+  subroutine shares_take_part(self, case, b, volume)
     class(mesh_shares_t), intent(inout) :: self
+    !> The case.
+    type(case_t), intent(in) :: case
     !> First body of the volume.
     integer, intent(in) :: b
     !> The part.
@@ -126,7 +128,7 @@ contains
       if (c < b) before = before + n_bodies*self%volume(c)%weight()
       all_weight = all_weight + n_bodies*self%volume(c)%weight()
     end do
-    call volume%take_part(self%mesh(self%first_of_file(b)), self%volume(b), count(self%first_of_volume == b), before, &
-                          all_weight)
+    call volume%take_part(self%mesh(self%first_of_file(b)), case%body(b)%volume, self%volume(b), &
+                          count(self%first_of_volume == b), before, all_weight)
   end subroutine shares_take_part
 end module dotyk_model_mesh_shares

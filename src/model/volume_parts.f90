@@ -9,25 +9,26 @@
 module dotyk_model_volume_parts
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
-  use dotyk_elasticity_shortest_extent, only: measure_part
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_body_part, only: body_part_t
-  use dotyk_mesh_boundary_candidates, only: boundary_candidates_t, key_length
+  use dotyk_mesh_boundary_candidates, only: boundary_candidates_t
+  use dotyk_mesh_joints, only: joints_t
+  use dotyk_mesh_layer_part, only: hold_layer_part
   use dotyk_mesh_layer_share, only: layer_share_t, pack_layer, whole_numbers_t
   use dotyk_mesh_layer_surface, only: find_inner_facets
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_part_assembly, only: extract_share, finish_part, pack_ghosts, pack_samples
   use dotyk_mesh_share_checks, only: check_extent, orient_share, pack_extent, pack_orientation
+  use dotyk_mesh_share_faults, only: share_faults_t
   use dotyk_mesh_share_split, only: n_bins, pack_for_rank, parts_of_bins, parts_of_share, share_box, share_weights
-  use dotyk_mesh_surface, only: surface_t
   use dotyk_mesh_surface_layer, only: surface_layer_t
   use dotyk_model_node_sharers, only: hold_more, number_nodes
   use dotyk_model_share_exchange, only: deliver_shares, gather_shares
+  use dotyk_model_volume_joints, only: find_boundary, find_joints
   use dotyk_ranks_communication, only: n_ranks, this_rank
   use dotyk_ranks_exchange, only: add_counts, agree_on_error, gather_all, greatest
   implicit none
   private
-  public :: held_surface_of_layer
 
   !> What this rank has read of a volume.
   type, public :: volume_share_t
@@ -100,19 +101,26 @@ contains
   end function share_weight
 
   !> The part of this rank, and the surface of the volume. The share is given up.
-  subroutine share_make_part(self, mesh, n_bodies, before, all_weight, part, layer)
+  subroutine share_make_part(self, mesh, name, n_bodies, before, all_weight, part, layer, joints, error)
     class(volume_share_t), intent(inout) :: self
     !> What this rank has read of the file.
     type(mesh_t), intent(in) :: mesh
+    !> Physical group of the volume.
+    character(*), intent(in) :: name
     !> Number of bodies that use the volume.
     integer, intent(in) :: n_bodies
     !> Weights of the bodies of the volumes before this one, and of all bodies.
     integer(int64), intent(in) :: before, all_weight
-    !> The part; `mesh_node` is not allocated.
+    !> The part; `mesh_node` is not allocated, its size is not measured (`measure_part`).
     type(body_mesh_t), intent(out) :: part
     !> The surface, the same on all ranks.
     type(surface_layer_t), intent(out) :: layer
+    !> How its parts hang together; there is no part where they cannot.
+    type(joints_t), intent(out) :: joints
+    !> The same on all ranks: elements are repeated.
+    type(error_t), allocatable, intent(out) :: error
     type(boundary_candidates_t) :: candidates
+    type(share_faults_t) :: faults
     type(body_part_t) :: body_part
     integer, allocatable :: first_node(:), n_sharers(:), sharer(:), component(:)
     integer(int64), allocatable :: number(:)
@@ -120,14 +128,18 @@ contains
     integer :: k
     call move_elements(self, n_bodies, before, all_weight)
     call number_nodes(self%file_node, self%n_file_nodes, self%whole, first_node, n_sharers, sharer)
-    call find_layer(self, mesh, n_sharers, candidates, layer)
+    call find_boundary(self%own, self%whole, n_sharers, candidates, faults)
+    call faults%check_repeated(self%own%file, name, error)
+    if (allocated(error)) return
+    call find_layer(self, mesh, candidates, layer)
+    call find_joints(self%own, self%whole, layer, faults, joints)
+    if (allocated(joints%fault)) return
     do k = 2, n_layers
       call hold_more(self%own, self%whole, n_sharers, sharer)
     end do
     call fetch_ghosts(self, candidates, n_sharers, sharer, number, x)
     call finish_part(number, x, layer, first_node, this_rank(), n_ranks(), body_part, component)
-    call hold(body_part, component, layer, part)
-    call measure_part(part)
+    call hold_layer_part(body_part, component, layer, part)
     deallocate (self%file_node, self%in_bin)
     self%own = body_mesh_t()
     self%whole = whole_numbers_t()
@@ -170,23 +182,18 @@ contains
   end subroutine move_elements
 
   !> The surface of the volume, on all ranks.
-  subroutine find_layer(self, mesh, n_sharers, candidates, layer)
+  subroutine find_layer(self, mesh, candidates, layer)
     !> What this rank owns.
     class(volume_share_t), intent(in) :: self
     !> What this rank has read of the file.
     type(mesh_t), intent(in) :: mesh
-    !> Number of ranks that have each node (n_nodes).
-    integer, intent(in) :: n_sharers(:)
     !> Faces of own elements on the boundary.
-    type(boundary_candidates_t), intent(out) :: candidates
+    type(boundary_candidates_t), intent(in) :: candidates
     !> The surface.
     type(surface_layer_t), intent(out) :: layer
     type(layer_share_t) :: share
-    integer(int64), allocatable :: keys(:), inner(:), number(:)
+    integer(int64), allocatable :: inner(:), number(:)
     real(dp), allocatable :: x(:)
-    call candidates%find(self%own, self%whole%node, n_sharers, this_rank())
-    call gather_all(reshape(int(candidates%key, int64), [size(candidates%key)]), keys)
-    call candidates%keep_boundary(self%own, self%whole%node, reshape(int(keys), [key_length, size(keys)/key_length]))
     call find_inner_facets(mesh, self%own, candidates, inner)
     call pack_layer(self%own, self%whole, candidates, inner, 0.0_dp, share)
     call gather_shares(share, number, x)
@@ -221,86 +228,4 @@ contains
     number = [number, of_samples]
     x = [x, x_of_samples]
   end subroutine fetch_ghosts
-
-  !> What the rank goes on with.
-  subroutine hold(body_part, component, layer, part)
-    !> Own elements, ghosts, samples, and all nodes of the boundary.
-    type(body_part_t), intent(inout) :: body_part
-    !> Connected part of the body of each node (n_nodes).
-    integer, intent(in) :: component(:)
-    !> The surface.
-    type(surface_layer_t), intent(in) :: layer
-    !> The same.
-    type(body_mesh_t), intent(out) :: part
-    type(surface_t) :: boundary
-    integer :: b
-    part = body_part%mesh
-    allocate (part%whole)
-    associate (whole => part%whole)
-      whole%in_parts = .true.
-      whole%n_nodes = body_part%n_whole_nodes
-      whole%n_file_nodes = whole%n_nodes
-      whole%n_of_block = body_part%elements%n_whole
-      whole%node = body_part%whole_node
-      whole%element = [(body_part%elements(b)%whole, b=1, size(body_part%elements))]
-      whole%own_element = [(body_part%elements(b)%own, b=1, size(body_part%elements))]
-      whole%own_node = body_part%node_rank == this_rank()
-      whole%component = component
-      whole%n_components = layer%n_components
-      boundary = layer%boundary
-      call held_surface_of_layer(layer, part, boundary)
-      call move_alloc(boundary%kind, whole%facet_kind)
-      call move_alloc(boundary%node, whole%facet_node)
-    end associate
-  end subroutine hold
-
-  !> A surface in the numbers of the part; parents that are not held become 0.
-  pure subroutine held_surface_of_layer(layer, part, surface)
-    !> The surface of the volume.
-    type(surface_layer_t), intent(in) :: layer
-    !> The part.
-    type(body_mesh_t), intent(in) :: part
-    !> Surface in the numbers of the layer in, of the part out.
-    type(surface_t), intent(inout) :: surface
-    integer, allocatable :: held(:)
-    integer :: b, f, i, before, place
-    held = places_in(part%whole%node, layer%whole%node)
-    do f = 1, surface%n_facets
-      do i = 1, size(surface%node, 1)
-        if (surface%node(i, f) > 0) surface%node(i, f) = held(surface%node(i, f))
-      end do
-    end do
-    before = 0
-    do b = 1, size(part%block)
-      associate (n => size(part%block(b)%tag))
-        held = places_in(part%whole%element(before + 1:before + n), layer%whole%block(b)%element)
-        before = before + n
-      end associate
-      do f = 1, surface%n_facets
-        if (surface%block(f) /= b) cycle
-        place = held(surface%element(f))
-        surface%element(f) = place
-      end do
-    end do
-  end subroutine held_surface_of_layer
-
-  !> Place of each number of a list in another one; 0 where that does not have it.
-  pure function places_in(list, wanted) result(place)
-    !> Ascending (n).
-    integer, intent(in) :: list(:)
-    !> Ascending (m).
-    integer, intent(in) :: wanted(:)
-    integer :: place(size(wanted)), i, k
-    place = 0
-    k = 1
-    do i = 1, size(wanted)
-      do while (k <= size(list))
-        if (list(k) >= wanted(i)) exit
-        k = k + 1
-      end do
-      if (k > size(list)) return
-      if (list(k) == wanted(i)) place(i) = k
-    end do
-  end function places_in
-
 end module dotyk_model_volume_parts

@@ -5,16 +5,18 @@ module dotyk_model_volumes
   use dotyk_base_kinds, only: int64
   use dotyk_base_text, only: text_t
   use dotyk_base_wildcard, only: matches
+  use dotyk_elasticity_shortest_extent, only: measure_part
   use dotyk_mesh_body_mesh, only: body_mesh_t, extract_body
   use dotyk_mesh_boundary, only: extract_boundary
   use dotyk_mesh_boundary_part, only: find_entities
   use dotyk_mesh_joints, only: joints_t
+  use dotyk_mesh_layer_part, only: held_surface_of_layer
   use dotyk_mesh_layer_surface, only: extract_layer_surface, layer_boundary, layer_surface_names
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_order_elevation, only: has_linear_simplices, elevate_order
   use dotyk_mesh_surface, only: extract_surface, node_numbers, surface_names, surface_t
   use dotyk_mesh_surface_layer, only: surface_layer_t
-  use dotyk_model_volume_parts, only: held_surface_of_layer, volume_share_t
+  use dotyk_model_volume_parts, only: volume_share_t
   implicit none
   private
 
@@ -66,10 +68,12 @@ contains
   end subroutine volume_take
 
   !> Make the part of this rank, with all ranks.
-  subroutine volume_take_part(self, mesh, share, n_bodies, before, all_weight)
+  subroutine volume_take_part(self, mesh, name, share, n_bodies, before, all_weight)
     class(volume_t), intent(out) :: self
     !> What this rank has read of the file.
     type(mesh_t), intent(in) :: mesh
+    !> Physical group of the volume.
+    character(*), intent(in) :: name
     !> What it has read of the volume; given up.
     type(volume_share_t), intent(inout) :: share
     !> Number of bodies that use the volume.
@@ -77,7 +81,8 @@ contains
     !> Weights of the bodies of the volumes before this one, and of all bodies.
     integer(int64), intent(in) :: before, all_weight
     allocate (self%layer)
-    call share%make_part(mesh, n_bodies, before, all_weight, self%mesh, self%layer)
+    call share%make_part(mesh, name, n_bodies, before, all_weight, self%mesh, self%layer, self%joints, self%error)
+    if (.not. allocated(self%error) .and. .not. allocated(self%joints%fault)) call measure_part(self%mesh)
     allocate (self%surface(4))
   end subroutine volume_take_part
 

@@ -12,11 +12,13 @@ program volume_parts
   use dotyk_mesh_boundary, only: extract_boundary
   use dotyk_mesh_gmsh, only: read_gmsh
   use dotyk_mesh_held_part, only: held_surface
+  use dotyk_mesh_joints, only: joints_t
+  use dotyk_mesh_layer_part, only: held_surface_of_layer
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_mesh_selection, only: mesh_selection_t
   use dotyk_mesh_surface, only: surface_t
   use dotyk_mesh_surface_layer, only: surface_layer_t
-  use dotyk_model_volume_parts, only: held_surface_of_layer, volume_share_t
+  use dotyk_model_volume_parts, only: volume_share_t
   use dotyk_ranks_communication, only: end_ranks, n_ranks, start_ranks, this_rank
   use dotyk_ranks_exchange, only: add_counts, greatest
   implicit none
@@ -63,6 +65,7 @@ contains
     type(volume_share_t) :: volume
     type(surface_layer_t) :: layer
     type(body_mesh_t) :: part
+    type(joints_t) :: joints, of_whole
     type(body_t) :: body
     type(surface_t) :: boundary, of_layer
     type(error_t), allocatable :: error
@@ -81,10 +84,13 @@ contains
       call check(.false., error%message)
       return
     end if
-    call volume%make_part(share, 1, 0_int64, volume%weight(), part, layer)
+    call volume%make_part(share, name, 1, 0_int64, volume%weight(), part, layer, joints, error)
+    call check(.not. allocated(error) .and. .not. allocated(joints%fault), 'no fault')
     call measure_part(part)
     call read_gmsh(file, mesh, error)
     call extract_body(mesh, name, 3, body%mesh, error)
+    call of_whole%find(body%mesh)
+    call check(joints%n_parts == of_whole%n_parts .and. joints%n_pieces == of_whole%n_pieces, 'parts and pieces')
     ! Which rank owns each element, each just once.
     allocate (rank_of(body%mesh%n_elements()), count_of(body%mesh%n_elements()), source=0.0_dp)
     n = 0
