@@ -38,7 +38,7 @@ contains
     type(text_t), allocatable, intent(out) :: remarks(:)
     !> Allocated where meshes, materials, supports or loads cannot be used: all problems, one per line.
     type(error_t), allocatable, intent(out) :: error
-    !> Shares of the meshes that this rank has read, where it gets its parts of the bodies; those of volumes are given up.
+    !> Shares of the meshes that this rank has read, where it gets its parts of the bodies; used up.
     type(mesh_shares_t), intent(inout), optional :: shares
     type(problem_list_t) :: problems
     type(mesh_t) :: whole_mesh

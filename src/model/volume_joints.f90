@@ -1,5 +1,5 @@
-!> The boundary of a volume of which each rank has some elements, and how its parts hang together: what all ranks find from
-!> what they gather.
+!> The boundary of a volume of which each rank has some elements, and how its parts hang together: what all ranks find
+!> from what they gather.
 module dotyk_model_volume_joints
   use dotyk_base_kinds, only: dp, int64
   use dotyk_mesh_body_mesh, only: body_mesh_t

@@ -1,5 +1,5 @@
-!> A volume of a mesh and its surfaces, extracted once for all bodies that use it: the whole volume, or the part of it that
-!> this rank goes on with.
+!> A volume of a mesh and its surfaces, extracted once for all bodies that use it: the whole volume, or the part of it
+!> that this rank goes on with.
 module dotyk_model_volumes
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: int64

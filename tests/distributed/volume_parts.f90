@@ -1,5 +1,5 @@
-!> Parts of volumes that ranks make of their shares of a mesh file, under mpirun, against those that are left of the whole
-!> body.
+!> Parts of volumes that ranks make of their shares of a mesh file, under mpirun, against those that are left of the
+!> whole body.
 program volume_parts
   use, intrinsic :: iso_fortran_env, only: output_unit
   use dotyk_base_error, only: error_t
@@ -146,7 +146,8 @@ contains
     call check(all(a%whole%own_element .eqv. b%whole%own_element), 'own elements')
     call check(all(a%whole%component == b%whole%component), 'components')
     call check(a%whole%n_components == b%whole%n_components, 'number of components')
-    call check(all(a%whole%facet_kind == b%whole%facet_kind) .and. all(a%whole%facet_node == b%whole%facet_node), 'facets')
+    call check(all(a%whole%facet_kind == b%whole%facet_kind), 'kinds of facets')
+    call check(all(a%whole%facet_node == b%whole%facet_node), 'facets')
   end subroutine compare
 
   !> Note whether a test has failed.
