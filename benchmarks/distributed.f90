@@ -23,7 +23,6 @@ program distributed
   use dotyk_input_parse, only: read_case
   use dotyk_mesh_surface, only: surface_t
   use dotyk_model_body_setup, only: body_surfaces_t, build_bodies
-  use dotyk_model_mesh_shares, only: mesh_shares_t
   use dotyk_contact_pair_report, only: pair_report_t
   use dotyk_model_pairs, only: find_pairs
   use dotyk_ranks_communication, only: end_ranks, n_ranks, start_ranks, this_rank
@@ -71,7 +70,6 @@ contains
     type(distributed_contact_t), allocatable, target :: contact
     type(solver_state_t) :: state
     type(monitor_t) :: monitor
-    type(mesh_shares_t) :: shares
     type(text_t), allocatable :: remarks(:)
     real(dp), allocatable :: theta(:), u(:, :)
     real(dp) :: time(4), work(4), memory(2), before(2)
@@ -79,7 +77,7 @@ contains
     integer :: b, j, sums(2), unknowns
     call read_case(name, case, error)
     if (allocated(error)) return
-    call build_bodies(case, shares, .false., body, surfaces, remarks, error)
+    call build_bodies(case, body, surfaces, remarks, error)
     if (allocated(error)) return
     call find_pairs(case, body, surfaces, surface_a, surface_b, pair, theta, found, error)
     if (allocated(error)) return

@@ -24,7 +24,6 @@ program factorization
   use dotyk_control_response_choice, only: form_direct, operator_slot_t
   use dotyk_model_assembly, only: assemble_bodies
   use dotyk_model_body_setup, only: body_surfaces_t, build_bodies
-  use dotyk_model_mesh_shares, only: mesh_shares_t
   use dotyk_elasticity_body, only: body_t, stiffness_t
   use dotyk_elasticity_body_modes, only: body_modes_t
   use dotyk_elasticity_node_ordering, only: fill_reducing_order
@@ -124,12 +123,11 @@ contains
     type(body_modes_t), allocatable :: modes(:)
     type(stiffness_t), allocatable :: stiffness(:)
     type(operator_slot_t), allocatable :: slot(:)
-    type(mesh_shares_t) :: shares
     type(text_t), allocatable :: remarks(:)
     integer, allocatable :: node_order(:)
     integer :: b, n
     call read_case(file, case, error)
-    if (.not. allocated(error)) call build_bodies(case, shares, .false., body, surfaces, remarks, error)
+    if (.not. allocated(error)) call build_bodies(case, body, surfaces, remarks, error)
     if (allocated(error)) return
     call classes%init(size(body))
     call classes%find(body)
