@@ -173,17 +173,17 @@ contains
     type(point_t), intent(inout) :: step
     !> Its length, at most 1 [].
     real(dp), intent(out) :: length
-    real(dp) :: part, best, new
+    real(dp) :: best, longest(n_parts)
     integer :: k
+    longest = 1/fraction_to_boundary
+    call shorten(now%lambda, step%lambda, correction%lambda, longest)
+    call shorten(now%s, step%s, correction%s, longest)
     length = 0
     best = 1
     do k = n_parts, 1, -1
-      part = real(k, dp)/n_parts
-      new = min(1.0_dp, longest_step(now%lambda, step%lambda + part*correction%lambda), &
-                longest_step(now%s, step%s + part*correction%s))
-      if (new > is_longer*length) then
-        length = new
-        best = part
+      if (min(1.0_dp, longest(k)) > is_longer*length) then
+        length = min(1.0_dp, longest(k))
+        best = real(k, dp)/n_parts
       end if
       if (length > 1/is_longer) exit
     end do
@@ -191,6 +191,26 @@ contains
     step%s = step%s + best*correction%s
     step%alpha = step%alpha + best*correction%alpha
   end subroutine add_best_part
+
+  !> Shorten steps with parts of a correction to the boundary. All parts at once, and without a quotient where a step
+  !> stays inside: this is done after each solution.
+  pure subroutine shorten(x, step, correction, longest)
+    !> Positive (n) [any].
+    real(dp), intent(in) :: x(:)
+    !> Direction, and its correction (n) [as `x`].
+    real(dp), intent(in) :: step(:), correction(:)
+    !> Length of the steps with each part of the correction (n_parts) [].
+    real(dp), intent(inout) :: longest(:)
+    real(dp) :: direction
+    integer :: i, k
+    do i = 1, size(x)
+      do k = 1, n_parts
+        direction = step(i) + (real(k, dp)/n_parts)*correction(i)
+        ! The smallest quotient must not be missed by rounding.
+        if (x(i) < -(1 + 4*epsilon(direction))*longest(k)*direction) longest(k) = min(longest(k), -x(i)/direction)
+      end do
+    end do
+  end subroutine shorten
 
   !> Length of a step to the boundary, at most 1/fraction_to_boundary.
   pure real(dp) function longest_step(x, step)
