@@ -9,6 +9,7 @@ module dotyk_contact_broad_phase
   use dotyk_contact_bounding_volume_tree, only: bounding_volume_tree_t
   use dotyk_contact_facet_set, only: facet_set_t
   use dotyk_contact_tree_search, only: box_neighbourhood_t, tree_walk_t
+  use dotyk_ranks_division, only: division_t
   implicit none
   private
   public :: candidate_facets, facets_near_candidates, overlapping_boxes
@@ -21,7 +22,9 @@ contains
 
   !> Facets whose bounding box is within a distance, and a margin for curved facets, of the box of a facet of another
   !> surface.
-  pure function candidate_facets(set, tree, distance) result(candidate)
+  subroutine candidate_facets(division, set, tree, distance, candidate)
+    !> How ranks divide the facets.
+    type(division_t), intent(in) :: division
     !> Facets of the surface.
     type(facet_set_t), intent(in) :: set
     !> Bounding-volume tree of the other surface.
@@ -29,11 +32,12 @@ contains
     !> Distance [length].
     real(dp), intent(in) :: distance
     !> Candidates (set%n).
-    logical :: candidate(set%n)
+    logical, intent(out) :: candidate(:)
     type(box_neighbourhood_t) :: region
     type(tree_walk_t) :: walk
-    integer :: f, near
-    do f = 1, set%n
+    integer :: f, near, first, last
+    call division%portion(set%n, first, last)
+    do f = first, last
       region%low = set%lo(:, f)
       region%high = set%hi(:, f)
       region%distance = distance + arc_margin*set%size(f)
@@ -41,7 +45,8 @@ contains
       call walk%next(tree, region, near)
       candidate(f) = near > 0
     end do
-  end function candidate_facets
+    call division%fill(candidate, first, last)
+  end subroutine candidate_facets
 
   !> Facets that may carry projections of the candidates of another surface: those in the common box of all candidates,
   !> widened by the distance and, for the neighbours that smooth normals depend on, by their own size.

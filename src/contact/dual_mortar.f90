@@ -28,6 +28,7 @@ module dotyk_contact_dual_mortar
   use dotyk_contact_corner_interpolation, only: corner_interpolation_t
   use dotyk_linalg_dense, only: symmetric_eigen
   use dotyk_linalg_sparse, only: sparse_rows_t
+  use dotyk_ranks_division, only: division_t
   implicit none
   private
   public :: dual_mortar_rows
@@ -51,7 +52,10 @@ module dotyk_contact_dual_mortar
 contains
 
   !> Dual mortar rows at all vertices of facets that carry integration points.
-  subroutine dual_mortar_rows(corners, facet, weight, gap, normal, row_corner, row_weight, mortar)
+  subroutine dual_mortar_rows(division, corners, facet, weight, gap, normal, row_corner, &
+                              row_weight, mortar)
+    !> How ranks divide the facets.
+    type(division_t), intent(in) :: division
     !> Corners of the facets and their shape functions at the points.
     type(corner_interpolation_t), intent(in) :: corners
     !> Slave facet of each point, ascending (n_points).
@@ -71,17 +75,24 @@ contains
     real(dp), allocatable :: dual(:, :), total(:), value(:)
     integer, allocatable :: row_of(:), row(:), column(:), first(:)
     logical, allocatable :: dropped(:), extrapolates(:), replaced(:)
-    integer :: n, i, j, k
+    integer :: n, i, j, k, first_own, last_own
     allocate (dual(4, size(facet)), source=0.0_dp)
     allocate (total(corners%n), row_of(corners%n))
     call find_vertices_without_row(corners, weight, dropped)
     first = [pack([(i, i=1, size(facet))], [.true., facet(2:) /= facet(:size(facet) - 1)]), size(facet) + 1]
-    total = 0
-    do i = 1, size(first) - 1
+    call division%portion(real(first(2:) - first(:size(first) - 1), dp), first_own, last_own)
+    do i = first_own, last_own
       n = count(corners%corner(:, first(i)) > 0)
       associate (corner => corners%corner(1:n, first(i)), last => first(i + 1) - 1)
         call facet_functions(dropped(corner), weight(first(i):last), corners%shape(1:n, first(i):last), .true., &
                              dual(1:n, first(i):last))
+      end associate
+    end do
+    call division%fill(dual, first(first_own), first(last_own + 1) - 1)
+    total = 0
+    do i = 1, size(first) - 1
+      n = count(corners%corner(:, first(i)) > 0)
+      associate (corner => corners%corner(1:n, first(i)), last => first(i + 1) - 1)
         total(corner) = total(corner) + matmul(dual(1:n, first(i):last), weight(first(i):last))
       end associate
     end do

@@ -43,13 +43,13 @@ contains
   pure subroutine add_vertices(surface, rule)
     !> Slave surface (surface_a).
     type(surface_t), intent(in) :: surface
-    !> Rules of the facets (n_facets).
+    !> Rules of the facets; not allocated for those that are not examined here (n_facets).
     type(quadrature_rule_t), intent(inout) :: rule(:)
     real(dp) :: vertex(2, max_functions)
     integer :: d, f, i, n, m
     do f = 1, size(rule)
       n = linear_corners(surface%kind(f))
-      if (n == 0) cycle
+      if (n == 0 .or. .not. allocated(rule(f)%weight)) cycle
       do i = 1, n
         vertex(:, i) = corner_coordinates(n, i)
       end do
@@ -65,8 +65,8 @@ contains
   subroutine interpolate_gaps(surface, offset, x, xi, weight, projection)
     !> Slave surface (surface_a).
     type(surface_t), intent(in) :: surface
-    !> Points of facet f are offset(f)+1 .. offset(f+1), the vertices of linear facets last; on return without these
-    !> (n_facets+1).
+    !> Points of facet f, if any, are offset(f)+1 .. offset(f+1), the vertices of linear facets last; on return without
+    !> these (n_facets+1).
     integer, intent(inout) :: offset(:)
     !> Positions of the points (3, n_points) [length].
     real(dp), allocatable, intent(inout) :: x(:, :)
@@ -77,13 +77,15 @@ contains
     !> Projections of the points (n_points).
     type(projection_t), allocatable, intent(inout) :: projection(:)
     integer, allocatable :: list(:)
-    integer :: f, i, n
+    integer :: n_vertices(size(offset) - 1), f, i, n
     logical :: is_kept(size(weight))
     is_kept = .true.
     !$omp parallel do default(none) schedule(dynamic, 64) private(n) &
-    !$omp shared(surface, offset, x, xi, weight, projection, is_kept)
+    !$omp shared(surface, offset, x, xi, weight, projection, is_kept, n_vertices)
     do f = 1, size(offset) - 1
-      n = linear_corners(surface%kind(f))
+      n = 0
+      if (offset(f + 1) > offset(f)) n = linear_corners(surface%kind(f))
+      n_vertices(f) = n
       if (n == 0) cycle
       associate (first => offset(f) + 1, last => offset(f + 1))
         is_kept(last - n + 1:last) = .false.
@@ -95,7 +97,7 @@ contains
     list = pack([(i, i=1, size(weight))], is_kept)
     n = 0
     do f = 2, size(offset)
-      n = n + linear_corners(surface%kind(f - 1))
+      n = n + n_vertices(f - 1)
       offset(f) = offset(f) - n
     end do
     x = x(:, list)

@@ -11,6 +11,7 @@ module dotyk_contact_local_depth
   use dotyk_contact_facet_set, only: facet_position_and_normal, facet_set_t
   use dotyk_contact_tree_search, only: facets_in_region, oriented_box_t
   use dotyk_mesh_facet, only: frame_of_normal
+  use dotyk_ranks_division, only: division_t
   implicit none
   private
   public :: find_depths, leaves_body
@@ -30,7 +31,9 @@ module dotyk_contact_local_depth
 contains
 
   !> Set the depths of the facets of a surface.
-  subroutine find_depths(tree, neighbour, limit, set)
+  subroutine find_depths(division, tree, neighbour, limit, set)
+    !> How ranks divide the facets.
+    type(division_t), intent(in) :: division
     !> Bounding-volume tree of the surface.
     type(bounding_volume_tree_t), intent(in) :: tree
     !> Facet across each edge, 0 at the boundary of the surface (4, n_facets).
@@ -40,13 +43,15 @@ contains
     !> Facets of the surface; `depth` is set, to a huge number where no facet of the surface lies behind.
     type(facet_set_t), intent(inout) :: set
     real(dp), allocatable :: depth(:)
-    integer :: f, k
+    integer :: f, k, first, last
     allocate (depth(set%n))
-    !$omp parallel do default(none) schedule(dynamic, 64) shared(tree, limit, set, depth)
-    do f = 1, set%n
+    call division%portion(set%n, first, last)
+    !$omp parallel do default(none) schedule(dynamic, 64) shared(tree, limit, set, depth, first, last)
+    do f = first, last
       depth(f) = depth_behind(tree, set, f, limit)
     end do
     !$omp end parallel do
+    call division%fill(depth, first, last)
     set%depth = depth
     ! The ray may miss the other side at the end of a body: neighbours know the thickness there.
     do f = 1, set%n

@@ -11,6 +11,7 @@ module dotyk_contact_operator
   use dotyk_linalg_sparse, only: sparse_rows_t
   use dotyk_mesh_element, only: kind_nodes, max_facet_nodes, shape_functions
   use dotyk_mesh_surface, only: surface_t
+  use dotyk_ranks_division, only: division_t
   implicit none
   private
 
@@ -47,6 +48,12 @@ module dotyk_contact_operator
     type(contact_block_t), allocatable :: block(:)
   end type contact_operator_t
 
+  !> Rows of one body.
+  type :: body_sides_t
+    !> Those of each side of a pair that the body is (n_sides).
+    type(sparse_rows_t), allocatable :: rows(:)
+  end type body_sides_t
+
   public :: build_operator
 
 contains
@@ -60,7 +67,7 @@ contains
   end function block_node_numbers
 
   !> Build the operator of all pairs.
-  subroutine build_operator(dimension, n_bodies, pairs, surfaces_a, surfaces_b, operator)
+  subroutine build_operator(dimension, n_bodies, pairs, surfaces_a, surfaces_b, operator, divided)
     !> Dimension of space.
     integer, intent(in) :: dimension
     !> Number of bodies.
@@ -73,9 +80,14 @@ contains
     type(surface_t), intent(in) :: surfaces_b(:)
     !> Operator.
     type(contact_operator_t), intent(out) :: operator
-    integer :: k, b
+    !> Whether ranks divide the rows; not if absent.
+    logical, intent(in), optional :: divided
+    type(division_t) :: by
+    type(body_sides_t), allocatable :: side(:)
+    integer :: before(n_bodies + 1), k, b, first, last
+    if (present(divided)) by%is_divided = divided
     operator%dimension = dimension
-    allocate (operator%pair_first_row(size(pairs) + 1), operator%block(n_bodies))
+    allocate (operator%pair_first_row(size(pairs) + 1), operator%block(n_bodies), side(n_bodies))
     operator%pair_first_row(1) = 1
     do k = 1, size(pairs)
       operator%pair_first_row(k + 1) = operator%pair_first_row(k) + pairs(k)%n_rows
@@ -88,18 +100,34 @@ contains
         operator%gap(first:last) = pairs(k)%row_gap
       end associate
     end do
-    !$omp parallel do default(none) schedule(dynamic, 1) &
-    !$omp shared(n_bodies, dimension, pairs, surfaces_a, surfaces_b, operator)
+    ! Rows of the sides of the bodies before each one.
+    before = 0
+    do k = 1, size(pairs)
+      before(pairs(k)%body_a + 1) = before(pairs(k)%body_a + 1) + pairs(k)%n_rows
+      before(pairs(k)%body_b + 1) = before(pairs(k)%body_b + 1) + pairs(k)%n_rows
+    end do
     do b = 1, n_bodies
-      call build_block(dimension, b, pairs, surfaces_a, surfaces_b, operator%pair_first_row, operator%block(b))
+      before(b + 1) = before(b) + before(b + 1)
+    end do
+    call by%portion(before(n_bodies + 1), first, last)
+    !$omp parallel do default(none) schedule(dynamic, 1) &
+    !$omp shared(n_bodies, pairs, surfaces_a, surfaces_b, operator, before, first, last, side)
+    do b = 1, n_bodies
+      call build_sides(b, pairs, surfaces_a, surfaces_b, operator%pair_first_row, first - before(b), &
+                       last - before(b), operator%block(b), side(b)%rows)
+    end do
+    !$omp end parallel do
+    if (by%is_divided) call share_rows(by, side)
+    !$omp parallel do default(none) schedule(dynamic, 1) shared(n_bodies, dimension, operator, side)
+    do b = 1, n_bodies
+      call operator%block(b)%matrix%set_stacked(dimension*operator%block(b)%n_nodes, side(b)%rows)
+      deallocate (side(b)%rows)
     end do
     !$omp end parallel do
   end subroutine build_operator
 
-  !> Build the block of one body.
-  subroutine build_block(d, body, pairs, surfaces_a, surfaces_b, pair_first_row, block)
-    !> Dimension of space, 2 or 3.
-    integer, intent(in) :: d
+  !> Contact nodes and rows of one body, side by side of its pairs.
+  subroutine build_sides(body, pairs, surfaces_a, surfaces_b, pair_first_row, first, last, block, side)
     !> Index of the body.
     integer, intent(in) :: body
     !> Pairs (n_pairs).
@@ -110,11 +138,16 @@ contains
     type(surface_t), intent(in) :: surfaces_b(:)
     !> First row of each pair (n_pairs+1).
     integer, intent(in) :: pair_first_row(:)
-    !> Block.
+    !> First of the rows of all sides, one side after the other, that is wanted.
+    integer, intent(in) :: first
+    !> Last one.
+    integer, intent(in) :: last
+    !> Block; its matrix is not set.
     type(contact_block_t), intent(inout) :: block
-    type(sparse_rows_t), allocatable :: side_rows(:)
+    !> Rows of each side; empty where they are not wanted (n_sides).
+    type(sparse_rows_t), allocatable, intent(out) :: side(:)
     integer, allocatable :: column_of(:)
-    integer :: k, i, n, max_node
+    integer :: k, i, n, max_node, before
     max_node = 0
     n = 0
     do k = 1, size(pairs)
@@ -122,7 +155,7 @@ contains
       if (pairs(k)%body_b == body) max_node = max(max_node, maxval(surfaces_b(k)%node))
       if (any([pairs(k)%body_a, pairs(k)%body_b] == body)) n = n + 1
     end do
-    allocate (column_of(max_node), side_rows(n))
+    allocate (column_of(max_node), side(n))
     column_of = 0
     do k = 1, size(pairs)
       if (pairs(k)%body_a == body) call mark_nodes(surfaces_a(k), pairs(k)%facet_a, column_of)
@@ -132,11 +165,11 @@ contains
     allocate (block%contact_node(block%n_nodes), block%row(0))
     call number_nodes(column_of, block%contact_node)
     n = 0
+    before = 0
     do k = 1, size(pairs)
       if (pairs(k)%body_a == body) call add_side(1.0_dp, pairs(k), surfaces_a(k), pairs(k)%facet_a, pairs(k)%xi_a)
       if (pairs(k)%body_b == body) call add_side(-1.0_dp, pairs(k), surfaces_b(k), pairs(k)%facet_b, pairs(k)%xi_b)
     end do
-    call block%matrix%set_stacked(d*block%n_nodes, side_rows)
 
   contains
 
@@ -152,13 +185,139 @@ contains
       integer, intent(in) :: facet(:)
       !> Reference coordinates of the points (dimension-1, n_points) [].
       real(dp), intent(in) :: xi(:, :)
-      type(sparse_rows_t) :: points
-      call point_rows(d, factor, surface, pair%normal, facet, xi, column_of, points)
       n = n + 1
-      call side_rows(n)%set_product(pair%average, points)
+      call side_rows(factor, pair, surface, facet, xi, column_of, block%n_nodes, &
+                     min(max(1, first - before), pair%n_rows + 1), max(0, min(last - before, pair%n_rows)), side(n))
+      before = before + pair%n_rows
       block%row = [block%row, [(i, i=pair_first_row(k), pair_first_row(k + 1) - 1)]]
     end subroutine add_side
-  end subroutine build_block
+  end subroutine build_sides
+
+  !> Rows of one side of a pair: means over the points q of each row of factor * n_q . N_j.
+  subroutine side_rows(factor, pair, surface, facet, xi, column_of, n_nodes, first, last, matrix)
+    !> 1 for body a, -1 for body b [].
+    real(dp), intent(in) :: factor
+    !> Contact pair.
+    type(contact_pair_t), intent(in) :: pair
+    !> Surface of this side.
+    type(surface_t), intent(in) :: surface
+    !> Facets of the points on this side (n_points).
+    integer, intent(in) :: facet(:)
+    !> Reference coordinates of the points (dimension-1, n_points) [].
+    real(dp), intent(in) :: xi(:, :)
+    !> Contact node number of each node, 0 if none (greatest node number).
+    integer, intent(in) :: column_of(:)
+    !> Number of contact nodes.
+    integer, intent(in) :: n_nodes
+    !> First row that is wanted.
+    integer, intent(in) :: first
+    !> Last one; the others are empty.
+    integer, intent(in) :: last
+    !> The rows (pair%n_rows x dimension*n_nodes) [].
+    type(sparse_rows_t), intent(inout) :: matrix
+    !> Entries that there is room for at first.
+    integer, parameter :: first_room = 1024
+    real(dp), allocatable :: value(:, :), more_values(:)
+    integer, allocatable :: place(:), node(:), order(:), more(:)
+    real(dp) :: shape(max_facet_nodes)
+    integer :: d, i, j, k, c, n, q, m, entry
+    d = pair%dimension
+    matrix%n_rows = pair%n_rows
+    matrix%n_columns = d*n_nodes
+    allocate (matrix%row_start(pair%n_rows + 1), matrix%column(first_room), matrix%value(first_room))
+    allocate (place(n_nodes), source=0)
+    allocate (node(n_nodes), value(d, n_nodes))
+    matrix%row_start(:first) = 1
+    entry = 0
+    do i = first, last
+      n = 0
+      do k = pair%average%row_start(i), pair%average%row_start(i + 1) - 1
+        q = pair%average%column(k)
+        m = kind_nodes(surface%kind(facet(q)))
+        call shape_functions(surface%kind(facet(q)), xi(:, q), shape(1:m))
+        do j = 1, m
+          associate (at => column_of(surface%node(j, facet(q))))
+            if (place(at) == 0) then
+              n = n + 1
+              place(at) = n
+              node(n) = at
+              value(:, n) = 0
+            end if
+            do c = 1, d
+              value(c, place(at)) = value(c, place(at)) + pair%average%value(k)*(factor*pair%normal(c, q)*shape(j))
+            end do
+          end associate
+        end do
+      end do
+      if (entry + d*n > size(matrix%column)) then
+        allocate (more(2*(entry + d*n)), more_values(2*(entry + d*n)))
+        more(:entry) = matrix%column(:entry)
+        more_values(:entry) = matrix%value(:entry)
+        call move_alloc(more, matrix%column)
+        call move_alloc(more_values, matrix%value)
+      end if
+      if (allocated(order)) deallocate (order)
+      allocate (order(n))
+      call sort_order(node(:n), order)
+      do j = 1, n
+        do c = 1, d
+          entry = entry + 1
+          matrix%column(entry) = (node(order(j)) - 1)*d + c
+          matrix%value(entry) = value(c, order(j))
+        end do
+      end do
+      place(node(:n)) = 0
+      matrix%row_start(i + 1) = entry + 1
+    end do
+    matrix%row_start(last + 1:) = entry + 1
+    matrix%column = matrix%column(:entry)
+    matrix%value = matrix%value(:entry)
+  end subroutine side_rows
+
+  !> Make the rows of all ranks known to all.
+  subroutine share_rows(division, side)
+    !> How ranks divide the rows.
+    type(division_t), intent(in) :: division
+    !> Rows of the sides of all bodies, one side after the other; those of this rank in, all out (n_bodies).
+    type(body_sides_t), intent(inout) :: side(:)
+    real(dp), allocatable :: length(:), entries(:, :)
+    integer :: b, s, i, n, m, first, last
+    n = sum([(sum(side(b)%rows%n_rows), b=1, size(side))])
+    m = sum([((size(side(b)%rows(s)%column), s=1, size(side(b)%rows)), b=1, size(side))])
+    allocate (length(n), entries(2, m))
+    call division%portion(n, first, last)
+    n = 0
+    m = 0
+    do b = 1, size(side)
+      do s = 1, size(side(b)%rows)
+        associate (rows => side(b)%rows(s))
+          length(n + 1:n + rows%n_rows) = rows%row_start(2:) - rows%row_start(:rows%n_rows)
+          n = n + rows%n_rows
+          entries(1, m + 1:m + size(rows%column)) = rows%column
+          entries(2, m + 1:m + size(rows%column)) = rows%value
+          m = m + size(rows%column)
+        end associate
+      end do
+    end do
+    call division%fill(length, first, last)
+    call division%append(entries)
+    n = 0
+    m = 0
+    do b = 1, size(side)
+      do s = 1, size(side(b)%rows)
+        associate (rows => side(b)%rows(s))
+          do i = 1, rows%n_rows
+            rows%row_start(i + 1) = rows%row_start(i) + nint(length(n + i))
+          end do
+          n = n + rows%n_rows
+          i = rows%row_start(rows%n_rows + 1) - 1
+          rows%column = nint(entries(1, m + 1:m + i))
+          rows%value = entries(2, m + 1:m + i)
+          m = m + i
+        end associate
+      end do
+    end do
+  end subroutine share_rows
 
   !> Mark the nodes of facets that carry contact points.
   pure subroutine mark_nodes(surface, facet, mark)
@@ -189,49 +348,4 @@ contains
       node(n) = i
     end do
   end subroutine number_nodes
-
-  !> One row for each point of one side of a pair: factor * n_q . N_j.
-  pure subroutine point_rows(d, factor, surface, normal, facet, xi, column_of, matrix)
-    !> Dimension of space.
-    integer, intent(in) :: d
-    !> 1 for body a, -1 for body b [].
-    real(dp), intent(in) :: factor
-    !> Surface of this side.
-    type(surface_t), intent(in) :: surface
-    !> Normals at the points (d, n) [].
-    real(dp), intent(in) :: normal(:, :)
-    !> Facets of the points (n).
-    integer, intent(in) :: facet(:)
-    !> Reference coordinates of the points (d-1, n) [].
-    real(dp), intent(in) :: xi(:, :)
-    !> Contact node number of each node, 0 if none (greatest node number).
-    integer, intent(in) :: column_of(:)
-    !> The rows (n x d*n_nodes) [].
-    type(sparse_rows_t), intent(inout) :: matrix
-    real(dp) :: shape(max_facet_nodes)
-    integer :: order(max_facet_nodes), i, j, c, n, kind, entry
-    matrix%n_rows = size(facet)
-    matrix%n_columns = d*count(column_of > 0)
-    allocate (matrix%row_start(size(facet) + 1))
-    matrix%row_start(1) = 1
-    do i = 1, size(facet)
-      matrix%row_start(i + 1) = matrix%row_start(i) + d*kind_nodes(surface%kind(facet(i)))
-    end do
-    allocate (matrix%column(matrix%row_start(size(facet) + 1) - 1))
-    allocate (matrix%value(matrix%row_start(size(facet) + 1) - 1))
-    do i = 1, size(facet)
-      kind = surface%kind(facet(i))
-      n = kind_nodes(kind)
-      call shape_functions(kind, xi(:, i), shape(1:n))
-      call sort_order(column_of(surface%node(1:n, facet(i))), order(1:n))
-      entry = matrix%row_start(i)
-      do j = 1, n
-        do c = 1, d
-          matrix%column(entry) = (column_of(surface%node(order(j), facet(i))) - 1)*d + c
-          matrix%value(entry) = factor*normal(c, i)*shape(order(j))
-          entry = entry + 1
-        end do
-      end do
-    end do
-  end subroutine point_rows
 end module dotyk_contact_operator

@@ -9,10 +9,11 @@ module dotyk_contact_pair
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: default_discretization, default_gap, default_geometry, default_quadrature
   use dotyk_linalg_sparse, only: sparse_rows_t
+  use dotyk_ranks_division, only: division_t
   implicit none
   private
 
-  !> Settings of a pair, from the input.
+  !> Settings of a pair, from the input and for the search.
   type, public :: pair_settings_t
     !> Name of the pair.
     character(:), allocatable :: name
@@ -36,6 +37,8 @@ module dotyk_contact_pair
     integer :: geometry = default_geometry
     !> One of `quadrature_*`.
     integer :: quadrature = default_quadrature
+    !> Whether ranks divide the search.
+    type(division_t) :: division
   end type pair_settings_t
 
   !> Discretized contact pair.

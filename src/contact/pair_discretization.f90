@@ -129,8 +129,8 @@ contains
     if (.not. radius > 0) radius = min(mesh_a%diameter(), mesh_b%diameter())
     call master%init(mesh_b%x, surface_b)
     call slave%init(mesh_a%x, surface_a)
-    call find_depths(slave%tree, slave%adjacency%neighbour, radius, slave%set)
-    call find_depths(master%tree, master%adjacency%neighbour, radius, master%set)
+    call find_depths(settings%division, slave%tree, slave%adjacency%neighbour, radius, slave%set)
+    call find_depths(settings%division, master%tree, master%adjacency%neighbour, radius, master%set)
     call project_slave_points(mesh_a, surface_a, slave, mesh_b, surface_b, master, settings, radius, x, pair)
     call find_point_contacts(mesh_a, surface_a, slave, mesh_b, surface_b, master, radius, contact)
     if (size(contact) > 0) then
@@ -150,7 +150,7 @@ contains
     call shift_origin(pair%position, -origin)
     call set_given_gap(settings, formula, pair, error)
     if (allocated(error)) return
-    call set_rows(mesh_a, surface_a, origin, size(contact), pair)
+    call set_rows(settings%division, mesh_a, surface_a, origin, size(contact), pair)
     allocate (pair%row_theta(pair%n_rows), source=pair%theta)
   end subroutine discretize_shifted
 

@@ -11,6 +11,7 @@ module dotyk_contact_pair_rows
   use dotyk_linalg_sparse, only: sparse_rows_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_surface, only: surface_t
+  use dotyk_ranks_division, only: division_t
   implicit none
   private
   public :: replace_points, set_rows
@@ -46,7 +47,9 @@ contains
 
   !> Set the rows from the integration points. Each point a row is equation (18) literally; mortar rows have the
   !> weighted mean of the gap before it is squared.
-  subroutine set_rows(mesh_a, surface_a, origin, n_contacts, pair)
+  subroutine set_rows(division, mesh_a, surface_a, origin, n_contacts, pair)
+    !> How ranks divide the slave facets.
+    type(division_t), intent(in) :: division
     !> Mesh of the slave body, in shifted coordinates.
     type(body_mesh_t), intent(in) :: mesh_a
     !> Slave surface (surface_a).
@@ -69,8 +72,8 @@ contains
     if (n > 0) then
       call corners%init(surface_a, pair%facet_a(1:n), pair%xi_a(:, 1:n))
       deallocate (pair%row_corner, pair%row_weight)
-      call dual_mortar_rows(corners, pair%facet_a(1:n), pair%weight(1:n), pair%gap(1:n), pair%normal(:, 1:n), &
-                            pair%row_corner, pair%row_weight, mortar)
+      call dual_mortar_rows(division, corners, pair%facet_a(1:n), pair%weight(1:n), pair%gap(1:n), &
+                            pair%normal(:, 1:n), pair%row_corner, pair%row_weight, mortar)
       m = size(pair%row_corner)
     end if
     pair%n_mortar_rows = m

@@ -16,6 +16,7 @@ module dotyk_contact_slave_points
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_element, only: n_element_kinds
   use dotyk_mesh_surface, only: surface_t
+  use dotyk_ranks_division, only: division_t
   implicit none
   private
   public :: project_slave_points
@@ -24,6 +25,10 @@ module dotyk_contact_slave_points
   real(dp), parameter :: gap_round_off = 8*epsilon(1.0_dp)
   !> Overlaps shallower than this fraction of the size of the master facet are not examined.
   real(dp), parameter :: shallow = 1.0e-3_dp
+  !> Work for a facet far from the master surface, relative to that for a candidate [].
+  real(dp), parameter :: distant_cost = 0.02_dp
+  !> Numbers that ranks exchange of a point.
+  integer, parameter :: point_length = 14
 
 contains
 
@@ -54,45 +59,55 @@ contains
     type(projection_t), allocatable :: projection(:)
     real(dp), allocatable :: weight(:), xi(:, :)
     integer, allocatable :: offset(:)
-    logical :: candidate(surface_a%n_facets), interpolates
-    integer :: f, n
-    candidate = candidate_facets(slave%set, master%tree, radius)
+    logical, dimension(surface_a%n_facets) :: candidate, examined
+    logical :: interpolates
+    integer :: f, n, first, last
+    call candidate_facets(settings%division, slave%set, master%tree, radius, candidate)
+    call settings%division%portion(merge(1.0_dp, distant_cost, candidate), first, last)
+    examined = candidate
+    examined(:first - 1) = .false.
+    examined(last + 1:) = .false.
     call whole_facet_rules(surface_a%kind(1:surface_a%n_facets), &
                            settings%discretization == discretization_mortar, settings%axisymmetric, kind_rule)
     allocate (offset(surface_a%n_facets + 1))
     if (settings%quadrature == quadrature_segments) then
-      call build_segment_rules(mesh_a, surface_a, slave%set, candidate, mesh_b, surface_b, master, radius, &
+      call build_segment_rules(mesh_a, surface_a, slave%set, examined, mesh_b, surface_b, master, radius, &
                                settings%discretization == discretization_mortar, settings%axisymmetric, kind_rule, &
                                facet_rule)
     else
       allocate (facet_rule(surface_a%n_facets))
     end if
     offset(1) = 0
-    do f = 1, surface_a%n_facets
+    do f = first, last
       if (.not. allocated(facet_rule(f)%weight)) facet_rule(f) = kind_rule(surface_a%kind(f))
     end do
     interpolates = settings%geometry == geometry_smooth .and. settings%discretization == discretization_mortar
     if (interpolates) call add_vertices(surface_a, facet_rule)
     do f = 1, surface_a%n_facets
+      ! Facets of other ranks have no points here.
+      if (.not. allocated(facet_rule(f)%weight)) &
+        allocate (facet_rule(f)%xi(mesh_a%dimension - 1, 0), facet_rule(f)%weight(0))
       offset(f + 1) = offset(f) + size(facet_rule(f)%weight)
     end do
     n = offset(surface_a%n_facets + 1)
     allocate (projection(n), x(3, n), weight(n), xi(2, n))
     call project_points(mesh_a, surface_a, facet_rule, offset, settings%axisymmetric, master, candidate, radius, &
                         slave%set%depth, x, xi, weight, projection)
-    if (.not. any(projection%status == projection_found)) then
+    if (.not. settings%division%any_holds(any(projection%status == projection_found))) then
       ! Project all points, for the reasons in the message.
       candidate = .true.
       call project_points(mesh_a, surface_a, facet_rule, offset, settings%axisymmetric, master, candidate, radius, &
                           slave%set%depth, x, xi, weight, projection)
     end if
     if (settings%geometry == geometry_smooth) then
-      call smooth_projections(mesh_a%x, surface_a, candidate, mesh_b%x, surface_b, &
+      call smooth_projections(settings%division, mesh_a%x, surface_a, candidate, mesh_b%x, surface_b, &
                               facets_near_candidates(master%set, slave%set, candidate, radius), slave%set%depth, &
                               master%set%depth, radius, offset, x, xi, projection)
     end if
     call drop_projections_through_bodies(slave, master, x, projection)
     if (interpolates) call interpolate_gaps(surface_a, offset, x, xi, weight, projection)
+    if (settings%division%is_divided) &
+      call collect_points(settings%division, first, last, offset, x, xi, weight, projection)
     call keep_projected(mesh_a%dimension, offset, x, xi, weight, projection, pair)
   end subroutine project_slave_points
 
@@ -119,6 +134,53 @@ contains
     end do
     !$omp end parallel do
   end subroutine drop_projections_through_bodies
+
+  !> Points of the facets of all ranks.
+  subroutine collect_points(division, first, last, offset, x, xi, weight, projection)
+    !> How ranks divide the facets.
+    type(division_t), intent(in) :: division
+    !> First facet of this rank.
+    integer, intent(in) :: first
+    !> Its last facet.
+    integer, intent(in) :: last
+    !> Points of slave facet f are offset(f)+1 .. offset(f+1); of this rank in, of all out (n_facets+1).
+    integer, intent(inout) :: offset(:)
+    !> Positions, likewise (3, n) [length].
+    real(dp), allocatable, intent(inout) :: x(:, :)
+    !> Reference coordinates, likewise (2, n) [].
+    real(dp), allocatable, intent(inout) :: xi(:, :)
+    !> Weights, likewise (n) [length^2; length in two dimensions].
+    real(dp), allocatable, intent(inout) :: weight(:)
+    !> Projections, likewise; of other ranks without positions, which follow from the facets (n).
+    type(projection_t), allocatable, intent(inout) :: projection(:)
+    real(dp), allocatable :: list(:, :)
+    integer :: n_of(size(offset) - 1), f, i, n
+    n_of = offset(2:) - offset(:size(n_of))
+    call division%fill(n_of, first, last)
+    do f = 1, size(n_of)
+      offset(f + 1) = offset(f) + n_of(f)
+    end do
+    allocate (list(point_length, size(weight)))
+    do i = 1, size(weight)
+      associate (p => projection(i))
+        list(:, i) = [x(:, i), xi(:, i), weight(i), p%xi, p%normal, p%distance, real([p%status, p%facet], dp)]
+      end associate
+    end do
+    call division%append(list)
+    n = size(list, 2)
+    x = list(1:3, :)
+    xi = list(4:5, :)
+    weight = list(6, :)
+    deallocate (projection)
+    allocate (projection(n))
+    do i = 1, n
+      projection(i)%xi = list(7:8, i)
+      projection(i)%normal = list(9:11, i)
+      projection(i)%distance = list(12, i)
+      projection(i)%status = nint(list(13, i))
+      projection(i)%facet = nint(list(14, i))
+    end do
+  end subroutine collect_points
 
   !> Keep the integration points that have a projection and count the others.
   pure subroutine keep_projected(d, offset, x, xi, weight, projection, pair)

@@ -12,6 +12,7 @@ module dotyk_contact_smooth_projection
   use dotyk_contact_projection, only: projection_found, projection_outside, projection_t, projection_too_far
   use dotyk_contact_smooth_surface, only: smooth_surface_t
   use dotyk_mesh_surface, only: surface_t
+  use dotyk_ranks_division, only: division_t
   implicit none
   private
   public :: smooth_projections
@@ -37,8 +38,10 @@ module dotyk_contact_smooth_projection
 contains
 
   !> Replace the projections of all points by those along the normals of the smooth surfaces.
-  subroutine smooth_projections(x_a, surface_a, candidate_a, x_b, surface_b, candidate_b, depth_a, depth_b, &
-                                search_radius, offset, x, xi, projection)
+  subroutine smooth_projections(division, x_a, surface_a, candidate_a, x_b, surface_b, candidate_b, depth_a, &
+                                depth_b, search_radius, offset, x, xi, projection)
+    !> How ranks divide the work; each has points of its own.
+    type(division_t), intent(in) :: division
     !> Nodal coordinates of body a (dimension, n_nodes) [length].
     real(dp), intent(in) :: x_a(:, :)
     !> Slave surface (surface_a).
@@ -68,8 +71,8 @@ contains
     type(smooth_surface_t) :: geometry_a, geometry_b
     type(projection_t) :: smooth
     integer :: f, i
-    call geometry_a%init(x_a, surface_a, candidate_a)
-    call geometry_b%init(x_b, surface_b, candidate_b)
+    call geometry_a%init(division, x_a, surface_a, candidate_a)
+    call geometry_b%init(division, x_b, surface_b, candidate_b)
     if (.not. (geometry_a%active .or. geometry_b%active)) return
     !$omp parallel do default(none) schedule(dynamic, 64) private(i, smooth) &
     !$omp shared(surface_a, offset, geometry_a, geometry_b, depth_a, depth_b, search_radius, x, xi, projection)

@@ -21,6 +21,7 @@ module dotyk_contact_smooth_surface
   use dotyk_mesh_element, only: element_kind, element_kind_t, element_line3, element_quad8, element_tri6, kind_nodes, &
     max_facet_nodes
   use dotyk_mesh_surface, only: surface_t
+  use dotyk_ranks_division, only: division_t
   implicit none
   private
 
@@ -50,8 +51,10 @@ module dotyk_contact_smooth_surface
 contains
 
   !> Set up for a surface.
-  subroutine geometry_init(self, x, surface, candidate)
+  subroutine geometry_init(self, division, x, surface, candidate)
     class(smooth_surface_t), intent(out) :: self
+    !> How ranks divide the work.
+    type(division_t), intent(in) :: division
     !> Nodal coordinates of the body (dimension, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
     !> Surface.
@@ -85,7 +88,8 @@ contains
       do f = 1, set%n
         if (candidate(sub_facets%parent(f))) wanted(adjacency%vertex(1:set%corners(f), f)) = .true.
       end do
-      call smooth_corner_normals(set, adjacency, vertex, self%smooth_neighbour, flat, wanted, self%corner_normal)
+      call smooth_corner_normals(division, set, adjacency, vertex, self%smooth_neighbour, flat, wanted, &
+                                 self%corner_normal)
       do f = 1, set%n
         self%changed(f) = .not. flat(f) .and. all(wanted(adjacency%vertex(1:set%corners(f), f)))
         if (.not. self%changed(f)) cycle

@@ -14,6 +14,7 @@ module dotyk_contact_vertex_normals
   use dotyk_contact_normal_fit, only: fit_normal
   use dotyk_contact_smooth_sheets, only: is_smooth_edge
   use dotyk_mesh_facet, only: cross
+  use dotyk_ranks_division, only: division_t
   implicit none
   private
   public :: find_smooth_sheets, smooth_corner_normals
@@ -192,7 +193,9 @@ contains
   end subroutine corner_normal
 
   !> Unit normals of the smooth surface at the corners of linear facets.
-  subroutine smooth_corner_normals(set, adjacency, x, smooth_neighbour, flat, wanted, normal)
+  subroutine smooth_corner_normals(division, set, adjacency, x, smooth_neighbour, flat, wanted, normal)
+    !> How ranks divide the vertices.
+    type(division_t), intent(in) :: division
     !> Facets of the surface.
     type(facet_set_t), intent(in) :: set
     !> Neighbours of the facets.
@@ -207,15 +210,47 @@ contains
     logical, intent(in) :: wanted(:)
     !> Outward normals, 0 at the other vertices (3, 4, n) [].
     real(dp), intent(out) :: normal(:, :, :)
-    integer :: v
+    integer :: v, first, last
     normal = 0
+    call division%portion(merge(1.0_dp, 0.0_dp, wanted), first, last)
     !$omp parallel do default(none) schedule(dynamic, 64) &
-    !$omp shared(set, adjacency, x, smooth_neighbour, flat, wanted, normal)
-    do v = 1, size(adjacency%start) - 1
+    !$omp shared(set, adjacency, x, smooth_neighbour, flat, wanted, normal, first, last)
+    do v = first, last
       if (wanted(v)) call normals_at_vertex(set, adjacency, x, smooth_neighbour, flat, v, normal)
     end do
     !$omp end parallel do
+    if (division%is_divided) call share_normals(division, set, adjacency, first, last, normal)
   end subroutine smooth_corner_normals
+
+  !> Make the normals at the vertices of all ranks known to all.
+  subroutine share_normals(division, set, adjacency, first, last, normal)
+    !> How ranks divide the vertices.
+    type(division_t), intent(in) :: division
+    !> Facets of the surface.
+    type(facet_set_t), intent(in) :: set
+    !> Neighbours of the facets.
+    type(adjacency_t), intent(in) :: adjacency
+    !> First vertex of this rank.
+    integer, intent(in) :: first
+    !> Its last vertex.
+    integer, intent(in) :: last
+    !> Normals at the vertices of this rank in, at all out (3, 4, n) [].
+    real(dp), intent(inout) :: normal(:, :, :)
+    real(dp), allocatable :: at_vertex(:, :)
+    integer :: v, k
+    allocate (at_vertex(3, size(adjacency%facet)))
+    do v = first, last
+      do k = adjacency%start(v), adjacency%start(v + 1) - 1
+        at_vertex(:, k) = normal(:, corner_of(set, adjacency, v, adjacency%facet(k)), adjacency%facet(k))
+      end do
+    end do
+    call division%fill(at_vertex, adjacency%start(first), adjacency%start(last + 1) - 1)
+    do v = 1, size(adjacency%start) - 1
+      do k = adjacency%start(v), adjacency%start(v + 1) - 1
+        normal(:, corner_of(set, adjacency, v, adjacency%facet(k)), adjacency%facet(k)) = at_vertex(:, k)
+      end do
+    end do
+  end subroutine share_normals
 
   !> Normals at one vertex, sheet by sheet.
   subroutine normals_at_vertex(set, adjacency, x, smooth_neighbour, flat, v, normal)

@@ -88,7 +88,7 @@ contains
       call stop_if_interrupted(error)
       if (allocated(error)) return
       call build_operator(case%scene%dimension, size(problem%body), problem%pair, problem%surface_a, &
-                          problem%surface_b, scene%operator)
+                          problem%surface_b, scene%operator, divided=n_ranks() > 1)
       do i = 1, size(problem%body)
         associate (block => scene%operator%block(i))
           if (n_ranks() > 1) block%whole_node = problem%body(i)%mesh%whole_nodes(block%contact_node)

@@ -20,6 +20,8 @@ module dotyk_model_pairs
   use dotyk_model_mesh_theta, only: set_mesh_theta
   use dotyk_model_pair_finder, only: form_pairs
   use dotyk_model_row_theta, only: set_formula_theta
+  use dotyk_ranks_communication, only: n_ranks
+  use dotyk_ranks_division, only: division_t
   implicit none
   private
   public :: find_pairs, foundation_compliance
@@ -29,6 +31,8 @@ module dotyk_model_pairs
   real(dp), parameter :: foundation_depth = 0.1_dp
   !> From this number of pairs per thread on, pairs are searched in parallel.
   integer, parameter :: many = 8
+  !> From this number of facets of a pair on, ranks divide its search: below, the exchanges take as long.
+  integer, parameter :: least_divided = 200
 
 contains
 
@@ -54,6 +58,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(problem_list_t) :: problems
     type(error_slot_t), allocatable :: failed(:)
+    logical, allocatable :: divided(:)
     integer :: b, k
     ! Once for each named surface, not for each of its pairs.
     !$omp parallel do default(none) shared(body, surfaces) private(k) schedule(dynamic, 1)
@@ -66,18 +71,28 @@ contains
     call form_pairs(case, body, surfaces, surface_a, surface_b, found, error)
     if (allocated(error)) return
     allocate (pair(size(case%contact)), failed(size(case%contact)))
+    divided = surface_a%n_facets + surface_b%n_facets >= least_divided .and. n_ranks() > 1
     ! Few pairs: threads share the points of each. Many pairs: threads share the pairs.
-    !$omp parallel do default(none) shared(case, body, surface_a, surface_b, pair, failed) schedule(dynamic, 1) &
-    !$omp& if (size(pair) >= many*omp_get_max_threads())
+    !$omp parallel do default(none) shared(case, body, surface_a, surface_b, pair, divided, failed) &
+    !$omp& schedule(dynamic, 1) if (size(pair) >= many*omp_get_max_threads())
     do k = 1, size(pair)
       associate (given => case%contact(k))
         if (.not. allocated(surface_a(k)%sheet)) call split_sheets(body(given%body_a)%mesh%x, surface_a(k))
         if (.not. allocated(surface_b(k)%sheet)) call split_sheets(body(given%body_b)%mesh%x, surface_b(k))
-        call search_pair(case, given, body(given%body_a), surface_a(k), body(given%body_b), surface_b(k), pair(k), &
-                         failed(k)%error)
+        if (.not. divided(k)) &
+          call search_pair(case, given, body(given%body_a), surface_a(k), body(given%body_b), surface_b(k), &
+                           division_t(), pair(k), failed(k)%error)
       end associate
     end do
     !$omp end parallel do
+    ! Ranks divide the points of large pairs.
+    do k = 1, size(pair)
+      if (.not. divided(k)) cycle
+      associate (given => case%contact(k))
+        call search_pair(case, given, body(given%body_a), surface_a(k), body(given%body_b), surface_b(k), &
+                         division_t(.true.), pair(k), failed(k)%error)
+      end associate
+    end do
     do k = 1, size(pair)
       call problems%add_error(failed(k)%error, case%file//':'//to_text(case%contact(k)%line)//': ')
     end do
@@ -90,7 +105,7 @@ contains
   end subroutine find_pairs
 
   !> Discretize one contact pair.
-  subroutine search_pair(case, given, body_a, surface_a, body_b, surface_b, pair, error)
+  subroutine search_pair(case, given, body_a, surface_a, body_b, surface_b, division, pair, error)
     !> The case.
     type(case_t), intent(in) :: case
     !> `&contact`.
@@ -103,6 +118,8 @@ contains
     type(surface_t), intent(in) :: surface_a
     !> Master surface.
     type(surface_t), intent(in) :: surface_b
+    !> Whether ranks divide the search.
+    type(division_t), intent(in) :: division
     !> The contact pair.
     type(contact_pair_t), intent(out) :: pair
     !> Allocated where the gap formula, the surfaces or theta cannot be used.
@@ -124,6 +141,7 @@ contains
     settings%geometry = given%geometry
     settings%quadrature = given%quadrature
     settings%theta = given%theta
+    settings%division = division
     if (given%theta_kind == theta_relative .and. given%theta > 0) &
       settings%theta = given%theta* &
       (shortest_extent(body_a%mesh)/body_a%young() + shortest_extent(body_b%mesh)/body_b%young())

@@ -15,10 +15,11 @@ module dotyk_ranks_exchange
   use dotyk_base_timer, only: wall_time
   use dotyk_ranks_communication, only: add_integers, collect_reals, deliver_integers, end_ranks, gather_bytes, &
     gather_integers, gather_reals, greet, greeting_length, n_ranks, this_rank
+  use dotyk_ranks_item_order, only: by_owner, numbers
   implicit none
   private
   public :: is_own, share, share_errors, share_flat, agree_on_error, on_any_rank, meet, exchange_cost, collect, &
-    add_counts, add_up, deliver, gather_all, greatest
+    add_counts, add_up, deliver, gather_all, greatest, join
 
   !> What exchanges have cost this rank so far.
   type, public :: exchange_cost_t
@@ -46,7 +47,7 @@ module dotyk_ranks_exchange
 
   !> Kinds of exchanges, the first number of a greeting.
   integer(int64), parameter :: of_items = 1, of_values = 2, of_bytes = 3, of_flag = 4, of_meeting = 5, &
-    of_parts = 6, of_sums = 7, of_parcels = 8, of_lists = 9, of_counts = 10
+    of_parts = 6, of_sums = 7, of_parcels = 8, of_lists = 9, of_counts = 10, of_joined = 11
   !> Owner of items that all ranks compute together: all of them have them.
   integer, parameter, public :: all_ranks = -1
   !> Size of an item that is not allocated.
@@ -234,8 +235,7 @@ contains
       all = own
       return
     end if
-    call agree_on(of_parts, 1_int64)
-    call gather_integers([size(own, kind=int64)], spread(1_int64, 1, n_ranks()), n)
+    call find_lengths(of_parts, size(own, kind=int64), n)
     allocate (all(merge(sum(n), 0_int64, this_rank() == 0)))
     call collect_reals(own, n, all)
     cost%bytes = cost%bytes + 8*max(0_int64, size(all, kind=int64) - size(own, kind=int64))
@@ -263,12 +263,40 @@ contains
     !> Those of all ranks (any).
     integer(int64), allocatable, intent(out) :: all(:)
     integer(int64) :: n(n_ranks())
-    call agree_on(of_lists, 1_int64)
-    call gather_integers([size(own, kind=int64)], spread(1_int64, 1, n_ranks()), n)
+    call find_lengths(of_lists, size(own, kind=int64), n)
     allocate (all(sum(n)))
     call gather_integers(own, n, all)
     cost%bytes = cost%bytes + 8*(size(all, kind=int64) - size(own, kind=int64))
   end subroutine gather_all
+
+  !> Parts of all ranks on all of them, one rank after the other.
+  subroutine join(own, all)
+    !> Those of this rank (any) [any].
+    real(dp), intent(in) :: own(:)
+    !> Those of all ranks (any) [as own].
+    real(dp), allocatable, intent(out) :: all(:)
+    integer(int64) :: n(n_ranks())
+    if (n_ranks() == 1) then
+      all = own
+      return
+    end if
+    call find_lengths(of_joined, size(own, kind=int64), n)
+    allocate (all(sum(n)))
+    call gather_reals(own, n, all)
+    cost%bytes = cost%bytes + 8*(size(all, kind=int64) - size(own, kind=int64))
+  end subroutine join
+
+  !> Lengths of the parts of all ranks, where their exchange begins.
+  subroutine find_lengths(what, own, n)
+    !> Kind of the exchange.
+    integer(int64), intent(in) :: what
+    !> Length of the part of this rank.
+    integer(int64), intent(in) :: own
+    !> Lengths of those of all ranks (n_ranks).
+    integer(int64), intent(out) :: n(:)
+    call agree_on(what, 1_int64)
+    call gather_integers([own], spread(1_int64, 1, n_ranks()), n)
+  end subroutine find_lengths
 
   !> Errors of the items of all ranks, so that all ranks report all of them.
   subroutine share_errors(owner, failed)
@@ -363,36 +391,4 @@ contains
       sum = ieor(ishftc(sum, 5), transfer(value(i), sum))
     end do
   end function checksum
-
-  !> Items in the order in which they are gathered: by ranks, then by their own order.
-  pure function by_owner(owner) result(order)
-    !> Rank of each item (n_items).
-    integer, intent(in) :: owner(:)
-    integer :: order(size(owner)), first(0:maxval([owner, 0]) + 1), i
-    first = 0
-    do i = 1, size(owner)
-      first(owner(i) + 1) = first(owner(i) + 1) + 1
-    end do
-    do i = 1, ubound(first, 1)
-      first(i) = first(i) + first(i - 1)
-    end do
-    do i = 1, size(owner)
-      first(owner(i)) = first(owner(i)) + 1
-      order(first(owner(i))) = i
-    end do
-  end function by_owner
-
-  !> Numbers that each rank has.
-  pure function numbers(owner, length) result(n)
-    !> Rank of each item (n_items).
-    integer, intent(in) :: owner(:)
-    !> Numbers of each item (n_items).
-    integer(int64), intent(in) :: length(:)
-    integer(int64) :: n(n_ranks())
-    integer :: i
-    n = 0
-    do i = 1, size(owner)
-      n(owner(i) + 1) = n(owner(i) + 1) + length(i)
-    end do
-  end function numbers
 end module dotyk_ranks_exchange

@@ -1,0 +1,159 @@
+!> The work of a loop, divided over ranks: each has a portion of successive items, and then all have the results of all
+!> items, in their order.
+!>
+!> The result of an item must depend on nothing but what all ranks know: then the numbers are those of one rank, to the
+!> bit. All ranks come to the same exchanges in the same order, none of them inside an OpenMP region.
+module dotyk_ranks_division
+  use dotyk_base_kinds, only: dp, int64
+  use dotyk_ranks_communication, only: n_ranks, this_rank
+  use dotyk_ranks_exchange, only: join, on_any_rank
+  implicit none
+  private
+
+  !> Whether and how ranks divide the work of a loop.
+  type, public :: division_t
+    !> Whether they do; otherwise this rank does all of it, and exchanges nothing.
+    logical :: is_divided = .false.
+  contains
+    procedure, private :: portion_of_costs, portion_of_items
+    !> The items of a rank.
+    generic :: portion => portion_of_costs, portion_of_items
+    procedure :: any_holds => division_any_holds
+    procedure, private :: fill_values, fill_columns, fill_integers, fill_logicals
+    !> Make the results of all portions known to all ranks.
+    generic :: fill => fill_values, fill_columns, fill_integers, fill_logicals
+    procedure :: append => division_append
+  end type division_t
+
+contains
+
+  !> The items of a rank, of which each takes as much work.
+  pure subroutine portion_of_items(self, n, first, last, rank)
+    class(division_t), intent(in) :: self
+    !> Number of items.
+    integer, intent(in) :: n
+    !> First item of the rank.
+    integer, intent(out) :: first
+    !> Its last item; first-1 where it has none.
+    integer, intent(out) :: last
+    !> The rank; this one if absent.
+    integer, intent(in), optional :: rank
+    integer :: r
+    first = 1
+    last = n
+    if (.not. self%is_divided) return
+    r = this_rank()
+    if (present(rank)) r = rank
+    first = int(int(r, int64)*n/n_ranks()) + 1
+    last = int((r + 1_int64)*n/n_ranks())
+  end subroutine portion_of_items
+
+  !> The items of a rank: about as much work for each.
+  pure subroutine portion_of_costs(self, cost, first, last)
+    class(division_t), intent(in) :: self
+    !> Work of the items, not negative (n) [any].
+    real(dp), intent(in) :: cost(:)
+    !> First item of this rank.
+    integer, intent(out) :: first
+    !> Its last item; first-1 where it has none.
+    integer, intent(out) :: last
+    real(dp) :: total, before
+    integer :: i, owner
+    first = 1
+    last = size(cost)
+    if (.not. self%is_divided) return
+    total = max(sum(cost), tiny(total))
+    last = 0
+    before = 0
+    do i = 1, size(cost)
+      ! Where the middle of its work falls.
+      owner = min(n_ranks() - 1, int((before + cost(i)/2)/total*n_ranks()))
+      before = before + cost(i)
+      if (owner > this_rank()) exit
+      if (owner < this_rank()) first = i + 1
+      last = i
+    end do
+  end subroutine portion_of_costs
+
+  !> Whether something holds on any rank that has a portion.
+  logical function division_any_holds(self, holds) result(any_holds)
+    class(division_t), intent(in) :: self
+    !> Whether it holds for this rank.
+    logical, intent(in) :: holds
+    any_holds = holds
+    if (self%is_divided) any_holds = on_any_rank(holds)
+  end function division_any_holds
+
+  !> One number of each item.
+  subroutine fill_values(self, value, first, last)
+    class(division_t), intent(in) :: self
+    !> Those of the portion of this rank in, of all out (n) [any].
+    real(dp), intent(inout) :: value(:)
+    !> First item of this rank.
+    integer, intent(in) :: first
+    !> Its last item.
+    integer, intent(in) :: last
+    real(dp), allocatable :: all(:)
+    if (.not. self%is_divided) return
+    call join(value(first:last), all)
+    value = all
+  end subroutine fill_values
+
+  !> As many numbers of each item.
+  subroutine fill_columns(self, value, first, last)
+    class(division_t), intent(in) :: self
+    !> Those of the portion of this rank in, of all out (any, n) [any].
+    real(dp), intent(inout) :: value(:, :)
+    !> First item of this rank.
+    integer, intent(in) :: first
+    !> Its last item.
+    integer, intent(in) :: last
+    real(dp), allocatable :: all(:)
+    if (.not. self%is_divided) return
+    call join(reshape(value(:, first:last), [size(value, 1, int64)*(last - first + 1)]), all)
+    value = reshape(all, shape(value))
+  end subroutine fill_columns
+
+  !> One integer of each item.
+  subroutine fill_integers(self, value, first, last)
+    class(division_t), intent(in) :: self
+    !> Those of the portion of this rank in, of all out (n).
+    integer, intent(inout) :: value(:)
+    !> First item of this rank.
+    integer, intent(in) :: first
+    !> Its last item.
+    integer, intent(in) :: last
+    real(dp), allocatable :: all(:)
+    if (.not. self%is_divided) return
+    call join(real(value(first:last), dp), all)
+    value = nint(all)
+  end subroutine fill_integers
+
+  !> One logical of each item.
+  subroutine fill_logicals(self, value, first, last)
+    class(division_t), intent(in) :: self
+    !> Those of the portion of this rank in, of all out (n).
+    logical, intent(inout) :: value(:)
+    !> First item of this rank.
+    integer, intent(in) :: first
+    !> Its last item.
+    integer, intent(in) :: last
+    real(dp), allocatable :: all(:)
+    if (.not. self%is_divided) return
+    call join(merge(1.0_dp, 0.0_dp, value(first:last)), all)
+    value = all > 0
+  end subroutine fill_logicals
+
+  !> Lists of any length of the portions, one after the other.
+  subroutine division_append(self, list)
+    class(division_t), intent(in) :: self
+    !> That of this rank in, those of all ranks out (rows, n) [any].
+    real(dp), allocatable, intent(inout) :: list(:, :)
+    real(dp), allocatable :: all(:)
+    integer :: rows
+    if (.not. self%is_divided) return
+    rows = size(list, 1)
+    call join(reshape(list, [size(list, kind=int64)]), all)
+    list = reshape(all, [int(rows, int64), size(all, kind=int64)/rows])
+  end subroutine division_append
+end module dotyk_ranks_division
