@@ -4,39 +4,22 @@
 !> against that of all others whose boxes it meets. Contact pairs only explain the penetration that their penalty and
 !> their given gaps leave. Self contact of one part is not checked.
 module dotyk_control_penetration_check
+  use, intrinsic :: iso_fortran_env, only: int8
   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
   use omp_lib, only: omp_get_max_threads
   use dotyk_base_kinds, only: dp
   use dotyk_base_sort, only: sort_order
   use dotyk_contact_broad_phase, only: overlapping_boxes
-  use dotyk_contact_pair, only: contact_pair_t
-  use dotyk_contact_passage_search, only: swept_facets_t
-  use dotyk_contact_penetration_search, only: find_passages, find_penetration, penetration_t
-  use dotyk_contact_penetration_tolerance, only: penetration_tolerance_t
-  use dotyk_contact_solid_boundary, only: solid_t
-  use dotyk_contact_touch_search, only: find_touch, touch_t
   use dotyk_control_body_solution, only: body_solution_t
   use dotyk_control_contact_problem, only: contact_problem_t
-  use dotyk_control_explained_penetration, only: explained_penetration, largest_penetration
+  use dotyk_control_couple_penetration, only: body_penetration_t, check_bodies, parts_t, split_parts
   use dotyk_control_pressures, only: nodal_field_t
-  use dotyk_control_shared_interior, only: find_shared_interior
-  use dotyk_mesh_body_mesh, only: body_mesh_t, connected_components
-  use dotyk_mesh_boundary, only: extract_boundary
-  use dotyk_mesh_surface, only: surface_t
+  use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_ranks_communication, only: n_ranks, this_rank
+  use dotyk_ranks_division, only: deal_out, division_t
+  use dotyk_ranks_exchange, only: all_ranks, share_flat
   implicit none
   private
-
-  !> One body inside another.
-  type, public :: body_penetration_t
-    !> The body whose points are inside.
-    integer :: body = 0
-    !> The body that they are in; the same for two parts of one body.
-    integer :: other = 0
-    !> The deepest point.
-    type(penetration_t) :: worst
-    !> Faces that touch though no contact pair has the two.
-    type(touch_t) :: touch
-  end type body_penetration_t
 
   !> Outcome of the check.
   type, public :: penetration_check_t
@@ -56,24 +39,16 @@ module dotyk_control_penetration_check
     procedure :: deepest_unresolved => check_deepest_unresolved
   end type penetration_check_t
 
-  !> Parts of one body.
-  type :: parts_t
-    !> The parts (n_parts).
-    type(solid_t), allocatable :: part(:)
-    !> Their facets in motion (n_parts).
-    type(swept_facets_t), allocatable :: swept(:)
-  end type parts_t
-
-  public :: check_couples, check_penetration
+  public :: body_penetration_t, check_couples, check_penetration
 
   !> Depths below this fraction of the largest displacement of the two bodies are not told.
   real(dp), parameter :: least_fraction = 1.0e-3_dp
   !> Rounding of coordinates relative to the largest.
   real(dp), parameter :: coordinate_rounding = 1.0e-13_dp
-  !> Thickness of parts relative to their smallest facet: less is not looked for.
-  real(dp), parameter :: least_thickness = 0.01_dp
   !> From this number of couples of bodies per thread on, couples are checked in parallel.
   integer, parameter :: many = 4
+  !> From this number of boundary nodes of two bodies on, ranks divide their check: below, the exchanges take as long.
+  real(dp), parameter :: least_divided = 1000
   !> Error bounds above this leave nothing to check: the slack grows no further.
   real(dp), parameter :: largest_bound = 0.01_dp
 
@@ -155,7 +130,9 @@ contains
     type(body_penetration_t), allocatable :: found(:)
     real(dp) :: moved(size(problem%body))
     logical :: needed(size(problem%body))
-    integer :: b, k, n
+    real(dp), allocatable :: cost(:)
+    integer, allocatable :: owner(:)
+    integer :: n_nodes(size(problem%body)), b, k, n
     n = size(problem%body)
     allocate (check%depth(n))
     do b = 1, n
@@ -171,30 +148,107 @@ contains
     needed(couple(1, :)) = .true.
     needed(couple(2, :)) = .true.
     allocate (parts(n))
-    !$omp parallel do default(none) shared(problem, solution, needed, parts, n) schedule(dynamic, 1)
+    n_nodes = 0
+    !$omp parallel do default(none) shared(problem, solution, needed, parts, n, n_nodes) schedule(dynamic, 1)
     do b = 1, n
-      if (needed(b)) call split_parts(b, problem%body(b)%mesh, solution(b)%displacement, parts(b))
+      if (.not. needed(b)) cycle
+      call split_parts(b, problem%body(b)%mesh, solution(b)%displacement, parts(b))
+      n_nodes(b) = sum(parts(b)%part%n_nodes)
     end do
     !$omp end parallel do
+    allocate (cost(size(couple, 2)))
+    do k = 1, size(cost)
+      cost(k) = sum(n_nodes(couple(:, k)))
+      ! A body of one part is not checked against itself.
+      if (couple(1, k) == couple(2, k) .and. size(parts(couple(1, k))%part) == 1) cost(k) = 0
+    end do
+    owner = deal_out(cost, least_divided)
     ! Few couples: threads share the nodes of each. Many couples: threads share the couples.
     allocate (found(size(couple, 2)))
-    !$omp parallel do default(none) schedule(dynamic, 1) if (size(found) >= many*omp_get_max_threads()) &
-    !$omp& shared(problem, solution, first_row, y, parts, couple, moved, error_bound, found, check)
+    !$omp parallel do default(none) schedule(dynamic, 1) if (size(found) >= many*omp_get_max_threads()) shared(owner)
     do k = 1, size(found)
-      associate (a => couple(1, k), c => couple(2, k))
-        call check_bodies(problem, first_row, y, parts(a), parts(c), a, c, solution(a)%displacement, &
-                          slack_of(problem%body(a)%mesh, problem%body(c)%mesh, max(moved(a), moved(c)), error_bound), &
-                          max(moved(a), moved(c)), &
-                          check%depth(a)%value, check%depth(c)%value, found(k))
-      end associate
+      if (owner(k) == this_rank()) call check_couple(division_t(), k)
     end do
     !$omp end parallel do
+    ! Ranks divide the nodes of large bodies.
+    do k = 1, size(found)
+      if (owner(k) == all_ranks) call check_couple(division_t(.true.), k)
+    end do
+    if (n_ranks() > 1) call share_findings(owner, parts, found, check%depth)
     check%found = pack(found, found%worst%depth > 0)
     check%touching = pack(found, found%touch%n_facets > 0 .and. .not. found%worst%depth > 0)
     check%unresolved = pack(found, found%worst%unresolved > 0 .and. .not. found%worst%depth > 0)
     call sort_found(-check%found%worst%depth, check%found)
     call sort_found(-check%unresolved%worst%unresolved, check%unresolved)
+
+  contains
+
+    !> Check one couple.
+    subroutine check_couple(division, k)
+      !> How ranks divide the nodes.
+      type(division_t), intent(in) :: division
+      !> The couple.
+      integer, intent(in) :: k
+      associate (a => couple(1, k), c => couple(2, k))
+        call check_bodies(division, problem, first_row, y, parts(a), parts(c), a, c, solution(a)%displacement, &
+                          slack_of(problem%body(a)%mesh, problem%body(c)%mesh, max(moved(a), moved(c)), error_bound), &
+                          max(moved(a), moved(c)), &
+                          check%depth(a)%value, check%depth(c)%value, found(k))
+      end associate
+    end subroutine check_couple
   end subroutine check_couples
+
+  !> Make what the ranks have found in couples of their own known to all.
+  subroutine share_findings(owner, parts, found, depth)
+    !> Rank of each couple, or `all_ranks` (n_couples).
+    integer, intent(in) :: owner(:)
+    !> Parts of the bodies, whose nodes are numbered alike on all ranks (n_bodies).
+    type(parts_t), intent(in) :: parts(:)
+    !> Penetration of each couple; of this rank in, of all out (n_couples).
+    type(body_penetration_t), intent(inout) :: found(:)
+    !> Depth at the nodes, likewise (n_bodies) [length].
+    type(nodal_field_t), intent(inout) :: depth(:)
+    type(division_t) :: division
+    integer(int8), allocatable :: bytes(:, :)
+    real(dp), allocatable :: list(:, :)
+    integer, allocatable :: dealt(:)
+    integer :: b, i, k, n
+    dealt = pack([(k, k=1, size(owner))], owner /= all_ranks)
+    if (size(dealt) == 0) return
+    allocate (bytes(storage_size(found)/8, size(dealt)))
+    do k = 1, size(dealt)
+      bytes(:, k) = transfer(found(dealt(k)), bytes(:, k))
+    end do
+    call share_flat(owner(dealt), bytes)
+    do k = 1, size(dealt)
+      found(dealt(k)) = transfer(bytes(:, k), found(dealt(k)))
+    end do
+    if (.not. any(found(dealt)%worst%depth > 0)) return
+    ! Body, part, node and depth where there is one.
+    n = sum([(count(depth(b)%value > 0), b=1, size(depth))])
+    allocate (list(4, n))
+    n = 0
+    do b = 1, size(depth)
+      if (.not. any(depth(b)%value > 0)) cycle
+      do k = 1, size(parts(b)%part)
+        do i = 1, parts(b)%part(k)%n_nodes
+          associate (here => depth(b)%value(parts(b)%part(k)%node(i)))
+            if (.not. here > 0) cycle
+            n = n + 1
+            list(:, n) = [real([b, k, i], dp), here]
+          end associate
+        end do
+      end do
+    end do
+    division%is_divided = .true.
+    call division%append(list)
+    do n = 1, size(list, 2)
+      b = nint(list(1, n))
+      associate (here => depth(b)%value(parts(b)%part(nint(list(2, n)))%node(nint(list(3, n)))))
+        here = max(here, list(4, n))
+      end associate
+    end do
+  end subroutine share_findings
 
   !> Error of displacements and of rounding [length].
   pure real(dp) function slack_of(mesh_a, mesh_b, moved, error_bound) result(slack)
@@ -209,182 +263,6 @@ contains
     slack = (least_fraction + min(largest_bound, max(0.0_dp, error_bound)))*moved + &
             coordinate_rounding*max(maxval(abs(mesh_a%x)), maxval(abs(mesh_b%x)))
   end function slack_of
-
-  !> Boundaries of the parts of a body.
-  subroutine split_parts(b, mesh, displacement, parts)
-    !> Index of the body.
-    integer, intent(in) :: b
-    !> Its mesh.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Displacements of its nodes (dimension, n_nodes) [length].
-    real(dp), intent(in) :: displacement(:, :)
-    !> Its parts.
-    type(parts_t), intent(out) :: parts
-    type(surface_t) :: boundary
-    integer, allocatable :: component(:), of_facet(:)
-    integer :: n, k, f
-    call extract_boundary(mesh, boundary)
-    allocate (component(mesh%n_nodes()))
-    call connected_components(mesh, component, n)
-    allocate (parts%part(n), parts%swept(n))
-    of_facet = component(boundary%node(1, :))
-    do k = 1, n
-      call parts%part(k)%init(b, mesh%x, displacement, boundary, pack([(f, f=1, boundary%n_facets)], of_facet == k))
-      call parts%swept(k)%init(parts%part(k))
-    end do
-  end subroutine split_parts
-
-  !> Check the parts of two bodies, or of one.
-  subroutine check_bodies(problem, first_row, y, parts_a, parts_b, a, b, u, slack, moved, depth_a, &
-                          depth_b, found)
-    !> Bodies and contact pairs.
-    type(contact_problem_t), intent(in) :: problem
-    !> First row of each pair (n_pairs+1).
-    integer, intent(in) :: first_row(:)
-    !> B u - d (n_rows) [length].
-    real(dp), intent(in) :: y(:)
-    !> Parts of the first body.
-    type(parts_t), intent(in) :: parts_a
-    !> Parts of the second body.
-    type(parts_t), intent(in) :: parts_b
-    !> Index of the first body.
-    integer, intent(in) :: a
-    !> Index of the second body.
-    integer, intent(in) :: b
-    !> Displacements of the nodes of the first body (dimension, n_nodes) [length].
-    real(dp), intent(in) :: u(:, :)
-    !> Error of the displacements and of rounding [length].
-    real(dp), intent(in) :: slack
-    !> Largest displacement of the two [length].
-    real(dp), intent(in) :: moved
-    !> Depth at the nodes of the first body (n_nodes) [length].
-    real(dp), intent(inout) :: depth_a(:)
-    !> Depth at the nodes of the second body; the same array where it is the same body (n_nodes) [length].
-    real(dp), intent(inout) :: depth_b(:)
-    !> The deeper one of the two in the other; of depth 0 where neither is.
-    type(body_penetration_t), intent(out) :: found
-    type(body_penetration_t) :: a_in_b, b_in_a
-    type(penetration_tolerance_t) :: tolerance
-    real(dp), allocatable :: explained_a(:), explained_b(:)
-    integer :: i, j
-    if (a == b .and. size(parts_a%part) == 1) return
-    call explained_penetration(problem, first_row, y, a, b, explained_a)
-    call explained_penetration(problem, first_row, y, b, a, explained_b)
-    a_in_b = body_penetration_t(a, b)
-    b_in_a = body_penetration_t(b, a)
-    tolerance%slack = slack
-    tolerance%moved = moved
-    ! Bodies that meet at an edge only follow what the pairs of each with others leave.
-    if (a /= b .and. .not. are_paired(problem%pair, a, b)) &
-      tolerance%slack = slack + largest_penetration(problem, first_row, y, a) + &
-                        largest_penetration(problem, first_row, y, b)
-    do i = 1, size(parts_a%part)
-      do j = merge(i + 1, 1, a == b), size(parts_b%part)
-        associate (p => parts_a%part(i), q => parts_b%part(j))
-          tolerance%explained_a = explained_a(p%node)
-          tolerance%explained_b = explained_b(q%node)
-          call check_parts(p, q, parts_b%swept(j), tolerance, depth_a, a_in_b%worst)
-          call check_parts(q, p, parts_a%swept(i), tolerance%swapped(), depth_b, b_in_a%worst)
-        end associate
-      end do
-    end do
-    found = a_in_b
-    if (b_in_a%worst%outweighs(a_in_b%worst)) found = b_in_a
-    if (.not. found%worst%depth > 0 .and. b_in_a%worst%unresolved > a_in_b%worst%unresolved) found = b_in_a
-    if (found%worst%depth > 0) return
-    if (a /= b .and. size(parts_a%part) == 1 .and. size(parts_b%part) == 1) &
-      call find_shared_interior(problem%body(a)%mesh, u, parts_a%part(1), parts_b%part(1), found%worst%depth, &
-                                found%worst%position)
-    if (found%worst%depth > 0 .or. are_paired(problem%pair, a, b)) return
-    do i = 1, size(parts_a%part)
-      do j = merge(i + 1, 1, a == b), size(parts_b%part)
-        associate (p => parts_a%part(i), q => parts_b%part(j))
-          tolerance%explained_a = explained_a(p%node)
-          tolerance%explained_b = explained_b(q%node)
-          call find_touch(p, q, tolerance, found%touch)
-          call find_touch(q, p, tolerance%swapped(), found%touch)
-        end associate
-      end do
-    end do
-  end subroutine check_bodies
-
-  !> Whether a contact pair has two bodies.
-  pure logical function are_paired(pair, a, b)
-    !> Contact pairs (n_pairs).
-    type(contact_pair_t), intent(in) :: pair(:)
-    !> Index of the first body.
-    integer, intent(in) :: a
-    !> Index of the second body.
-    integer, intent(in) :: b
-    are_paired = any((pair%body_a == a .and. pair%body_b == b) .or. (pair%body_a == b .and. pair%body_b == a))
-  end function are_paired
-
-  !> Check one part against another one.
-  subroutine check_parts(p, q, swept, tolerance, depth, worst)
-    !> The part.
-    type(solid_t), intent(in) :: p
-    !> The other part.
-    type(solid_t), intent(in) :: q
-    !> Facets of the other part in motion.
-    type(swept_facets_t), intent(in) :: swept
-    !> Depths that are explained.
-    type(penetration_tolerance_t), intent(in) :: tolerance
-    !> Depth at the nodes of the body (n_nodes) [length].
-    real(dp), intent(inout) :: depth(:)
-    !> The deepest point of the body so far; numbers of nodes and edges are added.
-    type(penetration_t), intent(inout) :: worst
-    type(penetration_t) :: here
-    real(dp), allocatable :: own(:)
-    associate (box_p => p%tree%volume(1), box_q => q%tree%volume(1))
-      if (any(box_p%lo > box_q%hi .or. box_p%hi < box_q%lo)) then
-        allocate (own(p%n_nodes), source=0.0_dp)
-      else
-        call find_penetration(p, q, tolerance, own, here)
-      end if
-    end associate
-    if (may_pass(p, q, swept)) call find_passages(p, q, swept, tolerance, own, here)
-    if (here%depth > 0) then
-      !$omp critical (penetration_of_body)
-      depth(p%node) = max(depth(p%node), own)
-      !$omp end critical (penetration_of_body)
-    end if
-    call here%keep_unresolved(worst%unresolved, worst%unresolved_position)
-    here%n_nodes = here%n_nodes + worst%n_nodes
-    here%n_edges = here%n_edges + worst%n_edges
-    here%n_passed = here%n_passed + worst%n_passed
-    if (here%outweighs(worst)) then
-      worst = here
-    else
-      worst%n_nodes = here%n_nodes
-      worst%n_edges = here%n_edges
-      worst%n_passed = here%n_passed
-      call worst%keep_unresolved(here%unresolved, here%unresolved_position)
-    end if
-  end subroutine check_parts
-
-  !> Whether nodes of a part move far enough against another one to pass through it: its facets are no guide to its
-  !> thickness, but no part is thinner than a small fraction of them.
-  pure logical function may_pass(p, q, swept)
-    !> The part.
-    type(solid_t), intent(in) :: p
-    !> The other part.
-    type(solid_t), intent(in) :: q
-    !> Facets of the other part in motion.
-    type(swept_facets_t), intent(in) :: swept
-    real(dp) :: far
-    far = farthest(p, swept%shift) + farthest(q, swept%shift)
-    may_pass = far > least_thickness*minval(q%set%size)
-  end function may_pass
-
-  !> Largest displacement of the nodes of a part beside a common one [length].
-  pure real(dp) function farthest(p, shift)
-    !> The part.
-    type(solid_t), intent(in) :: p
-    !> Common displacement (3) [length].
-    real(dp), intent(in) :: shift(3)
-    integer :: i
-    farthest = maxval([0.0_dp, (norm2(p%x(:, i) - p%x0(:, i) - shift), i=1, p%n_nodes)])
-  end function farthest
 
   !> Sort penetrations.
   pure subroutine sort_found(key, found)

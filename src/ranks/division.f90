@@ -5,8 +5,9 @@
 !> bit. All ranks come to the same exchanges in the same order, none of them inside an OpenMP region.
 module dotyk_ranks_division
   use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_sort, only: sort_order
   use dotyk_ranks_communication, only: n_ranks, this_rank
-  use dotyk_ranks_exchange, only: join, on_any_rank
+  use dotyk_ranks_exchange, only: all_ranks, join, on_any_rank
   implicit none
   private
 
@@ -25,7 +26,39 @@ module dotyk_ranks_division
     procedure :: append => division_append
   end type division_t
 
+  !> Items with less than this part of the work of a rank are dealt out as a whole: 1/4.
+  integer, parameter :: portions = 4
+
+  public :: deal_out
+
 contains
+
+  !> A rank for each item of a list: large ones are divided among all, the others are dealt out, the largest first, each
+  !> to the rank with least work so far.
+  pure function deal_out(cost, least) result(owner)
+    !> Work of the items, not negative (n) [any].
+    real(dp), intent(in) :: cost(:)
+    !> Work from which on it pays to divide an item [as cost].
+    real(dp), intent(in) :: least
+    !> Ranks, or `all_ranks` (n).
+    integer :: owner(size(cost))
+    real(dp) :: load(n_ranks()), total
+    integer :: order(size(cost)), i, r
+    owner = this_rank()
+    if (n_ranks() == 1) return
+    load = 0
+    total = sum(cost)
+    call sort_order(-cost, order)
+    do i = 1, size(cost)
+      if (cost(order(i)) >= max(least, total/(real(portions, dp)*n_ranks()))) then
+        owner(order(i)) = all_ranks
+        cycle
+      end if
+      r = minloc(load, dim=1)
+      owner(order(i)) = r - 1
+      load(r) = load(r) + cost(order(i))
+    end do
+  end function deal_out
 
   !> The items of a rank, of which each takes as much work.
   pure subroutine portion_of_items(self, n, first, last, rank)

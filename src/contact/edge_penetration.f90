@@ -1,0 +1,224 @@
+!> Edges of one part that pass through another one after deformation without a node inside, or run inside it.
+module dotyk_contact_edge_penetration
+  use dotyk_base_kinds, only: dp
+  use dotyk_base_sort, only: sort_order
+  use dotyk_contact_facet_crossing, only: crossings, max_crossings
+  use dotyk_contact_penetration, only: penetration_t, same_depth
+  use dotyk_contact_penetration_tolerance, only: notable_fraction, penetration_tolerance_t
+  use dotyk_contact_solid_boundary, only: solid_t
+  use dotyk_mesh_element, only: kind_nodes
+  use dotyk_ranks_division, only: division_t
+  implicit none
+  private
+  public :: find_edges
+
+  !> Points along the part of an edge that is inside, and steps of the search for the deepest one.
+  integer, parameter :: n_samples = 3, n_steps = 30
+  !> Facets that a thread takes at once, and the number from which on threads share them.
+  integer, parameter :: chunk = 256, least_shared = 1024
+  !> Numbers of a segment that is found, and segments that there is room for at first.
+  integer, parameter :: segment_length = 9, first_room = 64
+  !> Work for a facet far from the other part, relative to that for a near one [].
+  real(dp), parameter :: distant_cost = 0.02_dp
+  !> Golden section.
+  real(dp), parameter :: golden = 0.381966011250105_dp
+
+contains
+
+  !> Edges that pass through another part, or run inside it between two nodes that are explained.
+  subroutine find_edges(division, a, b, tolerance, is_below, depth, worst)
+    !> How ranks divide the facets.
+    type(division_t), intent(in) :: division
+    !> The part.
+    type(solid_t), intent(in) :: a
+    !> The other part.
+    type(solid_t), intent(in) :: b
+    !> Depths that are explained.
+    type(penetration_tolerance_t), intent(in) :: tolerance
+    !> Nodes below the boundary (a%n_nodes).
+    logical, intent(in) :: is_below(:)
+    !> Depth of each node that is too deep; on return also of those at an edge that is (a%n_nodes) [length].
+    real(dp), intent(inout) :: depth(:)
+    !> The deepest point.
+    type(penetration_t), intent(inout) :: worst
+    real(dp), allocatable :: found(:, :)
+    integer :: f, e, n, other, corners, ends(3), n_found, first, last
+    n = a%set%n
+    n_found = 0
+    allocate (found(segment_length, first_room))
+    call division%portion([(merge(distant_cost, 1.0_dp, is_far(f)), f=1, n)], first, last)
+    !$omp parallel do default(none) private(e, other, corners, ends) schedule(dynamic, chunk) &
+    !$omp& shared(a, b, tolerance, is_below, n, n_found, found, first, last) if (n > least_shared)
+    do f = first, last
+      if (is_far(f)) cycle
+      corners = a%set%corners(f)
+      do e = 1, merge(1, corners, corners == 2)
+        other = 0
+        if (corners > 2) other = a%adjacency%neighbour(e, f)
+        if (other > 0 .and. other < f) cycle
+        ends(1) = a%surface%node(e, f)
+        ends(2) = a%surface%node(modulo(e, corners) + 1, f)
+        if (kind_nodes(a%surface%kind(f)) > corners) then
+          ends(3) = a%surface%node(corners + e, f)
+          call search_segment(f, ends([1, 3]))
+          call search_segment(f, ends([3, 2]))
+        else
+          call search_segment(f, ends(1:2))
+        end if
+      end do
+    end do
+    !$omp end parallel do
+    found = found(:, :n_found)
+    call division%append(found)
+    call keep_segments(a, found, depth, worst)
+
+  contains
+
+    !> Whether a facet is outside of the box of the other part.
+    pure logical function is_far(f)
+      !> Facet.
+      integer, intent(in) :: f
+      is_far = any(a%set%lo(:, f) > b%tree%volume(1)%hi .or. a%set%hi(:, f) < b%tree%volume(1)%lo)
+    end function is_far
+
+    !> Find the deepest point of a straight segment between two nodes.
+    subroutine search_segment(f, nodes)
+      !> A facet at it.
+      integer, intent(in) :: f
+      !> Its ends.
+      integer, intent(in) :: nodes(2)
+      real(dp) :: s(max_crossings), deepest, place, own, at, length, unresolved, coarse, coarse_at(3)
+      real(dp), allocatable :: more(:, :)
+      integer :: k, n_crossings, facet, j
+      logical :: enters(max_crossings), is_inside
+      call crossings(b, a%x(:, nodes(1)), a%x(:, nodes(2)), tolerance%slack, n_crossings, s, enters)
+      if (n_crossings == 0 .and. .not. all(is_below(nodes))) return
+      length = norm2(a%x(:, nodes(2)) - a%x(:, nodes(1)))
+      deepest = 0
+      at = 0
+      coarse = 0
+      coarse_at = 0
+      facet = 0
+      do k = 0, n_crossings
+        associate (low => merge(0.0_dp, s(max(k, 1)), k == 0), &
+                   high => merge(1.0_dp, s(min(k + 1, size(s))), k == n_crossings))
+          is_inside = n_crossings == 0
+          if (k > 0) is_inside = enters(k)
+          if (k < n_crossings) is_inside = is_inside .or. .not. enters(k + 1)
+          ! No point is deeper than it is far from a crossing.
+          if (.not. is_inside .or. (high - low)*length <= tolerance%slack) cycle
+          do j = 1, n_samples
+            place = low + (high - low)*j/(n_samples + 1)
+            call segment_depth(nodes, place, own, unresolved, facet)
+            if (unresolved > coarse) then
+              coarse = unresolved
+              coarse_at = (1 - place)*a%x(:, nodes(1)) + place*a%x(:, nodes(2))
+            end if
+            if (.not. own > deepest) cycle
+            call deepen(nodes, low, high, place, own, facet)
+            deepest = own
+            at = place
+          end do
+        end associate
+      end do
+      ! Where both ends are explained, a small part of the displacements is left by the mesh.
+      if (n_crossings == 0 .and. deepest <= notable_fraction*tolerance%moved) deepest = 0
+      if (.not. max(deepest, coarse) > 0) return
+      !$omp critical (penetration)
+      if (n_found == size(found, 2)) then
+        allocate (more(segment_length, 2*n_found))
+        more(:, :n_found) = found
+        call move_alloc(more, found)
+      end if
+      n_found = n_found + 1
+      found(:, n_found) = [real([f, nodes], dp), coarse, coarse_at, deepest, at]
+      !$omp end critical (penetration)
+    end subroutine search_segment
+
+    !> Search for the deepest point near a point by golden section.
+    subroutine deepen(nodes, low, high, place, own, facet)
+      !> Ends of the segment.
+      integer, intent(in) :: nodes(2)
+      !> Bounds of the place [].
+      real(dp), intent(in) :: low, high
+      !> Place on the segment, from 0 to 1 [].
+      real(dp), intent(inout) :: place
+      !> Depth there that nothing explains [length].
+      real(dp), intent(inout) :: own
+      !> Facet of the closest point.
+      integer, intent(inout) :: facet
+      real(dp) :: left, right, trial, value, unresolved
+      integer :: step, hit
+      hit = facet
+      left = low
+      right = high
+      do step = 1, n_steps
+        trial = merge(place + golden*(right - place), place - golden*(place - left), right - place > place - left)
+        call segment_depth(nodes, trial, value, unresolved, hit)
+        if (value > own) then
+          if (trial > place) left = place
+          if (trial < place) right = place
+          place = trial
+          own = value
+          facet = hit
+        else if (trial > place) then
+          right = trial
+        else
+          left = trial
+        end if
+      end do
+    end subroutine deepen
+
+    !> Depth of a point of a segment that nothing explains; 0 where it is explained.
+    subroutine segment_depth(nodes, place, own, unresolved, facet)
+      !> Ends of the segment.
+      integer, intent(in) :: nodes(2)
+      !> Place, from 0 to 1 [].
+      real(dp), intent(in) :: place
+      !> Depth [length].
+      real(dp), intent(out) :: own
+      !> Depth if it is explained, though notable; else 0 [length].
+      real(dp), intent(out) :: unresolved
+      !> Facet of the closest point; on entry one that is probably near, or 0.
+      integer, intent(inout) :: facet
+      real(dp) :: x(3), u(3), xi(2)
+      integer :: hint
+      x = (1 - place)*a%x(:, nodes(1)) + place*a%x(:, nodes(2))
+      u = x - (1 - place)*a%x0(:, nodes(1)) - place*a%x0(:, nodes(2))
+      hint = facet
+      call b%depth_of(x, hint, own, facet, xi)
+      call tolerance%keep_unexplained(a, nodes, b, facet, xi, x, u, own, unresolved)
+    end subroutine segment_depth
+  end subroutine find_edges
+
+  !> Add the segments that are too deep, or explained though notable, to the deepest point, in the order of the facets.
+  subroutine keep_segments(a, found, depth, worst)
+    !> The part.
+    type(solid_t), intent(in) :: a
+    !> The segments: facet, ends, depth that is explained and its position, depth that nothing explains, and its place
+    !> from 0 to 1 (segment_length, n).
+    real(dp), intent(in) :: found(:, :)
+    !> Depth of each node that is too deep; on return also of those at a segment that is (a%n_nodes) [length].
+    real(dp), intent(inout) :: depth(:)
+    !> The deepest point.
+    type(penetration_t), intent(inout) :: worst
+    logical :: inside(size(depth))
+    integer :: order(size(found, 2)), i
+    inside = depth > 0
+    call sort_order(found(1, :), order)
+    do i = 1, size(order)
+      associate (segment => found(:, order(i)), nodes => nint(found(2:3, order(i))))
+        call worst%keep_unresolved(segment(4), segment(5:7))
+        ! A node inside says it already.
+        if (segment(8) > 0 .and. .not. any(inside(nodes))) then
+          worst%n_edges = worst%n_edges + 1
+          depth(nodes) = max(depth(nodes), segment(8))
+        end if
+        if (segment(8) > (1 + same_depth)*worst%depth) then
+          worst%depth = segment(8)
+          worst%position = (1 - segment(9))*a%x(:, nodes(1)) + segment(9)*a%x(:, nodes(2))
+        end if
+      end associate
+    end do
+  end subroutine keep_segments
+end module dotyk_contact_edge_penetration

@@ -1,0 +1,52 @@
+!> The deepest point of one part below the boundary of another one.
+module dotyk_contact_penetration
+  use dotyk_base_kinds, only: dp
+  implicit none
+  private
+
+  !> The deepest point of one part below the boundary of another that nothing explains.
+  type, public :: penetration_t
+    !> Its depth; 0 where there is none [length].
+    real(dp) :: depth = 0
+    !> Its position after deformation (3) [length].
+    real(dp) :: position(3) = 0
+    !> Nodes of the part that are too deep, and edges that are without a node so deep.
+    integer :: n_nodes = 0, n_edges = 0
+    !> Nodes that have passed through the other part and are outside again.
+    integer :: n_passed = 0
+    !> Deepest point that is explained, though it is a notable part of the displacements; 0 if there is none [length].
+    real(dp) :: unresolved = 0
+    !> Its position after deformation (3) [length].
+    real(dp) :: unresolved_position(3) = 0
+  contains
+    procedure :: keep_unresolved => penetration_keep_unresolved
+    procedure :: outweighs => penetration_outweighs
+  end type penetration_t
+
+  !> Depths that differ by less, relative to them, are the same.
+  real(dp), parameter, public :: same_depth = 1.0e-9_dp
+
+contains
+
+  !> Whether a penetration is deeper than another one, or as deep but for rounding, and with more nodes.
+  pure logical function penetration_outweighs(self, other) result(outweighs)
+    class(penetration_t), intent(in) :: self
+    !> The other one.
+    class(penetration_t), intent(in) :: other
+    outweighs = self%depth > (1 + same_depth)*other%depth
+    if (outweighs .or. self%depth < (1 - same_depth)*other%depth) return
+    outweighs = self%n_nodes + self%n_passed > other%n_nodes + other%n_passed
+  end function penetration_outweighs
+
+  !> Keep the deeper one of the points that are explained.
+  pure subroutine penetration_keep_unresolved(self, depth, position)
+    class(penetration_t), intent(inout) :: self
+    !> Depth of a point [length].
+    real(dp), intent(in) :: depth
+    !> Its position after deformation (3) [length].
+    real(dp), intent(in) :: position(3)
+    if (.not. depth > (1 + same_depth)*self%unresolved) return
+    self%unresolved = depth
+    self%unresolved_position = position
+  end subroutine penetration_keep_unresolved
+end module dotyk_contact_penetration

@@ -1,0 +1,227 @@
+!> The check for penetration of two bodies: all parts of the one against all parts of the other.
+module dotyk_control_couple_penetration
+  use dotyk_base_kinds, only: dp
+  use dotyk_contact_pair, only: contact_pair_t
+  use dotyk_contact_passage_search, only: swept_facets_t
+  use dotyk_contact_penetration, only: penetration_t
+  use dotyk_contact_penetration_search, only: find_passages, find_penetration
+  use dotyk_contact_penetration_tolerance, only: penetration_tolerance_t
+  use dotyk_contact_solid_boundary, only: solid_t
+  use dotyk_contact_touch_search, only: find_touch, touch_t
+  use dotyk_control_contact_problem, only: contact_problem_t
+  use dotyk_control_explained_penetration, only: explained_penetration, largest_penetration
+  use dotyk_control_shared_interior, only: find_shared_interior
+  use dotyk_mesh_body_mesh, only: body_mesh_t, connected_components
+  use dotyk_mesh_boundary, only: extract_boundary
+  use dotyk_mesh_surface, only: surface_t
+  use dotyk_ranks_division, only: division_t
+  implicit none
+  private
+
+  !> One body inside another.
+  type, public :: body_penetration_t
+    !> The body whose points are inside.
+    integer :: body = 0
+    !> The body that they are in; the same for two parts of one body.
+    integer :: other = 0
+    !> The deepest point.
+    type(penetration_t) :: worst
+    !> Faces that touch though no contact pair has the two.
+    type(touch_t) :: touch
+  end type body_penetration_t
+
+  !> Parts of one body.
+  type, public :: parts_t
+    !> The parts (n_parts).
+    type(solid_t), allocatable :: part(:)
+    !> Their facets in motion (n_parts).
+    type(swept_facets_t), allocatable :: swept(:)
+  end type parts_t
+
+  public :: check_bodies, split_parts
+
+  !> Thickness of parts relative to their smallest facet: less is not looked for.
+  real(dp), parameter :: least_thickness = 0.01_dp
+
+contains
+
+  !> Boundaries of the parts of a body.
+  subroutine split_parts(b, mesh, displacement, parts)
+    !> Index of the body.
+    integer, intent(in) :: b
+    !> Its mesh.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Displacements of its nodes (dimension, n_nodes) [length].
+    real(dp), intent(in) :: displacement(:, :)
+    !> Its parts.
+    type(parts_t), intent(out) :: parts
+    type(surface_t) :: boundary
+    integer, allocatable :: component(:), of_facet(:)
+    integer :: n, k, f
+    call extract_boundary(mesh, boundary)
+    allocate (component(mesh%n_nodes()))
+    call connected_components(mesh, component, n)
+    allocate (parts%part(n), parts%swept(n))
+    of_facet = component(boundary%node(1, :))
+    do k = 1, n
+      call parts%part(k)%init(b, mesh%x, displacement, boundary, pack([(f, f=1, boundary%n_facets)], of_facet == k))
+      call parts%swept(k)%init(parts%part(k))
+    end do
+  end subroutine split_parts
+
+  !> Check the parts of two bodies, or of one.
+  subroutine check_bodies(division, problem, first_row, y, parts_a, parts_b, a, b, u, slack, moved, depth_a, &
+                          depth_b, found)
+    !> How ranks divide the nodes.
+    type(division_t), intent(in) :: division
+    !> Bodies and contact pairs.
+    type(contact_problem_t), intent(in) :: problem
+    !> First row of each pair (n_pairs+1).
+    integer, intent(in) :: first_row(:)
+    !> B u - d (n_rows) [length].
+    real(dp), intent(in) :: y(:)
+    !> Parts of the first body.
+    type(parts_t), intent(in) :: parts_a
+    !> Parts of the second body.
+    type(parts_t), intent(in) :: parts_b
+    !> Index of the first body.
+    integer, intent(in) :: a
+    !> Index of the second body.
+    integer, intent(in) :: b
+    !> Displacements of the nodes of the first body (dimension, n_nodes) [length].
+    real(dp), intent(in) :: u(:, :)
+    !> Error of the displacements and of rounding [length].
+    real(dp), intent(in) :: slack
+    !> Largest displacement of the two [length].
+    real(dp), intent(in) :: moved
+    !> Depth at the nodes of the first body (n_nodes) [length].
+    real(dp), intent(inout) :: depth_a(:)
+    !> Depth at the nodes of the second body; the same array where it is the same body (n_nodes) [length].
+    real(dp), intent(inout) :: depth_b(:)
+    !> The deeper one of the two in the other; of depth 0 where neither is.
+    type(body_penetration_t), intent(out) :: found
+    type(body_penetration_t) :: a_in_b, b_in_a
+    type(penetration_tolerance_t) :: tolerance
+    real(dp), allocatable :: explained_a(:), explained_b(:)
+    integer :: i, j
+    if (a == b .and. size(parts_a%part) == 1) return
+    call explained_penetration(problem, first_row, y, a, b, explained_a)
+    call explained_penetration(problem, first_row, y, b, a, explained_b)
+    a_in_b = body_penetration_t(a, b)
+    b_in_a = body_penetration_t(b, a)
+    tolerance%slack = slack
+    tolerance%moved = moved
+    ! Bodies that meet at an edge only follow what the pairs of each with others leave.
+    if (a /= b .and. .not. are_paired(problem%pair, a, b)) &
+      tolerance%slack = slack + largest_penetration(problem, first_row, y, a) + &
+                        largest_penetration(problem, first_row, y, b)
+    do i = 1, size(parts_a%part)
+      do j = merge(i + 1, 1, a == b), size(parts_b%part)
+        associate (p => parts_a%part(i), q => parts_b%part(j))
+          tolerance%explained_a = explained_a(p%node)
+          tolerance%explained_b = explained_b(q%node)
+          call check_parts(division, p, q, parts_b%swept(j), tolerance, depth_a, a_in_b%worst)
+          call check_parts(division, q, p, parts_a%swept(i), tolerance%swapped(), depth_b, b_in_a%worst)
+        end associate
+      end do
+    end do
+    found = a_in_b
+    if (b_in_a%worst%outweighs(a_in_b%worst)) found = b_in_a
+    if (.not. found%worst%depth > 0 .and. b_in_a%worst%unresolved > a_in_b%worst%unresolved) found = b_in_a
+    if (found%worst%depth > 0) return
+    if (a /= b .and. size(parts_a%part) == 1 .and. size(parts_b%part) == 1) &
+      call find_shared_interior(problem%body(a)%mesh, u, parts_a%part(1), parts_b%part(1), found%worst%depth, &
+                                found%worst%position)
+    if (found%worst%depth > 0 .or. are_paired(problem%pair, a, b)) return
+    do i = 1, size(parts_a%part)
+      do j = merge(i + 1, 1, a == b), size(parts_b%part)
+        associate (p => parts_a%part(i), q => parts_b%part(j))
+          tolerance%explained_a = explained_a(p%node)
+          tolerance%explained_b = explained_b(q%node)
+          call find_touch(p, q, tolerance, found%touch)
+          call find_touch(q, p, tolerance%swapped(), found%touch)
+        end associate
+      end do
+    end do
+  end subroutine check_bodies
+
+  !> Whether a contact pair has two bodies.
+  pure logical function are_paired(pair, a, b)
+    !> Contact pairs (n_pairs).
+    type(contact_pair_t), intent(in) :: pair(:)
+    !> Index of the first body.
+    integer, intent(in) :: a
+    !> Index of the second body.
+    integer, intent(in) :: b
+    are_paired = any((pair%body_a == a .and. pair%body_b == b) .or. (pair%body_a == b .and. pair%body_b == a))
+  end function are_paired
+
+  !> Check one part against another one.
+  subroutine check_parts(division, p, q, swept, tolerance, depth, worst)
+    !> How ranks divide the nodes.
+    type(division_t), intent(in) :: division
+    !> The part.
+    type(solid_t), intent(in) :: p
+    !> The other part.
+    type(solid_t), intent(in) :: q
+    !> Facets of the other part in motion.
+    type(swept_facets_t), intent(in) :: swept
+    !> Depths that are explained.
+    type(penetration_tolerance_t), intent(in) :: tolerance
+    !> Depth at the nodes of the body (n_nodes) [length].
+    real(dp), intent(inout) :: depth(:)
+    !> The deepest point of the body so far; numbers of nodes and edges are added.
+    type(penetration_t), intent(inout) :: worst
+    type(penetration_t) :: here
+    real(dp), allocatable :: own(:)
+    associate (box_p => p%tree%volume(1), box_q => q%tree%volume(1))
+      if (any(box_p%lo > box_q%hi .or. box_p%hi < box_q%lo)) then
+        allocate (own(p%n_nodes), source=0.0_dp)
+      else
+        call find_penetration(division, p, q, tolerance, own, here)
+      end if
+    end associate
+    if (may_pass(p, q, swept)) call find_passages(division, p, q, swept, tolerance, own, here)
+    if (here%depth > 0) then
+      !$omp critical (penetration_of_body)
+      depth(p%node) = max(depth(p%node), own)
+      !$omp end critical (penetration_of_body)
+    end if
+    call here%keep_unresolved(worst%unresolved, worst%unresolved_position)
+    here%n_nodes = here%n_nodes + worst%n_nodes
+    here%n_edges = here%n_edges + worst%n_edges
+    here%n_passed = here%n_passed + worst%n_passed
+    if (here%outweighs(worst)) then
+      worst = here
+    else
+      worst%n_nodes = here%n_nodes
+      worst%n_edges = here%n_edges
+      worst%n_passed = here%n_passed
+      call worst%keep_unresolved(here%unresolved, here%unresolved_position)
+    end if
+  end subroutine check_parts
+
+  !> Whether nodes of a part move far enough against another one to pass through it: its facets are no guide to its
+  !> thickness, but no part is thinner than a small fraction of them.
+  pure logical function may_pass(p, q, swept)
+    !> The part.
+    type(solid_t), intent(in) :: p
+    !> The other part.
+    type(solid_t), intent(in) :: q
+    !> Facets of the other part in motion.
+    type(swept_facets_t), intent(in) :: swept
+    real(dp) :: far
+    far = farthest(p, swept%shift) + farthest(q, swept%shift)
+    may_pass = far > least_thickness*minval(q%set%size)
+  end function may_pass
+
+  !> Largest displacement of the nodes of a part beside a common one [length].
+  pure real(dp) function farthest(p, shift)
+    !> The part.
+    type(solid_t), intent(in) :: p
+    !> Common displacement (3) [length].
+    real(dp), intent(in) :: shift(3)
+    integer :: i
+    farthest = maxval([0.0_dp, (norm2(p%x(:, i) - p%x0(:, i) - shift), i=1, p%n_nodes)])
+  end function farthest
+end module dotyk_control_couple_penetration
