@@ -154,8 +154,9 @@ contains
     !> Projections, likewise; of other ranks without positions, which follow from the facets (n).
     type(projection_t), allocatable, intent(inout) :: projection(:)
     real(dp), allocatable :: list(:, :)
-    integer :: n_of(size(offset) - 1), f, i, n
-    n_of = offset(2:) - offset(:size(n_of))
+    integer, allocatable :: n_of(:)
+    integer :: f, i, n
+    n_of = offset(2:) - offset(:size(offset) - 1)
     call division%fill(n_of, first, last)
     do f = 1, size(n_of)
       offset(f + 1) = offset(f) + n_of(f)
@@ -163,7 +164,14 @@ contains
     allocate (list(point_length, size(weight)))
     do i = 1, size(weight)
       associate (p => projection(i))
-        list(:, i) = [x(:, i), xi(:, i), weight(i), p%xi, p%normal, p%distance, real([p%status, p%facet], dp)]
+        list(1:3, i) = x(:, i)
+        list(4:5, i) = xi(:, i)
+        list(6, i) = weight(i)
+        list(7:8, i) = p%xi
+        list(9:11, i) = p%normal
+        list(12, i) = p%distance
+        list(13, i) = p%status
+        list(14, i) = p%facet
       end associate
     end do
     call division%append(list)

@@ -143,7 +143,7 @@ contains
     integer, intent(in) :: last
     real(dp), allocatable :: all(:)
     if (.not. self%is_divided) return
-    call join(reshape(value(:, first:last), [size(value, 1, int64)*(last - first + 1)]), all)
+    call join_numbers(size(value, 1, int64)*(last - first + 1), value(:, first:last), all)
     value = reshape(all, shape(value))
   end subroutine fill_columns
 
@@ -186,7 +186,19 @@ contains
     integer :: rows
     if (.not. self%is_divided) return
     rows = size(list, 1)
-    call join(reshape(list, [size(list, kind=int64)]), all)
+    call join_numbers(size(list, kind=int64), list, all)
+    deallocate (list)
     list = reshape(all, [int(rows, int64), size(all, kind=int64)/rows])
   end subroutine division_append
+
+  !> Numbers of all ranks, whatever the shape of those of this one.
+  subroutine join_numbers(n, own, all)
+    !> How many this rank has.
+    integer(int64), intent(in) :: n
+    !> Those of this rank (n) [any].
+    real(dp), intent(in) :: own(n)
+    !> Those of all ranks (any) [as own].
+    real(dp), allocatable, intent(out) :: all(:)
+    call join(own, all)
+  end subroutine join_numbers
 end module dotyk_ranks_division
