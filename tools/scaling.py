@@ -11,7 +11,8 @@ The model. n unknowns on N nodes with r ranks each, p = N r. A part of a run is 
 each unknown through the memory of a node) and exchange. Beside a part of m unknowns lie ghosts: s F(p) (m/3)^(2/3) nodes in layers, where
 F(p) = 6 (1 - p^(-1/3)) faces are those of p cubes in a cube. An exchange costs neighbours*latency + bytes/(bandwidth of the network/r), a
 reduction 2 log2(p) latency. Level 0 is the mesh, level 1 its corners (n/8), each further one smaller by `coarsening`. What has the size of
-the contact surfaces, c n^(2/3) rows, is held and solved by every rank.
+the contact surfaces, c n^(2/3) rows, is held and solved by every rank; the search for contact and the check for penetration are divided but
+for a part that every rank repeats, and their results gathered on every rank.
 """
 import argparse
 import json
@@ -74,6 +75,24 @@ def reduction_time(p, machine, size=0.0):
     return 2 * math.ceil(math.log2(p)) * machine["latency"] + inside + among
 
 
+def gather_time(p, machine, size):
+    """So many bytes of all ranks together, known to all: among nodes once, then through the memory of each node to every rank."""
+    if p == 1:
+        return 0.0
+    inside = 2 * size * machine["ranks_per_node"] / machine["bandwidth"]
+    among = size / machine["network"] if p > machine["ranks_per_node"] else 0.0
+    return math.ceil(math.log2(p)) * machine["latency"] + inside + among
+
+
+def search_time(rows, p, counts, machine):
+    """Search for contact and check for penetration: what every rank repeats, its part of the rest, and the parts of the others."""
+    alone = counts["search_seconds"] * rows / machine["core_speed"]
+    if p == 1 or not counts["search_is_shared"]:
+        return alone
+    repeated = counts["search_repeated"]
+    return alone * (repeated + (1 - repeated) / p) + gather_time(p, machine, counts["row_exchange"] * rows)
+
+
 def memory_bandwidth(machine, nodes):
     """Of all nodes; few ranks do not use up that of a node."""
     return nodes * min(machine["bandwidth"], machine["ranks_per_node"] * machine["bandwidth_of_rank"])
@@ -106,7 +125,7 @@ def predict(unknowns, nodes, machine, counts):
     surface /= machine["ranks_per_node"] if counts["row_solves_are_shared"] else 1
     seconds = {
         "read": counts["mesh_bytes"] * unknowns / files,
-        "contact search": counts["search_seconds"] * rows / machine["core_speed"] / (p if counts["search_is_shared"] else 1),
+        "contact search": search_time(rows, p, counts, machine),
         "assembly": counts["assembly_seconds"] * unknowns / speed,
         "set-up": setups * counts["setup_seconds"] * unknowns / speed,
         "set-up, network": setups * (setup_levels * counts["setup_reductions"] * reduction + counts["setup_exchanges"] *
@@ -299,7 +318,7 @@ def weak(of_node, nodes, machine, counts):
         lines.append("| %d | %s | %s | %s | %s | %s | %.0f %% |" % (
             k, count(of_node * k), duration(run["total"]), duration(s["contact search"] + s["contact rows"]),
             duration(s["set-up, network"] + s["iterations, network"]),
-            memory(run["node_bytes"]), 100 * base / run["total"]))
+            memory(run["node_bytes"]) + (", more than it has" if run["node_bytes"] > machine["memory"] else ""), 100 * base / run["total"]))
     return lines
 
 
@@ -330,8 +349,8 @@ def figure(path, machine, counts):
 
 
 def shared(counts):
-    """Counts of a program whose ranks share the search and the solves with the row factor."""
-    return {**counts, "search_is_shared": 1, "row_solves_are_shared": 1}
+    """Counts of a program whose ranks share the whole search and the solves with the row factor."""
+    return {**counts, "search_is_shared": 1, "search_repeated": 0, "row_solves_are_shared": 1}
 
 
 def blocks(data, machine, counts):

@@ -126,9 +126,10 @@ contains
     call compare(name//': row weight', pair(1)%row_weight, pair(2)%row_weight)
     call check(name//': facets', all(pair(1)%facet_a == pair(2)%facet_a) .and. all(pair(1)%facet_b == pair(2)%facet_b))
     do i = 1, 2
-      call check(name//': columns', all(operator(1)%block(i)%matrix%column == operator(2)%block(i)%matrix%column) .and. &
-                 all(operator(1)%block(i)%matrix%row_start == operator(2)%block(i)%matrix%row_start))
-      call compare(name//': B', operator(1)%block(i)%matrix%value, operator(2)%block(i)%matrix%value)
+      associate (one => operator(1)%block(i)%matrix, other => operator(2)%block(i)%matrix)
+        call check(name//': columns', all(one%column == other%column) .and. all(one%row_start == other%row_start))
+        call compare(name//': B', one%value, other%value)
+      end associate
     end do
   end subroutine test_pair
 

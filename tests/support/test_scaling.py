@@ -62,6 +62,16 @@ class Scaling(dotyk_case.Case):
         machine = {**self.machine, "latency": 1.0}
         self.assertEqual([scaling.reduction_time(p, machine) for p in (1, 2, 1024)], [0, 2, 20])
 
+    def test_search_is_divided_but_for_what_is_repeated(self):
+        machine = {**self.machine, "latency": 0, "network": 1e99, "bandwidth": 1e99, "core_speed": 1}
+        counts = {**self.counts, "search_seconds": 2.0, "search_is_shared": 1, "search_repeated": 0.25}
+        self.assertEqual([scaling.search_time(10, p, counts, machine) for p in (1, 3)], [20, 10])
+        self.assertEqual(scaling.search_time(10, 3, {**counts, "search_is_shared": 0}, machine), 20)
+
+    def test_gathered_bytes_go_once_over_the_network_and_to_each_rank_of_a_node(self):
+        machine = {"latency": 1.0, "network": 10, "bandwidth": 40, "ranks_per_node": 4}
+        self.assertEqual([scaling.gather_time(p, machine, 100) for p in (1, 4, 8)], [0, 2 + 20, 3 + 10 + 20])
+
     def test_few_ranks_do_not_use_the_memory_of_a_node(self):
         self.assertEqual(scaling.memory_bandwidth({"ranks_per_node": 2, "bandwidth": 100, "bandwidth_of_rank": 10}, 3), 60)
         self.assertEqual(scaling.memory_bandwidth({"ranks_per_node": 64, "bandwidth": 100, "bandwidth_of_rank": 10}, 3), 300)
