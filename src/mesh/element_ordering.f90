@@ -6,12 +6,10 @@ module dotyk_mesh_element_ordering
   use dotyk_base_kinds, only: dp
   implicit none
   private
-  public :: morton_order, morton_keys, curve_bits
+  public :: morton_order
 
   !> Bits of the curve per axis: 30 bits of three axes fit in a default integer.
   integer, parameter :: bits = 10
-  !> Bits of a key of dimension 1, 2, 3.
-  integer, parameter :: curve_bits(3) = [1, 2, 3]*bits
 
 contains
 
@@ -71,7 +69,7 @@ contains
     real(dp), intent(in) :: low(dim)
     !> Longest edge of the box [length].
     real(dp), intent(in) :: extent
-    !> Position of each element, curve_bits(dim) bits (n_elements).
+    !> Position of each element, dim*bits bits (n_elements).
     integer, intent(out) :: key(:)
     integer :: spread_bits(0:2**bits - 1), i, k, d, e
     real(dp) :: scale

@@ -20,7 +20,7 @@ module dotyk_model_volume_parts
   use dotyk_mesh_part_assembly, only: extract_share, finish_part, pack_ghosts, pack_samples
   use dotyk_mesh_share_checks, only: check_extent, orient_share, pack_extent, pack_orientation
   use dotyk_mesh_share_faults, only: share_faults_t
-  use dotyk_mesh_share_split, only: n_bins, pack_for_rank, parts_of_bins, parts_of_share, share_box, share_weights
+  use dotyk_mesh_share_split, only: pack_for_rank, part_bounds_t, share_box, share_curve_t
   use dotyk_mesh_surface_layer, only: surface_layer_t
   use dotyk_model_node_sharers, only: hold_more, number_nodes
   use dotyk_model_share_exchange, only: deliver_shares, gather_shares
@@ -42,10 +42,8 @@ module dotyk_model_volume_parts
     integer, private :: n_file_nodes = 0
     !> Box of the whole volume (dimension) [length].
     real(dp), allocatable, private :: low(:), high(:)
-    !> Nodes of the elements of all ranks in each bin along the curve (0:n_bins-1).
-    integer(int64), allocatable, private :: in_bin(:)
-    !> Their sum.
-    integer(int64), private :: n_in_bins = 0
+    !> Nodes of the elements of all ranks.
+    integer(int64), private :: n_element_nodes = 0
   contains
     procedure :: take => share_take
     procedure :: weight => share_weight
@@ -71,6 +69,8 @@ contains
     !> elements.
     type(error_t), allocatable, intent(out) :: error
     integer(int64), allocatable :: packed(:), all(:)
+    integer(int64) :: n_nodes(1)
+    integer :: b
     call extract_share(mesh, name, dimension, this_rank(), self%own, self%whole, self%file_node, error)
     call agree_on_error(error)
     if (allocated(error)) return
@@ -83,21 +83,21 @@ contains
     call orient_share(self%own, name, all, error)
     if (allocated(error)) return
     self%n_file_nodes = mesh%n_file_nodes
-    allocate (self%low(dimension), self%high(dimension), self%in_bin(0:n_bins - 1))
+    allocate (self%low(dimension), self%high(dimension))
     call share_box(self%own, self%low, self%high)
     self%low = -self%low
     call greatest(self%low)
     self%low = -self%low
     call greatest(self%high)
-    call share_weights(self%own, self%low, self%high, self%in_bin)
-    call add_counts(self%in_bin)
-    self%n_in_bins = sum(self%in_bin)
+    n_nodes = sum([(size(self%own%block(b)%node, kind=int64), b=1, size(self%own%block))])
+    call add_counts(n_nodes)
+    self%n_element_nodes = n_nodes(1)
   end subroutine share_take
 
   !> Nodes of all elements of the volume, on all ranks.
   pure integer(int64) function share_weight(self) result(weight)
     class(volume_share_t), intent(in) :: self
-    weight = self%n_in_bins
+    weight = self%n_element_nodes
   end function share_weight
 
   !> The part of this rank, and the surface of the volume. The share is given up.
@@ -140,7 +140,7 @@ contains
     call fetch_ghosts(self, candidates, n_sharers, sharer, number, x)
     call finish_part(number, x, layer, first_node, this_rank(), n_ranks(), body_part, component)
     call hold_layer_part(body_part, component, layer, part)
-    deallocate (self%file_node, self%in_bin)
+    deallocate (self%file_node)
     self%own = body_mesh_t()
     self%whole = whole_numbers_t()
   end subroutine share_make_part
@@ -157,12 +157,20 @@ contains
     type(surface_layer_t) :: got
     integer(int64), allocatable :: number(:)
     real(dp), allocatable :: x(:)
-    integer, allocatable :: part_of_bin(:), part(:)
+    type(share_curve_t) :: curve
+    type(part_bounds_t) :: bounds
+    integer(int64), allocatable :: n_nodes(:)
+    integer, allocatable :: part(:)
     logical :: sends(0:n_ranks() - 1)
     integer :: r, e
-    allocate (part_of_bin(0:n_bins - 1))
-    call parts_of_bins(n_bodies*self%in_bin, before, all_weight, n_ranks(), part_of_bin)
-    call parts_of_share(self%own, self%low, self%high, part_of_bin, part)
+    call curve%init(self%own, self%low, self%high)
+    call bounds%init(n_ranks(), self%n_element_nodes, n_bodies, before, all_weight)
+    do while (size(bounds%probe) > 0)
+      n_nodes = curve%nodes_before(bounds%probe)
+      call add_counts(n_nodes)
+      call bounds%narrow(n_nodes)
+    end do
+    call bounds%parts_of(curve, part)
     sends = .false.
     do e = 1, size(part)
       sends(part(e)) = .true.

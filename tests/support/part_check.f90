@@ -12,7 +12,7 @@ module part_check
   use dotyk_mesh_mesh_selection, only: mesh_selection_t
   use dotyk_mesh_node_directory, only: directory_starts, node_directory_t
   use dotyk_mesh_part_assembly, only: extract_share, finish_part, pack_ghosts, take_numbers
-  use dotyk_mesh_share_split, only: n_bins, pack_for_rank, parts_of_bins, parts_of_share, share_box, share_weights
+  use dotyk_mesh_share_split, only: pack_for_rank, part_bounds_t, share_box, share_curve_t
   use dotyk_mesh_surface_layer, only: surface_layer_t
   use layer_check, only: compare_layer
   implicit none
@@ -140,30 +140,39 @@ contains
     type(rank_t), intent(inout) :: rank(0:)
     type(surface_layer_t) :: got(0:size(rank) - 1)
     type(layer_share_t) :: share
-    integer(int64), allocatable :: number(:), total(:), weight(:)
+    type(share_curve_t) :: curve(0:size(rank) - 1)
+    type(part_bounds_t) :: bounds
+    integer(int64), allocatable :: number(:), n_nodes(:)
     real(dp), allocatable :: x(:)
     real(dp) :: low(3), high(3), lo(3), hi(3)
-    integer, allocatable :: part_of_bin(:), part(:)
-    integer :: r, s
+    integer(int64) :: weight
+    integer, allocatable :: part(:)
+    integer :: r, s, b
     low = huge(low)
     high = -huge(high)
-    allocate (total(0:n_bins - 1), source=0_int64)
-    allocate (weight(0:n_bins - 1), part_of_bin(0:n_bins - 1))
     do r = 0, size(rank) - 1
       call share_box(rank(r)%own, lo, hi)
       low = min(low, lo)
       high = max(high, hi)
     end do
+    weight = 0
     do r = 0, size(rank) - 1
-      call share_weights(rank(r)%own, low, high, weight)
-      total = total + weight
+      call curve(r)%init(rank(r)%own, low, high)
+      weight = weight + sum([(size(rank(r)%own%block(b)%node), b=1, size(rank(r)%own%block))])
     end do
-    call parts_of_bins(total, 0_int64, sum(total), size(rank), part_of_bin)
+    call bounds%init(size(rank), weight, 1, 0_int64, weight)
+    do while (size(bounds%probe) > 0)
+      n_nodes = curve(0)%nodes_before(bounds%probe)
+      do r = 1, size(rank) - 1
+        n_nodes = n_nodes + curve(r)%nodes_before(bounds%probe)
+      end do
+      call bounds%narrow(n_nodes)
+    end do
     do r = 0, size(rank) - 1
       number = [integer(int64) ::]
       x = [real(dp) ::]
       do s = 0, size(rank) - 1
-        call parts_of_share(rank(s)%own, low, high, part_of_bin, part)
+        call bounds%parts_of(curve(s), part)
         call pack_for_rank(rank(s)%own, rank(s)%whole, rank(s)%file_node, rank(s)%mesh%n_file_nodes, part, r, share)
         number = [number, share%number]
         x = [x, share%x]
