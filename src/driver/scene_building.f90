@@ -57,9 +57,12 @@ contains
       else
         call build_bodies(case, problem%body, surfaces, remarks, error)
       end if
-      do i = 1, size(remarks)
-        call monitor%log%line('  '//remarks(i)%s)
-      end do
+      ! A scene that is built anew has told them already: only then its bodies may not be split.
+      if (may_split) then
+        do i = 1, size(remarks)
+          call monitor%log%line('  '//remarks(i)%s)
+        end do
+      end if
       call meet()
       call stop_if_interrupted(error)
       if (allocated(error)) return
