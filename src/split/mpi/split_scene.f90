@@ -1,8 +1,9 @@
 !> Bodies that all ranks compute together, as a run sees them.
 module dotyk_split_split_scene
-  use dotyk_base_error, only: error_t
+  use dotyk_base_error, only: add_context, error_t
   use dotyk_base_interrupt, only: watch_interrupts
   use dotyk_base_kinds, only: dp
+  use dotyk_base_text, only: quoted
   use dotyk_contact_operator, only: contact_operator_t
   use dotyk_distributed_petsc, only: start_petsc, stop_petsc
   use dotyk_elasticity_body, only: body_t
@@ -75,6 +76,7 @@ contains
         call stresses_and_energy(mesh, body(b)%analysis, body(b)%material, u, stress, energy, error, factor, &
                                  volume)
         call agree_on_error(error)
+        call add_context(error, 'body '//quoted(body(b)%name)//': ')
         if (allocated(error)) return
         sums = [sum(factor*volume, mask=mesh%whole%own_element), sum(volume, mask=mesh%whole%own_element)]
       end associate
