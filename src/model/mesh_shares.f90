@@ -1,6 +1,6 @@
 !> Shares of the mesh files: what each rank reads where all ranks compute large bodies together.
 module dotyk_model_mesh_shares
-  use dotyk_base_error, only: add_context, error_t
+  use dotyk_base_error, only: error_t, problem_list_t
   use dotyk_base_kinds, only: int64
   use dotyk_base_options, only: analysis_3d, response_auto, response_multigrid
   use dotyk_base_text, only: text_t, to_text
@@ -13,7 +13,7 @@ module dotyk_model_mesh_shares
   use dotyk_model_volume_parts, only: volume_share_t
   use dotyk_model_volumes, only: volume_t
   use dotyk_ranks_communication, only: n_ranks, this_rank
-  use dotyk_ranks_exchange, only: agree_on_error
+  use dotyk_ranks_exchange, only: agree_on_error, on_any_rank
   implicit none
   private
 
@@ -45,8 +45,10 @@ contains
     integer, intent(in) :: fewest_unknowns
     !> Whether the shares are of use: not for plane analyses, for elements that would be elevated, and for small bodies.
     logical, intent(out) :: suits
-    !> The same on all ranks: a file cannot be read, has no such volume, or inverted elements.
+    !> The same on all ranks: all files that cannot be read, have no such volume, or inverted elements, one per line.
     type(error_t), allocatable, intent(out) :: error
+    type(problem_list_t) :: problems
+    type(error_t), allocatable :: failed
     type(mesh_selection_t) :: selection
     type(meshing_t) :: meshing
     integer :: b, c, n
@@ -72,18 +74,23 @@ contains
     do b = 1, n
       if (self%first_of_file(b) /= b) cycle
       selection%volume = names_of(self, case, b)
-      call read_mesh(case%body(b)%mesh, case%scene%dimension, self%mesh(b), meshing, error, selection)
-      call agree_on_error(error)
+      call read_mesh(case%body(b)%mesh, case%scene%dimension, self%mesh(b), meshing, failed, selection)
+      call agree_on_error(failed)
       ! Each rank has made a mesh of its own.
-      suits = .not. meshing%for_once
-      if (allocated(error) .or. .not. suits) return
+      suits = .not. on_any_rank(meshing%for_once)
+      if (.not. suits) return
+      if (allocated(failed)) then
+        call problems%add_error(failed)
+        cycle
+      end if
       do c = b, n
         if (self%first_of_file(c) /= b .or. self%first_of_volume(c) /= c) cycle
-        call self%volume(c)%take(self%mesh(b), case%body(c)%volume, case%scene%dimension, error)
-        call add_context(error, case%file//':'//to_text(case%body(c)%line)//': ')
-        if (allocated(error)) return
+        call self%volume(c)%take(self%mesh(b), case%body(c)%volume, case%scene%dimension, failed)
+        call problems%add_error(failed, case%file//':'//to_text(case%body(c)%line)//': ')
       end do
     end do
+    call problems%raise(error)
+    if (allocated(error)) return
     suits = case%solver%response == response_multigrid
     do c = 1, n
       if (self%first_of_volume(c) == c) &

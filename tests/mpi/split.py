@@ -41,6 +41,13 @@ Cylinder(1) = {0.5, -0.7, 0.5, 0, 1.4, 0, 0.5};
 Mesh.MeshSizeMax = 0.17;  Mesh.MeshSizeMin = 0.17;  Mesh.ElementOrder = 2;
 Physical Volume("block") = {1};  Physical Surface("side") = {1};
 """
+# A block of two parts.
+TWO_BOXES = """SetFactory("OpenCASCADE");
+Box(1) = {0, 0, 0, 1, 1, 1};  Box(2) = {3, 0, 0, 1, 1, 1};  Mesh.MeshSizeMax = 0.5;  Mesh.ElementOrder = 2;
+Physical Volume("block") = {1, 2};  e = 1e-6;
+Physical Surface("bottom") = {Surface In BoundingBox{-e, -e, -e, 4 + e, 1 + e, e}};
+Physical Surface("top") = {Surface In BoundingBox{-e, -e, 1 - e, 1 + e, 1 + e, 1 + e}};
+"""
 
 
 def energy(printed):
@@ -148,13 +155,36 @@ class Split(RankCase):
 
     def test_nearly_incompressible_bodies_keep_factors(self):
         """The log says why, and the run has the accuracy of factors."""
-        lines = [*MATERIALS, "&material name='rubber', young=1, poisson=0.499 /", self.body("lower", block_geo("tet10", 2), "steel"),
+        lines = [*MATERIALS, "&material name='rubber', young=1, poisson=0.499 /", self.body("lower", TWO_BOXES, "steel"),
                  self.body("upper", block_geo("hex20", 2, (0, 0, 1)), "rubber"), "&support body='lower', surface='bottom', fix='xyz' /",
                  "&load body='upper', surface='top', pressure=1e-3 /", "&contact name='joint', surface_a='upper:bottom', surface_b='lower:top' /",
                  SOLVER.replace("&solver", "&solver response='multigrid', ")]
-        printed = self.run_ranks(2, self.write("case.nml", "\n".join(lines)))
-        self.assertIn("'upper' is nearly incompressible: bodies are not split over ranks", printed)
-        self.assertNotIn(SPLIT % 2, printed)
+        # Where elements may be elevated, each rank reads whole bodies at once; else shares, and the scene is built anew.
+        for locking in ("auto", "ignore"):
+            with self.subTest(locking):
+                text = "\n".join(lines).replace("&solver", "&solver locking='%s', " % locking)
+                printed = self.run_ranks(2, self.write("case.nml", text))
+                self.assertEqual(printed.count("'upper' is nearly incompressible: bodies are not split over ranks"), 1)
+                self.assertNotIn(SPLIT % 2, printed)
+                self.assertEqual(printed.count("body 'lower': 2 unconnected parts"), 1)
+
+    def test_all_wrong_volumes_are_told(self):
+        lines = [*MATERIALS, self.body("lower", block_geo("tet10", 2), "steel"), self.body("upper", block_geo("hex20", 2, (0, 0, 1)), "soft"),
+                 "&support body='lower', surface='bottom', fix='xyz' /", "&contact name='joint', surface_a='upper:bottom', surface_b='lower:top' /",
+                 SOLVER.replace("&solver", "&solver response='multigrid', ")]
+        printed = self.run_ranks(2, self.write("case.nml", "\n".join(lines).replace("volume='block'", "volume='blok'")), code=2)
+        for line, name in ((4, "lower"), (5, "upper")):
+            self.assertRegex(printed, r"case\.nml:%d: mesh '\S*%s\.geo' has no physical volume 'blok'" % (line, name))
+
+    def test_a_modulus_field_that_is_negative(self):
+        """On the part of one rank: all ranks end, and the message names the body."""
+        lines = [*MATERIALS, "&material name='ground', young=20, poisson=0.2, young_formula='x+y>3.5 ? -1 : 1' /",
+                 self.body("lower", block_geo("hex8", 6, (0, 0, 0), (2, 2, 2)), "ground"), self.body("upper", block_geo("hex8", 6, (0, 0, 2)), "soft"),
+                 "&support body='lower', surface='bottom', fix='xyz' /", "&load body='upper', surface='top', pressure=0.1 /",
+                 "&contact name='joint', surface_a='upper:bottom', surface_b='lower:top' /",
+                 SOLVER.replace("&solver", "&solver response='multigrid', ")]
+        printed = self.run_ranks(3, self.write("case.nml", "\n".join(lines)), code=2)
+        self.assertIn("body 'lower': young_formula: the modulus factor must be positive, it is -1 at ", printed)
 
     def test_a_motion_that_is_held_needs_factors(self):
         """Between floor and wall, a pin is turned: only the facets of its mesh resist. The scene is built anew, and the answer is that of
