@@ -25,6 +25,10 @@ module dotyk_model_mesh_shares
     integer, allocatable :: first_of_file(:), first_of_volume(:)
     !> Shares of the volumes, those of first bodies (n_bodies).
     type(volume_share_t), allocatable, private :: volume(:)
+    !> Number of bodies that use each of these volumes; 0 for other bodies (n_bodies).
+    integer, allocatable, private :: n_uses(:)
+    !> Weights of the bodies of the volumes before each one; that of all bodies behind them (n_bodies + 1).
+    integer(int64), allocatable, private :: before(:)
   contains
     procedure :: read => shares_read
     procedure :: take_part => shares_take_part
@@ -91,9 +95,18 @@ contains
     end do
     call problems%raise(error)
     if (allocated(error)) return
+    allocate (self%n_uses(n), source=0)
+    do c = 1, n
+      self%n_uses(self%first_of_volume(c)) = self%n_uses(self%first_of_volume(c)) + 1
+    end do
+    allocate (self%before(n + 1), source=0_int64)
+    do c = 1, n
+      self%before(c + 1) = self%before(c)
+      if (self%n_uses(c) > 0) self%before(c + 1) = self%before(c) + self%n_uses(c)*self%volume(c)%weight()
+    end do
     suits = case%solver%response == response_multigrid
     do c = 1, n
-      if (self%first_of_volume(c) == c) &
+      if (self%n_uses(c) > 0) &
         suits = suits .or. case%scene%dimension*(self%volume(c)%weight()/fewest_per_node) >= fewest_unknowns
     end do
   end subroutine shares_read
@@ -125,17 +138,7 @@ contains
     integer, intent(in) :: b
     !> The part.
     type(volume_t), intent(out) :: volume
-    integer(int64) :: before, all_weight
-    integer :: c, n_bodies
-    before = 0
-    all_weight = 0
-    do c = 1, size(self%volume)
-      if (self%first_of_volume(c) /= c) cycle
-      n_bodies = count(self%first_of_volume == c)
-      if (c < b) before = before + n_bodies*self%volume(c)%weight()
-      all_weight = all_weight + n_bodies*self%volume(c)%weight()
-    end do
     call volume%take_part(self%mesh(self%first_of_file(b)), case%body(b)%volume, self%volume(b), &
-                          count(self%first_of_volume == b), before, all_weight)
+                          self%n_uses(b), self%before(b), self%before(size(self%before)))
   end subroutine shares_take_part
 end module dotyk_model_mesh_shares
