@@ -47,7 +47,7 @@ contains
       call file%put_attribute('summary', 'lambda_max', state%lambda_max)
       call file%put_attribute('summary', 'q_predicted', state%q_predicted)
       call file%put_attribute('summary', 'q_measured', state%q_measured)
-      call file%put_attribute('summary', 'error_bound', state%error_bound)
+      call file%put_attribute('summary', 'error_bound', or_unknown(state%error_bound))
       call file%put_attribute('summary', 'error_bound_guaranteed', merge(1, 0, state%bound_is_guaranteed))
       call file%put_attribute('summary', 'error_bound_paper', state%error_bound_paper)
       call file%put_attribute('summary', 'error_penalty', budget%penalty)
@@ -84,7 +84,7 @@ contains
       call file%put_array('history', 'iteration', numbers_to(history%n))
       call file%put_array('history', 'seconds', history%seconds)
       call file%put_array('history', 'increment', history%increment)
-      call file%put_array('history', 'error_bound', history%error_bound)
+      call file%put_array('history', 'error_bound', or_unknown(history%error_bound))
       call file%put_array('history', 'error_bound_paper', history%error_bound_paper)
       call file%put_array('history', 'error_penalty', history%error_penalty)
       call file%put_array('history', 'error_discretization', history%error_discretization)
@@ -138,4 +138,12 @@ contains
       numbers(i) = i
     end do
   end function numbers_to
+
+  !> A bound, NaN where there is none.
+  elemental real(dp) function or_unknown(bound)
+    !> The bound; huge where there is none [].
+    real(dp), intent(in) :: bound
+    or_unknown = bound
+    if (.not. bound < huge(bound)/4) or_unknown = ieee_value(bound, ieee_quiet_nan)
+  end function or_unknown
 end module dotyk_driver_results_summary
