@@ -79,6 +79,7 @@ contains
       call free_rigid_modes(body(b), n_free, motions)
       if (n_free > 0) n_floating = n_floating + 1
       if (.not. suits_multigrid(body(b))) reason = quoted(body(b)%name)//' is nearly incompressible'
+      if (body(b)%is_hinged) reason = 'edges or corners alone join pieces of '//quoted(body(b)%name)
       if (len(reason) > 0) exit
     end do
     if (n_floating > most_floating) reason = to_text(n_floating)//' bodies float'

@@ -31,6 +31,8 @@ module dotyk_elasticity_body
     integer :: dimension = 3
     !> Elements and nodes.
     type(body_mesh_t) :: mesh
+    !> Whether edges or corners alone join pieces of it, as hinges do: their motions cost no energy.
+    logical :: is_hinged = .false.
     !> Material.
     type(material_t) :: material
     !> Equations, prescribed displacements and nodal axes.

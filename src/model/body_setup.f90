@@ -165,6 +165,7 @@ contains
     if (.not. allocated(volume%error)) call check_joints(case%body(b), volume%joints, failed)
     call note(case%body(b)%line, failed)
     if (problems%count > before) return
+    body%is_hinged = volume%joints%n_pieces > volume%joints%n_parts
     call place(case%body(b))
     call body%material%check_plane(body%analysis, failed)
     call note(case%body(b)%line, failed)

@@ -186,6 +186,20 @@ class Split(RankCase):
         printed = self.run_ranks(3, self.write("case.nml", "\n".join(lines)), code=2)
         self.assertIn("body 'lower': young_formula: the modulus factor must be positive, it is -1 at ", printed)
 
+    def test_a_hinge_is_not_split(self):
+        """Two boxes with one edge in common: nothing resists a turn about it, and the loads are not in equilibrium."""
+        hinge = """SetFactory("OpenCASCADE");
+Box(1) = {0, 0, 0, 1, 1, 1};  Box(2) = {1, 0, 1, 1, 1, 1};  v() = BooleanFragments{Volume{1}; Delete;}{Volume{2}; Delete;};
+Mesh.MeshSizeMax = 0.3;  Mesh.MeshSizeMin = 0.3;  Mesh.ElementOrder = 2;
+Physical Volume("block") = {v()};  e = 1e-6;
+Physical Surface("bottom") = {Surface In BoundingBox{-e, -e, -e, 1 + e, 1 + e, e}};
+"""
+        lines = [*MATERIALS, self.body("hinge", hinge, "steel"), "&support body='hinge', surface='bottom', fix='xyz' /",
+                 "&load body='hinge', force_density=0,0,-0.1 /", SOLVER.replace("&solver", "&solver response='multigrid', ")]
+        printed = self.run_ranks(2, self.write("case.nml", "\n".join(lines)), code=3)
+        self.assertIn("edges or corners alone join pieces of 'hinge': bodies are not split over ranks", printed)
+        self.assertNotIn(SPLIT % 2, printed)
+
     def test_a_motion_that_is_held_needs_factors(self):
         """Between floor and wall, a pin is turned: only the facets of its mesh resist. The scene is built anew, and the answer is that of
         factors to the bit."""
