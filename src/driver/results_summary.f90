@@ -84,7 +84,7 @@ contains
       call file%put_array('history', 'iteration', numbers_to(history%n))
       call file%put_array('history', 'seconds', history%seconds)
       call file%put_array('history', 'increment', history%increment)
-      call file%put_array('history', 'error_bound', or_unknown(history%error_bound))
+      call file%put_array('history', 'error_bound', history%error_bound)
       call file%put_array('history', 'error_bound_paper', history%error_bound_paper)
       call file%put_array('history', 'error_penalty', history%error_penalty)
       call file%put_array('history', 'error_discretization', history%error_discretization)
@@ -140,7 +140,7 @@ contains
   end function numbers_to
 
   !> A bound, NaN where there is none.
-  elemental real(dp) function or_unknown(bound)
+  real(dp) function or_unknown(bound)
     !> The bound; huge where there is none [].
     real(dp), intent(in) :: bound
     or_unknown = bound

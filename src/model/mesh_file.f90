@@ -14,7 +14,7 @@ module dotyk_model_mesh_file
 
 contains
 
-  !> Read a .msh file, or a .geo file that gmsh meshes: for the first rank, and the others read what it has made.
+  !> Read a .msh file, or a .geo file that gmsh meshes: the first rank lets it do so, and the others read what is made.
   subroutine read_mesh(path, dimension, mesh, meshing, error, selection)
     !> Path of the mesh or geometry.
     character(*), intent(in) :: path
@@ -28,10 +28,21 @@ contains
     type(error_t), allocatable, intent(out) :: error
     !> What is read; all if absent.
     type(mesh_selection_t), intent(in), optional :: selection
-    if (this_rank() == 0) call read_or_make(path, dimension, mesh, meshing, error, selection)
+    logical :: waits
+    ! Geometries are meshed by the first rank.
+    waits = is_geometry(path) .and. this_rank() > 0
+    if (.not. waits) call read_or_make(path, dimension, mesh, meshing, error, selection)
     call meet()
-    if (this_rank() > 0) call read_or_make(path, dimension, mesh, meshing, error, selection)
+    if (waits) call read_or_make(path, dimension, mesh, meshing, error, selection)
   end subroutine read_mesh
+
+  !> Whether a file is a geometry that gmsh meshes.
+  pure logical function is_geometry(path)
+    !> Its path.
+    character(*), intent(in) :: path
+    is_geometry = .false.
+    if (len(path) > 4) is_geometry = path(len(path) - 3:) == '.geo'
+  end function is_geometry
 
   !> Read a .msh file, or a .geo file that gmsh meshes.
   subroutine read_or_make(path, dimension, mesh, meshing, error, selection)
@@ -51,9 +62,7 @@ contains
     msh = path
     meshing%for_once = .false.
     meshing%remark = ''
-    if (len(path) > 4) then
-      if (path(len(path) - 3:) == '.geo') call mesh_geometry(path, dimension, msh, error, meshing)
-    end if
+    if (is_geometry(path)) call mesh_geometry(path, dimension, msh, error, meshing)
     if (.not. allocated(error)) call read_gmsh(msh, mesh, error, selection)
     if (meshing%for_once) call remove_file(msh)
     ! Messages name the file of the namelist.
