@@ -59,6 +59,9 @@ module dotyk_control_neutral_modes
   integer, parameter :: many_modes = 300
   !> Passes that release loaded directions at most, one direction of a body each; the last ones release all.
   integer, parameter :: most_passes = 8
+  !> Of many modes the last pass is the one that releases no more than this fraction of the directions that are held:
+  !> most of the time would go into equilibria that change a few bodies each. What is out of balance along these is told.
+  real(dp), parameter :: few = 0.02_dp
 
 contains
 
@@ -169,6 +172,9 @@ contains
     else if (state%ended == ended_converged .and. allocated(state%alpha)) then
       chosen = self%moved_far(state%alpha) .or. &
                moved_beyond_others(self%candidate, problem, qp, state%y, state%alpha)
+      ! Most of many have motions that loads drive. They slide whatever becomes of the others: this is no solution, and
+      ! the next one would be none either.
+      if (qp%coarse%n >= many_modes .and. 2*count(chosen .and. self%candidate%n_held == 0) < count(chosen)) return
     else
       return
     end if
@@ -237,9 +243,10 @@ contains
     type(coarse_space_t) :: coarse
     real(dp), allocatable :: along(:), turn(:, :), alpha(:)
     real(dp) :: force(qp%n_rows), most, length
-    logical :: changed
-    integer :: pass, b
+    integer :: pass, b, n_released
+    logical :: is_last
     allocate (alpha(qp%coarse%n))
+    is_last = .false.
     do pass = 1, most_passes
       trial = modes
       do b = 1, size(modes)
@@ -247,12 +254,12 @@ contains
       end do
       call coarse%init(qp%block, qp%n_rows, trial)
       call qp%replace_modes(coarse)
-      if (pass == most_passes) exit
+      if (pass == most_passes .or. is_last) exit
       if (allocated(kept%alpha)) kept%alpha = amplitudes_of(kept%alpha, candidate, qp%coarse)
       call rest_on_foundation(qp, stiffness, force, alpha, amplitudes_of(motion, candidate, qp%coarse), kept)
       if (allocated(kept%alpha)) kept%alpha = motion_of(kept%alpha, candidate, qp%coarse)
       motion = motion_of(alpha, candidate, qp%coarse)
-      changed = .false.
+      n_released = 0
       do b = 1, size(modes)
         associate (own => candidate(b), row => qp%block(b)%row)
           if (own%n_held == 0 .or. .not. may_release(b)) cycle
@@ -262,17 +269,18 @@ contains
           along = along/length
           most = maxval(abs(matmul(modes(b)%displacement, matmul(own%basis(:, :own%n_held), along))))
           if (length <= most_left_over*sum(force(row))*most) cycle
-          changed = .true.
           ! The direction of the loads comes behind the others.
           allocate (turn(own%n_held, own%n_held), source=0.0_dp)
           turn(:, 1) = along
           call complete_basis(turn, 1)
           own%basis(:, :own%n_held) = matmul(own%basis(:, :own%n_held), cshift(turn, 1, 2))
+          n_released = n_released + 1
           own%n_held = merge(own%n_held - 1, 0, pass < most_passes - 1)
           deallocate (turn)
         end associate
       end do
-      if (.not. changed) exit
+      if (n_released == 0) exit
+      is_last = qp%coarse%n >= many_modes .and. n_released <= few*sum(candidate%n_held)
     end do
   end subroutine release_loaded
 
