@@ -1,7 +1,6 @@
 !> The check for penetration of two bodies: all parts of the one against all parts of the other.
 module dotyk_control_couple_penetration
   use dotyk_base_kinds, only: dp
-  use dotyk_contact_pair, only: contact_pair_t
   use dotyk_contact_passage_search, only: swept_facets_t
   use dotyk_contact_penetration, only: penetration_t
   use dotyk_contact_penetration_search, only: find_passages, find_penetration
@@ -10,6 +9,7 @@ module dotyk_control_couple_penetration
   use dotyk_contact_touch_search, only: find_touch, touch_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_explained_penetration, only: explained_penetration, largest_penetration
+  use dotyk_control_pairs_of_bodies, only: pairs_of_bodies_t
   use dotyk_control_shared_interior, only: find_shared_interior
   use dotyk_mesh_body_mesh, only: body_mesh_t, connected_components
   use dotyk_mesh_boundary, only: extract_boundary
@@ -70,12 +70,14 @@ contains
   end subroutine split_parts
 
   !> Check the parts of two bodies, or of one.
-  subroutine check_bodies(division, problem, first_row, y, parts_a, parts_b, a, b, u, slack, moved, depth_a, &
+  subroutine check_bodies(division, problem, pairs, first_row, y, parts_a, parts_b, a, b, u, slack, moved, depth_a, &
                           depth_b, found)
     !> How ranks divide the nodes.
     type(division_t), intent(in) :: division
     !> Bodies and contact pairs.
     type(contact_problem_t), intent(in) :: problem
+    !> The pairs of each body.
+    type(pairs_of_bodies_t), intent(in) :: pairs
     !> First row of each pair (n_pairs+1).
     integer, intent(in) :: first_row(:)
     !> B u - d (n_rows) [length].
@@ -103,18 +105,20 @@ contains
     type(body_penetration_t) :: a_in_b, b_in_a
     type(penetration_tolerance_t) :: tolerance
     real(dp), allocatable :: explained_a(:), explained_b(:)
+    integer, allocatable :: own_pair(:)
     integer :: i, j
     if (a == b .and. size(parts_a%part) == 1) return
-    call explained_penetration(problem, first_row, y, a, b, explained_a)
-    call explained_penetration(problem, first_row, y, b, a, explained_b)
+    own_pair = pairs%between(problem%pair, a, b)
+    call explained_penetration(problem, own_pair, first_row, y, a, explained_a)
+    call explained_penetration(problem, own_pair, first_row, y, b, explained_b)
     a_in_b = body_penetration_t(a, b)
     b_in_a = body_penetration_t(b, a)
     tolerance%slack = slack
     tolerance%moved = moved
     ! Bodies that meet at an edge only follow what the pairs of each with others leave.
-    if (a /= b .and. .not. are_paired(problem%pair, a, b)) &
-      tolerance%slack = slack + largest_penetration(problem, first_row, y, a) + &
-                        largest_penetration(problem, first_row, y, b)
+    if (a /= b .and. size(own_pair) == 0) &
+      tolerance%slack = slack + largest_penetration(pairs%of(a), first_row, y) + &
+                        largest_penetration(pairs%of(b), first_row, y)
     do i = 1, size(parts_a%part)
       do j = merge(i + 1, 1, a == b), size(parts_b%part)
         associate (p => parts_a%part(i), q => parts_b%part(j))
@@ -132,7 +136,7 @@ contains
     if (a /= b .and. size(parts_a%part) == 1 .and. size(parts_b%part) == 1) &
       call find_shared_interior(problem%body(a)%mesh, u, parts_a%part(1), parts_b%part(1), found%worst%depth, &
                                 found%worst%position)
-    if (found%worst%depth > 0 .or. are_paired(problem%pair, a, b)) return
+    if (found%worst%depth > 0 .or. size(own_pair) > 0) return
     do i = 1, size(parts_a%part)
       do j = merge(i + 1, 1, a == b), size(parts_b%part)
         associate (p => parts_a%part(i), q => parts_b%part(j))
@@ -144,17 +148,6 @@ contains
       end do
     end do
   end subroutine check_bodies
-
-  !> Whether a contact pair has two bodies.
-  pure logical function are_paired(pair, a, b)
-    !> Contact pairs (n_pairs).
-    type(contact_pair_t), intent(in) :: pair(:)
-    !> Index of the first body.
-    integer, intent(in) :: a
-    !> Index of the second body.
-    integer, intent(in) :: b
-    are_paired = any((pair%body_a == a .and. pair%body_b == b) .or. (pair%body_a == b .and. pair%body_b == a))
-  end function are_paired
 
   !> Check one part against another one.
   subroutine check_parts(division, p, q, swept, tolerance, depth, worst)

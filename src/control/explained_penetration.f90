@@ -15,31 +15,30 @@ module dotyk_control_explained_penetration
 contains
 
   !> Penetration of a body into another one that their contact pairs leave at its nodes.
-  subroutine explained_penetration(problem, first_row, y, body, other, explained)
+  subroutine explained_penetration(problem, own_pair, first_row, y, body, explained)
     !> Bodies and contact pairs.
     type(contact_problem_t), intent(in) :: problem
+    !> The pairs that the two have with each other, ascending (n).
+    integer, intent(in) :: own_pair(:)
     !> Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
     integer, intent(in) :: first_row(:)
     !> B u - d (n_rows) [length].
     real(dp), intent(in) :: y(:)
     !> The body.
     integer, intent(in) :: body
-    !> The other one.
-    integer, intent(in) :: other
     !> Penetration (n_nodes of the body) [length].
     real(dp), allocatable, intent(out) :: explained(:)
     real(dp), allocatable :: at_points(:)
     real(dp) :: beside
     logical, allocatable :: is_known(:)
-    integer :: k
+    integer :: i, k
     allocate (explained(problem%body(body)%mesh%n_nodes()), source=0.0_dp)
     allocate (is_known(size(explained)), source=.false.)
     ! Where a formula gives the gap, the mesh does not show the shape: beside the surfaces of the pair nothing is known.
     beside = 0
-    do k = 1, size(problem%pair)
+    do i = 1, size(own_pair)
+      k = own_pair(i)
       associate (pair => problem%pair(k))
-        if (.not. all([pair%body_a, pair%body_b] == [body, other] .or. &
-                      [pair%body_b, pair%body_a] == [body, other])) cycle
         call penetration_at_points(pair, y(first_row(k):first_row(k + 1) - 1), problem%body(pair%body_b), &
                                    problem%surface_b(k), at_points)
         if (pair%body_a == body) call spread_points(at_points, problem%surface_a(k), pair%facet_a, explained, is_known)
@@ -52,19 +51,17 @@ contains
   end subroutine explained_penetration
 
   !> Greatest penetration in the rows of all pairs of a body [length].
-  pure real(dp) function largest_penetration(problem, first_row, y, body) result(largest)
-    !> Bodies and contact pairs.
-    type(contact_problem_t), intent(in) :: problem
+  pure real(dp) function largest_penetration(own_pair, first_row, y) result(largest)
+    !> The pairs of the body (n).
+    integer, intent(in) :: own_pair(:)
     !> Rows of pair k are first_row(k) .. first_row(k+1)-1 (n_pairs+1).
     integer, intent(in) :: first_row(:)
     !> B u - d (n_rows) [length].
     real(dp), intent(in) :: y(:)
-    !> The body.
-    integer, intent(in) :: body
-    integer :: k
+    integer :: i, k
     largest = 0
-    do k = 1, size(problem%pair)
-      if (.not. any([problem%pair(k)%body_a, problem%pair(k)%body_b] == body)) cycle
+    do i = 1, size(own_pair)
+      k = own_pair(i)
       if (first_row(k + 1) > first_row(k)) largest = max(largest, maxval(y(first_row(k):first_row(k + 1) - 1)))
     end do
   end function largest_penetration

@@ -60,7 +60,7 @@ module dotyk_control_neutral_modes
   !> Passes that release loaded directions at most, one direction of a body each; the last ones release all.
   integer, parameter :: most_passes = 8
   !> Of many modes the last pass is the one that releases no more than this fraction of the directions that are held:
-  !> most of the time would go into equilibria that change a few bodies each. What is out of balance along these is told.
+  !> most of the time would go into equilibria that change a few bodies each. What is out of balance there is told.
   real(dp), parameter :: few = 0.02_dp
 
 contains

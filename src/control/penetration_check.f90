@@ -13,6 +13,7 @@ module dotyk_control_penetration_check
   use dotyk_control_body_solution, only: body_solution_t
   use dotyk_control_contact_problem, only: contact_problem_t
   use dotyk_control_couple_penetration, only: body_penetration_t, check_bodies, parts_t, split_parts
+  use dotyk_control_pairs_of_bodies, only: pairs_of_bodies_t
   use dotyk_control_pressures, only: nodal_field_t
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_ranks_communication, only: n_ranks, this_rank
@@ -128,6 +129,7 @@ contains
     type(penetration_check_t), intent(out) :: check
     type(parts_t), allocatable :: parts(:)
     type(body_penetration_t), allocatable :: found(:)
+    type(pairs_of_bodies_t) :: pairs
     real(dp) :: moved(size(problem%body))
     logical :: needed(size(problem%body))
     real(dp), allocatable :: cost(:)
@@ -163,6 +165,7 @@ contains
       if (couple(1, k) == couple(2, k) .and. size(parts(couple(1, k))%part) == 1) cost(k) = 0
     end do
     owner = deal_out(cost, least_divided)
+    call pairs%init(problem%pair, n)
     ! Few couples: threads share the nodes of each. Many couples: threads share the couples.
     allocate (found(size(couple, 2)))
     !$omp parallel do default(none) schedule(dynamic, 1) if (size(found) >= many*omp_get_max_threads()) shared(owner)
@@ -190,7 +193,7 @@ contains
       !> The couple.
       integer, intent(in) :: k
       associate (a => couple(1, k), c => couple(2, k))
-        call check_bodies(division, problem, first_row, y, parts(a), parts(c), a, c, solution(a)%displacement, &
+        call check_bodies(division, problem, pairs, first_row, y, parts(a), parts(c), a, c, solution(a)%displacement, &
                           slack_of(problem%body(a)%mesh, problem%body(c)%mesh, max(moved(a), moved(c)), error_bound), &
                           max(moved(a), moved(c)), &
                           check%depth(a)%value, check%depth(c)%value, found(k))
