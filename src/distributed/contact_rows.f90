@@ -2,15 +2,19 @@
 !>
 !> Rows, their forces and their displacements are the same on all ranks; a rank has the columns of its own nodes, so
 !> that a product with B is one sum over ranks of the length of the rows, and one with B^T is local. The compliance of
-!> the rows in the diagonal blocks of the smoother, B D^{-1} B^T, is of the size of the contact surfaces and known to
-!> all.
+!> the rows in the diagonal blocks of the smoother, B D^{-1} B^T, is of the size of the contact surfaces and on one rank
+!> of each node.
 module dotyk_distributed_contact_rows
+  use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
   use dotyk_contact_operator, only: contact_block_t
+  use dotyk_distributed_node_keeper, only: node_keeper_t
   use dotyk_distributed_part, only: part_t
   use dotyk_distributed_petsc, only: sum_of_ranks
   use dotyk_elasticity_constraint, only: held
   use dotyk_linalg_sparse, only: sparse_rows_t, sparse_symmetric_t
+  use dotyk_ranks_exchange, only: agree_on_error
+  use dotyk_scheme_gap_closing, only: close_gaps
   implicit none
   private
   public :: without_rounding
@@ -29,8 +33,12 @@ module dotyk_distributed_contact_rows
     real(dp), allocatable :: prescribed(:)
     !> Inverse diagonal blocks of the smoother at these nodes (dim, dim, n_nodes) [length/force].
     real(dp), allocatable :: inverse(:, :, :)
-    !> B D^{-1} B^T, lower triangle (n, n) [length/force].
+    !> The rank of this node that has `compliance`.
+    type(node_keeper_t) :: keeper
+    !> B D^{-1} B^T, lower triangle; empty on the other ranks (n, n) [length/force].
     type(sparse_symmetric_t) :: compliance
+    !> Its diagonal, on all ranks (n) [length/force].
+    real(dp), allocatable :: self_compliance(:)
     !> Contact nodes and contact blocks of this rank's nodes, for `set_inverse`.
     integer, allocatable, private :: contact_node(:), block_of(:)
     !> Axes of these nodes: global component, component of the node (dim, dim, n_nodes) [].
@@ -41,6 +49,8 @@ module dotyk_distributed_contact_rows
     procedure :: displacement => rows_displacement
     procedure :: subtract_force => rows_subtract_force
     procedure :: subtract_smoothed => rows_subtract_smoothed
+    procedure :: close_gaps => rows_close_gaps
+    procedure :: destroy => rows_destroy
   end type contact_rows_t
 
   !> Entries of a row below this fraction of its largest one are rounding errors of its integration [].
@@ -88,6 +98,7 @@ contains
     integer :: p, b, i, k, c, j, node, n, n_entries
     self%n = n_rows
     self%dim = dim
+    call self%keeper%init()
     allocate (self%prescribed(n_rows), source=0.0_dp)
     n = sum([(size(block(part(p)%body)%contact_node), p=1, size(part))])
     n_entries = sum([(size(block(part(p)%body)%matrix%value), p=1, size(part))])
@@ -153,11 +164,9 @@ contains
     type(contact_block_t), intent(in) :: block(:)
     !> Inverse blocks at `node`, along the axes of the nodes (dim, dim, n_nodes) [length/force].
     real(dp), intent(in) :: inverse(:, :, :)
-    type(sparse_rows_t) :: scaled, transposed, product
     real(dp), allocatable :: all(:)
-    integer, allocatable :: first(:), row(:), column(:), of_body(:)
-    real(dp), allocatable :: value(:)
-    integer :: b, i, k, n, m
+    integer, allocatable :: first(:)
+    integer :: b, i, k, n
     self%inverse = inverse
     associate (dim => self%dim)
       allocate (first, source=[0, (sum([(size(block(k)%contact_node), k=1, b)]), b=1, size(block))])
@@ -168,29 +177,56 @@ contains
                                                                           transpose(self%axes(:, :, i)))), [dim*dim])
       end do
       call sum_of_ranks(all)
-      allocate (row(0), column(0), value(0))
-      do b = 1, size(block)
-        associate (matrix => block(b)%matrix)
-          if (matrix%n_rows == 0) cycle
-          call block_diagonal(dim, size(block(b)%contact_node), all(dim*dim*first(b) + 1:dim*dim*first(b + 1)), scaled)
-          call transpose_rows(matrix, transposed)
-          call product%set_product(scaled, transposed)
-          call scaled%set_product(matrix, product)
-          m = scaled%row_start(scaled%n_rows + 1) - 1
-          of_body = [(spread(block(b)%row(i), 1, scaled%row_start(i + 1) - scaled%row_start(i)), i=1, scaled%n_rows)]
-          row = [row, of_body]
-          column = [column, block(b)%row(scaled%column(:m))]
-          value = [value, scaled%value(:m)]
-        end associate
-      end do
     end associate
-    ! Rows between held nodes have no entries.
-    row = [row, (i, i=1, self%n)]
-    column = [column, (i, i=1, self%n)]
-    value = [value, (0.0_dp, i=1, self%n)]
-    call product%init_from_triplets(self%n, self%n, row, column, value)
-    call take_lower(product, self%compliance)
+    allocate (self%self_compliance(self%n))
+    if (self%keeper%keeps) then
+      call form_compliance(self%n, self%dim, block, first, all, self%compliance)
+      self%self_compliance(:) = self%compliance%value(self%compliance%column_start(:self%n) + 1)
+    end if
+    call self%keeper%tell(self%self_compliance)
   end subroutine rows_set_inverse
+
+  !> B D^{-1} B^T.
+  subroutine form_compliance(n_rows, dim, block, first, inverse, compliance)
+    !> Number of rows.
+    integer, intent(in) :: n_rows
+    !> Number of displacement components.
+    integer, intent(in) :: dim
+    !> Rows of B, body by body (n_bodies).
+    type(contact_block_t), intent(in) :: block(:)
+    !> Contact nodes before each body (n_bodies + 1).
+    integer, intent(in) :: first(:)
+    !> Inverse blocks at the contact nodes of all bodies (dim*dim*first(n_bodies + 1)) [length/force].
+    real(dp), intent(in) :: inverse(:)
+    !> Lower triangle (n_rows, n_rows) [length/force].
+    type(sparse_symmetric_t), intent(out) :: compliance
+    type(sparse_rows_t) :: scaled, transposed, product
+    integer, allocatable :: row(:), column(:), of_body(:)
+    real(dp), allocatable :: value(:)
+    integer :: b, i, m
+    allocate (row(0), column(0), value(0))
+    do b = 1, size(block)
+      associate (matrix => block(b)%matrix)
+        if (matrix%n_rows == 0) cycle
+        call block_diagonal(dim, size(block(b)%contact_node), inverse(dim*dim*first(b) + 1:dim*dim*first(b + 1)), &
+                            scaled)
+        call transpose_rows(matrix, transposed)
+        call product%set_product(scaled, transposed)
+        call scaled%set_product(matrix, product)
+        m = scaled%row_start(scaled%n_rows + 1) - 1
+        of_body = [(spread(block(b)%row(i), 1, scaled%row_start(i + 1) - scaled%row_start(i)), i=1, scaled%n_rows)]
+        row = [row, of_body]
+        column = [column, block(b)%row(scaled%column(:m))]
+        value = [value, scaled%value(:m)]
+      end associate
+    end do
+    ! Rows between held nodes have no entries.
+    row = [row, (i, i=1, n_rows)]
+    column = [column, (i, i=1, n_rows)]
+    value = [value, (0.0_dp, i=1, n_rows)]
+    call product%init_from_triplets(n_rows, n_rows, row, column, value)
+    call take_lower(product, compliance)
+  end subroutine form_compliance
 
   !> A block diagonal matrix.
   subroutine block_diagonal(dim, n, blocks, matrix)
@@ -294,4 +330,35 @@ contains
       end associate
     end do
   end subroutine rows_subtract_smoothed
+
+  !> Close gaps by forces on the diagonal blocks of the smoother (`dotyk_scheme_gap_closing`). All ranks call it.
+  subroutine rows_close_gaps(self, chosen, gap, softness, shift, closed, norm, error)
+    class(contact_rows_t), intent(in) :: self
+    !> Rows to close (n_rows).
+    logical, intent(in) :: chosen(:)
+    !> Gaps to close (n_rows) [length].
+    real(dp), intent(in) :: gap(:)
+    !> theta/w (n_rows) [length/force].
+    real(dp), intent(in) :: softness(:)
+    !> Fraction of the diagonal that is added [].
+    real(dp), intent(in) :: shift
+    !> B g, of all rows (n_rows) [length].
+    real(dp), intent(out), contiguous :: closed(:)
+    !> Energy norm of g, at most; `huge` where there is none [sqrt(energy)].
+    real(dp), intent(out) :: norm
+    !> As in `close_gaps`.
+    type(error_t), allocatable, intent(out) :: error
+    real(dp) :: found(1)
+    if (self%keeper%keeps) call close_gaps(self%compliance, chosen, gap, softness, shift, closed, found(1), error)
+    call agree_on_error(error)
+    call self%keeper%tell(closed)
+    call self%keeper%tell(found)
+    norm = found(1)
+  end subroutine rows_close_gaps
+
+  !> Give back the communicator.
+  subroutine rows_destroy(self)
+    class(contact_rows_t), intent(inout) :: self
+    call self%keeper%destroy()
+  end subroutine rows_destroy
 end module dotyk_distributed_contact_rows

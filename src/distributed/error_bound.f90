@@ -4,9 +4,10 @@
 module dotyk_distributed_error_bound
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
+  use dotyk_distributed_contact_rows, only: contact_rows_t
   use dotyk_distributed_system, only: distributed_system_t
   use dotyk_scheme_bounds, only: duality_gap
-  use dotyk_scheme_gap_closing, only: close_gaps, left_open
+  use dotyk_scheme_gap_closing, only: left_open
   implicit none
   private
   public :: error_of
@@ -23,7 +24,7 @@ contains
   !> Bound and energy.
   subroutine error_of(system, weight, theta, lambda, y, u, r, bound, energy)
     !> The systems.
-    type(distributed_system_t), intent(inout) :: system
+    type(distributed_system_t), intent(inout), target :: system
     !> Weights (n_rows) [area].
     real(dp), intent(in) :: weight(:)
     !> Penalty parameters (n_rows) [length/pressure].
@@ -41,6 +42,7 @@ contains
     !> F_theta(u) [energy].
     real(dp), intent(out) :: energy
     type(error_t), allocatable :: error
+    type(contact_rows_t), pointer :: rows
     real(dp), allocatable :: resultant(:)
     real(dp) :: closed(size(y)), of_r, of_g, left, slack
     logical :: is_stiff(size(y)), chosen(size(y))
@@ -57,10 +59,11 @@ contains
     is_stiff = .not. theta/weight > system%row_compliance()
     slack = nearly_closed*maxval([0.0_dp, abs(pack(y - theta/weight*lambda, lambda > 0))])
     chosen = lambda > 0 .or. y > -slack
+    rows => system%rows()
     associate (softness => theta/weight)
       do k = 1, size(shift)
-        call close_gaps(system%smoother_compliance(), chosen, merge(y - softness*lambda, 0.0_dp, chosen), softness, &
-                        shift(k), closed, of_g, error)
+        call rows%close_gaps(chosen, merge(y - softness*lambda, 0.0_dp, chosen), softness, shift(k), closed, of_g, &
+                               error)
         if (allocated(error)) return
         left = left_open(weight, theta, lambda, y, closed, is_stiff)
         if (max(of_g, left) < largest) bound = min(bound, of_g + sqrt((of_r + of_g)**2 + 2*left))

@@ -2,8 +2,8 @@
 !>
 !> The contact is not assembled into the fine matrix: that would be a second one. D are the diagonal blocks of K times
 !> the greatest eigenvalue of D^{-1} K, so that `K + B^T W B <= D + B^T W B` however stiff the rows; its inverse is that
-!> of D, PETSc's point-block Jacobi, by the identity of Woodbury with a sparse factor of the active rows, which all
-!> ranks have. (`dotyk_scheme_contact_smoother` in one process.)
+!> of D, PETSc's point-block Jacobi, by the identity of Woodbury with a sparse factor of the active rows, which one rank
+!> of each node has and solves with. (`dotyk_scheme_contact_smoother` in one process.)
 module dotyk_distributed_operator
   use petscksp, only: KSPComputeExtremeSingularValues, KSPCreate, KSPDestroy, KSPGetConvergedReason, KSPGetPC, &
     KSPSetComputeSingularValues, KSPSetNormType, KSPSetOperators, KSPSetTolerances, KSPSetType, KSPSolve, &
@@ -20,6 +20,7 @@ module dotyk_distributed_operator
   use dotyk_distributed_stiffness, only: distributed_stiffness_t
   use dotyk_linalg_cholesky, only: cholesky_t
   use dotyk_linalg_sparse, only: sparse_symmetric_t
+  use dotyk_ranks_exchange, only: agree_on_error
   use dotyk_scheme_gap_closing, only: factorize_rows, restrict_matrix
   implicit none
   private
@@ -44,7 +45,7 @@ module dotyk_distributed_operator
     type(tPC), private :: blocks
     !> Whether it is that of another operator.
     logical, private :: is_borrowed = .false.
-    !> Of W^{-1} + B D^{-1} B^T on the active rows.
+    !> Of W^{-1} + B D^{-1} B^T on the active rows; on the rank of each node that has the compliance of the rows.
     type(cholesky_t), private :: factor
   contains
     procedure :: init => operator_init
@@ -234,9 +235,12 @@ contains
     self%row_stiffness(:) = row_stiffness
     self%active = pack([(i, i=1, size(row_stiffness))], row_stiffness > 0)
     if (size(self%active) == 0) return
-    call self%factor%destroy()
-    call restrict_matrix(self%rows%compliance, self%active, part)
-    call factorize_rows(part, 1/row_stiffness(self%active), 0.0_dp, self%factor, error)
+    if (self%rows%keeper%keeps) then
+      call self%factor%destroy()
+      call restrict_matrix(self%rows%compliance, self%active, part)
+      call factorize_rows(part, 1/row_stiffness(self%active), 0.0_dp, self%factor, error)
+    end if
+    call agree_on_error(error)
   end subroutine operator_set_active
 
   !> y = (K + B^T W B) x.
@@ -308,7 +312,8 @@ contains
     call VecGetArrayF90(z, to, code)
     call self%rows%displacement(to, moved)
     lambda = moved(self%active)
-    call self%factor%solve(lambda)
+    if (self%rows%keeper%keeps) call self%factor%solve(lambda)
+    call self%rows%keeper%tell(lambda)
     moved(:) = 0
     moved(self%active) = lambda
     call self%rows%subtract_smoothed(moved, to)
@@ -324,6 +329,7 @@ contains
     call MatDestroy(self%singular, code)
     if (.not. self%is_borrowed) call PCDestroy(self%blocks, code)
     call self%factor%destroy()
+    call self%rows%destroy()
     deallocate (self%active)
   end subroutine operator_destroy
 end module dotyk_distributed_operator

@@ -7,13 +7,13 @@ module dotyk_distributed_system
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_contact_operator, only: contact_block_t
+  use dotyk_distributed_contact_rows, only: contact_rows_t
   use dotyk_distributed_indeterminate_modes, only: all_modes, find_indeterminate, set_null_space
   use dotyk_distributed_linear_solver, only: drop_solver, run_solver, solve_outcome_t, solver_t
   use dotyk_distributed_operator, only: system_operator_t
   use dotyk_distributed_petsc, only: has_failed, sum_of_ranks
   use dotyk_distributed_preconditioner, only: make_coarse_matrix, make_solver
   use dotyk_distributed_stiffness, only: distributed_stiffness_t
-  use dotyk_linalg_sparse, only: sparse_symmetric_t
   implicit none
   private
 
@@ -49,7 +49,7 @@ module dotyk_distributed_system
     procedure :: remove_motions => system_remove_motions
     procedure :: remove_modes => system_remove_modes
     procedure :: row_compliance => system_row_compliance
-    procedure :: smoother_compliance => system_smoother_compliance
+    procedure :: rows => system_rows
     procedure :: prescribed => system_prescribed
     procedure :: product => system_product
     procedure :: destroy => system_destroy
@@ -348,18 +348,15 @@ contains
     class(distributed_system_t), intent(in) :: self
     !> (n_rows) [length/force]
     real(dp) :: compliance(self%n_rows)
-    associate (all => self%contact%rows%compliance)
-      compliance = all%value(all%column_start(:self%n_rows) + 1)
-    end associate
+    compliance = self%contact%rows%self_compliance
   end function system_row_compliance
 
-  !> B D^{-1} B^T.
-  function system_smoother_compliance(self) result(compliance)
+  !> The rows, for `close_gaps`.
+  function system_rows(self) result(rows)
     class(distributed_system_t), intent(in), target :: self
-    !> (n_rows, n_rows) [length/force]
-    type(sparse_symmetric_t), pointer :: compliance
-    compliance => self%contact%rows%compliance
-  end function system_smoother_compliance
+    type(contact_rows_t), pointer :: rows
+    rows => self%contact%rows
+  end function system_rows
 
   !> Displacement of the rows by prescribed displacements.
   pure function system_prescribed(self) result(y)

@@ -1,6 +1,5 @@
 !> What --check says of the run that it does not make: memory and time.
 module dotyk_driver_prediction
-  use dotyk_base_kinds, only: dp
   use dotyk_base_error, only: error_t
   use dotyk_base_memory, only: memory_now, memory_t
   use dotyk_control_parallel, only: set_blas_threads
@@ -10,6 +9,7 @@ module dotyk_driver_prediction
   use dotyk_input_case, only: case_t
   use dotyk_linalg_machine_speed, only: machine_speed_t
   use dotyk_log_run_monitor, only: log_monitor_t
+  use dotyk_log_timing, only: stage_time_t
   use dotyk_log_scene_tables, only: show_prediction
   use dotyk_scheme_scheme, only: scheme_t
   implicit none
@@ -33,7 +33,7 @@ contains
     type(memory_t) :: memory
     type(machine_speed_t) :: speed
     type(run_prediction_t) :: prediction
-    real(dp) :: elapsed
+    type(stage_time_t) :: elapsed
     integer :: b
     logical :: has_factors
     if (scene%is_split()) then
@@ -48,7 +48,7 @@ contains
     call speed%measure()
     call prediction%init(scene%problem%body%n_unknowns(), &
                          [(size(scene%operator%block(b)%row), b=1, size(scene%size_of))], scene%size_of, memory%used, &
-                         elapsed, speed)
+                         elapsed%wall, speed)
     call show_prediction(monitor%log, scene%size_of, prediction)
   end subroutine predict_run
 end module dotyk_driver_prediction

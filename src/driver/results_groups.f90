@@ -76,16 +76,16 @@ contains
     type(results_file_t), intent(inout) :: file
     !> Wall times of the phases.
     type(timing_t), intent(in) :: timing
-    call file%put_attribute('timing', 'read', timing%read)
-    call file%put_attribute('timing', 'assemble', timing%assemble)
-    call file%put_attribute('timing', 'order', timing%order)
-    call file%put_attribute('timing', 'factorize', timing%factorize)
-    call file%put_attribute('timing', 'search', timing%search)
-    call file%put_attribute('timing', 'iterate', timing%iterate)
-    call file%put_attribute('timing', 'recover', timing%recover)
-    call file%put_attribute('timing', 'estimate', timing%estimate)
-    call file%put_attribute('timing', 'check', timing%check)
-    call file%put_attribute('timing', 'write', timing%write)
-    call file%put_attribute('timing', 'total', timing%total)
+    call file%put_attribute('timing', 'read', timing%read%wall)
+    call file%put_attribute('timing', 'assemble', timing%assemble%wall)
+    call file%put_attribute('timing', 'order', timing%order%wall)
+    call file%put_attribute('timing', 'factorize', timing%factorize%wall)
+    call file%put_attribute('timing', 'search', timing%search%wall)
+    call file%put_attribute('timing', 'iterate', timing%iterate%wall)
+    call file%put_attribute('timing', 'recover', timing%recover%wall)
+    call file%put_attribute('timing', 'estimate', timing%estimate%wall)
+    call file%put_attribute('timing', 'check', timing%check%wall)
+    call file%put_attribute('timing', 'write', timing%write%wall)
+    call file%put_attribute('timing', 'total', timing%total%wall)
   end subroutine write_timing
 end module dotyk_driver_results_groups

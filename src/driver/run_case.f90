@@ -19,7 +19,7 @@ module dotyk_driver_run_case
   use dotyk_log_outcome, only: note_modes
   use dotyk_log_run_monitor, only: log_monitor_t
   use dotyk_log_scene_tables, only: show_scene, show_title
-  use dotyk_log_summary, only: show_solution, show_timing
+  use dotyk_log_summary, only: show_solution
   implicit none
   private
   public :: run_case
@@ -102,10 +102,10 @@ contains
     call note_modes(scene%problem, solution%state, monitor%log)
     call check_bodies(scene, solution, monitor)
     call show_solution(monitor%log, case%output, goal_of(case), scene%problem, scene%compliance%n_sweeps, solution, &
-                       monitor%timing%iterate)
+                       monitor%timing%iterate%wall)
     call write_results(case, scene, solution, threads, monitor, error)
     if (allocated(error)) return
-    call show_timing(monitor%log, monitor%timing)
+    call monitor%show_timing()
     call monitor%log%line('  results          '//case%scene%output)
     if (.not. solution%state%has_converged()) code = exit_not_converged
   end subroutine run_scene

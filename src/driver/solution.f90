@@ -52,12 +52,12 @@ contains
     has_warned = .false.
     needs_factors = .false.
     factors: do
-      before = monitor%timing%factorize
+      before = monitor%timing%factorize%wall
       call factorize_scene(case, run%scheme, scene, monitor, error)
       if (allocated(error)) exit factors
       call show_factorization(monitor%log, scene%problem%body, scene%size_of, &
                             case%solver%response == response_auto .and. may_use_multigrid(case), &
-                            monitor%timing%factorize - before)
+                            monitor%timing%factorize%wall - before)
       now = run
       if (scene%has_multigrid()) then
         deallocate (now%scheme)

@@ -4,6 +4,7 @@ module dotyk_log_rank_lines
   use dotyk_base_log, only: log_t
   use dotyk_base_memory, only: memory_text, peak_memory
   use dotyk_base_text, only: to_text
+  use dotyk_log_timing, only: stage_time_t
   use dotyk_ranks_communication, only: n_ranks, this_rank
   use dotyk_ranks_exchange, only: exchange_cost, exchange_cost_t, share
   implicit none
@@ -16,22 +17,24 @@ contains
   subroutine show_ranks(log, total)
     !> The log.
     type(log_t), intent(inout) :: log
-    !> Wall time of the run, of this rank [s].
-    real(dp), intent(in) :: total
+    !> Time of the run, of this rank.
+    type(stage_time_t), intent(in) :: total
     type(exchange_cost_t) :: cost
-    real(dp), dimension(n_ranks()) :: work, memory, seconds
+    real(dp), dimension(n_ranks()) :: work, waited, memory, seconds
     integer :: r, own
     if (n_ranks() == 1) return
     cost = exchange_cost()
     own = this_rank() + 1
-    work(own) = total - cost%waited
-    seconds(own) = total
+    work(own) = total%processor
+    seconds(own) = total%wall
+    waited(own) = cost%waited
     memory(own) = peak_memory()
     call share([(r, r=0, n_ranks() - 1)], work)
     call share([(r, r=0, n_ranks() - 1)], seconds)
+    call share([(r, r=0, n_ranks() - 1)], waited)
     call share([(r, r=0, n_ranks() - 1)], memory)
     call log%line('  ranks            largest over mean work '//to_text(maxval(work)*n_ranks()/sum(work), 3)// &
-                  ', waiting '//to_text(100*(1 - sum(work)/sum(seconds)), 2)//' % of the time, '// &
+                  ', waiting '//to_text(100*sum(waited)/sum(seconds), 2)//' % of the time, '// &
                   to_text(int(cost%n))//' exchanges of '//memory_text(cost%bytes)//' in all, peak memory '// &
                   memory_text(minval(memory))//' to '//memory_text(maxval(memory))//', sum '// &
                   memory_text(sum(memory)))

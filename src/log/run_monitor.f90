@@ -5,6 +5,7 @@ module dotyk_log_run_monitor
   use dotyk_base_memory, only: set_stage
   use dotyk_log_progress, only: progress_line
   use dotyk_log_timing, only: timing_t, stopwatch_t
+  use dotyk_log_timing_lines, only: show_timing
   use dotyk_ranks_communication, only: n_ranks
   use dotyk_scheme_history, only: history_t
   use dotyk_scheme_monitor, only: monitor_t, phase_estimate, phase_iterate, phase_recover
@@ -17,7 +18,7 @@ module dotyk_log_run_monitor
     type(log_t) :: log
     !> Watch of the run.
     type(stopwatch_t) :: watch
-    !> Wall times of the phases so far.
+    !> Times of the phases so far.
     type(timing_t) :: timing
     !> The phase under way, one of `phase_*`; 0: none.
     integer, private :: phase = 0
@@ -28,6 +29,7 @@ module dotyk_log_run_monitor
     procedure :: finish => log_monitor_finish
     procedure :: begin_phase => log_monitor_begin_phase
     procedure :: end_phase => log_monitor_end_phase
+    procedure :: show_timing => log_monitor_show_timing
   end type log_monitor_t
 
 contains
@@ -99,4 +101,10 @@ contains
     end select
     self%phase = 0
   end subroutine log_monitor_end_phase
+
+  !> Times of the stages in the log, and how the ranks shared the work. All ranks call it.
+  subroutine log_monitor_show_timing(self)
+    class(log_monitor_t), intent(inout) :: self
+    call show_timing(self%log, self%timing)
+  end subroutine log_monitor_show_timing
 end module dotyk_log_run_monitor

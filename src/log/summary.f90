@@ -17,15 +17,13 @@ module dotyk_log_summary
   use dotyk_log_doubtful_forces, only: show_doubtful_forces
   use dotyk_log_found_pairs, only: show_idle_bodies
   use dotyk_log_progress, only: duration
-  use dotyk_log_rank_lines, only: show_ranks
-  use dotyk_log_timing, only: timing_t
   use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_limit, ended_diverged, &
     ended_cycling, ended_interrupted, ended_penetration, ended_rotated, ended_rounds, ended_slid, &
     ended_solves, ended_unbalanced, ended_unverified
   use dotyk_scheme_theorem_lines, only: factor_text
   implicit none
   private
-  public :: show_solution, show_pair_results, show_timing
+  public :: show_solution, show_pair_results
 
   !> Greatest number of contact pairs with a line each; more are summed up.
   integer, parameter :: most_shown = 20
@@ -240,21 +238,6 @@ contains
     call log%line('  '//to_text(size(pair))//' contact pairs: '//to_text(active)//' of '//to_text(sum(pair%n_rows))// &
                   ' constraints active, peak pressure '//to_text(peak, 5)//' in '//quoted(pair(worst)%name))
   end subroutine show_pair_results
-
-  !> Wall times of the stages.
-  subroutine show_timing(log, timing)
-    !> The log.
-    type(log_t), intent(inout) :: log
-    !> The times.
-    type(timing_t), intent(in) :: timing
-    call log%line('  time             read '//duration(timing%read)//', assemble '//duration(timing%assemble)// &
-                  ', order '//duration(timing%order)//', factorize '//duration(timing%factorize)// &
-                  ', search '//duration(timing%search)//', iterate '//duration(timing%iterate)// &
-                  ', recover '//duration(timing%recover)//', estimate errors '//duration(timing%estimate)// &
-                  ', check penetration '//duration(timing%check)//', write '//duration(timing%write)// &
-                  '; total '//duration(timing%total))
-    call show_ranks(log, timing%total)
-  end subroutine show_timing
 
   !> One line for each congruence class that loses digits.
   subroutine show_conditioning(log, body, classes, conditioning)

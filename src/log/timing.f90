@@ -1,44 +1,53 @@
-!> Wall time of the stages of a run.
+!> Wall time and processor time of the stages of a run.
 module dotyk_log_timing
   use dotyk_base_kinds, only: dp
-  use dotyk_base_timer, only: wall_time
+  use dotyk_base_timer, only: processor_time, wall_time
+  use dotyk_ranks_exchange, only: exchange_cost, exchange_cost_t
   implicit none
   private
 
-  !> Seconds; the names are those of `/dotyk/timing` in the results file.
+  !> Time of a stage.
+  type, public :: stage_time_t
+    !> Wall time [s].
+    real(dp) :: wall = 0
+    !> Processor time of this rank, of all its threads, without that of waiting for other ranks in exchanges [s].
+    real(dp) :: processor = 0
+  end type stage_time_t
+
+  !> Times; the names are those of `/dotyk/timing` in the results file.
   type, public :: timing_t
-    !> Input and meshes [s].
-    real(dp) :: read = 0
-    !> Stiffness and loads [s].
-    real(dp) :: assemble = 0
-    !> Fill-reducing ordering and symbolic analysis [s].
-    real(dp) :: order = 0
-    !> Factorization [s].
-    real(dp) :: factorize = 0
-    !> Contact search [s].
-    real(dp) :: search = 0
-    !> The scheme, its estimate of L, and the solution without contact [s].
-    real(dp) :: iterate = 0
-    !> Displacements and stresses [s].
-    real(dp) :: recover = 0
-    !> Check of the deformed bodies against each other [s].
-    real(dp) :: check = 0
-    !> Results file [s].
-    real(dp) :: write = 0
-    !> Penalty error and discretization error [s].
-    real(dp) :: estimate = 0
-    !> The whole run [s].
-    real(dp) :: total = 0
+    !> Input and meshes.
+    type(stage_time_t) :: read
+    !> Stiffness and loads.
+    type(stage_time_t) :: assemble
+    !> Fill-reducing ordering and symbolic analysis.
+    type(stage_time_t) :: order
+    !> Factorization.
+    type(stage_time_t) :: factorize
+    !> Contact search.
+    type(stage_time_t) :: search
+    !> The scheme, its estimate of L, and the solution without contact.
+    type(stage_time_t) :: iterate
+    !> Displacements and stresses.
+    type(stage_time_t) :: recover
+    !> Check of the deformed bodies against each other.
+    type(stage_time_t) :: check
+    !> Results file.
+    type(stage_time_t) :: write
+    !> Penalty error and discretization error.
+    type(stage_time_t) :: estimate
+    !> The whole run.
+    type(stage_time_t) :: total
   end type timing_t
 
   !> A watch that is read at the end of each stage.
   type, public :: stopwatch_t
     !> Date and time of the start, as 2026-01-31T12:00:00+0100.
     character(24) :: date = ''
-    !> Wall time at the start of the run [s].
-    real(dp), private :: started = 0
-    !> Wall time at the start of the stage [s].
-    real(dp), private :: lap_started = 0
+    !> Times at the start of the run.
+    type(stage_time_t), private :: started
+    !> Times at the start of the stage.
+    type(stage_time_t), private :: lap_started
   contains
     procedure :: start => stopwatch_start
     procedure :: lap => stopwatch_lap
@@ -50,27 +59,38 @@ contains
   !> Begin.
   subroutine stopwatch_start(self)
     class(stopwatch_t), intent(inout) :: self
-    self%started = wall_time()
+    self%started = now()
     self%lap_started = self%started
     self%date = date_and_time_text()
   end subroutine stopwatch_start
 
-  !> End a stage: the time since the last lap is added to its seconds.
-  subroutine stopwatch_lap(self, seconds)
+  !> End a stage: the time since the last lap is added to it.
+  subroutine stopwatch_lap(self, stage)
     class(stopwatch_t), intent(inout) :: self
-    !> Seconds of the stage [s].
-    real(dp), intent(inout) :: seconds
-    real(dp) :: now
-    now = wall_time()
-    seconds = seconds + (now - self%lap_started)
-    self%lap_started = now
+    !> Time of the stage.
+    type(stage_time_t), intent(inout) :: stage
+    type(stage_time_t) :: ended
+    ended = now()
+    stage%wall = stage%wall + (ended%wall - self%lap_started%wall)
+    stage%processor = stage%processor + (ended%processor - self%lap_started%processor)
+    self%lap_started = ended
   end subroutine stopwatch_lap
 
-  !> Seconds since the start of the run [s].
-  real(dp) function stopwatch_since_start(self) result(seconds)
+  !> Time since the start of the run.
+  type(stage_time_t) function stopwatch_since_start(self) result(run)
     class(stopwatch_t), intent(in) :: self
-    seconds = wall_time() - self%started
+    run = now()
+    run%wall = run%wall - self%started%wall
+    run%processor = run%processor - self%started%processor
   end function stopwatch_since_start
+
+  !> Times since fixed moments.
+  type(stage_time_t) function now()
+    type(exchange_cost_t) :: cost
+    cost = exchange_cost()
+    now%wall = wall_time()
+    now%processor = processor_time() - cost%processor
+  end function now
 
   !> Now, as 2026-01-31T12:00:00+0100.
   function date_and_time_text() result(text)

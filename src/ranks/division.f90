@@ -117,21 +117,6 @@ contains
     if (self%is_divided) any_holds = on_any_rank(holds)
   end function division_any_holds
 
-  !> One number of each item.
-  subroutine fill_values(self, value, first, last)
-    class(division_t), intent(in) :: self
-    !> Those of the portion of this rank in, of all out (n) [any].
-    real(dp), intent(inout) :: value(:)
-    !> First item of this rank.
-    integer, intent(in) :: first
-    !> Its last item.
-    integer, intent(in) :: last
-    real(dp), allocatable :: all(:)
-    if (.not. self%is_divided) return
-    call join(value(first:last), all)
-    value = all
-  end subroutine fill_values
-
   !> As many numbers of each item.
   subroutine fill_columns(self, value, first, last)
     class(division_t), intent(in) :: self
@@ -147,6 +132,20 @@ contains
     value = reshape(all, shape(value))
   end subroutine fill_columns
 
+  !> One number of each item.
+  subroutine fill_values(self, value, first, last)
+    class(division_t), intent(in) :: self
+    !> Those of the portion of this rank in, of all out (n) [any].
+    real(dp), intent(inout), contiguous, target :: value(:)
+    !> First item of this rank.
+    integer, intent(in) :: first
+    !> Its last item.
+    integer, intent(in) :: last
+    real(dp), pointer :: columns(:, :)
+    columns(1:1, 1:size(value)) => value
+    call fill_columns(self, columns, first, last)
+  end subroutine fill_values
+
   !> One integer of each item.
   subroutine fill_integers(self, value, first, last)
     class(division_t), intent(in) :: self
@@ -156,10 +155,11 @@ contains
     integer, intent(in) :: first
     !> Its last item.
     integer, intent(in) :: last
-    real(dp), allocatable :: all(:)
+    real(dp), allocatable :: numbers(:)
     if (.not. self%is_divided) return
-    call join(real(value(first:last), dp), all)
-    value = nint(all)
+    numbers = value
+    call fill_values(self, numbers, first, last)
+    value = nint(numbers)
   end subroutine fill_integers
 
   !> One logical of each item.
@@ -171,10 +171,11 @@ contains
     integer, intent(in) :: first
     !> Its last item.
     integer, intent(in) :: last
-    real(dp), allocatable :: all(:)
+    real(dp), allocatable :: numbers(:)
     if (.not. self%is_divided) return
-    call join(merge(1.0_dp, 0.0_dp, value(first:last)), all)
-    value = all > 0
+    numbers = merge(1.0_dp, 0.0_dp, value)
+    call fill_values(self, numbers, first, last)
+    value = numbers > 0
   end subroutine fill_logicals
 
   !> Lists of any length of the portions, one after the other.

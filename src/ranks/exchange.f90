@@ -12,7 +12,7 @@ module dotyk_ranks_exchange
   use dotyk_base_interrupt, only: agree_on_interrupt, is_asked
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_log, only: print_error
-  use dotyk_base_timer, only: wall_time
+  use dotyk_base_timer, only: processor_time, wall_time
   use dotyk_ranks_communication, only: add_integers, collect_reals, deliver_integers, end_ranks, gather_bytes, &
     gather_integers, gather_reals, greet, greeting_length, n_ranks, this_rank
   use dotyk_ranks_item_order, only: by_owner, numbers
@@ -25,6 +25,8 @@ module dotyk_ranks_exchange
   type, public :: exchange_cost_t
     !> Time in which it waited for other ranks [s].
     real(dp) :: waited = 0
+    !> Processor time that it spent on that: ranks that wait ask for messages again and again [s].
+    real(dp) :: processor = 0
     !> Number of exchanges.
     integer(int64) :: n = 0
     !> Numbers that it got from other ranks [bytes].
@@ -351,12 +353,14 @@ contains
     !> Numbers that must be the same on all ranks.
     real(dp), intent(in), optional :: same(:)
     integer(int64) :: all(greeting_length, n_ranks()), sum
-    real(dp) :: began
+    real(dp) :: began, began_processor
     sum = 0
     if (present(same)) sum = checksum(same)
     began = wall_time()
+    began_processor = processor_time()
     call greet([what, n, merge(1_int64, 0_int64, is_asked()), sum], all)
     cost%waited = cost%waited + (wall_time() - began)
+    cost%processor = cost%processor + (processor_time() - began_processor)
     cost%n = cost%n + 1
     call check(all, 4)
   end subroutine agree_on
