@@ -113,7 +113,7 @@ contains
     integer, intent(in) :: list(:)
     !> Their box and their cone of normals.
     type(bounding_volume_t), intent(out) :: volume
-    real(dp) :: length, half_angle
+    real(dp) :: length, half_angle, angle, cosine, widest(2)
     integer :: i
     volume%lo = huge(1.0_dp)
     volume%hi = -huge(1.0_dp)
@@ -131,9 +131,15 @@ contains
     end if
     volume%axis = volume%axis/length
     half_angle = 0
+    ! Cosine and half angle of the facet that has set the angle: arc cosines cost most of the tree.
+    widest = [2, -1]
     do i = 1, size(list)
-      half_angle = max(half_angle, set%half_angle(list(i)) + &
-                       acos(max(-1.0_dp, min(1.0_dp, dot_product(volume%axis, set%axis(:, list(i)))))))
+      cosine = max(-1.0_dp, min(1.0_dp, dot_product(volume%axis, set%axis(:, list(i)))))
+      if (cosine >= widest(1) .and. set%half_angle(list(i)) <= widest(2)) cycle
+      angle = set%half_angle(list(i)) + acos(cosine)
+      if (angle <= half_angle) cycle
+      half_angle = angle
+      widest = [cosine, set%half_angle(list(i))]
     end do
     volume%limit = cone_limit(min(pi, half_angle))
   end subroutine bound_facets

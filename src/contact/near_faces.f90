@@ -12,8 +12,11 @@ module dotyk_contact_near_faces
   use dotyk_contact_facet_set, only: facet_set_t
   use dotyk_contact_facing_facets, only: greatest_overlap, search_distance
   use dotyk_contact_meeting_edges, only: meet_along_edges
-  use dotyk_contact_near_facets, only: find_facets, near_faces_t
+  use dotyk_contact_near_facets, only: find_facets, near_faces_t, share_near
   use dotyk_contact_tree_search, only: box_neighbourhood_t, facets_in_region
+  use dotyk_ranks_communication, only: this_rank
+  use dotyk_ranks_division, only: deal_out, division_t
+  use dotyk_ranks_exchange, only: all_ranks
   implicit none
   private
 
@@ -23,6 +26,8 @@ module dotyk_contact_near_faces
   real(dp), parameter :: to_corner = 0.9_dp
   !> From so many pairs of bodies on, threads share the pairs.
   integer, parameter :: many_pairs = 32
+  !> From this number of facets of two bodies on, ranks divide them: below, the exchanges take as long.
+  real(dp), parameter :: least_divided = 1000
 
 contains
 
@@ -41,20 +46,23 @@ contains
     type(near_faces_t), allocatable :: found(:)
     logical, allocatable :: kept(:)
     real(dp), allocatable :: most(:)
+    integer, allocatable :: owner(:)
     integer :: k, i
     call near_bodies(faces, given, found)
     allocate (most(size(found)), source=huge(1.0_dp))
     if (present(named)) call limit_named(faces, found, named, named_reach, most)
+    owner = deal_out(real(faces(found%body_a)%n + faces(found%body_b)%n, dp), least_divided)
     ! The threads share the facets of few pairs of bodies.
-    !$omp parallel do default(none) shared(faces, given, found, most) schedule(dynamic, 4) &
+    !$omp parallel do default(none) shared(faces, given, found, most, owner) schedule(dynamic, 4) &
     !$omp& if (size(found) >= many_pairs)
     do k = 1, size(found)
-      call find_facets(faces(found(k)%body_a), faces(found(k)%body_b), given, found(k), most(k))
-      if (.not. most(k) < huge(most) .or. any(found(k)%opposite)) cycle
-      ! Bodies that do not lie opposite each other may meet along edges.
-      call find_facets(faces(found(k)%body_a), faces(found(k)%body_b), given, found(k))
+      if (owner(k) == this_rank()) call find_between(faces, given, most(k), division_t(), found(k))
     end do
     !$omp end parallel do
+    do k = 1, size(found)
+      if (owner(k) == all_ranks) call find_between(faces, given, most(k), division_t(.true.), found(k))
+    end do
+    call share_near(owner, found)
     call drop_hidden(faces, found)
     call add_edges(faces, found)
     allocate (kept(size(found)))
@@ -67,6 +75,24 @@ contains
       near(i) = found(k)
     end do
   end subroutine find_near_faces
+
+  !> Find the faces of two bodies that may come into contact.
+  subroutine find_between(faces, given, most, division, near)
+    !> Boundary facets of the bodies (n_bodies).
+    type(body_faces_t), intent(in) :: faces(:)
+    !> Search distance that the user gives, or 0 [length].
+    real(dp), intent(in) :: given
+    !> Bound of the search distance [length].
+    real(dp), intent(in) :: most
+    !> How ranks divide the facets.
+    type(division_t), intent(in) :: division
+    !> The two bodies; their facets are set.
+    type(near_faces_t), intent(inout) :: near
+    call find_facets(faces(near%body_a), faces(near%body_b), given, near, most, division)
+    if (.not. most < huge(most) .or. any(near%opposite)) return
+    ! Bodies that do not lie opposite each other may meet along edges.
+    call find_facets(faces(near%body_a), faces(near%body_b), given, near, division=division)
+  end subroutine find_between
 
   !> Bound the search distance of named pairs of bodies that are near no other body: their far facets decide nothing.
   subroutine limit_named(faces, near, named, named_reach, most)

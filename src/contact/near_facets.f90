@@ -1,10 +1,13 @@
 !> The facets of two bodies that may come into contact, in the order of the facets of the body with fewer of them:
-!> threads share parts of these.
+!> threads share parts of these, and ranks may divide them.
 module dotyk_contact_near_facets
   use dotyk_base_kinds, only: dp, int64
   use dotyk_contact_body_faces, only: body_faces_t
   use dotyk_contact_facing_facets, only: compare_facets, greatest_overlap, search_distance
   use dotyk_contact_tree_search, only: box_neighbourhood_t, facets_in_region
+  use dotyk_ranks_communication, only: n_ranks, this_rank
+  use dotyk_ranks_division, only: division_t
+  use dotyk_ranks_exchange, only: all_ranks, item_t, share
   implicit none
   private
 
@@ -27,7 +30,7 @@ module dotyk_contact_near_facets
     logical, allocatable :: opposite(:)
   end type near_faces_t
 
-  public :: find_facets
+  public :: find_facets, share_near
 
   !> Parts of the facets of two bodies that threads compare, at most.
   integer, parameter :: most_parts = 64
@@ -37,7 +40,7 @@ module dotyk_contact_near_facets
 contains
 
   !> Find the facets of two bodies that may come into contact, without regard to other bodies.
-  subroutine find_facets(a, b, given, near, most)
+  subroutine find_facets(a, b, given, near, most, division)
     !> First body.
     type(body_faces_t), intent(in) :: a
     !> Second body.
@@ -48,12 +51,14 @@ contains
     type(near_faces_t), intent(inout) :: near
     !> Bound of the search distance [length].
     real(dp), intent(in), optional :: most
+    !> How ranks divide the facets; not if absent.
+    type(division_t), intent(in), optional :: division
     type(box_neighbourhood_t) :: region
     type(near_faces_t) :: part(most_parts)
     integer, allocatable :: list(:)
     real(dp), allocatable :: behind_a(:), behind_b(:)
     real(dp) :: reach, overlap
-    integer :: k, n_parts
+    integer :: k, n_parts, first, last
     logical :: swapped
     reach = search_distance(a, b, given)
     if (present(most)) reach = min(reach, most)
@@ -67,6 +72,10 @@ contains
       call facets_in_region(b%tree, region, list)
     else
       call facets_in_region(a%tree, region, list)
+    end if
+    if (present(division)) then
+      call division%portion(size(list), first, last)
+      list = list(first:last)
     end if
     n_parts = min(most_parts, 1 + size(list)/least_part)
     !$omp parallel default(none) private(behind_a, behind_b) if (n_parts > 1) &
@@ -88,7 +97,74 @@ contains
     near%facet_b = [(part(k)%facet_b(:part(k)%n), k=1, n_parts)]
     near%distance = [(part(k)%distance(:part(k)%n), k=1, n_parts)]
     near%opposite = [(part(k)%opposite(:part(k)%n), k=1, n_parts)]
+    if (present(division)) call append_near(division, near)
   end subroutine find_facets
+
+  !> Put the facets that all ranks have found together, in the order of the ranks.
+  subroutine append_near(division, near)
+    !> How ranks divide the facets.
+    type(division_t), intent(in) :: division
+    !> Those of this rank in, of all out.
+    type(near_faces_t), intent(inout) :: near
+    real(dp), allocatable :: list(:, :)
+    if (.not. division%is_divided) return
+    allocate (list(4, near%n))
+    call put(near, list)
+    call division%append(list)
+    call take(list, near)
+  end subroutine append_near
+
+  !> Make the facets of pairs of bodies that one rank each has found known to all.
+  subroutine share_near(owner, near)
+    !> Ranks, or `all_ranks` where all of them have the facets (n_pairs).
+    integer, intent(in) :: owner(:)
+    !> Those of this rank in, of all out (n_pairs).
+    type(near_faces_t), intent(inout) :: near(:)
+    type(item_t), allocatable :: item(:)
+    real(dp), allocatable :: list(:, :)
+    integer, allocatable :: dealt(:)
+    integer :: i, k
+    dealt = pack([(k, k=1, size(owner))], owner /= all_ranks)
+    if (n_ranks() == 1 .or. size(dealt) == 0) return
+    allocate (item(size(dealt)))
+    do i = 1, size(dealt)
+      k = dealt(i)
+      if (owner(k) /= this_rank()) cycle
+      allocate (list(4, near(k)%n))
+      call put(near(k), list)
+      item(i)%value = reshape(list, [size(list)])
+      deallocate (list)
+    end do
+    call share(owner(dealt), item)
+    do i = 1, size(dealt)
+      call take(reshape(item(i)%value, [4, size(item(i)%value)/4]), near(dealt(i)))
+    end do
+  end subroutine share_near
+
+  !> Facets as numbers.
+  pure subroutine put(near, list)
+    !> The facets.
+    type(near_faces_t), intent(in) :: near
+    !> First facet, second facet, distance, whether they are opposite (4, n) [1, 1, length, 1].
+    real(dp), intent(out) :: list(:, :)
+    list(1, :) = near%facet_a(:near%n)
+    list(2, :) = near%facet_b(:near%n)
+    list(3, :) = near%distance(:near%n)
+    list(4, :) = merge(1.0_dp, 0.0_dp, near%opposite(:near%n))
+  end subroutine put
+
+  !> Facets from numbers.
+  pure subroutine take(list, near)
+    !> As from `put` (4, n) [1, 1, length, 1].
+    real(dp), intent(in) :: list(:, :)
+    !> The facets.
+    type(near_faces_t), intent(inout) :: near
+    near%n = size(list, 2)
+    near%facet_a = nint(list(1, :))
+    near%facet_b = nint(list(2, :))
+    near%distance = list(3, :)
+    near%opposite = list(4, :) > 0
+  end subroutine take
 
   !> End of a part of a list in equal parts.
   pure integer function part_end(part, n_parts, n) result(last)

@@ -12,6 +12,7 @@ module dotyk_contact_penetration_search
   use dotyk_contact_penetration, only: penetration_t, same_depth
   use dotyk_contact_penetration_tolerance, only: penetration_tolerance_t
   use dotyk_contact_solid_boundary, only: solid_t
+  use dotyk_contact_tree_search, only: box_neighbourhood_t, facets_in_region
   use dotyk_ranks_division, only: division_t
   implicit none
   private
@@ -22,6 +23,8 @@ module dotyk_contact_penetration_search
   real(dp), parameter :: flush_cosine = 0.999_dp, flush_distance = 1.0e-6_dp
   !> Nodes that a thread takes at once, and the number from which on threads share them.
   integer, parameter :: chunk = 256, least_shared = 1024
+  !> A facet at this fraction of the distance up to which facets are known is the closest one for certain [].
+  real(dp), parameter :: certain = 0.99_dp
   !> Work for a node far from the other part, relative to that for a near one [].
   real(dp), parameter :: distant_cost = 0.02_dp
 
@@ -222,18 +225,30 @@ contains
     integer, intent(inout) :: facet
     !> Its reference coordinates (2) [].
     real(dp), intent(inout) :: xi(2)
+    type(box_neighbourhood_t) :: region
     real(dp) :: square, trial, trial_xi(2), position(3), normal(3), xu(3), xv(3)
-    integer :: f
+    integer, allocatable :: near(:)
+    integer :: f, k
     depth = 0
-    square = huge(square)
-    do f = 1, b%set%n
-      if (sum(max(b%set%lo(:, f) - a%x(:, i), a%x(:, i) - b%set%hi(:, f), 0.0_dp)**2) >= square) cycle
-      if (is_flush(a, i, b, f)) cycle
-      call closest_point_on_facet(b%set, f, a%x(:, i), trial_xi, trial)
-      if (trial >= square) cycle
-      square = trial
-      facet = f
-      xi = trial_xi
+    region%low = a%x(:, i)
+    region%high = a%x(:, i)
+    region%distance = b%set%size(facet)
+    ! Farther and farther, until none of the facets left out can be the closest one.
+    do
+      call facets_in_region(b%tree, region, near)
+      square = huge(square)
+      do k = 1, size(near)
+        f = near(k)
+        if (sum(max(b%set%lo(:, f) - a%x(:, i), a%x(:, i) - b%set%hi(:, f), 0.0_dp)**2) >= square) cycle
+        if (is_flush(a, i, b, f)) cycle
+        call closest_point_on_facet(b%set, f, a%x(:, i), trial_xi, trial)
+        if (trial >= square) cycle
+        square = trial
+        facet = f
+        xi = trial_xi
+      end do
+      if (sqrt(square) < certain*region%distance .or. size(near) == b%set%n) exit
+      region%distance = 2*region%distance
     end do
     if (.not. square < huge(square)) return
     call facet_position_and_normal(b%set, facet, xi, position, normal, xu, xv)

@@ -1,18 +1,18 @@
 !> The boundary of a body whose elements are on several ranks.
 !>
 !> Faces that occur once in the elements of a rank are candidates: they are on the boundary of the body, or between two
-!> ranks. The keys of all ranks (`dotyk_mesh_face_keys`), gathered in any order, tell which. Keys have the size of
-!> surfaces; no rank needs elements of others. Faces of more than two elements have a key also where two of them are on
+!> ranks. The directories of the keys (`dotyk_mesh_face_keys`) tell which; no rank needs keys or elements of others. Faces of more than two elements have a key also where two of them are on
 !> one rank: then all their corners are nodes that ranks share.
 !>
-!> The way: `find` on each rank; `key` of all ranks side by side; `keep_boundary` on each rank with all keys; what is
-!> wrong with faces is told by `dotyk_mesh_share_faults`.
+!> The way: `find` on each rank; each `key` to its directory; `keep_boundary` on each rank with the answers; what is wrong
+!> with faces is told by `dotyk_mesh_share_faults`.
 module dotyk_mesh_boundary_candidates
+  use dotyk_base_kinds, only: int64
   use dotyk_mesh_body_mesh, only: body_mesh_t, connected_components
   use dotyk_mesh_element, only: element_kind, element_kind_t, kind_nodes, n_element_kinds
   use dotyk_mesh_element_faces, only: corners_of, element_faces_t
   use dotyk_mesh_face_faults, only: face_signature
-  use dotyk_mesh_face_keys, only: count_pieces, face_census_t, face_key, join_parts, key_length, max_corners, node_key
+  use dotyk_mesh_face_keys, only: face_census_t, face_key, key_answers_t, key_length, max_corners, node_key
   use dotyk_mesh_union_find, only: join, root_of
   implicit none
   private
@@ -275,18 +275,18 @@ contains
   end subroutine find_inner_faces
 
   !> Keep the faces that are on the boundary of the body: those whose corners no other face has.
-  subroutine candidates_keep_boundary(self, mesh, whole_node, all_keys)
+  subroutine candidates_keep_boundary(self, mesh, whole_node, answers)
     class(boundary_candidates_t), intent(inout) :: self
     !> Elements that the rank owns, and their nodes, maybe among others.
     type(body_mesh_t), intent(in) :: mesh
     !> Number of each node in the whole body, ascending (n_nodes).
     integer, intent(in) :: whole_node(:)
-    !> Keys of all ranks (key_length, any).
-    integer, intent(in) :: all_keys(:, :)
+    !> What the directories tell.
+    type(key_answers_t), intent(inout) :: answers
     type(face_census_t) :: census
     integer, allocatable :: kept(:), face(:)
     integer :: i
-    call census%init(all_keys)
+    call census%take(self%key, answers%face)
     face = [(census%find(self%key(:max_corners, i)), i=1, self%n)]
     call take_shared_faces(self, mesh, whole_node, census, face)
     kept = pack([(i, i=1, self%n)], census%times(face) == 1)
@@ -295,8 +295,10 @@ contains
     self%element = self%element(kept)
     self%face = self%face(kept)
     deallocate (self%key)
-    call join_parts(all_keys, self%root, self%n_parts)
-    call count_pieces(all_keys, census, self%n_pieces)
+    ! A part without keys is closed, and has no other rank at its nodes.
+    self%root = [(int(answers%parts%lowest(int(self%root(i), int64))), i=1, size(self%root))]
+    self%n_parts = answers%parts%n_sets()
+    self%n_pieces = answers%pieces%n_sets()
   end subroutine candidates_keep_boundary
 
   !> Find the faces that are wrong on several ranks, and elements of which other ranks have all faces.

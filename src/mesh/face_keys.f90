@@ -1,5 +1,8 @@
-!> Keys of faces: what ranks tell each other of the faces of their elements that other ranks may have too. The keys of
-!> all ranks, gathered in any order, are on every rank; they have the size of surfaces.
+!> Keys of faces: what ranks tell each other of the faces of their elements that other ranks may have too.
+!>
+!> Each key goes to a directory, one of the ranks, which gets the keys of a face from all ranks that have it, and answers
+!> (`answer_keys`). The nodes of the keys go to directories likewise, which tell what parts have a node in common
+!> (`link_nodes`). What then is on all ranks are parts and pieces with their links, as many as ranks that are neighbours.
 !>
 !> Rows of a key: the corners by their numbers in the whole body, ascending and padded with 0 in front; the root of the
 !> part of the body; the piece on the rank, whose elements are joined by whole faces; the signature of the nodes on the
@@ -7,8 +10,8 @@
 module dotyk_mesh_face_keys
   use dotyk_base_kinds, only: int64
   use dotyk_mesh_corner_table, only: corner_table_t
+  use dotyk_mesh_linked_tags, only: linked_tags_t, tag_links_t
   use dotyk_mesh_tag_map, only: growing_tag_map_t
-  use dotyk_mesh_union_find, only: join, root_of
   implicit none
   private
 
@@ -17,23 +20,37 @@ module dotyk_mesh_face_keys
   !> Greatest number of corners of a face.
   integer, parameter, public :: max_corners = 4
 
-  !> What the keys of all ranks tell of each face.
+  !> What the keys of all ranks tell of each face of some of them.
   type, public :: face_census_t
     !> Faces by their corners.
     type(corner_table_t) :: table
-    !> Number of elements at each face; what is more than three is not counted in full (n_faces).
+    !> Number of elements at each face, 3 for more (n_faces).
     integer, allocatable :: times(:)
     !> Whether several ranks have elements at each face (n_faces).
     logical, allocatable :: on_ranks(:)
     !> Whether ranks have other nodes on each face (n_faces).
     logical, allocatable :: mixed(:)
   contains
-    procedure :: init => census_init
+    procedure :: count => census_count
+    procedure :: take => census_take
     procedure :: find => census_find
     procedure :: is_wrong => census_is_wrong
   end type face_census_t
 
-  public :: face_key, node_key, join_parts, count_pieces
+  !> What the directories tell a rank.
+  type, public :: key_answers_t
+    !> Answer to each key of the rank (n_keys).
+    integer, allocatable :: face(:)
+    !> Roots of the parts of the body that have a key, of all ranks.
+    type(linked_tags_t) :: parts
+    !> Pieces that have a face, of all ranks: those of two ranks are one where both have a face.
+    type(linked_tags_t) :: pieces
+  end type key_answers_t
+
+  !> Weights of the properties of a face in an answer, after the number of elements.
+  integer, parameter :: of_ranks = 4, of_mixed = 8
+
+  public :: answer_keys, directory_of, face_key, link_nodes, list_nodes, list_tags, node_key
 
 contains
 
@@ -78,26 +95,153 @@ contains
     n_corners = count(key(:max_corners) > 0)
   end function n_corners
 
-  !> Count the elements at the faces of all ranks.
-  subroutine census_init(self, all_keys)
+  !> Directory of a key or node: a number of 0 .. n_directories - 1.
+  pure integer function directory_of(corner, n_directories) result(directory)
+    !> Corners of the key, ascending, or the node (1 to 4).
+    integer, intent(in) :: corner(:)
+    !> Number of directories.
+    integer, intent(in) :: n_directories
+    directory = modulo(minval(corner, mask=corner > 0), n_directories)
+  end function directory_of
+
+  !> Tag of the piece of a key, among those of all ranks.
+  pure integer(int64) function piece_tag(key) result(tag)
+    !> The key (key_length).
+    integer, intent(in) :: key(:)
+    tag = ishft(int(key(8)/4, int64), 32) + key(6)
+  end function piece_tag
+
+  !> Answer the keys that a directory has got.
+  subroutine answer_keys(keys, answer, links)
+    !> The keys of its faces, of all ranks in any order; maybe some of nodes (key_length, n).
+    integer, intent(in) :: keys(:, :)
+    !> What the rank of each key must know (n).
+    integer, allocatable, intent(out) :: answer(:)
+    !> Pieces that have a face in common.
+    type(tag_links_t), intent(out) :: links
+    type(face_census_t) :: census
+    integer(int64), allocatable :: piece_at(:)
+    integer :: i, face
+    call census%count(keys)
+    allocate (answer(size(keys, 2)), source=0)
+    allocate (piece_at(size(keys, 2)), source=-1_int64)
+    do i = 1, size(keys, 2)
+      if (n_corners(keys(:, i)) == 1) cycle
+      face = census%find(keys(:max_corners, i))
+      answer(i) = census%times(face) + merge(of_ranks, 0, census%on_ranks(face)) + &
+                  merge(of_mixed, 0, census%mixed(face))
+      if (piece_at(face) < 0) piece_at(face) = piece_tag(keys(:, i))
+      call links%add(piece_at(face), piece_tag(keys(:, i)))
+    end do
+  end subroutine answer_keys
+
+  !> Nodes of the keys of a rank, and the roots of their parts, once each.
+  subroutine list_nodes(keys, node_root)
+    !> The keys (key_length, any).
+    integer, intent(in) :: keys(:, :)
+    !> Node and root (2, n).
+    integer, allocatable, intent(out) :: node_root(:, :)
+    type(growing_tag_map_t) :: nodes
+    integer, allocatable :: root(:)
+    integer :: i, j, k
+    allocate (root(max_corners*size(keys, 2)))
+    do i = 1, size(keys, 2)
+      do j = 1, max_corners
+        if (keys(j, i) == 0) cycle
+        call nodes%add(int(keys(j, i), int64), k)
+        root(k) = keys(max_corners + 1, i)
+      end do
+    end do
+    allocate (node_root(2, nodes%n))
+    if (nodes%n > 0) node_root(1, :) = int(nodes%tag(:nodes%n))
+    node_root(2, :) = root(:nodes%n)
+  end subroutine list_nodes
+
+  !> Parts that have a node in common, of the nodes that a directory has got.
+  subroutine link_nodes(node_root, links)
+    !> Nodes with the roots of their parts, from `list_nodes` of all ranks in any order (2, n).
+    integer, intent(in) :: node_root(:, :)
+    !> The roots.
+    type(tag_links_t), intent(out) :: links
+    type(growing_tag_map_t) :: nodes
+    integer, allocatable :: root(:)
+    integer :: i, k
+    allocate (root(size(node_root, 2)), source=0)
+    do i = 1, size(node_root, 2)
+      call nodes%add(int(node_root(1, i), int64), k)
+      if (root(k) == 0) root(k) = node_root(2, i)
+      call links%add(int(root(k), int64), int(node_root(2, i), int64))
+    end do
+  end subroutine link_nodes
+
+  !> Parts and pieces of the keys of a rank, once each.
+  subroutine list_tags(keys, parts, pieces)
+    !> The keys (key_length, any).
+    integer, intent(in) :: keys(:, :)
+    !> Roots of the parts (any).
+    integer(int64), allocatable, intent(out) :: parts(:)
+    !> Tags of the pieces that have a face (any).
+    integer(int64), allocatable, intent(out) :: pieces(:)
+    type(growing_tag_map_t) :: of_parts, of_pieces
+    integer :: i, k
+    do i = 1, size(keys, 2)
+      call of_parts%add(int(keys(max_corners + 1, i), int64), k)
+      if (n_corners(keys(:, i)) > 1) call of_pieces%add(piece_tag(keys(:, i)), k)
+    end do
+    allocate (parts(of_parts%n), pieces(of_pieces%n))
+    if (size(parts) > 0) parts = of_parts%tag(:of_parts%n)
+    if (size(pieces) > 0) pieces = of_pieces%tag(:of_pieces%n)
+  end subroutine list_tags
+
+  !> Count the elements at faces.
+  subroutine census_count(self, keys)
     class(face_census_t), intent(out) :: self
-    !> Keys of all ranks (key_length, any).
-    integer, intent(in) :: all_keys(:, :)
+    !> All keys of these faces, of all ranks (key_length, any).
+    integer, intent(in) :: keys(:, :)
     integer, allocatable :: first(:)
     integer :: i, m, entry
-    call self%table%init(max_corners, size(all_keys, 2))
-    allocate (self%times(size(all_keys, 2)), first(size(all_keys, 2)), source=0)
-    allocate (self%on_ranks(size(first)), self%mixed(size(first)), source=.false.)
-    do i = 1, size(all_keys, 2)
-      m = n_corners(all_keys(:, i))
+    call make_room(self, size(keys, 2))
+    allocate (first(size(keys, 2)), source=0)
+    do i = 1, size(keys, 2)
+      m = n_corners(keys(:, i))
       if (m == 1) cycle
-      call self%table%add(all_keys(max_corners - m + 1:max_corners, i), entry)
-      self%times(entry) = self%times(entry) + mod(all_keys(8, i), 4)
+      call self%table%add(keys(max_corners - m + 1:max_corners, i), entry)
+      self%times(entry) = min(3, self%times(entry) + mod(keys(8, i), 4))
       if (first(entry) == 0) first(entry) = i
-      self%on_ranks(entry) = self%on_ranks(entry) .or. all_keys(8, i)/4 /= all_keys(8, first(entry))/4
-      self%mixed(entry) = self%mixed(entry) .or. all_keys(7, i) /= all_keys(7, first(entry))
+      self%on_ranks(entry) = self%on_ranks(entry) .or. keys(8, i)/4 /= keys(8, first(entry))/4
+      self%mixed(entry) = self%mixed(entry) .or. keys(7, i) /= keys(7, first(entry))
     end do
-  end subroutine census_init
+  end subroutine census_count
+
+  !> Take what the directories answer.
+  subroutine census_take(self, keys, answer)
+    class(face_census_t), intent(out) :: self
+    !> Keys of a rank (key_length, n).
+    integer, intent(in) :: keys(:, :)
+    !> Answers (n).
+    integer, intent(in) :: answer(:)
+    integer :: i, m, entry
+    call make_room(self, size(keys, 2))
+    do i = 1, size(keys, 2)
+      m = n_corners(keys(:, i))
+      if (m == 1) cycle
+      call self%table%add(keys(max_corners - m + 1:max_corners, i), entry)
+      self%times(entry) = mod(answer(i), of_ranks)
+      self%on_ranks(entry) = mod(answer(i), of_mixed) >= of_ranks
+      self%mixed(entry) = answer(i) >= of_mixed
+    end do
+  end subroutine census_take
+
+  !> Room for faces.
+  subroutine make_room(census, n)
+    !> Gets room.
+    type(face_census_t), intent(inout) :: census
+    !> Number of faces at most.
+    integer, intent(in) :: n
+    call census%table%init(max_corners, n)
+    allocate (census%times(n), source=0)
+    allocate (census%on_ranks(n), census%mixed(n), source=.false.)
+  end subroutine make_room
 
   !> Number of a face, from its key or corners; 0 where no rank has told it.
   pure integer function census_find(self, corner) result(face)
@@ -114,65 +258,4 @@ contains
     integer, intent(in) :: face
     is_wrong = self%on_ranks(face) .and. (self%times(face) > 2 .or. self%mixed(face))
   end function census_is_wrong
-
-  !> Join the connected parts of all ranks: what has a common node belongs to one part.
-  subroutine join_parts(all_keys, root, n_parts)
-    !> Keys of all ranks (key_length, any).
-    integer, intent(in) :: all_keys(:, :)
-    !> Root of each node of this rank, as far as its elements tell; in the whole body on return (n_nodes).
-    integer, intent(inout) :: root(:)
-    !> Number of parts of the whole body that have a key.
-    integer, intent(out) :: n_parts
-    type(growing_tag_map_t) :: parts, corners
-    integer, allocatable :: parent(:), part_of_corner(:)
-    integer :: i, j, part, corner, a, b
-    ! The keys have all roots that matter: a part without keys is closed, and has no other rank at its nodes.
-    allocate (parent(size(all_keys, 2)), part_of_corner(max_corners*size(all_keys, 2)), source=0)
-    do i = 1, size(all_keys, 2)
-      call parts%add(int(all_keys(max_corners + 1, i), int64), part)
-      if (parent(part) == 0) parent(part) = part
-      do j = 1, max_corners
-        if (all_keys(j, i) == 0) cycle
-        call corners%add(int(all_keys(j, i), int64), corner)
-        if (part_of_corner(corner) == 0) part_of_corner(corner) = part
-        a = root_of(parent, part)
-        b = root_of(parent, part_of_corner(corner))
-        if (a == b) cycle
-        ! The root of lower number stays.
-        if (parts%tag(a) < parts%tag(b)) then
-          parent(b) = a
-        else
-          parent(a) = b
-        end if
-      end do
-    end do
-    n_parts = count([(parent(i) == i, i=1, parts%n)])
-    do i = 1, size(root)
-      part = parts%find(int(root(i), int64))
-      if (part > 0) root(i) = int(parts%tag(root_of(parent, part)))
-    end do
-  end subroutine join_parts
-
-  !> Count the pieces of the whole body that have a key: those of two ranks are one where both have a face.
-  subroutine count_pieces(all_keys, census, n_pieces)
-    !> Keys of all ranks (key_length, any).
-    integer, intent(in) :: all_keys(:, :)
-    !> Their faces.
-    type(face_census_t), intent(in) :: census
-    !> Number of pieces.
-    integer, intent(out) :: n_pieces
-    type(growing_tag_map_t) :: pieces
-    integer, allocatable :: parent(:), piece_at(:)
-    integer :: i, piece, face
-    allocate (parent(size(all_keys, 2)), piece_at(size(all_keys, 2)), source=0)
-    do i = 1, size(all_keys, 2)
-      if (n_corners(all_keys(:, i)) == 1) cycle
-      face = census%find(all_keys(:max_corners, i))
-      call pieces%add(ishft(int(all_keys(8, i)/4, int64), 32) + all_keys(6, i), piece)
-      if (parent(piece) == 0) parent(piece) = piece
-      if (piece_at(face) == 0) piece_at(face) = piece
-      call join(parent, piece, piece_at(face))
-    end do
-    n_pieces = count([(parent(i) == i, i=1, pieces%n)])
-  end subroutine count_pieces
 end module dotyk_mesh_face_keys

@@ -114,20 +114,22 @@ contains
     self%start = self%start(:n + 1)
   end subroutine directory_register
 
-  !> Number the nodes, with the counts of all directories.
-  subroutine directory_set_offsets(self, rank, all_counts)
+  !> Number the nodes, with what the other directories have counted.
+  subroutine directory_set_offsets(self, n_before, n_of_owner, n_in_lower)
     class(node_directory_t), intent(inout) :: self
-    !> This rank, from 0.
-    integer, intent(in) :: rank
-    !> `counts` of all ranks (0:n_ranks-1, 0:n_ranks-1).
-    integer, intent(in) :: all_counts(0:, 0:)
-    integer :: next(0:size(all_counts, 1) - 1), r, i, whole
+    !> Nodes of each owner in lower directories (0:n_ranks-1).
+    integer, intent(in) :: n_before(0:)
+    !> Nodes of each owner in all directories (0:n_ranks-1).
+    integer, intent(in) :: n_of_owner(0:)
+    !> Nodes of all owners in lower directories.
+    integer, intent(in) :: n_in_lower
+    integer :: next(0:size(n_before) - 1), r, i, whole
     allocate (self%first_node(0:size(next)), self%whole(size(self%owner)), self%global(size(self%owner)), source=0)
     do r = 0, size(next) - 1
-      self%first_node(r + 1) = self%first_node(r) + sum(all_counts(r, :))
-      next(r) = self%first_node(r) + sum(all_counts(r, :rank - 1))
+      self%first_node(r + 1) = self%first_node(r) + n_of_owner(r)
+      next(r) = self%first_node(r) + n_before(r)
     end do
-    whole = sum(all_counts(:, :rank - 1))
+    whole = n_in_lower
     do i = 1, size(self%owner)
       if (self%owner(i) == size(next)) cycle
       whole = whole + 1

@@ -58,18 +58,23 @@ contains
     !> Allocated where the modulus field cannot be evaluated.
     type(error_t), allocatable, intent(out) :: error
     type(vector_field_t) :: stiffness
-    real(dp), allocatable :: size_of(:)
+    real(dp), allocatable :: size_of(:), point(:, :), weight(:)
     real(dp) :: value(3), young
-    integer :: i
+    integer :: i, of_rule
     ! Sizes are computed when needed: most facets may have no points.
     allocate (size_of(surface%n_facets), source=-1.0_dp)
     call read_modulus_field(body%material, stiffness, error)
     if (allocated(error)) return
     value(1) = body%mean_modulus_factor
     young = body%young()
+    of_rule = 0
     do i = 1, size(facet)
       associate (f => facet(i), kind => surface%kind(facet(i)))
-        if (size_of(f) < 0) size_of(f) = facet_size(kind, body%mesh%x(:, surface%node(1:kind_nodes(kind), f)))
+        if (size_of(f) < 0) then
+          if (kind /= of_rule) call quadrature_rule(kind, 2, point, weight)
+          of_rule = kind
+          size_of(f) = facet_size(kind, body%mesh%x(:, surface%node(1:kind_nodes(kind), f)), point, weight)
+        end if
       end associate
       if (.not. stiffness%constant) call stiffness%evaluate(position(:, i), value, error)
       if (allocated(error)) exit
@@ -80,15 +85,17 @@ contains
   end subroutine add_side
 
   !> Size of a facet: its length, or the root of its area [length].
-  real(dp) function facet_size(kind, x) result(length)
+  real(dp) function facet_size(kind, x, point, weight) result(length)
     !> Element kind of the facet.
     integer, intent(in) :: kind
     !> Nodes of the facet (dimension, n_nodes) [length].
     real(dp), intent(in) :: x(:, :)
-    real(dp), allocatable :: point(:, :), weight(:)
+    !> Points of a rule (dimension-1, n_points) [].
+    real(dp), intent(in) :: point(:, :)
+    !> Its weights (n_points) [].
+    real(dp), intent(in) :: weight(:)
     real(dp) :: position(size(x, 1)), normal(size(x, 1)), jacobian
     integer :: q
-    call quadrature_rule(kind, 2, point, weight)
     length = 0
     do q = 1, size(weight)
       call facet_geometry(kind, size(x, 1), x, point(:, q), position, normal, jacobian)

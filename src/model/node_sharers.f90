@@ -30,18 +30,37 @@ contains
     !> The ranks (any).
     integer, allocatable, intent(out) :: sharer(:)
     type(node_directory_t) :: directory
-    integer(int64), allocatable :: counts(:), asked(:), answers(:)
+    integer(int64), allocatable :: asked(:), answers(:)
     integer(int64) :: n_from(n_ranks()), n_back(n_ranks())
     integer, allocatable :: reply(:, :)
     call register(file_node, n_file_nodes, directory, asked, n_from)
-    call gather_all(int(directory%counts, int64), counts)
-    call directory%set_offsets(this_rank(), reshape(int(counts), [n_ranks(), n_ranks()]))
+    call exchange_counts(directory)
     call directory%answer(int(asked), reply)
     call deliver(reshape(int(reply, int64), [size(reply)]), 3*n_from, answers, n_back)
     call take_numbers(reshape(int(answers), [3, size(answers)/3]), directory%first_node(n_ranks()), whole)
     call ask_sharers(directory, asked, n_from, n_sharers, sharer)
     call move_alloc(directory%first_node, first_node)
   end subroutine number_nodes
+
+  !> Number the nodes of a directory by the counts of all of them: each rank adds up its own nodes, so that no rank has
+  !> the counts of all owners in all directories.
+  subroutine exchange_counts(directory)
+    !> The nodes of this rank's range; gets their numbers.
+    type(node_directory_t), intent(inout) :: directory
+    integer(int64), allocatable :: own(:), before(:), totals(:)
+    integer(int64) :: n(n_ranks()), one(n_ranks()), so_far(n_ranks())
+    integer :: r
+    one = 1
+    call deliver(int(directory%counts, int64), one, own, n)
+    so_far(1) = 0
+    do r = 2, n_ranks()
+      so_far(r) = so_far(r - 1) + own(r - 1)
+    end do
+    call deliver(so_far, one, before, n)
+    ! Nodes that this rank owns, and those of its directory.
+    call gather_all([sum(own), sum(int(directory%counts, int64))], totals)
+    call directory%set_offsets(int(before), int(totals(1::2)), int(sum(totals(2:2*this_rank():2))))
+  end subroutine exchange_counts
 
   !> Tell the directories which nodes this rank has.
   subroutine register(node, n_nodes, directory, asked, n_from)

@@ -6,6 +6,7 @@ module joints_check
   use dotyk_mesh_body_mesh, only: body_mesh_t, extract_body
   use dotyk_mesh_boundary_candidates, only: key_length
   use dotyk_mesh_element, only: kind_dimension
+  use dotyk_mesh_face_keys, only: key_answers_t
   use dotyk_mesh_joints, only: joints_t
   use dotyk_mesh_layer_share, only: layer_share_t, pack_layer
   use dotyk_mesh_mesh, only: mesh_t
@@ -15,6 +16,7 @@ module joints_check
   use dotyk_mesh_shortest_edges, only: find_layer_edges
   use dotyk_mesh_surface_layer, only: surface_layer_t
   use part_check, only: move_elements, number_all_nodes, rank_t
+  use test_directories, only: answers_to
   implicit none
   private
   public :: check_shares, find_of_shares
@@ -111,6 +113,7 @@ contains
     integer(int64), allocatable :: packed(:), all(:), number(:)
     real(dp), allocatable :: x(:), shortest(:), least(:)
     integer, allocatable :: keys(:, :)
+    type(key_answers_t) :: answers
     integer :: r
     allocate (all(0))
     do r = 0, n_ranks - 1
@@ -139,7 +142,8 @@ contains
     end do
     all = all(:0)
     do r = 0, n_ranks - 1
-      call rank(r)%candidates%keep_boundary(rank(r)%own, rank(r)%whole%node, keys)
+      call answers_to(rank(r)%candidates%key, keys, answers)
+      call rank(r)%candidates%keep_boundary(rank(r)%own, rank(r)%whole%node, answers)
       call pack_faults(rank(r)%own, rank(r)%whole, rank(r)%candidates, packed)
       all = [packed, all]
     end do

@@ -8,6 +8,7 @@ module layer_check
   use dotyk_mesh_boundary, only: extract_boundary
   use dotyk_mesh_boundary_candidates, only: boundary_candidates_t, key_length
   use dotyk_mesh_boundary_part, only: find_entities
+  use dotyk_mesh_face_keys, only: key_answers_t
   use dotyk_mesh_layer_share, only: layer_share_t, own_elements, pack_layer, whole_numbers_t
   use dotyk_mesh_layer_surface, only: extract_layer_surface, find_inner_facets, layer_boundary, layer_surface_names
   use dotyk_mesh_mesh, only: mesh_t
@@ -15,6 +16,7 @@ module layer_check
   use dotyk_mesh_physical_group, only: group_names
   use dotyk_mesh_surface, only: extract_surface, node_numbers, surface_names, surface_t
   use dotyk_mesh_surface_layer, only: surface_layer_t
+  use test_directories, only: answers_to
   implicit none
   private
   public :: check_volumes, make_layer, compare_layer
@@ -76,6 +78,7 @@ contains
     integer, allocatable :: part_of_element(:), keys(:, :), n_sharers(:)
     integer(int64), allocatable :: inner(:), number(:)
     real(dp), allocatable :: x(:)
+    type(key_answers_t) :: answers
     integer :: r
     call split_elements(whole, n_parts, part_of_element)
     allocate (keys(key_length, 0), number(0), x(0))
@@ -90,7 +93,8 @@ contains
       keys = reshape([keys, candidates(r)%key], [key_length, size(keys, 2) + size(candidates(r)%key, 2)])
     end do
     do r = 0, n_parts - 1
-      call candidates(r)%keep_boundary(own(r), numbers(r)%node, keys)
+      call answers_to(candidates(r)%key, keys, answers)
+      call candidates(r)%keep_boundary(own(r), numbers(r)%node, answers)
       call find_inner_facets(mesh, own(r), candidates(r), inner)
       call pack_layer(own(r), numbers(r), candidates(r), inner, whole%diameter(), share)
       ! In any order.

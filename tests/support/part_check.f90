@@ -5,6 +5,7 @@ module part_check
   use dotyk_mesh_body_mesh, only: body_mesh_t, extract_body
   use dotyk_mesh_body_part, only: body_part_t, cut_part
   use dotyk_mesh_boundary_candidates, only: boundary_candidates_t, key_length
+  use dotyk_mesh_face_keys, only: key_answers_t
   use dotyk_mesh_gmsh, only: read_gmsh
   use dotyk_mesh_layer_share, only: layer_share_t, pack_layer, whole_numbers_t
   use dotyk_mesh_layer_surface, only: find_inner_facets
@@ -15,6 +16,7 @@ module part_check
   use dotyk_mesh_share_split, only: pack_for_rank, part_bounds_t, share_box, share_curve_t
   use dotyk_mesh_surface_layer, only: surface_layer_t
   use layer_check, only: compare_layer
+  use test_directories, only: answers_to
   implicit none
   private
   public :: check_assembly, move_elements, number_all_nodes
@@ -68,6 +70,7 @@ contains
     integer(int64), allocatable :: number(:), inner(:)
     real(dp), allocatable :: x(:)
     integer, allocatable :: keys(:, :), counts(:, :), owner(:), component(:)
+    type(key_answers_t) :: answers
     integer :: r, s, b, n
     message = ''
     most = 0
@@ -95,7 +98,8 @@ contains
       keys = reshape([keys, rank(r)%candidates%key], [key_length, size(keys, 2) + size(rank(r)%candidates%key, 2)])
     end do
     do r = 0, n_ranks - 1
-      call rank(r)%candidates%keep_boundary(rank(r)%own, rank(r)%whole%node, keys)
+      call answers_to(rank(r)%candidates%key, keys, answers)
+      call rank(r)%candidates%keep_boundary(rank(r)%own, rank(r)%whole%node, answers)
       call find_inner_facets(rank(r)%mesh, rank(r)%own, rank(r)%candidates, inner)
       call pack_layer(rank(r)%own, rank(r)%whole, rank(r)%candidates, inner, body%diameter(), share)
       number = [number, share%number]
@@ -207,7 +211,7 @@ contains
       counts(:, d) = rank(d)%directory%counts
     end do
     do d = 0, n - 1
-      call rank(d)%directory%set_offsets(d, counts)
+      call rank(d)%directory%set_offsets(sum(counts(:, :d - 1), dim=2), sum(counts, dim=2), sum(counts(:, :d - 1)))
     end do
     do r = 0, n - 1
       allocate (rank(r)%n_sharers(0), rank(r)%sharer(0))
