@@ -15,7 +15,6 @@ program distributed
   use dotyk_contact_pair, only: contact_pair_t
   use dotyk_distributed_contact, only: distributed_contact_t
   use dotyk_distributed_part, only: part_t
-  use dotyk_distributed_partition, only: cut_bodies
   use dotyk_distributed_petsc, only: memory_of_rank, n_summed, n_sums, start_petsc, stop_petsc, sum_of_ranks
   use dotyk_distributed_stiffness, only: distributed_stiffness_t
   use dotyk_elasticity_body, only: body_t
@@ -28,6 +27,7 @@ program distributed
   use dotyk_ranks_communication, only: end_ranks, n_ranks, start_ranks, this_rank
   use dotyk_scheme_monitor, only: monitor_t
   use dotyk_scheme_solver_state, only: ending_name, solver_state_t
+  use test_partition, only: cut_bodies
   implicit none
 
   integer :: k, code

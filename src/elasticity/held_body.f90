@@ -2,15 +2,11 @@
 module dotyk_elasticity_held_body
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_shortest_extent, only: shortest_extent
-  use dotyk_mesh_body_part, only: node_owners
+  use dotyk_mesh_body_part, only: n_ghost_layers, node_owners
   use dotyk_mesh_held_part, only: add_neighbours, hold_part, surface_part
   implicit none
   private
   public :: hold_surface, hold_own_part
-
-  !> Layers of elements around those of a rank: recovered strains at the nodes of its elements need those of all
-  !> vertices around them.
-  integer, parameter :: n_layers = 2
 
 contains
 
@@ -44,7 +40,7 @@ contains
     integer, allocatable :: node(:), node_rank(:)
     integer :: layer
     holds = element_rank == rank
-    do layer = 1, n_layers
+    do layer = 1, n_ghost_layers
       call add_neighbours(body%mesh, holds)
     end do
     call surface_part(body%mesh, of_surface, node)

@@ -1,11 +1,12 @@
 !> The boundary of a body whose elements are on several ranks.
 !>
 !> Faces that occur once in the elements of a rank are candidates: they are on the boundary of the body, or between two
-!> ranks. The directories of the keys (`dotyk_mesh_face_keys`) tell which; no rank needs keys or elements of others. Faces of more than two elements have a key also where two of them are on
-!> one rank: then all their corners are nodes that ranks share.
+!> ranks. The directories of the keys (`dotyk_mesh_face_keys`) tell which; no rank needs keys or elements of others.
+!> Faces of more than two elements have a key also where two of them are on one rank: then all their corners are nodes
+!> that ranks share.
 !>
-!> The way: `find` on each rank; each `key` to its directory; `keep_boundary` on each rank with the answers; what is wrong
-!> with faces is told by `dotyk_mesh_share_faults`.
+!> The way: `find` on each rank; each `key` to its directory; `keep_boundary` on each rank with the answers; what is
+!> wrong with faces is told by `dotyk_mesh_share_faults`.
 module dotyk_mesh_boundary_candidates
   use dotyk_base_kinds, only: int64
   use dotyk_mesh_body_mesh, only: body_mesh_t, connected_components

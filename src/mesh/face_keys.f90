@@ -1,8 +1,9 @@
 !> Keys of faces: what ranks tell each other of the faces of their elements that other ranks may have too.
 !>
-!> Each key goes to a directory, one of the ranks, which gets the keys of a face from all ranks that have it, and answers
-!> (`answer_keys`). The nodes of the keys go to directories likewise, which tell what parts have a node in common
-!> (`link_nodes`). What then is on all ranks are parts and pieces with their links, as many as ranks that are neighbours.
+!> Each key goes to a directory, one of the ranks, which gets the keys of a face from all ranks that have it, and
+!> answers (`answer_keys`). The nodes of the keys go to directories likewise, which tell what parts have a node in
+!> common (`link_nodes`). What then is on all ranks are parts and pieces with their links, as many as ranks that are
+!> neighbours.
 !>
 !> Rows of a key: the corners by their numbers in the whole body, ascending and padded with 0 in front; the root of the
 !> part of the body; the piece on the rank, whose elements are joined by whole faces; the signature of the nodes on the

@@ -7,7 +7,6 @@
 module dotyk_mesh_layer_share
   use dotyk_base_kinds, only: dp, int64
   use dotyk_mesh_body_mesh, only: body_mesh_t
-  use dotyk_mesh_body_part, only: body_part_t
   use dotyk_mesh_boundary_candidates, only: boundary_candidates_t
   use dotyk_mesh_element, only: kind_nodes
   implicit none
@@ -45,7 +44,7 @@ module dotyk_mesh_layer_share
     integer, allocatable :: element(:)
   end type element_numbers_t
 
-  public :: pack_layer, pack_items, no_elements, whole_body_numbers, own_elements, count_items, share_length
+  public :: pack_layer, pack_items, no_elements, count_items, share_length
 
   !> Numbers at the head of a share: facets, elements, nodes, inner facets, blocks, dimension, nodes of the whole body,
   !> order elevation.
@@ -54,50 +53,6 @@ module dotyk_mesh_layer_share
   integer, parameter, public :: element_length = 4, node_length = 6
 
 contains
-
-  !> Numbers of a body that is whole on one rank.
-  subroutine whole_body_numbers(mesh, whole)
-    !> Mesh of the whole body.
-    type(body_mesh_t), intent(in) :: mesh
-    !> Its numbers.
-    type(whole_numbers_t), intent(out) :: whole
-    integer :: b, i
-    whole%n_nodes = mesh%n_nodes()
-    whole%node = [(i, i=1, whole%n_nodes)]
-    whole%global_node = whole%node - 1
-    allocate (whole%node_rank(whole%n_nodes), source=0)
-    allocate (whole%block(size(mesh%block)))
-    do b = 1, size(mesh%block)
-      whole%block(b)%n_elements = size(mesh%block(b)%tag)
-      whole%block(b)%element = [(i, i=1, size(mesh%block(b)%tag))]
-    end do
-  end subroutine whole_body_numbers
-
-  !> The elements that a rank owns of a body in parts, without its ghosts.
-  subroutine own_elements(part, mesh, whole)
-    !> Part of the rank.
-    type(body_part_t), intent(in) :: part
-    !> Its own elements, with all nodes of the part.
-    type(body_mesh_t), intent(out) :: mesh
-    !> Their numbers in the whole body.
-    type(whole_numbers_t), intent(out) :: whole
-    integer, allocatable :: own(:)
-    integer :: b, e
-    mesh = part%mesh
-    whole%n_nodes = part%n_whole_nodes
-    whole%node = part%whole_node
-    whole%rank = part%rank
-    whole%node_rank = part%node_rank
-    whole%global_node = part%global_node
-    allocate (whole%block(size(mesh%block)))
-    do b = 1, size(mesh%block)
-      own = pack([(e, e=1, size(part%elements(b)%own))], part%elements(b)%own)
-      mesh%block(b)%node = part%mesh%block(b)%node(:, own)
-      mesh%block(b)%tag = part%mesh%block(b)%tag(own)
-      whole%block(b)%n_elements = part%elements(b)%n_whole
-      whole%block(b)%element = part%elements(b)%whole(own)
-    end do
-  end subroutine own_elements
 
   !> Pack the share of a rank.
   subroutine pack_layer(mesh, whole, boundary, inner_tag, diameter, share)

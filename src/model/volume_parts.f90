@@ -10,7 +10,7 @@ module dotyk_model_volume_parts
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
   use dotyk_mesh_body_mesh, only: body_mesh_t
-  use dotyk_mesh_body_part, only: body_part_t
+  use dotyk_mesh_body_part, only: body_part_t, n_ghost_layers
   use dotyk_mesh_boundary_candidates, only: boundary_candidates_t
   use dotyk_mesh_joints, only: joints_t
   use dotyk_mesh_layer_part, only: hold_layer_part
@@ -49,10 +49,6 @@ module dotyk_model_volume_parts
     procedure :: weight => share_weight
     procedure :: make_part => share_make_part
   end type volume_share_t
-
-  !> Layers of elements around those of a rank: recovered strains at the nodes of its elements need those of all
-  !> vertices around them.
-  integer, parameter :: n_layers = 2
 
 contains
 
@@ -134,7 +130,7 @@ contains
     call find_layer(self, mesh, candidates, layer)
     call find_joints(self%own, self%whole, layer, faults, joints)
     if (allocated(joints%fault)) return
-    do k = 2, n_layers
+    do k = 2, n_ghost_layers
       call hold_more(self%own, self%whole, n_sharers, sharer)
     end do
     call fetch_ghosts(self, candidates, n_sharers, sharer, number, x)

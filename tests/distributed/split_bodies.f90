@@ -8,7 +8,6 @@ program split_bodies
   use dotyk_distributed_contact, only: distributed_contact_t
   use dotyk_distributed_index_limits, only: check_entries, check_unknowns
   use dotyk_distributed_part, only: part_t
-  use dotyk_distributed_partition, only: cut_bodies
   use dotyk_distributed_petsc, only: largest_of_ranks, start_petsc, stop_petsc
   use dotyk_distributed_stiffness, only: distributed_stiffness_t
   use dotyk_mesh_element, only: element_hex20, element_hex8, element_quad8, element_tet10
@@ -18,6 +17,7 @@ program split_bodies
   use dotyk_scheme_solver_state, only: ended_converged, solver_state_t
   use dotyk_scheme_stopping, only: solver_settings_t
   use test_multigrid_scene, only: floating, loose, multigrid_scene_t, pressed, scene_settings_t
+  use test_partition, only: cut_bodies
   implicit none
 
   !> Tolerance of the schemes, and of pressures relative to the largest one [].

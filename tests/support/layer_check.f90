@@ -4,18 +4,19 @@ module layer_check
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_text, only: text_t, to_text
   use dotyk_mesh_body_mesh, only: body_mesh_t, connected_components, extract_body
-  use dotyk_mesh_body_part, only: body_part_t, cut_part, split_elements
+  use dotyk_mesh_body_part, only: body_part_t
   use dotyk_mesh_boundary, only: extract_boundary
   use dotyk_mesh_boundary_candidates, only: boundary_candidates_t, key_length
   use dotyk_mesh_boundary_part, only: find_entities
   use dotyk_mesh_face_keys, only: key_answers_t
-  use dotyk_mesh_layer_share, only: layer_share_t, own_elements, pack_layer, whole_numbers_t
+  use dotyk_mesh_layer_share, only: layer_share_t, pack_layer, whole_numbers_t
   use dotyk_mesh_layer_surface, only: extract_layer_surface, find_inner_facets, layer_boundary, layer_surface_names
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_order_elevation, only: elevate_order, has_linear_simplices
   use dotyk_mesh_physical_group, only: group_names
   use dotyk_mesh_surface, only: extract_surface, node_numbers, surface_names, surface_t
   use dotyk_mesh_surface_layer, only: surface_layer_t
+  use test_cut_body, only: cut_part, own_elements, split_elements
   use test_directories, only: answers_to
   implicit none
   private

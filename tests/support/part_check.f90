@@ -3,7 +3,7 @@ module part_check
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
   use dotyk_mesh_body_mesh, only: body_mesh_t, extract_body
-  use dotyk_mesh_body_part, only: body_part_t, cut_part
+  use dotyk_mesh_body_part, only: body_part_t
   use dotyk_mesh_boundary_candidates, only: boundary_candidates_t, key_length
   use dotyk_mesh_face_keys, only: key_answers_t
   use dotyk_mesh_gmsh, only: read_gmsh
@@ -16,6 +16,7 @@ module part_check
   use dotyk_mesh_share_split, only: pack_for_rank, part_bounds_t, share_box, share_curve_t
   use dotyk_mesh_surface_layer, only: surface_layer_t
   use layer_check, only: compare_layer
+  use test_cut_body, only: cut_part
   use test_directories, only: answers_to
   implicit none
   private

@@ -1,5 +1,5 @@
 !> Parts of bodies for the ranks that compute them together.
-module dotyk_distributed_partition
+module test_partition
   use dotyk_base_kinds, only: dp, int64
   use dotyk_distributed_part, only: part_t
   use dotyk_elasticity_body, only: body_t
@@ -40,4 +40,4 @@ contains
       call part(b)%init(b, piece, mode(:, piece%mesh%whole%node, :))
     end do
   end subroutine cut_bodies
-end module dotyk_distributed_partition
+end module test_partition
