@@ -5,14 +5,15 @@ usage: tools/scaling.py [options]                      tables of a machine, weak
        tools/scaling.py --unknowns 1e9 --nodes 100     one run, part by part
        tools/scaling.py --test                         the model against its own runs, 25 % allowed; exit code 1 beyond
        tools/scaling.py --measure COMMAND...           adds a run to the counts: COMMAND with {ranks} in place of their number
+       tools/scaling.py --search LOG...                search_seconds and search_repeated from logs of dotyk of one scene, on one and more ranks
        tools/scaling.py --write                        docs/scaling.md (tables) and docs/scaling.png
 
 The model. n unknowns on N nodes with r ranks each, p = N r. A part of a run is work (seconds of a core for each unknown), traffic (bytes for
 each unknown through the memory of a node) and exchange. Beside a part of m unknowns lie ghosts: s F(p) (m/3)^(2/3) nodes in layers, where
 F(p) = 6 (1 - p^(-1/3)) faces are those of p cubes in a cube. An exchange costs neighbours*latency + bytes/(bandwidth of the network/r), a
 reduction 2 log2(p) latency. Level 0 is the mesh, level 1 its corners (n/8), each further one smaller by `coarsening`. What has the size of
-the contact surfaces, c n^(2/3) rows, is held and solved by every rank; the search for contact and the check for penetration are divided but
-for a part that every rank repeats, and their results gathered on every rank.
+the contact surfaces, c n^(2/3) rows, is on every rank; their factor is on one rank of each node, which factorizes and solves. The search for
+contact and the check for penetration are divided but for a part that every rank repeats, and their results gathered on every rank.
 """
 import argparse
 import json
@@ -104,7 +105,14 @@ def contact_rows(unknowns, counts):
 
 def row_factor_bytes(rows, counts):
     """Factor of the active rows: nested dissection of a surface mesh, (31/4) n log2(n) entries of a five-point one (George 1973)."""
-    return counts["factor_entries"] * rows * max(1.0, math.log2(max(2.0, rows))) * 12
+    return counts["factor_entries"] * rows * max(1.0, math.log2(max(2.0, rows))) * REAL
+
+
+def row_solve_time(rows, counts, machine):
+    """A solve with the factor, which is read forth and back, by the ranks of a node that share it, and telling all of them."""
+    bandwidth = min(machine["bandwidth"], counts["row_solvers"] * machine["bandwidth_of_rank"])
+    told = 2 * REAL * rows * machine["ranks_per_node"] / machine["bandwidth"] if machine["ranks_per_node"] > 1 else 0.0
+    return 2 * row_factor_bytes(rows, counts) / bandwidth + told
 
 
 def predict(unknowns, nodes, machine, counts):
@@ -121,8 +129,8 @@ def predict(unknowns, nodes, machine, counts):
     reduction = reduction_time(p, machine)
     setup_levels = len(sizes) - 1
     iterations, setups = counts["iterations"], counts["setups"]
-    surface = row_factor_bytes(rows * counts["active"], counts) * 2 * counts["row_solves"] * machine["ranks_per_node"]
-    surface /= machine["ranks_per_node"] if counts["row_solves_are_shared"] else 1
+    active = rows * counts["active"]
+    factors = setups * counts["row_setup_seconds"] * active / machine["core_speed"] / counts["row_solvers"]
     seconds = {
         "read": counts["mesh_bytes"] * unknowns / files,
         "contact search": search_time(rows, p, counts, machine),
@@ -132,15 +140,17 @@ def predict(unknowns, nodes, machine, counts):
                                      sum(exchange_time(size, p, counts, machine) for size in sizes[1:])),
         "iterations": iterations * counts["cycle_bytes"] * unknowns / bandwidth,
         "iterations, network": iterations * (counts["exchanges"] * on_levels + counts["reductions"] * reduction),
-        "contact rows": iterations * (surface / memory_bandwidth(machine, 1) + counts["row_sums"] * reduction_time(p, machine, REAL * rows)),
+        "contact rows": factors + iterations * (counts["row_solves"] * row_solve_time(active, counts, machine) +
+                                                counts["row_sums"] * reduction_time(p, machine, REAL * rows)),
         "estimates": counts["estimate_seconds"] * unknowns / speed,
         "results": counts["result_bytes"] * unknowns / files,
     }
     own = counts["memory_bytes"] * unknowns / p * counts["imbalance"] * (counts["memory_of_many"] if p > 1 else 1)
     ghosts = counts["ghost_bytes"] * ghost_nodes(unknowns, p, counts["ghost_layers"])
-    replicated = counts["row_bytes"] * rows + row_factor_bytes(rows * counts["active"], counts) if rows else 0.0
-    of_rank = counts["memory_of_rank"] + own + ghosts + replicated
-    return {"seconds": seconds, "total": sum(seconds.values()), "rank_bytes": of_rank, "node_bytes": of_rank * machine["ranks_per_node"],
+    factor = row_factor_bytes(active, counts) if rows else 0.0
+    of_rank = counts["memory_of_rank"] + own + ghosts + counts["row_bytes"] * rows
+    node_bytes = of_rank * machine["ranks_per_node"] + factor
+    return {"seconds": seconds, "total": sum(seconds.values()), "rank_bytes": of_rank + factor, "node_bytes": node_bytes,
             "ranks": p, "rows": rows, "levels": len(sizes)}
 
 
@@ -270,6 +280,31 @@ def measure(path, command, ranks, series):
     print(json.dumps(run, indent=1))
 
 
+def read_search(text):
+    """Ranks, rows, and processor seconds of the search and the check for penetration, from the log of a run."""
+    ranks = re.search(r"(\d+) ranks of", text)
+    line = re.search(r"processor time .*", text)
+    if not line:
+        sys.exit("scaling: the log has no line 'processor time'")
+    units = {"s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0}
+    seconds = 0.0
+    for stage in ("search", "check penetration"):
+        number, unit = re.search(r", %s ([\d.E+-]+) (\w+)" % stage, line.group(0)).groups()
+        seconds += float(number) * units[unit]
+    table = text.split("\n  contact pair ", 1)[1].split("\n\n", 1)[0]
+    rows = sum(int(found) for found in re.findall(r"^  \S.*?\s(\d+)\s+[\d.]+ %", table, re.M))
+    return int(ranks.group(1)) if ranks else 1, rows, seconds
+
+
+def search_constants(logs):
+    """Seconds of a row on one rank, and the part that each run on more ranks repeats, exchanges included."""
+    runs = sorted(read_search(text) for text in logs)
+    if runs[0][0] != 1:
+        sys.exit("scaling: none of the logs is of one rank")
+    _, rows, alone = runs[0]
+    return alone / rows, [(p, (p * seconds / alone - 1) / (p - 1)) for p, _, seconds in runs if p > 1]
+
+
 # Tables and figure
 
 def count(x):
@@ -349,8 +384,8 @@ def figure(path, machine, counts):
 
 
 def shared(counts):
-    """Counts of a program whose ranks share the whole search and the solves with the row factor."""
-    return {**counts, "search_is_shared": 1, "search_repeated": 0, "row_solves_are_shared": 1}
+    """Counts of a program whose ranks share the whole search, and those of a node the row factor."""
+    return {**counts, "search_is_shared": 1, "search_repeated": 0, "row_solvers": 64}
 
 
 def blocks(data, machine, counts):
@@ -384,6 +419,7 @@ def main():
     parser.add_argument("--unknowns", type=float)
     parser.add_argument("--nodes", type=int, default=1)
     parser.add_argument("--test", action="store_true")
+    parser.add_argument("--search", nargs="+", type=pathlib.Path, metavar="LOG")
     parser.add_argument("--write", action="store_true")
     parser.add_argument("--ranks", type=int, default=1, help="ranks of --measure (1)")
     parser.add_argument("--series", default="distributed", help="series of --measure: runs of one program and scene (distributed)")
@@ -391,6 +427,11 @@ def main():
     args = parser.parse_args()
     if args.measure:
         return measure(args.counts, args.measure, args.ranks, args.series)
+    if args.search:
+        of_row, repeated = search_constants([path.read_text() for path in args.search])
+        print("search_seconds %.2g" % of_row)
+        print("\n".join("search_repeated %.2f on %d ranks" % (part, p) for p, part in repeated))
+        return 0
     data = load(args.counts)
     machine, counts = dict(data["machines"][args.machine]), dict(data["counts"])
     for pair in args.set:

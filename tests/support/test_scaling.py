@@ -68,6 +68,33 @@ class Scaling(dotyk_case.Case):
         self.assertEqual([scaling.search_time(10, p, counts, machine) for p in (1, 3)], [20, 10])
         self.assertEqual(scaling.search_time(10, 3, {**counts, "search_is_shared": 0}, machine), 20)
 
+    def test_search_of_logs(self):
+        """Two rows a second on one rank; half of it repeated."""
+        log = """case.nml, 3d, 2 bodies, 2 contact pairs, %s
+
+  contact pair         constraints    area projected   smallest gap    largest gap          theta
+  c                             15           100.0 %%      0.000E+00      0.000E+00      1.142E-04
+    slave up:up low (31756 facets), master low:low up (31756 facets)
+  at the side                    5            33.3 %%      0.000E+00      0.000E+00      1.142E-04
+
+  time             read 1 s, search 99 s, check penetration 9 s, write 1 s; total 99 s
+  processor time   read 1 s, search %s, recover 1 s, estimate errors 1 s, check penetration %s, write 1 s; total 9 s
+"""
+        logs = [log % ("3 ranks of 1 thread", "6 s", "667 ms"), log % ("1 thread", "9.5 s", "500 ms")]
+        of_row, repeated = scaling.search_constants(logs)
+        self.assertAlmostEqual(of_row, 0.5)
+        self.assertEqual(repeated[0][0], 3)
+        self.assertAlmostEqual(repeated[0][1], 0.5, places=3)
+
+    def test_factor_of_rows_is_read_by_one_rank_of_a_node(self):
+        machine = {"bandwidth": 100.0, "bandwidth_of_rank": 10.0, "ranks_per_node": 64}
+        counts = {"factor_entries": 1.0, "row_solvers": 1}
+        size = scaling.row_factor_bytes(1024, counts)
+        self.assertEqual(size, 8 * 1024 * 10)
+        told = 2 * 8 * 1024 * 64 / 100.0
+        self.assertAlmostEqual(scaling.row_solve_time(1024, counts, machine), 2 * size / 10.0 + told)
+        self.assertAlmostEqual(scaling.row_solve_time(1024, {**counts, "row_solvers": 64}, machine), 2 * size / 100.0 + told)
+
     def test_gathered_bytes_go_once_over_the_network_and_to_each_rank_of_a_node(self):
         machine = {"latency": 1.0, "network": 10, "bandwidth": 40, "ranks_per_node": 4}
         self.assertEqual([scaling.gather_time(p, machine, 100) for p in (1, 4, 8)], [0, 2 + 20, 3 + 10 + 20])
