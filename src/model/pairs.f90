@@ -2,26 +2,22 @@
 module dotyk_model_pairs
   use omp_lib, only: omp_get_max_threads
   use dotyk_base_error, only: error_slot_t, error_t, problem_list_t
-  use dotyk_base_formula, only: formula_t
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: analysis_axisymmetric, gap_formula, scheme_auto, scheme_dual, theta_formula, &
-    theta_mesh, theta_relative
   use dotyk_base_text, only: to_text
-  use dotyk_contact_pair, only: contact_pair_t, pair_settings_t
-  use dotyk_contact_pair_discretization, only: discretize_pair
+  use dotyk_contact_pair, only: contact_pair_t
+  use dotyk_contact_pair_exchange, only: share_pairs
   use dotyk_contact_pair_report, only: pair_report_t
   use dotyk_contact_smooth_sheets, only: split_sheets
   use dotyk_elasticity_body, only: body_t
-  use dotyk_elasticity_shortest_extent, only: shortest_extent
-  use dotyk_input_case, only: case_t, contact_input_t
+  use dotyk_input_case, only: case_t
   use dotyk_mesh_surface, only: surface_t
   use dotyk_model_discretized_pairs, only: drop_empty_pairs, refuse_double_faces
   use dotyk_model_body_surfaces, only: body_surfaces_t
-  use dotyk_model_mesh_theta, only: set_mesh_theta
   use dotyk_model_pair_finder, only: form_pairs
-  use dotyk_model_row_theta, only: set_formula_theta
-  use dotyk_ranks_communication, only: n_ranks
-  use dotyk_ranks_division, only: division_t
+  use dotyk_model_pair_search, only: search_pair
+  use dotyk_ranks_communication, only: n_ranks, this_rank
+  use dotyk_ranks_division, only: deal_out, division_t
+  use dotyk_ranks_exchange, only: all_ranks, share_errors
   implicit none
   private
   public :: find_pairs, foundation_compliance
@@ -32,7 +28,7 @@ module dotyk_model_pairs
   !> From this number of pairs per thread on, pairs are searched in parallel.
   integer, parameter :: many = 8
   !> From this number of facets of a pair on, ranks divide its search: below, the exchanges take as long.
-  integer, parameter :: least_divided = 200
+  real(dp), parameter :: least_divided = 200
 
 contains
 
@@ -58,7 +54,8 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(problem_list_t) :: problems
     type(error_slot_t), allocatable :: failed(:)
-    logical, allocatable :: divided(:)
+    integer, allocatable :: owner(:)
+    logical :: is_dealt
     integer :: b, k
     ! Once for each named surface, not for each of its pairs.
     !$omp parallel do default(none) shared(body, surfaces) private(k) schedule(dynamic, 1)
@@ -71,15 +68,22 @@ contains
     call form_pairs(case, body, surfaces, surface_a, surface_b, found, error)
     if (allocated(error)) return
     allocate (pair(size(case%contact)), failed(size(case%contact)))
-    divided = surface_a%n_facets + surface_b%n_facets >= least_divided .and. n_ranks() > 1
+    ! Bodies in parts have properties that are sums over ranks: all ranks come to each of their pairs.
+    is_dealt = n_ranks() > 1 .and. .not. any([(body(b)%mesh%is_in_parts(), b=1, size(body))])
+    if (is_dealt) then
+      owner = deal_out(real(surface_a%n_facets + surface_b%n_facets, dp), least_divided)
+    else
+      owner = merge(all_ranks, this_rank(), surface_a%n_facets + surface_b%n_facets >= least_divided .and. &
+                    n_ranks() > 1)
+    end if
     ! Few pairs: threads share the points of each. Many pairs: threads share the pairs.
-    !$omp parallel do default(none) shared(case, body, surface_a, surface_b, pair, divided, failed) &
+    !$omp parallel do default(none) shared(case, body, surface_a, surface_b, pair, owner, failed) &
     !$omp& schedule(dynamic, 1) if (size(pair) >= many*omp_get_max_threads())
     do k = 1, size(pair)
       associate (given => case%contact(k))
         if (.not. allocated(surface_a(k)%sheet)) call split_sheets(body(given%body_a)%mesh%x, surface_a(k))
         if (.not. allocated(surface_b(k)%sheet)) call split_sheets(body(given%body_b)%mesh%x, surface_b(k))
-        if (.not. divided(k)) &
+        if (owner(k) == this_rank()) &
           call search_pair(case, given, body(given%body_a), surface_a(k), body(given%body_b), surface_b(k), &
                            division_t(), pair(k), failed(k)%error)
       end associate
@@ -87,12 +91,13 @@ contains
     !$omp end parallel do
     ! Ranks divide the points of large pairs.
     do k = 1, size(pair)
-      if (.not. divided(k)) cycle
+      if (owner(k) /= all_ranks) cycle
       associate (given => case%contact(k))
         call search_pair(case, given, body(given%body_a), surface_a(k), body(given%body_b), surface_b(k), &
                          division_t(.true.), pair(k), failed(k)%error)
       end associate
     end do
+    if (is_dealt) call share_searched(case, owner, pair, failed)
     do k = 1, size(pair)
       call problems%add_error(failed(k)%error, case%file//':'//to_text(case%contact(k)%line)//': ')
     end do
@@ -104,62 +109,30 @@ contains
     if (.not. allocated(error)) theta = [(pair(k)%row_theta, k=1, size(pair))]
   end subroutine find_pairs
 
-  !> Discretize one contact pair.
-  subroutine search_pair(case, given, body_a, surface_a, body_b, surface_b, division, pair, error)
-    !> The case.
+  !> Make the pairs that one rank each has searched known to all ranks.
+  subroutine share_searched(case, owner, pair, failed)
+    !> The case, with the names of the pairs.
     type(case_t), intent(in) :: case
-    !> `&contact`.
-    type(contact_input_t), intent(in) :: given
-    !> Body of the slave side.
-    type(body_t), intent(in) :: body_a
-    !> Body of the master side.
-    type(body_t), intent(in) :: body_b
-    !> Slave surface.
-    type(surface_t), intent(in) :: surface_a
-    !> Master surface.
-    type(surface_t), intent(in) :: surface_b
-    !> Whether ranks divide the search.
-    type(division_t), intent(in) :: division
-    !> The contact pair.
-    type(contact_pair_t), intent(out) :: pair
-    !> Allocated where the gap formula, the surfaces or theta cannot be used.
-    type(error_t), allocatable, intent(out) :: error
-    type(pair_settings_t) :: settings
-    type(formula_t) :: formula
-    settings%name = given%name
-    settings%body_a = given%body_a
-    settings%body_b = given%body_b
-    settings%axisymmetric = case%scene%analysis == analysis_axisymmetric
-    settings%gap_kind = given%gap_kind
-    settings%gap = given%gap
-    if (given%gap_kind == gap_formula) then
-      call formula%init(given%gap_formula, error)
-      if (allocated(error)) return
-    end if
-    if (given%has_search_radius) settings%search_radius = given%search_radius
-    settings%discretization = given%discretization
-    settings%geometry = given%geometry
-    settings%quadrature = given%quadrature
-    settings%theta = given%theta
-    settings%division = division
-    if (given%theta_kind == theta_relative .and. given%theta > 0) &
-      settings%theta = given%theta* &
-      (shortest_extent(body_a%mesh)/body_a%young() + shortest_extent(body_b%mesh)/body_b%young())
-    call discretize_pair(body_a%mesh, surface_a, body_b%mesh, surface_b, settings, formula, pair, error)
-    call formula%destroy()
-    if (given%found .and. pair%n_points == 0 .and. allocated(error)) then
-      deallocate (error)
-      return
-    end if
-    if (allocated(error)) return
-    pair%is_layer = given%is_layer
-    if (given%theta_kind == theta_mesh) then
-      call set_mesh_theta(given%theta, body_a, surface_a, body_b, surface_b, pair, error)
-    else if (given%theta_kind == theta_formula) then
-      call set_formula_theta(given%theta_formula, .not. given%is_layer .and. &
-                             any(case%solver%scheme == [scheme_auto, scheme_dual]), pair, error)
-    end if
-  end subroutine search_pair
+    !> Rank of each pair, or `all_ranks` (n_pairs).
+    integer, intent(in) :: owner(:)
+    !> The pairs; those of other ranks are set (n_pairs).
+    type(contact_pair_t), intent(inout) :: pair(:)
+    !> Their errors, likewise (n_pairs).
+    type(error_slot_t), intent(inout) :: failed(:)
+    type(error_slot_t), allocatable :: of_dealt(:)
+    integer, allocatable :: dealt(:)
+    integer :: k
+    dealt = pack([(k, k=1, size(owner))], owner /= all_ranks)
+    if (size(dealt) == 0) return
+    call share_pairs(owner, pair)
+    do k = 1, size(dealt)
+      pair(dealt(k))%name = case%contact(dealt(k))%name
+    end do
+    allocate (of_dealt(size(dealt)))
+    of_dealt = failed(dealt)
+    call share_errors(owner(dealt), of_dealt)
+    failed(dealt) = of_dealt
+  end subroutine share_searched
 
   !> Compliance of a Winkler foundation for each row of the operator, the initial guess of a scheme.
   subroutine foundation_compliance(body, pair, foundation)

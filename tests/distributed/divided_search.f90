@@ -10,6 +10,7 @@ program divided_search
   use dotyk_contact_operator, only: build_operator, contact_operator_t
   use dotyk_contact_pair, only: contact_pair_t, pair_settings_t
   use dotyk_contact_pair_discretization, only: discretize_pair
+  use dotyk_contact_pair_exchange, only: pack_pair, share_pairs
   use dotyk_contact_penetration, only: penetration_t
   use dotyk_contact_penetration_search, only: find_penetration
   use dotyk_contact_penetration_tolerance, only: penetration_tolerance_t
@@ -131,7 +132,40 @@ contains
         call compare(name//': B', one%value, other%value)
       end associate
     end do
+    call test_dealt(name, dim, pair(1), surface, operator(1))
   end subroutine test_pair
+
+  !> A pair that another rank has searched.
+  subroutine test_dealt(name, dim, pair, surface, operator)
+    !> Of the test.
+    character(*), intent(in) :: name
+    !> Dimension of space.
+    integer, intent(in) :: dim
+    !> The pair, the same on all ranks.
+    type(contact_pair_t), intent(in) :: pair
+    !> Its surfaces.
+    type(surface_t), intent(in) :: surface(2)
+    !> Its rows.
+    type(contact_operator_t), intent(in) :: operator
+    type(contact_pair_t) :: dealt(2*n_ranks())
+    type(contact_operator_t) :: of_dealt
+    real(dp), allocatable :: one(:), other(:)
+    integer :: owner(2*n_ranks()), k
+    ! Each rank has one pair, and one without points.
+    owner = [(k - 1, k=1, n_ranks()), (k - 1, k=1, n_ranks())]
+    dealt(this_rank() + 1) = pair
+    call share_pairs(owner, dealt)
+    call pack_pair(pair, one)
+    do k = 1, n_ranks()
+      call pack_pair(dealt(k), other)
+      call check(name//': numbers of a dealt pair', size(one) == size(other))
+      if (size(one) == size(other)) call compare(name//': dealt', one, other)
+      call build_operator(dim, 2, dealt(k:k), surface(1:1), surface(2:2), of_dealt)
+      call compare(name//': rows of a dealt pair', operator%block(2)%matrix%value, of_dealt%block(2)%matrix%value)
+      call compare(name//': gaps of a dealt pair', operator%gap, of_dealt%gap)
+      call check(name//': no pair', dealt(n_ranks() + k)%n_points == 0)
+    end do
+  end subroutine test_dealt
 
   !> Boxes that overlap, divided and not.
   subroutine test_penetration(name, kind)
