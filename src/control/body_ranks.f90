@@ -21,6 +21,7 @@ module dotyk_control_body_ranks
     logical, allocatable :: factorizes(:)
   contains
     procedure :: init => body_ranks_init
+    procedure :: take_owners => body_ranks_take_owners
     procedure :: is_own => body_ranks_is_own
     procedure :: are_split => body_ranks_are_split
     procedure :: share_sum => body_ranks_share_sum
@@ -28,7 +29,7 @@ module dotyk_control_body_ranks
     procedure :: share_greatest => body_ranks_share_greatest
   end type body_ranks_t
 
-  public :: share_out
+  public :: deal_bodies, share_out
 
   !> Congruent bodies that stay together, if there are as many: their solves are made side by side in batches.
   integer, parameter :: stay_together = 8
@@ -44,17 +45,40 @@ contains
     type(congruence_classes_t), intent(in) :: classes
     !> Whether all ranks compute each body together; not if absent.
     logical, intent(in), optional :: together
-    integer :: b
-    self%owner = share_out(work_of(real(body%constraint%n_equations, dp)), classes%first, n_ranks())
-    allocate (self%factorizes(size(body)), source=.false.)
     if (present(together)) then
-      if (together) self%owner = all_ranks
-      if (together) return
+      if (together) then
+        allocate (self%owner(size(body)), source=all_ranks)
+        allocate (self%factorizes(size(body)), source=.false.)
+        return
+      end if
     end if
-    do b = 1, size(body)
+    call self%take_owners(deal_bodies(real(body%constraint%n_equations, dp), classes%first), classes)
+  end subroutine body_ranks_init
+
+  !> A rank for each body, from 0 (n_bodies).
+  function deal_bodies(n_equations, first) result(owner)
+    !> Number of equations of each body (n_bodies).
+    real(dp), intent(in) :: n_equations(:)
+    !> Representative of the class of each body (n_bodies).
+    integer, intent(in) :: first(:)
+    integer :: owner(size(n_equations))
+    owner = share_out(work_of(n_equations), first, n_ranks())
+  end function deal_bodies
+
+  !> Owners that were chosen before.
+  subroutine body_ranks_take_owners(self, owner, classes)
+    class(body_ranks_t), intent(out) :: self
+    !> Rank of each body (n_bodies).
+    integer, intent(in) :: owner(:)
+    !> Congruence classes.
+    type(congruence_classes_t), intent(in) :: classes
+    integer :: b
+    self%owner = owner
+    allocate (self%factorizes(size(owner)), source=.false.)
+    do b = 1, size(owner)
       if (self%is_own(b)) self%factorizes(classes%first(b)) = .true.
     end do
-  end subroutine body_ranks_init
+  end subroutine body_ranks_take_owners
 
   !> Whether a body belongs to this rank.
   elemental logical function body_ranks_is_own(self, b) result(is_own)

@@ -7,14 +7,14 @@ module dotyk_driver_scene_building
   use dotyk_contact_operator, only: build_operator
   use dotyk_control_factorization, only: analyze_bodies
   use dotyk_control_response_choice, only: form_split
+  use dotyk_driver_body_building, only: read_bodies
   use dotyk_driver_scene, only: scene_t
-  use dotyk_driver_split_choice, only: choose_solution, read_shares
+  use dotyk_driver_split_choice, only: choose_solution
   use dotyk_input_case, only: case_t
   use dotyk_log_run_monitor, only: log_monitor_t
   use dotyk_model_assembly, only: assemble_bodies, check_held
   use dotyk_model_body_parts, only: hold_parts
-  use dotyk_model_body_setup, only: body_surfaces_t, build_bodies
-  use dotyk_model_mesh_shares, only: mesh_shares_t
+  use dotyk_model_body_surfaces, only: body_surfaces_t
   use dotyk_model_pairs, only: find_pairs
   use dotyk_ranks_communication, only: n_ranks
   use dotyk_ranks_exchange, only: meet
@@ -44,19 +44,13 @@ contains
     type(text_t), allocatable :: remarks(:)
     integer, allocatable :: form(:)
     type(body_surfaces_t), allocatable :: surfaces(:)
-    type(mesh_shares_t) :: shares
-    logical :: splits, in_parts
+    logical :: splits, in_parts, are_dealt
     integer :: i
     needs_factors = .false.
     associate (problem => scene%problem)
       call set_stage('reading meshes')
-      call read_shares(case, may_split, shares, in_parts, error)
-      if (allocated(error)) return
-      if (in_parts) then
-        call build_bodies(case, problem%body, surfaces, remarks, error, shares)
-      else
-        call build_bodies(case, problem%body, surfaces, remarks, error)
-      end if
+      call read_bodies(case, may_split, problem, surfaces, remarks, in_parts, are_dealt, error)
+      if (.not. allocated(problem%body)) return
       ! A scene that is built anew has told them already: only then its bodies may not be split.
       if (may_split) then
         do i = 1, size(remarks)
@@ -67,17 +61,20 @@ contains
       call stop_if_interrupted(error)
       if (allocated(error)) return
       call monitor%watch%lap(monitor%timing%read)
-      call problem%classes%init(size(problem%body))
-      if (.not. in_parts) call problem%classes%find(problem%body)
-      if (scheme%needs_held_bodies()) call check_held(case, problem%body, problem%classes, error)
+      if (in_parts) call problem%classes%init(size(problem%body))
+      if (.not. (in_parts .or. are_dealt)) call problem%classes%find(problem%body)
+      if (scheme%needs_held_bodies()) call check_held(case, problem%body, problem%classes, problem%ranks, error)
       if (allocated(error)) return
       call set_stage('assembling')
-      call choose_solution(case, problem%body, problem%classes, may_split, monitor, form, splits)
+      ! Bodies that were dealt out were expected to be small.
+      call choose_solution(case, problem%body, problem%classes, may_split .and. .not. are_dealt, monitor, form, splits)
       needs_factors = in_parts .and. .not. splits
       if (needs_factors) return
       if (splits) call problem%classes%init(size(problem%body))
-      call problem%ranks%init(problem%body, problem%classes, splits)
-      call hold_parts(problem%classes, problem%ranks, problem%body, surfaces, problem%modes)
+      if (.not. are_dealt) then
+        call problem%ranks%init(problem%body, problem%classes, splits)
+        call hold_parts(problem%classes, problem%ranks, problem%body, surfaces, problem%modes)
+      end if
       call assemble_bodies(case, problem%classes, problem%ranks, form, problem%body, problem%modes, scene%stiffness, &
                            scene%slot, error)
       if (splits .and. .not. allocated(error)) call scene%split%assemble(problem%body, problem%modes, error)

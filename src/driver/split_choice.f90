@@ -3,39 +3,22 @@ module dotyk_driver_split_choice
   use dotyk_base_error, only: error_t
   use dotyk_base_text, only: quoted, to_text
   use dotyk_control_congruence_classes, only: congruence_classes_t
-  use dotyk_control_response_choice, only: choose_forms, crossover, form_direct, form_multigrid, form_split, &
+  use dotyk_control_response_choice, only: choose_forms, form_direct, form_multigrid, form_split, &
     suits_multigrid
   use dotyk_driver_run_settings, only: may_use_multigrid
   use dotyk_elasticity_body, only: body_t, free_rigid_modes
   use dotyk_input_case, only: case_t
   use dotyk_log_run_monitor, only: log_monitor_t
-  use dotyk_model_mesh_shares, only: mesh_shares_t
   use dotyk_split_split_scene, only: can_split
   implicit none
   private
-  public :: choose_solution, read_shares
+  public :: choose_solution
 
   !> Floating bodies at most that are split: the coarse level does not know the motions of each, and needs hundreds of
   !> iterations for networks of more.
   integer, parameter :: most_floating = 15
 
 contains
-
-  !> Read this rank's shares of the meshes, where the scene may become one of bodies in parts.
-  subroutine read_shares(case, may_split, shares, in_parts, error)
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> Whether several ranks may compute a body together.
-    logical, intent(in) :: may_split
-    !> The shares.
-    type(mesh_shares_t), intent(inout) :: shares
-    !> Whether bodies are made of them.
-    logical, intent(out) :: in_parts
-    !> As in `mesh_shares_t%read`.
-    type(error_t), allocatable, intent(out) :: error
-    in_parts = may_split .and. can_split() .and. may_use_multigrid(case)
-    if (in_parts) call shares%read(case, crossover, in_parts, error)
-  end subroutine read_shares
 
   !> How the bodies are solved, and whether ranks compute them together.
   subroutine choose_solution(case, body, classes, may_split, monitor, form, splits)

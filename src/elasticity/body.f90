@@ -3,6 +3,7 @@ module dotyk_elasticity_body
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_options, only: analysis_3d
+  use dotyk_base_parcel, only: parcel_t
   use dotyk_base_text, only: text_t
   use dotyk_elasticity_assembly, only: assemble_elements => assemble_stiffness
   use dotyk_elasticity_constraint, only: constraint_t
@@ -75,6 +76,7 @@ module dotyk_elasticity_body
     procedure :: of_own_nodes => body_of_own_nodes
     procedure :: is_idle => body_is_idle
     procedure :: young => body_young
+    procedure :: carry => body_carry
     procedure :: destroy => body_destroy
   end type body_t
 
@@ -263,6 +265,37 @@ contains
     class(body_t), intent(in) :: self
     young = self%material%least_young*self%mean_modulus_factor
   end function body_young
+
+  !> Put a body that is not assembled into a parcel, or take it out.
+  subroutine body_carry(self, parcel)
+    class(body_t), intent(inout) :: self
+    !> The parcel.
+    type(parcel_t), intent(inout) :: parcel
+    logical :: has_loads
+    integer :: n(1), i
+    call parcel%carry(self%name)
+    call parcel%carry(self%analysis)
+    call parcel%carry(self%dimension)
+    call self%mesh%carry(parcel)
+    call parcel%carry(self%is_hinged)
+    call self%material%carry(parcel)
+    call self%constraint%carry(parcel)
+    call parcel%carry(self%load)
+    call self%applied%carry(parcel)
+    call parcel%carry_fixed(3, self%density)
+    has_loads = allocated(self%resultant)
+    if (has_loads) n = shape(self%resultant)
+    call parcel%carry_shape(has_loads, n)
+    if (has_loads .and. parcel%is_read) allocate (self%resultant(n(1)))
+    if (has_loads) then
+      do i = 1, n(1)
+        call self%resultant(i)%carry(parcel)
+      end do
+    end if
+    call parcel%carry(self%unresolved)
+    call parcel%carry(self%shared_node)
+    call parcel%carry(self%is_loaded_inside)
+  end subroutine body_carry
 
   !> Free the memory of the vectors.
   subroutine body_destroy(self)

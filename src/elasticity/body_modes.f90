@@ -5,6 +5,7 @@
 !> with spring stiffnesses that the scheme adds. A body has modes of one kind.
 module dotyk_elasticity_body_modes
   use dotyk_base_kinds, only: dp
+  use dotyk_base_parcel, only: parcel_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_part_sums, only: add_up_parts, own_product
   use dotyk_elasticity_rigid_body_modes, only: rigid_body_modes_t
@@ -35,6 +36,7 @@ module dotyk_elasticity_body_modes
     procedure :: move => modes_move
     procedure :: rotate => modes_rotate
     procedure :: hold_nodes => modes_hold_nodes
+    procedure :: carry => modes_carry
     procedure :: components => modes_components
     procedure :: take_near_null => modes_take_near_null
     procedure :: pack_near_null => modes_pack_near_null
@@ -93,6 +95,17 @@ contains
     integer, intent(in) :: node(:)
     self%shape = self%shape(:, node, :)
   end subroutine modes_hold_nodes
+
+  !> Put rigid body modes into a parcel, or take them out.
+  subroutine modes_carry(self, parcel)
+    class(body_modes_t), intent(inout) :: self
+    !> The parcel.
+    type(parcel_t), intent(inout) :: parcel
+    call parcel%carry(self%n)
+    call parcel%carry(self%shape)
+    call parcel%carry(self%resultant)
+    call self%rigid%carry(parcel)
+  end subroutine modes_carry
 
   !> Take another basis of the rigid body modes.
   subroutine modes_rotate(self, basis)

@@ -6,6 +6,7 @@
 !> this module are in global axes.
 module dotyk_elasticity_constraint
   use dotyk_base_kinds, only: dp, qp
+  use dotyk_base_parcel, only: parcel_t
   implicit none
   private
 
@@ -27,6 +28,7 @@ module dotyk_elasticity_constraint
     procedure :: reduce => constraint_reduce
     procedure :: expand => constraint_expand
     procedure :: expand_long => constraint_expand_long
+    procedure :: carry => constraint_carry
   end type constraint_t
 
   !> Value of `equation` for a prescribed unknown.
@@ -126,4 +128,16 @@ contains
       if (self%frame_of(i) > 0) u(:, i) = matmul(real(self%frame(:, :, self%frame_of(i)), qp), u(:, i))
     end do
   end subroutine constraint_expand_long
+
+  !> Put it into a parcel, or take it out.
+  subroutine constraint_carry(self, parcel)
+    class(constraint_t), intent(inout) :: self
+    !> The parcel.
+    type(parcel_t), intent(inout) :: parcel
+    call parcel%carry(self%equation)
+    call parcel%carry(self%n_equations)
+    call parcel%carry(self%prescribed)
+    call parcel%carry(self%frame_of)
+    call parcel%carry(self%frame)
+  end subroutine constraint_carry
 end module dotyk_elasticity_constraint

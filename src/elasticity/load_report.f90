@@ -4,6 +4,7 @@ module dotyk_elasticity_load_report
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric
+  use dotyk_base_parcel, only: parcel_t
   use dotyk_base_text, only: text_t
   use dotyk_elasticity_part_sums, only: add_up_parts
   use dotyk_elasticity_shape_table, only: load_degree
@@ -25,6 +26,8 @@ module dotyk_elasticity_load_report
     real(dp) :: moment(3) = 0
     !> Radial components in axisymmetric analyses, summed around the circumference: no resultant [force].
     real(dp) :: radial = 0
+  contains
+    procedure :: carry => load_resultant_carry
   end type load_resultant_t
 
   !> Differences of two rules above this fraction are worth a warning.
@@ -187,4 +190,15 @@ contains
                     a(1, 3)*(a(2, 1)*a(3, 2) - a(2, 2)*a(3, 1))
     end if
   end function determinant
+
+  !> Put a resultant into a parcel, or take it out.
+  subroutine load_resultant_carry(self, parcel)
+    class(load_resultant_t), intent(inout) :: self
+    !> The parcel.
+    type(parcel_t), intent(inout) :: parcel
+    call parcel%carry(self%place)
+    call parcel%carry_fixed(3, self%force)
+    call parcel%carry_fixed(3, self%moment)
+    call parcel%carry(self%radial)
+  end subroutine load_resultant_carry
 end module dotyk_elasticity_load_report

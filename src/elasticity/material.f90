@@ -8,6 +8,7 @@ module dotyk_elasticity_material
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: analysis_axisymmetric, analysis_names, analysis_plane_strain, analysis_plane_stress, &
     option_name
+  use dotyk_base_parcel, only: parcel_t
   use dotyk_base_text, only: quoted, to_text
   use dotyk_elasticity_stiffness_tensor, only: invert_stiffness, kelvin, material_axes, rotate_stiffness, &
     scale_components, singular_ratio
@@ -48,6 +49,7 @@ module dotyk_elasticity_material
     procedure :: bulk_over_shear => material_bulk_over_shear
     procedure :: project_dilatation => material_project_dilatation
     procedure :: split => material_split
+    procedure :: carry => material_carry
   end type material_t
 
 contains
@@ -335,4 +337,20 @@ contains
     has = allocated(self%modulus_formula)
     if (has) has = len_trim(self%modulus_formula) > 0
   end function material_has_modulus_field
+
+  !> Put a material into a parcel, or take it out.
+  subroutine material_carry(self, parcel)
+    class(material_t), intent(inout) :: self
+    !> The parcel.
+    type(parcel_t), intent(inout) :: parcel
+    call parcel%carry(self%name)
+    call parcel%carry(self%isotropic)
+    call parcel%carry(self%lambda)
+    call parcel%carry(self%mu)
+    call parcel%carry_fixed(size(self%stiffness), self%stiffness)
+    call parcel%carry(self%modulus_formula)
+    call parcel%carry(self%least_young)
+    call parcel%carry(self%incompressibility)
+    call parcel%carry(self%bulk)
+  end subroutine material_carry
 end module dotyk_elasticity_material

@@ -4,6 +4,7 @@
 !> residuals of elements (`dotyk_elasticity_element_residual`) take them on functions that no node carries.
 module dotyk_elasticity_point_forces
   use dotyk_base_kinds, only: dp
+  use dotyk_base_parcel, only: parcel_t
   implicit none
   private
 
@@ -23,6 +24,7 @@ module dotyk_elasticity_point_forces
     procedure :: add => point_forces_add
     procedure :: by_element => point_forces_by_element
     procedure :: hold => point_forces_hold
+    procedure :: carry => point_forces_carry
   end type point_forces_t
 
 contains
@@ -107,4 +109,23 @@ contains
       end associate
     end do
   end subroutine point_forces_by_element
+
+  !> Put the forces into a parcel, or take them out.
+  subroutine point_forces_carry(self, parcel)
+    class(point_forces_t), intent(inout) :: self
+    !> The parcel.
+    type(parcel_t), intent(inout) :: parcel
+    call parcel%carry(self%n)
+    if (.not. parcel%is_read .and. self%n > 0) then
+      ! Without room for more.
+      self%element = self%element(:self%n)
+      self%face = self%face(:self%n)
+      self%xi = self%xi(:, :self%n)
+      self%force = self%force(:, :self%n)
+    end if
+    call parcel%carry(self%element)
+    call parcel%carry(self%face)
+    call parcel%carry(self%xi)
+    call parcel%carry(self%force)
+  end subroutine point_forces_carry
 end module dotyk_elasticity_point_forces

@@ -6,6 +6,7 @@
 module dotyk_elasticity_rigid_body_modes
   use dotyk_base_kinds, only: dp, int64
   use dotyk_base_options, only: analysis_3d
+  use dotyk_base_parcel, only: parcel_t
   use dotyk_base_text, only: text_t
   use dotyk_elasticity_constraint, only: constraint_t
   use dotyk_elasticity_part_sums, only: add_up_parts, own_product
@@ -39,6 +40,7 @@ module dotyk_elasticity_rigid_body_modes
     procedure :: rotate => rigid_body_modes_rotate
     procedure :: combination_text => rigid_body_modes_combination_text
     procedure :: span_text => rigid_body_modes_span_text
+    procedure :: carry => rigid_body_modes_carry
   end type rigid_body_modes_t
 
   !> Modes whose amplitude is below this fraction of the largest one are rounding errors, and not described.
@@ -258,4 +260,18 @@ contains
       text = text//self%component_name(p)%s//motion
     end do
   end function rigid_body_modes_span_text
+
+  !> Put the modes into a parcel, or take them out.
+  subroutine rigid_body_modes_carry(self, parcel)
+    class(rigid_body_modes_t), intent(inout) :: self
+    !> The parcel.
+    type(parcel_t), intent(inout) :: parcel
+    call parcel%carry(self%n)
+    call parcel%carry(self%analysis)
+    call parcel%carry(self%component)
+    call parcel%carry(self%coefficient)
+    call parcel%carry(self%centre)
+    call parcel%carry(self%radius)
+    call parcel%carry(self%component_name)
+  end subroutine rigid_body_modes_carry
 end module dotyk_elasticity_rigid_body_modes

@@ -2,6 +2,7 @@
 module dotyk_mesh_body_mesh
   use dotyk_base_error, only: error_t, set_error
   use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_parcel, only: parcel_t
   use dotyk_base_text, only: quoted
   use dotyk_mesh_element, only: kind_dimension, kind_nodes, n_element_kinds
   use dotyk_mesh_element_orientation, only: orient_elements
@@ -48,6 +49,7 @@ module dotyk_mesh_body_mesh
     procedure :: whole_nodes => body_mesh_whole_nodes
     procedure :: box => body_mesh_box
     procedure :: diameter => body_mesh_diameter
+    procedure :: carry => body_mesh_carry
   end type body_mesh_t
 
   public :: extract_body, connected_components, number_nodes
@@ -166,6 +168,36 @@ contains
     mean = sum(self%x, dim=2)/self%n_nodes()
     diameter = 2*maxval([(norm2(self%x(:, i) - mean), i=1, self%n_nodes())])
   end function body_mesh_diameter
+
+  !> Put it into a parcel, or take it out.
+  subroutine body_mesh_carry(self, parcel)
+    class(body_mesh_t), intent(inout) :: self
+    !> The parcel.
+    type(parcel_t), intent(inout) :: parcel
+    logical :: has_blocks, has_whole
+    integer :: n(1), b
+    call parcel%carry(self%file)
+    call parcel%carry(self%dimension)
+    call parcel%carry(self%x)
+    call parcel%carry(self%node_tag)
+    call parcel%carry(self%mesh_node)
+    call parcel%carry(self%order_elevated)
+    has_blocks = allocated(self%block)
+    if (has_blocks) n = shape(self%block)
+    call parcel%carry_shape(has_blocks, n)
+    if (has_blocks .and. parcel%is_read) allocate (self%block(n(1)))
+    if (has_blocks) then
+      do b = 1, n(1)
+        call parcel%carry(self%block(b)%kind)
+        call parcel%carry(self%block(b)%node)
+        call parcel%carry(self%block(b)%tag)
+      end do
+    end if
+    has_whole = allocated(self%whole)
+    call parcel%carry(has_whole)
+    if (has_whole .and. parcel%is_read) allocate (self%whole)
+    if (has_whole) call self%whole%carry(parcel)
+  end subroutine body_mesh_carry
 
   !> Extract the elements of the physical groups of one name from a mesh, and check them.
   !>

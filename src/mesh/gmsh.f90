@@ -99,7 +99,9 @@ contains
       if (cursor%at_end()) exit
       call read_section(cursor, builder, entities, sections)
     end do
-    if (.not. builder%selection%everything .and. sections%nodes) then
+    if (builder%selection%counts_only) then
+      allocate (builder%x(3, 0), builder%node_tag(0))
+    else if (.not. builder%selection%everything .and. sections%nodes) then
       cursor%section = '$Nodes'
       cursor%position = sections%node_position
       call read_selected_nodes(cursor, builder, sections%version)

@@ -6,6 +6,7 @@
 !> finds the pairs.
 module dotyk_mesh_joints
   use dotyk_base_kinds, only: dp
+  use dotyk_base_parcel, only: parcel_t
   use dotyk_base_sort, only: sort_order
   use dotyk_base_text, only: counted, to_text
   use dotyk_mesh_body_mesh, only: body_mesh_t, connected_components
@@ -32,6 +33,7 @@ module dotyk_mesh_joints
   contains
     procedure :: find => joints_find
     procedure :: find_in_layer => joints_find_in_layer
+    procedure :: carry => joints_carry
   end type joints_t
 
   !> Findings of the comparison of facets.
@@ -348,4 +350,16 @@ contains
     end do
     text = text//')'
   end function position_text
+
+  !> Put what was found into a parcel, or take it out.
+  subroutine joints_carry(self, parcel)
+    class(joints_t), intent(inout) :: self
+    !> The parcel.
+    type(parcel_t), intent(inout) :: parcel
+    call parcel%carry(self%n_parts)
+    call parcel%carry(self%n_pieces)
+    call parcel%carry(self%crack)
+    call parcel%carry(self%fault)
+    call parcel%carry(self%slit)
+  end subroutine joints_carry
 end module dotyk_mesh_joints

@@ -148,7 +148,8 @@ contains
     !> Indices of their physical groups (n_groups).
     integer, intent(in) :: group(:)
     integer :: i
-    wants = self%selection%everything .or. dimension == self%selection%dimension - 1
+    wants = self%selection%everything .or. &
+            dimension == self%selection%dimension - 1 .and. .not. self%selection%counts_only
     if (wants .or. dimension /= self%selection%dimension) return
     do i = 1, size(group)
       wants = wants .or. self%selection%has_volume(self%group(group(i))%name)

@@ -19,6 +19,8 @@ module dotyk_mesh_mesh_selection
     integer :: n_shares = 1
     !> The share that is read, from 0.
     integer :: share = 0
+    !> Whether the elements of the volumes are counted only (`n_in_file` of their blocks): nothing else is read.
+    logical :: counts_only = .false.
   contains
     procedure :: has_volume => selection_has_volume
     procedure :: limits => selection_limits
@@ -49,7 +51,10 @@ contains
     integer(int64), intent(out) :: first
     !> The last element of the share.
     integer(int64), intent(out) :: last
-    if (partition > 0) then
+    if (self%counts_only) then
+      first = 0
+      last = 0
+    else if (partition > 0) then
       first = 0
       last = merge(n, 0_int64, mod(partition - 1, self%n_shares) == self%share)
     else

@@ -5,6 +5,7 @@
 module dotyk_mesh_surface
   use dotyk_base_error, only: error_t, set_error
   use dotyk_base_kinds, only: int64
+  use dotyk_base_parcel, only: parcel_t
   use dotyk_base_text, only: quoted, text_t, to_text
   use dotyk_mesh_body_mesh, only: body_mesh_t
   use dotyk_mesh_corner_table, only: corner_table_t
@@ -40,6 +41,8 @@ module dotyk_mesh_surface
     !> The facets were linear in the file: mid-side nodes lie on straight edges and carry no information about the
     !> shape.
     logical :: order_elevated = .false.
+  contains
+    procedure :: carry => surface_carry
   end type surface_t
 
   public :: extract_surface, surface_nodes, surface_names, gather_facets, choose_facets, find_parents, name_surfaces, &
@@ -332,4 +335,22 @@ contains
       end do
     end do
   end function touches
+
+  !> Put a surface into a parcel, or take it out.
+  subroutine surface_carry(self, parcel)
+    class(surface_t), intent(inout) :: self
+    !> The parcel.
+    type(parcel_t), intent(inout) :: parcel
+    call parcel%carry(self%name)
+    call parcel%carry(self%dimension)
+    call parcel%carry(self%n_facets)
+    call parcel%carry(self%kind)
+    call parcel%carry(self%node)
+    call parcel%carry(self%block)
+    call parcel%carry(self%element)
+    call parcel%carry(self%tag)
+    call parcel%carry(self%entity)
+    call parcel%carry(self%sheet)
+    call parcel%carry(self%order_elevated)
+  end subroutine surface_carry
 end module dotyk_mesh_surface

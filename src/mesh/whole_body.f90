@@ -2,6 +2,7 @@
 !> elements in it, its boundary, and what else depends on elements that are not there.
 module dotyk_mesh_whole_body
   use dotyk_base_kinds, only: dp
+  use dotyk_base_parcel, only: parcel_t
   implicit none
   private
 
@@ -36,5 +37,30 @@ module dotyk_mesh_whole_body
     integer, allocatable :: facet_kind(:)
     !> Their nodes, in the numbers of the held ones (max_facet_nodes, n_facets).
     integer, allocatable :: facet_node(:, :)
+  contains
+    procedure :: carry => whole_body_carry
   end type whole_body_t
+
+contains
+
+  !> Put it into a parcel, or take it out.
+  subroutine whole_body_carry(self, parcel)
+    class(whole_body_t), intent(inout) :: self
+    !> The parcel.
+    type(parcel_t), intent(inout) :: parcel
+    call parcel%carry(self%in_parts)
+    call parcel%carry(self%n_nodes)
+    call parcel%carry(self%n_file_nodes)
+    call parcel%carry(self%n_of_block)
+    call parcel%carry(self%node)
+    call parcel%carry(self%element)
+    call parcel%carry(self%own_node)
+    call parcel%carry(self%own_element)
+    call parcel%carry(self%component)
+    call parcel%carry(self%n_components)
+    call parcel%carry(self%diameter)
+    call parcel%carry(self%shortest_extent)
+    call parcel%carry(self%facet_kind)
+    call parcel%carry(self%facet_node)
+  end subroutine whole_body_carry
 end module dotyk_mesh_whole_body

@@ -21,17 +21,19 @@ module dotyk_model_assembly
 contains
 
   !> For schemes that need supported bodies: refuse floating bodies; all are reported together.
-  subroutine check_held(case, body, classes, error)
+  subroutine check_held(case, body, classes, ranks, error)
     !> The case.
     type(case_t), intent(in) :: case
     !> Bodies with supports (n_bodies).
     type(body_t), intent(in) :: body(:)
     !> Congruence classes of the bodies.
     type(congruence_classes_t), intent(in) :: classes
+    !> Owners of the bodies, where a rank holds the volumes of some only; else without owners.
+    type(body_ranks_t), intent(in) :: ranks
     !> Allocated where bodies float: all of them, one per line.
     type(error_t), allocatable, intent(out) :: error
     type(problem_list_t) :: problems
-    type(error_t), allocatable :: failed
+    type(error_slot_t) :: failed(size(body))
     character(:), allocatable :: scheme, motions
     logical :: free(size(body))
     integer :: b, n_free
@@ -40,13 +42,18 @@ contains
     do b = 1, size(body)
       ! Congruent bodies float alike.
       if (.not. free(classes%first(b))) cycle
+      if (.not. (body(b)%mesh%is_whole() .or. body(b)%mesh%is_in_parts())) cycle
       call free_rigid_modes(body(b), n_free, motions)
       free(b) = n_free > 0
       if (n_free == 0) cycle
-      call set_error(failed, "scheme '"//scheme//"' needs supported bodies, and this body floats: "//motions// &
+      call set_error(failed(b)%error, &
+                     "scheme '"//scheme//"' needs supported bodies, and this body floats: "//motions// &
                      "; add a &support against this motion, or use scheme='dual', which allows floating bodies", &
                      exit_not_solvable)
-      call problems%add_error(failed, body_context(case, b))
+    end do
+    if (allocated(ranks%owner)) call share_errors(ranks%owner, failed)
+    do b = 1, size(body)
+      call problems%add_error(failed(b)%error, body_context(case, b))
     end do
     call problems%raise(error)
   end subroutine check_held

@@ -13,7 +13,7 @@ module dotyk_model_body_parts
   use dotyk_ranks_communication, only: n_ranks, this_rank
   implicit none
   private
-  public :: hold_parts
+  public :: hold_parts, keep_surface
 
 contains
 

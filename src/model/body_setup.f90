@@ -22,7 +22,7 @@ module dotyk_model_body_setup
   use dotyk_model_volumes, only: volume_t
   implicit none
   private
-  public :: build_bodies, body_surfaces_t
+  public :: build_bodies, build_body, body_surfaces_t, refuse_unused
 
 contains
 
@@ -99,7 +99,7 @@ contains
           n_same = n_same + 1
           call build_body(case, mesh, volume, k, body(k), surfaces(k), support_used, load_used, problems)
         end do
-        call describe_joints(case, volume, n_same, c, remarks)
+        if (.not. allocated(volume%error)) call describe_joints(case, volume%joints, n_same, c, remarks)
       end do
     end subroutine build_file
   end subroutine build_bodies

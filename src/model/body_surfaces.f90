@@ -1,5 +1,6 @@
 !> The surfaces of one body that contact pairs may need: those that the input names, and the whole boundary.
 module dotyk_model_body_surfaces
+  use dotyk_base_parcel, only: parcel_t
   use dotyk_base_text, only: text_t
   use dotyk_mesh_boundary_part, only: facets_in_boundary
   use dotyk_mesh_surface, only: surface_t
@@ -28,6 +29,7 @@ module dotyk_model_body_surfaces
     procedure :: find => surfaces_find
     procedure :: facets => surfaces_facets
     procedure :: add => surfaces_add
+    procedure :: carry => surfaces_carry
   end type body_surfaces_t
 
 contains
@@ -83,4 +85,27 @@ contains
     self%name(self%n)%s = name
     self%surface(self%n) = surface
   end subroutine surfaces_add
+
+  !> Put the surfaces into a parcel, or take them out.
+  subroutine surfaces_carry(self, parcel)
+    class(body_surfaces_t), intent(inout) :: self
+    !> The parcel.
+    type(parcel_t), intent(inout) :: parcel
+    character(:), allocatable :: name
+    type(surface_t) :: none
+    integer :: n, i
+    call self%boundary%carry(parcel)
+    n = self%n
+    call parcel%carry(n)
+    do i = 1, n
+      if (parcel%is_read) then
+        call self%add('', none)
+      else
+        name = self%name(i)%s
+      end if
+      call parcel%carry(name)
+      self%name(i)%s = name
+      call self%surface(i)%carry(parcel)
+    end do
+  end subroutine surfaces_carry
 end module dotyk_model_body_surfaces

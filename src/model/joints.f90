@@ -4,7 +4,6 @@ module dotyk_model_joints
   use dotyk_base_text, only: text_t, to_text
   use dotyk_input_case, only: body_input_t, case_t
   use dotyk_mesh_joints, only: joints_t
-  use dotyk_model_volumes, only: volume_t
   implicit none
   private
   public :: check_joints, describe_joints, add_remark
@@ -34,11 +33,11 @@ contains
   end subroutine check_joints
 
   !> Tell of parts, cracks and slits of a volume.
-  subroutine describe_joints(case, volume, n_bodies, b, remarks)
+  subroutine describe_joints(case, joints, n_bodies, b, remarks)
     !> The case.
     type(case_t), intent(in) :: case
-    !> The volume.
-    type(volume_t), intent(in) :: volume
+    !> How those of the volume hang together.
+    type(joints_t), intent(in) :: joints
     !> Number of bodies that use it.
     integer, intent(in) :: n_bodies
     !> The first of them.
@@ -46,20 +45,20 @@ contains
     !> Lines for the log; completed (n_remarks).
     type(text_t), allocatable, intent(inout) :: remarks(:)
     character(:), allocatable :: name, text
-    if (allocated(volume%error) .or. allocated(volume%joints%fault)) return
-    if (allocated(volume%joints%crack) .and. .not. case%body(b)%crack) return
+    if (allocated(joints%fault)) return
+    if (allocated(joints%crack) .and. .not. case%body(b)%crack) return
     name = "body '"//case%body(b)%name//"'"
     if (n_bodies > 1) name = name//' and '//to_text(n_bodies - 1)//' more of the same mesh'
-    if (allocated(volume%joints%slit)) call add_remark(remarks, 'warning: '//name//': '//volume%joints%slit)
-    if (allocated(volume%joints%crack)) call add_remark(remarks, name//': cracked, as crack=.true. says: '// &
-                                                        volume%joints%crack)
-    if (volume%joints%n_pieces == 1 .or. size(remarks) > most_lines) return
-    if (volume%joints%n_parts > 1) then
-      text = name//': '//to_text(volume%joints%n_parts)//' unconnected parts'
-      if (volume%joints%n_pieces > volume%joints%n_parts) &
-        text = text//' of '//to_text(volume%joints%n_pieces)//' pieces; edges or corners alone join some, as hinges do'
+    if (allocated(joints%slit)) call add_remark(remarks, 'warning: '//name//': '//joints%slit)
+    if (allocated(joints%crack)) call add_remark(remarks, name//': cracked, as crack=.true. says: '// &
+                                                        joints%crack)
+    if (joints%n_pieces == 1 .or. size(remarks) > most_lines) return
+    if (joints%n_parts > 1) then
+      text = name//': '//to_text(joints%n_parts)//' unconnected parts'
+      if (joints%n_pieces > joints%n_parts) &
+        text = text//' of '//to_text(joints%n_pieces)//' pieces; edges or corners alone join some, as hinges do'
     else
-      text = 'warning: '//name//': edges or corners alone join its '//to_text(volume%joints%n_pieces)// &
+      text = 'warning: '//name//': edges or corners alone join its '//to_text(joints%n_pieces)// &
              ' pieces, as hinges do'
     end if
     if (size(remarks) == most_lines) text = 'further bodies consist of several parts'

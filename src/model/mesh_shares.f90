@@ -3,17 +3,17 @@ module dotyk_model_mesh_shares
   use dotyk_base_error, only: error_t, problem_list_t
   use dotyk_base_kinds, only: int64
   use dotyk_base_options, only: analysis_3d, response_auto, response_multigrid
-  use dotyk_base_text, only: text_t, to_text
+  use dotyk_base_text, only: to_text
   use dotyk_input_case, only: case_t
   use dotyk_mesh_gmsh_run, only: meshing_t
   use dotyk_mesh_mesh, only: mesh_t
   use dotyk_mesh_mesh_selection, only: mesh_selection_t
-  use dotyk_model_locking, only: would_lock
   use dotyk_model_mesh_file, only: read_mesh
+  use dotyk_model_mesh_survey, only: mesh_survey_t
   use dotyk_model_volume_parts, only: volume_share_t
   use dotyk_model_volumes, only: volume_t
   use dotyk_ranks_communication, only: n_ranks, this_rank
-  use dotyk_ranks_exchange, only: agree_on_error, on_any_rank
+  use dotyk_ranks_exchange, only: agree_on_error
   implicit none
   private
 
@@ -34,17 +34,15 @@ module dotyk_model_mesh_shares
     procedure :: take_part => shares_take_part
   end type mesh_shares_t
 
-  !> Nodes of elements, for each node of a body, at least: 27 of each hexahedron of second order, of which there are as
-  !> many as eighths of the nodes.
-  integer, parameter :: fewest_per_node = 3
-
 contains
 
   !> Read this rank's shares, where a body may be large enough.
-  subroutine shares_read(self, case, fewest_unknowns, suits, error)
+  subroutine shares_read(self, case, survey, fewest_unknowns, suits, error)
     class(mesh_shares_t), intent(out) :: self
     !> The case.
     type(case_t), intent(in) :: case
+    !> What the files have of the bodies.
+    type(mesh_survey_t), intent(in) :: survey
     !> Unknowns that the largest body has at least, where bodies are split.
     integer, intent(in) :: fewest_unknowns
     !> Whether the shares are of use: not for plane analyses, for elements that would be elevated, and for small bodies.
@@ -58,31 +56,22 @@ contains
     integer :: b, c, n
     n = size(case%body)
     suits = case%scene%analysis == analysis_3d .and. any(case%solver%response == [response_auto, response_multigrid])
-    if (suits) suits = .not. any([(would_lock(case, b), b=1, n)])
+    if (suits) suits = survey%is_known .and. .not. any(survey%locks)
+    if (suits .and. case%solver%response == response_auto) &
+      suits = any([(case%scene%dimension*survey%most_nodes(b) >= fewest_unknowns, b=1, n)])
     if (.not. suits) return
-    allocate (self%mesh(n), self%volume(n), self%first_of_file(n), self%first_of_volume(n))
+    allocate (self%mesh(n), self%volume(n))
+    self%first_of_file = survey%first_of_file
+    self%first_of_volume = survey%first_of_volume
     meshing%no_shell = case%no_shell
     selection%everything = .false.
     selection%n_shares = n_ranks()
     selection%share = this_rank()
     do b = 1, n
-      do c = 1, b
-        if (case%body(c)%mesh == case%body(b)%mesh) exit
-      end do
-      self%first_of_file(b) = c
-      do c = c, b
-        if (case%body(c)%mesh == case%body(b)%mesh .and. case%body(c)%volume == case%body(b)%volume) exit
-      end do
-      self%first_of_volume(b) = c
-    end do
-    do b = 1, n
       if (self%first_of_file(b) /= b) cycle
-      selection%volume = names_of(self, case, b)
+      selection%volume = survey%volumes(case, self%first_of_file == b)
       call read_mesh(case%body(b)%mesh, case%scene%dimension, self%mesh(b), meshing, failed, selection)
       call agree_on_error(failed)
-      ! Each rank has made a mesh of its own.
-      suits = .not. on_any_rank(meshing%for_once)
-      if (.not. suits) return
       if (allocated(failed)) then
         call problems%add_error(failed)
         cycle
@@ -104,30 +93,7 @@ contains
       self%before(c + 1) = self%before(c)
       if (self%n_uses(c) > 0) self%before(c + 1) = self%before(c) + self%n_uses(c)*self%volume(c)%weight()
     end do
-    suits = case%solver%response == response_multigrid
-    do c = 1, n
-      if (self%n_uses(c) > 0) &
-        suits = suits .or. case%scene%dimension*(self%volume(c)%weight()/fewest_per_node) >= fewest_unknowns
-    end do
   end subroutine shares_read
-
-  !> Names of the volumes of one file (n_names).
-  function names_of(self, case, b) result(name)
-    class(mesh_shares_t), intent(in) :: self
-    !> The case.
-    type(case_t), intent(in) :: case
-    !> First body of the file.
-    integer, intent(in) :: b
-    type(text_t), allocatable :: name(:)
-    integer :: c, n
-    allocate (name(count([(self%first_of_file(c) == b .and. self%first_of_volume(c) == c, c=1, size(case%body))])))
-    n = 0
-    do c = 1, size(case%body)
-      if (self%first_of_file(c) /= b .or. self%first_of_volume(c) /= c) cycle
-      n = n + 1
-      name(n)%s = case%body(c)%volume
-    end do
-  end function names_of
 
   !> The part of this rank of a volume: all volumes are on one curve, in equal lengths for each rank.
   subroutine shares_take_part(self, case, b, volume)

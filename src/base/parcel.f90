@@ -1,0 +1,348 @@
+!> Values on their way from one rank to others: the sender puts them into a list of words, one after the other, and the
+!> receivers take them out in the same order. A type has one procedure `carry` for both ways, which names its components
+!> once.
+module dotyk_base_parcel
+  use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_text, only: text_t
+  implicit none
+  private
+
+  !> A list of words that is written or read. Values keep all their bits.
+  type, public :: parcel_t
+    private
+    !> Words; the first n are in use while it is written (room).
+    integer(int64), allocatable :: word(:)
+    !> Words that were written or read so far.
+    integer(int64) :: n = 0
+    !> Whether values are taken out.
+    logical, public :: is_read = .false.
+  contains
+    procedure :: open => parcel_open
+    procedure :: words => parcel_words
+    procedure :: n_words => parcel_size
+    procedure :: at_end => parcel_at_end
+    procedure, private :: carry_integer, carry_real, carry_logical, carry_text, carry_texts
+    procedure, private :: carry_integers, carry_longs, carry_integer_table, carry_logicals
+    procedure, private :: carry_reals, carry_real_table, carry_real_tables
+    generic :: carry => carry_integer, carry_real, carry_logical, carry_text, carry_texts, carry_integers, &
+      carry_longs, carry_integer_table, carry_logicals, carry_reals, carry_real_table, carry_real_tables
+    procedure :: carry_fixed => carry_fixed_reals
+    procedure :: carry_shape => carry_shape_of
+  end type parcel_t
+
+  !> Extent of an array that is not allocated.
+  integer, parameter :: not_there = -1
+
+contains
+
+  !> Take values out of words that have come.
+  subroutine parcel_open(self, word)
+    class(parcel_t), intent(out) :: self
+    !> As from `words`; given up (n).
+    integer(int64), allocatable, intent(inout) :: word(:)
+    call move_alloc(word, self%word)
+    self%is_read = .true.
+  end subroutine parcel_open
+
+  !> Number of words so far.
+  pure integer(int64) function parcel_size(self) result(n)
+    class(parcel_t), intent(in) :: self
+    n = self%n
+  end function parcel_size
+
+  !> The words that were written (n).
+  pure function parcel_words(self) result(word)
+    class(parcel_t), intent(in) :: self
+    integer(int64), allocatable :: word(:)
+    if (self%n == 0) then
+      allocate (word(0))
+    else
+      word = self%word(:self%n)
+    end if
+  end function parcel_words
+
+  !> Whether all words were read.
+  pure logical function parcel_at_end(self) result(at_end)
+    class(parcel_t), intent(in) :: self
+    at_end = self%n == size(self%word, kind=int64)
+  end function parcel_at_end
+
+  !> Write words, or read as many.
+  pure subroutine move(self, word)
+    !> The parcel.
+    class(parcel_t), intent(inout) :: self
+    !> The words (any).
+    integer(int64), intent(inout) :: word(:)
+    integer(int64), allocatable :: more(:)
+    integer(int64) :: last
+    last = self%n + size(word, kind=int64)
+    if (self%is_read) then
+      word = self%word(self%n + 1:last)
+    else
+      if (.not. allocated(self%word)) allocate (self%word(1024))
+      if (last > size(self%word, kind=int64)) then
+        allocate (more(max(last, 2*size(self%word, kind=int64))))
+        more(:self%n) = self%word(:self%n)
+        call move_alloc(more, self%word)
+      end if
+      self%word(self%n + 1:last) = word
+    end if
+    self%n = last
+  end subroutine move
+
+  !> An integer.
+  pure subroutine carry_integer(self, value)
+    class(parcel_t), intent(inout) :: self
+    !> Written, or set.
+    integer, intent(inout) :: value
+    integer(int64) :: word(1)
+    word = value
+    call move(self, word)
+    value = int(word(1))
+  end subroutine carry_integer
+
+  !> A real.
+  pure subroutine carry_real(self, value)
+    class(parcel_t), intent(inout) :: self
+    !> Written, or set [any].
+    real(dp), intent(inout) :: value
+    integer(int64) :: word(1)
+    word = transfer(value, word)
+    call move(self, word)
+    value = transfer(word(1), value)
+  end subroutine carry_real
+
+  !> A logical.
+  pure subroutine carry_logical(self, value)
+    class(parcel_t), intent(inout) :: self
+    !> Written, or set.
+    logical, intent(inout) :: value
+    integer :: number
+    number = merge(1, 0, value)
+    call self%carry_integer(number)
+    value = number == 1
+  end subroutine carry_logical
+
+  !> The extents of an array.
+  pure subroutine carry_shape_of(self, is_there, extent)
+    class(parcel_t), intent(inout) :: self
+    !> Whether the array is allocated.
+    logical, intent(inout) :: is_there
+    !> Its extents; not used where it is not there (rank).
+    integer, intent(inout) :: extent(:)
+    integer :: k
+    if (.not. is_there) extent = not_there
+    do k = 1, size(extent)
+      call self%carry_integer(extent(k))
+    end do
+    is_there = extent(1) /= not_there
+  end subroutine carry_shape_of
+
+  !> A text.
+  subroutine carry_text(self, text)
+    class(parcel_t), intent(inout) :: self
+    !> Written, or set; not allocated where it was not.
+    character(:), allocatable, intent(inout) :: text
+    logical :: is_there
+    integer :: length(1), letter, i
+    is_there = allocated(text)
+    if (is_there) length = len(text)
+    call self%carry_shape(is_there, length)
+    if (self%is_read) then
+      if (allocated(text)) deallocate (text)
+      if (is_there) allocate (character(length(1)) :: text)
+    end if
+    if (.not. is_there) return
+    do i = 1, length(1)
+      letter = 0
+      if (.not. self%is_read) letter = iachar(text(i:i))
+      call self%carry_integer(letter)
+      text(i:i) = achar(letter)
+    end do
+  end subroutine carry_text
+
+  !> Texts.
+  subroutine carry_texts(self, text)
+    class(parcel_t), intent(inout) :: self
+    !> Written, or set (n).
+    type(text_t), allocatable, intent(inout) :: text(:)
+    logical :: is_there
+    integer :: n(1), i
+    is_there = allocated(text)
+    if (is_there) n = shape(text)
+    call self%carry_shape(is_there, n)
+    if (self%is_read) then
+      if (allocated(text)) deallocate (text)
+      if (is_there) allocate (text(n(1)))
+    end if
+    if (.not. is_there) return
+    do i = 1, n(1)
+      call self%carry_text(text(i)%s)
+    end do
+  end subroutine carry_texts
+
+  !> Integers.
+  pure subroutine carry_integers(self, value)
+    class(parcel_t), intent(inout) :: self
+    !> Written, or set; not allocated where they were not (n).
+    integer, allocatable, intent(inout) :: value(:)
+    logical :: is_there
+    integer :: n(1)
+    is_there = allocated(value)
+    if (is_there) n = shape(value)
+    call self%carry_shape(is_there, n)
+    if (self%is_read) then
+      if (allocated(value)) deallocate (value)
+      if (is_there) allocate (value(n(1)))
+    end if
+    if (is_there) call move_integers(self, size(value), value)
+  end subroutine carry_integers
+
+  !> A table of integers.
+  pure subroutine carry_integer_table(self, value)
+    class(parcel_t), intent(inout) :: self
+    !> Written, or set; not allocated where it was not (n, m).
+    integer, allocatable, intent(inout) :: value(:, :)
+    logical :: is_there
+    integer :: n(2)
+    is_there = allocated(value)
+    if (is_there) n = shape(value)
+    call self%carry_shape(is_there, n)
+    if (self%is_read) then
+      if (allocated(value)) deallocate (value)
+      if (is_there) allocate (value(n(1), n(2)))
+    end if
+    if (is_there) call move_integers(self, size(value), value)
+  end subroutine carry_integer_table
+
+  !> Integers of a known number, two in a word.
+  pure subroutine move_integers(self, n, value)
+    !> The parcel.
+    class(parcel_t), intent(inout) :: self
+    !> Their number.
+    integer, intent(in) :: n
+    !> Written, or set (n).
+    integer, intent(inout) :: value(n)
+    integer, parameter :: half = 32
+    integer(int64), allocatable :: word(:)
+    integer(int64) :: second
+    integer :: i
+    allocate (word((n + 1)/2))
+    if (.not. self%is_read) then
+      do i = 1, n, 2
+        second = 0
+        if (i < n) second = iand(int(value(i + 1), int64), maskr(half, int64))
+        word((i + 1)/2) = ior(shiftl(int(value(i), int64), half), second)
+      end do
+    end if
+    call move(self, word)
+    if (.not. self%is_read) return
+    do i = 1, n
+      value(i) = int(shifta(merge(word((i + 1)/2), shiftl(word((i + 1)/2), half), mod(i, 2) == 1), half))
+    end do
+  end subroutine move_integers
+
+  !> Integers of 64 bits.
+  pure subroutine carry_longs(self, value)
+    class(parcel_t), intent(inout) :: self
+    !> Written, or set; not allocated where they were not (n).
+    integer(int64), allocatable, intent(inout) :: value(:)
+    logical :: is_there
+    integer :: n(1)
+    is_there = allocated(value)
+    if (is_there) n = shape(value)
+    call self%carry_shape(is_there, n)
+    if (self%is_read) then
+      if (allocated(value)) deallocate (value)
+      if (is_there) allocate (value(n(1)))
+    end if
+    if (is_there) call move(self, value)
+  end subroutine carry_longs
+
+  !> Logicals.
+  pure subroutine carry_logicals(self, value)
+    class(parcel_t), intent(inout) :: self
+    !> Written, or set; not allocated where they were not (n).
+    logical, allocatable, intent(inout) :: value(:)
+    integer, allocatable :: number(:)
+    integer :: i
+    if (allocated(value)) number = [(merge(1, 0, value(i)), i=1, size(value))]
+    call self%carry_integers(number)
+    if (.not. self%is_read) return
+    if (allocated(value)) deallocate (value)
+    if (allocated(number)) value = number == 1
+  end subroutine carry_logicals
+
+  !> Reals.
+  pure subroutine carry_reals(self, value)
+    class(parcel_t), intent(inout) :: self
+    !> Written, or set; not allocated where they were not (n) [any].
+    real(dp), allocatable, intent(inout) :: value(:)
+    logical :: is_there
+    integer :: n(1)
+    is_there = allocated(value)
+    if (is_there) n = shape(value)
+    call self%carry_shape(is_there, n)
+    if (self%is_read) then
+      if (allocated(value)) deallocate (value)
+      if (is_there) allocate (value(n(1)))
+    end if
+    if (is_there) call self%carry_fixed(size(value), value)
+  end subroutine carry_reals
+
+  !> A table of reals.
+  pure subroutine carry_real_table(self, value)
+    class(parcel_t), intent(inout) :: self
+    !> Written, or set; not allocated where it was not (n, m) [any].
+    real(dp), allocatable, intent(inout) :: value(:, :)
+    logical :: is_there
+    integer :: n(2)
+    is_there = allocated(value)
+    if (is_there) n = shape(value)
+    call self%carry_shape(is_there, n)
+    if (self%is_read) then
+      if (allocated(value)) deallocate (value)
+      if (is_there) allocate (value(n(1), n(2)))
+    end if
+    if (is_there) call self%carry_fixed(size(value), value)
+  end subroutine carry_real_table
+
+  !> Several tables of reals.
+  pure subroutine carry_real_tables(self, value)
+    class(parcel_t), intent(inout) :: self
+    !> Written, or set; not allocated where they were not (n, m, k) [any].
+    real(dp), allocatable, intent(inout) :: value(:, :, :)
+    logical :: is_there
+    integer :: n(3)
+    is_there = allocated(value)
+    if (is_there) n = shape(value)
+    call self%carry_shape(is_there, n)
+    if (self%is_read) then
+      if (allocated(value)) deallocate (value)
+      if (is_there) allocate (value(n(1), n(2), n(3)))
+    end if
+    if (is_there) call self%carry_fixed(size(value), value)
+  end subroutine carry_real_tables
+
+  !> Reals of a known number.
+  pure subroutine carry_fixed_reals(self, n, value)
+    class(parcel_t), intent(inout) :: self
+    !> Their number.
+    integer, intent(in) :: n
+    !> Written, or set (n) [any].
+    real(dp), intent(inout) :: value(n)
+    integer(int64), allocatable :: word(:)
+    integer :: i
+    allocate (word(n))
+    if (.not. self%is_read) then
+      do i = 1, n
+        word(i) = transfer(value(i), word(i))
+      end do
+    end if
+    call move(self, word)
+    if (.not. self%is_read) return
+    do i = 1, n
+      value(i) = transfer(word(i), value(i))
+    end do
+  end subroutine carry_fixed_reals
+end module dotyk_base_parcel

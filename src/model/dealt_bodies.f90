@@ -1,0 +1,314 @@
+!> Bodies of a scene of many small ones that are dealt out to the ranks before their meshes are read: each rank reads
+!> and checks the volumes of its own bodies only, and gets the surfaces of the others. No rank ever has all volumes.
+!>
+!> Congruence classes are those that one process finds: bodies are compared in the same order, each by its own rank,
+!> which reads the representative, too, where it may be congruent.
+module dotyk_model_dealt_bodies
+  use, intrinsic :: iso_fortran_env, only: int8
+  use dotyk_base_interrupt, only: interrupted
+  use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_parcel, only: parcel_t
+  use dotyk_base_text, only: text_t
+  use dotyk_control_body_ranks, only: body_ranks_t, deal_bodies
+  use dotyk_control_congruence_classes, only: congruence_classes_t
+  use dotyk_elasticity_body, only: body_t
+  use dotyk_elasticity_body_modes, only: body_modes_t
+  use dotyk_elasticity_congruence, only: adopt_congruent_constraint, are_congruent, congruence_invariants_t
+  use dotyk_input_case, only: case_t
+  use dotyk_mesh_held_part, only: surface_part
+  use dotyk_mesh_placement, only: placement_t
+  use dotyk_model_body_parts, only: keep_surface
+  use dotyk_model_body_surfaces, only: body_surfaces_t
+  use dotyk_model_body_setup, only: refuse_unused
+  use dotyk_model_chosen_bodies, only: chosen_bodies_t
+  use dotyk_model_joints, only: describe_joints
+  use dotyk_model_mesh_survey, only: mesh_survey_t
+  use dotyk_ranks_exchange, only: add_counts, gather_all, is_own, on_any_rank, share, share_flat
+  implicit none
+  private
+  public :: build_dealt_bodies
+
+  !> Words of the surfaces that a rank sends at a time, at most, but for one body: they stand on all ranks beside what
+  !> these hold.
+  integer(int64), parameter :: most_words = 100000
+
+contains
+
+  !> Build the bodies.
+  subroutine build_dealt_bodies(case, survey, body, surfaces, remarks, classes, ranks, modes, is_built)
+    !> The case.
+    type(case_t), intent(in) :: case
+    !> What the mesh files have.
+    type(mesh_survey_t), intent(in) :: survey
+    !> Bodies, not yet assembled: whole where this rank computes them, else their surfaces (n_bodies).
+    type(body_t), allocatable, intent(out) :: body(:)
+    !> Surfaces of the bodies that contact pairs may need, in the numbers of the held nodes (n_bodies).
+    type(body_surfaces_t), allocatable, intent(out) :: surfaces(:)
+    !> Lines for the log (n_remarks).
+    type(text_t), allocatable, intent(out) :: remarks(:)
+    !> Congruence classes.
+    type(congruence_classes_t), intent(out) :: classes
+    !> Which rank computes which bodies.
+    type(body_ranks_t), intent(out) :: ranks
+    !> Rigid body modes of bodies that are not held wholly, at the held nodes (n_bodies).
+    type(body_modes_t), allocatable, intent(out) :: modes(:)
+    !> Not where something is wrong with a body: who builds all of them finds what, in order.
+    logical, intent(out) :: is_built
+    type(chosen_bodies_t) :: own
+    logical, allocatable :: chosen(:)
+    integer, allocatable :: owner(:)
+    integer :: b
+    is_built = .false.
+    call deal_out(survey, owner, chosen)
+    call own%init(case)
+    call own%build(case, survey, chosen)
+    if (on_any_rank(own%problems%count > 0)) return
+    call add_used(own%support_used)
+    call add_used(own%load_used)
+    call refuse_unused(case%file, case%support%line, own%support_used, '&support', own%problems)
+    call refuse_unused(case%file, case%load%line, own%load_used, '&load', own%problems)
+    if (own%problems%count > 0) return
+    call find_classes(case, survey, owner, own, classes)
+    if (on_any_rank(own%problems%count > 0)) return
+    call ranks%take_owners(owner, classes)
+    allocate (modes(size(owner)), remarks(0))
+    if (.not. interrupted()) then
+      call share_surfaces(classes, ranks, own, modes)
+      do b = 1, size(owner)
+        if (survey%first_of_volume(b) == b) &
+          call describe_joints(case, own%joints(b), count(survey%first_of_volume == b), b, remarks)
+      end do
+    end if
+    call move_alloc(own%body, body)
+    call move_alloc(own%surfaces, surfaces)
+    is_built = .true.
+  end subroutine build_dealt_bodies
+
+  !> A rank for each body, by the elements that it has, and the bodies that this rank reads: its own, and those that
+  !> may represent their congruence classes.
+  subroutine deal_out(survey, owner, chosen)
+    !> What the mesh files have.
+    type(mesh_survey_t), intent(in) :: survey
+    !> Rank of each body (n_bodies).
+    integer, allocatable, intent(out) :: owner(:)
+    !> Whether this rank reads a body (n_bodies).
+    logical, allocatable, intent(out) :: chosen(:)
+    integer, allocatable :: alike(:)
+    integer :: b, n
+    n = size(survey%first_of_file)
+    allocate (alike(n))
+    do b = 1, n
+      alike(b) = 1
+      do while (alike(b) < b)
+        if (alike(alike(b)) == alike(b) .and. survey%alike(alike(b), b)) exit
+        alike(b) = alike(b) + 1
+      end do
+    end do
+    owner = deal_bodies([(survey%expected_nodes(b), b=1, n)], alike)
+    chosen = is_own(owner)
+    do b = 1, n
+      if (is_own(owner(b))) chosen(alike(b)) = .true.
+    end do
+  end subroutine deal_out
+
+  !> Add what the bodies of other ranks use.
+  subroutine add_used(used)
+    !> That of this rank in, of all ranks out (n).
+    logical, intent(inout) :: used(:)
+    integer(int64) :: n(size(used))
+    n = merge(1, 0, used)
+    call add_counts(n)
+    used = n > 0
+  end subroutine add_used
+
+  !> Find the congruence classes. A rank that has bodies of a class has the representative, too, on return.
+  subroutine find_classes(case, survey, owner, own, classes)
+    !> The case.
+    type(case_t), intent(in) :: case
+    !> What the mesh files have.
+    type(mesh_survey_t), intent(in) :: survey
+    !> Rank of each body (n_bodies).
+    integer, intent(in) :: owner(:)
+    !> The bodies of this rank; those that are congruent to others get their equations and axes.
+    type(chosen_bodies_t), intent(inout) :: own
+    !> The classes.
+    type(congruence_classes_t), intent(out) :: classes
+    type(congruence_invariants_t) :: invariants(size(owner))
+    type(placement_t) :: motion(size(owner))
+    logical, dimension(size(owner)) :: may_be, is_congruent, missing
+    integer :: b, c
+    call classes%init(size(owner))
+    if (interrupted()) return
+    call share_invariants(owner, own%body, invariants)
+    do c = 1, size(owner)
+      if (.not. classes%is_representative(c)) cycle
+      may_be = [(b > c .and. classes%first(b) == b .and. invariants(c)%matches(invariants(b)), b=1, size(owner))]
+      if (.not. any(may_be)) cycle
+      missing = .false.
+      missing(c) = any(may_be .and. is_own(owner)) .and. .not. own%has(c)
+      if (on_any_rank(missing(c))) call own%build(case, survey, missing)
+      if (on_any_rank(own%problems%count > 0)) return
+      if (interrupted()) return
+      is_congruent = .false.
+      do b = c + 1, size(owner)
+        if (.not. (may_be(b) .and. is_own(owner(b)))) cycle
+        is_congruent(b) = are_congruent(own%body(c), invariants(c), own%body(b), invariants(b), motion(b))
+        if (is_congruent(b)) call adopt_congruent_constraint(own%body(c)%constraint, motion(b), own%body(b)%constraint)
+      end do
+      call share(owner, is_congruent)
+      call share_motions(owner, motion)
+      do b = c + 1, size(owner)
+        if (.not. is_congruent(b)) cycle
+        classes%first(b) = c
+        classes%motion(b) = motion(b)
+      end do
+    end do
+  end subroutine find_classes
+
+  !> Invariants of all bodies.
+  subroutine share_invariants(owner, body, invariants)
+    !> Rank of each body (n_bodies).
+    integer, intent(in) :: owner(:)
+    !> Bodies, those of this rank built (n_bodies).
+    type(body_t), intent(in) :: body(:)
+    !> Their invariants (n_bodies).
+    type(congruence_invariants_t), intent(out) :: invariants(:)
+    type(congruence_invariants_t) :: mold
+    integer(int8) :: bytes(storage_size(mold)/8, size(owner))
+    integer :: b
+    do b = 1, size(owner)
+      if (is_own(owner(b))) call invariants(b)%init(body(b))
+      bytes(:, b) = transfer(invariants(b), bytes(:, b))
+    end do
+    call share_flat(owner, bytes)
+    do b = 1, size(owner)
+      invariants(b) = transfer(bytes(:, b), mold)
+    end do
+  end subroutine share_invariants
+
+  !> Motions of all bodies.
+  subroutine share_motions(owner, motion)
+    !> Rank of each body (n_bodies).
+    integer, intent(in) :: owner(:)
+    !> Those of the bodies of this rank in, of all out (n_bodies).
+    type(placement_t), intent(inout) :: motion(:)
+    type(placement_t) :: mold
+    integer(int8) :: bytes(storage_size(mold)/8, size(owner))
+    integer :: b
+    do b = 1, size(owner)
+      bytes(:, b) = transfer(motion(b), bytes(:, b))
+    end do
+    call share_flat(owner, bytes)
+    do b = 1, size(owner)
+      motion(b) = transfer(bytes(:, b), mold)
+    end do
+  end subroutine share_motions
+
+  !> Give the surfaces of the bodies of this rank to the others, and take theirs.
+  subroutine share_surfaces(classes, ranks, own, modes)
+    !> Congruence classes.
+    type(congruence_classes_t), intent(in) :: classes
+    !> Which rank computes which bodies.
+    type(body_ranks_t), intent(in) :: ranks
+    !> The bodies of this rank in, all of them out: surfaces where this rank neither solves nor factorizes them.
+    type(chosen_bodies_t), intent(inout) :: own
+    !> Rigid body modes of the surfaces (n_bodies).
+    type(body_modes_t), intent(inout) :: modes(:)
+    type(parcel_t), allocatable :: parcel
+    type(body_modes_t) :: of_class
+    integer(int64), allocatable :: word(:)
+    integer, allocatable :: order(:)
+    logical :: holds(size(ranks%owner)), of_rank(size(ranks%owner))
+    logical, allocatable :: sample(:)
+    integer :: b, i, n_sent, last_class
+    holds = ranks%factorizes .or. is_own(ranks%owner)
+    ! Classes one after the other: the modes of a representative serve all of its bodies.
+    allocate (order(0))
+    do b = 1, size(holds)
+      if (.not. classes%is_representative(b)) cycle
+      of_rank = classes%first == b .and. is_own(ranks%owner)
+      order = [order, pack([(i, i=1, size(holds))], of_rank)]
+    end do
+    last_class = 0
+    n_sent = 0
+    do while (on_any_rank(n_sent < size(order)))
+      allocate (parcel)
+      do while (n_sent < size(order) .and. parcel%n_words() < most_words)
+        n_sent = n_sent + 1
+        b = order(n_sent)
+        associate (first => classes%first(b))
+          if (first /= last_class) call of_class%find(own%body(first))
+          last_class = first
+          call send_surface(b, first, classes%motion(b), own, of_class, parcel)
+        end associate
+      end do
+      call gather_all(parcel%words(), word)
+      call parcel%open(word)
+      do while (.not. parcel%at_end())
+        call take_surface(parcel, holds, own, modes)
+      end do
+      deallocate (parcel)
+    end do
+    do b = 1, size(holds)
+      if (holds(b)) call surface_part(own%body(b)%mesh, sample, own%body(b)%shared_node)
+    end do
+  end subroutine share_surfaces
+
+  !> Put the surface of a body into a parcel.
+  subroutine send_surface(b, first, motion, own, of_class, parcel)
+    !> The body, and the representative of its class.
+    integer, intent(in) :: b, first
+    !> Rigid motion between both.
+    type(placement_t), intent(in) :: motion
+    !> The bodies of this rank.
+    type(chosen_bodies_t), intent(inout) :: own
+    !> Rigid body modes of the representative.
+    type(body_modes_t), intent(in) :: of_class
+    !> The parcel.
+    type(parcel_t), intent(inout) :: parcel
+    type(body_t) :: body
+    type(body_surfaces_t) :: surfaces
+    type(body_modes_t) :: modes
+    integer :: number
+    body = own%body(b)
+    surfaces = own%surfaces(b)
+    if (b == first) then
+      modes = of_class
+    else
+      call modes%move(of_class, motion, body)
+    end if
+    call keep_surface(body, surfaces, modes)
+    number = b
+    call parcel%carry(number)
+    call body%carry(parcel)
+    call surfaces%carry(parcel)
+    call modes%carry(parcel)
+    call own%joints(b)%carry(parcel)
+  end subroutine send_surface
+
+  !> Take the surface of a body out of a parcel.
+  subroutine take_surface(parcel, holds, own, modes)
+    !> The parcel.
+    type(parcel_t), intent(inout) :: parcel
+    !> Whether this rank has the whole body (n_bodies).
+    logical, intent(in) :: holds(:)
+    !> The bodies.
+    type(chosen_bodies_t), intent(inout) :: own
+    !> Their rigid body modes; set where the whole body is not here (n_bodies).
+    type(body_modes_t), intent(inout) :: modes(:)
+    type(body_t) :: body
+    type(body_surfaces_t) :: surfaces
+    type(body_modes_t) :: of_body
+    integer :: b
+    b = 0
+    call parcel%carry(b)
+    call body%carry(parcel)
+    call surfaces%carry(parcel)
+    call of_body%carry(parcel)
+    call own%joints(b)%carry(parcel)
+    if (holds(b)) return
+    own%body(b) = body
+    own%surfaces(b) = surfaces
+    modes(b) = of_body
+  end subroutine take_surface
+end module dotyk_model_dealt_bodies
