@@ -2,7 +2,7 @@
 module dotyk_driver_scene_building
   use dotyk_base_error, only: error_t
   use dotyk_base_interrupt, only: stop_if_interrupted
-  use dotyk_base_memory, only: set_stage
+  use dotyk_base_memory, only: peak_memory, set_stage
   use dotyk_base_text, only: text_t
   use dotyk_contact_operator, only: build_operator
   use dotyk_control_factorization, only: analyze_bodies
@@ -75,6 +75,7 @@ contains
         call problem%ranks%init(problem%body, problem%classes, splits)
         call hold_parts(problem%classes, problem%ranks, problem%body, surfaces, problem%modes)
       end if
+      monitor%timing%memory_of_bodies = peak_memory()
       call assemble_bodies(case, problem%classes, problem%ranks, form, problem%body, problem%modes, scene%stiffness, &
                            scene%slot, error)
       if (splits .and. .not. allocated(error)) call scene%split%assemble(problem%body, problem%modes, error)

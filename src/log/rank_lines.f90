@@ -14,13 +14,15 @@ module dotyk_log_rank_lines
 contains
 
   !> How well the ranks shared the work; nothing on one rank. All ranks call it.
-  subroutine show_ranks(log, total)
+  subroutine show_ranks(log, total, memory_of_bodies)
     !> The log.
     type(log_t), intent(inout) :: log
     !> Time of the run, of this rank.
     type(stage_time_t), intent(in) :: total
+    !> Peak memory of this rank until bodies were read and shared out [bytes].
+    real(dp), intent(in) :: memory_of_bodies
     type(exchange_cost_t) :: cost
-    real(dp), dimension(n_ranks()) :: work, waited, memory, seconds
+    real(dp), dimension(n_ranks()) :: work, waited, memory, of_bodies, seconds
     integer :: r, own
     if (n_ranks() == 1) return
     cost = exchange_cost()
@@ -29,14 +31,16 @@ contains
     seconds(own) = total%wall
     waited(own) = cost%waited
     memory(own) = peak_memory()
+    of_bodies(own) = memory_of_bodies
     call share([(r, r=0, n_ranks() - 1)], work)
     call share([(r, r=0, n_ranks() - 1)], seconds)
     call share([(r, r=0, n_ranks() - 1)], waited)
     call share([(r, r=0, n_ranks() - 1)], memory)
+    call share([(r, r=0, n_ranks() - 1)], of_bodies)
     call log%line('  ranks            largest over mean work '//to_text(maxval(work)*n_ranks()/sum(work), 3)// &
                   ', waiting '//to_text(100*sum(waited)/sum(seconds), 2)//' % of the time, '// &
                   to_text(int(cost%n))//' exchanges of '//memory_text(cost%bytes)//' in all, peak memory '// &
                   memory_text(minval(memory))//' to '//memory_text(maxval(memory))//', sum '// &
-                  memory_text(sum(memory)))
+                  memory_text(sum(memory))//'; until bodies were read '//memory_text(maxval(of_bodies)))
   end subroutine show_ranks
 end module dotyk_log_rank_lines

@@ -38,6 +38,8 @@ module dotyk_log_timing
     type(stage_time_t) :: estimate
     !> The whole run.
     type(stage_time_t) :: total
+    !> Peak memory of this rank until bodies were read and shared out [bytes].
+    real(dp) :: memory_of_bodies = 0
   end type timing_t
 
   !> A watch that is read at the end of each stage.

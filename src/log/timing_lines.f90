@@ -28,7 +28,7 @@ contains
                                                 timing%recover%wall, timing%estimate%wall, timing%check%wall, &
                                                 timing%write%wall, timing%total%wall]))
     call log%line('  processor time   '//stages(processor))
-    call show_ranks(log, timing%total)
+    call show_ranks(log, timing%total, timing%memory_of_bodies)
   end subroutine show_timing
 
   !> Names and times of the stages.
