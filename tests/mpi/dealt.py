@@ -52,12 +52,12 @@ class Dealt(RankCase):
 
     def assertSame(self, code, *texts):
         """The same messages on any number of ranks; they have the texts, in this order."""
-        expected = self.messages(self.run_ranks(1, "case.nml", code=code))
+        expected = self.messages(self.run_ranks(1, "case.nml", "--quiet", code=code))
         self.assertEqual(len(expected), len(texts), expected)
         for text, line in zip(texts, expected):
             self.assertIn(text, line)
         for ranks in (2, 3):
-            self.assertEqual(self.messages(self.run_ranks(ranks, "case.nml", code=code)), expected)
+            self.assertEqual(self.messages(self.run_ranks(ranks, "case.nml", "--quiet", code=code)), expected)
 
     def test_faults_of_bodies_of_several_ranks(self):
         self.write("inverted.msh", INVERTED)
