@@ -222,6 +222,22 @@ class Block:
         self.kind, self.body, self.cells, self.nodes = kind, body, cells, nodes
 
 
+def copies_of(groups):
+    """Each body with its &body group: `repeat` makes copies, the first number fastest, and their numbers replace the * of the name."""
+    copies = []
+    for group in groups:
+        if group.name != 'body':
+            continue
+        name, repeat = group.get_one('name', str), group.get('repeat', int, [])
+        for last_fastest in itertools.product(*(range(1, n + 1) for n in reversed(repeat))):
+            numbers = [str(n) for n in reversed(last_fastest)]
+            parts = name.split('*')
+            if len(parts) == 2:
+                numbers = [' '.join(numbers)]
+            copies.append((group, ''.join(itertools.chain(*itertools.zip_longest(parts, numbers, fillvalue=''))) if repeat else name))
+    return copies
+
+
 class Results:
     """Mesh, displacement and materials of a results file. young, poisson: numbers for each body, or one for all."""
 
@@ -260,8 +276,8 @@ class Results:
             self.stiffness = [isotropic(e, v) for e, v in pairs]
         else:
             materials = {g.get_one('name', str): g for g in groups if g.name == 'material'}
-            self.stiffness = [stiffness_of(materials[g.get_one('material', str)]) for g in groups if g.name == 'body']
-        self.body_names = [g.get_one('name', str) for g in groups if g.name == 'body']
+            self.stiffness = [stiffness_of(materials[group.get_one('material', str)]) for group, _ in copies_of(groups)]
+        self.body_names = [name for _, name in copies_of(groups)]
         self.dimension = 3 if self.analysis == '3d' else 2
         self.rows = {'3d': [0, 1, 2, 3, 4, 5], 'axisymmetric': [0, 1, 2, 5]}.get(self.analysis, [0, 1, 5])
 

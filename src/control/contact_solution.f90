@@ -118,6 +118,10 @@ contains
       energies%strain = qp%energy_norm(state%m, state%y, alpha)**2/2
       energies%penalty = sum(qp%weight*max(0.0_dp, state%y)**2/(2*self%theta), mask=self%theta > 0)
       energies%load_work = qp%load_work(state%m, alpha)
+      if (allocated(state%terms)) then
+        energies%strain = state%terms(1)
+        energies%load_work = state%terms(2)
+      end if
     end associate
   end function solution_energies
 

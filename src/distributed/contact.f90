@@ -3,7 +3,7 @@
 !> floating bodies.
 !>
 !> Unknown is the displacement of the free components; pressures, gaps and active sets are the same on all ranks. The
-!> start is the solution without contact. All rows are in the system: no compliance of rows is formed, so that inactive
+!> start is the solution without contact, and floating bodies at rest on a Winkler foundation. All rows are in the system: no compliance of rows is formed, so that inactive
 !> ones cost nothing and none are screened.
 !>
 !> Where active rows do not restrain all motions of floating bodies, K + B^T W B is singular: these motions are taken
@@ -17,17 +17,18 @@ module dotyk_distributed_contact
   use dotyk_contact_operator, only: contact_operator_t
   use dotyk_distributed_contact_rows, only: without_rounding
   use dotyk_distributed_error_bound, only: error_of
+  use dotyk_distributed_iterate, only: iterate_t
   use dotyk_distributed_linear_solver, only: solve_outcome_t
   use dotyk_distributed_stiffness, only: distributed_stiffness_t
   use dotyk_distributed_system, only: distributed_system_t
   use dotyk_ranks_exchange, only: meet
-  use dotyk_scheme_active_set, only: is_balanced
+  use dotyk_scheme_active_set, only: is_balanced, rest_t => iterate_t, rest_on_winkler_foundation
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_free_motion, only: imbalance, meet_rows
   use dotyk_scheme_monitor, only: monitor_t
   use dotyk_scheme_primal_modes, only: balance
-  use dotyk_scheme_proximal_active_set, only: best_step, mark_of_set
-  use dotyk_scheme_solver_state, only: ended_converged, ended_diverged, ended_interrupted, ended_limit, &
+  use dotyk_scheme_proximal_active_set, only: best_step
+  use dotyk_scheme_solver_state, only: ended_converged, ended_costly, ended_diverged, ended_interrupted, ended_limit, &
     ended_no_equilibrium, ended_rigid_constraint, ended_solves, ended_stalled, ended_unbalanced, solver_state_t
   implicit none
   private
@@ -42,6 +43,8 @@ module dotyk_distributed_contact
     real(dp), allocatable :: u(:)
     !> Active sets so far.
     integer :: n_sets = 0
+    !> Iterations of conjugate gradients at most, in all.
+    integer :: most_iterations = huge(1)
     !> Weights (n_rows) [area].
     real(dp), allocatable, private :: weight(:)
     !> Gaps without the displacement by prescribed displacements (n_rows) [length].
@@ -52,36 +55,10 @@ module dotyk_distributed_contact
     procedure :: destroy => contact_destroy
   end type distributed_contact_t
 
-  !> An iterate.
-  type :: iterate_t
-    !> prox, and theta + prox (n_rows) [length/pressure].
-    real(dp), allocatable :: prox(:), softness(:)
-    !> B u, and the gap less prox m_0 (n_rows) [length].
-    real(dp), allocatable :: y(:), shifted(:)
-    !> The active set of the linear system (n_rows).
-    logical, allocatable :: active(:)
-    !> Relative residual of the next linear system [].
-    real(dp) :: aim = 0
-    !> Energy norm of the displacements, prescribed ones included [sqrt(energy)].
-    real(dp) :: norm = 0
-    !> Whether steps are minima along their directions.
-    logical :: guarded = .false.
-    !> Marks of the active sets since the pressures m_0 changed.
-    real(dp), allocatable :: seen(:)
-    !> Last residual, and last change of the pressures [sqrt(energy)].
-    real(dp) :: residual = 0, change = 0
-  end type iterate_t
-
-  !> prox as a fraction of the compliance of the rows in the smoother.
-  real(dp), parameter :: proximal_fraction = 1.0e-3_dp
-  !> Accuracy of the first linear system, without contact; of the active sets that follow, and its factor where sets
-  !> come again or after `many_sets`.
-  real(dp), parameter :: start_reduction = 1.0e-2_dp, first_aim = 3.0e-3_dp, closer_aim = 0.1_dp
-  integer, parameter :: many_sets = 5
+  !> Accuracy of the first linear system, without contact [].
+  real(dp), parameter :: start_reduction = 1.0e-2_dp
   !> Residual of the next linear system as fractions of the last residual and of the last change of the pressures.
   real(dp), parameter :: of_residual = 1.0e-4_dp, of_change = 1.0e-3_dp
-  !> prox grows by this factor where active sets come again although steps are minima.
-  real(dp), parameter :: growth = 10
   !> Accuracy asked for first, as a fraction of the tolerance, and the factor of the next one [].
   real(dp), parameter :: first_share = 0.2_dp, next_share = 0.05_dp
   !> Accuracy that is asked for at least; and with floating bodies, so that forces balance their loads [].
@@ -125,7 +102,8 @@ contains
     integer, intent(in) :: most_sets
     !> Gets each solution with its bound.
     class(monitor_t), intent(inout) :: monitor
-    !> Where to begin if it has pressures; pressures, penetrations, energy and bound on return.
+    !> Where to begin if it has pressures; pressures, penetrations, energy and bound on return, none of them where the
+    !> iterations are too many.
     type(solver_state_t), intent(inout) :: state
     !> Allocated where numbers are not finite, or PETSc fails.
     type(error_t), allocatable, intent(out) :: error
@@ -139,7 +117,7 @@ contains
     integer :: attempt, mode
     start = wall_time()
     allocate (r(self%system%n), e(self%system%n), lambda(size(theta)), now%y(size(theta)), now%shifted(size(theta)))
-    call begin(self, theta, state, now, r, e, error)
+    call begin(self, theta, state, now, r, e, error, qp)
     if (allocated(error) .or. state%ended == ended_rigid_constraint) return
     accuracy = min(first_share*tolerance, least_accuracy)
     if (size(self%stiffness%mode, 2) > 0) accuracy = min(accuracy, accuracy_of_floating)
@@ -147,7 +125,7 @@ contains
     last = huge(last)
     do attempt = 1, most_attempts
       call iterate(self, theta, accuracy, most_sets, state%m, now, r, e, state%ended, error)
-      if (allocated(error)) return
+      if (allocated(error) .or. state%ended == ended_costly) return
       if (present(qp)) call balance(qp, state%m)
       lambda = self%weight*state%m
       state%y = now%y - self%gap
@@ -155,7 +133,8 @@ contains
         at_rest = [(0.0_dp, mode=1, qp%coarse%n)]
         balanced = is_balanced(qp, theta, lambda, at_rest)
       end if
-      call error_of(self%system, self%weight, theta, lambda, state%y, self%u, r, bound, state%energy)
+      call error_of(self%system, self%weight, theta, lambda, state%y, self%u, r, bound, state%energy, &
+                    state%terms)
       state%error_bound = huge(bound)
       if (bound < huge(bound) .and. balanced) state%error_bound = bound/max(now%norm, tiny(bound))
       state%max_penetration = maxval([0.0_dp, state%y])
@@ -170,14 +149,17 @@ contains
       accuracy = next_share*accuracy
     end do
     if (state%ended == ended_converged .and. state%error_bound > tolerance) state%ended = ended_solves
+    ! Whether contact can balance the loads at all was asked before.
+    if (state%ended == ended_no_equilibrium) state%ended = ended_solves
     if (any(state%ended == [ended_solves, ended_stalled]) .and. .not. balanced) state%ended = ended_unbalanced
     call state%history%finish()
     state%iterations = state%history%n
     state%bound_is_guaranteed = .false.
   end subroutine contact_solve
 
-  !> The start: displacements without contact, and the rows that they close.
-  subroutine begin(self, theta, state, now, r, e, error)
+  !> The start: displacements without contact, and the rows that they close; floating bodies at rest on a Winkler
+  !> foundation.
+  subroutine begin(self, theta, state, now, r, e, error, qp)
     !> The problem; gets displacements.
     class(distributed_contact_t), intent(inout) :: self
     !> Penalty parameters (n_rows) [length/pressure].
@@ -190,31 +172,37 @@ contains
     real(dp), intent(inout), contiguous :: r(:), e(:)
     !> Allocated where PETSc fails.
     type(error_t), allocatable, intent(out) :: error
+    !> Initial penetrations and rigid body modes.
+    type(contact_qp_t), intent(in), optional :: qp
+    type(rest_t) :: rest
     type(solve_outcome_t) :: outcome
     real(dp), allocatable :: resultant(:)
     real(dp) :: compliance(size(theta))
     compliance = self%system%row_compliance()
-    now%prox = proximal_fraction*self%weight*compliance
-    now%prox = max(now%prox, proximal_fraction*maxval([tiny(1.0_dp), now%prox]))
-    now%prox = max(0.0_dp, now%prox - theta)
-    now%softness = theta + now%prox
-    now%aim = first_aim
-    allocate (now%seen(0))
+    call now%init(theta, self%weight*compliance)
     if (any(.not. (compliance > 0 .or. theta > 0) .and. self%gap < -rounding*maxval(abs(self%gap)))) then
       state%ended = ended_rigid_constraint
       return
     end if
-    r = self%stiffness%load
-    call self%system%remove_modes(r, resultant)
-    call self%system%solve_alone(r, start_reduction, most_iterations, e, outcome, error)
-    if (allocated(error)) return
-    self%u(:) = e
+    ! With pressures of an earlier solve its displacements are the start.
+    if (.not. allocated(state%m) .or. self%n_sets == 0) then
+      r = self%stiffness%load
+      call self%system%remove_modes(r, resultant)
+      call self%system%solve_alone(r, start_reduction, most_iterations, e, outcome, error)
+      if (allocated(error)) return
+      self%u(:) = e
+    end if
     call self%system%row_displacement(self%u, now%y)
     if (allocated(state%m)) then
       now%active = state%m > 0
     else
       allocate (state%m(size(theta)), source=0.0_dp)
       now%active = now%y > self%gap
+      if (.not. present(qp)) return
+      if (qp%coarse%n == 0) return
+      ! Without motions of floating bodies the rows that they close are far from the solution, and active sets many.
+      call rest_on_winkler_foundation(qp, theta, rest, now%active)
+      self%u(:) = self%u + matmul(self%stiffness%mode, qp%coarse%scale*rest%alpha)
     end if
   end subroutine begin
 
@@ -261,6 +249,10 @@ contains
       end if
       call self%system%solve(r, now%aim*now%norm, merge(most_iterations, 1, now%norm > 0), e, outcome, error)
       if (allocated(error)) return
+      if (self%system%n_iterations > self%most_iterations) then
+        ended = ended_costly
+        exit
+      end if
       now%residual = outcome%residual
       if (.not. now%residual <= huge(t) .or. outcome%has_failed) then
         ended = ended_diverged
@@ -287,7 +279,7 @@ contains
         now%seen = [real(dp) ::]
         if (ended /= ended_limit) exit
       else
-        call look_for_cycles(self, theta, m, accuracy, new, now)
+        call now%look_for_cycles(theta, self%weight*self%system%row_compliance(), self%gap, m, accuracy, new)
       end if
       now%active = new
       if (any_interrupted()) then
@@ -312,38 +304,6 @@ contains
     call self%system%row_displacement(self%u, now%y)
     call self%system%subtract_row_force(merge(self%weight/now%softness, 0.0_dp, now%active)*(now%y - now%shifted), r)
   end subroutine find_residual
-
-  !> Whether an active set has come again, and what to do about it: as in one process.
-  subroutine look_for_cycles(self, theta, m, accuracy, new, now)
-    !> The problem.
-    class(distributed_contact_t), intent(in) :: self
-    !> Penalty parameters (n_rows) [length/pressure].
-    real(dp), intent(in) :: theta(:)
-    !> Pressures (n_rows) [pressure].
-    real(dp), intent(in) :: m(:)
-    !> Of the displacements [].
-    real(dp), intent(in) :: accuracy
-    !> The next active set; changed where prox is (n_rows).
-    logical, intent(inout) :: new(:)
-    !> The iterate.
-    type(iterate_t), intent(inout) :: now
-    real(dp) :: mark
-    mark = mark_of_set(new)
-    if (.not. any(abs(now%seen - mark) <= 0)) then
-      now%seen = [now%seen, mark]
-      if (modulo(size(now%seen), many_sets) == 0) now%aim = max(accuracy/2, closer_aim*now%aim)
-      return
-    end if
-    now%aim = max(accuracy/2, closer_aim*now%aim)
-    now%seen = [real(dp) ::]
-    if (now%guarded) then
-      now%prox = min(growth*now%prox, max(now%prox, self%weight*self%system%row_compliance()))
-      now%softness = theta + now%prox
-      now%shifted = self%gap - now%prox*m
-      new = now%y - now%shifted > 0
-    end if
-    now%guarded = .true.
-  end subroutine look_for_cycles
 
   !> Follow motions that the active rows do not restrain and the loads excite until rows meet; take out the others.
   subroutine follow_free_motion(self, r, now, moved, ended)

@@ -22,7 +22,7 @@ module dotyk_distributed_error_bound
 contains
 
   !> Bound and energy.
-  subroutine error_of(system, weight, theta, lambda, y, u, r, bound, energy)
+  subroutine error_of(system, weight, theta, lambda, y, u, r, bound, energy, terms)
     !> The systems.
     type(distributed_system_t), intent(inout), target :: system
     !> Weights (n_rows) [area].
@@ -41,6 +41,8 @@ contains
     real(dp), intent(out) :: bound
     !> F_theta(u) [energy].
     real(dp), intent(out) :: energy
+    !> Its strain energy and the work of the loads (2) [energy].
+    real(dp), allocatable, intent(out) :: terms(:)
     type(error_t), allocatable :: error
     type(contact_rows_t), pointer :: rows
     real(dp), allocatable :: resultant(:)
@@ -48,8 +50,11 @@ contains
     logical :: is_stiff(size(y)), chosen(size(y))
     integer :: k
     call system%strain_forces(u, r)
-    energy = system%product(u, r)/2 - system%product(u, system%stiffness%load) + system%stiffness%lift_energy - &
-      system%stiffness%lift_work + sum(weight*max(0.0_dp, y)**2/theta, mask=theta > 0)/2
+    associate (k => system%stiffness)
+      terms = system%product(u, k%lift) + [k%lift_energy, k%lift_work] + &
+        [system%product(u, r)/2, system%product(u, k%load)]
+    end associate
+    energy = terms(1) - terms(2) + sum(weight*max(0.0_dp, y)**2/theta, mask=theta > 0)/2
     r(:) = system%stiffness%load - r
     call system%subtract_row_force(lambda, r)
     call system%remove_modes(r, resultant)

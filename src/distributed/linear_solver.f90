@@ -1,14 +1,16 @@
 !> A linear solver of PETSc with its coarse matrix, and its runs on arrays.
 module dotyk_distributed_linear_solver
-  use petscksp, only: KSPGetConvergedReason, KSPDestroy, KSPGetIterationNumber, KSPGetResidualNorm, &
-    KSPSetTolerances, KSPSolve, KSP_DIVERGED_ITS, MatDestroy, tKSP, tMat, tVec, VecDestroy
+  use petscksp, only: KSPComputeExtremeSingularValues, KSPGetConvergedReason, KSPDestroy, KSPGetIterationNumber, &
+    KSPGetResidualNorm, KSPGetTolerances, KSPSetTolerances, KSPSolve, KSP_CONVERGED_ATOL, KSP_CONVERGED_ITERATING, &
+    KSP_DIVERGED_INDEFINITE_PC, KSP_DIVERGED_ITS, KSP_DIVERGED_NANORINF, MatDestroy, PETSC_NULL_FUNCTION, tKSP, &
+    tMat, tVec, VecDestroy
   use dotyk_base_error, only: error_t
   use dotyk_base_kinds, only: dp
   use dotyk_distributed_petsc, only: has_failed
   use dotyk_distributed_stiffness, only: distributed_stiffness_t
   implicit none
   private
-  public :: drop_solver, run_solver
+  public :: drop_solver, run_solver, watch_ritz_values
 
   !> How a solve went.
   type, public :: solve_outcome_t
@@ -32,8 +34,50 @@ module dotyk_distributed_linear_solver
 
   !> Residuals may grow on the way, where motions are restrained by few rows: no reason to stop [].
   real(dp), parameter :: largest_growth = 1.0e30_dp
+  !> Ritz values of a symmetric cycle are between 0 and little more than 1: a greater one tells that it is not positive,
+  !> or far from any inverse. PETSc itself notes changes of sign, not a first product r.z that is negative [].
+  real(dp), parameter :: greatest_ritz_value = 10
 
 contains
+
+  !> Make a solver end where its Ritz values tell that the preconditioner is not positive: long before its residuals do.
+  subroutine watch_ritz_values(ksp)
+    !> Conjugate gradients that compute them.
+    type(tKSP), intent(inout) :: ksp
+    integer :: code
+    external :: KSPSetConvergenceTest
+    call KSPSetConvergenceTest(ksp, is_converged, 0, PETSC_NULL_FUNCTION, code)
+  end subroutine watch_ritz_values
+
+  !> PETSc's test of convergence: as its own for an absolute tolerance, and with the Ritz values.
+  subroutine is_converged(ksp, n, residual, reason, context, code)
+    !> The solver.
+    type(tKSP), intent(in) :: ksp
+    !> Iterations so far.
+    integer, intent(in) :: n
+    !> Residual in the norm of the preconditioner [sqrt(energy)].
+    real(dp), intent(in) :: residual
+    !> Why it ends, if it does.
+    integer, intent(out) :: reason
+    !> Not used.
+    integer, intent(in) :: context
+    !> PETSc's error code.
+    integer, intent(out) :: code
+    real(dp) :: relative, absolute, growth, greatest, least
+    integer :: most
+    call KSPGetTolerances(ksp, relative, absolute, growth, most, code)
+    reason = KSP_CONVERGED_ITERATING
+    if (.not. residual <= huge(residual)) then
+      reason = KSP_DIVERGED_NANORINF
+    else if (residual <= absolute) then
+      reason = KSP_CONVERGED_ATOL
+    else if (n > 0) then
+      call KSPComputeExtremeSingularValues(ksp, greatest, least, code)
+      if (.not. (least > 0 .and. greatest < greatest_ritz_value)) reason = KSP_DIVERGED_INDEFINITE_PC
+    end if
+    associate (not_needed => context)
+    end associate
+  end subroutine is_converged
 
   !> Give back a solver.
   subroutine drop_solver(solver)

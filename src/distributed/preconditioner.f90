@@ -20,6 +20,7 @@ module dotyk_distributed_preconditioner
   use dotyk_base_error, only: error_t, exit_not_solvable, set_error
   use dotyk_base_kinds, only: dp
   use dotyk_distributed_contact_rows, only: contact_rows_t
+  use dotyk_distributed_linear_solver, only: watch_ritz_values
   use dotyk_distributed_operator, only: system_operator_t
   use dotyk_distributed_petsc, only: has_failed, largest_of_ranks, petsc_option, sum_of_ranks
   use dotyk_distributed_stiffness, only: distributed_stiffness_t
@@ -156,7 +157,8 @@ contains
     call petsc_option('-corner_mg_levels_pc_asm_type', 'basic')
     call petsc_option('-corner_mg_levels_pc_asm_overlap', '1')
     call petsc_option('-corner_mg_levels_sub_pc_type', 'icc')
-    call petsc_option('-corner_mg_levels_sub_pc_factor_shift_type', 'nonzero')
+    ! Other shifts let negative pivots pass, and the cycle with them.
+    call petsc_option('-corner_mg_levels_sub_pc_factor_shift_type', 'positive_definite')
     call petsc_option('-plain_corner_mg_levels_ksp_max_it', aggregation_degree)
     call petsc_option('-plain_corner_mg_levels_pc_type', 'jacobi')
     call petsc_option('-plain_corner_pc_gamg_use_sa_esteig', '0')
@@ -168,6 +170,7 @@ contains
     call KSPSetType(solver, 'cg', code)
     call KSPSetNormType(solver, KSP_NORM_NATURAL, code)
     call KSPSetComputeSingularValues(solver, PETSC_TRUE, code)
+    if (.not. is_plain) call watch_ritz_values(solver)
     call KSPGetPC(solver, pc, code)
     if (operator%stiffness%is_linear) then
       call KSPSetOperators(solver, operator%singular, coarse, code)

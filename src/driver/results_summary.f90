@@ -16,6 +16,9 @@ module dotyk_driver_results_summary
   private
   public :: write_summary
 
+  !> Digits lost, and congruence class, of bodies that are split over ranks.
+  integer, parameter :: not_measured = -1, not_sought = 0
+
 contains
 
   !> How the scheme ended, and its history.
@@ -67,18 +70,24 @@ contains
       call file%put_attribute('summary', 'constraints_screened', state%screened)
       call file%put_attribute('summary', 'rigid_body_modes', qp%coarse%n - sum(conditioning%n_near_null))
       call file%put_attribute('summary', 'near_null_modes', sum(conditioning%n_near_null))
-      call file%put_array('summary', 'condition_number', conditioning%condition)
-      call file%put_array('summary', 'digits_lost', conditioning%lost_digits())
+      ! Nobody measures the condition of a stiffness without a factor.
+      call file%put_array('summary', 'condition_number', merge(ieee_value(0.0_dp, ieee_quiet_nan), &
+                                                               conditioning%condition, size_of%form == form_split))
+      call file%put_array('summary', 'digits_lost', merge(not_measured, conditioning%lost_digits(), &
+                                                          size_of%form == form_split))
       call file%put_array('summary', 'refinement_steps', conditioning%n_steps)
       call file%put_attribute('summary', 'indeterminate_modes', state%indeterminate%n)
     end associate
     call file%put_attribute('summary', 'bodies_by_multigrid', &
                             count(size_of%form == form_multigrid .or. size_of%form == form_split))
-    call file%put_attribute('summary', 'factorizations', problem%classes%n())
-    call file%put_array('summary', 'congruence_class', problem%classes%first)
+    call file%put_attribute('summary', 'factorizations', merge(0, problem%classes%n(), any(size_of%form == form_split)))
+    call file%put_array('summary', 'congruence_class', merge(not_sought, problem%classes%first, &
+                                                             size_of%form == form_split))
     call file%put_attribute('summary', 'factor_nonzeros', sum(size_of%entries))
     call file%put_attribute('summary', 'factor_bytes', sum(size_of%bytes))
-    call file%put_attribute('summary', 'stiffness_bytes', sum(size_of%stiffness_bytes))
+    ! PETSc has those of split bodies.
+    if (all(size_of%form /= form_split)) &
+      call file%put_attribute('summary', 'stiffness_bytes', sum(size_of%stiffness_bytes))
     call file%put_attribute('summary', 'flops', sum(size_of%flops))
     associate (history => solution%state%history)
       call file%put_array('history', 'iteration', numbers_to(history%n))

@@ -38,8 +38,9 @@ contains
     type(scheme_run_t) :: run
     type(log_monitor_t) :: monitor
     integer :: threads
-    logical :: needs_factors
+    logical :: needs_factors, has_shown
     code = exit_converged
+    has_shown = .false.
     call monitor%begin(arguments%quiet)
     call use_threads(arguments%threads, threads)
     call set_stage('reading '//arguments%case_file)
@@ -50,12 +51,13 @@ contains
     call show_title(monitor%log, case, threads)
     call prepare_output(case, arguments%output, error)
     if (allocated(error)) return
-    call run_scene(arguments, case, run, .true., threads, monitor, needs_factors, code, error)
-    if (needs_factors) call run_scene(arguments, case, run, .false., threads, monitor, needs_factors, code, error)
+    call run_scene(arguments, case, run, .true., threads, monitor, has_shown, needs_factors, code, error)
+    if (needs_factors) &
+      call run_scene(arguments, case, run, .false., threads, monitor, has_shown, needs_factors, code, error)
   end subroutine run_case
 
   !> From the case to the results file.
-  subroutine run_scene(arguments, input, chosen, may_split, threads, monitor, needs_factors, code, error)
+  subroutine run_scene(arguments, input, chosen, may_split, threads, monitor, has_shown, needs_factors, code, error)
     !> The command line.
     type(arguments_t), intent(in) :: arguments
     !> The case.
@@ -68,6 +70,8 @@ contains
     integer, intent(in) :: threads
     !> Log and watch.
     type(log_monitor_t), intent(inout) :: monitor
+    !> Whether the log has the tables of the scene.
+    logical, intent(inout) :: has_shown
     !> Whether the contact needs the factors of bodies that were split: nothing is written.
     logical, intent(out) :: needs_factors
     !> Exit code where there is no error.
@@ -84,8 +88,9 @@ contains
     call build_scene(case, run%scheme, may_split, scene, monitor, needs_factors, error)
     if (allocated(error) .or. needs_factors) return
     call set_pair_conditions(case, run)
-    call show_scene(monitor%log, case, scene%problem, scene%size_of)
-    call check_placement(scene, monitor)
+    call show_scene(monitor%log, case, scene%problem, scene%size_of, has_shown)
+    if (.not. has_shown) call check_placement(scene, monitor)
+    has_shown = .true.
     if (len(arguments%restart) > 0) then
       call read_pressures(arguments%restart, scene%problem%body, scene%problem%pair, monitor%log, pressure, error)
       if (allocated(error)) return

@@ -7,6 +7,7 @@ module dotyk_driver_solution
   use dotyk_base_options, only: response_auto
   use dotyk_control_contact_solution, only: contact_solution_t, solve_contact
   use dotyk_control_scheme_run, only: scheme_run_t
+  use dotyk_control_split_costs, only: factors_fit, iterations_worth_factors
   use dotyk_driver_factorization, only: factorize_scene
   use dotyk_driver_return_to_factors, only: may_return_to_factors, return_to_factors
   use dotyk_driver_results, only: write_on_the_way
@@ -18,7 +19,8 @@ module dotyk_driver_solution
   use dotyk_log_run_monitor, only: log_monitor_t
   use dotyk_log_scene_tables, only: show_factorization
   use dotyk_scheme_primal, only: primal_t
-  use dotyk_scheme_solver_state, only: ended_converged, ended_interrupted, ended_limit, ended_time
+  use dotyk_scheme_solver_state, only: ended_converged, ended_costly, ended_interrupted, &
+    ended_limit, ended_time
   implicit none
   private
   public :: solve_scene
@@ -42,12 +44,14 @@ contains
     type(log_monitor_t), intent(inout) :: monitor
     !> The solution.
     type(contact_solution_t), intent(inout) :: solution
-    !> Whether split bodies do not suit the contact, and the user leaves the choice to the program: nothing is solved.
+    !> Whether split bodies do not suit the contact, and the user leaves the choice to the program: there is no solution.
     logical, intent(out) :: needs_factors
     !> Allocated where there is none: a body is not held, no equilibrium, too little memory, an interrupt.
     type(error_t), allocatable, intent(out) :: error
     type(scheme_run_t) :: now
+    character(:), allocatable :: reason
     real(dp) :: before
+    integer :: most_iterations
     logical :: has_warned, may_return, may_rebuild
     has_warned = .false.
     needs_factors = .false.
@@ -63,15 +67,19 @@ contains
         deallocate (now%scheme)
         allocate (primal_t :: now%scheme)
       end if
-      if (scene%is_split()) call scene%split%take_scheme(now%scheme)
       may_return = may_return_to_factors(case, scene)
       may_rebuild = scene%is_split() .and. case%solver%response == response_auto
+      if (may_rebuild) may_rebuild = factors_fit(scene%problem%body)
+      most_iterations = huge(1)
+      if (may_rebuild) most_iterations = iterations_worth_factors(scene%problem%body)
+      if (scene%is_split()) call scene%split%take_scheme(most_iterations, now%scheme)
       call begin(scene%theta, solution)
       call scene%neutral%start(scene%qp, solution%state)
       if (allocated(pressure)) call start_from_pressures(pressure, scene%qp, scene%compliance, solution%state)
       do
         if ((may_return .or. may_rebuild) .and. .not. now%scheme%suits(scene%qp, scene%compliance, scene%theta)) then
           needs_factors = may_rebuild
+          reason = 'the contact needs factors'
           if (needs_factors) exit factors
           call return_to_factors(case, run%scheme, scene, monitor, may_return, error)
           if (allocated(error)) exit factors
@@ -92,12 +100,18 @@ contains
           call scene%neutral%start(scene%qp, solution%state)
           cycle
         end if
-        if (.not. may_return .or. any(solution%state%ended == [ended_converged, ended_interrupted])) exit factors
+        if (any(solution%state%ended == [ended_converged, ended_interrupted])) exit factors
+        needs_factors = may_rebuild .and. solution%state%ended == ended_costly
+        reason = 'p-multigrid would take longer than factors'
+        if (needs_factors) exit factors
         ! Not where the user has limited the iterations, nor for loads without equilibrium: rigid body modes tell that.
         if (solution%state%ended == ended_limit .or. solution%state%history%n == 0) exit factors
+        needs_factors = may_rebuild
+        reason = 'the accuracy of p-multigrid does not suffice'
+        if (.not. may_return) exit factors
         call return_to_factors(case, run%scheme, scene, monitor, may_return, error)
         if (allocated(error)) exit factors
-        call say_why('the accuracy of p-multigrid does not suffice', may_return, monitor)
+        call say_why(reason, may_return, monitor)
         if (.not. may_return) exit factors
         exit
       end do
@@ -107,8 +121,8 @@ contains
       if (index(error%message, '&solver') == 1) &
         call add_context(error, case%file//':'//to_text(case%solver%line)//': ')
     else if (needs_factors) then
-      call monitor%note('factors          the contact needs factors: the bodies are not split over ranks, each has '// &
-                        'its factor on one of them')
+      call monitor%note('factors          '//reason//': the bodies are not split over ranks, each has its factor on '// &
+                        'one of them')
     else
       call refuse_unsolvable(case, scene%problem, scene%qp, solution%state, error)
     end if

@@ -7,7 +7,7 @@ module dotyk_elasticity_vector_field
   use dotyk_base_formula, only: formula_t
   use dotyk_base_kinds, only: dp
   use dotyk_base_magnitude, only: is_too_large, size_rule
-  use dotyk_base_text, only: text_t, to_text
+  use dotyk_base_text, only: quoted, text_t, to_text
   implicit none
   private
 
@@ -22,6 +22,8 @@ module dotyk_elasticity_vector_field
     logical :: constant = .true.
     !> Formulas of the components; not set where the component is constant (3).
     type(formula_t) :: formula(3)
+    !> Their texts, for messages; not allocated where the component is constant (3).
+    type(text_t), private :: text(3)
   contains
     procedure :: init => vector_field_init
     procedure :: evaluate => vector_field_evaluate
@@ -55,6 +57,7 @@ contains
         return
       end if
       self%constant = .false.
+      self%text(i)%s = trim(text(i)%s)
     end do
   end subroutine vector_field_init
 
@@ -77,7 +80,8 @@ contains
       if (self%formula(i)%is_set()) value(i) = self%formula(i)%evaluate(position)
       if (.not. is_too_large(value(i))) cycle
       !$omp critical (message)
-      call set_error(error, 'the formula is '//to_text(value(i))//' at '//point_text(x), exit_bad_input)
+      call set_error(error, 'formula '//to_text(i)//', '//quoted(self%text(i)%s)//', is '//to_text(value(i))//' at '// &
+                     point_text(x), exit_bad_input)
       !$omp end critical (message)
       if (ieee_is_finite(value(i))) error%message = error%message//'; '//size_rule
       return

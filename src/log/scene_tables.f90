@@ -52,7 +52,7 @@ contains
   end subroutine show_title
 
   !> Bodies, treatment of locking, and contact pairs.
-  subroutine show_scene(log, case, problem, size_of)
+  subroutine show_scene(log, case, problem, size_of, again)
     !> The log.
     type(log_t), intent(inout) :: log
     !> The case.
@@ -61,7 +61,13 @@ contains
     type(contact_problem_t), intent(in) :: problem
     !> Sizes of the factors (n_bodies).
     type(factor_size_t), intent(in) :: size_of(:)
+    !> Whether only the factors are new.
+    logical, intent(in) :: again
     call show_bodies(log, case, problem%body, problem%classes, size_of)
+    if (again) then
+      call log%line('')
+      return
+    end if
     call show_locking(log, case, problem%body, problem%classes)
     call show_loads(log, case, problem)
     call show_pairs(log, problem%body, problem%pair, problem%surface_a, problem%surface_b)

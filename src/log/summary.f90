@@ -27,6 +27,8 @@ module dotyk_log_summary
 
   !> Greatest number of contact pairs with a line each; more are summed up.
   integer, parameter :: most_shown = 20
+  !> Digits of the potential energy.
+  integer, parameter :: most_digits = 10, least_digits = 3
 
 contains
 
@@ -47,7 +49,7 @@ contains
     !> Time of the scheme [s].
     real(dp), intent(in) :: seconds
     call show_state(log, solution%state, solution%tolerance, goal%by_budget, n_sweeps, seconds)
-    if (size(solution%state%m) > 0) call show_energies(log, solution%energies())
+    if (size(solution%state%m) > 0) call show_energies(log, solution%state, solution%energies())
     call show_budget(log, output, problem%body, solution%state, solution%budget)
     call show_idle_bodies(log, problem, solution%state%m, solution%qp%pair_first_row)
     call show_not_computed(log, goal, solution%state)
@@ -115,13 +117,30 @@ contains
       call log%line('  diverged         gamma = '//to_text(state%gamma)//' exceeds the stability limit '// &
                     to_text(state%constants%gamma_limit())//"; use gamma_rule='spectral' or a smaller gamma")
     call log%line('  max penetration  '//to_text(state%max_penetration, 4))
-    call log%line('  potential energy '//to_text(state%energy, 10))
   end subroutine show_state
 
-  !> The terms of the potential energy, (19).
-  subroutine show_energies(log, energies)
+  !> Digits of the potential energy that hold, and one. It is a minimum, so that its error is half the square of that of
+  !> the displacements; not where these, pressures and gaps belong together but for the error of solves by p-multigrid.
+  pure integer function digits_of_energy(state, strain) result(digits)
+    !> How the scheme ended.
+    type(solver_state_t), intent(in) :: state
+    !> Strain energy [energy].
+    real(dp), intent(in) :: strain
+    real(dp) :: error
+    digits = most_digits
+    if (.not. state%error_bound < 1) return
+    error = state%error_bound*2*strain
+    if (state%bound_is_guaranteed .or. allocated(state%terms)) error = error*state%error_bound/2
+    if (error > 0 .and. abs(state%energy) > 0) &
+      digits = min(most_digits, max(least_digits, 1 + ceiling(log10(abs(state%energy)/error))))
+  end function digits_of_energy
+
+  !> The potential energy and its terms, (19).
+  subroutine show_energies(log, state, energies)
     !> The log.
     type(log_t), intent(inout) :: log
+    !> How the scheme ended.
+    type(solver_state_t), intent(in) :: state
     !> The terms.
     type(energies_t), intent(in) :: energies
     real(dp) :: work
@@ -129,6 +148,7 @@ contains
     real(dp), parameter :: no_work = 1.0e-12_dp
     work = energies%load_work
     if (abs(work) < no_work*energies%strain) work = 0
+    call log%line('  potential energy '//to_text(state%energy, digits_of_energy(state, energies%strain)))
     call log%line('                   = strain energy '//to_text(energies%strain, 6)//' - work of loads '// &
                   to_text(work, 6)//' + penalty term (18) '//to_text(energies%penalty, 6))
   end subroutine show_energies

@@ -28,6 +28,7 @@ module dotyk_scheme_solver_state
   integer, parameter, public :: ended_penetration = 14  !< deformed bodies penetrate each other
   integer, parameter, public :: ended_slid = 15  !< a body moves by several elements along a neutral mode
   integer, parameter, public :: ended_solves = 16  !< p-multigrid allows no smaller error
+  integer, parameter, public :: ended_costly = 17  !< p-multigrid takes longer than factors: there is no solution
 
   !> Relative error bounds above this confirm nothing: they leave less than one digit of the solution [].
   real(dp), parameter :: largest_confirming_bound = 0.1_dp
@@ -73,6 +74,9 @@ module dotyk_scheme_solver_state
     logical :: bound_is_guaranteed = .true.
     !> F_theta [energy].
     real(dp) :: energy = 0
+    !> Strain energy and work of the loads of the displacements, where the scheme has these: the terms of F_theta with
+    !> which its error is one of second order (2) [energy].
+    real(dp), allocatable :: terms(:)
     !> Largest penetration [length].
     real(dp) :: max_penetration = 0
     !> Step by step.

@@ -52,6 +52,11 @@ def stress_of(gradient, young, poisson, analysis):
 
 
 class EnergyNorm(dotyk_case.Case):
+    def test_copies_of_a_body(self):
+        groups = namelist.groups("&body name='a *', repeat=2 /\n&body name='b', x=1 /\n&body name='c *', repeat=3,2 /\n&body name='*d*e', repeat=2,2 /")
+        self.assertEqual([name for _, name in energy_norm.copies_of(groups)],
+                         ["a 1", "a 2", "b", "c 1 1", "c 2 1", "c 3 1", "c 1 2", "c 2 2", "c 3 2", "1d1e", "2d1e", "1d2e", "2d2e"])
+
     def column(self, kinds, analysis=None, name="column", left=0.0, divisions=(2, 1), contact=""):
         """Run the column with these kinds of elements; the path of its results."""
         d = dimension(kinds[0])

@@ -41,6 +41,12 @@ Cylinder(1) = {0.5, -0.7, 0.5, 0, 1.4, 0, 0.5};
 Mesh.MeshSizeMax = 0.17;  Mesh.MeshSizeMin = 0.17;  Mesh.ElementOrder = 2;
 Physical Volume("block") = {1};  Physical Surface("side") = {1};
 """
+ROLLER = """SetFactory("OpenCASCADE");
+Cylinder(1) = {1, 0, 1.5, 0, 2, 0, 0.5};
+Mesh.MeshSizeMax = 0.2;  Mesh.MeshSizeMin = 0.2;  Mesh.ElementOrder = 2;
+Physical Volume("block") = {1};  Physical Surface("side") = {1};  e = 1e-4;
+Physical Surface("end") = {Surface In BoundingBox{-9, -e, -9, 9, e, 9}};
+"""
 # A block of two parts.
 TWO_BOXES = """SetFactory("OpenCASCADE");
 Box(1) = {0, 0, 0, 1, 1, 1};  Box(2) = {3, 0, 0, 1, 1, 1};  Mesh.MeshSizeMax = 0.5;  Mesh.ElementOrder = 2;
@@ -125,6 +131,53 @@ class Split(RankCase):
                                      "&load body='upper', surface='top', traction_formula='0','0','-0.1*exp(-8*((x-1.2)^2+(y-1.1)^2))' /",
                                      "&contact name='joint', surface_a='upper:bottom', surface_b='lower:top' /", SOLVER]
                 self.compare(self.write("case.nml", "\n".join(lines)))
+
+    def test_a_roller_that_is_free_to_slide(self):
+        """Three motions are free, and loads of one side tilt it. From rigid bodies at rest the active sets are few; from bodies where they
+        were, each set is far from the next, and they come again."""
+        lines = [*MATERIALS, self.body("floor", block_geo("hex20", (8, 8, 3), (0, 0, 0), (2, 2, 1)), "soft"), self.body("roller", ROLLER, "steel"),
+                 "&support body='floor', surface='bottom', fix='xyz' /", "&support body='roller', surface='end', fix='y' /",
+                 "&load body='roller', force_density_formula='0','0','-0.02*(1+3*(y-1)^2)' /",
+                 "&contact name='line', surface_a='roller:side', surface_b='floor:top' /", SOLVER.replace("theta=0", "theta_relative=1e-3")]
+        namelist = self.write("case.nml", "\n".join(lines))
+        self.compare(namelist, RANKS[:1])
+        printed = self.run_ranks(2, namelist, "--output", self.folder / "split.vtkhdf")
+        self.assertLessEqual(int(re.search(r"displacements +(\d+) active sets", printed)[1]), 10)
+
+    def test_what_results_say(self):
+        """The energy is the sum of its terms, and what nobody has measured has no number."""
+        lines = [*MATERIALS, self.body("lower", block_geo("tet10", (4, 4, 2), (0, 0, 0), (2, 2, 1)), "soft"),
+                 self.body("upper", block_geo("hex20", (3, 3, 2), (0.3, 0.3, 1), (1.4, 1.4, 0.5)), "steel"),
+                 "&support body='lower', surface='bottom', fix='xyz', value=0,0,0.001 /",
+                 "&load body='upper', surface='top', traction_formula='0','0','-0.1*exp(-8*((x-1.2)^2+(y-1.1)^2))' /",
+                 "&contact name='joint', surface_a='upper:bottom', surface_b='lower:top', discretization='quadrature' /",
+                 "&solver response='multigrid', theta_relative=1e-3, tolerance=0.01 /"]
+        found = self.folder / "split.vtkhdf"
+        self.run_ranks(2, self.write("case.nml", "\n".join(lines)), "--output", found)
+        with h5py.File(found) as file:
+            summary = file["dotyk/summary"]
+            terms = [summary.attrs[name] for name in ("strain_energy", "load_work", "penalty_energy")]
+            self.assertLessEqual(abs(terms[0] - terms[1] + terms[2] - summary.attrs["energy"]), 1e-12 * terms[0])
+            self.assertTrue(np.all(np.isnan(summary["condition_number"][()])))
+            self.assertEqual(summary["digits_lost"][()].tolist(), [-1, -1])
+            self.assertEqual(summary["congruence_class"][()].tolist(), [0, 0])
+            self.assertEqual(summary.attrs["factorizations"], 0)
+            self.assertEqual(summary.attrs["bodies_by_multigrid"], 2)
+            self.assertNotIn("stiffness_bytes", summary.attrs)
+
+    def test_more_iterations_than_factors_are_worth(self):
+        """A plate of four layers: its factor is cheap, the tolerance small. The scene is built anew, and its tables are printed once."""
+        lines = [*MATERIALS, self.body("plate", block_geo("hex8", (92, 92, 4), (0, -2, -0.16), (4, 4, 0.16)), "steel"),
+                 self.body("foot", block_geo("hex8", (8, 8, 4), (2.5, -0.5, 0), (1, 1, 0.5)), "steel"),
+                 "&support body='plate', surface='sides x', fix='xyz' /", "&support body='foot', surface='top', fix='xy' /",
+                 "&load body='foot', surface='top', pressure=1e-5 /", "&contact name='joint', surface_a='foot:bottom', surface_b='plate:top' /",
+                 "&solver theta=0, tolerance=1e-9 /"]
+        printed = self.run_ranks(2, self.write("case.nml", "\n".join(lines)), seconds=300)
+        self.assertIn(SPLIT % 2, printed)
+        self.assertIn("p-multigrid would take longer than factors", printed)
+        self.assertIn("guaranteed (tolerance 1e-9)", printed)
+        self.assertEqual(printed.count("  load                 resultant"), 1)
+        self.assertEqual(printed.count("slave foot:bottom"), 1)
 
     def test_examples(self):
         """A floating layer in the plane; rows between held nodes, whose entries are rounding errors."""

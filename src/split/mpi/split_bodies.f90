@@ -33,6 +33,8 @@ module dotyk_split_split_bodies
     type(equation_map_t), allocatable :: map(:)
     !> Greatest relative residual that a solve has left so far [].
     real(dp) :: worst = 0
+    !> Iterations that the displacements by the loads took; 0 before.
+    integer :: steps_of_free = 0
     !> Displacements of all bodies by their loads, without contact, along the axes of the own nodes (n) [length].
     real(dp), allocatable, private :: free(:)
   contains
@@ -166,6 +168,7 @@ contains
     allocate (self%free(size(r)))
     call self%contact%system%remove_modes(r, component)
     call self%contact%system%solve_alone(r, accuracy, most_steps, self%free, outcome, error)
+    self%steps_of_free = outcome%steps
     ! Those who use it look at what it leaves.
     if (allocated(error) .or. outcome%has_failed) self%free(:) = 0
   end subroutine find_free

@@ -4,6 +4,7 @@ module dotyk_split_split_primal
   use dotyk_base_interrupt, only: interrupted
   use dotyk_base_kinds, only: dp
   use dotyk_base_text, only: to_text
+  use dotyk_control_split_costs, only: iterations_per_step
   use dotyk_ranks_exchange, only: meet
   use dotyk_scheme_body_compliance, only: body_compliance_t
   use dotyk_scheme_compliance, only: compliance_t
@@ -13,8 +14,8 @@ module dotyk_split_split_primal
   use dotyk_scheme_monitor, only: monitor_t
   use dotyk_scheme_primal_modes, only: find_indeterminate, take_least
   use dotyk_scheme_scheme, only: scheme_t
-  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_interrupted, ended_rigid_constraint, &
-    ended_solves
+  use dotyk_scheme_solver_state, only: solver_state_t, ended_converged, ended_costly, ended_interrupted, &
+    ended_limit, ended_rigid_constraint, ended_solves
   use dotyk_scheme_stopping, only: solver_settings_t
   use dotyk_split_split_bodies, only: split_bodies_t
   implicit none
@@ -108,6 +109,11 @@ contains
       call check_equilibrium(qp, state)
       if (allocated(state%unbounded)) return
     end if
+    if (iterations_per_step*self%bodies%steps_of_free > self%bodies%contact%most_iterations) then
+      call clear(state)
+      state%ended = ended_costly
+      return
+    end if
     if (allocated(state%m)) m = state%m
     call clear(state)
     if (allocated(m)) call move_alloc(m, state%m)
@@ -119,7 +125,8 @@ contains
       call contact%solve(theta, tolerance, sets + min(most_sets, settings%max_iterations), monitor, state, error, qp)
       if (allocated(error)) return
       call meet()
-      if (state%ended == ended_rigid_constraint) then
+      if (state%ended == ended_limit .and. most_sets < settings%max_iterations) state%ended = ended_solves
+      if (any(state%ended == [ended_rigid_constraint, ended_costly])) then
         if (allocated(state%m)) deallocate (state%m)
         return
       end if

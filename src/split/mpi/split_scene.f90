@@ -131,8 +131,10 @@ contains
   end subroutine scene_take_responses
 
   !> The scheme.
-  subroutine scene_take_scheme(self, scheme)
+  subroutine scene_take_scheme(self, most_iterations, scheme)
     class(split_scene_t), intent(in) :: self
+    !> Iterations of conjugate gradients after which it ends without a solution.
+    integer, intent(in) :: most_iterations
     !> Replaced.
     class(scheme_t), allocatable, intent(inout) :: scheme
     if (allocated(scheme)) deallocate (scheme)
@@ -140,6 +142,7 @@ contains
     select type (scheme)
     type is (split_primal_t)
       scheme%bodies => self%bodies
+      scheme%bodies%contact%most_iterations = most_iterations
     end select
   end subroutine scene_take_scheme
 

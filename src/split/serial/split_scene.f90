@@ -69,10 +69,12 @@ contains
   end subroutine take_responses
 
   !> Nothing.
-  subroutine take_scheme(scheme)
+  subroutine take_scheme(most_iterations, scheme)
+    !> Not used.
+    integer, intent(in) :: most_iterations
     !> Unchanged.
     class(scheme_t), allocatable, intent(inout) :: scheme
-    associate (not_needed => allocated(scheme))
+    associate (not_needed => allocated(scheme), nor_this => most_iterations)
     end associate
   end subroutine take_scheme
 
