@@ -76,6 +76,7 @@ contains
       bytes_of_entry*entries_per_power*real(body%n_unknowns(), dp)**(4.0_dp/3)*compactness_of(body)
     memory = memory_now()
     ! The ranks of a node share its memory.
-    fit = .not. on_any_rank(memory%is_known .and. max(maxval(bytes), sum(bytes)*n_local_ranks()/n_ranks()) > memory%left)
+    fit = .not. on_any_rank(memory%is_known .and. &
+                            max(maxval(bytes), sum(bytes)*n_local_ranks()/n_ranks()) > memory%left)
   end function factors_fit
 end module dotyk_control_split_costs

@@ -3,8 +3,8 @@
 !> floating bodies.
 !>
 !> Unknown is the displacement of the free components; pressures, gaps and active sets are the same on all ranks. The
-!> start is the solution without contact, and floating bodies at rest on a Winkler foundation. All rows are in the system: no compliance of rows is formed, so that inactive
-!> ones cost nothing and none are screened.
+!> start is the solution without contact, and floating bodies at rest on a Winkler foundation. All rows are in the
+!> system: no compliance of rows is formed, so that inactive ones cost nothing and none are screened.
 !>
 !> Where active rows do not restrain all motions of floating bodies, K + B^T W B is singular: these motions are taken
 !> out of the residual and the iterates (`MatSetNullSpace`) where the loads do no work on them, and followed until rows

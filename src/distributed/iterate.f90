@@ -1,5 +1,5 @@
-!> An iterate of the proximal active set of distributed bodies, the same on all ranks, and what is done where active sets
-!> come again.
+!> An iterate of the proximal active set of distributed bodies, the same on all ranks, and what is done where active
+!> sets come again.
 module dotyk_distributed_iterate
   use dotyk_base_kinds, only: dp
   use dotyk_scheme_proximal_active_set, only: mark_of_set

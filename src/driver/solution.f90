@@ -44,7 +44,7 @@ contains
     type(log_monitor_t), intent(inout) :: monitor
     !> The solution.
     type(contact_solution_t), intent(inout) :: solution
-    !> Whether split bodies do not suit the contact, and the user leaves the choice to the program: there is no solution.
+    !> Whether split bodies do not suit the contact, and the user leaves the choice to the program: no solution yet.
     logical, intent(out) :: needs_factors
     !> Allocated where there is none: a body is not held, no equilibrium, too little memory, an interrupt.
     type(error_t), allocatable, intent(out) :: error
@@ -121,8 +121,8 @@ contains
       if (index(error%message, '&solver') == 1) &
         call add_context(error, case%file//':'//to_text(case%solver%line)//': ')
     else if (needs_factors) then
-      call monitor%note('factors          '//reason//': the bodies are not split over ranks, each has its factor on '// &
-                        'one of them')
+      call monitor%note('factors          '//reason//': the bodies are not split over ranks, each has its factor '// &
+                        'on one of them')
     else
       call refuse_unsolvable(case, scene%problem, scene%qp, solution%state, error)
     end if
