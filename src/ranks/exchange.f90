@@ -130,7 +130,7 @@ contains
       first = first + length(i)
     end do
     call gather_reals(own, n, all)
-    cost%bytes = cost%bytes + 8*(size(all) - size(own))
+    cost%bytes = cost%bytes + 8*(size(all, kind=int64) - size(own, kind=int64))
     first = 0
     do k = 1, size(item)
       i = order(k)
