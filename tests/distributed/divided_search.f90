@@ -5,7 +5,7 @@ program divided_search
   use dotyk_base_error, only: error_t
   use dotyk_base_formula, only: formula_t
   use dotyk_base_kinds, only: dp
-  use dotyk_base_options, only: discretization_mortar, discretization_quadrature, geometry_smooth, &
+  use dotyk_base_options, only: discretization_mortar, discretization_quadrature, gap_formula, geometry_smooth, &
     quadrature_plain, quadrature_segments
   use dotyk_contact_operator, only: build_operator, contact_operator_t
   use dotyk_contact_pair, only: contact_pair_t, pair_settings_t
@@ -147,19 +147,39 @@ contains
     type(surface_t), intent(in) :: surface(2)
     !> Its rows.
     type(contact_operator_t), intent(in) :: operator
-    type(contact_pair_t) :: dealt(2*n_ranks())
+    type(contact_pair_t) :: dealt(2*n_ranks()), original
     type(contact_operator_t) :: of_dealt
     real(dp), allocatable :: one(:), other(:)
     integer :: owner(2*n_ranks()), k
     ! Each rank has one pair, and one without points.
     owner = [(k - 1, k=1, n_ranks()), (k - 1, k=1, n_ranks())]
-    dealt(this_rank() + 1) = pair
+    original = pair
+    ! No two counts, fractions or flags alike.
+    original%is_layer = .true.
+    original%gap_kind = gap_formula
+    original%n_unprojected = 101
+    original%n_not_facing = 102
+    original%n_outside = 103
+    original%n_too_far = 104
+    original%n_point_contacts = 105
+    original%lost_not_facing = 0.1_dp
+    original%lost_outside = 0.2_dp
+    original%lost_too_far = 0.3_dp
+    original%theta = 0.4_dp
+    original%row_theta = [(0.5_dp + k, k=1, pair%n_rows)]
+    dealt(this_rank() + 1) = original
     call share_pairs(owner, dealt)
-    call pack_pair(pair, one)
+    call pack_pair(original, one)
     do k = 1, n_ranks()
       call pack_pair(dealt(k), other)
       call check(name//': numbers of a dealt pair', size(one) == size(other))
       if (size(one) == size(other)) call compare(name//': dealt', one, other)
+      call check(name//': layer', dealt(k)%is_layer .and. dealt(k)%gap_kind == gap_formula)
+      call check(name//': points without projection', all([dealt(k)%n_unprojected, dealt(k)%n_not_facing, &
+                 dealt(k)%n_outside, dealt(k)%n_too_far, dealt(k)%n_point_contacts] == [101, 102, 103, 104, 105]))
+      call compare(name//': lost', [dealt(k)%lost_not_facing, dealt(k)%lost_outside, dealt(k)%lost_too_far], &
+                   [0.1_dp, 0.2_dp, 0.3_dp])
+      call compare(name//': theta', [dealt(k)%theta, dealt(k)%row_theta], [original%theta, original%row_theta])
       call build_operator(dim, 2, dealt(k:k), surface(1:1), surface(2:2), of_dealt)
       call compare(name//': rows of a dealt pair', operator%block(2)%matrix%value, of_dealt%block(2)%matrix%value)
       call compare(name//': gaps of a dealt pair', operator%gap, of_dealt%gap)
