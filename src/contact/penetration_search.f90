@@ -232,8 +232,8 @@ contains
     depth = 0
     region%low = a%x(:, i)
     region%high = a%x(:, i)
-    region%distance = b%set%size(facet)
-    ! Farther and farther, until none of the facets left out can be the closest one.
+    ! Farther and farther, until no other facet can be the closest one, also from a facet without extent.
+    region%distance = max(tiny(square), b%set%size(facet))
     do
       call facets_in_region(b%tree, region, near)
       square = huge(square)
@@ -248,6 +248,7 @@ contains
         xi = trial_xi
       end do
       if (sqrt(square) < certain*region%distance .or. size(near) == b%set%n) exit
+      if (region%distance > huge(square)/4) exit
       region%distance = 2*region%distance
     end do
     if (.not. square < huge(square)) return

@@ -16,7 +16,7 @@ module dotyk_driver_results_summary
   private
   public :: write_summary
 
-  !> Digits lost, and congruence class, of bodies that are split over ranks.
+  !> Split bodies: nobody measures the condition of their stiffness or looks for congruent ones.
   integer, parameter :: not_measured = -1, not_sought = 0
 
 contains
