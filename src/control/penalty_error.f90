@@ -66,6 +66,8 @@ module dotyk_control_penalty_error
   real(dp), parameter :: assumed_order = 0.75_dp
   !> Residual of the gaps of a reference over that at its start [].
   real(dp), parameter :: accuracy = 1.0e-3_dp
+  !> Bounds from which a solution is too far from its end for more accurate ones to follow it [].
+  real(dp), parameter :: near_enough = 0.5_dp
   !> Linear systems of a reference at most.
   integer, parameter :: most_systems = 4
 
@@ -147,6 +149,8 @@ contains
       call solver%solve(qp, compliance, theta, settings, silent, penalized, error)
     end if
     if (allocated(error)) return
+    ! The distance is known no better than that.
+    if (penalized%error_bound < near_enough) settings%tolerance = max(settings%tolerance, penalized%error_bound)
     if (.not. is_usable(penalized)) then
       distance = ieee_value(distance, ieee_quiet_nan)
     else if (reference%is_exact()) then
@@ -157,12 +161,12 @@ contains
       ! A scheme without a solution leaves no state to measure.
       if (.not. ieee_is_nan(distance)) distance = distance + uncertainty(qp, penalized) + uncertainty(qp, exact)
     else
-      call extrapolate(qp, compliance, theta, reference, penalized, distance)
+      call extrapolate(qp, compliance, theta, reference, solver, settings, penalized, distance, error)
     end if
   end subroutine estimate_penalty_error
 
   !> The distance to theta = 0 from those of two references.
-  subroutine extrapolate(qp, compliance, theta, reference, penalized, distance)
+  subroutine extrapolate(qp, compliance, theta, reference, solver, settings, penalized, distance, error)
     !> The quadratic programme.
     type(contact_qp_t), intent(in) :: qp
     !> Its compliance operator.
@@ -171,15 +175,23 @@ contains
     real(dp), intent(in) :: theta(:)
     !> The first reference.
     type(penalty_reference_t), intent(in) :: reference
-    !> Solution of the dual scheme.
+    !> Scheme that found the solution.
+    class(scheme_t), intent(in) :: solver
+    !> For it.
+    type(solver_settings_t), intent(in) :: settings
+    !> The solution.
     type(solver_state_t), intent(in) :: penalized
     !> The estimate; NaN where a reference has no solution [sqrt(energy)].
     real(dp), intent(out) :: distance
+    !> As in `estimate_penalty_error`.
+    type(error_t), allocatable, intent(out) :: error
     type(solver_state_t) :: first, second
     real(dp) :: d_1, d_2, rounding
     rounding = uncertainty(qp, penalized)
     first = penalized
-    call follow_theta(qp, compliance, reference%theta, accuracy, first)
+    call follow_theta(qp, compliance, reference%theta, accuracy, solver, settings, first, error)
+    if (allocated(error)) return
+    rounding = max(rounding, uncertainty(qp, first))
     d_1 = distance_of(qp, compliance, penalized, first)
     if (reference%reduction <= negligible) then
       distance = (d_1 + rounding)/(1 - reference%reduction**assumed_order)
@@ -188,7 +200,9 @@ contains
     second = first
     ! Its share of the distance falls with theta_1.
     if (is_usable(first)) call follow_theta(qp, compliance, &
-      merge(reduced, 1.0_dp, reference%theta < theta)*reference%theta, accuracy*reduced/reference%reduction, second)
+      merge(reduced, 1.0_dp, reference%theta < theta)*reference%theta, accuracy*reduced/reference%reduction, solver, &
+      settings, second, error)
+    if (allocated(error)) return
     d_2 = distance_of(qp, compliance, first, second)
     distance = d_1 + rounding + d_2/(1 - ratio_of(d_1, d_2, rounding, reference%reduction))
   end subroutine extrapolate
@@ -248,9 +262,10 @@ contains
     uncertainty = state%error_bound*qp%energy_norm(state%m, state%y, state%alpha/qp%coarse%scale)
   end function uncertainty
 
-  !> The solution with a smaller theta, from that with a larger one: a few linear systems, each without the forces that
-  !> are tensile in the one before. Contact zones shrink with theta, so that no other rows are looked at.
-  subroutine follow_theta(qp, compliance, theta, reduction, state)
+  !> The solution with a smaller theta, from that with a larger one: by the scheme where it finds displacements, else a
+  !> few linear systems, each without the forces that are tensile in the one before. Contact zones shrink with theta, so
+  !> that no other rows are looked at.
+  subroutine follow_theta(qp, compliance, theta, reduction, solver, settings, state, error)
     !> The quadratic programme.
     type(contact_qp_t), intent(in) :: qp
     !> Its compliance operator.
@@ -259,8 +274,35 @@ contains
     real(dp), intent(in) :: theta(:)
     !> As in `active_system_t` [].
     real(dp), intent(in) :: reduction
+    !> Scheme that found the solution with the larger theta.
+    class(scheme_t), intent(in) :: solver
+    !> For it.
+    type(solver_settings_t), intent(in) :: settings
     !> Solution with the larger theta; its pressures and modes are those of the smaller theta on return. Not usable
     !> where there are none.
+    type(solver_state_t), intent(inout) :: state
+    !> As in `estimate_penalty_error`.
+    type(error_t), allocatable, intent(out) :: error
+    type(monitor_t) :: silent
+    if (.not. any(state%m > 0)) return
+    if (solver%finds_displacements(qp, compliance, theta)) then
+      call solver%solve(qp, compliance, theta, settings, silent, state, error)
+    else
+      call drop_tensile_forces(qp, compliance, theta, reduction, state)
+    end if
+  end subroutine follow_theta
+
+  !> The same by a few linear systems.
+  subroutine drop_tensile_forces(qp, compliance, theta, reduction, state)
+    !> The quadratic programme.
+    type(contact_qp_t), intent(in) :: qp
+    !> Its compliance operator.
+    class(compliance_t), intent(inout) :: compliance
+    !> The smaller penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    !> As in `active_system_t` [].
+    real(dp), intent(in) :: reduction
+    !> As in `follow_theta`.
     type(solver_state_t), intent(inout) :: state
     class(active_system_t), allocatable :: system
     type(contact_qp_t) :: part
@@ -268,7 +310,6 @@ contains
     real(dp), allocatable :: lambda(:), alpha(:), forces(:)
     logical, allocatable :: active(:)
     integer :: k
-    if (.not. any(state%m > 0)) return
     associate (working => state%m > 0)
       call restrict_qp(qp, working, part)
       ! As the dual scheme did it.
@@ -294,7 +335,7 @@ contains
     end associate
     ! NaN is not below infinity.
     if (allocated(error) .or. .not. all(state%m <= huge(1.0_dp))) state%ended = ended_limit
-  end subroutine follow_theta
+  end subroutine drop_tensile_forces
 
   !> Whether a scheme found a solution.
   pure logical function is_usable(state)

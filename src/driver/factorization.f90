@@ -16,7 +16,8 @@ module dotyk_driver_factorization
   use dotyk_log_run_monitor, only: log_monitor_t
   use dotyk_model_pairs, only: foundation_compliance
   use dotyk_response_response, only: response_slot_t
-  use dotyk_scheme_body_compliance, only: body_operator_t, sweep_costs
+  use dotyk_scheme_body_compliance, only: body_operator_t
+  use dotyk_scheme_congruent_products, only: sweep_costs
   use dotyk_scheme_coarse_space, only: coarse_space_t, contact_modes_t
   use dotyk_scheme_scheme, only: scheme_t
   implicit none

@@ -27,6 +27,9 @@ module dotyk_response_response
     procedure :: solve_from => response_solve_from
     !> f := f - K x, what a solve leaves.
     procedure :: subtract_forces => response_subtract_forces
+    !> Whether a solve of all bodies costs no more than one of them, and that solve.
+    procedure :: solves_together => response_solves_together
+    procedure :: solve_together => response_solve_together
     !> Relative error of a solve in the energy norm; 0 where it is rounding.
     procedure :: solve_error => response_solve_error
     !> The p-multigrid of the body, for systems over several bodies; not associated where it has none.
@@ -149,6 +152,25 @@ contains
     associate (not_needed => same_type_as(self, self), not_used => x)
     end associate
   end subroutine response_subtract_forces
+
+  !> A factor is that of one body.
+  pure logical function response_solves_together(self) result(together)
+    !> The compliance operator of a body.
+    class(response_t), intent(in) :: self
+    together = .false.
+    associate (not_needed => same_type_as(self, self))
+    end associate
+  end function response_solves_together
+
+  !> Never called where bodies are not solved together.
+  subroutine response_solve_together(self, x)
+    !> The compliance operator of a body.
+    class(response_t), intent(in) :: self
+    !> Right-hand sides [force] in, solutions [length] out (n_bodies).
+    type(equation_vector_t), intent(inout) :: x(:)
+    associate (not_needed => same_type_as(self, self), not_used => x)
+    end associate
+  end subroutine response_solve_together
 
   !> Relative error of a solve: that of a factor is rounding, which is judged elsewhere.
   pure real(dp) function response_solve_error(self) result(error)

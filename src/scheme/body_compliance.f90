@@ -7,19 +7,18 @@
 !> (`dotyk_scheme_congruent_rows`).
 module dotyk_scheme_body_compliance
   use dotyk_base_kinds, only: dp
-  use dotyk_contact_operator, only: contact_block_t
   use dotyk_ranks_exchange, only: is_own, share
   use dotyk_response_body_grid, only: body_grid_t
   use dotyk_response_response, only: response_slot_t
   use dotyk_scheme_compliance, only: compliance_t, entries_t
   use dotyk_scheme_congruent_products, only: batch_t, make_batches, multiply_bodies, row_displacement_t, share_moved, &
-    solve_bodies
+    solve_bodies, solve_together
   use dotyk_scheme_contact_qp, only: contact_qp_t
   use dotyk_scheme_dense_compliance, only: dense_compliance_t
   use dotyk_scheme_entry_forming, only: add_rows, body_operator_t, cut_rows, form_blocks, row_blocks_t
   implicit none
   private
-  public :: body_operator_t, sweep_costs
+  public :: body_operator_t
 
   !> The operator of all bodies.
   type, extends(compliance_t), public :: body_compliance_t
@@ -39,6 +38,7 @@ module dotyk_scheme_body_compliance
     procedure :: body_grid => compliance_body_grid
     procedure :: solve_error => compliance_solve_error
     procedure :: forget_displacements => compliance_forget_displacements
+    procedure :: solves_together => compliance_solves_together
     procedure :: solve => compliance_solve
     procedure :: multiply => compliance_multiply
     procedure :: form => compliance_form
@@ -55,22 +55,6 @@ module dotyk_scheme_body_compliance
   end type body_compliance_t
 
 contains
-
-  !> Costs of the parts of a product, which threads share: batches of congruent bodies. Of all bodies, which are solved
-  !> without contact, where none may touch another.
-  subroutine sweep_costs(body, block, cost)
-    !> Operators of the bodies (n_bodies).
-    type(body_operator_t), intent(in) :: body(:)
-    !> Rows of B of each body (n_bodies).
-    type(contact_block_t), intent(in) :: block(:)
-    !> Entries that a solve goes through twice (n).
-    real(dp), allocatable, intent(out) :: cost(:)
-    type(batch_t), allocatable :: batch(:)
-    integer :: b
-    call make_batches(body, [(size(block(b)%row), b=1, size(block))], batch)
-    cost = body%cost
-    if (size(batch) > 0) cost = batch%cost
-  end subroutine sweep_costs
 
   !> Take the operators of the bodies.
   subroutine compliance_init(self, qp, response, body, side_by_side)
@@ -132,6 +116,17 @@ contains
     end do
   end function compliance_solve_error
 
+  !> Whether all bodies are solved at once.
+  pure logical function compliance_solves_together(self) result(together)
+    class(body_compliance_t), intent(in) :: self
+    integer :: b
+    together = size(self%response) > 0
+    do b = 1, size(self%response)
+      if (together) together = allocated(self%response(b)%form)
+      if (together) together = self%response(b)%form%solves_together()
+    end do
+  end function compliance_solves_together
+
   !> x := K_b^+ x, over the equations of a body; many threads may.
   subroutine compliance_solve(self, b, x)
     !> The compliance of the bodies.
@@ -148,7 +143,7 @@ contains
   end subroutine compliance_solve
 
   !> z = C lambda: by the matrices of bodies that have all entries, by one solve of every other body that the rows
-  !> touch.
+  !> touch, or of all of them at once.
   subroutine compliance_multiply(self, qp, lambda, z)
     !> The compliance of the bodies.
     class(body_compliance_t), intent(inout) :: self
@@ -159,16 +154,21 @@ contains
     !> Displacements of the rows (n_rows) [length].
     real(dp), intent(out) :: z(:)
     type(row_displacement_t) :: moved(size(self%body))
-    logical :: formed(size(self%body))
+    logical :: formed(size(self%body)), together
     real(dp), allocatable :: force(:), moved_formed(:)
     integer :: i, b
     formed = [(self%matrix%is_body_formed(qp, b), b=1, size(self%body))]
     allocate (force(size(self%matrix%row_body, 2)), moved_formed(size(self%matrix%row_body, 2)), source=0.0_dp)
     ! Rows of an aggregation are none of the rows that are formed.
     if (any(formed)) force(qp%parent_row) = lambda
+    together = self%solves_together()
+    if (together) then
+      formed = .false.
+      call solve_together(self%response, self%body, qp%block, lambda, moved)
+    end if
     !$omp parallel do default(none) shared(self, qp, lambda, force, formed, moved) schedule(dynamic, 1) &
     !$omp& if (self%side_by_side)
-    do i = 1, size(self%batch)
+    do i = 1, merge(0, size(self%batch), together)
       ! A batch is solved as a whole, so that its digits do not depend on the ranks of its bodies.
       if (.not. any(is_own(self%body(self%batch(i)%body)%owner))) cycle
       call multiply_batch(self, qp, self%batch(i)%body, formed, lambda, force, moved)

@@ -9,12 +9,12 @@ module dotyk_scheme_congruent_products
   use dotyk_contact_operator, only: contact_block_t
   use dotyk_ranks_communication, only: n_ranks
   use dotyk_ranks_exchange, only: is_own, item_t, share
-  use dotyk_response_response, only: response_t
+  use dotyk_response_response, only: equation_vector_t, response_slot_t, response_t
   use dotyk_scheme_dense_compliance, only: dense_compliance_t
   use dotyk_scheme_entry_forming, only: body_operator_t
   implicit none
   private
-  public :: make_batches, solve_bodies, multiply_bodies, share_moved
+  public :: make_batches, sweep_costs, solve_together, solve_bodies, multiply_bodies, share_moved
 
   !> Congruent bodies that one thread works on together.
   type, public :: batch_t
@@ -69,6 +69,22 @@ contains
     batch = found(order)
   end subroutine make_batches
 
+  !> Costs of the parts of a product, which threads share: batches of congruent bodies. Of all bodies, which are solved
+  !> without contact, where none may touch another.
+  subroutine sweep_costs(body, block, cost)
+    !> Operators of the bodies (n_bodies).
+    type(body_operator_t), intent(in) :: body(:)
+    !> Rows of B of each body (n_bodies).
+    type(contact_block_t), intent(in) :: block(:)
+    !> Entries that a solve goes through twice (n).
+    real(dp), allocatable, intent(out) :: cost(:)
+    type(batch_t), allocatable :: batch(:)
+    integer :: b
+    call make_batches(body, [(size(block(b)%row), b=1, size(block))], batch)
+    cost = body%cost
+    if (size(batch) > 0) cost = batch%cost
+  end subroutine sweep_costs
+
   !> B_b K_b^+ B_b^T lambda of congruent bodies, by one solve with a block of right-hand sides.
   subroutine solve_bodies(response, body, block, chosen, lambda, moved)
     !> Compliance operator of their class.
@@ -83,17 +99,12 @@ contains
     real(dp), intent(in) :: lambda(:)
     !> Gets the displacements of the rows of the chosen bodies (n_bodies).
     type(row_displacement_t), intent(inout) :: moved(:)
-    real(dp), allocatable :: nodal(:), x(:, :)
+    real(dp), allocatable :: x(:, :)
     integer :: j
     if (size(chosen) == 0) return
     allocate (x(size(response%mode, 1), size(chosen)))
     do j = 1, size(chosen)
-      associate (own => body(chosen(j)), rows => block(chosen(j)))
-        allocate (nodal(own%map%dimension*own%map%n_nodes))
-        call rows%matrix%multiply_transposed(lambda(rows%row), nodal)
-        call own%map%scatter(nodal, x(:, j))
-        deallocate (nodal)
-      end associate
+      call contact_forces(body(chosen(j)), block(chosen(j)), lambda, x(:, j))
     end do
     if (size(chosen) == 1) then
       call response%solve(x(:, 1))
@@ -101,14 +112,64 @@ contains
       call response%solve_block(x)
     end if
     do j = 1, size(chosen)
-      associate (own => body(chosen(j)), rows => block(chosen(j)), displacement => moved(chosen(j)))
-        allocate (nodal(own%map%dimension*own%map%n_nodes), displacement%value(size(rows%row)))
-        call own%map%gather(x(:, j), nodal)
-        call rows%matrix%multiply(nodal, displacement%value)
-        deallocate (nodal)
-      end associate
+      call move_rows(body(chosen(j)), block(chosen(j)), x(:, j), moved(chosen(j)))
     end do
   end subroutine solve_bodies
+
+  !> The same of all bodies by one solve of all.
+  subroutine solve_together(response, body, block, lambda, moved)
+    !> Compliance operators of the bodies, which are solved together (n_bodies).
+    type(response_slot_t), intent(in) :: response(:)
+    !> Operators of all bodies (n_bodies).
+    type(body_operator_t), intent(in) :: body(:)
+    !> Rows of B of all bodies (n_bodies).
+    type(contact_block_t), intent(in) :: block(:)
+    !> Contact forces (n_rows) [force].
+    real(dp), intent(in) :: lambda(:)
+    !> Gets the displacements of the rows of bodies that have some (n_bodies).
+    type(row_displacement_t), intent(inout) :: moved(:)
+    type(equation_vector_t) :: x(size(body))
+    integer :: b
+    do b = 1, size(body)
+      allocate (x(b)%value(size(response(b)%form%mode, 1)))
+      call contact_forces(body(b), block(b), lambda, x(b)%value)
+    end do
+    call response(1)%form%solve_together(x)
+    do b = 1, size(body)
+      if (size(block(b)%row) > 0) call move_rows(body(b), block(b), x(b)%value, moved(b))
+    end do
+  end subroutine solve_together
+
+  !> B_b^T lambda.
+  subroutine contact_forces(body, block, lambda, x)
+    !> Operator of the body.
+    type(body_operator_t), intent(in) :: body
+    !> Its rows of B.
+    type(contact_block_t), intent(in) :: block
+    !> Contact forces (n_rows) [force].
+    real(dp), intent(in) :: lambda(:)
+    !> Over the equations of the body (n_equations) [force].
+    real(dp), intent(out) :: x(:)
+    real(dp) :: nodal(body%map%dimension*body%map%n_nodes)
+    call block%matrix%multiply_transposed(lambda(block%row), nodal)
+    call body%map%scatter(nodal, x)
+  end subroutine contact_forces
+
+  !> B_b x.
+  subroutine move_rows(body, block, x, moved)
+    !> Operator of the body.
+    type(body_operator_t), intent(in) :: body
+    !> Its rows of B.
+    type(contact_block_t), intent(in) :: block
+    !> Over the equations of the body (n_equations) [length].
+    real(dp), intent(in) :: x(:)
+    !> Gets the displacements of its rows.
+    type(row_displacement_t), intent(inout) :: moved
+    real(dp) :: nodal(body%map%dimension*body%map%n_nodes)
+    allocate (moved%value(size(block%row)))
+    call body%map%gather(x, nodal)
+    call block%matrix%multiply(nodal, moved%value)
+  end subroutine move_rows
 
   !> The same by their matrices; bodies with one matrix together.
   subroutine multiply_bodies(matrix, chosen, force, moved)

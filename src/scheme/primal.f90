@@ -43,6 +43,7 @@ module dotyk_scheme_primal
     procedure :: allows_zero_theta => primal_allows_zero_theta
     procedure :: expected_products => primal_expected_products
     procedure :: suits => primal_suits
+    procedure :: finds_displacements => primal_finds_displacements
   end type primal_t
 
   !> How often violated rows enter the working set; then all rows do.
@@ -116,6 +117,18 @@ contains
     end select
   end function primal_suits
 
+  !> Where it suits and there are rows.
+  logical function primal_finds_displacements(self, qp, compliance, theta) result(finds)
+    class(primal_t), intent(in) :: self
+    !> Contact rows, initial penetrations, rigid body modes.
+    type(contact_qp_t), intent(in) :: qp
+    !> Compliance of the bodies at these rows.
+    class(compliance_t), intent(in) :: compliance
+    !> Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    finds = self%suits(qp, compliance, theta) .and. qp%n_rows > 0
+  end function primal_finds_displacements
+
   !> Solve.
   subroutine primal_solve(self, qp, compliance, theta, settings, monitor, state, error)
     class(primal_t), intent(in) :: self
@@ -135,7 +148,7 @@ contains
     type(error_t), allocatable, intent(out) :: error
     type(dual_t) :: dual
     logical :: is_primal
-    is_primal = self%suits(qp, compliance, theta) .and. qp%n_rows > 0
+    is_primal = self%finds_displacements(qp, compliance, theta)
     select type (compliance)
     class is (body_compliance_t)
       call compliance%forget_displacements()

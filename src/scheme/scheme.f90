@@ -26,6 +26,8 @@ module dotyk_scheme_scheme
     procedure :: expected_products => scheme_expected_products
     !> Whether it solves such a QP itself.
     procedure :: suits => scheme_suits
+    !> Whether it solves such a QP for displacements.
+    procedure :: finds_displacements => scheme_finds_displacements
   end type scheme_t
 
   abstract interface
@@ -99,4 +101,21 @@ contains
                               qp%n_rows == size(theta)])
     end associate
   end function scheme_suits
+
+  !> Whether the unknowns of the scheme are displacements: a product with C takes an iteration of its own then, and
+  !> another theta is for the scheme.
+  logical function scheme_finds_displacements(self, qp, compliance, theta) result(finds)
+    !> The scheme.
+    class(scheme_t), intent(in) :: self
+    !> The rows.
+    type(contact_qp_t), intent(in) :: qp
+    !> C.
+    class(compliance_t), intent(in) :: compliance
+    !> Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    finds = .false.
+    associate (not_needed => [same_type_as(self, self), same_type_as(compliance, compliance), &
+                              qp%n_rows == size(theta)])
+    end associate
+  end function scheme_finds_displacements
 end module dotyk_scheme_scheme

@@ -153,6 +153,15 @@ class Cluster:
                 return False
         return [pid for pid in self.left() if runs(pid)]
 
+    def steps(self):
+        """Steps of jobs whose managers are still there."""
+        def manages(pid):
+            try:
+                return pathlib.Path("/proc/%d/comm" % pid).read_text().startswith("slurmstepd")
+            except OSError:
+                return False
+        return [pid for pid in self.left() if manages(pid)]
+
     def start(self):
         """Configuration and daemons."""
         for name in ("state", *("%s-%s" % (kind, node) for kind in ("spool", "tmp") for node in NODES)):

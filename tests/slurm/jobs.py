@@ -62,10 +62,13 @@ class Scenes(dotyk_case.Case):
         return parts
 
     def requeue(self, job, between=lambda: None):
-        """Requeue a job and start it again without the two minutes that Slurm waits; `between` is checked while it is pending."""
+        """Requeue a job and start it again without the two minutes that Slurm waits; `between` is checked while it is pending.
+
+        Not before its last step has left: a node refuses to start a job that it is still ending."""
         SLURM.ask("scontrol", "requeue", job, check=True)
         SLURM.wait_job(job, states=("PENDING",))
         between()
+        SLURM.wait_for(lambda: not SLURM.steps(), "steps of job %s gone" % job, 60)
 
         def starts():
             SLURM.ask("scontrol", "update", "JobId=" + job, "StartTime=now")

@@ -10,6 +10,7 @@ module dotyk_split_split_bodies
   use dotyk_distributed_linear_solver, only: solve_outcome_t
   use dotyk_elasticity_body, only: body_t
   use dotyk_elasticity_body_modes, only: body_modes_t
+  use dotyk_response_response, only: equation_vector_t
   implicit none
   private
 
@@ -41,6 +42,7 @@ module dotyk_split_split_bodies
     procedure :: assemble => bodies_assemble
     procedure :: factorize => bodies_factorize
     procedure :: solve => bodies_solve
+    procedure :: solve_all => bodies_solve_all
     procedure :: subtract_forces => bodies_subtract_forces
     procedure :: to_equations => bodies_to_equations
     procedure :: diagonal => bodies_diagonal
@@ -128,33 +130,64 @@ contains
     integer, intent(in) :: b
     !> Right-hand side [force] in, solution [length] out, over the equations of the part (n_equations).
     real(dp), intent(inout) :: x(:)
-    real(dp), allocatable :: r(:), e(:), left(:), known(:), component(:)
-    real(dp) :: first, of_left
+    real(dp), allocatable :: r(:), e(:)
+    allocate (r(self%contact%system%n), source=0.0_dp)
     call from_equations(self, b, x, r)
+    call solve_at(self, self%map(b)%place, r, e)
+    call self%to_equations(b, e, x)
+  end subroutine bodies_solve
+
+  !> The same for all bodies at once.
+  subroutine bodies_solve_all(self, x)
+    class(split_bodies_t), target, intent(inout) :: self
+    !> Right-hand sides [force] in, solutions [length] out (n_bodies).
+    type(equation_vector_t), intent(inout) :: x(:)
+    real(dp), allocatable :: r(:), e(:)
+    integer :: b, i
+    allocate (r(self%contact%system%n), source=0.0_dp)
+    do b = 1, size(x)
+      call from_equations(self, b, x(b)%value, r)
+    end do
+    call solve_at(self, [(i, i=1, size(r))], r, e)
+    do b = 1, size(x)
+      call self%to_equations(b, e, x(b)%value)
+    end do
+  end subroutine bodies_solve_all
+
+  !> e := K^+ r, r zero but at some places.
+  subroutine solve_at(self, place, r, e)
+    !> The bodies.
+    class(split_bodies_t), target, intent(inout) :: self
+    !> The places among the own unknowns of all bodies.
+    integer, intent(in) :: place(:)
+    !> Forces; without resultants on rigid body modes on return (n) [force].
+    real(dp), intent(inout), contiguous :: r(:)
+    !> (n) [length]
+    real(dp), allocatable, intent(out) :: e(:)
+    real(dp), allocatable :: left(:), known(:), component(:)
+    real(dp) :: first, of_left
     allocate (e(size(r)), source=0.0_dp)
     associate (system => self%contact%system)
       call system%remove_modes(r, component)
       first = system%force_norm(r)
-      if (first > 0) then
-        call find_free(self)
-        allocate (known(size(r)), left(size(r)), source=0.0_dp)
-        known(self%map(b)%place) = self%free(self%map(b)%place)
-        call system%strain_forces(known, left)
-        left = r - left
-        call system%remove_modes(left, component)
-        of_left = system%force_norm(left)
-        if (of_left < first) then
-          if (of_left > accuracy*first) call solve_for(self, left, first, e)
-          if (.not. of_left > accuracy*first) self%worst = max(self%worst, of_left/first)
-          e = known + e
-        else
-          call solve_for(self, r, first, e)
-        end if
-        call system%remove_modes(e, component)
+      if (.not. first > 0) return
+      call find_free(self)
+      allocate (known(size(r)), left(size(r)), source=0.0_dp)
+      known(place) = self%free(place)
+      call system%strain_forces(known, left)
+      left = r - left
+      call system%remove_modes(left, component)
+      of_left = system%force_norm(left)
+      if (of_left < first) then
+        if (of_left > accuracy*first) call solve_for(self, left, first, e)
+        if (.not. of_left > accuracy*first) self%worst = max(self%worst, of_left/first)
+        e = known + e
+      else
+        call solve_for(self, r, first, e)
       end if
+      call system%remove_modes(e, component)
     end associate
-    call self%to_equations(b, e, x)
-  end subroutine bodies_solve
+  end subroutine solve_at
 
   !> Find the displacements of all bodies by their loads, unless they are known.
   subroutine find_free(self)
@@ -205,6 +238,7 @@ contains
     !> Forces (n_equations) [force].
     real(dp), intent(inout) :: f(:)
     real(dp), allocatable :: own_x(:), own_f(:), product(:), component(:)
+    allocate (own_x(self%contact%system%n), own_f(self%contact%system%n), source=0.0_dp)
     call from_equations(self, b, x, own_x)
     call from_equations(self, b, f, own_f)
     allocate (product(size(own_x)))
@@ -227,7 +261,7 @@ contains
     call self%to_equations(b, own, diagonal)
   end subroutine bodies_diagonal
 
-  !> Own unknowns of the equations of one body; zero for other bodies.
+  !> Equations of one body to own unknowns.
   subroutine from_equations(self, b, x, own)
     !> The bodies.
     type(split_bodies_t), intent(in) :: self
@@ -235,9 +269,8 @@ contains
     integer, intent(in) :: b
     !> Over its equations (n_equations) [any].
     real(dp), intent(in) :: x(:)
-    !> Of this rank (n) [as x].
-    real(dp), allocatable, intent(out) :: own(:)
-    allocate (own(self%contact%system%n), source=0.0_dp)
+    !> Of this rank; gets those of the body (n) [as x].
+    real(dp), intent(inout) :: own(:)
     own(self%map(b)%place) = x(self%map(b)%equation)
   end subroutine from_equations
 

@@ -31,6 +31,7 @@ module dotyk_split_split_primal
     procedure :: allows_zero_theta => primal_allows_zero_theta
     procedure :: expected_products => primal_expected_products
     procedure :: suits => primal_suits
+    procedure :: finds_displacements => primal_finds_displacements
   end type split_primal_t
 
   !> Active sets at most: where it converges, it takes a third of them.
@@ -75,6 +76,18 @@ contains
     associate (not_needed => [same_type_as(self, self), same_type_as(compliance, compliance), size(theta) == 0])
     end associate
   end function primal_suits
+
+  !> Where it suits and there are rows.
+  logical function primal_finds_displacements(self, qp, compliance, theta) result(finds)
+    class(split_primal_t), intent(in) :: self
+    !> Contact rows, initial penetrations, rigid body modes.
+    type(contact_qp_t), intent(in) :: qp
+    !> Compliance of the bodies at these rows.
+    class(compliance_t), intent(in) :: compliance
+    !> Penalty parameters (n_rows) [length/pressure].
+    real(dp), intent(in) :: theta(:)
+    finds = self%suits(qp, compliance, theta) .and. qp%n_rows > 0
+  end function primal_finds_displacements
 
   !> Solve.
   subroutine primal_solve(self, qp, compliance, theta, settings, monitor, state, error)

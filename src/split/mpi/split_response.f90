@@ -4,7 +4,7 @@ module dotyk_split_split_response
   use dotyk_base_kinds, only: dp
   use dotyk_linalg_sparse, only: sparse_rows_t
   use dotyk_ranks_exchange, only: add_up
-  use dotyk_response_response, only: response_t, substituted_rows_t
+  use dotyk_response_response, only: equation_vector_t, response_t, substituted_rows_t
   use dotyk_split_split_bodies, only: split_bodies_t
   implicit none
   private
@@ -19,6 +19,8 @@ module dotyk_split_split_response
     procedure :: solve => response_solve
     procedure :: solve_from => response_solve_from
     procedure :: subtract_forces => response_subtract_forces
+    procedure :: solves_together => response_solves_together
+    procedure :: solve_together => response_solve_together
     procedure :: solve_error => response_solve_error
     procedure :: prepare_substitution => response_prepare_substitution
     procedure :: path_entries => response_path_entries
@@ -67,6 +69,19 @@ contains
     real(dp), intent(inout) :: f(:)
     call self%bodies%subtract_forces(self%b, x, f)
   end subroutine response_subtract_forces
+
+  !> They are.
+  pure logical function response_solves_together(self) result(together)
+    class(split_response_t), intent(in) :: self
+    together = associated(self%bodies)
+  end function response_solves_together
+
+  !> x := K^+ x of all bodies.
+  subroutine response_solve_together(self, x)
+    class(split_response_t), intent(in) :: self
+    type(equation_vector_t), intent(inout) :: x(:)
+    call self%bodies%solve_all(x)
+  end subroutine response_solve_together
 
   !> Relative error of a solve in the energy norm.
   pure real(dp) function response_solve_error(self) result(error)
