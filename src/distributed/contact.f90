@@ -178,6 +178,7 @@ contains
     type(solve_outcome_t) :: outcome
     real(dp), allocatable :: resultant(:)
     real(dp) :: compliance(size(theta))
+    logical :: follows
     compliance = self%system%row_compliance()
     call now%init(theta, self%weight*compliance)
     if (any(.not. (compliance > 0 .or. theta > 0) .and. self%gap < -rounding*maxval(abs(self%gap)))) then
@@ -185,7 +186,8 @@ contains
       return
     end if
     ! With pressures of an earlier solve its displacements are the start.
-    if (.not. allocated(state%m) .or. self%n_sets == 0) then
+    follows = allocated(state%m) .and. self%n_sets > 0
+    if (.not. follows) then
       r = self%stiffness%load
       call self%system%remove_modes(r, resultant)
       call self%system%solve_alone(r, start_reduction, most_iterations, e, outcome, error)
@@ -193,16 +195,18 @@ contains
       self%u(:) = e
     end if
     call self%system%row_displacement(self%u, now%y)
+    now%active = now%y > self%gap
+    if (present(qp) .and. .not. follows) then
+      ! Without motions of floating bodies the rows that they close are far from the solution, and active sets many.
+      if (qp%coarse%n > 0) then
+        call rest_on_winkler_foundation(qp, theta, rest, now%active)
+        self%u(:) = self%u + matmul(self%stiffness%mode, qp%coarse%scale*rest%alpha)
+      end if
+    end if
     if (allocated(state%m)) then
       now%active = state%m > 0
     else
       allocate (state%m(size(theta)), source=0.0_dp)
-      now%active = now%y > self%gap
-      if (.not. present(qp)) return
-      if (qp%coarse%n == 0) return
-      ! Without motions of floating bodies the rows that they close are far from the solution, and active sets many.
-      call rest_on_winkler_foundation(qp, theta, rest, now%active)
-      self%u(:) = self%u + matmul(self%stiffness%mode, qp%coarse%scale*rest%alpha)
     end if
   end subroutine begin
 

@@ -47,6 +47,7 @@ module dotyk_elasticity_two_levels
   integer, parameter, public :: obstacle_none = 0            !< there is no obstacle
   integer, parameter, public :: obstacle_few_unknowns = 1    !< linear elements, and too few nodes for aggregates
   integer, parameter, public :: obstacle_incompressible = 2  !< nearly incompressible: iterations grow without bound
+  integer, parameter, public :: obstacle_hinged = 3          !< pieces may turn freely, which factors find out alone
 
   public :: is_linear, multigrid_obstacle
 
@@ -62,6 +63,7 @@ contains
     !> The body; it need not be assembled.
     type(body_t), intent(in) :: body
     obstacle = obstacle_none
+    if (body%is_hinged) obstacle = obstacle_hinged
     if (is_linear(body%mesh) .and. body%n_unknowns() < fewest_of_linear) obstacle = obstacle_few_unknowns
     if (obstacle /= obstacle_none .or. body%analysis == analysis_plane_stress) return
     if (body%material%bulk_over_shear() > most_bulk_over_shear) obstacle = obstacle_incompressible

@@ -133,6 +133,30 @@ class Meshes(dotyk_case.Case):
         text = self.run_case((ONE % "").replace("&load body='block', surface='side', pressure=-1 /", ""))
         self.assertIn("warning: body 'block': edges or corners alone join its 2 pieces, as hinges do", text)
 
+    def test_a_hinge_by_multigrid(self):
+        """Two boxes with an edge in common, of which one rests on a prop and may turn about the edge: factors find the motion, iterations
+        would follow it."""
+        self.write("mesh.geo", """SetFactory("OpenCASCADE");
+            Box(1) = {0, 0, 0, 1, 1, 1};  Box(2) = {1, 0, 1, 1, 1, 1};
+            v() = BooleanFragments{Volume{1}; Delete;}{Volume{2}; Delete;};  Box(9) = {1.2, 0, 0.5, 1, 1, 0.5};
+            Mesh.MeshSizeMax = 0.4;  Mesh.MeshSizeMin = 0.4;  Mesh.ElementOrder = 2;  e = 1e-6;
+            Physical Volume("hinge") = {v()};  Physical Volume("prop") = {9};
+            Physical Surface("low") = {Surface In BoundingBox{-e, -e, -e, 1 + e, 1 + e, e}};
+            Physical Surface("foot") = {Surface In BoundingBox{1, -e, 0.5 - e, 3, 1 + e, 0.5 + e}};
+            """)
+        text = self.run_case("""
+            &material name='m', young=1000, poisson=0.25 /
+            &body name='hinge', volume='hinge', material='m' /
+            &body name='prop', volume='prop', material='m' /
+            &support body='hinge', surface='low', fix='xyz' /
+            &support body='prop', surface='foot', fix='xyz' /
+            &load body='hinge', force_density=0,0,-1 /
+            &contact auto=.true. /
+            &solver response='multigrid' /
+            """, code=3, plane=False)
+        self.assertIn("body 'hinge': the stiffness matrix is not positive definite", text)
+        self.assertFalse((self.folder / "case.vtkhdf").exists())
+
 
 if __name__ == "__main__":
     dotyk_case.main()

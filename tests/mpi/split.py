@@ -88,10 +88,19 @@ class Split(RankCase):
             self.assertLessEqual(bound, TOLERANCE)
             # To the digits of the log; its error is of the order of the square of the bound, and of the tolerance for theta = 0.
             self.assertLessEqual(abs(energy(printed) / energy(done.stdout) - 1), 2e-9)
+            # Distances of solutions, with the bounds of both.
+            penalties = [self.penalty(path) for path in (expected, found)]
+            self.assertLessEqual(abs(penalties[1] - penalties[0]), 1e-3 * penalties[0] + 1e-5)
             (a, largest), (b, _) = forces(expected), forces(found)
             for pair, force in a.items():
                 np.testing.assert_allclose(b[pair], force, atol=100 * TOLERANCE * largest, err_msg="%s on %d ranks" % (pair, ranks))
                 self.assertLessEqual(abs(np.sum(b[pair]) - np.sum(force)), TOLERANCE * max(np.sum(force), largest), pair)
+
+    @staticmethod
+    def penalty(path):
+        """Error by the penalty, as estimated."""
+        with h5py.File(path) as file:
+            return file["dotyk/summary"].attrs["error_penalty"]
 
     def puck(self, order):
         """A puck, pushed to floor and wall: nothing but contact holds it, and it may slide along the wall and turn."""
@@ -152,8 +161,11 @@ class Split(RankCase):
                  "&load body='upper', surface='top', traction_formula='0','0','-0.1*exp(-8*((x-1.2)^2+(y-1.1)^2))' /",
                  "&contact name='joint', surface_a='upper:bottom', surface_b='lower:top', discretization='quadrature' /",
                  "&solver response='multigrid', theta_relative=1e-3, tolerance=0.01 /"]
-        found = self.folder / "split.vtkhdf"
+        found, factors = self.folder / "split.vtkhdf", self.folder / "factors.vtkhdf"
         self.run_ranks(2, self.write("case.nml", "\n".join(lines)), "--output", found)
+        self.run_ranks(1, self.write("full.nml", "\n".join(lines).replace("'multigrid'", "'full'")), "--output", factors)
+        # Extrapolated from other solutions than with factors.
+        self.assertLessEqual(abs(self.penalty(found) / self.penalty(factors) - 1), 0.05)
         with h5py.File(found) as file:
             summary = file["dotyk/summary"]
             terms = [summary.attrs[name] for name in ("strain_energy", "load_work", "penalty_energy")]
@@ -240,7 +252,8 @@ class Split(RankCase):
         self.assertIn("body 'lower': young_formula: the modulus factor must be positive, it is -1 at ", printed)
 
     def test_a_hinge_is_not_split(self):
-        """Two boxes with one edge in common: nothing resists a turn about it, and the loads are not in equilibrium."""
+        """Two boxes with one edge in common: nothing resists a turn about it, and the loads are not in equilibrium. Beside them a body
+        that could be split."""
         hinge = """SetFactory("OpenCASCADE");
 Box(1) = {0, 0, 0, 1, 1, 1};  Box(2) = {1, 0, 1, 1, 1, 1};  v() = BooleanFragments{Volume{1}; Delete;}{Volume{2}; Delete;};
 Mesh.MeshSizeMax = 0.3;  Mesh.MeshSizeMin = 0.3;  Mesh.ElementOrder = 2;
@@ -248,6 +261,7 @@ Physical Volume("block") = {v()};  e = 1e-6;
 Physical Surface("bottom") = {Surface In BoundingBox{-e, -e, -e, 1 + e, 1 + e, e}};
 """
         lines = [*MATERIALS, self.body("hinge", hinge, "steel"), "&support body='hinge', surface='bottom', fix='xyz' /",
+                 self.body("block", block_geo("hex20", 3, (3, 0, 0)), "steel"), "&support body='block', surface='bottom', fix='xyz' /",
                  "&load body='hinge', force_density=0,0,-0.1 /", SOLVER.replace("&solver", "&solver response='multigrid', ")]
         printed = self.run_ranks(2, self.write("case.nml", "\n".join(lines)), code=3)
         self.assertIn("edges or corners alone join pieces of 'hinge': bodies are not split over ranks", printed)
