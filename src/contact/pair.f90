@@ -8,6 +8,7 @@
 module dotyk_contact_pair
   use dotyk_base_kinds, only: dp
   use dotyk_base_options, only: default_discretization, default_gap, default_geometry, default_quadrature
+  use dotyk_base_parcel, only: parcel_t
   use dotyk_linalg_sparse, only: sparse_rows_t
   use dotyk_ranks_division, only: division_t
   implicit none
@@ -110,11 +111,55 @@ module dotyk_contact_pair
     real(dp), allocatable :: row_gap(:)
     !> Penalty parameters of the rows, initially `theta` (n_rows) [length/pressure].
     real(dp), allocatable :: row_theta(:)
+  contains
+    procedure :: carry => pair_carry
   end type contact_pair_t
 
   public :: pair_force
 
 contains
+
+  !> To other ranks.
+  subroutine pair_carry(self, parcel)
+    class(contact_pair_t), intent(inout) :: self
+    !> Gets the pair, or has it.
+    type(parcel_t), intent(inout) :: parcel
+    call parcel%carry(self%name)
+    call parcel%carry(self%body_a)
+    call parcel%carry(self%body_b)
+    call parcel%carry(self%dimension)
+    call parcel%carry(self%discretization)
+    call parcel%carry(self%n_points)
+    call parcel%carry(self%n_unprojected)
+    call parcel%carry(self%n_not_facing)
+    call parcel%carry(self%n_outside)
+    call parcel%carry(self%n_too_far)
+    call parcel%carry(self%lost_not_facing)
+    call parcel%carry(self%lost_outside)
+    call parcel%carry(self%lost_too_far)
+    call parcel%carry(self%theta)
+    call parcel%carry(self%gap_kind)
+    call parcel%carry(self%is_layer)
+    call parcel%carry(self%position)
+    call parcel%carry(self%normal)
+    call parcel%carry(self%weight)
+    call parcel%carry(self%gap)
+    call parcel%carry(self%facet_a)
+    call parcel%carry(self%xi_a)
+    call parcel%carry(self%facet_b)
+    call parcel%carry(self%xi_b)
+    call parcel%carry(self%n_rows)
+    call parcel%carry(self%n_point_contacts)
+    call parcel%carry(self%n_mortar_rows)
+    call parcel%carry(self%n_mortar_points)
+    call self%average%carry(parcel)
+    call parcel%carry(self%row_corner)
+    call parcel%carry(self%row_position)
+    call parcel%carry(self%row_normal)
+    call parcel%carry(self%row_weight)
+    call parcel%carry(self%row_gap)
+    call parcel%carry(self%row_theta)
+  end subroutine pair_carry
 
   !> Resultant of the contact pressure on body a: the forces of the rows, distributed to their points, along the normals
   !> there.

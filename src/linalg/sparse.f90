@@ -1,6 +1,7 @@
 !> Sparse matrices: a symmetric one as CHOLMOD reads it, and a general one by rows (compressed sparse rows).
 module dotyk_linalg_sparse
   use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_parcel, only: parcel_t
   implicit none
   private
 
@@ -41,6 +42,7 @@ module dotyk_linalg_sparse
     procedure :: set_identity => rows_set_identity
     procedure :: set_product => rows_set_product
     procedure :: set_stacked => rows_set_stacked
+    procedure :: carry => rows_carry
     procedure :: destroy => rows_destroy
   end type sparse_rows_t
 
@@ -325,6 +327,18 @@ contains
     end do
     self%row_start(n + 1) = n_entries + 1
   end subroutine rows_set_stacked
+
+  !> To other ranks.
+  pure subroutine rows_carry(self, parcel)
+    class(sparse_rows_t), intent(inout) :: self
+    !> Gets the rows, or has them.
+    type(parcel_t), intent(inout) :: parcel
+    call parcel%carry(self%n_rows)
+    call parcel%carry(self%n_columns)
+    call parcel%carry(self%row_start)
+    call parcel%carry(self%column)
+    call parcel%carry(self%value)
+  end subroutine rows_carry
 
   !> Free the memory.
   subroutine rows_destroy(self)

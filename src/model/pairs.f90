@@ -97,7 +97,7 @@ contains
                          division_t(.true.), pair(k), failed(k)%error)
       end associate
     end do
-    if (is_dealt) call share_searched(case, owner, pair, failed)
+    if (is_dealt) call share_searched(owner, pair, failed)
     do k = 1, size(pair)
       call problems%add_error(failed(k)%error, case%file//':'//to_text(case%contact(k)%line)//': ')
     end do
@@ -110,9 +110,7 @@ contains
   end subroutine find_pairs
 
   !> Make the pairs that one rank each has searched known to all ranks.
-  subroutine share_searched(case, owner, pair, failed)
-    !> The case, with the names of the pairs.
-    type(case_t), intent(in) :: case
+  subroutine share_searched(owner, pair, failed)
     !> Rank of each pair, or `all_ranks` (n_pairs).
     integer, intent(in) :: owner(:)
     !> The pairs; those of other ranks are set (n_pairs).
@@ -125,9 +123,6 @@ contains
     dealt = pack([(k, k=1, size(owner))], owner /= all_ranks)
     if (size(dealt) == 0) return
     call share_pairs(owner, pair)
-    do k = 1, size(dealt)
-      pair(dealt(k))%name = case%contact(dealt(k))%name
-    end do
     allocate (of_dealt(size(dealt)))
     of_dealt = failed(dealt)
     call share_errors(owner(dealt), of_dealt)

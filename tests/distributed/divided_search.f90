@@ -5,12 +5,13 @@ program divided_search
   use dotyk_base_error, only: error_t
   use dotyk_base_formula, only: formula_t
   use dotyk_base_kinds, only: dp
+  use dotyk_base_parcel, only: parcel_t
   use dotyk_base_options, only: discretization_mortar, discretization_quadrature, gap_formula, geometry_smooth, &
     quadrature_plain, quadrature_segments
   use dotyk_contact_operator, only: build_operator, contact_operator_t
   use dotyk_contact_pair, only: contact_pair_t, pair_settings_t
   use dotyk_contact_pair_discretization, only: discretize_pair
-  use dotyk_contact_pair_exchange, only: pack_pair, share_pairs
+  use dotyk_contact_pair_exchange, only: share_pairs
   use dotyk_contact_penetration, only: penetration_t
   use dotyk_contact_penetration_search, only: find_penetration
   use dotyk_contact_penetration_tolerance, only: penetration_tolerance_t
@@ -149,7 +150,7 @@ contains
     type(contact_operator_t), intent(in) :: operator
     type(contact_pair_t) :: dealt(2*n_ranks()), original
     type(contact_operator_t) :: of_dealt
-    real(dp), allocatable :: one(:), other(:)
+    type(parcel_t), allocatable :: one, other
     integer :: owner(2*n_ranks()), k
     ! Each rank has one pair, and one without points.
     owner = [(k - 1, k=1, n_ranks()), (k - 1, k=1, n_ranks())]
@@ -169,11 +170,14 @@ contains
     original%row_theta = [(0.5_dp + k, k=1, pair%n_rows)]
     dealt(this_rank() + 1) = original
     call share_pairs(owner, dealt)
-    call pack_pair(original, one)
+    allocate (one)
+    call original%carry(one)
     do k = 1, n_ranks()
-      call pack_pair(dealt(k), other)
-      call check(name//': numbers of a dealt pair', size(one) == size(other))
-      if (size(one) == size(other)) call compare(name//': dealt', one, other)
+      allocate (other)
+      call dealt(k)%carry(other)
+      call check(name//': words of a dealt pair', one%n_words() == other%n_words())
+      if (one%n_words() == other%n_words()) call check(name//': dealt', all(one%words() == other%words()))
+      deallocate (other)
       call check(name//': layer', dealt(k)%is_layer .and. dealt(k)%gap_kind == gap_formula)
       call check(name//': points without projection', all([dealt(k)%n_unprojected, dealt(k)%n_not_facing, &
                  dealt(k)%n_outside, dealt(k)%n_too_far, dealt(k)%n_point_contacts] == [101, 102, 103, 104, 105]))
