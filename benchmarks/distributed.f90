@@ -31,7 +31,6 @@ program distributed
   implicit none
 
   integer :: k, code
-  logical :: speaks
   type(error_t), allocatable :: error
   character(1000) :: file
   call start_ranks()
@@ -47,7 +46,7 @@ program distributed
   call stop_petsc()
   code = 0
   if (allocated(error)) code = error%code
-  call end_ranks(code, speaks)
+  call end_ranks(code)
   stop code, quiet=.true.
 
 contains

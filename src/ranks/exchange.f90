@@ -372,14 +372,13 @@ contains
     integer(int64), intent(in) :: all(:, :)
     !> How many of their numbers must be alike, but for the third one.
     integer, intent(in) :: n_alike
-    logical :: speaks
     integer :: i, code
     do i = 1, n_alike
       if (i == 3 .or. .not. any(all(i, :) /= all(i, 1))) cycle
       code = exit_machine
       if (this_rank() == 0) call print_error('the ranks do not agree on their results, so that none are written: '// &
                                              'run all of them on processors of one kind, or fewer of them')
-      call end_ranks(code, speaks)
+      call end_ranks(code)
       stop exit_machine, quiet=.true.
     end do
     call agree_on_interrupt(any(all(3, :) /= 0))

@@ -22,7 +22,6 @@ program dealt_bodies
   type(case_t) :: case, faulty
   type(error_t), allocatable :: error
   integer :: n_failed, code, k
-  logical :: speaks
   n_failed = 0
   call start_ranks()
   call read_case('distributed/dealt.nml', case, error)
@@ -40,7 +39,7 @@ program dealt_bodies
   end do
   call test_fault(faulty, 'a load on no body')
   code = min(1, n_failed)
-  call end_ranks(code, speaks)
+  call end_ranks(code)
   stop code, quiet=.true.
 
 contains

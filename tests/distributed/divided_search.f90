@@ -28,7 +28,6 @@ program divided_search
   !> Numbers of a point that ranks exchange, at least [bytes].
   real(dp), parameter :: bytes_of_point = 100
   integer :: n_failed, code
-  logical :: speaks
   n_failed = 0
   call start_ranks()
   call test_portions()
@@ -39,7 +38,7 @@ program divided_search
   call test_penetration('tet10', element_tet10)
   call test_penetration('hex8', element_hex8)
   code = min(1, n_failed)
-  call end_ranks(code, speaks)
+  call end_ranks(code)
   stop code, quiet=.true.
 
 contains

@@ -25,7 +25,6 @@ program split_bodies
   !> Pressure on the top, and E of the blocks [pressure].
   real(dp), parameter :: press = 0.2_dp, modulus = 2
   integer :: n_failed, code
-  logical :: speaks
   type(error_t), allocatable :: error
   n_failed = 0
   call start_ranks()
@@ -42,7 +41,7 @@ program split_bodies
   call test_limits()
   call stop_petsc()
   code = min(1, n_failed)
-  call end_ranks(code, speaks)
+  call end_ranks(code)
   stop code, quiet=.true.
 
 contains

@@ -22,7 +22,6 @@ program split_modes
   !> Differences of displacements of modes, whose squares add up to 1, and relative ones of sizes and forces [].
   real(dp), parameter :: accuracy = 1.0e-12_dp
   integer :: n_failed, code
-  logical :: speaks
   n_failed = 0
   call start_ranks()
   call test_free()
@@ -33,7 +32,7 @@ program split_modes
   call test_slender()
   call test_kinds_of_parts()
   code = min(1, n_failed)
-  call end_ranks(code, speaks)
+  call end_ranks(code)
   stop code, quiet=.true.
 
 contains

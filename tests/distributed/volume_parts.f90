@@ -26,7 +26,6 @@ program volume_parts
   !> Of sums over a body, which depends on their order [].
   real(dp), parameter :: rounding = 1.0e-12_dp
   integer :: n_failed, code, i
-  logical :: speaks
   character(200) :: file, name
   n_failed = 0
   call start_ranks()
@@ -41,7 +40,7 @@ program volume_parts
     end do
   end if
   code = min(1, n_failed)
-  call end_ranks(code, speaks)
+  call end_ranks(code)
   stop code, quiet=.true.
 
 contains

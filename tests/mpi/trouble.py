@@ -57,6 +57,12 @@ class Trouble(RankCase):
         self.assertOnce("column.geo", self.run_ranks(2, "case.nml", code=2))
         self.assertNothingLeft()
 
+    def test_the_message_of_a_slow_rank(self):
+        """The first rank, which speaks for all, is the last to get to its end: mpirun kills it as soon as another has gone with a code."""
+        self.scene().write_text("&scene mesh='nowhere.msh' /\n")
+        for _ in range(3):
+            self.assertIn("nowhere.msh", self.run_ranks(6, "case.nml", "--quiet", code=2, before=ONLY_RANK % (0, "renice -n 19 $$ > /dev/null")))
+
     def test_mesh_that_gmsh_refuses(self):
         self.scene()
         self.write("column.geo", "Nonsense(1) = {;\n")

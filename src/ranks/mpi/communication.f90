@@ -45,18 +45,20 @@ contains
 
   !> End this rank. The others, whatever they are about to exchange, end with it. Its exit code is that of the lowest
   !> rank that ended by itself, which is the one to print a message.
-  subroutine end_ranks(code, speaks)
+  subroutine end_ranks(code, message)
     !> Exit code of this rank in, that of all ranks out.
     integer, intent(inout) :: code
-    !> Whether this rank is the lowest one that ended by itself.
-    logical, intent(out) :: speaks
+    !> Error that the lowest rank of those that end by themselves prints. Before MPI ends: what starts the ranks kills
+    !> all of them as soon as one exits with a code.
+    character(*), intent(in), optional :: message
     integer(int64) :: all(greeting_length, number_of_ranks)
     integer :: first
     call exchange_greetings([is_ending, int(code, int64), 0_int64, 0_int64], all)
     first = findloc(all(1, :), is_ending, dim=1)
-    speaks = first == own_rank + 1
     code = int(all(2, first))
+    if (present(message) .and. first == own_rank + 1) call print_error(message)
     call mpi_finalize()
+    call end_expected()
   end subroutine end_ranks
 
   !> End all ranks at once: where the others are in the midst of a library and hear no greeting.
@@ -116,13 +118,11 @@ contains
     !> Those of all ranks (sum(n)).
     integer(int64), intent(out) :: all(:)
     integer :: code
-    logical :: speaks
     if (sum(n) >= most_numbers) then
       ! All ranks are here, with the same numbers.
       if (own_rank == 0) call print_error('an exchange of more items than MPI counts: take fewer bodies in one run')
       code = exit_machine
-      call end_ranks(code, speaks)
-      call end_expected()
+      call end_ranks(code)
       stop exit_machine, quiet=.true.
     end if
     call mpi_allgatherv(own, size(own), mpi_integer8, all, counts(n), places(n), mpi_integer8, mpi_comm_world)

@@ -2,6 +2,7 @@
 module dotyk_ranks_communication
   use, intrinsic :: iso_fortran_env, only: int8
   use dotyk_base_kinds, only: dp, int64
+  use dotyk_base_log, only: print_error
   use dotyk_base_memory, only: end_expected
   implicit none
   private
@@ -22,12 +23,13 @@ contains
   end subroutine start_ranks
 
   !> End.
-  subroutine end_ranks(code, speaks)
+  subroutine end_ranks(code, message)
     !> Exit code.
     integer, intent(inout) :: code
-    !> The one rank does.
-    logical, intent(out) :: speaks
-    speaks = .true.
+    !> Error that is printed.
+    character(*), intent(in), optional :: message
+    if (present(message)) call print_error(message)
+    call end_expected()
     associate (not_needed => code)
     end associate
   end subroutine end_ranks
