@@ -20,7 +20,7 @@ module dotyk_scheme_linear_solver_choice
   implicit none
   private
 
-  public :: choose_solver, room_for_matrices, is_network, take_factors
+  public :: choose_solver, room_for_matrices, takes_products, is_network, take_factors
 
   !> Solves of each body that conjugate gradients take for all active sets together: 50 to 150 for each active set.
   real(dp), parameter :: typical_solves = 600
@@ -36,6 +36,8 @@ module dotyk_scheme_linear_solver_choice
   !> their factors.
   integer, parameter :: least_modes = 300
   real(dp), parameter :: worthwhile = 0.5_dp
+  !> Operations of the eigenvectors of a dense matrix of order n, over n^3.
+  real(dp), parameter :: flops_of_eigenvectors = 10
   !> Bytes for an entry of the factor: 8 in the panel, as many in the update matrices and in copies of compliance
   !> blocks.
   real(dp), parameter :: bytes_of_entry = 24
@@ -83,7 +85,8 @@ contains
     end if
   end subroutine choose_solver
 
-  !> Whether products cost less than entries and factorizations, or these take too much memory.
+  !> Whether products cost less than entries and factorizations, or these take too much memory, and more than what the
+  !> projections of many modes do.
   logical function is_matrix_free_cheaper(qp, compliance, rows, flops, entries) result(cheaper)
     !> The rows.
     type(contact_qp_t), intent(in) :: qp
@@ -96,11 +99,15 @@ contains
     !> Entries of its factor [].
     real(dp), intent(in) :: entries
     type(memory_t) :: memory
-    real(dp) :: direct_cost, iterative_cost, bytes, n, path, solve
+    real(dp) :: direct_cost, iterative_cost, bytes, iterative_bytes, room, n, path, solve
     integer :: b
     ! In floating-point operations at the speed of single solves: 4 for each entry of the factor of a body.
     direct_cost = typical_systems*flops/gain_of_blocks
-    iterative_cost = 0
+    ! G of all active rows, its Gram matrix with eigenvectors and pseudo-inverse.
+    associate (n_rows => real(count(rows), dp), n_modes => real(qp%coarse%n, dp))
+      iterative_cost = typical_systems*(2*n_rows*n_modes**2 + flops_of_eigenvectors*n_modes**3)/gain_of_blocks
+      iterative_bytes = 8*(2*n_rows*n_modes + 5*n_modes**2)
+    end associate
     bytes = bytes_of_entry*entries
     do b = 1, size(qp%block)
       n = count(rows(qp%block(b)%row))
@@ -112,8 +119,21 @@ contains
       bytes = bytes + 8*n**2 + 8*n*sqrt(2*path)
     end do
     memory = memory_now()
-    cheaper = on_any_rank(direct_cost > iterative_cost .or. bytes > room_for_matrices(memory))
+    room = room_for_matrices(memory)
+    cheaper = on_any_rank(takes_products([direct_cost, iterative_cost], [bytes, iterative_bytes], room))
   end function is_matrix_free_cheaper
+
+  !> Whether products are taken: by the cost where both ways fit into the memory, else by the memory.
+  pure logical function takes_products(cost, bytes, room) result(takes)
+    !> Of entries, and of products (2) [any].
+    real(dp), intent(in) :: cost(:)
+    !> Memory, likewise (2) [B].
+    real(dp), intent(in) :: bytes(:)
+    !> Memory that there is [B].
+    real(dp), intent(in) :: room
+    takes = cost(1) > cost(2)
+    if (maxval(bytes) > room) takes = bytes(1) > bytes(2)
+  end function takes_products
 
   !> Whether many bodies make conjugate gradients with a factor of their network cheaper than a factor of everything,
   !> and what the cheaper one costs.
