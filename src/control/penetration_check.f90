@@ -15,10 +15,13 @@ module dotyk_control_penetration_check
   use dotyk_control_couple_penetration, only: body_penetration_t, check_bodies, parts_t, split_parts
   use dotyk_control_pairs_of_bodies, only: pairs_of_bodies_t
   use dotyk_control_pressures, only: nodal_field_t
-  use dotyk_mesh_body_mesh, only: body_mesh_t
+  use dotyk_elasticity_body, only: body_t
+  use dotyk_mesh_body_mesh, only: body_mesh_t, connected_components
+  use dotyk_mesh_boundary, only: extract_boundary
+  use dotyk_mesh_surface, only: surface_nodes, surface_t
   use dotyk_ranks_communication, only: n_ranks, this_rank
   use dotyk_ranks_division, only: deal_out, division_t
-  use dotyk_ranks_exchange, only: all_ranks, share_flat
+  use dotyk_ranks_exchange, only: all_ranks, is_own, share_flat
   implicit none
   private
 
@@ -48,6 +51,8 @@ module dotyk_control_penetration_check
   real(dp), parameter :: coordinate_rounding = 1.0e-13_dp
   !> From this number of couples of bodies per thread on, couples are checked in parallel.
   integer, parameter :: many = 4
+  !> Couples that are checked before the boundaries of bodies are given up that no later ones need.
+  integer, parameter :: most_at_once = 2048
   !> From this number of boundary nodes of two bodies on, ranks divide their check: below, the exchanges take as long.
   real(dp), parameter :: least_divided = 1000
   !> Error bounds above this leave nothing to check: the slack grows no further.
@@ -131,10 +136,8 @@ contains
     type(body_penetration_t), allocatable :: found(:)
     type(pairs_of_bodies_t) :: pairs
     real(dp) :: moved(size(problem%body))
-    logical :: needed(size(problem%body))
-    real(dp), allocatable :: cost(:)
     integer, allocatable :: owner(:)
-    integer :: n_nodes(size(problem%body)), b, k, n
+    integer :: last_use(size(problem%body)), b, k, n, first, last
     n = size(problem%body)
     allocate (check%depth(n))
     do b = 1, n
@@ -146,38 +149,36 @@ contains
       if (problem%ranks%is_own(b)) moved(b) = maxval(norm2(solution(b)%displacement, dim=1))
     end do
     call problem%ranks%share_greatest(moved)
-    needed = .false.
-    needed(couple(1, :)) = .true.
-    needed(couple(2, :)) = .true.
-    allocate (parts(n))
-    n_nodes = 0
-    !$omp parallel do default(none) shared(problem, solution, needed, parts, n, n_nodes) schedule(dynamic, 1)
-    do b = 1, n
-      if (.not. needed(b)) cycle
-      call split_parts(b, problem%body(b)%mesh, solution(b)%displacement, parts(b))
-      n_nodes(b) = sum(parts(b)%part%n_nodes)
-    end do
-    !$omp end parallel do
-    allocate (cost(size(couple, 2)))
-    do k = 1, size(cost)
-      cost(k) = sum(n_nodes(couple(:, k)))
-      ! A body of one part is not checked against itself.
-      if (couple(1, k) == couple(2, k) .and. size(parts(couple(1, k))%part) == 1) cost(k) = 0
-    end do
-    owner = deal_out(cost, least_divided)
+    owner = owners_of(problem, couple)
     call pairs%init(problem%pair, n)
-    ! Few couples: threads share the nodes of each. Many couples: threads share the couples.
-    allocate (found(size(couple, 2)))
-    !$omp parallel do default(none) schedule(dynamic, 1) if (size(found) >= many*omp_get_max_threads()) shared(owner)
+    allocate (parts(n), found(size(couple, 2)))
     do k = 1, size(found)
-      if (owner(k) == this_rank()) call check_couple(division_t(), k)
+      last_use(couple(:, k)) = k
     end do
-    !$omp end parallel do
-    ! Ranks divide the nodes of large bodies.
-    do k = 1, size(found)
-      if (owner(k) == all_ranks) call check_couple(division_t(.true.), k)
+    ! Couples are listed along an axis: of many bodies, few are held at once.
+    do first = 1, size(found), most_at_once
+      last = min(size(found), first + most_at_once - 1)
+      call split_bodies(problem, solution, couple(:, first:last), owner(first:last), parts)
+      ! Few couples: threads share the nodes of each. Many couples: threads share the couples.
+      !$omp parallel do default(none) schedule(dynamic, 1) if (size(found) >= many*omp_get_max_threads()) &
+      !$omp& shared(owner, first, last)
+      do k = first, last
+        if (owner(k) == this_rank()) call check_couple(division_t(), k)
+      end do
+      !$omp end parallel do
+      ! Ranks divide the nodes of large bodies.
+      do k = first, last
+        if (owner(k) == all_ranks) call check_couple(division_t(.true.), k)
+      end do
+      do k = first, last
+        do b = 1, 2
+          associate (of_body => parts(couple(b, k)))
+            if (last_use(couple(b, k)) <= last .and. allocated(of_body%part)) deallocate (of_body%part, of_body%swept)
+          end associate
+        end do
+      end do
     end do
-    if (n_ranks() > 1) call share_findings(owner, parts, found, check%depth)
+    if (n_ranks() > 1) call share_findings(problem%body, owner, found, check%depth)
     check%found = pack(found, found%worst%depth > 0)
     check%touching = pack(found, found%touch%n_facets > 0 .and. .not. found%worst%depth > 0)
     check%unresolved = pack(found, found%worst%unresolved > 0 .and. .not. found%worst%depth > 0)
@@ -201,21 +202,96 @@ contains
     end subroutine check_couple
   end subroutine check_couples
 
+  !> Rank of each couple, by its nodes: the larger ones are divided among all.
+  function owners_of(problem, couple) result(owner)
+    !> Bodies.
+    type(contact_problem_t), intent(in) :: problem
+    !> The couples (2, n_couples).
+    integer, intent(in) :: couple(:, :)
+    !> Ranks, or `all_ranks` (n_couples).
+    integer, allocatable :: owner(:)
+    real(dp) :: n_nodes(size(problem%body)), n_parts(size(problem%body)), cost(size(couple, 2))
+    integer, allocatable :: node(:), component(:)
+    integer :: b, k, n
+    if (n_ranks() == 1) then
+      owner = [(this_rank(), k=1, size(couple, 2))]
+      return
+    end if
+    n_nodes = 0
+    n_parts = 0
+    do b = 1, size(problem%body)
+      if (.not. problem%ranks%is_own(b)) cycle
+      associate (mesh => problem%body(b)%mesh)
+        call boundary_nodes(mesh, node)
+        n_nodes(b) = size(node)
+        allocate (component(mesh%n_nodes()))
+        call connected_components(mesh, component, n)
+        n_parts(b) = n
+        deallocate (component)
+      end associate
+    end do
+    call problem%ranks%share_greatest(n_nodes)
+    call problem%ranks%share_greatest(n_parts)
+    do k = 1, size(cost)
+      cost(k) = sum(n_nodes(couple(:, k)))
+      ! A body of one part is not checked against itself.
+      if (couple(1, k) == couple(2, k) .and. .not. n_parts(couple(1, k)) > 1) cost(k) = 0
+    end do
+    owner = deal_out(cost, least_divided)
+  end function owners_of
+
+  !> Boundaries of the bodies of couples that this rank checks, unless they are there.
+  subroutine split_bodies(problem, solution, couple, owner, parts)
+    !> Bodies.
+    type(contact_problem_t), intent(in) :: problem
+    !> Displacements of the bodies (n_bodies).
+    type(body_solution_t), intent(in) :: solution(:)
+    !> The couples (2, n_couples).
+    integer, intent(in) :: couple(:, :)
+    !> Rank of each, or `all_ranks` (n_couples).
+    integer, intent(in) :: owner(:)
+    !> Gets the parts (n_bodies).
+    type(parts_t), intent(inout) :: parts(:)
+    logical :: needed(size(parts))
+    integer :: b, k
+    needed = .false.
+    do k = 1, size(owner)
+      if (is_own(owner(k))) needed(couple(:, k)) = .true.
+    end do
+    !$omp parallel do default(none) shared(problem, solution, needed, parts) schedule(dynamic, 1)
+    do b = 1, size(parts)
+      if (needed(b) .and. .not. allocated(parts(b)%part)) &
+        call split_parts(b, problem%body(b)%mesh, solution(b)%displacement, parts(b))
+    end do
+    !$omp end parallel do
+  end subroutine split_bodies
+
+  !> Nodes on the boundary of a body, in an order that is the same on all ranks.
+  subroutine boundary_nodes(mesh, node)
+    !> The body, or its boundary.
+    type(body_mesh_t), intent(in) :: mesh
+    !> Ascending (n).
+    integer, allocatable, intent(out) :: node(:)
+    type(surface_t) :: boundary
+    call extract_boundary(mesh, boundary)
+    call surface_nodes(boundary, node)
+  end subroutine boundary_nodes
+
   !> Make what the ranks have found in couples of their own known to all.
-  subroutine share_findings(owner, parts, found, depth)
+  subroutine share_findings(body, owner, found, depth)
+    !> Bodies (n_bodies).
+    type(body_t), intent(in) :: body(:)
     !> Rank of each couple, or `all_ranks` (n_couples).
     integer, intent(in) :: owner(:)
-    !> Parts of the bodies, whose nodes are numbered alike on all ranks (n_bodies).
-    type(parts_t), intent(in) :: parts(:)
     !> Penetration of each couple; of this rank in, of all out (n_couples).
     type(body_penetration_t), intent(inout) :: found(:)
     !> Depth at the nodes, likewise (n_bodies) [length].
     type(nodal_field_t), intent(inout) :: depth(:)
     type(division_t) :: division
     integer(int8), allocatable :: bytes(:, :)
-    real(dp), allocatable :: list(:, :)
-    integer, allocatable :: dealt(:)
-    integer :: b, i, k, n
+    real(dp), allocatable :: list(:, :), all(:, :)
+    integer, allocatable :: dealt(:), node(:)
+    integer :: b, i, k
     dealt = pack([(k, k=1, size(owner))], owner /= all_ranks)
     if (size(dealt) == 0) return
     allocate (bytes(storage_size(found)/8, size(dealt)))
@@ -227,28 +303,26 @@ contains
       found(dealt(k)) = transfer(bytes(:, k), found(dealt(k)))
     end do
     if (.not. any(found(dealt)%worst%depth > 0)) return
-    ! Body, part, node and depth where there is one.
-    n = sum([(count(depth(b)%value > 0), b=1, size(depth))])
-    allocate (list(4, n))
-    n = 0
+    ! Body, place among its boundary nodes, and depth where there is one.
+    allocate (all(3, 0))
     do b = 1, size(depth)
       if (.not. any(depth(b)%value > 0)) cycle
-      do k = 1, size(parts(b)%part)
-        do i = 1, parts(b)%part(k)%n_nodes
-          associate (here => depth(b)%value(parts(b)%part(k)%node(i)))
-            if (.not. here > 0) cycle
-            n = n + 1
-            list(:, n) = [real([b, k, i], dp), here]
-          end associate
-        end do
-      end do
+      call boundary_nodes(body(b)%mesh, node)
+      associate (here => depth(b)%value(node))
+        list = reshape([(real(b, dp), real(i, dp), here(i), i=1, size(node))], [3, size(node)])
+        all = reshape([all, list(:, pack([(i, i=1, size(node))], here > 0))], [3, size(all, 2) + count(here > 0)])
+      end associate
     end do
     division%is_divided = .true.
-    call division%append(list)
-    do n = 1, size(list, 2)
-      b = nint(list(1, n))
-      associate (here => depth(b)%value(parts(b)%part(nint(list(2, n)))%node(nint(list(3, n)))))
-        here = max(here, list(4, n))
+    call division%append(all)
+    b = 0
+    do k = 1, size(all, 2)
+      if (nint(all(1, k)) /= b) then
+        b = nint(all(1, k))
+        call boundary_nodes(body(b)%mesh, node)
+      end if
+      associate (here => depth(b)%value(node(nint(all(2, k)))))
+        here = max(here, all(3, k))
       end associate
     end do
   end subroutine share_findings
