@@ -3,6 +3,8 @@ is held than on one rank of many.
 """
 import re
 
+import numpy as np
+
 import dotyk_case
 from mpi_case import RankCase
 
@@ -73,6 +75,20 @@ class Dealt(RankCase):
     def test_bodies_that_float(self):
         self.scene_of_boxes("&contact name='c', surface_a='box 2:low 2', surface_b='box 1:low 1', search_radius=2 /", solver="scheme='neumann', theta_relative=1e-2")
         self.assertSame(3, "'box 2': scheme 'neumann' needs supported bodies", "'box 3'", "'box 4'")
+
+    def test_bodies_that_penetrate(self):
+        """Boxes without contact, pushed into each other by more and more: what one rank finds in its couples, all write."""
+        supports = ["&support body='box %d', surface='low %d', fix='xyz', value=0,0,%g /" % (k, k, -0.01 * k * k) for k in range(2, 5)]
+        self.scene_of_boxes(*supports)
+        depths = []
+        for ranks in (1, 2, 3):
+            printed = self.run_ranks(ranks, "case.nml", "--output", "%d.vtkhdf" % ranks, code=1)
+            depths.append((self.results("%d.vtkhdf" % ranks)["VTKHDF/PointData/penetration"][()],
+                           [line for line in printed.splitlines() if "penetrat" in line and "time" not in line]))
+        self.assertGreater(np.max(depths[0][0]), 0.01)
+        for depth, lines in depths[1:]:
+            np.testing.assert_array_equal(depth, depths[0][0])
+            self.assertEqual(lines, depths[0][1])
 
     def test_files_that_no_rank_can_read(self):
         self.scene_of_boxes("&body name='bad', volume='bad', mesh='nowhere.msh', material='m' /")
